@@ -1,0 +1,47 @@
+//! The command line: clap definitions and nothing else, one file a verb.
+
+use clap::{Args, Parser, Subcommand};
+
+mod about;
+
+pub use about::{CompletionsArgs, ManArgs};
+
+/// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
+#[derive(Debug, Parser)]
+#[command(name = "evrig", version, propagate_version = true, max_term_width = 100)]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong use or wrong description file, \
+    3 done with losses, 4 done and the verdict is negative, 130 aborted by the operator.")]
+pub struct Cli {
+    /// What every command takes.
+    #[command(flatten)]
+    pub global: GlobalArgs,
+
+    /// The verb.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// Flags that every command takes.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct GlobalArgs {
+    /// Print one machine-readable JSON value on stdout and nothing else there
+    #[arg(long, global = true)]
+    pub json: bool,
+
+    /// Say more on stderr (twice: even more)
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub verbose: u8,
+
+    /// Say nothing on stderr but errors; no progress bars
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+}
+
+/// One verb a variant.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Print a completion script for a shell
+    Completions(CompletionsArgs),
+    /// Write the man pages into a directory
+    Man(ManArgs),
+}

@@ -1,0 +1,53 @@
+//! The verbs: each reads its arguments, calls rooms below, prints the result.
+//!
+//! Only here (and in `cli`) is anything printed, and only here is an error
+//! turned from a value into words on stderr and an exit code.
+
+use crate::cli::{Cli, Command};
+use clap::{CommandFactory, Parser};
+use std::process::ExitCode;
+
+mod about;
+mod output;
+
+pub use output::{Output, WrongUse};
+
+/// How a command ended; the program's exit code.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Ending {
+    /// Everything was done.
+    Done = 0,
+    /// It failed: one clear error was printed.
+    Failed = 1,
+    /// The command line or a description file is wrong.
+    WrongUse = 2,
+    /// Done, but something was lost; the losses were counted and printed.
+    WithLosses = 3,
+    /// Done, and the answer is no (not ready, does not verify).
+    Negative = 4,
+    /// The operator broke it off.
+    Aborted = 130,
+}
+
+/// Reads the command line, runs the command, reports its end.
+#[must_use]
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let output = Output::new(cli.global);
+    let ending = match run(cli.command, &output) {
+        Ok(ending) => ending,
+        Err(error) => {
+            output.error(&error);
+            if error.is::<WrongUse>() { Ending::WrongUse } else { Ending::Failed }
+        }
+    };
+    ExitCode::from(ending as u8)
+}
+
+fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
+    match command {
+        Command::Completions(args) => about::completions(&args, &mut Cli::command()),
+        Command::Man(args) => about::man(&args, Cli::command(), output),
+    }
+}

@@ -1,0 +1,22 @@
+//! `completions` and `man`: made from the same definitions as `--help`.
+
+use super::{Ending, Output};
+use crate::cli::{CompletionsArgs, ManArgs};
+use anyhow::Context;
+
+pub(super) fn completions(
+    args: &CompletionsArgs,
+    cli: &mut clap::Command,
+) -> anyhow::Result<Ending> {
+    clap_complete::generate(args.shell, cli, "evrig", &mut std::io::stdout());
+    Ok(Ending::Done)
+}
+
+pub(super) fn man(args: &ManArgs, cli: clap::Command, output: &Output) -> anyhow::Result<Ending> {
+    let directory = &args.directory;
+    std::fs::create_dir_all(directory)
+        .and_then(|()| clap_mangen::generate_to(cli, directory))
+        .with_context(|| format!("cannot write man pages into {}", directory.display()))?;
+    output.say(format_args!("man pages are in {}", directory.display()));
+    Ok(Ending::Done)
+}

@@ -1,0 +1,30 @@
+//! evrig records paired raw, RGB and event-camera data on a robot-arm rig, and
+//! explains where simulated and real events differ.
+//!
+//! # The map of the house
+//! A module uses only those above it in this list; `tests/architecture.rs` holds it to that.
+//!
+//! | room | what it is |
+//! | --- | --- |
+//! | [`units`], [`time`], [`stats`], [`geometry`] | vocabulary: units, clocks, estimates, grids; no I/O |
+//! | [`event`], [`frame`] | the data that flow: event columns, frames with exposure and row timing |
+//! | [`generate`] | brightness to events; pure |
+//! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
+//!
+//! # Invariants
+//! 1. Analysis reads sessions and nothing else; a session copied to another machine
+//!    analyses to the same bytes (same seed, same threads or not).
+//! 2. Recorded streams are never rewritten; every stage writes new files beside them.
+//! 3. Corrected time is never stored without the raw stamp and the map that corrected it.
+//! 4. Every count in a report is recomputed from files, not taken from what a device said.
+//! 5. Randomness is always a seeded generator passed in; the seed is in the manifest.
+
+pub mod cli;
+pub mod commands;
+pub mod event;
+pub mod frame;
+pub mod generate;
+pub mod geometry;
+pub mod stats;
+pub mod time;
+pub mod units;
