@@ -8,6 +8,7 @@
 //! | --- | --- |
 //! | [`units`], [`time`], [`stats`], [`geometry`] | vocabulary: units, clocks, estimates, grids; no I/O |
 //! | [`event`], [`frame`] | the data that flow: event columns, frames with exposure and row timing |
+//! | [`format`] | one file a format, bytes in and values out, bounded memory |
 //! | [`generate`] | brightness to events; pure |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
 //!
@@ -22,6 +23,7 @@
 pub mod cli;
 pub mod commands;
 pub mod event;
+pub mod format;
 pub mod frame;
 pub mod generate;
 pub mod geometry;

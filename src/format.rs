@@ -1,0 +1,3 @@
+//! File formats, one a file: bytes in, values out, in bounded memory.
+
+pub mod npy;
