@@ -3,8 +3,14 @@
 use clap::{Args, Parser, Subcommand};
 
 mod about;
+mod import;
+mod session;
+mod stages;
 
 pub use about::{CompletionsArgs, ManArgs};
+pub use import::{ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs};
+pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
+pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]
@@ -40,6 +46,22 @@ pub struct GlobalArgs {
 /// One verb a variant.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Take in a recording made elsewhere as a session
+    Import(ImportArgs),
+    /// Say what is in a session, stream by stream, counted from its files
+    Info(InfoArgs),
+    /// Recompute checksums and counts and say whether they hold
+    Verify(VerifyArgs),
+    /// Generate events from frames
+    Generate(GenerateArgs),
+    /// Compare simulated events with real ones, each measure with its error
+    Compare(CompareArgs),
+    /// Run every stage a session has the inputs for
+    Process(ProcessArgs),
+    /// Write the report: one self-contained HTML file
+    Report(ReportArgs),
+    /// Write a stream in a format other programs read
+    Export(ExportArgs),
     /// Print a completion script for a shell
     Completions(CompletionsArgs),
     /// Write the man pages into a directory

@@ -8,7 +8,15 @@ use clap::{CommandFactory, Parser};
 use std::process::ExitCode;
 
 mod about;
+mod compare;
+mod export;
+mod generate;
+mod import;
+mod info;
 mod output;
+mod process;
+mod report;
+mod verify;
 
 pub use output::{Output, WrongUse};
 
@@ -47,6 +55,14 @@ pub fn main() -> ExitCode {
 
 fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
     match command {
+        Command::Import(args) => import::run(&args.what, output),
+        Command::Info(args) => info::run(&args, output),
+        Command::Verify(args) => verify::run(&args, output),
+        Command::Generate(args) => generate::run(&args, output),
+        Command::Compare(args) => compare::run(&args, output),
+        Command::Process(args) => process::run(&args, output),
+        Command::Report(args) => report::run(&args, output),
+        Command::Export(args) => export::run(&args, output),
         Command::Completions(args) => about::completions(&args, &mut Cli::command()),
         Command::Man(args) => about::man(&args, Cli::command(), output),
     }

@@ -1,0 +1,97 @@
+//! The stages of analysis: `generate`, `compare`, `process`.
+
+use clap::Args;
+use std::path::PathBuf;
+
+/// Arguments of `evrig generate`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    evrig generate sessions/street\n  \
+    evrig generate sessions/street --from aps --preset dvs346 --seed 7 --name aps-7\n  \
+    evrig generate sessions/street --k 5.265,20,1e-4,1e-7,5e-9,1e-5 --law reference --name published")]
+pub struct GenerateArgs {
+    /// The session
+    pub session: PathBuf,
+
+    /// The light: aps (the DAVIS's own frames) or frames (imported ones) [default: what the session has]
+    #[arg(long, value_name = "LIGHT")]
+    pub from: Option<String>,
+
+    /// Name of the stream to make [default: the light's name]
+    #[arg(long)]
+    pub name: Option<String>,
+
+    /// What decides the events.
+    #[command(flatten)]
+    pub choice: ModelArgs,
+
+    /// Run even when the result is already there
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// The generator and its parameters.
+#[derive(Debug, Clone, Args)]
+pub struct ModelArgs {
+    /// The event model
+    #[arg(long, value_name = "MODEL")]
+    pub model: Option<String>,
+
+    /// A published set of parameters: dvs346, dvs240, raw2dvs346, rgb2dvs346
+    #[arg(long, value_name = "PRESET", conflicts_with = "k")]
+    pub preset: Option<String>,
+
+    /// The voltmeter's parameters k1,...,k6
+    #[arg(long, value_name = "K1,...,K6", allow_hyphen_values = true)]
+    pub k: Option<String>,
+
+    /// exact: the stated equation; reference: the published program's shortcuts
+    #[arg(long, value_name = "LAW")]
+    pub law: Option<String>,
+
+    /// Seed of all draws; the same seed gives the same events
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+}
+
+/// Arguments of `evrig compare`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  evrig compare sessions/street\n  evrig compare sessions/street --stream aps --json")]
+pub struct CompareArgs {
+    /// The session
+    pub session: PathBuf,
+
+    /// The simulated stream [default: every one the session has]
+    #[arg(long, value_name = "NAME")]
+    pub stream: Option<String>,
+
+    /// The stream to compare with
+    #[arg(long, value_name = "NAME", default_value = "real")]
+    pub real: String,
+
+    /// Seed of the resampling behind the errors
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+
+    /// Run even when the result is already there
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// Arguments of `evrig process`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  evrig process sessions/street\n\n\
+    Runs every stage for which the session has the inputs and says which it left out and why.\n\
+    A stage whose inputs did not change is not run again.")]
+pub struct ProcessArgs {
+    /// The session
+    pub session: PathBuf,
+
+    /// What decides the events.
+    #[command(flatten)]
+    pub choice: ModelArgs,
+
+    /// Run every stage even when its result is already there
+    #[arg(long)]
+    pub force: bool,
+}

@@ -1,0 +1,97 @@
+//! `evrig generate`: one generation, its flags and its speed.
+
+use super::{Ending, Output, WrongUse};
+use crate::cli::{GenerateArgs, ModelArgs};
+use crate::generate::{Choice, GenerateParameters};
+use crate::pipeline::{self, Freshness, GenerateRequest, Generated};
+use crate::session::{Session, StreamName};
+use serde_json::json;
+
+pub(super) fn run(args: &GenerateArgs, output: &Output) -> anyhow::Result<Ending> {
+    let session = Session::open(&args.session)?;
+    let from = match (&args.from, pipeline::default_light(&session)) {
+        (Some(from), _) => from.as_str(),
+        (None, Some(light)) => light,
+        (None, None) => anyhow::bail!(
+            "{} has no frames to generate events from; import a recording that has some",
+            args.session.display()
+        ),
+    };
+    let name = args.name.as_deref().unwrap_or(from);
+    let request = GenerateRequest {
+        from: from.to_owned(),
+        name: StreamName::new(name).map_err(|error| WrongUse(error.to_string()))?,
+        parameters: parameters(&args.choice)?,
+        force: args.force,
+    };
+    let made = generate(&session, &request, output)?;
+    output.result(&value(&request, &made), text(&request, &made))?;
+    Ok(if made.tally.n_frames_not_later == 0 { Ending::Done } else { Ending::WithLosses })
+}
+
+/// The generator's parameters from what the user said.
+pub(super) fn parameters(args: &ModelArgs) -> anyhow::Result<GenerateParameters> {
+    let choice = Choice {
+        model: args.model.as_deref(),
+        law: args.law.as_deref(),
+        preset: args.preset.as_deref(),
+        k: args.k.as_deref(),
+        seed: args.seed,
+    };
+    GenerateParameters::from_choice(choice).map_err(|error| WrongUse(error.to_string()).into())
+}
+
+/// Runs the stage under a progress bar.
+pub(super) fn generate(
+    session: &Session,
+    request: &GenerateRequest,
+    output: &Output,
+) -> anyhow::Result<Generated> {
+    let bar = output.progress("generate", 0);
+    let made = pipeline::generate(session, request, &mut |done, all| {
+        bar.set_length(all);
+        bar.set_position(done);
+    })?;
+    bar.finish_and_clear();
+    Ok(made)
+}
+
+/// The result as consumers of `--json` get it.
+pub(super) fn value(request: &GenerateRequest, made: &Generated) -> serde_json::Value {
+    json!({
+        "schema": "evrig.generation/1",
+        "stream": request.name.as_str(),
+        "from": request.from,
+        "fresh": made.freshness == Freshness::Fresh,
+        "frames": made.tally.n_frames,
+        "events": made.tally.n_events,
+        "on": made.tally.n_on,
+        "frames_not_later": made.tally.n_frames_not_later,
+        "first_us": made.tally.first_us,
+        "last_us": made.tally.last_us,
+        "parameters": request.parameters,
+        "speed": made.speed,
+    })
+}
+
+/// The result for people.
+pub(super) fn text(request: &GenerateRequest, made: &Generated) -> String {
+    let tally = &made.tally;
+    let mut text = format!(
+        "{}: {} events from {} frames of {}",
+        request.name, tally.n_events, tally.n_frames, request.from
+    );
+    if tally.n_frames_not_later > 0 {
+        text += &format!(", {} frames left out (not later)", tally.n_frames_not_later);
+    }
+    match &made.speed {
+        Some(speed) => {
+            text += &format!(
+                " ({:.0} frames/s, {:.1} ns per pixel and frame)",
+                speed.frames_per_s, speed.ns_per_pixel_frame
+            );
+        }
+        None => text += " (fresh)",
+    }
+    text
+}

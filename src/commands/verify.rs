@@ -1,0 +1,40 @@
+//! `evrig verify`: does everything the session claims hold?
+
+use super::{Ending, Output};
+use crate::cli::VerifyArgs;
+use crate::session::{Session, verify};
+use serde_json::json;
+use std::fmt::Write;
+
+pub(super) fn run(args: &VerifyArgs, output: &Output) -> anyhow::Result<Ending> {
+    let session = Session::open(&args.session)?;
+    let verification = verify(&session)?;
+    let losses = &session.manifest().losses;
+    let mut text = String::new();
+    for finding in &verification.findings {
+        let mark = if finding.holds { "ok  " } else { "FAIL" };
+        let _ = writeln!(text, "{mark}  {}: {}", finding.subject, finding.says);
+    }
+    for loss in losses {
+        let _ = writeln!(text, "lost  {}: {} ({})", loss.stream, loss.what, loss.count);
+    }
+    let verdict = match (verification.holds(), losses.is_empty()) {
+        (false, _) => "does not hold",
+        (true, true) => "everything holds",
+        (true, false) => "everything holds; losses were recorded",
+    };
+    let _ = write!(text, "{}: {verdict}", args.session.display());
+    let value = json!({
+        "schema": "evrig.verification/1",
+        "session": session.manifest().name,
+        "holds": verification.holds(),
+        "findings": verification.findings,
+        "losses": losses,
+    });
+    output.result(&value, text)?;
+    Ok(match (verification.holds(), losses.is_empty()) {
+        (false, _) => Ending::Negative,
+        (true, true) => Ending::Done,
+        (true, false) => Ending::WithLosses,
+    })
+}

@@ -1,0 +1,102 @@
+//! Stages: from a session's files to new files beside them.
+//!
+//! A stage's result lies in `derived/<stage>[-<stream>]/` with a `stage.json` that names
+//! the checksums of its inputs, its parameters and the version; a stage whose record would
+//! be the same is fresh and is not run again. Results hold no time of day and no path
+//! outside the session, so that they are the same bytes on any machine.
+
+mod compare;
+mod generate;
+mod inputs;
+
+pub use compare::{CompareRequest, compare, read_comparison};
+pub use generate::{GenerateRequest, Generated, GenerationSpeed, default_light, generate};
+
+use crate::compare::CompareError;
+use crate::format::aedat4::WriteError;
+use crate::generate::{GenerateError, ParameterError};
+use crate::session::{SessionError, StageRecord, read_stage};
+use std::path::{Path, PathBuf};
+
+/// Why a stage failed.
+#[derive(Debug, thiserror::Error)]
+pub enum PipelineError {
+    /// The session cannot be read or written.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// Frames cannot be turned into events.
+    #[error("stream `{stream}` of {session}: {source}", session = session.display())]
+    Generate {
+        /// The session.
+        session: PathBuf,
+        /// The light.
+        stream: String,
+        /// What is wrong with which frame.
+        source: GenerateError,
+    },
+    /// The generator's parameters cannot be used.
+    #[error(transparent)]
+    Parameters(#[from] ParameterError),
+    /// Events cannot be compared.
+    #[error("comparing `{simulated}` with `{real}` in {session}: {source}", session = session.display())]
+    Compare {
+        /// The session.
+        session: PathBuf,
+        /// The reference stream.
+        real: String,
+        /// The simulated stream.
+        simulated: String,
+        /// What is wrong.
+        source: CompareError,
+    },
+    /// A stage lacks what it needs.
+    #[error("{session}: {what}", session = session.display())]
+    Missing {
+        /// The session.
+        session: PathBuf,
+        /// What is missing and what to do.
+        what: String,
+    },
+    /// A result cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    /// The system refused.
+    #[error("{path}: {source}", path = path.display())]
+    Io {
+        /// Where.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+}
+
+/// How a stage came to its result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Freshness {
+    /// It was run now.
+    Ran,
+    /// Its result was there already, from the same inputs, parameters and version.
+    Fresh,
+}
+
+/// The record in `directory` if it tells of the same run as `wanted` and its outputs are there.
+fn fresh_record(directory: &Path, wanted: &StageRecord) -> Option<StageRecord> {
+    let record = read_stage(directory)?;
+    let has_outputs = record.outputs.keys().all(|name| directory.join(name).exists());
+    (record.is_same_run(wanted) && has_outputs).then_some(record)
+}
+
+/// Empties a stage's directory, or makes it. The record goes first: a stage that is cut
+/// off while it runs leaves no record, and so is stale.
+fn clear(directory: &Path) -> Result<(), PipelineError> {
+    let io = |source| PipelineError::Io { path: directory.to_owned(), source };
+    if directory.exists() {
+        std::fs::remove_file(directory.join("stage.json")).or_else(ignore_missing).map_err(io)?;
+        std::fs::remove_dir_all(directory).map_err(io)?;
+    }
+    std::fs::create_dir_all(directory).map_err(io)
+}
+
+fn ignore_missing(error: std::io::Error) -> std::io::Result<()> {
+    if error.kind() == std::io::ErrorKind::NotFound { Ok(()) } else { Err(error) }
+}

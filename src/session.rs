@@ -1,0 +1,185 @@
+//! The on-disk contract: one recording is one directory.
+//!
+//! ```text
+//! <session>/
+//!   session.json     manifest: what was recorded with what, streams, checksums, losses
+//!   davis.aedat4     events, APS frames, IMU as the camera gave them
+//!   frames/          imported frames (npy) with their timestamps
+//!   streams/<name>/  imported events
+//!   journal.jsonl    what happened, when
+//!   derived/<stage>[-<stream>]/   results with the stage.json that tells how they came about
+//! ```
+//! Recorded files are never rewritten: whatever is wrong in them (a cut tail, events off
+//! the sensor, disorder) is counted when they are read and said in the manifest.
+
+mod census;
+mod checksum;
+mod export;
+pub mod import;
+mod journal;
+mod layout;
+mod manifest;
+mod read;
+mod stage;
+mod verify;
+
+pub use census::{Census, StreamCensus, census};
+pub use checksum::{Sha256Hex, sha256_of_bytes, sha256_of_file};
+pub use export::{ExportedArray, export_npz};
+pub use journal::Journal;
+pub use layout::{Layout, StreamName};
+pub use manifest::{
+    Damage, FileEntry, Loss, Manifest, Origin, SCHEMA, Status, StreamEntry, StreamKind,
+};
+pub use read::{EventTally, LuminanceFrames};
+pub use stage::{StageRecord, read_stage, write_stage};
+pub use verify::{Finding, Verification, verify};
+
+use std::path::{Path, PathBuf};
+
+/// A sealed session, opened for reading.
+#[derive(Debug, Clone)]
+pub struct Session {
+    layout: Layout,
+    manifest: Manifest,
+}
+
+/// Why a session cannot be made, opened or read.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// The directory is not a session.
+    #[error("{root} is not a session: {what}", root = root.display())]
+    NotASession {
+        /// The directory.
+        root: PathBuf,
+        /// What is missing and what to do.
+        what: String,
+    },
+    /// The manifest cannot be understood.
+    #[error("{path}: {what}", path = path.display())]
+    Manifest {
+        /// The manifest.
+        path: PathBuf,
+        /// What is wrong.
+        what: String,
+    },
+    /// A stream that the session does not have.
+    #[error("{root} has no {kind} stream `{name}`; it has: {known}", root = root.display())]
+    NoSuchStream {
+        /// The session.
+        root: PathBuf,
+        /// What was looked for.
+        kind: StreamKind,
+        /// Its name.
+        name: String,
+        /// What there is.
+        known: String,
+    },
+    /// A name that cannot be a directory.
+    #[error("`{name}` cannot name a stream: use 1 to 64 letters, digits, `-` or `_`")]
+    BadName {
+        /// The name.
+        name: String,
+    },
+    /// The target of an import is taken.
+    #[error("{path} is there already and is not empty; choose another --out or remove it", path = path.display())]
+    OutputTaken {
+        /// The directory.
+        path: PathBuf,
+    },
+    /// What was to be imported is not what it should be.
+    #[error("{path}: {what}", path = path.display())]
+    Import {
+        /// The file or directory.
+        path: PathBuf,
+        /// What is wrong and what to do.
+        what: String,
+    },
+    /// The system refused.
+    #[error("{path}: {source}", path = path.display())]
+    Io {
+        /// Where.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// An AEDAT4 file cannot be read.
+    #[error(transparent)]
+    Aedat4Read(#[from] crate::format::aedat4::ReadError),
+    /// An AEDAT4 file cannot be written.
+    #[error(transparent)]
+    Aedat4Write(#[from] crate::format::aedat4::WriteError),
+    /// An array file cannot be read or written.
+    #[error(transparent)]
+    Npy(#[from] crate::format::npy::NpyError),
+}
+
+impl SessionError {
+    pub(crate) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
+        |source| Self::Io { path: path.to_owned(), source }
+    }
+
+    pub(crate) fn import(path: &Path, what: impl Into<String>) -> Self {
+        Self::Import { path: path.to_owned(), what: what.into() }
+    }
+}
+
+impl Session {
+    /// Opens a sealed session.
+    ///
+    /// # Errors
+    /// When the directory is missing or holds no manifest that this version understands.
+    pub fn open(root: &Path) -> Result<Self, SessionError> {
+        let layout = Layout::new(root);
+        let not_a_session = |what: &str| SessionError::NotASession {
+            root: root.to_owned(),
+            what: what.to_owned(),
+        };
+        if !root.is_dir() {
+            return Err(not_a_session("there is no such directory"));
+        }
+        let path = layout.manifest();
+        if !path.exists() {
+            return Err(not_a_session(
+                "it has no session.json; make one with `evrig import` or `evrig record`",
+            ));
+        }
+        let manifest = Manifest::read(&path)?;
+        Ok(Self { layout, manifest })
+    }
+
+    /// Where the session's files are.
+    #[must_use]
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// What the session says of itself.
+    #[must_use]
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// The session's directory.
+    #[must_use]
+    pub fn root(&self) -> &Path {
+        self.layout.root()
+    }
+
+    /// The recorded or imported stream of that name and kind.
+    ///
+    /// # Errors
+    /// When there is none; the error lists those there are.
+    pub fn stream(&self, kind: StreamKind, name: &str) -> Result<&StreamEntry, SessionError> {
+        let of_kind = || self.manifest.streams.iter().filter(move |stream| stream.kind == kind);
+        of_kind().find(|stream| stream.name == name).ok_or_else(|| {
+            let names: Vec<&str> = of_kind().map(|stream| stream.name.as_str()).collect();
+            SessionError::NoSuchStream {
+                root: self.root().to_owned(),
+                kind,
+                name: name.to_owned(),
+                known: if names.is_empty() { "none".into() } else { names.join(", ") },
+            }
+        })
+    }
+}

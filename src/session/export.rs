@@ -1,0 +1,205 @@
+//! Any stream of a session as NumPy arrays.
+
+use super::{Session, SessionError, StreamEntry, StreamKind};
+use crate::event::EventSlice;
+use crate::format::aedat4::{Content, Reader};
+use crate::format::npy::{ArrayReader, NpzWriter};
+use crate::frame::Samples;
+use crate::imu::{ImuSample, Trigger};
+use serde::Serialize;
+use std::path::Path;
+
+/// An array that was written.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct ExportedArray {
+    /// Its name in the archive.
+    pub name: &'static str,
+    /// Its length along each axis.
+    pub shape: Vec<u64>,
+}
+
+/// Writes a stream into an npz archive.
+///
+/// | stream | arrays |
+/// | --- | --- |
+/// | events | `events` int64 (N, 4): t_us, x, y, p with 1 for On |
+/// | frames | `frames` (N, H, W) or (N, H, W, C); `t_us`; of AEDAT4 frames also `exposure_start_us`, `exposure_end_us` |
+/// | imu | `t_us`; `acceleration_g` (N, 3), `rotation_deg_per_s` (N, 3), `temperature_c` |
+/// | triggers | `t_us`; `source` |
+///
+/// # Errors
+/// When there is no such stream or the disk refuses; a frame stream whose frames change size.
+pub fn export_npz(
+    session: &Session,
+    name: &str,
+    out: &Path,
+) -> Result<Vec<ExportedArray>, SessionError> {
+    let recorded = session.manifest().streams.iter().find(|stream| stream.name == name);
+    match recorded {
+        Some(entry) if entry.kind == StreamKind::Frames => frames(session, entry, out),
+        Some(entry) if entry.kind == StreamKind::Imu => imu(session, entry, out),
+        Some(entry) if entry.kind == StreamKind::Triggers => triggers(session, entry, out),
+        _ => events(session.events(name)?.0.as_slice(), out),
+    }
+}
+
+/// One archive under construction, with the list of what is in it.
+struct Archive {
+    npz: NpzWriter<std::io::BufWriter<std::fs::File>>,
+    arrays: Vec<ExportedArray>,
+}
+
+impl Archive {
+    fn create(out: &Path) -> Result<Self, SessionError> {
+        Ok(Self { npz: NpzWriter::create(out)?, arrays: Vec::new() })
+    }
+
+    fn add<T: crate::format::npy::Element>(
+        &mut self,
+        name: &'static str,
+        shape: &[u64],
+        elements: impl IntoIterator<Item = T>,
+    ) -> Result<(), SessionError> {
+        self.npz.add(name, shape, elements)?;
+        self.arrays.push(ExportedArray { name, shape: shape.to_vec() });
+        Ok(())
+    }
+
+    fn finish(self) -> Result<Vec<ExportedArray>, SessionError> {
+        self.npz.finish()?;
+        Ok(self.arrays)
+    }
+}
+
+fn events(events: EventSlice<'_>, out: &Path) -> Result<Vec<ExportedArray>, SessionError> {
+    let mut archive = Archive::create(out)?;
+    let rows = events
+        .iter()
+        .flat_map(|event| [event.t, event.x.into(), event.y.into(), event.on.into()]);
+    archive.add::<i64>("events", &[events.len() as u64, 4], rows)?;
+    archive.finish()
+}
+
+/// The contents of one stream of an AEDAT4 file, up to the damage if it is damaged.
+fn contents(
+    session: &Session,
+    entry: &StreamEntry,
+) -> Result<impl Iterator<Item = Content>, SessionError> {
+    let id = entry.stream_id;
+    let reader = Reader::open(&session.layout().inside(&entry.file)?)?;
+    let of_stream = move |packet: crate::format::aedat4::Packet| {
+        id.is_none_or(|id| id == packet.stream).then_some(packet.content)
+    };
+    Ok(reader.map_while(Result::ok).filter_map(of_stream))
+}
+
+fn frames(
+    session: &Session,
+    entry: &StreamEntry,
+    out: &Path,
+) -> Result<Vec<ExportedArray>, SessionError> {
+    if entry.file.ends_with(".npy") {
+        return imported_frames(session, entry, out);
+    }
+    let changed = |what: String| SessionError::import(&session.root().join(&entry.file), what);
+    let mut times = Vec::new();
+    let mut exposures = Vec::new();
+    let mut form = None;
+    let (mut bytes, mut words) = (Vec::new(), Vec::new());
+    for content in contents(session, entry)? {
+        let Content::Frame(frame) = content else { continue };
+        let this = (frame.size, frame.channels, frame.samples.bits());
+        if *form.get_or_insert(this) != this {
+            let what = format!("frame {} changes size or depth; export it as AEDAT4", times.len());
+            return Err(changed(what));
+        }
+        times.push(frame.timing.stamp.as_micros());
+        let exposure = frame.timing.exposure.unwrap_or([frame.timing.stamp; 2]);
+        exposures.push(exposure.map(|stamp| stamp.as_micros()));
+        match frame.samples {
+            Samples::U8(samples) => bytes.extend(samples),
+            Samples::U16(samples) => words.extend(samples),
+        }
+    }
+    let n = times.len() as u64;
+    let mut archive = Archive::create(out)?;
+    if let Some((size, channels, bits)) = form {
+        let mut shape = vec![n, size.height.into(), size.width.into()];
+        if channels.count() > 1 {
+            shape.push(channels.count() as u64);
+        }
+        if bits == 8 {
+            archive.add("frames", &shape, bytes)?;
+        } else {
+            archive.add("frames", &shape, words)?;
+        }
+    }
+    archive.add("t_us", &[n], times)?;
+    archive.add("exposure_start_us", &[n], exposures.iter().map(|exposure| exposure[0]))?;
+    archive.add("exposure_end_us", &[n], exposures.iter().map(|exposure| exposure[1]))?;
+    archive.finish()
+}
+
+fn imported_frames(
+    session: &Session,
+    entry: &StreamEntry,
+    out: &Path,
+) -> Result<Vec<ExportedArray>, SessionError> {
+    let path = session.layout().inside(&entry.file)?;
+    let mut reader = ArrayReader::open(&path)?;
+    let shape = reader.shape().to_vec();
+    let n = shape.iter().product::<u64>() as usize;
+    let mut archive = Archive::create(out)?;
+    if reader.unsigned_bytes() == Some(1) {
+        archive.add("frames", &shape, reader.next_u8(n)?)?;
+    } else {
+        archive.add("frames", &shape, reader.next_u16(n)?)?;
+    }
+    let times: Result<Vec<i64>, _> =
+        session.luminance(&entry.name)?.map(|frame| frame.map(|frame| frame.t_us)).collect();
+    let times = times?;
+    archive.add("t_us", &[times.len() as u64], times)?;
+    archive.finish()
+}
+
+fn imu(
+    session: &Session,
+    entry: &StreamEntry,
+    out: &Path,
+) -> Result<Vec<ExportedArray>, SessionError> {
+    let mut samples: Vec<ImuSample> = Vec::new();
+    for content in contents(session, entry)? {
+        if let Content::Imu(found) = content {
+            samples.extend(found);
+        }
+    }
+    let n = samples.len() as u64;
+    let mut archive = Archive::create(out)?;
+    archive.add("t_us", &[n], samples.iter().map(|s| s.stamp.as_micros()))?;
+    archive.add("acceleration_g", &[n, 3], samples.iter().flat_map(|s| s.acceleration_g))?;
+    archive.add(
+        "rotation_deg_per_s",
+        &[n, 3],
+        samples.iter().flat_map(|s| s.rotation_deg_per_s),
+    )?;
+    archive.add("temperature_c", &[n], samples.iter().map(|s| s.temperature_c))?;
+    archive.finish()
+}
+
+fn triggers(
+    session: &Session,
+    entry: &StreamEntry,
+    out: &Path,
+) -> Result<Vec<ExportedArray>, SessionError> {
+    let mut edges: Vec<Trigger> = Vec::new();
+    for content in contents(session, entry)? {
+        if let Content::Triggers(found) = content {
+            edges.extend(found);
+        }
+    }
+    let n = edges.len() as u64;
+    let mut archive = Archive::create(out)?;
+    archive.add("t_us", &[n], edges.iter().map(|edge| edge.stamp.as_micros()))?;
+    archive.add("source", &[n], edges.iter().map(|edge| edge.source))?;
+    archive.finish()
+}

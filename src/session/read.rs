@@ -1,0 +1,205 @@
+//! Reading a session's streams.
+
+use super::{Session, SessionError, StreamEntry, StreamKind, StreamName};
+use crate::event::Events;
+use crate::format::aedat4::{Content, Reader};
+use crate::format::npy::ArrayReader;
+use crate::frame::Luminance;
+use crate::geometry::Size;
+use serde::Serialize;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+/// What became of a stream's events on reading; `seen = kept + outside`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct EventTally {
+    /// Events in the file, up to the damage if it is damaged.
+    pub seen: u64,
+    /// Events handed on, in ascending time.
+    pub kept: u64,
+    /// Events left out because they are not on the sensor.
+    pub outside: u64,
+    /// Events among the kept that were sorted into their place in time.
+    pub sorted_in: u64,
+}
+
+impl Session {
+    /// Names of the event streams that generators made in this session.
+    #[must_use]
+    pub fn generated_names(&self) -> Vec<StreamName> {
+        let derived = self.root().join("derived");
+        let entries = std::fs::read_dir(derived).into_iter().flatten().flatten();
+        let mut names: Vec<StreamName> = entries
+            .filter_map(|entry| entry.file_name().into_string().ok())
+            .filter_map(|folder| StreamName::new(folder.strip_prefix("generate-")?).ok())
+            .filter(|name| self.layout().generated(name).exists())
+            .collect();
+        names.sort();
+        names
+    }
+
+    /// All events of a recorded, imported or generated stream, on the sensor and in ascending time.
+    ///
+    /// A damaged file gives what stands before the damage; the manifest tells of it.
+    ///
+    /// # Errors
+    /// When there is no such stream, or its file cannot be opened.
+    pub fn events(&self, name: &str) -> Result<(Events, EventTally), SessionError> {
+        let (path, id, size) = self.event_source(name)?;
+        read_events(&path, id, size)
+    }
+
+    /// File, number in the file, and grid of an event stream.
+    fn event_source(
+        &self,
+        name: &str,
+    ) -> Result<(std::path::PathBuf, Option<u32>, Option<Size>), SessionError> {
+        match self.stream(StreamKind::Events, name) {
+            Ok(entry) => Ok((self.layout().inside(&entry.file)?, entry.stream_id, entry.size)),
+            Err(not_recorded) => {
+                let made = StreamName::new(name).map(|name| self.layout().generated(&name));
+                match made {
+                    Ok(path) if path.exists() => Ok((path, None, None)),
+                    _ => Err(not_recorded),
+                }
+            }
+        }
+    }
+
+    /// The pixel grid of the real events, or of the frames where no events state one.
+    #[must_use]
+    pub fn size(&self) -> Option<Size> {
+        let of_kind = |kind| {
+            let streams = self.manifest().streams.iter();
+            streams.filter(move |stream| stream.kind == kind).find_map(|stream| stream.size)
+        };
+        of_kind(StreamKind::Events).or_else(|| of_kind(StreamKind::Frames))
+    }
+
+    /// The frames of a stream as brightness, in ascending time.
+    ///
+    /// # Errors
+    /// When there is no such stream, or its file cannot be opened.
+    pub fn luminance(&self, name: &str) -> Result<LuminanceFrames, SessionError> {
+        LuminanceFrames::open(self, self.stream(StreamKind::Frames, name)?)
+    }
+}
+
+fn read_events(
+    path: &Path,
+    id: Option<u32>,
+    size: Option<Size>,
+) -> Result<(Events, EventTally), SessionError> {
+    let reader = Reader::open(path)?;
+    let size = size.or_else(|| reader.streams().iter().find_map(|stream| stream.size));
+    let mut events = Events::new();
+    let mut tally = EventTally::default();
+    let mut last = i64::MIN;
+    // The damage of a cut file is in the manifest since the import; here it only ends the events.
+    for packet in reader.map_while(Result::ok) {
+        let Content::Events(found) = packet.content else { continue };
+        if id.is_some_and(|id| id != packet.stream) {
+            continue;
+        }
+        let found = found.as_slice();
+        tally.seen += found.len() as u64;
+        if size.is_none_or(|size| found.first_outside(size).is_none()) {
+            events.extend_from_slice(found);
+        } else if let Some(size) = size {
+            found.iter().filter(|e| size.contains(e.x, e.y)).for_each(|e| events.push(e));
+        }
+    }
+    tally.kept = events.len() as u64;
+    tally.outside = tally.seen - tally.kept;
+    for &t in events.as_slice().t {
+        tally.sorted_in += u64::from(t < last);
+        last = last.max(t);
+    }
+    events.sort_by_time();
+    Ok((events, tally))
+}
+
+enum FrameSource {
+    Aedat4 { reader: Reader<BufReader<File>>, id: Option<u32> },
+    Npy { reader: ArrayReader<BufReader<File>>, times: std::vec::IntoIter<i64>, size: Size, n_bytes: usize },
+}
+
+/// A stream's frames, one after another in ascending time.
+pub struct LuminanceFrames {
+    source: FrameSource,
+    last_us: Option<i64>,
+    n_not_later: u64,
+}
+
+impl LuminanceFrames {
+    fn open(session: &Session, entry: &StreamEntry) -> Result<Self, SessionError> {
+        let path = session.layout().inside(&entry.file)?;
+        let source = if path.extension().is_some_and(|extension| extension == "npy") {
+            Self::open_npy(&path, entry)?
+        } else {
+            FrameSource::Aedat4 { reader: Reader::open(&path)?, id: entry.stream_id }
+        };
+        Ok(Self { source, last_us: None, n_not_later: 0 })
+    }
+
+    fn open_npy(path: &Path, entry: &StreamEntry) -> Result<FrameSource, SessionError> {
+        let times_path = path.with_file_name("timestamps_us.npy");
+        let wrong = |what: &str| SessionError::import(&times_path, what);
+        let times = ArrayReader::open(&times_path)?.read_all()?.fields.pop();
+        let times = times.and_then(|(_, column)| column.into_integers().ok());
+        let times = times.ok_or_else(|| wrong("is not a column of whole microseconds"))?;
+        let reader = ArrayReader::open(path)?;
+        let size = entry.size.ok_or_else(|| wrong("the manifest states no frame size"))?;
+        let n_bytes = reader.unsigned_bytes().filter(|n| *n <= 2);
+        let n_bytes = n_bytes.ok_or_else(|| SessionError::import(path, "is not of u8 or u16"))?;
+        Ok(FrameSource::Npy { reader, times: times.into_iter(), size, n_bytes })
+    }
+
+    /// Frames left out so far because they are not later than the frame before them.
+    #[must_use]
+    pub fn n_not_later(&self) -> u64 {
+        self.n_not_later
+    }
+
+    fn read(&mut self) -> Option<Result<Luminance, SessionError>> {
+        match &mut self.source {
+            FrameSource::Aedat4 { reader, id } => loop {
+                let packet = reader.next()?.ok()?;
+                match packet.content {
+                    Content::Frame(frame) if id.is_none_or(|id| id == packet.stream) => {
+                        return Some(Ok(frame.luminance()));
+                    }
+                    _ => {}
+                }
+            },
+            FrameSource::Npy { reader, times, size, n_bytes } => {
+                let t_us = times.next()?;
+                let n = size.n_pixels();
+                let values = match n_bytes {
+                    1 => reader.next_u8(n).map(|v| v.into_iter().map(f32::from).collect()),
+                    _ => reader.next_u16(n).map(|v| v.into_iter().map(f32::from).collect()),
+                };
+                Some(values.map(|values| Luminance { t_us, size: *size, values }).map_err(Into::into))
+            }
+        }
+    }
+}
+
+impl Iterator for LuminanceFrames {
+    type Item = Result<Luminance, SessionError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            let frame = self.read()?;
+            if let Ok(frame) = &frame {
+                if self.last_us.is_some_and(|last| frame.t_us <= last) {
+                    self.n_not_later += 1;
+                    continue;
+                }
+                self.last_us = Some(frame.t_us);
+            }
+            return Some(frame);
+        }
+    }
+}
