@@ -7,9 +7,11 @@
 //! | room | what it is |
 //! | --- | --- |
 //! | [`units`], [`time`], [`stats`], [`geometry`] | vocabulary: units, clocks, estimates, grids; no I/O |
-//! | [`event`], [`frame`] | the data that flow: event columns, frames with exposure and row timing |
+//! | [`event`], [`frame`], [`imu`] | the data that flow: event columns, frames with exposure and row timing, inertial samples |
 //! | [`format`] | one file a format, bytes in and values out, bounded memory |
+//! | [`session`] | the on-disk contract: layout, manifest, journal, verify, imports |
 //! | [`generate`] | brightness to events; pure |
+//! | [`pipeline`] | stages: input checksums to outputs, what is stale |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
 //!
 //! # Invariants
@@ -27,6 +29,9 @@ pub mod format;
 pub mod frame;
 pub mod generate;
 pub mod geometry;
+pub mod imu;
+pub mod pipeline;
+pub mod session;
 pub mod stats;
 pub mod time;
 pub mod units;

@@ -155,7 +155,7 @@ fn run(
         if writer.is_none() {
             let path = session.layout().generated(&request.name);
             let source = format!("evrig {}", generator.name());
-            let spec = StreamSpec::events(0, frame.size, &source);
+            let spec = StreamSpec::events(frame.size, &source);
             writer = Some(Writer::create(&path, Compression::Lz4, &[spec])?);
         }
         if let Some(writer) = &mut writer {

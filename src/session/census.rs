@@ -2,7 +2,7 @@
 
 use super::{Loss, SessionError, StreamKind};
 use crate::event::EventSlice;
-use crate::format::aedat4::{Content, Kind, Packet, Reader, Stream};
+use crate::format::aedat4::{Content, Kind, Losses, Packet, Reader, Stream};
 use crate::geometry::Size;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -125,13 +125,28 @@ pub fn census(path: &Path, progress: &mut dyn FnMut(u64)) -> Result<Census, Sess
             Err(damage) => found.damage = Some(damage.to_string()),
         }
     }
-    found.losses = reader_losses(&reader);
+    found.losses = unreadable(reader.losses());
     found.streams = order.iter().filter_map(|id| streams.remove(id)).collect();
     let names = names(&found.streams);
     for (stream, name) in found.streams.iter().zip(&names) {
         found.losses.extend(stream.losses(name));
     }
     Ok(found)
+}
+
+/// What the reader could not represent.
+fn unreadable(losses: &Losses) -> Vec<Loss> {
+    let first = losses.first.as_ref().map(|first| format!("; the first: {first}"));
+    let first = first.unwrap_or_default();
+    let counted = [
+        ("events", losses.events, format!("have a negative column or row{first}")),
+        ("frames", losses.frames, format!("have a size, format and pixels that disagree{first}")),
+        ("unknown", losses.unknown_packets, "packets of a kind evrig does not know".to_owned()),
+    ];
+    let loss = |(stream, count, what): (&str, u64, String)| {
+        (count > 0).then(|| Loss { stream: stream.to_owned(), what, count })
+    };
+    counted.into_iter().filter_map(loss).collect()
 }
 
 fn see_packet(stream: &mut StreamCensus, packet: &Packet) {

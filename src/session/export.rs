@@ -24,8 +24,8 @@ pub struct ExportedArray {
 /// | --- | --- |
 /// | events | `events` int64 (N, 4): t_us, x, y, p with 1 for On |
 /// | frames | `frames` (N, H, W) or (N, H, W, C); `t_us`; of AEDAT4 frames also `exposure_start_us`, `exposure_end_us` |
-/// | imu | `t_us`; `acceleration_g` (N, 3), `rotation_deg_per_s` (N, 3), `temperature_c` |
-/// | triggers | `t_us`; `source` |
+/// | imu | `t_us`; `acceleration_g` (N, 3), `rotation_deg_per_s`, `magnetic_ut`; `temperature_c` |
+/// | triggers | `t_us`; `kind`, the code of AEDAT4's trigger types |
 ///
 /// # Errors
 /// When there is no such stream or the disk refuses; a frame stream whose frames change size.
@@ -182,6 +182,7 @@ fn imu(
         &[n, 3],
         samples.iter().flat_map(|s| s.rotation_deg_per_s),
     )?;
+    archive.add("magnetic_ut", &[n, 3], samples.iter().flat_map(|s| s.magnetic_ut))?;
     archive.add("temperature_c", &[n], samples.iter().map(|s| s.temperature_c))?;
     archive.finish()
 }
@@ -200,6 +201,6 @@ fn triggers(
     let n = edges.len() as u64;
     let mut archive = Archive::create(out)?;
     archive.add("t_us", &[n], edges.iter().map(|edge| edge.stamp.as_micros()))?;
-    archive.add("source", &[n], edges.iter().map(|edge| edge.source))?;
+    archive.add("kind", &[n], edges.iter().map(|edge| i16::from(edge.kind.code())))?;
     archive.finish()
 }

@@ -266,7 +266,7 @@ fn take_events(
     site.make_directory(&directory)?;
     let path = directory.join("events.aedat4");
     let source = format!("imported from {}", file_name(events));
-    let spec = StreamSpec::events(0, size, &source);
+    let spec = StreamSpec::events(size, &source);
     let mut writer = Writer::create(&path, Compression::Lz4, &[spec])?;
     writer.write_events(0, table.events.as_slice())?;
     writer.finish()?;

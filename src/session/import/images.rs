@@ -3,7 +3,7 @@
 use crate::geometry::Size;
 use crate::session::SessionError;
 use image::DynamicImage;
-use kornia_image::{Image, ImageSize, allocator::CpuAllocator};
+use kornia_image::{Image, ImageSize};
 use std::path::{Path, PathBuf};
 
 /// Brightness samples of one image: 8 bit, or 16 bit where the image has more.
@@ -69,18 +69,18 @@ pub(super) fn read_gray(path: &Path) -> Result<(Size, Gray), SessionError> {
 
 fn gray_from_rgb8(rgb: Vec<u8>, size: Size) -> Result<Vec<u8>, String> {
     let image_size = ImageSize { width: size.width.into(), height: size.height.into() };
-    let rgb = Image::<u8, 3, _>::new(image_size, rgb, CpuAllocator).map_err(|e| e.to_string())?;
-    let mut gray = Image::from_size_val(image_size, 0, CpuAllocator).map_err(|e| e.to_string())?;
+    let rgb = Image::<u8, 3>::new(image_size, rgb).map_err(|e| e.to_string())?;
+    let mut gray = Image::from_size_val(image_size, 0).map_err(|e| e.to_string())?;
     kornia_imgproc::color::gray_from_rgb_u8(&rgb, &mut gray).map_err(|e| e.to_string())?;
     Ok(gray.into_vec())
 }
 
 fn gray_from_rgb(rgb: &image::Rgb32FImage, size: Size) -> Result<Vec<u16>, String> {
     let image_size = ImageSize { width: size.width.into(), height: size.height.into() };
-    let rgb = Image::<f32, 3, _>::new(image_size, rgb.as_raw().clone(), CpuAllocator)
+    let rgb = Image::<f32, 3>::new(image_size, rgb.as_raw().clone())
         .map_err(|e| e.to_string())?;
     let mut gray =
-        Image::from_size_val(image_size, 0.0_f32, CpuAllocator).map_err(|e| e.to_string())?;
+        Image::from_size_val(image_size, 0.0_f32).map_err(|e| e.to_string())?;
     kornia_imgproc::color::gray_from_rgb(&rgb, &mut gray).map_err(|e| e.to_string())?;
     Ok(gray.as_slice().iter().map(|v| (v * 65_535.0).round() as u16).collect())
 }
