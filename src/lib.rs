@@ -8,6 +8,8 @@
 //! | --- | --- |
 //! | [`units`], [`time`], [`stats`], [`geometry`] | vocabulary: units, clocks, estimates, grids; no I/O |
 //! | [`event`], [`frame`] | the data that flow: event columns, frames with exposure and row timing |
+//! | [`imu`] | inertial samples and triggers |
+//! | [`format`](mod@format) | one file per format, bytes in and values out: AEDAT4 |
 //! | [`generate`] | brightness to events; pure |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
 //!
@@ -22,9 +24,11 @@
 pub mod cli;
 pub mod commands;
 pub mod event;
+pub mod format;
 pub mod frame;
 pub mod generate;
 pub mod geometry;
+pub mod imu;
 pub mod stats;
 pub mod time;
 pub mod units;

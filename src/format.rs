@@ -1,0 +1,3 @@
+//! Formats, one file each: bytes in, values out, in bounded memory.
+
+pub mod aedat4;
