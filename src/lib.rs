@@ -10,6 +10,9 @@
 //! | [`event`], [`frame`], [`imu`] | the data that flow: event columns, frames with exposure and row timing, inertial samples |
 //! | [`format`] | one file a format, bytes in and values out, bounded memory |
 //! | [`session`] | the on-disk contract: layout, manifest, journal, verify, imports |
+//! | [`event`], [`frame`] | the data that flow: event columns, frames with exposure and row timing |
+//! | [`imu`] | inertial samples and triggers |
+//! | [`format`](mod@format) | one file per format, bytes in and values out: AEDAT4 |
 //! | [`generate`] | brightness to events; pure |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |

@@ -1,0 +1,195 @@
+//! Payloads to values.
+
+use super::header::one_line;
+use super::{Content, Kind};
+use crate::event::Events;
+use crate::frame::{Channels, Frame, FrameTiming, Samples};
+use crate::geometry::Size;
+use crate::imu::{ImuSample, Trigger, TriggerKind};
+use crate::time::{Davis, Span, Stamp};
+use aedat::events_generated::{self as events, Event};
+use aedat::frame_generated as frame;
+use aedat::imus_generated as imus;
+use aedat::triggers_generated as triggers;
+use flatbuffers::VerifierOptions;
+
+/// Bytes of the size prefix and root offset before the identifier, and of the identifier.
+const IDENTIFIER_AT: std::ops::Range<usize> = 8..12;
+
+/// A payload's values, and what of it could not be represented.
+#[derive(Debug)]
+pub(super) struct Decoded {
+    /// None for a frame that could not be represented.
+    pub(super) content: Option<Content>,
+    /// Events that could not be represented.
+    pub(super) lost_events: u64,
+    /// Why something was lost.
+    pub(super) reason: Option<String>,
+}
+
+impl Decoded {
+    pub(super) fn whole(content: Content) -> Self {
+        Self { content: Some(content), lost_events: 0, reason: None }
+    }
+}
+
+/// Reads a decompressed payload of a known kind; the error says what was found instead.
+pub(super) fn decode(kind: &Kind, payload: &[u8]) -> Result<Decoded, String> {
+    check_identifier(kind, payload)?;
+    // Every sample is a table of its own, so the usual limit of a million tables is too low;
+    // the payload's length bounds them as well.
+    let options = VerifierOptions { max_tables: payload.len(), ..VerifierOptions::default() };
+    match kind {
+        Kind::Events => events::size_prefixed_root_as_event_packet_with_opts(&options, payload)
+            .map(|packet| decode_events(packet.elements().unwrap_or_default())),
+        Kind::Frames => frame::size_prefixed_root_as_frame_with_opts(&options, payload)
+            .map(|table| decode_frame(&table)),
+        Kind::Imu => imus::size_prefixed_root_as_imu_packet_with_opts(&options, payload)
+            .map(|packet| Decoded::whole(Content::Imu(decode_imu(&packet)))),
+        Kind::Triggers => {
+            triggers::size_prefixed_root_as_trigger_packet_with_opts(&options, payload)
+                .map(|packet| Decoded::whole(Content::Triggers(decode_triggers(&packet))))
+        }
+        Kind::Other(kind) => Ok(Decoded::whole(Content::Unknown { kind: kind.clone() })),
+    }
+    .map_err(|error| one_line(&error))
+}
+
+fn check_identifier(kind: &Kind, payload: &[u8]) -> Result<(), String> {
+    let found = payload.get(IDENTIFIER_AT).ok_or_else(|| {
+        format!("{} bytes, too few for a size, a root and an identifier", payload.len())
+    })?;
+    if found == kind.identifier().as_bytes() || matches!(kind, Kind::Other(_)) {
+        Ok(())
+    } else {
+        Err(format!("identifier \"{}\"", found.escape_ascii()))
+    }
+}
+
+/// Splits the 16-byte events (i64 t, i16 x, i16 y, bool on, 3 bytes padding) into columns.
+fn decode_events(elements: &[Event]) -> Decoded {
+    // The sign bit of the union of all coordinates is set if any of them is negative.
+    let signs = elements.iter().fold(0, |signs, event| signs | x_of(event) | y_of(event));
+    if signs < 0 {
+        return decode_representable_events(elements);
+    }
+    let t = elements.iter().map(t_of).collect();
+    let x = elements.iter().map(|event| x_of(event) as u16).collect();
+    let y = elements.iter().map(|event| y_of(event) as u16).collect();
+    let on = elements.iter().map(on_of).collect();
+    let columns = Events::from_columns(t, x, y, on).unwrap_or_default();
+    Decoded::whole(Content::Events(columns))
+}
+
+fn decode_representable_events(elements: &[Event]) -> Decoded {
+    let represent = |event: &Event| {
+        let x = u16::try_from(x_of(event)).ok()?;
+        let y = u16::try_from(y_of(event)).ok()?;
+        Some(crate::event::Event { t: t_of(event), x, y, on: on_of(event) })
+    };
+    let kept: Events = elements.iter().filter_map(represent).collect();
+    let first = elements.iter().find(|event| represent(event).is_none());
+    let reason = first.map(|event| {
+        format!("an event at t {} us, x {}, y {}", t_of(event), x_of(event), y_of(event))
+    });
+    let lost_events = (elements.len() - kept.len()) as u64;
+    Decoded { content: Some(Content::Events(kept)), lost_events, reason }
+}
+
+fn t_of(event: &Event) -> i64 {
+    let [a, b, c, d, e, f, g, h, ..] = event.0;
+    i64::from_le_bytes([a, b, c, d, e, f, g, h])
+}
+
+fn x_of(event: &Event) -> i16 {
+    i16::from_le_bytes([event.0[8], event.0[9]])
+}
+
+fn y_of(event: &Event) -> i16 {
+    i16::from_le_bytes([event.0[10], event.0[11]])
+}
+
+fn on_of(event: &Event) -> bool {
+    event.0[12] != 0
+}
+
+fn decode_frame(table: &frame::Frame<'_>) -> Decoded {
+    match represent_frame(table) {
+        Ok(frame) => Decoded::whole(Content::Frame(frame)),
+        Err(reason) => Decoded { content: None, lost_events: 0, reason: Some(reason) },
+    }
+}
+
+fn represent_frame(table: &frame::Frame<'_>) -> Result<Frame<Davis>, String> {
+    let (width, height) = (table.width(), table.height());
+    let (Ok(columns), Ok(rows)) = (u16::try_from(width), u16::try_from(height)) else {
+        return Err(format!("a frame of {width} x {height} pixels"));
+    };
+    let size = Size::new(columns, rows);
+    let (channels, bits) = layout(table.format().0)?;
+    let pixels = table.pixels().unwrap_or_default();
+    let n_expected = size.n_pixels() * channels.count() * bits / 8;
+    if pixels.len() != n_expected {
+        return Err(format!(
+            "a frame of {size} pixels, {} channels, {bits} bits with {} bytes instead of {n_expected}",
+            channels.count(),
+            pixels.len(),
+        ));
+    }
+    let samples = if bits == 8 {
+        Samples::U8(pixels.to_vec())
+    } else {
+        Samples::U16(pixels.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect())
+    };
+    let timing = FrameTiming {
+        stamp: Stamp::from_micros(table.t()),
+        exposure: interval(table.exposure_begin_t(), table.exposure_end_t()),
+        readout: interval(table.begin_t(), table.end_t()),
+        row_time: Span::ZERO,
+    };
+    let origin = [table.offset_x(), table.offset_y()];
+    Ok(Frame { timing, size, origin, channels, samples })
+}
+
+/// Channels and bits a sample behind an OpenCV type code: depth in the lowest three bits, channels less one above.
+fn layout(code: i8) -> Result<(Channels, usize), String> {
+    let bits = match code & 7 {
+        0 => 8,
+        2 => 16,
+        _ => return Err(format!("a frame of OpenCV type {code}, neither 8 nor 16 bits unsigned")),
+    };
+    let channels = match code >> 3 {
+        0 => Channels::Gray,
+        2 => Channels::Bgr,
+        3 => Channels::Bgra,
+        _ => return Err(format!("a frame of OpenCV type {code}, not of 1, 3 or 4 channels")),
+    };
+    Ok((channels, bits))
+}
+
+/// Zero stands for "not stated": flatbuffers leave fields of that value out.
+fn interval(begin_us: i64, end_us: i64) -> Option<[Stamp<Davis>; 2]> {
+    let is_stated = begin_us != 0 && end_us >= begin_us;
+    is_stated.then(|| [Stamp::from_micros(begin_us), Stamp::from_micros(end_us)])
+}
+
+fn decode_imu(packet: &imus::ImuPacket<'_>) -> Vec<ImuSample> {
+    let Some(elements) = packet.elements() else { return Vec::new() };
+    let sample = |imu: imus::Imu<'_>| ImuSample {
+        stamp: Stamp::from_micros(imu.t()),
+        temperature_c: imu.temperature(),
+        acceleration_g: [imu.accelerometer_x(), imu.accelerometer_y(), imu.accelerometer_z()],
+        rotation_deg_per_s: [imu.gyroscope_x(), imu.gyroscope_y(), imu.gyroscope_z()],
+        magnetic_ut: [imu.magnetometer_x(), imu.magnetometer_y(), imu.magnetometer_z()],
+    };
+    elements.iter().map(sample).collect()
+}
+
+fn decode_triggers(packet: &triggers::TriggerPacket<'_>) -> Vec<Trigger> {
+    let Some(elements) = packet.elements() else { return Vec::new() };
+    let trigger = |trigger: triggers::Trigger<'_>| Trigger {
+        stamp: Stamp::from_micros(trigger.t()),
+        kind: TriggerKind::from_code(trigger.source().0),
+    };
+    elements.iter().map(trigger).collect()
+}

@@ -1,0 +1,133 @@
+//! Values to payloads.
+
+use crate::event::EventSlice;
+use crate::frame::{Channels, Frame, Samples};
+use crate::imu::{ImuSample, Trigger};
+use crate::time::{Davis, Stamp};
+use aedat::frame_generated::{self as frame, FrameFormat};
+use aedat::imus_generated as imus;
+use aedat::triggers_generated as triggers;
+use flatbuffers::FlatBufferBuilder;
+
+/// Fields of a frame that dv-processing added after `aedat`'s schema: exposure in µs, kind of source.
+const VT_EXPOSURE: u16 = 26;
+const VT_SOURCE: u16 = 28;
+
+/// `dv::FrameSource::SENSOR`.
+const FROM_SENSOR: i8 = 1;
+
+/// The first 32 bytes of an event packet up to the number of events: size (replaced), root at 16,
+/// identifier, a virtual table of one field at 4, the table, and the vector's offset.
+const EVENTS_HEAD: [u8; 32] = [
+    0, 0, 0, 0, 16, 0, 0, 0, b'E', b'V', b'T', b'S', 0, 0, 6, 0, //
+    8, 0, 4, 0, 6, 0, 0, 0, 4, 0, 0, 0, 0, 0, 0, 0,
+];
+
+/// An event packet as 16-byte cells: two of head, then one an event, as the flatbuffer lays them out.
+/// Coordinates must be below 32,768.
+pub(super) fn events(events: EventSlice<'_>) -> Vec<[u8; 16]> {
+    let mut cells = Vec::with_capacity(events.len() + 2);
+    let size = (28 + 16 * events.len()) as u32;
+    let mut head = EVENTS_HEAD;
+    head[..4].copy_from_slice(&size.to_le_bytes());
+    head[28..].copy_from_slice(&(events.len() as u32).to_le_bytes());
+    cells.extend_from_slice(head.as_chunks::<16>().0);
+    let coordinates = events.x.iter().zip(events.y).zip(events.on);
+    cells.extend(events.t.iter().zip(coordinates).map(|(&t, ((&x, &y), &on))| {
+        let low = u128::from(t as u64);
+        let high = u128::from(x) | u128::from(y) << 16 | u128::from(on) << 32;
+        (low | high << 64).to_le_bytes()
+    }));
+    cells
+}
+
+/// A frame's packet. Its size must be below 32,768 each way.
+pub(super) fn frame(picture: &Frame<Davis>) -> Vec<u8> {
+    let wide;
+    let (pixels, depth) = match &picture.samples {
+        Samples::U8(samples) => (samples.as_slice(), 0),
+        Samples::U16(samples) => {
+            wide = samples.iter().flat_map(|sample| sample.to_le_bytes()).collect::<Vec<_>>();
+            (wide.as_slice(), 2)
+        }
+    };
+    let n_channels: i8 = match picture.channels {
+        Channels::Gray => 1,
+        Channels::Bgr => 3,
+        Channels::Bgra => 4,
+    };
+    let mut builder = FlatBufferBuilder::with_capacity(pixels.len() + 256);
+    let pixels = builder.create_vector_direct(pixels);
+    let table = builder.start_table();
+    let timing = &picture.timing;
+    push_micros(&mut builder, frame::Frame::VT_T, timing.stamp);
+    if let Some([begin, end]) = timing.readout {
+        push_micros(&mut builder, frame::Frame::VT_BEGIN_T, begin);
+        push_micros(&mut builder, frame::Frame::VT_END_T, end);
+    }
+    if let Some([begin, end]) = timing.exposure {
+        push_micros(&mut builder, frame::Frame::VT_EXPOSURE_BEGIN_T, begin);
+        push_micros(&mut builder, frame::Frame::VT_EXPOSURE_END_T, end);
+        builder.push_slot(VT_EXPOSURE, end.as_micros().saturating_sub(begin.as_micros()), 0);
+    }
+    builder.push_slot_always(frame::Frame::VT_PIXELS, pixels);
+    builder.push_slot_always(frame::Frame::VT_WIDTH, picture.size.width as i16);
+    builder.push_slot_always(frame::Frame::VT_HEIGHT, picture.size.height as i16);
+    builder.push_slot_always(frame::Frame::VT_OFFSET_X, picture.origin[0]);
+    builder.push_slot_always(frame::Frame::VT_OFFSET_Y, picture.origin[1]);
+    builder.push_slot_always(frame::Frame::VT_FORMAT, FrameFormat((n_channels - 1) << 3 | depth));
+    builder.push_slot_always(VT_SOURCE, FROM_SENSOR);
+    let root = builder.end_table(table);
+    builder.finish_size_prefixed(root, Some(frame::FRAME_IDENTIFIER));
+    builder.finished_data().to_vec()
+}
+
+fn push_micros(builder: &mut FlatBufferBuilder<'_>, slot: u16, stamp: Stamp<Davis>) {
+    builder.push_slot(slot, stamp.as_micros(), 0);
+}
+
+/// A packet of inertial samples.
+pub(super) fn imu(samples: &[ImuSample]) -> Vec<u8> {
+    let mut builder = FlatBufferBuilder::with_capacity(64 * samples.len() + 64);
+    let mut tables = Vec::with_capacity(samples.len());
+    for sample in samples {
+        let [accelerometer_x, accelerometer_y, accelerometer_z] = sample.acceleration_g;
+        let [gyroscope_x, gyroscope_y, gyroscope_z] = sample.rotation_deg_per_s;
+        let [magnetometer_x, magnetometer_y, magnetometer_z] = sample.magnetic_ut;
+        let arguments = imus::ImuArgs {
+            t: sample.stamp.as_micros(),
+            temperature: sample.temperature_c,
+            accelerometer_x,
+            accelerometer_y,
+            accelerometer_z,
+            gyroscope_x,
+            gyroscope_y,
+            gyroscope_z,
+            magnetometer_x,
+            magnetometer_y,
+            magnetometer_z,
+        };
+        tables.push(imus::Imu::create(&mut builder, &arguments));
+    }
+    let elements = builder.create_vector(&tables);
+    let arguments = imus::ImuPacketArgs { elements: Some(elements) };
+    let root = imus::ImuPacket::create(&mut builder, &arguments);
+    imus::finish_size_prefixed_imu_packet_buffer(&mut builder, root);
+    builder.finished_data().to_vec()
+}
+
+/// A packet of triggers.
+pub(super) fn triggers(marks: &[Trigger]) -> Vec<u8> {
+    let mut builder = FlatBufferBuilder::with_capacity(32 * marks.len() + 64);
+    let mut tables = Vec::with_capacity(marks.len());
+    for mark in marks {
+        let source = triggers::TriggerSource(mark.kind.code());
+        let arguments = triggers::TriggerArgs { t: mark.stamp.as_micros(), source };
+        tables.push(triggers::Trigger::create(&mut builder, &arguments));
+    }
+    let elements = builder.create_vector(&tables);
+    let arguments = triggers::TriggerPacketArgs { elements: Some(elements) };
+    let root = triggers::TriggerPacket::create(&mut builder, &arguments);
+    triggers::finish_size_prefixed_trigger_packet_buffer(&mut builder, root);
+    builder.finished_data().to_vec()
+}

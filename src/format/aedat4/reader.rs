@@ -1,0 +1,249 @@
+//! The reader: raw packets in order, decoded side by side, delivered in order.
+
+use super::compression::{Undecodable, decompress};
+use super::decode::{Decoded, decode};
+use super::framing::{Framing, RawPacket};
+use super::header::Header;
+use super::{Compression, Content, Kind, Losses, MAX_PACKET_BYTES, Packet, ReadError, Stream};
+use rayon::prelude::*;
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
+
+/// Packets a thread has in work at a time.
+const PACKETS_PER_THREAD: usize = 4;
+
+/// Compressed bytes after which no further packet is read ahead.
+const READ_AHEAD_BYTES: usize = 1 << 24;
+
+/// What all packets decoded side by side may grow to; a larger packet is decoded by itself.
+const SIDE_BY_SIDE_BYTES: usize = 1 << 28;
+
+/// Reads AEDAT4 packet by packet, from a file or a socket, in bounded memory.
+///
+/// An iterator over packets in file order. After damage, a cut or an I/O error it yields
+/// exactly one error and then ends; every packet before the error was delivered. A clean
+/// end yields none. Memory: some packets a thread, read ahead and decoded side by side, at most
+/// [`MAX_PACKET_BYTES`] for each of raw bytes, all packets decoded together, and a single large one.
+#[derive(Debug)]
+pub struct Reader<R> {
+    framing: Framing<R>,
+    streams: Vec<Stream>,
+    /// Packets decoded together; one for live sources, which must not wait for the next.
+    window: usize,
+    ready: VecDeque<(RawPacket, Result<Decoded, Failure>)>,
+    /// What ends the reading once all that is ready was delivered.
+    ending: Option<Result<(), ReadError>>,
+    is_over: bool,
+    losses: Losses,
+    spare: Vec<Vec<u8>>,
+}
+
+/// Why a packet was not decoded.
+#[derive(Debug)]
+enum Failure {
+    /// It would have grown beyond its share of memory.
+    TooLarge,
+    /// What was expected and found.
+    Damaged(String, String),
+}
+
+impl Reader<BufReader<File>> {
+    /// Opens a file and reads its header.
+    ///
+    /// # Errors
+    /// [`ReadError`] when the file cannot be opened or does not begin as AEDAT4 does.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, ReadError> {
+        let path = path.as_ref();
+        let failed = |source| ReadError::Open { path: path.to_owned(), source };
+        let file = File::open(path).map_err(failed)?;
+        let metadata = file.metadata().map_err(failed)?;
+        let n_bytes = metadata.is_file().then_some(metadata.len());
+        let name = path.display().to_string();
+        let started = Framing::start(BufReader::new(file), &name, n_bytes, true)?;
+        Ok(Self::from_start(started, read_ahead_window()))
+    }
+}
+
+impl<R: Read> Reader<R> {
+    /// Reads a file's bytes from anywhere; `name` stands for it in errors.
+    ///
+    /// # Errors
+    /// [`ReadError`] when the bytes do not begin as AEDAT4 does.
+    pub fn new(source: R, name: &str) -> Result<Self, ReadError> {
+        let started = Framing::start(source, name, None, true)?;
+        Ok(Self::from_start(started, read_ahead_window()))
+    }
+
+    /// Reads from a socket: without the first bytes of a file, and each packet as soon as it came.
+    ///
+    /// The end of the source between two packets is a clean end; a time-out of the socket is an error.
+    ///
+    /// # Errors
+    /// [`ReadError`] when the bytes do not begin with a header.
+    pub fn from_stream(source: R, name: &str) -> Result<Self, ReadError> {
+        let started = Framing::start(source, name, None, false)?;
+        Ok(Self::from_start(started, 1))
+    }
+
+    fn from_start((framing, header): (Framing<R>, Header), window: usize) -> Self {
+        Self {
+            framing,
+            streams: header.streams,
+            window,
+            ready: VecDeque::new(),
+            ending: None,
+            is_over: false,
+            losses: Losses::default(),
+            spare: Vec::new(),
+        }
+    }
+
+    /// The streams that the header describes.
+    #[must_use]
+    pub fn streams(&self) -> &[Stream] {
+        &self.streams
+    }
+
+    /// How the packets are compressed.
+    #[must_use]
+    pub fn compression(&self) -> Compression {
+        self.framing.compression()
+    }
+
+    /// What was read but could not be represented, in the packets delivered so far.
+    #[must_use]
+    pub fn losses(&self) -> &Losses {
+        &self.losses
+    }
+
+    /// Reads and decodes the next window of packets.
+    fn fill(&mut self) {
+        let mut raw = Vec::with_capacity(self.window);
+        let mut n_bytes = 0;
+        while raw.len() < self.window && n_bytes < READ_AHEAD_BYTES {
+            match self.framing.next(self.spare.pop().unwrap_or_default()) {
+                Ok(Some(packet)) => {
+                    n_bytes += packet.payload.len();
+                    raw.push(packet);
+                }
+                end => {
+                    self.ending = Some(end.map(|_| ()));
+                    break;
+                }
+            }
+        }
+        let limit = SIDE_BY_SIDE_BYTES / raw.len().max(1);
+        let (streams, compression) = (&self.streams, self.framing.compression());
+        let decode = |packet: RawPacket| {
+            let decoded = decode_packet(&packet, streams, compression, limit);
+            (packet, decoded)
+        };
+        self.ready = if raw.len() == 1 {
+            raw.into_iter().map(decode).collect()
+        } else {
+            raw.into_par_iter().map(decode).collect::<Vec<_>>().into()
+        };
+    }
+
+    /// Counts what was lost and hands the packet out; none for a packet that was lost whole.
+    fn deliver(&mut self, packet: RawPacket, decoded: Decoded) -> Option<Packet> {
+        let RawPacket { stream, index, offset, payload } = packet;
+        self.spare.push(payload);
+        self.losses.events += decoded.lost_events;
+        self.losses.frames += u64::from(decoded.content.is_none());
+        if let Some(reason) = decoded.reason {
+            let place = || format!("byte {offset}, packet {index} of stream {stream}: {reason}");
+            self.losses.first.get_or_insert_with(place);
+        }
+        let content = decoded.content?;
+        self.losses.unknown_packets += u64::from(matches!(content, Content::Unknown { .. }));
+        Some(Packet { stream, index, offset, content })
+    }
+
+    /// Gives up at a packet that cannot be decoded.
+    fn fail(&mut self, packet: &RawPacket, expected: String, found: String) -> ReadError {
+        self.is_over = true;
+        self.ready.clear();
+        self.framing.undecodable(packet, expected, found)
+    }
+}
+
+impl<R: Read> Iterator for Reader<R> {
+    type Item = Result<Packet, ReadError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        while !self.is_over {
+            let Some((packet, decoded)) = self.ready.pop_front() else {
+                match self.ending.take() {
+                    None => self.fill(),
+                    Some(end) => {
+                        self.is_over = true;
+                        return end.err().map(Err);
+                    }
+                }
+                continue;
+            };
+            let decoded = match decoded {
+                Err(Failure::TooLarge) => {
+                    let compression = self.framing.compression();
+                    decode_packet(&packet, &self.streams, compression, MAX_PACKET_BYTES)
+                }
+                decoded => decoded,
+            };
+            match decoded {
+                Ok(decoded) => {
+                    if let Some(packet) = self.deliver(packet, decoded) {
+                        return Some(Ok(packet));
+                    }
+                }
+                Err(Failure::TooLarge) => {
+                    let expected = format!("at most {MAX_PACKET_BYTES} bytes once decompressed");
+                    let found = "more than that".to_owned();
+                    return Some(Err(self.fail(&packet, expected, found)));
+                }
+                Err(Failure::Damaged(expected, found)) => {
+                    return Some(Err(self.fail(&packet, expected, found)));
+                }
+            }
+        }
+        None
+    }
+}
+
+fn read_ahead_window() -> usize {
+    PACKETS_PER_THREAD * rayon::current_num_threads()
+}
+
+fn decode_packet(
+    packet: &RawPacket,
+    streams: &[Stream],
+    compression: Compression,
+    limit: usize,
+) -> Result<Decoded, Failure> {
+    let Some(stream) = streams.iter().find(|stream| stream.id == packet.stream) else {
+        let expected = "a packet of a stream that the header describes".to_owned();
+        return Err(Failure::Damaged(expected, format!("one of stream {}", packet.stream)));
+    };
+    if let Kind::Other(kind) = &stream.kind {
+        return Ok(Decoded::whole(Content::Unknown { kind: kind.clone() }));
+    }
+    let mut plain = Vec::new();
+    let payload = if compression == Compression::None {
+        packet.payload.as_slice()
+    } else {
+        decompress(compression, &packet.payload, limit, &mut plain).map_err(
+            |error| match error {
+                Undecodable::TooLarge => Failure::TooLarge,
+                Undecodable::Damaged(found) => {
+                    Failure::Damaged(format!("{} data", compression.name()), found)
+                }
+            },
+        )?;
+        plain.as_slice()
+    };
+    decode(&stream.kind, payload).map_err(|found| {
+        Failure::Damaged(format!("a {} flatbuffer", stream.kind.identifier()), found)
+    })
+}

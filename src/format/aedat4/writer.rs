@@ -1,0 +1,354 @@
+//! The writer: packets of sensible size, and a data table at the end.
+
+use super::compression::compress;
+use super::header::{self, MAGIC};
+use super::table::{self, Entry};
+use super::{Compression, Kind, StreamSpec, WriteError, encode};
+use crate::event::EventSlice;
+use crate::frame::Frame;
+use crate::imu::{ImuSample, Trigger};
+use crate::time::Davis;
+use rayon::prelude::*;
+use std::fs::File;
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::path::Path;
+
+/// Time that one event packet spans at most, µs; DV cuts its packets so.
+const EVENT_PACKET_US: i64 = 10_000;
+
+/// Events in a packet at most: 512 KiB, which stays in a core's cache.
+const EVENT_PACKET_LENGTH: usize = 1 << 15;
+
+/// Samples or triggers in a packet at most.
+const SAMPLE_PACKET_LENGTH: usize = 1 << 12;
+
+/// Largest column or row that AEDAT4 can hold.
+const MAX_COORDINATE: u16 = i16::MAX as u16;
+
+/// What was written, counted while writing.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Summary {
+    /// Elements in each stream (events, frames, samples or triggers), in the order of the streams.
+    pub n_elements: Vec<u64>,
+    /// Packets in all streams.
+    pub n_packets: u64,
+    /// Bytes from the first to the last, the data table included.
+    pub n_bytes: u64,
+}
+
+/// Puts the table's position into the header; only for destinations that can go back.
+type PatchHeader<W> = fn(&mut W, &[u8]) -> io::Result<()>;
+
+/// Writes AEDAT4 to a file, or to a socket in that one's framing.
+///
+/// Each call writes whole packets, so that a file which is dropped without
+/// [`Writer::finish`] can be read up to its last packet; it only lacks the data
+/// table, by which DV seeks. What is still buffered then is written as well,
+/// but an error in that is lost; `finish` reports it.
+#[derive(Debug)]
+pub struct Writer<W: Write> {
+    destination: W,
+    name: String,
+    compression: Compression,
+    streams: Vec<StreamSpec>,
+    patch_header: Option<PatchHeader<W>>,
+    entries: Vec<Entry>,
+    summary: Summary,
+}
+
+/// A packet before compression.
+struct Plain {
+    payload: Payload,
+    n_elements: usize,
+    span_us: [i64; 2],
+}
+
+enum Payload {
+    Cells(Vec<[u8; 16]>),
+    Bytes(Vec<u8>),
+}
+
+impl Payload {
+    fn as_bytes(&self) -> &[u8] {
+        match self {
+            Self::Cells(cells) => cells.as_flattened(),
+            Self::Bytes(bytes) => bytes,
+        }
+    }
+}
+
+impl Writer<BufWriter<File>> {
+    /// Makes a file, replacing one that is there, and writes its header.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the file cannot be made or written.
+    pub fn create(
+        path: impl AsRef<Path>,
+        compression: Compression,
+        streams: &[StreamSpec],
+    ) -> Result<Self, WriteError> {
+        let path = path.as_ref();
+        let file = File::create(path)
+            .map_err(|source| WriteError::Create { path: path.to_owned(), source })?;
+        let destination = BufWriter::with_capacity(1 << 20, file);
+        Self::new(destination, &path.display().to_string(), compression, streams)
+    }
+}
+
+impl<W: Write + Seek> Writer<W> {
+    /// Writes a file's bytes to anything that can go back to its start; `name` stands for it in errors.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the header cannot be written.
+    pub fn new(
+        destination: W,
+        name: &str,
+        compression: Compression,
+        streams: &[StreamSpec],
+    ) -> Result<Self, WriteError> {
+        let mut writer = Self::headless(destination, name, compression, streams);
+        writer.patch_header = Some(|destination, header| {
+            destination.seek(SeekFrom::Start(MAGIC.len() as u64))?;
+            destination.write_all(header)?;
+            destination.seek(SeekFrom::End(0)).map(|_| ())
+        });
+        writer.write_bytes(MAGIC)?;
+        writer.write_header()?;
+        Ok(writer)
+    }
+}
+
+impl<W: Write> Writer<W> {
+    /// Writes in the framing of a socket: no first bytes, no data table, and each packet is flushed.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the header cannot be written.
+    pub fn to_stream(
+        destination: W,
+        name: &str,
+        compression: Compression,
+        streams: &[StreamSpec],
+    ) -> Result<Self, WriteError> {
+        let mut writer = Self::headless(destination, name, compression, streams);
+        writer.write_header()?;
+        writer.flush()?;
+        Ok(writer)
+    }
+
+    fn headless(
+        destination: W,
+        name: &str,
+        compression: Compression,
+        streams: &[StreamSpec],
+    ) -> Self {
+        Self {
+            destination,
+            name: name.to_owned(),
+            compression,
+            streams: streams.to_vec(),
+            patch_header: None,
+            entries: Vec::new(),
+            summary: Summary { n_elements: vec![0; streams.len()], ..Summary::default() },
+        }
+    }
+
+    /// Writes a run of events in packets of at most 10 ms and 32,768 events.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the stream carries no events, a coordinate is above 32,767, or writing fails.
+    pub fn write_events(&mut self, stream: u32, events: EventSlice<'_>) -> Result<(), WriteError> {
+        self.check_stream(stream, &Kind::Events, "events")?;
+        let is_beyond = |c: &u16| *c > MAX_COORDINATE;
+        if let Some(i) =
+            (0..events.len()).find(|&i| is_beyond(&events.x[i]) || is_beyond(&events.y[i]))
+        {
+            let found = format!("event {i} at x {}, y {}", events.x[i], events.y[i]);
+            return Err(self.unrepresentable(stream, found));
+        }
+        let cuts = cut_into_packets(events);
+        let encode = |&[start, end]: &[usize; 2]| {
+            let run = events.range(start, end);
+            let t = run.t.iter();
+            let span_us = [t.clone().min(), t.max()].map(|t| t.copied().unwrap_or_default());
+            Plain { payload: Payload::Cells(encode::events(run)), n_elements: run.len(), span_us }
+        };
+        let window = 4 * rayon::current_num_threads();
+        for cuts in cuts.chunks(window) {
+            let compression = self.compression;
+            let packets: Vec<_> =
+                cuts.par_iter().map(encode).map(|plain| squeeze(compression, plain)).collect();
+            for packet in packets {
+                self.write_packet(stream, packet)?;
+            }
+        }
+        self.flush_stream()
+    }
+
+    /// Writes one frame.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the stream carries no frames, the frame is not what its size says or
+    /// larger than AEDAT4 can hold, or writing fails.
+    pub fn write_frame(&mut self, stream: u32, frame: &Frame<Davis>) -> Result<(), WriteError> {
+        self.check_stream(stream, &Kind::Frames, "frames")?;
+        let n_samples = frame.size.n_pixels() * frame.channels.count();
+        if frame.size.width.max(frame.size.height) > MAX_COORDINATE {
+            return Err(self.unrepresentable(stream, format!("a frame of {} pixels", frame.size)));
+        }
+        if frame.samples.len() != n_samples {
+            let found =
+                format!("a frame of {} samples that needs {n_samples}", frame.samples.len());
+            return Err(self.unrepresentable(stream, found));
+        }
+        let t = frame.timing.stamp.as_micros();
+        self.write_plain(stream, Payload::Bytes(encode::frame(frame)), 1, [t, t])
+    }
+
+    /// Writes inertial samples.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the stream carries none or writing fails.
+    pub fn write_imu(&mut self, stream: u32, samples: &[ImuSample]) -> Result<(), WriteError> {
+        self.check_stream(stream, &Kind::Imu, "inertial samples")?;
+        for run in samples.chunks(SAMPLE_PACKET_LENGTH) {
+            let span = span(run.iter().map(|sample| sample.stamp.as_micros()));
+            self.write_plain(stream, Payload::Bytes(encode::imu(run)), run.len(), span)?;
+        }
+        Ok(())
+    }
+
+    /// Writes triggers.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the stream carries none or writing fails.
+    pub fn write_triggers(&mut self, stream: u32, marks: &[Trigger]) -> Result<(), WriteError> {
+        self.check_stream(stream, &Kind::Triggers, "triggers")?;
+        for run in marks.chunks(SAMPLE_PACKET_LENGTH) {
+            let span = span(run.iter().map(|mark| mark.stamp.as_micros()));
+            self.write_plain(stream, Payload::Bytes(encode::triggers(run)), run.len(), span)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the data table (of a file), flushes, and says what was written.
+    ///
+    /// # Errors
+    /// [`WriteError`] when writing fails; the packets are in the file all the same.
+    pub fn finish(mut self) -> Result<Summary, WriteError> {
+        if let Some(patch) = self.patch_header {
+            let position = self.summary.n_bytes;
+            let table = compress(self.compression, &table::encode(&self.entries))
+                .map_err(|source| self.failed(source))?;
+            self.write_bytes(&table)?;
+            // The table is on its way before the header says that there is one.
+            self.flush()?;
+            let header = header::encode(self.compression, Some(position), &self.streams);
+            patch(&mut self.destination, &header).map_err(|source| self.failed(source))?;
+        }
+        self.flush()?;
+        Ok(self.summary)
+    }
+
+    fn write_plain(
+        &mut self,
+        stream: u32,
+        payload: Payload,
+        n_elements: usize,
+        span_us: [i64; 2],
+    ) -> Result<(), WriteError> {
+        let packet = squeeze(self.compression, Plain { payload, n_elements, span_us });
+        self.write_packet(stream, packet)?;
+        self.flush_stream()
+    }
+
+    fn write_packet(&mut self, stream: u32, packet: io::Result<Plain>) -> Result<(), WriteError> {
+        let packet = packet.map_err(|source| self.failed(source))?;
+        let payload = packet.payload.as_bytes();
+        self.write_bytes(&stream.to_le_bytes())?;
+        self.write_bytes(&(payload.len() as u32).to_le_bytes())?;
+        if self.patch_header.is_some() {
+            self.entries.push(Entry {
+                payload_offset: self.summary.n_bytes,
+                stream,
+                payload_bytes: payload.len() as u32,
+                n_elements: packet.n_elements as u64,
+                span_us: packet.span_us,
+            });
+        }
+        self.write_bytes(payload)?;
+        self.summary.n_packets += 1;
+        if let Some(n) = self.summary.n_elements.get_mut(stream as usize) {
+            *n += packet.n_elements as u64;
+        }
+        Ok(())
+    }
+
+    fn write_header(&mut self) -> Result<(), WriteError> {
+        let header = header::encode(self.compression, None, &self.streams);
+        self.write_bytes(&header)
+    }
+
+    fn write_bytes(&mut self, bytes: &[u8]) -> Result<(), WriteError> {
+        self.destination.write_all(bytes).map_err(|source| self.failed(source))?;
+        self.summary.n_bytes += bytes.len() as u64;
+        Ok(())
+    }
+
+    /// On a socket, what was written leaves at once.
+    fn flush_stream(&mut self) -> Result<(), WriteError> {
+        if self.patch_header.is_none() { self.flush() } else { Ok(()) }
+    }
+
+    fn flush(&mut self) -> Result<(), WriteError> {
+        self.destination.flush().map_err(|source| self.failed(source))
+    }
+
+    fn check_stream(
+        &self,
+        stream: u32,
+        kind: &Kind,
+        expected: &'static str,
+    ) -> Result<(), WriteError> {
+        let found = match self.streams.get(stream as usize) {
+            Some(spec) if spec.kind == *kind => return Ok(()),
+            Some(spec) => format!("({}) carries {}", spec.name, spec.kind.identifier()),
+            None => format!("does not exist among {}", self.streams.len()),
+        };
+        Err(WriteError::WrongStream { name: self.name.clone(), stream, expected, found })
+    }
+
+    fn unrepresentable(&self, stream: u32, found: String) -> WriteError {
+        let limit = "columns and rows up to 32767, and exactly the samples of a frame's size";
+        WriteError::Unrepresentable { name: self.name.clone(), stream, found, limit }
+    }
+
+    fn failed(&self, source: io::Error) -> WriteError {
+        WriteError::Io { name: self.name.clone(), packet: self.summary.n_packets, source }
+    }
+}
+
+fn squeeze(compression: Compression, plain: Plain) -> io::Result<Plain> {
+    if compression == Compression::None {
+        return Ok(plain);
+    }
+    let payload = Payload::Bytes(compress(compression, plain.payload.as_bytes())?);
+    Ok(Plain { payload, ..plain })
+}
+
+fn span(times: impl Iterator<Item = i64> + Clone) -> [i64; 2] {
+    [times.clone().min().unwrap_or_default(), times.max().unwrap_or_default()]
+}
+
+/// Start and end of each packet.
+fn cut_into_packets(events: EventSlice<'_>) -> Vec<[usize; 2]> {
+    let mut cuts = Vec::new();
+    let mut start = 0;
+    while start < events.len() {
+        let longest = &events.t[start..events.len().min(start + EVENT_PACKET_LENGTH)];
+        let is_later = |t: &i64| t.saturating_sub(longest[0]) >= EVENT_PACKET_US;
+        let length = longest.iter().position(is_later).unwrap_or(longest.len());
+        cuts.push([start, start + length]);
+        start += length;
+    }
+    cuts
+}
