@@ -4,21 +4,38 @@
 //! the previous frame and this one. Generators are seeded; the same seed gives
 //! the same events, whatever the number of threads.
 
+#[cfg(test)]
+mod ks;
+mod merge;
+mod parameter_error;
+mod parameters;
+mod preset;
+mod random;
+mod sequence;
+mod threads;
+pub mod voltmeter;
+
+pub use parameter_error::ParameterError;
+pub use parameters::{Choice, GenerateParameters, Law, Model, ModelParameters, build};
+pub use preset::Preset;
+
 use crate::event::Events;
 use crate::frame::Luminance;
 use crate::geometry::Size;
 
 /// A model that makes events from frames.
-pub trait Generator {
+pub trait Generator: Send {
     /// The model's name on the command line.
     fn name(&self) -> &'static str;
 
-    /// Takes in the next frame and appends the events since the previous one to `out`,
-    /// in ascending time; the first frame only sets the starting brightness.
+    /// Takes in the next frame and appends the events since the previous one to `out`:
+    /// after the previous frame's time, up to and including this frame's, in ascending
+    /// time, within a microsecond by row and column. The first frame sets size and
+    /// starting brightness. A refused frame changes nothing; the next may follow.
     ///
     /// # Errors
-    /// A frame that is not later than the previous one, has another size, or holds
-    /// brightness that is not finite or negative.
+    /// A frame that is not later than the previous one, is too late, has another size, or
+    /// holds brightness that is not finite or negative.
     fn push(&mut self, frame: &Luminance, out: &mut Events) -> Result<(), GenerateError>;
 }
 
@@ -37,6 +54,47 @@ pub enum GenerateError {
         t_us: i64,
         /// Time of the frame before it.
         previous_us: i64,
+    },
+    /// An interval too long for event times within it.
+    #[error(
+        "frame {index} at {t_us} us comes more than {} s after the frame before it \
+         ({previous_us} us); check the unit of the time stamps, or split the stream at the gap",
+        sequence::MAX_SPAN_US / 1_000_000
+    )]
+    GapTooLong {
+        /// Number of the frame, from 0.
+        index: u64,
+        /// Its time.
+        t_us: i64,
+        /// Time of the frame before it.
+        previous_us: i64,
+    },
+    /// Parameters that make a pixel fire without bound.
+    #[error(
+        "in the {span_us} us before frame {index} a pixel may fire {expected:.0} times, more than \
+         {limit}; check the unit of the time stamps and the generator's parameters"
+    )]
+    TooManyEvents {
+        /// Number of the frame, from 0.
+        index: u64,
+        /// Time since the frame before it.
+        span_us: u32,
+        /// Bound of a pixel's mean number of events in it.
+        expected: f64,
+        /// The most that is allowed.
+        limit: f64,
+    },
+    /// As many brightness values as pixels.
+    #[error("frame {index} is {size} and holds {found} values; expected {expected}")]
+    WrongLength {
+        /// Number of the frame, from 0.
+        index: u64,
+        /// Its size.
+        size: Size,
+        /// Pixels of that size.
+        expected: usize,
+        /// Values found.
+        found: usize,
     },
     /// All frames of a stream have one size.
     #[error("frame {index} is {found}, the frames before it are {expected}; a stream has one size")]

@@ -1,0 +1,93 @@
+//! Why a description of a generator is refused.
+
+/// A generator's description that does not make sense.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ParameterError {
+    /// A k outside its range.
+    #[error("k{number} is {value}; expected {low} to {high} ({unit})")]
+    KOutOfRange {
+        /// 1 to 6.
+        number: usize,
+        /// What was given.
+        value: f64,
+        /// Lowest value.
+        low: f64,
+        /// Highest value.
+        high: f64,
+        /// Unit of the range.
+        unit: &'static str,
+    },
+    /// Not six numbers.
+    #[error("`{text}` holds {found} numbers; expected six, as k1,k2,k3,k4,k5,k6")]
+    KCount {
+        /// How many were given.
+        found: usize,
+        /// The text.
+        text: String,
+    },
+    /// A k that is not a number.
+    #[error("k{number} is `{text}`, which is not a number; write it as 2.388 or 9.8e-8")]
+    KNotANumber {
+        /// 1 to 6.
+        number: usize,
+        /// The text.
+        text: String,
+    },
+    /// A parameter of another model outside its range.
+    #[error("{name} is {value}; expected {low} to {high}")]
+    OutOfRange {
+        /// The parameter as it is called in files.
+        name: &'static str,
+        /// What was given.
+        value: f64,
+        /// Lowest value.
+        low: f64,
+        /// Highest value.
+        high: f64,
+    },
+    /// A name that nothing has.
+    #[error("no {kind} is called `{name}`{hint}; there are {known}")]
+    UnknownName {
+        /// What was looked for: model, law, preset, knob.
+        kind: &'static str,
+        /// The name given.
+        name: String,
+        /// "; did you mean ..." or nothing.
+        hint: String,
+        /// All names.
+        known: String,
+    },
+    /// Two settings that exclude each other.
+    #[error("{given} does not go with {model}; {instead}")]
+    NotForModel {
+        /// What was given.
+        given: String,
+        /// The model.
+        model: &'static str,
+        /// What to do.
+        instead: &'static str,
+    },
+    /// The pool of threads did not start.
+    #[error("{threads} threads could not be started: {reason}")]
+    Threads {
+        /// How many were asked for.
+        threads: usize,
+        /// What the system says.
+        reason: String,
+    },
+}
+
+impl ParameterError {
+    /// A name that is none of `names`, with the most similar one as a hint.
+    pub(super) fn unknown(kind: &'static str, name: &str, names: &[&str]) -> Self {
+        let lower = name.to_lowercase();
+        let hint = names
+            .iter()
+            .map(|known| (strsim::jaro_winkler(&lower, &known.to_lowercase()), known))
+            .filter(|(similarity, _)| *similarity > 0.75)
+            .max_by(|a, b| a.0.total_cmp(&b.0))
+            .map_or_else(String::new, |(_, known)| format!("; did you mean `{known}`?"));
+        let known = names.join(", ");
+        Self::UnknownName { kind, name: name.to_owned(), hint, known }
+    }
+}
