@@ -9,6 +9,7 @@
 //! | [`units`], [`time`], [`stats`], [`geometry`] | vocabulary: units, clocks, estimates, grids; no I/O |
 //! | [`event`], [`frame`] | the data that flow: event columns, frames with exposure and row timing |
 //! | [`generate`] | brightness to events; pure |
+//! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
 //!
 //! # Invariants
@@ -25,6 +26,7 @@ pub mod event;
 pub mod frame;
 pub mod generate;
 pub mod geometry;
+pub mod report;
 pub mod stats;
 pub mod time;
 pub mod units;
