@@ -15,6 +15,7 @@
 //! | [`format`](mod@format) | one file per format, bytes in and values out: AEDAT4 |
 //! | [`generate`] | brightness to events; pure |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
+//! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
 //!
 //! # Invariants
@@ -35,6 +36,7 @@ pub mod geometry;
 pub mod imu;
 pub mod pipeline;
 pub mod session;
+pub mod report;
 pub mod stats;
 pub mod time;
 pub mod units;

@@ -1,0 +1,273 @@
+//! The page: a plain description, and one HTML file made from it.
+
+use super::figure::{Figure, Link, Panel};
+use super::measure::{Measure, headline};
+use super::number::{quantity, significant};
+use super::plot::{Drawing, strip};
+use super::table::{Cell, Table};
+use base64::Engine;
+use minijinja::value::Value;
+use minijinja::{Environment, context};
+use sha2::{Digest, Sha256};
+
+const TEMPLATE: &str = include_str!("page.html");
+const STYLE: &str = include_str!("page.css");
+const SCRIPT: &str = include_str!("page.js");
+
+/// A report: what it is about, the answer in one glance, then the sections.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Page {
+    /// What the report is about: the session's or the dataset's name.
+    pub title: String,
+    /// The kind of report: "Session report".
+    pub kind: String,
+    /// The answer.
+    pub summary: Summary,
+    /// Sections in reading order.
+    pub sections: Vec<Section>,
+    /// Where this comes from: versions, seeds, inputs; set at the end of the page.
+    pub provenance: Vec<Fact>,
+}
+
+/// The top of the page.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Summary {
+    /// The answer in one sentence.
+    pub headline: String,
+    /// Short remarks below it.
+    pub remarks: Vec<String>,
+    /// What was recorded: duration, counts, size.
+    pub facts: Vec<Fact>,
+    /// One small figure beside the sentence.
+    pub figure: Option<Figure>,
+}
+
+/// A name and its value.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Fact {
+    /// Name.
+    pub name: String,
+    /// Value with its unit.
+    pub value: String,
+}
+
+/// One question and what answers it.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Section {
+    /// A few words.
+    pub title: String,
+    /// What this section tells.
+    pub lead: String,
+    /// Figures, tables and text in reading order.
+    pub blocks: Vec<Block>,
+}
+
+/// A piece of a section.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Block {
+    /// A figure.
+    Figure(Figure),
+    /// Comparison measures with their strips and verdicts.
+    Measures(Vec<Measure>),
+    /// Any other table.
+    Table(Table),
+    /// Names and values.
+    Facts(Vec<Fact>),
+    /// A paragraph.
+    Text(String),
+}
+
+/// A page that cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "the report \"{title}\" cannot be set: {source}; this is a fault of evrig's own page template"
+)]
+pub struct PageError {
+    title: String,
+    source: minijinja::Error,
+}
+
+impl Fact {
+    /// A name and its value.
+    #[must_use]
+    pub fn new(name: &str, value: impl Into<String>) -> Self {
+        Self { name: name.to_owned(), value: value.into() }
+    }
+}
+
+impl Summary {
+    /// The summary that measures alone can give.
+    #[must_use]
+    pub fn from_measures(measures: &[Measure]) -> Self {
+        Self {
+            headline: headline(measures),
+            figure: Some(strip::departures_figure(measures)),
+            ..Self::default()
+        }
+    }
+}
+
+impl Page {
+    /// The page as one HTML file in UTF-8 that loads nothing from anywhere.
+    ///
+    /// The file states a content security policy under which a browser loads no resource
+    /// but pictures inside the file and runs no script but the one written here, so even a
+    /// flaw in escaping could not make it call out.
+    ///
+    /// # Errors
+    /// When the template is at fault.
+    pub fn to_html(&self) -> Result<String, PageError> {
+        self.render().map_err(|source| PageError { title: self.title.clone(), source })
+    }
+
+    fn render(&self) -> Result<String, minijinja::Error> {
+        let mut environment = Environment::new();
+        environment.set_trim_blocks(true);
+        environment.set_lstrip_blocks(true);
+        // The name's ending switches on the escaping of HTML.
+        environment.add_template("page.html", TEMPLATE)?;
+        let sections: Vec<Value> = self.sections.iter().enumerate().map(section_view).collect();
+        environment.get_template("page.html")?.render(context! {
+            title => self.title,
+            kind => self.kind,
+            version => env!("CARGO_PKG_VERSION"),
+            policy => policy(),
+            style => safe(STYLE),
+            script => safe(SCRIPT),
+            headline => self.summary.headline,
+            remarks => self.summary.remarks,
+            facts => facts_view(&self.summary.facts),
+            figure => self.summary.figure.as_ref().map(figure_view),
+            sections => sections,
+            provenance => facts_view(&self.provenance),
+        })
+    }
+}
+
+fn safe(markup: &str) -> Value {
+    Value::from_safe_string(markup.to_owned())
+}
+
+/// Nothing is loaded but pictures inside the file; only our own style and script count.
+fn policy() -> String {
+    let hash = |text: &str| base64::engine::general_purpose::STANDARD.encode(Sha256::digest(text));
+    format!(
+        "default-src 'none'; img-src data:; style-src 'sha256-{}'; script-src 'sha256-{}'; base-uri 'none'; form-action 'none'",
+        hash(STYLE),
+        hash(SCRIPT)
+    )
+}
+
+fn section_view((index, section): (usize, &Section)) -> Value {
+    let blocks: Vec<Value> = section.blocks.iter().map(block_view).collect();
+    context! {
+        id => format!("section-{}", index + 1),
+        number => index + 1,
+        title => section.title,
+        lead => section.lead,
+        blocks => blocks,
+    }
+}
+
+fn block_view(block: &Block) -> Value {
+    match block {
+        Block::Figure(figure) => context! { figure => figure_view(figure) },
+        Block::Measures(measures) => {
+            let rows: Vec<Value> = measures.iter().map(measure_view).collect();
+            context! { measures => rows }
+        }
+        Block::Table(table) => context! { table => table_view(table) },
+        Block::Facts(facts) => context! { facts => facts_view(facts) },
+        Block::Text(text) => context! { text => text },
+    }
+}
+
+fn facts_view(facts: &[Fact]) -> Vec<Value> {
+    facts.iter().map(|f| context! { name => f.name, value => f.value }).collect()
+}
+
+fn figure_view(figure: &Figure) -> Value {
+    let legend: Vec<Value> = figure
+        .legend
+        .iter()
+        .map(|k| context! { ink => k.ink_class(), sample => k.sample_class(), text => k.text() })
+        .collect();
+    let panels: Vec<Value> = figure.panels.iter().map(panel_view).collect();
+    // Drawings made for half a page stand side by side.
+    let is_grid = panels.len() > 1 && figure.panels.iter().all(|p| !p.drawing.is_wide());
+    context! {
+        title => figure.title,
+        caption => figure.caption,
+        legend => legend,
+        panels => panels,
+        layout => if is_grid { "side-by-side" } else { "stacked" },
+        data => figure.data.as_ref().map(link_view),
+    }
+}
+
+fn panel_view(panel: &Panel) -> Value {
+    context! {
+        title => panel.title,
+        note => panel.note,
+        alt => panel.alt,
+        size => if panel.drawing.is_wide() { "full" } else { "half" },
+        drawing => drawing_view(&panel.drawing),
+    }
+}
+
+fn drawing_view(drawing: &Drawing) -> Value {
+    context! { wide => safe(drawing.wide()), narrow => drawing.narrow().map(safe) }
+}
+
+fn link_view(link: &Link) -> Value {
+    context! { href => link.href(), text => link.text() }
+}
+
+fn measure_view(measure: &Measure) -> Value {
+    let shown = quantity(&measure.estimate);
+    let verdict = measure.verdict();
+    let side = |value: Option<f64>| value.map(|v| significant(v, 4));
+    context! {
+        id => measure.id,
+        name => measure.name,
+        formula => measure.formula,
+        source => measure.source,
+        unit => measure.unit,
+        value => shown.value,
+        error => shown.error,
+        n => measure.estimate.n,
+        range => measure.range_text(),
+        verdict => verdict.word(),
+        mark => verdict.mark(),
+        class => verdict.class(),
+        strip => drawing_view(&strip::row(measure)),
+        real => side(measure.real),
+        simulated => side(measure.simulated),
+        data => measure.data.as_ref().map(link_view),
+    }
+}
+
+fn table_view(table: &Table) -> Value {
+    let columns: Vec<Value> = table
+        .columns
+        .iter()
+        .map(|c| context! { name => c.name, unit => c.unit, is_numeric => c.is_numeric })
+        .collect();
+    let cell_view = |cell: Option<&Cell>, is_numeric: bool| {
+        context! {
+            text => cell.map_or("", Cell::shown),
+            key => cell.and_then(Cell::sort_key).map(|key| format!("{key:e}")),
+            link => cell.and_then(Cell::link).map(link_view),
+            is_numeric => is_numeric,
+        }
+    };
+    let rows: Vec<Vec<Value>> = table
+        .rows
+        .iter()
+        .map(|row| {
+            let cells = table.columns.iter().enumerate();
+            cells.map(|(i, column)| cell_view(row.get(i), column.is_numeric)).collect()
+        })
+        .collect();
+    context! { title => table.title, caption => table.caption, columns => columns, rows => rows }
+}
