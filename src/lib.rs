@@ -13,6 +13,7 @@
 //! | [`event`], [`frame`] | the data that flow: event columns, frames with exposure and row timing |
 //! | [`imu`] | inertial samples and triggers |
 //! | [`format`](mod@format) | one file per format, bytes in and values out: AEDAT4 |
+//! | [`rig`], [`trajectory`] | descriptions read, checked, explained; path to timed poses; reach, joint, speed limits |
 //! | [`generate`] | brightness to events; pure |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
@@ -37,6 +38,8 @@ pub mod imu;
 pub mod pipeline;
 pub mod session;
 pub mod report;
+pub mod rig;
 pub mod stats;
 pub mod time;
+pub mod trajectory;
 pub mod units;
