@@ -8,15 +8,13 @@
 //! | --- | --- |
 //! | [`units`], [`time`], [`stats`], [`geometry`] | vocabulary: units, clocks, estimates, grids; no I/O |
 //! | [`event`], [`frame`], [`imu`] | the data that flow: event columns, frames with exposure and row timing, inertial samples |
-//! | [`format`] | one file a format, bytes in and values out, bounded memory |
-//! | [`session`] | the on-disk contract: layout, manifest, journal, verify, imports |
-//! | [`event`], [`frame`] | the data that flow: event columns, frames with exposure and row timing |
-//! | [`imu`] | inertial samples and triggers |
-//! | [`format`](mod@format) | one file per format, bytes in and values out: AEDAT4 |
+//! | [`format`](mod@format) | one file a format, bytes in and values out, bounded memory |
 //! | [`rig`], [`trajectory`] | descriptions read, checked, explained; path to timed poses; reach, joint, speed limits |
+//! | [`session`] | the on-disk contract: layout, manifest, journal, verify, imports |
 //! | [`generate`] | brightness to events; pure |
-//! | [`pipeline`] | stages: input checksums to outputs, what is stale |
+//! | [`compare`] | real against simulated events, one measure a file, each with its error |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
+//! | [`pipeline`] | stages: input checksums to outputs, what is stale |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
 //!
 //! # Invariants

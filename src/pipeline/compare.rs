@@ -1,8 +1,8 @@
 //! The stage `compare`: a simulated stream against the real one.
 
 use super::{Freshness, PipelineError, clear, fresh_record, inputs};
-use crate::compare::{self, Comparison, Maps, Setup};
-use crate::format::npy::{Npz, NpzWriter};
+use crate::compare::{self, Comparison, FrameChanges, Maps, Setup};
+use crate::format::npy::{Column, Npz, NpzWriter};
 use crate::frame::Luminance;
 use crate::geometry::Size;
 use crate::session::{
@@ -84,30 +84,29 @@ fn run(
     let missing = |what: String| PipelineError::Missing { session: session.root().to_owned(), what };
     let size = session.size().ok_or_else(|| missing("no stream states its pixel grid".into()))?;
     let (real, simulated) = (real.as_slice(), simulated.as_slice());
+    let light = light.map(|light| LogFrames::read(session, light)).transpose()?;
     let span = |t: &[i64]| t.first().copied().zip(t.last().copied());
-    let mut changes = None;
-    let window = match light {
-        Some(light) => {
-            let (times, logs) = log_brightness(session, light)?;
-            let ends = times.first().copied().zip(times.last().copied());
-            changes = Some((times, logs));
-            ends
-        }
-        None => match (span(real.t), span(simulated.t)) {
-            (Some(a), Some(b)) => Some((a.0.max(b.0), a.1.min(b.1) + 1)),
-            _ => None,
-        },
+    let window = match &light {
+        Some(frames) => span(&frames.times_us),
+        None => span(real.t).zip(span(simulated.t)).map(|(a, b)| (a.0.max(b.0), a.1.min(b.1) + 1)),
     };
     let window = window.filter(|(start, end)| start < end).ok_or_else(|| {
         missing(format!("`{}` and `{}` do not overlap in time", request.real, request.simulated))
     })?;
+    let change = |k: usize, out: &mut [f32]| {
+        if let Some(frames) = &light {
+            frames.change(k, out);
+        }
+    };
     let setup = Setup {
         size,
         window: [window.0, window.1],
         region: None,
         seed: request.seed,
         n_bootstrap: N_BOOTSTRAP,
-        frames: changes.as_ref().map(|(times, logs)| compare::FrameChanges { times_us: times, log_brightness: logs }),
+        frames: light
+            .as_ref()
+            .map(|frames| FrameChanges { times_us: &frames.times_us, change: &change }),
     };
     compare::compare(real, simulated, &setup).map_err(|source| PipelineError::Compare {
         session: session.root().to_owned(),
@@ -117,31 +116,96 @@ fn run(
     })
 }
 
-/// Times of the frames and the logarithm of brightness of each, frame after frame.
-fn log_brightness(
-    session: &Session,
-    light: &str,
-) -> Result<(Vec<i64>, Vec<Vec<f32>>), PipelineError> {
-    let mut times = Vec::new();
-    let mut logs = Vec::new();
-    for frame in session.luminance(light)? {
-        let Luminance { t_us, values, .. } = frame?;
-        times.push(t_us);
-        // One digital unit keeps the logarithm of a dark pixel finite.
-        logs.push(values.iter().map(|value| (value + 1.0).ln()).collect());
-    }
-    Ok((times, logs))
+/// Log brightness of a stream's frames, thinned where they would not fit in memory.
+struct LogFrames {
+    times_us: Vec<i64>,
+    logs: Vec<Vec<f32>>,
 }
+
+/// Samples of log brightness that are held at once: 512 MiB.
+const MAX_SAMPLES: u64 = 1 << 27;
+
+impl LogFrames {
+    /// Reads every frame, or every n-th where all would not fit; the last is always kept, so
+    /// that the window is the same.
+    fn read(session: &Session, light: &str) -> Result<Self, PipelineError> {
+        let entry = session.stream(StreamKind::Frames, light)?;
+        let n_samples = entry.count * entry.size.map_or(0, |size| size.n_pixels() as u64);
+        let step = n_samples.div_ceil(MAX_SAMPLES).max(1);
+        let mut frames = Self { times_us: Vec::new(), logs: Vec::new() };
+        let mut last = None;
+        for (i, frame) in session.luminance(light)?.enumerate() {
+            let frame = frame?;
+            if i as u64 % step == 0 {
+                frames.push(&frame);
+                last = None;
+            } else {
+                last = Some(frame);
+            }
+        }
+        last.iter().for_each(|frame| frames.push(frame));
+        Ok(frames)
+    }
+
+    fn push(&mut self, frame: &Luminance) {
+        self.times_us.push(frame.t_us);
+        // A pixel without any light has no logarithm and is left out of the correlation.
+        let log = |value: &f32| if *value > 0.0 { value.ln() } else { f32::NAN };
+        self.logs.push(frame.values.iter().map(log).collect());
+    }
+
+    fn change(&self, k: usize, out: &mut [f32]) {
+        let Some([before, after]) = self.logs.get(k..k + 2) else { return };
+        for ((out, before), after) in out.iter_mut().zip(before).zip(after) {
+            *out = after - before;
+        }
+    }
+}
+
+/// The comparison that a session holds for a simulated stream, with its maps; `None` without one.
+///
+/// # Errors
+/// When its files cannot be read.
+pub fn read_comparison(
+    session: &Session,
+    simulated: &StreamName,
+) -> Result<Option<Comparison>, PipelineError> {
+    let directory = session.layout().derived("compare", Some(simulated));
+    let path = directory.join("comparison.json");
+    let io = |source| PipelineError::Io { path: path.clone(), source };
+    let text = match std::fs::read_to_string(&path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(io(error)),
+    };
+    let mut comparison: Comparison = serde_json::from_str(&text).map_err(|e| io(e.into()))?;
+    let mut npz = Npz::open(&directory.join("maps.npz")).map_err(SessionError::from)?;
+    let Maps { size, real_on, real_off, simulated_on, simulated_off } = &mut comparison.maps;
+    for (name, map) in MAP_NAMES.into_iter().zip([real_on, real_off, simulated_on, simulated_off]) {
+        let array = npz.array(name).map_err(SessionError::from)?;
+        if let [height, width] = array.shape[..] {
+            let side = |n: u64| u16::try_from(n).unwrap_or(u16::MAX);
+            *size = Some(Size::new(side(width), side(height)));
+        }
+        if let Some((_, Column::Int(counts))) = array.fields.into_iter().next() {
+            *map = counts.into_iter().map(|n| u32::try_from(n).unwrap_or(u32::MAX)).collect();
+        }
+    }
+    Ok(Some(comparison))
+}
+
+/// Names of the maps in `maps.npz`, in the order of the fields of [`Maps`].
+const MAP_NAMES: [&str; 4] = ["real_on", "real_off", "simulated_on", "simulated_off"];
 
 fn write(directory: &Path, comparison: &Comparison) -> Result<(), PipelineError> {
     let path = directory.join("comparison.json");
     let io = |source| PipelineError::Io { path: path.clone(), source };
     let text = serde_json::to_string_pretty(comparison).map_err(|e| io(e.into()))?;
     std::fs::write(&path, text + "\n").map_err(io)?;
-    let Size { width, height } = comparison.maps.size;
-    let shape = [u64::from(height), u64::from(width)];
+    let Maps { size, real_on, real_off, simulated_on, simulated_off } = &comparison.maps;
+    let shape = size.map_or([0, 0], |size| [u64::from(size.height), u64::from(size.width)]);
     let mut npz = NpzWriter::create(&directory.join("maps.npz")).map_err(SessionError::from)?;
-    for (name, map) in named_maps(&comparison.maps) {
+    for (name, map) in MAP_NAMES.into_iter().zip([real_on, real_off, simulated_on, simulated_off]) {
         npz.add(name, &shape, map.iter().copied()).map_err(SessionError::from)?;
     }
     Ok(npz.finish().map_err(SessionError::from)?)
