@@ -15,6 +15,7 @@
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
+//! | [`compare`] | real events against simulated ones, one measure a file, each with its error |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
 //!
 //! # Invariants
@@ -27,6 +28,7 @@
 
 pub mod cli;
 pub mod commands;
+pub mod compare;
 pub mod event;
 pub mod format;
 pub mod frame;

@@ -1,18 +1,32 @@
 //! A number with its error: what evrig reports is always one of these.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// A value that cannot be had without its error and the number of samples behind it.
+///
+/// JSON knows no NaN: what is not known is `null` there, and reads back as NaN.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The best value; NaN when there were no samples to form one.
+    #[serde(deserialize_with = "known_or_nan")]
     pub value: f64,
     /// Standard error of the value; NaN when it cannot be told.
+    #[serde(deserialize_with = "known_or_nan")]
     pub standard_error: f64,
     /// Interval that covers the truth in 90 % of repetitions, low and high end.
+    #[serde(deserialize_with = "both_known_or_nan")]
     pub ci90: [f64; 2],
     /// Number of samples behind the value.
     pub n: u64,
+}
+
+fn known_or_nan<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::NAN))
+}
+
+fn both_known_or_nan<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 2], D::Error> {
+    let ends = <[Option<f64>; 2]>::deserialize(deserializer)?;
+    Ok(ends.map(|end| end.unwrap_or(f64::NAN)))
 }
 
 /// Half width of a 90 % interval of the normal law, in standard errors.
@@ -94,6 +108,14 @@ mod tests {
         let estimate = Estimate::from_replicates(50.0, &mut replicates, 7);
         assert_eq!(estimate.ci90, [5.0, 95.0]);
         assert!((estimate.standard_error - 29.300_170).abs() < 1e-5);
+    }
+
+    #[test]
+    fn what_is_unknown_is_null_in_json_and_reads_back() {
+        let json = serde_json::to_string(&Estimate::unknown()).unwrap();
+        assert_eq!(json, r#"{"value":null,"standard_error":null,"ci90":[null,null],"n":0}"#);
+        let back: Estimate = serde_json::from_str(&json).unwrap();
+        assert!(back.value.is_nan() && back.ci90[1].is_nan() && !back.is_known());
     }
 
     #[test]

@@ -1,0 +1,249 @@
+//! The spanning tree of the network simplex: flows on its edges, potentials on its nodes.
+//!
+//! Edges have no capacity and run either way, so a tree edge carries a flow `>= 0` and a
+//! direction. A tree is strongly feasible when every edge without flow points to the root;
+//! [`SpanningTree::pivot`] keeps it so, which rules out endless cycling.
+
+/// A node of the tree.
+pub(super) type Node = u32;
+
+const NONE: Node = Node::MAX;
+
+/// What a node knows of the edge to its parent and of its place in the tree.
+#[derive(Debug, Clone, Copy)]
+struct Link {
+    parent: Node,
+    first_child: Node,
+    next_sibling: Node,
+    previous_sibling: Node,
+    depth: u32,
+    /// Whether the flow runs from this node to the parent.
+    is_up: bool,
+    cost: i64,
+    flow: i64,
+}
+
+/// A rooted spanning tree with a feasible flow.
+#[derive(Debug)]
+pub(super) struct SpanningTree {
+    links: Vec<Link>,
+    potentials: Vec<i64>,
+    stack: Vec<Node>,
+}
+
+impl SpanningTree {
+    /// The tree with the given parents (one root), carrying `supply` (sums to zero) into balance.
+    pub(super) fn feasible(
+        parents: &[Option<Node>],
+        supply: &[i64],
+        cost: impl Fn(Node, Node) -> i64,
+    ) -> Self {
+        let blank = Link {
+            parent: NONE,
+            first_child: NONE,
+            next_sibling: NONE,
+            previous_sibling: NONE,
+            depth: 0,
+            is_up: true,
+            cost: 0,
+            flow: 0,
+        };
+        let n = parents.len();
+        let mut tree =
+            Self { links: vec![blank; n], potentials: vec![0; n], stack: Vec::with_capacity(n) };
+        let mut root = 0;
+        for (v, parent) in parents.iter().enumerate() {
+            match *parent {
+                Some(parent) => {
+                    tree.links[v].cost = cost(v as Node, parent);
+                    tree.attach(v as Node, parent);
+                }
+                None => root = v as Node,
+            }
+        }
+        tree.fill_flows(root, supply);
+        tree.settle(root);
+        tree
+    }
+
+    /// Every edge carries what the nodes below it have in excess.
+    fn fill_flows(&mut self, root: Node, supply: &[i64]) {
+        let mut order = Vec::with_capacity(self.links.len());
+        order.push(root);
+        let mut next = 0;
+        while let Some(&v) = order.get(next) {
+            let mut child = self.links[v as usize].first_child;
+            while child != NONE {
+                order.push(child);
+                child = self.links[child as usize].next_sibling;
+            }
+            next += 1;
+        }
+        let mut excess = supply.to_vec();
+        for &v in order.iter().rev() {
+            let mass = excess[v as usize];
+            let link = &mut self.links[v as usize];
+            link.flow = mass.abs();
+            link.is_up = mass >= 0;
+            if link.parent != NONE {
+                excess[link.parent as usize] += mass;
+            }
+        }
+    }
+
+    /// The node's potential: along an edge that carries flow it rises by the edge's cost.
+    pub(super) fn potential(&self, v: Node) -> i64 {
+        self.potentials[v as usize]
+    }
+
+    /// The node's parent; none for the root.
+    pub(super) fn parent(&self, v: Node) -> Option<Node> {
+        let parent = self.links[v as usize].parent;
+        (parent != NONE).then_some(parent)
+    }
+
+    /// Flow times cost over all edges.
+    pub(super) fn cost(&self) -> f64 {
+        let edges = self.links.iter().filter(|link| link.parent != NONE);
+        edges.map(|link| link.flow as f64 * link.cost as f64).sum()
+    }
+
+    /// Takes the arc `from -> to` into the tree, sends as much around the cycle it closes as
+    /// the cycle bears, and drops the edge that then has no flow.
+    pub(super) fn pivot(&mut self, from: Node, to: Node, cost: i64, reduced_cost: i64) {
+        let (amount, leaving, leaves_on_from_side) = self.blocking_edge(from, to);
+        self.send_around(from, to, amount);
+        let (inner, outer) = if leaves_on_from_side { (from, to) } else { (to, from) };
+        self.hang_over(inner, outer, leaving, cost, amount, leaves_on_from_side);
+        // The subtree that changed sides now sees the arc with reduced cost zero.
+        let shift = if leaves_on_from_side { -reduced_cost } else { reduced_cost };
+        self.shift_below(inner, shift);
+    }
+
+    /// The least flow against the cycle's sense, and the node below the edge that has it.
+    /// Among equals it is the last one met on the way from the cycle's top in the sense of
+    /// the arc: this keeps the tree strongly feasible.
+    fn blocking_edge(&self, from: Node, to: Node) -> (i64, Node, bool) {
+        let mut least = i64::MAX;
+        let mut least_from = (i64::MAX, NONE);
+        let mut least_to = (i64::MAX, NONE);
+        let (mut a, mut b) = (from, to);
+        while a != b {
+            let (link_a, link_b) = (&self.links[a as usize], &self.links[b as usize]);
+            if link_a.depth >= link_b.depth {
+                if link_a.is_up && link_a.flow < least_from.0 {
+                    least_from = (link_a.flow, a);
+                }
+                a = link_a.parent;
+            } else {
+                if !link_b.is_up && link_b.flow <= least_to.0 {
+                    least_to = (link_b.flow, b);
+                }
+                b = link_b.parent;
+            }
+        }
+        least = least.min(least_from.0).min(least_to.0);
+        if least_to.0 <= least { (least, least_to.1, false) } else { (least, least_from.1, true) }
+    }
+
+    /// Adds the amount to every edge of the cycle, in the cycle's sense.
+    fn send_around(&mut self, from: Node, to: Node, amount: i64) {
+        let (mut a, mut b) = (from, to);
+        while a != b {
+            if self.links[a as usize].depth >= self.links[b as usize].depth {
+                let link = &mut self.links[a as usize];
+                link.flow += if link.is_up { -amount } else { amount };
+                a = link.parent;
+            } else {
+                let link = &mut self.links[b as usize];
+                link.flow += if link.is_up { amount } else { -amount };
+                b = link.parent;
+            }
+        }
+    }
+
+    /// Cuts the edge above `leaving` and hangs the part below it onto `outer` by `inner`,
+    /// turning the path between `inner` and `leaving` upside down.
+    fn hang_over(
+        &mut self,
+        inner: Node,
+        outer: Node,
+        leaving: Node,
+        cost: i64,
+        flow: i64,
+        is_up: bool,
+    ) {
+        let (mut node, mut new_parent) = (inner, outer);
+        let mut edge = (cost, flow, is_up);
+        loop {
+            let old = self.links[node as usize];
+            self.detach(node);
+            let link = &mut self.links[node as usize];
+            (link.cost, link.flow, link.is_up) = edge;
+            self.attach(node, new_parent);
+            if node == leaving {
+                return;
+            }
+            edge = (old.cost, old.flow, !old.is_up);
+            (new_parent, node) = (node, old.parent);
+        }
+    }
+
+    fn attach(&mut self, v: Node, parent: Node) {
+        let next = self.links[parent as usize].first_child;
+        let link = &mut self.links[v as usize];
+        link.parent = parent;
+        link.next_sibling = next;
+        link.previous_sibling = NONE;
+        if next != NONE {
+            self.links[next as usize].previous_sibling = v;
+        }
+        self.links[parent as usize].first_child = v;
+    }
+
+    fn detach(&mut self, v: Node) {
+        let Link { parent, next_sibling, previous_sibling, .. } = self.links[v as usize];
+        if previous_sibling == NONE {
+            self.links[parent as usize].first_child = next_sibling;
+        } else {
+            self.links[previous_sibling as usize].next_sibling = next_sibling;
+        }
+        if next_sibling != NONE {
+            self.links[next_sibling as usize].previous_sibling = previous_sibling;
+        }
+    }
+
+    /// Adds to the potentials of a subtree and sets its depths anew.
+    fn shift_below(&mut self, top: Node, shift: i64) {
+        self.stack.push(top);
+        while let Some(v) = self.stack.pop() {
+            self.potentials[v as usize] += shift;
+            let parent = self.links[v as usize].parent;
+            self.links[v as usize].depth = self.links[parent as usize].depth + 1;
+            self.push_children(v);
+        }
+    }
+
+    /// Depths and potentials of the whole tree from its edges.
+    fn settle(&mut self, root: Node) {
+        self.stack.push(root);
+        while let Some(v) = self.stack.pop() {
+            let link = self.links[v as usize];
+            if link.parent != NONE {
+                let above = self.potentials[link.parent as usize];
+                self.potentials[v as usize] =
+                    if link.is_up { above - link.cost } else { above + link.cost };
+                self.links[v as usize].depth = self.links[link.parent as usize].depth + 1;
+            }
+            self.push_children(v);
+        }
+    }
+
+    fn push_children(&mut self, v: Node) {
+        let mut child = self.links[v as usize].first_child;
+        while child != NONE {
+            self.stack.push(child);
+            child = self.links[child as usize].next_sibling;
+        }
+    }
+}

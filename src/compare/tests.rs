@@ -1,0 +1,3 @@
+//! Whole comparisons, with planted truths.
+
+use super::*;
