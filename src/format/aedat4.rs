@@ -26,6 +26,7 @@ mod encode;
 mod error;
 mod framing;
 mod header;
+mod lz4_frame;
 mod reader;
 mod table;
 mod writer;

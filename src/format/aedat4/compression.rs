@@ -1,8 +1,12 @@
 //! Compression of packets.
 
-use super::MAX_PACKET_BYTES;
+use super::{MAX_PACKET_BYTES, lz4_frame};
 use aedat::base::ioheader_generated::Compression as Code;
-use std::io::{self, Read, Write};
+use std::cell::RefCell;
+use std::io::{self, Read};
+
+/// The fastest of the usual levels.
+const ZSTD_LEVEL: i32 = 1;
 
 /// How the packets of a file are compressed; one way for the whole file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -63,34 +67,49 @@ impl Undecodable {
     }
 }
 
-/// Decompresses `raw` into `plain`, which is cleared first and grows to at most `limit` bytes.
-pub(super) fn decompress(
+thread_local! {
+    /// Where a packet lies between decompression and decoding, or encoding and compression. Kept,
+    /// because memory that the system hands out anew is cleared page by page, which costs more
+    /// than decoding does.
+    static SCRATCH: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
+}
+
+/// Scratch above this size is given back after use.
+const KEPT_SCRATCH_BYTES: usize = 1 << 23;
+
+fn with_scratch<T>(act: impl FnOnce(&mut Vec<u8>) -> T) -> T {
+    SCRATCH.with(|scratch| {
+        // The scratch is only in use here if `act` came back to this thread for another packet.
+        let mut own = scratch.take();
+        let result = act(&mut own);
+        if own.len() <= KEPT_SCRATCH_BYTES {
+            scratch.replace(own);
+        }
+        result
+    })
+}
+
+/// Decompresses `raw` and passes the result on; takes at most `limit` bytes of memory for it.
+pub(super) fn decompress<T>(
     how: Compression,
     raw: &[u8],
     limit: usize,
-    plain: &mut Vec<u8>,
-) -> Result<(), Undecodable> {
-    plain.clear();
-    let read = match how {
-        Compression::None => {
-            plain.extend_from_slice(raw);
-            Ok(raw.len())
-        }
-        Compression::Lz4 => {
-            lz4::Decoder::new(raw).and_then(|decoder| read_up_to(decoder, limit, plain))
-        }
-        Compression::Zstd => zstd::stream::Decoder::with_buffer(raw)
-            .and_then(|decoder| read_up_to(decoder, limit, plain)),
-    };
-    match read {
-        Ok(n) if n > limit => Err(Undecodable::TooLarge),
-        Ok(_) => Ok(()),
-        Err(error) => Err(Undecodable::Damaged(error.to_string())),
+    pass_on: impl FnOnce(&[u8]) -> T,
+) -> Result<T, Undecodable> {
+    match how {
+        Compression::None => Ok(pass_on(raw)),
+        Compression::Lz4 => with_scratch(|plain| {
+            let n = lz4_frame::decompress(raw, limit, plain)?;
+            Ok(pass_on(&plain[..n]))
+        }),
+        Compression::Zstd => with_scratch(|plain| {
+            plain.clear();
+            let n = zstd::stream::Decoder::with_buffer(raw)
+                .and_then(|decoder| decoder.take(limit as u64 + 1).read_to_end(plain))
+                .map_err(|error| Undecodable::Damaged(error.to_string()))?;
+            if n > limit { Err(Undecodable::TooLarge) } else { Ok(pass_on(plain)) }
+        }),
     }
-}
-
-fn read_up_to(decoder: impl Read, limit: usize, plain: &mut Vec<u8>) -> io::Result<usize> {
-    decoder.take(limit as u64 + 1).read_to_end(plain)
 }
 
 /// Compresses one payload.
@@ -100,12 +119,7 @@ pub(super) fn compress(how: Compression, plain: &[u8]) -> io::Result<Vec<u8>> {
     }
     match how {
         Compression::None => Ok(plain.to_vec()),
-        Compression::Lz4 => {
-            let mut encoder = lz4::EncoderBuilder::new().build(Vec::new())?;
-            encoder.write_all(plain)?;
-            let (raw, finished) = encoder.finish();
-            finished.map(|()| raw)
-        }
-        Compression::Zstd => zstd::bulk::compress(plain, 1),
+        Compression::Lz4 => with_scratch(|scratch| lz4_frame::compress(plain, scratch)),
+        Compression::Zstd => zstd::bulk::compress(plain, ZSTD_LEVEL),
     }
 }

@@ -172,10 +172,9 @@ impl<R: Read> Framing<R> {
     fn check_table(&mut self) -> Result<(), ReadError> {
         let mut raw = Vec::new();
         self.read(MAX_PACKET_BYTES, &mut raw, None)?;
-        let mut plain = Vec::new();
-        let count = decompress(self.compression, &raw, MAX_PACKET_BYTES, &mut plain)
+        let count = decompress(self.compression, &raw, MAX_PACKET_BYTES, table::count)
             .map_err(Undecodable::into_text)
-            .and_then(|()| table::count(&plain));
+            .and_then(|count| count);
         let expected = || format!("the data table of {} packets", self.n_packets);
         match count {
             Ok(n) if n as u64 == self.n_packets => Ok(()),

@@ -5,17 +5,16 @@ use super::decode::{Decoded, decode};
 use super::framing::{Framing, RawPacket};
 use super::header::Header;
 use super::{Compression, Content, Kind, Losses, MAX_PACKET_BYTES, Packet, ReadError, Stream};
-use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
 /// Packets a thread has in work at a time.
-const PACKETS_PER_THREAD: usize = 4;
+const PACKETS_PER_THREAD: usize = 16;
 
 /// Compressed bytes after which no further packet is read ahead.
-const READ_AHEAD_BYTES: usize = 1 << 24;
+const READ_AHEAD_BYTES: usize = 1 << 22;
 
 /// What all packets decoded side by side may grow to; a larger packet is decoded by itself.
 const SIDE_BY_SIDE_BYTES: usize = 1 << 28;
@@ -32,18 +31,43 @@ pub struct Reader<R> {
     streams: Vec<Stream>,
     /// Packets decoded together; one for live sources, which must not wait for the next.
     window: usize,
-    ready: VecDeque<(RawPacket, Result<Decoded, Failure>)>,
-    /// What ends the reading once all that is ready was delivered.
+    /// Read, not yet decoded.
+    ahead: Vec<RawPacket>,
+    /// Decoded, not yet delivered.
+    ready: VecDeque<Work>,
+    /// What ends the reading once all before it was delivered.
     ending: Option<Result<(), ReadError>>,
     is_over: bool,
     losses: Losses,
     spare: Vec<Vec<u8>>,
 }
 
+/// A packet and what became of it.
+#[derive(Debug)]
+struct Work {
+    packet: RawPacket,
+    decoded: Result<Decoded, Failure>,
+}
+
+impl Work {
+    fn new(packet: RawPacket) -> Self {
+        Self { packet, decoded: Err(Failure::TooLarge) }
+    }
+
+    fn decode(&mut self, streams: &[Stream], compression: Compression, limit: usize) {
+        self.decoded = decode_packet(&self.packet, streams, compression, limit);
+    }
+
+    fn decoded(mut self, streams: &[Stream], compression: Compression, limit: usize) -> Self {
+        self.decode(streams, compression, limit);
+        self
+    }
+}
+
 /// Why a packet was not decoded.
 #[derive(Debug)]
 enum Failure {
-    /// It would have grown beyond its share of memory.
+    /// It was not tried yet, or would have grown beyond its share of memory.
     TooLarge,
     /// What was expected and found.
     Damaged(String, String),
@@ -92,6 +116,7 @@ impl<R: Read> Reader<R> {
             framing,
             streams: header.streams,
             window,
+            ahead: Vec::new(),
             ready: VecDeque::new(),
             ending: None,
             is_over: false,
@@ -118,33 +143,45 @@ impl<R: Read> Reader<R> {
         &self.losses
     }
 
-    /// Reads and decodes the next window of packets.
+    /// Decodes the packets read ahead and meanwhile reads the next.
     fn fill(&mut self) {
-        let mut raw = Vec::with_capacity(self.window);
+        if self.ahead.is_empty() {
+            self.read_ahead();
+        }
+        let packets = std::mem::take(&mut self.ahead);
+        let limit = SIDE_BY_SIDE_BYTES / packets.len().max(1);
+        let compression = self.framing.compression();
+        if self.window == 1 {
+            // A live source must not be asked for the next packet before this one is out.
+            let decode = |packet| Work::new(packet).decoded(&self.streams, compression, limit);
+            self.ready.extend(packets.into_iter().map(decode));
+            return;
+        }
+        let mut works: Vec<Work> = packets.into_iter().map(Work::new).collect();
+        let streams = std::mem::take(&mut self.streams);
+        rayon::in_place_scope(|scope| {
+            for work in &mut works {
+                scope.spawn(|_| work.decode(&streams, compression, limit));
+            }
+            self.read_ahead();
+        });
+        self.streams = streams;
+        self.ready = works.into();
+    }
+
+    /// Reads the next window of packets, unless the end was seen.
+    fn read_ahead(&mut self) {
         let mut n_bytes = 0;
-        while raw.len() < self.window && n_bytes < READ_AHEAD_BYTES {
+        while self.ending.is_none() && self.ahead.len() < self.window && n_bytes < READ_AHEAD_BYTES
+        {
             match self.framing.next(self.spare.pop().unwrap_or_default()) {
                 Ok(Some(packet)) => {
                     n_bytes += packet.payload.len();
-                    raw.push(packet);
+                    self.ahead.push(packet);
                 }
-                end => {
-                    self.ending = Some(end.map(|_| ()));
-                    break;
-                }
+                end => self.ending = Some(end.map(|_| ())),
             }
         }
-        let limit = SIDE_BY_SIDE_BYTES / raw.len().max(1);
-        let (streams, compression) = (&self.streams, self.framing.compression());
-        let decode = |packet: RawPacket| {
-            let decoded = decode_packet(&packet, streams, compression, limit);
-            (packet, decoded)
-        };
-        self.ready = if raw.len() == 1 {
-            raw.into_iter().map(decode).collect()
-        } else {
-            raw.into_par_iter().map(decode).collect::<Vec<_>>().into()
-        };
     }
 
     /// Counts what was lost and hands the packet out; none for a packet that was lost whole.
@@ -166,6 +203,7 @@ impl<R: Read> Reader<R> {
     fn fail(&mut self, packet: &RawPacket, expected: String, found: String) -> ReadError {
         self.is_over = true;
         self.ready.clear();
+        self.ahead.clear();
         self.framing.undecodable(packet, expected, found)
     }
 }
@@ -175,8 +213,8 @@ impl<R: Read> Iterator for Reader<R> {
 
     fn next(&mut self) -> Option<Self::Item> {
         while !self.is_over {
-            let Some((packet, decoded)) = self.ready.pop_front() else {
-                match self.ending.take() {
+            let Some(work) = self.ready.pop_front() else {
+                match self.ending.take_if(|_| self.ahead.is_empty()) {
                     None => self.fill(),
                     Some(end) => {
                         self.is_over = true;
@@ -185,12 +223,12 @@ impl<R: Read> Iterator for Reader<R> {
                 }
                 continue;
             };
-            let decoded = match decoded {
+            let Work { packet, decoded } = match work.decoded {
                 Err(Failure::TooLarge) => {
                     let compression = self.framing.compression();
-                    decode_packet(&packet, &self.streams, compression, MAX_PACKET_BYTES)
+                    work.decoded(&self.streams, compression, MAX_PACKET_BYTES)
                 }
-                decoded => decoded,
+                _ => work,
             };
             match decoded {
                 Ok(decoded) => {
@@ -229,21 +267,14 @@ fn decode_packet(
     if let Kind::Other(kind) = &stream.kind {
         return Ok(Decoded::whole(Content::Unknown { kind: kind.clone() }));
     }
-    let mut plain = Vec::new();
-    let payload = if compression == Compression::None {
-        packet.payload.as_slice()
-    } else {
-        decompress(compression, &packet.payload, limit, &mut plain).map_err(
-            |error| match error {
-                Undecodable::TooLarge => Failure::TooLarge,
-                Undecodable::Damaged(found) => {
-                    Failure::Damaged(format!("{} data", compression.name()), found)
-                }
-            },
-        )?;
-        plain.as_slice()
-    };
-    decode(&stream.kind, payload).map_err(|found| {
-        Failure::Damaged(format!("a {} flatbuffer", stream.kind.identifier()), found)
-    })
+    decompress(compression, &packet.payload, limit, |payload| decode(&stream.kind, payload))
+        .map_err(|error| match error {
+            Undecodable::TooLarge => Failure::TooLarge,
+            Undecodable::Damaged(found) => {
+                Failure::Damaged(format!("{} data", compression.name()), found)
+            }
+        })?
+        .map_err(|found| {
+            Failure::Damaged(format!("a {} flatbuffer", stream.kind.identifier()), found)
+        })
 }

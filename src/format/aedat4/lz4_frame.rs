@@ -1,0 +1,302 @@
+//! LZ4 frames, block by block (LZ4 frame format 1.6.4).
+//!
+//! DV chains blocks of 64 KiB, each of which may refer to the one before. They are decoded in
+//! place behind one another, which spares the copies that a streaming decoder makes, and a frame
+//! that lacks its end is found out, which streaming decoders let pass at a block's end. Frames
+//! written here have blocks that stand alone and a checksum of the content, so that a flipped bit
+//! is found when the file is read.
+
+use super::compression::Undecodable;
+use lz4::block::{CompressionMode, compress_bound, compress_to_buffer};
+use lz4_flex::block::{DecompressError, decompress_into_with_dict};
+use std::io;
+use twox_hash::XxHash32;
+
+const MAGIC: [u8; 4] = [0x04, 0x22, 0x4d, 0x18];
+
+/// Version 01 in the two highest bits of the flags, which end in a reserved bit and the dictionary's.
+const VERSION: u8 = 0x40;
+/// Bits that must be as in [`VERSION`]: version, reserved, dictionary (which AEDAT4 never has).
+const FIXED_FLAGS: u8 = 0xc3;
+/// Flag: blocks do not refer to one another.
+const IS_INDEPENDENT: u8 = 0x20;
+/// Flag: a checksum follows each block.
+const HAS_BLOCK_SUMS: u8 = 0x10;
+/// Flag: eight bytes of content size follow the flags.
+const HAS_CONTENT_SIZE: u8 = 0x08;
+/// Flag: a checksum of the content follows the end.
+const HAS_CONTENT_SUM: u8 = 0x04;
+
+/// How far back a match may lie.
+const REACH: usize = 1 << 16;
+
+/// Bit of a block's length that says it is stored as it is.
+const IS_STORED: u32 = 1 << 31;
+
+/// Descriptor and largest block, smallest first.
+const BLOCK_SIZES: [(u8, usize); 4] =
+    [(0x40, 1 << 16), (0x50, 1 << 18), (0x60, 1 << 20), (0x70, 1 << 22)];
+
+/// Decompresses into the first bytes of `plain` and says how many; `plain` grows as needed and is
+/// never shrunk, because growing clears memory.
+pub(super) fn decompress(
+    raw: &[u8],
+    limit: usize,
+    plain: &mut Vec<u8>,
+) -> Result<usize, Undecodable> {
+    let mut rest = raw;
+    let (flags, largest) = read_head(&mut rest)?;
+    let mut n = 0;
+    loop {
+        let length = take_u32(&mut rest)?;
+        if length == 0 {
+            break;
+        }
+        let block = take(&mut rest, (length & !IS_STORED) as usize)?;
+        if flags & HAS_BLOCK_SUMS != 0 {
+            check_sum(block, take_u32(&mut rest)?)?;
+        }
+        n += decompress_block(block, length & IS_STORED != 0, largest, n, limit, plain)?;
+    }
+    if flags & HAS_CONTENT_SUM != 0 {
+        check_sum(&plain[..n], take_u32(&mut rest)?)?;
+    }
+    Ok(n)
+}
+
+/// Reads the head of a frame: flags and size of the largest block.
+fn read_head(rest: &mut &[u8]) -> Result<(u8, usize), Undecodable> {
+    if take(rest, 4)? != MAGIC {
+        return Err(damaged("no LZ4 frame"));
+    }
+    let from = *rest;
+    let descriptor = take(rest, 2)?;
+    let (flags, code) = (descriptor[0], descriptor[1]);
+    if flags & FIXED_FLAGS != VERSION {
+        return Err(damaged("an LZ4 frame of another version or with a dictionary"));
+    }
+    if flags & HAS_CONTENT_SIZE != 0 {
+        take(rest, 8)?;
+    }
+    let described = &from[..from.len() - rest.len()];
+    if take(rest, 1)? != [head_sum(described)] {
+        return Err(damaged("an LZ4 frame whose head does not match its checksum"));
+    }
+    let largest = BLOCK_SIZES.iter().find(|(descriptor, _)| *descriptor == code);
+    let (_, largest) = largest.ok_or_else(|| damaged("an LZ4 frame of unknown block size"))?;
+    Ok((flags, *largest))
+}
+
+fn head_sum(descriptor: &[u8]) -> u8 {
+    (XxHash32::oneshot(0, descriptor) >> 8) as u8
+}
+
+fn check_sum(bytes: &[u8], expected: u32) -> Result<(), Undecodable> {
+    if XxHash32::oneshot(0, bytes) == expected {
+        Ok(())
+    } else {
+        Err(damaged("an LZ4 frame that does not match its checksum"))
+    }
+}
+
+/// Decompresses one block to `plain[n..]` and says how many bytes it gave.
+fn decompress_block(
+    block: &[u8],
+    is_stored: bool,
+    largest: usize,
+    n: usize,
+    limit: usize,
+    plain: &mut Vec<u8>,
+) -> Result<usize, Undecodable> {
+    let room = largest.min(limit - n);
+    if plain.len() < n + room {
+        plain.resize(n + room, 0);
+    }
+    let (before, after) = plain.split_at_mut(n);
+    let target = &mut after[..room];
+    let is_full = || {
+        if room < largest { Undecodable::TooLarge } else { damaged("an LZ4 block above its size") }
+    };
+    if is_stored {
+        let Some(target) = target.get_mut(..block.len()) else { return Err(is_full()) };
+        target.copy_from_slice(block);
+        return Ok(block.len());
+    }
+    let reach = &before[n.saturating_sub(REACH)..];
+    decompress_into_with_dict(block, target, reach).map_err(|error| match error {
+        DecompressError::OutputTooSmall { .. } => is_full(),
+        error => Undecodable::Damaged(format!("an LZ4 block with an error ({error})")),
+    })
+}
+
+fn take_u32(rest: &mut &[u8]) -> Result<u32, Undecodable> {
+    let bytes = take(rest, 4)?;
+    Ok(bytes.iter().rev().fold(0, |value, &byte| value << 8 | u32::from(byte)))
+}
+
+fn take<'a>(rest: &mut &'a [u8], n: usize) -> Result<&'a [u8], Undecodable> {
+    rest.split_off(..n).ok_or_else(|| damaged("an LZ4 frame that ends early"))
+}
+
+fn damaged(found: &str) -> Undecodable {
+    Undecodable::Damaged(found.to_owned())
+}
+
+/// Compresses to a frame of blocks as large as can be.
+pub(super) fn compress(plain: &[u8], scratch: &mut Vec<u8>) -> io::Result<Vec<u8>> {
+    let fits = |(_, largest): &&(u8, usize)| plain.len() <= *largest;
+    let (code, largest) = *BLOCK_SIZES.iter().find(fits).unwrap_or(&BLOCK_SIZES[3]);
+    let bound = compress_bound(plain.len().min(largest))?;
+    if scratch.len() < bound {
+        scratch.resize(bound, 0);
+    }
+    let mut frame = Vec::with_capacity(plain.len() / 2 + 32);
+    frame.extend_from_slice(&MAGIC);
+    let descriptor = [VERSION | IS_INDEPENDENT | HAS_CONTENT_SUM, code];
+    frame.extend_from_slice(&descriptor);
+    frame.push(head_sum(&descriptor));
+    for block in plain.chunks(largest) {
+        let mode = Some(CompressionMode::FAST(1));
+        let n = compress_to_buffer(block, mode, false, scratch)?;
+        if n < block.len() {
+            frame.extend_from_slice(&(n as u32).to_le_bytes());
+            frame.extend_from_slice(&scratch[..n]);
+        } else {
+            frame.extend_from_slice(&(block.len() as u32 | IS_STORED).to_le_bytes());
+            frame.extend_from_slice(block);
+        }
+    }
+    frame.extend_from_slice(&[0; 4]);
+    frame.extend_from_slice(&XxHash32::oneshot(0, plain).to_le_bytes());
+    Ok(frame)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::io::{Read, Write};
+
+    /// Bytes that compress like events do: some repeat, some do not.
+    fn bytes_of(n: usize, seed: u64) -> Vec<u8> {
+        let mut state = seed | 1;
+        let mut next = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (state >> 56) as u8
+        };
+        (0..n).map(|i| if i % 16 < 5 { next() } else { (i % 16) as u8 }).collect()
+    }
+
+    fn decompressed(raw: &[u8], limit: usize) -> Result<Vec<u8>, Undecodable> {
+        let mut plain = vec![7; 10];
+        let n = decompress(raw, limit, &mut plain)?;
+        Ok(plain[..n].to_vec())
+    }
+
+    /// A frame as the C library writes it with these choices.
+    fn c_frame(plain: &[u8], is_linked: bool, size: lz4::BlockSize, has_sums: bool) -> Vec<u8> {
+        use lz4::liblz4::BlockChecksum::{BlockChecksumEnabled, NoBlockChecksum};
+        let mut encoder = lz4::EncoderBuilder::new()
+            .block_size(size)
+            .block_mode(if is_linked {
+                lz4::BlockMode::Linked
+            } else {
+                lz4::BlockMode::Independent
+            })
+            .block_checksum(if has_sums { BlockChecksumEnabled } else { NoBlockChecksum })
+            .checksum(if has_sums {
+                lz4::ContentChecksum::ChecksumEnabled
+            } else {
+                lz4::ContentChecksum::NoChecksum
+            })
+            .build(Vec::new())
+            .unwrap();
+        encoder.write_all(plain).unwrap();
+        let (raw, finished) = encoder.finish();
+        finished.unwrap();
+        raw
+    }
+
+    #[test]
+    fn frames_of_the_c_library_are_read_whatever_their_options() {
+        use lz4::BlockSize::{Max1MB, Max4MB, Max64KB, Max256KB};
+        for n in [0, 1, 100, 65_536, 65_537, 300_000, 5_000_000] {
+            let plain = bytes_of(n, 5);
+            for size in [Max64KB, Max256KB, Max1MB, Max4MB] {
+                for (is_linked, has_sums) in [(true, false), (false, false), (true, true)] {
+                    let raw = c_frame(&plain, is_linked, size.clone(), has_sums);
+                    assert!(decompressed(&raw, n).unwrap() == plain, "{n} bytes");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_c_library_reads_our_frames_of_every_block_size() {
+        for n in [0, 1, 65_536, 65_537, 262_145, 1_048_577, 4_194_304, 9_000_000] {
+            let plain = bytes_of(n, 9);
+            let raw = compress(&plain, &mut Vec::new()).unwrap();
+            let mut back = Vec::new();
+            lz4::Decoder::new(raw.as_slice()).unwrap().read_to_end(&mut back).unwrap();
+            assert!(back == plain, "{n} bytes");
+            assert!(decompressed(&raw, n).unwrap() == plain, "{n} bytes");
+        }
+    }
+
+    #[test]
+    fn a_frame_cut_anywhere_is_damaged() {
+        let plain = bytes_of(70_000, 1);
+        for has_sums in [false, true] {
+            let raw = c_frame(&plain, true, lz4::BlockSize::Max64KB, has_sums);
+            for cut in (0..raw.len()).step_by(97).chain(raw.len() - 12..raw.len()) {
+                let outcome = decompressed(&raw[..cut], 1 << 20);
+                let is_damaged = matches!(outcome, Err(Undecodable::Damaged(_)));
+                assert!(is_damaged, "cut at {cut} of {}", raw.len());
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_grows_beyond_the_limit() {
+        let plain = vec![0; 3 << 20];
+        for raw in [
+            compress(&plain, &mut Vec::new()).unwrap(),
+            c_frame(&plain, true, lz4::BlockSize::Max64KB, false),
+            c_frame(&plain, true, lz4::BlockSize::Max64KB, true),
+        ] {
+            let mut space = Vec::new();
+            let error = decompress(&raw, plain.len() - 1, &mut space).unwrap_err();
+            assert!(matches!(error, Undecodable::TooLarge), "{error:?}");
+            assert!(space.len() <= plain.len());
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn what_goes_in_comes_out(plain in prop::collection::vec(any::<u8>(), 0..3_000)) {
+            let raw = compress(&plain, &mut Vec::new()).unwrap();
+            prop_assert_eq!(decompressed(&raw, plain.len()).unwrap(), plain);
+        }
+
+        #[test]
+        fn a_changed_byte_in_our_frames_is_found_if_it_matters(
+            at in any::<prop::sample::Index>(), change in 1..=u8::MAX,
+        ) {
+            let plain = bytes_of(70_000, 3);
+            let mut raw = compress(&plain, &mut Vec::new()).unwrap();
+            let at = at.index(raw.len());
+            raw[at] ^= change;
+            // A match may be found elsewhere as well; then the content is the same.
+            let is_found = decompressed(&raw, 1 << 20).map_or(true, |same| same == plain);
+            prop_assert!(is_found, "byte {}", at);
+        }
+
+        #[test]
+        fn damage_never_panics(seed in any::<u64>(), at in any::<prop::sample::Index>(), value in any::<u8>()) {
+            let mut raw = c_frame(&bytes_of(70_000, seed), true, lz4::BlockSize::Max64KB, false);
+            let at = at.index(raw.len());
+            raw[at] = value;
+            let _ = decompressed(&raw, 1 << 20);
+        }
+    }
+}
