@@ -15,7 +15,6 @@
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
-//! | [`compare`] | real events against simulated ones, one measure a file, each with its error |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
 //!
 //! # Invariants
@@ -36,9 +35,9 @@ pub mod generate;
 pub mod geometry;
 pub mod imu;
 pub mod pipeline;
-pub mod session;
 pub mod report;
 pub mod rig;
+pub mod session;
 pub mod stats;
 pub mod time;
 pub mod trajectory;

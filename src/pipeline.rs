@@ -8,13 +8,17 @@
 mod compare;
 mod generate;
 mod inputs;
+mod report;
 
 pub use compare::{CompareRequest, compare, read_comparison};
 pub use generate::{GenerateRequest, Generated, GenerationSpeed, default_light, generate};
+pub use report::report;
 
 use crate::compare::CompareError;
 use crate::format::aedat4::WriteError;
 use crate::generate::{GenerateError, ParameterError};
+use crate::report::page::PageError;
+use crate::report::plot::picture::PictureError;
 use crate::session::{SessionError, StageRecord, read_stage};
 use std::path::{Path, PathBuf};
 
@@ -57,6 +61,12 @@ pub enum PipelineError {
         /// What is missing and what to do.
         what: String,
     },
+    /// A picture of the report cannot be drawn.
+    #[error("the report cannot be drawn: {0}; run the stage `compare` again with --force")]
+    Picture(#[source] PictureError),
+    /// The report cannot be set.
+    #[error(transparent)]
+    Page(#[from] PageError),
     /// A result cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),

@@ -10,5 +10,6 @@ pub mod measure;
 pub mod number;
 pub mod page;
 pub mod plot;
+pub mod session;
 pub mod table;
 pub mod terminal;

@@ -131,10 +131,8 @@ impl Session {
     /// When the directory is missing or holds no manifest that this version understands.
     pub fn open(root: &Path) -> Result<Self, SessionError> {
         let layout = Layout::new(root);
-        let not_a_session = |what: &str| SessionError::NotASession {
-            root: root.to_owned(),
-            what: what.to_owned(),
-        };
+        let not_a_session =
+            |what: &str| SessionError::NotASession { root: root.to_owned(), what: what.to_owned() };
         if !root.is_dir() {
             return Err(not_a_session("there is no such directory"));
         }

@@ -22,8 +22,10 @@ pub enum ImportCommand {
 
 /// Arguments of `evrig import aedat4`.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  evrig import aedat4 davis346-street.aedat4 --out sessions/street\n\n\
-    A cut or damaged file is taken up to the damage (exit code 3); its bytes are kept as they are.")]
+#[command(
+    after_help = "Example:\n  evrig import aedat4 davis346-street.aedat4 --out sessions/street\n\n\
+    A cut or damaged file is taken up to the damage (exit code 3); its bytes are kept as they are."
+)]
 pub struct ImportAedat4Args {
     /// The recording
     pub file: PathBuf,

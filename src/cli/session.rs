@@ -5,7 +5,9 @@ use std::path::PathBuf;
 
 /// Arguments of `evrig info`.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  evrig info sessions/street\n  evrig info sessions/street --json | jq '.streams[].count'")]
+#[command(
+    after_help = "Examples:\n  evrig info sessions/street\n  evrig info sessions/street --json | jq '.streams[].count'"
+)]
 pub struct InfoArgs {
     /// The session
     pub session: PathBuf,
@@ -13,7 +15,9 @@ pub struct InfoArgs {
 
 /// Arguments of `evrig verify`.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  evrig verify sessions/street\n\nExit code 4 when something does not hold.")]
+#[command(
+    after_help = "Example:\n  evrig verify sessions/street\n\nExit code 4 when something does not hold."
+)]
 pub struct VerifyArgs {
     /// The session
     pub session: PathBuf,
@@ -51,7 +55,9 @@ pub struct ExportArgs {
 
 /// Arguments of `evrig report`.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  evrig report sessions/street      # writes sessions/street/report.html")]
+#[command(
+    after_help = "Example:\n  evrig report sessions/street      # writes sessions/street/report.html"
+)]
 pub struct ReportArgs {
     /// The session
     pub session: PathBuf,

@@ -56,7 +56,9 @@ pub struct ModelArgs {
 
 /// Arguments of `evrig compare`.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  evrig compare sessions/street\n  evrig compare sessions/street --stream aps --json")]
+#[command(
+    after_help = "Examples:\n  evrig compare sessions/street\n  evrig compare sessions/street --stream aps --json"
+)]
 pub struct CompareArgs {
     /// The session
     pub session: PathBuf,

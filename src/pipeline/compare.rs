@@ -81,7 +81,8 @@ fn run(
 ) -> Result<Comparison, PipelineError> {
     let (real, _) = session.events(&request.real)?;
     let (simulated, _) = session.events(request.simulated.as_str())?;
-    let missing = |what: String| PipelineError::Missing { session: session.root().to_owned(), what };
+    let missing =
+        |what: String| PipelineError::Missing { session: session.root().to_owned(), what };
     let size = session.size().ok_or_else(|| missing("no stream states its pixel grid".into()))?;
     let (real, simulated) = (real.as_slice(), simulated.as_slice());
     let light = light.map(|light| LogFrames::read(session, light)).transpose()?;

@@ -4,7 +4,8 @@ use super::figure::Link;
 use super::measure::Measure;
 use super::number::{count, significant};
 use super::page::{Block, Fact, Page, Section, Summary};
-use super::plot::{PictureError, cloud, heat, interval, overlay, rate};
+use super::plot::picture::PictureError;
+use super::plot::{cloud, heat, interval, overlay, rate};
 use super::table::{Cell, Column, Table};
 use crate::compare::{Comparison, IntervalDensity, Maps, RateBand};
 use crate::event::{EventSlice, Events};
@@ -44,7 +45,7 @@ pub fn page(
 ) -> Result<Page, PictureError> {
     let manifest = session.manifest();
     let mut summary = match compared.first() {
-        Some(first) => Summary::from_measures(&measures(first)),
+        Some(first) => Summary::from_measures(&measures(&first.name, &first.comparison)),
         None => Summary {
             headline: "Nothing was compared: the session has no simulated events yet.".into(),
             remarks: vec!["Run `evrig process` on a session with frames and events.".into()],
@@ -97,7 +98,7 @@ fn section(
     let comparison = &stream.comparison;
     let folder = format!("derived/compare-{}", stream.name);
     let numbers = || Link::beside(&format!("{folder}/comparison.json"));
-    let mut blocks = vec![Block::Measures(measures(stream))];
+    let mut blocks = vec![Block::Measures(measures(&stream.name, &stream.comparison))];
     let [start, end] = comparison.window_us;
     let simulated = stream.events.as_slice().between(start, end);
     let real = real.between(start, end);
@@ -278,7 +279,10 @@ fn more_numbers(comparison: &Comparison) -> Vec<Fact> {
             "rate map, root mean square difference",
             format!("{:.3} Hz per pixel", curves.rate_map.rmse_hz),
         ),
-        Fact::new("mean real rate", format!("{} Hz per pixel", significant(curves.rate_map.mean_real_hz, 3))),
+        Fact::new(
+            "mean real rate",
+            format!("{} Hz per pixel", significant(curves.rate_map.mean_real_hz, 3)),
+        ),
         Fact::new("rate map, correlation", format!("{:.3}", curves.rate_map.correlation)),
     ];
     if let Some(correlation) = &curves.contrast_correlation {
@@ -325,8 +329,8 @@ fn recording(manifest: &Manifest) -> Section {
 
 /// Measures as the page's rows.
 #[must_use]
-pub fn measures(stream: &Compared) -> Vec<Measure> {
-    let folder = format!("derived/compare-{}/comparison.json", stream.name);
+pub fn measures(stream: &str, comparison: &Comparison) -> Vec<Measure> {
+    let folder = format!("derived/compare-{stream}/comparison.json");
     let row = |measure: &crate::compare::Measure| Measure {
         id: measure_id(measure),
         name: measure.name.to_string(),
@@ -339,7 +343,7 @@ pub fn measures(stream: &Compared) -> Vec<Measure> {
         simulated: measure.simulated,
         data: Some(Link::beside(&folder)),
     };
-    stream.comparison.measures.iter().map(row).collect()
+    comparison.measures.iter().map(row).collect()
 }
 
 fn measure_id(measure: &crate::compare::Measure) -> String {
@@ -353,7 +357,10 @@ fn provenance(manifest: &Manifest, compared: &[Compared]) -> Vec<Fact> {
         Fact::new("session made", &*manifest.created),
     ];
     for (file, entry) in &manifest.files {
-        facts.push(Fact::new(file, format!("{} bytes, SHA-256 {}", count(entry.bytes), entry.sha256)));
+        facts.push(Fact::new(
+            file,
+            format!("{} bytes, SHA-256 {}", count(entry.bytes), entry.sha256),
+        ));
     }
     for stream in compared {
         facts.extend(stream.made.iter().cloned());

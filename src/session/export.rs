@@ -73,9 +73,8 @@ impl Archive {
 
 fn events(events: EventSlice<'_>, out: &Path) -> Result<Vec<ExportedArray>, SessionError> {
     let mut archive = Archive::create(out)?;
-    let rows = events
-        .iter()
-        .flat_map(|event| [event.t, event.x.into(), event.y.into(), event.on.into()]);
+    let rows =
+        events.iter().flat_map(|event| [event.t, event.x.into(), event.y.into(), event.on.into()]);
     archive.add::<i64>("events", &[events.len() as u64, 4], rows)?;
     archive.finish()
 }

@@ -108,7 +108,8 @@ impl Layout {
     /// When the name is absolute or climbs out of the directory.
     pub fn inside(&self, file: &str) -> Result<PathBuf, SessionError> {
         let relative = Path::new(file);
-        let stays = relative.components().all(|part| matches!(part, std::path::Component::Normal(_)));
+        let stays =
+            relative.components().all(|part| matches!(part, std::path::Component::Normal(_)));
         if stays && !file.is_empty() {
             Ok(self.root.join(relative))
         } else {

@@ -167,10 +167,8 @@ impl Manifest {
     /// # Errors
     /// When the disk refuses.
     pub fn seal(&self, path: &Path) -> Result<(), SessionError> {
-        let text = serde_json::to_string_pretty(self).map_err(|e| SessionError::Manifest {
-            path: path.to_owned(),
-            what: e.to_string(),
-        })?;
+        let text = serde_json::to_string_pretty(self)
+            .map_err(|e| SessionError::Manifest { path: path.to_owned(), what: e.to_string() })?;
         write_whole(path, text.as_bytes())
     }
 }

@@ -121,8 +121,16 @@ fn read_events(
 }
 
 enum FrameSource {
-    Aedat4 { reader: Reader<BufReader<File>>, id: Option<u32> },
-    Npy { reader: ArrayReader<BufReader<File>>, times: std::vec::IntoIter<i64>, size: Size, n_bytes: usize },
+    Aedat4 {
+        reader: Reader<BufReader<File>>,
+        id: Option<u32>,
+    },
+    Npy {
+        reader: ArrayReader<BufReader<File>>,
+        times: std::vec::IntoIter<i64>,
+        size: Size,
+        n_bytes: usize,
+    },
 }
 
 /// A stream's frames, one after another in ascending time.
@@ -180,7 +188,11 @@ impl LuminanceFrames {
                     1 => reader.next_u8(n).map(|v| v.into_iter().map(f32::from).collect()),
                     _ => reader.next_u16(n).map(|v| v.into_iter().map(f32::from).collect()),
                 };
-                Some(values.map(|values| Luminance { t_us, size: *size, values }).map_err(Into::into))
+                Some(
+                    values
+                        .map(|values| Luminance { t_us, size: *size, values })
+                        .map_err(Into::into),
+                )
             }
         }
     }

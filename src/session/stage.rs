@@ -86,10 +86,8 @@ pub fn write_stage(
         record.outputs.insert(name.to_owned(), sha256);
     }
     let path = directory.join("stage.json");
-    let text = serde_json::to_string_pretty(&record).map_err(|e| SessionError::Manifest {
-        path: path.clone(),
-        what: e.to_string(),
-    })?;
+    let text = serde_json::to_string_pretty(&record)
+        .map_err(|e| SessionError::Manifest { path: path.clone(), what: e.to_string() })?;
     write_whole(&path, text.as_bytes())?;
     Ok(record)
 }

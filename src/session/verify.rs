@@ -1,9 +1,7 @@
 //! Verification: everything a session claims is recomputed from its files.
 
-use super::census::{names, StreamCensus};
-use super::{
-    Session, SessionError, StreamEntry, StreamKind, census, read_stage, sha256_of_file,
-};
+use super::census::{StreamCensus, names};
+use super::{Session, SessionError, StreamEntry, StreamKind, census, read_stage, sha256_of_file};
 use crate::format::npy::ArrayReader;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -67,10 +65,7 @@ pub fn verify(session: &Session) -> Result<Verification, SessionError> {
     Ok(verification)
 }
 
-fn count_streams(
-    session: &Session,
-    verification: &mut Verification,
-) -> Result<(), SessionError> {
+fn count_streams(session: &Session, verification: &mut Verification) -> Result<(), SessionError> {
     let mut counted: BTreeMap<&str, Vec<StreamCensus>> = BTreeMap::new();
     for entry in &session.manifest().streams {
         let path = session.layout().inside(&entry.file)?;
@@ -104,7 +99,10 @@ fn compare_counts(entry: &StreamEntry, found: &StreamCensus, verification: &mut 
     let recorded = (entry.count, entry.first_us, entry.last_us);
     let there = (found.count, found.first_us, found.last_us);
     if recorded == there {
-        verification.hold(&entry.name, format!("{} {}, first and last stamp as recorded", entry.count, entry.kind));
+        verification.hold(
+            &entry.name,
+            format!("{} {}, first and last stamp as recorded", entry.count, entry.kind),
+        );
     } else {
         verification.fail(
             &entry.name,

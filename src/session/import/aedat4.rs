@@ -34,7 +34,8 @@ pub fn import_aedat4(
     }
     let manifest = manifest(&site, source, &path, &found)?;
     let mut journal = Journal::open(&site.layout.journal())?;
-    journal.note("import aedat4", &json!({"file": file_name(source), "losses": manifest.losses}))?;
+    journal
+        .note("import aedat4", &json!({"file": file_name(source), "losses": manifest.losses}))?;
     site.seal(&manifest)?;
     Ok(manifest)
 }
@@ -51,17 +52,18 @@ fn manifest(
         entry.damage = Some(Damage { what: what.clone() });
         losses.push(Loss { stream: file.clone(), what: what.clone(), count: 0 });
     }
-    let entries = found.streams.iter().zip(names(&found.streams)).map(|(stream, name)| StreamEntry {
-        name,
-        kind: stream.kind,
-        file: file.clone(),
-        stream_id: Some(stream.stream.id),
-        size: stream.size,
-        count: stream.count,
-        first_us: stream.first_us,
-        last_us: stream.last_us,
-        source: stream.stream.source.clone(),
-    });
+    let entries =
+        found.streams.iter().zip(names(&found.streams)).map(|(stream, name)| StreamEntry {
+            name,
+            kind: stream.kind,
+            file: file.clone(),
+            stream_id: Some(stream.stream.id),
+            size: stream.size,
+            count: stream.count,
+            first_us: stream.first_us,
+            last_us: stream.last_us,
+            source: stream.stream.source.clone(),
+        });
     let (name, created) = name_and_now(site.layout.root());
     Ok(Manifest {
         schema: SCHEMA.into(),

@@ -105,8 +105,8 @@ fn from_array(path: &Path, array: Array) -> Result<Columns, SessionError> {
             take(&["p", "on", "polarity"]),
         ];
         let found: Option<Vec<Column>> = found.into_iter().collect();
-        let found = found
-            .ok_or_else(|| wrong(format!("has fields {names:?}; expected t, x, y and p")))?;
+        let found =
+            found.ok_or_else(|| wrong(format!("has fields {names:?}; expected t, x, y and p")))?;
         return columns_from(path, found);
     }
     let plain = array.fields.into_iter().next();

@@ -74,7 +74,8 @@ pub fn import_frames(request: &ImportFrames<'_>, root: &Path) -> Result<Manifest
     }
     let manifest = manifest(request, root, streams, files, losses);
     let mut journal = Journal::open(&site.layout.journal())?;
-    journal.note("import frames", &json!({"origin": manifest.origin, "losses": manifest.losses}))?;
+    journal
+        .note("import frames", &json!({"origin": manifest.origin, "losses": manifest.losses}))?;
     site.seal(&manifest)?;
     Ok(manifest)
 }
@@ -132,7 +133,9 @@ fn from_array(request: &ImportFrames<'_>, path: &Path) -> Result<Frames, Session
     };
     let side = |n: u64| u16::try_from(n).ok().filter(|n| *n > 0);
     let (Some(width), Some(height)) = (side(width), side(height)) else {
-        return Err(wrong(format!("frames of {width} x {height} pixels; expected 1 to 65535 a side")));
+        return Err(wrong(format!(
+            "frames of {width} x {height} pixels; expected 1 to 65535 a side"
+        )));
     };
     let size = Size::new(width, height);
     let times = frame_times(&request.times, n)?;
@@ -145,7 +148,11 @@ fn from_array(request: &ImportFrames<'_>, path: &Path) -> Result<Frames, Session
             copy_frames::<u16>(path, size, n, || reader.next_u16(size.n_pixels()))?;
             16
         }
-        _ => return Err(wrong("is not of unsigned 8- or 16-bit integers; save it as uint8 or uint16".into())),
+        _ => {
+            return Err(wrong(
+                "is not of unsigned 8- or 16-bit integers; save it as uint8 or uint16".into(),
+            ));
+        }
     };
     Ok(Frames { size, times, bits })
 }
@@ -221,7 +228,10 @@ fn frame_times(times: &FrameTimes, n: u64) -> Result<Vec<i64>, SessionError> {
         times_from_text(path)?
     };
     if found.len() as u64 != n {
-        return Err(wrong(format!("has {} times for {n} frames; expected one a frame", found.len())));
+        return Err(wrong(format!(
+            "has {} times for {n} frames; expected one a frame",
+            found.len()
+        )));
     }
     match found.windows(2).position(|pair| pair[1] <= pair[0]) {
         None => Ok(found),

@@ -54,7 +54,8 @@ pub(super) fn read_gray(path: &Path) -> Result<(Size, Gray), SessionError> {
         .map_err(SessionError::io(path))?
         .decode()
         .map_err(|e| wrong(format!("not a readable image: {e}")))?;
-    let side = |n: u32| u16::try_from(n).map_err(|_| wrong(format!("{n} pixels a side is too many")));
+    let side =
+        |n: u32| u16::try_from(n).map_err(|_| wrong(format!("{n} pixels a side is too many")));
     let size = Size::new(side(decoded.width())?, side(decoded.height())?);
     let gray = match decoded {
         DynamicImage::ImageLuma8(image) => Gray::U8(image.into_raw()),
@@ -77,10 +78,8 @@ fn gray_from_rgb8(rgb: Vec<u8>, size: Size) -> Result<Vec<u8>, String> {
 
 fn gray_from_rgb(rgb: &image::Rgb32FImage, size: Size) -> Result<Vec<u16>, String> {
     let image_size = ImageSize { width: size.width.into(), height: size.height.into() };
-    let rgb = Image::<f32, 3>::new(image_size, rgb.as_raw().clone())
-        .map_err(|e| e.to_string())?;
-    let mut gray =
-        Image::from_size_val(image_size, 0.0_f32).map_err(|e| e.to_string())?;
+    let rgb = Image::<f32, 3>::new(image_size, rgb.as_raw().clone()).map_err(|e| e.to_string())?;
+    let mut gray = Image::from_size_val(image_size, 0.0_f32).map_err(|e| e.to_string())?;
     kornia_imgproc::color::gray_from_rgb(&rgb, &mut gray).map_err(|e| e.to_string())?;
     Ok(gray.as_slice().iter().map(|v| (v * 65_535.0).round() as u16).collect())
 }

@@ -1,0 +1,81 @@
+//! `evrig compare`: simulated streams against the real one.
+
+use super::{Ending, Output, WrongUse};
+use crate::cli::CompareArgs;
+use crate::compare::Comparison;
+use crate::pipeline::{self, CompareRequest, Freshness};
+use crate::report::{session::measures, terminal};
+use crate::session::{Session, StreamKind, StreamName};
+use serde_json::{Value, json};
+
+pub(super) fn run(args: &CompareArgs, output: &Output) -> anyhow::Result<Ending> {
+    let session = Session::open(&args.session)?;
+    let streams = match &args.stream {
+        Some(name) => {
+            vec![StreamName::new(name).map_err(|error| WrongUse(error.to_string()))?]
+        }
+        None => simulated(&session, &args.real),
+    };
+    if streams.is_empty() {
+        anyhow::bail!(
+            "{} has no simulated stream to compare; make one with `evrig generate`",
+            args.session.display()
+        );
+    }
+    let mut values = Vec::new();
+    let mut text = String::new();
+    for stream in streams {
+        let request = CompareRequest {
+            real: args.real.clone(),
+            simulated: stream.clone(),
+            seed: args.seed,
+            force: args.force,
+        };
+        let (comparison, freshness) = pipeline::compare(&session, &request)?;
+        text += &table(&request, &comparison);
+        values.push(value(&request, &comparison, freshness)?);
+    }
+    let value = json!({ "schema": "evrig.comparisons/1", "comparisons": values });
+    output.result(&value, text.trim_end())?;
+    Ok(Ending::Done)
+}
+
+/// Every event stream but the real ones: generated here, or elsewhere and imported.
+pub(super) fn simulated(session: &Session, real: &str) -> Vec<StreamName> {
+    let recorded = session.manifest().streams.iter();
+    let from_elsewhere = recorded.filter(|stream| {
+        let is_real = stream.name == real || stream.name.starts_with("real");
+        stream.kind == StreamKind::Events && !is_real
+    });
+    let mut streams: Vec<StreamName> =
+        from_elsewhere.filter_map(|stream| StreamName::new(&stream.name).ok()).collect();
+    streams.extend(session.generated_names());
+    streams
+}
+
+/// The result of one comparison as consumers of `--json` get it.
+pub(super) fn value(
+    request: &CompareRequest,
+    comparison: &Comparison,
+    freshness: Freshness,
+) -> anyhow::Result<Value> {
+    let mut value = serde_json::to_value(comparison)?;
+    if let Value::Object(fields) = &mut value {
+        fields.insert("real".into(), request.real.clone().into());
+        fields.insert("simulated".into(), request.simulated.as_str().into());
+        fields.insert("fresh".into(), (freshness == Freshness::Fresh).into());
+    }
+    Ok(value)
+}
+
+/// The measures of one comparison for people.
+pub(super) fn table(request: &CompareRequest, comparison: &Comparison) -> String {
+    let CompareRequest { real, simulated, .. } = request;
+    format!(
+        "{simulated} against {real}: {} simulated, {} real events in {:.3} s\n{}\n",
+        comparison.n_simulated,
+        comparison.n_real,
+        (comparison.window_us[1] - comparison.window_us[0]) as f64 * 1e-6,
+        terminal::measures(&measures(simulated.as_str(), comparison)),
+    )
+}

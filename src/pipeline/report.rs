@@ -1,0 +1,84 @@
+//! The stage `report`: what the other stages left in a session becomes one page.
+
+use super::{PipelineError, read_comparison};
+use crate::frame::Luminance;
+use crate::report::page::Fact;
+use crate::report::session::{Compared, page};
+use crate::session::{Session, StreamKind, StreamName, read_stage};
+
+/// The session's report as HTML.
+///
+/// # Errors
+/// When a stream or a result cannot be read.
+pub fn report(session: &Session) -> Result<String, PipelineError> {
+    let real = match session.stream(StreamKind::Events, "real") {
+        Ok(_) => session.events("real")?.0,
+        Err(_) => crate::event::Events::new(),
+    };
+    let imported = session.manifest().streams.iter();
+    let mut names: Vec<StreamName> = imported
+        .filter(|stream| stream.kind == StreamKind::Events)
+        .filter_map(|stream| StreamName::new(&stream.name).ok())
+        .collect();
+    names.extend(session.generated_names());
+    let mut compared = Vec::new();
+    for name in names {
+        let Some(comparison) = read_comparison(session, &name)? else { continue };
+        let (events, _) = session.events(name.as_str())?;
+        let record = read_stage(&session.layout().derived("generate", Some(&name)));
+        let light = record.as_ref().and_then(|r| r.parameters.get("from")?.as_str());
+        let (frame, moment_us) = moment(session, light, real.as_slice().t, comparison.window_us)?;
+        let made = record.as_ref().map(|record| made(&name, &record.parameters));
+        compared.push(Compared {
+            name: name.to_string(),
+            comparison,
+            events,
+            made: made.unwrap_or_default(),
+            frame,
+            moment_us,
+        });
+    }
+    let page = page(session, real.as_slice(), &compared).map_err(PipelineError::Picture)?;
+    Ok(page.to_html()?)
+}
+
+fn made(name: &StreamName, parameters: &serde_json::Value) -> Vec<Fact> {
+    let generator = parameters.get("generator").map(ToString::to_string).unwrap_or_default();
+    vec![Fact::new(&format!("generator of `{name}`"), generator)]
+}
+
+/// The frame interval with the most real events, and the frame at its start; without frames,
+/// the busiest fiftieth of the window.
+fn moment(
+    session: &Session,
+    light: Option<&str>,
+    real: &[i64],
+    window: [i64; 2],
+) -> Result<(Option<Luminance>, [i64; 2]), PipelineError> {
+    let n_between = |from: i64, to: i64| {
+        real.partition_point(|&t| t < to).saturating_sub(real.partition_point(|&t| t < from))
+    };
+    let Some(light) = light else {
+        let step = ((window[1] - window[0]) / 50).max(1);
+        let starts = (0..50).map(|i| window[0] + i * step);
+        let busiest = starts.max_by_key(|start| n_between(*start, start + step));
+        let start = busiest.unwrap_or(window[0]);
+        return Ok((None, [start, start + step]));
+    };
+    let mut best: Option<(usize, Luminance, i64)> = None;
+    let mut before: Option<Luminance> = None;
+    for frame in session.luminance(light)? {
+        let frame = frame?;
+        if let Some(before) = before.take() {
+            let n = n_between(before.t_us, frame.t_us);
+            if best.as_ref().is_none_or(|(most, ..)| n > *most) {
+                best = Some((n, before, frame.t_us));
+            }
+        }
+        before = Some(frame);
+    }
+    Ok(best.map_or((None, window), |(_, frame, end)| {
+        let start = frame.t_us;
+        (Some(frame), [start, end])
+    }))
+}
