@@ -44,7 +44,7 @@ pub fn report(session: &Session) -> Result<String, PipelineError> {
 
 fn made(name: &StreamName, parameters: &serde_json::Value) -> Vec<Fact> {
     let generator = parameters.get("generator").map(ToString::to_string).unwrap_or_default();
-    vec![Fact::new(&format!("generator of `{name}`"), generator)]
+    vec![Fact::new(&format!("generator of “{name}”"), generator)]
 }
 
 /// The frame interval with the most real events, and the frame at its start; without frames,

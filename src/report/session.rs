@@ -123,7 +123,7 @@ fn section(
     blocks.push(Block::Table(fits(comparison)));
     blocks.push(Block::Facts(more_numbers(comparison)));
     Ok(Section {
-        title: format!("Real events against `{}`", stream.name),
+        title: format!("Real events against “{}”", stream.name),
         lead: format!(
             "{} real and {} simulated events in {:.3} s on {} pixels of {}. Errors hold together \
              what happens together: they come from resampling blocks of time or tiles of pixels, not events.",

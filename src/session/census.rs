@@ -122,7 +122,11 @@ pub fn census(path: &Path, progress: &mut dyn FnMut(u64)) -> Result<Census, Sess
                     see_packet(stream, &packet);
                 }
             }
-            Err(damage) => found.damage = Some(damage.to_string()),
+            // The place in the file counts, not where the file lies on this machine.
+            Err(damage) => {
+                let file = format!("{}: ", path.display());
+                found.damage = Some(damage.to_string().replacen(&file, "", 1));
+            }
         }
     }
     found.losses = unreadable(reader.losses());
