@@ -10,14 +10,19 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-/// Packets a thread has in work at a time.
-const PACKETS_PER_THREAD: usize = 16;
+/// Packets read ahead at most; live sources, which must not wait for the next packet, read one.
+const READ_AHEAD_PACKETS: usize = 256;
 
-/// Compressed bytes after which no further packet is read ahead.
+/// Bytes of the file after which no further packet is read ahead.
 const READ_AHEAD_BYTES: usize = 1 << 22;
 
-/// What all packets decoded side by side may grow to; a larger packet is decoded by itself.
-const SIDE_BY_SIDE_BYTES: usize = 1 << 28;
+/// What a packet decoded beside others may grow to, at least and as a multiple of its bytes in the
+/// file. One that needs more is decoded by itself, so that a hostile file cannot fill the memory.
+const SIDE_BY_SIDE_BYTES: usize = 1 << 20;
+const SIDE_BY_SIDE_RATIO: usize = 32;
+
+/// Parts into which a thread's share of the packets is cut, so that threads end together.
+const PARTS_PER_THREAD: usize = 4;
 
 /// Reads AEDAT4 packet by packet, from a file or a socket, in bounded memory.
 ///
@@ -57,11 +62,6 @@ impl Work {
     fn decode(&mut self, streams: &[Stream], compression: Compression, limit: usize) {
         self.decoded = decode_packet(&self.packet, streams, compression, limit);
     }
-
-    fn decoded(mut self, streams: &[Stream], compression: Compression, limit: usize) -> Self {
-        self.decode(streams, compression, limit);
-        self
-    }
 }
 
 /// Why a packet was not decoded.
@@ -86,7 +86,7 @@ impl Reader<BufReader<File>> {
         let n_bytes = metadata.is_file().then_some(metadata.len());
         let name = path.display().to_string();
         let started = Framing::start(BufReader::new(file), &name, n_bytes, true)?;
-        Ok(Self::from_start(started, read_ahead_window()))
+        Ok(Self::from_start(started, READ_AHEAD_PACKETS))
     }
 }
 
@@ -97,7 +97,7 @@ impl<R: Read> Reader<R> {
     /// [`ReadError`] when the bytes do not begin as AEDAT4 does.
     pub fn new(source: R, name: &str) -> Result<Self, ReadError> {
         let started = Framing::start(source, name, None, true)?;
-        Ok(Self::from_start(started, read_ahead_window()))
+        Ok(Self::from_start(started, READ_AHEAD_PACKETS))
     }
 
     /// Reads from a socket: without the first bytes of a file, and each packet as soon as it came.
@@ -149,24 +149,34 @@ impl<R: Read> Reader<R> {
             self.read_ahead();
         }
         let packets = std::mem::take(&mut self.ahead);
-        let limit = SIDE_BY_SIDE_BYTES / packets.len().max(1);
         let compression = self.framing.compression();
-        if self.window == 1 {
-            // A live source must not be asked for the next packet before this one is out.
-            let decode = |packet| Work::new(packet).decoded(&self.streams, compression, limit);
-            self.ready.extend(packets.into_iter().map(decode));
-            return;
-        }
-        let mut works: Vec<Work> = packets.into_iter().map(Work::new).collect();
+        let mut works: VecDeque<Work> = packets.into_iter().map(Work::new).collect();
         let streams = std::mem::take(&mut self.streams);
-        rayon::in_place_scope(|scope| {
-            for work in &mut works {
-                scope.spawn(|_| work.decode(&streams, compression, limit));
+        let decode = |works: &mut [Work]| {
+            for work in works {
+                let limit = work.packet.payload.len().saturating_mul(SIDE_BY_SIDE_RATIO);
+                work.decode(
+                    &streams,
+                    compression,
+                    limit.clamp(SIDE_BY_SIDE_BYTES, MAX_PACKET_BYTES),
+                );
             }
-            self.read_ahead();
-        });
+        };
+        let works_in_order = works.make_contiguous();
+        if self.window == 1 {
+            decode(works_in_order);
+        } else {
+            let n_parts = PARTS_PER_THREAD * rayon::current_num_threads();
+            let length = works_in_order.len().div_ceil(n_parts).max(1);
+            rayon::in_place_scope(|scope| {
+                for part in works_in_order.chunks_mut(length) {
+                    scope.spawn(|_| decode(part));
+                }
+                self.read_ahead();
+            });
+        }
         self.streams = streams;
-        self.ready = works.into();
+        self.ready = works;
     }
 
     /// Reads the next window of packets, unless the end was seen.
@@ -223,13 +233,11 @@ impl<R: Read> Iterator for Reader<R> {
                 }
                 continue;
             };
-            let Work { packet, decoded } = match work.decoded {
-                Err(Failure::TooLarge) => {
-                    let compression = self.framing.compression();
-                    work.decoded(&self.streams, compression, MAX_PACKET_BYTES)
-                }
-                _ => work,
-            };
+            let mut work = work;
+            if matches!(work.decoded, Err(Failure::TooLarge)) {
+                work.decode(&self.streams, self.framing.compression(), MAX_PACKET_BYTES);
+            }
+            let Work { packet, decoded } = work;
             match decoded {
                 Ok(decoded) => {
                     if let Some(packet) = self.deliver(packet, decoded) {
@@ -248,10 +256,6 @@ impl<R: Read> Iterator for Reader<R> {
         }
         None
     }
-}
-
-fn read_ahead_window() -> usize {
-    PACKETS_PER_THREAD * rayon::current_num_threads()
 }
 
 fn decode_packet(

@@ -13,11 +13,20 @@ use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// Time that one event packet spans at most, µs; DV cuts its packets so.
+/// An event packet ends once it spans this much time, as DV's own packets do, ...
 const EVENT_PACKET_US: i64 = 10_000;
 
-/// Events in a packet at most: 512 KiB, which stays in a core's cache.
-const EVENT_PACKET_LENGTH: usize = 1 << 15;
+/// ... and holds this many events, below which compression suffers, ...
+const MIN_EVENTS: usize = 1 << 13;
+
+/// ... or once it spans a second, so that quiet scenes can be seeked in, ...
+const MAX_EVENT_PACKET_US: i64 = 1_000_000;
+
+/// ... or holds 512 KiB of events, which stay in a core's cache.
+const MAX_EVENTS: usize = 1 << 15;
+
+/// Bytes of events that are encoded side by side before they are written.
+const SIDE_BY_SIDE_BYTES: usize = 1 << 22;
 
 /// Samples or triggers in a packet at most.
 const SAMPLE_PACKET_LENGTH: usize = 1 << 12;
@@ -152,7 +161,9 @@ impl<W: Write> Writer<W> {
         }
     }
 
-    /// Writes a run of events in packets of at most 10 ms and 32,768 events.
+    /// Writes a run of events in packets of 8,192 to 32,768 events, of 10 ms or, in quiet scenes, up to 1 s.
+    ///
+    /// A call ends a packet, so what is written as it arrives is there at once.
     ///
     /// # Errors
     /// [`WriteError`] when the stream carries no events, a coordinate is above 32,767, or writing fails.
@@ -172,8 +183,7 @@ impl<W: Write> Writer<W> {
             let span_us = [t.clone().min(), t.max()].map(|t| t.copied().unwrap_or_default());
             Plain { payload: Payload::Cells(encode::events(run)), n_elements: run.len(), span_us }
         };
-        let window = 4 * rayon::current_num_threads();
-        for cuts in cuts.chunks(window) {
+        for cuts in cuts.chunks(SIDE_BY_SIDE_BYTES / 16 / MIN_EVENTS) {
             let compression = self.compression;
             let packets: Vec<_> =
                 cuts.par_iter().map(encode).map(|plain| squeeze(compression, plain)).collect();
@@ -344,9 +354,17 @@ fn cut_into_packets(events: EventSlice<'_>) -> Vec<[usize; 2]> {
     let mut cuts = Vec::new();
     let mut start = 0;
     while start < events.len() {
-        let longest = &events.t[start..events.len().min(start + EVENT_PACKET_LENGTH)];
-        let is_later = |t: &i64| t.saturating_sub(longest[0]) >= EVENT_PACKET_US;
-        let length = longest.iter().position(is_later).unwrap_or(longest.len());
+        let longest = &events.t[start..events.len().min(start + MAX_EVENTS)];
+        let since = |t: &i64| t.saturating_sub(longest[0]);
+        let few = &longest[..longest.len().min(MIN_EVENTS)];
+        let length = match few.iter().position(|t| since(t) >= MAX_EVENT_PACKET_US) {
+            Some(length) => length,
+            None => {
+                let is_later = |t: &i64| since(t) >= EVENT_PACKET_US;
+                let more = longest[few.len()..].iter().position(is_later);
+                more.map_or(longest.len(), |more| few.len() + more)
+            }
+        };
         cuts.push([start, start + length]);
         start += length;
     }

@@ -1,0 +1,170 @@
+"""AEDAT4 beside dv-processing and faery, on the same bytes in one run.
+
+    python3 benches/aedat4.py [--events 20e6] [--repeats 5] [--dir DIR]
+
+Makes a virtual environment in DIR (default target/bench-aedat4) with dv-processing and faery from
+PyPI, builds `benches/aedat4.rs` in release, makes one file of real events (tiles of
+tests/data/davis346-street.aedat4), lets dv-processing write it in each compression, and times
+reading all its events and writing them from memory. Programs take turns within each repeat, so
+that a busy machine hurts all alike; the best time of each counts. Times are taken inside each
+process, without its start. Prints a table and the ratios.
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import time
+import venv
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+COMPRESSIONS = ["none", "lz4", "zstd"]
+PACKAGES = ["dv-processing==2.0.4", "faery==0.7.1", "numpy"]
+
+
+def report(start, n_events):
+    print(json.dumps({"seconds": time.perf_counter() - start, "events": n_events}))
+
+
+def load(path):
+    """The whole file as an event store, in dv-processing's own memory."""
+    import dv_processing as dv
+
+    recording, store = dv.io.MonoCameraRecording(path), dv.EventStore()
+    while (batch := recording.getNextEventBatch()) is not None:
+        store.add(batch)
+    return store
+
+
+def dv_decode(path):
+    import dv_processing as dv
+
+    start, n_events = time.perf_counter(), 0
+    recording = dv.io.MonoCameraRecording(path)
+    while (batch := recording.getNextEventBatch()) is not None:
+        n_events += len(batch)
+    report(start, n_events)
+
+
+def dv_encode(path, compression, out):
+    import dv_processing as dv
+
+    store = load(path)
+    start = time.perf_counter()
+    kind = getattr(dv.CompressionType, compression.upper())
+    config = dv.io.MonoCameraWriter.EventOnlyConfig("bench", (346, 260), kind)
+    writer = dv.io.MonoCameraWriter(out, config)
+    writer.writeEvents(store)
+    del writer  # Its destructor writes what is pending and closes the file.
+    report(start, len(store))
+
+
+def faery_decode(path):
+    import faery
+
+    start, n_events = time.perf_counter(), 0
+    for events in faery.events_stream_from_file(path):
+        n_events += len(events)
+    report(start, n_events)
+
+
+def faery_encode(path, compression, out):
+    import faery
+    import numpy as np
+
+    store = load(path).numpy()
+    events = np.zeros(len(store), dtype=faery.EVENTS_DTYPE)
+    events["t"] = store["timestamp"] - store["timestamp"][0]
+    events["x"], events["y"], events["on"] = store["x"], store["y"], store["polarity"]
+    kind = None if compression == "none" else (compression, 1)
+    start = time.perf_counter()
+    faery.events_stream_from_array(events, (346, 260)).to_file(out, compression=kind)
+    report(start, len(events))
+
+
+def build():
+    command = ["cargo", "bench", "--bench", "aedat4", "--no-run", "--message-format=json"]
+    lines = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
+    artifacts = [json.loads(line) for line in lines.splitlines() if line.startswith("{")]
+    return next(
+        a["executable"] for a in artifacts
+        if a.get("executable") and a["target"]["name"] == "aedat4" and a["target"]["kind"] == ["bench"]
+    )
+
+
+def environment(folder):
+    python = folder / "venv" / "bin" / "python"
+    if not python.exists():
+        venv.create(folder / "venv", with_pip=True)
+        subprocess.run([python, "-m", "pip", "install", "-q", *PACKAGES], check=True)
+    return str(python)
+
+
+def run(command):
+    output = subprocess.run([str(part) for part in command], check=True, stdout=subprocess.PIPE, text=True)
+    return json.loads(output.stdout.splitlines()[-1])
+
+
+def measure(task, programs, repeats, results):
+    """Lets the programs take turns and keeps the best of each, in million events a second."""
+    for _ in range(repeats):
+        for name, command in programs.items():
+            outcome = run(command)
+            rate = outcome["events"] / outcome["seconds"] / 1e6
+            best = results.setdefault(task, {}).get(name, 0)
+            results[task][name] = max(best, rate)
+    return results[task]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--events", type=float, default=20e6)
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--dir", type=pathlib.Path, default=ROOT / "target" / "bench-aedat4")
+    arguments = parser.parse_args()
+    folder, n_events = arguments.dir, int(arguments.events)
+    folder.mkdir(parents=True, exist_ok=True)
+    ours, python = build(), environment(folder)
+    theirs = [python, __file__]
+    source = folder / "source.aedat4"
+    run([ours, "make", ROOT / "tests/data/davis346-street.aedat4", n_events, source])
+    results, sizes = {}, {}
+    for kind in COMPRESSIONS:
+        written = {name: folder / f"{name}-{kind}.aedat4" for name in ["evrig", "dv", "faery"]}
+        measure(f"encode {kind}", {
+            "evrig": [ours, "encode", source, kind, written["evrig"]],
+            "dv": [*theirs, "--run", "dv_encode", source, kind, written["dv"]],
+            "faery": [*theirs, "--run", "faery_encode", source, kind, written["faery"]],
+        }, arguments.repeats, results)
+        sizes[f"encode {kind}"] = {n: os.path.getsize(p) / n_events for n, p in written.items()}
+        # The file that dv-processing wrote, so that nobody reads what it tuned for itself.
+        measure(f"decode {kind}", {
+            "evrig": [ours, "decode", written["dv"]],
+            "dv": [*theirs, "--run", "dv_decode", written["dv"]],
+            "faery": [*theirs, "--run", "faery_decode", written["dv"]],
+        }, arguments.repeats, results)
+    show(results, sizes, run([ours, "copy", 16 * n_events]), n_events)
+
+
+def show(results, sizes, copied, n_events):
+    print(f"{n_events} events, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
+    print(f"{'':12} {'evrig':>8} {'dv':>8} {'faery':>8}  Mev/s    evrig / faster other")
+    for task, rates in results.items():
+        ratio = rates["evrig"] / max(rates["dv"], rates["faery"])
+        line = f"{task:12} {rates['evrig']:8.1f} {rates['dv']:8.1f} {rates['faery']:8.1f}  {ratio:12.2f}"
+        if task in sizes:
+            line += "    bytes/event " + ", ".join(f"{n} {s:.2f}" for n, s in sizes[task].items())
+        print(line)
+    bandwidth = copied["bytes"] / copied["seconds"]
+    for task in ["decode none", "encode none"]:
+        share = results[task]["evrig"] * 1e6 * 16 / bandwidth
+        print(f"{task}: {share:.0%} of memory bandwidth (memcpy on one core, {bandwidth / 1e9:.1f} GB/s)")
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["--run"]:
+        globals()[sys.argv[2]](*sys.argv[3:])
+    else:
+        main()
