@@ -310,4 +310,6 @@ fn check_stream(events: EventSlice<'_>, size: Size, stream: Stream) -> Result<()
 }
 
 #[cfg(test)]
+mod coverage;
+#[cfg(test)]
 mod tests;

@@ -4,7 +4,9 @@
 //!
 //! How far, on average, intervals would have to be stretched: 0.3 is a factor of two. With
 //! a vanishing blur it is the earth mover's distance, the area between the two distribution
-//! functions of log10 interval; differences finer than the blur (12 %) are smoothed over.
+//! functions of log10 interval, which stands in `curves.intervals.distance_decades`. The blur
+//! lowers it by about e ln(spread / e): two bells 0.6 and 0.4 decades wide and 0.60
+//! apart show 0.47. Equal samples show 0 and point masses their distance whatever the blur.
 //! Intervals enter in bins of 0.01 decades. Source: Feydy et al., AISTATS 2019.
 //!
 //! Error: tiles, with the optimal potentials held fixed (the divergence's derivative); the

@@ -87,14 +87,40 @@ fn tiles(size: Size, region: Option<&[bool]>, side: usize) -> (Vec<u32>, Vec<f64
     (tile_of, n_pixels)
 }
 
+/// One in the fixed-point unit of summed inverses.
+const INVERSE_UNIT: u64 = 1 << 62;
+
 /// Sums of a tile's intervals, enough for maximum likelihood. Intervals of 0 µs (two events
-/// in one stamp) have no logarithm; they are counted apart.
+/// in one stamp) have no likelihood; they are counted apart. Sums are whole numbers,
+/// so that the order of summation leaves no trace.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct IntervalSums {
-    pub(super) n: f64,
-    pub(super) n_zero: f64,
-    pub(super) sum: f64,
-    pub(super) sum_of_inverses: f64,
+    pub(super) n: u64,
+    pub(super) n_zero: u64,
+    sum_us: u64,
+    inverses: u128,
+}
+
+impl IntervalSums {
+    fn take(&mut self, interval_us: u64) {
+        if interval_us == 0 {
+            self.n_zero += 1;
+        } else {
+            self.n += 1;
+            self.sum_us += interval_us;
+            self.inverses += u128::from(INVERSE_UNIT / interval_us);
+        }
+    }
+
+    /// Sum of the intervals, µs.
+    pub(super) fn sum(&self) -> f64 {
+        self.sum_us as f64
+    }
+
+    /// Sum of the intervals' inverses, 1/µs.
+    pub(super) fn sum_of_inverses(&self) -> f64 {
+        self.inverses as f64 / INVERSE_UNIT as f64
+    }
 }
 
 /// What a stream amounts to.
@@ -115,7 +141,7 @@ pub(super) struct Profile {
 impl Profile {
     /// Counts events that are ascending, on the grid and within the window.
     pub(super) fn of(events: EventSlice<'_>, layout: &Layout) -> Self {
-        const NEVER: i64 = i64::MIN;
+        const NEVER: i64 = -1;
         let n_pixels = layout.size.n_pixels();
         let mut profile = Self {
             n: 0,
@@ -139,9 +165,11 @@ impl Profile {
                 profile.off_over_time[bin] += 1;
             }
             profile.n += 1;
-            let before = std::mem::replace(&mut last[pixel], t);
+            let since_start = t - layout.window[0];
+            let before = std::mem::replace(&mut last[pixel], since_start);
             if before != NEVER {
-                profile.take_interval(layout.tile_of[pixel] as usize, t - before, binner);
+                let tile = layout.tile_of[pixel] as usize;
+                profile.take_interval(tile, since_start - before, binner);
             }
         }
         profile
@@ -149,15 +177,7 @@ impl Profile {
 
     fn take_interval(&mut self, tile: usize, interval_us: i64, binner: Binner) {
         self.histograms[tile * N_FINE + binner.bin(interval_us)] += 1;
-        let sums = &mut self.interval_sums[tile];
-        if interval_us == 0 {
-            sums.n_zero += 1.0;
-        } else {
-            let interval = interval_us as f64;
-            sums.n += 1.0;
-            sums.sum += interval;
-            sums.sum_of_inverses += interval.recip();
-        }
+        self.interval_sums[tile].take(interval_us.unsigned_abs());
     }
 
     /// Events of a pixel.
@@ -181,7 +201,7 @@ impl Profile {
 
     /// Number of intervals in each tile, those of 0 µs among them.
     pub(super) fn intervals_by_tile(&self) -> Vec<f64> {
-        self.interval_sums.iter().map(|sums| sums.n + sums.n_zero).collect()
+        self.interval_sums.iter().map(|sums| (sums.n + sums.n_zero) as f64).collect()
     }
 
     /// Events of each time block: all, and On.

@@ -28,7 +28,42 @@ struct Link {
 pub(super) struct SpanningTree {
     links: Vec<Link>,
     potentials: Vec<i64>,
+    root: Node,
     stack: Vec<Node>,
+}
+
+/// Ships between two lists of open masses, each of one sign, and leaves in the first what
+/// remains open; gives the cost.
+fn ship(
+    open: &mut Vec<(Node, i64)>,
+    mut more: Vec<(Node, i64)>,
+    length: &impl Fn(Node, Node) -> f64,
+) -> f64 {
+    if more.len() > open.len() {
+        std::mem::swap(open, &mut more);
+    }
+    let mut cost = 0.0;
+    for (node, mut mass) in more {
+        while let Some((other, rest)) = open.last_mut() {
+            if (*rest > 0) == (mass > 0) {
+                break;
+            }
+            let amount = rest.abs().min(mass.abs());
+            cost += amount as f64 * length(node, *other);
+            mass -= amount * mass.signum();
+            *rest -= amount * rest.signum();
+            if *rest == 0 {
+                open.pop();
+            }
+            if mass == 0 {
+                break;
+            }
+        }
+        if mass != 0 {
+            open.push((node, mass));
+        }
+    }
+    cost
 }
 
 impl SpanningTree {
@@ -49,27 +84,30 @@ impl SpanningTree {
             flow: 0,
         };
         let n = parents.len();
-        let mut tree =
-            Self { links: vec![blank; n], potentials: vec![0; n], stack: Vec::with_capacity(n) };
-        let mut root = 0;
+        let mut tree = Self {
+            links: vec![blank; n],
+            potentials: vec![0; n],
+            root: 0,
+            stack: Vec::with_capacity(n),
+        };
         for (v, parent) in parents.iter().enumerate() {
             match *parent {
                 Some(parent) => {
                     tree.links[v].cost = cost(v as Node, parent);
                     tree.attach(v as Node, parent);
                 }
-                None => root = v as Node,
+                None => tree.root = v as Node,
             }
         }
-        tree.fill_flows(root, supply);
-        tree.settle(root);
+        tree.fill_flows(supply);
+        tree.settle();
         tree
     }
 
-    /// Every edge carries what the nodes below it have in excess.
-    fn fill_flows(&mut self, root: Node, supply: &[i64]) {
+    /// All nodes, each after its parent.
+    fn from_the_top(&self) -> Vec<Node> {
         let mut order = Vec::with_capacity(self.links.len());
-        order.push(root);
+        order.push(self.root);
         let mut next = 0;
         while let Some(&v) = order.get(next) {
             let mut child = self.links[v as usize].first_child;
@@ -79,8 +117,13 @@ impl SpanningTree {
             }
             next += 1;
         }
+        order
+    }
+
+    /// Every edge carries what the nodes below it have in excess.
+    fn fill_flows(&mut self, supply: &[i64]) {
         let mut excess = supply.to_vec();
-        for &v in order.iter().rev() {
+        for &v in self.from_the_top().iter().rev() {
             let mass = excess[v as usize];
             let link = &mut self.links[v as usize];
             link.flow = mass.abs();
@@ -89,6 +132,28 @@ impl SpanningTree {
                 excess[link.parent as usize] += mass;
             }
         }
+    }
+
+    /// The cost when every shipment goes straight from where it is given to where it is taken:
+    /// the flow is taken apart into shipments from the leaves up.
+    pub(super) fn cost_of_straight_lines(
+        &self,
+        supply: &[i64],
+        length: impl Fn(Node, Node) -> f64,
+    ) -> f64 {
+        let mut open: Vec<Vec<(Node, i64)>> = vec![Vec::new(); self.links.len()];
+        let mut cost = 0.0;
+        for &v in self.from_the_top().iter().rev() {
+            if supply[v as usize] != 0 {
+                let own = vec![(v, supply[v as usize])];
+                cost += ship(&mut open[v as usize], own, &length);
+            }
+            if let Some(parent) = self.parent(v) {
+                let below = std::mem::take(&mut open[v as usize]);
+                cost += ship(&mut open[parent as usize], below, &length);
+            }
+        }
+        cost
     }
 
     /// The node's potential: along an edge that carries flow it rises by the edge's cost.
@@ -225,8 +290,8 @@ impl SpanningTree {
     }
 
     /// Depths and potentials of the whole tree from its edges.
-    fn settle(&mut self, root: Node) {
-        self.stack.push(root);
+    fn settle(&mut self) {
+        self.stack.push(self.root);
         while let Some(v) = self.stack.pop() {
             let link = self.links[v as usize];
             if link.parent != NONE {

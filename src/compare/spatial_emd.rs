@@ -6,11 +6,14 @@
 //! pixels has distance d. Source: Rubner, Tomasi and Guibas, IJCV 40, 2000; the authors of
 //! Raw2Event tune on an earth mover's distance of the event cloud.
 //!
-//! Method: minimum-cost flow on the pixel grid ([`super::transport`]). On grids up to 1024 cells
-//! it is exact. Larger ones use arcs that lengthen a path by at most 1.3 %, and grids
-//! above 25,000 pixels are summed into square cells (2 x 2 on a DAVIS346). `numerical_error`
-//! is the sum of both bounds; the cell term is the mass that differs within cells times its
-//! distance from the cell's middle, in practice many times the error made.
+//! Method: minimum-cost flow on the pixel grid ([`super::transport`]). Up to 1024 pixels it is
+//! exact. Larger grids have arcs in 32 directions, which misjudge a distance by at most 1.3 %; the
+//! value is that of the shipments so found, each in a straight line. Grids above 12,000
+//! pixels are summed into square cells first (3 x 3 on a DAVIS346). `numerical_error` is the sum
+//! of both bounds. The bound for the cells is the mass that differs within cells times its
+//! distance from the cell's middle; the error made is far smaller, since mass moves to
+//! either side: between the halves of a DAVIS346 street recording (96 px) it is 0.01 px, and
+//! between two maps of pure noise at one event a pixel (1.35 px) it is 0.08 px.
 //!
 //! Error: time blocks, with the optimal potential held fixed (the distance's
 //! derivative). `chance_level`: the streams of each time block swapped or not by a coin.
@@ -36,7 +39,7 @@ const DEFINITION: Definition = Definition {
 };
 
 /// Grids of more pixels are summed into cells.
-const MAX_CELLS: usize = 25_000;
+const MAX_CELLS: usize = 12_000;
 /// Up to so many cells the flow is exact.
 const MAX_EXACT_CELLS: usize = 1_024;
 /// Reach of the arcs on larger grids.
@@ -102,14 +105,20 @@ pub(super) fn measure(pair: &Pair<'_>, real: EventSlice<'_>, simulated: EventSli
             _ => distance(&cells, &real, &simulated, &pair.bootstrap.flips(N_BLOCKS, number)),
         })
         .collect();
-    let chance: Vec<f64> = results.drain(1..).flatten().map(|result| result.cost).collect();
+    let chance: Vec<f64> =
+        results.drain(1..).flatten().map(|result| result.straight_cost).collect();
     let Some(result) = results.into_iter().flatten().next() else {
         return DEFINITION.unknown("there are no events");
     };
     let side = cells.side as f64;
+    // Replicates follow the potential of the arcs; their common excess is divided out.
+    let straighten = if result.cost > 0.0 { result.straight_cost / result.cost } else { 1.0 };
     let score = |maps: &[Vec<u32>]| -> (Vec<f64>, Vec<f64>) {
         let score = |map: &Vec<u32>| {
-            map.iter().zip(&result.potential).map(|(&n, p)| f64::from(n) * p * side).sum()
+            map.iter()
+                .zip(&result.potential)
+                .map(|(&n, p)| f64::from(n) * p * side * straighten)
+                .sum()
         };
         (maps.iter().map(score).collect(), maps.iter().map(|map| total(map) as f64).collect())
     };
@@ -119,8 +128,9 @@ pub(super) fn measure(pair: &Pair<'_>, real: EventSlice<'_>, simulated: EventSli
     let estimate = pair.bootstrap.estimate(N_BLOCKS, n, |w| {
         dot(w, &score_simulated) / dot(w, &n_simulated) - dot(w, &score_real) / dot(w, &n_real)
     });
-    let numerical_error = Some(cells.excess() * estimate.value + within_cells(pair, &cells))
-        .filter(|&error| error > 0.0);
+    let least = side * result.cost / (1.0 + cells.excess());
+    let numerical_error = Some((estimate.value - least).max(0.0) + within_cells(pair, &cells))
+        .filter(|&error| error > 1e-6);
     let chance_level =
         (!chance.is_empty()).then(|| side * chance.iter().sum::<f64>() / chance.len() as f64);
     Measure { numerical_error, chance_level, ..DEFINITION.with(estimate) }
@@ -164,7 +174,9 @@ fn distance(
     let difference: Vec<i64> =
         maps[0].iter().zip(&maps[1]).map(|(sim, real)| sim * n[1] - real * n[0]).collect();
     let mut result = transport(&difference, cells.grid, cells.reach);
-    result.cost /= n[0] as f64 * n[1] as f64;
+    let scale = n[0] as f64 * n[1] as f64;
+    result.cost /= scale;
+    result.straight_cost /= scale;
     Some(result)
 }
 

@@ -22,10 +22,13 @@ const COST_UNIT: f64 = (1_u64 << 24) as f64;
 /// An optimal transport: its cost, and the potential that proves it.
 #[derive(Debug, Clone)]
 pub(crate) struct Transport {
-    /// Mass times distance, in mass units times cells.
+    /// Mass times distance along the arcs, in mass units times cells.
     pub(crate) cost: f64,
-    /// Dual potential of each node in cells: it falls along every shipment by the distance, and
-    /// nowhere faster. `sum(potential * difference)` is the cost again.
+    /// The same shipments in straight lines: never more than `cost`, and never less than the true
+    /// distance, which lies between `cost / (1 + reach_excess)` and this.
+    pub(crate) straight_cost: f64,
+    /// Dual potential of each node in cells: it falls along every shipment by the arcs' length,
+    /// and nowhere faster. `sum(potential * difference)` is the cost again.
     pub(crate) potential: Vec<f64>,
 }
 
@@ -70,7 +73,12 @@ pub(crate) fn transport(difference: &[i64], grid: Grid, reach: usize) -> Transpo
     debug_assert_eq!(difference.iter().sum::<i64>(), 0, "mass in equals mass out");
     let tree = solve(difference, grid, reach);
     let potential = (0..grid.n_nodes()).map(|v| -tree.potential(v as Node) as f64 / COST_UNIT);
-    Transport { cost: tree.cost() / COST_UNIT, potential: potential.collect() }
+    let straight = |a: Node, b: Node| distance(a, b, grid) as f64;
+    Transport {
+        cost: tree.cost() / COST_UNIT,
+        straight_cost: tree.cost_of_straight_lines(difference, straight) / COST_UNIT,
+        potential: potential.collect(),
+    }
 }
 
 fn solve(difference: &[i64], grid: Grid, reach: usize) -> SpanningTree {
@@ -198,4 +206,107 @@ fn best_arc_from(
         }
     }
     (best.0 < 0).then_some((best.0, node as Node, best.1, best.2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Masses 0..100 from a recurrence that the Python below repeats.
+    fn masses(n: usize, seed: u64) -> Vec<i64> {
+        let step = |s: &u64| Some((s * 1_103_515_245 + 12_345) % 2_147_483_648);
+        let states = std::iter::successors(Some(seed), step).skip(1);
+        states.take(n).map(|s| (s / 65_536 % 100) as i64).collect()
+    }
+
+    /// Distance between two maps, each taken as shares.
+    fn between(a: &[i64], b: &[i64], grid: Grid, reach: usize) -> (f64, f64) {
+        let (sum_a, sum_b): (i64, i64) = (a.iter().sum(), b.iter().sum());
+        let difference: Vec<i64> = a.iter().zip(b).map(|(a, b)| a * sum_b - b * sum_a).collect();
+        let result = transport(&difference, grid, reach);
+        let dual: f64 = result.potential.iter().zip(&difference).map(|(p, &d)| p * d as f64).sum();
+        assert!((dual / result.cost - 1.0).abs() < 1e-9 || result.cost == 0.0, "duality gap");
+        let scale = (sum_a * sum_b) as f64;
+        (result.cost / scale, result.straight_cost / scale)
+    }
+
+    fn points(grid: Grid, masses: &[(usize, usize, i64)]) -> Vec<i64> {
+        let mut map = vec![0; grid.width * grid.height];
+        masses.iter().for_each(|&(x, y, mass)| map[y * grid.width + x] += mass);
+        map
+    }
+
+    #[test]
+    fn an_exact_solver_gives_the_same_distances() {
+        // POT 0.9.7: with s = (s * 1103515245 + 12345) % 2**31; mass = s // 65536 % 100, row-major,
+        // y, x = divmod(arange(w * h), w), D = hypot(x[:, None] - x, y[:, None] - y):
+        // ot.emd2(a / a.sum(), b / b.sum(), D) for (w, h, seed of a, seed of b).
+        let references = [
+            (12, 9, 1, 2, 0.669_370_901_331_949),
+            (5, 17, 3, 4, 0.540_984_334_440_267),
+            (20, 20, 5, 6, 0.522_674_978_778_722_8),
+        ];
+        for (width, height, seed_a, seed_b, reference) in references {
+            let grid = Grid { width, height };
+            let (a, b) = (masses(width * height, seed_a), masses(width * height, seed_b));
+            let (exact, straight) = between(&a, &b, grid, width.max(height));
+            assert!((exact - reference).abs() < 1e-6, "{exact} instead of {reference}");
+            assert!((straight - reference).abs() < 1e-6, "{straight} instead of {reference}");
+            let (along_arcs, straight) = between(&a, &b, grid, 2);
+            assert!(along_arcs / (1.0 + reach_excess(2)) <= reference + 1e-6);
+            assert!((reference - 1e-6..=along_arcs + 1e-6).contains(&straight));
+        }
+    }
+
+    #[test]
+    fn a_point_moved_across_the_grid_has_the_length_of_the_straight_line() {
+        let grid = Grid { width: 61, height: 40 };
+        for (x, y) in [(60, 0), (0, 39), (60, 39), (37, 11), (1, 38), (59, 2)] {
+            let (from, to) = (points(grid, &[(0, 0, 7)]), points(grid, &[(x, y, 3)]));
+            let length = (x as f64).hypot(y as f64);
+            let (along_arcs, straight) = between(&from, &to, grid, 3);
+            assert!((straight - length).abs() < 1e-6, "({x}, {y}): {straight}");
+            let excess = along_arcs / length - 1.0;
+            assert!((-1e-6..=reach_excess(3) + 1e-6).contains(&excess), "({x}, {y}): {excess}");
+        }
+    }
+
+    #[test]
+    fn two_points_that_share_mass_move_only_what_differs() {
+        let grid = Grid { width: 30, height: 30 };
+        let one = points(grid, &[(2, 3, 70), (22, 18, 30)]);
+        let other = points(grid, &[(2, 3, 45), (22, 18, 55)]);
+        let (_, straight) = between(&one, &other, grid, 3);
+        assert!((straight - 0.25 * 25.0).abs() < 1e-6, "{straight}");
+    }
+
+    #[test]
+    fn a_shifted_map_is_as_far_as_the_shift() {
+        let grid = Grid { width: 90, height: 60 };
+        let pattern = masses(40 * 30, 11);
+        let shifted = |dx: usize, dy: usize| {
+            let pixels = pattern.iter().enumerate();
+            let moved: Vec<_> =
+                pixels.map(|(i, &m)| (5 + i % 40 + dx, 5 + i / 40 + dy, m)).collect();
+            points(grid, &moved)
+        };
+        for (dx, dy) in [(0, 0), (4, 0), (12, 5), (45, 24)] {
+            let length = (dx as f64).hypot(dy as f64);
+            let (along_arcs, straight) = between(&shifted(0, 0), &shifted(dx, dy), grid, 3);
+            let low = along_arcs / (1.0 + reach_excess(3)) - 1e-6;
+            assert!(low <= length && length <= straight + 1e-6, "{low} {length} {straight}");
+            assert!(straight <= length * 1.003 + 1e-9, "({dx}, {dy}): {straight}");
+        }
+    }
+
+    #[test]
+    fn the_stated_excess_of_a_reach_is_that_of_the_literature() {
+        // Bassetti, Gualandi and Veneroni 2020, table 1: 2.68 % and 1.29 % for L = 2, 3 (relative
+        // to the longer length, which is excess / (1 + excess)).
+        for (reach, percent) in [(2, 2.68), (3, 1.29), (5, 0.49)] {
+            let excess = reach_excess(reach);
+            let relative = 100.0 * excess / (1.0 + excess);
+            assert!((relative - percent).abs() < 0.011, "reach {reach}: {relative} %");
+        }
+    }
 }
