@@ -198,8 +198,12 @@ impl Chart {
         }
         for tick in &x_ticks {
             let at = x.position(tick.value);
-            let reach = if tick.label.is_empty() { 3.0 } else { 5.0 };
+            let is_minor = tick.label.is_empty();
+            let reach = if is_minor { 3.0 } else { 5.0 };
             canvas.line("tick", [at, area.bottom()], [at, area.bottom() + reach]);
+            if is_minor {
+                continue;
+            }
             let below = [at, area.bottom() + 18.0];
             canvas.text("tick-label num", below, Anchor::Middle, &tick.label);
         }
