@@ -1,6 +1,7 @@
 //! Comparison measures as rows: value, healthy range, verdict.
 
 use super::figure::Link;
+use super::number::quantity;
 use crate::stats::Estimate;
 
 /// One measure of how alike real and simulated events are.
@@ -161,6 +162,19 @@ pub fn headline(measures: &[Measure]) -> String {
     }
 }
 
+/// A sentence for each measure that is clearly outside, the farthest first.
+#[must_use]
+pub fn departing(measures: &[Measure]) -> Vec<String> {
+    let mut outside: Vec<&Measure> =
+        measures.iter().filter(|m| m.verdict() == Verdict::Outside).collect();
+    outside.sort_by(|a, b| b.distance().total_cmp(&a.distance()));
+    let unit = |m: &Measure| if m.unit.is_empty() { String::new() } else { format!(" {}", m.unit) };
+    let sentence = |m: &&Measure| {
+        format!("{}: {}{}; healthy is {}.", m.name, quantity(&m.estimate), unit(m), m.range_text())
+    };
+    outside.iter().map(sentence).collect()
+}
+
 impl Measure {
     fn distance(&self) -> f64 {
         self.departure(self.estimate.value).abs()
@@ -230,6 +244,13 @@ pub(super) mod tests {
         tv.name = "Interval total variation".into();
         let good = measure(1.0, 0.01, Some([0.5, 2.0]));
         let bad = measure(2.1, 0.001, Some([0.5, 2.0]));
+        assert_eq!(
+            departing(&[good.clone(), bad.clone(), tv.clone()]),
+            [
+                "Interval total variation: 0.500 ± 0.010; healthy is at most 0.25.",
+                "Event count ratio: 2.1000 ± 0.0010; healthy is 0.5 to 2."
+            ]
+        );
         assert_eq!(
             headline(&[good.clone(), tv, bad]),
             "1 of 3 measures are healthy; interval total variation departs most."

@@ -1,7 +1,7 @@
 //! The page: a plain description, and one HTML file made from it.
 
 use super::figure::{Figure, Link, Panel};
-use super::measure::{Measure, headline};
+use super::measure::{Measure, departing, headline};
 use super::number::{quantity, significant};
 use super::plot::{Drawing, strip};
 use super::table::{Cell, Table};
@@ -101,6 +101,7 @@ impl Summary {
     pub fn from_measures(measures: &[Measure]) -> Self {
         Self {
             headline: headline(measures),
+            remarks: departing(measures),
             figure: Some(strip::departures_figure(measures)),
             ..Self::default()
         }
@@ -193,14 +194,18 @@ fn figure_view(figure: &Figure) -> Value {
         .map(|k| context! { ink => k.ink_class(), sample => k.sample_class(), text => k.text() })
         .collect();
     let panels: Vec<Value> = figure.panels.iter().map(panel_view).collect();
-    // Drawings made for half a page stand side by side.
-    let is_grid = panels.len() > 1 && figure.panels.iter().all(|p| !p.drawing.is_wide());
+    // Drawings made for half a page stand side by side, a single one beside its caption.
+    let layout = match figure.panels.as_slice() {
+        [one] if !one.drawing.is_wide() => "beside-caption",
+        [_, _, ..] if figure.panels.iter().all(|p| !p.drawing.is_wide()) => "side-by-side",
+        _ => "stacked",
+    };
     context! {
         title => figure.title,
         caption => figure.caption,
         legend => legend,
         panels => panels,
-        layout => if is_grid { "side-by-side" } else { "stacked" },
+        layout => layout,
         data => figure.data.as_ref().map(link_view),
     }
 }
@@ -241,6 +246,7 @@ fn measure_view(measure: &Measure) -> Value {
         mark => verdict.mark(),
         class => verdict.class(),
         strip => drawing_view(&strip::row(measure)),
+        has_sides => measure.real.is_some() || measure.simulated.is_some(),
         real => side(measure.real),
         simulated => side(measure.simulated),
         data => measure.data.as_ref().map(link_view),

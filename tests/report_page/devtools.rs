@@ -10,18 +10,18 @@ use std::time::Duration;
 /// Longest wait for one message; a browser that says nothing for so long is taken for dead.
 const DEADLINE: Duration = Duration::from_secs(60);
 
-pub struct Browser {
+pub(crate) struct Browser {
     child: Child,
     to: ChildStdin,
     from: Receiver<Value>,
     last_id: u64,
     session: Option<String>,
     /// Events that came while an answer was awaited.
-    pub events: Vec<Value>,
+    pub(crate) events: Vec<Value>,
 }
 
 impl Browser {
-    pub fn start(program: &str, profile: &Path) -> Self {
+    pub(crate) fn start(program: &str, profile: &Path) -> Self {
         // The browser reads its pipe at descriptor 3 and answers at 4; the shell puts them there.
         let mut child = Command::new("sh")
             .args(["-c", "exec \"$0\" \"$@\" 3<&0 4>&1 0</dev/null 1>&2", program])
@@ -68,7 +68,7 @@ impl Browser {
     }
 
     /// Calls a method and waits for its result.
-    pub fn call(&mut self, method: &str, params: Value) -> Value {
+    pub(crate) fn call(&mut self, method: &str, params: Value) -> Value {
         self.last_id += 1;
         let mut message = json!({"id": self.last_id, "method": method, "params": params});
         if let Some(session) = &self.session {
@@ -86,7 +86,7 @@ impl Browser {
     }
 
     /// Waits for the next event of this name and keeps all others.
-    pub fn wait_for(&mut self, name: &str) {
+    pub(crate) fn wait_for(&mut self, name: &str) {
         loop {
             if let Some(i) = self.events.iter().position(|event| event["method"] == name) {
                 self.events.remove(i);
@@ -98,7 +98,7 @@ impl Browser {
     }
 
     /// Value of a JavaScript expression.
-    pub fn evaluate(&mut self, expression: &str) -> Value {
+    pub(crate) fn evaluate(&mut self, expression: &str) -> Value {
         let mut answer = self.call(
             "Runtime.evaluate",
             json!({"expression": expression, "returnByValue": true, "awaitPromise": true}),

@@ -7,23 +7,23 @@ use evrig::report::measure::Measure;
 use evrig::report::page::{Block, Fact, Page, Section, Summary};
 use evrig::report::plot::interval::{self, IntervalDensity};
 use evrig::report::plot::rate::{self, RateCurve};
-use evrig::report::plot::{cloud, heat, overlay};
+use evrig::report::plot::{cloud, heat, overlay, ratio};
 use evrig::report::table::{Cell, Column, Table};
 use evrig::stats::Estimate;
 
-pub const SIZE: Size = Size::DAVIS346;
+pub(crate) const SIZE: Size = Size::DAVIS346;
 const DURATION_US: i64 = 2_000_000;
 
 /// A small generator of numbers that look random; the same in every run.
-pub struct Dice(u64);
+pub(crate) struct Dice(u64);
 
 impl Dice {
-    pub fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self(seed | 1)
     }
 
     /// Uniform in 0..1.
-    pub fn roll(&mut self) -> f64 {
+    pub(crate) fn roll(&mut self) -> f64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;
@@ -119,7 +119,7 @@ fn edges_us() -> Vec<f64> {
     (0..=60).map(|i| 10_f64.powf(2.0 + 4.0 * f64::from(i) / 60.0)).collect()
 }
 
-pub fn measures() -> Vec<Measure> {
+pub(crate) fn measures() -> Vec<Measure> {
     let measure =
         |id: &str, name: &str, formula: &str, value: f64, error: f64, healthy, sides: [f64; 2]| {
             Measure {
@@ -127,7 +127,7 @@ pub fn measures() -> Vec<Measure> {
                 name: name.into(),
                 formula: formula.into(),
                 source: "Ning et al., Raw2Event".into(),
-                unit: if id.ends_with("emd") { "px".into() } else { String::new() },
+                unit: if id == "spatial_emd" { "px".into() } else { String::new() },
                 estimate: Estimate::normal(value, error, 4_200),
                 healthy,
                 real: sides[0].is_finite().then_some(sides[0]),
@@ -233,7 +233,7 @@ fn table() -> Table {
 }
 
 /// A page with every kind of block, from synthetic events.
-pub fn page(title: &str) -> Page {
+pub(crate) fn page(title: &str) -> Page {
     let (real, simulated) = (events(11, 900, 300.0, 14.0), events(23, 1_250, 2_500.0, 4.0));
     let frame = frame(1_000_000);
     let overlay = overlay::Overlay {
@@ -266,10 +266,9 @@ pub fn page(title: &str) -> Page {
     );
     let measures = measures();
     let mut summary = Summary::from_measures(&measures);
-    summary.remarks = vec![
-        "The generator fires again within 800 µs of an event; the camera never does.".into(),
-        "31 % more events than the camera, most of them On.".into(),
-    ];
+    summary
+        .remarks
+        .push("The generator fires again within 800 µs of an event; the camera never does.".into());
     summary.facts = vec![
         Fact::new("Recorded", "2026-11-21 10:54 UTC"),
         Fact::new("Duration", "2.000 s"),
@@ -294,7 +293,7 @@ pub fn page(title: &str) -> Page {
                 blocks: vec![
                     Block::Figure(overlay::figure(&overlay).expect("the frame fits")),
                     Block::Figure(heat::counts_figure(&maps).expect("the maps fit")),
-                    Block::Figure(heat::ratio_figure(&maps).expect("the maps fit")),
+                    Block::Figure(ratio::figure(&maps).expect("the maps fit")),
                 ],
             },
             Section {

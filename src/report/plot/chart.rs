@@ -185,7 +185,7 @@ impl Chart {
         let left = 10.0 + FIGURE_WIDTH * longest as f64;
         let area = Area { x: left, y: top, w: width - left - 10.0, h: bottom - top };
         let x = self.x.scale(self.layers.iter().flat_map(Layer::xs), [area.x, area.right()]);
-        let x_ticks = x.ticks((area.w / 70.0) as usize);
+        let x_ticks = x.ticks((area.w / 62.0) as usize);
 
         for tick in &y_ticks {
             let at = y.position(tick.value);
