@@ -29,7 +29,8 @@ const PROBE: &str = r#"(() => {
   const text = [...document.querySelectorAll("svg text")].filter((t) => t.checkVisibility());
   const cut = text.filter((t) => {
     const box = t.getBoundingClientRect();
-    return box.left < -0.5 || box.right > innerWidth + 0.5;
+    const sheet = t.farthestViewportElement.getBoundingClientRect();
+    return box.left < sheet.left - 1 || box.right > sheet.right + 1 || box.bottom > sheet.bottom + 1;
   });
   return {
     title: document.title,
@@ -138,6 +139,9 @@ fn the_page_stands_in_a_browser_at_both_widths_in_light_and_dark() {
     }
     assert_eq!(grounds.len(), 2, "the ground differs between light and dark: {grounds:?}");
     sorting_works(&mut browser);
+    the_pointer_reads_values(&mut browser);
+    paper_is_white_even_at_night(&mut browser, &url);
+    nothing_is_missing_without_script(&mut browser, &url);
     assert!(complaints(&browser.events).is_empty(), "{:?}", complaints(&browser.events));
     let foreign: Vec<&Value> = browser
         .events
@@ -168,6 +172,50 @@ fn sorting_works(browser: &mut Browser) {
             .evaluate("document.querySelectorAll('.sortable th')[3].getAttribute('aria-sort')");
         assert_eq!(state, expected);
     }
+}
+
+/// The middle of a chart whose time axis runs from 0 to 2 s is 1 s.
+fn the_pointer_reads_values(browser: &mut Browser) {
+    let find = "(() => { const pads = [...document.querySelectorAll('.pad')].filter((p) => p.checkVisibility() && p.dataset.x.startsWith('lin'));
+        pads[0].scrollIntoView({block: 'center'}); const b = pads[0].getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]; })()";
+    let at = browser.evaluate(find);
+    browser.call("Input.dispatchMouseEvent", json!({"type": "mouseMoved", "x": at[0], "y": at[1]}));
+    let shown = browser.evaluate("document.querySelector('.read-out')?.textContent ?? ''");
+    assert!(shown.as_str().unwrap_or_default().starts_with("x 1, y "), "{shown}");
+    browser.call("Input.dispatchMouseEvent", json!({"type": "mouseMoved", "x": 1, "y": 1}));
+    assert_eq!(browser.evaluate("document.querySelectorAll('.read-out').length"), 0);
+}
+
+fn paper_is_white_even_at_night(browser: &mut Browser, url: &str) {
+    browser.call("Page.navigate", json!({"url": url}));
+    browser.wait_for("Page.loadEventFired");
+    browser.call(
+        "Emulation.setEmulatedMedia",
+        json!({"media": "print", "features": [{"name": "prefers-color-scheme", "value": "dark"}]}),
+    );
+    let ground = browser.evaluate("getComputedStyle(document.body).backgroundColor");
+    assert_eq!(ground, "rgb(255, 255, 255)");
+    let real =
+        browser.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--real')");
+    assert_eq!(real, "#14181d", "ink on paper is dark");
+    let pdf = browser.call("Page.printToPDF", json!({"preferCSSPageSize": true}));
+    let pdf = pdf["data"].as_str().expect("a PDF");
+    if let Some(folder) = std::env::var_os("EVRIG_SCREENSHOTS") {
+        let bytes = base64::engine::general_purpose::STANDARD.decode(pdf).expect("base64");
+        std::fs::write(PathBuf::from(folder).join("print.pdf"), bytes).expect("the PDF is kept");
+    }
+    assert!(pdf.len() > 100_000, "the pictures are in print, too");
+}
+
+fn nothing_is_missing_without_script(browser: &mut Browser, url: &str) {
+    browser.call("Emulation.setScriptExecutionDisabled", json!({"value": true}));
+    browser.call("Emulation.setEmulatedMedia", json!({"media": "screen", "features": []}));
+    browser.call("Page.navigate", json!({"url": url}));
+    browser.wait_for("Page.loadEventFired");
+    let probe = browser.evaluate(PROBE);
+    assert_eq!(probe["sortButtons"], 0, "the script did not run");
+    assert!(probe["sizes"].as_array().map(Vec::len) >= Some(15));
+    assert_eq!(browser.evaluate("document.querySelectorAll('.sortable tbody tr').length"), 9);
 }
 
 #[test]

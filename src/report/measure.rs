@@ -149,14 +149,15 @@ pub fn headline(measures: &[Measure]) -> String {
         .iter()
         .filter(|m| m.verdict() == Verdict::Outside)
         .max_by(|a, b| a.distance().total_cmp(&b.distance()));
+    let are = if n_healthy == 1 { "is" } else { "are" };
     match (judged.len(), farthest) {
         (0, _) => "No measure has a healthy range to be judged by.".to_owned(),
         (n, None) if n_healthy == n => {
-            format!("Real and simulated events are alike: all {n} measures are healthy.")
+            format!("Real and simulated events are alike: every measure is healthy ({n} of {n}).")
         }
-        (n, None) => format!("{n_healthy} of {n} measures are healthy, none is clearly outside."),
+        (n, None) => format!("{n_healthy} of {n} measures {are} healthy, none is clearly outside."),
         (n, Some(worst)) => format!(
-            "{n_healthy} of {n} measures are healthy; {} departs most.",
+            "{n_healthy} of {n} measures {are} healthy; {} departs most.",
             lower_first(&worst.name)
         ),
     }
@@ -253,9 +254,9 @@ pub(super) mod tests {
         );
         assert_eq!(
             headline(&[good.clone(), tv, bad]),
-            "1 of 3 measures are healthy; interval total variation departs most."
+            "1 of 3 measures is healthy; interval total variation departs most."
         );
-        assert!(headline(&[good]).contains("all 1 measures"));
+        assert!(headline(&[good]).contains("(1 of 1)"));
         assert!(headline(&[]).contains("No measure"));
     }
 }

@@ -78,7 +78,7 @@ impl View {
     fn new(size: Size, window_ms: f64) -> Self {
         // The depth's shift, the time axis and the labels fill the canvas's width.
         let depth = [128.0, -64.0];
-        let time = Scale::new(Kind::Linear, [0.0, window_ms], [46.0, CANVAS[0] - depth[0] - 6.0]);
+        let time = Scale::new(Kind::Linear, [0.0, window_ms], [58.0, CANVAS[0] - depth[0] - 30.0]);
         let height = CANVAS[1] - 40.0 + depth[1] - 8.0;
         Self {
             time,

@@ -11,7 +11,7 @@ use crate::report::figure::{Figure, Panel};
 
 /// A cell is cut in four as long as its parts hold this many events on average, real and simulated
 /// together; so chance does not paint the map.
-const EVENTS_A_CELL: u64 = 40;
+const EVENTS_A_CELL: u64 = 100;
 /// Side of the largest cells, pixels; a power of two.
 const LARGEST_CELL: u16 = 32;
 /// The largest factor shown, as a power of two; beyond it the colour stays.
@@ -135,7 +135,7 @@ mod tests {
     #[test]
     fn the_text_tells_the_share_of_the_area_that_differs() {
         let size = Size::new(4, 1);
-        let maps = CountMaps { size, real: &[100; 4], simulated: &[100, 300, 20, 100] };
+        let maps = CountMaps { size, real: &[1000; 4], simulated: &[1000, 3000, 200, 1000] };
         let figure = figure(&maps).unwrap();
         assert!(figure.panels[0].alt.contains("twice as many on 25 %"), "{}", figure.panels[0].alt);
         assert!(figure.panels[0].alt.contains("half as many on 25 %"));

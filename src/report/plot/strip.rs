@@ -39,7 +39,7 @@ pub fn departures_figure(measures: &[Measure]) -> Figure {
 fn wide_overview(measures: &[&Measure]) -> String {
     const WIDTH: f64 = 600.0;
     let rows = ROW * measures.len().max(1) as f64;
-    let area = Area { x: 196.0, y: 2.0, w: WIDTH - 196.0 - 112.0, h: rows };
+    let area = Area { x: 196.0, y: 2.0, w: WIDTH - 196.0 - 128.0, h: rows };
     let mut canvas = Canvas::new(WIDTH, rows + 46.0);
     draw_ground(&mut canvas, area);
     draw_axis(&mut canvas, area);
