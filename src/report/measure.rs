@@ -130,7 +130,7 @@ impl Measure {
     pub fn range_text(&self) -> String {
         let short = |v: f64| format!("{v}");
         match self.healthy {
-            Some([low, high]) if low == 0.0 => format!("at most {}", short(high)),
+            Some([0.0, high]) => format!("at most {}", short(high)),
             Some([low, high]) => format!("{} to {}", short(low), short(high)),
             None => String::new(),
         }

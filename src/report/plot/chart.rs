@@ -183,7 +183,7 @@ impl Chart {
         let y_ticks = y.ticks(if height > 280.0 { 6 } else { 5 });
         let longest = y_ticks.iter().map(|t| t.label.chars().count()).max().unwrap_or(0);
         let left = 10.0 + FIGURE_WIDTH * longest as f64;
-        let area = Area { x: left, y: top, w: width - left - 10.0, h: bottom - top };
+        let area = Area { x: left, y: top, w: width - left - 18.0, h: bottom - top };
         let x = self.x.scale(self.layers.iter().flat_map(Layer::xs), [area.x, area.right()]);
         let x_ticks = x.ticks((area.w / 62.0) as usize);
 
