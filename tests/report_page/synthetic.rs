@@ -119,88 +119,34 @@ fn edges_us() -> Vec<f64> {
     (0..=60).map(|i| 10_f64.powf(2.0 + 4.0 * f64::from(i) / 60.0)).collect()
 }
 
-pub(crate) fn measures() -> Vec<Measure> {
-    let measure =
-        |id: &str, name: &str, formula: &str, value: f64, error: f64, healthy, sides: [f64; 2]| {
-            Measure {
-                id: id.into(),
-                name: name.into(),
-                formula: formula.into(),
-                source: "Ning et al., Raw2Event".into(),
-                unit: if id == "spatial_emd" { "px".into() } else { String::new() },
-                estimate: Estimate::normal(value, error, 4_200),
-                healthy,
-                real: sides[0].is_finite().then_some(sides[0]),
-                simulated: sides[1].is_finite().then_some(sides[1]),
-                data: Some(Link::beside("derived/compare-aps/measures.json")),
-            }
-        };
-    let nan = f64::NAN;
-    vec![
-        measure(
-            "count_ratio",
-            "Event count ratio",
-            "N_sim / N_real",
-            1.313,
-            0.021,
-            Some([0.5, 2.0]),
-            [78_830.0, 103_504.0],
-        ),
-        measure(
-            "polarity_delta",
-            "Polarity difference",
-            "|p_sim − p_real|, p = N_on / N",
-            0.1043,
-            0.0051,
-            Some([0.0, 0.10]),
-            [0.512, 0.6163],
-        ),
-        measure(
-            "active_pixel_ratio",
-            "Active pixel ratio",
-            "active_sim / active_real",
-            1.104,
-            0.032,
-            Some([0.8, 1.2]),
-            [0.421, 0.465],
-        ),
-        measure(
-            "spatial_entropy_ratio",
-            "Spatial entropy ratio",
-            "H_sim / H_real, H = −Σ q ln q",
-            0.968,
-            0.004,
-            Some([0.8, 1.2]),
-            [9.81, 9.50],
-        ),
-        measure(
-            "spatial_emd",
-            "Spatial earth mover's distance",
-            "EMD(q_sim, q_real)",
-            3.42,
-            0.29,
-            None,
-            [nan, nan],
-        ),
-        measure(
-            "interval_tv",
-            "Interval total variation",
-            "½ Σ |h_sim − h_real|, 60 log bins",
-            0.412,
-            0.013,
-            Some([0.0, 0.25]),
-            [nan, nan],
-        ),
-        measure(
-            "interval_emd",
-            "Interval earth mover's distance",
-            "Sinkhorn divergence of ln Δt, blur 0.05",
-            0.118,
-            0.009,
-            None,
-            [nan, nan],
-        ),
-    ]
+/// Id, name, formula, value, error, healthy range, the real and the simulated side.
+type Row = (&'static str, &'static str, &'static str, f64, f64, Option<[f64; 2]>, Option<[f64; 2]>);
+
+#[rustfmt::skip]
+const MEASURES: [Row; 7] = [
+    ("count_ratio", "Event count ratio", "N_sim / N_real", 1.313, 0.021, Some([0.5, 2.0]), Some([78_830.0, 103_504.0])),
+    ("polarity_delta", "Polarity difference", "|p_sim − p_real|, p = N_on / N", 0.104_3, 0.005_1, Some([0.0, 0.10]), Some([0.512, 0.616_3])),
+    ("active_pixel_ratio", "Active pixel ratio", "active_sim / active_real", 1.104, 0.032, Some([0.8, 1.2]), Some([0.421, 0.465])),
+    ("spatial_entropy_ratio", "Spatial entropy ratio", "H_sim / H_real, H = −Σ q ln q", 0.968, 0.004, Some([0.8, 1.2]), Some([9.81, 9.50])),
+    ("spatial_emd", "Spatial earth mover's distance", "EMD(q_sim, q_real)", 3.42, 0.29, None, None),
+    ("interval_tv", "Interval total variation", "½ Σ |h_sim − h_real|, 60 log bins", 0.412, 0.013, Some([0.0, 0.25]), None),
+    ("interval_emd", "Interval earth mover's distance", "Sinkhorn divergence of ln Δt, blur 0.05", 0.118, 0.009, None, None),
+];
+
+fn measures() -> Vec<Measure> {
+    let measure = |(id, name, formula, value, error, healthy, sides): Row| Measure {
+        id: id.into(),
+        name: name.into(),
+        formula: formula.into(),
+        source: "Ning et al., Raw2Event".into(),
+        unit: if id == "spatial_emd" { "px".into() } else { String::new() },
+        estimate: Estimate::normal(value, error, 4_200),
+        healthy,
+        real: sides.map(|[real, _]| real),
+        simulated: sides.map(|[_, simulated]| simulated),
+        data: Some(Link::beside("derived/compare-aps/measures.json")),
+    };
+    MEASURES.into_iter().map(measure).collect()
 }
 
 fn table() -> Table {
@@ -232,9 +178,22 @@ fn table() -> Table {
     }
 }
 
-/// A page with every kind of block, from synthetic events.
-pub(crate) fn page(title: &str) -> Page {
-    let (real, simulated) = (events(11, 900, 300.0, 14.0), events(23, 1_250, 2_500.0, 4.0));
+fn summary(measures: &[Measure]) -> Summary {
+    let mut summary = Summary::from_measures(measures);
+    let remark = "The generator fires again within 800 µs of an event; the camera never does.";
+    summary.remarks.push(remark.into());
+    summary.facts = vec![
+        Fact::new("Recorded", "2026-11-21 10:54 UTC"),
+        Fact::new("Duration", "2.000 s"),
+        Fact::new("Real events", "78 830"),
+        Fact::new("Simulated events", "103 504"),
+        Fact::new("Sensor", "DAVIS346, 346 × 260"),
+        Fact::new("Generator", "voltmeter, aps"),
+    ];
+    summary
+}
+
+fn in_space(real: &Events, simulated: &Events) -> Section {
     let frame = frame(1_000_000);
     let overlay = overlay::Overlay {
         size: SIZE,
@@ -244,8 +203,21 @@ pub(crate) fn page(title: &str) -> Page {
         real: real.as_slice(),
         simulated: simulated.as_slice(),
     };
-    let (real_counts, sim_counts) = (counts(&real), counts(&simulated));
-    let maps = heat::CountMaps { size: SIZE, real: &real_counts, simulated: &sim_counts };
+    let (real, simulated) = (counts(real), counts(simulated));
+    let maps = heat::CountMaps { size: SIZE, real: &real, simulated: &simulated };
+    let figures = [
+        overlay::figure(&overlay).expect("the frame fits"),
+        heat::counts_figure(&maps).expect("the maps fit"),
+        ratio::figure(&maps).expect("the maps fit"),
+    ];
+    Section {
+        title: "In space".into(),
+        lead: "Where the events are.".into(),
+        blocks: figures.map(Block::Figure).into(),
+    }
+}
+
+fn in_time(real: &Events, simulated: &Events) -> Section {
     let clouds = cloud::Clouds {
         size: SIZE,
         window_us: [900_000, 1_100_000],
@@ -253,8 +225,8 @@ pub(crate) fn page(title: &str) -> Page {
         simulated: simulated.as_slice(),
     };
     let centres: Vec<f64> = (0..100).map(|i| 0.01 + 0.02 * f64::from(i)).collect();
-    let [on_real, off_real] = [true, false].map(|on| rates(&real, on));
-    let [on_sim, off_sim] = [true, false].map(|on| rates(&simulated, on));
+    let [on_real, off_real] = [true, false].map(|on| rates(real, on));
+    let [on_sim, off_sim] = [true, false].map(|on| rates(simulated, on));
     let on = RateCurve { real: &on_real, simulated: &on_sim };
     let off = RateCurve { real: &off_real, simulated: &off_sim };
     let (density_real, fit_real) = density(21_000.0, 9_000.0, 800.0, 7);
@@ -264,48 +236,42 @@ pub(crate) fn page(title: &str) -> Page {
         &IntervalDensity { density_per_us: &density_real, fit: &fit_real, median_us: 9_100.0 },
         &IntervalDensity { density_per_us: &density_sim, fit: &fit_sim, median_us: 7_400.0 },
     );
-    let measures = measures();
-    let mut summary = Summary::from_measures(&measures);
-    summary
-        .remarks
-        .push("The generator fires again within 800 µs of an event; the camera never does.".into());
-    summary.facts = vec![
-        Fact::new("Recorded", "2026-11-21 10:54 UTC"),
-        Fact::new("Duration", "2.000 s"),
-        Fact::new("Real events", "78 830"),
-        Fact::new("Simulated events", "103 504"),
-        Fact::new("Sensor", "DAVIS346, 346 × 260"),
-        Fact::new("Generator", "voltmeter, aps"),
+    let figures = [
+        rate::figure(&centres, &on, &off),
+        intervals.with_data(Link::beside("derived/compare-aps/intervals.json")),
+        cloud::figure(&clouds),
     ];
+    Section {
+        title: "In time".into(),
+        lead: "When the events are.".into(),
+        blocks: figures.map(Block::Figure).into(),
+    }
+}
+
+/// A page with every kind of block, from synthetic events.
+pub(crate) fn page(title: &str) -> Page {
+    let (real, simulated) = (events(11, 900, 300.0, 14.0), events(23, 1_250, 2_500.0, 4.0));
+    let measures = measures();
+    let lead = "Each number compares the simulated events with the real ones over the same pixels \
+                and the same window. Errors are standard errors from blocks of time; the verdict \
+                follows from the 90 % interval.";
     Page {
         title: title.into(),
         kind: "Session report".into(),
-        summary,
+        summary: summary(&measures),
         sections: vec![
             Section {
                 title: "Measures".into(),
-                lead: "Each number compares the simulated events with the real ones over the same pixels and the same window. Errors are standard errors from blocks of time; the verdict follows from the 90 % interval.".into(),
+                lead: lead.into(),
                 blocks: vec![Block::Measures(measures)],
             },
+            in_space(&real, &simulated),
+            in_time(&real, &simulated),
             Section {
-                title: "In space".into(),
-                lead: "Where the events are.".into(),
-                blocks: vec![
-                    Block::Figure(overlay::figure(&overlay).expect("the frame fits")),
-                    Block::Figure(heat::counts_figure(&maps).expect("the maps fit")),
-                    Block::Figure(ratio::figure(&maps).expect("the maps fit")),
-                ],
+                blocks: vec![Block::Table(table())],
+                title: "Sessions".into(),
+                ..Section::default()
             },
-            Section {
-                title: "In time".into(),
-                lead: "When the events are.".into(),
-                blocks: vec![
-                    Block::Figure(rate::figure(&centres, &on, &off)),
-                    Block::Figure(intervals.with_data(Link::beside("derived/compare-aps/intervals.json"))),
-                    Block::Figure(cloud::figure(&clouds)),
-                ],
-            },
-            Section { title: "Sessions".into(), lead: String::new(), blocks: vec![Block::Table(table())] },
         ],
         provenance: vec![
             Fact::new("Stage", "compare, generate-aps"),
