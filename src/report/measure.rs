@@ -1,6 +1,7 @@
 //! Comparison measures as rows: value, healthy range, verdict.
 
 use super::figure::Link;
+use super::number::quantity;
 use crate::stats::Estimate;
 
 /// One measure of how alike real and simulated events are.
@@ -129,7 +130,7 @@ impl Measure {
     pub fn range_text(&self) -> String {
         let short = |v: f64| format!("{v}");
         match self.healthy {
-            Some([low, high]) if low == 0.0 => format!("at most {}", short(high)),
+            Some([0.0, high]) => format!("at most {}", short(high)),
             Some([low, high]) => format!("{} to {}", short(low), short(high)),
             None => String::new(),
         }
@@ -148,17 +149,31 @@ pub fn headline(measures: &[Measure]) -> String {
         .iter()
         .filter(|m| m.verdict() == Verdict::Outside)
         .max_by(|a, b| a.distance().total_cmp(&b.distance()));
+    let are = if n_healthy == 1 { "is" } else { "are" };
     match (judged.len(), farthest) {
         (0, _) => "No measure has a healthy range to be judged by.".to_owned(),
         (n, None) if n_healthy == n => {
-            format!("Real and simulated events are alike: all {n} measures are healthy.")
+            format!("Real and simulated events are alike: every measure is healthy ({n} of {n}).")
         }
-        (n, None) => format!("{n_healthy} of {n} measures are healthy, none is clearly outside."),
+        (n, None) => format!("{n_healthy} of {n} measures {are} healthy, none is clearly outside."),
         (n, Some(worst)) => format!(
-            "{n_healthy} of {n} measures are healthy; {} departs most.",
+            "{n_healthy} of {n} measures {are} healthy; {} departs most.",
             lower_first(&worst.name)
         ),
     }
+}
+
+/// A sentence for each measure that is clearly outside, the farthest first.
+#[must_use]
+pub fn departing(measures: &[Measure]) -> Vec<String> {
+    let mut outside: Vec<&Measure> =
+        measures.iter().filter(|m| m.verdict() == Verdict::Outside).collect();
+    outside.sort_by(|a, b| b.distance().total_cmp(&a.distance()));
+    let unit = |m: &Measure| if m.unit.is_empty() { String::new() } else { format!(" {}", m.unit) };
+    let sentence = |m: &&Measure| {
+        format!("{}: {}{}; healthy is {}.", m.name, quantity(&m.estimate), unit(m), m.range_text())
+    };
+    outside.iter().map(sentence).collect()
 }
 
 impl Measure {
@@ -231,10 +246,17 @@ pub(super) mod tests {
         let good = measure(1.0, 0.01, Some([0.5, 2.0]));
         let bad = measure(2.1, 0.001, Some([0.5, 2.0]));
         assert_eq!(
-            headline(&[good.clone(), tv, bad]),
-            "1 of 3 measures are healthy; interval total variation departs most."
+            departing(&[good.clone(), bad.clone(), tv.clone()]),
+            [
+                "Interval total variation: 0.500 ± 0.010; healthy is at most 0.25.",
+                "Event count ratio: 2.1000 ± 0.0010; healthy is 0.5 to 2."
+            ]
         );
-        assert!(headline(&[good]).contains("all 1 measures"));
+        assert_eq!(
+            headline(&[good.clone(), tv, bad]),
+            "1 of 3 measures is healthy; interval total variation departs most."
+        );
+        assert!(headline(&[good]).contains("(1 of 1)"));
         assert!(headline(&[]).contains("No measure"));
     }
 }

@@ -1,7 +1,7 @@
 //! The page: a plain description, and one HTML file made from it.
 
 use super::figure::{Figure, Link, Panel};
-use super::measure::{Measure, headline};
+use super::measure::{Measure, departing, headline};
 use super::number::{quantity, significant};
 use super::plot::{Drawing, strip};
 use super::table::{Cell, Table};
@@ -101,7 +101,11 @@ impl Summary {
     pub fn from_measures(measures: &[Measure]) -> Self {
         Self {
             headline: headline(measures),
-            figure: Some(strip::departures_figure(measures)),
+            remarks: departing(measures),
+            figure: measures
+                .iter()
+                .any(|m| m.healthy.is_some())
+                .then(|| strip::departures_figure(measures)),
             ..Self::default()
         }
     }
@@ -193,14 +197,18 @@ fn figure_view(figure: &Figure) -> Value {
         .map(|k| context! { ink => k.ink_class(), sample => k.sample_class(), text => k.text() })
         .collect();
     let panels: Vec<Value> = figure.panels.iter().map(panel_view).collect();
-    // Drawings made for half a page stand side by side.
-    let is_grid = panels.len() > 1 && figure.panels.iter().all(|p| !p.drawing.is_wide());
+    // Drawings made for half a page stand side by side, a single one beside its caption.
+    let layout = match figure.panels.as_slice() {
+        [one] if !one.drawing.is_wide() => "beside-caption",
+        [_, _, ..] if figure.panels.iter().all(|p| !p.drawing.is_wide()) => "side-by-side",
+        _ => "stacked",
+    };
     context! {
         title => figure.title,
         caption => figure.caption,
         legend => legend,
         panels => panels,
-        layout => if is_grid { "side-by-side" } else { "stacked" },
+        layout => layout,
         data => figure.data.as_ref().map(link_view),
     }
 }
@@ -241,6 +249,7 @@ fn measure_view(measure: &Measure) -> Value {
         mark => verdict.mark(),
         class => verdict.class(),
         strip => drawing_view(&strip::row(measure)),
+        has_sides => measure.real.is_some() || measure.simulated.is_some(),
         real => side(measure.real),
         simulated => side(measure.simulated),
         data => measure.data.as_ref().map(link_view),
@@ -270,4 +279,170 @@ fn table_view(table: &Table) -> Value {
         })
         .collect();
     context! { title => table.title, caption => table.caption, columns => columns, rows => rows }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::figure::{Key, Sample};
+    use crate::report::measure::tests::measure;
+    use crate::report::plot::Ink;
+    use crate::report::plot::chart::{Axis, Chart, Layer, Stroke};
+    use crate::report::table::Column;
+
+    const HOSTILE: &str = "<script>alert(1)</script>\"'&<img src=x onerror=alert(1)>";
+
+    /// A page whose every text is hostile.
+    fn hostile_page() -> Page {
+        let line = Layer::Line {
+            ink: Ink::Real,
+            stroke: Stroke::Solid,
+            points: vec![[0.0, 1.0], [1.0, 2.0]],
+        };
+        let level = Layer::Level { y: 1.5, text: HOSTILE.into() };
+        let chart =
+            Chart { x: Axis::linear(HOSTILE), y: Axis::log(HOSTILE), layers: vec![line, level] };
+        let panel = |drawing| Panel {
+            title: HOSTILE.into(),
+            note: HOSTILE.into(),
+            alt: HOSTILE.into(),
+            drawing,
+        };
+        let figure = Figure {
+            title: HOSTILE.into(),
+            caption: HOSTILE.into(),
+            legend: vec![Key::new(Ink::On, Sample::Dot, HOSTILE)],
+            panels: vec![panel(chart.draw_wide()), panel(chart.draw_half())],
+            data: Some(Link::beside(HOSTILE)),
+        };
+        let mut hostile_measure = measure(9.0, 0.1, Some([0.5, 2.0]));
+        for text in [
+            &mut hostile_measure.id,
+            &mut hostile_measure.name,
+            &mut hostile_measure.formula,
+            &mut hostile_measure.source,
+            &mut hostile_measure.unit,
+        ] {
+            *text = HOSTILE.into();
+        }
+        hostile_measure.data = Some(Link::beside(HOSTILE));
+        let measures = vec![hostile_measure];
+        let mut summary = Summary::from_measures(&measures);
+        summary.facts = vec![Fact::new(HOSTILE, HOSTILE)];
+        let cell = Cell::text(HOSTILE).with_link(Link::beside("javascript:alert(1)"));
+        let table = Table {
+            title: HOSTILE.into(),
+            caption: HOSTILE.into(),
+            columns: vec![Column::number(HOSTILE, HOSTILE), Column::text("short row")],
+            rows: vec![vec![cell]],
+        };
+        Page {
+            title: HOSTILE.into(),
+            kind: HOSTILE.into(),
+            summary,
+            sections: vec![Section {
+                title: HOSTILE.into(),
+                lead: HOSTILE.into(),
+                blocks: vec![
+                    Block::Figure(figure),
+                    Block::Measures(measures),
+                    Block::Table(table),
+                    Block::Facts(vec![Fact::new(HOSTILE, HOSTILE)]),
+                    Block::Text(HOSTILE.into()),
+                ],
+            }],
+            provenance: vec![Fact::new(HOSTILE, HOSTILE)],
+        }
+    }
+
+    #[test]
+    fn every_text_comes_out_escaped() {
+        let html = hostile_page().to_html().unwrap();
+        assert_eq!(html.matches("<script").count(), 1, "only our own script");
+        assert!(!html.contains("<img") && !html.contains("alert(1)</script"));
+        assert!(!html.contains("href=\"javascript"));
+        assert!(html.matches("&lt;script&gt;").count() > 30, "every text is still shown");
+    }
+
+    #[test]
+    fn the_page_refers_to_nothing_outside_itself() {
+        let html = hostile_page().to_html().unwrap();
+        for outside in ["http://", "https://", "url(", "@import", "src=\"//", "href=\"//", "xlink"]
+        {
+            assert!(!html.contains(outside), "{outside}");
+        }
+        assert!(
+            html.contains("default-src &#x27;none&#x27;") || html.contains("default-src 'none'")
+        );
+    }
+
+    #[test]
+    fn every_figure_has_a_caption_and_every_drawing_words() {
+        let html = hostile_page().to_html().unwrap();
+        let count = |what: &str| html.matches(what).count();
+        assert_eq!(count("<figure"), 3, "summary, figure, table");
+        assert_eq!(count("<figure"), count("<figcaption>"));
+        assert_eq!(count("class=\"drawing\""), count("role=\"img\" aria-label=\"&lt;") + 1);
+        assert!(html.contains("aria-label=\"Departures from identical. "));
+        assert!(!html.contains("aria-label=\"\""));
+    }
+
+    #[test]
+    fn a_short_row_ends_in_empty_cells_and_an_empty_page_is_a_page() {
+        let html = hostile_page().to_html().unwrap();
+        let row = html.split("class=\"sortable\"").nth(1).unwrap();
+        assert_eq!(
+            row.split("<tbody>")
+                .nth(1)
+                .unwrap()
+                .split("</tr>")
+                .next()
+                .unwrap()
+                .matches("<td")
+                .count(),
+            2
+        );
+        assert!(Page::default().to_html().unwrap().contains("</html>"));
+    }
+
+    /// Colour of a variable in the style sheet, light or dark.
+    fn variable(name: &str, is_dark: bool) -> [f64; 3] {
+        let declared = STYLE.split(&format!("{name}: #")).nth(1 + usize::from(is_dark)).unwrap();
+        let part =
+            |i: usize| f64::from(u8::from_str_radix(&declared[2 * i..2 * i + 2], 16).unwrap());
+        [part(0), part(1), part(2)]
+    }
+
+    /// Contrast ratio of WCAG 2.1, 1 to 21.
+    fn contrast(a: [f64; 3], b: [f64; 3]) -> f64 {
+        let luminance = |colour: [f64; 3]| {
+            let linear = colour.map(|v| {
+                let v = v / 255.0;
+                if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+            });
+            0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+        };
+        let (a, b) = (luminance(a) + 0.05, luminance(b) + 0.05);
+        a.max(b) / a.min(b)
+    }
+
+    #[test]
+    fn text_can_be_read_and_pairs_differ_without_colour() {
+        for is_dark in [false, true] {
+            let between = |a: &str, b: &str| contrast(variable(a, is_dark), variable(b, is_dark));
+            for text in ["--ink", "--muted", "--link", "--good", "--warn", "--bad"] {
+                assert!(between(text, "--paper") >= 4.5, "{text} on paper, dark: {is_dark}");
+            }
+            for mark in ["--real", "--sim", "--fix", "--off"] {
+                assert!(between(mark, "--paper") >= 3.0, "{mark} on paper, dark: {is_dark}");
+            }
+            for (a, b) in [("--real", "--sim"), ("--on", "--off"), ("--real", "--fix")] {
+                assert!(
+                    between(a, b) >= 1.7,
+                    "{a} and {b} in gray, dark: {is_dark}: {}",
+                    between(a, b)
+                );
+            }
+        }
+    }
 }

@@ -7,12 +7,14 @@
 pub mod chart;
 pub mod cloud;
 pub mod colour;
+pub mod grid;
 pub mod heat;
 pub mod interval;
 pub mod overlay;
 mod panel;
 pub mod picture;
 pub mod rate;
+pub mod ratio;
 pub mod scale;
 pub mod strip;
 pub mod svg;

@@ -70,11 +70,11 @@ mod tests {
         let text = measures(&[measure(1.313, 0.021, Some([0.5, 2.0])), odd]);
         assert!(!text.contains('\u{1b}'));
         let lines: Vec<&str> = text.lines().skip(2).collect();
-        assert_eq!(lines[0], "   measure            value    ± error       healthy   verdict");
+        assert_eq!(lines[0], "   measure              value  ± error       healthy   verdict");
         assert_eq!(lines[1], "✓  Event count ratio    1.313  ± 0.021       0.5 to 2  healthy");
         assert_eq!(
             lines[2],
-            "·  Odd\u{fffd}[31m          0.00400  ± 0.00031 px            no range"
+            "·  Odd\u{fffd}[31m           0.00400  ± 0.00031 px            no range"
         );
     }
 }

@@ -183,9 +183,9 @@ impl Chart {
         let y_ticks = y.ticks(if height > 280.0 { 6 } else { 5 });
         let longest = y_ticks.iter().map(|t| t.label.chars().count()).max().unwrap_or(0);
         let left = 10.0 + FIGURE_WIDTH * longest as f64;
-        let area = Area { x: left, y: top, w: width - left - 10.0, h: bottom - top };
+        let area = Area { x: left, y: top, w: width - left - 18.0, h: bottom - top };
         let x = self.x.scale(self.layers.iter().flat_map(Layer::xs), [area.x, area.right()]);
-        let x_ticks = x.ticks((area.w / 70.0) as usize);
+        let x_ticks = x.ticks((area.w / 62.0) as usize);
 
         for tick in &y_ticks {
             let at = y.position(tick.value);
@@ -198,8 +198,12 @@ impl Chart {
         }
         for tick in &x_ticks {
             let at = x.position(tick.value);
-            let reach = if tick.label.is_empty() { 3.0 } else { 5.0 };
+            let is_minor = tick.label.is_empty();
+            let reach = if is_minor { 3.0 } else { 5.0 };
             canvas.line("tick", [at, area.bottom()], [at, area.bottom() + reach]);
+            if is_minor {
+                continue;
+            }
             let below = [at, area.bottom() + 18.0];
             canvas.text("tick-label num", below, Anchor::Middle, &tick.label);
         }

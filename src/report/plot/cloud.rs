@@ -78,7 +78,7 @@ impl View {
     fn new(size: Size, window_ms: f64) -> Self {
         // The depth's shift, the time axis and the labels fill the canvas's width.
         let depth = [128.0, -64.0];
-        let time = Scale::new(Kind::Linear, [0.0, window_ms], [34.0, CANVAS[0] - depth[0] - 6.0]);
+        let time = Scale::new(Kind::Linear, [0.0, window_ms], [58.0, CANVAS[0] - depth[0] - 30.0]);
         let height = CANVAS[1] - 40.0 + depth[1] - 8.0;
         Self {
             time,
@@ -144,10 +144,15 @@ fn draw_box(canvas: &mut Canvas, view: &View, size: Size, window_ms: f64) {
     let middle = view.time.position(window_ms / 2.0);
     canvas.text("axis-label", [middle, floor + 34.0], Anchor::Middle, "time (ms)");
     let [x, y] = corner(1.0, 0.5, 1.0);
-    canvas.text("axis-label", [x + 8.0, y + 18.0], Anchor::Start, "x (px)");
+    canvas.text(
+        "axis-label",
+        [x + 8.0, y + 18.0],
+        Anchor::Start,
+        &format!("x ({} px)", size.width),
+    );
     let [x, y] = corner(0.0, 0.0, 0.5);
     canvas.text("axis-label", [x - 6.0, y - 4.0], Anchor::End, "y");
-    canvas.text("axis-label", [x - 6.0, y + 10.0], Anchor::End, "(px)");
+    canvas.text("axis-label", [x - 6.0, y + 12.0], Anchor::End, &format!("{} px", size.height));
 }
 
 /// Mixes an index so that thinning follows no raster (Steele, Lea and Flood, OOPSLA 2014).

@@ -1,10 +1,10 @@
-//! Maps of event counts: real and simulated on one scale, and where they differ.
+//! Maps of event counts, real and simulated on one scale.
 
 use super::Drawing;
-use super::colour::{Rgb, diverging_dark, diverging_light, sequential};
+use super::colour::{Rgb, sequential};
 use super::panel::{self, Bar};
 use super::picture::{Picture, PictureError, check_length};
-use super::scale::{Kind, plain};
+use super::scale::Kind;
 use crate::geometry::Size;
 use crate::report::figure::{Figure, Panel};
 use crate::report::number::count;
@@ -12,12 +12,7 @@ use crate::report::number::count;
 /// Colour of a pixel without events, below the scale.
 const NO_EVENT: Rgb = [0, 12, 32];
 /// Pixels of a colour bar.
-const BAR: Size = Size::new(256, 1);
-/// A cell of the ratio map holds at least this many events on average, so that chance does not paint it.
-const EVENTS_A_CELL: f64 = 20.0;
-/// The ratio map's largest factor, as a power of two; beyond it the colour stays.
-const MAX_LOG2: f64 = 3.0;
-
+pub(super) const BAR: Size = Size::new(256, 1);
 /// Event counts of each pixel over the same window.
 #[derive(Debug, Clone, Copy)]
 pub struct CountMaps<'a> {
@@ -41,7 +36,7 @@ pub fn counts_figure(maps: &CountMaps<'_>) -> Result<Figure, PictureError> {
         label: "events per pixel (log scale; darkest: none)".to_owned(),
         kind: Kind::Log,
         range: [1.0, top],
-        ticks: None,
+        ticks: Some(bar_ticks(max)),
         light: Picture::from_fn(BAR, |i| sequential(i as f64 / 255.0)),
         dark: None,
     };
@@ -76,82 +71,15 @@ pub fn counts_figure(maps: &CountMaps<'_>) -> Result<Figure, PictureError> {
     })
 }
 
-/// Where the simulation fires more or less often than the camera.
-///
-/// The counts are summed over square cells of 1, 2, 4, 8 or 16 pixels, the smallest that
-/// hold enough events, and one event is added to both sides so that empty cells are equal.
-///
-/// # Errors
-/// When a map's length does not fit the grid, or the grid has no pixels.
-pub fn ratio_figure(maps: &CountMaps<'_>) -> Result<Figure, PictureError> {
-    check(maps)?;
-    let side = cell_side(maps);
-    let cells = Size::new(maps.size.width.div_ceil(side), maps.size.height.div_ceil(side));
-    let [real, simulated] =
-        [maps.real, maps.simulated].map(|counts| sum_cells(maps.size, cells, side, counts));
-    let log2: Vec<f64> =
-        real.iter().zip(&simulated).map(|(r, s)| ((s + 1.0) / (r + 1.0)).log2()).collect();
-    let light = Picture::from_fn(cells, |i| diverging_light(log2[i] / MAX_LOG2));
-    let dark = Picture::from_fn(cells, |i| diverging_dark(log2[i] / MAX_LOG2));
-    let at = |i: usize| i as f64 / 127.5 - 1.0;
-    let factor = |v: i32| if v < 0 { format!("1/{}", 1 << -v) } else { format!("{}", 1 << v) };
-    let bar = Bar {
-        label: "simulated / real (factor; log scale)".to_owned(),
-        kind: Kind::Linear,
-        range: [-MAX_LOG2, MAX_LOG2],
-        ticks: Some((-3..=3).map(|v| (f64::from(v), factor(v))).collect()),
-        light: Picture::from_fn(BAR, |i| diverging_light(at(i))),
-        dark: Some(Picture::from_fn(BAR, |i| diverging_dark(at(i)))),
-    };
-    let share = |holds: fn(f64) -> bool| {
-        100.0 * log2.iter().filter(|v| holds(**v)).count() as f64 / log2.len().max(1) as f64
-    };
-    let (too_many, too_few) = (share(|v| v >= 1.0), share(|v| v <= -1.0));
-    // The last row and column of cells may hang over the grid's edge by part of a cell.
-    let drawn = Size::new(cells.width.saturating_mul(side), cells.height.saturating_mul(side));
-    let svg = panel::draw(&light, Some(&dark), drawn, Some(&bar))?;
-    Ok(Figure {
-        title: "Where they differ".to_owned(),
-        caption: format!(
-            "Simulated over real events in cells of {side} x {side} pixels; one event is added on both sides. \
-             Orange: the simulation fires too often; blue: too rarely; the page's own ground: equal. \
-             The simulation fires at least twice as often in {too_many:.0} % of the cells and at most half as often in {too_few:.0} %."
-        ),
-        legend: vec![],
-        panels: vec![Panel {
-            title: "Simulated / real".to_owned(),
-            note: format!("cells of {side} x {side} pixels"),
-            alt: format!(
-                "Map of the ratio of simulated to real events: at least twice as many in {} % of the cells, at most half as many in {} %.",
-                plain(too_many, 0),
-                plain(too_few, 0)
-            ),
-            drawing: Drawing::single(svg),
-        }],
-        data: None,
-    })
+/// Powers of ten, and the largest count at the end of the bar.
+fn bar_ticks(max: u32) -> Vec<(f64, String)> {
+    let decades = (0..10).map(|e| 10_u32.pow(e)).take_while(|n| n.saturating_mul(2) < max);
+    decades.chain([max]).map(|n| (f64::from(n), count(n.into()))).collect()
 }
 
-fn check(maps: &CountMaps<'_>) -> Result<(), PictureError> {
+pub(super) fn check(maps: &CountMaps<'_>) -> Result<(), PictureError> {
     check_length(maps.size, maps.real.len())?;
     check_length(maps.size, maps.simulated.len())
-}
-
-fn cell_side(maps: &CountMaps<'_>) -> u16 {
-    let total: u64 = maps.real.iter().chain(maps.simulated).map(|n| u64::from(*n)).sum();
-    let per_pixel = 0.5 * total as f64 / maps.size.n_pixels().max(1) as f64;
-    let is_enough = |side: &u16| per_pixel * f64::from(*side).powi(2) >= EVENTS_A_CELL;
-    [1, 2, 4, 8].into_iter().find(is_enough).unwrap_or(16)
-}
-
-fn sum_cells(size: Size, cells: Size, side: u16, counts: &[u32]) -> Vec<f64> {
-    let mut sums = vec![0.0; cells.n_pixels()];
-    for y in 0..size.height {
-        for x in 0..size.width {
-            sums[cells.index(x / side, y / side)] += f64::from(counts[size.index(x, y)]);
-        }
-    }
-    sums
 }
 
 #[cfg(test)]
@@ -159,28 +87,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cells_grow_until_they_hold_enough_events() {
-        let size = Size::new(7, 5);
-        let (dense, sparse) = (vec![30; 35], vec![1; 35]);
-        let maps = CountMaps { size, real: &dense, simulated: &dense };
-        assert_eq!(cell_side(&maps), 1);
-        let maps = CountMaps { size, real: &sparse, simulated: &sparse };
-        assert_eq!(cell_side(&maps), 8);
-        let sums = sum_cells(size, Size::new(2, 2), 4, &sparse);
-        assert_eq!(sums, [16.0, 12.0, 4.0, 3.0], "no event is lost at the edges");
-    }
-
-    #[test]
-    fn the_alternative_text_tells_the_share_that_differs() {
-        let size = Size::new(4, 1);
-        let (real, simulated) = ([100, 100, 100, 100], [100, 300, 20, 100]);
-        let maps = CountMaps { size, real: &real, simulated: &simulated };
-        let figure = ratio_figure(&maps).unwrap();
-        assert!(figure.panels[0].alt.contains("twice as many in 25 %"), "{}", figure.panels[0].alt);
-        assert!(figure.panels[0].alt.contains("half as many in 25 %"));
-        assert!(
-            counts_figure(&CountMaps { size, real: &real[1..], simulated: &simulated }).is_err()
-        );
+    fn the_bar_ends_at_the_largest_count_of_both_maps() {
+        let size = Size::new(2, 1);
+        let maps = CountMaps { size, real: &[3, 0], simulated: &[1, 345] };
+        let figure = counts_figure(&maps).unwrap();
+        for panel in &figure.panels {
+            assert!(panel.drawing.wide().contains(">345</text>"));
+        }
+        assert!(figure.panels[0].alt.contains("3 events in total, 50.0 % of the pixels active"));
+        assert!(counts_figure(&CountMaps { real: &[1], ..maps }).is_err());
     }
 
     #[test]
@@ -188,6 +103,6 @@ mod tests {
         let size = Size::new(4, 2);
         let none = [0; 8];
         let maps = CountMaps { size, real: &none, simulated: &none };
-        assert!(counts_figure(&maps).is_ok() && ratio_figure(&maps).is_ok());
+        assert!(counts_figure(&maps).is_ok());
     }
 }

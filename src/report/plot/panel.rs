@@ -38,7 +38,7 @@ pub(super) fn draw(
     let height = (WIDTH * ratio).clamp(1.0, MAX_HEIGHT);
     let width = if ratio > 0.0 { (height / ratio).min(WIDTH) } else { WIDTH };
     let area = Area { x: (WIDTH - width) / 2.0, y: 0.0, w: width, h: height };
-    let mut canvas = Canvas::new(WIDTH, height + if bar.is_some() { 48.0 } else { 0.0 });
+    let mut canvas = Canvas::new(WIDTH, height + if bar.is_some() { 54.0 } else { 0.0 });
     put_picture(&mut canvas, area, light, dark)?;
     canvas.rect("frame", area);
     let pixels = |n: u16| format!("pix 0 {n}");
@@ -50,7 +50,7 @@ pub(super) fn draw(
     Ok(canvas.finish())
 }
 
-fn put_picture(
+pub(super) fn put_picture(
     canvas: &mut Canvas,
     area: Area,
     light: &Picture,
@@ -66,7 +66,7 @@ fn put_picture(
     Ok(())
 }
 
-fn put_bar(canvas: &mut Canvas, area: Area, bar: &Bar) -> Result<(), PictureError> {
+pub(super) fn put_bar(canvas: &mut Canvas, area: Area, bar: &Bar) -> Result<(), PictureError> {
     put_picture(canvas, area, &bar.light, bar.dark.as_ref())?;
     canvas.rect("frame", area);
     let scale = Scale::new(bar.kind, bar.range, [area.x, area.right()]);
@@ -74,21 +74,21 @@ fn put_bar(canvas: &mut Canvas, area: Area, bar: &Bar) -> Result<(), PictureErro
         Some(ticks) => ticks.clone(),
         None => scale.ticks(5).into_iter().map(|t| (t.value, t.label)).collect(),
     };
-    let text_at = |x: f64| [x, area.bottom() + 15.0];
+    let text_at = |x: f64| [x, area.bottom() + 16.0];
     for (value, label) in ticks.iter().filter(|(_, label)| !label.is_empty()) {
         let x = scale.position(*value);
         canvas.line("tick", [x, area.bottom()], [x, area.bottom() + 4.0]);
-        // A label at an end stays inside the drawing.
-        let anchor = if x < area.x + 8.0 {
+        // A label at an end stays under the bar.
+        let anchor = if x < area.x + 12.0 {
             Anchor::Start
-        } else if x > area.right() - 8.0 {
+        } else if x > area.right() - 12.0 {
             Anchor::End
         } else {
             Anchor::Middle
         };
         canvas.text("tick-label num", text_at(x), anchor, label);
     }
-    let label_at = [area.right(), area.bottom() + 28.0];
+    let label_at = [area.right(), area.bottom() + 32.0];
     canvas.text("axis-label", label_at, Anchor::End, &bar.label);
     Ok(())
 }

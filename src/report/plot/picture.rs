@@ -10,7 +10,8 @@ use image::{ExtendedColorType, ImageEncoder};
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Picture {
     size: Size,
-    pixels: Vec<Rgb>,
+    /// Red, green, blue, opacity.
+    pixels: Vec<[u8; 4]>,
 }
 
 /// A picture that cannot be shown.
@@ -45,19 +46,20 @@ pub(super) fn check_length(size: Size, got: usize) -> Result<(), PictureError> {
 impl Picture {
     /// A picture whose pixel at index `i` (row-major) has colour `colour_of(i)`.
     #[must_use]
-    pub fn from_fn(size: Size, colour_of: impl FnMut(usize) -> Rgb) -> Self {
-        Self { size, pixels: (0..size.n_pixels()).map(colour_of).collect() }
+    pub fn from_fn(size: Size, mut colour_of: impl FnMut(usize) -> Rgb) -> Self {
+        Self { size, pixels: (0..size.n_pixels()).map(|i| opaque(colour_of(i))).collect() }
     }
 
-    /// Columns and rows.
+    /// The same, with pixels that show the page's ground where there is no colour.
     #[must_use]
-    pub fn size(&self) -> Size {
-        self.size
+    pub fn from_fn_with_holes(size: Size, mut colour_of: impl FnMut(usize) -> Option<Rgb>) -> Self {
+        let pixel = |i| colour_of(i).map_or([0; 4], opaque);
+        Self { size, pixels: (0..size.n_pixels()).map(pixel).collect() }
     }
 
-    /// Colour of the pixel at column `x` and row `y`, where it is on the grid.
+    /// Colour and opacity of the pixel at column `x` and row `y`, where it is on the grid.
     #[must_use]
-    pub fn at(&self, x: u16, y: u16) -> Option<Rgb> {
+    pub fn at(&self, x: u16, y: u16) -> Option<[u8; 4]> {
         self.size.contains(x, y).then(|| self.pixels[self.size.index(x, y)])
     }
 
@@ -65,7 +67,7 @@ impl Picture {
     pub fn set(&mut self, x: u16, y: u16, colour: Rgb) {
         if self.size.contains(x, y) {
             let index = self.size.index(x, y);
-            self.pixels[index] = colour;
+            self.pixels[index] = opaque(colour);
         }
     }
 
@@ -81,12 +83,16 @@ impl Picture {
                 flat,
                 self.size.width.into(),
                 self.size.height.into(),
-                ExtendedColorType::Rgb8,
+                ExtendedColorType::Rgba8,
             )
             .map_err(|source| PictureError::Encode { size: self.size, source })?;
         let text = base64::engine::general_purpose::STANDARD.encode(bytes);
         Ok(format!("data:image/png;base64,{text}"))
     }
+}
+
+fn opaque([red, green, blue]: Rgb) -> [u8; 4] {
+    [red, green, blue, u8::MAX]
 }
 
 #[cfg(test)]
@@ -96,13 +102,15 @@ mod tests {
     #[test]
     fn a_picture_reads_back_pixel_by_pixel() {
         let size = Size::new(5, 3);
-        let mut picture = Picture::from_fn(size, |i| [i as u8, 2 * i as u8, 0]);
+        let mut picture =
+            Picture::from_fn_with_holes(size, |i| (i != 7).then_some([i as u8, 2 * i as u8, 0]));
         picture.set(4, 2, [9, 8, 7]);
         picture.set(5, 0, [1, 1, 1]);
         let uri = picture.data_uri().unwrap();
         let base64 = uri.strip_prefix("data:image/png;base64,").unwrap();
         let bytes = base64::engine::general_purpose::STANDARD.decode(base64).unwrap();
-        let read = image::load_from_memory(&bytes).unwrap().to_rgb8();
+        let read = image::load_from_memory(&bytes).unwrap().to_rgba8();
+        assert_eq!(picture.at(2, 1), Some([0; 4]), "a hole is transparent");
         for y in 0..3 {
             for x in 0..5 {
                 assert_eq!(read.get_pixel(x.into(), y.into()).0, picture.at(x, y).unwrap());

@@ -21,8 +21,8 @@ pub struct RateCurve<'a> {
 pub fn figure(centres_s: &[f64], on: &RateCurve<'_>, off: &RateCurve<'_>) -> Figure {
     let panel = |name: &str, curve: &RateCurve<'_>| {
         let chart = Chart {
-            x: Axis::linear("time (s)"),
-            y: Axis::from_zero(&format!("{name} rate (events/s per pixel)")),
+            x: time_axis(centres_s),
+            y: Axis::from_zero("rate (events/s per pixel)"),
             layers: layers(centres_s, curve),
         };
         let [real, simulated] = [curve.real, curve.simulated].map(mean);
@@ -47,6 +47,18 @@ pub fn figure(centres_s: &[f64], on: &RateCurve<'_>, off: &RateCurve<'_>) -> Fig
         ],
         panels: vec![panel("On", on), panel("Off", off)],
         data: None,
+    }
+}
+
+/// From the first bin's beginning to the last one's end.
+fn time_axis(centres_s: &[f64]) -> Axis {
+    let axis = Axis::linear("time (s)");
+    match centres_s {
+        [first, second, .., last] | [first, second @ last] => {
+            let half = 0.5 * (second - first);
+            axis.over(first - half, last + half)
+        }
+        _ => axis,
     }
 }
 

@@ -219,15 +219,17 @@ mod tests {
         assert!(scale.position(0.0).is_nan(), "zero has no place on a log scale");
     }
 
+    /// Any sign and size that a plot may meet, and the values that are no numbers.
+    fn value() -> impl Strategy<Value = f64> {
+        prop_oneof![
+            8 => (-1.0..1.0_f64, -90..90_i32).prop_map(|(v, e)| v * 10_f64.powi(e)),
+            1 => prop::sample::select(vec![0.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY]),
+        ]
+    }
+
     proptest! {
         #[test]
-        fn any_interval_can_be_drawn_with_few_ticks(
-            a in proptest::num::f64::ANY, b in proptest::num::f64::ANY, is_log: bool,
-        ) {
-            // Beyond this range a width overflows, which no plot of ours comes near.
-            prop_assume!(!(a.abs() > 1e100 || b.abs() > 1e100));
-            prop_assume!(a == 0.0 || a.abs() > 1e-100);
-            prop_assume!(b == 0.0 || b.abs() > 1e-100);
+        fn any_interval_can_be_drawn_with_few_ticks(a in value(), b in value(), is_log: bool) {
             let kind = if is_log { Kind::Log } else { Kind::Linear };
             let scale = Scale::new(kind, [a, b], [0.0, 10.0]);
             let ticks = scale.ticks(6);

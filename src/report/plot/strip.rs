@@ -20,40 +20,73 @@ pub fn departures_figure(measures: &[Measure]) -> Figure {
         .collect();
     Figure {
         title: "How alike they are".to_owned(),
-        caption: "Each dot is one measure with its 90 % interval, on a scale on which the healthy range ends at ±1 \
-                  (ratios on a log scale). In the shaded middle the two streams are alike by that measure."
+        caption: "Each mark is one measure with its 90 % interval, in healthy tolerances: 0 is identical, the shaded \
+                  range is healthy, and ratios are on a log scale. Distances, which have no sign, lie to the right. \
+                  A filled circle is healthy, a ring borderline, a diamond outside."
             .to_owned(),
         legend: vec![],
         panels: vec![Panel {
             title: "Departure in healthy tolerances".to_owned(),
             note: String::new(),
             alt: format!("Departures from identical. {}.", said.join("; ")),
-            drawing: Drawing::responsive(overview(&judged, 560.0, 200.0), overview(&judged, 352.0, 132.0)),
+            drawing: Drawing::responsive(wide_overview(&judged), narrow_overview(&judged)),
         }],
         data: None,
     }
 }
 
-fn overview(measures: &[&Measure], width: f64, names: f64) -> String {
-    let height = 8.0 + ROW * measures.len().max(1) as f64;
-    let mut canvas = Canvas::new(width, height + 34.0);
-    let area = Area { x: names, y: 4.0, w: width - names - 10.0, h: height - 4.0 };
+/// Names to the left, values to the right.
+fn wide_overview(measures: &[&Measure]) -> String {
+    const WIDTH: f64 = 600.0;
+    let rows = ROW * measures.len().max(1) as f64;
+    let area = Area { x: 196.0, y: 2.0, w: WIDTH - 196.0 - 128.0, h: rows };
+    let mut canvas = Canvas::new(WIDTH, rows + 46.0);
     draw_ground(&mut canvas, area);
-    for (at, text) in [(-2.0, "−2"), (-1.0, "−1"), (0.0, "identical"), (1.0, "+1"), (2.0, "+2")]
-    {
-        let x = position(at, area);
-        canvas.line("tick", [x, area.bottom()], [x, area.bottom() + 4.0]);
-        canvas.text("tick-label num", [x, area.bottom() + 17.0], Anchor::Middle, text);
-    }
-    canvas.text("axis-label", [area.x, height + 32.0], Anchor::Start, "← too little");
-    canvas.text("axis-label", [area.right(), height + 32.0], Anchor::End, "too much, or too far →");
+    draw_axis(&mut canvas, area);
     for (i, measure) in measures.iter().enumerate() {
         let y = area.y + ROW * (i as f64 + 0.5);
-        let name = fit(&measure.name, names - 10.0);
-        canvas.text("row-label", [names - 10.0, y + 4.0], Anchor::End, &name);
+        canvas.text("row-label", [area.x - 12.0, y + 4.0], Anchor::End, &fit(&measure.name, 182.0));
+        let value = [area.right() + 12.0, y + 4.0];
+        canvas.text(
+            "row-value num",
+            value,
+            Anchor::Start,
+            &quantity(&measure.estimate).to_string(),
+        );
         draw_value(&mut canvas, area, y, measure);
     }
     canvas.finish()
+}
+
+/// Name and value above each strip.
+fn narrow_overview(measures: &[&Measure]) -> String {
+    const WIDTH: f64 = 352.0;
+    const TALL_ROW: f64 = 46.0;
+    let rows = TALL_ROW * measures.len().max(1) as f64;
+    let mut canvas = Canvas::new(WIDTH, rows + 46.0);
+    let strip = |i: usize| Area { x: 1.0, y: TALL_ROW * i as f64 + 20.0, w: WIDTH - 2.0, h: 18.0 };
+    for (i, measure) in measures.iter().enumerate() {
+        let area = strip(i);
+        draw_ground(&mut canvas, area);
+        let value = quantity(&measure.estimate).to_string();
+        canvas.text("row-label", [area.x, area.y - 6.0], Anchor::Start, &fit(&measure.name, 220.0));
+        canvas.text("row-value num", [area.right(), area.y - 6.0], Anchor::End, &value);
+        draw_value(&mut canvas, area, area.y + area.h / 2.0, measure);
+    }
+    draw_axis(&mut canvas, strip(measures.len().saturating_sub(1)));
+    canvas.finish()
+}
+
+fn draw_axis(canvas: &mut Canvas, area: Area) {
+    for (at, label) in [(-2.0, "−2"), (-1.0, "−1"), (0.0, "0"), (1.0, "1"), (2.0, "2")] {
+        let x = position(at, area);
+        canvas.line("tick", [x, area.bottom()], [x, area.bottom() + 4.0]);
+        canvas.text("tick-label num", [x, area.bottom() + 17.0], Anchor::Middle, label);
+    }
+    let below = area.bottom() + 36.0;
+    canvas.text("axis-label", [area.x, below], Anchor::Start, "← less");
+    canvas.text("axis-label", [position(0.0, area), below], Anchor::Middle, "identical");
+    canvas.text("axis-label", [area.right(), below], Anchor::End, "more →");
 }
 
 /// The strip in one row of the table.
