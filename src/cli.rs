@@ -3,8 +3,10 @@
 use clap::{Args, Parser, Subcommand};
 
 mod about;
+mod plan;
 
 pub use about::{CompletionsArgs, ManArgs};
+pub use plan::PlanArgs;
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]
@@ -40,6 +42,8 @@ pub struct GlobalArgs {
 /// One verb a variant.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Explain a trajectory before anything moves: duration, speeds, margins to the limits, disk
+    Plan(PlanArgs),
     /// Print a completion script for a shell
     Completions(CompletionsArgs),
     /// Write the man pages into a directory

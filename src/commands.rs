@@ -9,6 +9,7 @@ use std::process::ExitCode;
 
 mod about;
 mod output;
+mod plan;
 
 pub use output::{Output, WrongUse};
 
@@ -47,6 +48,7 @@ pub fn main() -> ExitCode {
 
 fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
     match command {
+        Command::Plan(args) => plan::plan(&args, output),
         Command::Completions(args) => about::completions(&args, &mut Cli::command()),
         Command::Man(args) => about::man(&args, Cli::command(), output),
     }

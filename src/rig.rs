@@ -14,9 +14,9 @@ pub use arm::{ArmDescription, ArmPort};
 pub use camera::{
     CameraDescription, DAVIS_BIASES, DavisDescription, PiDescription, Transport, UnknownTransport,
 };
-pub(crate) use fields::{Fields, POSITIVE, closest, read_description, read_text};
+pub(crate) use fields::{Fields, POSITIVE, closest, find_text, read_description, read_text};
 pub use kinematics::{Kinematics, Unreachable};
-pub use limits::{Gauge, JointLimits, SpeedLimits, Workspace};
+pub use limits::{Gauge, JointLimits, SpeedLimits, ToolRates, Workspace};
 pub use mount::{CameraFrame, Mount, Mounting};
 pub use pose::{Joints, Pose};
 pub use problems::{DescriptionError, Problem};
@@ -54,6 +54,12 @@ pub struct Rig {
 /// The description of the simulated rig that every copy of the program carries.
 const SIM: &str = include_str!("../rig/sim.toml");
 
+/// All the descriptions that every copy of the program carries: name, file, text.
+const BUNDLED: &[(&str, &str, &str)] = &[
+    ("sim", "rig/sim.toml", SIM),
+    ("magician", "rig/magician.toml", include_str!("../rig/magician.toml")),
+];
+
 /// The only version of the vocabulary so far.
 const SCHEMA: &str = "evrig.rig/1";
 
@@ -64,6 +70,15 @@ impl Rig {
     /// Never, as long as the tests pass: they parse the same text.
     pub fn simulated() -> Result<Self, DescriptionError> {
         Self::parse("rig/sim.toml", SIM)
+    }
+
+    /// The rig that a user names: a file, or the name of a bundled description (`sim`, `magician`).
+    ///
+    /// # Errors
+    /// When it is neither, cannot be read, or with all its mistakes.
+    pub fn find(named: &str) -> Result<Self, DescriptionError> {
+        let (file, text) = find_text("rig", named, BUNDLED)?;
+        Self::parse(&file, &text)
     }
 
     /// Reads a rig file.
@@ -110,6 +125,16 @@ mod tests {
         assert_eq!(sim.arm.port, ArmPort::Sim);
         let template = Rig::read(Path::new("rig/magician.toml")).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(template.arm.port, ArmPort::Auto);
+    }
+
+    #[test]
+    fn a_rig_is_found_by_file_or_by_name_and_else_a_name_is_suggested() {
+        assert_eq!(Rig::find("rig/magician.toml").unwrap(), Rig::find("magician").unwrap());
+        let error = Rig::find("no/such/sim.toml").unwrap_err().to_string();
+        assert!(
+            error.contains("no/such/sim.toml") && error.contains("did you mean `sim`"),
+            "{error}"
+        );
     }
 
     #[test]

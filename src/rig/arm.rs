@@ -111,6 +111,8 @@ impl SpeedLimits {
         Self {
             speed_mm_per_s: fields.number("speed_mm_per_s", POSITIVE),
             acceleration_mm_per_s2: fields.number("acceleration_mm_per_s2", POSITIVE),
+            curve_acceleration_mm_per_s2: fields
+                .optional_number("curve_acceleration_mm_per_s2", POSITIVE),
             turn_speed_deg_per_s: fields.number("turn_speed_deg_per_s", POSITIVE),
             turn_acceleration_deg_per_s2: fields.number("turn_acceleration_deg_per_s2", POSITIVE),
         }

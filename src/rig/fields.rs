@@ -41,6 +41,26 @@ pub(crate) fn read_text(path: &Path) -> Result<String, DescriptionError> {
     std::fs::read_to_string(path).map_err(unreadable)
 }
 
+/// The file a user named, or else the bundled description of that name: its name in messages and its text.
+pub(crate) fn find_text(
+    what: &'static str,
+    named: &str,
+    bundled: &[(&'static str, &'static str, &'static str)],
+) -> Result<(String, String), DescriptionError> {
+    let path = Path::new(named);
+    if path.is_file() {
+        return Ok((named.to_owned(), read_text(path)?));
+    }
+    match bundled.iter().find(|(name, _, _)| *name == named) {
+        Some((_, file, text)) => Ok(((*file).to_owned(), (*text).to_owned())),
+        None => Err(DescriptionError::UnknownName {
+            what,
+            name: named.to_owned(),
+            known: bundled.iter().map(|(name, _, _)| *name).collect(),
+        }),
+    }
+}
+
 /// Parses `text` and hands its top table to `read`; all mistakes found on the way are the error.
 pub(crate) fn read_description<T>(
     file: &str,

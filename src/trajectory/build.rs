@@ -370,3 +370,161 @@ fn figure(
     let point = |i: usize| moved(from, at(TAU * i as f64 / n_points as f64) - begin);
     (0..n_points).map(point).chain(std::iter::once(from)).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::time::Span;
+
+    const HEAD: &str = "schema = 'evrig.trajectory/1'\nname = 't'\n\
+        [start]\nx_mm = 240\ny_mm = 0\nz_mm = 100\nr_deg = 90\n\
+        [rates]\nspeed_mm_per_s = 50\nacceleration_mm_per_s2 = 50\n";
+    const CIRCLE: &str = "[[segment]]\nkind = 'circle'\nlabel = 'c'\nradius_mm = 12\n\
+        direction = 'clockwise'\nstart_deg = 180\nturns = 1\n";
+
+    fn path_on(rig: &Rig, segments: &str) -> Result<Path, PathError> {
+        let text = format!("{HEAD}{segments}");
+        let trajectory = Trajectory::parse("t.toml", &text).unwrap_or_else(|e| panic!("{e}"));
+        trajectory.path(rig, Optional::Included)
+    }
+
+    fn path(segments: &str) -> Result<Path, PathError> {
+        path_on(&Rig::simulated().unwrap(), segments)
+    }
+
+    /// Signed area of a path in the DAVIS's picture, columns to the right and rows down:
+    /// positive when it runs clockwise as the camera sees it.
+    fn area_seen(path: &Path, rig: &Rig) -> f64 {
+        let camera = rig.mount.davis.frame(path.start());
+        let n = 1000;
+        let at = |i: i32| {
+            let share = f64::from(i) / f64::from(n);
+            let pose = path.pose_at(Span::from_secs_f64(path.duration().as_secs_f64() * share));
+            let [x, y, _] = camera.look_at(Vector3::from(pose.position_mm()));
+            [x, y]
+        };
+        let cross = |[a, b]: [f64; 2], [c, d]: [f64; 2]| a * d - b * c;
+        (0..n).map(|i| 0.5 * cross(at(i), at(i + 1))).sum()
+    }
+
+    #[test]
+    fn clockwise_is_clockwise_as_the_camera_sees_it_wherever_it_looks() {
+        for axis in ["[0.0, 0.0, -1.0]", "[0.0, 0.0, 1.0]", "[0.0, -1.0, 0.0]", "[0.3, -0.5, -0.7]"]
+        {
+            let text = Rig::simulated().unwrap().text;
+            let text = text.replacen("axis = [0.0, 0.0, -1.0]", &format!("axis = {axis}"), 1);
+            let rig = Rig::parse("tilted.toml", &text).unwrap();
+            let circle = std::f64::consts::PI * 144.0;
+            for (direction, area) in [("clockwise", circle), ("anticlockwise", -circle)] {
+                let path = path_on(&rig, &CIRCLE.replace("clockwise", direction)).unwrap();
+                assert!(
+                    (area_seen(&path, &rig) - area).abs() < 0.01 * circle,
+                    "{axis} {direction}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn in_a_plane_of_the_base_clockwise_is_still_as_the_camera_sees_it() {
+        let rig = Rig::simulated().unwrap();
+        let flat = path(&format!("{CIRCLE}plane = 'xy'")).unwrap();
+        assert!(area_seen(&flat, &rig) > 0.0);
+        let edge_on = path(&format!("{CIRCLE}plane = 'xz'"));
+        assert!(matches!(edge_on, Err(PathError::EdgeOn { .. })), "{edge_on:?}");
+    }
+
+    #[test]
+    fn reverse_runs_the_same_way_backwards() {
+        let back = "[[segment]]\nkind = 'reverse'\nlabel = 'b'\nof = ['c']\n";
+        let path = path(&format!("{CIRCLE}{back}")).unwrap();
+        let total = path.duration().as_secs_f64();
+        for share in [0.1, 0.3, 0.45] {
+            let there = path.pose_at(Span::from_secs_f64(share * total));
+            let mirrored = path.pose_at(Span::from_secs_f64((1.0 - share) * total));
+            assert!(there.distance(mirrored).0 < 1e-6);
+        }
+        assert_eq!(path.steps()[1].label, "b");
+    }
+
+    #[test]
+    fn reverse_from_elsewhere_is_refused_with_both_poses() {
+        let line = "[[segment]]\nkind = 'line'\nlabel = 'l'\nby_mm = [5, 0]\n";
+        let back = "[[segment]]\nkind = 'reverse'\nlabel = 'b'\nof = ['c']\n";
+        let error = path(&format!("{CIRCLE}{line}{back}")).unwrap_err();
+        let PathError::NotAtEnd { away, .. } = &error else { panic!("{error:?}") };
+        assert!((away.0 - 5.0).abs() < 1e-9, "{error}");
+    }
+
+    #[test]
+    fn whole_turns_fill_a_duration_and_not_one_more() {
+        for seconds in [0.1, 2.6, 10.0, 61.0] {
+            let by_time = CIRCLE.replace("turns = 1", &format!("duration_s = {seconds}"));
+            let path = path(&by_time).unwrap();
+            let crate::trajectory::Motion::Circle { turns, .. } = path.steps()[0].curve.motion()
+            else {
+                panic!("{:?}", path.steps()[0])
+            };
+            let lasting = |n: u32| TAU * 12.0 * f64::from(n) / 50.0 + 1.0;
+            assert!((path.duration().as_secs_f64() - lasting(turns)).abs() < 1e-6);
+            assert!(lasting(turns) >= seconds && (turns == 1 || lasting(turns - 1) < seconds));
+        }
+    }
+
+    #[test]
+    fn a_sweep_runs_every_speed_and_alternates() {
+        let sweep = "[[segment]]\nkind = 'sweep'\nlabel = 's'\nof = 'c'\n\
+            speeds_mm_per_s = [10, 20, 40]\nalternate = true\n";
+        let path = path(&format!("{CIRCLE}{sweep}")).unwrap();
+        let labels: Vec<_> = path.steps().iter().map(|step| step.label.as_str()).collect();
+        assert_eq!(labels, ["c", "s/10mm/s", "s/20mm/s", "s/40mm/s"]);
+        let early = |step: usize| {
+            let step = &path.steps()[step];
+            step.pose_at(Span::from_secs_f64(0.25 * step.duration.as_secs_f64())).y.0
+        };
+        assert!(early(1) > 0.0 && early(2) < 0.0 && early(3) > 0.0);
+        assert!((path.steps()[2].peak_speed().0 - 20.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_figure_of_eight_closes_and_is_as_wide_and_high_as_it_says() {
+        let eight = "[[segment]]\nkind = 'lissajous'\nlabel = 'e'\namplitude_mm = [12, 8]\n\
+            cycles = [1, 2]\nturns = 2\n";
+        let path = path(eight).unwrap();
+        assert!(path.end().distance(path.start()).0 < 1e-9);
+        let extent = |axis: usize| {
+            (0..=4000)
+                .map(|i| path.steps()[0].curve.pose_at(f64::from(i) / 4000.0).position_mm()[axis])
+                .fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)])
+        };
+        let [left, right] = extent(0);
+        let [bottom, top] = extent(1);
+        assert!((right - left - 24.0).abs() < 0.01 && (top - bottom - 16.0).abs() < 0.01);
+        assert!((path.length().0 - 2.0 * EIGHT_MM).abs() < 0.01, "{}", path.length());
+    }
+
+    /// Length of one turn of (12 sin s, 8 sin 2s), by Python:
+    /// `h = 2*pi/200000; sum(hypot(12*cos(i*h), 16*cos(2*i*h)) for i in range(200000)) * h`.
+    const EIGHT_MM: f64 = 85.730_350;
+
+    #[test]
+    fn repeats_of_repeats_end_at_a_limit_instead_of_filling_memory() {
+        let mut text = CIRCLE.to_owned();
+        for (i, of) in ["c", "r0", "r1"].iter().enumerate() {
+            text += &format!(
+                "[[segment]]\nkind = 'repeat'\nlabel = 'r{i}'\nof = ['{of}']\ntimes = 10000\n"
+            );
+        }
+        assert!(matches!(path(&text), Err(PathError::TooManySteps { .. })));
+    }
+
+    #[test]
+    fn what_a_repeat_sets_holds_for_its_parts() {
+        let dim = "[[segment]]\nkind = 'repeat'\nlabel = 'dim'\nof = ['c']\ntimes = 2\n\
+            set = { light_level = 0.2 }\n";
+        let path = path(&format!("{CIRCLE}{dim}")).unwrap();
+        let levels: Vec<_> = path.steps().iter().map(|s| s.settings.light_level).collect();
+        assert_eq!(levels, [None, Some(0.2), Some(0.2)]);
+        assert_eq!(path.steps()[2].label, "dim/c#2");
+    }
+}
