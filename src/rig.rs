@@ -9,12 +9,13 @@ mod mount;
 mod pose;
 mod problems;
 mod target;
+mod text;
 
 pub use arm::{ArmDescription, ArmPort};
 pub use camera::{
     CameraDescription, DAVIS_BIASES, DavisDescription, PiDescription, Transport, UnknownTransport,
 };
-pub(crate) use fields::{Fields, POSITIVE, closest, find_text, read_description, read_text};
+pub(crate) use fields::{Fields, closest, read_description};
 pub use kinematics::{Kinematics, Unreachable};
 pub use limits::{Gauge, JointLimits, SpeedLimits, ToolRates, Workspace};
 pub use mount::{CameraFrame, Mount, Mounting};
@@ -23,6 +24,8 @@ pub use problems::{DescriptionError, Problem};
 pub use target::{
     ClocksDescription, Discipline, LightDescription, TargetDescription, UnknownDiscipline,
 };
+
+pub(crate) use text::{find_text, read_text};
 
 use std::path::Path;
 
@@ -102,7 +105,11 @@ impl Rig {
             Self {
                 name: fields.text("name"),
                 says: fields.optional_text("says"),
-                arm: fields.table("arm", ArmDescription::read),
+                arm: fields.table("arm", |arm_fields| {
+                    let arm = ArmDescription::read(arm_fields);
+                    arm.check_home(arm_fields);
+                    arm
+                }),
                 mount: fields.table("mount", Mount::read),
                 davis: fields.table("davis", DavisDescription::read),
                 pi: fields.table("pi", PiDescription::read),
@@ -118,6 +125,7 @@ impl Rig {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     #[test]
     fn the_rig_files_in_the_repository_parse() {
@@ -169,6 +177,28 @@ mod tests {
         let said = error.to_string();
         for part in ["-8 is outside", "did you mean `j4_deg`", "`tag_side_mm` is missing"] {
             assert!(said.contains(part), "`{part}` is not in: {said}");
+        }
+    }
+
+    #[test]
+    fn a_home_out_of_the_arms_own_limits_is_refused() {
+        let text = SIM.replace("x_mm = 200.0, y_mm = 0.0", "x_mm = 130.0, y_mm = 0.0");
+        let said = Rig::parse("sim.toml", &text).unwrap_err().to_string();
+        assert!(said.contains("arm.home: workspace radius is 130.00 mm"), "{said}");
+        assert!(said.contains("10.00 mm under"), "{said}");
+    }
+
+    proptest! {
+        #[test]
+        fn a_spoilt_file_is_refused_or_read_but_never_a_panic(
+            at in 0..SIM.len(), n_cut in 0..40_usize, put in "[ -~\n]{0,12}",
+        ) {
+            let mut text = SIM.as_bytes().to_vec();
+            let end = (at + n_cut).min(text.len());
+            text.splice(at..end, put.bytes());
+            if let Err(error) = Rig::parse("spoilt.toml", &String::from_utf8_lossy(&text)) {
+                prop_assert!(!error.problems().is_empty());
+            }
         }
     }
 

@@ -157,7 +157,7 @@ impl CameraDescription {
         let us = |key, range: std::ops::RangeInclusive<f64>| {
             Span::from_secs_f64(fields.number(key, range) * 1e-6)
         };
-        fields.text("transport");
+        fields.require("transport");
         Self {
             transport: fields.parsed("transport").unwrap_or(Transport::Sim),
             size,

@@ -1,16 +1,26 @@
 //! From a description to a path: each segment begins where the last one ended.
 
+use super::path_error::PathError;
 use super::segment::{Direction, Kind, Plane, RatesOverride, Segment, Turns};
-use super::{Curve, CurveError, Path, Rates, Settings, Trajectory, Trapezoid};
+use super::{Curve, Motion, Path, Rates, Settings, Trajectory, Trapezoid};
 use crate::rig::{Pose, Rig};
 use crate::units::{
-    DegreesPerSecond, DegreesPerSecond2, Millimetres, MillimetresPerSecond, MillimetresPerSecond2,
+    DegreesPerSecond, DegreesPerSecond2, MillimetresPerSecond, MillimetresPerSecond2,
 };
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
 /// More motions than any recording has; keeps repeats of repeats from filling memory.
-const MAX_STEPS: usize = 100_000;
+pub(super) const MAX_STEPS: usize = 20_000;
+
+/// More points of drawn curves than any recording has, for the same reason.
+pub(super) const MAX_POINTS: usize = 2_000_000;
+
+/// Repeats within repeats.
+pub(super) const MAX_DEPTH: usize = 16;
+
+/// A day: longer is a slip of the unit.
+pub(super) const MAX_SECONDS: f64 = 86_400.0;
 
 /// Spacing of the points of a drawn curve: the corner between two chords stays below 0.1 degree
 /// on a radius of 60 mm, and their sagitta far below the arm's repeatability.
@@ -18,59 +28,6 @@ const CHORD_MM: f64 = 0.1;
 
 /// The ARC parameters of the published recordings, where a description states no turn rates.
 const TURN_RATES: [f64; 2] = [50.0, 50.0];
-
-/// Why a description makes no path on this rig.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum PathError {
-    /// Seen edge on, nothing turns clockwise.
-    #[error(
-        "segment `{segment}`: its plane contains the DAVIS's optical axis, so that clockwise means \
-         nothing; draw it in the plane `image`"
-    )]
-    EdgeOn {
-        /// Its label.
-        segment: String,
-    },
-    /// A way backwards that does not begin here.
-    #[error(
-        "segment `{segment}` runs `{of}` backwards, which must begin where that ended ({expected}), \
-         but the tool is {away:.2} away ({got})"
-    )]
-    NotAtEnd {
-        /// Its label.
-        segment: String,
-        /// What it reverses.
-        of: String,
-        /// Where that ended.
-        expected: Pose,
-        /// Where the tool is.
-        got: Pose,
-        /// How far it is from there.
-        away: Millimetres,
-    },
-    /// A way backwards of what was not run.
-    #[error("segment `{segment}` refers to `{of}`, which was left out before it")]
-    NotRun {
-        /// Its label.
-        segment: String,
-        /// What it refers to.
-        of: String,
-    },
-    /// Points that make no curve.
-    #[error("segment `{segment}`: {source}")]
-    Curve {
-        /// Its label.
-        segment: String,
-        /// What is wrong with them.
-        source: CurveError,
-    },
-    /// Repeats of repeats without end.
-    #[error("segment `{segment}`: the trajectory has more than {MAX_STEPS} motions")]
-    TooManySteps {
-        /// Its label.
-        segment: String,
-    },
-}
 
 /// Which segments become motions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -94,6 +51,7 @@ impl Trajectory {
             forward: camera.forward,
             path: Path::new(self.start),
             runs: vec![Vec::new(); self.segments.len()],
+            n_points: 0,
         };
         for (number, segment) in self.segments.iter().enumerate() {
             if optional == Optional::Included || !segment.is_optional {
@@ -113,6 +71,8 @@ struct Builder<'t> {
     path: Path,
     /// The steps of each segment's last run.
     runs: Vec<Vec<usize>>,
+    /// Points of drawn curves so far.
+    n_points: usize,
 }
 
 /// As what a segment runs: as itself, or as part of a later one.
@@ -120,6 +80,8 @@ struct Builder<'t> {
 struct As {
     label: String,
     number: usize,
+    /// Repeats around it.
+    depth: usize,
     rates: RatesOverride,
     settings: Settings,
 }
@@ -129,9 +91,14 @@ impl As {
         Self {
             label: segment.label.clone(),
             number,
+            depth: 0,
             rates: segment.rates,
             settings: segment.settings.clone(),
         }
+    }
+
+    fn too_much(&self, of_what: &'static str, limit: usize) -> PathError {
+        PathError::TooMuch { segment: self.label.clone(), of_what, limit }
     }
 
     /// As part `label` of a segment that is itself run as `self`.
@@ -139,6 +106,7 @@ impl As {
         Self {
             label: format!("{}/{label}", self.label),
             number: self.number,
+            depth: self.depth + 1,
             rates: self.rates.or(segment.rates),
             settings: self.settings.over(&segment.settings),
         }
@@ -149,12 +117,16 @@ impl Builder<'_> {
     fn run(&mut self, number: usize, as_what: &As) -> Result<(), PathError> {
         let trajectory = self.trajectory;
         let segment = &trajectory.segments[number];
+        if as_what.depth > MAX_DEPTH {
+            return Err(as_what.too_much("repeats within repeats", MAX_DEPTH));
+        }
         let first = self.path.steps().len();
         match &segment.kind {
             Kind::Dwell { duration } => {
                 let rates = self.rates(as_what);
                 let settings = as_what.settings.clone();
                 self.path.push_hold(&as_what.label, as_what.number, *duration, rates, settings);
+                self.check_bounds(as_what)?;
             }
             Kind::Repeat { of, times } => {
                 for time in 1..=*times {
@@ -185,20 +157,34 @@ impl Builder<'_> {
             }
             _ => {
                 let curve = self.curve(segment, as_what)?;
-                self.push(curve, as_what);
+                self.push(curve, as_what)?;
             }
-        }
-        if self.path.steps().len() > MAX_STEPS {
-            return Err(PathError::TooManySteps { segment: as_what.label.clone() });
         }
         self.runs[number] = (first..self.path.steps().len()).collect();
         Ok(())
     }
 
-    fn push(&mut self, curve: Curve, as_what: &As) {
+    fn push(&mut self, curve: Curve, as_what: &As) -> Result<(), PathError> {
+        if let Motion::Points(poses) = curve.motion() {
+            self.n_points += poses.len();
+        }
         let rates = self.rates(as_what);
         let settings = as_what.settings.clone();
         self.path.push(&as_what.label, as_what.number, curve, rates, settings);
+        self.check_bounds(as_what)
+    }
+
+    fn check_bounds(&self, as_what: &As) -> Result<(), PathError> {
+        if self.path.steps().len() > MAX_STEPS {
+            return Err(as_what.too_much("motions", MAX_STEPS));
+        }
+        if self.n_points > MAX_POINTS {
+            return Err(as_what.too_much("points of drawn curves", MAX_POINTS));
+        }
+        if self.path.duration().as_secs_f64() > MAX_SECONDS {
+            return Err(as_what.too_much("seconds", MAX_SECONDS as usize));
+        }
+        Ok(())
     }
 
     fn run_backwards(&mut self, part: usize, as_what: &As) -> Result<(), PathError> {
@@ -217,10 +203,11 @@ impl Builder<'_> {
                 return Err(PathError::NotAtEnd { segment: segment(), of, expected, got, away });
             }
             if curve.length().0 > 0.0 || curve.turn().0 != 0.0 {
-                self.push(curve, as_what);
+                self.push(curve, as_what)?;
             } else {
                 let (rates, settings) = (self.rates(as_what), as_what.settings.clone());
                 self.path.push_hold(&as_what.label, as_what.number, duration, rates, settings);
+                self.check_bounds(as_what)?;
             }
         }
         self.runs[part] = run;
@@ -280,8 +267,8 @@ impl Builder<'_> {
                 let figure = figure(from, [u, v], *amplitude_mm, *cycles, *phase_deg);
                 let once = Curve::points(figure.clone()).map_err(failed)?;
                 let n_turns = self.count(*turns, once.length().0, as_what) as usize;
-                if n_turns.saturating_mul(figure.len()) > 100 * MAX_STEPS {
-                    return Err(PathError::TooManySteps { segment: as_what.label.clone() });
+                if n_turns.saturating_mul(figure.len()) > MAX_POINTS {
+                    return Err(as_what.too_much("points of drawn curves", MAX_POINTS));
                 }
                 let again = figure.iter().skip(1).cycle().take((n_turns - 1) * (figure.len() - 1));
                 let all = figure.iter().chain(again).copied().collect();
@@ -375,6 +362,7 @@ fn figure(
 mod tests {
     use super::*;
     use crate::time::Span;
+    use proptest::prelude::*;
 
     const HEAD: &str = "schema = 'evrig.trajectory/1'\nname = 't'\n\
         [start]\nx_mm = 240\ny_mm = 0\nz_mm = 100\nr_deg = 90\n\
@@ -515,7 +503,44 @@ mod tests {
                 "[[segment]]\nkind = 'repeat'\nlabel = 'r{i}'\nof = ['{of}']\ntimes = 10000\n"
             );
         }
-        assert!(matches!(path(&text), Err(PathError::TooManySteps { .. })));
+        assert!(matches!(path(&text), Err(PathError::TooMuch { .. })));
+    }
+
+    #[test]
+    fn what_would_take_days_is_refused() {
+        let slow = CIRCLE.replace("turns = 1", "turns = 10000\nspeed_mm_per_s = 0.05");
+        let error = path(&slow).unwrap_err();
+        assert!(matches!(error, PathError::TooMuch { of_what: "seconds", .. }), "{error}");
+    }
+
+    proptest! {
+        #[test]
+        fn a_path_has_no_jumps_and_keeps_its_rates(
+            radius in 1.0..100.0_f64, start in -180.0..180.0_f64, by in -50.0..50.0_f64,
+            sweep in 1.0..359.0_f64, turn in -90.0..90.0_f64, speed in 1.0..200.0_f64, at in 0.0..1.0_f64,
+        ) {
+            let text = format!(
+                "{}[[segment]]\nkind = 'line'\nlabel = 'l'\nby_mm = [{by}, 3]\nturn_deg = {turn}\n\
+                 [[segment]]\nkind = 'arc'\nlabel = 'a'\nradius_mm = {radius}\nsweep_deg = {sweep}\n\
+                 direction = 'anticlockwise'\nstart_deg = {start}\nspeed_mm_per_s = {speed}\n\
+                 [[segment]]\nkind = 'lissajous'\nlabel = 'e'\namplitude_mm = [{radius}, 3]\n\
+                 cycles = [2, 3]\nphase_deg = {start}\nturns = 1\n\
+                 [[segment]]\nkind = 'reverse'\nlabel = 'back'\nof = ['l', 'a', 'e']\n",
+                CIRCLE.replace("= 180", &format!("= {start}"))
+            );
+            let path = path(&text).unwrap();
+            prop_assert!(path.end().distance(path.start()).0 < 1e-6, "back where it began");
+            for pair in path.steps().windows(2) {
+                prop_assert!(pair[0].curve.to().distance(pair[1].curve.from()).0 < 1e-9);
+                prop_assert_eq!(pair[0].start + pair[0].duration, pair[1].start);
+            }
+            let time = Span::from_secs_f64(path.duration().as_secs_f64() * at);
+            let here = path.at(time).unwrap();
+            let soon = path.pose_at(time + Span::from_micros(100));
+            let limit = path.steps()[here.step].rates.speed.0.max(50.0).max(speed);
+            prop_assert!(here.pose.distance(soon).0 <= limit * 1e-4 * 1.001);
+            prop_assert!(here.speed.0 <= path.steps()[here.step].rates.speed.0 * (1.0 + 1e-9));
+        }
     }
 
     #[test]

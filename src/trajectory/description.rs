@@ -91,8 +91,8 @@ impl Trajectory {
                 start: fields.table("start", Pose::read),
                 plane: fields.parsed("plane").unwrap_or(Plane::Image),
                 rates: fields.table("rates", |rates| {
-                    rates.number("speed_mm_per_s", ..);
-                    rates.number("acceleration_mm_per_s2", ..);
+                    rates.require("speed_mm_per_s");
+                    rates.require("acceleration_mm_per_s2");
                     RatesOverride::read(rates)
                 }),
                 segments,

@@ -13,9 +13,9 @@ use std::fmt;
 const SPACING_MM: f64 = 0.25;
 const SPACING_DEG: f64 = 0.25;
 
-/// At most so many points a step. It is prime, so that on a circle of very many turns the points
-/// do not fall on the same places turn after turn.
-const MAX_POINTS: f64 = 200_003.0;
+/// About so many points on the whole of a very long path; they lie wider apart then. It is prime,
+/// so that on a circle of very many turns they do not fall on the same places turn after turn.
+const MAX_POINTS: f64 = 1_000_003.0;
 
 /// How near a path comes to one limit, and where.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -61,11 +61,14 @@ impl Walk {
     /// Looks at every step of the path; a path of no steps is looked at where it begins.
     pub(super) fn along(path: &Path, arm: &ArmDescription) -> Self {
         let mut walk = Self::default();
+        let turns: f64 = path.steps().iter().map(|step| step.curve.turn().abs().0).sum();
+        let n_wanted = path.length().0 / SPACING_MM + turns / SPACING_DEG;
+        let thinning = (n_wanted / MAX_POINTS).max(1.0);
         for step in path.steps() {
             for gauge in arm.gauge_rates(&asked(step)) {
                 walk.note(gauge, step, Span::ZERO);
             }
-            let n_points = points(step);
+            let n_points = points(step, thinning);
             for i in 0..=n_points {
                 let share = i as f64 / n_points.max(1) as f64;
                 let since = Span::from_secs_f64(step.duration.as_secs_f64() * share);
@@ -113,11 +116,11 @@ fn asked(step: &Step) -> ToolRates {
     rates
 }
 
-fn points(step: &Step) -> usize {
+fn points(step: &Step, thinning: f64) -> usize {
     let by_way = step.curve.length().0 / SPACING_MM;
     let by_turn = step.curve.turn().abs().0 / SPACING_DEG;
     let is_still = by_way == 0.0 && by_turn == 0.0;
-    if is_still { 0 } else { by_way.max(by_turn).ceil().clamp(32.0, MAX_POINTS) as usize }
+    if is_still { 0 } else { (by_way.max(by_turn) / thinning).ceil().max(32.0) as usize }
 }
 
 /// The largest rates over the whole path.

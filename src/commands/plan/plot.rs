@@ -67,6 +67,7 @@ fn draw_path(area: &Canvas<'_>, plan: &Plan, rig: &Rig) -> Result<(), Box<dyn st
     let all = || cameras.iter().flat_map(|(_, points)| points.iter().copied());
     // One scale for both axes, so that a circle looks like one.
     let (width, height) = area.dim_in_pixel();
+    let (width, height) = (width.saturating_sub(60), height.saturating_sub(70));
     let [x, y] = [range(all().map(|p| p.0)), range(all().map(|p| p.1))];
     let mm_per_px = ((x[1] - x[0]) / f64::from(width)).max((y[1] - y[0]) / f64::from(height)) * 1.3;
     let around = |[low, high]: [f64; 2], pixels: u32| {
@@ -95,7 +96,13 @@ fn draw_path(area: &Canvas<'_>, plan: &Plan, rig: &Rig) -> Result<(), Box<dyn st
         let start = points.first().copied().unwrap_or_default();
         chart.draw_series(std::iter::once(Circle::new(start, 4, colour.filled())))?;
     }
-    chart.configure_series_labels().border_style(BLACK.mix(0.3)).background_style(WHITE).draw()?;
+    let corner = SeriesLabelPosition::UpperRight;
+    chart
+        .configure_series_labels()
+        .position(corner)
+        .border_style(BLACK.mix(0.3))
+        .background_style(WHITE)
+        .draw()?;
     Ok(())
 }
 
