@@ -11,6 +11,10 @@ pub use about::{CompletionsArgs, ManArgs};
 pub use import::{ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs};
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
+mod plan;
+
+pub use about::{CompletionsArgs, ManArgs};
+pub use plan::PlanArgs;
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]
@@ -62,6 +66,8 @@ pub enum Command {
     Report(ReportArgs),
     /// Write a stream in a format other programs read
     Export(ExportArgs),
+    /// Explain a trajectory before anything moves: duration, speeds, margins to the limits, disk
+    Plan(PlanArgs),
     /// Print a completion script for a shell
     Completions(CompletionsArgs),
     /// Write the man pages into a directory

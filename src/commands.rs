@@ -17,6 +17,7 @@ mod output;
 mod process;
 mod report;
 mod verify;
+mod plan;
 
 pub use output::{Output, WrongUse};
 
@@ -63,6 +64,7 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Process(args) => process::run(&args, output),
         Command::Report(args) => report::run(&args, output),
         Command::Export(args) => export::run(&args, output),
+        Command::Plan(args) => plan::plan(&args, output),
         Command::Completions(args) => about::completions(&args, &mut Cli::command()),
         Command::Man(args) => about::man(&args, Cli::command(), output),
     }

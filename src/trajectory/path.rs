@@ -111,6 +111,19 @@ impl Step {
         MillimetresPerSecond2(per_part * self.curve.length().0)
     }
 
+    /// Seconds of the step at constant speed.
+    #[must_use]
+    pub fn cruise_seconds(&self) -> f64 {
+        self.way.cruise_seconds()
+    }
+
+    /// Velocity `[mm/s, mm/s, mm/s, deg/s]` of the tool, `since` the step's beginning.
+    #[must_use]
+    pub fn velocity_at(&self, since: Span) -> [f64; 4] {
+        let parts_per_s = self.way.speed_at(since.as_secs_f64()) / self.way.distance().max(1e-300);
+        self.curve.slope_at(self.part_at(since)).map(|slope| slope * parts_per_s)
+    }
+
     fn part_at(&self, since: Span) -> f64 {
         if self.way.distance() > 0.0 {
             self.way.distance_at(since.as_secs_f64()) / self.way.distance()
