@@ -13,7 +13,6 @@ pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
 mod plan;
 
-pub use about::{CompletionsArgs, ManArgs};
 pub use plan::PlanArgs;
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.

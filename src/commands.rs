@@ -14,10 +14,10 @@ mod generate;
 mod import;
 mod info;
 mod output;
+mod plan;
 mod process;
 mod report;
 mod verify;
-mod plan;
 
 pub use output::{Output, WrongUse};
 

@@ -55,10 +55,11 @@ pub fn compare(
     });
     let wanted = StageRecord::new("compare", Some(simulated_name), inputs, parameters);
     let directory = session.layout().derived("compare", Some(&request.simulated));
-    if !request.force && fresh_record(&directory, &wanted).is_some() {
-        if let Some(comparison) = read_comparison(session, &request.simulated)? {
-            return Ok((comparison, Freshness::Fresh));
-        }
+    if !request.force
+        && fresh_record(&directory, &wanted).is_some()
+        && let Some(comparison) = read_comparison(session, &request.simulated)?
+    {
+        return Ok((comparison, Freshness::Fresh));
     }
     let comparison = run(session, request, light.as_deref())?;
     clear(&directory)?;
@@ -137,7 +138,7 @@ impl LogFrames {
         let mut last = None;
         for (i, frame) in session.luminance(light)?.enumerate() {
             let frame = frame?;
-            if i as u64 % step == 0 {
+            if (i as u64).is_multiple_of(step) {
                 frames.push(&frame);
                 last = None;
             } else {

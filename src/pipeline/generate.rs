@@ -134,7 +134,7 @@ fn run(
     let mut tally = GenerateTally::default();
     let mut spent = Duration::ZERO;
     let mut events = Events::new();
-    while let Some(frame) = frames.next() {
+    for frame in frames.by_ref() {
         let frame = frame?;
         if tally.n_frames == 0 {
             tally.first_us = frame.t_us;

@@ -5,7 +5,7 @@ use super::measure::Measure;
 use super::number::{count, significant};
 use super::page::{Block, Fact, Page, Section, Summary};
 use super::plot::picture::PictureError;
-use super::plot::{cloud, heat, interval, overlay, rate};
+use super::plot::{cloud, heat, interval, overlay, rate, ratio};
 use super::table::{Cell, Column, Table};
 use crate::compare::{Comparison, IntervalDensity, Maps, RateBand};
 use crate::event::{EventSlice, Events};
@@ -147,7 +147,7 @@ fn map_figures(size: Size, maps: &Maps, folder: &str) -> Result<Vec<Block>, Pict
     let data = || Link::beside(&format!("{folder}/maps.npz"));
     Ok(vec![
         Block::Figure(heat::counts_figure(&counts)?.with_data(data())),
-        Block::Figure(heat::ratio_figure(&counts)?.with_data(data())),
+        Block::Figure(ratio::figure(&counts)?.with_data(data())),
     ])
 }
 

@@ -122,7 +122,7 @@ fn read_events(
 
 enum FrameSource {
     Aedat4 {
-        reader: Reader<BufReader<File>>,
+        reader: Box<Reader<BufReader<File>>>,
         id: Option<u32>,
     },
     Npy {
@@ -146,7 +146,7 @@ impl LuminanceFrames {
         let source = if path.extension().is_some_and(|extension| extension == "npy") {
             Self::open_npy(&path, entry)?
         } else {
-            FrameSource::Aedat4 { reader: Reader::open(&path)?, id: entry.stream_id }
+            FrameSource::Aedat4 { reader: Box::new(Reader::open(&path)?), id: entry.stream_id }
         };
         Ok(Self { source, last_us: None, n_not_later: 0 })
     }
