@@ -99,8 +99,8 @@ pub struct Chart {
 const WIDE: [f64; 2] = [960.0, 300.0];
 const HALF: [f64; 2] = [460.0, 290.0];
 const NARROW: [f64; 2] = [352.0, 270.0];
-/// Width of a figure at the text size of the axes.
-const FIGURE_WIDTH: f64 = 7.2;
+/// Width of a digit or a minus sign at the text size of the axes, in the widest of common fonts.
+const FIGURE_WIDTH: f64 = 8.6;
 
 impl Axis {
     /// A linear axis over all data.
