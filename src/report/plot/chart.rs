@@ -277,8 +277,11 @@ impl Layer {
                 let corners = edges.windows(2).zip(heights).flat_map(|(edge, height)| {
                     [at([edge[0], raised(*height)]), at([edge[1], raised(*height)])]
                 });
-                let corners: Vec<[f64; 2]> = corners.collect();
-                canvas.polyline(&format!("line {}", ink.class()), corners);
+                // The outline begins and ends on the floor.
+                let foot = |edge: Option<&f64>| edge.map(|x| at([*x, floor]));
+                let outline =
+                    foot(edges.first()).into_iter().chain(corners).chain(foot(edges.last()));
+                canvas.polyline(&format!("line {}", ink.class()), outline);
             }
             Self::Level { y: level, text } => {
                 let height = y.position(*level);
@@ -364,6 +367,6 @@ mod tests {
         };
         let svg = chart(vec![steps]).draw_wide();
         let path = svg.wide().split("line ink-real\" d=\"").nth(1).unwrap();
-        assert_eq!(path.split('"').next().unwrap().matches('L').count(), 5);
+        assert_eq!(path.split('"').next().unwrap().matches('L').count(), 7);
     }
 }
