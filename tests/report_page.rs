@@ -124,6 +124,7 @@ fn the_page_stands_in_a_browser_at_both_widths_in_light_and_dark() {
     assert!(html.len() < 3_000_000, "{} bytes", html.len());
     let path = folder.path().join("report.html");
     std::fs::write(&path, &html).expect("the page is written");
+    eprintln!("the page has {} bytes", html.len());
     let url = format!("file://{}", path.display());
 
     let mut browser = Browser::start(&program, &folder.path().join("profile"));

@@ -2,9 +2,12 @@
 
 use evrig::event::{Event, Events};
 use evrig::geometry::Size;
-use evrig::report::figure::Link;
+use evrig::report::figure::{Figure, Key, Link, Panel, Sample};
 use evrig::report::measure::Measure;
 use evrig::report::page::{Block, Fact, Page, Section, Summary};
+use evrig::report::plot::Ink;
+use evrig::report::plot::chart::{Axis, Chart, Layer};
+use evrig::report::plot::grid::{self, Colours, Grid};
 use evrig::report::plot::interval::{self, IntervalDensity};
 use evrig::report::plot::rate::{self, RateCurve};
 use evrig::report::plot::{cloud, heat, overlay, ratio};
@@ -248,6 +251,89 @@ fn in_time(real: &Events, simulated: &Events) -> Section {
     }
 }
 
+/// The general plots: points with errors and marks, a histogram, and two grids.
+fn in_general() -> Section {
+    let [clock, histogram] = general_charts();
+    let values: Vec<f64> = (0..96)
+        .map(|i| {
+            if i % 31 == 30 {
+                f64::NAN
+            } else {
+                (f64::from(i % 12) - 5.0) * f64::from(i / 12 - 3) * 0.1
+            }
+        })
+        .collect();
+    let sweep = |colours| Grid {
+        x: Axis::linear("k1").over(0.0, 6.0),
+        y: Axis::linear("k3 (10⁻⁶)").over(1.0, 3.0),
+        cells: Size::new(12, 8),
+        values: &values,
+        colours,
+        label: "ln count ratio".into(),
+    };
+    let panel = |title: &str, drawing| Panel {
+        title: title.into(),
+        note: String::new(),
+        alt: format!("{title}."),
+        drawing,
+    };
+    let figure = |title: &str, panels| {
+        Block::Figure(Figure {
+            title: title.into(),
+            caption: "What these show is made up.".into(),
+            legend: vec![
+                Key::new(Ink::Real, Sample::Line, "real"),
+                Key::new(Ink::Guide, Sample::Area, "error"),
+            ],
+            panels,
+            data: None,
+        })
+    };
+    let pair = vec![
+        panel("Clock", clock.draw_half()),
+        panel("Tracking", histogram.draw_half()),
+        panel("Sweep", grid::draw(&sweep(Colours::Sequential)).expect("the cells fit")),
+        panel("Sweep, signed", grid::draw(&sweep(Colours::Diverging(1.0))).expect("the cells fit")),
+    ];
+    Section {
+        title: "In general".into(),
+        blocks: vec![figure("Four plots", pair)],
+        ..Section::default()
+    }
+}
+
+fn general_charts() -> [Chart; 2] {
+    let mut dice = Dice::new(3);
+    let residual: Vec<[f64; 4]> = (0..24)
+        .map(|i| {
+            let (t, value) = (f64::from(i) * 2.5, 40.0 * (dice.roll() - 0.5) + f64::from(i));
+            [t, value, value - 12.0, value + 12.0]
+        })
+        .collect();
+    let clock = Chart {
+        x: Axis::linear("time (s)"),
+        y: Axis::linear("residual of the clock map (µs)"),
+        layers: vec![
+            Layer::Level { y: 0.0, text: "the map".into() },
+            Layer::Moment { x: 31.0, text: "NTP step".into() },
+            Layer::Errors { ink: Ink::Real, points: residual },
+        ],
+    };
+    let histogram = Chart {
+        x: Axis::linear("track error (px)"),
+        y: Axis::from_zero("frames"),
+        layers: vec![
+            Layer::Steps {
+                ink: Ink::Real,
+                edges: (0..=12).map(|i| f64::from(i) * 0.1).collect(),
+                heights: vec![2.0, 14.0, 40.0, 66.0, 51.0, 30.0, 17.0, 9.0, 4.0, 2.0, 0.0, 1.0],
+            },
+            Layer::Points { ink: Ink::Simulated, points: vec![[0.35, 60.0], [0.55, 20.0]] },
+        ],
+    };
+    [clock, histogram]
+}
+
 /// A page with every kind of block, from synthetic events.
 pub(crate) fn page(title: &str) -> Page {
     let (real, simulated) = (events(11, 900, 300.0, 14.0), events(23, 1_250, 2_500.0, 4.0));
@@ -267,6 +353,7 @@ pub(crate) fn page(title: &str) -> Page {
             },
             in_space(&real, &simulated),
             in_time(&real, &simulated),
+            in_general(),
             Section {
                 blocks: vec![Block::Table(table())],
                 title: "Sessions".into(),

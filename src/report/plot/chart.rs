@@ -99,8 +99,8 @@ pub struct Chart {
 const WIDE: [f64; 2] = [960.0, 300.0];
 const HALF: [f64; 2] = [460.0, 290.0];
 const NARROW: [f64; 2] = [352.0, 270.0];
-/// Width of a figure at the text size of the axes.
-const FIGURE_WIDTH: f64 = 7.2;
+/// Width of a digit or a minus sign at the text size of the axes, in the widest of common fonts.
+const FIGURE_WIDTH: f64 = 8.6;
 
 impl Axis {
     /// A linear axis over all data.
@@ -277,8 +277,11 @@ impl Layer {
                 let corners = edges.windows(2).zip(heights).flat_map(|(edge, height)| {
                     [at([edge[0], raised(*height)]), at([edge[1], raised(*height)])]
                 });
-                let corners: Vec<[f64; 2]> = corners.collect();
-                canvas.polyline(&format!("line {}", ink.class()), corners);
+                // The outline begins and ends on the floor.
+                let foot = |edge: Option<&f64>| edge.map(|x| at([*x, floor]));
+                let outline =
+                    foot(edges.first()).into_iter().chain(corners).chain(foot(edges.last()));
+                canvas.polyline(&format!("line {}", ink.class()), outline);
             }
             Self::Level { y: level, text } => {
                 let height = y.position(*level);
@@ -364,6 +367,6 @@ mod tests {
         };
         let svg = chart(vec![steps]).draw_wide();
         let path = svg.wide().split("line ink-real\" d=\"").nth(1).unwrap();
-        assert_eq!(path.split('"').next().unwrap().matches('L').count(), 5);
+        assert_eq!(path.split('"').next().unwrap().matches('L').count(), 7);
     }
 }

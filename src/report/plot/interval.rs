@@ -55,7 +55,7 @@ pub fn figure(
     }
     Figure {
         title: "Time between a pixel's events".to_owned(),
-        caption: "Density of the intervals between consecutive events of one pixel; bands are 90 % intervals. \
+        caption: "Density of the intervals between consecutive events of one pixel; bands are 90\u{a0}% intervals. \
                   A left edge that the simulation lacks is dead time, a spike at the frame interval is \
                   interpolation between frames, and a tail that falls too early is missing noise."
             .to_owned(),

@@ -37,7 +37,7 @@ pub fn figure(centres_s: &[f64], on: &RateCurve<'_>, off: &RateCurve<'_>) -> Fig
     };
     Figure {
         title: "Rate over time".to_owned(),
-        caption: "Events per second and pixel; bands are 90 % intervals. \
+        caption: "Events per second and pixel; bands are 90\u{a0}% intervals. \
                   Look for peaks that come late or early, for a floor that is too high (noise, leak), \
                   and for peaks that are cut (dead time, bandwidth, a full bus)."
             .to_owned(),

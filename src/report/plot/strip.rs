@@ -20,7 +20,7 @@ pub fn departures_figure(measures: &[Measure]) -> Figure {
         .collect();
     Figure {
         title: "How alike they are".to_owned(),
-        caption: "Each mark is one measure with its 90 % interval, in healthy tolerances: 0 is identical, the shaded \
+        caption: "Each mark is one measure with its 90\u{a0}% interval, in healthy tolerances: 0 is identical, the shaded \
                   range is healthy, and ratios are on a log scale. Distances, which have no sign, lie to the right. \
                   A filled circle is healthy, a ring borderline, a diamond outside."
             .to_owned(),
