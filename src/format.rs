@@ -1,4 +1,5 @@
 //! Formats, one file each: bytes in, values out, in bounded memory.
 
 pub mod aedat4;
+pub mod hdf5;
 pub mod npy;

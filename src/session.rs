@@ -112,6 +112,9 @@ pub enum SessionError {
     /// An array file cannot be read or written.
     #[error(transparent)]
     Npy(#[from] crate::format::npy::NpyError),
+    /// An HDF5 file cannot be read.
+    #[error(transparent)]
+    Hdf5(#[from] crate::format::hdf5::Hdf5Error),
 }
 
 impl SessionError {

@@ -53,7 +53,7 @@ pub struct ImportFramesArgs {
     #[arg(long, value_name = "FILE", conflicts_with = "fps")]
     pub timestamps: Option<PathBuf>,
 
-    /// Events of the same pixel grid and clock: npz, npy or csv with columns t (µs), x, y, p; or AEDAT4
+    /// Events of the same pixel grid and clock: npz, npy, csv or HDF5 with columns t (µs), x, y, p; or AEDAT4
     #[arg(long, value_name = "FILE")]
     pub events: Option<PathBuf>,
 
