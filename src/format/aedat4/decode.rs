@@ -33,15 +33,16 @@ impl Decoded {
     }
 }
 
-/// Reads a decompressed payload of a known kind; the error says what was found instead.
-pub(super) fn decode(kind: &Kind, payload: &[u8]) -> Result<Decoded, String> {
+/// Reads a decompressed payload of a known kind, events into the memory of `spare`; the error says
+/// what was found instead.
+pub(super) fn decode(kind: &Kind, payload: &[u8], spare: Events) -> Result<Decoded, String> {
     check_identifier(kind, payload)?;
     // Every sample is a table of its own, so the usual limit of a million tables is too low;
     // the payload's length bounds them as well.
     let options = VerifierOptions { max_tables: payload.len(), ..VerifierOptions::default() };
     match kind {
         Kind::Events => events::size_prefixed_root_as_event_packet_with_opts(&options, payload)
-            .map(|packet| decode_events(packet.elements().unwrap_or_default())),
+            .map(|packet| decode_events(packet.elements().unwrap_or_default(), spare)),
         Kind::Frames => frame::size_prefixed_root_as_frame_with_opts(&options, payload)
             .map(|table| decode_frame(&table)),
         Kind::Imu => imus::size_prefixed_root_as_imu_packet_with_opts(&options, payload)
@@ -67,18 +68,24 @@ fn check_identifier(kind: &Kind, payload: &[u8]) -> Result<(), String> {
 }
 
 /// Splits the 16-byte events (i64 t, i16 x, i16 y, bool on, 3 bytes padding) into columns.
-fn decode_events(elements: &[Event]) -> Decoded {
+fn decode_events(elements: &[Event], spare: Events) -> Decoded {
     // The sign bit of the union of all coordinates is set if any of them is negative.
     let signs = elements.iter().fold(0, |signs, event| signs | x_of(event) | y_of(event));
     if signs < 0 {
         return decode_representable_events(elements);
     }
-    let t = elements.iter().map(t_of).collect();
-    let x = elements.iter().map(|event| x_of(event) as u16).collect();
-    let y = elements.iter().map(|event| y_of(event) as u16).collect();
-    let on = elements.iter().map(on_of).collect();
+    let (mut t, mut x, mut y, mut on) = spare.into_columns();
+    refill(&mut t, elements, t_of);
+    refill(&mut x, elements, |event| x_of(event) as u16);
+    refill(&mut y, elements, |event| y_of(event) as u16);
+    refill(&mut on, elements, on_of);
     let columns = Events::from_columns(t, x, y, on).unwrap_or_default();
     Decoded::whole(Content::Events(columns))
+}
+
+fn refill<T>(column: &mut Vec<T>, elements: &[Event], of: impl Fn(&Event) -> T) {
+    column.clear();
+    column.extend(elements.iter().map(of));
 }
 
 fn decode_representable_events(elements: &[Event]) -> Decoded {
