@@ -301,3 +301,17 @@ fn a_copy_holds_the_same_in_every_compression() {
         assert_eq!(rest(&copy), truth);
     }
 }
+
+#[test]
+fn a_stream_of_unknown_kind_is_skipped_and_counted() {
+    let mut bytes = street().to_vec();
+    let at = bytes.windows(4).position(|window| window == b"TRIG").unwrap();
+    bytes[at..at + 4].copy_from_slice(b"POSE");
+    let mut reader = Reader::new(bytes.as_slice(), "street").unwrap();
+    assert_eq!(reader.streams()[3].kind, Kind::Other("POSE".to_owned()));
+    let mut counts = Counts::default();
+    reader.by_ref().for_each(|packet| counts.add(&packet.unwrap().content));
+    let truth = Counts { events: 78_830, frames: 59, samples: 2_363, triggers: 0, unknown: 177 };
+    assert_eq!(counts, truth);
+    assert_eq!(reader.losses().unknown_packets, 177);
+}

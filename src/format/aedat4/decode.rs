@@ -200,3 +200,78 @@ fn decode_triggers(packet: &triggers::TriggerPacket<'_>) -> Vec<Trigger> {
     };
     elements.iter().map(trigger).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::encode;
+    use super::*;
+    use crate::event::EventSlice;
+    use aedat::frame_generated::{FrameArgs, FrameFormat};
+
+    fn frame_payload(width: i16, height: i16, code: i8, n_bytes: usize) -> Vec<u8> {
+        let mut builder = flatbuffers::FlatBufferBuilder::new();
+        let pixels = builder.create_vector(&vec![7_u8; n_bytes]);
+        let arguments = FrameArgs {
+            t: 5,
+            width,
+            height,
+            format: FrameFormat(code),
+            pixels: Some(pixels),
+            ..FrameArgs::default()
+        };
+        let root = frame::Frame::create(&mut builder, &arguments);
+        frame::finish_size_prefixed_frame_buffer(&mut builder, root);
+        builder.finished_data().to_vec()
+    }
+
+    #[test]
+    fn a_frame_of_impossible_size_is_a_loss_that_says_why() {
+        for (width, height, code, n_bytes, reason) in [
+            (4, 2, 0, 7, "with 7 bytes instead of 8"),
+            (4, 2, 16, 8, "3 channels, 8 bits with 8 bytes instead of 24"),
+            (4, 2, 2, 8, "16 bits with 8 bytes instead of 16"),
+            (-4, 2, 0, 8, "a frame of -4 x 2 pixels"),
+            (i16::MAX, i16::MAX, 26, 0, "32767 x 32767"),
+            (4, 2, 5, 32, "OpenCV type 5"),
+            (4, 2, 8, 16, "OpenCV type 8"),
+            (4, 2, -1, 16, "OpenCV type -1"),
+        ] {
+            let payload = frame_payload(width, height, code, n_bytes);
+            let decoded = decode(&Kind::Frames, &payload, Events::new()).unwrap();
+            assert!(decoded.content.is_none(), "{reason}");
+            let found = decoded.reason.unwrap();
+            assert!(found.contains(reason), "{found}");
+        }
+        let payload = frame_payload(4, 2, 24, 32);
+        let decoded = decode(&Kind::Frames, &payload, Events::new()).unwrap();
+        let Some(Content::Frame(frame)) = decoded.content else { panic!("a frame") };
+        assert_eq!((frame.size, frame.channels), (Size::new(4, 2), Channels::Bgra));
+        assert_eq!(frame.timing.exposure, None, "no exposure was stated");
+    }
+
+    #[test]
+    fn an_event_of_negative_coordinate_is_a_counted_loss_and_the_others_stay() {
+        let columns = EventSlice {
+            t: &[1, 2, 3],
+            x: &[10, 0xffff, 30],
+            y: &[1, 2, 3],
+            on: &[true, false, true],
+        };
+        let payload = encode::events(columns);
+        let decoded = decode(&Kind::Events, payload.as_flattened(), Events::new()).unwrap();
+        let Some(Content::Events(events)) = decoded.content else { panic!("events") };
+        assert_eq!((events.as_slice().t, events.as_slice().x), (&[1, 3][..], &[10, 30][..]));
+        assert_eq!(decoded.lost_events, 1);
+        assert_eq!(decoded.reason.unwrap(), "an event at t 2 us, x -1, y 2");
+    }
+
+    #[test]
+    fn a_payload_of_another_kind_or_none_is_refused() {
+        let payload = encode::triggers(&[]);
+        let error = decode(&Kind::Events, &payload, Events::new()).unwrap_err();
+        assert_eq!(error, "identifier \"TRIG\"");
+        for n in 0..payload.len() {
+            assert!(decode(&Kind::Triggers, &payload[..n], Events::new()).is_err(), "{n} bytes");
+        }
+    }
+}
