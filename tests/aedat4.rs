@@ -54,13 +54,16 @@ fn drain<R: Read>(reader: Reader<R>) -> (Vec<evrig::format::aedat4::Packet>, Opt
 }
 
 /// Byte offsets at which the recording's packets begin, and the end of the last.
-fn boundaries() -> Vec<u64> {
-    let (packets, _) = drain(Reader::new(street(), "street").unwrap());
-    let mut offsets: Vec<u64> = packets.iter().map(|packet| packet.offset).collect();
-    let last = *offsets.last().unwrap() as usize;
-    let length = u32::from_le_bytes(street()[last + 4..last + 8].try_into().unwrap());
-    offsets.push(last as u64 + 8 + u64::from(length));
-    offsets
+fn boundaries() -> &'static [u64] {
+    static OFFSETS: OnceLock<Vec<u64>> = OnceLock::new();
+    OFFSETS.get_or_init(|| {
+        let (packets, _) = drain(Reader::new(street(), "street").unwrap());
+        let mut offsets: Vec<u64> = packets.iter().map(|packet| packet.offset).collect();
+        let last = *offsets.last().unwrap() as usize;
+        let length = u32::from_le_bytes(street()[last + 4..last + 8].try_into().unwrap());
+        offsets.push(last as u64 + 8 + u64::from(length));
+        offsets
+    })
 }
 
 #[test]
@@ -166,7 +169,7 @@ fn damage_never_panics_and_what_lies_before_it_arrives() {
     let spread = (0..100).map(|i| first + i * (n_bytes - first) / 100);
     // Damage far into the file is looked at in a file of its own of few packets, to keep this quick.
     for at in in_header.chain(heads).chain(spread) {
-        let (from, to) = neighbourhood(&boundaries, at);
+        let (from, to) = neighbourhood(boundaries, at);
         let mut bytes = street()[..first].to_vec();
         // Without a data table the piece is a whole file.
         let position = table_position_at(&bytes);
