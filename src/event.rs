@@ -86,6 +86,12 @@ impl Events {
         }
     }
 
+    /// The four columns, t, x, y and on, for example to use their memory again.
+    #[must_use]
+    pub fn into_columns(self) -> (Vec<i64>, Vec<u16>, Vec<u16>, Vec<bool>) {
+        (self.t, self.x, self.y, self.on)
+    }
+
     /// Appends one event.
     pub fn push(&mut self, event: Event) {
         self.t.push(event.t);
