@@ -9,6 +9,7 @@
 //! | [`units`], [`time`], [`stats`], [`geometry`] | vocabulary: units, clocks, estimates, grids; no I/O |
 //! | [`event`], [`frame`] | the data that flow: event columns, frames with exposure and row timing |
 //! | [`generate`] | brightness to events; pure |
+//! | [`filter`] | hot pixels, background activity, dead time, rate limit; every event has a fate |
 //! | [`compare`] | real events against simulated ones, one measure a file, each with its error |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
 //!
@@ -24,6 +25,7 @@ pub mod cli;
 pub mod commands;
 pub mod compare;
 pub mod event;
+pub mod filter;
 pub mod frame;
 pub mod generate;
 pub mod geometry;

@@ -75,7 +75,7 @@ impl Cells {
     }
 
     /// Distance of a pixel's middle from its cell's middle, pixels.
-    fn from_middle(&self, pixel: usize) -> f64 {
+    fn off_middle(&self, pixel: usize) -> f64 {
         let offset = |i: usize| (i % self.side) as f64 - (self.side - 1) as f64 / 2.0;
         offset(pixel % self.width).hypot(offset(pixel / self.width))
     }
@@ -187,5 +187,5 @@ fn within_cells(pair: &Pair<'_>, cells: &Cells) -> f64 {
         pair.simulated.count(pixel) as f64 / n_simulated - pair.real.count(pixel) as f64 / n_real
     };
     let pixels = 0..pair.layout.size.n_pixels();
-    pixels.map(|pixel| difference(pixel).abs() * cells.from_middle(pixel)).sum()
+    pixels.map(|pixel| difference(pixel).abs() * cells.off_middle(pixel)).sum()
 }
