@@ -74,50 +74,71 @@ pub struct Filtered {
     pub tally: Tally,
 }
 
-fn check(events: EventSlice<'_>, size: Size) -> Result<(), FilterError> {
-    if let Some(index) = events.first_disorder() {
-        let (t_us, previous_us) = (events.t[index], events.t[index - 1]);
-        return Err(FilterError::TimeNotAscending { index, t_us, previous_us });
-    }
-    match events.first_outside(size) {
-        None => Ok(()),
-        Some(index) => {
-            let (x, y) = (events.x[index], events.y[index]);
-            Err(FilterError::OutsideGrid { index, x, y, size })
-        }
-    }
-}
+/// Events looked at together: they are checked and filtered while they are in the cache.
+const CHUNK: usize = 4_096;
 
-/// Keeps the events for which `is_kept` holds, asked in order with event number and pixel index.
+/// Keeps the events for which `is_kept` holds, asked in order with time and pixel index.
 ///
-/// The columns are written without a branch: each event is stored at the place of the next kept one
-/// and the place moves on only if it stays. Noise makes a branch unpredictable.
+/// Within a chunk the columns are written without a branch: each event is stored at the place of the
+/// next kept one, and the place moves on only if it stays. Noise makes a branch unpredictable.
 fn keep(
     events: EventSlice<'_>,
     size: Size,
     reason: Reason,
     mut is_kept: impl FnMut(i64, usize) -> bool,
-) -> Filtered {
-    let n = events.len();
-    let (mut t, mut x) = (vec![0; n], vec![0; n]);
-    let (mut y, mut on) = (vec![0; n], vec![false; n]);
-    let mut end = 0;
-    let rows = events.t.iter().zip(events.x).zip(events.y).zip(events.on);
-    for (((&event_t, &event_x), &event_y), &event_on) in rows {
-        t[end] = event_t;
-        x[end] = event_x;
-        y[end] = event_y;
-        on[end] = event_on;
-        end += usize::from(is_kept(event_t, size.index(event_x, event_y)));
+) -> Result<Filtered, FilterError> {
+    // Address space only: pages are taken when kept events fill them.
+    let mut kept = Events::with_capacity(events.len());
+    let (mut t, mut x) = (vec![0; CHUNK], vec![0; CHUNK]);
+    let (mut y, mut on) = (vec![0; CHUNK], vec![false; CHUNK]);
+    let mut previous_us = i64::MIN;
+    for start in (0..events.len()).step_by(CHUNK) {
+        let chunk = events.range(start, (start + CHUNK).min(events.len()));
+        check(chunk, size, start, previous_us)?;
+        previous_us = chunk.t[chunk.len() - 1];
+        let mut end = 0;
+        let rows = chunk.t.iter().zip(chunk.x).zip(chunk.y).zip(chunk.on);
+        for (((&event_t, &event_x), &event_y), &event_on) in rows {
+            t[end] = event_t;
+            x[end] = event_x;
+            y[end] = event_y;
+            on[end] = event_on;
+            end += usize::from(is_kept(event_t, size.index(event_x, event_y)));
+        }
+        let stayed = EventSlice { t: &t[..end], x: &x[..end], y: &y[..end], on: &on[..end] };
+        kept.extend_from_slice(stayed);
     }
-    t.truncate(end);
-    x.truncate(end);
-    y.truncate(end);
-    on.truncate(end);
-    let tally = Tally::of(n as u64, end as u64, reason);
-    // The four columns were cut alike, so they cannot be unequal.
-    let events = Events::from_columns(t, x, y, on).unwrap_or_default();
-    Filtered { events, tally }
+    let tally = Tally::of(events.len() as u64, kept.len() as u64, reason);
+    Ok(Filtered { events: kept, tally })
+}
+
+/// Checks a chunk that begins at event `start`, after one at `previous_us`. The test of the whole
+/// chunk has no early end, so that it runs over several events at once.
+fn check(
+    chunk: EventSlice<'_>,
+    size: Size,
+    start: usize,
+    previous_us: i64,
+) -> Result<(), FilterError> {
+    let ascends = chunk.t.windows(2).fold(true, |ok, pair| ok & (pair[0] <= pair[1]));
+    let x = chunk.x.iter().fold(0, |most, &x| x.max(most));
+    let y = chunk.y.iter().fold(0, |most, &y| y.max(most));
+    let first_us = chunk.t.first().copied().unwrap_or(previous_us);
+    if first_us < previous_us {
+        return Err(FilterError::TimeNotAscending { index: start, t_us: first_us, previous_us });
+    }
+    if !ascends && let Some(i) = chunk.first_disorder() {
+        let (t_us, previous_us) = (chunk.t[i], chunk.t[i - 1]);
+        return Err(FilterError::TimeNotAscending { index: start + i, t_us, previous_us });
+    }
+    if !chunk.is_empty()
+        && !size.contains(x, y)
+        && let Some(i) = chunk.first_outside(size)
+    {
+        let (x, y) = (chunk.x[i], chunk.y[i]);
+        return Err(FilterError::OutsideGrid { index: start + i, x, y, size });
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -88,14 +88,17 @@ fn histograms(pair: &Pair<'_>, flips: Option<&[bool]>) -> (Vec<f64>, Vec<f64>) {
     let Some(flips) = flips else {
         return (pair.real.total_histogram(), pair.simulated.total_histogram());
     };
+    // In shares of each stream, so that a swap trades shapes and not numbers of intervals.
+    let n = |profile: &Profile| profile.intervals_by_tile().iter().sum::<f64>();
+    let (n_real, n_simulated) = (n(pair.real), n(pair.simulated));
     let (mut one, mut other) = (vec![0.0; N_FINE], vec![0.0; N_FINE]);
     for (tile, &flip) in flips.iter().enumerate() {
         let (a, b) = if flip { (&mut other, &mut one) } else { (&mut one, &mut other) };
-        let add = |sums: &mut Vec<f64>, counts: &[u32]| {
-            sums.iter_mut().zip(counts).for_each(|(sum, &n)| *sum += f64::from(n));
+        let add = |sums: &mut Vec<f64>, counts: &[u32], all: f64| {
+            sums.iter_mut().zip(counts).for_each(|(sum, &n)| *sum += f64::from(n) / all);
         };
-        add(a, pair.real.histogram(tile));
-        add(b, pair.simulated.histogram(tile));
+        add(a, pair.real.histogram(tile), n_real);
+        add(b, pair.simulated.histogram(tile), n_simulated);
     }
     (one, other)
 }

@@ -3,7 +3,7 @@
 //! support itself. Dropped events do support later ones, so the first event of an edge is lost and
 //! the rest stay (Delbruck, Frame-free dynamic digital vision, 2008).
 
-use super::{FilterError, Filtered, Reason, check, keep};
+use super::{FilterError, Filtered, Reason, keep};
 use crate::event::EventSlice;
 use crate::geometry::Size;
 
@@ -16,7 +16,6 @@ pub fn filter(events: EventSlice<'_>, size: Size, window_us: i64) -> Result<Filt
         let found = window_us as f64;
         return Err(FilterError::BadSetting { name: "window_us", found, expected: "0 or more" });
     }
-    check(events, size)?;
     // A frame of one pixel around the grid spares the test for the border.
     let width = size.width as usize;
     let stride = width + 2;
@@ -26,7 +25,7 @@ pub fn filter(events: EventSlice<'_>, size: Size, window_us: i64) -> Result<Filt
     for (pixel, place) in padded.iter_mut().enumerate() {
         *place = ((pixel / width + 1) * stride + pixel % width + 1) as u32;
     }
-    Ok(keep(events, size, Reason::Background, |t, pixel| {
+    keep(events, size, Reason::Background, |t, pixel| {
         let place = padded[pixel] as usize;
         let row = |first: usize| {
             let three = &last[first..first + 3];
@@ -37,7 +36,7 @@ pub fn filter(events: EventSlice<'_>, size: Size, window_us: i64) -> Result<Filt
         last[place] = t;
         // A pixel that never fired holds the least time there is; that is no support.
         latest != i64::MIN && latest >= t.saturating_sub(window_us)
-    }))
+    })
 }
 
 #[cfg(test)]

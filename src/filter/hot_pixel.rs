@@ -7,7 +7,7 @@
 //!
 //! The list of hot pixels is given back: the same pixels are to be left out of the other stream.
 
-use super::{FilterError, Filtered, Reason, check, keep};
+use super::{FilterError, Filtered, Reason, keep};
 use crate::event::EventSlice;
 use crate::geometry::Size;
 
@@ -39,7 +39,6 @@ pub fn filter(
     size: Size,
     setting: Setting,
 ) -> Result<(Filtered, Vec<usize>), FilterError> {
-    check(events, size)?;
     let hot = find(events, size, setting)?;
     Ok((drop_pixels(events, size, &hot)?, hot))
 }
@@ -53,14 +52,13 @@ pub fn drop_pixels(
     size: Size,
     pixels: &[usize],
 ) -> Result<Filtered, FilterError> {
-    check(events, size)?;
     let mut is_kept = vec![true; size.n_pixels()];
     for &pixel in pixels {
         if let Some(is_kept) = is_kept.get_mut(pixel) {
             *is_kept = false;
         }
     }
-    Ok(keep(events, size, Reason::HotPixel, |_, pixel| is_kept[pixel]))
+    keep(events, size, Reason::HotPixel, |_, pixel| is_kept[pixel])
 }
 
 fn find(events: EventSlice<'_>, size: Size, setting: Setting) -> Result<Vec<usize>, FilterError> {
@@ -74,7 +72,10 @@ fn find(events: EventSlice<'_>, size: Size, setting: Setting) -> Result<Vec<usiz
     }
     let mut counts = vec![0_u32; size.n_pixels()];
     for (&x, &y) in events.x.iter().zip(events.y) {
-        counts[size.index(x, y)] += 1;
+        // Events off the grid are refused when they are filtered.
+        if let Some(count) = counts.get_mut(size.index(x, y)) {
+            *count += 1;
+        }
     }
     let mut active: Vec<u32> = counts.iter().copied().filter(|&n| n > 0).collect();
     let Some(last) = active.len().checked_sub(1) else { return Ok(Vec::new()) };

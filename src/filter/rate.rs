@@ -2,7 +2,7 @@
 //! the first event on. In a step with too many, events are kept evenly along the
 //! step (every n/limit-th), not the first ones, which would cut time off.
 
-use super::{FilterError, Filtered, Reason, check, keep};
+use super::{FilterError, Filtered, Reason, keep};
 use crate::event::EventSlice;
 use crate::geometry::Size;
 
@@ -25,9 +25,8 @@ pub fn filter(
     if step_us <= 0 {
         return bad("step_us", step_us as f64);
     }
-    check(events, size)?;
     let mut step = Step { end: 0, n: 0, seen: 0 };
-    Ok(keep(events, size, Reason::Rate, |_, _| {
+    keep(events, size, Reason::Rate, |_, _| {
         if step.end == 0 || step.seen == step.n {
             step = step.next(events.t, step_us);
         }
@@ -36,7 +35,7 @@ pub fn filter(
         // Of n events number i is kept if the count i * max / n moves on with it.
         let (n, max) = (u128::from(step.n), u128::from(max_events));
         n <= max || (number + 1) * max / n > number * max / n
-    }))
+    })
 }
 
 /// A step of time that holds events.

@@ -1,7 +1,7 @@
 //! Drops an event that comes less than a given time after the last **kept** event of its pixel,
 //! of either polarity, as a pixel's own refractory period does.
 
-use super::{FilterError, Filtered, Reason, check, keep};
+use super::{FilterError, Filtered, Reason, keep};
 use crate::event::EventSlice;
 use crate::geometry::Size;
 
@@ -15,14 +15,13 @@ pub fn filter(events: EventSlice<'_>, size: Size, period_us: i64) -> Result<Filt
         let found = period_us as f64;
         return Err(FilterError::BadSetting { name: "period_us", found, expected: "0 or more" });
     }
-    check(events, size)?;
     // The first time at which a pixel may fire again.
     let mut ready = vec![i64::MIN; size.n_pixels()];
-    Ok(keep(events, size, Reason::Refractory, |t, pixel| {
+    keep(events, size, Reason::Refractory, |t, pixel| {
         let is_kept = t >= ready[pixel];
         ready[pixel] = if is_kept { t.saturating_add(period_us) } else { ready[pixel] };
         is_kept
-    }))
+    })
 }
 
 #[cfg(test)]
