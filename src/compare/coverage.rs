@@ -95,7 +95,6 @@ fn demand_coverage(size: Size, world: fn(u64) -> [Events; 2], truths: &[Truth]) 
     }
     for (n, (name, _, _)) in n_covered.into_iter().zip(truths) {
         let share = f64::from(n) / N_WORLDS as f64;
-        println!("{name}: {share:.3}");
         assert!((0.80..=0.97).contains(&share), "{name}: covered in {share} of the worlds");
     }
 }
