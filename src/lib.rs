@@ -15,6 +15,8 @@
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
+//! | [`filter`] | hot pixels, background activity, dead time, rate limit; every event has a fate |
+//! | [`compare`] | real events against simulated ones, one measure a file, each with its error |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
 //!
 //! # Invariants
@@ -30,6 +32,7 @@ pub mod commands;
 pub mod compare;
 pub mod event;
 pub mod format;
+pub mod filter;
 pub mod frame;
 pub mod generate;
 pub mod geometry;
