@@ -42,7 +42,7 @@ impl Trajectory {
     /// The path on this rig: its mount says what the cameras see, and so which way is clockwise.
     ///
     /// # Errors
-    /// When a segment makes no curve. Reach and speed are not looked at here: see [`super::plan`].
+    /// When a segment makes no curve. Reach and speed are not looked at here: see [`super::Plan`].
     pub fn path(&self, rig: &Rig, optional: Optional) -> Result<Path, PathError> {
         let camera = rig.mount.davis.frame(self.start);
         let mut builder = Builder {
