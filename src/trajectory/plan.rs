@@ -9,7 +9,7 @@ use crate::rig::{Joints, Pose, Rig};
 use crate::time::Span;
 use serde::Serialize;
 
-/// At most so many points of the profile are kept; a screen shows no more.
+/// At most so many evenly spread points of the profile are kept; a screen shows no more.
 const PROFILE_POINTS: usize = 1000;
 
 /// What a trajectory will do on a rig.
@@ -49,7 +49,7 @@ pub struct Plan {
     pub disk: Vec<StreamSize>,
     /// Bytes of all streams.
     pub disk_bytes: u64,
-    /// Instants evenly spread over time, the steps' beginnings not among them.
+    /// Instants evenly spread over time, and the beginnings of the motions.
     pub profile: Vec<ProfilePoint>,
     /// The path itself.
     #[serde(skip)]
@@ -172,14 +172,22 @@ impl SegmentPlan {
 fn profile(path: &Path, rig: &Rig) -> Vec<ProfilePoint> {
     let seconds = path.duration().as_secs_f64();
     let n_points = ((seconds / 0.005).ceil() as usize).clamp(1, PROFILE_POINTS);
-    (0..=n_points)
-        .filter_map(|i| {
-            let time_s = seconds * i as f64 / n_points as f64;
-            let point = path.at(Span::from_secs_f64(time_s))?;
-            let joints = rig.arm.kinematics.inverse(point.pose).ok();
-            Some(ProfilePoint { time_s, pose: point.pose, joints, speed_mm_per_s: point.speed.0 })
+    let even = (0..=n_points).map(|i| seconds * i as f64 / n_points as f64);
+    let mut times: Vec<Span> = even.map(Span::from_secs_f64).collect();
+    // The standstills between motions, which evenly spread instants would miss.
+    times.extend(path.steps().iter().take(PROFILE_POINTS).map(|step| step.start));
+    times.sort_unstable();
+    times.dedup();
+    let points = times.into_iter().filter_map(|time| {
+        let point = path.at(time)?;
+        Some(ProfilePoint {
+            time_s: time.as_secs_f64(),
+            pose: point.pose,
+            joints: rig.arm.kinematics.inverse(point.pose).ok(),
+            speed_mm_per_s: point.speed.0,
         })
-        .collect()
+    });
+    points.collect()
 }
 
 #[cfg(test)]
@@ -341,6 +349,16 @@ mod tests {
         assert_eq!(on(&Rig::simulated().unwrap()), Vec::<String>::new());
         let remarks = on(&Rig::find("magician").unwrap());
         assert!(remarks[0].starts_with("5 motions change the light"), "{remarks:?}");
+    }
+
+    #[test]
+    fn the_profile_rests_between_motions() {
+        let plan = plan("speed-sweep");
+        let rests = plan.profile.windows(3).filter(|near| {
+            near[1].speed_mm_per_s < 1e-9 && near.iter().any(|p| p.speed_mm_per_s > 0.0)
+        });
+        // Eight circles: a rest before each and one behind the last.
+        assert_eq!(rests.count(), 9);
     }
 
     #[test]
