@@ -13,6 +13,7 @@ mod path;
 mod path_error;
 mod plan;
 mod profile;
+mod remark;
 mod segment;
 mod view;
 
