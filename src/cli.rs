@@ -4,16 +4,15 @@ use clap::{Args, Parser, Subcommand};
 
 mod about;
 mod import;
+mod plan;
 mod session;
 mod stages;
 
 pub use about::{CompletionsArgs, ManArgs};
 pub use import::{ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs};
+pub use plan::PlanArgs;
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
-mod plan;
-
-pub use plan::PlanArgs;
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]

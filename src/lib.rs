@@ -12,11 +12,10 @@
 //! | [`rig`], [`trajectory`] | descriptions read, checked, explained; path to timed poses; reach, joint, speed limits |
 //! | [`session`] | the on-disk contract: layout, manifest, journal, verify, imports |
 //! | [`generate`] | brightness to events; pure |
+//! | [`filter`] | hot pixels, background activity, dead time, rate limit; every event has a fate |
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
-//! | [`filter`] | hot pixels, background activity, dead time, rate limit; every event has a fate |
-//! | [`compare`] | real events against simulated ones, one measure a file, each with its error |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
 //!
 //! # Invariants
@@ -31,8 +30,8 @@ pub mod cli;
 pub mod commands;
 pub mod compare;
 pub mod event;
-pub mod format;
 pub mod filter;
+pub mod format;
 pub mod frame;
 pub mod generate;
 pub mod geometry;
