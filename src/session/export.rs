@@ -166,12 +166,11 @@ fn imu(
     entry: &StreamEntry,
     out: &Path,
 ) -> Result<Vec<ExportedArray>, SessionError> {
-    let mut samples: Vec<ImuSample> = Vec::new();
-    for content in contents(session, entry)? {
-        if let Content::Imu(found) = content {
-            samples.extend(found);
-        }
-    }
+    let runs = contents(session, entry)?.filter_map(|content| match content {
+        Content::Imu(samples) => Some(samples),
+        _ => None,
+    });
+    let samples: Vec<ImuSample> = runs.flatten().collect();
     let n = samples.len() as u64;
     let mut archive = Archive::create(out)?;
     archive.add("t_us", &[n], samples.iter().map(|s| s.stamp.as_micros()))?;
@@ -191,12 +190,11 @@ fn triggers(
     entry: &StreamEntry,
     out: &Path,
 ) -> Result<Vec<ExportedArray>, SessionError> {
-    let mut edges: Vec<Trigger> = Vec::new();
-    for content in contents(session, entry)? {
-        if let Content::Triggers(found) = content {
-            edges.extend(found);
-        }
-    }
+    let runs = contents(session, entry)?.filter_map(|content| match content {
+        Content::Triggers(edges) => Some(edges),
+        _ => None,
+    });
+    let edges: Vec<Trigger> = runs.flatten().collect();
     let n = edges.len() as u64;
     let mut archive = Archive::create(out)?;
     archive.add("t_us", &[n], edges.iter().map(|edge| edge.stamp.as_micros()))?;

@@ -173,42 +173,43 @@ fn copy_frames<T: Element>(
 
 fn from_folder(request: &ImportFrames<'_>, path: &Path) -> Result<Frames, SessionError> {
     let paths = images::list(request.frames)?;
-    let n = paths.len() as u64;
-    let times = frame_times(&request.times, n)?;
+    let times = frame_times(&request.times, paths.len() as u64)?;
     let (size, first) = images::read_gray(&paths[0])?;
-    let shape = [n, size.height.into(), size.width.into()];
-    let same_size = |path: &Path, found: Size| {
-        let what = format!("is {found}, the first image is {size}; all must have one size");
-        if found == size { Ok(()) } else { Err(SessionError::import(path, what)) }
-    };
-    let depth = |path: &Path| {
-        SessionError::import(path, "has another bit depth than the first image; use one for all")
-    };
     let bits = match first {
         images::Gray::U8(_) => {
-            let mut writer = ArrayWriter::<u8>::create(path, &shape)?;
-            for image in &paths {
-                let (found, gray) = images::read_gray(image)?;
-                same_size(image, found)?;
-                let images::Gray::U8(gray) = gray else { return Err(depth(image)) };
-                writer.extend(&gray)?;
-            }
-            writer.finish()?;
+            write_images(path, size, &paths, images::Gray::into_u8)?;
             8
         }
         images::Gray::U16(_) => {
-            let mut writer = ArrayWriter::<u16>::create(path, &shape)?;
-            for image in &paths {
-                let (found, gray) = images::read_gray(image)?;
-                same_size(image, found)?;
-                let images::Gray::U16(gray) = gray else { return Err(depth(image)) };
-                writer.extend(&gray)?;
-            }
-            writer.finish()?;
+            write_images(path, size, &paths, images::Gray::into_u16)?;
             16
         }
     };
     Ok(Frames { size, times, bits })
+}
+
+/// Writes the images into one array; all must have the size and depth of the first.
+fn write_images<T: Element>(
+    path: &Path,
+    size: Size,
+    images: &[PathBuf],
+    samples: impl Fn(images::Gray) -> Option<Vec<T>>,
+) -> Result<(), SessionError> {
+    let shape = [images.len() as u64, size.height.into(), size.width.into()];
+    let mut writer = ArrayWriter::<T>::create(path, &shape)?;
+    for image in images {
+        let (found, gray) = images::read_gray(image)?;
+        if found != size {
+            let what = format!("is {found}, the first image is {size}; all must have one size");
+            return Err(SessionError::import(image, what));
+        }
+        let samples = samples(gray).ok_or_else(|| {
+            let what = "has another bit depth than the first image; use one for all";
+            SessionError::import(image, what)
+        })?;
+        writer.extend(&samples)?;
+    }
+    Ok(writer.finish()?)
 }
 
 /// The time of each of `n` frames, ascending.
