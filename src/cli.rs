@@ -9,7 +9,9 @@ mod session;
 mod stages;
 
 pub use about::{CompletionsArgs, ManArgs};
-pub use import::{ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs};
+pub use import::{
+    ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
+};
 pub use plan::PlanArgs;
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};

@@ -3,3 +3,4 @@
 pub mod aedat4;
 pub mod hdf5;
 pub mod npy;
+pub mod raw2event;

@@ -8,6 +8,7 @@ use crate::session::{
     Journal, Loss, Manifest, Origin, SCHEMA, SessionError, Status, StreamEntry, StreamKind,
     StreamName,
 };
+use crate::time::{Clock, Davis};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -105,6 +106,7 @@ fn manifest(
         streams,
         files: files.into_iter().collect(),
         losses,
+        decisions: Vec::new(),
     }
 }
 
@@ -118,6 +120,7 @@ fn frames_entry(frames: &Frames) -> StreamEntry {
         count: frames.times.len() as u64,
         first_us: frames.times.first().copied(),
         last_us: frames.times.last().copied(),
+        clock: Davis::NAME.into(),
         source: format!("imported, {} bit", frames.bits),
     }
 }
@@ -291,6 +294,7 @@ fn take_events(
         count: times.len() as u64,
         first_us: times.first().copied(),
         last_us: times.last().copied(),
+        clock: Davis::NAME.into(),
         source,
     };
     Ok((entry, path, table.losses))
