@@ -4,6 +4,8 @@
 //! the previous frame and this one. Generators are seeded; the same seed gives
 //! the same events, whatever the number of threads.
 
+mod grid;
+mod knobs;
 #[cfg(test)]
 mod ks;
 mod merge;
@@ -15,6 +17,7 @@ mod sequence;
 mod threads;
 pub mod voltmeter;
 
+pub use knobs::{Knob, KnobDescription, KnobSetting};
 pub use parameter_error::ParameterError;
 pub use parameters::{Choice, GenerateParameters, Law, Model, ModelParameters, build};
 pub use preset::Preset;

@@ -45,6 +45,12 @@ pub enum ParameterError {
         /// Highest value.
         high: f64,
     },
+    /// A knob's setting that cannot be read.
+    #[error("`{text}` is not a knob's setting; write it as name=value, as in global-noise=1e-5")]
+    NotASetting {
+        /// The text.
+        text: String,
+    },
     /// A name that nothing has.
     #[error("no {kind} is called `{name}`{hint}; there are {known}")]
     UnknownName {
@@ -57,7 +63,10 @@ pub enum ParameterError {
         /// All names.
         known: String,
     },
-    /// Two settings that exclude each other.
+    /// Two sources of the same numbers.
+    #[error("a preset and k are both given; give one of the two")]
+    PresetAndK,
+    /// A setting of another model.
     #[error("{given} does not go with {model}; {instead}")]
     NotForModel {
         /// What was given.

@@ -1,7 +1,8 @@
 //! What a generation is made of, as a stage record keeps it, and the generator it gives.
 
-use super::voltmeter::{Coefficients, ScalarVoltmeter};
-use super::{Generator, ParameterError, Preset};
+use super::grid::Grid;
+use super::voltmeter::{Coefficients, LazyVoltmeter, ScalarVoltmeter};
+use super::{Generator, KnobSetting, ParameterError, Preset};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::num::NonZeroUsize;
@@ -49,6 +50,9 @@ pub struct GenerateParameters {
     /// The preset the parameters came from, if they did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<Preset>,
+    /// The knobs that were turned to get from there to the parameters.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub knobs: Vec<KnobSetting>,
     /// Seed of all draws.
     pub seed: u64,
 }
@@ -64,6 +68,8 @@ pub struct Choice<'a> {
     pub preset: Option<&'a str>,
     /// `k1,...,k6`.
     pub k: Option<&'a str>,
+    /// Knobs turned from there, one after another.
+    pub knobs: &'a [KnobSetting],
     /// Seed of all draws.
     pub seed: u64,
 }
@@ -108,44 +114,42 @@ impl ModelParameters {
 impl GenerateParameters {
     /// The paper's event model with a published set of k and the exact law.
     #[must_use]
-    pub const fn from_preset(preset: Preset, seed: u64) -> Self {
-        let k = preset.coefficients();
-        let model = ModelParameters::Voltmeter { law: Law::Exact, k };
-        Self { model, preset: Some(preset), seed }
+    pub fn from_preset(preset: Preset, seed: u64) -> Self {
+        Self { preset: Some(preset), ..Self::from_k(preset.coefficients(), seed) }
     }
 
     /// The paper's event model with k of its own and the exact law.
     #[must_use]
-    pub const fn from_k(k: Coefficients, seed: u64) -> Self {
-        Self { model: ModelParameters::Voltmeter { law: Law::Exact, k }, preset: None, seed }
+    pub fn from_k(k: Coefficients, seed: u64) -> Self {
+        let model = ModelParameters::Voltmeter { law: Law::Exact, k };
+        Self { model, preset: None, knobs: Vec::new(), seed }
     }
 
     /// Parameters from names and numbers as a user writes them.
     ///
     /// # Errors
     /// A name nothing has, a k out of range, or a preset together with k.
-    pub fn from_choice(choice: Choice<'_>) -> Result<Self, ParameterError> {
-        let Choice { model, law, preset, k, seed } = choice;
-        let model = model.map_or(Ok(Model::Voltmeter), str::parse)?;
-        let law = law.map_or(Ok(Law::Exact), str::parse)?;
-        let (preset, k) = match (preset, k) {
-            (Some(_), Some(_)) => {
-                return Err(ParameterError::NotForModel {
-                    given: "a preset together with k".into(),
-                    model: model.name(),
-                    instead: "give one of the two",
-                });
-            }
+    pub fn from_choice(choice: &Choice<'_>) -> Result<Self, ParameterError> {
+        let model = choice.model.map_or(Ok(Model::Voltmeter), str::parse)?;
+        match model {
+            Model::Voltmeter => Self::voltmeter(choice),
+        }
+    }
+
+    fn voltmeter(choice: &Choice<'_>) -> Result<Self, ParameterError> {
+        let law = choice.law.map_or(Ok(Law::Exact), str::parse)?;
+        let (preset, k) = match (choice.preset, choice.k) {
+            (Some(_), Some(_)) => return Err(ParameterError::PresetAndK),
             (None, Some(k)) => (None, k.parse()?),
             (preset, None) => {
                 let preset = preset.map_or(Ok(Preset::Dvs346), str::parse)?;
                 (Some(preset), preset.coefficients())
             }
         };
-        let model = match model {
-            Model::Voltmeter => ModelParameters::Voltmeter { law, k },
-        };
-        Ok(Self { model, preset, seed })
+        let turn = |k: Coefficients, setting: &KnobSetting| setting.knob.turn(k, setting.value);
+        let k = choice.knobs.iter().try_fold(k, turn)?;
+        let model = ModelParameters::Voltmeter { law, k };
+        Ok(Self { model, preset, knobs: choice.knobs.to_vec(), seed: choice.seed })
     }
 }
 
@@ -158,11 +162,15 @@ pub fn build(
     parameters: &GenerateParameters,
     threads: Option<NonZeroUsize>,
 ) -> Result<Box<dyn Generator>, ParameterError> {
-    match parameters.model {
-        ModelParameters::Voltmeter { law, k } => {
-            Ok(Box::new(ScalarVoltmeter::new(k, law, parameters.seed, threads)?))
+    let seed = parameters.seed;
+    Ok(match parameters.model {
+        ModelParameters::Voltmeter { law: Law::Exact, k } => {
+            Box::new(Grid::new(LazyVoltmeter::new(k, seed), threads)?)
         }
-    }
+        ModelParameters::Voltmeter { law: law @ Law::Reference, k } => {
+            Box::new(Grid::new(ScalarVoltmeter::new(k, law, seed), threads)?)
+        }
+    })
 }
 
 macro_rules! named {
@@ -186,3 +194,30 @@ macro_rules! named {
 
 named!(Model, "model");
 named!(Law, "law");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generate::Knob;
+
+    #[test]
+    fn a_record_of_parameters_is_read_back_as_written() {
+        let knobs = [KnobSetting { knob: Knob::EventSensitivity, value: 3.0 }];
+        let choice = Choice { preset: Some("raw2dvs346"), knobs: &knobs, ..Choice::default() };
+        let parameters = GenerateParameters::from_choice(&choice).unwrap();
+        let json = serde_json::to_string(&parameters).unwrap();
+        assert_eq!(serde_json::from_str::<GenerateParameters>(&json).unwrap(), parameters);
+        assert!(json.contains("\"k\":[3.0,4.166e-7"), "{json}");
+        assert_eq!(build(&parameters, NonZeroUsize::new(2)).unwrap().name(), "voltmeter");
+    }
+
+    #[test]
+    fn wrong_choices_say_what_would_be_right() {
+        let error = |choice| GenerateParameters::from_choice(&choice).unwrap_err().to_string();
+        let base = Choice::default();
+        assert!(error(Choice { model: Some("voltmetre"), ..base }).contains("`voltmeter`"));
+        assert!(error(Choice { law: Some("exakt"), ..base }).contains("`exact`"));
+        let both = Choice { preset: Some("DVS346"), k: Some("1,1,0,0,0,0"), ..base };
+        assert!(error(both).contains("one of the two"));
+    }
+}

@@ -1,6 +1,7 @@
 //! The six k of the event model, their ranges, and what they make of two brightnesses.
 
 use crate::generate::ParameterError;
+use crate::generate::sequence::Interval;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
@@ -58,12 +59,6 @@ impl Coefficients {
         self.0
     }
 
-    /// Lowest and highest value of k`number` (1..=6).
-    pub(in crate::generate) fn range(number: usize) -> [f64; 2] {
-        let (low, high, _) = RANGES[number - 1];
-        [low, high]
-    }
-
     /// Drift and diffusion between two frames `span_us` apart that saw `before` and `after` (DN).
     #[must_use]
     #[inline]
@@ -78,13 +73,13 @@ impl Coefficients {
         }
     }
 
-    /// A number of events that no pixel's mean exceeds in an interval of `span_us`, when no
-    /// brightness exceeds `brightest`: a pixel fires at the rate μ/tanh(μ/σ²) <= |μ| + σ²;
-    /// |ΔL| <= 2 L̄ and √L/(L + k2) <= 1/(2 √k2).
-    pub(super) fn most_events(&self, brightest: f64, span_us: f64) -> f64 {
+    /// A number of events that no pixel's mean exceeds in an interval: a pixel fires at the
+    /// rate μ/tanh(μ/σ²) <= |μ| + σ²; |ΔL| <= 2 L̄ and √L/(L + k2) <= 1/(2 √k2).
+    pub(super) fn most_events(&self, interval: Interval) -> f64 {
         let [k1, k2, k3, k4, k5, k6] = self.0;
         let sigma = k3 / (2.0 * k2.sqrt()) + k6;
-        2.0 * k1 + (k4.abs() + k5.abs() * brightest + sigma * sigma) * span_us
+        let leak = k4.abs() + k5.abs() * f64::from(interval.brightest);
+        2.0 * k1 + (leak + sigma * sigma) * f64::from(interval.span_us)
     }
 }
 
@@ -157,7 +152,9 @@ mod tests {
         for (before, after) in [(0.0, 0.0), (0.0, 1e-30), (1023.0, 0.0), (0.0, f32::MAX)] {
             let motion = k.motion(before, after, 1.0);
             assert!(motion.drift_per_us.is_finite() && motion.sigma_per_sqrt_us.is_finite());
-            let most = k.most_events(f64::from(before.max(after)), 1.0);
+            let brightest = f32::max(before, after);
+            let interval = Interval { index: 1, start_us: 0, span_us: 1, brightest };
+            let most = k.most_events(interval);
             assert!(motion.drift_per_us.abs() + motion.sigma_per_sqrt_us.powi(2) <= most);
         }
     }
