@@ -201,13 +201,12 @@ impl fmt::Display for KnobSetting {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::generate::Preset;
 
     #[test]
     fn a_knob_turned_to_where_it_stands_changes_nothing_and_elsewhere_only_its_own_k() {
         let owned: [&[usize]; 6] = [&[0], &[0, 3], &[4], &[2, 5], &[3], &[5]];
         for (knob, owned) in Knob::ALL.into_iter().zip(owned) {
-            let k = Preset::Raw2Dvs346.coefficients();
+            let k = Coefficients::RAW2DVS346;
             let position = knob.position(k);
             assert_eq!(knob.turn(k, position).unwrap(), k, "{knob}");
             let turned = knob.turn(k, 2.0 * position).unwrap().k();
@@ -222,7 +221,7 @@ mod tests {
     fn every_recommended_end_is_a_possible_k() {
         for knob in Knob::ALL {
             for value in knob.describe().recommended {
-                assert!(knob.turn(Preset::Rgb2Dvs346.coefficients(), value).is_ok(), "{knob}");
+                assert!(knob.turn(Coefficients::RGB2DVS346, value).is_ok(), "{knob}");
                 assert!(KnobSetting { knob, value }.is_recommended());
             }
         }
@@ -236,7 +235,7 @@ mod tests {
         let error = |text: &str| text.parse::<KnobSetting>().unwrap_err().to_string();
         assert!(error("globl-noise=1").contains("did you mean `global-noise`"));
         assert!(error("global-noise=x").contains("name=value"));
-        let k = Preset::Dvs346.coefficients();
+        let k = Coefficients::DVS346;
         let error = Knob::TemporalJitter.turn(k, -1.0).unwrap_err().to_string();
         assert!(error.contains("k3"), "{error}");
     }

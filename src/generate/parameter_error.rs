@@ -67,14 +67,12 @@ pub enum ParameterError {
     #[error("a preset and k are both given; give one of the two")]
     PresetAndK,
     /// A setting of another model.
-    #[error("{given} does not go with {model}; {instead}")]
+    #[error("{given} does not go with the model {model}; leave it out or choose another model")]
     NotForModel {
-        /// What was given.
+        /// What was given: a preset, k, a law, a knob.
         given: String,
         /// The model.
         model: &'static str,
-        /// What to do.
-        instead: &'static str,
     },
     /// The pool of threads did not start.
     #[error("{threads} threads could not be started: {reason}")]
@@ -84,6 +82,20 @@ pub enum ParameterError {
         /// What the system says.
         reason: String,
     },
+}
+
+/// Refuses a value that is not within `low..=high`.
+pub(super) fn check(
+    name: &'static str,
+    value: f64,
+    low: f64,
+    high: f64,
+) -> Result<(), ParameterError> {
+    if (low..=high).contains(&value) {
+        Ok(())
+    } else {
+        Err(ParameterError::OutOfRange { name, value, low, high })
+    }
 }
 
 impl ParameterError {

@@ -48,10 +48,25 @@ impl Coefficients {
         Ok(Self(k))
     }
 
-    /// A published set, known to lie within the ranges (a test holds it to that).
-    pub(in crate::generate) const fn published(k: [f64; 6]) -> Self {
-        Self(k)
-    }
+    /// DAVIS346 from its own 8-bit frames (Lin et al., ECCV 2022). Like DVS240, k1 is published
+    /// as a product.
+    pub const DVS346: Self = Self([0.000_18 * 29_250.0, 20.0, 0.000_1, 1e-7, 5e-9, 0.000_01]);
+
+    /// DAVIS240 from its own 8-bit frames (Lin et al., ECCV 2022).
+    pub const DVS240: Self = Self([0.000_094 * 47_065.0, 23.0, 0.000_2, 1e-7, 5e-8, 0.000_01]);
+
+    /// DAVIS346 from 10-bit raw frames of Pi Camera Module 3 (Raw2Event).
+    pub const RAW2DVS346: Self = Self([2.388, 4.166e-7, 1.541e-6, 9.768e-8, 1.466e-11, 9.824e-6]);
+
+    /// DAVIS346 from 8-bit gray of the same camera's RGB frames (Raw2Event).
+    pub const RGB2DVS346: Self = Self([
+        5.332_474_147_628_972,
+        0.900_333_202_726_682_3,
+        8.288_263_352_543_993e-6,
+        1.099_239_717_282_808_7e-7,
+        3.302_652_963_977_818e-9,
+        1.101_244_403_871_650_4e-7,
+    ]);
 
     /// k1 to k6.
     #[must_use]
@@ -148,7 +163,7 @@ mod tests {
 
     #[test]
     fn dark_and_saturated_pixels_have_finite_motion() {
-        let k = Coefficients::published([2.388, 4.166e-7, 1.541e-6, 9.768e-8, 1.466e-11, 9.824e-6]);
+        let k = Coefficients::RAW2DVS346;
         for (before, after) in [(0.0, 0.0), (0.0, 1e-30), (1023.0, 0.0), (0.0, f32::MAX)] {
             let motion = k.motion(before, after, 1.0);
             assert!(motion.drift_per_us.is_finite() && motion.sigma_per_sqrt_us.is_finite());

@@ -1,8 +1,8 @@
 //! The draws against the law: closed forms and a fine-step simulation of the same equation.
 
 use super::*;
+use crate::generate::ks;
 use crate::generate::random::{Draws, Source};
-use crate::generate::{Preset, ks};
 use crate::stats::Moments;
 
 type Advance = fn(f64, Motion, f64, &mut Draws, &mut dyn FnMut(f64, bool)) -> f64;
@@ -137,17 +137,17 @@ fn the_published_presets_give_the_intervals_of_the_law_frame_by_frame() {
     // Mean (s) and CV of the interval for brightness and its change a frame; the values follow
     // from tanh(b)/μ and its variance, with four digits.
     let rows = [
-        (Preset::Raw2Dvs346, 400.0, 0.0, 9.658, 0.030_77),
-        (Preset::Raw2Dvs346, 400.0, 2.0, 0.6509, 0.007_988),
-        (Preset::Raw2Dvs346, 400.0, -2.0, 0.7523, 0.008_588),
-        (Preset::Raw2Dvs346, 400.0, 60.0, 0.023_21, 0.001_508),
-        (Preset::Raw2Dvs346, 64.0, 60.0, 0.003_721, 0.000_611),
-        (Preset::Dvs346, 128.0, 0.0, 1.351, 0.020_51),
-        (Preset::Dvs346, 128.0, 1.0, 0.1996, 0.007_884),
+        (Coefficients::RAW2DVS346, 400.0, 0.0, 9.658, 0.030_77),
+        (Coefficients::RAW2DVS346, 400.0, 2.0, 0.6509, 0.007_988),
+        (Coefficients::RAW2DVS346, 400.0, -2.0, 0.7523, 0.008_588),
+        (Coefficients::RAW2DVS346, 400.0, 60.0, 0.023_21, 0.001_508),
+        (Coefficients::RAW2DVS346, 64.0, 60.0, 0.003_721, 0.000_611),
+        (Coefficients::DVS346, 128.0, 0.0, 1.351, 0.020_51),
+        (Coefficients::DVS346, 128.0, 1.0, 0.1996, 0.007_884),
     ];
-    for (preset, mean, change, interval_s, cv) in rows {
+    for (k, mean, change, interval_s, cv) in rows {
         let (before, after) = (mean - 0.5 * change, mean + 0.5 * change);
-        let motion = preset.coefficients().motion(before, after, SPAN_US);
+        let motion = k.motion(before, after, SPAN_US);
         let exact = closed_form::mean_interval_us(motion);
         assert!((exact * 1e-6 / interval_s - 1.0).abs() < 3e-4, "{exact} {interval_s}");
         assert!((closed_form::sd_interval_us(motion) / exact / cv - 1.0).abs() < 3e-3, "{cv}");
@@ -245,13 +245,7 @@ fn the_reference_law_departs_from_the_equation_where_the_published_program_does(
     let rows = [
         (scaled(1.0, 0.0083), 1.0, 0.3839, 0.1974, 8_000),
         (scaled(1.0, 1.0), 0.8746, 0.005_745, 0.6647, 40_000),
-        (
-            Preset::Raw2Dvs346.coefficients().motion(400.0, 400.0, SPAN_US),
-            1.0,
-            9.601,
-            0.002_189,
-            400,
-        ),
+        (Coefficients::RAW2DVS346.motion(400.0, 400.0, SPAN_US), 1.0, 9.601, 0.002_189, 400),
     ];
     for (motion, share_on, mean_s, program_cv, n) in rows {
         let sample = intervals(reference::advance, motion, n / 20, 20);

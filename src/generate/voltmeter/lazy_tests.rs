@@ -5,7 +5,7 @@ use crate::event::Events;
 use crate::frame::Luminance;
 use crate::generate::grid::{Grid, PixelModel};
 use crate::generate::random::Source;
-use crate::generate::{Generator, Law, Preset, ks};
+use crate::generate::{Generator, Law, ks};
 use crate::geometry::Size;
 use crate::stats::Moments;
 
@@ -116,7 +116,7 @@ fn swing<M: PixelModel>(model: M, end: impl Fn(&M::State) -> Vec<f64>) -> Swing 
 #[test]
 fn the_fast_form_and_the_plain_form_do_the_same_to_swinging_brightness() {
     let noisy = Coefficients::new([1.5, 2.0, 1e-2, 1e-6, 1e-9, 1e-4]).unwrap();
-    for k in [Preset::Raw2Dvs346.coefficients(), noisy] {
+    for k in [Coefficients::RAW2DVS346, noisy] {
         let plain = swing(ScalarVoltmeter::new(k, Law::Exact, 6), Vec::clone);
         let mut draws = Source::new(7).draws(0, 0);
         let drawn = std::cell::RefCell::new(move || draws.normal());
@@ -125,16 +125,12 @@ fn the_fast_form_and_the_plain_form_do_the_same_to_swinging_brightness() {
             law.map(|(mean, variance)| mean + f64::from(*variance).sqrt() * (drawn.borrow_mut())())
                 .collect()
         });
-        for of in [
-            |swing: &Swing| &swing.first_us,
-            |swing: &Swing| &swing.last_us,
-            |swing: &Swing| &swing.end,
-        ] {
-            ks::assert_same_law(of(&plain), of(&fast));
-        }
-        for of in [|swing: &Swing| &swing.n_on, |swing: &Swing| &swing.n_off] {
-            let moments = |swing| of(swing).iter().copied().collect::<Moments>();
-            let (plain, fast) = (moments(&plain), moments(&fast));
+        ks::assert_same_law(&plain.first_us, &fast.first_us);
+        ks::assert_same_law(&plain.last_us, &fast.last_us);
+        ks::assert_same_law(&plain.end, &fast.end);
+        for (plain, fast) in [(&plain.n_on, &fast.n_on), (&plain.n_off, &fast.n_off)] {
+            let moments = |counts: &Vec<f64>| counts.iter().copied().collect::<Moments>();
+            let (plain, fast) = (moments(plain), moments(fast));
             let error = plain.standard_error().hypot(fast.standard_error());
             assert!(plain.mean() > 1.0, "the case is a weak one");
             assert!((plain.mean() - fast.mean()).abs() <= 3.89 * error, "{plain:?} {fast:?}");
