@@ -8,6 +8,7 @@
 //! | --- | --- |
 //! | [`units`], [`time`], [`stats`], [`geometry`] | vocabulary: units, clocks, estimates, grids; no I/O |
 //! | [`event`], [`frame`] | the data that flow: event columns, frames with exposure and row timing |
+//! | [`device`] | the devices and their simulated twins: the Dobot Magician |
 //! | [`generate`] | brightness to events; pure |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
 //!
@@ -21,6 +22,7 @@
 
 pub mod cli;
 pub mod commands;
+pub mod device;
 pub mod event;
 pub mod frame;
 pub mod generate;

@@ -1,0 +1,3 @@
+//! The devices of the rig, and their simulated twins.
+
+pub mod dobot;
