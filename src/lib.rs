@@ -8,6 +8,7 @@
 //! | --- | --- |
 //! | [`units`], [`time`], [`stats`], [`geometry`] | vocabulary: units, clocks, estimates, grids; no I/O |
 //! | [`event`], [`frame`] | the data that flow: event columns, frames with exposure and row timing |
+//! | [`rig`], [`trajectory`] | descriptions read, checked, explained; path to timed poses; reach, joint, speed limits |
 //! | [`device`] | the devices and their simulated twins: the Dobot Magician |
 //! | [`generate`] | brightness to events; pure |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
@@ -27,6 +28,8 @@ pub mod event;
 pub mod frame;
 pub mod generate;
 pub mod geometry;
+pub mod rig;
 pub mod stats;
 pub mod time;
+pub mod trajectory;
 pub mod units;

@@ -90,6 +90,31 @@ unit!(
     Pixels,
     "px"
 );
+unit!(
+    /// A speed along the path.
+    MillimetresPerSecond,
+    "mm/s"
+);
+unit!(
+    /// An acceleration along the path.
+    MillimetresPerSecond2,
+    "mm/s^2"
+);
+unit!(
+    /// A joint's or the wrist's speed.
+    DegreesPerSecond,
+    "deg/s"
+);
+unit!(
+    /// A joint's or the wrist's acceleration.
+    DegreesPerSecond2,
+    "deg/s^2"
+);
+unit!(
+    /// The size of a pixel on a sensor.
+    Micrometres,
+    "um"
+);
 
 #[cfg(test)]
 mod tests {
