@@ -3,8 +3,10 @@
 use clap::{Args, Parser, Subcommand};
 
 mod about;
+mod emulate;
 
 pub use about::{CompletionsArgs, ManArgs};
+pub use emulate::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]
@@ -42,6 +44,8 @@ pub struct GlobalArgs {
 pub enum Command {
     /// Print a completion script for a shell
     Completions(CompletionsArgs),
+    /// Serve a simulated device on the real wire, for tests and other programs
+    Emulate(EmulateArgs),
     /// Write the man pages into a directory
     Man(ManArgs),
 }

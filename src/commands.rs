@@ -8,6 +8,7 @@ use clap::{CommandFactory, Parser};
 use std::process::ExitCode;
 
 mod about;
+mod emulate;
 mod output;
 
 pub use output::{Output, WrongUse};
@@ -48,6 +49,7 @@ pub fn main() -> ExitCode {
 fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
     match command {
         Command::Completions(args) => about::completions(&args, &mut Cli::command()),
+        Command::Emulate(args) => emulate::emulate(&args, output),
         Command::Man(args) => about::man(&args, Cli::command(), output),
     }
 }
