@@ -1,9 +1,19 @@
 //! Trajectories: motion descriptions, and the timed poses they become.
+//!
+//! A description ([`Trajectory`]) is read from a file and says what to draw in
+//! which plane. On a rig it becomes a [`Path`]: motions from rest to rest, as
+//! the arm's own planner runs them (it stops at every corner between commands).
 
+mod build;
 mod curve;
+mod description;
 mod path;
 mod profile;
+mod segment;
 
+pub use build::{Optional, PathError};
 pub use curve::{Curve, CurveError, Motion};
+pub use description::Trajectory;
 pub use path::{Path, PathPoint, Rates, Settings, Step};
 pub use profile::Trapezoid;
+pub use segment::{Direction, Kind, Plane, RatesOverride, Segment, Turns, UnknownWord};
