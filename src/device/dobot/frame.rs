@@ -5,6 +5,7 @@
 //! 256; header and `len` are not covered, so a corrupted `len` must be survived
 //! by looking for the next header.
 
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// The two bytes that open a frame.
@@ -44,7 +45,8 @@ impl Ctrl {
 }
 
 /// One request or reply.
-#[derive(Clone, PartialEq, Eq)]
+#[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "Parts", into = "Parts")]
 pub struct Frame {
     id: u8,
     ctrl: Ctrl,
@@ -97,6 +99,24 @@ impl Frame {
     #[must_use]
     pub fn is_answered_by(&self, reply: &Self) -> bool {
         reply.id == self.id && reply.ctrl == self.ctrl
+    }
+}
+
+/// A frame as it goes through the pipe to the guard: id, ctrl, parameters.
+#[derive(Serialize, Deserialize)]
+struct Parts(u8, u8, Vec<u8>);
+
+impl From<Frame> for Parts {
+    fn from(frame: Frame) -> Self {
+        Self(frame.id, frame.ctrl.0, frame.params)
+    }
+}
+
+impl TryFrom<Parts> for Frame {
+    type Error = &'static str;
+
+    fn try_from(Parts(id, ctrl, params): Parts) -> Result<Self, Self::Error> {
+        Self::new(id, Ctrl(ctrl), params).ok_or("a frame has 248 parameter bytes at most")
     }
 }
 

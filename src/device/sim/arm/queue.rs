@@ -87,12 +87,6 @@ impl Queue {
         self.is_started = is_started;
     }
 
-    /// Whether the queue runs.
-    #[must_use]
-    pub(super) const fn is_started(&self) -> bool {
-        self.is_started
-    }
-
     /// Free places.
     #[must_use]
     pub(super) fn space(&self) -> usize {
