@@ -4,9 +4,11 @@ use clap::{Args, Parser, Subcommand};
 
 mod about;
 mod emulate;
+mod guard;
 
 pub use about::{CompletionsArgs, ManArgs};
 pub use emulate::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
+pub use guard::GuardArgs;
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]
@@ -46,6 +48,9 @@ pub enum Command {
     Completions(CompletionsArgs),
     /// Serve a simulated device on the real wire, for tests and other programs
     Emulate(EmulateArgs),
+    /// Own the arm's port and stop the arm when evrig dies
+    #[command(hide = true)]
+    Guard(GuardArgs),
     /// Write the man pages into a directory
     Man(ManArgs),
 }

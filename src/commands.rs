@@ -9,6 +9,7 @@ use std::process::ExitCode;
 
 mod about;
 mod emulate;
+mod guard;
 mod output;
 
 pub use output::{Output, WrongUse};
@@ -50,6 +51,7 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
     match command {
         Command::Completions(args) => about::completions(&args, &mut Cli::command()),
         Command::Emulate(args) => emulate::emulate(&args, output),
+        Command::Guard(args) => guard::guard(&args, output),
         Command::Man(args) => about::man(&args, Cli::command(), output),
     }
 }

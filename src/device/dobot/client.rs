@@ -25,6 +25,9 @@ pub enum ClientError {
         /// Which.
         alarms: Alarms,
     },
+    /// The arm does not know where its base is.
+    #[error("the arm was switched on and not homed since; clear the table and home it")]
+    NotHomed,
     /// The queue took no command although it had room, or never got room.
     #[error("the arm's queue did not take `{command}` ({because})")]
     Rejected {
@@ -134,15 +137,15 @@ pub struct Client {
     space: u64,
     /// Index of the command queued last.
     last_index: Option<u64>,
-    /// Whether the firmware knows command 102, once that is known.
-    pub(super) has_circle: Option<bool>,
+    /// Whether the power-up bit goes away when alarms are cleared, so that it says something.
+    is_reset_telling: bool,
 }
 
 impl Client {
     /// Speaks over a link.
     #[must_use]
     pub fn new(link: Box<dyn Link>, patience: Patience) -> Self {
-        Self { link, patience, space: 0, last_index: None, has_circle: None }
+        Self { link, patience, space: 0, last_index: None, is_reset_telling: true }
     }
 
     /// How long things may take.
@@ -240,14 +243,28 @@ impl Client {
             Ok(_) | Err(LinkError::Silent { .. }) => {}
             Err(error) => return Err(error.into()),
         }
-        self.refuse_alarms()
+        let alarms = self.alarms()?;
+        self.is_reset_telling = !alarms.is_fresh_from_power_up();
+        self.refuse(alarms)
     }
 
+    /// Looks for anything that keeps the arm from moving well.
+    ///
     /// # Errors
-    /// No answer, or alarms that stand.
+    /// No answer, alarms that stand, or an arm that was switched on and not homed since.
     pub fn refuse_alarms(&mut self) -> Result<(), ClientError> {
         let alarms = self.alarms()?;
-        if alarms.has_fault() { Err(ClientError::Alarmed { alarms }) } else { Ok(()) }
+        self.refuse(alarms)
+    }
+
+    fn refuse(&self, alarms: Alarms) -> Result<(), ClientError> {
+        if alarms.has_fault() {
+            Err(ClientError::Alarmed { alarms })
+        } else if alarms.is_fresh_from_power_up() && self.is_reset_telling {
+            Err(ClientError::NotHomed)
+        } else {
+            Ok(())
+        }
     }
 
     /// Force stop and an empty queue, in any state.
@@ -312,6 +329,17 @@ impl Client {
             }
         }
         Err(LinkError::silent(&command.frame(Ctrl::QUEUED), self.patience.reply, 0).into())
+    }
+
+    /// Whether the queue takes another command, asked only when that is not known.
+    ///
+    /// # Errors
+    /// No answer, or a short one.
+    pub fn has_room(&mut self) -> Result<bool, ClientError> {
+        if self.space == 0 {
+            self.look_for_space()?;
+        }
+        Ok(self.space > 0)
     }
 
     fn wait_for_space(&mut self, command: &Command, deadline: Span) -> Result<(), ClientError> {
@@ -432,7 +460,7 @@ impl Client {
 
 /// Whether the command `index` has ended when `current` is the last that did. The counter may
 /// wrap and reads as -1 before the first command on some firmwares.
-fn has_reached(current: u64, index: u64) -> bool {
+pub(super) fn has_reached(current: u64, index: u64) -> bool {
     current.wrapping_sub(index) < 1 << 63
 }
 

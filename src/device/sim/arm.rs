@@ -22,8 +22,7 @@ pub use serve::{Clock, Emulator, EmulatorError, State};
 pub use truth::Imperfections;
 
 use crate::device::dobot::alarm::{Alarm, Alarms};
-use crate::device::dobot::command::{Command, PtpMode};
-use crate::device::dobot::frame::{Ctrl, Frame};
+use crate::device::dobot::command::Command;
 use crate::device::dobot::id;
 use crate::rig::Pose;
 use crate::time::Span;
@@ -65,6 +64,9 @@ pub struct Options {
     pub has_circle: bool,
     /// Whether the free places are told in eight bytes, as a Magician Lite does.
     pub wide_space: bool,
+    /// Whether speeds above 300 mm/s and accelerations above 400 mm/s^2 are silently lowered, as
+    /// the virtual Magician Lite does it.
+    pub clamps: bool,
     /// Seconds that homing takes.
     pub homing_s: f64,
     /// What rules the speed of arcs.
@@ -86,6 +88,7 @@ impl Default for Options {
             start_index: 0,
             has_circle: true,
             wide_space: false,
+            clamps: false,
             homing_s: 15.0,
             arc_speed: ArcSpeed::default(),
             on_alarm: OnAlarm::default(),
@@ -302,7 +305,7 @@ impl SimulatedArm {
             let Some(Entry { index, task }) = self.queue.pop() else { return };
             match task {
                 Task::Set { id, params } => {
-                    self.registers.write(id, &params);
+                    self.write(id, &params);
                     self.queue.finish(index);
                 }
                 Task::Do(command) => self.begin(&command, Some(index)),
@@ -367,7 +370,8 @@ impl SimulatedArm {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::dobot::command::{CartesianLimits, CpLimits, Ratios, XyzR};
+    use crate::device::dobot::command::{CartesianLimits, CpLimits, PtpMode, Ratios, XyzR};
+    use crate::device::dobot::frame::{Ctrl, Frame};
     use crate::device::dobot::reply;
 
     fn ms(milliseconds: i64) -> Span {

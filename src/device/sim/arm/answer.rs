@@ -44,6 +44,14 @@ impl SimulatedArm {
         })
     }
 
+    /// Sets a register, as far as the firmware lets it be set.
+    pub(super) fn write(&mut self, id: u8, params: &[u8]) {
+        self.registers.write(id, params);
+        if self.options.clamps {
+            self.registers.clamp(id);
+        }
+    }
+
     /// Puts a command into the queue: its index, or nothing when there is no place.
     fn enqueue(&mut self, request: &Frame) -> Option<Vec<u8>> {
         let task = self.task(request)?;
@@ -66,7 +74,7 @@ impl SimulatedArm {
 
     fn do_at_once(&mut self, request: &Frame) -> Option<()> {
         let Task::Do(command) = self.task(request)? else {
-            self.registers.write(request.id(), request.params());
+            self.write(request.id(), request.params());
             return Some(());
         };
         match command {

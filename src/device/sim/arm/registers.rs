@@ -99,6 +99,21 @@ impl Registers {
         }
     }
 
+    /// Lowers what is above the limits of the vendor's virtual arm: 300 mm/s or deg/s and 400
+    /// mm/s^2 or deg/s^2, the speeds of a register standing before its accelerations.
+    pub(super) fn clamp(&mut self, id: u8) {
+        if ![id::PTP_JOINT, id::PTP_COORDINATE, id::ARC_PARAMS].contains(&id) {
+            return;
+        }
+        if let Some(value) = self.values.get_mut(&id) {
+            let n_speeds = value.len() / 8;
+            for (n, bytes) in value.as_chunks_mut::<4>().0.iter_mut().enumerate() {
+                let limit = if n < n_speeds { 300.0 } else { 400.0 };
+                *bytes = f32::from_le_bytes(*bytes).min(limit).to_le_bytes();
+            }
+        }
+    }
+
     /// The answer to a read: the value, or the pin's address and its value.
     #[must_use]
     pub(super) fn read(&self, id: u8, params: &[u8]) -> Option<Vec<u8>> {
