@@ -28,7 +28,8 @@ pub struct Stopper {
 
 impl Stopper {
     /// Tells the guard to stop the arm and to let nothing move it any more: what another thread
-    /// is about to ask must not undo the stop. May be called as often as one likes.
+    /// is about to ask must not undo the stop. The next question anyone asks is answered with
+    /// [`LinkError::Stopped`], later reads are answered as before. May be called as often as one likes.
     ///
     /// # Errors
     /// When the guard is gone; it then stopped the arm before it went.

@@ -53,6 +53,7 @@ pub fn serve(
         heard,
         is_stopped: false,
         is_halted: false,
+        is_halt_untold: false,
     };
     let ended = guard.run();
     guard.stop_and_report();
@@ -87,6 +88,8 @@ struct Guard<'a, W: Write> {
     is_stopped: bool,
     /// Set by a halt: nothing moves the arm any more.
     is_halted: bool,
+    /// Whether whoever waits for the arm still has to learn of the halt.
+    is_halt_untold: bool,
 }
 
 impl<W: Write> Guard<'_, W> {
@@ -127,9 +130,12 @@ impl<W: Write> Guard<'_, W> {
             Order::Heartbeat => true,
             Order::Stop => self.stop_and_report(),
             Order::Halt => self.halt(),
+            // Reads go on behind a halt, but the first one tells of it: it may be the look of
+            // someone who waits for a motion that will never end.
             Order::Exchange { number, request, .. }
-                if self.is_halted && request.ctrl().is_write() =>
+                if self.is_halt_untold || self.is_halted && request.ctrl().is_write() =>
             {
+                self.is_halt_untold = false;
                 self.report(&Report::Answer { number, answer: Err(LinkError::Stopped) })
             }
             Order::Exchange { number, request, patience } => {
@@ -163,6 +169,7 @@ impl<W: Write> Guard<'_, W> {
     /// Stops the arm for good; false when evrig no longer listens.
     fn halt(&mut self) -> bool {
         self.is_halted = true;
+        self.is_halt_untold = true;
         self.stop_and_report()
     }
 
