@@ -9,6 +9,10 @@ mod guard;
 pub use about::{CompletionsArgs, ManArgs};
 pub use emulate::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
 pub use guard::GuardArgs;
+mod plan;
+
+pub use about::{CompletionsArgs, ManArgs};
+pub use plan::PlanArgs;
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]
@@ -44,6 +48,8 @@ pub struct GlobalArgs {
 /// One verb a variant.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Explain a trajectory before anything moves: duration, speeds, margins to the limits, disk
+    Plan(PlanArgs),
     /// Print a completion script for a shell
     Completions(CompletionsArgs),
     /// Serve a simulated device on the real wire, for tests and other programs

@@ -11,6 +11,7 @@ mod about;
 mod emulate;
 mod guard;
 mod output;
+mod plan;
 
 pub use output::{Output, WrongUse};
 
@@ -49,6 +50,7 @@ pub fn main() -> ExitCode {
 
 fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
     match command {
+        Command::Plan(args) => plan::plan(&args, output),
         Command::Completions(args) => about::completions(&args, &mut Cli::command()),
         Command::Emulate(args) => emulate::emulate(&args, output),
         Command::Guard(args) => guard::guard(&args, output),

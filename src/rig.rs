@@ -9,20 +9,23 @@ mod mount;
 mod pose;
 mod problems;
 mod target;
+mod text;
 
 pub use arm::{ArmDescription, ArmPort};
 pub use camera::{
     CameraDescription, DAVIS_BIASES, DavisDescription, PiDescription, Transport, UnknownTransport,
 };
-pub(crate) use fields::{Fields, POSITIVE, closest, read_description, read_text};
+pub(crate) use fields::{Fields, closest, read_description};
 pub use kinematics::{Kinematics, Unreachable};
-pub use limits::{Gauge, JointLimits, SpeedLimits, Workspace};
+pub use limits::{Gauge, JointLimits, SpeedLimits, ToolRates, Workspace};
 pub use mount::{CameraFrame, Mount, Mounting};
 pub use pose::{Joints, Pose};
 pub use problems::{DescriptionError, Problem};
 pub use target::{
     ClocksDescription, Discipline, LightDescription, TargetDescription, UnknownDiscipline,
 };
+
+pub(crate) use text::{find_text, read_text};
 
 use std::path::Path;
 
@@ -54,6 +57,12 @@ pub struct Rig {
 /// The description of the simulated rig that every copy of the program carries.
 const SIM: &str = include_str!("../rig/sim.toml");
 
+/// All the descriptions that every copy of the program carries: name, file, text.
+const BUNDLED: &[(&str, &str, &str)] = &[
+    ("sim", "rig/sim.toml", SIM),
+    ("magician", "rig/magician.toml", include_str!("../rig/magician.toml")),
+];
+
 /// The only version of the vocabulary so far.
 const SCHEMA: &str = "evrig.rig/1";
 
@@ -64,6 +73,15 @@ impl Rig {
     /// Never, as long as the tests pass: they parse the same text.
     pub fn simulated() -> Result<Self, DescriptionError> {
         Self::parse("rig/sim.toml", SIM)
+    }
+
+    /// The rig that a user names: a file, or the name of a bundled description (`sim`, `magician`).
+    ///
+    /// # Errors
+    /// When it is neither, cannot be read, or with all its mistakes.
+    pub fn find(named: &str) -> Result<Self, DescriptionError> {
+        let (file, text) = find_text("rig", named, BUNDLED)?;
+        Self::parse(&file, &text)
     }
 
     /// Reads a rig file.
@@ -87,7 +105,11 @@ impl Rig {
             Self {
                 name: fields.text("name"),
                 says: fields.optional_text("says"),
-                arm: fields.table("arm", ArmDescription::read),
+                arm: fields.table("arm", |arm_fields| {
+                    let arm = ArmDescription::read(arm_fields);
+                    arm.check_home(arm_fields);
+                    arm
+                }),
                 mount: fields.table("mount", Mount::read),
                 davis: fields.table("davis", DavisDescription::read),
                 pi: fields.table("pi", PiDescription::read),
@@ -103,6 +125,7 @@ impl Rig {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     #[test]
     fn the_rig_files_in_the_repository_parse() {
@@ -110,6 +133,16 @@ mod tests {
         assert_eq!(sim.arm.port, ArmPort::Sim);
         let template = Rig::read(Path::new("rig/magician.toml")).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(template.arm.port, ArmPort::Auto);
+    }
+
+    #[test]
+    fn a_rig_is_found_by_file_or_by_name_and_else_a_name_is_suggested() {
+        assert_eq!(Rig::find("rig/magician.toml").unwrap(), Rig::find("magician").unwrap());
+        let error = Rig::find("no/such/sim.toml").unwrap_err().to_string();
+        assert!(
+            error.contains("no/such/sim.toml") && error.contains("did you mean `sim`"),
+            "{error}"
+        );
     }
 
     #[test]
@@ -144,6 +177,28 @@ mod tests {
         let said = error.to_string();
         for part in ["-8 is outside", "did you mean `j4_deg`", "`tag_side_mm` is missing"] {
             assert!(said.contains(part), "`{part}` is not in: {said}");
+        }
+    }
+
+    #[test]
+    fn a_home_out_of_the_arms_own_limits_is_refused() {
+        let text = SIM.replace("x_mm = 200.0, y_mm = 0.0", "x_mm = 130.0, y_mm = 0.0");
+        let said = Rig::parse("sim.toml", &text).unwrap_err().to_string();
+        assert!(said.contains("arm.home: workspace radius is 130.00 mm"), "{said}");
+        assert!(said.contains("10.00 mm under"), "{said}");
+    }
+
+    proptest! {
+        #[test]
+        fn a_spoilt_file_is_refused_or_read_but_never_a_panic(
+            at in 0..SIM.len(), n_cut in 0..40_usize, put in "[ -~\n]{0,12}",
+        ) {
+            let mut text = SIM.as_bytes().to_vec();
+            let end = (at + n_cut).min(text.len());
+            text.splice(at..end, put.bytes());
+            if let Err(error) = Rig::parse("spoilt.toml", &String::from_utf8_lossy(&text)) {
+                prop_assert!(!error.problems().is_empty());
+            }
         }
     }
 

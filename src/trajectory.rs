@@ -7,13 +7,24 @@
 mod build;
 mod curve;
 mod description;
+mod disk;
+mod margin;
 mod path;
+mod path_error;
+mod plan;
 mod profile;
+mod remark;
 mod segment;
+mod view;
 
-pub use build::{Optional, PathError};
+pub use build::Optional;
 pub use curve::{Curve, CurveError, Motion};
 pub use description::Trajectory;
+pub use disk::StreamSize;
+pub use margin::Margin;
 pub use path::{Path, PathPoint, Rates, Settings, Step};
+pub use path_error::PathError;
+pub use plan::{Infeasible, Plan, ProfilePoint, SegmentPlan};
 pub use profile::Trapezoid;
 pub use segment::{Direction, Kind, Plane, RatesOverride, Segment, Turns, UnknownWord};
+pub use view::View;

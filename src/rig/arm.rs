@@ -64,7 +64,7 @@ impl ArmDescription {
         let length = |key| fields.optional_number(key, 1.0..=1000.0).map(Millimetres);
         let tool_offset = fields.numbers("tool_offset_mm", -300.0..=300.0).map(Millimetres);
         let magician = Kinematics::magician(tool_offset);
-        fields.text("port");
+        fields.require("port");
         Self {
             port: fields.parsed("port").unwrap_or(ArmPort::Sim),
             home: fields.table("home", Pose::read),
@@ -77,6 +77,16 @@ impl ArmDescription {
             joints: fields.table("joints", JointLimits::read),
             speed: fields.table("speed", SpeedLimits::read),
             pose_rate: Hertz(fields.optional_number("pose_rate_hz", 1.0..=250.0).unwrap_or(20.0)),
+        }
+    }
+}
+
+impl ArmDescription {
+    /// The arm is parked at home, so home must be where it may be.
+    pub(super) fn check_home(&self, fields: &Fields<'_, '_>) {
+        let (gauges, _) = self.gauge_pose(self.home);
+        for gauge in gauges.iter().filter(|gauge| gauge.is_exceeded() && gauge.value.is_finite()) {
+            fields.complain_about("home", gauge);
         }
     }
 }
@@ -111,6 +121,8 @@ impl SpeedLimits {
         Self {
             speed_mm_per_s: fields.number("speed_mm_per_s", POSITIVE),
             acceleration_mm_per_s2: fields.number("acceleration_mm_per_s2", POSITIVE),
+            curve_acceleration_mm_per_s2: fields
+                .optional_number("curve_acceleration_mm_per_s2", POSITIVE),
             turn_speed_deg_per_s: fields.number("turn_speed_deg_per_s", POSITIVE),
             turn_acceleration_deg_per_s2: fields.number("turn_acceleration_deg_per_s2", POSITIVE),
         }

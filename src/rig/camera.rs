@@ -130,6 +130,23 @@ impl CameraDescription {
         self.focal_length.0 / (self.pixel_pitch.0 * 1e-3 * distance.0)
     }
 
+    /// Column and row at which a point (right, down, forward of the optical centre, mm) appears.
+    ///
+    /// The lens is taken as free of distortion. None for a point that is not ahead.
+    #[must_use]
+    pub fn pixel(&self, [right, down, forward]: [f64; 3]) -> Option<[f64; 2]> {
+        let scale = self.focal_length.0 / (self.pixel_pitch.0 * 1e-3 * forward);
+        (forward > 0.0)
+            .then(|| [self.centre_px[0] + right * scale, self.centre_px[1] + down * scale])
+    }
+
+    /// Whether a column and row lie on the sensor.
+    #[must_use]
+    pub fn sees(&self, pixel: Option<[f64; 2]>) -> bool {
+        let [width, height] = [self.size.width, self.size.height].map(f64::from);
+        pixel.is_some_and(|[x, y]| (0.0..=width).contains(&x) && (0.0..=height).contains(&y))
+    }
+
     fn read(fields: &Fields<'_, '_>) -> Self {
         let [width, height] = fields.numbers("size_px", 1.0..=8192.0);
         if width.fract() != 0.0 || height.fract() != 0.0 {
@@ -140,7 +157,7 @@ impl CameraDescription {
         let us = |key, range: std::ops::RangeInclusive<f64>| {
             Span::from_secs_f64(fields.number(key, range) * 1e-6)
         };
-        fields.text("transport");
+        fields.require("transport");
         Self {
             transport: fields.parsed("transport").unwrap_or(Transport::Sim),
             size,

@@ -8,13 +8,12 @@ use super::problems::{DescriptionError, Problems};
 use std::cell::RefCell;
 use std::fmt::Display;
 use std::ops::{Range, RangeBounds};
-use std::path::Path;
 use std::str::FromStr;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Longer than any description a person writes; keeps a wrong file from filling memory.
-const MAX_BYTES: u64 = 1 << 20;
+/// Longer than any name or sentence of a description, in bytes.
+const MAX_TEXT: usize = 1000;
 
 type Value<'t> = Spanned<DeValue<'t>>;
 
@@ -27,18 +26,6 @@ pub(crate) struct Fields<'a, 't> {
     at: Range<usize>,
     asked: RefCell<Vec<&'static str>>,
     problems: &'a Problems,
-}
-
-/// Reads a text file of bounded size.
-pub(crate) fn read_text(path: &Path) -> Result<String, DescriptionError> {
-    let unreadable =
-        |source| DescriptionError::Unreadable { path: path.display().to_string(), source };
-    let length = std::fs::metadata(path).map_err(unreadable)?.len();
-    if length > MAX_BYTES {
-        let path = path.display().to_string();
-        return Err(DescriptionError::TooLong { path, length, limit: MAX_BYTES });
-    }
-    std::fs::read_to_string(path).map_err(unreadable)
 }
 
 /// Parses `text` and hands its top table to `read`; all mistakes found on the way are the error.
@@ -84,6 +71,11 @@ impl<'a, 't> Fields<'a, 't> {
             self.problems.add_missing(self.at.clone(), key, &place, self.near_miss(key));
         }
         value
+    }
+
+    /// Complains when the key is absent; its value is read elsewhere.
+    pub(crate) fn require(&self, key: &'static str) {
+        self.required(key);
     }
 
     /// A key of this table that was probably meant to be `key`.
@@ -248,6 +240,11 @@ impl<'a, 't> Fields<'a, 't> {
 
     fn as_text(&self, key: &str, value: &Value<'_>) -> Option<String> {
         let text = value.get_ref().as_str();
+        if text.is_some_and(|text| text.len() > MAX_TEXT) {
+            let what = format!("{}: more than {MAX_TEXT} bytes of text", self.full(key));
+            self.problems.add(value.span(), what);
+            return None;
+        }
         if text.is_none_or(str::is_empty) {
             let got = if text.is_some() { "an empty one" } else { value.get_ref().type_str() };
             self.problems
@@ -451,11 +448,5 @@ mod tests {
         let error = read("name = 'a'\n[arm\nradius_mm = 12").unwrap_err();
         assert!(error.to_string().contains('2'), "{error}");
         assert!(!error.problems().is_empty());
-    }
-
-    #[test]
-    fn a_file_that_is_not_there_is_named() {
-        let error = read_text(Path::new("no/such/rig.toml")).unwrap_err();
-        assert!(error.to_string().contains("no/such/rig.toml"), "{error}");
     }
 }

@@ -1,6 +1,9 @@
 //! What the arm may do: workspace, joints, speeds; and how near to it a pose or a motion comes.
 
 use super::{ArmDescription, Joints, Pose};
+use crate::units::{
+    DegreesPerSecond, DegreesPerSecond2, MillimetresPerSecond, MillimetresPerSecond2,
+};
 use serde::Serialize;
 use std::fmt;
 
@@ -41,12 +44,29 @@ pub struct JointLimits {
 pub struct SpeedLimits {
     /// Of the tool point.
     pub speed_mm_per_s: f64,
-    /// Of the tool point, curvature included.
+    /// Of the tool point along its path: the ramps, which the firmware limits.
     pub acceleration_mm_per_s2: f64,
+    /// Of the tool point across its path, in a curve; the firmware does not look at it.
+    pub curve_acceleration_mm_per_s2: Option<f64>,
     /// Of the wrist in the base frame.
     pub turn_speed_deg_per_s: f64,
     /// Of the wrist in the base frame.
     pub turn_acceleration_deg_per_s2: f64,
+}
+
+/// What a motion asks of the tool.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ToolRates {
+    /// Highest speed of the tool point.
+    pub speed: MillimetresPerSecond,
+    /// Acceleration along the path.
+    pub acceleration: MillimetresPerSecond2,
+    /// Acceleration across the path, in its tightest curve.
+    pub curve_acceleration: MillimetresPerSecond2,
+    /// Highest speed of the wrist in the base frame.
+    pub turn_speed: DegreesPerSecond,
+    /// Acceleration of the wrist in the base frame.
+    pub turn_acceleration: DegreesPerSecond2,
 }
 
 /// One quantity against its limits.
@@ -58,35 +78,45 @@ pub struct Gauge {
     pub unit: &'static str,
     /// What it is; infinite at a singularity.
     pub value: f64,
-    /// The lowest allowed.
-    pub low: f64,
+    /// The lowest allowed, where there is one.
+    pub low: Option<f64>,
     /// The highest allowed.
     pub high: f64,
 }
 
 impl Gauge {
     fn new(limit: &'static str, unit: &'static str, value: f64, [low, high]: [f64; 2]) -> Self {
-        Self { limit, unit, value, low, high }
+        Self { limit, unit, value, low: Some(low), high }
+    }
+
+    /// A quantity that can only be too much.
+    fn up_to(limit: &'static str, unit: &'static str, value: f64, high: f64) -> Self {
+        Self { limit, unit, value, low: None, high }
     }
 
     /// Room left to the nearer limit; negative when it is exceeded, by so much.
     #[must_use]
     pub fn margin(&self) -> f64 {
-        let margin = (self.value - self.low).min(self.high - self.value);
-        if margin.is_nan() { f64::NEG_INFINITY } else { margin }
+        let above = self.low.map_or(f64::INFINITY, |low| self.value - low);
+        // `min` would pass over a NaN, which is no room at all.
+        if self.value.is_nan() { f64::NEG_INFINITY } else { above.min(self.high - self.value) }
     }
 
     /// Whether the value is beyond a limit, by more than rounding.
     #[must_use]
     pub fn is_exceeded(&self) -> bool {
-        self.margin() < -1e-9 * self.high.abs().max(self.low.abs())
+        self.margin() < -1e-9 * self.high.abs().max(self.low.unwrap_or(0.0).abs())
     }
 }
 
 impl fmt::Display for Gauge {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { limit, unit, value, low, high } = self;
-        write!(f, "{limit} is {value:.2} {unit}, allowed {low} to {high} {unit}")?;
+        write!(f, "{limit} is {value:.2} {unit}, allowed ")?;
+        match low {
+            Some(low) => write!(f, "{low} to {high} {unit}")?,
+            None => write!(f, "up to {high} {unit}")?,
+        }
         if self.is_exceeded() {
             let way = if value > high { "over" } else { "under" };
             write!(f, ", {:.2} {unit} {way}", -self.margin())?;
@@ -144,30 +174,31 @@ impl ArmDescription {
         let speeds = self.kinematics.joint_speeds(joints, tool_speed);
         std::array::from_fn(|i| {
             let value = speeds.map_or(f64::INFINITY, |speeds| speeds[i].abs());
-            let range = [0.0, self.joints.speed_deg_per_s[i]];
-            Gauge::new(JOINT_SPEEDS[i], "deg/s", value, range)
+            Gauge::up_to(JOINT_SPEEDS[i], "deg/s", value, self.joints.speed_deg_per_s[i])
         })
     }
 
-    /// Speed and acceleration of the tool (mm/s, mm/s², deg/s, deg/s²) against their limits.
+    /// What a motion asks of the tool against the limits; what it does not ask for is not among them.
     #[must_use]
-    pub fn gauge_rates(
-        &self,
-        [speed, acceleration, turn, turn_acceleration]: [f64; 4],
-    ) -> [Gauge; 4] {
+    pub fn gauge_rates(&self, rates: &ToolRates) -> Vec<Gauge> {
         let limits = &self.speed;
+        let curve = limits.curve_acceleration_mm_per_s2.unwrap_or(f64::INFINITY);
         [
-            ("speed", "mm/s", speed, limits.speed_mm_per_s),
-            ("acceleration", "mm/s^2", acceleration, limits.acceleration_mm_per_s2),
-            ("turn speed", "deg/s", turn, limits.turn_speed_deg_per_s),
+            ("speed", "mm/s", rates.speed.0, limits.speed_mm_per_s),
+            ("acceleration", "mm/s^2", rates.acceleration.0, limits.acceleration_mm_per_s2),
+            ("curve acceleration", "mm/s^2", rates.curve_acceleration.0, curve),
+            ("turn speed", "deg/s", rates.turn_speed.0, limits.turn_speed_deg_per_s),
             (
                 "turn acceleration",
                 "deg/s^2",
-                turn_acceleration,
+                rates.turn_acceleration.0,
                 limits.turn_acceleration_deg_per_s2,
             ),
         ]
-        .map(|(limit, unit, value, high)| Gauge::new(limit, unit, value, [0.0, high]))
+        .into_iter()
+        .filter(|(_, _, value, high)| *value > 0.0 && high.is_finite())
+        .map(|(limit, unit, value, high)| Gauge::up_to(limit, unit, value, high))
+        .collect()
     }
 
     /// Distance from shoulder to wrist at a pose, in millimetres.
@@ -181,5 +212,56 @@ impl ArmDescription {
     fn reach_limits(&self) -> [f64; 2] {
         let [rear, fore] = [self.kinematics.rear_arm.0, self.kinematics.forearm.0];
         [(rear - fore).abs(), rear + fore]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::Rig;
+    use proptest::prelude::*;
+
+    fn gauge(gauges: &[Gauge], limit: &str) -> Gauge {
+        *gauges.iter().find(|gauge| gauge.limit == limit).unwrap()
+    }
+
+    proptest! {
+        #[test]
+        fn the_elbow_angle_is_that_of_the_triangle_shoulder_elbow_wrist(
+            x in 150.0..300.0_f64, y in -100.0..100.0_f64, z in -100.0..120.0_f64,
+        ) {
+            let arm = Rig::simulated().unwrap().arm;
+            let (gauges, joints) = arm.gauge_pose(Pose::from_mm_deg([x, y, z, 0.0]));
+            prop_assume!(joints.is_some());
+            let reach = gauge(&gauges, "reach from the shoulder").value;
+            let cosine = (135.0_f64.powi(2) + 147.0_f64.powi(2) - reach * reach) / (2.0 * 135.0 * 147.0);
+            let elbow = gauge(&gauges, "elbow angle").value;
+            prop_assert!((elbow - cosine.acos().to_degrees()).abs() < 1e-6, "{elbow}");
+        }
+    }
+
+    #[test]
+    fn the_lowest_forearm_angle_rises_with_the_rear_arm_where_the_rig_says_so() {
+        let arm = Rig::find("magician").unwrap().arm;
+        let lowest_j3 = |j2: f64| {
+            let joints = Joints::from_deg([0.0, j2, 45.0, 0.0]);
+            let (gauges, _) = arm.gauge_pose(arm.kinematics.forward(joints));
+            gauge(&gauges, "joint J3").low.unwrap()
+        };
+        assert!((lowest_j3(30.0) + 6.8).abs() < 1e-9);
+        assert!((lowest_j3(55.0) - (15.0 - 6.8)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_gauge_says_by_how_much_and_forgives_rounding() {
+        let over = Gauge::new("joint J4", "deg", 151.5, [-150.0, 150.0]);
+        assert_eq!(
+            over.to_string(),
+            "joint J4 is 151.50 deg, allowed -150 to 150 deg, 1.50 deg over"
+        );
+        assert!(over.is_exceeded());
+        assert!(!Gauge::new("z", "mm", 160.0 + 1e-12, [0.0, 160.0]).is_exceeded());
+        assert!(Gauge::up_to("speed", "deg/s", f64::INFINITY, 320.0).is_exceeded());
+        assert!(Gauge::up_to("speed", "deg/s", f64::NAN, 320.0).is_exceeded());
     }
 }

@@ -36,6 +36,16 @@ pub enum DescriptionError {
         /// The longest allowed.
         limit: u64,
     },
+    /// Neither a file nor the name of a description that the program carries.
+    #[error("there is no {what} `{name}`: neither a file nor one of {}{}", known.join(", "), hint(name, known))]
+    UnknownName {
+        /// Rig or trajectory.
+        what: &'static str,
+        /// What was asked for.
+        name: String,
+        /// The descriptions that the program carries.
+        known: Vec<&'static str>,
+    },
     /// The file has mistakes; all that could be found at once.
     #[error("{}", Listed { file, problems })]
     Wrong {
@@ -44,6 +54,13 @@ pub enum DescriptionError {
         /// Its mistakes, in the order of their lines.
         problems: Vec<Problem>,
     },
+}
+
+fn hint(name: &str, known: &[&'static str]) -> String {
+    // `trajectories/circle.toml` means the bundled `circle` where there are no files.
+    let stem = name.rsplit(['/', '\\']).next().unwrap_or(name).trim_end_matches(".toml");
+    super::closest(stem, known.iter().copied())
+        .map_or(String::new(), |near| format!("; did you mean `{near}`?"))
 }
 
 struct Listed<'a> {
@@ -71,7 +88,7 @@ impl DescriptionError {
     pub fn problems(&self) -> &[Problem] {
         match self {
             Self::Wrong { problems, .. } => problems,
-            Self::Unreadable { .. } | Self::TooLong { .. } => &[],
+            Self::Unreadable { .. } | Self::TooLong { .. } | Self::UnknownName { .. } => &[],
         }
     }
 }

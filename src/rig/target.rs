@@ -131,8 +131,8 @@ impl LightDescription {
 
 impl ClocksDescription {
     pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
-        fields.text("host");
-        fields.text("pi");
+        fields.require("host");
+        fields.require("pi");
         Self {
             reference: fields.text("reference"),
             host: fields.parsed("host").unwrap_or(Discipline::None),

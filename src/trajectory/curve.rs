@@ -148,15 +148,6 @@ impl Curve {
         self.to.r - self.from.r
     }
 
-    /// The smallest radius on it; none where it is straight or made of points.
-    #[must_use]
-    pub fn radius(&self) -> Option<Millimetres> {
-        match &self.shape {
-            Shape::Arc(arc) => Some(Millimetres(arc.radius)),
-            Shape::Line | Shape::Points { .. } => None,
-        }
-    }
-
     /// The curve in the terms of the arm's commands.
     #[must_use]
     pub fn motion(&self) -> Motion<'_> {
@@ -188,7 +179,7 @@ impl Curve {
             Shape::Arc(arc) => at(arc.at(part * arc.sweep)),
             Shape::Points { poses, way_mm } => {
                 let way = part * self.length_mm;
-                let next = way_mm.partition_point(|w| *w < way).clamp(1, poses.len() - 1);
+                let next = leg_at(way_mm, way);
                 let leg = way_mm[next] - way_mm[next - 1];
                 let rest = if leg > 0.0 { (way - way_mm[next - 1]) / leg } else { 1.0 };
                 let [a, b] = [poses[next - 1], poses[next]];
@@ -196,6 +187,45 @@ impl Curve {
                 let r = a.r + (b.r - a.r) * rest.clamp(0.0, 1.0);
                 Pose { r, ..at(mixed) }
             }
+        }
+    }
+
+    /// Change of `[x, y, z, r]` (mm, deg) per part of the way at `part`; along the way at every point.
+    #[must_use]
+    pub fn slope_at(&self, part: f64) -> [f64; 4] {
+        let turn = self.turn().0;
+        let way: Vector3<f64> = match &self.shape {
+            Shape::Line => vector(self.to) - vector(self.from),
+            Shape::Arc(arc) => {
+                let (sin, cos) = (part.clamp(0.0, 1.0) * arc.sweep).sin_cos();
+                self.length_mm * (cos * arc.forwards - sin * arc.outwards)
+            }
+            Shape::Points { poses, way_mm } => {
+                let next = leg_at(way_mm, part * self.length_mm);
+                let [a, b] = [poses[next - 1], poses[next]];
+                let leg = (way_mm[next] - way_mm[next - 1]).max(f64::MIN_POSITIVE);
+                let turn = (b.r - a.r).0 * self.length_mm / leg;
+                let [x, y, z] = ((vector(b) - vector(a)) * (self.length_mm / leg)).into();
+                return [x, y, z, turn];
+            }
+        };
+        [way.x, way.y, way.z, turn]
+    }
+
+    /// The smallest radius of curvature on it; none where it is straight.
+    ///
+    /// Of a curve made of points, that of the circles through every point and its neighbours.
+    #[must_use]
+    pub fn tightest_radius(&self) -> Option<Millimetres> {
+        match &self.shape {
+            Shape::Line => None,
+            Shape::Arc(arc) => Some(Millimetres(arc.radius)),
+            Shape::Points { poses, .. } => poses
+                .windows(3)
+                .filter_map(|near| through(near[0], near[1], near[2]).ok())
+                .map(|arc| arc.radius)
+                .min_by(f64::total_cmp)
+                .map(Millimetres),
         }
     }
 
@@ -212,6 +242,11 @@ impl Curve {
         };
         Self { from: self.to, to: self.from, length_mm: self.length_mm, shape }
     }
+}
+
+/// Index of the point at the end of the leg in which `way` lies.
+fn leg_at(way_mm: &[f64], way: f64) -> usize {
+    way_mm.partition_point(|done| *done < way).clamp(1, way_mm.len() - 1)
 }
 
 impl Arc {
@@ -323,6 +358,14 @@ mod tests {
                 .map(|i| arc.pose_at(f64::from(i) / 20_000.0).distance(via).0)
                 .fold(f64::INFINITY, f64::min);
             prop_assert!(nearest <= arc.length().0 / 20_000.0, "the arc misses its middle point by {nearest}");
+            let (h, slope) = (1e-6, arc.slope_at(part));
+            let ahead = arc.pose_at((part + h).min(1.0)).to_mm_deg();
+            let behind = arc.pose_at((part - h).max(0.0)).to_mm_deg();
+            let dt = (part + h).min(1.0) - (part - h).max(0.0);
+            for i in 0..4 {
+                let change = (ahead[i] - behind[i]) / dt;
+                prop_assert!((change - slope[i]).abs() < 1e-3 * (1.0 + arc.length().0), "axis {i}");
+            }
             let back = arc.reversed();
             prop_assert!(back.pose_at(1.0 - part).distance(arc.pose_at(part)).0 < 1e-6);
             prop_assert!((back.pose_at(1.0 - part).r - arc.pose_at(part).r).abs().0 < 1e-9);

@@ -1,7 +1,7 @@
 //! A trajectory file: what it says, not yet where that is on a given rig.
 
 use super::segment::{Plane, RatesOverride, Segment};
-use crate::rig::{DescriptionError, Pose, read_description, read_text};
+use crate::rig::{DescriptionError, Pose, find_text, read_description, read_text};
 use std::path::Path;
 
 /// A motion description.
@@ -26,29 +26,36 @@ pub struct Trajectory {
 /// The only version of the vocabulary so far.
 const SCHEMA: &str = "evrig.trajectory/1";
 
-/// The descriptions that every copy of the program carries: name and text.
-const BUNDLED: &[(&str, &str)] = &[
-    ("circle", include_str!("../../trajectories/circle.toml")),
-    ("line", include_str!("../../trajectories/line.toml")),
-    ("figure-eight", include_str!("../../trajectories/figure-eight.toml")),
-    ("speed-sweep", include_str!("../../trajectories/speed-sweep.toml")),
-    ("protocol", include_str!("../../trajectories/protocol.toml")),
-    ("protocol-short", include_str!("../../trajectories/protocol-short.toml")),
+macro_rules! bundled {
+    ($name:literal) => {{
+        const TEXT: &str = include_str!(concat!("../../trajectories/", $name, ".toml"));
+        ($name, concat!("trajectories/", $name, ".toml"), TEXT)
+    }};
+}
+
+/// The descriptions that every copy of the program carries: name, file, text.
+const BUNDLED: &[(&str, &str, &str)] = &[
+    bundled!("circle"),
+    bundled!("line"),
+    bundled!("figure-eight"),
+    bundled!("speed-sweep"),
+    bundled!("protocol"),
+    bundled!("protocol-short"),
 ];
 
 impl Trajectory {
     /// The names of the descriptions that every copy of the program carries.
     pub fn bundled_names() -> impl Iterator<Item = &'static str> {
-        BUNDLED.iter().map(|(name, _)| *name)
+        BUNDLED.iter().map(|(name, _, _)| *name)
     }
 
-    /// The bundled description of this name; None when there is none.
+    /// The trajectory that a user names: a file, or the name of a bundled description.
     ///
     /// # Errors
-    /// Never, as long as the tests pass: they parse the same texts.
-    pub fn bundled(name: &str) -> Option<Result<Self, DescriptionError>> {
-        let (name, text) = BUNDLED.iter().find(|(bundled, _)| *bundled == name)?;
-        Some(Self::parse(&format!("trajectories/{name}.toml"), text))
+    /// When it is neither, cannot be read, or with all its mistakes.
+    pub fn find(named: &str) -> Result<Self, DescriptionError> {
+        let (file, text) = find_text("trajectory", named, BUNDLED)?;
+        Self::parse(&file, &text)
     }
 
     /// Reads a trajectory file.
@@ -84,8 +91,8 @@ impl Trajectory {
                 start: fields.table("start", Pose::read),
                 plane: fields.parsed("plane").unwrap_or(Plane::Image),
                 rates: fields.table("rates", |rates| {
-                    rates.number("speed_mm_per_s", ..);
-                    rates.number("acceleration_mm_per_s2", ..);
+                    rates.require("speed_mm_per_s");
+                    rates.require("acceleration_mm_per_s2");
                     RatesOverride::read(rates)
                 }),
                 segments,
@@ -104,7 +111,7 @@ mod tests {
     #[test]
     fn every_bundled_description_parses_under_its_own_name() {
         for name in Trajectory::bundled_names() {
-            let trajectory = Trajectory::bundled(name).unwrap().unwrap_or_else(|e| panic!("{e}"));
+            let trajectory = Trajectory::find(name).unwrap_or_else(|e| panic!("{e}"));
             assert_eq!(trajectory.name, name);
         }
     }
@@ -114,7 +121,7 @@ mod tests {
         for entry in std::fs::read_dir("trajectories").unwrap() {
             let path = entry.unwrap().path();
             let name = path.file_stem().unwrap().to_str().unwrap();
-            assert!(Trajectory::bundled(name).is_some(), "{name} is not bundled");
+            assert!(Trajectory::bundled_names().any(|bundled| bundled == name), "{name}");
         }
     }
 

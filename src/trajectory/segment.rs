@@ -1,7 +1,7 @@
 //! The segments of a trajectory description: what each kind of motion says.
 
 use super::Settings;
-use crate::rig::{DAVIS_BIASES, Fields, POSITIVE, Pose};
+use crate::rig::{DAVIS_BIASES, Fields, Pose};
 use crate::time::Span;
 use std::collections::BTreeMap;
 use std::str::FromStr;
@@ -9,6 +9,8 @@ use std::str::FromStr;
 /// Longer than any recording; keeps a slip of the unit from filling memory.
 const MAX_SECONDS: f64 = 86_400.0;
 const MAX_TURNS: f64 = 10_000.0;
+/// Slower and faster than any arm of this kind: what lies outside is a slip of the unit.
+const RATE: std::ops::RangeInclusive<f64> = 0.01..=1e5;
 const SPAN_MM: std::ops::RangeInclusive<f64> = -1000.0..=1000.0;
 
 /// The plane in which a motion is drawn, with its first (u) and second (v) axis.
@@ -179,7 +181,7 @@ const KINDS: &[&str] =
 
 impl RatesOverride {
     pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
-        let rate = |key| fields.optional_number(key, POSITIVE);
+        let rate = |key| fields.optional_number(key, RATE);
         Self {
             speed_mm_per_s: rate("speed_mm_per_s"),
             acceleration_mm_per_s2: rate("acceleration_mm_per_s2"),
@@ -315,7 +317,7 @@ impl Kind {
         if of.len() > 1 {
             fields.complain_about("of", "a sweep runs one segment; name one");
         }
-        let speeds_mm_per_s = fields.list("speeds_mm_per_s", &POSITIVE);
+        let speeds_mm_per_s = fields.list("speeds_mm_per_s", &RATE);
         if speeds_mm_per_s.is_empty() {
             fields.complain_about("speeds_mm_per_s", "expected at least one speed");
         }
@@ -341,7 +343,7 @@ impl Turns {
 }
 
 fn read_direction(fields: &Fields<'_, '_>) -> Direction {
-    fields.text("direction");
+    fields.require("direction");
     fields.parsed("direction").unwrap_or(Direction::Clockwise)
 }
 

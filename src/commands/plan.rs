@@ -1,0 +1,34 @@
+//! `plan`: what a trajectory will do on a rig, and whether the arm can.
+
+use super::{Ending, Output, WrongUse};
+use crate::cli::PlanArgs;
+use crate::rig::{DescriptionError, Rig};
+use crate::trajectory::{Optional, Plan, Trajectory};
+use anyhow::Context;
+
+mod plot;
+mod table;
+
+pub(super) fn plan(args: &PlanArgs, output: &Output) -> anyhow::Result<Ending> {
+    let rig = Rig::find(&args.rig).map_err(refused)?;
+    let trajectory = Trajectory::find(&args.trajectory).map_err(refused)?;
+    let optional = if args.without_optional { Optional::LeftOut } else { Optional::Included };
+    let plan = Plan::new(&trajectory, &rig, optional)
+        .map_err(|error| WrongUse(format!("{} on rig {}: {error}", args.trajectory, args.rig)))?;
+    if let Some(file) = &args.plot {
+        let svg = plot::svg(&plan, &rig).context("cannot draw the plan")?;
+        std::fs::write(file, svg)
+            .with_context(|| format!("cannot write the plot {}", file.display()))?;
+        output.say(format_args!("the plot is in {}", file.display()));
+    }
+    output.result(&plan, table::Table { plan: &plan, trajectory: &trajectory })?;
+    Ok(if plan.is_feasible { Ending::Done } else { Ending::Negative })
+}
+
+/// A file that cannot be read is a failure; one that is wrong, or a name that is none, is wrong use.
+fn refused(error: DescriptionError) -> anyhow::Error {
+    match error {
+        DescriptionError::Unreadable { .. } => error.into(),
+        _ => WrongUse(error.to_string()).into(),
+    }
+}
