@@ -11,7 +11,6 @@ pub use emulate::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
 pub use guard::GuardArgs;
 mod plan;
 
-pub use about::{CompletionsArgs, ManArgs};
 pub use plan::PlanArgs;
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.

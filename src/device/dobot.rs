@@ -11,6 +11,8 @@ pub mod guard;
 pub mod id;
 pub mod link;
 pub mod port;
+pub mod pose_log;
+mod queue;
 pub mod reply;
 mod steps;
 

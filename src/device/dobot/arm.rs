@@ -10,7 +10,7 @@ use super::{check, id};
 use crate::device::{Arm, Finding, Progress, host_clock};
 use crate::rig::{ArmDescription, Pose};
 use crate::time::{HostMonotonic, Span, Stamp};
-use crate::trajectory::{Motion, Path, Step};
+use crate::trajectory::{Margin, Motion, Path, Step, offences};
 use std::collections::VecDeque;
 use std::ops::Range;
 
@@ -23,6 +23,9 @@ pub enum ArmError {
     /// It does not answer, stands with an alarm, or does not do what it is told.
     #[error(transparent)]
     Client(#[from] ClientError),
+    /// The path leaves what the arm may do.
+    #[error("the arm may not drive this path: {0}")]
+    BeyondLimit(Box<Margin>),
     /// Steps were started that were not prepared.
     #[error("steps {}..{} were started, the prepared path has {n_steps}; prepare the path first", steps.start, steps.end)]
     NotPrepared {
@@ -255,6 +258,9 @@ impl Magician {
     }
 
     fn prepare_path(&mut self, path: &Path) -> Result<Vec<String>, ArmError> {
+        if let Some(offence) = offences(path, &self.description).into_iter().next() {
+            return Err(ArmError::BeyondLimit(Box::new(offence)));
+        }
         self.client.refuse_alarms()?;
         let remarks: Vec<String> = self.probe_circle(path)?.into_iter().collect();
         self.set_tool()?;
@@ -534,6 +540,8 @@ mod tests {
     fn a_firmware_that_clamps_the_speed_is_found_out_before_anything_moves() {
         let emulator = emulator(Options { clamps: true, ..Options::default() });
         let mut arm = homed(&emulator);
+        // A description that promises more than the firmware does.
+        arm.description.speed.speed_mm_per_s = 1_000.0;
         let start = Pose::from_mm_deg([240.0, 0.0, 100.0, 90.0]);
         let end = Pose::from_mm_deg([240.0, 50.0, 100.0, 90.0]);
         let mut path = Path::new(start);
@@ -542,6 +550,42 @@ mod tests {
         let error = arm.prepare(&path).unwrap_err();
         assert!(matches!(error, ArmError::Client(ClientError::ReadBack { .. })), "{error}");
         assert!(emulator.journal()[n_before..].iter().all(|line| !line.is_busy));
+    }
+
+    #[test]
+    fn a_path_out_of_reach_or_too_fast_is_named_and_nothing_moves() {
+        let emulator = emulator(Options::default());
+        let mut arm = homed(&emulator);
+        let start = Pose::from_mm_deg([240.0, 0.0, 100.0, 90.0]);
+        let n_before = emulator.journal().len();
+        for (end, speed, words) in [
+            ([400.0, 0.0, 100.0, 90.0], 50.0, "radius"),
+            ([240.0, 20.0, 100.0, 90.0], 900.0, "speed"),
+        ] {
+            let mut path = Path::new(start);
+            let curve = Curve::line(start, Pose::from_mm_deg(end));
+            path.push("away", 0, curve, rates(speed), Settings::default());
+            let finding = arm.check(Some(&path)).pop().unwrap();
+            assert_eq!((finding.what, finding.verdict), ("path", Verdict::Bad));
+            assert!(finding.says.contains(words), "{}", finding.says);
+            assert!(matches!(arm.prepare(&path), Err(ArmError::BeyondLimit(_))));
+        }
+        let fine = arm.check(Some(&path())).pop().unwrap();
+        assert_eq!((fine.what, fine.verdict), ("path", Verdict::Good), "{}", fine.says);
+        assert!(emulator.journal()[n_before..].iter().all(|line| !line.is_busy));
+    }
+
+    #[test]
+    fn the_port_is_found_by_who_answers_and_held_by_one_program() {
+        let emulator = emulator(Options::default());
+        assert_eq!(check::answers(emulator.port()), Ok(()));
+        let held = port::open(emulator.port()).unwrap();
+        let error = port::open(emulator.port()).unwrap_err();
+        assert!(matches!(error, PortError::Busy { .. }), "{error}");
+        drop(held);
+        emulator.inject("garbage".parse::<Fault>().unwrap());
+        let because = check::answers(emulator.port()).unwrap_err();
+        assert!(because.contains("something else"), "{because}");
     }
 
     #[test]
