@@ -600,7 +600,7 @@ mod tests {
             }
             let n_before = emulator.journal().len();
             let seen = drive(&mut arm, 0..3).unwrap();
-            let turns = seen.windows(2).map(|pair| turned(pair)).sum::<f64>();
+            let turns = seen.windows(2).map(turned).sum::<f64>();
             assert!((turns.abs() - 2.0).abs() < 0.01, "{kind:?}: {turns} turns");
             let journal = emulator.journal();
             let taken = |name| journal[n_before..].iter().filter(|line| line.name == name).count();

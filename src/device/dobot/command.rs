@@ -116,6 +116,13 @@ pub enum Command {
         /// Whereto: x, y, z, r or four joints, by the mode.
         target: XyzR,
     },
+    /// Moves one joint or axis on until the next jog; key 0 ends it.
+    Jog {
+        /// Joints 1 to 4 instead of x, y, z, r.
+        is_joint: bool,
+        /// 1, 2 the first forwards and back, and so on to 7, 8.
+        key: u8,
+    },
     /// Limits of continuous-path moves.
     CpParams(CpLimits),
     /// A continuous-path move; blended with its neighbours in the queue.
@@ -189,6 +196,7 @@ impl Command {
             Self::PtpCoordinate(_) => id::PTP_COORDINATE,
             Self::PtpCommon(_) => id::PTP_COMMON,
             Self::Ptp { .. } => id::PTP,
+            Self::Jog { .. } => id::JOG,
             Self::CpParams(_) => id::CP_PARAMS,
             Self::Cp { .. } => id::CP,
             Self::ArcParams(_) => id::ARC_PARAMS,
@@ -258,6 +266,7 @@ impl Command {
             }
             Self::Home => out.extend(0_u32.to_le_bytes()),
             Self::Wait(milliseconds) => out.extend(milliseconds.to_le_bytes()),
+            Self::Jog { is_joint, key } => out.extend([u8::from(*is_joint), *key]),
             Self::Multiplex { address, function } => out.extend([*address, *function]),
             Self::Output { address, is_high } => out.extend([*address, u8::from(*is_high)]),
             Self::ClearAlarms
@@ -308,6 +317,7 @@ impl Command {
                 turns: fields.int_or(1),
             },
             id::WAIT => Self::Wait(fields.int()?),
+            id::JOG => Self::Jog { is_joint: fields.byte()? != 0, key: fields.byte()? },
             _ => return Ok(None),
         }))
     }
@@ -408,13 +418,8 @@ mod tests {
         CartesianLimits::uniform(velocity, velocity)
     }
 
-    /// Requests as clients in use send them, byte by byte.
-    fn traces() -> Vec<(Command, Ctrl, &'static str)> {
-        let via = [252.0, 12.0, 100.0, 90.0];
-        let to = [264.0, 0.0, 100.0, 90.0];
-        let start = [240.0, 0.0, 100.0, 90.0];
-        let line = [239.104_13, 0.0, 11.514_719, 0.0];
-        let mode = PtpMode::MoveJointXyz;
+    /// Settings and orders as clients in use send them, byte by byte.
+    fn settings() -> Vec<(Command, Ctrl, &'static str)> {
         vec![
             (Command::StartQueue, Ctrl::WRITE, "aa aa 02 f0 01 0f"),
             (Command::ClearQueue, Ctrl::WRITE, "aa aa 02 f5 01 0a"),
@@ -448,6 +453,17 @@ mod tests {
                 Ctrl::WRITE,
                 "aa aa 12 64 01 00 00 48 42 00 00 48 42 00 00 48 42 00 00 48 42 73",
             ),
+        ]
+    }
+
+    /// Motions as clients in use send them, byte by byte.
+    fn motions() -> Vec<(Command, Ctrl, &'static str)> {
+        let via = [252.0, 12.0, 100.0, 90.0];
+        let to = [264.0, 0.0, 100.0, 90.0];
+        let start = [240.0, 0.0, 100.0, 90.0];
+        let line = [239.104_13, 0.0, 11.514_719, 0.0];
+        let mode = PtpMode::MoveJointXyz;
+        vec![
             (
                 Command::Ptp { mode: PtpMode::MoveLineXyz, target: line },
                 Ctrl::QUEUED,
@@ -480,14 +496,14 @@ mod tests {
 
     #[test]
     fn commands_encode_to_the_bytes_clients_in_use_send() {
-        for (command, ctrl, bytes) in traces() {
+        for (command, ctrl, bytes) in settings().into_iter().chain(motions()) {
             assert_eq!(command.frame(ctrl).to_bytes(), hex(bytes), "{command:?}");
         }
     }
 
     #[test]
     fn the_bytes_clients_in_use_send_decode_to_commands() {
-        for (command, ctrl, bytes) in traces() {
+        for (command, ctrl, bytes) in settings().into_iter().chain(motions()) {
             let mut frames = Vec::new();
             Decoder::default().push(&hex(bytes), |frame| frames.push(frame));
             assert_eq!(frames.len(), 1, "{command:?}");
@@ -572,6 +588,7 @@ mod tests {
                 turns
             }),
             any::<u32>().prop_map(Command::Wait),
+            (any::<bool>(), any::<u8>()).prop_map(|(is_joint, key)| Command::Jog { is_joint, key }),
             (any::<u8>(), any::<u8>())
                 .prop_map(|(address, function)| Command::Multiplex { address, function }),
             (any::<u8>(), any::<bool>())

@@ -581,6 +581,27 @@ mod tests {
     }
 
     #[test]
+    fn a_jog_goes_on_until_it_is_ended_or_at_its_limit() {
+        let mut arm = at_start(Options::default());
+        let tell = |arm: &mut SimulatedArm, key| {
+            let jog = Command::Jog { is_joint: true, key };
+            arm.answer(&jog.frame(Ctrl::WRITE), arm.now());
+        };
+        let base = arm.joints[0];
+        tell(&mut arm, 1);
+        arm.advance(arm.now() + ms(2_000));
+        tell(&mut arm, 0);
+        // 15 deg/s and 60 deg/s^2 at 50 %: a ramp of 0.25 s, then 7.5 deg/s.
+        let turned = arm.joints[0] - base;
+        assert!((turned - 7.5 * (2.0 - 0.125)).abs() < 1e-6, "{turned}");
+        arm.advance(arm.now() + ms(2_000));
+        assert!((arm.joints[0] - base - turned).abs() < 1e-9);
+        tell(&mut arm, 1);
+        arm.advance(arm.now() + ms(60_000));
+        assert!((arm.joints[0] - 125.0).abs() <= 0.5, "{}", arm.joints[0]);
+    }
+
+    #[test]
     fn an_unknown_circle_is_met_with_silence() {
         let mut arm = at_start(Options { has_circle: false, ..Options::default() });
         assert_eq!(arm.answer(&CIRCLE.frame(Ctrl::QUEUED), arm.now()), None);

@@ -111,6 +111,21 @@ mod tests {
 
     proptest! {
         #[test]
+        fn the_checkers_own_kinematics_say_the_same(
+            base in -120.0..120.0_f64, rear in 0.0..85.0_f64, fore in -10.0..85.0_f64,
+            end in -90.0..90.0_f64, bx in 0.0..80.0_f64, by in -20.0..20.0_f64,
+        ) {
+            use crate::rig::{Joints, Kinematics};
+            use crate::units::Millimetres;
+            let bias = [bx, by, 3.0];
+            let other = Kinematics::magician(bias.map(Millimetres));
+            let joints = [base, rear, fore, end];
+            let here = forward(joints, bias);
+            let there = other.forward(Joints::from_deg(joints)).to_mm_deg();
+            prop_assert!(here.iter().zip(there).all(|(a, b)| (a - b).abs() < 1e-9));
+        }
+
+        #[test]
         fn joints_come_back_from_where_they_bring_the_tool(
             base in -120.0..120.0_f64, rear in 0.0..85.0_f64, fore in -10.0..85.0_f64,
             end in -90.0..90.0_f64, by in -20.0..20.0_f64,
