@@ -10,6 +10,7 @@ pub mod frame;
 pub mod guard;
 pub mod id;
 pub mod link;
+pub mod params;
 pub mod port;
 pub mod pose_log;
 mod queue;
