@@ -246,6 +246,25 @@ fn a_halt_is_heard_while_the_arm_is_silent() {
 }
 
 #[test]
+fn an_arm_that_was_unplugged_is_stopped_when_it_is_plugged_in_again() {
+    let directory = tempfile::tempdir().unwrap();
+    let port = directory.path().join("dobot");
+    let mut before = emulator();
+    before.link(&port).unwrap();
+    let (mut client, _, _) = client(&port);
+    circle_on(&mut client).unwrap();
+    wait_until("the arm moves", || before.state().is_busy);
+    before.inject("unplug".parse().unwrap());
+    let error = client.pose().unwrap_err();
+    assert!(matches!(error, ClientError::Link(LinkError::Gone { .. })), "{error}");
+    drop(client);
+    // The same name leads to a port again, as under /dev/serial/by-id.
+    let mut again = emulator();
+    again.link(&port).unwrap();
+    assert_stopped(&again, 0);
+}
+
+#[test]
 fn a_port_that_cannot_be_opened_is_explained_through_the_guard() {
     let error = GuardLink::start(Path::new(EVRIG), Path::new("/dev/ttyUSB-none")).unwrap_err();
     assert!(error.to_string().contains("there is no port /dev/ttyUSB-none"), "{error}");
