@@ -375,13 +375,14 @@ impl Arm for Magician {
 mod tests {
     use super::*;
     use crate::device::Verdict;
+    use crate::device::dobot::pose_log::{Pace, PoseTiming, drive_to_end};
     use crate::device::dobot::{Patience, port};
     use crate::device::sim::arm::fault::{Fault, Kind};
     use crate::device::sim::arm::{Clock, Emulator, Options};
     use crate::rig::Rig;
     use crate::trajectory::{Curve, Rates, Settings};
     use crate::units::{
-        DegreesPerSecond, DegreesPerSecond2, MillimetresPerSecond, MillimetresPerSecond2,
+        DegreesPerSecond, DegreesPerSecond2, Hertz, MillimetresPerSecond, MillimetresPerSecond2,
     };
 
     /// The arm's time passes by requests, so nothing here waits for real motion.
@@ -391,7 +392,7 @@ mod tests {
 
     fn magician(emulator: &Emulator) -> Magician {
         let patience =
-            Patience { reply: Span::from_micros(100_000), n_tries: 3, between_polls: Span::ZERO };
+            Patience { reply: Span::from_micros(300_000), n_tries: 3, between_polls: Span::ZERO };
         let link = port::open(emulator.port()).unwrap();
         let client = Client::new(Box::new(link), patience);
         Magician::over(client, Rig::simulated().unwrap().arm)
@@ -623,8 +624,8 @@ mod tests {
         let emulator = emulator(Options::default());
         let mut arm = homed(&emulator);
         arm.prepare(&path()).unwrap();
-        emulator.inject("late-reply=250ms@CIRCLE".parse::<Fault>().unwrap());
-        emulator.inject("late-reply=250ms@POSE#5".parse::<Fault>().unwrap());
+        emulator.inject("late-reply=450ms@CIRCLE".parse::<Fault>().unwrap());
+        emulator.inject("late-reply=450ms@POSE#5".parse::<Fault>().unwrap());
         let n_before = emulator.journal().len();
         drive(&mut arm, 0..3).unwrap();
         let journal = emulator.journal();
@@ -677,6 +678,33 @@ mod tests {
         assert_eq!(tool(&mut arm).unwrap().verdict, Verdict::Doubt);
         arm.prepare(&path()).unwrap();
         assert_eq!(tool(&mut arm).unwrap().verdict, Verdict::Good);
+    }
+
+    #[test]
+    fn poses_are_handed_over_while_the_arm_drives_until_the_listener_has_enough() {
+        let emulator = emulator(Options::default());
+        let mut arm = homed(&emulator);
+        let arm: &mut dyn Arm = &mut arm;
+        let mut pace = Pace::new(Hertz(1_000.0));
+        arm.prepare(&path()).unwrap();
+        arm.start(0..3).unwrap();
+        let mut poses = Vec::new();
+        let ended = drive_to_end(arm, &mut pace, &mut |progress| {
+            poses.push(progress.pose);
+            true
+        });
+        assert_eq!(ended, Ok(true));
+        let timing = PoseTiming::of(&poses).unwrap();
+        assert!(timing.n_poses > 50 && timing.largest_uncertainty > Span::ZERO, "{timing:?}");
+        arm.prepare(&path()).unwrap();
+        arm.start(0..3).unwrap();
+        let mut n_seen = 0;
+        let ended = drive_to_end(arm, &mut pace, &mut |_| {
+            n_seen += 1;
+            n_seen < 30
+        });
+        assert_eq!((ended, n_seen), (Ok(false), 30));
+        assert_eq!((emulator.state().is_busy, emulator.state().n_waiting), (false, 0));
     }
 
     #[test]

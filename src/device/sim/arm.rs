@@ -7,7 +7,7 @@
 mod answer;
 pub mod fault;
 pub mod journal;
-pub mod kinematics;
+mod kinematics;
 mod motion;
 mod path;
 mod plan;
@@ -67,8 +67,11 @@ pub struct Options {
     /// Whether speeds above 300 mm/s and accelerations above 400 mm/s^2 are silently lowered, as
     /// the virtual Magician Lite does it.
     pub clamps: bool,
-    /// Seconds that homing takes.
-    pub homing_s: f64,
+    /// How long homing takes.
+    pub homing: Span,
+    /// How long the arm takes to answer, on the host's clock: 3.8 ms is what the wire alone
+    /// needs for a pose at 115200 baud.
+    pub reply_delay: Span,
     /// What rules the speed of arcs.
     pub arc_speed: ArcSpeed,
     /// What an alarm does to the queue.
@@ -89,7 +92,8 @@ impl Default for Options {
             has_circle: true,
             wide_space: false,
             clamps: false,
-            homing_s: 15.0,
+            homing: Span::from_micros(15_000_000),
+            reply_delay: Span::ZERO,
             arc_speed: ArcSpeed::default(),
             on_alarm: OnAlarm::default(),
             limits: JointLimits::default(),
@@ -200,7 +204,7 @@ impl SimulatedArm {
     #[must_use]
     pub fn true_pose(&self) -> Pose {
         let offset_deg =
-            if self.is_homed { 0.0 } else { self.options.imperfections.base_offset_deg };
+            if self.is_homed { 0.0 } else { self.options.imperfections.base_offset.value() };
         let base_deg = self.joints_at(self.now)[0];
         Pose::from_mm_deg(self.truth.pose(self.xyzr(), base_deg, offset_deg))
     }
@@ -356,7 +360,7 @@ impl SimulatedArm {
         };
         let total: f64 = way.windows(2).map(length).sum();
         let legs = way.windows(2).map(|pair| {
-            let share_s = (self.options.homing_s * length(pair) / total).max(1e-3);
+            let share_s = (self.options.homing.as_secs_f64() * length(pair) / total).max(1e-3);
             // A trapezoid that is all ramp takes 2 * sqrt(length / acceleration).
             let acceleration = 4.0 * length(pair) / (share_s * share_s);
             let profile = profile::Profile::at_rest(length(pair), f64::INFINITY, acceleration);
@@ -566,7 +570,7 @@ mod tests {
     #[test]
     fn homing_takes_its_time_and_ends_at_the_homing_pose() {
         let mut options = Options::default();
-        options.imperfections.base_offset_deg = 3.0;
+        options.imperfections.base_offset.0 = 3.0;
         let mut arm = SimulatedArm::new(options);
         let error = |arm: &SimulatedArm| arm.true_pose().distance(arm.planner_pose()).value();
         assert!(error(&arm) > 10.0, "before homing the planner is wrong about the base");
