@@ -12,6 +12,14 @@ pub use about::{CompletionsArgs, ManArgs};
 pub use import::{
     ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
 };
+mod emulate;
+mod guard;
+
+pub use about::{CompletionsArgs, ManArgs};
+pub use emulate::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
+pub use guard::GuardArgs;
+mod plan;
+
 pub use plan::PlanArgs;
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
@@ -70,6 +78,11 @@ pub enum Command {
     Plan(PlanArgs),
     /// Print a completion script for a shell
     Completions(CompletionsArgs),
+    /// Serve a simulated device on the real wire, for tests and other programs
+    Emulate(EmulateArgs),
+    /// Own the arm's port and stop the arm when evrig dies
+    #[command(hide = true)]
+    Guard(GuardArgs),
     /// Write the man pages into a directory
     Man(ManArgs),
 }

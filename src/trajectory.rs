@@ -21,7 +21,7 @@ pub use build::Optional;
 pub use curve::{Curve, CurveError, Motion};
 pub use description::Trajectory;
 pub use disk::StreamSize;
-pub use margin::Margin;
+pub use margin::{Margin, offences};
 pub use path::{Path, PathPoint, Rates, Settings, Step};
 pub use path_error::PathError;
 pub use plan::{Infeasible, Plan, ProfilePoint, SegmentPlan};

@@ -57,6 +57,13 @@ impl fmt::Display for Margin {
     }
 }
 
+/// The first point of `path` beyond each limit of `arm` that it exceeds, in the order of time;
+/// empty for a path the arm may run.
+#[must_use]
+pub fn offences(path: &Path, arm: &ArmDescription) -> Vec<Margin> {
+    Walk::along(path, arm).offences
+}
+
 /// What a walk along a path found.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Walk {
