@@ -3,23 +3,19 @@
 use clap::{Args, Parser, Subcommand};
 
 mod about;
+mod emulate;
+mod guard;
 mod import;
 mod plan;
 mod session;
 mod stages;
 
 pub use about::{CompletionsArgs, ManArgs};
+pub use emulate::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
+pub use guard::GuardArgs;
 pub use import::{
     ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
 };
-mod emulate;
-mod guard;
-
-pub use about::{CompletionsArgs, ManArgs};
-pub use emulate::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
-pub use guard::GuardArgs;
-mod plan;
-
 pub use plan::PlanArgs;
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
