@@ -48,10 +48,8 @@ fn array(path: &Path, name: &str) -> (Vec<u64>, Column) {
     (array.shape, array.fields.into_iter().next().unwrap().1)
 }
 
-#[test]
-fn a_pi_5_recording_with_every_trap_is_taken_and_the_decisions_are_said() {
-    let directory = tempfile::tempdir().unwrap();
-    let root = directory.path();
+/// Writes a recording with every trap of the layout and gives its RGB samples.
+fn trapped_recording(root: &Path) -> Vec<u8> {
     davis(&root.join("dv_output_3_cat_17_20250601_170404.aedat4"));
     // Another recording of the same tag, a minute later, must not be mixed in.
     davis(&root.join("dv_output_3_cat_17_20250601_170504.aedat4"));
@@ -71,7 +69,14 @@ fn a_pi_5_recording_with_every_trap_is_taken_and_the_decisions_are_said() {
     fs::write(root.join("raw_frames_3_cat_17_20250601_170406.dat"), raw).unwrap();
     let rgb: Vec<u8> = (0..4 * 192).map(|i| (i % 251) as u8).collect();
     fs::write(root.join("rgb_frames_3_cat_17_20250601_170406.dat"), &rgb).unwrap();
+    rgb
+}
 
+#[test]
+fn a_pi_5_recording_with_every_trap_is_taken_and_the_decisions_are_said() {
+    let directory = tempfile::tempdir().unwrap();
+    let root = directory.path();
+    let rgb = trapped_recording(root);
     let session = root.join("session");
     let (code, said) = import(root, "170404", &session);
     assert_eq!(code, 3, "{said}");

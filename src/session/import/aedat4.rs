@@ -47,7 +47,7 @@ fn manifest(
     path: &Path,
     found: &Census,
 ) -> Result<Manifest, SessionError> {
-    let (streams, file, losses) = describe(site, path, found)?;
+    let Described { streams, file, losses } = describe(site, path, found)?;
     let (name, created) = name_and_now(site.layout.root());
     Ok(Manifest {
         schema: SCHEMA.into(),
@@ -63,12 +63,20 @@ fn manifest(
     })
 }
 
-/// Streams, file entry and losses of a counted AEDAT4 file inside the session.
+/// An AEDAT4 file as a manifest describes it.
+pub(super) struct Described {
+    pub(super) streams: Vec<StreamEntry>,
+    /// Its path inside the session, with length and checksum.
+    pub(super) file: (String, FileEntry),
+    pub(super) losses: Vec<Loss>,
+}
+
+/// Describes a counted AEDAT4 file inside the session.
 pub(super) fn describe(
     site: &Site,
     path: &Path,
     found: &Census,
-) -> Result<(Vec<StreamEntry>, (String, FileEntry), Vec<Loss>), SessionError> {
+) -> Result<Described, SessionError> {
     let (file, mut entry) = site.file_entry(path)?;
     let mut losses = found.losses.clone();
     if let Some(what) = &found.damage {
@@ -88,5 +96,5 @@ pub(super) fn describe(
         source: stream.stream.source.clone(),
     };
     let streams = found.streams.iter().zip(names(&found.streams)).map(stream).collect();
-    Ok((streams, (file, entry), losses))
+    Ok(Described { streams, file: (file, entry), losses })
 }

@@ -3,6 +3,7 @@
 mod files;
 mod pi_frames;
 
+use super::aedat4::{Described, describe};
 use super::{Site, file_name, name_and_now};
 use crate::format::aedat4::Reader;
 use crate::geometry::Size;
@@ -43,7 +44,7 @@ pub fn import_raw2event(
     let mut n_done = std::fs::copy(&files.davis, &davis).map_err(SessionError::io(&davis))?;
     progress(n_done);
     let found = census(&davis, &mut |_| {})?;
-    let (mut streams, davis_file, mut losses) = super::aedat4::describe(&site, &davis, &found)?;
+    let Described { mut streams, file: davis_file, mut losses } = describe(&site, &davis, &found)?;
     let pi = PiFrames::read(request, &files, &site, &mut |n| {
         n_done += n;
         progress(n_done);
