@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 const N_LAYERS: usize = 256;
 /// Where the tail begins, for 256 layers.
-const EDGE: f64 = 3.654_152_885_361_008_8;
+const EDGE: f64 = 3.654_152_885_361_009;
 /// Area of each layer under exp(-x²/2), the tail included in the lowest.
 const AREA: f64 = 0.004_928_673_233_992_336;
 
