@@ -151,18 +151,6 @@ impl FromIterator<Event> for Events {
     }
 }
 
-impl Extend<Event> for Events {
-    fn extend<I: IntoIterator<Item = Event>>(&mut self, events: I) {
-        let events = events.into_iter();
-        let (at_least, _) = events.size_hint();
-        self.t.reserve(at_least);
-        self.x.reserve(at_least);
-        self.y.reserve(at_least);
-        self.on.reserve(at_least);
-        events.for_each(|event| self.push(event));
-    }
-}
-
 impl<'a> EventSlice<'a> {
     /// Number of events.
     #[must_use]

@@ -39,8 +39,11 @@ pub(super) struct Draws {
     source: Source,
     interval: u64,
     pixel: u32,
+    /// Number of the next block.
     block: u32,
-    spare: Option<u64>,
+    /// The current block, and how many of its words are left.
+    words: [u64; 2],
+    n_left: u8,
 }
 
 impl Source {
@@ -49,10 +52,12 @@ impl Source {
         Self { seed, ziggurat: Ziggurat::tables() }
     }
 
-    /// The draws of pixel number `pixel` (row-major) in one interval, or [`FOR_GOOD`].
+    /// The draws of pixel number `pixel` (row-major) in one interval, or [`FOR_GOOD`]. The first
+    /// two words are made at once.
     #[inline]
     pub(super) fn draws(self, pixel: u32, interval: u64) -> Draws {
-        Draws { source: self, interval, pixel, block: 0, spare: None }
+        let words = philox([u64::from(pixel) << 32, interval], self.seed);
+        Draws { source: self, interval, pixel, block: 1, words, n_left: 2 }
     }
 }
 
@@ -60,14 +65,19 @@ impl Draws {
     /// 64 random bits.
     #[inline]
     pub(super) fn bits(&mut self) -> u64 {
-        if let Some(bits) = self.spare.take() {
-            return bits;
+        if self.n_left == 0 {
+            self.refill();
         }
+        self.n_left -= 1;
+        let [first, second] = self.words;
+        if self.n_left == 1 { first } else { second }
+    }
+
+    fn refill(&mut self) {
         let place = u64::from(self.pixel) << 32 | u64::from(self.block);
-        let [now, next] = philox([place, self.interval], self.source.seed);
+        self.words = philox([place, self.interval], self.source.seed);
         self.block = self.block.wrapping_add(1);
-        self.spare = Some(next);
-        now
+        self.n_left = 2;
     }
 
     /// Uniform in the open interval (0, 1): the middles of 2^52 equal cells.

@@ -7,12 +7,18 @@
 //! A barrier counts as out of reach when it is 8 standard deviations away from the mean at
 //! both ends of the interval, as in [`super::passage`]: the neglected mass is below 2.5e-14.
 
-use super::passage::{INSIDE, REACH};
-use super::{Coefficients, Motion, passage};
+use super::passage::{self, INSIDE, REACH};
+use super::{Coefficients, Motion};
 use crate::generate::grid::{Block, PixelModel};
 use crate::generate::merge::Hit;
 use crate::generate::random::{Draws, Source};
 use crate::generate::sequence::Interval;
+use std::hint::select_unpredictable;
+use std::ops::Range;
+
+mod drift;
+
+use drift::{Columns, LANES, Moves};
 
 /// The event model with lazily drawn noise.
 #[derive(Debug)]
@@ -24,53 +30,57 @@ pub(in crate::generate) struct LazyVoltmeter {
 /// The law of each pixel's voltage: normal with this mean and variance.
 #[derive(Debug)]
 pub(in crate::generate) struct Voltages {
-    /// f64, so that many small moves add up without drift.
-    mean: Vec<f64>,
+    mean: Vec<f32>,
+    /// What rounding added to the mean: many small moves add up without drift (Kahan).
+    excess: Vec<f32>,
     /// Grows from 0 after each draw; f32 keeps it to n frames times 6e-8.
     variance: Vec<f32>,
 }
 
-#[cfg(test)]
-impl Voltages {
-    pub(super) fn means(&self) -> &[f64] {
-        &self.mean
-    }
-
-    pub(super) fn variances(&self) -> &[f32] {
-        &self.variance
-    }
-}
-
 /// A voltage of which so much is known.
-#[derive(Debug, Clone, Copy)]
-struct Belief {
-    mean: f64,
-    variance: f64,
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Belief {
+    pub(super) mean: f64,
+    pub(super) variance: f64,
 }
 
-/// Pixels of one pass of the wide loop, as many as flags fit a word.
-const LANES: usize = 64;
+/// A pixel that may fire in an interval.
+#[derive(Debug, Clone)]
+struct Reachable {
+    lane: usize,
+    motion: Motion,
+    draws: Draws,
+}
+
+impl Voltages {
+    pub(super) fn belief(&self, i: usize) -> Belief {
+        let mean = f64::from(self.mean[i]) - f64::from(self.excess[i]);
+        Belief { mean, variance: f64::from(self.variance[i]) }
+    }
+
+    fn columns(&mut self, pixels: Range<usize>) -> Columns<'_> {
+        Columns {
+            mean: &mut self.mean[pixels.clone()],
+            excess: &mut self.excess[pixels.clone()],
+            variance: &mut self.variance[pixels],
+        }
+    }
+
+    fn set(&mut self, i: usize, belief: Belief) {
+        self.mean[i] = belief.mean as f32;
+        self.excess[i] = (f64::from(self.mean[i]) - belief.mean) as f32;
+        self.variance[i] = belief.variance as f32;
+    }
+
+    #[cfg(test)]
+    pub(super) fn beliefs(&self) -> Vec<Belief> {
+        (0..self.mean.len()).map(|i| self.belief(i)).collect()
+    }
+}
 
 impl LazyVoltmeter {
     pub(in crate::generate) fn new(k: Coefficients, seed: u64) -> Self {
         Self { k, source: Source::new(seed) }
-    }
-
-    /// A pixel that may fire: draws its voltage and moves it through the interval.
-    fn fire(
-        &self,
-        pixel: u32,
-        belief: Belief,
-        motion: Motion,
-        interval: Interval,
-        hits: &mut Vec<Hit>,
-    ) -> Belief {
-        let mut draws = self.source.draws(pixel, interval.index);
-        let v = belief.mean + belief.variance.sqrt() * draws.normal();
-        let v = v.clamp(-INSIDE, INSIDE);
-        advance(v, motion, f64::from(interval.span_us), &mut draws, |t, on| {
-            hits.push(Hit::new(pixel, t, interval.span_us, on));
-        })
     }
 }
 
@@ -84,130 +94,90 @@ impl PixelModel for LazyVoltmeter {
     }
 
     fn start(&self, _first: u32, brightness: &[f32]) -> Voltages {
-        let n = brightness.len();
-        Voltages { mean: vec![0.0; n], variance: vec![0.0; n] }
+        let zeros = vec![0.0; brightness.len()];
+        Voltages { mean: zeros.clone(), excess: zeros.clone(), variance: zeros }
     }
 
     fn run(&self, block: &mut Block<Voltages>, after: &[f32], interval: Interval) {
+        let Block { first, before, hits, state } = block;
         let span_us = f64::from(interval.span_us);
         let moves = Moves::new(&self.k, interval.span_us);
-        let Voltages { mean, variance } = &mut block.state;
+        let mut reachable: Vec<Reachable> = Vec::with_capacity(LANES);
         for start in (0..after.len()).step_by(LANES) {
-            let part = start..after.len().min(start + LANES);
-            let (before, after) = (&block.before[part.clone()], &after[part.clone()]);
-            let (mean, variance) = (&mut mean[part.clone()], &mut variance[part]);
-            let mut reachable = moves.let_drift(before, after, mean, variance);
-            while reachable != 0 {
-                let i = reachable.trailing_zeros() as usize;
-                reachable &= reachable - 1;
-                let belief = Belief { mean: mean[i], variance: f64::from(variance[i]) };
-                let motion = self.k.motion(before[i], after[i], span_us);
-                let pixel = block.first + (start + i) as u32;
-                let belief = self.fire(pixel, belief, motion, interval, &mut block.hits);
-                mean[i] = belief.mean;
-                variance[i] = belief.variance as f32;
+            let lanes = start..after.len().min(start + LANES);
+            let (before, after) = (&before[lanes.clone()], &after[lanes.clone()]);
+            let mut flags = moves.let_drift(before, after, state.columns(lanes));
+            // What does not branch first, so that the processor overlaps the pixels.
+            reachable.clear();
+            while flags != 0 {
+                let lane = flags.trailing_zeros() as usize;
+                flags &= flags - 1;
+                let motion = self.k.motion(before[lane], after[lane], span_us);
+                let pixel = *first + (start + lane) as u32;
+                let draws = self.source.draws(pixel, interval.index);
+                reachable.push(Reachable { lane, motion, draws });
+            }
+            for Reachable { lane, motion, draws } in &mut reachable {
+                let pixel = *first + (start + *lane) as u32;
+                let belief = state.belief(start + *lane);
+                let end = advance(belief, *motion, span_us, draws, |t, on| {
+                    hits.push(Hit::new(pixel, t, interval.span_us, on));
+                });
+                state.set(start + *lane, end);
             }
         }
-    }
-}
-
-/// What an interval does to mean and variance, in f32: a relative error of 3e-7 in drift
-/// and diffusion, for twice as many pixels a register.
-#[derive(Debug, Clone, Copy)]
-struct Moves {
-    k1: f32,
-    k2: f32,
-    k3: f32,
-    k6: f32,
-    /// k4 and k5 times the span.
-    leak: f32,
-    bright_leak: f32,
-    span_us: f32,
-}
-
-impl Moves {
-    fn new(k: &Coefficients, span_us: u32) -> Self {
-        let [k1, k2, k3, k4, k5, k6] = k.k();
-        let span = f64::from(span_us);
-        Self {
-            k1: k1 as f32,
-            k2: k2 as f32,
-            k3: k3 as f32,
-            k6: k6 as f32,
-            leak: (k4 * span) as f32,
-            bright_leak: (k5 * span) as f32,
-            span_us: span as f32,
-        }
-    }
-
-    /// Moves the pixels that cannot fire and returns a bit for each that may.
-    fn let_drift(
-        &self,
-        before: &[f32],
-        after: &[f32],
-        mean: &mut [f64],
-        variance: &mut [f32],
-    ) -> u64 {
-        let n = before.len().min(LANES);
-        let (before, after) = (&before[..n], &after[..n]);
-        let (mean, variance) = (&mut mean[..n], &mut variance[..n]);
-        let mut flags = [0_u8; LANES];
-        for i in 0..n {
-            let middle = 0.5 * before[i] + 0.5 * after[i];
-            let gain = 1.0 / (middle + self.k2);
-            let drift =
-                self.k1 * gain * (after[i] - before[i]) + (self.leak + self.bright_leak * middle);
-            let sigma = self.k3 * gain * middle.sqrt() + self.k6;
-            let end = mean[i] + f64::from(drift);
-            let spread = variance[i] + sigma * sigma * self.span_us;
-            let room = 1.0 - mean[i].abs().max(end.abs()) as f32;
-            let is_free = room > 0.0 && (REACH * REACH) as f32 * spread < room * room;
-            mean[i] = if is_free { end } else { mean[i] };
-            variance[i] = if is_free { spread } else { variance[i] };
-            flags[i] = u8::from(!is_free);
-        }
-        flags.iter().enumerate().fold(0, |bits, (i, &flag)| bits | u64::from(flag) << i)
     }
 }
 
 /// Exponent below which a probability counts as none (e⁻³⁵ = 6e-16).
 const NEVER: f64 = 35.0;
 
-/// Moves `v` through an interval; like [`passage::advance`], with less drawn where
-/// drift dominates, and the end left undrawn when it is free.
+/// Longest past, µs, that [`advance`] lends to a voltage; its rounding is 1e-4 µs.
+const LONGEST_PAST_US: f64 = 1e12;
+
+/// Moves a voltage through an interval; like [`passage::advance`], with less drawn where
+/// drift dominates, and the end left undrawn when no barrier is within reach of it.
 fn advance(
-    mut v: f64,
+    mut belief: Belief,
     motion: Motion,
     span_us: f64,
     draws: &mut Draws,
     mut fire: impl FnMut(f64, bool),
 ) -> Belief {
-    let Motion { drift_per_us: drift, sigma_per_sqrt_us: sigma } = motion;
-    let rate = sigma * sigma;
-    let towards = drift > 0.0;
+    let (drift, on) = (motion.drift_per_us.abs(), motion.drift_per_us > 0.0);
+    let rate = motion.sigma_per_sqrt_us * motion.sigma_per_sqrt_us;
     let mut elapsed = 0.0;
     loop {
         let rest = span_us - elapsed;
-        let belief = Belief { mean: v + drift * rest, variance: rate * rest };
-        let room = 1.0 - v.abs().max(belief.mean.abs());
-        if room > 0.0 && REACH * REACH * belief.variance < room * room {
-            return belief;
+        let mean = belief.mean + motion.drift_per_us * rest;
+        let variance = belief.variance + rate * rest;
+        let room = 1.0 - belief.mean.abs().max(mean.abs());
+        if room > 0.0 && REACH * REACH * variance < room * room {
+            return Belief { mean, variance };
         }
-        let (ahead, behind) = if towards { (1.0 - v, 1.0 + v) } else { (1.0 + v, 1.0 - v) };
-        if 2.0 * drift.abs() * behind <= NEVER * rate {
-            // The barrier behind may be hit: the general way.
+        let towards = if on { belief.mean } else { -belief.mean };
+        let is_past_short = belief.variance <= LONGEST_PAST_US * rate;
+        if drift * (1.0 + towards) <= NEVER * rate || !is_past_short {
+            let v = belief.mean + belief.variance.sqrt() * draws.normal();
+            let v = v.clamp(-INSIDE, INSIDE);
             let end = passage::advance(v, motion, rest, draws, &mut |t, on| fire(elapsed + t, on));
             return Belief { mean: end, variance: 0.0 };
         }
-        let after = time_along(ahead, drift.abs(), sigma, draws);
+        // The barrier behind is out of reach for good. A voltage of this mean and variance is one
+        // that started surely at `mean - drift * past` so long ago that noise has made the variance
+        // since; it did not reach the barrier ahead on the way, or that would be within reach.
+        let past = if belief.variance > 0.0 { belief.variance / rate } else { 0.0 };
+        let distance = 1.0 - towards + drift * past;
+        let after = time_along(distance, drift, motion.sigma_per_sqrt_us, draws) - past;
         if after >= rest {
-            let by = move_below(ahead, drift.abs() * rest, sigma * rest.sqrt(), draws);
-            let end = v + if towards { by } else { -by };
+            let by = move_below(distance, drift, rate, past + rest, draws);
+            let end = towards - drift * past + by;
+            let end = if on { end } else { -end };
             return Belief { mean: end.clamp(-INSIDE, INSIDE), variance: 0.0 };
         }
-        elapsed += after;
-        fire(elapsed, towards);
-        v = 0.0;
+        elapsed += after.max(0.0);
+        fire(elapsed, on);
+        belief = Belief { mean: 0.0, variance: 0.0 };
     }
 }
 
@@ -215,27 +185,29 @@ fn advance(
 /// distance/drift and shape (distance/sigma)², drawn as in [`passage::crossing_share`].
 #[inline]
 fn time_along(distance: f64, drift: f64, sigma: f64, draws: &mut Draws) -> f64 {
-    let delta = drift / distance;
-    let scaled = sigma * draws.normal() / distance;
+    let per_distance = 1.0 / distance;
+    let delta = drift * per_distance;
+    let scaled = sigma * draws.normal() * per_distance;
     let r = 0.5 * scaled * scaled;
     let w = delta + r + (r * (r + 2.0 * delta)).sqrt();
     // The roots are 1/w and w/δ²; a choice of numbers, not of ways, costs no misprediction.
     let is_small = draws.uniform() * (w + delta) <= w;
-    let above = if is_small { 1.0 } else { w };
-    let below = if is_small { w } else { delta * delta };
-    above / below
+    select_unpredictable(is_small, 1.0, w) / select_unpredictable(is_small, w, delta * delta)
 }
 
-/// A move over a whole interval given that it never reached `distance`.
-fn move_below(distance: f64, mean: f64, sd: f64, draws: &mut Draws) -> f64 {
+/// A move over `span_us` along the drift given that it never reached `distance`.
+#[inline(never)]
+fn move_below(distance: f64, drift: f64, rate: f64, span_us: f64, draws: &mut Draws) -> f64 {
+    let (mean, variance) = (drift * span_us, rate * span_us);
+    let sd = variance.sqrt();
     if sd < 1e-9 * distance {
         // No noise to speak of: rounding alone may put the end past the barrier.
         return mean.min(distance);
     }
     loop {
         let end = mean + sd * draws.normal();
-        let exponent = 2.0 * distance * (distance - end) / (sd * sd);
-        if end < distance && draws.uniform() < -(-exponent).exp_m1() {
+        let exponent = 2.0 * distance * (distance - end) / variance;
+        if end < distance && (exponent > 40.0 || draws.uniform() < -(-exponent).exp_m1()) {
             return end;
         }
     }

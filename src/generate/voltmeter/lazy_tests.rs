@@ -121,9 +121,9 @@ fn the_fast_form_and_the_plain_form_do_the_same_to_swinging_brightness() {
         let mut draws = Source::new(7).draws(0, 0);
         let drawn = std::cell::RefCell::new(move || draws.normal());
         let fast = swing(LazyVoltmeter::new(k, 8), |state| {
-            let law = state.means().iter().zip(state.variances());
-            law.map(|(mean, variance)| mean + f64::from(*variance).sqrt() * (drawn.borrow_mut())())
-                .collect()
+            let drawn = &mut *drawn.borrow_mut();
+            let beliefs = state.beliefs().into_iter();
+            beliefs.map(|belief| belief.mean + belief.variance.sqrt() * drawn()).collect()
         });
         ks::assert_same_law(&plain.first_us, &fast.first_us);
         ks::assert_same_law(&plain.last_us, &fast.last_us);

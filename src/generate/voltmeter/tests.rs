@@ -132,7 +132,9 @@ fn dark_saturated_and_noise_free_pixels_give_finite_events() {
         let voltages = |state: &Vec<f64>| state.clone();
         push_levels(scalar(Law::Exact), &levels, voltages);
         push_levels(scalar(Law::Reference), &levels, voltages);
-        push_levels(LazyVoltmeter::new(k, 3), &levels, |state| state.means().to_vec());
+        push_levels(LazyVoltmeter::new(k, 3), &levels, |state| {
+            state.beliefs().into_iter().map(|belief| belief.mean).collect()
+        });
     }
 }
 
