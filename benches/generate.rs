@@ -23,8 +23,8 @@ const SPAN_US: i64 = 8_333;
 const SIZES: [Size; 2] = [Size::DAVIS346, Size::new(692, 520)];
 
 /// Contrast of the waves and of the edges, in log units.
-const SMOOTH: f32 = 0.22;
-const EDGES: f32 = 0.55;
+const SMOOTH: f32 = 0.245;
+const EDGES: f32 = 0.6;
 
 /// Log brightness of the print: waves of several lengths and directions, a few sharp edges.
 fn texture(x: f32, y: f32) -> f32 {

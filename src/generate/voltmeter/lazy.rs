@@ -7,18 +7,19 @@
 //! A barrier counts as out of reach when it is 8 standard deviations away from the mean at
 //! both ends of the interval, as in [`super::passage`]: the neglected mass is below 2.5e-14.
 
+use super::Coefficients;
 use super::passage::{self, INSIDE, REACH};
-use super::{Coefficients, Motion};
 use crate::generate::grid::{Block, PixelModel};
 use crate::generate::merge::Hit;
 use crate::generate::random::{Draws, Source};
 use crate::generate::sequence::Interval;
-use std::hint::select_unpredictable;
 use std::ops::Range;
 
 mod drift;
+mod first;
 
 use drift::{Columns, LANES, Moves};
+use first::{FirstEvent, FirstEvents, time_along_one};
 
 /// The event model with lazily drawn noise.
 #[derive(Debug)]
@@ -42,14 +43,6 @@ pub(in crate::generate) struct Voltages {
 pub(super) struct Belief {
     pub(super) mean: f64,
     pub(super) variance: f64,
-}
-
-/// A pixel that may fire in an interval.
-#[derive(Debug, Clone)]
-struct Reachable {
-    lane: usize,
-    motion: Motion,
-    draws: Draws,
 }
 
 impl Voltages {
@@ -102,28 +95,28 @@ impl PixelModel for LazyVoltmeter {
         let Block { first, before, hits, state } = block;
         let span_us = f64::from(interval.span_us);
         let moves = Moves::new(&self.k, interval.span_us);
-        let mut reachable: Vec<Reachable> = Vec::with_capacity(LANES);
+        let mut firsts = FirstEvents::new();
         for start in (0..after.len()).step_by(LANES) {
             let lanes = start..after.len().min(start + LANES);
             let (before, after) = (&before[lanes.clone()], &after[lanes.clone()]);
             let mut flags = moves.let_drift(before, after, state.columns(lanes));
-            // What does not branch first, so that the processor overlaps the pixels.
-            reachable.clear();
+            // First what does not branch, so that the processor overlaps the pixels.
+            firsts.clear();
             while flags != 0 {
                 let lane = flags.trailing_zeros() as usize;
                 flags &= flags - 1;
-                let motion = self.k.motion(before[lane], after[lane], span_us);
                 let pixel = *first + (start + lane) as u32;
-                let draws = self.source.draws(pixel, interval.index);
-                reachable.push(Reachable { lane, motion, draws });
+                let belief = state.belief(start + lane);
+                firsts.push(pixel, [before[lane], after[lane]], belief, self.source, interval);
             }
-            for Reachable { lane, motion, draws } in &mut reachable {
-                let pixel = *first + (start + *lane) as u32;
-                let belief = state.belief(start + *lane);
-                let end = advance(belief, *motion, span_us, draws, |t, on| {
+            firsts.draw(&self.k, span_us);
+            for i in 0..firsts.len() {
+                let first_event = firsts.at(i);
+                let pixel = first_event.pixel;
+                let end = advance(first_event, span_us, |t, on| {
                     hits.push(Hit::new(pixel, t, interval.span_us, on));
                 });
-                state.set(start + *lane, end);
+                state.set((pixel - *first) as usize, end);
             }
         }
     }
@@ -132,67 +125,52 @@ impl PixelModel for LazyVoltmeter {
 /// Exponent below which a probability counts as none (e⁻³⁵ = 6e-16).
 const NEVER: f64 = 35.0;
 
-/// Longest past, µs, that [`advance`] lends to a voltage; its rounding is 1e-4 µs.
+/// Longest past, µs, that is lent to a voltage; its rounding is 1e-4 µs.
 const LONGEST_PAST_US: f64 = 1e12;
 
 /// Moves a voltage through an interval; like [`passage::advance`], with less drawn where
 /// drift dominates, and the end left undrawn when no barrier is within reach of it.
-fn advance(
-    mut belief: Belief,
-    motion: Motion,
-    span_us: f64,
-    draws: &mut Draws,
-    mut fire: impl FnMut(f64, bool),
-) -> Belief {
+#[inline]
+fn advance(first: FirstEvent<'_>, span_us: f64, mut fire: impl FnMut(f64, bool)) -> Belief {
+    let FirstEvent { mut belief, motion, draws, normal, mut past_us, mut time_us, .. } = first;
     let (drift, on) = (motion.drift_per_us.abs(), motion.drift_per_us > 0.0);
     let rate = motion.sigma_per_sqrt_us * motion.sigma_per_sqrt_us;
     let mut elapsed = 0.0;
+    let mut towards = if on { belief.mean } else { -belief.mean };
+    // The mean keeps clear of the barrier behind by 8 standard deviations. Then the chance to
+    // be hit there is largest for a voltage halfway, where it is exp(-b (1 + mean)).
+    if drift * (1.0 + towards) <= NEVER * rate || belief.variance > LONGEST_PAST_US * rate {
+        let v = (belief.mean + belief.variance.sqrt() * normal).clamp(-INSIDE, INSIDE);
+        let end = passage::advance(v, motion, span_us, draws, &mut fire);
+        return Belief { mean: end, variance: 0.0 };
+    }
     loop {
         let rest = span_us - elapsed;
-        let mean = belief.mean + motion.drift_per_us * rest;
-        let variance = belief.variance + rate * rest;
-        let room = 1.0 - belief.mean.abs().max(mean.abs());
-        if room > 0.0 && REACH * REACH * variance < room * room {
-            return Belief { mean, variance };
-        }
-        let towards = if on { belief.mean } else { -belief.mean };
-        let is_past_short = belief.variance <= LONGEST_PAST_US * rate;
-        if drift * (1.0 + towards) <= NEVER * rate || !is_past_short {
-            let v = belief.mean + belief.variance.sqrt() * draws.normal();
-            let v = v.clamp(-INSIDE, INSIDE);
-            let end = passage::advance(v, motion, rest, draws, &mut |t, on| fire(elapsed + t, on));
-            return Belief { mean: end, variance: 0.0 };
-        }
-        // The barrier behind is out of reach for good. A voltage of this mean and variance is one
-        // that started surely at `mean - drift * past` so long ago that noise has made the variance
-        // since; it did not reach the barrier ahead on the way, or that would be within reach.
-        let past = if belief.variance > 0.0 { belief.variance / rate } else { 0.0 };
-        let distance = 1.0 - towards + drift * past;
-        let after = time_along(distance, drift, motion.sigma_per_sqrt_us, draws) - past;
-        if after >= rest {
-            let by = move_below(distance, drift, rate, past + rest, draws);
-            let end = towards - drift * past + by;
-            let end = if on { end } else { -end };
+        if time_us >= rest {
+            let start = towards - drift * past_us;
+            let by = move_below(1.0 - start, drift, rate, past_us + rest, draws);
+            let end = if on { start + by } else { -(start + by) };
             return Belief { mean: end.clamp(-INSIDE, INSIDE), variance: 0.0 };
         }
-        elapsed += after.max(0.0);
+        elapsed += time_us.max(0.0);
         fire(elapsed, on);
-        belief = Belief { mean: 0.0, variance: 0.0 };
+        belief = Belief {
+            mean: motion.drift_per_us * (span_us - elapsed),
+            variance: rate * (span_us - elapsed),
+        };
+        let room = 1.0 - belief.mean.abs();
+        if room > 0.0 && REACH * REACH * belief.variance < room * room {
+            return belief;
+        }
+        if drift <= NEVER * rate {
+            let rest = span_us - elapsed;
+            let end =
+                passage::advance(0.0, motion, rest, draws, &mut |t, on| fire(elapsed + t, on));
+            return Belief { mean: end, variance: 0.0 };
+        }
+        (towards, past_us) = (0.0, 0.0);
+        time_us = time_along_one(1.0, motion, draws);
     }
-}
-
-/// Time to `distance` along the drift with nothing behind: inverse Gaussian of mean
-/// distance/drift and shape (distance/sigma)², drawn as in [`passage::crossing_share`].
-#[inline]
-fn time_along(distance: f64, drift: f64, sigma: f64, draws: &mut Draws) -> f64 {
-    let per_distance = 1.0 / distance;
-    let delta = drift * per_distance;
-    let scaled = sigma * draws.normal() * per_distance;
-    let r = 0.5 * scaled * scaled;
-    let w = delta + r + (r * (r + 2.0 * delta)).sqrt();
-    // The roots are 1/w and w/δ²; a choice of numbers, not of ways, costs no misprediction.
-    let is_small = draws.uniform() * (w + delta) <= w;
-    select_unpredictable(is_small, 1.0, w) / select_unpredictable(is_small, w, delta * delta)
 }
 
 /// A move over `span_us` along the drift given that it never reached `distance`.
