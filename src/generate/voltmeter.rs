@@ -23,4 +23,6 @@ mod tests;
 
 pub use coefficients::{Coefficients, Motion};
 pub(super) use lazy::LazyVoltmeter;
+#[cfg(test)]
+use lazy::Voltages;
 pub(super) use scalar::ScalarVoltmeter;

@@ -137,3 +137,31 @@ fn the_fast_form_and_the_plain_form_do_the_same_to_swinging_brightness() {
         }
     }
 }
+
+#[test]
+fn a_pixel_that_does_not_fire_ends_where_the_law_given_no_event_says() {
+    // Each way to end an interval: noise alone, both barriers near, drift that nearly arrives
+    // (with and without a past in which nothing was drawn).
+    for (b, s, n_intervals) in
+        [(0.0, 0.3, 1), (2.0, 0.2, 1), (-20.0, 0.05, 1), (-40.0, 0.025, 1), (40.0, 0.0083, 3)]
+    {
+        let k = steady(b, s);
+        let motion = k.motion(1.0, 1.0, SPAN_US as f64);
+        let mut generator = Grid::new(LazyVoltmeter::new(k, 15), None).unwrap();
+        let mut trains = no_trains();
+        (0..=n_intervals).for_each(|i| push(&mut generator, i, 1.0, &mut trains));
+        let mut draws = Source::new(16).draws(0, 0);
+        let ends: Vec<f64> = generator
+            .states()
+            .flat_map(Voltages::beliefs)
+            .zip(&trains)
+            .filter(|(_, train)| train.is_empty())
+            .map(|(belief, _)| belief.mean + belief.variance.sqrt() * draws.normal())
+            .collect();
+        let span_us = (n_intervals * SPAN_US) as f64;
+        let alive = closed_form::survival(0.0, motion, span_us);
+        ks::assert_share(ends.len(), trains.len(), alive);
+        let below = |z| closed_form::residual_mass(0.0, motion, span_us, z) / alive;
+        ks::assert_law(ends, below);
+    }
+}
