@@ -280,7 +280,10 @@ named!(Law, "law");
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::event::Events;
+    use crate::frame::Luminance;
     use crate::generate::Knob;
+    use crate::geometry::Size;
 
     #[test]
     fn a_record_of_parameters_is_read_back_as_written() {
@@ -294,6 +297,28 @@ mod tests {
             assert_eq!(serde_json::from_str::<GenerateParameters>(&json).unwrap(), parameters);
             assert!(json.contains(&format!("\"name\":\"{name}\"")), "{json}");
             assert_eq!(build(&parameters, NonZeroUsize::new(2)).unwrap().name(), name);
+        }
+    }
+
+    #[test]
+    fn every_preset_gives_the_same_ordered_events_on_one_thread_and_on_two() {
+        let size = Size::new(150, 100);
+        let frame = |i: i64| {
+            let wave =
+                |pixel: usize| 120.0 + 100.0 * (0.07 * (pixel as f32 + 9.0 * i as f32)).sin();
+            let values = (0..size.n_pixels()).map(wave).collect();
+            Luminance { t_us: 1_700_000_000_000_000 + 10_000 * i, size, values }
+        };
+        for preset in Preset::ALL {
+            let parameters = GenerateParameters::from_preset(preset, 3);
+            let [one, two] = [1, 2].map(|threads| {
+                let mut generator = build(&parameters, NonZeroUsize::new(threads)).unwrap();
+                let mut out = Events::new();
+                (0..5).for_each(|i| generator.push(&frame(i), &mut out).unwrap());
+                out
+            });
+            assert!(one == two && one.len() > 10_000, "{preset}: {} events", one.len());
+            assert_eq!(one.as_slice().first_disorder(), None, "{preset}");
         }
     }
 

@@ -4,8 +4,8 @@
 //! Between two frames dV = μ dt + σ dW with [`Coefficients::motion`]'s μ and σ; V fires
 //! On at +1, Off at −1, restarts at 0 and is carried from frame to frame.
 //!
-//! Two forms draw from the same law: [`scalar`] is plain, [`lazy`] is fast and tested
-//! against it. The published program's shortcuts stand in [`reference`].
+//! Two forms draw from the same law: `scalar` is plain, `lazy` is fast and tested against it.
+//! The published program's shortcuts stand in `reference`.
 
 pub mod closed_form;
 mod coefficients;

@@ -82,6 +82,15 @@ fn threads_and_chunks_do_not_change_the_events_and_seeds_do() {
 }
 
 #[test]
+fn where_drift_dominates_all_ways_give_as_many_events_within_a_thousandth() {
+    let [fast, plain, published] =
+        WAYS.map(|way| run(&mut *way(4, 2, 4096), (0..60).map(grating)).len() as f64);
+    assert!(plain > 100_000.0, "{plain} events");
+    assert!((fast / plain - 1.0).abs() < 1e-3, "{fast} {plain}");
+    assert!((published / plain - 1.0).abs() < 1e-3, "{published} {plain}");
+}
+
+#[test]
 fn a_bad_frame_is_named_and_changes_nothing() {
     let good = run(&mut *WAYS[0](1, 1, 4096), (0..4).map(grating));
     let mut generator = WAYS[0](1, 1, 4096);
