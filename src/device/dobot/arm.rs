@@ -80,8 +80,18 @@ struct Run {
     ends: Vec<(usize, u64)>,
     started: Stamp<HostMonotonic>,
     deadline: Span,
+    /// Whether the queue was started.
+    is_going: bool,
+    /// How often the queue was found empty between continuous moves.
+    n_dry: u32,
+    /// Looks so far.
+    n_looks: u32,
 }
 
+/// Commands fed between two looks: at some 5 ms each they leave room for 20 looks a second.
+const MEAL: usize = 6;
+/// Every so many looks the alarms are read; an alarm stops the arm without our help.
+const ALARM_LOOKS: u32 = 4;
 /// How long a reply about room in the queue may keep a full queue waiting while preparing.
 const ROOM: Span = Span::from_micros(5_000_000);
 /// How long going to the start may take: across the workspace at the lowest sensible speed.
@@ -214,20 +224,31 @@ impl Magician {
         Ok(self.client.wait_for(index, APPROACH, &mut |_| ())?)
     }
 
-    /// Puts into the queue what it has room for.
-    fn feed(&mut self) -> Result<(), ArmError> {
-        let Some(run) = &mut self.run else { return Ok(()) };
-        while let Some((command, step)) = run.waiting.front().copied() {
-            if !self.client.has_room()? {
-                break;
+    /// Puts into the queue what it has room for, [`MEAL`] commands at most, so that a long path
+    /// never keeps the arm from being looked at. Gives how many went in.
+    fn feed(&mut self) -> Result<usize, ArmError> {
+        let Some(run) = &mut self.run else { return Ok(0) };
+        let mut n_fed = 0;
+        let mut has_asked = false;
+        while let Some((command, step)) = run.waiting.front().copied()
+            && n_fed < MEAL
+        {
+            if !self.client.knows_of_room() {
+                if has_asked || !self.client.has_room()? {
+                    break;
+                }
+                has_asked = true;
+                let is_continuous = matches!(command, Command::Cp { .. });
+                run.n_dry += u32::from(run.is_going && is_continuous && self.client.is_empty());
             }
             let index = self.client.enqueue(&command, ROOM)?;
             run.waiting.pop_front();
+            n_fed += 1;
             if run.waiting.front().is_none_or(|(_, next)| *next != step) {
                 run.ends.push((step, index));
             }
         }
-        Ok(())
+        Ok(n_fed)
     }
 
     /// Tries the circle command on the standing queue; an old firmware is silent about it.
@@ -302,31 +323,46 @@ impl Magician {
         self.client.stop()?;
         let deadline = duration + duration + ROOM + ROOM;
         let started = host_clock::now();
-        self.run = Some(Run { waiting, ends: Vec::new(), started, deadline });
-        self.feed()?;
-        Ok(self.client.set(&Command::StartQueue)?)
+        self.run = Some(Run {
+            waiting,
+            ends: Vec::new(),
+            started,
+            deadline,
+            is_going: false,
+            n_dry: 0,
+            n_looks: 0,
+        });
+        while self.feed()? > 0 {}
+        self.client.set(&Command::StartQueue)?;
+        if let Some(run) = &mut self.run {
+            run.is_going = true;
+        }
+        Ok(())
     }
 
     fn look(&mut self) -> Result<Progress, ArmError> {
-        self.feed()?;
         let pose = self.client.pose()?;
         let current = self.client.finished_index()?;
-        self.client.refuse_alarms()?;
-        let Some(run) = &self.run else {
-            return Ok(Progress { pose, step: 0, is_done: true });
+        let n_looks = self.run.as_ref().map_or(0, |run| run.n_looks);
+        if n_looks % ALARM_LOOKS == 0 {
+            self.client.refuse_alarms()?;
+        }
+        self.feed()?;
+        let Some(run) = &mut self.run else {
+            return Ok(Progress { pose, step: 0, is_done: true, n_dry: 0 });
         };
+        run.n_looks += 1;
+        let n_dry = run.n_dry;
         let under_way = run.ends.iter().find(|(_, end)| !super::client::has_reached(current, *end));
         let last = run.ends.last().map_or(0, |(step, _)| *step);
         let next = run.waiting.front().map(|(_, step)| *step);
         let step = under_way.map(|(step, _)| *step).or(next);
         let waited = host_clock::now() - run.started;
-        match step {
-            Some(_) if waited > run.deadline => {
-                let index = under_way.map_or(current, |(_, end)| *end);
-                Err(ClientError::Late { index, current, waited }.into())
-            }
-            step => Ok(Progress { pose, step: step.unwrap_or(last), is_done: step.is_none() }),
+        if let (Some(_), true) = (step, waited > run.deadline) {
+            let index = under_way.map_or(current, |(_, end)| *end);
+            return Err(ClientError::Late { index, current, waited }.into());
         }
+        Ok(Progress { pose, step: step.unwrap_or(last), is_done: step.is_none(), n_dry })
     }
 
     /// Passes a result on; after an error the arm is stopped first.
