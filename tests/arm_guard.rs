@@ -14,7 +14,8 @@ use evrig::device::host_clock;
 use evrig::device::sim::arm::journal::Line;
 use evrig::device::sim::arm::{Clock, Emulator, Options};
 use evrig::time::Span;
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::{Pid, Signal, kill_process, kill_process_group};
+use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -78,6 +79,7 @@ fn start_host(port: &Path, end: &str) -> Child {
         .args(["--exact", "host_process", "--nocapture"])
         .env(PORT, port)
         .env(END, end)
+        .process_group(0)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::null())
@@ -167,6 +169,20 @@ fn a_panic_of_the_host_stops_the_arm() {
         let since = emulator.journal().len();
         let status = host.wait().unwrap();
         assert_eq!(status.success(), end == "panic elsewhere", "{status}");
+        assert_stopped(&emulator, since);
+    }
+}
+
+#[test]
+fn ctrl_c_and_termination_of_the_hosts_group_stop_the_arm() {
+    for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
+        let emulator = emulator();
+        let mut host = start_host(emulator.port(), "wait");
+        wait_until("the arm moves", || emulator.state().is_busy);
+        let since = emulator.journal().len();
+        // As a terminal does: the whole group of the host, in which the guard is not.
+        kill_process_group(pid(&host), signal).unwrap();
+        assert!(!host.wait().unwrap().success());
         assert_stopped(&emulator, since);
     }
 }

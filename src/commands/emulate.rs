@@ -64,6 +64,7 @@ fn options(args: &EmulateArmArgs) -> Options {
     Options {
         queue_depth: args.queue_depth,
         has_circle: !args.no_circle,
+        is_homed: args.homed,
         homing: Span::from_secs_f64(args.homing),
         reply_delay: Span::from_micros(i64::from(args.reply_delay) * 1_000),
         on_alarm: if args.skip_on_alarm { OnAlarm::Skip } else { OnAlarm::Stall },

@@ -13,6 +13,7 @@ pub mod link;
 pub mod params;
 pub mod port;
 pub mod pose_log;
+mod prepare;
 mod queue;
 pub mod reply;
 mod steps;

@@ -1,16 +1,16 @@
 //! The Magician as an [`Arm`]: paths in, motion and poses out.
 
+use super::check;
 use super::client::{Client, ClientError, Identity};
-use super::command::{CartesianLimits, Command, PtpMode, Ratios};
+use super::command::Command;
 use super::guard::{GuardLink, Stopper};
 use super::link::LinkError;
 use super::port::PortError;
 use super::steps::{self, CircleAs};
-use super::{check, id};
 use crate::device::{Arm, Finding, Progress, host_clock};
 use crate::rig::{ArmDescription, Pose};
 use crate::time::{HostMonotonic, Span, Stamp};
-use crate::trajectory::{Margin, Motion, Path, Step, offences};
+use crate::trajectory::{Margin, Path};
 use std::collections::VecDeque;
 use std::ops::Range;
 
@@ -62,12 +62,12 @@ pub struct Marker {
 /// The Magician.
 #[derive(Debug)]
 pub struct Magician {
-    client: Client,
+    pub(super) client: Client,
     stopper: Option<Stopper>,
-    description: ArmDescription,
-    marker: Option<Marker>,
-    circle: CircleAs,
-    path: Option<Path>,
+    pub(super) description: ArmDescription,
+    pub(super) marker: Option<Marker>,
+    pub(super) circle: CircleAs,
+    pub(super) path: Option<Path>,
     run: Option<Run>,
 }
 
@@ -80,14 +80,20 @@ struct Run {
     ends: Vec<(usize, u64)>,
     started: Stamp<HostMonotonic>,
     deadline: Span,
+    /// Whether the queue was started.
+    is_going: bool,
+    /// How often the queue was found empty between continuous moves.
+    n_dry: u32,
+    /// Looks so far.
+    n_looks: u32,
 }
 
+/// Commands fed between two looks: at some 5 ms each they leave room for 20 looks a second.
+const MEAL: usize = 6;
+/// Every so many looks the alarms are read; an alarm stops the arm without our help.
+const ALARM_LOOKS: u32 = 4;
 /// How long a reply about room in the queue may keep a full queue waiting while preparing.
-const ROOM: Span = Span::from_micros(5_000_000);
-/// How long going to the start may take: across the workspace at the lowest sensible speed.
-const APPROACH: Span = Span::from_micros(60_000_000);
-/// Share of full speed for going to the start.
-const APPROACH_RATIO: Ratios = Ratios { velocity: 15.0, acceleration: 15.0 };
+pub(super) const ROOM: Span = Span::from_micros(5_000_000);
 /// The arm's repeatability is 0.2 mm; its planner is exact.
 const AT_START_MM: f64 = 0.5;
 
@@ -158,121 +164,31 @@ impl Magician {
         &mut self.client
     }
 
-    /// Sets every speed of the path and reads it back, before anything moves.
-    fn try_rates(&mut self, path: &Path) -> Result<(), ArmError> {
-        let mut tried: Vec<CartesianLimits> = Vec::new();
-        for step in path.steps() {
-            let limits = steps::cartesian_limits(&step.rates);
-            if step.curve.motion() == Motion::Hold || tried.contains(&limits) {
-                continue;
-            }
-            for command in steps::rate_commands(&step.rates) {
-                self.client.set(&command)?;
-            }
-            self.read_back(id::PTP_COORDINATE, "speed of lines", limits)?;
-            self.read_back(id::ARC_PARAMS, "speed of arcs", limits)?;
-            tried.push(limits);
-        }
-        Ok(())
-    }
-
-    fn read_back(
-        &mut self,
-        id: u8,
-        what: &'static str,
-        limits: CartesianLimits,
-    ) -> Result<(), ArmError> {
-        let set = [
-            limits.xyz_velocity,
-            limits.r_velocity,
-            limits.xyz_acceleration,
-            limits.r_acceleration,
-        ];
-        let found = self.client.floats::<4>(id)?;
-        if found == set {
-            return Ok(());
-        }
-        let (set, found) = (format!("{set:?}"), format!("{found:?}"));
-        Err(ClientError::ReadBack { what, set, found }.into())
-    }
-
-    fn set_tool(&mut self) -> Result<(), ArmError> {
-        let set = self.description.kinematics.tool_offset.map(|offset| offset.0 as f32);
-        self.client.set(&Command::EndEffector(set))?;
-        let found = self.client.floats::<3>(id::END_EFFECTOR)?;
-        if found == set {
-            return Ok(());
-        }
-        let (set, found) = (format!("{set:?}"), format!("{found:?}"));
-        Err(ClientError::ReadBack { what: "tool offset", set, found }.into())
-    }
-
-    fn go_to(&mut self, pose: Pose) -> Result<(), ArmError> {
-        self.client.set(&Command::PtpCommon(APPROACH_RATIO))?;
-        let command = Command::Ptp { mode: PtpMode::MoveJointXyz, target: steps::wire(pose) };
-        let index = self.client.enqueue(&command, ROOM)?;
-        Ok(self.client.wait_for(index, APPROACH, &mut |_| ())?)
-    }
-
-    /// Puts into the queue what it has room for.
-    fn feed(&mut self) -> Result<(), ArmError> {
-        let Some(run) = &mut self.run else { return Ok(()) };
-        while let Some((command, step)) = run.waiting.front().copied() {
-            if !self.client.has_room()? {
-                break;
+    /// Puts into the queue what it has room for, [`MEAL`] commands at most, so that a long path
+    /// never keeps the arm from being looked at. Gives how many went in.
+    fn feed(&mut self) -> Result<usize, ArmError> {
+        let Some(run) = &mut self.run else { return Ok(0) };
+        let mut n_fed = 0;
+        let mut has_asked = false;
+        while let Some((command, step)) = run.waiting.front().copied()
+            && n_fed < MEAL
+        {
+            if !self.client.knows_of_room() {
+                if has_asked || !self.client.has_room()? {
+                    break;
+                }
+                has_asked = true;
+                let is_continuous = matches!(command, Command::Cp { .. });
+                run.n_dry += u32::from(run.is_going && is_continuous && self.client.is_empty());
             }
             let index = self.client.enqueue(&command, ROOM)?;
             run.waiting.pop_front();
+            n_fed += 1;
             if run.waiting.front().is_none_or(|(_, next)| *next != step) {
                 run.ends.push((step, index));
             }
         }
-        Ok(())
-    }
-
-    /// Tries the circle command on the standing queue; an old firmware is silent about it.
-    fn probe_circle(&mut self, path: &Path) -> Result<Option<String>, ArmError> {
-        let is_circle = |step: &&Step| matches!(step.curve.motion(), Motion::Circle { .. });
-        let Some(step) = path.steps().iter().find(is_circle) else { return Ok(None) };
-        self.circle = CircleAs::Circle;
-        // The queue is stopped and cleared before and behind: the command is taken, never run.
-        self.client.stop()?;
-        let commands = steps::commands(step, CircleAs::Circle);
-        let Some(circle) = commands.last() else { return Ok(None) };
-        let taken = self.client.enqueue(circle, ROOM);
-        self.client.stop()?;
-        match taken {
-            Ok(_) => Ok(None),
-            Err(ClientError::Link(LinkError::Silent { .. }) | ClientError::Rejected { .. }) => {
-                self.circle = CircleAs::Arcs;
-                // It may have raised "undefined instruction"; anything else comes back below.
-                self.client.clear_alarms()?;
-                Ok(Some(
-                    "this firmware does not know the circle command (102): each turn is driven \
-                     as two arcs, between which the arm stops"
-                        .to_owned(),
-                ))
-            }
-            Err(error) => Err(error.into()),
-        }
-    }
-
-    fn prepare_path(&mut self, path: &Path) -> Result<Vec<String>, ArmError> {
-        if let Some(offence) = offences(path, &self.description).into_iter().next() {
-            return Err(ArmError::BeyondLimit(Box::new(offence)));
-        }
-        self.client.refuse_alarms()?;
-        let remarks: Vec<String> = self.probe_circle(path)?.into_iter().collect();
-        self.set_tool()?;
-        self.try_rates(path)?;
-        if let Some(Marker { address }) = self.marker {
-            self.client.set(&Command::Multiplex { address, function: Command::PIN_IS_OUTPUT })?;
-            self.client.set(&Command::Output { address, is_high: false })?;
-        }
-        self.client.begin()?;
-        self.go_to(path.start())?;
-        self.path = Some(path.clone());
-        Ok(remarks)
+        Ok(n_fed)
     }
 
     fn start_steps(&mut self, steps: Range<usize>) -> Result<(), ArmError> {
@@ -302,31 +218,46 @@ impl Magician {
         self.client.stop()?;
         let deadline = duration + duration + ROOM + ROOM;
         let started = host_clock::now();
-        self.run = Some(Run { waiting, ends: Vec::new(), started, deadline });
-        self.feed()?;
-        Ok(self.client.set(&Command::StartQueue)?)
+        self.run = Some(Run {
+            waiting,
+            ends: Vec::new(),
+            started,
+            deadline,
+            is_going: false,
+            n_dry: 0,
+            n_looks: 0,
+        });
+        while self.feed()? > 0 {}
+        self.client.set(&Command::StartQueue)?;
+        if let Some(run) = &mut self.run {
+            run.is_going = true;
+        }
+        Ok(())
     }
 
     fn look(&mut self) -> Result<Progress, ArmError> {
-        self.feed()?;
         let pose = self.client.pose()?;
         let current = self.client.finished_index()?;
-        self.client.refuse_alarms()?;
-        let Some(run) = &self.run else {
-            return Ok(Progress { pose, step: 0, is_done: true });
+        let n_looks = self.run.as_ref().map_or(0, |run| run.n_looks);
+        if n_looks.is_multiple_of(ALARM_LOOKS) {
+            self.client.refuse_alarms()?;
+        }
+        self.feed()?;
+        let Some(run) = &mut self.run else {
+            return Ok(Progress { pose, step: 0, is_done: true, n_dry: 0 });
         };
+        run.n_looks += 1;
+        let n_dry = run.n_dry;
         let under_way = run.ends.iter().find(|(_, end)| !super::client::has_reached(current, *end));
         let last = run.ends.last().map_or(0, |(step, _)| *step);
         let next = run.waiting.front().map(|(_, step)| *step);
         let step = under_way.map(|(step, _)| *step).or(next);
         let waited = host_clock::now() - run.started;
-        match step {
-            Some(_) if waited > run.deadline => {
-                let index = under_way.map_or(current, |(_, end)| *end);
-                Err(ClientError::Late { index, current, waited }.into())
-            }
-            step => Ok(Progress { pose, step: step.unwrap_or(last), is_done: step.is_none() }),
+        if let (Some(_), true) = (step, waited > run.deadline) {
+            let index = under_way.map_or(current, |(_, end)| *end);
+            return Err(ClientError::Late { index, current, waited }.into());
         }
+        Ok(Progress { pose, step: step.unwrap_or(last), is_done: step.is_none(), n_dry })
     }
 
     /// Passes a result on; after an error the arm is stopped first.
@@ -376,7 +307,7 @@ mod tests {
     use super::*;
     use crate::device::Verdict;
     use crate::device::dobot::pose_log::{Pace, PoseTiming, drive_to_end};
-    use crate::device::dobot::{Patience, port};
+    use crate::device::dobot::{Patience, id, port};
     use crate::device::sim::arm::fault::{Fault, Kind};
     use crate::device::sim::arm::{Clock, Emulator, Options};
     use crate::rig::Rig;

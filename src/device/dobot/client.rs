@@ -136,6 +136,8 @@ pub struct Client {
     pub(super) patience: Patience,
     /// Free places in the queue, as far as is known.
     pub(super) space: u64,
+    /// The most free places ever seen.
+    pub(super) depth: u64,
     /// Index of the command queued last.
     pub(super) last_index: Option<u64>,
     /// Whether the power-up bit goes away when alarms are cleared, so that it says something.
@@ -146,7 +148,7 @@ impl Client {
     /// Speaks over a link.
     #[must_use]
     pub fn new(link: Box<dyn Link>, patience: Patience) -> Self {
-        Self { link, patience, space: 0, last_index: None, is_reset_telling: true }
+        Self { link, patience, space: 0, depth: 0, last_index: None, is_reset_telling: true }
     }
 
     /// How long things may take.

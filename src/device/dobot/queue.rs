@@ -37,6 +37,7 @@ impl Client {
 
     fn look_for_space(&mut self) -> Result<(), ClientError> {
         self.space = reply::queue_space(&self.value(id::QUEUE_SPACE)?)?;
+        self.depth = self.depth.max(self.space);
         Ok(())
     }
 
@@ -64,6 +65,16 @@ impl Client {
             }
         }
         Err(LinkError::silent(&command.frame(Ctrl::QUEUED), self.patience.reply, 0).into())
+    }
+
+    /// Whether the queue is known to take another command without asking.
+    pub(super) const fn knows_of_room(&self) -> bool {
+        self.space > 0
+    }
+
+    /// Whether the queue was empty when it was last asked.
+    pub(super) const fn is_empty(&self) -> bool {
+        self.space >= self.depth
     }
 
     /// Whether the queue takes another command, asked only when that is not known.

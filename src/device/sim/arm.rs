@@ -67,6 +67,8 @@ pub struct Options {
     /// Whether speeds above 300 mm/s and accelerations above 400 mm/s^2 are silently lowered, as
     /// the virtual Magician Lite does it.
     pub clamps: bool,
+    /// Whether it was homed and its alarms cleared before it is first spoken to.
+    pub is_homed: bool,
     /// How long homing takes.
     pub homing: Span,
     /// How long the arm takes to answer, on the host's clock: 3.8 ms is what the wire alone
@@ -92,6 +94,7 @@ impl Default for Options {
             has_circle: true,
             wide_space: false,
             clamps: false,
+            is_homed: false,
             homing: Span::from_micros(15_000_000),
             reply_delay: Span::ZERO,
             arc_speed: ArcSpeed::default(),
@@ -152,12 +155,12 @@ impl SimulatedArm {
         Self {
             now: Span::ZERO,
             registers,
-            alarms: Alarms::from_bytes(1_u128.to_le_bytes()),
+            alarms: Alarms::from_bytes(u128::from(!options.is_homed).to_le_bytes()),
             queue: Queue::new(options.queue_depth, options.start_index),
             running: None,
             joints: POWER_UP_JOINTS,
             carried_speed: 0.0,
-            is_homed: false,
+            is_homed: options.is_homed,
             truth: Truth::at_rest(POWER_UP_JOINTS[0], [xyzr[0], xyzr[1], xyzr[2]]),
             truth_at: Span::ZERO,
             options,

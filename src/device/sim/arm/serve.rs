@@ -112,7 +112,7 @@ impl Clocked {
     }
 
     fn power_cycle(&mut self) {
-        self.arm = SimulatedArm::new(self.options.clone());
+        self.arm = SimulatedArm::new(Options { is_homed: false, ..self.options.clone() });
         self.powered_up = Instant::now();
     }
 }
