@@ -3,6 +3,7 @@
 use clap::{Args, Parser, Subcommand};
 
 mod about;
+mod check;
 mod emulate;
 mod guard;
 mod import;
@@ -11,6 +12,7 @@ mod session;
 mod stages;
 
 pub use about::{CompletionsArgs, ManArgs};
+pub use check::CheckArgs;
 pub use emulate::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
 pub use guard::GuardArgs;
 pub use import::{
@@ -72,6 +74,8 @@ pub enum Command {
     Export(ExportArgs),
     /// Explain a trajectory before anything moves: duration, speeds, margins to the limits, disk
     Plan(PlanArgs),
+    /// Look at everything that must hold before a recording; nothing moves
+    Check(CheckArgs),
     /// Print a completion script for a shell
     Completions(CompletionsArgs),
     /// Serve a simulated device on the real wire, for tests and other programs

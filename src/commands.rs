@@ -8,6 +8,7 @@ use clap::{CommandFactory, Parser};
 use std::process::ExitCode;
 
 mod about;
+mod check;
 mod compare;
 mod emulate;
 mod export;
@@ -66,6 +67,7 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Process(args) => process::run(&args, output),
         Command::Report(args) => report::run(&args, output),
         Command::Export(args) => export::run(&args, output),
+        Command::Check(args) => check::check(&args, output),
         Command::Plan(args) => plan::plan(&args, output),
         Command::Completions(args) => about::completions(&args, &mut Cli::command()),
         Command::Emulate(args) => emulate::emulate(&args, output),

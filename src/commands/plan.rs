@@ -26,7 +26,7 @@ pub(super) fn plan(args: &PlanArgs, output: &Output) -> anyhow::Result<Ending> {
 }
 
 /// A file that cannot be read is a failure; one that is wrong, or a name that is none, is wrong use.
-fn refused(error: DescriptionError) -> anyhow::Error {
+pub(super) fn refused(error: DescriptionError) -> anyhow::Error {
     match error {
         DescriptionError::Unreadable { .. } => error.into(),
         _ => WrongUse(error.to_string()).into(),
