@@ -74,10 +74,13 @@ fn check_identifier(kind: &Kind, payload: &[u8]) -> Result<(), String> {
 /// Splits the 16-byte events (i64 t, i16 x, i16 y, bool on, 3 bytes padding) into columns, a run
 /// at a time that stays in the nearest cache while each column takes its part of it.
 fn decode_events(elements: &[Event], spare: Events) -> Decoded {
+    let mut spare = spare;
+    spare.clear();
     let (mut t, mut x, mut y, mut on) = spare.into_columns();
-    (t.clear(), x.clear(), y.clear(), on.clear());
-    (t.reserve(elements.len()), x.reserve(elements.len()));
-    (y.reserve(elements.len()), on.reserve(elements.len()));
+    t.reserve(elements.len());
+    x.reserve(elements.len());
+    y.reserve(elements.len());
+    on.reserve(elements.len());
     // The sign bit of the union of all coordinates is set if any of them is negative.
     let mut signs = 0;
     for run in elements.chunks(RUN_LENGTH) {
