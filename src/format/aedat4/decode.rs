@@ -16,9 +16,6 @@ use flatbuffers::VerifierOptions;
 /// Bytes of the size prefix and root offset before the identifier, and of the identifier.
 const IDENTIFIER_AT: std::ops::Range<usize> = 8..12;
 
-/// Events that are split together, 8 KiB.
-const RUN_LENGTH: usize = 512;
-
 /// A payload's values, and what of it could not be represented.
 #[derive(Debug)]
 pub(super) struct Decoded {
@@ -71,26 +68,27 @@ fn check_identifier(kind: &Kind, payload: &[u8]) -> Result<(), String> {
     }
 }
 
-/// Splits the 16-byte events (i64 t, i16 x, i16 y, bool on, 3 bytes padding) into columns, a run
-/// at a time that stays in the nearest cache while each column takes its part of it.
+/// Splits the 16-byte events (i64 t, i16 x, i16 y, bool on, 3 bytes padding) into columns in one pass.
 fn decode_events(elements: &[Event], spare: Events) -> Decoded {
-    let mut spare = spare;
-    spare.clear();
     let (mut t, mut x, mut y, mut on) = spare.into_columns();
-    t.reserve(elements.len());
-    x.reserve(elements.len());
-    y.reserve(elements.len());
-    on.reserve(elements.len());
-    // The sign bit of the union of all coordinates is set if any of them is negative.
-    let mut signs = 0;
-    for run in elements.chunks(RUN_LENGTH) {
-        signs = run.iter().fold(signs, |signs, event| signs | x_of(event) | y_of(event));
-        t.extend(run.iter().map(t_of));
-        x.extend(run.iter().map(|event| x_of(event) as u16));
-        y.extend(run.iter().map(|event| y_of(event) as u16));
-        on.extend(run.iter().map(on_of));
+    t.resize(elements.len(), 0);
+    x.resize(elements.len(), 0);
+    y.resize(elements.len(), 0);
+    on.resize(elements.len(), false);
+    let times = elements.iter().zip(&mut t);
+    let places = x.iter_mut().zip(&mut y).zip(&mut on);
+    let mut union = 0;
+    for ((event, t), ((x, y), on)) in times.zip(places) {
+        let event = u128::from_le_bytes(event.0);
+        let place = (event >> 64) as u64;
+        *t = event as i64;
+        *x = place as u16;
+        *y = (place >> 16) as u16;
+        *on = (place >> 32) as u8 != 0;
+        union |= place;
     }
-    if signs < 0 {
+    // The sign bits of the union are set if any coordinate is negative.
+    if union & 0x8000_8000 != 0 {
         return decode_representable_events(elements);
     }
     let columns = Events::from_columns(t, x, y, on).unwrap_or_default();
