@@ -6,16 +6,16 @@ Makes a virtual environment in DIR (default target/bench-aedat4) with dv-process
 PyPI, builds `benches/aedat4.rs` in release, makes one file of real events (tiles of
 tests/data/davis346-street.aedat4), lets dv-processing write it in each compression, and times
 reading all its events and writing them from memory. Programs take turns within each repeat, so
-that a busy machine hurts all alike; the best time of each counts. Processor time (of all threads)
-is shown as well: on a busy machine it says more than the clock does, which a program on several
-cores loses by. Times are taken inside each
-process, without its start. Prints a table and the ratios.
+that a busy machine hurts all alike; the median of each counts. Processor time (of all threads) is
+shown as well: on a busy machine it says more than the clock does, which a program on several cores
+loses by. Times are taken inside each process, without its start. Prints a table and the ratios.
 """
 
 import argparse
 import json
 import os
 import pathlib
+import statistics
 import subprocess
 import sys
 import time
@@ -115,14 +115,14 @@ def run(command):
 
 
 def measure(task, programs, repeats, results):
-    """Lets the programs take turns and keeps the best of each, in million events a second."""
+    """Lets the programs take turns; all rates in million events a second and ns of processor time an event."""
     for _ in range(repeats):
         for name, command in programs.items():
             outcome = run(command)
             rate = outcome["events"] / outcome["seconds"] / 1e6
             cpu_ns = outcome["cpu_seconds"] / outcome["events"] * 1e9
-            best_rate, best_cpu_ns = results.setdefault(task, {}).get(name, (0, float("inf")))
-            results[task][name] = max(best_rate, rate), min(best_cpu_ns, cpu_ns)
+            results.setdefault(task, {}).setdefault(name, []).append((rate, cpu_ns))
+            print(f"{task} {name}: {rate:.1f} Mev/s, {cpu_ns:.1f} cpu ns/event", file=sys.stderr)
 
 
 def main():
@@ -137,7 +137,7 @@ def main():
     theirs = [python, __file__]
     source = folder / "source.aedat4"
     run([ours, "make", ROOT / "tests/data/davis346-street.aedat4", n_events, source])
-    results, sizes = {}, {}
+    results, sizes, load = {}, {}, os.getloadavg()[0]
     for kind in COMPRESSIONS:
         written = {name: folder / f"{name}-{kind}.aedat4" for name in ["evrig", "dv", "faery"]}
         measure(f"encode {kind}", {
@@ -152,11 +152,16 @@ def main():
             "dv": [*theirs, "--run", "dv_decode", written["dv"]],
             "faery": [*theirs, "--run", "faery_decode", written["dv"]],
         }, arguments.repeats, results)
-    show(results, sizes, run([ours, "copy", 16 * n_events]), n_events)
+    medians = {
+        task: {name: tuple(map(statistics.median, zip(*runs))) for name, runs in programs.items()}
+        for task, programs in results.items()
+    }
+    loads = f"load {load:.1f} before and {os.getloadavg()[0]:.1f} after"
+    print(f"{n_events} events, medians of {arguments.repeats}, {os.cpu_count()} cores, {loads}")
+    show(medians, sizes, run([ours, "copy", 16 * n_events]))
 
 
-def show(results, sizes, copied, n_events):
-    print(f"{n_events} events, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
+def show(results, sizes, copied):
     print(f"{'':12} {'evrig':>8} {'dv':>8} {'faery':>8}  Mev/s    evrig / faster other")
     for task, rates in results.items():
         (evrig, *others), cpu = zip(*(rates[name] for name in ["evrig", "dv", "faery"]))

@@ -318,3 +318,17 @@ fn a_stream_of_unknown_kind_is_skipped_and_counted() {
     assert_eq!(counts, truth);
     assert_eq!(reader.losses().unknown_packets, 177);
 }
+
+#[test]
+fn inputs_that_the_fuzzer_kept_end_in_packets_and_at_most_one_error() {
+    let mut n_inputs = 0;
+    for input in fs::read_dir("fuzz/corpus/aedat4").unwrap() {
+        let bytes = fs::read(input.unwrap().path()).unwrap();
+        for reader in [Reader::new(&*bytes, "kept"), Reader::from_stream(&*bytes, "kept")] {
+            let n_errors = reader.map_or(1, |reader| reader.filter(Result::is_err).count());
+            assert!(n_errors <= 1);
+        }
+        n_inputs += 1;
+    }
+    assert!(n_inputs > 200, "{n_inputs}");
+}

@@ -27,6 +27,8 @@ mod error;
 mod framing;
 mod header;
 mod lz4_frame;
+mod outgoing;
+mod overflow;
 mod reader;
 mod table;
 mod writer;

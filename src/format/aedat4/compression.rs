@@ -74,10 +74,16 @@ thread_local! {
     static SCRATCH: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
 }
 
+thread_local! {
+    /// The compressor's tables, kept as the scratch is.
+    static ZSTD: RefCell<Option<zstd::bulk::Compressor<'static>>> = const { RefCell::new(None) };
+}
+
 /// Scratch above this size is given back after use.
 const KEPT_SCRATCH_BYTES: usize = 1 << 23;
 
-fn with_scratch<T>(act: impl FnOnce(&mut Vec<u8>) -> T) -> T {
+/// Lends the thread's scratch, of any length and content; what it is left with is the next's.
+pub(super) fn with_scratch<T>(act: impl FnOnce(&mut Vec<u8>) -> T) -> T {
     SCRATCH.with(|scratch| {
         // The scratch is only in use here if `act` came back to this thread for another packet.
         let mut own = scratch.take();
@@ -112,14 +118,41 @@ pub(super) fn decompress<T>(
     }
 }
 
-/// Compresses one payload.
-pub(super) fn compress(how: Compression, plain: &[u8]) -> io::Result<Vec<u8>> {
+/// Compresses one payload to `out`, from the byte `at`, and says where it ends; `out` grows as
+/// needed and is never shrunk.
+pub(super) fn compress(
+    how: Compression,
+    plain: &[u8],
+    out: &mut Vec<u8>,
+    at: usize,
+) -> io::Result<usize> {
     if plain.len() > MAX_PACKET_BYTES {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "packet above the size limit"));
     }
     match how {
-        Compression::None => Ok(plain.to_vec()),
-        Compression::Lz4 => with_scratch(|scratch| lz4_frame::compress(plain, scratch)),
-        Compression::Zstd => zstd::bulk::compress(plain, ZSTD_LEVEL),
+        Compression::None => {
+            grow(out, at + plain.len());
+            out[at..at + plain.len()].copy_from_slice(plain);
+            Ok(at + plain.len())
+        }
+        Compression::Lz4 => lz4_frame::compress(plain, out, at),
+        Compression::Zstd => {
+            grow(out, at + zstd::zstd_safe::compress_bound(plain.len()));
+            ZSTD.with(|own| {
+                let mut own = own.borrow_mut();
+                let compressor = match &mut *own {
+                    Some(compressor) => compressor,
+                    none => none.insert(zstd::bulk::Compressor::new(ZSTD_LEVEL)?),
+                };
+                Ok(at + compressor.compress_to_buffer(plain, &mut out[at..])?)
+            })
+        }
+    }
+}
+
+/// Makes memory at least `n` bytes long.
+pub(super) fn grow(memory: &mut Vec<u8>, n: usize) {
+    if memory.len() < n {
+        memory.resize(n, 0);
     }
 }

@@ -1,7 +1,7 @@
 //! Payloads to values.
 
 use super::header::one_line;
-use super::{Content, Kind};
+use super::{Content, Kind, overflow};
 use crate::event::Events;
 use crate::frame::{Channels, Frame, FrameTiming, Samples};
 use crate::geometry::Size;
@@ -37,6 +37,7 @@ impl Decoded {
 /// what was found instead.
 pub(super) fn decode(kind: &Kind, payload: &[u8], spare: Events) -> Result<Decoded, String> {
     check_identifier(kind, payload)?;
+    overflow::check(payload, matches!(kind, Kind::Imu | Kind::Triggers))?;
     // Every sample is a table of its own, so the usual limit of a million tables is too low;
     // the payload's length bounds them as well.
     let options = VerifierOptions { max_tables: payload.len(), ..VerifierOptions::default() };
@@ -67,25 +68,31 @@ fn check_identifier(kind: &Kind, payload: &[u8]) -> Result<(), String> {
     }
 }
 
-/// Splits the 16-byte events (i64 t, i16 x, i16 y, bool on, 3 bytes padding) into columns.
+/// Splits the 16-byte events (i64 t, i16 x, i16 y, bool on, 3 bytes padding) into columns in one pass.
 fn decode_events(elements: &[Event], spare: Events) -> Decoded {
-    // The sign bit of the union of all coordinates is set if any of them is negative.
-    let signs = elements.iter().fold(0, |signs, event| signs | x_of(event) | y_of(event));
-    if signs < 0 {
+    let (mut t, mut x, mut y, mut on) = spare.into_columns();
+    t.resize(elements.len(), 0);
+    x.resize(elements.len(), 0);
+    y.resize(elements.len(), 0);
+    on.resize(elements.len(), false);
+    let times = elements.iter().zip(&mut t);
+    let places = x.iter_mut().zip(&mut y).zip(&mut on);
+    let mut union = 0;
+    for ((event, t), ((x, y), on)) in times.zip(places) {
+        let event = u128::from_le_bytes(event.0);
+        let place = (event >> 64) as u64;
+        *t = event as i64;
+        *x = place as u16;
+        *y = (place >> 16) as u16;
+        *on = (place >> 32) as u8 != 0;
+        union |= place;
+    }
+    // The sign bits of the union are set if any coordinate is negative.
+    if union & 0x8000_8000 != 0 {
         return decode_representable_events(elements);
     }
-    let (mut t, mut x, mut y, mut on) = spare.into_columns();
-    refill(&mut t, elements, t_of);
-    refill(&mut x, elements, |event| x_of(event) as u16);
-    refill(&mut y, elements, |event| y_of(event) as u16);
-    refill(&mut on, elements, on_of);
     let columns = Events::from_columns(t, x, y, on).unwrap_or_default();
     Decoded::whole(Content::Events(columns))
-}
-
-fn refill<T>(column: &mut Vec<T>, elements: &[Event], of: impl Fn(&Event) -> T) {
-    column.clear();
-    column.extend(elements.iter().map(of));
 }
 
 fn decode_representable_events(elements: &[Event]) -> Decoded {
@@ -257,8 +264,9 @@ mod tests {
             y: &[1, 2, 3],
             on: &[true, false, true],
         };
-        let payload = encode::events(columns);
-        let decoded = decode(&Kind::Events, payload.as_flattened(), Events::new()).unwrap();
+        let mut payload = Vec::new();
+        encode::events(columns, &mut payload, 0);
+        let decoded = decode(&Kind::Events, &payload, Events::new()).unwrap();
         let Some(Content::Events(events)) = decoded.content else { panic!("events") };
         assert_eq!((events.as_slice().t, events.as_slice().x), (&[1, 3][..], &[10, 30][..]));
         assert_eq!(decoded.lost_events, 1);

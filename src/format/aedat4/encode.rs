@@ -1,5 +1,6 @@
 //! Values to payloads.
 
+use super::compression::grow;
 use crate::event::EventSlice;
 use crate::frame::{Channels, Frame, Samples};
 use crate::imu::{ImuSample, Trigger};
@@ -23,22 +24,24 @@ const EVENTS_HEAD: [u8; 32] = [
     8, 0, 4, 0, 6, 0, 0, 0, 4, 0, 0, 0, 0, 0, 0, 0,
 ];
 
-/// An event packet as 16-byte cells: two of head, then one an event, as the flatbuffer lays them out.
-/// Coordinates must be below 32,768.
-pub(super) fn events(events: EventSlice<'_>) -> Vec<[u8; 16]> {
-    let mut cells = Vec::with_capacity(events.len() + 2);
-    let size = (28 + 16 * events.len()) as u32;
-    let mut head = EVENTS_HEAD;
-    head[..4].copy_from_slice(&size.to_le_bytes());
+/// Writes an event packet to `out`, from the byte `at`, and says where it ends; `out` grows as
+/// needed and is never shrunk. Coordinates must be below 32,768.
+pub(super) fn events(events: EventSlice<'_>, out: &mut Vec<u8>, at: usize) -> usize {
+    let start = at + EVENTS_HEAD.len();
+    let end = start + 16 * events.len();
+    grow(out, end);
+    let head = &mut out[at..start];
+    head.copy_from_slice(&EVENTS_HEAD);
+    head[..4].copy_from_slice(&((end - at - 4) as u32).to_le_bytes());
     head[28..].copy_from_slice(&(events.len() as u32).to_le_bytes());
-    cells.extend_from_slice(head.as_chunks::<16>().0);
+    let (cells, _) = out[start..end].as_chunks_mut::<16>();
     let coordinates = events.x.iter().zip(events.y).zip(events.on);
-    cells.extend(events.t.iter().zip(coordinates).map(|(&t, ((&x, &y), &on))| {
+    for ((cell, &t), ((&x, &y), &on)) in cells.iter_mut().zip(events.t).zip(coordinates) {
         let low = u128::from(t as u64);
         let high = u128::from(x) | u128::from(y) << 16 | u128::from(on) << 32;
-        (low | high << 64).to_le_bytes()
-    }));
-    cells
+        *cell = (low | high << 64).to_le_bytes();
+    }
+    end
 }
 
 /// A frame's packet. Its size must be below 32,768 each way.
@@ -153,6 +156,10 @@ mod tests {
         ]
         .into_iter()
         .collect();
-        assert_eq!(events(ours.as_slice()).as_flattened(), theirs);
+        // What the memory held before does not show.
+        let mut out = vec![0xee; 100];
+        assert_eq!(events(ours.as_slice(), &mut out, 8), 72);
+        assert_eq!(out[8..72], theirs);
+        assert_eq!(events(ours.as_slice(), &mut Vec::new(), 0), 64);
     }
 }

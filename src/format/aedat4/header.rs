@@ -1,6 +1,6 @@
 //! The header: compression, position of the data table, description of the streams.
 
-use super::{Compression, Kind, Stream, StreamSpec};
+use super::{Compression, Kind, Stream, StreamSpec, overflow};
 use crate::geometry::Size;
 use aedat::base::ioheader_generated::{self as generated, Ioheader, IoheaderArgs};
 use flatbuffers::FlatBufferBuilder;
@@ -28,6 +28,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Header, String> {
     if bytes.get(8..12) != Some(generated::IOHEADER_IDENTIFIER.as_bytes()) {
         return Err("bytes without the identifier IOHE".to_owned());
     }
+    overflow::check(bytes, false)?;
     let table =
         generated::size_prefixed_root_as_ioheader(bytes).map_err(|error| one_line(&error))?;
     let code = table.compression();

@@ -6,7 +6,7 @@
 //! written here have blocks that stand alone and a checksum of the content, so that a flipped bit
 //! is found when the file is read.
 
-use super::compression::Undecodable;
+use super::compression::{Undecodable, grow};
 use lz4::block::{CompressionMode, compress_bound, compress_to_buffer};
 use lz4_flex::block::{DecompressError, decompress_into_with_dict};
 use std::io;
@@ -26,6 +26,9 @@ const HAS_BLOCK_SUMS: u8 = 0x10;
 const HAS_CONTENT_SIZE: u8 = 0x08;
 /// Flag: a checksum of the content follows the end.
 const HAS_CONTENT_SUM: u8 = 0x04;
+
+/// Bytes of our frames beside their blocks: magic, descriptor and its sum; mark of the end and sum.
+const HEAD_AND_END_BYTES: usize = 7 + 8;
 
 /// How far back a match may lie.
 const REACH: usize = 1 << 16;
@@ -109,9 +112,7 @@ fn decompress_block(
     plain: &mut Vec<u8>,
 ) -> Result<usize, Undecodable> {
     let room = largest.min(limit - n);
-    if plain.len() < n + room {
-        plain.resize(n + room, 0);
-    }
+    grow(plain, n + room);
     let (before, after) = plain.split_at_mut(n);
     let target = &mut after[..room];
     let is_full = || {
@@ -142,33 +143,39 @@ fn damaged(found: &str) -> Undecodable {
     Undecodable::Damaged(found.to_owned())
 }
 
-/// Compresses to a frame of blocks as large as can be.
-pub(super) fn compress(plain: &[u8], scratch: &mut Vec<u8>) -> io::Result<Vec<u8>> {
+/// Compresses to a frame of blocks as large as can be, in `out` from the byte `at`, and says where
+/// it ends; `out` grows as needed and is never shrunk.
+pub(super) fn compress(plain: &[u8], out: &mut Vec<u8>, at: usize) -> io::Result<usize> {
     let fits = |(_, largest): &&(u8, usize)| plain.len() <= *largest;
     let (code, largest) = *BLOCK_SIZES.iter().find(fits).unwrap_or(&BLOCK_SIZES[3]);
-    let bound = compress_bound(plain.len().min(largest))?;
-    if scratch.len() < bound {
-        scratch.resize(bound, 0);
-    }
-    let mut frame = Vec::with_capacity(plain.len() / 2 + 32);
-    frame.extend_from_slice(&MAGIC);
     let descriptor = [VERSION | IS_INDEPENDENT | HAS_CONTENT_SUM, code];
-    frame.extend_from_slice(&descriptor);
-    frame.push(head_sum(&descriptor));
+    grow(out, at + HEAD_AND_END_BYTES);
+    let mut end = at;
+    put(out, &mut end, &MAGIC);
+    put(out, &mut end, &descriptor);
+    put(out, &mut end, &[head_sum(&descriptor)]);
     for block in plain.chunks(largest) {
+        // Room for the block behind its length, and for what follows the last block.
+        grow(out, end + 4 + compress_bound(block.len())? + HEAD_AND_END_BYTES);
         let mode = Some(CompressionMode::FAST(1));
-        let n = compress_to_buffer(block, mode, false, scratch)?;
+        let n = compress_to_buffer(block, mode, false, &mut out[end + 4..])?;
         if n < block.len() {
-            frame.extend_from_slice(&(n as u32).to_le_bytes());
-            frame.extend_from_slice(&scratch[..n]);
+            put(out, &mut end, &(n as u32).to_le_bytes());
+            end += n;
         } else {
-            frame.extend_from_slice(&(block.len() as u32 | IS_STORED).to_le_bytes());
-            frame.extend_from_slice(block);
+            put(out, &mut end, &(block.len() as u32 | IS_STORED).to_le_bytes());
+            put(out, &mut end, block);
         }
     }
-    frame.extend_from_slice(&[0; 4]);
-    frame.extend_from_slice(&XxHash32::oneshot(0, plain).to_le_bytes());
-    Ok(frame)
+    put(out, &mut end, &[0; 4]);
+    put(out, &mut end, &XxHash32::oneshot(0, plain).to_le_bytes());
+    Ok(end)
+}
+
+/// Copies bytes to where `end` is and moves it behind them; there must be room.
+fn put(out: &mut [u8], end: &mut usize, bytes: &[u8]) {
+    out[*end..*end + bytes.len()].copy_from_slice(bytes);
+    *end += bytes.len();
 }
 
 #[cfg(test)]
@@ -191,6 +198,13 @@ mod tests {
         let mut plain = vec![7; 10];
         let n = decompress(raw, limit, &mut plain)?;
         Ok(plain[..n].to_vec())
+    }
+
+    fn frame_of(plain: &[u8]) -> Vec<u8> {
+        // What the memory held before does not show.
+        let mut out = vec![0xee; 1_000];
+        let end = compress(plain, &mut out, 3).unwrap();
+        out[3..end].to_vec()
     }
 
     /// A frame as the C library writes it with these choices.
@@ -235,7 +249,7 @@ mod tests {
     fn the_c_library_reads_our_frames_of_every_block_size() {
         for n in [0, 1, 65_536, 65_537, 262_145, 1_048_577, 4_194_304, 9_000_000] {
             let plain = bytes_of(n, 9);
-            let raw = compress(&plain, &mut Vec::new()).unwrap();
+            let raw = frame_of(&plain);
             let mut back = Vec::new();
             lz4::Decoder::new(raw.as_slice()).unwrap().read_to_end(&mut back).unwrap();
             assert!(back == plain, "{n} bytes");
@@ -260,7 +274,7 @@ mod tests {
     fn nothing_grows_beyond_the_limit() {
         let plain = vec![0; 3 << 20];
         for raw in [
-            compress(&plain, &mut Vec::new()).unwrap(),
+            frame_of(&plain),
             c_frame(&plain, true, lz4::BlockSize::Max64KB, false),
             c_frame(&plain, true, lz4::BlockSize::Max64KB, true),
         ] {
@@ -274,7 +288,7 @@ mod tests {
     proptest! {
         #[test]
         fn what_goes_in_comes_out(plain in prop::collection::vec(any::<u8>(), 0..3_000)) {
-            let raw = compress(&plain, &mut Vec::new()).unwrap();
+            let raw = frame_of(&plain);
             prop_assert_eq!(decompressed(&raw, plain.len()).unwrap(), plain);
         }
 
@@ -283,7 +297,7 @@ mod tests {
             at in any::<prop::sample::Index>(), change in 1..=u8::MAX,
         ) {
             let plain = bytes_of(70_000, 3);
-            let mut raw = compress(&plain, &mut Vec::new()).unwrap();
+            let mut raw = frame_of(&plain);
             let at = at.index(raw.len());
             raw[at] ^= change;
             // A match may be found elsewhere as well; then the content is the same.

@@ -1,6 +1,7 @@
 //! The data table (FTAB) at a closed file's end: where each packet is and what time it spans.
 
 use super::header::one_line;
+use super::overflow;
 use flatbuffers::{
     FlatBufferBuilder, Follow, ForwardsUOffset, InvalidFlatbuffer, Push, Table, Vector, Verifiable,
     Verifier, VerifierOptions,
@@ -71,6 +72,7 @@ pub(super) fn count(payload: &[u8]) -> Result<usize, String> {
     if payload.get(8..12) != Some(IDENTIFIER.as_bytes()) {
         return Err("bytes without the identifier FTAB".to_owned());
     }
+    overflow::check(payload, true)?;
     let options = VerifierOptions { max_tables: payload.len(), ..VerifierOptions::default() };
     let root = flatbuffers::size_prefixed_root_with_opts::<Root<'_>>(&options, payload)
         .map_err(|error| one_line(&error))?;

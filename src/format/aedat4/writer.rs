@@ -2,6 +2,7 @@
 
 use super::compression::compress;
 use super::header::{self, MAGIC};
+use super::outgoing::{HEAD_BYTES, Outgoing, span};
 use super::table::{self, Entry};
 use super::{Compression, Kind, StreamSpec, WriteError, encode};
 use crate::event::EventSlice;
@@ -25,8 +26,11 @@ const MAX_EVENT_PACKET_US: i64 = 1_000_000;
 /// ... or holds 512 KiB of events, which stay in a core's cache.
 const MAX_EVENTS: usize = 1 << 15;
 
-/// Bytes of events that are encoded side by side before they are written.
-const SIDE_BY_SIDE_BYTES: usize = 1 << 22;
+/// Packets that are compressed side by side, while as many before them are written.
+const SIDE_BY_SIDE: usize = 16;
+
+/// Small packets are gathered to this size; larger ones are written as they are, each at once.
+const GATHERED_BYTES: usize = 1 << 16;
 
 /// Samples or triggers in a packet at most.
 const SAMPLE_PACKET_LENGTH: usize = 1 << 12;
@@ -63,27 +67,8 @@ pub struct Writer<W: Write> {
     patch_header: Option<PatchHeader<W>>,
     entries: Vec<Entry>,
     summary: Summary,
-}
-
-/// A packet before compression.
-struct Plain {
-    payload: Payload,
-    n_elements: usize,
-    span_us: [i64; 2],
-}
-
-enum Payload {
-    Cells(Vec<[u8; 16]>),
-    Bytes(Vec<u8>),
-}
-
-impl Payload {
-    fn as_bytes(&self) -> &[u8] {
-        match self {
-            Self::Cells(cells) => cells.as_flattened(),
-            Self::Bytes(bytes) => bytes,
-        }
-    }
+    /// Memory of packets that were written and of those being compressed.
+    packets: [Vec<Outgoing>; 2],
 }
 
 impl Writer<BufWriter<File>> {
@@ -99,7 +84,7 @@ impl Writer<BufWriter<File>> {
         let path = path.as_ref();
         let file = File::create(path)
             .map_err(|source| WriteError::Create { path: path.to_owned(), source })?;
-        let destination = BufWriter::with_capacity(1 << 20, file);
+        let destination = BufWriter::with_capacity(GATHERED_BYTES, file);
         Self::new(destination, &path.display().to_string(), compression, streams)
     }
 }
@@ -158,6 +143,7 @@ impl<W: Write> Writer<W> {
             patch_header: None,
             entries: Vec::new(),
             summary: Summary { n_elements: vec![0; streams.len()], ..Summary::default() },
+            packets: [Vec::new(), Vec::new()],
         }
     }
 
@@ -169,29 +155,73 @@ impl<W: Write> Writer<W> {
     /// [`WriteError`] when the stream carries no events, a coordinate is above 32,767, or writing fails.
     pub fn write_events(&mut self, stream: u32, events: EventSlice<'_>) -> Result<(), WriteError> {
         self.check_stream(stream, &Kind::Events, "events")?;
-        let is_beyond = |c: &u16| *c > MAX_COORDINATE;
-        if let Some(i) =
-            (0..events.len()).find(|&i| is_beyond(&events.x[i]) || is_beyond(&events.y[i]))
-        {
+        let union = |column: &[u16]| column.iter().fold(0, |union, c| union | c);
+        if union(events.x) | union(events.y) > MAX_COORDINATE {
+            let is_beyond = |i: &usize| events.x[*i].max(events.y[*i]) > MAX_COORDINATE;
+            let i = (0..events.len()).find(is_beyond).unwrap_or_default();
             let found = format!("event {i} at x {}, y {}", events.x[i], events.y[i]);
             return Err(self.unrepresentable(stream, found));
         }
         let cuts = cut_into_packets(events);
-        let encode = |&[start, end]: &[usize; 2]| {
-            let run = events.range(start, end);
-            let t = run.t.iter();
-            let span_us = [t.clone().min(), t.max()].map(|t| t.copied().unwrap_or_default());
-            Plain { payload: Payload::Cells(encode::events(run)), n_elements: run.len(), span_us }
+        let mut packets = std::mem::take(&mut self.packets);
+        let written = if self.compression == Compression::None || cuts.len() == 1 {
+            self.write_in_turn(stream, events, &cuts, &mut packets[0])
+        } else {
+            self.write_side_by_side(stream, events, &cuts, &mut packets)
         };
-        for cuts in cuts.chunks(SIDE_BY_SIDE_BYTES / 16 / MIN_EVENTS) {
-            let compression = self.compression;
-            let packets: Vec<_> =
-                cuts.par_iter().map(encode).map(|plain| squeeze(compression, plain)).collect();
-            for packet in packets {
-                self.write_packet(stream, packet)?;
-            }
-        }
+        self.packets = packets;
+        written?;
         self.flush_stream()
+    }
+
+    /// Encodes and writes one packet after the other in the same memory, which stays in the cache.
+    fn write_in_turn(
+        &mut self,
+        stream: u32,
+        events: EventSlice<'_>,
+        cuts: &[[usize; 2]],
+        memory: &mut Vec<Outgoing>,
+    ) -> Result<(), WriteError> {
+        let mut packet = memory.pop().unwrap_or_default();
+        for &[start, end] in cuts {
+            let taken = packet.take_events(self.compression, events.range(start, end));
+            taken.map_err(|source| self.failed(source))?;
+            self.write_packet(stream, &mut packet)?;
+        }
+        memory.push(packet);
+        Ok(())
+    }
+
+    /// Compresses some packets on all cores while those before them are written, in order.
+    fn write_side_by_side(
+        &mut self,
+        stream: u32,
+        events: EventSlice<'_>,
+        cuts: &[[usize; 2]],
+        [ready, next]: &mut [Vec<Outgoing>; 2],
+    ) -> Result<(), WriteError> {
+        let compression = self.compression;
+        let mut n_ready = 0;
+        // At last nothing is compressed while the last packets are written.
+        for cuts in cuts.chunks(SIDE_BY_SIDE).chain(std::iter::once(&[][..])) {
+            next.resize_with(next.len().max(cuts.len()), Outgoing::default);
+            let mut taken = Ok(());
+            let written = rayon::in_place_scope(|scope| {
+                scope.spawn(|_| {
+                    let work = cuts.par_iter().zip(next.par_iter_mut()).with_max_len(1);
+                    taken = work.try_for_each(|(&[start, end], packet)| {
+                        packet.take_events(compression, events.range(start, end))
+                    });
+                });
+                let mut ready = ready[..n_ready].iter_mut();
+                ready.try_for_each(|packet| self.write_packet(stream, packet))
+            });
+            written?;
+            taken.map_err(|source| self.failed(source))?;
+            std::mem::swap(ready, next);
+            n_ready = cuts.len();
+        }
+        Ok(())
     }
 
     /// Writes one frame.
@@ -211,7 +241,7 @@ impl<W: Write> Writer<W> {
             return Err(self.unrepresentable(stream, found));
         }
         let t = frame.timing.stamp.as_micros();
-        self.write_plain(stream, Payload::Bytes(encode::frame(frame)), 1, [t, t])
+        self.write_payload(stream, &encode::frame(frame), 1, [t, t])
     }
 
     /// Writes inertial samples.
@@ -222,7 +252,7 @@ impl<W: Write> Writer<W> {
         self.check_stream(stream, &Kind::Imu, "inertial samples")?;
         for run in samples.chunks(SAMPLE_PACKET_LENGTH) {
             let span = span(run.iter().map(|sample| sample.stamp.as_micros()));
-            self.write_plain(stream, Payload::Bytes(encode::imu(run)), run.len(), span)?;
+            self.write_payload(stream, &encode::imu(run), run.len(), span)?;
         }
         Ok(())
     }
@@ -235,7 +265,7 @@ impl<W: Write> Writer<W> {
         self.check_stream(stream, &Kind::Triggers, "triggers")?;
         for run in marks.chunks(SAMPLE_PACKET_LENGTH) {
             let span = span(run.iter().map(|mark| mark.stamp.as_micros()));
-            self.write_plain(stream, Payload::Bytes(encode::triggers(run)), run.len(), span)?;
+            self.write_payload(stream, &encode::triggers(run), run.len(), span)?;
         }
         Ok(())
     }
@@ -247,9 +277,10 @@ impl<W: Write> Writer<W> {
     pub fn finish(mut self) -> Result<Summary, WriteError> {
         if let Some(patch) = self.patch_header {
             let position = self.summary.n_bytes;
-            let table = compress(self.compression, &table::encode(&self.entries))
+            let mut table = Vec::new();
+            let n = compress(self.compression, &table::encode(&self.entries), &mut table, 0)
                 .map_err(|source| self.failed(source))?;
-            self.write_bytes(&table)?;
+            self.write_bytes(&table[..n])?;
             // The table is on its way before the header says that there is one.
             self.flush()?;
             let header = header::encode(self.compression, Some(position), &self.streams);
@@ -259,33 +290,32 @@ impl<W: Write> Writer<W> {
         Ok(self.summary)
     }
 
-    fn write_plain(
+    fn write_payload(
         &mut self,
         stream: u32,
-        payload: Payload,
+        payload: &[u8],
         n_elements: usize,
         span_us: [i64; 2],
     ) -> Result<(), WriteError> {
-        let packet = squeeze(self.compression, Plain { payload, n_elements, span_us });
-        self.write_packet(stream, packet)?;
+        let mut packet = self.packets[0].pop().unwrap_or_default();
+        let taken = packet.take_payload(self.compression, payload, n_elements, span_us);
+        taken.map_err(|source| self.failed(source))?;
+        self.write_packet(stream, &mut packet)?;
+        self.packets[0].push(packet);
         self.flush_stream()
     }
 
-    fn write_packet(&mut self, stream: u32, packet: io::Result<Plain>) -> Result<(), WriteError> {
-        let packet = packet.map_err(|source| self.failed(source))?;
-        let payload = packet.payload.as_bytes();
-        self.write_bytes(&stream.to_le_bytes())?;
-        self.write_bytes(&(payload.len() as u32).to_le_bytes())?;
+    fn write_packet(&mut self, stream: u32, packet: &mut Outgoing) -> Result<(), WriteError> {
         if self.patch_header.is_some() {
             self.entries.push(Entry {
-                payload_offset: self.summary.n_bytes,
+                payload_offset: self.summary.n_bytes + HEAD_BYTES as u64,
                 stream,
-                payload_bytes: payload.len() as u32,
+                payload_bytes: packet.payload_bytes(),
                 n_elements: packet.n_elements as u64,
                 span_us: packet.span_us,
             });
         }
-        self.write_bytes(payload)?;
+        self.write_bytes(packet.finish(stream))?;
         self.summary.n_packets += 1;
         if let Some(n) = self.summary.n_elements.get_mut(stream as usize) {
             *n += packet.n_elements as u64;
@@ -335,18 +365,6 @@ impl<W: Write> Writer<W> {
     fn failed(&self, source: io::Error) -> WriteError {
         WriteError::Io { name: self.name.clone(), packet: self.summary.n_packets, source }
     }
-}
-
-fn squeeze(compression: Compression, plain: Plain) -> io::Result<Plain> {
-    if compression == Compression::None {
-        return Ok(plain);
-    }
-    let payload = Payload::Bytes(compress(compression, plain.payload.as_bytes())?);
-    Ok(Plain { payload, ..plain })
-}
-
-fn span(times: impl Iterator<Item = i64> + Clone) -> [i64; 2] {
-    [times.clone().min().unwrap_or_default(), times.max().unwrap_or_default()]
 }
 
 /// Start and end of each packet.
@@ -407,6 +425,24 @@ mod tests {
         writer.write_events(0, events.as_slice()).unwrap();
         drop(writer);
         assert!(events_of(Reader::open(&path).unwrap()) == events);
+    }
+
+    #[test]
+    fn packets_compressed_side_by_side_stay_in_order() {
+        // A hundred packets of ten events, then one, then a hundred again: memory is used anew.
+        let quiet = at((0..1_000).map(|i| i * 100_000));
+        for compression in [Compression::None, Compression::Lz4, Compression::Zstd] {
+            let mut bytes = Cursor::new(Vec::new());
+            let mut writer = Writer::new(&mut bytes, "w", compression, &specs()).unwrap();
+            let mut expected = Events::new();
+            for run in [quiet.as_slice(), quiet.as_slice().range(0, 1), quiet.as_slice()] {
+                writer.write_events(0, run).unwrap();
+                expected.extend_from_slice(run);
+            }
+            assert_eq!(writer.finish().unwrap().n_packets, 201);
+            let reader = Reader::new(bytes.get_ref().as_slice(), "w").unwrap();
+            assert!(events_of(reader) == expected, "{compression:?}");
+        }
     }
 
     #[test]
