@@ -12,6 +12,7 @@
 //! | [`rig`], [`trajectory`] | descriptions read, checked, explained; path to timed poses; reach, joint, speed limits |
 //! | [`session`] | the on-disk contract: layout, manifest, journal, verify, imports |
 //! | [`generate`] | brightness to events; pure |
+//! | [`clock`] | SensorTimestamp to Unix, each map with its error; offset from motion that both cameras saw |
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
@@ -26,6 +27,7 @@
 //! 5. Randomness is always a seeded generator passed in; the seed is in the manifest.
 
 pub mod cli;
+pub mod clock;
 pub mod commands;
 pub mod compare;
 pub mod event;

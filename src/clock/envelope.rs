@@ -1,0 +1,139 @@
+//! The smallest latency between steps: the default for frame pairs.
+//!
+//! SensorTimestamp and RealTime of one Linux host are steered at the same rate, so their
+//! difference is constant but for steps, and its lower end is the smallest value between
+//! two steps. A device with a crystal of its own drifts; there the lower end is a line
+//! fitted about each of many knots, over the longest window in which it stays straight.
+
+use super::endpoint::lower_endpoint;
+use super::error::ClockError;
+use super::estimate::{ClockEstimate, Method, MinimumLatency, Segment, SegmentError, SegmentStart};
+use super::input::FramePairs;
+use super::trace::{Line, Trace};
+use crate::time::{Clock, Span, Stamp};
+use std::ops::Range;
+
+mod drifting;
+
+/// Error of a stamp by itself: whole microseconds on both sides and the delay of the interrupt, µs.
+pub(super) const RESOLUTION_US: f64 = 3.0;
+
+/// How the two clocks run against each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RateModel {
+    /// Both are clocks of one host, steered alike: equal rates by construction.
+    #[default]
+    SameHost,
+    /// The source has a crystal of its own.
+    Device,
+}
+
+/// What the envelope is told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EnvelopeOptions {
+    /// How the clocks run against each other.
+    pub rate: RateModel,
+    /// What is known of the smallest latency.
+    pub latency: MinimumLatency,
+    /// Changes below this are latency, above it a clock was set.
+    pub step_threshold: Span,
+}
+
+impl Default for EnvelopeOptions {
+    fn default() -> Self {
+        Self {
+            rate: RateModel::SameHost,
+            latency: MinimumLatency::Unknown,
+            step_threshold: Span::from_micros(3_000),
+        }
+    }
+}
+
+/// The offset between steps from the smallest latency, with a calibrated interval.
+///
+/// # Errors
+/// None for checked pairs; the signature is that of every method.
+pub fn envelope<A: Clock, B: Clock>(
+    pairs: &FramePairs<A, B>,
+    options: &EnvelopeOptions,
+) -> Result<ClockEstimate<A, B>, ClockError> {
+    let trace = Trace::new(pairs.pairs());
+    let threshold_us = options.step_threshold.as_nanos() as f64 * 1e-3;
+    let ranges = super::steps::between_steps(&trace.x_s, &trace.y_us, threshold_us);
+    let mut segments: Vec<Segment<A, B>> = Vec::new();
+    let mut offsets_us = Vec::with_capacity(trace.x_s.len());
+    let mut tail_index = None;
+    for range in &ranges {
+        let pieces = match options.rate {
+            RateModel::SameHost => vec![constant(&trace, range, options.latency)],
+            RateModel::Device => drifting::pieces(&trace, range, options.latency),
+        };
+        for piece in &pieces {
+            let line = piece.line;
+            offsets_us.extend(piece.frames.clone().map(|frame| line.at(trace.x_s[frame])));
+        }
+        tail_index = tail_index.or(pieces.first().and_then(|piece| piece.tail_index));
+        join(&mut segments, pieces.into_iter().map(|piece| piece.segment));
+    }
+    let mut diagnostics = trace.diagnostics(|index| offsets_us[index]);
+    diagnostics.tail_index = tail_index;
+    Ok(ClockEstimate {
+        method: Method::Envelope,
+        segments,
+        minimum_latency: options.latency,
+        doubtful: ranges.iter().skip(1).map(|range| about(&trace, range.start)).collect(),
+        tally: pairs.tally(),
+        diagnostics,
+    })
+}
+
+/// A segment and what it was made of.
+struct Piece<A: Clock, B: Clock> {
+    segment: Segment<A, B>,
+    frames: Range<usize>,
+    line: Line,
+    tail_index: Option<f64>,
+}
+
+fn constant<A: Clock, B: Clock>(
+    trace: &Trace<'_, A, B>,
+    range: &Range<usize>,
+    latency: MinimumLatency,
+) -> Piece<A, B> {
+    let y = &trace.y_us[range.clone()];
+    let line = Line::constant(y.iter().copied().fold(f64::INFINITY, f64::min));
+    let endpoint = lower_endpoint(y);
+    let error = endpoint.map(|end| {
+        SegmentError::one_sided(
+            end.below90 + RESOLUTION_US,
+            end.below95 + RESOLUTION_US,
+            RESOLUTION_US,
+            latency,
+            range.len() as u64,
+        )
+    });
+    let segment =
+        trace.segment(range, SegmentStart::Beginning, line, latency.subtracted()).with_error(error);
+    let tail_index = endpoint.map(|end| end.tail_index);
+    Piece { segment, frames: range.clone(), line, tail_index }
+}
+
+/// Appends the segments of one range; the first of them begins with the step from what is there.
+fn join<A: Clock, B: Clock>(
+    segments: &mut Vec<Segment<A, B>>,
+    pieces: impl Iterator<Item = Segment<A, B>>,
+) {
+    for mut piece in pieces {
+        if let (Some(before), SegmentStart::Beginning) = (segments.last(), piece.start) {
+            let by = piece.map.map(piece.first) - before.map.map(piece.first);
+            piece.start = SegmentStart::Step { by };
+        }
+        segments.push(piece);
+    }
+}
+
+/// Two frames on each side of a step: a delayed one may be counted to the wrong side.
+fn about<A: Clock, B: Clock>(trace: &Trace<'_, A, B>, step: usize) -> [Stamp<B>; 2] {
+    let last = (step + 1).min(trace.pairs.len() - 1);
+    [trace.pairs[step.saturating_sub(2)].sensor, trace.pairs[last].sensor]
+}
