@@ -17,13 +17,15 @@ use std::collections::BTreeMap;
 /// What the readings are held to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PairOptions {
-    /// Contradictions up to this are the clocks' resolution, above it a clock was set.
+    /// Contradictions up to this are the clocks' own noise, above it a clock was set.
     pub tolerance: Span,
+    /// Step of the coarser clock's stamps, which name a stretch of time and not an instant.
+    pub resolution: Span,
 }
 
 impl Default for PairOptions {
     fn default() -> Self {
-        Self { tolerance: Span::from_micros(1) }
+        Self { tolerance: Span::from_micros(1), resolution: Span::from_nanos(1) }
     }
 }
 
@@ -43,7 +45,7 @@ pub fn clock_pair<A: Clock, B: Clock>(
         return Err(ClockError::NoReadings { n_seen: readings.len(), n_reversed });
     };
     let bounds: Vec<Bounds<B>> =
-        narrowest.iter().map(|reading| Bounds::of(reading, first)).collect();
+        narrowest.iter().map(|reading| Bounds::of(reading, first, options.resolution)).collect();
     let (runs, n_rejected) = runs(&bounds, options.tolerance.as_nanos());
     let segments = segments(&runs, first);
     let doubtful = runs.windows(2).map(|pair| [pair[0].last, pair[1].first]).collect();
@@ -91,13 +93,17 @@ struct Run<B: Clock> {
 }
 
 impl<B: Clock> Bounds<B> {
-    fn of<A: Clock>(reading: &ClockReading<A, B>, origin: ClockReading<A, B>) -> Self {
+    fn of<A: Clock>(
+        reading: &ClockReading<A, B>,
+        origin: ClockReading<A, B>,
+        resolution: Span,
+    ) -> Self {
         let real = reading.real - origin.real;
         Self {
             from: reading.before,
             to: reading.after,
-            low: (real - (reading.after - origin.before)).as_nanos(),
-            high: (real - (reading.before - origin.before)).as_nanos(),
+            low: (real - (reading.after - origin.before) - resolution).as_nanos(),
+            high: (real - (reading.before - origin.before) + resolution).as_nanos(),
         }
     }
 

@@ -81,7 +81,10 @@ pub fn envelope<A: Clock, B: Clock>(
         method: Method::Envelope,
         segments,
         minimum_latency: options.latency,
-        doubtful: ranges.iter().skip(1).map(|range| about(&trace, range.start)).collect(),
+        doubtful: ranges
+            .windows(2)
+            .map(|pair| about(&trace, [&pair[0], &pair[1]], threshold_us))
+            .collect(),
         tally: pairs.tally(),
         diagnostics,
     })
@@ -132,8 +135,21 @@ fn join<A: Clock, B: Clock>(
     }
 }
 
-/// Two frames on each side of a step: a delayed one may be counted to the wrong side.
-fn about<A: Clock, B: Clock>(trace: &Trace<'_, A, B>, step: usize) -> [Stamp<B>; 2] {
-    let last = (step + 1).min(trace.pairs.len() - 1);
-    [trace.pairs[step.saturating_sub(2)].sensor, trace.pairs[last].sensor]
+/// The frames about a step that may belong to its other side: two on each, and the late ones
+/// next to it, since a frame that waited may have been read after a step it came before.
+fn about<A: Clock, B: Clock>(
+    trace: &Trace<'_, A, B>,
+    [before, after]: [&Range<usize>; 2],
+    threshold_us: f64,
+) -> [Stamp<B>; 2] {
+    let late = |range: &Range<usize>| {
+        let y = &trace.y_us;
+        let smallest = y[range.clone()].iter().copied().fold(f64::INFINITY, f64::min);
+        move |frame: &usize| y[*frame] > smallest + threshold_us
+    };
+    let n_before = before.clone().rev().take_while(late(before)).count().max(2);
+    let n_after = after.clone().take_while(late(after)).count().max(2);
+    let first = before.end.saturating_sub(n_before).max(before.start);
+    let last = (after.start + n_after).min(after.end) - 1;
+    [trace.pairs[first].sensor, trace.pairs[last].sensor]
 }

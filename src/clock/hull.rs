@@ -50,6 +50,10 @@ pub fn hull<A: Clock, B: Clock>(
     })
 }
 
+/// A fitted line stands off the truth farther than a smallest value does, and takes the two
+/// samples that would show it: its error over a constant's, by simulation.
+const LINE_FACTOR: f64 = 1.6;
+
 /// The hull's line over a range of frames, with what bounds its error.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LineFit {
@@ -77,12 +81,13 @@ pub(super) fn fit(x_s: &[f64], y_us: &[f64], range: &Range<usize>) -> LineFit {
     let line = edge_at(x, y, mean_s);
     let residuals: Vec<f64> = x.iter().zip(y).map(|(x, y)| y - line.at(*x)).collect();
     let endpoint = lower_endpoint(&residuals);
+    let below = |gap: Option<f64>| gap.map_or(f64::INFINITY, |gap| LINE_FACTOR * gap);
     LineFit {
         line,
         mean_s,
         half_span_s: 0.5 * (x[x.len() - 1] - x[0]),
-        below95: endpoint.map_or(f64::INFINITY, |end| end.below95),
-        below90: endpoint.map_or(f64::INFINITY, |end| end.below90),
+        below95: below(endpoint.map(|end| end.below95)),
+        below90: below(endpoint.map(|end| end.below90)),
         tail_index: endpoint.map_or(f64::NAN, |end| end.tail_index),
     }
 }

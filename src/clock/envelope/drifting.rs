@@ -1,9 +1,10 @@
 //! The lower envelope of a clock that drifts: lines about knots.
 //!
 //! A crystal bends slowly with temperature and sharply when a host slews its clock. About
-//! each knot the window grows as long as its interval agrees with those of all shorter
-//! windows (the intersection of confidence intervals; Goldenshluger and Nemirovski,
-//! Mathematical Methods of Statistics 6, 1997): long where the clock runs straight, short near a bend.
+//! each knot the window grows as long as its line agrees with what the shortest windows say
+//! at every knot within it (after the intersection of confidence intervals; Goldenshluger and
+//! Nemirovski, Mathematical Methods of Statistics 6, 1997): long where the clock runs
+//! straight, short near a bend.
 
 use super::super::estimate::{MinimumLatency, SegmentError, SegmentStart};
 use super::super::hull::{LineFit, fit};
@@ -44,8 +45,9 @@ pub(super) fn pieces<A: Clock, B: Clock>(
     let (from, to) = (trace.x_s[range.start], trace.x_s[range.end - 1]);
     let n_pieces = ((to - from) / KNOT_S).round().max(1.0);
     let place = |number: usize| from + (to - from) * number as f64 / n_pieces;
-    let knots: Vec<Knot> =
-        (0..=n_pieces as usize).map(|number| knot(trace, range, place(number))).collect();
+    let places: Vec<f64> = (0..=n_pieces as usize).map(place).collect();
+    let local: Vec<Knot> = places.iter().map(|&x_s| shortest(trace, range, x_s)).collect();
+    let knots: Vec<Knot> = places.iter().map(|&x_s| longest(trace, range, x_s, &local)).collect();
     let mut begin = range.start;
     let mut pieces = Vec::with_capacity(knots.len());
     for (number, pair) in knots.windows(2).enumerate() {
@@ -84,30 +86,41 @@ fn piece<A: Clock, B: Clock>(
     Piece { segment, frames, line, tail_index }
 }
 
-/// The envelope at `x_s` over the longest window that agrees with all shorter ones.
-fn knot<A: Clock, B: Clock>(trace: &Trace<'_, A, B>, range: &Range<usize>, x_s: f64) -> Knot {
-    let mut agreed = [f64::NEG_INFINITY, f64::INFINITY];
-    let mut best: Option<Knot> = None;
+/// The envelope at `x_s` over the shortest window that says anything.
+fn shortest<A: Clock, B: Clock>(trace: &Trace<'_, A, B>, range: &Range<usize>, x_s: f64) -> Knot {
+    let frames = WINDOWS_S
+        .into_iter()
+        .map(|length| window(&trace.x_s, range, x_s, length))
+        .find(|frames| frames.len() >= MIN_WINDOW)
+        .unwrap_or_else(|| range.clone());
+    within(&fit(&trace.x_s, &trace.y_us, &frames), x_s)
+}
+
+/// The envelope at `x_s` over the longest window whose line agrees with all local knots.
+fn longest<A: Clock, B: Clock>(
+    trace: &Trace<'_, A, B>,
+    range: &Range<usize>,
+    x_s: f64,
+    local: &[Knot],
+) -> Knot {
+    let mut best = shortest(trace, range, x_s);
     let mut before = 0..0;
     for length in WINDOWS_S {
-        let window = window(&trace.x_s, range, x_s, length);
-        let is_whole = window == *range;
-        if window == before || (window.len() < MIN_WINDOW && !is_whole) {
+        let frames = window(&trace.x_s, range, x_s, length);
+        if frames == before || frames.len() < MIN_WINDOW {
             continue;
         }
-        let candidate = within(&fit(&trace.x_s, &trace.y_us, &window), x_s);
-        let interval = [
-            candidate.offset_us - candidate.margin95[0],
-            candidate.offset_us + candidate.margin95[1],
-        ];
-        agreed = [agreed[0].max(interval[0]), agreed[1].min(interval[1])];
-        if best.is_some() && agreed[0] > agreed[1] {
+        let fit = fit(&trace.x_s, &trace.y_us, &frames);
+        let covered = trace.x_s[frames.start]..=trace.x_s[frames.end - 1];
+        // The line lies below all points; too far below some of them means it is not straight there.
+        let agrees = |knot: &Knot| fit.line.at(knot.x_s) >= knot.offset_us - knot.margin95[0];
+        if !local.iter().filter(|knot| covered.contains(&knot.x_s)).all(agrees) {
             break;
         }
-        best = Some(candidate);
-        before = window;
+        best = within(&fit, x_s);
+        before = frames;
     }
-    best.unwrap_or_else(|| within(&fit(&trace.x_s, &trace.y_us, range), x_s))
+    best
 }
 
 /// Frames within a window of `length_s`, about `x_s` where the range allows, within it always.

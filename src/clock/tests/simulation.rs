@@ -46,7 +46,7 @@ pub(super) struct Recording {
     pub(super) pairs: Vec<FramePair>,
     /// RealTime that each frame would have had with the smallest latency, by the true clocks.
     pub(super) truth: Vec<Stamp<Unix>>,
-    /// Five sandwiches every half second.
+    /// Five sandwiches a frame.
     pub(super) readings: Vec<ClockReading>,
 }
 
@@ -150,9 +150,9 @@ pub(super) fn record(scenario: Scenario, seed: u64) -> Recording {
 
 fn readings(scenario: Scenario, truth: &Truth, rng: &mut StdRng) -> Vec<ClockReading> {
     let mut readings = Vec::new();
-    for group in 0..=(2.0 * scenario.duration_s) as u64 {
+    for group in 0..(scenario.duration_s * scenario.fps) as u64 {
         for sandwich in 0..5 {
-            let t = group as f64 * 0.5 + f64::from(sandwich) * 1e-6;
+            let t = group as f64 / scenario.fps + f64::from(sandwich) * 1e-6;
             // Mostly 200 ns wide; now and then something gets in between.
             let width = 200e-9
                 + 50e-9 * rng.sample::<f64, _>(Exp1)
