@@ -23,23 +23,18 @@ pub(super) fn between_steps(x_s: &[f64], y_us: &[f64], threshold_us: f64) -> Vec
     let mut bounds = vec![0];
     let mut at = MARGIN;
     while at + MARGIN <= blocks.len() {
-        match step_at(&blocks, at, threshold_us) {
-            Some(change) if change < 0.0 => {
-                // The look-ahead sees a downward step early: go on to the last place that sees it.
-                while at + 1 + MARGIN <= blocks.len()
-                    && step_at(&blocks, at + 1, threshold_us).is_some_and(|next| next < 0.0)
-                {
-                    at += 1;
-                }
-                bounds.push(first_low(&blocks, y_us, at));
-                at += SIDE;
-            }
-            Some(_) => {
-                bounds.push(after_last_low(&blocks, y_us, at));
-                at += SIDE;
-            }
-            None => at += 1,
-        }
+        let Some(change) = step_at(&blocks, at, threshold_us) else {
+            at += 1;
+            continue;
+        };
+        at = place_of(&blocks, at, change, threshold_us);
+        let is_down = change < 0.0;
+        bounds.push(if is_down {
+            first_low(&blocks, y_us, at)
+        } else {
+            after_last_low(&blocks, y_us, at)
+        });
+        at += SIDE;
     }
     bounds.push(x_s.len());
     bounds.dedup();
@@ -77,6 +72,30 @@ fn step_at(blocks: &[Block], at: usize, threshold_us: f64) -> Option<f64> {
     let [before, after] = sides(blocks, at);
     let change = after - before;
     (change.abs() > threshold_us).then_some(change)
+}
+
+/// The boundary at which a step first seen at `at` belongs.
+///
+/// The look-ahead sees a downward step early, so it belongs to the last place that shows
+/// all of it; the few frames that an upward step leaves in its block may show a part of it
+/// early, so it belongs to the first place that shows all.
+fn place_of(blocks: &[Block], mut at: usize, change: f64, threshold_us: f64) -> usize {
+    let mut best = change;
+    while at + 1 + MARGIN <= blocks.len() {
+        let [before, after] = sides(blocks, at + 1);
+        let next = after - before;
+        let shows_all = if change < 0.0 {
+            next <= best + threshold_us && next < -threshold_us
+        } else {
+            next > best + threshold_us
+        };
+        if !shows_all {
+            break;
+        }
+        best = if change < 0.0 { best.min(next) } else { next };
+        at += 1;
+    }
+    at
 }
 
 /// The first frame that a downward step in block `at` can have moved.
