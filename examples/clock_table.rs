@@ -10,9 +10,14 @@ use evrig::clock::{
     MinimumLatency, PairOptions, PaperUnit, RateModel, clock_pair, envelope, hull, olson2,
     paper_interval, paper_window,
 };
-use evrig::time::{PiSensor, Span, Stamp, Unix};
+use evrig::clock::{MotionOptions, RowTiming, TrackSample, motion};
+use evrig::time::{ClockMap, Davis, PiSensor, Span, Stamp, Unix};
+use evrig::units::Pixels;
+use seen_motion::{DAVIS_FPS, PI_FPS, Path, Scene};
 use simulation::{Clocks, Family, Recording, SMALLEST_S, Scenario, record};
 
+#[path = "../src/clock/tests/seen_motion.rs"]
+mod seen_motion;
 #[path = "../src/clock/tests/simulation.rs"]
 mod simulation;
 
@@ -118,6 +123,45 @@ fn run(scenario: Scenario, trials: u64) {
     }
 }
 
+/// The offset from motion: its scatter over the Cramér-Rao limit, and how often it is refused.
+fn run_motion(path: Path, duration_s: f64, trials: u64) {
+    let scene = Scene::new(path, duration_s);
+    let (mut squares, mut sum, mut in95, mut in90, mut answered) = (0.0, 0.0, 0_u64, 0_u64, 0_u64);
+    let (mut claimed_us, mut limit_us) = (0.0, f64::NAN);
+    for trial in 0..trials {
+        let tracks = scene.film(5_000 + trial);
+        let (pi, davis) = Scene::zeros();
+        let initial = ClockMap::from_anchor(pi, davis);
+        let found = motion(&tracks.pi, &tracks.davis, initial, &MotionOptions::default());
+        let Ok(found) = found else { continue };
+        let at = tracks.davis[tracks.davis.len() / 2].at;
+        let Some(mapped) = found.clock.map(at) else { continue };
+        let error_us = (mapped.as_nanos() - scene.pi_from_davis(at)) as f64 * 1e-3;
+        let sigma_us = found.correction_us.standard_error;
+        answered += 1;
+        sum += error_us;
+        squares += error_us * error_us;
+        claimed_us += sigma_us;
+        in95 += u64::from(error_us.abs() < 1.96 * sigma_us);
+        in90 += u64::from(found.correction_us.covers(found.correction_us.value - error_us));
+        // What the reference saw in the same time counts; the rest has no counterpart.
+        let n_davis = found.clock.tally.n_kept as usize;
+        let n_pi = (n_davis as f64 * PI_FPS / DAVIS_FPS) as usize;
+        limit_us = 1e6 * scene.limit_s(n_pi, n_davis);
+    }
+    let n = answered as f64;
+    println!(
+        "{:10} {duration_s:6.0} s {trials:5} {answered:8} {:8.1} {:8.1} {:8.1} {limit_us:8.1} {:7.2} {:7.0} {:7.0}",
+        format!("{path:?}"),
+        sum / n,
+        (squares / n).sqrt(),
+        claimed_us / n,
+        (squares / n).sqrt() / limit_us,
+        100.0 * in95 as f64 / n,
+        100.0 * in90 as f64 / n
+    );
+}
+
 fn main() {
     let trials = std::env::args().nth(1).and_then(|text| text.parse().ok()).unwrap_or(100);
     for clocks in [Clocks::Kernel, Clocks::KernelStep, Clocks::Device, Clocks::DeviceSlew] {
@@ -130,4 +174,12 @@ fn main() {
     let slow = |family| Scenario { family, clocks: Clocks::Kernel, fps: 30.0, duration_s: 60.0 };
     run(slow(Family::Gamma), trials);
     run(slow(Family::Lognormal), trials);
+    println!(
+        "\nmotion       time  tracks answered  bias us   rms us  claimed    limit rms/lim  in 95%  in 90%"
+    );
+    for path in [Path::BothWays, Path::Lissajous, Path::OneWay] {
+        run_motion(path, 5.0, 2 * trials);
+        run_motion(path, 60.0, trials);
+        run_motion(path, 600.0, (trials / 5).max(1));
+    }
 }

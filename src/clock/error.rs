@@ -103,6 +103,17 @@ pub enum ClockError {
         /// Largest ratio accepted.
         limit: f64,
     },
+    /// The tracks move too little, or not alike.
+    #[error(
+        "the tracks fix the offset only to ±{error}, no better than the search of ±{search}: the tag \
+         moves too little, or the tracks do not show one motion"
+    )]
+    WeakMotion {
+        /// Half width of the offset's 95 % interval.
+        error: Span,
+        /// Half width of the search.
+        search: Span,
+    },
     /// Two offsets explain the tracks about equally well.
     #[error(
         "the tracks fit offsets of {first} and {second} about equally well: the motion repeats \

@@ -22,11 +22,13 @@ use super::order::longest_increasing;
 use crate::stats::Estimate;
 use crate::time::{Clock, ClockMap, Span, Stamp};
 use crate::units::Pixels;
+use coarse::Start;
 use serde::{Deserialize, Serialize};
 use solve::{Fit, Solver};
 
 mod banded;
 mod coarse;
+mod equations;
 mod path;
 mod solve;
 
@@ -102,7 +104,12 @@ pub struct MotionEstimate<A: Clock, B: Clock> {
 /// Samples without which no path is fitted.
 const MIN_SAMPLES: usize = 24;
 
+/// Distance of the other's samples from the ends of the path, seconds: more than the fit still moves.
+const EDGE_S: f64 = 0.03;
+
 /// Fits the offset of `other` against `reference`, starting from `initial`.
+///
+/// The tracks must share more than twice the search on top of what is needed to fit.
 ///
 /// # Errors
 /// Too few samples, a motion that does not fix the offset, two offsets that fit alike, or a
@@ -125,20 +132,46 @@ pub fn motion<A: Clock, B: Clock>(
     let search_s = options.search.as_secs_f64();
     let (first, last) = (reference[0].t_s, reference[reference.len() - 1].t_s);
     let n_seen = other.len();
-    let mut other = points(other, |at| initial.map(at) - origin);
-    other.retain(|point| first + search_s <= point.t_s && point.t_s <= last - search_s);
-    require("other", other.len())?;
+    let other = points(other, |at| initial.map(at) - origin);
+    let within = |early_s: f64, late_s: f64| {
+        let inside =
+            move |point: &&Point| first + early_s <= point.t_s && point.t_s <= last - late_s;
+        other.iter().filter(inside).copied().collect::<Vec<Point>>()
+    };
+    // The grid compares all offsets on the same samples; the fit uses what the best one reaches.
+    let common = within(search_s, search_s);
+    require("other", common.len())?;
     let path = path::Path::fit(&reference);
-    let start = coarse::search(&path, &other, search_s, options.roll_deg)?;
+    let start = coarse::search(&path, &common, search_s, options.roll_deg)?;
+    let other = within(EDGE_S - start.tau_s, EDGE_S + start.tau_s);
+    require("other", other.len())?;
     let solver = Solver::new(&reference, &other, options);
     let fit = solver.run(path, start)?;
-    if fit.tau_s.abs() > search_s {
-        return Err(ClockError::OutOfRange { search: options.search });
-    }
-    if fit.ratio_at_least > options.max_ratio {
-        return Err(ClockError::DegenerateMotion { ratio: fit.ratio, limit: options.max_ratio });
-    }
+    judge(&fit, start, options)?;
     Ok(report(&fit, origin, initial, [&reference, &other], n_seen, options))
+}
+
+/// Whether the fit is an answer: its information first, since without any it never settles.
+fn judge(fit: &Fit, start: Start, options: &MotionOptions) -> Result<(), ClockError> {
+    let (search, limit) = (options.search, options.max_ratio);
+    if fit.ratio_at_least > limit {
+        return Err(ClockError::DegenerateMotion { ratio: fit.ratio, limit });
+    }
+    if let Some(rival_s) = start.rival_s {
+        let [first, second] = [start.tau_s, rival_s].map(Span::from_secs_f64);
+        return Err(ClockError::AmbiguousOffset { first, second });
+    }
+    let error = Span::from_secs_f64(1.96 * fit.sigma_tau_s);
+    if error > search {
+        return Err(ClockError::WeakMotion { error, search });
+    }
+    if !fit.is_settled {
+        return Err(ClockError::NotConverged { steps: solve::MAX_STEPS });
+    }
+    if fit.tau_s.abs() > search.as_secs_f64() {
+        return Err(ClockError::OutOfRange { search });
+    }
+    Ok(())
 }
 
 /// A sample as numbers: seconds since the reference's first, pixels.

@@ -3,6 +3,7 @@
 use super::Point;
 use super::path::Path;
 use crate::clock::error::ClockError;
+
 use crate::stats::Estimate;
 use crate::time::Span;
 
@@ -13,10 +14,15 @@ const MAX_SAMPLES: usize = 1_500;
 /// Difference in chi-squared below which two offsets fit alike.
 const ALIKE: f64 = 25.0;
 
+/// Chi-squared that a common motion must explain: below it there is none to speak of.
+const MIN_EXPLAINED: f64 = 200.0;
+
 /// Where the fit starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Start {
     pub(super) tau_s: f64,
+    /// Another offset that fits about as well, with worse ones between.
+    pub(super) rival_s: Option<f64>,
     pub(super) ln_scale: f64,
     pub(super) roll: f64,
     /// The other camera's picture of the reference's mean position.
@@ -35,11 +41,11 @@ pub(super) fn search(
     let stride = other.len().div_ceil(MAX_SAMPLES);
     let sample: Vec<Point> = other.iter().copied().step_by(stride).collect();
     let n_steps = (search_s / STEP_S).ceil() as i64;
-    let grid: Vec<(f64, Start)> = (-n_steps..=n_steps)
+    let grid: Vec<(f64, Start, f64)> = (-n_steps..=n_steps)
         .map(|step| (step as f64 * STEP_S).clamp(-search_s, search_s))
         .map(|tau_s| similarity(path, &sample, tau_s, roll_deg))
         .collect();
-    let costs: Vec<f64> = grid.iter().map(|(cost, _)| *cost).collect();
+    let costs: Vec<f64> = grid.iter().map(|(cost, ..)| *cost).collect();
     let best = (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).unwrap_or(0);
     // Where the model itself misfits, costs differ by more than noise would make them.
     let unit = (costs[best] / (2 * sample.len()) as f64).max(1.0);
@@ -49,22 +55,22 @@ pub(super) fn search(
         let alike = ALIKE * unit;
         costs[at] - costs[best] < alike && barrier - costs[at] > alike
     };
-    if let Some(rival) = (0..costs.len()).find(is_rival) {
-        return Err(ClockError::AmbiguousOffset {
-            first: Span::from_secs_f64(grid[best].1.tau_s),
-            second: Span::from_secs_f64(grid[rival].1.tau_s),
-        });
+    let rival = (0..costs.len()).find(is_rival);
+    if grid[best].2 < MIN_EXPLAINED * unit {
+        let search = Span::from_secs_f64(search_s);
+        return Err(ClockError::WeakMotion { error: search, search });
     }
-    Ok(grid[best].1)
+    Ok(Start { rival_s: rival.map(|rival| grid[rival].1.tau_s), ..grid[best].1 })
 }
 
-/// The similarity that fits best at one offset, in closed form, and its chi-squared.
+/// The similarity that fits best at one offset, in closed form, with the chi-squared it
+/// leaves and the chi-squared it explains.
 fn similarity(
     path: &Path,
     other: &[Point],
     tau_s: f64,
     roll_deg: Option<Estimate>,
-) -> (f64, Start) {
+) -> (f64, Start, f64) {
     let seen: Vec<[f64; 2]> =
         other.iter().map(|point| path.position(&path.basis(point.t_s + tau_s))).collect();
     let weights: Vec<f64> = other.iter().map(|point| point.error.powi(-2)).collect();
@@ -90,7 +96,8 @@ fn similarity(
         let off = (roll.to_degrees() - prior.value + 180.0).rem_euclid(360.0) - 180.0;
         (off / prior.standard_error).powi(2)
     });
-    let cost = spread - scale * scale * size + prior;
+    let explained = scale * scale * size;
+    let cost = spread - explained + prior;
     let ln_scale = scale.max(1e-9).ln();
-    (cost, Start { tau_s, ln_scale, roll, shift, centre })
+    (cost, Start { tau_s, rival_s: None, ln_scale, roll, shift, centre }, explained)
 }
