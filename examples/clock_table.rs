@@ -28,6 +28,9 @@ const METHODS: [&str; 6] =
 #[derive(Default)]
 struct Score {
     sum_of_squares: f64,
+    /// The same over frames that are not marked as doubtful.
+    sure_squares: f64,
+    n_sure: u64,
     worst_us: f64,
     n_frames: u64,
     n_covered95: u64,
@@ -45,6 +48,10 @@ impl Score {
             let error_us = error.as_nanos() as f64 * 1e-3;
             self.sum_of_squares += error_us * error_us;
             self.n_frames += 1;
+            if !estimate.is_doubtful(pair.sensor) {
+                self.sure_squares += error_us * error_us;
+                self.n_sure += 1;
+            }
             self.worst_us = self.worst_us.max(error_us.abs());
             let error_of_segment = estimate.segment_at(pair.sensor).and_then(|s| s.error);
             if let (true, Some(claim)) = (index == middle, error_of_segment) {
@@ -63,7 +70,9 @@ impl Score {
 
     fn print(&mut self, name: &str, paper_rms_us: f64) {
         let ratio = paper_rms_us / self.rms_us();
-        print!("{name:15} {:10.1} {:10.0} {ratio:10.1}", self.rms_us(), self.worst_us);
+        let sure_us = (self.sure_squares / self.n_sure as f64).sqrt();
+        let worst_us = self.worst_us;
+        print!("{name:15} {:10.1} {sure_us:10.1} {worst_us:10.0} {ratio:10.1}", self.rms_us());
         self.widths_us.sort_by(f64::total_cmp);
         match self.widths_us.get(self.widths_us.len() / 2) {
             Some(width) => {
@@ -113,7 +122,9 @@ fn run(scenario: Scenario, trials: u64) {
         "\n{:?}, {:?}, {:.0} fps, {:.0} s, {trials} trials",
         scenario.family, scenario.clocks, scenario.fps, scenario.duration_s
     );
-    println!("method              rms us   worst us  paper/own   in 95%   in 90%   width us");
+    println!(
+        "method              rms us    sure us   worst us  paper/own   in 95%   in 90%   width us"
+    );
     let paper = scores[0].rms_us();
     let is_drifting = matches!(scenario.clocks, Clocks::Device | Clocks::DeviceSlew);
     for (name, score) in METHODS.iter().zip(&mut scores) {

@@ -63,7 +63,7 @@ pub fn envelope<A: Clock, B: Clock>(
     let mut segments: Vec<Segment<A, B>> = Vec::new();
     let mut offsets_us = Vec::with_capacity(trace.x_s.len());
     let mut tail_index = None;
-    for range in &ranges {
+    for (number, range) in ranges.iter().enumerate() {
         let pieces = match options.rate {
             RateModel::SameHost => vec![constant(&trace, range, options.latency)],
             RateModel::Device => drifting::pieces(&trace, range, options.latency),
@@ -73,7 +73,13 @@ pub fn envelope<A: Clock, B: Clock>(
             offsets_us.extend(piece.frames.clone().map(|frame| line.at(trace.x_s[frame])));
         }
         tail_index = tail_index.or(pieces.first().and_then(|piece| piece.tail_index));
+        let n_before = segments.len();
         join(&mut segments, pieces.into_iter().map(|piece| piece.segment));
+        if number > 0 {
+            let at = instant_of_step(&trace, &offsets_us, range.start, options.latency);
+            segments[n_before - 1].last = at;
+            segments[n_before].first = at;
+        }
     }
     let mut diagnostics = trace.diagnostics(|index| offsets_us[index]);
     diagnostics.tail_index = tail_index;
@@ -135,6 +141,24 @@ fn join<A: Clock, B: Clock>(
     }
 }
 
+/// When the clock was set: between the last reading of the old time and the first of the new.
+///
+/// RealTime is read a latency after the frame, so frames up to a latency earlier than the
+/// step already show the new time; what is known of the latency is allowed for.
+fn instant_of_step<A: Clock, B: Clock>(
+    trace: &Trace<'_, A, B>,
+    offsets_us: &[f64],
+    first_new: usize,
+    latency: MinimumLatency,
+) -> Stamp<B> {
+    let read = |frame: usize| {
+        let above = Span::from_secs_f64((trace.y_us[frame] - offsets_us[frame]) * 1e-6);
+        trace.pairs[frame].sensor + latency.subtracted() + above
+    };
+    let (old, new) = (read(first_new - 1), read(first_new));
+    Stamp::from_nanos(old.as_nanos().midpoint(new.as_nanos()))
+}
+
 /// The frames about a step that may belong to its other side: two on each, and the late ones
 /// next to it, since a frame that waited may have been read after a step it came before.
 fn about<A: Clock, B: Clock>(
@@ -148,7 +172,7 @@ fn about<A: Clock, B: Clock>(
         move |frame: &usize| y[*frame] > smallest + threshold_us
     };
     let n_before = before.clone().rev().take_while(late(before)).count().max(2);
-    let n_after = after.clone().take_while(late(after)).count().max(2);
+    let n_after = after.clone().take_while(late(after)).count().max(3);
     let first = before.end.saturating_sub(n_before).max(before.start);
     let last = (after.start + n_after).min(after.end) - 1;
     [trace.pairs[first].sensor, trace.pairs[last].sensor]

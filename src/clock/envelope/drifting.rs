@@ -20,6 +20,9 @@ const KNOT_S: f64 = 2.5;
 const WINDOWS_S: [f64; 6] = [2.5, 5.0, 10.0, 20.0, 40.0, 60.0];
 /// Frames below which a window says nothing.
 const MIN_WINDOW: usize = 60;
+/// How many 95 % margins a line may lie below a local knot: there are many knots, and one that
+/// strays must not shorten the windows about it.
+const AGREEMENT: f64 = 2.0;
 /// Change of rate that every window must allow for, ppm a second (a crystal in a warming case).
 const WANDER_PPM_PER_S: f64 = 0.02;
 
@@ -113,7 +116,8 @@ fn longest<A: Clock, B: Clock>(
         let fit = fit(&trace.x_s, &trace.y_us, &frames);
         let covered = trace.x_s[frames.start]..=trace.x_s[frames.end - 1];
         // The line lies below all points; too far below some of them means it is not straight there.
-        let agrees = |knot: &Knot| fit.line.at(knot.x_s) >= knot.offset_us - knot.margin95[0];
+        let agrees =
+            |knot: &Knot| fit.line.at(knot.x_s) >= knot.offset_us - AGREEMENT * knot.margin95[0];
         if !local.iter().filter(|knot| covered.contains(&knot.x_s)).all(agrees) {
             break;
         }
