@@ -14,6 +14,7 @@
 //! | [`device`] | the devices and their simulated twins: the Dobot Magician |
 //! | [`generate`] | brightness to events; pure |
 //! | [`filter`] | hot pixels, background activity, dead time, rate limit; every event has a fate |
+//! | [`clock`] | SensorTimestamp to Unix, each map with its error; offset from motion that both cameras saw |
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
@@ -28,6 +29,7 @@
 //! 5. Randomness is always a seeded generator passed in; the seed is in the manifest.
 
 pub mod cli;
+pub mod clock;
 pub mod commands;
 pub mod compare;
 pub mod device;
