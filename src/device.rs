@@ -1,0 +1,3 @@
+//! The devices of a rig, real and simulated.
+
+pub mod sim;

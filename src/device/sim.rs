@@ -1,0 +1,3 @@
+//! The simulated rig.
+
+pub mod world;
