@@ -24,12 +24,17 @@ mod print;
 mod problem;
 mod range;
 mod schedule;
+#[cfg(test)]
+mod stage;
 mod tag;
 mod texture;
+#[cfg(test)]
+mod tests;
 mod view;
 
 pub use clocks::Clocks;
 pub use davis::{DavisPacket, DavisTwin};
+pub use effects::Effects;
 pub use description::{
     ClocksOfWorld, DavisSensor, PiSensorDescription, PrintDescription, WorldDescription,
 };
