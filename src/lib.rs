@@ -8,10 +8,11 @@
 //! | --- | --- |
 //! | [`units`], [`time`], [`stats`], [`geometry`] | vocabulary: units, clocks, estimates, grids; no I/O |
 //! | [`event`], [`frame`], [`imu`] | the data that flow: event columns, frames with exposure and row timing, inertial samples |
+//! | [`effect_id`] | the names of physical effects and of their parameters; no code |
 //! | [`format`](mod@format) | one file a format, bytes in and values out, bounded memory |
 //! | [`rig`], [`trajectory`] | descriptions read, checked, explained; path to timed poses; reach, joint, speed limits |
 //! | [`session`] | the on-disk contract: layout, manifest, journal, verify, imports |
-//! | [`device`] | the devices and their simulated twins: the Dobot Magician |
+//! | [`device`] | the devices, and the simulated world that simulated devices live in |
 //! | [`generate`] | brightness to events; pure |
 //! | [`filter`] | hot pixels, background activity, dead time, rate limit; every event has a fate |
 //! | [`clock`] | SensorTimestamp to Unix, each map with its error; offset from motion that both cameras saw |
@@ -33,6 +34,7 @@ pub mod clock;
 pub mod commands;
 pub mod compare;
 pub mod device;
+pub mod effect_id;
 pub mod event;
 pub mod filter;
 pub mod format;

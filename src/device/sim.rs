@@ -4,3 +4,4 @@
 //! with the code that is proven on it: not the generators', not the checker's.
 
 pub mod arm;
+pub mod world;
