@@ -14,6 +14,12 @@ pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
 mod plan;
 
 pub use plan::PlanArgs;
+mod emulate;
+mod guard;
+
+pub use about::{CompletionsArgs, ManArgs};
+pub use emulate::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
+pub use guard::GuardArgs;
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]
@@ -69,6 +75,11 @@ pub enum Command {
     Plan(PlanArgs),
     /// Print a completion script for a shell
     Completions(CompletionsArgs),
+    /// Serve a simulated device on the real wire, for tests and other programs
+    Emulate(EmulateArgs),
+    /// Own the arm's port and stop the arm when evrig dies
+    #[command(hide = true)]
+    Guard(GuardArgs),
     /// Write the man pages into a directory
     Man(ManArgs),
 }

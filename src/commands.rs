@@ -13,6 +13,8 @@ mod export;
 mod generate;
 mod import;
 mod info;
+mod emulate;
+mod guard;
 mod output;
 mod plan;
 mod process;
@@ -66,6 +68,8 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Export(args) => export::run(&args, output),
         Command::Plan(args) => plan::plan(&args, output),
         Command::Completions(args) => about::completions(&args, &mut Cli::command()),
+        Command::Emulate(args) => emulate::emulate(&args, output),
+        Command::Guard(args) => guard::guard(&args, output),
         Command::Man(args) => about::man(&args, Cli::command(), output),
     }
 }

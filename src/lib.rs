@@ -11,6 +11,7 @@
 //! | [`format`](mod@format) | one file a format, bytes in and values out, bounded memory |
 //! | [`rig`], [`trajectory`] | descriptions read, checked, explained; path to timed poses; reach, joint, speed limits |
 //! | [`session`] | the on-disk contract: layout, manifest, journal, verify, imports |
+//! | [`device`] | the devices and their simulated twins: the Dobot Magician |
 //! | [`generate`] | brightness to events; pure |
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
@@ -28,6 +29,7 @@
 pub mod cli;
 pub mod commands;
 pub mod compare;
+pub mod device;
 pub mod event;
 pub mod format;
 pub mod frame;

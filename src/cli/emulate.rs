@@ -1,0 +1,74 @@
+//! `emulate`: a simulated device on the real wire.
+
+use clap::{Args, Subcommand};
+use std::path::PathBuf;
+
+/// Arguments of `evrig emulate`.
+#[derive(Debug, Args)]
+pub struct EmulateArgs {
+    /// The device
+    #[command(subcommand)]
+    pub device: EmulatedDevice,
+}
+
+/// One device a variant.
+#[derive(Debug, Subcommand)]
+pub enum EmulatedDevice {
+    /// A Dobot Magician on a pseudo-terminal, until Ctrl-C
+    Arm(EmulateArmArgs),
+}
+
+/// Arguments of `evrig emulate arm`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  evrig emulate arm --link /tmp/dobot\n  \
+    evrig emulate arm --time-scale 20 --journal arm.jsonl\n  \
+    evrig emulate arm --fault lost-reply@PTP#2 --fault alarm=0x22@100\n\n\
+    The port is the first line on stdout. Faults are KIND[=VALUE][@N | @NAME[#N]]: at the\n\
+    N-th request, or at the N-th request of that name. Kinds: lost-request, lost-reply,\n\
+    late-reply=150ms, corrupt-reply, trickle, silence, garbage, wedge, unplug,\n\
+    alarm=0x22, power-cycle.")]
+pub struct EmulateArmArgs {
+    /// Also reach the port under this name (a symbolic link)
+    #[arg(long, value_name = "PATH")]
+    pub link: Option<PathBuf>,
+
+    /// Let something go wrong; may be given several times
+    #[arg(long = "fault", value_name = "FAULT")]
+    pub faults: Vec<String>,
+
+    /// How much faster than real time the arm lives
+    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    pub time_scale: f64,
+
+    /// Write every request as a JSON line to this file
+    #[arg(long, value_name = "FILE")]
+    pub journal: Option<PathBuf>,
+
+    /// Places in the command queue
+    #[arg(long, value_name = "N", default_value_t = 32)]
+    pub queue_depth: usize,
+
+    /// Seconds that homing takes on the arm's clock
+    #[arg(long, value_name = "SECONDS", default_value_t = 15.0)]
+    pub homing: f64,
+
+    /// A firmware that does not know the circle command (102)
+    #[arg(long)]
+    pub no_circle: bool,
+
+    /// A firmware that drops a command it cannot plan and goes on, instead of waiting for the alarm to be cleared
+    #[arg(long)]
+    pub skip_on_alarm: bool,
+
+    /// A firmware whose arcs run at the PTP speeds instead of the ARC speeds
+    #[arg(long)]
+    pub arc_at_ptp_speed: bool,
+
+    /// Play of the base joint, degrees
+    #[arg(long, value_name = "DEG", default_value_t = 0.0)]
+    pub backlash: f64,
+
+    /// Swing of the tool, mm per mm/s^2 of acceleration
+    #[arg(long, value_name = "GAIN", default_value_t = 0.0)]
+    pub vibration: f64,
+}

@@ -1,0 +1,79 @@
+//! `emulate`: serves a simulated device until Ctrl-C.
+
+use super::{Ending, Output, WrongUse};
+use crate::cli::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
+use crate::device::sim::arm::fault::Fault;
+use crate::device::sim::arm::{ArcSpeed, Clock, Emulator, Imperfections, OnAlarm, Options};
+use anyhow::Context;
+use serde::Serialize;
+use std::io::Write;
+use std::path::PathBuf;
+
+pub(super) fn emulate(args: &EmulateArgs, output: &Output) -> anyhow::Result<Ending> {
+    match &args.device {
+        EmulatedDevice::Arm(args) => arm(args, output),
+    }
+}
+
+#[derive(Serialize)]
+struct Served {
+    port: PathBuf,
+}
+
+fn arm(args: &EmulateArmArgs, output: &Output) -> anyhow::Result<Ending> {
+    if !(args.time_scale > 0.0 && args.time_scale <= 1e4) {
+        let text = format!("--time-scale is {}; expected 0 < X <= 10000", args.time_scale);
+        return Err(WrongUse(text).into());
+    }
+    let faults = args
+        .faults
+        .iter()
+        .map(|text| text.parse::<Fault>())
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(|error| WrongUse(error.to_string()))?;
+    let journal = args
+        .journal
+        .as_ref()
+        .map(|path| {
+            std::fs::File::create(path)
+                .with_context(|| format!("cannot write the journal {}", path.display()))
+        })
+        .transpose()?
+        .map(|file| Box::new(file) as Box<dyn Write + Send>);
+    let clock = Clock::Scaled(args.time_scale);
+    // Signals are taken over before the port is announced, so that none falls between.
+    let mut signals = signal_hook::iterator::Signals::new([
+        signal_hook::consts::SIGINT,
+        signal_hook::consts::SIGTERM,
+        signal_hook::consts::SIGHUP,
+    ])?;
+    let mut emulator = Emulator::start_with_journal(options(args), clock, faults, journal)?;
+    if let Some(link) = &args.link {
+        emulator.link(link)?;
+    }
+    let port = args.link.clone().unwrap_or_else(|| emulator.port().to_owned());
+    output.result(&Served { port: port.clone() }, port.display())?;
+    output.say("a simulated Dobot Magician answers there; Ctrl-C ends it");
+    signals.forever().next();
+    Ok(Ending::Done)
+}
+
+fn options(args: &EmulateArmArgs) -> Options {
+    Options {
+        queue_depth: args.queue_depth,
+        has_circle: !args.no_circle,
+        homing_s: args.homing,
+        on_alarm: if args.skip_on_alarm { OnAlarm::Skip } else { OnAlarm::Stall },
+        arc_speed: if args.arc_at_ptp_speed {
+            ArcSpeed::PtpCoordinate
+        } else {
+            ArcSpeed::ArcParams
+        },
+        imperfections: Imperfections {
+            backlash_deg: args.backlash,
+            vibration_gain: args.vibration,
+            ..Imperfections::default()
+        },
+        ..Options::default()
+    }
+}

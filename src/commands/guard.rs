@@ -1,0 +1,24 @@
+//! `guard`: owns the arm's port for an evrig at the other end of the pipe.
+
+use super::{Ending, Output};
+use crate::cli::GuardArgs;
+use crate::device::dobot::guard::{Ended, serve};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+pub(super) fn guard(args: &GuardArgs, output: &Output) -> anyhow::Result<Ending> {
+    // A signal does not end the guard: it stops the arm and stays until evrig is gone.
+    let is_signalled = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM, SIGHUP, SIGQUIT] {
+        signal_hook::flag::register(signal, Arc::clone(&is_signalled))?;
+    }
+    match serve(&args.port, std::io::stdin(), std::io::stdout(), &is_signalled) {
+        Ended::NotBegun(_) => Ok(Ending::Failed),
+        Ended::HostGone => Ok(Ending::Done),
+        Ended::HeartbeatLate => {
+            output.warn("evrig was silent for half a second: the arm was stopped");
+            Ok(Ending::Failed)
+        }
+    }
+}

@@ -1,0 +1,665 @@
+//! The Magician as an [`Arm`]: paths in, motion and poses out.
+
+use super::client::{Client, ClientError, Identity};
+use super::command::{CartesianLimits, Command, PtpMode, Ratios};
+use super::guard::{GuardLink, Stopper};
+use super::link::LinkError;
+use super::port::PortError;
+use super::steps::{self, CircleAs};
+use super::{check, id};
+use crate::device::{Arm, Finding, Progress, host_clock};
+use crate::rig::{ArmDescription, Pose};
+use crate::time::{HostMonotonic, Span, Stamp};
+use crate::trajectory::{Motion, Path, Step};
+use std::collections::VecDeque;
+use std::ops::Range;
+
+/// Why the arm cannot drive.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ArmError {
+    /// Its port cannot be used.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// It does not answer, stands with an alarm, or does not do what it is told.
+    #[error(transparent)]
+    Client(#[from] ClientError),
+    /// Steps were started that were not prepared.
+    #[error("steps {}..{} were started, the prepared path has {n_steps}; prepare the path first", steps.start, steps.end)]
+    NotPrepared {
+        /// What was started.
+        steps: Range<usize>,
+        /// What there is.
+        n_steps: usize,
+    },
+    /// The tool is not where a motion begins.
+    #[error("the arm stands at {found}, the step begins at {expected}; prepare the path again")]
+    NotAtStart {
+        /// Where it stands.
+        found: Pose,
+        /// Where it should.
+        expected: Pose,
+    },
+}
+
+impl From<LinkError> for ArmError {
+    fn from(error: LinkError) -> Self {
+        Self::Client(error.into())
+    }
+}
+
+/// A digital output that goes high while a step is under way: an edge that a camera or a counter
+/// can see. (The DAVIS driver in use does not read the camera's trigger input, so the edge
+/// must reach it as light.)
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Marker {
+    /// Pin 1..=20.
+    pub address: u8,
+}
+
+/// The Magician.
+#[derive(Debug)]
+pub struct Magician {
+    client: Client,
+    stopper: Option<Stopper>,
+    description: ArmDescription,
+    marker: Option<Marker>,
+    circle: CircleAs,
+    path: Option<Path>,
+    run: Option<Run>,
+}
+
+/// Steps under way.
+#[derive(Debug)]
+struct Run {
+    /// What still has to go into the queue, with its step.
+    waiting: VecDeque<(Command, usize)>,
+    /// Last queued index of each step that is wholly queued.
+    ends: Vec<(usize, u64)>,
+    started: Stamp<HostMonotonic>,
+    deadline: Span,
+}
+
+/// How long a reply about room in the queue may keep a full queue waiting while preparing.
+const ROOM: Span = Span::from_micros(5_000_000);
+/// How long going to the start may take: across the workspace at the lowest sensible speed.
+const APPROACH: Span = Span::from_micros(60_000_000);
+/// Share of full speed for going to the start.
+const APPROACH_RATIO: Ratios = Ratios { velocity: 15.0, acceleration: 15.0 };
+/// The arm's repeatability is 0.2 mm; its planner is exact.
+const AT_START_MM: f64 = 0.5;
+
+impl Magician {
+    /// Speaks to the arm through a guard process started from `program` (this program, normally).
+    ///
+    /// # Errors
+    /// When the guard does not start or the port cannot be opened.
+    pub fn guarded(
+        program: &std::path::Path,
+        port: &std::path::Path,
+        description: ArmDescription,
+        patience: super::Patience,
+    ) -> Result<Self, ArmError> {
+        let link = GuardLink::start(program, port)?;
+        let stopper = link.stopper();
+        let mut arm = Self::over(Client::new(Box::new(link), patience), description);
+        arm.stopper = stopper;
+        Ok(arm)
+    }
+
+    /// Speaks over any client; without a guard nothing stops the arm when this process dies.
+    #[must_use]
+    pub fn over(client: Client, description: ArmDescription) -> Self {
+        Self {
+            client,
+            stopper: None,
+            description,
+            marker: None,
+            circle: CircleAs::Circle,
+            path: None,
+            run: None,
+        }
+    }
+
+    /// Marks steps by an output.
+    #[must_use]
+    pub const fn with_marker(mut self, marker: Marker) -> Self {
+        self.marker = Some(marker);
+        self
+    }
+
+    /// What halts the arm from other threads; none without a guard.
+    #[must_use]
+    pub fn stopper(&self) -> Option<Stopper> {
+        self.stopper.clone()
+    }
+
+    /// Who it is.
+    ///
+    /// # Errors
+    /// No answer.
+    pub fn identify(&mut self) -> Result<Identity, ArmError> {
+        Ok(self.client.identify()?)
+    }
+
+    /// Homes the arm at the pose of its description. Its base sweeps: clear the table.
+    ///
+    /// # Errors
+    /// Alarms, silence, or `deadline` passed.
+    pub fn home(&mut self, deadline: Span) -> Result<(), ArmError> {
+        self.client.clear_alarms()?;
+        Ok(self.client.home(self.description.home, deadline)?)
+    }
+
+    /// The client, for what a path does not say.
+    pub const fn client(&mut self) -> &mut Client {
+        &mut self.client
+    }
+
+    /// Sets every speed of the path and reads it back, before anything moves.
+    fn try_rates(&mut self, path: &Path) -> Result<(), ArmError> {
+        let mut tried: Vec<CartesianLimits> = Vec::new();
+        for step in path.steps() {
+            let limits = steps::cartesian_limits(&step.rates);
+            if step.curve.motion() == Motion::Hold || tried.contains(&limits) {
+                continue;
+            }
+            for command in steps::rate_commands(&step.rates) {
+                self.client.set(&command)?;
+            }
+            self.read_back(id::PTP_COORDINATE, "speed of lines", limits)?;
+            self.read_back(id::ARC_PARAMS, "speed of arcs", limits)?;
+            tried.push(limits);
+        }
+        Ok(())
+    }
+
+    fn read_back(
+        &mut self,
+        id: u8,
+        what: &'static str,
+        limits: CartesianLimits,
+    ) -> Result<(), ArmError> {
+        let set = [
+            limits.xyz_velocity,
+            limits.r_velocity,
+            limits.xyz_acceleration,
+            limits.r_acceleration,
+        ];
+        let found = self.client.floats::<4>(id)?;
+        if found == set {
+            return Ok(());
+        }
+        let (set, found) = (format!("{set:?}"), format!("{found:?}"));
+        Err(ClientError::ReadBack { what, set, found }.into())
+    }
+
+    fn set_tool(&mut self) -> Result<(), ArmError> {
+        let set = self.description.kinematics.tool_offset.map(|offset| offset.0 as f32);
+        self.client.set(&Command::EndEffector(set))?;
+        let found = self.client.floats::<3>(id::END_EFFECTOR)?;
+        if found == set {
+            return Ok(());
+        }
+        let (set, found) = (format!("{set:?}"), format!("{found:?}"));
+        Err(ClientError::ReadBack { what: "tool offset", set, found }.into())
+    }
+
+    fn go_to(&mut self, pose: Pose) -> Result<(), ArmError> {
+        self.client.set(&Command::PtpCommon(APPROACH_RATIO))?;
+        let command = Command::Ptp { mode: PtpMode::MoveJointXyz, target: steps::wire(pose) };
+        let index = self.client.enqueue(&command, ROOM)?;
+        Ok(self.client.wait_for(index, APPROACH, &mut |_| ())?)
+    }
+
+    /// Puts into the queue what it has room for.
+    fn feed(&mut self) -> Result<(), ArmError> {
+        let Some(run) = &mut self.run else { return Ok(()) };
+        while let Some((command, step)) = run.waiting.front().copied() {
+            if !self.client.has_room()? {
+                break;
+            }
+            let index = self.client.enqueue(&command, ROOM)?;
+            run.waiting.pop_front();
+            if run.waiting.front().is_none_or(|(_, next)| *next != step) {
+                run.ends.push((step, index));
+            }
+        }
+        Ok(())
+    }
+
+    /// Tries the circle command on the standing queue; an old firmware is silent about it.
+    fn probe_circle(&mut self, path: &Path) -> Result<Option<String>, ArmError> {
+        let is_circle = |step: &&Step| matches!(step.curve.motion(), Motion::Circle { .. });
+        let Some(step) = path.steps().iter().find(is_circle) else { return Ok(None) };
+        self.circle = CircleAs::Circle;
+        // The queue is stopped and cleared before and behind: the command is taken, never run.
+        self.client.stop()?;
+        let commands = steps::commands(step, CircleAs::Circle);
+        let Some(circle) = commands.last() else { return Ok(None) };
+        let taken = self.client.enqueue(circle, ROOM);
+        self.client.stop()?;
+        match taken {
+            Ok(_) => Ok(None),
+            Err(ClientError::Link(LinkError::Silent { .. }) | ClientError::Rejected { .. }) => {
+                self.circle = CircleAs::Arcs;
+                // It may have raised "undefined instruction"; anything else comes back below.
+                self.client.clear_alarms()?;
+                Ok(Some(
+                    "this firmware does not know the circle command (102): each turn is driven \
+                     as two arcs, between which the arm stops"
+                        .to_owned(),
+                ))
+            }
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn prepare_path(&mut self, path: &Path) -> Result<Vec<String>, ArmError> {
+        self.client.refuse_alarms()?;
+        let remarks: Vec<String> = self.probe_circle(path)?.into_iter().collect();
+        self.set_tool()?;
+        self.try_rates(path)?;
+        if let Some(Marker { address }) = self.marker {
+            self.client.set(&Command::Multiplex { address, function: Command::PIN_IS_OUTPUT })?;
+            self.client.set(&Command::Output { address, is_high: false })?;
+        }
+        self.client.begin()?;
+        self.go_to(path.start())?;
+        self.path = Some(path.clone());
+        Ok(remarks)
+    }
+
+    fn start_steps(&mut self, steps: Range<usize>) -> Result<(), ArmError> {
+        let path = self.path.as_ref();
+        let n_steps = path.map_or(0, |path| path.steps().len());
+        let chosen = path.and_then(|path| path.steps().get(steps.clone()));
+        let Some(chosen) = chosen.filter(|chosen| !chosen.is_empty()) else {
+            return Err(ArmError::NotPrepared { steps, n_steps });
+        };
+        let expected = chosen[0].curve.from();
+        let mut waiting = VecDeque::new();
+        let mut duration = Span::ZERO;
+        for (step, number) in chosen.iter().zip(steps) {
+            duration = duration + step.duration;
+            let edge = |is_high| {
+                self.marker.map(|Marker { address }| Command::Output { address, is_high })
+            };
+            let motion = steps::commands(step, self.circle);
+            let commands = edge(true).into_iter().chain(motion).chain(edge(false));
+            waiting.extend(commands.map(|command| (command, number)));
+        }
+        let found = self.client.pose()?.pose;
+        if found.distance(expected).0 > AT_START_MM {
+            return Err(ArmError::NotAtStart { found, expected });
+        }
+        // The queue is filled while it stands, so that continuous moves can look ahead.
+        self.client.stop()?;
+        let deadline = duration + duration + ROOM + ROOM;
+        let started = host_clock::now();
+        self.run = Some(Run { waiting, ends: Vec::new(), started, deadline });
+        self.feed()?;
+        Ok(self.client.set(&Command::StartQueue)?)
+    }
+
+    fn look(&mut self) -> Result<Progress, ArmError> {
+        self.feed()?;
+        let pose = self.client.pose()?;
+        let current = self.client.finished_index()?;
+        self.client.refuse_alarms()?;
+        let Some(run) = &self.run else {
+            return Ok(Progress { pose, step: 0, is_done: true });
+        };
+        let under_way = run.ends.iter().find(|(_, end)| !super::client::has_reached(current, *end));
+        let last = run.ends.last().map_or(0, |(step, _)| *step);
+        let next = run.waiting.front().map(|(_, step)| *step);
+        let step = under_way.map(|(step, _)| *step).or(next);
+        let waited = host_clock::now() - run.started;
+        match step {
+            Some(_) if waited > run.deadline => {
+                let index = under_way.map_or(current, |(_, end)| *end);
+                Err(ClientError::Late { index, current, waited }.into())
+            }
+            step => Ok(Progress { pose, step: step.unwrap_or(last), is_done: step.is_none() }),
+        }
+    }
+
+    /// Passes a result on; after an error the arm is stopped first.
+    fn or_stop<T>(&mut self, result: Result<T, ArmError>) -> Result<T, ArmError> {
+        if result.is_err() {
+            self.run = None;
+            // The first error is the one to tell; the guard stops the arm again at the end.
+            let _ = self.client.stop();
+        }
+        result
+    }
+}
+
+impl Arm for Magician {
+    fn check(&mut self, path: Option<&Path>) -> Vec<Finding> {
+        check::findings(&mut self.client, &self.description, path)
+    }
+
+    fn prepare(&mut self, path: &Path) -> Result<Vec<String>, ArmError> {
+        let prepared = self.prepare_path(path);
+        self.or_stop(prepared)
+    }
+
+    fn start(&mut self, steps: Range<usize>) -> Result<(), ArmError> {
+        let started = self.start_steps(steps);
+        self.or_stop(started)
+    }
+
+    fn progress(&mut self) -> Result<Progress, ArmError> {
+        let progress = self.look();
+        self.or_stop(progress)
+    }
+
+    fn finish(&mut self) -> Result<(), ArmError> {
+        self.run = None;
+        Ok(self.client.stop()?)
+    }
+
+    fn abort(&mut self) -> Result<(), ArmError> {
+        self.run = None;
+        Ok(self.client.stop()?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::Verdict;
+    use crate::device::dobot::{Patience, port};
+    use crate::device::sim::arm::fault::{Fault, Kind};
+    use crate::device::sim::arm::{Clock, Emulator, Options};
+    use crate::rig::Rig;
+    use crate::trajectory::{Curve, Rates, Settings};
+    use crate::units::{
+        DegreesPerSecond, DegreesPerSecond2, MillimetresPerSecond, MillimetresPerSecond2,
+    };
+
+    /// The arm's time passes by requests, so nothing here waits for real motion.
+    fn emulator(options: Options) -> Emulator {
+        Emulator::start(options, Clock::Stepped(Span::from_micros(4_000)), Vec::new()).unwrap()
+    }
+
+    fn magician(emulator: &Emulator) -> Magician {
+        let patience =
+            Patience { reply: Span::from_micros(100_000), n_tries: 3, between_polls: Span::ZERO };
+        let link = port::open(emulator.port()).unwrap();
+        let client = Client::new(Box::new(link), patience);
+        Magician::over(client, Rig::simulated().unwrap().arm)
+    }
+
+    fn homed(emulator: &Emulator) -> Magician {
+        let mut arm = magician(emulator);
+        arm.home(Span::from_micros(20_000_000)).unwrap();
+        assert!(emulator.state().is_homed);
+        arm
+    }
+
+    fn rates(speed: f64) -> Rates {
+        Rates {
+            speed: MillimetresPerSecond(speed),
+            acceleration: MillimetresPerSecond2(200.0),
+            turn_speed: DegreesPerSecond(60.0),
+            turn_acceleration: DegreesPerSecond2(200.0),
+        }
+    }
+
+    /// Stand, circle, stand.
+    fn path() -> Path {
+        let [a, b, c] = [[240.0, 0.0], [252.0, 12.0], [264.0, 0.0]]
+            .map(|[x, y]| Pose::from_mm_deg([x, y, 100.0, 90.0]));
+        let mut path = Path::new(a);
+        let rest = Span::from_micros(200_000);
+        path.push_hold("before", 0, rest, rates(60.0), Settings::default());
+        let circle = Curve::circle(a, b, c, 2).unwrap();
+        path.push("circle", 1, circle, rates(60.0), Settings::default());
+        path.push_hold("after", 2, rest, rates(60.0), Settings::default());
+        path
+    }
+
+    fn drive(arm: &mut Magician, steps: Range<usize>) -> Result<Vec<Progress>, ArmError> {
+        arm.start(steps)?;
+        let mut seen = Vec::new();
+        loop {
+            let progress = arm.progress()?;
+            seen.push(progress);
+            if progress.is_done {
+                return Ok(seen);
+            }
+            assert!(seen.len() < 20_000, "it never ends");
+        }
+    }
+
+    #[test]
+    fn a_path_is_driven_step_by_step_along_its_curve() {
+        let emulator = emulator(Options::default());
+        let mut arm = homed(&emulator);
+        let path = path();
+        assert!(arm.prepare(&path).unwrap().is_empty());
+        let seen = drive(&mut arm, 0..3).unwrap();
+        arm.finish().unwrap();
+        let steps: Vec<usize> = seen.iter().map(|progress| progress.step).collect();
+        assert!(steps.is_sorted() && steps.contains(&0) && steps.contains(&1), "{steps:?}");
+        for progress in &seen {
+            let [x, y, z, r] = progress.pose.pose.to_mm_deg();
+            assert!(((x - 252.0).hypot(y) - 12.0).abs() < 1e-3, "{:?}", progress.pose);
+            assert!((z - 100.0).abs() < 1e-3 && (r - 90.0).abs() < 1e-3);
+            assert!(progress.pose.answered >= progress.pose.asked);
+        }
+        // One circle command, not two half arcs.
+        let n_circles = emulator.journal().iter().filter(|line| line.name == "CIRCLE").count();
+        assert_eq!(n_circles, 2, "one to see whether it is known, one to drive");
+    }
+
+    #[test]
+    fn a_firmware_without_circles_drives_arcs_and_says_so() {
+        let emulator = emulator(Options { has_circle: false, ..Options::default() });
+        let mut arm = homed(&emulator);
+        let path = path();
+        let remarks = arm.prepare(&path).unwrap();
+        assert!(remarks.len() == 1 && remarks[0].contains("two arcs"), "{remarks:?}");
+        let seen = drive(&mut arm, 0..3).unwrap();
+        let mut sides = [false; 2];
+        for progress in &seen {
+            let [x, y, ..] = progress.pose.pose.to_mm_deg();
+            assert!(((x - 252.0).hypot(y) - 12.0).abs() < 1e-3);
+            sides = [sides[0] || y > 11.0, sides[1] || y < -11.0];
+        }
+        assert_eq!(sides, [true; 2], "both half circles are driven");
+    }
+
+    #[test]
+    fn a_path_longer_than_the_queue_is_fed_as_room_comes() {
+        let emulator = emulator(Options { queue_depth: 4, ..Options::default() });
+        let mut arm = homed(&emulator);
+        let poses: Vec<Pose> =
+            (0..=40).map(|n| Pose::from_mm_deg([240.0, f64::from(n), 100.0, 90.0])).collect();
+        let mut path = Path::new(poses[0]);
+        let end = poses[40];
+        path.push("points", 0, Curve::points(poses).unwrap(), rates(40.0), Settings::default());
+        arm.prepare(&path).unwrap();
+        drive(&mut arm, 0..1).unwrap();
+        assert!(emulator.state().planner.distance(end).0 < 1e-3);
+        let n_moves = emulator.journal().iter().filter(|line| line.name == "CP").count();
+        assert_eq!(n_moves, 40, "each point is sent once");
+    }
+
+    #[test]
+    fn an_arm_that_was_not_homed_is_not_moved() {
+        let emulator = emulator(Options::default());
+        let mut arm = magician(&emulator);
+        let homed = arm.check(None).into_iter().find(|finding| finding.what == "homed").unwrap();
+        assert_eq!(homed.verdict, Verdict::Bad);
+        assert_eq!(arm.prepare(&path()), Err(ArmError::Client(ClientError::NotHomed)));
+        assert!(emulator.journal().iter().all(|line| !line.is_busy), "it never moved");
+    }
+
+    #[test]
+    fn a_standing_alarm_is_explained_and_nothing_moves() {
+        let emulator = emulator(Options::default());
+        let mut arm = homed(&emulator);
+        emulator.inject("alarm=0x45@POSE".parse::<Fault>().unwrap());
+        arm.client().pose().unwrap();
+        let alarms = arm.check(None).into_iter().find(|finding| finding.what == "alarms").unwrap();
+        assert_eq!(alarms.verdict, Verdict::Bad);
+        assert!(alarms.says.contains("joint 3 is at its lower limit"), "{}", alarms.says);
+        let n_before = emulator.journal().len();
+        let error = arm.prepare(&path()).unwrap_err();
+        assert!(matches!(error, ArmError::Client(ClientError::Alarmed { .. })), "{error}");
+        assert!(emulator.journal()[n_before..].iter().all(|line| !line.is_busy));
+    }
+
+    #[test]
+    fn an_alarm_under_way_stops_the_arm_and_is_told() {
+        let emulator = emulator(Options::default());
+        let mut arm = homed(&emulator);
+        arm.prepare(&path()).unwrap();
+        emulator.inject("alarm=0x22@POSE#60".parse::<Fault>().unwrap());
+        let error = drive(&mut arm, 0..3).unwrap_err().to_string();
+        assert!(error.contains("joint limit"), "{error}");
+        let writes: Vec<String> = emulator
+            .journal()
+            .into_iter()
+            .filter(|line| line.ctrl != 0)
+            .map(|line| line.name)
+            .collect();
+        assert!(writes.ends_with(&["QUEUE_FORCE_STOP".to_owned(), "QUEUE_CLEAR".to_owned()]));
+        assert_eq!((emulator.state().is_busy, emulator.state().n_waiting), (false, 0));
+    }
+
+    #[test]
+    fn a_firmware_that_clamps_the_speed_is_found_out_before_anything_moves() {
+        let emulator = emulator(Options { clamps: true, ..Options::default() });
+        let mut arm = homed(&emulator);
+        let start = Pose::from_mm_deg([240.0, 0.0, 100.0, 90.0]);
+        let end = Pose::from_mm_deg([240.0, 50.0, 100.0, 90.0]);
+        let mut path = Path::new(start);
+        path.push("fast", 0, Curve::line(start, end), rates(500.0), Settings::default());
+        let n_before = emulator.journal().len();
+        let error = arm.prepare(&path).unwrap_err();
+        assert!(matches!(error, ArmError::Client(ClientError::ReadBack { .. })), "{error}");
+        assert!(emulator.journal()[n_before..].iter().all(|line| !line.is_busy));
+    }
+
+    #[test]
+    fn lost_and_corrupt_replies_neither_lose_nor_repeat_a_command() {
+        for kind in [Kind::LostReply, Kind::LostRequest, Kind::CorruptReply] {
+            let emulator = emulator(Options::default());
+            let mut arm = homed(&emulator);
+            arm.prepare(&path()).unwrap();
+            for (name, n) in [("WAIT", 2), ("CIRCLE", 1), ("ARC_PARAMS", 1), ("POSE", 9)] {
+                let id = (0..=u8::MAX).find(|id| id::name(*id) == Some(name)).unwrap();
+                emulator.inject(Fault::at(kind, id, n));
+            }
+            let n_before = emulator.journal().len();
+            let seen = drive(&mut arm, 0..3).unwrap();
+            let turns = seen.windows(2).map(|pair| turned(pair)).sum::<f64>();
+            assert!((turns.abs() - 2.0).abs() < 0.01, "{kind:?}: {turns} turns");
+            let journal = emulator.journal();
+            let taken = |name| journal[n_before..].iter().filter(|line| line.name == name).count();
+            assert_eq!(taken("CIRCLE"), 1, "{kind:?}");
+        }
+    }
+
+    /// Share of a turn about the circle's centre between two looks.
+    fn turned(pair: &[Progress]) -> f64 {
+        let angle = |progress: &Progress| {
+            let [x, y, ..] = progress.pose.pose.to_mm_deg();
+            y.atan2(x - 252.0)
+        };
+        let turn = (angle(&pair[1]) - angle(&pair[0])) / std::f64::consts::TAU;
+        turn - turn.round()
+    }
+
+    #[test]
+    fn a_late_reply_is_taken_for_what_it_is() {
+        let emulator = emulator(Options::default());
+        let mut arm = homed(&emulator);
+        arm.prepare(&path()).unwrap();
+        emulator.inject("late-reply=250ms@CIRCLE".parse::<Fault>().unwrap());
+        emulator.inject("late-reply=250ms@POSE#5".parse::<Fault>().unwrap());
+        let n_before = emulator.journal().len();
+        drive(&mut arm, 0..3).unwrap();
+        let journal = emulator.journal();
+        let n_circles = journal[n_before..].iter().filter(|line| line.name == "CIRCLE").count();
+        assert_eq!(n_circles, 1);
+    }
+
+    #[test]
+    fn replies_that_trickle_in_are_put_together() {
+        let emulator = emulator(Options::default());
+        let mut arm = homed(&emulator);
+        emulator.inject("trickle".parse::<Fault>().unwrap());
+        assert_eq!(arm.identify().unwrap().firmware, "3.7.0");
+    }
+
+    #[test]
+    fn silence_garbage_a_wedge_and_a_pulled_cable_are_told_apart() {
+        for (fault, words) in [
+            ("silence", "did not answer"),
+            ("garbage", "something else may be at this port"),
+            ("wedge", "press its reset button"),
+            ("unplug", "is gone"),
+        ] {
+            let emulator = emulator(Options::default());
+            let mut arm = magician(&emulator);
+            emulator.inject(fault.parse::<Fault>().unwrap());
+            let findings = arm.check(None);
+            assert_eq!(findings[0].verdict, Verdict::Bad);
+            assert!(findings[0].says.contains(words), "{fault}: {}", findings[0].says);
+            assert_eq!(findings.len(), 1, "what does not answer as an arm is asked nothing more");
+        }
+    }
+
+    #[test]
+    fn a_power_cycle_under_way_is_noticed() {
+        let emulator = emulator(Options::default());
+        let mut arm = homed(&emulator);
+        arm.prepare(&path()).unwrap();
+        emulator.inject("power-cycle@POSE#40".parse::<Fault>().unwrap());
+        let error = drive(&mut arm, 0..3).unwrap_err();
+        assert!(matches!(error, ArmError::Client(ClientError::NotHomed)), "{error}");
+    }
+
+    #[test]
+    fn the_tool_offset_of_the_rig_is_set_and_read_back() {
+        let emulator = emulator(Options::default());
+        let mut arm = homed(&emulator);
+        arm.description.kinematics.tool_offset[0].0 = 61.0;
+        let tool = |arm: &mut Magician| arm.check(None).into_iter().find(|f| f.what == "tool");
+        assert_eq!(tool(&mut arm).unwrap().verdict, Verdict::Doubt);
+        arm.prepare(&path()).unwrap();
+        assert_eq!(tool(&mut arm).unwrap().verdict, Verdict::Good);
+    }
+
+    #[test]
+    fn steps_that_begin_elsewhere_are_refused() {
+        let emulator = emulator(Options::default());
+        let mut arm = homed(&emulator);
+        assert!(matches!(arm.start(0..1), Err(ArmError::NotPrepared { n_steps: 0, .. })));
+        arm.prepare(&path()).unwrap();
+        assert!(matches!(arm.start(2..4), Err(ArmError::NotPrepared { n_steps: 3, .. })));
+        arm.client().begin().unwrap();
+        let home = arm.description.home;
+        arm.go_to(home).unwrap();
+        assert!(matches!(arm.start(1..2), Err(ArmError::NotAtStart { .. })));
+    }
+
+    #[test]
+    fn a_marker_is_high_while_its_step_is_under_way() {
+        let emulator = emulator(Options::default());
+        let mut arm = homed(&emulator).with_marker(Marker { address: 14 });
+        arm.prepare(&path()).unwrap();
+        drive(&mut arm, 1..2).unwrap();
+        let edges: Vec<String> = emulator
+            .journal()
+            .into_iter()
+            .filter(|line| line.name == "IO_OUTPUT" && line.ctrl == 3)
+            .map(|line| line.params)
+            .collect();
+        assert_eq!(edges, ["0e01", "0e00"]);
+    }
+}

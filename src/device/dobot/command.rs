@@ -1,0 +1,592 @@
+//! What evrig tells the arm, typed; each command to its bytes and back.
+//!
+//! Everything here is a write. Reads carry no parameters but a pin's address,
+//! see [`read`]. All numbers are little-endian, floats IEEE 754 single.
+
+use super::fields::{Fields, Malformed};
+use super::frame::{Ctrl, Frame};
+use super::id;
+
+/// x, y, z in millimetres and r in degrees, as on the wire.
+pub type XyzR = [f32; 4];
+
+/// Speeds and accelerations of Cartesian moves: mm/s, deg/s, mm/s^2, deg/s^2.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CartesianLimits {
+    /// Speed along the path, mm/s.
+    pub xyz_velocity: f32,
+    /// Speed of r, deg/s.
+    pub r_velocity: f32,
+    /// Acceleration along the path, mm/s^2.
+    pub xyz_acceleration: f32,
+    /// Acceleration of r, deg/s^2.
+    pub r_acceleration: f32,
+}
+
+/// Percentages of the set speeds and accelerations; above 100 counts as 100.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ratios {
+    /// Percent of the speed.
+    pub velocity: f32,
+    /// Percent of the acceleration.
+    pub acceleration: f32,
+}
+
+/// Limits of continuous-path moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CpLimits {
+    /// Largest planned acceleration, mm/s^2.
+    pub plan_acceleration: f32,
+    /// Largest speed at a junction of two moves, mm/s.
+    pub junction_velocity: f32,
+    /// Largest actual acceleration, mm/s^2; with `is_real_time` a period instead.
+    pub acceleration: f32,
+    /// Run while commands still arrive, instead of after all were sent.
+    pub is_real_time: bool,
+}
+
+/// How a point-to-point move goes and how its target is given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum PtpMode {
+    /// Up, over, down; target in Cartesian coordinates.
+    JumpXyz = 0,
+    /// Straight in joint space; Cartesian target.
+    MoveJointXyz = 1,
+    /// Straight in space; Cartesian target.
+    MoveLineXyz = 2,
+    /// Up, over, down; target in joint angles.
+    JumpAngle = 3,
+    /// Straight in joint space; joint target.
+    MoveJointAngle = 4,
+    /// Straight in space; joint target.
+    MoveLineAngle = 5,
+    /// Straight in joint space by joint increments.
+    MoveJointIncrement = 6,
+    /// Straight in space by Cartesian increments.
+    MoveLineIncrement = 7,
+    /// Straight in joint space by Cartesian increments.
+    MoveJointXyzIncrement = 8,
+    /// Up, over straight in space, down; Cartesian target.
+    JumpLineXyz = 9,
+}
+
+impl PtpMode {
+    /// All modes, in the order of their numbers.
+    pub const ALL: [Self; 10] = [
+        Self::JumpXyz,
+        Self::MoveJointXyz,
+        Self::MoveLineXyz,
+        Self::JumpAngle,
+        Self::MoveJointAngle,
+        Self::MoveLineAngle,
+        Self::MoveJointIncrement,
+        Self::MoveLineIncrement,
+        Self::MoveJointXyzIncrement,
+        Self::JumpLineXyz,
+    ];
+}
+
+/// A write: what to set or to do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Command {
+    /// Clears all alarms whose cause is gone.
+    ClearAlarms,
+    /// Where homing ends.
+    HomeParams(XyzR),
+    /// Homing.
+    Home,
+    /// Tool offset from the flange, mm.
+    EndEffector([f32; 3]),
+    /// Joint speeds (deg/s) and accelerations (deg/s^2) of point-to-point moves.
+    PtpJoint {
+        /// One a joint.
+        velocity: [f32; 4],
+        /// One a joint.
+        acceleration: [f32; 4],
+    },
+    /// Cartesian speeds of point-to-point moves.
+    PtpCoordinate(CartesianLimits),
+    /// Percentages for point-to-point moves.
+    PtpCommon(Ratios),
+    /// A point-to-point move.
+    Ptp {
+        /// How.
+        mode: PtpMode,
+        /// Whereto: x, y, z, r or four joints, by the mode.
+        target: XyzR,
+    },
+    /// Limits of continuous-path moves.
+    CpParams(CpLimits),
+    /// A continuous-path move; blended with its neighbours in the queue.
+    Cp {
+        /// Whether `xyz` is a position, not an increment.
+        is_absolute: bool,
+        /// Millimetres.
+        xyz: [f32; 3],
+        /// Reserved by the documents, mm/s.
+        velocity: f32,
+    },
+    /// Speeds of arcs and circles.
+    ArcParams(CartesianLimits),
+    /// An arc from the current pose.
+    Arc {
+        /// A point on the arc.
+        via: XyzR,
+        /// Its end.
+        to: XyzR,
+    },
+    /// Whole circles from the current pose, through both points, back to it.
+    Circle {
+        /// The first point on the circle.
+        via: XyzR,
+        /// The second.
+        to: XyzR,
+        /// Number of turns.
+        turns: u32,
+    },
+    /// Percentages for arcs.
+    ArcCommon(Ratios),
+    /// Waits in the queue, milliseconds.
+    Wait(u32),
+    /// What a pin is used for; [`Command::PIN_IS_OUTPUT`] makes it a digital output.
+    Multiplex {
+        /// Pin 1..=20.
+        address: u8,
+        /// 0 none, 1 output, 2 PWM, 3 input, 4 ADC, 5 input with pull-up, 6 with pull-down.
+        function: u8,
+    },
+    /// Sets a digital output.
+    Output {
+        /// Pin 1..=20.
+        address: u8,
+        /// High or low.
+        is_high: bool,
+    },
+    /// Runs the queue.
+    StartQueue,
+    /// Stops the queue behind the current command.
+    StopQueue,
+    /// Breaks off the current command and stops the queue.
+    ForceStop,
+    /// Empties the queue.
+    ClearQueue,
+}
+
+impl Command {
+    /// The function of a pin that makes it a digital output.
+    pub const PIN_IS_OUTPUT: u8 = 1;
+
+    /// Id of the command, see [`id`].
+    #[must_use]
+    pub const fn id(&self) -> u8 {
+        match self {
+            Self::ClearAlarms => id::ALARMS,
+            Self::HomeParams(_) => id::HOME_PARAMS,
+            Self::Home => id::HOME,
+            Self::EndEffector(_) => id::END_EFFECTOR,
+            Self::PtpJoint { .. } => id::PTP_JOINT,
+            Self::PtpCoordinate(_) => id::PTP_COORDINATE,
+            Self::PtpCommon(_) => id::PTP_COMMON,
+            Self::Ptp { .. } => id::PTP,
+            Self::CpParams(_) => id::CP_PARAMS,
+            Self::Cp { .. } => id::CP,
+            Self::ArcParams(_) => id::ARC_PARAMS,
+            Self::Arc { .. } => id::ARC,
+            Self::Circle { .. } => id::CIRCLE,
+            Self::ArcCommon(_) => id::ARC_COMMON,
+            Self::Wait(_) => id::WAIT,
+            Self::Multiplex { .. } => id::IO_MULTIPLEXING,
+            Self::Output { .. } => id::IO_OUTPUT,
+            Self::StartQueue => id::QUEUE_START,
+            Self::StopQueue => id::QUEUE_STOP,
+            Self::ForceStop => id::QUEUE_FORCE_STOP,
+            Self::ClearQueue => id::QUEUE_CLEAR,
+        }
+    }
+
+    /// The frame that does it at once ([`Ctrl::WRITE`]) or in its turn ([`Ctrl::QUEUED`]).
+    #[must_use]
+    pub fn frame(&self, ctrl: Ctrl) -> Frame {
+        // The longest command has 36 parameter bytes, so a frame always holds it.
+        Frame::new(self.id(), ctrl, self.params())
+            .unwrap_or_else(|| Frame::bare(id::QUEUE_FORCE_STOP, Ctrl::WRITE))
+    }
+
+    fn params(&self) -> Vec<u8> {
+        let mut out = Vec::new();
+        let mut floats = |values: &[f32]| {
+            values.iter().for_each(|value| out.extend(value.to_le_bytes()));
+        };
+        match self {
+            Self::HomeParams(pose) => floats(pose),
+            Self::EndEffector(bias) => floats(bias),
+            Self::PtpJoint { velocity, acceleration } => {
+                floats(velocity);
+                floats(acceleration);
+            }
+            Self::PtpCoordinate(limits) | Self::ArcParams(limits) => floats(&[
+                limits.xyz_velocity,
+                limits.r_velocity,
+                limits.xyz_acceleration,
+                limits.r_acceleration,
+            ]),
+            Self::PtpCommon(ratios) | Self::ArcCommon(ratios) => {
+                floats(&[ratios.velocity, ratios.acceleration]);
+            }
+            Self::CpParams(limits) => {
+                floats(&[limits.plan_acceleration, limits.junction_velocity, limits.acceleration]);
+                out.push(u8::from(limits.is_real_time));
+            }
+            Self::Ptp { mode, target } => {
+                floats(target);
+                out.insert(0, *mode as u8);
+            }
+            Self::Cp { is_absolute, xyz, velocity } => {
+                floats(xyz);
+                floats(&[*velocity]);
+                out.insert(0, u8::from(*is_absolute));
+            }
+            Self::Arc { via, to } => {
+                floats(via);
+                floats(to);
+            }
+            Self::Circle { via, to, turns } => {
+                floats(via);
+                floats(to);
+                out.extend(turns.to_le_bytes());
+            }
+            Self::Home => out.extend(0_u32.to_le_bytes()),
+            Self::Wait(milliseconds) => out.extend(milliseconds.to_le_bytes()),
+            Self::Multiplex { address, function } => out.extend([*address, *function]),
+            Self::Output { address, is_high } => out.extend([*address, u8::from(*is_high)]),
+            Self::ClearAlarms
+            | Self::StartQueue
+            | Self::StopQueue
+            | Self::ForceStop
+            | Self::ClearQueue => {}
+        }
+        out
+    }
+
+    /// Reads a written frame the way the firmware does: forgiving where clients in use
+    /// send too little or too much (homing with 0, 1 or 4 bytes, CP with 14, circle with 32).
+    ///
+    /// `Ok(None)` for a read or for an id this enum does not know.
+    ///
+    /// # Errors
+    /// When the parameters are too short or hold a mode that does not exist.
+    pub fn decode(frame: &Frame) -> Result<Option<Self>, Malformed> {
+        if !frame.ctrl().is_write() {
+            return Ok(None);
+        }
+        let mut fields = Fields::new(frame.id(), frame.params());
+        Self::decode_motion(&mut fields)
+            .transpose()
+            .or_else(|| Self::decode_rest(&mut fields).transpose())
+            .transpose()
+    }
+
+    fn decode_motion(fields: &mut Fields<'_>) -> Result<Option<Self>, Malformed> {
+        Ok(Some(match fields.id() {
+            id::HOME => Self::Home,
+            id::PTP => {
+                let number = fields.byte()?;
+                let mode = PtpMode::ALL.get(usize::from(number)).copied();
+                let mode = mode.ok_or_else(|| fields.wrong("mode 0..=9", number))?;
+                Self::Ptp { mode, target: fields.floats()? }
+            }
+            id::CP => Self::Cp {
+                is_absolute: fields.byte()? != 0,
+                xyz: fields.floats()?,
+                velocity: fields.float_or(0.0),
+            },
+            id::ARC => Self::Arc { via: fields.floats()?, to: fields.floats()? },
+            id::CIRCLE => Self::Circle {
+                via: fields.floats()?,
+                to: fields.floats()?,
+                turns: fields.int_or(1),
+            },
+            id::WAIT => Self::Wait(fields.int()?),
+            _ => return Ok(None),
+        }))
+    }
+
+    fn decode_rest(fields: &mut Fields<'_>) -> Result<Option<Self>, Malformed> {
+        Ok(Some(match fields.id() {
+            id::ALARMS => Self::ClearAlarms,
+            id::HOME_PARAMS => Self::HomeParams(fields.floats()?),
+            id::END_EFFECTOR => Self::EndEffector(fields.floats()?),
+            id::PTP_JOINT => {
+                Self::PtpJoint { velocity: fields.floats()?, acceleration: fields.floats()? }
+            }
+            id::PTP_COORDINATE => Self::PtpCoordinate(CartesianLimits::read(fields)?),
+            id::PTP_COMMON => Self::PtpCommon(Ratios::read(fields)?),
+            id::CP_PARAMS => Self::CpParams(CpLimits::read(fields)?),
+            id::ARC_PARAMS => Self::ArcParams(CartesianLimits::read(fields)?),
+            id::ARC_COMMON => Self::ArcCommon(Ratios::read(fields)?),
+            id::IO_MULTIPLEXING => {
+                Self::Multiplex { address: fields.byte()?, function: fields.byte()? }
+            }
+            id::IO_OUTPUT => Self::Output { address: fields.byte()?, is_high: fields.byte()? != 0 },
+            id::QUEUE_START => Self::StartQueue,
+            id::QUEUE_STOP => Self::StopQueue,
+            id::QUEUE_FORCE_STOP => Self::ForceStop,
+            id::QUEUE_CLEAR => Self::ClearQueue,
+            _ => return Ok(None),
+        }))
+    }
+}
+
+impl CartesianLimits {
+    /// The same number for every field: mm/s, deg/s, mm/s^2 and deg/s^2.
+    #[must_use]
+    pub const fn uniform(velocity: f32, acceleration: f32) -> Self {
+        Self {
+            xyz_velocity: velocity,
+            r_velocity: velocity,
+            xyz_acceleration: acceleration,
+            r_acceleration: acceleration,
+        }
+    }
+
+    /// Reads the 16 bytes that both the command and the reply carry.
+    ///
+    /// # Errors
+    /// When there are fewer.
+    pub fn read(fields: &mut Fields<'_>) -> Result<Self, Malformed> {
+        let [xyz_velocity, r_velocity, xyz_acceleration, r_acceleration] = fields.floats()?;
+        Ok(Self { xyz_velocity, r_velocity, xyz_acceleration, r_acceleration })
+    }
+}
+
+impl Ratios {
+    /// Reads the 8 bytes that both the command and the reply carry.
+    ///
+    /// # Errors
+    /// When there are fewer.
+    pub fn read(fields: &mut Fields<'_>) -> Result<Self, Malformed> {
+        let [velocity, acceleration] = fields.floats()?;
+        Ok(Self { velocity, acceleration })
+    }
+}
+
+impl CpLimits {
+    /// Reads the 13 bytes that both the command and the reply carry.
+    ///
+    /// # Errors
+    /// When there are fewer.
+    pub fn read(fields: &mut Fields<'_>) -> Result<Self, Malformed> {
+        let [plan_acceleration, junction_velocity, acceleration] = fields.floats()?;
+        let is_real_time = fields.byte()? != 0;
+        Ok(Self { plan_acceleration, junction_velocity, acceleration, is_real_time })
+    }
+}
+
+/// The request for a value that needs no parameter.
+#[must_use]
+pub const fn read(id: u8) -> Frame {
+    Frame::bare(id, Ctrl::READ)
+}
+
+/// Force stop, ready to be written: nothing is computed when it counts.
+pub const FORCE_STOP_BYTES: [u8; 6] = [0xaa, 0xaa, 0x02, id::QUEUE_FORCE_STOP, 0x01, 0x0d];
+/// Clearing the queue, ready to be written.
+pub const CLEAR_QUEUE_BYTES: [u8; 6] = [0xaa, 0xaa, 0x02, id::QUEUE_CLEAR, 0x01, 0x0a];
+
+#[cfg(test)]
+mod tests {
+    use super::super::frame::Decoder;
+    use super::*;
+    use proptest::prelude::*;
+
+    fn hex(text: &str) -> Vec<u8> {
+        text.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
+    }
+
+    fn limits(velocity: f32) -> CartesianLimits {
+        CartesianLimits::uniform(velocity, velocity)
+    }
+
+    /// Requests as clients in use send them, byte by byte.
+    fn traces() -> Vec<(Command, Ctrl, &'static str)> {
+        let via = [252.0, 12.0, 100.0, 90.0];
+        let to = [264.0, 0.0, 100.0, 90.0];
+        let start = [240.0, 0.0, 100.0, 90.0];
+        let line = [239.104_13, 0.0, 11.514_719, 0.0];
+        let mode = PtpMode::MoveJointXyz;
+        vec![
+            (Command::StartQueue, Ctrl::WRITE, "aa aa 02 f0 01 0f"),
+            (Command::ClearQueue, Ctrl::WRITE, "aa aa 02 f5 01 0a"),
+            (Command::ForceStop, Ctrl::WRITE, "aa aa 02 f2 01 0d"),
+            (Command::ClearAlarms, Ctrl::WRITE, "aa aa 02 14 01 eb"),
+            (Command::Home, Ctrl::QUEUED, "aa aa 06 1f 03 00 00 00 00 de"),
+            (Command::Wait(200), Ctrl::QUEUED, "aa aa 06 6e 03 c8 00 00 00 c7"),
+            (
+                Command::PtpJoint { velocity: [200.0; 4], acceleration: [200.0; 4] },
+                Ctrl::QUEUED,
+                "aa aa 22 50 03 00 00 48 43 00 00 48 43 00 00 48 43 00 00 48 43 \
+                 00 00 48 43 00 00 48 43 00 00 48 43 00 00 48 43 55",
+            ),
+            (
+                Command::PtpCoordinate(limits(200.0)),
+                Ctrl::QUEUED,
+                "aa aa 12 51 03 00 00 48 43 00 00 48 43 00 00 48 43 00 00 48 43 80",
+            ),
+            (
+                Command::PtpCommon(Ratios { velocity: 100.0, acceleration: 100.0 }),
+                Ctrl::QUEUED,
+                "aa aa 0a 53 03 00 00 c8 42 00 00 c8 42 96",
+            ),
+            (
+                Command::PtpCommon(Ratios { velocity: 15.0, acceleration: 15.0 }),
+                Ctrl::WRITE,
+                "aa aa 0a 53 01 00 00 70 41 00 00 70 41 4a",
+            ),
+            (
+                Command::ArcParams(limits(50.0)),
+                Ctrl::WRITE,
+                "aa aa 12 64 01 00 00 48 42 00 00 48 42 00 00 48 42 00 00 48 42 73",
+            ),
+            (
+                Command::Ptp { mode: PtpMode::MoveLineXyz, target: line },
+                Ctrl::QUEUED,
+                "aa aa 13 54 03 02 a8 1a 6f 43 00 00 00 00 4a 3c 38 41 00 00 00 00 34",
+            ),
+            (
+                Command::Ptp { mode, target: start },
+                Ctrl::QUEUED,
+                "aa aa 13 54 03 01 00 00 70 43 00 00 00 00 00 00 c8 42 00 00 b4 42 f5",
+            ),
+            (
+                Command::Ptp { mode, target: [250.0, 0.0, 0.0, 0.0] },
+                Ctrl::QUEUED,
+                "aa aa 13 54 03 01 00 00 7a 43 00 00 00 00 00 00 00 00 00 00 00 00 eb",
+            ),
+            (
+                Command::Arc { via, to },
+                Ctrl::QUEUED,
+                "aa aa 22 65 03 00 00 7c 43 00 00 40 41 00 00 c8 42 00 00 b4 42 \
+                 00 00 84 43 00 00 00 00 00 00 c8 42 00 00 b4 42 91",
+            ),
+            (
+                Command::Circle { via, to, turns: 1 },
+                Ctrl::QUEUED,
+                "aa aa 26 66 03 00 00 7c 43 00 00 40 41 00 00 c8 42 00 00 b4 42 \
+                 00 00 84 43 00 00 00 00 00 00 c8 42 00 00 b4 42 01 00 00 00 8f",
+            ),
+        ]
+    }
+
+    #[test]
+    fn commands_encode_to_the_bytes_clients_in_use_send() {
+        for (command, ctrl, bytes) in traces() {
+            assert_eq!(command.frame(ctrl).to_bytes(), hex(bytes), "{command:?}");
+        }
+    }
+
+    #[test]
+    fn the_bytes_clients_in_use_send_decode_to_commands() {
+        for (command, ctrl, bytes) in traces() {
+            let mut frames = Vec::new();
+            Decoder::default().push(&hex(bytes), |frame| frames.push(frame));
+            assert_eq!(frames.len(), 1, "{command:?}");
+            assert_eq!(frames[0].ctrl(), ctrl);
+            assert_eq!(Command::decode(&frames[0]).unwrap(), Some(command));
+        }
+    }
+
+    #[test]
+    fn the_ready_made_stop_is_the_encoded_one() {
+        assert_eq!(Command::ForceStop.frame(Ctrl::WRITE).to_bytes(), FORCE_STOP_BYTES);
+        assert_eq!(Command::ClearQueue.frame(Ctrl::WRITE).to_bytes(), CLEAR_QUEUE_BYTES);
+    }
+
+    #[test]
+    fn reads_encode_as_in_the_traces() {
+        let table = [
+            (id::POSE, "aa aa 02 0a 00 f6"),
+            (id::QUEUE_INDEX, "aa aa 02 f6 00 0a"),
+            (id::QUEUE_SPACE, "aa aa 02 f7 00 09"),
+            (id::ALARMS, "aa aa 02 14 00 ec"),
+            (id::DEVICE_VERSION, "aa aa 02 02 00 fe"),
+        ];
+        for (id, bytes) in table {
+            assert_eq!(read(id).to_bytes(), hex(bytes), "{:?}", id::name(id));
+        }
+    }
+
+    #[test]
+    fn malformed_commands_that_clients_send_are_understood() {
+        let short_home = Frame::new(id::HOME, Ctrl::WRITE, vec![0]).unwrap();
+        assert_eq!(Command::decode(&short_home), Ok(Some(Command::Home)));
+        let cp = hex("aa aa 10 5b 03 01 00 00 48 43 00 00 00 00 00 00 00 00 00 16");
+        let mut frames = Vec::new();
+        Decoder::default().push(&cp, |frame| frames.push(frame));
+        let expected = Command::Cp { is_absolute: true, xyz: [200.0, 0.0, 0.0], velocity: 0.0 };
+        assert_eq!(Command::decode(&frames[0]), Ok(Some(expected)));
+        let circle = Frame::new(id::CIRCLE, Ctrl::QUEUED, vec![0; 32]).unwrap();
+        assert!(matches!(Command::decode(&circle), Ok(Some(Command::Circle { turns: 1, .. }))));
+    }
+
+    #[test]
+    fn too_few_bytes_are_named() {
+        let frame = Frame::new(id::ARC, Ctrl::QUEUED, vec![0; 31]).unwrap();
+        let error = Command::decode(&frame).unwrap_err().to_string();
+        assert!(error.contains("ARC") && error.contains("31"), "{error}");
+        let frame = Frame::new(id::PTP, Ctrl::QUEUED, vec![10; 17]).unwrap();
+        let error = Command::decode(&frame).unwrap_err().to_string();
+        assert!(error.contains("mode 0..=9") && error.contains("10"), "{error}");
+    }
+
+    fn any_command() -> impl Strategy<Value = Command> {
+        let number = || -1e4_f32..1e4;
+        let pose = || [number(), number(), number(), number()];
+        let three = || [number(), number(), number()];
+        prop_oneof![
+            pose().prop_map(Command::HomeParams),
+            three().prop_map(Command::EndEffector),
+            (pose(), pose())
+                .prop_map(|(velocity, acceleration)| Command::PtpJoint { velocity, acceleration }),
+            (number(), number())
+                .prop_map(|(v, a)| Command::ArcParams(CartesianLimits::uniform(v, a))),
+            (number(), number()).prop_map(|(velocity, acceleration)| Command::ArcCommon(Ratios {
+                velocity,
+                acceleration
+            })),
+            (prop::sample::select(PtpMode::ALL.to_vec()), pose())
+                .prop_map(|(mode, target)| Command::Ptp { mode, target }),
+            (three(), any::<bool>()).prop_map(|(v, is_real_time)| Command::CpParams(CpLimits {
+                plan_acceleration: v[0],
+                junction_velocity: v[1],
+                acceleration: v[2],
+                is_real_time,
+            })),
+            (any::<bool>(), three(), number()).prop_map(|(is_absolute, xyz, velocity)| {
+                Command::Cp { is_absolute, xyz, velocity }
+            }),
+            (pose(), pose()).prop_map(|(via, to)| Command::Arc { via, to }),
+            (pose(), pose(), any::<u32>()).prop_map(|(via, to, turns)| Command::Circle {
+                via,
+                to,
+                turns
+            }),
+            any::<u32>().prop_map(Command::Wait),
+            (any::<u8>(), any::<u8>())
+                .prop_map(|(address, function)| Command::Multiplex { address, function }),
+            (any::<u8>(), any::<bool>())
+                .prop_map(|(address, is_high)| Command::Output { address, is_high }),
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn a_command_comes_back_from_the_wire_unchanged(command in any_command()) {
+            let bytes = command.frame(Ctrl::QUEUED).to_bytes();
+            let mut frames = Vec::new();
+            Decoder::default().push(&bytes, |frame| frames.push(frame));
+            prop_assert_eq!(frames.len(), 1);
+            prop_assert_eq!(Command::decode(&frames[0]), Ok(Some(command)));
+        }
+    }
+}
