@@ -3,23 +3,20 @@
 use clap::{Args, Parser, Subcommand};
 
 mod about;
+mod emulate;
+mod guard;
 mod import;
+mod plan;
 mod session;
 mod stages;
 
 pub use about::{CompletionsArgs, ManArgs};
-pub use import::{ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs};
-pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
-pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
-mod plan;
-
-pub use plan::PlanArgs;
-mod emulate;
-mod guard;
-
-pub use about::{CompletionsArgs, ManArgs};
 pub use emulate::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
 pub use guard::GuardArgs;
+pub use import::{ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs};
+pub use plan::PlanArgs;
+pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
+pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]

@@ -9,12 +9,12 @@ use std::process::ExitCode;
 
 mod about;
 mod compare;
+mod emulate;
 mod export;
 mod generate;
+mod guard;
 mod import;
 mod info;
-mod emulate;
-mod guard;
 mod output;
 mod plan;
 mod process;
