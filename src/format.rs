@@ -2,3 +2,4 @@
 
 pub mod aedat4;
 pub mod npy;
+pub mod raw10;

@@ -175,7 +175,7 @@ pub(super) fn names(streams: &[StreamCensus]) -> Vec<String> {
             StreamKind::Events => "real",
             StreamKind::Frames => "aps",
             StreamKind::Imu => "imu",
-            StreamKind::Triggers => "triggers",
+            _ => "triggers",
         };
         let n = taken.entry(stream.kind).or_default();
         *n += 1;

@@ -75,5 +75,6 @@ fn manifest(
         streams: entries.collect(),
         files: [(file.clone(), entry)].into(),
         losses,
+        recording: None,
     })
 }

@@ -105,6 +105,7 @@ fn manifest(
         streams,
         files: files.into_iter().collect(),
         losses,
+        recording: None,
     }
 }
 
