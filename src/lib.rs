@@ -12,6 +12,7 @@
 //! | [`rig`], [`trajectory`] | descriptions read, checked, explained; path to timed poses; reach, joint, speed limits |
 //! | [`session`] | the on-disk contract: layout, manifest, journal, verify, imports |
 //! | [`device`] | the devices and their simulated twins: the Dobot Magician |
+//! | [`record`] | the engine: from preflight to a sealed session, in explicit states |
 //! | [`generate`] | brightness to events; pure |
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
@@ -37,6 +38,7 @@ pub mod generate;
 pub mod geometry;
 pub mod imu;
 pub mod pipeline;
+pub mod record;
 pub mod report;
 pub mod rig;
 pub mod session;
