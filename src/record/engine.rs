@@ -194,7 +194,10 @@ impl Take<'_> {
             // The wall clock at the pose, from the clock that does not step.
             let at = HostTime { monotonic: middle, unix: now.unix - (now.monotonic - middle) };
             self.log.write(|log| log.pose(Topic::ArmPose, at, pose.pose))?;
-            (self.watch)(State::Trajectory, ((at.monotonic - began.monotonic).as_secs_f64() / duration).min(1.0));
+            (self.watch)(
+                State::Trajectory,
+                ((at.monotonic - began.monotonic).as_secs_f64() / duration).min(1.0),
+            );
             if progress.step != last_step {
                 let label = self.request.path.steps().get(progress.step).map(|step| &step.label);
                 self.journal.note("step", &json!({"step": progress.step, "label": label}))?;
@@ -270,7 +273,9 @@ impl Take<'_> {
             losses.push(Loss { stream: "recording".into(), what: what.clone(), count: 0 });
             // A full disk must not keep the rest from being sealed.
             let _ = self.log.write(|log| log.log(host_time(), Severity::Error, &what));
-            let _ = self.journal.note("cut short", &json!({"state": ended_in, "because": cut.to_string()}));
+            let _ = self
+                .journal
+                .note("cut short", &json!({"state": ended_in, "because": cut.to_string()}));
         }
         let drained = self.enter(State::Drain, json!({}));
         let devices = self.drain(&mut losses);
@@ -289,7 +294,9 @@ impl Take<'_> {
             trajectory: self.request.trajectory.text.clone(),
             devices,
             ended,
-            trajectory_began_ns: self.began.map(|began: HostTime| Stamp::<Unix>::as_nanos(began.unix)),
+            trajectory_began_ns: self
+                .began
+                .map(|began: HostTime| Stamp::<Unix>::as_nanos(began.unix)),
             clocks: json!({
                 "reference": rig.clocks.reference,
                 "host": format!("{:?}", rig.clocks.host).to_lowercase(),
@@ -312,9 +319,14 @@ impl Take<'_> {
 
     fn park(&mut self, losses: &mut Vec<Loss>) {
         let home = Path::new(self.request.rig.arm.home);
-        let parked = self.devices.arm.prepare(&home).map(|_| ()).and_then(|()| self.devices.arm.finish());
+        let parked =
+            self.devices.arm.prepare(&home).map(|_| ()).and_then(|()| self.devices.arm.finish());
         if let Err(error) = parked {
-            losses.push(Loss { stream: "arm".into(), what: format!("not parked: {error}"), count: 0 });
+            losses.push(Loss {
+                stream: "arm".into(),
+                what: format!("not parked: {error}"),
+                count: 0,
+            });
         }
     }
 
@@ -331,7 +343,8 @@ impl Take<'_> {
                 Ok(tally) => running.tally = tally,
                 Err(error) => running.lost = Some(error.to_string()),
             }
-            let mut lose = |what: String, count: u64| losses.push(Loss { stream: name.into(), what, count });
+            let mut lose =
+                |what: String, count: u64| losses.push(Loss { stream: name.into(), what, count });
             if let Err(error) = running.writer.finish() {
                 lose(error.to_string(), 0);
             }

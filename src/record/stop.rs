@@ -54,7 +54,8 @@ impl StopToken {
     /// Rests for `time`, or until more than [`Stop::AfterStep`] is asked for.
     pub fn rest(&self, time: Duration) -> Stop {
         let guard = self.shared.lock.lock().unwrap_or_else(PoisonError::into_inner);
-        let waited = self.shared.changed.wait_timeout_while(guard, time, |()| self.wish() < Stop::Park);
+        let waited =
+            self.shared.changed.wait_timeout_while(guard, time, |()| self.wish() < Stop::Park);
         drop(waited);
         self.wish()
     }

@@ -22,7 +22,9 @@ const HOST_BUSY: Duration = Duration::from_secs(10);
 #[derive(Debug, thiserror::Error)]
 pub enum AgentError {
     /// Everyone on the network could listen in.
-    #[error("{address} can be reached from outside, and the wire is not encrypted; listen at 127.0.0.1 and carry it further with `ssh -L`")]
+    #[error(
+        "{address} can be reached from outside, and the wire is not encrypted; listen at 127.0.0.1 and carry it further with `ssh -L`"
+    )]
     NotLoopback {
         /// Where it was to listen.
         address: SocketAddr,

@@ -2,7 +2,9 @@
 
 use super::wire::{self, Decoder, Message, PREAMBLE_BYTES, Settings};
 use crate::device::Finding;
-use crate::device::recorder::{Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time};
+use crate::device::recorder::{
+    Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
+};
 use crate::session::{ClockExchange, HostTime};
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Shutdown, TcpStream, ToSocketAddrs};
@@ -138,7 +140,9 @@ impl Recorder for NetworkPi {
             Message::Configured(held) => held,
             other => return Err(line.unexpected("its settings", &other)),
         };
-        if held.size != self.settings.size || (held.raw, held.rgb) != (self.settings.raw, self.settings.rgb) {
+        if held.size != self.settings.size
+            || (held.raw, held.rgb) != (self.settings.raw, self.settings.rgb)
+        {
             return Err(self.failed(format!("asked for {:?}, it set {held:?}", self.settings)));
         }
         let mut readings = Vec::new();
@@ -172,8 +176,11 @@ impl Recorder for NetworkPi {
         });
         self.thread = Some(thread.map_err(|error| self.failed(error))?);
         let is_waiting = |state: &mut State| state.tally.n_samples == 0 && state.is_running;
-        let waited =
-            self.shared.changed.wait_timeout_while(self.shared.lock(), self.patience.silence, is_waiting);
+        let waited = self.shared.changed.wait_timeout_while(
+            self.shared.lock(),
+            self.patience.silence,
+            is_waiting,
+        );
         let state = waited.unwrap_or_else(PoisonError::into_inner).0;
         match &state.failed {
             Some(error) => Err(error.clone()),
@@ -237,7 +244,8 @@ impl Line {
         wire::check_preamble(&preamble).map_err(|error| failed(address, error))?;
         socket.set_read_timeout(Some(TICK)).map_err(io)?;
         let address = address.to_owned();
-        let mut line = Self { address, socket, decoder: Decoder::default(), buffer: vec![0; 1 << 16] };
+        let mut line =
+            Self { address, socket, decoder: Decoder::default(), buffer: vec![0; 1 << 16] };
         match line.receive(patience.answer)? {
             Message::Hello { camera } => Ok((line, camera)),
             other => Err(line.unexpected("its camera", &other)),
@@ -261,7 +269,9 @@ impl Line {
                 self.decoder.push(&self.buffer[..n]);
                 self.decoder.next().map_err(|error| failed(&self.address, error))
             }
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => Ok(None),
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                Ok(None)
+            }
             Err(error) => Err(failed(&self.address, error)),
         }
     }

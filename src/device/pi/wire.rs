@@ -98,13 +98,17 @@ pub enum WireError {
         found: Vec<u8>,
     },
     /// Another version.
-    #[error("the other side speaks version {found} of the protocol, this evrig {VERSION}; install the same evrig on host and Pi")]
+    #[error(
+        "the other side speaks version {found} of the protocol, this evrig {VERSION}; install the same evrig on host and Pi"
+    )]
     Version {
         /// Its version.
         found: u32,
     },
     /// A length beyond all measure.
-    #[error("message {index}: {what} of {found} bytes, above the limit of {limit}; the connection is damaged")]
+    #[error(
+        "message {index}: {what} of {found} bytes, above the limit of {limit}; the connection is damaged"
+    )]
     Oversize {
         /// Number of the message.
         index: u64,
@@ -322,7 +326,10 @@ mod tests {
             (Message::AskClock, b"\x18\0\0\0\x14\0\0\0{\"kind\":\"ask_clock\"}"),
         ];
         for (message, bytes) in table {
-            assert_eq!(encode(&message).escape_ascii().to_string(), bytes.escape_ascii().to_string());
+            assert_eq!(
+                encode(&message).escape_ascii().to_string(),
+                bytes.escape_ascii().to_string()
+            );
         }
         assert_eq!(&preamble(), b"EVRIGPI\0\x01\0\0\0");
     }
@@ -347,7 +354,8 @@ mod tests {
 
     #[test]
     fn a_frame_that_is_not_what_its_size_says_is_refused() {
-        let text = String::from_utf8_lossy(&encode(&frame())).replace("\"n_raw\":40", "\"n_raw\":41");
+        let text =
+            String::from_utf8_lossy(&encode(&frame())).replace("\"n_raw\":40", "\"n_raw\":41");
         let start = text.find('{').unwrap();
         assert!(text.contains("\"n_raw\":41"), "{text}");
         let head = &text.as_bytes()[start..text.rfind('}').unwrap() + 1];
