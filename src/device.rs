@@ -4,8 +4,11 @@
 //! it is given or states, and `abort` works at once, in any state, as often as
 //! it is called.
 
+pub mod davis;
 pub mod dobot;
 pub mod host_clock;
+pub mod pi;
+pub mod recorder;
 pub mod sim;
 
 use crate::trajectory::Path;

@@ -3,4 +3,5 @@
 pub mod aedat4;
 pub mod hdf5;
 pub mod npy;
+pub mod raw10;
 pub mod raw2event;

@@ -13,6 +13,7 @@
 //! | [`rig`], [`trajectory`] | descriptions read, checked, explained; path to timed poses; reach, joint, speed limits |
 //! | [`session`] | the on-disk contract: layout, manifest, journal, verify, imports |
 //! | [`device`] | the devices, and the simulated world that simulated devices live in |
+//! | [`record`] | the engine: from preflight to a sealed session, in explicit states |
 //! | [`generate`] | brightness to events; pure |
 //! | [`filter`] | hot pixels, background activity, dead time, rate limit; every event has a fate |
 //! | [`clock`] | SensorTimestamp to Unix, each map with its error; offset from motion that both cameras saw |
@@ -43,6 +44,7 @@ pub mod generate;
 pub mod geometry;
 pub mod imu;
 pub mod pipeline;
+pub mod record;
 pub mod report;
 pub mod rig;
 pub mod session;

@@ -4,6 +4,7 @@
 //! <session>/
 //!   session.json     manifest: what was recorded with what, streams, checksums, losses
 //!   davis.aedat4     events, APS frames, IMU as the camera gave them
+//!   rig.mcap         Pi frames and metadata, arm poses, commanded path, clock readings, log
 //!   frames/          imported frames (npy) with their timestamps
 //!   streams/<name>/  imported events
 //!   journal.jsonl    what happened, when
@@ -20,6 +21,8 @@ mod journal;
 mod layout;
 mod manifest;
 mod read;
+mod recording;
+mod rig_log;
 mod stage;
 mod verify;
 
@@ -29,9 +32,15 @@ pub use export::{ExportedArray, export_npz};
 pub use journal::Journal;
 pub use layout::{Layout, StreamName};
 pub use manifest::{
-    Damage, FileEntry, Loss, Manifest, Origin, SCHEMA, Status, StreamEntry, StreamKind,
+    Damage, DeviceEntry, FileEntry, Loss, Manifest, Origin, Recording, SCHEMA, Status, StreamEntry,
+    StreamKind,
 };
 pub use read::{EventTally, LuminanceFrames};
+pub use recording::seal_recording;
+pub use rig_log::{
+    Arrival, ClockExchange, ClockSandwich, FrameMetadata, HostTime, PacketArrival, PiFrame,
+    RigLogError, RigLogWriter, Severity, Topic,
+};
 pub use stage::{StageRecord, read_stage, write_stage};
 pub use verify::{Finding, Verification, verify};
 
@@ -123,6 +132,9 @@ pub enum SessionError {
     /// An AEDAT4 file cannot be written.
     #[error(transparent)]
     Aedat4Write(#[from] crate::format::aedat4::WriteError),
+    /// The rig's log cannot be read or written.
+    #[error(transparent)]
+    RigLog(#[from] RigLogError),
     /// An array file cannot be read or written.
     #[error(transparent)]
     Npy(#[from] crate::format::npy::NpyError),

@@ -1,9 +1,10 @@
 //! Counting: what an AEDAT4 file really holds, stream by stream.
 
-use super::{Loss, SessionError, StreamKind};
+use super::{Loss, SessionError, StreamEntry, StreamKind};
 use crate::event::EventSlice;
 use crate::format::aedat4::{Content, Kind, Losses, Packet, Reader, Stream};
 use crate::geometry::Size;
+use crate::time::{Clock, Davis};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -99,6 +100,25 @@ impl StreamCensus {
     }
 }
 
+impl Census {
+    /// The streams as a manifest lists them, in the file of that name inside the session.
+    pub(super) fn entries(&self, file: &str) -> Vec<StreamEntry> {
+        let entry = |(found, name): (&StreamCensus, String)| StreamEntry {
+            name,
+            kind: found.kind,
+            file: file.to_owned(),
+            stream_id: Some(found.stream.id),
+            size: found.size,
+            count: found.count,
+            first_us: found.first_us,
+            last_us: found.last_us,
+            clock: Davis::NAME.into(),
+            source: found.stream.source.clone(),
+        };
+        self.streams.iter().zip(names(&self.streams)).map(entry).collect()
+    }
+}
+
 /// Counts everything in an AEDAT4 file.
 ///
 /// # Errors
@@ -175,7 +195,7 @@ pub(super) fn names(streams: &[StreamCensus]) -> Vec<String> {
             StreamKind::Events => "real",
             StreamKind::Frames => "aps",
             StreamKind::Imu => "imu",
-            StreamKind::Triggers => "triggers",
+            _ => "triggers",
         };
         let n = taken.entry(stream.kind).or_default();
         *n += 1;

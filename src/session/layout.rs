@@ -53,6 +53,12 @@ impl Layout {
         &self.root
     }
 
+    /// The rig's log: Pi frames, poses, clock readings.
+    #[must_use]
+    pub fn rig_log(&self) -> PathBuf {
+        self.root.join("rig.mcap")
+    }
+
     /// The manifest, sealed last.
     #[must_use]
     pub fn manifest(&self) -> PathBuf {

@@ -35,6 +35,42 @@ pub struct Manifest {
     /// What an import had to decide about the files it read, and known defects of their layout.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub decisions: Vec<String>,
+    /// What it was recorded with; none for what was imported.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recording: Option<Box<Recording>>,
+}
+
+/// What a session was recorded with, and how that went.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Recording {
+    /// The rig description as it was used, its whole text.
+    pub rig: String,
+    /// The trajectory description as it was used, its whole text.
+    pub trajectory: String,
+    /// The devices, with what they said of themselves and read back.
+    pub devices: Vec<DeviceEntry>,
+    /// The state in which the recording ended, and why.
+    pub ended: String,
+    /// Host time of the first step, ns of the Unix clock; none if it never came to that.
+    pub trajectory_began_ns: Option<i64>,
+    /// How the clocks are kept, as the rig states it and as far as it was measured.
+    pub clocks: serde_json::Value,
+}
+
+/// One device as it was used.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DeviceEntry {
+    /// Its part in the rig.
+    pub name: String,
+    /// What it said of itself and read back: model, firmware, settings.
+    pub says: serde_json::Value,
+    /// Samples that reached the files.
+    pub n_samples: u64,
+    /// Samples lost on the way because something was full.
+    pub n_dropped: u64,
+    /// Why it did not last to the end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lost: Option<String>,
 }
 
 /// Where a session came from.
@@ -63,6 +99,13 @@ pub enum Origin {
         /// Name of the events' file, if there was one.
         events: Option<String>,
     },
+    /// Recorded by this program on a rig.
+    Recorded {
+        /// Name of the rig.
+        rig: String,
+        /// Name of the trajectory.
+        trajectory: String,
+    },
 }
 
 /// Whether everything that was to be recorded was.
@@ -89,6 +132,14 @@ pub enum StreamKind {
     Imu,
     /// Edges on the camera's trigger input and its own marks.
     Triggers,
+    /// Poses of the arm.
+    Poses,
+    /// What devices say of other streams.
+    Metadata,
+    /// Readings of one clock beside another.
+    ClockReadings,
+    /// What the program did.
+    Log,
 }
 
 impl std::fmt::Display for StreamKind {
@@ -98,6 +149,10 @@ impl std::fmt::Display for StreamKind {
             Self::Frames => "frames",
             Self::Imu => "imu",
             Self::Triggers => "triggers",
+            Self::Poses => "poses",
+            Self::Metadata => "metadata",
+            Self::ClockReadings => "clock",
+            Self::Log => "log",
         })
     }
 }

@@ -1,7 +1,10 @@
 //! Verification: everything a session claims is recomputed from its files.
 
 use super::census::{StreamCensus, names};
-use super::{Session, SessionError, StreamEntry, StreamKind, census, read_stage, sha256_of_file};
+use super::rig_log::{self, RigLogCensus, stream_names};
+use super::{
+    RigLogError, Session, SessionError, StreamEntry, StreamKind, census, read_stage, sha256_of_file,
+};
 use crate::format::npy::ArrayReader;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -67,10 +70,16 @@ pub fn verify(session: &Session) -> Result<Verification, SessionError> {
 
 fn count_streams(session: &Session, verification: &mut Verification) -> Result<(), SessionError> {
     let mut counted: BTreeMap<&str, Vec<StreamCensus>> = BTreeMap::new();
+    let mut logs = BTreeMap::new();
     for entry in &session.manifest().streams {
         let path = session.layout().inside(&entry.file)?;
         if entry.file.ends_with(".npy") {
             compare_array(&path, entry, verification);
+            continue;
+        }
+        if entry.file.ends_with(".mcap") {
+            let held = logs.entry(entry.file.clone()).or_insert_with(|| rig_log::census(&path));
+            compare_log(held, entry, verification);
             continue;
         }
         if !counted.contains_key(entry.file.as_str()) {
@@ -93,6 +102,30 @@ fn count_streams(session: &Session, verification: &mut Verification) -> Result<(
         }
     }
     Ok(())
+}
+
+fn compare_log(
+    held: &Result<RigLogCensus, RigLogError>,
+    entry: &StreamEntry,
+    verification: &mut Verification,
+) {
+    let held = match held {
+        Ok(held) => held,
+        Err(error) => return verification.fail(&entry.name, error.to_string()),
+    };
+    let found = held.topics.iter().find(|found| stream_names(found.topic).0 == entry.name);
+    let there = found.map(|found| (found.count, found.first_us, found.last_us));
+    let recorded = (entry.count, entry.first_us, entry.last_us);
+    match there {
+        Some(there) if there == recorded => verification.hold(
+            &entry.name,
+            format!("{} {}, first and last log time as recorded", entry.count, entry.kind),
+        ),
+        there => verification.fail(
+            &entry.name,
+            format!("(count, first us, last us) {recorded:?} were recorded, {there:?} are there"),
+        ),
+    }
 }
 
 fn compare_counts(entry: &StreamEntry, found: &StreamCensus, verification: &mut Verification) {

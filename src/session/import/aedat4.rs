@@ -2,11 +2,10 @@
 
 use super::{Site, file_name, name_and_now};
 use crate::format::aedat4::Reader;
-use crate::session::census::{Census, StreamCensus, census, names};
+use crate::session::census::{Census, census};
 use crate::session::{
     Damage, FileEntry, Journal, Loss, Manifest, Origin, SCHEMA, SessionError, Status, StreamEntry,
 };
-use crate::time::{Clock, Davis};
 use serde_json::json;
 use std::path::Path;
 
@@ -60,6 +59,7 @@ fn manifest(
         files: [file].into(),
         losses,
         decisions: Vec::new(),
+        recording: None,
     })
 }
 
@@ -83,18 +83,6 @@ pub(super) fn describe(
         entry.damage = Some(Damage { what: what.clone() });
         losses.push(Loss { stream: file.clone(), what: what.clone(), count: 0 });
     }
-    let stream = |(stream, name): (&StreamCensus, String)| StreamEntry {
-        name,
-        kind: stream.kind,
-        file: file.clone(),
-        stream_id: Some(stream.stream.id),
-        size: stream.size,
-        count: stream.count,
-        first_us: stream.first_us,
-        last_us: stream.last_us,
-        clock: Davis::NAME.into(),
-        source: stream.stream.source.clone(),
-    };
-    let streams = found.streams.iter().zip(names(&found.streams)).map(stream).collect();
+    let streams = found.entries(&file);
     Ok(Described { streams, file: (file, entry), losses })
 }

@@ -107,6 +107,7 @@ fn manifest(
         files: files.into_iter().collect(),
         losses,
         decisions: Vec::new(),
+        recording: None,
     }
 }
 

@@ -70,6 +70,7 @@ pub fn import_raw2event(
         files: recorded.into_iter().collect(),
         losses,
         decisions,
+        recording: None,
     };
     let mut journal = Journal::open(&site.layout.journal())?;
     journal.note(

@@ -124,8 +124,7 @@ impl Leaf {
 }
 
 fn file(path: &Path) -> Result<Picture, WorldError> {
-    let failed =
-        |reason: String| WorldError::Picture { path: path.display().to_string(), reason };
+    let failed = |reason: String| WorldError::Picture { path: path.display().to_string(), reason };
     let mut reader = image::ImageReader::open(path)
         .and_then(image::ImageReader::with_guessed_format)
         .map_err(|error| failed(error.to_string()))?;
@@ -164,7 +163,9 @@ mod tests {
     #[test]
     fn seeds_give_different_leaves_with_edges_in_every_direction() {
         let gradients = |seed| {
-            let Picture::Sampled { values, .. } = leaves(seed) else { panic!("leaves are sampled") };
+            let Picture::Sampled { values, .. } = leaves(seed) else {
+                panic!("leaves are sampled")
+            };
             let mut histogram = [0.0_f64; 8];
             for y in (0..SIDE - 2).step_by(2) {
                 for x in (0..SIDE - 2).step_by(2) {

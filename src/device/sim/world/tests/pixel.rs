@@ -75,7 +75,8 @@ fn leaks_fire_on_events_at_their_rate_in_proportion_to_light_where_it_is_light_t
 }
 
 /// The print moved out of sight: paper alone.
-const NO_TAG: (&str, &str) = ("centre_mm = [270.0, 0.0, -138.0]", "centre_mm = [370.0, 0.0, -138.0]");
+const NO_TAG: (&str, &str) =
+    ("centre_mm = [270.0, 0.0, -138.0]", "centre_mm = [370.0, 0.0, -138.0]");
 
 #[test]
 fn a_warming_chip_leaks_more_and_more() {
@@ -132,7 +133,10 @@ fn poles_and_latency_delay_events_by_what_they_say() {
     assert!((latency - 2.5e-3).abs() < 2e-5, "{latency}");
     let receptor = lag_s("photoreceptor_bandwidth = { cutoff_hz_at_white = 300 }");
     let at_white = 1.0 / (TAU * 300.0);
-    assert!(receptor > 2.0 * at_white && receptor < 20.0 * at_white, "darkness is slower: {receptor}");
+    assert!(
+        receptor > 2.0 * at_white && receptor < 20.0 * at_white,
+        "darkness is slower: {receptor}"
+    );
 }
 
 #[test]

@@ -104,9 +104,10 @@ exposure_blur = { exposure_us = 4000 }
 #[test]
 fn a_camera_that_looks_away_is_refused_by_name() {
     let mut stage = Stage::still("plain");
-    stage.rig_changes = vec![("centre_mm = [270.0, 0.0, -138.0]", "centre_mm = [270.0, 0.0, 400.0]")];
+    stage.rig_changes =
+        vec![("centre_mm = [270.0, 0.0, -138.0]", "centre_mm = [270.0, 0.0, 400.0]")];
     let rig = stage.rig();
-    let path = Trajectory::bundled("line").unwrap().unwrap().path(&rig, Optional::LeftOut).unwrap();
+    let path = Trajectory::find("line").unwrap().path(&rig, Optional::LeftOut).unwrap();
     let error = World::along(&rig, &path, &stage.description, 1).unwrap_err();
     assert!(matches!(error, WorldError::LooksAway { camera: "davis", .. }), "{error}");
 }
@@ -114,7 +115,7 @@ fn a_camera_that_looks_away_is_refused_by_name() {
 #[test]
 fn the_simulated_rig_makes_a_world_along_its_trajectories() {
     let rig = Rig::simulated().unwrap();
-    let trajectory = Trajectory::bundled("protocol-short").unwrap().unwrap();
+    let trajectory = Trajectory::find("protocol-short").unwrap();
     let path = trajectory.path(&rig, Optional::LeftOut).unwrap();
     let description = crate::device::sim::world::WorldDescription::default();
     let world = std::sync::Arc::new(World::along(&rig, &path, &description, 5).unwrap());

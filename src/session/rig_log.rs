@@ -1,0 +1,63 @@
+//! `rig.mcap`: what the rig did and what the Pi's camera saw, in Foxglove's published schemas.
+//!
+//! | topic | schema | what |
+//! | --- | --- | --- |
+//! | `/pi/raw` | foxglove.RawImage | raw Bayer frames, `mono16`, right-justified |
+//! | `/pi/rgb` | foxglove.RawImage | the same requests' RGB frames, `rgb8` |
+//! | `/pi/metadata` | evrig.FrameMetadata | what the camera says of each frame |
+//! | `/pi/clock` | evrig.ClockExchange | the Pi's clocks, read between two readings of ours |
+//! | `/davis/arrivals` | evrig.Arrival | when each packet of the event camera reached the host |
+//! | `/arm/pose` | foxglove.PoseInFrame | where the arm's planner says the tool is |
+//! | `/arm/commanded` | foxglove.PoseInFrame | where the trajectory says it is |
+//! | `/log` | foxglove.Log | what the engine did |
+//!
+//! A message's log time is Unix time on the host; the stamps of the devices stand in the
+//! messages. Chunks are closed every half second, so a file that was cut lacks little.
+
+mod census;
+mod image;
+mod records;
+mod schema;
+mod writer;
+
+pub(super) use census::{RigLogCensus, census, stream_names};
+pub use records::{
+    Arrival, ClockExchange, ClockSandwich, FrameMetadata, HostTime, PacketArrival, PiFrame,
+    Severity,
+};
+pub use writer::{RigLogWriter, Topic};
+
+use std::path::PathBuf;
+
+/// Why the rig's log cannot be written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum RigLogError {
+    /// The file cannot be made or opened.
+    #[error("{}: {source}; check the folder and its permissions", path.display())]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// Writing failed.
+    #[error("{}: writing message {message} failed: {source}; what was written before can be read", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Messages before it.
+        message: u64,
+        /// The reason.
+        source: Box<mcap::McapError>,
+    },
+    /// A record cannot be put into its encoding.
+    #[error("{}: a message for {topic} cannot be encoded: {because}", path.display())]
+    Encode {
+        /// The file.
+        path: PathBuf,
+        /// Where it was to go.
+        topic: &'static str,
+        /// Why not.
+        because: String,
+    },
+}

@@ -1,0 +1,123 @@
+//! Counting what the rig's log really holds.
+
+use super::{RigLogError, Topic, image};
+use crate::geometry::Size;
+use crate::session::StreamKind;
+use mcap::records::Record;
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// Records longer than this are damage: a chunk ends soon after 8 MiB, a frame has some megabytes.
+const MAX_RECORD_BYTES: usize = 1 << 28;
+
+/// What one pass over a log found.
+#[derive(Debug, Clone, Default)]
+pub(in crate::session) struct RigLogCensus {
+    /// Topic by topic, in the order of [`Topic`]; those without messages are left out.
+    pub(in crate::session) topics: Vec<TopicCensus>,
+    /// Where reading had to stop, if the file is cut or damaged.
+    pub(in crate::session) damage: Option<String>,
+}
+
+/// What one pass found of one topic.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct TopicCensus {
+    pub(in crate::session) topic: Topic,
+    pub(in crate::session) count: u64,
+    pub(in crate::session) first_us: Option<i64>,
+    pub(in crate::session) last_us: Option<i64>,
+    pub(in crate::session) longest_gap_us: i64,
+    pub(in crate::session) size: Option<Size>,
+}
+
+impl TopicCensus {
+    fn see(&mut self, log_time_ns: u64, data: &[u8]) {
+        let t_us = i64::try_from(log_time_ns / 1_000).unwrap_or(i64::MAX);
+        if let Some(last) = self.last_us {
+            self.longest_gap_us = self.longest_gap_us.max(t_us - last);
+        }
+        self.first_us.get_or_insert(t_us);
+        self.last_us = Some(t_us);
+        self.count += 1;
+        if self.size.is_none()
+            && matches!(self.topic, Topic::Raw | Topic::Rgb)
+            && let Some(found) = image::decode(data)
+        {
+            let [width, height] = [found.width, found.height].map(u16::try_from);
+            self.size = width.ok().zip(height.ok()).map(|(w, h)| Size::new(w, h));
+        }
+    }
+}
+
+/// Name and kind of a topic's stream; none for what describes other streams.
+pub(in crate::session) const fn stream_names(topic: Topic) -> (&'static str, StreamKind) {
+    match topic {
+        Topic::Raw => ("raw", StreamKind::Frames),
+        Topic::Rgb => ("rgb", StreamKind::Frames),
+        Topic::FrameMetadata => ("pi-metadata", StreamKind::Metadata),
+        Topic::PiClock => ("pi-clock", StreamKind::ClockReadings),
+        Topic::Arrivals => ("davis-arrivals", StreamKind::Metadata),
+        Topic::ArmPose => ("arm", StreamKind::Poses),
+        Topic::Commanded => ("commanded", StreamKind::Poses),
+        Topic::Log => ("log", StreamKind::Log),
+    }
+}
+
+/// Counts every message up to the end or the first damage.
+///
+/// # Errors
+/// When the file cannot be opened or read.
+pub(in crate::session) fn census(path: &Path) -> Result<RigLogCensus, RigLogError> {
+    let failed = |source| RigLogError::Open { path: path.to_owned(), source };
+    let mut file = File::open(path).map_err(failed)?;
+    let options = LinearReaderOptions::default()
+        .with_validate_chunk_crcs(true)
+        .with_record_length_limit(MAX_RECORD_BYTES);
+    let mut reader = LinearReader::new_with_options(options);
+    let mut channels: BTreeMap<u16, usize> = BTreeMap::new();
+    let empty = |topic| TopicCensus {
+        topic,
+        count: 0,
+        first_us: None,
+        last_us: None,
+        longest_gap_us: 0,
+        size: None,
+    };
+    let mut topics = Topic::ALL.map(empty);
+    let mut damage = None;
+    while let Some(event) = reader.next_event() {
+        let record = match event {
+            Ok(LinearReadEvent::ReadRequest(n)) => {
+                let n = file.read(reader.insert(n)).map_err(failed)?;
+                reader.notify_read(n);
+                continue;
+            }
+            Ok(LinearReadEvent::Record { data, opcode }) => mcap::parse_record(opcode, data),
+            Err(error) => Err(error),
+        };
+        match record {
+            Ok(Record::Channel(channel)) => {
+                if let Some(at) = Topic::ALL.iter().position(|topic| topic.name() == channel.topic)
+                {
+                    channels.insert(channel.id, at);
+                }
+            }
+            Ok(Record::Message { header, data }) => {
+                if let Some(&at) = channels.get(&header.channel_id) {
+                    topics[at].see(header.log_time, &data);
+                }
+            }
+            Ok(_) => {}
+            Err(error) => {
+                let n: u64 = topics.iter().map(|topic| topic.count).sum();
+                damage = Some(format!("after {n} messages: {error}"));
+                break;
+            }
+        }
+    }
+    let topics = topics.into_iter().filter(|topic| topic.count > 0).collect();
+    Ok(RigLogCensus { topics, damage })
+}
