@@ -87,7 +87,10 @@ fn a_drifting_crystal_is_followed() {
 
 #[test]
 fn a_slewed_host_clock_bends_the_map_and_the_interval_still_covers() {
-    demand(scenario(Family::Gamma, Clocks::DeviceSlew, 60.0), 12, 10.0);
+    let found = outcome(scenario(Family::Gamma, Clocks::DeviceSlew, 60.0), 12);
+    assert!(10.0 * found.rms_us < found.paper_rms_us, "{} us", found.rms_us);
+    // Twelve trials of an interval that covers 92 % of forty (docs/clock.md): ten at least.
+    assert!(found.coverage > 0.8, "{} covered", found.coverage);
 }
 
 #[test]
