@@ -27,17 +27,17 @@ mod schedule;
 #[cfg(test)]
 mod stage;
 mod tag;
-mod texture;
 #[cfg(test)]
 mod tests;
+mod texture;
 mod view;
 
 pub use clocks::Clocks;
 pub use davis::{DavisPacket, DavisTwin};
-pub use effects::Effects;
 pub use description::{
     ClocksOfWorld, DavisSensor, PiSensorDescription, PrintDescription, WorldDescription,
 };
+pub use effects::Effects;
 pub use motion::Motion;
 pub use pi::{PiFrame, PiMetadata, PiTwin};
 pub use problem::WorldError;

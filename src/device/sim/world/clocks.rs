@@ -42,7 +42,8 @@ impl Clocks {
     /// The Pi's SensorTimestamp clock, in whole microseconds as V4L2 hands it on.
     #[must_use]
     pub fn pi_sensor(&self, time: Span) -> Stamp<PiSensor> {
-        let shown = Stamp::<PiSensor>::from_nanos(self.description.pi_boot_ns) + self.ran_on_pi(time);
+        let shown =
+            Stamp::<PiSensor>::from_nanos(self.description.pi_boot_ns) + self.ran_on_pi(time);
         Stamp::from_micros(shown.as_micros())
     }
 

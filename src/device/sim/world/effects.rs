@@ -176,7 +176,8 @@ mod tests {
     #[test]
     fn every_parameter_of_the_table_is_read_under_its_key() {
         for effect in EffectId::ALL.iter().filter(|effect| !NOT_PHYSICAL.contains(effect)) {
-            let values: Vec<_> = effect.parameters().iter().map(|key| format!("{key} = 1")).collect();
+            let values: Vec<_> =
+                effect.parameters().iter().map(|key| format!("{key} = 1")).collect();
             let text = format!("{effect} = {{ {} }}", values.join(", "));
             let effects: Effects = toml::from_str(&text).unwrap_or_else(|e| panic!("{text}: {e}"));
             assert_eq!(effects.on(), [*effect]);

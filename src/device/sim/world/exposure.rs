@@ -70,9 +70,9 @@ impl<'a> Exposure<'a> {
             }
         };
         let looks: Vec<Look> = (0..n_looks).map(look).collect();
-        let same = looks.windows(2).all(|pair| {
-            pair[0].texel.is_same(&pair[1].texel) && pair[0].light == pair[1].light
-        });
+        let same = looks
+            .windows(2)
+            .all(|pair| pair[0].texel.is_same(&pair[1].texel) && pair[0].light == pair[1].light);
         let n_needed = if same && !world.light.has_shadow() { 1 } else { looks.len() };
         Self { view, world, looks: looks[..n_needed].to_vec() }
     }

@@ -8,8 +8,7 @@ use std::f64::consts::TAU;
 const DIMMING_S: f64 = 0.02;
 
 /// A flash raises the light by half for 20 ms, with edges of 0.2 ms; ten flashes a second.
-const FLASH: Flash =
-    Flash { rise: 0.5, first_s: 0.1, period_s: 0.1, length_s: 0.02, edge_s: 2e-4 };
+const FLASH: Flash = Flash { rise: 0.5, first_s: 0.1, period_s: 0.1, length_s: 0.02, edge_s: 2e-4 };
 
 struct Flash {
     rise: f64,
@@ -176,7 +175,8 @@ mod tests {
     fn flicker_has_its_depth_about_the_mean() {
         let light = light(Some(Flicker { frequency_hz: 100.0, depth: 0.2 }));
         let levels: Vec<f64> = (0..1000).map(|i| light.level(0.3 + f64::from(i) * 1e-5)).collect();
-        let (low, high) = levels.iter().fold((9.0_f64, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
+        let (low, high) =
+            levels.iter().fold((9.0_f64, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
         assert!((low - 0.8).abs() < 1e-3 && (high - 1.2).abs() < 1e-3);
         assert!(!light.is_steady(0.5, 0.51));
     }

@@ -42,9 +42,8 @@ impl Plane {
         let to_camera = camera.centre_mm - self.centre;
         let distance = -normal.dot(&to_camera);
         let weight = normal.transpose() * axes;
-        let row = |axis: Vector3<f64>| {
-            weight * axis.dot(&to_camera) + axis.transpose() * axes * distance
-        };
+        let row =
+            |axis: Vector3<f64>| weight * axis.dot(&to_camera) + axis.transpose() * axes * distance;
         Matrix3::from_rows(&[row(self.right), row(self.down), weight])
     }
 }

@@ -38,7 +38,9 @@ pub enum WorldError {
         reason: String,
     },
     /// Only one tag can be printed.
-    #[error("the simulated print has tag36h11 number 0; the rig's target asks for {family} number {id}")]
+    #[error(
+        "the simulated print has tag36h11 number 0; the rig's target asks for {family} number {id}"
+    )]
     Tag {
         /// The family asked for.
         family: String,
@@ -46,7 +48,9 @@ pub enum WorldError {
         id: u32,
     },
     /// The camera does not look at the print.
-    #[error("the {camera} does not face the print at the beginning of the path (tool at {tool}): check mount.{camera}.axis and target.centre_mm")]
+    #[error(
+        "the {camera} does not face the print at the beginning of the path (tool at {tool}): check mount.{camera}.axis and target.centre_mm"
+    )]
     LooksAway {
         /// Which.
         camera: &'static str,
@@ -54,7 +58,9 @@ pub enum WorldError {
         tool: String,
     },
     /// The print is too fine for this lens.
-    #[error("the print would need {pixels} samples for the {camera}, more than {limit}: check focal_length_mm, pixel_pitch_um and the target's size")]
+    #[error(
+        "the print would need {pixels} samples for the {camera}, more than {limit}: check focal_length_mm, pixel_pitch_um and the target's size"
+    )]
     TooFine {
         /// Which.
         camera: &'static str,

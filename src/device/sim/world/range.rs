@@ -70,8 +70,16 @@ fn range_of(effect: &str, key: &str) -> RangeInclusive<f64> {
         "time_constant_s" | "recovery_s" | "width_mm" | "period_mm" | "per_s" | "window_us" => {
             POSITIVE
         }
-        "offset_us" | "skew_ppm" | "offset_dn" | "shift_x_px" | "shift_y_px" | "rotation_deg"
-        | "direction_deg" | "rate_hz_per_s" | "speed_mm_per_s" | "delay_us"
+        "offset_us"
+        | "skew_ppm"
+        | "offset_dn"
+        | "shift_x_px"
+        | "shift_y_px"
+        | "rotation_deg"
+        | "direction_deg"
+        | "rate_hz_per_s"
+        | "speed_mm_per_s"
+        | "delay_us"
         | "brightness_exponent" => -1e9..=1e9,
         "amplitude_mm" => 0.0..=10.0,
         "refractory_us" | "latency_us" | "sigma_us" | "burst_us" => 0.0..=1e7,

@@ -74,10 +74,8 @@ impl Texture {
     /// Reflectance at texel coordinates, linear between texels; bare paper outside.
     #[inline]
     pub(super) fn sample(&self, x: f32, y: f32) -> f32 {
-        let inside = x >= 0.0
-            && y >= 0.0
-            && x < (self.width - 1) as f32
-            && y < (self.height - 1) as f32;
+        let inside =
+            x >= 0.0 && y >= 0.0 && x < (self.width - 1) as f32 && y < (self.height - 1) as f32;
         if !inside {
             return self.outside;
         }
@@ -114,7 +112,8 @@ impl Flatness {
         for row in 0..rows {
             for column in 0..columns {
                 let at = (row + 1) * stride + column + 1;
-                rough_before[at] = u32::from(is_rough(column, row)) + rough_before[at - 1]
+                rough_before[at] = u32::from(is_rough(column, row))
+                    + rough_before[at - 1]
                     + rough_before[at - stride]
                     - rough_before[at - stride - 1];
             }
@@ -131,7 +130,8 @@ impl Flatness {
         let (left, top) = (cell(low[0], self.columns), cell(low[1], self.rows));
         let right = cell(high[0] + CELL as f32, self.columns);
         let bottom = cell(high[1] + CELL as f32, self.rows);
-        let before = |column: usize, row: usize| self.rough_before[row * (self.columns + 1) + column];
+        let before =
+            |column: usize, row: usize| self.rough_before[row * (self.columns + 1) + column];
         before(right, bottom) + before(left, top) == before(left, bottom) + before(right, top)
     }
 }
@@ -244,7 +244,8 @@ mod tests {
             let expected = 1.0 - 0.96 * passed;
             // One cell of border is 1.8 mm wide: its other edge is 10 texels off, over 3 sigma.
             if from_edge < 0.2 {
-                assert!((f64::from(got) - expected).abs() < 0.01, "{from_edge}: {got} {expected}");
+                // Nine samples a texel place the edge within a sixth of a texel.
+                assert!((f64::from(got) - expected).abs() < 0.02, "{from_edge}: {got} {expected}");
             }
         }
     }
@@ -258,7 +259,12 @@ mod tests {
         let rough = [texel(-20.0, x0), texel(0.0, y0), texel(-10.0, x0), texel(5.0, y0)];
         assert!(!texture.is_flat(rough));
         let corner = texel(left + 1.0, x0);
-        assert!(texture.is_flat([corner, texel(top + 1.0, y0), corner + 2.0, texel(top + 1.3, y0)]));
+        assert!(texture.is_flat([
+            corner,
+            texel(top + 1.0, y0),
+            corner + 2.0,
+            texel(top + 1.3, y0)
+        ]));
         assert!(texture.is_flat([-500.0, -500.0, -400.0, -400.0]));
         assert!(texture.is_flat([1e6, 0.0, 1e6 + 3.0, 10.0]));
         assert!(!texture.is_flat([-1e6, -1e6, 1e6, 1e6]));

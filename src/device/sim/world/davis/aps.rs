@@ -33,7 +33,8 @@ impl Aps {
         let period = self.period.as_nanos().max(1);
         let first = ((from - self.from).as_nanos() / period - 1).max(0) as u64;
         let starts = (first..).map(|number| (number, self.start_of(number)));
-        let within = starts.take_while(|(_, start)| *start < to).filter(|(_, start)| *start >= from);
+        let within =
+            starts.take_while(|(_, start)| *start < to).filter(|(_, start)| *start >= from);
         within
             .filter(|(_, start)| world.schedule.at(*start).aps)
             .map(|(number, start)| (number, start.as_secs_f64()))

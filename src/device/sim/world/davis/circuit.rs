@@ -238,7 +238,8 @@ mod tests {
 
     #[test]
     fn noise_has_its_standard_deviation_whatever_the_step() {
-        let noise = ShotNoise { rms_thresholds: 0.5, bandwidth_hz: 100.0, brightness_exponent: 0.0 };
+        let noise =
+            ShotNoise { rms_thresholds: 0.5, bandwidth_hz: 100.0, brightness_exponent: 0.0 };
         let effects = Effects { shot_noise: Some(noise), ..Effects::default() };
         let circuit = Circuit::new(&effects, 0.2);
         for (dt, n) in [(1e-4, 200_000), (2.5e-4, 80_000)] {

@@ -98,7 +98,8 @@ impl State {
             let at_ns = ((time + traits.latency) * 1e9).round() as i64;
             out.push(Request { at_ns, pixel: pixel as u32, on });
         };
-        let mut walk = Walk { state: self, traits, circuit, begin: slab.begin(), forced, fire: &mut fire };
+        let mut walk =
+            Walk { state: self, traits, circuit, begin: slab.begin(), forced, fire: &mut fire };
         match sight {
             Sight::Same(value) if slab.is_steady => {
                 let now = current(value, slab.looks[0].light);
@@ -128,14 +129,7 @@ impl State {
     }
 
     /// At rest, the signal somewhere between the thresholds: pixels were not all reset at once.
-    fn begin(
-        &mut self,
-        pixel: usize,
-        traits: &Traits,
-        circuit: &Circuit,
-        current: f64,
-        seed: u64,
-    ) {
+    fn begin(&mut self, pixel: usize, traits: &Traits, circuit: &Circuit, current: f64, seed: u64) {
         let mut draws = Draws::new(seed, Purpose::Phase, pixel as u64, 0);
         let phase = draws.uniform() - 0.5;
         self.memory = circuit.at_rest(current, &mut draws);
@@ -187,8 +181,7 @@ impl<F: FnMut(f64, bool)> Walk<'_, F> {
         for step in 0..n as usize {
             let part = [step as f64 / n, (step + 1) as f64 / n];
             let input = part.map(|part| x[0] + (x[1] - x[0]) * part);
-            let after =
-                self.circuit.advance(&mut self.state.memory, input, length / n, draws);
+            let after = self.circuit.advance(&mut self.state.memory, input, length / n, draws);
             let times = part.map(|part| since[0] + part * length);
             self.compare(times, [before, after], input);
             before = after;

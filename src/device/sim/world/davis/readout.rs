@@ -227,7 +227,8 @@ mod tests {
 
     #[test]
     fn a_row_that_waits_is_read_together() {
-        let effects = Effects { row_readout: Some(RowReadout { row_us: 1.0 }), ..Effects::default() };
+        let effects =
+            Effects { row_readout: Some(RowReadout { row_us: 1.0 }), ..Effects::default() };
         let input = [(0, 5), (100, 15), (200, 16), (300, 6), (5_000, 1)];
         let expected = [(0, 5), (1_000, 15), (1_000, 16), (2_000, 6), (5_000, 1)];
         assert_eq!(stamps(&effects, &input), expected);

@@ -48,8 +48,7 @@ impl Spontaneous {
         events.clear();
         let (begin, length) = (slab.begin(), slab.length());
         if let Some(background) = self.background.filter(|_| is_affected) {
-            let mut draws =
-                Draws::new(self.seed, Purpose::Spontaneous, pixel as u64, slab.number);
+            let mut draws = Draws::new(self.seed, Purpose::Spontaneous, pixel as u64, slab.number);
             for _ in 0..poisson(&mut draws, background.rate_hz * length) {
                 let time = begin + draws.uniform() * length;
                 events.push((time, draws.bits() & 1 == 1));
@@ -59,8 +58,7 @@ impl Spontaneous {
             for (frame, start) in exposures {
                 let after_us = coupling.delay_us + coupling.row_us * row as f64;
                 let time = start + after_us * 1e-6;
-                let mut draws =
-                    Draws::new(self.seed, Purpose::ApsCoupling, pixel as u64, *frame);
+                let mut draws = Draws::new(self.seed, Purpose::ApsCoupling, pixel as u64, *frame);
                 let is_within = (begin..begin + length).contains(&time);
                 if is_within && draws.uniform() < coupling.events_fraction {
                     events.push((time, draws.bits() & 1 == 1));

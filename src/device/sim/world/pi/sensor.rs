@@ -52,9 +52,8 @@ impl Sensor {
         let timing = Rows::new(world, end, exposure);
         let pose = timing.constant_pose(world);
         let light = world.light.level(end.as_secs_f64());
-        let is_known = self.last.as_ref().is_some_and(|last| {
-            pose == Some(last.pose) && light == last.light
-        });
+        let is_known =
+            self.last.as_ref().is_some_and(|last| pose == Some(last.pose) && light == last.light);
         let fresh = if is_known { None } else { Some(timing.gather(world)) };
         let light_on = match (&fresh, &self.last) {
             (Some(fresh), _) => fresh.as_slice(),
@@ -106,9 +105,8 @@ impl Rows {
         }
         let pose = world.true_pose(begin);
         let length = (end - begin).as_nanos();
-        let same = (1..=8).all(|part| {
-            world.true_pose(begin + Span::from_nanos(length / 8 * part)) == pose
-        });
+        let same = (1..=8)
+            .all(|part| world.true_pose(begin + Span::from_nanos(length / 8 * part)) == pose);
         (same && world.true_pose(end) == pose).then_some(pose)
     }
 

@@ -31,7 +31,8 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 /// The print moved out of sight: paper alone.
-const PAPER: (&str, &str) = ("centre_mm = [270.0, 0.0, -138.0]", "centre_mm = [370.0, 0.0, -138.0]");
+const PAPER: (&str, &str) =
+    ("centre_mm = [270.0, 0.0, -138.0]", "centre_mm = [370.0, 0.0, -138.0]");
 
 fn paper() -> Stage {
     Stage { rig_changes: vec![PAPER], ..Stage::still("plain") }
@@ -39,7 +40,8 @@ fn paper() -> Stage {
 
 /// Row time in microseconds, read off the bands that a flickering lamp draws on bare paper.
 fn row_time_us(effects: &str) -> f64 {
-    let mut stage = paper().with(&format!("flicker = {{ frequency_hz = 2000, depth = 0.5 }}\n{effects}"));
+    let mut stage =
+        paper().with(&format!("flicker = {{ frequency_hz = 2000, depth = 0.5 }}\n{effects}"));
     stage.rig_changes.push(("exposure_us = 4000.0", "exposure_us = 60.0"));
     let raw = raw(&frames(&stage, 1)[0]);
     let rows: Vec<f64> = (0..HEIGHT).map(|row| mean(&green_row(&raw, row))).collect();
@@ -115,7 +117,8 @@ fn a_longer_exposure_blurs_what_moves_and_is_no_brighter() {
         let raw = raw(&frames(&stage, 2)[1]);
         let row = green_row(&raw, 40);
         let picture = &row[8..30];
-        let (low, high) = picture.iter().fold((f64::MAX, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
+        let (low, high) =
+            picture.iter().fold((f64::MAX, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
         ((high - low) / (high + low - 128.0), mean(&green_row(&raw, 2)))
     };
     let ((sharp, paper), (blurred, same_paper)) =
@@ -147,9 +150,8 @@ fn the_picture_is_where_the_truth_says() {
 fn white_paper_is_white_in_rgb() {
     let frame = &frames(&paper(), 1)[0];
     let Some(Samples::U8(bgr)) = frame.rgb.as_ref().map(|rgb| &rgb.samples) else { panic!("rgb") };
-    let channel = |c: usize| {
-        mean(&bgr.chunks_exact(3).map(|pixel| f64::from(pixel[c])).collect::<Vec<_>>())
-    };
+    let channel =
+        |c: usize| mean(&bgr.chunks_exact(3).map(|pixel| f64::from(pixel[c])).collect::<Vec<_>>());
     let expected = 255.0 * 0.85_f64.powf(1.0 / 2.2);
     for c in 0..3 {
         assert!((channel(c) - expected).abs() < 1.5, "{c}: {} {expected}", channel(c));
@@ -168,7 +170,9 @@ fn the_camera_says_what_the_rig_states_and_when_it_handed_over() {
     for frame in &frames {
         let said = frame.metadata;
         let true_end = Span::from_secs_f64(said.sequence as f64 / 120.0);
-        assert!((said.sensor_timestamp - world.clocks().pi_sensor(true_end)).as_nanos().abs() < 2_000);
+        assert!(
+            (said.sensor_timestamp - world.clocks().pi_sensor(true_end)).as_nanos().abs() < 2_000
+        );
         let step = if true_end.as_secs_f64() > 0.26 { 5_000 } else { 0 };
         let late = (said.real_time - world.clocks().unix(true_end)).as_micros();
         assert!(late > 7_000 && (true_end.as_secs_f64() < 0.23 || late - step > 7_000), "{late}");

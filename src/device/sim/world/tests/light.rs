@@ -27,7 +27,8 @@ fn flicker_is_a_line_at_its_frequency_on_and_off_in_turn() {
 
 #[test]
 fn a_shadow_wanders_over_a_still_scene() {
-    let shadow = "moving_shadow = { depth = 0.5, speed_mm_per_s = 40, width_mm = 2, period_mm = 40 }";
+    let shadow =
+        "moving_shadow = { depth = 0.5, speed_mm_per_s = 40, width_mm = 2, period_mm = 40 }";
     let events = Stage::still("plain").with(shadow).events(1.0);
     assert!(events.len() > 5_000, "{}", events.len());
     let on = n_on(&events) / events.len() as f64;
@@ -72,7 +73,8 @@ fn picture(stage: &Stage) -> Vec<f64> {
 #[test]
 fn misregistration_moves_the_picture_by_what_it_says() {
     let stated = Stage::still("leaves-1").world();
-    let moved = "misregistration = { shift_x_px = 2, shift_y_px = -1, rotation_deg = 90, scale = 1.1 }";
+    let moved =
+        "misregistration = { shift_x_px = 2, shift_y_px = -1, rotation_deg = 90, scale = 1.1 }";
     let moved = Stage::still("leaves-1").with(moved).world();
     let at = |world: &crate::device::sim::world::World, place| {
         world.pixel_of_place(CameraName::Davis, place, Span::ZERO).unwrap()

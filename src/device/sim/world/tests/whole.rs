@@ -104,7 +104,8 @@ exposure_blur = { exposure_us = 4000 }
 #[test]
 fn a_camera_that_looks_away_is_refused_by_name() {
     let mut stage = Stage::still("plain");
-    stage.rig_changes = vec![("centre_mm = [270.0, 0.0, -138.0]", "centre_mm = [270.0, 0.0, 400.0]")];
+    stage.rig_changes =
+        vec![("centre_mm = [270.0, 0.0, -138.0]", "centre_mm = [270.0, 0.0, 400.0]")];
     let rig = stage.rig();
     let path = Trajectory::bundled("line").unwrap().unwrap().path(&rig, Optional::LeftOut).unwrap();
     let error = World::along(&rig, &path, &stage.description, 1).unwrap_err();
