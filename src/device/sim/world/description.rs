@@ -189,6 +189,23 @@ mod tests {
     }
 
     #[test]
+    fn the_file_in_the_repository_shows_every_key_with_its_default() {
+        let text = include_str!("../../../../rig/world.toml");
+        assert_eq!(
+            WorldDescription::parse("rig/world.toml", text).unwrap(),
+            WorldDescription::default()
+        );
+        let shown: toml::Table = toml::from_str(text).unwrap();
+        let all: toml::Table =
+            toml::from_str(&WorldDescription::default().to_toml().unwrap()).unwrap();
+        for (name, table) in &all {
+            for key in table.as_table().unwrap().keys() {
+                assert!(shown[name].as_table().unwrap().contains_key(key), "{name}.{key}");
+            }
+        }
+    }
+
+    #[test]
     fn a_world_can_be_sealed_as_text_and_read_back() {
         let text = "[print]\npicture = \"leaves-7\"\n[effects]\nrefractory_period = { refractory_us = 812.5 }\n";
         let world = WorldDescription::parse("w.toml", text).unwrap();

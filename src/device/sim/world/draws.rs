@@ -76,7 +76,7 @@ static QUANTILES: LazyLock<Vec<f32>> =
 /// quantile function itself in the outermost ones.
 pub(super) fn normal_from(bits: u64) -> f32 {
     let cell = (bits >> 52) as usize;
-    if cell < 8 || cell >= CELLS - 8 {
+    if !(8..CELLS - 8).contains(&cell) {
         return quantile(((bits >> 11) as f64 + 0.5) / (1_u64 << 53) as f64) as f32;
     }
     let part = ((bits >> 28) & 0xFF_FFFF) as f32 * (1.0 / 16_777_216.0);

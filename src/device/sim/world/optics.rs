@@ -36,7 +36,7 @@ pub(super) struct Camera {
 
 impl Plane {
     /// From a ray of a camera (right and down over forward) to millimetres on the print, homogeneous.
-    pub(super) fn from_ray(&self, camera: &CameraFrame) -> Matrix3<f64> {
+    pub(super) fn plane_from_ray(&self, camera: &CameraFrame) -> Matrix3<f64> {
         let axes = Matrix3::from_columns(&[camera.right, camera.down, camera.forward]);
         let normal = self.right.cross(&self.down);
         let to_camera = camera.centre_mm - self.centre;
@@ -113,7 +113,7 @@ impl Camera {
 
     /// From a ray to millimetres on the print when the tool is at `tool`.
     pub(super) fn plane_from_ray(&self, plane: &Plane, tool: Pose) -> Matrix3<f64> {
-        plane.from_ray(&self.mounting.frame(tool))
+        plane.plane_from_ray(&self.mounting.frame(tool))
     }
 
     /// Share of the light that reaches a pixel when the corner loses `corner_loss`.
@@ -150,7 +150,7 @@ mod tests {
             right: Vector3::new(1.0, 0.2, 0.1).normalize(),
             down: Vector3::new(0.2, -1.0, 0.0).normalize(),
         };
-        let place = plane.from_ray(&frame) * Vector3::new(0.1, -0.05, 1.0);
+        let place = plane.plane_from_ray(&frame) * Vector3::new(0.1, -0.05, 1.0);
         let (x, y) = (place.x / place.z, place.y / place.z);
         let point = plane.centre + x * plane.right + y * plane.down;
         let [right, down, forward] = frame.look_at(point);

@@ -72,7 +72,7 @@ impl Stage {
             ("focal_length_mm = 8.0", "focal_length_mm = 16.0"),
             ("tag_side_mm = 14.35", "tag_side_mm = 2.87"),
             ("picture_side_mm = 43.05", "picture_side_mm = 8.61"),
-            ("gap_mm = 4.1 ", "gap_mm = 0.82"),
+            ("gap_mm = 4.1\n", "gap_mm = 0.82\n"),
         ];
         for (from, to) in small.into_iter().chain(self.rig_changes.iter().copied()) {
             assert!(text.contains(from), "{from}");

@@ -244,7 +244,8 @@ mod tests {
             let expected = 1.0 - 0.96 * passed;
             // One cell of border is 1.8 mm wide: its other edge is 10 texels off, over 3 sigma.
             if from_edge < 0.2 {
-                assert!((f64::from(got) - expected).abs() < 0.01, "{from_edge}: {got} {expected}");
+                // Nine samples a texel place the edge within a sixth of a texel.
+                assert!((f64::from(got) - expected).abs() < 0.02, "{from_edge}: {got} {expected}");
             }
         }
     }

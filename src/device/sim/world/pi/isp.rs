@@ -10,8 +10,8 @@ const WHITE: f64 = 0.85;
 /// Turns a raw frame into an RGB one.
 #[derive(Debug)]
 pub(super) struct Isp {
-    /// Eight-bit value of each raw value for red, green and blue: pedestal, balance and curve in one,
-    /// in eighths of a DN so that averages keep their fraction.
+    /// Eight-bit value for each raw value of red, green and blue: pedestal, balance and curve in one,
+    /// in [`STEPS`] of a DN so that averages keep their fraction.
     curves: [Vec<u8>; 3],
 }
 

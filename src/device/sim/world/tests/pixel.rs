@@ -9,30 +9,40 @@ fn contrast() -> f64 {
     -0.04_f64.ln()
 }
 
-/// Stripes of 4 mm over which the tool goes at 40 mm/s: ten a second for each pixel in the picture.
+/// Stripes of 4 mm over which the tool goes at 8 mm/s: two a second for each pixel in the picture.
 fn stripes() -> Stage {
     Stage::moving("stripes-4-0", 8.0)
 }
 
-/// Pixels that see whole stripes only: from the twentieth column on.
-fn inner(events: &[Event]) -> Vec<Event> {
-    events.iter().filter(|e| (4..10).contains(&e.x) && (6..26).contains(&e.y)).copied().collect()
+/// What pixels in the picture's middle fire while one whole period of the stripes passes, after they
+/// have found their rhythm.
+fn one_period(effects: &str) -> Vec<Event> {
+    let events = stripes().with(effects).events(0.75);
+    let is_inner = |event: &&Event| {
+        (4..10).contains(&event.x) && (6..26).contains(&event.y) && event.t >= 250_000
+    };
+    events.iter().filter(is_inner).copied().collect()
 }
 
 #[test]
 fn a_pixel_fires_once_per_threshold_of_log_contrast_that_passes() {
-    // Half a second at 8 mm/s is 4 mm: one whole period passes, up and down.
-    let events = inner(&stripes().events(0.5));
+    let events = one_period("");
     let pixels = by_pixel(&events);
     assert_eq!(pixels.len(), 6 * 20);
+    // Point spread and aperture take from both ends of a stripe its curvature times half their
+    // variance. A pixel runs up and down one ladder of thresholds, so that of the rungs within the
+    // contrast the outermost one is passed over each time.
+    let curvature_per_mm2 = contrast() / 2.0 * (TAU / 4.0).powi(2);
+    let px_mm = 18.5e-3 * 225.0 / 16.0;
+    let variance_mm2 = (0.25 + 1.0 / 12.0) * px_mm * px_mm;
+    let expected = (contrast() - curvature_per_mm2 * variance_mm2) / 0.19 - 1.0;
     for pixel in &pixels {
         let (on, off) = (n_on(pixel), pixel.len() as f64 - n_on(pixel));
-        let expected = contrast() / 0.19;
-        assert!((on - expected).abs() < 2.0, "{on} On, expected about {expected}");
+        assert!((on - expected).abs() < 1.8, "{on} On, expected {expected}");
         assert!((on - off).abs() <= 2.0, "On and Off alike: {on}, {off}");
     }
     let mean = events.len() as f64 / pixels.len() as f64;
-    assert!((mean - 2.0 * contrast() / 0.19).abs() < 1.5, "{mean}");
+    assert!((mean - 2.0 * expected).abs() < 0.3, "{mean} against {}", 2.0 * expected);
 }
 
 #[test]
@@ -59,9 +69,9 @@ fn a_refractory_period_leaves_a_hole_in_the_intervals() {
 #[test]
 fn leaks_fire_on_events_at_their_rate_in_proportion_to_light_where_it_is_light_that_leaks() {
     let rate = |stage: Stage| {
-        let events = stage.events(1.0);
+        let events = stage.events(2.0);
         assert_eq!(n_on(&events), events.len() as f64, "a leak fires On only");
-        events.len() as f64 / N_PIXELS
+        events.iter().filter(|event| event.t >= 1_000_000).count() as f64 / N_PIXELS
     };
     let junction = "junction_leak = { rate_hz = 5 }";
     assert!((rate(Stage::still("plain").with(junction)) - 5.0).abs() < 0.1);
@@ -82,10 +92,11 @@ const NO_TAG: (&str, &str) =
 fn a_warming_chip_leaks_more_and_more() {
     let drift = "temperature_drift = { rate_hz_per_s = 4 }";
     let events = Stage::still("plain").with(drift).events(2.0);
-    let late = events.iter().filter(|event| event.t > 1_000_000).count() as f64;
-    // The integral of 4 t: 2 a pixel in the first second, 6 in the second.
-    assert!((events.len() as f64 / N_PIXELS - 8.0).abs() < 0.3);
-    assert!((late / N_PIXELS - 6.0).abs() < 0.3);
+    let late = events.iter().filter(|event| event.t >= 1_000_000).count() as f64;
+    let early = events.iter().filter(|event| (500_000..1_000_000).contains(&event.t)).count();
+    // The integral of 4 t: 1.5 a pixel in the second half of the first second, 6 in the second.
+    assert!((early as f64 / N_PIXELS - 1.5).abs() < 0.1, "{early}");
+    assert!((late / N_PIXELS - 6.0).abs() < 0.2, "{late}");
 }
 
 fn alternation(events: &[Event]) -> f64 {
@@ -108,9 +119,9 @@ fn band_limited_noise_alternates_in_polarity_and_random_activity_does_not() {
 
 /// Mean lag of On events behind those of the nominal world, in seconds, from their phase in the stripes.
 fn lag_s(effects: &str) -> f64 {
-    let phase = |stage: Stage| {
+    let phase = |effects: &str| {
         let frequency = 2.0;
-        let (sin, cos) = inner(&stage.events(1.0)).iter().filter(|e| e.on && e.t > 500_000).fold(
+        let (sin, cos) = one_period(effects).iter().filter(|event| event.on).fold(
             (0.0, 0.0),
             |(sin, cos), event| {
                 // A pixel to the right sees a stripe earlier: 3.84 px a mm, 8 mm a second.
@@ -121,7 +132,7 @@ fn lag_s(effects: &str) -> f64 {
         );
         sin.atan2(cos) / (TAU * frequency)
     };
-    phase(stripes().with(effects)) - phase(stripes())
+    phase(effects) - phase("")
 }
 
 #[test]
@@ -130,7 +141,7 @@ fn poles_and_latency_delay_events_by_what_they_say() {
     let tau = 1.0 / (TAU * 30.0);
     assert!((pole - tau).abs() < 0.1 * tau, "{pole} against {tau}");
     let latency = lag_s("pixel_latency = { latency_us = 2500 }");
-    assert!((latency - 2.5e-3).abs() < 2e-5, "{latency}");
+    assert!((latency - 2.5e-3).abs() < 5e-5, "{latency}");
     let receptor = lag_s("photoreceptor_bandwidth = { cutoff_hz_at_white = 300 }");
     let at_white = 1.0 / (TAU * 300.0);
     assert!(
@@ -141,9 +152,8 @@ fn poles_and_latency_delay_events_by_what_they_say() {
 
 #[test]
 fn what_slows_a_pixel_costs_events_where_things_are_fast() {
-    let count = |effects: &str| {
-        inner(&Stage::moving("stripes-2-0", 60.0).with(effects).events(0.05)).len() as f64
-    };
+    let count =
+        |effects: &str| Stage::moving("stripes-2-0", 60.0).with(effects).events(0.05).len() as f64;
     let base = count("");
     for slow in [
         "fixed_pole = { cutoff_hz = 20 }",
@@ -172,7 +182,7 @@ fn a_pixel_that_adapts_answers_a_step_of_light_with_the_opposite_later() {
 
 #[test]
 fn dark_current_takes_contrast_from_the_dark() {
-    let count = |effects: &str| inner(&stripes().with(effects).events(0.5)).len() as f64;
+    let count = |effects: &str| one_period(effects).len() as f64;
     let (bare, dark) = (count(""), count("dark_current = { fraction_of_white = 0.05 }"));
     let expected = (1.05_f64 / 0.09).ln() / contrast();
     assert!((dark / bare - expected).abs() < 0.05, "{} against {expected}", dark / bare);
@@ -181,7 +191,7 @@ fn dark_current_takes_contrast_from_the_dark() {
 #[test]
 fn unequal_thresholds_balance_their_counts_over_a_whole_period() {
     let uneven = "threshold_asymmetry = { on_off_ratio = 1.5 }";
-    let events = inner(&stripes().with(uneven).events(1.0));
+    let events = one_period(uneven);
     let ratio = n_on(&events) / (events.len() as f64 - n_on(&events));
     assert!((ratio - 1.0 / 1.5).abs() < 0.06, "{ratio}");
 }
@@ -189,7 +199,7 @@ fn unequal_thresholds_balance_their_counts_over_a_whole_period() {
 #[test]
 fn mismatched_thresholds_give_each_pixel_its_own_count() {
     let spread = |effects: &str| {
-        let events = inner(&stripes().with(effects).events(1.0));
+        let events = one_period(effects);
         let counts: Vec<f64> = by_pixel(&events).iter().map(|p| p.len() as f64).collect();
         let mean = counts.iter().sum::<f64>() / counts.len() as f64;
         let square = counts.iter().map(|n| (n - mean).powi(2)).sum::<f64>() / counts.len() as f64;
