@@ -7,14 +7,18 @@ mod emulate;
 mod guard;
 mod import;
 mod plan;
+mod record;
 mod session;
 mod stages;
 
 pub use about::{CompletionsArgs, ManArgs};
 pub use emulate::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
 pub use guard::GuardArgs;
-pub use import::{ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs};
+pub use import::{
+    ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
+};
 pub use plan::PlanArgs;
+pub use record::{CheckArgs, RecordArgs};
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
 
@@ -68,6 +72,10 @@ pub enum Command {
     Report(ReportArgs),
     /// Write a stream in a format other programs read
     Export(ExportArgs),
+    /// Look at every device of a rig before anything moves
+    Check(CheckArgs),
+    /// Record a session: drive the arm along a trajectory while both cameras run
+    Record(RecordArgs),
     /// Explain a trajectory before anything moves: duration, speeds, margins to the limits, disk
     Plan(PlanArgs),
     /// Print a completion script for a shell

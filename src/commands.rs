@@ -18,6 +18,7 @@ mod info;
 mod output;
 mod plan;
 mod process;
+mod record;
 mod report;
 mod verify;
 
@@ -66,6 +67,8 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Process(args) => process::run(&args, output),
         Command::Report(args) => report::run(&args, output),
         Command::Export(args) => export::run(&args, output),
+        Command::Check(args) => record::check(&args, output),
+        Command::Record(args) => record::record(&args, output),
         Command::Plan(args) => plan::plan(&args, output),
         Command::Completions(args) => about::completions(&args, &mut Cli::command()),
         Command::Emulate(args) => emulate::emulate(&args, output),

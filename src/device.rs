@@ -68,6 +68,8 @@ pub struct Progress {
     pub step: usize,
     /// Whether all steps that were started have ended.
     pub is_done: bool,
+    /// How often the arm had no further point of a continuous curve and so had to brake on it.
+    pub n_dry: u32,
 }
 
 /// An arm that drives a path.

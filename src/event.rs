@@ -86,6 +86,12 @@ impl Events {
         }
     }
 
+    /// The four columns, t, x, y and on, for example to use their memory again.
+    #[must_use]
+    pub fn into_columns(self) -> (Vec<i64>, Vec<u16>, Vec<u16>, Vec<bool>) {
+        (self.t, self.x, self.y, self.on)
+    }
+
     /// Appends one event.
     pub fn push(&mut self, event: Event) {
         self.t.push(event.t);
@@ -148,18 +154,6 @@ impl FromIterator<Event> for Events {
         let mut columns = Self::new();
         events.into_iter().for_each(|event| columns.push(event));
         columns
-    }
-}
-
-impl Extend<Event> for Events {
-    fn extend<I: IntoIterator<Item = Event>>(&mut self, events: I) {
-        let events = events.into_iter();
-        let (at_least, _) = events.size_hint();
-        self.t.reserve(at_least);
-        self.x.reserve(at_least);
-        self.y.reserve(at_least);
-        self.on.reserve(at_least);
-        events.for_each(|event| self.push(event));
     }
 }
 

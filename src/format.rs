@@ -1,5 +1,7 @@
 //! Formats, one file each: bytes in, values out, in bounded memory.
 
 pub mod aedat4;
+pub mod hdf5;
 pub mod npy;
 pub mod raw10;
+pub mod raw2event;

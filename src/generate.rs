@@ -4,6 +4,9 @@
 //! the previous frame and this one. Generators are seeded; the same seed gives
 //! the same events, whatever the number of threads.
 
+mod esim;
+mod grid;
+mod knobs;
 #[cfg(test)]
 mod ks;
 mod merge;
@@ -13,11 +16,15 @@ mod preset;
 mod random;
 mod sequence;
 mod threads;
+mod v2e;
 pub mod voltmeter;
 
+pub use esim::EsimParameters;
+pub use knobs::{Knob, KnobDescription, KnobSetting};
 pub use parameter_error::ParameterError;
 pub use parameters::{Choice, GenerateParameters, Law, Model, ModelParameters, build};
 pub use preset::Preset;
+pub use v2e::V2eParameters;
 
 use crate::event::Events;
 use crate::frame::Luminance;

@@ -14,6 +14,7 @@
 //! | [`device`] | the devices and their simulated twins: the Dobot Magician |
 //! | [`record`] | the engine: from preflight to a sealed session, in explicit states |
 //! | [`generate`] | brightness to events; pure |
+//! | [`filter`] | hot pixels, background activity, dead time, rate limit; every event has a fate |
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
@@ -32,6 +33,7 @@ pub mod commands;
 pub mod compare;
 pub mod device;
 pub mod event;
+pub mod filter;
 pub mod format;
 pub mod frame;
 pub mod generate;

@@ -84,6 +84,20 @@ pub enum SessionError {
         /// What there is.
         known: String,
     },
+    /// A stream whose stamps are not on the events' clock.
+    #[error(
+        "stream `{name}` of {root} is on the clock `{clock}`, and this version cannot yet map it to \
+         the events' clock; `evrig export` writes its frames and stamps",
+        root = root.display()
+    )]
+    OtherClock {
+        /// The session.
+        root: PathBuf,
+        /// The stream.
+        name: String,
+        /// Its clock.
+        clock: String,
+    },
     /// A name that cannot be a directory.
     #[error("`{name}` cannot name a stream: use 1 to 64 letters, digits, `-` or `_`")]
     BadName {
@@ -124,6 +138,9 @@ pub enum SessionError {
     /// An array file cannot be read or written.
     #[error(transparent)]
     Npy(#[from] crate::format::npy::NpyError),
+    /// An HDF5 file cannot be read.
+    #[error(transparent)]
+    Hdf5(#[from] crate::format::hdf5::Hdf5Error),
 }
 
 impl SessionError {

@@ -13,6 +13,7 @@ mod path;
 mod path_error;
 mod plan;
 mod profile;
+mod remark;
 mod segment;
 mod view;
 
@@ -20,7 +21,7 @@ pub use build::Optional;
 pub use curve::{Curve, CurveError, Motion};
 pub use description::Trajectory;
 pub use disk::StreamSize;
-pub use margin::Margin;
+pub use margin::{Margin, offences};
 pub use path::{Path, PathPoint, Rates, Settings, Step};
 pub use path_error::PathError;
 pub use plan::{Infeasible, Plan, ProfilePoint, SegmentPlan};

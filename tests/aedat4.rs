@@ -54,13 +54,16 @@ fn drain<R: Read>(reader: Reader<R>) -> (Vec<evrig::format::aedat4::Packet>, Opt
 }
 
 /// Byte offsets at which the recording's packets begin, and the end of the last.
-fn boundaries() -> Vec<u64> {
-    let (packets, _) = drain(Reader::new(street(), "street").unwrap());
-    let mut offsets: Vec<u64> = packets.iter().map(|packet| packet.offset).collect();
-    let last = *offsets.last().unwrap() as usize;
-    let length = u32::from_le_bytes(street()[last + 4..last + 8].try_into().unwrap());
-    offsets.push(last as u64 + 8 + u64::from(length));
-    offsets
+fn boundaries() -> &'static [u64] {
+    static OFFSETS: OnceLock<Vec<u64>> = OnceLock::new();
+    OFFSETS.get_or_init(|| {
+        let (packets, _) = drain(Reader::new(street(), "street").unwrap());
+        let mut offsets: Vec<u64> = packets.iter().map(|packet| packet.offset).collect();
+        let last = *offsets.last().unwrap() as usize;
+        let length = u32::from_le_bytes(street()[last + 4..last + 8].try_into().unwrap());
+        offsets.push(last as u64 + 8 + u64::from(length));
+        offsets
+    })
 }
 
 #[test]
@@ -166,7 +169,7 @@ fn damage_never_panics_and_what_lies_before_it_arrives() {
     let spread = (0..100).map(|i| first + i * (n_bytes - first) / 100);
     // Damage far into the file is looked at in a file of its own of few packets, to keep this quick.
     for at in in_header.chain(heads).chain(spread) {
-        let (from, to) = neighbourhood(&boundaries, at);
+        let (from, to) = neighbourhood(boundaries, at);
         let mut bytes = street()[..first].to_vec();
         // Without a data table the piece is a whole file.
         let position = table_position_at(&bytes);
@@ -300,4 +303,18 @@ fn a_copy_holds_the_same_in_every_compression() {
         truth.retain(filled);
         assert_eq!(rest(&copy), truth);
     }
+}
+
+#[test]
+fn a_stream_of_unknown_kind_is_skipped_and_counted() {
+    let mut bytes = street().to_vec();
+    let at = bytes.windows(4).position(|window| window == b"TRIG").unwrap();
+    bytes[at..at + 4].copy_from_slice(b"POSE");
+    let mut reader = Reader::new(bytes.as_slice(), "street").unwrap();
+    assert_eq!(reader.streams()[3].kind, Kind::Other("POSE".to_owned()));
+    let mut counts = Counts::default();
+    reader.by_ref().for_each(|packet| counts.add(&packet.unwrap().content));
+    let truth = Counts { events: 78_830, frames: 59, samples: 2_363, triggers: 0, unknown: 177 };
+    assert_eq!(counts, truth);
+    assert_eq!(reader.losses().unknown_packets, 177);
 }

@@ -78,7 +78,19 @@ fn events_are_read_from_every_table_people_keep_them_in() {
     let text: String = slice.iter().map(line).collect();
     std::fs::write(root.join("blanks.txt"), format!("# v2e writes it so\n{text}")).unwrap();
 
-    for file in ["table.npz", "columns.npz", "plain.npy", "heading.csv", "blanks.txt"] {
+    let mut dsec = hdf5_pure::FileBuilder::new();
+    let mut group = dsec.create_group("events");
+    let t: Vec<u32> = slice.t.iter().map(|t| u32::try_from(*t).unwrap()).collect();
+    group.create_dataset("t").with_data(&t);
+    group.create_dataset("x").with_data(slice.x);
+    group.create_dataset("y").with_data(slice.y);
+    let p: Vec<u8> = slice.on.iter().map(|on| u8::from(*on)).collect();
+    group.create_dataset("p").with_data(&p);
+    dsec.add_group(group.finish());
+    dsec.create_dataset("t_offset").with_data(&[0_i64]).with_shape(&[]);
+    dsec.write(root.join("dsec.h5")).unwrap();
+
+    for file in ["table.npz", "columns.npz", "plain.npy", "heading.csv", "blanks.txt", "dsec.h5"] {
         let session = root.join(format!("session-{file}"));
         let path = root.join(file);
         let more = ["--fps", "120", "--events", path.to_str().unwrap()];

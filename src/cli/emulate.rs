@@ -52,6 +52,14 @@ pub struct EmulateArmArgs {
     #[arg(long, value_name = "SECONDS", default_value_t = 15.0)]
     pub homing: f64,
 
+    /// An arm that was homed already
+    #[arg(long)]
+    pub homed: bool,
+
+    /// How long the arm takes to answer, milliseconds (the wire alone takes 3.8 for a pose)
+    #[arg(long, value_name = "MS", default_value_t = 0)]
+    pub reply_delay: u32,
+
     /// A firmware that does not know the circle command (102)
     #[arg(long)]
     pub no_circle: bool,

@@ -1,5 +1,6 @@
 //! `import`: recordings made elsewhere become sessions.
 
+use crate::geometry::Size;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
@@ -18,6 +19,9 @@ pub enum ImportCommand {
     Aedat4(ImportAedat4Args),
     /// Frames (npy array or folder of images), with events of the same pixel grid if there are any
     Frames(ImportFramesArgs),
+    /// A recording in the layout of the published Raw2Event recorder: DAVIS file and Pi frames
+    #[command(name = "raw2event")]
+    Raw2Event(ImportRaw2EventArgs),
 }
 
 /// Arguments of `evrig import aedat4`.
@@ -53,7 +57,7 @@ pub struct ImportFramesArgs {
     #[arg(long, value_name = "FILE", conflicts_with = "fps")]
     pub timestamps: Option<PathBuf>,
 
-    /// Events of the same pixel grid and clock: npz, npy or csv with columns t (µs), x, y, p; or AEDAT4
+    /// Events of the same pixel grid and clock: npz, npy, csv or HDF5 with columns t (µs), x, y, p; or AEDAT4
     #[arg(long, value_name = "FILE")]
     pub events: Option<PathBuf>,
 
@@ -64,6 +68,43 @@ pub struct ImportFramesArgs {
     /// The session directory to make
     #[arg(long, value_name = "SESSION")]
     pub out: PathBuf,
+}
+
+/// Arguments of `evrig import raw2event`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  evrig import raw2event recordings/ --id 170406 --timezone Europe/Brussels --out sessions/cat\n\n\
+    Files are matched by their tag, then by the nearest time. What had to be decided about them \
+    (units, bit positions, partial frames) is printed and kept in the manifest."
+)]
+pub struct ImportRaw2EventArgs {
+    /// Directory with dv_output_*.aedat4, metadata_*.dat, raw_frames_*.dat, rgb_frames_*.dat
+    pub directory: PathBuf,
+
+    /// Any part of the files' names that only this recording has
+    #[arg(long)]
+    pub id: String,
+
+    /// Size of the Pi's frames
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "692x520", value_parser = size)]
+    pub size: Size,
+
+    /// Time zone of the Pi's wall clock
+    #[arg(long, value_name = "ZONE", default_value = "UTC")]
+    pub timezone: String,
+
+    /// The session directory to make
+    #[arg(long, value_name = "SESSION")]
+    pub out: PathBuf,
+}
+
+/// `692x520`.
+fn size(text: &str) -> Result<Size, String> {
+    let sides = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    match sides {
+        Some((width, height)) if width > 0 && height > 0 => Ok(Size::new(width, height)),
+        _ => Err("expected WIDTHxHEIGHT, as 692x520".into()),
+    }
 }
 
 /// A finite number above zero.

@@ -8,7 +8,11 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  \
     evrig generate sessions/street\n  \
     evrig generate sessions/street --from aps --preset dvs346 --seed 7 --name aps-7\n  \
-    evrig generate sessions/street --k 5.265,20,1e-4,1e-7,5e-9,1e-5 --law reference --name published")]
+    evrig generate sessions/street --k 5.265,20,1e-4,1e-7,5e-9,1e-5 --law reference --name published\n  \
+    evrig generate sessions/street --knob contrast-sensitivity=3 --knob bright-leakage=0 --name calm\n  \
+    evrig generate sessions/street --model v2e --name v2e\n\n\
+    Knobs of the voltmeter (recommended range): event-sensitivity (1..10), contrast-sensitivity (1..10), \
+    bright-leakage (0..1e-7), temporal-jitter (a factor), dark-noise-floor (0..1e-7), global-noise (0..1e-4).")]
 pub struct GenerateArgs {
     /// The session
     pub session: PathBuf,
@@ -33,17 +37,25 @@ pub struct GenerateArgs {
 /// The generator and its parameters.
 #[derive(Debug, Clone, Args)]
 pub struct ModelArgs {
-    /// The event model
+    /// The event model: voltmeter, esim or v2e
     #[arg(long, value_name = "MODEL")]
     pub model: Option<String>,
 
-    /// A published set of parameters: dvs346, dvs240, raw2dvs346, rgb2dvs346
+    /// A published set of parameters: DVS346, DVS240, Raw2DVS346, RGB2DVS346, or one of esim and v2e
     #[arg(long, value_name = "PRESET", conflicts_with = "k")]
     pub preset: Option<String>,
 
     /// The voltmeter's parameters k1,...,k6
     #[arg(long, value_name = "K1,...,K6", allow_hyphen_values = true)]
     pub k: Option<String>,
+
+    /// Turn a knob of the voltmeter, as contrast-sensitivity=6; may be given several times
+    #[arg(long = "knob", value_name = "NAME=VALUE")]
+    pub knobs: Vec<String>,
+
+    /// Brightness of white in the frames, for esim and v2e [default: 255]
+    #[arg(long, value_name = "DN", value_parser = super::import::positive)]
+    pub full_scale_dn: Option<f64>,
 
     /// exact: the stated equation; reference: the published program's shortcuts
     #[arg(long, value_name = "LAW")]

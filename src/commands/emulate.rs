@@ -4,6 +4,8 @@ use super::{Ending, Output, WrongUse};
 use crate::cli::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
 use crate::device::sim::arm::fault::Fault;
 use crate::device::sim::arm::{ArcSpeed, Clock, Emulator, Imperfections, OnAlarm, Options};
+use crate::time::Span;
+use crate::units::Degrees;
 use anyhow::Context;
 use serde::Serialize;
 use std::io::Write;
@@ -62,7 +64,9 @@ fn options(args: &EmulateArmArgs) -> Options {
     Options {
         queue_depth: args.queue_depth,
         has_circle: !args.no_circle,
-        homing_s: args.homing,
+        is_homed: args.homed,
+        homing: Span::from_secs_f64(args.homing),
+        reply_delay: Span::from_micros(i64::from(args.reply_delay) * 1_000),
         on_alarm: if args.skip_on_alarm { OnAlarm::Skip } else { OnAlarm::Stall },
         arc_speed: if args.arc_at_ptp_speed {
             ArcSpeed::PtpCoordinate
@@ -70,7 +74,7 @@ fn options(args: &EmulateArmArgs) -> Options {
             ArcSpeed::ArcParams
         },
         imperfections: Imperfections {
-            backlash_deg: args.backlash,
+            backlash: Degrees(args.backlash),
             vibration_gain: args.vibration,
             ..Imperfections::default()
         },

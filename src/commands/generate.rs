@@ -2,7 +2,7 @@
 
 use super::{Ending, Output, WrongUse};
 use crate::cli::{GenerateArgs, ModelArgs};
-use crate::generate::{Choice, GenerateParameters};
+use crate::generate::{Choice, GenerateParameters, KnobSetting, ParameterError};
 use crate::pipeline::{self, Freshness, GenerateRequest, Generated};
 use crate::session::{Session, StreamName};
 use serde_json::json;
@@ -31,14 +31,18 @@ pub(super) fn run(args: &GenerateArgs, output: &Output) -> anyhow::Result<Ending
 
 /// The generator's parameters from what the user said.
 pub(super) fn parameters(args: &ModelArgs) -> anyhow::Result<GenerateParameters> {
+    let wrong_use = |error: ParameterError| WrongUse(error.to_string());
+    let knobs: Result<Vec<KnobSetting>, _> = args.knobs.iter().map(|knob| knob.parse()).collect();
     let choice = Choice {
         model: args.model.as_deref(),
         law: args.law.as_deref(),
         preset: args.preset.as_deref(),
         k: args.k.as_deref(),
+        knobs: &knobs.map_err(wrong_use)?,
+        full_scale_dn: args.full_scale_dn,
         seed: args.seed,
     };
-    GenerateParameters::from_choice(choice).map_err(|error| WrongUse(error.to_string()).into())
+    GenerateParameters::from_choice(&choice).map_err(|error| wrong_use(error).into())
 }
 
 /// Runs the stage under a progress bar.

@@ -17,7 +17,7 @@ pub(super) fn guard(args: &GuardArgs, output: &Output) -> anyhow::Result<Ending>
         Ended::NotBegun(_) => Ok(Ending::Failed),
         Ended::HostGone => Ok(Ending::Done),
         Ended::HeartbeatLate => {
-            output.warn("evrig was silent for half a second: the arm was stopped");
+            output.warn("evrig hangs or was suspended: the arm was stopped");
             Ok(Ending::Failed)
         }
     }

@@ -1,8 +1,10 @@
 //! `evrig import`: recordings made elsewhere become sessions.
 
 use super::{Ending, Output, WrongUse};
-use crate::cli::{ImportAedat4Args, ImportCommand, ImportFramesArgs};
-use crate::session::import::{FrameTimes, ImportFrames, import_aedat4, import_frames};
+use crate::cli::{ImportAedat4Args, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs};
+use crate::session::import::{
+    FrameTimes, ImportFrames, ImportRaw2Event, import_aedat4, import_frames, import_raw2event,
+};
 use crate::session::{Manifest, StreamName};
 use std::fmt::Write;
 use std::path::Path;
@@ -11,6 +13,7 @@ pub(super) fn run(command: &ImportCommand, output: &Output) -> anyhow::Result<En
     match command {
         ImportCommand::Aedat4(args) => aedat4(args, output),
         ImportCommand::Frames(args) => frames(args, output),
+        ImportCommand::Raw2Event(args) => raw2event(args, output),
     }
 }
 
@@ -33,6 +36,19 @@ fn frames(args: &ImportFramesArgs, output: &Output) -> anyhow::Result<Ending> {
     let request =
         ImportFrames { frames: &args.frames, times, events: args.events.as_deref(), events_name };
     let manifest = import_frames(&request, &args.out)?;
+    finish(&manifest, &args.out, output)
+}
+
+fn raw2event(args: &ImportRaw2EventArgs, output: &Output) -> anyhow::Result<Ending> {
+    let zone = args.timezone.parse().map_err(|_| {
+        WrongUse(format!("`{}` is no time zone; give one as UTC or Europe/Brussels", args.timezone))
+    })?;
+    let request =
+        ImportRaw2Event { directory: &args.directory, id: &args.id, size: args.size, zone };
+    let bar = output.progress("import", 0);
+    let manifest = import_raw2event(&request, &args.out, &mut |done| bar.set_position(done))?;
+    bar.finish_and_clear();
+    manifest.decisions.iter().for_each(|decision| output.say(format_args!("decided: {decision}")));
     finish(&manifest, &args.out, output)
 }
 

@@ -3,6 +3,7 @@
 use super::{Ending, Output};
 use crate::cli::InfoArgs;
 use crate::session::{Manifest, Session, StreamEntry, StreamKind, census};
+use crate::time::{Clock, Davis};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -20,6 +21,7 @@ struct StreamInfo {
     count: u64,
     first_us: Option<i64>,
     last_us: Option<i64>,
+    clock: String,
     duration_s: Option<f64>,
     rate_hz: Option<f64>,
     longest_gap_us: Option<i64>,
@@ -67,6 +69,7 @@ pub(super) fn run(args: &InfoArgs, output: &Output) -> anyhow::Result<Ending> {
         "status": manifest.status,
         "streams": streams,
         "losses": manifest.losses,
+        "decisions": manifest.decisions,
     });
     output.result(&value, text)?;
     Ok(Ending::Done)
@@ -84,6 +87,7 @@ impl StreamInfo {
             count: entry.count,
             first_us: entry.first_us,
             last_us: entry.last_us,
+            clock: entry.clock.clone(),
             duration_s: None,
             rate_hz: None,
             longest_gap_us: None,
@@ -106,6 +110,7 @@ impl StreamInfo {
             count: 0,
             first_us: None,
             last_us: None,
+            clock: Davis::NAME.into(),
             source: source.into(),
         };
         Self { made_by: "generate".into(), ..Self::from_manifest(&entry) }

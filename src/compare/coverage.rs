@@ -70,14 +70,13 @@ fn patchy(seed: u64) -> [Events; 2] {
     streams.map(sorted)
 }
 
+/// A name, the planted truth and where its estimate stands.
+type Truth = (&'static str, f64, fn(&Comparison) -> Estimate);
+
 /// Compares many worlds and demands that each named estimate covers its truth as often as
 /// its interval claims: 90 %, with three binomial errors of the 120 worlds and two points for
 /// the bootstrap's own shortness with 40 clusters.
-fn demand_coverage(
-    size: Size,
-    world: fn(u64) -> [Events; 2],
-    truths: &[(&str, f64, fn(&Comparison) -> Estimate)],
-) {
+fn demand_coverage(size: Size, world: fn(u64) -> [Events; 2], truths: &[Truth]) {
     let mut n_covered = vec![0_u32; truths.len()];
     for seed in 0..N_WORLDS {
         let [real, simulated] = world(seed);
@@ -96,7 +95,6 @@ fn demand_coverage(
     }
     for (n, (name, _, _)) in n_covered.into_iter().zip(truths) {
         let share = f64::from(n) / N_WORLDS as f64;
-        println!("{name}: {share:.3}");
         assert!((0.80..=0.97).contains(&share), "{name}: covered in {share} of the worlds");
     }
 }

@@ -23,6 +23,7 @@ use super::interval_tv::missing_intervals;
 use super::measure::{Cluster, Definition, Measure, MeasureId};
 use super::profile::Profile;
 use super::sinkhorn::{self, Divergence};
+use rayon::prelude::*;
 
 /// Blur of the divergence, decades.
 pub(super) const BLUR_DECADES: f64 = 0.05;
@@ -38,7 +39,7 @@ const DEFINITION: Definition = Definition {
 };
 
 /// Swaps of streams behind the chance level.
-const N_SWAPS: u64 = 5;
+const N_SWAPS: u64 = 3;
 
 pub(super) fn measure(pair: &Pair<'_>) -> Measure {
     if let Some(because) = missing_intervals(pair) {
@@ -48,7 +49,16 @@ pub(super) fn measure(pair: &Pair<'_>) -> Measure {
         let (one, other) = histograms(pair, flips);
         divergence(&one, &other)
     };
-    let result = of_tiles(None);
+    let (result, chance) = rayon::join(
+        || of_tiles(None),
+        || {
+            let n_tiles = pair.layout.n_tiles();
+            let numbers = (0..N_SWAPS).into_par_iter();
+            let swapped =
+                numbers.map(|number| of_tiles(Some(&pair.bootstrap.flips(n_tiles, number))).value);
+            swapped.collect::<Vec<f64>>()
+        },
+    );
     let score = |profile: &Profile, potential: &[f64]| -> Vec<f64> {
         let tiles = 0..profile.interval_sums.len();
         tiles.map(|tile| dot_counts(profile.histogram(tile), potential)).collect()
@@ -61,11 +71,7 @@ pub(super) fn measure(pair: &Pair<'_>) -> Measure {
     let estimate = pair.bootstrap.estimate(n_real.len(), n, |w| {
         dot(w, &score_real) / dot(w, &n_real) + dot(w, &score_simulated) / dot(w, &n_simulated)
     });
-    let flips = (0..N_SWAPS).map(|number| pair.bootstrap.flips(n_real.len(), number));
-    let chance: Vec<f64> = flips
-        .map(|flips| of_tiles(Some(&flips)).value)
-        .filter(|distance| distance.is_finite())
-        .collect();
+    let chance: Vec<f64> = chance.into_iter().filter(|distance| distance.is_finite()).collect();
     let chance_level =
         (!chance.is_empty()).then(|| chance.iter().sum::<f64>() / chance.len() as f64);
     let numerical_error = Some(result.unsettled);
@@ -82,14 +88,17 @@ fn histograms(pair: &Pair<'_>, flips: Option<&[bool]>) -> (Vec<f64>, Vec<f64>) {
     let Some(flips) = flips else {
         return (pair.real.total_histogram(), pair.simulated.total_histogram());
     };
+    // In shares of each stream, so that a swap trades shapes and not numbers of intervals.
+    let n = |profile: &Profile| profile.intervals_by_tile().iter().sum::<f64>();
+    let (n_real, n_simulated) = (n(pair.real), n(pair.simulated));
     let (mut one, mut other) = (vec![0.0; N_FINE], vec![0.0; N_FINE]);
     for (tile, &flip) in flips.iter().enumerate() {
         let (a, b) = if flip { (&mut other, &mut one) } else { (&mut one, &mut other) };
-        let add = |sums: &mut Vec<f64>, counts: &[u32]| {
-            sums.iter_mut().zip(counts).for_each(|(sum, &n)| *sum += f64::from(n));
+        let add = |sums: &mut Vec<f64>, counts: &[u32], all: f64| {
+            sums.iter_mut().zip(counts).for_each(|(sum, &n)| *sum += f64::from(n) / all);
         };
-        add(a, pair.real.histogram(tile));
-        add(b, pair.simulated.histogram(tile));
+        add(a, pair.real.histogram(tile), n_real);
+        add(b, pair.simulated.histogram(tile), n_simulated);
     }
     (one, other)
 }

@@ -80,10 +80,10 @@ fn coarse_by_tile(profile: &Profile) -> Vec<Vec<f64>> {
     (0..profile.interval_sums.len()).map(coarse).collect()
 }
 
-fn total<T: AsRef<[f64]>>(tiles: &[T]) -> Vec<f64> {
+fn total(tiles: &[Vec<f64>]) -> Vec<f64> {
     let mut sums = vec![0.0; N_COARSE];
     for tile in tiles {
-        sums.iter_mut().zip(tile.as_ref()).for_each(|(sum, n)| *sum += n);
+        sums.iter_mut().zip(tile).for_each(|(sum, n)| *sum += n);
     }
     sums
 }
@@ -97,12 +97,15 @@ fn shares(mut counts: Vec<f64>) -> Vec<f64> {
 /// The distance with the streams of some tiles swapped.
 fn swapped(pair: &Pair<'_>, real: &[Vec<f64>], simulated: &[Vec<f64>], number: u64) -> f64 {
     let flips = pair.bootstrap.flips(real.len(), number);
-    let (mut one, mut other) = (Vec::new(), Vec::new());
+    // In shares of each stream, so that a swap trades shapes and not numbers of intervals.
+    let (n_real, n_simulated): (f64, f64) =
+        (total(real).iter().sum(), total(simulated).iter().sum());
+    let (mut one, mut other) = (vec![0.0; N_COARSE], vec![0.0; N_COARSE]);
     for ((real, simulated), flip) in real.iter().zip(simulated).zip(flips) {
-        let (a, b) = if flip { (simulated, real) } else { (real, simulated) };
-        one.push(a);
-        other.push(b);
+        let (a, b) = if flip { (&mut other, &mut one) } else { (&mut one, &mut other) };
+        a.iter_mut().zip(real).for_each(|(sum, n)| *sum += n / n_real);
+        b.iter_mut().zip(simulated).for_each(|(sum, n)| *sum += n / n_simulated);
     }
-    let (one, other) = (shares(total(&one)), shares(total(&other)));
+    let (one, other) = (shares(one), shares(other));
     0.5 * one.iter().zip(other).map(|(one, other)| (one - other).abs()).sum::<f64>()
 }

@@ -105,7 +105,7 @@ impl SpanningTree {
     }
 
     /// All nodes, each after its parent.
-    fn from_the_top(&self) -> Vec<Node> {
+    fn top_down(&self) -> Vec<Node> {
         let mut order = Vec::with_capacity(self.links.len());
         order.push(self.root);
         let mut next = 0;
@@ -123,7 +123,7 @@ impl SpanningTree {
     /// Every edge carries what the nodes below it have in excess.
     fn fill_flows(&mut self, supply: &[i64]) {
         let mut excess = supply.to_vec();
-        for &v in self.from_the_top().iter().rev() {
+        for &v in self.top_down().iter().rev() {
             let mass = excess[v as usize];
             let link = &mut self.links[v as usize];
             link.flow = mass.abs();
@@ -143,7 +143,7 @@ impl SpanningTree {
     ) -> f64 {
         let mut open: Vec<Vec<(Node, i64)>> = vec![Vec::new(); self.links.len()];
         let mut cost = 0.0;
-        for &v in self.from_the_top().iter().rev() {
+        for &v in self.top_down().iter().rev() {
             if supply[v as usize] != 0 {
                 let own = vec![(v, supply[v as usize])];
                 cost += ship(&mut open[v as usize], own, &length);

@@ -44,6 +44,8 @@ const MAX_CELLS: usize = 12_000;
 const MAX_EXACT_CELLS: usize = 1_024;
 /// Reach of the arcs on larger grids.
 const REACH: usize = 3;
+/// Share of all events in the integer unit of masses.
+const MASS_UNIT: f64 = (1_u64 << 50) as f64;
 /// Swaps of streams behind the chance level.
 const N_SWAPS: u64 = 2;
 
@@ -75,7 +77,7 @@ impl Cells {
     }
 
     /// Distance of a pixel's middle from its cell's middle, pixels.
-    fn from_middle(&self, pixel: usize) -> f64 {
+    fn off_middle(&self, pixel: usize) -> f64 {
         let offset = |i: usize| (i % self.side) as f64 - (self.side - 1) as f64 / 2.0;
         offset(pixel % self.width).hypot(offset(pixel / self.width))
     }
@@ -160,23 +162,33 @@ fn distance(
     simulated: &[Vec<u32>],
     flips: &[bool],
 ) -> Option<Transport> {
-    let mut maps = [vec![0_i64; cells.n()], vec![0_i64; cells.n()]];
+    let all = |maps: &[Vec<u32>]| maps.iter().map(|map| total(map)).sum::<i64>() as f64;
+    // Shares, so that a swap trades places and not numbers where one stream has more events.
+    let (of_real, of_simulated) = (1.0 / all(real), 1.0 / all(simulated));
+    let mut maps = [vec![0.0; cells.n()], vec![0.0; cells.n()]];
     for ((real, simulated), &flip) in real.iter().zip(simulated).zip(flips) {
-        for (side, map) in [(usize::from(flip), simulated), (usize::from(!flip), real)] {
-            maps[side].iter_mut().zip(map).for_each(|(sum, &n)| *sum += i64::from(n));
+        for (side, map, share) in
+            [(usize::from(flip), simulated, of_simulated), (usize::from(!flip), real, of_real)]
+        {
+            maps[side].iter_mut().zip(map).for_each(|(sum, &n)| *sum += f64::from(n) * share);
         }
     }
-    let n: Vec<i64> = maps.iter().map(|map| map.iter().sum()).collect();
-    if n.contains(&0) {
+    let sums = [0, 1].map(|side: usize| maps[side].iter().sum::<f64>());
+    if sums.iter().any(|&sum| sum.is_nan() || sum <= 0.0) {
         return None;
     }
-    // Shares with a common denominator; N_real N_sim stays below 2^63 up to 3e9 events each.
-    let difference: Vec<i64> =
-        maps[0].iter().zip(&maps[1]).map(|(sim, real)| sim * n[1] - real * n[0]).collect();
+    let share = |side: usize, cell: usize| maps[side][cell] / sums[side];
+    let mut difference: Vec<i64> = (0..cells.n())
+        .map(|cell| ((share(0, cell) - share(1, cell)) * MASS_UNIT).round() as i64)
+        .collect();
+    // What rounding left over, some 1e-15 a cell, goes where it matters least.
+    let rest: i64 = difference.iter().sum();
+    if let Some(largest) = difference.iter_mut().max_by_key(|mass| mass.abs()) {
+        *largest -= rest;
+    }
     let mut result = transport(&difference, cells.grid, cells.reach);
-    let scale = n[0] as f64 * n[1] as f64;
-    result.cost /= scale;
-    result.straight_cost /= scale;
+    result.cost /= MASS_UNIT;
+    result.straight_cost /= MASS_UNIT;
     Some(result)
 }
 
@@ -187,5 +199,5 @@ fn within_cells(pair: &Pair<'_>, cells: &Cells) -> f64 {
         pair.simulated.count(pixel) as f64 / n_simulated - pair.real.count(pixel) as f64 / n_real
     };
     let pixels = 0..pair.layout.size.n_pixels();
-    pixels.map(|pixel| difference(pixel).abs() * cells.from_middle(pixel)).sum()
+    pixels.map(|pixel| difference(pixel).abs() * cells.off_middle(pixel)).sum()
 }

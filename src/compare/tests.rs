@@ -12,10 +12,6 @@ fn setup(seed: u64) -> Setup<'static> {
     Setup { size: SIZE, window: WINDOW, region: None, seed, n_bootstrap: 200, frames: None }
 }
 
-fn uniform(random: &mut SplitMix) -> f64 {
-    random.next() as f64 / u64::MAX as f64
-}
-
 /// Events at random pixels and times, several to a microsecond.
 fn scattered(n: usize, seed: u64) -> Events {
     let mut random = SplitMix::new(seed, 1);

@@ -10,7 +10,11 @@ pub mod frame;
 pub mod guard;
 pub mod id;
 pub mod link;
+pub mod params;
 pub mod port;
+pub mod pose_log;
+mod prepare;
+mod queue;
 pub mod reply;
 mod steps;
 

@@ -45,6 +45,12 @@ pub enum ParameterError {
         /// Highest value.
         high: f64,
     },
+    /// A knob's setting that cannot be read.
+    #[error("`{text}` is not a knob's setting; write it as name=value, as in global-noise=1e-5")]
+    NotASetting {
+        /// The text.
+        text: String,
+    },
     /// A name that nothing has.
     #[error("no {kind} is called `{name}`{hint}; there are {known}")]
     UnknownName {
@@ -57,15 +63,16 @@ pub enum ParameterError {
         /// All names.
         known: String,
     },
-    /// Two settings that exclude each other.
-    #[error("{given} does not go with {model}; {instead}")]
+    /// Two sources of the same numbers.
+    #[error("a preset and k are both given; give one of the two")]
+    PresetAndK,
+    /// A setting of another model.
+    #[error("{given} does not go with the model {model}; leave it out or choose another model")]
     NotForModel {
-        /// What was given.
+        /// What was given: a preset, k, a law, a knob.
         given: String,
         /// The model.
         model: &'static str,
-        /// What to do.
-        instead: &'static str,
     },
     /// The pool of threads did not start.
     #[error("{threads} threads could not be started: {reason}")]
@@ -75,6 +82,20 @@ pub enum ParameterError {
         /// What the system says.
         reason: String,
     },
+}
+
+/// Refuses a value that is not within `low..=high`.
+pub(super) fn check(
+    name: &'static str,
+    value: f64,
+    low: f64,
+    high: f64,
+) -> Result<(), ParameterError> {
+    if (low..=high).contains(&value) {
+        Ok(())
+    } else {
+        Err(ParameterError::OutOfRange { name, value, low, high })
+    }
 }
 
 impl ParameterError {

@@ -1,31 +1,48 @@
-//! Published coefficients, by name.
+//! Published parameters, by name.
 
-use super::ParameterError;
 use super::voltmeter::Coefficients;
+use super::{EsimParameters, Law, ModelParameters, ParameterError, V2eParameters};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// A published set of k for one pair of frame camera and event camera.
+/// A published set of parameters of one model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Preset {
-    /// DAVIS346 events from its own 8-bit frames (Lin et al., DVS-Voltmeter, ECCV 2022).
+    /// [`Coefficients::DVS346`].
     #[serde(rename = "DVS346")]
     Dvs346,
-    /// DAVIS240 events from its own 8-bit frames (Lin et al., DVS-Voltmeter, ECCV 2022).
+    /// [`Coefficients::DVS240`].
     #[serde(rename = "DVS240")]
     Dvs240,
-    /// DAVIS346 events from 10-bit raw frames of Pi Camera Module 3 (Raw2Event).
+    /// [`Coefficients::RAW2DVS346`].
     #[serde(rename = "Raw2DVS346")]
     Raw2Dvs346,
-    /// DAVIS346 events from 8-bit gray of the same camera's RGB frames (Raw2Event).
+    /// [`Coefficients::RGB2DVS346`].
     #[serde(rename = "RGB2DVS346")]
     Rgb2Dvs346,
+    /// [`EsimParameters::PUBLISHED`].
+    #[serde(rename = "ESIM")]
+    Esim,
+    /// [`V2eParameters::CLEAN`].
+    #[serde(rename = "v2e-clean")]
+    V2eClean,
+    /// [`V2eParameters::NOISY`].
+    #[serde(rename = "v2e-noisy")]
+    V2eNoisy,
 }
 
 impl Preset {
-    /// All presets.
-    pub const ALL: [Self; 4] = [Self::Dvs346, Self::Dvs240, Self::Raw2Dvs346, Self::Rgb2Dvs346];
+    /// All presets; the first of a model is its default.
+    pub const ALL: [Self; 7] = [
+        Self::Dvs346,
+        Self::Dvs240,
+        Self::Raw2Dvs346,
+        Self::Rgb2Dvs346,
+        Self::Esim,
+        Self::V2eClean,
+        Self::V2eNoisy,
+    ];
 
     /// The name on the command line and in files.
     #[must_use]
@@ -35,6 +52,9 @@ impl Preset {
             Self::Dvs240 => "DVS240",
             Self::Raw2Dvs346 => "Raw2DVS346",
             Self::Rgb2Dvs346 => "RGB2DVS346",
+            Self::Esim => "ESIM",
+            Self::V2eClean => "v2e-clean",
+            Self::V2eNoisy => "v2e-noisy",
         }
     }
 
@@ -42,31 +62,33 @@ impl Preset {
     #[must_use]
     pub const fn describe(self) -> &'static str {
         match self {
-            Self::Dvs346 => "DAVIS346 from its own 8-bit frames",
-            Self::Dvs240 => "DAVIS240 from its own 8-bit frames",
-            Self::Raw2Dvs346 => "DAVIS346 from 10-bit raw frames of Pi Camera Module 3",
-            Self::Rgb2Dvs346 => "DAVIS346 from 8-bit gray frames of Pi Camera Module 3",
+            Self::Dvs346 => "DAVIS346 from its own 8-bit frames (DVS-Voltmeter)",
+            Self::Dvs240 => "DAVIS240 from its own 8-bit frames (DVS-Voltmeter)",
+            Self::Raw2Dvs346 => "DAVIS346 from 10-bit raw frames of Pi Camera Module 3 (Raw2Event)",
+            Self::Rgb2Dvs346 => "DAVIS346 from 8-bit gray of Pi Camera Module 3 (Raw2Event)",
+            Self::Esim => "thresholds of 0.2 log units, no noise (ESIM)",
+            Self::V2eClean => "thresholds of 0.2 log units with 10 % mismatch (v2e)",
+            Self::V2eNoisy => "a dim scene: 30 Hz bandwidth, leak, 5 Hz of shot noise (v2e)",
         }
     }
 
-    /// The k of the event model.
+    /// The model with the preset's parameters.
     #[must_use]
-    pub const fn coefficients(self) -> Coefficients {
-        // The two older sets are published as products: contrast step times light in lux.
-        Coefficients::published(match self {
-            Self::Dvs346 => [0.000_18 * 29_250.0, 20.0, 0.000_1, 1e-7, 5e-9, 0.000_01],
-            Self::Dvs240 => [0.000_094 * 47_065.0, 23.0, 0.000_2, 1e-7, 5e-8, 0.000_01],
-            Self::Raw2Dvs346 => [2.388, 4.166e-7, 1.541e-6, 9.768e-8, 1.466e-11, 9.824e-6],
-            Self::Rgb2Dvs346 => [
-                5.332_474_147_628_972,
-                0.900_333_202_726_682_3,
-                8.288_263_352_543_993e-6,
-                1.099_239_717_282_808_7e-7,
-                3.302_652_963_977_818e-9,
-                1.101_244_403_871_650_4e-7,
-            ],
-        })
+    pub const fn parameters(self) -> ModelParameters {
+        match self {
+            Self::Dvs346 => exact(Coefficients::DVS346),
+            Self::Dvs240 => exact(Coefficients::DVS240),
+            Self::Raw2Dvs346 => exact(Coefficients::RAW2DVS346),
+            Self::Rgb2Dvs346 => exact(Coefficients::RGB2DVS346),
+            Self::Esim => ModelParameters::Esim(EsimParameters::PUBLISHED),
+            Self::V2eClean => ModelParameters::V2e(V2eParameters::CLEAN),
+            Self::V2eNoisy => ModelParameters::V2e(V2eParameters::NOISY),
+        }
     }
+}
+
+const fn exact(k: Coefficients) -> ModelParameters {
+    ModelParameters::Voltmeter { law: Law::Exact, k }
 }
 
 impl FromStr for Preset {
@@ -92,10 +114,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_preset_is_read_by_its_name_and_lies_within_the_ranges_of_k() {
+    fn every_preset_is_read_by_its_name_and_lies_within_the_ranges() {
         for preset in Preset::ALL {
             assert_eq!(preset.to_string().parse::<Preset>().unwrap(), preset);
-            assert!(Coefficients::new(preset.coefficients().k()).is_ok());
+            assert!(preset.parameters().check().is_ok(), "{preset}");
             let json = serde_json::to_string(&preset).unwrap();
             assert_eq!(json, format!("\"{preset}\""));
         }

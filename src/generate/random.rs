@@ -23,14 +23,8 @@ fn philox(mut counter: [u64; 2], mut key: u64) -> [u64; 2] {
     counter
 }
 
-/// What the draws are for; two purposes never share bits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Purpose {
-    /// The noise of one interval between frames.
-    Interval(u64),
-    /// What is fixed for a pixel for good, such as its threshold.
-    Pixel,
-}
+/// In place of an interval: what is fixed for a pixel for good, such as its threshold.
+pub(super) const FOR_GOOD: u64 = u64::MAX;
 
 /// The source of all draws of one generator: the seed and the tables.
 #[derive(Debug, Clone, Copy)]
@@ -45,8 +39,11 @@ pub(super) struct Draws {
     source: Source,
     interval: u64,
     pixel: u32,
+    /// Number of the next block.
     block: u32,
-    spare: Option<u64>,
+    /// The current block, and how many of its words are left.
+    words: [u64; 2],
+    n_left: u8,
 }
 
 impl Source {
@@ -55,13 +52,12 @@ impl Source {
         Self { seed, ziggurat: Ziggurat::tables() }
     }
 
-    /// The draws of pixel number `pixel` (row-major) for one purpose.
-    pub(super) fn draws(self, pixel: u32, purpose: Purpose) -> Draws {
-        let interval = match purpose {
-            Purpose::Interval(index) => index,
-            Purpose::Pixel => u64::MAX,
-        };
-        Draws { source: self, interval, pixel, block: 0, spare: None }
+    /// The draws of pixel number `pixel` (row-major) in one interval, or [`FOR_GOOD`]. The first
+    /// two words are made at once.
+    #[inline]
+    pub(super) fn draws(self, pixel: u32, interval: u64) -> Draws {
+        let words = philox([u64::from(pixel) << 32, interval], self.seed);
+        Draws { source: self, interval, pixel, block: 1, words, n_left: 2 }
     }
 }
 
@@ -69,14 +65,19 @@ impl Draws {
     /// 64 random bits.
     #[inline]
     pub(super) fn bits(&mut self) -> u64 {
-        if let Some(bits) = self.spare.take() {
-            return bits;
+        if self.n_left == 0 {
+            self.refill();
         }
+        self.n_left -= 1;
+        let [first, second] = self.words;
+        if self.n_left == 1 { first } else { second }
+    }
+
+    fn refill(&mut self) {
         let place = u64::from(self.pixel) << 32 | u64::from(self.block);
-        let [now, next] = philox([place, self.interval], self.source.seed);
+        self.words = philox([place, self.interval], self.source.seed);
         self.block = self.block.wrapping_add(1);
-        self.spare = Some(next);
-        now
+        self.n_left = 2;
     }
 
     /// Uniform in the open interval (0, 1): the middles of 2^52 equal cells.
@@ -114,7 +115,7 @@ mod tests {
     fn uniform_draws_are_uniform_over_pixels_intervals_and_draws() {
         let source = Source::new(1);
         let sample = |pixel, interval, skip| {
-            let mut draws = source.draws(pixel, Purpose::Interval(interval));
+            let mut draws = source.draws(pixel, interval);
             for _ in 0..skip {
                 let _ = draws.bits();
             }
@@ -128,12 +129,12 @@ mod tests {
     #[test]
     fn normal_draws_follow_the_normal_law_far_into_the_tail() {
         let law = Normal::standard();
-        let mut draws = Source::new(2).draws(0, Purpose::Pixel);
+        let mut draws = Source::new(2).draws(0, FOR_GOOD);
         let sample: Vec<f64> = (0..400_000).map(|_| draws.normal()).collect();
         ks::assert_law(sample.iter().copied(), |z| law.cdf(z));
         // Beyond the outermost layer (3.654) the tail has its own sampler: its law is checked
         // given that it was entered.
-        let mut draws = Source::new(3).draws(0, Purpose::Pixel);
+        let mut draws = Source::new(3).draws(0, FOR_GOOD);
         let edge = 3.0;
         let tail = (0..2_000_000).map(|_| draws.normal().abs()).filter(|&z| z > edge);
         let outside = 1.0 - law.cdf(edge);

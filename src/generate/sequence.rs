@@ -53,8 +53,7 @@ impl Sequence {
             }
             check_time(index, last.t_us, frame.t_us)?;
         }
-        check_pixels(index, frame)?;
-        let brightest = frame.values.iter().copied().fold(0.0, f32::max);
+        let brightest = check_pixels(index, frame)?;
         let interval = self.last.map(|last| Interval {
             index,
             start_us: last.t_us,
@@ -81,18 +80,37 @@ fn check_time(index: u64, previous_us: i64, t_us: i64) -> Result<(), GenerateErr
     }
 }
 
-fn check_pixels(index: u64, frame: &Luminance) -> Result<(), GenerateError> {
+/// Checks every value and returns the highest.
+fn check_pixels(index: u64, frame: &Luminance) -> Result<f32, GenerateError> {
     let (expected, found) = (frame.size.n_pixels(), frame.values.len());
     if expected != found {
         return Err(GenerateError::WrongLength { index, size: frame.size, expected, found });
     }
-    let is_good = |value: f32| (0.0..=f32::MAX).contains(&value);
-    // A sum of flags, not a search, so that the usual case (all good) runs in wide registers.
-    if frame.values.iter().map(|&value| u32::from(!is_good(value))).sum::<u32>() == 0 {
-        return Ok(());
+    if let Some(brightest) = brightest_of_good(&frame.values) {
+        return Ok(brightest);
     }
     let bad = frame.values.iter().position(|&value| !is_good(value)).unwrap_or_default();
     let width = usize::from(frame.size.width);
     let (x, y) = ((bad % width) as u16, (bad / width) as u16);
     Err(GenerateError::BadBrightness { index, x, y, value: frame.values[bad] })
+}
+
+fn is_good(value: f32) -> bool {
+    (0.0..=f32::MAX).contains(&value)
+}
+
+/// The highest value, or none when a value is bad: several values at a time, as the frame is
+/// read once more for this alone.
+fn brightest_of_good(values: &[f32]) -> Option<f32> {
+    const LANES: usize = 16;
+    let (parts, rest) = values.as_chunks::<LANES>();
+    let (mut highest, mut n_bad) = ([0.0_f32; LANES], [0_u32; LANES]);
+    for part in parts {
+        for i in 0..LANES {
+            n_bad[i] += u32::from(!((part[i] >= 0.0) & (part[i] <= f32::MAX)));
+            highest[i] = if part[i] > highest[i] { part[i] } else { highest[i] };
+        }
+    }
+    let is_bad = n_bad.iter().any(|&n| n > 0) || !rest.iter().copied().all(is_good);
+    (!is_bad).then(|| highest.iter().chain(rest).copied().fold(0.0, f32::max))
 }

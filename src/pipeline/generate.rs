@@ -5,6 +5,7 @@ use crate::event::Events;
 use crate::format::aedat4::{Compression, StreamSpec, Writer};
 use crate::generate::{GenerateParameters, build};
 use crate::session::{Session, StageRecord, StreamKind, StreamName, write_stage};
+use crate::time::{Clock, Davis};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::time::{Duration, Instant};
@@ -85,7 +86,9 @@ impl GenerationSpeed {
 #[must_use]
 pub fn default_light(session: &Session) -> Option<&str> {
     let streams = session.manifest().streams.iter();
-    let mut lights = streams.filter(|stream| stream.kind == StreamKind::Frames && stream.count > 1);
+    let mut lights = streams.filter(|stream| {
+        stream.kind == StreamKind::Frames && stream.count > 1 && stream.clock == Davis::NAME
+    });
     lights.next().map(|stream| stream.name.as_str())
 }
 

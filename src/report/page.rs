@@ -2,7 +2,7 @@
 
 use super::figure::{Figure, Link, Panel};
 use super::measure::{Measure, departing, headline};
-use super::number::{quantity, significant};
+use super::number::{count, quantity, significant};
 use super::plot::{Drawing, strip};
 use super::table::{Cell, Table};
 use base64::Engine;
@@ -234,7 +234,11 @@ fn link_view(link: &Link) -> Value {
 fn measure_view(measure: &Measure) -> Value {
     let shown = quantity(&measure.estimate);
     let verdict = measure.verdict();
-    let side = |value: Option<f64>| value.map(|v| significant(v, 4));
+    // Counts are shown whole: a reader checks them against other places on the page.
+    let side = |value: Option<f64>| {
+        value
+            .map(|v| if v.fract() == 0.0 && v >= 1e3 { count(v as u64) } else { significant(v, 4) })
+    };
     context! {
         id => measure.id,
         name => measure.name,

@@ -245,9 +245,11 @@ mod tests {
             };
             let here = arm.inverse(step(0.0)).unwrap();
             let speeds = arm.joint_speeds(here, speed).unwrap();
-            for i in 0..4 {
-                let change = (after.to_deg()[i] - before.to_deg()[i]) / 2e-5;
-                prop_assert!((change - speeds[i]).abs() < 1e-3 * (1.0 + speeds[i].abs()), "joint {}", i + 1);
+            let change = (after.to_deg().into_iter().zip(before.to_deg()))
+                .map(|(after, before)| (after - before) / 2e-5);
+            for (joint, (change, speed)) in change.zip(speeds).enumerate() {
+                let bound = 1e-3 * (1.0 + speed.abs());
+                prop_assert!((change - speed).abs() < bound, "joint {}", joint + 1);
             }
         }
     }

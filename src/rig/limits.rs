@@ -98,8 +98,8 @@ impl Gauge {
     #[must_use]
     pub fn margin(&self) -> f64 {
         let above = self.low.map_or(f64::INFINITY, |low| self.value - low);
-        let margin = above.min(self.high - self.value);
-        if margin.is_nan() { f64::NEG_INFINITY } else { margin }
+        // `min` would pass over a NaN, which is no room at all.
+        if self.value.is_nan() { f64::NEG_INFINITY } else { above.min(self.high - self.value) }
     }
 
     /// Whether the value is beyond a limit, by more than rounding.
@@ -212,5 +212,56 @@ impl ArmDescription {
     fn reach_limits(&self) -> [f64; 2] {
         let [rear, fore] = [self.kinematics.rear_arm.0, self.kinematics.forearm.0];
         [(rear - fore).abs(), rear + fore]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::Rig;
+    use proptest::prelude::*;
+
+    fn gauge(gauges: &[Gauge], limit: &str) -> Gauge {
+        *gauges.iter().find(|gauge| gauge.limit == limit).unwrap()
+    }
+
+    proptest! {
+        #[test]
+        fn the_elbow_angle_is_that_of_the_triangle_shoulder_elbow_wrist(
+            x in 150.0..300.0_f64, y in -100.0..100.0_f64, z in -100.0..120.0_f64,
+        ) {
+            let arm = Rig::simulated().unwrap().arm;
+            let (gauges, joints) = arm.gauge_pose(Pose::from_mm_deg([x, y, z, 0.0]));
+            prop_assume!(joints.is_some());
+            let reach = gauge(&gauges, "reach from the shoulder").value;
+            let cosine = (135.0_f64.powi(2) + 147.0_f64.powi(2) - reach * reach) / (2.0 * 135.0 * 147.0);
+            let elbow = gauge(&gauges, "elbow angle").value;
+            prop_assert!((elbow - cosine.acos().to_degrees()).abs() < 1e-6, "{elbow}");
+        }
+    }
+
+    #[test]
+    fn the_lowest_forearm_angle_rises_with_the_rear_arm_where_the_rig_says_so() {
+        let arm = Rig::find("magician").unwrap().arm;
+        let lowest_j3 = |j2: f64| {
+            let joints = Joints::from_deg([0.0, j2, 45.0, 0.0]);
+            let (gauges, _) = arm.gauge_pose(arm.kinematics.forward(joints));
+            gauge(&gauges, "joint J3").low.unwrap()
+        };
+        assert!((lowest_j3(30.0) + 6.8).abs() < 1e-9);
+        assert!((lowest_j3(55.0) - (15.0 - 6.8)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_gauge_says_by_how_much_and_forgives_rounding() {
+        let over = Gauge::new("joint J4", "deg", 151.5, [-150.0, 150.0]);
+        assert_eq!(
+            over.to_string(),
+            "joint J4 is 151.50 deg, allowed -150 to 150 deg, 1.50 deg over"
+        );
+        assert!(over.is_exceeded());
+        assert!(!Gauge::new("z", "mm", 160.0 + 1e-12, [0.0, 160.0]).is_exceeded());
+        assert!(Gauge::up_to("speed", "deg/s", f64::INFINITY, 320.0).is_exceeded());
+        assert!(Gauge::up_to("speed", "deg/s", f64::NAN, 320.0).is_exceeded());
     }
 }

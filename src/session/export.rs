@@ -6,6 +6,7 @@ use crate::format::aedat4::{Content, Reader};
 use crate::format::npy::{ArrayReader, NpzWriter};
 use crate::frame::Samples;
 use crate::imu::{ImuSample, Trigger};
+use crate::time::{Clock, PiSensor};
 use serde::Serialize;
 use std::path::Path;
 
@@ -23,7 +24,8 @@ pub struct ExportedArray {
 /// | stream | arrays |
 /// | --- | --- |
 /// | events | `events` int64 (N, 4): t_us, x, y, p with 1 for On |
-/// | frames | `frames` (N, H, W) or (N, H, W, C); `t_us`; of AEDAT4 frames also `exposure_start_us`, `exposure_end_us` |
+/// | frames | `frames` (N, H, W) or (N, H, W, C); `t_us`; of AEDAT4 frames also `exposure_start_us`, `exposure_end_us`;
+///            of the Pi's, instead of `t_us`, `sensor_timestamp_ns` and `real_time_us` (0 where unreadable) |
 /// | imu | `t_us`; `acceleration_g` (N, 3), `rotation_deg_per_s`, `magnetic_ut`; `temperature_c` |
 /// | triggers | `t_us`; `kind`, the code of AEDAT4's trigger types |
 ///
@@ -139,6 +141,7 @@ fn frames(
     archive.finish()
 }
 
+/// Imported frames are written one by one: there may be more of them than memory.
 fn imported_frames(
     session: &Session,
     entry: &StreamEntry,
@@ -147,17 +150,37 @@ fn imported_frames(
     let path = session.layout().inside(&entry.file)?;
     let mut reader = ArrayReader::open(&path)?;
     let shape = reader.shape().to_vec();
-    let n = shape.iter().product::<u64>() as usize;
+    let n_frames = shape.first().copied().unwrap_or(0);
+    let n = shape.iter().skip(1).product::<u64>() as usize;
     let mut archive = Archive::create(out)?;
-    if reader.unsigned_bytes() == Some(1) {
-        archive.add("frames", &shape, reader.next_u8(n)?)?;
+    let mut failure = None;
+    let added = if reader.unsigned_bytes() == Some(1) {
+        let frames =
+            (0..n_frames).map_while(|_| reader.next_u8(n).map_err(|e| failure = Some(e)).ok());
+        archive.add("frames", &shape, frames.flatten())
     } else {
-        archive.add("frames", &shape, reader.next_u16(n)?)?;
+        let frames =
+            (0..n_frames).map_while(|_| reader.next_u16(n).map_err(|e| failure = Some(e)).ok());
+        archive.add("frames", &shape, frames.flatten())
+    };
+    if let Some(error) = failure {
+        return Err(error.into());
     }
-    let times: Result<Vec<i64>, _> =
-        session.luminance(&entry.name)?.map(|frame| frame.map(|frame| frame.t_us)).collect();
-    let times = times?;
-    archive.add("t_us", &[times.len() as u64], times)?;
+    added?;
+    // The Pi's frames have the stamps of its sensor and of its wall clock, all others one time.
+    let columns: &[_] = if entry.clock == PiSensor::NAME {
+        &["sensor_timestamp_ns", "real_time_us"]
+    } else {
+        &["timestamps_us"]
+    };
+    for &column in columns {
+        let times = ArrayReader::open(&path.with_file_name(format!("{column}.npy")))?.read_all()?;
+        let times = times.fields.into_iter().next().and_then(|(_, t)| t.into_integers().ok());
+        let mut times = times.unwrap_or_default();
+        times.truncate(n_frames as usize);
+        let name = if column == "timestamps_us" { "t_us" } else { column };
+        archive.add(name, &[times.len() as u64], times)?;
+    }
     archive.finish()
 }
 
@@ -166,12 +189,11 @@ fn imu(
     entry: &StreamEntry,
     out: &Path,
 ) -> Result<Vec<ExportedArray>, SessionError> {
-    let mut samples: Vec<ImuSample> = Vec::new();
-    for content in contents(session, entry)? {
-        if let Content::Imu(found) = content {
-            samples.extend(found);
-        }
-    }
+    let runs = contents(session, entry)?.filter_map(|content| match content {
+        Content::Imu(samples) => Some(samples),
+        _ => None,
+    });
+    let samples: Vec<ImuSample> = runs.flatten().collect();
     let n = samples.len() as u64;
     let mut archive = Archive::create(out)?;
     archive.add("t_us", &[n], samples.iter().map(|s| s.stamp.as_micros()))?;
@@ -191,12 +213,11 @@ fn triggers(
     entry: &StreamEntry,
     out: &Path,
 ) -> Result<Vec<ExportedArray>, SessionError> {
-    let mut edges: Vec<Trigger> = Vec::new();
-    for content in contents(session, entry)? {
-        if let Content::Triggers(found) = content {
-            edges.extend(found);
-        }
-    }
+    let runs = contents(session, entry)?.filter_map(|content| match content {
+        Content::Triggers(edges) => Some(edges),
+        _ => None,
+    });
+    let edges: Vec<Trigger> = runs.flatten().collect();
     let n = edges.len() as u64;
     let mut archive = Archive::create(out)?;
     archive.add("t_us", &[n], edges.iter().map(|edge| edge.stamp.as_micros()))?;

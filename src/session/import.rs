@@ -4,9 +4,11 @@ mod aedat4;
 mod event_table;
 mod frames;
 mod images;
+mod raw2event;
 
 pub use aedat4::import_aedat4;
 pub use frames::{FrameTimes, ImportFrames, import_frames};
+pub use raw2event::{ImportRaw2Event, import_raw2event};
 
 use super::{FileEntry, Layout, Manifest, SessionError, sha256_of_file};
 use std::path::{Path, PathBuf};

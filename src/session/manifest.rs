@@ -2,6 +2,7 @@
 
 use super::{SessionError, Sha256Hex};
 use crate::geometry::Size;
+use crate::time::{Clock, Davis};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -31,6 +32,9 @@ pub struct Manifest {
     pub files: BTreeMap<String, FileEntry>,
     /// Everything that was lost or is doubtful; empty when nothing is.
     pub losses: Vec<Loss>,
+    /// What an import had to decide about the files it read, and known defects of their layout.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub decisions: Vec<String>,
     /// What it was recorded with; none for what was imported.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recording: Option<Box<Recording>>,
@@ -77,6 +81,14 @@ pub enum Origin {
     Aedat4 {
         /// Name of the file it was.
         file: String,
+    },
+    /// A recording in the layout of the published Raw2Event recorder.
+    #[serde(rename = "raw2event")]
+    Raw2Event {
+        /// The part of the names it was found by.
+        id: String,
+        /// Name of the DAVIS file.
+        davis: String,
     },
     /// Frames, with or without events.
     Frames {
@@ -164,8 +176,15 @@ pub struct StreamEntry {
     pub first_us: Option<i64>,
     /// Last stamp, µs of the stream's clock.
     pub last_us: Option<i64>,
+    /// The clock of its stamps: `davis`, or `pi-sensor` for the Pi's.
+    #[serde(default = "davis_clock")]
+    pub clock: String,
     /// The camera or program that made it, as the file says.
     pub source: String,
+}
+
+fn davis_clock() -> String {
+    Davis::NAME.into()
 }
 
 /// A recorded file.

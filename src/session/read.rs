@@ -6,6 +6,7 @@ use crate::format::aedat4::{Content, Reader};
 use crate::format::npy::ArrayReader;
 use crate::frame::Luminance;
 use crate::geometry::Size;
+use crate::time::{Clock, Davis};
 use serde::Serialize;
 use std::fs::File;
 use std::io::BufReader;
@@ -82,7 +83,15 @@ impl Session {
     /// # Errors
     /// When there is no such stream, or its file cannot be opened.
     pub fn luminance(&self, name: &str) -> Result<LuminanceFrames, SessionError> {
-        LuminanceFrames::open(self, self.stream(StreamKind::Frames, name)?)
+        let entry = self.stream(StreamKind::Frames, name)?;
+        if entry.clock != Davis::NAME {
+            return Err(SessionError::OtherClock {
+                root: self.root().to_owned(),
+                name: name.to_owned(),
+                clock: entry.clock.clone(),
+            });
+        }
+        LuminanceFrames::open(self, entry)
     }
 }
 

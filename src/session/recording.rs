@@ -6,6 +6,7 @@ use super::{
     Damage, FileEntry, Layout, Loss, Manifest, Origin, Recording, SCHEMA, SessionError, Status,
     StreamEntry, census, sha256_of_file,
 };
+use crate::time::{Clock, Davis, Unix};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -42,6 +43,7 @@ pub fn seal_recording(
                 count: found.count,
                 first_us: found.first_us,
                 last_us: found.last_us,
+                clock: Unix::NAME.into(),
                 source: found.topic.name().to_owned(),
             }
         }));
@@ -57,6 +59,7 @@ pub fn seal_recording(
         streams,
         files,
         losses,
+        decisions: Vec::new(),
         recording: Some(Box::new(recording)),
     };
     manifest.seal(&layout.manifest())?;
@@ -90,6 +93,7 @@ fn davis_streams(found: &Census, file: &str) -> Vec<StreamEntry> {
         count: stream.count,
         first_us: stream.first_us,
         last_us: stream.last_us,
+        clock: Davis::NAME.into(),
         source: stream.stream.source.clone(),
     };
     found.streams.iter().zip(names(&found.streams)).map(entry).collect()

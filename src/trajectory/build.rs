@@ -42,7 +42,7 @@ impl Trajectory {
     /// The path on this rig: its mount says what the cameras see, and so which way is clockwise.
     ///
     /// # Errors
-    /// When a segment makes no curve. Reach and speed are not looked at here: see [`super::plan`].
+    /// When a segment makes no curve. Reach and speed are not looked at here: see [`super::Plan`].
     pub fn path(&self, rig: &Rig, optional: Optional) -> Result<Path, PathError> {
         let camera = rig.mount.davis.frame(self.start);
         let mut builder = Builder {
@@ -52,9 +52,10 @@ impl Trajectory {
             path: Path::new(self.start),
             runs: vec![Vec::new(); self.segments.len()],
             n_points: 0,
+            optional,
         };
         for (number, segment) in self.segments.iter().enumerate() {
-            if optional == Optional::Included || !segment.is_optional {
+            if !builder.leaves_out(segment) {
                 builder.run(number, &As::itself(segment, number))?;
             }
         }
@@ -73,6 +74,7 @@ struct Builder<'t> {
     runs: Vec<Vec<usize>>,
     /// Points of drawn curves so far.
     n_points: usize,
+    optional: Optional,
 }
 
 /// As what a segment runs: as itself, or as part of a later one.
@@ -97,6 +99,12 @@ impl As {
         }
     }
 
+    /// A prompt is shown, and the light flashes, before the first of several motions only.
+    fn was_asked(&mut self) {
+        self.settings.prompt = None;
+        self.settings.n_flashes = 0;
+    }
+
     fn too_much(&self, of_what: &'static str, limit: usize) -> PathError {
         PathError::TooMuch { segment: self.label.clone(), of_what, limit }
     }
@@ -114,13 +122,18 @@ impl As {
 }
 
 impl Builder<'_> {
+    fn leaves_out(&self, segment: &Segment) -> bool {
+        self.optional == Optional::LeftOut && segment.is_optional
+    }
+
     fn run(&mut self, number: usize, as_what: &As) -> Result<(), PathError> {
-        let trajectory = self.trajectory;
-        let segment = &trajectory.segments[number];
+        let segments = &self.trajectory.segments;
+        let segment = &segments[number];
         if as_what.depth > MAX_DEPTH {
             return Err(as_what.too_much("repeats within repeats", MAX_DEPTH));
         }
         let first = self.path.steps().len();
+        let mut around = as_what.clone();
         match &segment.kind {
             Kind::Dwell { duration } => {
                 let rates = self.rates(as_what);
@@ -131,28 +144,33 @@ impl Builder<'_> {
             Kind::Repeat { of, times } => {
                 for time in 1..=*times {
                     for &part in of {
-                        let name = &trajectory.segments[part].label;
+                        if self.leaves_out(&segments[part]) {
+                            continue;
+                        }
+                        let name = &segments[part].label;
                         let label =
                             if *times > 1 { format!("{name}#{time}") } else { name.clone() };
-                        self.run(part, &as_what.part(&label, &trajectory.segments[part]))?;
+                        self.run(part, &around.part(&label, &segments[part]))?;
+                        around.was_asked();
                     }
                 }
             }
             Kind::Reverse { of } => {
                 for &part in of.iter().rev() {
-                    self.run_backwards(part, as_what)?;
+                    self.run_backwards(part, &mut around)?;
                 }
             }
             Kind::Sweep { of, speeds_mm_per_s, alternate } => {
                 for (i, speed) in speeds_mm_per_s.iter().enumerate() {
                     let label = format!("{speed}mm/s");
-                    let mut part = as_what.part(&label, &trajectory.segments[*of]);
+                    let mut part = around.part(&label, &segments[*of]);
                     part.rates.speed_mm_per_s = Some(*speed);
                     if *alternate && i % 2 == 1 {
-                        self.run_backwards(*of, &part)?;
+                        self.run_backwards(*of, &mut part)?;
                     } else {
                         self.run(*of, &part)?;
                     }
+                    around.was_asked();
                 }
             }
             _ => {
@@ -187,12 +205,12 @@ impl Builder<'_> {
         Ok(())
     }
 
-    fn run_backwards(&mut self, part: usize, as_what: &As) -> Result<(), PathError> {
+    fn run_backwards(&mut self, part: usize, as_what: &mut As) -> Result<(), PathError> {
         let of = self.trajectory.segments[part].label.clone();
-        let segment = || as_what.label.clone();
+        let name = as_what.label.clone();
         let run = std::mem::take(&mut self.runs[part]);
         if run.is_empty() {
-            return Err(PathError::NotRun { segment: segment(), of });
+            return Err(PathError::NotRun { segment: name, of });
         }
         for &step in run.iter().rev() {
             let there = &self.path.steps()[step];
@@ -200,7 +218,7 @@ impl Builder<'_> {
             let (expected, got) = (curve.from(), self.path.end());
             let away = expected.distance(got);
             if away.0 > 1e-6 || (expected.r - got.r).abs().0 > 1e-6 {
-                return Err(PathError::NotAtEnd { segment: segment(), of, expected, got, away });
+                return Err(PathError::NotAtEnd { segment: name, of, expected, got, away });
             }
             if curve.length().0 > 0.0 || curve.turn().0 != 0.0 {
                 self.push(curve, as_what)?;
@@ -209,6 +227,7 @@ impl Builder<'_> {
                 self.path.push_hold(&as_what.label, as_what.number, duration, rates, settings);
                 self.check_bounds(as_what)?;
             }
+            as_what.was_asked();
         }
         self.runs[part] = run;
         Ok(())
@@ -507,6 +526,21 @@ mod tests {
     }
 
     #[test]
+    fn what_is_left_out_is_left_out_of_repeats_too() {
+        let dark = "[[segment]]\nkind = 'dwell'\nlabel = 'dark'\nduration_s = 3\noptional = true\n";
+        let again = "[[segment]]\nkind = 'repeat'\nlabel = 'r'\nof = ['dark', 'c']\ntimes = 2\n";
+        let trajectory =
+            Trajectory::parse("t.toml", &format!("{HEAD}{dark}{CIRCLE}{again}")).unwrap();
+        let rig = Rig::simulated().unwrap();
+        let labels = |optional| -> Vec<String> {
+            let path = trajectory.path(&rig, optional).unwrap();
+            path.steps().iter().map(|step| step.label.clone()).collect()
+        };
+        assert_eq!(labels(Optional::LeftOut), ["c", "r/c#1", "r/c#2"]);
+        assert_eq!(labels(Optional::Included).len(), 6);
+    }
+
+    #[test]
     fn what_would_take_days_is_refused() {
         let slow = CIRCLE.replace("turns = 1", "turns = 10000\nspeed_mm_per_s = 0.05");
         let error = path(&slow).unwrap_err();
@@ -546,10 +580,13 @@ mod tests {
     #[test]
     fn what_a_repeat_sets_holds_for_its_parts() {
         let dim = "[[segment]]\nkind = 'repeat'\nlabel = 'dim'\nof = ['c']\ntimes = 2\n\
-            set = { light_level = 0.2 }\n";
+            set = { light_level = 0.2, n_flashes = 2 }\nprompt = 'Dim it.'\n";
         let path = path(&format!("{CIRCLE}{dim}")).unwrap();
         let levels: Vec<_> = path.steps().iter().map(|s| s.settings.light_level).collect();
         assert_eq!(levels, [None, Some(0.2), Some(0.2)]);
         assert_eq!(path.steps()[2].label, "dim/c#2");
+        let asks: Vec<_> = path.steps().iter().map(|s| s.settings.prompt.is_some()).collect();
+        let flashes: Vec<_> = path.steps().iter().map(|s| s.settings.n_flashes).collect();
+        assert_eq!((asks, flashes), (vec![false, true, false], vec![0, 2, 0]));
     }
 }

@@ -1,7 +1,7 @@
 //! A path against the arm's limits, point by point.
 
 use super::{Path, Step};
-use crate::rig::{ArmDescription, Gauge, Pose, ToolRates};
+use crate::rig::{ArmDescription, Gauge, Joints, Pose, ToolRates};
 use crate::time::Span;
 use crate::units::{
     DegreesPerSecond, DegreesPerSecond2, Millimetres, MillimetresPerSecond, MillimetresPerSecond2,
@@ -17,6 +17,9 @@ const SPACING_DEG: f64 = 0.25;
 /// so that on a circle of very many turns they do not fall on the same places turn after turn.
 const MAX_POINTS: f64 = 1_000_003.0;
 
+/// Points at which a move of the joints is looked at: less than three degrees apart.
+const JOINT_MOVE_POINTS: u32 = 128;
+
 /// How near a path comes to one limit, and where.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Margin {
@@ -27,17 +30,23 @@ pub struct Margin {
     pub margin: f64,
     /// Which step.
     pub segment: String,
-    /// When, from the path's beginning.
+    /// When, from the path's beginning; zero on the way from home to the start.
     pub time_s: f64,
     /// Where the tool is then.
     pub pose: Pose,
 }
 
-impl Margin {
-    fn new(gauge: Gauge, step: &Step, since: Span) -> Self {
-        let pose = step.pose_at(since);
-        let time_s = (step.start + since).as_secs_f64();
-        Self { gauge, margin: gauge.margin(), segment: step.label.clone(), time_s, pose }
+/// A point of a walk.
+struct Place<'a> {
+    segment: &'a str,
+    time_s: f64,
+    pose: Pose,
+}
+
+impl Place<'_> {
+    fn margin(&self, gauge: Gauge) -> Margin {
+        let &Self { segment, time_s, pose } = self;
+        Margin { gauge, margin: gauge.margin(), segment: segment.to_owned(), time_s, pose }
     }
 }
 
@@ -46,6 +55,13 @@ impl fmt::Display for Margin {
         let Self { gauge, segment, time_s, pose, .. } = self;
         write!(f, "segment `{segment}` at {time_s:.3} s ({pose}): {gauge}")
     }
+}
+
+/// The first point of `path` beyond each limit of `arm` that it exceeds, in the order of time;
+/// empty for a path the arm may run.
+#[must_use]
+pub fn offences(path: &Path, arm: &ArmDescription) -> Vec<Margin> {
+    Walk::along(path, arm).offences
 }
 
 /// What a walk along a path found.
@@ -58,42 +74,74 @@ pub(super) struct Walk {
 }
 
 impl Walk {
-    /// Looks at every step of the path; a path of no steps is looked at where it begins.
+    /// Looks at the ways from and to home and at every step of the path.
     pub(super) fn along(path: &Path, arm: &ArmDescription) -> Self {
         let mut walk = Self::default();
+        walk.joint_move("from home to the start", 0.0, [arm.home, path.start()], arm);
         let turns: f64 = path.steps().iter().map(|step| step.curve.turn().abs().0).sum();
         let n_wanted = path.length().0 / SPACING_MM + turns / SPACING_DEG;
         let thinning = (n_wanted / MAX_POINTS).max(1.0);
         for step in path.steps() {
-            for gauge in arm.gauge_rates(&asked(step)) {
-                walk.note(gauge, step, Span::ZERO);
-            }
-            let n_points = points(step, thinning);
-            for i in 0..=n_points {
-                let share = i as f64 / n_points.max(1) as f64;
-                let since = Span::from_secs_f64(step.duration.as_secs_f64() * share);
-                let (gauges, joints) = arm.gauge_pose(step.pose_at(since));
-                gauges.into_iter().for_each(|gauge| walk.note(gauge, step, since));
-                if let Some(joints) = joints {
-                    let speeds = arm.gauge_joint_speeds(joints, step.velocity_at(since));
-                    speeds.into_iter().for_each(|gauge| walk.note(gauge, step, since));
-                }
-            }
+            walk.step(step, thinning, arm);
         }
+        let end_s = path.duration().as_secs_f64();
+        walk.joint_move("from the end to home", end_s, [path.end(), arm.home], arm);
         walk
     }
 
-    fn note(&mut self, gauge: Gauge, step: &Step, since: Span) {
-        match self.narrowest.iter_mut().find(|margin| margin.gauge.limit == gauge.limit) {
-            Some(known) if gauge.margin() < known.margin => {
-                *known = Margin::new(gauge, step, since);
+    fn step(&mut self, step: &Step, thinning: f64, arm: &ArmDescription) {
+        let place = |since: Span| Place {
+            segment: &step.label,
+            time_s: (step.start + since).as_secs_f64(),
+            pose: step.pose_at(since),
+        };
+        for gauge in arm.gauge_rates(&asked(step)) {
+            self.note(gauge, &place(Span::ZERO));
+        }
+        let n_points = points(step, thinning);
+        for i in 0..=n_points {
+            let share = i as f64 / n_points.max(1) as f64;
+            let since = Span::from_secs_f64(step.duration.as_secs_f64() * share);
+            let here = place(since);
+            let (gauges, joints) = arm.gauge_pose(here.pose);
+            gauges.into_iter().for_each(|gauge| self.note(gauge, &here));
+            if let Some(joints) = joints {
+                let speeds = arm.gauge_joint_speeds(joints, step.velocity_at(since));
+                speeds.into_iter().for_each(|gauge| self.note(gauge, &here));
             }
+        }
+    }
+
+    /// Looks at a move in which all joints go evenly from one pose to the other, as the arm's MOVJ does.
+    fn joint_move(
+        &mut self,
+        segment: &str,
+        time_s: f64,
+        [from, to]: [Pose; 2],
+        arm: &ArmDescription,
+    ) {
+        // Where an end is out of reach the pose itself is found wanting, as home or on the path.
+        let ends = [from, to].map(|pose| arm.kinematics.inverse(pose).map(Joints::to_deg));
+        let [Ok(from), Ok(to)] = ends else { return };
+        for i in 0..=JOINT_MOVE_POINTS {
+            let share = f64::from(i) / f64::from(JOINT_MOVE_POINTS);
+            let joints = std::array::from_fn(|j| from[j] + share * (to[j] - from[j]));
+            let pose = arm.kinematics.forward(Joints::from_deg(joints));
+            let place = Place { segment, time_s, pose };
+            let (gauges, _) = arm.gauge_pose(pose);
+            gauges.into_iter().for_each(|gauge| self.note(gauge, &place));
+        }
+    }
+
+    fn note(&mut self, gauge: Gauge, place: &Place<'_>) {
+        match self.narrowest.iter_mut().find(|margin| margin.gauge.limit == gauge.limit) {
+            Some(known) if gauge.margin() < known.margin => *known = place.margin(gauge),
             Some(_) => {}
-            None => self.narrowest.push(Margin::new(gauge, step, since)),
+            None => self.narrowest.push(place.margin(gauge)),
         }
         let is_first = || self.offences.iter().all(|known| known.gauge.limit != gauge.limit);
         if gauge.is_exceeded() && is_first() {
-            self.offences.push(Margin::new(gauge, step, since));
+            self.offences.push(place.margin(gauge));
         }
     }
 }
@@ -149,4 +197,77 @@ pub(super) fn peaks(path: &Path) -> ToolRates {
             ),
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::Rig;
+    use crate::trajectory::{Optional, Trajectory};
+
+    fn walk(rig: &Rig, trajectory: &str, changes: &[(&str, &str)]) -> Walk {
+        let mut text = Trajectory::find(trajectory).unwrap().text;
+        for (from, to) in changes {
+            assert!(text.contains(from), "no `{from}`");
+            text = text.replace(from, to);
+        }
+        let trajectory = Trajectory::parse("changed.toml", &text).unwrap();
+        Walk::along(&trajectory.path(rig, Optional::Included).unwrap(), &rig.arm)
+    }
+
+    fn changed_rig(from: &str, to: &str) -> Rig {
+        let text = Rig::simulated().unwrap().text;
+        assert!(text.contains(from), "no `{from}`");
+        Rig::parse("changed.toml", &text.replace(from, to)).unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    #[test]
+    fn joint_speeds_on_the_published_circle_are_what_differences_of_the_joints_say() {
+        let rig = Rig::simulated().unwrap();
+        let path = Trajectory::find("circle").unwrap().path(&rig, Optional::Included).unwrap();
+        let joints = |time_s: f64| {
+            let pose = path.pose_at(Span::from_secs_f64(time_s));
+            rig.arm.kinematics.inverse(pose).unwrap().to_deg()
+        };
+        let walk = Walk::along(&path, &rig.arm);
+        for joint in 0..4 {
+            let fastest = (0..35_000)
+                .map(|i| f64::from(i) * 1e-4)
+                .map(|t| (joints(t + 1e-4)[joint] - joints(t)[joint]).abs() / 1e-4)
+                .fold(0.0, f64::max);
+            let limit = format!("speed of joint J{}", joint + 1);
+            let found = walk.narrowest.iter().find(|m| m.gauge.limit == limit).unwrap();
+            assert!((found.gauge.value - fastest).abs() < 0.01 * fastest, "{found} not {fastest}");
+        }
+    }
+
+    #[test]
+    fn a_joint_that_would_go_too_fast_is_named_though_the_tool_is_slow_enough() {
+        // At its far side the circle turns the base by 50 mm/s / 264 mm = 10.85 deg/s.
+        let rig = changed_rig("speed_deg_per_s = [320.0,", "speed_deg_per_s = [10.8,");
+        let walk = walk(&rig, "circle", &[]);
+        let [only] = walk.offences.as_slice() else { panic!("{:?}", walk.offences) };
+        assert_eq!(only.gauge.limit, "speed of joint J1");
+        assert!(only.pose.x.0 > 263.0, "{only}");
+    }
+
+    #[test]
+    fn the_way_from_home_to_the_start_is_looked_at_too() {
+        // Both ends lie outside the forbidden strip, the way between them does not.
+        let rig = changed_rig("y_mm = [-328.0, 328.0]", "x_mm = [150.0, 330.0]");
+        let there = [("x_mm = 240.0", "x_mm = 160.0"), ("y_mm = 0.0", "y_mm = 220.0")];
+        let home = "home = { x_mm = 200.0, y_mm = 0.0,";
+        let text = rig.text.replace(home, "home = { x_mm = 155.0, y_mm = -150.0,");
+        let rig = Rig::parse("changed.toml", &text).unwrap();
+        let free = walk(&rig, "circle", &there);
+        assert!(free.offences.is_empty(), "{:?}", free.offences);
+        let text = rig.text.replace("x_mm = [150.0, 330.0]", "x_mm = [150.0, 200.0]");
+        let rig = Rig::parse("changed.toml", &text).unwrap();
+        let walk = walk(&rig, "circle", &there);
+        let first = walk.offences.first().unwrap();
+        assert_eq!(
+            (first.segment.as_str(), first.gauge.limit),
+            ("from home to the start", "workspace x")
+        );
+    }
 }

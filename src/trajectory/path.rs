@@ -218,6 +218,14 @@ impl Path {
         })
     }
 
+    /// Instants a `period` apart from the beginning to the end, both included; none on a path of no steps.
+    pub fn every(&self, period: Span) -> impl Iterator<Item = PathPoint> + '_ {
+        let (period, end) = (period.as_nanos().max(1), self.duration().as_nanos());
+        let inner = (0..=end / period).map(move |i| i * period);
+        let last = (end % period != 0).then_some(end);
+        inner.chain(last).filter_map(|time| self.at(Span::from_nanos(time)))
+    }
+
     /// Where the tool is, `time` from the beginning; held at both ends.
     #[must_use]
     pub fn pose_at(&self, time: Span) -> Pose {
@@ -259,6 +267,16 @@ mod tests {
         let point = path.at(middle).unwrap();
         assert_eq!(point.step, 1);
         assert!((point.pose.x.0 - 264.0).abs() < 1e-6 && (point.speed.0 - 50.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn instants_come_evenly_and_the_end_is_among_them() {
+        let path = circle_and_rest();
+        let points: Vec<_> = path.every(Span::from_micros(20_000)).collect();
+        let n_whole = path.duration().as_nanos() / 20_000_000;
+        assert_eq!(points.len() as i64, n_whole + 2);
+        assert_eq!(points[7].time, Span::from_micros(140_000));
+        assert_eq!(points.last().unwrap().time, path.duration());
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::CurveError;
 use crate::rig::Pose;
+use crate::time::Span;
 use crate::units::Millimetres;
 
 /// Why a description makes no path on this rig.
@@ -48,6 +49,21 @@ pub enum PathError {
         segment: String,
         /// What is wrong with them.
         source: CurveError,
+    },
+    /// An exposure that a frame has no time for.
+    #[error(
+        "segment `{segment}`: the {camera}'s exposure of {exposure} is longer than a frame's {period}; \
+         lower exposure_scale, or frame_rate_hz in the rig"
+    )]
+    Exposure {
+        /// Its label.
+        segment: String,
+        /// Which camera.
+        camera: &'static str,
+        /// The exposure that the segment asks for.
+        exposure: Span,
+        /// What there is time for.
+        period: Span,
     },
     /// Repeats of repeats without end, or figures of too many points.
     #[error("segment `{segment}` is too much: a trajectory has at most {limit} {of_what}")]

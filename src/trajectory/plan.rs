@@ -2,13 +2,14 @@
 
 use super::disk::{StreamSize, stream_sizes};
 use super::margin::{Margin, Walk, peaks};
+use super::remark::{check_exposures, remarks};
 use super::view::{View, views};
 use super::{Optional, Path, PathError, Settings, Step, Trajectory};
 use crate::rig::{Joints, Pose, Rig};
 use crate::time::Span;
 use serde::Serialize;
 
-/// At most so many points of the profile are kept; a screen shows no more.
+/// At most so many evenly spread points of the profile are kept; a screen shows no more.
 const PROFILE_POINTS: usize = 1000;
 
 /// What a trajectory will do on a rig.
@@ -42,11 +43,13 @@ pub struct Plan {
     pub margins: Vec<Margin>,
     /// What the cameras see of the target; empty when the rig does not state where it is.
     pub views: Vec<View>,
+    /// What the operator should know although no limit is exceeded.
+    pub remarks: Vec<String>,
     /// Bytes a stream.
     pub disk: Vec<StreamSize>,
     /// Bytes of all streams.
     pub disk_bytes: u64,
-    /// Instants evenly spread over time, the steps' beginnings not among them.
+    /// Instants evenly spread over time, and the beginnings of the motions.
     pub profile: Vec<ProfilePoint>,
     /// The path itself.
     #[serde(skip)]
@@ -102,12 +105,15 @@ impl Plan {
     /// Explains `trajectory` on `rig`.
     ///
     /// # Errors
-    /// When a segment makes no curve. A path beyond a limit is no error here: its plan says so.
+    /// When a segment makes no curve, or asks for an exposure that a frame has no time for. A path
+    /// beyond a limit is no error here: its plan says so.
     pub fn new(trajectory: &Trajectory, rig: &Rig, optional: Optional) -> Result<Self, PathError> {
         let path = trajectory.path(rig, optional)?;
+        check_exposures(&path, rig)?;
         let walk = Walk::along(&path, &rig.arm);
         let peaks = peaks(&path);
         let disk = stream_sizes(&path, rig);
+        let views = views(&path, rig);
         Ok(Self {
             trajectory: trajectory.name.clone(),
             rig: rig.name.clone(),
@@ -122,7 +128,8 @@ impl Plan {
             corners: "stopped",
             segments: path.steps().iter().map(SegmentPlan::new).collect(),
             margins: walk.narrowest,
-            views: views(&path, rig),
+            remarks: remarks(&path, rig, &views),
+            views,
             disk_bytes: disk.iter().map(|stream| stream.bytes).sum(),
             disk,
             profile: profile(&path, rig),
@@ -165,14 +172,22 @@ impl SegmentPlan {
 fn profile(path: &Path, rig: &Rig) -> Vec<ProfilePoint> {
     let seconds = path.duration().as_secs_f64();
     let n_points = ((seconds / 0.005).ceil() as usize).clamp(1, PROFILE_POINTS);
-    (0..=n_points)
-        .filter_map(|i| {
-            let time_s = seconds * i as f64 / n_points as f64;
-            let point = path.at(Span::from_secs_f64(time_s))?;
-            let joints = rig.arm.kinematics.inverse(point.pose).ok();
-            Some(ProfilePoint { time_s, pose: point.pose, joints, speed_mm_per_s: point.speed.0 })
+    let even = (0..=n_points).map(|i| seconds * i as f64 / n_points as f64);
+    let mut times: Vec<Span> = even.map(Span::from_secs_f64).collect();
+    // The standstills between motions, which evenly spread instants would miss.
+    times.extend(path.steps().iter().take(PROFILE_POINTS).map(|step| step.start));
+    times.sort_unstable();
+    times.dedup();
+    let points = times.into_iter().filter_map(|time| {
+        let point = path.at(time)?;
+        Some(ProfilePoint {
+            time_s: time.as_secs_f64(),
+            pose: point.pose,
+            joints: rig.arm.kinematics.inverse(point.pose).ok(),
+            speed_mm_per_s: point.speed.0,
         })
-        .collect()
+    });
+    points.collect()
 }
 
 #[cfg(test)]
@@ -311,6 +326,39 @@ mod tests {
         assert_eq!(part("dim/fast-cw").settings.light_level, Some(0.2));
         assert_eq!(part("short-exposure/slow-cw").settings.exposure_scale, Some(0.5));
         assert_eq!(part("static-without-frames").settings.aps, Some(false));
+    }
+
+    #[test]
+    fn an_exposure_longer_than_a_frame_is_refused_with_its_segment() {
+        let text = Trajectory::find("protocol").unwrap().text;
+        let text = text.replace("exposure_scale = 0.5", "exposure_scale = 2.5");
+        let trajectory = Trajectory::parse("changed.toml", &text).unwrap();
+        let rig = Rig::simulated().unwrap();
+        let error = Plan::new(&trajectory, &rig, Optional::Included).unwrap_err();
+        // 2.5 x 4 ms fits into the DAVIS's 25 ms, but not into the Pi's 8.3 ms.
+        let said = error.to_string();
+        for part in ["short-exposure/slow-cw", "pi", "10.000 ms", "8.333 ms"] {
+            assert!(said.contains(part), "`{part}` is not in: {said}");
+        }
+    }
+
+    #[test]
+    fn a_light_that_nothing_switches_is_remarked_on() {
+        let protocol = Trajectory::find("protocol").unwrap();
+        let on = |rig: &Rig| Plan::new(&protocol, rig, Optional::LeftOut).unwrap().remarks;
+        assert_eq!(on(&Rig::simulated().unwrap()), Vec::<String>::new());
+        let remarks = on(&Rig::find("magician").unwrap());
+        assert!(remarks[0].starts_with("5 motions change the light"), "{remarks:?}");
+    }
+
+    #[test]
+    fn the_profile_rests_between_motions() {
+        let plan = plan("speed-sweep");
+        let rests = plan.profile.windows(3).filter(|near| {
+            near[1].speed_mm_per_s < 1e-9 && near.iter().any(|p| p.speed_mm_per_s > 0.0)
+        });
+        // Eight circles: a rest before each and one behind the last.
+        assert_eq!(rests.count(), 9);
     }
 
     #[test]

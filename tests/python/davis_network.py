@@ -21,7 +21,7 @@ def serve(port, kind, compression, n):
     compression = getattr(dv.CompressionType, compression.upper())
     add = {"events": dv.io.Stream.EventStream, "frames": dv.io.Stream.FrameStream}[kind]
     stream = add(0, kind, "DAVIS346_00000042", RESOLUTION)
-    stream.compression = compression
+    stream.setCompression(compression)
     writer = dv.io.NetworkWriter("127.0.0.1", port, stream)
     print("listening", flush=True)
     deadline = time.monotonic() + 30

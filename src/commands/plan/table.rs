@@ -44,6 +44,9 @@ impl fmt::Display for Table<'_> {
         }
         views(f, plan)?;
         disk(f, plan)?;
+        for remark in &plan.remarks {
+            write!(f, "\nnote: {remark}")?;
+        }
         for offence in &plan.offences {
             write!(f, "\nbeyond a limit: {offence}")?;
         }

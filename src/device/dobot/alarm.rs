@@ -106,7 +106,7 @@ impl Alarm {
                 says: format!(
                     "joint {} is at its {} limit",
                     axis(0x40, 2),
-                    if code % 2 == 0 { "upper" } else { "lower" }
+                    if code.is_multiple_of(2) { "upper" } else { "lower" }
                 ),
                 remedy: "move the joint back by hand (hold UNLOCK) or by jogging, then clear",
             },

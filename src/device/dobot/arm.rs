@@ -1,16 +1,16 @@
 //! The Magician as an [`Arm`]: paths in, motion and poses out.
 
+use super::check;
 use super::client::{Client, ClientError, Identity};
-use super::command::{CartesianLimits, Command, PtpMode, Ratios};
+use super::command::Command;
 use super::guard::{GuardLink, Stopper};
 use super::link::LinkError;
 use super::port::PortError;
 use super::steps::{self, CircleAs};
-use super::{check, id};
 use crate::device::{Arm, Finding, Progress, host_clock};
 use crate::rig::{ArmDescription, Pose};
 use crate::time::{HostMonotonic, Span, Stamp};
-use crate::trajectory::{Motion, Path, Step};
+use crate::trajectory::{Margin, Path};
 use std::collections::VecDeque;
 use std::ops::Range;
 
@@ -23,6 +23,9 @@ pub enum ArmError {
     /// It does not answer, stands with an alarm, or does not do what it is told.
     #[error(transparent)]
     Client(#[from] ClientError),
+    /// The path leaves what the arm may do.
+    #[error("the arm may not drive this path: {0}")]
+    BeyondLimit(Box<Margin>),
     /// Steps were started that were not prepared.
     #[error("steps {}..{} were started, the prepared path has {n_steps}; prepare the path first", steps.start, steps.end)]
     NotPrepared {
@@ -59,12 +62,12 @@ pub struct Marker {
 /// The Magician.
 #[derive(Debug)]
 pub struct Magician {
-    client: Client,
+    pub(super) client: Client,
     stopper: Option<Stopper>,
-    description: ArmDescription,
-    marker: Option<Marker>,
-    circle: CircleAs,
-    path: Option<Path>,
+    pub(super) description: ArmDescription,
+    pub(super) marker: Option<Marker>,
+    pub(super) circle: CircleAs,
+    pub(super) path: Option<Path>,
     run: Option<Run>,
 }
 
@@ -77,14 +80,20 @@ struct Run {
     ends: Vec<(usize, u64)>,
     started: Stamp<HostMonotonic>,
     deadline: Span,
+    /// Whether the queue was started.
+    is_going: bool,
+    /// How often the queue was found empty between continuous moves.
+    n_dry: u32,
+    /// Looks so far.
+    n_looks: u32,
 }
 
+/// Commands fed between two looks: at some 5 ms each they leave room for 20 looks a second.
+const MEAL: usize = 6;
+/// Every so many looks the alarms are read; an alarm stops the arm without our help.
+const ALARM_LOOKS: u32 = 4;
 /// How long a reply about room in the queue may keep a full queue waiting while preparing.
-const ROOM: Span = Span::from_micros(5_000_000);
-/// How long going to the start may take: across the workspace at the lowest sensible speed.
-const APPROACH: Span = Span::from_micros(60_000_000);
-/// Share of full speed for going to the start.
-const APPROACH_RATIO: Ratios = Ratios { velocity: 15.0, acceleration: 15.0 };
+pub(super) const ROOM: Span = Span::from_micros(5_000_000);
 /// The arm's repeatability is 0.2 mm; its planner is exact.
 const AT_START_MM: f64 = 0.5;
 
@@ -155,118 +164,31 @@ impl Magician {
         &mut self.client
     }
 
-    /// Sets every speed of the path and reads it back, before anything moves.
-    fn try_rates(&mut self, path: &Path) -> Result<(), ArmError> {
-        let mut tried: Vec<CartesianLimits> = Vec::new();
-        for step in path.steps() {
-            let limits = steps::cartesian_limits(&step.rates);
-            if step.curve.motion() == Motion::Hold || tried.contains(&limits) {
-                continue;
-            }
-            for command in steps::rate_commands(&step.rates) {
-                self.client.set(&command)?;
-            }
-            self.read_back(id::PTP_COORDINATE, "speed of lines", limits)?;
-            self.read_back(id::ARC_PARAMS, "speed of arcs", limits)?;
-            tried.push(limits);
-        }
-        Ok(())
-    }
-
-    fn read_back(
-        &mut self,
-        id: u8,
-        what: &'static str,
-        limits: CartesianLimits,
-    ) -> Result<(), ArmError> {
-        let set = [
-            limits.xyz_velocity,
-            limits.r_velocity,
-            limits.xyz_acceleration,
-            limits.r_acceleration,
-        ];
-        let found = self.client.floats::<4>(id)?;
-        if found == set {
-            return Ok(());
-        }
-        let (set, found) = (format!("{set:?}"), format!("{found:?}"));
-        Err(ClientError::ReadBack { what, set, found }.into())
-    }
-
-    fn set_tool(&mut self) -> Result<(), ArmError> {
-        let set = self.description.kinematics.tool_offset.map(|offset| offset.0 as f32);
-        self.client.set(&Command::EndEffector(set))?;
-        let found = self.client.floats::<3>(id::END_EFFECTOR)?;
-        if found == set {
-            return Ok(());
-        }
-        let (set, found) = (format!("{set:?}"), format!("{found:?}"));
-        Err(ClientError::ReadBack { what: "tool offset", set, found }.into())
-    }
-
-    fn go_to(&mut self, pose: Pose) -> Result<(), ArmError> {
-        self.client.set(&Command::PtpCommon(APPROACH_RATIO))?;
-        let command = Command::Ptp { mode: PtpMode::MoveJointXyz, target: steps::wire(pose) };
-        let index = self.client.enqueue(&command, ROOM)?;
-        Ok(self.client.wait_for(index, APPROACH, &mut |_| ())?)
-    }
-
-    /// Puts into the queue what it has room for.
-    fn feed(&mut self) -> Result<(), ArmError> {
-        let Some(run) = &mut self.run else { return Ok(()) };
-        while let Some((command, step)) = run.waiting.front().copied() {
-            if !self.client.has_room()? {
-                break;
+    /// Puts into the queue what it has room for, [`MEAL`] commands at most, so that a long path
+    /// never keeps the arm from being looked at. Gives how many went in.
+    fn feed(&mut self) -> Result<usize, ArmError> {
+        let Some(run) = &mut self.run else { return Ok(0) };
+        let mut n_fed = 0;
+        let mut has_asked = false;
+        while let Some((command, step)) = run.waiting.front().copied()
+            && n_fed < MEAL
+        {
+            if !self.client.knows_of_room() {
+                if has_asked || !self.client.has_room()? {
+                    break;
+                }
+                has_asked = true;
+                let is_continuous = matches!(command, Command::Cp { .. });
+                run.n_dry += u32::from(run.is_going && is_continuous && self.client.is_empty());
             }
             let index = self.client.enqueue(&command, ROOM)?;
             run.waiting.pop_front();
+            n_fed += 1;
             if run.waiting.front().is_none_or(|(_, next)| *next != step) {
                 run.ends.push((step, index));
             }
         }
-        Ok(())
-    }
-
-    /// Tries the circle command on the standing queue; an old firmware is silent about it.
-    fn probe_circle(&mut self, path: &Path) -> Result<Option<String>, ArmError> {
-        let is_circle = |step: &&Step| matches!(step.curve.motion(), Motion::Circle { .. });
-        let Some(step) = path.steps().iter().find(is_circle) else { return Ok(None) };
-        self.circle = CircleAs::Circle;
-        // The queue is stopped and cleared before and behind: the command is taken, never run.
-        self.client.stop()?;
-        let commands = steps::commands(step, CircleAs::Circle);
-        let Some(circle) = commands.last() else { return Ok(None) };
-        let taken = self.client.enqueue(circle, ROOM);
-        self.client.stop()?;
-        match taken {
-            Ok(_) => Ok(None),
-            Err(ClientError::Link(LinkError::Silent { .. }) | ClientError::Rejected { .. }) => {
-                self.circle = CircleAs::Arcs;
-                // It may have raised "undefined instruction"; anything else comes back below.
-                self.client.clear_alarms()?;
-                Ok(Some(
-                    "this firmware does not know the circle command (102): each turn is driven \
-                     as two arcs, between which the arm stops"
-                        .to_owned(),
-                ))
-            }
-            Err(error) => Err(error.into()),
-        }
-    }
-
-    fn prepare_path(&mut self, path: &Path) -> Result<Vec<String>, ArmError> {
-        self.client.refuse_alarms()?;
-        let remarks: Vec<String> = self.probe_circle(path)?.into_iter().collect();
-        self.set_tool()?;
-        self.try_rates(path)?;
-        if let Some(Marker { address }) = self.marker {
-            self.client.set(&Command::Multiplex { address, function: Command::PIN_IS_OUTPUT })?;
-            self.client.set(&Command::Output { address, is_high: false })?;
-        }
-        self.client.begin()?;
-        self.go_to(path.start())?;
-        self.path = Some(path.clone());
-        Ok(remarks)
+        Ok(n_fed)
     }
 
     fn start_steps(&mut self, steps: Range<usize>) -> Result<(), ArmError> {
@@ -296,31 +218,46 @@ impl Magician {
         self.client.stop()?;
         let deadline = duration + duration + ROOM + ROOM;
         let started = host_clock::now();
-        self.run = Some(Run { waiting, ends: Vec::new(), started, deadline });
-        self.feed()?;
-        Ok(self.client.set(&Command::StartQueue)?)
+        self.run = Some(Run {
+            waiting,
+            ends: Vec::new(),
+            started,
+            deadline,
+            is_going: false,
+            n_dry: 0,
+            n_looks: 0,
+        });
+        while self.feed()? > 0 {}
+        self.client.set(&Command::StartQueue)?;
+        if let Some(run) = &mut self.run {
+            run.is_going = true;
+        }
+        Ok(())
     }
 
     fn look(&mut self) -> Result<Progress, ArmError> {
-        self.feed()?;
         let pose = self.client.pose()?;
         let current = self.client.finished_index()?;
-        self.client.refuse_alarms()?;
-        let Some(run) = &self.run else {
-            return Ok(Progress { pose, step: 0, is_done: true });
+        let n_looks = self.run.as_ref().map_or(0, |run| run.n_looks);
+        if n_looks.is_multiple_of(ALARM_LOOKS) {
+            self.client.refuse_alarms()?;
+        }
+        self.feed()?;
+        let Some(run) = &mut self.run else {
+            return Ok(Progress { pose, step: 0, is_done: true, n_dry: 0 });
         };
+        run.n_looks += 1;
+        let n_dry = run.n_dry;
         let under_way = run.ends.iter().find(|(_, end)| !super::client::has_reached(current, *end));
         let last = run.ends.last().map_or(0, |(step, _)| *step);
         let next = run.waiting.front().map(|(_, step)| *step);
         let step = under_way.map(|(step, _)| *step).or(next);
         let waited = host_clock::now() - run.started;
-        match step {
-            Some(_) if waited > run.deadline => {
-                let index = under_way.map_or(current, |(_, end)| *end);
-                Err(ClientError::Late { index, current, waited }.into())
-            }
-            step => Ok(Progress { pose, step: step.unwrap_or(last), is_done: step.is_none() }),
+        if let (Some(_), true) = (step, waited > run.deadline) {
+            let index = under_way.map_or(current, |(_, end)| *end);
+            return Err(ClientError::Late { index, current, waited }.into());
         }
+        Ok(Progress { pose, step: step.unwrap_or(last), is_done: step.is_none(), n_dry })
     }
 
     /// Passes a result on; after an error the arm is stopped first.
@@ -369,13 +306,14 @@ impl Arm for Magician {
 mod tests {
     use super::*;
     use crate::device::Verdict;
-    use crate::device::dobot::{Patience, port};
+    use crate::device::dobot::pose_log::{Pace, PoseTiming, drive_to_end};
+    use crate::device::dobot::{Patience, id, port};
     use crate::device::sim::arm::fault::{Fault, Kind};
     use crate::device::sim::arm::{Clock, Emulator, Options};
     use crate::rig::Rig;
     use crate::trajectory::{Curve, Rates, Settings};
     use crate::units::{
-        DegreesPerSecond, DegreesPerSecond2, MillimetresPerSecond, MillimetresPerSecond2,
+        DegreesPerSecond, DegreesPerSecond2, Hertz, MillimetresPerSecond, MillimetresPerSecond2,
     };
 
     /// The arm's time passes by requests, so nothing here waits for real motion.
@@ -385,7 +323,7 @@ mod tests {
 
     fn magician(emulator: &Emulator) -> Magician {
         let patience =
-            Patience { reply: Span::from_micros(100_000), n_tries: 3, between_polls: Span::ZERO };
+            Patience { reply: Span::from_micros(300_000), n_tries: 3, between_polls: Span::ZERO };
         let link = port::open(emulator.port()).unwrap();
         let client = Client::new(Box::new(link), patience);
         Magician::over(client, Rig::simulated().unwrap().arm)
@@ -534,6 +472,8 @@ mod tests {
     fn a_firmware_that_clamps_the_speed_is_found_out_before_anything_moves() {
         let emulator = emulator(Options { clamps: true, ..Options::default() });
         let mut arm = homed(&emulator);
+        // A description that promises more than the firmware does.
+        arm.description.speed.speed_mm_per_s = 1_000.0;
         let start = Pose::from_mm_deg([240.0, 0.0, 100.0, 90.0]);
         let end = Pose::from_mm_deg([240.0, 50.0, 100.0, 90.0]);
         let mut path = Path::new(start);
@@ -542,6 +482,42 @@ mod tests {
         let error = arm.prepare(&path).unwrap_err();
         assert!(matches!(error, ArmError::Client(ClientError::ReadBack { .. })), "{error}");
         assert!(emulator.journal()[n_before..].iter().all(|line| !line.is_busy));
+    }
+
+    #[test]
+    fn a_path_out_of_reach_or_too_fast_is_named_and_nothing_moves() {
+        let emulator = emulator(Options::default());
+        let mut arm = homed(&emulator);
+        let start = Pose::from_mm_deg([240.0, 0.0, 100.0, 90.0]);
+        let n_before = emulator.journal().len();
+        for (end, speed, words) in [
+            ([400.0, 0.0, 100.0, 90.0], 50.0, "radius"),
+            ([240.0, 20.0, 100.0, 90.0], 900.0, "speed"),
+        ] {
+            let mut path = Path::new(start);
+            let curve = Curve::line(start, Pose::from_mm_deg(end));
+            path.push("away", 0, curve, rates(speed), Settings::default());
+            let finding = arm.check(Some(&path)).pop().unwrap();
+            assert_eq!((finding.what, finding.verdict), ("path", Verdict::Bad));
+            assert!(finding.says.contains(words), "{}", finding.says);
+            assert!(matches!(arm.prepare(&path), Err(ArmError::BeyondLimit(_))));
+        }
+        let fine = arm.check(Some(&path())).pop().unwrap();
+        assert_eq!((fine.what, fine.verdict), ("path", Verdict::Good), "{}", fine.says);
+        assert!(emulator.journal()[n_before..].iter().all(|line| !line.is_busy));
+    }
+
+    #[test]
+    fn the_port_is_found_by_who_answers_and_held_by_one_program() {
+        let emulator = emulator(Options::default());
+        assert_eq!(check::answers(emulator.port()), Ok(()));
+        let held = port::open(emulator.port()).unwrap();
+        let error = port::open(emulator.port()).unwrap_err();
+        assert!(matches!(error, PortError::Busy { .. }), "{error}");
+        drop(held);
+        emulator.inject("garbage".parse::<Fault>().unwrap());
+        let because = check::answers(emulator.port()).unwrap_err();
+        assert!(because.contains("something else"), "{because}");
     }
 
     #[test]
@@ -556,7 +532,7 @@ mod tests {
             }
             let n_before = emulator.journal().len();
             let seen = drive(&mut arm, 0..3).unwrap();
-            let turns = seen.windows(2).map(|pair| turned(pair)).sum::<f64>();
+            let turns = seen.windows(2).map(turned).sum::<f64>();
             assert!((turns.abs() - 2.0).abs() < 0.01, "{kind:?}: {turns} turns");
             let journal = emulator.journal();
             let taken = |name| journal[n_before..].iter().filter(|line| line.name == name).count();
@@ -579,8 +555,8 @@ mod tests {
         let emulator = emulator(Options::default());
         let mut arm = homed(&emulator);
         arm.prepare(&path()).unwrap();
-        emulator.inject("late-reply=250ms@CIRCLE".parse::<Fault>().unwrap());
-        emulator.inject("late-reply=250ms@POSE#5".parse::<Fault>().unwrap());
+        emulator.inject("late-reply=450ms@CIRCLE".parse::<Fault>().unwrap());
+        emulator.inject("late-reply=450ms@POSE#5".parse::<Fault>().unwrap());
         let n_before = emulator.journal().len();
         drive(&mut arm, 0..3).unwrap();
         let journal = emulator.journal();
@@ -633,6 +609,33 @@ mod tests {
         assert_eq!(tool(&mut arm).unwrap().verdict, Verdict::Doubt);
         arm.prepare(&path()).unwrap();
         assert_eq!(tool(&mut arm).unwrap().verdict, Verdict::Good);
+    }
+
+    #[test]
+    fn poses_are_handed_over_while_the_arm_drives_until_the_listener_has_enough() {
+        let emulator = emulator(Options::default());
+        let mut arm = homed(&emulator);
+        let arm: &mut dyn Arm = &mut arm;
+        let mut pace = Pace::new(Hertz(1_000.0));
+        arm.prepare(&path()).unwrap();
+        arm.start(0..3).unwrap();
+        let mut poses = Vec::new();
+        let ended = drive_to_end(arm, &mut pace, &mut |progress| {
+            poses.push(progress.pose);
+            true
+        });
+        assert_eq!(ended, Ok(true));
+        let timing = PoseTiming::of(&poses).unwrap();
+        assert!(timing.n_poses > 50 && timing.largest_uncertainty > Span::ZERO, "{timing:?}");
+        arm.prepare(&path()).unwrap();
+        arm.start(0..3).unwrap();
+        let mut n_seen = 0;
+        let ended = drive_to_end(arm, &mut pace, &mut |_| {
+            n_seen += 1;
+            n_seen < 30
+        });
+        assert_eq!((ended, n_seen), (Ok(false), 30));
+        assert_eq!((emulator.state().is_busy, emulator.state().n_waiting), (false, 0));
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::fields::Malformed;
 use super::frame::{Ctrl, Frame};
 use super::link::{Exchange, Link, LinkError};
 use super::{id, reply};
+use crate::device::host_clock;
 use crate::rig::{Joints, Pose};
 use crate::time::{HostMonotonic, Span, Stamp};
 use serde::Serialize;
@@ -131,12 +132,14 @@ impl Default for Patience {
 
 /// The arm as evrig speaks to it.
 pub struct Client {
-    link: Box<dyn Link>,
-    patience: Patience,
+    pub(super) link: Box<dyn Link>,
+    pub(super) patience: Patience,
     /// Free places in the queue, as far as is known.
-    space: u64,
+    pub(super) space: u64,
+    /// The most free places ever seen.
+    pub(super) depth: u64,
     /// Index of the command queued last.
-    last_index: Option<u64>,
+    pub(super) last_index: Option<u64>,
     /// Whether the power-up bit goes away when alarms are cleared, so that it says something.
     is_reset_telling: bool,
 }
@@ -145,7 +148,7 @@ impl Client {
     /// Speaks over a link.
     #[must_use]
     pub fn new(link: Box<dyn Link>, patience: Patience) -> Self {
-        Self { link, patience, space: 0, last_index: None, is_reset_telling: true }
+        Self { link, patience, space: 0, depth: 0, last_index: None, is_reset_telling: true }
     }
 
     /// How long things may take.
@@ -155,7 +158,7 @@ impl Client {
     }
 
     /// Asks what may be asked twice.
-    fn ask(&mut self, request: &Frame) -> Result<Exchange, ClientError> {
+    pub(super) fn ask(&mut self, request: &Frame) -> Result<Exchange, ClientError> {
         let mut tries = 1;
         loop {
             match self.link.exchange(request, self.patience.reply) {
@@ -166,7 +169,7 @@ impl Client {
         }
     }
 
-    fn value(&mut self, id: u8) -> Result<Frame, ClientError> {
+    pub(super) fn value(&mut self, id: u8) -> Result<Frame, ClientError> {
         Ok(self.ask(&read(id))?.reply)
     }
 
@@ -277,134 +280,6 @@ impl Client {
         Ok(self.link.stop()?)
     }
 
-    /// Stops and empties the queue, starts it again and finds out where it counts.
-    ///
-    /// # Errors
-    /// No answer, alarms, or an index that cannot be found out.
-    pub fn begin(&mut self) -> Result<(), ClientError> {
-        self.stop()?;
-        self.set(&Command::StartQueue)?;
-        self.anchor()
-    }
-
-    /// A wait of no time tells the index the queue is at, and may be queued twice.
-    fn anchor(&mut self) -> Result<(), ClientError> {
-        self.look_for_space()?;
-        let exchange = self.ask(&Command::Wait(0).frame(Ctrl::QUEUED))?;
-        let because = "it answers a command in the queue with no index";
-        let index = reply::queued_index(&exchange.reply)?
-            .ok_or(ClientError::Rejected { command: "WAIT", because })?;
-        self.last_index = Some(index);
-        // Lost tries may have taken places too.
-        self.space = 0;
-        Ok(())
-    }
-
-    fn look_for_space(&mut self) -> Result<(), ClientError> {
-        self.space = reply::queue_space(&self.value(id::QUEUE_SPACE)?)?;
-        Ok(())
-    }
-
-    /// Puts a command into the queue and gives its index. Waits for room, `deadline` at most.
-    /// A lost reply is told from a lost request by the index of the next command, so that
-    /// nothing is ever queued twice.
-    ///
-    /// # Errors
-    /// No room in time, a refusal, silence that cannot be explained (the arm is then stopped).
-    pub fn enqueue(&mut self, command: &Command, deadline: Span) -> Result<u64, ClientError> {
-        self.wait_for_space(command, deadline)?;
-        if self.last_index.is_none() {
-            self.anchor()?;
-        }
-        for _ in 0..self.patience.n_tries {
-            let request = command.frame(Ctrl::QUEUED);
-            match self.link.exchange(&request, self.patience.reply) {
-                Ok(exchange) => return self.accept(command, &exchange.reply),
-                Err(LinkError::Silent { .. }) => {
-                    if let Some(index) = self.find_again(command, &request)? {
-                        return Ok(index);
-                    }
-                }
-                Err(error) => return Err(error.into()),
-            }
-        }
-        Err(LinkError::silent(&command.frame(Ctrl::QUEUED), self.patience.reply, 0).into())
-    }
-
-    /// Whether the queue takes another command, asked only when that is not known.
-    ///
-    /// # Errors
-    /// No answer, or a short one.
-    pub fn has_room(&mut self) -> Result<bool, ClientError> {
-        if self.space == 0 {
-            self.look_for_space()?;
-        }
-        Ok(self.space > 0)
-    }
-
-    fn wait_for_space(&mut self, command: &Command, deadline: Span) -> Result<(), ClientError> {
-        let started = crate::device::host_clock::now();
-        while self.space == 0 {
-            self.look_for_space()?;
-            if self.space > 0 {
-                break;
-            }
-            self.refuse_alarms()?;
-            if crate::device::host_clock::now() - started >= deadline {
-                let because = "it stayed full";
-                return Err(ClientError::Rejected { command: name(command), because });
-            }
-            self.pause();
-        }
-        Ok(())
-    }
-
-    fn accept(&mut self, command: &Command, reply: &Frame) -> Result<u64, ClientError> {
-        let because = "it answered without an index";
-        let index = reply::queued_index(reply)?
-            .ok_or(ClientError::Rejected { command: name(command), because })?;
-        self.last_index = Some(index);
-        self.space = self.space.saturating_sub(1);
-        Ok(index)
-    }
-
-    /// After silence: the index if the command was queued, `None` if it never arrived.
-    fn find_again(
-        &mut self,
-        command: &Command,
-        request: &Frame,
-    ) -> Result<Option<u64>, ClientError> {
-        // Replies come in order: a late one comes before the answer to this question.
-        let fence = self.ask(&read(id::QUEUE_INDEX))?;
-        if let Some(late) = fence.stale.iter().find(|frame| request.is_answered_by(frame)) {
-            return self.accept(command, late).map(Some);
-        }
-        // Both queued or both lost: the next index tells which. Without an answer nothing does.
-        let before = self.last_index;
-        let probe = Command::Wait(0).frame(Ctrl::QUEUED);
-        let found = match self.link.exchange(&probe, self.patience.reply) {
-            Ok(exchange) => reply::queued_index(&exchange.reply)?,
-            Err(LinkError::Silent { .. }) => None,
-            Err(error) => return Err(error.into()),
-        };
-        let jump = found.zip(before).map(|(found, before)| found.wrapping_sub(before));
-        self.space = 0;
-        match (jump, found) {
-            (Some(1), found) => {
-                self.last_index = found;
-                Ok(None)
-            }
-            (Some(2), Some(found)) => {
-                self.last_index = Some(found);
-                Ok(Some(found.wrapping_sub(1)))
-            }
-            _ => {
-                self.stop()?;
-                Err(ClientError::Uncertain { command: name(command) })
-            }
-        }
-    }
-
     /// Index of the command that ended last.
     ///
     /// # Errors
@@ -424,7 +299,7 @@ impl Client {
         deadline: Span,
         seen: &mut dyn FnMut(&TimedPose),
     ) -> Result<(), ClientError> {
-        let started = crate::device::host_clock::now();
+        let started = host_clock::now();
         loop {
             seen(&self.pose()?);
             let current = self.finished_index()?;
@@ -432,7 +307,7 @@ impl Client {
                 return Ok(());
             }
             self.refuse_alarms()?;
-            let waited = crate::device::host_clock::now() - started;
+            let waited = host_clock::now() - started;
             if waited >= deadline {
                 return Err(ClientError::Late { index, current, waited });
             }
@@ -462,10 +337,6 @@ impl Client {
 /// wrap and reads as -1 before the first command on some firmwares.
 pub(super) fn has_reached(current: u64, index: u64) -> bool {
     current.wrapping_sub(index) < 1 << 63
-}
-
-pub(super) fn name(command: &Command) -> &'static str {
-    id::name(command.id()).unwrap_or("UNKNOWN")
 }
 
 impl std::fmt::Debug for Client {

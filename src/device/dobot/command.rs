@@ -7,85 +7,7 @@ use super::fields::{Fields, Malformed};
 use super::frame::{Ctrl, Frame};
 use super::id;
 
-/// x, y, z in millimetres and r in degrees, as on the wire.
-pub type XyzR = [f32; 4];
-
-/// Speeds and accelerations of Cartesian moves: mm/s, deg/s, mm/s^2, deg/s^2.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CartesianLimits {
-    /// Speed along the path, mm/s.
-    pub xyz_velocity: f32,
-    /// Speed of r, deg/s.
-    pub r_velocity: f32,
-    /// Acceleration along the path, mm/s^2.
-    pub xyz_acceleration: f32,
-    /// Acceleration of r, deg/s^2.
-    pub r_acceleration: f32,
-}
-
-/// Percentages of the set speeds and accelerations; above 100 counts as 100.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Ratios {
-    /// Percent of the speed.
-    pub velocity: f32,
-    /// Percent of the acceleration.
-    pub acceleration: f32,
-}
-
-/// Limits of continuous-path moves.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CpLimits {
-    /// Largest planned acceleration, mm/s^2.
-    pub plan_acceleration: f32,
-    /// Largest speed at a junction of two moves, mm/s.
-    pub junction_velocity: f32,
-    /// Largest actual acceleration, mm/s^2; with `is_real_time` a period instead.
-    pub acceleration: f32,
-    /// Run while commands still arrive, instead of after all were sent.
-    pub is_real_time: bool,
-}
-
-/// How a point-to-point move goes and how its target is given.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum PtpMode {
-    /// Up, over, down; target in Cartesian coordinates.
-    JumpXyz = 0,
-    /// Straight in joint space; Cartesian target.
-    MoveJointXyz = 1,
-    /// Straight in space; Cartesian target.
-    MoveLineXyz = 2,
-    /// Up, over, down; target in joint angles.
-    JumpAngle = 3,
-    /// Straight in joint space; joint target.
-    MoveJointAngle = 4,
-    /// Straight in space; joint target.
-    MoveLineAngle = 5,
-    /// Straight in joint space by joint increments.
-    MoveJointIncrement = 6,
-    /// Straight in space by Cartesian increments.
-    MoveLineIncrement = 7,
-    /// Straight in joint space by Cartesian increments.
-    MoveJointXyzIncrement = 8,
-    /// Up, over straight in space, down; Cartesian target.
-    JumpLineXyz = 9,
-}
-
-impl PtpMode {
-    /// All modes, in the order of their numbers.
-    pub const ALL: [Self; 10] = [
-        Self::JumpXyz,
-        Self::MoveJointXyz,
-        Self::MoveLineXyz,
-        Self::JumpAngle,
-        Self::MoveJointAngle,
-        Self::MoveLineAngle,
-        Self::MoveJointIncrement,
-        Self::MoveLineIncrement,
-        Self::MoveJointXyzIncrement,
-        Self::JumpLineXyz,
-    ];
-}
+pub use super::params::{CartesianLimits, CpLimits, PtpMode, Ratios, XyzR};
 
 /// A write: what to set or to do.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -115,6 +37,13 @@ pub enum Command {
         mode: PtpMode,
         /// Whereto: x, y, z, r or four joints, by the mode.
         target: XyzR,
+    },
+    /// Moves one joint or axis on until the next jog; key 0 ends it.
+    Jog {
+        /// Joints 1 to 4 instead of x, y, z, r.
+        is_joint: bool,
+        /// 1, 2 the first forwards and back, and so on to 7, 8.
+        key: u8,
     },
     /// Limits of continuous-path moves.
     CpParams(CpLimits),
@@ -189,6 +118,7 @@ impl Command {
             Self::PtpCoordinate(_) => id::PTP_COORDINATE,
             Self::PtpCommon(_) => id::PTP_COMMON,
             Self::Ptp { .. } => id::PTP,
+            Self::Jog { .. } => id::JOG,
             Self::CpParams(_) => id::CP_PARAMS,
             Self::Cp { .. } => id::CP,
             Self::ArcParams(_) => id::ARC_PARAMS,
@@ -258,6 +188,7 @@ impl Command {
             }
             Self::Home => out.extend(0_u32.to_le_bytes()),
             Self::Wait(milliseconds) => out.extend(milliseconds.to_le_bytes()),
+            Self::Jog { is_joint, key } => out.extend([u8::from(*is_joint), *key]),
             Self::Multiplex { address, function } => out.extend([*address, *function]),
             Self::Output { address, is_high } => out.extend([*address, u8::from(*is_high)]),
             Self::ClearAlarms
@@ -308,6 +239,7 @@ impl Command {
                 turns: fields.int_or(1),
             },
             id::WAIT => Self::Wait(fields.int()?),
+            id::JOG => Self::Jog { is_joint: fields.byte()? != 0, key: fields.byte()? },
             _ => return Ok(None),
         }))
     }
@@ -338,51 +270,6 @@ impl Command {
     }
 }
 
-impl CartesianLimits {
-    /// The same number for every field: mm/s, deg/s, mm/s^2 and deg/s^2.
-    #[must_use]
-    pub const fn uniform(velocity: f32, acceleration: f32) -> Self {
-        Self {
-            xyz_velocity: velocity,
-            r_velocity: velocity,
-            xyz_acceleration: acceleration,
-            r_acceleration: acceleration,
-        }
-    }
-
-    /// Reads the 16 bytes that both the command and the reply carry.
-    ///
-    /// # Errors
-    /// When there are fewer.
-    pub fn read(fields: &mut Fields<'_>) -> Result<Self, Malformed> {
-        let [xyz_velocity, r_velocity, xyz_acceleration, r_acceleration] = fields.floats()?;
-        Ok(Self { xyz_velocity, r_velocity, xyz_acceleration, r_acceleration })
-    }
-}
-
-impl Ratios {
-    /// Reads the 8 bytes that both the command and the reply carry.
-    ///
-    /// # Errors
-    /// When there are fewer.
-    pub fn read(fields: &mut Fields<'_>) -> Result<Self, Malformed> {
-        let [velocity, acceleration] = fields.floats()?;
-        Ok(Self { velocity, acceleration })
-    }
-}
-
-impl CpLimits {
-    /// Reads the 13 bytes that both the command and the reply carry.
-    ///
-    /// # Errors
-    /// When there are fewer.
-    pub fn read(fields: &mut Fields<'_>) -> Result<Self, Malformed> {
-        let [plan_acceleration, junction_velocity, acceleration] = fields.floats()?;
-        let is_real_time = fields.byte()? != 0;
-        Ok(Self { plan_acceleration, junction_velocity, acceleration, is_real_time })
-    }
-}
-
 /// The request for a value that needs no parameter.
 #[must_use]
 pub const fn read(id: u8) -> Frame {
@@ -408,13 +295,8 @@ mod tests {
         CartesianLimits::uniform(velocity, velocity)
     }
 
-    /// Requests as clients in use send them, byte by byte.
-    fn traces() -> Vec<(Command, Ctrl, &'static str)> {
-        let via = [252.0, 12.0, 100.0, 90.0];
-        let to = [264.0, 0.0, 100.0, 90.0];
-        let start = [240.0, 0.0, 100.0, 90.0];
-        let line = [239.104_13, 0.0, 11.514_719, 0.0];
-        let mode = PtpMode::MoveJointXyz;
+    /// Settings and orders as clients in use send them, byte by byte.
+    fn settings() -> Vec<(Command, Ctrl, &'static str)> {
         vec![
             (Command::StartQueue, Ctrl::WRITE, "aa aa 02 f0 01 0f"),
             (Command::ClearQueue, Ctrl::WRITE, "aa aa 02 f5 01 0a"),
@@ -448,6 +330,17 @@ mod tests {
                 Ctrl::WRITE,
                 "aa aa 12 64 01 00 00 48 42 00 00 48 42 00 00 48 42 00 00 48 42 73",
             ),
+        ]
+    }
+
+    /// Motions as clients in use send them, byte by byte.
+    fn motions() -> Vec<(Command, Ctrl, &'static str)> {
+        let via = [252.0, 12.0, 100.0, 90.0];
+        let to = [264.0, 0.0, 100.0, 90.0];
+        let start = [240.0, 0.0, 100.0, 90.0];
+        let line = [239.104_13, 0.0, 11.514_719, 0.0];
+        let mode = PtpMode::MoveJointXyz;
+        vec![
             (
                 Command::Ptp { mode: PtpMode::MoveLineXyz, target: line },
                 Ctrl::QUEUED,
@@ -480,14 +373,14 @@ mod tests {
 
     #[test]
     fn commands_encode_to_the_bytes_clients_in_use_send() {
-        for (command, ctrl, bytes) in traces() {
+        for (command, ctrl, bytes) in settings().into_iter().chain(motions()) {
             assert_eq!(command.frame(ctrl).to_bytes(), hex(bytes), "{command:?}");
         }
     }
 
     #[test]
     fn the_bytes_clients_in_use_send_decode_to_commands() {
-        for (command, ctrl, bytes) in traces() {
+        for (command, ctrl, bytes) in settings().into_iter().chain(motions()) {
             let mut frames = Vec::new();
             Decoder::default().push(&hex(bytes), |frame| frames.push(frame));
             assert_eq!(frames.len(), 1, "{command:?}");
@@ -572,6 +465,7 @@ mod tests {
                 turns
             }),
             any::<u32>().prop_map(Command::Wait),
+            (any::<bool>(), any::<u8>()).prop_map(|(is_joint, key)| Command::Jog { is_joint, key }),
             (any::<u8>(), any::<u8>())
                 .prop_map(|(address, function)| Command::Multiplex { address, function }),
             (any::<u8>(), any::<bool>())

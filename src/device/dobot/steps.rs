@@ -3,6 +3,7 @@
 use super::command::{CartesianLimits, Command, CpLimits, PtpMode, Ratios, XyzR};
 use crate::rig::Pose;
 use crate::trajectory::{Motion, Rates, Step};
+use crate::units::MillimetresPerSecond;
 
 /// How a circle is driven.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,13 +63,30 @@ pub(super) fn commands(step: &Step, circle: CircleAs) -> Vec<Command> {
         },
         Motion::Points(poses) => {
             commands.push(Command::CpParams(cp_limits(&step.rates)));
-            commands.extend(poses.iter().skip(1).map(|pose| {
-                let [x, y, z, _] = wire(*pose);
+            commands.extend(thinned(poses, step.rates.speed).skip(1).map(|pose| {
+                let [x, y, z, _] = wire(pose);
                 Command::Cp { is_absolute: true, xyz: [x, y, z], velocity: 0.0 }
             }));
         }
     }
     commands
+}
+
+/// The points of a curve as far apart as the wire can bring them while the arm drives: a command
+/// takes some 5 ms there and back, and the pose has to be asked for in between.
+fn thinned(poses: &[Pose], speed: MillimetresPerSecond) -> impl Iterator<Item = Pose> {
+    /// Seconds from point to point.
+    const APART_S: f64 = 0.025;
+    let apart_mm = speed.0 * APART_S;
+    let mut last: Option<Pose> = None;
+    let end = poses.len().saturating_sub(1);
+    poses.iter().enumerate().filter_map(move |(n, pose)| {
+        let is_kept = n == end || last.is_none_or(|last| last.distance(*pose).0 >= apart_mm);
+        if is_kept {
+            last = Some(*pose);
+        }
+        is_kept.then_some(*pose)
+    })
 }
 
 /// Queue waits of whole milliseconds; a command holds 49 days at most.
@@ -164,6 +182,17 @@ mod tests {
         assert_eq!(arcs.len(), 4);
         assert!(near(arcs[1].0, [252.0, -12.0, 100.0, 90.0]), "{arcs:?}");
         assert!(near(arcs[1].1, [240.0, 0.0, 100.0, 90.0]), "{arcs:?}");
+    }
+
+    #[test]
+    fn points_closer_than_the_wire_can_bring_them_are_left_out_but_never_the_ends() {
+        let poses: Vec<Pose> = (0..=1_000)
+            .map(|n| Pose::from_mm_deg([200.0 + f64::from(n) * 0.01, 0.0, 0.0, 0.0]))
+            .collect();
+        let kept: Vec<Pose> = thinned(&poses, MillimetresPerSecond(40.0)).collect();
+        assert_eq!(kept.len(), 11, "10 mm, a point a millimetre");
+        assert_eq!((kept[0], kept[10]), (poses[0], poses[1_000]));
+        assert_eq!(thinned(&[], MillimetresPerSecond(40.0)).count(), 0);
     }
 
     #[test]

@@ -33,15 +33,16 @@ impl Decoded {
     }
 }
 
-/// Reads a decompressed payload of a known kind; the error says what was found instead.
-pub(super) fn decode(kind: &Kind, payload: &[u8]) -> Result<Decoded, String> {
+/// Reads a decompressed payload of a known kind, events into the memory of `spare`; the error says
+/// what was found instead.
+pub(super) fn decode(kind: &Kind, payload: &[u8], spare: Events) -> Result<Decoded, String> {
     check_identifier(kind, payload)?;
     // Every sample is a table of its own, so the usual limit of a million tables is too low;
     // the payload's length bounds them as well.
     let options = VerifierOptions { max_tables: payload.len(), ..VerifierOptions::default() };
     match kind {
         Kind::Events => events::size_prefixed_root_as_event_packet_with_opts(&options, payload)
-            .map(|packet| decode_events(packet.elements().unwrap_or_default())),
+            .map(|packet| decode_events(packet.elements().unwrap_or_default(), spare)),
         Kind::Frames => frame::size_prefixed_root_as_frame_with_opts(&options, payload)
             .map(|table| decode_frame(&table)),
         Kind::Imu => imus::size_prefixed_root_as_imu_packet_with_opts(&options, payload)
@@ -67,18 +68,24 @@ fn check_identifier(kind: &Kind, payload: &[u8]) -> Result<(), String> {
 }
 
 /// Splits the 16-byte events (i64 t, i16 x, i16 y, bool on, 3 bytes padding) into columns.
-fn decode_events(elements: &[Event]) -> Decoded {
+fn decode_events(elements: &[Event], spare: Events) -> Decoded {
     // The sign bit of the union of all coordinates is set if any of them is negative.
     let signs = elements.iter().fold(0, |signs, event| signs | x_of(event) | y_of(event));
     if signs < 0 {
         return decode_representable_events(elements);
     }
-    let t = elements.iter().map(t_of).collect();
-    let x = elements.iter().map(|event| x_of(event) as u16).collect();
-    let y = elements.iter().map(|event| y_of(event) as u16).collect();
-    let on = elements.iter().map(on_of).collect();
+    let (mut t, mut x, mut y, mut on) = spare.into_columns();
+    refill(&mut t, elements, t_of);
+    refill(&mut x, elements, |event| x_of(event) as u16);
+    refill(&mut y, elements, |event| y_of(event) as u16);
+    refill(&mut on, elements, on_of);
     let columns = Events::from_columns(t, x, y, on).unwrap_or_default();
     Decoded::whole(Content::Events(columns))
+}
+
+fn refill<T>(column: &mut Vec<T>, elements: &[Event], of: impl Fn(&Event) -> T) {
+    column.clear();
+    column.extend(elements.iter().map(of));
 }
 
 fn decode_representable_events(elements: &[Event]) -> Decoded {
@@ -192,4 +199,79 @@ fn decode_triggers(packet: &triggers::TriggerPacket<'_>) -> Vec<Trigger> {
         kind: TriggerKind::from_code(trigger.source().0),
     };
     elements.iter().map(trigger).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::encode;
+    use super::*;
+    use crate::event::EventSlice;
+    use aedat::frame_generated::{FrameArgs, FrameFormat};
+
+    fn frame_payload(width: i16, height: i16, code: i8, n_bytes: usize) -> Vec<u8> {
+        let mut builder = flatbuffers::FlatBufferBuilder::new();
+        let pixels = builder.create_vector(&vec![7_u8; n_bytes]);
+        let arguments = FrameArgs {
+            t: 5,
+            width,
+            height,
+            format: FrameFormat(code),
+            pixels: Some(pixels),
+            ..FrameArgs::default()
+        };
+        let root = frame::Frame::create(&mut builder, &arguments);
+        frame::finish_size_prefixed_frame_buffer(&mut builder, root);
+        builder.finished_data().to_vec()
+    }
+
+    #[test]
+    fn a_frame_of_impossible_size_is_a_loss_that_says_why() {
+        for (width, height, code, n_bytes, reason) in [
+            (4, 2, 0, 7, "with 7 bytes instead of 8"),
+            (4, 2, 16, 8, "3 channels, 8 bits with 8 bytes instead of 24"),
+            (4, 2, 2, 8, "16 bits with 8 bytes instead of 16"),
+            (-4, 2, 0, 8, "a frame of -4 x 2 pixels"),
+            (i16::MAX, i16::MAX, 26, 0, "32767 x 32767"),
+            (4, 2, 5, 32, "OpenCV type 5"),
+            (4, 2, 8, 16, "OpenCV type 8"),
+            (4, 2, -1, 16, "OpenCV type -1"),
+        ] {
+            let payload = frame_payload(width, height, code, n_bytes);
+            let decoded = decode(&Kind::Frames, &payload, Events::new()).unwrap();
+            assert!(decoded.content.is_none(), "{reason}");
+            let found = decoded.reason.unwrap();
+            assert!(found.contains(reason), "{found}");
+        }
+        let payload = frame_payload(4, 2, 24, 32);
+        let decoded = decode(&Kind::Frames, &payload, Events::new()).unwrap();
+        let Some(Content::Frame(frame)) = decoded.content else { panic!("a frame") };
+        assert_eq!((frame.size, frame.channels), (Size::new(4, 2), Channels::Bgra));
+        assert_eq!(frame.timing.exposure, None, "no exposure was stated");
+    }
+
+    #[test]
+    fn an_event_of_negative_coordinate_is_a_counted_loss_and_the_others_stay() {
+        let columns = EventSlice {
+            t: &[1, 2, 3],
+            x: &[10, 0xffff, 30],
+            y: &[1, 2, 3],
+            on: &[true, false, true],
+        };
+        let payload = encode::events(columns);
+        let decoded = decode(&Kind::Events, payload.as_flattened(), Events::new()).unwrap();
+        let Some(Content::Events(events)) = decoded.content else { panic!("events") };
+        assert_eq!((events.as_slice().t, events.as_slice().x), (&[1, 3][..], &[10, 30][..]));
+        assert_eq!(decoded.lost_events, 1);
+        assert_eq!(decoded.reason.unwrap(), "an event at t 2 us, x -1, y 2");
+    }
+
+    #[test]
+    fn a_payload_of_another_kind_or_none_is_refused() {
+        let payload = encode::triggers(&[]);
+        let error = decode(&Kind::Events, &payload, Events::new()).unwrap_err();
+        assert_eq!(error, "identifier \"TRIG\"");
+        for n in 0..payload.len() {
+            assert!(decode(&Kind::Triggers, &payload[..n], Events::new()).is_err(), "{n} bytes");
+        }
+    }
 }

@@ -131,3 +131,28 @@ pub(super) fn triggers(marks: &[Trigger]) -> Vec<u8> {
     triggers::finish_size_prefixed_trigger_packet_buffer(&mut builder, root);
     builder.finished_data().to_vec()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::{Event, Events};
+
+    #[test]
+    fn events_are_laid_out_as_dv_processing_lays_them_out() {
+        // The first packet of a file of dv-processing 2.0.4: EventOnlyConfig, no compression,
+        // push_back(1700000000000000, 2, 3, True); push_back(1700000000000010, 345, 259, False).
+        let theirs: [u8; 64] = [
+            0x3c, 0, 0, 0, 0x10, 0, 0, 0, b'E', b'V', b'T', b'S', 0, 0, 6, 0, //
+            8, 0, 4, 0, 6, 0, 0, 0, 4, 0, 0, 0, 2, 0, 0, 0, //
+            0, 0x40, 0x1e, 0x18, 0x24, 0x0a, 6, 0, 2, 0, 3, 0, 1, 0, 0, 0, //
+            0x0a, 0x40, 0x1e, 0x18, 0x24, 0x0a, 6, 0, 0x59, 1, 3, 1, 0, 0, 0, 0,
+        ];
+        let ours: Events = [
+            Event { t: 1_700_000_000_000_000, x: 2, y: 3, on: true },
+            Event { t: 1_700_000_000_000_010, x: 345, y: 259, on: false },
+        ]
+        .into_iter()
+        .collect();
+        assert_eq!(events(ours.as_slice()).as_flattened(), theirs);
+    }
+}

@@ -5,6 +5,7 @@ use super::decode::{Decoded, decode};
 use super::framing::{Framing, RawPacket};
 use super::header::Header;
 use super::{Compression, Content, Kind, Losses, MAX_PACKET_BYTES, Packet, ReadError, Stream};
+use crate::event::Events;
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -44,23 +45,29 @@ pub struct Reader<R> {
     ending: Option<Result<(), ReadError>>,
     is_over: bool,
     losses: Losses,
+    /// Memory of packets that were delivered.
     spare: Vec<Vec<u8>>,
+    /// Memory of events that were given back.
+    spare_events: Vec<Events>,
 }
 
 /// A packet and what became of it.
 #[derive(Debug)]
 struct Work {
     packet: RawPacket,
+    /// Memory for its events.
+    spare: Events,
     decoded: Result<Decoded, Failure>,
 }
 
 impl Work {
-    fn new(packet: RawPacket) -> Self {
-        Self { packet, decoded: Err(Failure::TooLarge) }
+    fn new(packet: RawPacket, spare: Events) -> Self {
+        Self { packet, spare, decoded: Err(Failure::TooLarge) }
     }
 
     fn decode(&mut self, streams: &[Stream], compression: Compression, limit: usize) {
-        self.decoded = decode_packet(&self.packet, streams, compression, limit);
+        let spare = std::mem::take(&mut self.spare);
+        self.decoded = decode_packet(&self.packet, streams, compression, limit, spare);
     }
 }
 
@@ -122,6 +129,7 @@ impl<R: Read> Reader<R> {
             is_over: false,
             losses: Losses::default(),
             spare: Vec::new(),
+            spare_events: Vec::new(),
         }
     }
 
@@ -143,6 +151,14 @@ impl<R: Read> Reader<R> {
         &self.losses
     }
 
+    /// Takes back events that are no longer needed, to read later ones into their memory. Never
+    /// needed, but faster: memory that the system hands out anew is cleared page by page.
+    pub fn give_back(&mut self, events: Events) {
+        if self.spare_events.len() < READ_AHEAD_PACKETS {
+            self.spare_events.push(events);
+        }
+    }
+
     /// Decodes the packets read ahead and meanwhile reads the next.
     fn fill(&mut self) {
         if self.ahead.is_empty() {
@@ -150,7 +166,10 @@ impl<R: Read> Reader<R> {
         }
         let packets = std::mem::take(&mut self.ahead);
         let compression = self.framing.compression();
-        let mut works: VecDeque<Work> = packets.into_iter().map(Work::new).collect();
+        let mut works: VecDeque<Work> = packets
+            .into_iter()
+            .map(|packet| Work::new(packet, self.spare_events.pop().unwrap_or_default()))
+            .collect();
         let streams = std::mem::take(&mut self.streams);
         let decode = |works: &mut [Work]| {
             for work in works {
@@ -237,7 +256,7 @@ impl<R: Read> Iterator for Reader<R> {
             if matches!(work.decoded, Err(Failure::TooLarge)) {
                 work.decode(&self.streams, self.framing.compression(), MAX_PACKET_BYTES);
             }
-            let Work { packet, decoded } = work;
+            let Work { packet, decoded, .. } = work;
             match decoded {
                 Ok(decoded) => {
                     if let Some(packet) = self.deliver(packet, decoded) {
@@ -263,6 +282,7 @@ fn decode_packet(
     streams: &[Stream],
     compression: Compression,
     limit: usize,
+    spare: Events,
 ) -> Result<Decoded, Failure> {
     let Some(stream) = streams.iter().find(|stream| stream.id == packet.stream) else {
         let expected = "a packet of a stream that the header describes".to_owned();
@@ -271,7 +291,7 @@ fn decode_packet(
     if let Kind::Other(kind) = &stream.kind {
         return Ok(Decoded::whole(Content::Unknown { kind: kind.clone() }));
     }
-    decompress(compression, &packet.payload, limit, |payload| decode(&stream.kind, payload))
+    decompress(compression, &packet.payload, limit, |payload| decode(&stream.kind, payload, spare))
         .map_err(|error| match error {
             Undecodable::TooLarge => Failure::TooLarge,
             Undecodable::Damaged(found) => {

@@ -370,3 +370,95 @@ fn cut_into_packets(events: EventSlice<'_>) -> Vec<[usize; 2]> {
     }
     cuts
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::{Event, Events};
+    use crate::format::aedat4::{Content, Reader};
+    use crate::geometry::Size;
+    use proptest::prelude::*;
+    use std::io::Cursor;
+
+    fn specs() -> [StreamSpec; 2] {
+        [StreamSpec::events(Size::DAVIS346, "w"), StreamSpec::triggers("w")]
+    }
+
+    fn events_of<R: io::Read>(reader: Reader<R>) -> Events {
+        let mut all = Events::new();
+        for packet in reader {
+            if let Content::Events(events) = packet.unwrap().content {
+                all.extend_from_slice(events.as_slice());
+            }
+        }
+        all
+    }
+
+    fn at(times: impl Iterator<Item = i64>) -> Events {
+        times.map(|t| Event { t, x: 1, y: 2, on: true }).collect()
+    }
+
+    #[test]
+    fn a_file_that_was_dropped_can_be_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("dropped.aedat4");
+        let mut writer = Writer::create(&path, Compression::Lz4, &specs()).unwrap();
+        let events = at(0..50_000);
+        writer.write_events(0, events.as_slice()).unwrap();
+        drop(writer);
+        assert!(events_of(Reader::open(&path).unwrap()) == events);
+    }
+
+    #[test]
+    fn a_socket_gets_whole_packets_without_the_first_bytes() {
+        let mut wire = Vec::new();
+        let mut writer = Writer::to_stream(&mut wire, "tcp", Compression::Zstd, &specs()).unwrap();
+        let events = at(0..10);
+        writer.write_events(0, events.as_slice()).unwrap();
+        writer.finish().unwrap();
+        assert!(!wire.starts_with(b"#!AER"));
+        assert!(events_of(Reader::from_stream(wire.as_slice(), "tcp").unwrap()) == events);
+    }
+
+    #[test]
+    fn what_the_format_cannot_hold_is_refused_before_anything_is_written() {
+        let mut bytes = Cursor::new(Vec::new());
+        let mut writer = Writer::new(&mut bytes, "w", Compression::None, &specs()).unwrap();
+        let beyond: Events = [Event { t: 0, x: 32_768, y: 0, on: true }].into_iter().collect();
+        let error = writer.write_events(0, beyond.as_slice()).unwrap_err().to_string();
+        assert!(error.contains("stream 0: event 0 at x 32768, y 0 cannot be written"), "{error}");
+        let error = writer.write_events(1, beyond.as_slice()).unwrap_err().to_string();
+        assert!(error.contains("stream 1 (triggers) carries TRIG"), "{error}");
+        let error = writer.write_imu(7, &[]).unwrap_err().to_string();
+        assert!(error.contains("stream 7 does not exist among 2"), "{error}");
+        assert_eq!(writer.finish().unwrap().n_packets, 0);
+    }
+
+    #[test]
+    fn quiet_scenes_are_cut_each_second_and_busy_ones_by_number() {
+        let quiet = at((0..100).map(|i| i * 100_000));
+        let lengths = |events: &Events| -> Vec<usize> {
+            cut_into_packets(events.as_slice()).iter().map(|[start, end]| end - start).collect()
+        };
+        assert_eq!(lengths(&quiet), [10; 10]);
+        assert_eq!(lengths(&at((0..100_000).map(|i| i / 100))), [32_768, 32_768, 32_768, 1_696]);
+        assert_eq!(lengths(&at((0..25_000).map(|i| i * 1_000 / 1_250))), [12_500, 12_500]);
+    }
+
+    proptest! {
+        #[test]
+        fn events_in_any_order_come_back_as_they_were(
+            events in prop::collection::vec((any::<i64>(), 0..32_768_u16, 0..32_768_u16, any::<bool>()), 0..300),
+            compression in prop::sample::select(vec![Compression::None, Compression::Lz4, Compression::Zstd]),
+        ) {
+            let events: Events =
+                events.into_iter().map(|(t, x, y, on)| Event { t, x, y, on }).collect();
+            let mut bytes = Cursor::new(Vec::new());
+            let mut writer = Writer::new(&mut bytes, "w", compression, &specs()).unwrap();
+            writer.write_events(0, events.as_slice()).unwrap();
+            prop_assert_eq!(writer.finish().unwrap().n_elements, vec![events.len() as u64, 0]);
+            let back = events_of(Reader::new(bytes.get_ref().as_slice(), "w").unwrap());
+            prop_assert_eq!(back, events);
+        }
+    }
+}

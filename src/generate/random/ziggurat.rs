@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 const N_LAYERS: usize = 256;
 /// Where the tail begins, for 256 layers.
-const EDGE: f64 = 3.654_152_885_361_008_8;
+const EDGE: f64 = 3.654_152_885_361_009;
 /// Area of each layer under exp(-x²/2), the tail included in the lowest.
 const AREA: f64 = 0.004_928_673_233_992_336;
 
@@ -44,11 +44,16 @@ impl Ziggurat {
 
     #[inline]
     pub(super) fn normal(&self, draws: &mut Draws) -> f64 {
+        let (layer, position) = place(draws);
+        let x = position * self.x[layer];
+        if x.abs() < self.x[layer + 1] { x } else { self.at_the_rim(layer, position, draws) }
+    }
+
+    /// What is left of a draw that did not fall inside its layer (1.2 % of them).
+    #[cold]
+    #[inline(never)]
+    fn at_the_rim(&self, mut layer: usize, mut position: f64, draws: &mut Draws) -> f64 {
         loop {
-            let bits = draws.bits();
-            let layer = (bits & (N_LAYERS as u64 - 1)) as usize;
-            // 53 signed bits above the layer's: uniform in [-1, 1).
-            let position = ((bits as i64) >> 11) as f64 * (1.0 / (1_u64 << 52) as f64);
             let x = position * self.x[layer];
             if x.abs() < self.x[layer + 1] {
                 return x;
@@ -60,12 +65,21 @@ impl Ziggurat {
             if height < bell(x) {
                 return x;
             }
+            (layer, position) = place(draws);
         }
     }
 }
 
+/// A layer, and a place along it in [-1, 1).
+#[inline]
+fn place(draws: &mut Draws) -> (usize, f64) {
+    let bits = draws.bits();
+    let layer = (bits & (N_LAYERS as u64 - 1)) as usize;
+    // 53 signed bits above the layer's.
+    (layer, ((bits as i64) >> 11) as f64 * (1.0 / (1_u64 << 52) as f64))
+}
+
 /// A normal draw beyond [`EDGE`] (Marsaglia 1964).
-#[cold]
 fn tail(draws: &mut Draws) -> f64 {
     loop {
         let beyond = -draws.uniform().ln() / EDGE;

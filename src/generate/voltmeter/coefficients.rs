@@ -1,6 +1,7 @@
 //! The six k of the event model, their ranges, and what they make of two brightnesses.
 
 use crate::generate::ParameterError;
+use crate::generate::sequence::Interval;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
@@ -47,21 +48,30 @@ impl Coefficients {
         Ok(Self(k))
     }
 
-    /// A published set, known to lie within the ranges (a test holds it to that).
-    pub(in crate::generate) const fn published(k: [f64; 6]) -> Self {
-        Self(k)
-    }
+    /// DAVIS346 from its own 8-bit frames (Lin et al., ECCV 2022). Like DVS240, k1 is published
+    /// as a product.
+    pub const DVS346: Self = Self([0.000_18 * 29_250.0, 20.0, 0.000_1, 1e-7, 5e-9, 0.000_01]);
+
+    /// DAVIS240 from its own 8-bit frames (Lin et al., ECCV 2022).
+    pub const DVS240: Self = Self([0.000_094 * 47_065.0, 23.0, 0.000_2, 1e-7, 5e-8, 0.000_01]);
+
+    /// DAVIS346 from 10-bit raw frames of Pi Camera Module 3 (Raw2Event).
+    pub const RAW2DVS346: Self = Self([2.388, 4.166e-7, 1.541e-6, 9.768e-8, 1.466e-11, 9.824e-6]);
+
+    /// DAVIS346 from 8-bit gray of the same camera's RGB frames (Raw2Event).
+    pub const RGB2DVS346: Self = Self([
+        5.332_474_147_628_972,
+        0.900_333_202_726_682_3,
+        8.288_263_352_543_993e-6,
+        1.099_239_717_282_808_7e-7,
+        3.302_652_963_977_818e-9,
+        1.101_244_403_871_650_4e-7,
+    ]);
 
     /// k1 to k6.
     #[must_use]
     pub const fn k(&self) -> [f64; 6] {
         self.0
-    }
-
-    /// Lowest and highest value of k`number` (1..=6).
-    pub(in crate::generate) fn range(number: usize) -> [f64; 2] {
-        let (low, high, _) = RANGES[number - 1];
-        [low, high]
     }
 
     /// Drift and diffusion between two frames `span_us` apart that saw `before` and `after` (DN).
@@ -78,13 +88,13 @@ impl Coefficients {
         }
     }
 
-    /// A number of events that no pixel's mean exceeds in an interval of `span_us`, when no
-    /// brightness exceeds `brightest`: a pixel fires at the rate μ/tanh(μ/σ²) <= |μ| + σ²;
-    /// |ΔL| <= 2 L̄ and √L/(L + k2) <= 1/(2 √k2).
-    pub(super) fn most_events(&self, brightest: f64, span_us: f64) -> f64 {
+    /// A number of events that no pixel's mean exceeds in an interval: a pixel fires at the
+    /// rate μ/tanh(μ/σ²) <= |μ| + σ²; |ΔL| <= 2 L̄ and √L/(L + k2) <= 1/(2 √k2).
+    pub(super) fn most_events(&self, interval: Interval) -> f64 {
         let [k1, k2, k3, k4, k5, k6] = self.0;
         let sigma = k3 / (2.0 * k2.sqrt()) + k6;
-        2.0 * k1 + (k4.abs() + k5.abs() * brightest + sigma * sigma) * span_us
+        let leak = k4.abs() + k5.abs() * f64::from(interval.brightest);
+        2.0 * k1 + (leak + sigma * sigma) * f64::from(interval.span_us)
     }
 }
 
@@ -153,11 +163,13 @@ mod tests {
 
     #[test]
     fn dark_and_saturated_pixels_have_finite_motion() {
-        let k = Coefficients::published([2.388, 4.166e-7, 1.541e-6, 9.768e-8, 1.466e-11, 9.824e-6]);
+        let k = Coefficients::RAW2DVS346;
         for (before, after) in [(0.0, 0.0), (0.0, 1e-30), (1023.0, 0.0), (0.0, f32::MAX)] {
             let motion = k.motion(before, after, 1.0);
             assert!(motion.drift_per_us.is_finite() && motion.sigma_per_sqrt_us.is_finite());
-            let most = k.most_events(f64::from(before.max(after)), 1.0);
+            let brightest = f32::max(before, after);
+            let interval = Interval { index: 1, start_us: 0, span_us: 1, brightest };
+            let most = k.most_events(interval);
             assert!(motion.drift_per_us.abs() + motion.sigma_per_sqrt_us.powi(2) <= most);
         }
     }

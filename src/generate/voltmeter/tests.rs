@@ -1,8 +1,12 @@
 //! The event model as frames see it.
 
 use super::*;
-use crate::generate::Preset;
+use crate::event::Events;
+use crate::frame::Luminance;
+use crate::generate::grid::Grid;
+use crate::generate::{GenerateError, Generator, Law};
 use crate::geometry::Size;
+use std::num::NonZeroUsize;
 
 const START_US: i64 = 1_700_000_000_000_000;
 const SIZE: Size = Size::new(100, 90);
@@ -17,9 +21,28 @@ fn grating(i: u16) -> Luminance {
     frame(START_US + 8_333 * i64::from(i), SIZE, |x, y| 500.0 + 400.0 * phase(x, y).sin())
 }
 
-fn scalar(law: Law, seed: u64, threads: usize) -> ScalarVoltmeter {
-    let k = Preset::Raw2Dvs346.coefficients();
-    ScalarVoltmeter::new(k, law, seed, NonZeroUsize::new(threads)).unwrap()
+type Made = Box<dyn Generator>;
+
+/// All ways to run the model, over `threads` threads and blocks of `block` pixels.
+const WAYS: [fn(u64, usize, usize) -> Made; 3] = [
+    |seed, threads, block| {
+        let model = LazyVoltmeter::new(Coefficients::RAW2DVS346, seed);
+        made(model, threads, block)
+    },
+    |seed, threads, block| made(raw_scalar(Law::Exact, seed), threads, block),
+    |seed, threads, block| made(raw_scalar(Law::Reference, seed), threads, block),
+];
+
+fn raw_scalar(law: Law, seed: u64) -> ScalarVoltmeter {
+    ScalarVoltmeter::new(Coefficients::RAW2DVS346, law, seed)
+}
+
+fn made<M: crate::generate::grid::PixelModel + 'static>(
+    model: M,
+    threads: usize,
+    block: usize,
+) -> Made {
+    Box::new(Grid::new(model, NonZeroUsize::new(threads)).unwrap().with_block_pixels(block))
 }
 
 fn run(generator: &mut dyn Generator, frames: impl IntoIterator<Item = Luminance>) -> Events {
@@ -30,10 +53,10 @@ fn run(generator: &mut dyn Generator, frames: impl IntoIterator<Item = Luminance
 
 #[test]
 fn events_lie_in_their_interval_ordered_by_time_row_and_column() {
-    for law in Law::ALL {
-        let mut generator = scalar(law, 1, 2);
+    for way in WAYS {
+        let mut generator = way(1, 2, 4096);
         for i in 0..5 {
-            let out = run(&mut generator, [grating(i)]);
+            let out = run(&mut *generator, [grating(i)]);
             let events = out.as_slice();
             let start = START_US + 8_333 * (i64::from(i) - 1);
             assert!(events.iter().all(|event| event.t > start && event.t <= start + 8_333));
@@ -46,19 +69,32 @@ fn events_lie_in_their_interval_ordered_by_time_row_and_column() {
 }
 
 #[test]
-fn threads_do_not_change_the_events_and_seeds_do() {
-    for law in Law::ALL {
-        let events = |seed, threads| run(&mut scalar(law, seed, threads), (0..6).map(grating));
-        assert_eq!(events(1, 1), events(1, 2));
-        assert_ne!(events(1, 1), events(2, 1));
+fn threads_and_chunks_do_not_change_the_events_and_seeds_do() {
+    for way in WAYS {
+        let events =
+            |seed, threads, block| run(&mut *way(seed, threads, block), (0..6).map(grating));
+        let one = events(1, 1, 4096);
+        for (threads, block) in [(2, 4096), (1, 1), (2, 37), (2, 64), (1, 100_000)] {
+            assert_eq!(events(1, threads, block), one, "{threads} threads, blocks of {block}");
+        }
+        assert_ne!(events(2, 1, 4096), one);
     }
 }
 
 #[test]
+fn where_drift_dominates_all_ways_give_as_many_events_within_a_thousandth() {
+    let [fast, plain, published] =
+        WAYS.map(|way| run(&mut *way(4, 2, 4096), (0..60).map(grating)).len() as f64);
+    assert!(plain > 100_000.0, "{plain} events");
+    assert!((fast / plain - 1.0).abs() < 1e-3, "{fast} {plain}");
+    assert!((published / plain - 1.0).abs() < 1e-3, "{published} {plain}");
+}
+
+#[test]
 fn a_bad_frame_is_named_and_changes_nothing() {
-    let good = run(&mut scalar(Law::Exact, 1, 1), (0..4).map(grating));
-    let mut generator = scalar(Law::Exact, 1, 1);
-    let mut out = run(&mut generator, (0..2).map(grating));
+    let good = run(&mut *WAYS[0](1, 1, 4096), (0..4).map(grating));
+    let mut generator = WAYS[0](1, 1, 4096);
+    let mut out = run(&mut *generator, (0..2).map(grating));
     let bad = |change: fn(&mut Luminance)| {
         let mut frame = grating(2);
         change(&mut frame);
@@ -88,7 +124,7 @@ fn a_bad_frame_is_named_and_changes_nothing() {
 #[test]
 fn k_that_fire_without_bound_are_refused_before_memory_runs_out() {
     let k = Coefficients::new([1e4, 1e-9, 0.0, 0.0, 0.0, 1.0]).unwrap();
-    let mut generator = ScalarVoltmeter::new(k, Law::Exact, 0, None).unwrap();
+    let mut generator = Grid::new(LazyVoltmeter::new(k, 0), None).unwrap();
     let mut out = Events::new();
     generator.push(&grating(0), &mut out).unwrap();
     let error = generator.push(&grating(1), &mut out).unwrap_err().to_string();
@@ -99,23 +135,35 @@ fn k_that_fire_without_bound_are_refused_before_memory_runs_out() {
 fn dark_saturated_and_noise_free_pixels_give_finite_events() {
     let levels = [0.0, 1e-30, 1.0, 64.0, 1_023.0, 65_535.0, 1e30];
     let noise_free = Coefficients::new([2.388, 4.166e-7, 0.0, 0.0, 0.0, 0.0]).unwrap();
-    let presets = Preset::ALL.map(Preset::coefficients);
-    for k in presets.into_iter().filter(|k| k.k()[4] < 1e-9).chain([noise_free]) {
-        for law in Law::ALL {
-            let mut generator = ScalarVoltmeter::new(k, law, 3, None).unwrap();
-            let size = Size::new(7, 7);
-            let from = |t, x_wins: bool| {
-                frame(t, size, move |x, y| levels[usize::from(if x_wins { x } else { y })])
-            };
-            let mut out = Events::new();
-            let frames = [from(0, true), from(8_333, false), from(8_334, true), from(9_000, true)];
-            for frame in frames {
-                if let Err(error) = generator.push(&frame, &mut out) {
-                    // Brightness of 1e30 under a leak in proportion to it fires without bound.
-                    assert!(matches!(error, GenerateError::TooManyEvents { .. }), "{error}");
-                }
-            }
-            assert!(generator.voltage.iter().all(|v| v.abs() < 1.0));
+    for k in [Coefficients::RAW2DVS346, Coefficients::RGB2DVS346, Coefficients::DVS346, noise_free]
+    {
+        let scalar = |law| ScalarVoltmeter::new(k, law, 3);
+        let voltages = |state: &Vec<f64>| state.clone();
+        push_levels(scalar(Law::Exact), &levels, voltages);
+        push_levels(scalar(Law::Reference), &levels, voltages);
+        push_levels(LazyVoltmeter::new(k, 3), &levels, |state| {
+            state.beliefs().into_iter().map(|belief| belief.mean).collect()
+        });
+    }
+}
+
+/// Every level after every other, then a microsecond later back, then still.
+fn push_levels<M: crate::generate::grid::PixelModel>(
+    model: M,
+    levels: &[f32; 7],
+    voltages: impl Fn(&M::State) -> Vec<f64>,
+) {
+    let mut generator = Grid::new(model, None).unwrap();
+    let from = |t, x_wins: bool| {
+        frame(t, Size::new(7, 7), |x, y| levels[usize::from(if x_wins { x } else { y })])
+    };
+    let mut out = Events::new();
+    let frames = [from(0, true), from(8_333, false), from(8_334, true), from(9_000, true)];
+    for frame in frames {
+        if let Err(error) = generator.push(&frame, &mut out) {
+            // Brightness of 1e30 under a leak in proportion to it fires without bound.
+            assert!(matches!(error, GenerateError::TooManyEvents { .. }), "{error}");
         }
     }
+    assert!(generator.states().flat_map(voltages).all(|v| v.abs() < 1.0));
 }

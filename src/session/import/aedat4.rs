@@ -2,10 +2,11 @@
 
 use super::{Site, file_name, name_and_now};
 use crate::format::aedat4::Reader;
-use crate::session::census::{Census, census, names};
+use crate::session::census::{Census, StreamCensus, census, names};
 use crate::session::{
-    Damage, Journal, Loss, Manifest, Origin, SCHEMA, SessionError, Status, StreamEntry,
+    Damage, FileEntry, Journal, Loss, Manifest, Origin, SCHEMA, SessionError, Status, StreamEntry,
 };
+use crate::time::{Clock, Davis};
 use serde_json::json;
 use std::path::Path;
 
@@ -46,24 +47,7 @@ fn manifest(
     path: &Path,
     found: &Census,
 ) -> Result<Manifest, SessionError> {
-    let (file, mut entry) = site.file_entry(path)?;
-    let mut losses = found.losses.clone();
-    if let Some(what) = &found.damage {
-        entry.damage = Some(Damage { what: what.clone() });
-        losses.push(Loss { stream: file.clone(), what: what.clone(), count: 0 });
-    }
-    let entries =
-        found.streams.iter().zip(names(&found.streams)).map(|(stream, name)| StreamEntry {
-            name,
-            kind: stream.kind,
-            file: file.clone(),
-            stream_id: Some(stream.stream.id),
-            size: stream.size,
-            count: stream.count,
-            first_us: stream.first_us,
-            last_us: stream.last_us,
-            source: stream.stream.source.clone(),
-        });
+    let Described { streams, file, losses } = describe(site, path, found)?;
     let (name, created) = name_and_now(site.layout.root());
     Ok(Manifest {
         schema: SCHEMA.into(),
@@ -72,9 +56,46 @@ fn manifest(
         created,
         origin: Origin::Aedat4 { file: file_name(source) },
         status: if found.damage.is_some() { Status::Recovered } else { Status::Complete },
-        streams: entries.collect(),
-        files: [(file.clone(), entry)].into(),
+        streams,
+        files: [file].into(),
         losses,
+        decisions: Vec::new(),
         recording: None,
     })
+}
+
+/// An AEDAT4 file as a manifest describes it.
+pub(super) struct Described {
+    pub(super) streams: Vec<StreamEntry>,
+    /// Its path inside the session, with length and checksum.
+    pub(super) file: (String, FileEntry),
+    pub(super) losses: Vec<Loss>,
+}
+
+/// Describes a counted AEDAT4 file inside the session.
+pub(super) fn describe(
+    site: &Site,
+    path: &Path,
+    found: &Census,
+) -> Result<Described, SessionError> {
+    let (file, mut entry) = site.file_entry(path)?;
+    let mut losses = found.losses.clone();
+    if let Some(what) = &found.damage {
+        entry.damage = Some(Damage { what: what.clone() });
+        losses.push(Loss { stream: file.clone(), what: what.clone(), count: 0 });
+    }
+    let stream = |(stream, name): (&StreamCensus, String)| StreamEntry {
+        name,
+        kind: stream.kind,
+        file: file.clone(),
+        stream_id: Some(stream.stream.id),
+        size: stream.size,
+        count: stream.count,
+        first_us: stream.first_us,
+        last_us: stream.last_us,
+        clock: Davis::NAME.into(),
+        source: stream.stream.source.clone(),
+    };
+    let streams = found.streams.iter().zip(names(&found.streams)).map(stream).collect();
+    Ok(Described { streams, file: (file, entry), losses })
 }

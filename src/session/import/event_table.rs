@@ -1,7 +1,8 @@
-//! Events from tables: npy, npz, csv; columns t (µs), x, y, p.
+//! Events from tables: npy, npz, csv, HDF5; columns t (µs), x, y, p.
 
 use crate::event::{Event, Events};
 use crate::format::aedat4::{Content, Reader};
+use crate::format::hdf5;
 use crate::format::npy::{Array, ArrayReader, Column, Npz};
 use crate::geometry::Size;
 use crate::session::{Loss, SessionError};
@@ -31,10 +32,13 @@ pub(super) fn read(path: &Path, stream: &str, size: Size) -> Result<Table, Sessi
         }
         "npz" => assemble(path, stream, size, from_npz(path)?),
         "csv" | "txt" => assemble(path, stream, size, from_csv(path)?),
+        "h5" | "hdf5" => assemble(path, stream, size, from_hdf5(path)?),
         "aedat4" => from_aedat4(path, stream, size),
         _ => Err(SessionError::import(
             path,
-            format!("events are read from .npz, .npy, .csv, .txt or .aedat4, not `.{ending}`"),
+            format!(
+                "events are read from .npz, .npy, .csv, .txt, .h5, .hdf5 or .aedat4, not `.{ending}`"
+            ),
         )),
     }
 }
@@ -60,6 +64,13 @@ fn from_aedat4(path: &Path, stream: &str, size: Size) -> Result<Table, SessionEr
     let loss = |what| Loss { stream: stream.to_owned(), what, count: 0 };
     table.losses.extend(damage.map(loss));
     Ok(table)
+}
+
+fn from_hdf5(path: &Path) -> Result<Columns, SessionError> {
+    let table = hdf5::read_events(path)?;
+    let mut columns = columns_from(path, table.columns.into())?;
+    columns.t.iter_mut().for_each(|t| *t = t.saturating_add(table.t_offset_us));
+    Ok(columns)
 }
 
 fn from_npz(path: &Path) -> Result<Columns, SessionError> {

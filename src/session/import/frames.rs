@@ -8,6 +8,7 @@ use crate::session::{
     Journal, Loss, Manifest, Origin, SCHEMA, SessionError, Status, StreamEntry, StreamKind,
     StreamName,
 };
+use crate::time::{Clock, Davis};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -105,6 +106,7 @@ fn manifest(
         streams,
         files: files.into_iter().collect(),
         losses,
+        decisions: Vec::new(),
         recording: None,
     }
 }
@@ -119,6 +121,7 @@ fn frames_entry(frames: &Frames) -> StreamEntry {
         count: frames.times.len() as u64,
         first_us: frames.times.first().copied(),
         last_us: frames.times.last().copied(),
+        clock: Davis::NAME.into(),
         source: format!("imported, {} bit", frames.bits),
     }
 }
@@ -174,42 +177,43 @@ fn copy_frames<T: Element>(
 
 fn from_folder(request: &ImportFrames<'_>, path: &Path) -> Result<Frames, SessionError> {
     let paths = images::list(request.frames)?;
-    let n = paths.len() as u64;
-    let times = frame_times(&request.times, n)?;
+    let times = frame_times(&request.times, paths.len() as u64)?;
     let (size, first) = images::read_gray(&paths[0])?;
-    let shape = [n, size.height.into(), size.width.into()];
-    let same_size = |path: &Path, found: Size| {
-        let what = format!("is {found}, the first image is {size}; all must have one size");
-        if found == size { Ok(()) } else { Err(SessionError::import(path, what)) }
-    };
-    let depth = |path: &Path| {
-        SessionError::import(path, "has another bit depth than the first image; use one for all")
-    };
     let bits = match first {
         images::Gray::U8(_) => {
-            let mut writer = ArrayWriter::<u8>::create(path, &shape)?;
-            for image in &paths {
-                let (found, gray) = images::read_gray(image)?;
-                same_size(image, found)?;
-                let images::Gray::U8(gray) = gray else { return Err(depth(image)) };
-                writer.extend(&gray)?;
-            }
-            writer.finish()?;
+            write_images(path, size, &paths, images::Gray::into_u8)?;
             8
         }
         images::Gray::U16(_) => {
-            let mut writer = ArrayWriter::<u16>::create(path, &shape)?;
-            for image in &paths {
-                let (found, gray) = images::read_gray(image)?;
-                same_size(image, found)?;
-                let images::Gray::U16(gray) = gray else { return Err(depth(image)) };
-                writer.extend(&gray)?;
-            }
-            writer.finish()?;
+            write_images(path, size, &paths, images::Gray::into_u16)?;
             16
         }
     };
     Ok(Frames { size, times, bits })
+}
+
+/// Writes the images into one array; all must have the size and depth of the first.
+fn write_images<T: Element>(
+    path: &Path,
+    size: Size,
+    images: &[PathBuf],
+    samples: impl Fn(images::Gray) -> Option<Vec<T>>,
+) -> Result<(), SessionError> {
+    let shape = [images.len() as u64, size.height.into(), size.width.into()];
+    let mut writer = ArrayWriter::<T>::create(path, &shape)?;
+    for image in images {
+        let (found, gray) = images::read_gray(image)?;
+        if found != size {
+            let what = format!("is {found}, the first image is {size}; all must have one size");
+            return Err(SessionError::import(image, what));
+        }
+        let samples = samples(gray).ok_or_else(|| {
+            let what = "has another bit depth than the first image; use one for all";
+            SessionError::import(image, what)
+        })?;
+        writer.extend(&samples)?;
+    }
+    Ok(writer.finish()?)
 }
 
 /// The time of each of `n` frames, ascending.
@@ -291,6 +295,7 @@ fn take_events(
         count: times.len() as u64,
         first_us: times.first().copied(),
         last_us: times.last().copied(),
+        clock: Davis::NAME.into(),
         source,
     };
     Ok((entry, path, table.losses))

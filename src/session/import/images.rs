@@ -12,6 +12,18 @@ pub(super) enum Gray {
     U16(Vec<u16>),
 }
 
+impl Gray {
+    /// The samples, if they are of 8 bits.
+    pub(super) fn into_u8(self) -> Option<Vec<u8>> {
+        if let Self::U8(samples) = self { Some(samples) } else { None }
+    }
+
+    /// The samples, if they are of 16 bits.
+    pub(super) fn into_u16(self) -> Option<Vec<u16>> {
+        if let Self::U16(samples) = self { Some(samples) } else { None }
+    }
+}
+
 /// The images of a folder in the order of their names, numbers in them counted as numbers.
 pub(super) fn list(folder: &Path) -> Result<Vec<PathBuf>, SessionError> {
     const ENDINGS: [&str; 7] = ["png", "jpg", "jpeg", "tif", "tiff", "bmp", "pgm"];

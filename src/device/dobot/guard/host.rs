@@ -17,8 +17,9 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
-/// Time the guard gets on top of what the arm gets: to be scheduled, twice.
-const GRACE: Span = Span::from_micros(1_000_000);
+/// Time the guard gets on top of what the arm gets: to be scheduled, and to end a stop that it is
+/// about to confirm. A guard that takes longer is replaced.
+const GRACE: Span = Span::from_micros(2_000_000);
 
 /// Stops the arm from any thread, at once: one write into a pipe, no lock, no allocation.
 #[derive(Debug, Clone)]
@@ -28,7 +29,8 @@ pub struct Stopper {
 
 impl Stopper {
     /// Tells the guard to stop the arm and to let nothing move it any more: what another thread
-    /// is about to ask must not undo the stop. May be called as often as one likes.
+    /// is about to ask must not undo the stop. The next question anyone asks is answered with
+    /// [`LinkError::Stopped`], later reads are answered as before. May be called as often as one likes.
     ///
     /// # Errors
     /// When the guard is gone; it then stopped the arm before it went.
@@ -121,7 +123,13 @@ impl GuardLink {
     fn next_report(&mut self, patience: Span) -> Result<Report, LinkError> {
         match self.reports.recv_timeout(duration(patience)) {
             Ok(report) => Ok(report),
-            Err(RecvTimeoutError::Timeout) => Err(failed(format!("it is silent for {patience}"))),
+            Err(RecvTimeoutError::Timeout) => {
+                // It hangs, so it will not stop the arm: the port must be taken from it. That it
+                // is already gone is as good.
+                let _ = self.child.kill();
+                let _ = self.child.wait();
+                Err(self.without_guard(&format!("it was silent for {patience}")))
+            }
             Err(RecvTimeoutError::Disconnected) => Err(self.without_guard("it ended")),
         }
     }

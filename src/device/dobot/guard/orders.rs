@@ -9,9 +9,9 @@ use std::io::{BufRead, Read};
 /// How often evrig shows that it lives.
 pub const HEARTBEAT: Span = Span::from_micros(100_000);
 
-/// A guard that has heard nothing for so long stops the arm: five heartbeats, more than a
-/// busy machine delays a thread that only writes a line.
-pub const HEARTBEAT_LIMIT: Span = Span::from_micros(500_000);
+/// A guard that has heard nothing for so long stops the arm: ten heartbeats, more than a busy
+/// machine delays a thread that only writes a line. A host that dies is noticed at once.
+pub const HEARTBEAT_LIMIT: Span = Span::from_micros(1_000_000);
 
 /// From evrig to the guard. Each is one write of fewer bytes than a pipe takes in one piece,
 /// so several threads may write without a lock.

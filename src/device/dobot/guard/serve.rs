@@ -45,6 +45,7 @@ pub fn serve(
     let orders = listen(input);
     let heard = host_clock::now();
     let mut guard = Guard {
+        path,
         link,
         orders,
         waiting: VecDeque::new(),
@@ -52,12 +53,19 @@ pub fn serve(
         is_signalled,
         heard,
         is_stopped: false,
+        owes_stop: false,
         is_halted: false,
+        is_halt_untold: false,
     };
     let ended = guard.run();
     guard.stop_and_report();
+    guard.pay_before_going();
     ended
 }
+
+/// How long a guard without a host goes on trying to reach an arm whose port is gone: a pulled
+/// cable is plugged in again within seconds, and the arm runs its queue on meanwhile.
+const UNPAID: Span = Span::from_micros(10_000_000);
 
 /// Reads orders in a thread, so that waiting for one never keeps another from being heard.
 fn listen(input: impl Read + Send + 'static) -> Receiver<Order> {
@@ -76,6 +84,7 @@ fn listen(input: impl Read + Send + 'static) -> Receiver<Order> {
 }
 
 struct Guard<'a, W: Write> {
+    path: &'a Path,
     link: SerialLink,
     orders: Receiver<Order>,
     /// Orders heard during an exchange.
@@ -85,8 +94,12 @@ struct Guard<'a, W: Write> {
     /// When evrig was last heard.
     heard: Stamp<HostMonotonic>,
     is_stopped: bool,
+    /// Whether a stop did not get through and is still to be said.
+    owes_stop: bool,
     /// Set by a halt: nothing moves the arm any more.
     is_halted: bool,
+    /// Whether whoever waits for the arm still has to learn of the halt.
+    is_halt_untold: bool,
 }
 
 impl<W: Write> Guard<'_, W> {
@@ -106,7 +119,10 @@ impl<W: Write> Guard<'_, W> {
                     self.heard = host_clock::now();
                     self.obey(order)
                 }
-                Err(RecvTimeoutError::Timeout) => true,
+                Err(RecvTimeoutError::Timeout) => {
+                    self.pay();
+                    true
+                }
                 Err(RecvTimeoutError::Disconnected) => return Ended::HostGone,
             };
             if !is_heard {
@@ -127,9 +143,12 @@ impl<W: Write> Guard<'_, W> {
             Order::Heartbeat => true,
             Order::Stop => self.stop_and_report(),
             Order::Halt => self.halt(),
+            // Reads go on behind a halt, but the first one tells of it: it may be the look of
+            // someone who waits for a motion that will never end.
             Order::Exchange { number, request, .. }
-                if self.is_halted && request.ctrl().is_write() =>
+                if self.is_halt_untold || self.is_halted && request.ctrl().is_write() =>
             {
+                self.is_halt_untold = false;
                 self.report(&Report::Answer { number, answer: Err(LinkError::Stopped) })
             }
             Order::Exchange { number, request, patience } => {
@@ -163,6 +182,7 @@ impl<W: Write> Guard<'_, W> {
     /// Stops the arm for good; false when evrig no longer listens.
     fn halt(&mut self) -> bool {
         self.is_halted = true;
+        self.is_halt_untold = true;
         self.stop_and_report()
     }
 
@@ -170,7 +190,26 @@ impl<W: Write> Guard<'_, W> {
     fn stop_and_report(&mut self) -> bool {
         let stopped = self.link.stop();
         self.is_stopped = true;
+        self.owes_stop = stopped.is_err();
         self.report(&Report::Stopped(stopped))
+    }
+
+    /// Says a stop that did not get through, over the port as it is now.
+    fn pay(&mut self) {
+        if self.owes_stop
+            && let Ok(link) = port::open(self.path)
+        {
+            self.link = link;
+            self.owes_stop = self.link.stop().is_err();
+        }
+    }
+
+    fn pay_before_going(&mut self) {
+        let started = host_clock::now();
+        while self.owes_stop && host_clock::now() - started < UNPAID {
+            std::thread::sleep(Duration::from_millis(50));
+            self.pay();
+        }
     }
 
     fn report(&mut self, report: &Report) -> bool {

@@ -3,7 +3,7 @@
 use super::queue::Task;
 use super::{SimulatedArm, VERSION};
 use crate::device::dobot::alarm::Alarms;
-use crate::device::dobot::command::{Command, PtpMode};
+use crate::device::dobot::command::Command;
 use crate::device::dobot::frame::{Ctrl, Frame};
 use crate::device::dobot::id;
 use crate::time::Span;
@@ -107,22 +107,9 @@ fn simplified(request: &Frame) -> Option<Command> {
             let plain = Frame::new(id::CP, Ctrl::QUEUED, request.params().to_vec())?;
             Command::decode(&plain).ok().flatten()
         }
-        id::JOG => Some(jog(request.params())),
         id::TRIGGER | id::LOST_STEP | id::RESET_POSE | id::DOWNLOAD_START | id::DOWNLOAD_STOP => {
             Some(Command::Wait(0))
         }
         _ => None,
     }
-}
-
-/// A jog as a small move: 5 mm or 5 deg a key press. A real arm goes on until it is told to stop.
-fn jog(params: &[u8]) -> Command {
-    let (is_joint, key) = (params.first() == Some(&1), params.get(1).copied().unwrap_or(0));
-    if key == 0 || key > 8 {
-        return Command::Wait(0);
-    }
-    let mut target = [0.0; 4];
-    target[usize::from(key - 1) / 2] = if key % 2 == 1 { 5.0 } else { -5.0 };
-    let mode = if is_joint { PtpMode::MoveJointIncrement } else { PtpMode::MoveLineIncrement };
-    Command::Ptp { mode, target }
 }

@@ -10,21 +10,21 @@ const REAR: f64 = 135.0;
 /// Length of the forearm, mm.
 const FORE: f64 = 147.0;
 
-/// Limits of the simulated joints, degrees. Sources disagree; these are the widest
+/// Limits of the simulated joints. Sources disagree; these are the widest
 /// of the user guides, with the parallelogram's limit of the vendor's virtual arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointLimits {
-    /// Lower and upper limit of base, rear arm, forearm, end.
-    pub joints: [(f64, f64); 4],
-    /// Lower and upper limit of the angle between the arms, 90 + J2 - J3.
-    pub between_arms: (f64, f64),
+    /// Lower and upper limit of base, rear arm, forearm, end, degrees.
+    pub joints_deg: [(f64, f64); 4],
+    /// Lower and upper limit of the angle between the arms, 90 + J2 - J3, degrees.
+    pub between_arms_deg: (f64, f64),
 }
 
 impl Default for JointLimits {
     fn default() -> Self {
         Self {
-            joints: [(-125.0, 125.0), (-5.0, 90.0), (-15.0, 90.0), (-150.0, 150.0)],
-            between_arms: (20.0, 145.0),
+            joints_deg: [(-125.0, 125.0), (-5.0, 90.0), (-15.0, 90.0), (-150.0, 150.0)],
+            between_arms_deg: (20.0, 145.0),
         }
     }
 }
@@ -32,18 +32,18 @@ impl Default for JointLimits {
 impl JointLimits {
     /// Whether the joints can stand so.
     #[must_use]
-    pub fn allow(&self, joints: [f64; 4]) -> bool {
+    pub(super) fn allow(&self, joints: [f64; 4]) -> bool {
         let within = |value: f64, (low, high): (f64, f64)| (low..=high).contains(&value);
         let [_, rear, fore, _] = joints;
-        self.joints.iter().zip(joints).all(|(range, joint)| within(joint, *range))
-            && within(90.0 + rear - fore, self.between_arms)
+        self.joints_deg.iter().zip(joints).all(|(range, joint)| within(joint, *range))
+            && within(90.0 + rear - fore, self.between_arms_deg)
     }
 }
 
 /// Tool position x, y, z (mm) and r (deg) of the joints (deg), with the tool `bias` mm
 /// away from the flange.
 #[must_use]
-pub fn forward(joints: [f64; 4], bias: [f64; 3]) -> [f64; 4] {
+pub(super) fn forward(joints: [f64; 4], bias: [f64; 3]) -> [f64; 4] {
     let [base, rear, fore, end] = joints.map(f64::to_radians);
     let reach = REAR * rear.sin() + FORE * fore.cos() + bias[0];
     [
@@ -58,7 +58,7 @@ pub fn forward(joints: [f64; 4], bias: [f64; 3]) -> [f64; 4] {
 ///
 /// # Errors
 /// The alarm the arm raises when the place is on the base axis or out of reach.
-pub fn inverse(xyzr: [f64; 4], bias: [f64; 3]) -> Result<[f64; 4], Alarm> {
+pub(super) fn inverse(xyzr: [f64; 4], bias: [f64; 3]) -> Result<[f64; 4], Alarm> {
     let [x, y, z, r] = xyzr;
     if xyzr.iter().any(|value| !value.is_finite()) {
         return Err(Alarm::PLAN_OUT_OF_REACH);
@@ -110,6 +110,21 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn the_checkers_own_kinematics_say_the_same(
+            base in -120.0..120.0_f64, rear in 0.0..85.0_f64, fore in -10.0..85.0_f64,
+            end in -90.0..90.0_f64, bx in 0.0..80.0_f64, by in -20.0..20.0_f64,
+        ) {
+            use crate::rig::{Joints, Kinematics};
+            use crate::units::Millimetres;
+            let bias = [bx, by, 3.0];
+            let other = Kinematics::magician(bias.map(Millimetres));
+            let joints = [base, rear, fore, end];
+            let here = forward(joints, bias);
+            let there = other.forward(Joints::from_deg(joints)).to_mm_deg();
+            prop_assert!(here.iter().zip(there).all(|(a, b)| (a - b).abs() < 1e-9));
+        }
+
         #[test]
         fn joints_come_back_from_where_they_bring_the_tool(
             base in -120.0..120.0_f64, rear in 0.0..85.0_f64, fore in -10.0..85.0_f64,

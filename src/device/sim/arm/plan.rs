@@ -53,6 +53,7 @@ impl Planner<'_> {
             Command::Arc { via, to } => self.arc(wide(*via), wide(*to), None)?,
             Command::Circle { via, to, turns } => self.arc(wide(*via), wide(*to), Some(*turns))?,
             Command::Cp { .. } => self.cp(command, next)?,
+            Command::Jog { is_joint, key: key @ 1..=8 } => self.jog(*is_joint, *key),
             Command::Wait(milliseconds) => Motion::rest(f64::from(*milliseconds) * 1e-3),
             _ => return Ok(None),
         }))
@@ -137,6 +138,35 @@ impl Planner<'_> {
         let exit = exit.min(reachable);
         let profile = Profile::between(length, self.entry_speed, junction, exit, acceleration);
         Motion::along(vec![Leg { path, profile }], self.body)
+    }
+
+    /// On in one direction as far as the limits let it; the next jog breaks it off.
+    fn jog(&self, is_joint: bool, key: u8) -> Motion {
+        /// Looked at along the way, mm or deg.
+        const STEP: f64 = 0.5;
+        const N_STEPS: u32 = 1_000;
+        let axis = usize::from(key - 1) / 2;
+        let sign = if key % 2 == 1 { 1.0 } else { -1.0 };
+        let from = if is_joint { self.joints } else { self.xyzr };
+        let after = |n: u32| {
+            let mut point = from;
+            point[axis] += sign * STEP * f64::from(n);
+            if is_joint { Point::Joints(point) } else { Point::Xyzr(point) }
+        };
+        let n_steps = (1..=N_STEPS).take_while(|n| self.body.joints(after(*n)).is_ok()).count();
+        let register = if is_joint { id::JOG_JOINT } else { id::JOG_COORDINATE };
+        let values = self.registers.floats::<8>(register);
+        let [speed, acceleration] = ratios(self.registers.floats(id::JOG_COMMON));
+        let profile = Profile::at_rest(
+            STEP * n_steps as f64,
+            values[axis] * speed,
+            values[axis + 4] * acceleration,
+        );
+        let path = match after(n_steps as u32) {
+            Point::Joints(to) => Path::Joint { from, to },
+            Point::Xyzr(to) => Path::Line { from, to },
+        };
+        Motion::unchecked(vec![Leg { path, profile }])
     }
 
     fn line(&self, from: [f64; 4], to: [f64; 4]) -> Leg {

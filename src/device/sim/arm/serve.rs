@@ -112,7 +112,7 @@ impl Clocked {
     }
 
     fn power_cycle(&mut self) {
-        self.arm = SimulatedArm::new(self.options.clone());
+        self.arm = SimulatedArm::new(Options { is_homed: false, ..self.options.clone() });
         self.powered_up = Instant::now();
     }
 }
@@ -304,7 +304,8 @@ fn take(line: &Pty, shared: &Shared, request: &Frame) -> bool {
         line.write(noise);
         return true;
     }
-    let reply = answer(shared, request, &struck);
+    let (reply, delay) = answer(shared, request, &struck);
+    std::thread::sleep(Duration::from_nanos(delay.as_nanos().max(0).unsigned_abs()));
     if let Some(delay) = struck.iter().find_map(|kind| match kind {
         Kind::LateReply(delay) => Some(*delay),
         _ => None,
@@ -335,8 +336,8 @@ fn send(line: &Pty, reply: &Frame, is_corrupt: bool, trickles: bool) {
     }
 }
 
-/// Does the request and notes it.
-fn answer(shared: &Shared, request: &Frame, struck: &[Kind]) -> Option<Frame> {
+/// Does the request and notes it; gives the reply and how long it takes.
+fn answer(shared: &Shared, request: &Frame, struck: &[Kind]) -> (Option<Frame>, Span) {
     let mut clocked = lock(&shared.arm);
     let now = clocked.now(true);
     clocked.arm.advance(now);
@@ -362,5 +363,5 @@ fn answer(shared: &Shared, request: &Frame, struck: &[Kind]) -> Option<Frame> {
         n_waiting: clocked.arm.n_waiting(),
     };
     lock(&shared.journal).note(line);
-    reply
+    (reply, clocked.options.reply_delay)
 }

@@ -1,30 +1,32 @@
 //! Where the tool really is: the planner's pose plus what steppers, belts and
 //! brackets do to it.
 
+use crate::units::{Degrees, Hertz};
+
 /// How the simulated arm departs from its planner. Zero everywhere is a perfect arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Imperfections {
-    /// Play of the base joint, deg: the arm lags behind by half of it in either direction.
-    pub backlash_deg: f64,
+    /// Play of the base joint: the arm lags behind by half of it in either direction.
+    pub backlash: Degrees,
     /// How far the tool swings per acceleration, mm per mm/s^2 (1 / omega^2 for a true spring);
     /// zero switches vibration off.
     pub vibration_gain: f64,
-    /// Frequency of the swing, Hz.
-    pub vibration_hz: f64,
+    /// Frequency of the swing.
+    pub vibration_frequency: Hertz,
     /// Damping of the swing as a share of the critical one.
     pub damping: f64,
-    /// Error of the base joint until the arm is homed, deg: its encoder only counts steps.
-    pub base_offset_deg: f64,
+    /// Error of the base joint until the arm is homed: its encoder only counts steps.
+    pub base_offset: Degrees,
 }
 
 impl Default for Imperfections {
     fn default() -> Self {
         Self {
-            backlash_deg: 0.0,
+            backlash: Degrees(0.0),
             vibration_gain: 0.0,
-            vibration_hz: 12.0,
+            vibration_frequency: Hertz(12.0),
             damping: 0.1,
-            base_offset_deg: 0.0,
+            base_offset: Degrees(0.0),
         }
     }
 }
@@ -51,7 +53,7 @@ impl Truth {
 
     /// One step on, the planner now being at `xyz` mm with the base at `base_deg`.
     pub(super) fn step(&mut self, like: &Imperfections, base_deg: f64, xyz: [f64; 3]) {
-        let half = like.backlash_deg / 2.0;
+        let half = like.backlash.value() / 2.0;
         self.base_deg = self.base_deg.clamp(base_deg - half, base_deg + half);
         if like.vibration_gain > 0.0 {
             self.swing(like, xyz);
@@ -61,7 +63,7 @@ impl Truth {
 
     /// A damped spring driven by the planner's acceleration.
     fn swing(&mut self, like: &Imperfections, xyz: [f64; 3]) {
-        let omega = std::f64::consts::TAU * like.vibration_hz;
+        let omega = std::f64::consts::TAU * like.vibration_frequency.value();
         for (axis, here) in xyz.iter().enumerate() {
             let acceleration =
                 (here - 2.0 * self.before[0][axis] + self.before[1][axis]) / (STEP_S * STEP_S);
@@ -102,7 +104,7 @@ mod tests {
 
     #[test]
     fn the_base_lags_by_half_the_play_in_either_direction() {
-        let like = Imperfections { backlash_deg: 0.4, ..Imperfections::default() };
+        let like = Imperfections { backlash: Degrees(0.4), ..Imperfections::default() };
         let mut truth = Truth::at_rest(0.0, [200.0, 0.0, 0.0]);
         for base_deg in [1.0, 2.0] {
             truth.step(&like, base_deg, [200.0, 0.0, 0.0]);
@@ -118,7 +120,7 @@ mod tests {
     fn a_jerk_swings_at_the_stated_frequency_and_dies_out() {
         let like = Imperfections {
             vibration_gain: 1e-4,
-            vibration_hz: 10.0,
+            vibration_frequency: Hertz(10.0),
             damping: 0.05,
             ..Imperfections::default()
         };
