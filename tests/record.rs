@@ -40,7 +40,7 @@ struct Bench {
 impl Bench {
     /// The arm's time passes by requests and the Pi's frames come as fast as they are taken.
     fn new(n_frames: u64) -> Self {
-        let options = Options { homing_s: 0.1, ..Options::default() };
+        let options = Options { homing: Span::from_micros(100_000), ..Options::default() };
         let clock = Clock::Stepped(Span::from_micros(4_000));
         let camera = Box::new(Synthetic::unpaced(n_frames));
         Self {
