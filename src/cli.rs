@@ -8,6 +8,7 @@ mod emulate;
 mod guard;
 mod import;
 mod plan;
+mod record;
 mod session;
 mod stages;
 
@@ -19,6 +20,7 @@ pub use import::{
     ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
 };
 pub use plan::PlanArgs;
+pub use record::{CheckArgs, RecordArgs};
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
 
@@ -72,6 +74,10 @@ pub enum Command {
     Report(ReportArgs),
     /// Write a stream in a format other programs read
     Export(ExportArgs),
+    /// Look at every device of a rig before anything moves
+    Check(CheckArgs),
+    /// Record a session: drive the arm along a trajectory while both cameras run
+    Record(RecordArgs),
     /// Explain a trajectory before anything moves: duration, speeds, margins to the limits, disk
     Plan(PlanArgs),
     /// Look at everything that must hold before a recording; nothing moves

@@ -5,10 +5,12 @@
 //! wrong in any of them ends in the same way: the arm stands, the cameras end, the files are
 //! counted and sealed, and the manifest says what happened.
 
+mod bench;
 mod engine;
 mod files;
 mod stop;
 
+pub use bench::{Bench, BenchError};
 pub use engine::{Dwells, Outcome, RecordError, Request, preflight, record};
 pub use stop::{Stop, StopToken};
 

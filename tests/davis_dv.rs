@@ -3,7 +3,7 @@
 //! Needs a Python with `dv-processing` and `numpy`, named by `EVRIG_PYTHON`; says so and passes
 //! when that is unset.
 
-#![allow(clippy::expect_used, clippy::unwrap_used)]
+#![allow(clippy::expect_used, clippy::unwrap_used, clippy::print_stdout)]
 
 use evrig::device::davis::serve::StreamServer;
 use evrig::device::davis::{NetworkDavis, Patience};

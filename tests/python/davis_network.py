@@ -8,6 +8,7 @@ their number, first and last time, and a sum over x, y, polarity or pixels.
 """
 
 import json
+import os
 import sys
 import time
 
@@ -21,7 +22,7 @@ def serve(port, kind, compression, n):
     compression = getattr(dv.CompressionType, compression.upper())
     add = {"events": dv.io.Stream.EventStream, "frames": dv.io.Stream.FrameStream}[kind]
     stream = add(0, kind, "DAVIS346_00000042", RESOLUTION)
-    stream.compression = compression
+    stream.setCompression(compression)
     writer = dv.io.NetworkWriter("127.0.0.1", port, stream)
     print("listening", flush=True)
     deadline = time.monotonic() + 30
@@ -41,7 +42,9 @@ def serve(port, kind, compression, n):
     print("written", flush=True)
     # The process that reads says when it has all.
     sys.stdin.readline()
-    return 0
+    # The writer's destructor can wait for ever for a client that has left.
+    sys.stdout.flush()
+    os._exit(0)
 
 
 def read(port, kind, n):

@@ -170,7 +170,7 @@ fn converse(host: &Arc<Mutex<TcpStream>>, camera: &Camera) -> Result<(), Lost> {
     let mut buffer = [0; 4096];
     let mut stream: Option<Stream> = None;
     loop {
-        while let Some(message) = decoder.next()? {
+        while let Some(message) = decoder.take()? {
             match message {
                 Message::Configure(_) | Message::Start if stream.is_some() => {
                     // The camera belongs to the frames under way.

@@ -259,7 +259,7 @@ impl Line {
 
     /// The next message, waited for in ticks; none when a tick brought nothing whole.
     fn look(&mut self) -> Result<Option<Message>, RecorderError> {
-        let next = self.decoder.next().map_err(|error| failed(&self.address, error))?;
+        let next = self.decoder.take().map_err(|error| failed(&self.address, error))?;
         if next.is_some() {
             return Ok(next);
         }
@@ -267,7 +267,7 @@ impl Line {
             Ok(0) => Err(failed(&self.address, "the agent closed the connection")),
             Ok(n) => {
                 self.decoder.push(&self.buffer[..n]);
-                self.decoder.next().map_err(|error| failed(&self.address, error))
+                self.decoder.take().map_err(|error| failed(&self.address, error))
             }
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                 Ok(None)

@@ -215,7 +215,7 @@ impl Decoder {
     ///
     /// # Errors
     /// When the bytes are no message; nothing behind them can be found again.
-    pub fn next(&mut self) -> Result<Option<Message>, WireError> {
+    pub fn take(&mut self) -> Result<Option<Message>, WireError> {
         let index = self.n_messages;
         let word = |at: usize| {
             let bytes = self.bytes.get(at..at + 4)?.try_into().ok()?;
@@ -348,7 +348,7 @@ mod tests {
         for bytes in [[0xff; 8], [9, 0, 0, 0, 6, 0, 0, 0], [0xff, 0xff, 0, 1, 1, 0, 2, 0]] {
             let mut decoder = Decoder::default();
             decoder.push(&bytes);
-            assert!(matches!(decoder.next(), Err(WireError::Oversize { .. })), "{bytes:?}");
+            assert!(matches!(decoder.take(), Err(WireError::Oversize { .. })), "{bytes:?}");
         }
     }
 
@@ -372,7 +372,7 @@ mod tests {
             for cut in cuts.iter().cycle() {
                 let (now, later) = rest.split_at((*cut).min(rest.len()));
                 decoder.push(now);
-                while let Some(message) = decoder.next().unwrap() {
+                while let Some(message) = decoder.take().unwrap() {
                     found.push(message);
                 }
                 rest = later;
@@ -392,7 +392,7 @@ mod tests {
             bytes[at] = value;
             let mut decoder = Decoder::default();
             decoder.push(&bytes);
-            let _ = decoder.next();
+            let _ = decoder.take();
         }
     }
 }

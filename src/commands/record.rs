@@ -1,0 +1,131 @@
+//! `record` and `check`: the engine over the devices that a rig file names.
+
+use super::{Ending, Output, WrongUse};
+use crate::cli::{CheckArgs, RecordArgs};
+use crate::device::Verdict;
+use crate::device::davis::Pace;
+use crate::record::{self, Bench, Dwells, RecordError, Request, State, Stop, StopToken};
+use crate::rig::{DescriptionError, Rig};
+use crate::session::{Session, verify};
+use crate::trajectory::{Optional, Path, Plan, Trajectory};
+use serde_json::json;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use std::fmt::Write;
+
+pub(super) fn check(args: &CheckArgs, output: &Output) -> anyhow::Result<Ending> {
+    let (rig, _, path) = described(&args.rig, &args.trajectory, Optional::Included)?;
+    let mut bench = Bench::open(&rig, Pace::Times(1.0), false)?;
+    let findings = record::preflight(&mut bench.devices, &path);
+    let is_ready = findings.iter().all(|finding| finding.verdict != Verdict::Bad);
+    let mut text = String::new();
+    for finding in &findings {
+        let verdict = format!("{:?}", finding.verdict).to_lowercase();
+        let _ = writeln!(text, "{verdict:<6} {:<10} {}", finding.what, finding.says);
+    }
+    text.push_str(if is_ready { "ready" } else { "not ready" });
+    let value = json!({"schema": "evrig.check/1", "is_ready": is_ready, "findings": findings});
+    output.result(&value, text)?;
+    Ok(if is_ready { Ending::Done } else { Ending::Negative })
+}
+
+pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Ending> {
+    if !(args.replay_pace > 0.0 && args.replay_pace.is_finite()) {
+        return Err(
+            WrongUse(format!("--replay-pace is {}; expected above 0", args.replay_pace)).into()
+        );
+    }
+    let optional = if args.without_optional { Optional::LeftOut } else { Optional::Included };
+    let (rig, trajectory, path) = described(&args.rig, &args.trajectory, optional)?;
+    let mut bench = Bench::open(&rig, Pace::Times(args.replay_pace), args.home)?;
+    let stop = StopToken::default();
+    listen_for_signals(&stop, &bench)?;
+    let bar = output.progress("recording", 1000);
+    let request = Request {
+        rig: &rig,
+        trajectory: &trajectory,
+        path: &path,
+        out: &args.out,
+        dwells: Dwells::default(),
+    };
+    let mut watch = |state: State, share: f64| {
+        bar.set_position((share * 1000.0) as u64);
+        if state != State::Trajectory {
+            output.detail(state);
+        }
+    };
+    let outcome = match record::record(request, &mut bench.devices, &stop, &mut watch) {
+        Ok(outcome) => outcome,
+        Err(error @ (RecordError::NotReady(_) | RecordError::Session(_))) => {
+            return Err(error.into());
+        }
+    };
+    bar.finish_and_clear();
+    let holds = verify(&Session::open(&args.out)?)?.holds();
+    let manifest = &outcome.manifest;
+    let mut text = String::new();
+    for stream in &manifest.streams {
+        let _ = writeln!(text, "{:<16} {:>12} {}", stream.name, stream.count, stream.kind);
+    }
+    for loss in &manifest.losses {
+        output.warn(format_args!("{}: {} ({})", loss.stream, loss.what, loss.count));
+    }
+    let verdict = if holds { "verified" } else { "does NOT verify" };
+    let _ = write!(text, "{}: {:?}, {verdict}", args.out.display(), manifest.status);
+    let value = json!({
+        "schema": "evrig.record/1", "session": args.out, "status": manifest.status, "holds": holds,
+        "cut_short": outcome.cut_short, "streams": manifest.streams, "losses": manifest.losses,
+    });
+    output.result(&value, text)?;
+    Ok(match (&outcome.cut_short, holds) {
+        (_, false) => Ending::Negative,
+        (Some(_), _) if outcome.is_asked_for => Ending::Aborted,
+        (Some(_), _) => Ending::Failed,
+        (None, _) if manifest.losses.is_empty() => Ending::Done,
+        (None, _) => Ending::WithLosses,
+    })
+}
+
+/// The first Ctrl-C ends at a corner, the next, or any other signal, at once.
+fn listen_for_signals(stop: &StopToken, bench: &Bench) -> std::io::Result<()> {
+    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP])?;
+    let (stop, stopper) = (stop.clone(), bench.stopper.clone());
+    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+        for signal in signals.forever() {
+            if signal == SIGINT && stop.wish() == Stop::No {
+                stop.ask(Stop::AfterStep);
+                continue;
+            }
+            if let Some(stopper) = &stopper {
+                // A guard that is gone has stopped the arm already.
+                let _ = stopper.halt();
+            }
+            stop.ask(Stop::AtOnce);
+        }
+    })?;
+    Ok(())
+}
+
+fn described(
+    rig: &str,
+    trajectory: &str,
+    optional: Optional,
+) -> anyhow::Result<(Rig, Trajectory, Path)> {
+    let found = Rig::find(rig).map_err(refused)?;
+    let described = Trajectory::find(trajectory).map_err(refused)?;
+    let plan = Plan::new(&described, &found, optional)
+        .map_err(|error| WrongUse(format!("{trajectory} on rig {rig}: {error}")))?;
+    if !plan.is_feasible {
+        let text =
+            format!("the arm cannot run {trajectory}; see `evrig plan {trajectory} --rig {rig}`");
+        return Err(WrongUse(text).into());
+    }
+    Ok((found, described, plan.path))
+}
+
+/// A file that cannot be read is a failure; one that is wrong, or a name that is none, is wrong use.
+fn refused(error: DescriptionError) -> anyhow::Error {
+    match error {
+        DescriptionError::Unreadable { .. } => error.into(),
+        _ => WrongUse(error.to_string()).into(),
+    }
+}

@@ -1,0 +1,124 @@
+//! The devices that a rig file names, opened.
+
+use super::Devices;
+use crate::device::davis::{NetworkDavis, Pace, Patience as DavisPatience, ReplayDavis};
+use crate::device::dobot::check::find_port;
+use crate::device::dobot::guard::Stopper;
+use crate::device::dobot::{ArmError, Client, Magician, Patience as ArmPatience, port};
+use crate::device::pi::wire::Settings;
+use crate::device::pi::{NetworkPi, Patience as PiPatience};
+use crate::device::recorder::Recorder;
+use crate::device::sim::arm::{Clock, Emulator, EmulatorError, Options};
+use crate::rig::{ArmPort, Rig, Transport};
+use crate::time::Span;
+use std::path::Path;
+
+/// How long homing may take; a Magician needs about fifteen seconds.
+const HOMING: Span = Span::from_micros(60_000_000);
+
+/// Why a rig's devices cannot be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum BenchError {
+    /// The arm.
+    #[error(transparent)]
+    Arm(#[from] ArmError),
+    /// The simulated arm.
+    #[error(transparent)]
+    Emulator(#[from] EmulatorError),
+    /// This program cannot be found, and the arm's guard is this program.
+    #[error("cannot find this program to start the guard of the arm: {0}")]
+    Program(#[from] std::io::Error),
+    /// A camera is named in a way that this version cannot open.
+    #[error("rig: {key} = \"{found}\" cannot be recorded by this version; use {remedy}")]
+    Transport {
+        /// The key of the rig file.
+        key: &'static str,
+        /// What stands there.
+        found: &'static str,
+        /// What can.
+        remedy: &'static str,
+    },
+}
+
+/// A rig's devices, and what must live as long as they do.
+pub struct Bench {
+    /// What the engine gets.
+    pub devices: Devices,
+    /// Halts the arm from any thread; none for a simulated one.
+    pub stopper: Option<Stopper>,
+    /// Dropped last: the arm's port is served by it.
+    _simulated: Option<Emulator>,
+}
+
+impl Bench {
+    /// Opens the arm, homes it if asked to, and names the cameras; `pace` is for a recording in the
+    /// DAVIS's place. A simulated arm is always homed: it is new every time.
+    ///
+    /// # Errors
+    /// When the arm's port cannot be opened or a camera's transport is not of this version.
+    pub fn open(rig: &Rig, pace: Pace, home: bool) -> Result<Self, BenchError> {
+        let davis: Box<dyn Recorder> = match &rig.davis.camera.transport {
+            Transport::Tcp(address) => {
+                Box::new(NetworkDavis::new(address, DavisPatience::default()))
+            }
+            Transport::File(path) => Box::new(ReplayDavis::new(Path::new(path), pace)),
+            other => {
+                let remedy = "tcp://HOST:PORT (several with commas, one a stream) or file:PATH";
+                return Err(refused("davis.transport", other, remedy));
+            }
+        };
+        let pi: Box<dyn Recorder> = match &rig.pi.camera.transport {
+            Transport::Tcp(address) => {
+                Box::new(NetworkPi::new(address, settings(rig), PiPatience::default()))
+            }
+            other => return Err(refused("pi.transport", other, "tcp://HOST:PORT of an agent")),
+        };
+        let simulated = match rig.arm.port {
+            ArmPort::Sim => {
+                Some(Emulator::start(Options::default(), Clock::Scaled(1.0), Vec::new())?)
+            }
+            _ => None,
+        };
+        let port = find_port(&rig.arm.port, simulated.as_ref().map(Emulator::port))
+            .map_err(ArmError::from)?;
+        let mut arm = open_arm(rig, &port, simulated.is_some())?;
+        if home || simulated.is_some() {
+            arm.home(HOMING)?;
+        }
+        let stopper = arm.stopper();
+        let devices = Devices { arm: Box::new(arm), recorders: vec![davis, pi] };
+        Ok(Self { devices, stopper, _simulated: simulated })
+    }
+}
+
+/// The arm at a port: behind its guard, unless it is simulated in this process.
+fn open_arm(rig: &Rig, port: &Path, is_simulated: bool) -> Result<Magician, BenchError> {
+    let (description, patience) = (rig.arm.clone(), ArmPatience::default());
+    if is_simulated {
+        let link = port::open(port).map_err(ArmError::from)?;
+        return Ok(Magician::over(Client::new(Box::new(link), patience), description));
+    }
+    Ok(Magician::guarded(&std::env::current_exe()?, port, description, patience)?)
+}
+
+fn settings(rig: &Rig) -> Settings {
+    let pi = &rig.pi;
+    Settings {
+        size: pi.camera.size,
+        frame_rate: pi.camera.frame_rate,
+        exposure: pi.camera.exposure,
+        gain: pi.camera.gain,
+        raw: pi.raw,
+        rgb: pi.rgb,
+    }
+}
+
+fn refused(key: &'static str, found: &Transport, remedy: &'static str) -> BenchError {
+    let found = match found {
+        Transport::Sim => "sim",
+        Transport::Usb => "usb",
+        Transport::Tcp(_) => "tcp://",
+        Transport::File(_) => "file:",
+    };
+    BenchError::Transport { key, found, remedy }
+}
