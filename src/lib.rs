@@ -12,6 +12,7 @@
 //! | [`rig`], [`trajectory`] | descriptions read, checked, explained; path to timed poses; reach, joint, speed limits |
 //! | [`session`] | the on-disk contract: layout, manifest, journal, verify, imports |
 //! | [`generate`] | brightness to events; pure |
+//! | [`roi`] | the tag found, tracked on a continuous path with its error; the picture's region |
 //! | [`filter`] | hot pixels, background activity, dead time, rate limit; every event has a fate |
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
@@ -39,6 +40,7 @@ pub mod imu;
 pub mod pipeline;
 pub mod report;
 pub mod rig;
+pub mod roi;
 pub mod session;
 pub mod stats;
 pub mod time;
