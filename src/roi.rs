@@ -5,11 +5,13 @@ mod detect;
 mod fit;
 mod grey;
 mod lens;
+mod observe;
 mod sighting;
 mod smooth;
 mod state;
 mod target;
 mod track;
+mod track_error;
 mod tracker;
 
 #[cfg(test)]
@@ -20,7 +22,8 @@ pub use lens::Lens;
 pub use sighting::{Lost, Searched, Sighting, TrackTally};
 pub use target::TargetPlane;
 pub use track::{Gap, Knot, Loss, NoPath, Quality, Roi, Track, View};
-pub use tracker::{TrackError, TrackOptions, Tracker};
+pub use track_error::TrackError;
+pub use tracker::{TrackOptions, Tracker};
 
 #[cfg(test)]
 mod tests;

@@ -132,8 +132,7 @@ fn band(grey: &Grey, guess: &[[f64; 2]; 4]) -> Option<Vec<([f64; 2], f64)>> {
         (low.floor(), high.ceil())
     };
     let ((x0, x1), (y0, y1)) = (bounds(0), bounds(1));
-    let is_inside =
-        x0 >= 0.0 && y0 >= 0.0 && x1 <= grey.width as f64 && y1 <= grey.height as f64;
+    let is_inside = x0 >= 0.0 && y0 >= 0.0 && x1 <= grey.width as f64 && y1 <= grey.height as f64;
     if !is_inside {
         return None;
     }
@@ -182,9 +181,8 @@ impl Square {
     fn accepted(&self, guess: &[[f64; 2]; 4], step: &Step, scale: f64) -> Option<Corners> {
         let side = Edge::between(guess[0], guess[1]).length;
         let allowed = (0.5 * side / CELLS).max(1.0);
-        let moved = |i: usize| {
-            (self.points[i][0] - guess[i][0]).hypot(self.points[i][1] - guess[i][1])
-        };
+        let moved =
+            |i: usize| (self.points[i][0] - guess[i][0]).hypot(self.points[i][1] - guess[i][1]);
         let variance = step.square_sum / (step.n_pixels - N) as f64;
         let stands_out = self.white - self.black > 3.0 * variance.sqrt();
         if !stands_out || !(0..4).all(|i| moved(i) <= allowed) {

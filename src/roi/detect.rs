@@ -13,9 +13,8 @@ pub(super) const FAMILIES: [&str; 6] =
 /// Bits that may be read wrongly: with one, tag36h11 still keeps a distance of nine to any other.
 const BITS_CORRECTED: usize = 1;
 
-/// Standard deviation of the blur that a second look applies, in pixels: it finds what noise tears
-/// apart (measured at noise 10 of 255, blur 1.5 px; see the table in `roi`).
-const SECOND_LOOK_BLUR: f32 = 0.8;
+/// Standard deviation of the blur before the last look, in pixels.
+const LAST_LOOK_BLUR: f32 = 0.8;
 
 /// Tags found in one look at an image.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -55,19 +54,21 @@ impl TagDetector {
     /// are sought.
     pub(super) fn look(&mut self, grey: &Grey, window: Window, decimation: f32) -> Look {
         let Some(image) = to_8_bits(grey, window) else { return Look::default() };
-        self.detector.set_decimation(decimation);
-        self.detector.set_sigma(0.0);
-        let look = self.search(&image, grey, window);
-        if look.corners.is_some() {
-            return look;
+        // A blurred and noisy tag is often whole at half the resolution, or after a blur. The blur
+        // is done in place, so it comes last.
+        let mut best = Look::default();
+        for (decimation, blur) in [(decimation, 0.0), (2.0, 0.0), (decimation, LAST_LOOK_BLUR)] {
+            self.detector.set_decimation(decimation);
+            self.detector.set_sigma(blur);
+            let look = self.search(&image, grey, window);
+            if look.corners.is_some() {
+                return look;
+            }
+            if look.others.len() > best.others.len() {
+                best = look;
+            }
         }
-        self.detector.set_sigma(SECOND_LOOK_BLUR);
-        let second = self.search(&image, grey, window);
-        if second.corners.is_some() || second.others.len() > look.others.len() {
-            second
-        } else {
-            look
-        }
+        best
     }
 
     fn search(&mut self, image: &Image, grey: &Grey, window: Window) -> Look {
@@ -92,7 +93,8 @@ impl TagDetector {
 /// any contrast; None if not, or if the library has no memory.
 fn to_8_bits(grey: &Grey, window: Window) -> Option<Image> {
     let (width, height) = (window.x1 - window.x0, window.y1 - window.y0);
-    let rows = || (window.y0..window.y1).map(|y| &grey.values[y * grey.width..][window.x0..window.x1]);
+    let rows =
+        || (window.y0..window.y1).map(|y| &grey.values[y * grey.width..][window.x0..window.x1]);
     let mut sorted: Vec<f32> = rows().flatten().copied().collect();
     if sorted.len() < 256 {
         return None;

@@ -61,12 +61,11 @@ impl Fitter {
         smoothed = smoother.smooth(&guess, jerk, true)?;
         let mut sorted = smoothed.squares.clone();
         sorted.sort_by(f64::total_cmp);
-        let usual = (quantile_sorted(&sorted, 0.5) / USUAL).max(0.1);
+        let usual = (quantile_sorted(&sorted, 0.5) / USUAL).max(0.5);
         let is_outlier = |k: usize| smoothed.squares[k] > OUTLIER * usual;
         let outliers: Vec<usize> =
             used.iter().enumerate().filter(|(k, _)| is_outlier(*k)).map(|(_, &i)| i).collect();
-        let mut guess: Vec<State> =
-            smoothed.beliefs.iter().map(|belief| belief.mean).collect();
+        let mut guess: Vec<State> = smoothed.beliefs.iter().map(|belief| belief.mean).collect();
         if !outliers.is_empty() {
             used.retain(|i| !outliers.contains(i));
             let more = self.drop_isolated(observations, &mut used);
@@ -109,9 +108,8 @@ impl Fitter {
 
     /// Takes out stretches too short for a path and returns them.
     fn drop_isolated(&self, observations: &[Observation], used: &mut Vec<usize>) -> Vec<usize> {
-        let joins = |a: &usize, b: &usize| {
-            observations[*b].at_s - observations[*a].at_s <= self.max_gap_s
-        };
+        let joins =
+            |a: &usize, b: &usize| observations[*b].at_s - observations[*a].at_s <= self.max_gap_s;
         let stretches = used.chunk_by(joins);
         let isolated: Vec<usize> =
             stretches.filter(|s| s.len() < MIN_SIGHTINGS).flatten().copied().collect();

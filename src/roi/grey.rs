@@ -53,9 +53,7 @@ impl Grey {
             return None;
         }
         match light {
-            Light::Brightness => {
-                Some(Self { width, height, values: frame.brightness(), scale: 1 })
-            }
+            Light::Brightness => Some(Self { width, height, values: frame.brightness(), scale: 1 }),
             Light::Mosaic { black_level_dn } => {
                 if frame.channels != Channels::Gray {
                     return None;

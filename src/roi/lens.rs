@@ -43,8 +43,7 @@ impl Lens {
         let [x, y] = [(u - cx) / self.focal_px, (v - cy) / self.focal_px];
         let criteria = TermCriteria { max_iter: 60, eps: 1e-9 };
         let brown = self.brown();
-        let found =
-            undistort_normalized_point_iter(x, y, u, v, &self.pinhole(), &brown, criteria);
+        let found = undistort_normalized_point_iter(x, y, u, v, &self.pinhole(), &brown, criteria);
         let ideal = [cx + self.focal_px * found.x, cy + self.focal_px * found.y];
         let back = self.distort(ideal);
         // The solver's own verdict asks for its tolerance; a thousandth of a pixel is enough here.

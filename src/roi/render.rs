@@ -1,11 +1,11 @@
 //! Frames of a tag with known truth, for tests and the table of the tracker's errors.
 
 /// Random numbers: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).
-pub struct Dice(pub u64);
+pub(super) struct Dice(pub(super) u64);
 
 impl Dice {
     /// Even in 0..1.
-    pub fn even(&mut self) -> f64 {
+    pub(super) fn even(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -14,23 +14,23 @@ impl Dice {
     }
 
     /// Even between two numbers.
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub(super) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.even()
     }
 
     /// Standard normal, by Box and Muller.
-    pub fn normal(&mut self) -> f64 {
+    pub(super) fn normal(&mut self) -> f64 {
         let radius = (-2.0 * (1.0 - self.even()).ln()).sqrt();
         radius * (2.0 * std::f64::consts::PI * self.even()).cos()
     }
 }
 
 /// A tag's cells: `true` is black, row by row from the top, the black border included.
-pub struct Cells {
+pub(super) struct Cells {
     /// Cells along a side.
-    pub side: usize,
+    pub(super) side: usize,
     /// All of them.
-    pub black: Vec<bool>,
+    pub(super) black: Vec<bool>,
 }
 
 impl Cells {
@@ -41,9 +41,8 @@ impl Cells {
         let mut black = vec![true; side * side];
         let mut places: Vec<(usize, usize)> = Vec::new();
         for turn in 0..4 {
-            let rotated = upper.iter().map(|&(x, y)| {
-                (0..turn).fold((x, y), |(x, y), _| (side - 1 - y, x))
-            });
+            let rotated =
+                upper.iter().map(|&(x, y)| (0..turn).fold((x, y), |(x, y), _| (side - 1 - y, x)));
             places.extend(rotated);
         }
         if centre {
@@ -57,13 +56,13 @@ impl Cells {
     }
 
     /// Tags 0 and 1 of tag36h11.
-    pub fn tag36h11(id: usize) -> Self {
+    pub(super) fn tag36h11(id: usize) -> Self {
         let upper = [(1, 1), (2, 1), (3, 1), (4, 1), (5, 1), (2, 2), (3, 2), (4, 2), (3, 3)];
         Self::of([0xd_7e00_984b, 0xd_da66_4ca7][id], 8, &upper, false)
     }
 
     /// Tag 0 of tag25h9.
-    pub fn tag25h9() -> Self {
+    pub(super) fn tag25h9() -> Self {
         let upper = [(1, 1), (2, 1), (3, 1), (4, 1), (2, 2), (3, 2)];
         Self::of(0x156_f1f4, 7, &upper, true)
     }
@@ -81,13 +80,13 @@ impl Cells {
 
 /// How a frame is taken.
 #[derive(Clone, Copy)]
-pub struct Taking {
-    pub width: usize,
-    pub height: usize,
+pub(super) struct Taking {
+    pub(super) width: usize,
+    pub(super) height: usize,
     /// Standard deviation of the blur, pixels.
-    pub blur_px: f64,
+    pub(super) blur_px: f64,
     /// Values of black ink and white paper.
-    pub levels: [f64; 2],
+    pub(super) levels: [f64; 2],
 }
 
 /// Samples along a pixel's side.
@@ -95,13 +94,13 @@ const FINE: usize = 4;
 
 impl Taking {
     /// An APS frame.
-    pub fn davis346(blur_px: f64) -> Self {
+    pub(super) fn davis346(blur_px: f64) -> Self {
         Self { width: 346, height: 260, blur_px, levels: [40.0, 210.0] }
     }
 
     /// The frame without noise. `tag_from_pixel` takes a pixel coordinate to the tag (its side 0..1,
     /// right and down); `corners` say where in the frame it is worth looking. The rest is paper.
-    pub fn render(
+    pub(super) fn render(
         &self,
         cells: &Cells,
         corners: &[[f64; 2]; 4],
@@ -123,9 +122,8 @@ impl Taking {
         // Beyond the frame's edge the print goes on, so the fine grid does, too.
         let reach = (4.0 * self.blur_px * FINE as f64).ceil() as usize;
         let (n_x, n_y) = ((x1 - x0) * FINE + 2 * reach, (y1 - y0) * FINE + 2 * reach);
-        let place = |i: usize, from: usize| {
-            from as f64 + (i as f64 + 0.5 - reach as f64) / FINE as f64
-        };
+        let place =
+            |i: usize, from: usize| from as f64 + (i as f64 + 0.5 - reach as f64) / FINE as f64;
         let mut fine = vec![0.0; n_x * n_y];
         for j in 0..n_y {
             for i in 0..n_x {
@@ -139,44 +137,49 @@ impl Taking {
                 (-0.5 * distance * distance).exp()
             })
             .collect();
-        let total: f64 = kernel.iter().sum();
         // Rows first, then columns, each gathered into pixels at once.
         let width = x1 - x0;
-        let mut rows = vec![0.0; n_y * width];
-        for j in 0..n_y {
-            for x in 0..width {
-                let cells = (0..FINE).map(|f| {
-                    let from = j * n_x + x * FINE + f;
-                    kernel.iter().zip(&fine[from..]).map(|(a, b)| a * b).sum::<f64>()
-                });
-                rows[j * width + x] = cells.sum::<f64>() / (FINE as f64 * total);
-            }
-        }
-        for y in 0..y1 - y0 {
-            for x in 0..width {
-                let mut sum = 0.0;
-                for f in 0..FINE {
-                    for (k, weight) in kernel.iter().enumerate() {
-                        sum += weight * rows[(y * FINE + f + k) * width + x];
-                    }
-                }
-                let share = sum / (FINE as f64 * total);
-                frame[(y0 + y) * self.width + x0 + x] = black + (white - black) * share;
+        let rows = gather(&kernel, n_y, width, |j, i| fine[j * n_x + i]);
+        let columns = gather(&kernel, width, y1 - y0, |x, j| rows[j * width + x]);
+        for y in y0..y1 {
+            for x in x0..x1 {
+                let share = columns[(x - x0) * (y1 - y0) + y - y0];
+                frame[y * self.width + x] = black + (white - black) * share;
             }
         }
         frame
     }
 }
 
+/// Blurs each of `n_lines` lines of fine samples and gathers it into `n_pixels` pixels.
+fn gather(
+    kernel: &[f64],
+    n_lines: usize,
+    n_pixels: usize,
+    sample: impl Fn(usize, usize) -> f64,
+) -> Vec<f64> {
+    let total = kernel.iter().sum::<f64>() * FINE as f64;
+    let mut gathered = Vec::with_capacity(n_lines * n_pixels);
+    for line in 0..n_lines {
+        for pixel in 0..n_pixels {
+            let part = |from: usize| -> f64 {
+                kernel.iter().enumerate().map(|(k, w)| w * sample(line, from + k)).sum()
+            };
+            gathered.push((0..FINE).map(|f| part(pixel * FINE + f)).sum::<f64>() / total);
+        }
+    }
+    gathered
+}
+
 /// Samples of 8 bits with noise.
-pub fn to_8_bits(frame: &[f64], noise: f64, dice: &mut Dice) -> Vec<u8> {
+pub(super) fn to_8_bits(frame: &[f64], noise: f64, dice: &mut Dice) -> Vec<u8> {
     frame.iter().map(|v| (v + noise * dice.normal()).round().clamp(0.0, 255.0) as u8).collect()
 }
 
 /// A tag of the given side somewhere in the frame, turned at will, tilted mildly: its corners
 /// (bottom left, bottom right, top right, top left). The tilt moves each corner by up to 8 % of
 /// the side.
-pub fn random_corners(side: f64, taking: &Taking, dice: &mut Dice) -> [[f64; 2]; 4] {
+pub(super) fn random_corners(side: f64, taking: &Taking, dice: &mut Dice) -> [[f64; 2]; 4] {
     let turn = dice.between(0.0, 2.0 * std::f64::consts::PI);
     let (sin, cos) = turn.sin_cos();
     let reach = 0.72 * side * 1.1 + 10.0;

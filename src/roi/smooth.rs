@@ -7,7 +7,7 @@
 //! Smoothing", 2013, sections 5.2 and 9.1); repeated about its own result, this is the Gauss-Newton
 //! solution of the whole path. The densities are those of greatest likelihood.
 
-use super::state::{Covariance, Chart, M, N, Numbers, SHAPE, State, numbers_after};
+use super::state::{Chart, Covariance, M, N, Numbers, SHAPE, State, numbers_after};
 use nalgebra::{SMatrix, SVector};
 
 /// Coordinates of four corners.
@@ -56,6 +56,8 @@ struct Forward {
     squares: Vec<f64>,
     /// Logarithm of the determinant of each innovation's covariance.
     log_determinants: Vec<f64>,
+    /// By how much each sighting counted, 1 at most.
+    weights: Vec<f64>,
 }
 
 /// The model that sightings are explained by.
@@ -68,7 +70,8 @@ pub(super) struct Smoother<'a> {
 /// A smoothed path.
 pub(super) struct Smoothed {
     pub(super) beliefs: Vec<Belief>,
-    /// Squared residual of each sighting in standard deviations of its corners.
+    /// Squared distance of each sighting from where all the others expect it, in standard
+    /// deviations of that; expected: 8.
     pub(super) squares: Vec<f64>,
     pub(super) residuals: Vec<Corners>,
 }
@@ -115,11 +118,14 @@ impl Smoother<'_> {
             symmetrise(&mut belief.covariance);
         }
         let mut smoothed = Smoothed { beliefs, squares: Vec::new(), residuals: Vec::new() };
-        for (belief, observation) in smoothed.beliefs.iter().zip(self.observations) {
-            let (expected, _) = self.expect(&belief.mean, observation);
+        for (k, observation) in self.observations.iter().enumerate() {
+            let belief = &smoothed.beliefs[k];
+            let (expected, slope) = self.expect(&belief.mean, observation);
             let residual = observation.corners - expected;
-            let weighed = observation.covariance.cholesky()?.solve(&residual);
-            smoothed.squares.push(residual.dot(&weighed));
+            let spread = slope * belief.covariance * slope.transpose();
+            let weight = forward.weights[k];
+            let square = square_without(&residual, &spread, &observation.covariance, weight)?;
+            smoothed.squares.push(square);
             smoothed.residuals.push(residual);
         }
         Some(smoothed)
@@ -166,6 +172,7 @@ impl Smoother<'_> {
             filtered: Vec::with_capacity(n),
             squares: Vec::with_capacity(n),
             log_determinants: Vec::with_capacity(n),
+            weights: Vec::with_capacity(n),
         };
         for (k, observation) in self.observations.iter().enumerate() {
             let predicted = self.predict(k, guess, forward.filtered.last(), jerk);
@@ -179,11 +186,12 @@ impl Smoother<'_> {
             let weighed = (spread + noise).cholesky()?;
             let gain = weighed.solve(&(slope * predicted.covariance)).transpose();
             let keep = Covariance::identity() - gain * slope;
-            let mut covariance = keep * predicted.covariance * keep.transpose()
-                + gain * noise * gain.transpose();
+            let mut covariance =
+                keep * predicted.covariance * keep.transpose() + gain * noise * gain.transpose();
             symmetrise(&mut covariance);
             let mean = predicted.mean + gain * residual;
             forward.squares.push(square);
+            forward.weights.push(weight);
             forward.log_determinants.push(2.0 * total.l().diagonal().map(f64::ln).sum());
             forward.predicted.push(predicted);
             forward.filtered.push(Belief { mean, covariance });
@@ -245,6 +253,26 @@ impl Smoother<'_> {
         }
         (corners, slope)
     }
+}
+
+/// Squared distance of a sighting from where the others expect it, from its residual against the
+/// path in which it took part with a weight, and that path's covariance there.
+///
+/// With `W` the weighed noise and `P` the spread, the others alone are off by `W (W - P)^-1 r`,
+/// with the covariance `W (W - P)^-1 W - W` of their own.
+fn square_without(
+    residual: &Corners,
+    spread: &CornersCovariance,
+    noise: &CornersCovariance,
+    weight: f64,
+) -> Option<f64> {
+    let weighed = noise / weight;
+    // Where the sighting alone carries the path, nothing is left to compare it with.
+    let Some(rest) = (weighed - spread).cholesky() else { return Some(0.0) };
+    let miss = weighed * rest.solve(residual);
+    let own = weighed * rest.solve(&weighed) - weighed;
+    let total = ((own + own.transpose()) * 0.5 + noise).cholesky()?;
+    Some(miss.dot(&total.solve(&miss)))
 }
 
 fn start(guess: &State) -> Belief {

@@ -57,10 +57,8 @@ impl Chart {
         let [a, b, dx, dy, s, c, u, v] = (*numbers).into();
         let q = [a * x - b * y + dx, b * x + a * y + dy];
         let weight = 1.0 + (u * q[0] + v * q[1]) / self.focal_px;
-        let image = [
-            ((1.0 + s) * q[0] + c * q[1]) / weight,
-            (c * q[0] + (1.0 - s) * q[1]) / weight,
-        ];
+        let image =
+            [((1.0 + s) * q[0] + c * q[1]) / weight, (c * q[0] + (1.0 - s) * q[1]) / weight];
         let by_q = |row: usize, linear: [f64; 2]| {
             let part = |axis: usize, tilt: f64| {
                 (linear[axis] - image[row] * tilt / self.focal_px) / weight
@@ -121,8 +119,7 @@ impl Chart {
             let [mut ahead, mut behind] = [*numbers, *numbers];
             ahead[column] += step;
             behind[column] -= step;
-            let change =
-                elements(&self.homography(&ahead)) - elements(&self.homography(&behind));
+            let change = elements(&self.homography(&ahead)) - elements(&self.homography(&behind));
             slope.set_column(column, &(change / (2.0 * step)));
         }
         UncertainHomography { homography, covariance: slope * covariance * slope.transpose() }
@@ -149,9 +146,8 @@ impl Chart {
         let (cos, sin) = ((m00 + m11) / size, (m10 - m01) / size);
         let scale = size / 2.0;
         let (a, b) = (scale * cos, scale * sin);
-        let symmetric = |row0: f64, row1: f64, turn: [f64; 2]| {
-            (row0 * turn[0] + row1 * turn[1]) / scale
-        };
+        let symmetric =
+            |row0: f64, row1: f64, turn: [f64; 2]| (row0 * turn[0] + row1 * turn[1]) / scale;
         let s = symmetric(m00, m01, [cos, -sin]) - 1.0;
         let c = symmetric(m00, m01, [sin, cos]);
         let (dx, dy) = (-(a * px - b * py), -(b * px + a * py));

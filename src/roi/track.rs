@@ -130,7 +130,9 @@ pub enum NoPath {
         to_us: i64,
     },
     /// In a gap.
-    #[error("the tag was not seen from {from_us} to {to_us} us, longer than the {limit} a path may lead across; there is no path at {at_us} us")]
+    #[error(
+        "the tag was not seen from {from_us} to {to_us} us, longer than the {limit} a path may lead across; there is no path at {at_us} us"
+    )]
     Gap {
         /// The time asked for.
         at_us: i64,
@@ -200,9 +202,7 @@ impl<C: Clock> Knot<C> {
         let covariance = |i, j| belief.covariance[(place(i), place(j))];
         Self {
             time,
-            similarity: std::array::from_fn(|order| {
-                std::array::from_fn(|i| mean[4 * order + i])
-            }),
+            similarity: std::array::from_fn(|order| std::array::from_fn(|i| mean[4 * order + i])),
             shape: std::array::from_fn(|i| mean[SHAPE + i]),
             covariance: std::array::from_fn(|i| std::array::from_fn(|j| covariance(i, j))),
         }

@@ -5,17 +5,17 @@ use super::detect::{FAMILIES, Look, TagDetector};
 use super::fit::{Fitted, Fitter};
 use super::grey::{Grey, Light};
 use super::lens::Lens;
+use super::observe::{observe, sighting};
 use super::sighting::{Lost, Sighting, TrackTally};
-use super::smooth::Observation;
 use super::state::Chart;
 use super::target::TargetPlane;
 use super::track::{Gap, Knot, Loss, Quality, Track};
+use super::track_error::TrackError;
 use crate::frame::Frame;
-use crate::geometry::Homography;
 use crate::rig::{CameraDescription, TargetDescription};
 use crate::time::{Clock, Span, Stamp};
 use crate::units::Pixels;
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
 use std::collections::BTreeMap;
 
 /// How to track.
@@ -36,35 +36,6 @@ impl TrackOptions {
     pub fn new(light: Light) -> Self {
         Self { light, max_gap: Span::from_micros(150_000), border: Pixels(6.0) }
     }
-}
-
-/// Why there is no track.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum TrackError {
-    /// The rig names a family that the detector does not have.
-    #[error("tag family `{0}` is not known; expected one of {known}", known = FAMILIES.join(", "))]
-    UnknownFamily(String),
-    /// A tag or a picture without size, a lens without focal length.
-    #[error("the rig states {what}; a track needs a positive number")]
-    BadRig {
-        /// What is wrong.
-        what: String,
-    },
-    /// No frame was shown.
-    #[error("there are no frames to track the tag in")]
-    NoFrames,
-    /// No frame has a usable sighting, or too few are near each other for a path.
-    #[error("{tag} makes no track in {seen} frames: {reasons}{also}")]
-    NoTag {
-        /// Family and number that were looked for.
-        tag: String,
-        /// Frames shown.
-        seen: u64,
-        /// Frames by reason, in words.
-        reasons: String,
-        /// What was seen instead, in words; empty if nothing.
-        also: String,
-    },
 }
 
 /// Follows one tag through the frames of one camera.
@@ -384,54 +355,4 @@ impl<C: Clock> Tracker<C> {
 
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (b[0] - a[0]).hypot(b[1] - a[1])
-}
-
-/// When a row coordinate of a frame saw light, after its first row.
-fn row_delay(row_time: Span, y: f64) -> Span {
-    Span::from_secs_f64(row_time.as_secs_f64() * (y - 0.5).max(0.0))
-}
-
-fn sighting<C: Clock>(frame: &Frame<C>, number: u64, corners: &Corners) -> Sighting<C> {
-    let row_time = frame.timing.row_time;
-    let middle = corners.points.iter().map(|point| point[1]).sum::<f64>() / 4.0;
-    let delay = row_delay(row_time, middle);
-    let covariance = &corners.covariance;
-    Sighting {
-        frame: number,
-        time: frame.timing.mid_exposure(0) + delay,
-        corners_px: corners.points,
-        corner_delays: corners.points.map(|point| row_delay(row_time, point[1]) - delay),
-        covariance_px2: std::array::from_fn(|i| std::array::from_fn(|j| covariance[(i, j)])),
-        blur_px: corners.blur_px,
-    }
-}
-
-/// A sighting through a perfect lens; None when the lens or the corners make no sense.
-fn observe<C: Clock>(
-    sighting: &Sighting<C>,
-    zero: Stamp<C>,
-    lens: &Lens,
-    plane: &TargetPlane,
-    chart: &Chart,
-) -> Option<Observation> {
-    let mut corners = SVector::<f64, 8>::zeros();
-    let mut slope = SMatrix::<f64, 8, 8>::zeros();
-    let mut pairs = [([0.0; 2], [0.0; 2]); 4];
-    for (i, pixel) in sighting.corners_px.into_iter().enumerate() {
-        let ideal = lens.undistort(pixel)?;
-        pairs[i] = (plane.tag_corners_mm()[i], ideal);
-        corners[2 * i] = ideal[0];
-        corners[2 * i + 1] = ideal[1];
-        slope.fixed_view_mut::<2, 2>(2 * i, 2 * i).copy_from(&lens.undistort_jacobian(pixel)?);
-    }
-    let covariance =
-        SMatrix::<f64, 8, 8>::from_fn(|row, column| sighting.covariance_px2[row][column]);
-    Some(Observation {
-        at_s: (sighting.time - zero).as_secs_f64(),
-        delays_s: sighting.corner_delays.map(Span::as_secs_f64),
-        corners,
-        covariance: slope * covariance * slope.transpose(),
-        numbers: chart.numbers(&Homography::fit(&pairs).ok()?)?,
-        is_start: false,
-    })
 }
