@@ -119,11 +119,15 @@ impl Taking {
         if x1 <= x0 || y1 <= y0 {
             return frame;
         }
-        // Beyond the frame's edge the print goes on, so the fine grid does, too.
+        // Beyond the frame's edge the print goes on, so the fine grid does, too. Each sample lies
+        // somewhere in its cell: on a regular grid an edge along the rows would be off by up to
+        // half a cell all along.
         let reach = (4.0 * self.blur_px * FINE as f64).ceil() as usize;
         let (n_x, n_y) = ((x1 - x0) * FINE + 2 * reach, (y1 - y0) * FINE + 2 * reach);
-        let place =
-            |i: usize, from: usize| from as f64 + (i as f64 + 0.5 - reach as f64) / FINE as f64;
+        let mut dice = Dice(17);
+        let mut place = |i: usize, from: usize| {
+            from as f64 + (i as f64 + dice.even() - reach as f64) / FINE as f64
+        };
         let mut fine = vec![0.0; n_x * n_y];
         for j in 0..n_y {
             for i in 0..n_x {

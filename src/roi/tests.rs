@@ -203,7 +203,7 @@ fn a_second_without_the_tag_is_a_gap_and_a_short_loss_is_bridged() {
     }
     let track = tracker.finish().unwrap();
     assert!(track.tally.balances());
-    assert_eq!(track.tally.lost[&Lost::NotFound], 52);
+    assert_eq!(track.tally.lost, [(Lost::NotFound, 52)].into());
     assert_eq!(track.losses.len(), 52);
     assert_eq!(track.gaps.len(), 1);
     assert!(track.at(seconds(0.115)).is_ok(), "40 ms are bridged");
@@ -232,9 +232,9 @@ fn sightings_off_the_path_are_named_and_left_out() {
         }
     }
     let track = tracker.finish().unwrap();
-    assert_eq!((track.tally.seen, track.tally.used), (25, 23));
     let named: Vec<_> = track.losses.iter().map(|loss| (loss.frame, loss.reason)).collect();
     assert_eq!(named, [(12, Lost::Outlier), (21, Lost::OutOfOrder)]);
+    assert_eq!((track.tally.seen, track.tally.used), (25, 23));
     assert!(track.tally.balances());
     let truth = flight.homography(0.24).apply(track.plane.tag_centre_mm());
     let view = track.at(seconds(0.24)).unwrap();
