@@ -89,29 +89,22 @@ impl TagDetector {
     }
 }
 
-/// The window's brightness stretched to 0..=255 between its 0.5 % and 99.5 % quantiles, if it has
-/// any contrast; None if not, or if the library has no memory.
+/// The window in 8 bits. Values that fit are taken as they are; darker or deeper ones are scaled so
+/// that the brightest block of paper comes to 200. None without light, or if the library has no
+/// memory. (Quantiles of single pixels would not do: a tag covers a hundredth of a frame.)
 fn to_8_bits(grey: &Grey, window: Window) -> Option<Image> {
+    let [_, paper] = grey.block_range(window);
+    if !(paper.is_finite() && paper > 0.0) {
+        return None;
+    }
+    let gain = if (100.0..=255.0).contains(&paper) { 1.0 } else { 200.0 / paper };
+    let rows = (window.y0..window.y1).map(|y| &grey.values[y * grey.width..][window.x0..window.x1]);
     let (width, height) = (window.x1 - window.x0, window.y1 - window.y0);
-    let rows =
-        || (window.y0..window.y1).map(|y| &grey.values[y * grey.width..][window.x0..window.x1]);
-    let mut sorted: Vec<f32> = rows().flatten().copied().collect();
-    if sorted.len() < 256 {
-        return None;
-    }
-    let tail = sorted.len() / 200;
-    let last = sorted.len() - 1;
-    let low = *sorted.select_nth_unstable_by(tail, f32::total_cmp).1;
-    let high = *sorted.select_nth_unstable_by(last - tail, f32::total_cmp).1;
-    let stretch = 255.0 / (high - low);
-    if !stretch.is_finite() || stretch <= 0.0 {
-        return None;
-    }
     let mut image = Image::zeros_with_alignment(width, height, 96).ok()?;
     let stride = image.stride();
-    for (row, bytes) in rows().zip(image.as_slice_mut().chunks_mut(stride)) {
+    for (row, bytes) in rows.zip(image.as_slice_mut().chunks_mut(stride)) {
         for (byte, value) in bytes.iter_mut().zip(row) {
-            *byte = ((value - low) * stretch).clamp(0.0, 255.0) as u8;
+            *byte = (value * gain).clamp(0.0, 255.0) as u8;
         }
     }
     Some(image)

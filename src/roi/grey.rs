@@ -123,17 +123,23 @@ impl Grey {
         Some(Window { x0, y0, x1, y1 })
     }
 
-    /// Least and largest mean over blocks of 8 x 8 pixels: what is left of contrast under noise.
-    pub(super) fn contrast(&self) -> f32 {
-        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-        for y in (0..self.height.saturating_sub(7)).step_by(8) {
-            for x in (0..self.width.saturating_sub(7)).step_by(8) {
+    /// Least and largest mean over the window's blocks of 8 x 8 pixels: the range without noise.
+    pub(super) fn block_range(&self, window: Window) -> [f32; 2] {
+        let [mut low, mut high] = [f32::INFINITY, f32::NEG_INFINITY];
+        for y in (window.y0..window.y1.saturating_sub(7)).step_by(8) {
+            for x in (window.x0..window.x1.saturating_sub(7)).step_by(8) {
                 let rows = (y..y + 8).map(|row| row * self.width + x);
                 let sum: f32 = rows.map(|at| self.values[at..at + 8].iter().sum::<f32>()).sum();
                 low = low.min(sum / 64.0);
                 high = high.max(sum / 64.0);
             }
         }
+        [low, high]
+    }
+
+    /// How far the means of its blocks lie apart; zero when there are none.
+    pub(super) fn contrast(&self) -> f32 {
+        let [low, high] = self.block_range(self.whole());
         (high - low).max(0.0)
     }
 }

@@ -211,7 +211,7 @@ fn a_second_without_the_tag_is_a_gap_and_a_short_loss_is_bridged() {
     assert!(matches!(refused, NoPath::Gap { .. }));
     assert!(refused.to_string().contains("150.000 ms"), "{refused}");
     assert!(matches!(track.at(seconds(9.0)), Err(NoPath::Outside { .. })));
-    let before = track.at(seconds(0.27)).unwrap().ideal_pixel(track.plane.tag_centre_mm()).1;
+    let before = track.at(seconds(0.25)).unwrap().ideal_pixel(track.plane.tag_centre_mm()).1;
     assert!(before.trace().sqrt() < 0.2);
 }
 

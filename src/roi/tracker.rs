@@ -230,7 +230,7 @@ impl<C: Clock> Tracker<C> {
         for &id in &look.others {
             *self.others.entry((self.target.tag_family.clone(), id)).or_default() += 1;
         }
-        if self.sightings.is_empty() && self.n_doubted < MAX_DOUBTED {
+        if look.others.is_empty() && self.sightings.is_empty() && self.n_doubted < MAX_DOUBTED {
             self.n_doubted += 1;
             self.look_for_other_families(grey);
         }
@@ -333,7 +333,9 @@ impl<C: Clock> Tracker<C> {
 
     fn no_tag(&self) -> TrackError {
         let mut others: Vec<_> = self.others.iter().collect();
-        others.sort_by_key(|(_, n)| std::cmp::Reverse(**n));
+        // Of equally many, the family whose code is least likely to be met by chance.
+        let rank = |family: &str| FAMILIES.iter().position(|known| *known == family);
+        others.sort_by_key(|((family, _), n)| (std::cmp::Reverse(**n), rank(family)));
         let named: Vec<_> = others
             .iter()
             .take(3)
