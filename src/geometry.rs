@@ -1,4 +1,8 @@
-//! Grids and regions.
+//! Grids, regions and homographies.
+
+mod homography;
+
+pub use homography::{Homography, HomographyError, UncertainHomography};
 
 use serde::{Deserialize, Serialize};
 

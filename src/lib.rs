@@ -15,6 +15,7 @@
 //! | [`device`] | the devices, and the simulated world that simulated devices live in |
 //! | [`record`] | the engine: from preflight to a sealed session, in explicit states |
 //! | [`generate`] | brightness to events; pure |
+//! | [`roi`] | the tag found, tracked on a continuous path with its error; the picture's region |
 //! | [`filter`] | hot pixels, background activity, dead time, rate limit; every event has a fate |
 //! | [`clock`] | SensorTimestamp to Unix, each map with its error; offset from motion that both cameras saw |
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
@@ -47,6 +48,7 @@ pub mod pipeline;
 pub mod record;
 pub mod report;
 pub mod rig;
+pub mod roi;
 pub mod session;
 pub mod stats;
 pub mod time;

@@ -1,0 +1,111 @@
+//! Finding the tag: the AprilTag library on an image or on a window of it.
+
+use super::grey::{Grey, Window};
+use apriltag::families::{
+    Tag16h5, Tag25h9, Tag36h11, TagCircle21h7, TagCircle49h12, TagStandard41h12,
+};
+use apriltag::{Detector, Family, Image};
+
+/// Families the rig may name.
+pub(super) const FAMILIES: [&str; 6] =
+    ["tag36h11", "tag25h9", "tag16h5", "tagCircle21h7", "tagCircle49h12", "tagStandard41h12"];
+
+/// Bits that may be read wrongly: with one, tag36h11 still keeps a distance of nine to any other.
+const BITS_CORRECTED: usize = 1;
+
+/// Standard deviation of the blur before the last look, in pixels.
+const LAST_LOOK_BLUR: f32 = 0.8;
+
+/// Tags found in one look at an image.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Look {
+    /// Corners of the tag that was looked for, in the frame's pixels: bottom left, bottom right,
+    /// top right, top left.
+    pub(super) corners: Option<[[f64; 2]; 4]>,
+    /// Numbers of other tags of the family.
+    pub(super) others: Vec<usize>,
+}
+
+/// Looks for one tag of one family.
+pub(super) struct TagDetector {
+    detector: Detector,
+    id: usize,
+}
+
+impl TagDetector {
+    /// None when the library does not know the family or has no memory for it.
+    pub(super) fn new(family: &str, id: u32) -> Option<Self> {
+        let family: Family = match family {
+            "tag36h11" => Tag36h11::default().into(),
+            "tag25h9" => Tag25h9::default().into(),
+            "tag16h5" => Tag16h5::default().into(),
+            "tagCircle21h7" => TagCircle21h7::default().into(),
+            "tagCircle49h12" => TagCircle49h12::default().into(),
+            "tagStandard41h12" => TagStandard41h12::default().into(),
+            _ => return None,
+        };
+        let builder = Detector::builder().add_family_bits(family, BITS_CORRECTED);
+        let mut detector = builder.build().ok()?;
+        detector.set_thread_number(1);
+        Some(Self { detector, id: id as usize })
+    }
+
+    /// Looks in a window; `decimation` halves (2.0) or keeps (1.0) the resolution in which edges
+    /// are sought.
+    pub(super) fn look(&mut self, grey: &Grey, window: Window, decimation: f32) -> Look {
+        let Some(image) = to_8_bits(grey, window) else { return Look::default() };
+        // A blurred and noisy tag is often whole at half the resolution, or after a blur. The blur
+        // is done in place, so it comes last.
+        let mut best = Look::default();
+        for (decimation, blur) in [(decimation, 0.0), (2.0, 0.0), (decimation, LAST_LOOK_BLUR)] {
+            self.detector.set_decimation(decimation);
+            self.detector.set_sigma(blur);
+            let look = self.search(&image, grey, window);
+            if look.corners.is_some() {
+                return look;
+            }
+            if look.others.len() > best.others.len() {
+                best = look;
+            }
+        }
+        best
+    }
+
+    fn search(&mut self, image: &Image, grey: &Grey, window: Window) -> Look {
+        let mut look = Look::default();
+        let mut best = f32::NEG_INFINITY;
+        for detection in self.detector.detect(image) {
+            if detection.id() != self.id {
+                look.others.push(detection.id());
+            } else if detection.decision_margin() > best {
+                best = detection.decision_margin();
+                let [dx, dy] = [window.x0 as f64, window.y0 as f64];
+                let scale = grey.scale as f64;
+                let corners = detection.corners();
+                look.corners = Some(corners.map(|[x, y]| [(x + dx) * scale, (y + dy) * scale]));
+            }
+        }
+        look
+    }
+}
+
+/// The window in 8 bits. Values that fit are taken as they are; darker or deeper ones are scaled so
+/// that the brightest block of paper comes to 200. None without light, or if the library has no
+/// memory. (Quantiles of single pixels would not do: a tag covers a hundredth of a frame.)
+fn to_8_bits(grey: &Grey, window: Window) -> Option<Image> {
+    let [_, paper] = grey.block_range(window);
+    if !(paper.is_finite() && paper > 0.0) {
+        return None;
+    }
+    let gain = if (100.0..=255.0).contains(&paper) { 1.0 } else { 200.0 / paper };
+    let rows = (window.y0..window.y1).map(|y| &grey.values[y * grey.width..][window.x0..window.x1]);
+    let (width, height) = (window.x1 - window.x0, window.y1 - window.y0);
+    let mut image = Image::zeros_with_alignment(width, height, 96).ok()?;
+    let stride = image.stride();
+    for (row, bytes) in rows.zip(image.as_slice_mut().chunks_mut(stride)) {
+        for (byte, value) in bytes.iter_mut().zip(row) {
+            *byte = (value * gain).clamp(0.0, 255.0) as u8;
+        }
+    }
+    Some(image)
+}
