@@ -23,8 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         None => WorldDescription::default(),
     };
     let rig = Rig::simulated()?;
-    let path =
-        Trajectory::find(&name)?.path(&rig, Optional::LeftOut)?;
+    let path = Trajectory::find(&name)?.path(&rig, Optional::LeftOut)?;
     let begun = Instant::now();
     let world = Arc::new(World::along(&rig, &path, &description, 1)?);
     println!("world {:.2} s; recording of {:.2}", begun.elapsed().as_secs_f64(), path.duration());

@@ -20,7 +20,7 @@ pub use import::{
     ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
 };
 pub use plan::PlanArgs;
-pub use record::{CheckArgs, RecordArgs};
+pub use record::RecordArgs;
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
 
@@ -74,8 +74,6 @@ pub enum Command {
     Report(ReportArgs),
     /// Write a stream in a format other programs read
     Export(ExportArgs),
-    /// Look at every device of a rig before anything moves
-    Check(CheckArgs),
     /// Record a session: drive the arm along a trajectory while both cameras run
     Record(RecordArgs),
     /// Explain a trajectory before anything moves: duration, speeds, margins to the limits, disk

@@ -69,7 +69,6 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Report(args) => report::run(&args, output),
         Command::Export(args) => export::run(&args, output),
         Command::Check(args) => check::check(&args, output),
-        Command::Check(args) => record::check(&args, output),
         Command::Record(args) => record::record(&args, output),
         Command::Plan(args) => plan::plan(&args, output),
         Command::Completions(args) => about::completions(&args, &mut Cli::command()),

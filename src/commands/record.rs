@@ -1,32 +1,16 @@
-//! `record` and `check`: the engine over the devices that a rig file names.
+//! `record`: the engine over the devices that a rig file names.
 
+use super::plan::refused;
 use super::{Ending, Output, WrongUse};
-use crate::cli::{CheckArgs, RecordArgs};
-use crate::device::Verdict;
+use crate::cli::RecordArgs;
 use crate::device::davis::Pace;
 use crate::record::{self, Bench, Dwells, RecordError, Request, State, Stop, StopToken};
-use crate::rig::{DescriptionError, Rig};
+use crate::rig::Rig;
 use crate::session::{Session, verify};
 use crate::trajectory::{Optional, Path, Plan, Trajectory};
 use serde_json::json;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 use std::fmt::Write;
-
-pub(super) fn check(args: &CheckArgs, output: &Output) -> anyhow::Result<Ending> {
-    let (rig, _, path) = described(&args.rig, &args.trajectory, Optional::Included)?;
-    let mut bench = Bench::open(&rig, Pace::Times(1.0), false)?;
-    let findings = record::preflight(&mut bench.devices, &path);
-    let is_ready = findings.iter().all(|finding| finding.verdict != Verdict::Bad);
-    let mut text = String::new();
-    for finding in &findings {
-        let verdict = format!("{:?}", finding.verdict).to_lowercase();
-        let _ = writeln!(text, "{verdict:<6} {:<10} {}", finding.what, finding.says);
-    }
-    text.push_str(if is_ready { "ready" } else { "not ready" });
-    let value = json!({"schema": "evrig.check/1", "is_ready": is_ready, "findings": findings});
-    output.result(&value, text)?;
-    Ok(if is_ready { Ending::Done } else { Ending::Negative })
-}
 
 pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Ending> {
     if !(args.replay_pace > 0.0 && args.replay_pace.is_finite()) {
@@ -85,13 +69,13 @@ pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Endin
     })
 }
 
-/// The first Ctrl-C ends at a corner, the next, or any other signal, at once.
+/// Ctrl-C and every other wish to end stand the arm at once; SIGUSR1 ends at the next corner.
 fn listen_for_signals(stop: &StopToken, bench: &Bench) -> std::io::Result<()> {
-    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP])?;
+    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP, SIGUSR1])?;
     let (stop, stopper) = (stop.clone(), bench.stopper.clone());
     std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
         for signal in signals.forever() {
-            if signal == SIGINT && stop.wish() == Stop::No {
+            if signal == SIGUSR1 {
                 stop.ask(Stop::AfterStep);
                 continue;
             }
@@ -120,12 +104,4 @@ fn described(
         return Err(WrongUse(text).into());
     }
     Ok((found, described, plan.path))
-}
-
-/// A file that cannot be read is a failure; one that is wrong, or a name that is none, is wrong use.
-fn refused(error: DescriptionError) -> anyhow::Error {
-    match error {
-        DescriptionError::Unreadable { .. } => error.into(),
-        _ => WrongUse(error.to_string()).into(),
-    }
 }
