@@ -9,12 +9,12 @@
 //!
 //! | function | what it is |
 //! | --- | --- |
-//! | [`paper_interval`] | the published method, exactly; the baseline |
-//! | [`paper_window`] | the same idea over a window of one second, median |
-//! | [`clock_pair`] | two-sided readings; the default where there are any |
-//! | [`envelope`] | smallest latency between steps; the default for frame pairs |
-//! | [`hull`], [`olson2`] | other one-sided methods, to cross-check |
-//! | [`motion`] | offset and rate from a motion that two cameras saw |
+//! | [`paper_interval()`] | the published method, exactly; the baseline |
+//! | [`paper_window()`] | the same idea over a window of one second, median |
+//! | [`clock_pair()`] | two-sided readings; the default where there are any |
+//! | [`envelope()`] | smallest latency between steps; the default for frame pairs |
+//! | [`hull()`], [`olson2()`] | other one-sided methods, to cross-check |
+//! | [`motion()`] | offset and rate from a motion that two cameras saw |
 //!
 //! Everything here is a function from values to values.
 
