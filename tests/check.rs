@@ -48,7 +48,7 @@ fn an_arm_that_is_not_there_is_named_and_makes_it_not_ready() {
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("lab.toml");
     let rig = std::fs::read_to_string("rig/sim.toml").unwrap();
-    let rig = rig.replace("port = \"sim\"", "port = \"/dev/no-such-arm\"");
+    let rig = rig.replacen("\nport = \"sim\"", "\nport = \"/dev/no-such-arm\"", 1);
     std::fs::write(&file, rig).unwrap();
     let (code, value) = check(&[file.to_str().unwrap(), "circle"]);
     assert_eq!(code, 4, "{value}");
