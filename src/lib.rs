@@ -8,6 +8,7 @@
 //! | --- | --- |
 //! | [`units`], [`time`], [`stats`], [`geometry`] | vocabulary: units, clocks, estimates, grids; no I/O |
 //! | [`event`], [`frame`], [`imu`] | the data that flow: event columns, frames with exposure and row timing, inertial samples |
+//! | [`drive`] | the light signal of an event pixel, at any time |
 //! | [`effect_id`] | the names of physical effects and of their parameters; no code |
 //! | [`format`](mod@format) | one file a format, bytes in and values out, bounded memory |
 //! | [`rig`], [`trajectory`] | descriptions read, checked, explained; path to timed poses; reach, joint, speed limits |
@@ -18,6 +19,7 @@
 //! | [`roi`] | the tag found, tracked on a continuous path with its error; the picture's region |
 //! | [`filter`] | hot pixels, background activity, dead time, rate limit; every event has a fate |
 //! | [`clock`] | SensorTimestamp to Unix, each map with its error; offset from motion that both cameras saw |
+//! | [`scene`] | what the event pixels looked at: their light signal |
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
@@ -36,6 +38,7 @@ pub mod clock;
 pub mod commands;
 pub mod compare;
 pub mod device;
+pub mod drive;
 pub mod effect_id;
 pub mod event;
 pub mod filter;
@@ -49,6 +52,7 @@ pub mod record;
 pub mod report;
 pub mod rig;
 pub mod roi;
+pub mod scene;
 pub mod session;
 pub mod stats;
 pub mod time;

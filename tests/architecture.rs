@@ -16,6 +16,7 @@ const RANKS: &[&[&str]] = &[
     &["event"],
     &["frame"],
     &["imu"],
+    &["drive"],
     &["effect_id"],
     &["format"],
     &["rig"],

@@ -1,0 +1,196 @@
+//! The drive from frames on the event pixels' own grid, interpolated in log intensity.
+
+use crate::drive::{Drive, TimeGrid};
+use crate::frame::Luminance;
+use crate::geometry::Size;
+
+/// Frames cannot serve as a light signal.
+#[derive(Debug, thiserror::Error)]
+pub enum FramesError {
+    /// A single instant says nothing of change.
+    #[error("{n} frames; a light signal takes at least two")]
+    TooFew {
+        /// Frames given.
+        n: usize,
+    },
+    /// Time must ascend and the size stay.
+    #[error(
+        "frame {index} at {t_us} us is {size}; expected a later time than {before_us} us and {expected}"
+    )]
+    Order {
+        /// Number of the frame, from 0.
+        index: usize,
+        /// Its time.
+        t_us: i64,
+        /// Its size.
+        size: Size,
+        /// The time before it.
+        before_us: i64,
+        /// The first frame's size.
+        expected: Size,
+    },
+    /// Nothing stands out of the black.
+    #[error("no pixel of the frames is brighter than the black level of {black_dn} DN")]
+    Dark {
+        /// The black level subtracted.
+        black_dn: f64,
+    },
+}
+
+/// The share of pixel values that are darker than what counts as white.
+const WHITE_QUANTILE: f64 = 0.995;
+
+/// The least intensity above black that has a logarithm here, in digital units: half a step.
+const FLOOR_DN: f64 = 0.5;
+
+/// A light signal that is straight in log intensity from frame to frame.
+#[derive(Debug, Clone)]
+pub struct FramesDrive {
+    size: Size,
+    times_us: Vec<i64>,
+    row_us: f64,
+    white_dn: f64,
+    /// Frame after frame, row-major natural logarithms of intensity over white.
+    values: Vec<f32>,
+}
+
+impl FramesDrive {
+    /// From frames at mid-exposure of their first row; row `y` saw its light `y * row_us` later.
+    /// `black_dn` is what a frame reads without light, in its own digital units.
+    ///
+    /// # Errors
+    /// With fewer than two frames, frames out of order or of changing size, or no light at all.
+    pub fn new(frames: &[Luminance], black_dn: f64, row_us: f64) -> Result<Self, FramesError> {
+        let [first, .., _] = frames else { return Err(FramesError::TooFew { n: frames.len() }) };
+        for (index, pair) in frames.windows(2).enumerate() {
+            let frame = &pair[1];
+            if frame.t_us <= pair[0].t_us || frame.size != first.size {
+                let (before_us, expected) = (pair[0].t_us, first.size);
+                let (index, t_us, size) = (index + 1, frame.t_us, frame.size);
+                return Err(FramesError::Order { index, t_us, size, before_us, expected });
+            }
+        }
+        let white_dn = white_of(frames) - black_dn;
+        if !(white_dn > FLOOR_DN) {
+            return Err(FramesError::Dark { black_dn });
+        }
+        let log = |value: &f32| ((f64::from(*value) - black_dn).max(FLOOR_DN) / white_dn).ln();
+        let values = frames.iter().flat_map(|f| f.values.iter().map(|v| log(v) as f32)).collect();
+        let times_us = frames.iter().map(|frame| frame.t_us).collect();
+        Ok(Self { size: first.size, times_us, row_us, white_dn, values })
+    }
+
+    /// Times of the frames' first rows, microseconds.
+    #[must_use]
+    pub fn times_us(&self) -> &[i64] {
+        &self.times_us
+    }
+
+    /// The four pixels about a place with their weights; none outside the outermost middles.
+    fn corners(&self, [u, v]: [f64; 2]) -> Option<[(usize, f32); 4]> {
+        let (width, height) = (usize::from(self.size.width), usize::from(self.size.height));
+        let inside = |p: f64, n: usize| (0.0..=n as f64 - 1.0).contains(&p).then_some(p);
+        let (px, py) = (inside(u - 0.5, width)?, inside(v - 0.5, height)?);
+        let (x, y) = (px.floor() as usize, py.floor() as usize);
+        let (fx, fy) = ((px - x as f64) as f32, (py - y as f64) as f32);
+        let (x1, y1) = ((x + 1).min(width - 1), (y + 1).min(height - 1));
+        Some([
+            (y * width + x, (1.0 - fx) * (1.0 - fy)),
+            (y * width + x1, fx * (1.0 - fy)),
+            (y1 * width + x, (1.0 - fx) * fy),
+            (y1 * width + x1, fx * fy),
+        ])
+    }
+
+    fn value(&self, frame: usize, corners: &[(usize, f32); 4]) -> f32 {
+        let values = &self.values[frame * self.size.n_pixels()..];
+        corners.iter().map(|&(pixel, weight)| values[pixel] * weight).sum()
+    }
+}
+
+/// What the brightest paper reads: a high quantile over some of the frames.
+fn white_of(frames: &[Luminance]) -> f64 {
+    let step = frames.len().div_ceil(16);
+    let mut values: Vec<f32> =
+        frames.iter().step_by(step).flat_map(|f| f.values.iter().copied()).collect();
+    values.sort_by(f32::total_cmp);
+    f64::from(values[((values.len() - 1) as f64 * WHITE_QUANTILE) as usize])
+}
+
+impl Drive for FramesDrive {
+    fn size(&self) -> Size {
+        self.size
+    }
+
+    fn span_us(&self) -> [i64; 2] {
+        let last = self.times_us.len() - 1;
+        let rows = self.row_us * f64::from(self.size.height.saturating_sub(1));
+        [self.times_us[0] + rows.max(0.0).ceil() as i64, self.times_us[last] + rows.min(0.0) as i64]
+    }
+
+    fn white_dn(&self) -> f64 {
+        self.white_dn
+    }
+
+    fn sample(&self, place: [f64; 2], grid: TimeGrid, out: &mut [f32]) -> bool {
+        out.fill(f32::NAN);
+        let Some(corners) = self.corners(place) else { return false };
+        let late_us = self.row_us * (place[1] - 0.5);
+        let last = self.times_us.len() - 1;
+        let (mut frame, mut any) = (0, false);
+        let (mut before, mut after) = (self.value(0, &corners), self.value(1, &corners));
+        for (i, out) in out.iter_mut().enumerate().take(grid.n) {
+            let t_us = grid.at(i) as f64 - late_us;
+            while frame + 1 < last && t_us >= self.times_us[frame + 1] as f64 {
+                frame += 1;
+                (before, after) = (after, self.value(frame + 1, &corners));
+            }
+            let (t0, t1) = (self.times_us[frame] as f64, self.times_us[frame + 1] as f64);
+            if (t0..=t1).contains(&t_us) {
+                *out = before + (after - before) * ((t_us - t0) / (t1 - t0)) as f32;
+                any = true;
+            }
+        }
+        any
+    }
+
+    fn error(&self, _place: [f64; 2]) -> f32 {
+        f32::NAN
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(t_us: i64, values: [f32; 4]) -> Luminance {
+        let size = Size { width: 2, height: 2 };
+        Luminance { t_us, size, values: values.to_vec() }
+    }
+
+    #[test]
+    fn the_signal_is_straight_in_the_logarithm_between_frames_at_each_rows_time() {
+        let frames = [frame(0, [110.0; 4]), frame(1_000, [60.0; 4]), frame(3_000, [35.0; 4])];
+        let drive = FramesDrive::new(&frames, 10.0, 100.0).unwrap();
+        assert!((drive.white_dn() - 100.0).abs() < 1e-9);
+        let grid = TimeGrid { start_us: 0, step_us: 100, n: 32 };
+        let upper = drive.curve(0, 0, grid).unwrap();
+        let lower = drive.curve(1, 1, grid).unwrap();
+        assert!((upper.values()[5] + 0.5 * 2.0_f32.ln()).abs() < 1e-6);
+        assert!((upper.values()[20] + 1.5 * 2.0_f32.ln()).abs() < 1e-6);
+        assert!(lower.values()[0].is_nan(), "the second row saw its first light 100 us later");
+        assert!((lower.values()[6] - upper.values()[5]).abs() < 1e-6);
+        assert!(upper.values()[31].is_nan(), "nothing is known behind the last frame");
+        assert_eq!(drive.span_us(), [100, 3_000]);
+    }
+
+    #[test]
+    fn frames_that_cannot_serve_are_refused_with_the_reason() {
+        let one = FramesDrive::new(&[frame(0, [1.0; 4])], 0.0, 0.0).unwrap_err();
+        assert!(one.to_string().contains("at least two"));
+        let still = [frame(5, [1.0; 4]), frame(5, [1.0; 4])];
+        assert!(FramesDrive::new(&still, 0.0, 0.0).unwrap_err().to_string().contains("frame 1"));
+        let dark = [frame(0, [8.0; 4]), frame(5, [8.0; 4])];
+        assert!(FramesDrive::new(&dark, 8.0, 0.0).unwrap_err().to_string().contains("8 DN"));
+    }
+}
