@@ -8,10 +8,12 @@
 mod bench;
 mod engine;
 mod files;
+mod simulate;
 mod stop;
 
 pub use bench::{Bench, BenchError};
 pub use engine::{Dwells, Outcome, RecordError, Request, preflight, record};
+pub use simulate::{SimulateError, Simulation, simulate};
 pub use stop::{Stop, StopToken};
 
 use crate::device::Arm;

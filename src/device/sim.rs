@@ -4,4 +4,5 @@
 //! with the code that is proven on it: not the generators', not the checker's.
 
 pub mod arm;
+pub mod pi;
 pub mod world;

@@ -1,6 +1,6 @@
 //! The states of a recording, one after another.
 
-use super::files::{Log, SampleWriter};
+use super::files::{Log, SampleWriter, take_directory};
 use super::{Devices, State, Stop, StopToken};
 use crate::device::dobot::ArmError;
 use crate::device::recorder::{Prepared, RecorderError, Tally, host_time};
@@ -13,7 +13,6 @@ use crate::session::{
 use crate::time::{Span, Stamp, Unix};
 use crate::trajectory::{Path, Trajectory};
 use serde_json::{Value, json};
-use std::path::PathBuf;
 use std::time::Duration;
 
 /// Rests before and behind the path, on top of those that the trajectory states.
@@ -107,7 +106,7 @@ pub fn record(
     if !bad.is_empty() {
         return Err(RecordError::NotReady(bad));
     }
-    let layout = Layout::take(request.out)?;
+    let layout = take_directory(request.out)?;
     let mut journal = Journal::open(&layout.journal())?;
     journal.note("preflight", &json!({"findings": findings}))?;
     let log = Log::create(&layout)?;
@@ -364,17 +363,5 @@ impl Take<'_> {
             });
         }
         entries
-    }
-}
-
-/// The directory of a session that is to be recorded.
-impl Layout {
-    fn take(root: &std::path::Path) -> Result<Self, SessionError> {
-        let io = |source| SessionError::Io { path: PathBuf::from(root), source };
-        std::fs::create_dir_all(root).map_err(io)?;
-        if std::fs::read_dir(root).map_err(io)?.next().is_some() {
-            return Err(SessionError::OutputTaken { path: root.to_owned() });
-        }
-        Ok(Self::new(root))
     }
 }

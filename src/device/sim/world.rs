@@ -15,6 +15,7 @@ mod description;
 mod draws;
 pub mod effects;
 mod exposure;
+mod host;
 mod light;
 mod motion;
 mod optics;
