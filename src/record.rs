@@ -11,7 +11,7 @@ mod files;
 mod simulate;
 mod stop;
 
-pub use bench::{Bench, BenchError};
+pub use bench::{Bench, BenchError, Opening};
 pub use engine::{Dwells, Outcome, RecordError, Request, preflight, record};
 pub use simulate::{SimulateError, Simulation, simulate};
 pub use stop::{Stop, StopToken};

@@ -9,9 +9,10 @@ use super::files::{
     EventFile, Log, create_event_file, finish_event_file, take_directory, write as write_sample,
 };
 use crate::device::recorder::Sample;
+use crate::device::sim::davis::SOURCE;
 use crate::device::sim::pi::{MODEL, delivered};
 use crate::device::sim::world::{
-    DavisPacket, DavisTwin, PiFrame, PiTwin, World, WorldDescription, WorldError,
+    DAVIS_STEP, DavisPacket, DavisTwin, PiFrame, PiTwin, World, WorldDescription, WorldError,
 };
 use crate::format::aedat4::{Content, StreamSpec};
 use crate::format::raw10::Raw10Error;
@@ -93,10 +94,9 @@ pub fn simulate(
     let begin = State::Trajectory.to_string();
     journal.note(&begin, &json!({"time": "virtual"}))?;
     let davis = &rig.davis.camera;
-    let source = "DAVIS346_SIM";
-    let mut streams = vec![StreamSpec::events(davis.size, source)];
+    let mut streams = vec![StreamSpec::events(davis.size, SOURCE)];
     if rig.davis.aps {
-        streams.push(StreamSpec::frames(davis.size, source));
+        streams.push(StreamSpec::frames(davis.size, SOURCE));
     }
     let mut files = Files {
         events: create_event_file(&layout, &streams)?,
@@ -189,7 +189,7 @@ impl Run<'_> {
             }
             let ((packet, end), frames) = rayon::join(
                 || (davis.next_packet(), davis.position()),
-                || pi.frames_until((begin + SLAB).min(self.until)),
+                || pi.frames_until((begin + DAVIS_STEP).min(self.until)),
             );
             self.packets(packet, end, &mut n_packets, &mut waiting);
             for frame in frames {
@@ -274,9 +274,6 @@ impl Run<'_> {
         Ok((at, Entry::Sample(Sample::Frame { arrived, frame })))
     }
 }
-
-/// The DAVIS's twin works the world out in steps of this.
-const SLAB: Span = Span::from_micros(10_000);
 
 /// What is written before `until`, in order, and what is still to come.
 fn parted(mut entries: Vec<(Span, Entry)>, until: Span) -> (Vec<Entry>, Vec<(Span, Entry)>) {
