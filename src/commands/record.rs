@@ -102,7 +102,7 @@ fn listen_for_signals(stop: &StopToken, bench: &Bench) -> std::io::Result<()> {
 }
 
 /// The world of a description file, or the nominal one.
-fn world(path: Option<&std::path::Path>) -> anyhow::Result<WorldDescription> {
+pub(super) fn world(path: Option<&std::path::Path>) -> anyhow::Result<WorldDescription> {
     let Some(path) = path else { return Ok(WorldDescription::default()) };
     let file = path.display().to_string();
     let text =
@@ -110,7 +110,8 @@ fn world(path: Option<&std::path::Path>) -> anyhow::Result<WorldDescription> {
     Ok(WorldDescription::parse(&file, &text).map_err(|error| WrongUse(error.to_string()))?)
 }
 
-fn described(
+/// Rig, trajectory, and the way of the one on the other, which the arm can go.
+pub(super) fn described(
     rig: &str,
     trajectory: &str,
     optional: Optional,
