@@ -10,7 +10,7 @@ mod engine;
 mod files;
 mod stop;
 
-pub use bench::{Bench, BenchError};
+pub use bench::{Bench, BenchError, network_pi};
 pub use engine::{Dwells, Outcome, RecordError, Request, preflight, record};
 pub use stop::{Stop, StopToken};
 

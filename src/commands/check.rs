@@ -5,8 +5,10 @@ use super::{Ending, Output, WrongUse};
 use crate::cli::CheckArgs;
 use crate::device::dobot::check::open_and_look;
 use crate::device::dobot::port;
+use crate::device::recorder::Recorder;
 use crate::device::sim::arm::{Clock, Emulator, Options};
 use crate::device::{Finding, Verdict};
+use crate::record::network_pi;
 use crate::rig::{ArmPort, Rig};
 use crate::trajectory::{Optional, Plan, Trajectory};
 use serde_json::json;
@@ -82,6 +84,10 @@ fn of_rig(name: &str, args: &CheckArgs, output: &Output) -> anyhow::Result<Vec<F
     let (arm, found) = open_and_look(&program, &rig.arm, port, path);
     drop(arm);
     findings.extend(found);
+    if let Some(mut pi) = network_pi(&rig) {
+        output.detail("asking the Pi's agent, and how fast the network is");
+        findings.extend(pi.check());
+    }
     let needed = plan.as_ref().map_or(SOME_SPACE, |plan| plan.disk_bytes);
     findings.push(disk(&args.out, needed));
     findings.push(clock());

@@ -18,6 +18,7 @@ pub mod discipline;
 pub mod keys;
 mod line;
 pub mod order;
+pub mod picamera;
 pub mod source;
 pub mod wire;
 

@@ -5,13 +5,13 @@ use crate::device::davis::{NetworkDavis, Pace, Patience as DavisPatience, Replay
 use crate::device::dobot::check::find_port;
 use crate::device::dobot::guard::Stopper;
 use crate::device::dobot::{ArmError, Client, Magician, Patience as ArmPatience, port};
-use crate::device::pi::wire::Settings;
-use crate::device::pi::{NetworkPi, Patience as PiPatience};
+use crate::device::pi::order::{Delivery, Order, Settings};
+use crate::device::pi::{NetworkPi, Patience as PiPatience, Reach, keys};
 use crate::device::recorder::Recorder;
 use crate::device::sim::arm::{Clock, Emulator, EmulatorError, Options};
 use crate::rig::{ArmPort, Rig, Transport};
 use crate::time::Span;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// How long homing may take; a Magician needs about fifteen seconds.
 const HOMING: Span = Span::from_micros(60_000_000);
@@ -67,11 +67,12 @@ impl Bench {
                 return Err(refused("davis.transport", other, remedy));
             }
         };
-        let pi: Box<dyn Recorder> = match &rig.pi.camera.transport {
-            Transport::Tcp(address) => {
-                Box::new(NetworkPi::new(address, settings(rig), PiPatience::default()))
+        let pi: Box<dyn Recorder> = match network_pi(rig) {
+            Some(pi) => Box::new(pi),
+            None => {
+                let remedy = "tls://HOST:PORT of an agent, or tcp://HOST:PORT on this machine";
+                return Err(refused("pi.transport", &rig.pi.camera.transport, remedy));
             }
-            other => return Err(refused("pi.transport", other, "tcp://HOST:PORT of an agent")),
         };
         let simulated = match rig.arm.port {
             ArmPort::Sim => {
@@ -101,16 +102,30 @@ fn open_arm(rig: &Rig, port: &Path, is_simulated: bool) -> Result<Magician, Benc
     Ok(Magician::guarded(&std::env::current_exe()?, port, description, patience)?)
 }
 
-fn settings(rig: &Rig) -> Settings {
+/// The Pi's camera behind its agent; none when the rig names no agent.
+#[must_use]
+pub fn network_pi(rig: &Rig) -> Option<NetworkPi> {
     let pi = &rig.pi;
-    Settings {
+    let reach = match &pi.camera.transport {
+        Transport::Tcp(address) => Reach::Local { address: address.clone() },
+        Transport::Tls(address) => {
+            let own = || keys::default_directory().join("host");
+            let keys = pi.keys.as_ref().map_or_else(own, PathBuf::from);
+            Reach::Tls { address: address.clone(), keys }
+        }
+        Transport::Sim | Transport::Usb | Transport::File(_) => return None,
+    };
+    let settings = Settings {
         size: pi.camera.size,
         frame_rate: pi.camera.frame_rate,
         exposure: pi.camera.exposure,
         gain: pi.camera.gain,
         raw: pi.raw,
         rgb: pi.rgb,
-    }
+    };
+    let delivery = Delivery { coding: pi.coding, rgb: pi.rgb_delivery };
+    let order = Order { settings, focus: pi.focus, delivery };
+    Some(NetworkPi::reached(reach, order, PiPatience::default()))
 }
 
 fn refused(key: &'static str, found: &Transport, remedy: &'static str) -> BenchError {
@@ -118,6 +133,7 @@ fn refused(key: &'static str, found: &Transport, remedy: &'static str) -> BenchE
         Transport::Sim => "sim",
         Transport::Usb => "usb",
         Transport::Tcp(_) => "tcp://",
+        Transport::Tls(_) => "tls://",
         Transport::File(_) => "file:",
     };
     BenchError::Transport { key, found, remedy }

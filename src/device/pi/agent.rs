@@ -170,10 +170,7 @@ trait Stream: tokio::io::AsyncRead + tokio::io::AsyncWrite + Send + Unpin {}
 impl<T: tokio::io::AsyncRead + tokio::io::AsyncWrite + Send + Unpin> Stream for T {}
 
 /// Proves who is who, where that is asked for, and compares versions.
-async fn greet(
-    socket: TcpStream,
-    tls: Option<Arc<ServerConfig>>,
-) -> Result<Box<dyn Stream>, Lost> {
+async fn greet(socket: TcpStream, tls: Option<Arc<ServerConfig>>) -> Result<Box<dyn Stream>, Lost> {
     socket.set_nodelay(true)?;
     let mut line: Box<dyn Stream> = match tls {
         None => Box::new(socket),

@@ -69,7 +69,8 @@ pub fn finding(order: &Order, link: BytesPerSecond) -> Finding {
             ),
         ),
         None => {
-            let rate = order.settings.frame_rate.0 * PLANNED_SHARE * link.0 / load(order).0.max(1.0);
+            let rate =
+                order.settings.frame_rate.0 * PLANNED_SHARE * link.0 / load(order).0.max(1.0);
             Finding::doubt(
                 "network",
                 format!(

@@ -77,8 +77,8 @@ pub fn decode_raw10(coded: &[u8], size: Size) -> Result<Vec<u8>, CodingError> {
     let parts = scatter(coded, size)?;
     let bands = parts.into_par_iter().zip(bands(size)).enumerate().map(|(band, (part, rows))| {
         let n = rows.len() * width;
-        let rests = decompress(part, 2 * n)
-            .map_err(|because| CodingError::Band { band, size, because })?;
+        let rests =
+            decompress(part, 2 * n).map_err(|because| CodingError::Band { band, size, because })?;
         let mut samples = Vec::with_capacity(n);
         for at in 0..n {
             let rest = u16::from(rests[at]) | (u16::from(rests[n + at]) << 8);
@@ -129,8 +129,8 @@ pub fn decode_rgb(coded: &[u8], size: Size) -> Result<Vec<u8>, CodingError> {
     let parts = scatter(coded, size)?;
     let bands = parts.into_par_iter().zip(bands(size)).enumerate().map(|(band, (part, rows))| {
         let n = rows.len() * width;
-        let rests = decompress(part, 3 * n)
-            .map_err(|because| CodingError::Band { band, size, because })?;
+        let rests =
+            decompress(part, 3 * n).map_err(|because| CodingError::Band { band, size, because })?;
         let plane = |which: usize| {
             let mut plane = Vec::with_capacity(n);
             for at in 0..n {
@@ -235,9 +235,9 @@ fn gather(bands: Vec<Result<Vec<u8>, String>>, size: Size) -> Result<Vec<u8>, Co
 fn scatter(mut coded: &[u8], size: Size) -> Result<Vec<&[u8]>, CodingError> {
     let mut parts = Vec::with_capacity(N_BANDS);
     for band in 0..N_BANDS {
-        let cut = coded.split_first_chunk().and_then(|(length, rest)| {
-            rest.split_at_checked(u32::from_le_bytes(*length) as usize)
-        });
+        let cut = coded
+            .split_first_chunk()
+            .and_then(|(length, rest)| rest.split_at_checked(u32::from_le_bytes(*length) as usize));
         let Some((part, rest)) = cut else {
             let because = format!("{} bytes are left, too few for it", coded.len());
             return Err(CodingError::Band { band, size, because });

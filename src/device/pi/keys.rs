@@ -144,7 +144,8 @@ impl Keys {
         if mode & 0o077 != 0 {
             return Err(KeysError::Open { path: key_path, mode });
         }
-        let key = PrivateKeyDer::from_pem_slice(&read(&key_path)?).map_err(|error| wrong(&key_path, &error))?;
+        let key = PrivateKeyDer::from_pem_slice(&read(&key_path)?)
+            .map_err(|error| wrong(&key_path, &error))?;
         let path = directory.join(AUTHORITY);
         let mut authority = RootCertStore::empty();
         for certificate in CertificateDer::pem_slice_iter(&read(&path)?) {
@@ -187,7 +188,8 @@ impl Keys {
     /// # Errors
     /// When certificate and key do not belong together.
     pub fn client(self) -> Result<(Arc<ClientConfig>, ServerName<'static>), KeysError> {
-        let name = ServerName::try_from(AGENT_NAME).map_err(|error| wrong(&self.directory, &error))?;
+        let name =
+            ServerName::try_from(AGENT_NAME).map_err(|error| wrong(&self.directory, &error))?;
         let config = ClientConfig::builder_with_provider(self.provider)
             .with_protocol_versions(&[&rustls::version::TLS13])
             .map_err(|error| wrong(&self.directory, &error))?
@@ -253,10 +255,7 @@ mod tests {
         assert!(said.contains("644") && said.contains("chmod"), "{said}");
         fs::set_permissions(&key, fs::Permissions::from_mode(0o600)).unwrap();
         fs::copy(made.agent.join(KEY), &key).unwrap();
-        assert!(matches!(
-            Keys::read(&made.host).unwrap().client(),
-            Err(KeysError::Invalid { .. })
-        ));
+        assert!(matches!(Keys::read(&made.host).unwrap().client(), Err(KeysError::Invalid { .. })));
         fs::write(&key, "no key").unwrap();
         assert!(matches!(Keys::read(&made.host), Err(KeysError::Invalid { .. })));
         let said = Keys::read(&folder.path().join("absent")).unwrap_err().to_string();

@@ -269,8 +269,8 @@ fn connect(reach: &Reach, patience: Duration) -> Result<TcpStream, RecorderError
             );
             return Err(fail(because));
         }
-        found = TcpStream::connect_timeout(target, patience)
-            .map_err(|error| fail(error.to_string()));
+        found =
+            TcpStream::connect_timeout(target, patience).map_err(|error| fail(error.to_string()));
         if found.is_ok() {
             break;
         }

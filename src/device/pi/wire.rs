@@ -259,11 +259,8 @@ fn with_pictures(
     let [raw, rgb] =
         pictures.map(|bytes| bytes.map(|bytes| Picture { n_bytes: bytes.len(), coding }));
     let metadata = metadata.clone();
-    let head = if is_late {
-        Head::LateRgb { metadata, rgb }
-    } else {
-        Head::Frame { metadata, raw, rgb }
-    };
+    let head =
+        if is_late { Head::LateRgb { metadata, rgb } } else { Head::Frame { metadata, raw, rgb } };
     let pictures: Vec<&[u8]> = pictures.into_iter().flatten().collect();
     assemble(&head, &pictures)
 }
@@ -408,10 +405,10 @@ type Decode = fn(&[u8], crate::geometry::Size) -> Result<Vec<u8>, CodingError>;
 mod tests {
     use super::*;
     use crate::device::pi::order::{Delivery, Focus};
+    use crate::device::pi::source::{FrameSource, Synthetic};
     use crate::geometry::Size;
     use crate::time::Span;
     use crate::units::Hertz;
-    use crate::device::pi::source::{FrameSource, Synthetic};
     use proptest::prelude::*;
 
     fn settings() -> Settings {
@@ -507,7 +504,9 @@ mod tests {
     #[test]
     fn a_coded_frame_comes_back_whole_and_a_late_one_without_its_raw_picture() {
         let Message::Frame(sent) = frame() else { panic!("a frame") };
-        for (is_late, expected) in [(false, frame()), (true, late())] {
+        let late = PiFrame { raw10: None, ..*sent.clone() };
+        let expected = [Message::Frame(sent.clone()), Message::LateRgb(Box::new(late))];
+        for (is_late, expected) in [false, true].into_iter().zip(expected) {
             let mut decoder = Decoder::default();
             decoder.push(&encode_frame(&sent, Coding::Lossless, is_late).unwrap());
             assert_eq!(decoder.take().unwrap(), Some(expected));

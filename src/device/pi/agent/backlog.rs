@@ -50,18 +50,43 @@ struct State {
     is_closed: bool,
 }
 
-/// The part on disk: whole messages one after the other; their lengths stay in memory.
+/// The part on disk: whole messages one after the other in a file that is written round and round;
+/// their lengths stay in memory.
 #[derive(Debug)]
 struct Spill {
     file: Arc<File>,
     lengths: VecDeque<usize>,
+    /// Bytes read and written since the file was last empty.
     read_at: u64,
     write_at: u64,
+    limit: u64,
+}
+
+impl Spill {
+    fn has_room(&self, length: usize) -> bool {
+        self.write_at - self.read_at + length as u64 <= self.limit
+    }
+
+    fn push(&mut self, message: &[u8]) -> io::Result<()> {
+        let (place, before_end) = place(self.write_at, message.len(), self.limit);
+        let (first, second) = message.split_at(before_end);
+        self.file.write_all_at(first, place)?;
+        self.file.write_all_at(second, 0)?;
+        self.write_at += message.len() as u64;
+        self.lengths.push_back(message.len());
+        Ok(())
+    }
+}
+
+/// Where in a round file bytes begin, and how many of them come before its end.
+fn place(at: u64, length: usize, limit: u64) -> (u64, usize) {
+    let place = at % limit.max(1);
+    (place, usize::try_from(limit - place).unwrap_or(usize::MAX).min(length))
 }
 
 enum Next {
     Ready(Vec<u8>),
-    OnDisk(Arc<File>, u64, usize),
+    OnDisk { file: Arc<File>, at: u64, length: usize, limit: u64 },
     Empty,
     Over,
 }
@@ -79,6 +104,7 @@ impl Backlog {
                 lengths: VecDeque::new(),
                 read_at: 0,
                 write_at: 0,
+                limit: spool.limit_bytes,
             }),
         };
         let state = State { memory: VecDeque::new(), n_memory: 0, spill, is_closed: false };
@@ -97,21 +123,20 @@ impl Backlog {
     pub(super) fn push(&self, message: Vec<u8>) -> io::Result<Kept> {
         let mut state = self.lock();
         let spilled = state.spill.as_ref().is_some_and(|spill| !spill.lengths.is_empty());
-        let fits = state.memory.is_empty()
-            || state.n_memory + message.len() <= self.room.memory_bytes;
+        let fits =
+            state.memory.is_empty() || state.n_memory + message.len() <= self.room.memory_bytes;
         let kept = if fits && !spilled {
             state.n_memory += message.len();
             state.memory.push_back(message);
             Kept::Memory
         } else {
-            let limit = self.room.spool.as_ref().map_or(0, |spool| spool.limit_bytes);
             match &mut state.spill {
-                Some(spill) if spill.write_at + message.len() as u64 <= limit => {
-                    spill.file.write_all_at(&message, spill.write_at)?;
-                    spill.write_at += message.len() as u64;
-                    spill.lengths.push_back(message.len());
-                    Kept::Disk
-                }
+                Some(spill) if spill.has_room(message.len()) => match spill.push(&message) {
+                    Ok(()) => Kept::Disk,
+                    // A full disk is no room, not the end of the take.
+                    Err(error) if error.kind() == io::ErrorKind::StorageFull => Kept::Nowhere,
+                    Err(error) => return Err(error),
+                },
                 _ => Kept::Nowhere,
             }
         };
@@ -131,9 +156,7 @@ impl Backlog {
         let state = self.lock();
         let (n, bytes) = (state.memory.len() as u64, state.n_memory as u64);
         match &state.spill {
-            Some(spill) => {
-                (n + spill.lengths.len() as u64, bytes + spill.write_at - spill.read_at)
-            }
+            Some(spill) => (n + spill.lengths.len() as u64, bytes + spill.write_at - spill.read_at),
             None => (n, bytes),
         }
     }
@@ -146,10 +169,14 @@ impl Backlog {
                 Next::Ready(message) => return Ok(Some(message)),
                 Next::Over => return Ok(None),
                 Next::Empty => changed.await,
-                Next::OnDisk(file, at, length) => {
+                Next::OnDisk { file, at, length, limit } => {
                     let read = move || {
                         let mut message = vec![0; length];
-                        file.read_exact_at(&mut message, at).map(|()| message)
+                        let (place, before_end) = place(at, length, limit);
+                        let (first, second) = message.split_at_mut(before_end);
+                        file.read_exact_at(first, place)?;
+                        file.read_exact_at(second, 0)?;
+                        io::Result::Ok(message)
                     };
                     let message = tokio::task::spawn_blocking(read).await??;
                     self.forget_one_on_disk(length)?;
@@ -168,12 +195,17 @@ impl Backlog {
         if let Some(spill) = &state.spill
             && let Some(&length) = spill.lengths.front()
         {
-            return Next::OnDisk(Arc::clone(&spill.file), spill.read_at, length);
+            return Next::OnDisk {
+                file: Arc::clone(&spill.file),
+                at: spill.read_at,
+                length,
+                limit: spill.limit,
+            };
         }
         if state.is_closed { Next::Over } else { Next::Empty }
     }
 
-    /// Once the last is read, the file starts anew, so that its length bounds the wait, not the take.
+    /// Once the last is read, the disk gets its room back.
     fn forget_one_on_disk(&self, length: usize) -> io::Result<()> {
         let mut state = self.lock();
         if let Some(spill) = &mut state.spill {
@@ -218,12 +250,14 @@ mod tests {
     #[tokio::test]
     async fn messages_come_out_in_order_whether_they_were_on_disk_or_not() {
         let folder = tempfile::tempdir().unwrap();
-        let backlog = Backlog::new(room(folder.path(), 1_000)).unwrap();
+        // Less than all messages together: the file is written round several times.
+        let backlog = Backlog::new(room(folder.path(), 337)).unwrap();
         let mut expected = 0;
         let mut n_on_disk = 0;
         for round in 0..5 {
             for k in 0..20 {
-                n_on_disk += u32::from(backlog.push(message(20 * round + k)).unwrap() == Kept::Disk);
+                n_on_disk +=
+                    u32::from(backlog.push(message(20 * round + k)).unwrap() == Kept::Disk);
             }
             // Some stay behind, so that memory and disk are both in use when the next come.
             while expected < 20 * (round + 1) - 3 {
@@ -259,12 +293,12 @@ mod tests {
 
     #[tokio::test]
     async fn a_waiting_reader_is_woken_by_a_message_and_by_the_end() {
-        let backlog =
-            Arc::new(Backlog::new(Room { memory_bytes: 1, spool: None }).unwrap());
+        let backlog = Arc::new(Backlog::new(Room { memory_bytes: 1, spool: None }).unwrap());
         let reader = Arc::clone(&backlog);
-        let read = tokio::spawn(async move {
-            [reader.next().await.unwrap(), reader.next().await.unwrap()]
-        });
+        let read =
+            tokio::spawn(
+                async move { [reader.next().await.unwrap(), reader.next().await.unwrap()] },
+            );
         tokio::task::yield_now().await;
         backlog.push(vec![1]).unwrap();
         backlog.close();

@@ -45,7 +45,8 @@ impl Take {
     ) -> io::Result<Self> {
         let late = match (delivery.rgb, &room.spool) {
             (RgbDelivery::AfterTake, None) => {
-                let because = "RGB after the take needs a place for it; start `evrig pi` with --spool DIR";
+                let because =
+                    "RGB after the take needs a place for it; start `evrig pi` with --spool DIR";
                 return Err(io::Error::other(because));
             }
             // All of them go to disk: memory belongs to what is live.
