@@ -251,7 +251,7 @@ mod tests {
         let whole = packet(head.len() as u32, 2, &[head.as_slice(), b"xy"].concat());
         let found = read_packet(&mut whole.as_slice()).unwrap().unwrap();
         assert!(matches!(found.head, Head::Stopped { .. }) && found.pictures == b"xy");
-        assert!(read_packet(&mut whole[..whole.len() - 1].as_ref()).is_err());
+        assert!(read_packet(&mut &whole[..whole.len() - 1]).is_err());
         for (wrong, expected) in [
             (packet(u32::MAX, 0, b""), "at most"),
             (packet(0, u32::MAX, b""), "at most"),
@@ -260,6 +260,6 @@ mod tests {
             let said = read_packet(&mut wrong.as_slice()).unwrap_err();
             assert!(said.contains(expected), "{said}");
         }
-        assert!(read_packet(&mut [].as_slice()).unwrap().is_none());
+        assert!(read_packet(&mut [0_u8; 0].as_slice()).unwrap().is_none());
     }
 }
