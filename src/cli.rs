@@ -8,6 +8,7 @@ mod demo;
 mod emulate;
 mod guard;
 mod import;
+mod pi;
 mod plan;
 mod record;
 mod session;
@@ -21,6 +22,7 @@ pub use guard::GuardArgs;
 pub use import::{
     ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
 };
+pub use pi::{PairArgs, PiArgs, PiCamera};
 pub use plan::PlanArgs;
 pub use record::RecordArgs;
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
@@ -88,6 +90,10 @@ pub enum Command {
     Completions(CompletionsArgs),
     /// Serve a simulated device on the real wire, for tests and other programs
     Emulate(EmulateArgs),
+    /// Serve the Raspberry Pi's camera to a recorder; runs on the Pi
+    Pi(PiArgs),
+    /// Make the keys by which host and Pi know each other
+    Pair(PairArgs),
     /// Own the arm's port and stop the arm when evrig dies
     #[command(hide = true)]
     Guard(GuardArgs),

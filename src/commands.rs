@@ -18,6 +18,7 @@ mod guard;
 mod import;
 mod info;
 mod output;
+mod pi;
 mod plan;
 mod process;
 mod record;
@@ -75,6 +76,8 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Plan(args) => plan::plan(&args, output),
         Command::Completions(args) => about::completions(&args, &mut Cli::command()),
         Command::Emulate(args) => emulate::emulate(&args, output),
+        Command::Pi(args) => pi::pi(&args, output),
+        Command::Pair(args) => pi::pair(&args, output),
         Command::Guard(args) => guard::guard(&args, output),
         Command::Man(args) => about::man(&args, Cli::command(), output),
     }

@@ -40,7 +40,7 @@ pub use read::{EventTally, LuminanceFrames};
 pub use recording::seal_recording;
 pub use rig_log::{
     Arrival, ClockExchange, ClockSandwich, FrameMetadata, HostTime, PacketArrival, PiFrame,
-    RigLogError, RigLogWriter, Severity, Topic,
+    RawClockSandwich, RigLogError, RigLogWriter, Severity, Topic,
 };
 pub use stage::{StageRecord, read_stage, write_stage};
 pub use verify::{Finding, Verification, verify};

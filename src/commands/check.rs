@@ -85,6 +85,7 @@ fn of_rig(name: &str, args: &CheckArgs, output: &Output) -> anyhow::Result<Vec<F
     let (arm, found) = open_and_look(&program, &rig.arm, port, path);
     drop(arm);
     findings.extend(found);
+    output.detail("asking the cameras, and how fast the network is");
     let start = path.map_or(rig.arm.home, crate::trajectory::Path::start);
     findings.extend(cameras(&rig, start, simulated.as_ref()));
     let needed = plan.as_ref().map_or(SOME_SPACE, |plan| plan.disk_bytes);

@@ -36,6 +36,20 @@ pub enum Sample {
         /// Its pictures and what the camera says of them.
         frame: Box<PiFrame>,
     },
+    /// The RGB picture of a frame that was delivered without it before.
+    LateRgb {
+        /// When it was whole.
+        arrived: HostTime,
+        /// The picture and the frame's metadata.
+        frame: Box<PiFrame>,
+    },
+    /// A remark of the device for the rig's log.
+    Note {
+        /// When it was made.
+        at: HostTime,
+        /// What it says.
+        text: String,
+    },
     /// Clocks read side by side.
     Clock(ClockExchange),
 }
@@ -54,7 +68,8 @@ impl Sample {
                 Content::Triggers(triggers) => triggers.len() * 16,
                 Content::Unknown { .. } => 0,
             },
-            Self::Frame { frame, .. } => frame.n_bytes(),
+            Self::Frame { frame, .. } | Self::LateRgb { frame, .. } => frame.n_bytes(),
+            Self::Note { text, .. } => text.len(),
             Self::Clock(_) => 0,
         };
         payload + 256

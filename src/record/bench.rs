@@ -5,8 +5,8 @@ use crate::device::davis::{NetworkDavis, Pace, Patience as DavisPatience, Replay
 use crate::device::dobot::check::find_port;
 use crate::device::dobot::guard::Stopper;
 use crate::device::dobot::{ArmError, Client, Magician, Patience as ArmPatience, port};
-use crate::device::pi::wire::Settings;
-use crate::device::pi::{NetworkPi, Patience as PiPatience};
+use crate::device::pi::order::{Delivery, Order, Settings};
+use crate::device::pi::{NetworkPi, Patience as PiPatience, Reach, keys};
 use crate::device::recorder::{Recorder, RecorderError};
 use crate::device::sim::arm::{Clock, Emulator, EmulatorError, Options};
 use crate::device::sim::live::LiveWorld;
@@ -14,7 +14,7 @@ use crate::device::sim::recorder::SimulatedCamera;
 use crate::device::sim::world::{WorldDescription, WorldError};
 use crate::rig::{ArmPort, Pose, Rig, Transport};
 use crate::time::Span;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// How long homing may take; a Magician needs about fifteen seconds.
 const HOMING: Span = Span::from_micros(60_000_000);
@@ -144,11 +144,14 @@ pub fn cameras(
         }
     };
     let pi: Box<dyn Recorder> = match (&rig.pi.camera.transport, &live) {
-        (Transport::Tcp(address), _) => {
-            Box::new(NetworkPi::new(address, settings(rig), PiPatience::default()))
-        }
-        (Transport::Sim, Some(live)) => Box::new(SimulatedCamera::pi(live, settings(rig))?),
-        (other, _) => return Err(refused("pi.transport", other, "tcp://HOST:PORT of an agent")),
+        (Transport::Sim, Some(live)) => Box::new(SimulatedCamera::pi(live, order(rig))?),
+        (other, _) => match network_pi(rig) {
+            Some(pi) => Box::new(pi),
+            None => {
+                let remedy = "tls://HOST:PORT of an agent, or tcp://HOST:PORT on this machine";
+                return Err(refused("pi.transport", other, remedy));
+            }
+        },
     };
     Ok(vec![davis, pi])
 }
@@ -163,16 +166,34 @@ fn open_arm(rig: &Rig, port: &Path, is_simulated: bool) -> Result<Magician, Benc
     Ok(Magician::guarded(&std::env::current_exe()?, port, description, patience)?)
 }
 
-fn settings(rig: &Rig) -> Settings {
+/// The Pi's camera behind its agent; none when the rig names no agent.
+fn network_pi(rig: &Rig) -> Option<NetworkPi> {
     let pi = &rig.pi;
-    Settings {
+    let reach = match &pi.camera.transport {
+        Transport::Tcp(address) => Reach::Local { address: address.clone() },
+        Transport::Tls(address) => {
+            let own = || keys::default_directory().join("host");
+            let keys = pi.keys.as_ref().map_or_else(own, PathBuf::from);
+            Reach::Tls { address: address.clone(), keys }
+        }
+        Transport::Sim | Transport::Usb | Transport::File(_) => return None,
+    };
+    Some(NetworkPi::reached(reach, order(rig), PiPatience::default()))
+}
+
+/// What the rig file says of the Pi's frames.
+fn order(rig: &Rig) -> Order {
+    let pi = &rig.pi;
+    let settings = Settings {
         size: pi.camera.size,
         frame_rate: pi.camera.frame_rate,
         exposure: pi.camera.exposure,
         gain: pi.camera.gain,
         raw: pi.raw,
         rgb: pi.rgb,
-    }
+    };
+    let delivery = Delivery { coding: pi.coding, rgb: pi.rgb_delivery };
+    Order { settings, focus: pi.focus, delivery }
 }
 
 fn refused(key: &'static str, found: &Transport, remedy: &'static str) -> BenchError {
@@ -180,6 +201,7 @@ fn refused(key: &'static str, found: &Transport, remedy: &'static str) -> BenchE
         Transport::Sim => "sim",
         Transport::Usb => "usb",
         Transport::Tcp(_) => "tcp://",
+        Transport::Tls(_) => "tls://",
         Transport::File(_) => "file:",
     };
     BenchError::Transport { key, found, remedy }

@@ -2,7 +2,7 @@
 
 use crate::device::recorder::{Inlet, Outlet, Prepared, Sample, Taken, channel};
 use crate::format::aedat4::{Compression, Content, StreamSpec, WriteError, Writer};
-use crate::session::{Layout, PacketArrival, RigLogError, RigLogWriter, SessionError};
+use crate::session::{Layout, PacketArrival, RigLogError, RigLogWriter, SessionError, Severity};
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -141,6 +141,8 @@ pub(super) fn write(
     match sample {
         Sample::Clock(reading) => log.write(|log| log.clock(&reading)),
         Sample::Frame { arrived, frame } => log.write(|log| log.frame(&frame, arrived)),
+        Sample::LateRgb { arrived, frame } => log.write(|log| log.late_rgb(&frame, arrived)),
+        Sample::Note { at, text } => log.write(|log| log.log(at, Severity::Info, &text)),
         Sample::Packet { stream, arrived, content } => {
             if let Some(file) = file {
                 put(file, stream, &content)?;

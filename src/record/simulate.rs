@@ -314,7 +314,7 @@ impl Files {
                 match sample {
                     Sample::Packet { .. } => self.tally[0] += 1,
                     Sample::Frame { .. } => self.tally[1] += 1,
-                    Sample::Clock(_) => {}
+                    Sample::LateRgb { .. } | Sample::Clock(_) | Sample::Note { .. } => {}
                 }
                 write_sample(sample, Some(&mut self.events), &self.log)
             }

@@ -23,7 +23,7 @@ mod writer;
 pub(super) use census::{RigLogCensus, census, stream_names};
 pub use records::{
     Arrival, ClockExchange, ClockSandwich, FrameMetadata, HostTime, PacketArrival, PiFrame,
-    Severity,
+    RawClockSandwich, Severity,
 };
 pub use writer::{RigLogWriter, Topic};
 

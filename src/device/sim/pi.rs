@@ -3,8 +3,8 @@
 use super::live::LiveWorld;
 use super::progress::TwinProgress;
 use super::world::{self, PiTwin};
+use crate::device::pi::order::Settings;
 use crate::device::pi::source::{FrameSource, SourceError};
-use crate::device::pi::wire::Settings;
 use crate::format::raw10::{self, Raw10Error};
 use crate::frame::Samples;
 use crate::geometry::Size;

@@ -7,8 +7,8 @@ use super::progress::TwinProgress;
 use crate::device::Finding;
 use crate::device::davis::{NetworkDavis, Patience as DavisPatience};
 use crate::device::pi::agent::Agent;
-use crate::device::pi::wire::Settings as PiSettings;
-use crate::device::pi::{NetworkPi, Patience as PiPatience};
+use crate::device::pi::order::Order;
+use crate::device::pi::{NetworkPi, Patience as PiPatience, Reach};
 use crate::device::recorder::{Outlet, Prepared, Recorder, RecorderError, Tally};
 use crate::trajectory::Settings;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -70,14 +70,15 @@ impl SimulatedCamera {
     ///
     /// # Errors
     /// When it cannot be served on the loopback interface.
-    pub fn pi(live: &Arc<LiveWorld>, settings: PiSettings) -> Result<Self, RecorderError> {
+    pub fn pi(live: &Arc<LiveWorld>, order: Order) -> Result<Self, RecorderError> {
         let source = SimulatedSource::new(Arc::clone(live));
         let progress = source.progress();
         let agent = Agent::serve(loopback(), Box::new(source))
             .map_err(|error| failed("the simulated pi", error))?;
+        let reach = Reach::Local { address: agent.address().to_string() };
         let patience = PiPatience { silence: SILENCE, ..PiPatience::default() };
         Ok(Self {
-            client: Box::new(NetworkPi::new(&agent.address().to_string(), settings, patience)),
+            client: Box::new(NetworkPi::reached(reach, order, patience)),
             live: Arc::clone(live),
             progress,
             counts_packets: false,

@@ -60,7 +60,7 @@ impl World {
             boottime_after: self.clocks.pi_boot(after),
         };
         let [asked, received] = [asked, answered].map(|time| self.host_time(time));
-        (answered, ClockExchange { asked, pi, answered: received })
+        (answered, ClockExchange { asked, pi, pi_raw: None, answered: received })
     }
 
     fn link(&self, way: Way, number: u64) -> Draws {
