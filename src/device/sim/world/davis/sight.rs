@@ -71,18 +71,7 @@ pub(super) fn sight(pixel: usize, scene: &Scene<'_>, scratch: &mut Scratch) -> S
 /// Whether all that the ray can meet in this slab is of one brightness.
 fn sees_one_value(ray: [f32; 2], scene: &Scene<'_>) -> bool {
     let looks = &scene.slab.looks;
-    let mut low = [f32::INFINITY; 2];
-    let mut high = [f32::NEG_INFINITY; 2];
     let n = looks.len() - 1;
-    for eighth in 0..=8 {
-        let texel = looks[n * eighth / 8].texel.at(ray);
-        for axis in 0..2 {
-            low[axis] = low[axis].min(texel[axis]);
-            high[axis] = high[axis].max(texel[axis]);
-        }
-    }
-    // Between two of the nine places the way bends by less than a quarter of what it spans.
-    let spare = [0, 1].map(|axis| 1.0 + 0.25 * (high[axis] - low[axis]));
-    let place = [low[0] - spare[0], low[1] - spare[1], high[0] + spare[0], high[1] + spare[1]];
-    scene.view.texture.is_flat(place)
+    let places = (0..=8).map(|eighth| looks[n * eighth / 8].texel.at(ray));
+    scene.view.texture.is_flat_along(places)
 }
