@@ -20,6 +20,7 @@ pub mod import;
 mod journal;
 mod layout;
 mod manifest;
+mod pictures;
 mod read;
 mod recording;
 mod rig_log;
@@ -35,11 +36,12 @@ pub use manifest::{
     Damage, DeviceEntry, FileEntry, Loss, Manifest, Origin, Recording, SCHEMA, Status, StreamEntry,
     StreamKind,
 };
+pub use pictures::{DavisPictures, PiPictures, Picture, PictureFacts};
 pub use read::{EventTally, LuminanceFrames};
 pub use recording::seal_recording;
 pub use rig_log::{
     Arrival, ClockExchange, ClockSandwich, FrameMetadata, HostTime, PacketArrival, PiFrame,
-    RigLogError, RigLogWriter, Severity, Topic,
+    RigLogError, RigLogWriter, RigNotes, Severity, TimedPose, Topic,
 };
 pub use stage::{StageRecord, read_stage, write_stage};
 pub use verify::{Finding, Verification, verify};
