@@ -19,6 +19,9 @@ use crate::geometry::Size;
 use crate::rig::Rig;
 use crate::time::{Clock, PiSensor, Stamp, Unix};
 
+#[cfg(test)]
+mod tests;
+
 /// One frame and what is known of it beside its pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture<C: Clock> {
