@@ -121,6 +121,22 @@ impl Session {
         DavisPictures::open(self, entry)
     }
 
+    /// SensorTimestamp and RealTime of each frame of an import from the published layout, in the
+    /// order of recording; none for a RealTime that could not be read. Empty where there are none.
+    ///
+    /// # Errors
+    /// When the columns cannot be read.
+    pub fn imported_pi_stamps(&self) -> Result<Vec<PiStamps>, SessionError> {
+        let sensor = self.layout().frames().join("sensor_timestamp_ns.npy");
+        if !sensor.exists() {
+            return Ok(Vec::new());
+        }
+        let real = pi::read_column(&self.layout().frames().join("real_time_us.npy"))?;
+        let sensor = pi::read_column(&sensor)?;
+        let stamps = sensor.into_iter().zip(real);
+        Ok(stamps.map(|(ns, us)| (Stamp::from_nanos(ns), pi::real_time(us))).collect())
+    }
+
     fn other_clock(&self, entry: &StreamEntry) -> SessionError {
         SessionError::OtherClock {
             root: self.root().to_owned(),
@@ -129,6 +145,9 @@ impl Session {
         }
     }
 }
+
+/// SensorTimestamp and RealTime of a frame.
+pub type PiStamps = (Stamp<PiSensor>, Option<Stamp<Unix>>);
 
 /// Streams of the log are entered under the host's clock, which orders it.
 pub(super) fn is_from_pi(entry: &StreamEntry) -> bool {

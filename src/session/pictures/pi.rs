@@ -158,8 +158,7 @@ impl PiPictures {
                 } else {
                     reader.next_u8(n * 4).map(Samples::U8)
                 };
-                // The import wrote zero for a time that could not be read.
-                let real = (real_us != 0).then(|| Stamp::from_micros(real_us));
+                let real = real_time(real_us);
                 let stamp = Stamp::from_nanos(stamp_ns);
                 Some(match samples {
                     Ok(samples) => Ok(self.imported(stamp, real, size, samples)),
@@ -191,6 +190,11 @@ fn open_npy(path: &Path, size: Size) -> Result<Source, SessionError> {
     sensor.truncate(n);
     real.truncate(n);
     Ok(Source::Npy { reader, stamps: sensor.into_iter().zip(real), size })
+}
+
+/// The import wrote zero for a time that could not be read.
+pub(super) fn real_time(us: i64) -> Option<Stamp<Unix>> {
+    (us != 0).then(|| Stamp::from_micros(us))
 }
 
 /// An array of whole numbers.
