@@ -15,6 +15,7 @@ mod text;
 pub use arm::{ArmDescription, ArmPort};
 pub use camera::{
     CameraDescription, DAVIS_BIASES, DavisDescription, PiDescription, Transport, UnknownTransport,
+    middle_crop_origin_px,
 };
 pub use delivery::{Coding, Focus, RgbDelivery, UnknownWord};
 pub(crate) use fields::{Fields, closest, read_description};
