@@ -63,10 +63,9 @@ fn lacks(&self, surroundings: &Surroundings) -> Option<&'static str> {
 mod tests {
     use super::super::trial::*;
     use super::super::Surroundings;
-    use crate::event::Event;
 
     #[test]
-    fn a_light_sampled_by_frames_gives_the_events_of_the_smooth_one() {
+    fn a_light_sampled_by_frames_is_smooth_again_as_far_as_the_share_goes() {
         let interval = 0.025;
         let wave = |x: f64, t: f64| 0.9 * (std::f64::consts::TAU * (4.0 * t + x / 16.0)).sin() - 1.0;
         let smooth = made(move |[x, _], t| wave(x, t));
@@ -79,13 +78,13 @@ mod tests {
             frame_times_us: (-4..60).map(|i| 25_000 * i).collect(),
             ..Surroundings::default()
         };
-        let inner = |events: Vec<Event>| -> Vec<Event> {
-            events.into_iter().filter(|e| (100_000..900_000).contains(&e.t)).collect()
+        let truth = light_of(&smooth, &[], around.clone());
+        let error = |share: &str| {
+            let found = light_of(&sampled, &[&format!("frame_interpolation:share={share}")], around.clone());
+            found.iter().zip(&truth).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
         };
-        let n = |events: Vec<Event>| inner(events).len() as f64;
-        let truth = n(events(&smooth, 1.0, &[]));
-        let lines = n(events(&sampled, 1.0, &[]));
-        let cubic = n(events_in(&sampled, 1.0, &["frame_interpolation:share=1"], around));
-        assert!(truth - lines > 5.0 * (truth - cubic).abs(), "{truth} {lines} {cubic}");
+        let (lines, half, cubic) = (error("0"), error("0.5"), error("1"));
+        assert!(lines > 0.03 && cubic < 0.2 * lines, "{lines} {cubic}");
+        assert!((half / lines - 0.5).abs() < 0.15, "{half} {lines}");
     }
 }

@@ -43,10 +43,11 @@ mod tests {
         let rows = |events: Vec<Event>, y: u16| -> Vec<Event> {
             events.into_iter().filter(|e| e.y == y).collect()
         };
-        let late = events(&light, 1.0, &["rolling_shutter:row_us=100"]);
+        let plain = events(&light, 2.0, &[]);
+        let late = events(&light, 2.0, &["rolling_shutter:row_us=400"]);
         for y in [0, 10, 39] {
-            let found = mean_lag(&rows(events(&light, 1.0, &[]), y), &rows(late.clone(), y));
-            assert!((found - 100.0 * f64::from(y)).abs() < 60.0, "{found} in row {y}");
+            let found = phase_lag(&rows(plain.clone(), y), &rows(late.clone(), y), 2.0);
+            assert!((found - 400.0 * f64::from(y)).abs() < 250.0, "{found} in row {y}");
         }
     }
 }

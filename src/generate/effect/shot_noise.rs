@@ -81,7 +81,7 @@ mod tests {
         for (rms, bandwidth_hz) in [(0.5, 20.0), (0.35, 300.0)] {
             let (alternation_expected, per_tau) = fine(rms, 5);
             let words = format!("shot_noise:rms_thresholds={rms},bandwidth_hz={bandwidth_hz}");
-            let seconds = 1000.0 / bandwidth_hz;
+            let seconds = 60.0 / bandwidth_hz;
             let all = events(&still(-1.0), seconds, &[&words]);
             let tau = 1.0 / (std::f64::consts::TAU * bandwidth_hz);
             let rate = all.len() as f64 / SIZE.n_pixels() as f64 / seconds * tau;

@@ -139,3 +139,31 @@ pub(super) fn mean_lag(early: &[Event], late: &[Event]) -> f64 {
     });
     mean_and_sd(lags).0
 }
+
+/// By how much the events of `late` come behind those of `early` in light of frequency `hz`, from
+/// the phase of each pixel's On events, µs.
+pub(super) fn phase_lag(early: &[Event], late: &[Event], hz: f64) -> f64 {
+    let phases = |events: &[Event]| {
+        let mut all = vec![[0.0; 2]; SIZE.n_pixels()];
+        for event in events.iter().filter(|event| event.on) {
+            let (sin, cos) = (std::f64::consts::TAU * hz * event.t as f64 * 1e-6).sin_cos();
+            let sum = &mut all[SIZE.index(event.x, event.y)];
+            *sum = [sum[0] + cos, sum[1] + sin];
+        }
+        all
+    };
+    let turned = phases(early).into_iter().zip(phases(late)).map(|([a, b], [c, d])| {
+        [a * c + b * d, a * d - b * c]
+    });
+    let [re, im] = turned.fold([0.0; 2], |[re, im], [x, y]| [re + x, im + y]);
+    im.atan2(re) / (std::f64::consts::TAU * hz) * 1e6
+}
+
+/// The light of a pixel behind effects.
+pub(super) fn light_of(light: &dyn Drive, words: &[&str], surroundings: Surroundings) -> Vec<f32> {
+    let k = Coefficients::DVS346;
+    let parameters = ForwardParameters { k, effects: Effects::from_words(words).unwrap(), step_us: 500 };
+    let forward = Forward::new(parameters, surroundings).unwrap();
+    let grid = TimeGrid { start_us: 0, step_us: 500, n: 2_000 };
+    forward.light(light, 20, 10, grid).unwrap()
+}
