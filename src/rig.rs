@@ -14,6 +14,7 @@ mod text;
 pub use arm::{ArmDescription, ArmPort};
 pub use camera::{
     CameraDescription, DAVIS_BIASES, DavisDescription, PiDescription, Transport, UnknownTransport,
+    middle_crop_origin_px,
 };
 pub(crate) use fields::{Fields, closest, read_description};
 pub use kinematics::{Kinematics, Unreachable};

@@ -43,8 +43,7 @@ pub fn compare(
     inputs.extend(inputs::of_events(session, simulated_name)?);
     let light = light_of(session, &request.simulated);
     if let Some(light) = &light {
-        let entry = session.stream(StreamKind::Frames, light)?;
-        inputs.extend(inputs::of_recorded(session, entry));
+        inputs.extend(super::light::inputs_of(session, light)?);
     }
     let parameters = json!({
         "real": request.real,
@@ -136,7 +135,7 @@ impl LogFrames {
         let step = n_samples.div_ceil(MAX_SAMPLES).max(1);
         let mut frames = Self { times_us: Vec::new(), logs: Vec::new() };
         let mut last = None;
-        for (i, frame) in session.luminance(light)?.enumerate() {
+        for (i, frame) in super::light::light(session, light)?.enumerate() {
             let frame = frame?;
             if (i as u64).is_multiple_of(step) {
                 frames.push(&frame);

@@ -67,7 +67,7 @@ fn moment(
     };
     let mut best: Option<(usize, Luminance, i64)> = None;
     let mut before: Option<Luminance> = None;
-    for frame in session.luminance(light)? {
+    for frame in super::light::light(session, light)? {
         let frame = frame?;
         if let Some(before) = before.take() {
             let n = n_between(before.t_us, frame.t_us);

@@ -68,6 +68,23 @@ pub struct PiDescription {
     pub raw: bool,
     /// Whether RGB frames are recorded.
     pub rgb: bool,
+    /// Column and row of the crop's first pixel in the sensor's mode, whose rows are read one after
+    /// another from the SensorTimestamp on. Where it is not stated: the middle of [`SENSOR_MODE`].
+    pub crop_origin_px: [i16; 2],
+}
+
+/// The Camera Module 3's fast mode (IMX708, 2 x 2 binned and cropped to 1536 x 864).
+const SENSOR_MODE: Size = Size::new(1536, 864);
+
+/// Column and row of the first pixel of a crop from the middle of the sensor's fast mode; the
+/// beginning of a mode unknown for what is larger. Even, so that a mosaic keeps its order.
+#[must_use]
+pub fn middle_crop_origin_px(size: Size) -> [i16; 2] {
+    let first = |mode: u16, crop: u16| {
+        let margin = mode.checked_sub(crop).map_or(0, |margin| margin / 4 * 2);
+        i16::try_from(margin).unwrap_or(i16::MAX)
+    };
+    [first(SENSOR_MODE.width, size.width), first(SENSOR_MODE.height, size.height)]
 }
 
 /// The DAVIS346's biases in the driver's names.
@@ -201,7 +218,13 @@ impl PiDescription {
     pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
         let camera = CameraDescription::read(fields);
         camera.check_exposure(fields);
+        let crop_origin_px = if fields.has("crop_origin_px") {
+            fields.numbers("crop_origin_px", 0.0..=8192.0).map(|px: f64| px as i16)
+        } else {
+            middle_crop_origin_px(camera.size)
+        };
         Self {
+            crop_origin_px,
             camera,
             raw_bits: fields.integer("raw_bits", 8.0..=16.0),
             raw: fields.optional_bool("raw").unwrap_or(true),
@@ -213,6 +236,12 @@ impl PiDescription {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_crop_comes_from_the_middle_of_the_mode_unless_it_is_larger() {
+        assert_eq!(middle_crop_origin_px(Size::new(692, 520)), [422, 172]);
+        assert_eq!(middle_crop_origin_px(Size::new(2304, 1296)), [0, 0]);
+    }
 
     #[test]
     fn transports_are_told_apart() {
