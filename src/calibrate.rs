@@ -4,27 +4,33 @@
 //! 1. [`Regressions`]: the paper's procedure, samples binned by brightness and its change,
 //!    first-passage laws fitted to each bin, three weighted regressions. Its biases are listed there.
 //! 2. [`PassageFit`]: estimating equations over whole passages, unbiased under the model.
-//! 3. [`search`]: a black-box search over k by an [`Objective`], judged on held-out tiles.
+//! 3. [`search`](fn@search): a black-box search over k by an [`Objective`], judged on held-out tiles.
 //!
 //! Pure: frames and events come in, constants go out. Pixels are split into training and
 //! held-out tiles like the fields of a chessboard; constants see the training tiles only.
 
 mod along;
 mod bins;
+mod calibration;
+mod emd;
 mod estimate;
 mod least_squares;
 mod light;
 mod passage;
 mod passage_fit;
 mod regression;
+mod search;
 #[cfg(test)]
 mod tests;
 
 pub use bins::{BinFit, PassageLaw};
+pub use calibration::{Calibration, Candidate, Settings, Split, calibrate};
+pub use emd::EmdObjective;
 pub use estimate::Constant;
 pub use light::{Light, LightBuilder, Part, TILE};
 pub use passage_fit::PassageFit;
 pub use regression::{Histogram, Line, Regressions};
+pub use search::{Found, Objective, search};
 
 use crate::event::EventSlice;
 use crate::geometry::Size;

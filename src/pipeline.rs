@@ -5,15 +5,18 @@
 //! be the same is fresh and is not run again. Results hold no time of day and no path
 //! outside the session, so that they are the same bytes on any machine.
 
+mod calibrate;
 mod compare;
 mod generate;
 mod inputs;
 mod report;
 
+pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration};
 pub use compare::{CompareRequest, compare, read_comparison};
 pub use generate::{GenerateRequest, Generated, GenerationSpeed, default_light, generate};
 pub use report::report;
 
+use crate::calibrate::CalibrateError;
 use crate::compare::CompareError;
 use crate::format::aedat4::WriteError;
 use crate::generate::{GenerateError, ParameterError};
@@ -41,6 +44,14 @@ pub enum PipelineError {
     /// The generator's parameters cannot be used.
     #[error(transparent)]
     Parameters(#[from] ParameterError),
+    /// Constants cannot be told from the session.
+    #[error("calibrating on {session}: {source}", session = session.display())]
+    Calibrate {
+        /// The session.
+        session: PathBuf,
+        /// What is wrong.
+        source: CalibrateError,
+    },
     /// Events cannot be compared.
     #[error("comparing `{simulated}` with `{real}` in {session}: {source}", session = session.display())]
     Compare {
