@@ -20,6 +20,7 @@
 //! | [`filter`] | hot pixels, background activity, dead time, rate limit; every event has a fate |
 //! | [`clock`] | SensorTimestamp to Unix, each map with its error; offset from motion that both cameras saw |
 //! | [`scene`] | what the event pixels looked at: their light signal |
+//! | [`predict`] | the events that were seen against the light: how likely they are, what is left over |
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
@@ -48,6 +49,7 @@ pub mod generate;
 pub mod geometry;
 pub mod imu;
 pub mod pipeline;
+pub mod predict;
 pub mod record;
 pub mod report;
 pub mod rig;
