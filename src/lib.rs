@@ -21,6 +21,7 @@
 //! | [`clock`] | SensorTimestamp to Unix, each map with its error; offset from motion that both cameras saw |
 //! | [`scene`] | what the event pixels looked at: their light signal |
 //! | [`calibrate`] | the generator's constants from frames and real events, each with its error |
+//! | [`predict`] | the events that were seen against the light: how likely they are, what is left over |
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
@@ -50,6 +51,7 @@ pub mod generate;
 pub mod geometry;
 pub mod imu;
 pub mod pipeline;
+pub mod predict;
 pub mod record;
 pub mod report;
 pub mod rig;
