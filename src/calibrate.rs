@@ -19,6 +19,7 @@ mod light;
 mod passage;
 mod passage_fit;
 mod regression;
+mod score;
 mod search;
 #[cfg(test)]
 mod tests;
@@ -30,6 +31,7 @@ pub use estimate::Constant;
 pub use light::{Light, LightBuilder, Part, TILE};
 pub use passage_fit::PassageFit;
 pub use regression::{Histogram, Line, Regressions};
+pub use score::ScoreObjective;
 pub use search::{Found, Objective, search};
 
 use crate::event::EventSlice;

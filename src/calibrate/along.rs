@@ -56,10 +56,7 @@ impl Along {
     /// Its derivatives by k3 and k6.
     pub(super) fn variance_by(&self, k: &[f64; 6]) -> [f64; 2] {
         let [_, _, k3, _, _, k6] = *k;
-        [
-            2.0 * (k3 * self.shot2 + k6 * self.shot),
-            2.0 * (k3 * self.shot + k6 * self.time_us),
-        ]
+        [2.0 * (k3 * self.shot2 + k6 * self.shot), 2.0 * (k3 * self.shot + k6 * self.time_us)]
     }
 }
 
@@ -143,8 +140,7 @@ fn until_passage(sum: &Along, rates: &Along, k: &[f64; 6]) -> f64 {
     let (drift, rate) = (sum.drift(k), rates.drift(k));
     let by_drift = if rate == 0.0 { f64::INFINITY } else { (rate.signum() - drift) / rate };
     let spread = rates.variance(k);
-    let by_noise =
-        if spread > 0.0 { (1.0 - sum.variance(k)) / spread } else { f64::INFINITY };
+    let by_noise = if spread > 0.0 { (1.0 - sum.variance(k)) / spread } else { f64::INFINITY };
     by_drift.min(by_noise).max(0.0)
 }
 

@@ -110,7 +110,8 @@ impl Bins {
             let Some((row, column)) = row.zip(column) else { continue };
             let bin = row * N_BINS + column;
             self.samples.push((bin as u16, sample.t as f32));
-            let tile = by_tile.entry(sample.tile).or_insert_with(|| vec![Sums::default(); all.len()]);
+            let tile =
+                by_tile.entry(sample.tile).or_insert_with(|| vec![Sums::default(); all.len()]);
             for sums in [&mut tile[bin], &mut all[bin]] {
                 sums.n += 1.0;
                 sums.n_on += f64::from(u8::from(sample.on));
@@ -156,7 +157,8 @@ impl Bins {
     /// Intervals (µs) of the `n` fullest kept bins of different drift, each with its number in
     /// what [`Bins::fit`] gives.
     pub(super) fn fullest(&self, n: usize) -> Vec<(usize, Vec<f64>)> {
-        let count = |bin: usize| self.samples.iter().filter(|(b, _)| usize::from(*b) == bin).count();
+        let count =
+            |bin: usize| self.samples.iter().filter(|(b, _)| usize::from(*b) == bin).count();
         let mut order: Vec<(usize, usize, usize)> =
             self.kept.iter().enumerate().map(|(i, &bin)| (count(bin), i, bin)).collect();
         order.sort_unstable_by(|a, b| b.cmp(a));

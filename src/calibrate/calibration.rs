@@ -2,7 +2,7 @@
 
 use super::passage_fit::PassageFit;
 use super::regression::Regressions;
-use super::search::{Objective, search};
+use super::search::{NO_VALUE, Objective, search};
 use super::{CalibrateError, Light, Part, fit, regress};
 use crate::event::EventSlice;
 use crate::generate::voltmeter::Coefficients;
@@ -70,6 +70,37 @@ pub struct Split {
     pub n_unusable_pixels: usize,
 }
 
+impl Candidate {
+    fn new(name: &str, k: Coefficients, train: f64, held_out: f64) -> Self {
+        let known = |value: f64| (value.abs() < NO_VALUE).then_some(value);
+        Self { name: name.to_owned(), k, train: known(train), held_out: known(held_out) }
+    }
+}
+
+/// An objective of the nuisances alone.
+struct Fixed<'a> {
+    objective: &'a dyn Objective,
+    k: [f64; 6],
+}
+
+impl Objective for Fixed<'_> {
+    fn name(&self) -> &'static str {
+        self.objective.name()
+    }
+
+    fn sees(&self) -> [bool; 6] {
+        [false; 6]
+    }
+
+    fn nuisances(&self) -> Vec<f64> {
+        self.objective.nuisances()
+    }
+
+    fn value(&self, _: [f64; 6], nuisances: &[f64], part: Part) -> f64 {
+        self.objective.value(self.k, nuisances, part)
+    }
+}
+
 impl Calibration {
     /// The schema's name.
     pub const SCHEMA: &'static str = "evrig.calibration/1";
@@ -92,8 +123,13 @@ pub fn calibrate(
             Err(error) => return Err(error),
         };
     let values = |k: &[super::Constant; 6]| k.map(|k| k.estimate.value);
-    let start = regressions.as_ref().map_or(settings.published.k(), |r| values(&r.k));
-    let passages = fit(light, events, Part::Train, start)?;
+    // Biased regressions can end far off; the published constants are the other place to start.
+    let start = regressions.as_ref().map(|r| values(&r.k)).filter(|k| k[0] > 0.0);
+    let from_regressions = start.and_then(|k| fit(light, events, Part::Train, k).ok());
+    let passages = match from_regressions {
+        Some(passages) => passages,
+        None => fit(light, events, Part::Train, settings.published.k())?,
+    };
     let mut candidates = vec![("published", settings.published)];
     let fitted = [
         ("regressions", regressions.as_ref().map(|r| values(&r.k))),
@@ -102,26 +138,24 @@ pub fn calibrate(
     for (name, k) in fitted {
         candidates.extend(k.and_then(within_ranges).map(|k| (name, k)));
     }
+    let mut n_evaluations = 0;
     let judge = |(name, k): (&str, Coefficients)| {
-        let value = |part| Some(objective.value(k.k(), &objective.nuisances(), part));
-        let known = |value: Option<f64>| value.filter(|v| v.is_finite());
-        let (train, held_out) = (known(value(Part::Train)), known(value(Part::HeldOut)));
-        Candidate { name: name.to_owned(), k, train, held_out }
+        // Each with the nuisances that suit it best: k is what is judged.
+        let n_fit = 40 * objective.nuisances().len();
+        let fixed = Fixed { objective, k: k.k() };
+        let found = search(&fixed, k.k(), n_fit, settings.seed);
+        n_evaluations += found.n_evaluations + 1;
+        let held_out = objective.value(k.k(), &found.nuisances, Part::HeldOut);
+        Candidate::new(name, k, found.train, held_out)
     };
     let mut candidates: Vec<Candidate> = candidates.into_iter().map(judge).collect();
-    let mut n_evaluations = 2 * candidates.len();
     if settings.n_evaluations > 0 {
         let start = best(&candidates).map_or(settings.published, |best| best.k);
         let found = search(objective, start.k(), settings.n_evaluations, settings.seed);
         n_evaluations += found.n_evaluations;
         if let Some(k) = within_ranges(found.k) {
             let held_out = objective.value(found.k, &found.nuisances, Part::HeldOut);
-            candidates.push(Candidate {
-                name: "search".into(),
-                k,
-                train: Some(found.train).filter(|v| v.is_finite()),
-                held_out: Some(held_out).filter(|v| v.is_finite()),
-            });
+            candidates.push(Candidate::new("search", k, found.train, held_out));
         }
     }
     let (k, from) = best(&candidates)

@@ -134,9 +134,9 @@ impl Cloud {
     fn new(events: EventSlice<'_>) -> Option<Self> {
         let n = events.len();
         let cells = |value: &dyn Fn(usize) -> f64| -> Vec<usize> {
-            let ends = (0..n).map(value).fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| {
-                [a.min(v), b.max(v)]
-            });
+            let ends = (0..n)
+                .map(value)
+                .fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)]);
             let width = (ends[1] - ends[0]).max(f64::MIN_POSITIVE);
             let cell = |i| ((value(i) - ends[0]) / width * SIDE as f64) as usize;
             (0..n).map(|i| cell(i).min(SIDE - 1)).collect()

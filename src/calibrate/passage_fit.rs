@@ -23,9 +23,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Rounds of foretelling and solving.
-const N_ROUNDS: usize = 5;
+const N_ROUNDS: usize = 4;
 /// Newton steps within a round.
-const N_STEPS: usize = 4;
+const N_STEPS: usize = 2;
 /// A floor of the variance in the weights, thresholds squared.
 const LEAST_VARIANCE: f64 = 1e-8;
 
@@ -185,7 +185,7 @@ fn equations<const P: usize>(
 
 impl<const P: usize> Equations<P> {
     fn step(&self) -> Option<DVector<f64>> {
-        let sum: DVector<f64> = self.scores.iter().sum();
+        let sum = self.scores.iter().fold(DVector::zeros(P), |sum, score| sum + score);
         solve(&self.matrix, &sum)
     }
 

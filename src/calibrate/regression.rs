@@ -153,9 +153,11 @@ fn solve(points: &[BinFit], lines: &[Line]) -> Option<Solution> {
         let c = p.change_dn_per_us / (p.mean_dn + k2);
         ([c, p.mean_dn, 1.0], p.drift_per_us, p.n)
     }))?;
-    let [k3, k6] = weighted(points.iter().map(|p| {
-        ([p.mean_dn.sqrt() / (p.mean_dn + k2), 1.0], p.sigma_per_sqrt_us, p.n)
-    }))?;
+    let [k3, k6] = weighted(
+        points
+            .iter()
+            .map(|p| ([p.mean_dn.sqrt() / (p.mean_dn + k2), 1.0], p.sigma_per_sqrt_us, p.n)),
+    )?;
     Some([k1, k2, k3, k4, k5, k6, k1_prime])
 }
 

@@ -44,7 +44,7 @@ const LEAST: [f64; 6] = [1e-2, 1e-3, 1e-8, 1e-10, 1e-12, 1e-8];
 /// First step, in natural logarithms.
 const STEP: f64 = 0.25;
 /// Stands for "no value": the crate takes finite numbers only.
-const NO_VALUE: f64 = 1e12;
+pub(super) const NO_VALUE: f64 = 1e12;
 
 /// Searches from `start` with about `n_evaluations` evaluations. Never worse than the start.
 #[must_use]
@@ -81,6 +81,9 @@ pub fn search(
         value
     };
     let origin = vec![0.0; free.len() + nuisances.len()];
+    if origin.is_empty() {
+        return Found { n_evaluations: spent, ..best };
+    }
     let options = CMAESOptions::new(origin, STEP)
         .max_function_evals(n_evaluations.saturating_sub(1).max(1))
         .seed(seed);

@@ -1,7 +1,8 @@
 //! The stage `calibrate`: the generator's constants from a session's frames and real events.
 
 use super::{Freshness, PipelineError, clear, fresh_record, inputs};
-use crate::calibrate::{self, Calibration, EmdObjective, Light, LightBuilder, Settings};
+use crate::calibrate::{self, Calibration, EmdObjective, Light, LightBuilder, Objective};
+use crate::calibrate::{ScoreObjective, Settings};
 use crate::generate::voltmeter::Coefficients;
 use crate::session::{Session, StageRecord, StreamKind, StreamName, write_stage};
 use serde::{Deserialize, Serialize};
@@ -11,6 +12,8 @@ use serde_json::json;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ObjectiveKind {
+    /// The predictive log score of the real events.
+    Score,
     /// The paper's normalised earth mover's distance.
     Emd,
 }
@@ -82,8 +85,7 @@ fn run(
     request: &CalibrateRequest,
     n_frames: u64,
 ) -> Result<Calibration, PipelineError> {
-    let failed =
-        |source| PipelineError::Calibrate { session: session.root().to_owned(), source };
+    let failed = |source| PipelineError::Calibrate { session: session.root().to_owned(), source };
     let (events, _) = session.events(&request.real)?;
     let mut builder: Option<LightBuilder> = None;
     let mut brightest = 0.0_f32;
@@ -107,10 +109,11 @@ fn run(
         seed: request.seed,
     };
     let events = events.as_slice();
-    let objective = match request.objective {
-        ObjectiveKind::Emd => EmdObjective::new(&light, events, request.seed),
+    let objective: Box<dyn Objective> = match request.objective {
+        ObjectiveKind::Score => Box::new(ScoreObjective::new(&light, events, request.seed)),
+        ObjectiveKind::Emd => Box::new(EmdObjective::new(&light, events, request.seed)),
     };
-    calibrate::calibrate(&light, events, &objective, &settings).map_err(failed)
+    calibrate::calibrate(&light, events, objective.as_ref(), &settings).map_err(failed)
 }
 
 /// The calibration that a session holds for a light; `None` without one.
