@@ -2,6 +2,8 @@
 
 mod estimate;
 mod moments;
+mod random;
 
 pub use estimate::Estimate;
 pub use moments::{Moments, quantile_sorted};
+pub use random::SplitMix;
