@@ -26,7 +26,9 @@ pub use pi::{PairArgs, PiArgs, PiCamera};
 pub use plan::PlanArgs;
 pub use record::RecordArgs;
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
-pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
+pub use stages::{
+    CalibrateArgs, CalibrateObjective, CompareArgs, GenerateArgs, ModelArgs, ProcessArgs,
+};
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]
@@ -72,6 +74,8 @@ pub enum Command {
     Verify(VerifyArgs),
     /// Generate events from frames
     Generate(GenerateArgs),
+    /// Fit the generator's constants k to a session's real events, each with its error
+    Calibrate(CalibrateArgs),
     /// Compare simulated events with real ones, each measure with its error
     Compare(CompareArgs),
     /// Run every stage a session has the inputs for

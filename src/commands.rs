@@ -8,6 +8,7 @@ use clap::{CommandFactory, Parser};
 use std::process::ExitCode;
 
 mod about;
+mod calibrate;
 mod check;
 mod compare;
 mod demo;
@@ -66,6 +67,7 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Info(args) => info::run(&args, output),
         Command::Verify(args) => verify::run(&args, output),
         Command::Generate(args) => generate::run(&args, output),
+        Command::Calibrate(args) => calibrate::run(&args, output),
         Command::Compare(args) => compare::run(&args, output),
         Command::Process(args) => process::run(&args, output),
         Command::Report(args) => report::run(&args, output),

@@ -4,7 +4,9 @@
 //! the previous frame and this one. Generators are seeded; the same seed gives
 //! the same events, whatever the number of threads.
 
+pub mod effect;
 mod esim;
+pub mod forward;
 mod grid;
 mod knobs;
 #[cfg(test)]

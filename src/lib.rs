@@ -20,6 +20,8 @@
 //! | [`filter`] | hot pixels, background activity, dead time, rate limit; every event has a fate |
 //! | [`clock`] | SensorTimestamp to Unix, each map with its error; offset from motion that both cameras saw |
 //! | [`scene`] | what the event pixels looked at: their light signal |
+//! | [`calibrate`] | the generator's constants from frames and real events, each with its error |
+//! | [`predict`] | the events that were seen against the light: how likely they are, what is left over |
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
@@ -34,6 +36,7 @@
 //! 4. Every count in a report is recomputed from files, not taken from what a device said.
 //! 5. Randomness is always a seeded generator passed in; the seed is in the manifest.
 
+pub mod calibrate;
 pub mod cli;
 pub mod clock;
 pub mod commands;
@@ -49,6 +52,7 @@ pub mod generate;
 pub mod geometry;
 pub mod imu;
 pub mod pipeline;
+pub mod predict;
 pub mod prove;
 pub mod record;
 pub mod report;

@@ -5,6 +5,7 @@
 //! be the same is fresh and is not run again. Results hold no time of day and no path
 //! outside the session, so that they are the same bytes on any machine.
 
+mod calibrate;
 mod compare;
 mod generate;
 mod inputs;
@@ -13,6 +14,7 @@ mod report;
 mod sync;
 mod track;
 
+pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration};
 pub use compare::{CompareRequest, compare, read_comparison};
 pub use generate::{GenerateRequest, Generated, GenerationSpeed, default_light, generate};
 pub use light::{Light, light};
@@ -22,6 +24,7 @@ pub use track::{
     AnyTrack, TrackRequest, TrackSummary, Tracked, read_summary, read_track, track, tracked,
 };
 
+use crate::calibrate::CalibrateError;
 use crate::clock::ClockError;
 use crate::compare::CompareError;
 use crate::format::aedat4::WriteError;
@@ -69,6 +72,14 @@ pub enum PipelineError {
     /// The generator's parameters cannot be used.
     #[error(transparent)]
     Parameters(#[from] ParameterError),
+    /// Constants cannot be told from the session.
+    #[error("calibrating on {session}: {source}", session = session.display())]
+    Calibrate {
+        /// The session.
+        session: PathBuf,
+        /// What is wrong.
+        source: CalibrateError,
+    },
     /// Events cannot be compared.
     #[error("comparing `{simulated}` with `{real}` in {session}: {source}", session = session.display())]
     Compare {

@@ -5,6 +5,7 @@
 //! one file that loads nothing, runs no foreign script and is complete without its own.
 //! Nothing here computes a result: numbers come in with their errors.
 
+pub mod calibration;
 pub mod figure;
 pub mod measure;
 pub mod number;

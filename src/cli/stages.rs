@@ -1,6 +1,6 @@
-//! The stages of analysis: `generate`, `compare`, `process`.
+//! The stages of analysis: `generate`, `calibrate`, `compare`, `process`.
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
 /// Arguments of `evrig generate`.
@@ -41,11 +41,12 @@ pub struct ModelArgs {
     #[arg(long, value_name = "MODEL")]
     pub model: Option<String>,
 
-    /// A published set of parameters: DVS346, DVS240, Raw2DVS346, RGB2DVS346, or one of esim and v2e
+    /// A published set of parameters: DVS346, DVS240, Raw2DVS346, RGB2DVS346, one of esim and v2e;
+    /// or tuned: the session's own, from `evrig calibrate`
     #[arg(long, value_name = "PRESET", conflicts_with = "k")]
     pub preset: Option<String>,
 
-    /// The voltmeter's parameters k1,...,k6
+    /// The voltmeter's parameters k1,...,k6; @calibrated: those of `evrig calibrate`
     #[arg(long, value_name = "K1,...,K6", allow_hyphen_values = true)]
     pub k: Option<String>,
 
@@ -64,6 +65,60 @@ pub struct ModelArgs {
     /// Seed of all draws; the same seed gives the same events
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
+}
+
+impl ModelArgs {
+    /// Whether the user chose a model or its constants.
+    #[must_use]
+    pub const fn is_given(&self) -> bool {
+        self.model.is_some() || self.preset.is_some() || self.k.is_some() || !self.knobs.is_empty()
+    }
+}
+
+/// Arguments of `evrig calibrate`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    evrig calibrate sessions/street\n  \
+    evrig calibrate sessions/street --objective emd --evaluations 120\n  \
+    evrig generate sessions/street --k @calibrated --name tuned\n\n\
+    score: the predictive log score of the real events, nats an event. emd: the paper's normalised earth \
+    mover's distance of the points (t, x, y); it sees neither polarity nor number of events.")]
+pub struct CalibrateArgs {
+    /// The session
+    pub session: PathBuf,
+
+    /// The light: aps (the DAVIS's own frames) or frames (imported ones) [default: what the session has]
+    #[arg(long, value_name = "LIGHT")]
+    pub from: Option<String>,
+
+    /// The events to calibrate to
+    #[arg(long, value_name = "NAME", default_value = "real")]
+    pub real: String,
+
+    /// What the search improves
+    #[arg(long, value_enum, default_value = "score")]
+    pub objective: CalibrateObjective,
+
+    /// Evaluations of the search; 0: none, the best of the fits is taken
+    #[arg(long, value_name = "N", default_value_t = 300)]
+    pub evaluations: usize,
+
+    /// Seed of all draws
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+
+    /// Run even when the result is already there
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// What a calibration's search improves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum CalibrateObjective {
+    /// Predictive log score of the real events on held-out tiles
+    Score,
+    /// The paper's normalised earth mover's distance
+    Emd,
 }
 
 /// Arguments of `evrig compare`.

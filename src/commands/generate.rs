@@ -21,12 +21,36 @@ pub(super) fn run(args: &GenerateArgs, output: &Output) -> anyhow::Result<Ending
     let request = GenerateRequest {
         from: from.to_owned(),
         name: StreamName::new(name).map_err(|error| WrongUse(error.to_string()))?,
-        parameters: parameters(&args.choice)?,
+        parameters: tuned_parameters(&session, from, &args.choice)?,
         force: args.force,
     };
     let made = generate(&session, &request, output)?;
     output.result(&value(&request, &made), text(&request, &made))?;
     Ok(if made.tally.n_frames_not_later == 0 { Ending::Done } else { Ending::WithLosses })
+}
+
+/// The generator's parameters from what the user said, of which the session's own constants
+/// (`--k @calibrated`, `--preset tuned`) are looked up.
+pub(super) fn tuned_parameters(
+    session: &Session,
+    light: &str,
+    args: &ModelArgs,
+) -> anyhow::Result<GenerateParameters> {
+    let asks = |given: &Option<String>, word: &str| {
+        given.as_deref().is_some_and(|given| given.eq_ignore_ascii_case(word))
+    };
+    if !asks(&args.k, "@calibrated") && !asks(&args.preset, "tuned") {
+        return parameters(args);
+    }
+    let light = StreamName::new(light)?;
+    let Some(calibration) = pipeline::read_calibration(session, &light)? else {
+        anyhow::bail!(
+            "{root} has no constants for the light {light}; run `evrig calibrate {root} --from {light}` first",
+            root = session.root().display()
+        );
+    };
+    let k = Some(calibration.k.to_string());
+    parameters(&ModelArgs { k, preset: None, ..args.clone() })
 }
 
 /// The generator's parameters from what the user said.

@@ -1,8 +1,8 @@
 //! `evrig process`: every stage for which there is input, and what was left out and why.
 
-use super::{Ending, Output, compare, generate};
-use crate::cli::ProcessArgs;
-use crate::pipeline::{self, CompareRequest, GenerateRequest};
+use super::{Ending, Output, calibrate, compare, generate};
+use crate::cli::{ModelArgs, ProcessArgs};
+use crate::pipeline::{self, CompareRequest, GenerateRequest, PipelineError};
 use crate::session::{Session, StreamKind, StreamName};
 use serde_json::{Value, json};
 
@@ -13,26 +13,54 @@ pub(super) fn run(args: &ProcessArgs, output: &Output) -> anyhow::Result<Ending>
     let mut text = String::new();
     let mut n_lost = session.manifest().losses.len();
 
-    match pipeline::default_light(&session) {
-        Some(light) => {
-            let request = GenerateRequest {
-                from: light.to_owned(),
-                name: StreamName::new(light)?,
-                parameters: generate::parameters(&args.choice)?,
-                force: args.force,
-            };
-            let made = generate::generate(&session, &request, output)?;
-            n_lost += usize::from(made.tally.n_frames_not_later > 0);
-            text += &format!("generate  {}\n", generate::text(&request, &made));
-            stages.push(json!({ "stage": "generate", "result": generate::value(&request, &made) }));
+    let light = pipeline::default_light(&session);
+    let is_calibrated = match calibrate_light(&session, light, args, output)? {
+        Ok((words, stage)) => {
+            text += &words;
+            stages.push(stage);
+            true
         }
-        None => left_out.push(("generate", "the session has no frames to generate events from")),
+        Err(because) => {
+            left_out.push(("calibrate", because));
+            false
+        }
+    };
+    match light {
+        Some(light) => {
+            let plain =
+                (light.to_owned(), generate::tuned_parameters(&session, light, &args.choice)?);
+            let mut streams = vec![plain];
+            // Beside the user's choice, the session's own constants; not when they are the choice.
+            if is_calibrated && !args.choice.is_given() {
+                let tuned = ModelArgs { preset: Some("tuned".into()), ..args.choice.clone() };
+                let parameters = generate::tuned_parameters(&session, light, &tuned)?;
+                streams.push((format!("{light}-tuned"), parameters));
+            }
+            for (name, parameters) in streams {
+                let request = GenerateRequest {
+                    from: light.to_owned(),
+                    name: StreamName::new(&name)?,
+                    parameters,
+                    force: args.force,
+                };
+                let made = generate::generate(&session, &request, output)?;
+                n_lost += usize::from(made.tally.n_frames_not_later > 0);
+                text += &format!("generate  {}\n", generate::text(&request, &made));
+                stages.push(
+                    json!({ "stage": "generate", "result": generate::value(&request, &made) }),
+                );
+            }
+        }
+        None => left_out
+            .push(("generate", "the session has no frames to generate events from".to_owned())),
     }
 
     let simulated = compare::simulated(&session, "real");
     match session.stream(StreamKind::Events, "real") {
-        Err(_) => left_out.push(("compare", "the session has no real events")),
-        Ok(_) if simulated.is_empty() => left_out.push(("compare", "there is no simulated stream")),
+        Err(_) => left_out.push(("compare", "the session has no real events".to_owned())),
+        Ok(_) if simulated.is_empty() => {
+            left_out.push(("compare", "there is no simulated stream".to_owned()));
+        }
         Ok(_) => {
             for name in simulated {
                 let (words, stage) = compare_one(&session, name, args)?;
@@ -58,6 +86,36 @@ pub(super) fn run(args: &ProcessArgs, output: &Output) -> anyhow::Result<Ending>
     });
     output.result(&value, text)?;
     Ok(if n_lost == 0 { Ending::Done } else { Ending::WithLosses })
+}
+
+/// Calibrates on a light; or why the session cannot be calibrated on.
+fn calibrate_light(
+    session: &Session,
+    light: Option<&str>,
+    args: &ProcessArgs,
+    output: &Output,
+) -> anyhow::Result<Result<(String, Value), String>> {
+    let Some(light) = light else { return Ok(Err("the session has no frames".to_owned())) };
+    if session.stream(StreamKind::Events, "real").is_err() {
+        return Ok(Err("the session has no real events".to_owned()));
+    }
+    let request = pipeline::CalibrateRequest {
+        from: light.to_owned(),
+        real: "real".into(),
+        objective: pipeline::ObjectiveKind::Score,
+        n_evaluations: calibrate::EVALUATIONS,
+        seed: args.choice.seed,
+        force: args.force,
+    };
+    match calibrate::calibrate(session, &request, output) {
+        Ok((calibration, freshness)) => {
+            let words = format!("calibrate {}\n", calibrate::line(&calibration, freshness));
+            let result = calibrate::value(&request, &calibration, freshness)?;
+            Ok(Ok((words, json!({ "stage": "calibrate", "result": result }))))
+        }
+        Err(PipelineError::Calibrate { source, .. }) => Ok(Err(source.to_string())),
+        Err(error) => Err(error.into()),
+    }
 }
 
 fn compare_one(

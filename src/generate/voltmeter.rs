@@ -25,4 +25,5 @@ pub use coefficients::{Coefficients, Motion};
 pub(super) use lazy::LazyVoltmeter;
 #[cfg(test)]
 use lazy::Voltages;
+pub(super) use passage::{bridge_crosses, crossing_share};
 pub(super) use scalar::ScalarVoltmeter;

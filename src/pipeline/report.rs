@@ -1,6 +1,6 @@
 //! The stage `report`: what the other stages left in a session becomes one page.
 
-use super::{PipelineError, read_comparison};
+use super::{PipelineError, read_calibration, read_comparison};
 use crate::frame::Luminance;
 use crate::report::page::Fact;
 use crate::report::session::{Compared, page};
@@ -38,7 +38,13 @@ pub fn report(session: &Session) -> Result<String, PipelineError> {
             moment_us,
         });
     }
-    let page = page(session, real.as_slice(), &compared).map_err(PipelineError::Picture)?;
+    let mut calibrated = Vec::new();
+    for stream in session.manifest().streams.iter().filter(|s| s.kind == StreamKind::Frames) {
+        let Ok(light) = StreamName::new(&stream.name) else { continue };
+        calibrated.extend(read_calibration(session, &light)?.map(|c| (stream.name.clone(), c)));
+    }
+    let page =
+        page(session, real.as_slice(), &compared, &calibrated).map_err(PipelineError::Picture)?;
     Ok(page.to_html()?)
 }
 

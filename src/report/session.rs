@@ -1,5 +1,6 @@
 //! The report of one session: what was recorded, and how each simulated stream compares.
 
+use super::calibration;
 use super::figure::Link;
 use super::measure::Measure;
 use super::number::{count, significant};
@@ -7,6 +8,7 @@ use super::page::{Block, Fact, Page, Section, Summary};
 use super::plot::picture::PictureError;
 use super::plot::{cloud, heat, interval, overlay, rate, ratio};
 use super::table::{Cell, Column, Table};
+use crate::calibrate::Calibration;
 use crate::compare::{Comparison, IntervalDensity, Maps, RateBand};
 use crate::event::{EventSlice, Events};
 use crate::frame::Luminance;
@@ -42,6 +44,7 @@ pub fn page(
     session: &Session,
     real: EventSlice<'_>,
     compared: &[Compared],
+    calibrated: &[(String, Calibration)],
 ) -> Result<Page, PictureError> {
     let manifest = session.manifest();
     let mut summary = match compared.first() {
@@ -58,6 +61,7 @@ pub fn page(
     for stream in compared {
         sections.push(section(session, real, stream)?);
     }
+    sections.extend(calibrated.iter().map(|(light, c)| calibration::section(light, c)));
     sections.push(recording(manifest));
     Ok(Page {
         title: manifest.name.clone(),

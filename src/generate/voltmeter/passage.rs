@@ -108,7 +108,12 @@ impl Step {
 
 /// Whether a Brownian bridge that ends at `towards` < `distance` was at `distance` before.
 #[inline]
-pub(super) fn bridge_crosses(distance: f64, towards: f64, sd: f64, draws: &mut Draws) -> bool {
+pub(in crate::generate) fn bridge_crosses(
+    distance: f64,
+    towards: f64,
+    sd: f64,
+    draws: &mut Draws,
+) -> bool {
     let exponent = 2.0 * distance * (distance - towards) / (sd * sd);
     // Below the smallest uniform draw the answer is known without one.
     exponent < 40.0 && draws.uniform() < (-exponent).exp()
@@ -121,7 +126,12 @@ pub(super) fn bridge_crosses(distance: f64, towards: f64, sd: f64, draws: &mut D
 /// Michael, Schucany and Haas (Am. Stat. 30, 1976) do, with the roots written without
 /// cancellation and as reciprocals, so that sd = 0 and towards = distance need no case.
 #[inline]
-pub(super) fn crossing_share(distance: f64, towards: f64, sd: f64, draws: &mut Draws) -> f64 {
+pub(in crate::generate) fn crossing_share(
+    distance: f64,
+    towards: f64,
+    sd: f64,
+    draws: &mut Draws,
+) -> f64 {
     let delta = (towards - distance).abs() / distance;
     let scaled = sd * draws.normal() / distance;
     let r = 0.5 * scaled * scaled;

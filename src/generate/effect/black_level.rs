@@ -1,0 +1,59 @@
+//! Black level: the frames' pedestal is not the stated one.
+//!
+//! What the frames read without light was taken to be less than it is, so all their values are too
+//! high by the difference; the generator takes it off. Signature: the drive's contrast is too small
+//! in the dark, equal for both sides.
+
+use super::{Acts, Enters, Light, Parameter, Site, parameter};
+use serde::{Deserialize, Serialize};
+
+/// True pedestal less the stated one.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BlackLevel {
+    /// True pedestal less the stated one, digital units.
+    pub offset_dn: f64,
+}
+
+/// The least intensity above black that has a logarithm here, digital units: half a step.
+const FLOOR_DN: f64 = 0.5;
+
+impl Acts for BlackLevel {
+    fn enters(&self) -> Enters {
+        Enters::Frames
+    }
+
+    fn equation(&self) -> &'static str {
+        "I_true = I - b / white"
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        vec![parameter("offset_dn", self.offset_dn, -10000.0, 10000.0)]
+    }
+
+fn light(&self, site: &Site<'_>, light: &mut Light<'_>) {
+        let offset = (self.offset_dn / site.white_dn) as f32;
+        let floor = (FLOOR_DN / site.white_dn) as f32;
+        light.values.iter_mut().filter(|x| x.is_finite()).for_each(|x| {
+            *x = (x.exp() - offset).max(floor).ln();
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::trial::*;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn frames_with_a_pedestal_give_the_events_of_the_light() {
+        let wave = |x: f64, t: f64| 0.5 * (TAU * (2.0 * t + x / 16.0)).sin() - 3.0;
+        let light = made(move |[x, _], t| wave(x, t));
+        let raised = made(move |[x, _], t| (wave(x, t).exp() + 10.0 / 200.0).ln());
+        let truth = events(&light, 1.0, &[]);
+        assert!(events(&raised, 1.0, &[]).len() < truth.len() * 3 / 4);
+        let corrected = events(&raised, 1.0, &["black_level:offset_dn=10"]);
+        assert!((corrected.len() as f64 / truth.len() as f64 - 1.0).abs() < 2e-3);
+        assert!(mean_lag(&truth, &corrected).abs() < 5.0);
+    }
+}

@@ -1,0 +1,51 @@
+//! Dark current: current without light joins the photocurrent.
+//!
+//! The photodiode's leakage adds a constant to the intensity inside the logarithm (Lichtsteiner et
+//! al. 2008). Signature: contrast is compressed in the dark, by I/(I + d).
+
+use super::{Acts, Enters, Light, Parameter, Site, parameter};
+use serde::{Deserialize, Serialize};
+
+/// A constant beside the photocurrent.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DarkCurrent {
+    /// Dark current over the photocurrent of white paper.
+    pub fraction_of_white: f64,
+}
+
+impl Acts for DarkCurrent {
+    fn enters(&self) -> Enters {
+        Enters::Photodiode
+    }
+
+    fn equation(&self) -> &'static str {
+        "x = ln(I + d), I and d over white"
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        vec![parameter("fraction_of_white", self.fraction_of_white, 0.0, 10.0)]
+    }
+
+fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+        let dark = self.fraction_of_white as f32;
+        light.values.iter_mut().for_each(|x| *x = (x.exp() + dark).ln());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::trial::*;
+    #[test]
+    fn contrast_is_compressed_in_the_dark_and_hardly_in_the_light() {
+        let kept = |level: f64| {
+            let light = passing(2.0, level);
+            let with = events(&light, 2.0, &["dark_current:fraction_of_white=0.02"]).len();
+            with as f64 / events(&light, 2.0, &[]).len() as f64
+        };
+        let (bright, dark) = (kept(-0.6), kept(-4.0));
+        assert!(bright > 0.9, "{bright}");
+        // At I = 0.018 about half of the contrast is left.
+        assert!((0.3..0.6).contains(&dark), "{dark}");
+    }
+}

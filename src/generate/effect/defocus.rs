@@ -1,0 +1,64 @@
+//! Defocus: the event camera's lens is less sharp than the drive says.
+//!
+//! A blur of Gaussian shape over the light; its mean is taken at nine places that are exact for
+//! light of up to the fifth power of place (Gauss and Hermite). Signature: fewer events at fine
+//! structure, the same at every speed.
+
+use super::{Acts, Enters, Light, Parameter, Site, parameter};
+use serde::{Deserialize, Serialize};
+
+/// A Gaussian blur of the light in front of the pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Defocus {
+    /// Standard deviation of the blur, event pixels.
+    pub sigma_px: f64,
+}
+
+/// Weights of Gauss-Hermite's three places in one direction.
+const SHARES: [f32; 3] = [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0];
+
+impl Acts for Defocus {
+    fn enters(&self) -> Enters {
+        Enters::Optics
+    }
+
+    fn equation(&self) -> &'static str {
+        "I_seen = I * Gaussian of sigma"
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        vec![parameter("sigma_px", self.sigma_px, 0.0, 20.0)]
+    }
+
+fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+        let far = 3.0_f64.sqrt() * self.sigma_px;
+        let places = [-far, 0.0, far];
+        let offsets: [[f64; 2]; 9] = std::array::from_fn(|i| [places[i % 3], places[i / 3]]);
+        let weights: [f32; 9] = std::array::from_fn(|i| SHARES[i % 3] * SHARES[i / 3]);
+        light.add_from_around(offsets, |there, _, _| {
+            there.iter().zip(weights).map(|(x, weight)| weight * x.exp()).sum::<f32>().ln()
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::trial::*;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn fine_stripes_lose_contrast_as_a_gaussian_says_at_any_speed() {
+        let stripes = |amplitude: f64, hz: f64| made(move |[x, _], t| {
+            (0.3 * (1.0 + amplitude * (TAU * (hz * t + x / 12.0)).sin())).ln()
+        });
+        let left = (-0.5 * (TAU * 1.5 / 12.0_f64).powi(2)).exp();
+        for hz in [1.0, 5.0] {
+            let seen = events(&stripes(0.8, hz), 2.0, &["defocus:sigma_px=1.5"]).len() as f64;
+            let expected = events(&stripes(0.8 * left, hz), 2.0, &[]).len() as f64;
+            let sharp = events(&stripes(0.8, hz), 2.0, &[]).len() as f64;
+            assert!((seen / expected - 1.0).abs() < 0.03, "{seen} {expected} {sharp}");
+            assert!(seen < 0.8 * sharp);
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! Frame interpolation: what happens between two frames is not a straight line.
+//!
+//! Between its frames a drive from frames is straight in log intensity; light that passes smoothly is
+//! nearer the cubic through four frames (Catmull and Rom 1974). Signature: residuals locked to the
+//! phase between frames, stronger the faster the light changes.
+
+use super::{Acts, Enters, Light, Parameter, Site, Surroundings, parameter};
+use serde::{Deserialize, Serialize};
+
+/// A share of the way from straight lines to cubics between frames.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FrameInterpolation {
+    /// 0 leaves the lines, 1 takes the cubic.
+    pub share: f64,
+}
+
+impl Acts for FrameInterpolation {
+    fn enters(&self) -> Enters {
+        Enters::Frames
+    }
+
+    fn equation(&self) -> &'static str {
+        "x = (1 - s) line + s cubic between frames"
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        vec![parameter("share", self.share, 0.0, 1.0)]
+    }
+
+fn lacks(&self, surroundings: &Surroundings) -> Option<&'static str> {
+        (surroundings.frame_times_us.len() < 4).then_some("the times of at least four frames")
+    }
+
+    fn light(&self, site: &Site<'_>, light: &mut Light<'_>) {
+        let grid = light.grid();
+        let knots: Vec<f64> = site.surroundings.frame_times_us.iter()
+            .map(|&t| grid.position(t as f64)).collect();
+        let before = light.values.to_vec();
+        let at = |t: f64| -> Option<f64> {
+            let i = t.floor();
+            if i < 0.0 || i as usize + 1 >= before.len() {
+                return None;
+            }
+            let (i, u) = (i as usize, t - i);
+            let value = f64::from(before[i]) * (1.0 - u) + f64::from(before[i + 1]) * u;
+            value.is_finite().then_some(value)
+        };
+        for frames in knots.windows(4) {
+            let &[a, b, c, d] = frames else { continue };
+            let (Some(xa), Some(xb), Some(xc), Some(xd)) = (at(a), at(b), at(c), at(d)) else { continue };
+            let (m0, m1) = ((xc - xa) / (c - a) * (c - b), (xd - xb) / (d - b) * (c - b));
+            for i in b.ceil() as usize..=(c.floor() as usize).min(before.len() - 1) {
+                let u = (i as f64 - b) / (c - b);
+                let bend = u * (1.0 - u) * ((1.0 - u) * (m0 - (xc - xb)) - u * (m1 - (xc - xb)));
+                light.values[i] += (self.share * bend) as f32;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::trial::*;
+    use super::super::Surroundings;
+
+    #[test]
+    fn a_light_sampled_by_frames_is_smooth_again_as_far_as_the_share_goes() {
+        let interval = 0.025;
+        let wave = |x: f64, t: f64| 0.9 * (std::f64::consts::TAU * (4.0 * t + x / 16.0)).sin() - 1.0;
+        let smooth = made(move |[x, _], t| wave(x, t));
+        let sampled = made(move |[x, _], t: f64| {
+            let frame = (t / interval).floor();
+            let u = t / interval - frame;
+            (1.0 - u) * wave(x, frame * interval) + u * wave(x, (frame + 1.0) * interval)
+        });
+        let around = Surroundings {
+            frame_times_us: (-4..60).map(|i| 25_000 * i).collect(),
+            ..Surroundings::default()
+        };
+        let truth = light_of(&smooth, &[], around.clone());
+        let error = |share: &str| {
+            let found = light_of(&sampled, &[&format!("frame_interpolation:share={share}")], around.clone());
+            found.iter().zip(&truth).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+        };
+        let (lines, half, cubic) = (error("0"), error("0.5"), error("1"));
+        assert!(lines > 0.03 && cubic < 0.2 * lines, "{lines} {cubic}");
+        assert!((half / lines - 0.5).abs() < 0.15, "{half} {lines}");
+    }
+}

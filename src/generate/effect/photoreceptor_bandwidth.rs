@@ -1,0 +1,78 @@
+//! Photoreceptor bandwidth: the photoreceptor is slower the darker it is.
+//!
+//! The photocurrent charges the input node, so its pole goes with light; a second stage of equal
+//! order is common in models (Lichtsteiner et al. 2008; Hu et al., v2e, 2021; Graca and Delbruck
+//! 2021, 2025). Signature: lag proportional to 1/I, and fewer events the faster and darker.
+
+use super::{Acts, Enters, Light, Parameter, Site, parameter};
+use super::low_pass::{low_pass, tau_steps};
+use serde::{Deserialize, Serialize};
+
+/// Poles whose cut-off is proportional to light.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PhotoreceptorBandwidth {
+    /// Cut-off (-3 dB) of each pole on white paper, Hz.
+    pub cutoff_hz_at_white: f64,
+    /// Number of equal poles, 1 to 4; rounded.
+    pub order: f64,
+}
+
+/// Log intensity over white below which the pole gets no slower: dark current keeps it going.
+const DARKEST: f32 = -9.0;
+
+impl Acts for PhotoreceptorBandwidth {
+    fn enters(&self) -> Enters {
+        Enters::Photoreceptor
+    }
+
+    fn equation(&self) -> &'static str {
+        "tau(I) dy/dt = ln I - y, tau = 1/(2 pi f_white I), I over white"
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        vec![
+            parameter("cutoff_hz_at_white", self.cutoff_hz_at_white, 0.1, 1000000.0),
+            parameter("order", self.order, 1.0, 4.0),
+        ]
+    }
+
+fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+        let tau_at_white = tau_steps(self.cutoff_hz_at_white, light.step_s());
+        for _ in 0..self.order.round() as usize {
+            // The pole follows the light itself, of which the filtered signal is a fair account.
+            low_pass(light.values, |x| tau_at_white / f64::from(x.max(DARKEST)).exp());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::trial::*;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn events_of_a_slope_lag_in_proportion_to_darkness_and_order() {
+        let words = |order: u32| format!("photoreceptor_bandwidth:cutoff_hz_at_white=40,order={order}");
+        // Slow and small, so that the pole hardly moves: a stripe of 1 Hz.
+        for (level, order) in [(0.0, 1), (-1.0, 1), (0.0, 2)] {
+            let light = made(move |[x, _], t| level + 0.25 * (TAU * (t + x / 16.0)).sin());
+            let plain = events(&light, 2.0, &[]);
+            let slow = events(&light, 2.0, &[&words(order)]);
+            let expected = f64::from(order) * 1e6 / (TAU * 40.0 * level.exp());
+            let found = mean_lag(&plain, &slow);
+            assert!((found / expected - 1.0).abs() < 0.1, "{found} for {expected}");
+        }
+    }
+
+    #[test]
+    fn fast_stripes_lose_more_events_than_slow_ones() {
+        let words = ["photoreceptor_bandwidth:cutoff_hz_at_white=20,order=1"];
+        let kept = |hz: f64| {
+            let light = passing(hz, -1.0);
+            events(&light, 2.0, &words).len() as f64 / events(&light, 2.0, &[]).len() as f64
+        };
+        let (slow, fast) = (kept(1.0), kept(12.0));
+        assert!(slow > 0.9 && fast < 0.7, "{slow} {fast}");
+    }
+}

@@ -1,0 +1,133 @@
+//! The law of one pixel: thresholds, leak, noise, background, dead time, losses.
+
+use serde::{Deserialize, Serialize};
+
+/// What decides when a pixel fires. Contrast is in natural logarithms of intensity, time in seconds.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PixelLaw {
+    /// Rise of log intensity at which an On event comes, in the median; above 0.
+    pub theta_on: f64,
+    /// Fall of log intensity at which an Off event comes, in the median; above 0.
+    pub theta_off: f64,
+    /// Drift of the signal towards On, log intensity a second.
+    pub leak_per_s: f64,
+    /// Scale of the threshold's scatter at white, log intensity: that of a logistic law, whose
+    /// standard deviation is 1.81 times as much.
+    pub noise_at_white: f64,
+    /// How the scatter grows towards the dark: it goes as intensity to the power of minus this.
+    pub noise_exponent: f64,
+    /// Speed at which the noise itself moves the signal, log intensity a second.
+    pub noise_speed_per_s: f64,
+    /// Rate of On events that have nothing to do with light, a second and pixel.
+    pub background_on_hz: f64,
+    /// Rate of Off events that have nothing to do with light, a second and pixel.
+    pub background_off_hz: f64,
+    /// For how long a pixel is blind after an event, seconds.
+    pub blind_s: f64,
+    /// Share of the events that are lost after the pixel has fired.
+    pub drop_fraction: f64,
+}
+
+impl Default for PixelLaw {
+    /// A DAVIS346 in good light: thresholds of a quarter, a leak of 0.1 events a second.
+    fn default() -> Self {
+        Self {
+            theta_on: 0.25,
+            theta_off: 0.25,
+            leak_per_s: 0.025,
+            noise_at_white: 0.015,
+            noise_exponent: 0.3,
+            noise_speed_per_s: 0.1,
+            background_on_hz: 0.01,
+            background_off_hz: 0.01,
+            blind_s: 0.0,
+            drop_fraction: 0.0,
+        }
+    }
+}
+
+/// A law that no pixel can have.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("a pixel's {key} is {got}; expected {expected}")]
+pub struct LawError {
+    key: &'static str,
+    got: f64,
+    expected: &'static str,
+}
+
+impl PixelLaw {
+    /// Whether every quantity lies in its range.
+    ///
+    /// # Errors
+    /// Names the first that does not.
+    pub fn check(&self) -> Result<(), LawError> {
+        let positive = |v: f64| v > 0.0 && v < 1e3;
+        let rate = |v: f64| (0.0..1e7).contains(&v);
+        let rows: [(&'static str, f64, bool, &'static str); 10] = [
+            ("theta_on", self.theta_on, positive(self.theta_on), "0 to 1000, above 0"),
+            ("theta_off", self.theta_off, positive(self.theta_off), "0 to 1000, above 0"),
+            ("leak_per_s", self.leak_per_s, self.leak_per_s.abs() < 1e4, "a size below 10 000"),
+            ("noise_at_white", self.noise_at_white, positive(self.noise_at_white), "above 0"),
+            ("noise_exponent", self.noise_exponent, self.noise_exponent.abs() <= 3.0, "-3 to 3"),
+            (
+                "noise_speed_per_s",
+                self.noise_speed_per_s,
+                rate(self.noise_speed_per_s),
+                "0 or more",
+            ),
+            ("background_on_hz", self.background_on_hz, rate(self.background_on_hz), "0 to 1e7"),
+            ("background_off_hz", self.background_off_hz, rate(self.background_off_hz), "0 to 1e7"),
+            ("blind_s", self.blind_s, (0.0..3600.0).contains(&self.blind_s), "0 to 3600"),
+            (
+                "drop_fraction",
+                self.drop_fraction,
+                (0.0..1.0).contains(&self.drop_fraction),
+                "0 to below 1",
+            ),
+        ];
+        match rows.into_iter().find(|row| !row.2) {
+            Some((key, got, _, expected)) => Err(LawError { key, got, expected }),
+            None => Ok(()),
+        }
+    }
+
+    /// Scale of the threshold's scatter where the light, in log intensity over white, is `level`.
+    #[must_use]
+    pub fn noise(&self, level: f64) -> f64 {
+        self.noise_at_white * (-self.noise_exponent * level.clamp(-12.0, 3.0)).exp()
+    }
+
+    /// The threshold of one polarity.
+    #[must_use]
+    pub fn theta(&self, on: bool) -> f64 {
+        if on { self.theta_on } else { self.theta_off }
+    }
+
+    /// The background rate of one polarity, a second.
+    #[must_use]
+    pub fn background_hz(&self, on: bool) -> f64 {
+        if on { self.background_on_hz } else { self.background_off_hz }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_impossible_law_is_refused_by_the_name_of_what_is_wrong() {
+        assert_eq!(PixelLaw::default().check(), Ok(()));
+        let law = PixelLaw { theta_off: 0.0, ..PixelLaw::default() };
+        assert!(law.check().unwrap_err().to_string().contains("theta_off is 0"));
+        let law = PixelLaw { blind_s: f64::NAN, ..PixelLaw::default() };
+        assert!(law.check().unwrap_err().to_string().contains("blind_s"));
+    }
+
+    #[test]
+    fn noise_grows_towards_the_dark() {
+        let law = PixelLaw { noise_at_white: 0.02, noise_exponent: 0.5, ..PixelLaw::default() };
+        assert!((law.noise(0.0) - 0.02).abs() < 1e-12);
+        assert!((law.noise(-(4.0_f64.ln())) - 0.04).abs() < 1e-12);
+    }
+}
