@@ -114,7 +114,7 @@ impl Shared {
         ear: &mut ReadHalf<Box<dyn Stream>>,
         mouth: &Arc<Speaker>,
     ) -> Result<(), Lost> {
-        let what = self.with_camera(|camera| Ok(camera.describe())).await?;
+        let what = self.with_camera(|camera| camera.check()).await?;
         let camera = format!("{what}, evrig {}", env!("CARGO_PKG_VERSION"));
         mouth.say(&Message::Hello { camera }).await?;
         let mut decoder = Decoder::default();
