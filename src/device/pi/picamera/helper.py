@@ -287,6 +287,8 @@ def main():
             send({"kind": "error", "because": str(error)})
         except Exception as error:
             send({"kind": "error", "because": f"picamera2: {error!r}"})
+    # The agent is gone. The library's own threads would keep this process, and the camera, alive.
+    os._exit(0)
 
 
 main()
