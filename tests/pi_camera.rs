@@ -110,6 +110,7 @@ fn raw_and_rgb_of_one_request_show_the_same_crop_on_either_board_and_byte_order(
             assert!(apart.as_secs_f64().abs() < 60.0, "microseconds are understood: {apart}");
         }
         camera.stop();
+        assert_eq!(camera.check().unwrap(), "imx708 through picamera2 0.0-standin");
         let says = camera.says();
         assert!(says["focus"].as_str().unwrap().contains("locked"), "{says}");
         // A second take of the same camera.
@@ -193,6 +194,6 @@ fn a_python_without_the_library_says_how_to_install_it() {
         return;
     };
     let mut camera = Picamera::new(&PathBuf::from(python));
-    let said = camera.configure(&settings()).unwrap_err().to_string();
+    let said = camera.check().unwrap_err().to_string();
     assert!(said.contains("apt install python3-picamera2"), "{said}");
 }

@@ -5,10 +5,11 @@
 use evrig::device::davis::serve::StreamServer;
 use evrig::device::davis::{NetworkDavis, Pace, Patience as DavisPatience, ReplayDavis};
 use evrig::device::dobot::{Client, Magician, Patience as ArmPatience, port};
-use evrig::device::pi::agent::{Agent, AgentError};
+use evrig::device::pi::agent::{Agent, AgentError, Room, Service, Spool};
+use evrig::device::pi::order::{Delivery, Order};
 use evrig::device::pi::source::Synthetic;
 use evrig::device::pi::wire::Settings;
-use evrig::device::pi::{NetworkPi, Patience};
+use evrig::device::pi::{NetworkPi, Patience, Reach};
 use evrig::device::recorder::Recorder;
 use evrig::device::sim::arm::{Clock, Emulator, Options};
 use evrig::event::Event;
@@ -17,7 +18,7 @@ use evrig::geometry::Size;
 use evrig::record::{
     Devices, Dwells, Outcome, RecordError, Request, State, Stop, StopToken, record,
 };
-use evrig::rig::Rig;
+use evrig::rig::{Focus, RgbDelivery, Rig};
 use evrig::session::{Session, Status, StreamKind, verify};
 use evrig::time::Span;
 use evrig::trajectory::{Optional, Trajectory};
@@ -255,6 +256,35 @@ fn two_recorders_cannot_have_one_camera() {
     let mut second = NetworkPi::new(&address, settings(), Patience::default());
     let said = second.prepare().unwrap_err().to_string();
     assert!(said.contains("another recorder"), "{said}");
+}
+
+#[test]
+fn rgb_pictures_fetched_after_the_take_are_in_the_session_beside_their_raw_ones() {
+    let mut bench = Bench::new(1);
+    let folder = tempfile::tempdir().unwrap();
+    let spool = Spool { directory: folder.path().to_owned(), limit_bytes: 1 << 30 };
+    let room = Room { memory_bytes: 1 << 20, spool: Some(spool) };
+    let service = Service { room, ..Service::local("127.0.0.1:0".parse().unwrap()) };
+    bench.agent = Agent::open(service, Box::new(Synthetic::unpaced(100))).unwrap();
+    let reach = Reach::Local { address: bench.agent.address().to_string() };
+    let delivery = Delivery { rgb: RgbDelivery::AfterTake, ..Delivery::default() };
+    let order = Order { settings: settings(), focus: Focus::Once, delivery };
+    let mut devices = bench.devices(replay());
+    devices.recorders[1] = Box::new(NetworkPi::reached(reach, order, Patience::default()));
+    let out = folder.path().join("session");
+    let path = bench.trajectory.path(&bench.rig, Optional::Included).unwrap();
+    let (rig, trajectory) = (&bench.rig, &bench.trajectory);
+    let request = Request { rig, trajectory, path: &path, out: &out, dwells: NO_DWELLS };
+    record(request, &mut devices, &StopToken::default(), &mut |_, _| ()).unwrap();
+    let session = Session::open(&out).unwrap();
+    assert_verifies(&session);
+    for (name, kind) in [
+        ("raw", StreamKind::Frames),
+        ("rgb", StreamKind::Frames),
+        ("pi-metadata", StreamKind::Metadata),
+    ] {
+        assert_eq!(count(&session, name, kind), 100, "{name}");
+    }
 }
 
 #[test]

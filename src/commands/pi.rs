@@ -14,7 +14,7 @@ pub(super) fn pi(args: &PiArgs, output: &Output) -> anyhow::Result<Ending> {
         let text = format!("--spool-gb is {}; expected above 0, at most 100000", args.spool_gb);
         return Err(WrongUse(text).into());
     }
-    let camera: Box<dyn FrameSource> = match args.camera {
+    let mut camera: Box<dyn FrameSource> = match args.camera {
         PiCamera::Picamera2 => Box::new(Picamera::new(&args.python)),
         PiCamera::Synthetic => Box::new(Synthetic::paced()),
     };
@@ -27,6 +27,11 @@ pub(super) fn pi(args: &PiArgs, output: &Output) -> anyhow::Result<Ending> {
         }
         let limit_bytes = (args.spool_gb * 1e9) as u64;
         service.room.spool = Some(Spool { directory: directory.clone(), limit_bytes });
+    }
+    // It can be plugged in later, and every host that connects asks again.
+    match camera.check() {
+        Ok(what) => output.say(format_args!("camera: {what}")),
+        Err(error) => output.warn(error),
     }
     // Signals are taken over before the address is announced, so that none falls between.
     let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP])?;

@@ -56,13 +56,18 @@ pub fn encode_raw10(packed: &[u8], size: Size) -> Result<Vec<u8>, CodingError> {
     let width = usize::from(size.width);
     let bands = bands(size).into_par_iter().map(|rows| {
         let band = &samples[rows.start * width..rows.end * width];
+        let plane: Vec<i16> = band.iter().map(|&sample| sample as i16).collect();
         // Low bytes first, then high bits, which are nearly all zero.
-        let mut rests = vec![0; 2 * band.len()];
-        let (low, high) = rests.split_at_mut(band.len());
-        for (at, &sample) in band.iter().enumerate() {
-            let rest = zigzag(sample, predict_u16(band, at, width));
-            (low[at], high[at]) = (rest as u8, (rest >> 8) as u8);
-        }
+        let mut rests = vec![0; 2 * plane.len()];
+        let (low, high) = rests.split_at_mut(plane.len());
+        for_each_prediction::<2>(&plane, width, |at, row, predicted| {
+            let low = low[at..at + width].iter_mut();
+            let bytes = low.zip(high[at..at + width].iter_mut());
+            for ((low, high), (&sample, &predicted)) in bytes.zip(row.iter().zip(predicted)) {
+                let rest = zigzag(sample, predicted);
+                (*low, *high) = (rest as u8, (rest >> 8) as u8);
+            }
+        });
         compress(&rests)
     });
     gather(bands.collect(), size)
@@ -79,12 +84,10 @@ pub fn decode_raw10(coded: &[u8], size: Size) -> Result<Vec<u8>, CodingError> {
         let n = rows.len() * width;
         let rests =
             decompress(part, 2 * n).map_err(|because| CodingError::Band { band, size, because })?;
-        let mut samples = Vec::with_capacity(n);
-        for at in 0..n {
-            let rest = u16::from(rests[at]) | (u16::from(rests[n + at]) << 8);
-            samples.push(unzigzag(rest, predict_u16(&samples, at, width)));
-        }
-        Ok(samples)
+        let (low, high) = rests.split_at(n);
+        let rests = low.iter().zip(high).map(|(&low, &high)| i16::from_le_bytes([low, high]));
+        let plane = restore::<2>(&rests.collect::<Vec<i16>>(), width, unzigzag);
+        Ok(plane.into_iter().map(|sample| sample as u16).collect())
     });
     let bands: Vec<Vec<u16>> = bands.collect::<Result<_, CodingError>>()?;
     Ok(raw10::pack(&bands.concat(), size)?)
@@ -103,18 +106,17 @@ pub fn encode_rgb(rgb: &[u8], size: Size) -> Result<Vec<u8>, CodingError> {
     let bands = bands(size).into_par_iter().map(|rows| {
         let band = &rgb[3 * rows.start * width..3 * rows.end * width];
         let n = rows.len() * width;
-        let mut planes = vec![0; 3 * n];
-        for (at, pixel) in band.chunks_exact(3).enumerate() {
-            planes[at] = pixel[1];
-            planes[n + at] = difference(pixel[0], pixel[1]);
-            planes[2 * n + at] = difference(pixel[2], pixel[1]);
+        let mut rests = vec![0; 3 * n];
+        for which in 0..3 {
+            let plane: Vec<i16> = band.chunks_exact(3).map(|pixel| part(which, pixel)).collect();
+            let rests = &mut rests[which * n..(which + 1) * n];
+            for_each_prediction::<1>(&plane, width, |at, row, predicted| {
+                let rests = rests[at..at + width].iter_mut();
+                for (rest, (&value, &predicted)) in rests.zip(row.iter().zip(predicted)) {
+                    *rest = value.wrapping_sub(predicted) as u8;
+                }
+            });
         }
-        let rests: Vec<u8> = planes
-            .chunks(n.max(1))
-            .flat_map(|plane| {
-                (0..plane.len()).map(|at| plane[at].wrapping_sub(predict_u8(plane, at, width)))
-            })
-            .collect();
         compress(&rests)
     });
     gather(bands.collect(), size)
@@ -132,17 +134,16 @@ pub fn decode_rgb(coded: &[u8], size: Size) -> Result<Vec<u8>, CodingError> {
         let rests =
             decompress(part, 3 * n).map_err(|because| CodingError::Band { band, size, because })?;
         let plane = |which: usize| {
-            let mut plane = Vec::with_capacity(n);
-            for at in 0..n {
-                plane.push(rests[which * n + at].wrapping_add(predict_u8(&plane, at, width)));
-            }
-            plane
+            let rests: Vec<i16> =
+                rests[which * n..(which + 1) * n].iter().map(|&rest| i16::from(rest)).collect();
+            restore::<1>(&rests, width, |rest, predicted| (rest + predicted) & 0xff)
         };
         let (green, red, blue) = (plane(0), plane(1), plane(2));
-        let mut rgb = Vec::with_capacity(3 * n);
-        for at in 0..n {
-            let g = green[at];
-            rgb.extend([sum(red[at], g), g, sum(blue[at], g)]);
+        let mut rgb = vec![0; 3 * n];
+        let planes = red.iter().zip(&green).zip(&blue);
+        for (pixel, ((&red, &green), &blue)) in rgb.chunks_exact_mut(3).zip(planes) {
+            let green = green as u8;
+            pixel.copy_from_slice(&[sum(red as u8, green), green, sum(blue as u8, green)]);
         }
         Ok(rgb)
     });
@@ -150,10 +151,19 @@ pub fn decode_rgb(coded: &[u8], size: Size) -> Result<Vec<u8>, CodingError> {
     Ok(bands.concat())
 }
 
+/// Green, red less green, blue less green, of a pixel's R, G, B.
+fn part(which: usize, pixel: &[u8]) -> i16 {
+    i16::from(match which {
+        0 => pixel[1],
+        1 => difference(pixel[0], pixel[1]),
+        _ => difference(pixel[2], pixel[1]),
+    })
+}
+
 /// Rows of each band; the colours' pairs of rows stay together.
 fn bands(size: Size) -> Vec<Range<usize>> {
     let height = usize::from(size.height);
-    let edge = |band: usize| if band == N_BANDS { height } else { height * band / N_BANDS & !1 };
+    let edge = |band: usize| if band == N_BANDS { height } else { (height * band / N_BANDS) & !1 };
     (0..N_BANDS).map(|band| edge(band)..edge(band + 1)).collect()
 }
 
@@ -167,49 +177,74 @@ const fn sum(difference: u8, green: u8) -> u8 {
 }
 
 /// The rest modulo 1024 as 0, -1, 1, -2, 2, ... are 0, 1, 2, 3, 4, ...
-const fn zigzag(sample: u16, predicted: u16) -> u16 {
-    let rest = ((sample as i16 - predicted as i16) << 6) >> 6;
-    ((rest << 1) ^ (rest >> 15)) as u16 & raw10::MAX_SAMPLE
+const fn zigzag(sample: i16, predicted: i16) -> i16 {
+    let rest = ((sample - predicted) << 6) >> 6;
+    ((rest << 1) ^ (rest >> 15)) & raw10::MAX_SAMPLE as i16
 }
 
-const fn unzigzag(rest: u16, predicted: u16) -> u16 {
-    let rest = rest & raw10::MAX_SAMPLE;
-    let signed = (rest >> 1) as i16 ^ -((rest & 1) as i16);
-    (predicted as i16 + signed) as u16 & raw10::MAX_SAMPLE
+const fn unzigzag(rest: i16, predicted: i16) -> i16 {
+    let rest = rest & raw10::MAX_SAMPLE as i16;
+    (predicted + ((rest >> 1) ^ -(rest & 1))) & raw10::MAX_SAMPLE as i16
 }
 
 /// The median of left, above, and the plane through left, above and corner.
 fn median(left: i16, above: i16, corner: i16) -> i16 {
-    (left + above - corner).clamp(left.min(above), left.max(above))
+    // Not `clamp`, which would look whether its bounds are in order.
+    (left + above - corner).min(left.max(above)).max(left.min(above))
 }
 
-fn predict_u16(samples: &[u16], at: usize, width: usize) -> u16 {
-    let (has_left, has_above) = (at % width >= 2, at >= 2 * width);
-    match (has_left, has_above) {
-        (true, true) => {
-            let above = at - 2 * width;
-            let [left, above, corner] =
-                [samples[at - 2], samples[above], samples[above - 2]].map(|sample| sample as i16);
-            median(left, above, corner) as u16
+/// Hands out each row, with where it begins, and what its samples are predicted to be from those
+/// `STEP` columns to the left and `STEP` rows above. Whole rows at a time, for the sake of SIMD.
+fn for_each_prediction<const STEP: usize>(
+    plane: &[i16],
+    width: usize,
+    mut take: impl FnMut(usize, &[i16], &[i16]),
+) {
+    let mut predicted = vec![0; width];
+    let step = STEP.min(width);
+    for (y, row) in plane.chunks_exact(width.max(1)).enumerate() {
+        let (edge, inner) = predicted.split_at_mut(step);
+        if y < STEP {
+            edge.fill(0);
+            inner.copy_from_slice(&row[..width - step]);
+        } else {
+            let above = &plane[(y - STEP) * width..(y - STEP + 1) * width];
+            edge.copy_from_slice(&above[..step]);
+            let neighbours = row.iter().zip(&above[step..]).zip(above);
+            for (predicted, ((&left, &above), &corner)) in inner.iter_mut().zip(neighbours) {
+                *predicted = median(left, above, corner);
+            }
         }
-        (true, false) => samples[at - 2],
-        (false, true) => samples[at - 2 * width],
-        (false, false) => 0,
+        take(y * width, row, &predicted);
     }
 }
 
-fn predict_u8(plane: &[u8], at: usize, width: usize) -> u8 {
-    let (has_left, has_above) = (!at.is_multiple_of(width), at >= width);
-    match (has_left, has_above) {
-        (true, true) => {
-            let [left, above, corner] =
-                [plane[at - 1], plane[at - width], plane[at - width - 1]].map(i16::from);
-            median(left, above, corner) as u8
+/// The samples from their rests; each needs the ones before it.
+fn restore<const STEP: usize>(
+    rests: &[i16],
+    width: usize,
+    sample: impl Fn(i16, i16) -> i16,
+) -> Vec<i16> {
+    let mut plane = vec![0; rests.len()];
+    for (y, rests) in rests.chunks_exact(width.max(1)).enumerate() {
+        let (done, rest) = plane.split_at_mut(y * width);
+        let row = &mut rest[..width];
+        if y < STEP {
+            for x in 0..width {
+                let predicted = if x < STEP { 0 } else { row[x - STEP] };
+                row[x] = sample(rests[x], predicted);
+            }
+            continue;
         }
-        (true, false) => plane[at - 1],
-        (false, true) => plane[at - width],
-        (false, false) => 0,
+        let above = &done[(y - STEP) * width..(y - STEP + 1) * width];
+        for x in 0..STEP.min(width) {
+            row[x] = sample(rests[x], above[x]);
+        }
+        for x in STEP..width {
+            row[x] = sample(rests[x], median(row[x - STEP], above[x], above[x - STEP]));
+        }
     }
+    plane
 }
 
 fn compress(rests: &[u8]) -> Result<Vec<u8>, String> {
@@ -260,8 +295,8 @@ mod tests {
 
     #[test]
     fn rests_come_back_for_every_sample_and_prediction() {
-        for sample in 0..=raw10::MAX_SAMPLE {
-            for predicted in 0..=raw10::MAX_SAMPLE {
+        for sample in 0..1024 {
+            for predicted in 0..1024 {
                 assert_eq!(unzigzag(zigzag(sample, predicted), predicted), sample);
             }
         }

@@ -16,6 +16,8 @@ use std::time::{Duration, Instant};
 
 /// A read waits so long before it looks up.
 const TICK: Duration = Duration::from_millis(50);
+/// The agent may have to start its camera's program first, which takes a Pi some seconds.
+const HELLO: Duration = Duration::from_secs(15);
 /// A probe of the link ends after so long, whatever has come by then.
 const PROBE: Duration = Duration::from_secs(2);
 
@@ -121,7 +123,7 @@ impl Line {
         let (decoder, buffer) = (Decoder::default(), vec![0; 1 << 16]);
         let mut line = Self { reach: reach.clone(), socket, decoder, buffer };
         line.exchange_preambles(deadline)?;
-        match line.receive(patience)? {
+        match line.receive(patience.max(HELLO))? {
             Message::Hello { camera } => Ok((line, camera)),
             other => Err(line.unexpected("its camera", &other)),
         }

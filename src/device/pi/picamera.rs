@@ -18,6 +18,8 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+/// A Pi loads picamera2 in a few seconds.
+const IDENTIFYING: Duration = Duration::from_secs(12);
 /// Autofocus, settling of exposure and gain, and a slow start of the libraries.
 const CONFIGURING: Duration = Duration::from_secs(18);
 /// Frames under way in the pipe when the camera stops.
@@ -75,7 +77,26 @@ impl Picamera {
 impl FrameSource for Picamera {
     fn describe(&self) -> String {
         let model = self.held.as_ref().and_then(|held| held.says.get("model")?.as_str());
-        format!("picamera2 {}", model.unwrap_or("(set up when a recording is)"))
+        format!("{} through picamera2", model.unwrap_or("a camera"))
+    }
+
+    fn check(&mut self) -> Result<String, SourceError> {
+        let helper = self.helper()?;
+        helper.say(&json!({ "do": "identify" }))?;
+        let deadline = Instant::now() + IDENTIFYING;
+        loop {
+            match helper.hear(deadline)?.head {
+                Head::Identified { model, picamera2 } => {
+                    let version = picamera2.unwrap_or_default();
+                    return Ok(format!("{model} through picamera2 {version}")
+                        .trim_end()
+                        .to_owned());
+                }
+                // Of a take before this.
+                Head::Frame(_) | Head::Stopped { .. } | Head::Configured(_) => {}
+                Head::Error { because } => return Err(failed(&because)),
+            }
+        }
     }
 
     fn set_focus(&mut self, focus: Focus) -> Result<(), SourceError> {
@@ -108,7 +129,7 @@ impl FrameSource for Picamera {
             match helper.hear(deadline)?.head {
                 Head::Configured(configured) => break *configured,
                 // Of a take before this.
-                Head::Frame(_) | Head::Stopped { .. } => {}
+                Head::Frame(_) | Head::Stopped { .. } | Head::Identified { .. } => {}
                 Head::Error { because } => return Err(failed(&because)),
             }
         };
@@ -154,7 +175,7 @@ impl FrameSource for Picamera {
         match packet.head {
             Head::Frame(head) => held.frame(*head, &packet.pictures).map(Some),
             Head::Error { because } => Err(failed(&because)),
-            Head::Configured(_) | Head::Stopped { .. } => Ok(None),
+            Head::Configured(_) | Head::Stopped { .. } | Head::Identified { .. } => Ok(None),
         }
     }
 }

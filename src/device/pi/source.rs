@@ -21,6 +21,14 @@ pub trait FrameSource: Send {
     /// What it is.
     fn describe(&self) -> String;
 
+    /// Looks whether it is there, without setting anything; what it is comes back.
+    ///
+    /// # Errors
+    /// When it cannot be used, with what to do.
+    fn check(&mut self) -> Result<String, SourceError> {
+        Ok(self.describe())
+    }
+
     /// Sets it up; what holds afterwards comes back.
     ///
     /// # Errors

@@ -11,15 +11,17 @@ use crate::device::pi::wire::{
     self, Decoder, MAX_PROBE_BYTES, Message, PREAMBLE_BYTES, TakeTally, WireError,
 };
 use std::io;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt, ReadHalf, WriteHalf};
+use tokio::sync::Semaphore;
 
 /// A host asks for the clock every second: one that is silent for so long is gone.
 const HOST_SILENCE: Duration = Duration::from_secs(10);
 /// How long the host may take no byte.
 const HOST_BUSY: Duration = Duration::from_secs(10);
+/// A host that has just left may still be seen as there: its successor waits so long.
+const HANDING_OVER: Duration = Duration::from_secs(1);
 /// Bytes of filler in a message.
 const FILLER_BYTES: usize = 1 << 20;
 
@@ -44,7 +46,8 @@ pub(super) enum Lost {
 pub(super) struct Shared {
     camera: Camera,
     room: Room,
-    is_busy: AtomicBool,
+    /// One permit: the camera's.
+    turn: Semaphore,
 }
 
 /// The half of a connection that frames and answers go through.
@@ -79,30 +82,20 @@ pub(super) async fn exchange_preambles(line: &mut Box<dyn Stream>) -> Result<(),
     Ok(wire::check_preamble(&preamble)?)
 }
 
-/// The camera is free again however a conversation ends.
-struct Busy<'a>(&'a AtomicBool);
-
-impl Drop for Busy<'_> {
-    fn drop(&mut self) {
-        self.0.store(false, Ordering::Release);
-    }
-}
-
 impl Shared {
     pub(super) fn new(camera: Camera, room: Room) -> Self {
-        Self { camera, room, is_busy: AtomicBool::new(false) }
+        Self { camera, room, turn: Semaphore::new(1) }
     }
 
     pub(super) async fn converse(&self, line: Box<dyn Stream>) {
         let (mut ear, half) = tokio::io::split(line);
         let mouth = Arc::new(Speaker { half: tokio::sync::Mutex::new(half) });
-        if self.is_busy.swap(true, Ordering::AcqRel) {
+        let Ok(Ok(_turn)) = tokio::time::timeout(HANDING_OVER, self.turn.acquire()).await else {
             let because = "another recorder uses this camera; end that recording first".to_owned();
             // A client that does not wait for the refusal needs none.
             let _ = mouth.say(&Message::Refused { because }).await;
             return;
-        }
-        let _busy = Busy(&self.is_busy);
+        };
         if let Err(lost) = self.answer(&mut ear, &mouth).await {
             // The host may be gone, which is then the reason; else it learns it here.
             let _ = mouth.say(&Message::Refused { because: lost.to_string() }).await;
@@ -114,7 +107,7 @@ impl Shared {
         ear: &mut ReadHalf<Box<dyn Stream>>,
         mouth: &Arc<Speaker>,
     ) -> Result<(), Lost> {
-        let what = self.with_camera(|camera| Ok(camera.describe())).await?;
+        let what = self.with_camera(|camera| camera.check()).await?;
         let camera = format!("{what}, evrig {}", env!("CARGO_PKG_VERSION"));
         mouth.say(&Message::Hello { camera }).await?;
         let mut decoder = Decoder::default();

@@ -44,9 +44,7 @@ class Camera:
         except ImportError as error:
             raise Refused(f"{error}; install it with `sudo apt install python3-picamera2`")
         self.library = picamera2
-        if not picamera2.Picamera2.global_camera_info():
-            raise Refused("no camera is connected; look at its cable and `rpicam-hello --list-cameras`")
-        self.device = picamera2.Picamera2()
+        self.device = None
         self.held = None
         self.is_streaming = False
         self.n_lost = 0
@@ -55,7 +53,24 @@ class Camera:
         self.came = threading.Condition()
         threading.Thread(target=self.send_all, daemon=True).start()
 
+    def identify(self):
+        """Says what is connected; the camera stays free for other programs."""
+        send({
+            "kind": "identified",
+            "model": self.model(),
+            "picamera2": getattr(self.library, "__version__", None),
+        })
+
+    def model(self):
+        cameras = self.library.Picamera2.global_camera_info()
+        if not cameras:
+            raise Refused("no camera is connected; look at its cable and `rpicam-hello --list-cameras`")
+        return str(cameras[0].get("Model"))
+
     def configure(self, order):
+        if self.device is None:
+            self.model()
+            self.device = self.library.Picamera2()
         if self.device.started:
             self.device.stop()
         width, height = order["width"], order["height"]
@@ -272,6 +287,8 @@ def main():
             send({"kind": "error", "because": str(error)})
         except Exception as error:
             send({"kind": "error", "because": f"picamera2: {error!r}"})
+    # The agent is gone. The library's own threads would keep this process, and the camera, alive.
+    os._exit(0)
 
 
 main()

@@ -26,6 +26,10 @@ const N_LAST_WORDS: usize = 4;
 #[derive(Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub(super) enum Head {
+    Identified {
+        model: String,
+        picamera2: Option<String>,
+    },
     Configured(Box<Configured>),
     Frame(Box<FrameHead>),
     Stopped {
