@@ -211,6 +211,16 @@ impl World {
         self.view(camera).camera.plane_from_ray(&self.plane, self.true_pose(time))
     }
 
+    /// The light that a pixel truly gets at an instant, 1 where white in full light, free of noise.
+    ///
+    /// # Panics
+    /// When the pixel does not lie on the sensor.
+    #[must_use]
+    pub fn light_on(&self, camera: CameraName, [x, y]: [u16; 2], time: Span) -> f32 {
+        let view = self.view(camera);
+        exposure::Exposure::new(self, view, time, time, 1).mean(view.camera.size.index(x, y))
+    }
+
     /// Corners of the tag's black border on the print, clockwise from the top left, millimetres.
     #[must_use]
     pub fn tag_corners_mm(&self) -> [[f64; 2]; 4] {
