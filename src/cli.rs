@@ -4,6 +4,7 @@ use clap::{Args, Parser, Subcommand};
 
 mod about;
 mod check;
+mod diagnose;
 mod emulate;
 mod guard;
 mod import;
@@ -14,6 +15,7 @@ mod stages;
 
 pub use about::{CompletionsArgs, ManArgs};
 pub use check::CheckArgs;
+pub use diagnose::DiagnoseArgs;
 pub use emulate::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
 pub use guard::GuardArgs;
 pub use import::{
@@ -68,6 +70,8 @@ pub enum Command {
     Generate(GenerateArgs),
     /// Compare simulated events with real ones, each measure with its error
     Compare(CompareArgs),
+    /// Say which physics the model leaves out: located, named, fitted, shown on held-out events
+    Diagnose(DiagnoseArgs),
     /// Run every stage a session has the inputs for
     Process(ProcessArgs),
     /// Write the report: one self-contained HTML file

@@ -10,6 +10,7 @@ use std::process::ExitCode;
 mod about;
 mod check;
 mod compare;
+mod diagnose;
 mod emulate;
 mod export;
 mod generate;
@@ -65,6 +66,7 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Verify(args) => verify::run(&args, output),
         Command::Generate(args) => generate::run(&args, output),
         Command::Compare(args) => compare::run(&args, output),
+        Command::Diagnose(args) => diagnose::run(&args, output),
         Command::Process(args) => process::run(&args, output),
         Command::Report(args) => report::run(&args, output),
         Command::Export(args) => export::run(&args, output),

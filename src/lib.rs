@@ -22,6 +22,7 @@
 //! | [`scene`] | what the event pixels looked at: their light signal |
 //! | [`predict`] | the events that were seen against the light: how likely they are, what is left over |
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
+//! | [`diagnose`] | what the prediction leaves over: which physical effect is missing, what it buys, when to abstain |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
@@ -39,6 +40,7 @@ pub mod clock;
 pub mod commands;
 pub mod compare;
 pub mod device;
+pub mod diagnose;
 pub mod drive;
 pub mod effect_id;
 pub mod event;

@@ -6,15 +6,18 @@
 //! outside the session, so that they are the same bytes on any machine.
 
 mod compare;
+mod diagnose;
 mod generate;
 mod inputs;
 mod report;
 
 pub use compare::{CompareRequest, compare, read_comparison};
+pub use diagnose::{DiagnoseRequest, diagnose, read_diagnosis};
 pub use generate::{GenerateRequest, Generated, GenerationSpeed, default_light, generate};
 pub use report::report;
 
 use crate::compare::CompareError;
+use crate::diagnose::DiagnoseError;
 use crate::format::aedat4::WriteError;
 use crate::generate::{GenerateError, ParameterError};
 use crate::report::page::PageError;
@@ -52,6 +55,14 @@ pub enum PipelineError {
         simulated: String,
         /// What is wrong.
         source: CompareError,
+    },
+    /// A session cannot be diagnosed.
+    #[error("diagnosing {session}: {source}", session = session.display())]
+    Diagnose {
+        /// The session.
+        session: PathBuf,
+        /// What is missing and what to do.
+        source: DiagnoseError,
     },
     /// A stage lacks what it needs.
     #[error("{session}: {what}", session = session.display())]
