@@ -5,6 +5,7 @@ use clap::{Args, Parser, Subcommand};
 mod about;
 mod check;
 mod demo;
+mod diagnose;
 mod emulate;
 mod guard;
 mod import;
@@ -18,6 +19,8 @@ pub use about::{CompletionsArgs, ManArgs};
 pub use check::CheckArgs;
 pub use demo::DemoArgs;
 pub use emulate::{EmulateArgs, EmulateArmArgs, EmulateCameraArgs, EmulatedDevice};
+pub use diagnose::DiagnoseArgs;
+pub use emulate::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
 pub use guard::GuardArgs;
 pub use import::{
     ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
@@ -78,6 +81,8 @@ pub enum Command {
     Calibrate(CalibrateArgs),
     /// Compare simulated events with real ones, each measure with its error
     Compare(CompareArgs),
+    /// Say which physics the model leaves out: located, named, fitted, shown on held-out events
+    Diagnose(DiagnoseArgs),
     /// Run every stage a session has the inputs for
     Process(ProcessArgs),
     /// Write the report: one self-contained HTML file

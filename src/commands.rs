@@ -12,6 +12,7 @@ mod calibrate;
 mod check;
 mod compare;
 mod demo;
+mod diagnose;
 mod emulate;
 mod export;
 mod generate;
@@ -69,6 +70,7 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Generate(args) => generate::run(&args, output),
         Command::Calibrate(args) => calibrate::run(&args, output),
         Command::Compare(args) => compare::run(&args, output),
+        Command::Diagnose(args) => diagnose::run(&args, output),
         Command::Process(args) => process::run(&args, output),
         Command::Report(args) => report::run(&args, output),
         Command::Export(args) => export::run(&args, output),

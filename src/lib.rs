@@ -23,6 +23,7 @@
 //! | [`calibrate`] | the generator's constants from frames and real events, each with its error |
 //! | [`predict`] | the events that were seen against the light: how likely they are, what is left over |
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
+//! | [`diagnose`] | what the prediction leaves over: which physical effect is missing, what it buys, when to abstain |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
 //! | [`prove`] | concealed trials: what is hidden, sealed, found again and counted |
@@ -42,6 +43,7 @@ pub mod clock;
 pub mod commands;
 pub mod compare;
 pub mod device;
+pub mod diagnose;
 pub mod drive;
 pub mod effect_id;
 pub mod event;

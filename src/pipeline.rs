@@ -7,6 +7,7 @@
 
 mod calibrate;
 mod compare;
+mod diagnose;
 mod generate;
 mod inputs;
 mod light;
@@ -16,6 +17,7 @@ mod track;
 
 pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration};
 pub use compare::{CompareRequest, compare, read_comparison};
+pub use diagnose::{DiagnoseRequest, diagnose, read_diagnosis};
 pub use generate::{GenerateRequest, Generated, GenerationSpeed, default_light, generate};
 pub use light::{Light, light};
 pub use report::report;
@@ -27,6 +29,7 @@ pub use track::{
 use crate::calibrate::CalibrateError;
 use crate::clock::ClockError;
 use crate::compare::CompareError;
+use crate::diagnose::DiagnoseError;
 use crate::format::aedat4::WriteError;
 use crate::generate::{GenerateError, ParameterError};
 use crate::report::page::PageError;
@@ -91,6 +94,14 @@ pub enum PipelineError {
         simulated: String,
         /// What is wrong.
         source: CompareError,
+    },
+    /// A session cannot be diagnosed.
+    #[error("diagnosing {session}: {source}", session = session.display())]
+    Diagnose {
+        /// The session.
+        session: PathBuf,
+        /// What is missing and what to do.
+        source: DiagnoseError,
     },
     /// A stage lacks what it needs.
     #[error("{session}: {what}", session = session.display())]

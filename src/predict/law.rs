@@ -2,6 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+/// Scale of a logistic law over its standard deviation: the root of three over pi.
+const LOGISTIC: f64 = 0.551_328_895_421_792;
+
 /// What decides when a pixel fires. Contrast is in natural logarithms of intensity, time in seconds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -27,6 +30,9 @@ pub struct PixelLaw {
     pub blind_s: f64,
     /// Share of the events that are lost after the pixel has fired.
     pub drop_fraction: f64,
+    /// Standard deviation of the stamps about the instant of the event, seconds.
+    #[serde(default)]
+    pub jitter_s: f64,
 }
 
 impl Default for PixelLaw {
@@ -43,6 +49,7 @@ impl Default for PixelLaw {
             background_off_hz: 0.01,
             blind_s: 0.0,
             drop_fraction: 0.0,
+            jitter_s: 0.0,
         }
     }
 }
@@ -64,7 +71,7 @@ impl PixelLaw {
     pub fn check(&self) -> Result<(), LawError> {
         let positive = |v: f64| v > 0.0 && v < 1e3;
         let rate = |v: f64| (0.0..1e7).contains(&v);
-        let rows: [(&'static str, f64, bool, &'static str); 10] = [
+        let rows: [(&'static str, f64, bool, &'static str); 11] = [
             ("theta_on", self.theta_on, positive(self.theta_on), "0 to 1000, above 0"),
             ("theta_off", self.theta_off, positive(self.theta_off), "0 to 1000, above 0"),
             ("leak_per_s", self.leak_per_s, self.leak_per_s.abs() < 1e4, "a size below 10 000"),
@@ -78,6 +85,7 @@ impl PixelLaw {
             ),
             ("background_on_hz", self.background_on_hz, rate(self.background_on_hz), "0 to 1e7"),
             ("background_off_hz", self.background_off_hz, rate(self.background_off_hz), "0 to 1e7"),
+            ("jitter_s", self.jitter_s, (0.0..10.0).contains(&self.jitter_s), "0 to 10"),
             ("blind_s", self.blind_s, (0.0..3600.0).contains(&self.blind_s), "0 to 3600"),
             (
                 "drop_fraction",
@@ -96,6 +104,18 @@ impl PixelLaw {
     #[must_use]
     pub fn noise(&self, level: f64) -> f64 {
         self.noise_at_white * (-self.noise_exponent * level.clamp(-12.0, 3.0)).exp()
+    }
+
+    /// Scale of the scatter where the light changes by `slope_per_s`: that of the threshold and
+    /// that which scattered stamps make of the slope.
+    #[must_use]
+    pub fn noise_on(&self, level: f64, slope_per_s: f64) -> f64 {
+        let noise = self.noise(level);
+        if self.jitter_s > 0.0 {
+            noise.hypot(LOGISTIC * self.jitter_s * slope_per_s)
+        } else {
+            noise
+        }
     }
 
     /// The threshold of one polarity.

@@ -38,6 +38,12 @@ impl Light<'_> {
         })
     }
 
+    /// Rate of change of the signal at a position, a second.
+    pub(super) fn slope(&self, position: f64, [first, last]: [usize; 2]) -> f64 {
+        let i = (position.max(0.0) as usize).clamp(first, last - 1);
+        (f64::from(self.signal[i + 1]) - f64::from(self.signal[i])) / self.step_us * 1e6
+    }
+
     /// Signal at a position in steps from the start, on a known stretch.
     pub(super) fn at(&self, position: f64, [first, last]: [usize; 2]) -> f64 {
         let i = (position.max(0.0) as usize).clamp(first, last - 1);

@@ -80,7 +80,10 @@ impl Source<'_> {
         let fired_us = spike.t_us as f64;
         let awake_us = fired_us + self.law.blind_s * 1e6;
         let memorised_us = awake_us.min(to_us);
-        let noise = self.noise_at(memorised_us);
+        let position = self.position(memorised_us);
+        let slope = self.light.slope(position, self.run) + self.law.leak_per_s;
+        let i = (position.max(0.0) as usize).clamp(self.run[0], self.run[1]);
+        let noise = self.law.noise_on(f64::from(self.light.level[i]), slope);
         let law = self.law;
         let mut draw = |theta| {
             Threshold::new(theta, noise, law.drop_fraction).at_spent(self.random.exponential())

@@ -189,6 +189,11 @@ impl<'a> Pass<'a> {
         f64::from(self.light.level[i])
     }
 
+    /// Rate of change of the signal and its leak, log intensity a second.
+    fn slope(&self, position: f64) -> f64 {
+        self.light.slope(position, self.run) + self.law.leak_per_s
+    }
+
     /// Change of the signal since it was memorised, at a position.
     fn change(&self, position: f64) -> f64 {
         let seconds = (position - self.position(self.awake_us)) * self.light.step_us * 1e-6;
@@ -199,7 +204,7 @@ impl<'a> Pass<'a> {
     fn memorise(&mut self, t_us: f64, end_us: f64) {
         self.awake_us = t_us;
         let position = self.position(t_us.min(end_us));
-        let noise = self.law.noise(self.level(position));
+        let noise = self.law.noise_on(self.level(position), self.slope(position));
         let law = self.law;
         self.memory = Memory::Known {
             value: self.light.at(position, self.run),
@@ -317,10 +322,8 @@ impl<'a> Pass<'a> {
     fn term(&self, index: usize, spike: Spike) -> EventTerm {
         let t_us = spike.t_us as f64;
         let position = self.position(t_us);
-        let i = (position.max(0.0) as usize).clamp(self.run[0], self.run[1] - 1);
-        let step = f64::from(self.light.signal[i + 1]) - f64::from(self.light.signal[i]);
         let towards = if spike.on { 1.0 } else { -1.0 };
-        let speed = step / self.light.step_us * 1e6 + self.law.leak_per_s;
+        let speed = self.slope(position);
         let slope = towards * speed;
         let is_awake = t_us > self.awake_us;
         let change = towards * self.change(position);

@@ -1,0 +1,39 @@
+//! `evrig diagnose`.
+
+use clap::Args;
+use std::path::PathBuf;
+
+/// Arguments of `evrig diagnose`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    evrig diagnose sessions/street\n  \
+    evrig diagnose sessions/street --from aps --json\n\n\
+    A mismatch that was found is a result, not a failure: the exit code is 0.")]
+pub struct DiagnoseArgs {
+    /// The session
+    pub session: PathBuf,
+
+    /// The light: aps (the DAVIS's own frames) or frames (imported ones) [default: what the session has]
+    #[arg(long, value_name = "LIGHT")]
+    pub from: Option<String>,
+
+    /// The events to explain
+    #[arg(long, value_name = "NAME", default_value = "real")]
+    pub real: String,
+
+    /// Most pixels to look at
+    #[arg(long, value_name = "N")]
+    pub pixels: Option<usize>,
+
+    /// Recordings drawn from the fitted model that show what the search finds by chance
+    #[arg(long, value_name = "N")]
+    pub null: Option<usize>,
+
+    /// Seed of all draws
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+
+    /// Run even when the result is already there
+    #[arg(long)]
+    pub force: bool,
+}

@@ -1,0 +1,84 @@
+//! `evrig diagnose`: the mismatch located, the missing physics named, the gain shown.
+
+use super::{Ending, Output};
+use crate::cli::DiagnoseArgs;
+use crate::diagnose::{Diagnosis, Options, Verdict};
+use crate::pipeline::{self, DiagnoseRequest};
+use crate::session::Session;
+
+pub(super) fn run(args: &DiagnoseArgs, output: &Output) -> anyhow::Result<Ending> {
+    let session = Session::open(&args.session)?;
+    let from = match (&args.from, pipeline::default_light(&session)) {
+        (Some(from), _) => from.as_str(),
+        (None, Some(light)) => light,
+        (None, None) => anyhow::bail!(
+            "{} has no frames that say what light the events saw; record some, or import them",
+            args.session.display()
+        ),
+    };
+    let defaults = Options::default();
+    let request = DiagnoseRequest {
+        real: args.real.clone(),
+        from: from.to_owned(),
+        options: Options {
+            n_pixels: args.pixels.unwrap_or(defaults.n_pixels),
+            n_null: args.null.unwrap_or(defaults.n_null),
+            seed: args.seed,
+            ..defaults
+        },
+        force: args.force,
+    };
+    let bar = output.progress("diagnose", 0);
+    let (diagnosis, _) = pipeline::diagnose(&session, &request, &mut |what| {
+        bar.set_message(what.to_owned());
+        bar.inc(1);
+    })?;
+    bar.finish_and_clear();
+    output.result(&serde_json::to_value(&diagnosis)?, text(&diagnosis))?;
+    Ok(Ending::Done)
+}
+
+/// The diagnosis for people.
+pub(super) fn text(diagnosis: &Diagnosis) -> String {
+    let scores = &diagnosis.fit.heldout_nats_per_event;
+    let mut text = match diagnosis.verdict {
+        Verdict::NoMismatch => "no mismatch: the model holds".to_owned(),
+        Verdict::Explained => "explained".to_owned(),
+        Verdict::PartlyExplained => "partly explained".to_owned(),
+        Verdict::Unexplained => "unexplained: nothing in the library accounts for it".to_owned(),
+    };
+    text += &format!(
+        "\nheld-out score, nats per event: baseline {:.3}, final {:.3}, ceiling {:.3}",
+        scores.baseline, scores.r#final, scores.ceiling
+    );
+    if let Some(share) =
+        diagnosis.fit.share_of_excess_removed.filter(|_| !diagnosis.effects.is_empty())
+    {
+        text += &format!("; {:.0} % of the excess removed", share * 100.0);
+    }
+    for effect in &diagnosis.effects {
+        text += &format!(
+            "\n{}: {} (+{:.3} nats per event)",
+            effect.name, effect.says, effect.heldout_gain_nats_per_event
+        );
+        for (key, p) in &effect.parameters {
+            let [low, high] = p.ci90;
+            text += &format!("\n  {key} = {:.4}", p.value);
+            if let (Some(low), Some(high)) = (low, high) {
+                text += &format!(" (90 % interval {low:.4} to {high:.4})");
+            }
+        }
+        if !effect.equivalent.is_empty() {
+            let ids: Vec<&str> = effect.equivalent.iter().map(|id| id.as_str()).collect();
+            text += &format!("\n  fits as well: {}", ids.join(", "));
+        }
+    }
+    for place in diagnosis.mismatch.places.iter().take(3) {
+        text +=
+            &format!("\nwhere: {} ({:.3} nats per event)", place.says, place.excess_nats_per_event);
+    }
+    if let Some(next) = &diagnosis.next_recording {
+        text += &format!("\nto tell them apart record {next}");
+    }
+    text
+}

@@ -1,0 +1,39 @@
+//! Which physics does the model leave out?
+//!
+//! A baseline law of the pixels is fitted to the events that were seen, together with the nuisances
+//! every recording has (thresholds, leak, noise, background, the clocks' offset), each held within
+//! its ordinary range. Then every effect of the library is added in turn and refitted, not
+//! linearised, together with them, on training blocks of pixels and time; what it buys on held-out
+//! blocks, in nats per event, ranks it. Effects are taken one by one while they buy more than the
+//! same search finds in events drawn from the model itself, and more than a hundredth of the excess.
+//! What no effect explains is said to be unexplained.
+
+mod candidate;
+mod ceiling;
+mod evidence;
+mod fit;
+mod hypothesis;
+mod nuisance;
+mod null;
+mod options;
+mod scan;
+mod score;
+mod select;
+mod spectrum;
+mod strata;
+mod verdict;
+
+pub use candidate::{Candidate, LIBRARY, Parameter};
+pub use evidence::{DiagnoseError, Evidence, Facts, PixelEvidence};
+pub use hypothesis::{Hypothesis, View};
+pub use nuisance::Nuisance;
+pub use options::Options;
+pub use scan::Gain;
+pub use select::diagnose;
+pub use verdict::{
+    CannotJudge, Diagnosis, FitReport, FittedEffect, HeldOut, Interval, Leftover, Mismatch,
+    NullReport, Rival, Verdict, Where,
+};
+
+#[cfg(test)]
+mod tests;

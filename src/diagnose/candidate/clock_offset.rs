@@ -1,0 +1,29 @@
+//! The clocks' offset, when it is not what the session states.
+
+use super::{Candidate, EffectId, Freed, Nuisance, PLAIN};
+
+pub(super) const CANDIDATE: Candidate = Candidate {
+    id: EffectId::ClockOffset,
+    equation: "t_DAVIS = t + d",
+    source: "clock map of the session",
+    frees: &[Freed { nuisance: Nuisance::OffsetUs, range: [-120_000.0, 120_000.0] }],
+    starts: |_| {
+        let ms = [-40.0, -20.0, -10.0, -5.0, -2.0, 2.0, 5.0, 10.0, 20.0, 40.0];
+        ms.iter().map(|ms| vec![ms * 1e3]).collect()
+    },
+    report: |values| vec![values[Nuisance::OffsetUs as usize]],
+    rivals: &[
+        EffectId::FixedPole,
+        EffectId::PhotoreceptorBandwidth,
+        EffectId::RollingShutter,
+        EffectId::Misregistration,
+    ],
+    // A delay that is the same for all pixels at all times is one number, wherever it arises.
+    same: &[EffectId::PixelLatency],
+    splitter: "a flash that both cameras see",
+    says: |values| {
+        let way = if values[0] > 0.0 { "late" } else { "early" };
+        format!("the event camera's stamps are {:.0} us {way} against the light", values[0].abs())
+    },
+    ..PLAIN
+};

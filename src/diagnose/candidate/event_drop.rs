@@ -1,0 +1,18 @@
+//! Events lost on the way.
+
+use super::{Candidate, EffectId, PLAIN, Parameter};
+
+pub(super) const CANDIDATE: Candidate = Candidate {
+    id: EffectId::EventDrop,
+    equation: "each event is lost with chance q after the pixel was reset",
+    source: "inivation: DropDVSOnTransferStall",
+    parameters: &[Parameter::linear("fraction", [0.0, 0.9], 0.005)],
+    starts: |_| vec![vec![0.02], vec![0.1], vec![0.35]],
+    act: |values, _, view| view.law.drop_fraction = values[0],
+    rivals: &[EffectId::RefractoryPeriod, EffectId::ReadoutSaturation],
+    splitter: "a slower pass: losses on the bus grow with the rate of all pixels",
+    says: |values| {
+        format!("{:.0} % of the events are lost after the pixel has fired", values[0] * 100.0)
+    },
+    ..PLAIN
+};

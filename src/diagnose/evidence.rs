@@ -1,0 +1,302 @@
+//! What a diagnosis looks at: some pixels with their events, light and its surroundings.
+
+use super::Options;
+use crate::drive::{Drive, TimeGrid};
+use crate::predict::{Blocks, ByPixel, Spike};
+use crate::stats::SplitMix;
+use rayon::prelude::*;
+
+/// Least number of events with known light that can be judged.
+const LEAST_EVENTS: usize = 300;
+
+/// Why nothing can be diagnosed.
+#[derive(Debug, thiserror::Error)]
+pub enum DiagnoseError {
+    /// Too little to look at.
+    #[error(
+        "{n} events have a known light in {n_pixels} pixels; a diagnosis takes at least \
+         {LEAST_EVENTS}: record for longer, nearer, or with more texture"
+    )]
+    TooFew {
+        /// Events with light.
+        n: usize,
+        /// Pixels with light.
+        n_pixels: usize,
+    },
+    /// The light does not overlap the events.
+    #[error(
+        "the light is known from {light_from_us} to {light_to_us} us, the events lie from \
+         {events_from_us} to {events_to_us} us: they do not overlap; check the clocks"
+    )]
+    NoOverlap {
+        /// Start of the light.
+        light_from_us: i64,
+        /// End of the light.
+        light_to_us: i64,
+        /// Start of the events' window.
+        events_from_us: i64,
+        /// End of the events' window.
+        events_to_us: i64,
+    },
+}
+
+/// What is known of a session beside its events and its light.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Facts {
+    /// Whether the light comes from a map of the print rather than from frames of the same sensor.
+    pub from_scene: bool,
+    /// Times of the event camera's own frames (start of exposure), microseconds of its clock.
+    pub aps_us: Vec<i64>,
+    /// The frames' time from one to the next, microseconds.
+    pub frame_us: f64,
+    /// What white paper reads above black, digital units.
+    pub white_dn: f64,
+    /// By how much the clocks' offset may be wrong for all that the session states, microseconds.
+    pub offset_within_us: f64,
+}
+
+/// One pixel.
+#[derive(Debug, Clone)]
+pub struct PixelEvidence {
+    /// Column.
+    pub x: u16,
+    /// Row.
+    pub y: u16,
+    /// Number of its tile.
+    pub tile: usize,
+    /// Its events.
+    pub spikes: Vec<Spike>,
+    /// Log intensity over white at every instant.
+    pub light: Vec<f32>,
+    /// Change of log intensity per pixel to the right, and downwards; empty where not needed.
+    pub gradient: [Vec<f32>; 2],
+    /// Laplacian of intensity over intensity, per square pixel; empty where not needed.
+    pub laplacian: Vec<f32>,
+}
+
+/// All that a diagnosis looks at.
+#[derive(Debug, Clone)]
+pub struct Evidence {
+    /// Pixels, in the order of rows.
+    pub pixels: Vec<PixelEvidence>,
+    /// Start of the events' window, microseconds of their clock.
+    pub window_us: [i64; 2],
+    /// First instant, microseconds since the window's start.
+    pub start_us: f64,
+    /// From one instant to the next, microseconds.
+    pub step_us: f64,
+    /// Blocks of time.
+    pub blocks: Blocks,
+    /// Number of tiles.
+    pub n_tiles: usize,
+    /// Middle of the sensor.
+    pub middle: [f64; 2],
+    /// On minus Off events of all pixels, and On plus Off, in each instant.
+    pub rates: [Vec<f32>; 2],
+    /// The rest.
+    pub facts: Facts,
+}
+
+impl Evidence {
+    /// Draws pixels whose light is known and changes, and samples it.
+    ///
+    /// # Errors
+    /// When light and events do not overlap, or too few events have a light.
+    pub fn new(
+        recording: &ByPixel,
+        drive: &dyn Drive,
+        facts: Facts,
+        options: &Options,
+    ) -> Result<Self, DiagnoseError> {
+        let window = recording.window_us();
+        let [from, to] = drive.span_us();
+        let span = [from.max(window[0]), to.min(window[1])];
+        if span[1] - span[0] < 10 * i64::from(options.step_us) {
+            return Err(DiagnoseError::NoOverlap {
+                light_from_us: from,
+                light_to_us: to,
+                events_from_us: window[0],
+                events_to_us: window[1],
+            });
+        }
+        let mut grid = TimeGrid::covering(span, options.step_us);
+        while grid.at(grid.n - 1) > span[1] && grid.n > 2 {
+            grid.n -= 1;
+        }
+        let n_pixels = options.n_pixels.min(options.n_instants / grid.n).max(16);
+        let chosen = choose(recording, drive, grid, n_pixels, options.seed);
+        let size = recording.size();
+        let n_across = usize::from(size.width.div_ceil(options.tile_px));
+        let n_tiles = n_across * usize::from(size.height.div_ceil(options.tile_px));
+        let pixels: Vec<PixelEvidence> = chosen
+            .par_iter()
+            .filter_map(|&(x, y)| {
+                let tile_of = |p: u16| usize::from(p / options.tile_px);
+                let tile = tile_of(y) * n_across + tile_of(x);
+                pixel(recording, drive, grid, (x, y), tile, facts.from_scene)
+            })
+            .collect();
+        let n: usize = pixels.iter().map(|pixel| pixel.spikes.len()).sum();
+        if n < LEAST_EVENTS {
+            return Err(DiagnoseError::TooFew { n, n_pixels: pixels.len() });
+        }
+        let start_us = (grid.start_us - window[0]) as f64;
+        Ok(Self {
+            pixels,
+            window_us: window,
+            start_us,
+            step_us: f64::from(grid.step_us),
+            blocks: Blocks::new(recording.length_us(), options.n_blocks),
+            n_tiles,
+            middle: [f64::from(size.width) / 2.0, f64::from(size.height) / 2.0],
+            rates: rates(recording, grid, start_us),
+            facts,
+        })
+    }
+
+    /// The same evidence with other events, pixel by pixel.
+    #[must_use]
+    pub fn with_spikes(&self, spikes: Vec<Vec<Spike>>) -> Self {
+        let mut other = self.clone();
+        for (pixel, own) in other.pixels.iter_mut().zip(spikes) {
+            pixel.spikes = own;
+        }
+        other
+    }
+
+    /// Only every `n`-th pixel.
+    #[must_use]
+    pub fn thinned(&self, n: usize) -> Self {
+        let mut other = self.clone();
+        other.pixels = other.pixels.into_iter().step_by(n.max(1)).collect();
+        other
+    }
+
+    /// Number of events.
+    #[must_use]
+    pub fn n_events(&self) -> usize {
+        self.pixels.iter().map(|pixel| pixel.spikes.len()).sum()
+    }
+
+    /// Seconds of light.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        self.pixels.first().map_or(0.0, |p| p.light.len() as f64 * self.step_us * 1e-6)
+    }
+
+    /// Number of a cell: a tile of pixels during a block of time.
+    #[must_use]
+    pub fn cell(&self, pixel: &PixelEvidence, block: usize) -> usize {
+        pixel.tile * self.blocks.n() + block
+    }
+
+    /// Whether a tile during a block is held out: a third of all, spread like a chequerboard.
+    #[must_use]
+    pub fn is_held_out(&self, tile: usize, block: usize) -> bool {
+        let mut random = SplitMix::new(0x7469_6c65, tile as u64);
+        (block + random.below(3)) % 3 == 0
+    }
+}
+
+/// Pixels by the restlessness of their light, not by their events: three quarters among the most
+/// restless, the rest from anywhere.
+fn choose(
+    recording: &ByPixel,
+    drive: &dyn Drive,
+    grid: TimeGrid,
+    n_pixels: usize,
+    seed: u64,
+) -> Vec<(u16, u16)> {
+    let size = recording.size();
+    let stride = (size.n_pixels() / (8 * n_pixels).max(1)).max(1);
+    let mut random = SplitMix::new(seed, 0x7069_7865);
+    let candidates: Vec<(u16, u16)> = (0..size.n_pixels() / stride)
+        .map(|i| {
+            let pixel = i * stride + random.below(stride);
+            let width = usize::from(size.width);
+            ((pixel % width) as u16, (pixel / width) as u16)
+        })
+        .collect();
+    let every = (40_000 / grid.step_us).max(1);
+    let coarse =
+        TimeGrid { step_us: grid.step_us * every, n: grid.n.div_ceil(every as usize), ..grid };
+    let mut restless: Vec<(f32, (u16, u16))> = candidates
+        .par_iter()
+        .map(|&(x, y)| {
+            let mut out = vec![f32::NAN; coarse.n];
+            let place = [f64::from(x) + 0.5, f64::from(y) + 0.5];
+            drive.sample(place, coarse, &mut out);
+            let moves = out.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+            (moves.filter(|m| m.is_finite()).sum::<f32>(), (x, y))
+        })
+        .filter(|(moves, _)| *moves > 0.0)
+        .collect();
+    restless.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let n_best = (n_pixels * 3 / 4).min(restless.len());
+    // Of the most restless half every so many-th, so that they come from everywhere.
+    let half = (restless.len() / 2).max(n_best).max(1);
+    let mut chosen: Vec<(u16, u16)> =
+        (0..n_best).map(|i| restless[i * half / n_best.max(1)].1).collect();
+    let calm = &restless[half.min(restless.len())..];
+    let n_rest = (n_pixels - n_best).min(calm.len());
+    chosen.extend((0..n_rest).map(|i| calm[i * calm.len() / n_rest].1));
+    chosen.sort_by_key(|&(x, y)| (y, x));
+    chosen.dedup();
+    chosen
+}
+
+fn pixel(
+    recording: &ByPixel,
+    drive: &dyn Drive,
+    grid: TimeGrid,
+    (x, y): (u16, u16),
+    tile: usize,
+    with_surroundings: bool,
+) -> Option<PixelEvidence> {
+    let place = [f64::from(x) + 0.5, f64::from(y) + 0.5];
+    let sample = |dx: f64, dy: f64| {
+        let mut out = vec![f32::NAN; grid.n];
+        drive.sample([place[0] + dx, place[1] + dy], grid, &mut out).then_some(out)
+    };
+    let light = sample(0.0, 0.0)?;
+    let spikes = recording.of(x, y).to_vec();
+    let mut evidence = PixelEvidence {
+        x,
+        y,
+        tile,
+        spikes,
+        light,
+        gradient: [Vec::new(), Vec::new()],
+        laplacian: Vec::new(),
+    };
+    if with_surroundings {
+        let (left, right) = (sample(-1.0, 0.0)?, sample(1.0, 0.0)?);
+        let (up, down) = (sample(0.0, -1.0)?, sample(0.0, 1.0)?);
+        let half = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| 0.5 * (b - a)).collect();
+        evidence.gradient = [half(&left, &right), half(&up, &down)];
+        evidence.laplacian = (0..grid.n)
+            .map(|i| {
+                let over = |side: &[f32]| (side[i] - evidence.light[i]).exp();
+                over(&left) + over(&right) + over(&up) + over(&down) - 4.0
+            })
+            .collect();
+    }
+    Some(evidence)
+}
+
+fn rates(recording: &ByPixel, grid: TimeGrid, start_us: f64) -> [Vec<f32>; 2] {
+    let mut net = vec![0.0; grid.n];
+    let mut all = vec![0.0; grid.n];
+    for y in 0..recording.size().height {
+        for x in 0..recording.size().width {
+            for spike in recording.of(x, y) {
+                let at = (spike.t_us as f64 - start_us) / f64::from(grid.step_us);
+                if let Some(i) = (at >= 0.0).then_some(at as usize).filter(|i| *i < grid.n) {
+                    net[i] += if spike.on { 1.0 } else { -1.0 };
+                    all[i] += 1.0;
+                }
+            }
+        }
+    }
+    [net, all]
+}

@@ -1,0 +1,140 @@
+//! Fitting a hypothesis to the training cells.
+//!
+//! Steps are Gauss and Newton's with the outer product of the cells' gradients for a Hessian
+//! (Berndt, Hall, Hall and Hausman, 1974), damped after Levenberg and Marquardt, inside the box of
+//! the parameters' ranges. The same gradients give the errors of the result.
+
+use super::score::{Cells, Part, cells};
+use super::{Evidence, Hypothesis};
+use nalgebra::{DMatrix, DVector};
+
+/// A fitted hypothesis.
+#[derive(Debug, Clone)]
+pub(super) struct Fitted {
+    pub(super) hypothesis: Hypothesis,
+    pub(super) cells: Cells,
+    /// Covariance of the values that were free, with their indices; none before [`with_errors`].
+    pub(super) covariance: Option<(Vec<usize>, DMatrix<f64>)>,
+}
+
+impl Fitted {
+    /// Standard error of a value; NaN when it was not free or is not known.
+    pub(super) fn error_of(&self, index: usize) -> f64 {
+        let Some((free, covariance)) = &self.covariance else { return f64::NAN };
+        let Some(at) = free.iter().position(|&f| f == index) else { return f64::NAN };
+        covariance[(at, at)].max(0.0).sqrt()
+    }
+}
+
+/// Scores a hypothesis as it is.
+pub(super) fn as_it_is(evidence: &Evidence, hypothesis: Hypothesis) -> Fitted {
+    let cells = cells(evidence, &hypothesis);
+    Fitted { hypothesis, cells, covariance: None }
+}
+
+/// Improves a hypothesis by at most `n_steps` steps, or until a step gains less than `enough`
+/// nats an event.
+pub(super) fn fit(evidence: &Evidence, start: Hypothesis, n_steps: usize, enough: f64) -> Fitted {
+    let mut best = as_it_is(evidence, start);
+    let mut damping = 1e-2;
+    for _ in 0..n_steps {
+        let (free, gradients) = gradients(evidence, &best);
+        if free.is_empty() {
+            break;
+        }
+        let before = best.cells.nats(Part::Training);
+        let Some(better) = step(evidence, &best, &free, &gradients, &mut damping) else { break };
+        best = better;
+        if best.cells.nats(Part::Training) - before < enough {
+            break;
+        }
+    }
+    best
+}
+
+/// The same with errors: sandwich of the gradients' outer product over cells.
+pub(super) fn with_errors(evidence: &Evidence, fitted: Fitted) -> Fitted {
+    let (free, gradients) = gradients(evidence, &fitted);
+    let outer = gradients.transpose() * &gradients;
+    let scale = outer.trace().max(1e-12) * 1e-12 / free.len().max(1) as f64;
+    let regular = outer + DMatrix::identity(free.len(), free.len()) * scale;
+    let covariance = regular.try_inverse().map(|inverse| (free, inverse));
+    Fitted { covariance, ..fitted }
+}
+
+/// Gradient of each training cell's log-likelihood in every value that may move.
+fn gradients(evidence: &Evidence, at: &Fitted) -> (Vec<usize>, DMatrix<f64>) {
+    let hypothesis = &at.hypothesis;
+    let free: Vec<usize> = (0..hypothesis.values.len())
+        .filter(|&i| {
+            let [low, high] = hypothesis.ranges[i];
+            hypothesis.steps[i] > 0.0 && high > low
+        })
+        .collect();
+    let training: Vec<usize> = at.cells.of(Part::Training).collect();
+    let mut gradients = DMatrix::zeros(training.len(), free.len());
+    for (column, &i) in free.iter().enumerate() {
+        let [low, high] = hypothesis.ranges[i];
+        let mut step = hypothesis.steps[i].min(0.5 * (high - low));
+        if hypothesis.values[i] + step > high {
+            step = -step;
+        }
+        let mut moved = hypothesis.clone();
+        moved.values[i] += step;
+        let there = cells(evidence, &moved);
+        for (row, &cell) in training.iter().enumerate() {
+            let change = there.log_likelihood[cell] - at.cells.log_likelihood[cell];
+            gradients[(row, column)] = change / step;
+        }
+    }
+    (free, gradients)
+}
+
+/// One damped step inside the box that gains; `None` when none does.
+fn step(
+    evidence: &Evidence,
+    at: &Fitted,
+    free: &[usize],
+    gradients: &DMatrix<f64>,
+    damping: &mut f64,
+) -> Option<Fitted> {
+    let outer = gradients.transpose() * gradients;
+    let total: DVector<f64> = gradients.row_sum().transpose();
+    let before = at.cells.nats(Part::Training);
+    for _ in 0..5 {
+        let mut damped = outer.clone();
+        for i in 0..free.len() {
+            damped[(i, i)] += *damping * outer[(i, i)].max(1e-9) + 1e-9;
+        }
+        // Values at an end of their range that would leave it stay where they are.
+        let mut wanted = total.clone();
+        for (i, &f) in free.iter().enumerate() {
+            let [low, high] = at.hypothesis.ranges[f];
+            let value = at.hypothesis.values[f];
+            if (value <= low && total[i] < 0.0) || (value >= high && total[i] > 0.0) {
+                wanted[i] = 0.0;
+                for j in 0..free.len() {
+                    damped[(i, j)] = 0.0;
+                    damped[(j, i)] = 0.0;
+                }
+                damped[(i, i)] = 1.0;
+            }
+        }
+        let Some(change) = damped.cholesky().map(|c| c.solve(&wanted)) else {
+            *damping *= 10.0;
+            continue;
+        };
+        let mut moved = at.hypothesis.clone();
+        for (i, &f) in free.iter().enumerate() {
+            let [low, high] = moved.ranges[f];
+            moved.values[f] = (moved.values[f] + change[i]).clamp(low, high);
+        }
+        let there = as_it_is(evidence, moved);
+        if there.cells.nats(Part::Training) > before {
+            *damping = (*damping * 0.2).max(1e-4);
+            return Some(there);
+        }
+        *damping *= 8.0;
+    }
+    None
+}

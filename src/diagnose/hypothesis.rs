@@ -1,0 +1,194 @@
+//! A model of the recording: nuisances and effects with their values, and what it makes of a pixel.
+
+use super::candidate::{Candidate, Stage};
+use super::nuisance::{N_NUISANCES, Nuisance};
+use super::{Evidence, PixelEvidence};
+use crate::predict::{Light, PixelLaw};
+
+/// What a hypothesis makes of one pixel: its light after all that filters it, its law, its clock.
+#[derive(Debug)]
+pub struct View<'a> {
+    /// All that is looked at.
+    pub evidence: &'a Evidence,
+    /// The pixel.
+    pub pixel: &'a PixelEvidence,
+    /// Its law.
+    pub law: PixelLaw,
+    /// What it compares, at every instant.
+    pub signal: Vec<f32>,
+    /// Time of the first instant on the events' clock, microseconds since the window's start.
+    pub start_us: f64,
+    /// From one instant to the next on the events' clock, microseconds.
+    pub step_us: f64,
+}
+
+impl View<'_> {
+    /// The light as the predictor takes it.
+    #[must_use]
+    pub fn light(&self) -> Light<'_> {
+        let (start_us, step_us) = (self.start_us, self.step_us);
+        Light { start_us, step_us, signal: &self.signal, level: &self.pixel.light }
+    }
+
+    /// From one instant to the next, seconds.
+    #[must_use]
+    pub fn step_s(&self) -> f64 {
+        self.evidence.step_us * 1e-6
+    }
+}
+
+/// Nuisances and effects with their values.
+#[derive(Debug, Clone)]
+pub struct Hypothesis {
+    /// Effects beyond the baseline, in the order in which they were taken.
+    pub effects: Vec<&'static Candidate>,
+    /// The nuisances' values, then those of each effect's own parameters, as they are fitted.
+    pub values: Vec<f64>,
+    /// Range of each value.
+    pub ranges: Vec<[f64; 2]>,
+    /// Step of each value's difference quotient.
+    pub steps: Vec<f64>,
+}
+
+impl Hypothesis {
+    /// Nuisances alone, at their ordinary values.
+    #[must_use]
+    pub fn baseline(evidence: &Evidence) -> Self {
+        let ordinary = Nuisance::ALL.map(|nuisance| nuisance.ordinary(&evidence.facts));
+        Self {
+            effects: Vec::new(),
+            values: ordinary.iter().map(|o| o.start).collect(),
+            ranges: ordinary.iter().map(|o| o.range).collect(),
+            steps: ordinary.iter().map(|o| o.step).collect(),
+        }
+    }
+
+    /// With one more effect, whose own parameters start at `start`, in their fitted coordinates.
+    /// An effect that is a nuisance out of range frees the nuisance instead.
+    #[must_use]
+    pub fn with(&self, effect: &'static Candidate, start: &[f64]) -> Self {
+        let mut other = self.clone();
+        for (freed, value) in effect.frees.iter().zip(start) {
+            let index = freed.nuisance as usize;
+            other.ranges[index] = freed.range;
+            other.values[index] = *value;
+        }
+        if effect.frees.is_empty() {
+            for (parameter, value) in effect.parameters.iter().zip(start) {
+                other.values.push(*value);
+                other.ranges.push(parameter.fitted_range());
+                other.steps.push(if parameter.is_fixed { 0.0 } else { parameter.fitted_step() });
+            }
+        }
+        other.effects.push(effect);
+        other
+    }
+
+    /// A nuisance's value in its fitted coordinate.
+    #[must_use]
+    pub fn nuisance(&self, nuisance: Nuisance) -> f64 {
+        self.values[nuisance as usize]
+    }
+
+    /// Where an effect's own values begin.
+    #[must_use]
+    pub fn offset_of(&self, index: usize) -> usize {
+        let before = self.effects.iter().take(index);
+        N_NUISANCES
+            + before.filter(|e| e.frees.is_empty()).map(|e| e.parameters.len()).sum::<usize>()
+    }
+
+    /// An effect's parameters as they are reported.
+    #[must_use]
+    pub fn parameters_of(&self, index: usize) -> Vec<f64> {
+        let effect = self.effects[index];
+        if effect.frees.is_empty() {
+            let at = self.offset_of(index);
+            let own = effect.parameters.iter().zip(&self.values[at..]);
+            own.map(|(parameter, value)| parameter.from_fitted(*value)).collect()
+        } else {
+            (effect.report)(&self.values)
+        }
+    }
+
+    /// The law of the pixels before any effect has its say.
+    #[must_use]
+    pub fn law(&self) -> PixelLaw {
+        let value = |nuisance| self.nuisance(nuisance);
+        let (theta, half) =
+            (value(Nuisance::LogTheta).exp(), (0.5 * value(Nuisance::LogRatio)).exp());
+        let noise = theta * value(Nuisance::LogNoise).exp();
+        PixelLaw {
+            theta_on: theta * half,
+            theta_off: theta / half,
+            leak_per_s: theta * value(Nuisance::LeakHz),
+            noise_at_white: noise,
+            noise_exponent: value(Nuisance::NoiseExponent),
+            noise_speed_per_s: noise * value(Nuisance::LogNoiseHz).exp(),
+            background_on_hz: value(Nuisance::LogBackgroundOn).exp(),
+            background_off_hz: value(Nuisance::LogBackgroundOff).exp(),
+            blind_s: 0.0,
+            drop_fraction: 0.0,
+            jitter_s: 0.0,
+        }
+    }
+
+    /// The kinds of pixel a mixture effect tells apart, with their shares; one kind without such.
+    #[must_use]
+    pub fn kinds(&self) -> Vec<(f64, f64)> {
+        let mixture = self.effects.iter().enumerate().find_map(|(i, e)| Some((i, e.mixture?)));
+        match mixture {
+            Some((index, mixture)) => mixture(&self.parameters_of(index)),
+            None => vec![(1.0, 0.0)],
+        }
+    }
+
+    /// What the model makes of a pixel, if it is of the kind `kind`. `signal` is memory to use.
+    #[must_use]
+    pub fn view<'a>(
+        &self,
+        evidence: &'a Evidence,
+        pixel: &'a PixelEvidence,
+        kind: f64,
+        mut signal: Vec<f32>,
+    ) -> View<'a> {
+        signal.clear();
+        signal.extend_from_slice(&pixel.light);
+        let mut view = View {
+            evidence,
+            pixel,
+            law: self.law(),
+            signal,
+            start_us: evidence.start_us + self.nuisance(Nuisance::OffsetUs),
+            step_us: evidence.step_us,
+        };
+        self.surround(&mut view);
+        for stage in Stage::ALL {
+            for (index, effect) in self.effects.iter().enumerate() {
+                if effect.stage == stage && effect.frees.is_empty() {
+                    (effect.act)(&self.parameters_of(index), kind, &mut view);
+                }
+            }
+        }
+        view
+    }
+
+    /// The event camera's lens and place against the map's, to first order.
+    fn surround(&self, view: &mut View<'_>) {
+        let half = 0.5 * self.nuisance(Nuisance::BlurPx2) as f32;
+        let [dx, dy] =
+            [Nuisance::ShiftX, Nuisance::ShiftY].map(|shift| self.nuisance(shift) as f32);
+        let pixel = view.pixel;
+        if half != 0.0 {
+            for (s, l) in view.signal.iter_mut().zip(&pixel.laplacian) {
+                // Beyond a few tenths the light's logarithm would leave what first order can tell.
+                *s += (half * l).clamp(-0.7, 0.7);
+            }
+        }
+        for (shift, gradient) in [(dx, &pixel.gradient[0]), (dy, &pixel.gradient[1])] {
+            if shift != 0.0 {
+                view.signal.iter_mut().zip(gradient).for_each(|(s, g)| *s += shift * g);
+            }
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! What every recording has and every fit has to allow for.
+
+use super::Facts;
+
+/// A quantity that is always fitted, within its ordinary range; outside, it is a finding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(usize)]
+pub enum Nuisance {
+    /// Logarithm of the mean threshold in log intensity: the contrast gain turned round.
+    LogTheta,
+    /// Logarithm of On threshold over Off threshold.
+    LogRatio,
+    /// Leak, On events a second and pixel.
+    LeakHz,
+    /// Logarithm of the threshold's scatter at white, in thresholds.
+    LogNoise,
+    /// How the scatter grows towards the dark.
+    NoiseExponent,
+    /// Logarithm of how often a second the noise moves by its own scale.
+    LogNoiseHz,
+    /// Logarithm of the rate of background On events, a second and pixel.
+    LogBackgroundOn,
+    /// Logarithm of the rate of background Off events, a second and pixel.
+    LogBackgroundOff,
+    /// By how much the event camera's stamps are late against the light, microseconds.
+    OffsetUs,
+    /// Variance by which the event camera sees more blurred than the light's map, square pixels.
+    BlurPx2,
+    /// Real minus predicted place, to the right, pixels.
+    ShiftX,
+    /// Real minus predicted place, downwards, pixels.
+    ShiftY,
+}
+
+/// How many there are.
+pub(super) const N_NUISANCES: usize = 12;
+
+/// Start, ordinary range and step of a difference quotient.
+pub(super) struct Ordinary {
+    pub(super) start: f64,
+    pub(super) range: [f64; 2],
+    pub(super) step: f64,
+}
+
+impl Nuisance {
+    /// All of them, in the order of a hypothesis's values.
+    pub const ALL: [Self; N_NUISANCES] = [
+        Self::LogTheta,
+        Self::LogRatio,
+        Self::LeakHz,
+        Self::LogNoise,
+        Self::NoiseExponent,
+        Self::LogNoiseHz,
+        Self::LogBackgroundOn,
+        Self::LogBackgroundOff,
+        Self::OffsetUs,
+        Self::BlurPx2,
+        Self::ShiftX,
+        Self::ShiftY,
+    ];
+
+    /// The key under which it is reported.
+    #[must_use]
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::LogTheta => "theta",
+            Self::LogRatio => "on_off_ratio",
+            Self::LeakHz => "leak_hz",
+            Self::LogNoise => "noise_at_white_thresholds",
+            Self::NoiseExponent => "noise_exponent",
+            Self::LogNoiseHz => "noise_movement_hz",
+            Self::LogBackgroundOn => "background_on_hz",
+            Self::LogBackgroundOff => "background_off_hz",
+            Self::OffsetUs => "clock_offset_us",
+            Self::BlurPx2 => "blur_px2",
+            Self::ShiftX => "shift_x_px",
+            Self::ShiftY => "shift_y_px",
+        }
+    }
+
+    /// From the fitted coordinate to the number that is reported.
+    #[must_use]
+    pub fn reported(self, value: f64) -> f64 {
+        match self {
+            Self::LogTheta
+            | Self::LogRatio
+            | Self::LogNoise
+            | Self::LogNoiseHz
+            | Self::LogBackgroundOn
+            | Self::LogBackgroundOff => value.exp(),
+            _ => value,
+        }
+    }
+
+    /// What an ordinary recording has: a camera in order, its clocks as stated, its lens in focus.
+    /// A light from frames of the same sensor sees from the same place through the same lens.
+    pub(super) fn ordinary(self, facts: &Facts) -> Ordinary {
+        let of = |start: f64, range: [f64; 2], step: f64| Ordinary { start, range, step };
+        let surroundings = if facts.from_scene { 1.0 } else { 0.0 };
+        let within = facts.offset_within_us;
+        match self {
+            Self::LogTheta => of(0.25_f64.ln(), [0.02_f64.ln(), 3.0_f64.ln()], 0.004),
+            Self::LogRatio => of(0.0, [-0.03, 0.03], 0.004),
+            Self::LeakHz => of(0.1, [0.0, 0.3], 0.02),
+            Self::LogNoise => of(0.06_f64.ln(), [0.005_f64.ln(), 0.3_f64.ln()], 0.02),
+            Self::NoiseExponent => of(0.3, [0.0, 1.0], 0.02),
+            Self::LogNoiseHz => of(3.0_f64.ln(), [0.05_f64.ln(), 200.0_f64.ln()], 0.05),
+            Self::LogBackgroundOn | Self::LogBackgroundOff => {
+                of(0.01_f64.ln(), [1e-4_f64.ln(), 0.1_f64.ln()], 0.05)
+            }
+            Self::OffsetUs => of(0.0, [-within, within], 50.0),
+            Self::BlurPx2 => of(0.0, [-0.2 * surroundings, 0.2 * surroundings], 0.01),
+            Self::ShiftX | Self::ShiftY => {
+                of(0.0, [-0.15 * surroundings, 0.15 * surroundings], 0.01)
+            }
+        }
+    }
+}

@@ -1,0 +1,39 @@
+//! How much work a diagnosis is.
+
+use serde::{Deserialize, Serialize};
+
+/// How hard to look.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Options {
+    /// Most pixels looked at; they are drawn over the whole sensor, textured ones first.
+    pub n_pixels: usize,
+    /// Instants of light, over all pixels, at most.
+    pub n_instants: usize,
+    /// From one instant of the light to the next.
+    pub step_us: u32,
+    /// Blocks of time.
+    pub n_blocks: usize,
+    /// Side of a tile of pixels that is trained on or held out as one.
+    pub tile_px: u16,
+    /// Most effects named.
+    pub max_effects: usize,
+    /// Recordings drawn from the fitted model that go through the same search.
+    pub n_null: usize,
+    /// Seed of all draws.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            n_pixels: 400,
+            n_instants: 4_000_000,
+            step_us: 1_000,
+            n_blocks: 9,
+            tile_px: 20,
+            max_effects: 4,
+            n_null: 2,
+            seed: 0,
+        }
+    }
+}

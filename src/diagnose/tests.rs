@@ -1,0 +1,142 @@
+//! Effects are planted with the model's own sampler and demanded back.
+
+use super::*;
+use crate::drive::{Drive, TimeGrid};
+use crate::effect_id::EffectId;
+use crate::event::Events;
+use crate::geometry::Size;
+use crate::predict::ByPixel;
+
+const END_US: i64 = 4_000_000;
+
+/// A texture that runs across the sensor on a circle: waves in two directions.
+struct Texture;
+
+impl Texture {
+    fn value(u: f64, v: f64) -> f64 {
+        let mut sum = 0.0;
+        for i in 0..7 {
+            let k = 0.22 + 0.13 * f64::from(i);
+            let (s, c) = (f64::from(i) * 1.9).sin_cos();
+            sum += (k * (u * c + v * s) + 1.7 * f64::from(i)).sin() * 0.55;
+        }
+        (sum - 1.2).min(0.0)
+    }
+
+    fn path(t_us: f64) -> [f64; 2] {
+        let turn = t_us * 1e-6 * std::f64::consts::TAU / 2.0;
+        [18.0 * turn.cos(), 18.0 * turn.sin()]
+    }
+}
+
+impl Drive for Texture {
+    fn size(&self) -> Size {
+        Size::new(60, 60)
+    }
+    fn span_us(&self) -> [i64; 2] {
+        [0, END_US]
+    }
+    fn white_dn(&self) -> f64 {
+        200.0
+    }
+    fn sample(&self, [u, v]: [f64; 2], grid: TimeGrid, out: &mut [f32]) -> bool {
+        for (i, out) in out.iter_mut().enumerate() {
+            let [dx, dy] = Self::path(grid.at(i) as f64);
+            *out = Self::value(u - dx, v - dy) as f32;
+        }
+        true
+    }
+    fn error(&self, _place: [f64; 2]) -> f32 {
+        f32::NAN
+    }
+}
+
+fn facts() -> Facts {
+    Facts {
+        from_scene: true,
+        aps_us: Vec::new(),
+        frame_us: 25_000.0,
+        white_dn: 200.0,
+        offset_within_us: 1_000.0,
+    }
+}
+
+fn options() -> Options {
+    Options { n_pixels: 160, n_null: 0, max_effects: 2, ..Options::default() }
+}
+
+fn empty() -> Evidence {
+    let nothing = Events::new();
+    let recording = ByPixel::new(nothing.as_slice(), Size::new(60, 60), [0, END_US]);
+    // The pixels are chosen by their light, so that events can be planted in them afterwards.
+    let filler: Events = (0..60_u16)
+        .flat_map(|y| (0..60_u16).map(move |x| crate::event::Event { t: 1, x, y, on: true }))
+        .flat_map(|e| (0..4).map(move |i| crate::event::Event { t: i, ..e }))
+        .collect();
+    let filled = ByPixel::new(filler.as_slice(), recording.size(), [0, END_US]);
+    Evidence::new(&filled, &Texture, facts(), &options()).unwrap()
+}
+
+fn plant(id: Option<EffectId>, start: &[f64]) -> Evidence {
+    let evidence = empty();
+    let mut hypothesis = Hypothesis::baseline(&evidence);
+    if let Some(id) = id {
+        let candidate = LIBRARY.iter().find(|c| c.id == id).unwrap();
+        hypothesis = hypothesis.with(candidate, start);
+    }
+    null::draw(&evidence, &hypothesis, 17)
+}
+
+fn found(id: EffectId, start: &[f64]) -> Diagnosis {
+    let diagnosis = diagnose(&plant(Some(id), start), &options(), &mut |_| {});
+    let ids: Vec<EffectId> = diagnosis.effects.iter().map(|e| e.id).collect();
+    assert_eq!(ids.first(), Some(&id), "{ids:?} {:?}", diagnosis.fit);
+    diagnosis
+}
+
+fn value(diagnosis: &Diagnosis, key: &str) -> f64 {
+    diagnosis.effects[0].parameters[key].value
+}
+
+#[test]
+fn nothing_is_named_where_nothing_is_hidden() {
+    let diagnosis = diagnose(&plant(None, &[]), &options(), &mut |_| {});
+    assert_eq!(diagnosis.verdict, Verdict::NoMismatch, "{diagnosis:#?}");
+    assert!(diagnosis.effects.is_empty());
+    assert!((diagnosis.nuisances["theta"].value / 0.25 - 1.0).abs() < 0.01);
+}
+
+#[test]
+fn a_dead_time_is_named_with_its_length() {
+    let diagnosis = found(EffectId::RefractoryPeriod, &[4_000.0_f64.ln()]);
+    let us = value(&diagnosis, "refractory_us");
+    assert!((us / 4_000.0 - 1.0).abs() < 0.05, "{us}");
+    assert_eq!(diagnosis.verdict, Verdict::Explained);
+}
+
+#[test]
+fn a_bandwidth_is_named_with_its_cutoff() {
+    let start = [20.0_f64.ln(), 1.0, 0.02_f64.ln()];
+    let diagnosis = found(EffectId::PhotoreceptorBandwidth, &start);
+    let hz = value(&diagnosis, "cutoff_hz_at_white");
+    assert!((hz / 20.0 - 1.0).abs() < 0.1, "{hz}");
+}
+
+#[test]
+fn a_clock_that_is_off_is_told_from_a_pole() {
+    let diagnosis = found(EffectId::ClockOffset, &[6_000.0]);
+    let us = value(&diagnosis, "offset_us");
+    assert!((us - 6_000.0).abs() < 300.0, "{us}");
+    assert_eq!(diagnosis.effects[0].equivalent, [EffectId::PixelLatency]);
+    let pole = found(EffectId::FixedPole, &[12.0_f64.ln()]);
+    let hz = value(&pole, "cutoff_hz");
+    assert!((hz / 12.0 - 1.0).abs() < 0.1, "{hz}");
+}
+
+#[test]
+fn unequal_thresholds_and_leak_are_told_apart() {
+    let ratio = value(&found(EffectId::ThresholdAsymmetry, &[0.3]), "on_off_ratio");
+    assert!((ratio / 0.3_f64.exp() - 1.0).abs() < 0.03, "{ratio}");
+    let leak = value(&found(EffectId::JunctionLeak, &[3.0]), "rate_hz");
+    assert!((leak - 3.0).abs() < 0.3, "{leak}");
+}

@@ -1,0 +1,180 @@
+//! The result: `diagnosis.json`.
+
+use crate::effect_id::EffectId;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// What was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The model holds.
+    NoMismatch,
+    /// Named effects remove at least half of the excess.
+    Explained,
+    /// Named effects remove a good part of the excess.
+    PartlyExplained,
+    /// Nothing in the library removes a good part of the excess.
+    Unexplained,
+}
+
+/// A value with the interval that covers the truth in 90 % of repetitions.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Interval {
+    /// The value.
+    pub value: f64,
+    /// Its interval; `null` ends where it is not known.
+    pub ci90: [Option<f64>; 2],
+}
+
+/// A stratum in which the model is wrong.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Where {
+    /// What the stratum is by.
+    pub covariate: String,
+    /// Its range.
+    pub range: [f64; 2],
+    /// What a recalibration in it would buy, nats an event of all.
+    pub excess_nats_per_event: f64,
+    /// Mean of what the light had changed beyond the threshold, in thresholds: late above 0.
+    pub innovation_thresholds: f64,
+    /// Held-out events in it.
+    pub n_events: u64,
+    /// In words.
+    pub says: String,
+}
+
+/// Whether the baseline falls short.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Mismatch {
+    /// Ceiling minus baseline.
+    pub excess_nats_per_event: f64,
+    /// Chance of as much without any mismatch, by the scatter over cells.
+    pub p_value: f64,
+    /// Where, the worst first.
+    #[serde(rename = "where")]
+    pub places: Vec<Where>,
+}
+
+/// Another effect in the same place.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Rival {
+    /// Its id.
+    pub id: EffectId,
+    /// What it would have bought instead.
+    pub heldout_gain_nats_per_event: f64,
+}
+
+/// An effect that was named.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FittedEffect {
+    /// Its id.
+    pub id: EffectId,
+    /// Its name.
+    pub name: String,
+    /// Its equation.
+    pub equation: String,
+    /// What was found, in a sentence.
+    pub says: String,
+    /// Its parameters.
+    pub parameters: BTreeMap<String, Interval>,
+    /// What it buys on held-out cells on top of the effects above it.
+    pub heldout_gain_nats_per_event: f64,
+    /// Standard error of that gain.
+    pub heldout_gain_error: f64,
+    /// Chance of such a gain anywhere in the library without the effect.
+    pub p_value: f64,
+    /// Pixels or times it is limited to; `null` for everywhere.
+    pub region: Option<serde_json::Value>,
+    /// Effects that fit as well within one standard error, or that no events tell apart.
+    pub equivalent: Vec<EffectId>,
+    /// What else was tried in its place, the best first.
+    pub rivals: Vec<Rival>,
+}
+
+/// Scores on held-out cells, nats an event.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct HeldOut {
+    /// Nuisances alone.
+    pub baseline: f64,
+    /// With the named effects.
+    pub r#final: f64,
+    /// The best that was reached in any way.
+    pub ceiling: f64,
+    /// What reached it.
+    pub ceiling_is: String,
+}
+
+/// How much better the model has become.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FitReport {
+    /// Scores.
+    pub heldout_nats_per_event: HeldOut,
+    /// Final minus baseline over ceiling minus baseline; `null` without an excess.
+    pub share_of_excess_removed: Option<f64>,
+    /// Free-running comparison; empty until the generator has run with the effects.
+    pub forward: BTreeMap<String, serde_json::Value>,
+}
+
+/// What the named effects leave.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Leftover {
+    /// Ceiling minus final.
+    pub excess_nats_per_event: f64,
+    /// Chance of as much without any mismatch.
+    pub p_value: f64,
+    /// Where.
+    #[serde(rename = "where")]
+    pub places: Vec<Where>,
+}
+
+/// What the search finds where there is nothing.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NullReport {
+    /// Recordings drawn from the final model.
+    pub n: usize,
+    /// The greatest held-out gain of any effect in each.
+    pub greatest_gains: Vec<f64>,
+    /// The gain an effect has to beat to be named.
+    pub bar_nats_per_event: f64,
+}
+
+/// An effect that this session says nothing about.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CannotJudge {
+    /// The effect.
+    pub id: EffectId,
+    /// Why.
+    pub because: String,
+}
+
+/// `diagnosis.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Diagnosis {
+    /// `evrig.diagnosis/1`.
+    pub schema: String,
+    /// In a word.
+    pub verdict: Verdict,
+    /// Whether and where the baseline falls short.
+    pub mismatch: Mismatch,
+    /// Named effects in the order of importance.
+    pub effects: Vec<FittedEffect>,
+    /// Nuisances of the final model.
+    pub nuisances: BTreeMap<String, Interval>,
+    /// How much better the model has become.
+    pub fit: FitReport,
+    /// What is left.
+    pub leftover: Leftover,
+    /// A term that would help where nothing in the library does.
+    pub proposed_term: Option<serde_json::Value>,
+    /// What to record to tell equivalent effects apart.
+    pub next_recording: Option<String>,
+    /// Effects this session says nothing about.
+    pub cannot_judge: Vec<CannotJudge>,
+    /// The search's own noise.
+    pub null: NullReport,
+    /// Pixels and events looked at.
+    pub n_pixels: usize,
+    /// Events of those pixels.
+    pub n_events: usize,
+}
