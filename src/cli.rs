@@ -18,9 +18,8 @@ mod stages;
 pub use about::{CompletionsArgs, ManArgs};
 pub use check::CheckArgs;
 pub use demo::DemoArgs;
-pub use emulate::{EmulateArgs, EmulateArmArgs, EmulateCameraArgs, EmulatedDevice};
 pub use diagnose::DiagnoseArgs;
-pub use emulate::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
+pub use emulate::{EmulateArgs, EmulateArmArgs, EmulateCameraArgs, EmulatedDevice};
 pub use guard::GuardArgs;
 pub use import::{
     ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
