@@ -11,6 +11,7 @@ mod guard;
 mod import;
 mod pi;
 mod plan;
+mod prove;
 mod record;
 mod session;
 mod stages;
@@ -26,6 +27,7 @@ pub use import::{
 };
 pub use pi::{PairArgs, PiArgs, PiCamera};
 pub use plan::PlanArgs;
+pub use prove::ProveArgs;
 pub use record::RecordArgs;
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{
@@ -82,6 +84,8 @@ pub enum Command {
     Compare(CompareArgs),
     /// Say which physics the model leaves out: located, named, fitted, shown on held-out events
     Diagnose(DiagnoseArgs),
+    /// Hide effects in sessions, diagnose them blind, open the seals and count
+    Prove(ProveArgs),
     /// Run every stage a session has the inputs for
     Process(ProcessArgs),
     /// Write the report: one self-contained HTML file

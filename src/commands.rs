@@ -23,6 +23,7 @@ mod output;
 mod pi;
 mod plan;
 mod process;
+mod prove;
 mod record;
 mod report;
 mod verify;
@@ -72,6 +73,7 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Compare(args) => compare::run(&args, output),
         Command::Diagnose(args) => diagnose::run(&args, output),
         Command::Process(args) => process::run(&args, output),
+        Command::Prove(args) => prove::run(&args, output),
         Command::Report(args) => report::run(&args, output),
         Command::Export(args) => export::run(&args, output),
         Command::Check(args) => check::check(&args, output),

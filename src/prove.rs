@@ -12,6 +12,7 @@
 mod draw;
 mod judge;
 pub mod plasmode;
+mod run;
 mod score;
 mod seal;
 mod strength;
@@ -20,6 +21,7 @@ mod truth;
 
 pub use draw::{Mix, draw};
 pub use judge::{Answer, Judgement, ParameterCheck, judge};
+pub use run::{Bench, Proof, ProveError};
 pub use score::{PerEffect, Score, Share};
 pub use seal::{Seal, SealError, open, seal};
 pub use strength::{Strength, strengths};
