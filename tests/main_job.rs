@@ -40,9 +40,20 @@ fn a_real_recording_goes_in_and_a_report_comes_out() {
     assert_eq!(count(&info, "imu"), Some(2_363));
 
     let processed = json(evrig().arg("process").arg(&session));
-    let generated = &processed["stages"][0];
-    assert_eq!(generated["stage"], "generate", "{processed}");
+    let stages = processed["stages"].as_array().unwrap();
+    let stage = |name: &str| stages.iter().find(|stage| stage["stage"] == name).unwrap();
+    let generated = stage("generate");
     assert!(generated["result"]["events"].as_u64().unwrap() > 1_000, "{processed}");
+
+    let calibrated = stage("calibrate");
+    for (i, k) in calibrated["result"]["passages"]["k"].as_array().unwrap().iter().enumerate() {
+        assert!(k["value"].is_number() && k["ci95"][0].is_number(), "k{}: {k}", i + 1);
+    }
+    let fresh = json(evrig().arg("calibrate").arg(&session));
+    assert_eq!(fresh["fresh"], true, "{fresh}");
+    let tuned =
+        json(evrig().args(["generate", "--k", "@calibrated", "--name", "own"]).arg(&session));
+    assert_eq!(tuned["parameters"]["model"]["k"], fresh["k"], "{tuned}");
 
     let comparison = json(evrig().arg("compare").arg(&session));
     let measures = comparison["comparisons"][0]["measures"].as_array().unwrap();
@@ -96,6 +107,8 @@ fn the_same_seed_gives_the_same_bytes_on_one_thread_and_on_two_and_in_another_pl
             .code(0);
         let read = |file: &str| std::fs::read(session.join("derived").join(file)).unwrap();
         results.push([
+            read("calibrate-aps/k.json"),
+            read("generate-aps-tuned/events.aedat4"),
             read("generate-aps/events.aedat4"),
             read("generate-aps/stage.json"),
             read("compare-aps/comparison.json"),

@@ -141,7 +141,7 @@ pub fn calibrate(
     let mut n_evaluations = 0;
     let judge = |(name, k): (&str, Coefficients)| {
         // Each with the nuisances that suit it best: k is what is judged.
-        let n_fit = 40 * objective.nuisances().len();
+        let n_fit = 25 * objective.nuisances().len();
         let fixed = Fixed { objective, k: k.k() };
         let found = search(&fixed, k.k(), n_fit, settings.seed);
         n_evaluations += found.n_evaluations + 1;

@@ -111,7 +111,7 @@ fn drift_term(light: &Light, used: &Used, k: &[f64; 6]) -> Term<4> {
     Term {
         tile: *tile,
         weights: foretold.drift_by(k).map(|by| by / variance),
-        residual: side(passage) - along.drift(k),
+        residual: residual(light, passage, &along, k),
         by: along.drift_by(k),
     }
 }
@@ -121,7 +121,7 @@ fn diffusion_term(light: &Light, used: &Used, k: &[f64; 6]) -> Term<2> {
     let along = pixel(light, passage).along(passage.start_us, passage.end_us, k[1]);
     let rounding = rounding(light, passage, k);
     let variance = foretold.variance(k) + rounding + LEAST_VARIANCE;
-    let r = side(passage) - along.drift(k);
+    let r = residual(light, passage, &along, k);
     Term {
         tile: *tile,
         weights: foretold.variance_by(k).map(|by| by / (variance * variance)),
@@ -132,6 +132,14 @@ fn diffusion_term(light: &Light, used: &Used, k: &[f64; 6]) -> Term<2> {
 
 fn side(passage: &Passage) -> f64 {
     if passage.on { 1.0 } else { -1.0 }
+}
+
+/// The barrier met minus the drift up to it. A stamp is the end of the microsecond in which the
+/// event came, so that on average both ends lie half a microsecond earlier.
+fn residual(light: &Light, passage: &Passage, along: &Along, k: &[f64; 6]) -> f64 {
+    let pixel = pixel(light, passage);
+    let [start, end] = [passage.start_us, passage.end_us].map(|t| pixel.drift_at(t, k));
+    side(passage) - along.drift(k) + 0.5 * (end - start)
 }
 
 /// Variance that stamps in whole microseconds add to r.

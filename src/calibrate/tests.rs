@@ -48,7 +48,7 @@ fn events(frames: &[Luminance], k: Coefficients, seed: u64) -> Events {
 
 /// How many of `n_seeds` recordings have each k within its 95 % interval.
 fn coverage(k: Coefficients, n_seeds: u64) -> [u64; 6] {
-    let frames = clip(120);
+    let frames = clip(60);
     let light = light(&frames);
     let mut covered = [0; 6];
     for seed in 0..n_seeds {
@@ -126,7 +126,7 @@ fn where_light_is_steady_the_papers_regressions_agree_with_the_truth() {
 
 #[test]
 fn in_moving_texture_the_papers_regressions_are_biased_as_they_say() {
-    let frames = clip(240);
+    let frames = clip(120);
     let events = events(&frames, Coefficients::DVS346, 1);
     let regressions = regress(&light(&frames), events.as_slice(), Part::Train, 0).unwrap();
     let k = regressions.k.map(|k| k.estimate.value);
@@ -136,7 +136,7 @@ fn in_moving_texture_the_papers_regressions_are_biased_as_they_say() {
 
 #[test]
 fn the_score_prefers_the_truth_on_tiles_it_did_not_see() {
-    let frames = clip(120);
+    let frames = clip(60);
     let light = light(&frames);
     let k = Coefficients::DVS346;
     let events = events(&frames, k, 5);
@@ -152,11 +152,11 @@ fn the_score_prefers_the_truth_on_tiles_it_did_not_see() {
 
 #[test]
 fn a_calibration_is_judged_on_held_out_tiles_and_improves_on_a_wrong_start() {
-    let frames = clip(120);
+    let frames = clip(40);
     let light = light(&frames);
     let k = Coefficients::new([3.0, 10.0, 1e-4, 5e-7, 1e-8, 1e-5]).unwrap();
     let events = events(&frames, k, 7);
-    for n_evaluations in [0, 20] {
+    for n_evaluations in [0, 12] {
         let settings = Settings { published: Coefficients::DVS346, n_evaluations, seed: 1 };
         let objective = ScoreObjective::new(&light, events.as_slice(), 0);
         let result = calibrate(&light, events.as_slice(), &objective, &settings).unwrap();
@@ -167,7 +167,9 @@ fn a_calibration_is_judged_on_held_out_tiles_and_improves_on_a_wrong_start() {
         assert!(held_out(&result.from) < held_out("published") - 0.1, "{:?}", result.candidates);
         assert!((result.k.k()[0] / 3.0 - 1.0).abs() < 0.05, "{:?}", result.candidates);
         let json = serde_json::to_string(&result).unwrap();
-        assert_eq!(serde_json::from_str::<Calibration>(&json).unwrap().k, result.k);
+        let back = serde_json::from_str::<Calibration>(&json).unwrap().k.k();
+        // A decimal number is read back to the last digit but one.
+        assert!(back.iter().zip(result.k.k()).all(|(b, k)| (b - k).abs() <= 1e-15 * k.abs()));
     }
 }
 
