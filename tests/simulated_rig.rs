@@ -66,7 +66,7 @@ fn trajectory() -> Trajectory {
     Trajectory::parse("nudge.toml", TRAJECTORY).unwrap()
 }
 
-fn opening(world: &WorldDescription, rig: &Rig) -> Opening<'_> {
+fn opening<'a>(world: &'a WorldDescription, rig: &Rig) -> Opening<'a> {
     let start = trajectory().path(rig, Optional::Included).unwrap().start();
     Opening { pace: Pace::Unpaced, home: false, start, world, seed: 3 }
 }

@@ -61,7 +61,7 @@ impl LiveWorld {
         seed: u64,
     ) -> Result<Arc<Self>, WorldError> {
         let follower = arm.follow();
-        let description = on_this_machine(description, follower.now())?;
+        let description = on_this_machine(description, &|| follower.now())?;
         let schedule = Schedule::new(vec![Setting::nominal(Span::ZERO, rig.davis.aps)]);
         let motion: Arc<dyn Motion> = Arc::new(follower.clone());
         let world = World::over(rig, start, motion, schedule, &description, seed)?;
@@ -78,8 +78,9 @@ impl LiveWorld {
         description: &WorldDescription,
         seed: u64,
     ) -> Result<Arc<Self>, WorldError> {
-        let description = on_this_machine(description, Span::ZERO)?;
         let begun = Instant::now();
+        let now = || Span::from_secs_f64(begun.elapsed().as_secs_f64());
+        let description = on_this_machine(description, &now)?;
         let schedule = Schedule::new(vec![Setting::nominal(Span::ZERO, rig.davis.aps)]);
         let motion: Arc<dyn Motion> = Arc::new(ToAndFro(path.clone()));
         let world = World::over(rig, path.start(), motion, schedule, &description, seed)?;
@@ -138,10 +139,13 @@ impl LiveWorld {
     }
 }
 
-/// The description with the clocks of this machine, whose world time is `now`.
+/// How often the machine's clocks are compared with the world's; the shortest comparison counts.
+const N_COMPARISONS: usize = 20;
+
+/// The description with the clocks of this machine; `now` is the world's time.
 fn on_this_machine(
     description: &WorldDescription,
-    now: Span,
+    now: &dyn Fn() -> Span,
 ) -> Result<WorldDescription, WorldError> {
     let mut description = description.clone();
     let clocks = &mut description.clocks;
@@ -154,9 +158,13 @@ fn on_this_machine(
         let expected = "0: in real time the Pi's clocks are this machine's";
         return Err(WorldError::Range { key: key.to_owned(), got, expected: expected.to_owned() });
     }
-    let read = read_clocks();
-    let start: Stamp<Unix> = read.realtime - now;
-    clocks.unix_start_us = start.as_micros();
-    clocks.pi_boot_ns = (read.boottime_after - now).as_nanos();
+    let compared = (0..N_COMPARISONS).map(|_| (now(), read_clocks(), now()));
+    if let Some((before, read, after)) = compared.min_by_key(|(before, _, after)| *after - *before)
+    {
+        let middle = before + Span::from_nanos((after - before).as_nanos() / 2);
+        let start: Stamp<Unix> = read.realtime - middle;
+        clocks.unix_start_us = start.as_micros();
+        clocks.pi_boot_ns = (read.boottime_before - middle).as_nanos();
+    }
     Ok(description)
 }
