@@ -122,7 +122,7 @@ fn samples(gain: f64) -> Vec<u16> {
 
 /// R, G, B bytes of an RGGB mosaic.
 fn isp(raw: &[u16]) -> Vec<u8> {
-    let [width, height] = [SIZE.width, SIZE.height].map(|k| i64::from(k));
+    let [width, height] = [SIZE.width, SIZE.height].map(i64::from);
     let colour = |x: i64, y: i64| match (x % 2, y % 2) {
         (0, 0) => 0,
         (1, 1) => 2,

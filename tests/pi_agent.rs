@@ -116,11 +116,11 @@ fn assert_pictures(frame: &PiFrame, has_raw: bool, has_rgb: bool) {
 }
 
 fn frames(samples: &[Sample]) -> Vec<&PiFrame> {
-    let frame = |sample| match sample {
-        &Sample::Frame { ref frame, .. } => Some(&**frame),
+    let frames = samples.iter().filter_map(|sample| match sample {
+        Sample::Frame { frame, .. } => Some(&**frame),
         _ => None,
-    };
-    samples.iter().filter_map(frame).collect()
+    });
+    frames.collect()
 }
 
 fn spool(folder: &Path, memory_bytes: usize) -> Room {

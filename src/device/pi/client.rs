@@ -279,7 +279,7 @@ impl Line {
                     shared.change(|state| count(&mut state.tally, &tally));
                     break;
                 }
-                Message::Refused { because } => return Err(self.reach.failed(because)),
+                Message::Refused { because } => return Err(self.reach.refused(because)),
                 other => return Err(self.unexpected("a frame", &other)),
             }
         }

@@ -46,11 +46,13 @@ impl Reach {
     }
 
     pub(super) fn failed(&self, because: impl ToString) -> RecorderError {
-        RecorderError {
-            device: format!("pi at {self}"),
-            because: because.to_string(),
-            remedy: "start `evrig pi` there, or correct pi.transport",
-        }
+        let remedy = "start `evrig pi` there, or correct pi.transport";
+        RecorderError { device: format!("pi at {self}"), because: because.to_string(), remedy }
+    }
+
+    /// The agent is there, and says why it cannot.
+    pub(super) fn refused(&self, because: String) -> RecorderError {
+        RecorderError { device: format!("pi at {self}"), because, remedy: "mend that on the Pi" }
     }
 }
 
@@ -179,7 +181,7 @@ impl Line {
         let deadline = Instant::now() + patience;
         loop {
             match self.look()? {
-                Some(Message::Refused { because }) => return Err(self.reach.failed(because)),
+                Some(Message::Refused { because }) => return Err(self.reach.refused(because)),
                 Some(message) => return Ok(message),
                 None if Instant::now() >= deadline => {
                     return Err(self.reach.failed(format!("no answer within {patience:?}")));

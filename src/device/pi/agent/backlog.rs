@@ -223,9 +223,11 @@ impl Backlog {
 /// A file without a name: made, and unlinked at once.
 fn nameless(directory: &Path) -> io::Result<File> {
     let path = directory.join(format!(".evrig-spool-{}-{}", std::process::id(), serial()));
-    let file = File::options().read(true).write(true).create_new(true).open(&path)?;
-    std::fs::remove_file(&path)?;
-    Ok(file)
+    let opened = File::options().read(true).write(true).create_new(true).open(&path);
+    let unlinked = opened.and_then(|file| std::fs::remove_file(&path).map(|()| file));
+    unlinked.map_err(|error| {
+        io::Error::new(error.kind(), format!("the spool {}: {error}", directory.display()))
+    })
 }
 
 fn serial() -> u64 {
@@ -307,6 +309,7 @@ mod tests {
 
     #[test]
     fn a_spool_that_is_no_directory_is_told_at_once() {
-        assert!(Backlog::new(room(Path::new("/nonexistent"), 1)).is_err());
+        let said = Backlog::new(room(Path::new("/nonexistent"), 1)).unwrap_err().to_string();
+        assert!(said.contains("/nonexistent"), "{said}");
     }
 }

@@ -19,6 +19,8 @@ const N_WAITING: usize = 8;
 const MAX_HEAD_BYTES: usize = 1 << 16;
 /// The longest pictures: a whole sensor's, raw and RGB.
 const MAX_PICTURE_BYTES: usize = 128 << 20;
+/// How long last words are waited for.
+const LAST_WORDS: Duration = Duration::from_secs(1);
 /// Lines of the helper's standard error that are kept for its obituary.
 const N_LAST_WORDS: usize = 4;
 
@@ -96,6 +98,8 @@ pub(super) struct Helper {
     stdin: Option<ChildStdin>,
     packets: Receiver<Result<Packet, String>>,
     last_words: Arc<Mutex<VecDeque<String>>>,
+    /// Closed once its standard error is.
+    silence: Receiver<()>,
 }
 
 impl Helper {
@@ -116,7 +120,9 @@ impl Helper {
             (child.stdin.take(), child.stdout.take(), child.stderr.take());
         let (sender, packets) = sync_channel(N_WAITING);
         let last_words: Arc<Mutex<VecDeque<String>>> = Arc::default();
-        let mut helper = Self { child, stdin, packets, last_words: Arc::clone(&last_words) };
+        let (speaking, silence) = sync_channel::<()>(1);
+        let words = Arc::clone(&last_words);
+        let mut helper = Self { child, stdin, packets, last_words, silence };
         let (Some(stdout), Some(stderr)) = (stdout, stderr) else {
             return Err(failed("its helper has no pipes"));
         };
@@ -125,7 +131,13 @@ impl Helper {
         };
         let readers = [
             thread("pi pipe", Box::new(move || read_all(BufReader::new(stdout), &sender))),
-            thread("pi words", Box::new(move || listen(BufReader::new(stderr), &last_words))),
+            thread(
+                "pi words",
+                Box::new(move || {
+                    listen(BufReader::new(stderr), &words);
+                    drop(speaking);
+                }),
+            ),
         ];
         if let Some(error) = readers.into_iter().find_map(Result::err) {
             helper.end();
@@ -166,6 +178,8 @@ impl Helper {
     /// How it ended, with what it said last.
     fn obituary(&mut self) -> SourceError {
         self.end();
+        // What it said last may still be on its way. A process it left behind may never be silent.
+        let _ = self.silence.recv_timeout(LAST_WORDS);
         let how = self.child.try_wait().ok().flatten();
         let how = how.map_or_else(|| "ended".to_owned(), |status| format!("ended with {status}"));
         let words = self.last_words.lock().unwrap_or_else(PoisonError::into_inner);
@@ -196,10 +210,9 @@ fn read_all(mut pipe: impl Read, packets: &SyncSender<Result<Packet, String>>) {
     }
 }
 
-/// The next packet; none at the end of the pipe.
+/// The next packet; none at the end of the pipe, which a helper that dies may leave in its midst.
 fn read_packet(pipe: &mut impl Read) -> Result<Option<Packet>, String> {
     let mut lengths = [0; 8];
-    // The pipe's end between packets is how a helper ends.
     if pipe.read_exact(&mut lengths).is_err() {
         return Ok(None);
     }
@@ -211,11 +224,10 @@ fn read_packet(pipe: &mut impl Read) -> Result<Option<Packet>, String> {
             "its helper announces a head of {n_head} and pictures of {n_pictures} bytes; at most {MAX_HEAD_BYTES} and {MAX_PICTURE_BYTES} are expected"
         ));
     }
-    let cut = |error: std::io::Error| format!("its helper's pipe is cut: {error}");
-    let mut head = vec![0; n_head];
-    pipe.read_exact(&mut head).map_err(cut)?;
-    let mut pictures = vec![0; n_pictures];
-    pipe.read_exact(&mut pictures).map_err(cut)?;
+    let (mut head, mut pictures) = (vec![0; n_head], vec![0; n_pictures]);
+    if pipe.read_exact(&mut head).and_then(|()| pipe.read_exact(&mut pictures)).is_err() {
+        return Ok(None);
+    }
     let head = serde_json::from_slice(&head)
         .map_err(|error| format!("its helper says what is not understood: {error}"))?;
     Ok(Some(Packet { head, pictures }))
@@ -255,7 +267,9 @@ mod tests {
         let whole = packet(head.len() as u32, 2, &[head.as_slice(), b"xy"].concat());
         let found = read_packet(&mut whole.as_slice()).unwrap().unwrap();
         assert!(matches!(found.head, Head::Stopped { .. }) && found.pictures == b"xy");
-        assert!(read_packet(&mut &whole[..whole.len() - 1]).is_err());
+        for n in 0..whole.len() {
+            assert!(read_packet(&mut &whole[..n]).unwrap().is_none(), "cut at {n}");
+        }
         for (wrong, expected) in [
             (packet(u32::MAX, 0, b""), "at most"),
             (packet(0, u32::MAX, b""), "at most"),
