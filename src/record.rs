@@ -6,9 +6,11 @@
 //! counted and sealed, and the manifest says what happened.
 
 mod bench;
+mod durable;
 mod engine;
 mod files;
 mod stop;
+mod told;
 
 pub use bench::{Bench, BenchError};
 pub use engine::{Dwells, Outcome, RecordError, Request, preflight, record};

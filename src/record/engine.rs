@@ -1,6 +1,7 @@
 //! The states of a recording, one after another.
 
 use super::files::{Log, SampleWriter};
+use super::told;
 use super::{Devices, State, Stop, StopToken};
 use crate::device::dobot::ArmError;
 use crate::device::recorder::{Prepared, RecorderError, Tally, host_time};
@@ -110,6 +111,7 @@ pub fn record(
     let layout = Layout::take(request.out)?;
     let mut journal = Journal::open(&layout.journal())?;
     journal.note("preflight", &json!({"findings": findings}))?;
+    journal.note("recording", &told::opening(request.rig, request.trajectory))?;
     let log = Log::create(&layout)?;
     let mut take = Take {
         request,
@@ -154,7 +156,9 @@ impl Take<'_> {
         self.enter(State::StartPose, json!({}))?;
         let mut prepared = Vec::new();
         for recorder in &mut self.devices.recorders {
-            prepared.push(recorder.prepare()?);
+            let found = recorder.prepare()?;
+            self.journal.note("device", &json!({"name": recorder.name(), "says": found.says}))?;
+            prepared.push(found);
         }
         let remarks = self.devices.arm.prepare(self.request.path)?;
         self.heed(Stop::AfterStep)?;
@@ -181,6 +185,7 @@ impl Take<'_> {
         let steps = self.request.path.steps().len();
         let began = host_time();
         self.began = Some(began);
+        self.journal.note("first step", &json!({"unix_ns": began.unix.as_nanos()}))?;
         self.log_commanded(began)?;
         self.devices.arm.start(0..steps)?;
         let interval = Duration::from_secs_f64(1.0 / self.request.rig.arm.pose_rate.0);
@@ -297,12 +302,7 @@ impl Take<'_> {
             trajectory_began_ns: self
                 .began
                 .map(|began: HostTime| Stamp::<Unix>::as_nanos(began.unix)),
-            clocks: json!({
-                "reference": rig.clocks.reference,
-                "host": format!("{:?}", rig.clocks.host).to_lowercase(),
-                "pi": format!("{:?}", rig.clocks.pi).to_lowercase(),
-                "ntp_server": rig.clocks.ntp_server,
-            }),
+            clocks: told::clocks(rig),
         };
         let origin = Origin::Recorded {
             rig: rig.name.clone(),

@@ -20,7 +20,7 @@ mod records;
 mod schema;
 mod writer;
 
-pub(super) use census::{RigLogCensus, census, stream_names};
+pub(super) use census::{RigLogCensus, arrivals, census, stream_names};
 pub use records::{
     Arrival, ClockExchange, ClockSandwich, FrameMetadata, HostTime, PacketArrival, PiFrame,
     Severity,
