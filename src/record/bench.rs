@@ -62,8 +62,11 @@ impl Bench {
                 Box::new(NetworkDavis::new(address, DavisPatience::default()))
             }
             Transport::File(path) => Box::new(ReplayDavis::new(Path::new(path), pace)),
+            #[cfg(feature = "usb")]
+            Transport::Usb => Box::new(crate::device::davis::UsbDavis::new(&rig.davis)),
             other => {
-                let remedy = "tcp://HOST:PORT (several with commas, one a stream) or file:PATH";
+                let remedy =
+                    "usb (in an evrig built with `--features usb`), tcp://HOST:PORT or file:PATH";
                 return Err(refused("davis.transport", other, remedy));
             }
         };
