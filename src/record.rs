@@ -9,11 +9,13 @@ mod bench;
 mod durable;
 mod engine;
 mod files;
+mod simulate;
 mod stop;
 mod told;
 
-pub use bench::{Bench, BenchError};
+pub use bench::{Bench, BenchError, Opening};
 pub use engine::{Dwells, Outcome, RecordError, Request, preflight, record};
+pub use simulate::{SimulateError, Simulation, simulate};
 pub use stop::{Stop, StopToken};
 
 use crate::device::Arm;

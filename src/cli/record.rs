@@ -6,6 +6,7 @@ use std::path::PathBuf;
 /// Arguments of `evrig record`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
+    evrig record sim circle --out sessions/simulated\n  \
     evrig record rig/lab.toml circle --out sessions/one\n  \
     evrig record rig/lab.toml protocol --without-optional --out sessions/two\n\n\
     Ctrl-C stands the arm at once, SIGUSR1 ends at the next corner of the path; both leave a sealed\n\
@@ -28,6 +29,14 @@ pub struct RecordArgs {
     /// Home the arm first: its base sweeps, so clear the table
     #[arg(long)]
     pub home: bool,
+
+    /// What simulated cameras see (see rig/world.toml); the rig's nominal world if not given
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
+
+    /// Seed of everything that is random in the simulated world
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
 
     /// Play a recording that stands in for the DAVIS (davis.transport = "file:...") so many times as fast
     #[arg(long, value_name = "X", default_value_t = 1.0)]

@@ -4,7 +4,8 @@ use super::plan::refused;
 use super::{Ending, Output, WrongUse};
 use crate::cli::RecordArgs;
 use crate::device::davis::Pace;
-use crate::record::{self, Bench, Dwells, RecordError, Request, State, Stop, StopToken};
+use crate::device::sim::world::WorldDescription;
+use crate::record::{self, Bench, Dwells, Opening, RecordError, Request, State, Stop, StopToken};
 use crate::rig::Rig;
 use crate::session::{Session, verify};
 use crate::trajectory::{Optional, Path, Plan, Trajectory};
@@ -20,7 +21,15 @@ pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Endin
     }
     let optional = if args.without_optional { Optional::LeftOut } else { Optional::Included };
     let (rig, trajectory, path) = described(&args.rig, &args.trajectory, optional)?;
-    let mut bench = Bench::open(&rig, Pace::Times(args.replay_pace), args.home)?;
+    let world = world(args.world.as_deref())?;
+    let opening = Opening {
+        pace: Pace::Times(args.replay_pace),
+        home: args.home,
+        start: path.start(),
+        world: &world,
+        seed: args.seed,
+    };
+    let mut bench = Bench::open(&rig, &opening)?;
     let stop = StopToken::default();
     listen_for_signals(&stop, &bench)?;
     let bar = output.progress("recording", 1000);
@@ -31,9 +40,12 @@ pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Endin
         out: &args.out,
         dwells: Dwells::default(),
     };
+    let mut said = None;
     let mut watch = |state: State, share: f64| {
         bar.set_position((share * 1000.0) as u64);
-        if state != State::Trajectory {
+        if said != Some(state) {
+            said = Some(state);
+            bar.set_message(state.to_string());
             output.detail(state);
         }
     };
@@ -87,6 +99,15 @@ fn listen_for_signals(stop: &StopToken, bench: &Bench) -> std::io::Result<()> {
         }
     })?;
     Ok(())
+}
+
+/// The world of a description file, or the nominal one.
+fn world(path: Option<&std::path::Path>) -> anyhow::Result<WorldDescription> {
+    let Some(path) = path else { return Ok(WorldDescription::default()) };
+    let file = path.display().to_string();
+    let text =
+        std::fs::read_to_string(path).map_err(|error| WrongUse(format!("{file}: {error}")))?;
+    Ok(WorldDescription::parse(&file, &text).map_err(|error| WrongUse(error.to_string()))?)
 }
 
 fn described(

@@ -1,6 +1,6 @@
 //! The states of a recording, one after another.
 
-use super::files::{Log, SampleWriter};
+use super::files::{Log, SampleWriter, take_directory};
 use super::told;
 use super::{Devices, State, Stop, StopToken};
 use crate::device::dobot::ArmError;
@@ -8,14 +8,18 @@ use crate::device::recorder::{Prepared, RecorderError, Tally, host_time};
 use crate::device::{Finding, Verdict};
 use crate::rig::Rig;
 use crate::session::{
-    DeviceEntry, HostTime, Journal, Layout, Loss, Manifest, Origin, Recording, SessionError,
-    Severity, Status, Topic, seal_recording,
+    DeviceEntry, HostTime, Journal, Layout, Loss, Manifest, Origin, SessionError, Severity, Status,
+    Topic, seal_recording,
 };
-use crate::time::{Span, Stamp, Unix};
-use crate::trajectory::{Path, Trajectory};
+use crate::time::Span;
+use crate::trajectory::{Path, Settings, Trajectory};
 use serde_json::{Value, json};
-use std::path::PathBuf;
-use std::time::Duration;
+use std::time::{Duration, Instant};
+
+/// A camera that sends what it saw, but nothing for so long, has nothing more to send.
+const STUCK: Duration = Duration::from_secs(30);
+/// Between two looks at what has still to come.
+const LOOK: Duration = Duration::from_millis(50);
 
 /// Rests before and behind the path, on top of those that the trajectory states.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -108,7 +112,7 @@ pub fn record(
     if !bad.is_empty() {
         return Err(RecordError::NotReady(bad));
     }
-    let layout = Layout::take(request.out)?;
+    let layout = take_directory(request.out)?;
     let mut journal = Journal::open(&layout.journal())?;
     journal.note("preflight", &json!({"findings": findings}))?;
     journal.note("recording", &told::opening(request.rig, request.trajectory))?;
@@ -186,7 +190,8 @@ impl Take<'_> {
         let began = host_time();
         self.began = Some(began);
         self.journal.note("first step", &json!({"unix_ns": began.unix.as_nanos()}))?;
-        self.log_commanded(began)?;
+        self.log.commanded(self.request.path, self.request.rig.arm.pose_rate, began)?;
+        self.set_step(0)?;
         self.devices.arm.start(0..steps)?;
         let interval = Duration::from_secs_f64(1.0 / self.request.rig.arm.pose_rate.0);
         let duration = self.request.path.duration().as_secs_f64().max(1e-9);
@@ -211,6 +216,7 @@ impl Take<'_> {
                     return Ok(true);
                 }
                 last_step = progress.step;
+                self.set_step(last_step)?;
             }
             if progress.is_done {
                 self.devices.arm.finish()?;
@@ -222,16 +228,19 @@ impl Take<'_> {
         }
     }
 
-    /// The path as the trajectory says it, at the rate of the poses.
-    fn log_commanded(&self, began: HostTime) -> Result<(), SessionError> {
-        let path = self.request.path;
-        let step = Span::from_secs_f64(1.0 / self.request.rig.arm.pose_rate.0);
-        let mut since = Span::ZERO;
-        while since <= path.duration() {
-            let at = HostTime { monotonic: began.monotonic + since, unix: began.unix + since };
-            self.log.write(|log| log.pose(Topic::Commanded, at, path.pose_at(since)))?;
-            since = since + step;
+    /// Sets what a step asks for beside the motion, if that is other than what the last one asked for.
+    fn set_step(&mut self, step: usize) -> Result<(), Cut> {
+        let steps = self.request.path.steps();
+        let Some(settings) = steps.get(step).map(|step| &step.settings) else { return Ok(()) };
+        let before = step.checked_sub(1).and_then(|before| steps.get(before));
+        let before = before.map_or_else(Settings::default, |before| before.settings.clone());
+        if before == *settings && settings.n_flashes == 0 {
+            return Ok(());
         }
+        let recorders = &mut self.devices.recorders;
+        let unset: Vec<_> =
+            recorders.iter_mut().flat_map(|recorder| recorder.set(settings)).collect();
+        self.journal.note("set", &json!({"step": step, "settings": settings, "unset": unset}))?;
         Ok(())
     }
 
@@ -283,6 +292,7 @@ impl Take<'_> {
                 .note("cut short", &json!({"state": ended_in, "because": cut.to_string()}));
         }
         let drained = self.enter(State::Drain, json!({}));
+        self.settle(&mut losses);
         let devices = self.drain(&mut losses);
         for result in [drained, self.log.finish()] {
             if let Err(error) = result {
@@ -293,21 +303,10 @@ impl Take<'_> {
         // The manifest tells the same; a full disk may have no room for this line.
         let _ = self.journal.note("seal", &json!({"losses": losses}));
         let ended = cut.as_ref().map_or_else(|| "complete".to_owned(), ToString::to_string);
-        let rig = self.request.rig;
-        let recording = Recording {
-            rig: rig.text.clone(),
-            trajectory: self.request.trajectory.text.clone(),
-            devices,
-            ended,
-            trajectory_began_ns: self
-                .began
-                .map(|began: HostTime| Stamp::<Unix>::as_nanos(began.unix)),
-            clocks: told::clocks(rig),
-        };
-        let origin = Origin::Recorded {
-            rig: rig.name.clone(),
-            trajectory: self.request.trajectory.name.clone(),
-        };
+        let (rig, trajectory) = (self.request.rig, self.request.trajectory);
+        let recording = told::recording(rig, trajectory, devices, ended, self.began);
+        let origin =
+            Origin::Recorded { rig: rig.name.clone(), trajectory: trajectory.name.clone() };
         let status = if cut.is_some() { Status::Aborted } else { Status::Complete };
         let manifest = seal_recording(self.layout, origin, status, recording, losses)?;
         Ok(Outcome {
@@ -327,6 +326,31 @@ impl Take<'_> {
                 what: format!("not parked: {error}"),
                 count: 0,
             });
+        }
+    }
+
+    /// Waits for what the cameras saw but have not sent: as long as more of it comes, and no longer.
+    fn settle(&mut self, losses: &mut Vec<Loss>) {
+        let mut best = -1.0;
+        let mut since = Instant::now();
+        loop {
+            let running = self.devices.recorders.iter_mut().take(self.running.len());
+            // A camera that was lost owes nothing; finishing it tells why.
+            let shares = running.map(|recorder| recorder.settle().unwrap_or(1.0));
+            let share = shares.fold(1.0, f64::min);
+            (self.watch)(State::Drain, share);
+            if share > best {
+                (best, since) = (share, Instant::now());
+            }
+            let is_stuck = since.elapsed() >= STUCK;
+            if is_stuck || (self.stop.wish() == Stop::AtOnce && share < 1.0) {
+                let what = format!("{:.1} % of what was seen had not come", 100.0 * (1.0 - share));
+                losses.push(Loss { stream: "recording".into(), what, count: 0 });
+            } else if share < 1.0 {
+                std::thread::sleep(LOOK);
+                continue;
+            }
+            return;
         }
     }
 
@@ -364,17 +388,5 @@ impl Take<'_> {
             });
         }
         entries
-    }
-}
-
-/// The directory of a session that is to be recorded.
-impl Layout {
-    fn take(root: &std::path::Path) -> Result<Self, SessionError> {
-        let io = |source| SessionError::Io { path: PathBuf::from(root), source };
-        std::fs::create_dir_all(root).map_err(io)?;
-        if std::fs::read_dir(root).map_err(io)?.next().is_some() {
-            return Err(SessionError::OutputTaken { path: root.to_owned() });
-        }
-        Ok(Self::new(root))
     }
 }

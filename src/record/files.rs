@@ -2,8 +2,13 @@
 
 use super::durable::Durability;
 use crate::device::recorder::{Inlet, Outlet, Prepared, Sample, Taken, channel};
-use crate::format::aedat4::{Compression, Content, WriteError, Writer};
-use crate::session::{Layout, PacketArrival, RigLogError, RigLogWriter, SessionError};
+use crate::format::aedat4::{Compression, Content, StreamSpec, WriteError, Writer};
+use crate::session::{
+    HostTime, Layout, PacketArrival, RigLogError, RigLogWriter, SessionError, Topic,
+};
+use crate::time::Span;
+use crate::trajectory::Path as Trace;
+use crate::units::Hertz;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -18,7 +23,32 @@ const TICK: Duration = Duration::from_millis(100);
 /// What was taken is handed to the system so often at least.
 const BETWEEN_FLUSHES: Duration = Duration::from_millis(200);
 
-type EventFile = Writer<BufWriter<File>>;
+pub(super) type EventFile = Writer<BufWriter<File>>;
+
+/// The directory of a session that is to be recorded: missing or empty.
+pub(super) fn take_directory(root: &Path) -> Result<Layout, SessionError> {
+    let io = |source| SessionError::Io { path: root.to_owned(), source };
+    std::fs::create_dir_all(root).map_err(io)?;
+    if std::fs::read_dir(root).map_err(io)?.next().is_some() {
+        return Err(SessionError::OutputTaken { path: root.to_owned() });
+    }
+    Ok(Layout::new(root))
+}
+
+/// The file of packets. It is not compressed: a core cannot compress as fast as a camera can send.
+pub(super) fn create_event_file(
+    layout: &Layout,
+    streams: &[StreamSpec],
+) -> Result<EventFile, SessionError> {
+    Ok(Writer::create(layout.davis(), Compression::None, streams)?)
+}
+
+/// Ends the file of packets and sees it to the disk.
+pub(super) fn finish_event_file(file: EventFile, path: &Path) -> Result<(), SessionError> {
+    file.finish()?;
+    let synced = File::open(path).and_then(|file| file.sync_all());
+    synced.map_err(|source| SessionError::Io { path: path.to_owned(), source })
+}
 
 /// The rig's log, written by every thread.
 #[derive(Debug, Clone)]
@@ -60,6 +90,23 @@ impl Log {
         self.lock().as_mut().map_or(Ok(()), |log| write(log).map_err(Into::into))
     }
 
+    /// The path as the trajectory says it, at the rate of the poses.
+    pub(super) fn commanded(
+        &self,
+        path: &Trace,
+        rate: Hertz,
+        began: HostTime,
+    ) -> Result<(), SessionError> {
+        let step = Span::from_secs_f64(1.0 / rate.0);
+        let mut since = Span::ZERO;
+        while since <= path.duration() {
+            let at = HostTime { monotonic: began.monotonic + since, unix: began.unix + since };
+            self.write(|log| log.pose(Topic::Commanded, at, path.pose_at(since)))?;
+            since = since + step;
+        }
+        Ok(())
+    }
+
     pub(super) fn finish(&self) -> Result<(), SessionError> {
         let writer = self.lock().take();
         let finished = writer.map_or(Ok(()), |log| log.finish().map_err(Into::into));
@@ -96,8 +143,7 @@ impl SampleWriter {
         let file = if prepared.streams.is_empty() {
             None
         } else {
-            // Uncompressed: a core cannot compress as fast as a camera can send.
-            let file = Writer::create(&path, Compression::None, &prepared.streams)?;
+            let file = create_event_file(layout, &prepared.streams)?;
             log.keep(&path, file.handle()?)?;
             Some((file, path.clone()))
         };
@@ -145,14 +191,17 @@ fn take_all(
         }
     }
     if let (Some(file), Some(path)) = (file, path) {
-        file.finish()?;
-        let synced = File::open(&path).and_then(|file| file.sync_all());
-        synced.map_err(|source| SessionError::Io { path, source })?;
+        finish_event_file(file, &path)?;
     }
     Ok(())
 }
 
-fn write(sample: Sample, file: Option<&mut EventFile>, log: &Log) -> Result<(), SessionError> {
+/// Writes one sample where it belongs.
+pub(super) fn write(
+    sample: Sample,
+    file: Option<&mut EventFile>,
+    log: &Log,
+) -> Result<(), SessionError> {
     match sample {
         Sample::Clock(reading) => log.write(|log| log.clock(&reading)),
         Sample::Frame { arrived, frame } => log.write(|log| log.frame(&frame, arrived)),

@@ -1,6 +1,7 @@
 //! What a recording writes down as it begins, so that a manifest can be made if it dies.
 
 use crate::rig::Rig;
+use crate::session::{DeviceEntry, HostTime, Recording};
 use crate::trajectory::Trajectory;
 use serde_json::{Value, json};
 
@@ -21,4 +22,22 @@ pub(super) fn clocks(rig: &Rig) -> Value {
         "pi": format!("{:?}", rig.clocks.pi).to_lowercase(),
         "ntp_server": rig.clocks.ntp_server,
     })
+}
+
+/// What the manifest says of the recording.
+pub(super) fn recording(
+    rig: &Rig,
+    trajectory: &Trajectory,
+    devices: Vec<DeviceEntry>,
+    ended: String,
+    began: Option<HostTime>,
+) -> Recording {
+    Recording {
+        rig: rig.text.clone(),
+        trajectory: trajectory.text.clone(),
+        devices,
+        ended,
+        trajectory_began_ns: began.map(|began| began.unix.as_nanos()),
+        clocks: clocks(rig),
+    }
 }

@@ -10,6 +10,10 @@ use std::path::Path;
 /// A line longer than this is damage.
 const MAX_LINE_BYTES: u64 = 16 << 20;
 
+/// The recorder's states, as its journal names them.
+const STATES: [&str; 8] =
+    ["preflight", "start pose", "cameras", "lead-in", "trajectory", "tail", "drain", "seal"];
+
 /// A description as it was used.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize)]
 pub(super) struct Described {
@@ -85,8 +89,8 @@ impl Told {
                 self.devices.push((name, entry["says"].clone()));
             }
             "first step" => self.began_ns = entry["unix_ns"].as_i64(),
-            "preflight" | "step" | "repair" | "cut short" => {}
-            state => self.state = state.to_owned(),
+            state if STATES.contains(&state) => self.state = state.to_owned(),
+            _ => {}
         }
     }
 

@@ -52,7 +52,7 @@ impl Slab {
         let look = |since: f64| Look {
             since,
             texel: world.davis.texel_from_ray(&world.plane, at(since)),
-            light: world.light.level(begin + since) as f32,
+            light: world.lamps().light.level(begin + since) as f32,
         };
         let coarse = (RATE_HZ * length).round() as usize;
         let probes: Vec<_> = (0..=coarse).map(|i| at(length * i as f64 / coarse as f64)).collect();
@@ -62,7 +62,7 @@ impl Slab {
                 let now = world.davis.texel_from_ray(&world.plane, *pose);
                 displacement_px(world, &first, &now) > STILL_PX
             });
-        let is_steady = world.light.is_steady(begin, begin + length);
+        let is_steady = world.lamps().light.is_steady(begin, begin + length);
         let mut n = 1.0_f64;
         if moves {
             n = n.max(coarse as f64).max(way_px(world, &probes) / STEP_PX);
@@ -70,13 +70,13 @@ impl Slab {
             n = n.max(40.0 * swing_hz * length);
         }
         if !is_steady {
-            n = n.max(world.light.rate_hz() * length);
-            n = n.max(if world.light.has_shadow() { coarse as f64 } else { 1.0 });
+            n = n.max(world.lamps().light.rate_hz() * length);
+            n = n.max(if world.lamps().light.has_shadow() { coarse as f64 } else { 1.0 });
         }
         let n = n.min(MAX_LOOKS).ceil() as usize;
         let mut times: Vec<f64> = (0..=n).map(|i| length * i as f64 / n as f64).collect();
         if !is_steady {
-            let corners = world.light.corners(begin, begin + length);
+            let corners = world.lamps().light.corners(begin, begin + length);
             times.extend(corners.iter().map(|time| time - begin));
             times.sort_by(f64::total_cmp);
             times.dedup_by(|a, b| (*a - *b).abs() < 1e-9);
