@@ -11,6 +11,7 @@ mod plan;
 mod record;
 mod session;
 mod stages;
+mod stimulus;
 
 pub use about::{CompletionsArgs, ManArgs};
 pub use check::CheckArgs;
@@ -23,6 +24,7 @@ pub use plan::PlanArgs;
 pub use record::RecordArgs;
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
+pub use stimulus::StimulusArgs;
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]
@@ -84,6 +86,8 @@ pub enum Command {
     Completions(CompletionsArgs),
     /// Serve a simulated device on the real wire, for tests and other programs
     Emulate(EmulateArgs),
+    /// Show the target on a screen: picture and tag to scale in a browser, picture after picture
+    Stimulus(StimulusArgs),
     /// Own the arm's port and stop the arm when evrig dies
     #[command(hide = true)]
     Guard(GuardArgs),

@@ -21,6 +21,7 @@ mod plan;
 mod process;
 mod record;
 mod report;
+mod stimulus;
 mod verify;
 
 pub use output::{Output, WrongUse};
@@ -73,6 +74,7 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Plan(args) => plan::plan(&args, output),
         Command::Completions(args) => about::completions(&args, &mut Cli::command()),
         Command::Emulate(args) => emulate::emulate(&args, output),
+        Command::Stimulus(args) => stimulus::stimulus(&args, output),
         Command::Guard(args) => guard::guard(&args, output),
         Command::Man(args) => about::man(&args, Cli::command(), output),
     }

@@ -1,5 +1,7 @@
 //! `record`: the engine over the devices that a rig file names.
 
+mod images;
+
 use super::plan::refused;
 use super::{Ending, Output, WrongUse};
 use crate::cli::RecordArgs;
@@ -9,7 +11,7 @@ use crate::record::{self, Bench, Dwells, Opening, RecordError, Request, State, S
 use crate::rig::Rig;
 use crate::session::{Session, verify};
 use crate::trajectory::{Optional, Path, Plan, Trajectory};
-use serde_json::json;
+use serde_json::{Value, json};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 use std::fmt::Write;
 
@@ -32,7 +34,6 @@ pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Endin
     let mut bench = Bench::open(&rig, &opening)?;
     let stop = StopToken::default();
     listen_for_signals(&stop, &bench)?;
-    let bar = output.progress("recording", 1000);
     let request = Request {
         rig: &rig,
         trajectory: &trajectory,
@@ -40,6 +41,29 @@ pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Endin
         out: &args.out,
         dwells: Dwells::default(),
     };
+    if let Some(images) = &args.images {
+        return images::record(images, args, request, &mut bench, &stop, output);
+    }
+    let taken = take(request, &mut bench, &stop, output)?;
+    output.result(&taken.value, taken.text)?;
+    Ok(taken.ending)
+}
+
+/// One recording, told.
+struct Taken {
+    ending: Ending,
+    value: Value,
+    text: String,
+}
+
+/// Records one session and verifies it.
+fn take(
+    request: Request<'_>,
+    bench: &mut Bench,
+    stop: &StopToken,
+    output: &Output,
+) -> anyhow::Result<Taken> {
+    let bar = output.progress("recording", 1000);
     let mut said = None;
     let mut watch = |state: State, share: f64| {
         bar.set_position((share * 1000.0) as u64);
@@ -49,14 +73,14 @@ pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Endin
             output.detail(state);
         }
     };
-    let outcome = match record::record(request, &mut bench.devices, &stop, &mut watch) {
+    let outcome = match record::record(request, &mut bench.devices, stop, &mut watch) {
         Ok(outcome) => outcome,
         Err(error @ (RecordError::NotReady(_) | RecordError::Session(_))) => {
             return Err(error.into());
         }
     };
     bar.finish_and_clear();
-    let holds = verify(&Session::open(&args.out)?)?.holds();
+    let holds = verify(&Session::open(request.out)?)?.holds();
     let manifest = &outcome.manifest;
     let mut text = String::new();
     for stream in &manifest.streams {
@@ -66,19 +90,19 @@ pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Endin
         output.warn(format_args!("{}: {} ({})", loss.stream, loss.what, loss.count));
     }
     let verdict = if holds { "verified" } else { "does NOT verify" };
-    let _ = write!(text, "{}: {:?}, {verdict}", args.out.display(), manifest.status);
+    let _ = write!(text, "{}: {:?}, {verdict}", request.out.display(), manifest.status);
     let value = json!({
-        "schema": "evrig.record/1", "session": args.out, "status": manifest.status, "holds": holds,
+        "schema": "evrig.record/1", "session": request.out, "status": manifest.status, "holds": holds,
         "cut_short": outcome.cut_short, "streams": manifest.streams, "losses": manifest.losses,
     });
-    output.result(&value, text)?;
-    Ok(match (&outcome.cut_short, holds) {
+    let ending = match (&outcome.cut_short, holds) {
         (_, false) => Ending::Negative,
         (Some(_), _) if outcome.is_asked_for => Ending::Aborted,
         (Some(_), _) => Ending::Failed,
         (None, _) if manifest.losses.is_empty() => Ending::Done,
         (None, _) => Ending::WithLosses,
-    })
+    };
+    Ok(Taken { ending, value, text })
 }
 
 /// Ctrl-C and every other wish to end stand the arm at once; SIGUSR1 ends at the next corner.
