@@ -7,6 +7,7 @@ mod check;
 mod emulate;
 mod guard;
 mod import;
+mod live;
 mod plan;
 mod record;
 mod session;
@@ -20,6 +21,7 @@ pub use guard::GuardArgs;
 pub use import::{
     ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
 };
+pub use live::LiveArgs;
 pub use plan::PlanArgs;
 pub use record::RecordArgs;
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
@@ -86,6 +88,8 @@ pub enum Command {
     Completions(CompletionsArgs),
     /// Serve a simulated device on the real wire, for tests and other programs
     Emulate(EmulateArgs),
+    /// Show what the devices see now: rates, frames with the tag, events, to DV and Foxglove
+    Live(LiveArgs),
     /// Show the target on a screen: picture and tag to scale in a browser, picture after picture
     Stimulus(StimulusArgs),
     /// Own the arm's port and stop the arm when evrig dies

@@ -16,6 +16,7 @@ mod generate;
 mod guard;
 mod import;
 mod info;
+mod live;
 mod output;
 mod plan;
 mod process;
@@ -74,6 +75,7 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Plan(args) => plan::plan(&args, output),
         Command::Completions(args) => about::completions(&args, &mut Cli::command()),
         Command::Emulate(args) => emulate::emulate(&args, output),
+        Command::Live(args) => live::live(&args, output),
         Command::Stimulus(args) => stimulus::stimulus(&args, output),
         Command::Guard(args) => guard::guard(&args, output),
         Command::Man(args) => about::man(&args, Cli::command(), output),

@@ -23,6 +23,7 @@
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
+//! | [`live`] | what devices see now, to viewers: rates, frames with the tag, events; nothing waits for them |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
 //!
 //! # Invariants
@@ -47,6 +48,7 @@ pub mod frame;
 pub mod generate;
 pub mod geometry;
 pub mod imu;
+pub mod live;
 pub mod pipeline;
 pub mod record;
 pub mod report;
