@@ -1,6 +1,6 @@
 //! A recorder that is killed at any moment leaves a session that is repaired and verifies.
 //!
-//! `EVRIG_KILLS` says how often it is killed (6); what each kill cost is printed.
+//! `EVRIG_KILLS` says how often it is killed (8); what each kill cost is printed.
 
 #![allow(clippy::expect_used, clippy::unwrap_used, clippy::print_stderr)]
 
@@ -23,8 +23,10 @@ use std::time::{Duration, Instant};
 const EVENT_US: i64 = 100;
 const PACKET_EVENTS: i64 = 50;
 const PACKET: Duration = Duration::from_millis(5);
-/// The last packet after which it is killed: two seconds, well within the circle.
+/// The last packet of the trajectory after which it is killed: two seconds, well within the circle.
 const LAST_PACKET: u64 = 400;
+/// States in which it is killed, one after another.
+const STATES: [&str; 4] = ["start pose", "cameras", "lead-in", "trajectory"];
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// The event whose number its stamp tells.
@@ -42,6 +44,7 @@ fn event(n: i64) -> Event {
 struct Camera {
     address: String,
     sent: Receiver<u64>,
+    n_sent: u64,
     stop: Option<Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -69,19 +72,23 @@ impl Camera {
                 }
             }
         });
-        Self { address, sent, stop: Some(stop), thread: Some(thread) }
+        Self { address, sent, n_sent: 0, stop: Some(stop), thread: Some(thread) }
     }
 
-    /// Waits until so many packets were sent.
-    fn wait_for(&self, n: u64) {
-        while self.sent.recv_timeout(PATIENCE).expect("the recorder takes packets") < n {}
+    /// Waits until so many more packets were sent.
+    fn wait_for(&mut self, n: u64) {
+        self.n_sent = self.sent.try_iter().last().unwrap_or(self.n_sent);
+        let goal = self.n_sent + n;
+        while self.n_sent < goal {
+            self.n_sent = self.sent.recv_timeout(PATIENCE).expect("the recorder takes packets");
+        }
     }
 
     /// Stops, and says how many packets were sent.
     fn end(mut self) -> u64 {
         drop(self.stop.take());
         self.thread.take().unwrap().join().unwrap();
-        self.sent.try_iter().last().unwrap_or(0)
+        self.sent.try_iter().last().unwrap_or(self.n_sent)
     }
 }
 
@@ -105,6 +112,17 @@ impl Bench {
 
     fn out(&self) -> PathBuf {
         self.folder.path().join("session")
+    }
+
+    /// Waits until the recorder is in a state.
+    fn wait_for_state(&self, state: &str) {
+        let entered = format!("\"what\":\"{state}\"");
+        let deadline = Instant::now() + PATIENCE;
+        let journal = self.out().join("journal.jsonl");
+        while !std::fs::read_to_string(&journal).is_ok_and(|text| text.contains(&entered)) {
+            assert!(Instant::now() < deadline, "the recorder never came to {state}");
+            std::thread::yield_now();
+        }
     }
 
     fn record(&self, camera: &Camera) -> Child {
@@ -149,26 +167,24 @@ fn check_events(path: &Path) -> i64 {
 
 #[test]
 fn a_recorder_killed_at_any_moment_leaves_a_session_that_is_repaired_and_verifies() {
-    let n_kills = std::env::var("EVRIG_KILLS").map_or(6, |n| n.parse().expect("a number"));
+    let n_kills: usize = std::env::var("EVRIG_KILLS").map_or(8, |n| n.parse().expect("a number"));
     let mut state = 20_261_121_u64;
     let mut costs = Vec::new();
     for kill in 0..n_kills {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-        // The first two at the very beginning: while files are made and while the first states pass.
-        let moment = if kill < 2 { kill + 1 } else { 1 + (state >> 33) % LAST_PACKET };
+        // One kill in every state, the others somewhere on the trajectory.
+        let killed_in = STATES.get(kill).copied().unwrap_or("trajectory");
+        let moment = if kill < STATES.len() { 0 } else { 1 + (state >> 33) % LAST_PACKET };
         let bench = Bench::new();
-        let camera = Camera::start();
+        let mut camera = Camera::start();
         let mut recorder = bench.record(&camera);
+        bench.wait_for_state(killed_in);
         camera.wait_for(moment);
         recorder.kill().unwrap();
         recorder.wait().unwrap();
         let n_sent = camera.end() as i64 * PACKET_EVENTS;
         let out = bench.out();
-        let Ok(repaired) = repair(&out) else {
-            // Before the journal there is nothing that could be repaired, and nothing was lost.
-            assert!(!out.join("journal.jsonl").exists(), "{:?}", repair(&out));
-            continue;
-        };
+        let repaired = repair(&out).unwrap();
         assert!(matches!(repaired, Repair::Resealed(_)), "the recorder was killed");
         let session = Session::open(&out).unwrap();
         let verification = verify(&session).unwrap();
@@ -180,22 +196,26 @@ fn a_recorder_killed_at_any_moment_leaves_a_session_that_is_repaired_and_verifie
         let n_kept = check_events(&session.layout().davis());
         let count = session.stream(StreamKind::Events, "real").map_or(0, |stream| stream.count);
         assert!(n_kept >= count as i64);
-        costs.push((n_sent - n_kept) * EVENT_US);
+        let lost_us = (n_sent - n_kept) * EVENT_US;
         eprintln!(
-            "killed after packet {moment} ({:.2} s): {} of {n_sent} events kept, {:.0} ms lost",
-            (moment as i64 * PACKET_EVENTS * EVENT_US) as f64 * 1e-6,
-            n_kept,
-            (n_sent - n_kept) as f64 * EVENT_US as f64 * 1e-3,
+            "killed in {killed_in} after {moment} packets of it: {n_kept} of {n_sent} events kept, \
+             {:.0} ms lost",
+            lost_us as f64 * 1e-3,
         );
+        // Before the trajectory the cameras' first samples may not have been taken yet.
+        if killed_in == "trajectory" {
+            assert!(n_kept > 0, "events that came before the trajectory are in the file");
+            costs.push(lost_us);
+        }
     }
     let longest = costs.iter().max().copied().unwrap_or(0);
-    eprintln!("{n_kills} kills, {} repaired; most lost: {longest} us", costs.len());
+    eprintln!("{n_kills} kills, {} on the trajectory; most lost there: {longest} us", costs.len());
 }
 
 #[test]
 fn what_arrived_is_in_the_file_though_nothing_follows_it() {
     let bench = Bench::new();
-    let camera = Camera::start();
+    let mut camera = Camera::start();
     let mut recorder = bench.record(&camera);
     camera.wait_for(1);
     // Far less than a buffer, and then silence.
@@ -213,7 +233,7 @@ fn what_arrived_is_in_the_file_though_nothing_follows_it() {
 #[test]
 fn verify_repair_says_what_was_lost_and_ends_with_losses() {
     let bench = Bench::new();
-    let camera = Camera::start();
+    let mut camera = Camera::start();
     let mut recorder = bench.record(&camera);
     camera.wait_for(100);
     let evrig = |arguments: &[&str]| {
