@@ -106,13 +106,18 @@ fn picture_and_tag_are_drawn_to_scale_and_confirmed_and_pages_are_turned() {
 }
 
 fn finds_tag(shot: &image::RgbImage) -> bool {
-    use apriltag::{DetectorBuilder, Family, Image};
+    use apriltag::families::Tag36h11;
+    use apriltag::{Detector, Family, Image};
     let grey = image::imageops::grayscale(shot);
     let (width, height) = (grey.width() as usize, grey.height() as usize);
-    let mut picture = Image::zeros_with_stride(width, height, width).unwrap();
-    picture.as_slice_mut().copy_from_slice(grey.as_raw());
-    let mut detector =
-        DetectorBuilder::new().add_family_bits(Family::tag_36h11(), 1).build().unwrap();
+    let mut picture = Image::zeros_with_alignment(width, height, 96).unwrap();
+    let stride = picture.stride();
+    let rows = grey.as_raw().chunks(width);
+    for (row, bytes) in rows.zip(picture.as_slice_mut().chunks_mut(stride)) {
+        bytes[..width].copy_from_slice(row);
+    }
+    let family: Family = Tag36h11::default().into();
+    let mut detector = Detector::builder().add_family_bits(family, 1).build().unwrap();
     let found = detector.detect(&picture);
     found.len() == 1 && found[0].id() == 0 && found[0].hamming() == 0
 }
