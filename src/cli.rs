@@ -4,6 +4,7 @@ use clap::{Args, Parser, Subcommand};
 
 mod about;
 mod check;
+mod demo;
 mod emulate;
 mod guard;
 mod import;
@@ -16,7 +17,8 @@ mod stimulus;
 
 pub use about::{CompletionsArgs, ManArgs};
 pub use check::CheckArgs;
-pub use emulate::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
+pub use demo::DemoArgs;
+pub use emulate::{EmulateArgs, EmulateArmArgs, EmulateCameraArgs, EmulatedDevice};
 pub use guard::GuardArgs;
 pub use import::{
     ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
@@ -62,6 +64,8 @@ pub struct GlobalArgs {
 /// One verb a variant.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Show the whole way on the simulated rig: record five seconds, process them, write the report
+    Demo(DemoArgs),
     /// Take in a recording made elsewhere as a session
     Import(ImportArgs),
     /// Say what is in a session, stream by stream, counted from its files

@@ -10,6 +10,7 @@ use std::process::ExitCode;
 mod about;
 mod check;
 mod compare;
+mod demo;
 mod emulate;
 mod export;
 mod generate;
@@ -72,6 +73,7 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Export(args) => export::run(&args, output),
         Command::Check(args) => check::check(&args, output),
         Command::Record(args) => record::record(&args, output),
+        Command::Demo(args) => demo::demo(&args, output),
         Command::Plan(args) => plan::plan(&args, output),
         Command::Completions(args) => about::completions(&args, &mut Cli::command()),
         Command::Emulate(args) => emulate::emulate(&args, output),

@@ -9,12 +9,14 @@ mod bench;
 mod durable;
 mod engine;
 mod files;
+mod runs;
 mod simulate;
 mod stop;
 mod told;
 
-pub use bench::{Bench, BenchError, Opening};
+pub use bench::{Bench, BenchError, Opening, cameras};
 pub use engine::{Dwells, Outcome, RecordError, Request, preflight, record};
+pub use runs::{Attempt, RUNS_SCHEMA, RunList, RunsError};
 pub use simulate::{SimulateError, Simulation, simulate};
 pub use stop::{Stop, StopToken};
 

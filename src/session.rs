@@ -32,6 +32,7 @@ pub use checksum::{Sha256Hex, sha256_of_bytes, sha256_of_file};
 pub use export::{ExportedArray, export_npz};
 pub use journal::Journal;
 pub use layout::{Layout, StreamName};
+pub(crate) use manifest::write_whole;
 pub use manifest::{
     Damage, DeviceEntry, FileEntry, Loss, Manifest, Origin, Recording, SCHEMA, Status, StreamEntry,
     StreamKind,

@@ -10,7 +10,9 @@ use std::path::PathBuf;
     evrig record sim circle --out sessions/simulated\n  \
     evrig record rig/lab.toml circle --out sessions/one\n  \
     evrig record rig/lab.toml circle --images pictures.csv --out dataset\n  \
-    evrig record rig/lab.toml protocol --without-optional --out sessions/two\n\n\
+    evrig record rig/lab.toml protocol --without-optional --out sessions/two\n  \
+    evrig record rig/lab.toml circle --repeat 50 --out datasets/monday\n  \
+    evrig record rig/lab.toml circle --resume --out datasets/monday\n\n\
     Ctrl-C stands the arm at once, SIGUSR1 ends at the next corner of the path; both leave a sealed\n\
     session. Exit code 3: recorded with losses; 130: ended by the operator.")]
 pub struct RecordArgs {
@@ -23,6 +25,14 @@ pub struct RecordArgs {
     /// The session's directory, missing or empty
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
+
+    /// Record so many times, each in its own directory below --out, with a list of them in runs.json
+    #[arg(long, value_name = "N", conflicts_with = "resume")]
+    pub repeat: Option<u32>,
+
+    /// Take up the series of --repeat in --out where it ended: what is not complete is recorded again
+    #[arg(long)]
+    pub resume: bool,
 
     /// Leave out the segments that need the operator's hands
     #[arg(long)]
@@ -43,7 +53,7 @@ pub struct RecordArgs {
     /// Record once for each picture of a list (a folder, or lines `picture[,label]`), shown by a page
     /// in a browser on the target's screen; --out is then a folder of sessions, and pictures whose
     /// session is complete are left out
-    #[arg(long, value_name = "LIST")]
+    #[arg(long, value_name = "LIST", conflicts_with_all = ["repeat", "resume"])]
     pub images: Option<PathBuf>,
 
     /// The screen's pixels a millimetre, for --images; calibrated on the page if not given

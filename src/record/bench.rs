@@ -113,7 +113,10 @@ impl Bench {
 }
 
 /// The cameras by their transports. Simulated ones look at one world, which the simulated arm moves.
-fn cameras(
+///
+/// # Errors
+/// When there is no such world, or a transport is not of this version.
+pub fn cameras(
     rig: &Rig,
     opening: &Opening<'_>,
     arm: Option<&Emulator>,

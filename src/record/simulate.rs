@@ -98,26 +98,29 @@ pub fn simulate(
     if rig.davis.aps {
         streams.push(StreamSpec::frames(davis.size, SOURCE));
     }
-    let mut files = Files {
+    let files = Files {
         events: create_event_file(&layout, &streams)?,
         log: Log::create(&layout)?,
         tally: [0; 2],
     };
     let run =
         Run { world: &world, path, until: simulation.duration.unwrap_or_else(|| path.duration()) };
-    // The world is worked out while the disk takes what came before.
-    std::thread::scope(|scope| -> Result<(), SimulateError> {
+    // The disk takes what came before while the world is worked out.
+    let tally = std::thread::scope(|scope| -> Result<[u64; 2], SimulateError> {
         let (outlet, inlet) = sync_channel(WAITING);
-        let run = &run;
-        let worker = std::thread::Builder::new()
-            .name("world".to_owned())
-            .spawn_scoped(scope, move || run.send_all(&outlet))
+        let writer = std::thread::Builder::new()
+            .name("writer".to_owned())
+            .spawn_scoped(scope, || files.write_all(inlet, &layout))
             .map_err(|source| SessionError::Io { path: simulation.out.to_owned(), source })?;
-        files.take_all(&inlet, watch)?;
-        // A panic there was reported by its own hook; what it gave is too little then.
-        worker.join().unwrap_or(Ok(()))
+        let worked = run.send_all(&outlet, watch);
+        drop(outlet);
+        // A panic there was reported by its own hook.
+        let tally = writer.join().unwrap_or_else(|_| {
+            let source = std::io::Error::other("the writer ended early");
+            Err(SessionError::Io { path: simulation.out.to_owned(), source })
+        })?;
+        worked.map(|()| tally)
     })?;
-    let tally = files.finish(&layout)?;
     journal.note(&State::Seal.to_string(), &json!({}))?;
     seal(simulation, &world, &layout, &streams, tally)
 }
@@ -161,11 +164,7 @@ fn seal(
 }
 
 /// What was worked out of a stretch of time, in the order in which the host writes it.
-struct Batch {
-    entries: Vec<Entry>,
-    /// 0..=1.
-    share: f64,
-}
+type Batch = Vec<Entry>;
 
 /// The world on its way through the recording.
 struct Run<'a> {
@@ -176,7 +175,11 @@ struct Run<'a> {
 
 impl Run<'_> {
     /// Works the world out slab by slab and sends what the host gets of it.
-    fn send_all(&self, outlet: &SyncSender<Batch>) -> Result<(), SimulateError> {
+    fn send_all(
+        &self,
+        outlet: &SyncSender<Batch>,
+        watch: &mut dyn FnMut(f64),
+    ) -> Result<(), SimulateError> {
         let mut davis = DavisTwin::new(Arc::clone(self.world), Span::ZERO);
         let mut pi = PiTwin::new(Arc::clone(self.world), Span::ZERO);
         let size = self.world.rig().pi.camera.size;
@@ -198,13 +201,14 @@ impl Run<'_> {
             let (now, later) = parted(waiting, end);
             waiting = later;
             let share = end.as_secs_f64() / self.until.as_secs_f64().max(1e-9);
-            if outlet.send(Batch { entries: now, share: share.min(1.0) }).is_err() {
+            watch(share.min(1.0));
+            if outlet.send(now).is_err() {
                 // The writer has an error of its own to tell.
                 return Ok(());
             }
         }
         let (rest, _) = parted(waiting, Span::from_nanos(i64::MAX));
-        let _: Result<(), SendError<Batch>> = outlet.send(Batch { entries: rest, share: 1.0 });
+        let _: Result<(), SendError<Batch>> = outlet.send(rest);
         Ok(())
     }
 
@@ -292,18 +296,18 @@ struct Files {
 }
 
 impl Files {
-    fn take_all(
-        &mut self,
-        inlet: &Receiver<Batch>,
-        watch: &mut dyn FnMut(f64),
-    ) -> Result<(), SessionError> {
-        for batch in inlet {
-            for entry in batch.entries {
-                self.write(entry)?;
-            }
-            watch(batch.share);
+    /// Writes everything, ends the files, and says how many samples there were.
+    fn write_all(
+        mut self,
+        inlet: Receiver<Batch>,
+        layout: &Layout,
+    ) -> Result<[u64; 2], SessionError> {
+        for entry in inlet.into_iter().flatten() {
+            self.write(entry)?;
         }
-        Ok(())
+        finish_event_file(self.events, &layout.davis())?;
+        self.log.finish()?;
+        Ok(self.tally)
     }
 
     fn write(&mut self, entry: Entry) -> Result<(), SessionError> {
@@ -319,11 +323,5 @@ impl Files {
                 write_sample(sample, Some(&mut self.events), &self.log)
             }
         }
-    }
-
-    fn finish(self, layout: &Layout) -> Result<[u64; 2], SessionError> {
-        finish_event_file(self.events, &layout.davis())?;
-        self.log.finish()?;
-        Ok(self.tally)
     }
 }

@@ -1,77 +1,68 @@
 //! `record --images`: one recording for each picture that the stimulus shows.
 
-use super::{Taken, take};
+use super::{Take, Work};
 use crate::cli::RecordArgs;
 use crate::commands::{Ending, Output, WrongUse};
 use crate::device::stimulus::{ImageList, Screen, Stimulus};
-use crate::record::{Bench, Request, Stop, StopToken};
+use crate::record::{Opening, Stop, StopToken};
 use crate::session::{Layout, Manifest, Status};
 use anyhow::Context;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::AtomicUsize;
 use std::time::Duration;
 
 /// Between two looks for Ctrl-C while the page is closed or paused.
 const LOOK: Duration = Duration::from_millis(200);
 
 pub(super) fn record(
+    work: &Work<'_>,
     list: &Path,
     args: &RecordArgs,
-    request: Request<'_>,
-    bench: &mut Bench,
-    stop: &StopToken,
-    output: &Output,
+    opening: &Opening<'_>,
 ) -> anyhow::Result<Ending> {
+    let output = work.output;
     let images = ImageList::read(list).map_err(|error| WrongUse(error.to_string()))?;
+    let n_images = images.as_slice().len();
+    let target = &work.rig.target;
     let stimulus =
-        Stimulus::serve(args.stimulus, &request.rig.target, images.clone(), args.px_per_mm)?;
-    let stimulus = Arc::new(stimulus);
-    let next = Arc::new(AtomicUsize::new(0));
-    let screen = Screen::new(Arc::clone(&stimulus), Arc::clone(&next));
-    bench.devices.recorders.push(Box::new(screen));
-    std::fs::create_dir_all(request.out).with_context(|| request.out.display().to_string())?;
+        Arc::new(Stimulus::serve(args.stimulus, target, images.clone(), args.px_per_mm)?);
+    std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
     let mut taken = Vec::new();
     let mut worst = Ending::Done;
     let mut n_left_out = 0;
     for (index, image) in images.as_slice().iter().enumerate() {
-        let Some(out) = place(request.out, index, &image.label)? else {
+        let Some(out) = place(&args.out, index, &image.label)? else {
             n_left_out += 1;
             continue;
         };
-        if !wait_for_page(&stimulus, stop, output) {
+        if !wait_for_page(&stimulus, &work.operator.stop, output) {
             worst = Ending::Aborted;
             break;
         }
-        next.store(index, Ordering::SeqCst);
-        output.say(format_args!(
-            "picture {} of {}: {}",
-            index + 1,
-            images.as_slice().len(),
-            image.label
-        ));
-        let Taken { ending, value, text } =
-            take(Request { out: &out, ..request }, bench, stop, output)?;
+        output.say(format_args!("picture {} of {n_images}: {}", index + 1, image.label));
+        let next = Arc::new(AtomicUsize::new(index));
+        let screen = Screen::new(Arc::clone(&stimulus), next);
+        let Take { ending, value, text, .. } = work.take(&out, opening, Some(Box::new(screen)))?;
         output.say(text);
         taken.push(json!({"label": image.label, "recording": value}));
         match ending {
             Ending::Done => {}
-            Ending::WithLosses if worst == Ending::Done => worst = ending,
-            Ending::WithLosses => {}
+            Ending::WithLosses => worst = ending,
             _ => {
                 worst = ending;
                 break;
             }
         }
     }
+    let n_taken = taken.len();
     let text = format!(
-        "{}: {} recordings made, {n_left_out} were there already",
-        request.out.display(),
-        taken.len()
+        "{}: {n_taken} recordings made, {n_left_out} were there already",
+        args.out.display()
     );
     let value = json!({
-        "schema": "evrig.record-images/1", "dataset": request.out, "recordings": taken,
+        "schema": "evrig.record-images/1", "dataset": args.out, "recordings": taken,
         "n_left_out": n_left_out,
     });
     output.result(&value, text)?;

@@ -5,6 +5,7 @@ mod circuit;
 mod comparator;
 mod pixel;
 mod readout;
+mod sight;
 mod slab;
 mod spontaneous;
 mod traits;
