@@ -9,12 +9,14 @@ mod diagnose;
 mod emulate;
 mod guard;
 mod import;
+mod live;
 mod pi;
 mod plan;
 mod prove;
 mod record;
 mod session;
 mod stages;
+mod stimulus;
 
 pub use about::{CompletionsArgs, ManArgs};
 pub use check::CheckArgs;
@@ -25,6 +27,7 @@ pub use guard::GuardArgs;
 pub use import::{
     ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
 };
+pub use live::LiveArgs;
 pub use pi::{PairArgs, PiArgs, PiCamera};
 pub use plan::PlanArgs;
 pub use prove::ProveArgs;
@@ -33,6 +36,7 @@ pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{
     CalibrateArgs, CalibrateObjective, CompareArgs, GenerateArgs, ModelArgs, ProcessArgs,
 };
+pub use stimulus::StimulusArgs;
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]
@@ -106,6 +110,10 @@ pub enum Command {
     Pi(PiArgs),
     /// Make the keys by which host and Pi know each other
     Pair(PairArgs),
+    /// Show what the devices see now: rates, frames with the tag, events, to DV and Foxglove
+    Live(LiveArgs),
+    /// Show the target on a screen: picture and tag to scale in a browser, picture after picture
+    Stimulus(StimulusArgs),
     /// Own the arm's port and stop the arm when evrig dies
     #[command(hide = true)]
     Guard(GuardArgs),

@@ -19,6 +19,7 @@ mod generate;
 mod guard;
 mod import;
 mod info;
+mod live;
 mod output;
 mod pi;
 mod plan;
@@ -26,6 +27,7 @@ mod process;
 mod prove;
 mod record;
 mod report;
+mod stimulus;
 mod verify;
 
 pub use output::{Output, WrongUse};
@@ -84,6 +86,8 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Emulate(args) => emulate::emulate(&args, output),
         Command::Pi(args) => pi::pi(&args, output),
         Command::Pair(args) => pi::pair(&args, output),
+        Command::Live(args) => live::live(&args, output),
+        Command::Stimulus(args) => stimulus::stimulus(&args, output),
         Command::Guard(args) => guard::guard(&args, output),
         Command::Man(args) => about::man(&args, Cli::command(), output),
     }

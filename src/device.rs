@@ -10,6 +10,7 @@ pub mod host_clock;
 pub mod pi;
 pub mod recorder;
 pub mod sim;
+pub mod stimulus;
 
 use crate::trajectory::Path;
 use dobot::{ArmError, TimedPose};

@@ -27,6 +27,7 @@
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
 //! | [`prove`] | concealed trials: what is hidden, sealed, found again and counted |
+//! | [`live`] | what devices see now, to viewers: rates, frames with the tag, events; nothing waits for them |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
 //!
 //! # Invariants
@@ -53,6 +54,7 @@ pub mod frame;
 pub mod generate;
 pub mod geometry;
 pub mod imu;
+pub mod live;
 pub mod pipeline;
 pub mod predict;
 pub mod prove;

@@ -6,11 +6,13 @@
 //! counted and sealed, and the manifest says what happened.
 
 mod bench;
+mod durable;
 mod engine;
 mod files;
 mod runs;
 mod simulate;
 mod stop;
+mod told;
 
 pub use bench::{Bench, BenchError, Opening, cameras};
 pub use engine::{Dwells, Outcome, RecordError, Request, preflight, record};

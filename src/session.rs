@@ -23,6 +23,7 @@ mod manifest;
 mod pictures;
 mod read;
 mod recording;
+mod repair;
 mod rig_log;
 mod stage;
 mod verify;
@@ -40,6 +41,7 @@ pub use manifest::{
 pub use pictures::{DavisPictures, PiPictures, PiStamps, Picture, PictureFacts};
 pub use read::{EventTally, LuminanceFrames};
 pub use recording::seal_recording;
+pub use repair::{Repair, repair};
 pub use rig_log::{
     Arrival, ClockExchange, ClockSandwich, FrameMetadata, HostTime, PacketArrival, PiFrame,
     RawClockSandwich, RigLogError, RigLogWriter, RigNotes, Severity, TimedPose, Topic,
@@ -100,6 +102,21 @@ pub enum SessionError {
         name: String,
         /// Its clock.
         clock: String,
+    },
+    /// Another process has the session.
+    #[error(
+        "{path} is being recorded by another evrig; wait for its end, or stop that one first",
+        path = path.display()
+    )]
+    Busy {
+        /// The journal, which its recorder holds.
+        path: PathBuf,
+    },
+    /// The disk took data and did not keep it.
+    #[error("{what}; what was recorded may be lost when the power fails")]
+    Unsynced {
+        /// Which file, and what the system says.
+        what: String,
     },
     /// A name that cannot be a directory.
     #[error("`{name}` cannot name a stream: use 1 to 64 letters, digits, `-` or `_`")]
@@ -171,7 +188,8 @@ impl Session {
         let path = layout.manifest();
         if !path.exists() {
             return Err(not_a_session(
-                "it has no session.json; make one with `evrig import` or `evrig record`",
+                "it has no session.json; make one with `evrig import` or `evrig record`, or seal a \
+                 recording that was cut off with `evrig verify --repair`",
             ));
         }
         let manifest = Manifest::read(&path)?;

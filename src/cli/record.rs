@@ -1,6 +1,7 @@
 //! `record`: a session on a rig.
 
 use clap::Args;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 /// Arguments of `evrig record`.
@@ -8,6 +9,7 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  \
     evrig record sim circle --out sessions/simulated\n  \
     evrig record rig/lab.toml circle --out sessions/one\n  \
+    evrig record rig/lab.toml circle --images pictures.csv --out dataset\n  \
     evrig record rig/lab.toml protocol --without-optional --out sessions/two\n  \
     evrig record rig/lab.toml circle --repeat 50 --out datasets/monday\n  \
     evrig record rig/lab.toml circle --resume --out datasets/monday\n\n\
@@ -47,6 +49,20 @@ pub struct RecordArgs {
     /// Seed of everything that is random in the simulated world
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
+
+    /// Record once for each picture of a list (a folder, or lines `picture[,label]`), shown by a page
+    /// in a browser on the target's screen; --out is then a folder of sessions, and pictures whose
+    /// session is complete are left out
+    #[arg(long, value_name = "LIST", conflicts_with_all = ["repeat", "resume"])]
+    pub images: Option<PathBuf>,
+
+    /// The screen's pixels a millimetre, for --images; calibrated on the page if not given
+    #[arg(long, value_name = "X", requires = "images")]
+    pub px_per_mm: Option<f64>,
+
+    /// Where the page of --images is served, on this machine alone
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8646")]
+    pub stimulus: SocketAddr,
 
     /// Play a recording that stands in for the DAVIS (davis.transport = "file:...") so many times as fast
     #[arg(long, value_name = "X", default_value_t = 1.0)]

@@ -16,11 +16,16 @@ pub struct InfoArgs {
 /// Arguments of `evrig verify`.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  evrig verify sessions/street\n\nExit code 4 when something does not hold."
+    after_help = "Examples:\n  evrig verify sessions/street\n  evrig verify sessions/cut --repair\n\n\
+    Exit code 4 when something does not hold, 3 when it holds and losses are recorded."
 )]
 pub struct VerifyArgs {
     /// The session
     pub session: PathBuf,
+
+    /// First seal a session whose recording was cut off (crash, power loss) as recovered
+    #[arg(long)]
+    pub repair: bool,
 }
 
 /// Formats of `evrig export`.

@@ -1,10 +1,13 @@
 //! `record`: the engine over the devices that a rig file names.
 
+mod images;
+
 use super::plan::refused;
 use super::{Ending, Output, WrongUse};
 use crate::cli::RecordArgs;
 use crate::device::davis::Pace;
 use crate::device::dobot::guard::Stopper;
+use crate::device::recorder::Recorder;
 use crate::device::sim::world::WorldDescription;
 use crate::record::{
     self, Bench, Dwells, Opening, Outcome, RUNS_SCHEMA, Request, RunList, RunsError, State, Stop,
@@ -36,11 +39,14 @@ pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Endin
     };
     let operator = Operator::listen()?;
     let work = Work { rig: &rig, trajectory: &trajectory, path: &path, operator, output };
+    if let Some(images) = &args.images {
+        return images::record(&work, images, args, &opening);
+    }
     let list = match (args.repeat, args.resume) {
         (Some(n_runs), _) => RunList::begin(&args.out, n_runs, &rig, &trajectory),
         (None, true) => RunList::resume(&args.out, &rig, &trajectory),
         (None, false) => {
-            let take = work.take(&args.out, &opening)?;
+            let take = work.take(&args.out, &opening, None)?;
             output.result(&take.value, &take.text)?;
             return Ok(take.ending);
         }
@@ -79,7 +85,7 @@ impl Work<'_> {
             let out = list.enter(run)?;
             // Each run draws its own noise, and the same when it is made again.
             let seed = opening.seed.wrapping_add(u64::from(run - 1));
-            let take = self.take(&out, &Opening { seed, ..*opening })?;
+            let take = self.take(&out, &Opening { seed, ..*opening }, None)?;
             list.close(take.status)?;
             let _ = writeln!(text, "{}", take.text);
             match take.ending {
@@ -99,10 +105,16 @@ impl Work<'_> {
         Ok(ending)
     }
 
-    /// Records one session.
-    fn take(&self, out: &std::path::Path, opening: &Opening<'_>) -> anyhow::Result<Take> {
+    /// Records one session; `beside` is a recorder that the rig does not name.
+    fn take(
+        &self,
+        out: &std::path::Path,
+        opening: &Opening<'_>,
+        beside: Option<Box<dyn Recorder>>,
+    ) -> anyhow::Result<Take> {
         let output = self.output;
         let mut bench = Bench::open(self.rig, opening)?;
+        bench.devices.recorders.extend(beside);
         self.operator.can_halt(bench.stopper.clone());
         let bar = output.progress("recording", 1000);
         let request = Request {

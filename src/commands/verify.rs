@@ -2,11 +2,17 @@
 
 use super::{Ending, Output};
 use crate::cli::VerifyArgs;
-use crate::session::{Session, verify};
+use crate::session::{Repair, Session, repair, verify};
 use serde_json::json;
 use std::fmt::Write;
 
 pub(super) fn run(args: &VerifyArgs, output: &Output) -> anyhow::Result<Ending> {
+    let repaired = if args.repair { Some(repair(&args.session)?) } else { None };
+    match &repaired {
+        Some(Repair::Resealed(_)) => output.say("the recording was cut off; sealed as recovered"),
+        Some(Repair::NotNeeded) => output.say("nothing to repair: the session is sealed"),
+        None => {}
+    }
     let session = Session::open(&args.session)?;
     let verification = verify(&session)?;
     let losses = &session.manifest().losses;
@@ -27,6 +33,8 @@ pub(super) fn run(args: &VerifyArgs, output: &Output) -> anyhow::Result<Ending> 
     let value = json!({
         "schema": "evrig.verification/1",
         "session": session.manifest().name,
+        "status": session.manifest().status,
+        "repaired": matches!(repaired, Some(Repair::Resealed(_))),
         "holds": verification.holds(),
         "findings": verification.findings,
         "losses": losses,

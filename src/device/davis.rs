@@ -7,9 +7,13 @@
 mod network;
 mod replay;
 pub mod serve;
+#[cfg(feature = "usb")]
+mod usb;
 
 pub use network::{NetworkDavis, Patience};
 pub use replay::{Pace, ReplayDavis};
+#[cfg(feature = "usb")]
+pub use usb::UsbDavis;
 
 use super::recorder::{Outlet, RecorderError, Sample, Tally, host_time};
 use crate::format::aedat4::{Content, Stream, StreamSpec};

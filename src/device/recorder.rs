@@ -55,6 +55,15 @@ pub enum Sample {
 }
 
 impl Sample {
+    /// Events in it.
+    #[must_use]
+    pub fn n_events(&self) -> u64 {
+        match self {
+            Self::Packet { content: Content::Events(events), .. } => events.len() as u64,
+            _ => 0,
+        }
+    }
+
     /// Bytes it takes in memory, nearly.
     #[must_use]
     pub fn n_bytes(&self) -> usize {

@@ -138,8 +138,11 @@ pub fn cameras(
         }
         (Transport::File(path), _) => Box::new(ReplayDavis::new(Path::new(path), opening.pace)),
         (Transport::Sim, Some(live)) => Box::new(SimulatedCamera::davis(live)?),
+        #[cfg(feature = "usb")]
+        (Transport::Usb, _) => Box::new(crate::device::davis::UsbDavis::new(&rig.davis)),
         (other, _) => {
-            let remedy = "tcp://HOST:PORT (several with commas, one a stream) or file:PATH";
+            let remedy =
+                "usb (in an evrig built with `--features usb`), tcp://HOST:PORT or file:PATH";
             return Err(refused("davis.transport", other, remedy));
         }
     };

@@ -3,16 +3,17 @@
 mod settings;
 
 use super::files::{Log, SampleWriter, take_directory};
+use super::told;
 use super::{Devices, State, Stop, StopToken};
 use crate::device::dobot::ArmError;
 use crate::device::recorder::{Prepared, RecorderError, Tally, host_time};
 use crate::device::{Finding, Verdict};
 use crate::rig::Rig;
 use crate::session::{
-    DeviceEntry, HostTime, Journal, Layout, Loss, Manifest, Origin, Recording, SessionError,
-    Severity, Status, Topic, seal_recording,
+    DeviceEntry, HostTime, Journal, Layout, Loss, Manifest, Origin, SessionError, Severity, Status,
+    Topic, seal_recording,
 };
-use crate::time::{Span, Stamp, Unix};
+use crate::time::Span;
 use crate::trajectory::{Path, Trajectory};
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -111,6 +112,7 @@ pub fn record(
     let layout = take_directory(request.out)?;
     let mut journal = Journal::open(&layout.journal())?;
     journal.note("preflight", &json!({"findings": findings}))?;
+    journal.note("recording", &told::opening(request.rig, request.trajectory))?;
     let log = Log::create(&layout)?;
     let mut take = Take {
         request,
@@ -155,7 +157,9 @@ impl Take<'_> {
         self.enter(State::StartPose, json!({}))?;
         let mut prepared = Vec::new();
         for recorder in &mut self.devices.recorders {
-            prepared.push(recorder.prepare()?);
+            let found = recorder.prepare()?;
+            self.journal.note("device", &json!({"name": recorder.name(), "says": found.says}))?;
+            prepared.push(found);
         }
         let remarks = self.devices.arm.prepare(self.request.path)?;
         self.heed(Stop::AfterStep)?;
@@ -182,7 +186,8 @@ impl Take<'_> {
         let steps = self.request.path.steps().len();
         let began = host_time();
         self.began = Some(began);
-        self.log_commanded(began)?;
+        self.journal.note("first step", &json!({"unix_ns": began.unix.as_nanos()}))?;
+        self.log.commanded(self.request.path, self.request.rig.arm.pose_rate, began)?;
         self.set_step(0)?;
         self.devices.arm.start(0..steps)?;
         let interval = Duration::from_secs_f64(1.0 / self.request.rig.arm.pose_rate.0);
@@ -218,19 +223,6 @@ impl Take<'_> {
             self.heed(Stop::Park)?;
             self.stop.rest(interval);
         }
-    }
-
-    /// The path as the trajectory says it, at the rate of the poses.
-    fn log_commanded(&self, began: HostTime) -> Result<(), SessionError> {
-        let path = self.request.path;
-        let step = Span::from_secs_f64(1.0 / self.request.rig.arm.pose_rate.0);
-        let mut since = Span::ZERO;
-        while since <= path.duration() {
-            let at = HostTime { monotonic: began.monotonic + since, unix: began.unix + since };
-            self.log.write(|log| log.pose(Topic::Commanded, at, path.pose_at(since)))?;
-            since = since + step;
-        }
-        Ok(())
     }
 
     fn look_at_recorders(&mut self) -> Result<(), Cut> {
@@ -292,26 +284,10 @@ impl Take<'_> {
         // The manifest tells the same; a full disk may have no room for this line.
         let _ = self.journal.note("seal", &json!({"losses": losses}));
         let ended = cut.as_ref().map_or_else(|| "complete".to_owned(), ToString::to_string);
-        let rig = self.request.rig;
-        let recording = Recording {
-            rig: rig.text.clone(),
-            trajectory: self.request.trajectory.text.clone(),
-            devices,
-            ended,
-            trajectory_began_ns: self
-                .began
-                .map(|began: HostTime| Stamp::<Unix>::as_nanos(began.unix)),
-            clocks: json!({
-                "reference": rig.clocks.reference,
-                "host": format!("{:?}", rig.clocks.host).to_lowercase(),
-                "pi": format!("{:?}", rig.clocks.pi).to_lowercase(),
-                "ntp_server": rig.clocks.ntp_server,
-            }),
-        };
-        let origin = Origin::Recorded {
-            rig: rig.name.clone(),
-            trajectory: self.request.trajectory.name.clone(),
-        };
+        let (rig, trajectory) = (self.request.rig, self.request.trajectory);
+        let recording = told::recording(rig, trajectory, devices, ended, self.began);
+        let origin =
+            Origin::Recorded { rig: rig.name.clone(), trajectory: trajectory.name.clone() };
         let status = if cut.is_some() { Status::Aborted } else { Status::Complete };
         let manifest = seal_recording(self.layout, origin, status, recording, losses)?;
         Ok(Outcome {

@@ -1,19 +1,27 @@
 //! The files of a recording while it runs: a thread a recorder takes samples and writes them.
 
+use super::durable::Durability;
 use crate::device::recorder::{Inlet, Outlet, Prepared, Sample, Taken, channel};
 use crate::format::aedat4::{Compression, Content, StreamSpec, WriteError, Writer};
-use crate::session::{Layout, PacketArrival, RigLogError, RigLogWriter, SessionError, Severity};
+use crate::session::{
+    HostTime, Layout, PacketArrival, RigLogError, RigLogWriter, SessionError, Severity, Topic,
+};
+use crate::time::Span;
+use crate::trajectory::Path as Trace;
+use crate::units::Hertz;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Bytes that wait for the disk at most, for each recorder.
 const QUEUE_BYTES: usize = 512 << 20;
 /// A writer looks up so often when nothing comes.
 const TICK: Duration = Duration::from_millis(100);
+/// What was taken is handed to the system so often at least.
+const BETWEEN_FLUSHES: Duration = Duration::from_millis(200);
 
 pub(super) type EventFile = Writer<BufWriter<File>>;
 
@@ -44,16 +52,34 @@ pub(super) fn finish_event_file(file: EventFile, path: &Path) -> Result<(), Sess
 
 /// The rig's log, written by every thread.
 #[derive(Debug, Clone)]
-pub(super) struct Log(Arc<Mutex<Option<RigLogWriter>>>);
+pub(super) struct Log {
+    writer: Arc<Mutex<Option<RigLogWriter>>>,
+    durability: Arc<Mutex<Durability>>,
+}
 
 impl Log {
     pub(super) fn create(layout: &Layout) -> Result<Self, SessionError> {
-        let writer = RigLogWriter::create(&layout.rig_log())?;
-        Ok(Self(Arc::new(Mutex::new(Some(writer)))))
+        let path = layout.rig_log();
+        let writer = RigLogWriter::create(&path)?;
+        let handle = writer.handle()?;
+        let writer = Arc::new(Mutex::new(Some(writer)));
+        let flushed = Arc::downgrade(&writer);
+        let durability = Durability::start(move || flush(&flushed))
+            .and_then(|durability| durability.keep(&path, handle).map(|()| durability))
+            .map_err(|source| SessionError::Io { path, source })?;
+        Ok(Self { writer, durability: Arc::new(Mutex::new(durability)) })
     }
 
     fn lock(&self) -> MutexGuard<'_, Option<RigLogWriter>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.writer.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Syncs another file beside the log's.
+    fn keep(&self, path: &Path, file: File) -> Result<(), SessionError> {
+        let durability = self.durability.lock().unwrap_or_else(PoisonError::into_inner);
+        durability
+            .keep(path, file)
+            .map_err(|source| SessionError::Io { path: path.to_owned(), source })
     }
 
     /// Writes, unless the log was finished.
@@ -64,10 +90,40 @@ impl Log {
         self.lock().as_mut().map_or(Ok(()), |log| write(log).map_err(Into::into))
     }
 
+    /// The path as the trajectory says it, at the rate of the poses.
+    pub(super) fn commanded(
+        &self,
+        path: &Trace,
+        rate: Hertz,
+        began: HostTime,
+    ) -> Result<(), SessionError> {
+        let step = Span::from_secs_f64(1.0 / rate.0);
+        let mut since = Span::ZERO;
+        while since <= path.duration() {
+            let at = HostTime { monotonic: began.monotonic + since, unix: began.unix + since };
+            self.write(|log| log.pose(Topic::Commanded, at, path.pose_at(since)))?;
+            since = since + step;
+        }
+        Ok(())
+    }
+
     pub(super) fn finish(&self) -> Result<(), SessionError> {
         let writer = self.lock().take();
-        writer.map_or(Ok(()), |log| log.finish().map_err(Into::into))
+        let finished = writer.map_or(Ok(()), |log| log.finish().map_err(Into::into));
+        let unsynced = self.durability.lock().unwrap_or_else(PoisonError::into_inner).finish();
+        match unsynced {
+            Some(what) => finished.and(Err(SessionError::Unsynced { what })),
+            None => finished,
+        }
     }
+}
+
+/// Hands the log to the system; false once the log is no more.
+fn flush(log: &Weak<Mutex<Option<RigLogWriter>>>) -> bool {
+    let Some(log) = log.upgrade() else { return false };
+    let mut log = log.lock().unwrap_or_else(PoisonError::into_inner);
+    // A disk that refuses now refuses the next message, and there it is told.
+    log.as_mut().is_some_and(|log| log.flush().is_ok())
 }
 
 /// One recorder's thread.
@@ -87,7 +143,9 @@ impl SampleWriter {
         let file = if prepared.streams.is_empty() {
             None
         } else {
-            Some((create_event_file(layout, &prepared.streams)?, path.clone()))
+            let file = create_event_file(layout, &prepared.streams)?;
+            log.keep(&path, file.handle()?)?;
+            Some((file, path.clone()))
         };
         let (outlet, inlet) = channel(QUEUE_BYTES);
         let log = log.clone();
@@ -119,11 +177,17 @@ fn take_all(
     log: &Log,
 ) -> Result<(), SessionError> {
     let (mut file, path) = file.unzip();
+    let mut flushed = Instant::now();
     loop {
         match inlet.take(TICK) {
             Taken::Sample(sample) => write(sample, file.as_mut(), log)?,
             Taken::Nothing => {}
             Taken::Closed => break,
+        }
+        // In a quiet scene a buffer fills slowly, and what is in it dies with the program.
+        if let Some(file) = file.as_mut().filter(|_| flushed.elapsed() >= BETWEEN_FLUSHES) {
+            file.flush()?;
+            flushed = Instant::now();
         }
     }
     if let (Some(file), Some(path)) = (file, path) {

@@ -71,7 +71,7 @@ impl FramesDrive {
             }
         }
         let white_dn = white_of(frames) - black_dn;
-        if !(white_dn > FLOOR_DN) {
+        if white_dn.is_nan() || white_dn <= FLOOR_DN {
             return Err(FramesError::Dark { black_dn });
         }
         let log = |value: &f32| ((f64::from(*value) - black_dn).max(FLOOR_DN) / white_dn).ln();

@@ -3,8 +3,8 @@
 use super::SessionError;
 use chrono::{SecondsFormat, Utc};
 use serde_json::{Map, Value, json};
-use std::fs::{File, OpenOptions};
-use std::io::Write;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// An open journal.
@@ -15,16 +15,24 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens a journal at its end, or makes one.
+    /// Opens a journal at its end, or makes one, and holds it against other processes.
+    ///
+    /// A last line that a crash has cut is ended, so that the next one stands alone.
     ///
     /// # Errors
-    /// When the file cannot be opened.
+    /// When the file cannot be opened, or another process has it.
     pub fn open(path: &Path) -> Result<Self, SessionError> {
-        let file = OpenOptions::new()
+        let mut file = OpenOptions::new()
             .append(true)
+            .read(true)
             .create(true)
             .open(path)
             .map_err(SessionError::io(path))?;
+        // A file system without locks cannot tell; then nobody is kept out.
+        if let Err(TryLockError::WouldBlock) = file.try_lock() {
+            return Err(SessionError::Busy { path: path.to_owned() });
+        }
+        end_cut_line(&mut file).map_err(SessionError::io(path))?;
         Ok(Self { path: path.to_owned(), file })
     }
 
@@ -46,6 +54,16 @@ impl Journal {
             .and_then(|()| self.file.sync_data())
             .map_err(SessionError::io(&self.path))
     }
+}
+
+fn end_cut_line(file: &mut File) -> std::io::Result<()> {
+    if file.seek(SeekFrom::End(0))? == 0 {
+        return Ok(());
+    }
+    file.seek(SeekFrom::End(-1))?;
+    let mut last = [0];
+    file.read_exact(&mut last)?;
+    if last == *b"\n" { Ok(()) } else { file.write_all(b"\n") }
 }
 
 #[cfg(test)]

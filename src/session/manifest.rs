@@ -255,7 +255,14 @@ pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), SessionError>
         file.write_all(bytes)?;
         file.write_all(b"\n")?;
         file.sync_all()?;
-        std::fs::rename(&beside, path)
+        std::fs::rename(&beside, path)?;
+        sync_folder_of(path)
     };
     write().map_err(SessionError::io(path))
+}
+
+/// Makes the name of a new file as durable as its bytes.
+pub(super) fn sync_folder_of(path: &Path) -> std::io::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    std::fs::File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
 }

@@ -2,9 +2,10 @@
 
 use super::rig_log::{self, stream_names};
 use super::{
-    Damage, FileEntry, Layout, Loss, Manifest, Origin, Recording, SCHEMA, SessionError, Status,
-    StreamEntry, census, sha256_of_file,
+    Census, Damage, FileEntry, Layout, Loss, Manifest, Origin, Recording, SCHEMA, SessionError,
+    Status, StreamEntry, census, sha256_of_file,
 };
+use crate::format::aedat4::ReadError;
 use crate::time::{Clock, Unix};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -23,7 +24,16 @@ pub fn seal_recording(
     let mut files = BTreeMap::new();
     let mut streams = Vec::new();
     if layout.davis().exists() {
-        let found = census(&layout.davis(), &mut |_| {})?;
+        let found = match census(&layout.davis(), &mut |_| {}) {
+            Ok(found) => found,
+            // Cut within its header: it holds no stream, and the manifest says so.
+            Err(SessionError::Aedat4Read(error @ ReadError::Malformed { .. })) => {
+                let file = format!("{}: ", layout.davis().display());
+                let damage = Some(error.to_string().replacen(&file, "", 1));
+                Census { damage, ..Census::default() }
+            }
+            Err(error) => return Err(error),
+        };
         let file = add_file(&layout.davis(), found.damage.as_deref(), &mut files, &mut losses)?;
         losses.extend(found.losses.iter().cloned());
         streams.extend(found.entries(&file));

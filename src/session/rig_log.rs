@@ -23,7 +23,7 @@ mod records;
 mod schema;
 mod writer;
 
-pub(super) use census::{RigLogCensus, census, stream_names};
+pub(super) use census::{RigLogCensus, arrivals, census, stream_names};
 pub(super) use notes::read_notes;
 pub use notes::{RigNotes, TimedPose};
 pub(super) use pictures::{PictureReader, StoredPicture};

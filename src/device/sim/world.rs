@@ -28,7 +28,7 @@ mod range;
 mod schedule;
 #[cfg(test)]
 mod stage;
-mod tag;
+pub(in crate::device) mod tag;
 #[cfg(test)]
 mod tests;
 mod texture;

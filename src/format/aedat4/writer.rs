@@ -89,6 +89,16 @@ impl Writer<BufWriter<File>> {
     }
 }
 
+impl Writer<BufWriter<File>> {
+    /// A second handle of the file, by which a thread beside can sync it.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the system refuses.
+    pub fn handle(&self) -> Result<File, WriteError> {
+        self.destination.get_ref().try_clone().map_err(|source| self.failed(source))
+    }
+}
+
 impl<W: Write + Seek> Writer<W> {
     /// Writes a file's bytes to anything that can go back to its start; `name` stands for it in errors.
     ///
@@ -345,7 +355,11 @@ impl<W: Write> Writer<W> {
         if self.patch_header.is_none() { self.flush() } else { Ok(()) }
     }
 
-    fn flush(&mut self) -> Result<(), WriteError> {
+    /// Hands everything written so far to the destination.
+    ///
+    /// # Errors
+    /// [`WriteError`] when writing fails.
+    pub fn flush(&mut self) -> Result<(), WriteError> {
         self.destination.flush().map_err(|source| self.failed(source))
     }
 

@@ -1,7 +1,7 @@
 //! Counting what the rig's log really holds.
 
 use super::reader::MAX_RECORD_BYTES;
-use super::{RigLogError, Topic, image};
+use super::{PacketArrival, RigLogError, Topic, image};
 use crate::geometry::Size;
 use crate::session::StreamKind;
 use mcap::records::Record;
@@ -69,13 +69,6 @@ pub(in crate::session) const fn stream_names(topic: Topic) -> (&'static str, Str
 /// # Errors
 /// When the file cannot be opened or read.
 pub(in crate::session) fn census(path: &Path) -> Result<RigLogCensus, RigLogError> {
-    let failed = |source| RigLogError::Open { path: path.to_owned(), source };
-    let mut file = File::open(path).map_err(failed)?;
-    let options = LinearReaderOptions::default()
-        .with_validate_chunk_crcs(true)
-        .with_record_length_limit(MAX_RECORD_BYTES);
-    let mut reader = LinearReader::new_with_options(options);
-    let mut channels: BTreeMap<u16, usize> = BTreeMap::new();
     let empty = |topic| TopicCensus {
         topic,
         count: 0,
@@ -85,7 +78,43 @@ pub(in crate::session) fn census(path: &Path) -> Result<RigLogCensus, RigLogErro
         size: None,
     };
     let mut topics = Topic::ALL.map(empty);
-    let mut damage = None;
+    let damage = each_message(path, &mut |topic, log_time_ns, data| {
+        topics[topic as usize].see(log_time_ns, data);
+    })?;
+    let n: u64 = topics.iter().map(|topic| topic.count).sum();
+    let damage = damage.map(|what| format!("after {n} messages: {what}"));
+    let topics = topics.into_iter().filter(|topic| topic.count > 0).collect();
+    Ok(RigLogCensus { topics, damage })
+}
+
+/// How many elements of each stream of the event camera the log saw arrive.
+///
+/// # Errors
+/// When the file cannot be opened or read.
+pub(in crate::session) fn arrivals(path: &Path) -> Result<BTreeMap<u32, u64>, RigLogError> {
+    let mut counts = BTreeMap::new();
+    each_message(path, &mut |topic, _, data| {
+        if topic == Topic::Arrivals
+            && let Ok(arrival) = serde_json::from_slice::<PacketArrival>(data)
+        {
+            *counts.entry(arrival.stream).or_insert(0) += arrival.count;
+        }
+    })?;
+    Ok(counts)
+}
+
+/// Hands out topic, log time (ns) and data of every message; what is wrong at the end, if anything.
+fn each_message(
+    path: &Path,
+    see: &mut dyn FnMut(Topic, u64, &[u8]),
+) -> Result<Option<String>, RigLogError> {
+    let failed = |source| RigLogError::Open { path: path.to_owned(), source };
+    let mut file = File::open(path).map_err(failed)?;
+    let options = LinearReaderOptions::default()
+        .with_validate_chunk_crcs(true)
+        .with_record_length_limit(MAX_RECORD_BYTES);
+    let mut reader = LinearReader::new_with_options(options);
+    let mut channels: BTreeMap<u16, Topic> = BTreeMap::new();
     while let Some(event) = reader.next_event() {
         let record = match event {
             Ok(LinearReadEvent::ReadRequest(n)) => {
@@ -98,24 +127,17 @@ pub(in crate::session) fn census(path: &Path) -> Result<RigLogCensus, RigLogErro
         };
         match record {
             Ok(Record::Channel(channel)) => {
-                if let Some(at) = Topic::ALL.iter().position(|topic| topic.name() == channel.topic)
-                {
-                    channels.insert(channel.id, at);
-                }
+                let known = Topic::ALL.into_iter().find(|topic| topic.name() == channel.topic);
+                channels.extend(known.map(|topic| (channel.id, topic)));
             }
             Ok(Record::Message { header, data }) => {
-                if let Some(&at) = channels.get(&header.channel_id) {
-                    topics[at].see(header.log_time, &data);
+                if let Some(&topic) = channels.get(&header.channel_id) {
+                    see(topic, header.log_time, &data);
                 }
             }
             Ok(_) => {}
-            Err(error) => {
-                let n: u64 = topics.iter().map(|topic| topic.count).sum();
-                damage = Some(format!("after {n} messages: {error}"));
-                break;
-            }
+            Err(error) => return Ok(Some(error.to_string())),
         }
     }
-    let topics = topics.into_iter().filter(|topic| topic.count > 0).collect();
-    Ok(RigLogCensus { topics, damage })
+    Ok(None)
 }

@@ -82,6 +82,7 @@ const CHUNK_TIME: Span = Span::from_micros(500_000);
 pub struct RigLogWriter {
     path: PathBuf,
     file: mcap::Writer<BufWriter<File>>,
+    beside: File,
     channels: Vec<u16>,
     sequences: Vec<u32>,
     n_messages: u64,
@@ -102,6 +103,9 @@ impl RigLogWriter {
     pub fn create(path: &Path) -> Result<Self, RigLogError> {
         let file = File::create_new(path)
             .map_err(|source| RigLogError::Open { path: path.to_owned(), source })?;
+        let beside = file.try_clone();
+        let beside =
+            beside.map_err(|source| RigLogError::Open { path: path.to_owned(), source })?;
         let options = mcap::WriteOptions::new()
             .compression(None)
             .chunk_size(Some(CHUNK_BYTES))
@@ -122,7 +126,7 @@ impl RigLogWriter {
         }
         let sequences = vec![0; channels.len()];
         let path = path.to_owned();
-        Ok(Self { path, file, channels, sequences, n_messages: 0, chunk_began: None })
+        Ok(Self { path, file, beside, channels, sequences, n_messages: 0, chunk_began: None })
     }
 
     /// Writes a frame's pictures and what the camera says of it.
@@ -209,6 +213,24 @@ impl RigLogWriter {
         self.json(Topic::Log, at, at.unix, &value)
     }
 
+    /// Closes the chunk and hands everything to the system, so that only a power cut can lose it.
+    ///
+    /// # Errors
+    /// When the disk refuses.
+    pub fn flush(&mut self) -> Result<(), RigLogError> {
+        self.chunk_began = None;
+        self.file.flush().map_err(|error| failed(&self.path, self.n_messages, error))
+    }
+
+    /// A second handle of the file, by which a thread beside can sync it.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn handle(&self) -> Result<File, RigLogError> {
+        let again = self.beside.try_clone();
+        again.map_err(|source| RigLogError::Open { path: self.path.clone(), source })
+    }
+
     /// Writes the index, and syncs.
     ///
     /// # Errors
@@ -254,8 +276,7 @@ impl RigLogWriter {
         self.sequences[index] = self.sequences[index].wrapping_add(1);
         self.n_messages += 1;
         if logged.monotonic - began >= CHUNK_TIME {
-            self.chunk_began = None;
-            self.file.flush().map_err(|error| failed(&self.path, self.n_messages, error))?;
+            self.flush()?;
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! The tag on the print.
 
 /// Cells along a side of the black border; the code is the 6 x 6 in its middle.
-pub(super) const CELLS: usize = 8;
+pub(in crate::device) const CELLS: usize = 8;
 
 /// Code number 0 of the family tag36h11, row by row from the top left, the highest bit first, 1 is
 /// white. From the family's table in the AprilTag sources (PyPI package `apriltag` 0.0.16,
@@ -9,7 +9,7 @@ pub(super) const CELLS: usize = 8;
 const TAG36H11_0: u64 = 0xd_5d62_8584;
 
 /// Whether the tag is white at this place: 0..1 from its left and its top edge.
-pub(super) fn is_white(right: f64, down: f64) -> bool {
+pub(in crate::device) fn is_white(right: f64, down: f64) -> bool {
     let cell = |part: f64| (part * CELLS as f64).floor() as isize;
     let (column, row) = (cell(right), cell(down));
     let inner = 1..CELLS as isize - 1;

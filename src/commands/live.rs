@@ -1,0 +1,161 @@
+//! `live`: hands what devices or a session give to viewers, until Ctrl-C or the end.
+
+use super::plan::refused;
+use super::{Ending, Output, WrongUse};
+use crate::cli::LiveArgs;
+use crate::device::davis::{Pace, ReplayDavis};
+use crate::device::recorder::{Inlet, Recorder, Taken, channel, host_time};
+use crate::device::sim::world::WorldDescription;
+use crate::geometry::Size;
+use crate::live::{Addresses, Live, Status};
+use crate::record::{Bench, Opening};
+use crate::rig::Rig;
+use crate::session::Layout;
+use serde_json::json;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Bytes that wait to be shown; what does not fit is dropped and counted.
+const QUEUE_BYTES: usize = 32 << 20;
+/// Between two event pictures.
+const PICTURE: Duration = Duration::from_millis(33);
+/// Between two lines of rates.
+const TELL: Duration = Duration::from_secs(1);
+
+/// What is looked at, and what must live as long.
+struct Source {
+    recorders: Vec<Box<dyn Recorder>>,
+    tag: (String, u32),
+    size: Size,
+    bench: Option<Bench>,
+}
+
+pub(super) fn live(args: &LiveArgs, output: &Output) -> anyhow::Result<Ending> {
+    if !(args.pace > 0.0 && args.pace.is_finite()) {
+        return Err(WrongUse(format!("--pace is {}; expected above 0", args.pace)).into());
+    }
+    let mut source = open(args)?;
+    let is_ending = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        signal_hook::flag::register(signal, Arc::clone(&is_ending))?;
+    }
+    let addresses = Addresses { events: args.events, frames: args.frames, foxglove: args.foxglove };
+    let tag = (source.tag.0.as_str(), source.tag.1);
+    let mut live = Live::serve(addresses, source.size, "evrig live", tag)?;
+    output.say(format_args!("events  tcp://{}", live.events().address()));
+    output.say(format_args!("frames  tcp://{}", live.frames().address()));
+    if let Some(address) = live.foxglove() {
+        output.say(format_args!("Foxglove  ws://{address}"));
+    }
+    let (outlet, inlet) = channel(QUEUE_BYTES);
+    for recorder in &mut source.recorders {
+        recorder.prepare()?;
+        recorder.start(outlet.clone())?;
+    }
+    drop(outlet);
+    let last = watch(args, &mut live, &inlet, &mut source, &is_ending, output)?;
+    for recorder in &mut source.recorders {
+        recorder.abort();
+    }
+    let n_samples = last.n_samples;
+    let value = json!({
+        "schema": "evrig.live/1", "n_samples": n_samples, "n_events": last.n_events,
+        "n_dropped_by_devices": last.status.n_dropped_by_devices,
+        "n_dropped_for_viewers": last.status.n_dropped_for_viewers,
+    });
+    output.result(&value, format_args!("{} events in {n_samples} samples shown", last.n_events))?;
+    Ok(Ending::Done)
+}
+
+fn open(args: &LiveArgs) -> anyhow::Result<Source> {
+    let path = Path::new(&args.what);
+    if path.is_dir() {
+        let davis = Layout::new(path).davis();
+        if !davis.exists() {
+            return Err(WrongUse(format!("{} has no davis.aedat4", path.display())).into());
+        }
+        let size = crate::format::aedat4::Reader::open(&davis)?
+            .streams()
+            .iter()
+            .find_map(|stream| stream.size)
+            .unwrap_or(Size::DAVIS346);
+        let replay = ReplayDavis::new(&davis, Pace::Times(args.pace));
+        return Ok(Source {
+            recorders: vec![Box::new(replay)],
+            tag: ("tag36h11".to_owned(), 0),
+            size,
+            bench: None,
+        });
+    }
+    let rig = Rig::find(&args.what).map_err(refused)?;
+    let opening = Opening {
+        pace: Pace::Times(args.pace),
+        home: false,
+        start: rig.arm.home,
+        world: &WorldDescription::default(),
+        seed: 1,
+    };
+    let mut bench = Bench::open(&rig, &opening)?;
+    let recorders = std::mem::take(&mut bench.devices.recorders);
+    let tag = (rig.target.tag_family.clone(), rig.target.tag_id);
+    Ok(Source { recorders, tag, size: rig.davis.camera.size, bench: Some(bench) })
+}
+
+/// What there was in all.
+struct Watched {
+    status: Status,
+    n_samples: u64,
+    n_events: u64,
+}
+
+fn watch(
+    args: &LiveArgs,
+    live: &mut Live,
+    inlet: &Inlet,
+    source: &mut Source,
+    is_ending: &AtomicBool,
+    output: &Output,
+) -> anyhow::Result<Watched> {
+    let began = Instant::now();
+    let limit = args.seconds.map(Duration::try_from_secs_f64).transpose()?;
+    let status = live.tell(host_time(), None, 0);
+    let mut watched = Watched { status, n_samples: 0, n_events: 0 };
+    let [mut shown, mut told] = [began; 2];
+    while !is_ending.load(Ordering::Relaxed) && limit.is_none_or(|limit| began.elapsed() < limit) {
+        match inlet.take(PICTURE) {
+            Taken::Sample(sample) => {
+                watched.n_samples += 1;
+                watched.n_events += sample.n_events();
+                live.take(&sample)?;
+            }
+            Taken::Nothing => {}
+            Taken::Closed => break,
+        }
+        if shown.elapsed() >= PICTURE {
+            shown = Instant::now();
+            live.show_events(host_time());
+        }
+        if told.elapsed() >= TELL {
+            told = Instant::now();
+            watched.status = tell(live, source)?;
+            output.say(&watched.status);
+        }
+    }
+    live.show_events(host_time());
+    watched.status = tell(live, source)?;
+    Ok(watched)
+}
+
+fn tell(live: &mut Live, source: &mut Source) -> anyhow::Result<Status> {
+    let mut n_dropped = 0;
+    for recorder in &mut source.recorders {
+        n_dropped += recorder.progress()?.n_dropped;
+    }
+    // Without a motion under way an arm may have no pose to give.
+    let arm = source.bench.as_mut().map(|bench| &mut bench.devices.arm);
+    let pose = arm.and_then(|arm| arm.progress().ok()).map(|progress| progress.pose.pose);
+    Ok(live.tell(host_time(), pose, n_dropped))
+}

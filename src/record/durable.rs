@@ -1,0 +1,144 @@
+//! What was recorded is on the disk soon: a thread beside the writers syncs their files.
+//!
+//! A writer hands its bytes to the system several times a second; this thread then makes the system
+//! put them on the disk. No writer waits for that, so a slow disk delays durability, not recording.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// From the end of one sync to the next.
+const BETWEEN_SYNCS: Duration = Duration::from_millis(250);
+
+/// What the thread and the writers share.
+#[derive(Debug, Default)]
+struct Shared {
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    files: Vec<(PathBuf, File)>,
+    is_ending: bool,
+    /// The first refusal.
+    failed: Option<String>,
+    n_rounds: u64,
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        // Whole between any two statements.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The thread that syncs.
+#[derive(Debug)]
+pub(super) struct Durability {
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Durability {
+    /// Starts it; before each round it calls `flush`, and ends once that says so.
+    pub(super) fn start(flush: impl Fn() -> bool + Send + 'static) -> std::io::Result<Self> {
+        let shared: Arc<Shared> = Arc::default();
+        let its = Arc::clone(&shared);
+        let thread = std::thread::Builder::new()
+            .name("sync".to_owned())
+            .spawn(move || while its.round(&flush) {})?;
+        Ok(Self { shared, thread: Some(thread) })
+    }
+
+    /// Syncs this file too from now on, and its name in the folder at once.
+    pub(super) fn keep(&self, path: &Path, file: File) -> std::io::Result<()> {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        File::open(folder.unwrap_or(Path::new(".")))?.sync_all()?;
+        self.shared.lock().files.push((path.to_owned(), file));
+        Ok(())
+    }
+
+    /// Ends it; what it could not sync comes back in words.
+    pub(super) fn finish(&mut self) -> Option<String> {
+        self.shared.lock().is_ending = true;
+        self.shared.changed.notify_all();
+        if let Some(thread) = self.thread.take() {
+            // A panic there was reported by its own hook.
+            let _ = thread.join();
+        }
+        self.shared.lock().failed.take()
+    }
+}
+
+impl Drop for Durability {
+    fn drop(&mut self) {
+        let _ = self.finish();
+    }
+}
+
+impl Shared {
+    /// One round; false when it was the last.
+    fn round(&self, flush: &impl Fn() -> bool) -> bool {
+        let waited = self
+            .changed
+            .wait_timeout_while(self.lock(), BETWEEN_SYNCS, |state| !state.is_ending)
+            .unwrap_or_else(PoisonError::into_inner);
+        let (state, _) = waited;
+        if state.is_ending {
+            return false;
+        }
+        let handles: Vec<_> =
+            state.files.iter().map(|(path, file)| (path.clone(), file.try_clone())).collect();
+        drop(state);
+        let goes_on = flush();
+        for (path, file) in handles {
+            if let Err(error) = file.and_then(|file| file.sync_data()) {
+                let text = format!("{}: not synced to the disk: {error}", path.display());
+                self.lock().failed.get_or_insert(text);
+            }
+        }
+        self.lock().n_rounds += 1;
+        self.changed.notify_all();
+        goes_on
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU64, Ordering};
+
+    #[test]
+    fn files_are_flushed_and_synced_again_and_again_until_the_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        let n_flushed: Arc<AtomicU64> = Arc::default();
+        let its = Arc::clone(&n_flushed);
+        let flush = move || {
+            its.fetch_add(1, Ordering::SeqCst);
+            true
+        };
+        let mut durability = Durability::start(flush).unwrap();
+        durability.keep(&path, File::create(&path).unwrap()).unwrap();
+        let state = durability.shared.lock();
+        let waited = durability.shared.changed.wait_while(state, |state| state.n_rounds < 2);
+        drop(waited.unwrap());
+        assert_eq!(durability.finish(), None);
+        assert!(n_flushed.load(Ordering::SeqCst) >= 2);
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_synced_is_told() {
+        let (_reader, pipe) = std::io::pipe().unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let mut durability = Durability::start(|| true).unwrap();
+        let file = File::from(std::os::fd::OwnedFd::from(pipe));
+        durability.keep(&folder.path().join("pipe"), file).unwrap();
+        let state = durability.shared.lock();
+        drop(durability.shared.changed.wait_while(state, |state| state.n_rounds < 1).unwrap());
+        assert!(durability.finish().unwrap().contains("not synced"));
+    }
+}

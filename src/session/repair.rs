@@ -1,0 +1,161 @@
+//! Repair: a recording that was cut off gets the manifest it could not write itself.
+//!
+//! Recorded files stay as they are. They are counted up to where they can be read, and what the
+//! journal tells of rig, trajectory and devices goes into a manifest of status `recovered` whose
+//! losses name the cut.
+
+mod told;
+
+use super::rig_log;
+use super::{
+    DeviceEntry, Journal, Layout, Loss, Manifest, Origin, Recording, Session, SessionError, Status,
+    StreamKind, census, seal_recording, verify,
+};
+use serde_json::json;
+use std::path::Path;
+use told::Told;
+
+/// What a repair found and did.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Repair {
+    /// The session is sealed and everything it claims holds.
+    NotNeeded,
+    /// It was sealed again.
+    Resealed(Box<Manifest>),
+}
+
+/// Seals a session whose recorder died before it could.
+///
+/// # Errors
+/// When the directory holds no recording, is being recorded, is of a newer schema, or was sealed
+/// and has been changed since: that is no cut, and a new seal would hide it.
+pub fn repair(root: &Path) -> Result<Repair, SessionError> {
+    let layout = Layout::new(root);
+    if is_sealed(&layout)? {
+        let session = Session::open(root)?;
+        if verify(&session)?.holds() {
+            return Ok(Repair::NotNeeded);
+        }
+        return Err(SessionError::Manifest {
+            path: layout.manifest(),
+            what: "the session was sealed and its files have changed since (`evrig verify` says \
+                   which); a new seal would hide that, so restore them from a copy"
+                .into(),
+        });
+    }
+    if !layout.journal().exists() {
+        return Err(SessionError::NotASession {
+            root: root.to_owned(),
+            what: "it has neither session.json nor journal.jsonl, so nothing was recorded in it"
+                .into(),
+        });
+    }
+    // Held until the end: a recorder that is alive has the journal, and so is left alone.
+    let mut journal = Journal::open(&layout.journal())?;
+    let told = Told::read(&layout.journal())?;
+    let mut losses = vec![Loss {
+        stream: "recording".into(),
+        what: format!(
+            "cut off in state {}, after {}; what had not reached the disk by then is missing, at \
+             most the last second",
+            told.state, told.last_at
+        ),
+        count: 0,
+    }];
+    losses.extend(told.losses());
+    losses.extend(set_aside(&layout)?);
+    losses.extend(arrived_but_missing(&layout)?);
+    let origin =
+        Origin::Recorded { rig: told.rig.name.clone(), trajectory: told.trajectory.name.clone() };
+    let recording = recording(&layout, told)?;
+    journal.note("repair", &json!({"losses": losses}))?;
+    let manifest = seal_recording(&layout, origin, Status::Recovered, recording, losses)?;
+    Ok(Repair::Resealed(Box::new(manifest)))
+}
+
+/// Whether there is a manifest: one of another schema is an error, one that is no JSON is none.
+fn is_sealed(layout: &Layout) -> Result<bool, SessionError> {
+    let path = layout.manifest();
+    let text = match std::fs::read(&path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(false),
+        Err(source) => return Err(SessionError::Io { path, source }),
+    };
+    if serde_json::from_slice::<serde_json::Value>(&text).is_err() {
+        return Ok(false);
+    }
+    Manifest::read(&path).map(|_| true)
+}
+
+/// Removes a manifest that was never moved to its place; keeps one that cannot be read beside it.
+fn set_aside(layout: &Layout) -> Result<Option<Loss>, SessionError> {
+    let partial = layout.manifest().with_extension("partial");
+    if partial.exists() {
+        std::fs::remove_file(&partial).map_err(SessionError::io(&partial))?;
+    }
+    let path = layout.manifest();
+    if !path.exists() {
+        return Ok(None);
+    }
+    let aside = path.with_extension("json.damaged");
+    std::fs::rename(&path, &aside).map_err(SessionError::io(&path))?;
+    let what = "could not be read and is kept as session.json.damaged".into();
+    Ok(Some(Loss { stream: "session.json".into(), what, count: 0 }))
+}
+
+/// Events and samples of the event camera that the log saw arrive and its file does not hold.
+fn arrived_but_missing(layout: &Layout) -> Result<Vec<Loss>, SessionError> {
+    if !layout.rig_log().exists() {
+        return Ok(Vec::new());
+    }
+    let arrivals = rig_log::arrivals(&layout.rig_log())?;
+    // A file of which nothing can be read holds none of them.
+    let held = census(&layout.davis(), &mut |_| {}).map(|found| found.streams).unwrap_or_default();
+    let mut losses = Vec::new();
+    for (stream, counted) in arrivals {
+        let found = held.iter().find(|found| found.stream.id == stream);
+        let n_held = found.map_or(0, |found| found.count);
+        let count = counted.saturating_sub(n_held);
+        if count > 0 {
+            let what = format!("stream {stream}: had arrived, but had not reached the file");
+            losses.push(Loss { stream: "davis.aedat4".into(), what, count });
+        }
+    }
+    Ok(losses)
+}
+
+/// What the manifest says of the recording, as far as the journal tells it.
+fn recording(layout: &Layout, told: Told) -> Result<Recording, SessionError> {
+    let counts = match layout.rig_log().exists() {
+        true => rig_log::census(&layout.rig_log())?.topics,
+        false => Vec::new(),
+    };
+    let n_messages = |name: &str| {
+        let topic = match name {
+            "davis" => "davis-arrivals",
+            "pi" => "pi-metadata",
+            _ => return 0,
+        };
+        let expected = (topic, StreamKind::Metadata);
+        let found = counts.iter().find(|found| rig_log::stream_names(found.topic) == expected);
+        found.map_or(0, |found| found.count)
+    };
+    let device = |(name, says): (String, serde_json::Value)| DeviceEntry {
+        n_samples: n_messages(&name),
+        name,
+        says,
+        n_dropped: 0,
+        lost: Some("the recorder died; what the device dropped is not known".into()),
+    };
+    Ok(Recording {
+        rig: told.rig.text,
+        trajectory: told.trajectory.text,
+        devices: told.devices.into_iter().map(device).collect(),
+        ended: format!("cut off in state {}", told.state),
+        trajectory_began_ns: told.began_ns,
+        clocks: told.clocks,
+    })
+}
+
+#[cfg(test)]
+mod tests;
