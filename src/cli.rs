@@ -11,6 +11,7 @@ mod plan;
 mod record;
 mod session;
 mod stages;
+mod target;
 
 pub use about::{CompletionsArgs, ManArgs};
 pub use check::CheckArgs;
@@ -23,6 +24,7 @@ pub use plan::PlanArgs;
 pub use record::RecordArgs;
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
+pub use target::{FilterArgs, FilterChoice, SyncArgs, TrackArgs};
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]
@@ -64,6 +66,12 @@ pub enum Command {
     Info(InfoArgs),
     /// Recompute checksums and counts and say whether they hold
     Verify(VerifyArgs),
+    /// Put the Pi's frames and the events on one clock, with its error
+    Sync(SyncArgs),
+    /// Follow the tag through frames
+    Track(TrackArgs),
+    /// Cut event streams to the tracked picture and free them of noise
+    Filter(FilterArgs),
     /// Generate events from frames
     Generate(GenerateArgs),
     /// Compare simulated events with real ones, each measure with its error

@@ -12,6 +12,7 @@ mod check;
 mod compare;
 mod emulate;
 mod export;
+mod filter;
 mod generate;
 mod guard;
 mod import;
@@ -21,6 +22,8 @@ mod plan;
 mod process;
 mod record;
 mod report;
+mod sync;
+mod track;
 mod verify;
 
 pub use output::{Output, WrongUse};
@@ -63,6 +66,9 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Import(args) => import::run(&args.what, output),
         Command::Info(args) => info::run(&args, output),
         Command::Verify(args) => verify::run(&args, output),
+        Command::Sync(args) => sync::run(&args, output),
+        Command::Track(args) => track::run(&args, output),
+        Command::Filter(args) => filter::run(&args, output),
         Command::Generate(args) => generate::run(&args, output),
         Command::Compare(args) => compare::run(&args, output),
         Command::Process(args) => process::run(&args, output),

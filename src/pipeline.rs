@@ -6,6 +6,7 @@
 //! outside the session, so that they are the same bytes on any machine.
 
 mod compare;
+mod filter;
 mod generate;
 mod inputs;
 mod light;
@@ -14,6 +15,10 @@ mod sync;
 mod track;
 
 pub use compare::{CompareRequest, compare, read_comparison};
+pub use filter::{
+    FilterRequest, FilterSettings, FilterTally, FilteredStream, filter, read_filter_tally,
+    track_for,
+};
 pub use generate::{GenerateRequest, Generated, GenerationSpeed, default_light, generate};
 pub use light::{Light, light};
 pub use report::report;
@@ -24,6 +29,7 @@ pub use track::{
 
 use crate::clock::ClockError;
 use crate::compare::CompareError;
+use crate::filter::FilterError;
 use crate::format::aedat4::WriteError;
 use crate::generate::{GenerateError, ParameterError};
 use crate::report::page::PageError;
@@ -65,6 +71,16 @@ pub enum PipelineError {
         stream: String,
         /// What is wrong.
         source: TrackError,
+    },
+    /// Events cannot be filtered.
+    #[error("stream `{stream}` of {session}: {source}", session = session.display())]
+    Filter {
+        /// The session.
+        session: PathBuf,
+        /// The events, or the track behind their region.
+        stream: String,
+        /// What is wrong.
+        source: FilterError,
     },
     /// The generator's parameters cannot be used.
     #[error(transparent)]
