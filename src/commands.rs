@@ -10,6 +10,7 @@ use std::process::ExitCode;
 mod about;
 mod check;
 mod compare;
+mod demo;
 mod emulate;
 mod export;
 mod filter;
@@ -18,6 +19,7 @@ mod guard;
 mod import;
 mod info;
 mod output;
+mod pi;
 mod plan;
 mod process;
 mod record;
@@ -76,9 +78,12 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Export(args) => export::run(&args, output),
         Command::Check(args) => check::check(&args, output),
         Command::Record(args) => record::record(&args, output),
+        Command::Demo(args) => demo::demo(&args, output),
         Command::Plan(args) => plan::plan(&args, output),
         Command::Completions(args) => about::completions(&args, &mut Cli::command()),
         Command::Emulate(args) => emulate::emulate(&args, output),
+        Command::Pi(args) => pi::pi(&args, output),
+        Command::Pair(args) => pi::pair(&args, output),
         Command::Guard(args) => guard::guard(&args, output),
         Command::Man(args) => about::man(&args, Cli::command(), output),
     }

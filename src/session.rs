@@ -32,6 +32,7 @@ pub use checksum::{Sha256Hex, sha256_of_bytes, sha256_of_file};
 pub use export::{ExportedArray, export_npz};
 pub use journal::Journal;
 pub use layout::{Layout, StreamName};
+pub(crate) use manifest::write_whole;
 pub use manifest::{
     Damage, DeviceEntry, FileEntry, Loss, Manifest, Origin, Recording, SCHEMA, Status, StreamEntry,
     StreamKind,
@@ -41,7 +42,7 @@ pub use read::{EventTally, LuminanceFrames};
 pub use recording::seal_recording;
 pub use rig_log::{
     Arrival, ClockExchange, ClockSandwich, FrameMetadata, HostTime, PacketArrival, PiFrame,
-    RigLogError, RigLogWriter, RigNotes, Severity, TimedPose, Topic,
+    RawClockSandwich, RigLogError, RigLogWriter, RigNotes, Severity, TimedPose, Topic,
 };
 pub use stage::{StageRecord, read_stage, write_stage};
 pub use verify::{Finding, Verification, verify};

@@ -1,5 +1,6 @@
 //! The two cameras of a rig description.
 
+use super::delivery::{Coding, Focus, RgbDelivery};
 use super::fields::{Fields, POSITIVE};
 use crate::geometry::Size;
 use crate::time::Span;
@@ -15,6 +16,8 @@ pub enum Transport {
     Usb,
     /// A server at `HOST:PORT`.
     Tcp(String),
+    /// A server at `HOST:PORT`, encrypted, each side proving itself.
+    Tls(String),
     /// A recording that is played at its own pace.
     File(String),
 }
@@ -68,6 +71,14 @@ pub struct PiDescription {
     pub raw: bool,
     /// Whether RGB frames are recorded.
     pub rgb: bool,
+    /// What its lens does.
+    pub focus: Focus,
+    /// How its pictures are coded on the way.
+    pub coding: Coding,
+    /// When its RGB frames travel.
+    pub rgb_delivery: RgbDelivery,
+    /// The directory with this machine's keys, for `tls://`; none for the user's own.
+    pub keys: Option<String>,
     /// Column and row of the crop's first pixel in the sensor's mode, whose rows are read one after
     /// another from the SensorTimestamp on. Where it is not stated: the middle of [`SENSOR_MODE`].
     pub crop_origin_px: [i16; 2],
@@ -114,7 +125,9 @@ pub const DAVIS_BIASES: &[&str] = &[
 
 /// A transport that is none.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is no way to reach a camera; expected sim, usb, tcp://HOST:PORT or file:PATH")]
+#[error(
+    "`{0}` is no way to reach a camera; expected sim, usb, tcp://HOST:PORT, tls://HOST:PORT or file:PATH"
+)]
 pub struct UnknownTransport(String);
 
 impl FromStr for Transport {
@@ -126,15 +139,18 @@ impl FromStr for Transport {
             "sim" => Ok(Self::Sim),
             "usb" => Ok(Self::Usb),
             _ => {
-                if let Some(address) = text.strip_prefix("tcp://") {
-                    let (host, port) = address.rsplit_once(':').ok_or_else(unknown)?;
-                    port.parse::<u16>().map_err(|_| unknown())?;
-                    let is_named = !host.is_empty();
-                    is_named.then(|| Self::Tcp(address.to_owned())).ok_or_else(unknown)
-                } else {
-                    let path = text.strip_prefix("file:").filter(|path| !path.is_empty());
-                    path.map(|path| Self::File(path.to_owned())).ok_or_else(unknown)
-                }
+                let at = |scheme: &str| {
+                    let address = text.strip_prefix(scheme)?;
+                    let (host, port) = address.rsplit_once(':')?;
+                    let is_whole = !host.is_empty() && port.parse::<u16>().is_ok();
+                    is_whole.then(|| address.to_owned())
+                };
+                let path = text.strip_prefix("file:").filter(|path| !path.is_empty());
+                at("tcp://")
+                    .map(Self::Tcp)
+                    .or_else(|| at("tls://").map(Self::Tls))
+                    .or_else(|| path.map(|path| Self::File(path.to_owned())))
+                    .ok_or_else(unknown)
             }
         }
     }
@@ -229,6 +245,10 @@ impl PiDescription {
             raw_bits: fields.integer("raw_bits", 8.0..=16.0),
             raw: fields.optional_bool("raw").unwrap_or(true),
             rgb: fields.optional_bool("rgb").unwrap_or(true),
+            focus: fields.parsed("focus").unwrap_or_default(),
+            coding: fields.parsed("coding").unwrap_or_default(),
+            rgb_delivery: fields.parsed("rgb_delivery").unwrap_or_default(),
+            keys: fields.optional_text("keys"),
         }
     }
 }
@@ -248,7 +268,8 @@ mod tests {
         assert_eq!("sim".parse(), Ok(Transport::Sim));
         assert_eq!("tcp://pi:7777".parse(), Ok(Transport::Tcp("pi:7777".into())));
         assert_eq!("file:a.aedat4".parse(), Ok(Transport::File("a.aedat4".into())));
-        for wrong in ["", "usb2", "tcp://pi", "tcp://:1", "tcp://pi:99999", "file:"] {
+        assert_eq!("tls://pi:7766".parse(), Ok(Transport::Tls("pi:7766".into())));
+        for wrong in ["", "usb2", "tls://pi", "tcp://pi", "tcp://:1", "tcp://pi:99999", "file:"] {
             assert!(wrong.parse::<Transport>().is_err(), "{wrong}");
         }
     }

@@ -29,7 +29,7 @@ pub use notes::{RigNotes, TimedPose};
 pub(super) use pictures::{PictureReader, StoredPicture};
 pub use records::{
     Arrival, ClockExchange, ClockSandwich, FrameMetadata, HostTime, PacketArrival, PiFrame,
-    Severity,
+    RawClockSandwich, Severity,
 };
 pub use writer::{RigLogWriter, Topic};
 
