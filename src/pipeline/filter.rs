@@ -191,7 +191,7 @@ pub fn track_for(session: &Session, stream: &StreamName) -> Result<String, Pipel
 }
 
 /// The pixel grid of an event stream.
-fn grid(session: &Session, stream: &StreamName) -> Result<Size, PipelineError> {
+pub(super) fn grid(session: &Session, stream: &StreamName) -> Result<Size, PipelineError> {
     let stated = session.stream(StreamKind::Events, stream.as_str()).ok().and_then(|s| s.size);
     if let Some(size) = stated {
         return Ok(size);
