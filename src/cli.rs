@@ -17,6 +17,7 @@ mod record;
 mod session;
 mod stages;
 mod stimulus;
+mod target;
 
 pub use about::{CompletionsArgs, ManArgs};
 pub use check::CheckArgs;
@@ -37,6 +38,8 @@ pub use stages::{
     CalibrateArgs, CalibrateObjective, CompareArgs, GenerateArgs, ModelArgs, ProcessArgs,
 };
 pub use stimulus::StimulusArgs;
+pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
+pub use target::{FilterArgs, FilterChoice, SyncArgs, TrackArgs};
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]
@@ -80,6 +83,12 @@ pub enum Command {
     Info(InfoArgs),
     /// Recompute checksums and counts and say whether they hold
     Verify(VerifyArgs),
+    /// Put the Pi's frames and the events on one clock, with its error
+    Sync(SyncArgs),
+    /// Follow the tag through frames
+    Track(TrackArgs),
+    /// Cut event streams to the tracked picture and free them of noise
+    Filter(FilterArgs),
     /// Generate events from frames
     Generate(GenerateArgs),
     /// Fit the generator's constants k to a session's real events, each with its error

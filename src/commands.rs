@@ -15,6 +15,7 @@ mod demo;
 mod diagnose;
 mod emulate;
 mod export;
+mod filter;
 mod generate;
 mod guard;
 mod import;
@@ -28,6 +29,8 @@ mod prove;
 mod record;
 mod report;
 mod stimulus;
+mod sync;
+mod track;
 mod verify;
 
 pub use output::{Output, WrongUse};
@@ -70,6 +73,9 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Import(args) => import::run(&args.what, output),
         Command::Info(args) => info::run(&args, output),
         Command::Verify(args) => verify::run(&args, output),
+        Command::Sync(args) => sync::run(&args, output),
+        Command::Track(args) => track::run(&args, output),
+        Command::Filter(args) => filter::run(&args, output),
         Command::Generate(args) => generate::run(&args, output),
         Command::Calibrate(args) => calibrate::run(&args, output),
         Command::Compare(args) => compare::run(&args, output),

@@ -8,6 +8,7 @@
 mod calibrate;
 mod compare;
 mod diagnose;
+mod filter;
 mod generate;
 mod inputs;
 mod light;
@@ -18,6 +19,10 @@ mod track;
 pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration};
 pub use compare::{CompareRequest, compare, read_comparison};
 pub use diagnose::{DiagnoseRequest, diagnose, read_diagnosis};
+pub use filter::{
+    FilterRequest, FilterSettings, FilterTally, FilteredStream, filter, read_filter_tally,
+    track_for,
+};
 pub use generate::{GenerateRequest, Generated, GenerationSpeed, default_light, generate};
 pub use light::{Light, light};
 pub use report::report;
@@ -30,6 +35,7 @@ use crate::calibrate::CalibrateError;
 use crate::clock::ClockError;
 use crate::compare::CompareError;
 use crate::diagnose::DiagnoseError;
+use crate::filter::FilterError;
 use crate::format::aedat4::WriteError;
 use crate::generate::{GenerateError, ParameterError};
 use crate::report::page::PageError;
@@ -71,6 +77,16 @@ pub enum PipelineError {
         stream: String,
         /// What is wrong.
         source: TrackError,
+    },
+    /// Events cannot be filtered.
+    #[error("stream `{stream}` of {session}: {source}", session = session.display())]
+    Filter {
+        /// The session.
+        session: PathBuf,
+        /// The events, or the track behind their region.
+        stream: String,
+        /// What is wrong.
+        source: FilterError,
     },
     /// The generator's parameters cannot be used.
     #[error(transparent)]

@@ -13,4 +13,5 @@ pub mod page;
 pub mod plot;
 pub mod session;
 pub mod table;
+pub mod target;
 pub mod terminal;

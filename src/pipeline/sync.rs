@@ -3,7 +3,8 @@
 use super::track::{self, AnyTrack};
 use super::{Freshness, PipelineError, clear, fresh_record, inputs};
 use crate::clock::{
-    Evidence, FramePair, MotionOptions, SessionClocks, TrackSample, host_reading, synchronise,
+    Evidence, FramePair, MotionOptions, Reference, SessionClocks, TrackSample, host_reading,
+    synchronise,
 };
 use crate::format::npy::NpzWriter;
 use crate::rig::Rig;
@@ -89,7 +90,13 @@ pub fn sync(session: &Session, force: bool) -> Result<Synced, PipelineError> {
     let mut clocks = synchronise(&evidence)
         .map_err(|source| PipelineError::Clock { session: session.root().to_owned(), source })?;
     if let Some([(davis, AnyTrack::Davis(real)), (pi, AnyTrack::Pi(seen))]) = &tracks {
-        clocks.refine([davis, pi], &samples(real), &samples(seen), &MotionOptions::default());
+        // Two clocks read side by side are nearly right; else the offset may be anywhere in a second.
+        let search = match clocks.reference {
+            Reference::Host => Span::from_micros(50_000),
+            Reference::PiWall => Span::from_micros(500_000),
+        };
+        let options = MotionOptions { search, ..MotionOptions::default() };
+        clocks.refine([davis, pi], &samples(real), &samples(seen), &options);
     }
     clear(&directory)?;
     write_clocks(session, &clocks)?;
