@@ -152,9 +152,10 @@ pub(super) fn phase_lag(early: &[Event], late: &[Event], hz: f64) -> f64 {
         }
         all
     };
-    let turned = phases(early).into_iter().zip(phases(late)).map(|([a, b], [c, d])| {
-        [a * c + b * d, a * d - b * c]
-    });
+    let turned = phases(early)
+        .into_iter()
+        .zip(phases(late))
+        .map(|([a, b], [c, d])| [a * c + b * d, a * d - b * c]);
     let [re, im] = turned.fold([0.0; 2], |[re, im], [x, y]| [re + x, im + y]);
     im.atan2(re) / (std::f64::consts::TAU * hz) * 1e6
 }
@@ -162,7 +163,8 @@ pub(super) fn phase_lag(early: &[Event], late: &[Event], hz: f64) -> f64 {
 /// The light of a pixel behind effects.
 pub(super) fn light_of(light: &dyn Drive, words: &[&str], surroundings: Surroundings) -> Vec<f32> {
     let k = Coefficients::DVS346;
-    let parameters = ForwardParameters { k, effects: Effects::from_words(words).unwrap(), step_us: 500 };
+    let parameters =
+        ForwardParameters { k, effects: Effects::from_words(words).unwrap(), step_us: 500 };
     let forward = Forward::new(parameters, surroundings).unwrap();
     let grid = TimeGrid { start_us: 0, step_us: 500, n: 2_000 };
     forward.light(light, 20, 10, grid).unwrap()
