@@ -11,6 +11,7 @@ mod plan;
 mod record;
 mod session;
 mod stages;
+mod sweep;
 
 pub use about::{CompletionsArgs, ManArgs};
 pub use check::CheckArgs;
@@ -23,8 +24,10 @@ pub use plan::PlanArgs;
 pub use record::RecordArgs;
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{
-    CalibrateArgs, CalibrateObjective, CompareArgs, GenerateArgs, ModelArgs, ProcessArgs,
+    CalibrateArgs, CalibrateObjective, CompareArgs, ConditionArgs, GenerateArgs, ModelArgs,
+    ProcessArgs,
 };
+pub use sweep::SweepArgs;
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]
@@ -70,6 +73,8 @@ pub enum Command {
     Generate(GenerateArgs),
     /// Fit the generator's constants k to a session's real events, each with its error
     Calibrate(CalibrateArgs),
+    /// Turn a knob through a range and show heat maps and point clouds side by side
+    Sweep(SweepArgs),
     /// Compare simulated events with real ones, each measure with its error
     Compare(CompareArgs),
     /// Run every stage a session has the inputs for

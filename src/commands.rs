@@ -22,6 +22,8 @@ mod plan;
 mod process;
 mod record;
 mod report;
+mod sweep;
+mod variants;
 mod verify;
 
 pub use output::{Output, WrongUse};
@@ -66,6 +68,7 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Verify(args) => verify::run(&args, output),
         Command::Generate(args) => generate::run(&args, output),
         Command::Calibrate(args) => calibrate::run(&args, output),
+        Command::Sweep(args) => sweep::run(&args, output),
         Command::Compare(args) => compare::run(&args, output),
         Command::Process(args) => process::run(&args, output),
         Command::Report(args) => report::run(&args, output),

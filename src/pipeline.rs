@@ -11,14 +11,18 @@ mod generate;
 mod inputs;
 mod light;
 mod report;
+mod sweep;
 mod sync;
 mod track;
 
 pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration};
 pub use compare::{CompareRequest, compare, read_comparison};
-pub use generate::{GenerateRequest, Generated, GenerationSpeed, default_light, generate};
+pub use generate::{
+    Conditions, GenerateRequest, Generated, GenerationSpeed, default_light, generate,
+};
 pub use light::{Light, light};
 pub use report::report;
+pub use sweep::{SweepRequest, Swept, sweep};
 pub use sync::{SyncTally, Synced, pi_streams, read_clocks, sync};
 pub use track::{
     AnyTrack, TrackRequest, TrackSummary, Tracked, read_summary, read_track, track, tracked,
@@ -28,10 +32,12 @@ use crate::calibrate::CalibrateError;
 use crate::clock::ClockError;
 use crate::compare::CompareError;
 use crate::format::aedat4::WriteError;
+use crate::generate::forward::ForwardError;
 use crate::generate::{GenerateError, ParameterError};
 use crate::report::page::PageError;
 use crate::report::plot::picture::PictureError;
 use crate::roi::TrackError;
+use crate::scene::FramesError;
 use crate::session::{SessionError, StageRecord, read_stage};
 use std::path::{Path, PathBuf};
 
@@ -68,6 +74,26 @@ pub enum PipelineError {
         stream: String,
         /// What is wrong.
         source: TrackError,
+    },
+    /// Effects or light of a generation cannot be used.
+    #[error("stream `{stream}` of {session}: {source}", session = session.display())]
+    Forward {
+        /// The session.
+        session: PathBuf,
+        /// The light.
+        stream: String,
+        /// What is wrong.
+        source: ForwardError,
+    },
+    /// Frames cannot serve as light at any time.
+    #[error("stream `{stream}` of {session}: {source}", session = session.display())]
+    Frames {
+        /// The session.
+        session: PathBuf,
+        /// The light.
+        stream: String,
+        /// What is wrong.
+        source: FramesError,
     },
     /// The generator's parameters cannot be used.
     #[error(transparent)]

@@ -2,7 +2,7 @@
 
 use super::{Ending, Output, calibrate, compare, generate};
 use crate::cli::{ModelArgs, ProcessArgs};
-use crate::pipeline::{self, CompareRequest, GenerateRequest, PipelineError};
+use crate::pipeline::{self, CompareRequest, Conditions, GenerateRequest, PipelineError};
 use crate::session::{Session, StreamKind, StreamName};
 use serde_json::{Value, json};
 
@@ -41,6 +41,7 @@ pub(super) fn run(args: &ProcessArgs, output: &Output) -> anyhow::Result<Ending>
                     from: light.to_owned(),
                     name: StreamName::new(&name)?,
                     parameters,
+                    conditions: Conditions::default(),
                     force: args.force,
                 };
                 let made = generate::generate(&session, &request, output)?;

@@ -58,7 +58,7 @@ mod tests {
         let (kept, spread) = ((-step).exp(), (1.0 - (-2.0 * step).exp()).sqrt());
         let (mut n_events, mut n_turned) = (0.0, 0.0);
         // Resets lie on a lattice about the first of them, so many first ones are tried.
-        let (n_pixels, n_steps) = (150, 100_000);
+        let (n_pixels, n_steps) = (2_000, 10_000);
         for pixel in 0..n_pixels {
             let mut draws = crate::generate::random::Source::new(seed).draws(pixel, 0);
             let mut n = draws.normal();
@@ -86,7 +86,8 @@ mod tests {
         for (rms, bandwidth_hz) in [(0.5, 20.0), (0.35, 300.0)] {
             let (alternation_expected, per_tau) = fine(rms, 5);
             let words = format!("shot_noise:rms_thresholds={rms},bandwidth_hz={bandwidth_hz}");
-            let seconds = 60.0 / bandwidth_hz;
+            // As many correlation times as there, so that the beginning weighs the same.
+            let seconds = 20.0 / (std::f64::consts::TAU * bandwidth_hz);
             let all = events(&still(-1.0), seconds, &[&words]);
             let tau = 1.0 / (std::f64::consts::TAU * bandwidth_hz);
             let rate = all.len() as f64 / SIZE.n_pixels() as f64 / seconds * tau;
