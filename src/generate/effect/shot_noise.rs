@@ -56,7 +56,7 @@ mod tests {
     fn fine(rms: f64, seed: u64) -> (f64, f64) {
         let step: f64 = 2e-3;
         let (kept, spread) = ((-step).exp(), (1.0 - (-2.0 * step).exp()).sqrt());
-        let (mut n_events, mut n_turned) = (0.0, 0.0);
+        let (mut n_events, mut n_pairs, mut n_turned) = (0.0, 0.0, 0.0);
         // Resets lie on a lattice about the first of them, so many first ones are tried.
         let (n_pixels, n_steps) = (2_000, 10_000);
         for pixel in 0..n_pixels {
@@ -74,11 +74,12 @@ mod tests {
                     reset += v.signum() / rms;
                     n = reset;
                     n_turned += f64::from(last.is_some_and(|last| last != on));
+                    n_pairs += f64::from(last.is_some());
                     (last, n_events) = (Some(on), n_events + 1.0);
                 }
             }
         }
-        (n_turned / n_events, n_events / (f64::from(n_pixels) * f64::from(n_steps) * step))
+        (n_turned / n_pairs, n_events / (f64::from(n_pixels) * f64::from(n_steps) * step))
     }
 
     #[test]
