@@ -18,6 +18,7 @@ mod session;
 mod stages;
 mod stimulus;
 mod target;
+mod sweep;
 
 pub use about::{CompletionsArgs, ManArgs};
 pub use check::CheckArgs;
@@ -35,11 +36,13 @@ pub use prove::ProveArgs;
 pub use record::RecordArgs;
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{
-    CalibrateArgs, CalibrateObjective, CompareArgs, GenerateArgs, ModelArgs, ProcessArgs,
+    CalibrateArgs, CalibrateObjective, CompareArgs, ConditionArgs, GenerateArgs, ModelArgs,
+    ProcessArgs,
 };
 pub use stimulus::StimulusArgs;
 pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
 pub use target::{FilterArgs, FilterChoice, SyncArgs, TrackArgs};
+pub use sweep::SweepArgs;
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]
@@ -93,6 +96,8 @@ pub enum Command {
     Generate(GenerateArgs),
     /// Fit the generator's constants k to a session's real events, each with its error
     Calibrate(CalibrateArgs),
+    /// Turn a knob through a range and show heat maps and point clouds side by side
+    Sweep(SweepArgs),
     /// Compare simulated events with real ones, each measure with its error
     Compare(CompareArgs),
     /// Say which physics the model leaves out: located, named, fitted, shown on held-out events

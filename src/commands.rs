@@ -31,6 +31,8 @@ mod report;
 mod stimulus;
 mod sync;
 mod track;
+mod sweep;
+mod variants;
 mod verify;
 
 pub use output::{Output, WrongUse};
@@ -78,6 +80,7 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Filter(args) => filter::run(&args, output),
         Command::Generate(args) => generate::run(&args, output),
         Command::Calibrate(args) => calibrate::run(&args, output),
+        Command::Sweep(args) => sweep::run(&args, output),
         Command::Compare(args) => compare::run(&args, output),
         Command::Diagnose(args) => diagnose::run(&args, output),
         Command::Process(args) => process::run(&args, output),

@@ -8,9 +8,12 @@ pub mod effect;
 mod esim;
 pub mod forward;
 mod grid;
+pub mod input;
+mod interpolate;
 mod knobs;
 #[cfg(test)]
 mod ks;
+pub mod live;
 mod merge;
 mod parameter_error;
 mod parameters;
@@ -22,6 +25,7 @@ mod v2e;
 pub mod voltmeter;
 
 pub use esim::EsimParameters;
+pub use interpolate::Interpolator;
 pub use knobs::{Knob, KnobDescription, KnobSetting};
 pub use parameter_error::ParameterError;
 pub use parameters::{Choice, GenerateParameters, Law, Model, ModelParameters, build};

@@ -13,6 +13,7 @@ mod generate;
 mod inputs;
 mod light;
 mod report;
+mod sweep;
 mod sync;
 mod track;
 
@@ -23,9 +24,12 @@ pub use filter::{
     FilterRequest, FilterSettings, FilterTally, FilteredStream, filter, read_filter_tally,
     track_for,
 };
-pub use generate::{GenerateRequest, Generated, GenerationSpeed, default_light, generate};
+pub use generate::{
+    Conditions, GenerateRequest, Generated, GenerationSpeed, default_light, generate,
+};
 pub use light::{Light, light};
 pub use report::report;
+pub use sweep::{SweepRequest, Swept, sweep};
 pub use sync::{SyncTally, Synced, pi_streams, read_clocks, sync};
 pub use track::{
     AnyTrack, TrackRequest, TrackSummary, Tracked, read_summary, read_track, track, tracked,
@@ -37,10 +41,12 @@ use crate::compare::CompareError;
 use crate::diagnose::DiagnoseError;
 use crate::filter::FilterError;
 use crate::format::aedat4::WriteError;
+use crate::generate::forward::ForwardError;
 use crate::generate::{GenerateError, ParameterError};
 use crate::report::page::PageError;
 use crate::report::plot::picture::PictureError;
 use crate::roi::TrackError;
+use crate::scene::FramesError;
 use crate::session::{SessionError, StageRecord, read_stage};
 use std::path::{Path, PathBuf};
 
@@ -87,6 +93,26 @@ pub enum PipelineError {
         stream: String,
         /// What is wrong.
         source: FilterError,
+    },
+    /// Effects or light of a generation cannot be used.
+    #[error("stream `{stream}` of {session}: {source}", session = session.display())]
+    Forward {
+        /// The session.
+        session: PathBuf,
+        /// The light.
+        stream: String,
+        /// What is wrong.
+        source: ForwardError,
+    },
+    /// Frames cannot serve as light at any time.
+    #[error("stream `{stream}` of {session}: {source}", session = session.display())]
+    Frames {
+        /// The session.
+        session: PathBuf,
+        /// The light.
+        stream: String,
+        /// What is wrong.
+        source: FramesError,
     },
     /// The generator's parameters cannot be used.
     #[error(transparent)]

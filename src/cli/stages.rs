@@ -10,14 +10,17 @@ use std::path::PathBuf;
     evrig generate sessions/street --from aps --preset dvs346 --seed 7 --name aps-7\n  \
     evrig generate sessions/street --k 5.265,20,1e-4,1e-7,5e-9,1e-5 --law reference --name published\n  \
     evrig generate sessions/street --knob contrast-sensitivity=3 --knob bright-leakage=0 --name calm\n  \
-    evrig generate sessions/street --model v2e --name v2e\n\n\
+    evrig generate sessions/street --model v2e --name v2e\n  \
+    evrig generate sessions/street --effect refractory_period:refractory_us=800 --name held\n  \
+    evrig generate sessions/street --variants davis\n\n\
     Knobs of the voltmeter (recommended range): event-sensitivity (1..10), contrast-sensitivity (1..10), \
     bright-leakage (0..1e-7), temporal-jitter (a factor), dark-noise-floor (0..1e-7), global-noise (0..1e-4).")]
 pub struct GenerateArgs {
     /// The session
     pub session: PathBuf,
 
-    /// The light: aps (the DAVIS's own frames) or frames (imported ones) [default: what the session has]
+    /// The light: raw or rgb (the Pi's), aps (the DAVIS's own frames) or frames (imported ones)
+    /// [default: what the session has]
     #[arg(long, value_name = "LIGHT")]
     pub from: Option<String>,
 
@@ -28,6 +31,14 @@ pub struct GenerateArgs {
     /// What decides the events.
     #[command(flatten)]
     pub choice: ModelArgs,
+
+    /// What is done to the light, and what acts beside the model.
+    #[command(flatten)]
+    pub conditions: ConditionArgs,
+
+    /// Make a list of streams and compare them in one table: twelve or davis, or a TOML file
+    #[arg(long, value_name = "LIST", conflicts_with_all = ["from", "name"])]
+    pub variants: Option<String>,
 
     /// Run even when the result is already there
     #[arg(long)]
@@ -65,6 +76,35 @@ pub struct ModelArgs {
     /// Seed of all draws; the same seed gives the same events
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
+}
+
+/// What is done to the light, and what acts beside the model.
+#[derive(Debug, Clone, Default, Args)]
+pub struct ConditionArgs {
+    /// A physical effect, as refractory_period:refractory_us=800 (commas between parameters); may be
+    /// given several times
+    #[arg(long = "effect", value_name = "ID:KEY=VALUE,...")]
+    pub effects: Vec<String>,
+
+    /// A TOML file of effects: refractory_period = { refractory_us = 800 }
+    #[arg(long = "effects", value_name = "FILE")]
+    pub effects_file: Option<PathBuf>,
+
+    /// Put frames between the frames until they are this close, straight in log brightness
+    #[arg(long, value_name = "STEP_US", num_args = 0..=1, default_missing_value = "1000")]
+    pub interpolate: Option<u32>,
+
+    /// Which light of raw frames: mosaic, luma, or red, green, blue at half the size [default: mosaic]
+    #[arg(long, value_name = "COLOUR")]
+    pub colour: Option<String>,
+
+    /// Take the stated black level off; the published generator leaves it in
+    #[arg(long)]
+    pub subtract_black: bool,
+
+    /// Divide exposure time and gain out, so that a camera that adapts them makes no events by it
+    #[arg(long)]
+    pub divide_exposure: bool,
 }
 
 impl ModelArgs {

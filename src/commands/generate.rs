@@ -1,14 +1,20 @@
 //! `evrig generate`: one generation, its flags and its speed.
 
 use super::{Ending, Output, WrongUse};
-use crate::cli::{GenerateArgs, ModelArgs};
+use crate::cli::{ConditionArgs, GenerateArgs, ModelArgs};
+use crate::generate::effect::Effects;
+use crate::generate::input::{Colour, Preparation};
 use crate::generate::{Choice, GenerateParameters, KnobSetting, ParameterError};
-use crate::pipeline::{self, Freshness, GenerateRequest, Generated};
+use crate::pipeline::{self, Conditions, Freshness, GenerateRequest, Generated};
 use crate::session::{Session, StreamName};
+use anyhow::Context;
 use serde_json::json;
 
 pub(super) fn run(args: &GenerateArgs, output: &Output) -> anyhow::Result<Ending> {
     let session = Session::open(&args.session)?;
+    if let Some(list) = &args.variants {
+        return super::variants::run(&session, list, args, output);
+    }
     let from = match (&args.from, pipeline::default_light(&session)) {
         (Some(from), _) => from.as_str(),
         (None, Some(light)) => light,
@@ -22,11 +28,32 @@ pub(super) fn run(args: &GenerateArgs, output: &Output) -> anyhow::Result<Ending
         from: from.to_owned(),
         name: StreamName::new(name).map_err(|error| WrongUse(error.to_string()))?,
         parameters: tuned_parameters(&session, from, &args.choice)?,
+        conditions: conditions(&args.conditions)?,
         force: args.force,
     };
     let made = generate(&session, &request, output)?;
     output.result(&value(&request, &made), text(&request, &made))?;
     Ok(if made.tally.n_frames_not_later == 0 { Ending::Done } else { Ending::WithLosses })
+}
+
+/// What is done to the light and what acts beside the model, from what the user said.
+pub(super) fn conditions(args: &ConditionArgs) -> anyhow::Result<Conditions> {
+    let wrong_use = |error: &dyn std::fmt::Display| WrongUse(error.to_string());
+    let mut effects = Effects::from_words(&args.effects).map_err(|e| wrong_use(&e))?;
+    if let Some(path) = &args.effects_file {
+        let text = std::fs::read_to_string(path)
+            .with_context(|| format!("cannot read the effects in {}", path.display()))?;
+        let more: Effects =
+            toml::from_str(&text).map_err(|e| WrongUse(format!("{}: {e}", path.display())))?;
+        effects = effects.and(&more);
+    }
+    let colour = args.colour.as_deref().map_or(Ok(Colour::default()), str::parse);
+    let preparation = Preparation {
+        colour: colour.map_err(|e| wrong_use(&e))?,
+        subtract_black: args.subtract_black,
+        divide_exposure: args.divide_exposure,
+    };
+    Ok(Conditions { preparation, interpolate_us: args.interpolate, effects })
 }
 
 /// The generator's parameters from what the user said, of which the session's own constants
@@ -98,6 +125,7 @@ pub(super) fn value(request: &GenerateRequest, made: &Generated) -> serde_json::
         "first_us": made.tally.first_us,
         "last_us": made.tally.last_us,
         "parameters": request.parameters,
+        "conditions": request.conditions,
         "speed": made.speed,
     })
 }

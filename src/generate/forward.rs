@@ -209,7 +209,7 @@ impl Forward {
         let mut events: Vec<Event> = blocks.into_iter().flat_map(|block| block.events).collect();
         events.par_sort_by_key(|event| (event.t, event.y, event.x));
         let mut events: Events = events.into_iter().collect();
-        run.readout(&mut events, pixels);
+        self.readout(&mut events, drive.size(), pixels, window_us, seed);
         Ok(Forwarded { events, n_lit })
     }
 
@@ -220,6 +220,25 @@ impl Forward {
         let mut values = vec![f32::NAN; grid.n];
         let site = self.site(drive, x, y, Source::new(0));
         self.fill_light(drive, &site, grid, &mut values).then_some(values)
+    }
+
+    /// Applies the effects of readout and stamps to events of any model that are in ascending time,
+    /// made by `pixels` of a camera of `size` in a window.
+    pub fn readout(
+        &self,
+        events: &mut Events,
+        size: Size,
+        pixels: &[(u16, u16)],
+        window_us: [i64; 2],
+        seed: u64,
+    ) {
+        let surroundings = &self.surroundings;
+        let source = Source::new(seed);
+        for applied in self.parameters.effects.iter() {
+            let region = applied.region.unwrap_or_default();
+            let bench = Bench { size, pixels, window_us, surroundings, region, source };
+            applied.effect.acts().readout(&bench, events);
+        }
     }
 
     fn grid(&self, window_us: [i64; 2]) -> Result<TimeGrid, ForwardError> {
@@ -364,17 +383,6 @@ impl Run<'_> {
             if !fire(at, draws.uniform() < 0.5) {
                 return;
             }
-        }
-    }
-
-    fn readout(&self, events: &mut Events, pixels: &[(u16, u16)]) {
-        let Forward { parameters, surroundings } = self.forward;
-        let size = self.drive.size();
-        for applied in parameters.effects.iter() {
-            let region = applied.region.unwrap_or_default();
-            let (window_us, source) = (self.window_us, self.source);
-            let bench = Bench { size, pixels, window_us, surroundings, region, source };
-            applied.effect.acts().readout(&bench, events);
         }
     }
 }

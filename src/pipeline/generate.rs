@@ -1,13 +1,22 @@
 //! The stage `generate`: a session's frames become an event stream.
 
+mod affected;
+
+pub(super) use affected::with_effects;
+
 use super::{Freshness, PipelineError, clear, fresh_record, light};
 use crate::event::Events;
 use crate::format::aedat4::{Compression, StreamSpec, Writer};
-use crate::generate::{GenerateParameters, build};
+use crate::generate::effect::Effects;
+use crate::generate::input::Preparation;
+use crate::generate::{GenerateError, GenerateParameters, Interpolator, build};
+use crate::geometry::Size;
 use crate::session::{Session, StageRecord, StreamKind, StreamName, write_stage};
 use crate::time::{Clock, Davis};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
+use std::fs::File;
+use std::io::BufWriter;
 use std::time::{Duration, Instant};
 
 /// What to generate.
@@ -19,8 +28,25 @@ pub struct GenerateRequest {
     pub name: StreamName,
     /// Model, parameters and seed.
     pub parameters: GenerateParameters,
+    /// What is done to the light, and what acts beside the model.
+    pub conditions: Conditions,
     /// Run even when the result is fresh.
     pub force: bool,
+}
+
+/// Beside the model: how pictures become light, what is put between them, what acts.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Conditions {
+    /// Colour, pedestal, exposure.
+    #[serde(default)]
+    pub preparation: Preparation,
+    /// Frames are put between frames until none are farther apart, µs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interpolate_us: Option<u32>,
+    /// Physical effects.
+    #[serde(default, skip_serializing_if = "Effects::is_empty")]
+    pub effects: Effects,
 }
 
 /// What was generated.
@@ -109,7 +135,10 @@ pub fn generate(
         });
     }
     let frames = session.stream(StreamKind::Frames, &request.from)?;
-    let parameters = json!({ "from": request.from, "generator": request.parameters });
+    let mut parameters = json!({ "from": request.from, "generator": request.parameters });
+    if request.conditions != Conditions::default() {
+        parameters["conditions"] = json!(request.conditions);
+    }
     let inputs = light::inputs_of(session, &request.from)?;
     let wanted = StageRecord::new("generate", Some(name.as_str()), inputs, parameters);
     let directory = session.layout().derived("generate", Some(name));
@@ -131,35 +160,38 @@ fn run(
     n_frames: u64,
     progress: &mut dyn FnMut(u64, u64),
 ) -> Result<(GenerateTally, Duration), PipelineError> {
-    let mut frames = light::light(session, &request.from)?;
+    let conditions = &request.conditions;
+    let mut frames = light::light(session, &request.from)?.prepared(conditions.preparation);
+    if !conditions.effects.is_empty() {
+        return affected::run(session, request, &mut frames, n_frames, progress);
+    }
     let mut generator = build(&request.parameters, None)?;
+    let mut interpolator = conditions.interpolate_us.map(Interpolator::new).transpose()?;
     let mut writer = None;
     let mut tally = GenerateTally::default();
     let mut spent = Duration::ZERO;
     let mut events = Events::new();
     for frame in frames.by_ref() {
         let frame = frame?;
+        let (t_us, size) = (frame.t_us, frame.size);
         if tally.n_frames == 0 {
-            tally.first_us = frame.t_us;
-            tally.n_pixels = frame.size.n_pixels() as u64;
+            tally.first_us = t_us;
+            tally.n_pixels = size.n_pixels() as u64;
         }
         events.clear();
         let started = Instant::now();
-        generator.push(&frame, &mut events).map_err(|source| PipelineError::Generate {
-            session: session.root().to_owned(),
-            stream: request.from.clone(),
-            source,
-        })?;
+        let pushed = match &mut interpolator {
+            Some(between) => between.push(frame, |frame| generator.push(frame, &mut events)),
+            None => generator.push(&frame, &mut events),
+        };
+        pushed.map_err(|source| failed(session, request, source))?;
         spent += started.elapsed();
         tally.n_frames += 1;
-        tally.last_us = frame.t_us;
+        tally.last_us = t_us;
         tally.n_events += events.len() as u64;
         tally.n_on += events.as_slice().count_on() as u64;
         if writer.is_none() {
-            let path = session.layout().generated(&request.name);
-            let source = format!("evrig {}", generator.name());
-            let spec = StreamSpec::events(frame.size, &source);
-            writer = Some(Writer::create(&path, Compression::Lz4, &[spec])?);
+            writer = Some(open(session, request, generator.name(), size)?);
         }
         if let Some(writer) = &mut writer {
             writer.write_events(0, events.as_slice())?;
@@ -167,13 +199,38 @@ fn run(
         progress(tally.n_frames, n_frames);
     }
     tally.n_frames_not_later = frames.n_not_later();
-    let writer = writer.filter(|_| tally.n_frames > 1).ok_or_else(|| PipelineError::Missing {
-        session: session.root().to_owned(),
-        what: format!(
-            "stream `{}` has {} frames; at least two are needed to generate events",
-            request.from, tally.n_frames
-        ),
-    })?;
+    let writer = writer
+        .filter(|_| tally.n_frames > 1)
+        .ok_or_else(|| too_few(session, request, tally.n_frames))?;
     writer.finish()?;
     Ok((tally, spent))
+}
+
+fn open(
+    session: &Session,
+    request: &GenerateRequest,
+    model: &str,
+    size: Size,
+) -> Result<Writer<BufWriter<File>>, PipelineError> {
+    let path = session.layout().generated(&request.name);
+    let spec = StreamSpec::events(size, &format!("evrig {model}"));
+    Ok(Writer::create(&path, Compression::Lz4, &[spec])?)
+}
+
+fn failed(session: &Session, request: &GenerateRequest, source: GenerateError) -> PipelineError {
+    PipelineError::Generate {
+        session: session.root().to_owned(),
+        stream: request.from.clone(),
+        source,
+    }
+}
+
+fn too_few(session: &Session, request: &GenerateRequest, n_frames: u64) -> PipelineError {
+    PipelineError::Missing {
+        session: session.root().to_owned(),
+        what: format!(
+            "stream `{}` has {n_frames} frames; at least two are needed to generate events",
+            request.from
+        ),
+    }
 }

@@ -3,9 +3,12 @@
 use super::sync::{missing, read_clocks};
 use super::{PipelineError, inputs};
 use crate::clock::ClockEstimate;
-use crate::frame::Luminance;
-use crate::session::{DavisPictures, PiPictures, Session, SessionError, StreamKind, read_stage};
-use crate::time::{Davis, PiSensor};
+use crate::frame::{Luminance, Samples};
+use crate::generate::input::{Pictured, Preparation, Preparer};
+use crate::session::{
+    DavisPictures, PiPictures, Picture, Session, SessionError, StreamKind, read_stage,
+};
+use crate::time::{Clock, Davis, PiSensor};
 
 enum Source {
     Davis(DavisPictures),
@@ -18,6 +21,7 @@ enum Source {
 /// and its pedestal, each pixel in its own colour, as the published generator takes it.
 pub struct Light {
     source: Source,
+    preparer: Preparer,
     last_us: Option<i64>,
     n_not_later: u64,
 }
@@ -37,7 +41,7 @@ pub fn light(session: &Session, name: &str) -> Result<Light, PipelineError> {
     } else {
         Source::Davis(session.davis_pictures(name)?)
     };
-    Ok(Light { source, last_us: None, n_not_later: 0 })
+    Ok(Light { source, preparer: Preparer::default(), last_us: None, n_not_later: 0 })
 }
 
 /// Checksums of what the light of a stream comes from: its files, and the clock where it needs one.
@@ -54,6 +58,12 @@ pub(super) fn inputs_of(session: &Session, name: &str) -> Result<inputs::Inputs,
 }
 
 impl Light {
+    /// The same light from pictures that are prepared in this way.
+    #[must_use]
+    pub fn prepared(self, preparation: Preparation) -> Self {
+        Self { preparer: Preparer::new(preparation), ..self }
+    }
+
     /// Frames left out so far because they are not later than the frame before them.
     #[must_use]
     pub fn n_not_later(&self) -> u64 {
@@ -63,22 +73,36 @@ impl Light {
     fn read(&mut self) -> Option<Result<Luminance, SessionError>> {
         match &mut self.source {
             Source::Davis(pictures) => Some(pictures.next()?.map(|picture| {
-                let frame = picture.frame;
+                let frame = &picture.frame;
                 let t_us = frame.timing.mid_exposure(frame.size.height / 2).as_micros();
-                Luminance { t_us, size: frame.size, values: frame.brightness() }
+                self.preparer.prepare(t_us, &pictured(&picture), frame.brightness())
             })),
             Source::Pi { pictures, davis_from_sensor } => match pictures.next()? {
                 Err(error) => Some(Err(error)),
                 Ok(picture) => {
-                    let frame = picture.frame;
+                    let frame = &picture.frame;
                     let at = frame.timing.mid_exposure(frame.size.height / 2);
                     // An estimate has a segment at least, which holds beyond its ends.
                     let t_us = davis_from_sensor.map(at)?.as_micros();
-                    Some(Ok(Luminance { t_us, size: frame.size, values: frame.brightness() }))
+                    Some(Ok(self.preparer.prepare(t_us, &pictured(&picture), frame.brightness())))
                 }
             },
         }
     }
+}
+
+/// What preparing a picture needs of it.
+fn pictured<C: Clock>(picture: &Picture<C>) -> Pictured<'_> {
+    let facts = &picture.facts;
+    let mosaic = match (&picture.frame.samples, facts.bayer) {
+        (Samples::U16(samples), Some(order)) => Some((samples.as_slice(), order)),
+        _ => None,
+    };
+    let exposure_s =
+        picture.frame.timing.exposure.map(|[start, end]| (end - start).as_nanos() as f64 * 1e-9);
+    // A camera that states no gain keeps it.
+    let exposure_gain = exposure_s.map(|seconds| seconds * facts.gain.unwrap_or(1.0));
+    Pictured { size: picture.frame.size, mosaic, black_dn: facts.black_dn, exposure_gain }
 }
 
 impl Iterator for Light {

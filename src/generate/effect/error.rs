@@ -48,6 +48,16 @@ pub enum EffectError {
         /// Its end.
         high: f64,
     },
+    /// An effect inside a pixel of a model that has its own.
+    #[error(
+        "{id} acts inside the pixel, which the model {model} keeps to itself; take the voltmeter"
+    )]
+    NotForModel {
+        /// The effect.
+        id: EffectId,
+        /// The model.
+        model: &'static str,
+    },
     /// An effect that acts on what is not there.
     #[error("{id} needs {what}")]
     Needs {

@@ -52,28 +52,34 @@ fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
 mod tests {
     use super::super::trial::*;
     /// Alternation and rate of events of a pixel that only noise moves, by a simulation of the
-    /// process at steps of a thousandth of its correlation time.
+    /// process at steps of a five hundredth of its correlation time.
     fn fine(rms: f64, seed: u64) -> (f64, f64) {
-        let mut draws = crate::generate::random::Source::new(seed).draws(0, 0);
-        let step: f64 = 1e-3;
+        let step: f64 = 2e-3;
         let (kept, spread) = ((-step).exp(), (1.0 - (-2.0 * step).exp()).sqrt());
-        let (mut n, mut reset, mut last) = (0.0, 0.0, None);
-        let (mut n_events, mut n_turned, n_steps) = (0.0, 0.0, 20_000_000);
-        for _ in 0..n_steps {
-            n = kept * n + spread * draws.normal();
-            // Between steps a path goes beyond its ends by 0.5826 standard deviations of a step
-            // in the mean (Broadie, Glasserman, Kou 1997): the barrier is moved in by as much.
-            let v: f64 = rms * (n - reset);
-            if v.abs() >= 1.0 - 0.582_6 * rms * spread {
-                let on = v > 0.0;
-                // The path was at the barrier then, not beyond.
-                reset += v.signum() / rms;
-                n = reset;
-                n_turned += f64::from(last.is_some_and(|last| last != on));
-                (last, n_events) = (Some(on), n_events + 1.0);
+        let (mut n_events, mut n_pairs, mut n_turned) = (0.0, 0.0, 0.0);
+        // Resets lie on a lattice about the first of them, so many first ones are tried.
+        let (n_pixels, n_steps) = (2_000, 10_000);
+        for pixel in 0..n_pixels {
+            let mut draws = crate::generate::random::Source::new(seed).draws(pixel, 0);
+            let mut n = draws.normal();
+            let (mut reset, mut last) = (n, None);
+            for _ in 0..n_steps {
+                n = kept * n + spread * draws.normal();
+                // Between steps a path goes beyond its ends by 0.5826 standard deviations of a
+                // step in the mean (Broadie, Glasserman, Kou 1997): the barrier moves in by it.
+                let v: f64 = rms * (n - reset);
+                if v.abs() >= 1.0 - 0.582_6 * rms * spread {
+                    let on = v > 0.0;
+                    // The path was at the barrier then, not beyond.
+                    reset += v.signum() / rms;
+                    n = reset;
+                    n_turned += f64::from(last.is_some_and(|last| last != on));
+                    n_pairs += f64::from(last.is_some());
+                    (last, n_events) = (Some(on), n_events + 1.0);
+                }
             }
         }
-        (n_turned / n_events, n_events / (f64::from(n_steps) * step))
+        (n_turned / n_pairs, n_events / (f64::from(n_pixels) * f64::from(n_steps) * step))
     }
 
     #[test]
@@ -81,7 +87,8 @@ mod tests {
         for (rms, bandwidth_hz) in [(0.5, 20.0), (0.35, 300.0)] {
             let (alternation_expected, per_tau) = fine(rms, 5);
             let words = format!("shot_noise:rms_thresholds={rms},bandwidth_hz={bandwidth_hz}");
-            let seconds = 60.0 / bandwidth_hz;
+            // As many correlation times as there, so that the beginning weighs the same.
+            let seconds = 20.0 / (std::f64::consts::TAU * bandwidth_hz);
             let all = events(&still(-1.0), seconds, &[&words]);
             let tau = 1.0 / (std::f64::consts::TAU * bandwidth_hz);
             let rate = all.len() as f64 / SIZE.n_pixels() as f64 / seconds * tau;

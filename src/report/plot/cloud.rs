@@ -30,38 +30,56 @@ pub struct Clouds<'a> {
 /// Both clouds from the same point of view, thinned alike.
 #[must_use]
 pub fn figure(clouds: &Clouds<'_>) -> Figure {
-    let [from, to] = clouds.window_us;
-    let streams = [
-        ("Real", clouds.real.between(from, to)),
-        ("Simulated", clouds.simulated.between(from, to)),
-    ];
-    let most = streams.iter().map(|(_, events)| events.len()).max().unwrap_or(0);
-    let one_of = most.div_ceil(MAX_POINTS).max(1);
-    let window_ms = to.saturating_sub(from) as f64 * 1e-3;
-    let thinned = if one_of > 1 {
-        format!("One of every {one_of} events is drawn on both sides. ")
-    } else {
-        "Every event is drawn. ".to_owned()
-    };
-    let panels = streams.into_iter().map(|(title, events)| Panel {
-        title: title.to_owned(),
-        note: format!("{} events in {window_ms:.1} ms", count(events.len() as u64)),
-        alt: format!(
-            "{title} events as points in x, y and time: {} events in {window_ms:.1} ms.",
-            count(events.len() as u64)
-        ),
-        drawing: Drawing::single(draw(clouds.size, [from, to], events, one_of)),
-    });
+    let both = [("Real".to_owned(), clouds.real), ("Simulated".to_owned(), clouds.simulated)];
+    let (panels, thinned) = panels(clouds.size, clouds.window_us, &both);
     Figure {
         title: "Events in space and time".to_owned(),
         caption: format!(
             "{thinned}A moving edge is a tilted sheet: its slope is the speed, its thickness the spread of latencies. \
              Sheets at regular times that only the simulation has are frames showing through."
         ),
-        legend: vec![Key::new(Ink::On, Sample::Dot, "On"), Key::new(Ink::Off, Sample::Dot, "Off")],
-        panels: panels.collect(),
+        legend: legend(),
+        panels,
         data: None,
     }
+}
+
+/// What the dots stand for.
+#[must_use]
+pub fn legend() -> Vec<Key> {
+    vec![Key::new(Ink::On, Sample::Dot, "On"), Key::new(Ink::Off, Sample::Dot, "Off")]
+}
+
+/// Clouds with their titles from the same point of view, thinned alike; and a sentence on the
+/// thinning. The events are in ascending time.
+#[must_use]
+pub fn panels(
+    size: Size,
+    [from, to]: [i64; 2],
+    clouds: &[(String, EventSlice<'_>)],
+) -> (Vec<Panel>, String) {
+    let shown = |events: &EventSlice<'_>| events.between(from, to).len();
+    let most = clouds.iter().map(|(_, events)| shown(events)).max().unwrap_or(0);
+    let one_of = most.div_ceil(MAX_POINTS).max(1);
+    let window_ms = to.saturating_sub(from) as f64 * 1e-3;
+    let thinned = if one_of > 1 {
+        format!("One of every {one_of} events is drawn everywhere. ")
+    } else {
+        "Every event is drawn. ".to_owned()
+    };
+    let panel = |(title, events): &(String, EventSlice<'_>)| {
+        let events = events.between(from, to);
+        let n = count(events.len() as u64);
+        Panel {
+            title: title.clone(),
+            note: format!("{n} events in {window_ms:.1} ms"),
+            alt: format!(
+                "{title} events as points in x, y and time: {n} events in {window_ms:.1} ms."
+            ),
+            drawing: Drawing::single(draw(size, [from, to], events, one_of)),
+        }
+    };
+    (clouds.iter().map(panel).collect(), thinned)
 }
 
 /// The fixed view: time runs to the right, x into the page, y down.

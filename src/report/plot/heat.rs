@@ -30,7 +30,26 @@ pub struct CountMaps<'a> {
 /// When a map's length does not fit the grid, or the grid has no pixels.
 pub fn counts_figure(maps: &CountMaps<'_>) -> Result<Figure, PictureError> {
     check(maps)?;
-    let max = maps.real.iter().chain(maps.simulated).copied().max().unwrap_or(0).max(2);
+    let both = [("Real".to_owned(), maps.real), ("Simulated".to_owned(), maps.simulated)];
+    Ok(Figure {
+        title: "Events per pixel".to_owned(),
+        caption: "Both maps share one colour scale, so equal colours are equal counts. \
+                  Compare the brightness of the same edge, then the empty parts: light there is noise, \
+                  and single bright pixels are hot ones."
+            .to_owned(),
+        legend: vec![],
+        panels: counts_panels(maps.size, &both)?,
+        data: None,
+    })
+}
+
+/// Maps of counts, row-major, with their titles: side by side on one logarithmic scale.
+///
+/// # Errors
+/// When a map's length does not fit the grid, or the grid has no pixels.
+pub fn counts_panels(size: Size, maps: &[(String, &[u32])]) -> Result<Vec<Panel>, PictureError> {
+    maps.iter().try_for_each(|(_, counts)| check_length(size, counts.len()))?;
+    let max = maps.iter().flat_map(|(_, counts)| *counts).copied().max().unwrap_or(0).max(2);
     let top = f64::from(max);
     let bar = Bar {
         label: "events per pixel (log scale; darkest: none)".to_owned(),
@@ -40,8 +59,8 @@ pub fn counts_figure(maps: &CountMaps<'_>) -> Result<Figure, PictureError> {
         light: Picture::from_fn(BAR, |i| sequential(i as f64 / 255.0)),
         dark: None,
     };
-    let panel = |title: &str, counts: &[u32]| {
-        let picture = Picture::from_fn(maps.size, |i| match counts[i] {
+    let panel = |(title, counts): &(String, &[u32])| {
+        let picture = Picture::from_fn(size, |i| match counts[i] {
             0 => NO_EVENT,
             n => sequential(f64::from(n).ln() / top.ln()),
         });
@@ -49,26 +68,17 @@ pub fn counts_figure(maps: &CountMaps<'_>) -> Result<Figure, PictureError> {
         let n_active = counts.iter().filter(|n| **n > 0).count();
         let active = 100.0 * n_active as f64 / counts.len().max(1) as f64;
         Ok::<_, PictureError>(Panel {
-            title: title.to_owned(),
+            title: title.clone(),
             note: format!("{} events", count(total)),
             alt: format!(
                 "Map of {} events per pixel: {} events in total, {active:.1} % of the pixels active.",
                 title.to_lowercase(),
                 count(total)
             ),
-            drawing: Drawing::single(panel::draw(&picture, None, maps.size, Some(&bar))?),
+            drawing: Drawing::single(panel::draw(&picture, None, size, Some(&bar))?),
         })
     };
-    Ok(Figure {
-        title: "Events per pixel".to_owned(),
-        caption: "Both maps share one colour scale, so equal colours are equal counts. \
-                  Compare the brightness of the same edge, then the empty parts: light there is noise, \
-                  and single bright pixels are hot ones."
-            .to_owned(),
-        legend: vec![],
-        panels: vec![panel("Real", maps.real)?, panel("Simulated", maps.simulated)?],
-        data: None,
-    })
+    maps.iter().map(panel).collect()
 }
 
 /// Powers of ten, and the largest count at the end of the bar.
