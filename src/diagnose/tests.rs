@@ -62,7 +62,7 @@ fn facts() -> Facts {
 }
 
 fn options() -> Options {
-    Options { n_pixels: 160, n_null: 0, max_effects: 2, ..Options::default() }
+    Options { n_pixels: 100, n_null: 0, max_effects: 2, ..Options::default() }
 }
 
 fn empty() -> Evidence {
