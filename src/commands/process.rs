@@ -1,6 +1,6 @@
 //! `evrig process`: every stage for which there is input, and what was left out and why.
 
-use super::{Ending, Output, compare, generate};
+use super::{Ending, Output, compare, diagnose, generate};
 use crate::cli::ProcessArgs;
 use crate::pipeline::{self, CompareRequest, GenerateRequest};
 use crate::session::{Session, StreamKind, StreamName};
@@ -40,6 +40,21 @@ pub(super) fn run(args: &ProcessArgs, output: &Output) -> anyhow::Result<Ending>
                 stages.push(stage);
             }
         }
+    }
+    let mut because_of = None;
+    match (session.stream(StreamKind::Events, "real"), pipeline::default_light(&session)) {
+        (Ok(_), Some(light)) => match diagnose::stage(&session, light, args, output) {
+            Ok((words, stage)) => {
+                text += &words;
+                stages.push(stage);
+            }
+            // A session too poor to be diagnosed is no failure of the other stages.
+            Err(error) => because_of = Some(error.to_string()),
+        },
+        _ => left_out.push(("diagnose", "it takes real events and frames on their pixel grid")),
+    }
+    if let Some(because) = &because_of {
+        left_out.push(("diagnose", because));
     }
     for (stage, because) in &left_out {
         text += &format!("{stage:<9} left out: {because}\n");
