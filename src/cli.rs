@@ -17,8 +17,8 @@ mod record;
 mod session;
 mod stages;
 mod stimulus;
-mod target;
 mod sweep;
+mod target;
 
 pub use about::{CompletionsArgs, ManArgs};
 pub use check::CheckArgs;
@@ -40,9 +40,8 @@ pub use stages::{
     ProcessArgs,
 };
 pub use stimulus::StimulusArgs;
-pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
-pub use target::{FilterArgs, FilterChoice, SyncArgs, TrackArgs};
 pub use sweep::SweepArgs;
+pub use target::{FilterArgs, FilterChoice, SyncArgs, TrackArgs};
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]

@@ -29,9 +29,9 @@ mod prove;
 mod record;
 mod report;
 mod stimulus;
+mod sweep;
 mod sync;
 mod track;
-mod sweep;
 mod variants;
 mod verify;
 

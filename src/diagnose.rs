@@ -16,6 +16,7 @@ mod hypothesis;
 mod nuisance;
 mod null;
 mod options;
+mod propose;
 mod scan;
 mod score;
 mod select;
@@ -32,7 +33,7 @@ pub use scan::Gain;
 pub use select::diagnose;
 pub use verdict::{
     CannotJudge, Diagnosis, FitReport, FittedEffect, HeldOut, Interval, Leftover, Mismatch,
-    NullReport, Rival, Verdict, Where,
+    NullReport, ProposedTerm, Rival, Verdict, Where,
 };
 
 #[cfg(test)]

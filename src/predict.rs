@@ -19,6 +19,7 @@ mod blocks;
 mod by_pixel;
 mod law;
 mod light;
+mod movement;
 mod residual;
 mod sample;
 mod score;

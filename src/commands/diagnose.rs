@@ -1,10 +1,11 @@
 //! `evrig diagnose`: the mismatch located, the missing physics named, the gain shown.
 
 use super::{Ending, Output};
-use crate::cli::DiagnoseArgs;
+use crate::cli::{DiagnoseArgs, ProcessArgs};
 use crate::diagnose::{Diagnosis, Options, Verdict};
-use crate::pipeline::{self, DiagnoseRequest};
+use crate::pipeline::{self, DiagnoseRequest, PipelineError};
 use crate::session::Session;
+use serde_json::{Value, json};
 
 pub(super) fn run(args: &DiagnoseArgs, output: &Output) -> anyhow::Result<Ending> {
     let session = Session::open(&args.session)?;
@@ -28,14 +29,41 @@ pub(super) fn run(args: &DiagnoseArgs, output: &Output) -> anyhow::Result<Ending
         },
         force: args.force,
     };
+    let diagnosis = diagnose(&session, &request, output)?;
+    output.result(&serde_json::to_value(&diagnosis)?, text(&diagnosis))?;
+    Ok(Ending::Done)
+}
+
+/// Runs the stage and says on a terminal what is being looked at.
+fn diagnose(
+    session: &Session,
+    request: &DiagnoseRequest,
+    output: &Output,
+) -> Result<Diagnosis, PipelineError> {
     let bar = output.progress("diagnose", 0);
-    let (diagnosis, _) = pipeline::diagnose(&session, &request, &mut |what| {
+    let (diagnosis, _) = pipeline::diagnose(session, request, &mut |what| {
         bar.set_message(what.to_owned());
         bar.inc(1);
     })?;
     bar.finish_and_clear();
-    output.result(&serde_json::to_value(&diagnosis)?, text(&diagnosis))?;
-    Ok(Ending::Done)
+    Ok(diagnosis)
+}
+
+/// The stage as `process` runs it: words and result.
+pub(super) fn stage(
+    session: &Session,
+    light: &str,
+    args: &ProcessArgs,
+    output: &Output,
+) -> Result<(String, Value), PipelineError> {
+    let request = DiagnoseRequest {
+        real: "real".into(),
+        from: light.to_owned(),
+        options: Options { seed: args.choice.seed, ..Options::default() },
+        force: args.force,
+    };
+    let diagnosis = diagnose(session, &request, output)?;
+    Ok((text(&diagnosis), json!(diagnosis)))
 }
 
 /// The diagnosis for people.

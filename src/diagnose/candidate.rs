@@ -12,6 +12,7 @@ mod event_drop;
 mod exposure_blur;
 mod fixed_pole;
 mod flicker;
+mod frame_interpolation;
 mod hot_pixels;
 mod junction_leak;
 mod misregistration;
@@ -149,6 +150,9 @@ pub struct Candidate {
     pub splitter: &'static str,
     /// Why it cannot be judged from this evidence.
     pub needs: fn(&Evidence) -> Result<(), String>,
+    /// Whether the signature that belongs to it is in the events, given its parameters; a gain
+    /// without it does not name the effect.
+    pub agrees: fn(&Evidence, &[f64]) -> bool,
     /// One sentence on what was found.
     pub says: fn(&[f64]) -> String,
 }
@@ -169,11 +173,12 @@ const PLAIN: Candidate = Candidate {
     same: &[],
     splitter: "",
     needs: |_| Ok(()),
+    agrees: |_, _| true,
     says: |_| String::new(),
 };
 
 /// Every effect that can be named.
-pub static LIBRARY: [&Candidate; 25] = [
+pub static LIBRARY: [&Candidate; 26] = [
     &photoreceptor_bandwidth::CANDIDATE,
     &fixed_pole::CANDIDATE,
     &refractory_period::CANDIDATE,
@@ -192,6 +197,7 @@ pub static LIBRARY: [&Candidate; 25] = [
     &stamp_jitter::CANDIDATE,
     &clock_offset::CANDIDATE,
     &clock_skew::CANDIDATE,
+    &frame_interpolation::CANDIDATE,
     &exposure_blur::CANDIDATE,
     &rolling_shutter::CANDIDATE,
     &black_level::CANDIDATE,

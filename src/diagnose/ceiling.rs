@@ -32,9 +32,26 @@ pub(super) fn flexible(evidence: &Evidence, model: &Fitted) -> Flexible {
     }
     let previous = |p: &Placed| previous(&p.residual);
     recalibrate(&events, &mut u, &mut gains, &[0.5, 1.5], previous);
+    held_out(evidence, &events, &gains)
+}
+
+/// What a hazard recalibrated by one covariate alone buys on held-out cells, nats an event.
+pub(super) fn one_covariate(
+    evidence: &Evidence,
+    events: &[Placed],
+    edges: &[f64],
+    value: fn(&Placed) -> f64,
+) -> f64 {
+    let mut u: Vec<f64> = events.iter().map(Placed::u).collect();
+    let mut gains = vec![0.0; events.len()];
+    recalibrate(events, &mut u, &mut gains, edges, value);
+    held_out(evidence, events, &gains).gain
+}
+
+fn held_out(evidence: &Evidence, events: &[Placed], gains: &[f64]) -> Flexible {
     let n_cells = evidence.n_tiles * evidence.blocks.n();
     let mut by_cell = vec![(0.0, 0.0); n_cells];
-    for (event, gain) in events.iter().zip(&gains).filter(|(event, _)| event.held_out) {
+    for (event, gain) in events.iter().zip(gains).filter(|(event, _)| event.held_out) {
         by_cell[event.cell].0 += gain;
         by_cell[event.cell].1 += 1.0;
     }

@@ -2,7 +2,9 @@
 //!
 //! Steps are Gauss and Newton's with the outer product of the cells' gradients for a Hessian
 //! (Berndt, Hall, Hall and Hausman, 1974), damped after Levenberg and Marquardt, inside the box of
-//! the parameters' ranges. The same gradients give the errors of the result.
+//! the parameters' ranges. The gradients are taken about their mean an event: far from the optimum,
+//! where all cells pull the same way, their plain product would make every step far too short. The
+//! same gradients give the errors of the result.
 
 use super::score::{Cells, Part, cells};
 use super::{Evidence, Hypothesis};
@@ -55,7 +57,7 @@ pub(super) fn fit(evidence: &Evidence, start: Hypothesis, n_steps: usize, enough
 /// The same with errors: sandwich of the gradients' outer product over cells.
 pub(super) fn with_errors(evidence: &Evidence, fitted: Fitted) -> Fitted {
     let (free, gradients) = gradients(evidence, &fitted);
-    let outer = gradients.transpose() * &gradients;
+    let outer = scatter(&fitted, &gradients);
     let scale = outer.trace().max(1e-12) * 1e-12 / free.len().max(1) as f64;
     let regular = outer + DMatrix::identity(free.len(), free.len()) * scale;
     let covariance = regular.try_inverse().map(|inverse| (free, inverse));
@@ -90,6 +92,19 @@ fn gradients(evidence: &Evidence, at: &Fitted) -> (Vec<usize>, DMatrix<f64>) {
     (free, gradients)
 }
 
+/// The gradients' outer product over training cells, about their mean an event.
+fn scatter(at: &Fitted, gradients: &DMatrix<f64>) -> DMatrix<f64> {
+    let n_events: Vec<f64> =
+        at.cells.of(Part::Training).map(|cell| at.cells.n_events[cell]).collect();
+    let all = n_events.iter().sum::<f64>().max(1.0);
+    let mut centred = gradients.clone();
+    for mut column in centred.column_iter_mut() {
+        let mean = column.sum() / all;
+        column.iter_mut().zip(&n_events).for_each(|(g, n)| *g -= n * mean);
+    }
+    centred.transpose() * centred
+}
+
 /// One damped step inside the box that gains; `None` when none does.
 fn step(
     evidence: &Evidence,
@@ -98,10 +113,10 @@ fn step(
     gradients: &DMatrix<f64>,
     damping: &mut f64,
 ) -> Option<Fitted> {
-    let outer = gradients.transpose() * gradients;
+    let outer = scatter(at, gradients);
     let total: DVector<f64> = gradients.row_sum().transpose();
     let before = at.cells.nats(Part::Training);
-    for _ in 0..5 {
+    for _ in 0..7 {
         let mut damped = outer.clone();
         for i in 0..free.len() {
             damped[(i, i)] += *damping * outer[(i, i)].max(1e-9) + 1e-9;

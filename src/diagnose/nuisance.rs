@@ -98,15 +98,18 @@ impl Nuisance {
         let of = |start: f64, range: [f64; 2], step: f64| Ordinary { start, range, step };
         let surroundings = if facts.from_scene { 1.0 } else { 0.0 };
         let within = facts.offset_within_us;
+        // What happens between frames is noise to whoever only has the frames.
+        let (most_noise, most_hz, most_background) =
+            if facts.from_scene { (0.2_f64, 200.0_f64, 0.1_f64) } else { (1.2, 2_000.0, 3.0) };
         match self {
             Self::LogTheta => of(0.25_f64.ln(), [0.02_f64.ln(), 3.0_f64.ln()], 0.004),
             Self::LogRatio => of(0.0, [-0.03, 0.03], 0.004),
             Self::LeakHz => of(0.1, [0.0, 0.3], 0.02),
-            Self::LogNoise => of(0.06_f64.ln(), [0.005_f64.ln(), 0.3_f64.ln()], 0.02),
+            Self::LogNoise => of(0.06_f64.ln(), [0.005_f64.ln(), most_noise.ln()], 0.02),
             Self::NoiseExponent => of(0.3, [0.0, 1.0], 0.02),
-            Self::LogNoiseHz => of(3.0_f64.ln(), [0.05_f64.ln(), 200.0_f64.ln()], 0.05),
+            Self::LogNoiseHz => of(3.0_f64.ln(), [0.05_f64.ln(), most_hz.ln()], 0.05),
             Self::LogBackgroundOn | Self::LogBackgroundOff => {
-                of(0.01_f64.ln(), [1e-4_f64.ln(), 0.1_f64.ln()], 0.05)
+                of(0.01_f64.ln(), [1e-4_f64.ln(), most_background.ln()], 0.05)
             }
             Self::OffsetUs => of(0.0, [-within, within], 50.0),
             Self::BlurPx2 => of(0.0, [-0.2 * surroundings, 0.2 * surroundings], 0.01),

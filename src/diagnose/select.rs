@@ -3,12 +3,13 @@
 use super::ceiling::flexible;
 use super::fit::{Fitted, fit, with_errors};
 use super::nuisance::Nuisance;
+use super::propose::propose;
 use super::scan::{Tried, cannot_judge, scan};
 use super::score::Part;
 use super::strata::{held_out_nats, wrong_in};
 use super::{
     Diagnosis, Evidence, FitReport, FittedEffect, HeldOut, Hypothesis, Interval, LIBRARY, Leftover,
-    Mismatch, NullReport, Options, Rival, Verdict, null,
+    Mismatch, NullReport, Options, ProposedTerm, Rival, Verdict, null,
 };
 use statrs::function::erf::erfc;
 use std::collections::BTreeMap;
@@ -47,7 +48,8 @@ pub fn diagnose(
     let few = evidence.thinned(2);
     let begun = fit(&few, Hypothesis::baseline(evidence), 12, 1e-4);
     let baseline = fit(evidence, begun.hypothesis, 8, 1e-4);
-    let (mut model, mut taken) = take_all(evidence, &few, &baseline, options, progress);
+    let (model, taken) = take_all(evidence, &few, &baseline, options, progress);
+    let (mut model, mut taken) = prune(evidence, &baseline, model, taken);
     progress("null");
     let n_null = options.n_null;
     let greatest = null::greatest_gains(evidence, &model, n_null, options.seed, progress);
@@ -61,8 +63,8 @@ pub fn diagnose(
     let bar = LEAST_GAIN.max(worst).max(0.01 * excess);
     while taken.last().is_some_and(|last| last.gain < bar) {
         taken.pop();
-        let kept = model.hypothesis.effects.len() - 1;
-        model = refit_first(evidence, &baseline, &model, kept);
+        let kept: Vec<usize> = (0..taken.len()).collect();
+        model = refit_with(evidence, &baseline, &model, &kept);
     }
     let model = with_errors(evidence, model);
     let report = NullReport { n: n_null, greatest_gains: greatest, bar_nats_per_event: bar };
@@ -81,6 +83,12 @@ fn take_all(
     let mut taken = Vec::new();
     while taken.len() < options.max_effects {
         let tried = scan(evidence, few, &model, progress);
+        let agrees = |t: &&Tried| {
+            let hypothesis = &t.fitted.hypothesis;
+            let last = hypothesis.effects.len() - 1;
+            (hypothesis.effects[last].agrees)(evidence, &hypothesis.parameters_of(last))
+        };
+        let tried: Vec<Tried> = tried.iter().filter(agrees).cloned().collect();
         let Some(best) = tried.first() else { break };
         let gain = best.gain;
         if gain.held_out < LEAST_GAIN || gain.held_out < LEAST_ERRORS * gain.error {
@@ -117,10 +125,32 @@ fn equals(tried: &[Tried]) -> Vec<crate::effect_id::EffectId> {
     tried.iter().skip(1).filter(full).filter(close).map(|t| t.gain.id).collect()
 }
 
-/// The model with only its first `kept` effects.
-fn refit_first(evidence: &Evidence, baseline: &Fitted, model: &Fitted, kept: usize) -> Fitted {
+/// Leaves out what has become idle: an effect that was taken early and that later ones replace.
+fn prune(
+    evidence: &Evidence,
+    baseline: &Fitted,
+    mut model: Fitted,
+    mut taken: Vec<Taken>,
+) -> (Fitted, Vec<Taken>) {
+    let mut index = 0;
+    while taken.len() > 1 && index < taken.len() {
+        let rest: Vec<usize> = (0..taken.len()).filter(|&i| i != index).collect();
+        let without = refit_with(evidence, baseline, &model, &rest);
+        let (loss, error) = model.cells.gain(&without.cells, Part::HeldOut);
+        if loss < LEAST_GAIN || loss < LEAST_ERRORS * error {
+            taken.remove(index);
+            model = without;
+        } else {
+            index += 1;
+        }
+    }
+    (model, taken)
+}
+
+/// The model with only some of its effects.
+fn refit_with(evidence: &Evidence, baseline: &Fitted, model: &Fitted, kept: &[usize]) -> Fitted {
     let mut hypothesis = baseline.hypothesis.clone();
-    for index in 0..kept {
+    for &index in kept {
         let effect = model.hypothesis.effects[index];
         let start: Vec<f64> = if effect.frees.is_empty() {
             let at = model.hypothesis.offset_of(index);
@@ -191,13 +221,19 @@ fn conclude(
             p_value: above(after.gain / after.error),
             places: wrong_in(evidence, model, least),
         },
-        proposed_term: None,
+        proposed_term: propose_for(evidence, model, verdict),
         next_recording,
         cannot_judge: cannot_judge(evidence),
         null,
         n_pixels: evidence.pixels.len(),
         n_events: evidence.n_events(),
     }
+}
+
+/// A term for what is left, where the named effects leave much.
+fn propose_for(evidence: &Evidence, model: &Fitted, verdict: Verdict) -> Option<ProposedTerm> {
+    let is_wanted = matches!(verdict, Verdict::Unexplained | Verdict::PartlyExplained);
+    is_wanted.then(|| propose(evidence, model)).flatten()
 }
 
 fn interval(value: f64, error: f64, reported: impl Fn(f64) -> f64) -> Interval {

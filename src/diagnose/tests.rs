@@ -7,7 +7,7 @@ use crate::event::Events;
 use crate::geometry::Size;
 use crate::predict::ByPixel;
 
-const END_US: i64 = 4_000_000;
+const END_US: i64 = 3_000_000;
 
 /// A texture that runs across the sensor on a circle: waves in two directions.
 struct Texture;
@@ -62,7 +62,7 @@ fn facts() -> Facts {
 }
 
 fn options() -> Options {
-    Options { n_pixels: 160, n_null: 0, max_effects: 2, ..Options::default() }
+    Options { n_pixels: 60, step_us: 2_000, n_null: 0, max_effects: 2, ..Options::default() }
 }
 
 fn empty() -> Evidence {
@@ -71,7 +71,7 @@ fn empty() -> Evidence {
     // The pixels are chosen by their light, so that events can be planted in them afterwards.
     let filler: Events = (0..60_u16)
         .flat_map(|y| (0..60_u16).map(move |x| crate::event::Event { t: 1, x, y, on: true }))
-        .flat_map(|e| (0..4).map(move |i| crate::event::Event { t: i, ..e }))
+        .flat_map(|e| (0..6).map(move |i| crate::event::Event { t: i, ..e }))
         .collect();
     let filled = ByPixel::new(filler.as_slice(), recording.size(), [0, END_US]);
     Evidence::new(&filled, &Texture, facts(), &options()).unwrap()

@@ -139,6 +139,19 @@ pub struct NullReport {
     pub bar_nats_per_event: f64,
 }
 
+/// A term outside the library.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ProposedTerm {
+    /// `drive`, `drift`, `threshold`, `time_stamp` or `hazard`.
+    pub enters: String,
+    /// The covariate it depends on.
+    pub depends_on: String,
+    /// Covariate, mean innovation in thresholds, low and high end of its 90 % band.
+    pub curve: Vec<[f64; 4]>,
+    /// What a hazard recalibrated by that covariate buys on held-out cells.
+    pub heldout_gain_nats_per_event: f64,
+}
+
 /// An effect that this session says nothing about.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CannotJudge {
@@ -166,7 +179,7 @@ pub struct Diagnosis {
     /// What is left.
     pub leftover: Leftover,
     /// A term that would help where nothing in the library does.
-    pub proposed_term: Option<serde_json::Value>,
+    pub proposed_term: Option<ProposedTerm>,
     /// What to record to tell equivalent effects apart.
     pub next_recording: Option<String>,
     /// Effects this session says nothing about.

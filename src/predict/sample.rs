@@ -1,5 +1,6 @@
 //! Drawing events from a pixel's law: the model turned round, for tests and for the null.
 
+use super::movement::Movement;
 use super::threshold::{Threshold, softplus};
 use super::{Light, PixelLaw, Spike};
 use crate::stats::SplitMix;
@@ -40,8 +41,8 @@ struct Start {
     value: f64,
     /// Distances at which it fires, On and Off.
     at: [f64; 2],
-    /// Scale and speed of the noise's own movement; none while the memory is not known.
-    moves: Option<[f64; 2]>,
+    /// The noise's own movement; none while the memory is not known.
+    moves: Option<Movement>,
     /// When background fires, whatever the light does.
     background: Spike,
     /// While the memory is not known one store serves both sides: the sum of the extremes.
@@ -84,17 +85,16 @@ impl Source<'_> {
         let slope = self.light.slope(position, self.run) + self.law.leak_per_s;
         let i = (position.max(0.0) as usize).clamp(self.run[0], self.run[1]);
         let noise = self.law.noise_on(f64::from(self.light.level[i]), slope);
-        let law = self.law;
+        let law = *self.law;
         let mut draw = |theta| {
             Threshold::new(theta, noise, law.drop_fraction).at_spent(self.random.exponential())
         };
         let at = [draw(law.theta_on), draw(law.theta_off)];
-        let speed = law.noise_speed_per_s * noise / law.noise_at_white;
         let start = Start {
             awake_us,
             value: self.light.at(self.position(memorised_us), self.run),
             at,
-            moves: (speed > 0.0).then_some([noise, speed]),
+            moves: Movement::new(&law, noise),
             background: self.background(fired_us),
             shared: None,
         };
@@ -161,7 +161,7 @@ impl Source<'_> {
                 for (on, y, store) in
                     [(true, middle, &mut on_store), (false, -middle, &mut off_store)]
                 {
-                    let hazard = own_movement(moves, y - self.law.theta(on), speed) * step_s;
+                    let hazard = moves.hazard(y, speed, on) * step_s;
                     if hazard > *store {
                         offer(*store / hazard, on);
                     }
@@ -178,13 +178,4 @@ impl Source<'_> {
         }
         None
     }
-}
-
-/// As the predictor has it: the hazard a second of a crossing by the noise's own movement.
-fn own_movement([noise, own]: [f64; 2], above: f64, speed: f64) -> f64 {
-    let z = above / noise;
-    if z < -14.0 {
-        return 0.0;
-    }
-    0.5 * (speed.hypot(own) - speed.abs()) / (1.0 + (-z).exp()) / noise
 }

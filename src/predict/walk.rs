@@ -1,13 +1,11 @@
 //! One pass over a pixel's light and events: every event's hazard, every silence's compensator.
 
+use super::movement::Movement;
 use super::threshold::{Threshold, logistic, softplus};
 use super::{Blocks, Light, PixelLaw, Spike};
 
 /// The least hazard an event is given, a second: with it a score is a number whatever happened.
 const LEAST_HAZARD: f64 = 1e-9;
-
-/// Where the noise's own movement is too far below the threshold to count, in scales of the noise.
-const OUT_OF_REACH: f64 = 14.0;
 
 /// What the pixel's law says of one event, just before it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -257,66 +255,39 @@ impl<'a> Pass<'a> {
     fn follow(&mut self, from: f64, to: f64) {
         let first = from.floor() as usize + 1;
         let last = (to.floor().max(0.0) as usize).min(self.run[1]);
-        let mut before = self.change(from);
-        let mut at = from;
-        self.reach(before);
-        let moves = self.movement();
-        if moves.is_none() {
-            // Only the extremes count.
-            let step = self.law.leak_per_s * self.light.step_us * 1e-6;
-            let zero = self.position(self.awake_us) * step + self.memory.value();
-            let [mut up, mut down] = self.maxima;
-            if first <= last {
-                for (j, &signal) in self.light.signal[first..=last].iter().enumerate() {
-                    let y = f64::from(signal) + step * (first + j) as f64 - zero;
-                    up = up.max(y);
-                    down = down.max(-y);
-                }
+        let leak = self.law.leak_per_s * self.light.step_us * 1e-6;
+        let zero = self.position(self.awake_us) * leak + self.memory.value();
+        let between = self.light.signal.get(first..=last).unwrap_or_default();
+        let [begin, end] = [self.change(from), self.change(to)];
+        let [mut up, mut down] = self.maxima;
+        let mut reach = |y: f64| (up, down) = (up.max(y), down.max(-y));
+        reach(begin);
+        reach(end);
+        if let Some(movement) = self.movement() {
+            let mut moved = self.moved;
+            let step_s = self.light.step_us * 1e-6;
+            let (mut before, mut at) = (begin, from);
+            for (j, &signal) in between.iter().enumerate() {
+                let j = (first + j) as f64;
+                let y = f64::from(signal) + leak * j - zero;
+                reach(y);
+                movement.pass([before, y], (j - at) * step_s, &mut moved);
+                (before, at) = (y, j);
             }
-            self.maxima = [up, down];
-            self.reach(self.change(to));
-            return;
+            movement.pass([before, end], (to - at) * step_s, &mut moved);
+            self.moved = moved;
+        } else {
+            for (j, &signal) in between.iter().enumerate() {
+                reach(f64::from(signal) + leak * (first + j) as f64 - zero);
+            }
         }
-        for j in first..=last {
-            let y = self.change(j as f64);
-            self.segment(moves, [before, y], j as f64 - at);
-            (before, at) = (y, j as f64);
-        }
-        let y = self.change(to);
-        self.segment(moves, [before, y], to - at);
+        self.maxima = [up, down];
     }
 
-    fn reach(&mut self, y: f64) {
-        self.maxima = [self.maxima[0].max(y), self.maxima[1].max(-y)];
-    }
-
-    /// Noise scale and speed where the noise moves the signal by itself.
-    fn movement(&self) -> Option<[f64; 2]> {
+    /// The noise's own movement, where it moves the signal at all.
+    fn movement(&self) -> Option<Movement> {
         let Memory::Known { noise, .. } = self.memory else { return None };
-        let speed = self.law.noise_speed_per_s * noise / self.law.noise_at_white;
-        (speed > 0.0).then_some([noise, speed])
-    }
-
-    fn segment(&mut self, moves: Option<[f64; 2]>, [before, after]: [f64; 2], steps: f64) {
-        self.reach(after);
-        let seconds = steps * self.light.step_us * 1e-6;
-        if let Some(moves) = moves.filter(|_| seconds > 0.0) {
-            let speed = (after - before) / seconds;
-            let middle = 0.5 * (before + after);
-            self.moved[0] += seconds * self.own_movement(moves, middle, speed, true);
-            self.moved[1] += seconds * self.own_movement(moves, -middle, speed, false);
-        }
-    }
-
-    /// Hazard of a crossing by the noise's own movement, a second, where the change towards the
-    /// threshold is `y`: the part by which the mean upward speed of signal and noise exceeds the
-    /// signal's own.
-    fn own_movement(&self, [noise, own]: [f64; 2], y: f64, speed: f64, on: bool) -> f64 {
-        let z = (y - self.law.theta(on)) / noise;
-        if z < -OUT_OF_REACH {
-            return 0.0;
-        }
-        0.5 * (speed.hypot(own) - speed.abs()) * logistic(z) / noise
+        Movement::new(self.law, noise)
     }
 
     fn term(&self, index: usize, spike: Spike) -> EventTerm {
@@ -333,7 +304,7 @@ impl<'a> Pass<'a> {
             hazard += self.memory.hazard(spike.on, self.maxima) * slope;
         }
         if let Some(moves) = self.movement().filter(|_| is_awake) {
-            hazard += self.own_movement(moves, change, speed, spike.on);
+            hazard += moves.hazard(change, speed, spike.on);
         }
         let background = self.law.background_hz(spike.on).max(LEAST_HAZARD);
         let is_known = matches!(self.memory, Memory::Known { .. });

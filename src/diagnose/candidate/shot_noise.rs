@@ -19,6 +19,23 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     },
     rivals: &[EffectId::BackgroundActivity, EffectId::FrameNoise, EffectId::StampJitter],
     splitter: "a static segment: polarities of noise alternate, more than three in four",
+    needs: |evidence| {
+        if evidence.facts.from_scene {
+            Ok(())
+        } else {
+            Err("what happens between frames cannot be told from noise without a map".into())
+        }
+    },
+    agrees: |evidence, values| {
+        // Pairs within a few of the noise's own times are in turns On and Off.
+        let near_us = 5e6 / values[1].max(1e-3);
+        let pairs = evidence.pixels.iter().flat_map(|pixel| pixel.spikes.windows(2));
+        let near = pairs.filter(|pair| ((pair[1].t_us - pair[0].t_us) as f64) < near_us);
+        let (n, turned) = near.fold((0, 0), |(n, turned), pair| {
+            (n + 1, turned + usize::from(pair[0].on != pair[1].on))
+        });
+        n > 100 && turned * 10 > n * 3
+    },
     says: |values| {
         format!(
             "noise of {:.2} thresholds makes pixels fire by themselves, in turns On and Off",
