@@ -8,9 +8,6 @@ use crate::report::number::significant;
 use crate::session::Session;
 use serde_json::Value;
 
-/// Evaluations of the search when nothing else is said, as in the command line's default.
-pub(super) const EVALUATIONS: usize = 300;
-
 pub(super) fn run(args: &CalibrateArgs, output: &Output) -> anyhow::Result<Ending> {
     let session = Session::open(&args.session)?;
     let from = match (&args.from, pipeline::default_light(&session)) {

@@ -79,6 +79,11 @@ fn poisson_limits(n: f64) -> [f64; 2] {
             let z = 1.644_853_626_951_472_7 * (2.0 * f64::from(u8::from(p > 0.5)) - 1.0);
             return shape * (1.0 - spread + z * spread.sqrt()).powi(3);
         }
+        if shape < 0.2 {
+            // Far below its mean the gamma law is a power: P(x) = x^shape / Gamma(shape + 1). The
+            // general search for the quantile does not end where that underflows.
+            return ((p.ln() + statrs::function::gamma::ln_gamma(shape + 1.0)) / shape).exp();
+        }
         Gamma::new(shape, 1.0).map_or(f64::NAN, |gamma| gamma.inverse_cdf(p))
     };
     [if n > 0.0 { quantile(n, 0.05) } else { 0.0 }, quantile(n + 1.0, 0.95)]
@@ -97,6 +102,16 @@ mod tests {
                 (limits[0] - low).abs() < 1e-4 && (limits[1] - high).abs() < 1e-4,
                 "{limits:?}"
             );
+        }
+    }
+
+    #[test]
+    fn limits_of_counts_far_below_one_are_known() {
+        // scipy.stats.gamma.ppf(0.05, 0.1) and (0.05, 0.2); 0.001 underflows.
+        for (n, low) in [(0.001, 0.0), (0.1, 5.930_7e-14), (0.199_999, 2.039_06e-7)] {
+            let limits = poisson_limits(n);
+            assert!((limits[0] - low).abs() <= 1e-3 * low, "{n}: {limits:?}");
+            assert!(limits[1] > 2.9 && limits[1] < 4.0);
         }
     }
 
