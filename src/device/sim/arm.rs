@@ -222,13 +222,6 @@ impl SimulatedArm {
         self.truth.pose(self.xyzr_at(at), self.joints_at(at)[0], offset_deg)
     }
 
-    /// Keeps from now on where the tool truly is, for those who look at it later.
-    pub fn keep_trace(&mut self) -> Arc<Trace> {
-        let trace = Arc::clone(self.trace.get_or_insert_default());
-        trace.note(self.truth_at, self.true_xyzr(self.truth_at));
-        trace
-    }
-
     fn bias(&self) -> [f64; 3] {
         self.registers.floats(id::END_EFFECTOR)
     }
@@ -293,12 +286,6 @@ impl SimulatedArm {
             let base_deg = self.joints_at(self.truth_at)[0];
             self.truth.step(&self.options.imperfections, base_deg, [x, y, z]);
             self.note_truth();
-        }
-    }
-
-    fn note_truth(&self) {
-        if let Some(trace) = &self.trace {
-            trace.note(self.truth_at, self.true_xyzr(self.truth_at));
         }
     }
 

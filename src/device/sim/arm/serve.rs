@@ -1,8 +1,12 @@
 //! The simulated arm at a pty, as any serial client finds it.
 
+mod follower;
+
+pub use follower::Follower;
+
 use super::fault::{Fault, Faults, Kind};
 use super::journal::{Journal, Line};
-use super::{Options, SimulatedArm, Trace};
+use super::{Options, SimulatedArm};
 use crate::device::dobot::alarm::Alarms;
 use crate::device::dobot::frame::{Decoder, Frame};
 use crate::device::dobot::id;
@@ -197,8 +201,7 @@ impl Emulator {
     /// Follows where the tool truly is, from now on.
     #[must_use]
     pub fn follow(&self) -> Follower {
-        let trace = lock(&self.shared.arm).arm.keep_trace();
-        Follower { shared: Arc::clone(&self.shared), trace }
+        Follower::of(&self.shared)
     }
 
     /// Lets something go wrong; its requests are counted from now.
@@ -210,37 +213,6 @@ impl Emulator {
     #[must_use]
     pub fn journal(&self) -> Vec<Line> {
         lock(&self.shared.journal).lines()
-    }
-}
-
-/// Looks where a simulated arm truly was; it may outlive the arm's wire.
-#[derive(Debug, Clone)]
-pub struct Follower {
-    shared: Arc<Shared>,
-    trace: Arc<Trace>,
-}
-
-impl Follower {
-    /// Lets the arm's time pass up to now; until when its way is known then.
-    #[must_use]
-    pub fn known_until(&self) -> Span {
-        let mut clocked = lock(&self.shared.arm);
-        let now = clocked.now(false);
-        clocked.arm.advance(now);
-        drop(clocked);
-        self.trace.known_until()
-    }
-
-    /// The arm's clock now.
-    #[must_use]
-    pub fn now(&self) -> Span {
-        lock(&self.shared.arm).now(false)
-    }
-
-    /// The way so far.
-    #[must_use]
-    pub fn trace(&self) -> &Trace {
-        &self.trace
     }
 }
 

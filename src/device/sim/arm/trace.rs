@@ -1,8 +1,9 @@
 //! Where the tool truly was, instant by instant.
 
+use super::SimulatedArm;
 use crate::rig::Pose;
 use crate::time::Span;
-use std::sync::{PoisonError, RwLock};
+use std::sync::{Arc, PoisonError, RwLock};
 
 /// The way of a tool on the arm's clock, as far as it is known.
 #[derive(Debug, Default)]
@@ -47,6 +48,21 @@ impl Trace {
             }
             (Some((_, xyzr)), None) | (None, Some((_, xyzr))) => Pose::from_mm_deg(*xyzr),
             (None, None) => Pose::from_mm_deg([0.0; 4]),
+        }
+    }
+}
+
+impl SimulatedArm {
+    /// Keeps from now on where the tool truly is, for those who look at it later.
+    pub fn keep_trace(&mut self) -> Arc<Trace> {
+        let trace = Arc::clone(self.trace.get_or_insert_default());
+        trace.note(self.truth_at, self.true_xyzr(self.truth_at));
+        trace
+    }
+
+    pub(super) fn note_truth(&self) {
+        if let Some(trace) = &self.trace {
+            trace.note(self.truth_at, self.true_xyzr(self.truth_at));
         }
     }
 }
