@@ -101,7 +101,10 @@ fn tracked<C: Clock>(
     mut tracker: Tracker<C>,
     frames: &[Frame<C>],
 ) -> Result<Track<C>, Box<dyn Error>> {
-    frames.iter().for_each(|frame| drop(tracker.see(frame).map(drop)));
+    for frame in frames {
+        // A frame without the tag is counted by the tracker.
+        let _ = tracker.see(frame);
+    }
     Ok(tracker.finish()?)
 }
 
