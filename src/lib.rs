@@ -23,6 +23,7 @@
 //! | [`compare`] | real against simulated events, one measure a file, each with its error |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
+//! | [`prove`] | concealed trials: what is hidden, sealed, found again and counted |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
 //!
 //! # Invariants
@@ -48,6 +49,7 @@ pub mod generate;
 pub mod geometry;
 pub mod imu;
 pub mod pipeline;
+pub mod prove;
 pub mod record;
 pub mod report;
 pub mod rig;
