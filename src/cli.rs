@@ -28,7 +28,7 @@ pub use plan::PlanArgs;
 pub use record::RecordArgs;
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
-pub use target::{FilterArgs, FilterChoice, SyncArgs, TrackArgs};
+pub use target::{FilterArgs, FilterChoice, SceneArgs, SyncArgs, TrackArgs};
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]
@@ -76,6 +76,8 @@ pub enum Command {
     Sync(SyncArgs),
     /// Follow the tag through frames
     Track(TrackArgs),
+    /// Map the print and tie the event camera to it: the light signal of its pixels
+    Scene(SceneArgs),
     /// Cut event streams to the tracked picture and free them of noise
     Filter(FilterArgs),
     /// Generate events from frames

@@ -24,6 +24,7 @@ mod plan;
 mod process;
 mod record;
 mod report;
+mod scene;
 mod sync;
 mod track;
 mod verify;
@@ -69,6 +70,7 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Info(args) => info::run(&args, output),
         Command::Verify(args) => verify::run(&args, output),
         Command::Sync(args) => sync::run(&args, output),
+        Command::Scene(args) => scene::run(&args, output),
         Command::Track(args) => track::run(&args, output),
         Command::Filter(args) => filter::run(&args, output),
         Command::Generate(args) => generate::run(&args, output),

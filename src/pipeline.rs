@@ -11,6 +11,7 @@ mod generate;
 mod inputs;
 mod light;
 mod report;
+mod scene;
 mod sync;
 mod track;
 
@@ -22,6 +23,7 @@ pub use filter::{
 pub use generate::{GenerateRequest, Generated, GenerationSpeed, default_light, generate};
 pub use light::{Light, light};
 pub use report::report;
+pub use scene::{SceneMade, read_scene, scene, scene_streams};
 pub use sync::{SyncTally, Synced, pi_streams, read_clocks, sync};
 pub use track::{
     AnyTrack, TrackRequest, TrackSummary, Tracked, read_summary, read_track, track, tracked,
@@ -35,6 +37,7 @@ use crate::generate::{GenerateError, ParameterError};
 use crate::report::page::PageError;
 use crate::report::plot::picture::PictureError;
 use crate::roi::TrackError;
+use crate::scene::SceneError;
 use crate::session::{SessionError, StageRecord, read_stage};
 use std::path::{Path, PathBuf};
 
@@ -62,6 +65,9 @@ pub enum PipelineError {
         /// What is wrong.
         source: ClockError,
     },
+    /// No map of the print can be made, or the event camera cannot be tied to it.
+    #[error("scene: {0}")]
+    Scene(#[from] SceneError),
     /// The tag cannot be tracked.
     #[error("stream `{stream}` of {session}: {source}", session = session.display())]
     Track {

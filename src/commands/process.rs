@@ -16,7 +16,11 @@ pub(super) fn run(args: &ProcessArgs, output: &Output) -> anyhow::Result<Ending>
     let mut n_lost = session.manifest().losses.len();
 
     let steps = target::clocks_and_tracks(&session, args, output)?;
-    let mut targeted = vec![steps, target::generate_from_pi(&session, args, output)?];
+    let mut targeted = vec![
+        steps,
+        target::scene(&session, args, output)?,
+        target::generate_from_pi(&session, args, output)?,
+    ];
 
     match pipeline::default_light(&session) {
         Some(light) => {

@@ -12,9 +12,10 @@ use crate::frame::Frame;
 use crate::time::Davis;
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// What the frames of the event camera tell of it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Registration {
     /// How it is tied to the head's path.
     pub tie: DavisTie,
