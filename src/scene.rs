@@ -18,6 +18,7 @@ mod drive;
 mod error;
 mod frames;
 mod head;
+mod locate;
 mod map;
 mod mosaic;
 mod path;
