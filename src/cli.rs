@@ -39,8 +39,10 @@ pub use stages::{
     CalibrateArgs, CalibrateObjective, CompareArgs, ConditionArgs, GenerateArgs, ModelArgs,
     ProcessArgs,
 };
+pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
 pub use stimulus::StimulusArgs;
 pub use sweep::SweepArgs;
+pub use target::{FilterArgs, FilterChoice, SceneArgs, SyncArgs, TrackArgs};
 pub use target::{FilterArgs, FilterChoice, SyncArgs, TrackArgs};
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
@@ -89,6 +91,8 @@ pub enum Command {
     Sync(SyncArgs),
     /// Follow the tag through frames
     Track(TrackArgs),
+    /// Map the print and tie the event camera to it: the light signal of its pixels
+    Scene(SceneArgs),
     /// Cut event streams to the tracked picture and free them of noise
     Filter(FilterArgs),
     /// Generate events from frames

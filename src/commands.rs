@@ -28,6 +28,7 @@ mod process;
 mod prove;
 mod record;
 mod report;
+mod scene;
 mod stimulus;
 mod sweep;
 mod sync;
@@ -76,6 +77,7 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Info(args) => info::run(&args, output),
         Command::Verify(args) => verify::run(&args, output),
         Command::Sync(args) => sync::run(&args, output),
+        Command::Scene(args) => scene::run(&args, output),
         Command::Track(args) => track::run(&args, output),
         Command::Filter(args) => filter::run(&args, output),
         Command::Generate(args) => generate::run(&args, output),

@@ -13,6 +13,7 @@ mod generate;
 mod inputs;
 mod light;
 mod report;
+mod scene;
 mod sweep;
 mod sync;
 mod track;
@@ -29,6 +30,7 @@ pub use generate::{
 };
 pub use light::{Light, light};
 pub use report::report;
+pub use scene::{SceneMade, read_scene, scene, scene_streams};
 pub use sweep::{SweepRequest, Swept, sweep};
 pub use sync::{SyncTally, Synced, pi_streams, read_clocks, sync};
 pub use track::{
@@ -46,7 +48,7 @@ use crate::generate::{GenerateError, ParameterError};
 use crate::report::page::PageError;
 use crate::report::plot::picture::PictureError;
 use crate::roi::TrackError;
-use crate::scene::FramesError;
+use crate::scene::{FramesError, SceneError};
 use crate::session::{SessionError, StageRecord, read_stage};
 use std::path::{Path, PathBuf};
 
@@ -74,6 +76,9 @@ pub enum PipelineError {
         /// What is wrong.
         source: ClockError,
     },
+    /// No map of the print can be made, or the event camera cannot be tied to it.
+    #[error("scene: {0}")]
+    Scene(#[from] SceneError),
     /// The tag cannot be tracked.
     #[error("stream `{stream}` of {session}: {source}", session = session.display())]
     Track {

@@ -40,6 +40,21 @@ pub struct TrackArgs {
     pub force: bool,
 }
 
+/// Arguments of `evrig scene`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  evrig scene sessions/street\n\n\
+    Needs `evrig track` (raw and aps) and `evrig sync`. Makes a map of the print from the Pi's raw frames, \
+    the path of the head over it, and the place of the event camera beside the Pi camera; from these \
+    follows the light that each event pixel saw at any time.")]
+pub struct SceneArgs {
+    /// The session
+    pub session: PathBuf,
+
+    /// Run even when the result is already there
+    #[arg(long)]
+    pub force: bool,
+}
+
 /// Arguments of `evrig filter`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  evrig filter sessions/street\n  \

@@ -205,7 +205,12 @@ mod tests {
             realtime: Stamp::from_micros(1_250_000),
             boottime_after: Stamp::from_micros(0),
         };
-        view.take(&Sample::Clock(ClockExchange { asked: at(1_000), pi, answered: at(1_100) }));
+        view.take(&Sample::Clock(ClockExchange {
+            asked: at(1_000),
+            pi,
+            pi_raw: None,
+            answered: at(1_100),
+        }));
         let status = view.status(at(2_000), None, 0, 0);
         assert_eq!(status.pi_clock_offset_us, Some(200_000.0));
         assert_eq!(status.pi_clock_error_us, Some(50_000.0));

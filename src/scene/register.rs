@@ -12,9 +12,10 @@ use crate::frame::Frame;
 use crate::time::Davis;
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// What the frames of the event camera tell of it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Registration {
     /// How it is tied to the head's path.
     pub tie: DavisTie,
@@ -53,6 +54,9 @@ const SIGMA_STEP: f64 = 0.02;
 
 /// Standard deviation of what the Gaussian is known to be before, pixels.
 const SIGMA_PRIOR: f64 = 0.5;
+
+/// Neighbouring pixels are wrong together: so many count as one against what is known before.
+const ALIKE: f64 = 100.0;
 
 /// A residual beyond so many standard deviations counts in proportion less.
 const HUBER: f64 = 2.5;
@@ -184,8 +188,8 @@ fn prior(
     let list = listed(tie, stated);
     let (mut normal, mut right) = (SMatrix::zeros(), SVector::zeros());
     for i in 0..TIES {
-        normal[(i, i)] = PRIOR[i].powi(-2);
-        right[i] = -list[i] * PRIOR[i].powi(-2);
+        normal[(i, i)] = ALIKE * PRIOR[i].powi(-2);
+        right[i] = -list[i] * ALIKE * PRIOR[i].powi(-2);
     }
     normal[(TIES, TIES)] = SIGMA_PRIOR.powi(-2);
     right[TIES] = (0.5 - spread.sigma_px) * SIGMA_PRIOR.powi(-2);

@@ -1,8 +1,9 @@
 //! The survey: from the Pi's raw frames and the tag's track to the map and the head's path.
 
-use super::align::{ALL, Noise, OWN, Reference, SHARED};
+use super::align::{Noise, Reference, SHARED};
 use super::error::SceneError;
 use super::head::{Head, HeadPose};
+use super::locate::{locate, split};
 use super::map::{MapGrid, RadianceMap};
 use super::mosaic::{PiCamera, RawLight};
 use super::path::{HeadPath, PathKnot};
@@ -99,11 +100,18 @@ const MAX_CELLS: usize = 6_000_000;
 /// Longest stretch between frames that the path leads across.
 const MAX_GAP: Span = Span::from_micros(50_000);
 
+/// A frame whose logarithm of brightness is farther from the others' is left out of the map.
+const STRANGE_LIGHT: f64 = 0.03;
+
 /// Standard deviations of what is known before: tilts of the print and of the wrist's axis (radians).
-const TILT_RAD: f64 = 0.05;
+const TILT_RAD: f64 = 0.02;
 
 /// And of the row time, as a share of what is stated.
-const ROW_SHARE: f64 = 0.2;
+const ROW_SHARE: f64 = 0.02;
+
+/// Pixels are wrong together: so many count as one against what is known before. A late row, a tilt
+/// and a distance that changes look alike along one circle.
+const ALIKE: f64 = 1_000.0;
 
 impl Survey {
     /// Millimetres on the print that a ray of the Pi camera (right and down over forward) looks at;
@@ -237,6 +245,7 @@ impl<'a> Surveyor<'a> {
             let ratios = site_ratios(&self.optics, &self.keys, &map);
             self.optics.camera.rebalance(ratios);
             row_error_s = self.improve(&map)?;
+            self.drop_strange_light();
             map = splat(grid, &self.optics, &self.keys, Some(&map));
         }
         Ok((map, row_error_s))
@@ -279,6 +288,7 @@ impl<'a> Surveyor<'a> {
         self.optics.row_s += change[SHARED - 1];
         self.noise.variance_per_dn *= level;
         self.level_gains();
+        self.renew_speeds();
         Ok((inverse[(SHARED - 1, SHARED - 1)] * level).max(0.0).sqrt())
     }
 
@@ -295,9 +305,40 @@ impl<'a> Surveyor<'a> {
         ];
         let sigma = [TILT_RAD, TILT_RAD, TILT_RAD, TILT_RAD, row];
         (
-            SMatrix::from_fn(|i, j| if i == j { sigma[i].powi(-2) } else { 0.0 }),
-            SVector::from_fn(|i, _| -apart[i] / sigma[i]),
+            SMatrix::from_fn(|i, j| if i == j { ALIKE * sigma[i].powi(-2) } else { 0.0 }),
+            SVector::from_fn(|i, _| -ALIKE * apart[i] / sigma[i]),
         )
+    }
+
+    /// Takes the keys' speeds from their own path where they are close enough.
+    fn renew_speeds(&mut self) {
+        let knot = |key: &Key| PathKnot {
+            time_s: self.optics.middle_s(key.first_s),
+            pose: key.pose,
+            pose_error: [0.0; 4],
+            ln_gain: 0.0,
+            misfit: 1.0,
+        };
+        let knots = self.keys.iter().map(knot).collect();
+        let path = HeadPath::new(self.tag.zero(), knots, MAX_GAP);
+        for key in &mut self.keys {
+            let time_s = self.optics.middle_s(key.first_s);
+            if path.pose(time_s + 1e-3).is_some() || path.pose(time_s - 1e-3).is_some() {
+                key.speed = path.speed(time_s);
+            }
+        }
+    }
+
+    /// Frames in other light than most (a flash, whose edge cuts through the rows) tell little of the
+    /// print and much that is wrong.
+    fn drop_strange_light(&mut self) {
+        let mut levels: Vec<f64> = self.keys.iter().map(|key| key.ln_gain).collect();
+        let Some(usual) = median(&mut levels) else { return };
+        let is_usual = |key: &Key| (key.ln_gain - usual).abs() < STRANGE_LIGHT;
+        if self.keys.iter().filter(|key| is_usual(key)).count() >= LEAST_KEYS {
+            self.keys.retain(is_usual);
+        }
+        self.level_gains();
     }
 
     /// Brightness is counted from the frames' mean: the map has the rest.
@@ -333,54 +374,6 @@ impl<'a> Surveyor<'a> {
         })?;
         Ok((HeadPath::new(self.tag.zero(), knots, MAX_GAP), n_frames))
     }
-}
-
-/// Finds a frame's pose against the map, from a start that is near.
-fn locate(reference: &Reference<'_>, mut key: Key) -> Option<PathKnot> {
-    let focal = reference.optics.camera.lens.focal_px;
-    for _ in 0..8 {
-        let equations = reference.own(&key)?;
-        if equations.n < 50 * OWN {
-            return None;
-        }
-        let inverse = equations.normal.try_inverse()?;
-        let change = inverse * equations.right;
-        (0..4).for_each(|i| key.pose[i] += change[i]);
-        key.ln_gain += change[4];
-        let moved_px = change[0].hypot(change[1]) * focal / key.pose[2];
-        if moved_px < 2e-3 {
-            let misfit = equations.squares / equations.n as f64;
-            let pose_error: HeadPose =
-                std::array::from_fn(|i| (inverse[(i, i)] * misfit).max(0.0).sqrt());
-            let time_s = reference.optics.middle_s(key.first_s);
-            let misfit = misfit.sqrt();
-            let (pose, ln_gain) = (key.pose, key.ln_gain);
-            return Some(PathKnot { time_s, pose, pose_error, ln_gain, misfit });
-        }
-    }
-    None
-}
-
-/// A frame's equations with its own unknowns taken out.
-struct Part {
-    normal: SMatrix<f64, SHARED, SHARED>,
-    right: SVector<f64, SHARED>,
-    /// The frame's own change is `own_right - own_shared * shared`.
-    own_right: SVector<f64, OWN>,
-    own_shared: SMatrix<f64, OWN, SHARED>,
-}
-
-fn split(normal: &SMatrix<f64, ALL, ALL>, right: &SVector<f64, ALL>) -> Option<Part> {
-    let own = normal.fixed_view::<OWN, OWN>(0, 0).into_owned().try_inverse()?;
-    let across = normal.fixed_view::<OWN, SHARED>(0, OWN).into_owned();
-    let rest = normal.fixed_view::<SHARED, SHARED>(OWN, OWN).into_owned();
-    let (own_right, own_shared) = (own * right.fixed_rows::<OWN>(0), own * across);
-    Some(Part {
-        normal: rest - across.transpose() * own_shared,
-        right: right.fixed_rows::<SHARED>(OWN) - across.transpose() * own_right,
-        own_right,
-        own_shared,
-    })
 }
 
 fn median(values: &mut [f64]) -> Option<f64> {

@@ -12,7 +12,8 @@ use nalgebra::{SMatrix, SVector, Vector3};
 pub(super) const TIES: usize = 10;
 
 /// Standard deviations of what the rig and the clocks say: radians, millimetres, shares, seconds.
-pub(super) const PRIOR: [f64; TIES] = [0.1, 0.1, 0.1, 5.0, 5.0, 5.0, 0.03, 0.1, 0.1, 1e-4];
+/// A distance and a focal length look much alike, so that these are held tight.
+pub(super) const PRIOR: [f64; TIES] = [0.1, 0.1, 0.1, 2.0, 2.0, 1.0, 0.01, 0.02, 0.1, 2e-5];
 
 /// Steps for slopes.
 const STEPS: [f64; TIES] = [1e-5, 1e-5, 1e-5, 1e-3, 1e-3, 1e-3, 1e-5, 1e-4, 1e-4, 1e-5];

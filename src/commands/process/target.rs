@@ -57,6 +57,28 @@ pub(super) fn clocks_and_tracks(
     Ok(steps)
 }
 
+/// The map of the print and the event camera tied to it.
+pub(super) fn scene(
+    session: &Session,
+    args: &ProcessArgs,
+    output: &Output,
+) -> anyhow::Result<Steps> {
+    let mut steps = Steps::default();
+    match crate::commands::scene::make(session, args.force, output) {
+        Ok(made) => {
+            let words = crate::commands::scene::text(&made);
+            steps.did("scene", &words, &crate::commands::scene::value(&made));
+        }
+        Err(error @ PipelineError::Missing { .. }) => steps.leave_out("scene", &error.to_string()),
+        Err(error @ PipelineError::Scene(_)) => {
+            steps.leave_out("scene", &error.to_string());
+            steps.n_lost += 1;
+        }
+        Err(error) => return Err(error.into()),
+    }
+    Ok(steps)
+}
+
 /// Events from the Pi's frames, each light with its published constants unless the user chose.
 pub(super) fn generate_from_pi(
     session: &Session,
