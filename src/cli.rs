@@ -4,27 +4,34 @@ use clap::{Args, Parser, Subcommand};
 
 mod about;
 mod check;
+mod demo;
 mod diagnose;
 mod emulate;
 mod guard;
 mod import;
+mod pi;
 mod plan;
 mod record;
 mod session;
 mod stages;
+mod target;
 
 pub use about::{CompletionsArgs, ManArgs};
 pub use check::CheckArgs;
-pub use diagnose::DiagnoseArgs;
+pub use demo::DemoArgs;
+pub use diagnose::{BaselineChoice, DiagnoseArgs};
+pub use emulate::{EmulateArgs, EmulateArmArgs, EmulateCameraArgs, EmulatedDevice};
 pub use emulate::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
 pub use guard::GuardArgs;
 pub use import::{
     ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
 };
+pub use pi::{PairArgs, PiArgs, PiCamera};
 pub use plan::PlanArgs;
 pub use record::RecordArgs;
 pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
+pub use target::{FilterArgs, FilterChoice, SceneArgs, SyncArgs, TrackArgs};
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]
@@ -60,12 +67,22 @@ pub struct GlobalArgs {
 /// One verb a variant.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Show the whole way on the simulated rig: record five seconds, process them, write the report
+    Demo(DemoArgs),
     /// Take in a recording made elsewhere as a session
     Import(ImportArgs),
     /// Say what is in a session, stream by stream, counted from its files
     Info(InfoArgs),
     /// Recompute checksums and counts and say whether they hold
     Verify(VerifyArgs),
+    /// Put the Pi's frames and the events on one clock, with its error
+    Sync(SyncArgs),
+    /// Follow the tag through frames
+    Track(TrackArgs),
+    /// Map the print and tie the event camera to it: the light signal of its pixels
+    Scene(SceneArgs),
+    /// Cut event streams to the tracked picture and free them of noise
+    Filter(FilterArgs),
     /// Generate events from frames
     Generate(GenerateArgs),
     /// Compare simulated events with real ones, each measure with its error
@@ -88,6 +105,10 @@ pub enum Command {
     Completions(CompletionsArgs),
     /// Serve a simulated device on the real wire, for tests and other programs
     Emulate(EmulateArgs),
+    /// Serve the Raspberry Pi's camera to a recorder; runs on the Pi
+    Pi(PiArgs),
+    /// Make the keys by which host and Pi know each other
+    Pair(PairArgs),
     /// Own the arm's port and stop the arm when evrig dies
     #[command(hide = true)]
     Guard(GuardArgs),

@@ -15,6 +15,7 @@
 //! | [`envelope()`] | smallest latency between steps; the default for frame pairs |
 //! | [`hull()`], [`olson2()`] | other one-sided methods, to cross-check |
 //! | [`motion()`] | offset and rate from a motion that two cameras saw |
+//! | [`synchronise()`] | all of them on a session's evidence; the best is taken, the rest check it |
 //!
 //! Everything here is a function from values to values.
 
@@ -33,6 +34,7 @@ mod paper_interval;
 mod paper_window;
 mod rows;
 mod steps;
+mod synchronise;
 mod trace;
 
 #[cfg(test)]
@@ -55,3 +57,7 @@ pub use olson2::olson2;
 pub use paper_interval::{PaperUnit, paper_interval};
 pub use paper_window::paper_window;
 pub use rows::{ExposureSign, RowTiming};
+pub use synchronise::{
+    Attempt, EventsClock, Evidence, MotionAttempt, Reference, SessionClocks, host_reading,
+    synchronise,
+};

@@ -10,18 +10,24 @@ use std::process::ExitCode;
 mod about;
 mod check;
 mod compare;
+mod demo;
 mod diagnose;
 mod emulate;
 mod export;
+mod filter;
 mod generate;
 mod guard;
 mod import;
 mod info;
 mod output;
+mod pi;
 mod plan;
 mod process;
 mod record;
 mod report;
+mod scene;
+mod sync;
+mod track;
 mod verify;
 
 pub use output::{Output, WrongUse};
@@ -64,6 +70,10 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Import(args) => import::run(&args.what, output),
         Command::Info(args) => info::run(&args, output),
         Command::Verify(args) => verify::run(&args, output),
+        Command::Sync(args) => sync::run(&args, output),
+        Command::Scene(args) => scene::run(&args, output),
+        Command::Track(args) => track::run(&args, output),
+        Command::Filter(args) => filter::run(&args, output),
         Command::Generate(args) => generate::run(&args, output),
         Command::Compare(args) => compare::run(&args, output),
         Command::Diagnose(args) => diagnose::run(&args, output),
@@ -72,9 +82,12 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Export(args) => export::run(&args, output),
         Command::Check(args) => check::check(&args, output),
         Command::Record(args) => record::record(&args, output),
+        Command::Demo(args) => demo::demo(&args, output),
         Command::Plan(args) => plan::plan(&args, output),
         Command::Completions(args) => about::completions(&args, &mut Cli::command()),
         Command::Emulate(args) => emulate::emulate(&args, output),
+        Command::Pi(args) => pi::pi(&args, output),
+        Command::Pair(args) => pi::pair(&args, output),
         Command::Guard(args) => guard::guard(&args, output),
         Command::Man(args) => about::man(&args, Cli::command(), output),
     }

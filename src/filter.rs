@@ -9,6 +9,7 @@
 //! | [`refractory`] | an event too soon after the last kept one of its pixel |
 //! | [`background`] | an event without a recent neighbour |
 //! | [`hot_pixel`] | all events of pixels that fire far too often |
+//! | [`region`] | an event outside a region that moves, at the event's own time |
 //! | [`rate`] | events beyond what a link or a display can take, thinned evenly |
 //!
 //! All need ascending time and events on the grid. Those that look back keep state only
@@ -18,6 +19,7 @@ pub mod background;
 pub mod hot_pixel;
 pub mod rate;
 pub mod refractory;
+pub mod region;
 mod tally;
 
 pub use tally::{Reason, Tally};

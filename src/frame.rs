@@ -1,5 +1,9 @@
 //! Frames: pixels with the time at which they saw light.
 
+mod bayer;
+
+pub use bayer::{BayerOrder, BayerPlanes, BayerSite, UnknownOrder, bayer_brightness};
+
 use crate::geometry::Size;
 use crate::time::{Clock, Span, Stamp};
 

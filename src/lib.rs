@@ -25,6 +25,7 @@
 //! | [`diagnose`] | what the prediction leaves over: which physical effect is missing, what it buys, when to abstain |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
+//! | [`prove`] | concealed trials: what is hidden, sealed, found again and counted |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
 //!
 //! # Invariants
@@ -52,6 +53,7 @@ pub mod geometry;
 pub mod imu;
 pub mod pipeline;
 pub mod predict;
+pub mod prove;
 pub mod record;
 pub mod report;
 pub mod rig;

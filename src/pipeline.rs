@@ -7,21 +7,40 @@
 
 mod compare;
 mod diagnose;
+mod filter;
 mod generate;
 mod inputs;
+mod light;
 mod report;
+mod scene;
+mod sync;
+mod track;
 
 pub use compare::{CompareRequest, compare, read_comparison};
-pub use diagnose::{DiagnoseRequest, diagnose, read_diagnosis};
+pub use diagnose::{Baseline, DiagnoseRequest, default_baseline, diagnose, read_diagnosis};
+pub use filter::{
+    FilterRequest, FilterSettings, FilterTally, FilteredStream, filter, read_filter_tally,
+    track_for,
+};
 pub use generate::{GenerateRequest, Generated, GenerationSpeed, default_light, generate};
+pub use light::{Light, light};
 pub use report::report;
+pub use scene::{SceneMade, read_scene, scene, scene_streams};
+pub use sync::{SyncTally, Synced, pi_streams, read_clocks, sync};
+pub use track::{
+    AnyTrack, TrackRequest, TrackSummary, Tracked, read_summary, read_track, track, tracked,
+};
 
+use crate::clock::ClockError;
 use crate::compare::CompareError;
 use crate::diagnose::DiagnoseError;
+use crate::filter::FilterError;
 use crate::format::aedat4::WriteError;
 use crate::generate::{GenerateError, ParameterError};
 use crate::report::page::PageError;
 use crate::report::plot::picture::PictureError;
+use crate::roi::TrackError;
+use crate::scene::SceneError;
 use crate::session::{SessionError, StageRecord, read_stage};
 use std::path::{Path, PathBuf};
 
@@ -40,6 +59,37 @@ pub enum PipelineError {
         stream: String,
         /// What is wrong with which frame.
         source: GenerateError,
+    },
+    /// The clocks cannot be put together.
+    #[error("the clocks of {session}: {source}", session = session.display())]
+    Clock {
+        /// The session.
+        session: PathBuf,
+        /// What is wrong.
+        source: ClockError,
+    },
+    /// No map of the print can be made, or the event camera cannot be tied to it.
+    #[error("scene: {0}")]
+    Scene(#[from] SceneError),
+    /// The tag cannot be tracked.
+    #[error("stream `{stream}` of {session}: {source}", session = session.display())]
+    Track {
+        /// The session.
+        session: PathBuf,
+        /// The frames.
+        stream: String,
+        /// What is wrong.
+        source: TrackError,
+    },
+    /// Events cannot be filtered.
+    #[error("stream `{stream}` of {session}: {source}", session = session.display())]
+    Filter {
+        /// The session.
+        session: PathBuf,
+        /// The events, or the track behind their region.
+        stream: String,
+        /// What is wrong.
+        source: FilterError,
     },
     /// The generator's parameters cannot be used.
     #[error(transparent)]

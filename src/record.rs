@@ -8,10 +8,14 @@
 mod bench;
 mod engine;
 mod files;
+mod runs;
+mod simulate;
 mod stop;
 
-pub use bench::{Bench, BenchError};
+pub use bench::{Bench, BenchError, Opening, cameras};
 pub use engine::{Dwells, Outcome, RecordError, Request, preflight, record};
+pub use runs::{Attempt, RUNS_SCHEMA, RunList, RunsError};
+pub use simulate::{SimulateError, Simulation, simulate};
 pub use stop::{Stop, StopToken};
 
 use crate::device::Arm;

@@ -12,4 +12,5 @@ pub mod page;
 pub mod plot;
 pub mod session;
 pub mod table;
+pub mod target;
 pub mod terminal;

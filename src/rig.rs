@@ -2,6 +2,7 @@
 
 mod arm;
 mod camera;
+mod delivery;
 mod fields;
 mod kinematics;
 mod limits;
@@ -14,7 +15,9 @@ mod text;
 pub use arm::{ArmDescription, ArmPort};
 pub use camera::{
     CameraDescription, DAVIS_BIASES, DavisDescription, PiDescription, Transport, UnknownTransport,
+    middle_crop_origin_px,
 };
+pub use delivery::{Coding, Focus, RgbDelivery, UnknownWord};
 pub(crate) use fields::{Fields, closest, read_description};
 pub use kinematics::{Kinematics, Unreachable};
 pub use limits::{Gauge, JointLimits, SpeedLimits, ToolRates, Workspace};

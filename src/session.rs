@@ -20,6 +20,7 @@ pub mod import;
 mod journal;
 mod layout;
 mod manifest;
+mod pictures;
 mod read;
 mod recording;
 mod rig_log;
@@ -31,15 +32,17 @@ pub use checksum::{Sha256Hex, sha256_of_bytes, sha256_of_file};
 pub use export::{ExportedArray, export_npz};
 pub use journal::Journal;
 pub use layout::{Layout, StreamName};
+pub(crate) use manifest::write_whole;
 pub use manifest::{
     Damage, DeviceEntry, FileEntry, Loss, Manifest, Origin, Recording, SCHEMA, Status, StreamEntry,
     StreamKind,
 };
+pub use pictures::{DavisPictures, PiPictures, PiStamps, Picture, PictureFacts};
 pub use read::{EventTally, LuminanceFrames};
 pub use recording::seal_recording;
 pub use rig_log::{
     Arrival, ClockExchange, ClockSandwich, FrameMetadata, HostTime, PacketArrival, PiFrame,
-    RigLogError, RigLogWriter, Severity, Topic,
+    RawClockSandwich, RigLogError, RigLogWriter, RigNotes, Severity, TimedPose, Topic,
 };
 pub use stage::{StageRecord, read_stage, write_stage};
 pub use verify::{Finding, Verification, verify};
@@ -86,8 +89,8 @@ pub enum SessionError {
     },
     /// A stream whose stamps are not on the events' clock.
     #[error(
-        "stream `{name}` of {root} is on the clock `{clock}`, and this version cannot yet map it to \
-         the events' clock; `evrig export` writes its frames and stamps",
+        "stream `{name}` of {root} is on the clock `{clock}`, which is not the one asked for; \
+         `evrig sync` finds the map between the two",
         root = root.display()
     )]
     OtherClock {

@@ -2,8 +2,10 @@
 
 mod estimate;
 mod moments;
-mod random;
+mod split_mix;
+mod wilson;
 
 pub use estimate::Estimate;
 pub use moments::{Moments, quantile_sorted};
-pub use random::SplitMix;
+pub use split_mix::SplitMix;
+pub use wilson::wilson95;

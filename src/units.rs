@@ -71,6 +71,11 @@ macro_rules! unit {
 }
 
 unit!(
+    /// Bytes a second: data rate.
+    BytesPerSecond,
+    "B/s"
+);
+unit!(
     /// A length on the print, in the tool frame or in the workspace.
     Millimetres,
     "mm"

@@ -16,6 +16,40 @@ pub struct EmulateArgs {
 pub enum EmulatedDevice {
     /// A Dobot Magician on a pseudo-terminal, until Ctrl-C
     Arm(EmulateArmArgs),
+    /// A DAVIS346 as AEDAT4 over TCP, one stream a port, until Ctrl-C
+    Davis(EmulateCameraArgs),
+    /// A Raspberry Pi with its camera, as `evrig record` speaks with it, until Ctrl-C
+    Pi(EmulateCameraArgs),
+}
+
+/// Arguments of `evrig emulate davis` and `evrig emulate pi`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    evrig emulate davis --listen 127.0.0.1:7777\n  \
+    evrig emulate pi --rig rig/sim.toml --trajectory line\n\n\
+    The addresses are the first line on stdout: for a DAVIS its events, and behind a comma its frames,\n\
+    as `davis.transport = \"tcp://...\"` takes them. The camera goes along the trajectory and back for\n\
+    ever; a machine that cannot work out what it sees in time lags behind and loses nothing.")]
+pub struct EmulateCameraArgs {
+    /// The rig: a file, or the name of a bundled one
+    #[arg(long, default_value = "sim")]
+    pub rig: String,
+
+    /// The trajectory along which the camera goes: a file, or the name of a bundled one
+    #[arg(long, default_value = "circle")]
+    pub trajectory: String,
+
+    /// What it sees (see rig/world.toml); the nominal world if not given
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
+
+    /// Seed of everything that is random in the world
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+
+    /// Where to listen; frames of a DAVIS come at the next port, and 0 is any port
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:0")]
+    pub listen: std::net::SocketAddr,
 }
 
 /// Arguments of `evrig emulate arm`.

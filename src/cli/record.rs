@@ -6,8 +6,11 @@ use std::path::PathBuf;
 /// Arguments of `evrig record`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
+    evrig record sim circle --out sessions/simulated\n  \
     evrig record rig/lab.toml circle --out sessions/one\n  \
-    evrig record rig/lab.toml protocol --without-optional --out sessions/two\n\n\
+    evrig record rig/lab.toml protocol --without-optional --out sessions/two\n  \
+    evrig record rig/lab.toml circle --repeat 50 --out datasets/monday\n  \
+    evrig record rig/lab.toml circle --resume --out datasets/monday\n\n\
     Ctrl-C stands the arm at once, SIGUSR1 ends at the next corner of the path; both leave a sealed\n\
     session. Exit code 3: recorded with losses; 130: ended by the operator.")]
 pub struct RecordArgs {
@@ -21,6 +24,14 @@ pub struct RecordArgs {
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
 
+    /// Record so many times, each in its own directory below --out, with a list of them in runs.json
+    #[arg(long, value_name = "N", conflicts_with = "resume")]
+    pub repeat: Option<u32>,
+
+    /// Take up the series of --repeat in --out where it ended: what is not complete is recorded again
+    #[arg(long)]
+    pub resume: bool,
+
     /// Leave out the segments that need the operator's hands
     #[arg(long)]
     pub without_optional: bool,
@@ -28,6 +39,14 @@ pub struct RecordArgs {
     /// Home the arm first: its base sweeps, so clear the table
     #[arg(long)]
     pub home: bool,
+
+    /// What simulated cameras see (see rig/world.toml); the rig's nominal world if not given
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
+
+    /// Seed of everything that is random in the simulated world
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
 
     /// Play a recording that stands in for the DAVIS (davis.transport = "file:...") so many times as fast
     #[arg(long, value_name = "X", default_value_t = 1.0)]

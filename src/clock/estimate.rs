@@ -193,6 +193,15 @@ impl<A: Clock, B: Clock> ClockEstimate<A, B> {
         self.segment_at(at).map(|segment| segment.map.map(at))
     }
 
+    /// The instant that clock `A` shows as `at`, on clock `B`; nothing for an estimate without
+    /// segments. Where clock `A` was set back an instant has two, of which the later is given.
+    #[must_use]
+    pub fn inverse_map(&self, at: Stamp<A>) -> Option<Stamp<B>> {
+        let begun = |segment: &&Segment<A, B>| segment.map.map(segment.first) <= at;
+        let segment = self.segments.iter().rev().find(begun).or_else(|| self.segments.first())?;
+        Some(segment.map.inverse().map(at))
+    }
+
     /// Interval of truth minus map at `at` that covers in 95 % of repetitions, the smallest latency set aside.
     #[must_use]
     pub fn statistical95(&self, at: Stamp<B>) -> Option<[Span; 2]> {

@@ -1,19 +1,28 @@
 //! `emulate`: serves a simulated device until Ctrl-C.
 
+use super::record::{described, world};
 use super::{Ending, Output, WrongUse};
-use crate::cli::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
+use crate::cli::{EmulateArgs, EmulateArmArgs, EmulateCameraArgs, EmulatedDevice};
+use crate::device::pi::agent::Agent;
 use crate::device::sim::arm::fault::Fault;
 use crate::device::sim::arm::{ArcSpeed, Clock, Emulator, Imperfections, OnAlarm, Options};
+use crate::device::sim::davis::DavisServer;
+use crate::device::sim::live::LiveWorld;
+use crate::device::sim::pi::SimulatedSource;
 use crate::time::Span;
+use crate::trajectory::Optional;
 use crate::units::Degrees;
 use anyhow::Context;
 use serde::Serialize;
+use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 
 pub(super) fn emulate(args: &EmulateArgs, output: &Output) -> anyhow::Result<Ending> {
     match &args.device {
         EmulatedDevice::Arm(args) => arm(args, output),
+        EmulatedDevice::Davis(args) => davis(args, output),
+        EmulatedDevice::Pi(args) => pi(args, output),
     }
 }
 
@@ -43,12 +52,7 @@ fn arm(args: &EmulateArmArgs, output: &Output) -> anyhow::Result<Ending> {
         .transpose()?
         .map(|file| Box::new(file) as Box<dyn Write + Send>);
     let clock = Clock::Scaled(args.time_scale);
-    // Signals are taken over before the port is announced, so that none falls between.
-    let mut signals = signal_hook::iterator::Signals::new([
-        signal_hook::consts::SIGINT,
-        signal_hook::consts::SIGTERM,
-        signal_hook::consts::SIGHUP,
-    ])?;
+    let mut signals = signals()?;
     let mut emulator = Emulator::start_with_journal(options(args), clock, faults, journal)?;
     if let Some(link) = &args.link {
         emulator.link(link)?;
@@ -58,6 +62,44 @@ fn arm(args: &EmulateArmArgs, output: &Output) -> anyhow::Result<Ending> {
     output.say("a simulated Dobot Magician answers there; Ctrl-C ends it");
     signals.forever().next();
     Ok(Ending::Done)
+}
+
+fn davis(args: &EmulateCameraArgs, output: &Output) -> anyhow::Result<Ending> {
+    let mut signals = signals()?;
+    let live = live(args)?;
+    let server = DavisServer::serve(std::sync::Arc::clone(&live), args.listen)?;
+    server.progress().begin(live.now());
+    let addresses: Vec<String> = server.addresses().iter().map(ToString::to_string).collect();
+    output.result(&json!({ "addresses": addresses }), addresses.join(","))?;
+    output.say("a simulated DAVIS346 serves events and frames there; Ctrl-C ends it");
+    signals.forever().next();
+    Ok(Ending::Done)
+}
+
+fn pi(args: &EmulateCameraArgs, output: &Output) -> anyhow::Result<Ending> {
+    let mut signals = signals()?;
+    let source = SimulatedSource::new(live(args)?);
+    let agent = Agent::serve(args.listen, Box::new(source))?;
+    output.result(&json!({ "addresses": [agent.address()] }), agent.address())?;
+    output.say("a simulated Pi camera answers there; Ctrl-C ends it");
+    signals.forever().next();
+    Ok(Ending::Done)
+}
+
+/// The world of a camera that goes along a path and back.
+fn live(args: &EmulateCameraArgs) -> anyhow::Result<std::sync::Arc<LiveWorld>> {
+    let world = world(args.world.as_deref())?;
+    let (rig, _, path) = described(&args.rig, &args.trajectory, Optional::LeftOut)?;
+    Ok(LiveWorld::along(&path, &rig, &world, args.seed)?)
+}
+
+/// Signals are taken over before an address is announced, so that none falls between.
+fn signals() -> std::io::Result<signal_hook::iterator::Signals> {
+    signal_hook::iterator::Signals::new([
+        signal_hook::consts::SIGINT,
+        signal_hook::consts::SIGTERM,
+        signal_hook::consts::SIGHUP,
+    ])
 }
 
 fn options(args: &EmulateArmArgs) -> Options {

@@ -4,13 +4,19 @@ use super::plan::refused;
 use super::{Ending, Output, WrongUse};
 use crate::cli::RecordArgs;
 use crate::device::davis::Pace;
-use crate::record::{self, Bench, Dwells, RecordError, Request, State, Stop, StopToken};
+use crate::device::dobot::guard::Stopper;
+use crate::device::sim::world::WorldDescription;
+use crate::record::{
+    self, Bench, Dwells, Opening, Outcome, RUNS_SCHEMA, Request, RunList, RunsError, State, Stop,
+    StopToken,
+};
 use crate::rig::Rig;
-use crate::session::{Session, verify};
+use crate::session::{Session, Status, verify};
 use crate::trajectory::{Optional, Path, Plan, Trajectory};
-use serde_json::json;
+use serde_json::{Value, json};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 use std::fmt::Write;
+use std::sync::{Arc, Mutex, PoisonError};
 
 pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Ending> {
     if !(args.replay_pace > 0.0 && args.replay_pace.is_finite()) {
@@ -20,31 +26,110 @@ pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Endin
     }
     let optional = if args.without_optional { Optional::LeftOut } else { Optional::Included };
     let (rig, trajectory, path) = described(&args.rig, &args.trajectory, optional)?;
-    let mut bench = Bench::open(&rig, Pace::Times(args.replay_pace), args.home)?;
-    let stop = StopToken::default();
-    listen_for_signals(&stop, &bench)?;
-    let bar = output.progress("recording", 1000);
-    let request = Request {
-        rig: &rig,
-        trajectory: &trajectory,
-        path: &path,
-        out: &args.out,
-        dwells: Dwells::default(),
+    let world = world(args.world.as_deref())?;
+    let opening = Opening {
+        pace: Pace::Times(args.replay_pace),
+        home: args.home,
+        start: path.start(),
+        world: &world,
+        seed: args.seed,
     };
-    let mut watch = |state: State, share: f64| {
-        bar.set_position((share * 1000.0) as u64);
-        if state != State::Trajectory {
-            output.detail(state);
+    let operator = Operator::listen()?;
+    let work = Work { rig: &rig, trajectory: &trajectory, path: &path, operator, output };
+    let list = match (args.repeat, args.resume) {
+        (Some(n_runs), _) => RunList::begin(&args.out, n_runs, &rig, &trajectory),
+        (None, true) => RunList::resume(&args.out, &rig, &trajectory),
+        (None, false) => {
+            let take = work.take(&args.out, &opening)?;
+            output.result(&take.value, &take.text)?;
+            return Ok(take.ending);
         }
     };
-    let outcome = match record::record(request, &mut bench.devices, &stop, &mut watch) {
-        Ok(outcome) => outcome,
-        Err(error @ (RecordError::NotReady(_) | RecordError::Session(_))) => {
-            return Err(error.into());
+    let list = list.map_err(|error| match error {
+        RunsError::Session(error) => anyhow::Error::from(error),
+        error => WrongUse(error.to_string()).into(),
+    })?;
+    work.take_all(list, &opening)
+}
+
+/// What all runs of a recording have in common.
+struct Work<'a> {
+    rig: &'a Rig,
+    trajectory: &'a Trajectory,
+    path: &'a Path,
+    operator: Operator,
+    output: &'a Output,
+}
+
+/// One recording that ended.
+struct Take {
+    ending: Ending,
+    status: Status,
+    value: Value,
+    text: String,
+}
+
+impl Work<'_> {
+    /// Records what a series still lacks; what the operator ends, or what fails, ends the series too.
+    fn take_all(&self, mut list: RunList, opening: &Opening<'_>) -> anyhow::Result<Ending> {
+        let mut ending = Ending::Done;
+        let mut text = String::new();
+        while let Some(run) = list.next_run() {
+            self.output.say(format_args!("run {run} of {}", list.n_runs()));
+            let out = list.enter(run)?;
+            // Each run draws its own noise, and the same when it is made again.
+            let seed = opening.seed.wrapping_add(u64::from(run - 1));
+            let take = self.take(&out, &Opening { seed, ..*opening })?;
+            list.close(take.status)?;
+            let _ = writeln!(text, "{}", take.text);
+            match take.ending {
+                Ending::Done => {}
+                Ending::WithLosses => ending = Ending::WithLosses,
+                other => {
+                    ending = other;
+                    break;
+                }
+            }
         }
-    };
-    bar.finish_and_clear();
-    let holds = verify(&Session::open(&args.out)?)?.holds();
+        let value = json!({
+            "schema": RUNS_SCHEMA, "n_runs": list.n_runs(), "attempts": list.attempts(),
+            "is_complete": list.next_run().is_none(),
+        });
+        self.output.result(&value, text.trim_end())?;
+        Ok(ending)
+    }
+
+    /// Records one session.
+    fn take(&self, out: &std::path::Path, opening: &Opening<'_>) -> anyhow::Result<Take> {
+        let output = self.output;
+        let mut bench = Bench::open(self.rig, opening)?;
+        self.operator.can_halt(bench.stopper.clone());
+        let bar = output.progress("recording", 1000);
+        let request = Request {
+            rig: self.rig,
+            trajectory: self.trajectory,
+            path: self.path,
+            out,
+            dwells: Dwells::default(),
+        };
+        let mut said = None;
+        let mut watch = |state: State, share: f64| {
+            bar.set_position((share * 1000.0) as u64);
+            if said != Some(state) {
+                said = Some(state);
+                bar.set_message(state.to_string());
+                output.detail(state);
+            }
+        };
+        let outcome = record::record(request, &mut bench.devices, &self.operator.stop, &mut watch)?;
+        bar.finish_and_clear();
+        let holds = verify(&Session::open(out)?)?.holds();
+        Ok(told(out, &outcome, holds, output))
+    }
+}
+
+/// How a recording went, in words and as a value.
+fn told(out: &std::path::Path, outcome: &Outcome, holds: bool, output: &Output) -> Take {
     let manifest = &outcome.manifest;
     let mut text = String::new();
     for stream in &manifest.streams {
@@ -54,42 +139,68 @@ pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Endin
         output.warn(format_args!("{}: {} ({})", loss.stream, loss.what, loss.count));
     }
     let verdict = if holds { "verified" } else { "does NOT verify" };
-    let _ = write!(text, "{}: {:?}, {verdict}", args.out.display(), manifest.status);
+    let _ = write!(text, "{}: {:?}, {verdict}", out.display(), manifest.status);
     let value = json!({
-        "schema": "evrig.record/1", "session": args.out, "status": manifest.status, "holds": holds,
+        "schema": "evrig.record/1", "session": out, "status": manifest.status, "holds": holds,
         "cut_short": outcome.cut_short, "streams": manifest.streams, "losses": manifest.losses,
     });
-    output.result(&value, text)?;
-    Ok(match (&outcome.cut_short, holds) {
+    let ending = match (&outcome.cut_short, holds) {
         (_, false) => Ending::Negative,
         (Some(_), _) if outcome.is_asked_for => Ending::Aborted,
         (Some(_), _) => Ending::Failed,
         (None, _) if manifest.losses.is_empty() => Ending::Done,
         (None, _) => Ending::WithLosses,
-    })
+    };
+    Take { ending, status: manifest.status, value, text }
 }
 
-/// Ctrl-C and every other wish to end stand the arm at once; SIGUSR1 ends at the next corner.
-fn listen_for_signals(stop: &StopToken, bench: &Bench) -> std::io::Result<()> {
-    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP, SIGUSR1])?;
-    let (stop, stopper) = (stop.clone(), bench.stopper.clone());
-    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
-        for signal in signals.forever() {
-            if signal == SIGUSR1 {
-                stop.ask(Stop::AfterStep);
-                continue;
-            }
-            if let Some(stopper) = &stopper {
-                // A guard that is gone has stopped the arm already.
-                let _ = stopper.halt();
-            }
-            stop.ask(Stop::AtOnce);
-        }
-    })?;
-    Ok(())
+/// Who may end a recording: Ctrl-C and every other wish to end stand the arm at once; SIGUSR1 ends
+/// at the next corner.
+struct Operator {
+    stop: StopToken,
+    /// Halts the arm of the run under way.
+    stopper: Arc<Mutex<Option<Stopper>>>,
 }
 
-fn described(
+impl Operator {
+    fn listen() -> std::io::Result<Self> {
+        let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP, SIGUSR1])?;
+        let operator = Self { stop: StopToken::default(), stopper: Arc::default() };
+        let (stop, stopper) = (operator.stop.clone(), Arc::clone(&operator.stopper));
+        std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+            for signal in signals.forever() {
+                if signal == SIGUSR1 {
+                    stop.ask(Stop::AfterStep);
+                    continue;
+                }
+                // Held for a store or a load only, never while the arm is spoken to.
+                let stopper = stopper.lock().unwrap_or_else(PoisonError::into_inner).clone();
+                if let Some(stopper) = stopper {
+                    // A guard that is gone has stopped the arm already.
+                    let _ = stopper.halt();
+                }
+                stop.ask(Stop::AtOnce);
+            }
+        })?;
+        Ok(operator)
+    }
+
+    fn can_halt(&self, stopper: Option<Stopper>) {
+        *self.stopper.lock().unwrap_or_else(PoisonError::into_inner) = stopper;
+    }
+}
+
+/// The world of a description file, or the nominal one.
+pub(super) fn world(path: Option<&std::path::Path>) -> anyhow::Result<WorldDescription> {
+    let Some(path) = path else { return Ok(WorldDescription::default()) };
+    let file = path.display().to_string();
+    let text =
+        std::fs::read_to_string(path).map_err(|error| WrongUse(format!("{file}: {error}")))?;
+    Ok(WorldDescription::parse(&file, &text).map_err(|error| WrongUse(error.to_string()))?)
+}
+
+/// Rig, trajectory, and the way of the one on the other, which the arm can go.
+pub(super) fn described(
     rig: &str,
     trajectory: &str,
     optional: Optional,

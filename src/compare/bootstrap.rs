@@ -7,7 +7,7 @@
 //! understates a variance by (G - 1) / G. Each replicate has its own random sequence,
 //! made from seed and number: results do not depend on the number of threads.
 
-use crate::stats::Estimate;
+use crate::stats::{Estimate, SplitMix};
 use rayon::prelude::*;
 
 /// Resampling with a seed.
@@ -65,37 +65,13 @@ impl Bootstrap {
     /// those of the replicates.
     pub(super) fn flips(&self, n: usize, number: u64) -> Vec<bool> {
         let mut random = SplitMix::new(self.seed ^ 0x666c_6970, number);
-        (0..n).map(|_| random.next() >> 63 == 1).collect()
+        (0..n).map(|_| random.bits() >> 63 == 1).collect()
     }
 }
 
 /// Sum of products.
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// The SplitMix64 generator (Steele, Lea and Flood, OOPSLA 2014).
-pub(super) struct SplitMix(u64);
-
-impl SplitMix {
-    pub(super) fn new(seed: u64, number: u64) -> Self {
-        let mut mixed = Self(seed);
-        let offset = mixed.next();
-        Self(offset ^ number.wrapping_mul(0xd134_2543_de82_ef95))
-    }
-
-    pub(super) fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// A number below `n`; its bias is below n / 2^64.
-    pub(super) fn below(&mut self, n: usize) -> usize {
-        ((u128::from(self.next()) * n as u128) >> 64) as usize
-    }
 }
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! The errors are under test too: in repeated worlds of known truth the 90 % intervals must hold
 //! the truth in about 90 %.
 
-use super::bootstrap::SplitMix;
 use super::*;
 use crate::event::{Event, Events};
 use crate::stats::Estimate;
+use crate::stats::SplitMix;
 
 /// The row on which bursty light falls.
 const ROW: Size = Size::new(48, 1);
@@ -13,7 +13,7 @@ const SIZE: Size = Size::new(48, 48);
 const N_WORLDS: u64 = 120;
 
 fn uniform(random: &mut SplitMix) -> f64 {
-    random.next() as f64 / u64::MAX as f64
+    random.uniform()
 }
 
 fn sorted(events: Vec<Event>) -> Events {

@@ -1,9 +1,9 @@
 //! Whole comparisons with planted truths.
 
-use super::bootstrap::SplitMix;
 use super::*;
 use crate::event::{Event, Events};
 use crate::stats::Estimate;
+use crate::stats::SplitMix;
 
 const SIZE: Size = Size::new(48, 48);
 const WINDOW: [i64; 2] = [0, 4_000_000];

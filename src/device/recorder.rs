@@ -8,6 +8,7 @@ use super::{Finding, host_clock};
 use crate::format::aedat4::{Content, StreamSpec};
 use crate::session::{ClockExchange, HostTime, PiFrame};
 use crate::time::Stamp;
+use crate::trajectory::Settings;
 
 /// Now, on both clocks of the host.
 #[must_use]
@@ -35,6 +36,20 @@ pub enum Sample {
         /// Its pictures and what the camera says of them.
         frame: Box<PiFrame>,
     },
+    /// The RGB picture of a frame that was delivered without it before.
+    LateRgb {
+        /// When it was whole.
+        arrived: HostTime,
+        /// The picture and the frame's metadata.
+        frame: Box<PiFrame>,
+    },
+    /// A remark of the device for the rig's log.
+    Note {
+        /// When it was made.
+        at: HostTime,
+        /// What it says.
+        text: String,
+    },
     /// Clocks read side by side.
     Clock(ClockExchange),
 }
@@ -53,7 +68,8 @@ impl Sample {
                 Content::Triggers(triggers) => triggers.len() * 16,
                 Content::Unknown { .. } => 0,
             },
-            Self::Frame { frame, .. } => frame.n_bytes(),
+            Self::Frame { frame, .. } | Self::LateRgb { frame, .. } => frame.n_bytes(),
+            Self::Note { text, .. } => text.len(),
             Self::Clock(_) => 0,
         };
         payload + 256
@@ -94,6 +110,17 @@ pub struct RecorderError {
     pub remedy: &'static str,
 }
 
+/// What a step asks of a camera that cannot be set while it runs.
+fn unset(camera: &str, settings: &Settings) -> Vec<String> {
+    let asked = [
+        ("aps", settings.aps.is_some()),
+        ("exposure_scale", settings.exposure_scale.is_some()),
+        ("biases", !settings.biases.is_empty()),
+    ];
+    let asked = asked.into_iter().filter(|(_, is_asked)| *is_asked);
+    asked.map(|(what, _)| format!("{camera} cannot set {what} while it runs")).collect()
+}
+
 /// A camera.
 pub trait Recorder: Send {
     /// Its part in the rig, as the manifest names it.
@@ -114,11 +141,26 @@ pub trait Recorder: Send {
     /// When none arrives in time.
     fn start(&mut self, outlet: Outlet) -> Result<(), RecorderError>;
 
+    /// Sets what a step of the path asks for beside the motion; what this device cannot do of it
+    /// comes back in words.
+    fn set(&mut self, settings: &Settings) -> Vec<String> {
+        unset(self.name(), settings)
+    }
+
     /// Looks how it goes.
     ///
     /// # Errors
     /// When the device is gone and did not come back in the time it has for that.
     fn progress(&mut self) -> Result<Tally, RecorderError>;
+
+    /// Sees no more light from its first call on; the share of what it saw before that has come,
+    /// 1 when all has. A device that keeps up has nothing to settle.
+    ///
+    /// # Errors
+    /// When the device was lost.
+    fn settle(&mut self) -> Result<f64, RecorderError> {
+        Ok(1.0)
+    }
 
     /// Takes what is still under way, ends, and says what became of it all.
     ///

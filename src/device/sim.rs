@@ -4,4 +4,9 @@
 //! with the code that is proven on it: not the generators', not the checker's.
 
 pub mod arm;
+pub mod davis;
+pub mod live;
+pub mod pi;
+pub mod progress;
+pub mod recorder;
 pub mod world;

@@ -13,6 +13,10 @@ pub enum Reason {
     Background,
     /// Its pixel is hot.
     HotPixel,
+    /// Not in the region at its time.
+    OutsideRegion,
+    /// At a time at which nobody knows where the region is.
+    NoPath,
     /// More events than the limit.
     Rate,
 }

@@ -1,7 +1,8 @@
 //! The stage `compare`: a simulated stream against the real one.
 
-use super::{Freshness, PipelineError, clear, fresh_record, inputs};
+use super::{Freshness, PipelineError, clear, filter, fresh_record, inputs};
 use crate::compare::{self, Comparison, FrameChanges, Maps, Setup};
+use crate::event::{EventSlice, Events};
 use crate::format::npy::{Column, Npz, NpzWriter};
 use crate::frame::Luminance;
 use crate::geometry::Size;
@@ -39,17 +40,19 @@ pub fn compare(
     request: &CompareRequest,
 ) -> Result<(Comparison, Freshness), PipelineError> {
     let simulated_name = request.simulated.as_str();
+    let cut = cut_alike(session, request)?;
     let mut inputs = inputs::of_events(session, &request.real)?;
     inputs.extend(inputs::of_events(session, simulated_name)?);
+    inputs.extend(cut.iter().flat_map(|cut| cut.inputs.clone()));
     let light = light_of(session, &request.simulated);
     if let Some(light) = &light {
-        let entry = session.stream(StreamKind::Frames, light)?;
-        inputs.extend(inputs::of_recorded(session, entry));
+        inputs.extend(super::light::inputs_of(session, light)?);
     }
     let parameters = json!({
         "real": request.real,
         "simulated": simulated_name,
         "light": light,
+        "is_cut_to_picture": cut.is_some(),
         "seed": request.seed,
         "n_bootstrap": N_BOOTSTRAP,
     });
@@ -61,12 +64,82 @@ pub fn compare(
     {
         return Ok((comparison, Freshness::Fresh));
     }
-    let comparison = run(session, request, light.as_deref())?;
+    let comparison = match cut {
+        Some(cut) => run_cut(session, request, cut)?,
+        None => run(session, request, light.as_deref())?,
+    };
     clear(&directory)?;
     write(&directory, &comparison)?;
     let tally = json!({ "n_real": comparison.n_real, "n_simulated": comparison.n_simulated });
     write_stage(&directory, StageRecord { tally, ..wanted }, &["comparison.json", "maps.npz"])?;
     Ok((comparison, Freshness::Ran))
+}
+
+/// Both streams as the stage `filter` left them, in the picture's own coordinates.
+struct Cut {
+    real: Events,
+    simulated: Events,
+    size: Size,
+    inputs: inputs::Inputs,
+}
+
+/// Both streams cut to the picture; none unless both were, to the same grid.
+fn cut_alike(session: &Session, request: &CompareRequest) -> Result<Option<Cut>, PipelineError> {
+    let real = filter::filtered_events(session, &StreamName::new(&request.real)?)?;
+    let simulated = filter::filtered_events(session, &request.simulated)?;
+    Ok(real.zip(simulated).filter(|(real, simulated)| real.1 == simulated.1).map(
+        |((real, size, mut inputs), (simulated, _, more))| {
+            inputs.extend(more);
+            Cut { real, simulated, size, inputs }
+        },
+    ))
+}
+
+/// Compares in the picture's own coordinates, where streams of any camera meet.
+fn run_cut(
+    session: &Session,
+    request: &CompareRequest,
+    cut: Cut,
+) -> Result<Comparison, PipelineError> {
+    let record = read_stage(&session.layout().derived("generate", Some(&request.simulated)));
+    let tally = record.map(|record| record.tally);
+    let number = |key: &str| tally.as_ref()?.get(key)?.as_i64();
+    let span = |t: &[i64]| t.first().copied().zip(t.last().copied());
+    let (real, simulated) = (cut.real.as_slice(), cut.simulated.as_slice());
+    let overlap =
+        span(real.t).zip(span(simulated.t)).map(|(a, b)| (a.0.max(b.0), a.1.min(b.1) + 1));
+    let window = number("first_us").zip(number("last_us")).or(overlap);
+    let window = window.filter(|(start, end)| start < end);
+    let window = window.ok_or_else(|| no_overlap(session, request))?;
+    let setup = Setup {
+        size: cut.size,
+        window: [window.0, window.1],
+        region: None,
+        seed: request.seed,
+        n_bootstrap: N_BOOTSTRAP,
+        frames: None,
+    };
+    judge(session, request, real, simulated, &setup)
+}
+
+fn no_overlap(session: &Session, request: &CompareRequest) -> PipelineError {
+    let what = format!("`{}` and `{}` do not overlap in time", request.real, request.simulated);
+    PipelineError::Missing { session: session.root().to_owned(), what }
+}
+
+fn judge(
+    session: &Session,
+    request: &CompareRequest,
+    real: EventSlice<'_>,
+    simulated: EventSlice<'_>,
+    setup: &Setup<'_>,
+) -> Result<Comparison, PipelineError> {
+    compare::compare(real, simulated, setup).map_err(|source| PipelineError::Compare {
+        session: session.root().to_owned(),
+        real: request.real.clone(),
+        simulated: request.simulated.to_string(),
+        source,
+    })
 }
 
 /// The frame stream a generated stream came from.
@@ -85,6 +158,14 @@ fn run(
     let missing =
         |what: String| PipelineError::Missing { session: session.root().to_owned(), what };
     let size = session.size().ok_or_else(|| missing("no stream states its pixel grid".into()))?;
+    let own = filter::grid(session, &request.simulated)?;
+    if own != size {
+        return Err(missing(format!(
+            "`{}` is on a grid of {own}, `{}` on {size}; cut both to the picture with \
+             `evrig filter --crop PX`",
+            request.simulated, request.real
+        )));
+    }
     let (real, simulated) = (real.as_slice(), simulated.as_slice());
     let light = light.map(|light| LogFrames::read(session, light)).transpose()?;
     let span = |t: &[i64]| t.first().copied().zip(t.last().copied());
@@ -92,9 +173,8 @@ fn run(
         Some(frames) => span(&frames.times_us),
         None => span(real.t).zip(span(simulated.t)).map(|(a, b)| (a.0.max(b.0), a.1.min(b.1) + 1)),
     };
-    let window = window.filter(|(start, end)| start < end).ok_or_else(|| {
-        missing(format!("`{}` and `{}` do not overlap in time", request.real, request.simulated))
-    })?;
+    let window = window.filter(|(start, end)| start < end);
+    let window = window.ok_or_else(|| no_overlap(session, request))?;
     let change = |k: usize, out: &mut [f32]| {
         if let Some(frames) = &light {
             frames.change(k, out);
@@ -110,12 +190,7 @@ fn run(
             .as_ref()
             .map(|frames| FrameChanges { times_us: &frames.times_us, change: &change }),
     };
-    compare::compare(real, simulated, &setup).map_err(|source| PipelineError::Compare {
-        session: session.root().to_owned(),
-        real: request.real.clone(),
-        simulated: request.simulated.to_string(),
-        source,
-    })
+    judge(session, request, real, simulated, &setup)
 }
 
 /// Log brightness of a stream's frames, thinned where they would not fit in memory.
@@ -136,7 +211,7 @@ impl LogFrames {
         let step = n_samples.div_ceil(MAX_SAMPLES).max(1);
         let mut frames = Self { times_us: Vec::new(), logs: Vec::new() };
         let mut last = None;
-        for (i, frame) in session.luminance(light)?.enumerate() {
+        for (i, frame) in super::light::light(session, light)?.enumerate() {
             let frame = frame?;
             if (i as u64).is_multiple_of(step) {
                 frames.push(&frame);

@@ -1,6 +1,6 @@
 //! The stage `generate`: a session's frames become an event stream.
 
-use super::{Freshness, PipelineError, clear, fresh_record, inputs};
+use super::{Freshness, PipelineError, clear, fresh_record, light};
 use crate::event::Events;
 use crate::format::aedat4::{Compression, StreamSpec, Writer};
 use crate::generate::{GenerateParameters, build};
@@ -108,9 +108,9 @@ pub fn generate(
             what: format!("`{name}` is a recorded stream; choose another --name"),
         });
     }
-    let light = session.stream(StreamKind::Frames, &request.from)?;
+    let frames = session.stream(StreamKind::Frames, &request.from)?;
     let parameters = json!({ "from": request.from, "generator": request.parameters });
-    let inputs = inputs::of_recorded(session, light);
+    let inputs = light::inputs_of(session, &request.from)?;
     let wanted = StageRecord::new("generate", Some(name.as_str()), inputs, parameters);
     let directory = session.layout().derived("generate", Some(name));
     if let (false, Some(record)) = (request.force, fresh_record(&directory, &wanted)) {
@@ -118,7 +118,7 @@ pub fn generate(
         return Ok(Generated { freshness: Freshness::Fresh, tally, record, speed: None });
     }
     clear(&directory)?;
-    let (tally, spent) = run(session, request, light.count, progress)?;
+    let (tally, spent) = run(session, request, frames.count, progress)?;
     let record = StageRecord { tally: json!(tally), ..wanted };
     let record = write_stage(&directory, record, &["events.aedat4"])?;
     let speed = Some(GenerationSpeed::new(spent, &tally));
@@ -131,7 +131,7 @@ fn run(
     n_frames: u64,
     progress: &mut dyn FnMut(u64, u64),
 ) -> Result<(GenerateTally, Duration), PipelineError> {
-    let mut frames = session.luminance(&request.from)?;
+    let mut frames = light::light(session, &request.from)?;
     let mut generator = build(&request.parameters, None)?;
     let mut writer = None;
     let mut tally = GenerateTally::default();

@@ -1,6 +1,10 @@
 //! The stage `report`: what the other stages left in a session becomes one page.
 
-use super::{PipelineError, read_comparison};
+mod target;
+
+use super::{PipelineError, filter, read_comparison};
+use crate::compare::Comparison;
+use crate::event::Events;
 use crate::frame::Luminance;
 use crate::report::page::Fact;
 use crate::report::session::{Compared, page};
@@ -24,22 +28,45 @@ pub fn report(session: &Session) -> Result<String, PipelineError> {
     let mut compared = Vec::new();
     for name in names {
         let Some(comparison) = read_comparison(session, &name)? else { continue };
-        let (events, _) = session.events(name.as_str())?;
+        let (events, cut_real) = events(session, &name, &comparison)?;
         let record = read_stage(&session.layout().derived("generate", Some(&name)));
         let light = record.as_ref().and_then(|r| r.parameters.get("from")?.as_str());
         let (frame, moment_us) = moment(session, light, real.as_slice().t, comparison.window_us)?;
+        // A frame lies under the events only where they have its own pixels.
+        let frame = frame.filter(|frame| Some(frame.size) == comparison.maps.size);
         let made = record.as_ref().map(|record| made(&name, &record.parameters));
         compared.push(Compared {
             name: name.to_string(),
             comparison,
             events,
+            cut_real,
             made: made.unwrap_or_default(),
             frame,
             moment_us,
         });
     }
-    let page = page(session, real.as_slice(), &compared).map_err(PipelineError::Picture)?;
+    let mut page = page(session, real.as_slice(), &compared).map_err(PipelineError::Picture)?;
+    page.sections.extend(target::sections(session)?);
     Ok(page.to_html()?)
+}
+
+/// A stream's events as they were compared: cut to the picture, the real ones with them, or whole.
+fn events(
+    session: &Session,
+    name: &StreamName,
+    comparison: &Comparison,
+) -> Result<(Events, Option<Events>), PipelineError> {
+    let simulated = filter::filtered_events(session, name)?;
+    let real = filter::filtered_events(session, &StreamName::new("real")?)?;
+    let compared = comparison.maps.size;
+    match simulated.zip(real) {
+        Some(((simulated, size, _), (real, real_size, _)))
+            if Some(size) == compared && size == real_size =>
+        {
+            Ok((simulated, Some(real)))
+        }
+        _ => Ok((session.events(name.as_str())?.0, None)),
+    }
 }
 
 fn made(name: &StreamName, parameters: &serde_json::Value) -> Vec<Fact> {
@@ -67,7 +94,7 @@ fn moment(
     };
     let mut best: Option<(usize, Luminance, i64)> = None;
     let mut before: Option<Luminance> = None;
-    for frame in session.luminance(light)? {
+    for frame in super::light::light(session, light)? {
         let frame = frame?;
         if let Some(before) = before.take() {
             let n = n_between(before.t_us, frame.t_us);

@@ -5,16 +5,37 @@ use crate::device::davis::{NetworkDavis, Pace, Patience as DavisPatience, Replay
 use crate::device::dobot::check::find_port;
 use crate::device::dobot::guard::Stopper;
 use crate::device::dobot::{ArmError, Client, Magician, Patience as ArmPatience, port};
-use crate::device::pi::wire::Settings;
-use crate::device::pi::{NetworkPi, Patience as PiPatience};
-use crate::device::recorder::Recorder;
+use crate::device::pi::order::{Delivery, Order, Settings};
+use crate::device::pi::{NetworkPi, Patience as PiPatience, Reach, keys};
+use crate::device::recorder::{Recorder, RecorderError};
 use crate::device::sim::arm::{Clock, Emulator, EmulatorError, Options};
-use crate::rig::{ArmPort, Rig, Transport};
+use crate::device::sim::live::LiveWorld;
+use crate::device::sim::recorder::SimulatedCamera;
+use crate::device::sim::world::{WorldDescription, WorldError};
+use crate::rig::{ArmPort, Pose, Rig, Transport};
 use crate::time::Span;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// How long homing may take; a Magician needs about fifteen seconds.
 const HOMING: Span = Span::from_micros(60_000_000);
+
+/// And a simulated one, which nobody wants to wait for.
+const SIMULATED_HOMING: Span = Span::from_micros(500_000);
+
+/// What a rig file does not say of a recording.
+#[derive(Debug, Clone, Copy)]
+pub struct Opening<'a> {
+    /// How a recording in the DAVIS's place is played.
+    pub pace: Pace,
+    /// Whether the arm is homed first; a simulated one always is: it is new every time.
+    pub home: bool,
+    /// Where the path begins: simulated cameras see the print from there.
+    pub start: Pose,
+    /// The world of simulated cameras.
+    pub world: &'a WorldDescription,
+    /// Of everything that is random in it.
+    pub seed: u64,
+}
 
 /// Why a rig's devices cannot be opened.
 #[derive(Debug, thiserror::Error)]
@@ -25,6 +46,20 @@ pub enum BenchError {
     /// The simulated arm.
     #[error(transparent)]
     Emulator(#[from] EmulatorError),
+    /// The simulated world.
+    #[error(transparent)]
+    World(#[from] WorldError),
+    /// A simulated camera.
+    #[error(transparent)]
+    Camera(#[from] RecorderError),
+    /// Simulated cameras sit on the simulated arm.
+    #[error(
+        "rig: {key} = \"sim\" needs arm.port = \"sim\": a simulated camera sits on the simulated arm"
+    )]
+    NoSimulatedArm {
+        /// The key of the rig file.
+        key: &'static str,
+    },
     /// This program cannot be found, and the arm's guard is this program.
     #[error("cannot find this program to start the guard of the arm: {0}")]
     Program(#[from] std::io::Error),
@@ -51,44 +86,74 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// Opens the arm, homes it if asked to, and names the cameras; `pace` is for a recording in the
-    /// DAVIS's place. A simulated arm is always homed: it is new every time.
+    /// Opens the arm, homes it if asked to, and names the cameras.
     ///
     /// # Errors
-    /// When the arm's port cannot be opened or a camera's transport is not of this version.
-    pub fn open(rig: &Rig, pace: Pace, home: bool) -> Result<Self, BenchError> {
-        let davis: Box<dyn Recorder> = match &rig.davis.camera.transport {
-            Transport::Tcp(address) => {
-                Box::new(NetworkDavis::new(address, DavisPatience::default()))
-            }
-            Transport::File(path) => Box::new(ReplayDavis::new(Path::new(path), pace)),
-            other => {
-                let remedy = "tcp://HOST:PORT (several with commas, one a stream) or file:PATH";
-                return Err(refused("davis.transport", other, remedy));
-            }
-        };
-        let pi: Box<dyn Recorder> = match &rig.pi.camera.transport {
-            Transport::Tcp(address) => {
-                Box::new(NetworkPi::new(address, settings(rig), PiPatience::default()))
-            }
-            other => return Err(refused("pi.transport", other, "tcp://HOST:PORT of an agent")),
-        };
+    /// When the arm's port cannot be opened, there is no such world, or a camera's transport is not
+    /// of this version.
+    pub fn open(rig: &Rig, opening: &Opening<'_>) -> Result<Self, BenchError> {
         let simulated = match rig.arm.port {
             ArmPort::Sim => {
-                Some(Emulator::start(Options::default(), Clock::Scaled(1.0), Vec::new())?)
+                let options = Options { homing: SIMULATED_HOMING, ..Options::default() };
+                Some(Emulator::start(options, Clock::Scaled(1.0), Vec::new())?)
             }
             _ => None,
         };
+        let recorders = cameras(rig, opening, simulated.as_ref())?;
         let port = find_port(&rig.arm.port, simulated.as_ref().map(Emulator::port))
             .map_err(ArmError::from)?;
         let mut arm = open_arm(rig, &port, simulated.is_some())?;
-        if home || simulated.is_some() {
+        if opening.home || simulated.is_some() {
             arm.home(HOMING)?;
         }
         let stopper = arm.stopper();
-        let devices = Devices { arm: Box::new(arm), recorders: vec![davis, pi] };
+        let devices = Devices { arm: Box::new(arm), recorders };
         Ok(Self { devices, stopper, _simulated: simulated })
     }
+}
+
+/// The cameras by their transports. Simulated ones look at one world, which the simulated arm moves.
+///
+/// # Errors
+/// When there is no such world, or a transport is not of this version.
+pub fn cameras(
+    rig: &Rig,
+    opening: &Opening<'_>,
+    arm: Option<&Emulator>,
+) -> Result<Vec<Box<dyn Recorder>>, BenchError> {
+    let transports = [
+        ("davis.transport", &rig.davis.camera.transport),
+        ("pi.transport", &rig.pi.camera.transport),
+    ];
+    let live = match transports.into_iter().find(|(_, transport)| **transport == Transport::Sim) {
+        Some((key, _)) => {
+            let arm = arm.ok_or(BenchError::NoSimulatedArm { key })?;
+            Some(LiveWorld::moved_by(arm, rig, opening.start, opening.world, opening.seed)?)
+        }
+        None => None,
+    };
+    let davis: Box<dyn Recorder> = match (&rig.davis.camera.transport, &live) {
+        (Transport::Tcp(address), _) => {
+            Box::new(NetworkDavis::new(address, DavisPatience::default()))
+        }
+        (Transport::File(path), _) => Box::new(ReplayDavis::new(Path::new(path), opening.pace)),
+        (Transport::Sim, Some(live)) => Box::new(SimulatedCamera::davis(live)?),
+        (other, _) => {
+            let remedy = "tcp://HOST:PORT (several with commas, one a stream) or file:PATH";
+            return Err(refused("davis.transport", other, remedy));
+        }
+    };
+    let pi: Box<dyn Recorder> = match (&rig.pi.camera.transport, &live) {
+        (Transport::Sim, Some(live)) => Box::new(SimulatedCamera::pi(live, order(rig))?),
+        (other, _) => match network_pi(rig) {
+            Some(pi) => Box::new(pi),
+            None => {
+                let remedy = "tls://HOST:PORT of an agent, or tcp://HOST:PORT on this machine";
+                return Err(refused("pi.transport", other, remedy));
+            }
+        },
+    };
+    Ok(vec![davis, pi])
 }
 
 /// The arm at a port: behind its guard, unless it is simulated in this process.
@@ -101,16 +166,34 @@ fn open_arm(rig: &Rig, port: &Path, is_simulated: bool) -> Result<Magician, Benc
     Ok(Magician::guarded(&std::env::current_exe()?, port, description, patience)?)
 }
 
-fn settings(rig: &Rig) -> Settings {
+/// The Pi's camera behind its agent; none when the rig names no agent.
+fn network_pi(rig: &Rig) -> Option<NetworkPi> {
     let pi = &rig.pi;
-    Settings {
+    let reach = match &pi.camera.transport {
+        Transport::Tcp(address) => Reach::Local { address: address.clone() },
+        Transport::Tls(address) => {
+            let own = || keys::default_directory().join("host");
+            let keys = pi.keys.as_ref().map_or_else(own, PathBuf::from);
+            Reach::Tls { address: address.clone(), keys }
+        }
+        Transport::Sim | Transport::Usb | Transport::File(_) => return None,
+    };
+    Some(NetworkPi::reached(reach, order(rig), PiPatience::default()))
+}
+
+/// What the rig file says of the Pi's frames.
+fn order(rig: &Rig) -> Order {
+    let pi = &rig.pi;
+    let settings = Settings {
         size: pi.camera.size,
         frame_rate: pi.camera.frame_rate,
         exposure: pi.camera.exposure,
         gain: pi.camera.gain,
         raw: pi.raw,
         rgb: pi.rgb,
-    }
+    };
+    let delivery = Delivery { coding: pi.coding, rgb: pi.rgb_delivery };
+    Order { settings, focus: pi.focus, delivery }
 }
 
 fn refused(key: &'static str, found: &Transport, remedy: &'static str) -> BenchError {
@@ -118,6 +201,7 @@ fn refused(key: &'static str, found: &Transport, remedy: &'static str) -> BenchE
         Transport::Sim => "sim",
         Transport::Usb => "usb",
         Transport::Tcp(_) => "tcp://",
+        Transport::Tls(_) => "tls://",
         Transport::File(_) => "file:",
     };
     BenchError::Transport { key, found, remedy }

@@ -1,6 +1,8 @@
 //! The states of a recording, one after another.
 
-use super::files::{Log, SampleWriter};
+mod settings;
+
+use super::files::{Log, SampleWriter, take_directory};
 use super::{Devices, State, Stop, StopToken};
 use crate::device::dobot::ArmError;
 use crate::device::recorder::{Prepared, RecorderError, Tally, host_time};
@@ -13,7 +15,6 @@ use crate::session::{
 use crate::time::{Span, Stamp, Unix};
 use crate::trajectory::{Path, Trajectory};
 use serde_json::{Value, json};
-use std::path::PathBuf;
 use std::time::Duration;
 
 /// Rests before and behind the path, on top of those that the trajectory states.
@@ -107,7 +108,7 @@ pub fn record(
     if !bad.is_empty() {
         return Err(RecordError::NotReady(bad));
     }
-    let layout = Layout::take(request.out)?;
+    let layout = take_directory(request.out)?;
     let mut journal = Journal::open(&layout.journal())?;
     journal.note("preflight", &json!({"findings": findings}))?;
     let log = Log::create(&layout)?;
@@ -182,6 +183,7 @@ impl Take<'_> {
         let began = host_time();
         self.began = Some(began);
         self.log_commanded(began)?;
+        self.set_step(0)?;
         self.devices.arm.start(0..steps)?;
         let interval = Duration::from_secs_f64(1.0 / self.request.rig.arm.pose_rate.0);
         let duration = self.request.path.duration().as_secs_f64().max(1e-9);
@@ -206,6 +208,7 @@ impl Take<'_> {
                     return Ok(true);
                 }
                 last_step = progress.step;
+                self.set_step(last_step)?;
             }
             if progress.is_done {
                 self.devices.arm.finish()?;
@@ -278,6 +281,7 @@ impl Take<'_> {
                 .note("cut short", &json!({"state": ended_in, "because": cut.to_string()}));
         }
         let drained = self.enter(State::Drain, json!({}));
+        self.settle(&mut losses);
         let devices = self.drain(&mut losses);
         for result in [drained, self.log.finish()] {
             if let Err(error) = result {
@@ -364,17 +368,5 @@ impl Take<'_> {
             });
         }
         entries
-    }
-}
-
-/// The directory of a session that is to be recorded.
-impl Layout {
-    fn take(root: &std::path::Path) -> Result<Self, SessionError> {
-        let io = |source| SessionError::Io { path: PathBuf::from(root), source };
-        std::fs::create_dir_all(root).map_err(io)?;
-        if std::fs::read_dir(root).map_err(io)?.next().is_some() {
-            return Err(SessionError::OutputTaken { path: root.to_owned() });
-        }
-        Ok(Self::new(root))
     }
 }

@@ -1,11 +1,11 @@
 //! The files of a recording while it runs: a thread a recorder takes samples and writes them.
 
 use crate::device::recorder::{Inlet, Outlet, Prepared, Sample, Taken, channel};
-use crate::format::aedat4::{Compression, Content, WriteError, Writer};
-use crate::session::{Layout, PacketArrival, RigLogError, RigLogWriter, SessionError};
+use crate::format::aedat4::{Compression, Content, StreamSpec, WriteError, Writer};
+use crate::session::{Layout, PacketArrival, RigLogError, RigLogWriter, SessionError, Severity};
 use std::fs::File;
 use std::io::BufWriter;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -15,7 +15,32 @@ const QUEUE_BYTES: usize = 512 << 20;
 /// A writer looks up so often when nothing comes.
 const TICK: Duration = Duration::from_millis(100);
 
-type EventFile = Writer<BufWriter<File>>;
+pub(super) type EventFile = Writer<BufWriter<File>>;
+
+/// The directory of a session that is to be recorded: missing or empty.
+pub(super) fn take_directory(root: &Path) -> Result<Layout, SessionError> {
+    let io = |source| SessionError::Io { path: root.to_owned(), source };
+    std::fs::create_dir_all(root).map_err(io)?;
+    if std::fs::read_dir(root).map_err(io)?.next().is_some() {
+        return Err(SessionError::OutputTaken { path: root.to_owned() });
+    }
+    Ok(Layout::new(root))
+}
+
+/// The file of packets. It is not compressed: a core cannot compress as fast as a camera can send.
+pub(super) fn create_event_file(
+    layout: &Layout,
+    streams: &[StreamSpec],
+) -> Result<EventFile, SessionError> {
+    Ok(Writer::create(layout.davis(), Compression::None, streams)?)
+}
+
+/// Ends the file of packets and sees it to the disk.
+pub(super) fn finish_event_file(file: EventFile, path: &Path) -> Result<(), SessionError> {
+    file.finish()?;
+    let synced = File::open(path).and_then(|file| file.sync_all());
+    synced.map_err(|source| SessionError::Io { path: path.to_owned(), source })
+}
 
 /// The rig's log, written by every thread.
 #[derive(Debug, Clone)]
@@ -62,8 +87,7 @@ impl SampleWriter {
         let file = if prepared.streams.is_empty() {
             None
         } else {
-            // Uncompressed: a core cannot compress as fast as a camera can send.
-            Some((Writer::create(&path, Compression::None, &prepared.streams)?, path.clone()))
+            Some((create_event_file(layout, &prepared.streams)?, path.clone()))
         };
         let (outlet, inlet) = channel(QUEUE_BYTES);
         let log = log.clone();
@@ -103,17 +127,22 @@ fn take_all(
         }
     }
     if let (Some(file), Some(path)) = (file, path) {
-        file.finish()?;
-        let synced = File::open(&path).and_then(|file| file.sync_all());
-        synced.map_err(|source| SessionError::Io { path, source })?;
+        finish_event_file(file, &path)?;
     }
     Ok(())
 }
 
-fn write(sample: Sample, file: Option<&mut EventFile>, log: &Log) -> Result<(), SessionError> {
+/// Writes one sample where it belongs.
+pub(super) fn write(
+    sample: Sample,
+    file: Option<&mut EventFile>,
+    log: &Log,
+) -> Result<(), SessionError> {
     match sample {
         Sample::Clock(reading) => log.write(|log| log.clock(&reading)),
         Sample::Frame { arrived, frame } => log.write(|log| log.frame(&frame, arrived)),
+        Sample::LateRgb { arrived, frame } => log.write(|log| log.late_rgb(&frame, arrived)),
+        Sample::Note { at, text } => log.write(|log| log.log(at, Severity::Info, &text)),
         Sample::Packet { stream, arrived, content } => {
             if let Some(file) = file {
                 put(file, stream, &content)?;

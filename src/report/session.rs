@@ -21,8 +21,10 @@ pub struct Compared {
     pub name: String,
     /// How it compares with the real events.
     pub comparison: Comparison,
-    /// Its events.
+    /// Its events, in the coordinates in which it was compared.
     pub events: Events,
+    /// The real events in the picture's coordinates, where the comparison was made there.
+    pub cut_real: Option<Events>,
     /// How it was made: model, preset, law, seed; empty for streams simulated elsewhere.
     pub made: Vec<Fact>,
     /// The frame at the start of [`Compared::moment_us`].
@@ -101,7 +103,7 @@ fn section(
     let mut blocks = vec![Block::Measures(measures(&stream.name, &stream.comparison))];
     let [start, end] = comparison.window_us;
     let simulated = stream.events.as_slice().between(start, end);
-    let real = real.between(start, end);
+    let real = stream.cut_real.as_ref().map_or(real, Events::as_slice).between(start, end);
     let maps = &comparison.maps;
     if let Some(size) = maps.size {
         let [from, to] = stream.moment_us;

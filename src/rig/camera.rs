@@ -1,5 +1,6 @@
 //! The two cameras of a rig description.
 
+use super::delivery::{Coding, Focus, RgbDelivery};
 use super::fields::{Fields, POSITIVE};
 use crate::geometry::Size;
 use crate::time::Span;
@@ -15,6 +16,8 @@ pub enum Transport {
     Usb,
     /// A server at `HOST:PORT`.
     Tcp(String),
+    /// A server at `HOST:PORT`, encrypted, each side proving itself.
+    Tls(String),
     /// A recording that is played at its own pace.
     File(String),
 }
@@ -68,6 +71,31 @@ pub struct PiDescription {
     pub raw: bool,
     /// Whether RGB frames are recorded.
     pub rgb: bool,
+    /// What its lens does.
+    pub focus: Focus,
+    /// How its pictures are coded on the way.
+    pub coding: Coding,
+    /// When its RGB frames travel.
+    pub rgb_delivery: RgbDelivery,
+    /// The directory with this machine's keys, for `tls://`; none for the user's own.
+    pub keys: Option<String>,
+    /// Column and row of the crop's first pixel in the sensor's mode, whose rows are read one after
+    /// another from the SensorTimestamp on. Where it is not stated: the middle of [`SENSOR_MODE`].
+    pub crop_origin_px: [i16; 2],
+}
+
+/// The Camera Module 3's fast mode (IMX708, 2 x 2 binned and cropped to 1536 x 864).
+const SENSOR_MODE: Size = Size::new(1536, 864);
+
+/// Column and row of the first pixel of a crop from the middle of the sensor's fast mode; the
+/// beginning of a mode unknown for what is larger. Even, so that a mosaic keeps its order.
+#[must_use]
+pub fn middle_crop_origin_px(size: Size) -> [i16; 2] {
+    let first = |mode: u16, crop: u16| {
+        let margin = mode.checked_sub(crop).map_or(0, |margin| margin / 4 * 2);
+        i16::try_from(margin).unwrap_or(i16::MAX)
+    };
+    [first(SENSOR_MODE.width, size.width), first(SENSOR_MODE.height, size.height)]
 }
 
 /// The DAVIS346's biases in the driver's names.
@@ -97,7 +125,9 @@ pub const DAVIS_BIASES: &[&str] = &[
 
 /// A transport that is none.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is no way to reach a camera; expected sim, usb, tcp://HOST:PORT or file:PATH")]
+#[error(
+    "`{0}` is no way to reach a camera; expected sim, usb, tcp://HOST:PORT, tls://HOST:PORT or file:PATH"
+)]
 pub struct UnknownTransport(String);
 
 impl FromStr for Transport {
@@ -109,15 +139,18 @@ impl FromStr for Transport {
             "sim" => Ok(Self::Sim),
             "usb" => Ok(Self::Usb),
             _ => {
-                if let Some(address) = text.strip_prefix("tcp://") {
-                    let (host, port) = address.rsplit_once(':').ok_or_else(unknown)?;
-                    port.parse::<u16>().map_err(|_| unknown())?;
-                    let is_named = !host.is_empty();
-                    is_named.then(|| Self::Tcp(address.to_owned())).ok_or_else(unknown)
-                } else {
-                    let path = text.strip_prefix("file:").filter(|path| !path.is_empty());
-                    path.map(|path| Self::File(path.to_owned())).ok_or_else(unknown)
-                }
+                let at = |scheme: &str| {
+                    let address = text.strip_prefix(scheme)?;
+                    let (host, port) = address.rsplit_once(':')?;
+                    let is_whole = !host.is_empty() && port.parse::<u16>().is_ok();
+                    is_whole.then(|| address.to_owned())
+                };
+                let path = text.strip_prefix("file:").filter(|path| !path.is_empty());
+                at("tcp://")
+                    .map(Self::Tcp)
+                    .or_else(|| at("tls://").map(Self::Tls))
+                    .or_else(|| path.map(|path| Self::File(path.to_owned())))
+                    .ok_or_else(unknown)
             }
         }
     }
@@ -201,11 +234,21 @@ impl PiDescription {
     pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
         let camera = CameraDescription::read(fields);
         camera.check_exposure(fields);
+        let crop_origin_px = if fields.has("crop_origin_px") {
+            fields.numbers("crop_origin_px", 0.0..=8192.0).map(|px: f64| px as i16)
+        } else {
+            middle_crop_origin_px(camera.size)
+        };
         Self {
+            crop_origin_px,
             camera,
             raw_bits: fields.integer("raw_bits", 8.0..=16.0),
             raw: fields.optional_bool("raw").unwrap_or(true),
             rgb: fields.optional_bool("rgb").unwrap_or(true),
+            focus: fields.parsed("focus").unwrap_or_default(),
+            coding: fields.parsed("coding").unwrap_or_default(),
+            rgb_delivery: fields.parsed("rgb_delivery").unwrap_or_default(),
+            keys: fields.optional_text("keys"),
         }
     }
 }
@@ -215,11 +258,18 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_crop_comes_from_the_middle_of_the_mode_unless_it_is_larger() {
+        assert_eq!(middle_crop_origin_px(Size::new(692, 520)), [422, 172]);
+        assert_eq!(middle_crop_origin_px(Size::new(2304, 1296)), [0, 0]);
+    }
+
+    #[test]
     fn transports_are_told_apart() {
         assert_eq!("sim".parse(), Ok(Transport::Sim));
         assert_eq!("tcp://pi:7777".parse(), Ok(Transport::Tcp("pi:7777".into())));
         assert_eq!("file:a.aedat4".parse(), Ok(Transport::File("a.aedat4".into())));
-        for wrong in ["", "usb2", "tcp://pi", "tcp://:1", "tcp://pi:99999", "file:"] {
+        assert_eq!("tls://pi:7766".parse(), Ok(Transport::Tls("pi:7766".into())));
+        for wrong in ["", "usb2", "tls://pi", "tcp://pi", "tcp://:1", "tcp://pi:99999", "file:"] {
             assert!(wrong.parse::<Transport>().is_err(), "{wrong}");
         }
     }

@@ -248,7 +248,7 @@ impl Manifest {
 }
 
 /// Writes a file beside its place, syncs it, and moves it there: a reader sees all of it or none.
-pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), SessionError> {
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), SessionError> {
     let beside = path.with_extension("partial");
     let write = || {
         let mut file = std::fs::File::create(&beside)?;

@@ -7,13 +7,13 @@ use crate::format::npy::ArrayReader;
 use crate::frame::Luminance;
 use crate::geometry::Size;
 use crate::time::{Clock, Davis};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
 /// What became of a stream's events on reading; `seen = kept + outside`.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EventTally {
     /// Events in the file, up to the damage if it is damaged.
     pub seen: u64,

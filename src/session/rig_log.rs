@@ -16,14 +16,20 @@
 
 mod census;
 mod image;
+mod notes;
+mod pictures;
+mod reader;
 mod records;
 mod schema;
 mod writer;
 
 pub(super) use census::{RigLogCensus, census, stream_names};
+pub(super) use notes::read_notes;
+pub use notes::{RigNotes, TimedPose};
+pub(super) use pictures::{PictureReader, StoredPicture};
 pub use records::{
     Arrival, ClockExchange, ClockSandwich, FrameMetadata, HostTime, PacketArrival, PiFrame,
-    Severity,
+    RawClockSandwich, Severity,
 };
 pub use writer::{RigLogWriter, Topic};
 
@@ -58,6 +64,18 @@ pub enum RigLogError {
         /// Where it was to go.
         topic: &'static str,
         /// Why not.
+        because: String,
+    },
+    /// A message is not what its topic says.
+    #[error("{}: message {message} of those read, on {topic}: {because}; `evrig verify` says whether the file is as it was sealed", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// Where it stands.
+        topic: &'static str,
+        /// Its number among the messages read, from 1.
+        message: u64,
+        /// Expected and got.
         because: String,
     },
 }

@@ -127,6 +127,12 @@ impl StreamServer {
         waited.unwrap_or_else(PoisonError::into_inner).0.n_joined >= n
     }
 
+    /// Packets sent so far.
+    #[must_use]
+    pub const fn n_packets(&self) -> u64 {
+        self.writer.n_packets()
+    }
+
     /// Writes that some client was too slow for.
     #[must_use]
     pub fn n_dropped(&self) -> u64 {

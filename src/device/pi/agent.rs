@@ -1,29 +1,45 @@
 //! The agent: serves a camera to one host at a time.
+//!
+//! Without keys it listens on the loopback interface only. With keys, everything before the proof
+//! that the other side has the pair's other half is bounded: how many may be at it at a time, how
+//! long each may take, and how often one address may fail.
 
-use super::read_clocks;
-use super::source::{FrameSource, SourceError};
-use super::wire::{self, Decoder, Message, PREAMBLE_BYTES, WireError};
-use std::io::{self, Read, Write};
-use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
+mod backlog;
+mod conversation;
+mod gate;
+mod take;
+
+pub use backlog::{Room, Spool};
+
+use super::keys::Keys;
+use super::source::FrameSource;
+use conversation::{Camera, Lost, Shared};
+use gate::Gate;
+use rustls::ServerConfig;
+use std::io;
+use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
 use std::time::Duration;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::runtime::Runtime;
+use tokio::sync::Semaphore;
+use tokio_rustls::TlsAcceptor;
 
-/// Frames kept while the network is slower than the camera; the next are dropped and counted.
-const RING_FRAMES: usize = 64;
-/// A host asks for the clock every second: one that is silent for so long is gone.
-const HOST_SILENCE: Duration = Duration::from_secs(10);
-/// How long the host may take no byte.
-const HOST_BUSY: Duration = Duration::from_secs(10);
+/// Bytes that wait for the network in memory, before the spool or the drop.
+const MEMORY_BYTES: usize = 64 << 20;
+/// How long a stranger may take to prove that it is none.
+const HANDSHAKE: Duration = Duration::from_secs(5);
+/// Connections that may be at their proof at a time; the next wait in the system's queue.
+const N_HANDSHAKES: usize = 8;
+/// What is under way gets so long when the agent ends.
+const ENDING: Duration = Duration::from_secs(2);
 
 /// Why the agent does not serve.
 #[derive(Debug, thiserror::Error)]
 pub enum AgentError {
     /// Everyone on the network could listen in.
     #[error(
-        "{address} can be reached from outside, and the wire is not encrypted; listen at 127.0.0.1 and carry it further with `ssh -L`"
+        "{address} can be reached from outside: that needs keys; make them with `evrig pair` and give their directory as --keys, or listen at 127.0.0.1"
     )]
     NotLoopback {
         /// Where it was to listen.
@@ -37,28 +53,36 @@ pub enum AgentError {
         /// The system's reason.
         source: io::Error,
     },
+    /// The keys do not work.
+    #[error(transparent)]
+    Keys(#[from] super::keys::KeysError),
 }
 
-/// Why a connection ended early.
-#[derive(Debug, thiserror::Error)]
-enum Lost {
-    #[error(transparent)]
-    Wire(#[from] WireError),
-    #[error(transparent)]
-    Io(#[from] io::Error),
-    #[error(transparent)]
-    Source(#[from] SourceError),
+/// Where and how an agent serves.
+#[derive(Debug)]
+pub struct Service {
+    /// Where it listens.
+    pub address: SocketAddr,
+    /// What it proves itself with, and lets only the other half in.
+    pub keys: Option<Keys>,
+    /// What waits for a network that is slower than the camera.
+    pub room: Room,
 }
 
-type Camera = Arc<Mutex<Box<dyn FrameSource>>>;
+impl Service {
+    /// On the loopback interface: without keys, without a spool.
+    #[must_use]
+    pub const fn local(address: SocketAddr) -> Self {
+        let room = Room { memory_bytes: MEMORY_BYTES, spool: None };
+        Self { address, keys: None, room }
+    }
+}
 
 /// An agent that serves until it is dropped.
 #[derive(Debug)]
 pub struct Agent {
     address: SocketAddr,
-    is_ending: Arc<AtomicBool>,
-    sockets: Arc<Mutex<Vec<TcpStream>>>,
-    acceptor: Option<JoinHandle<()>>,
+    runtime: Option<Runtime>,
 }
 
 impl Agent {
@@ -67,20 +91,32 @@ impl Agent {
     /// # Errors
     /// When the address is another, or taken.
     pub fn serve(address: SocketAddr, camera: Box<dyn FrameSource>) -> Result<Self, AgentError> {
-        if !address.ip().is_loopback() {
+        Self::open(Service::local(address), camera)
+    }
+
+    /// Serves a camera.
+    ///
+    /// # Errors
+    /// When the address is beyond loopback and there are no keys, or it is taken.
+    pub fn open(service: Service, camera: Box<dyn FrameSource>) -> Result<Self, AgentError> {
+        let address = service.address;
+        if service.keys.is_none() && !address.ip().is_loopback() {
             return Err(AgentError::NotLoopback { address });
         }
+        let tls = service.keys.map(Keys::server).transpose()?;
         let failed = |source| AgentError::Listen { address, source };
-        let listener = TcpListener::bind(address).map_err(failed)?;
-        let bound = listener.local_addr().map_err(failed)?;
-        let is_ending = Arc::new(AtomicBool::new(false));
-        let sockets: Arc<Mutex<Vec<TcpStream>>> = Arc::default();
-        let (ending, known) = (Arc::clone(&is_ending), Arc::clone(&sockets));
-        let acceptor = std::thread::Builder::new()
-            .name("pi agent".to_owned())
-            .spawn(move || accept(&listener, &Arc::new(Mutex::new(camera)), &ending, &known))
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(2)
+            .thread_name("pi agent")
+            .enable_all()
+            .build()
             .map_err(failed)?;
-        Ok(Self { address: bound, is_ending, sockets, acceptor: Some(acceptor) })
+        let listener = runtime.block_on(TcpListener::bind(address)).map_err(failed)?;
+        let bound = listener.local_addr().map_err(failed)?;
+        let camera: Camera = Arc::new(Mutex::new(camera));
+        let shared = Arc::new(Shared::new(camera, service.room));
+        runtime.spawn(accept(listener, tls, shared));
+        Ok(Self { address: bound, runtime: Some(runtime) })
     }
 
     /// Where it listens.
@@ -92,15 +128,8 @@ impl Agent {
 
 impl Drop for Agent {
     fn drop(&mut self) {
-        self.is_ending.store(true, Ordering::Relaxed);
-        for socket in lock(&self.sockets).drain(..) {
-            // It may be closed from the other side already.
-            let _ = socket.shutdown(Shutdown::Both);
-        }
-        // The acceptor waits in `accept`: a connection of our own lets it look up.
-        let _ = TcpStream::connect_timeout(&self.address, HOST_BUSY);
-        if let Some(acceptor) = self.acceptor.take() {
-            let _ = acceptor.join();
+        if let Some(runtime) = self.runtime.take() {
+            runtime.shutdown_timeout(ENDING);
         }
     }
 }
@@ -110,171 +139,43 @@ fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn accept(
-    listener: &TcpListener,
-    camera: &Camera,
-    is_ending: &AtomicBool,
-    sockets: &Mutex<Vec<TcpStream>>,
-) {
-    let is_busy = Arc::new(AtomicBool::new(false));
-    for socket in listener.incoming() {
-        if is_ending.load(Ordering::Relaxed) {
-            return;
-        }
-        let Ok(mut socket) = socket else { continue };
-        if is_busy.swap(true, Ordering::AcqRel) {
-            let because = "another recorder uses this camera; end that recording first".to_owned();
-            // A client that does not wait for the refusal needs none.
-            let _ = socket
-                .write_all(&wire::preamble())
-                .and_then(|()| socket.write_all(&wire::encode(&Message::Refused { because })));
+async fn accept(listener: TcpListener, tls: Option<Arc<ServerConfig>>, shared: Arc<Shared>) {
+    let gate = Arc::new(Gate::default());
+    let places = Arc::new(Semaphore::new(N_HANDSHAKES));
+    loop {
+        let Ok(place) = Arc::clone(&places).acquire_owned().await else { return };
+        let Ok((socket, from)) = listener.accept().await else {
+            // Out of descriptors, say: the next try must not be a busy loop.
+            tokio::time::sleep(Duration::from_millis(100)).await;
+            continue;
+        };
+        if !gate.admits(from.ip()) {
             continue;
         }
-        if let Ok(copy) = socket.try_clone() {
-            let mut sockets = lock(sockets);
-            sockets.clear();
-            sockets.push(copy);
-        }
-        let (camera, busy) = (Arc::clone(camera), Arc::clone(&is_busy));
-        let started = std::thread::Builder::new().name("pi host".to_owned()).spawn(move || {
-            let host = Arc::new(Mutex::new(socket));
-            if let Err(lost) = converse(&host, &camera) {
-                // The host may be gone, which is then the reason; else it learns it here.
-                let _ = send(&host, &Message::Refused { because: lost.to_string() });
+        let (tls, shared, gate) = (tls.clone(), Arc::clone(&shared), Arc::clone(&gate));
+        tokio::spawn(async move {
+            let greeted = tokio::time::timeout(HANDSHAKE, greet(socket, tls)).await;
+            drop(place);
+            match greeted {
+                Ok(Ok(line)) => shared.converse(line).await,
+                // A stranger is told nothing more than TLS itself tells.
+                Ok(Err(_)) | Err(_) => gate.failed(from.ip()),
             }
-            busy.store(false, Ordering::Release);
         });
-        if started.is_err() {
-            is_busy.store(false, Ordering::Release);
-        }
     }
 }
 
-fn send(host: &Mutex<TcpStream>, message: &Message) -> io::Result<()> {
-    lock(host).write_all(&wire::encode(message))
-}
+/// Either kind of line.
+trait Stream: tokio::io::AsyncRead + tokio::io::AsyncWrite + Send + Unpin {}
+impl<T: tokio::io::AsyncRead + tokio::io::AsyncWrite + Send + Unpin> Stream for T {}
 
-/// Answers one host until it leaves.
-fn converse(host: &Arc<Mutex<TcpStream>>, camera: &Camera) -> Result<(), Lost> {
-    let mut from_host = lock(host).try_clone()?;
-    from_host.set_nodelay(true)?;
-    from_host.set_read_timeout(Some(HOST_SILENCE))?;
-    from_host.set_write_timeout(Some(HOST_BUSY))?;
-    lock(host).write_all(&wire::preamble())?;
-    let mut preamble = [0; PREAMBLE_BYTES];
-    from_host.read_exact(&mut preamble)?;
-    wire::check_preamble(&preamble)?;
-    let what = lock(camera).describe();
-    send(host, &Message::Hello { camera: format!("{what}, evrig {}", env!("CARGO_PKG_VERSION")) })?;
-    let mut decoder = Decoder::default();
-    let mut buffer = [0; 4096];
-    let mut stream: Option<Stream> = None;
-    loop {
-        while let Some(message) = decoder.take()? {
-            match message {
-                Message::Configure(_) | Message::Start if stream.is_some() => {
-                    // The camera belongs to the frames under way.
-                    let because = "frames are flowing; stop them first".to_owned();
-                    send(host, &Message::Refused { because })?;
-                }
-                Message::Configure(settings) => {
-                    let settings = lock(camera).configure(&settings)?;
-                    send(host, &Message::Configured(settings))?;
-                }
-                Message::Start => stream = Some(Stream::start(host, camera)?),
-                Message::AskClock => send(host, &Message::Clock(read_clocks()))?,
-                Message::Stop => {
-                    let (n_sent, n_dropped) = stream.take().map_or((0, 0), Stream::stop);
-                    send(host, &Message::Stopped { n_sent, n_dropped })?;
-                }
-                _ => {}
-            }
-        }
-        match from_host.read(&mut buffer)? {
-            0 => return Ok(()),
-            n => decoder.push(&buffer[..n]),
-        }
-    }
-}
-
-#[derive(Debug, Default)]
-struct Counters {
-    is_ending: AtomicBool,
-    n_sent: AtomicU64,
-    n_dropped: AtomicU64,
-}
-
-/// Frames under way: one thread takes them, one sends them.
-struct Stream {
-    counters: Arc<Counters>,
-    threads: Vec<JoinHandle<()>>,
-}
-
-impl Stream {
-    fn start(host: &Arc<Mutex<TcpStream>>, camera: &Camera) -> io::Result<Self> {
-        let counters: Arc<Counters> = Arc::default();
-        let (ring, frames) = sync_channel::<Message>(RING_FRAMES);
-        let (camera, its, its_host) = (Arc::clone(camera), Arc::clone(&counters), Arc::clone(host));
-        let take = std::thread::Builder::new().name("pi camera".to_owned()).spawn(move || {
-            let mut camera = lock(&camera);
-            while !its.is_ending.load(Ordering::Relaxed) {
-                if let Err(error) = capture(&mut **camera, &ring, &its) {
-                    let _ = send(&its_host, &Message::Refused { because: error.to_string() });
-                    return;
-                }
-            }
-        })?;
-        let mut stream = Self { counters: Arc::clone(&counters), threads: vec![take] };
-        let host = Arc::clone(host);
-        stream.threads.push(std::thread::Builder::new().name("pi sender".to_owned()).spawn(
-            move || {
-                for frame in frames {
-                    if send(&host, &frame).is_err() {
-                        counters.is_ending.store(true, Ordering::Relaxed);
-                        return;
-                    }
-                    counters.n_sent.fetch_add(1, Ordering::Relaxed);
-                }
-            },
-        )?);
-        Ok(stream)
-    }
-
-    /// Takes no more frames, sends those in the ring, and counts.
-    fn stop(mut self) -> (u64, u64) {
-        self.end();
-        let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
-        (count(&self.counters.n_sent), count(&self.counters.n_dropped))
-    }
-
-    fn end(&mut self) {
-        self.counters.is_ending.store(true, Ordering::Relaxed);
-        for thread in self.threads.drain(..) {
-            // A panic there was reported by its own hook.
-            let _ = thread.join();
-        }
-    }
-}
-
-impl Drop for Stream {
-    fn drop(&mut self) {
-        self.end();
-    }
-}
-
-fn capture(
-    camera: &mut dyn FrameSource,
-    ring: &SyncSender<Message>,
-    counters: &Counters,
-) -> Result<(), SourceError> {
-    let Some(mut frame) = camera.next()? else { return Ok(()) };
-    frame.metadata.n_dropped = counters.n_dropped.load(Ordering::Relaxed);
-    match ring.try_send(Message::Frame(Box::new(frame))) {
-        Ok(()) => {}
-        Err(TrySendError::Full(_)) => {
-            counters.n_dropped.fetch_add(1, Ordering::Relaxed);
-        }
-        Err(TrySendError::Disconnected(_)) => counters.is_ending.store(true, Ordering::Relaxed),
-    }
-    Ok(())
+/// Proves who is who, where that is asked for, and compares versions.
+async fn greet(socket: TcpStream, tls: Option<Arc<ServerConfig>>) -> Result<Box<dyn Stream>, Lost> {
+    socket.set_nodelay(true)?;
+    let mut line: Box<dyn Stream> = match tls {
+        None => Box::new(socket),
+        Some(config) => Box::new(TlsAcceptor::from(config).accept(socket).await?),
+    };
+    conversation::exchange_preambles(&mut line).await?;
+    Ok(line)
 }

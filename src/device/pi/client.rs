@@ -1,13 +1,15 @@
 //! The host's side: the Pi's camera as a recorder.
 
-use super::wire::{self, Decoder, Message, PREAMBLE_BYTES, Settings};
+use super::budget;
+use super::line::{Line, Reach};
+use super::order::{Delivery, Focus, Order};
+use super::wire::{Message, Settings, TakeTally};
 use crate::device::Finding;
 use crate::device::recorder::{
     Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
 };
-use crate::session::{ClockExchange, HostTime};
-use std::io::{ErrorKind, Read, Write};
-use std::net::{Shutdown, TcpStream, ToSocketAddrs};
+use crate::session::{ClockExchange, HostTime, PiFrame};
+use std::net::{Shutdown, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -20,7 +22,10 @@ pub struct Patience {
     pub answer: Duration,
     /// Without a byte while frames flow, after which the agent counts as gone.
     pub silence: Duration,
-    /// For the frames still in the agent's ring when the recording ends.
+    /// Until the camera is set up, its lens focused.
+    pub configure: Duration,
+    /// For the frames that still wait on the Pi when the recording ends, beside the time that
+    /// their bytes take at a megabyte a second.
     pub drain: Duration,
 }
 
@@ -29,6 +34,7 @@ impl Default for Patience {
         Self {
             answer: Duration::from_secs(3),
             silence: Duration::from_secs(5),
+            configure: Duration::from_secs(20),
             drain: Duration::from_secs(60),
         }
     }
@@ -38,14 +44,14 @@ impl Default for Patience {
 const CLOCK_READINGS: usize = 5;
 /// Between clock readings while frames flow.
 const CLOCK_EVERY: Duration = Duration::from_secs(1);
-/// A read waits so long before it looks up.
-const TICK: Duration = Duration::from_millis(50);
+/// A network that carries less while the Pi's spool is fetched counts as dead.
+const SLOWEST_BYTES_PER_S: u64 = 1_000_000;
 
 /// The Pi's camera behind its agent.
 #[derive(Debug)]
 pub struct NetworkPi {
-    address: String,
-    settings: Settings,
+    reach: Reach,
+    order: Order,
     patience: Patience,
     ready: Option<(Line, Vec<ClockExchange>)>,
     socket: Option<TcpStream>,
@@ -85,12 +91,19 @@ impl Shared {
 }
 
 impl NetworkPi {
-    /// Will connect to the agent at `HOST:PORT`.
+    /// Will connect to the agent at `HOST:PORT` of this machine, without encryption.
     #[must_use]
     pub fn new(address: &str, settings: Settings, patience: Patience) -> Self {
+        let order = Order { settings, focus: Focus::default(), delivery: Delivery::default() };
+        Self::reached(Reach::Local { address: address.to_owned() }, order, patience)
+    }
+
+    /// Will connect to an agent.
+    #[must_use]
+    pub fn reached(reach: Reach, order: Order, patience: Patience) -> Self {
         Self {
-            address: address.to_owned(),
-            settings,
+            reach,
+            order,
             patience,
             ready: None,
             socket: None,
@@ -100,7 +113,7 @@ impl NetworkPi {
     }
 
     fn failed(&self, because: impl ToString) -> RecorderError {
-        failed(&self.address, because)
+        self.reach.failed(because)
     }
 
     fn stop(&mut self) {
@@ -127,32 +140,35 @@ impl Recorder for NetworkPi {
     }
 
     fn check(&mut self) -> Vec<Finding> {
-        vec![match Line::connect(&self.address, self.patience) {
-            Ok((_, camera)) => Finding::good("pi", format!("{}: {camera}", self.address)),
-            Err(error) => Finding::bad("pi", error.to_string()),
-        }]
+        let answer = self.patience.answer;
+        let (line, camera) = match Line::connect(&self.reach, answer) {
+            Ok(connected) => connected,
+            Err(error) => return vec![Finding::bad("pi", error.to_string())],
+        };
+        let found = Finding::good("pi", format!("{}: {camera}", self.reach));
+        let network = match line.probe(answer) {
+            Ok(link) => budget::finding(&self.order, link),
+            Err(error) => Finding::bad("network", error.to_string()),
+        };
+        vec![found, network]
     }
 
     fn prepare(&mut self) -> Result<Prepared, RecorderError> {
-        let (mut line, camera) = Line::connect(&self.address, self.patience)?;
-        line.send(&Message::Configure(self.settings.clone()))?;
-        let held = match line.receive(self.patience.answer)? {
-            Message::Configured(held) => held,
-            other => return Err(line.unexpected("its settings", &other)),
-        };
-        if held.size != self.settings.size
-            || (held.raw, held.rgb) != (self.settings.raw, self.settings.rgb)
-        {
-            return Err(self.failed(format!("asked for {:?}, it set {held:?}", self.settings)));
+        let (mut line, camera) = Line::connect(&self.reach, self.patience.answer)?;
+        let (held, says) = line.configure(&self.order, self.patience.configure)?;
+        let asked = &self.order.settings;
+        if held.size != asked.size || (held.raw, held.rgb) != (asked.raw, asked.rgb) {
+            return Err(self.failed(format!("asked for {asked:?}, it set {held:?}")));
         }
         let mut readings = Vec::new();
         for _ in 0..CLOCK_READINGS {
             readings.push(line.ask_clock(self.patience.answer)?);
         }
-        self.socket = line.socket.try_clone().ok();
+        self.socket = line.handle();
         self.ready = Some((line, readings));
         let says = serde_json::json!({
-            "source": self.address, "camera": camera, "asked": self.settings, "set": held,
+            "source": self.reach.to_string(), "camera": camera, "asked": self.order, "set": held,
+            "says": says,
         });
         Ok(Prepared { says, streams: Vec::new() })
     }
@@ -211,100 +227,7 @@ impl Drop for NetworkPi {
     }
 }
 
-/// One connection.
-#[derive(Debug)]
-struct Line {
-    address: String,
-    socket: TcpStream,
-    decoder: Decoder,
-    buffer: Vec<u8>,
-}
-
 impl Line {
-    /// Connects, compares versions, and hears what camera there is.
-    fn connect(address: &str, patience: Patience) -> Result<(Self, String), RecorderError> {
-        let fail = |because: String| failed(address, because);
-        let resolved = address.to_socket_addrs().map_err(|error| fail(error.to_string()))?;
-        let mut found = Err(fail("the name has no address".to_owned()));
-        for target in resolved {
-            found = TcpStream::connect_timeout(&target, patience.answer)
-                .map_err(|error| fail(error.to_string()));
-            if found.is_ok() {
-                break;
-            }
-        }
-        let mut socket = found?;
-        let io = |error: std::io::Error| failed(address, error);
-        socket.set_nodelay(true).map_err(io)?;
-        socket.set_write_timeout(Some(patience.answer)).map_err(io)?;
-        socket.set_read_timeout(Some(patience.answer)).map_err(io)?;
-        let mut preamble = [0; PREAMBLE_BYTES];
-        socket.write_all(&wire::preamble()).map_err(io)?;
-        socket.read_exact(&mut preamble).map_err(io)?;
-        wire::check_preamble(&preamble).map_err(|error| failed(address, error))?;
-        socket.set_read_timeout(Some(TICK)).map_err(io)?;
-        let address = address.to_owned();
-        let mut line =
-            Self { address, socket, decoder: Decoder::default(), buffer: vec![0; 1 << 16] };
-        match line.receive(patience.answer)? {
-            Message::Hello { camera } => Ok((line, camera)),
-            other => Err(line.unexpected("its camera", &other)),
-        }
-    }
-
-    fn send(&mut self, message: &Message) -> Result<(), RecorderError> {
-        let sent = self.socket.write_all(&wire::encode(message));
-        sent.map_err(|error| failed(&self.address, error))
-    }
-
-    /// The next message, waited for in ticks; none when a tick brought nothing whole.
-    fn look(&mut self) -> Result<Option<Message>, RecorderError> {
-        let next = self.decoder.take().map_err(|error| failed(&self.address, error))?;
-        if next.is_some() {
-            return Ok(next);
-        }
-        match self.socket.read(&mut self.buffer) {
-            Ok(0) => Err(failed(&self.address, "the agent closed the connection")),
-            Ok(n) => {
-                self.decoder.push(&self.buffer[..n]);
-                self.decoder.take().map_err(|error| failed(&self.address, error))
-            }
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                Ok(None)
-            }
-            Err(error) => Err(failed(&self.address, error)),
-        }
-    }
-
-    fn receive(&mut self, patience: Duration) -> Result<Message, RecorderError> {
-        let deadline = Instant::now() + patience;
-        loop {
-            match self.look()? {
-                Some(Message::Refused { because }) => return Err(failed(&self.address, because)),
-                Some(message) => return Ok(message),
-                None if Instant::now() >= deadline => {
-                    return Err(failed(&self.address, format!("no answer within {patience:?}")));
-                }
-                None => {}
-            }
-        }
-    }
-
-    fn ask_clock(&mut self, patience: Duration) -> Result<ClockExchange, RecorderError> {
-        let asked = host_time();
-        self.send(&Message::AskClock)?;
-        match self.receive(patience)? {
-            Message::Clock(pi) => Ok(ClockExchange { asked, pi, answered: host_time() }),
-            other => Err(self.unexpected("its clocks", &other)),
-        }
-    }
-
-    fn unexpected(&self, expected: &str, found: &Message) -> RecorderError {
-        let name = format!("{found:?}");
-        let name = name.split(['(', ' ', '{']).next().unwrap_or_default();
-        failed(&self.address, format!("expected {expected}, the agent said {name}"))
-    }
-
     /// Takes frames until the recording ends, then what is left, then the clocks again.
     fn record(
         &mut self,
@@ -315,54 +238,71 @@ impl Line {
         let mut heard = Instant::now();
         let mut clock_asked: Option<HostTime> = None;
         let mut last_asked = Instant::now();
-        let mut stopping: Option<Instant> = None;
+        let mut drained_by: Option<Instant> = None;
         loop {
-            if stopping.is_none() && shared.is_ending.load(Ordering::Relaxed) {
+            if drained_by.is_none() && shared.is_ending.load(Ordering::Relaxed) {
                 self.send(&Message::Stop)?;
-                stopping = Some(Instant::now());
+                drained_by = Some(Instant::now() + patience.drain);
             }
-            if stopping.is_none() && clock_asked.is_none() && last_asked.elapsed() >= CLOCK_EVERY {
+            if drained_by.is_none() && clock_asked.is_none() && last_asked.elapsed() >= CLOCK_EVERY
+            {
                 clock_asked = Some(host_time());
                 last_asked = Instant::now();
                 self.send(&Message::AskClock)?;
             }
+            if drained_by.is_some_and(|limit| Instant::now() >= limit) {
+                return Err(self.reach.failed("the frames that wait there did not come in time"));
+            }
             let Some(message) = self.look()? else {
-                let limit = if stopping.is_some() { patience.drain } else { patience.silence };
+                let limit = if drained_by.is_some() { patience.drain } else { patience.silence };
                 if heard.elapsed() >= limit {
-                    return Err(failed(&self.address, format!("not a byte within {limit:?}")));
+                    return Err(self.reach.failed(format!("not a byte within {limit:?}")));
                 }
                 continue;
             };
             heard = Instant::now();
             match message {
                 Message::Frame(frame) => deliver(outlet, shared, frame),
-                Message::Clock(pi) => {
+                Message::LateRgb(frame) => deliver_late(outlet, shared, frame),
+                Message::Clock(reading) => {
                     if let Some(asked) = clock_asked.take() {
-                        let reading = ClockExchange { asked, pi, answered: host_time() };
+                        let (pi, pi_raw) = (reading.boot, Some(reading.raw));
+                        let reading = ClockExchange { asked, pi, pi_raw, answered: host_time() };
                         let _ = outlet.offer(Sample::Clock(reading));
                     }
                 }
-                Message::Stopped { n_dropped, .. } => {
-                    shared.change(|state| state.tally.n_dropped += n_dropped);
+                Message::Draining { n_bytes, .. } => {
+                    let seconds = Duration::from_secs(n_bytes / SLOWEST_BYTES_PER_S);
+                    drained_by = drained_by.map(|limit| limit + seconds);
+                }
+                Message::Stopped(tally) => {
+                    shared.change(|state| count(&mut state.tally, &tally));
                     break;
                 }
-                Message::Refused { because } => return Err(failed(&self.address, because)),
+                Message::Refused { because } => return Err(self.reach.failed(because)),
                 other => return Err(self.unexpected("a frame", &other)),
-            }
-            if stopping.is_some_and(|since| since.elapsed() >= patience.drain) {
-                let because = format!("frames still come {:?} after the stop", patience.drain);
-                return Err(failed(&self.address, because));
             }
         }
         for _ in 0..CLOCK_READINGS {
             let reading = self.ask_clock(patience.answer)?;
             let _ = outlet.offer(Sample::Clock(reading));
         }
+        let text = format!("pi: clock after the take: {}", self.ask_discipline(patience.answer)?);
+        let _ = outlet.offer(Sample::Note { at: host_time(), text });
         Ok(())
     }
 }
 
-fn deliver(outlet: &Outlet, shared: &Shared, frame: Box<crate::session::PiFrame>) {
+/// Takes the agent's account of a take over into the recorder's.
+fn count(tally: &mut Tally, take: &TakeTally) {
+    tally.n_dropped += take.n_dropped;
+    if take.n_late_dropped > 0 {
+        let n = take.n_late_dropped;
+        tally.gaps.push(format!("{n} RGB pictures had no room in the Pi's spool"));
+    }
+}
+
+fn deliver(outlet: &Outlet, shared: &Shared, frame: Box<PiFrame>) {
     let is_taken = outlet.offer(Sample::Frame { arrived: host_time(), frame });
     shared.change(|state| {
         let tally = &mut state.tally;
@@ -370,10 +310,13 @@ fn deliver(outlet: &Outlet, shared: &Shared, frame: Box<crate::session::PiFrame>
     });
 }
 
-fn failed(address: &str, because: impl ToString) -> RecorderError {
-    RecorderError {
-        device: format!("pi at tcp://{address}"),
-        because: because.to_string(),
-        remedy: "start `evrig pi` there, or correct pi.transport",
+/// Late pictures can wait for the disk: the agent keeps them until they are taken.
+fn deliver_late(outlet: &Outlet, shared: &Shared, frame: Box<PiFrame>) {
+    if !outlet.put(Sample::LateRgb { arrived: host_time(), frame }) {
+        shared.change(|state| {
+            if state.tally.gaps.is_empty() {
+                state.tally.gaps.push("the writer ended before the late RGB pictures".to_owned());
+            }
+        });
     }
 }

@@ -1,5 +1,6 @@
 //! Where the agent's frames come from.
 
+use super::order::Focus;
 use super::read_clocks;
 use super::wire::Settings;
 use crate::format::raw10;
@@ -25,6 +26,31 @@ pub trait FrameSource: Send {
     /// # Errors
     /// When the settings are impossible for it.
     fn configure(&mut self, settings: &Settings) -> Result<Settings, SourceError>;
+
+    /// What the lens is to do; asked for before [`Self::configure`]. A camera without a lens that
+    /// moves has nothing to do.
+    ///
+    /// # Errors
+    /// When the lens cannot.
+    fn set_focus(&mut self, _focus: Focus) -> Result<(), SourceError> {
+        Ok(())
+    }
+
+    /// What else it read back when it was set up, for the manifest.
+    fn says(&self) -> serde_json::Value {
+        serde_json::Value::Null
+    }
+
+    /// Lets frames come.
+    ///
+    /// # Errors
+    /// When the camera cannot.
+    fn start(&mut self) -> Result<(), SourceError> {
+        Ok(())
+    }
+
+    /// Lets no more frames come, in any state, as often as called.
+    fn stop(&mut self) {}
 
     /// The next frame, in at most a quarter of a second; none when there is none yet or any more.
     ///

@@ -1,40 +1,51 @@
 //! The codec: bytes to messages and back, without I/O.
 
-use crate::format::raw10;
-use crate::geometry::Size;
-use crate::session::{ClockSandwich, FrameMetadata, PiFrame};
-use crate::time::Span;
-use crate::units::Hertz;
+pub use super::order::Settings;
+
+mod pictures;
+
+use super::coding::{self, CodingError};
+use super::discipline::Discipline;
+use super::order::{Coding, Order};
+use crate::session::{ClockSandwich, FrameMetadata, PiFrame, RawClockSandwich};
+use pictures::{Picture, frame};
 use serde::{Deserialize, Serialize};
 
 /// The version of the protocol spoken here.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// What both sides send first, before the version.
 const MAGIC: &[u8; 8] = b"EVRIGPI\0";
 /// Bytes of magic and version.
 pub const PREAMBLE_BYTES: usize = 12;
 /// The longest message: a full 12-megapixel frame, raw and RGB, and room.
 pub const MAX_MESSAGE_BYTES: usize = 64 << 20;
+/// The most that a probe of the link may ask for.
+pub const MAX_PROBE_BYTES: usize = 32 << 20;
 /// The longest head; real ones have some hundred bytes.
 const MAX_HEAD_BYTES: usize = 1 << 16;
 
-/// How frames are to be taken; the agent answers with what it read back.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Settings {
-    /// Columns and rows.
-    pub size: Size,
-    /// Frames a second.
-    #[serde(rename = "frame_rate_hz")]
-    pub frame_rate: Hertz,
-    /// How long a row sees light, ns.
-    #[serde(rename = "exposure_ns")]
-    pub exposure: Span,
-    /// Analogue gain.
-    pub gain: f64,
-    /// Whether raw frames are wanted.
-    pub raw: bool,
-    /// Whether RGB frames are wanted.
-    pub rgb: bool,
+/// The Pi's clocks, read in one go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ClockReading {
+    /// The wall clock between two readings of the boot clock.
+    pub boot: ClockSandwich,
+    /// The wall clock between two readings of the clock that nothing steers.
+    pub raw: RawClockSandwich,
+}
+
+/// What became of a take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct TakeTally {
+    /// Frames that were sent while they came.
+    pub n_sent: u64,
+    /// Frames for which there was no room, neither in memory nor in the spool.
+    pub n_dropped: u64,
+    /// Frames that had to wait on the Pi's disk because the network was slower than the camera.
+    pub n_spooled: u64,
+    /// RGB pictures sent after the take.
+    pub n_late: u64,
+    /// RGB pictures for which the spool had no room.
+    pub n_late_dropped: u64,
 }
 
 /// What the two sides say to each other.
@@ -45,27 +56,47 @@ pub enum Message {
         /// Model, and version of evrig.
         camera: String,
     },
-    /// Host: these settings, please.
-    Configure(Settings),
-    /// Agent: these settings hold.
-    Configured(Settings),
+    /// Host: this is how, please.
+    Configure(Order),
+    /// Agent: this holds.
+    Configured {
+        /// What the camera read back.
+        settings: Settings,
+        /// What else it says of itself, for the manifest.
+        says: serde_json::Value,
+    },
     /// Host: let frames come.
     Start,
     /// Agent: one frame.
     Frame(Box<PiFrame>),
+    /// Agent, after the take: the RGB picture of a frame that was sent without it.
+    LateRgb(Box<PiFrame>),
     /// Host: read your clocks.
     AskClock,
     /// Agent: the clocks.
-    Clock(ClockSandwich),
+    Clock(ClockReading),
+    /// Host: what keeps your clock right?
+    AskDiscipline,
+    /// Agent: this.
+    Discipline(Discipline),
+    /// Host: send so many bytes, to measure the link.
+    Probe {
+        /// How many, at most [`MAX_PROBE_BYTES`].
+        n_bytes: usize,
+    },
+    /// Agent: bytes without meaning.
+    Filler(Vec<u8>),
     /// Host: no more frames.
     Stop,
-    /// Agent: the last frame was sent.
-    Stopped {
-        /// Frames that were sent.
-        n_sent: u64,
-        /// Frames for which there was no room.
-        n_dropped: u64,
+    /// Agent: no more frames are taken; these are still to be sent.
+    Draining {
+        /// Messages.
+        n_messages: u64,
+        /// Bytes of them.
+        n_bytes: u64,
     },
+    /// Agent: the last frame was sent.
+    Stopped(TakeTally),
     /// Agent: I cannot, or not for you.
     Refused {
         /// Why, and what to do.
@@ -77,14 +108,20 @@ pub enum Message {
 #[serde(tag = "kind", rename_all = "snake_case")]
 enum Head {
     Hello { camera: String },
-    Configure { settings: Settings },
-    Configured { settings: Settings },
+    Configure { order: Order },
+    Configured { settings: Settings, says: serde_json::Value },
     Start,
-    Frame { metadata: FrameMetadata, n_raw: Option<usize>, n_rgb: Option<usize> },
+    Frame { metadata: FrameMetadata, raw: Option<Picture>, rgb: Option<Picture> },
+    LateRgb { metadata: FrameMetadata, rgb: Option<Picture> },
     AskClock,
-    Clock { reading: ClockSandwich },
+    Clock { reading: ClockReading },
+    AskDiscipline,
+    Discipline { discipline: Discipline },
+    Probe { n_bytes: usize },
+    Filler { n_bytes: usize },
     Stop,
-    Stopped { n_sent: u64, n_dropped: u64 },
+    Draining { n_messages: u64, n_bytes: u64 },
+    Stopped { tally: TakeTally },
     Refused { because: String },
 }
 
@@ -152,50 +189,87 @@ pub fn check_preamble(bytes: &[u8; PREAMBLE_BYTES]) -> Result<(), WireError> {
     }
 }
 
-/// A message as bytes.
+/// A message as bytes; pictures are not coded. See [`encode_frame`].
 #[must_use]
 pub fn encode(message: &Message) -> Vec<u8> {
-    let (head, pictures): (Head, [Option<&[u8]>; 2]) = match message.clone_head() {
-        Ok(head) => (head, [None, None]),
-        Err(frame) => {
-            let [raw, rgb] = [&frame.raw10, &frame.rgb].map(|p| p.as_deref());
-            let head = Head::Frame {
-                metadata: frame.metadata.clone(),
-                n_raw: raw.map(<[u8]>::len),
-                n_rgb: rgb.map(<[u8]>::len),
-            };
-            (head, [raw, rgb])
+    let head = match message {
+        Message::Frame(frame) => return plain(frame, false),
+        Message::LateRgb(frame) => return plain(frame, true),
+        Message::Filler(bytes) => {
+            return assemble(&Head::Filler { n_bytes: bytes.len() }, &[bytes]);
         }
+        Message::Hello { camera } => Head::Hello { camera: camera.clone() },
+        Message::Configure(order) => Head::Configure { order: order.clone() },
+        Message::Configured { settings, says } => {
+            Head::Configured { settings: settings.clone(), says: says.clone() }
+        }
+        Message::Start => Head::Start,
+        Message::AskClock => Head::AskClock,
+        Message::Clock(reading) => Head::Clock { reading: *reading },
+        Message::AskDiscipline => Head::AskDiscipline,
+        Message::Discipline(discipline) => Head::Discipline { discipline: discipline.clone() },
+        Message::Probe { n_bytes } => Head::Probe { n_bytes: *n_bytes },
+        Message::Stop => Head::Stop,
+        Message::Draining { n_messages, n_bytes } => {
+            Head::Draining { n_messages: *n_messages, n_bytes: *n_bytes }
+        }
+        Message::Stopped(tally) => Head::Stopped { tally: *tally },
+        Message::Refused { because } => Head::Refused { because: because.clone() },
     };
+    assemble(&head, &[])
+}
+
+/// A frame as bytes, its pictures coded; late ones travel alone.
+///
+/// # Errors
+/// When a picture is not what the frame's size says.
+pub fn encode_frame(
+    frame: &PiFrame,
+    coding: Coding,
+    is_late: bool,
+) -> Result<Vec<u8>, CodingError> {
+    if coding == Coding::Plain {
+        return Ok(plain(frame, is_late));
+    }
+    let size = frame.metadata.size;
+    let raw = frame.raw10.as_ref().filter(|_| !is_late);
+    let (raw, rgb) = rayon::join(
+        || raw.map(|packed| coding::encode_raw10(packed, size)).transpose(),
+        || frame.rgb.as_ref().map(|rgb| coding::encode_rgb(rgb, size)).transpose(),
+    );
+    Ok(with_pictures(&frame.metadata, [raw?.as_deref(), rgb?.as_deref()], coding, is_late))
+}
+
+fn plain(frame: &PiFrame, is_late: bool) -> Vec<u8> {
+    let raw = frame.raw10.as_deref().filter(|_| !is_late);
+    with_pictures(&frame.metadata, [raw, frame.rgb.as_deref()], Coding::Plain, is_late)
+}
+
+fn with_pictures(
+    metadata: &FrameMetadata,
+    pictures: [Option<&[u8]>; 2],
+    coding: Coding,
+    is_late: bool,
+) -> Vec<u8> {
+    let [raw, rgb] =
+        pictures.map(|bytes| bytes.map(|bytes| Picture { n_bytes: bytes.len(), coding }));
+    let metadata = metadata.clone();
+    let head =
+        if is_late { Head::LateRgb { metadata, rgb } } else { Head::Frame { metadata, raw, rgb } };
+    let pictures: Vec<&[u8]> = pictures.into_iter().flatten().collect();
+    assemble(&head, &pictures)
+}
+
+fn assemble(head: &Head, pictures: &[&[u8]]) -> Vec<u8> {
     // These heads are plain values: JSON can always hold them.
-    let head = serde_json::to_vec(&head).unwrap_or_default();
-    let n_pictures: usize = pictures.iter().flatten().map(|picture| picture.len()).sum();
+    let head = serde_json::to_vec(head).unwrap_or_default();
+    let n_pictures: usize = pictures.iter().map(|picture| picture.len()).sum();
     let mut bytes = Vec::with_capacity(8 + head.len() + n_pictures);
     bytes.extend(((4 + head.len() + n_pictures) as u32).to_le_bytes());
     bytes.extend((head.len() as u32).to_le_bytes());
     bytes.extend(head);
-    pictures.into_iter().flatten().for_each(|picture| bytes.extend_from_slice(picture));
+    pictures.iter().for_each(|picture| bytes.extend_from_slice(picture));
     bytes
-}
-
-impl Message {
-    /// The head of a message without pictures; a frame itself, which has some.
-    fn clone_head(&self) -> Result<Head, &PiFrame> {
-        Ok(match self {
-            Self::Frame(frame) => return Err(frame),
-            Self::Hello { camera } => Head::Hello { camera: camera.clone() },
-            Self::Configure(settings) => Head::Configure { settings: settings.clone() },
-            Self::Configured(settings) => Head::Configured { settings: settings.clone() },
-            Self::Start => Head::Start,
-            Self::AskClock => Head::AskClock,
-            Self::Clock(reading) => Head::Clock { reading: *reading },
-            Self::Stop => Head::Stop,
-            Self::Stopped { n_sent, n_dropped } => {
-                Head::Stopped { n_sent: *n_sent, n_dropped: *n_dropped }
-            }
-            Self::Refused { because } => Head::Refused { because: because.clone() },
-        })
-    }
 }
 
 /// Puts messages together from bytes as they come.
@@ -243,47 +317,48 @@ impl Decoder {
 
 fn parse(head: &[u8], pictures: &[u8]) -> Result<Message, String> {
     let head: Head = serde_json::from_slice(head).map_err(|error| error.to_string())?;
-    if !matches!(head, Head::Frame { .. }) && !pictures.is_empty() {
-        return Err(format!("{} bytes behind a message without pictures", pictures.len()));
-    }
-    Ok(match head {
+    let message = match head {
+        Head::Frame { metadata, raw, rgb } => {
+            return Ok(Message::Frame(Box::new(frame(metadata, raw, rgb, pictures)?)));
+        }
+        Head::LateRgb { metadata, rgb } => {
+            return Ok(Message::LateRgb(Box::new(frame(metadata, None, rgb, pictures)?)));
+        }
+        Head::Filler { n_bytes } if n_bytes == pictures.len() => {
+            return Ok(Message::Filler(pictures.to_vec()));
+        }
+        Head::Filler { n_bytes } => {
+            return Err(format!("{n_bytes} bytes of filler, found {}", pictures.len()));
+        }
         Head::Hello { camera } => Message::Hello { camera },
-        Head::Configure { settings } => Message::Configure(settings),
-        Head::Configured { settings } => Message::Configured(settings),
+        Head::Configure { order } => Message::Configure(order),
+        Head::Configured { settings, says } => Message::Configured { settings, says },
         Head::Start => Message::Start,
         Head::AskClock => Message::AskClock,
         Head::Clock { reading } => Message::Clock(reading),
+        Head::AskDiscipline => Message::AskDiscipline,
+        Head::Discipline { discipline } => Message::Discipline(discipline),
+        Head::Probe { n_bytes } => Message::Probe { n_bytes },
         Head::Stop => Message::Stop,
-        Head::Stopped { n_sent, n_dropped } => Message::Stopped { n_sent, n_dropped },
+        Head::Draining { n_messages, n_bytes } => Message::Draining { n_messages, n_bytes },
+        Head::Stopped { tally } => Message::Stopped(tally),
         Head::Refused { because } => Message::Refused { because },
-        Head::Frame { metadata, n_raw, n_rgb } => {
-            let size = metadata.size;
-            let row = raw10::row_bytes(size.width).map_err(|error| error.to_string())?;
-            let expected =
-                [n_raw.map(|_| row * usize::from(size.height)), n_rgb.map(|_| 3 * size.n_pixels())];
-            let total: usize = expected.iter().flatten().sum();
-            if expected != [n_raw, n_rgb] || pictures.len() != total {
-                return Err(format!(
-                    "a frame of {size} has pictures of {expected:?} bytes, found {:?} in {}",
-                    [n_raw, n_rgb],
-                    pictures.len()
-                ));
-            }
-            let (raw, rgb) = pictures.split_at(n_raw.unwrap_or(0));
-            let frame = PiFrame {
-                metadata,
-                raw10: n_raw.map(|_| raw.to_vec()),
-                rgb: n_rgb.map(|_| rgb.to_vec()),
-            };
-            Message::Frame(Box::new(frame))
-        }
-    })
+    };
+    if pictures.is_empty() {
+        Ok(message)
+    } else {
+        Err(format!("{} bytes behind a message without pictures", pictures.len()))
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::pi::order::{Delivery, Focus};
     use crate::device::pi::source::{FrameSource, Synthetic};
+    use crate::geometry::Size;
+    use crate::time::Span;
+    use crate::units::Hertz;
     use proptest::prelude::*;
 
     fn settings() -> Settings {
@@ -303,18 +378,32 @@ mod tests {
         Message::Frame(Box::new(source.next().unwrap().unwrap()))
     }
 
+    fn late() -> Message {
+        let Message::Frame(frame) = frame() else { panic!("a frame") };
+        Message::LateRgb(Box::new(PiFrame { raw10: None, ..*frame }))
+    }
+
     fn messages() -> Vec<Message> {
-        let reading = crate::device::pi::read_clocks();
+        let reading = crate::device::pi::read_all_clocks();
+        let order =
+            Order { settings: settings(), focus: Focus::Once, delivery: Delivery::default() };
+        let says = serde_json::json!({"lens": 1});
         vec![
             Message::Hello { camera: "imx708".into() },
-            Message::Configure(settings()),
-            Message::Configured(settings()),
+            Message::Configure(order),
+            Message::Configured { settings: settings(), says },
             Message::Start,
             frame(),
+            late(),
+            Message::AskDiscipline,
+            Message::Discipline(Discipline::Unknown { because: "none".into() }),
+            Message::Probe { n_bytes: 7 },
+            Message::Filler(vec![3; 7]),
+            Message::Draining { n_messages: 2, n_bytes: 9 },
             Message::AskClock,
             Message::Clock(reading),
             Message::Stop,
-            Message::Stopped { n_sent: 9, n_dropped: 1 },
+            Message::Stopped(TakeTally { n_sent: 9, n_dropped: 1, ..TakeTally::default() }),
             Message::Refused { because: "busy".into() },
         ]
     }
@@ -331,14 +420,14 @@ mod tests {
                 bytes.escape_ascii().to_string()
             );
         }
-        assert_eq!(&preamble(), b"EVRIGPI\0\x01\0\0\0");
+        assert_eq!(&preamble(), b"EVRIGPI\0\x02\0\0\0");
     }
 
     #[test]
     fn another_version_and_another_program_are_told_apart() {
         assert_eq!(check_preamble(&preamble()), Ok(()));
-        let newer = check_preamble(b"EVRIGPI\0\x02\0\0\0").unwrap_err();
-        assert_eq!(newer, WireError::Version { found: 2 });
+        let newer = check_preamble(b"EVRIGPI\0\x03\0\0\0").unwrap_err();
+        assert_eq!(newer, WireError::Version { found: 3 });
         assert!(newer.to_string().contains("install the same evrig"));
         assert!(matches!(check_preamble(b"HTTP/1.1 400"), Err(WireError::NotEvrig { .. })));
     }
@@ -355,11 +444,33 @@ mod tests {
     #[test]
     fn a_frame_that_is_not_what_its_size_says_is_refused() {
         let text =
-            String::from_utf8_lossy(&encode(&frame())).replace("\"n_raw\":40", "\"n_raw\":41");
+            String::from_utf8_lossy(&encode(&frame())).replace("\"n_bytes\":40", "\"n_bytes\":41");
         let start = text.find('{').unwrap();
-        assert!(text.contains("\"n_raw\":41"), "{text}");
+        assert!(text.contains("\"n_bytes\":41"), "{text}");
         let head = &text.as_bytes()[start..text.rfind('}').unwrap() + 1];
         assert!(parse(head, &[0; 136]).unwrap_err().contains("pictures"));
+    }
+
+    #[test]
+    fn a_coded_frame_comes_back_whole_and_a_late_one_without_its_raw_picture() {
+        let Message::Frame(sent) = frame() else { panic!("a frame") };
+        let late = PiFrame { raw10: None, ..*sent.clone() };
+        let expected = [Message::Frame(sent.clone()), Message::LateRgb(Box::new(late))];
+        for (is_late, expected) in [false, true].into_iter().zip(expected) {
+            let mut decoder = Decoder::default();
+            decoder.push(&encode_frame(&sent, Coding::Lossless, is_late).unwrap());
+            assert_eq!(decoder.take().unwrap(), Some(expected));
+        }
+    }
+
+    #[test]
+    fn a_size_beyond_measure_is_refused_before_it_is_unpacked() {
+        let Message::Frame(mut sent) = frame() else { panic!("a frame") };
+        sent.metadata.size = Size::new(65_532, 65_535);
+        let mut decoder = Decoder::default();
+        decoder.push(&plain(&sent, false));
+        let error = decoder.take().unwrap_err().to_string();
+        assert!(error.contains("larger than a message"), "{error}");
     }
 
     proptest! {
@@ -385,7 +496,7 @@ mod tests {
 
         #[test]
         fn noise_is_an_error_or_a_message_but_never_a_panic(
-            which in 0_usize..10, at in any::<prop::sample::Index>(), value in any::<u8>(),
+            which in 0_usize..16, at in any::<prop::sample::Index>(), value in any::<u8>(),
         ) {
             let mut bytes = encode(&messages()[which]);
             let at = at.index(bytes.len());

@@ -15,10 +15,12 @@ mod profile;
 mod queue;
 mod registers;
 mod serve;
+mod trace;
 mod truth;
 
 pub use kinematics::JointLimits;
-pub use serve::{Clock, Emulator, EmulatorError, State};
+pub use serve::{Clock, Emulator, EmulatorError, Follower, State};
+pub use trace::Trace;
 pub use truth::Imperfections;
 
 use crate::device::dobot::alarm::{Alarm, Alarms};
@@ -31,6 +33,7 @@ use path::Point;
 use plan::Planner;
 use queue::{Entry, Queue, Task};
 use registers::Registers;
+use std::sync::Arc;
 use truth::Truth;
 
 /// What rules the speed of arcs and circles; unsettled until measured on a real arm.
@@ -144,6 +147,8 @@ pub struct SimulatedArm {
     truth: Truth,
     /// Up to when the truth was stepped.
     truth_at: Span,
+    /// Keeps the truth for those who look at it later.
+    trace: Option<Arc<Trace>>,
 }
 
 impl SimulatedArm {
@@ -163,6 +168,7 @@ impl SimulatedArm {
             is_homed: options.is_homed,
             truth: Truth::at_rest(POWER_UP_JOINTS[0], [xyzr[0], xyzr[1], xyzr[2]]),
             truth_at: Span::ZERO,
+            trace: None,
             options,
         }
     }
@@ -206,10 +212,21 @@ impl SimulatedArm {
     /// Where the tool is.
     #[must_use]
     pub fn true_pose(&self) -> Pose {
+        Pose::from_mm_deg(self.true_xyzr(self.now))
+    }
+
+    /// Where the tool is while the truth stands at `at`.
+    fn true_xyzr(&self, at: Span) -> [f64; 4] {
         let offset_deg =
             if self.is_homed { 0.0 } else { self.options.imperfections.base_offset.value() };
-        let base_deg = self.joints_at(self.now)[0];
-        Pose::from_mm_deg(self.truth.pose(self.xyzr(), base_deg, offset_deg))
+        self.truth.pose(self.xyzr_at(at), self.joints_at(at)[0], offset_deg)
+    }
+
+    /// Keeps from now on where the tool truly is, for those who look at it later.
+    pub fn keep_trace(&mut self) -> Arc<Trace> {
+        let trace = Arc::clone(self.trace.get_or_insert_default());
+        trace.note(self.truth_at, self.true_xyzr(self.truth_at));
+        trace
     }
 
     fn bias(&self) -> [f64; 3] {
@@ -266,13 +283,22 @@ impl SimulatedArm {
             if self.running.is_none() && self.truth.is_calm() {
                 // Nothing moves: the rest of the time can be passed over on the same grid.
                 let n_steps = (until - self.truth_at).as_nanos() / step.as_nanos();
+                self.note_truth();
                 self.truth_at = self.truth_at + Span::from_nanos(step.as_nanos() * n_steps);
+                self.note_truth();
                 break;
             }
             self.truth_at = self.truth_at + step;
             let [x, y, z, _] = self.xyzr_at(self.truth_at);
             let base_deg = self.joints_at(self.truth_at)[0];
             self.truth.step(&self.options.imperfections, base_deg, [x, y, z]);
+            self.note_truth();
+        }
+    }
+
+    fn note_truth(&self) {
+        if let Some(trace) = &self.trace {
+            trace.note(self.truth_at, self.true_xyzr(self.truth_at));
         }
     }
 

@@ -15,6 +15,8 @@ mod description;
 mod draws;
 pub mod effects;
 mod exposure;
+mod host;
+mod lamps;
 mod light;
 mod motion;
 mod optics;
@@ -33,7 +35,7 @@ mod texture;
 mod view;
 
 pub use clocks::Clocks;
-pub use davis::{DavisPacket, DavisTwin};
+pub use davis::{DAVIS_STEP, DavisPacket, DavisTwin};
 pub use description::{
     ClocksOfWorld, DavisSensor, PiSensorDescription, PrintDescription, WorldDescription,
 };
@@ -46,12 +48,12 @@ pub use schedule::{Schedule, Setting};
 use crate::rig::{Pose, Rig};
 use crate::time::Span;
 use crate::trajectory::Path;
-use light::Light;
+use lamps::Lamps;
 use motion::Swing;
 use nalgebra::{Matrix3, Vector3};
 use optics::{Lens, Plane};
 use print::Print;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError, RwLock};
 use view::{Making, View};
 
 /// Texels along a DAVIS pixel: linear interpolation between them is then within 0.3 % of the light.
@@ -74,9 +76,8 @@ pub struct World {
     description: WorldDescription,
     seed: u64,
     motion: Arc<dyn Motion>,
-    schedule: Schedule,
+    lamps: RwLock<Arc<Lamps>>,
     swing: Option<Swing>,
-    light: Light,
     clocks: Clocks,
     plane: Plane,
     print: Print,
@@ -97,9 +98,24 @@ impl World {
         description: &WorldDescription,
         seed: u64,
     ) -> Result<Self, WorldError> {
+        let start = motion.pose_at(Span::ZERO);
+        Self::over(rig, start, motion, schedule, description, seed)
+    }
+
+    /// The same, with the print placed as the cameras see it when the tool is at `start`.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn over(
+        rig: &Rig,
+        start: Pose,
+        motion: Arc<dyn Motion>,
+        schedule: Schedule,
+        description: &WorldDescription,
+        seed: u64,
+    ) -> Result<Self, WorldError> {
         description.check()?;
         let effects = &description.effects;
-        let start = motion.pose_at(Span::ZERO);
         let print = Print::new(&description.print, &rig.target)?;
         let frame = rig.mount.davis.frame(start);
         let swing = effects.vibration.map(|v| Swing::new(v, frame.right, frame.down));
@@ -107,13 +123,12 @@ impl World {
         let world = Self {
             davis: davis_view(rig, &print, description)?,
             pi: pi_view(rig, &print, description)?,
-            light: Light::new(&schedule, effects.flicker, effects.moving_shadow),
+            lamps: RwLock::new(Arc::new(Lamps::new(schedule, effects))),
             clocks: Clocks::new(&description.clocks, effects.clock_offset, effects.clock_skew),
             rig: rig.clone(),
             description: description.clone(),
             seed,
             motion,
-            schedule,
             swing,
             plane,
             print,
@@ -154,6 +169,16 @@ impl World {
         &self.clocks
     }
 
+    /// Sets light, exposure and frames from a time on that nobody has looked at yet.
+    pub fn set(&self, setting: Setting) {
+        let mut lamps = self.lamps.write().unwrap_or_else(PoisonError::into_inner);
+        *lamps = Arc::new(lamps.with(setting, &self.description.effects));
+    }
+
+    fn lamps(&self) -> Arc<Lamps> {
+        Arc::clone(&self.lamps.read().unwrap_or_else(PoisonError::into_inner))
+    }
+
     /// Where the tool truly is, vibration included.
     #[must_use]
     pub fn true_pose(&self, time: Span) -> Pose {
@@ -184,6 +209,16 @@ impl World {
     #[must_use]
     pub fn plane_from_ray(&self, camera: CameraName, time: Span) -> Matrix3<f64> {
         self.view(camera).camera.plane_from_ray(&self.plane, self.true_pose(time))
+    }
+
+    /// The light that a pixel truly gets at an instant, 1 where white in full light, free of noise.
+    ///
+    /// # Panics
+    /// When the pixel does not lie on the sensor.
+    #[must_use]
+    pub fn light_on(&self, camera: CameraName, [x, y]: [u16; 2], time: Span) -> f32 {
+        let view = self.view(camera);
+        exposure::Exposure::new(self, view, time, time, 1).mean(view.camera.size.index(x, y))
     }
 
     /// Corners of the tag's black border on the print, clockwise from the top left, millimetres.

@@ -147,6 +147,12 @@ impl<W: Write> Writer<W> {
         }
     }
 
+    /// Packets written so far, in all streams.
+    #[must_use]
+    pub const fn n_packets(&self) -> u64 {
+        self.summary.n_packets
+    }
+
     /// Writes a run of events in packets of 8,192 to 32,768 events, of 10 ms or, in quiet scenes, up to 1 s.
     ///
     /// A call ends a packet, so what is written as it arrives is there at once.

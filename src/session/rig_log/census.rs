@@ -1,5 +1,6 @@
 //! Counting what the rig's log really holds.
 
+use super::reader::MAX_RECORD_BYTES;
 use super::{RigLogError, Topic, image};
 use crate::geometry::Size;
 use crate::session::StreamKind;
@@ -9,9 +10,6 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
-
-/// Records longer than this are damage: a chunk ends soon after 8 MiB, a frame has some megabytes.
-const MAX_RECORD_BYTES: usize = 1 << 28;
 
 /// What one pass over a log found.
 #[derive(Debug, Clone, Default)]

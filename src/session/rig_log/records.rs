@@ -85,6 +85,21 @@ pub struct ClockSandwich {
     pub boottime_after: Stamp<PiSensor>,
 }
 
+/// The Pi's wall clock read between two readings of its clock that nothing steers, so that
+/// steering of the wall clock can be told from a drift of the crystal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RawClockSandwich {
+    /// The unsteered clock before, ns since some start (`CLOCK_MONOTONIC_RAW`).
+    #[serde(rename = "monotonic_raw_before_ns")]
+    pub monotonic_raw_before: Span,
+    /// The wall clock.
+    #[serde(rename = "realtime_ns")]
+    pub realtime: Stamp<Unix>,
+    /// The unsteered clock after.
+    #[serde(rename = "monotonic_raw_after_ns")]
+    pub monotonic_raw_after: Span,
+}
+
 /// The Pi's clocks, read between two readings of the host's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ClockExchange {
@@ -92,6 +107,9 @@ pub struct ClockExchange {
     pub asked: HostTime,
     /// What the Pi read.
     pub pi: ClockSandwich,
+    /// What it read of its unsteered clock at the same time; none from an agent that reads none.
+    #[serde(default)]
+    pub pi_raw: Option<RawClockSandwich>,
     /// When the host had the answer.
     pub answered: HostTime,
 }

@@ -149,6 +149,21 @@ impl RigLogWriter {
         self.json(Topic::FrameMetadata, arrived, at, &frame.metadata)
     }
 
+    /// Writes the RGB picture of a frame whose metadata were written before. Its own time is that
+    /// of the metadata, `real_time_ns`, which joins the two.
+    ///
+    /// # Errors
+    /// When there is no picture of the frame's size, or the disk refuses.
+    pub fn late_rgb(&mut self, frame: &PiFrame, arrived: HostTime) -> Result<(), RigLogError> {
+        let (size, at) = (frame.metadata.size, frame.metadata.real_time);
+        let rgb = frame.rgb.as_deref().unwrap_or_default();
+        if rgb.len() != size.n_pixels() * 3 {
+            let because = format!("{} bytes for {size} pixels of 3", rgb.len());
+            return Err(self.unencodable(Topic::Rgb, because));
+        }
+        self.put(Topic::Rgb, arrived, at, &encode(at, size, "rgb8", rgb.to_vec()))
+    }
+
     /// Writes readings of the Pi's clocks.
     ///
     /// # Errors

@@ -2,7 +2,7 @@
 
 use super::fault::{Fault, Faults, Kind};
 use super::journal::{Journal, Line};
-use super::{Options, SimulatedArm};
+use super::{Options, SimulatedArm, Trace};
 use crate::device::dobot::alarm::Alarms;
 use crate::device::dobot::frame::{Decoder, Frame};
 use crate::device::dobot::id;
@@ -194,6 +194,13 @@ impl Emulator {
         }
     }
 
+    /// Follows where the tool truly is, from now on.
+    #[must_use]
+    pub fn follow(&self) -> Follower {
+        let trace = lock(&self.shared.arm).arm.keep_trace();
+        Follower { shared: Arc::clone(&self.shared), trace }
+    }
+
     /// Lets something go wrong; its requests are counted from now.
     pub fn inject(&self, fault: Fault) {
         lock(&self.shared.faults).add(fault);
@@ -203,6 +210,37 @@ impl Emulator {
     #[must_use]
     pub fn journal(&self) -> Vec<Line> {
         lock(&self.shared.journal).lines()
+    }
+}
+
+/// Looks where a simulated arm truly was; it may outlive the arm's wire.
+#[derive(Debug, Clone)]
+pub struct Follower {
+    shared: Arc<Shared>,
+    trace: Arc<Trace>,
+}
+
+impl Follower {
+    /// Lets the arm's time pass up to now; until when its way is known then.
+    #[must_use]
+    pub fn known_until(&self) -> Span {
+        let mut clocked = lock(&self.shared.arm);
+        let now = clocked.now(false);
+        clocked.arm.advance(now);
+        drop(clocked);
+        self.trace.known_until()
+    }
+
+    /// The arm's clock now.
+    #[must_use]
+    pub fn now(&self) -> Span {
+        lock(&self.shared.arm).now(false)
+    }
+
+    /// The way so far.
+    #[must_use]
+    pub fn trace(&self) -> &Trace {
+        &self.trace
     }
 }
 

@@ -42,9 +42,13 @@ impl Clocks {
     /// The Pi's SensorTimestamp clock, in whole microseconds as V4L2 hands it on.
     #[must_use]
     pub fn pi_sensor(&self, time: Span) -> Stamp<PiSensor> {
-        let shown =
-            Stamp::<PiSensor>::from_nanos(self.description.pi_boot_ns) + self.ran_on_pi(time);
-        Stamp::from_micros(shown.as_micros())
+        Stamp::from_micros(self.pi_boot(time).as_micros())
+    }
+
+    /// The same clock as a program on the Pi reads it, to the nanosecond.
+    #[must_use]
+    pub fn pi_boot(&self, time: Span) -> Stamp<PiSensor> {
+        Stamp::from_nanos(self.description.pi_boot_ns) + self.ran_on_pi(time)
     }
 
     /// The Pi's wall clock.

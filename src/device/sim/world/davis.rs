@@ -5,6 +5,7 @@ mod circuit;
 mod comparator;
 mod pixel;
 mod readout;
+mod sight;
 mod slab;
 mod spontaneous;
 mod traits;
@@ -21,6 +22,9 @@ use readout::Readout;
 use slab::{SLAB, Slab};
 use spontaneous::Spontaneous;
 use std::sync::Arc;
+
+/// The twin works the world out in steps of this.
+pub const DAVIS_STEP: Span = SLAB;
 
 /// The event camera in a world. It gives packet after packet; what they hold does not depend on how
 /// they are asked for, nor on the number of threads.
@@ -120,8 +124,9 @@ impl DavisTwin {
             slab.start + SLAB - Span::from_secs_f64(reach[0]),
         );
         let white = world.print.white() as f32;
+        let lamps = world.lamps();
         let scene =
-            Scene { view: &world.davis, light: &world.light, slab, seed: world.seed, white };
+            Scene { view: &world.davis, light: &lamps.light, slab, seed: world.seed, white };
         let (traits, circuits, spontaneous) = (&self.traits, &self.circuits, &self.spontaneous);
         let rows = self.states.par_chunks_mut(width).enumerate().map_init(
             Scratch::default,

@@ -21,6 +21,7 @@ pub(super) enum Purpose {
     ApsNoise,
     PiNoise,
     PiInterface,
+    HostLink,
 }
 
 /// A run of draws: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014) from a keyed beginning.

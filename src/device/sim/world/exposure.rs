@@ -1,8 +1,10 @@
 //! What a frame's pixels gather while they see light.
 
 use super::World;
+use super::lamps::Lamps;
 use super::view::{TexelFromRay, View};
 use crate::time::Span;
+use std::sync::Arc;
 
 /// The picture moves less than this between two looks of one exposure, in pixels.
 const STEP_PX: f64 = 0.25;
@@ -23,7 +25,10 @@ struct Look {
 pub(super) struct Exposure<'a> {
     view: &'a View,
     world: &'a World,
+    lamps: Arc<Lamps>,
     looks: Vec<Look>,
+    /// The light of all looks together.
+    light: f32,
 }
 
 /// How many looks an exposure needs, from how far the picture moves in it and how the light pulsates.
@@ -42,10 +47,10 @@ pub(super) fn n_looks(world: &World, view: &View, per_px: f64, start: Span, end:
         .sum();
     let seconds = (end - start).as_secs_f64();
     let swing_hz = world.swing.as_ref().map_or(0.0, |swing| swing.frequency_hz());
-    let for_light = if world.light.is_steady(start.as_secs_f64(), end.as_secs_f64()) {
+    let for_light = if world.lamps().light.is_steady(start.as_secs_f64(), end.as_secs_f64()) {
         1.0
     } else {
-        8.0_f64.max(world.light.rate_hz() / 4.0 * seconds)
+        8.0_f64.max(world.lamps().light.rate_hz() / 4.0 * seconds)
     };
     let for_swing = if way > 0.0 { 8.0 * swing_hz * seconds } else { 1.0 };
     (way / STEP_PX).max(for_light).max(for_swing).clamp(1.0, MAX_LOOKS).ceil() as usize
@@ -60,27 +65,38 @@ impl<'a> Exposure<'a> {
         n_looks: usize,
     ) -> Self {
         let (begin, length) = (start.as_secs_f64(), (end - start).as_secs_f64());
+        let lamps = world.lamps();
         let look = |i: usize| {
             let time_s = begin + length * (i as f64 + 0.5) / n_looks as f64;
             Look {
                 time_s,
                 texel: view
                     .texel_from_ray(&world.plane, world.true_pose(Span::from_secs_f64(time_s))),
-                light: world.light.level(time_s) as f32,
+                light: lamps.light.level(time_s) as f32,
             }
         };
         let looks: Vec<Look> = (0..n_looks).map(look).collect();
         let same = looks
             .windows(2)
             .all(|pair| pair[0].texel.is_same(&pair[1].texel) && pair[0].light == pair[1].light);
-        let n_needed = if same && !world.light.has_shadow() { 1 } else { looks.len() };
-        Self { view, world, looks: looks[..n_needed].to_vec() }
+        let n_needed = if same && !lamps.light.has_shadow() { 1 } else { looks.len() };
+        let looks = looks[..n_needed].to_vec();
+        let light = looks.iter().map(|look| look.light).sum();
+        Self { view, world, lamps, looks, light }
     }
 
     /// Mean light on a pixel, 1 where white in full light.
     pub(super) fn mean(&self, pixel: usize) -> f32 {
         let (ray, texture) = (self.view.rays[pixel], &self.view.texture);
-        let light = &self.world.light;
+        let light = &self.lamps.light;
+        let white = self.world.print.white() as f32;
+        let share = self.view.gains[pixel] / (white * self.looks.len() as f32);
+        let n = self.looks.len() - 1;
+        let few = [0, n / 2, n].map(|look| self.looks[look].texel.at(ray));
+        // Most of a frame is bare paper, which one look shows.
+        if n > 2 && !light.has_shadow() && texture.is_flat_along(few) {
+            return share * self.light * texture.sample(few[0][0], few[0][1]);
+        }
         let mut sum = 0.0;
         for look in &self.looks {
             let texel = look.texel.at(ray);
@@ -91,7 +107,6 @@ impl<'a> Exposure<'a> {
             }
             sum += seen;
         }
-        let white = self.world.print.white() as f32;
-        sum * self.view.gains[pixel] / (white * self.looks.len() as f32)
+        share * sum
     }
 }

@@ -70,6 +70,18 @@ impl PiTwin {
         self.from + Span::from_nanos(self.period.as_nanos().saturating_mul(self.next as i64))
     }
 
+    /// World time by which a frame stamped `end` has seen all its light.
+    #[must_use]
+    pub fn seen_by(&self, end: Span) -> Span {
+        let camera = &self.world.rig.pi.camera;
+        let first_row = i64::from(self.world.description.pi.crop_origin_px[1]).max(0);
+        let rows = first_row + i64::from(camera.size.height);
+        let shutter = self.world.description.effects.rolling_shutter;
+        let row_us = shutter.map_or(0.0, |shutter| shutter.row_us.abs());
+        let row = camera.row_time.max(Span::from_secs_f64(row_us * 1e-6));
+        end + Span::from_nanos(row.as_nanos() * rows)
+    }
+
     /// The next frame that is not lost.
     pub fn next_frame(&mut self) -> PiFrame {
         loop {
@@ -97,7 +109,7 @@ impl PiTwin {
         let world = &self.world;
         let (pi, sensor, clocks) = (&world.rig.pi, &world.description.pi, &world.clocks);
         let camera = &pi.camera;
-        let scale = world.schedule.at(end).exposure_scale;
+        let scale = world.lamps().schedule.at(end).exposure_scale;
         let scaled = |span: Span| Span::from_secs_f64(span.as_secs_f64() * scale);
         let exposure = scaled(camera.exposure);
         let true_exposure = world

@@ -88,6 +88,21 @@ impl Texture {
         top + v * (bottom - top)
     }
 
+    /// Whether all that a way through these texels can meet has one value. Between two of the places
+    /// the way must bend by less than a quarter of what it spans.
+    pub(super) fn is_flat_along(&self, places: impl IntoIterator<Item = [f32; 2]>) -> bool {
+        let mut low = [f32::INFINITY; 2];
+        let mut high = [f32::NEG_INFINITY; 2];
+        for place in places {
+            for axis in 0..2 {
+                low[axis] = low[axis].min(place[axis]);
+                high[axis] = high[axis].max(place[axis]);
+            }
+        }
+        let spare = [0, 1].map(|axis| 1.0 + 0.25 * (high[axis] - low[axis]));
+        self.is_flat([low[0] - spare[0], low[1] - spare[1], high[0] + spare[0], high[1] + spare[1]])
+    }
+
     /// Whether all of this rectangle of texel coordinates has one value.
     pub(super) fn is_flat(&self, [left, top, right, bottom]: [f32; 4]) -> bool {
         self.cells.is_flat([left, top], [right + 1.0, bottom + 1.0])

@@ -20,6 +20,9 @@ pub(super) struct View {
     pub(super) rays: Vec<[f32; 2]>,
     /// Share of the light that reaches each pixel.
     pub(super) gains: Vec<f32>,
+    /// The second derivative of what a pixel sees of the print is no more than this, in shares of
+    /// white per square pixel: a black edge behind box and Gaussian bends by the Gaussian's peak.
+    pub(super) bend_per_px2: f32,
 }
 
 /// What a view is made of.
@@ -53,7 +56,8 @@ impl View {
         let width = usize::from(camera.size.width);
         let gain = |i| camera.vignette(making.corner_loss, i % width, i / width) as f32;
         let gains = (0..camera.size.n_pixels()).map(gain).collect();
-        Ok(Self { rays: camera.rays(), camera, texture, gains })
+        let bend_per_px2 = (0.4 / making.psf_sigma_px.max(0.1)) as f32;
+        Ok(Self { rays: camera.rays(), camera, texture, gains, bend_per_px2 })
     }
 
     /// From a ray of this camera to its texels when the tool is at `tool`.

@@ -36,7 +36,7 @@ impl Aps {
         let within =
             starts.take_while(|(_, start)| *start < to).filter(|(_, start)| *start >= from);
         within
-            .filter(|(_, start)| world.schedule.at(*start).aps)
+            .filter(|(_, start)| world.lamps().schedule.at(*start).aps)
             .map(|(number, start)| (number, start.as_secs_f64()))
             .collect()
     }
@@ -46,7 +46,7 @@ impl Aps {
         let mut frames = Vec::new();
         loop {
             let (number, start) = (self.next, self.start_of(self.next));
-            let setting = world.schedule.at(start);
+            let setting = world.lamps().schedule.at(start);
             let exposure = world.rig.davis.camera.exposure.as_secs_f64() * setting.exposure_scale;
             let end = start + Span::from_secs_f64(exposure);
             if end > until {

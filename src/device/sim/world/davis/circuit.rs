@@ -25,8 +25,8 @@ pub(super) struct Circuit {
 
 #[derive(Debug, Clone, Copy)]
 struct Noise {
-    /// Standard deviation of the log signal at white.
-    rms: f64,
+    /// Standard deviation of the log signal at white, over that of the second state.
+    rms_of_state: f64,
     bandwidth_hz: f64,
     exponent: f64,
 }
@@ -54,7 +54,9 @@ impl Circuit {
             adaptation: effects.adaptation.map(|slow| (slow.time_constant_s, slow.fraction)),
             slew: effects.slew_limit.map(|slew| slew.per_s),
             noise: noise.map(|noise| Noise {
-                rms: noise.rms_thresholds * threshold,
+                rms_of_state: noise.rms_thresholds
+                    * threshold
+                    * ((1.0 + FOLLOWER) / FOLLOWER).sqrt(),
                 bandwidth_hz: noise.bandwidth_hz,
                 exponent: noise.brightness_exponent,
             }),
@@ -97,7 +99,7 @@ impl Circuit {
         };
         if let Some(noise) = self.noise {
             memory.noise = noise.stationary(draws);
-            memory.output += noise.output(&memory, current);
+            memory.output += noise.output(&memory, x);
         }
         memory
     }
@@ -110,53 +112,117 @@ impl Circuit {
             && (memory.followed - x).abs() < 1e-7
     }
 
-    /// Goes on by `dt` seconds while the log current goes straight from `x[0]` to `x[1]`; the new output.
+    /// What steps of `dt` seconds have in common.
+    pub(super) fn pace(&self, dt: f64) -> Pace {
+        let pole = |tau: f64| Pole { kept: (-dt / tau).exp(), lag: tau / dt.max(1e-12) };
+        let noise = self.noise.map(|noise| {
+            let tau = 1.0 / (TAU * noise.bandwidth_hz);
+            let kept = (-dt / tau).exp();
+            NoisePace { kept, fresh: (1.0 - kept * kept).sqrt(), follower: pole(tau / FOLLOWER) }
+        });
+        let adaptation = self.adaptation.map(|(tau, share)| (pole(tau), share));
+        Pace { dt, fixed: self.fixed_pole.map(pole), adaptation, noise }
+    }
+
+    /// Goes on by a step while the log current goes straight from `x[0]` to `x[1]`, its middle being
+    /// `current`; the new output.
     pub(super) fn advance(
         &self,
         memory: &mut Memory,
         x: [f64; 2],
-        dt: f64,
+        current: f64,
+        pace: &Pace,
         draws: &mut Draws,
     ) -> f64 {
-        let current = (0.5 * (x[0] + x[1])).exp();
         let mut signal = x;
         if let Some((cutoff, order)) = self.photoreceptor {
             // The corner follows the current, so that rises are faster than falls.
-            let tau = 1.0 / (TAU * cutoff * current.max(1e-9));
-            for pole in memory.receptor.iter_mut().take(order as usize) {
-                signal = low_pass(pole, signal, tau, dt);
+            let decay = TAU * cutoff * current.max(1e-9) * pace.dt;
+            let pole = Pole { kept: decayed(decay), lag: 1.0 / decay.max(1e-12) };
+            for state in memory.receptor.iter_mut().take(order as usize) {
+                signal = pole.pass(state, signal);
             }
         }
         if let Some(per_s) = self.slew {
             let before = memory.slewed;
-            memory.slewed += (signal[1] - before).clamp(-per_s * dt, per_s * dt);
+            let reach = per_s * pace.dt;
+            memory.slewed += (signal[1] - before).clamp(-reach, reach);
             signal = [before, memory.slewed];
         }
-        if let Some(tau) = self.fixed_pole {
-            signal = low_pass(&mut memory.followed, signal, tau, dt);
+        if let Some(pole) = &pace.fixed {
+            signal = pole.pass(&mut memory.followed, signal);
         } else {
             memory.followed = signal[1];
         }
         let mut output = signal[1];
-        if let Some((tau, share)) = self.adaptation {
-            low_pass(&mut memory.slow, signal, tau, dt);
+        if let Some((pole, share)) = &pace.adaptation {
+            pole.pass(&mut memory.slow, signal);
             output -= share * memory.slow;
         }
-        if let Some(noise) = self.noise {
-            noise.advance(memory, dt, draws);
-            output += noise.output(memory, x[1].exp());
+        if let (Some(noise), Some(pace)) = (&self.noise, &pace.noise) {
+            pace.advance(memory, draws);
+            output += noise.output(memory, x[1]);
         }
         memory.output = output;
         output
     }
 }
 
-/// A first-order low pass whose input goes straight from one value to another: its exact answer.
-fn low_pass(state: &mut f64, input: [f64; 2], tau: f64, dt: f64) -> [f64; 2] {
-    let before = *state;
-    let lag = (input[1] - input[0]) / dt.max(1e-12) * tau;
-    *state = input[1] - lag + (before - input[0] + lag) * (-dt / tau).exp();
-    [before, *state]
+/// Constants of steps of one length.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Pace {
+    /// Seconds.
+    pub(super) dt: f64,
+    fixed: Option<Pole>,
+    adaptation: Option<(Pole, f64)>,
+    noise: Option<NoisePace>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct NoisePace {
+    kept: f64,
+    fresh: f64,
+    follower: Pole,
+}
+
+/// A first-order low pass over a step.
+#[derive(Debug, Clone, Copy)]
+struct Pole {
+    /// What is left of a difference.
+    kept: f64,
+    /// Time constant in steps.
+    lag: f64,
+}
+
+impl Pole {
+    /// The exact answer to an input that goes straight from one value to another.
+    #[inline]
+    fn pass(&self, state: &mut f64, input: [f64; 2]) -> [f64; 2] {
+        let before = *state;
+        let lag = (input[1] - input[0]) * self.lag;
+        *state = input[1] - lag + (before - input[0] + lag) * self.kept;
+        [before, *state]
+    }
+}
+
+/// `exp(-x)`; short steps, which are most, by its Padé approximant, within 2e-8.
+#[inline]
+fn decayed(x: f64) -> f64 {
+    if x < 0.1 {
+        let even = 1.0 + x * x / 12.0;
+        return (even - 0.5 * x) / (even + 0.5 * x);
+    }
+    (-x).exp()
+}
+
+impl NoisePace {
+    #[inline]
+    fn advance(&self, memory: &mut Memory, draws: &mut Draws) {
+        let [first, second] = &mut memory.noise;
+        let before = *first;
+        *first = before * self.kept + f64::from(draws.normal()) * self.fresh;
+        self.follower.pass(second, [before, *first]);
+    }
 }
 
 impl Noise {
@@ -169,25 +235,11 @@ impl Noise {
         [a, followed]
     }
 
-    fn advance(&self, memory: &mut Memory, dt: f64, draws: &mut Draws) {
-        let tau = 1.0 / (TAU * self.bandwidth_hz);
-        let kept = (-dt / tau).exp();
-        let before = memory.noise[0];
-        let fresh = f64::from(draws.normal()) * (1.0 - kept * kept).sqrt();
-        memory.noise[0] = before * kept + fresh;
-        let input = [before, memory.noise[0]];
-        low_pass(&mut memory.noise[1], input, tau / FOLLOWER, dt);
-    }
-
-    /// The noise on the log signal, scaled to its standard deviation under this current.
-    fn output(&self, memory: &Memory, current: f64) -> f64 {
-        let unit = ((1.0 + FOLLOWER) / FOLLOWER).sqrt();
-        let rms = if self.exponent == 0.0 {
-            self.rms
-        } else {
-            self.rms * current.max(1e-9).powf(-self.exponent)
-        };
-        rms * unit * memory.noise[1]
+    /// The noise on the log signal, scaled to its standard deviation under the log current `x`.
+    #[inline]
+    fn output(&self, memory: &Memory, x: f64) -> f64 {
+        let scale = if self.exponent == 0.0 { 1.0 } else { (-self.exponent * x).exp() };
+        self.rms_of_state * scale * memory.noise[1]
     }
 }
 
@@ -200,15 +252,23 @@ mod tests {
     #[test]
     fn a_pole_answers_a_ramp_as_the_book_says() {
         let mut state = 0.0;
+        let pole = |tau: f64, dt: f64| Pole { kept: (-dt / tau).exp(), lag: tau / dt };
         for _ in 0..7 {
             let last = state;
-            low_pass(&mut state, [1.0, 1.0], 0.01, 0.001);
+            pole(0.01, 0.001).pass(&mut state, [1.0, 1.0]);
             assert!(state > last);
         }
         assert!((state - (1.0 - (-0.7_f64).exp())).abs() < 1e-12);
         let mut ramp = 0.0;
-        low_pass(&mut ramp, [0.0, 5.0], 0.1, 5.0);
+        pole(0.1, 5.0).pass(&mut ramp, [0.0, 5.0]);
         assert!((ramp - 4.9).abs() < 1e-9, "a ramp of one a second is late by tau: {ramp}");
+    }
+
+    #[test]
+    fn a_short_step_decays_as_an_exponential() {
+        for x in [0.0, 1e-6, 0.03, 0.0999, 0.1, 0.7, 30.0] {
+            assert!((decayed(x) - (-x).exp()).abs() < 2e-8, "{x}");
+        }
     }
 
     #[test]
@@ -225,8 +285,9 @@ mod tests {
         let mut time_to_settle = |current: f64| {
             let mut memory = circuit.at_rest(current, &mut draws);
             let goal = current.ln() + 0.01;
-            let mut time = 0.0;
-            while circuit.advance(&mut memory, [goal; 2], 1e-5, &mut draws) < goal - 0.01 * 0.3679 {
+            let (mut time, pace) = (0.0, circuit.pace(1e-5));
+            let mut go = || circuit.advance(&mut memory, [goal; 2], current, &pace, &mut draws);
+            while go() < goal - 0.01 * 0.3679 {
                 time += 1e-5;
             }
             time
@@ -245,8 +306,9 @@ mod tests {
         for (dt, n) in [(1e-4, 200_000), (2.5e-4, 80_000)] {
             let mut draws = Draws::new(5, Purpose::ShotNoise, 1, 2);
             let mut memory = circuit.at_rest(1.0, &mut draws);
-            let values: Vec<f64> =
-                (0..n).map(|_| circuit.advance(&mut memory, [0.0; 2], dt, &mut draws)).collect();
+            let pace = circuit.pace(dt);
+            let mut go = |_| circuit.advance(&mut memory, [0.0; 2], 1.0, &pace, &mut draws);
+            let values: Vec<f64> = (0..n).map(&mut go).collect();
             let variance = values.iter().map(|v| v * v).sum::<f64>() / f64::from(n);
             assert!((variance.sqrt() - 0.1).abs() < 0.004, "{dt}: {}", variance.sqrt());
         }

@@ -55,6 +55,12 @@ impl Comparator {
         forced: &[(f64, bool)],
         mut fire: impl FnMut(f64, bool),
     ) {
+        if forced.is_empty()
+            && self.keeps_still(held, piece.from)
+            && self.keeps_still(held, piece.to)
+        {
+            return;
+        }
         let mut now = piece.from_s;
         let mut forced = forced.iter().copied().peekable();
         for _ in 0..MAX_EVENTS {
@@ -86,6 +92,14 @@ impl Comparator {
                 _ => return,
             }
         }
+    }
+
+    /// Whether a straight signal that begins or ends at `signal` fires nothing there; a no may be hasty.
+    #[inline]
+    pub(super) fn keeps_still(&self, held: &Held, signal: f64) -> bool {
+        let away = signal - held.reference;
+        // Tired thresholds are higher than these.
+        !held.is_blind && away < self.on && away > -self.off
     }
 
     fn reset(&self, held: &mut Held, time: f64, reference: f64) {

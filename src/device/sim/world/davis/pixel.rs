@@ -1,7 +1,8 @@
 //! One event pixel through a slab of time.
 
-use super::circuit::{Circuit, Memory};
+use super::circuit::{Circuit, Memory, Pace};
 use super::comparator::{Comparator, Held, Piece};
+use super::sight::{Sight, glimpse, sight};
 use super::slab::Slab;
 use crate::device::sim::world::draws::{Draws, Purpose};
 use crate::device::sim::world::light::Light;
@@ -55,17 +56,11 @@ pub(super) struct Scene<'a> {
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     /// Reflectance times gain, in shares of white, at each look; one value where it is constant.
-    seen: Vec<f32>,
+    pub(super) seen: Vec<f32>,
     /// Events that come by themselves: seconds of world time.
     pub(super) forced: Vec<(f64, bool)>,
-}
-
-/// What a pixel sees in a slab.
-enum Sight {
-    /// Always the same.
-    Same(f32),
-    /// As the scratch says, look by look.
-    Varies,
+    /// Of the steps that were needed last.
+    pace: Pace,
 }
 
 impl State {
@@ -82,8 +77,11 @@ impl State {
         if traits.is_dead {
             return;
         }
+        if self.is_quiet(pixel, traits, circuit, scene, &scratch.forced) {
+            return;
+        }
         let sight = sight(pixel, scene, scratch);
-        let Scratch { seen, forced } = scratch;
+        let Scratch { seen, forced, pace } = scratch;
         let slab = scene.slab;
         let mut draws = Draws::new(scene.seed, Purpose::ShotNoise, pixel as u64, slab.number);
         let current = |seen: f32, light: f32| f64::from(seen * light) + circuit.dark;
@@ -98,8 +96,15 @@ impl State {
             let at_ns = ((time + traits.latency) * 1e9).round() as i64;
             out.push(Request { at_ns, pixel: pixel as u32, on });
         };
-        let mut walk =
-            Walk { state: self, traits, circuit, begin: slab.begin(), forced, fire: &mut fire };
+        let mut walk = Walk {
+            state: self,
+            traits,
+            circuit,
+            begin: slab.begin(),
+            forced,
+            pace,
+            fire: &mut fire,
+        };
         match sight {
             Sight::Same(value) if slab.is_steady => {
                 let now = current(value, slab.looks[0].light);
@@ -128,6 +133,33 @@ impl State {
         };
     }
 
+    /// Whether the slab takes an ideal pixel nowhere near its thresholds; it is then at its end. Most
+    /// pixels in most slabs are, and a few looks show it.
+    fn is_quiet(
+        &mut self,
+        pixel: usize,
+        traits: &Traits,
+        circuit: &Circuit,
+        scene: &Scene<'_>,
+        forced: &[(f64, bool)],
+    ) -> bool {
+        let slab = scene.slab;
+        let is_ideal = circuit.is_bare() && traits.leak == [0.0; 3] && forced.is_empty();
+        if !(self.has_begun && is_ideal && slab.is_steady) {
+            return false;
+        }
+        let Some(glimpse) = glimpse(pixel, scene) else { return false };
+        let signal = |seen: f32| (f64::from(seen * slab.looks[0].light) + circuit.dark).ln();
+        let is_quiet = [glimpse.low, glimpse.high]
+            .into_iter()
+            .all(|seen| traits.comparator.keeps_still(&self.held, signal(seen) + self.leaked));
+        if is_quiet {
+            self.memory.output = signal(glimpse.last);
+            self.seen = glimpse.last;
+        }
+        is_quiet
+    }
+
     /// At rest, the signal somewhere between the thresholds: pixels were not all reset at once.
     fn begin(&mut self, pixel: usize, traits: &Traits, circuit: &Circuit, current: f64, seed: u64) {
         let mut draws = Draws::new(seed, Purpose::Phase, pixel as u64, 0);
@@ -147,6 +179,7 @@ struct Walk<'a, F: FnMut(f64, bool)> {
     /// World time of the slab's beginning in seconds.
     begin: f64,
     forced: &'a [(f64, bool)],
+    pace: &'a mut Pace,
     fire: &'a mut F,
 }
 
@@ -178,10 +211,17 @@ impl<F: FnMut(f64, bool)> Walk<'_, F> {
         let rate = if is_settling { self.circuit.settling_rate_hz(x[1].exp()) } else { 0.0 };
         let n = for_noise.max(rate * length).ceil().max(1.0);
         let mut before = self.state.memory.output;
+        // Whole nanoseconds, so that looks of one length have the same constants.
+        let dt = (length * 1e9).round() * 1e-9 / n;
+        if self.pace.dt != dt {
+            *self.pace = self.circuit.pace(dt);
+        }
+        let current = (0.5 * (x[0] + x[1])).exp();
         for step in 0..n as usize {
             let part = [step as f64 / n, (step + 1) as f64 / n];
             let input = part.map(|part| x[0] + (x[1] - x[0]) * part);
-            let after = self.circuit.advance(&mut self.state.memory, input, length / n, draws);
+            let after =
+                self.circuit.advance(&mut self.state.memory, input, current, self.pace, draws);
             let times = part.map(|part| since[0] + part * length);
             self.compare(times, [before, after], input);
             before = after;
@@ -214,46 +254,4 @@ impl<F: FnMut(f64, bool)> Walk<'_, F> {
         let forced = &self.forced[first..last];
         self.traits.comparator.run(&mut self.state.held, piece, forced, &mut *self.fire);
     }
-}
-
-/// What a pixel sees at each look of the slab, as a share of white.
-fn sight(pixel: usize, scene: &Scene<'_>, scratch: &mut Scratch) -> Sight {
-    let (view, slab) = (scene.view, scene.slab);
-    let (ray, gain) = (view.rays[pixel], view.gains[pixel] / scene.white);
-    let texture = &view.texture;
-    let first = slab.looks[0].texel.at(ray);
-    let has_shadow = scene.light.has_shadow();
-    if !has_shadow && (slab.is_still || sees_one_value(ray, scene)) {
-        return Sight::Same(gain * texture.sample(first[0], first[1]));
-    }
-    scratch.seen.clear();
-    for look in &slab.looks {
-        let texel = look.texel.at(ray);
-        let mut seen = gain * texture.sample(texel[0], texel[1]);
-        if has_shadow {
-            let [x, y] = view.mm_of_texel(texel);
-            seen *= scene.light.left_by_shadow(x, y, slab.begin() + look.since) as f32;
-        }
-        scratch.seen.push(seen);
-    }
-    Sight::Varies
-}
-
-/// Whether all that the ray can meet in this slab is of one brightness.
-fn sees_one_value(ray: [f32; 2], scene: &Scene<'_>) -> bool {
-    let looks = &scene.slab.looks;
-    let mut low = [f32::INFINITY; 2];
-    let mut high = [f32::NEG_INFINITY; 2];
-    let n = looks.len() - 1;
-    for eighth in 0..=8 {
-        let texel = looks[n * eighth / 8].texel.at(ray);
-        for axis in 0..2 {
-            low[axis] = low[axis].min(texel[axis]);
-            high[axis] = high[axis].max(texel[axis]);
-        }
-    }
-    // Between two of the nine places the way bends by less than a quarter of what it spans.
-    let spare = [0, 1].map(|axis| 1.0 + 0.25 * (high[axis] - low[axis]));
-    let place = [low[0] - spare[0], low[1] - spare[1], high[0] + spare[0], high[1] + spare[1]];
-    scene.view.texture.is_flat(place)
 }

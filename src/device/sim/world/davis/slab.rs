@@ -13,6 +13,12 @@ const RATE_HZ: f64 = 5_000.0;
 /// And so often that it moves no farther than this between two looks, in pixels.
 const STEP_PX: f64 = 0.05;
 
+/// Between two of the looks by which a pixel is judged to be quiet, in pixels.
+const STRIDE_PX: f64 = 0.2;
+
+/// The picture's speed exceeds its mean over a slab by no more than this factor.
+const UNEVEN: f64 = 2.0;
+
 /// A picture that moves less than this in a slab stands still, in pixels.
 const STILL_PX: f64 = 1e-6;
 
@@ -40,6 +46,10 @@ pub(super) struct Slab {
     pub(super) is_still: bool,
     /// The light does not change.
     pub(super) is_steady: bool,
+    /// Every so many looks are enough to judge what a pixel may see, ...
+    pub(super) stride: usize,
+    /// ... between which the picture moves by so many pixels at most.
+    pub(super) stride_px: f64,
     /// Smallest number of intervals that the pixels' noise needs.
     pub(super) n_noise: usize,
 }
@@ -52,7 +62,7 @@ impl Slab {
         let look = |since: f64| Look {
             since,
             texel: world.davis.texel_from_ray(&world.plane, at(since)),
-            light: world.light.level(begin + since) as f32,
+            light: world.lamps().light.level(begin + since) as f32,
         };
         let coarse = (RATE_HZ * length).round() as usize;
         let probes: Vec<_> = (0..=coarse).map(|i| at(length * i as f64 / coarse as f64)).collect();
@@ -62,28 +72,33 @@ impl Slab {
                 let now = world.davis.texel_from_ray(&world.plane, *pose);
                 displacement_px(world, &first, &now) > STILL_PX
             });
-        let is_steady = world.light.is_steady(begin, begin + length);
+        let is_steady = world.lamps().light.is_steady(begin, begin + length);
         let mut n = 1.0_f64;
+        let way = if moves { way_px(world, &probes) } else { 0.0 };
         if moves {
-            n = n.max(coarse as f64).max(way_px(world, &probes) / STEP_PX);
+            n = n.max(coarse as f64).max(way / STEP_PX);
             let swing_hz = world.swing.as_ref().map_or(0.0, |swing| swing.frequency_hz());
             n = n.max(40.0 * swing_hz * length);
         }
         if !is_steady {
-            n = n.max(world.light.rate_hz() * length);
-            n = n.max(if world.light.has_shadow() { coarse as f64 } else { 1.0 });
+            n = n.max(world.lamps().light.rate_hz() * length);
+            n = n.max(if world.lamps().light.has_shadow() { coarse as f64 } else { 1.0 });
         }
         let n = n.min(MAX_LOOKS).ceil() as usize;
         let mut times: Vec<f64> = (0..=n).map(|i| length * i as f64 / n as f64).collect();
         if !is_steady {
-            let corners = world.light.corners(begin, begin + length);
+            let corners = world.lamps().light.corners(begin, begin + length);
             times.extend(corners.iter().map(|time| time - begin));
             times.sort_by(f64::total_cmp);
             times.dedup_by(|a, b| (*a - *b).abs() < 1e-9);
         }
+        let per_look = UNEVEN * way / n as f64;
+        let stride = ((STRIDE_PX / per_look.max(1e-9)) as usize).clamp(1, n);
         Self {
             number,
             start,
+            stride,
+            stride_px: per_look * stride as f64,
             looks: times.into_iter().map(look).collect(),
             is_still: !moves,
             is_steady,

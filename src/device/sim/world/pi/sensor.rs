@@ -51,7 +51,7 @@ impl Sensor {
     ) -> Vec<u16> {
         let timing = Rows::new(world, end, exposure);
         let pose = timing.constant_pose(world);
-        let light = world.light.level(end.as_secs_f64());
+        let light = world.lamps().light.level(end.as_secs_f64());
         let is_known =
             self.last.as_ref().is_some_and(|last| pose == Some(last.pose) && light == last.light);
         let fresh = if is_known { None } else { Some(timing.gather(world)) };
@@ -100,7 +100,7 @@ impl Rows {
         let last = self.end_of(self.n_rows.saturating_sub(1));
         let begin = self.first_end.min(last) - self.exposure;
         let end = self.first_end.max(last);
-        if !world.light.is_steady(begin.as_secs_f64(), end.as_secs_f64()) {
+        if !world.lamps().light.is_steady(begin.as_secs_f64(), end.as_secs_f64()) {
             return None;
         }
         let pose = world.true_pose(begin);

@@ -1,0 +1,170 @@
+//! The steps of `process` that put a session on one clock and one target.
+
+use crate::cli::{ModelArgs, ProcessArgs};
+use crate::commands::{Output, filter, generate, sync, track};
+use crate::pipeline::{
+    self, FilterRequest, FilterSettings, GenerateRequest, PipelineError, TrackRequest,
+};
+use crate::session::{Origin, Session, StreamName};
+use serde_json::{Value, json};
+
+/// What was run, what was left out and why.
+#[derive(Debug, Default)]
+pub(super) struct Steps {
+    pub(super) stages: Vec<Value>,
+    pub(super) left_out: Vec<Value>,
+    pub(super) text: String,
+    /// Stages that had their inputs and gave nothing.
+    pub(super) n_lost: usize,
+}
+
+impl Steps {
+    fn did(&mut self, stage: &str, words: &str, result: &Value) {
+        let words = words.replace('\n', "\n          ");
+        self.text += &format!("{stage:<9} {words}\n");
+        self.stages.push(json!({ "stage": stage, "result": result }));
+    }
+
+    fn leave_out(&mut self, stage: &str, because: &str) {
+        self.text += &format!("{stage:<9} left out: {because}\n");
+        self.left_out.push(json!({ "stage": stage, "because": because }));
+    }
+}
+
+/// The clocks and the tracks. Tracks need no clock but their own and are made first, since the
+/// motion in them tells the offset of the clocks best.
+pub(super) fn clocks_and_tracks(
+    session: &Session,
+    args: &ProcessArgs,
+    output: &Output,
+) -> anyhow::Result<Steps> {
+    let mut tracks = Steps::default();
+    let states_target =
+        session.rig()?.is_some() || matches!(session.manifest().origin, Origin::Raw2Event { .. });
+    let streams = track::frame_streams(session);
+    if streams.is_empty() {
+        tracks.leave_out("track", "the session has no frames");
+    } else if states_target {
+        let request = |stream| TrackRequest { stream, rig: None, force: args.force };
+        let requests: Vec<TrackRequest> = streams.into_iter().map(request).collect();
+        for (request, tracked) in track::track_all(session, &requests, output) {
+            match tracked {
+                Ok(tracked) => {
+                    let words = track::words(&request, &tracked);
+                    tracks.did("track", &words, &track::value(&request, &tracked));
+                }
+                Err(error @ PipelineError::Track { .. }) => {
+                    tracks.leave_out("track", &error.to_string());
+                    tracks.n_lost += 1;
+                }
+                Err(error) => return Err(error.into()),
+            }
+        }
+    } else {
+        tracks.leave_out("track", "nothing states the target; `evrig track --rig RIG` says which");
+    }
+    let mut steps = Steps::default();
+    if pipeline::pi_streams(session).is_empty() {
+        steps.leave_out("sync", "the session has no frames of the Pi's camera");
+    } else {
+        match pipeline::sync(session, args.force) {
+            Ok(synced) => steps.did("sync", &sync::text(&synced), &sync::value(&synced)),
+            Err(error @ PipelineError::Clock { .. }) => {
+                steps.leave_out("sync", &error.to_string());
+                steps.n_lost += 1;
+            }
+            Err(error) => return Err(error.into()),
+        }
+    }
+    steps.stages.extend(tracks.stages);
+    steps.left_out.extend(tracks.left_out);
+    steps.text += &tracks.text;
+    steps.n_lost += tracks.n_lost;
+    Ok(steps)
+}
+
+/// The map of the print and the event camera tied to it.
+pub(super) fn scene(
+    session: &Session,
+    args: &ProcessArgs,
+    output: &Output,
+) -> anyhow::Result<Steps> {
+    let mut steps = Steps::default();
+    match crate::commands::scene::make(session, args.force, output) {
+        Ok(made) => {
+            let words = crate::commands::scene::text(&made);
+            steps.did("scene", &words, &crate::commands::scene::value(&made));
+        }
+        Err(error @ PipelineError::Missing { .. }) => steps.leave_out("scene", &error.to_string()),
+        Err(error @ PipelineError::Scene(_)) => {
+            steps.leave_out("scene", &error.to_string());
+            steps.n_lost += 1;
+        }
+        Err(error) => return Err(error.into()),
+    }
+    Ok(steps)
+}
+
+/// Events from the Pi's frames, each light with its published constants unless the user chose.
+pub(super) fn generate_from_pi(
+    session: &Session,
+    args: &ProcessArgs,
+    output: &Output,
+) -> anyhow::Result<Steps> {
+    let mut steps = Steps::default();
+    let streams = pipeline::pi_streams(session);
+    let has_clock = pipeline::read_clocks(session)?.is_some();
+    for light in streams {
+        if !has_clock {
+            steps.leave_out("generate", &format!("`{light}` has no way to the events' clock"));
+            continue;
+        }
+        let chosen = &args.choice;
+        let is_chosen = chosen.model.is_some()
+            || chosen.preset.is_some()
+            || chosen.k.is_some()
+            || !chosen.knobs.is_empty();
+        let published = if light == "raw" { "Raw2DVS346" } else { "RGB2DVS346" };
+        let choice = if is_chosen {
+            chosen.clone()
+        } else {
+            ModelArgs { preset: Some(published.into()), ..chosen.clone() }
+        };
+        let request = GenerateRequest {
+            from: light.to_owned(),
+            name: StreamName::new(light)?,
+            parameters: generate::parameters(&choice)?,
+            force: args.force,
+        };
+        let made = generate::generate(session, &request, output)?;
+        let words = generate::text(&request, &made);
+        steps.did("generate", &words, &generate::value(&request, &made));
+    }
+    Ok(steps)
+}
+
+/// Every event stream cut to the picture, all to one grid: as wide as the event camera sees it.
+pub(super) fn filter_all(session: &Session, args: &ProcessArgs) -> anyhow::Result<Steps> {
+    let mut steps = Steps::default();
+    let tracked = pipeline::tracked(session);
+    let of_davis = tracked.iter().find(|name| !session.is_from_pi(name).unwrap_or(true));
+    let summary = of_davis.and_then(|name| pipeline::read_summary(session, name));
+    let Some(summary) = summary else {
+        steps.leave_out("filter", "no track of the event camera says where the picture is");
+        return Ok(steps);
+    };
+    let plain = FilterSettings::default();
+    let crop = (summary.picture_px * (1.0 + 2.0 * plain.margin)).round().clamp(1.0, 4096.0);
+    let settings = FilterSettings { crop_px: Some(crop as u16), ..plain };
+    for stream in filter::event_streams(session) {
+        if let Err(error) = pipeline::track_for(session, &stream) {
+            steps.leave_out("filter", &error.to_string());
+            continue;
+        }
+        let request = FilterRequest { stream, settings, force: args.force };
+        let filtered = pipeline::filter(session, &request)?;
+        let words = filter::words(&request, &filtered);
+        steps.did("filter", &words, &filter::value(&request, &filtered));
+    }
+    Ok(steps)
+}

@@ -1,0 +1,58 @@
+//! `evrig scene`: the map of the print and the light signal that follows from it.
+
+use super::{Ending, Output};
+use crate::cli::SceneArgs;
+use crate::pipeline::{self, Freshness, SceneMade};
+use crate::session::Session;
+use serde_json::{Value, json};
+
+pub(super) fn run(args: &SceneArgs, output: &Output) -> anyhow::Result<Ending> {
+    let session = Session::open(&args.session)?;
+    let made = make(&session, args.force, output)?;
+    output.result(&value(&made), text(&made))?;
+    Ok(Ending::Done)
+}
+
+/// Runs the stage under a progress bar.
+pub(super) fn make(
+    session: &Session,
+    force: bool,
+    output: &Output,
+) -> Result<SceneMade, pipeline::PipelineError> {
+    let bar = output.progress("scene", 0);
+    let made = pipeline::scene(session, force, &mut |done, all| {
+        bar.set_length(all);
+        bar.set_position(done);
+    });
+    bar.finish_and_clear();
+    made
+}
+
+/// The result as consumers of `--json` get it.
+pub(super) fn value(made: &SceneMade) -> Value {
+    let fresh = made.freshness == Freshness::Fresh;
+    json!({ "schema": "evrig.scene/1", "fresh": fresh, "scene": made.facts })
+}
+
+/// The result for people.
+pub(super) fn text(made: &SceneMade) -> String {
+    let facts = &made.facts;
+    let found = &facts.registration;
+    let [seen, lost] = facts.n_frames;
+    format!(
+        "{} x {} cells of {:.3} mm from {seen} frames ({lost} not on the path), rows {:.2} us apart\n  \
+         event camera: {:.3} px and {:.2} DN left over {} frames, clocks {:.1} us +- {:.1} off the stage sync's\n  \
+         it blurs the map by {:.3} px{}",
+        facts.grid.width,
+        facts.grid.height,
+        facts.grid.cell_mm,
+        facts.row_s[0] * 1e6,
+        found.left_px,
+        found.left_dn,
+        found.n_frames,
+        found.tie.lag_s * 1e6,
+        found.tie_error[8] * 1e6,
+        found.spread.sigma_px,
+        if made.freshness == Freshness::Fresh { " (fresh)" } else { "" }
+    )
+}

@@ -1,0 +1,99 @@
+//! `evrig track`: the tag followed through frames.
+
+use super::{Ending, Output, WrongUse};
+use crate::cli::TrackArgs;
+use crate::pipeline::{self, Freshness, PipelineError, TrackRequest, Tracked};
+use crate::rig::Rig;
+use crate::session::{Session, StreamKind};
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+pub(super) fn run(args: &TrackArgs, output: &Output) -> anyhow::Result<Ending> {
+    let session = Session::open(&args.session)?;
+    let rig = match &args.rig {
+        Some(named) => {
+            let rig = Rig::find(named).map_err(|error| WrongUse(error.to_string()))?;
+            Some((named.clone(), rig))
+        }
+        None => None,
+    };
+    let streams = match &args.stream {
+        Some(stream) => vec![stream.clone()],
+        None => frame_streams(&session),
+    };
+    if streams.is_empty() {
+        anyhow::bail!("{} has no frames to look for the tag in", args.session.display());
+    }
+    let requests: Vec<TrackRequest> = streams
+        .into_iter()
+        .map(|stream| TrackRequest { stream, rig: rig.clone(), force: args.force })
+        .collect();
+    let mut values = Vec::new();
+    let mut text = Vec::new();
+    for (request, tracked) in track_all(&session, &requests, output) {
+        let tracked = tracked?;
+        values.push(value(&request, &tracked));
+        text.push(words(&request, &tracked));
+    }
+    output.result(&json!({ "schema": "evrig.tracks/1", "tracks": values }), text.join("\n"))?;
+    Ok(Ending::Done)
+}
+
+/// Names of all frame streams with frames in them.
+pub(super) fn frame_streams(session: &Session) -> Vec<String> {
+    let frames = session.manifest().streams.iter();
+    let with_frames = frames.filter(|s| s.kind == StreamKind::Frames && s.count > 0);
+    with_frames.map(|stream| stream.name.clone()).collect()
+}
+
+/// Tracks several streams at once.
+pub(super) fn track_all(
+    session: &Session,
+    requests: &[TrackRequest],
+    output: &Output,
+) -> Vec<(TrackRequest, Result<Tracked, PipelineError>)> {
+    let count = |request: &TrackRequest| {
+        session.stream(StreamKind::Frames, &request.stream).map_or(0, |stream| stream.count)
+    };
+    let bar = output.progress("track", requests.iter().map(count).sum());
+    let all = requests.par_iter().map(|request| {
+        let tracked = pipeline::track(session, request, &mut |_, _| bar.inc(1));
+        (request.clone(), tracked)
+    });
+    let all = all.collect();
+    bar.finish_and_clear();
+    all
+}
+
+/// The result as consumers of `--json` get it.
+pub(super) fn value(request: &TrackRequest, tracked: &Tracked) -> Value {
+    json!({
+        "stream": request.stream,
+        "fresh": tracked.freshness == Freshness::Fresh,
+        "summary": tracked.summary,
+    })
+}
+
+/// The result for people.
+pub(super) fn words(request: &TrackRequest, tracked: &Tracked) -> String {
+    let summary = &tracked.summary;
+    let mut text = format!(
+        "{}: {} in {} of {} frames, corners {:.3} px rms from the path, picture {:.1} px wide",
+        request.stream,
+        summary.tag,
+        summary.n_used,
+        summary.n_seen,
+        summary.corner_rms_px,
+        summary.picture_px
+    );
+    if !summary.lost.is_empty() {
+        text += &format!("; lost: {}", summary.lost);
+    }
+    if summary.n_gaps > 0 {
+        text += &format!("; {} gaps of {:.3} s together", summary.n_gaps, summary.gaps_s);
+    }
+    if tracked.freshness == Freshness::Fresh {
+        text += " (fresh)";
+    }
+    text
+}

@@ -1,0 +1,256 @@
+//! An answer held against the truth.
+
+use super::{Rectangle, Truth};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// What of a `diagnosis.json` is judged.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Answer {
+    /// `no_mismatch`, `explained`, `partly_explained` or `unexplained`.
+    pub verdict: String,
+    /// The effects named, in the order of importance.
+    #[serde(default)]
+    pub effects: Vec<Named>,
+    /// How well the effects named describe held-out data.
+    #[serde(default)]
+    pub fit: Fit,
+}
+
+/// An effect as an answer names it.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Named {
+    /// Its id.
+    pub id: String,
+    /// Its parameters.
+    #[serde(default)]
+    pub parameters: BTreeMap<String, Parameter>,
+    /// Pixels to which it is limited.
+    #[serde(default)]
+    pub region: Option<Rectangle>,
+    /// Effects that fit as well.
+    #[serde(default)]
+    pub equivalent: Vec<String>,
+    /// What it adds, nats per held-out event.
+    #[serde(default)]
+    pub heldout_gain_nats_per_event: Option<f64>,
+}
+
+/// A parameter as an answer states it.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Parameter {
+    /// The value.
+    pub value: Option<f64>,
+    /// Its 90 % interval.
+    #[serde(default)]
+    pub ci90: Option<[Option<f64>; 2]>,
+}
+
+/// The part of the fit that is judged.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Fit {
+    /// Share of the excess that the effects named removed.
+    #[serde(default)]
+    pub share_of_excess_removed: Option<f64>,
+}
+
+/// One parameter of a rightly named effect.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ParameterCheck {
+    /// Its effect and key.
+    pub id: String,
+    /// Its key.
+    pub key: String,
+    /// What was hidden.
+    pub truth: f64,
+    /// What was answered.
+    pub value: f64,
+    /// `|value - truth| / |truth|`.
+    pub relative_error: f64,
+    /// Whether the stated 90 % interval holds the truth; none when none was stated.
+    pub is_covered: Option<bool>,
+}
+
+/// How an answer did.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Judgement {
+    /// The trial's name.
+    pub trial: String,
+    /// Ids hidden.
+    pub hidden: Vec<String>,
+    /// Strengths hidden, in the same order.
+    pub strengths: Vec<f64>,
+    /// Ids named.
+    pub named: Vec<String>,
+    /// The verdict.
+    pub verdict: String,
+    /// Whether the first name is one of those hidden.
+    pub is_top1: bool,
+    /// The same, with the equivalents that the answer itself states counted as named.
+    pub is_top1_or_equivalent: bool,
+    /// Names that are hidden, names that are not, and hidden ones not named (an equivalent counts).
+    pub right: usize,
+    /// Names that are not hidden.
+    pub wrong: usize,
+    /// Hidden ones that were not named.
+    pub missed: usize,
+    /// Parameters of the rightly named.
+    pub parameters: Vec<ParameterCheck>,
+    /// Overlap of the region named with the region hidden, F1 over pixels; none without a hidden region.
+    pub region_f1: Option<f64>,
+    /// Share of the excess removed, as answered.
+    pub share_removed: Option<f64>,
+    /// Nats per event the first name gains.
+    pub first_gain: Option<f64>,
+    /// Whether something hidden is outside the library.
+    pub is_alien: bool,
+}
+
+/// Judges an answer. `known` are effects that the session is known to hold beside the hidden ones
+/// (a real recording's own); naming them is neither right nor wrong.
+#[must_use]
+pub fn judge(trial: &str, truth: &Truth, answer: &Answer, known: &BTreeSet<String>) -> Judgement {
+    let counted: Vec<&Named> = answer
+        .effects
+        .iter()
+        .filter(|named| is_hidden(truth, &named.id) || !known.contains(&named.id))
+        .collect();
+    let names =
+        |named: &Named, id: &str| named.id == id || named.equivalent.iter().any(|e| e == id);
+    let hits = |named: &&&Named| truth.effects.iter().any(|c| names(named, &c.id));
+    let right = counted.iter().filter(hits).count();
+    let missed =
+        truth.effects.iter().filter(|c| !counted.iter().any(|named| names(named, &c.id))).count();
+    let first = counted.first();
+    Judgement {
+        trial: trial.into(),
+        hidden: truth.effects.iter().map(|c| c.id.clone()).collect(),
+        strengths: truth.effects.iter().map(|c| c.strength).collect(),
+        named: counted.iter().map(|named| named.id.clone()).collect(),
+        verdict: answer.verdict.clone(),
+        is_top1: first.is_some_and(|named| is_hidden(truth, &named.id)),
+        is_top1_or_equivalent: first.as_ref().is_some_and(hits),
+        right,
+        wrong: counted.len() - right,
+        missed,
+        parameters: counted.iter().flat_map(|named| checks(truth, named)).collect(),
+        region_f1: truth.region.map(|region| region_f1(region, counted.first().copied())),
+        share_removed: answer.fit.share_of_excess_removed,
+        first_gain: first.and_then(|named| named.heldout_gain_nats_per_event),
+        is_alien: truth.is_alien(),
+    }
+}
+
+fn is_hidden(truth: &Truth, id: &str) -> bool {
+    truth.effects.iter().any(|concealed| concealed.id == id)
+}
+
+fn checks(truth: &Truth, named: &Named) -> Vec<ParameterCheck> {
+    let Some(concealed) = truth.effects.iter().find(|c| c.id == named.id) else {
+        return Vec::new();
+    };
+    let check = |(key, &truth): (&String, &f64)| {
+        let parameter = named.parameters.get(key)?;
+        let value = parameter.value?;
+        // What is hidden as zero has no relative error; it is a setting, not a strength.
+        let relative_error = (truth != 0.0).then(|| ((value - truth) / truth).abs())?;
+        let is_covered = match parameter.ci90 {
+            Some([Some(low), Some(high)]) => Some((low..=high).contains(&truth)),
+            _ => None,
+        };
+        let (id, key) = (named.id.clone(), key.clone());
+        Some(ParameterCheck { id, key, truth, value, relative_error, is_covered })
+    };
+    concealed.parameters.iter().filter_map(check).collect()
+}
+
+fn region_f1(hidden: Rectangle, named: Option<&Named>) -> f64 {
+    let Some(found) = named.and_then(|named| named.region) else { return 0.0 };
+    let shared = hidden.shared(&found) as f64;
+    2.0 * shared / (hidden.area() + found.area()) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Concealed;
+    use super::*;
+
+    fn truth(ids: &[(&str, &str, f64)]) -> Truth {
+        let effects = ids.iter().map(|&(id, key, value)| Concealed {
+            id: id.into(),
+            parameters: [(key.to_owned(), value)].into(),
+            strength: 2.0,
+        });
+        Truth {
+            schema: "evrig.truth/1".into(),
+            effects: effects.collect(),
+            region: None,
+            nonce: "n".into(),
+        }
+    }
+
+    fn answer(text: &str) -> Answer {
+        serde_json::from_str(text).unwrap()
+    }
+
+    const REFRACTORY: (&str, &str, f64) = ("refractory_period", "refractory_us", 800.0);
+
+    #[test]
+    fn a_right_answer_is_right_in_name_and_number() {
+        let answer = answer(
+            r#"{"verdict":"explained","effects":[{"id":"refractory_period",
+            "parameters":{"refractory_us":{"value":812.0,"ci90":[790.0,835.0]}}}],
+            "fit":{"share_of_excess_removed":0.95}}"#,
+        );
+        let judged = judge("t", &truth(&[REFRACTORY]), &answer, &BTreeSet::new());
+        assert!(judged.is_top1 && judged.is_top1_or_equivalent);
+        assert_eq!((judged.right, judged.wrong, judged.missed), (1, 0, 0));
+        assert!((judged.parameters[0].relative_error - 0.015).abs() < 1e-12);
+        assert_eq!(judged.parameters[0].is_covered, Some(true));
+        assert_eq!(judged.share_removed, Some(0.95));
+    }
+
+    #[test]
+    fn a_stated_equivalent_counts_apart_from_the_first_name() {
+        let answer = answer(
+            r#"{"verdict":"explained","effects":[{"id":"clock_offset","equivalent":["fixed_pole"]}]}"#,
+        );
+        let judged =
+            judge("t", &truth(&[("fixed_pole", "cutoff_hz", 20.0)]), &answer, &BTreeSet::new());
+        assert!(!judged.is_top1 && judged.is_top1_or_equivalent);
+        assert_eq!((judged.right, judged.wrong, judged.missed), (1, 0, 0));
+        assert!(judged.parameters.is_empty());
+    }
+
+    #[test]
+    fn a_wrong_name_and_a_missed_one_are_counted() {
+        let answer = answer(r#"{"verdict":"explained","effects":[{"id":"flicker"}]}"#);
+        let judged = judge("t", &truth(&[REFRACTORY]), &answer, &BTreeSet::new());
+        assert_eq!((judged.right, judged.wrong, judged.missed), (0, 1, 1));
+        let clean = judge("t", &truth(&[]), &answer, &BTreeSet::new());
+        assert_eq!((clean.right, clean.wrong, clean.missed), (0, 1, 0));
+    }
+
+    #[test]
+    fn what_a_recording_is_known_to_hold_is_neither_right_nor_wrong() {
+        let answer = answer(
+            r#"{"verdict":"explained","effects":[{"id":"junction_leak"},{"id":"refractory_period"}]}"#,
+        );
+        let known = ["junction_leak".to_owned()].into();
+        let judged = judge("t", &truth(&[REFRACTORY]), &answer, &known);
+        assert!(judged.is_top1);
+        assert_eq!((judged.right, judged.wrong), (1, 0));
+    }
+
+    #[test]
+    fn a_region_is_judged_by_the_pixels_it_shares() {
+        let mut truth = truth(&[REFRACTORY]);
+        truth.region = Some(Rectangle { x_px: [0, 10], y_px: [0, 10] });
+        let answer = answer(
+            r#"{"verdict":"explained","effects":[{"id":"refractory_period",
+            "region":{"x_px":[0,10],"y_px":[0,5]}}]}"#,
+        );
+        let judged = judge("t", &truth, &answer, &BTreeSet::new());
+        assert!((judged.region_f1.unwrap() - 2.0 / 3.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,87 @@
+//! Effects of pixels, readout and clocks, applied to events.
+
+use super::Recording;
+use crate::event::{Event, Events};
+use crate::stats::SplitMix;
+
+/// A pixel that has fired is blind for a while.
+pub(super) fn refractory(recording: &mut Recording, period_us: f64) {
+    let width = usize::from(recording.size.width);
+    let mut ready = vec![i64::MIN; recording.size.n_pixels()];
+    keep(recording, |e| {
+        let ready = &mut ready[usize::from(e.y) * width + usize::from(e.x)];
+        let is_kept = e.t >= *ready;
+        if is_kept {
+            *ready = e.t.saturating_add(period_us as i64);
+        }
+        is_kept
+    });
+}
+
+/// A share of the events is lost, each for itself.
+pub(super) fn drop_share(recording: &mut Recording, fraction: f64, random: &mut SplitMix) {
+    keep(recording, |_| random.uniform() >= fraction);
+}
+
+/// Some of the pixels that fired never do.
+pub(super) fn kill_pixels(recording: &mut Recording, count: f64, random: &mut SplitMix) {
+    let size = recording.size;
+    let mut order: Vec<usize> = (0..size.n_pixels()).collect();
+    let mut is_dead = vec![false; size.n_pixels()];
+    for i in 0..(count.max(0.0) as usize).min(order.len()) {
+        let j = i + random.below(order.len() - i);
+        order.swap(i, j);
+        is_dead[order[i]] = true;
+    }
+    let width = usize::from(size.width);
+    keep(recording, |e| !is_dead[usize::from(e.y) * width + usize::from(e.x)]);
+}
+
+/// `n` pixels fire at random besides, On or Off alike, each at a rate.
+pub(super) fn heat_pixels(recording: &mut Recording, n: f64, rate_hz: f64, random: &mut SplitMix) {
+    let slice = recording.events.as_slice();
+    let (Some(&first), Some(&last)) = (slice.t.first(), slice.t.last()) else { return };
+    let size = recording.size;
+    let (width, n_pixels) = (usize::from(size.width), size.n_pixels());
+    let n = (n.max(0.0) as usize).min(n_pixels);
+    let is_everywhere = n == n_pixels;
+    for i in 0..n {
+        let pixel = if is_everywhere { i } else { random.below(n_pixels) };
+        let mut t = first as f64;
+        loop {
+            // Waiting times of a Poisson process.
+            t -= 1e6 / rate_hz * (1.0 - random.uniform()).ln();
+            if t > last as f64 {
+                break;
+            }
+            let (x, y) = ((pixel % width) as u16, (pixel / width) as u16);
+            recording.events.push(Event { t: t as i64, x, y, on: random.bits() >> 63 == 1 });
+        }
+    }
+    recording.events.sort_by_time();
+}
+
+/// Every stamp has a normal error of its own.
+pub(super) fn jitter(recording: &mut Recording, sigma_us: f64, random: &mut SplitMix) {
+    stamp(recording, |t| t + (sigma_us * random.normal()).round() as i64);
+}
+
+/// The stamps are late by an offset that grows with a skew from the first event on.
+pub(super) fn retime(recording: &mut Recording, offset_us: f64, skew_ppm: f64) {
+    let Some(&first) = recording.events.as_slice().t.first() else { return };
+    let late = |t: i64| offset_us + (t - first) as f64 * skew_ppm * 1e-6;
+    stamp(recording, |t| t + late(t).round() as i64);
+}
+
+fn keep(recording: &mut Recording, mut is_kept: impl FnMut(Event) -> bool) {
+    let mut kept = Events::with_capacity(recording.events.len());
+    recording.events.as_slice().iter().filter(|&e| is_kept(e)).for_each(|e| kept.push(e));
+    recording.events = kept;
+}
+
+fn stamp(recording: &mut Recording, mut new: impl FnMut(i64) -> i64) {
+    let mut changed = Events::with_capacity(recording.events.len());
+    recording.events.as_slice().iter().for_each(|e| changed.push(Event { t: new(e.t), ..e }));
+    changed.sort_by_time();
+    recording.events = changed;
+}

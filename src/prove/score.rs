@@ -1,0 +1,224 @@
+//! All judgements counted.
+
+use super::Judgement;
+use crate::stats::{quantile_sorted, wilson95};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A share with its 95 % interval (Wilson).
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Share {
+    /// How many.
+    pub hits: u64,
+    /// Of how many.
+    pub of: u64,
+    /// The interval of the share.
+    pub ci95: [f64; 2],
+}
+
+impl Share {
+    fn count<T>(items: impl IntoIterator<Item = T>, is_hit: impl Fn(&T) -> bool) -> Self {
+        let (mut hits, mut of) = (0, 0);
+        for item in items {
+            of += 1;
+            hits += u64::from(is_hit(&item));
+        }
+        Self { hits, of, ci95: wilson95(hits, of) }
+    }
+
+    /// Hits over all; `NaN` when nothing was counted.
+    #[must_use]
+    pub fn value(&self) -> f64 {
+        self.hits as f64 / self.of as f64
+    }
+}
+
+impl std::fmt::Display for Share {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.of == 0 {
+            return write!(f, "none");
+        }
+        let [low, high] = self.ci95.map(|v| 100.0 * v);
+        write!(f, "{}/{} ({:.0} %, {low:.0}..{high:.0})", self.hits, self.of, 100.0 * self.value())
+    }
+}
+
+/// One effect over all trials with it alone.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct PerEffect {
+    /// Named first.
+    pub top1: Share,
+    /// Named first, stated equivalents counted.
+    pub top1_or_equivalent: Share,
+    /// Named first, among strengths below two and from two on.
+    pub by_strength: [Share; 2],
+    /// What was named first instead, and how often; `nothing` when nothing was.
+    pub instead: BTreeMap<String, u64>,
+}
+
+/// How the diagnosis did over a set of trials.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Score {
+    /// Trials judged.
+    pub n: u64,
+    /// Trials with one effect of the library: it was named first.
+    pub top1: Share,
+    /// The same, stated equivalents counted.
+    pub top1_or_equivalent: Share,
+    /// The same for those at twice the least strength and above.
+    pub top1_from_strength_2: Share,
+    /// F1 of the sets named, over trials with two effects or more; stated equivalents count.
+    pub set_f1: Option<f64>,
+    /// Clean trials in which something was named.
+    pub false_discovery: Share,
+    /// Trials with an effect outside the library that were called unexplained or partly explained
+    /// and in which nothing was named.
+    pub abstained: Share,
+    /// Trials with effects of the library that were called unexplained.
+    pub false_abstention: Share,
+    /// Median of the parameters' relative errors.
+    pub median_parameter_error: Option<f64>,
+    /// Stated 90 % intervals that hold the truth.
+    pub coverage90: Share,
+    /// Median share of the excess removed, in trials whose effects were all named.
+    pub median_share_removed: Option<f64>,
+    /// Mean overlap of regions.
+    pub mean_region_f1: Option<f64>,
+    /// Each effect.
+    pub effects: BTreeMap<String, PerEffect>,
+}
+
+impl Score {
+    /// Counts judgements.
+    #[must_use]
+    pub fn of(judgements: &[Judgement]) -> Self {
+        let all = || judgements.iter();
+        let in_library = || all().filter(|j| !j.is_alien && !j.hidden.is_empty());
+        let single = || in_library().filter(|j| j.hidden.len() == 1);
+        let parameters = || all().flat_map(|j| &j.parameters);
+        let errors = parameters().map(|p| p.relative_error).collect();
+        let removed = in_library().filter(|j| j.missed == 0).filter_map(|j| j.share_removed);
+        let regions: Vec<f64> = all().filter_map(|j| j.region_f1).collect();
+        let n_regions = regions.len() as f64;
+        Self {
+            n: judgements.len() as u64,
+            top1: Share::count(single(), |j| j.is_top1),
+            top1_or_equivalent: Share::count(single(), |j| j.is_top1_or_equivalent),
+            top1_from_strength_2: Share::count(single().filter(|j| j.strengths[0] >= 2.0), |j| {
+                j.is_top1
+            }),
+            set_f1: set_f1(in_library().filter(|j| j.hidden.len() > 1)),
+            false_discovery: Share::count(all().filter(|j| j.hidden.is_empty()), |j| j.wrong > 0),
+            abstained: Share::count(all().filter(|j| j.is_alien), |j| {
+                j.named.is_empty() && j.verdict != "no_mismatch"
+            }),
+            false_abstention: Share::count(in_library(), |j| j.verdict == "unexplained"),
+            median_parameter_error: median(errors),
+            coverage90: Share::count(parameters().filter_map(|p| p.is_covered), |&is| is),
+            median_share_removed: median(removed.collect()),
+            mean_region_f1: (n_regions > 0.0).then(|| regions.iter().sum::<f64>() / n_regions),
+            effects: per_effect(&single().collect::<Vec<_>>()),
+        }
+    }
+}
+
+fn set_f1<'a>(judgements: impl Iterator<Item = &'a Judgement>) -> Option<f64> {
+    let add =
+        |sum: [usize; 3], j: &Judgement| [sum[0] + j.right, sum[1] + j.wrong, sum[2] + j.missed];
+    let [right, wrong, missed] = judgements.fold([0; 3], add);
+    let n = 2 * right + wrong + missed;
+    (n > 0).then(|| 2.0 * right as f64 / n as f64)
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.retain(|value| value.is_finite());
+    values.sort_by(f64::total_cmp);
+    (!values.is_empty()).then(|| quantile_sorted(&values, 0.5))
+}
+
+fn per_effect(single: &[&Judgement]) -> BTreeMap<String, PerEffect> {
+    let mut by_id: BTreeMap<String, Vec<&Judgement>> = BTreeMap::new();
+    for judgement in single {
+        by_id.entry(judgement.hidden[0].clone()).or_default().push(judgement);
+    }
+    let one = |trials: Vec<&Judgement>| {
+        let mut instead = BTreeMap::new();
+        for trial in trials.iter().filter(|trial| !trial.is_top1) {
+            let name = trial.named.first().map_or("nothing", String::as_str);
+            *instead.entry(name.to_owned()).or_insert(0) += 1;
+        }
+        let split = |strong: bool| {
+            let part = trials.iter().filter(|j| (j.strengths[0] >= 2.0) == strong);
+            Share::count(part, |j| j.is_top1)
+        };
+        PerEffect {
+            top1: Share::count(&trials, |j| j.is_top1),
+            top1_or_equivalent: Share::count(&trials, |j| j.is_top1_or_equivalent),
+            by_strength: [split(false), split(true)],
+            instead,
+        }
+    };
+    by_id.into_iter().map(|(id, trials)| (id, one(trials))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn judgement(hidden: &[&str], named: &[&str], strength: f64) -> Judgement {
+        let right = named.iter().filter(|id| hidden.contains(id)).count();
+        Judgement {
+            trial: "t".into(),
+            hidden: hidden.iter().map(|id| (*id).to_owned()).collect(),
+            strengths: vec![strength; hidden.len()],
+            named: named.iter().map(|id| (*id).to_owned()).collect(),
+            verdict: if named.is_empty() { "no_mismatch" } else { "explained" }.into(),
+            is_top1: named.first().is_some_and(|id| hidden.contains(id)),
+            is_top1_or_equivalent: named.first().is_some_and(|id| hidden.contains(id)),
+            right,
+            wrong: named.len() - right,
+            missed: hidden.iter().filter(|id| !named.contains(id)).count(),
+            parameters: Vec::new(),
+            region_f1: None,
+            share_removed: None,
+            first_gain: None,
+            is_alien: hidden.contains(&"alien"),
+        }
+    }
+
+    #[test]
+    fn kinds_of_trials_are_counted_apart() {
+        let score = Score::of(&[
+            judgement(&["flicker"], &["flicker"], 3.0),
+            judgement(&["flicker"], &["vibration"], 1.5),
+            judgement(&["defocus"], &[], 1.2),
+            judgement(&[], &[], 0.0),
+            judgement(&[], &["flicker"], 0.0),
+            judgement(&["alien"], &["flicker"], 2.0),
+            judgement(&["flicker", "defocus"], &["flicker", "vibration"], 2.0),
+        ]);
+        assert_eq!((score.top1.hits, score.top1.of), (1, 3));
+        assert_eq!((score.top1_from_strength_2.hits, score.top1_from_strength_2.of), (1, 1));
+        assert_eq!((score.false_discovery.hits, score.false_discovery.of), (1, 2));
+        assert_eq!((score.abstained.hits, score.abstained.of), (0, 1));
+        assert_eq!(score.set_f1, Some(0.5));
+        assert_eq!(score.effects["flicker"].instead["vibration"], 1);
+        assert_eq!(score.effects["defocus"].instead["nothing"], 1);
+    }
+
+    #[test]
+    fn an_alien_is_abstained_from_only_when_a_mismatch_was_seen() {
+        let mut seen = judgement(&["alien"], &[], 2.0);
+        let silent = seen.clone();
+        seen.verdict = "unexplained".into();
+        let score = Score::of(&[seen, silent]);
+        assert_eq!((score.abstained.hits, score.abstained.of), (1, 2));
+    }
+
+    #[test]
+    fn a_share_is_shown_with_its_interval() {
+        let share = Share::count([true, true, true, false], |&hit| hit);
+        assert_eq!(share.to_string(), "3/4 (75 %, 30..95)");
+        assert_eq!(Share::count([true; 0], |&hit| hit).to_string(), "none");
+    }
+}

@@ -1,0 +1,176 @@
+//! How strong hidden effects are: for each a least strength, and how its parameters follow.
+//!
+//! Strength 1 is about where an effect begins to matter at the speeds of the simulated rig
+//! (20 to 45 pixels a second, a threshold of 0.19); a trial draws from 1 to 4. The detection
+//! floor is not assumed here: it is what the trials measure.
+
+use std::collections::BTreeMap;
+
+/// How one effect grows with strength.
+#[derive(Debug, Clone, Copy)]
+pub struct Strength {
+    /// The effect's id.
+    pub id: &'static str,
+    /// The parameter that grows, its value at strength 1, and how.
+    key: &'static str,
+    at_one: f64,
+    growth: Growth,
+    /// Parameters that stay.
+    fixed: &'static [(&'static str, f64)],
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Growth {
+    /// In proportion to strength.
+    Up,
+    /// In inverse proportion: a lower cutoff is a stronger effect.
+    Down,
+    /// The departure from one grows.
+    FromOne,
+}
+
+impl Strength {
+    /// The effect's parameters at a strength.
+    #[must_use]
+    pub fn parameters(&self, strength: f64) -> BTreeMap<String, f64> {
+        let value = match self.growth {
+            Growth::Up => self.at_one * strength,
+            Growth::Down => self.at_one / strength,
+            Growth::FromOne => 1.0 + (self.at_one - 1.0) * strength,
+        };
+        let fixed = self.fixed.iter().map(|&(key, value)| (key.to_owned(), value));
+        fixed.chain([(self.key.to_owned(), value)]).collect()
+    }
+}
+
+const fn up(id: &'static str, key: &'static str, at_one: f64) -> Strength {
+    Strength { id, key, at_one, growth: Growth::Up, fixed: &[] }
+}
+
+const fn down(id: &'static str, key: &'static str, at_one: f64) -> Strength {
+    Strength { id, key, at_one, growth: Growth::Down, fixed: &[] }
+}
+
+impl Strength {
+    const fn with(mut self, fixed: &'static [(&'static str, f64)]) -> Self {
+        self.fixed = fixed;
+        self
+    }
+}
+
+/// Effects of the simulated world that the library knows.
+const WORLD: &[Strength] = &[
+    down("photoreceptor_bandwidth", "cutoff_hz_at_white", 60.0).with(&[("order", 1.0)]),
+    down("fixed_pole", "cutoff_hz", 40.0),
+    up("refractory_period", "refractory_us", 1_500.0),
+    up("threshold_mismatch", "sigma_relative", 0.05),
+    Strength {
+        id: "threshold_asymmetry",
+        key: "on_off_ratio",
+        at_one: 1.06,
+        growth: Growth::FromOne,
+        fixed: &[],
+    },
+    up("junction_leak", "rate_hz", 0.1),
+    up("photocurrent_leak", "rate_hz_at_white", 0.2),
+    up("shot_noise", "rms_thresholds", 0.12).with(&[("bandwidth_hz", 300.0)]),
+    up("background_activity", "rate_hz", 0.2),
+    up("hot_pixels", "fraction", 0.001),
+    up("adaptation", "fraction", 0.1).with(&[("time_constant_s", 0.3)]),
+    up("dark_current", "fraction_of_white", 0.02),
+    down("readout_saturation", "max_events_per_s", 200_000.0),
+    up("event_drop", "fraction", 0.05),
+    up("stamp_jitter", "sigma_us", 700.0),
+    up("aps_coupling", "events_fraction", 0.004).with(&[("delay_us", 300.0), ("row_us", 0.0)]),
+    up("clock_offset", "offset_us", 1_500.0),
+    up("clock_skew", "skew_ppm", 600.0),
+    up("rolling_shutter", "row_us", 6.0),
+    up("black_level", "offset_dn", 12.0),
+    Strength { id: "tone_curve", key: "gamma", at_one: 0.92, growth: Growth::FromOne, fixed: &[] },
+    up("defocus", "sigma_px", 0.4),
+    up("flicker", "depth", 0.02).with(&[("frequency_hz", 100.0)]),
+    up("vibration", "amplitude_mm", 0.06).with(&[("frequency_hz", 12.0)]),
+];
+
+/// Effects of the simulated world that no library names.
+const ALIEN: &[Strength] = &[
+    down("support_filter", "window_us", 20_000.0),
+    down("slew_limit", "per_s", 12.0),
+    up("threshold_fatigue", "rise", 0.15).with(&[("recovery_s", 0.2)]),
+];
+
+/// Effects that can be applied to a recording that is there.
+const PLASMODE: &[Strength] = &[
+    up("refractory_period", "refractory_us", 5_000.0),
+    up("event_drop", "fraction", 0.08),
+    up("dead_pixels", "count", 600.0),
+    up("hot_pixels", "fraction", 0.001).with(&[("rate_hz", 40.0)]),
+    up("background_activity", "rate_hz", 0.05),
+    up("stamp_jitter", "sigma_us", 4_000.0),
+    up("clock_offset", "offset_us", 8_000.0),
+    up("clock_skew", "skew_ppm", 6_000.0),
+    up("black_level", "offset_dn", 6.0),
+    Strength { id: "tone_curve", key: "gamma", at_one: 0.85, growth: Growth::FromOne, fixed: &[] },
+    up("defocus", "sigma_px", 0.7),
+];
+
+/// The table of a family: effects the library knows, then those it does not.
+#[must_use]
+pub fn strengths(family: super::Family) -> (&'static [Strength], &'static [Strength]) {
+    match family {
+        super::Family::World => (WORLD, ALIEN),
+        super::Family::Plasmode => (PLASMODE, &[]),
+        super::Family::Foreign => (&[], &[]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Concealed, Family};
+    use super::*;
+    use crate::device::sim::world::WorldDescription;
+    use crate::effect_id::EffectId;
+
+    #[test]
+    fn the_library_knows_the_one_table_and_not_the_other() {
+        for family in [Family::World, Family::Plasmode] {
+            let (known, alien) = strengths(family);
+            for entry in known {
+                let effect: EffectId = entry.id.parse().unwrap();
+                assert_eq!(effect.as_str(), entry.id);
+            }
+            assert!(alien.iter().all(|entry| entry.id.parse::<EffectId>().is_err()));
+        }
+    }
+
+    #[test]
+    fn every_known_parameter_of_the_world_is_one_of_its_effect() {
+        for entry in WORLD {
+            let effect: EffectId = entry.id.parse().unwrap();
+            for key in entry.parameters(1.0).keys() {
+                assert!(effect.parameters().contains(&key.as_str()), "{}: {key}", entry.id);
+            }
+        }
+    }
+
+    #[test]
+    fn the_world_takes_every_entry_of_its_table() {
+        for entry in WORLD.iter().chain(ALIEN) {
+            let parameters = entry.parameters(2.0);
+            let concealed = Concealed { id: entry.id.into(), parameters, strength: 2.0 };
+            let effects = serde_json::json!({ entry.id: concealed.description() });
+            let description = serde_json::json!({ "effects": effects });
+            let parsed = serde_json::from_value::<WorldDescription>(description);
+            assert!(parsed.is_ok(), "{}: {:?}", entry.id, parsed.err());
+        }
+    }
+
+    #[test]
+    fn strength_moves_a_parameter_the_way_its_effect_grows() {
+        let of = |id: &str, s| WORLD.iter().find(|e| e.id == id).unwrap().parameters(s);
+        assert_eq!(of("refractory_period", 2.0)["refractory_us"], 3_000.0);
+        assert_eq!(of("fixed_pole", 2.0)["cutoff_hz"], 20.0);
+        assert!((of("threshold_asymmetry", 2.0)["on_off_ratio"] - 1.12).abs() < 1e-12);
+        assert_eq!(of("fixed_pole", 1.0).len(), 1);
+    }
+}

@@ -1,0 +1,145 @@
+//! What a trial hides.
+
+use crate::effect_id::EffectId;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::collections::BTreeMap;
+
+/// Whose code or camera made a trial's session.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Family {
+    /// The simulated rig.
+    World,
+    /// A simulator by other people.
+    Foreign,
+    /// A real recording with an effect applied to it.
+    Plasmode,
+}
+
+impl Family {
+    /// The name as files and tables write it.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::World => "world",
+            Self::Foreign => "foreign",
+            Self::Plasmode => "plasmode",
+        }
+    }
+}
+
+/// A rectangle of event pixels: first column and row to the last but one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Rectangle {
+    /// Columns `x_px[0]..x_px[1]`.
+    pub x_px: [u16; 2],
+    /// Rows `y_px[0]..y_px[1]`.
+    pub y_px: [u16; 2],
+}
+
+impl Rectangle {
+    /// Pixels in it.
+    #[must_use]
+    pub fn area(&self) -> u64 {
+        let side = |[low, high]: [u16; 2]| u64::from(high.saturating_sub(low));
+        side(self.x_px) * side(self.y_px)
+    }
+
+    /// Pixels in both.
+    #[must_use]
+    pub fn shared(&self, other: &Self) -> u64 {
+        let both = |a: [u16; 2], b: [u16; 2]| [a[0].max(b[0]), a[1].min(b[1])];
+        Self { x_px: both(self.x_px, other.x_px), y_px: both(self.y_px, other.y_px) }.area()
+    }
+}
+
+/// One hidden effect.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Concealed {
+    /// Its id, from [`EffectId`] or, when it is outside the library, the world's own name for it.
+    pub id: String,
+    /// Its parameters by key.
+    pub parameters: BTreeMap<String, f64>,
+    /// How strong it is, in units of the least strength of the plan's table.
+    pub strength: f64,
+}
+
+impl Concealed {
+    /// The library's name for it; `None` when the library does not know it.
+    #[must_use]
+    pub fn effect(&self) -> Option<EffectId> {
+        self.id.parse().ok()
+    }
+
+    /// Its parameters as a description of the world has them: whole numbers as such, since some
+    /// are counts.
+    #[must_use]
+    pub fn description(&self) -> serde_json::Value {
+        let number = |value: f64| match value {
+            whole if whole.fract() == 0.0 && whole.abs() < 1e15 => json!(whole as i64),
+            other => json!(other),
+        };
+        let parameters = self.parameters.iter();
+        parameters.map(|(key, &value)| (key.clone(), number(value))).collect()
+    }
+}
+
+/// What a trial is to be made of; everything but the truth may be known to whoever runs it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Trial {
+    /// Its name, a folder's name.
+    pub name: String,
+    /// Whose session it is.
+    pub family: Family,
+    /// The print's picture, in the world's spelling; empty where the family has none.
+    pub picture: String,
+    /// The trajectory's name; empty where the family has none.
+    pub trajectory: String,
+    /// Seed of the session.
+    pub seed: u64,
+    /// What is hidden in it.
+    pub truth: Truth,
+}
+
+/// What is hidden in a trial.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Truth {
+    /// `evrig.truth/1`.
+    pub schema: String,
+    /// The hidden effects, none in a clean session.
+    pub effects: Vec<Concealed>,
+    /// The pixels to which they are limited; all when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<Rectangle>,
+    /// Random letters that keep the truth from being guessed from its checksum.
+    pub nonce: String,
+}
+
+impl Truth {
+    /// Whether nothing is hidden.
+    #[must_use]
+    pub fn is_clean(&self) -> bool {
+        self.effects.is_empty()
+    }
+
+    /// Whether something is hidden that the library does not know.
+    #[must_use]
+    pub fn is_alien(&self) -> bool {
+        self.effects.iter().any(|concealed| concealed.effect().is_none())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rectangles_share_what_lies_in_both() {
+        let a = Rectangle { x_px: [0, 10], y_px: [0, 10] };
+        let b = Rectangle { x_px: [5, 20], y_px: [8, 9] };
+        assert_eq!((a.area(), b.area(), a.shared(&b)), (100, 15, 5));
+        let apart = Rectangle { x_px: [10, 12], y_px: [0, 10] };
+        assert_eq!(a.shared(&apart), 0);
+    }
+}

@@ -1,0 +1,55 @@
+//! One frame against the map: its equations solved.
+
+use super::align::{ALL, OWN, Reference, SHARED};
+use super::head::HeadPose;
+use super::path::PathKnot;
+use super::splat::Key;
+use nalgebra::{SMatrix, SVector};
+
+/// Finds a frame's pose against the map, from a start that is near.
+pub(super) fn locate(reference: &Reference<'_>, mut key: Key) -> Option<PathKnot> {
+    let focal = reference.optics.camera.lens.focal_px;
+    for _ in 0..8 {
+        let equations = reference.own(&key)?;
+        if equations.n < 50 * OWN {
+            return None;
+        }
+        let inverse = equations.normal.try_inverse()?;
+        let change = inverse * equations.right;
+        (0..4).for_each(|i| key.pose[i] += change[i]);
+        key.ln_gain += change[4];
+        let moved_px = change[0].hypot(change[1]) * focal / key.pose[2];
+        if moved_px < 2e-3 {
+            let misfit = equations.squares / equations.n as f64;
+            let pose_error: HeadPose =
+                std::array::from_fn(|i| (inverse[(i, i)] * misfit).max(0.0).sqrt());
+            let time_s = reference.optics.middle_s(key.first_s);
+            let misfit = misfit.sqrt();
+            let (pose, ln_gain) = (key.pose, key.ln_gain);
+            return Some(PathKnot { time_s, pose, pose_error, ln_gain, misfit });
+        }
+    }
+    None
+}
+
+/// A frame's equations with its own unknowns taken out.
+pub(super) struct Part {
+    pub(super) normal: SMatrix<f64, SHARED, SHARED>,
+    pub(super) right: SVector<f64, SHARED>,
+    /// The frame's own change is `own_right - own_shared * shared`.
+    pub(super) own_right: SVector<f64, OWN>,
+    pub(super) own_shared: SMatrix<f64, OWN, SHARED>,
+}
+
+pub(super) fn split(normal: &SMatrix<f64, ALL, ALL>, right: &SVector<f64, ALL>) -> Option<Part> {
+    let own = normal.fixed_view::<OWN, OWN>(0, 0).into_owned().try_inverse()?;
+    let across = normal.fixed_view::<OWN, SHARED>(0, OWN).into_owned();
+    let rest = normal.fixed_view::<SHARED, SHARED>(OWN, OWN).into_owned();
+    let (own_right, own_shared) = (own * right.fixed_rows::<OWN>(0), own * across);
+    Some(Part {
+        normal: rest - across.transpose() * own_shared,
+        right: right.fixed_rows::<SHARED>(OWN) - across.transpose() * own_right,
+        own_right,
+        own_shared,
+    })
+}

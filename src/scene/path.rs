@@ -1,0 +1,192 @@
+//! The path of the head over the print.
+
+use super::head::{HeadPose, POSE};
+use crate::time::{PiSensor, Span, Stamp};
+use serde::{Deserialize, Serialize};
+
+/// The path as the Pi's frames tell it, with a knot a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HeadPath {
+    /// The instant that the knots' times count from.
+    pub zero: Stamp<PiSensor>,
+    /// In ascending time.
+    pub knots: Vec<PathKnot>,
+    /// Longest stretch between knots that the path leads across.
+    pub max_gap: Span,
+    /// How the pose changes a second at each knot.
+    slopes: Vec<HeadPose>,
+}
+
+/// Where the head was while one frame saw light.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PathKnot {
+    /// Mid-exposure of the frame's middle row, seconds from the path's zero.
+    pub time_s: f64,
+    /// Place of the Pi camera along the head's axes, distance from the print, millimetres; turn of
+    /// the wrist, radians.
+    pub pose: [f64; POSE],
+    /// Standard errors of the pose.
+    pub pose_error: [f64; POSE],
+    /// Logarithm of the frame's brightness over the map's.
+    pub ln_gain: f64,
+    /// Root mean square of what the map leaves unexplained, over the frame's own noise.
+    pub misfit: f64,
+}
+
+/// The stretch of the path about a time: its ends and where in it the time lies.
+struct Stretch {
+    left: usize,
+    length_s: f64,
+    /// From 0 at the left knot to 1 at the right.
+    part: f64,
+}
+
+impl HeadPath {
+    /// The path through knots in ascending time.
+    #[must_use]
+    pub fn new(zero: Stamp<PiSensor>, knots: Vec<PathKnot>, max_gap: Span) -> Self {
+        let slopes = slopes(&knots, max_gap.as_secs_f64());
+        Self { zero, knots, max_gap, slopes }
+    }
+
+    /// First and last time of the path, seconds from its zero.
+    #[must_use]
+    pub fn span_s(&self) -> Option<[f64; 2]> {
+        Some([self.knots.first()?.time_s, self.knots.last()?.time_s])
+    }
+
+    fn stretch(&self, time_s: f64) -> Option<Stretch> {
+        let after = self.knots.partition_point(|knot| knot.time_s <= time_s);
+        let left = after.checked_sub(1)?.min(self.knots.len().checked_sub(2)?);
+        let (from, to) = (self.knots[left].time_s, self.knots[left + 1].time_s);
+        let length_s = to - from;
+        let is_known = time_s <= to && length_s <= self.max_gap.as_secs_f64();
+        is_known.then(|| Stretch { left, length_s, part: (time_s - from) / length_s })
+    }
+
+    /// The pose at a time; None outside the path and in a gap.
+    pub(super) fn pose(&self, time_s: f64) -> Option<HeadPose> {
+        let Stretch { left, length_s, part: s } = self.stretch(time_s)?;
+        let (a, b) = (&self.knots[left].pose, &self.knots[left + 1].pose);
+        let (m, n) = (&self.slopes[left], &self.slopes[left + 1]);
+        let (s2, s3) = (s * s, s * s * s);
+        let blend = [2.0 * s3 - 3.0 * s2 + 1.0, s3 - 2.0 * s2 + s, s3 - s2];
+        let at = |i: usize| {
+            blend[0] * a[i]
+                + (1.0 - blend[0]) * b[i]
+                + length_s * (blend[1] * m[i] + blend[2] * n[i])
+        };
+        Some(std::array::from_fn(at))
+    }
+
+    /// How the pose changes a second at a time; zero where it is not known.
+    pub(super) fn speed(&self, time_s: f64) -> HeadPose {
+        let step = 1e-4;
+        let side = |by: f64| self.pose(time_s + by);
+        match (side(-step), self.pose(time_s), side(step)) {
+            (Some(a), _, Some(b)) => std::array::from_fn(|i| (b[i] - a[i]) / (2.0 * step)),
+            (None, Some(a), Some(b)) | (Some(a), Some(b), None) => {
+                std::array::from_fn(|i| (b[i] - a[i]) / step)
+            }
+            _ => [0.0; POSE],
+        }
+    }
+
+    /// Logarithm of the light's level at a time over that of the map, straight between knots.
+    pub(super) fn ln_light(&self, time_s: f64) -> f64 {
+        let Some(Stretch { left, part, .. }) = self.stretch(time_s) else { return f64::NAN };
+        let (a, b) = (self.knots[left].ln_gain, self.knots[left + 1].ln_gain);
+        a + (b - a) * part
+    }
+}
+
+/// Slopes of the natural cubic splines through each stretch of knots without a gap.
+fn slopes(knots: &[PathKnot], max_gap_s: f64) -> Vec<HeadPose> {
+    let mut all = vec![[0.0; POSE]; knots.len()];
+    let mut begin = 0;
+    for end in 1..=knots.len() {
+        let cut = end == knots.len() || knots[end].time_s - knots[end - 1].time_s > max_gap_s;
+        if cut {
+            natural(&knots[begin..end], &mut all[begin..end]);
+            begin = end;
+        }
+    }
+    all
+}
+
+/// Solves for the slopes at which the second derivative is continuous and zero at both ends.
+fn natural(knots: &[PathKnot], slopes: &mut [HeadPose]) {
+    let n = knots.len();
+    if n < 2 {
+        return;
+    }
+    let over = |i: usize| 1.0 / (knots[i + 1].time_s - knots[i].time_s);
+    let rise = |i: usize, axis: usize| {
+        3.0 * (knots[i + 1].pose[axis] - knots[i].pose[axis]) * over(i) * over(i)
+    };
+    // Thomas's elimination of the tridiagonal equations; `upper` is what is left of the upper band.
+    let mut upper = vec![0.0; n];
+    for i in 0..n {
+        let left = if i > 0 { over(i - 1) } else { 0.0 };
+        let right = if i + 1 < n { over(i) } else { 0.0 };
+        let before = if i > 0 { upper[i - 1] } else { 0.0 };
+        let pivot = 2.0 * (left + right) - left * before;
+        upper[i] = right / pivot;
+        for axis in 0..POSE {
+            let mut value = 0.0;
+            if i > 0 {
+                value += rise(i - 1, axis) - left * slopes[i - 1][axis];
+            }
+            if i + 1 < n {
+                value += rise(i, axis);
+            }
+            slopes[i][axis] = value / pivot;
+        }
+    }
+    for i in (0..n - 1).rev() {
+        for axis in 0..POSE {
+            slopes[i][axis] -= upper[i] * slopes[i + 1][axis];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn knot(time_s: f64) -> PathKnot {
+        let pose = [20.0 * (3.0 * time_s).sin(), 5.0 * time_s, 225.0, 0.1 * (2.0 * time_s).cos()];
+        PathKnot { time_s, pose, pose_error: [0.0; POSE], ln_gain: time_s, misfit: 1.0 }
+    }
+
+    fn path(times: impl Iterator<Item = f64>) -> HeadPath {
+        let knots = times.map(knot).collect();
+        HeadPath::new(Stamp::from_nanos(0), knots, Span::from_micros(50_000))
+    }
+
+    #[test]
+    fn a_swing_is_met_between_the_frames_even_where_one_is_missing() {
+        let all = path((0..240).filter(|i| *i != 100).map(|i| f64::from(i) / 120.0));
+        for i in 30..1_900 {
+            let time_s = f64::from(i) * 1e-3;
+            let (got, truth) = (all.pose(time_s).unwrap(), knot(time_s).pose);
+            for axis in 0..POSE {
+                assert!(
+                    (got[axis] - truth[axis]).abs() < 2e-6 + 2e-5 * f64::from(u8::from(axis == 0))
+                );
+            }
+            let speed = all.speed(time_s);
+            assert!((speed[0] - 60.0 * (3.0 * time_s).cos()).abs() < 0.02, "{speed:?}");
+        }
+    }
+
+    #[test]
+    fn across_a_gap_and_outside_no_path_leads() {
+        let all = path((0..40).filter(|i| !(10..20).contains(i)).map(|i| f64::from(i) / 120.0));
+        assert!(all.pose(-1e-6).is_none() && all.pose(0.3251).is_none());
+        assert!(all.pose(12.0 / 120.0).is_none());
+        assert!(all.pose(0.0).is_some() && all.pose(0.325).is_some());
+        assert!(all.ln_light(0.1).is_nan());
+        assert!((all.ln_light(0.03) - 0.03).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,341 @@
+//! The event camera's place from the light in its frames, held against the map.
+
+use super::blur::{PointSpread, blurred};
+use super::davis::DavisTie;
+use super::error::SceneError;
+use super::head::{DavisMount, MOUNT, stated_ray};
+use super::map::{Mark, RadianceMap};
+use super::survey::Survey;
+use super::tag_fit::{PRIOR, TIES, changed, listed};
+use super::warp::Warp;
+use crate::frame::Frame;
+use crate::time::Davis;
+use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector3};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// What the frames of the event camera tell of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Registration {
+    /// How it is tied to the head's path.
+    pub tie: DavisTie,
+    /// Standard errors of turn (rad), offset (mm), logarithm of focal length, radial distortion,
+    /// lag (s) and skew.
+    pub tie_error: [f64; TIES],
+    /// What blurs the map to its frames.
+    pub spread: PointSpread,
+    /// Standard error of the Gaussian, pixels.
+    pub sigma_error_px: f64,
+    /// Width of a pixel on the print, millimetres.
+    pub pixel_mm: f64,
+    /// What the map leaves unexplained of the frames, root mean square, DN.
+    pub left_dn: f64,
+    /// Displacement that is left, frame by frame, root mean square, pixels.
+    pub left_px: f64,
+    /// Frames used.
+    pub n_frames: usize,
+}
+
+/// Unknowns that all frames share: the tie and the Gaussian.
+const SHARED: usize = TIES + 1;
+
+/// Frames that are used, at most, and at least.
+const FRAMES: usize = 60;
+const LEAST: usize = 3;
+
+/// Marks of the map that are looked at.
+const MARKS: usize = 24_000;
+
+/// Instants within an exposure.
+const LOOKS: usize = 4;
+
+/// Step of the Gaussian for its slope, pixels.
+const SIGMA_STEP: f64 = 0.02;
+
+/// Standard deviation of what the Gaussian is known to be before, pixels.
+const SIGMA_PRIOR: f64 = 0.5;
+
+/// Neighbouring pixels are wrong together: so many count as one against what is known before.
+const ALIKE: f64 = 100.0;
+
+/// A residual beyond so many standard deviations counts in proportion less.
+const HUBER: f64 = 2.5;
+
+/// A frame and the instants in its exposure, as seconds mapped from the DAVIS's clock.
+struct Picture {
+    width: usize,
+    height: usize,
+    values: Vec<f32>,
+    looks_s: [f64; LOOKS],
+}
+
+/// The map as the pixels see it at the present Gaussian and a step beyond.
+struct Seen {
+    here: RadianceMap,
+    beyond: RadianceMap,
+    marks: Vec<Mark>,
+}
+
+/// One frame's equations, its own gain and offset taken out.
+struct Part {
+    normal: SMatrix<f64, SHARED, SHARED>,
+    right: SVector<f64, SHARED>,
+    squares: f64,
+    n: usize,
+    /// Displacement that would still better this frame alone, pixels.
+    shift_px: [f64; 2],
+}
+
+/// A pixel's row of the equations: value, expected light, slopes, slope by place.
+struct Row {
+    value: f64,
+    light: f64,
+    slopes: [f64; SHARED],
+    by_place: [f64; 2],
+}
+
+/// Refines a tie by the light in frames.
+///
+/// # Errors
+/// When too few frames fall on the path and the map, or they do not fit.
+pub(super) fn register(
+    survey: &Survey,
+    start: DavisTie,
+    stated: &DavisMount,
+    frames: &[Frame<Davis>],
+) -> Result<Registration, SceneError> {
+    let pictures: Vec<Picture> = chosen(survey, &start, frames);
+    if pictures.len() < LEAST {
+        let (what, found, needed) = ("frames on the path", pictures.len(), LEAST);
+        return Err(SceneError::NoDavis { what, found, n: frames.len(), needed });
+    }
+    let pixel_mm = pixel_mm(survey, &start);
+    let mut tie = start;
+    let mut spread = PointSpread::of_sigma(0.5);
+    let mut noise = 25.0;
+    let mut result = None;
+    for round in 0..8 {
+        let seen = Seen::new(survey, spread, pixel_mm);
+        let parts: Vec<Part> = pictures
+            .par_iter()
+            .filter_map(|picture| picture.part(survey, &tie, &seen, noise))
+            .collect();
+        if parts.len() < LEAST {
+            let (what, found, needed) = ("frames on the map", parts.len(), LEAST);
+            return Err(SceneError::NoDavis { what, found, n: frames.len(), needed });
+        }
+        let (mut normal, mut right) = prior(&tie, stated, spread);
+        parts.iter().for_each(|part| {
+            normal += part.normal;
+            right += part.right;
+        });
+        let inverse =
+            normal.try_inverse().ok_or(SceneError::NoFit("the event camera's place by light"))?;
+        let change = inverse * right;
+        let n: usize = parts.iter().map(|part| part.n).sum();
+        let level = parts.iter().map(|part| part.squares).sum::<f64>() / n.max(1) as f64;
+        noise *= level;
+        tie = changed(&tie, &change.fixed_rows::<TIES>(0).into_owned());
+        spread.sigma_px = (spread.sigma_px + change[TIES]).clamp(0.05, 5.0);
+        let error = |i: usize| (inverse[(i, i)] * level).max(0.0).sqrt();
+        let square: f64 = parts.iter().map(|p| p.shift_px[0].powi(2) + p.shift_px[1].powi(2)).sum();
+        result = Some(Registration {
+            tie,
+            tie_error: std::array::from_fn(error),
+            spread,
+            sigma_error_px: error(TIES),
+            pixel_mm,
+            left_dn: noise.sqrt(),
+            left_px: (square / (2.0 * parts.len() as f64)).sqrt(),
+            n_frames: parts.len(),
+        });
+        let settled = (0..SHARED).all(|i| change[i].abs() < 0.05 * error(i));
+        if settled && round > 1 {
+            break;
+        }
+    }
+    result.ok_or(SceneError::NoFit("the event camera's place by light"))
+}
+
+/// Width of a DAVIS pixel on the print, from the distance at the path's middle.
+fn pixel_mm(survey: &Survey, tie: &DavisTie) -> f64 {
+    let knots = &survey.path.knots;
+    let distance = knots.get(knots.len() / 2).map_or(1.0, |knot| knot.pose[2]);
+    let lens = &tie.mount.lens;
+    (distance - tie.mount.offset_mm[2]) / (lens.focal_px * tie.mount.ln_focal.exp())
+}
+
+/// Frames spread over the path.
+fn chosen(survey: &Survey, tie: &DavisTie, frames: &[Frame<Davis>]) -> Vec<Picture> {
+    let path = &survey.path;
+    let on_path: Vec<&Frame<Davis>> = frames
+        .iter()
+        .filter(|frame| {
+            let at = tie.path_s(tie.mapped_s(path, frame.timing.mid_exposure(0)));
+            path.pose(at - 0.02).is_some() && path.pose(at + 0.02).is_some()
+        })
+        .collect();
+    let step = (on_path.len() as f64 / FRAMES as f64).max(1.0);
+    let n = (on_path.len() as f64 / step) as usize;
+    (0..n).map(|i| Picture::new(survey, tie, on_path[(i as f64 * step) as usize])).collect()
+}
+
+fn prior(
+    tie: &DavisTie,
+    stated: &DavisMount,
+    spread: PointSpread,
+) -> (SMatrix<f64, SHARED, SHARED>, SVector<f64, SHARED>) {
+    let list = listed(tie, stated);
+    let (mut normal, mut right) = (SMatrix::zeros(), SVector::zeros());
+    for i in 0..TIES {
+        normal[(i, i)] = ALIKE * PRIOR[i].powi(-2);
+        right[i] = -list[i] * ALIKE * PRIOR[i].powi(-2);
+    }
+    normal[(TIES, TIES)] = SIGMA_PRIOR.powi(-2);
+    right[TIES] = (0.5 - spread.sigma_px) * SIGMA_PRIOR.powi(-2);
+    (normal, right)
+}
+
+impl Seen {
+    fn new(survey: &Survey, spread: PointSpread, pixel_mm: f64) -> Self {
+        let wider = PointSpread { sigma_px: spread.sigma_px + SIGMA_STEP, ..spread };
+        let here = blurred(&survey.map, spread, pixel_mm);
+        let beyond = blurred(&survey.map, wider, pixel_mm);
+        let marks = here.marks(MARKS, survey.white_dn);
+        Self { here, beyond, marks }
+    }
+}
+
+impl Picture {
+    fn new(survey: &Survey, tie: &DavisTie, frame: &Frame<Davis>) -> Self {
+        let mapped = |stamp| tie.mapped_s(&survey.path, stamp);
+        let middle = frame.timing.mid_exposure(0);
+        let [start, end] = frame.timing.exposure.unwrap_or([middle; 2]).map(mapped);
+        let look = |i: usize| start + (end - start) * (i as f64 + 0.5) / LOOKS as f64;
+        Self {
+            width: usize::from(frame.size.width),
+            height: usize::from(frame.size.height),
+            values: frame.brightness(),
+            looks_s: std::array::from_fn(look),
+        }
+    }
+
+    fn part(&self, survey: &Survey, tie: &DavisTie, seen: &Seen, noise: f64) -> Option<Part> {
+        let rows = self.rows(survey, tie, seen)?;
+        if rows.len() < 200 {
+            return None;
+        }
+        let (gain, offset) = level(&rows)?;
+        let mut normal = SMatrix::<f64, SHARED, SHARED>::zeros();
+        let mut right = SVector::<f64, SHARED>::zeros();
+        let mut across = SMatrix::<f64, 2, SHARED>::zeros();
+        let (mut own, mut own_right) = (Matrix2::<f64>::zeros(), Vector2::<f64>::zeros());
+        let (mut shift, mut shift_right) = (Matrix2::<f64>::zeros(), Vector2::<f64>::zeros());
+        let mut squares = 0.0;
+        for row in &rows {
+            let left = row.value - gain * row.light - offset;
+            let sigmas = left.abs() / noise.sqrt();
+            let weight = if sigmas > HUBER { HUBER / sigmas } else { 1.0 } / noise;
+            let slopes = SVector::from(row.slopes) * gain;
+            let level = Vector2::new(row.light, 1.0);
+            let place = Vector2::from(row.by_place) * gain;
+            normal.syger(weight, &slopes, &slopes, 1.0);
+            right += weight * left * slopes;
+            across += weight * level * slopes.transpose();
+            own += weight * level * level.transpose();
+            own_right += weight * left * level;
+            shift += weight * place * place.transpose();
+            shift_right += weight * left * place;
+            squares += weight * left * left;
+        }
+        normal.fill_upper_triangle_with_lower_triangle();
+        let own = own.try_inverse()?;
+        let moved = shift.try_inverse()? * shift_right;
+        Some(Part {
+            normal: normal - across.transpose() * own * across,
+            right: right - across.transpose() * (own * own_right),
+            squares,
+            n: rows.len(),
+            shift_px: moved.into(),
+        })
+    }
+
+    /// The pixels on which marks fall.
+    fn rows(&self, survey: &Survey, tie: &DavisTie, seen: &Seen) -> Option<Vec<Row>> {
+        let times = self.looks_s.map(|mapped_s| tie.path_s(mapped_s));
+        let mut warps = Vec::with_capacity(LOOKS);
+        for time_s in times {
+            warps.push(tie.warp(&survey.head, &survey.path, time_s)?);
+        }
+        let since = (times[0] + times[LOOKS - 1]) / 2.0 - tie.lag_at_s;
+        let pose = survey.path.pose((times[0] + times[LOOKS - 1]) / 2.0)?;
+        let forward = tie.mount.davis_from_plane(&survey.head.pi_from_plane(&pose));
+        let mut is_taken = vec![false; self.width * self.height];
+        let mut rows = Vec::new();
+        for mark in &seen.marks {
+            let q = forward * Vector3::new(mark.place_mm[0], mark.place_mm[1], 1.0);
+            let [px, py] = tie.mount.place([q.x / q.z, q.y / q.z]);
+            if !(px >= 0.0 && py >= 0.0 && px < self.width as f64 && py < self.height as f64) {
+                continue;
+            }
+            let (x, y) = (px as usize, py as usize);
+            let at = y * self.width + x;
+            if std::mem::replace(&mut is_taken[at], true) {
+                continue;
+            }
+            if let Some(row) = row([x, y], f64::from(self.values[at]), tie, &warps, seen, since) {
+                rows.push(row);
+            }
+        }
+        Some(rows)
+    }
+}
+
+fn row(
+    [x, y]: [usize; 2],
+    value: f64,
+    tie: &DavisTie,
+    warps: &[Warp<{ MOUNT + 1 }>],
+    seen: &Seen,
+    since_s: f64,
+) -> Option<Row> {
+    let stated = stated_ray(&tie.mount.lens, [x as f64 + 0.5, y as f64 + 0.5])?;
+    let square = stated[0].powi(2) + stated[1].powi(2);
+    let over_focal = (-tie.mount.ln_focal).exp();
+    let longer = (1.0 + tie.mount.radial * square) * over_focal;
+    let ray = stated.map(|part| part * longer);
+    let mut row = Row { value, light: 0.0, slopes: [0.0; SHARED], by_place: [0.0; 2] };
+    let share = 1.0 / warps.len() as f64;
+    for warp in warps {
+        let (place, moved) = warp.slopes(ray);
+        let by_ray = warp.by_ray(ray);
+        let [light, dx, dy] = seen.here.sample(place);
+        let beyond = seen.beyond.sample(place)[0];
+        let along = |[x, y]: [f64; 2]| share * (dx * x + dy * y);
+        row.light += share * light;
+        for i in 0..MOUNT {
+            row.slopes[i] += along(moved[i]);
+        }
+        let by_ray = by_ray.map(along);
+        // A longer focal length draws rays in, a distortion lengthens them.
+        row.slopes[6] -= by_ray[0] * ray[0] + by_ray[1] * ray[1];
+        row.slopes[7] += (by_ray[0] * stated[0] + by_ray[1] * stated[1]) * square * over_focal;
+        row.slopes[8] += along(moved[MOUNT]);
+        row.slopes[TIES] += share * (beyond - light) / SIGMA_STEP;
+        (0..2).for_each(|axis| {
+            row.by_place[axis] += by_ray[axis] * over_focal / tie.mount.lens.focal_px
+        });
+    }
+    row.slopes[9] = row.slopes[8] * since_s;
+    (row.light + row.slopes.iter().sum::<f64>()).is_finite().then_some(row)
+}
+
+/// Gain and offset that bring the expected light to the values.
+fn level(rows: &[Row]) -> Option<(f64, f64)> {
+    let n = rows.len() as f64;
+    let mean = |of: &dyn Fn(&Row) -> f64| rows.iter().map(of).sum::<f64>() / n;
+    let (light, value) = (mean(&|row| row.light), mean(&|row| row.value));
+    let across = mean(&|row| (row.light - light) * (row.value - value));
+    let square = mean(&|row| (row.light - light).powi(2));
+    (square > 0.0 && across > 0.0).then(|| (across / square, value - across / square * light))
+}

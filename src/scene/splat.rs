@@ -1,0 +1,195 @@
+//! Frames laid onto the map.
+
+use super::head::{Head, HeadPose, POSE};
+use super::map::{MapGrid, RadianceMap};
+use super::mosaic::PiCamera;
+use rayon::prelude::*;
+
+/// A frame held in memory while the map is made.
+#[derive(Debug, Clone)]
+pub(super) struct Key {
+    pub(super) samples: Vec<u16>,
+    /// Mid-exposure of the first row, seconds from the path's zero.
+    pub(super) first_s: f64,
+    /// How long a row sees light, seconds.
+    pub(super) exposure_s: f64,
+    /// At the middle row.
+    pub(super) pose: HeadPose,
+    /// Change of the pose a second.
+    pub(super) speed: HeadPose,
+    pub(super) ln_gain: f64,
+}
+
+/// The camera, how the print lies to it, and how late each row is after the one before.
+#[derive(Debug, Clone)]
+pub(super) struct Optics {
+    pub(super) camera: PiCamera,
+    pub(super) head: Head,
+    pub(super) row_s: f64,
+}
+
+/// Frames are laid in so many heaps, added up in order: the same sums on any number of threads.
+const HEAPS: usize = 4;
+
+/// A cell with less than so many pixels of full weight is not known.
+const LEAST_WEIGHT: f32 = 1.5;
+
+/// What fell on a cell: weights, weighted light, squared weights, weighted squares of what the map
+/// before left unexplained.
+type Heap = Vec<[f32; 4]>;
+
+/// A pixel and its light brought to the map's level: column, row, light.
+type Pixel = (usize, usize, f32);
+
+impl Optics {
+    /// The pose as a row saw it.
+    pub(super) fn pose_of_row(&self, key: &Key, row: f64) -> HeadPose {
+        let late_s = (row - self.camera.middle_row()) * self.row_s;
+        std::array::from_fn::<f64, POSE, _>(|i| key.pose[i] + key.speed[i] * late_s)
+    }
+
+    /// Mid-exposure of the middle row.
+    pub(super) fn middle_s(&self, first_s: f64) -> f64 {
+        first_s + self.camera.middle_row() * self.row_s
+    }
+
+    /// Way of the picture within a row's exposure, in Pi pixels.
+    fn blur_px(&self, key: &Key) -> f64 {
+        let along = key.speed[0].hypot(key.speed[1]) * key.exposure_s;
+        along * self.camera.lens.focal_px / key.pose[2].abs().max(1.0)
+    }
+}
+
+/// The map that the frames make; errors are known where `before` is given.
+pub(super) fn splat(
+    grid: MapGrid,
+    optics: &Optics,
+    keys: &[Key],
+    before: Option<&RadianceMap>,
+) -> RadianceMap {
+    let share = keys.len().div_ceil(HEAPS).max(1);
+    let heaps: Vec<Heap> = keys
+        .par_chunks(share)
+        .map(|keys| {
+            let mut heap = vec![[0.0; 4]; grid.n_cells()];
+            keys.iter().for_each(|key| lay(&mut heap, grid, optics, key, before));
+            heap
+        })
+        .collect();
+    let mut values = vec![f32::NAN; grid.n_cells()];
+    let mut errors = vec![f32::NAN; grid.n_cells()];
+    values.par_iter_mut().zip(&mut errors).enumerate().for_each(|(i, (value, error))| {
+        let mut sum = [0.0_f32; 4];
+        for heap in &heaps {
+            (0..4).for_each(|part| sum[part] += heap[i][part]);
+        }
+        let [weight, light, squares, left] = sum;
+        if weight >= LEAST_WEIGHT {
+            *value = light / weight;
+            let n = weight * weight / squares;
+            *error = if before.is_some() { (left / weight / n).sqrt() } else { f32::NAN };
+        }
+    });
+    RadianceMap::new(grid, values, errors)
+}
+
+fn lay(heap: &mut Heap, grid: MapGrid, optics: &Optics, key: &Key, before: Option<&RadianceMap>) {
+    let (width, height) =
+        (usize::from(optics.camera.size.width), usize::from(optics.camera.size.height));
+    // Frames that are blurred by motion say less of the print.
+    let trust = (1.0 / (1.0 + optics.blur_px(key).powi(2))) as f32;
+    let over_level = (-key.ln_gain).exp() as f32;
+    for y in 0..height {
+        let pose = optics.pose_of_row(key, y as f64);
+        let Some(plane) = optics.head.plane_from_pi(&pose) else { continue };
+        let m = (grid.cell_from_plane() * plane).map(|part| part as f32);
+        for x in 0..width {
+            let Some(light) = optics.camera.light(&key.samples, x, y) else { continue };
+            let [u, v] = optics.camera.ray(x, y).map(|part| part as f32);
+            let over = 1.0 / (m[(2, 0)] * u + m[(2, 1)] * v + m[(2, 2)]);
+            let column = (m[(0, 0)] * u + m[(0, 1)] * v + m[(0, 2)]) * over;
+            let row = (m[(1, 0)] * u + m[(1, 1)] * v + m[(1, 2)]) * over;
+            let weight = trust * optics.camera.weight(x, y);
+            add(heap, grid, [column, row], light * over_level, weight, before);
+        }
+    }
+}
+
+/// Adds a pixel's light to the four cells around its place.
+#[inline]
+fn add(
+    heap: &mut Heap,
+    grid: MapGrid,
+    [column, row]: [f32; 2],
+    light: f32,
+    weight: f32,
+    before: Option<&RadianceMap>,
+) {
+    let is_inside = column >= 0.0
+        && row >= 0.0
+        && column < (grid.width - 1) as f32
+        && row < (grid.height - 1) as f32;
+    if !is_inside {
+        return;
+    }
+    let (i, j) = (column as usize, row as usize);
+    let (u, v) = (column - i as f32, row - j as f32);
+    let at = j * grid.width + i;
+    let shares = [
+        (at, (1.0 - u) * (1.0 - v)),
+        (at + 1, u * (1.0 - v)),
+        (at + grid.width, (1.0 - u) * v),
+        (at + grid.width + 1, u * v),
+    ];
+    let left = before.map_or(0.0, |map| {
+        let expected: f32 = shares.iter().map(|(cell, share)| share * map.values()[*cell]).sum();
+        let left = light - expected;
+        if left.is_finite() { left * left } else { 0.0 }
+    });
+    for (cell, share) in shares {
+        let w = weight * share;
+        let sums = &mut heap[cell];
+        sums[0] += w;
+        sums[1] += w * light;
+        sums[2] += w * w;
+        sums[3] += w * left;
+    }
+}
+
+/// What the four places of the mosaic read over what the map expects of them.
+pub(super) fn site_ratios(optics: &Optics, keys: &[Key], map: &RadianceMap) -> [f64; 4] {
+    let camera = &optics.camera;
+    let (width, height) = (usize::from(camera.size.width), usize::from(camera.size.height));
+    let of_key = |key: &Key| {
+        let mut sums = [[0.0_f64; 2]; 4];
+        for y in 0..height {
+            // A few pixels of each row, both columns of the mosaic's cells.
+            let Some(plane) = optics.head.plane_from_pi(&optics.pose_of_row(key, y as f64)) else {
+                continue;
+            };
+            for cell in (0..width / 2).step_by(7) {
+                for x in [2 * cell, 2 * cell + 1] {
+                    let (x, y, light): Pixel = match camera.light(&key.samples, x, y) {
+                        Some(light) => (x, y, light),
+                        None => continue,
+                    };
+                    let [u, v] = camera.ray(x, y);
+                    let place = plane * nalgebra::Vector3::new(u, v, 1.0);
+                    let expected = map.sample([place.x / place.z, place.y / place.z])[0];
+                    if expected.is_finite() {
+                        let expected = expected * key.ln_gain.exp();
+                        let site = y % 2 * 2 + x % 2;
+                        sums[site][0] += f64::from(light) * expected;
+                        sums[site][1] += expected * expected;
+                    }
+                }
+            }
+        }
+        sums
+    };
+    let all: Vec<_> = keys.par_iter().map(of_key).collect();
+    std::array::from_fn(|site| {
+        let sum = |part: usize| all.iter().map(|sums| sums[site][part]).sum::<f64>();
+        sum(0) / sum(1)
+    })
+}

@@ -1,0 +1,149 @@
+//! Where to start: the head's pose from the tag as the Pi camera sees it.
+
+use super::head::{Head, HeadPose, POSE};
+use crate::roi::Track;
+use crate::time::{PiSensor, Span, Stamp};
+use nalgebra::{SMatrix, SVector, Vector3};
+
+/// The head's path by the tag alone.
+pub(super) struct TagPath<'a> {
+    track: &'a Track<PiSensor>,
+    zero: Stamp<PiSensor>,
+    pub(super) head: Head,
+}
+
+/// The four corners of the tag as rays of the camera.
+type Corners = [[f64; 2]; 4];
+
+impl<'a> TagPath<'a> {
+    /// The path that a track tells, for a head whose turn is zero at the track's first sighting.
+    pub(super) fn new(track: &'a Track<PiSensor>, stated: Head) -> Option<Self> {
+        let zero = track.span()?[0];
+        let mut path = Self { track, zero, head: stated };
+        path.head.roll_rad = similarity(&path.corners_mm(), &path.rays(zero)?).1;
+        Some(path)
+    }
+
+    /// The instant from which seconds are counted.
+    pub(super) fn zero(&self) -> Stamp<PiSensor> {
+        self.zero
+    }
+
+    /// First and last second of the track.
+    pub(super) fn span_s(&self) -> [f64; 2] {
+        self.track.span().map_or([0.0; 2], |span| span.map(|at| (at - self.zero).as_secs_f64()))
+    }
+
+    /// The pose at a time and how it changes a second; None where the track knows no path.
+    pub(super) fn pose(&self, time_s: f64) -> Option<(HeadPose, HeadPose)> {
+        let step_s = 2e-3;
+        let here = self.pose_at(time_s)?;
+        let (before, after) = (self.pose_at(time_s - step_s), self.pose_at(time_s + step_s));
+        let change = |a: HeadPose, b: HeadPose, length_s: f64| -> HeadPose {
+            std::array::from_fn(|i| (b[i] - a[i]) / length_s)
+        };
+        let speed = match (before, after) {
+            (Some(a), Some(b)) => change(a, b, 2.0 * step_s),
+            (Some(a), None) => change(a, here, step_s),
+            (None, Some(b)) => change(here, b, step_s),
+            (None, None) => [0.0; POSE],
+        };
+        Some((here, speed))
+    }
+
+    fn pose_at(&self, time_s: f64) -> Option<HeadPose> {
+        let rays = self.rays(self.zero + Span::from_secs_f64(time_s))?;
+        let (scale, angle, shift) = similarity(&self.corners_mm(), &rays);
+        let distance = 1.0 / scale;
+        // Of a wrist that turns about the optical axis the turn can be read off at once.
+        let forward = self.head.axis[2];
+        let apart = wrapped(self.head.roll_rad - angle);
+        let turn = if forward.abs() > 0.5 { apart / forward } else { 0.0 };
+        let (sin, cos) = (turn * forward).sin_cos();
+        let back = [cos * shift[0] - sin * shift[1], sin * shift[0] + cos * shift[1]];
+        let guess = [-back[0] * distance, -back[1] * distance, distance, turn];
+        self.refined(guess, &rays)
+    }
+
+    fn corners_mm(&self) -> Corners {
+        self.track.plane.tag_corners_mm()
+    }
+
+    fn rays(&self, time: Stamp<PiSensor>) -> Option<Corners> {
+        let view = self.track.at(time).ok()?;
+        let lens = &self.track.lens;
+        let [cx, cy] = lens.centre_px;
+        Some(self.corners_mm().map(|corner| {
+            let [x, y] = view.homography().apply(corner);
+            [(x - cx) / lens.focal_px, (y - cy) / lens.focal_px]
+        }))
+    }
+
+    /// The pose whose corners are nearest to those seen.
+    fn refined(&self, guess: HeadPose, seen: &Corners) -> Option<HeadPose> {
+        let corners = self.corners_mm();
+        let predicted = |pose: &HeadPose| -> SVector<f64, 8> {
+            let matrix = self.head.pi_from_plane(pose);
+            SVector::from_fn(|i, _| {
+                let q = matrix * Vector3::new(corners[i / 2][0], corners[i / 2][1], 1.0);
+                q[i % 2] / q.z
+            })
+        };
+        let target = SVector::<f64, 8>::from_fn(|i, _| seen[i / 2][i % 2]);
+        let steps = [1e-3, 1e-3, 1e-2, 1e-5];
+        let mut pose = guess;
+        for _ in 0..6 {
+            let here = predicted(&pose);
+            let mut slopes = SMatrix::<f64, 8, POSE>::zeros();
+            for (i, step) in steps.into_iter().enumerate() {
+                let mut moved = pose;
+                moved[i] += step;
+                slopes.set_column(i, &((predicted(&moved) - here) / step));
+            }
+            let normal = slopes.transpose() * slopes;
+            let change = normal.cholesky()?.solve(&(slopes.transpose() * (target - here)));
+            (0..POSE).for_each(|i| pose[i] += change[i]);
+        }
+        (pose.iter().all(|part| part.is_finite()) && pose[2] > 0.0).then_some(pose)
+    }
+}
+
+/// The similarity from places to rays: scale, angle, shift.
+fn similarity(places: &Corners, rays: &Corners) -> (f64, f64, [f64; 2]) {
+    let mean =
+        |points: &Corners| [0, 1].map(|axis| points.iter().map(|p| p[axis]).sum::<f64>() / 4.0);
+    let (p0, r0) = (mean(places), mean(rays));
+    let (mut along, mut across, mut square) = (0.0, 0.0, 0.0);
+    for (place, ray) in places.iter().zip(rays) {
+        let (px, py) = (place[0] - p0[0], place[1] - p0[1]);
+        let (rx, ry) = (ray[0] - r0[0], ray[1] - r0[1]);
+        along += px * rx + py * ry;
+        across += px * ry - py * rx;
+        square += px * px + py * py;
+    }
+    let (a, b) = (along / square, across / square);
+    let shift = [r0[0] - a * p0[0] + b * p0[1], r0[1] - b * p0[0] - a * p0[1]];
+    (a.hypot(b), b.atan2(a), shift)
+}
+
+/// An angle brought between minus and plus half a turn.
+fn wrapped(angle: f64) -> f64 {
+    use std::f64::consts::{PI, TAU};
+    (angle + PI).rem_euclid(TAU) - PI
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_similarity_is_read_off_four_corners() {
+        let places = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]];
+        let (scale, angle) = (0.004_f64, -0.7_f64);
+        let (a, b) = (scale * angle.cos(), scale * angle.sin());
+        let rays = places.map(|[x, y]| [a * x - b * y + 0.1, b * x + a * y - 0.2]);
+        let (got, turned, shift) = similarity(&places, &rays);
+        assert!((got - scale).abs() < 1e-12 && (turned - angle).abs() < 1e-12);
+        assert!((shift[0] - 0.1).abs() < 1e-12 && (shift[1] + 0.2).abs() < 1e-12);
+    }
+}

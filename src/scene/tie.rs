@@ -1,0 +1,43 @@
+//! Tying the event camera to the survey.
+
+use super::error::SceneError;
+use super::head::DavisMount;
+use super::register::{Registration, register};
+use super::survey::Survey;
+use super::tag_fit::tie_by_tag;
+use crate::frame::Frame;
+use crate::rig::Mount;
+use crate::roi::{Lens, Track};
+use crate::time::{ClockMap, Davis, PiSensor};
+
+/// What is known of the event camera before its frames are held against the map.
+#[derive(Debug, Clone, Copy)]
+pub struct DavisKnown<'a> {
+    /// Its lens.
+    pub lens: Lens,
+    /// Where both cameras sit.
+    pub mount: Mount,
+    /// The tag as its frames show it.
+    pub track: &'a Track<Davis>,
+    /// The clocks.
+    pub pi_from_davis: ClockMap<PiSensor, Davis>,
+}
+
+/// Finds how the event camera sits beside the Pi camera, its lens's focal length and how late its
+/// clock is: from the tag, then from the light in its frames.
+///
+/// # Errors
+/// When too few of its frames show the tag or fall on the map, or they fit no mount.
+pub fn tie(
+    survey: &Survey,
+    known: &DavisKnown<'_>,
+    frames: &[Frame<Davis>],
+) -> Result<Registration, SceneError> {
+    let stated = DavisMount::stated(&known.mount, known.lens);
+    let (sightings, plane) = (&known.track.sightings, &known.track.plane);
+    let head = &survey.head;
+    // The survey's path counts the turn from the tag's first sighting, the rig's mount from nothing:
+    // both cameras turn together, so that the mount is the same.
+    let by_tag = tie_by_tag(head, &survey.path, stated, known.pi_from_davis, sightings, plane)?;
+    register(survey, by_tag, &stated, frames)
+}
