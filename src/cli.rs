@@ -23,7 +23,7 @@ mod target;
 pub use about::{CompletionsArgs, ManArgs};
 pub use check::CheckArgs;
 pub use demo::DemoArgs;
-pub use diagnose::DiagnoseArgs;
+pub use diagnose::{BaselineChoice, DiagnoseArgs};
 pub use emulate::{EmulateArgs, EmulateArmArgs, EmulateCameraArgs, EmulatedDevice};
 pub use guard::GuardArgs;
 pub use import::{
@@ -39,11 +39,9 @@ pub use stages::{
     CalibrateArgs, CalibrateObjective, CompareArgs, ConditionArgs, GenerateArgs, ModelArgs,
     ProcessArgs,
 };
-pub use stages::{CompareArgs, GenerateArgs, ModelArgs, ProcessArgs};
 pub use stimulus::StimulusArgs;
 pub use sweep::SweepArgs;
 pub use target::{FilterArgs, FilterChoice, SceneArgs, SyncArgs, TrackArgs};
-pub use target::{FilterArgs, FilterChoice, SyncArgs, TrackArgs};
 
 /// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
 #[derive(Debug, Parser)]

@@ -1,7 +1,16 @@
 //! `evrig diagnose`.
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+
+/// What the light of the event pixels comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum BaselineChoice {
+    /// The map of the print and the path over it
+    Scene,
+    /// Frames of the event camera, straight in between
+    Frames,
+}
 
 /// Arguments of `evrig diagnose`.
 #[derive(Debug, Args)]
@@ -12,6 +21,10 @@ use std::path::PathBuf;
 pub struct DiagnoseArgs {
     /// The session
     pub session: PathBuf,
+
+    /// What the light comes from [default: scene where the session holds one, else frames]
+    #[arg(long)]
+    pub baseline: Option<BaselineChoice>,
 
     /// The light: aps (the DAVIS's own frames) or frames (imported ones) [default: what the session has]
     #[arg(long, value_name = "LIGHT")]

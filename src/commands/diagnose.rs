@@ -1,26 +1,19 @@
 //! `evrig diagnose`: the mismatch located, the missing physics named, the gain shown.
 
 use super::{Ending, Output};
-use crate::cli::{DiagnoseArgs, ProcessArgs};
+use crate::cli::{BaselineChoice, DiagnoseArgs, ProcessArgs};
 use crate::diagnose::{Diagnosis, Options, Verdict};
-use crate::pipeline::{self, DiagnoseRequest, PipelineError};
+use crate::pipeline::{self, Baseline, DiagnoseRequest, PipelineError};
 use crate::session::Session;
 use serde_json::{Value, json};
 
 pub(super) fn run(args: &DiagnoseArgs, output: &Output) -> anyhow::Result<Ending> {
     let session = Session::open(&args.session)?;
-    let from = match (&args.from, pipeline::default_light(&session)) {
-        (Some(from), _) => from.as_str(),
-        (None, Some(light)) => light,
-        (None, None) => anyhow::bail!(
-            "{} has no frames that say what light the events saw; record some, or import them",
-            args.session.display()
-        ),
-    };
+    let baseline = baseline(args, &session)?;
     let defaults = Options::default();
     let request = DiagnoseRequest {
         real: args.real.clone(),
-        from: from.to_owned(),
+        baseline,
         options: Options {
             n_pixels: args.pixels.unwrap_or(defaults.n_pixels),
             n_null: args.null.unwrap_or(defaults.n_null),
@@ -32,6 +25,26 @@ pub(super) fn run(args: &DiagnoseArgs, output: &Output) -> anyhow::Result<Ending
     let diagnosis = diagnose(&session, &request, output)?;
     output.result(&serde_json::to_value(&diagnosis)?, text(&diagnosis))?;
     Ok(Ending::Done)
+}
+
+/// What was asked for, or what the session has.
+fn baseline(args: &DiagnoseArgs, session: &Session) -> anyhow::Result<Baseline> {
+    let frames = || args.from.as_deref().or_else(|| pipeline::default_light(session));
+    let found = match args.baseline {
+        Some(BaselineChoice::Scene) => Some(Baseline::Scene),
+        Some(BaselineChoice::Frames) => frames().map(|light| Baseline::Frames(light.to_owned())),
+        None => match &args.from {
+            Some(light) => Some(Baseline::Frames(light.clone())),
+            None => pipeline::default_baseline(session),
+        },
+    };
+    found.ok_or_else(|| {
+        anyhow::anyhow!(
+            "{} has neither a scene nor frames on the events' pixel grid that say what light the \
+             events saw; run `evrig scene`, or record with the camera's own frames on",
+            args.session.display()
+        )
+    })
 }
 
 /// Runs the stage and says on a terminal what is being looked at.
@@ -52,13 +65,13 @@ fn diagnose(
 /// The stage as `process` runs it: words and result.
 pub(super) fn stage(
     session: &Session,
-    light: &str,
+    baseline: Baseline,
     args: &ProcessArgs,
     output: &Output,
 ) -> Result<(String, Value), PipelineError> {
     let request = DiagnoseRequest {
         real: "real".into(),
-        from: light.to_owned(),
+        baseline,
         options: Options { seed: args.choice.seed, ..Options::default() },
         force: args.force,
     };

@@ -1,10 +1,11 @@
 //! The stage `diagnose`: which physics does the model leave out in this session?
 
-use super::{Freshness, PipelineError, clear, fresh_record, inputs};
+use super::{Freshness, PipelineError, clear, default_light, fresh_record, inputs, read_scene};
 use crate::diagnose::{self, Diagnosis, Evidence, Facts, Options};
+use crate::drive::Drive;
 use crate::predict::ByPixel;
 use crate::scene::FramesDrive;
-use crate::session::{Session, StageRecord, StreamKind, write_stage};
+use crate::session::{Session, StageRecord, StreamKind, read_stage, write_stage};
 use serde_json::json;
 
 /// What to diagnose.
@@ -12,12 +13,34 @@ use serde_json::json;
 pub struct DiagnoseRequest {
     /// The events to explain.
     pub real: String,
-    /// The light: name of a frame stream on the events' pixel grid.
-    pub from: String,
+    /// What the light comes from.
+    pub baseline: Baseline,
     /// How hard to look.
     pub options: Options,
     /// Run even when the result is fresh.
     pub force: bool,
+}
+
+/// What the light of the event pixels comes from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Baseline {
+    /// The map of the print and the head's path over it.
+    Scene,
+    /// A frame stream on the events' pixel grid, straight in between.
+    Frames(String),
+}
+
+/// The scene where the session holds one, else the frames that a generation would start from.
+#[must_use]
+pub fn default_baseline(session: &Session) -> Option<Baseline> {
+    if read_stage(&session.layout().derived("scene", None)).is_some() {
+        return Some(Baseline::Scene);
+    }
+    let size = session.size();
+    let on_grid = |name: &&str| {
+        session.stream(StreamKind::Frames, name).is_ok_and(|entry| entry.size == size)
+    };
+    default_light(session).filter(on_grid).map(|light| Baseline::Frames(light.to_owned()))
 }
 
 /// By how much the clock of the camera's own frames may be off against its events: half an
@@ -34,13 +57,23 @@ pub fn diagnose(
     request: &DiagnoseRequest,
     progress: &mut dyn FnMut(&str),
 ) -> Result<(Diagnosis, Freshness), PipelineError> {
-    let light = session.stream(StreamKind::Frames, &request.from)?;
     let mut inputs = inputs::of_events(session, &request.real)?;
-    inputs.extend(inputs::of_recorded(session, light));
+    let from = match &request.baseline {
+        Baseline::Scene => {
+            let record = read_stage(&session.layout().derived("scene", None));
+            let files = record.into_iter().flat_map(|record| record.outputs);
+            inputs.extend(files.map(|(file, sha256)| (format!("derived/scene/{file}"), sha256)));
+            "scene"
+        }
+        Baseline::Frames(light) => {
+            let entry = session.stream(StreamKind::Frames, light)?;
+            inputs.extend(inputs::of_recorded(session, entry));
+            light
+        }
+    };
     let parameters = json!({
         "real": request.real,
-        "baseline": "frames",
-        "from": request.from,
+        "from": from,
         "options": request.options,
     });
     let wanted = StageRecord::new("diagnose", None, inputs, parameters);
@@ -77,30 +110,59 @@ pub fn read_diagnosis(session: &Session) -> Result<Option<Diagnosis>, PipelineEr
     read.map(Some).map_err(|error| io(std::io::Error::new(std::io::ErrorKind::InvalidData, error)))
 }
 
+/// By how much the scene's tie of the clocks may be off: the DAVIS's frames and events differ by
+/// half an exposure at worst, and noise makes crossings early.
+const TIED_US: f64 = 1_500.0;
+
 fn evidence(session: &Session, request: &DiagnoseRequest) -> Result<Evidence, PipelineError> {
     let missing =
         |what: String| PipelineError::Missing { session: session.root().to_owned(), what };
+    let (drive, facts): (Box<dyn Drive>, Facts) = match &request.baseline {
+        Baseline::Scene => {
+            let scene = read_scene(session)?
+                .ok_or_else(|| missing("it holds no scene; run `evrig scene` first".into()))?;
+            let drive = scene.drive();
+            let facts = Facts {
+                from_scene: true,
+                aps_us: Vec::new(),
+                frame_us: 0.0,
+                white_dn: drive.white_dn(),
+                offset_within_us: TIED_US,
+            };
+            (Box::new(drive), facts)
+        }
+        Baseline::Frames(light) => frames(session, light)?,
+    };
     let (events, _) = session.events(&request.real)?;
+    let [from, to] = drive.span_us();
+    let real = events.as_slice();
+    let window = match (real.t.first(), real.t.last()) {
+        (Some(&first), Some(&last)) => [from.max(first), to.min(last + 1)],
+        _ => [from, to],
+    };
+    let recording = ByPixel::new(real, drive.size(), [window[0], window[1].max(window[0] + 1)]);
+    Evidence::new(&recording, drive.as_ref(), facts, &request.options)
+        .map_err(|source| PipelineError::Diagnose { session: session.root().to_owned(), source })
+}
+
+/// The drive from frames of the event camera itself.
+fn frames(session: &Session, light: &str) -> Result<(Box<dyn Drive>, Facts), PipelineError> {
+    let missing =
+        |what: String| PipelineError::Missing { session: session.root().to_owned(), what };
     let size = session.size().ok_or_else(|| missing("no stream states its pixel grid".into()))?;
-    let frames: Vec<_> = session.luminance(&request.from)?.collect::<Result<_, _>>()?;
+    let frames: Vec<_> = session.luminance(light)?.collect::<Result<_, _>>()?;
     if frames.first().is_some_and(|frame| frame.size != size) {
-        return Err(missing(format!(
-            "`{}` does not lie on the events' pixel grid of {size}",
-            request.from
-        )));
+        return Err(missing(format!("`{light}` does not lie on the events' pixel grid of {size}")));
     }
     let drive = FramesDrive::new(&frames, 0.0, 0.0)
-        .map_err(|error| missing(format!("`{}`: {error}", request.from)))?;
+        .map_err(|error| missing(format!("`{light}`: {error}")))?;
     let times = drive.times_us();
-    let span = [times[0], times[times.len() - 1]];
     let facts = Facts {
         from_scene: false,
         aps_us: times.to_vec(),
-        frame_us: (span[1] - span[0]) as f64 / (times.len() - 1).max(1) as f64,
-        white_dn: crate::drive::Drive::white_dn(&drive),
+        frame_us: (times[times.len() - 1] - times[0]) as f64 / (times.len() - 1).max(1) as f64,
+        white_dn: drive.white_dn(),
         offset_within_us: SAME_CAMERA_US,
     };
-    let recording = ByPixel::new(events.as_slice(), size, span);
-    Evidence::new(&recording, &drive, facts, &request.options)
-        .map_err(|source| PipelineError::Diagnose { session: session.root().to_owned(), source })
+    Ok((Box::new(drive), facts))
 }

@@ -224,13 +224,13 @@ fn answer(root: &Path, options: &Options) -> Result<Answer, ProveError> {
         let _ = pipeline::track(&session, &request, &mut |_, _| {});
     }
     let _ = pipeline::sync(&session, false);
-    let Some(from) = pipeline::default_light(&session) else { return Ok(Answer::default()) };
-    let request = DiagnoseRequest {
-        real: "real".into(),
-        from: from.to_owned(),
-        options: *options,
-        force: false,
+    // Without a scene the light comes from the camera's own frames.
+    let _ = pipeline::scene(&session, false, &mut |_, _| {});
+    let Some(baseline) = pipeline::default_baseline(&session) else {
+        return Ok(Answer::default());
     };
+    let request =
+        DiagnoseRequest { real: "real".into(), baseline, options: *options, force: false };
     let diagnosis = match pipeline::diagnose(&session, &request, &mut |_| {}) {
         Ok((diagnosis, _)) => diagnosis,
         Err(PipelineError::Diagnose { .. }) => return Ok(Answer::default()),

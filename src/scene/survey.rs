@@ -2,7 +2,7 @@
 
 use super::align::{Noise, Reference, SHARED};
 use super::error::SceneError;
-use super::head::{Head, HeadPose};
+use super::head::Head;
 use super::locate::{locate, split};
 use super::map::{MapGrid, RadianceMap};
 use super::mosaic::{PiCamera, RawLight};

@@ -39,8 +39,8 @@ pub(super) fn compare_all(session: &Session, args: &ProcessArgs) -> anyhow::Resu
 /// The diagnosis. A session too poor to be diagnosed is no failure of the other stages.
 pub(super) fn diagnose(session: &Session, args: &ProcessArgs, output: &Output) -> Steps {
     let mut steps = Steps::default();
-    match (session.stream(StreamKind::Events, "real"), pipeline::default_light(session)) {
-        (Ok(_), Some(light)) => match verb::stage(session, light, args, output) {
+    match (session.stream(StreamKind::Events, "real"), pipeline::default_baseline(session)) {
+        (Ok(_), Some(baseline)) => match verb::stage(session, baseline, args, output) {
             Ok((words, result)) => steps.did("diagnose", &words, &result),
             Err(error) => steps.leave_out("diagnose", &error.to_string()),
         },
