@@ -22,7 +22,7 @@ const REACH: f64 = 8.0;
 const BAND_REACH: f64 = 7.0;
 
 /// The longest step, as a share of the band-limited noise's correlation time.
-const BAND_STEP: f64 = 0.1;
+const BAND_STEP: f64 = 0.4;
 
 /// The shortest share of a grid step that is still cut in two.
 const SHORTEST: f64 = 1e-6;
