@@ -87,7 +87,7 @@ pub enum PipelineError {
         /// The frames.
         stream: String,
         /// What is wrong.
-        source: TrackError,
+        source: Box<TrackError>,
     },
     /// Events cannot be filtered.
     #[error("stream `{stream}` of {session}: {source}", session = session.display())]

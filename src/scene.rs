@@ -43,5 +43,5 @@ pub use mosaic::RawLight;
 pub use path::{HeadPath, PathKnot};
 pub use register::Registration;
 pub use store::{PATH_COLUMNS, Scene, SceneFacts};
-pub use survey::{Footage, PiKnown, Survey, survey};
+pub use survey::{Footage, PiKnown, Seeing, Survey, survey};
 pub use tie::{DavisKnown, tie};

@@ -39,7 +39,8 @@ pub(super) fn inverse(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     }
     let scaled = DMatrix::from_fn(n, n, |i, j| matrix[(i, j)] / (scale[i] * scale[j]));
     let values = scaled.clone().singular_values();
-    if !(values.min() > SINGULAR * values.max()) {
+    let (least, greatest) = (values.min(), values.max());
+    if least.is_nan() || greatest.is_nan() || least <= SINGULAR * greatest {
         return None;
     }
     let inverse = scaled.try_inverse()?;

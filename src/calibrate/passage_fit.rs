@@ -162,7 +162,8 @@ fn equations<const P: usize>(
     term: impl Fn(&Used) -> Term<P> + Sync,
 ) -> Equations<P> {
     const CHUNK: usize = 4096;
-    let parts: Vec<(DMatrix<f64>, std::collections::BTreeMap<u32, [f64; P]>)> = used
+    type ByTile<const P: usize> = std::collections::BTreeMap<u32, [f64; P]>;
+    let parts: Vec<(DMatrix<f64>, ByTile<P>)> = used
         .par_chunks(CHUNK)
         .map(|chunk| {
             let mut matrix = DMatrix::zeros(P, P);

@@ -237,7 +237,7 @@ fn wall_attempts(evidence: &Evidence) -> Vec<Attempt> {
         Method::Olson2,
         checked.clone().and_then(|p| olson2(p, SAME_HOST_PPM, latency)),
     ));
-    attempts.push(attempt(Method::PaperWindow, checked.and_then(|p| paper_window(p))));
+    attempts.push(attempt(Method::PaperWindow, checked.and_then(paper_window)));
     let published = paper_interval(&evidence.frames, PaperUnit::Microseconds);
     attempts.push(attempt(Method::PaperInterval, published));
     attempts

@@ -72,7 +72,7 @@ fn axis(text: &str) -> anyhow::Result<(Axis, [f64; 2])> {
     let (low, high) = range.split_once("..").ok_or_else(wrong)?;
     let number = |text: &str| text.trim().parse::<f64>().ok().filter(|v| v.is_finite());
     let (low, high) = number(low).zip(number(high)).ok_or_else(wrong)?;
-    if !(low < high) {
+    if low >= high {
         return Err(WrongUse(format!(
             "{name} runs from {low} to {high}; the second must be larger"
         ))

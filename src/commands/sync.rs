@@ -2,7 +2,7 @@
 
 use super::{Ending, Output};
 use crate::cli::SyncArgs;
-use crate::clock::{Attempt, Reference};
+use crate::clock::{Attempt, Reference, SessionClocks};
 use crate::pipeline::{self, Freshness, Synced};
 use crate::session::Session;
 use crate::time::Span;
@@ -66,18 +66,8 @@ pub(super) fn text(synced: &Synced) -> String {
         lines.push(format!("  the Pi's wall clock is {ahead} ahead of the host's"));
     }
     lines.push(format!("events: {}", clocks.events.because));
-    lines.push(match &clocks.motion {
-        None => "motion: no tracks of both cameras yet; `evrig track` makes them".into(),
-        Some(motion) => match (&motion.estimate, &motion.refused) {
-            (_, Some(because)) => format!("motion: not used: {because}"),
-            (Some(found), None) => format!(
-                "motion: corrects the map by {} us +- {} (standard error); the Pi's frames follow it",
-                rounded(found.correction_us.value),
-                rounded(found.correction_us.standard_error)
-            ),
-            (None, None) => String::new(),
-        },
-    });
+    lines.push(motion(clocks));
+
     for (n, what) in
         [(tally.n_duplicate, "stamped twice"), (tally.n_missing, "missing between others")]
     {
@@ -89,6 +79,22 @@ pub(super) fn text(synced: &Synced) -> String {
         lines.push("(fresh)".into());
     }
     lines.join("\n")
+}
+
+/// What the motion that both cameras saw says of the clocks.
+fn motion(clocks: &SessionClocks) -> String {
+    match &clocks.motion {
+        None => "motion: no tracks of both cameras yet; `evrig track` makes them".into(),
+        Some(motion) => match (&motion.estimate, &motion.refused) {
+            (_, Some(because)) => format!("motion: not used: {because}"),
+            (Some(found), None) => format!(
+                "motion: corrects the map by {} us +- {} (standard error); the Pi's frames follow it",
+                rounded(found.correction_us.value),
+                rounded(found.correction_us.standard_error)
+            ),
+            (None, None) => String::new(),
+        },
+    }
 }
 
 fn rounded(us: f64) -> String {

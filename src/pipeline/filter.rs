@@ -130,7 +130,7 @@ pub fn filter(session: &Session, request: &FilterRequest) -> Result<FilteredStre
     let tally = FilterTally { read, events: filtered.tally, n_hot_pixels, track, size: Some(out) };
     clear(&directory)?;
     let spec = StreamSpec::events(out, &format!("evrig filter of {name}"));
-    let mut writer = Writer::create(&directory.join("events.aedat4"), Compression::Lz4, &[spec])?;
+    let mut writer = Writer::create(directory.join("events.aedat4"), Compression::Lz4, &[spec])?;
     writer.write_events(0, filtered.events.as_slice())?;
     writer.finish()?;
     write_stage(&directory, StageRecord { tally: json!(tally), ..wanted }, &["events.aedat4"])?;
@@ -157,7 +157,7 @@ pub(super) fn filtered_events(
     let size = read_filter_tally(session, stream).and_then(|tally| tally.size);
     let (true, Some(size)) = (is_current, size) else { return Ok(None) };
     let mut events = Events::new();
-    let reader = Reader::open(&directory.join("events.aedat4"))
+    let reader = Reader::open(directory.join("events.aedat4"))
         .map_err(crate::session::SessionError::from)?;
     for packet in reader {
         let packet = packet.map_err(crate::session::SessionError::from)?;
@@ -196,7 +196,7 @@ pub(super) fn grid(session: &Session, stream: &StreamName) -> Result<Size, Pipel
     if let Some(size) = stated {
         return Ok(size);
     }
-    let reader = Reader::open(&session.layout().generated(stream))
+    let reader = Reader::open(session.layout().generated(stream))
         .map_err(crate::session::SessionError::from)?;
     let size = reader.streams().iter().find_map(|stream| stream.size);
     size.ok_or_else(|| missing(session, format!("`{stream}` states no pixel grid")))
@@ -214,7 +214,7 @@ fn region_path(
     let times = events.as_slice().t;
     let span = [times.first().copied().unwrap_or(0), times.last().copied().unwrap_or(0)];
     let path = match &found {
-        AnyTrack::Davis(track) => path_of(track, size, span, |at| Some(at)),
+        AnyTrack::Davis(track) => path_of(track, size, span, Some),
         AnyTrack::Pi(track) => {
             let clocks = read_clocks(session)?;
             let clocks = clocks.ok_or_else(|| {

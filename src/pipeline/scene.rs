@@ -3,12 +3,10 @@
 use super::sync::{missing, read_clocks};
 use super::{AnyTrack, Freshness, PipelineError, clear, fresh_record, inputs, read_track, track};
 use crate::format::npy::{ArrayReader, ArrayWriter, Column, Element};
-use crate::frame::Frame;
 use crate::rig::Rig;
 use crate::roi::Lens;
 use crate::scene::{
-    DavisKnown, Footage, PATH_COLUMNS, PiKnown, RawLight, Scene, SceneError, SceneFacts, survey,
-    tie,
+    DavisKnown, Footage, PATH_COLUMNS, PiKnown, RawLight, Scene, SceneFacts, Seeing, survey, tie,
 };
 use crate::session::{
     Picture, Session, SessionError, StageRecord, StreamKind, read_stage, write_stage,
@@ -41,10 +39,7 @@ struct Recorded<'a> {
 impl Footage for Recorded<'_> {
     type Error = PipelineError;
 
-    fn replay(
-        &mut self,
-        see: &mut dyn FnMut(usize, &Frame<PiSensor>) -> Result<(), SceneError>,
-    ) -> Result<(), PipelineError> {
+    fn replay(&mut self, see: &mut Seeing<'_>) -> Result<(), PipelineError> {
         for picture in self.session.pi_pictures(self.stream)? {
             let picture = picture?;
             see(picture.number as usize, &picture.frame)?;

@@ -150,7 +150,7 @@ fn write_frames(
     ];
     let mut npz = NpzWriter::create(&path).map_err(SessionError::from)?;
     for (name, column) in columns {
-        npz.add(name, &[column.len() as u64], column.into_iter()).map_err(SessionError::from)?;
+        npz.add(name, &[column.len() as u64], column).map_err(SessionError::from)?;
     }
     Ok(npz.finish().map_err(SessionError::from)?)
 }

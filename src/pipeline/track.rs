@@ -208,7 +208,7 @@ impl Follow<'_> {
         let wrong = |source| PipelineError::Track {
             session: self.session.root().to_owned(),
             stream: self.stream.to_owned(),
-            source,
+            source: Box::new(source),
         };
         let mut tracker: Option<Tracker<C>> = None;
         for picture in pictures {

@@ -34,7 +34,7 @@ pub enum ProveError {
     Session(#[from] SessionError),
     /// A stage failed.
     #[error(transparent)]
-    Pipeline(#[from] PipelineError),
+    Pipeline(Box<PipelineError>),
     /// The rig or the trajectory of the trials is wrong.
     #[error("{what}: {because}")]
     Description {
@@ -51,6 +51,12 @@ pub enum ProveError {
         /// What the system says.
         source: std::io::Error,
     },
+}
+
+impl From<PipelineError> for ProveError {
+    fn from(error: PipelineError) -> Self {
+        Self::Pipeline(Box::new(error))
+    }
 }
 
 /// What all trials of a run have in common.

@@ -250,6 +250,27 @@ fn lines(regressions: &Regressions) -> Figure {
     }
 }
 
+/// Points with their regression.
+fn panel(
+    title: &str,
+    note: String,
+    [x, y]: [&str; 2],
+    points: Vec<[f64; 2]>,
+    line: Layer,
+) -> Panel {
+    Panel {
+        title: title.to_owned(),
+        note,
+        alt: format!("{title}: {y} against {x}, points with the regression."),
+        drawing: Chart {
+            x: Axis::linear(x),
+            y: Axis::linear(y),
+            layers: vec![Layer::Points { ink: Ink::Real, points }, line],
+        }
+        .draw_half(),
+    }
+}
+
 fn drift_and_noise(regressions: &Regressions) -> Figure {
     let [_, k2, k3, k4, k5, k6] = regressions.k.map(|k| k.estimate.value);
     let k1_prime = regressions.k1_prime.estimate.value;
@@ -276,17 +297,6 @@ fn drift_and_noise(regressions: &Regressions) -> Figure {
     };
     let drift_line = line(&drift, &|x| x);
     let noise_line = line(&noise, &|x| k3 * x + k6);
-    let panel = |title: &str, note: String, x: &str, y: &str, points, line| Panel {
-        title: title.to_owned(),
-        note,
-        alt: format!("{title}: {y} against {x}, points with the regression."),
-        drawing: Chart {
-            x: Axis::linear(x),
-            y: Axis::linear(y),
-            layers: vec![Layer::Points { ink: Ink::Real, points }, line],
-        }
-        .draw_half(),
-    };
     Figure {
         title: "Third regression, and the noise".into(),
         caption: "Third: the drift of every bin against k1′c + k5 L + k4; points off the line show what the regression \
@@ -300,16 +310,14 @@ fn drift_and_noise(regressions: &Regressions) -> Figure {
             panel(
                 "Third regression",
                 format!("k1′ = {}", significant(k1_prime, 3)),
-                "regressed drift (thresholds/µs)",
-                "drift (thresholds/µs)",
+                ["regressed drift (thresholds/µs)", "drift (thresholds/µs)"],
                 drift,
                 drift_line,
             ),
             panel(
                 "Noise",
                 format!("k3 = {}, k6 = {}", significant(k3, 2), significant(k6, 2)),
-                "√L/(L + k2) (1/√DN)",
-                "diffusion (thresholds/√µs)",
+                ["√L/(L + k2) (1/√DN)", "diffusion (thresholds/√µs)"],
                 noise,
                 noise_line,
             ),

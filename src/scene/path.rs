@@ -132,21 +132,16 @@ fn natural(knots: &[PathKnot], slopes: &mut [HeadPose]) {
         let before = if i > 0 { upper[i - 1] } else { 0.0 };
         let pivot = 2.0 * (left + right) - left * before;
         upper[i] = right / pivot;
-        for axis in 0..POSE {
-            let mut value = 0.0;
-            if i > 0 {
-                value += rise(i - 1, axis) - left * slopes[i - 1][axis];
-            }
-            if i + 1 < n {
-                value += rise(i, axis);
-            }
-            slopes[i][axis] = value / pivot;
-        }
+        let last = if i > 0 { slopes[i - 1] } else { [0.0; POSE] };
+        slopes[i] = std::array::from_fn(|axis| {
+            let behind = if i > 0 { rise(i - 1, axis) - left * last[axis] } else { 0.0 };
+            let ahead = if i + 1 < n { rise(i, axis) } else { 0.0 };
+            (behind + ahead) / pivot
+        });
     }
     for i in (0..n - 1).rev() {
-        for axis in 0..POSE {
-            slopes[i][axis] -= upper[i] * slopes[i + 1][axis];
-        }
+        let next = slopes[i + 1];
+        slopes[i].iter_mut().zip(next).for_each(|(slope, next)| *slope -= upper[i] * next);
     }
 }
 

@@ -313,9 +313,7 @@ fn row(
         let beyond = seen.beyond.sample(place)[0];
         let along = |[x, y]: [f64; 2]| share * (dx * x + dy * y);
         row.light += share * light;
-        for i in 0..MOUNT {
-            row.slopes[i] += along(moved[i]);
-        }
+        row.slopes.iter_mut().zip(&moved[..MOUNT]).for_each(|(slope, &by)| *slope += along(by));
         let by_ray = by_ray.map(along);
         // A longer focal length draws rays in, a distortion lengthens them.
         row.slopes[6] -= by_ray[0] * ray[0] + by_ray[1] * ray[1];

@@ -96,7 +96,7 @@ impl Scene {
         path_table: &[f64],
     ) -> Option<Self> {
         let n = facts.grid.width.checked_mul(facts.grid.height)?;
-        if map.len() != n || errors.len() != n || path_table.len() % PATH_COLUMNS != 0 {
+        if map.len() != n || errors.len() != n || !path_table.len().is_multiple_of(PATH_COLUMNS) {
             return None;
         }
         let knot = |row: &[f64]| PathKnot {

@@ -17,6 +17,9 @@ use crate::time::{PiSensor, Span};
 use nalgebra::{SMatrix, SVector, Vector3};
 use rayon::prelude::*;
 
+/// What is shown every frame, with its number.
+pub type Seeing<'a> = dyn FnMut(usize, &Frame<PiSensor>) -> Result<(), SceneError> + 'a;
+
 /// The Pi's raw frames, which can be gone through more than once.
 pub trait Footage {
     /// Why a frame cannot be read.
@@ -26,19 +29,13 @@ pub trait Footage {
     ///
     /// # Errors
     /// When a frame cannot be read, or `see` refuses one.
-    fn replay(
-        &mut self,
-        see: &mut dyn FnMut(usize, &Frame<PiSensor>) -> Result<(), SceneError>,
-    ) -> Result<(), Self::Error>;
+    fn replay(&mut self, see: &mut Seeing<'_>) -> Result<(), Self::Error>;
 }
 
 impl Footage for &[Frame<PiSensor>] {
     type Error = SceneError;
 
-    fn replay(
-        &mut self,
-        see: &mut dyn FnMut(usize, &Frame<PiSensor>) -> Result<(), SceneError>,
-    ) -> Result<(), SceneError> {
+    fn replay(&mut self, see: &mut Seeing<'_>) -> Result<(), SceneError> {
         self.iter().enumerate().try_for_each(|(index, frame)| see(index, frame))
     }
 }

@@ -42,6 +42,6 @@ mod tests {
         let slope = made(|_, t| 10.0 * t - 3.0);
         let all = events(&slope, 0.2, &["pixel_latency:latency_us=3000"]);
         let times: Vec<i64> = all.iter().filter(|e| (e.x, e.y) == (5, 5)).map(|e| e.t).collect();
-        assert_eq!(times[..3], [23_000, 46_000, 69_000].map(|t| t + i64::from(times[0] % 10)));
+        assert_eq!(times[..3], [23_000, 46_000, 69_000].map(|t| t + times[0] % 10));
     }
 }

@@ -28,7 +28,9 @@ impl Region {
 
     pub(super) fn check(&self, id: EffectId) -> Result<(), EffectError> {
         for (key, side) in [("x_px", self.x_px), ("y_px", self.y_px)] {
-            if let Some([low, high]) = side.filter(|[low, high]| !(low < high)) {
+            if let Some([low, high]) =
+                side.filter(|[low, high]| low.is_nan() || high.is_nan() || low >= high)
+            {
                 return Err(EffectError::EmptyRegion { id, key, low, high });
             }
         }

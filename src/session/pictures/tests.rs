@@ -58,7 +58,7 @@ fn write_log(path: &Path) {
             realtime: at.unix,
             boottime_after: Stamp::from_micros(2),
         };
-        log.clock(&ClockExchange { asked: at, pi: sandwich, answered: at }).unwrap();
+        log.clock(&ClockExchange { asked: at, pi: sandwich, pi_raw: None, answered: at }).unwrap();
     }
     log.finish().unwrap();
 }
