@@ -107,7 +107,7 @@ pub enum PipelineError {
         /// The light.
         stream: String,
         /// What is wrong.
-        source: ForwardError,
+        source: Box<ForwardError>,
     },
     /// Frames cannot serve as light at any time.
     #[error("stream `{stream}` of {session}: {source}", session = session.display())]

@@ -10,14 +10,11 @@ use std::path::PathBuf;
     evrig sweep sessions/street --knob contrast-sensitivity=1..10\n  \
     evrig sweep sessions/street --knob dark-noise-floor=1e-8..1e-6 --steps 4\n  \
     evrig sweep sessions/street --knob refractory_period.refractory_us=0..5000\n\n\
+    One --knob has a range, A..B: a knob's name or EFFECT.PARAMETER. Others keep their value. \
     A range over more than two decades is gone through in equal ratios, another in equal steps.")]
 pub struct SweepArgs {
     /// The session
     pub session: PathBuf,
-
-    /// The knob or the parameter of an effect, and its range
-    #[arg(long, value_name = "NAME=A..B", allow_hyphen_values = true)]
-    pub knob: String,
 
     /// Number of values, 2 to 12
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(2..=12))]

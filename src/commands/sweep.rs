@@ -2,7 +2,7 @@
 
 use super::generate::{conditions, tuned_parameters};
 use super::{Ending, Output, WrongUse};
-use crate::cli::SweepArgs;
+use crate::cli::{ModelArgs, SweepArgs};
 use crate::effect_id::EffectId;
 use crate::generate::effect::{Effect, Effects};
 use crate::generate::{Knob, ModelParameters};
@@ -19,7 +19,17 @@ enum Axis {
 
 pub(super) fn run(args: &SweepArgs, output: &Output) -> anyhow::Result<Ending> {
     let session = Session::open(&args.session)?;
-    let (axis, [low, high]) = axis(&args.knob)?;
+    let (ranges, fixed): (Vec<String>, Vec<String>) =
+        args.choice.knobs.iter().cloned().partition(|knob| knob.contains(".."));
+    let [range] = ranges.as_slice() else {
+        let found = ranges.len();
+        return Err(WrongUse(format!(
+            "{found} knobs have a range; give one, as --knob contrast-sensitivity=1..10"
+        ))
+        .into());
+    };
+    let (axis, [low, high]) = axis(range)?;
+    let choice = ModelArgs { knobs: fixed, ..args.choice.clone() };
     let from = match (&args.from, pipeline::default_light(&session)) {
         (Some(from), _) => from.as_str(),
         (None, Some(light)) => light,
@@ -28,7 +38,7 @@ pub(super) fn run(args: &SweepArgs, output: &Output) -> anyhow::Result<Ending> {
     let base = GenerateRequest {
         from: from.to_owned(),
         name: StreamName::new("sweep")?,
-        parameters: tuned_parameters(&session, from, &args.choice)?,
+        parameters: tuned_parameters(&session, from, &choice)?,
         conditions: conditions(&args.conditions)?,
         force: true,
     };
@@ -36,7 +46,7 @@ pub(super) fn run(args: &SweepArgs, output: &Output) -> anyhow::Result<Ending> {
         .into_iter()
         .map(|value| Ok((value, turned(&base, &axis, value)?)))
         .collect();
-    let name = args.knob.split('=').next().unwrap_or_default().trim().to_owned();
+    let name = range.split('=').next().unwrap_or_default().trim().to_owned();
     let request = SweepRequest { name: name.clone(), steps: steps?, seconds: args.seconds };
     let bar = output.progress("sweep", u64::from(args.steps));
     let swept = pipeline::sweep(&session, &request, &mut || bar.inc(1))?;

@@ -3,6 +3,7 @@
 use super::EffectError;
 use crate::effect_id::EffectId;
 use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
 
 /// Pixels to which an effect is limited; a side that is not given is not limited.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -29,7 +30,7 @@ impl Region {
     pub(super) fn check(&self, id: EffectId) -> Result<(), EffectError> {
         for (key, side) in [("x_px", self.x_px), ("y_px", self.y_px)] {
             if let Some([low, high]) =
-                side.filter(|[low, high]| low.is_nan() || high.is_nan() || low >= high)
+                side.filter(|[low, high]| low.partial_cmp(high) != Some(Ordering::Less))
             {
                 return Err(EffectError::EmptyRegion { id, key, low, high });
             }

@@ -5,7 +5,7 @@ use crate::drive::{Curve, Drive, TimeGrid};
 use crate::event::Events;
 use crate::frame::Luminance;
 use crate::generate::effect::{EffectError, Enters, Surroundings};
-use crate::generate::forward::{Forward, ForwardParameters};
+use crate::generate::forward::{Forward, ForwardError, ForwardParameters};
 use crate::generate::voltmeter::Coefficients;
 use crate::generate::{Interpolator, Law, ModelParameters, build};
 use crate::geometry::Size;
@@ -77,10 +77,10 @@ pub(in crate::pipeline) fn with_effects(
     request: &GenerateRequest,
     mut frames: Vec<Luminance>,
 ) -> Result<Events, PipelineError> {
-    let wrong = |source| PipelineError::Forward {
+    let wrong = |source: ForwardError| PipelineError::Forward {
         session: session.root().to_owned(),
         stream: request.from.clone(),
-        source,
+        source: Box::new(source),
     };
     let surroundings = surroundings(session, request, &frames)?;
     let exact = match request.parameters.model {
