@@ -21,7 +21,6 @@ pub use check::CheckArgs;
 pub use demo::DemoArgs;
 pub use diagnose::{BaselineChoice, DiagnoseArgs};
 pub use emulate::{EmulateArgs, EmulateArmArgs, EmulateCameraArgs, EmulatedDevice};
-pub use emulate::{EmulateArgs, EmulateArmArgs, EmulatedDevice};
 pub use guard::GuardArgs;
 pub use import::{
     ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
