@@ -193,7 +193,7 @@ fn run(case: &Case) -> Result<(), Box<dyn Error>> {
 }
 
 fn tell(case: &Case, survey: &Survey, registration: &Registration) {
-    let Case { rig, world, seconds, .. } = case;
+    let Case { rig, .. } = case;
     let [seen, lost] = survey.n_frames;
     println!(
         "  {} cells of {:.3} mm, {} of {seen} frames lost, row {:.3} +- {:.3} us, white {:.1} DN",
@@ -212,7 +212,23 @@ fn tell(case: &Case, survey: &Survey, registration: &Registration) {
     let pi_error = pi_path(case, survey, &gauge).into_iter().flatten().map(|e| e * per_mm);
     println!("  path: Pi against truth {:.4} DAVIS px rms", rms(pi_error));
 
-    // Places of the picture in the DAVIS against the truth, over time.
+    tell_places(case, &drive, &gauge);
+    tell_offset(case, survey, registration);
+    println!(
+        "  sigma over the map {:.4} +- {:.4} px, left {:.2} DN, {:.4} px a frame, {} frames",
+        registration.spread.sigma_px,
+        registration.sigma_error_px,
+        registration.left_dn,
+        registration.left_px,
+        registration.n_frames
+    );
+    drive_errors(case, &drive);
+}
+
+/// Places of the picture in the DAVIS against the truth, over time.
+fn tell_places(case: &Case, drive: &SceneDrive, gauge: &Homography) {
+    let Case { rig, world, seconds, .. } = case;
+    let per_mm = rig.davis.camera.pixels_per_mm(rig.target.stand_off);
     let times: Vec<f64> = (0..200).map(|i| 0.1 + (seconds - 0.2) * f64::from(i) / 200.0).collect();
     let [cx, cy] = [-4.1 - 7.175, 0.0];
     let places: Vec<[f64; 2]> = (0..25)
@@ -241,6 +257,11 @@ fn tell(case: &Case, survey: &Survey, registration: &Registration) {
         rms(constant.into_iter()),
         rms(moving.into_iter())
     );
+}
+
+/// The time between the cameras against the truth.
+fn tell_offset(case: &Case, survey: &Survey, registration: &Registration) {
+    let Case { world, seconds, .. } = case;
     let lag = |t: f64| {
         let time = Span::from_secs_f64(t);
         let tie = &registration.tie;
@@ -257,15 +278,6 @@ fn tell(case: &Case, survey: &Survey, registration: &Registration) {
         registration.tie.skew * 1e6,
         registration.tie_error[9] * 1e6
     );
-    println!(
-        "  sigma over the map {:.4} +- {:.4} px, left {:.2} DN, {:.4} px a frame, {} frames",
-        registration.spread.sigma_px,
-        registration.sigma_error_px,
-        registration.left_dn,
-        registration.left_px,
-        registration.n_frames
-    );
-    drive_errors(case, &drive);
 }
 
 /// The homography from the map's millimetres to the print's, by the Pi's looks.

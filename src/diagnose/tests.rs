@@ -104,6 +104,14 @@ fn nothing_is_named_where_nothing_is_hidden() {
     assert_eq!(diagnosis.verdict, Verdict::NoMismatch, "{diagnosis:#?}");
     assert!(diagnosis.effects.is_empty());
     assert!((diagnosis.nuisances["theta"].value / 0.25 - 1.0).abs() < 0.01);
+    let json = serde_json::to_value(&diagnosis).unwrap();
+    assert_eq!(json["schema"], "evrig.diagnosis/1");
+    assert_eq!(json["verdict"], "no_mismatch");
+    let scores = &json["fit"]["heldout_nats_per_event"];
+    assert!(["baseline", "final", "ceiling"].iter().all(|key| scores[key].is_number()));
+    for key in ["mismatch", "effects", "nuisances", "leftover", "proposed_term", "cannot_judge"] {
+        assert!(json.get(key).is_some(), "{key} is missing");
+    }
 }
 
 #[test]
@@ -119,7 +127,8 @@ fn a_bandwidth_is_named_with_its_cutoff() {
     let start = [20.0_f64.ln(), 1.0, 0.02_f64.ln()];
     let diagnosis = found(EffectId::PhotoreceptorBandwidth, &start);
     let hz = value(&diagnosis, "cutoff_hz_at_white");
-    assert!((hz / 20.0 - 1.0).abs() < 0.1, "{hz}");
+    // Its floor in the dark, which is fitted too, trades with the cutoff at white.
+    assert!((hz / 20.0 - 1.0).abs() < 0.15, "{hz}");
 }
 
 #[test]
@@ -139,4 +148,34 @@ fn unequal_thresholds_and_leak_are_told_apart() {
     assert!((ratio / 0.3_f64.exp() - 1.0).abs() < 0.03, "{ratio}");
     let leak = value(&found(EffectId::JunctionLeak, &[3.0]), "rate_hz");
     assert!((leak - 3.0).abs() < 0.3, "{leak}");
+}
+
+#[test]
+fn too_few_events_and_a_light_of_another_time_are_refused_with_what_to_do() {
+    let events: Events =
+        (0..50).map(|i| crate::event::Event { t: i * 1_000, x: 3, y: 4, on: true }).collect();
+    let size = Size::new(60, 60);
+    let recording = ByPixel::new(events.as_slice(), size, [0, END_US]);
+    let error = Evidence::new(&recording, &Texture, facts(), &options()).unwrap_err();
+    assert!(error.to_string().contains("record for longer"), "{error}");
+    let later = ByPixel::new(events.as_slice(), size, [10 * END_US, 11 * END_US]);
+    let error = Evidence::new(&later, &Texture, facts(), &options()).unwrap_err();
+    assert!(error.to_string().contains("check the clocks"), "{error}");
+}
+
+#[test]
+fn every_effect_is_judged_or_said_to_be_beyond_judging() {
+    let evidence = empty();
+    let cannot = scan::cannot_judge(&evidence);
+    for &id in EffectId::ALL {
+        let is_judged = LIBRARY.iter().any(|c| c.id == id || c.same.contains(&id));
+        assert!(is_judged || cannot.iter().any(|c| c.id == id), "{id}");
+    }
+    for candidate in LIBRARY {
+        assert!(!candidate.equation.is_empty() && !candidate.source.is_empty(), "{}", candidate.id);
+        assert!(!candidate.rivals.is_empty() && !candidate.splitter.is_empty(), "{}", candidate.id);
+        for parameter in candidate.parameters.iter().filter(|p| !p.is_hidden) {
+            assert!(candidate.id.parameters().contains(&parameter.key), "{}", parameter.key);
+        }
+    }
 }
