@@ -194,7 +194,7 @@ impl Evidence {
     #[must_use]
     pub fn is_held_out(&self, tile: usize, block: usize) -> bool {
         let mut random = SplitMix::new(0x7469_6c65, tile as u64);
-        (block + random.below(3)) % 3 == 0
+        (block + random.below(3)).is_multiple_of(3)
     }
 }
 

@@ -66,33 +66,35 @@ fn word(late: f64) -> &'static str {
     if late > 0.0 { "late" } else { "early" }
 }
 
-/// Quantities that events are parted by; edges at the events' own quantiles where nothing better
-/// is given.
+/// Edges that part the events into `n` equally many, where ties allow.
+fn quantiles(events: &[Placed], value: fn(&Placed) -> f64, n: usize) -> Vec<f64> {
+    let mut all: Vec<f64> = events.iter().map(value).filter(|v| v.is_finite()).collect();
+    all.sort_by(f64::total_cmp);
+    let mut edges: Vec<f64> = (1..n)
+        .map(|i| crate::stats::quantile_sorted(&all, i as f64 / n as f64))
+        .filter(|edge| edge.is_finite())
+        .collect();
+    edges.dedup();
+    edges
+}
+
+/// Quantities that events are parted by.
 pub(super) fn covariates(events: &[Placed]) -> Vec<Covariate> {
-    let quantiles = |value: fn(&Placed) -> f64, n: usize| -> Vec<f64> {
-        let mut all: Vec<f64> = events.iter().map(value).filter(|v| v.is_finite()).collect();
-        all.sort_by(f64::total_cmp);
-        let mut edges: Vec<f64> = (1..n)
-            .map(|i| crate::stats::quantile_sorted(&all, i as f64 / n as f64))
-            .filter(|edge| edge.is_finite())
-            .collect();
-        edges.dedup();
-        edges
-    };
+    let mut all = of_the_light(events);
+    all.extend(of_place_and_time(events));
+    all.extend(of_the_polarity());
+    all
+}
+
+/// What the light and the pixel's own past were.
+fn of_the_light(events: &[Placed]) -> Vec<Covariate> {
     let interval = |p: &Placed| p.residual.previous.map_or(f64::NAN, |q| q.ago_s * 1e6);
     let level = |p: &Placed| p.residual.level;
     let slope = |p: &Placed| p.residual.slope_per_s;
-    let row = |p: &Placed| f64::from(p.residual.y);
-    let column = |p: &Placed| f64::from(p.residual.x);
-    let time = |p: &Placed| p.residual.t_us as f64 * 1e-6;
-    let polarity = |p: &Placed| f64::from(u8::from(p.residual.on));
-    let turned = |p: &Placed| {
-        p.residual.previous.map_or(f64::NAN, |q| f64::from(u8::from(q.on != p.residual.on)))
-    };
     vec![
         Covariate {
             key: "interval_us",
-            edges: quantiles(interval, 6),
+            edges: quantiles(events, interval, 6),
             value: interval,
             is_known_before: false,
             says: |[a, b], r| {
@@ -101,7 +103,7 @@ pub(super) fn covariates(events: &[Placed]) -> Vec<Covariate> {
         },
         Covariate {
             key: "log_intensity",
-            edges: quantiles(level, 6),
+            edges: quantiles(events, level, 6),
             value: level,
             is_known_before: true,
             says: |[a, b], r| {
@@ -116,7 +118,7 @@ pub(super) fn covariates(events: &[Placed]) -> Vec<Covariate> {
         },
         Covariate {
             key: "contrast_rate_per_s",
-            edges: quantiles(slope, 6),
+            edges: quantiles(events, slope, 6),
             value: slope,
             is_known_before: false,
             says: |[a, b], r| {
@@ -126,29 +128,48 @@ pub(super) fn covariates(events: &[Placed]) -> Vec<Covariate> {
                 )
             },
         },
+    ]
+}
+
+/// Where on the sensor and when.
+fn of_place_and_time(events: &[Placed]) -> Vec<Covariate> {
+    let row = |p: &Placed| f64::from(p.residual.y);
+    let column = |p: &Placed| f64::from(p.residual.x);
+    let time = |p: &Placed| p.residual.t_us as f64 * 1e-6;
+    vec![
         Covariate {
             key: "row",
-            edges: quantiles(row, 5),
+            edges: quantiles(events, row, 5),
             value: row,
             is_known_before: true,
             says: |[a, b], r| format!("in rows {a:.0} to {b:.0} events come {}", word(r)),
         },
         Covariate {
             key: "column",
-            edges: quantiles(column, 5),
+            edges: quantiles(events, column, 5),
             value: column,
             is_known_before: true,
             says: |[a, b], r| format!("in columns {a:.0} to {b:.0} events come {}", word(r)),
         },
         Covariate {
             key: "time_s",
-            edges: quantiles(time, 5),
+            edges: quantiles(events, time, 5),
             value: time,
             is_known_before: true,
             says: |[a, b], r| {
                 format!("between {a:.2} and {b:.2} s of the recording events come {}", word(r))
             },
         },
+    ]
+}
+
+/// Which way the light went.
+fn of_the_polarity() -> Vec<Covariate> {
+    let polarity = |p: &Placed| f64::from(u8::from(p.residual.on));
+    let turned = |p: &Placed| {
+        p.residual.previous.map_or(f64::NAN, |q| f64::from(u8::from(q.on != p.residual.on)))
+    };
+    vec![
         Covariate {
             key: "polarity_on",
             edges: vec![0.5],
