@@ -134,7 +134,12 @@ impl Arm for Resting {
     }
     fn progress(&mut self) -> Result<Progress, ArmError> {
         let now = host_clock::now();
-        let pose = TimedPose { pose: self.pose, joints: evrig::rig::Joints::default(), asked: now, answered: now };
+        let pose = TimedPose {
+            pose: self.pose,
+            joints: evrig::rig::Joints::default(),
+            asked: now,
+            answered: now,
+        };
         let is_done = self.began.elapsed() >= self.length;
         Ok(Progress { pose, step: 0, is_done, n_dry: 0 })
     }

@@ -24,7 +24,7 @@ mod spectrum;
 mod strata;
 mod verdict;
 
-pub use candidate::{Candidate, LIBRARY, Parameter};
+pub use candidate::{Candidate, Freed, LIBRARY, Mixture, Parameter, Stage};
 pub use evidence::{DiagnoseError, Evidence, Facts, PixelEvidence};
 pub use hypothesis::{Hypothesis, View};
 pub use nuisance::Nuisance;

@@ -119,8 +119,8 @@ pub struct Freed {
     pub range: [f64; 2],
 }
 
-/// Given an effect's parameters: the kinds of pixel it tells apart, each with its share.
-pub(super) type Kinds = fn(&[f64]) -> Vec<(f64, f64)>;
+/// The kinds of pixel that parameters speak of: the share of each, and what it is given.
+pub type Mixture = fn(&[f64]) -> Vec<(f64, f64)>;
 
 /// An effect of the library: its equation, what it does to a prediction, what it is taken for.
 #[derive(Debug)]
@@ -142,7 +142,7 @@ pub struct Candidate {
     /// What it does to a pixel, given its parameters and the pixel's kind.
     pub act: fn(&[f64], f64, &mut View<'_>),
     /// The kinds of pixel it tells apart, each with its share.
-    pub mixture: Option<Kinds>,
+    pub mixture: Option<Mixture>,
     /// Its parameters out of a hypothesis's values, for an effect that frees nuisances.
     pub report: fn(&[f64]) -> Vec<f64>,
     /// Effects it is taken for.

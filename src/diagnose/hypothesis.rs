@@ -84,6 +84,16 @@ impl Hypothesis {
         other
     }
 
+    /// The same hypothesis with the values that a longer one, made from it, has for its own, each
+    /// within its range here.
+    #[must_use]
+    pub(super) fn at_values_of(&self, longer: &Self) -> Self {
+        let mut other = self.clone();
+        let own = other.values.iter_mut().zip(&self.ranges).zip(&longer.values);
+        own.for_each(|((value, [low, high]), there)| *value = there.clamp(*low, *high));
+        other
+    }
+
     /// A nuisance's value in its fitted coordinate.
     #[must_use]
     pub fn nuisance(&self, nuisance: Nuisance) -> f64 {

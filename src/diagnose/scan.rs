@@ -38,6 +38,20 @@ pub(super) struct Tried {
     pub(super) fitted: Fitted,
 }
 
+impl Tried {
+    /// The same fit measured against a better model without the effect. A first fit on some of the
+    /// pixels does not compare and keeps its gain.
+    pub(super) fn against(mut self, model: &Fitted) -> Self {
+        let n_events = |fitted: &Fitted| fitted.cells.n_events.iter().sum::<f64>();
+        if n_events(&self.fitted) == n_events(model) {
+            self.gain.training = self.fitted.cells.gain(&model.cells, Part::Training).0;
+            let (held_out, error) = self.fitted.cells.gain(&model.cells, Part::HeldOut);
+            (self.gain.held_out, self.gain.error) = (held_out, error);
+        }
+        self
+    }
+}
+
 /// Why an effect is not in the question.
 pub(super) fn cannot_judge(evidence: &Evidence) -> Vec<CannotJudge> {
     let mut list = Vec::new();

@@ -47,8 +47,8 @@ pub fn diagnose(
     progress("baseline");
     let few = evidence.thinned(2);
     let begun = fit(&few, Hypothesis::baseline(evidence), 12, 1e-4);
-    let baseline = fit(evidence, begun.hypothesis, 8, 1e-4);
-    let (model, taken) = take_all(evidence, &few, &baseline, options, progress);
+    let baseline = fit(evidence, begun.hypothesis, 12, 1e-5);
+    let (baseline, model, taken) = take_all(evidence, &few, baseline, options, progress);
     let (mut model, mut taken) = prune(evidence, &baseline, model, taken);
     progress("null");
     let n_null = options.n_null;
@@ -71,24 +71,37 @@ pub fn diagnose(
     conclude(evidence, &baseline, &model, &taken, report)
 }
 
-/// Takes effects one by one while they buy enough.
+/// Takes effects one by one while they buy enough. A fit with an effect may come by better
+/// nuisances than the fit without had found; the model then takes them over before it is compared,
+/// so that they are not booked to the effect.
 fn take_all(
     evidence: &Evidence,
     few: &Evidence,
-    baseline: &Fitted,
+    mut baseline: Fitted,
     options: &Options,
     progress: &mut dyn FnMut(&str),
-) -> (Fitted, Vec<Taken>) {
+) -> (Fitted, Fitted, Vec<Taken>) {
     let mut model = baseline.clone();
     let mut taken = Vec::new();
     while taken.len() < options.max_effects {
-        let tried = scan(evidence, few, &model, progress);
-        let agrees = |t: &&Tried| {
-            let hypothesis = &t.fitted.hypothesis;
-            let last = hypothesis.effects.len() - 1;
-            (hypothesis.effects[last].agrees)(evidence, &hypothesis.parameters_of(last))
-        };
-        let tried: Vec<Tried> = tried.iter().filter(agrees).cloned().collect();
+        let mut tried: Vec<Tried> = scan(evidence, few, &model, progress)
+            .into_iter()
+            .filter(|tried| has_signature(evidence, tried))
+            .collect();
+        for _ in 0..3 {
+            let Some(best) = tried.first() else { break };
+            let same = model.hypothesis.at_values_of(&best.fitted.hypothesis);
+            let without = fit(evidence, same, 6, 1e-5);
+            if without.cells.nats(Part::Training) <= model.cells.nats(Part::Training) + 1e-4 {
+                break;
+            }
+            model = without;
+            if taken.is_empty() {
+                baseline = model.clone();
+            }
+            tried = tried.into_iter().map(|tried| tried.against(&model)).collect();
+            tried.sort_by(|a, b| b.gain.held_out.total_cmp(&a.gain.held_out));
+        }
         let Some(best) = tried.first() else { break };
         let gain = best.gain;
         if gain.held_out < LEAST_GAIN || gain.held_out < LEAST_ERRORS * gain.error {
@@ -102,7 +115,14 @@ fn take_all(
         });
         model = fit(evidence, best.fitted.hypothesis.clone(), 8, 1e-5);
     }
-    (model, taken)
+    (baseline, model, taken)
+}
+
+/// Whether what belongs to the effect that was tried last is in the events.
+fn has_signature(evidence: &Evidence, tried: &Tried) -> bool {
+    let hypothesis = &tried.fitted.hypothesis;
+    let last = hypothesis.effects.len() - 1;
+    (hypothesis.effects[last].agrees)(evidence, &hypothesis.parameters_of(last))
 }
 
 fn rivals(tried: &[Tried]) -> Vec<Rival> {

@@ -66,7 +66,7 @@ fn word(late: f64) -> &'static str {
     if late > 0.0 { "late" } else { "early" }
 }
 
-/// Edges at the events' own quantiles.
+/// Edges that part the events into `n` equally many, where ties allow.
 fn quantiles(events: &[Placed], value: fn(&Placed) -> f64, n: usize) -> Vec<f64> {
     let mut all: Vec<f64> = events.iter().map(value).filter(|v| v.is_finite()).collect();
     all.sort_by(f64::total_cmp);
@@ -78,13 +78,20 @@ fn quantiles(events: &[Placed], value: fn(&Placed) -> f64, n: usize) -> Vec<f64>
     edges
 }
 
-/// Quantities that events are parted by; edges at the events' own quantiles where nothing better
-/// is given.
+/// Quantities that events are parted by.
 pub(super) fn covariates(events: &[Placed]) -> Vec<Covariate> {
+    let mut all = of_the_light(events);
+    all.extend(of_place_and_time(events));
+    all.extend(of_the_polarity());
+    all
+}
+
+/// What the light and the pixel's own past were.
+fn of_the_light(events: &[Placed]) -> Vec<Covariate> {
     let interval = |p: &Placed| p.residual.previous.map_or(f64::NAN, |q| q.ago_s * 1e6);
     let level = |p: &Placed| p.residual.level;
     let slope = |p: &Placed| p.residual.slope_per_s;
-    let mut all = vec![
+    vec![
         Covariate {
             key: "interval_us",
             edges: quantiles(events, interval, 6),
@@ -121,18 +128,15 @@ pub(super) fn covariates(events: &[Placed]) -> Vec<Covariate> {
                 )
             },
         },
-    ];
-    all.extend(places(events));
-    all.extend(polarities());
-    all
+    ]
 }
 
-/// Where and when.
-fn places(events: &[Placed]) -> [Covariate; 3] {
+/// Where on the sensor and when.
+fn of_place_and_time(events: &[Placed]) -> Vec<Covariate> {
     let row = |p: &Placed| f64::from(p.residual.y);
     let column = |p: &Placed| f64::from(p.residual.x);
     let time = |p: &Placed| p.residual.t_us as f64 * 1e-6;
-    [
+    vec![
         Covariate {
             key: "row",
             edges: quantiles(events, row, 5),
@@ -159,13 +163,13 @@ fn places(events: &[Placed]) -> [Covariate; 3] {
     ]
 }
 
-/// Which way, and whether it turned.
-fn polarities() -> [Covariate; 2] {
+/// Which way the light went.
+fn of_the_polarity() -> Vec<Covariate> {
     let polarity = |p: &Placed| f64::from(u8::from(p.residual.on));
     let turned = |p: &Placed| {
         p.residual.previous.map_or(f64::NAN, |q| f64::from(u8::from(q.on != p.residual.on)))
     };
-    [
+    vec![
         Covariate {
             key: "polarity_on",
             edges: vec![0.5],
