@@ -256,8 +256,17 @@ fn propose_for(evidence: &Evidence, model: &Fitted, verdict: Verdict) -> Option<
     is_wanted.then(|| propose(evidence, model)).flatten()
 }
 
-fn interval(value: f64, error: f64, reported: impl Fn(f64) -> f64) -> Interval {
-    let end = |z: f64| Some(reported(value + z * error)).filter(|v| v.is_finite());
+/// A fitted value as it is reported, its interval within the range it was fitted in.
+fn interval(
+    value: f64,
+    error: f64,
+    [low, high]: [f64; 2],
+    reported: impl Fn(f64) -> f64,
+) -> Interval {
+    let end = |z: f64| {
+        let end = (value + z * error).clamp(low, high);
+        Some(reported(end)).filter(|v| v.is_finite())
+    };
     let mut ci90 = if error.is_finite() { [end(-Z90), end(Z90)] } else { [None, None] };
     if let [Some(a), Some(b)] = ci90
         && a > b
@@ -274,7 +283,9 @@ fn nuisances(model: &Fitted) -> BTreeMap<String, Interval> {
         .filter(|n| hypothesis.ranges[**n as usize][0] < hypothesis.ranges[**n as usize][1])
         .map(|&n| {
             let error = model.error_of(n as usize);
-            (n.key().to_owned(), interval(hypothesis.nuisance(n), error, |v| n.reported(v)))
+            let range = hypothesis.ranges[n as usize];
+            let value = hypothesis.nuisance(n);
+            (n.key().to_owned(), interval(value, error, range, |v| n.reported(v)))
         })
         .collect()
 }
@@ -315,7 +326,8 @@ fn parameters(model: &Fitted, index: usize) -> BTreeMap<String, Interval> {
         return own
             .map(|(i, p)| {
                 let (value, error) = (hypothesis.values[at + i], model.error_of(at + i));
-                (p.key.to_owned(), interval(value, error, |v| p.from_fitted(v)))
+                let range = hypothesis.ranges[at + i];
+                (p.key.to_owned(), interval(value, error, range, |v| p.from_fitted(v)))
             })
             .collect();
     }
