@@ -6,6 +6,7 @@
 //! Nothing here computes a result: numbers come in with their errors.
 
 pub mod calibration;
+pub mod diagnosis;
 pub mod figure;
 pub mod measure;
 pub mod number;

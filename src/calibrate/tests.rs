@@ -68,7 +68,6 @@ const LEAST_COVERED: u64 = 19;
 #[test]
 fn published_constants_are_recovered_within_their_intervals() {
     let covered = coverage(Coefficients::DVS346, N_SEEDS);
-    println!("covered {covered:?} of {N_SEEDS}");
     assert!(covered.iter().all(|&n| n >= LEAST_COVERED), "{covered:?} of {N_SEEDS}");
 }
 
@@ -76,7 +75,6 @@ fn published_constants_are_recovered_within_their_intervals() {
 fn constants_of_a_noisy_camera_are_recovered_within_their_intervals() {
     let k = Coefficients::new([3.0, 10.0, 2e-3, 5e-7, 1e-8, 2e-4]).unwrap();
     let covered = coverage(k, N_SEEDS);
-    println!("covered {covered:?} of {N_SEEDS}");
     assert!(covered.iter().all(|&n| n >= LEAST_COVERED), "{covered:?} of {N_SEEDS}");
 }
 
@@ -90,7 +88,6 @@ fn the_passages_tell_k_sharply_at_the_nominal_rate() {
     let start = Coefficients::DVS240.k();
     let fit = fit(&light, events.as_slice(), Part::Train, start).unwrap();
     let relative = fit.k.map(|k| k.estimate.standard_error / k.estimate.value);
-    println!("relative errors {relative:?}");
     for (relative, most) in relative.into_iter().zip([1e-4, 5e-4, 0.1, 0.02, 0.01, 0.1]) {
         assert!(relative < most, "{:?}", fit.k);
     }
@@ -119,7 +116,6 @@ fn where_light_is_steady_the_papers_regressions_agree_with_the_truth() {
     let events = events(&frames, k, 3);
     let regressions = regress(&light(&frames), events.as_slice(), Part::Train, 0).unwrap();
     let found = regressions.k.map(|k| k.estimate.value);
-    println!("found {found:?}, agreement {:?}", regressions.agreement);
     assert!((found[0] / 400.0 - 1.0).abs() < 0.1, "{found:?}");
     assert!((regressions.agreement.estimate.value - 1.0).abs() < 0.1, "{regressions:?}");
 }
@@ -183,7 +179,6 @@ fn the_papers_distance_sees_a_wrong_threshold_of_moving_texture() {
     let mut wrong = k.k();
     wrong[0] = 0.3;
     let [right, wrong] = [k.k(), wrong].map(|k| objective.value(k, &[], Part::Train));
-    println!("emd {right} {wrong}");
     assert!(right < 0.2 * wrong, "{right} {wrong}");
     let mut silent = k.k();
     (silent[0], silent[3], silent[4]) = (1e-3, 0.0, 0.0);

@@ -21,6 +21,7 @@
 //! flipped bit inside a packet may go unseen; the session's own checksums are for that.
 
 mod compression;
+mod cut;
 mod decode;
 mod encode;
 mod error;

@@ -2,7 +2,7 @@
 
 mod target;
 
-use super::{PipelineError, filter, read_calibration, read_comparison};
+use super::{PipelineError, filter, read_calibration, read_comparison, read_diagnosis};
 use crate::compare::Comparison;
 use crate::event::Events;
 use crate::frame::Luminance;
@@ -53,6 +53,10 @@ pub fn report(session: &Session) -> Result<String, PipelineError> {
     let mut page =
         page(session, real.as_slice(), &compared, &calibrated).map_err(PipelineError::Picture)?;
     page.sections.extend(target::sections(session)?);
+    // The answer stands first; how it was come by follows.
+    if let Some(diagnosis) = read_diagnosis(session)? {
+        page.sections.insert(0, crate::report::diagnosis::section(&diagnosis));
+    }
     Ok(page.to_html()?)
 }
 
