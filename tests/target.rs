@@ -175,6 +175,7 @@ fn generated(session: &Session, light: &str, preset: &str) -> StreamName {
         from: light.into(),
         name: name.clone(),
         parameters: GenerateParameters::from_choice(&choice).unwrap(),
+        conditions: evrig::pipeline::Conditions::default(),
         force: false,
     };
     let made = generate(session, &request, &mut |_, _| {}).unwrap();
