@@ -180,10 +180,17 @@ fn best(candidates: &[Candidate]) -> Option<&Candidate> {
     judged.reduce(|a, b| if b.0 <= a.0 { b } else { a }).map(|(_, candidate)| candidate)
 }
 
+/// The rate, sigma squared over a threshold squared, at which the darkest pixel may fire by noise.
+const MAX_NOISE_HZ: f64 = 1_000.0;
+
 /// Estimates may lie beyond zero within their error; a generator's constants may not.
 fn within_ranges(k: [f64; 6]) -> Option<Coefficients> {
     let [k1, k2, k3, k4, k5, k6] = k;
-    Coefficients::new([k1, k2.max(1e-9), k3.max(0.0), k4, k5, k6.max(0.0)]).ok()
+    let (k2, k3, k6) = (k2.max(1e-9), k3.max(0.0), k6.max(0.0));
+    // sqrt(L)/(L + k2) is greatest at L = k2: a pixel as dark as that must not fire by noise alone.
+    let noisiest = k3 / (2.0 * k2.sqrt()) + k6;
+    let is_usable = noisiest.powi(2) * 1e6 <= MAX_NOISE_HZ;
+    Coefficients::new([k1, k2, k3, k4, k5, k6]).ok().filter(|_| is_usable)
 }
 
 fn split(light: &Light) -> Split {

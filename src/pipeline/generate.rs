@@ -147,7 +147,9 @@ pub fn generate(
         return Ok(Generated { freshness: Freshness::Fresh, tally, record, speed: None });
     }
     clear(&directory)?;
-    let (tally, spent) = run(session, request, frames.count, progress)?;
+    // What was made before an error is no stream.
+    let (tally, spent) = run(session, request, frames.count, progress)
+        .inspect_err(|_| drop(std::fs::remove_dir_all(&directory)))?;
     let record = StageRecord { tally: json!(tally), ..wanted };
     let record = write_stage(&directory, record, &["events.aedat4"])?;
     let speed = Some(GenerationSpeed::new(spent, &tally));
