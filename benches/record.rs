@@ -179,7 +179,7 @@ fn davis(cpu: &Arc<AtomicI64>) -> Box<Source> {
             t: first + (i * 1_000_000 / EVENTS_PER_S) as i64,
             x: (i * 7 % u64::from(size.width)) as u16,
             y: (i * 3 % u64::from(size.height)) as u16,
-            on: i % 2 == 0,
+            on: i.is_multiple_of(2),
         };
         let events: Events = (0..n_events).map(event).collect();
         Sample::Packet { stream: 0, arrived: host_time(), content: Content::Events(events) }

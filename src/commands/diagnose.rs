@@ -72,7 +72,7 @@ pub(super) fn stage(
     let request = DiagnoseRequest {
         real: "real".into(),
         baseline,
-        options: Options { seed: args.choice.seed, ..Options::default() },
+        options: Options { seed: args.choice.seed, ..Options::brief() },
         force: args.force,
     };
     let diagnosis = diagnose(session, &request, output)?;

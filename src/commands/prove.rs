@@ -25,7 +25,7 @@ pub(super) fn run(args: &ProveArgs, output: &Output) -> anyhow::Result<Ending> {
         out: args.out.clone(),
         duration: Span::from_secs_f64(seconds),
         recording: args.recording.clone(),
-        options: Options { seed: args.seed, ..Options::default() },
+        options: Options { seed: args.seed, ..Options::brief() },
         is_tidy: !args.keep,
     };
     let trials = draw(mix, args.seed);

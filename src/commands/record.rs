@@ -19,6 +19,7 @@ use crate::trajectory::{Optional, Path, Plan, Trajectory};
 use serde_json::{Value, json};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 use std::fmt::Write;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Ending> {
@@ -172,15 +173,30 @@ struct Operator {
     stop: StopToken,
     /// Halts the arm of the run under way.
     stopper: Arc<Mutex<Option<Stopper>>>,
+    /// Nothing is recorded any more: signals do again what they do to any program.
+    is_over: Arc<AtomicBool>,
+}
+
+impl Drop for Operator {
+    fn drop(&mut self) {
+        self.is_over.store(true, Ordering::SeqCst);
+    }
 }
 
 impl Operator {
     fn listen() -> std::io::Result<Self> {
         let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP, SIGUSR1])?;
-        let operator = Self { stop: StopToken::default(), stopper: Arc::default() };
+        let operator =
+            Self { stop: StopToken::default(), stopper: Arc::default(), is_over: Arc::default() };
         let (stop, stopper) = (operator.stop.clone(), Arc::clone(&operator.stopper));
+        let is_over = Arc::clone(&operator.is_over);
         std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
             for signal in signals.forever() {
+                if is_over.load(Ordering::SeqCst) {
+                    // The processing behind a recording is ended by it; what it wrote is whole.
+                    let _ = signal_hook::low_level::emulate_default_handler(signal);
+                    continue;
+                }
                 if signal == SIGUSR1 {
                     stop.ask(Stop::AfterStep);
                     continue;

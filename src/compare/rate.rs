@@ -9,7 +9,7 @@
 use super::Pair;
 use super::profile::N_HALF_BINS;
 use serde::{Deserialize, Serialize};
-use statrs::distribution::{ContinuousCDF, Gamma};
+use statrs::function::gamma::{gamma_lr, ln_gamma};
 
 /// Rates of both streams.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -70,6 +70,21 @@ fn band(half_bins: &[u64], bin_us: f64) -> RateBand {
     RateBand { hz, low_hz, high_hz, dispersion }
 }
 
+/// Quantile of the gamma law of unit scale, by halving in the logarithm.
+fn gamma_quantile(shape: f64, p: f64) -> f64 {
+    // Below its bend the law is a power: P(x) <= x^shape / Gamma(shape + 1), nearly equal for small x.
+    let mut low = (p.ln() + ln_gamma(shape + 1.0)) / shape;
+    if low < -30.0 {
+        return low.exp();
+    }
+    let mut high = (shape + 10.0 * shape.sqrt() + 20.0).ln();
+    for _ in 0..64 {
+        let middle = 0.5 * (low + high);
+        if gamma_lr(shape, middle.exp()) < p { low = middle } else { high = middle }
+    }
+    (0.5 * (low + high)).exp()
+}
+
 /// 90 % limits of the mean of a Poisson count.
 fn poisson_limits(n: f64) -> [f64; 2] {
     let quantile = |shape: f64, p: f64| {
@@ -79,12 +94,7 @@ fn poisson_limits(n: f64) -> [f64; 2] {
             let z = 1.644_853_626_951_472_7 * (2.0 * f64::from(u8::from(p > 0.5)) - 1.0);
             return shape * (1.0 - spread + z * spread.sqrt()).powi(3);
         }
-        if shape < 0.2 {
-            // Far below its mean the gamma law is a power: P(x) = x^shape / Gamma(shape + 1). The
-            // general search for the quantile does not end where that underflows.
-            return ((p.ln() + statrs::function::gamma::ln_gamma(shape + 1.0)) / shape).exp();
-        }
-        Gamma::new(shape, 1.0).map_or(f64::NAN, |gamma| gamma.inverse_cdf(p))
+        gamma_quantile(shape, p)
     };
     [if n > 0.0 { quantile(n, 0.05) } else { 0.0 }, quantile(n + 1.0, 0.95)]
 }

@@ -23,6 +23,14 @@ pub struct Options {
     pub seed: u64,
 }
 
+impl Options {
+    /// A short look, for a run over every stage: fewer pixels and one drawn recording.
+    #[must_use]
+    pub fn brief() -> Self {
+        Self { n_pixels: 120, n_null: 1, ..Self::default() }
+    }
+}
+
 impl Default for Options {
     fn default() -> Self {
         Self {

@@ -59,6 +59,19 @@ pub(super) struct Log {
 
 impl Log {
     pub(super) fn create(layout: &Layout) -> Result<Self, SessionError> {
+        Self::flushed_by(layout, flush)
+    }
+
+    /// A log in virtual time, whose chunks end where its own time says and nowhere else: the same
+    /// bytes whatever the pace.
+    pub(super) fn in_virtual_time(layout: &Layout) -> Result<Self, SessionError> {
+        Self::flushed_by(layout, |log| log.strong_count() > 0)
+    }
+
+    fn flushed_by(
+        layout: &Layout,
+        flush: fn(&Weak<Mutex<Option<RigLogWriter>>>) -> bool,
+    ) -> Result<Self, SessionError> {
         let path = layout.rig_log();
         let writer = RigLogWriter::create(&path)?;
         let handle = writer.handle()?;

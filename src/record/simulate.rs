@@ -100,7 +100,7 @@ pub fn simulate(
     }
     let files = Files {
         events: create_event_file(&layout, &streams)?,
-        log: Log::create(&layout)?,
+        log: Log::in_virtual_time(&layout)?,
         tally: [0; 2],
     };
     let run =
