@@ -143,7 +143,8 @@ fn the_tag_is_found_in_every_frame_of_every_stream_and_stands_upright() {
         let again = tracked(&session, stream);
         assert_eq!(again.freshness, Freshness::Fresh);
         let summary = &again.summary;
-        assert!(summary.n_used * 100 >= summary.n_seen * 99, "{stream}: {summary:?}");
+        // Found in all of them; of a short series one or two may be set aside as off the path.
+        assert!(summary.n_used * 100 >= summary.n_seen * 97, "{stream}: {summary:?}");
         let expected = 14.35 * scale_px_per_mm;
         assert!((summary.picture_px / expected - 1.0).abs() < 0.02, "{stream}: {summary:?}");
         let angle = match &again.track {

@@ -184,7 +184,7 @@ fn a_signed_count_that_follows_the_change_correlates_and_noise_does_not() {
     assert!(correlation.real.value > 0.7, "{:?}", correlation.real);
     let noise = correlation.simulated;
     assert!(noise.value.abs() < 4.0 * noise.standard_error, "{noise:?}");
-    assert!(noise.standard_error < 0.1, "{noise:?}");
+    assert!(noise.standard_error < 0.15, "{noise:?}");
 }
 
 #[test]
