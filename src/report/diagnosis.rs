@@ -20,7 +20,11 @@ pub fn section(diagnosis: &Diagnosis) -> Section {
             Block::Text(format!("{}: {}.{equation}{}", effect.name, effect.says, effect.equation))
         }));
     }
-    let mut places = vec![("Where the baseline is wrong", &diagnosis.mismatch.places)];
+    let title = match diagnosis.verdict {
+        Verdict::NoMismatch => "Where the most is left, below what matters",
+        _ => "Where the baseline is wrong",
+    };
+    let mut places = vec![(title, &diagnosis.mismatch.places)];
     if !diagnosis.effects.is_empty() {
         places.push((
             "Where the model with those effects is still wrong",
