@@ -1,8 +1,8 @@
 //! Concealed trials: does the diagnosis find what was hidden from it?
 //!
-//! A plan draws what to hide ([`draw`]); a session is made with it; the truth is written apart
-//! and only its checksum stands beside the session before anyone looks ([`seal`]); the diagnosis
-//! runs on the session alone; then the seal is opened and the answer judged ([`judge`]) and all
+//! A plan draws what to hide ([`draw()`]); a session is made with it; the truth is written apart
+//! and only its checksum stands beside the session before anyone looks ([`seal()`]); the diagnosis
+//! runs on the session alone; then the seal is opened and the answer judged ([`judge()`]) and all
 //! answers counted ([`Score`]).
 //!
 //! Two families are made here. `world` sessions come from the simulated rig, whose physics is

@@ -1,9 +1,9 @@
 //! What the event pixels looked at: the light signal of a session.
 //!
-//! [`survey`] makes a map of the print from the Pi's raw frames, in millimetres on the print and
+//! [`survey()`] makes a map of the print from the Pi's raw frames, in millimetres on the print and
 //! finer than either camera's pixels, together with the path of the head over it: the tag to start
 //! with, then every frame's pose against the map by the light itself (Gauss-Newton on the marks of
-//! the map, row-true), and the row time with them. [`tie`] finds how the event camera sits beside
+//! the map, row-true), and the row time with them. [`tie()`] finds how the event camera sits beside
 //! the Pi camera and how late its clock is: by the tag in its frames to start with, then by their
 //! light. [`SceneDrive`] is the drive that follows: the map seen through the event pixels' own
 //! optics, along the path, at any time.
