@@ -39,7 +39,7 @@ pub use manifest::{
     StreamKind,
 };
 pub use pictures::{DavisPictures, PiPictures, PiStamps, Picture, PictureFacts};
-pub use read::{EventTally, LuminanceFrames};
+pub use read::{Ascending, EventTally, LuminanceFrames};
 pub use recording::seal_recording;
 pub use repair::{Repair, repair};
 pub use rig_log::{

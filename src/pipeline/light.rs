@@ -6,7 +6,7 @@ use crate::clock::ClockEstimate;
 use crate::frame::{Luminance, Samples};
 use crate::generate::input::{Pictured, Preparation, Preparer};
 use crate::session::{
-    DavisPictures, PiPictures, Picture, Session, SessionError, StreamKind, read_stage,
+    Ascending, DavisPictures, PiPictures, Picture, Session, SessionError, StreamKind, read_stage,
 };
 use crate::time::{Clock, Davis, PiSensor};
 
@@ -22,8 +22,7 @@ enum Source {
 pub struct Light {
     source: Source,
     preparer: Preparer,
-    last_us: Option<i64>,
-    n_not_later: u64,
+    ascending: Ascending,
 }
 
 /// The light of a stream.
@@ -41,7 +40,7 @@ pub fn light(session: &Session, name: &str) -> Result<Light, PipelineError> {
     } else {
         Source::Davis(session.davis_pictures(name)?)
     };
-    Ok(Light { source, preparer: Preparer::default(), last_us: None, n_not_later: 0 })
+    Ok(Light { source, preparer: Preparer::default(), ascending: Ascending::default() })
 }
 
 /// Checksums of what the light of a stream comes from: its files, and the clock where it needs one.
@@ -67,24 +66,27 @@ impl Light {
     /// Frames left out so far because they are not later than the frame before them.
     #[must_use]
     pub fn n_not_later(&self) -> u64 {
-        self.n_not_later
+        self.ascending.n_not_later()
     }
+}
 
-    fn read(&mut self) -> Option<Result<Luminance, SessionError>> {
-        match &mut self.source {
-            Source::Davis(pictures) => Some(pictures.next()?.map(|picture| {
+impl Source {
+    /// The next frame, whenever it was.
+    fn read(&mut self, preparer: &mut Preparer) -> Option<Result<Luminance, SessionError>> {
+        match self {
+            Self::Davis(pictures) => Some(pictures.next()?.map(|picture| {
                 let frame = &picture.frame;
                 let t_us = frame.timing.mid_exposure(frame.size.height / 2).as_micros();
-                self.preparer.prepare(t_us, &pictured(&picture), frame.brightness())
+                preparer.prepare(t_us, &pictured(&picture), frame.brightness())
             })),
-            Source::Pi { pictures, davis_from_sensor } => match pictures.next()? {
+            Self::Pi { pictures, davis_from_sensor } => match pictures.next()? {
                 Err(error) => Some(Err(error)),
                 Ok(picture) => {
                     let frame = &picture.frame;
                     let at = frame.timing.mid_exposure(frame.size.height / 2);
                     // An estimate has a segment at least, which holds beyond its ends.
                     let t_us = davis_from_sensor.map(at)?.as_micros();
-                    Some(Ok(self.preparer.prepare(t_us, &pictured(&picture), frame.brightness())))
+                    Some(Ok(preparer.prepare(t_us, &pictured(&picture), frame.brightness())))
                 }
             },
         }
@@ -109,16 +111,7 @@ impl Iterator for Light {
     type Item = Result<Luminance, SessionError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        loop {
-            let frame = self.read()?;
-            if let Ok(frame) = &frame {
-                if self.last_us.is_some_and(|last| frame.t_us <= last) {
-                    self.n_not_later += 1;
-                    continue;
-                }
-                self.last_us = Some(frame.t_us);
-            }
-            return Some(frame);
-        }
+        let Self { source, preparer, ascending } = self;
+        ascending.next(|| source.read(preparer))
     }
 }

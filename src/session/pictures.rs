@@ -137,7 +137,7 @@ impl Session {
         Ok(stamps.map(|(ns, us)| (Stamp::from_nanos(ns), pi::real_time(us))).collect())
     }
 
-    fn other_clock(&self, entry: &StreamEntry) -> SessionError {
+    pub(super) fn other_clock(&self, entry: &StreamEntry) -> SessionError {
         SessionError::OtherClock {
             root: self.root().to_owned(),
             name: entry.name.clone(),

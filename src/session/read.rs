@@ -1,15 +1,12 @@
 //! Reading a session's streams.
 
-use super::{Session, SessionError, StreamEntry, StreamKind, StreamName};
+use super::{DavisPictures, Session, SessionError, StreamKind, StreamName};
 use crate::event::Events;
 use crate::format::aedat4::{Content, Reader};
-use crate::format::npy::ArrayReader;
 use crate::frame::Luminance;
 use crate::geometry::Size;
 use crate::time::{Clock, Davis};
 use serde::{Deserialize, Serialize};
-use std::fs::File;
-use std::io::BufReader;
 use std::path::Path;
 
 /// What became of a stream's events on reading; `seen = kept + outside`.
@@ -85,13 +82,10 @@ impl Session {
     pub fn luminance(&self, name: &str) -> Result<LuminanceFrames, SessionError> {
         let entry = self.stream(StreamKind::Frames, name)?;
         if entry.clock != Davis::NAME {
-            return Err(SessionError::OtherClock {
-                root: self.root().to_owned(),
-                name: name.to_owned(),
-                clock: entry.clock.clone(),
-            });
+            return Err(self.other_clock(entry));
         }
-        LuminanceFrames::open(self, entry)
+        let pictures = self.davis_pictures(name)?;
+        Ok(LuminanceFrames { pictures, ascending: Ascending::default() })
     }
 }
 
@@ -129,90 +123,22 @@ fn read_events(
     Ok((events, tally))
 }
 
-enum FrameSource {
-    Aedat4 {
-        reader: Box<Reader<BufReader<File>>>,
-        id: Option<u32>,
-    },
-    Npy {
-        reader: ArrayReader<BufReader<File>>,
-        times: std::vec::IntoIter<i64>,
-        size: Size,
-        n_bytes: usize,
-    },
-}
-
-/// A stream's frames, one after another in ascending time.
-pub struct LuminanceFrames {
-    source: FrameSource,
+/// Holds a run of frames to ascending time: lets a frame pass that is later than the last one that
+/// passed, and counts the others.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Ascending {
     last_us: Option<i64>,
     n_not_later: u64,
 }
 
-impl LuminanceFrames {
-    fn open(session: &Session, entry: &StreamEntry) -> Result<Self, SessionError> {
-        let path = session.layout().inside(&entry.file)?;
-        let source = if path.extension().is_some_and(|extension| extension == "npy") {
-            Self::open_npy(&path, entry)?
-        } else {
-            FrameSource::Aedat4 { reader: Box::new(Reader::open(&path)?), id: entry.stream_id }
-        };
-        Ok(Self { source, last_us: None, n_not_later: 0 })
-    }
-
-    fn open_npy(path: &Path, entry: &StreamEntry) -> Result<FrameSource, SessionError> {
-        let times_path = path.with_file_name("timestamps_us.npy");
-        let wrong = |what: &str| SessionError::import(&times_path, what);
-        let times = ArrayReader::open(&times_path)?.read_all()?.fields.pop();
-        let times = times.and_then(|(_, column)| column.into_integers().ok());
-        let times = times.ok_or_else(|| wrong("is not a column of whole microseconds"))?;
-        let reader = ArrayReader::open(path)?;
-        let size = entry.size.ok_or_else(|| wrong("the manifest states no frame size"))?;
-        let n_bytes = reader.unsigned_bytes().filter(|n| *n <= 2);
-        let n_bytes = n_bytes.ok_or_else(|| SessionError::import(path, "is not of u8 or u16"))?;
-        Ok(FrameSource::Npy { reader, times: times.into_iter(), size, n_bytes })
-    }
-
-    /// Frames left out so far because they are not later than the frame before them.
-    #[must_use]
-    pub fn n_not_later(&self) -> u64 {
-        self.n_not_later
-    }
-
-    fn read(&mut self) -> Option<Result<Luminance, SessionError>> {
-        match &mut self.source {
-            FrameSource::Aedat4 { reader, id } => loop {
-                let packet = reader.next()?.ok()?;
-                match packet.content {
-                    Content::Frame(frame) if id.is_none_or(|id| id == packet.stream) => {
-                        return Some(Ok(frame.luminance()));
-                    }
-                    _ => {}
-                }
-            },
-            FrameSource::Npy { reader, times, size, n_bytes } => {
-                let t_us = times.next()?;
-                let n = size.n_pixels();
-                let values = match n_bytes {
-                    1 => reader.next_u8(n).map(|v| v.into_iter().map(f32::from).collect()),
-                    _ => reader.next_u16(n).map(|v| v.into_iter().map(f32::from).collect()),
-                };
-                Some(
-                    values
-                        .map(|values| Luminance { t_us, size: *size, values })
-                        .map_err(Into::into),
-                )
-            }
-        }
-    }
-}
-
-impl Iterator for LuminanceFrames {
-    type Item = Result<Luminance, SessionError>;
-
-    fn next(&mut self) -> Option<Self::Item> {
+impl Ascending {
+    /// The next frame of `frames` that is later than the last; an error passes as it is.
+    pub fn next(
+        &mut self,
+        mut frames: impl FnMut() -> Option<Result<Luminance, SessionError>>,
+    ) -> Option<Result<Luminance, SessionError>> {
         loop {
-            let frame = self.read()?;
+            let frame = frames()?;
             if let Ok(frame) = &frame {
                 if self.last_us.is_some_and(|last| frame.t_us <= last) {
                     self.n_not_later += 1;
@@ -222,5 +148,26 @@ impl Iterator for LuminanceFrames {
             }
             return Some(frame);
         }
+    }
+
+    /// Frames left out so far because they are not later than the frame before them.
+    #[must_use]
+    pub const fn n_not_later(&self) -> u64 {
+        self.n_not_later
+    }
+}
+
+/// A stream's frames, one after another in ascending time.
+pub struct LuminanceFrames {
+    pictures: DavisPictures,
+    ascending: Ascending,
+}
+
+impl Iterator for LuminanceFrames {
+    type Item = Result<Luminance, SessionError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let pictures = &mut self.pictures;
+        self.ascending.next(|| Some(pictures.next()?.map(|picture| picture.frame.luminance())))
     }
 }

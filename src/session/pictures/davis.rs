@@ -12,14 +12,21 @@ use std::io::BufReader;
 use std::path::Path;
 
 enum Source {
-    Aedat4 { reader: Box<Reader<BufReader<File>>>, id: Option<u32> },
-    Npy { reader: ArrayReader<BufReader<File>>, times: std::vec::IntoIter<i64>, n_bytes: usize },
+    Aedat4 {
+        reader: Box<Reader<BufReader<File>>>,
+        id: Option<u32>,
+    },
+    Npy {
+        reader: ArrayReader<BufReader<File>>,
+        times: std::vec::IntoIter<i64>,
+        size: Size,
+        n_bytes: usize,
+    },
 }
 
 /// Frames of a stream on the events' clock; a damaged file gives what stands before the damage.
 pub struct DavisPictures {
     source: Source,
-    size: Size,
     black_dn: f32,
     gain: Option<f64>,
     next: u64,
@@ -29,14 +36,13 @@ impl DavisPictures {
     pub(super) fn open(session: &Session, entry: &StreamEntry) -> Result<Self, SessionError> {
         let path = session.layout().inside(&entry.file)?;
         let source = if path.extension().is_some_and(|extension| extension == "npy") {
-            open_npy(&path)?
+            open_npy(&path, stated_size(session, entry)?)?
         } else {
             Source::Aedat4 { reader: Box::new(Reader::open(&path)?), id: entry.stream_id }
         };
         let camera = session.rig()?.map(|rig| rig.davis.camera);
         Ok(Self {
             source,
-            size: stated_size(session, entry)?,
             black_dn: camera.as_ref().map_or(0.0, |camera| camera.black_level_dn as f32),
             gain: camera.map(|camera| camera.gain),
             next: 0,
@@ -54,16 +60,16 @@ impl DavisPictures {
                     _ => {}
                 }
             },
-            Source::Npy { reader, times, n_bytes } => {
+            Source::Npy { reader, times, size, n_bytes } => {
                 let stamp = Stamp::from_micros(times.next()?);
-                let n = self.size.n_pixels();
+                let n = size.n_pixels();
                 let samples = match n_bytes {
                     1 => reader.next_u8(n).map(Samples::U8),
                     _ => reader.next_u16(n).map(Samples::U16),
                 };
                 Some(samples.map_err(Into::into).map(|samples| Frame {
                     timing: FrameTiming::from_stamp(stamp),
-                    size: self.size,
+                    size: *size,
                     origin: [0, 0],
                     channels: Channels::Gray,
                     samples,
@@ -73,12 +79,12 @@ impl DavisPictures {
     }
 }
 
-fn open_npy(path: &Path) -> Result<Source, SessionError> {
+fn open_npy(path: &Path, size: Size) -> Result<Source, SessionError> {
     let times = super::pi::read_column(&path.with_file_name("timestamps_us.npy"))?;
     let reader = ArrayReader::open(path)?;
     let n_bytes = reader.unsigned_bytes().filter(|n| *n <= 2);
     let n_bytes = n_bytes.ok_or_else(|| SessionError::import(path, "is not of u8 or u16"))?;
-    Ok(Source::Npy { reader, times: times.into_iter(), n_bytes })
+    Ok(Source::Npy { reader, times: times.into_iter(), size, n_bytes })
 }
 
 impl Iterator for DavisPictures {
