@@ -101,10 +101,7 @@ impl Rig {
     /// With all the mistakes in the text.
     pub fn parse(file: &str, text: &str) -> Result<Self, DescriptionError> {
         read_description(file, text, |fields| {
-            let schema = fields.text("schema");
-            if !schema.is_empty() && schema != SCHEMA {
-                fields.complain_about("schema", format!("`{schema}`: expected `{SCHEMA}`"));
-            }
+            fields.expect_schema(SCHEMA);
             Self {
                 name: fields.text("name"),
                 says: fields.optional_text("says"),
