@@ -26,6 +26,7 @@
 //! | [`diagnose`] | what the prediction leaves over: which physical effect is missing, what it buys, when to abstain |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
+//! | [`export`] | streams in the formats other programs read, with what is needed to use them |
 //! | [`prove`] | concealed trials: what is hidden, sealed, found again and counted |
 //! | [`live`] | what devices see now, to viewers: rates, frames with the tag, events; nothing waits for them |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
@@ -48,6 +49,7 @@ pub mod diagnose;
 pub mod drive;
 pub mod effect_id;
 pub mod event;
+pub mod export;
 pub mod filter;
 pub mod format;
 pub mod frame;
