@@ -3,6 +3,7 @@
 use clap::{Args, Parser, Subcommand};
 
 mod about;
+mod batch;
 mod check;
 mod demo;
 mod diagnose;
@@ -21,6 +22,7 @@ mod sweep;
 mod target;
 
 pub use about::{CompletionsArgs, ManArgs};
+pub use batch::{BatchArgs, Engine};
 pub use check::CheckArgs;
 pub use demo::DemoArgs;
 pub use diagnose::{BaselineChoice, DiagnoseArgs};

@@ -81,13 +81,13 @@ pub struct ExportArgs {
 /// Arguments of `evrig report`.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  evrig report sessions/street      # writes sessions/street/report.html"
+    after_help = "Examples:\n  evrig report sessions/street      # writes sessions/street/report.html\n  evrig report dataset              # a table of its sessions, with links to their reports"
 )]
 pub struct ReportArgs {
-    /// The session
+    /// The session, or a dataset: a folder of sessions
     pub session: PathBuf,
 
-    /// Where to write the page [default: SESSION/report.html]
+    /// Where to write the page [default: report.html in the session or dataset]
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 }
