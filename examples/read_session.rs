@@ -35,7 +35,11 @@ fn main() -> Result<(), Box<dyn Error>> {
             let at = frame?.t_us;
             if let Some(before) = before {
                 let between = events.as_slice().between(before, at);
-                println!("{before} to {at} us: {} events, {} On", between.len(), between.count_on());
+                println!(
+                    "{before} to {at} us: {} events, {} On",
+                    between.len(),
+                    between.count_on()
+                );
             }
             before = Some(at);
         }

@@ -72,7 +72,8 @@ impl Recorder for Spot {
     }
 
     fn prepare(&mut self) -> Result<Prepared, RecorderError> {
-        let says = serde_json::json!({ "model": "spot", "columns": SIZE.width, "rows": SIZE.height });
+        let says =
+            serde_json::json!({ "model": "spot", "columns": SIZE.width, "rows": SIZE.height });
         Ok(Prepared { says, streams: vec![StreamSpec::events(SIZE, "spot")] })
     }
 

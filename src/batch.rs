@@ -26,7 +26,7 @@ mod walk;
 
 pub use aggregate::{Aggregate, Cell, SessionValue, Variant, aggregate};
 pub use card::card;
-pub use index::{Index, IndexedSession, IndexedStream, Rig, index, read_index};
+pub use index::{Index, IndexedSession, IndexedStream, NamedEffect, Rig, index, read_index};
 pub use lock::{Held, lock_dataset, lock_session};
 pub use outcome::{LeftOut, Outcome, Verdict, clear_outcome, read_outcome, write_outcome};
 pub use page::{comparison_page, dataset_page};

@@ -36,7 +36,7 @@ pub use pi::{PairArgs, PiArgs, PiCamera};
 pub use plan::PlanArgs;
 pub use prove::ProveArgs;
 pub use record::RecordArgs;
-pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
+pub use session::{ExportArgs, ExportFormat, ExportKind, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{
     CalibrateArgs, CalibrateObjective, CompareArgs, ConditionArgs, GenerateArgs, ModelArgs,
     ProcessArgs,

@@ -24,7 +24,7 @@ use crate::format::aedat4::{Compression, StreamSpec, WriteError, Writer};
 use crate::format::{hdf5, parquet};
 use crate::geometry::Size;
 use crate::pipeline::{self, PipelineError};
-use crate::session::{Session, SessionError, StreamKind, StreamName};
+use crate::session::{Session, SessionError, StreamEntry, StreamKind, StreamName};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -33,6 +33,9 @@ use std::path::{Path, PathBuf};
 pub struct ExportRequest {
     /// Name of the stream, recorded or generated.
     pub stream: String,
+    /// Its kind, for a name that frames and the events made from them share; if nothing is said, the
+    /// events.
+    pub kind: Option<StreamKind>,
     /// The file.
     pub out: PathBuf,
     /// Its format.
@@ -80,6 +83,8 @@ pub struct Exported {
     pub n_events: Option<u64>,
     /// Arrays of an npz.
     pub arrays: Vec<ExportedArray>,
+    /// Whether another stream has the same name, which was not meant.
+    pub has_namesake: bool,
     /// Image streams of which nothing is said, with the reason.
     pub left_out: Vec<String>,
 }
@@ -155,9 +160,22 @@ pub fn export(session: &Session, request: &ExportRequest) -> Result<Exported, Ex
     made
 }
 
+/// The recorded stream that is meant, unless events are.
+fn recorded<'a>(session: &'a Session, request: &ExportRequest) -> (Option<&'a StreamEntry>, bool) {
+    let mut all = session.manifest().streams.iter();
+    let other = all.find(|s| s.name == request.stream && s.kind != StreamKind::Events);
+    let has_events = session.stream(StreamKind::Events, &request.stream).is_ok()
+        || session.generated_names().iter().any(|name| name.as_str() == request.stream);
+    let is_meant = match request.kind {
+        Some(kind) => kind != StreamKind::Events,
+        None => !has_events,
+    };
+    (other.filter(|_| is_meant), has_events && other.is_some())
+}
+
 fn write(session: &Session, request: &ExportRequest) -> Result<Exported, ExportError> {
-    let recorded = session.manifest().streams.iter().find(|stream| stream.name == request.stream);
-    if let Some(entry) = recorded.filter(|entry| entry.kind != StreamKind::Events) {
+    let (recorded, has_namesake) = recorded(session, request);
+    if let Some(entry) = recorded {
         if request.format != ExportFormat::Npz || request.cut != Cut::Whole {
             let what = format!("it holds {}; only --format npz, uncut, takes them", entry.kind);
             return Err(unfit(session, request, what));
@@ -166,15 +184,11 @@ fn write(session: &Session, request: &ExportRequest) -> Result<Exported, ExportE
             let what = format!("it holds {}; rig.mcap is their format already", entry.kind);
             unfit(session, request, what)
         })?;
-        let path = request.out.clone();
-        let nothing = Vec::new();
-        return Ok(Exported {
-            path,
-            beside: nothing,
-            n_events: None,
-            arrays,
-            left_out: Vec::new(),
-        });
+        let (path, beside, left_out) = (request.out.clone(), Vec::new(), Vec::new());
+        return Ok(Exported { path, beside, n_events: None, arrays, has_namesake, left_out });
+    }
+    if let Some(kind) = request.kind.filter(|kind| *kind != StreamKind::Events) {
+        session.stream(kind, &request.stream)?;
     }
     let chosen = choose(session, request)?;
     let times = chosen.events.as_slice().t;
@@ -198,7 +212,8 @@ fn write(session: &Session, request: &ExportRequest) -> Result<Exported, ExportE
     }
     beside.push(side.write(out)?);
     let n_events = Some(events.len() as u64);
-    Ok(Exported { path: out.clone(), beside, n_events, arrays, left_out: side.left_out })
+    let (path, left_out) = (out.clone(), side.left_out);
+    Ok(Exported { path, beside, n_events, arrays, has_namesake, left_out })
 }
 
 fn choose(session: &Session, request: &ExportRequest) -> Result<Chosen, ExportError> {

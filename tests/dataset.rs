@@ -8,8 +8,8 @@ mod devtools;
 #[path = "dataset/sessions.rs"]
 mod sessions;
 
-use sessions::{copy, dataset, evrig, json, text, tree};
 use serde_json::{Value, json};
+use sessions::{copy, dataset, evrig, json, text, tree};
 use std::path::Path;
 
 fn verdicts(value: &Value) -> Vec<(&str, &str)> {
@@ -21,7 +21,11 @@ fn verdicts(value: &Value) -> Vec<(&str, &str)> {
 fn records(root: &Path) -> Vec<(String, std::time::SystemTime)> {
     let is_record = |name: &String| name.ends_with("stage.json");
     let files = tree(root).into_iter().map(|(name, _)| name).filter(is_record);
-    files.map(|name| (name.clone(), std::fs::metadata(root.join(&name)).unwrap().modified().unwrap())).collect()
+    files
+        .map(|name| {
+            (name.clone(), std::fs::metadata(root.join(&name)).unwrap().modified().unwrap())
+        })
+        .collect()
 }
 
 #[test]
@@ -40,20 +44,35 @@ fn a_dataset_is_processed_past_a_broken_session_and_only_what_is_stale_runs_agai
 
     let (code, first, said) = json(evrig().arg("process").arg(&root));
     assert_eq!(code, 3, "{said}");
-    assert_eq!(verdicts(&first), [
-        ("cut", "failed"),
-        ("later", "failed"),
-        ("s0", "ok"),
-        ("s1", "ok"),
-        ("s2", "ok"),
-        ("unsealed", "failed"),
-    ]);
+    assert_eq!(
+        verdicts(&first),
+        [
+            ("cut", "failed"),
+            ("later", "failed"),
+            ("s0", "ok"),
+            ("s1", "ok"),
+            ("s2", "ok"),
+            ("unsealed", "failed"),
+        ]
+    );
     let because = |i: usize| first["sessions"][i]["because"][0].as_str().unwrap();
     assert!(because(0).contains("not JSON"), "{}", because(0));
-    assert!(because(1).contains("evrig.session/9") && because(1).contains("newer"), "{}", because(1));
+    assert!(
+        because(1).contains("evrig.session/9") && because(1).contains("newer"),
+        "{}",
+        because(1)
+    );
     assert!(because(5).contains("--repair"), "{}", because(5));
-    for file in ["dataset.json", "CARD.md", "comparison.csv", "comparison.json", "comparison.html",
-        "comparison-sessions.csv", "report.html", "s1/report.html"] {
+    for file in [
+        "dataset.json",
+        "CARD.md",
+        "comparison.csv",
+        "comparison.json",
+        "comparison.html",
+        "comparison-sessions.csv",
+        "report.html",
+        "s1/report.html",
+    ] {
         assert!(root.join(file).is_file(), "{file}");
     }
     let card = std::fs::read_to_string(root.join("CARD.md")).unwrap();
@@ -73,8 +92,12 @@ fn the_comparison_of_a_dataset_is_the_mean_of_its_sessions() {
     let directory = tempfile::tempdir().unwrap();
     let root = dataset(directory.path(), 3);
     let list = directory.path().join("list.toml");
-    std::fs::write(&list, "[[variant]]\nname = \"plain\"\nfrom = \"frames\"\npreset = \"DVS346\"\n\
-        [[variant]]\nname = \"other\"\nfrom = \"frames\"\nmodel = \"esim\"\n").unwrap();
+    std::fs::write(
+        &list,
+        "[[variant]]\nname = \"plain\"\nfrom = \"frames\"\npreset = \"DVS346\"\n\
+        [[variant]]\nname = \"other\"\nfrom = \"frames\"\nmodel = \"esim\"\n",
+    )
+    .unwrap();
     let (code, value, said) =
         json(evrig().arg("compare").arg(&root).args(["--variants", text(&list)]));
     assert_eq!(code, 0, "{said}");
@@ -84,14 +107,18 @@ fn the_comparison_of_a_dataset_is_the_mean_of_its_sessions() {
     let of_sessions: Vec<f64> = (0..3)
         .map(|i| {
             let session = root.join(format!("s{i}"));
-            let (_, value, _) = json(evrig().arg("compare").arg(session).args(["--stream", "plain"]));
+            let (_, value, _) =
+                json(evrig().arg("compare").arg(session).args(["--stream", "plain"]));
             value["comparisons"][0]["measures"][0]["estimate"]["value"].as_f64().unwrap()
         })
         .collect();
     let cell = &value["variants"][1]["cells"][0];
     assert_eq!(cell["measure"], "count_ratio");
     let mean = of_sessions.iter().sum::<f64>() / 3.0;
-    assert!((cell["mean"]["value"].as_f64().unwrap() - mean).abs() < 1e-12, "{cell} {of_sessions:?}");
+    assert!(
+        (cell["mean"]["value"].as_f64().unwrap() - mean).abs() < 1e-12,
+        "{cell} {of_sessions:?}"
+    );
     assert_eq!(cell["mean"]["n"], 3);
     assert!(cell["mean"]["standard_error"].as_f64().unwrap() > 0.0, "{cell}");
     let csv = std::fs::read_to_string(root.join("comparison.csv")).unwrap();
@@ -105,8 +132,7 @@ fn sessions_of_two_rigs_are_named_and_can_be_told_apart() {
     let directory = tempfile::tempdir().unwrap();
     let root = dataset(directory.path(), 2);
     let wide = directory.path().join("wide.npy");
-    let mut writer =
-        evrig::format::npy::ArrayWriter::<u8>::create(&wide, &[3, 8, 12]).unwrap();
+    let mut writer = evrig::format::npy::ArrayWriter::<u8>::create(&wide, &[3, 8, 12]).unwrap();
     writer.extend(&[50; 3 * 8 * 12]).unwrap();
     writer.finish().unwrap();
     let other = directory.path().join("events.csv");
@@ -121,9 +147,12 @@ fn sessions_of_two_rigs_are_named_and_can_be_told_apart() {
     assert!(warning.contains("2 rigs") && warning.contains("24 x 16"), "{warning}");
     assert!(said.contains("2 rigs"), "{said}");
     assert_eq!(value["sessions"][0]["path"], "deeper/other");
-    let (code, value, said) = json(evrig().arg("compare").arg(&root).args(["--rig", "imported frames, 24 x 16"]));
+    let (code, value, said) =
+        json(evrig().arg("compare").arg(&root).args(["--rig", "imported frames, 24 x 16"]));
     assert_eq!(code, 0, "{said}");
-    assert!(value["sessions"].as_array().unwrap().iter().all(|row| row["session"] != "deeper/other"));
+    assert!(
+        value["sessions"].as_array().unwrap().iter().all(|row| row["session"] != "deeper/other")
+    );
     let (code, _, said) = json(evrig().arg("compare").arg(&root).args(["--rig", "nosuch"]));
     assert_eq!(code, 2);
     assert!(said.contains("24 x 16") && said.contains("12 x 8"), "{said}");
@@ -199,8 +228,12 @@ fn the_page_of_a_dataset_stands_at_both_widths_and_sorts_and_prints() {
         assert_eq!(loaded, 0, "the page loads nothing");
         if let Some(folder) = std::env::var_os("EVRIG_SCREENSHOTS") {
             use base64::Engine;
-            let shot = browser.call("Page.captureScreenshot", json!({ "format": "png", "captureBeyondViewport": true }));
-            let png = base64::engine::general_purpose::STANDARD.decode(shot["data"].as_str().unwrap());
+            let shot = browser.call(
+                "Page.captureScreenshot",
+                json!({ "format": "png", "captureBeyondViewport": true }),
+            );
+            let png =
+                base64::engine::general_purpose::STANDARD.decode(shot["data"].as_str().unwrap());
             let name = format!("dataset-{width}-{media}.png");
             std::fs::write(std::path::PathBuf::from(folder).join(name), png.unwrap()).unwrap();
         }
@@ -208,7 +241,11 @@ fn the_page_of_a_dataset_stands_at_both_widths_and_sorts_and_prints() {
     let column = "[...document.querySelector('table.sortable').tBodies[0].rows].map(r => r.cells[0].textContent.trim()).join()";
     assert_eq!(browser.evaluate(column), "cut,s0,s1");
     browser.evaluate("(() => { const b = document.querySelector('table.sortable th button'); b.click(); b.click(); })()");
-    assert_eq!(browser.evaluate(column), "s1,s0,cut", "pressing the head twice turns the order round");
+    assert_eq!(
+        browser.evaluate(column),
+        "s1,s0,cut",
+        "pressing the head twice turns the order round"
+    );
     let link = browser.evaluate("document.querySelector('table.sortable a').getAttribute('href')");
     assert!(root.join(link.as_str().unwrap().trim_start_matches("./")).is_file(), "{link}");
 }

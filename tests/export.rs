@@ -33,7 +33,9 @@ fn evrig(arguments: &[&str]) -> (i32, String) {
 #[test]
 fn every_format_is_read_back_the_same_by_the_libraries_of_its_users() {
     let Some(python) = std::env::var("EVRIG_PYTHON").ok().filter(|p| !p.is_empty()) else {
-        eprintln!("skipped: set EVRIG_PYTHON to a Python with h5py, pyarrow, dv-processing and mcap");
+        eprintln!(
+            "skipped: set EVRIG_PYTHON to a Python with h5py, pyarrow, dv-processing and mcap"
+        );
         return;
     };
     let directory = tempfile::tempdir().unwrap();
@@ -58,7 +60,8 @@ fn an_exported_stream_comes_back_in_as_it_was() {
     let directory = tempfile::tempdir().unwrap();
     let session = street(directory.path());
     let frames = directory.path().join("frames.npy");
-    let mut writer = evrig::format::npy::ArrayWriter::<u8>::create(&frames, &[2, 260, 346]).unwrap();
+    let mut writer =
+        evrig::format::npy::ArrayWriter::<u8>::create(&frames, &[2, 260, 346]).unwrap();
     writer.extend(&vec![50; 2 * 260 * 346]).unwrap();
     writer.finish().unwrap();
     let open = |path: &Path| evrig::session::Session::open(path).unwrap();
@@ -75,6 +78,22 @@ fn an_exported_stream_comes_back_in_as_it_was() {
         assert_eq!(code, 0, "{said}");
         assert!(open(&back).events("real").unwrap().0 == wanted, "{file}");
     }
+}
+
+#[test]
+fn of_one_name_for_frames_and_events_each_can_be_had() {
+    let directory = tempfile::tempdir().unwrap();
+    let session = street(directory.path());
+    let (code, said) = evrig(&["generate", text(&session), "--from", "aps"]);
+    assert_eq!(code, 0, "{said}");
+    let out = directory.path().join("aps.npz");
+    let arguments = ["export", text(&session), "--stream", "aps", "--out", text(&out)];
+    let (code, said) = evrig(&arguments);
+    assert_eq!(code, 0, "{said}");
+    assert!(said.contains("--kind frames") && said.contains("events ["), "{said}");
+    let (code, said) = evrig(&[&arguments[..], &["--kind", "frames"]].concat());
+    assert_eq!(code, 0, "{said}");
+    assert!(said.contains("frames [14, 260, 346]"), "{said}");
 }
 
 #[test]

@@ -65,11 +65,17 @@ fn a_dataset_on_slurm_is_what_it_is_here_even_when_a_task_is_killed() {
     kill_process(process_of(&there.join("s1")), Signal::KILL).unwrap();
     cluster.wait_for(submitted["gather"].as_u64().unwrap());
     let again = job(&there);
-    assert_eq!((again["attempt"].as_u64(), &again["sessions"]), (Some(2), &Value::from(vec!["s1"])));
+    assert_eq!(
+        (again["attempt"].as_u64(), &again["sessions"]),
+        (Some(2), &Value::from(vec!["s1"]))
+    );
     cluster.wait_for(again["gather"].as_u64().unwrap());
 
     let (code, status, said) = json(
-        evrig().env("SLURM_CONF", cluster.configuration()).args(["process", "--status"]).arg(&there),
+        evrig()
+            .env("SLURM_CONF", cluster.configuration())
+            .args(["process", "--status"])
+            .arg(&there),
     );
     assert_eq!(code, 0, "{said}");
     let verdicts: Vec<&str> = status["sessions"]

@@ -1,7 +1,10 @@
 //! `dataset.json`: what is in a dataset, session by session.
 
 use super::{BatchError, Found, Share, Splits, Verdict, read_outcome};
+use crate::diagnose;
+use crate::effect_id::EffectId;
 use crate::generate::GenerateParameters;
+use crate::pipeline::read_diagnosis;
 use crate::session::{
     Loss, Manifest, Origin, Session, Status, StreamKind, read_stage, sha256_of_bytes, write_whole,
 };
@@ -60,10 +63,25 @@ pub struct IndexedSession {
     pub streams: Vec<IndexedStream>,
     /// What the recording lost.
     pub losses: Vec<Loss>,
+    /// The diagnosis's word: `no_mismatch`, `explained`, ...; none if it was not diagnosed.
+    pub diagnosis: Option<diagnose::Verdict>,
+    /// The effects it named.
+    pub effects: Vec<NamedEffect>,
     /// How its last processing went; none if there was none.
     pub verdict: Option<Verdict>,
     /// What was lost, or why it failed.
     pub because: Vec<String>,
+}
+
+/// An effect that a session's diagnosis named.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NamedEffect {
+    /// Its id.
+    pub id: EffectId,
+    /// What it buys on held-out events, nats per event.
+    pub heldout_gain_nats_per_event: f64,
+    /// Its parameters.
+    pub parameters: BTreeMap<String, f64>,
 }
 
 /// A stream in the index.
@@ -129,6 +147,8 @@ fn entry(root: &Path, found: &Found, splits: &Splits) -> IndexedSession {
         duration_s: None,
         streams: Vec::new(),
         losses: Vec::new(),
+        diagnosis: None,
+        effects: Vec::new(),
         verdict: None,
         because: Vec::new(),
     };
@@ -146,6 +166,11 @@ fn entry(root: &Path, found: &Found, splits: &Splits) -> IndexedSession {
             entry.duration_s = duration_s(manifest);
             entry.streams = streams(session);
             entry.losses = manifest.losses.clone();
+            // A diagnosis that cannot be read is none; `evrig report SESSION` says why.
+            if let Ok(Some(diagnosis)) = read_diagnosis(session) {
+                entry.diagnosis = Some(diagnosis.verdict);
+                entry.effects = diagnosis.effects.iter().map(named).collect();
+            }
         }
         Err(error) => {
             verdict = Some(Verdict::Failed);
@@ -153,6 +178,15 @@ fn entry(root: &Path, found: &Found, splits: &Splits) -> IndexedSession {
         }
     }
     IndexedSession { verdict, because, ..entry }
+}
+
+fn named(effect: &diagnose::FittedEffect) -> NamedEffect {
+    let parameters = effect.parameters.iter();
+    NamedEffect {
+        id: effect.id,
+        heldout_gain_nats_per_event: effect.heldout_gain_nats_per_event,
+        parameters: parameters.map(|(key, interval)| (key.clone(), interval.value)).collect(),
+    }
 }
 
 /// The rig by name and content: two files of one name are two rigs.

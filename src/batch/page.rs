@@ -1,11 +1,13 @@
 //! A dataset as pages.
 
-use super::{Aggregate, Index, Verdict};
+use super::{Aggregate, Index, IndexedSession, NamedEffect, Verdict};
 use crate::report::figure::Link;
-use crate::report::number::count;
+use crate::report::number::{count, quantity};
 use crate::report::page::{Block, Fact, Page, Section, Summary};
 use crate::report::table::{Cell, Column, Table};
 use crate::session::StreamKind;
+use crate::stats::{Estimate, Moments};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The comparison alone.
@@ -44,6 +46,7 @@ pub fn dataset_page(root: &Path, index: &Index, aggregate: &Aggregate) -> Page {
     if !aggregate.variants.is_empty() {
         sections.push(comparison(aggregate));
     }
+    sections.extend(effects(index));
     sections.push(contents(index));
     Page {
         title: index.name.clone(),
@@ -79,6 +82,7 @@ fn sessions(root: &Path, index: &Index) -> Section {
         Column::number("recorded", "s"),
         Column::number("real events", ""),
         Column::number("losses", ""),
+        Column::text("diagnosis"),
         Column::text("rig"),
         Column::text("what was lost, or why it failed"),
     ];
@@ -95,6 +99,7 @@ fn sessions(root: &Path, index: &Index) -> Section {
             session.duration_s.map_or(Cell::text(""), Cell::number),
             real.map_or(Cell::text(""), |stream| Cell::count(stream.count)),
             Cell::count(session.losses.len() as u64),
+            Cell::text(&diagnosis(session)),
             Cell::text(session.rig.as_deref().unwrap_or("")),
             Cell::text(&session.because.join("; ")),
         ]
@@ -110,6 +115,69 @@ fn sessions(root: &Path, index: &Index) -> Section {
         lead: "Press a column's head to sort by it.".into(),
         blocks: vec![Block::Table(table)],
     }
+}
+
+/// The diagnosis's word and the effects it named.
+fn diagnosis(session: &IndexedSession) -> String {
+    let Some(verdict) = session.diagnosis else { return String::new() };
+    let word = serde_json::to_value(verdict).unwrap_or_default();
+    let word = word.as_str().unwrap_or_default().replace('_', " ");
+    let names: Vec<&str> = session.effects.iter().map(|effect| effect.id.as_str()).collect();
+    if names.is_empty() { word } else { format!("{word}: {}", names.join(", ")) }
+}
+
+/// The effects that diagnoses named, with their parameters over the sessions.
+fn effects(index: &Index) -> Option<Section> {
+    let mut named: BTreeMap<&str, Vec<&NamedEffect>> = BTreeMap::new();
+    for effect in index.sessions.iter().flat_map(|session| &session.effects) {
+        named.entry(effect.id.as_str()).or_default().push(effect);
+    }
+    let n_diagnosed = index.sessions.iter().filter(|s| s.diagnosis.is_some()).count();
+    let rows: Vec<Vec<Cell>> = named
+        .iter()
+        .map(|(id, found)| {
+            let gains: Vec<f64> =
+                found.iter().map(|effect| effect.heldout_gain_nats_per_event).collect();
+            let keys = found[0].parameters.keys();
+            let parameters = keys.map(|key| {
+                let known = found.iter().filter_map(|effect| effect.parameters.get(key).copied());
+                format!("{key} {}", quantity(&over_sessions(&known.collect::<Vec<_>>())))
+            });
+            vec![
+                Cell::text(found[0].id.name()),
+                Cell::text(id),
+                Cell::count(found.len() as u64),
+                Cell::estimate(&over_sessions(&gains)),
+                Cell::text(&parameters.collect::<Vec<_>>().join("; ")),
+            ]
+        })
+        .collect();
+    (n_diagnosed > 0).then(|| Section {
+        title: "What the model leaves out".into(),
+        lead: format!(
+            "{n_diagnosed} sessions were diagnosed. Means over the sessions that name an effect, each \
+             with its standard error."
+        ),
+        blocks: vec![Block::Table(Table {
+            title: "Effects named".into(),
+            caption: "Gains are in nats per event, on held-out events.".into(),
+            columns: vec![
+                Column::text("effect"),
+                Column::text("id"),
+                Column::number("sessions", ""),
+                Column::number("held-out gain", "nats per event"),
+                Column::text("parameters"),
+            ],
+            rows,
+        })],
+    })
+}
+
+/// The mean over sessions with its standard error; a single one has none.
+fn over_sessions(values: &[f64]) -> Estimate {
+    let moments: Moments = values.iter().copied().collect();
+    let error = if values.len() > 1 { moments.standard_error() } else { f64::NAN };
+    Estimate::normal(moments.mean(), error, values.len() as u64)
 }
 
 fn comparison(aggregate: &Aggregate) -> Section {

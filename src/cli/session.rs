@@ -43,11 +43,20 @@ pub enum ExportFormat {
     Mcap,
 }
 
+/// What `evrig export` takes of two streams of one name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ExportKind {
+    /// The events that were made from the frames
+    Events,
+    /// The frames
+    Frames,
+}
+
 /// Arguments of `evrig export`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     evrig export sessions/street --stream real --out real.h5\n  \
-    evrig export sessions/street --stream aps --out aps.npz\n  \
+    evrig export sessions/street --stream aps --kind frames --out aps.npz\n  \
     evrig export sessions/demo --stream raw --canvas 80 --out raw.npz\n  \
     evrig export sessions/demo --stream real --format mcap --out real.mcap\n\n\
     Times are microseconds. Beside the file, FILE.json says which events lie between which images, \
@@ -68,6 +77,11 @@ pub struct ExportArgs {
     /// The format [default: what the file's ending says (.npz, .h5, .parquet, .aedat4, .mcap), else npz]
     #[arg(long, value_enum)]
     pub format: Option<ExportFormat>,
+
+    /// Events or frames, where both have the name, as frames and the events made from them
+    /// [default: the events]
+    #[arg(long, value_enum)]
+    pub kind: Option<ExportKind>,
 
     /// Only the events that `evrig filter` kept, in the picture's coordinates
     #[arg(long)]

@@ -1,9 +1,9 @@
 //! `evrig export`: a stream in a format other programs read.
 
 use super::{Ending, Output};
-use crate::cli::{ExportArgs, ExportFormat as Chosen};
+use crate::cli::{ExportArgs, ExportFormat as Chosen, ExportKind};
 use crate::export::{Cut, ExportFormat, ExportRequest, export};
-use crate::session::Session;
+use crate::session::{Session, StreamKind};
 use serde_json::json;
 
 pub(super) fn run(args: &ExportArgs, output: &Output) -> anyhow::Result<Ending> {
@@ -14,8 +14,19 @@ pub(super) fn run(args: &ExportArgs, output: &Output) -> anyhow::Result<Ending> 
         (None, false) => Cut::Whole,
     };
     let (stream, out) = (args.stream.clone(), args.out.clone());
-    let request = ExportRequest { stream, out, format: format(args), cut };
+    let kind = args.kind.map(|kind| match kind {
+        ExportKind::Events => StreamKind::Events,
+        ExportKind::Frames => StreamKind::Frames,
+    });
+    let request = ExportRequest { stream, kind, out, format: format(args), cut };
     let made = export(&session, &request)?;
+    if made.has_namesake && kind.is_none() {
+        output.say(format!(
+            "`{}` names frames as well as the events made from them; these are the events, \
+             --kind frames takes the frames",
+            args.stream
+        ));
+    }
     let mut words: Vec<String> = made.n_events.map(|n| format!("{n} events")).into_iter().collect();
     words.extend(made.arrays.iter().map(|array| format!("{} {:?}", array.name, array.shape)));
     words.extend(made.beside.iter().map(|path| format!("beside it {}", path.display())));

@@ -41,15 +41,18 @@ impl Cluster {
         let host = said(&mut Command::new("hostname"));
         let host = host.trim().split('.').next().unwrap().to_owned();
         std::fs::write(root.join("slurm.conf"), configuration(&root, &host)).unwrap();
-        cluster.daemon("munged", &[
-            "--force",
-            "--foreground",
-            &format!("--key-file={}", at("key")),
-            &format!("--socket={}", at("munge.sock")),
-            &format!("--pid-file={}", at("munged.pid")),
-            &format!("--log-file={}", at("munged.log")),
-            &format!("--seed-file={}", at("seed")),
-        ]);
+        cluster.daemon(
+            "munged",
+            &[
+                "--force",
+                "--foreground",
+                &format!("--key-file={}", at("key")),
+                &format!("--socket={}", at("munge.sock")),
+                &format!("--pid-file={}", at("munged.pid")),
+                &format!("--log-file={}", at("munged.log")),
+                &format!("--seed-file={}", at("seed")),
+            ],
+        );
         let socket = format!("--socket={}", at("munge.sock"));
         until("munged answers", || succeeds(Command::new("munge").args(["-n", &socket])));
         cluster.daemon("slurmctld", &["-D", "-f", &at("slurm.conf")]);
