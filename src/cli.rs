@@ -3,6 +3,7 @@
 use clap::{Args, Parser, Subcommand};
 
 mod about;
+mod batch;
 mod check;
 mod demo;
 mod diagnose;
@@ -21,6 +22,7 @@ mod sweep;
 mod target;
 
 pub use about::{CompletionsArgs, ManArgs};
+pub use batch::{BatchArgs, Engine};
 pub use check::CheckArgs;
 pub use demo::DemoArgs;
 pub use diagnose::{BaselineChoice, DiagnoseArgs};
@@ -34,7 +36,7 @@ pub use pi::{PairArgs, PiArgs, PiCamera};
 pub use plan::PlanArgs;
 pub use prove::ProveArgs;
 pub use record::RecordArgs;
-pub use session::{ExportArgs, ExportFormat, InfoArgs, ReportArgs, VerifyArgs};
+pub use session::{ExportArgs, ExportFormat, ExportKind, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{
     CalibrateArgs, CalibrateObjective, CompareArgs, ConditionArgs, GenerateArgs, ModelArgs,
     ProcessArgs,

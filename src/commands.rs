@@ -11,6 +11,7 @@ mod about;
 mod calibrate;
 mod check;
 mod compare;
+mod dataset;
 mod demo;
 mod diagnose;
 mod emulate;

@@ -3,5 +3,6 @@
 pub mod aedat4;
 pub mod hdf5;
 pub mod npy;
+pub mod parquet;
 pub mod raw10;
 pub mod raw2event;

@@ -26,6 +26,8 @@
 //! | [`diagnose`] | what the prediction leaves over: which physical effect is missing, what it buys, when to abstain |
 //! | [`report`] | the page and the terminal table that show results; plots as pure functions |
 //! | [`pipeline`] | stages: input checksums to outputs, what is stale |
+//! | [`export`] | streams in the formats other programs read, with what is needed to use them |
+//! | [`batch`] | the same stages over a dataset, here or on Slurm: index, splits, card, comparison |
 //! | [`prove`] | concealed trials: what is hidden, sealed, found again and counted |
 //! | [`live`] | what devices see now, to viewers: rates, frames with the tag, events; nothing waits for them |
 //! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
@@ -38,6 +40,7 @@
 //! 4. Every count in a report is recomputed from files, not taken from what a device said.
 //! 5. Randomness is always a seeded generator passed in; the seed is in the manifest.
 
+pub mod batch;
 pub mod calibrate;
 pub mod cli;
 pub mod clock;
@@ -48,6 +51,7 @@ pub mod diagnose;
 pub mod drive;
 pub mod effect_id;
 pub mod event;
+pub mod export;
 pub mod filter;
 pub mod format;
 pub mod frame;

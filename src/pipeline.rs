@@ -22,8 +22,8 @@ pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration
 pub use compare::{CompareRequest, compare, read_comparison};
 pub use diagnose::{Baseline, DiagnoseRequest, default_baseline, diagnose, read_diagnosis};
 pub use filter::{
-    FilterRequest, FilterSettings, FilterTally, FilteredStream, filter, read_filter_tally,
-    track_for,
+    FilterRequest, FilterSettings, FilterTally, FilteredStream, filter, picture_events,
+    read_filter_tally, stream_grid, track_for,
 };
 pub use generate::{
     Conditions, GenerateRequest, Generated, GenerationSpeed, default_light, generate,

@@ -15,7 +15,6 @@
 
 mod census;
 mod checksum;
-mod export;
 pub mod import;
 mod journal;
 mod layout;
@@ -30,7 +29,6 @@ mod verify;
 
 pub use census::{Census, StreamCensus, census};
 pub use checksum::{Sha256Hex, sha256_of_bytes, sha256_of_file};
-pub use export::{ExportedArray, export_npz};
 pub use journal::Journal;
 pub use layout::{Layout, StreamName};
 pub(crate) use manifest::write_whole;
@@ -46,6 +44,7 @@ pub use rig_log::{
     Arrival, ClockExchange, ClockSandwich, FrameMetadata, HostTime, PacketArrival, PiFrame,
     RawClockSandwich, RigLogError, RigLogWriter, RigNotes, Severity, TimedPose, Topic,
 };
+pub(crate) use rig_log::{picture_message, picture_schema};
 pub use stage::{StageRecord, read_stage, write_stage};
 pub use verify::{Finding, Verification, verify};
 

@@ -35,6 +35,7 @@ const RANKS: &[&[&str]] = &[
     &["diagnose"],
     &["report"],
     &["pipeline"],
+    &["export"],
     &["batch"],
     &["prove"],
     &["live"],
@@ -55,6 +56,7 @@ const ANALYSIS: &[&str] = &[
     "diagnose",
     "report",
     "pipeline",
+    "export",
     "batch",
 ];
 

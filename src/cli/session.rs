@@ -33,13 +33,34 @@ pub struct VerifyArgs {
 pub enum ExportFormat {
     /// NumPy arrays in one file
     Npz,
+    /// HDF5 in DSEC's layout, gzip: events/{x,y,t,p}, ms_to_idx, t_offset
+    Hdf5,
+    /// A table with the columns t, x, y, p
+    Parquet,
+    /// AEDAT4, for DV and dv-processing
+    Aedat4,
+    /// Pictures of the events, frames and the picture's outline, for Foxglove and Rerun
+    Mcap,
+}
+
+/// What `evrig export` takes of two streams of one name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ExportKind {
+    /// The events that were made from the frames
+    Events,
+    /// The frames
+    Frames,
 }
 
 /// Arguments of `evrig export`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
-    evrig export sessions/street --stream real --out real.npz\n  \
-    evrig export sessions/street --stream aps --out aps.npz\n\n\
+    evrig export sessions/street --stream real --out real.h5\n  \
+    evrig export sessions/street --stream aps --kind frames --out aps.npz\n  \
+    evrig export sessions/demo --stream raw --canvas 80 --out raw.npz\n  \
+    evrig export sessions/demo --stream real --format mcap --out real.mcap\n\n\
+    Times are microseconds. Beside the file, FILE.json says which events lie between which images, \
+    where the picture was, the clocks with their errors, and the seeds.\n\
     In Python: events = numpy.load('real.npz')['events']   # int64, columns t_us, x, y, p")]
 pub struct ExportArgs {
     /// The session
@@ -53,21 +74,34 @@ pub struct ExportArgs {
     #[arg(long, value_name = "PATH")]
     pub out: PathBuf,
 
-    /// The format to write it in
-    #[arg(long, value_enum, default_value = "npz")]
-    pub format: ExportFormat,
+    /// The format [default: what the file's ending says (.npz, .h5, .parquet, .aedat4, .mcap), else npz]
+    #[arg(long, value_enum)]
+    pub format: Option<ExportFormat>,
+
+    /// Events or frames, where both have the name, as frames and the events made from them
+    /// [default: the events]
+    #[arg(long, value_enum)]
+    pub kind: Option<ExportKind>,
+
+    /// Only the events that `evrig filter` kept, in the picture's coordinates
+    #[arg(long)]
+    pub filtered: bool,
+
+    /// The filtered events on a canvas of so many columns and rows; the paper's is 80
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    pub canvas: Option<u16>,
 }
 
 /// Arguments of `evrig report`.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  evrig report sessions/street      # writes sessions/street/report.html"
+    after_help = "Examples:\n  evrig report sessions/street      # writes sessions/street/report.html\n  evrig report dataset              # a table of its sessions, with links to their reports"
 )]
 pub struct ReportArgs {
-    /// The session
+    /// The session, or a dataset: a folder of sessions
     pub session: PathBuf,
 
-    /// Where to write the page [default: SESSION/report.html]
+    /// Where to write the page [default: report.html in the session or dataset]
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 }

@@ -163,11 +163,13 @@ pub enum CalibrateObjective {
 
 /// Arguments of `evrig compare`.
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Examples:\n  evrig compare sessions/street\n  evrig compare sessions/street --stream aps --json"
-)]
+#[command(after_help = "Examples:\n  \
+    evrig compare sessions/street\n  \
+    evrig compare sessions/street --stream aps --json\n  \
+    evrig compare dataset --variants twelve      # writes dataset/comparison.html, .csv, .json\n\n\
+    Over a dataset each measure is the mean over its sessions, with the error of a bootstrap over them.")]
 pub struct CompareArgs {
-    /// The session
+    /// The session, or a dataset: a folder of sessions
     pub session: PathBuf,
 
     /// The simulated stream [default: every one the session has]
@@ -177,6 +179,14 @@ pub struct CompareArgs {
     /// The stream to compare with
     #[arg(long, value_name = "NAME", default_value = "real")]
     pub real: String,
+
+    /// A dataset: first make this list of streams in each session: twelve or davis, or a TOML file
+    #[arg(long, value_name = "LIST", conflicts_with = "stream")]
+    pub variants: Option<String>,
+
+    /// A dataset: only the sessions of this rig, named as in dataset.json, or the beginning of it
+    #[arg(long, value_name = "NAME")]
+    pub rig: Option<String>,
 
     /// Seed of the resampling behind the errors
     #[arg(long, default_value_t = 0)]
@@ -189,11 +199,16 @@ pub struct CompareArgs {
 
 /// Arguments of `evrig process`.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  evrig process sessions/street\n\n\
-    Runs every stage for which the session has the inputs and says which it left out and why.\n\
-    A stage whose inputs did not change is not run again.")]
+#[command(after_help = "Examples:\n  \
+    evrig process sessions/street\n  \
+    evrig process dataset\n  \
+    evrig process dataset --engine slurm --cpus 8 --time-limit 02:00:00 --sbatch=--partition=long\n  \
+    evrig process dataset --status\n\n\
+    Runs every stage for which a session has the inputs and says which it left out and why.\n\
+    A stage whose inputs did not change is not run again. A dataset, a folder of sessions, is gone\n\
+    through to its end whatever a session is like; exit code 3 when something was lost or failed.")]
 pub struct ProcessArgs {
-    /// The session
+    /// The session, or a dataset: a folder of sessions
     pub session: PathBuf,
 
     /// What decides the events.
@@ -203,4 +218,30 @@ pub struct ProcessArgs {
     /// Run every stage even when its result is already there
     #[arg(long)]
     pub force: bool,
+
+    /// How a dataset is processed.
+    #[command(flatten)]
+    pub batch: super::BatchArgs,
+}
+
+impl ModelArgs {
+    /// The same as words of a command line.
+    #[must_use]
+    pub fn words(&self) -> Vec<String> {
+        let Self { model, preset, k, knobs, full_scale_dn, law, seed } = self;
+        let full_scale_dn = full_scale_dn.map(|dn| dn.to_string());
+        let mut words = vec![format!("--seed={seed}")];
+        let named = [
+            ("model", model.as_ref()),
+            ("preset", preset.as_ref()),
+            ("k", k.as_ref()),
+            ("full-scale-dn", full_scale_dn.as_ref()),
+            ("law", law.as_ref()),
+        ];
+        words.extend(
+            named.iter().filter_map(|(name, value)| Some(format!("--{name}={}", value.as_ref()?))),
+        );
+        words.extend(knobs.iter().map(|knob| format!("--knob={knob}")));
+        words
+    }
 }

@@ -9,6 +9,13 @@ use crate::session::{Session, StreamKind, StreamName};
 use serde_json::{Value, json};
 
 pub(super) fn run(args: &CompareArgs, output: &Output) -> anyhow::Result<Ending> {
+    if crate::batch::is_dataset(&args.session) {
+        return super::dataset::compare(args, output);
+    }
+    if args.variants.is_some() || args.rig.is_some() {
+        let what = "--variants and --rig belong to a dataset; of a session `evrig generate SESSION --variants LIST` makes them";
+        return Err(WrongUse(what.into()).into());
+    }
     let session = Session::open(&args.session)?;
     let streams = match &args.stream {
         Some(name) => {

@@ -1,18 +1,61 @@
 //! `evrig export`: a stream in a format other programs read.
 
 use super::{Ending, Output};
-use crate::cli::{ExportArgs, ExportFormat};
-use crate::session::{Session, export_npz};
+use crate::cli::{ExportArgs, ExportFormat as Chosen, ExportKind};
+use crate::export::{Cut, ExportFormat, ExportRequest, export};
+use crate::session::{Session, StreamKind};
 use serde_json::json;
 
 pub(super) fn run(args: &ExportArgs, output: &Output) -> anyhow::Result<Ending> {
     let session = Session::open(&args.session)?;
-    let arrays = match args.format {
-        ExportFormat::Npz => export_npz(&session, &args.stream, &args.out)?,
+    let cut = match (args.canvas, args.filtered) {
+        (Some(side), _) => Cut::Canvas(side),
+        (None, true) => Cut::Picture,
+        (None, false) => Cut::Whole,
     };
-    let words: Vec<String> =
-        arrays.iter().map(|array| format!("{} {:?}", array.name, array.shape)).collect();
+    let (stream, out) = (args.stream.clone(), args.out.clone());
+    let kind = args.kind.map(|kind| match kind {
+        ExportKind::Events => StreamKind::Events,
+        ExportKind::Frames => StreamKind::Frames,
+    });
+    let request = ExportRequest { stream, kind, out, format: format(args), cut };
+    let made = export(&session, &request)?;
+    if made.has_namesake && kind.is_none() {
+        output.say(format!(
+            "`{}` names frames as well as the events made from them; these are the events, \
+             --kind frames takes the frames",
+            args.stream
+        ));
+    }
+    let mut words: Vec<String> = made.n_events.map(|n| format!("{n} events")).into_iter().collect();
+    words.extend(made.arrays.iter().map(|array| format!("{} {:?}", array.name, array.shape)));
+    words.extend(made.beside.iter().map(|path| format!("beside it {}", path.display())));
+    for because in &made.left_out {
+        output.say(format!("left out: {because}"));
+    }
     let text = format!("{}: {}", args.out.display(), words.join(", "));
-    output.result(&json!({ "path": args.out, "stream": args.stream, "arrays": arrays }), text)?;
+    let value = json!({
+        "path": args.out, "stream": args.stream, "format": request.format, "cut": request.cut,
+        "events": made.n_events, "arrays": made.arrays, "beside": made.beside,
+        "left_out": made.left_out,
+    });
+    output.result(&value, text)?;
     Ok(Ending::Done)
+}
+
+fn format(args: &ExportArgs) -> ExportFormat {
+    match args.format {
+        Some(Chosen::Npz) => ExportFormat::Npz,
+        Some(Chosen::Hdf5) => ExportFormat::Hdf5,
+        Some(Chosen::Parquet) => ExportFormat::Parquet,
+        Some(Chosen::Aedat4) => ExportFormat::Aedat4,
+        Some(Chosen::Mcap) => ExportFormat::Mcap,
+        None => match args.out.extension().and_then(|extension| extension.to_str()) {
+            Some("h5" | "hdf5") => ExportFormat::Hdf5,
+            Some("parquet") => ExportFormat::Parquet,
+            Some("aedat4") => ExportFormat::Aedat4,
+            Some("mcap") => ExportFormat::Mcap,
+            _ => ExportFormat::Npz,
+        },
+    }
 }

@@ -5,14 +5,49 @@ mod own_light;
 mod steps;
 mod target;
 
-use super::{Ending, Output};
-use crate::cli::ProcessArgs;
+use super::{Ending, Output, WrongUse};
+use crate::cli::{Engine, ProcessArgs};
 use crate::session::Session;
-use serde_json::json;
+use serde_json::{Value, json};
+use std::path::Path;
 use steps::Steps;
 
+/// A session that was processed.
+pub(super) struct Processed {
+    /// The result as consumers of `--json` get it.
+    pub(super) value: Value,
+    /// The same for people.
+    pub(super) text: String,
+    /// Losses of the recording, and stages that had their inputs and gave nothing.
+    pub(super) n_lost: usize,
+}
+
 pub(super) fn run(args: &ProcessArgs, output: &Output) -> anyhow::Result<Ending> {
-    let session = Session::open(&args.session)?;
+    if crate::batch::is_dataset(&args.session) {
+        return super::dataset::process(args, output);
+    }
+    let batch = &args.batch;
+    if batch.engine == Engine::Slurm || batch.status || batch.gather || batch.task.is_some() {
+        let what = format!(
+            "{} is a session; --engine slurm and --status take a dataset, a folder of sessions",
+            args.session.display()
+        );
+        return Err(WrongUse(what).into());
+    }
+    let processed = session(&args.session, args, output)?;
+    let next = format!("next: evrig report {}", args.session.display());
+    output.result(&processed.value, processed.text + &next)?;
+    Ok(if processed.n_lost == 0 { Ending::Done } else { Ending::WithLosses })
+}
+
+/// Every stage of one session.
+pub(super) fn session(
+    root: &Path,
+    args: &ProcessArgs,
+    output: &Output,
+) -> anyhow::Result<Processed> {
+    let session = Session::open(root)?;
+    let _held = crate::batch::lock_session(&session)?;
     let mut all = Steps::default();
     all.append(target::clocks_and_tracks(&session, args, output)?);
     all.append(target::scene(&session, args, output)?);
@@ -21,8 +56,6 @@ pub(super) fn run(args: &ProcessArgs, output: &Output) -> anyhow::Result<Ending>
     all.append(target::filter_all(&session, args)?);
     all.append(explain::compare_all(&session, args)?);
     all.append(explain::diagnose(&session, args, output));
-    let mut text = all.text;
-    text += &format!("next: evrig report {}", args.session.display());
     let value = json!({
         "schema": "evrig.process/1",
         "session": session.manifest().name,
@@ -30,7 +63,6 @@ pub(super) fn run(args: &ProcessArgs, output: &Output) -> anyhow::Result<Ending>
         "left_out": all.left_out,
         "losses": session.manifest().losses,
     });
-    output.result(&value, text)?;
     let n_lost = all.n_lost + session.manifest().losses.len();
-    Ok(if n_lost == 0 { Ending::Done } else { Ending::WithLosses })
+    Ok(Processed { value, text: all.text, n_lost })
 }

@@ -8,6 +8,9 @@ use anyhow::Context;
 use serde_json::json;
 
 pub(super) fn run(args: &ReportArgs, output: &Output) -> anyhow::Result<Ending> {
+    if crate::batch::is_dataset(&args.session) {
+        return super::dataset::report(args, output);
+    }
     let session = Session::open(&args.session)?;
     let html = pipeline::report(&session)?;
     let path = args.out.clone().unwrap_or_else(|| session.layout().report());

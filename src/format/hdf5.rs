@@ -4,6 +4,10 @@
 //! plain or with gzip, shuffle or LZF. Blosc and Zstandard, which DSEC itself uses, need
 //! filters it does not have: the error says to rewrite the file with gzip.
 
+mod dsec;
+
+pub use dsec::{SideColumn, SideGroup, write_dsec};
+
 use super::npy::Column;
 use hdf5_pure::{Dataset, File};
 use std::path::{Path, PathBuf};
@@ -17,7 +21,7 @@ pub struct EventColumns {
     pub t_offset_us: i64,
 }
 
-/// Why a file gives no events.
+/// Why a file gives no events, or cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {what}", path = path.display())]
 pub struct Hdf5Error {

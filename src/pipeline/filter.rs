@@ -169,6 +169,18 @@ pub(super) fn filtered_events(
     Ok(Some((events, size, record.outputs.into_iter().map(inside).collect())))
 }
 
+/// The events of a stream as the stage left them, in the picture's own coordinates, with their grid;
+/// none when the stage did not run on the stream as it is now.
+///
+/// # Errors
+/// When a file cannot be read.
+pub fn picture_events(
+    session: &Session,
+    stream: &StreamName,
+) -> Result<Option<(Events, Size)>, PipelineError> {
+    Ok(filtered_events(session, stream)?.map(|(events, size, _)| (events, size)))
+}
+
 /// The track that shows where the picture is on the grid of a stream's events.
 ///
 /// # Errors
@@ -191,6 +203,13 @@ pub fn track_for(session: &Session, stream: &StreamName) -> Result<String, Pipel
 }
 
 /// The pixel grid of an event stream.
+///
+/// # Errors
+/// When there is no such stream, or it states no grid.
+pub fn stream_grid(session: &Session, stream: &StreamName) -> Result<Size, PipelineError> {
+    grid(session, stream)
+}
+
 pub(super) fn grid(session: &Session, stream: &StreamName) -> Result<Size, PipelineError> {
     let stated = session.stream(StreamKind::Events, stream.as_str()).ok().and_then(|s| s.size);
     if let Some(size) = stated {

@@ -24,6 +24,7 @@ mod schema;
 mod writer;
 
 pub(super) use census::{RigLogCensus, arrivals, census, stream_names};
+pub(crate) use image::{encode_in as picture_message, schema as picture_schema};
 pub(super) use notes::read_notes;
 pub use notes::{RigNotes, TimedPose};
 pub(super) use pictures::{PictureReader, StoredPicture};

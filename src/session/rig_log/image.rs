@@ -27,8 +27,19 @@ pub(super) struct RawImage {
     frame_id: String,
 }
 
-/// The message of a picture whose rows have no padding.
+/// The message of a picture of the Pi's camera whose rows have no padding.
 pub(super) fn encode(at: Stamp<Unix>, size: Size, encoding: &str, data: Vec<u8>) -> Vec<u8> {
+    encode_in("pi", at, size, encoding, data)
+}
+
+/// The message of a picture in a frame of reference; its rows have no padding.
+pub(crate) fn encode_in(
+    frame: &str,
+    at: Stamp<Unix>,
+    size: Size,
+    encoding: &str,
+    data: Vec<u8>,
+) -> Vec<u8> {
     let (seconds, nanos) = seconds_nanos(at);
     let image = RawImage {
         timestamp: Some(Timestamp { seconds, nanos }),
@@ -37,7 +48,7 @@ pub(super) fn encode(at: Stamp<Unix>, size: Size, encoding: &str, data: Vec<u8>)
         encoding: encoding.to_owned(),
         step: (data.len() / usize::from(size.height).max(1)) as u32,
         data,
-        frame_id: "pi".to_owned(),
+        frame_id: frame.to_owned(),
     };
     image.encode_to_vec()
 }
@@ -49,7 +60,7 @@ pub(super) fn seconds_nanos(at: Stamp<Unix>) -> (i64, i32) {
 }
 
 /// The description of RawImage and of the Timestamp it uses, as MCAP wants it for protobuf.
-pub(super) fn schema() -> Vec<u8> {
+pub(crate) fn schema() -> Vec<u8> {
     let field = |name: &str, number, kind: Type, type_name: Option<&str>| FieldDescriptorProto {
         name: Some(name.to_owned()),
         number: Some(number),

@@ -1,11 +1,12 @@
-//! Any stream of a session as NumPy arrays.
+//! Streams of a session as NumPy arrays.
 
-use super::{Session, SessionError, StreamEntry, StreamKind};
 use crate::event::EventSlice;
 use crate::format::aedat4::{Content, Reader};
-use crate::format::npy::{ArrayReader, NpzWriter};
+use crate::format::hdf5::SideGroup;
+use crate::format::npy::{ArrayReader, Column, NpzWriter};
 use crate::frame::Samples;
 use crate::imu::{ImuSample, Trigger};
+use crate::session::{Session, SessionError, StreamEntry, StreamKind};
 use crate::time::{Clock, PiSensor};
 use serde::Serialize;
 use std::path::Path;
@@ -14,35 +15,59 @@ use std::path::Path;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ExportedArray {
     /// Its name in the archive.
-    pub name: &'static str,
+    pub name: String,
     /// Its length along each axis.
     pub shape: Vec<u64>,
 }
 
-/// Writes a stream into an npz archive.
+/// Writes a recorded stream of frames, inertial samples or triggers into an npz archive.
 ///
 /// | stream | arrays |
 /// | --- | --- |
-/// | events | `events` int64 (N, 4): t_us, x, y, p with 1 for On |
 /// | frames | `frames` (N, H, W) or (N, H, W, C); `t_us`; of AEDAT4 frames also `exposure_start_us`, `exposure_end_us`;
 ///            of the Pi's, instead of `t_us`, `sensor_timestamp_ns` and `real_time_us` (0 where unreadable) |
 /// | imu | `t_us`; `acceleration_g` (N, 3), `rotation_deg_per_s`, `magnetic_ut`; `temperature_c` |
 /// | triggers | `t_us`; `kind`, the code of AEDAT4's trigger types |
 ///
-/// # Errors
-/// When there is no such stream or the disk refuses; a frame stream whose frames change size.
-pub fn export_npz(
+/// None for streams of another kind.
+pub(super) fn recorded(
     session: &Session,
-    name: &str,
+    entry: &StreamEntry,
+    out: &Path,
+) -> Result<Option<Vec<ExportedArray>>, SessionError> {
+    match entry.kind {
+        StreamKind::Frames => frames(session, entry, out).map(Some),
+        StreamKind::Imu => imu(session, entry, out).map(Some),
+        StreamKind::Triggers => triggers(session, entry, out).map(Some),
+        _ => Ok(None),
+    }
+}
+
+/// Writes events: `events`, int64 (N, 4) with the columns t_us, x, y and p, 1 for On, as the paper's
+/// authors publish theirs; beside them each group of columns as `<stream>_<column>`.
+pub(super) fn events(
+    events: EventSlice<'_>,
+    images: &[SideGroup],
     out: &Path,
 ) -> Result<Vec<ExportedArray>, SessionError> {
-    let recorded = session.manifest().streams.iter().find(|stream| stream.name == name);
-    match recorded {
-        Some(entry) if entry.kind == StreamKind::Frames => frames(session, entry, out),
-        Some(entry) if entry.kind == StreamKind::Imu => imu(session, entry, out),
-        Some(entry) if entry.kind == StreamKind::Triggers => triggers(session, entry, out),
-        _ => events(session.events(name)?.0.as_slice(), out),
+    let mut archive = Archive::create(out)?;
+    let rows =
+        events.iter().flat_map(|event| [event.t, event.x.into(), event.y.into(), event.on.into()]);
+    archive.add::<i64>("events", &[events.len() as u64, 4], rows)?;
+    for group in images {
+        for column in &group.columns {
+            let name = format!("{}_{}", group.name, column.name);
+            match &column.values {
+                Column::Int(values) => {
+                    archive.add(&name, &column.shape(), values.iter().copied())?;
+                }
+                Column::Float(values) => {
+                    archive.add(&name, &column.shape(), values.iter().copied())?;
+                }
+            }
+        }
     }
+    archive.finish()
 }
 
 /// One archive under construction, with the list of what is in it.
@@ -58,12 +83,12 @@ impl Archive {
 
     fn add<T: crate::format::npy::Element>(
         &mut self,
-        name: &'static str,
+        name: &str,
         shape: &[u64],
         elements: impl IntoIterator<Item = T>,
     ) -> Result<(), SessionError> {
         self.npz.add(name, shape, elements)?;
-        self.arrays.push(ExportedArray { name, shape: shape.to_vec() });
+        self.arrays.push(ExportedArray { name: name.to_owned(), shape: shape.to_vec() });
         Ok(())
     }
 
@@ -71,14 +96,6 @@ impl Archive {
         self.npz.finish()?;
         Ok(self.arrays)
     }
-}
-
-fn events(events: EventSlice<'_>, out: &Path) -> Result<Vec<ExportedArray>, SessionError> {
-    let mut archive = Archive::create(out)?;
-    let rows =
-        events.iter().flat_map(|event| [event.t, event.x.into(), event.y.into(), event.on.into()]);
-    archive.add::<i64>("events", &[events.len() as u64, 4], rows)?;
-    archive.finish()
 }
 
 /// The contents of one stream of an AEDAT4 file, up to the damage if it is damaged.

@@ -1,0 +1,119 @@
+//! A dataset: a directory of sessions, processed unattended, here or on Slurm.
+//!
+//! ```text
+//! <dataset>/
+//!   <session>/, <folder>/<session>/     the sessions, at most four folders deep
+//!   dataset.json                        the index: sessions, streams with counts, rigs, splits, outcomes
+//!   CARD.md                             the same for people: counts, rigs, splits, losses
+//!   comparison.json, .csv, .html        measures by generator variant over the sessions
+//!   comparison-sessions.csv             the same session by session
+//!   report.html                         all of it as a page
+//!   batch/outcomes/<session>.json       what became of each session
+//!   batch/slurm/                        the job's script, its record and its logs
+//! ```
+//! No file holds a time of day or a place outside the dataset, so that a run here and one on a
+//! cluster leave the same bytes (`batch/slurm` apart).
+
+mod aggregate;
+mod card;
+mod index;
+mod lock;
+mod outcome;
+mod page;
+mod slurm;
+mod split;
+mod walk;
+
+pub use aggregate::{Aggregate, Cell, SessionValue, Variant, aggregate};
+pub use card::card;
+pub use index::{Index, IndexedSession, IndexedStream, NamedEffect, Rig, index, read_index};
+pub use lock::{Held, lock_dataset, lock_session};
+pub use outcome::{LeftOut, Outcome, Verdict, clear_outcome, read_outcome, write_outcome};
+pub use page::{comparison_page, dataset_page};
+pub use slurm::{Job, JobState, Resources, Slurm, read_job};
+pub use split::{Share, Splits};
+pub use walk::{Found, is_dataset, walk};
+
+use crate::session::SessionError;
+use std::path::{Path, PathBuf};
+
+/// Why a dataset cannot be processed.
+#[derive(Debug, thiserror::Error)]
+pub enum BatchError {
+    /// There is no session in it.
+    #[error("{root} is no dataset: {what}", root = root.display())]
+    NoDataset {
+        /// The directory.
+        root: PathBuf,
+        /// What is missing and what to do.
+        what: String,
+    },
+    /// Another process has it.
+    #[error("{path} is being processed by {whom}; wait for its end, or stop that one first", path = path.display())]
+    Busy {
+        /// The dataset or the session.
+        path: PathBuf,
+        /// Who holds the lock.
+        whom: String,
+    },
+    /// Nothing can be written to it.
+    #[error("{path}: {source}; results are written beside the recordings: copy them to a disk that can be written to and has room", path = path.display())]
+    NoRoom {
+        /// Where.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// Shares that make no split.
+    #[error("splits `{text}`: {what}; expected as train=0.8,val=0.1,test=0.1")]
+    Splits {
+        /// What was given.
+        text: String,
+        /// What is wrong.
+        what: String,
+    },
+    /// A file of the dataset cannot be understood.
+    #[error("{path}: {what}", path = path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong and what to do.
+        what: String,
+    },
+    /// Slurm did not do what was asked.
+    #[error("{command}: {what}")]
+    Slurm {
+        /// The command.
+        command: String,
+        /// What it said.
+        what: String,
+    },
+    /// A session or a file cannot be read or written.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// The system refused.
+    #[error("{path}: {source}", path = path.display())]
+    Io {
+        /// Where.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+}
+
+impl BatchError {
+    /// The system's refusal, told from a disk that is full or cannot be written to.
+    pub(crate) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
+        |source| {
+            let path = path.to_owned();
+            if is_disk(&source) { Self::NoRoom { path, source } } else { Self::Io { path, source } }
+        }
+    }
+}
+
+/// Whether the disk is at fault, so that no other session would fare better.
+#[must_use]
+pub fn is_disk(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind::{QuotaExceeded, ReadOnlyFilesystem, StorageFull};
+    matches!(error.kind(), StorageFull | ReadOnlyFilesystem | QuotaExceeded)
+}

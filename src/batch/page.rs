@@ -1,0 +1,272 @@
+//! A dataset as pages.
+
+use super::{Aggregate, Index, IndexedSession, NamedEffect, Verdict};
+use crate::report::figure::Link;
+use crate::report::number::{count, quantity};
+use crate::report::page::{Block, Fact, Page, Section, Summary};
+use crate::report::table::{Cell, Column, Table};
+use crate::session::StreamKind;
+use crate::stats::{Estimate, Moments};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// The comparison alone.
+#[must_use]
+pub fn comparison_page(aggregate: &Aggregate) -> Page {
+    Page {
+        title: aggregate.dataset.clone(),
+        kind: "Dataset comparison".into(),
+        summary: Summary { headline: headline(aggregate), ..Summary::default() },
+        sections: vec![comparison(aggregate)],
+        provenance: provenance(Some(aggregate)),
+    }
+}
+
+/// Sessions, streams, splits and the comparison. Links lead to the sessions' own reports where they
+/// have one.
+#[must_use]
+pub fn dataset_page(root: &Path, index: &Index, aggregate: &Aggregate) -> Page {
+    let n = |verdict| index.n_with(verdict);
+    let said = format!(
+        "{} sessions: {} processed, {} with losses, {} failed.",
+        index.sessions.len(),
+        n(Some(Verdict::Ok)),
+        n(Some(Verdict::WithLosses)),
+        n(Some(Verdict::Failed)),
+    );
+    let totals = index.totals();
+    let n_real = totals.get(&("real".to_owned(), StreamKind::Events.to_string()));
+    let facts = vec![
+        Fact::new("sessions", index.sessions.len().to_string()),
+        Fact::new("recorded", format!("{:.1} s", index.duration_s())),
+        Fact::new("real events", count(n_real.copied().unwrap_or(0))),
+        Fact::new("rigs", index.rigs.len().to_string()),
+    ];
+    let mut sections = vec![sessions(root, index)];
+    if !aggregate.variants.is_empty() {
+        sections.push(comparison(aggregate));
+    }
+    sections.extend(effects(index));
+    sections.push(contents(index));
+    Page {
+        title: index.name.clone(),
+        kind: "Dataset report".into(),
+        summary: Summary { headline: said, remarks: index.warnings.clone(), facts, figure: None },
+        sections,
+        provenance: provenance(Some(aggregate)),
+    }
+}
+
+fn headline(aggregate: &Aggregate) -> String {
+    let mut sessions: Vec<&str> =
+        aggregate.sessions.iter().map(|value| value.session.as_str()).collect();
+    sessions.dedup();
+    format!("{} generator variants over {} sessions.", aggregate.variants.len(), sessions.len())
+}
+
+fn provenance(aggregate: Option<&Aggregate>) -> Vec<Fact> {
+    let mut facts = vec![Fact::new("evrig", env!("CARGO_PKG_VERSION"))];
+    if let Some(aggregate) = aggregate {
+        facts.push(Fact::new("seed of the errors", aggregate.seed.to_string()));
+        facts.push(Fact::new("draws of sessions", count(aggregate.n_bootstrap)));
+        facts.push(Fact::new("rig", aggregate.rig.clone().unwrap_or_else(|| "all".into())));
+    }
+    facts
+}
+
+fn sessions(root: &Path, index: &Index) -> Section {
+    let columns = vec![
+        Column::text("session"),
+        Column::text("outcome"),
+        Column::text("split"),
+        Column::number("recorded", "s"),
+        Column::number("real events", ""),
+        Column::number("losses", ""),
+        Column::text("diagnosis"),
+        Column::text("rig"),
+        Column::text("what was lost, or why it failed"),
+    ];
+    let rows = index.sessions.iter().map(|session| {
+        let report = format!("{}/report.html", session.path);
+        let name = Cell::text(&session.path);
+        let has_report = root.join(&report).is_file();
+        let real =
+            session.streams.iter().find(|s| s.name == "real" && s.kind == StreamKind::Events);
+        vec![
+            if has_report { name.with_link(Link::beside(&report)) } else { name },
+            Cell::text(&session.verdict.map_or("not processed".into(), |v| v.to_string())),
+            Cell::text(session.split.as_deref().unwrap_or("")),
+            session.duration_s.map_or(Cell::text(""), Cell::number),
+            real.map_or(Cell::text(""), |stream| Cell::count(stream.count)),
+            Cell::count(session.losses.len() as u64),
+            Cell::text(&diagnosis(session)),
+            Cell::text(session.rig.as_deref().unwrap_or("")),
+            Cell::text(&session.because.join("; ")),
+        ]
+    });
+    let table = Table {
+        title: "Sessions".into(),
+        caption: "A session with a report leads to it.".into(),
+        columns,
+        rows: rows.collect(),
+    };
+    Section {
+        title: "What became of each session".into(),
+        lead: "Press a column's head to sort by it.".into(),
+        blocks: vec![Block::Table(table)],
+    }
+}
+
+/// The diagnosis's word and the effects it named.
+fn diagnosis(session: &IndexedSession) -> String {
+    let Some(verdict) = session.diagnosis else { return String::new() };
+    let word = serde_json::to_value(verdict).unwrap_or_default();
+    let word = word.as_str().unwrap_or_default().replace('_', " ");
+    let names: Vec<&str> = session.effects.iter().map(|effect| effect.id.as_str()).collect();
+    if names.is_empty() { word } else { format!("{word}: {}", names.join(", ")) }
+}
+
+/// The effects that diagnoses named, with their parameters over the sessions.
+fn effects(index: &Index) -> Option<Section> {
+    let mut named: BTreeMap<&str, Vec<&NamedEffect>> = BTreeMap::new();
+    for effect in index.sessions.iter().flat_map(|session| &session.effects) {
+        named.entry(effect.id.as_str()).or_default().push(effect);
+    }
+    let n_diagnosed = index.sessions.iter().filter(|s| s.diagnosis.is_some()).count();
+    let rows: Vec<Vec<Cell>> = named
+        .iter()
+        .map(|(id, found)| {
+            let gains: Vec<f64> =
+                found.iter().map(|effect| effect.heldout_gain_nats_per_event).collect();
+            let keys = found[0].parameters.keys();
+            let parameters = keys.map(|key| {
+                let known = found.iter().filter_map(|effect| effect.parameters.get(key).copied());
+                format!("{key} {}", quantity(&over_sessions(&known.collect::<Vec<_>>())))
+            });
+            vec![
+                Cell::text(found[0].id.name()),
+                Cell::text(id),
+                Cell::count(found.len() as u64),
+                Cell::estimate(&over_sessions(&gains)),
+                Cell::text(&parameters.collect::<Vec<_>>().join("; ")),
+            ]
+        })
+        .collect();
+    (n_diagnosed > 0).then(|| Section {
+        title: "What the model leaves out".into(),
+        lead: format!(
+            "{n_diagnosed} sessions were diagnosed. Means over the sessions that name an effect, each \
+             with its standard error."
+        ),
+        blocks: vec![Block::Table(Table {
+            title: "Effects named".into(),
+            caption: "Gains are in nats per event, on held-out events.".into(),
+            columns: vec![
+                Column::text("effect"),
+                Column::text("id"),
+                Column::number("sessions", ""),
+                Column::number("held-out gain", "nats per event"),
+                Column::text("parameters"),
+            ],
+            rows,
+        })],
+    })
+}
+
+/// The mean over sessions with its standard error; a single one has none.
+fn over_sessions(values: &[f64]) -> Estimate {
+    let moments: Moments = values.iter().copied().collect();
+    let error = if values.len() > 1 { moments.standard_error() } else { f64::NAN };
+    Estimate::normal(moments.mean(), error, values.len() as u64)
+}
+
+fn comparison(aggregate: &Aggregate) -> Section {
+    let mut columns = vec![Column::text("variant"), Column::number("sessions", "")];
+    let cells = aggregate.variants.first().map(|variant| variant.cells.as_slice());
+    columns.extend(cells.unwrap_or_default().iter().map(|cell| Column::number(&cell.name, "")));
+    let rows = aggregate.variants.iter().map(|variant| {
+        let mut row = vec![Cell::text(&variant.name), Cell::count(variant.n_sessions)];
+        row.extend(variant.cells.iter().map(|cell| Cell::estimate(&cell.mean)));
+        row
+    });
+    let means = Table {
+        title: "Means over sessions".into(),
+        caption:
+            "Each with the standard error of a bootstrap over sessions; a single session has none."
+                .into(),
+        columns: columns.clone(),
+        rows: rows.collect(),
+    };
+    let rows = aggregate.variants.iter().map(|variant| {
+        let mut row = vec![Cell::text(&variant.name), Cell::count(variant.n_sessions)];
+        row.extend(variant.cells.iter().map(|cell| match cell.healthy {
+            Some(_) => Cell::count(cell.n_healthy),
+            None => Cell::text("no range"),
+        }));
+        row
+    });
+    let healthy = Table {
+        title: "Sessions in the healthy range".into(),
+        caption:
+            "In how many sessions each measure lies in the range that its authors call healthy."
+                .into(),
+        columns,
+        rows: rows.collect(),
+    };
+    let mut blocks = vec![Block::Table(means), Block::Table(healthy)];
+    blocks.extend(
+        aggregate.left_out.iter().map(|because| Block::Text(format!("Left out: {because}"))),
+    );
+    Section {
+        title: "Generated events against real ones".into(),
+        lead: "comparison.csv and comparison.json beside this page hold the same numbers; \
+               comparison-sessions.csv holds them session by session."
+            .into(),
+        blocks,
+    }
+}
+
+fn contents(index: &Index) -> Section {
+    let streams = Table {
+        title: "Streams".into(),
+        caption: String::new(),
+        columns: vec![Column::text("stream"), Column::text("kind"), Column::number("count", "")],
+        rows: index
+            .totals()
+            .into_iter()
+            .map(|((name, kind), n)| vec![Cell::text(&name), Cell::text(&kind), Cell::count(n)])
+            .collect(),
+    };
+    let splits = Table {
+        title: "Splits".into(),
+        caption: "By a hash of what was recorded: adding sessions moves none.".into(),
+        columns: vec![
+            Column::text("split"),
+            Column::number("share", ""),
+            Column::number("sessions", ""),
+        ],
+        rows: index
+            .shares
+            .iter()
+            .map(|share| {
+                let n = index.splits.get(&share.name).map_or(0, Vec::len);
+                vec![Cell::text(&share.name), Cell::number(share.share), Cell::count(n as u64)]
+            })
+            .collect(),
+    };
+    let rigs = Table {
+        title: "Rigs".into(),
+        caption: String::new(),
+        columns: vec![Column::text("rig"), Column::number("sessions", "")],
+        rows: index
+            .rigs
+            .iter()
+            .map(|rig| vec![Cell::text(&rig.id), Cell::count(rig.n_sessions)])
+            .collect(),
+    };
+    Section {
+        title: "What is in it".into(),
+        lead: String::new(),
+        blocks: vec![Block::Table(streams), Block::Table(splits), Block::Table(rigs)],
+    }
+}

@@ -1,0 +1,128 @@
+//! Which session is for training, which for judging: by a hash, so that a session that is added moves
+//! no other one, and the same recording under two names never stands on both sides.
+
+use super::BatchError;
+use crate::session::{Manifest, sha256_of_bytes};
+use serde::{Deserialize, Serialize};
+
+/// A named part of a dataset.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Share {
+    /// Its name: `train`.
+    pub name: String,
+    /// Its part of all sessions, 0 to 1.
+    pub share: f64,
+}
+
+/// How a dataset is split; the shares add up to one.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Splits(Vec<Share>);
+
+impl Default for Splits {
+    fn default() -> Self {
+        let share = |name: &str, share| Share { name: name.into(), share };
+        Self(vec![share("train", 0.8), share("val", 0.1), share("test", 0.1)])
+    }
+}
+
+impl Splits {
+    /// Reads `train=0.8,val=0.1,test=0.1`.
+    ///
+    /// # Errors
+    /// When a part has no name or no share, or the shares do not add up to one.
+    pub fn parse(text: &str) -> Result<Self, BatchError> {
+        let wrong = |what: String| BatchError::Splits { text: text.to_owned(), what };
+        let mut shares: Vec<Share> = Vec::new();
+        for part in text.split(',') {
+            let Some((name, share)) = part.split_once('=') else {
+                return Err(wrong(format!("`{part}` has no `=`")));
+            };
+            let share: f64 =
+                share.trim().parse().map_err(|_| wrong(format!("`{share}` is no number")))?;
+            let name = name.trim().to_owned();
+            if name.is_empty() || shares.iter().any(|other| other.name == name) {
+                return Err(wrong(format!("`{part}` needs a name of its own")));
+            }
+            if !(0.0..=1.0).contains(&share) {
+                return Err(wrong(format!("{share} is no share between 0 and 1")));
+            }
+            shares.push(Share { name, share });
+        }
+        let sum: f64 = shares.iter().map(|share| share.share).sum();
+        if (sum - 1.0).abs() > 1e-6 {
+            return Err(wrong(format!("the shares add up to {sum}, not to 1")));
+        }
+        Ok(Self(shares))
+    }
+
+    /// The parts.
+    #[must_use]
+    pub fn shares(&self) -> &[Share] {
+        &self.0
+    }
+
+    /// The part a session is in, from the checksums of what was recorded.
+    #[must_use]
+    pub fn of(&self, manifest: &Manifest) -> &str {
+        let mut text = String::new();
+        for (file, entry) in &manifest.files {
+            // The journal tells when a session was made and differs between imports of one recording.
+            if file != "journal.jsonl" {
+                text.push_str(&format!("{} ", entry.sha256));
+            }
+        }
+        self.at(fraction(&text))
+    }
+
+    fn at(&self, fraction: f64) -> &str {
+        let mut end = 0.0;
+        for share in &self.0 {
+            end += share.share;
+            if fraction < end {
+                return &share.name;
+            }
+        }
+        // The sum may fall short of one by rounding.
+        self.0.iter().rfind(|share| share.share > 0.0).map_or("all", |share| &share.name)
+    }
+}
+
+/// A number from 0 to below 1 that looks like chance and is the same for the same text.
+fn fraction(text: &str) -> f64 {
+    let hash = sha256_of_bytes(text.as_bytes()).to_string();
+    let head = u64::from_str_radix(hash.get(..12).unwrap_or("0"), 16).unwrap_or(0);
+    head as f64 / (1_u64 << 48) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shares_come_out_as_they_were_asked_for() {
+        let splits = Splits::parse("train=0.7,val=0.1,test=0.2").unwrap();
+        let n = 10_000;
+        let in_part = |name: &str| {
+            (0..n).filter(|i| splits.at(fraction(&i.to_string())) == name).count() as f64
+        };
+        for (name, share) in [("train", 0.7), ("val", 0.1), ("test", 0.2)] {
+            // Five standard deviations of a binomial.
+            let spread = 5.0 * (f64::from(n) * share * (1.0 - share)).sqrt();
+            assert!((in_part(name) - f64::from(n) * share).abs() < spread, "{name}");
+        }
+    }
+
+    #[test]
+    fn shares_that_make_no_split_are_refused_by_name() {
+        for (text, expected) in [
+            ("train", "no `=`"),
+            ("train=0.8,train=0.2", "name of its own"),
+            ("train=0.8,test=0.1", "add up to 0.9"),
+            ("train=2,test=-1", "no share"),
+            ("train=x", "no number"),
+        ] {
+            let error = Splits::parse(text).unwrap_err().to_string();
+            assert!(error.contains(expected), "{text}: {error}");
+        }
+    }
+}

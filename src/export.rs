@@ -1,0 +1,294 @@
+//! Streams of a session in the formats that other programs read.
+//!
+//! | format | what | read with |
+//! | --- | --- | --- |
+//! | npz | int64 (N, 4): t_us, x, y, p; frames, inertial samples and triggers as arrays | NumPy |
+//! | hdf5 | DSEC's layout, gzip | h5py, loaders of DSEC |
+//! | parquet | columns t, x, y, p | pandas, polars, DuckDB |
+//! | aedat4 | events | DV, dv-processing |
+//! | mcap | event pictures, frames and the picture's outline | Foxglove (a layout lies beside), Rerun |
+//!
+//! Times are microseconds of the events' clock. What is needed to use the events stands in the file
+//! where the format has room, and always in `<file>.json` beside it: see [`side`](self).
+
+mod images;
+mod mcap;
+mod npz;
+mod side;
+mod viewer;
+
+pub use npz::ExportedArray;
+
+use crate::event::Events;
+use crate::format::aedat4::{Compression, StreamSpec, WriteError, Writer};
+use crate::format::{hdf5, parquet};
+use crate::geometry::Size;
+use crate::pipeline::{self, PipelineError};
+use crate::session::{Session, SessionError, StreamEntry, StreamKind, StreamName};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// What to write.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ExportRequest {
+    /// Name of the stream, recorded or generated.
+    pub stream: String,
+    /// Its kind, for a name that frames and the events made from them share; if nothing is said, the
+    /// events.
+    pub kind: Option<StreamKind>,
+    /// The file.
+    pub out: PathBuf,
+    /// Its format.
+    pub format: ExportFormat,
+    /// Which of the events, in which coordinates.
+    pub cut: Cut,
+}
+
+/// A format.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ExportFormat {
+    /// NumPy arrays in one file.
+    Npz,
+    /// HDF5 in DSEC's layout.
+    Hdf5,
+    /// A Parquet table.
+    Parquet,
+    /// AEDAT4.
+    Aedat4,
+    /// MCAP for viewers.
+    Mcap,
+}
+
+/// Which events of a stream, in which coordinates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Cut {
+    /// All of them, in sensor pixels.
+    Whole,
+    /// Those that the stage `filter` kept, in the picture's own coordinates where it cut to them.
+    Picture,
+    /// The same on a canvas of so many columns and rows.
+    Canvas(u16),
+}
+
+/// What was written.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Exported {
+    /// The file.
+    pub path: PathBuf,
+    /// What it is about, beside it; none for streams that are not events.
+    pub beside: Vec<PathBuf>,
+    /// Events written.
+    pub n_events: Option<u64>,
+    /// Arrays of an npz.
+    pub arrays: Vec<ExportedArray>,
+    /// Whether another stream has the same name, which was not meant.
+    pub has_namesake: bool,
+    /// Image streams of which nothing is said, with the reason.
+    pub left_out: Vec<String>,
+}
+
+/// Why a stream cannot be exported.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// The session cannot be read, or an npz not written.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// A result cannot be read.
+    #[error(transparent)]
+    Pipeline(#[from] PipelineError),
+    /// An HDF5 file cannot be written.
+    #[error(transparent)]
+    Hdf5(#[from] hdf5::Hdf5Error),
+    /// A Parquet file cannot be written.
+    #[error(transparent)]
+    Parquet(#[from] parquet::TableError),
+    /// An AEDAT4 file cannot be written.
+    #[error(transparent)]
+    Aedat4(#[from] WriteError),
+    /// An MCAP file cannot be written.
+    #[error("{path}: cannot be written: {source}", path = path.display())]
+    Mcap {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        source: Box<::mcap::McapError>,
+    },
+    /// The stream cannot be had in this way.
+    #[error("stream `{stream}` of {session}: {what}", session = session.display())]
+    Unfit {
+        /// The session.
+        session: PathBuf,
+        /// The stream.
+        stream: String,
+        /// Why, and what to do.
+        what: String,
+    },
+    /// The system refused.
+    #[error("{path}: {source}", path = path.display())]
+    Io {
+        /// Where.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+}
+
+/// Events that are ready to be written.
+struct Chosen {
+    events: Events,
+    size: Size,
+}
+
+/// Writes a stream, and beside it what the stream is about.
+///
+/// A file that was begun and could not be finished is removed.
+///
+/// # Errors
+/// When there is no such stream, it cannot be had in this format or cut, or the disk refuses.
+pub fn export(session: &Session, request: &ExportRequest) -> Result<Exported, ExportError> {
+    // A session's files are evidence; none of them may be written over.
+    if is_part_of(session, &request.out) {
+        return Err(unfit(session, request, "--out names a file of the session itself".into()));
+    }
+    let was_there = request.out.exists();
+    let made = write(session, request);
+    if made.is_err() && !was_there {
+        let _ = std::fs::remove_file(&request.out);
+    }
+    made
+}
+
+/// The recorded stream that is meant, unless events are.
+fn recorded<'a>(session: &'a Session, request: &ExportRequest) -> (Option<&'a StreamEntry>, bool) {
+    let mut all = session.manifest().streams.iter();
+    let other = all.find(|s| s.name == request.stream && s.kind != StreamKind::Events);
+    let has_events = session.stream(StreamKind::Events, &request.stream).is_ok()
+        || session.generated_names().iter().any(|name| name.as_str() == request.stream);
+    let is_meant = match request.kind {
+        Some(kind) => kind != StreamKind::Events,
+        None => !has_events,
+    };
+    (other.filter(|_| is_meant), has_events && other.is_some())
+}
+
+fn write(session: &Session, request: &ExportRequest) -> Result<Exported, ExportError> {
+    let (recorded, has_namesake) = recorded(session, request);
+    if let Some(entry) = recorded {
+        if request.format != ExportFormat::Npz || request.cut != Cut::Whole {
+            let what = format!("it holds {}; only --format npz, uncut, takes them", entry.kind);
+            return Err(unfit(session, request, what));
+        }
+        let arrays = npz::recorded(session, entry, &request.out)?.ok_or_else(|| {
+            let what = format!("it holds {}; rig.mcap is their format already", entry.kind);
+            unfit(session, request, what)
+        })?;
+        let (path, beside, left_out) = (request.out.clone(), Vec::new(), Vec::new());
+        return Ok(Exported { path, beside, n_events: None, arrays, has_namesake, left_out });
+    }
+    if let Some(kind) = request.kind.filter(|kind| *kind != StreamKind::Events) {
+        session.stream(kind, &request.stream)?;
+    }
+    let chosen = choose(session, request)?;
+    let times = chosen.events.as_slice().t;
+    let (images, left_out) = images::read(session, times)?;
+    let side = side::Side::new(session, request, &chosen, &images, left_out)?;
+    let (out, events) = (&request.out, chosen.events.as_slice());
+    let mut arrays = Vec::new();
+    let mut beside = Vec::new();
+    let groups: Vec<hdf5::SideGroup> = images.iter().map(images::Images::group).collect();
+    match request.format {
+        ExportFormat::Npz => arrays = npz::events(events, &groups, out)?,
+        ExportFormat::Hdf5 => hdf5::write_dsec(out, events, &groups, &side.heading())?,
+        ExportFormat::Parquet => {
+            parquet::write_events(out, events, &[("evrig", side.heading())])?;
+        }
+        ExportFormat::Aedat4 => aedat4(out, &chosen, &request.stream)?,
+        ExportFormat::Mcap => {
+            mcap::write(session, request, &chosen, &images)?;
+            beside.push(viewer::write(out, &request.stream, &images)?);
+        }
+    }
+    beside.push(side.write(out)?);
+    let n_events = Some(events.len() as u64);
+    let (path, left_out) = (out.clone(), side.left_out);
+    Ok(Exported { path, beside, n_events, arrays, has_namesake, left_out })
+}
+
+fn choose(session: &Session, request: &ExportRequest) -> Result<Chosen, ExportError> {
+    let stream = StreamName::new(&request.stream)?;
+    if request.cut == Cut::Whole {
+        let (events, _) = session.events(stream.as_str())?;
+        let size = pipeline::stream_grid(session, &stream)?;
+        return Ok(Chosen { events, size });
+    }
+    // The error of a stream that is not there says which there are.
+    pipeline::stream_grid(session, &stream).or_else(|_| {
+        session.events(stream.as_str()).map(|_| Size::new(1, 1)).map_err(ExportError::from)
+    })?;
+    let found = pipeline::picture_events(session, &stream)?.ok_or_else(|| {
+        let what =
+            "it was not filtered as it is now; run `evrig filter` (or `evrig process`) first";
+        unfit(session, request, what.into())
+    })?;
+    let (events, size) = found;
+    Ok(match request.cut {
+        Cut::Canvas(side) => canvas(&events, size, side),
+        _ => Chosen { events, size },
+    })
+}
+
+/// The events on another grid: each goes to the cell that holds the middle of its pixel.
+fn canvas(events: &Events, from: Size, side: u16) -> Chosen {
+    let place = |v: u16, n: u16| {
+        ((2 * u32::from(v) + 1) * u32::from(side) / (2 * u32::from(n.max(1)))) as u16
+    };
+    let moved = events.as_slice().iter().map(|event| crate::event::Event {
+        x: place(event.x, from.width),
+        y: place(event.y, from.height),
+        ..event
+    });
+    Chosen { events: moved.collect(), size: Size::new(side, side) }
+}
+
+fn aedat4(out: &Path, chosen: &Chosen, stream: &str) -> Result<(), ExportError> {
+    let spec = StreamSpec::events(chosen.size, &format!("evrig {stream}"));
+    let mut writer = Writer::create(out, Compression::Lz4, &[spec])?;
+    writer.write_events(0, chosen.events.as_slice())?;
+    writer.finish()?;
+    Ok(())
+}
+
+/// Whether a path is one of the session's recorded files, its manifest, or a result.
+fn is_part_of(session: &Session, out: &Path) -> bool {
+    let real = |path: &Path| path.canonicalize().ok();
+    let (Some(root), Some(out)) = (real(session.root()), real(out)) else { return false };
+    let Ok(inside) = out.strip_prefix(&root) else { return false };
+    let name = inside.to_string_lossy();
+    name == "session.json"
+        || inside.starts_with("derived")
+        || session.manifest().files.contains_key(name.as_ref())
+}
+
+fn unfit(session: &Session, request: &ExportRequest, what: String) -> ExportError {
+    let session = session.root().to_owned();
+    ExportError::Unfit { session, stream: request.stream.clone(), what }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::Event;
+
+    #[test]
+    fn a_canvas_takes_each_pixel_where_its_middle_lies() {
+        let event = |x, y| Event { t: 0, x, y, on: true };
+        let events: Events = [event(0, 0), event(99, 99), event(50, 49)].into_iter().collect();
+        let made = canvas(&events, Size::new(100, 100), 80);
+        assert_eq!(made.events.as_slice().x, [0, 79, 40]);
+        assert_eq!(made.events.as_slice().y, [0, 79, 39]);
+        let same = canvas(&events, Size::new(100, 100), 100);
+        assert_eq!(same.events, events);
+    }
+}

@@ -1,0 +1,153 @@
+//! What is known of a session's images beside an event stream: when each saw light, which events
+//! lie between it and the next, and where the picture was.
+
+use crate::clock::ClockEstimate;
+use crate::format::hdf5::{SideColumn, SideGroup};
+use crate::format::npy::Column;
+use crate::pipeline::{self, AnyTrack, PipelineError};
+use crate::roi::{Track, View};
+use crate::session::{Picture, Session, SessionError, StreamKind};
+use crate::time::{Clock, Davis, PiSensor, Stamp};
+
+/// One image stream, a row an image.
+pub(super) struct Images {
+    pub(super) stream: String,
+    /// The clock of `stamp_ns`.
+    pub(super) clock: &'static str,
+    columns: Vec<SideColumn>,
+    pub(super) track: Option<TrackFacts>,
+}
+
+/// How far a track can be trusted.
+pub(super) struct TrackFacts {
+    pub(super) tag: String,
+    pub(super) corner_rms_px: f64,
+    /// Picture corners of each image, bottom left, bottom right, top right, top left; NaN where
+    /// there is no path.
+    pub(super) picture_px: Vec<[f64; 8]>,
+}
+
+impl Images {
+    /// The columns as a group of a file.
+    pub(super) fn group(&self) -> SideGroup {
+        SideGroup { name: self.stream.clone(), columns: self.columns.clone() }
+    }
+
+    pub(super) fn columns(&self) -> &[SideColumn] {
+        &self.columns
+    }
+
+    /// Middle of each image's exposure, µs of the events' clock.
+    pub(super) fn times_us(&self) -> &[i64] {
+        match self.columns.first().map(|column| &column.values) {
+            Some(Column::Int(times)) => times,
+            _ => &[],
+        }
+    }
+}
+
+/// The image streams that have a place on the events' clock, and why the others are left out.
+pub(super) fn read(
+    session: &Session,
+    events_t: &[i64],
+) -> Result<(Vec<Images>, Vec<String>), PipelineError> {
+    let mut images = Vec::new();
+    let mut left_out = Vec::new();
+    for entry in session.manifest().streams.iter().filter(|s| s.kind == StreamKind::Frames) {
+        let name = entry.name.as_str();
+        let track = pipeline::read_track(session, name)?;
+        if session.is_from_pi(name)? {
+            let Some(clocks) = pipeline::read_clocks(session)? else {
+                left_out.push(format!(
+                    "`{name}` is on the Pi's clock, and `evrig sync` did not find its way to the events'"
+                ));
+                continue;
+            };
+            let map: ClockEstimate<Davis, PiSensor> = clocks.davis_from_sensor;
+            let track = match track {
+                Some(AnyTrack::Pi(track)) => Some(track),
+                _ => None,
+            };
+            let pictures = session.pi_pictures(name)?;
+            images.push(rows(name, pictures, events_t, track, |at| map.map(at))?);
+        } else {
+            let track = match track {
+                Some(AnyTrack::Davis(track)) => Some(track),
+                _ => None,
+            };
+            images.push(rows(name, session.davis_pictures(name)?, events_t, track, Some)?);
+        }
+    }
+    Ok((images, left_out))
+}
+
+fn rows<C: Clock>(
+    stream: &str,
+    pictures: impl Iterator<Item = Result<Picture<C>, SessionError>>,
+    events_t: &[i64],
+    track: Option<Track<C>>,
+    on_events_clock: impl Fn(Stamp<C>) -> Option<Stamp<Davis>>,
+) -> Result<Images, SessionError> {
+    let mut times = Vec::new();
+    let mut own = Vec::new();
+    let mut exposures: Option<[Vec<i64>; 2]> = Some([Vec::new(), Vec::new()]);
+    let mut views: Vec<Option<View>> = Vec::new();
+    for picture in pictures {
+        let picture = picture?;
+        let timing = &picture.frame.timing;
+        let middle = timing.mid_exposure(picture.frame.size.height / 2);
+        let Some(at) = on_events_clock(middle) else { continue };
+        times.push(at.as_micros());
+        own.push([picture.number as i64, timing.stamp.as_nanos()]);
+        let exposure = timing.exposure.map(|stamps| stamps.map(&on_events_clock));
+        match (&mut exposures, exposure) {
+            (Some([starts, ends]), Some([Some(start), Some(end)])) => {
+                starts.push(start.as_micros());
+                ends.push(end.as_micros());
+            }
+            // A column that does not hold for every image would not be understood.
+            _ => exposures = None,
+        }
+        views.push(track.as_ref().and_then(|track| track.at(middle).ok()));
+    }
+    let first = |t: &i64| events_t.partition_point(|event| event < t) as i64;
+    let mut columns = vec![
+        SideColumn::integers("first_event", times.iter().map(first).collect()),
+        SideColumn::integers("number", own.iter().map(|own| own[0]).collect()),
+        SideColumn::integers("stamp_ns", own.iter().map(|own| own[1]).collect()),
+    ];
+    columns.insert(0, SideColumn::integers("t_us", times));
+    if let Some([starts, ends]) = exposures.filter(|[starts, _]| !starts.is_empty()) {
+        columns.push(SideColumn::integers("exposure_start_us", starts));
+        columns.push(SideColumn::integers("exposure_end_us", ends));
+    }
+    let track = track.map(|track| {
+        let corners = picture_columns(&views, &mut columns);
+        let corner_rms_px = track.quality.corner_rms_px;
+        TrackFacts { tag: track.tag, corner_rms_px, picture_px: corners }
+    });
+    Ok(Images { stream: stream.to_owned(), clock: C::NAME, columns, track })
+}
+
+/// Homographies and the picture's outline with its errors, NaN where there is no path.
+fn picture_columns(views: &[Option<View>], columns: &mut Vec<SideColumn>) -> Vec<[f64; 8]> {
+    let nowhere = [f64::NAN; 8];
+    let flat =
+        |corners: [[f64; 2]; 4]| -> [f64; 8] { std::array::from_fn(|i| corners[i / 2][i % 2]) };
+    let homographies = views.iter().flat_map(|view| {
+        view.as_ref().map_or([f64::NAN; 9], |view| {
+            let rows: [[f64; 3]; 3] = (*view.homography()).into();
+            std::array::from_fn(|i| rows[i / 3][i % 3])
+        })
+    });
+    let homographies = homographies.collect();
+    let rois: Vec<_> = views.iter().map(|view| view.as_ref().map(View::roi)).collect();
+    let corners: Vec<[f64; 8]> =
+        rois.iter().map(|roi| roi.map_or(nowhere, |roi| flat(roi.polygon))).collect();
+    let errors = rois.iter().flat_map(|roi| roi.map_or(nowhere, |roi| flat(roi.polygon_errors)));
+    let errors = errors.collect();
+    columns.push(SideColumn::rows("ideal_px_from_target_mm", homographies, 9));
+    columns.push(SideColumn::rows("picture_px", corners.concat(), 8));
+    columns.push(SideColumn::rows("picture_error_px", errors, 8));
+    corners
+}

@@ -1,0 +1,100 @@
+//! Small sessions: a bar that walks over a grid, and the events it would make.
+
+use assert_cmd::Command;
+use evrig::event::{Event, Events};
+use evrig::format::npy::{ArrayWriter, NpzWriter};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+const WIDTH: u16 = 24;
+const HEIGHT: u16 = 16;
+const N_FRAMES: u16 = 40;
+
+pub fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+pub fn evrig() -> Command {
+    Command::cargo_bin("evrig").unwrap()
+}
+
+/// Exit code, result, and what was said.
+pub fn json(command: &mut Command) -> (i32, Value, String) {
+    let output = command.arg("--json").output().unwrap();
+    let value = serde_json::from_slice(&output.stdout).unwrap_or(Value::Null);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output.status.code().unwrap_or(-1), value, said)
+}
+
+/// A dataset of `n` sessions `s0`, `s1`, ... that differ in the bar's step.
+pub fn dataset(root: &Path, n: u16) -> PathBuf {
+    let dataset = root.join("dataset");
+    let folder = root.join("material");
+    std::fs::create_dir_all(&folder).unwrap();
+    for i in 0..n {
+        let frames = folder.join(format!("{i}.npy"));
+        let events = folder.join(format!("{i}.npz"));
+        material(&frames, &events, i);
+        let session = dataset.join(format!("s{i}"));
+        let import = ["import", "frames", text(&frames), "--fps", "100", "--events", text(&events)];
+        evrig().args(import).arg("--out").arg(&session).assert().code(0);
+    }
+    dataset
+}
+
+fn material(frames: &Path, events: &Path, seed: u16) {
+    let size = usize::from(WIDTH) * usize::from(HEIGHT);
+    let bright = |x: u16, k: u16| (x + 3 * seed + WIDTH - k % WIDTH) % WIDTH < 5;
+    let shape = [u64::from(N_FRAMES), u64::from(HEIGHT), u64::from(WIDTH)];
+    let mut writer = ArrayWriter::<u8>::create(frames, &shape).unwrap();
+    let mut seen = Events::new();
+    for k in 0..N_FRAMES {
+        let pixel = |i: usize| if bright(i as u16 % WIDTH, k) { 180 } else { 40 };
+        writer.extend(&(0..size).map(pixel).collect::<Vec<u8>>()).unwrap();
+        for x in 0..WIDTH {
+            if k > 0 && bright(x, k) != bright(x, k - 1) {
+                for y in 0..HEIGHT {
+                    let late = i64::from((y * 7 + x * 3 + seed) % 40) * 25;
+                    let t = i64::from(k) * 10_000 - 5_000 + late;
+                    seen.push(Event { t, x, y, on: bright(x, k) });
+                }
+            }
+        }
+    }
+    writer.finish().unwrap();
+    seen.sort_by_time();
+    let mut npz = NpzWriter::create(events).unwrap();
+    let rows = seen.as_slice().iter().flat_map(|e| [e.t, e.x.into(), e.y.into(), e.on.into()]);
+    npz.add::<i64>("events", &[seen.len() as u64, 4], rows).unwrap();
+    npz.finish().unwrap();
+}
+
+/// Every file below a directory with its bytes, but for locks and what Slurm's jobs leave.
+pub fn tree(root: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut files = Vec::new();
+    let mut folders = vec![root.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.strip_prefix(root).unwrap().to_str().unwrap().to_owned();
+            if path.is_dir() {
+                if name != "batch/slurm" {
+                    folders.push(path);
+                }
+            } else if path.file_name().unwrap() != "lock" {
+                files.push((name, std::fs::read(&path).unwrap()));
+            }
+        }
+    }
+    files.sort();
+    files
+}
+
+/// A copy of a directory.
+pub fn copy(from: &Path, to: &Path) {
+    for (name, bytes) in tree(from) {
+        let path = to.join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
+    }
+}
