@@ -5,6 +5,7 @@
 //! be the same is fresh and is not run again. Results hold no time of day and no path
 //! outside the session, so that they are the same bytes on any machine.
 
+mod between;
 mod calibrate;
 mod compare;
 mod diagnose;
@@ -26,7 +27,7 @@ pub use filter::{
     read_filter_tally, stream_grid, track_for,
 };
 pub use generate::{
-    Conditions, GenerateRequest, Generated, GenerationSpeed, default_light, generate,
+    Conditions, GenerateRequest, Generated, GenerationSpeed, default_light, generate, white_of,
 };
 pub use light::{Light, light};
 pub use report::report;

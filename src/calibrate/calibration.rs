@@ -5,6 +5,7 @@ use super::regression::Regressions;
 use super::search::{NO_VALUE, Objective, search};
 use super::{CalibrateError, Light, Part, fit, regress};
 use crate::event::EventSlice;
+use crate::generate::input::Preparation;
 use crate::generate::voltmeter::Coefficients;
 use serde::{Deserialize, Serialize};
 
@@ -42,6 +43,9 @@ pub struct Calibration {
     pub regressions: Option<Regressions>,
     /// Why there are no regressions.
     pub without_regressions: Option<String>,
+    /// How frames have to be prepared for the constants to hold.
+    #[serde(default)]
+    pub preparation: Preparation,
 }
 
 /// Constants and how they did.
@@ -171,6 +175,7 @@ pub fn calibrate(
         passages,
         regressions,
         without_regressions,
+        preparation: Preparation::default(),
     })
 }
 

@@ -10,7 +10,7 @@
 //! since the last event. They stay as the passages give them.
 
 use super::Light;
-use super::light::{Part, shuffled};
+use super::light::Part;
 use super::search::Objective;
 use crate::event::EventSlice;
 use crate::predict::{self, Blocks, ByPixel, PixelLaw};
@@ -36,16 +36,7 @@ impl<'a> ScoreObjective<'a> {
         let times = light.times_us();
         let [first, last] = [times.first(), times.last()].map(|t| t.copied().unwrap_or_default());
         let most = (MAX_SAMPLES / (PER_FRAME * times.len().max(1))).max(64);
-        let slots = [Part::Train, Part::HeldOut].map(|part| {
-            let mine = |&slot: &u32| light.part(light.pixels()[slot as usize]) == part;
-            let mut slots: Vec<u32> = (0..light.pixels().len() as u32).filter(mine).collect();
-            if slots.len() > most {
-                let tile = |slot: u32| u64::from(light.tile(light.pixels()[slot as usize]));
-                slots.sort_by_key(|&slot| (shuffled(seed, tile(slot)), slot));
-                slots.truncate(most);
-            }
-            slots
-        });
+        let slots = [Part::Train, Part::HeldOut].map(|part| light.slots(part, most, seed));
         let brightest = |slot: usize| light.series(slot).iter().copied().fold(0.0, f32::max);
         let white_dn = (0..light.pixels().len()).map(brightest).fold(1.0, f32::max);
         Self {

@@ -1,11 +1,15 @@
 //! `evrig generate --variants`: a list of generations, compared in one table.
 
-use super::generate::{conditions, generate, tuned_parameters, value};
+use super::generate::{
+    asks_for_tuned, conditions, generate, prepare_as_tuned, tuned_parameters, value,
+};
 use super::{Ending, Output, WrongUse};
 use crate::cli::{ConditionArgs, GenerateArgs, ModelArgs};
 use crate::compare::Comparison;
 use crate::generate::effect::Effects;
-use crate::pipeline::{self, CompareRequest, GenerateRequest};
+use crate::pipeline::{
+    self, CalibrateRequest, CompareRequest, GenerateRequest, ObjectiveKind, PipelineError,
+};
 use crate::report::number::quantity;
 use crate::session::{Session, StreamKind, StreamName};
 use anyhow::Context;
@@ -36,6 +40,8 @@ struct Variant {
     law: Option<String>,
     seed: Option<u64>,
     interpolate_us: Option<u32>,
+    #[serde(default)]
+    in_plane: bool,
     colour: Option<String>,
     #[serde(default)]
     subtract_black: bool,
@@ -104,8 +110,11 @@ fn one(
         let (name, because) = (variant.name.clone(), Some(because));
         Row { name, made: None, comparison: None, because }
     };
-    if session.stream(StreamKind::Frames, &variant.from).is_err() {
+    if variant.from != "scene" && session.stream(StreamKind::Frames, &variant.from).is_err() {
         return Ok(left_out(format!("the session has no light `{}`", variant.from)));
+    }
+    if let Err(error) = calibrated(session, variant, args, output) {
+        return Ok(left_out(format!("{error:#}")));
     }
     let parameters = match tuned_parameters(session, &variant.from, &variant.choice(args)) {
         Ok(parameters) => parameters,
@@ -114,6 +123,11 @@ fn one(
     };
     let mut conditions = conditions(&variant.conditions())?;
     conditions.effects = variant.effects.clone();
+    if let Err(error) =
+        prepare_as_tuned(session, &variant.from, &variant.choice(args), &mut conditions)
+    {
+        return Ok(left_out(error.to_string()));
+    }
     let from = variant.from.clone();
     let request = GenerateRequest { from, name, parameters, conditions, force: args.force };
     let made = match generate(session, &request, output) {
@@ -134,6 +148,31 @@ fn one(
     Ok(Row { name: variant.name.clone(), made, comparison, because })
 }
 
+/// Tells the session's own constants where the variant wants them and nobody has told them yet.
+fn calibrated(
+    session: &Session,
+    variant: &Variant,
+    args: &GenerateArgs,
+    output: &Output,
+) -> anyhow::Result<()> {
+    let light = StreamName::new(&variant.from)?;
+    let is_there =
+        || Ok::<_, PipelineError>(pipeline::read_calibration(session, &light)?.is_some());
+    if !asks_for_tuned(&variant.choice(args)) || is_there()? {
+        return Ok(());
+    }
+    let request = CalibrateRequest {
+        from: variant.from.clone(),
+        real: "real".into(),
+        objective: ObjectiveKind::Score,
+        n_evaluations: 0,
+        seed: args.choice.seed,
+        force: false,
+    };
+    super::calibrate::calibrate(session, &request, output)?;
+    Ok(())
+}
+
 impl Variant {
     fn choice(&self, args: &GenerateArgs) -> ModelArgs {
         ModelArgs {
@@ -150,6 +189,7 @@ impl Variant {
     fn conditions(&self) -> ConditionArgs {
         ConditionArgs {
             interpolate: self.interpolate_us,
+            in_plane: self.in_plane,
             colour: self.colour.clone(),
             subtract_black: self.subtract_black,
             divide_exposure: self.divide_exposure,

@@ -194,7 +194,7 @@ fn array<T: Element>(path: &Path, shape: &[u64], values: &[T]) -> Result<(), Pip
     Ok(written.map_err(SessionError::from)?)
 }
 
-fn read_facts(directory: &Path) -> Result<SceneFacts, PipelineError> {
+pub(super) fn read_facts(directory: &Path) -> Result<SceneFacts, PipelineError> {
     let path = directory.join("scene.json");
     let io = |source| PipelineError::Io { path: path.clone(), source };
     let text = std::fs::read_to_string(&path).map_err(io)?;
