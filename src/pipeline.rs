@@ -5,6 +5,7 @@
 //! be the same is fresh and is not run again. Results hold no time of day and no path
 //! outside the session, so that they are the same bytes on any machine.
 
+mod align;
 mod calibrate;
 mod compare;
 mod diagnose;
@@ -18,6 +19,7 @@ mod sweep;
 mod sync;
 mod track;
 
+pub use align::{AlignProgress, Aligned, align, frame_streams, track_all};
 pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration};
 pub use compare::{CompareRequest, compare, read_comparison};
 pub use diagnose::{Baseline, DiagnoseRequest, default_baseline, diagnose, read_diagnosis};
