@@ -3,11 +3,11 @@
 use super::blur::{PointSpread, blurred};
 use super::davis::DavisTie;
 use super::error::SceneError;
-use super::head::{DavisMount, MOUNT, stated_ray};
+use super::head::{MOUNT, stated_ray};
 use super::map::{Mark, RadianceMap};
 use super::robust::clustered;
 use super::survey::Survey;
-use super::tag_fit::{PRIOR, TIES, changed, listed};
+use super::tag_fit::{Before, TIES, changed, listed};
 use super::warp::Warp;
 use crate::frame::Frame;
 use crate::time::Davis;
@@ -71,6 +71,9 @@ const LAG: usize = 8;
 /// Darker than this share of white the event camera's frames tell little of the light.
 const DARK: f64 = 0.1;
 
+/// Share of the places at either end that is left out where one number stands for all.
+const TRIM: f64 = 0.15;
+
 /// A residual beyond so many standard deviations counts in proportion less.
 const HUBER: f64 = 2.5;
 
@@ -116,7 +119,7 @@ struct Row {
 pub(super) fn register(
     survey: &Survey,
     start: DavisTie,
-    stated: &DavisMount,
+    before: &Before,
     frames: &[Frame<Davis>],
 ) -> Result<Registration, SceneError> {
     let pictures: Vec<Picture> = chosen(survey, &start, frames);
@@ -139,7 +142,7 @@ pub(super) fn register(
             let (what, found, needed) = ("frames on the map", parts.len(), LEAST);
             return Err(SceneError::NoDavis { what, found, n: frames.len(), needed });
         }
-        let (mut normal, mut right) = prior(&tie, stated, spread);
+        let (mut normal, mut right) = prior(&tie, before, spread);
         parts.iter().for_each(|part| {
             normal += part.normal;
             right += part.right;
@@ -204,8 +207,12 @@ fn light_error(
         let mean = sum / n;
         (*n >= 4.0).then(|| mean * mean - (squares / n - mean * mean) / (n - 1.0))
     };
-    let squares: Vec<f64> = places.values().filter_map(of_place).collect();
-    (squares.iter().sum::<f64>() / squares.len().max(1) as f64).max(0.0).sqrt()
+    let mut squares: Vec<f64> = places.values().filter_map(of_place).collect();
+    squares.sort_by(f64::total_cmp);
+    let cut = (TRIM * squares.len() as f64) as usize;
+    // A few places at the darkest edges would stand for all.
+    let usual = &squares[cut..squares.len() - cut];
+    (usual.iter().sum::<f64>() / usual.len().max(1) as f64).max(0.0).sqrt()
 }
 
 /// Width of a DAVIS pixel on the print, from the distance at the path's middle.
@@ -233,14 +240,14 @@ fn chosen(survey: &Survey, tie: &DavisTie, frames: &[Frame<Davis>]) -> Vec<Pictu
 
 fn prior(
     tie: &DavisTie,
-    stated: &DavisMount,
+    before: &Before,
     spread: PointSpread,
 ) -> (SMatrix<f64, SHARED, SHARED>, SVector<f64, SHARED>) {
-    let list = listed(tie, stated);
+    let list = listed(tie, &before.stated);
     let (mut normal, mut right) = (SMatrix::zeros(), SVector::zeros());
     for i in 0..TIES {
-        normal[(i, i)] = ALIKE * PRIOR[i].powi(-2);
-        right[i] = -list[i] * ALIKE * PRIOR[i].powi(-2);
+        normal[(i, i)] = ALIKE * before.sigma[i].powi(-2);
+        right[i] = -list[i] * ALIKE * before.sigma[i].powi(-2);
     }
     normal[(TIES, TIES)] = SIGMA_PRIOR.powi(-2);
     right[TIES] = (0.5 - spread.sigma_px) * SIGMA_PRIOR.powi(-2);
