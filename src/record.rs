@@ -9,6 +9,7 @@ mod bench;
 mod durable;
 mod engine;
 mod files;
+mod rehearse;
 mod runs;
 mod simulate;
 mod stop;
@@ -16,6 +17,7 @@ mod told;
 
 pub use bench::{Bench, BenchError, Opening, cameras};
 pub use engine::{Dwells, Outcome, RecordError, Request, preflight, record};
+pub use rehearse::{Rehearsal, RehearsalError, Rehearsed, rehearse};
 pub use runs::{Attempt, RUNS_SCHEMA, RunList, RunsError};
 pub use simulate::{SimulateError, Simulation, simulate};
 pub use stop::{Stop, StopToken};

@@ -23,7 +23,8 @@ mod records;
 mod schema;
 mod writer;
 
-pub(super) use census::{RigLogCensus, arrivals, census, stream_names};
+pub(super) use census::{RigLogCensus, arrivals, census, each_message_of, stream_names};
+pub(super) use image::decode_picture;
 pub(super) use notes::read_notes;
 pub use notes::{RigNotes, TimedPose};
 pub(super) use pictures::{PictureReader, StoredPicture};
