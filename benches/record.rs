@@ -27,7 +27,7 @@ mod load;
 use evrig::device::dobot::{ArmError, TimedPose};
 use evrig::device::recorder::Recorder;
 use evrig::device::{Arm, Finding, Progress, host_clock};
-use evrig::record::{Devices, Dwells, Rehearsal, Request, StopToken, record, rehearse};
+use evrig::record::{Devices, Dwells, Prompts, Rehearsal, Request, StopToken, record, rehearse};
 use evrig::rig::{Pose, Rig};
 use evrig::trajectory::{Optional, Path as Trace, Trajectory};
 use load::{Load, cpu_ns};
@@ -116,8 +116,14 @@ fn to_disk(seconds: f64, folder: &Path, copies: bool) -> bool {
     let arm = Resting { length, began: Instant::now(), pose: rig.arm.home };
     let mut devices = Devices { arm: Box::new(arm), recorders };
     let no_dwells = Dwells { lead_in: Duration::ZERO, tail: Duration::ZERO };
-    let request =
-        Request { rig: &rig, trajectory: &trajectory, path: &path, out: &out, dwells: no_dwells };
+    let request = Request {
+        rig: &rig,
+        trajectory: &trajectory,
+        path: &path,
+        out: &out,
+        dwells: no_dwells,
+        prompts: Prompts::default(),
+    };
     // The recording ends when its last byte is on the disk; what seals it reads everything once more.
     let mut ended: Option<(f64, f64, u64)> = None;
     let (began, before) = (Instant::now(), cpu_ns(ClockId::ProcessCPUTime));

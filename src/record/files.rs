@@ -142,18 +142,20 @@ impl Log {
         self.lock().as_mut().map_or(Ok(()), |log| write(log).map_err(Into::into))
     }
 
-    /// The path as the trajectory says it, at the rate of the poses.
+    /// A part of the path, `from` to `to` on it, as the trajectory says it, at the rate of the poses;
+    /// it was begun at `began`.
     pub(super) fn commanded(
         &self,
         path: &Trace,
+        [from, to]: [Span; 2],
         rate: Hertz,
         began: HostTime,
     ) -> Result<(), SessionError> {
         let step = Span::from_secs_f64(1.0 / rate.0);
         let mut since = Span::ZERO;
-        while since <= path.duration() {
+        while from + since <= to {
             let at = HostTime { monotonic: began.monotonic + since, unix: began.unix + since };
-            self.write(|log| log.pose(Topic::Commanded, at, path.pose_at(since)))?;
+            self.write(|log| log.pose(Topic::Commanded, at, path.pose_at(from + since)))?;
             since = since + step;
         }
         Ok(())

@@ -180,10 +180,12 @@ impl Line {
         outlet: &Outlet,
         account: &Account,
     ) -> Result<(), RecorderError> {
+        let mut heard = Instant::now();
         loop {
             let why = loop {
                 match reader.next() {
                     Some(Ok(packet)) => {
+                        heard = Instant::now();
                         let (stream, arrived) = (self.number, host_time());
                         let content = packet.content;
                         account.offer(outlet, Sample::Packet { stream, arrived, content });
@@ -198,6 +200,7 @@ impl Line {
                 account.change(|state| state.tally.gaps.push(text));
             }
             if account.is_ending() {
+                self.tell_of_silence(heard, account);
                 return Ok(());
             }
             let since = Instant::now();
@@ -210,6 +213,17 @@ impl Line {
             let gap = format!("{}: away for {away_s:.3} s ({why})", self.address);
             account.change(|state| state.tally.gaps.push(gap));
             reader = again;
+        }
+    }
+
+    /// A wire that died shortly before the end is not yet known to be dead. A scene in which nothing
+    /// happens looks the same, and so it is told and no more.
+    fn tell_of_silence(&self, heard: Instant, account: &Account) {
+        let silence = heard.elapsed();
+        if silence > self.patience.silence / 2 + self.patience.drain {
+            let seconds = silence.as_secs_f64();
+            let text = format!("{}: nothing came in the last {seconds:.1} s", self.address);
+            account.change(|state| state.tally.gaps.push(text));
         }
     }
 
