@@ -7,8 +7,8 @@ mod small_rig;
 use evrig::device::davis::Pace;
 use evrig::device::sim::world::WorldDescription;
 use evrig::record::{
-    Bench, BenchError, Dwells, Opening, Outcome, Request, Simulation, State, StopToken, record,
-    simulate,
+    Bench, BenchError, Dwells, Opening, Outcome, Prompts, Request, Simulation, State, StopToken,
+    record, simulate,
 };
 use evrig::rig::Rig;
 use evrig::session::{ClockExchange, FrameMetadata, Manifest, Session, Status, StreamKind, verify};
@@ -74,7 +74,14 @@ fn record_to(out: &Path) -> (Outcome, Vec<State>) {
     let path = trajectory.path(&rig, Optional::Included).unwrap();
     let mut bench = Bench::open(&rig, &opening(&world, &rig)).unwrap();
     let dwells = Dwells { lead_in: Duration::from_millis(100), tail: Duration::from_millis(100) };
-    let request = Request { rig: &rig, trajectory: &trajectory, path: &path, out, dwells };
+    let request = Request {
+        rig: &rig,
+        trajectory: &trajectory,
+        path: &path,
+        out,
+        dwells,
+        prompts: Prompts::default(),
+    };
     let mut states = Vec::new();
     let mut watch = |state, _| {
         if states.last() != Some(&state) {
