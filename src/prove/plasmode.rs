@@ -9,6 +9,7 @@ mod frames;
 
 use super::Concealed;
 use crate::event::Events;
+use crate::filter::FilterError;
 use crate::format::aedat4::{
     Compression, Content, ReadError, Reader, StreamSpec, WriteError, Writer,
 };
@@ -27,6 +28,9 @@ pub enum PlasmodeError {
     /// The changed recording cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
+    /// The recording's events are not what they should be.
+    #[error(transparent)]
+    Filter(#[from] FilterError),
     /// There is nothing to change.
     #[error("{}: has no {what} with a stated size; an effect can be applied to events with frames", path.display())]
     Lacks {
@@ -138,9 +142,9 @@ impl Recording {
         };
         let mut random = SplitMix::new(seed, 0);
         match id {
-            "refractory_period" => events::refractory(self, number("refractory_us")?),
+            "refractory_period" => events::refractory(self, number("refractory_us")?)?,
             "event_drop" => events::drop_share(self, number("fraction")?, &mut random),
-            "dead_pixels" => events::kill_pixels(self, number("count")?, &mut random),
+            "dead_pixels" => events::kill_pixels(self, number("count")?, &mut random)?,
             "hot_pixels" => {
                 let n = number("fraction")? * self.size.n_pixels() as f64;
                 events::heat_pixels(self, n, number("rate_hz")?, &mut random);
