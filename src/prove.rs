@@ -17,6 +17,7 @@
 
 mod ask;
 mod draw;
+mod figure;
 mod judge;
 mod make;
 pub mod plasmode;
@@ -32,6 +33,7 @@ mod truth;
 
 pub use ask::Ask;
 pub use draw::{Mix, draw};
+pub use figure::figure;
 pub use judge::{Answer, Judgement, ParameterCheck, judge};
 pub use make::Maker;
 pub use quick::{complaints, quick};

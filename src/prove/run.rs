@@ -4,7 +4,7 @@ use super::make::{Maker, clear};
 use super::plasmode::PlasmodeError;
 use super::record::{self, Outcome, Record, RecordError};
 use super::seal::{SealError, open, read_seal, seal};
-use super::{Family, Judgement, Score, Trial, Truth, judge, markdown};
+use super::{Family, Judgement, Score, Trial, Truth, figure, judge, markdown};
 use crate::record::SimulateError;
 use crate::session::{Session, SessionError};
 use serde::{Deserialize, Serialize};
@@ -189,6 +189,9 @@ impl Bench<'_> {
         let path =
             |suffix: &str| self.out.join(format!("proof-{}.{suffix}", proof.family.as_str()));
         record::write(&path("json"), proof)?;
+        if let Some(picture) = figure(&proof.score) {
+            record::write_text(&path("svg"), &picture)?;
+        }
         record::write_text(&path("md"), &markdown(self.heading, &proof.score, &proof.judgements))
     }
 
