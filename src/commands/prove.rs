@@ -134,7 +134,7 @@ fn heading(plan: &Plan) -> String {
 /// How many trials of each kind: what is asked for, else many.
 fn mix(args: &ProveArgs, family: Family) -> Mix {
     let usual = match family {
-        Family::Plasmode => [22, 0, 2, 0, 0],
+        Family::Plasmode => [24, 0, 2, 2, 0],
         _ => [48, 12, 20, 9, 10],
     };
     let any = [args.single, args.double, args.clean, args.alien, args.local];

@@ -48,7 +48,7 @@ pub(super) fn heat_pixels(recording: &mut Recording, n: f64, rate_hz: f64, rando
         let mut t = first as f64;
         loop {
             // Waiting times of a Poisson process.
-            t -= 1e6 / rate_hz * (1.0 - random.uniform()).ln();
+            t += 1e6 / rate_hz * random.exponential();
             if t > last as f64 {
                 break;
             }
@@ -57,6 +57,48 @@ pub(super) fn heat_pixels(recording: &mut Recording, n: f64, rate_hz: f64, rando
         }
     }
     recording.events.sort_by_time();
+}
+
+/// Every pixel fires in pairs of opposite polarity besides, as a comparator does that follows noise
+/// there and back; `rate_hz` counts events, a pair's second one comes `lag_us` later in the mean.
+pub(super) fn alternate(
+    recording: &mut Recording,
+    rate_hz: f64,
+    lag_us: f64,
+    random: &mut SplitMix,
+) {
+    let slice = recording.events.as_slice();
+    let (Some(&first), Some(&last)) = (slice.t.first(), slice.t.last()) else { return };
+    for y in 0..recording.size.height {
+        for x in 0..recording.size.width {
+            let mut t = first as f64;
+            loop {
+                t += 2e6 / rate_hz * random.exponential();
+                let back = t + lag_us * random.exponential();
+                if back > last as f64 {
+                    break;
+                }
+                let on = random.bits() >> 63 == 1;
+                recording.events.push(Event { t: t as i64, x, y, on });
+                recording.events.push(Event { t: back as i64, x, y, on: !on });
+            }
+        }
+    }
+    recording.events.sort_by_time();
+}
+
+/// Everything is lost in windows that together are a share of the time.
+pub(super) fn drop_bursts(
+    recording: &mut Recording,
+    share: f64,
+    window_us: f64,
+    random: &mut SplitMix,
+) {
+    let mut windows: std::collections::BTreeMap<i64, bool> = std::collections::BTreeMap::new();
+    keep(recording, |e| {
+        let window = (e.t as f64 / window_us).floor() as i64;
+        !*windows.entry(window).or_insert_with(|| random.uniform() < share)
+    });
 }
 
 /// Every stamp has a normal error of its own.
