@@ -58,6 +58,8 @@ fn facts() -> Facts {
         frame_us: 25_000.0,
         white_dn: 200.0,
         offset_within_us: 1_000.0,
+        clocks: None,
+        pixel_mm: None,
     }
 }
 

@@ -1,5 +1,8 @@
 //! The stage `diagnose`: which physics does the model leave out in this session?
 
+mod tied;
+
+use super::sync::read_clocks;
 use super::{Freshness, PipelineError, clear, default_light, fresh_record, inputs, read_scene};
 use crate::diagnose::{self, Diagnosis, Evidence, Facts, Options};
 use crate::drive::Drive;
@@ -114,6 +117,25 @@ pub fn read_diagnosis(session: &Session) -> Result<Option<Diagnosis>, PipelineEr
 /// half an exposure at worst, and noise makes crossings early.
 const TIED_US: f64 = 1_500.0;
 
+/// By how much events may come beside what the clocks themselves state: noise makes crossings early.
+const STATED_US: f64 = 800.0;
+
+/// Starts of exposure of the event camera's own frames, microseconds of its clock, ascending; none
+/// without such frames.
+fn exposures_us(session: &Session) -> Result<Vec<i64>, PipelineError> {
+    if session.stream(StreamKind::Frames, "aps").is_err() {
+        return Ok(Vec::new());
+    }
+    let mut starts = Vec::new();
+    for picture in session.davis_pictures("aps")? {
+        let timing = picture?.frame.timing;
+        let start = timing.exposure.map_or(timing.stamp, |[start, _]| start);
+        starts.push(start.as_micros());
+    }
+    starts.sort_unstable();
+    Ok(starts)
+}
+
 fn evidence(session: &Session, request: &DiagnoseRequest) -> Result<Evidence, PipelineError> {
     let missing =
         |what: String| PipelineError::Missing { session: session.root().to_owned(), what };
@@ -122,12 +144,16 @@ fn evidence(session: &Session, request: &DiagnoseRequest) -> Result<Evidence, Pi
             let scene = read_scene(session)?
                 .ok_or_else(|| missing("it holds no scene; run `evrig scene` first".into()))?;
             let drive = scene.drive();
+            let clocks = read_clocks(session)?;
+            let clocks = clocks.and_then(|clocks| tied::tied_clocks(&scene, &clocks));
             let facts = Facts {
                 from_scene: true,
-                aps_us: Vec::new(),
+                aps_us: exposures_us(session)?,
                 frame_us: 0.0,
                 white_dn: drive.white_dn(),
-                offset_within_us: TIED_US,
+                offset_within_us: if clocks.is_some() { STATED_US } else { TIED_US },
+                clocks,
+                pixel_mm: Some(scene.registration.pixel_mm),
             };
             (Box::new(drive), facts)
         }
@@ -163,6 +189,8 @@ fn frames(session: &Session, light: &str) -> Result<(Box<dyn Drive>, Facts), Pip
         frame_us: (times[times.len() - 1] - times[0]) as f64 / (times.len() - 1).max(1) as f64,
         white_dn: drive.white_dn(),
         offset_within_us: SAME_CAMERA_US,
+        clocks: None,
+        pixel_mm: None,
     };
     Ok((Box::new(drive), facts))
 }

@@ -150,7 +150,7 @@ fn wheres(title: &str, places: &[Where]) -> Table {
             Cell::text(&place.covariate),
             Cell::text(&format!("{low} to {high}")),
             Cell::number(place.excess_nats_per_event),
-            Cell::number(place.innovation_thresholds),
+            place.innovation_thresholds.map_or_else(|| Cell::text(""), Cell::number),
             Cell::count(place.n_events),
         ]
     };
