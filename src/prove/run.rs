@@ -5,11 +5,11 @@ use super::seal::{SealError, open, seal};
 use super::{Answer, Family, Judgement, Score, Trial, judge};
 use crate::device::sim::world::WorldDescription;
 use crate::diagnose::Options;
-use crate::pipeline::{self, DiagnoseRequest, PipelineError};
+use crate::pipeline::{self, DiagnoseRequest, PipelineError, TrackRequest};
 use crate::record::{SimulateError, Simulation, simulate};
 use crate::rig::{DescriptionError, Rig};
 use crate::session::import::import_aedat4;
-use crate::session::{Session, SessionError};
+use crate::session::{Session, SessionError, StreamKind};
 use crate::time::Span;
 use crate::trajectory::{Optional, Trajectory};
 use serde::{Deserialize, Serialize};
@@ -223,9 +223,15 @@ fn world(trial: &Trial) -> Result<WorldDescription, serde_json::Error> {
 /// diagnosed is answered with nothing, which is then judged as such.
 fn answer(root: &Path, options: &Options) -> Result<Answer, ProveError> {
     let session = Session::open(root)?;
-    // A tag that is not found is a property of the session, not a failure of the trial; without a
-    // scene the light comes from the camera's own frames.
-    let _ = pipeline::align(&session, false, &|_| {});
+    let frames = session.manifest().streams.iter().filter(|s| s.kind == StreamKind::Frames);
+    for stream in frames.map(|stream| stream.name.clone()) {
+        let request = TrackRequest { stream, rig: None, force: false };
+        // A tag that is not found is a property of the session, not a failure of the trial.
+        let _ = pipeline::track(&session, &request, &mut |_, _| {});
+    }
+    let _ = pipeline::sync(&session, false);
+    // Without a scene the light comes from the camera's own frames.
+    let _ = pipeline::scene(&session, false, &mut |_, _| {});
     let Some(baseline) = pipeline::default_baseline(&session) else {
         return Ok(Answer::default());
     };
