@@ -43,7 +43,7 @@ fn track_all(
     session: &Session,
     requests: &[TrackRequest],
     output: &Output,
-) -> Vec<(TrackRequest, Result<Tracked, PipelineError>)> {
+) -> Vec<pipeline::TrackOutcome> {
     let bar = output.progress("track", n_frames(session, requests.iter().map(|r| &r.stream)));
     let all = pipeline::track_all(session, requests, &|| bar.inc(1));
     bar.finish_and_clear();
