@@ -2,7 +2,7 @@
 
 use super::{Ending, Output, WrongUse};
 use crate::cli::TrackArgs;
-use crate::pipeline::{self, Freshness, PipelineError, TrackRequest, Tracked};
+use crate::pipeline::{self, Freshness, TrackRequest, Tracked};
 use crate::rig::Rig;
 use crate::session::{Session, StreamKind};
 use serde_json::{Value, json};
