@@ -20,7 +20,7 @@ mod sweep;
 mod sync;
 mod track;
 
-pub use align::{AlignProgress, Aligned, align, frame_streams, track_all};
+pub use align::{AlignProgress, Aligned, TrackOutcome, align, frame_streams, track_all};
 pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration};
 pub use compare::{CompareRequest, compare, read_comparison};
 pub use diagnose::{Baseline, DiagnoseRequest, default_baseline, diagnose, read_diagnosis};

@@ -2,7 +2,7 @@
 
 use super::{Ending, Output, WrongUse};
 use crate::cli::TrackArgs;
-use crate::pipeline::{self, Freshness, PipelineError, TrackRequest, Tracked};
+use crate::pipeline::{self, Freshness, TrackRequest, Tracked};
 use crate::rig::Rig;
 use crate::session::{Session, StreamKind};
 use serde_json::{Value, json};
@@ -43,7 +43,7 @@ fn track_all(
     session: &Session,
     requests: &[TrackRequest],
     output: &Output,
-) -> Vec<(TrackRequest, Result<Tracked, PipelineError>)> {
+) -> Vec<pipeline::TrackOutcome> {
     let bar = output.progress("track", n_frames(session, requests.iter().map(|r| &r.stream)));
     let all = pipeline::track_all(session, requests, &|| bar.inc(1));
     bar.finish_and_clear();

@@ -10,11 +10,14 @@ use super::track::{TrackRequest, Tracked, track};
 use crate::session::{Origin, Session, StreamKind};
 use rayon::prelude::*;
 
+/// A stream's track, or why it has none.
+pub type TrackOutcome = (TrackRequest, Result<Tracked, PipelineError>);
+
 /// What became of each stage. No stage's failure keeps another from being tried.
 #[derive(Debug)]
 pub struct Aligned {
     /// Every stream's track, or why none was looked for.
-    pub tracks: Result<Vec<(TrackRequest, Result<Tracked, PipelineError>)>, &'static str>,
+    pub tracks: Result<Vec<TrackOutcome>, &'static str>,
     /// The clocks; none where the Pi has no frames.
     pub clocks: Option<Result<Synced, PipelineError>>,
     /// The scene.
@@ -68,7 +71,7 @@ pub fn track_all(
     session: &Session,
     requests: &[TrackRequest],
     seen: &(dyn Fn() + Sync),
-) -> Vec<(TrackRequest, Result<Tracked, PipelineError>)> {
+) -> Vec<TrackOutcome> {
     let one =
         |request: &TrackRequest| (request.clone(), track(session, request, &mut |_, _| seen()));
     requests.par_iter().map(one).collect()

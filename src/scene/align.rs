@@ -23,6 +23,8 @@ pub(super) struct Equations<const N: usize> {
     /// Weighted squares of what is left, in units of the noise that was assumed.
     pub(super) squares: f64,
     pub(super) n: usize,
+    /// Marks that look as expected, noise allowed for.
+    pub(super) n_fit: usize,
     /// The right side by parts of the map, which are wrong apart from each other.
     pub(super) by_part: Vec<SVector<f64, N>>,
 }
@@ -85,6 +87,7 @@ impl Reference<'_> {
             right: SVector::from_fn(|i, _| mixed.right[order[i]]),
             squares: mixed.squares,
             n: mixed.n,
+            n_fit: mixed.n_fit,
             by_part: Vec::new(),
         })
     }
@@ -102,7 +105,7 @@ impl Reference<'_> {
         let level = key.ln_gain.exp();
         let mut normal = [[0.0; N]; N];
         let mut right = [0.0; N];
-        let (mut squares, mut n) = (0.0, 0_usize);
+        let (mut squares, mut n, mut n_fit) = (0.0, 0_usize, 0_usize);
         let mut by_part = vec![SVector::<f64, N>::zeros(); PARTS];
         for (mark, number) in self.marks.iter().zip(0..) {
             let [x_mm, y_mm] = mark.place_mm;
@@ -135,6 +138,7 @@ impl Reference<'_> {
             let weight = precision * if sigmas > HUBER { HUBER / sigmas } else { 1.0 };
             squares += weight * left * left;
             n += 1;
+            n_fit += usize::from(sigmas <= HUBER);
             let of_part = &mut by_part[number * PARTS / self.marks.len()];
             for i in 0..N {
                 let part = weight * row[i];
@@ -150,6 +154,7 @@ impl Reference<'_> {
             right: SVector::from(right),
             squares,
             n,
+            n_fit,
             by_part,
         })
     }

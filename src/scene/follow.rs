@@ -2,7 +2,7 @@
 //!
 //! Where the tag's track says where the head was, a frame starts from there. Elsewhere it starts from
 //! where the frames beside it let the head go on, and is held to the map alone: it counts when it is
-//! found near that place and fits the map as well as others do.
+//! found near that place and looks there as the map says.
 
 use super::align::Reference;
 use super::head::{HeadPose, POSE};
@@ -17,14 +17,14 @@ const BATCH: usize = 64;
 /// Longest way in time over which the head is taken to go on as it went, seconds.
 const REACH_S: f64 = 0.05;
 
-/// A frame without the tag is taken when it leaves no more of itself unexplained than this times
-/// what its neighbour left,
-const FIT: f64 = 1.5;
+/// A frame without the tag is taken when this share of the marks that it sees look as expected (what
+/// hides the tag may lie over some),
+const FIT: f64 = 0.5;
 
 /// when it lies within so many pixels of where it was looked for,
 const NEAR_PX: f64 = 3.0;
 
-/// and sees at least this share of the marks that its neighbour saw.
+/// and when these marks are at least this share of those that its neighbour was found by.
 const SHARE: f64 = 0.25;
 
 /// A frame that waits to be located.
@@ -114,8 +114,8 @@ impl<'a> Follower<'a> {
         let per_mm = self.reference.optics.camera.lens.focal_px / pose[2];
         let moved = &found.knot.pose;
         let is_near = (moved[0] - pose[0]).hypot(moved[1] - pose[1]) * per_mm <= NEAR_PX;
-        let fits = found.knot.misfit <= FIT * near.knot.misfit.max(1.0)
-            && found.n as f64 >= SHARE * near.n as f64;
+        let n_fit = found.n_fit as f64;
+        let fits = n_fit >= FIT * found.n as f64 && n_fit >= SHARE * near.n_fit as f64;
         (is_near && fits).then_some(found)
     }
 }

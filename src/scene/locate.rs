@@ -11,11 +11,12 @@ use nalgebra::{SMatrix, SVector};
 /// factor of five or more, so that a fifth of this is left.
 const SETTLED_PX: f64 = 0.01;
 
-/// A frame on the path, and the marks that it saw.
+/// A frame on the path, the marks that it saw, and those of them that look as the map says.
 #[derive(Debug, Clone)]
 pub(super) struct Located {
     pub(super) knot: PathKnot,
     pub(super) n: usize,
+    pub(super) n_fit: usize,
 }
 
 /// Finds a frame's pose against the map, from a start that is near.
@@ -45,7 +46,7 @@ pub(super) fn locate(reference: &Reference<'_>, mut key: Key) -> Option<Located>
             let misfit = misfit.sqrt();
             let (pose, ln_gain) = (key.pose, key.ln_gain);
             let knot = PathKnot { time_s, pose, pose_error, ln_gain, misfit };
-            return Some(Located { knot, n: equations.n });
+            return Some(Located { knot, n: equations.n, n_fit: equations.n_fit });
         }
     }
     None

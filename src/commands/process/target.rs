@@ -5,7 +5,7 @@ use crate::cli::{ModelArgs, ProcessArgs};
 use crate::commands::{Output, filter, generate, sync, track};
 use crate::pipeline::{
     self, AlignProgress, Conditions, FilterRequest, FilterSettings, GenerateRequest, PipelineError,
-    SceneMade, Synced, TrackRequest, Tracked,
+    SceneMade, Synced, TrackOutcome,
 };
 use crate::session::{Session, StreamName};
 
@@ -46,9 +46,7 @@ fn clocks(clocks: Option<Result<Synced, PipelineError>>) -> anyhow::Result<Steps
     Ok(steps)
 }
 
-fn tracks(
-    tracks: Result<Vec<(TrackRequest, Result<Tracked, PipelineError>)>, &'static str>,
-) -> anyhow::Result<Steps> {
+fn tracks(tracks: Result<Vec<TrackOutcome>, &'static str>) -> anyhow::Result<Steps> {
     let mut steps = Steps::default();
     let tracks = match tracks {
         Ok(tracks) => tracks,
