@@ -20,7 +20,7 @@ mod sync;
 mod track;
 
 pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration};
-pub use compare::{CompareRequest, compare, read_comparison};
+pub use compare::{CompareRequest, Reference, compare, compare_with, read_comparison};
 pub use diagnose::{Baseline, DiagnoseRequest, default_baseline, diagnose, read_diagnosis};
 pub use filter::{
     FilterRequest, FilterSettings, FilterTally, FilteredStream, filter, read_filter_tally,

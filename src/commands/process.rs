@@ -16,6 +16,7 @@ pub(super) fn run(args: &ProcessArgs, output: &Output) -> anyhow::Result<Ending>
     let mut all = Steps::default();
     all.append(target::clocks_and_tracks(&session, args, output)?);
     all.append(target::scene(&session, args, output)?);
+    all.append(target::generate_from_scene(&session, args, output)?);
     all.append(own_light::calibrate_and_generate(&session, args, output)?);
     all.append(target::generate_from_pi(&session, args, output)?);
     all.append(target::filter_all(&session, args)?);

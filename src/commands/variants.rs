@@ -9,6 +9,7 @@ use crate::compare::Comparison;
 use crate::generate::effect::Effects;
 use crate::pipeline::{
     self, CalibrateRequest, CompareRequest, GenerateRequest, ObjectiveKind, PipelineError,
+    Reference,
 };
 use crate::report::number::quantity;
 use crate::session::{Session, StreamKind, StreamName};
@@ -66,8 +67,9 @@ pub(super) fn run(
     output: &Output,
 ) -> anyhow::Result<Ending> {
     let mut rows = Vec::new();
+    let mut reference = Reference::new(session, "real");
     for variant in read(list)? {
-        rows.push(one(session, &variant, args, output)?);
+        rows.push(one(&mut reference, session, &variant, args, output)?);
     }
     let n_left_out = rows.iter().filter(|row| row.made.is_none()).count();
     let value = json!({
@@ -100,6 +102,7 @@ fn read(list: &str) -> anyhow::Result<Vec<Variant>> {
 }
 
 fn one(
+    reference: &mut Reference<'_>,
     session: &Session,
     variant: &Variant,
     args: &GenerateArgs,
@@ -140,7 +143,7 @@ fn one(
         seed: args.choice.seed,
         force: args.force,
     };
-    let (comparison, because) = match pipeline::compare(session, &compared) {
+    let (comparison, because) = match pipeline::compare_with(reference, &compared) {
         Ok((comparison, _)) => (Some(comparison), None),
         Err(error) => (None, Some(error.to_string())),
     };

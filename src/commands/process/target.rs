@@ -1,5 +1,6 @@
 //! The steps of `process` that put a session on one clock and one target.
 
+use super::own_light;
 use super::steps::Steps;
 use crate::cli::{ModelArgs, ProcessArgs};
 use crate::commands::{Output, filter, generate, sync, track};
@@ -75,6 +76,42 @@ pub(super) fn scene(
             steps.n_lost += 1;
         }
         Err(error) => return Err(error.into()),
+    }
+    Ok(steps)
+}
+
+/// Events from what the event pixels saw, with constants told on that light unless the user chose.
+pub(super) fn generate_from_scene(
+    session: &Session,
+    args: &ProcessArgs,
+    output: &Output,
+) -> anyhow::Result<Steps> {
+    const SCENE: &str = "scene";
+    let mut steps = Steps::default();
+    // Why there is none was said when it was to be made.
+    if pipeline::white_of(session, SCENE)?.is_none() {
+        return Ok(steps);
+    }
+    let is_calibrated = own_light::calibrate_on(session, SCENE, args, output, &mut steps)?;
+    let mut choice = args.choice.clone();
+    if !choice.is_given() {
+        let preset = if is_calibrated { "tuned" } else { "Raw2DVS346" };
+        choice.preset = Some(preset.to_owned());
+    }
+    let request = GenerateRequest {
+        from: SCENE.to_owned(),
+        name: StreamName::new(SCENE)?,
+        parameters: generate::tuned_parameters(session, SCENE, &choice)?,
+        conditions: Conditions::default(),
+        force: args.force,
+    };
+    match generate::generate(session, &request, output) {
+        Ok(made) => {
+            let words = generate::text(&request, &made);
+            steps.did("generate", &words, &generate::value(&request, &made));
+        }
+        // Constants told from the session may be beyond what a generator can do.
+        Err(error) => steps.leave_out("generate", &error.to_string()),
     }
     Ok(steps)
 }
