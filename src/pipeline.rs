@@ -5,6 +5,7 @@
 //! be the same is fresh and is not run again. Results hold no time of day and no path
 //! outside the session, so that they are the same bytes on any machine.
 
+mod align;
 mod between;
 mod calibrate;
 mod compare;
@@ -19,6 +20,7 @@ mod sweep;
 mod sync;
 mod track;
 
+pub use align::{AlignProgress, Aligned, align, frame_streams, track_all};
 pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration};
 pub use compare::{CompareRequest, Reference, compare, compare_with, read_comparison};
 pub use diagnose::{Baseline, DiagnoseRequest, default_baseline, diagnose, read_diagnosis};

@@ -14,8 +14,7 @@ use steps::Steps;
 pub(super) fn run(args: &ProcessArgs, output: &Output) -> anyhow::Result<Ending> {
     let session = Session::open(&args.session)?;
     let mut all = Steps::default();
-    all.append(target::clocks_and_tracks(&session, args, output)?);
-    all.append(target::scene(&session, args, output)?);
+    all.append(target::align(&session, args, output)?);
     all.append(target::generate_from_scene(&session, args, output)?);
     all.append(own_light::calibrate_and_generate(&session, args, output)?);
     all.append(target::generate_from_pi(&session, args, output)?);

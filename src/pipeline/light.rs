@@ -38,7 +38,7 @@ pub fn light(session: &Session, name: &str) -> Result<Light, PipelineError> {
             let what = format!("`{name}` is on the Pi's clock; run `evrig sync` first");
             missing(session, what)
         })?;
-        let davis_from_sensor = Box::new(clocks.davis_from_sensor);
+        let davis_from_sensor = Box::new(clocks.davis_from(name));
         Source::Pi { pictures: session.pi_pictures(name)?, davis_from_sensor }
     } else {
         Source::Davis(session.davis_pictures(name)?)

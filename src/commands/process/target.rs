@@ -5,67 +5,78 @@ use super::steps::Steps;
 use crate::cli::{ModelArgs, ProcessArgs};
 use crate::commands::{Output, filter, generate, sync, track};
 use crate::pipeline::{
-    self, Conditions, FilterRequest, FilterSettings, GenerateRequest, PipelineError, TrackRequest,
+    self, AlignProgress, Conditions, FilterRequest, FilterSettings, GenerateRequest, PipelineError,
+    SceneMade, Synced, TrackRequest, Tracked,
 };
-use crate::session::{Origin, Session, StreamName};
+use crate::session::{Session, StreamName};
 
-/// The clocks and the tracks. Tracks need no clock but their own and are made first, since the
-/// motion in them tells the offset of the clocks best.
-pub(super) fn clocks_and_tracks(
+/// Clocks, tracks and scene.
+pub(super) fn align(
     session: &Session,
     args: &ProcessArgs,
     output: &Output,
 ) -> anyhow::Result<Steps> {
-    let mut tracks = Steps::default();
-    let states_target =
-        session.rig()?.is_some() || matches!(session.manifest().origin, Origin::Raw2Event { .. });
-    let streams = track::frame_streams(session);
-    if streams.is_empty() {
-        tracks.leave_out("track", "the session has no frames");
-    } else if states_target {
-        let request = |stream| TrackRequest { stream, rig: None, force: args.force };
-        let requests: Vec<TrackRequest> = streams.into_iter().map(request).collect();
-        for (request, tracked) in track::track_all(session, &requests, output) {
-            match tracked {
-                Ok(tracked) => {
-                    let words = track::words(&request, &tracked);
-                    tracks.did("track", &words, &track::value(&request, &tracked));
-                }
-                Err(error @ PipelineError::Track { .. }) => {
-                    tracks.leave_out("track", &error.to_string());
-                    tracks.n_lost += 1;
-                }
-                Err(error) => return Err(error.into()),
-            }
+    let n_frames = track::n_frames(session, pipeline::frame_streams(session).iter());
+    let (tracking, mapping) = (output.progress("track", n_frames), output.progress("scene", 0));
+    let aligned = pipeline::align(session, args.force, &|progress| match progress {
+        AlignProgress::Tracked => tracking.inc(1),
+        AlignProgress::Mapped(done, all) => {
+            mapping.set_length(all);
+            mapping.set_position(done);
         }
-    } else {
-        tracks.leave_out("track", "nothing states the target; `evrig track --rig RIG` says which");
-    }
+    });
+    tracking.finish_and_clear();
+    mapping.finish_and_clear();
+    let mut steps = clocks(aligned.clocks)?;
+    steps.append(tracks(aligned.tracks)?);
+    steps.append(scene(aligned.scene)?);
+    Ok(steps)
+}
+
+fn clocks(clocks: Option<Result<Synced, PipelineError>>) -> anyhow::Result<Steps> {
     let mut steps = Steps::default();
-    if pipeline::pi_streams(session).is_empty() {
-        steps.leave_out("sync", "the session has no frames of the Pi's camera");
-    } else {
-        match pipeline::sync(session, args.force) {
-            Ok(synced) => steps.did("sync", &sync::text(&synced), &sync::value(&synced)),
-            Err(error @ PipelineError::Clock { .. }) => {
-                steps.leave_out("sync", &error.to_string());
+    match clocks {
+        None => steps.leave_out("sync", "the session has no frames of the Pi's camera"),
+        Some(Ok(synced)) => steps.did("sync", &sync::text(&synced), &sync::value(&synced)),
+        Some(Err(error @ PipelineError::Clock { .. })) => {
+            steps.leave_out("sync", &error.to_string());
+            steps.n_lost += 1;
+        }
+        Some(Err(error)) => return Err(error.into()),
+    }
+    Ok(steps)
+}
+
+fn tracks(
+    tracks: Result<Vec<(TrackRequest, Result<Tracked, PipelineError>)>, &'static str>,
+) -> anyhow::Result<Steps> {
+    let mut steps = Steps::default();
+    let tracks = match tracks {
+        Ok(tracks) => tracks,
+        Err(because) => {
+            steps.leave_out("track", because);
+            Vec::new()
+        }
+    };
+    for (request, tracked) in tracks {
+        match tracked {
+            Ok(tracked) => {
+                let words = track::words(&request, &tracked);
+                steps.did("track", &words, &track::value(&request, &tracked));
+            }
+            Err(error @ PipelineError::Track { .. }) => {
+                steps.leave_out("track", &error.to_string());
                 steps.n_lost += 1;
             }
             Err(error) => return Err(error.into()),
         }
     }
-    steps.append(tracks);
     Ok(steps)
 }
 
-/// The map of the print and the event camera tied to it.
-pub(super) fn scene(
-    session: &Session,
-    args: &ProcessArgs,
-    output: &Output,
-) -> anyhow::Result<Steps> {
+fn scene(made: Result<SceneMade, PipelineError>) -> anyhow::Result<Steps> {
     let mut steps = Steps::default();
-    match crate::commands::scene::make(session, args.force, output) {
+    match made {
         Ok(made) => {
             let words = crate::commands::scene::text(&made);
             steps.did("scene", &words, &crate::commands::scene::value(&made));
