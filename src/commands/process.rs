@@ -5,6 +5,8 @@ mod own_light;
 mod steps;
 mod target;
 
+pub(super) use target::cut_alike;
+
 use super::{Ending, Output};
 use crate::cli::ProcessArgs;
 use crate::session::Session;

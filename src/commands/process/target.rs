@@ -162,19 +162,24 @@ pub(super) fn generate_from_pi(
     Ok(steps)
 }
 
+/// How streams of any camera are cut to one grid: the picture as wide as the event camera sees it.
+/// None where no track says where that is.
+pub(in crate::commands) fn cut_alike(session: &Session) -> Option<FilterSettings> {
+    let tracked = pipeline::tracked(session);
+    let of_davis = tracked.iter().find(|name| !session.is_from_pi(name).unwrap_or(true))?;
+    let summary = pipeline::read_summary(session, of_davis)?;
+    let plain = FilterSettings::default();
+    let crop = (summary.picture_px * (1.0 + 2.0 * plain.margin)).round().clamp(1.0, 4096.0);
+    Some(FilterSettings { crop_px: Some(crop as u16), ..plain })
+}
+
 /// Every event stream cut to the picture, all to one grid: as wide as the event camera sees it.
 pub(super) fn filter_all(session: &Session, args: &ProcessArgs) -> anyhow::Result<Steps> {
     let mut steps = Steps::default();
-    let tracked = pipeline::tracked(session);
-    let of_davis = tracked.iter().find(|name| !session.is_from_pi(name).unwrap_or(true));
-    let summary = of_davis.and_then(|name| pipeline::read_summary(session, name));
-    let Some(summary) = summary else {
+    let Some(settings) = cut_alike(session) else {
         steps.leave_out("filter", "no track of the event camera says where the picture is");
         return Ok(steps);
     };
-    let plain = FilterSettings::default();
-    let crop = (summary.picture_px * (1.0 + 2.0 * plain.margin)).round().clamp(1.0, 4096.0);
-    let settings = FilterSettings { crop_px: Some(crop as u16), ..plain };
     for stream in filter::event_streams(session) {
         if let Err(error) = pipeline::track_for(session, &stream) {
             steps.leave_out("filter", &error.to_string());
