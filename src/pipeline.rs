@@ -22,7 +22,7 @@ mod track;
 
 pub use align::{AlignProgress, Aligned, TrackOutcome, align, frame_streams, track_all};
 pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration};
-pub use compare::{CompareRequest, compare, read_comparison};
+pub use compare::{CompareRequest, Reference, compare, compare_with, read_comparison};
 pub use diagnose::{Baseline, DiagnoseRequest, default_baseline, diagnose, read_diagnosis};
 pub use filter::{
     FilterRequest, FilterSettings, FilterTally, FilteredStream, filter, picture_events,

@@ -174,6 +174,15 @@ pub(super) fn text(request: &GenerateRequest, made: &Generated) -> String {
     if tally.n_frames_not_later > 0 {
         text += &format!(", {} frames left out (not later)", tally.n_frames_not_later);
     }
+    if tally.n_filled_in_place > 0 {
+        text += &format!(
+            ", {} intervals filled pixel by pixel (no track there)",
+            tally.n_filled_in_place
+        );
+    }
+    if let Some(rhythm) = tally.frame_rhythm {
+        text += &format!(", frame rhythm {rhythm:.3}");
+    }
     match &made.speed {
         Some(speed) => {
             text += &format!(

@@ -71,7 +71,7 @@ pub(super) fn plane_path(
             let clocks = read_clocks(session)?.ok_or_else(|| {
                 missing(session, format!("`{stream}` is on the Pi's clock; run `evrig sync` first"))
             })?;
-            let clock = Some(Box::new(clocks.davis_from_sensor));
+            let clock = Some(Box::new(clocks.davis_from(stream)));
             let on_its_clock = |own: &OnTrack<PiSensor>, at| own.clock.as_ref()?.inverse_map(at);
             Ok(Box::new(OnTrack { track, clock, on_its_clock }))
         }

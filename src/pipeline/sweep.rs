@@ -9,7 +9,7 @@ use crate::frame::Luminance;
 use crate::generate::{RowTimes, build};
 use crate::geometry::Size;
 use crate::report::figure::Figure;
-use crate::report::number::count;
+use crate::report::number::{count, significant};
 use crate::report::page::{Block, Fact, Page, Section, Summary};
 use crate::report::plot::{cloud, heat};
 use crate::session::{Session, StreamKind};
@@ -67,7 +67,7 @@ pub fn sweep(
     for (value, step) in &request.steps {
         let events = events(session, step, &frames)?;
         n_events.push((*value, events.len()));
-        streams.push((format!("{} = {value:.3e}", request.name), events));
+        streams.push((format!("{} = {}", request.name, significant(*value, 3)), events));
         done();
     }
     let page = page(session, request, size, window_us, &streams)?;

@@ -1,5 +1,6 @@
 //! The steps of `process` that put a session on one clock and one target.
 
+use super::own_light;
 use super::steps::Steps;
 use crate::cli::{ModelArgs, ProcessArgs};
 use crate::commands::{Output, filter, generate, sync, track};
@@ -88,6 +89,42 @@ fn scene(made: Result<SceneMade, PipelineError>) -> anyhow::Result<Steps> {
     Ok(steps)
 }
 
+/// Events from what the event pixels saw, with constants told on that light unless the user chose.
+pub(super) fn generate_from_scene(
+    session: &Session,
+    args: &ProcessArgs,
+    output: &Output,
+) -> anyhow::Result<Steps> {
+    const SCENE: &str = "scene";
+    let mut steps = Steps::default();
+    // Why there is none was said when it was to be made.
+    if pipeline::white_of(session, SCENE)?.is_none() {
+        return Ok(steps);
+    }
+    let is_calibrated = own_light::calibrate_on(session, SCENE, args, output, &mut steps)?;
+    let mut choice = args.choice.clone();
+    if !choice.is_given() {
+        let preset = if is_calibrated { "tuned" } else { "Raw2DVS346" };
+        choice.preset = Some(preset.to_owned());
+    }
+    let request = GenerateRequest {
+        from: SCENE.to_owned(),
+        name: StreamName::new(SCENE)?,
+        parameters: generate::tuned_parameters(session, SCENE, &choice)?,
+        conditions: Conditions::default(),
+        force: args.force,
+    };
+    match generate::generate(session, &request, output) {
+        Ok(made) => {
+            let words = generate::text(&request, &made);
+            steps.did("generate", &words, &generate::value(&request, &made));
+        }
+        // Constants told from the session may be beyond what a generator can do.
+        Err(error) => steps.leave_out("generate", &error.to_string()),
+    }
+    Ok(steps)
+}
+
 /// Events from the Pi's frames, each light with its published constants unless the user chose.
 pub(super) fn generate_from_pi(
     session: &Session,
@@ -123,19 +160,24 @@ pub(super) fn generate_from_pi(
     Ok(steps)
 }
 
+/// How streams of any camera are cut to one grid: the picture as wide as the event camera sees it.
+/// None where no track says where that is.
+pub(in crate::commands) fn cut_alike(session: &Session) -> Option<FilterSettings> {
+    let tracked = pipeline::tracked(session);
+    let of_davis = tracked.iter().find(|name| !session.is_from_pi(name).unwrap_or(true))?;
+    let summary = pipeline::read_summary(session, of_davis)?;
+    let plain = FilterSettings::default();
+    let crop = (summary.picture_px * (1.0 + 2.0 * plain.margin)).round().clamp(1.0, 4096.0);
+    Some(FilterSettings { crop_px: Some(crop as u16), ..plain })
+}
+
 /// Every event stream cut to the picture, all to one grid: as wide as the event camera sees it.
 pub(super) fn filter_all(session: &Session, args: &ProcessArgs) -> anyhow::Result<Steps> {
     let mut steps = Steps::default();
-    let tracked = pipeline::tracked(session);
-    let of_davis = tracked.iter().find(|name| !session.is_from_pi(name).unwrap_or(true));
-    let summary = of_davis.and_then(|name| pipeline::read_summary(session, name));
-    let Some(summary) = summary else {
+    let Some(settings) = cut_alike(session) else {
         steps.leave_out("filter", "no track of the event camera says where the picture is");
         return Ok(steps);
     };
-    let plain = FilterSettings::default();
-    let crop = (summary.picture_px * (1.0 + 2.0 * plain.margin)).round().clamp(1.0, 4096.0);
-    let settings = FilterSettings { crop_px: Some(crop as u16), ..plain };
     for stream in filter::event_streams(session) {
         if let Err(error) = pipeline::track_for(session, &stream) {
             steps.leave_out("filter", &error.to_string());

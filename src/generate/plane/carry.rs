@@ -118,7 +118,7 @@ mod tests {
         let carrier = PlaneCarrier::new(Box::new(fine()), Box::new(coarse()), small);
         let seen = carrier.carry(&frame, rows).unwrap();
         let back = coarse().pixel_from_plane(t_us as f64).unwrap().inverse().unwrap();
-        let mut n_known = 0;
+        let (mut n_known, mut squares) = (0_u32, 0.0);
         for (i, value) in seen.values.iter().enumerate().filter(|(_, value)| value.is_finite()) {
             let [u, v] = middle(small, i);
             let looks: f64 = (0..100)
@@ -129,9 +129,13 @@ mod tests {
                 })
                 .sum();
             n_known += 1;
-            assert!((f64::from(*value) - looks / 100.0).abs() < 0.5, "{value} {}", looks / 100.0);
+            let apart = f64::from(*value) - looks / 100.0;
+            squares += apart * apart;
+            // Beside the frame's edge the cubic has no neighbours.
+            assert!(apart.abs() < 1.5, "{value} {}", looks / 100.0);
         }
-        assert!(n_known > 500 && n_known < small.n_pixels(), "{n_known}");
+        assert!((squares / f64::from(n_known)).sqrt() < 0.1, "{squares} {n_known}");
+        assert!(n_known > 500 && (n_known as usize) < small.n_pixels(), "{n_known}");
         assert!(carrier.carry(&Luminance { t_us: 1_000_000, ..frame }, rows).is_none());
     }
 }

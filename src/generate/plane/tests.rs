@@ -91,7 +91,8 @@ fn between_frames_the_print_is_where_it_was_and_as_sharp() {
         }
         let plain = shot(33_333, rows);
         let halfway = between(&plain, &shot(66_666, rows), 0.5, 50_000);
-        assert!(apart(&halfway, &shot(50_000, RowTimes::default())) > 5.0);
+        let fading = apart(&halfway, &shot(50_000, RowTimes::default()));
+        assert!(fading > 2.0, "{fading}");
     }
 }
 
