@@ -181,6 +181,25 @@ fn a_second_run_is_told_that_there_is_a_first() {
 }
 
 #[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_ends_the_run_with_its_name_instead_of_failing_every_session() {
+    let directory = tempfile::tempdir().unwrap();
+    let root = dataset(directory.path(), 2);
+    // Whatever is written to this device finds no room.
+    std::os::unix::fs::symlink("/dev/full", root.join("s0/report.html")).unwrap();
+    let (code, _, said) = json(evrig().arg("process").arg(&root));
+    assert_eq!(code, 1, "{said}");
+    let last = said.lines().last().unwrap();
+    assert!(last.starts_with("error: s0: no session would fare better"), "{last}");
+    assert!(last.contains("report.html") && last.contains("No space left"), "{last}");
+    assert!(!root.join("batch/outcomes/s1.json").exists(), "the run ended there");
+    // With room again, the run takes up what is left.
+    std::fs::remove_file(root.join("s0/report.html")).unwrap();
+    let (code, value, said) = json(evrig().args(["process", "--only-failed"]).arg(&root));
+    assert_eq!((code, &value["n_ok"]), (0, &serde_json::json!(2)), "{said}");
+}
+
+#[test]
 fn wrong_use_of_a_dataset_is_said_in_one_line() {
     let directory = tempfile::tempdir().unwrap();
     let root = dataset(directory.path(), 1);

@@ -89,16 +89,10 @@ struct Facts {
     healthy: Option<[f64; 2]>,
 }
 
-/// Gathers what the stage `compare` left in the sessions.
-///
-/// # Errors
-/// When a result cannot be read.
-pub fn aggregate(
-    dataset: &str,
-    found: &[&Found],
-    rig: Option<&str>,
-    seed: u64,
-) -> Result<Aggregate, PipelineError> {
+/// Gathers what the stage `compare` left in the sessions; a session of which nothing can be had is
+/// left out with the reason.
+#[must_use]
+pub fn aggregate(dataset: &str, found: &[&Found], rig: Option<&str>, seed: u64) -> Aggregate {
     let mut values = Vec::new();
     let mut facts: Vec<Facts> = Vec::new();
     let mut left_out = Vec::new();
@@ -106,8 +100,12 @@ pub fn aggregate(
         match &one.session {
             Ok(session) => {
                 let before = values.len();
-                of_session(&one.key, session, &mut values, &mut facts)?;
-                if values.len() == before {
+                let read = of_session(&one.key, session, &mut values, &mut facts);
+                if let Err(error) = read {
+                    // One session's files must not cost the others their table.
+                    let remedy = "run `evrig compare` on it with --force";
+                    left_out.push(format!("{}: {error}; {remedy}", one.key));
+                } else if values.len() == before {
                     left_out.push(format!("{}: no stream of it was compared", one.key));
                 }
             }
@@ -118,7 +116,7 @@ pub fn aggregate(
     names.sort_unstable();
     names.dedup();
     let variants = names.into_iter().map(|name| variant(name, &values, &facts, seed)).collect();
-    Ok(Aggregate {
+    Aggregate {
         schema: "evrig.dataset-comparison/1".into(),
         dataset: dataset.to_owned(),
         rig: rig.map(str::to_owned),
@@ -127,7 +125,7 @@ pub fn aggregate(
         variants,
         sessions: values,
         left_out,
-    })
+    }
 }
 
 fn of_session(

@@ -40,7 +40,7 @@ pub(super) fn report(args: &ReportArgs, output: &Output) -> anyhow::Result<Endin
     let splits = gather::splits_of(root)?;
     let index = batch::index(root, &found, &splits);
     let all: Vec<_> = found.iter().collect();
-    let aggregate = batch::aggregate(&index.name, &all, None, 0)?;
+    let aggregate = batch::aggregate(&index.name, &all, None, 0);
     let html = batch::dataset_page(root, &index, &aggregate).to_html()?;
     let path = args.out.clone().unwrap_or_else(|| root.join("report.html"));
     std::fs::write(&path, &html)

@@ -31,7 +31,7 @@ pub(in crate::commands) fn compare(args: &CompareArgs, output: &Output) -> anyho
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let mut aggregate = batch::aggregate(&index.name, &chosen, args.rig.as_deref(), args.seed)?;
+    let mut aggregate = batch::aggregate(&index.name, &chosen, args.rig.as_deref(), args.seed);
     if args.rig.is_none() {
         index.warnings.iter().for_each(|warning| output.warn(warning));
     }

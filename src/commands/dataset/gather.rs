@@ -41,7 +41,7 @@ fn write(root: &Path, splits: &Splits, seed: u64) -> anyhow::Result<(Index, Aggr
     let found = batch::walk(root)?;
     let index = batch::index(root, &found, splits);
     let all: Vec<_> = found.iter().collect();
-    let aggregate = batch::aggregate(&index.name, &all, None, seed)?;
+    let aggregate = batch::aggregate(&index.name, &all, None, seed);
     index.write(root)?;
     let page = |name: &str, html: String| {
         let path = root.join(name);
