@@ -12,15 +12,19 @@ mod camera;
 #[path = "wires/wire.rs"]
 mod wire;
 
-use camera::{Camera, find_events};
+use camera::{Camera, PACKET_EVENTS, find_events};
+use evrig::device::Finding;
 use evrig::device::davis::{NetworkDavis, Patience as DavisPatience};
 use evrig::device::dobot::{Client, Magician, Patience as ArmPatience, port};
 use evrig::device::pi::agent::Agent;
 use evrig::device::pi::source::Synthetic;
 use evrig::device::pi::wire::Settings;
 use evrig::device::pi::{NetworkPi, Patience as PiPatience};
+use evrig::device::recorder::{Prepared, Recorder, RecorderError, Sample, Tally, host_time};
 use evrig::device::sim::arm::fault::Fault as ArmFault;
 use evrig::device::sim::arm::{Clock, Emulator, Options};
+use evrig::event::Events;
+use evrig::format::aedat4::{Content, StreamSpec};
 use evrig::geometry::Size;
 use evrig::record::{Devices, Dwells, Outcome, Prompts, Request, State, StopToken, record};
 use evrig::rig::Rig;
@@ -259,4 +263,87 @@ fn an_arm_that_fails_leaves_a_session_that_says_so() {
             }
         }
     }
+}
+
+/// An event camera whose packets arrive while the host's wall clock is set to and fro by hours.
+struct Unsettled {
+    n_sent: u64,
+    outlet: Option<evrig::device::recorder::Outlet>,
+}
+
+impl Unsettled {
+    fn send(&mut self) {
+        let mut arrived = host_time();
+        let hours = [0, 2, -3][(self.n_sent / 10 % 3) as usize];
+        arrived.unix = arrived.unix + Span::from_micros(hours * 3_600_000_000);
+        let first = self.n_sent as i64 * PACKET_EVENTS;
+        let events: Events = (first..first + PACKET_EVENTS).map(camera::event).collect();
+        let content = Content::Events(events);
+        let outlet = self.outlet.as_ref().expect("it was started");
+        assert!(outlet.offer(Sample::Packet { stream: 0, arrived, content }));
+        self.n_sent += 1;
+    }
+}
+
+impl Recorder for Unsettled {
+    fn name(&self) -> &'static str {
+        "davis"
+    }
+    fn check(&mut self) -> Vec<Finding> {
+        Vec::new()
+    }
+    fn prepare(&mut self) -> Result<Prepared, RecorderError> {
+        let streams = vec![StreamSpec::events(Size::DAVIS346, "DAVIS346_1")];
+        Ok(Prepared { says: serde_json::json!({}), streams })
+    }
+    fn start(&mut self, outlet: evrig::device::recorder::Outlet) -> Result<(), RecorderError> {
+        self.outlet = Some(outlet);
+        self.send();
+        Ok(())
+    }
+    fn progress(&mut self) -> Result<Tally, RecorderError> {
+        self.send();
+        Ok(Tally { n_samples: self.n_sent, ..Tally::default() })
+    }
+    fn finish(&mut self) -> Result<Tally, RecorderError> {
+        self.outlet = None;
+        Ok(Tally { n_samples: self.n_sent, ..Tally::default() })
+    }
+    fn abort(&mut self) {
+        self.outlet = None;
+    }
+}
+
+#[test]
+fn a_clock_set_by_hours_both_ways_leaves_every_sample_and_the_time_that_passed() {
+    let bench = Bench::new();
+    let rig = Rig::simulated().unwrap();
+    let trajectory = Trajectory::find("circle").unwrap();
+    let path = trajectory.path(&rig, Optional::Included).unwrap();
+    let rest = Duration::from_millis(50);
+    let request = Request {
+        rig: &rig,
+        trajectory: &trajectory,
+        path: &path,
+        out: &bench.out(),
+        dwells: Dwells { lead_in: rest, tail: rest },
+        prompts: Prompts::default(),
+    };
+    let mut devices = bench.devices(&rig);
+    devices.recorders = vec![Box::new(Unsettled { n_sent: 0, outlet: None })];
+    let outcome = record(request, &mut devices, &StopToken::default(), &mut |_, _| {}).unwrap();
+    assert_eq!(outcome.manifest.status, Status::Complete);
+    let session = verified(&bench.out(), "a clock set to and fro");
+    let found = find_events(&session.layout().davis());
+    assert_eq!((found.n_gaps, found.n_wrong), (0, 0), "{found:?}");
+    let arrivals = session.rig_notes().unwrap().arrivals;
+    assert_eq!(arrivals.len() as i64 * PACKET_EVENTS, found.next);
+    let goes_back = |pair: &[evrig::session::PacketArrival]| {
+        pair[1].arrived.monotonic < pair[0].arrived.monotonic
+    };
+    assert!(!arrivals.windows(2).any(goes_back), "the monotonic clock does not");
+    let was_set = |pair: &[evrig::session::PacketArrival]| {
+        (pair[1].arrived.unix - pair[0].arrived.unix).as_secs_f64().abs() > 3_000.0
+    };
+    assert!(arrivals.windows(2).filter(|pair| was_set(pair)).count() >= 2, "this one was");
 }
