@@ -43,10 +43,13 @@ const fn other(key: &'static str, says: fn([f64; 2]) -> String) -> Feature {
     Feature { key, is_other: true, says }
 }
 
-const FEATURES: [Feature; 15] = [
+const FEATURES: [Feature; 16] = [
     feature("interval_us", |[a, b]| format!("{a:.0} to {b:.0} us after the pixel's last event")),
     feature("polarity_turned", |[a, _]| {
-        format!("of {} polarity to the pixel's last one", if a >= 0.5 { "opposite" } else { "equal" })
+        format!(
+            "of {} polarity to the pixel's last one",
+            if a >= 0.5 { "opposite" } else { "equal" }
+        )
     }),
     feature("polarity_on", |[a, _]| if a >= 0.5 { "On".into() } else { "Off".into() }),
     feature("innovation", |[a, b]| {
@@ -67,6 +70,9 @@ const FEATURES: [Feature; 15] = [
     other("neighbours", |[a, b]| {
         format!("with {a:.0} to {b:.0} events of the eight pixels around in the 5 ms before")
     }),
+    other("neighbour_next_us", |[a, b]| {
+        format!("{a:.0} to {b:.0} us before the next event of the eight pixels around")
+    }),
     feature("own_events", |[a, b]| {
         format!("with {a:.0} to {b:.0} events of the same pixel in the 150 ms before")
     }),
@@ -74,9 +80,7 @@ const FEATURES: [Feature; 15] = [
         format!("while all pixels together make {a:.0} to {b:.0} events a second")
     }),
     other("row_us", |[a, b]| format!("{a:.0} to {b:.0} us from another event of their row")),
-    other("since_frame_us", |[a, b]| {
-        format!("{a:.0} to {b:.0} us after a frame's exposure began")
-    }),
+    other("since_frame_us", |[a, b]| format!("{a:.0} to {b:.0} us after a frame's exposure began")),
 ];
 
 /// What a model leaves.
@@ -195,10 +199,6 @@ fn features(
     let before = past.last().copied().unwrap_or(moment.spike);
     let (near_us, n_near) = around.neighbours(pixel.x, pixel.y, t_us, NEAR_US);
     let own = past.iter().rev().take_while(|s| t_us - s.t_us < RECENT_US).count();
-    let at = (t_us as f64 - evidence.start_us) / evidence.step_us;
-    let i = (at.max(0.0) as usize).min(evidence.rates[1].len().saturating_sub(1));
-    let recent = &evidence.rates[1][i.saturating_sub(3)..i];
-    let rate_hz = recent.iter().sum::<f32>() / (3e-6 * evidence.step_us as f32);
     [
         (t_us - before.t_us) as f32,
         f32::from(u8::from(on != before.on)),
@@ -211,8 +211,9 @@ fn features(
         t_us as f32 * 1e-6,
         near_us as f32,
         n_near as f32,
+        around.next_us(pixel.x, pixel.y, t_us) as f32,
         own as f32,
-        rate_hz,
+        evidence.rate_hz(t_us) as f32,
         around.row_us(pixel.x, pixel.y, t_us) as f32,
         around.since_frame_us(t_us) as f32,
     ]
@@ -239,9 +240,8 @@ fn places(examples: &Examples) -> Vec<Where> {
             .collect();
         let mut sorted: Vec<f64> = values.iter().map(|v| v.0).collect();
         sorted.sort_by(f64::total_cmp);
-        let mut edges: Vec<f64> = (1..PARTS)
-            .filter_map(|i| sorted.get(i * sorted.len() / PARTS).copied())
-            .collect();
+        let mut edges: Vec<f64> =
+            (1..PARTS).filter_map(|i| sorted.get(i * sorted.len() / PARTS).copied()).collect();
         edges.dedup();
         let mut counts = vec![[0.0, 0.0]; edges.len() + 1];
         let mut ends = vec![[f64::INFINITY, f64::NEG_INFINITY]; edges.len() + 1];
