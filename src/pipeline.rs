@@ -23,7 +23,9 @@ mod track;
 pub use align::{AlignProgress, Aligned, TrackOutcome, align, frame_streams, track_all};
 pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration};
 pub use compare::{CompareRequest, Reference, compare, compare_with, read_comparison};
-pub use diagnose::{Baseline, DiagnoseRequest, default_baseline, diagnose, read_diagnosis};
+pub use diagnose::{
+    Baseline, DiagnoseRequest, default_baseline, diagnose, read_diagnosis, read_free_run,
+};
 pub use filter::{
     FilterRequest, FilterSettings, FilterTally, FilteredStream, filter, picture_events,
     read_filter_tally, stream_grid, track_for,
