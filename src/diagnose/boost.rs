@@ -109,10 +109,8 @@ impl Tree {
 fn edges(values: impl Iterator<Item = f32>) -> Vec<f32> {
     let mut all: Vec<f32> = values.filter(|v| v.is_finite()).collect();
     all.sort_by(f32::total_cmp);
-    let mut edges: Vec<f32> = CUTS
-        .iter()
-        .filter_map(|cut| all.get((cut * all.len() as f64) as usize).copied())
-        .collect();
+    let mut edges: Vec<f32> =
+        CUTS.iter().filter_map(|cut| all.get((cut * all.len() as f64) as usize).copied()).collect();
     edges.dedup();
     edges
 }
@@ -288,7 +286,13 @@ fn judged(
         let w = weight(real);
         by_cell[examples.cell[i] as usize].0 += w * gained;
         by_cell[examples.cell[i] as usize].1 += w;
-        right += w * if towards > 0.0 { 1.0 } else if towards < 0.0 { 0.0 } else { 0.5 };
+        right += w * if towards > 0.0 {
+            1.0
+        } else if towards < 0.0 {
+            0.0
+        } else {
+            0.5
+        };
     }
     let nats = by_cell.iter().map(|c| c.0).sum::<f64>() / n;
     let square: f64 = by_cell.iter().map(|c| (c.0 - nats * c.1).powi(2)).sum();

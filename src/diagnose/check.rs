@@ -46,7 +46,10 @@ const fn other(key: &'static str, says: fn([f64; 2]) -> String) -> Feature {
 const FEATURES: [Feature; 15] = [
     feature("interval_us", |[a, b]| format!("{a:.0} to {b:.0} us after the pixel's last event")),
     feature("polarity_turned", |[a, _]| {
-        format!("of {} polarity to the pixel's last one", if a >= 0.5 { "opposite" } else { "equal" })
+        format!(
+            "of {} polarity to the pixel's last one",
+            if a >= 0.5 { "opposite" } else { "equal" }
+        )
     }),
     feature("polarity_on", |[a, _]| if a >= 0.5 { "On".into() } else { "Off".into() }),
     feature("innovation", |[a, b]| {
@@ -74,9 +77,7 @@ const FEATURES: [Feature; 15] = [
         format!("while all pixels together make {a:.0} to {b:.0} events a second")
     }),
     other("row_us", |[a, b]| format!("{a:.0} to {b:.0} us from another event of their row")),
-    other("since_frame_us", |[a, b]| {
-        format!("{a:.0} to {b:.0} us after a frame's exposure began")
-    }),
+    other("since_frame_us", |[a, b]| format!("{a:.0} to {b:.0} us after a frame's exposure began")),
 ];
 
 /// What a model leaves.
@@ -239,9 +240,8 @@ fn places(examples: &Examples) -> Vec<Where> {
             .collect();
         let mut sorted: Vec<f64> = values.iter().map(|v| v.0).collect();
         sorted.sort_by(f64::total_cmp);
-        let mut edges: Vec<f64> = (1..PARTS)
-            .filter_map(|i| sorted.get(i * sorted.len() / PARTS).copied())
-            .collect();
+        let mut edges: Vec<f64> =
+            (1..PARTS).filter_map(|i| sorted.get(i * sorted.len() / PARTS).copied()).collect();
         edges.dedup();
         let mut counts = vec![[0.0, 0.0]; edges.len() + 1];
         let mut ends = vec![[f64::INFINITY, f64::NEG_INFINITY]; edges.len() + 1];

@@ -269,6 +269,8 @@ fn following(
     let end = |e: f64| Some(e).filter(|e| e.is_finite());
     here.into_iter()
         .zip(spread)
-        .map(|((key, v), s)| (key.to_owned(), Interval { value: v, ci90: [end(v - s), end(v + s)] }))
+        .map(|((key, v), s)| {
+            (key.to_owned(), Interval { value: v, ci90: [end(v - s), end(v + s)] })
+        })
         .collect()
 }

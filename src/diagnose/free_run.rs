@@ -92,9 +92,8 @@ pub fn free_run(
         events.as_slice().iter().map(moved).collect()
     });
     let setup = Setup { size, window: window_us, region: None, seed, n_bootstrap: 0, frames: None };
-    let against = |simulated: &Events| {
-        compare(local[0].as_slice(), simulated.as_slice(), &setup).ok()
-    };
+    let against =
+        |simulated: &Events| compare(local[0].as_slice(), simulated.as_slice(), &setup).ok();
     let (first, second) = (against(&local[1])?, against(&local[2])?);
     let mut measures = BTreeMap::new();
     let mut put = |key: &str, baseline: Option<f64>, r#final: Option<f64>| {
@@ -146,9 +145,8 @@ fn patch(evidence: &Evidence, size: Size) -> [u16; 4] {
     let mut best = ([0, 0, w, h], 0);
     for y in (0..=size.height - h).step_by(10) {
         for x in (0..=size.width - w).step_by(10) {
-            let within = |p: &&super::PixelEvidence| {
-                (x..x + w).contains(&p.x) && (y..y + h).contains(&p.y)
-            };
+            let within =
+                |p: &&super::PixelEvidence| (x..x + w).contains(&p.x) && (y..y + h).contains(&p.y);
             let n: usize =
                 evidence.pixels.iter().filter(within).map(|pixel| pixel.spikes.len()).sum();
             if n > best.1 {
@@ -206,7 +204,11 @@ fn generated(
     // A logistic law's standard deviation; the noise is in what was memorised too.
     let rms = 1.813_8 * law.noise_at_white / theta / std::f64::consts::SQRT_2;
     let hz = hypothesis.nuisance(Nuisance::LogNoiseHz).exp() / std::f64::consts::TAU;
-    let band = BandNoise { rms, bandwidth_hz: hz.clamp(20.0, 1_000.0), light_exponent: law.noise_exponent };
+    let band = BandNoise {
+        rms,
+        bandwidth_hz: hz.clamp(20.0, 1_000.0),
+        light_exponent: law.noise_exponent,
+    };
     let background = law.background_on_hz + law.background_off_hz;
     let adjust = |_: u16, _: u16, pixel: &mut PixelModel| {
         pixel.threshold_on *= half;
@@ -302,8 +304,7 @@ fn told(real: &Events, simulated: &Events, size: Size, window_us: [i64; 2]) -> O
                     let since = |s: Option<crate::predict::Spike>| {
                         s.map_or(f32::NAN, |s| (spike.t_us - s.t_us) as f32)
                     };
-                    let turned =
-                        before.map_or(f32::NAN, |s| f32::from(u8::from(s.on != spike.on)));
+                    let turned = before.map_or(f32::NAN, |s| f32::from(u8::from(s.on != spike.on)));
                     let (near_us, n_near) = around.neighbours(x, y, spike.t_us, 5_000);
                     let block = (spike.t_us / 200_000) as u32;
                     let tile = u32::from(x / 16) + 64 * u32::from(y / 16);

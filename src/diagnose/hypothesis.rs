@@ -204,9 +204,7 @@ impl Hypothesis {
         self.effects.iter().enumerate().all(|(index, effect)| {
             let is_behind = matches!(effect.stage, Stage::Law | Stage::Clock);
             let at = self.offset_of(index);
-            is_behind
-                || !effect.frees.is_empty()
-                || (at..at + effect.parameters.len()).all(same)
+            is_behind || !effect.frees.is_empty() || (at..at + effect.parameters.len()).all(same)
         })
     }
 

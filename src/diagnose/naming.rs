@@ -53,7 +53,14 @@ mod tests {
     use super::*;
 
     fn leaves(nats: f64) -> Structure {
-        Structure { nats, error: 0.001, accuracy: 0.5, others: [0.0; 2], by: Vec::new(), places: Vec::new() }
+        Structure {
+            nats,
+            error: 0.001,
+            accuracy: 0.5,
+            others: [0.0; 2],
+            by: Vec::new(),
+            places: Vec::new(),
+        }
     }
 
     #[test]

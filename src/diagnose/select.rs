@@ -59,7 +59,8 @@ pub fn diagnose(
     let null::Drawn { gains, structures } =
         null::drawn(evidence, &few, &model, options.n_null, options.seed, progress);
     let worst = gains.iter().copied().fold(0.0, f64::max);
-    let bar = LEAST_GAIN.max(worst).max(0.01 * super::conclude::excess(evidence, &baseline, &model));
+    let bar =
+        LEAST_GAIN.max(worst).max(0.01 * super::conclude::excess(evidence, &baseline, &model));
     while taken.last().is_some_and(|last| last.gain < bar) {
         taken.pop();
         let kept: Vec<usize> = (0..taken.len()).collect();
@@ -75,7 +76,8 @@ pub fn diagnose(
         bar_nats_per_event: bar,
         structures_nats_per_event: structures,
     };
-    let suspects = if matches!(standing, Standing::Fails) { suspects(&model, &taken) } else { Vec::new() };
+    let suspects =
+        if matches!(standing, Standing::Fails) { suspects(&model, &taken) } else { Vec::new() };
     if !suspects.is_empty() {
         taken.clear();
         model = baseline.clone();
@@ -213,4 +215,3 @@ fn refit_with(evidence: &Evidence, baseline: &Fitted, model: &Fitted, kept: &[us
     }
     fit(evidence, hypothesis, 6, 1e-4)
 }
-

@@ -88,7 +88,7 @@ pub fn diagnose(
         return Ok((diagnosis, Freshness::Fresh));
     }
     let evidence = evidence(session, request)?;
-    let diagnosis = diagnose::diagnose(&evidence, &request.options, progress);
+    let diagnosis = diagnose::diagnose(&evidence, &request.options, progress).diagnosis;
     clear(&directory)?;
     let path = directory.join("diagnosis.json");
     let text = serde_json::to_string_pretty(&diagnosis).unwrap_or_default();
