@@ -14,6 +14,7 @@ mod candidate;
 mod ceiling;
 mod check;
 mod conclude;
+mod constancy;
 mod errors;
 mod evidence;
 mod fit;
@@ -43,7 +44,7 @@ pub use scan::Gain;
 pub use select::{Diagnosed, diagnose};
 pub use verdict::{
     CannotJudge, Diagnosis, FitReport, FittedEffect, Half, HeldOut, Interval, Leftover, Mismatch,
-    NullReport, ProposedTerm, Rival, StructureLeft, StructureReport, Verdict, Where,
+    NullReport, ProposedTerm, Rival, StructureLeft, StructureReport, Suspect, Verdict, Where,
 };
 
 #[cfg(test)]

@@ -20,7 +20,9 @@ mod track;
 
 pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration};
 pub use compare::{CompareRequest, compare, read_comparison};
-pub use diagnose::{Baseline, DiagnoseRequest, default_baseline, diagnose, read_diagnosis};
+pub use diagnose::{
+    Baseline, DiagnoseRequest, default_baseline, diagnose, read_diagnosis, read_free_run,
+};
 pub use filter::{
     FilterRequest, FilterSettings, FilterTally, FilteredStream, filter, read_filter_tally,
     track_for,

@@ -52,6 +52,21 @@ impl Around {
         (since as f64, count as f64)
     }
 
+    /// Time from an instant to the next event of the eight pixels about one, at most a second.
+    pub(super) fn next_us(&self, x: u16, y: u16, t_us: i64) -> f64 {
+        let mut next = LONGEST_US;
+        for ny in y.saturating_sub(1)..=y.saturating_add(1) {
+            for nx in x.saturating_sub(1)..=x.saturating_add(1) {
+                let spikes = self.recording.of(nx, ny);
+                let at = spikes.partition_point(|s| s.t_us <= t_us);
+                if let Some(later) = spikes.get(at).filter(|_| (nx, ny) != (x, y)) {
+                    next = next.min(later.t_us - t_us);
+                }
+            }
+        }
+        next as f64
+    }
+
     /// Time from an instant to the nearest event of its row that is not one of the pixel's own,
     /// before or behind it, microseconds.
     pub(super) fn row_us(&self, x: u16, y: u16, t_us: i64) -> f64 {

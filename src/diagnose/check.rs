@@ -43,7 +43,7 @@ const fn other(key: &'static str, says: fn([f64; 2]) -> String) -> Feature {
     Feature { key, is_other: true, says }
 }
 
-const FEATURES: [Feature; 15] = [
+const FEATURES: [Feature; 16] = [
     feature("interval_us", |[a, b]| format!("{a:.0} to {b:.0} us after the pixel's last event")),
     feature("polarity_turned", |[a, _]| {
         format!(
@@ -69,6 +69,9 @@ const FEATURES: [Feature; 15] = [
     }),
     other("neighbours", |[a, b]| {
         format!("with {a:.0} to {b:.0} events of the eight pixels around in the 5 ms before")
+    }),
+    other("neighbour_next_us", |[a, b]| {
+        format!("{a:.0} to {b:.0} us before the next event of the eight pixels around")
     }),
     feature("own_events", |[a, b]| {
         format!("with {a:.0} to {b:.0} events of the same pixel in the 150 ms before")
@@ -196,10 +199,6 @@ fn features(
     let before = past.last().copied().unwrap_or(moment.spike);
     let (near_us, n_near) = around.neighbours(pixel.x, pixel.y, t_us, NEAR_US);
     let own = past.iter().rev().take_while(|s| t_us - s.t_us < RECENT_US).count();
-    let at = (t_us as f64 - evidence.start_us) / evidence.step_us;
-    let i = (at.max(0.0) as usize).min(evidence.rates[1].len().saturating_sub(1));
-    let recent = &evidence.rates[1][i.saturating_sub(3)..i];
-    let rate_hz = recent.iter().sum::<f32>() / (3e-6 * evidence.step_us as f32);
     [
         (t_us - before.t_us) as f32,
         f32::from(u8::from(on != before.on)),
@@ -212,8 +211,9 @@ fn features(
         t_us as f32 * 1e-6,
         near_us as f32,
         n_near as f32,
+        around.next_us(pixel.x, pixel.y, t_us) as f32,
         own as f32,
-        rate_hz,
+        evidence.rate_hz(t_us) as f32,
         around.row_us(pixel.x, pixel.y, t_us) as f32,
         around.since_frame_us(t_us) as f32,
     ]

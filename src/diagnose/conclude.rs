@@ -12,7 +12,7 @@ use super::select::Taken;
 use super::strata::{held_out_nats, wrong_in};
 use super::{
     Diagnosis, Evidence, FitReport, FittedEffect, Half, HeldOut, Interval, LIBRARY, Leftover,
-    Mismatch, NullReport, ProposedTerm, Rival, StructureReport, Verdict,
+    Mismatch, NullReport, ProposedTerm, StructureReport, Suspect, Verdict,
 };
 use statrs::function::erf::erfc;
 use std::collections::BTreeMap;
@@ -30,7 +30,9 @@ pub(super) struct Reached {
     /// What the baseline leaves, and the model with all that was taken.
     pub(super) before: Option<Structure>,
     pub(super) after: Option<Structure>,
-    pub(super) suspects: Vec<Rival>,
+    /// What the model with all that was taken reaches, recalibrated, nats an event.
+    pub(super) reach: f64,
+    pub(super) suspects: Vec<Suspect>,
     pub(super) halves: Vec<Half>,
     pub(super) null: NullReport,
 }
@@ -40,10 +42,14 @@ fn above(z: f64) -> f64 {
     0.5 * erfc(z / std::f64::consts::SQRT_2)
 }
 
+/// What a model reaches on held-out cells when its hazard is recalibrated, nats an event.
+pub(super) fn reach(evidence: &Evidence, model: &Fitted) -> f64 {
+    held_out_nats(model) + flexible(evidence, model).gain.max(0.0)
+}
+
 /// Ceiling minus baseline, nats an event.
 pub(super) fn excess(evidence: &Evidence, baseline: &Fitted, model: &Fitted) -> f64 {
-    let reach = |fitted: &Fitted| held_out_nats(fitted) + flexible(evidence, fitted).gain.max(0.0);
-    reach(model).max(reach(baseline)) - held_out_nats(baseline)
+    reach(evidence, model).max(reach(evidence, baseline)) - held_out_nats(baseline)
 }
 
 pub(super) fn conclude(
@@ -52,11 +58,11 @@ pub(super) fn conclude(
     model: &Fitted,
     reached: Reached,
 ) -> Diagnosis {
-    let Reached { taken, standing, before: left_before, after: left_after, suspects, halves, null } =
-        reached;
+    let Reached { taken, standing, suspects, halves, null, reach, .. } = reached;
+    let (left_before, left_after) = (reached.before, reached.after);
     let (before, after) = (flexible(evidence, baseline), flexible(evidence, model));
     let (low, high) = (held_out_nats(baseline), held_out_nats(model));
-    let ceiling = (low + before.gain).max(high + after.gain.max(0.0));
+    let ceiling = (low + before.gain).max(high + after.gain.max(0.0)).max(reach);
     let excess = ceiling - low;
     let share = (excess > 0.0).then(|| (high - low) / excess);
     let (gain, error) = model.cells.gain(&baseline.cells, Part::HeldOut);
@@ -218,7 +224,11 @@ fn effects(evidence: &Evidence, model: &Fitted, taken: &[Taken]) -> Vec<FittedEf
         .collect()
 }
 
-fn parameters(evidence: &Evidence, model: &Fitted, index: usize) -> BTreeMap<String, Interval> {
+pub(super) fn parameters(
+    evidence: &Evidence,
+    model: &Fitted,
+    index: usize,
+) -> BTreeMap<String, Interval> {
     let hypothesis = &model.hypothesis;
     let candidate = hypothesis.effects[index];
     let mut told = BTreeMap::new();

@@ -235,6 +235,14 @@ impl Evidence {
         self.pixels.first().map_or(0.0, |p| p.light.len() as f64 * self.step_us * 1e-6)
     }
 
+    /// Events a second of all pixels in the three instants before a time.
+    pub(super) fn rate_hz(&self, t_us: i64) -> f64 {
+        let at = (t_us as f64 - self.start_us) / self.step_us;
+        let i = (at.max(0.0) as usize).min(self.rates[1].len().saturating_sub(1));
+        let recent = &self.rates[1][i.saturating_sub(3)..i];
+        f64::from(recent.iter().sum::<f32>()) / (3e-6 * self.step_us)
+    }
+
     /// Number of pixels of the sensor.
     #[must_use]
     pub fn n_sensor(&self) -> f64 {

@@ -80,12 +80,27 @@ fn absent(id: EffectId) -> &'static str {
         EffectId::ToneCurve => {
             "a power law of the frames is one number with the threshold; it takes a step wedge"
         }
-        EffectId::Vignetting => "it cancels in the logarithm, but for motion across the shading",
-        EffectId::RowReadout | EffectId::ReadoutSaturation => {
-            "its trace is in the order of the stamps of all pixels, which is not looked at yet"
+        EffectId::Vignetting => {
+            "what does not change with time cancels in the logarithm; it takes a path that leads the \
+             same paper from the middle to a corner"
         }
-        EffectId::ApsCoupling => "its trace at the camera's frames is not looked at yet",
-        _ => "its trace is not looked at yet",
+        EffectId::FrameNoise => {
+            "the map is the mean of many frames, in which the noise of one does not show; frames in \
+             a static scene state it directly"
+        }
+        EffectId::MovingShadow => {
+            "light that changes while the print stays is booked to the path's brightness; it takes a \
+             static segment with the shadow in it"
+        }
+        EffectId::RowReadout | EffectId::ReadoutSaturation => {
+            "it is in how the stamps of all pixels follow each other, which pixel by pixel is not \
+             fitted; what it leaves shows under row_us and sensor_rate_hz"
+        }
+        EffectId::ApsCoupling => {
+            "it makes many pixels fire at once, which pixel by pixel is not fitted; what it leaves \
+             shows under since_frame_us"
+        }
+        _ => "it has no place in the library",
     }
 }
 

@@ -2,13 +2,14 @@
 
 use super::check::{Structure, structure};
 use super::conclude::{Reached, conclude};
+use super::constancy::strengths;
 use super::errors::with_errors;
 use super::fit::{Fitted, fit};
 use super::halves::halves;
-use super::naming::{Standing, standing};
+use super::naming::{Standing, inconstant, standing};
 use super::scan::{Tried, scan};
 use super::score::Part;
-use super::{Diagnosis, Evidence, Hypothesis, NullReport, Options, Rival, null};
+use super::{Diagnosis, Evidence, Hypothesis, NullReport, Options, Rival, Suspect, null};
 use crate::effect_id::EffectId;
 
 /// An effect has to buy this much, nats an event, whatever the null says: below it the shape of
@@ -70,14 +71,17 @@ pub fn diagnose(
     let look = |model: &Fitted| structure(evidence, model, options.seed);
     let (before, after): (Option<Structure>, Option<Structure>) = (look(&baseline), look(&model));
     let standing = standing(before.as_ref(), after.as_ref(), &structures, !taken.is_empty());
+    let drawn = null::draw(evidence, &model.hypothesis, options.seed);
+    let doubts: Vec<Option<String>> =
+        (0..taken.len()).map(|index| doubt(evidence, &drawn, &model, index)).collect();
+    let reach = super::conclude::reach(evidence, &model);
     let null = NullReport {
         n: options.n_null,
         greatest_gains: gains,
         bar_nats_per_event: bar,
         structures_nats_per_event: structures,
     };
-    let suspects =
-        if matches!(standing, Standing::Fails) { suspects(&model, &taken) } else { Vec::new() };
+    let suspects = suspects(&model, &taken, standing, &doubts);
     if !suspects.is_empty() {
         taken.clear();
         model = baseline.clone();
@@ -86,7 +90,7 @@ pub fn diagnose(
     let model = with_errors(evidence, model);
     progress("halves");
     let halves = if taken.is_empty() { Vec::new() } else { halves(evidence, &baseline, &model) };
-    let reached = Reached { taken, standing, before, after, suspects, halves, null };
+    let reached = Reached { taken, standing, before, after, reach, suspects, halves, null };
     Diagnosed {
         diagnosis: conclude(evidence, &baseline, &model, reached),
         baseline: baseline.hypothesis,
@@ -94,14 +98,44 @@ pub fn diagnose(
     }
 }
 
-/// Effects that fit better than nothing and yet leave what they should have removed.
-fn suspects(model: &Fitted, taken: &[Taken]) -> Vec<Rival> {
-    let effects = model.hypothesis.effects.iter().zip(taken);
-    let of = |(effect, taken): (&&super::Candidate, &Taken)| Rival {
-        id: effect.id,
-        heldout_gain_nats_per_event: taken.gain,
+/// Where an effect of the model has another strength than elsewhere, in words.
+fn doubt(evidence: &Evidence, drawn: &Evidence, model: &Fitted, index: usize) -> Option<String> {
+    let strengths = strengths(evidence, drawn, model, index);
+    let worst = inconstant(&strengths)?;
+    let [low, high] = worst.range;
+    let how = match worst.change {
+        less if less < -0.8 => "it is as good as absent",
+        less if less < 0.0 => "it is much weaker",
+        _ => "it is much stronger",
     };
-    effects.map(of).collect()
+    Some(format!("with {} from {low:.4} to {high:.4} {how}", worst.covariate))
+}
+
+/// Effects that fit better than nothing and yet do not hold: the model with them leaves what it
+/// should have removed, or one of them has not one strength. They are all taken back, since what
+/// stands in for one effect has moved the others.
+fn suspects(
+    model: &Fitted,
+    taken: &[Taken],
+    standing: Standing,
+    doubts: &[Option<String>],
+) -> Vec<Suspect> {
+    let fails = standing == Standing::Fails;
+    if !fails && doubts.iter().all(Option::is_none) {
+        return Vec::new();
+    }
+    let effects = model.hypothesis.effects.iter().zip(taken).zip(doubts);
+    effects
+        .map(|((effect, taken), doubt)| Suspect {
+            id: effect.id,
+            heldout_gain_nats_per_event: taken.gain,
+            because: match doubt {
+                Some(doubt) => doubt.clone(),
+                None if fails => "events drawn with it are still told from the camera's".to_owned(),
+                None => "it was found together with one that does not hold".to_owned(),
+            },
+        })
+        .collect()
 }
 
 /// Takes effects one by one while they buy enough. A fit with an effect may come by better

@@ -1,5 +1,6 @@
 //! The result: `diagnosis.json`.
 
+use super::BeforeAfter;
 use crate::effect_id::EffectId;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -116,8 +117,8 @@ pub struct FitReport {
     pub heldout_nats_per_event: HeldOut,
     /// Final minus baseline over ceiling minus baseline; `null` without an excess.
     pub share_of_excess_removed: Option<f64>,
-    /// Free-running comparison; empty until the generator has run with the effects.
-    pub forward: BTreeMap<String, serde_json::Value>,
+    /// The generator let run by itself, against the camera; empty where it was not.
+    pub forward: BTreeMap<String, BeforeAfter>,
 }
 
 /// What the named effects leave.
@@ -157,6 +158,17 @@ pub struct StructureLeft {
     pub accuracy: f64,
     /// By what, the most telling first.
     pub told_by: Vec<String>,
+}
+
+/// An effect that fits and does not hold.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Suspect {
+    /// Its id.
+    pub id: EffectId,
+    /// What it would buy on held-out cells.
+    pub heldout_gain_nats_per_event: f64,
+    /// Why it is not named.
+    pub because: String,
 }
 
 /// The structure that two models leave.
@@ -231,7 +243,7 @@ pub struct Diagnosis {
     /// Effects that fit better than nothing, and whose model yet leaves what it should have removed:
     /// not named.
     #[serde(default)]
-    pub suspects: Vec<Rival>,
+    pub suspects: Vec<Suspect>,
     /// Agreement of halves of the pixels and of the time.
     #[serde(default)]
     pub halves: Vec<Half>,

@@ -4,8 +4,9 @@ mod tied;
 
 use super::sync::read_clocks;
 use super::{Freshness, PipelineError, clear, default_light, fresh_record, inputs, read_scene};
-use crate::diagnose::{self, Diagnosis, Evidence, Facts, Options};
+use crate::diagnose::{self, Diagnosis, Evidence, Facts, FreeRun, Options};
 use crate::drive::Drive;
+use crate::event::Events;
 use crate::predict::ByPixel;
 use crate::scene::FramesDrive;
 use crate::session::{Session, StageRecord, StreamKind, read_stage, write_stage};
@@ -87,15 +88,44 @@ pub fn diagnose(
     {
         return Ok((diagnosis, Freshness::Fresh));
     }
-    let evidence = evidence(session, request)?;
-    let diagnosis = diagnose::diagnose(&evidence, &request.options, progress).diagnosis;
+    let Looked { evidence, drive, events } = look(session, request)?;
+    let found = diagnose::diagnose(&evidence, &request.options, progress);
+    let mut diagnosis = found.diagnosis;
+    progress("free run");
+    let models = [&found.baseline, &found.model];
+    let seed = request.options.seed;
+    let run = diagnose::free_run(&evidence, drive.as_ref(), events.as_slice(), models, seed);
+    if let Some(run) = &run {
+        diagnosis.fit.forward = run.measures.clone();
+    }
     clear(&directory)?;
-    let path = directory.join("diagnosis.json");
-    let text = serde_json::to_string_pretty(&diagnosis).unwrap_or_default();
-    std::fs::write(&path, text).map_err(|source| PipelineError::Io { path, source })?;
+    let write = |name: &str, text: String| {
+        let path = directory.join(name);
+        std::fs::write(&path, text).map_err(|source| PipelineError::Io { path, source })
+    };
+    write("diagnosis.json", serde_json::to_string_pretty(&diagnosis).unwrap_or_default())?;
+    write(FREE_RUN, serde_json::to_string(&run).unwrap_or_default())?;
     let tally = json!({ "n_pixels": diagnosis.n_pixels, "n_events": diagnosis.n_events });
-    write_stage(&directory, StageRecord { tally, ..wanted }, &["diagnosis.json"])?;
+    write_stage(&directory, StageRecord { tally, ..wanted }, &["diagnosis.json", FREE_RUN])?;
     Ok((diagnosis, Freshness::Ran))
+}
+
+/// The file of the free run beside the diagnosis.
+const FREE_RUN: &str = "free_run.json";
+
+/// The free run of the diagnosis that a session holds; none where the generator was not run.
+///
+/// # Errors
+/// When the file is there and cannot be read.
+pub fn read_free_run(session: &Session) -> Result<Option<FreeRun>, PipelineError> {
+    let path = session.layout().derived("diagnose", None).join(FREE_RUN);
+    if !path.exists() {
+        return Ok(None);
+    }
+    let io = |source| PipelineError::Io { path: path.clone(), source };
+    let text = std::fs::read_to_string(&path).map_err(io)?;
+    let read = serde_json::from_str(&text);
+    read.map_err(|error| io(std::io::Error::new(std::io::ErrorKind::InvalidData, error)))
 }
 
 /// The diagnosis that a session holds.
@@ -136,7 +166,14 @@ fn exposures_us(session: &Session) -> Result<Vec<i64>, PipelineError> {
     Ok(starts)
 }
 
-fn evidence(session: &Session, request: &DiagnoseRequest) -> Result<Evidence, PipelineError> {
+/// What a diagnosis looks at, with what it was drawn from.
+struct Looked {
+    evidence: Evidence,
+    drive: Box<dyn Drive>,
+    events: Events,
+}
+
+fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, PipelineError> {
     let missing =
         |what: String| PipelineError::Missing { session: session.root().to_owned(), what };
     let (drive, facts): (Box<dyn Drive>, Facts) = match &request.baseline {
@@ -167,8 +204,9 @@ fn evidence(session: &Session, request: &DiagnoseRequest) -> Result<Evidence, Pi
         _ => [from, to],
     };
     let recording = ByPixel::new(real, drive.size(), [window[0], window[1].max(window[0] + 1)]);
-    Evidence::new(&recording, drive.as_ref(), facts, &request.options)
-        .map_err(|source| PipelineError::Diagnose { session: session.root().to_owned(), source })
+    let evidence = Evidence::new(&recording, drive.as_ref(), facts, &request.options)
+        .map_err(|source| PipelineError::Diagnose { session: session.root().to_owned(), source })?;
+    Ok(Looked { evidence, drive, events })
 }
 
 /// The drive from frames of the event camera itself.

@@ -2,6 +2,7 @@
 
 mod target;
 
+use super::read_free_run;
 use super::{PipelineError, filter, read_calibration, read_comparison, read_diagnosis};
 use crate::compare::Comparison;
 use crate::event::Events;
@@ -55,7 +56,10 @@ pub fn report(session: &Session) -> Result<String, PipelineError> {
     page.sections.extend(target::sections(session)?);
     // The answer stands first; how it was come by follows.
     if let Some(diagnosis) = read_diagnosis(session)? {
-        page.sections.insert(0, crate::report::diagnosis::section(&diagnosis));
+        page.sections.insert(
+            0,
+            crate::report::diagnosis::section(&diagnosis, read_free_run(session)?.as_ref()),
+        );
     }
     Ok(page.to_html()?)
 }

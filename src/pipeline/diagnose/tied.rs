@@ -14,7 +14,7 @@ const LEAST_SURE_US: f64 = 5_000.0;
 /// The stage `sync` lets the motion that both cameras saw correct the map, and the scene's tie
 /// corrects it by the light: both would take a late event camera for an error of the map. What the
 /// clocks themselves were read to show is the statement.
-pub fn tied_clocks(scene: &Scene, clocks: &SessionClocks) -> Option<TiedClocks> {
+pub(super) fn tied_clocks(scene: &Scene, clocks: &SessionClocks) -> Option<TiedClocks> {
     if clocks.reference != Reference::Host || !clocks.events.is_as_stamped {
         return None;
     }
