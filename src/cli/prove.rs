@@ -72,6 +72,10 @@ pub struct ProveArgs {
     #[arg(long, value_name = "S")]
     pub deadline: Option<f64>,
 
+    /// The evrig that diagnoses, to hold another build against the same trials [default: this one]
+    #[arg(long, value_name = "PROGRAM")]
+    pub with: Option<PathBuf>,
+
     /// Seed of the plan
     #[arg(long, default_value_t = 1)]
     pub seed: u64,

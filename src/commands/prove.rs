@@ -94,8 +94,12 @@ fn prove(args: &ProveArgs, run: &Run, output: &Output) -> anyhow::Result<Proof> 
         ("--null", options.n_null as u64),
         ("--seed", options.seed),
     ];
+    let program = match &args.with {
+        Some(program) => program.clone(),
+        None => std::env::current_exe().context("cannot find this program's own file")?,
+    };
     let ask = Ask {
-        program: std::env::current_exe().context("cannot find this program's own file")?,
+        program,
         arguments: numbers.iter().flat_map(|(k, v)| [(*k).to_owned(), v.to_string()]).collect(),
         deadline,
     };

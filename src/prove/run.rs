@@ -203,7 +203,8 @@ impl Bench<'_> {
         }
         let seal_path = job.session.join("seal.json");
         let begun = Instant::now();
-        if let Some((maker, trial)) = job.make {
+        // A session that was sealed before the run was broken off is not made again.
+        if let Some((maker, trial)) = job.make.filter(|_| !seal_path.exists()) {
             progress(&format!("{}: making the session", job.name));
             maker.make(trial, &job.session)?;
             seal(&trial.truth, &job.truth, &seal_path)?;

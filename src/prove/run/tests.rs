@@ -93,6 +93,30 @@ fn a_run_that_was_broken_off_goes_on_with_the_trial_it_was_at() {
 }
 
 #[test]
+fn a_session_that_was_sealed_is_not_made_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let trials = trials(1);
+    let ask = |session: &Path| {
+        std::fs::write(session.join("left-behind"), "").unwrap();
+        names("event_drop")
+    };
+    let bench = Bench { is_tidy: false, ..bench(folder.path(), &ask) };
+    bench.run(&recording(), &trials, &mut |_, _| {}).unwrap();
+    let session = folder.path().join("sessions").join(&trials[0].name);
+    // As if it had been killed while it was diagnosed.
+    let record = folder.path().join("trials").join(&trials[0].name).with_extension("json");
+    std::fs::remove_file(&record).unwrap();
+    bench.run(&recording(), &trials, &mut |_, _| {}).unwrap();
+    assert!(record.exists() && session.join("left-behind").exists());
+    // A session without its seal was not finished.
+    std::fs::remove_file(&record).unwrap();
+    std::fs::remove_file(session.join("seal.json")).unwrap();
+    std::fs::write(session.join("half-written"), "").unwrap();
+    bench.run(&recording(), &trials, &mut |_, _| {}).unwrap();
+    assert!(!session.join("half-written").exists());
+}
+
+#[test]
 fn a_trial_without_an_answer_is_a_miss_and_not_an_end() {
     let folder = tempfile::tempdir().unwrap();
     let ask = |_: &Path| Outcome::OutOfTime { after_s: 1.0 };
