@@ -90,7 +90,7 @@ const ROUNDS: usize = 4;
 const MORE_ROUNDS: usize = 2;
 
 /// How often frames without the tag may extend the map,
-const EXTENSIONS: usize = 2;
+const EXTENSIONS: usize = 5;
 
 /// and the share of all frames from which on it is worth it.
 const WORTH: f64 = 0.02;

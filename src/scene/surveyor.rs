@@ -238,7 +238,7 @@ impl<'a> Surveyor<'a> {
         let usable = equations.iter().flatten().filter(|e| e.n > 0);
         let mut noise: Vec<f64> = usable.map(|e| e.squares / e.n as f64).collect();
         let level = median(&mut noise).ok_or(SceneError::NoTexture)?;
-        let (change, row_error_s) = self.shared_change(&parts)?;
+        let (change, row_error_s) = self.shared_change(&parts, level)?;
         for (key, part) in self.keys.iter_mut().zip(&parts) {
             if let Some(part) = part {
                 let own = part.own_right - part.own_shared * change;
@@ -259,6 +259,7 @@ impl<'a> Surveyor<'a> {
     fn shared_change(
         &mut self,
         parts: &[Option<Part>],
+        level: f64,
     ) -> Result<(SVector<f64, SHARED>, f64), SceneError> {
         let no_fit = SceneError::NoFit("the head's geometry");
         let (mut normal, mut right) = self.prior();
@@ -270,7 +271,10 @@ impl<'a> Surveyor<'a> {
         let change = inverse * right;
         self.row_found_s = self.optics.row_s + change[ROW];
         let scores: Vec<_> = parts.iter().flatten().map(|p| p.right - p.normal * change).collect();
-        let row_error_s = clustered(&inverse, &scores)[(ROW, ROW)].max(0.0).sqrt();
+        // What the map keeps of the poses it was made from is wrong in all frames alike, and is not in
+        // their spread.
+        let alike = ALIKE * level * inverse[(ROW, ROW)];
+        let row_error_s = clustered(&inverse, &scores)[(ROW, ROW)].max(alike).max(0.0).sqrt();
         // A late row looks much like a tilt of the print on a circle that is run one way. A row time
         // near the stated one is therefore taken to be that, and the rest is fitted given it.
         let is_near = (self.row_found_s / self.stated_row_s - 1.0).abs() < ROW_BELIEF;
