@@ -208,7 +208,8 @@ fn run(
             tally.first_us = t_us;
             tally.n_pixels = size.n_pixels() as u64;
         }
-        (made.clear(), events.clear());
+        made.clear();
+        events.clear();
         let started = Instant::now();
         between.set_rows(rows);
         let pushed = between.push(frame, |frame| generator.push(frame, &mut made));
