@@ -107,6 +107,16 @@ pub struct GenerationSpeed {
     pub events_per_s: f64,
 }
 
+impl GenerateTally {
+    /// Counts a frame and the events that were made of it.
+    fn take(&mut self, t_us: i64, made: &Events) {
+        self.n_frames += 1;
+        self.last_us = t_us;
+        self.n_events += made.len() as u64;
+        self.n_on += made.as_slice().count_on() as u64;
+    }
+}
+
 impl GenerationSpeed {
     fn new(spent: Duration, tally: &GenerateTally) -> Self {
         let seconds = spent.as_secs_f64();
@@ -218,10 +228,7 @@ fn run(
         let rows = if between.is_of_one_instant() { RowTimes::default() } else { rows };
         shift.push(rows, size, t_us, &made, &mut events);
         spent += started.elapsed();
-        tally.n_frames += 1;
-        tally.last_us = t_us;
-        tally.n_events += made.len() as u64;
-        tally.n_on += made.as_slice().count_on() as u64;
+        tally.take(t_us, &made);
         if writer.is_none() {
             writer = Some(open(session, request, generator.name(), size)?);
         }
