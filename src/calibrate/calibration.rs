@@ -156,13 +156,9 @@ pub fn calibrate(
     };
     let mut candidates: Vec<Candidate> = candidates.into_iter().map(judge).collect();
     if settings.n_evaluations > 0 {
-        let start = best(&candidates).map_or(settings.published, |best| best.k);
-        let found = search(objective, start.k(), settings.n_evaluations, settings.seed);
-        n_evaluations += found.n_evaluations;
-        if let Some(k) = within_ranges(found.k) {
-            let held_out = objective.value(found.k, &found.nuisances, Part::HeldOut);
-            candidates.push(Candidate::new("search", k, found.train, held_out));
-        }
+        let (found, n) = searched(objective, &candidates, settings);
+        n_evaluations += n;
+        candidates.extend(found);
     }
     let (k, from) = best(&candidates)
         .map_or((settings.published, "published".to_owned()), |best| (best.k, best.name.clone()));
@@ -179,6 +175,21 @@ pub fn calibrate(
         without_regressions,
         preparation: Preparation::default(),
     })
+}
+
+/// What a search from the best candidate finds, and the evaluations it took.
+fn searched(
+    objective: &dyn Objective,
+    candidates: &[Candidate],
+    settings: &Settings,
+) -> (Option<Candidate>, usize) {
+    let start = best(candidates).map_or(settings.published, |best| best.k);
+    let found = search(objective, start.k(), settings.n_evaluations, settings.seed);
+    let candidate = within_ranges(found.k).map(|k| {
+        let held_out = objective.value(found.k, &found.nuisances, Part::HeldOut);
+        Candidate::new("search", k, found.train, held_out)
+    });
+    (candidate, found.n_evaluations)
 }
 
 /// The candidate that does best on the training tiles; of equals the last, which is the later step.

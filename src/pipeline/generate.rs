@@ -107,6 +107,16 @@ pub struct GenerationSpeed {
     pub events_per_s: f64,
 }
 
+impl GenerateTally {
+    /// Counts a frame and the events that were made of it.
+    fn take(&mut self, t_us: i64, made: &Events) {
+        self.n_frames += 1;
+        self.last_us = t_us;
+        self.n_events += made.len() as u64;
+        self.n_on += made.as_slice().count_on() as u64;
+    }
+}
+
 impl GenerationSpeed {
     fn new(spent: Duration, tally: &GenerateTally) -> Self {
         let seconds = spent.as_secs_f64();
@@ -208,7 +218,8 @@ fn run(
             tally.first_us = t_us;
             tally.n_pixels = size.n_pixels() as u64;
         }
-        (made.clear(), events.clear());
+        made.clear();
+        events.clear();
         let started = Instant::now();
         between.set_rows(rows);
         let pushed = between.push(frame, |frame| generator.push(frame, &mut made));
@@ -217,10 +228,7 @@ fn run(
         let rows = if between.is_of_one_instant() { RowTimes::default() } else { rows };
         shift.push(rows, size, t_us, &made, &mut events);
         spent += started.elapsed();
-        tally.n_frames += 1;
-        tally.last_us = t_us;
-        tally.n_events += made.len() as u64;
-        tally.n_on += made.as_slice().count_on() as u64;
+        tally.take(t_us, &made);
         if writer.is_none() {
             writer = Some(open(session, request, generator.name(), size)?);
         }

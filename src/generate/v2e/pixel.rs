@@ -108,7 +108,8 @@ impl V2e {
         }
     }
 
-    /// Events by shot noise: two Poisson processes, faster in the dark and at low thresholds.
+    /// Events by shot noise: two Poisson processes, faster in the dark and at low thresholds, drawn as
+    /// one whose events fall to either side.
     fn by_noise(
         &self,
         pixel: &Pixel,
@@ -120,19 +121,22 @@ impl V2e {
         let p = &self.parameters;
         let dimmed = 1.0 - (1.0 - p.shot_noise_at_full_scale) * Self::light(of_255);
         let per_us = 0.5e-6 * p.shot_noise_rate_hz * dimmed;
-        let sides = [
-            (true, p.threshold_on / pixel.threshold_on),
-            (false, p.threshold_off / pixel.threshold_off),
-        ];
-        for (on, ease) in sides {
-            let mut after_us = 0.0;
-            loop {
-                after_us -= draws.uniform().ln() / (per_us * ease);
-                if after_us > span_us {
-                    break;
-                }
-                candidates.push(Candidate { after_us, on, by_light: false });
+        let [on, off] =
+            [p.threshold_on / pixel.threshold_on, p.threshold_off / pixel.threshold_off];
+        let rate = per_us * (on + off);
+        let mut after_us = 0.0;
+        loop {
+            let uniform = draws.uniform();
+            // -ln u >= 1 - u: mostly that shows without the logarithm that the wait is too long.
+            if 1.0 - uniform > rate * (span_us - after_us) {
+                break;
             }
+            after_us -= uniform.ln() / rate;
+            if after_us > span_us {
+                break;
+            }
+            let on = draws.uniform() * (on + off) < on;
+            candidates.push(Candidate { after_us, on, by_light: false });
         }
     }
 
