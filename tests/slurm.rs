@@ -38,7 +38,9 @@ fn process_of(session: &Path) -> Pid {
     let mut pid = None;
     until("a task has its session", || {
         let held = std::fs::read_to_string(session.join("derived/lock")).unwrap_or_default();
-        pid = held.split_whitespace().nth(1).and_then(|word| word.parse().ok());
+        // "process 4711 on host"; a text that is not whole yet names no process.
+        let words: Vec<&str> = held.split_whitespace().collect();
+        pid = matches!(words[..], ["process", _, "on", _]).then(|| words[1].parse().unwrap());
         pid.is_some()
     });
     Pid::from_raw(pid.unwrap()).unwrap()

@@ -10,16 +10,16 @@ const WIDTH: u16 = 24;
 const HEIGHT: u16 = 16;
 const N_FRAMES: u16 = 40;
 
-pub fn text(path: &Path) -> &str {
+pub(crate) fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-pub fn evrig() -> Command {
+pub(crate) fn evrig() -> Command {
     Command::cargo_bin("evrig").unwrap()
 }
 
 /// Exit code, result, and what was said.
-pub fn json(command: &mut Command) -> (i32, Value, String) {
+pub(crate) fn json(command: &mut Command) -> (i32, Value, String) {
     let output = command.arg("--json").output().unwrap();
     let value = serde_json::from_slice(&output.stdout).unwrap_or(Value::Null);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -27,7 +27,7 @@ pub fn json(command: &mut Command) -> (i32, Value, String) {
 }
 
 /// A dataset of `n` sessions `s0`, `s1`, ... that differ in the bar's step.
-pub fn dataset(root: &Path, n: u16) -> PathBuf {
+pub(crate) fn dataset(root: &Path, n: u16) -> PathBuf {
     let dataset = root.join("dataset");
     let folder = root.join("material");
     std::fs::create_dir_all(&folder).unwrap();
@@ -70,7 +70,7 @@ fn material(frames: &Path, events: &Path, seed: u16) {
 }
 
 /// Every file below a directory with its bytes, but for locks and what Slurm's jobs leave.
-pub fn tree(root: &Path) -> Vec<(String, Vec<u8>)> {
+pub(crate) fn tree(root: &Path) -> Vec<(String, Vec<u8>)> {
     let mut files = Vec::new();
     let mut folders = vec![root.to_owned()];
     while let Some(folder) = folders.pop() {
@@ -91,7 +91,7 @@ pub fn tree(root: &Path) -> Vec<(String, Vec<u8>)> {
 }
 
 /// A copy of a directory.
-pub fn copy(from: &Path, to: &Path) {
+pub(crate) fn copy(from: &Path, to: &Path) {
     for (name, bytes) in tree(from) {
         let path = to.join(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
