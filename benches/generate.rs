@@ -5,10 +5,14 @@
 //! about 16,000 events a frame at 346 x 260. Per model, size and number of threads a
 //! table gives frames/s, events/s, ns per pixel-frame and the ratio to the time it takes to
 //! read the frame and read and write the least state (brightness and one f64) once.
+//!
+//! A peer runs in the same table: eventcv-core, another hand's compiled and parallel v2e pixel, with
+//! the parameters of `v2e-clean` and `v2e-noisy` and without its own upsampling.
 
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
 
 use criterion::{BenchmarkId, Criterion, Throughput};
+use eventcv_core::simulate::{Simulator, SimulatorConfig};
 use evrig::event::Events;
 use evrig::frame::Luminance;
 use evrig::generate::{Choice, GenerateParameters, Generator, build};
@@ -20,6 +24,7 @@ use std::time::{Duration, Instant};
 
 const N_FRAMES: usize = 120;
 const SPAN_US: i64 = 8_333;
+const START_US: i64 = 1_700_000_000_000_000;
 const SIZES: [Size; 2] = [Size::DAVIS346, Size::new(692, 520)];
 
 /// Contrast of the waves and of the edges, in log units.
@@ -54,9 +59,55 @@ fn clip(size: Size) -> Vec<Vec<f32>> {
     (0..N_FRAMES).map(frame).collect()
 }
 
+/// Who makes the events.
+enum Engine {
+    Own(Box<dyn Generator>),
+    Peer { simulator: Box<Simulator>, pool: rayon::ThreadPool, frame: Vec<f32> },
+}
+
+impl Engine {
+    fn new(case: &Case, size: Size, threads: usize) -> Self {
+        match &case.made {
+            Made::Own(choice) => {
+                let choice = Choice { seed: 1, ..*choice };
+                let parameters = GenerateParameters::from_choice(&choice).unwrap();
+                Self::Own(build(&parameters, NonZeroUsize::new(threads)).unwrap())
+            }
+            Made::Peer(config) => {
+                let (width, height) = (usize::from(size.width), usize::from(size.height));
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                let simulator = Box::new(Simulator::new(width, height, *config));
+                Self::Peer { simulator, pool, frame: vec![0.0; width * height] }
+            }
+        }
+    }
+
+    /// Brings a frame into the engine's own units, which is not timed.
+    fn prepare(&mut self, frame: &Luminance) {
+        if let Self::Peer { frame: own, .. } = self {
+            own.iter_mut().zip(&frame.values).for_each(|(own, value)| *own = value / 1023.0);
+        }
+    }
+
+    /// Number of events.
+    fn push(&mut self, frame: &Luminance, out: &mut Events) -> usize {
+        match self {
+            Self::Own(generator) => {
+                generator.push(black_box(frame), out).unwrap();
+                black_box(&*out).len()
+            }
+            Self::Peer { simulator, pool, frame: own } => {
+                // Its clock starts at the clip's, so that its stamps are small.
+                let t_us = frame.t_us - START_US;
+                pool.install(|| black_box(simulator.push_frame(black_box(own), t_us)).len())
+            }
+        }
+    }
+}
+
 /// A generator fed with the clip round and round.
 struct Run<'a> {
-    generator: Box<dyn Generator>,
+    engine: Engine,
     clip: &'a [Vec<f32>],
     frame: Luminance,
     next: usize,
@@ -66,13 +117,10 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn new(model: &Case, size: Size, clip: &'a [Vec<f32>], threads: usize) -> Self {
-        let choice = Choice { seed: 1, ..model.choice };
-        let parameters = GenerateParameters::from_choice(&choice).unwrap();
-        let generator = build(&parameters, NonZeroUsize::new(threads)).unwrap();
-        let frame = Luminance { t_us: 1_700_000_000_000_000, size, values: Vec::new() };
+    fn new(case: &Case, size: Size, clip: &'a [Vec<f32>], threads: usize) -> Self {
+        let frame = Luminance { t_us: START_US, size, values: Vec::new() };
         let mut run = Self {
-            generator,
+            engine: Engine::new(case, size, threads),
             clip,
             frame,
             next: 0,
@@ -94,33 +142,47 @@ impl<'a> Run<'a> {
         self.frame.t_us += SPAN_US;
         self.next += 1;
         self.out.clear();
+        self.engine.prepare(&self.frame);
         let (start, cpu_start) = (Instant::now(), cpu_time());
-        self.generator.push(black_box(&self.frame), &mut self.out).unwrap();
+        let n_events = self.engine.push(&self.frame, &mut self.out);
         self.cpu += cpu_time() - cpu_start;
         let took = start.elapsed();
-        self.n_events += black_box(&self.out).len();
+        self.n_events += n_events;
         took
     }
 }
 
 struct Case {
     name: &'static str,
-    choice: Choice<'static>,
+    made: Made,
+}
+
+enum Made {
+    Own(Choice<'static>),
+    Peer(SimulatorConfig),
 }
 
 fn cases() -> Vec<Case> {
     let voltmeter = Choice { preset: Some("Raw2DVS346"), ..Choice::default() };
     let of =
         |preset| Choice { preset: Some(preset), full_scale_dn: Some(1023.0), ..Choice::default() };
+    let own = |name, choice| Case { name, made: Made::Own(choice) };
+    let clean = SimulatorConfig { sigma_thres: 0.02, ..SimulatorConfig::ideal() };
+    let noisy = SimulatorConfig {
+        sigma_thres: 0.05,
+        cutoff_hz: 30.0,
+        leak_rate_hz: 0.1,
+        shot_noise_rate_hz: 5.0,
+        ..clean
+    };
     vec![
-        Case { name: "voltmeter", choice: voltmeter },
-        Case {
-            name: "voltmeter-reference",
-            choice: Choice { law: Some("reference"), ..voltmeter },
-        },
-        Case { name: "esim", choice: of("ESIM") },
-        Case { name: "v2e-clean", choice: of("v2e-clean") },
-        Case { name: "v2e-noisy", choice: of("v2e-noisy") },
+        own("voltmeter", voltmeter),
+        own("voltmeter-reference", Choice { law: Some("reference"), ..voltmeter }),
+        own("esim", of("ESIM")),
+        own("v2e-clean", of("v2e-clean")),
+        Case { name: "eventcv-core, clean", made: Made::Peer(clean) },
+        own("v2e-noisy", of("v2e-noisy")),
+        Case { name: "eventcv-core, noisy", made: Made::Peer(noisy) },
     ]
 }
 

@@ -184,6 +184,7 @@ fn run(case: &Case) -> Result<(), Box<dyn Error>> {
         mount: rig.mount,
         track: &davis_track,
         pi_from_davis,
+        is_measured: true,
     };
     let begun = Instant::now();
     let registration = tie(&survey, &known, &aps)?;

@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut flags = flags.iter();
     while let Some(flag) = flags.next() {
         match (flag.as_str(), flag.strip_prefix("--seconds=")) {
-            ("--no-rgb", _) => rig = without_rgb(&rig)?,
+            ("--no-rgb", _) => rig = rig.without_rgb()?,
             ("--seconds", _) => duration = Some(flags.next().ok_or(USAGE)?.parse()?),
             (_, Some(seconds)) => duration = Some(seconds.parse()?),
             _ => return Err(USAGE.into()),
@@ -58,12 +58,4 @@ fn main() -> Result<(), Box<dyn Error>> {
     let recorded = duration.unwrap_or_else(|| path.duration().as_secs_f64());
     println!("{recorded:.2} s recorded in {:.2} s", begun.elapsed().as_secs_f64());
     Ok(())
-}
-
-/// The rig with its RGB path off, in its text too: the session holds the rig as it was used.
-fn without_rgb(rig: &Rig) -> Result<Rig, Box<dyn Error>> {
-    let mut text: toml::Table = toml::from_str(&rig.text)?;
-    let pi = text.get_mut("pi").and_then(toml::Value::as_table_mut).ok_or("the rig has no [pi]")?;
-    pi.insert("rgb".to_owned(), false.into());
-    Ok(Rig::parse("the rig without RGB", &toml::to_string(&text)?)?)
 }

@@ -31,7 +31,7 @@ pub use guard::GuardArgs;
 pub use import::{
     ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
 };
-pub use live::LiveArgs;
+pub use live::{LiveArgs, LiveGenerationArgs, LiveLight};
 pub use pi::{PairArgs, PiArgs, PiCamera};
 pub use plan::PlanArgs;
 pub use prove::ProveArgs;

@@ -27,6 +27,7 @@ mod error;
 mod estimate;
 mod hull;
 mod input;
+mod late;
 mod motion;
 mod olson2;
 mod order;
@@ -52,6 +53,7 @@ pub use hull::hull;
 pub use input::{
     ClockReading, FramePair, FramePairs, PairTally, SensorStamps, SensorUnit, sensor_stamps,
 };
+pub use late::{LateStream, late};
 pub use motion::{MotionEstimate, MotionOptions, TrackSample, motion};
 pub use olson2::olson2;
 pub use paper_interval::{PaperUnit, paper_interval};

@@ -8,11 +8,20 @@
 //! same search finds in events drawn from the model itself, and more than a hundredth of the excess.
 //! What no effect explains is said to be unexplained.
 
+mod around;
+mod boost;
 mod candidate;
 mod ceiling;
+mod check;
+mod conclude;
+mod constancy;
+mod errors;
 mod evidence;
 mod fit;
+mod free_run;
+mod halves;
 mod hypothesis;
+mod naming;
 mod nuisance;
 mod null;
 mod options;
@@ -22,18 +31,20 @@ mod score;
 mod select;
 mod spectrum;
 mod strata;
+mod tuned;
 mod verdict;
 
 pub use candidate::{Candidate, Freed, LIBRARY, Mixture, Parameter, Stage};
-pub use evidence::{DiagnoseError, Evidence, Facts, PixelEvidence};
+pub use evidence::{DiagnoseError, Evidence, Facts, PixelEvidence, TiedClocks};
+pub use free_run::{BeforeAfter, FreeRun, free_run};
 pub use hypothesis::{Hypothesis, View};
 pub use nuisance::Nuisance;
 pub use options::Options;
 pub use scan::Gain;
-pub use select::diagnose;
+pub use select::{Diagnosed, diagnose};
 pub use verdict::{
-    CannotJudge, Diagnosis, FitReport, FittedEffect, HeldOut, Interval, Leftover, Mismatch,
-    NullReport, ProposedTerm, Rival, Verdict, Where,
+    CannotJudge, Diagnosis, FitReport, FittedEffect, Half, HeldOut, Interval, Leftover, Mismatch,
+    NullReport, ProposedTerm, Rival, StructureLeft, StructureReport, Suspect, Verdict, Where,
 };
 
 #[cfg(test)]

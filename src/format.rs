@@ -1,8 +1,11 @@
 //! Formats, one file each: bytes in, values out, in bounded memory.
 
 pub mod aedat4;
+mod destination;
 pub mod hdf5;
 pub mod npy;
 pub mod parquet;
 pub mod raw10;
 pub mod raw2event;
+
+pub use destination::Destination;

@@ -125,6 +125,12 @@ impl<C: Clock> FrameTiming<C> {
 /// Weights of red, green and blue in brightness (ITU-R BT.601-7, section 2.5.1).
 const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
 
+/// Brightness of red, green and blue (ITU-R BT.601-7).
+#[must_use]
+pub fn luma(rgb: [f32; 3]) -> f32 {
+    LUMA[0] * rgb[0] + LUMA[1] * rgb[1] + LUMA[2] * rgb[2]
+}
+
 impl<C: Clock> Frame<C> {
     /// Brightness of each pixel in the frame's own digital units, row-major; colour is weighted as in BT.601.
     #[must_use]
@@ -147,11 +153,7 @@ impl<C: Clock> Frame<C> {
             Channels::Gray => samples.iter().map(to_f32).collect(),
             colour @ (Channels::Bgr | Channels::Bgra) => samples
                 .chunks_exact(colour.count())
-                .map(|bgr| {
-                    LUMA[2] * to_f32(&bgr[0])
-                        + LUMA[1] * to_f32(&bgr[1])
-                        + LUMA[0] * to_f32(&bgr[2])
-                })
+                .map(|bgr| luma([to_f32(&bgr[2]), to_f32(&bgr[1]), to_f32(&bgr[0])]))
                 .collect(),
         }
     }

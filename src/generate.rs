@@ -4,6 +4,7 @@
 //! the previous frame and this one. Generators are seeded; the same seed gives
 //! the same events, whatever the number of threads.
 
+mod driven;
 pub mod effect;
 mod esim;
 pub mod forward;
@@ -17,19 +18,26 @@ pub mod live;
 mod merge;
 mod parameter_error;
 mod parameters;
+mod plane;
 mod preset;
 mod random;
+mod rhythm;
+mod rows;
 mod sequence;
 mod threads;
 mod v2e;
 pub mod voltmeter;
 
+pub use driven::{DRIVE_STEP_US, DriveFrames, DriveRun};
 pub use esim::EsimParameters;
-pub use interpolate::Interpolator;
+pub use interpolate::{Between, Interpolator};
 pub use knobs::{Knob, KnobDescription, KnobSetting};
 pub use parameter_error::ParameterError;
 pub use parameters::{Choice, GenerateParameters, Law, Model, ModelParameters, build};
+pub use plane::{PlaneCarrier, PlaneInterpolator, PlanePath};
 pub use preset::Preset;
+pub use rhythm::Rhythm;
+pub use rows::{RowShift, RowTimes};
 pub use v2e::V2eParameters;
 
 use crate::event::Events;
@@ -50,6 +58,10 @@ pub trait Generator: Send {
     /// A frame that is not later than the previous one, is too late, has another size, or
     /// holds brightness that is not finite or negative.
     fn push(&mut self, frame: &Luminance, out: &mut Events) -> Result<(), GenerateError>;
+
+    /// Lets pixels (row-major numbers) begin anew with the last frame, as if it were their first:
+    /// for light that was not known before.
+    fn restart(&mut self, pixels: &[u32]);
 }
 
 /// Why frames cannot be turned into events.

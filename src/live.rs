@@ -7,15 +7,18 @@
 
 #[cfg(feature = "foxglove")]
 mod foxglove;
+mod generation;
 mod status;
 mod view;
 
+pub use generation::{Generation, GenerationSettings, GenerationTally, PiLight};
 pub use status::Status;
 pub use view::{EventImage, View};
 
 use crate::device::davis::serve::{ServeError, StreamServer};
 use crate::device::recorder::Sample;
 use crate::format::aedat4::{Compression, Content, StreamSpec};
+use crate::generate::ParameterError;
 use crate::geometry::Size;
 use crate::rig::Pose;
 use crate::session::HostTime;
@@ -41,6 +44,9 @@ pub enum LiveError {
         /// Where it was to listen.
         address: SocketAddr,
     },
+    /// The generator's parameters.
+    #[error(transparent)]
+    Parameters(#[from] ParameterError),
     /// The AEDAT4 streams.
     #[error(transparent)]
     Serve(#[from] ServeError),

@@ -5,6 +5,8 @@
 //! be the same is fresh and is not run again. Results hold no time of day and no path
 //! outside the session, so that they are the same bytes on any machine.
 
+mod align;
+mod between;
 mod calibrate;
 mod compare;
 mod diagnose;
@@ -18,15 +20,18 @@ mod sweep;
 mod sync;
 mod track;
 
+pub use align::{AlignProgress, Aligned, TrackOutcome, align, frame_streams, track_all};
 pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration};
-pub use compare::{CompareRequest, compare, read_comparison};
-pub use diagnose::{Baseline, DiagnoseRequest, default_baseline, diagnose, read_diagnosis};
+pub use compare::{CompareRequest, Reference, compare, compare_with, read_comparison};
+pub use diagnose::{
+    Baseline, DiagnoseRequest, default_baseline, diagnose, read_diagnosis, read_free_run,
+};
 pub use filter::{
     FilterRequest, FilterSettings, FilterTally, FilteredStream, filter, picture_events,
     read_filter_tally, stream_grid, track_for,
 };
 pub use generate::{
-    Conditions, GenerateRequest, Generated, GenerationSpeed, default_light, generate,
+    Conditions, GenerateRequest, Generated, GenerationSpeed, default_light, generate, white_of,
 };
 pub use light::{Light, light};
 pub use report::report;

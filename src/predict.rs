@@ -31,7 +31,7 @@ pub use by_pixel::{ByPixel, Spike};
 pub use law::{LawError, PixelLaw};
 pub use light::{Light, Lights};
 pub use residual::{Previous, Residual, Silence, residuals};
-pub use sample::sample;
+pub use sample::{Followed, Moment, followed, sample};
 pub use score::{Score, score, score_lights, score_pixel};
 pub use walk::{EventTerm, Stretch, Witness, walk};
 

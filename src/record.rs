@@ -9,13 +9,16 @@ mod bench;
 mod durable;
 mod engine;
 mod files;
+mod rehearse;
 mod runs;
 mod simulate;
 mod stop;
 mod told;
+mod wall_clock;
 
 pub use bench::{Bench, BenchError, Opening, cameras};
-pub use engine::{Dwells, Outcome, RecordError, Request, preflight, record};
+pub use engine::{Dwells, Outcome, Prompts, RecordError, Request, preflight, record};
+pub use rehearse::{Rehearsal, RehearsalError, Rehearsed, rehearse};
 pub use runs::{Attempt, RUNS_SCHEMA, RunList, RunsError};
 pub use simulate::{SimulateError, Simulation, simulate};
 pub use stop::{Stop, StopToken};

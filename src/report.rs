@@ -12,6 +12,7 @@ pub mod measure;
 pub mod number;
 pub mod page;
 pub mod plot;
+pub mod scene;
 pub mod session;
 pub mod table;
 pub mod target;

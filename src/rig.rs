@@ -87,6 +87,20 @@ impl Rig {
         Self::parse(&file, &text)
     }
 
+    /// The same rig with the Pi's RGB path off, in its text too: a session holds the rig as it was
+    /// used.
+    ///
+    /// # Errors
+    /// Never for a rig that was parsed: its text is a table with a `[pi]` in it.
+    pub fn without_rgb(&self) -> Result<Self, DescriptionError> {
+        let named = format!("{} without RGB", self.name);
+        let mut text: toml::Table = toml::from_str(&self.text).unwrap_or_default();
+        if let Some(pi) = text.get_mut("pi").and_then(toml::Value::as_table_mut) {
+            pi.insert("rgb".to_owned(), false.into());
+        }
+        Self::parse(&named, &toml::to_string(&text).unwrap_or_default())
+    }
+
     /// Reads a rig file.
     ///
     /// # Errors
@@ -101,10 +115,7 @@ impl Rig {
     /// With all the mistakes in the text.
     pub fn parse(file: &str, text: &str) -> Result<Self, DescriptionError> {
         read_description(file, text, |fields| {
-            let schema = fields.text("schema");
-            if !schema.is_empty() && schema != SCHEMA {
-                fields.complain_about("schema", format!("`{schema}`: expected `{SCHEMA}`"));
-            }
+            fields.expect_schema(SCHEMA);
             Self {
                 name: fields.text("name"),
                 says: fields.optional_text("says"),
@@ -146,6 +157,17 @@ mod tests {
             error.contains("no/such/sim.toml") && error.contains("did you mean `sim`"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn a_rig_without_rgb_differs_in_nothing_else_and_says_so_in_its_text() {
+        let rig = Rig::simulated().unwrap();
+        let plain = rig.without_rgb().unwrap();
+        assert!(rig.pi.rgb && !plain.pi.rgb);
+        assert_eq!(Rig::parse("again", &plain.text).unwrap(), plain);
+        let mut pi = plain.pi.clone();
+        pi.rgb = true;
+        assert_eq!(Rig { pi, text: rig.text.clone(), ..plain }, rig);
     }
 
     #[test]

@@ -15,6 +15,7 @@
 
 mod census;
 mod checksum;
+mod heard;
 pub mod import;
 mod journal;
 mod layout;
@@ -29,6 +30,7 @@ mod verify;
 
 pub use census::{Census, StreamCensus, census};
 pub use checksum::{Sha256Hex, sha256_of_bytes, sha256_of_file};
+pub use heard::{EventSum, Heard, PictureSum};
 pub use journal::Journal;
 pub use layout::{Layout, StreamName};
 pub(crate) use manifest::write_whole;

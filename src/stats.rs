@@ -6,6 +6,6 @@ mod random;
 mod wilson;
 
 pub use estimate::Estimate;
-pub use moments::{Moments, quantile_sorted};
+pub use moments::{Moments, median, quantile_sorted};
 pub use random::SplitMix;
 pub use wilson::wilson95;

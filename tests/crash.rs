@@ -1,94 +1,68 @@
-//! A recorder that is killed at any moment leaves a session that is repaired and verifies.
+//! A recorder that is killed at any moment leaves a session that is repaired and verifies, in which
+//! at most the last second of any stream is missing; the arm is stopped; the series can be taken up.
 //!
-//! `EVRIG_KILLS` says how often it is killed (8); what each kill cost is printed.
+//! `EVRIG_KILLS` says how often it is killed (8); what each kill cost is printed. The costs are in
+//! recorded time: what was sent and is not in the file, times what lies between two of it.
 
-#![allow(clippy::expect_used, clippy::unwrap_used, clippy::print_stderr)]
+#![allow(clippy::expect_used, clippy::unwrap_used, clippy::print_stderr, unreachable_pub)]
 
-use evrig::device::davis::serve::StreamServer;
+#[path = "wires/camera.rs"]
+#[allow(dead_code)]
+mod camera;
+
+use camera::{Camera, EVENT_US, PACKET_EVENTS, check_events};
+
 use evrig::device::pi::agent::Agent;
-use evrig::device::pi::source::Synthetic;
+use evrig::device::pi::source::{FrameSource, SourceError, Synthetic};
+use evrig::device::pi::wire::Settings;
 use evrig::device::sim::arm::{Clock, Emulator, Options};
-use evrig::event::{Event, Events};
-use evrig::format::aedat4::{Compression, Content, Reader, StreamSpec};
-use evrig::geometry::Size;
+use evrig::frame::Samples;
 use evrig::rig::Rig;
-use evrig::session::{Repair, Session, Status, StreamKind, repair, verify};
-use std::path::{Path, PathBuf};
+use evrig::session::{PiFrame, Repair, Session, Status, StreamKind, repair, verify};
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::thread::JoinHandle;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// Events come 100 us apart, in packets of 5 ms.
-const EVENT_US: i64 = 100;
-const PACKET_EVENTS: i64 = 50;
-const PACKET: Duration = Duration::from_millis(5);
 /// The last packet of the trajectory after which it is killed: two seconds, well within the circle.
 const LAST_PACKET: u64 = 400;
+/// One connection for the preflight, one for the recording.
+const CLIENTS: u64 = 2;
 /// States in which it is killed, one after another.
 const STATES: [&str; 4] = ["start pose", "cameras", "lead-in", "trajectory"];
+/// And those behind the trajectory, when there are kills enough.
+const LATE_STATES: [&str; 3] = ["tail", "drain", "seal"];
+const MANY: usize = 20;
+/// So often the series is taken up after a kill.
+const RESUMED_EVERY: usize = 8;
 const PATIENCE: Duration = Duration::from_secs(120);
+/// The promise: the last second of a stream, in its own time.
+const MOST_LOST_US: i64 = 1_000_000;
+const FRAME_US: i64 = 1_000_000 / 120;
+const POSE_US: i64 = 1_000_000 / 50;
 
-/// The event whose number its stamp tells.
-fn event(n: i64) -> Event {
-    let place = n.unsigned_abs() as usize;
-    Event {
-        t: n * EVENT_US,
-        x: (place % 346) as u16,
-        y: (place / 346 % 260) as u16,
-        on: n % 3 == 0,
-    }
+/// The Pi's camera, and how many frames it has handed over since it was set up.
+struct Counted {
+    camera: Synthetic,
+    n_given: Arc<AtomicU64>,
 }
 
-/// An event camera that tells of every packet it has sent to the recording.
-struct Camera {
-    address: String,
-    sent: Receiver<u64>,
-    n_sent: u64,
-    stop: Option<Sender<()>>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Camera {
-    fn start() -> Self {
-        let spec = StreamSpec::events(Size::DAVIS346, "DAVIS346_1");
-        let mut server = StreamServer::bind("127.0.0.1:0", &spec, Compression::None).unwrap();
-        let address = server.address().to_string();
-        let (tell, sent) = channel();
-        let (stop, stopped) = channel::<()>();
-        let thread = std::thread::spawn(move || {
-            // One connection for the preflight, one for the recording.
-            if !server.wait_for_clients(2, PATIENCE) {
-                return;
-            }
-            for packet in 0.. {
-                let first = packet * PACKET_EVENTS;
-                let events: Events = (first..first + PACKET_EVENTS).map(event).collect();
-                server.send_events(events.as_slice()).unwrap();
-                if tell.send(packet as u64 + 1).is_err()
-                    || stopped.recv_timeout(PACKET) != Err(RecvTimeoutError::Timeout)
-                {
-                    return;
-                }
-            }
-        });
-        Self { address, sent, n_sent: 0, stop: Some(stop), thread: Some(thread) }
+impl FrameSource for Counted {
+    fn describe(&self) -> String {
+        self.camera.describe()
     }
 
-    /// Waits until so many more packets were sent.
-    fn wait_for(&mut self, n: u64) {
-        self.n_sent = self.sent.try_iter().last().unwrap_or(self.n_sent);
-        let goal = self.n_sent + n;
-        while self.n_sent < goal {
-            self.n_sent = self.sent.recv_timeout(PATIENCE).expect("the recorder takes packets");
+    fn configure(&mut self, settings: &Settings) -> Result<Settings, SourceError> {
+        self.camera.configure(settings)
+    }
+
+    fn next(&mut self) -> Result<Option<PiFrame>, SourceError> {
+        let frame = self.camera.next()?;
+        if let Some(frame) = &frame {
+            self.n_given.store(frame.metadata.sequence + 1, Ordering::SeqCst);
         }
-    }
-
-    /// Stops, and says how many packets were sent.
-    fn end(mut self) -> u64 {
-        drop(self.stop.take());
-        self.thread.take().unwrap().join().unwrap();
-        self.sent.try_iter().last().unwrap_or(self.n_sent)
+        Ok(frame)
     }
 }
 
@@ -96,6 +70,7 @@ impl Camera {
 struct Bench {
     emulator: Emulator,
     agent: Agent,
+    n_given: Arc<AtomicU64>,
     folder: tempfile::TempDir,
 }
 
@@ -103,15 +78,47 @@ impl Bench {
     fn new() -> Self {
         let options = Options { is_homed: true, ..Options::default() };
         let local = "127.0.0.1:0".parse().unwrap();
+        let n_given: Arc<AtomicU64> = Arc::default();
+        let camera = Counted { camera: Synthetic::paced(), n_given: Arc::clone(&n_given) };
         Self {
             emulator: Emulator::start(options, Clock::Scaled(1.0), Vec::new()).unwrap(),
-            agent: Agent::serve(local, Box::new(Synthetic::paced())).unwrap(),
+            agent: Agent::serve(local, Box::new(camera)).unwrap(),
+            n_given,
             folder: tempfile::tempdir().unwrap(),
         }
     }
 
+    /// The folder of the series.
+    fn series(&self) -> PathBuf {
+        self.folder.path().join("series")
+    }
+
+    /// The first session of it.
     fn out(&self) -> PathBuf {
-        self.folder.path().join("session")
+        self.series().join("circle-01")
+    }
+
+    /// Poses that the arm was asked for.
+    fn n_poses(&self) -> i64 {
+        self.emulator.journal().iter().filter(|line| line.name == "POSE").count() as i64
+    }
+
+    /// Waits until the guard of a recorder that is gone has stopped the arm, after so many requests.
+    fn wait_for_stop(&self, since: usize) {
+        let deadline = Instant::now() + PATIENCE;
+        let has_stopped = || {
+            let journal = self.emulator.journal();
+            let mut lines = journal[since.min(journal.len())..].iter();
+            lines.any(|line| line.name == "QUEUE_FORCE_STOP")
+                && lines.any(|line| line.name == "QUEUE_CLEAR")
+        };
+        while !has_stopped() {
+            assert!(Instant::now() < deadline, "nobody stopped the arm");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let state = self.emulator.state();
+        assert!(!state.is_busy && state.n_waiting == 0, "{state:?}");
+        assert_eq!(state.planner, self.emulator.state().planner, "it stands");
     }
 
     /// Waits until the recorder is in a state.
@@ -126,6 +133,10 @@ impl Bench {
     }
 
     fn record(&self, camera: &Camera) -> Child {
+        self.run(camera, &["--repeat", "1"])
+    }
+
+    fn run(&self, camera: &Camera, series: &[&str]) -> Child {
         let text = Rig::simulated().unwrap().text;
         let change = |text: String, from: &str, to: String| {
             assert!(text.contains(from), "{from}");
@@ -143,79 +154,139 @@ impl Bench {
             .args(["record", "--quiet"])
             .arg(&rig)
             .args(["circle", "--out"])
-            .arg(self.out())
+            .arg(self.series())
+            .args(series)
             .stdout(Stdio::null())
             .spawn()
             .unwrap()
     }
 }
 
-/// The recorded events, each of which must be the one its stamp tells, without a gap between them;
-/// the number behind the last, 0 for none.
-fn check_events(path: &Path) -> i64 {
-    let mut next: Option<i64> = None;
-    for packet in Reader::open(path).into_iter().flatten().map_while(Result::ok) {
-        let Content::Events(events) = packet.content else { panic!("events were sent") };
-        for found in events.as_slice().iter() {
-            let n = next.unwrap_or(found.t / EVENT_US);
-            assert_eq!(found, event(n), "event {n} is not the one that was sent");
-            next = Some(n + 1);
-        }
+/// Every raw frame must be the one that its number tells; the number behind the last, 0 for none.
+fn check_frames(session: &Session) -> u64 {
+    if session.stream(StreamKind::Frames, "raw").is_err() {
+        return 0;
     }
-    next.unwrap_or(0)
+    let sequences: Vec<_> =
+        session.rig_notes().unwrap().metadata.iter().map(|said| said.sequence).collect();
+    assert!(sequences.windows(2).all(|pair| pair[0] + 1 == pair[1]), "a frame is missing");
+    for (picture, sequence) in session.pi_pictures("raw").unwrap().zip(&sequences) {
+        let frame = picture.unwrap().frame;
+        let Samples::U16(samples) = frame.samples else { panic!("raw frames have 16 bits") };
+        let width = usize::from(frame.size.width);
+        let differs = |(i, sample): (usize, &u16)| {
+            *sample != Synthetic::sample(*sequence, i % width, i / width)
+        };
+        assert!(!samples.iter().enumerate().any(differs), "frame {sequence} is another");
+    }
+    sequences.last().map_or(0, |last| last + 1)
+}
+
+/// What a kill cost, in recorded time, and what it was.
+#[derive(Default)]
+struct Costs {
+    events_us: i64,
+    frames_us: i64,
+    poses_us: i64,
+}
+
+/// Kills a recorder at a moment, repairs what it left, and says what that cost.
+fn kill_one(bench: &Bench, camera: &mut Camera, killed_in: &str, moment: u64) -> Costs {
+    let mut recorder = bench.record(camera);
+    bench.wait_for_state(killed_in);
+    let n_poses_before = bench.n_poses();
+    camera.wait_for(moment);
+    let n_requests = bench.emulator.journal().len();
+    let n_given = bench.n_given.load(Ordering::SeqCst);
+    let n_poses_asked = bench.n_poses() - n_poses_before;
+    recorder.kill().unwrap();
+    recorder.wait().unwrap();
+    let n_sent = camera.n_sent() as i64 * PACKET_EVENTS;
+    bench.wait_for_stop(n_requests);
+    let out = bench.out();
+    let repaired = repair(&out).unwrap();
+    let was_sealed = !matches!(repaired, Repair::Resealed(_));
+    assert!(!was_sealed || killed_in == "seal", "the recorder was killed in {killed_in}");
+    let session = Session::open(&out).unwrap();
+    let verification = verify(&session).unwrap();
+    assert!(verification.holds(), "after packet {moment}: {:#?}", verification.findings);
+    let manifest = session.manifest();
+    if !was_sealed {
+        assert_eq!(manifest.status, Status::Recovered);
+        assert!(manifest.losses[0].what.contains("cut off in state"), "{:?}", manifest.losses);
+    }
+    assert!(manifest.recording.as_ref().unwrap().rig.contains("evrig.rig/1"));
+    let n_kept = check_events(&session.layout().davis());
+    let count = session.stream(StreamKind::Events, "real").map_or(0, |stream| stream.count);
+    assert!(n_kept >= count as i64);
+    let n_frames = check_frames(&session);
+    let n_poses = session.rig_notes().map_or(0, |notes| notes.poses.len() as i64);
+    // Behind the trajectory the cameras were told to end, and what they send on nobody wants.
+    let still_records = !LATE_STATES.contains(&killed_in);
+    let lost = |n: i64, each_us: i64| if still_records { n.max(0) * each_us } else { 0 };
+    Costs {
+        events_us: lost(n_sent - n_kept, EVENT_US),
+        frames_us: lost(n_given as i64 - n_frames as i64, FRAME_US),
+        poses_us: lost(n_poses_asked - n_poses, POSE_US),
+    }
 }
 
 #[test]
-fn a_recorder_killed_at_any_moment_leaves_a_session_that_is_repaired_and_verifies() {
+fn a_recorder_killed_at_any_moment_loses_a_second_at_most_and_the_series_goes_on() {
     let n_kills: usize = std::env::var("EVRIG_KILLS").map_or(8, |n| n.parse().expect("a number"));
+    let states: Vec<&str> = if n_kills >= MANY {
+        STATES.into_iter().chain(LATE_STATES).collect()
+    } else {
+        STATES.to_vec()
+    };
     let mut state = 20_261_121_u64;
-    let mut costs = Vec::new();
+    let (mut most, mut n_counted, mut n_resumed) = (Costs::default(), 0, 0);
     for kill in 0..n_kills {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
         // One kill in every state, the others somewhere on the trajectory.
-        let killed_in = STATES.get(kill).copied().unwrap_or("trajectory");
-        let moment = if kill < STATES.len() { 0 } else { 1 + (state >> 33) % LAST_PACKET };
-        let bench = Bench::new();
-        let mut camera = Camera::start();
-        let mut recorder = bench.record(&camera);
-        bench.wait_for_state(killed_in);
-        camera.wait_for(moment);
-        recorder.kill().unwrap();
-        recorder.wait().unwrap();
-        let n_sent = camera.end() as i64 * PACKET_EVENTS;
-        let out = bench.out();
-        let repaired = repair(&out).unwrap();
-        assert!(matches!(repaired, Repair::Resealed(_)), "the recorder was killed");
-        let session = Session::open(&out).unwrap();
-        let verification = verify(&session).unwrap();
-        assert!(verification.holds(), "after packet {moment}: {:#?}", verification.findings);
-        let manifest = session.manifest();
-        assert_eq!(manifest.status, Status::Recovered);
-        assert!(manifest.losses[0].what.contains("cut off in state"), "{:?}", manifest.losses);
-        assert!(manifest.recording.as_ref().unwrap().rig.contains("evrig.rig/1"));
-        let n_kept = check_events(&session.layout().davis());
-        let count = session.stream(StreamKind::Events, "real").map_or(0, |stream| stream.count);
-        assert!(n_kept >= count as i64);
-        let lost_us = (n_sent - n_kept) * EVENT_US;
+        let killed_in = states.get(kill).copied().unwrap_or("trajectory");
+        let moment = if kill < states.len() { 0 } else { 1 + (state >> 33) % LAST_PACKET };
+        let (bench, mut camera) = (Bench::new(), Camera::start(CLIENTS));
+        let costs = kill_one(&bench, &mut camera, killed_in, moment);
         eprintln!(
-            "killed in {killed_in} after {moment} packets of it: {n_kept} of {n_sent} events kept, \
-             {:.0} ms lost",
-            lost_us as f64 * 1e-3,
+            "killed in {killed_in} after {moment} packets: lost {:.0} ms of events, {:.0} of frames, \
+             {:.0} of poses",
+            costs.events_us as f64 * 1e-3,
+            costs.frames_us as f64 * 1e-3,
+            costs.poses_us as f64 * 1e-3,
         );
         // Before the trajectory the cameras' first samples may not have been taken yet.
         if killed_in == "trajectory" {
-            assert!(n_kept > 0, "events that came before the trajectory are in the file");
-            costs.push(lost_us);
+            let all = [costs.events_us, costs.frames_us, costs.poses_us];
+            assert!(all.iter().all(|lost_us| *lost_us <= MOST_LOST_US), "lost, in us: {all:?}");
+            most.events_us = most.events_us.max(costs.events_us);
+            most.frames_us = most.frames_us.max(costs.frames_us);
+            most.poses_us = most.poses_us.max(costs.poses_us);
+            n_counted += 1;
         }
+        if kill % RESUMED_EVERY == RESUMED_EVERY - 1 {
+            let resumed = bench.run(&camera, &["--resume"]).wait().unwrap();
+            assert!([Some(0), Some(3)].contains(&resumed.code()), "{resumed:?}");
+            let again = Session::open(&bench.series().join("circle-01-again-2")).unwrap();
+            assert_eq!(again.manifest().status, Status::Complete);
+            assert!(verify(&again).unwrap().holds());
+            n_resumed += 1;
+        }
+        camera.end();
     }
-    let longest = costs.iter().max().copied().unwrap_or(0);
-    eprintln!("{n_kills} kills, {} on the trajectory; most lost there: {longest} us", costs.len());
+    eprintln!(
+        "{n_kills} kills, {n_counted} on the trajectory; most lost there: {:.0} ms of events, {:.0} ms \
+         of frames, {:.0} ms of poses; {n_resumed} series taken up and completed",
+        most.events_us as f64 * 1e-3,
+        most.frames_us as f64 * 1e-3,
+        most.poses_us as f64 * 1e-3,
+    );
 }
 
 #[test]
 fn what_arrived_is_in_the_file_though_nothing_follows_it() {
     let bench = Bench::new();
-    let mut camera = Camera::start();
+    let mut camera = Camera::start(CLIENTS);
     let mut recorder = bench.record(&camera);
     camera.wait_for(1);
     // Far less than a buffer, and then silence.
@@ -233,7 +304,7 @@ fn what_arrived_is_in_the_file_though_nothing_follows_it() {
 #[test]
 fn verify_repair_says_what_was_lost_and_ends_with_losses() {
     let bench = Bench::new();
-    let mut camera = Camera::start();
+    let mut camera = Camera::start(CLIENTS);
     let mut recorder = bench.record(&camera);
     camera.wait_for(100);
     let evrig = |arguments: &[&str]| {

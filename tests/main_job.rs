@@ -58,19 +58,11 @@ fn a_real_recording_goes_in_and_a_report_comes_out() {
 
     let comparison = json(evrig().arg("compare").arg(&session));
     let measures = comparison["comparisons"][0]["measures"].as_array().unwrap();
-    for id in [
-        "count_ratio",
-        "polarity_delta",
-        "active_pixel_ratio",
-        "spatial_entropy_ratio",
-        "spatial_emd",
-        "interval_tv",
-        "interval_emd",
-    ] {
-        let measure = measures.iter().find(|m| m["id"] == id);
-        let measure = measure.unwrap_or_else(|| panic!("{id} is missing: {comparison}"));
-        assert!(measure["estimate"]["value"].is_number(), "{id}: {measure}");
-        assert!(measure["estimate"]["standard_error"].is_number(), "{id}: {measure}");
+    assert!(measures.len() >= 7, "{comparison}");
+    for measure in measures {
+        let (id, estimate) = (&measure["id"], &measure["estimate"]);
+        assert!(estimate["value"].is_number(), "{id}: {measure}");
+        assert!(estimate["standard_error"].is_number(), "{id}: {measure}");
     }
 
     evrig().arg("report").arg(&session).assert().code(0);

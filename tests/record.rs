@@ -16,7 +16,7 @@ use evrig::event::Event;
 use evrig::format::aedat4::{Compression, StreamSpec};
 use evrig::geometry::Size;
 use evrig::record::{
-    Devices, Dwells, Outcome, RecordError, Request, State, Stop, StopToken, record,
+    Devices, Dwells, Outcome, Prompts, RecordError, Request, State, Stop, StopToken, record,
 };
 use evrig::rig::{Focus, RgbDelivery, Rig};
 use evrig::session::{Session, Status, StreamKind, verify};
@@ -75,7 +75,14 @@ impl Bench {
     ) -> Result<Outcome, RecordError> {
         let path = self.trajectory.path(&self.rig, Optional::Included).unwrap();
         let (rig, trajectory) = (&self.rig, &self.trajectory);
-        let request = Request { rig, trajectory, path: &path, out, dwells: NO_DWELLS };
+        let request = Request {
+            rig,
+            trajectory,
+            path: &path,
+            out,
+            dwells: NO_DWELLS,
+            prompts: Prompts::default(),
+        };
         record(request, &mut self.devices(davis), stop, watch)
     }
 }
@@ -241,7 +248,14 @@ fn an_absent_agent_is_told_before_anything_moves_or_is_made() {
     let out = folder.path().join("session");
     let path = bench.trajectory.path(&bench.rig, Optional::Included).unwrap();
     let (rig, trajectory) = (&bench.rig, &bench.trajectory);
-    let request = Request { rig, trajectory, path: &path, out: &out, dwells: NO_DWELLS };
+    let request = Request {
+        rig,
+        trajectory,
+        path: &path,
+        out: &out,
+        dwells: NO_DWELLS,
+        prompts: Prompts::default(),
+    };
     let error = record(request, &mut devices, &StopToken::default(), &mut |_, _| ()).unwrap_err();
     assert!(error.to_string().contains("evrig pi"), "{error}");
     assert!(!out.exists());
@@ -274,7 +288,14 @@ fn rgb_pictures_fetched_after_the_take_are_in_the_session_beside_their_raw_ones(
     let out = folder.path().join("session");
     let path = bench.trajectory.path(&bench.rig, Optional::Included).unwrap();
     let (rig, trajectory) = (&bench.rig, &bench.trajectory);
-    let request = Request { rig, trajectory, path: &path, out: &out, dwells: NO_DWELLS };
+    let request = Request {
+        rig,
+        trajectory,
+        path: &path,
+        out: &out,
+        dwells: NO_DWELLS,
+        prompts: Prompts::default(),
+    };
     record(request, &mut devices, &StopToken::default(), &mut |_, _| ()).unwrap();
     let session = Session::open(&out).unwrap();
     assert_verifies(&session);

@@ -2,6 +2,8 @@
 
 #![allow(clippy::expect_used, clippy::unwrap_used)]
 
+mod small_rig;
+
 use evrig::device::sim::world::{
     CameraName, DavisTwin, Motion, PiTwin, Schedule, Setting, World, WorldDescription,
 };
@@ -11,6 +13,7 @@ use evrig::rig::{Pose, Rig};
 use evrig::roi::{Lens, Light, Track, TrackOptions, Tracker};
 use evrig::scene::{DavisKnown, PiKnown, PointSpread, RawLight, Scene, SceneError, survey, tie};
 use evrig::time::{Clock, ClockMap, Davis, PiSensor, Span};
+use small_rig::small_rig;
 use std::f64::consts::TAU;
 use std::sync::{Arc, OnceLock};
 
@@ -18,19 +21,14 @@ const SECONDS: f64 = 1.0;
 
 /// A small print over which both cameras hang, with a tag as large as on the whole one.
 fn rig() -> Rig {
-    let mut text = include_str!("../rig/sim.toml").to_owned();
-    for (from, to) in [
+    small_rig(&[
         ("[0.0, 18.0, -13.0]", "[0.0, 2.0, -13.0]"),
         ("[0.0, -18.0, -13.0]", "[0.0, -2.0, -13.0]"),
         ("size_px = [346, 260]", "size_px = [112, 80]"),
         ("size_px = [692, 520]", "size_px = [372, 240]"),
         ("picture_side_mm = 43.05", "picture_side_mm = 14.35"),
         ("gap_mm = 4.1\n", "gap_mm = 3.0\n"),
-    ] {
-        assert!(text.contains(from), "{from}");
-        text = text.replace(from, to);
-    }
-    Rig::parse("small.toml", &text).unwrap()
+    ])
 }
 
 /// A small circle, twice, with a wrist that swings.
@@ -92,6 +90,7 @@ fn seen() -> &'static Seen {
             mount: rig.mount,
             track: &davis_track,
             pi_from_davis: clocks_off_by(&world, Span::from_micros(6_000)),
+            is_measured: true,
         };
         let registration = tie(&survey, &known, &aps).unwrap();
         let scene = Scene { size: rig.davis.camera.size, survey, registration };

@@ -2,23 +2,25 @@
 
 #![allow(clippy::expect_used, clippy::unwrap_used)]
 
+mod small_rig;
+
 use evrig::device::davis::Pace;
 use evrig::device::sim::world::WorldDescription;
 use evrig::record::{
-    Bench, BenchError, Dwells, Opening, Outcome, Request, Simulation, State, StopToken, record,
-    simulate,
+    Bench, BenchError, Dwells, Opening, Outcome, Prompts, Request, Simulation, State, StopToken,
+    record, simulate,
 };
 use evrig::rig::Rig;
 use evrig::session::{ClockExchange, FrameMetadata, Manifest, Session, Status, StreamKind, verify};
 use evrig::trajectory::{Optional, Trajectory};
 use serde_json::Value;
+use small_rig::small_rig;
 use std::path::Path;
 use std::time::Duration;
 
 /// Both cameras at one place over the middle of a small print, near enough to be quick.
 fn rig() -> Rig {
-    let mut text = include_str!("../rig/sim.toml").to_owned();
-    for (from, to) in [
+    small_rig(&[
         ("[0.0, 18.0, -13.0]", "[0.0, 0.0, -13.0]"),
         ("[0.0, -18.0, -13.0]", "[0.0, 0.0, -13.0]"),
         ("size_px = [346, 260]", "size_px = [48, 32]"),
@@ -27,11 +29,7 @@ fn rig() -> Rig {
         ("tag_side_mm = 14.35", "tag_side_mm = 2.87"),
         ("picture_side_mm = 43.05", "picture_side_mm = 8.61"),
         ("gap_mm = 4.1\n", "gap_mm = 0.82\n"),
-    ] {
-        assert!(text.contains(from), "{from}");
-        text = text.replace(from, to);
-    }
-    Rig::parse("small.toml", &text).unwrap()
+    ])
 }
 
 /// Rest, three millimetres to the right, dimmed rest.
@@ -76,7 +74,14 @@ fn record_to(out: &Path) -> (Outcome, Vec<State>) {
     let path = trajectory.path(&rig, Optional::Included).unwrap();
     let mut bench = Bench::open(&rig, &opening(&world, &rig)).unwrap();
     let dwells = Dwells { lead_in: Duration::from_millis(100), tail: Duration::from_millis(100) };
-    let request = Request { rig: &rig, trajectory: &trajectory, path: &path, out, dwells };
+    let request = Request {
+        rig: &rig,
+        trajectory: &trajectory,
+        path: &path,
+        out,
+        dwells,
+        prompts: Prompts::default(),
+    };
     let mut states = Vec::new();
     let mut watch = |state, _| {
         if states.last() != Some(&state) {

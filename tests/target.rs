@@ -3,6 +3,8 @@
 
 #![allow(clippy::expect_used, clippy::unwrap_used)]
 
+mod small_rig;
+
 use evrig::clock::Reference;
 use evrig::device::sim::world::WorldDescription;
 use evrig::generate::{Choice, GenerateParameters};
@@ -15,25 +17,14 @@ use evrig::rig::Rig;
 use evrig::session::{Session, StreamName};
 use evrig::time::{PiSensor, Span, Stamp};
 use evrig::trajectory::{Optional, Trajectory};
+use small_rig::small_rig;
 use std::path::Path;
 use std::sync::OnceLock;
 use tempfile::TempDir;
 
 /// A small print over which both cameras hang, with a tag as large as on the whole one.
 fn rig() -> Rig {
-    let mut text = include_str!("../rig/sim.toml").to_owned();
-    for (from, to) in [
-        ("[0.0, 18.0, -13.0]", "[0.0, 0.0, -13.0]"),
-        ("[0.0, -18.0, -13.0]", "[0.0, 0.0, -13.0]"),
-        ("size_px = [346, 260]", "size_px = [112, 80]"),
-        ("size_px = [692, 520]", "crop_origin_px = [422, 172]\nsize_px = [372, 240]"),
-        ("picture_side_mm = 43.05", "picture_side_mm = 14.35"),
-        ("gap_mm = 4.1\n", "gap_mm = 3.0\n"),
-    ] {
-        assert!(text.contains(from), "{from}");
-        text = text.replace(from, to);
-    }
-    Rig::parse("small.toml", &text).unwrap()
+    small_rig(&small_rig::CORNER)
 }
 
 const TRAJECTORY: &str = r#"

@@ -1,7 +1,12 @@
-//! Any bytes from the serial line: nothing panics, nothing is lost, nothing grows.
+//! See `inputs::dobot`.
+//!
+//! `RUSTC_BOOTSTRAP=1 cargo fuzz run --sanitizer none dobot target/found corpus/dobot -- -max_total_time=300`
+//! (in this folder; finds go to `target/found`).
 
 #![no_main]
 
-use libfuzzer_sys::fuzz_target;
+#[path = "../inputs.rs"]
+#[allow(dead_code)]
+mod inputs;
 
-fuzz_target!(|bytes: &[u8]| evrig::device::dobot::frame::fuzz(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| inputs::dobot(bytes));

@@ -5,6 +5,7 @@ use super::regression::Regressions;
 use super::search::{NO_VALUE, Objective, search};
 use super::{CalibrateError, Light, Part, fit, regress};
 use crate::event::EventSlice;
+use crate::generate::input::Preparation;
 use crate::generate::voltmeter::Coefficients;
 use serde::{Deserialize, Serialize};
 
@@ -42,6 +43,9 @@ pub struct Calibration {
     pub regressions: Option<Regressions>,
     /// Why there are no regressions.
     pub without_regressions: Option<String>,
+    /// How frames have to be prepared for the constants to hold.
+    #[serde(default)]
+    pub preparation: Preparation,
 }
 
 /// Constants and how they did.
@@ -141,12 +145,14 @@ pub fn calibrate(
     let mut n_evaluations = 0;
     let judge = |(name, k): (&str, Coefficients)| {
         // Each with the nuisances that suit it best: k is what is judged.
+        // A part of the data tells them well enough.
         let n_fit = 25 * objective.nuisances().len();
-        let fixed = Fixed { objective, k: k.k() };
+        let fixed = Fixed { objective: objective.thinned().unwrap_or(objective), k: k.k() };
         let found = search(&fixed, k.k(), n_fit, settings.seed);
-        n_evaluations += found.n_evaluations + 1;
-        let held_out = objective.value(k.k(), &found.nuisances, Part::HeldOut);
-        Candidate::new(name, k, found.train, held_out)
+        n_evaluations += found.n_evaluations + 2;
+        let [train, held_out] =
+            [Part::Train, Part::HeldOut].map(|part| objective.value(k.k(), &found.nuisances, part));
+        Candidate::new(name, k, train, held_out)
     };
     let mut candidates: Vec<Candidate> = candidates.into_iter().map(judge).collect();
     if settings.n_evaluations > 0 {
@@ -171,6 +177,7 @@ pub fn calibrate(
         passages,
         regressions,
         without_regressions,
+        preparation: Preparation::default(),
     })
 }
 

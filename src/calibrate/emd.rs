@@ -12,7 +12,7 @@
 //! `score` is the better judge.
 
 use super::Light;
-use super::light::{Part, part_of, shuffled};
+use super::light::{Part, part_of};
 use super::search::Objective;
 use crate::event::{EventSlice, Events};
 use crate::frame::Luminance;
@@ -106,14 +106,8 @@ impl Objective for EmdObjective<'_> {
 impl Side {
     fn new(light: &Light, events: EventSlice<'_>, part: Part, seed: u64) -> Self {
         let most = (MAX_SAMPLES / light.times_us().len().max(1)).max(64);
-        let mine = |&slot: &u32| light.part(light.pixels()[slot as usize]) == part;
-        let mut slots: Vec<u32> = (0..light.pixels().len() as u32).filter(mine).collect();
-        if slots.len() > most {
-            let tile = |slot: u32| u64::from(light.tile(light.pixels()[slot as usize]));
-            slots.sort_by_key(|&slot| (shuffled(seed, tile(slot)), slot));
-            slots.truncate(most);
-            slots.sort_unstable();
-        }
+        let mut slots = light.slots(part, most, seed);
+        slots.sort_unstable();
         let size = light.size();
         let mut is_mine = vec![false; size.n_pixels()];
         slots.iter().for_each(|&slot| is_mine[light.pixels()[slot as usize] as usize] = true);
@@ -213,6 +207,7 @@ fn divergence(one: &Cloud, other: &Cloud) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::light::shuffled;
     use super::*;
     use crate::event::Event;
 

@@ -144,6 +144,19 @@ impl Light {
         &self.values[slot * n..(slot + 1) * n]
     }
 
+    /// Usable pixels of a part; where those are more than `most`, pixels of tiles drawn with `seed`,
+    /// tile after tile.
+    pub(super) fn slots(&self, part: Part, most: usize, seed: u64) -> Vec<u32> {
+        let mine = |&slot: &u32| self.part(self.pixels[slot as usize]) == part;
+        let mut slots: Vec<u32> = (0..self.pixels.len() as u32).filter(mine).collect();
+        if slots.len() > most {
+            let tile = |slot: u32| u64::from(self.tile(self.pixels[slot as usize]));
+            slots.sort_by_cached_key(|&slot| (shuffled(seed, tile(slot)), slot));
+            slots.truncate(most);
+        }
+        slots
+    }
+
     /// The tile of a pixel.
     #[must_use]
     pub fn tile(&self, pixel: u32) -> u32 {

@@ -10,23 +10,27 @@
 //! since the last event. They stay as the passages give them.
 
 use super::Light;
-use super::light::{Part, shuffled};
+use super::light::Part;
 use super::search::Objective;
 use crate::event::EventSlice;
 use crate::predict::{self, Blocks, ByPixel, PixelLaw};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Instants of light that one evaluation runs through, so that a search takes seconds.
 const MAX_SAMPLES: usize = 2_000_000;
+/// By how much a thinned objective has fewer.
+const THINNING: usize = 8;
 /// Instants a mean frame interval.
 const PER_FRAME: usize = 2;
 
 /// Real events by pixel, and the light they came from.
 pub struct ScoreObjective<'a> {
     light: &'a Light,
-    recording: ByPixel,
+    recording: Arc<ByPixel>,
     slots: [Vec<u32>; 2],
     white_dn: f64,
+    thinned: Option<Box<Self>>,
 }
 
 impl<'a> ScoreObjective<'a> {
@@ -35,25 +39,15 @@ impl<'a> ScoreObjective<'a> {
     pub fn new(light: &'a Light, events: EventSlice<'_>, seed: u64) -> Self {
         let times = light.times_us();
         let [first, last] = [times.first(), times.last()].map(|t| t.copied().unwrap_or_default());
-        let most = (MAX_SAMPLES / (PER_FRAME * times.len().max(1))).max(64);
-        let slots = [Part::Train, Part::HeldOut].map(|part| {
-            let mine = |&slot: &u32| light.part(light.pixels()[slot as usize]) == part;
-            let mut slots: Vec<u32> = (0..light.pixels().len() as u32).filter(mine).collect();
-            if slots.len() > most {
-                let tile = |slot: u32| u64::from(light.tile(light.pixels()[slot as usize]));
-                slots.sort_by_key(|&slot| (shuffled(seed, tile(slot)), slot));
-                slots.truncate(most);
-            }
-            slots
-        });
+        let recording = Arc::new(ByPixel::new(events, light.size(), [first, last]));
         let brightest = |slot: usize| light.series(slot).iter().copied().fold(0.0, f32::max);
-        let white_dn = (0..light.pixels().len()).map(brightest).fold(1.0, f32::max);
-        Self {
-            light,
-            recording: ByPixel::new(events, light.size(), [first, last]),
-            slots,
-            white_dn: f64::from(white_dn),
-        }
+        let white_dn = f64::from((0..light.pixels().len()).map(brightest).fold(1.0, f32::max));
+        let of = |most: usize| {
+            let most = (most / (PER_FRAME * times.len().max(1))).max(64);
+            let slots = [Part::Train, Part::HeldOut].map(|part| light.slots(part, most, seed));
+            Self { light, recording: Arc::clone(&recording), slots, white_dn, thinned: None }
+        };
+        Self { thinned: Some(Box::new(of(MAX_SAMPLES / THINNING))), ..of(MAX_SAMPLES) }
     }
 
     /// Log-likelihood and events of one pixel.
@@ -121,6 +115,10 @@ impl Objective for ScoreObjective<'_> {
             law.background_off_hz,
         ];
         nuisances.map(f64::ln).to_vec()
+    }
+
+    fn thinned(&self) -> Option<&dyn Objective> {
+        self.thinned.as_deref().map(|thinned| thinned as &dyn Objective)
     }
 
     /// Minus the nats an event.

@@ -21,6 +21,12 @@ pub trait Objective: Sync {
         Vec::new()
     }
 
+    /// The same objective on a part of the data, to come close to the answer at less cost; none where
+    /// it is cheap as it is.
+    fn thinned(&self) -> Option<&dyn Objective> {
+        None
+    }
+
     /// Its value at `k` and `nuisances` on one part of the tiles; less is better, infinite when
     /// it has none.
     fn value(&self, k: [f64; 6], nuisances: &[f64], part: Part) -> f64;
@@ -46,7 +52,15 @@ const STEP: f64 = 0.25;
 /// Stands for "no value": the crate takes finite numbers only.
 pub(super) const NO_VALUE: f64 = 1e12;
 
+/// Of the evaluations of a search whose objective can be thinned: how many are of the whole.
+const WHOLE_SHARE: usize = 4;
+/// First step on the whole, close to the answer already.
+const FINE_STEP: f64 = 0.06;
+
 /// Searches from `start` with about `n_evaluations` evaluations. Never worse than the start.
+///
+/// Where the objective can be thinned, that many evaluations are of the thinned one, and a quarter as
+/// many on the whole go on from where it led.
 #[must_use]
 pub fn search(
     objective: &dyn Objective,
@@ -54,10 +68,34 @@ pub fn search(
     n_evaluations: usize,
     seed: u64,
 ) -> Found {
+    let nuisances = objective.nuisances();
+    let Some(thinned) = objective.thinned() else {
+        return descend(objective, start, &nuisances, STEP, n_evaluations, seed);
+    };
+    let rough = descend(thinned, start, &nuisances, STEP, n_evaluations, seed);
+    let n_whole = n_evaluations / WHOLE_SHARE;
+    let fine = descend(objective, rough.k, &rough.nuisances, FINE_STEP, n_whole, seed);
+    let n_evaluations = rough.n_evaluations + fine.n_evaluations + 1;
+    // The thinned data may have led astray.
+    let first = objective.value(start, &nuisances, Part::Train);
+    if first < fine.train {
+        return Found { k: start, nuisances, train: first, n_evaluations };
+    }
+    Found { n_evaluations, ..fine }
+}
+
+/// One run of CMA-ES.
+fn descend(
+    objective: &dyn Objective,
+    start: [f64; 6],
+    nuisances: &[f64],
+    step: f64,
+    n_evaluations: usize,
+    seed: u64,
+) -> Found {
     let sees = objective.sees();
     let free: Vec<usize> = (0..6).filter(|&i| sees[i]).collect();
     let base: Vec<f64> = free.iter().map(|&i| start[i].max(LEAST[i])).collect();
-    let nuisances = objective.nuisances();
     let unpack = |point: &[f64]| {
         let mut k = start;
         for ((&i, base), u) in free.iter().zip(&base).zip(point) {
@@ -69,8 +107,9 @@ pub fn search(
     };
     let finite = |value: f64| if value.is_finite() { value } else { NO_VALUE };
     let mut spent = 1;
-    let first = finite(objective.value(start, &nuisances, Part::Train));
-    let mut best = Found { k: start, nuisances: nuisances.clone(), train: first, n_evaluations: 0 };
+    let first = finite(objective.value(start, nuisances, Part::Train));
+    let mut best =
+        Found { k: start, nuisances: nuisances.to_vec(), train: first, n_evaluations: 0 };
     let evaluate = |point: &DVector<f64>| {
         let (k, extra) = unpack(point.as_slice());
         spent += 1;
@@ -84,7 +123,7 @@ pub fn search(
     if origin.is_empty() {
         return Found { n_evaluations: spent, ..best };
     }
-    let options = CMAESOptions::new(origin, STEP)
+    let options = CMAESOptions::new(origin, step)
         .max_function_evals(n_evaluations.saturating_sub(1).max(1))
         .seed(seed);
     // Options are wrong only for no coordinates at all; then the start is the answer.

@@ -1,5 +1,6 @@
 //! `pi` and `pair`: the agent on the Raspberry Pi, and its keys.
 
+use super::live::{LiveGenerationArgs, LiveLight};
 use clap::{Args, ValueEnum};
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -8,6 +9,7 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     evrig pi --listen 0.0.0.0:7766 --keys ~/agent --spool /var/tmp   # on the Pi\n  \
+    evrig pi --events 127.0.0.1:7779 --preset Raw2DVS346             # events instead of frames\n  \
     evrig pi --camera synthetic                                      # a pattern, to try the wire\n\n\
     It serves one recorder at a time until Ctrl-C; its address is the first line on stdout.\n\
     Beyond this machine it needs keys: see `evrig pair`. The camera needs Raspberry Pi OS with\n\
@@ -36,6 +38,27 @@ pub struct PiArgs {
     /// The Python that has picamera2
     #[arg(long, value_name = "PROGRAM", default_value = "/usr/bin/python3")]
     pub python: PathBuf,
+
+    /// Generate events from the camera's frames here and serve them as AEDAT4 over TCP, instead of
+    /// serving the frames
+    #[arg(long, value_name = "ADDRESS")]
+    pub events: Option<SocketAddr>,
+
+    /// Which frames the events are made of
+    #[arg(long, value_enum, value_name = "LIGHT", default_value = "raw")]
+    pub light: LiveLight,
+
+    /// The rig whose camera settings hold, with --events: a file, or the name of a bundled one
+    #[arg(long, value_name = "RIG", default_value = "sim")]
+    pub rig: String,
+
+    /// End after so many seconds, with --events
+    #[arg(long, value_name = "S")]
+    pub seconds: Option<f64>,
+
+    /// How the events come about.
+    #[command(flatten)]
+    pub generation: LiveGenerationArgs,
 }
 
 /// A camera of the agent.

@@ -42,6 +42,11 @@ pub struct RecordArgs {
     #[arg(long)]
     pub home: bool,
 
+    /// Ask nothing: neither whether the arm's way is free nor what the trajectory asks of the operator;
+    /// where there is no terminal nothing is asked either
+    #[arg(long, short = 'y')]
+    pub yes: bool,
+
     /// What simulated cameras see (see rig/world.toml); the rig's nominal world if not given
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,

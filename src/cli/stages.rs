@@ -12,6 +12,7 @@ use std::path::PathBuf;
     evrig generate sessions/street --knob contrast-sensitivity=3 --knob bright-leakage=0 --name calm\n  \
     evrig generate sessions/street --model v2e --name v2e\n  \
     evrig generate sessions/street --effect refractory_period:refractory_us=800 --name held\n  \
+    evrig generate sessions/print --from scene --k @calibrated --name scene-tuned\n  \
     evrig generate sessions/street --variants davis\n\n\
     Knobs of the voltmeter (recommended range): event-sensitivity (1..10), contrast-sensitivity (1..10), \
     bright-leakage (0..1e-7), temporal-jitter (a factor), dark-noise-floor (0..1e-7), global-noise (0..1e-4).")]
@@ -19,8 +20,8 @@ pub struct GenerateArgs {
     /// The session
     pub session: PathBuf,
 
-    /// The light: raw or rgb (the Pi's), aps (the DAVIS's own frames) or frames (imported ones)
-    /// [default: what the session has]
+    /// The light: raw or rgb (the Pi's), aps (the DAVIS's own frames), frames (imported ones), or
+    /// scene (what the event pixels saw, from `evrig scene`) [default: what the session has]
     #[arg(long, value_name = "LIGHT")]
     pub from: Option<String>,
 
@@ -94,6 +95,11 @@ pub struct ConditionArgs {
     #[arg(long, value_name = "STEP_US", num_args = 0..=1, default_missing_value = "1000")]
     pub interpolate: Option<u32>,
 
+    /// Put them where the print moved meanwhile, not pixel by pixel: needs the stream's track, frees
+    /// the events of the frames' rhythm and rolling rows; raw frames are taken as luma
+    #[arg(long)]
+    pub in_plane: bool,
+
     /// Which light of raw frames: mosaic, luma, or red, green, blue at half the size [default: mosaic]
     #[arg(long, value_name = "COLOUR")]
     pub colour: Option<String>,
@@ -127,7 +133,8 @@ pub struct CalibrateArgs {
     /// The session
     pub session: PathBuf,
 
-    /// The light: aps (the DAVIS's own frames) or frames (imported ones) [default: what the session has]
+    /// The light: aps (the DAVIS's own frames), frames (imported ones), raw or rgb (the Pi's, seen
+    /// through the tracks of both cameras) or scene [default: what the session has]
     #[arg(long, value_name = "LIGHT")]
     pub from: Option<String>,
 

@@ -20,7 +20,7 @@ pub struct SweepArgs {
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(2..=12))]
     pub steps: u32,
 
-    /// Seconds of the session that are generated, about its busiest moment
+    /// Seconds of the session that are generated, about its middle; of the Pi's frames, from the first
     #[arg(long, value_name = "SECONDS", default_value_t = 1.0, value_parser = super::import::positive)]
     pub seconds: f64,
 

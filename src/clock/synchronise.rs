@@ -11,6 +11,7 @@ use super::envelope::{EnvelopeOptions, RateModel, envelope};
 use super::error::ClockError;
 use super::estimate::{ClockEstimate, Method, MinimumLatency, Segment};
 use super::input::{ClockReading, FramePair, FramePairs};
+use super::late::LateStream;
 use super::motion::{MotionEstimate, MotionOptions, TrackSample, motion};
 use super::{Disagreement, PaperUnit, cross_check, hull, olson2, paper_interval, paper_window};
 use crate::time::{Clock, ClockMap, Davis, PiSensor, Span, Stamp, Unix};
@@ -99,6 +100,9 @@ pub struct SessionClocks {
     pub motion: Option<MotionAttempt>,
     /// The map from SensorTimestamp to the events' stamps: what puts frames beside events.
     pub davis_from_sensor: ClockEstimate<Davis, PiSensor>,
+    /// Streams of the Pi whose stamps are not those of their own light.
+    #[serde(default)]
+    pub late: Vec<LateStream>,
 }
 
 /// A reading of the host's clock against the Pi's boot clock from a question and its answer.
@@ -163,6 +167,7 @@ pub fn synchronise(evidence: &Evidence) -> Result<SessionClocks, ClockError> {
         events,
         motion: None,
         davis_from_sensor,
+        late: Vec::new(),
     })
 }
 

@@ -31,6 +31,7 @@ pub(super) fn run(args: &CompareArgs, output: &Output) -> anyhow::Result<Ending>
     }
     let mut values = Vec::new();
     let mut text = String::new();
+    let mut reference = pipeline::Reference::new(&session, &args.real);
     for stream in streams {
         let request = CompareRequest {
             real: args.real.clone(),
@@ -38,7 +39,7 @@ pub(super) fn run(args: &CompareArgs, output: &Output) -> anyhow::Result<Ending>
             seed: args.seed,
             force: args.force,
         };
-        let (comparison, freshness) = pipeline::compare(&session, &request)?;
+        let (comparison, freshness) = pipeline::compare_with(&mut reference, &request)?;
         text += &table(&request, &comparison);
         values.push(value(&request, &comparison, freshness)?);
     }

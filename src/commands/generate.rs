@@ -1,6 +1,7 @@
 //! `evrig generate`: one generation, its flags and its speed.
 
 use super::{Ending, Output, WrongUse};
+use crate::calibrate::Calibration;
 use crate::cli::{ConditionArgs, GenerateArgs, ModelArgs};
 use crate::generate::effect::Effects;
 use crate::generate::input::{Colour, Preparation};
@@ -24,11 +25,14 @@ pub(super) fn run(args: &GenerateArgs, output: &Output) -> anyhow::Result<Ending
         ),
     };
     let name = args.name.as_deref().unwrap_or(from);
+    let mut conditions = conditions(&args.conditions)?;
+    let parameters = tuned_parameters(&session, from, &args.choice)?;
+    prepare_as_tuned(&session, from, &args.choice, &mut conditions)?;
     let request = GenerateRequest {
         from: from.to_owned(),
         name: StreamName::new(name).map_err(|error| WrongUse(error.to_string()))?,
-        parameters: tuned_parameters(&session, from, &args.choice)?,
-        conditions: conditions(&args.conditions)?,
+        parameters,
+        conditions,
         force: args.force,
     };
     let made = generate(&session, &request, output)?;
@@ -53,7 +57,8 @@ pub(super) fn conditions(args: &ConditionArgs) -> anyhow::Result<Conditions> {
         subtract_black: args.subtract_black,
         divide_exposure: args.divide_exposure,
     };
-    Ok(Conditions { preparation, interpolate_us: args.interpolate, effects })
+    let (interpolate_us, in_plane) = (args.interpolate, args.in_plane);
+    Ok(Conditions { preparation, interpolate_us, in_plane, effects })
 }
 
 /// The generator's parameters from what the user said, of which the session's own constants
@@ -63,21 +68,48 @@ pub(super) fn tuned_parameters(
     light: &str,
     args: &ModelArgs,
 ) -> anyhow::Result<GenerateParameters> {
+    // The scene's light counts in units of its own white.
+    let mut args = args.clone();
+    args.full_scale_dn = args.full_scale_dn.or(pipeline::white_of(session, light)?);
+    if !asks_for_tuned(&args) {
+        return parameters(&args);
+    }
+    let k = Some(calibration(session, light)?.k.to_string());
+    parameters(&ModelArgs { k, preset: None, ..args })
+}
+
+/// Whether the user wants the session's own constants.
+pub(super) fn asks_for_tuned(args: &ModelArgs) -> bool {
     let asks = |given: &Option<String>, word: &str| {
         given.as_deref().is_some_and(|given| given.eq_ignore_ascii_case(word))
     };
-    if !asks(&args.k, "@calibrated") && !asks(&args.preset, "tuned") {
-        return parameters(args);
+    asks(&args.k, "@calibrated") || asks(&args.preset, "tuned")
+}
+
+/// Constants hold for frames that are prepared as those they were told from: where the user says
+/// nothing else, the session's own constants bring their preparation with them.
+pub(super) fn prepare_as_tuned(
+    session: &Session,
+    light: &str,
+    args: &ModelArgs,
+    conditions: &mut Conditions,
+) -> anyhow::Result<()> {
+    if asks_for_tuned(args) && conditions.preparation == Preparation::default() {
+        conditions.preparation = calibration(session, light)?.preparation;
     }
+    Ok(())
+}
+
+fn calibration(session: &Session, light: &str) -> anyhow::Result<Calibration> {
     let light = StreamName::new(light)?;
-    let Some(calibration) = pipeline::read_calibration(session, &light)? else {
-        anyhow::bail!(
-            "{root} has no constants for the light {light}; run `evrig calibrate {root} --from {light}` first",
-            root = session.root().display()
-        );
-    };
-    let k = Some(calibration.k.to_string());
-    parameters(&ModelArgs { k, preset: None, ..args.clone() })
+    let found = pipeline::read_calibration(session, &light)?;
+    found.with_context(|| {
+        let root = session.root().display();
+        format!(
+            "{root} has no constants for the light {light}; \
+             run `evrig calibrate {root} --from {light}` first"
+        )
+    })
 }
 
 /// The generator's parameters from what the user said.
@@ -122,6 +154,8 @@ pub(super) fn value(request: &GenerateRequest, made: &Generated) -> serde_json::
         "events": made.tally.n_events,
         "on": made.tally.n_on,
         "frames_not_later": made.tally.n_frames_not_later,
+        "intervals_filled_in_place": made.tally.n_filled_in_place,
+        "frame_rhythm": made.tally.frame_rhythm,
         "first_us": made.tally.first_us,
         "last_us": made.tally.last_us,
         "parameters": request.parameters,
@@ -139,6 +173,15 @@ pub(super) fn text(request: &GenerateRequest, made: &Generated) -> String {
     );
     if tally.n_frames_not_later > 0 {
         text += &format!(", {} frames left out (not later)", tally.n_frames_not_later);
+    }
+    if tally.n_filled_in_place > 0 {
+        text += &format!(
+            ", {} intervals filled pixel by pixel (no track there)",
+            tally.n_filled_in_place
+        );
+    }
+    if let Some(rhythm) = tally.frame_rhythm {
+        text += &format!(", frame rhythm {rhythm:.3}");
     }
     match &made.speed {
         Some(speed) => {

@@ -1,13 +1,14 @@
 //! `live`: hands what devices or a session give to viewers, until Ctrl-C or the end.
 
+use super::pi::{generation_settings, generation_words};
 use super::plan::refused;
 use super::{Ending, Output, WrongUse};
 use crate::cli::LiveArgs;
 use crate::device::davis::{Pace, ReplayDavis};
-use crate::device::recorder::{Inlet, Recorder, Taken, channel, host_time};
+use crate::device::recorder::{Inlet, Recorder, Sample, Taken, channel, host_time};
 use crate::device::sim::world::WorldDescription;
 use crate::geometry::Size;
-use crate::live::{Addresses, Live, Status};
+use crate::live::{Addresses, Generation, Live, Status};
 use crate::record::{Bench, Opening};
 use crate::rig::Rig;
 use crate::session::Layout;
@@ -30,6 +31,8 @@ struct Source {
     recorders: Vec<Box<dyn Recorder>>,
     tag: (String, u32),
     size: Size,
+    /// Columns and rows of the Pi's frames; none where there are none.
+    pi_size: Option<Size>,
     bench: Option<Bench>,
 }
 
@@ -44,30 +47,58 @@ pub(super) fn live(args: &LiveArgs, output: &Output) -> anyhow::Result<Ending> {
     }
     let addresses = Addresses { events: args.events, frames: args.frames, foxglove: args.foxglove };
     let tag = (source.tag.0.as_str(), source.tag.1);
-    let mut live = Live::serve(addresses, source.size, "evrig live", tag)?;
+    let live = Live::serve(addresses, source.size, "evrig live", tag)?;
     output.say(format_args!("events  tcp://{}", live.events().address()));
     output.say(format_args!("frames  tcp://{}", live.frames().address()));
     if let Some(address) = live.foxglove() {
         output.say(format_args!("Foxglove  ws://{address}"));
     }
+    let mut generation = generation(args, &source, output)?;
     let (outlet, inlet) = channel(QUEUE_BYTES);
     for recorder in &mut source.recorders {
         recorder.prepare()?;
         recorder.start(outlet.clone())?;
     }
     drop(outlet);
-    let last = watch(args, &mut live, &inlet, &mut source, &is_ending, output)?;
+    let mut watching = Watching { live, inlet, generation: generation.as_mut() };
+    let last = watch(args, &mut watching, &mut source, &is_ending, output)?;
     for recorder in &mut source.recorders {
         recorder.abort();
     }
+    let generated = generation.map(Generation::finish).transpose()?;
     let n_samples = last.n_samples;
     let value = json!({
         "schema": "evrig.live/1", "n_samples": n_samples, "n_events": last.n_events,
         "n_dropped_by_devices": last.status.n_dropped_by_devices,
         "n_dropped_for_viewers": last.status.n_dropped_for_viewers,
+        "generated": generated,
     });
-    output.result(&value, format_args!("{} events in {n_samples} samples shown", last.n_events))?;
+    let mut text = format!("{} events in {n_samples} samples shown", last.n_events);
+    if let Some(tally) = &generated {
+        text += &format!("\ngenerated: {}", generation_words(tally));
+    }
+    output.result(&value, text)?;
     Ok(Ending::Done)
+}
+
+/// Events from the Pi's frames, where the user wants them.
+fn generation(
+    args: &LiveArgs,
+    source: &Source,
+    output: &Output,
+) -> anyhow::Result<Option<Generation>> {
+    let Some(light) = args.generate else { return Ok(None) };
+    let Some(size) = source.pi_size else {
+        let text = format!(
+            "{} is played without the Pi's frames; `evrig generate` makes its events",
+            args.what
+        );
+        return Err(WrongUse(text).into());
+    };
+    let settings = generation_settings(light, size, args.generated, &args.generation)?;
+    let generation = Generation::start(&settings)?;
+    output.say(format_args!("generated events  tcp://{}", generation.address()));
+    Ok(Some(generation))
 }
 
 fn open(args: &LiveArgs) -> anyhow::Result<Source> {
@@ -87,6 +118,7 @@ fn open(args: &LiveArgs) -> anyhow::Result<Source> {
             recorders: vec![Box::new(replay)],
             tag: ("tag36h11".to_owned(), 0),
             size,
+            pi_size: None,
             bench: None,
         });
     }
@@ -101,7 +133,8 @@ fn open(args: &LiveArgs) -> anyhow::Result<Source> {
     let mut bench = Bench::open(&rig, &opening)?;
     let recorders = std::mem::take(&mut bench.devices.recorders);
     let tag = (rig.target.tag_family.clone(), rig.target.tag_id);
-    Ok(Source { recorders, tag, size: rig.davis.camera.size, bench: Some(bench) })
+    let (size, pi_size) = (rig.davis.camera.size, Some(rig.pi.camera.size));
+    Ok(Source { recorders, tag, size, pi_size, bench: Some(bench) })
 }
 
 /// What there was in all.
@@ -111,10 +144,16 @@ struct Watched {
     n_events: u64,
 }
 
+/// Where samples come from and go to.
+struct Watching<'a> {
+    live: Live,
+    inlet: Inlet,
+    generation: Option<&'a mut Generation>,
+}
+
 fn watch(
     args: &LiveArgs,
-    live: &mut Live,
-    inlet: &Inlet,
+    Watching { live, inlet, generation }: &mut Watching<'_>,
     source: &mut Source,
     is_ending: &AtomicBool,
     output: &Output,
@@ -130,6 +169,11 @@ fn watch(
                 watched.n_samples += 1;
                 watched.n_events += sample.n_events();
                 live.take(&sample)?;
+                if let (Some(generation), Sample::Frame { arrived, frame }) =
+                    (&mut *generation, sample)
+                {
+                    generation.offer(frame, arrived.monotonic);
+                }
             }
             Taken::Nothing => {}
             Taken::Closed => break,

@@ -1,13 +1,26 @@
 //! `pi` and `pair`: serves the Pi's camera until Ctrl-C; makes keys.
 
+use super::plan::refused;
 use super::{Ending, Output, WrongUse};
-use crate::cli::{PairArgs, PiArgs, PiCamera};
+use crate::cli::{LiveGenerationArgs, LiveLight, PairArgs, PiArgs, PiCamera};
+use crate::device::host_clock;
 use crate::device::pi::agent::{Agent, AgentError, Service, Spool};
 use crate::device::pi::keys::{self, Keys};
+use crate::device::pi::order::Settings;
 use crate::device::pi::picamera::Picamera;
+use crate::device::pi::read_clocks;
 use crate::device::pi::source::{FrameSource, Synthetic};
+use crate::generate::input::Preparation;
+use crate::geometry::Size;
+use crate::live::{Generation, GenerationSettings, GenerationTally, PiLight};
+use crate::rig::Rig;
+use crate::time::Span;
 use serde_json::json;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 pub(super) fn pi(args: &PiArgs, output: &Output) -> anyhow::Result<Ending> {
     if !(args.spool_gb > 0.0 && args.spool_gb <= 1e5) {
@@ -18,6 +31,9 @@ pub(super) fn pi(args: &PiArgs, output: &Output) -> anyhow::Result<Ending> {
         PiCamera::Picamera2 => Box::new(Picamera::new(&args.python)),
         PiCamera::Synthetic => Box::new(Synthetic::paced()),
     };
+    if let Some(address) = args.events {
+        return generate_here(args, address, camera, output);
+    }
     let mut service = Service::local(args.listen);
     service.keys = args.keys.as_deref().map(Keys::read).transpose()?;
     if let Some(directory) = &args.spool {
@@ -49,6 +65,109 @@ pub(super) fn pi(args: &PiArgs, output: &Output) -> anyhow::Result<Ending> {
     signals.forever().next();
     drop(agent);
     Ok(Ending::Done)
+}
+
+/// Events from the camera of this machine, until Ctrl-C or the time is over.
+fn generate_here(
+    args: &PiArgs,
+    address: SocketAddr,
+    mut camera: Box<dyn FrameSource>,
+    output: &Output,
+) -> anyhow::Result<Ending> {
+    let limit = args.seconds.map(Duration::try_from_secs_f64).transpose()?;
+    let pi = Rig::find(&args.rig).map_err(refused)?.pi;
+    let is_raw = args.light == LiveLight::Raw;
+    let wanted = Settings {
+        size: pi.camera.size,
+        frame_rate: pi.camera.frame_rate,
+        exposure: pi.camera.exposure,
+        gain: pi.camera.gain,
+        raw: is_raw,
+        rgb: !is_raw,
+    };
+    let is_ending = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        signal_hook::flag::register(signal, Arc::clone(&is_ending))?;
+    }
+    let size = camera.configure(&wanted)?.size;
+    let settings = generation_settings(args.light, size, address, &args.generation)?;
+    let mut generation = Generation::start(&settings)?;
+    output.say(format_args!("events  tcp://{}", generation.address()));
+    camera.start()?;
+    let began = Instant::now();
+    let mut worked = Ok(());
+    while !is_ending.load(Ordering::Relaxed) && limit.is_none_or(|limit| began.elapsed() < limit) {
+        match camera.next() {
+            Ok(Some(frame)) => {
+                let age = read_clocks().boottime_after - frame.metadata.sensor_timestamp;
+                generation.offer(Box::new(frame), host_clock::now() - age);
+            }
+            Ok(None) => {}
+            Err(error) => {
+                worked = Err(error);
+                break;
+            }
+        }
+    }
+    camera.stop();
+    let tally = generation.finish()?;
+    worked?;
+    let value = json!({ "schema": "evrig.live_generation/1", "address": address, "tally": tally });
+    output.result(&value, generation_words(&tally))?;
+    Ok(if tally.n_dropped + tally.generator.n_late == 0 {
+        Ending::Done
+    } else {
+        Ending::WithLosses
+    })
+}
+
+/// What live generation takes of the command line.
+pub(super) fn generation_settings(
+    light: LiveLight,
+    size: Size,
+    address: SocketAddr,
+    args: &LiveGenerationArgs,
+) -> anyhow::Result<GenerationSettings> {
+    let bound_ms = args.latency_ms;
+    if !(bound_ms > 0.0 && bound_ms <= 1e6) {
+        let text = format!("--latency-ms is {bound_ms}; expected above 0, at most 1000000");
+        return Err(WrongUse(text).into());
+    }
+    let (light, published, full_scale_dn) = match light {
+        LiveLight::Raw => (PiLight::Raw, "Raw2DVS346", 1023.0),
+        LiveLight::Rgb => (PiLight::Rgb, "RGB2DVS346", 255.0),
+    };
+    let mut choice = args.choice.clone();
+    if !choice.is_given() {
+        choice.preset = Some(published.to_owned());
+    }
+    choice.full_scale_dn = choice.full_scale_dn.or(Some(full_scale_dn));
+    Ok(GenerationSettings {
+        light,
+        size,
+        parameters: super::generate::parameters(&choice)?,
+        preparation: Preparation { divide_exposure: true, ..Preparation::default() },
+        bound: Span::from_secs_f64(bound_ms * 1e-3),
+        address,
+    })
+}
+
+/// What became of the frames, in a line.
+pub(super) fn generation_words(tally: &GenerationTally) -> String {
+    let made = tally.generator;
+    let mut words = format!(
+        "{} events from {} of {} frames; {} dropped, {} late; latency {:.1} ms at most",
+        made.n_events,
+        made.n_taken,
+        made.n_seen + tally.n_dropped + tally.n_unreadable,
+        tally.n_dropped,
+        made.n_late,
+        made.worst_latency_us as f64 * 1e-3,
+    );
+    if let Some(because) = &tally.first_refusal {
+        words += &format!("; {} refused, first: {because}", made.n_refused + tally.n_unreadable);
+    }
+    words
 }
 
 pub(super) fn pair(args: &PairArgs, output: &Output) -> anyhow::Result<Ending> {

@@ -5,6 +5,8 @@ mod own_light;
 mod steps;
 mod target;
 
+pub(super) use target::cut_alike;
+
 use super::{Ending, Output, WrongUse};
 use crate::cli::{Engine, ProcessArgs};
 use crate::session::Session;
@@ -49,8 +51,8 @@ pub(super) fn session(
     let session = Session::open(root)?;
     let _held = crate::batch::lock_session(&session)?;
     let mut all = Steps::default();
-    all.append(target::clocks_and_tracks(&session, args, output)?);
-    all.append(target::scene(&session, args, output)?);
+    all.append(target::align(&session, args, output)?);
+    all.append(target::generate_from_scene(&session, args, output)?);
     all.append(own_light::calibrate_and_generate(&session, args, output)?);
     all.append(target::generate_from_pi(&session, args, output)?);
     all.append(target::filter_all(&session, args)?);

@@ -3,66 +3,147 @@
 use super::{Ending, Output, WrongUse};
 use crate::cli::ProveArgs;
 use crate::diagnose::Options;
-use crate::prove::{Bench, Family, Mix, draw, markdown};
+use crate::prove::{
+    Ask, Bench, Family, Maker, Mix, Plan, Proof, Trial, complaints, draw, markdown, quick, settle,
+    sha256,
+};
 use crate::time::Span;
 use anyhow::Context;
 use serde_json::json;
+use std::time::Duration;
 
 /// The shortest session that still sees every direction of a circle.
 const QUICK_S: f64 = 2.6;
 const FULL_S: f64 = 5.0;
 
+/// How long a diagnosis may take when nothing else is said, seconds.
+const DEADLINE_S: f64 = 1_800.0;
+
+/// What is proved.
+struct Run {
+    plan: Plan,
+    maker: Option<Maker>,
+    trials: Vec<Trial>,
+}
+
 pub(super) fn run(args: &ProveArgs, output: &Output) -> anyhow::Result<Ending> {
-    let family = if args.recording.is_some() { Family::Plasmode } else { Family::World };
-    let mix = mix(args, family);
+    let run = plan(args)?;
+    std::fs::create_dir_all(&args.out)
+        .with_context(|| format!("cannot make {}", args.out.display()))?;
+    settle(&args.out, &run.plan, args.resume)?;
+    let proof = prove(args, &run, output)?;
+    let unheld = if args.quick { complaints(&proof.judgements) } else { Vec::new() };
+    let mut text = markdown(&heading(&run.plan), &proof.score, &proof.judgements);
+    for complaint in &unheld {
+        text += &format!("not held: {complaint}\n");
+    }
+    let value = json!({ "schema": "evrig.prove/1", "out": args.out, "plan": run.plan,
+        "not_held": unheld, "proof": proof });
+    output.result(&value, text)?;
+    Ok(if unheld.is_empty() { Ending::Done } else { Ending::Negative })
+}
+
+/// What was asked for. It is complete before anything is made.
+fn plan(args: &ProveArgs) -> anyhow::Result<Run> {
+    let family = match (&args.recording, &args.sessions) {
+        (Some(_), _) => Family::Plasmode,
+        (_, Some(_)) => Family::Foreign,
+        _ => Family::World,
+    };
     let seconds = args.seconds.unwrap_or(if args.quick { QUICK_S } else { FULL_S });
     if !(seconds.is_finite() && seconds > 0.0) {
         return Err(WrongUse(format!("--seconds {seconds}: expected more than 0")).into());
     }
-    std::fs::create_dir_all(&args.out)
-        .with_context(|| format!("cannot make {}", args.out.display()))?;
-    let bench = Bench {
-        out: args.out.clone(),
-        duration: Span::from_secs_f64(seconds),
-        recording: args.recording.clone(),
-        options: Options { seed: args.seed, ..Options::brief() },
-        is_tidy: !args.keep,
+    let maker = match (&args.recording, family) {
+        (Some(recording), _) => Some(Maker::plasmode(recording)?),
+        (_, Family::World) => Some(Maker::world(Span::from_secs_f64(seconds))?),
+        _ => None,
     };
-    let trials = draw(mix, args.seed);
-    let bar = output.progress("proving", trials.len() as u64);
-    let proof = bench.run(family, &trials, &mut |what, done| {
+    let mix = (family != Family::Foreign && !args.quick).then(|| mix(args, family));
+    let trials = match mix {
+        Some(mix) => draw(mix, args.seed),
+        None if args.quick => quick(args.seed),
+        None => Vec::new(),
+    };
+    let brief = Options::brief();
+    let options = Options {
+        seed: args.seed,
+        n_pixels: args.pixels.unwrap_or(brief.n_pixels),
+        n_null: args.null.unwrap_or(brief.n_null),
+        ..brief
+    };
+    let plan = Plan {
+        schema: "evrig.proof-plan/1".into(),
+        family,
+        mix,
+        seed: args.seed,
+        seconds: (family == Family::World).then_some(seconds),
+        options,
+        trials_sha256: sha256(&serde_json::to_vec(&trials)?),
+    };
+    Ok(Run { plan, maker, trials })
+}
+
+fn prove(args: &ProveArgs, run: &Run, output: &Output) -> anyhow::Result<Proof> {
+    let deadline_s = args.deadline.unwrap_or(DEADLINE_S);
+    let deadline = Duration::try_from_secs_f64(deadline_s)
+        .map_err(|error| WrongUse(format!("--deadline {deadline_s}: {error}")))?;
+    let options = &run.plan.options;
+    let numbers = [
+        ("--pixels", options.n_pixels as u64),
+        ("--null", options.n_null as u64),
+        ("--seed", options.seed),
+    ];
+    let program = match &args.with {
+        Some(program) => program.clone(),
+        None => std::env::current_exe().context("cannot find this program's own file")?,
+    };
+    let ask = Ask {
+        program,
+        arguments: numbers.iter().flat_map(|(k, v)| [(*k).to_owned(), v.to_string()]).collect(),
+        deadline,
+    };
+    let heading = heading(&run.plan);
+    let bench = Bench {
+        out: &args.out,
+        ask: &|session| ask.about(session),
+        is_tidy: !args.keep,
+        heading: &heading,
+    };
+    let bar = output.progress("proving", run.trials.len() as u64);
+    let mut progress = |what: &str, done: usize| {
         bar.set_position(done as u64);
         bar.set_message(what.to_owned());
         output.detail(what);
-    })?;
+    };
+    let proof = match (&run.maker, &args.sessions) {
+        (None, Some(sessions)) => bench.run_ready(sessions, &mut progress)?,
+        (Some(maker), _) => bench.run(maker, &run.trials, &mut progress)?,
+        (None, None) => anyhow::bail!("no sessions to prove anything on"),
+    };
     bar.finish_and_clear();
-    let page = markdown(
-        &format!("Family `{}`, seed {}", family.as_str(), args.seed),
-        &proof.score,
-        &proof.judgements,
-    );
-    let name = format!("proof-{}", family.as_str());
-    for (suffix, text) in [("md", page.clone()), ("json", serde_json::to_string_pretty(&proof)?)] {
-        let path = args.out.join(format!("{name}.{suffix}"));
-        std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-    }
-    let value = json!({ "schema": "evrig.prove/1", "out": args.out, "mix": {
-        "single": mix.single, "double": mix.double, "clean": mix.clean, "alien": mix.alien,
-    }, "seconds": seconds, "seed": args.seed, "proof": proof });
-    output.result(&value, page)?;
-    Ok(Ending::Done)
+    Ok(proof)
 }
 
-/// How many trials of each kind: what is asked for, else a few or many.
+fn heading(plan: &Plan) -> String {
+    let Options { n_pixels, n_null, .. } = plan.options;
+    let seconds = plan.seconds.map_or(String::new(), |s| format!(", {s} s a session"));
+    format!(
+        "Family `{}`, seed {}{seconds}, {n_pixels} pixels, {n_null} null recordings",
+        plan.family.as_str(),
+        plan.seed
+    )
+}
+
+/// How many trials of each kind: what is asked for, else many.
 fn mix(args: &ProveArgs, family: Family) -> Mix {
-    let usual = match (args.quick, family) {
-        (true, Family::Plasmode) => [3, 0, 0, 0],
-        (true, _) => [3, 0, 1, 1],
-        (false, Family::Plasmode) => [22, 0, 2, 0],
-        (false, _) => [48, 12, 20, 9],
+    let usual = match family {
+        Family::Plasmode => [24, 0, 2, 2, 0],
+        _ => [48, 12, 20, 9, 10],
     };
-    let any = [args.single, args.double, args.clean, args.alien];
+    let any = [args.single, args.double, args.clean, args.alien, args.local];
     let is_asked = any.iter().any(Option::is_some);
     let count = |i: usize| any[i].unwrap_or(if is_asked { 0 } else { usual[i] });
-    Mix { family, single: count(0), double: count(1), clean: count(2), alien: count(3) }
+    let [single, double, clean, alien, local] = [0, 1, 2, 3, 4].map(count);
+    Mix { family, single, double, clean, alien, local }
 }

@@ -1,6 +1,7 @@
 //! `record`: the engine over the devices that a rig file names.
 
 mod images;
+mod prompt;
 
 use super::plan::refused;
 use super::{Ending, Output, WrongUse};
@@ -10,10 +11,10 @@ use crate::device::dobot::guard::Stopper;
 use crate::device::recorder::Recorder;
 use crate::device::sim::world::WorldDescription;
 use crate::record::{
-    self, Bench, Dwells, Opening, Outcome, RUNS_SCHEMA, Request, RunList, RunsError, State, Stop,
-    StopToken,
+    self, Bench, Dwells, Opening, Outcome, Prompts, RUNS_SCHEMA, Request, RunList, RunsError,
+    State, Stop, StopToken,
 };
-use crate::rig::Rig;
+use crate::rig::{ArmPort, Rig};
 use crate::session::{Session, Status, verify};
 use crate::trajectory::{Optional, Path, Plan, Trajectory};
 use serde_json::{Value, json};
@@ -39,7 +40,11 @@ pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Endin
         seed: args.seed,
     };
     let operator = Operator::listen()?;
-    let work = Work { rig: &rig, trajectory: &trajectory, path: &path, operator, output };
+    let terminal = prompt::Terminal::here(args.yes);
+    let work = Work { rig: &rig, trajectory: &trajectory, path: &path, operator, terminal, output };
+    if !work.may_move() {
+        return Ok(Ending::Aborted);
+    }
     if let Some(images) = &args.images {
         return images::record(&work, images, args, &opening);
     }
@@ -65,6 +70,8 @@ struct Work<'a> {
     trajectory: &'a Trajectory,
     path: &'a Path,
     operator: Operator,
+    /// Where the operator is asked; none when nobody is.
+    terminal: Option<prompt::Terminal>,
     output: &'a Output,
 }
 
@@ -106,6 +113,21 @@ impl Work<'_> {
         Ok(ending)
     }
 
+    /// Asks the operator before a real arm moves for the first time; false when the answer is Ctrl-C.
+    /// The runs of a series follow by themselves: they are left alone overnight.
+    fn may_move(&self) -> bool {
+        let stop = &self.operator.stop;
+        if let Some(terminal) = self.terminal.as_ref().filter(|_| self.rig.arm.port != ArmPort::Sim)
+        {
+            let text =
+                format!("The arm will move along `{}`. Is its way free?", self.trajectory.name);
+            while stop.wish() == Stop::No && !terminal.is_answered(&text) {
+                stop.rest(prompt::LOOK);
+            }
+        }
+        stop.wish() == Stop::No
+    }
+
     /// Records one session; `beside` is a recorder that the rig does not name.
     fn take(
         &self,
@@ -118,12 +140,18 @@ impl Work<'_> {
         bench.devices.recorders.extend(beside);
         self.operator.can_halt(bench.stopper.clone());
         let bar = output.progress("recording", 1000);
+        let ask = |text: &str| self.terminal.as_ref().is_none_or(|them| them.is_answered(text));
+        let prompts = match self.terminal {
+            Some(_) => Prompts::to(&ask),
+            None => Prompts::default(),
+        };
         let request = Request {
             rig: self.rig,
             trajectory: self.trajectory,
             path: self.path,
             out,
             dwells: Dwells::default(),
+            prompts,
         };
         let mut said = None;
         let mut watch = |state: State, share: f64| {

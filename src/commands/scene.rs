@@ -14,7 +14,7 @@ pub(super) fn run(args: &SceneArgs, output: &Output) -> anyhow::Result<Ending> {
 }
 
 /// Runs the stage under a progress bar.
-pub(super) fn make(
+fn make(
     session: &Session,
     force: bool,
     output: &Output,

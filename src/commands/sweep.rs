@@ -1,6 +1,6 @@
 //! `evrig sweep`: one knob through a range, as heat maps and point clouds.
 
-use super::generate::{conditions, tuned_parameters};
+use super::generate::{conditions, prepare_as_tuned, tuned_parameters};
 use super::{Ending, Output, WrongUse};
 use crate::cli::{ModelArgs, SweepArgs};
 use crate::effect_id::EffectId;
@@ -35,13 +35,14 @@ pub(super) fn run(args: &SweepArgs, output: &Output) -> anyhow::Result<Ending> {
         (None, Some(light)) => light,
         (None, None) => anyhow::bail!("{} has no frames to sweep over", args.session.display()),
     };
-    let base = GenerateRequest {
+    let mut base = GenerateRequest {
         from: from.to_owned(),
         name: StreamName::new("sweep")?,
         parameters: tuned_parameters(&session, from, &choice)?,
         conditions: conditions(&args.conditions)?,
         force: true,
     };
+    prepare_as_tuned(&session, from, &choice, &mut base.conditions)?;
     let steps: anyhow::Result<Vec<(f64, GenerateRequest)>> = values(low, high, args.steps)
         .into_iter()
         .map(|value| Ok((value, turned(&base, &axis, value)?)))

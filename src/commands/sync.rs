@@ -2,7 +2,7 @@
 
 use super::{Ending, Output};
 use crate::cli::SyncArgs;
-use crate::clock::{Attempt, Reference, SessionClocks};
+use crate::clock::{Attempt, LateStream, Reference, SessionClocks};
 use crate::pipeline::{self, Freshness, Synced};
 use crate::session::Session;
 use crate::time::Span;
@@ -67,7 +67,7 @@ pub(super) fn text(synced: &Synced) -> String {
     }
     lines.push(format!("events: {}", clocks.events.because));
     lines.push(motion(clocks));
-
+    lines.extend(clocks.late.iter().map(late));
     for (n, what) in
         [(tally.n_duplicate, "stamped twice"), (tally.n_missing, "missing between others")]
     {
@@ -94,6 +94,23 @@ fn motion(clocks: &SessionClocks) -> String {
             ),
             (None, None) => String::new(),
         },
+    }
+}
+
+/// How late a stream is whose stamps are not those of its own light.
+fn late(late: &LateStream) -> String {
+    let LateStream { stream, against, late_us, refused } = late;
+    match (late_us, refused) {
+        (Some(us), _) => format!(
+            "`{stream}` shows light {} us +- {} later than its stamps, which are those of `{against}`; \
+             corrected",
+            rounded(us.value),
+            rounded(us.standard_error)
+        ),
+        (None, because) => format!(
+            "`{stream}` shares the stamps of `{against}` and is a frame late at least; not corrected: {}",
+            because.as_deref().unwrap_or("nothing tells by how much")
+        ),
     }
 }
 

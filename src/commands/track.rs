@@ -2,10 +2,9 @@
 
 use super::{Ending, Output, WrongUse};
 use crate::cli::TrackArgs;
-use crate::pipeline::{self, Freshness, PipelineError, TrackRequest, Tracked};
+use crate::pipeline::{self, Freshness, TrackRequest, Tracked};
 use crate::rig::Rig;
 use crate::session::{Session, StreamKind};
-use rayon::prelude::*;
 use serde_json::{Value, json};
 
 pub(super) fn run(args: &TrackArgs, output: &Output) -> anyhow::Result<Ending> {
@@ -19,7 +18,7 @@ pub(super) fn run(args: &TrackArgs, output: &Output) -> anyhow::Result<Ending> {
     };
     let streams = match &args.stream {
         Some(stream) => vec![stream.clone()],
-        None => frame_streams(&session),
+        None => pipeline::frame_streams(&session),
     };
     if streams.is_empty() {
         anyhow::bail!("{} has no frames to look for the tag in", args.session.display());
@@ -39,30 +38,22 @@ pub(super) fn run(args: &TrackArgs, output: &Output) -> anyhow::Result<Ending> {
     Ok(Ending::Done)
 }
 
-/// Names of all frame streams with frames in them.
-pub(super) fn frame_streams(session: &Session) -> Vec<String> {
-    let frames = session.manifest().streams.iter();
-    let with_frames = frames.filter(|s| s.kind == StreamKind::Frames && s.count > 0);
-    with_frames.map(|stream| stream.name.clone()).collect()
-}
-
-/// Tracks several streams at once.
-pub(super) fn track_all(
+/// Tracks several streams at once under a progress bar.
+fn track_all(
     session: &Session,
     requests: &[TrackRequest],
     output: &Output,
-) -> Vec<(TrackRequest, Result<Tracked, PipelineError>)> {
-    let count = |request: &TrackRequest| {
-        session.stream(StreamKind::Frames, &request.stream).map_or(0, |stream| stream.count)
-    };
-    let bar = output.progress("track", requests.iter().map(count).sum());
-    let all = requests.par_iter().map(|request| {
-        let tracked = pipeline::track(session, request, &mut |_, _| bar.inc(1));
-        (request.clone(), tracked)
-    });
-    let all = all.collect();
+) -> Vec<pipeline::TrackOutcome> {
+    let bar = output.progress("track", n_frames(session, requests.iter().map(|r| &r.stream)));
+    let all = pipeline::track_all(session, requests, &|| bar.inc(1));
     bar.finish_and_clear();
     all
+}
+
+/// Frames of all these streams.
+pub(super) fn n_frames<'a>(session: &Session, streams: impl Iterator<Item = &'a String>) -> u64 {
+    let count = |name| session.stream(StreamKind::Frames, name).map_or(0, |stream| stream.count);
+    streams.map(|name| count(name)).sum()
 }
 
 /// The result as consumers of `--json` get it.

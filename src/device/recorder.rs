@@ -1,7 +1,9 @@
 //! What all cameras have in common: lifecycle verbs, and a bounded way for their samples.
 
+mod account;
 mod outlet;
 
+pub(super) use account::Account;
 pub use outlet::{Inlet, Outlet, Taken, channel};
 
 use super::{Finding, host_clock};

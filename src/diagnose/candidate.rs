@@ -18,6 +18,7 @@ mod junction_leak;
 mod misregistration;
 mod photocurrent_leak;
 mod photoreceptor_bandwidth;
+mod pixel_latency;
 mod refractory_period;
 mod rolling_shutter;
 mod shot_noise;
@@ -145,6 +146,8 @@ pub struct Candidate {
     pub mixture: Option<Mixture>,
     /// Its parameters out of a hypothesis's values, for an effect that frees nuisances.
     pub report: fn(&[f64]) -> Vec<f64>,
+    /// Parameters that follow from its own, by key: what is fitted is not always what is asked.
+    pub derived: fn(&Evidence, &[f64]) -> Vec<(&'static str, f64)>,
     /// Effects it is taken for.
     pub rivals: &'static [EffectId],
     /// Effects that no events alone can tell from it.
@@ -160,6 +163,16 @@ pub struct Candidate {
     pub says: fn(&[f64]) -> String,
 }
 
+impl Candidate {
+    /// Its parameters as they are reported, by key, for values of its own.
+    #[must_use]
+    pub fn told(&self, evidence: &Evidence, values: &[f64]) -> Vec<(&'static str, f64)> {
+        let own = self.parameters.iter().zip(values).filter(|(p, _)| !p.is_hidden);
+        let own = own.map(|(p, value)| (p.key, *value));
+        own.chain((self.derived)(evidence, values)).collect()
+    }
+}
+
 /// Fills what most effects leave as it is.
 const PLAIN: Candidate = Candidate {
     id: EffectId::RefractoryPeriod,
@@ -172,6 +185,7 @@ const PLAIN: Candidate = Candidate {
     act: |_, _, _| {},
     mixture: None,
     report: |_| Vec::new(),
+    derived: |_, _| Vec::new(),
     rivals: &[],
     same: &[],
     splitter: "",
@@ -181,7 +195,7 @@ const PLAIN: Candidate = Candidate {
 };
 
 /// Every effect that can be named.
-pub static LIBRARY: [&Candidate; 26] = [
+pub static LIBRARY: [&Candidate; 27] = [
     &photoreceptor_bandwidth::CANDIDATE,
     &fixed_pole::CANDIDATE,
     &refractory_period::CANDIDATE,
@@ -198,6 +212,7 @@ pub static LIBRARY: [&Candidate; 26] = [
     &temperature_drift::CANDIDATE,
     &event_drop::CANDIDATE,
     &stamp_jitter::CANDIDATE,
+    &pixel_latency::CANDIDATE,
     &clock_offset::CANDIDATE,
     &clock_skew::CANDIDATE,
     &frame_interpolation::CANDIDATE,

@@ -1,10 +1,12 @@
 //! What a diagnosis looks at: some pixels with their events, light and its surroundings.
 
 use super::Options;
+use super::around::Around;
 use crate::drive::{Drive, TimeGrid};
 use crate::predict::{Blocks, ByPixel, Spike};
 use crate::stats::SplitMix;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Least number of events with known light that can be judged.
 const LEAST_EVENTS: usize = 300;
@@ -51,8 +53,33 @@ pub struct Facts {
     pub frame_us: f64,
     /// What white paper reads above black, digital units.
     pub white_dn: f64,
+    /// Width of an event pixel on the print, millimetres, where it is known.
+    pub pixel_mm: Option<f64>,
     /// By how much the clocks' offset may be wrong for all that the session states, microseconds.
     pub offset_within_us: f64,
+    /// Where light and events are tied by something else than what the session states of its
+    /// clocks: what the tie says against that statement. `None` where nothing is stated.
+    pub clocks: Option<TiedClocks>,
+}
+
+/// What a tie of the cameras, by the light in their frames, says against the session's own map of
+/// their clocks. The drive comes by the tie; a diagnosis starts from what the session states.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TiedClocks {
+    /// By how much the event camera's stamps are late against the statement in the middle of the
+    /// light, microseconds, and its standard error.
+    pub offset_us: [f64; 2],
+    /// By how much its clock is fast, parts in a million, and its standard error.
+    pub skew_ppm: [f64; 2],
+    /// By how much the statement itself may be off, microseconds.
+    pub within_us: f64,
+}
+
+impl TiedClocks {
+    /// Whether the tie shows the camera's own frames as late as its events are said to be here.
+    pub(super) fn is_off(&self) -> bool {
+        self.offset_us[0].abs() > self.within_us.max(200.0) + 4.0 * self.offset_us[1]
+    }
 }
 
 /// One pixel.
@@ -93,6 +120,8 @@ pub struct Evidence {
     pub middle: [f64; 2],
     /// On minus Off events of all pixels, and On plus Off, in each instant.
     pub rates: [Vec<f32>; 2],
+    /// All events of the sensor.
+    pub(super) around: Arc<Around>,
     /// The rest.
     pub facts: Facts,
 }
@@ -150,6 +179,7 @@ impl Evidence {
             n_tiles,
             middle: [f64::from(size.width) / 2.0, f64::from(size.height) / 2.0],
             rates: rates(recording, grid, start_us),
+            around: Arc::new(Around::new(recording.clone(), &facts.aps_us)),
             facts,
         })
     }
@@ -172,6 +202,27 @@ impl Evidence {
         other
     }
 
+    /// Only the pixels of some tiles.
+    pub(super) fn with_tiles(&self, is_taken: impl Fn(usize) -> bool) -> Self {
+        let mut other = self.clone();
+        other.pixels.retain(|pixel| is_taken(pixel.tile));
+        other
+    }
+
+    /// Only a part of the time, in shares of the light: what is outside is not known.
+    pub(super) fn between(&self, from: f64, to: f64) -> Self {
+        let mut other = self.clone();
+        for pixel in &mut other.pixels {
+            let n = pixel.light.len();
+            let [first, last] = [from, to].map(|share| (share * n as f64) as usize);
+            let us = |i: usize| self.start_us + i as f64 * self.step_us;
+            pixel.light[..first].fill(f32::NAN);
+            pixel.light[last..].fill(f32::NAN);
+            pixel.spikes.retain(|s| (us(first)..us(last)).contains(&(s.t_us as f64)));
+        }
+        other
+    }
+
     /// Number of events.
     #[must_use]
     pub fn n_events(&self) -> usize {
@@ -182,6 +233,20 @@ impl Evidence {
     #[must_use]
     pub fn seconds(&self) -> f64 {
         self.pixels.first().map_or(0.0, |p| p.light.len() as f64 * self.step_us * 1e-6)
+    }
+
+    /// Events a second of all pixels in the three instants before a time.
+    pub(super) fn rate_hz(&self, t_us: i64) -> f64 {
+        let at = (t_us as f64 - self.start_us) / self.step_us;
+        let i = (at.max(0.0) as usize).min(self.rates[1].len().saturating_sub(1));
+        let recent = &self.rates[1][i.saturating_sub(3)..i];
+        f64::from(recent.iter().sum::<f32>()) / (3e-6 * self.step_us)
+    }
+
+    /// Number of pixels of the sensor.
+    #[must_use]
+    pub fn n_sensor(&self) -> f64 {
+        4.0 * self.middle[0] * self.middle[1]
     }
 
     /// Number of a cell: a tile of pixels during a block of time.

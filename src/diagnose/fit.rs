@@ -3,10 +3,9 @@
 //! Steps are Gauss and Newton's with the outer product of the cells' gradients for a Hessian
 //! (Berndt, Hall, Hall and Hausman, 1974), damped after Levenberg and Marquardt, inside the box of
 //! the parameters' ranges. The gradients are taken about their mean an event: far from the optimum,
-//! where all cells pull the same way, their plain product would make every step far too short. The
-//! same gradients give the errors of the result.
+//! where all cells pull the same way, their plain product would make every step far too short.
 
-use super::score::{Cells, Part, cells};
+use super::score::{Cells, Part, cells, cells_of_each};
 use super::{Evidence, Hypothesis};
 use nalgebra::{DMatrix, DVector};
 
@@ -15,29 +14,37 @@ use nalgebra::{DMatrix, DVector};
 pub(super) struct Fitted {
     pub(super) hypothesis: Hypothesis,
     pub(super) cells: Cells,
-    /// Covariance of the values that were free, with their indices; none before [`with_errors`].
-    pub(super) covariance: Option<(Vec<usize>, DMatrix<f64>)>,
+    /// Indices of values with their standard errors; none before `with_errors`.
+    pub(super) errors: Option<(Vec<usize>, Vec<f64>)>,
 }
 
 impl Fitted {
     /// Standard error of a value; NaN when it was not free or is not known.
     pub(super) fn error_of(&self, index: usize) -> f64 {
-        let Some((free, covariance)) = &self.covariance else { return f64::NAN };
-        let Some(at) = free.iter().position(|&f| f == index) else { return f64::NAN };
-        covariance[(at, at)].max(0.0).sqrt()
+        let Some((free, errors)) = &self.errors else { return f64::NAN };
+        free.iter().position(|&f| f == index).map_or(f64::NAN, |at| errors[at])
     }
 }
 
 /// Scores a hypothesis as it is.
 pub(super) fn as_it_is(evidence: &Evidence, hypothesis: Hypothesis) -> Fitted {
     let cells = cells(evidence, &hypothesis);
-    Fitted { hypothesis, cells, covariance: None }
+    Fitted { hypothesis, cells, errors: None }
 }
 
 /// Improves a hypothesis by at most `n_steps` steps, or until a step gains less than `enough`
 /// nats an event.
 pub(super) fn fit(evidence: &Evidence, start: Hypothesis, n_steps: usize, enough: f64) -> Fitted {
-    let mut best = as_it_is(evidence, start);
+    improved(evidence, as_it_is(evidence, start), n_steps, enough)
+}
+
+/// The same from a hypothesis that is scored already.
+pub(super) fn improved(
+    evidence: &Evidence,
+    mut best: Fitted,
+    n_steps: usize,
+    enough: f64,
+) -> Fitted {
     let mut damping = 1e-2;
     for _ in 0..n_steps {
         let (free, gradients) = gradients(evidence, &best);
@@ -54,18 +61,8 @@ pub(super) fn fit(evidence: &Evidence, start: Hypothesis, n_steps: usize, enough
     best
 }
 
-/// The same with errors: sandwich of the gradients' outer product over cells.
-pub(super) fn with_errors(evidence: &Evidence, fitted: Fitted) -> Fitted {
-    let (free, gradients) = gradients(evidence, &fitted);
-    let outer = scatter(&fitted, &gradients);
-    let scale = outer.trace().max(1e-12) * 1e-12 / free.len().max(1) as f64;
-    let regular = outer + DMatrix::identity(free.len(), free.len()) * scale;
-    let covariance = regular.try_inverse().map(|inverse| (free, inverse));
-    Fitted { covariance, ..fitted }
-}
-
 /// Gradient of each training cell's log-likelihood in every value that may move.
-fn gradients(evidence: &Evidence, at: &Fitted) -> (Vec<usize>, DMatrix<f64>) {
+pub(super) fn gradients(evidence: &Evidence, at: &Fitted) -> (Vec<usize>, DMatrix<f64>) {
     let hypothesis = &at.hypothesis;
     let free: Vec<usize> = (0..hypothesis.values.len())
         .filter(|&i| {
@@ -75,21 +72,28 @@ fn gradients(evidence: &Evidence, at: &Fitted) -> (Vec<usize>, DMatrix<f64>) {
         .collect();
     let training: Vec<usize> = at.cells.of(Part::Training).collect();
     let mut gradients = DMatrix::zeros(training.len(), free.len());
-    for (column, &i) in free.iter().enumerate() {
-        let [low, high] = hypothesis.ranges[i];
-        let mut step = hypothesis.steps[i].min(0.5 * (high - low));
-        if hypothesis.values[i] + step > high {
-            step = -step;
-        }
-        let mut moved = hypothesis.clone();
-        moved.values[i] += step;
-        let there = cells(evidence, &moved);
+    let moved: Vec<(Hypothesis, f64)> = free.iter().map(|&i| aside(hypothesis, i)).collect();
+    let each: Vec<&Hypothesis> = moved.iter().map(|(moved, _)| moved).collect();
+    let there = cells_of_each(evidence, &each);
+    for (column, (there, (_, step))) in there.iter().zip(&moved).enumerate() {
         for (row, &cell) in training.iter().enumerate() {
             let change = there.log_likelihood[cell] - at.cells.log_likelihood[cell];
             gradients[(row, column)] = change / step;
         }
     }
     (free, gradients)
+}
+
+/// The hypothesis with one value moved by its step, inwards at the upper end of its range.
+fn aside(hypothesis: &Hypothesis, i: usize) -> (Hypothesis, f64) {
+    let [low, high] = hypothesis.ranges[i];
+    let mut step = hypothesis.steps[i].min(0.5 * (high - low));
+    if hypothesis.values[i] + step > high {
+        step = -step;
+    }
+    let mut moved = hypothesis.clone();
+    moved.values[i] += step;
+    (moved, step)
 }
 
 /// The gradients' outer product over training cells, about their mean an event.

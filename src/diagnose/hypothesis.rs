@@ -164,23 +164,75 @@ impl Hypothesis {
     ) -> View<'a> {
         signal.clear();
         signal.extend_from_slice(&pixel.light);
-        let mut view = View {
+        let mut view = self.bare(evidence, pixel, signal);
+        self.surround(&mut view);
+        self.act(&mut view, kind, &Stage::ALL);
+        view
+    }
+
+    /// The same where `signal` is already what a hypothesis of the same signal made of the pixel.
+    pub(super) fn view_with<'a>(
+        &self,
+        evidence: &'a Evidence,
+        pixel: &'a PixelEvidence,
+        kind: f64,
+        signal: Vec<f32>,
+    ) -> View<'a> {
+        let mut view = self.bare(evidence, pixel, signal);
+        self.act(&mut view, kind, &[Stage::Law, Stage::Clock]);
+        view
+    }
+
+    /// Whether another hypothesis makes the same signal of every pixel; their laws and clocks may
+    /// differ.
+    pub(super) fn has_signal_of(&self, other: &Self) -> bool {
+        let is_same_set = self.effects.len() == other.effects.len()
+            && self.effects.iter().zip(&other.effects).all(|(a, b)| std::ptr::eq(*a, *b));
+        if !is_same_set {
+            return false;
+        }
+        let same = |i: usize| self.values[i] == other.values[i];
+        let seeing = [Nuisance::BlurPx2, Nuisance::ShiftX, Nuisance::ShiftY];
+        if !seeing.iter().all(|n| same(*n as usize)) {
+            return false;
+        }
+        // A drift is counted in thresholds.
+        let drifts = self.effects.iter().any(|effect| effect.stage == Stage::Drift);
+        if drifts && !(same(Nuisance::LogTheta as usize) && same(Nuisance::LogRatio as usize)) {
+            return false;
+        }
+        self.effects.iter().enumerate().all(|(index, effect)| {
+            let is_behind = matches!(effect.stage, Stage::Law | Stage::Clock);
+            let at = self.offset_of(index);
+            is_behind || !effect.frees.is_empty() || (at..at + effect.parameters.len()).all(same)
+        })
+    }
+
+    fn bare<'a>(
+        &self,
+        evidence: &'a Evidence,
+        pixel: &'a PixelEvidence,
+        signal: Vec<f32>,
+    ) -> View<'a> {
+        let [start_us, step_us] = stated_clock(evidence);
+        View {
             evidence,
             pixel,
             law: self.law(),
             signal,
-            start_us: evidence.start_us + self.nuisance(Nuisance::OffsetUs),
-            step_us: evidence.step_us,
-        };
-        self.surround(&mut view);
-        for stage in Stage::ALL {
+            start_us: start_us + self.nuisance(Nuisance::OffsetUs),
+            step_us,
+        }
+    }
+
+    fn act(&self, view: &mut View<'_>, kind: f64, stages: &[Stage]) {
+        for stage in stages {
             for (index, effect) in self.effects.iter().enumerate() {
-                if effect.stage == stage && effect.frees.is_empty() {
-                    (effect.act)(&self.parameters_of(index), kind, &mut view);
+                if effect.stage == *stage && effect.frees.is_empty() {
+                    (effect.act)(&self.parameters_of(index), kind, view);
                 }
             }
         }
-        view
     }
 
     /// The event camera's lens and place against the map's, to first order.
@@ -201,4 +253,13 @@ impl Hypothesis {
             }
         }
     }
+}
+
+/// First instant of the light and step on the events' clock, by what the session states of it.
+fn stated_clock(evidence: &Evidence) -> [f64; 2] {
+    let Some(tied) = evidence.facts.clocks else { return [evidence.start_us, evidence.step_us] };
+    let fast = tied.skew_ppm[0] * 1e-6;
+    let middle_us = evidence.start_us + 0.5e6 * evidence.seconds();
+    let late_us = tied.offset_us[0] + fast * (evidence.start_us - middle_us);
+    [evidence.start_us - late_us, evidence.step_us * (1.0 - fast)]
 }

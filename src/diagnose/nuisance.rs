@@ -92,6 +92,18 @@ impl Nuisance {
         }
     }
 
+    /// Its value where there is nothing of it, in the fitted coordinate.
+    pub(super) fn neutral(self) -> f64 {
+        match self {
+            // A rate or a scatter has none on a logarithmic scale: there a change counts as it is.
+            Self::LogNoise | Self::LogNoiseHz | Self::LogBackgroundOn | Self::LogBackgroundOff => {
+                f64::NEG_INFINITY
+            }
+            Self::LogTheta => 0.25_f64.ln(),
+            _ => 0.0,
+        }
+    }
+
     /// What an ordinary recording has: a camera in order, its clocks as stated, its lens in focus.
     /// A light from frames of the same sensor sees from the same place through the same lens.
     pub(super) fn ordinary(self, facts: &Facts) -> Ordinary {

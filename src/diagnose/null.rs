@@ -3,6 +3,7 @@
 //! Events are drawn from the fitted model itself, on the same pixels under the same light, and go
 //! through the same fits: what the library buys there is chance and the search's own bias.
 
+use super::check::structure;
 use super::fit::{Fitted, fit};
 use super::scan::scan;
 use super::{Evidence, Hypothesis};
@@ -35,21 +36,33 @@ pub(super) fn draw(evidence: &Evidence, hypothesis: &Hypothesis, seed: u64) -> E
     evidence.with_spikes(spikes)
 }
 
-/// The greatest held-out gain of any effect in each of `n` recordings drawn from the model.
-pub(super) fn greatest_gains(
+/// What recordings drawn from a model show, one value a recording.
+pub(super) struct Drawn {
+    /// The greatest held-out gain of any effect.
+    pub(super) gains: Vec<f64>,
+    /// The structure that the model leaves in what was drawn from it, nats an event.
+    pub(super) structures: Vec<f64>,
+}
+
+/// Draws `n` recordings from the model and puts them through the same fits.
+pub(super) fn drawn(
     evidence: &Evidence,
+    few: &Evidence,
     model: &Fitted,
     n: usize,
     seed: u64,
     progress: &mut dyn FnMut(&str),
-) -> Vec<f64> {
-    (0..n as u64)
-        .map(|number| {
-            let drawn = draw(evidence, &model.hypothesis, seed.wrapping_add(1 + number));
-            let few = drawn.thinned(2);
-            let refitted = fit(&drawn, model.hypothesis.clone(), 4, 1e-4);
-            let tried = scan(&drawn, &few, &refitted, progress);
-            tried.first().map_or(0.0, |best| best.gain.held_out.max(0.0))
-        })
-        .collect()
+) -> Drawn {
+    let every = evidence.pixels.len().div_ceil(few.pixels.len().max(1)).max(1);
+    let mut found = Drawn { gains: Vec::new(), structures: Vec::new() };
+    for number in 0..n as u64 {
+        let own_seed = seed.wrapping_add(1 + number);
+        let drawn = draw(evidence, &model.hypothesis, own_seed);
+        let refitted = fit(&drawn, model.hypothesis.clone(), 3, 1e-4);
+        let left = structure(&drawn, &refitted, own_seed);
+        found.structures.extend(left.map(|left| left.nats));
+        let tried = scan(&drawn, &drawn.thinned(every), &refitted, progress);
+        found.gains.push(tried.first().map_or(0.0, |best| best.gain.held_out.max(0.0)));
+    }
+    found
 }

@@ -34,8 +34,8 @@ impl Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            n_pixels: 1_500,
-            n_instants: 2_500_000,
+            n_pixels: 600,
+            n_instants: 8_000_000,
             step_us: 1_000,
             n_blocks: 9,
             tile_px: 20,

@@ -1,8 +1,8 @@
 //! One round of the search: every effect of the library refitted on top of what is known.
 
 use super::candidate::{Candidate, LIBRARY};
-use super::fit::{Fitted, as_it_is, fit};
-use super::score::Part;
+use super::fit::{Fitted, as_it_is, fit, improved};
+use super::score::{Part, cells_of_each};
 use super::{CannotJudge, Evidence};
 use crate::effect_id::EffectId;
 
@@ -15,8 +15,14 @@ const SECOND_STEPS: usize = 6;
 /// Training gain, nats an event, below which an effect is not fitted further.
 const WORTH_A_FIT: f64 = 0.002;
 
-/// Starts that are fitted further.
+/// Starts of an effect that are moved by a step.
 const BEST_STARTS: usize = 2;
+
+/// Effects that are fitted on few pixels, behind a first step.
+const PROMISING: usize = 8;
+
+/// Effects that are then fitted on all.
+const BEST: usize = 4;
 
 /// What an effect buys on top of a model.
 #[derive(Debug, Clone, Copy)]
@@ -74,17 +80,36 @@ fn absent(id: EffectId) -> &'static str {
         EffectId::ToneCurve => {
             "a power law of the frames is one number with the threshold; it takes a step wedge"
         }
-        EffectId::Vignetting => "it cancels in the logarithm, but for motion across the shading",
-        EffectId::RowReadout | EffectId::ReadoutSaturation => {
-            "its trace is in the order of the stamps of all pixels, which is not looked at yet"
+        EffectId::Vignetting => {
+            "what does not change with time cancels in the logarithm; it takes a path that leads the \
+             same paper from the middle to a corner"
         }
-        EffectId::ApsCoupling => "its trace at the camera's frames is not looked at yet",
-        _ => "its trace is not looked at yet",
+        EffectId::FrameNoise => {
+            "the map is the mean of many frames, in which the noise of one does not show; frames in \
+             a static scene state it directly"
+        }
+        EffectId::MovingShadow => {
+            "light that changes while the print stays is booked to the path's brightness; it takes a \
+             static segment with the shadow in it"
+        }
+        EffectId::RowReadout | EffectId::ReadoutSaturation => {
+            "it is in how the stamps of all pixels follow each other, which pixel by pixel is not \
+             fitted; what it leaves shows under row_us and sensor_rate_hz"
+        }
+        EffectId::ApsCoupling => {
+            "it makes many pixels fire at once, which pixel by pixel is not fitted; what it leaves \
+             shows under since_frame_us"
+        }
+        _ => "it has no place in the library",
     }
 }
 
 /// Tries every effect that is not in `model` and can be judged. `few` is the same evidence with
-/// fewer pixels, for first fits. Effects come sorted by what they buy on held-out cells.
+/// fewer pixels. Effects come sorted by what they buy on held-out cells.
+///
+/// All starts of all effects are scored first, on few pixels; the best of each effect are moved one
+/// step together with the nuisances; those that then promise most are fitted on few pixels, and the
+/// best of these on all.
 pub(super) fn scan(
     evidence: &Evidence,
     few: &Evidence,
@@ -92,47 +117,74 @@ pub(super) fn scan(
     progress: &mut dyn FnMut(&str),
 ) -> Vec<Tried> {
     let here = as_it_is(few, model.hypothesis.clone());
-    let mut all = Vec::new();
-    for candidate in LIBRARY {
-        let taken = model.hypothesis.effects.iter().any(|effect| effect.id == candidate.id);
-        let second_mixture = candidate.mixture.is_some()
-            && model.hypothesis.effects.iter().any(|effect| effect.mixture.is_some());
-        if taken || second_mixture || (candidate.needs)(evidence).is_err() {
-            continue;
-        }
+    let mut begun = Vec::new();
+    for candidate in in_question(evidence, model) {
         progress(candidate.id.as_str());
-        if let Some(tried) = try_one(evidence, few, &here, model, candidate) {
-            all.push(tried);
+        if let Some(first) = first_step(evidence, few, model, candidate) {
+            begun.push((candidate, first));
         }
     }
+    let on_few = |a: &Fitted| a.cells.nats(Part::Training);
+    begun.sort_by(|a, b| on_few(&b.1).total_cmp(&on_few(&a.1)));
+    for (candidate, fitted) in begun.iter_mut().take(PROMISING) {
+        progress(candidate.id.as_str());
+        *fitted = fit(few, fitted.hypothesis.clone(), FIRST_STEPS, 1e-4);
+    }
+    begun.sort_by(|a, b| on_few(&b.1).total_cmp(&on_few(&a.1)));
+    let mut all: Vec<Tried> = begun
+        .into_iter()
+        .enumerate()
+        .map(|(rank, (candidate, fitted))| {
+            let is_worth_it = rank < BEST && on_few(&fitted) - on_few(&here) > WORTH_A_FIT;
+            let (fitted, against) = if is_worth_it {
+                progress(candidate.id.as_str());
+                (fit(evidence, fitted.hypothesis, SECOND_STEPS, 1e-4), model)
+            } else {
+                (fitted, &here)
+            };
+            let (training, _) = fitted.cells.gain(&against.cells, Part::Training);
+            let (held_out, error) = fitted.cells.gain(&against.cells, Part::HeldOut);
+            Tried { gain: Gain { id: candidate.id, training, held_out, error }, fitted }
+        })
+        .collect();
     all.sort_by(|a, b| b.gain.held_out.total_cmp(&a.gain.held_out));
     all
 }
 
-fn try_one(
+/// Effects that the model has not and that can be judged.
+fn in_question(evidence: &Evidence, model: &Fitted) -> Vec<&'static Candidate> {
+    let effects = &model.hypothesis.effects;
+    let has_mixture = effects.iter().any(|effect| effect.mixture.is_some());
+    LIBRARY
+        .into_iter()
+        .filter(|candidate| effects.iter().all(|effect| effect.id != candidate.id))
+        .filter(|candidate| !(has_mixture && candidate.mixture.is_some()))
+        .filter(|candidate| (candidate.needs)(evidence).is_ok())
+        .collect()
+}
+
+/// The best of an effect's starts behind one step. `None` for an effect without any.
+fn first_step(
     evidence: &Evidence,
     few: &Evidence,
-    here: &Fitted,
     model: &Fitted,
     candidate: &'static Candidate,
-) -> Option<Tried> {
-    let starts = (candidate.starts)(evidence);
-    let mut begun: Vec<Fitted> =
-        starts.iter().map(|start| as_it_is(few, model.hypothesis.with(candidate, start))).collect();
-    begun.sort_by(|a, b| b.cells.nats(Part::Training).total_cmp(&a.cells.nats(Part::Training)));
-    begun.truncate(BEST_STARTS);
-    let first = begun
+) -> Option<Fitted> {
+    let starts: Vec<_> = (candidate.starts)(evidence)
+        .iter()
+        .map(|start| model.hypothesis.with(candidate, start))
+        .collect();
+    let scored = cells_of_each(few, &starts.iter().collect::<Vec<_>>());
+    let mut begun: Vec<Fitted> = starts
         .into_iter()
-        .map(|fitted| fit(few, fitted.hypothesis, FIRST_STEPS, 1e-4))
-        .max_by(|a, b| a.cells.nats(Part::Training).total_cmp(&b.cells.nats(Part::Training)))?;
-    let promising =
-        first.cells.nats(Part::Training) - here.cells.nats(Part::Training) > WORTH_A_FIT;
-    let (fitted, against) = if promising {
-        (fit(evidence, first.hypothesis, SECOND_STEPS, 1e-4), model)
-    } else {
-        (first, here)
-    };
-    let (training, _) = fitted.cells.gain(&against.cells, Part::Training);
-    let (held_out, error) = fitted.cells.gain(&against.cells, Part::HeldOut);
-    Some(Tried { gain: Gain { id: candidate.id, training, held_out, error }, fitted })
+        .zip(scored)
+        .map(|(hypothesis, cells)| Fitted { hypothesis, cells, errors: None })
+        .collect();
+    let nats = |a: &Fitted| a.cells.nats(Part::Training);
+    begun.sort_by(|a, b| nats(b).total_cmp(&nats(a)));
+    begun.truncate(BEST_STARTS);
+    begun
+        .into_iter()
+        .map(|fitted| improved(few, fitted, 1, 1e-4))
+        .max_by(|a, b| nats(a).total_cmp(&nats(b)))
 }

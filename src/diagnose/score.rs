@@ -63,45 +63,109 @@ impl Cells {
 /// Scores the evidence under a hypothesis. A pixel of a mixture is of the kind that its own
 /// training blocks speak for; those held out are predicted with what they say.
 pub(super) fn cells(evidence: &Evidence, hypothesis: &Hypothesis) -> Cells {
-    let kinds = hypothesis.kinds();
-    let scores: Vec<Vec<BlockScore>> = evidence
-        .pixels
-        .par_iter()
-        .map_init(Vec::new, |scratch, pixel| of_pixel(evidence, hypothesis, &kinds, pixel, scratch))
-        .collect();
-    let n = evidence.n_tiles * evidence.blocks.n();
-    let held_out = (0..n)
-        .map(|cell| evidence.is_held_out(cell / evidence.blocks.n(), cell % evidence.blocks.n()))
-        .collect();
-    let mut cells = Cells { log_likelihood: vec![0.0; n], n_events: vec![0.0; n], held_out };
-    for (pixel, scores) in evidence.pixels.iter().zip(scores) {
-        for (block, score) in scores.iter().enumerate() {
-            let cell = evidence.cell(pixel, block);
-            cells.log_likelihood[cell] += score.log_likelihood;
-            cells.n_events[cell] += f64::from(score.n_events);
-        }
-    }
-    cells
+    cells_of_each(evidence, &[hypothesis]).remove(0)
 }
 
-fn of_pixel(
-    evidence: &Evidence,
-    hypothesis: &Hypothesis,
-    kinds: &[(f64, f64)],
-    pixel: &PixelEvidence,
-    scratch: &mut Vec<f32>,
-) -> Vec<BlockScore> {
-    let mut one = |kind: f64| {
-        let view = hypothesis.view(evidence, pixel, kind, std::mem::take(scratch));
-        let scores = score_pixel(&view.law, view.light(), &pixel.spikes, &evidence.blocks);
-        *scratch = view.signal;
-        scores
-    };
-    if let [(_, kind)] = kinds {
-        return one(*kind);
+/// The same for several hypotheses at once: pixel by pixel, so that those which leave a pixel's
+/// signal alike share it.
+pub(super) fn cells_of_each(evidence: &Evidence, hypotheses: &[&Hypothesis]) -> Vec<Cells> {
+    let kinds: Vec<Vec<(f64, f64)>> = hypotheses.iter().map(|h| h.kinds()).collect();
+    let scores: Vec<Vec<Vec<BlockScore>>> = evidence
+        .pixels
+        .par_iter()
+        .map_init(Vec::new, |scratch, pixel| {
+            let mut seen = Seen { evidence, pixel, signal: std::mem::take(scratch), of: None };
+            let of_each = hypotheses.iter().zip(&kinds);
+            let scores = of_each.map(|(h, kinds)| seen.scores(h, kinds)).collect();
+            *scratch = seen.signal;
+            scores
+        })
+        .collect();
+    let n = evidence.n_tiles * evidence.blocks.n();
+    let held_out: Vec<bool> = (0..n)
+        .map(|cell| evidence.is_held_out(cell / evidence.blocks.n(), cell % evidence.blocks.n()))
+        .collect();
+    (0..hypotheses.len())
+        .map(|number| {
+            let held_out = held_out.clone();
+            let mut cells =
+                Cells { log_likelihood: vec![0.0; n], n_events: vec![0.0; n], held_out };
+            for (pixel, scores) in evidence.pixels.iter().zip(&scores) {
+                for (block, score) in scores[number].iter().enumerate() {
+                    let cell = evidence.cell(pixel, block);
+                    cells.log_likelihood[cell] += score.log_likelihood;
+                    cells.n_events[cell] += f64::from(score.n_events);
+                }
+            }
+            cells
+        })
+        .collect()
+}
+
+/// The kind of each pixel that its training blocks speak for most.
+pub(super) fn kinds_of_pixels(evidence: &Evidence, hypothesis: &Hypothesis) -> Vec<f64> {
+    let kinds = hypothesis.kinds();
+    if let [(_, kind)] = kinds[..] {
+        return vec![kind; evidence.pixels.len()];
     }
-    let by_kind: Vec<Vec<BlockScore>> = kinds.iter().map(|(_, kind)| one(*kind)).collect();
-    mix(kinds, &by_kind, |block| evidence.is_held_out(pixel.tile, block))
+    evidence
+        .pixels
+        .par_iter()
+        .map(|pixel| {
+            let mut seen = Seen { evidence, pixel, signal: Vec::new(), of: None };
+            let weight = |(share, kind): &(f64, f64), seen: &mut Seen<'_>| {
+                let scores = seen.of_kind(hypothesis, *kind);
+                let training = scores.iter().enumerate();
+                let own: f64 = training
+                    .filter(|(block, _)| !evidence.is_held_out(pixel.tile, *block))
+                    .map(|(_, score)| score.log_likelihood)
+                    .sum();
+                share.max(1e-12).ln() + own
+            };
+            let mut best = (f64::NEG_INFINITY, 0.0);
+            for kind in &kinds {
+                let here = weight(kind, &mut seen);
+                if here > best.0 {
+                    best = (here, kind.1);
+                }
+            }
+            best.1
+        })
+        .collect()
+}
+
+/// A pixel with the signal that the last hypothesis made of it.
+struct Seen<'a> {
+    evidence: &'a Evidence,
+    pixel: &'a PixelEvidence,
+    signal: Vec<f32>,
+    of: Option<Hypothesis>,
+}
+
+impl Seen<'_> {
+    fn scores(&mut self, hypothesis: &Hypothesis, kinds: &[(f64, f64)]) -> Vec<BlockScore> {
+        if let [(_, kind)] = kinds {
+            return self.of_kind(hypothesis, *kind);
+        }
+        let by_kind: Vec<Vec<BlockScore>> =
+            kinds.iter().map(|(_, kind)| self.of_kind(hypothesis, *kind)).collect();
+        let tile = self.pixel.tile;
+        mix(kinds, &by_kind, |block| self.evidence.is_held_out(tile, block))
+    }
+
+    fn of_kind(&mut self, hypothesis: &Hypothesis, kind: f64) -> Vec<BlockScore> {
+        let signal = std::mem::take(&mut self.signal);
+        let view = if self.of.as_ref().is_some_and(|of| of.has_signal_of(hypothesis)) {
+            hypothesis.view_with(self.evidence, self.pixel, kind, signal)
+        } else {
+            self.of = Some(hypothesis.clone());
+            hypothesis.view(self.evidence, self.pixel, kind, signal)
+        };
+        let scores =
+            score_pixel(&view.law, view.light(), &self.pixel.spikes, &self.evidence.blocks);
+        self.signal = view.signal;
+        scores
+    }
 }
 
 /// The scores of a pixel of unknown kind: its training blocks weigh the kinds, one after another,

@@ -1,38 +1,44 @@
-//! The search as a whole: baseline, effects one by one, null, verdict.
+//! The search as a whole: baseline, effects one by one, null, structure left, verdict.
 
-use super::ceiling::flexible;
-use super::fit::{Fitted, fit, with_errors};
-use super::nuisance::Nuisance;
-use super::propose::propose;
-use super::scan::{Tried, cannot_judge, scan};
+use super::check::{Structure, structure};
+use super::conclude::{Reached, conclude};
+use super::constancy::strengths;
+use super::errors::with_errors;
+use super::fit::{Fitted, fit};
+use super::halves::halves;
+use super::naming::{Standing, inconstant, standing};
+use super::scan::{Tried, scan};
 use super::score::Part;
-use super::strata::{held_out_nats, wrong_in};
-use super::{
-    Diagnosis, Evidence, FitReport, FittedEffect, HeldOut, Hypothesis, Interval, LIBRARY, Leftover,
-    Mismatch, NullReport, Options, ProposedTerm, Rival, Verdict, null,
-};
-use statrs::function::erf::erfc;
-use std::collections::BTreeMap;
+use super::{Diagnosis, Evidence, Hypothesis, NullReport, Options, Rival, Suspect, null};
+use crate::effect_id::EffectId;
 
 /// An effect has to buy this much, nats an event, whatever the null says: below it the shape of
 /// the noise, which the model has only nearly, speaks as loudly.
 const LEAST_GAIN: f64 = 0.02;
 
-/// An excess below this, nats an event, is no mismatch.
-const LEAST_EXCESS: f64 = 0.06;
-
 /// An effect's gain has to be so many of its standard errors.
 const LEAST_ERRORS: f64 = 4.0;
 
-/// Half width of a 90 % interval in standard errors.
-const Z90: f64 = 1.645;
+/// Events on which first fits are made.
+const FEW_EVENTS: usize = 6_000;
 
 /// An effect that was taken, with what it was measured against.
-struct Taken {
-    gain: f64,
-    error: f64,
-    rivals: Vec<Rival>,
-    equals: Vec<crate::effect_id::EffectId>,
+pub(super) struct Taken {
+    pub(super) gain: f64,
+    pub(super) error: f64,
+    pub(super) rivals: Vec<Rival>,
+    pub(super) equals: Vec<EffectId>,
+}
+
+/// A diagnosis with the models behind it.
+#[derive(Debug, Clone)]
+pub struct Diagnosed {
+    /// What is said.
+    pub diagnosis: Diagnosis,
+    /// Nuisances alone.
+    pub baseline: Hypothesis,
+    /// With the named effects; the baseline where none is named.
+    pub model: Hypothesis,
 }
 
 /// Diagnoses: which effects of the library does the recording show beyond the baseline?
@@ -43,32 +49,93 @@ pub fn diagnose(
     evidence: &Evidence,
     options: &Options,
     progress: &mut dyn FnMut(&str),
-) -> Diagnosis {
+) -> Diagnosed {
     progress("baseline");
-    let few = evidence.thinned(2);
+    let few = evidence.thinned((evidence.n_events() / FEW_EVENTS).max(2));
     let begun = fit(&few, Hypothesis::baseline(evidence), 12, 1e-4);
     let baseline = fit(evidence, begun.hypothesis, 12, 1e-5);
     let (baseline, model, taken) = take_all(evidence, &few, baseline, options, progress);
     let (mut model, mut taken) = prune(evidence, &baseline, model, taken);
     progress("null");
-    let n_null = options.n_null;
-    let greatest = null::greatest_gains(evidence, &model, n_null, options.seed, progress);
-    let worst = greatest.iter().copied().fold(0.0, f64::max);
-    let flexible_before = flexible(evidence, &baseline);
-    let excess = {
-        let final_now = held_out_nats(&model) + flexible(evidence, &model).gain.max(0.0);
-        let before = held_out_nats(&baseline) + flexible_before.gain.max(0.0);
-        final_now.max(before) - held_out_nats(&baseline)
-    };
-    let bar = LEAST_GAIN.max(worst).max(0.01 * excess);
+    let null::Drawn { gains, structures } =
+        null::drawn(evidence, &few, &model, options.n_null, options.seed, progress);
+    let worst = gains.iter().copied().fold(0.0, f64::max);
+    let bar =
+        LEAST_GAIN.max(worst).max(0.01 * super::conclude::excess(evidence, &baseline, &model));
     while taken.last().is_some_and(|last| last.gain < bar) {
         taken.pop();
         let kept: Vec<usize> = (0..taken.len()).collect();
         model = refit_with(evidence, &baseline, &model, &kept);
     }
+    progress("structure left");
+    let look = |model: &Fitted| structure(evidence, model, options.seed);
+    let (before, after): (Option<Structure>, Option<Structure>) = (look(&baseline), look(&model));
+    let standing = standing(before.as_ref(), after.as_ref(), &structures, !taken.is_empty());
+    let drawn = null::draw(evidence, &model.hypothesis, options.seed);
+    let doubts: Vec<Option<String>> =
+        (0..taken.len()).map(|index| doubt(evidence, &drawn, &model, index)).collect();
+    let reach = super::conclude::reach(evidence, &model);
+    let null = NullReport {
+        n: options.n_null,
+        greatest_gains: gains,
+        bar_nats_per_event: bar,
+        structures_nats_per_event: structures,
+    };
+    let suspects = suspects(&model, &taken, standing, &doubts);
+    if !suspects.is_empty() {
+        taken.clear();
+        model = baseline.clone();
+    }
+    progress("errors");
     let model = with_errors(evidence, model);
-    let report = NullReport { n: n_null, greatest_gains: greatest, bar_nats_per_event: bar };
-    conclude(evidence, &baseline, &model, &taken, report)
+    progress("halves");
+    let halves = if taken.is_empty() { Vec::new() } else { halves(evidence, &baseline, &model) };
+    let reached = Reached { taken, standing, before, after, reach, suspects, halves, null };
+    Diagnosed {
+        diagnosis: conclude(evidence, &baseline, &model, reached),
+        baseline: baseline.hypothesis,
+        model: model.hypothesis,
+    }
+}
+
+/// Where an effect of the model has another strength than elsewhere, in words.
+fn doubt(evidence: &Evidence, drawn: &Evidence, model: &Fitted, index: usize) -> Option<String> {
+    let strengths = strengths(evidence, drawn, model, index);
+    let worst = inconstant(&strengths)?;
+    let [low, high] = worst.range;
+    let how = match worst.change {
+        less if less < -0.8 => "it is as good as absent",
+        less if less < 0.0 => "it is much weaker",
+        _ => "it is much stronger",
+    };
+    Some(format!("with {} from {low:.4} to {high:.4} {how}", worst.covariate))
+}
+
+/// Effects that fit better than nothing and yet do not hold: the model with them leaves what it
+/// should have removed, or one of them has not one strength. They are all taken back, since what
+/// stands in for one effect has moved the others.
+fn suspects(
+    model: &Fitted,
+    taken: &[Taken],
+    standing: Standing,
+    doubts: &[Option<String>],
+) -> Vec<Suspect> {
+    let fails = standing == Standing::Fails;
+    if !fails && doubts.iter().all(Option::is_none) {
+        return Vec::new();
+    }
+    let effects = model.hypothesis.effects.iter().zip(taken).zip(doubts);
+    effects
+        .map(|((effect, taken), doubt)| Suspect {
+            id: effect.id,
+            heldout_gain_nats_per_event: taken.gain,
+            because: match doubt {
+                Some(doubt) => doubt.clone(),
+                None if fails => "events drawn with it are still told from the camera's".to_owned(),
+                None => "it was found together with one that does not hold".to_owned(),
+            },
+        })
+        .collect()
 }
 
 /// Takes effects one by one while they buy enough. A fit with an effect may come by better
@@ -181,172 +248,4 @@ fn refit_with(evidence: &Evidence, baseline: &Fitted, model: &Fitted, kept: &[us
         hypothesis = hypothesis.with(effect, &start);
     }
     fit(evidence, hypothesis, 6, 1e-4)
-}
-
-/// Chance of a standard normal value above `z`.
-fn above(z: f64) -> f64 {
-    0.5 * erfc(z / std::f64::consts::SQRT_2)
-}
-
-fn conclude(
-    evidence: &Evidence,
-    baseline: &Fitted,
-    model: &Fitted,
-    taken: &[Taken],
-    null: NullReport,
-) -> Diagnosis {
-    let (before, after) = (flexible(evidence, baseline), flexible(evidence, model));
-    let (low, high) = (held_out_nats(baseline), held_out_nats(model));
-    let ceiling = (low + before.gain).max(high + after.gain.max(0.0));
-    let excess = ceiling - low;
-    let share = (excess > 0.0).then(|| (high - low) / excess);
-    let (gain, error) = model.cells.gain(&baseline.cells, Part::HeldOut);
-    let z = if taken.is_empty() { before.gain / before.error } else { gain / error };
-    let verdict = match (taken.is_empty(), share) {
-        (true, _) if excess < LEAST_EXCESS => Verdict::NoMismatch,
-        (true, _) => Verdict::Unexplained,
-        (false, Some(share)) if share >= 0.5 => Verdict::Explained,
-        (false, Some(share)) if share >= 0.25 => Verdict::PartlyExplained,
-        (false, _) => Verdict::Unexplained,
-    };
-    let is_named = matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
-    let effects = if is_named { effects(model, taken) } else { Vec::new() };
-    let next_recording = effects
-        .iter()
-        .find(|e| !e.equivalent.is_empty())
-        .and_then(|e| LIBRARY.iter().find(|c| c.id == e.id).map(|c| c.splitter.to_owned()));
-    let least = (0.02 * excess).max(0.002);
-    Diagnosis {
-        schema: "evrig.diagnosis/1".into(),
-        verdict,
-        mismatch: Mismatch {
-            excess_nats_per_event: excess,
-            p_value: above(z),
-            places: wrong_in(evidence, baseline, least),
-        },
-        effects,
-        nuisances: nuisances(model),
-        fit: FitReport {
-            heldout_nats_per_event: HeldOut {
-                baseline: low,
-                r#final: high,
-                ceiling,
-                ceiling_is: "flexible_fit".into(),
-            },
-            share_of_excess_removed: share,
-            forward: BTreeMap::new(),
-        },
-        leftover: Leftover {
-            excess_nats_per_event: ceiling - high,
-            p_value: above(after.gain / after.error),
-            places: wrong_in(evidence, model, least),
-        },
-        proposed_term: propose_for(evidence, model, verdict),
-        next_recording,
-        cannot_judge: cannot_judge(evidence),
-        null,
-        n_pixels: evidence.pixels.len(),
-        n_events: evidence.n_events(),
-    }
-}
-
-/// A term for what is left, where the named effects leave much.
-fn propose_for(evidence: &Evidence, model: &Fitted, verdict: Verdict) -> Option<ProposedTerm> {
-    let is_wanted = matches!(verdict, Verdict::Unexplained | Verdict::PartlyExplained);
-    is_wanted.then(|| propose(evidence, model)).flatten()
-}
-
-/// A fitted value as it is reported, its interval within the range it was fitted in.
-fn interval(
-    value: f64,
-    error: f64,
-    [low, high]: [f64; 2],
-    reported: impl Fn(f64) -> f64,
-) -> Interval {
-    let end = |z: f64| {
-        let end = (value + z * error).clamp(low, high);
-        Some(reported(end)).filter(|v| v.is_finite())
-    };
-    let mut ci90 = if error.is_finite() { [end(-Z90), end(Z90)] } else { [None, None] };
-    if let [Some(a), Some(b)] = ci90
-        && a > b
-    {
-        ci90 = [Some(b), Some(a)];
-    }
-    Interval { value: reported(value), ci90 }
-}
-
-fn nuisances(model: &Fitted) -> BTreeMap<String, Interval> {
-    let hypothesis = &model.hypothesis;
-    Nuisance::ALL
-        .iter()
-        .filter(|n| hypothesis.ranges[**n as usize][0] < hypothesis.ranges[**n as usize][1])
-        .map(|&n| {
-            let error = model.error_of(n as usize);
-            let range = hypothesis.ranges[n as usize];
-            let value = hypothesis.nuisance(n);
-            (n.key().to_owned(), interval(value, error, range, |v| n.reported(v)))
-        })
-        .collect()
-}
-
-fn effects(model: &Fitted, taken: &[Taken]) -> Vec<FittedEffect> {
-    let hypothesis = &model.hypothesis;
-    taken
-        .iter()
-        .enumerate()
-        .map(|(index, taken)| {
-            let candidate = hypothesis.effects[index];
-            let mut equivalent = taken.equals.clone();
-            equivalent.extend(candidate.same);
-            let p_value = (above(taken.gain / taken.error) * LIBRARY.len() as f64).min(1.0);
-            FittedEffect {
-                id: candidate.id,
-                name: candidate.id.name().into(),
-                equation: candidate.equation.into(),
-                says: (candidate.says)(&hypothesis.parameters_of(index)),
-                parameters: parameters(model, index),
-                heldout_gain_nats_per_event: taken.gain,
-                heldout_gain_error: taken.error,
-                p_value,
-                region: None,
-                equivalent,
-                rivals: taken.rivals.clone(),
-            }
-        })
-        .collect()
-}
-
-fn parameters(model: &Fitted, index: usize) -> BTreeMap<String, Interval> {
-    let hypothesis = &model.hypothesis;
-    let candidate = hypothesis.effects[index];
-    if candidate.frees.is_empty() {
-        let at = hypothesis.offset_of(index);
-        let own = candidate.parameters.iter().enumerate().filter(|(_, p)| !p.is_hidden);
-        return own
-            .map(|(i, p)| {
-                let (value, error) = (hypothesis.values[at + i], model.error_of(at + i));
-                let range = hypothesis.ranges[at + i];
-                (p.key.to_owned(), interval(value, error, range, |v| p.from_fitted(v)))
-            })
-            .collect();
-    }
-    let value = (candidate.report)(&hypothesis.values);
-    // One freed value at a time is moved by its error.
-    let mut spread = vec![0.0_f64; value.len()];
-    for freed in candidate.frees {
-        let i = freed.nuisance as usize;
-        let mut moved = hypothesis.values.clone();
-        moved[i] += Z90 * model.error_of(i);
-        for ((s, there), here) in spread.iter_mut().zip((candidate.report)(&moved)).zip(&value) {
-            *s = s.hypot(there - here);
-        }
-    }
-    let keys = candidate.id.parameters().iter();
-    keys.zip(value.iter().zip(&spread))
-        .map(|(key, (&v, &s))| {
-            let end = |e: f64| Some(e).filter(|e| e.is_finite());
-            ((*key).to_owned(), Interval { value: v, ci90: [end(v - s), end(v + s)] })
-        })
-        .collect()
 }

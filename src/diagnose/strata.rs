@@ -5,7 +5,7 @@
 //! histogram, is what a recalibration of the hazard in that stratum would buy, in nats an event.
 
 use super::fit::Fitted;
-use super::score::Part;
+use super::score::{Part, kinds_of_pixels};
 use super::{Evidence, Where};
 use crate::predict::{Residual, residuals};
 use rayon::prelude::*;
@@ -43,12 +43,12 @@ pub(super) struct Covariate {
 
 /// The residuals of every event under a model.
 pub(super) fn placed(evidence: &Evidence, model: &Fitted) -> Vec<Placed> {
-    let kind =
-        model.hypothesis.kinds().iter().max_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |k| k.1);
+    let kinds = kinds_of_pixels(evidence, &model.hypothesis);
     evidence
         .pixels
         .par_iter()
-        .flat_map_iter(|pixel| {
+        .zip(kinds)
+        .flat_map_iter(|(pixel, kind)| {
             let view = model.hypothesis.view(evidence, pixel, kind, Vec::new());
             let place = (pixel.x, pixel.y);
             let (events, _) =
@@ -239,7 +239,8 @@ pub(super) fn wrong_in(evidence: &Evidence, model: &Fitted, least: f64) -> Vec<W
                     covariate: covariate.key.into(),
                     range: ends[s],
                     excess_nats_per_event: excess,
-                    innovation_thresholds: mean,
+                    innovation_thresholds: Some(mean),
+                    ratio: None,
                     n_events: here as u64,
                     says: (covariate.says)(ends[s], mean),
                 });

@@ -1,5 +1,6 @@
 //! The result: `diagnosis.json`.
 
+use super::BeforeAfter;
 use crate::effect_id::EffectId;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -36,9 +37,13 @@ pub struct Where {
     pub range: [f64; 2],
     /// What a recalibration in it would buy, nats an event of all.
     pub excess_nats_per_event: f64,
-    /// Mean of what the light had changed beyond the threshold, in thresholds: late above 0.
-    pub innovation_thresholds: f64,
-    /// Held-out events in it.
+    /// Mean of what the light had changed beyond the threshold, in thresholds: late above 0; none
+    /// where numbers of events are compared.
+    pub innovation_thresholds: Option<f64>,
+    /// Real events for each of the model's, where numbers of events are compared.
+    #[serde(default)]
+    pub ratio: Option<f64>,
+    /// Events in it.
     pub n_events: u64,
     /// In words.
     pub says: String,
@@ -112,8 +117,8 @@ pub struct FitReport {
     pub heldout_nats_per_event: HeldOut,
     /// Final minus baseline over ceiling minus baseline; `null` without an excess.
     pub share_of_excess_removed: Option<f64>,
-    /// Free-running comparison; empty until the generator has run with the effects.
-    pub forward: BTreeMap<String, serde_json::Value>,
+    /// The generator let run by itself, against the camera; empty where it was not.
+    pub forward: BTreeMap<String, BeforeAfter>,
 }
 
 /// What the named effects leave.
@@ -137,6 +142,57 @@ pub struct NullReport {
     pub greatest_gains: Vec<f64>,
     /// The gain an effect has to beat to be named.
     pub bar_nats_per_event: f64,
+    /// What trees tell a model's events by in recordings drawn from it, nats an event.
+    #[serde(default)]
+    pub structures_nats_per_event: Vec<f64>,
+}
+
+/// What is left to tell a model's events from the camera's, each behind the same past.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StructureLeft {
+    /// What trees that have not seen them gain over a coin, nats an event; 0.69 at most.
+    pub nats_per_event: f64,
+    /// Its standard error.
+    pub error: f64,
+    /// Share they tell rightly; a half where nothing is left.
+    pub accuracy: f64,
+    /// By what, the most telling first.
+    pub told_by: Vec<String>,
+}
+
+/// An effect that fits and does not hold.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Suspect {
+    /// Its id.
+    pub id: EffectId,
+    /// What it would buy on held-out cells.
+    pub heldout_gain_nats_per_event: f64,
+    /// Why it is not named.
+    pub because: String,
+}
+
+/// The structure that two models leave.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StructureReport {
+    /// Nuisances alone.
+    pub baseline: StructureLeft,
+    /// With all effects that were taken, named or not.
+    pub r#final: StructureLeft,
+}
+
+/// The named effects on a half of the recording.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Half {
+    /// Which half.
+    pub of: String,
+    /// Events in it.
+    pub n_events: usize,
+    /// What the effects together buy there on held-out cells.
+    pub heldout_gain_nats_per_event: f64,
+    /// Its standard error.
+    pub heldout_gain_error: f64,
+    /// Their parameters, `effect.key`.
+    pub parameters: BTreeMap<String, f64>,
 }
 
 /// A term outside the library.
@@ -184,6 +240,16 @@ pub struct Diagnosis {
     pub next_recording: Option<String>,
     /// Effects this session says nothing about.
     pub cannot_judge: Vec<CannotJudge>,
+    /// Effects that fit better than nothing, and whose model yet leaves what it should have removed:
+    /// not named.
+    #[serde(default)]
+    pub suspects: Vec<Suspect>,
+    /// Agreement of halves of the pixels and of the time.
+    #[serde(default)]
+    pub halves: Vec<Half>,
+    /// What baseline and final model leave to be told apart; `null` with too few events.
+    #[serde(default)]
+    pub structure: Option<StructureReport>,
     /// The search's own noise.
     pub null: NullReport,
     /// Pixels and events looked at.

@@ -151,6 +151,12 @@ impl PixelModel for Esim {
         brightness.iter().map(pixel).collect()
     }
 
+    fn restart(&self, block: &mut Block<Vec<Pixel>>, i: usize) {
+        let level = self.level(block.before[i]);
+        // The count of crossings goes on: thresholds already drawn are not drawn again.
+        block.state[i] = Pixel { level, reference: level, silent_us: 0.0, ..block.state[i] };
+    }
+
     fn run(&self, block: &mut Block<Vec<Pixel>>, after: &[f32], interval: Interval) {
         let span_us = f64::from(interval.span_us);
         for (i, (state, (&before, &after))) in

@@ -30,6 +30,9 @@ pub(super) trait PixelModel: Send + Sync {
     /// The pixels from row-major number `first` on, which see `brightness` in the first frame.
     fn start(&self, first: u32, brightness: &[f32]) -> Self::State;
 
+    /// Lets pixel number `i` of a block begin anew with what the last frame showed it.
+    fn restart(&self, block: &mut Block<Self::State>, i: usize);
+
     /// Moves a block's pixels through an interval.
     fn run(&self, block: &mut Block<Self::State>, after: &[f32], interval: Interval);
 }
@@ -136,5 +139,15 @@ impl<M: PixelModel> Generator for Grid<M> {
         }
         self.sequence.accept(checked);
         Ok(())
+    }
+
+    fn restart(&mut self, pixels: &[u32]) {
+        for &pixel in pixels {
+            let (block, i) =
+                (pixel as usize / self.block_pixels, pixel as usize % self.block_pixels);
+            if let Some(block) = self.blocks.get_mut(block).filter(|block| i < block.before.len()) {
+                self.model.restart(block, i);
+            }
+        }
     }
 }

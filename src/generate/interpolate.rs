@@ -1,7 +1,7 @@
 //! Frames between frames, so that the frames' own rhythm leaves the events.
 
-use super::ParameterError;
 use super::parameter_error::check;
+use super::{ParameterError, PlaneInterpolator, RowTimes};
 use crate::frame::Luminance;
 
 /// Less brightness than this counts as this, DN: half a step of a frame's digital units.
@@ -15,6 +15,9 @@ pub struct Interpolator {
 }
 
 impl Interpolator {
+    /// A gap as long as this is a break, not motion to be filled in, µs.
+    pub(super) const BREAK_US: i64 = 1_000_000;
+
     /// No two frames handed on are farther apart than `step_us`, 10 to 1,000,000.
     ///
     /// # Errors
@@ -36,8 +39,7 @@ impl Interpolator {
     ) -> Result<(), E> {
         if let Some(before) = self.before.take() {
             let span_us = frame.t_us.saturating_sub(before.t_us);
-            // A gap of a second or more is a break, not motion to be filled in.
-            let fits = before.size == frame.size && (1..1_000_000).contains(&span_us);
+            let fits = before.size == frame.size && (1..Self::BREAK_US).contains(&span_us);
             let n = if fits { (span_us + self.step_us - 1) / self.step_us } else { 1 };
             for i in 1..n {
                 take(&between(
@@ -54,7 +56,55 @@ impl Interpolator {
     }
 }
 
-fn between(before: &Luminance, after: &Luminance, share: f32, t_us: i64) -> Luminance {
+/// What is put between frames.
+pub enum Between {
+    /// Nothing: frames as they are.
+    Nothing,
+    /// Frames in which every pixel is straight in log brightness.
+    Pixels(Interpolator),
+    /// Frames in which the plane that is seen moves on.
+    Plane(Box<PlaneInterpolator>),
+}
+
+impl Between {
+    /// Rows of the frames to come saw their light at these times.
+    pub fn set_rows(&mut self, rows: RowTimes) {
+        if let Self::Plane(between) = self {
+            between.set_rows(rows);
+        }
+    }
+
+    /// Whether what is handed on is of one instant, whatever the rows' times were.
+    #[must_use]
+    pub const fn is_of_one_instant(&self) -> bool {
+        matches!(self, Self::Plane(_))
+    }
+
+    /// Intervals that were to be filled along the plane's way and were filled pixel by pixel.
+    #[must_use]
+    pub fn n_in_place(&self) -> u64 {
+        if let Self::Plane(between) = self { between.n_in_place() } else { 0 }
+    }
+
+    /// Hands on the frames after the previous one up to this one.
+    ///
+    /// # Errors
+    /// What `take` refuses.
+    pub fn push<E>(
+        &mut self,
+        frame: Luminance,
+        mut take: impl FnMut(&Luminance) -> Result<(), E>,
+    ) -> Result<(), E> {
+        match self {
+            Self::Nothing => take(&frame),
+            Self::Pixels(between) => between.push(frame, take),
+            Self::Plane(between) => between.push(frame, take),
+        }
+    }
+}
+
+/// The frame at a share of the way from one to the next, straight in log brightness.
+pub(super) fn between(before: &Luminance, after: &Luminance, share: f32, t_us: i64) -> Luminance {
     let mix = |(a, b): (&f32, &f32)| {
         if a == b {
             return *a;

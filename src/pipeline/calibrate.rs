@@ -1,10 +1,12 @@
 //! The stage `calibrate`: the generator's constants from a session's frames and real events.
 
-use super::{Freshness, PipelineError, clear, fresh_record, inputs};
-use crate::calibrate::{self, Calibration, EmdObjective, Light, LightBuilder, Objective};
+mod luminance;
+
+use super::generate::{is_scene, scene_inputs};
+use super::{Freshness, PipelineError, clear, fresh_record, inputs, light, track, tracked};
+use crate::calibrate::{self, CalibrateError, Calibration, EmdObjective, Objective};
 use crate::calibrate::{ScoreObjective, Settings};
-use crate::generate::voltmeter::Coefficients;
-use crate::session::{Session, StageRecord, StreamKind, StreamName, write_stage};
+use crate::session::{Session, StageRecord, StreamName, write_stage};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -21,7 +23,7 @@ pub enum ObjectiveKind {
 /// What to calibrate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CalibrateRequest {
-    /// The light: name of a frame stream.
+    /// The light: name of a frame stream of either camera, or `scene`.
     pub from: String,
     /// The reference events.
     pub real: String,
@@ -35,9 +37,6 @@ pub struct CalibrateRequest {
     pub force: bool,
 }
 
-/// White of an 8-bit frame, DN: brighter frames are of 10 bits.
-const WHITE_8_BIT_DN: f32 = 255.0;
-
 /// Runs the stage, unless its result is fresh.
 ///
 /// # Errors
@@ -46,8 +45,7 @@ pub fn calibrate(
     session: &Session,
     request: &CalibrateRequest,
 ) -> Result<(Calibration, Freshness), PipelineError> {
-    let light = session.stream(StreamKind::Frames, &request.from)?;
-    let mut inputs = inputs::of_recorded(session, light);
+    let mut inputs = inputs_of(session, &request.from)?;
     inputs.extend(inputs::of_events(session, &request.real)?);
     let parameters = json!({
         "from": request.from,
@@ -65,7 +63,7 @@ pub fn calibrate(
     {
         return Ok((calibration, Freshness::Fresh));
     }
-    let calibration = run(session, request, light.count)?;
+    let calibration = run(session, request)?;
     clear(&directory)?;
     let path = directory.join("k.json");
     let io = |source| PipelineError::Io { path: path.clone(), source };
@@ -80,40 +78,40 @@ pub fn calibrate(
     Ok((calibration, Freshness::Ran))
 }
 
-fn run(
-    session: &Session,
-    request: &CalibrateRequest,
-    n_frames: u64,
-) -> Result<Calibration, PipelineError> {
-    let failed = |source| PipelineError::Calibrate { session: session.root().to_owned(), source };
-    let (events, _) = session.events(&request.real)?;
-    let mut builder: Option<LightBuilder> = None;
-    let mut brightest = 0.0_f32;
-    for frame in session.luminance(&request.from)? {
-        let frame = frame?;
-        brightest = frame.values.iter().copied().fold(brightest, f32::max);
-        let new = || LightBuilder::new(frame.size, n_frames, request.seed);
-        builder.get_or_insert_with(new).push(&frame).map_err(failed)?;
+/// Checksums of what the light comes from: frames and, for the Pi's, both tracks and the clocks.
+fn inputs_of(session: &Session, from: &str) -> Result<inputs::Inputs, PipelineError> {
+    if is_scene(session, from) {
+        return Ok(scene_inputs(session));
     }
-    let light: Light = match builder {
-        Some(builder) => builder.finish().map_err(failed)?,
-        None => return Err(failed(calibrate::CalibrateError::TooFewFrames { n: 0 })),
-    };
+    let mut inputs = light::inputs_of(session, from)?;
+    if session.is_from_pi(from)? {
+        for stream in tracked(session) {
+            inputs.extend(track::outputs(session, &stream)?);
+        }
+    }
+    Ok(inputs)
+}
+
+fn failed(session: &Session, source: CalibrateError) -> PipelineError {
+    PipelineError::Calibrate { session: session.root().to_owned(), source }
+}
+
+fn run(session: &Session, request: &CalibrateRequest) -> Result<Calibration, PipelineError> {
+    let (events, _) = session.events(&request.real)?;
+    let seen = luminance::seen(session, &request.from, request.seed)?;
     let settings = Settings {
-        published: if brightest > WHITE_8_BIT_DN {
-            Coefficients::RAW2DVS346
-        } else {
-            Coefficients::DVS346
-        },
+        published: seen.published,
         n_evaluations: request.n_evaluations,
         seed: request.seed,
     };
-    let events = events.as_slice();
+    let (light, events) = (&seen.light, events.as_slice());
     let objective: Box<dyn Objective> = match request.objective {
-        ObjectiveKind::Score => Box::new(ScoreObjective::new(&light, events, request.seed)),
-        ObjectiveKind::Emd => Box::new(EmdObjective::new(&light, events, request.seed)),
+        ObjectiveKind::Score => Box::new(ScoreObjective::new(light, events, request.seed)),
+        ObjectiveKind::Emd => Box::new(EmdObjective::new(light, events, request.seed)),
     };
-    calibrate::calibrate(&light, events, objective.as_ref(), &settings).map_err(failed)
+    let calibration = calibrate::calibrate(light, events, objective.as_ref(), &settings);
+    let calibration = calibration.map_err(|source| failed(session, source))?;
+    Ok(Calibration { preparation: seen.preparation, ..calibration })
 }
 
 /// The calibration that a session holds for a light; `None` without one.

@@ -1,5 +1,6 @@
 //! The stage `compare`: a simulated stream against the real one.
 
+use super::generate::is_scene;
 use super::{Freshness, PipelineError, clear, filter, fresh_record, inputs};
 use crate::compare::{self, Comparison, FrameChanges, Maps, Setup};
 use crate::event::{EventSlice, Events};
@@ -11,6 +12,7 @@ use crate::session::{
 };
 use serde_json::json;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Resamplings behind each error.
 const N_BOOTSTRAP: usize = 400;
@@ -28,6 +30,43 @@ pub struct CompareRequest {
     pub force: bool,
 }
 
+/// The reference stream of several comparisons, read once.
+pub struct Reference<'a> {
+    session: &'a Session,
+    name: String,
+    whole: Option<Arc<Events>>,
+    /// As the stage `filter` left it; none inside when it did not run.
+    cut: Option<Option<Filtered>>,
+}
+
+/// A stream in the picture's own coordinates, with the checksums it stands for.
+type Filtered = (Arc<Events>, Size, inputs::Inputs);
+
+impl<'a> Reference<'a> {
+    /// The stream `name` of a session; nothing is read before it is needed.
+    #[must_use]
+    pub fn new(session: &'a Session, name: &str) -> Self {
+        Self { session, name: name.to_owned(), whole: None, cut: None }
+    }
+
+    fn whole(&mut self) -> Result<Arc<Events>, PipelineError> {
+        if let Some(events) = &self.whole {
+            return Ok(Arc::clone(events));
+        }
+        let events = Arc::new(self.session.events(&self.name)?.0);
+        Ok(Arc::clone(self.whole.insert(events)))
+    }
+
+    fn cut(&mut self) -> Result<Option<Filtered>, PipelineError> {
+        if let Some(cut) = &self.cut {
+            return Ok(cut.clone());
+        }
+        let cut = filter::filtered_events(self.session, &StreamName::new(&self.name)?)?;
+        let cut = cut.map(|(events, size, inputs)| (Arc::new(events), size, inputs));
+        Ok(self.cut.insert(cut).clone())
+    }
+}
+
 /// Runs the stage, unless its result is fresh.
 ///
 /// The window is the time both streams can have events in: a generated stream's, from its
@@ -39,9 +78,22 @@ pub fn compare(
     session: &Session,
     request: &CompareRequest,
 ) -> Result<(Comparison, Freshness), PipelineError> {
+    compare_with(&mut Reference::new(session, &request.real), request)
+}
+
+/// As [`compare`], with a reference stream that serves several comparisons; it stands for
+/// [`CompareRequest::real`].
+///
+/// # Errors
+/// As [`compare`].
+pub fn compare_with(
+    reference: &mut Reference<'_>,
+    request: &CompareRequest,
+) -> Result<(Comparison, Freshness), PipelineError> {
+    let session = reference.session;
     let simulated_name = request.simulated.as_str();
-    let cut = cut_alike(session, request)?;
-    let mut inputs = inputs::of_events(session, &request.real)?;
+    let cut = cut_alike(reference, request)?;
+    let mut inputs = inputs::of_events(session, &reference.name)?;
     inputs.extend(inputs::of_events(session, simulated_name)?);
     inputs.extend(cut.iter().flat_map(|cut| cut.inputs.clone()));
     let light = light_of(session, &request.simulated);
@@ -49,7 +101,7 @@ pub fn compare(
         inputs.extend(super::light::inputs_of(session, light)?);
     }
     let parameters = json!({
-        "real": request.real,
+        "real": reference.name,
         "simulated": simulated_name,
         "light": light,
         "is_cut_to_picture": cut.is_some(),
@@ -65,8 +117,8 @@ pub fn compare(
         return Ok((comparison, Freshness::Fresh));
     }
     let comparison = match cut {
-        Some(cut) => run_cut(session, request, cut)?,
-        None => run(session, request, light.as_deref())?,
+        Some(cut) => run_cut(reference, request, &cut)?,
+        None => run(reference, request, light.as_deref())?,
     };
     clear(&directory)?;
     write(&directory, &comparison)?;
@@ -77,16 +129,21 @@ pub fn compare(
 
 /// Both streams as the stage `filter` left them, in the picture's own coordinates.
 struct Cut {
-    real: Events,
+    real: Arc<Events>,
     simulated: Events,
     size: Size,
     inputs: inputs::Inputs,
 }
 
 /// Both streams cut to the picture; none unless both were, to the same grid.
-fn cut_alike(session: &Session, request: &CompareRequest) -> Result<Option<Cut>, PipelineError> {
-    let real = filter::filtered_events(session, &StreamName::new(&request.real)?)?;
-    let simulated = filter::filtered_events(session, &request.simulated)?;
+fn cut_alike(
+    reference: &mut Reference<'_>,
+    request: &CompareRequest,
+) -> Result<Option<Cut>, PipelineError> {
+    let Some(simulated) = filter::filtered_events(reference.session, &request.simulated)? else {
+        return Ok(None);
+    };
+    let (real, simulated) = (reference.cut()?, Some(simulated));
     Ok(real.zip(simulated).filter(|(real, simulated)| real.1 == simulated.1).map(
         |((real, size, mut inputs), (simulated, _, more))| {
             inputs.extend(more);
@@ -97,10 +154,11 @@ fn cut_alike(session: &Session, request: &CompareRequest) -> Result<Option<Cut>,
 
 /// Compares in the picture's own coordinates, where streams of any camera meet.
 fn run_cut(
-    session: &Session,
+    reference: &Reference<'_>,
     request: &CompareRequest,
-    cut: Cut,
+    cut: &Cut,
 ) -> Result<Comparison, PipelineError> {
+    let session = reference.session;
     let record = read_stage(&session.layout().derived("generate", Some(&request.simulated)));
     let tally = record.map(|record| record.tally);
     let number = |key: &str| tally.as_ref()?.get(key)?.as_i64();
@@ -110,7 +168,7 @@ fn run_cut(
         span(real.t).zip(span(simulated.t)).map(|(a, b)| (a.0.max(b.0), a.1.min(b.1) + 1));
     let window = number("first_us").zip(number("last_us")).or(overlap);
     let window = window.filter(|(start, end)| start < end);
-    let window = window.ok_or_else(|| no_overlap(session, request))?;
+    let window = window.ok_or_else(|| no_overlap(reference, request))?;
     let setup = Setup {
         size: cut.size,
         window: [window.0, window.1],
@@ -119,24 +177,25 @@ fn run_cut(
         n_bootstrap: N_BOOTSTRAP,
         frames: None,
     };
-    judge(session, request, real, simulated, &setup)
+    judge(reference, request, real, simulated, &setup)
 }
 
-fn no_overlap(session: &Session, request: &CompareRequest) -> PipelineError {
-    let what = format!("`{}` and `{}` do not overlap in time", request.real, request.simulated);
-    PipelineError::Missing { session: session.root().to_owned(), what }
+fn no_overlap(reference: &Reference<'_>, request: &CompareRequest) -> PipelineError {
+    let (real, simulated) = (&reference.name, &request.simulated);
+    let what = format!("`{real}` and `{simulated}` do not overlap in time");
+    PipelineError::Missing { session: reference.session.root().to_owned(), what }
 }
 
 fn judge(
-    session: &Session,
+    reference: &Reference<'_>,
     request: &CompareRequest,
     real: EventSlice<'_>,
     simulated: EventSlice<'_>,
     setup: &Setup<'_>,
 ) -> Result<Comparison, PipelineError> {
     compare::compare(real, simulated, setup).map_err(|source| PipelineError::Compare {
-        session: session.root().to_owned(),
-        real: request.real.clone(),
+        session: reference.session.root().to_owned(),
+        real: reference.name.clone(),
         simulated: request.simulated.to_string(),
         source,
     })
@@ -145,15 +204,18 @@ fn judge(
 /// The frame stream a generated stream came from.
 fn light_of(session: &Session, simulated: &StreamName) -> Option<String> {
     let record = read_stage(&session.layout().derived("generate", Some(simulated)))?;
-    record.parameters.get("from")?.as_str().map(str::to_owned)
+    let light = record.parameters.get("from")?.as_str()?;
+    // The scene has no frames.
+    (!is_scene(session, light)).then(|| light.to_owned())
 }
 
 fn run(
-    session: &Session,
+    reference: &mut Reference<'_>,
     request: &CompareRequest,
     light: Option<&str>,
 ) -> Result<Comparison, PipelineError> {
-    let (real, _) = session.events(&request.real)?;
+    let session = reference.session;
+    let real = reference.whole()?;
     let (simulated, _) = session.events(request.simulated.as_str())?;
     let missing =
         |what: String| PipelineError::Missing { session: session.root().to_owned(), what };
@@ -163,7 +225,7 @@ fn run(
         return Err(missing(format!(
             "`{}` is on a grid of {own}, `{}` on {size}; cut both to the picture with \
              `evrig filter --crop PX`",
-            request.simulated, request.real
+            request.simulated, reference.name
         )));
     }
     let (real, simulated) = (real.as_slice(), simulated.as_slice());
@@ -174,7 +236,7 @@ fn run(
         None => span(real.t).zip(span(simulated.t)).map(|(a, b)| (a.0.max(b.0), a.1.min(b.1) + 1)),
     };
     let window = window.filter(|(start, end)| start < end);
-    let window = window.ok_or_else(|| no_overlap(session, request))?;
+    let window = window.ok_or_else(|| no_overlap(reference, request))?;
     let change = |k: usize, out: &mut [f32]| {
         if let Some(frames) = &light {
             frames.change(k, out);
@@ -190,7 +252,7 @@ fn run(
             .as_ref()
             .map(|frames| FrameChanges { times_us: &frames.times_us, change: &change }),
     };
-    judge(session, request, real, simulated, &setup)
+    judge(reference, request, real, simulated, &setup)
 }
 
 /// Log brightness of a stream's frames, thinned where they would not fit in memory.

@@ -1,8 +1,12 @@
 //! The stage `diagnose`: which physics does the model leave out in this session?
 
+mod tied;
+
+use super::sync::read_clocks;
 use super::{Freshness, PipelineError, clear, default_light, fresh_record, inputs, read_scene};
-use crate::diagnose::{self, Diagnosis, Evidence, Facts, Options};
+use crate::diagnose::{self, Diagnosis, Evidence, Facts, FreeRun, Options};
 use crate::drive::Drive;
+use crate::event::Events;
 use crate::predict::ByPixel;
 use crate::scene::FramesDrive;
 use crate::session::{Session, StageRecord, StreamKind, read_stage, write_stage};
@@ -84,15 +88,44 @@ pub fn diagnose(
     {
         return Ok((diagnosis, Freshness::Fresh));
     }
-    let evidence = evidence(session, request)?;
-    let diagnosis = diagnose::diagnose(&evidence, &request.options, progress);
+    let Looked { evidence, drive, events } = look(session, request)?;
+    let found = diagnose::diagnose(&evidence, &request.options, progress);
+    let mut diagnosis = found.diagnosis;
+    progress("free run");
+    let models = [&found.baseline, &found.model];
+    let seed = request.options.seed;
+    let run = diagnose::free_run(&evidence, drive.as_ref(), events.as_slice(), models, seed);
+    if let Some(run) = &run {
+        diagnosis.fit.forward = run.measures.clone();
+    }
     clear(&directory)?;
-    let path = directory.join("diagnosis.json");
-    let text = serde_json::to_string_pretty(&diagnosis).unwrap_or_default();
-    std::fs::write(&path, text).map_err(|source| PipelineError::Io { path, source })?;
+    let write = |name: &str, text: String| {
+        let path = directory.join(name);
+        std::fs::write(&path, text).map_err(|source| PipelineError::Io { path, source })
+    };
+    write("diagnosis.json", serde_json::to_string_pretty(&diagnosis).unwrap_or_default())?;
+    write(FREE_RUN, serde_json::to_string(&run).unwrap_or_default())?;
     let tally = json!({ "n_pixels": diagnosis.n_pixels, "n_events": diagnosis.n_events });
-    write_stage(&directory, StageRecord { tally, ..wanted }, &["diagnosis.json"])?;
+    write_stage(&directory, StageRecord { tally, ..wanted }, &["diagnosis.json", FREE_RUN])?;
     Ok((diagnosis, Freshness::Ran))
+}
+
+/// The file of the free run beside the diagnosis.
+const FREE_RUN: &str = "free_run.json";
+
+/// The free run of the diagnosis that a session holds; none where the generator was not run.
+///
+/// # Errors
+/// When the file is there and cannot be read.
+pub fn read_free_run(session: &Session) -> Result<Option<FreeRun>, PipelineError> {
+    let path = session.layout().derived("diagnose", None).join(FREE_RUN);
+    if !path.exists() {
+        return Ok(None);
+    }
+    let io = |source| PipelineError::Io { path: path.clone(), source };
+    let text = std::fs::read_to_string(&path).map_err(io)?;
+    let read = serde_json::from_str(&text);
+    read.map_err(|error| io(std::io::Error::new(std::io::ErrorKind::InvalidData, error)))
 }
 
 /// The diagnosis that a session holds.
@@ -114,7 +147,33 @@ pub fn read_diagnosis(session: &Session) -> Result<Option<Diagnosis>, PipelineEr
 /// half an exposure at worst, and noise makes crossings early.
 const TIED_US: f64 = 1_500.0;
 
-fn evidence(session: &Session, request: &DiagnoseRequest) -> Result<Evidence, PipelineError> {
+/// By how much events may come beside what the clocks themselves state: noise makes crossings early.
+const STATED_US: f64 = 800.0;
+
+/// Starts of exposure of the event camera's own frames, microseconds of its clock, ascending; none
+/// without such frames.
+fn exposures_us(session: &Session) -> Result<Vec<i64>, PipelineError> {
+    if session.stream(StreamKind::Frames, "aps").is_err() {
+        return Ok(Vec::new());
+    }
+    let mut starts = Vec::new();
+    for picture in session.davis_pictures("aps")? {
+        let timing = picture?.frame.timing;
+        let start = timing.exposure.map_or(timing.stamp, |[start, _]| start);
+        starts.push(start.as_micros());
+    }
+    starts.sort_unstable();
+    Ok(starts)
+}
+
+/// What a diagnosis looks at, with what it was drawn from.
+struct Looked {
+    evidence: Evidence,
+    drive: Box<dyn Drive>,
+    events: Events,
+}
+
+fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, PipelineError> {
     let missing =
         |what: String| PipelineError::Missing { session: session.root().to_owned(), what };
     let (drive, facts): (Box<dyn Drive>, Facts) = match &request.baseline {
@@ -122,12 +181,16 @@ fn evidence(session: &Session, request: &DiagnoseRequest) -> Result<Evidence, Pi
             let scene = read_scene(session)?
                 .ok_or_else(|| missing("it holds no scene; run `evrig scene` first".into()))?;
             let drive = scene.drive();
+            let clocks = read_clocks(session)?;
+            let clocks = clocks.and_then(|clocks| tied::tied_clocks(&scene, &clocks));
             let facts = Facts {
                 from_scene: true,
-                aps_us: Vec::new(),
+                aps_us: exposures_us(session)?,
                 frame_us: 0.0,
                 white_dn: drive.white_dn(),
-                offset_within_us: TIED_US,
+                offset_within_us: if clocks.is_some() { STATED_US } else { TIED_US },
+                clocks,
+                pixel_mm: Some(scene.registration.pixel_mm),
             };
             (Box::new(drive), facts)
         }
@@ -141,8 +204,9 @@ fn evidence(session: &Session, request: &DiagnoseRequest) -> Result<Evidence, Pi
         _ => [from, to],
     };
     let recording = ByPixel::new(real, drive.size(), [window[0], window[1].max(window[0] + 1)]);
-    Evidence::new(&recording, drive.as_ref(), facts, &request.options)
-        .map_err(|source| PipelineError::Diagnose { session: session.root().to_owned(), source })
+    let evidence = Evidence::new(&recording, drive.as_ref(), facts, &request.options)
+        .map_err(|source| PipelineError::Diagnose { session: session.root().to_owned(), source })?;
+    Ok(Looked { evidence, drive, events })
 }
 
 /// The drive from frames of the event camera itself.
@@ -163,6 +227,8 @@ fn frames(session: &Session, light: &str) -> Result<(Box<dyn Drive>, Facts), Pip
         frame_us: (times[times.len() - 1] - times[0]) as f64 / (times.len() - 1).max(1) as f64,
         white_dn: drive.white_dn(),
         offset_within_us: SAME_CAMERA_US,
+        clocks: None,
+        pixel_mm: None,
     };
     Ok((Box::new(drive), facts))
 }

@@ -239,7 +239,7 @@ fn region_path(
             let clocks = clocks.ok_or_else(|| {
                 missing(session, format!("`{stream}` is on the Pi's clock; run `evrig sync` first"))
             })?;
-            let clock: &ClockEstimate<Davis, PiSensor> = &clocks.davis_from_sensor;
+            let clock: ClockEstimate<Davis, PiSensor> = clocks.davis_from(stream);
             path_of(track, size, span, |at| clock.inverse_map(at))
         }
     };

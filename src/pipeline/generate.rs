@@ -1,15 +1,19 @@
 //! The stage `generate`: a session's frames become an event stream.
 
 mod affected;
+mod driven;
 
 pub(super) use affected::with_effects;
+pub use driven::white_of;
+pub(super) use driven::{SCENE, drive_of, inputs_of as scene_inputs, is_scene};
 
+use super::between::{between, light_under};
 use super::{Freshness, PipelineError, clear, fresh_record, light};
 use crate::event::Events;
 use crate::format::aedat4::{Compression, StreamSpec, Writer};
 use crate::generate::effect::Effects;
 use crate::generate::input::Preparation;
-use crate::generate::{GenerateError, GenerateParameters, Interpolator, build};
+use crate::generate::{GenerateError, GenerateParameters, Rhythm, RowShift, RowTimes, build};
 use crate::geometry::Size;
 use crate::session::{Session, StageRecord, StreamKind, StreamName, write_stage};
 use crate::time::{Clock, Davis};
@@ -22,7 +26,7 @@ use std::time::{Duration, Instant};
 /// What to generate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GenerateRequest {
-    /// The light: name of a frame stream.
+    /// The light: name of a frame stream, or `scene`.
     pub from: String,
     /// Name of the stream to make.
     pub name: StreamName,
@@ -44,6 +48,9 @@ pub struct Conditions {
     /// Frames are put between frames until none are farther apart, µs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interpolate_us: Option<u32>,
+    /// Whether frames are put between frames along the way of the target plane.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub in_plane: bool,
     /// Physical effects.
     #[serde(default, skip_serializing_if = "Effects::is_empty")]
     pub effects: Effects,
@@ -63,9 +70,9 @@ pub struct Generated {
 }
 
 /// What went in and what came out.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct GenerateTally {
-    /// Frames that the generator took in.
+    /// Frames, or instants of the scene, that the generator took in.
     pub n_frames: u64,
     /// Frames left out because they are not later than the one before.
     pub n_frames_not_later: u64,
@@ -79,6 +86,12 @@ pub struct GenerateTally {
     pub last_us: i64,
     /// Pixels a frame.
     pub n_pixels: u64,
+    /// Frame intervals that were to be filled in the target plane and were filled pixel by pixel.
+    #[serde(default)]
+    pub n_filled_in_place: u64,
+    /// How much of the frames' rhythm is in the events, 0 to 1; none without events.
+    #[serde(default)]
+    pub frame_rhythm: Option<f64>,
 }
 
 /// Time spent in the generator alone, reading and writing left out.
@@ -134,12 +147,20 @@ pub fn generate(
             what: format!("`{name}` is a recorded stream; choose another --name"),
         });
     }
-    let frames = session.stream(StreamKind::Frames, &request.from)?;
+    let from_scene = driven::is_scene(session, &request.from);
+    let n_frames =
+        if from_scene { 0 } else { session.stream(StreamKind::Frames, &request.from)?.count };
     let mut parameters = json!({ "from": request.from, "generator": request.parameters });
+    // Each row at its own time; before, all had the middle one's.
+    parameters["times"] = json!("row");
     if request.conditions != Conditions::default() {
         parameters["conditions"] = json!(request.conditions);
     }
-    let inputs = light::inputs_of(session, &request.from)?;
+    let inputs = if from_scene {
+        driven::inputs_of(session)
+    } else {
+        light::inputs_of(session, &request.from)?
+    };
     let wanted = StageRecord::new("generate", Some(name.as_str()), inputs, parameters);
     let directory = session.layout().derived("generate", Some(name));
     if let (false, Some(record)) = (request.force, fresh_record(&directory, &wanted)) {
@@ -148,8 +169,12 @@ pub fn generate(
     }
     clear(&directory)?;
     // What was made before an error is no stream.
-    let (tally, spent) = run(session, request, frames.count, progress)
-        .inspect_err(|_| drop(std::fs::remove_dir_all(&directory)))?;
+    let made = if from_scene {
+        driven::run(session, request, progress)
+    } else {
+        run(session, request, n_frames, progress)
+    };
+    let (tally, spent) = made.inspect_err(|_| drop(std::fs::remove_dir_all(&directory)))?;
     let record = StageRecord { tally: json!(tally), ..wanted };
     let record = write_stage(&directory, record, &["events.aedat4"])?;
     let speed = Some(GenerationSpeed::new(spent, &tally));
@@ -163,35 +188,39 @@ fn run(
     progress: &mut dyn FnMut(u64, u64),
 ) -> Result<(GenerateTally, Duration), PipelineError> {
     let conditions = &request.conditions;
-    let mut frames = light::light(session, &request.from)?.prepared(conditions.preparation);
+    let mut frames = light_under(session, &request.from, conditions)?;
     if !conditions.effects.is_empty() {
         return affected::run(session, request, &mut frames, n_frames, progress);
     }
     let mut generator = build(&request.parameters, None)?;
-    let mut interpolator = conditions.interpolate_us.map(Interpolator::new).transpose()?;
+    let mut between = between(session, &request.from, conditions)?;
+    let (mut shift, mut rhythm) = (RowShift::default(), Rhythm::default());
     let mut writer = None;
     let mut tally = GenerateTally::default();
     let mut spent = Duration::ZERO;
-    let mut events = Events::new();
-    for frame in frames.by_ref() {
+    let (mut made, mut events) = (Events::new(), Events::new());
+    // Not a `for`, since the rows' times are asked for in between.
+    while let Some(frame) = frames.next() {
         let frame = frame?;
         let (t_us, size) = (frame.t_us, frame.size);
+        let rows = frames.rows(size);
         if tally.n_frames == 0 {
             tally.first_us = t_us;
             tally.n_pixels = size.n_pixels() as u64;
         }
-        events.clear();
+        (made.clear(), events.clear());
         let started = Instant::now();
-        let pushed = match &mut interpolator {
-            Some(between) => between.push(frame, |frame| generator.push(frame, &mut events)),
-            None => generator.push(&frame, &mut events),
-        };
+        between.set_rows(rows);
+        let pushed = between.push(frame, |frame| generator.push(frame, &mut made));
         pushed.map_err(|source| failed(session, request, source))?;
+        rhythm.add(made.as_slice(), tally.last_us, t_us - tally.last_us);
+        let rows = if between.is_of_one_instant() { RowTimes::default() } else { rows };
+        shift.push(rows, size, t_us, &made, &mut events);
         spent += started.elapsed();
         tally.n_frames += 1;
         tally.last_us = t_us;
-        tally.n_events += events.len() as u64;
-        tally.n_on += events.as_slice().count_on() as u64;
+        tally.n_events += made.len() as u64;
+        tally.n_on += made.as_slice().count_on() as u64;
         if writer.is_none() {
             writer = Some(open(session, request, generator.name(), size)?);
         }
@@ -201,9 +230,14 @@ fn run(
         progress(tally.n_frames, n_frames);
     }
     tally.n_frames_not_later = frames.n_not_later();
-    let writer = writer
+    tally.n_filled_in_place = between.n_in_place();
+    tally.frame_rhythm = Some(rhythm.strength()).filter(|strength| strength.is_finite());
+    let mut writer = writer
         .filter(|_| tally.n_frames > 1)
         .ok_or_else(|| too_few(session, request, tally.n_frames))?;
+    events.clear();
+    shift.finish(&mut events);
+    writer.write_events(0, events.as_slice())?;
     writer.finish()?;
     Ok((tally, spent))
 }

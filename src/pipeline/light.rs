@@ -3,8 +3,10 @@
 use super::sync::{missing, read_clocks};
 use super::{PipelineError, inputs};
 use crate::clock::ClockEstimate;
-use crate::frame::{Luminance, Samples};
+use crate::frame::{Frame, Luminance, Samples};
+use crate::generate::RowTimes;
 use crate::generate::input::{Pictured, Preparation, Preparer};
+use crate::geometry::Size;
 use crate::session::{
     Ascending, DavisPictures, PiPictures, Picture, Session, SessionError, StreamKind, read_stage,
 };
@@ -17,12 +19,13 @@ enum Source {
 
 /// A stream's frames as brightness in ascending time, on the events' clock.
 ///
-/// The time is the middle of the exposure of the frame's middle row. A raw frame keeps its mosaic
+/// The time is the middle of the exposure of the frame's middle row; [`Light::rows`] has the others'. A raw frame keeps its mosaic
 /// and its pedestal, each pixel in its own colour, as the published generator takes it.
 pub struct Light {
     source: Source,
     preparer: Preparer,
     ascending: Ascending,
+    row_us: f64,
 }
 
 /// The light of a stream.
@@ -35,12 +38,13 @@ pub fn light(session: &Session, name: &str) -> Result<Light, PipelineError> {
             let what = format!("`{name}` is on the Pi's clock; run `evrig sync` first");
             missing(session, what)
         })?;
-        let davis_from_sensor = Box::new(clocks.davis_from_sensor);
+        let davis_from_sensor = Box::new(clocks.davis_from(name));
         Source::Pi { pictures: session.pi_pictures(name)?, davis_from_sensor }
     } else {
         Source::Davis(session.davis_pictures(name)?)
     };
-    Ok(Light { source, preparer: Preparer::default(), ascending: Ascending::default() })
+    let (preparer, ascending) = (Preparer::default(), Ascending::default());
+    Ok(Light { source, preparer, ascending, row_us: 0.0 })
 }
 
 /// Checksums of what the light of a stream comes from: its files, and the clock where it needs one.
@@ -63,6 +67,12 @@ impl Light {
         Self { preparer: Preparer::new(preparation), ..self }
     }
 
+    /// When the rows of a frame of this size saw their light, as the frame read last states it.
+    #[must_use]
+    pub fn rows(&self, size: Size) -> RowTimes {
+        RowTimes::about_middle(self.row_us, size)
+    }
+
     /// Frames left out so far because they are not later than the frame before them.
     #[must_use]
     pub fn n_not_later(&self) -> u64 {
@@ -72,12 +82,18 @@ impl Light {
 
 impl Source {
     /// The next frame, whenever it was.
-    fn read(&mut self, preparer: &mut Preparer) -> Option<Result<Luminance, SessionError>> {
+    fn read(
+        &mut self,
+        preparer: &mut Preparer,
+        row_us: &mut f64,
+    ) -> Option<Result<Luminance, SessionError>> {
         match self {
             Self::Davis(pictures) => Some(pictures.next()?.map(|picture| {
                 let frame = &picture.frame;
                 let t_us = frame.timing.mid_exposure(frame.size.height / 2).as_micros();
-                preparer.prepare(t_us, &pictured(&picture), frame.brightness())
+                let light = preparer.prepare(t_us, &pictured(&picture), frame.brightness());
+                *row_us = row_time_us(frame, &light);
+                light
             })),
             Self::Pi { pictures, davis_from_sensor } => match pictures.next()? {
                 Err(error) => Some(Err(error)),
@@ -86,11 +102,19 @@ impl Source {
                     let at = frame.timing.mid_exposure(frame.size.height / 2);
                     // An estimate has a segment at least, which holds beyond its ends.
                     let t_us = davis_from_sensor.map(at)?.as_micros();
-                    Some(Ok(preparer.prepare(t_us, &pictured(&picture), frame.brightness())))
+                    let light = preparer.prepare(t_us, &pictured(&picture), frame.brightness());
+                    *row_us = row_time_us(frame, &light);
+                    Some(Ok(light))
                 }
             },
         }
     }
+}
+
+/// The delay from row to row of what was made of a frame: one colour of a mosaic has half the rows.
+fn row_time_us<C: Clock>(frame: &Frame<C>, light: &Luminance) -> f64 {
+    let rows = f64::from(frame.size.height) / f64::from(light.size.height.max(1));
+    frame.timing.row_time.as_nanos() as f64 * 1e-3 * rows.round()
 }
 
 /// What preparing a picture needs of it.
@@ -111,7 +135,7 @@ impl Iterator for Light {
     type Item = Result<Luminance, SessionError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let Self { source, preparer, ascending } = self;
-        ascending.next(|| source.read(preparer))
+        let Self { source, preparer, ascending, row_us } = self;
+        ascending.next(|| source.read(preparer, row_us))
     }
 }

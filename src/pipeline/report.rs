@@ -2,6 +2,8 @@
 
 mod target;
 
+use super::generate::{SCENE, is_scene};
+use super::read_free_run;
 use super::{PipelineError, filter, read_calibration, read_comparison, read_diagnosis};
 use crate::compare::Comparison;
 use crate::event::Events;
@@ -31,6 +33,8 @@ pub fn report(session: &Session) -> Result<String, PipelineError> {
         let (events, cut_real) = events(session, &name, &comparison)?;
         let record = read_stage(&session.layout().derived("generate", Some(&name)));
         let light = record.as_ref().and_then(|r| r.parameters.get("from")?.as_str());
+        // The scene has no frames to show.
+        let light = light.filter(|light| !is_scene(session, light));
         let (frame, moment_us) = moment(session, light, real.as_slice().t, comparison.window_us)?;
         // A frame lies under the events only where they have its own pixels.
         let frame = frame.filter(|frame| Some(frame.size) == comparison.maps.size);
@@ -46,16 +50,20 @@ pub fn report(session: &Session) -> Result<String, PipelineError> {
         });
     }
     let mut calibrated = Vec::new();
-    for stream in session.manifest().streams.iter().filter(|s| s.kind == StreamKind::Frames) {
-        let Ok(light) = StreamName::new(&stream.name) else { continue };
-        calibrated.extend(read_calibration(session, &light)?.map(|c| (stream.name.clone(), c)));
+    let frames = session.manifest().streams.iter().filter(|s| s.kind == StreamKind::Frames);
+    for light in frames.map(|stream| stream.name.as_str()).chain([SCENE]) {
+        let Ok(name) = StreamName::new(light) else { continue };
+        calibrated.extend(read_calibration(session, &name)?.map(|c| (light.to_owned(), c)));
     }
     let mut page =
         page(session, real.as_slice(), &compared, &calibrated).map_err(PipelineError::Picture)?;
     page.sections.extend(target::sections(session)?);
     // The answer stands first; how it was come by follows.
     if let Some(diagnosis) = read_diagnosis(session)? {
-        page.sections.insert(0, crate::report::diagnosis::section(&diagnosis));
+        page.sections.insert(
+            0,
+            crate::report::diagnosis::section(&diagnosis, read_free_run(session)?.as_ref()),
+        );
     }
     Ok(page.to_html()?)
 }

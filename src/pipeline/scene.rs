@@ -3,7 +3,7 @@
 use super::sync::{missing, read_clocks};
 use super::{AnyTrack, Freshness, PipelineError, clear, fresh_record, inputs, read_track, track};
 use crate::format::npy::{ArrayReader, ArrayWriter, Column, Element};
-use crate::rig::Rig;
+use crate::rig::{CameraDescription, Mount};
 use crate::roi::Lens;
 use crate::scene::{
     DavisKnown, Footage, PATH_COLUMNS, PiKnown, RawLight, Scene, SceneFacts, Seeing, survey, tie,
@@ -44,7 +44,7 @@ impl Footage for Recorded<'_> {
             let picture = picture?;
             see(picture.number as usize, &picture.frame)?;
             self.n_done += 1;
-            (self.progress)(self.n_done, self.n_all);
+            (self.progress)(self.n_done, self.n_all.max(self.n_done));
         }
         Ok(())
     }
@@ -65,7 +65,9 @@ pub fn scene_streams(session: &Session) -> Result<[&str; 2], PipelineError> {
         (Some(raw), Some(aps)) => Ok([raw, aps]),
         (None, _) => Err(missing(session, "no raw frames of the Pi to map the print with".into())),
         (_, None) => {
-            Err(missing(session, "no frames of the event camera to tie it to the map".into()))
+            let what = "no frames of the event camera, without which nothing ties its pixels to the \
+                        map; record with APS frames on, or take `diagnose --baseline frames`";
+            Err(missing(session, what.into()))
         }
     }
 }
@@ -98,6 +100,7 @@ pub fn scene(
     let tally = json!({
         "n_frames": facts.n_frames[0],
         "n_lost": facts.n_frames[1],
+        "n_bridged": facts.n_bridged,
         "n_frames_of_events_camera": facts.registration.n_frames,
         "left_px": facts.registration.left_px,
         "left_dn": facts.registration.left_dn,
@@ -111,20 +114,18 @@ fn make(
     [raw, aps]: [&str; 2],
     progress: &mut dyn FnMut(u64, u64),
 ) -> Result<Scene, PipelineError> {
-    let rig = session
-        .rig()?
-        .ok_or_else(|| missing(session, "no rig states where the cameras sit".into()))?;
+    let cameras = cameras(session, [raw, aps])?;
     let no_track = |stream| missing(session, format!("`{stream}` has no track; run `evrig track`"));
     let Some(AnyTrack::Pi(pi_track)) = read_track(session, raw)? else { return Err(no_track(raw)) };
     let Some(AnyTrack::Davis(davis_track)) = read_track(session, aps)? else {
         return Err(no_track(aps));
     };
     let known = PiKnown {
-        size: rig.pi.camera.size,
-        lens: Lens::of(&rig.pi.camera),
+        size: cameras.pi.size,
+        lens: Lens::of(&cameras.pi),
         raw: raw_light(session, raw)?,
-        row_time: rig.pi.camera.row_time,
-        mount: rig.mount,
+        row_time: cameras.pi.row_time,
+        mount: cameras.mount,
         track: &pi_track,
     };
     let n_all = 2 * session.stream(StreamKind::Frames, raw)?.count;
@@ -133,17 +134,43 @@ fn make(
     let frames: Result<Vec<_>, SessionError> =
         session.davis_pictures(aps)?.map(|picture| Ok(picture?.frame)).collect();
     let pi_from_davis = pi_from_davis(session, &survey.path)?;
-    let known = davis_known(&rig, &davis_track, pi_from_davis);
+    let known = DavisKnown {
+        lens: Lens::of(&cameras.davis),
+        mount: cameras.mount,
+        track: &davis_track,
+        pi_from_davis,
+        is_measured: cameras.are_measured,
+    };
     let registration = tie(&survey, &known, &frames?)?;
-    Ok(Scene { size: rig.davis.camera.size, survey, registration })
+    Ok(Scene { size: cameras.davis.size, survey, registration })
 }
 
-fn davis_known<'a>(
-    rig: &Rig,
-    track: &'a crate::roi::Track<Davis>,
-    pi_from_davis: ClockMap<PiSensor, Davis>,
-) -> DavisKnown<'a> {
-    DavisKnown { lens: Lens::of(&rig.davis.camera), mount: rig.mount, track, pi_from_davis }
+/// The cameras and where they sit.
+struct Cameras {
+    pi: CameraDescription,
+    davis: CameraDescription,
+    mount: Mount,
+    /// Whether this is the rig that the session was recorded with.
+    are_measured: bool,
+}
+
+/// The session's own rig; for the published layout the published geometry, which says only roughly
+/// how the cameras sat.
+fn cameras(session: &Session, [raw, aps]: [&str; 2]) -> Result<Cameras, PipelineError> {
+    let own = session.rig()?;
+    let are_measured = own.is_some();
+    let rig = match own {
+        Some(rig) => Some(rig),
+        None => track::published(session)?,
+    };
+    let rig = rig.ok_or_else(|| missing(session, "no rig states where the cameras sit".into()))?;
+    let size = |name| session.stream(StreamKind::Frames, name).map(|entry| entry.size);
+    Ok(Cameras {
+        pi: track::fitted(&rig.pi.camera, size(raw)?),
+        davis: track::fitted(&rig.davis.camera, size(aps)?),
+        mount: rig.mount,
+        are_measured,
+    })
 }
 
 /// What the samples of the raw stream mean, from its first frame.
@@ -194,7 +221,7 @@ fn array<T: Element>(path: &Path, shape: &[u64], values: &[T]) -> Result<(), Pip
     Ok(written.map_err(SessionError::from)?)
 }
 
-fn read_facts(directory: &Path) -> Result<SceneFacts, PipelineError> {
+pub(super) fn read_facts(directory: &Path) -> Result<SceneFacts, PipelineError> {
     let path = directory.join("scene.json");
     let io = |source| PipelineError::Io { path: path.clone(), source };
     let text = std::fs::read_to_string(&path).map_err(io)?;

@@ -1,14 +1,15 @@
 //! A sweep: the same seconds of a session generated with one setting at several values.
 
+use super::between::{between, light_under};
 use super::generate::with_effects;
 use super::sync::missing;
-use super::{GenerateRequest, PipelineError, light};
+use super::{GenerateRequest, PipelineError};
 use crate::event::Events;
 use crate::frame::Luminance;
-use crate::generate::{Interpolator, build};
+use crate::generate::{RowTimes, build};
 use crate::geometry::Size;
 use crate::report::figure::Figure;
-use crate::report::number::count;
+use crate::report::number::{count, significant};
 use crate::report::page::{Block, Fact, Page, Section, Summary};
 use crate::report::plot::{cloud, heat};
 use crate::session::{Session, StreamKind};
@@ -66,7 +67,7 @@ pub fn sweep(
     for (value, step) in &request.steps {
         let events = events(session, step, &frames)?;
         n_events.push((*value, events.len()));
-        streams.push((format!("{} = {value:.3e}", request.name), events));
+        streams.push((format!("{} = {}", request.name, significant(*value, 3)), events));
         done();
     }
     let page = page(session, request, size, window_us, &streams)?;
@@ -86,7 +87,7 @@ fn frames(
     };
     let span_us = (seconds * 1e6) as i64;
     let start = (first / 2 + last / 2 - span_us / 2).max(first);
-    let light = light::light(session, &request.from)?.prepared(request.conditions.preparation);
+    let light = light_under(session, &request.from, &request.conditions)?;
     let mut found: Vec<Luminance> = Vec::new();
     for frame in light {
         let frame = frame?;
@@ -113,18 +114,13 @@ fn events(
     frames: &[Luminance],
 ) -> Result<Events, PipelineError> {
     if !request.conditions.effects.is_empty() {
-        return with_effects(session, request, frames.to_vec());
+        return with_effects(session, request, frames.to_vec(), RowTimes::default());
     }
     let mut generator = build(&request.parameters, None)?;
-    let mut interpolator = request.conditions.interpolate_us.map(Interpolator::new).transpose()?;
+    let mut between = between(session, &request.from, &request.conditions)?;
     let mut events = Events::new();
     for frame in frames {
-        let pushed = match &mut interpolator {
-            Some(between) => {
-                between.push(frame.clone(), |frame| generator.push(frame, &mut events))
-            }
-            None => generator.push(frame, &mut events),
-        };
+        let pushed = between.push(frame.clone(), |frame| generator.push(frame, &mut events));
         pushed.map_err(|source| PipelineError::Generate {
             session: session.root().to_owned(),
             stream: request.from.clone(),

@@ -9,8 +9,10 @@ use crate::clock::{
 use crate::format::npy::NpzWriter;
 use crate::rig::Rig;
 use crate::roi::Track;
-use crate::session::{RigNotes, Session, SessionError, StageRecord, StreamKind, write_stage};
-use crate::time::{Clock, Span, Unix};
+use crate::session::{
+    Origin, RigNotes, Session, SessionError, StageRecord, StreamKind, write_stage,
+};
+use crate::time::{Clock, PiSensor, Span, Unix};
 use crate::units::Pixels;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -74,7 +76,10 @@ pub fn sync(session: &Session, force: bool) -> Result<Synced, PipelineError> {
         inputs.extend(inputs::of_recorded(session, entry));
     }
     let tracks = pair_of_tracks(session)?;
-    for (name, _) in tracks.iter().flatten() {
+    let late = rgb_and_raw(session)?;
+    let names = tracks.iter().flatten().map(|(name, _)| name.as_str());
+    let of_late = late.iter().flat_map(|_| RGB_AND_RAW);
+    for name in names.chain(of_late) {
         inputs.extend(track::outputs(session, name)?);
     }
     let wanted = StageRecord::new("sync", None, inputs, json!({}));
@@ -97,6 +102,9 @@ pub fn sync(session: &Session, force: bool) -> Result<Synced, PipelineError> {
         };
         let options = MotionOptions { search, ..MotionOptions::default() };
         clocks.refine([davis, pi], &samples(real), &samples(seen), &options);
+    }
+    if let Some([rgb, raw]) = &late {
+        clocks.late.push(crate::clock::late(RGB_AND_RAW, &samples(rgb), &samples(raw)));
     }
     clear(&directory)?;
     write_clocks(session, &clocks)?;
@@ -267,6 +275,28 @@ fn pair_of_tracks(session: &Session) -> Result<Option<Pair>, PipelineError> {
     Ok(davis.zip(pi).map(|(davis, pi)| [davis, pi]))
 }
 
+/// The streams of the published layout that share their stamps though they come one after another.
+const RGB_AND_RAW: [&str; 2] = ["rgb", "raw"];
+
+/// The tracks of both in an import of that layout.
+fn rgb_and_raw(session: &Session) -> Result<Option<[Track<PiSensor>; 2]>, PipelineError> {
+    if !matches!(session.manifest().origin, Origin::Raw2Event { .. }) {
+        return Ok(None);
+    }
+    let of = |name| -> Result<Option<Track<PiSensor>>, PipelineError> {
+        Ok(match track::read_track(session, name)? {
+            Some(AnyTrack::Pi(track)) => Some(track),
+            _ => None,
+        })
+    };
+    let [rgb, raw] = RGB_AND_RAW;
+    Ok(of(rgb)?.zip(of(raw)?).map(|(rgb, raw)| [rgb, raw]))
+}
+
+/// A corner's own place shifts with how it falls on the pixels; what all corners of a frame have in
+/// common of that is not in their covariance. Pixels.
+const COMMON_PX: f64 = 0.01;
+
 /// The middle of the tag in each sighting, ideal pixels left out: the same lens bends both little
 /// over the way that the tag makes.
 fn samples<C: Clock>(track: &Track<C>) -> Vec<TrackSample<C>> {
@@ -284,7 +314,7 @@ fn samples<C: Clock>(track: &Track<C>) -> Vec<TrackSample<C>> {
                 at: sighting.time,
                 x: Pixels(mean(0)),
                 y: Pixels(mean(1)),
-                error: Pixels(variance.max(1e-8).sqrt()),
+                error: Pixels(variance.max(0.0).sqrt().hypot(COMMON_PX)),
             }
         })
         .collect()

@@ -5,7 +5,8 @@ use crate::frame::Frame;
 use crate::rig::{CameraDescription, Rig};
 use crate::roi::{Light, Track, TrackOptions, Tracker};
 use crate::session::{
-    Picture, Session, SessionError, StageRecord, StreamKind, StreamName, read_stage, write_stage,
+    Origin, Picture, Session, SessionError, StageRecord, StreamKind, StreamName, read_stage,
+    write_stage,
 };
 use crate::time::{Clock, Davis, PiSensor};
 use serde::{Deserialize, Serialize};
@@ -166,23 +167,32 @@ pub fn track(
 /// The rig that a session was recorded with; else the one given; else, for the published layout,
 /// the published geometry, which the bundled simulated rig has.
 fn rig(session: &Session, request: &TrackRequest) -> Result<(String, Rig), PipelineError> {
-    use crate::session::Origin;
     if let Some(rig) = session.rig()? {
         return Ok(("the session's own".into(), rig));
     }
     if let Some((name, rig)) = &request.rig {
         return Ok((name.clone(), rig.clone()));
     }
-    if let Origin::Raw2Event { .. } = session.manifest().origin {
-        let rig = Rig::simulated().map_err(|error| missing(session, error.to_string()))?;
+    if let Some(rig) = published(session)? {
         return Ok(("the published geometry".into(), rig));
     }
     let what = "nothing states its target and lens; name a rig file with --rig".to_owned();
     Err(missing(session, what))
 }
 
+/// The published geometry, for an import from the published layout.
+pub(super) fn published(session: &Session) -> Result<Option<Rig>, PipelineError> {
+    if !matches!(session.manifest().origin, Origin::Raw2Event { .. }) {
+        return Ok(None);
+    }
+    Rig::simulated().map(Some).map_err(|error| missing(session, error.to_string()))
+}
+
 /// The camera with its axis in the middle of frames that are of another size than it states.
-fn fitted(camera: &CameraDescription, size: Option<crate::geometry::Size>) -> CameraDescription {
+pub(super) fn fitted(
+    camera: &CameraDescription,
+    size: Option<crate::geometry::Size>,
+) -> CameraDescription {
     let mut camera = camera.clone();
     if let Some(size) = size.filter(|size| *size != camera.size) {
         camera.size = size;

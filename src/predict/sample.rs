@@ -28,6 +28,61 @@ pub fn sample(law: &PixelLaw, light: Light<'_>, end_us: i64, random: &mut SplitM
     spikes
 }
 
+/// An event and what the light had done by then.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moment {
+    /// The event.
+    pub spike: Spike,
+    /// Change of the light since the event before, in this one's own direction, log intensity.
+    pub change: f64,
+    /// Speed of the light in the event's direction, log intensity a second.
+    pub slope_per_s: f64,
+    /// Log intensity over white.
+    pub level: f64,
+}
+
+/// What followed an event, and what the law would have had follow it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Followed {
+    /// Number of the event that both follow.
+    pub before: usize,
+    /// The event that came next; none when the known light ended first.
+    pub real: Option<Moment>,
+    /// One drawn from the law behind the same past.
+    pub drawn: Option<Moment>,
+}
+
+/// For each event, what came next and a next event drawn from the law. If the law is true the two
+/// are alike, whatever one looks at that is known without the pixel's later events.
+#[must_use]
+pub fn followed(
+    law: &PixelLaw,
+    light: Light<'_>,
+    spikes: &[Spike],
+    end_us: i64,
+    random: &mut SplitMix,
+) -> Vec<Followed> {
+    let mut all = Vec::new();
+    for run in light.known() {
+        let at = |index: usize| light.start_us + index as f64 * light.step_us;
+        let [from, to] = [at(run[0]).max(0.0), at(run[1]).min(end_us as f64)];
+        let first = spikes.partition_point(|spike| (spike.t_us as f64) < from);
+        let last = spikes.partition_point(|spike| spike.t_us as f64 <= to);
+        let mut source = Source { law, light, run, random: &mut *random };
+        for before in first..last {
+            let start = source.behind(spikes[before], to);
+            let drawn = source.fire(&start, spikes[before].t_us as f64, to);
+            let real = (before + 1 < last).then(|| spikes[before + 1]);
+            all.push(Followed {
+                before,
+                real: real.map(|spike| source.moment(&start, spike)),
+                drawn: drawn.map(|spike| source.moment(&start, spike)),
+            });
+        }
+    }
+    all
+}
+
 struct Source<'a> {
     law: &'a PixelLaw,
     light: Light<'a>,
@@ -78,6 +133,12 @@ impl Source<'_> {
     }
 
     fn next(&mut self, spike: Spike, to_us: f64) -> Option<Spike> {
+        let start = self.behind(spike, to_us);
+        self.fire(&start, spike.t_us as f64, to_us)
+    }
+
+    /// Where the pixel stands behind an event.
+    fn behind(&mut self, spike: Spike, to_us: f64) -> Start {
         let fired_us = spike.t_us as f64;
         let awake_us = fired_us + self.law.blind_s * 1e6;
         let memorised_us = awake_us.min(to_us);
@@ -90,15 +151,27 @@ impl Source<'_> {
             Threshold::new(theta, noise, law.drop_fraction).at_spent(self.random.exponential())
         };
         let at = [draw(law.theta_on), draw(law.theta_off)];
-        let start = Start {
+        Start {
             awake_us,
             value: self.light.at(self.position(memorised_us), self.run),
             at,
             moves: Movement::new(&law, noise),
             background: self.background(fired_us),
             shared: None,
-        };
-        self.fire(&start, fired_us, to_us)
+        }
+    }
+
+    /// What the light has done by the time of an event, in the event's own direction.
+    fn moment(&self, start: &Start, spike: Spike) -> Moment {
+        let position = self.position(spike.t_us as f64);
+        let towards = if spike.on { 1.0 } else { -1.0 };
+        let i = (position.max(0.0) as usize).clamp(self.run[0], self.run[1]);
+        Moment {
+            spike,
+            change: towards * self.change(start, position),
+            slope_per_s: towards * (self.light.slope(position, self.run) + self.law.leak_per_s),
+            level: f64::from(self.light.level[i]),
+        }
     }
 
     fn background(&mut self, from_us: f64) -> Spike {

@@ -2,13 +2,15 @@
 
 use super::strength::{Strength, strengths};
 use super::{Concealed, Family, Rectangle, Trial, Truth};
+use crate::effect_id::EffectGroup;
 use crate::stats::SplitMix;
+use serde::{Deserialize, Serialize};
 
 /// The strongest an effect is drawn, in units of its least strength.
 const STRONGEST: f64 = 4.0;
 
 /// How many trials of each kind.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Mix {
     /// Whose sessions.
     pub family: Family,
@@ -20,7 +22,27 @@ pub struct Mix {
     pub clean: usize,
     /// With one that the library does not know.
     pub alien: usize,
+    /// With one effect in a part of the picture only.
+    pub local: usize,
 }
+
+impl Mix {
+    /// No trial of any kind.
+    #[must_use]
+    pub const fn none(family: Family) -> Self {
+        Self { family, single: 0, double: 0, clean: 0, alien: 0, local: 0 }
+    }
+}
+
+/// What a trial is to hide.
+#[derive(Clone, Default)]
+struct Kind<'a> {
+    effects: Vec<&'a Strength>,
+    is_local: bool,
+}
+
+/// Columns and rows of the simulated rig's event camera.
+const SENSOR_PX: [u16; 2] = [346, 260];
 
 /// Pictures and trajectories of the simulated rig that trials take in turn.
 const PICTURES: &[&str] = &["leaves-1", "leaves-2", "leaves-3", "leaves-4"];
@@ -30,23 +52,51 @@ const TRAJECTORIES: &[&str] = &["circle", "figure-eight"];
 #[must_use]
 pub fn draw(mix: Mix, seed: u64) -> Vec<Trial> {
     let (known, alien) = strengths(mix.family);
-    let mut kinds: Vec<Vec<&Strength>> = Vec::new();
+    let mut kinds: Vec<Kind<'_>> = Vec::new();
+    let whole = |effects| Kind { effects, is_local: false };
     let mut order = SplitMix::new(seed, u64::MAX);
     // One after another from a shuffled table, so that few trials still cover many effects.
     let deck = shuffled(known.len(), &mut order);
     let pick = |i: usize| (!deck.is_empty()).then(|| &known[deck[i % deck.len()]]);
-    kinds.extend((0..mix.single).filter_map(|i| pick(i).map(|s| vec![s])));
-    kinds.extend((0..mix.double).filter_map(|i| pair(known, &mut order, i)));
-    kinds.extend((0..mix.clean).map(|_| Vec::new()));
+    kinds.extend((0..mix.single).filter_map(|i| pick(i).map(|s| whole(vec![s]))));
+    kinds.extend((0..mix.double).filter_map(|_| pair(known, &mut order).map(whole)));
+    kinds.extend((0..mix.clean).map(|_| Kind::default()));
     let first = order.below(alien.len().max(1));
     kinds.extend(
-        (0..mix.alien).filter_map(|i| alien.get((first + i) % alien.len().max(1))).map(|s| vec![s]),
+        (0..mix.alien)
+            .filter_map(|i| alien.get((first + i) % alien.len().max(1)))
+            .map(|s| whole(vec![s])),
+    );
+    let placeable: Vec<&Strength> = known.iter().filter(|entry| is_placeable(entry)).collect();
+    let first = order.below(placeable.len().max(1));
+    kinds.extend(
+        (0..mix.local)
+            .filter_map(|i| placeable.get((first + i) % placeable.len().max(1)))
+            .map(|s| Kind { effects: vec![s], is_local: true }),
     );
     let kinds = shuffled(kinds.len(), &mut order).into_iter().map(|i| kinds[i].clone());
     kinds.enumerate().map(|(number, kind)| trial(mix.family, number, &kind, seed)).collect()
 }
 
-fn pair<'a>(known: &'a [Strength], random: &mut SplitMix, _: usize) -> Option<Vec<&'a Strength>> {
+/// Effects that the world can limit to a part of its pixels and that act in each of them.
+fn is_placeable(entry: &Strength) -> bool {
+    let acts_in_each = !["hot_pixels", "threshold_mismatch"].contains(&entry.id);
+    let effect = entry.id.parse::<crate::effect_id::EffectId>();
+    acts_in_each && effect.is_ok_and(|effect| effect.group() == EffectGroup::Pixel)
+}
+
+/// One side of the picture, between two and three fifths of it.
+fn part_of(sensor_px: [u16; 2], random: &mut SplitMix) -> Rectangle {
+    let mut ends = sensor_px.map(|n| [0, n]);
+    let axis = random.below(2);
+    let n = sensor_px[axis];
+    let cut = (f64::from(n) * random.between(0.4, 0.6)).round() as u16;
+    ends[axis] = if random.below(2) == 0 { [0, cut] } else { [cut, n] };
+    let [x_px, y_px] = ends;
+    Rectangle { x_px, y_px }
+}
+
+fn pair<'a>(known: &'a [Strength], random: &mut SplitMix) -> Option<Vec<&'a Strength>> {
     if known.len() < 2 {
         return None;
     }
@@ -63,13 +113,16 @@ fn shuffled(n: usize, random: &mut SplitMix) -> Vec<usize> {
     order
 }
 
-fn trial(family: Family, number: usize, kind: &[&Strength], seed: u64) -> Trial {
+fn trial(family: Family, number: usize, kind: &Kind<'_>, seed: u64) -> Trial {
     let mut random = SplitMix::new(seed, number as u64);
+    // Where an effect is, is asked of effects that can be seen.
+    let weakest: f64 = if kind.is_local { 2.0 } else { 1.0 };
     let effects = kind
+        .effects
         .iter()
         .map(|entry| {
             // Even in the logarithm: as many trials between 1 and 2 as between 2 and 4.
-            let strength = STRONGEST.powf(random.uniform());
+            let strength = weakest * (STRONGEST / weakest).powf(random.uniform());
             Concealed { id: entry.id.into(), parameters: entry.parameters(strength), strength }
         })
         .collect();
@@ -79,7 +132,7 @@ fn trial(family: Family, number: usize, kind: &[&Strength], seed: u64) -> Trial 
         trajectory = TRAJECTORIES[random.below(TRAJECTORIES.len())].into();
     }
     let nonce = format!("{:016x}{:016x}", random.bits(), random.bits());
-    let region: Option<Rectangle> = None;
+    let region = kind.is_local.then(|| part_of(SENSOR_PX, &mut random));
     let truth = Truth { schema: "evrig.truth/1".into(), effects, region, nonce };
     let name = format!("{}-{number:03}", family.as_str());
     Trial { name, family, picture, trajectory, seed: random.bits(), truth }
@@ -90,7 +143,8 @@ mod tests {
     use super::*;
     use std::collections::BTreeSet;
 
-    const MIX: Mix = Mix { family: Family::World, single: 30, double: 4, clean: 6, alien: 3 };
+    const MIX: Mix =
+        Mix { family: Family::World, single: 30, double: 4, clean: 6, alien: 3, local: 0 };
 
     #[test]
     fn a_seed_draws_the_same_trials_and_another_seed_others() {
@@ -114,7 +168,7 @@ mod tests {
 
     #[test]
     fn thirty_single_trials_cover_the_whole_table() {
-        let trials = draw(Mix { double: 0, clean: 0, alien: 0, ..MIX }, 1);
+        let trials = draw(Mix { single: 30, ..Mix::none(Family::World) }, 1);
         let ids: BTreeSet<_> = trials.iter().map(|t| t.truth.effects[0].id.clone()).collect();
         assert_eq!(ids.len(), strengths(Family::World).0.len());
         let strengths = trials.iter().map(|t| t.truth.effects[0].strength);
@@ -124,9 +178,21 @@ mod tests {
     #[test]
     fn two_effects_of_a_trial_differ() {
         for seed in 0..40 {
-            for trial in draw(Mix { single: 0, double: 3, clean: 0, alien: 0, ..MIX }, seed) {
+            for trial in draw(Mix { double: 3, ..Mix::none(Family::World) }, seed) {
                 assert_ne!(trial.truth.effects[0].id, trial.truth.effects[1].id);
             }
+        }
+    }
+
+    #[test]
+    fn an_effect_in_a_part_of_the_picture_is_strong_and_the_part_is_about_half() {
+        let rig = crate::rig::Rig::simulated().unwrap();
+        let size = rig.davis.camera.size;
+        assert_eq!([size.width, size.height], SENSOR_PX);
+        for trial in draw(Mix { local: 40, ..Mix::none(Family::World) }, 2) {
+            let share = trial.truth.region.unwrap().area() as f64 / size.n_pixels() as f64;
+            assert!((0.39..=0.61).contains(&share), "{share}");
+            assert!((2.0..=4.0).contains(&trial.truth.effects[0].strength));
         }
     }
 }

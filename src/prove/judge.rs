@@ -1,6 +1,7 @@
 //! An answer held against the truth.
 
-use super::{Rectangle, Truth};
+use super::region::{f1, pointed_at};
+use super::{Record, Truth};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,9 +13,41 @@ pub struct Answer {
     /// The effects named, in the order of importance.
     #[serde(default)]
     pub effects: Vec<Named>,
+    /// Where the model is wrong.
+    #[serde(default)]
+    pub mismatch: Mismatch,
     /// How well the effects named describe held-out data.
     #[serde(default)]
     pub fit: Fit,
+    /// Effects of which the session is said to tell nothing.
+    #[serde(default)]
+    pub cannot_judge: Vec<NotJudged>,
+}
+
+/// The part of the mismatch that is judged.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Mismatch {
+    /// Places, the worst first.
+    #[serde(rename = "where", default)]
+    pub places: Vec<Place>,
+}
+
+/// A stratum in which the model is said to be wrong.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Place {
+    /// What the stratum is by.
+    pub covariate: String,
+    /// Its range.
+    pub range: [f64; 2],
+    /// By how much the model is wrong there.
+    pub excess_nats_per_event: f64,
+}
+
+/// An effect that an answer does not judge.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct NotJudged {
+    /// Its id.
+    pub id: String,
 }
 
 /// An effect as an answer names it.
@@ -25,9 +58,9 @@ pub struct Named {
     /// Its parameters.
     #[serde(default)]
     pub parameters: BTreeMap<String, Parameter>,
-    /// Pixels to which it is limited.
+    /// Pixels or times to which it is limited.
     #[serde(default)]
-    pub region: Option<Rectangle>,
+    pub region: Option<serde_json::Value>,
     /// Effects that fit as well.
     #[serde(default)]
     pub equivalent: Vec<String>,
@@ -69,6 +102,8 @@ pub struct ParameterCheck {
     pub relative_error: f64,
     /// Whether the stated 90 % interval holds the truth; none when none was stated.
     pub is_covered: Option<bool>,
+    /// The error in lengths of that side of the interval on which the truth lies: up to 1 inside.
+    pub error_in_intervals: Option<f64>,
 }
 
 /// How an answer did.
@@ -96,7 +131,7 @@ pub struct Judgement {
     pub missed: usize,
     /// Parameters of the rightly named.
     pub parameters: Vec<ParameterCheck>,
-    /// Overlap of the region named with the region hidden, F1 over pixels; none without a hidden region.
+    /// Overlap of the pixels pointed at with the region hidden, F1; none without a hidden region.
     pub region_f1: Option<f64>,
     /// Share of the excess removed, as answered.
     pub share_removed: Option<f64>,
@@ -104,12 +139,17 @@ pub struct Judgement {
     pub first_gain: Option<f64>,
     /// Whether something hidden is outside the library.
     pub is_alien: bool,
+    /// Whether the answer itself says that it cannot judge something hidden from this session.
+    pub is_beyond: bool,
+    /// Seconds the diagnosis took.
+    pub diagnosed_s: f64,
 }
 
 /// Judges an answer. `known` are effects that the session is known to hold beside the hidden ones
 /// (a real recording's own); naming them is neither right nor wrong.
 #[must_use]
-pub fn judge(trial: &str, truth: &Truth, answer: &Answer, known: &BTreeSet<String>) -> Judgement {
+pub fn judge(record: &Record, answer: &Answer, known: &BTreeSet<String>) -> Judgement {
+    let truth = &record.truth;
     let counted: Vec<&Named> = answer
         .effects
         .iter()
@@ -123,7 +163,7 @@ pub fn judge(trial: &str, truth: &Truth, answer: &Answer, known: &BTreeSet<Strin
         truth.effects.iter().filter(|c| !counted.iter().any(|named| names(named, &c.id))).count();
     let first = counted.first();
     Judgement {
-        trial: trial.into(),
+        trial: record.trial.clone(),
         hidden: truth.effects.iter().map(|c| c.id.clone()).collect(),
         strengths: truth.effects.iter().map(|c| c.strength).collect(),
         named: counted.iter().map(|named| named.id.clone()).collect(),
@@ -134,10 +174,12 @@ pub fn judge(trial: &str, truth: &Truth, answer: &Answer, known: &BTreeSet<Strin
         wrong: counted.len() - right,
         missed,
         parameters: counted.iter().flat_map(|named| checks(truth, named)).collect(),
-        region_f1: truth.region.map(|region| region_f1(region, counted.first().copied())),
+        region_f1: truth.region.map(|region| f1(&region, &pointed_at(answer, record.sensor_px))),
         share_removed: answer.fit.share_of_excess_removed,
         first_gain: first.and_then(|named| named.heldout_gain_nats_per_event),
         is_alien: truth.is_alien(),
+        is_beyond: answer.cannot_judge.iter().any(|not| is_hidden(truth, &not.id)),
+        diagnosed_s: record.diagnosed_s,
     }
 }
 
@@ -154,25 +196,32 @@ fn checks(truth: &Truth, named: &Named) -> Vec<ParameterCheck> {
         let value = parameter.value?;
         // What is hidden as zero has no relative error; it is a setting, not a strength.
         let relative_error = (truth != 0.0).then(|| ((value - truth) / truth).abs())?;
-        let is_covered = match parameter.ci90 {
-            Some([Some(low), Some(high)]) => Some((low..=high).contains(&truth)),
+        let interval = match parameter.ci90 {
+            Some([Some(low), Some(high)]) => Some([low, high]),
             _ => None,
         };
+        let is_covered = interval.map(|[low, high]| (low..=high).contains(&truth));
+        let error_in_intervals = interval.map(|[low, high]| {
+            let side = if truth < value { value - low } else { high - value };
+            if truth == value { 0.0 } else { (truth - value).abs() / side.max(f64::MIN_POSITIVE) }
+        });
         let (id, key) = (named.id.clone(), key.clone());
-        Some(ParameterCheck { id, key, truth, value, relative_error, is_covered })
+        Some(ParameterCheck {
+            id,
+            key,
+            truth,
+            value,
+            relative_error,
+            is_covered,
+            error_in_intervals,
+        })
     };
     concealed.parameters.iter().filter_map(check).collect()
 }
 
-fn region_f1(hidden: Rectangle, named: Option<&Named>) -> f64 {
-    let Some(found) = named.and_then(|named| named.region) else { return 0.0 };
-    let shared = hidden.shared(&found) as f64;
-    2.0 * shared / (hidden.area() + found.area()) as f64
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::Concealed;
+    use super::super::{Concealed, Outcome, Rectangle};
     use super::*;
 
     fn truth(ids: &[(&str, &str, f64)]) -> Truth {
@@ -189,6 +238,20 @@ mod tests {
         }
     }
 
+    fn judge(truth: &Truth, answer: &Answer, known: &BTreeSet<String>) -> Judgement {
+        let record = Record {
+            schema: "evrig.trial/1".into(),
+            trial: "t".into(),
+            truth: truth.clone(),
+            truth_sha256: String::new(),
+            sensor_px: [346, 260],
+            made_s: 0.0,
+            diagnosed_s: 7.5,
+            outcome: Outcome::Failed { because: String::new() },
+        };
+        super::judge(&record, answer, known)
+    }
+
     fn answer(text: &str) -> Answer {
         serde_json::from_str(text).unwrap()
     }
@@ -202,11 +265,13 @@ mod tests {
             "parameters":{"refractory_us":{"value":812.0,"ci90":[790.0,835.0]}}}],
             "fit":{"share_of_excess_removed":0.95}}"#,
         );
-        let judged = judge("t", &truth(&[REFRACTORY]), &answer, &BTreeSet::new());
+        let judged = judge(&truth(&[REFRACTORY]), &answer, &BTreeSet::new());
         assert!(judged.is_top1 && judged.is_top1_or_equivalent);
         assert_eq!((judged.right, judged.wrong, judged.missed), (1, 0, 0));
         assert!((judged.parameters[0].relative_error - 0.015).abs() < 1e-12);
         assert_eq!(judged.parameters[0].is_covered, Some(true));
+        // 12 of the 22 down to the interval's low end.
+        assert!((judged.parameters[0].error_in_intervals.unwrap() - 12.0 / 22.0).abs() < 1e-12);
         assert_eq!(judged.share_removed, Some(0.95));
     }
 
@@ -215,8 +280,7 @@ mod tests {
         let answer = answer(
             r#"{"verdict":"explained","effects":[{"id":"clock_offset","equivalent":["fixed_pole"]}]}"#,
         );
-        let judged =
-            judge("t", &truth(&[("fixed_pole", "cutoff_hz", 20.0)]), &answer, &BTreeSet::new());
+        let judged = judge(&truth(&[("fixed_pole", "cutoff_hz", 20.0)]), &answer, &BTreeSet::new());
         assert!(!judged.is_top1 && judged.is_top1_or_equivalent);
         assert_eq!((judged.right, judged.wrong, judged.missed), (1, 0, 0));
         assert!(judged.parameters.is_empty());
@@ -225,9 +289,9 @@ mod tests {
     #[test]
     fn a_wrong_name_and_a_missed_one_are_counted() {
         let answer = answer(r#"{"verdict":"explained","effects":[{"id":"flicker"}]}"#);
-        let judged = judge("t", &truth(&[REFRACTORY]), &answer, &BTreeSet::new());
+        let judged = judge(&truth(&[REFRACTORY]), &answer, &BTreeSet::new());
         assert_eq!((judged.right, judged.wrong, judged.missed), (0, 1, 1));
-        let clean = judge("t", &truth(&[]), &answer, &BTreeSet::new());
+        let clean = judge(&truth(&[]), &answer, &BTreeSet::new());
         assert_eq!((clean.right, clean.wrong, clean.missed), (0, 1, 0));
     }
 
@@ -237,7 +301,7 @@ mod tests {
             r#"{"verdict":"explained","effects":[{"id":"junction_leak"},{"id":"refractory_period"}]}"#,
         );
         let known = ["junction_leak".to_owned()].into();
-        let judged = judge("t", &truth(&[REFRACTORY]), &answer, &known);
+        let judged = judge(&truth(&[REFRACTORY]), &answer, &known);
         assert!(judged.is_top1);
         assert_eq!((judged.right, judged.wrong), (1, 0));
     }
@@ -250,7 +314,14 @@ mod tests {
             r#"{"verdict":"explained","effects":[{"id":"refractory_period",
             "region":{"x_px":[0,10],"y_px":[0,5]}}]}"#,
         );
-        let judged = judge("t", &truth, &answer, &BTreeSet::new());
+        let judged = judge(&truth, &answer, &BTreeSet::new());
         assert!((judged.region_f1.unwrap() - 2.0 / 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_an_answer_says_it_cannot_judge_is_told_apart() {
+        let text = r#"{"verdict":"no_mismatch","cannot_judge":[{"id":"refractory_period","because":"x"}]}"#;
+        assert!(judge(&truth(&[REFRACTORY]), &answer(text), &BTreeSet::new()).is_beyond);
+        assert!(!judge(&truth(&[]), &answer(text), &BTreeSet::new()).is_beyond);
     }
 }

@@ -9,6 +9,7 @@ mod frames;
 
 use super::Concealed;
 use crate::event::Events;
+use crate::filter::FilterError;
 use crate::format::aedat4::{
     Compression, Content, ReadError, Reader, StreamSpec, WriteError, Writer,
 };
@@ -27,6 +28,9 @@ pub enum PlasmodeError {
     /// The changed recording cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
+    /// The recording's events are not what they should be.
+    #[error(transparent)]
+    Filter(#[from] FilterError),
     /// There is nothing to change.
     #[error("{}: has no {what} with a stated size; an effect can be applied to events with frames", path.display())]
     Lacks {
@@ -58,6 +62,8 @@ pub const APPLICABLE: &[&str] = &[
     "dead_pixels",
     "hot_pixels",
     "background_activity",
+    "shot_noise",
+    "burst_loss",
     "stamp_jitter",
     "clock_offset",
     "clock_skew",
@@ -138,9 +144,9 @@ impl Recording {
         };
         let mut random = SplitMix::new(seed, 0);
         match id {
-            "refractory_period" => events::refractory(self, number("refractory_us")?),
+            "refractory_period" => events::refractory(self, number("refractory_us")?)?,
             "event_drop" => events::drop_share(self, number("fraction")?, &mut random),
-            "dead_pixels" => events::kill_pixels(self, number("count")?, &mut random),
+            "dead_pixels" => events::kill_pixels(self, number("count")?, &mut random)?,
             "hot_pixels" => {
                 let n = number("fraction")? * self.size.n_pixels() as f64;
                 events::heat_pixels(self, n, number("rate_hz")?, &mut random);
@@ -148,6 +154,14 @@ impl Recording {
             "background_activity" => {
                 let rate_hz = number("rate_hz")?;
                 events::heat_pixels(self, self.size.n_pixels() as f64, rate_hz, &mut random);
+            }
+            "shot_noise" => {
+                let (rate_hz, lag_us) = (number("rate_hz")?, number("lag_us")?);
+                events::alternate(self, rate_hz, lag_us, &mut random);
+            }
+            "burst_loss" => {
+                let (share, window_us) = (number("share")?, number("window_us")?);
+                events::drop_bursts(self, share, window_us, &mut random);
             }
             "stamp_jitter" => events::jitter(self, number("sigma_us")?, &mut random),
             "clock_offset" => events::retime(self, number("offset_us")?, 0.0),
@@ -228,6 +242,13 @@ mod tests {
         assert!((killed / before - 0.75).abs() < 0.02, "{}", killed / before);
         let busy = applied("background_activity", &[("rate_hz", 50.0)]).events.len() as f64;
         assert!(((busy - before) / (96.0 * 50.0) - 1.0).abs() < 0.06, "{}", busy - before);
+        let rate_and_lag = [("rate_hz", 50.0), ("lag_us", 2_000.0)];
+        let noisy = applied("shot_noise", &rate_and_lag).events.len() as f64;
+        // Pairs double the scatter of a count, and the last one of a pixel may not fit.
+        assert!(((noisy - before) / (96.0 * 50.0) - 1.0).abs() < 0.1, "{}", noisy - before);
+        let cut = applied("burst_loss", &[("share", 0.3), ("window_us", 5_000.0)]);
+        // 200 windows: five standard errors.
+        assert!((cut.events.len() as f64 / before - 0.7).abs() < 0.16, "{}", cut.events.len());
     }
 
     #[test]

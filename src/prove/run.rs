@@ -1,21 +1,16 @@
-//! Trials made, diagnosed blind, opened and judged.
+//! Trials made, diagnosed blind, opened and judged; each kept as soon as it was.
 
-use super::plasmode::{PlasmodeError, Recording};
-use super::seal::{SealError, open, seal};
-use super::{Answer, Family, Judgement, Score, Trial, judge};
-use crate::device::sim::world::WorldDescription;
-use crate::diagnose::Options;
-use crate::pipeline::{self, DiagnoseRequest, PipelineError, TrackRequest};
-use crate::record::{SimulateError, Simulation, simulate};
-use crate::rig::{DescriptionError, Rig};
-use crate::session::import::import_aedat4;
-use crate::session::{Session, SessionError, StreamKind};
-use crate::time::Span;
-use crate::trajectory::{Optional, Trajectory};
+use super::make::{Maker, clear};
+use super::plasmode::PlasmodeError;
+use super::record::{self, Outcome, Record, RecordError};
+use super::seal::{SealError, open, read_seal, seal};
+use super::{Family, Judgement, Score, Trial, Truth, figure, judge, markdown};
+use crate::record::SimulateError;
+use crate::session::{Session, SessionError};
 use serde::{Deserialize, Serialize};
-use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// Why trials cannot be run.
 #[derive(Debug, thiserror::Error)]
@@ -32,9 +27,23 @@ pub enum ProveError {
     /// A session cannot be made or read.
     #[error(transparent)]
     Session(#[from] SessionError),
-    /// A stage failed.
+    /// The run's own files cannot be written or read.
     #[error(transparent)]
-    Pipeline(Box<PipelineError>),
+    Record(#[from] RecordError),
+    /// An answer is no diagnosis.
+    #[error("{trial}: the answer is no diagnosis: {source}")]
+    Answer {
+        /// The trial.
+        trial: String,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
+    /// A folder of ready sessions holds none.
+    #[error("{}: no sealed session in it; expected sessions/NAME/seal.json and truth/NAME.json", path.display())]
+    NoneReady {
+        /// The folder.
+        path: PathBuf,
+    },
     /// The rig or the trajectory of the trials is wrong.
     #[error("{what}: {because}")]
     Description {
@@ -53,25 +62,17 @@ pub enum ProveError {
     },
 }
 
-impl From<PipelineError> for ProveError {
-    fn from(error: PipelineError) -> Self {
-        Self::Pipeline(Box::new(error))
-    }
-}
-
 /// What all trials of a run have in common.
-#[derive(Debug, Clone)]
-pub struct Bench {
-    /// Where sessions, truths and judgements go; truths in a folder apart from the sessions.
-    pub out: PathBuf,
-    /// How long a simulated session is.
-    pub duration: Span,
-    /// The recording to which effects are applied, for plasmode trials.
-    pub recording: Option<PathBuf>,
-    /// How hard the diagnosis looks.
-    pub options: Options,
+#[derive(Clone, Copy)]
+pub struct Bench<'a> {
+    /// Where sessions, truths, records and the score go; truths in a folder apart from the sessions.
+    pub out: &'a Path,
+    /// Diagnoses the session at a path, of which it is told nothing else.
+    pub ask: &'a dyn Fn(&Path) -> Outcome,
     /// Whether a session is removed once it was judged.
     pub is_tidy: bool,
+    /// Over the page of the score.
+    pub heading: &'a str,
 }
 
 /// All trials of a family, judged.
@@ -81,182 +82,187 @@ pub struct Proof {
     pub schema: String,
     /// Whose sessions.
     pub family: Family,
+    /// Effects that the recording shows before anything is hidden in it, which count neither way.
+    pub known: BTreeSet<String>,
     /// Everything counted.
     pub score: Score,
     /// Trial by trial.
     pub judgements: Vec<Judgement>,
 }
 
-impl Bench {
+/// A trial on disk.
+struct Job<'a> {
+    name: String,
+    session: PathBuf,
+    truth: PathBuf,
+    /// How its session is made; none when it is there.
+    make: Option<(&'a Maker, &'a Trial)>,
+}
+
+/// The name of the recording without anything hidden in it.
+const AS_IT_IS: &str = "as-it-is";
+
+impl Bench<'_> {
     /// Runs trials of one family; `progress` is told what is being done, and how many are done.
+    /// Trials that have a record are not run again but judged from it.
     ///
     /// # Errors
     /// When a session cannot be made, a seal does not hold, or the disk refuses. A diagnosis that
-    /// fails on its session is an answer: none.
+    /// fails on its session, or does not end in time, is an answer: none.
     pub fn run(
         &self,
-        family: Family,
+        maker: &Maker,
         trials: &[Trial],
         progress: &mut dyn FnMut(&str, usize),
     ) -> Result<Proof, ProveError> {
-        let known = match (family, &self.recording) {
-            (Family::Plasmode, Some(recording)) => self.own_effects(recording, progress)?,
-            _ => BTreeSet::new(),
-        };
-        let mut judgements = Vec::new();
-        for (done, trial) in trials.iter().enumerate() {
-            progress(&format!("{}: recording", trial.name), done);
-            let root = self.out.join("sessions").join(&trial.name);
-            self.make(trial, &root)?;
-            let (truth, seal_path) = (self.truth(trial), root.join("seal.json"));
-            seal(&trial.truth, &truth, &seal_path)?;
-            progress(&format!("{}: diagnosing", trial.name), done);
-            let answer = answer(&root, &self.options)?;
-            // Only now is the truth looked at, and only if it is the one that was sealed.
-            let judgement = judge(&trial.name, &open(&truth, &seal_path)?, &answer, &known);
-            judgements.push(judgement);
-            if self.is_tidy {
-                let io = |source| ProveError::Io { path: root.clone(), source };
-                std::fs::remove_dir_all(&root).map_err(io)?;
+        let family = maker.family();
+        let mut known = BTreeSet::new();
+        if family == Family::Plasmode {
+            // Through the same writer as the changed ones, so that nothing but the effect differs.
+            let plain = Trial {
+                name: format!("{}-{AS_IT_IS}", family.as_str()),
+                family,
+                picture: String::new(),
+                trajectory: String::new(),
+                seed: 0,
+                truth: Truth::nothing(),
+            };
+            let record = self.settle(&self.job(maker, &plain), &mut |what| progress(what, 0))?;
+            for named in answer(&record)?.effects {
+                known.extend(std::iter::once(named.id).chain(named.equivalent));
             }
         }
-        let score = Score::of(&judgements);
-        Ok(Proof { schema: "evrig.proof/1".into(), family, score, judgements })
+        let jobs: Vec<Job<'_>> = trials.iter().map(|trial| self.job(maker, trial)).collect();
+        self.judge_all(family, known, &jobs, progress)
     }
 
-    fn truth(&self, trial: &Trial) -> PathBuf {
-        self.out.join("truth").join(format!("{}.json", trial.name))
-    }
-
-    /// The effects that a recording holds before anything is applied to it.
-    fn own_effects(
+    /// Judges sessions that others made: `folder` holds `sessions/NAME` with a seal in each, and
+    /// `truth/NAME.json`.
+    ///
+    /// # Errors
+    /// As [`Bench::run`], and when no sealed session is there.
+    pub fn run_ready(
         &self,
-        recording: &Path,
+        folder: &Path,
         progress: &mut dyn FnMut(&str, usize),
-    ) -> Result<BTreeSet<String>, ProveError> {
-        progress("the recording as it is: diagnosing", 0);
-        let root = self.out.join("sessions").join("plasmode-as-it-is");
-        clear(&root)?;
-        // Through the same writer as the changed ones, so that nothing but the effect differs.
-        self.import(&Recording::read(recording)?, &root)?;
-        let answer = answer(&root, &self.options)?;
-        let named = answer.effects.into_iter();
-        Ok(named.flat_map(|named| std::iter::once(named.id).chain(named.equivalent)).collect())
+    ) -> Result<Proof, ProveError> {
+        let jobs = ready(folder)?;
+        let kept = Self { is_tidy: false, ..*self };
+        kept.judge_all(Family::Foreign, BTreeSet::new(), &jobs, progress)
     }
 
-    fn make(&self, trial: &Trial, root: &Path) -> Result<(), ProveError> {
-        clear(root)?;
-        match (trial.family, &self.recording) {
-            (Family::Plasmode, Some(recording)) => {
-                let mut recording = Recording::read(recording)?;
-                for effect in &trial.truth.effects {
-                    recording.apply(effect, trial.seed)?;
-                }
-                self.import(&recording, root)
-            }
-            (Family::World, _) => self.simulate(trial, root),
-            (family, _) => Err(ProveError::Description {
-                what: format!("trial {}", trial.name),
-                because: format!("no session of the family {} can be made here", family.as_str()),
-            }),
+    fn job<'a>(&self, maker: &'a Maker, trial: &'a Trial) -> Job<'a> {
+        Job {
+            name: trial.name.clone(),
+            session: self.out.join("sessions").join(&trial.name),
+            truth: self.out.join("truth").join(format!("{}.json", trial.name)),
+            make: Some((maker, trial)),
         }
     }
 
-    fn import(&self, recording: &Recording, root: &Path) -> Result<(), ProveError> {
-        let file = self.out.join("changed.aedat4");
-        recording.write(&file)?;
-        import_aedat4(&file, root, &mut |_| {})?;
-        std::fs::remove_file(&file).map_err(|source| ProveError::Io { path: file, source })
-    }
-
-    fn simulate(&self, trial: &Trial, root: &Path) -> Result<(), ProveError> {
-        let describe = |what: &str, error: &dyn std::fmt::Display| ProveError::Description {
-            what: what.to_owned(),
-            because: error.to_string(),
+    fn judge_all(
+        &self,
+        family: Family,
+        known: BTreeSet<String>,
+        jobs: &[Job<'_>],
+        progress: &mut dyn FnMut(&str, usize),
+    ) -> Result<Proof, ProveError> {
+        let mut proof = Proof {
+            schema: "evrig.proof/1".into(),
+            family,
+            known,
+            score: Score::default(),
+            judgements: Vec::new(),
         };
-        let rig = plain_rig().map_err(|e| describe("rig sim", &e))?;
-        let name = trial.trajectory.as_str();
-        let trajectory = Trajectory::find(name).map_err(|e| describe(name, &e))?;
-        let path = trajectory.path(&rig, Optional::LeftOut).map_err(|e| describe(name, &e))?;
-        let world = world(trial).map_err(|e| describe(&trial.name, &e))?;
-        let duration = self.duration.min(path.duration());
-        simulate(
-            &Simulation {
-                rig: &rig,
-                trajectory: &trajectory,
-                path: &path,
-                world: &world,
-                seed: trial.seed,
-                out: root,
-                duration: Some(duration),
-            },
-            &mut |_| {},
-        )?;
-        Ok(())
-    }
-}
-
-/// The simulated rig without its RGB path, which no diagnosis looks at.
-fn plain_rig() -> Result<Rig, DescriptionError> {
-    let rig = Rig::find("sim")?;
-    let text: String = rig
-        .text
-        .lines()
-        .map(|line| if line.starts_with("rgb = true") { "rgb = false" } else { line })
-        .flat_map(|line| [line, "\n"])
-        .collect();
-    Rig::parse("the simulated rig without RGB", &text)
-}
-
-/// The world of a trial: nominal but for the picture and what is hidden.
-fn world(trial: &Trial) -> Result<WorldDescription, serde_json::Error> {
-    let effects: serde_json::Map<String, serde_json::Value> =
-        trial.truth.effects.iter().map(|c| (c.id.clone(), c.description())).collect();
-    let mut effects = serde_json::Value::Object(effects);
-    if let Some(region) = &trial.truth.region {
-        effects["region"] = json!(region);
-    }
-    serde_json::from_value(json!({ "print": { "picture": trial.picture }, "effects": effects }))
-}
-
-/// What the diagnosis says of a session, of which it knows nothing else. A session that cannot be
-/// diagnosed is answered with nothing, which is then judged as such.
-fn answer(root: &Path, options: &Options) -> Result<Answer, ProveError> {
-    let session = Session::open(root)?;
-    let frames = session.manifest().streams.iter().filter(|s| s.kind == StreamKind::Frames);
-    for stream in frames.map(|stream| stream.name.clone()) {
-        let request = TrackRequest { stream, rig: None, force: false };
-        // A tag that is not found is a property of the session, not a failure of the trial.
-        let _ = pipeline::track(&session, &request, &mut |_, _| {});
-    }
-    let _ = pipeline::sync(&session, false);
-    // Without a scene the light comes from the camera's own frames.
-    let _ = pipeline::scene(&session, false, &mut |_, _| {});
-    let Some(baseline) = pipeline::default_baseline(&session) else {
-        return Ok(Answer::default());
-    };
-    let request =
-        DiagnoseRequest { real: "real".into(), baseline, options: *options, force: false };
-    let diagnosis = match pipeline::diagnose(&session, &request, &mut |_| {}) {
-        Ok((diagnosis, _)) => diagnosis,
-        Err(PipelineError::Diagnose { .. }) => return Ok(Answer::default()),
-        Err(error) => return Err(error.into()),
-    };
-    let path = root.join("derived/diagnose/diagnosis.json");
-    let invalid = |error| ProveError::Io {
-        path,
-        source: std::io::Error::new(std::io::ErrorKind::InvalidData, error),
-    };
-    // Through JSON, as any consumer reads it.
-    let value = serde_json::to_value(&diagnosis);
-    value.and_then(serde_json::from_value).map_err(invalid)
-}
-
-fn clear(root: &Path) -> Result<(), ProveError> {
-    match std::fs::remove_dir_all(root) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            Err(ProveError::Io { path: root.to_owned(), source: error })
+        for (done, job) in jobs.iter().enumerate() {
+            let record = self.settle(job, &mut |what| progress(what, done))?;
+            let judgement = judge(&record, &answer(&record)?, &proof.known);
+            proof.judgements.push(judgement);
+            proof.score = Score::of(&proof.judgements);
+            self.write(&proof)?;
         }
-        _ => Ok(()),
+        Ok(proof)
+    }
+
+    /// The score so far: a run that is broken off has lost the trial it was at and no other.
+    fn write(&self, proof: &Proof) -> Result<(), RecordError> {
+        let path =
+            |suffix: &str| self.out.join(format!("proof-{}.{suffix}", proof.family.as_str()));
+        record::write(&path("json"), proof)?;
+        if let Some(picture) = figure(&proof.score) {
+            record::write_text(&path("svg"), &picture)?;
+        }
+        record::write_text(&path("md"), &markdown(self.heading, &proof.score, &proof.judgements))
+    }
+
+    /// A trial's record: the one that is there, or a new one.
+    fn settle(&self, job: &Job<'_>, progress: &mut dyn FnMut(&str)) -> Result<Record, ProveError> {
+        let path = self.out.join("trials").join(format!("{}.json", job.name));
+        if let Some(record) = record::read(&path)? {
+            return Ok(record);
+        }
+        let seal_path = job.session.join("seal.json");
+        let begun = Instant::now();
+        // A session that was sealed before the run was broken off is not made again.
+        if let Some((maker, trial)) = job.make.filter(|_| !seal_path.exists()) {
+            progress(&format!("{}: making the session", job.name));
+            maker.make(trial, &job.session)?;
+            seal(&trial.truth, &job.truth, &seal_path)?;
+        }
+        let made_s = begun.elapsed().as_secs_f64();
+        progress(&format!("{}: diagnosing", job.name));
+        let size = Session::open(&job.session)?.size();
+        let begun = Instant::now();
+        let outcome = (self.ask)(&job.session);
+        let diagnosed_s = begun.elapsed().as_secs_f64();
+        // Only now is the truth looked at, and only if it is the one that was sealed.
+        let truth = open(&job.truth, &seal_path)?;
+        let record = Record {
+            schema: "evrig.trial/1".into(),
+            trial: job.name.clone(),
+            truth,
+            truth_sha256: read_seal(&seal_path)?.truth_sha256,
+            sensor_px: size.map_or([0, 0], |size| [size.width, size.height]),
+            made_s,
+            diagnosed_s,
+            outcome,
+        };
+        record::write(&path, &record)?;
+        if self.is_tidy {
+            clear(&job.session)?;
+        }
+        Ok(record)
     }
 }
+
+fn answer(record: &Record) -> Result<super::Answer, ProveError> {
+    let answer = record.outcome.answer();
+    answer.map_err(|source| ProveError::Answer { trial: record.trial.clone(), source })
+}
+
+/// The sealed sessions of a folder, by name.
+fn ready(folder: &Path) -> Result<Vec<Job<'static>>, ProveError> {
+    let sessions = folder.join("sessions");
+    let io = |source| ProveError::Io { path: sessions.clone(), source };
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(&sessions).map_err(io)? {
+        let entry = entry.map_err(io)?;
+        if entry.path().join("seal.json").exists() {
+            names.push(entry.file_name().to_string_lossy().into_owned());
+        }
+    }
+    names.sort();
+    if names.is_empty() {
+        return Err(ProveError::NoneReady { path: folder.to_owned() });
+    }
+    let job = |name: String| Job {
+        session: sessions.join(&name),
+        truth: folder.join("truth").join(format!("{name}.json")),
+        make: None,
+        name,
+    };
+    Ok(names.into_iter().map(job).collect())
+}
+
+#[cfg(test)]
+mod tests;

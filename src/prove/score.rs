@@ -1,7 +1,7 @@
 //! All judgements counted.
 
 use super::Judgement;
-use crate::stats::{quantile_sorted, wilson95};
+use crate::stats::{median, wilson95};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -56,6 +56,13 @@ pub struct PerEffect {
     pub instead: BTreeMap<String, u64>,
 }
 
+/// Verdicts that stand for no answer.
+const UNANSWERED: &[&str] = &["failed", "out_of_time"];
+
+/// Levels of an interval with their half-width in that of the 90 % one, for normal errors.
+const LEVELS: &[(f64, f64)] =
+    &[(0.5, 0.4101), (0.68, 0.6046), (0.8, 0.7791), (0.9, 1.0), (0.95, 1.1916), (0.99, 1.5660)];
+
 /// How the diagnosis did over a set of trials.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Score {
@@ -67,6 +74,12 @@ pub struct Score {
     pub top1_or_equivalent: Share,
     /// The same for those at twice the least strength and above.
     pub top1_from_strength_2: Share,
+    /// The same for those whose effect the answer does not say it cannot judge.
+    pub top1_of_judged: Share,
+    /// Named first by strength: below the square root of two, two, its double, and above.
+    pub by_strength: [Share; 4],
+    /// What was named first, by what was hidden alone; `nothing` on either side is nothing.
+    pub confusion: BTreeMap<String, BTreeMap<String, u64>>,
     /// F1 of the sets named, over trials with two effects or more; stated equivalents count.
     pub set_f1: Option<f64>,
     /// Clean trials in which something was named.
@@ -80,10 +93,16 @@ pub struct Score {
     pub median_parameter_error: Option<f64>,
     /// Stated 90 % intervals that hold the truth.
     pub coverage90: Share,
+    /// Claimed level, and the share of intervals widened or narrowed to it that hold the truth.
+    pub calibration: Vec<(f64, Share)>,
     /// Median share of the excess removed, in trials whose effects were all named.
     pub median_share_removed: Option<f64>,
     /// Mean overlap of regions.
     pub mean_region_f1: Option<f64>,
+    /// Trials without an answer: refused, or out of time.
+    pub unanswered: u64,
+    /// Median seconds of a diagnosis.
+    pub median_diagnosed_s: Option<f64>,
     /// Each effect.
     pub effects: BTreeMap<String, PerEffect>,
 }
@@ -94,9 +113,9 @@ impl Score {
     pub fn of(judgements: &[Judgement]) -> Self {
         let all = || judgements.iter();
         let in_library = || all().filter(|j| !j.is_alien && !j.hidden.is_empty());
-        let single = || in_library().filter(|j| j.hidden.len() == 1);
+        // An effect in a part of the picture is asked for its place, not counted among the others.
+        let single = || in_library().filter(|j| j.hidden.len() == 1 && j.region_f1.is_none());
         let parameters = || all().flat_map(|j| &j.parameters);
-        let errors = parameters().map(|p| p.relative_error).collect();
         let removed = in_library().filter(|j| j.missed == 0).filter_map(|j| j.share_removed);
         let regions: Vec<f64> = all().filter_map(|j| j.region_f1).collect();
         let n_regions = regions.len() as f64;
@@ -107,16 +126,32 @@ impl Score {
             top1_from_strength_2: Share::count(single().filter(|j| j.strengths[0] >= 2.0), |j| {
                 j.is_top1
             }),
+            top1_of_judged: Share::count(single().filter(|j| !j.is_beyond), |j| j.is_top1),
+            by_strength: [0, 1, 2, 3].map(|bin| {
+                let of_bin = |j: &&Judgement| strength_bin(j.strengths[0]) == bin;
+                Share::count(single().filter(of_bin), |j| j.is_top1)
+            }),
+            confusion: confusion(all().filter(|j| j.hidden.len() < 2 && j.region_f1.is_none())),
             set_f1: set_f1(in_library().filter(|j| j.hidden.len() > 1)),
             false_discovery: Share::count(all().filter(|j| j.hidden.is_empty()), |j| j.wrong > 0),
             abstained: Share::count(all().filter(|j| j.is_alien), |j| {
-                j.named.is_empty() && j.verdict != "no_mismatch"
+                let seen = ["unexplained", "partly_explained"].contains(&j.verdict.as_str());
+                j.named.is_empty() && seen
             }),
             false_abstention: Share::count(in_library(), |j| j.verdict == "unexplained"),
-            median_parameter_error: median(errors),
+            median_parameter_error: median(parameters().map(|p| p.relative_error)),
             coverage90: Share::count(parameters().filter_map(|p| p.is_covered), |&is| is),
-            median_share_removed: median(removed.collect()),
+            calibration: LEVELS
+                .iter()
+                .map(|&(level, intervals)| {
+                    let errors = parameters().filter_map(|p| p.error_in_intervals);
+                    (level, Share::count(errors, |&error| error <= intervals))
+                })
+                .collect(),
+            median_share_removed: median(removed),
             mean_region_f1: (n_regions > 0.0).then(|| regions.iter().sum::<f64>() / n_regions),
+            unanswered: all().filter(|j| UNANSWERED.contains(&j.verdict.as_str())).count() as u64,
+            median_diagnosed_s: median(all().map(|j| j.diagnosed_s)),
             effects: per_effect(&single().collect::<Vec<_>>()),
         }
     }
@@ -130,10 +165,30 @@ fn set_f1<'a>(judgements: impl Iterator<Item = &'a Judgement>) -> Option<f64> {
     (n > 0).then(|| 2.0 * right as f64 / n as f64)
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.retain(|value| value.is_finite());
-    values.sort_by(f64::total_cmp);
-    (!values.is_empty()).then(|| quantile_sorted(&values, 0.5))
+/// Four bins, even in the logarithm from one to four.
+fn strength_bin(strength: f64) -> usize {
+    (2.0 * strength.log2()).floor().clamp(0.0, 3.0) as usize
+}
+
+fn confusion<'a>(
+    judgements: impl Iterator<Item = &'a Judgement>,
+) -> BTreeMap<String, BTreeMap<String, u64>> {
+    let mut counts: BTreeMap<String, BTreeMap<String, u64>> = BTreeMap::new();
+    for judgement in judgements {
+        let hidden = judgement.hidden.first().map_or("nothing", String::as_str);
+        *counts.entry(hidden.to_owned()).or_default().entry(first_word(judgement)).or_insert(0) +=
+            1;
+    }
+    counts
+}
+
+/// The first name, or the verdict that stands in its place.
+fn first_word(judgement: &Judgement) -> String {
+    let verdict = match judgement.verdict.as_str() {
+        "no_mismatch" => "nothing",
+        other => other,
+    };
+    judgement.named.first().map_or(verdict, String::as_str).to_owned()
 }
 
 fn per_effect(single: &[&Judgement]) -> BTreeMap<String, PerEffect> {
@@ -144,8 +199,7 @@ fn per_effect(single: &[&Judgement]) -> BTreeMap<String, PerEffect> {
     let one = |trials: Vec<&Judgement>| {
         let mut instead = BTreeMap::new();
         for trial in trials.iter().filter(|trial| !trial.is_top1) {
-            let name = trial.named.first().map_or("nothing", String::as_str);
-            *instead.entry(name.to_owned()).or_insert(0) += 1;
+            *instead.entry(first_word(trial)).or_insert(0) += 1;
         }
         let split = |strong: bool| {
             let part = trials.iter().filter(|j| (j.strengths[0] >= 2.0) == strong);
@@ -183,6 +237,8 @@ mod tests {
             share_removed: None,
             first_gain: None,
             is_alien: hidden.contains(&"alien"),
+            is_beyond: false,
+            diagnosed_s: 3.0,
         }
     }
 
@@ -204,15 +260,51 @@ mod tests {
         assert_eq!(score.set_f1, Some(0.5));
         assert_eq!(score.effects["flicker"].instead["vibration"], 1);
         assert_eq!(score.effects["defocus"].instead["nothing"], 1);
+        assert_eq!(
+            score.confusion["nothing"],
+            [("flicker".into(), 1), ("nothing".into(), 1)].into()
+        );
+        assert_eq!(score.confusion["alien"]["flicker"], 1);
+        assert_eq!(score.by_strength.map(|share| share.of), [1, 1, 0, 1]);
     }
 
     #[test]
     fn an_alien_is_abstained_from_only_when_a_mismatch_was_seen() {
         let mut seen = judgement(&["alien"], &[], 2.0);
         let silent = seen.clone();
+        let mut late = silent.clone();
         seen.verdict = "unexplained".into();
-        let score = Score::of(&[seen, silent]);
-        assert_eq!((score.abstained.hits, score.abstained.of), (1, 2));
+        late.verdict = "out_of_time".into();
+        let score = Score::of(&[seen, silent, late]);
+        assert_eq!((score.abstained.hits, score.abstained.of), (1, 3));
+        assert_eq!(score.unanswered, 1);
+    }
+
+    #[test]
+    fn honest_intervals_are_calibrated_at_every_level_and_narrow_ones_at_none() {
+        let mut random = crate::stats::SplitMix::new(4, 0);
+        let checked = |scale: f64, random: &mut crate::stats::SplitMix| {
+            let mut judgement = judgement(&["flicker"], &["flicker"], 2.0);
+            // Normal errors in units of the 90 % half-width.
+            let mut check = || scale * random.normal().abs() / 1.6449;
+            judgement.parameters = (0..2_000)
+                .map(|_| super::super::ParameterCheck {
+                    id: "flicker".into(),
+                    key: "depth".into(),
+                    truth: 1.0,
+                    value: 1.0,
+                    relative_error: 0.0,
+                    is_covered: None,
+                    error_in_intervals: Some(check()),
+                })
+                .collect();
+            Score::of(&[judgement]).calibration
+        };
+        for (level, share) in checked(1.0, &mut random) {
+            // 2000 draws: five standard errors.
+            assert!((share.value() - level).abs() < 0.056, "{level}: {share}");
+        }
+        assert!(checked(3.0, &mut random).iter().all(|(level, share)| share.value() < level - 0.2));
     }
 
     #[test]

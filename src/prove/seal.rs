@@ -63,7 +63,7 @@ pub fn seal(truth: &Truth, truth_path: &Path, seal_path: &Path) -> Result<Seal, 
 /// # Errors
 /// When a file is missing or no such file, or the truth is not the one that was sealed.
 pub fn open(truth_path: &Path, seal_path: &Path) -> Result<Truth, SealError> {
-    let seal: Seal = parse(&read(seal_path)?, seal_path)?;
+    let seal = read_seal(seal_path)?;
     let text = read(truth_path)?;
     let (found, sealed) = (sha256(text.as_bytes()), seal.truth_sha256);
     if found != sealed {
@@ -72,7 +72,17 @@ pub fn open(truth_path: &Path, seal_path: &Path) -> Result<Truth, SealError> {
     parse(&text, truth_path)
 }
 
-fn sha256(bytes: &[u8]) -> String {
+/// Reads a seal.
+///
+/// # Errors
+/// When the file is missing or is no seal.
+pub(super) fn read_seal(seal_path: &Path) -> Result<Seal, SealError> {
+    parse(&read(seal_path)?, seal_path)
+}
+
+/// SHA-256 in hexadecimal digits.
+#[must_use]
+pub fn sha256(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().fold(String::new(), |mut text, byte| {
         let _ = write!(text, "{byte:02x}");
         text
@@ -113,7 +123,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (truth_path, seal_path) =
             (folder.path().join("truth/a.json"), folder.path().join("a.seal.json"));
-        let mix = Mix { family: Family::World, single: 1, double: 0, clean: 0, alien: 0 };
+        let mix = Mix { single: 1, ..Mix::none(Family::World) };
         let truth = draw(mix, 5).remove(0).truth;
         seal(&truth, &truth_path, &seal_path).unwrap();
         assert_eq!(open(&truth_path, &seal_path).unwrap(), truth);

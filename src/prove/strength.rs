@@ -99,27 +99,33 @@ const ALIEN: &[Strength] = &[
     up("threshold_fatigue", "rise", 0.15).with(&[("recovery_s", 0.2)]),
 ];
 
-/// Effects that can be applied to a recording that is there.
+/// Effects that can be applied to a recording that is there. They are far stronger than in the
+/// world: the recording at hand has one or two events in a pixel and a frame every 40 ms.
 const PLASMODE: &[Strength] = &[
-    up("refractory_period", "refractory_us", 5_000.0),
-    up("event_drop", "fraction", 0.08),
-    up("dead_pixels", "count", 600.0),
-    up("hot_pixels", "fraction", 0.001).with(&[("rate_hz", 40.0)]),
-    up("background_activity", "rate_hz", 0.05),
-    up("stamp_jitter", "sigma_us", 4_000.0),
-    up("clock_offset", "offset_us", 8_000.0),
-    up("clock_skew", "skew_ppm", 6_000.0),
-    up("black_level", "offset_dn", 6.0),
+    up("refractory_period", "refractory_us", 20_000.0),
+    up("event_drop", "fraction", 0.2),
+    up("dead_pixels", "count", 9_000.0),
+    up("hot_pixels", "fraction", 0.005).with(&[("rate_hz", 40.0)]),
+    up("background_activity", "rate_hz", 0.3),
+    up("shot_noise", "rate_hz", 0.3).with(&[("lag_us", 3_000.0)]),
+    up("stamp_jitter", "sigma_us", 10_000.0),
+    up("clock_offset", "offset_us", 15_000.0),
+    up("clock_skew", "skew_ppm", 10_000.0),
+    up("black_level", "offset_dn", 12.0),
     Strength { id: "tone_curve", key: "gamma", at_one: 0.85, growth: Growth::FromOne, fixed: &[] },
-    up("defocus", "sigma_px", 0.7),
+    up("defocus", "sigma_px", 1.0),
 ];
+
+/// Effects that can be applied to a recording and that no library names.
+const PLASMODE_ALIEN: &[Strength] =
+    &[up("burst_loss", "share", 0.15).with(&[("window_us", 30_000.0)])];
 
 /// The table of a family: effects the library knows, then those it does not.
 #[must_use]
 pub fn strengths(family: super::Family) -> (&'static [Strength], &'static [Strength]) {
     match family {
         super::Family::World => (WORLD, ALIEN),
-        super::Family::Plasmode => (PLASMODE, &[]),
+        super::Family::Plasmode => (PLASMODE, PLASMODE_ALIEN),
         super::Family::Foreign => (&[], &[]),
     }
 }

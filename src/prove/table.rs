@@ -9,6 +9,7 @@ pub fn markdown(heading: &str, score: &Score, judgements: &[Judgement]) -> Strin
     let mut page = format!("## {heading}\n\n");
     summary(&mut page, score);
     effects(&mut page, score);
+    confusion(&mut page, score);
     trials(&mut page, judgements);
     page
 }
@@ -31,6 +32,15 @@ fn summary(page: &mut String, score: &Score) {
         "| the same at twice the least strength and above | {} |",
         score.top1_from_strength_2
     );
+    line!(
+        page,
+        "| the same where the answer does not say it cannot judge | {} |",
+        score.top1_of_judged
+    );
+    let ranges = ["1..1.4", "1.4..2", "2..2.8", "2.8..4"];
+    for (range, share) in ranges.iter().zip(&score.by_strength) {
+        line!(page, "| the same at strength {range} | {share} |");
+    }
     line!(page, "| two effects: F1 of the sets | {} |", number(score.set_f1, 2));
     line!(page, "| clean: something named | {} |", score.false_discovery);
     line!(page, "| outside the library: mismatch seen, nothing named | {} |", score.abstained);
@@ -41,12 +51,17 @@ fn summary(page: &mut String, score: &Score) {
         number(score.median_parameter_error, 3)
     );
     line!(page, "| 90 % intervals that hold the truth | {} |", score.coverage90);
+    for (level, share) in score.calibration.iter().filter(|(level, _)| *level != 0.9) {
+        line!(page, "| the same at {:.0} %, for normal errors | {share} |", 100.0 * level);
+    }
     line!(
         page,
         "| median share of the excess removed | {} |",
         number(score.median_share_removed, 2)
     );
-    line!(page, "| mean F1 of regions | {} |\n", number(score.mean_region_f1, 2));
+    line!(page, "| mean F1 of regions | {} |", number(score.mean_region_f1, 2));
+    line!(page, "| without an answer | {} |", score.unanswered);
+    line!(page, "| median seconds of a diagnosis | {} |\n", number(score.median_diagnosed_s, 0));
 }
 
 fn effects(page: &mut String, score: &Score) {
@@ -69,6 +84,16 @@ fn effects(page: &mut String, score: &Score) {
     page.push('\n');
 }
 
+/// Rows: what was hidden alone; then what was named first, and how often.
+fn confusion(page: &mut String, score: &Score) {
+    line!(page, "| hidden alone | named first, or the verdict without a name |\n| --- | --- |");
+    for (hidden, named) in &score.confusion {
+        let named: Vec<String> = named.iter().map(|(name, n)| format!("{name} {n}")).collect();
+        line!(page, "| {hidden} | {} |", named.join(", "));
+    }
+    page.push('\n');
+}
+
 fn trials(page: &mut String, judgements: &[Judgement]) {
     line!(
         page,
@@ -78,7 +103,10 @@ fn trials(page: &mut String, judgements: &[Judgement]) {
     for j in judgements {
         let hidden: Vec<String> =
             j.hidden.iter().zip(&j.strengths).map(|(id, s)| format!("{id} ({s:.1})")).collect();
-        let hidden = if hidden.is_empty() { "nothing".into() } else { hidden.join(", ") };
+        let mut hidden = if hidden.is_empty() { "nothing".into() } else { hidden.join(", ") };
+        if let Some(f1) = j.region_f1 {
+            hidden += &format!(" in a part; F1 of the place {f1:.2}");
+        }
         let parameters: Vec<String> = j
             .parameters
             .iter()
@@ -113,6 +141,8 @@ mod tests {
             share_removed: None,
             first_gain: Some(0.25),
             is_alien: false,
+            is_beyond: false,
+            diagnosed_s: 12.0,
         };
         let judgements = [judgement];
         let page = markdown("World", &Score::of(&judgements), &judgements);

@@ -117,6 +117,13 @@ pub struct Truth {
 }
 
 impl Truth {
+    /// Nothing hidden, and no secret about it.
+    #[must_use]
+    pub fn nothing() -> Self {
+        let (effects, region) = (Vec::new(), None);
+        Self { schema: "evrig.truth/1".into(), effects, region, nonce: String::new() }
+    }
+
     /// Whether nothing is hidden.
     #[must_use]
     pub fn is_clean(&self) -> bool {

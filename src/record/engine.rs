@@ -1,9 +1,13 @@
 //! The states of a recording, one after another.
 
+mod drive;
 mod settings;
+
+pub use drive::Prompts;
 
 use super::files::{Log, SampleWriter, take_directory};
 use super::told;
+use super::wall_clock::WallClock;
 use super::{Devices, State, Stop, StopToken};
 use crate::device::dobot::ArmError;
 use crate::device::recorder::{Prepared, RecorderError, Tally, host_time};
@@ -11,9 +15,8 @@ use crate::device::{Finding, Verdict};
 use crate::rig::Rig;
 use crate::session::{
     DeviceEntry, HostTime, Journal, Layout, Loss, Manifest, Origin, SessionError, Severity, Status,
-    Topic, seal_recording,
+    seal_recording,
 };
-use crate::time::Span;
 use crate::trajectory::{Path, Trajectory};
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -46,6 +49,8 @@ pub struct Request<'a> {
     pub out: &'a std::path::Path,
     /// Rests around the path.
     pub dwells: Dwells,
+    /// Who answers the path's prompts; without anybody they are passed over.
+    pub prompts: Prompts<'a>,
 }
 
 /// How a recording went.
@@ -125,6 +130,8 @@ pub fn record(
         state: State::Preflight,
         running: Vec::new(),
         began: None,
+        wall_clock: WallClock::default(),
+        clock_losses: Vec::new(),
     };
     let cut = take.run().err();
     take.close(cut)
@@ -149,6 +156,8 @@ struct Take<'a> {
     state: State,
     running: Vec<Running>,
     began: Option<HostTime>,
+    wall_clock: WallClock,
+    clock_losses: Vec<Loss>,
 }
 
 impl Take<'_> {
@@ -179,50 +188,6 @@ impl Take<'_> {
         self.look_at_recorders()?;
         self.heed(Stop::Park)?;
         if ended_early { Err(Cut::Asked(Stop::AfterStep)) } else { Ok(()) }
-    }
-
-    /// Drives the path, logging poses; true when it was ended at a corner before its end.
-    fn drive(&mut self) -> Result<bool, Cut> {
-        let steps = self.request.path.steps().len();
-        let began = host_time();
-        self.began = Some(began);
-        self.journal.note("first step", &json!({"unix_ns": began.unix.as_nanos()}))?;
-        self.log.commanded(self.request.path, self.request.rig.arm.pose_rate, began)?;
-        self.set_step(0)?;
-        self.devices.arm.start(0..steps)?;
-        let interval = Duration::from_secs_f64(1.0 / self.request.rig.arm.pose_rate.0);
-        let duration = self.request.path.duration().as_secs_f64().max(1e-9);
-        let mut last_step = 0;
-        loop {
-            let progress = self.devices.arm.progress()?;
-            let pose = progress.pose;
-            let middle = pose.asked + Span::from_nanos((pose.answered - pose.asked).as_nanos() / 2);
-            let now = host_time();
-            // The wall clock at the pose, from the clock that does not step.
-            let at = HostTime { monotonic: middle, unix: now.unix - (now.monotonic - middle) };
-            self.log.write(|log| log.pose(Topic::ArmPose, at, pose.pose))?;
-            (self.watch)(
-                State::Trajectory,
-                ((at.monotonic - began.monotonic).as_secs_f64() / duration).min(1.0),
-            );
-            if progress.step != last_step {
-                let label = self.request.path.steps().get(progress.step).map(|step| &step.label);
-                self.journal.note("step", &json!({"step": progress.step, "label": label}))?;
-                if self.stop.wish() == Stop::AfterStep {
-                    self.devices.arm.abort()?;
-                    return Ok(true);
-                }
-                last_step = progress.step;
-                self.set_step(last_step)?;
-            }
-            if progress.is_done {
-                self.devices.arm.finish()?;
-                return Ok(false);
-            }
-            self.look_at_recorders()?;
-            self.heed(Stop::Park)?;
-            self.stop.rest(interval);
-        }
     }
 
     fn look_at_recorders(&mut self) -> Result<(), Cut> {
@@ -257,7 +222,7 @@ impl Take<'_> {
     /// Stands still, drains, seals; whatever came before.
     fn close(mut self, cut: Option<Cut>) -> Result<Outcome, RecordError> {
         let ended_in = self.state;
-        let mut losses = Vec::new();
+        let mut losses = std::mem::take(&mut self.clock_losses);
         if let Some(cut) = &cut {
             // The arm first: whatever else is wrong, it must stand.
             let stopped = self.devices.arm.abort();

@@ -2,6 +2,7 @@
 
 use super::durable::Durability;
 use crate::device::recorder::{Inlet, Outlet, Prepared, Sample, Taken, channel};
+use crate::format::Destination;
 use crate::format::aedat4::{Compression, Content, StreamSpec, WriteError, Writer};
 use crate::session::{
     HostTime, Layout, PacketArrival, RigLogError, RigLogWriter, SessionError, Severity, Topic,
@@ -10,20 +11,20 @@ use crate::time::Span;
 use crate::trajectory::Path as Trace;
 use crate::units::Hertz;
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Bytes that wait for the disk at most, for each recorder.
-const QUEUE_BYTES: usize = 512 << 20;
+pub(super) const QUEUE_BYTES: usize = 512 << 20;
 /// A writer looks up so often when nothing comes.
 const TICK: Duration = Duration::from_millis(100);
 /// What was taken is handed to the system so often at least.
 const BETWEEN_FLUSHES: Duration = Duration::from_millis(200);
 
-pub(super) type EventFile = Writer<BufWriter<File>>;
+pub(super) type EventFile = Writer<BufWriter<Destination>>;
 
 /// The directory of a session that is to be recorded: missing or empty.
 pub(super) fn take_directory(root: &Path) -> Result<Layout, SessionError> {
@@ -40,7 +41,29 @@ pub(super) fn create_event_file(
     layout: &Layout,
     streams: &[StreamSpec],
 ) -> Result<EventFile, SessionError> {
-    Ok(Writer::create(layout.davis(), Compression::None, streams)?)
+    create_synced_event_file(layout, streams).map(|(file, _)| file)
+}
+
+/// The same, with another handle by which it is synced.
+fn create_synced_event_file(
+    layout: &Layout,
+    streams: &[StreamSpec],
+) -> Result<(EventFile, File), SessionError> {
+    let path = layout.davis();
+    let made = File::create(&path).and_then(|file| Ok((file.try_clone()?, file)));
+    let (beside, file) =
+        made.map_err(|source| WriteError::Create { path: path.clone(), source })?;
+    let file = event_file(Destination::File(file), &path, streams)?;
+    Ok((file, beside))
+}
+
+fn event_file(
+    destination: Destination,
+    path: &Path,
+    streams: &[StreamSpec],
+) -> Result<EventFile, SessionError> {
+    let name = path.display().to_string();
+    Ok(Writer::as_recorded(destination, &name, Compression::None, streams)?)
 }
 
 /// Ends the file of packets and sees it to the disk.
@@ -74,12 +97,28 @@ impl Log {
     ) -> Result<Self, SessionError> {
         let path = layout.rig_log();
         let writer = RigLogWriter::create(&path)?;
+        Self::over(writer, &path, flush)
+    }
+
+    /// A log that goes into a pipe and is handed on as often as one that goes to a disk.
+    pub(super) fn to_pipe(pipe: Box<dyn Write + Send>) -> Result<Self, SessionError> {
+        let path = Layout::new(Path::new("")).rig_log();
+        Self::over(RigLogWriter::to_pipe(pipe, &path)?, &path, flush)
+    }
+
+    fn over(
+        writer: RigLogWriter,
+        path: &Path,
+        flush: fn(&Weak<Mutex<Option<RigLogWriter>>>) -> bool,
+    ) -> Result<Self, SessionError> {
+        let io = |source| SessionError::Io { path: path.to_owned(), source };
         let handle = writer.handle()?;
         let writer = Arc::new(Mutex::new(Some(writer)));
         let flushed = Arc::downgrade(&writer);
-        let durability = Durability::start(move || flush(&flushed))
-            .and_then(|durability| durability.keep(&path, handle).map(|()| durability))
-            .map_err(|source| SessionError::Io { path, source })?;
+        let durability = Durability::start(move || flush(&flushed)).map_err(io)?;
+        if let Some(handle) = handle {
+            durability.keep(path, handle).map_err(io)?;
+        }
         Ok(Self { writer, durability: Arc::new(Mutex::new(durability)) })
     }
 
@@ -103,18 +142,20 @@ impl Log {
         self.lock().as_mut().map_or(Ok(()), |log| write(log).map_err(Into::into))
     }
 
-    /// The path as the trajectory says it, at the rate of the poses.
+    /// A part of the path, `from` to `to` on it, as the trajectory says it, at the rate of the poses;
+    /// it was begun at `began`.
     pub(super) fn commanded(
         &self,
         path: &Trace,
+        [from, to]: [Span; 2],
         rate: Hertz,
         began: HostTime,
     ) -> Result<(), SessionError> {
         let step = Span::from_secs_f64(1.0 / rate.0);
         let mut since = Span::ZERO;
-        while since <= path.duration() {
+        while from + since <= to {
             let at = HostTime { monotonic: began.monotonic + since, unix: began.unix + since };
-            self.write(|log| log.pose(Topic::Commanded, at, path.pose_at(since)))?;
+            self.write(|log| log.pose(Topic::Commanded, at, path.pose_at(from + since)))?;
             since = since + step;
         }
         Ok(())
@@ -152,20 +193,41 @@ impl SampleWriter {
         prepared: &Prepared,
         log: &Log,
     ) -> Result<(Self, Outlet), SessionError> {
+        if prepared.streams.is_empty() {
+            return Self::take_from(QUEUE_BYTES, None, log);
+        }
         let path = layout.davis();
-        let file = if prepared.streams.is_empty() {
-            None
-        } else {
-            let file = create_event_file(layout, &prepared.streams)?;
-            log.keep(&path, file.handle()?)?;
-            Some((file, path.clone()))
-        };
-        let (outlet, inlet) = channel(QUEUE_BYTES);
+        let (file, beside) = create_synced_event_file(layout, &prepared.streams)?;
+        log.keep(&path, beside)?;
+        Self::take_from(QUEUE_BYTES, Some((file, End::Synced(path))), log)
+    }
+
+    /// The same into a pipe.
+    pub(super) fn into_pipe(
+        pipe: Box<dyn Write + Send>,
+        prepared: &Prepared,
+        log: &Log,
+        queue_bytes: usize,
+    ) -> Result<(Self, Outlet), SessionError> {
+        if prepared.streams.is_empty() {
+            return Self::take_from(queue_bytes, None, log);
+        }
+        let path = Layout::new(Path::new("")).davis();
+        let file = event_file(Destination::Pipe(pipe), &path, &prepared.streams)?;
+        Self::take_from(queue_bytes, Some((file, End::Flushed)), log)
+    }
+
+    fn take_from(
+        queue_bytes: usize,
+        file: Option<(EventFile, End)>,
+        log: &Log,
+    ) -> Result<(Self, Outlet), SessionError> {
+        let (outlet, inlet) = channel(queue_bytes);
         let log = log.clone();
         let thread = std::thread::Builder::new()
             .name("writer".to_owned())
             .spawn(move || take_all(&inlet, file, &log))
-            .map_err(|source| SessionError::Io { path, source })?;
+            .map_err(|source| SessionError::Io { path: PathBuf::new(), source })?;
         Ok((Self { thread: Some(thread) }, outlet))
     }
 
@@ -184,12 +246,17 @@ impl SampleWriter {
     }
 }
 
-fn take_all(
-    inlet: &Inlet,
-    file: Option<(EventFile, PathBuf)>,
-    log: &Log,
-) -> Result<(), SessionError> {
-    let (mut file, path) = file.unzip();
+/// How a file of packets ends.
+#[derive(Debug)]
+enum End {
+    /// With its data table, on the disk at this place.
+    Synced(PathBuf),
+    /// With its last packet, handed on.
+    Flushed,
+}
+
+fn take_all(inlet: &Inlet, file: Option<(EventFile, End)>, log: &Log) -> Result<(), SessionError> {
+    let (mut file, end) = file.unzip();
     let mut flushed = Instant::now();
     loop {
         match inlet.take(TICK) {
@@ -203,10 +270,11 @@ fn take_all(
             flushed = Instant::now();
         }
     }
-    if let (Some(file), Some(path)) = (file, path) {
-        finish_event_file(file, &path)?;
+    match (file, end) {
+        (Some(file), Some(End::Synced(path))) => finish_event_file(file, &path),
+        (Some(mut file), Some(End::Flushed)) => Ok(file.flush()?),
+        _ => Ok(()),
     }
-    Ok(())
 }
 
 /// Writes one sample where it belongs.

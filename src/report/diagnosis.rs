@@ -1,16 +1,20 @@
 //! The diagnosis' section of the page: the verdict, what was named, where the model is wrong.
 
+mod free_run;
+
 use super::figure::{Figure, Key, Link, Panel, Sample};
 use super::number::{count, significant};
 use super::page::{Block, Fact, Section};
 use super::plot::Ink;
 use super::plot::chart::{Axis, Chart, Layer};
 use super::table::{Cell, Column, Table};
-use crate::diagnose::{Diagnosis, FittedEffect, Interval, ProposedTerm, Verdict, Where};
+use crate::diagnose::{
+    Diagnosis, FittedEffect, FreeRun, Half, Interval, ProposedTerm, Suspect, Verdict, Where,
+};
 
-/// The section of a diagnosis.
+/// The section of a diagnosis, with the generator's free run where there is one.
 #[must_use]
-pub fn section(diagnosis: &Diagnosis) -> Section {
+pub fn section(diagnosis: &Diagnosis, run: Option<&FreeRun>) -> Section {
     let link = || Link::beside("derived/diagnose/diagnosis.json");
     let mut blocks = vec![Block::Facts(facts(diagnosis))];
     if !diagnosis.effects.is_empty() {
@@ -19,6 +23,15 @@ pub fn section(diagnosis: &Diagnosis) -> Section {
             let equation = if effect.equation.is_empty() { "" } else { " Equation: " };
             Block::Text(format!("{}: {}.{equation}{}", effect.name, effect.says, effect.equation))
         }));
+    }
+    if !diagnosis.suspects.is_empty() {
+        blocks.push(Block::Table(suspects(&diagnosis.suspects)));
+    }
+    blocks.extend(
+        run.into_iter().flat_map(|run| free_run::blocks(run, !diagnosis.effects.is_empty())),
+    );
+    if !diagnosis.halves.is_empty() {
+        blocks.push(Block::Table(halves(&diagnosis.halves, &diagnosis.effects)));
     }
     let title = match diagnosis.verdict {
         Verdict::NoMismatch => "Where the most is left, below what matters",
@@ -86,6 +99,17 @@ fn facts(diagnosis: &Diagnosis) -> Vec<Fact> {
         diagnosis.null.n
     );
     facts.push(Fact::new("least gain that is named", bar));
+    if let Some(left) = &diagnosis.structure {
+        let percent = |share: f64| format!("{} %", significant(100.0 * share, 3));
+        let mut words = percent(left.baseline.accuracy);
+        if !diagnosis.effects.is_empty() {
+            words += &format!(
+                " from the baseline's, {} from the final model's",
+                percent(left.r#final.accuracy)
+            );
+        }
+        facts.push(Fact::new("events told from the model's (50 %: none)", words));
+    }
     facts
 }
 
@@ -142,6 +166,57 @@ fn effects(effects: &[FittedEffect]) -> Table {
     }
 }
 
+fn suspects(suspects: &[Suspect]) -> Table {
+    let row = |suspect: &Suspect| {
+        vec![
+            Cell::text(suspect.id.name()),
+            Cell::number(suspect.heldout_gain_nats_per_event),
+            Cell::text(&suspect.because),
+        ]
+    };
+    Table {
+        title: "Fits, and is not named".into(),
+        caption: "What comes nearest in the library. An effect has one strength, and behind it \
+                  nothing is left to tell its events from the camera's; here that does not hold."
+            .into(),
+        columns: vec![
+            Column::text("effect"),
+            Column::number("gain", "nats/event"),
+            Column::text("why it is not it"),
+        ],
+        rows: suspects.iter().map(row).collect(),
+    }
+}
+
+fn halves(halves: &[Half], effects: &[FittedEffect]) -> Table {
+    let keys: Vec<String> = effects
+        .iter()
+        .flat_map(|e| e.parameters.keys().map(move |key| format!("{}.{key}", e.id)))
+        .collect();
+    let row = |half: &Half| {
+        let mut row = vec![
+            Cell::text(&half.of),
+            Cell::count(half.n_events as u64),
+            Cell::number(half.heldout_gain_nats_per_event),
+        ];
+        let value = |key: &String| half.parameters.get(key).copied();
+        row.extend(keys.iter().map(|k| value(k).map_or_else(|| Cell::text(""), Cell::number)));
+        row
+    };
+    let mut columns = vec![
+        Column::text("refitted on"),
+        Column::number("events", ""),
+        Column::number("gain", "nats/event"),
+    ];
+    columns.extend(keys.iter().map(|key| Column::number(key, "")));
+    Table {
+        title: "Do the halves agree?".into(),
+        caption: "The named effects refitted on half of the pixels and on half of the time.".into(),
+        columns,
+        rows: halves.iter().map(row).collect(),
+    }
+}
+
 fn wheres(title: &str, places: &[Where]) -> Table {
     let row = |place: &Where| {
         let [low, high] = place.range.map(|end| significant(end, 3));
@@ -150,7 +225,7 @@ fn wheres(title: &str, places: &[Where]) -> Table {
             Cell::text(&place.covariate),
             Cell::text(&format!("{low} to {high}")),
             Cell::number(place.excess_nats_per_event),
-            Cell::number(place.innovation_thresholds),
+            place.innovation_thresholds.map_or_else(|| Cell::text(""), Cell::number),
             Cell::count(place.n_events),
         ]
     };

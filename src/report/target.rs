@@ -94,6 +94,18 @@ fn clock_facts(clocks: &SessionClocks) -> Vec<Fact> {
         };
         facts.push(Fact::new("motion seen by both cameras", words));
     }
+    for late in &clocks.late {
+        let words = match (&late.late_us, &late.refused) {
+            (Some(us), _) => format!(
+                "its light is {:.0} ± {:.0} µs later than its stamps, which are those of {}",
+                us.value, us.standard_error, late.against
+            ),
+            (None, because) => {
+                format!("late, not corrected: {}", because.as_deref().unwrap_or_default())
+            }
+        };
+        facts.push(Fact::new(&late.stream, words));
+    }
     facts
 }
 

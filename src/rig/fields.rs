@@ -233,6 +233,14 @@ impl<'a, 't> Fields<'a, 't> {
         self.required(key).and_then(|value| self.as_text(key, value)).unwrap_or_default()
     }
 
+    /// Complains unless the table names this version of the vocabulary as its `schema`.
+    pub(crate) fn expect_schema(&self, expected: &str) {
+        let schema = self.text("schema");
+        if !schema.is_empty() && schema != expected {
+            self.complain_about("schema", format!("`{schema}`: expected `{expected}`"));
+        }
+    }
+
     /// Text, if the key is there.
     pub(crate) fn optional_text(&self, key: &'static str) -> Option<String> {
         self.get(key).and_then(|value| self.as_text(key, value))

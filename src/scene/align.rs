@@ -23,6 +23,10 @@ pub(super) struct Equations<const N: usize> {
     /// Weighted squares of what is left, in units of the noise that was assumed.
     pub(super) squares: f64,
     pub(super) n: usize,
+    /// Marks that look as expected, noise allowed for.
+    pub(super) n_fit: usize,
+    /// The right side by parts of the map, which are wrong apart from each other.
+    pub(super) by_part: Vec<SVector<f64, N>>,
 }
 
 /// Steps by which the pose and the head's constants are moved to get slopes.
@@ -31,6 +35,9 @@ const HEAD_STEPS: [f64; HEAD] = [1e-5; HEAD];
 
 /// A residual beyond so many standard deviations is trusted in proportion less (Huber's rule).
 const HUBER: f64 = 2.5;
+
+/// Parts of the map, each of marks near each other, for what is left unexplained in common.
+const PARTS: usize = 32;
 
 /// Rows between which a frame's geometry is taken as straight in time.
 const ANCHORS: usize = 9;
@@ -80,6 +87,8 @@ impl Reference<'_> {
             right: SVector::from_fn(|i, _| mixed.right[order[i]]),
             squares: mixed.squares,
             n: mixed.n,
+            n_fit: mixed.n_fit,
+            by_part: Vec::new(),
         })
     }
 
@@ -91,13 +100,14 @@ impl Reference<'_> {
     ) -> Option<Equations<N>> {
         let Optics { camera, head, .. } = self.optics;
         let (width, height) = (f64::from(camera.size.width), f64::from(camera.size.height));
-        let anchors = self.anchors(key, steps)?;
+        let warps = self.warps_of_rows(key, steps)?;
         let forward = head.pi_from_plane(&key.pose);
         let level = key.ln_gain.exp();
         let mut normal = [[0.0; N]; N];
         let mut right = [0.0; N];
-        let (mut squares, mut n) = (0.0, 0_usize);
-        for mark in self.marks {
+        let (mut squares, mut n, mut n_fit) = (0.0, 0_usize, 0_usize);
+        let mut by_part = vec![SVector::<f64, N>::zeros(); PARTS];
+        for (mark, number) in self.marks.iter().zip(0..) {
             let [x_mm, y_mm] = mark.place_mm;
             let q = forward * Vector3::new(x_mm, y_mm, 1.0);
             let [px, py] = stated_place(&camera.lens, [q.x / q.z, q.y / q.z]);
@@ -107,8 +117,7 @@ impl Reference<'_> {
             let (x, y) = (px as usize, py as usize);
             let Some(light) = camera.light(&key.samples, x, y) else { continue };
             let late = y as f64 - camera.middle_row();
-            let warp = between(&anchors, y as f64 / (height - 1.0).max(1.0));
-            let (place, slopes) = warp.slopes(camera.ray(x, y));
+            let (place, slopes) = warps[y].slopes(camera.ray(x, y));
             let [value, dx, dy] = self.map.sample(place);
             if !(value.is_finite() && dx.is_finite() && dy.is_finite()) {
                 continue;
@@ -129,9 +138,12 @@ impl Reference<'_> {
             let weight = precision * if sigmas > HUBER { HUBER / sigmas } else { 1.0 };
             squares += weight * left * left;
             n += 1;
+            n_fit += usize::from(sigmas <= HUBER);
+            let of_part = &mut by_part[number * PARTS / self.marks.len()];
             for i in 0..N {
                 let part = weight * row[i];
                 right[i] += part * left;
+                of_part[i] += part * left;
                 for j in i..N {
                     normal[i][j] += part * row[j];
                 }
@@ -142,13 +154,16 @@ impl Reference<'_> {
             right: SVector::from(right),
             squares,
             n,
+            n_fit,
+            by_part,
         })
     }
 
-    /// The frame's geometry at equally spaced rows from the first to the last.
-    fn anchors<const W: usize>(&self, key: &Key, steps: &[f64; W]) -> Option<Vec<Warp<W>>> {
+    /// The frame's geometry row by row: exact at some of them, straight in between.
+    fn warps_of_rows<const W: usize>(&self, key: &Key, steps: &[f64; W]) -> Option<Vec<Warp<W>>> {
         let optics = self.optics;
-        let last = f64::from(optics.camera.size.height) - 1.0;
+        let n_rows = usize::from(optics.camera.size.height);
+        let last = (n_rows as f64 - 1.0).max(1.0);
         let anchor = |i: usize| {
             let row = last * i as f64 / (ANCHORS - 1) as f64;
             let pose = optics.pose_of_row(key, row);
@@ -158,7 +173,9 @@ impl Reference<'_> {
                 head.plane_from_pi(&moved)
             })
         };
-        (0..ANCHORS).map(anchor).collect()
+        let anchors: Option<Vec<Warp<W>>> = (0..ANCHORS).map(anchor).collect();
+        let anchors = anchors?;
+        Some((0..n_rows).map(|row| between(&anchors, row as f64 / last)).collect())
     }
 }
 

@@ -42,6 +42,8 @@ pub struct SceneDrive {
     seen: Arc<Seen>,
     /// Displacement of the path and of the event camera's place that may be left, DAVIS pixels.
     place_error_px: f64,
+    /// What the map is wrong by in the light of places, share.
+    light_error: f64,
     poses: RwLock<Option<Arc<Poses>>>,
 }
 
@@ -89,7 +91,10 @@ impl SceneDrive {
             skew: 0.0,
             shift_px: [0.0; 2],
             seen,
-            place_error_px: registration.left_px,
+            place_error_px: registration
+                .left_px
+                .hypot(path.place_error_mm() / registration.pixel_mm),
+            light_error: registration.light_error,
             poses: RwLock::new(None),
         }
     }
@@ -257,7 +262,8 @@ impl Drive for SceneDrive {
             let cells_per_px = self.pixel_mm / self.seen.grid.cell_mm;
             let slope = f64::from(dx.hypot(dy)) * cells_per_px * self.place_error_px;
             // A change has two ends, and what is wrong in place differs between them.
-            sum += 2.0 * (f64::from(self.seen.errors[at]).powi(2) + slope.powi(2));
+            let noise = f64::from(self.seen.errors[at]);
+            sum += 2.0 * (noise.powi(2) + self.light_error.powi(2) + slope.powi(2));
             n += 1;
         }
         if n == 0 { f32::NAN } else { (sum / f64::from(n)).sqrt() as f32 }

@@ -3,11 +3,24 @@
 use super::align::{ALL, OWN, Reference, SHARED};
 use super::head::HeadPose;
 use super::path::PathKnot;
+use super::robust::clustered;
 use super::splat::Key;
 use nalgebra::{SMatrix, SVector};
 
+/// A frame is located when a step moves it by less than so many pixels: the steps shrink by a
+/// factor of five or more, so that a fifth of this is left.
+const SETTLED_PX: f64 = 0.01;
+
+/// A frame on the path, the marks that it saw, and those of them that look as the map says.
+#[derive(Debug, Clone)]
+pub(super) struct Located {
+    pub(super) knot: PathKnot,
+    pub(super) n: usize,
+    pub(super) n_fit: usize,
+}
+
 /// Finds a frame's pose against the map, from a start that is near.
-pub(super) fn locate(reference: &Reference<'_>, mut key: Key) -> Option<PathKnot> {
+pub(super) fn locate(reference: &Reference<'_>, mut key: Key) -> Option<Located> {
     let focal = reference.optics.camera.lens.focal_px;
     for _ in 0..8 {
         let equations = reference.own(&key)?;
@@ -19,14 +32,21 @@ pub(super) fn locate(reference: &Reference<'_>, mut key: Key) -> Option<PathKnot
         (0..4).for_each(|i| key.pose[i] += change[i]);
         key.ln_gain += change[4];
         let moved_px = change[0].hypot(change[1]) * focal / key.pose[2];
-        if moved_px < 2e-3 {
+        if moved_px < SETTLED_PX {
             let misfit = equations.squares / equations.n as f64;
-            let pose_error: HeadPose =
-                std::array::from_fn(|i| (inverse[(i, i)] * misfit).max(0.0).sqrt());
+            // The step that is still made takes its share from every part.
+            let share = 1.0 / equations.by_part.len().max(1) as f64;
+            let score = |part: &SVector<f64, OWN>| part - equations.normal * change * share;
+            let scores: Vec<_> = equations.by_part.iter().map(score).collect();
+            let together = clustered(&inverse, &scores);
+            let pose_error: HeadPose = std::array::from_fn(|i| {
+                (inverse[(i, i)] * misfit).max(together[(i, i)]).max(0.0).sqrt()
+            });
             let time_s = reference.optics.middle_s(key.first_s);
             let misfit = misfit.sqrt();
             let (pose, ln_gain) = (key.pose, key.ln_gain);
-            return Some(PathKnot { time_s, pose, pose_error, ln_gain, misfit });
+            let knot = PathKnot { time_s, pose, pose_error, ln_gain, misfit };
+            return Some(Located { knot, n: equations.n, n_fit: equations.n_fit });
         }
     }
     None

@@ -55,6 +55,23 @@ impl HeadPath {
         Some([self.knots.first()?.time_s, self.knots.last()?.time_s])
     }
 
+    /// By how long the path may be early or late as a whole: its error along the way over the way a
+    /// second, root mean squares. None where nothing moves.
+    pub(super) fn time_error_s(&self) -> Option<f64> {
+        let square = |of: [f64; 2]| of[0].powi(2) + of[1].powi(2);
+        let errors: f64 =
+            self.knots.iter().map(|k| square([k.pose_error[0], k.pose_error[1]])).sum();
+        let ways: f64 = self.slopes.iter().map(|slope| square([slope[0], slope[1]])).sum();
+        // Along one of two directions.
+        (ways > 0.0).then(|| (errors / 2.0 / ways).sqrt())
+    }
+
+    /// The path's standard error along one axis, millimetres, root mean square over its knots.
+    pub(super) fn place_error_mm(&self) -> f64 {
+        let square = |k: &PathKnot| (k.pose_error[0].powi(2) + k.pose_error[1].powi(2)) / 2.0;
+        (self.knots.iter().map(square).sum::<f64>() / self.knots.len().max(1) as f64).sqrt()
+    }
+
     fn stretch(&self, time_s: f64) -> Option<Stretch> {
         let after = self.knots.partition_point(|knot| knot.time_s <= time_s);
         let left = after.checked_sub(1)?.min(self.knots.len().checked_sub(2)?);

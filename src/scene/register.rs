@@ -3,16 +3,18 @@
 use super::blur::{PointSpread, blurred};
 use super::davis::DavisTie;
 use super::error::SceneError;
-use super::head::{DavisMount, MOUNT, stated_ray};
+use super::head::{MOUNT, stated_ray};
 use super::map::{Mark, RadianceMap};
+use super::robust::clustered;
 use super::survey::Survey;
-use super::tag_fit::{PRIOR, TIES, changed, listed};
+use super::tag_fit::{Before, TIES, changed, listed};
 use super::warp::Warp;
 use crate::frame::Frame;
 use crate::time::Davis;
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// What the frames of the event camera tell of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -20,7 +22,8 @@ pub struct Registration {
     /// How it is tied to the head's path.
     pub tie: DavisTie,
     /// Standard errors of turn (rad), offset (mm), logarithm of focal length, radial distortion,
-    /// lag (s) and skew.
+    /// lag (s) and skew, frames next to each other taken to be wrong together. What the path is wrong
+    /// by is in the lag's.
     pub tie_error: [f64; TIES],
     /// What blurs the map to its frames.
     pub spread: PointSpread,
@@ -32,6 +35,10 @@ pub struct Registration {
     pub left_dn: f64,
     /// Displacement that is left, frame by frame, root mean square, pixels.
     pub left_px: f64,
+    /// What the map leaves unexplained of the light of places as such, noise of single frames taken
+    /// off: root mean square, share of the light.
+    #[serde(default)]
+    pub light_error: f64,
     /// Frames used.
     pub n_frames: usize,
 }
@@ -57,6 +64,15 @@ const SIGMA_PRIOR: f64 = 0.5;
 
 /// Neighbouring pixels are wrong together: so many count as one against what is known before.
 const ALIKE: f64 = 100.0;
+
+/// Place of the lag among the tie's numbers.
+const LAG: usize = 8;
+
+/// Darker than this share of white the event camera's frames tell little of the light.
+const DARK: f64 = 0.1;
+
+/// Share of the places at either end that is left out where one number stands for all.
+const TRIM: f64 = 0.15;
 
 /// A residual beyond so many standard deviations counts in proportion less.
 const HUBER: f64 = 2.5;
@@ -92,6 +108,8 @@ struct Row {
     light: f64,
     slopes: [f64; SHARED],
     by_place: [f64; 2],
+    /// The mark that led to it.
+    place_mm: [f64; 2],
 }
 
 /// Refines a tie by the light in frames.
@@ -101,7 +119,7 @@ struct Row {
 pub(super) fn register(
     survey: &Survey,
     start: DavisTie,
-    stated: &DavisMount,
+    before: &Before,
     frames: &[Frame<Davis>],
 ) -> Result<Registration, SceneError> {
     let pictures: Vec<Picture> = chosen(survey, &start, frames);
@@ -124,7 +142,7 @@ pub(super) fn register(
             let (what, found, needed) = ("frames on the map", parts.len(), LEAST);
             return Err(SceneError::NoDavis { what, found, n: frames.len(), needed });
         }
-        let (mut normal, mut right) = prior(&tie, stated, spread);
+        let (mut normal, mut right) = prior(&tie, before, spread);
         parts.iter().for_each(|part| {
             normal += part.normal;
             right += part.right;
@@ -134,10 +152,12 @@ pub(super) fn register(
         let change = inverse * right;
         let n: usize = parts.iter().map(|part| part.n).sum();
         let level = parts.iter().map(|part| part.squares).sum::<f64>() / n.max(1) as f64;
+        let scores: Vec<_> = parts.iter().map(|part| part.right - part.normal * change).collect();
+        let together = clustered(&inverse, &scores);
         noise *= level;
         tie = changed(&tie, &change.fixed_rows::<TIES>(0).into_owned());
         spread.sigma_px = (spread.sigma_px + change[TIES]).clamp(0.05, 5.0);
-        let error = |i: usize| (inverse[(i, i)] * level).max(0.0).sqrt();
+        let error = |i: usize| (inverse[(i, i)] * level).max(together[(i, i)]).max(0.0).sqrt();
         let square: f64 = parts.iter().map(|p| p.shift_px[0].powi(2) + p.shift_px[1].powi(2)).sum();
         result = Some(Registration {
             tie,
@@ -147,6 +167,7 @@ pub(super) fn register(
             pixel_mm,
             left_dn: noise.sqrt(),
             left_px: (square / (2.0 * parts.len() as f64)).sqrt(),
+            light_error: 0.0,
             n_frames: parts.len(),
         });
         let settled = (0..SHARED).all(|i| change[i].abs() < 0.05 * error(i));
@@ -154,7 +175,44 @@ pub(super) fn register(
             break;
         }
     }
-    result.ok_or(SceneError::NoFit("the event camera's place by light"))
+    let mut result = result.ok_or(SceneError::NoFit("the event camera's place by light"))?;
+    let seen = Seen::new(survey, result.spread, pixel_mm);
+    result.light_error = light_error(survey, &result.tie, &seen, &pictures, pixel_mm);
+    let lag = &mut result.tie_error[LAG];
+    *lag = lag.hypot(survey.path.time_error_s().unwrap_or(0.0));
+    Ok(result)
+}
+
+/// What the map is wrong by in the light of places, as these frames see it: the spread of the places'
+/// own means over frames, less what noise leaves in a mean.
+fn light_error(
+    survey: &Survey,
+    tie: &DavisTie,
+    seen: &Seen,
+    pictures: &[Picture],
+    pixel_mm: f64,
+) -> f64 {
+    let mut places: BTreeMap<[i64; 2], [f64; 3]> = BTreeMap::new();
+    for rows in pictures.iter().filter_map(|picture| picture.rows(survey, tie, seen)) {
+        let Some((gain, offset)) = level(&rows) else { continue };
+        for row in rows {
+            let expected = gain * row.light;
+            let left =
+                (row.value - offset - expected) / expected.max(gain * DARK * survey.white_dn);
+            let sums = places.entry(row.place_mm.map(|mm| (mm / pixel_mm) as i64)).or_default();
+            [sums[0], sums[1], sums[2]] = [sums[0] + 1.0, sums[1] + left, sums[2] + left * left];
+        }
+    }
+    let of_place = |[n, sum, squares]: &[f64; 3]| {
+        let mean = sum / n;
+        (*n >= 4.0).then(|| mean * mean - (squares / n - mean * mean) / (n - 1.0))
+    };
+    let mut squares: Vec<f64> = places.values().filter_map(of_place).collect();
+    squares.sort_by(f64::total_cmp);
+    let cut = (TRIM * squares.len() as f64) as usize;
+    // A few places at the darkest edges would stand for all.
+    let usual = &squares[cut..squares.len() - cut];
+    (usual.iter().sum::<f64>() / usual.len().max(1) as f64).max(0.0).sqrt()
 }
 
 /// Width of a DAVIS pixel on the print, from the distance at the path's middle.
@@ -182,14 +240,14 @@ fn chosen(survey: &Survey, tie: &DavisTie, frames: &[Frame<Davis>]) -> Vec<Pictu
 
 fn prior(
     tie: &DavisTie,
-    stated: &DavisMount,
+    before: &Before,
     spread: PointSpread,
 ) -> (SMatrix<f64, SHARED, SHARED>, SVector<f64, SHARED>) {
-    let list = listed(tie, stated);
+    let list = listed(tie, &before.stated);
     let (mut normal, mut right) = (SMatrix::zeros(), SVector::zeros());
     for i in 0..TIES {
-        normal[(i, i)] = ALIKE * PRIOR[i].powi(-2);
-        right[i] = -list[i] * ALIKE * PRIOR[i].powi(-2);
+        normal[(i, i)] = ALIKE * before.sigma[i].powi(-2);
+        right[i] = -list[i] * ALIKE * before.sigma[i].powi(-2);
     }
     normal[(TIES, TIES)] = SIGMA_PRIOR.powi(-2);
     right[TIES] = (0.5 - spread.sigma_px) * SIGMA_PRIOR.powi(-2);
@@ -284,7 +342,7 @@ impl Picture {
                 continue;
             }
             if let Some(row) = row([x, y], f64::from(self.values[at]), tie, &warps, seen, since) {
-                rows.push(row);
+                rows.push(Row { place_mm: mark.place_mm, ..row });
             }
         }
         Some(rows)
@@ -304,7 +362,8 @@ fn row(
     let over_focal = (-tie.mount.ln_focal).exp();
     let longer = (1.0 + tie.mount.radial * square) * over_focal;
     let ray = stated.map(|part| part * longer);
-    let mut row = Row { value, light: 0.0, slopes: [0.0; SHARED], by_place: [0.0; 2] };
+    let (slopes, by_place) = ([0.0; SHARED], [0.0; 2]);
+    let mut row = Row { value, light: 0.0, slopes, by_place, place_mm: [0.0; 2] };
     let share = 1.0 / warps.len() as f64;
     for warp in warps {
         let (place, moved) = warp.slopes(ray);

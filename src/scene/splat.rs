@@ -4,11 +4,12 @@ use super::head::{Head, HeadPose, POSE};
 use super::map::{MapGrid, RadianceMap};
 use super::mosaic::PiCamera;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A frame held in memory while the map is made.
 #[derive(Debug, Clone)]
 pub(super) struct Key {
-    pub(super) samples: Vec<u16>,
+    pub(super) samples: Arc<Vec<u16>>,
     /// Mid-exposure of the first row, seconds from the path's zero.
     pub(super) first_s: f64,
     /// How long a row sees light, seconds.
@@ -33,6 +34,9 @@ const HEAPS: usize = 4;
 
 /// A cell with less than so many pixels of full weight is not known.
 const LEAST_WEIGHT: f32 = 1.5;
+
+/// Every so many pairs of columns are looked at for the gains of the mosaic's places.
+const SITE_STEP: usize = 23;
 
 /// What fell on a cell: weights, weighted light, squared weights, weighted squares of what the map
 /// before left unexplained.
@@ -167,7 +171,7 @@ pub(super) fn site_ratios(optics: &Optics, keys: &[Key], map: &RadianceMap) -> [
             let Some(plane) = optics.head.plane_from_pi(&optics.pose_of_row(key, y as f64)) else {
                 continue;
             };
-            for cell in (0..width / 2).step_by(7) {
+            for cell in (0..width / 2).step_by(SITE_STEP) {
                 for x in [2 * cell, 2 * cell + 1] {
                     let (x, y, light): Pixel = match camera.light(&key.samples, x, y) {
                         Some(light) => (x, y, light),

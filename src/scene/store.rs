@@ -42,6 +42,9 @@ pub struct SceneFacts {
     pub white_dn: f64,
     /// Frames seen, and those that could not be put on the path.
     pub n_frames: [usize; 2],
+    /// Frames put on the path without the tag.
+    #[serde(default)]
+    pub n_bridged: usize,
     /// The event camera.
     pub registration: Registration,
 }
@@ -71,6 +74,7 @@ impl Scene {
             site_gains: survey.site_gains,
             white_dn: survey.white_dn,
             n_frames: survey.n_frames,
+            n_bridged: survey.n_bridged,
             registration: self.registration.clone(),
         }
     }
@@ -115,6 +119,7 @@ impl Scene {
             site_gains: facts.site_gains,
             white_dn: facts.white_dn,
             n_frames: facts.n_frames,
+            n_bridged: facts.n_bridged,
         };
         Some(Self { size: facts.size, survey, registration: facts.registration })
     }

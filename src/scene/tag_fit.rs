@@ -13,7 +13,19 @@ pub(super) const TIES: usize = 10;
 
 /// Standard deviations of what the rig and the clocks say: radians, millimetres, shares, seconds.
 /// A distance and a focal length look much alike, so that these are held tight.
-pub(super) const PRIOR: [f64; TIES] = [0.1, 0.1, 0.1, 2.0, 2.0, 1.0, 0.01, 0.02, 0.1, 2e-5];
+pub(super) const MEASURED: [f64; TIES] = [0.1, 0.1, 0.1, 2.0, 2.0, 1.0, 0.01, 0.02, 0.1, 2e-5];
+
+/// The same where only the kind of rig is known.
+pub(super) const OF_ITS_KIND: [f64; TIES] =
+    [0.3, 0.3, 0.3, 40.0, 40.0, 20.0, 0.05, 0.05, 1.0, 5e-5];
+
+/// What is known of the tie before the pictures are looked at.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Before {
+    pub(super) stated: DavisMount,
+    /// Standard deviations of the tie's numbers.
+    pub(super) sigma: [f64; TIES],
+}
 
 /// Steps for slopes.
 const STEPS: [f64; TIES] = [1e-5, 1e-5, 1e-5, 1e-3, 1e-3, 1e-3, 1e-5, 1e-4, 1e-4, 1e-5];
@@ -57,7 +69,7 @@ pub(super) fn changed(tie: &DavisTie, by: &SVector<f64, TIES>) -> DavisTie {
 pub(super) fn tie_by_tag(
     head: &Head,
     path: &HeadPath,
-    stated: DavisMount,
+    &Before { stated, sigma }: &Before,
     pi_from_davis: ClockMap<PiSensor, Davis>,
     sightings: &[Sighting<Davis>],
     plane: &TargetPlane,
@@ -71,8 +83,8 @@ pub(super) fn tie_by_tag(
         let mut right = SVector::<f64, TIES>::zeros();
         let list = listed(&tie, &stated);
         for i in 0..TIES {
-            normal[(i, i)] += PRIOR[i].powi(-2);
-            right[i] -= list[i] * PRIOR[i].powi(-2);
+            normal[(i, i)] += sigma[i].powi(-2);
+            right[i] -= list[i] * sigma[i].powi(-2);
         }
         let mut n = 0;
         for sighting in sightings {
@@ -91,7 +103,7 @@ pub(super) fn tie_by_tag(
         }
         let change = normal.cholesky().ok_or_else(|| no_fit.clone())?.solve(&right);
         tie = changed(&tie, &change);
-        if (0..TIES).all(|i| change[i].abs() < 1e-5 * PRIOR[i]) {
+        if (0..TIES).all(|i| change[i].abs() < 1e-5 * MEASURED[i]) {
             return Ok(tie);
         }
     }

@@ -4,7 +4,7 @@ use super::error::SceneError;
 use super::head::DavisMount;
 use super::register::{Registration, register};
 use super::survey::Survey;
-use super::tag_fit::tie_by_tag;
+use super::tag_fit::{Before, MEASURED, OF_ITS_KIND, tie_by_tag};
 use crate::frame::Frame;
 use crate::rig::Mount;
 use crate::roi::{Lens, Track};
@@ -21,6 +21,9 @@ pub struct DavisKnown<'a> {
     pub track: &'a Track<Davis>,
     /// The clocks.
     pub pi_from_davis: ClockMap<PiSensor, Davis>,
+    /// Whether lens and mount are those of this very rig; else they are its kind's, and clocks may be
+    /// those of computers that no one compared.
+    pub is_measured: bool,
 }
 
 /// Finds how the event camera sits beside the Pi camera, its lens's focal length and how late its
@@ -38,6 +41,7 @@ pub fn tie(
     let head = &survey.head;
     // The survey's path counts the turn from the tag's first sighting, the rig's mount from nothing:
     // both cameras turn together, so that the mount is the same.
-    let by_tag = tie_by_tag(head, &survey.path, stated, known.pi_from_davis, sightings, plane)?;
-    register(survey, by_tag, &stated, frames)
+    let before = Before { stated, sigma: if known.is_measured { MEASURED } else { OF_ITS_KIND } };
+    let by_tag = tie_by_tag(head, &survey.path, &before, known.pi_from_davis, sightings, plane)?;
+    register(survey, by_tag, &before, frames)
 }

@@ -23,7 +23,8 @@ mod records;
 mod schema;
 mod writer;
 
-pub(super) use census::{RigLogCensus, arrivals, census, stream_names};
+pub(super) use census::{RigLogCensus, arrivals, census, each_message_of, stream_names};
+pub(super) use image::decode_picture;
 pub(crate) use image::{encode_in as picture_message, schema as picture_schema};
 pub(super) use notes::read_notes;
 pub use notes::{RigNotes, TimedPose};

@@ -67,9 +67,24 @@ pub fn quantile_sorted(sorted: &[f64], q: f64) -> f64 {
     sorted[below] + (sorted[above] - sorted[below]) * (position - below as f64)
 }
 
+/// Median of samples in any order, those that are no numbers left out; `None` without any.
+#[must_use]
+pub fn median(samples: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let mut sorted: Vec<f64> = samples.into_iter().filter(|sample| !sample.is_nan()).collect();
+    sorted.sort_by(f64::total_cmp);
+    (!sorted.is_empty()).then(|| quantile_sorted(&sorted, 0.5))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_median_needs_no_order_and_lies_between_two_in_the_middle() {
+        assert_eq!(median([3.0, 1.0, f64::NAN, 2.0]), Some(2.0));
+        assert_eq!(median([4.0, 1.0]), Some(2.5));
+        assert_eq!(median([f64::NAN]), None);
+    }
 
     #[test]
     fn moments_agree_with_the_textbook_sums() {

@@ -72,10 +72,7 @@ impl Trajectory {
     /// With all the mistakes in the text.
     pub fn parse(file: &str, text: &str) -> Result<Self, DescriptionError> {
         read_description(file, text, |fields| {
-            let schema = fields.text("schema");
-            if !schema.is_empty() && schema != SCHEMA {
-                fields.complain_about("schema", format!("`{schema}`: expected `{SCHEMA}`"));
-            }
+            fields.expect_schema(SCHEMA);
             let mut labels = Vec::new();
             let segments = fields.tables("segment", |number, fields| {
                 let segment = Segment::read(fields, number, &labels);

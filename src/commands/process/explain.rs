@@ -15,10 +15,11 @@ pub(super) fn compare_all(session: &Session, args: &ProcessArgs) -> anyhow::Resu
     } else if simulated.is_empty() {
         steps.leave_out("compare", "there is no simulated stream");
     } else {
+        let mut reference = pipeline::Reference::new(session, "real");
         for simulated in simulated {
             let (real, seed) = ("real".to_owned(), args.choice.seed);
             let request = CompareRequest { real, simulated, seed, force: args.force };
-            match pipeline::compare(session, &request) {
+            match pipeline::compare_with(&mut reference, &request) {
                 Ok((comparison, freshness)) => {
                     let mark = if freshness == Freshness::Fresh { "(fresh) " } else { "" };
                     let words = format!("{mark}{}", compare::table(&request, &comparison));

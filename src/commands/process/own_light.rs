@@ -58,7 +58,7 @@ pub(super) fn calibrate_and_generate(
 }
 
 /// Whether constants could be told from the session.
-fn calibrate_on(
+pub(super) fn calibrate_on(
     session: &Session,
     light: &str,
     args: &ProcessArgs,

@@ -1,70 +1,80 @@
 //! The steps of `process` that put a session on one clock and one target.
 
+use super::own_light;
 use super::steps::Steps;
 use crate::cli::{ModelArgs, ProcessArgs};
 use crate::commands::{Output, filter, generate, sync, track};
 use crate::pipeline::{
-    self, Conditions, FilterRequest, FilterSettings, GenerateRequest, PipelineError, TrackRequest,
+    self, AlignProgress, Conditions, FilterRequest, FilterSettings, GenerateRequest, PipelineError,
+    SceneMade, Synced, TrackOutcome,
 };
-use crate::session::{Origin, Session, StreamName};
+use crate::session::{Session, StreamName};
 
-/// The clocks and the tracks. Tracks need no clock but their own and are made first, since the
-/// motion in them tells the offset of the clocks best.
-pub(super) fn clocks_and_tracks(
+/// Clocks, tracks and scene.
+pub(super) fn align(
     session: &Session,
     args: &ProcessArgs,
     output: &Output,
 ) -> anyhow::Result<Steps> {
-    let mut tracks = Steps::default();
-    let states_target =
-        session.rig()?.is_some() || matches!(session.manifest().origin, Origin::Raw2Event { .. });
-    let streams = track::frame_streams(session);
-    if streams.is_empty() {
-        tracks.leave_out("track", "the session has no frames");
-    } else if states_target {
-        let request = |stream| TrackRequest { stream, rig: None, force: args.force };
-        let requests: Vec<TrackRequest> = streams.into_iter().map(request).collect();
-        for (request, tracked) in track::track_all(session, &requests, output) {
-            match tracked {
-                Ok(tracked) => {
-                    let words = track::words(&request, &tracked);
-                    tracks.did("track", &words, &track::value(&request, &tracked));
-                }
-                Err(error @ PipelineError::Track { .. }) => {
-                    tracks.leave_out("track", &error.to_string());
-                    tracks.n_lost += 1;
-                }
-                Err(error) => return Err(error.into()),
-            }
+    let n_frames = track::n_frames(session, pipeline::frame_streams(session).iter());
+    let (tracking, mapping) = (output.progress("track", n_frames), output.progress("scene", 0));
+    let aligned = pipeline::align(session, args.force, &|progress| match progress {
+        AlignProgress::Tracked => tracking.inc(1),
+        AlignProgress::Mapped(done, all) => {
+            mapping.set_length(all);
+            mapping.set_position(done);
         }
-    } else {
-        tracks.leave_out("track", "nothing states the target; `evrig track --rig RIG` says which");
-    }
+    });
+    tracking.finish_and_clear();
+    mapping.finish_and_clear();
+    let mut steps = clocks(aligned.clocks)?;
+    steps.append(tracks(aligned.tracks)?);
+    steps.append(scene(aligned.scene)?);
+    Ok(steps)
+}
+
+fn clocks(clocks: Option<Result<Synced, PipelineError>>) -> anyhow::Result<Steps> {
     let mut steps = Steps::default();
-    if pipeline::pi_streams(session).is_empty() {
-        steps.leave_out("sync", "the session has no frames of the Pi's camera");
-    } else {
-        match pipeline::sync(session, args.force) {
-            Ok(synced) => steps.did("sync", &sync::text(&synced), &sync::value(&synced)),
-            Err(error @ PipelineError::Clock { .. }) => {
-                steps.leave_out("sync", &error.to_string());
+    match clocks {
+        None => steps.leave_out("sync", "the session has no frames of the Pi's camera"),
+        Some(Ok(synced)) => steps.did("sync", &sync::text(&synced), &sync::value(&synced)),
+        Some(Err(error @ PipelineError::Clock { .. })) => {
+            steps.leave_out("sync", &error.to_string());
+            steps.n_lost += 1;
+        }
+        Some(Err(error)) => return Err(error.into()),
+    }
+    Ok(steps)
+}
+
+fn tracks(tracks: Result<Vec<TrackOutcome>, &'static str>) -> anyhow::Result<Steps> {
+    let mut steps = Steps::default();
+    let tracks = match tracks {
+        Ok(tracks) => tracks,
+        Err(because) => {
+            steps.leave_out("track", because);
+            Vec::new()
+        }
+    };
+    for (request, tracked) in tracks {
+        match tracked {
+            Ok(tracked) => {
+                let words = track::words(&request, &tracked);
+                steps.did("track", &words, &track::value(&request, &tracked));
+            }
+            Err(error @ PipelineError::Track { .. }) => {
+                steps.leave_out("track", &error.to_string());
                 steps.n_lost += 1;
             }
             Err(error) => return Err(error.into()),
         }
     }
-    steps.append(tracks);
     Ok(steps)
 }
 
-/// The map of the print and the event camera tied to it.
-pub(super) fn scene(
-    session: &Session,
-    args: &ProcessArgs,
-    output: &Output,
-) -> anyhow::Result<Steps> {
+fn scene(made: Result<SceneMade, PipelineError>) -> anyhow::Result<Steps> {
     let mut steps = Steps::default();
-    match crate::commands::scene::make(session, args.force, output) {
+    match made {
         Ok(made) => {
             let words = crate::commands::scene::text(&made);
             steps.did("scene", &words, &crate::commands::scene::value(&made));
@@ -75,6 +85,42 @@ pub(super) fn scene(
             steps.n_lost += 1;
         }
         Err(error) => return Err(error.into()),
+    }
+    Ok(steps)
+}
+
+/// Events from what the event pixels saw, with constants told on that light unless the user chose.
+pub(super) fn generate_from_scene(
+    session: &Session,
+    args: &ProcessArgs,
+    output: &Output,
+) -> anyhow::Result<Steps> {
+    const SCENE: &str = "scene";
+    let mut steps = Steps::default();
+    // Why there is none was said when it was to be made.
+    if pipeline::white_of(session, SCENE)?.is_none() {
+        return Ok(steps);
+    }
+    let is_calibrated = own_light::calibrate_on(session, SCENE, args, output, &mut steps)?;
+    let mut choice = args.choice.clone();
+    if !choice.is_given() {
+        let preset = if is_calibrated { "tuned" } else { "Raw2DVS346" };
+        choice.preset = Some(preset.to_owned());
+    }
+    let request = GenerateRequest {
+        from: SCENE.to_owned(),
+        name: StreamName::new(SCENE)?,
+        parameters: generate::tuned_parameters(session, SCENE, &choice)?,
+        conditions: Conditions::default(),
+        force: args.force,
+    };
+    match generate::generate(session, &request, output) {
+        Ok(made) => {
+            let words = generate::text(&request, &made);
+            steps.did("generate", &words, &generate::value(&request, &made));
+        }
+        // Constants told from the session may be beyond what a generator can do.
+        Err(error) => steps.leave_out("generate", &error.to_string()),
     }
     Ok(steps)
 }
@@ -114,19 +160,24 @@ pub(super) fn generate_from_pi(
     Ok(steps)
 }
 
+/// How streams of any camera are cut to one grid: the picture as wide as the event camera sees it.
+/// None where no track says where that is.
+pub(in crate::commands) fn cut_alike(session: &Session) -> Option<FilterSettings> {
+    let tracked = pipeline::tracked(session);
+    let of_davis = tracked.iter().find(|name| !session.is_from_pi(name).unwrap_or(true))?;
+    let summary = pipeline::read_summary(session, of_davis)?;
+    let plain = FilterSettings::default();
+    let crop = (summary.picture_px * (1.0 + 2.0 * plain.margin)).round().clamp(1.0, 4096.0);
+    Some(FilterSettings { crop_px: Some(crop as u16), ..plain })
+}
+
 /// Every event stream cut to the picture, all to one grid: as wide as the event camera sees it.
 pub(super) fn filter_all(session: &Session, args: &ProcessArgs) -> anyhow::Result<Steps> {
     let mut steps = Steps::default();
-    let tracked = pipeline::tracked(session);
-    let of_davis = tracked.iter().find(|name| !session.is_from_pi(name).unwrap_or(true));
-    let summary = of_davis.and_then(|name| pipeline::read_summary(session, name));
-    let Some(summary) = summary else {
+    let Some(settings) = cut_alike(session) else {
         steps.leave_out("filter", "no track of the event camera says where the picture is");
         return Ok(steps);
     };
-    let plain = FilterSettings::default();
-    let crop = (summary.picture_px * (1.0 + 2.0 * plain.margin)).round().clamp(1.0, 4096.0);
-    let settings = FilterSettings { crop_px: Some(crop as u16), ..plain };
     for stream in filter::event_streams(session) {
         if let Err(error) = pipeline::track_for(session, &stream) {
             steps.leave_out("filter", &error.to_string());

@@ -1,12 +1,13 @@
 //! A camera behind TCP: one connection a stream, each with its deadlines, each taken up again.
 
-use super::{Shared, says, spawn, spec};
+use super::{says, spec};
 use crate::device::Finding;
-use crate::device::recorder::{Outlet, Prepared, Recorder, RecorderError, Tally};
+use crate::device::recorder::{
+    Account, Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
+};
 use crate::format::aedat4::{Kind, Reader, StreamSpec};
 use std::io::Read;
 use std::net::{Shutdown, TcpStream, ToSocketAddrs};
-use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -45,7 +46,7 @@ type Connection = (Reader<TcpStream>, TcpStream, StreamSpec);
 pub struct NetworkDavis {
     addresses: Vec<String>,
     patience: Patience,
-    shared: Arc<Shared>,
+    account: Arc<Account>,
     /// Connections made while preparing, in the order of the addresses.
     ready: Vec<Connection>,
     /// The sockets in use, to break them off.
@@ -70,7 +71,7 @@ impl NetworkDavis {
         Self {
             addresses: addresses.split(',').map(|address| address.trim().to_owned()).collect(),
             patience,
-            shared: Arc::default(),
+            account: Arc::default(),
             ready: Vec::new(),
             sockets: Arc::default(),
             threads: Vec::new(),
@@ -78,14 +79,13 @@ impl NetworkDavis {
     }
 
     fn stop(&mut self) {
-        self.shared.is_ending.store(true, Ordering::Relaxed);
+        self.account.end();
         let sockets = self.sockets.lock().unwrap_or_else(PoisonError::into_inner);
         for socket in sockets.iter().flatten() {
             // It may be closed from the other side already.
             let _ = socket.shutdown(Shutdown::Both);
         }
         drop(sockets);
-        self.shared.changed.notify_all();
         for thread in self.threads.drain(..) {
             // A panic there was reported by its own hook.
             let _ = thread.join();
@@ -137,34 +137,28 @@ impl Recorder for NetworkDavis {
             };
             let outlet = outlet.clone();
             let address = line.address.clone();
-            let thread = spawn(&self.shared, move |shared| line.record(reader, &outlet, shared));
+            let work = move |account: &Account| line.record(reader, &outlet, account);
+            let thread = self.account.spawn("davis", work);
             self.threads.push(thread.map_err(|error| failed(&address, error))?);
         }
-        let is_waiting = |state: &super::State| {
-            state.tally.n_samples == 0 && state.failed.is_none() && state.n_running > 0
-        };
-        let state = self.shared.wait(self.patience.silence, is_waiting);
-        match &state.failed {
-            Some(error) => Err(error.clone()),
-            None if state.tally.n_samples == 0 => {
-                let because =
-                    format!("connected, but no packet came within {:?}", self.patience.silence);
-                Err(failed(&self.addresses.join(","), because))
-            }
-            None => Ok(()),
+        let patience = self.patience.silence;
+        if self.account.wait_for_first(patience)? {
+            return Ok(());
         }
+        let because = format!("connected, but no packet came within {patience:?}");
+        Err(failed(&self.addresses.join(","), because))
     }
 
     fn progress(&mut self) -> Result<Tally, RecorderError> {
-        self.shared.progress()
+        self.account.progress()
     }
 
     fn finish(&mut self) -> Result<Tally, RecorderError> {
         // What the server has sent by now arrives within the time to drain; it never ends by itself.
         let n_lines = self.threads.len();
-        drop(self.shared.wait(self.patience.drain, |state| state.n_running == n_lines));
+        self.account.wait(self.patience.drain, |state| state.n_running == n_lines);
         self.stop();
-        self.shared.progress()
+        self.account.progress()
     }
 
     fn abort(&mut self) {
@@ -180,12 +174,21 @@ impl Drop for NetworkDavis {
 
 impl Line {
     /// Reads until the recording ends or the server stays away.
-    fn record(&self, mut reader: Reader<TcpStream>, outlet: &Outlet, shared: &Shared) {
+    fn record(
+        &self,
+        mut reader: Reader<TcpStream>,
+        outlet: &Outlet,
+        account: &Account,
+    ) -> Result<(), RecorderError> {
+        let mut heard = Instant::now();
         loop {
             let why = loop {
                 match reader.next() {
                     Some(Ok(packet)) => {
-                        shared.deliver(outlet, self.number, packet.content, false);
+                        heard = Instant::now();
+                        let (stream, arrived) = (self.number, host_time());
+                        let content = packet.content;
+                        account.offer(outlet, Sample::Packet { stream, arrived, content });
                     }
                     Some(Err(error)) => break error.to_string(),
                     None => break "the server closed the connection".to_owned(),
@@ -194,39 +197,42 @@ impl Line {
             let lost = reader.losses();
             if !lost.is_none() {
                 let text = format!("{}: {lost:?}", self.address);
-                shared.change(|state| state.tally.gaps.push(text));
+                account.change(|state| state.tally.gaps.push(text));
             }
-            if shared.is_ending() {
-                return;
+            if account.is_ending() {
+                self.tell_of_silence(heard, account);
+                return Ok(());
             }
             let since = Instant::now();
-            match self.reconnect(shared) {
-                Some(Ok(again)) => {
-                    let gap = format!(
-                        "{}: away for {:.3} s ({why})",
-                        self.address,
-                        since.elapsed().as_secs_f64()
-                    );
-                    shared.change(|state| state.tally.gaps.push(gap));
-                    reader = again;
-                }
-                Some(Err(error)) => {
-                    let because = format!("{why}, and then: {}", error.because);
-                    return shared.change(|state| {
-                        state.failed = Some(RecorderError { because, ..error });
-                    });
-                }
-                None => return,
-            }
+            let again = self.reconnect(account).map_err(|error| {
+                let because = format!("{why}, and then: {}", error.because);
+                RecorderError { because, ..error }
+            })?;
+            let Some(again) = again else { return Ok(()) };
+            let away_s = since.elapsed().as_secs_f64();
+            let gap = format!("{}: away for {away_s:.3} s ({why})", self.address);
+            account.change(|state| state.tally.gaps.push(gap));
+            reader = again;
+        }
+    }
+
+    /// A wire that died shortly before the end is not yet known to be dead. A scene in which nothing
+    /// happens looks the same, and so it is told and no more.
+    fn tell_of_silence(&self, heard: Instant, account: &Account) {
+        let silence = heard.elapsed();
+        if silence > self.patience.silence / 2 + self.patience.drain {
+            let seconds = silence.as_secs_f64();
+            let text = format!("{}: nothing came in the last {seconds:.1} s", self.address);
+            account.change(|state| state.tally.gaps.push(text));
         }
     }
 
     /// Tries until the server is back with the same stream; none when the recording ends meanwhile.
-    fn reconnect(&self, shared: &Shared) -> Option<Result<Reader<TcpStream>, RecorderError>> {
+    fn reconnect(&self, account: &Account) -> Result<Option<Reader<TcpStream>>, RecorderError> {
         let deadline = Instant::now() + self.patience.reconnect;
         loop {
-            if shared.is_ending() {
-                return None;
+            if account.is_ending() {
+                return Ok(None);
             }
             let again = connect(&self.address, self.patience).and_then(|(reader, socket, spec)| {
                 if spec != self.spec {
@@ -239,10 +245,10 @@ impl Line {
                 Ok((reader, socket)) => {
                     let mut sockets = self.sockets.lock().unwrap_or_else(PoisonError::into_inner);
                     sockets[self.number as usize] = Some(socket);
-                    return Some(Ok(reader));
+                    return Ok(Some(reader));
                 }
-                Err(error) if Instant::now() >= deadline => return Some(Err(error)),
-                Err(_) => drop(shared.wait(BETWEEN_ATTEMPTS, |_| !shared.is_ending())),
+                Err(error) if Instant::now() >= deadline => return Err(error),
+                Err(_) => account.wait(BETWEEN_ATTEMPTS, |_| !account.is_ending()),
             }
         }
     }

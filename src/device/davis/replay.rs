@@ -1,12 +1,13 @@
 //! A recording, played as if its camera were here.
 
-use super::{Shared, says, spawn, spec};
+use super::{says, spec};
 use crate::device::Finding;
-use crate::device::recorder::{Outlet, Prepared, Recorder, RecorderError, Tally};
+use crate::device::recorder::{
+    Account, Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
+};
 use crate::format::aedat4::{Content, Kind, Packet, ReadError, Reader};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -27,7 +28,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 pub struct ReplayDavis {
     path: PathBuf,
     pace: Pace,
-    shared: Arc<Shared>,
+    account: Arc<Account>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -35,7 +36,7 @@ impl ReplayDavis {
     /// Will play a file.
     #[must_use]
     pub fn new(path: &Path, pace: Pace) -> Self {
-        Self { path: path.to_owned(), pace, shared: Arc::default(), thread: None }
+        Self { path: path.to_owned(), pace, account: Arc::default(), thread: None }
     }
 
     fn failed(&self, because: impl ToString) -> RecorderError {
@@ -43,8 +44,7 @@ impl ReplayDavis {
     }
 
     fn stop(&mut self) {
-        self.shared.is_ending.store(true, Ordering::Relaxed);
-        self.shared.changed.notify_all();
+        self.account.end();
         if let Some(thread) = self.thread.take() {
             // A panic there was reported by its own hook.
             let _ = thread.join();
@@ -76,28 +76,24 @@ impl Recorder for ReplayDavis {
     fn start(&mut self, outlet: Outlet) -> Result<(), RecorderError> {
         let reader = Reader::open(&self.path).map_err(|error| self.failed(error))?;
         let (path, pace) = (self.path.clone(), self.pace);
-        let thread = spawn(&self.shared, move |shared| {
-            if let Err(error) = play(reader, pace, &outlet, shared) {
-                shared.change(|state| state.failed = Some(failed(&path, error)));
-            }
-        });
+        let work = move |account: &Account| {
+            play(reader, pace, &outlet, account).map_err(|error| failed(&path, error))
+        };
+        let thread = self.account.spawn("davis", work);
         self.thread = Some(thread.map_err(|error| self.failed(error))?);
-        let is_waiting = |state: &super::State| state.tally.n_samples == 0 && state.n_running > 0;
-        let state = self.shared.wait(PATIENCE, is_waiting);
-        match &state.failed {
-            Some(error) => Err(error.clone()),
-            None if state.tally.n_samples == 0 => Err(self.failed("no packet came out of it")),
-            None => Ok(()),
+        if self.account.wait_for_first(PATIENCE)? {
+            return Ok(());
         }
+        Err(self.failed("no packet came out of it"))
     }
 
     fn progress(&mut self) -> Result<Tally, RecorderError> {
-        self.shared.progress()
+        self.account.progress()
     }
 
     fn finish(&mut self) -> Result<Tally, RecorderError> {
         self.stop();
-        self.shared.progress()
+        self.account.progress()
     }
 
     fn abort(&mut self) {
@@ -123,7 +119,7 @@ fn play<R: std::io::Read>(
     reader: Reader<R>,
     pace: Pace,
     outlet: &Outlet,
-    shared: &Shared,
+    account: &Account,
 ) -> Result<(), ReadError> {
     let ids: Vec<u32> = reader.streams().iter().map(|stream| stream.id).collect();
     let is_known: Vec<bool> =
@@ -131,7 +127,7 @@ fn play<R: std::io::Read>(
     let mut began: Option<(Instant, i64)> = None;
     for packet in reader {
         let packet = packet?;
-        if shared.is_ending() {
+        if account.is_ending() {
             return Ok(());
         }
         let Some(stream) = ids.iter().position(|id| *id == packet.stream) else { continue };
@@ -143,14 +139,19 @@ fn play<R: std::io::Read>(
             let since_us = t_us.saturating_sub(first_us).max(0) as f64 / times.max(1e-6);
             let due = Duration::from_micros(since_us as u64);
             // Woken early when the recording is to end.
-            drop(shared.wait(due.saturating_sub(instant.elapsed()), |_| !shared.is_ending()));
-            if shared.is_ending() {
+            account.wait(due.saturating_sub(instant.elapsed()), |_| !account.is_ending());
+            if account.is_ending() {
                 return Ok(());
             }
         }
-        shared.deliver(outlet, stream as u32, packet.content, pace == Pace::Unpaced);
+        let (stream, arrived, content) = (stream as u32, host_time(), packet.content);
+        let sample = Sample::Packet { stream, arrived, content };
+        match pace {
+            Pace::Unpaced => account.put(outlet, sample),
+            Pace::Times(_) => account.offer(outlet, sample),
+        }
     }
-    shared.change(|state| state.tally.is_over = true);
+    account.change(|state| state.tally.is_over = true);
     Ok(())
 }
 

@@ -10,12 +10,12 @@ mod convert;
 mod registers;
 mod settings;
 
-use super::{Shared, says, spawn};
+use super::says;
 use crate::device::Finding;
 use crate::device::recorder::{
-    Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
+    Account, Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
 };
-use crate::format::aedat4::{Content, StreamSpec};
+use crate::format::aedat4::StreamSpec;
 use crate::geometry::Size;
 use crate::rig::DavisDescription;
 use crate::session::HostTime;
@@ -25,7 +25,6 @@ use neuromorphic_drivers::inivation_davis346 as driver;
 use neuromorphic_drivers::{Flag, GenericDevice, Identifier, UsbDevice, UsbOverflow};
 use registers::{Opened, Registers};
 use serde_json::json;
-use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -51,7 +50,7 @@ struct Camera {
 /// The first DAVIS346 on USB.
 pub struct UsbDavis {
     description: DavisDescription,
-    shared: Arc<Shared>,
+    account: Arc<Account>,
     /// Where packets go; they are thrown away until a recording has begun.
     outlet: Arc<Mutex<Option<Outlet>>>,
     thread: Option<JoinHandle<()>>,
@@ -63,15 +62,14 @@ impl UsbDavis {
     pub fn new(description: &DavisDescription) -> Self {
         Self {
             description: description.clone(),
-            shared: Arc::default(),
+            account: Arc::default(),
             outlet: Arc::default(),
             thread: None,
         }
     }
 
     fn stop(&mut self) {
-        self.shared.is_ending.store(true, Ordering::Relaxed);
-        self.shared.changed.notify_all();
+        self.account.end();
         if let Some(thread) = self.thread.take() {
             // A panic there was reported by its own hook.
             let _ = thread.join();
@@ -93,7 +91,7 @@ impl Recorder for UsbDavis {
 
     fn prepare(&mut self) -> Result<Prepared, RecorderError> {
         self.stop();
-        self.shared = Arc::default();
+        self.account = Arc::default();
         let (mut camera, mut told) = open(&self.description)?;
         let offset_us = wait_for_clock(&mut camera)?;
         told["unix_minus_device_us"] = json!(offset_us);
@@ -102,7 +100,8 @@ impl Recorder for UsbDavis {
         says["camera"] = told;
         let outlet = Arc::clone(&self.outlet);
         *outlet.lock().unwrap_or_else(PoisonError::into_inner) = None;
-        let thread = spawn(&self.shared, move |shared| run(camera, &outlet, shared));
+        let work = move |account: &Account| run(camera, &outlet, account);
+        let thread = self.account.spawn("davis", work);
         self.thread = Some(thread.map_err(failed)?);
         Ok(Prepared { says, streams })
     }
@@ -112,27 +111,20 @@ impl Recorder for UsbDavis {
             return Err(failed("it was not prepared"));
         }
         *self.outlet.lock().unwrap_or_else(PoisonError::into_inner) = Some(outlet);
-        let is_waiting = |state: &super::State| {
-            state.tally.n_samples == 0 && state.failed.is_none() && state.n_running > 0
-        };
-        let state = self.shared.wait(FIRST_PACKET, is_waiting);
-        match &state.failed {
-            Some(error) => Err(error.clone()),
-            None if state.tally.n_samples == 0 => {
-                Err(failed(format!("no packet came within {FIRST_PACKET:?}")))
-            }
-            None => Ok(()),
+        if self.account.wait_for_first(FIRST_PACKET)? {
+            return Ok(());
         }
+        Err(failed(format!("no packet came within {FIRST_PACKET:?}")))
     }
 
     fn progress(&mut self) -> Result<Tally, RecorderError> {
-        self.shared.progress()
+        self.account.progress()
     }
 
     fn finish(&mut self) -> Result<Tally, RecorderError> {
-        drop(self.shared.wait(DRAIN, |state| state.n_running > 0));
+        self.account.wait(DRAIN, |state| state.n_running > 0);
         self.stop();
-        self.shared.progress()
+        self.account.progress()
     }
 
     fn abort(&mut self) {
@@ -225,12 +217,16 @@ fn arrival(now: HostTime, delay: Duration) -> HostTime {
 }
 
 /// Takes packets until the recording ends or the camera is gone.
-fn run(mut camera: Camera, outlet: &Mutex<Option<Outlet>>, shared: &Shared) {
+fn run(
+    mut camera: Camera,
+    outlet: &Mutex<Option<Outlet>>,
+    account: &Account,
+) -> Result<(), RecorderError> {
+    let mut ended = Ok(());
     let [n_early, n_early_in_camera] = [camera.device.dropped_packets(), n_dropped_within(&camera)];
-    while !shared.is_ending() {
+    while !account.is_ending() {
         if let Err(error) = camera.faults.load_error() {
-            let error = failed(format!("it was lost: {error}"));
-            shared.change(|state| state.failed = Some(error));
+            ended = Err(failed(format!("it was lost: {error}")));
             break;
         }
         let Some(view) = camera.device.next_with_timeout(&POLL) else { continue };
@@ -241,16 +237,16 @@ fn run(mut camera: Camera, outlet: &Mutex<Option<Outlet>>, shared: &Shared) {
         let Some(outlet) = outlet.as_ref() else { continue };
         let n_resets = batch.n_resets;
         for (stream, content) in batch.contents(camera.has_frames) {
-            hand_on(outlet, stream, arrived, content, shared);
+            account.offer(outlet, Sample::Packet { stream, arrived, content });
         }
         if n_resets > 0 {
             let text = format!("the camera set its clock back {n_resets} times in one packet");
-            shared.change(|state| state.tally.gaps.push(text));
+            account.change(|state| state.tally.gaps.push(text));
         }
     }
     let n_dropped = camera.device.dropped_packets().saturating_sub(n_early);
     let n_within = n_dropped_within(&camera).saturating_sub(n_early_in_camera);
-    shared.change(|state| {
+    account.change(|state| {
         state.tally.n_dropped += n_dropped;
         if n_dropped > 0 {
             let text = format!("{n_dropped} USB packets dropped because the host was too slow");
@@ -264,19 +260,12 @@ fn run(mut camera: Camera, outlet: &Mutex<Option<Outlet>>, shared: &Shared) {
     });
     // Whoever waits for samples sees that no more come.
     *outlet.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    ended
 }
 
 /// Events that the camera dropped itself, where it counts them.
 fn n_dropped_within(camera: &Camera) -> u64 {
     camera.registers.as_ref().and_then(|registers| registers.n_dropped().ok()).unwrap_or(0)
-}
-
-fn hand_on(outlet: &Outlet, stream: u32, arrived: HostTime, content: Content, shared: &Shared) {
-    let is_taken = outlet.offer(Sample::Packet { stream, arrived, content });
-    shared.change(|state| {
-        let tally = &mut state.tally;
-        *(if is_taken { &mut tally.n_samples } else { &mut tally.n_dropped }) += 1;
-    });
 }
 
 #[cfg(test)]

@@ -6,12 +6,11 @@ use super::order::{Delivery, Focus, Order};
 use super::wire::{Message, Settings, TakeTally};
 use crate::device::Finding;
 use crate::device::recorder::{
-    Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
+    Account, Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
 };
 use crate::session::{ClockExchange, HostTime, PiFrame};
 use std::net::{Shutdown, TcpStream};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -55,39 +54,8 @@ pub struct NetworkPi {
     patience: Patience,
     ready: Option<(Line, Vec<ClockExchange>)>,
     socket: Option<TcpStream>,
-    shared: Arc<Shared>,
+    account: Arc<Account>,
     thread: Option<JoinHandle<()>>,
-}
-
-#[derive(Debug, Default)]
-struct Shared {
-    is_ending: AtomicBool,
-    state: Mutex<State>,
-    changed: Condvar,
-}
-
-#[derive(Debug, Default)]
-struct State {
-    tally: Tally,
-    failed: Option<RecorderError>,
-    is_running: bool,
-}
-
-impl Shared {
-    fn lock(&self) -> MutexGuard<'_, State> {
-        // Counters and words: whole between any two statements.
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn change(&self, change: impl FnOnce(&mut State)) {
-        change(&mut self.lock());
-        self.changed.notify_all();
-    }
-
-    fn progress(&self) -> Result<Tally, RecorderError> {
-        let state = self.lock();
-        state.failed.clone().map_or_else(|| Ok(state.tally.clone()), Err)
-    }
 }
 
 impl NetworkPi {
@@ -107,7 +75,7 @@ impl NetworkPi {
             patience,
             ready: None,
             socket: None,
-            shared: Arc::default(),
+            account: Arc::default(),
             thread: None,
         }
     }
@@ -117,7 +85,7 @@ impl NetworkPi {
     }
 
     fn stop(&mut self) {
-        self.shared.is_ending.store(true, Ordering::Relaxed);
+        self.account.end();
         if let Some(socket) = &self.socket {
             // It may be closed from the other side already.
             let _ = socket.shutdown(Shutdown::Both);
@@ -181,39 +149,25 @@ impl Recorder for NetworkPi {
         for reading in readings {
             let _ = outlet.offer(Sample::Clock(reading));
         }
-        self.shared.lock().is_running = true;
-        let (shared, patience) = (Arc::clone(&self.shared), self.patience);
-        let thread = std::thread::Builder::new().name("pi".to_owned()).spawn(move || {
-            let ended = line.record(&outlet, &shared, patience);
-            shared.change(|state| {
-                state.failed = ended.err();
-                state.is_running = false;
-            });
-        });
+        let patience = self.patience;
+        let work = move |account: &Account| line.record(&outlet, account, patience);
+        let thread = self.account.spawn("pi", work);
         self.thread = Some(thread.map_err(|error| self.failed(error))?);
-        let is_waiting = |state: &mut State| state.tally.n_samples == 0 && state.is_running;
-        let waited = self.shared.changed.wait_timeout_while(
-            self.shared.lock(),
-            self.patience.silence,
-            is_waiting,
-        );
-        let state = waited.unwrap_or_else(PoisonError::into_inner).0;
-        match &state.failed {
-            Some(error) => Err(error.clone()),
-            None if state.tally.n_samples == 0 => Err(self.failed("no frame came")),
-            None => Ok(()),
+        if self.account.wait_for_first(patience.silence)? {
+            return Ok(());
         }
+        Err(self.failed("no frame came"))
     }
 
     fn progress(&mut self) -> Result<Tally, RecorderError> {
-        self.shared.progress()
+        self.account.progress()
     }
 
     fn finish(&mut self) -> Result<Tally, RecorderError> {
-        self.shared.is_ending.store(true, Ordering::Relaxed);
+        self.account.end();
         self.join();
         self.stop();
-        self.shared.progress()
+        self.account.progress()
     }
 
     fn abort(&mut self) {
@@ -232,7 +186,7 @@ impl Line {
     fn record(
         &mut self,
         outlet: &Outlet,
-        shared: &Shared,
+        account: &Account,
         patience: Patience,
     ) -> Result<(), RecorderError> {
         let mut heard = Instant::now();
@@ -240,7 +194,7 @@ impl Line {
         let mut last_asked = Instant::now();
         let mut drained_by: Option<Instant> = None;
         loop {
-            if drained_by.is_none() && shared.is_ending.load(Ordering::Relaxed) {
+            if drained_by.is_none() && account.is_ending() {
                 self.send(&Message::Stop)?;
                 drained_by = Some(Instant::now() + patience.drain);
             }
@@ -262,8 +216,10 @@ impl Line {
             };
             heard = Instant::now();
             match message {
-                Message::Frame(frame) => deliver(outlet, shared, frame),
-                Message::LateRgb(frame) => deliver_late(outlet, shared, frame),
+                Message::Frame(frame) => {
+                    account.offer(outlet, Sample::Frame { arrived: host_time(), frame });
+                }
+                Message::LateRgb(frame) => deliver_late(outlet, account, frame),
                 Message::Clock(reading) => {
                     if let Some(asked) = clock_asked.take() {
                         let (pi, pi_raw) = (reading.boot, Some(reading.raw));
@@ -276,7 +232,7 @@ impl Line {
                     drained_by = drained_by.map(|limit| limit + seconds);
                 }
                 Message::Stopped(tally) => {
-                    shared.change(|state| count(&mut state.tally, &tally));
+                    account.change(|state| count(&mut state.tally, &tally));
                     break;
                 }
                 Message::Refused { because } => return Err(self.reach.refused(because)),
@@ -302,18 +258,10 @@ fn count(tally: &mut Tally, take: &TakeTally) {
     }
 }
 
-fn deliver(outlet: &Outlet, shared: &Shared, frame: Box<PiFrame>) {
-    let is_taken = outlet.offer(Sample::Frame { arrived: host_time(), frame });
-    shared.change(|state| {
-        let tally = &mut state.tally;
-        *(if is_taken { &mut tally.n_samples } else { &mut tally.n_dropped }) += 1;
-    });
-}
-
 /// Late pictures can wait for the disk: the agent keeps them until they are taken.
-fn deliver_late(outlet: &Outlet, shared: &Shared, frame: Box<PiFrame>) {
+fn deliver_late(outlet: &Outlet, account: &Account, frame: Box<PiFrame>) {
     if !outlet.put(Sample::LateRgb { arrived: host_time(), frame }) {
-        shared.change(|state| {
+        account.change(|state| {
             if state.tally.gaps.is_empty() {
                 state.tally.gaps.push("the writer ended before the late RGB pictures".to_owned());
             }

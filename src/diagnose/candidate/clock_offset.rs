@@ -7,7 +7,13 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     equation: "t_DAVIS = t + d",
     source: "clock map of the session",
     frees: &[Freed { nuisance: Nuisance::OffsetUs, range: [-120_000.0, 120_000.0] }],
-    starts: |_| {
+    starts: |evidence| {
+        // Where the camera's own frames are on time a delay of its events is the pixels' own.
+        match evidence.facts.clocks {
+            Some(tied) if tied.is_off() => return vec![vec![tied.offset_us[0]]],
+            Some(_) => return Vec::new(),
+            None => {}
+        }
         let ms = [-40.0, -20.0, -10.0, -5.0, -2.0, 2.0, 5.0, 10.0, 20.0, 40.0];
         ms.iter().map(|ms| vec![ms * 1e3]).collect()
     },
@@ -18,7 +24,8 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         EffectId::RollingShutter,
         EffectId::Misregistration,
     ],
-    // A delay that is the same for all pixels at all times is one number, wherever it arises.
+    // A delay that is the same for all pixels at all times is one number, wherever it arises,
+    // unless the camera's own frames say whether they are late too.
     same: &[EffectId::PixelLatency],
     splitter: "a flash that both cameras see",
     says: |values| {

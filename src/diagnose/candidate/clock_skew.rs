@@ -8,10 +8,17 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     source: "Olson, IROS 2010",
     stage: Stage::Clock,
     parameters: &[Parameter::linear("skew_ppm", [-20_000.0, 20_000.0], 20.0)],
-    starts: |_| vec![vec![100.0], vec![-100.0], vec![1_500.0], vec![-1_500.0]],
+    starts: |evidence| {
+        let tied = evidence.facts.clocks.map(|tied| vec![tied.skew_ppm[0]]);
+        let guesses = [100.0, -100.0, 1_500.0, -1_500.0].map(|ppm| vec![ppm]);
+        tied.into_iter().chain(guesses).collect()
+    },
     act: |values, _, view| {
-        // About the middle of the recording, so that skew and offset are told apart.
-        let middle = view.evidence.blocks.length_us() as f64 / 2.0;
+        // A clock that was set at the start goes off from there. Where nothing is stated of the
+        // clocks the offset is anyone's guess: about the middle the two are told apart.
+        let is_stated = view.evidence.facts.clocks.is_some();
+        let share = if is_stated { 0.0 } else { 0.5 };
+        let middle = view.evidence.blocks.length_us() as f64 * share;
         let fast = 1.0 + values[0] * 1e-6;
         view.start_us = middle + (view.start_us - middle) * fast;
         view.step_us *= fast;

@@ -23,6 +23,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
             view.law.noise_speed_per_s = 0.0;
         }
     },
+    derived: |evidence, values| vec![("count", (values[0] * evidence.n_sensor()).round())],
     rivals: &[EffectId::ThresholdMismatch],
     splitter: "a faster pass with more contrast",
     says: |values| format!("{:.2} % of the pixels never fire", values[0] * 100.0),

@@ -34,6 +34,10 @@ pub(super) const CANDIDATE: Candidate = Candidate {
             *signal += (swing * (values[1] * f64::from(*gx) + values[2] * f64::from(*gy))) as f32;
         }
     },
+    derived: |evidence, values| {
+        let px = values[1].hypot(values[2]);
+        evidence.facts.pixel_mm.map(|mm| ("amplitude_mm", px * mm)).into_iter().collect()
+    },
     rivals: &[EffectId::Flicker, EffectId::Misregistration],
     splitter: "a static segment: vibration goes with the motors, flicker stays",
     needs: needs_surroundings,

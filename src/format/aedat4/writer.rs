@@ -7,6 +7,7 @@ use super::outgoing::{HEAD_BYTES, Outgoing, span};
 use super::table::{self, Entry};
 use super::{Compression, Kind, StreamSpec, WriteError, encode};
 use crate::event::EventSlice;
+use crate::format::Destination;
 use crate::frame::Frame;
 use crate::imu::{ImuSample, Trigger};
 use crate::time::Davis;
@@ -78,13 +79,27 @@ impl Writer<BufWriter<File>> {
     }
 }
 
-impl Writer<BufWriter<File>> {
-    /// A second handle of the file, by which a thread beside can sync it.
+impl Writer<BufWriter<Destination>> {
+    /// Writes what is recorded, as it comes. A pipe gets the bytes of the file but for the data table
+    /// at its end, which a reader finds by going back.
     ///
     /// # Errors
-    /// [`WriteError`] when the system refuses.
-    pub fn handle(&self) -> Result<File, WriteError> {
-        self.destination.get_ref().try_clone().map_err(|source| self.failed(source))
+    /// [`WriteError`] when the header cannot be written.
+    pub fn as_recorded(
+        destination: Destination,
+        name: &str,
+        compression: Compression,
+        streams: &[StreamSpec],
+    ) -> Result<Self, WriteError> {
+        let can_go_back = destination.can_go_back();
+        let buffered = BufWriter::with_capacity(GATHERED_BYTES, destination);
+        if can_go_back {
+            return Self::new(buffered, name, compression, streams);
+        }
+        let mut writer = Self::headless(buffered, name, compression, streams);
+        writer.write_bytes(MAGIC)?;
+        writer.write_header()?;
+        Ok(writer)
     }
 }
 

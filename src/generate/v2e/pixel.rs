@@ -179,6 +179,10 @@ impl PixelModel for V2e {
         pixels.map(|(&brightness, pixel)| self.start_pixel(pixel, brightness)).collect()
     }
 
+    fn restart(&self, block: &mut Block<Vec<Pixel>>, i: usize) {
+        block.state[i] = self.start_pixel(block.first + i as u32, block.before[i]);
+    }
+
     fn run(&self, block: &mut Block<Vec<Pixel>>, after: &[f32], interval: Interval) {
         let span_us = f64::from(interval.span_us);
         let has_noise = self.parameters.shot_noise_rate_hz > 0.0;

@@ -91,6 +91,10 @@ impl PixelModel for LazyVoltmeter {
         Voltages { mean: zeros.clone(), excess: zeros.clone(), variance: zeros }
     }
 
+    fn restart(&self, block: &mut Block<Voltages>, i: usize) {
+        block.state.set(i, Belief { mean: 0.0, variance: 0.0 });
+    }
+
     fn run(&self, block: &mut Block<Voltages>, after: &[f32], interval: Interval) {
         let Block { first, before, hits, state } = block;
         let span_us = f64::from(interval.span_us);

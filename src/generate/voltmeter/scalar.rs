@@ -35,6 +35,10 @@ impl PixelModel for ScalarVoltmeter {
         vec![0.0; brightness.len()]
     }
 
+    fn restart(&self, block: &mut Block<Vec<f64>>, i: usize) {
+        block.state[i] = 0.0;
+    }
+
     fn run(&self, block: &mut Block<Vec<f64>>, after: &[f32], interval: Interval) {
         let advance = match self.law {
             Law::Exact => passage::advance,

@@ -1,19 +1,20 @@
 //! Generation with effects: all frames are held, since a pixel is followed from first to last.
 
-use super::{GenerateRequest, GenerateTally, failed, open, too_few};
+use super::{GenerateRequest, GenerateTally, driven, failed, open, too_few};
 use crate::drive::{Curve, Drive, TimeGrid};
 use crate::event::Events;
 use crate::frame::Luminance;
 use crate::generate::effect::{EffectError, Enters, Surroundings};
 use crate::generate::forward::{Forward, ForwardError, ForwardParameters};
 use crate::generate::voltmeter::Coefficients;
-use crate::generate::{Interpolator, Law, ModelParameters, build};
+use crate::generate::{Law, ModelParameters, RowTimes, build};
 use crate::geometry::Size;
 use crate::pipeline::PipelineError;
+use crate::pipeline::between::between;
 use crate::pipeline::light::Light;
 use crate::pipeline::sync::missing;
 use crate::scene::FramesDrive;
-use crate::session::{Session, StreamKind};
+use crate::session::Session;
 use std::time::{Duration, Instant};
 
 /// The most that frames may take in memory, bytes; they are held twice, as they are and as light.
@@ -57,8 +58,9 @@ pub(super) fn run(
         ..GenerateTally::default()
     };
     let size = first.size;
+    let rows = light.rows(size);
     let started = Instant::now();
-    let events = with_effects(session, request, frames)?;
+    let events = with_effects(session, request, frames, rows)?;
     let spent = started.elapsed();
     tally.n_events = events.len() as u64;
     tally.n_on = events.as_slice().count_on() as u64;
@@ -76,6 +78,7 @@ pub(in crate::pipeline) fn with_effects(
     session: &Session,
     request: &GenerateRequest,
     mut frames: Vec<Luminance>,
+    rows: RowTimes,
 ) -> Result<Events, PipelineError> {
     let wrong = |source: ForwardError| PipelineError::Forward {
         session: session.root().to_owned(),
@@ -93,11 +96,15 @@ pub(in crate::pipeline) fn with_effects(
         step_us: STEP_US,
     };
     let forward = Forward::new(parameters, surroundings).map_err(wrong)?;
-    let drive = FramesDrive::new(&frames, 0.0, 0.0).map_err(|source| PipelineError::Frames {
-        session: session.root().to_owned(),
-        stream: request.from.clone(),
-        source,
-    })?;
+    // The drive counts from the first row's time.
+    let first_us = rows.after_us(0.0).round() as i64;
+    frames.iter_mut().for_each(|frame| frame.t_us += first_us);
+    let drive =
+        FramesDrive::new(&frames, 0.0, rows.row_us).map_err(|source| PipelineError::Frames {
+            session: session.root().to_owned(),
+            stream: request.from.clone(),
+            source,
+        })?;
     let window = drive.span_us();
     let size = drive.size();
     let pixels = all_pixels(size);
@@ -110,13 +117,10 @@ pub(in crate::pipeline) fn with_effects(
     relight(&forward, &drive, &mut frames);
     drop(drive);
     let mut generator = build(&request.parameters, None)?;
-    let mut interpolator = request.conditions.interpolate_us.map(Interpolator::new).transpose()?;
+    let mut between = between(session, &request.from, &request.conditions)?;
     let mut events = Events::new();
     for frame in frames {
-        let pushed = match &mut interpolator {
-            Some(between) => between.push(frame, |frame| generator.push(frame, &mut events)),
-            None => generator.push(&frame, &mut events),
-        };
+        let pushed = between.push(frame, |frame| generator.push(frame, &mut events));
         pushed.map_err(|source| failed(session, request, source))?;
     }
     forward.readout(&mut events, size, &pixels, window, seed);
@@ -132,16 +136,9 @@ fn surroundings(
     request: &GenerateRequest,
     frames: &[Luminance],
 ) -> Result<Surroundings, PipelineError> {
-    let mut aps_starts_us = Vec::new();
     let effects = &request.conditions.effects;
     let is_coupled = effects.iter().any(|applied| applied.effect.id().as_str() == "aps_coupling");
-    if is_coupled && session.stream(StreamKind::Frames, "aps").is_ok() {
-        for picture in session.davis_pictures("aps")? {
-            let timing = picture?.frame.timing;
-            let start = timing.exposure.map_or(timing.stamp, |[start, _]| start);
-            aps_starts_us.push(start.as_micros());
-        }
-    }
+    let aps_starts_us = if is_coupled { driven::aps_starts(session)? } else { Vec::new() };
     let frame_times_us = frames.iter().map(|frame| frame.t_us).collect();
     Ok(Surroundings { aps_starts_us, frame_times_us })
 }

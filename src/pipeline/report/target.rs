@@ -1,10 +1,11 @@
-//! What the stages sync, track and filter left in a session, for its report.
+//! What the stages sync, track, scene and filter left in a session, for its report.
 
 use crate::clock::SessionClocks;
 use crate::format::npy::{Column, Npz};
 use crate::pipeline::track::{AnyTrack, read_summary, read_track, tracked};
-use crate::pipeline::{PipelineError, read_clocks, read_filter_tally};
+use crate::pipeline::{PipelineError, read_clocks, read_filter_tally, read_scene};
 use crate::report::page::{Fact, Section};
+use crate::report::scene::scene_section;
 use crate::report::target::{
     FrameInterval, PathPoint, PicturePath, clock_section, filter_section, track_section,
 };
@@ -28,6 +29,9 @@ pub(super) fn sections(session: &Session) -> Result<Vec<Section>, PipelineError>
     let paths = paths(session, clocks.as_ref())?;
     if !paths.is_empty() {
         sections.push(track_section(&paths, facts(session, &paths)));
+    }
+    if let Some(scene) = read_scene(session)? {
+        sections.push(scene_section(&scene).map_err(PipelineError::Picture)?);
     }
     let recorded = session.manifest().streams.iter().filter(|s| s.kind == StreamKind::Events);
     let mut names: Vec<StreamName> =
@@ -77,7 +81,8 @@ fn paths(
             }
             Some(AnyTrack::Pi(track)) => {
                 let Some(clocks) = clocks else { continue };
-                let on_davis = |at| clocks.davis_from_sensor.map(at);
+                let clock = clocks.davis_from(&name);
+                let on_davis = |at| clock.map(at);
                 found.push((name, false, sampled(&track, on_davis)));
             }
             None => {}

@@ -2,20 +2,14 @@
 
 use super::Recording;
 use crate::event::{Event, Events};
+use crate::filter::{FilterError, hot_pixel, refractory};
 use crate::stats::SplitMix;
 
 /// A pixel that has fired is blind for a while.
-pub(super) fn refractory(recording: &mut Recording, period_us: f64) {
-    let width = usize::from(recording.size.width);
-    let mut ready = vec![i64::MIN; recording.size.n_pixels()];
-    keep(recording, |e| {
-        let ready = &mut ready[usize::from(e.y) * width + usize::from(e.x)];
-        let is_kept = e.t >= *ready;
-        if is_kept {
-            *ready = e.t.saturating_add(period_us as i64);
-        }
-        is_kept
-    });
+pub(super) fn refractory(recording: &mut Recording, period_us: f64) -> Result<(), FilterError> {
+    let slice = recording.events.as_slice();
+    recording.events = refractory::filter(slice, recording.size, period_us as i64)?.events;
+    Ok(())
 }
 
 /// A share of the events is lost, each for itself.
@@ -23,18 +17,22 @@ pub(super) fn drop_share(recording: &mut Recording, fraction: f64, random: &mut 
     keep(recording, |_| random.uniform() >= fraction);
 }
 
-/// Some of the pixels that fired never do.
-pub(super) fn kill_pixels(recording: &mut Recording, count: f64, random: &mut SplitMix) {
-    let size = recording.size;
-    let mut order: Vec<usize> = (0..size.n_pixels()).collect();
-    let mut is_dead = vec![false; size.n_pixels()];
-    for i in 0..(count.max(0.0) as usize).min(order.len()) {
+/// Some of the pixels never fire.
+pub(super) fn kill_pixels(
+    recording: &mut Recording,
+    count: f64,
+    random: &mut SplitMix,
+) -> Result<(), FilterError> {
+    let mut order: Vec<usize> = (0..recording.size.n_pixels()).collect();
+    let n_dead = (count.max(0.0) as usize).min(order.len());
+    for i in 0..n_dead {
         let j = i + random.below(order.len() - i);
         order.swap(i, j);
-        is_dead[order[i]] = true;
     }
-    let width = usize::from(size.width);
-    keep(recording, |e| !is_dead[usize::from(e.y) * width + usize::from(e.x)]);
+    let slice = recording.events.as_slice();
+    let kept = hot_pixel::drop_pixels(slice, recording.size, &order[..n_dead])?;
+    recording.events = kept.events;
+    Ok(())
 }
 
 /// `n` pixels fire at random besides, On or Off alike, each at a rate.
@@ -50,7 +48,7 @@ pub(super) fn heat_pixels(recording: &mut Recording, n: f64, rate_hz: f64, rando
         let mut t = first as f64;
         loop {
             // Waiting times of a Poisson process.
-            t -= 1e6 / rate_hz * (1.0 - random.uniform()).ln();
+            t += 1e6 / rate_hz * random.exponential();
             if t > last as f64 {
                 break;
             }
@@ -59,6 +57,48 @@ pub(super) fn heat_pixels(recording: &mut Recording, n: f64, rate_hz: f64, rando
         }
     }
     recording.events.sort_by_time();
+}
+
+/// Every pixel fires in pairs of opposite polarity besides, as a comparator does that follows noise
+/// there and back; `rate_hz` counts events, a pair's second one comes `lag_us` later in the mean.
+pub(super) fn alternate(
+    recording: &mut Recording,
+    rate_hz: f64,
+    lag_us: f64,
+    random: &mut SplitMix,
+) {
+    let slice = recording.events.as_slice();
+    let (Some(&first), Some(&last)) = (slice.t.first(), slice.t.last()) else { return };
+    for y in 0..recording.size.height {
+        for x in 0..recording.size.width {
+            let mut t = first as f64;
+            loop {
+                t += 2e6 / rate_hz * random.exponential();
+                let back = t + lag_us * random.exponential();
+                if back > last as f64 {
+                    break;
+                }
+                let on = random.bits() >> 63 == 1;
+                recording.events.push(Event { t: t as i64, x, y, on });
+                recording.events.push(Event { t: back as i64, x, y, on: !on });
+            }
+        }
+    }
+    recording.events.sort_by_time();
+}
+
+/// Everything is lost in windows that together are a share of the time.
+pub(super) fn drop_bursts(
+    recording: &mut Recording,
+    share: f64,
+    window_us: f64,
+    random: &mut SplitMix,
+) {
+    let mut windows: std::collections::BTreeMap<i64, bool> = std::collections::BTreeMap::new();
+    keep(recording, |e| {
+        let window = (e.t as f64 / window_us).floor() as i64;
+        !*windows.entry(window).or_insert_with(|| random.uniform() < share)
+    });
 }
 
 /// Every stamp has a normal error of its own.

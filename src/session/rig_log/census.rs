@@ -109,7 +109,14 @@ fn each_message(
     see: &mut dyn FnMut(Topic, u64, &[u8]),
 ) -> Result<Option<String>, RigLogError> {
     let failed = |source| RigLogError::Open { path: path.to_owned(), source };
-    let mut file = File::open(path).map_err(failed)?;
+    each_message_of(File::open(path).map_err(failed)?, see).map_err(failed)
+}
+
+/// The same of any source.
+pub(in crate::session) fn each_message_of(
+    mut file: impl Read,
+    see: &mut dyn FnMut(Topic, u64, &[u8]),
+) -> std::io::Result<Option<String>> {
     let options = LinearReaderOptions::default()
         .with_validate_chunk_crcs(true)
         .with_record_length_limit(MAX_RECORD_BYTES);
@@ -118,7 +125,7 @@ fn each_message(
     while let Some(event) = reader.next_event() {
         let record = match event {
             Ok(LinearReadEvent::ReadRequest(n)) => {
-                let n = file.read(reader.insert(n)).map_err(failed)?;
+                let n = file.read(reader.insert(n))?;
                 reader.notify_read(n);
                 continue;
             }

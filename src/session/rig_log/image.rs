@@ -108,6 +108,11 @@ pub(crate) fn schema() -> Vec<u8> {
     FileDescriptorSet { file: files }.encode_to_vec()
 }
 
+/// The samples of a picture in a message; none when it is no picture.
+pub(in crate::session) fn decode_picture(bytes: &[u8]) -> Option<Vec<u8>> {
+    decode(bytes).map(|image| image.data)
+}
+
 /// The picture in a message; none when it is no picture.
 pub(super) fn decode(bytes: &[u8]) -> Option<RawImage> {
     RawImage::decode(bytes).ok()

@@ -3,14 +3,14 @@
 use super::image::{encode, schema as image_schema, seconds_nanos};
 use super::records::{ClockExchange, HostTime, PacketArrival, PiFrame, Severity};
 use super::{RigLogError, schema};
-use crate::format::raw10;
+use crate::format::{Destination, raw10};
 use crate::rig::Pose;
 use crate::time::{HostMonotonic, Span, Stamp, Unix};
 use mcap::records::MessageHeader;
 use serde::Serialize;
 use serde_json::json;
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// A topic of the log; its number in the file is its place here, from 1.
@@ -81,8 +81,9 @@ const CHUNK_TIME: Span = Span::from_micros(500_000);
 /// Appends to `rig.mcap`.
 pub struct RigLogWriter {
     path: PathBuf,
-    file: mcap::Writer<BufWriter<File>>,
-    beside: File,
+    file: mcap::Writer<BufWriter<Destination>>,
+    /// Another handle of a file, by which it is synced.
+    beside: Option<File>,
     channels: Vec<u16>,
     sequences: Vec<u32>,
     n_messages: u64,
@@ -106,13 +107,32 @@ impl RigLogWriter {
         let beside = file.try_clone();
         let beside =
             beside.map_err(|source| RigLogError::Open { path: path.to_owned(), source })?;
+        Self::begin(Destination::File(file), Some(beside), path)
+    }
+
+    /// Writes into a pipe what would go into a file; `name` stands for it in errors. A chunk is in
+    /// memory until it is whole, since its head cannot be written over.
+    ///
+    /// # Errors
+    /// When the pipe is closed.
+    pub fn to_pipe(pipe: Box<dyn Write + Send>, name: &Path) -> Result<Self, RigLogError> {
+        Self::begin(Destination::Pipe(pipe), None, name)
+    }
+
+    fn begin(
+        destination: Destination,
+        beside: Option<File>,
+        path: &Path,
+    ) -> Result<Self, RigLogError> {
         let options = mcap::WriteOptions::new()
             .compression(None)
             .chunk_size(Some(CHUNK_BYTES))
+            .disable_seeking(!destination.can_go_back())
             .profile("")
             .library(concat!("evrig ", env!("CARGO_PKG_VERSION")));
         let failed = |error| failed(path, 0, error);
-        let mut file = options.create(BufWriter::with_capacity(1 << 20, file)).map_err(failed)?;
+        let buffered = BufWriter::with_capacity(1 << 20, destination);
+        let mut file = options.create(buffered).map_err(failed)?;
         let mut channels = Vec::new();
         for topic in Topic::ALL {
             let (name, text) = topic.schema();
@@ -140,7 +160,10 @@ impl RigLogWriter {
             let samples = raw10::row_bytes(size.width)
                 .and_then(|row| raw10::unpack(packed, size, row))
                 .map_err(|error| self.unencodable(Topic::Raw, error.to_string()))?;
-            let bytes = samples.iter().flat_map(|sample| sample.to_le_bytes()).collect();
+            let mut bytes = vec![0; samples.len() * 2];
+            for (pair, sample) in bytes.chunks_exact_mut(2).zip(&samples) {
+                pair.copy_from_slice(&sample.to_le_bytes());
+            }
             self.put(Topic::Raw, arrived, at, &encode(at, size, "mono16", bytes))?;
         }
         if let Some(rgb) = &frame.rgb {
@@ -222,12 +245,12 @@ impl RigLogWriter {
         self.file.flush().map_err(|error| failed(&self.path, self.n_messages, error))
     }
 
-    /// A second handle of the file, by which a thread beside can sync it.
+    /// A second handle of the file, by which a thread beside can sync it; none of a pipe.
     ///
     /// # Errors
     /// When the system refuses.
-    pub fn handle(&self) -> Result<File, RigLogError> {
-        let again = self.beside.try_clone();
+    pub fn handle(&self) -> Result<Option<File>, RigLogError> {
+        let again = self.beside.as_ref().map(File::try_clone).transpose();
         again.map_err(|source| RigLogError::Open { path: self.path.clone(), source })
     }
 
@@ -237,8 +260,9 @@ impl RigLogWriter {
     /// When the disk refuses; what was written can be read all the same.
     pub fn finish(mut self) -> Result<(), RigLogError> {
         self.file.finish().map_err(|error| failed(&self.path, self.n_messages, error))?;
-        let file = self.file.into_inner().into_inner().map_err(std::io::IntoInnerError::into_error);
-        file.and_then(|file| file.sync_all())
+        let flushed = self.file.into_inner().flush();
+        flushed
+            .and_then(|()| self.beside.as_ref().map_or(Ok(()), File::sync_all))
             .map_err(|error| failed(&self.path, self.n_messages, error.into()))
     }
 

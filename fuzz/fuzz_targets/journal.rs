@@ -1,0 +1,12 @@
+//! See `inputs::journal`.
+//!
+//! `RUSTC_BOOTSTRAP=1 cargo fuzz run --sanitizer none journal target/found corpus/journal -- -max_total_time=300`
+//! (in this folder; finds go to `target/found`).
+
+#![no_main]
+
+#[path = "../inputs.rs"]
+#[allow(dead_code)]
+mod inputs;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| inputs::journal(bytes));

@@ -1,0 +1,286 @@
+//! From a fitted model to what is said of it.
+
+use super::ceiling::flexible;
+use super::check::Structure;
+use super::fit::Fitted;
+use super::naming::Standing;
+use super::nuisance::Nuisance;
+use super::propose::propose;
+use super::scan::cannot_judge;
+use super::score::Part;
+use super::select::Taken;
+use super::strata::{held_out_nats, wrong_in};
+use super::{
+    Diagnosis, Evidence, FitReport, FittedEffect, Half, HeldOut, Interval, LIBRARY, Leftover,
+    Mismatch, NullReport, ProposedTerm, StructureReport, Suspect, Verdict,
+};
+use statrs::function::erf::erfc;
+use std::collections::BTreeMap;
+
+/// An excess below this, nats an event, is no mismatch.
+const LEAST_EXCESS: f64 = 0.06;
+
+/// Half width of a 90 % interval in standard errors.
+const Z90: f64 = 1.645;
+
+/// What the search has come to.
+pub(super) struct Reached {
+    pub(super) taken: Vec<Taken>,
+    pub(super) standing: Standing,
+    /// What the baseline leaves, and the model with all that was taken.
+    pub(super) before: Option<Structure>,
+    pub(super) after: Option<Structure>,
+    /// What the model with all that was taken reaches, recalibrated, nats an event.
+    pub(super) reach: f64,
+    pub(super) suspects: Vec<Suspect>,
+    pub(super) halves: Vec<Half>,
+    pub(super) null: NullReport,
+}
+
+/// Chance of a standard normal value above `z`.
+fn above(z: f64) -> f64 {
+    0.5 * erfc(z / std::f64::consts::SQRT_2)
+}
+
+/// What a model reaches on held-out cells when its hazard is recalibrated, nats an event.
+pub(super) fn reach(evidence: &Evidence, model: &Fitted) -> f64 {
+    held_out_nats(model) + flexible(evidence, model).gain.max(0.0)
+}
+
+/// Ceiling minus baseline, nats an event.
+pub(super) fn excess(evidence: &Evidence, baseline: &Fitted, model: &Fitted) -> f64 {
+    reach(evidence, model).max(reach(evidence, baseline)) - held_out_nats(baseline)
+}
+
+pub(super) fn conclude(
+    evidence: &Evidence,
+    baseline: &Fitted,
+    model: &Fitted,
+    reached: Reached,
+) -> Diagnosis {
+    let Reached { taken, standing, suspects, halves, null, reach, .. } = reached;
+    let (left_before, left_after) = (reached.before, reached.after);
+    let (before, after) = (flexible(evidence, baseline), flexible(evidence, model));
+    let (low, high) = (held_out_nats(baseline), held_out_nats(model));
+    let ceiling = (low + before.gain).max(high + after.gain.max(0.0)).max(reach);
+    let excess = ceiling - low;
+    let share = (excess > 0.0).then(|| (high - low) / excess);
+    let (gain, error) = model.cells.gain(&baseline.cells, Part::HeldOut);
+    let z = if taken.is_empty() { before.gain / before.error } else { gain / error };
+    let verdict = match (taken.is_empty(), share, standing) {
+        (true, _, Standing::Holds) if excess < LEAST_EXCESS => Verdict::NoMismatch,
+        (true, ..) => Verdict::Unexplained,
+        (false, Some(share), Standing::Holds) if share >= 0.5 => Verdict::Explained,
+        (false, Some(share), _) if share >= 0.25 => Verdict::PartlyExplained,
+        (false, ..) => Verdict::Unexplained,
+    };
+    let is_named = matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
+    let effects = if is_named { effects(evidence, model, &taken) } else { Vec::new() };
+    let next_recording = effects
+        .iter()
+        .find(|e| !e.equivalent.is_empty())
+        .and_then(|e| LIBRARY.iter().find(|c| c.id == e.id).map(|c| c.splitter.to_owned()));
+    let least = (0.02 * excess).max(0.002);
+    let with_structure = |mut places: Vec<super::Where>, left: Option<&Structure>| {
+        // Numbers of events by what else happened on the sensor, which no score of one pixel sees.
+        let around = left.into_iter().flat_map(|left| left.places.iter().cloned());
+        places.extend(around.filter(|place| place.excess_nats_per_event > least));
+        places
+    };
+    Diagnosis {
+        schema: "evrig.diagnosis/1".into(),
+        verdict,
+        mismatch: Mismatch {
+            excess_nats_per_event: excess,
+            p_value: above(z),
+            places: with_structure(wrong_in(evidence, baseline, least), left_before.as_ref()),
+        },
+        effects,
+        nuisances: nuisances(model),
+        fit: FitReport {
+            heldout_nats_per_event: HeldOut {
+                baseline: low,
+                r#final: high,
+                ceiling,
+                ceiling_is: "flexible_fit".into(),
+            },
+            share_of_excess_removed: share,
+            forward: BTreeMap::new(),
+        },
+        leftover: Leftover {
+            excess_nats_per_event: ceiling - high,
+            p_value: above(after.gain / after.error),
+            places: with_structure(
+                wrong_in(evidence, model, least),
+                if taken.is_empty() { left_before.as_ref() } else { left_after.as_ref() },
+            ),
+        },
+        proposed_term: propose_for(evidence, model, verdict, left_before.as_ref()),
+        next_recording,
+        cannot_judge: cannot_judge(evidence),
+        suspects,
+        halves,
+        structure: left_before.zip(left_after).map(|(before, after)| StructureReport {
+            baseline: left(&before),
+            r#final: left(&after),
+        }),
+        null,
+        n_pixels: evidence.pixels.len(),
+        n_events: evidence.n_events(),
+    }
+}
+
+fn left(structure: &Structure) -> super::StructureLeft {
+    super::StructureLeft {
+        nats_per_event: structure.nats,
+        error: structure.error,
+        accuracy: structure.accuracy,
+        told_by: structure.by.iter().take(4).map(|(key, _)| (*key).to_owned()).collect(),
+    }
+}
+
+/// A term for what is left, where the named effects leave much.
+fn propose_for(
+    evidence: &Evidence,
+    model: &Fitted,
+    verdict: Verdict,
+    left: Option<&Structure>,
+) -> Option<ProposedTerm> {
+    let is_wanted = matches!(verdict, Verdict::Unexplained | Verdict::PartlyExplained);
+    let of_own = is_wanted.then(|| propose(evidence, model)).flatten();
+    // Where what tells most is no matter of the pixel's own light and past, the hazard depends on it.
+    let of_others = || left.and_then(|left| left.term());
+    match of_own {
+        Some(own) => match of_others() {
+            Some(other) if other.heldout_gain_nats_per_event > own.heldout_gain_nats_per_event => {
+                Some(other)
+            }
+            _ => Some(own),
+        },
+        None => is_wanted.then(of_others).flatten(),
+    }
+}
+
+/// A fitted value as it is reported, its interval within the range it was fitted in.
+fn interval(
+    value: f64,
+    error: f64,
+    [low, high]: [f64; 2],
+    reported: impl Fn(f64) -> f64,
+) -> Interval {
+    let end = |z: f64| {
+        let end = (value + z * error).clamp(low, high);
+        Some(reported(end)).filter(|v| v.is_finite())
+    };
+    let mut ci90 = if error.is_finite() { [end(-Z90), end(Z90)] } else { [None, None] };
+    if let [Some(a), Some(b)] = ci90
+        && a > b
+    {
+        ci90 = [Some(b), Some(a)];
+    }
+    Interval { value: reported(value), ci90 }
+}
+
+fn nuisances(model: &Fitted) -> BTreeMap<String, Interval> {
+    let hypothesis = &model.hypothesis;
+    Nuisance::ALL
+        .iter()
+        .filter(|n| hypothesis.ranges[**n as usize][0] < hypothesis.ranges[**n as usize][1])
+        .map(|&n| {
+            let error = model.error_of(n as usize);
+            let range = hypothesis.ranges[n as usize];
+            let value = hypothesis.nuisance(n);
+            (n.key().to_owned(), interval(value, error, range, |v| n.reported(v)))
+        })
+        .collect()
+}
+
+fn effects(evidence: &Evidence, model: &Fitted, taken: &[Taken]) -> Vec<FittedEffect> {
+    let hypothesis = &model.hypothesis;
+    taken
+        .iter()
+        .enumerate()
+        .map(|(index, taken)| {
+            let candidate = hypothesis.effects[index];
+            let mut equivalent = taken.equals.clone();
+            if evidence.facts.clocks.is_none() {
+                equivalent.extend(candidate.same);
+            }
+            let p_value = (above(taken.gain / taken.error) * LIBRARY.len() as f64).min(1.0);
+            FittedEffect {
+                id: candidate.id,
+                name: candidate.id.name().into(),
+                equation: candidate.equation.into(),
+                says: (candidate.says)(&hypothesis.parameters_of(index)),
+                parameters: parameters(evidence, model, index),
+                heldout_gain_nats_per_event: taken.gain,
+                heldout_gain_error: taken.error,
+                p_value,
+                region: None,
+                equivalent,
+                rivals: taken.rivals.clone(),
+            }
+        })
+        .collect()
+}
+
+pub(super) fn parameters(
+    evidence: &Evidence,
+    model: &Fitted,
+    index: usize,
+) -> BTreeMap<String, Interval> {
+    let hypothesis = &model.hypothesis;
+    let candidate = hypothesis.effects[index];
+    let mut told = BTreeMap::new();
+    if candidate.frees.is_empty() {
+        let at = hypothesis.offset_of(index);
+        for (i, p) in candidate.parameters.iter().enumerate().filter(|(_, p)| !p.is_hidden) {
+            let (value, error) = (hypothesis.values[at + i], model.error_of(at + i));
+            let range = hypothesis.ranges[at + i];
+            told.insert(p.key.to_owned(), interval(value, error, range, |v| p.from_fitted(v)));
+        }
+        let derived = |values: &[f64]| {
+            let own: Vec<f64> =
+                candidate.parameters.iter().zip(values).map(|(p, v)| p.from_fitted(*v)).collect();
+            (candidate.derived)(evidence, &own)
+        };
+        let own: Vec<usize> = (at..at + candidate.parameters.len()).collect();
+        let of = |values: &[f64]| derived(&values[at..]);
+        told.extend(following(model, &own, of));
+    } else {
+        let freed: Vec<usize> = candidate.frees.iter().map(|f| f.nuisance as usize).collect();
+        let keys = candidate.id.parameters();
+        let of = |values: &[f64]| keys.iter().copied().zip((candidate.report)(values)).collect();
+        told.extend(following(model, &freed, of));
+    }
+    told
+}
+
+/// Quantities that follow from fitted values: one value at a time is moved by its error.
+fn following(
+    model: &Fitted,
+    moving: &[usize],
+    of: impl Fn(&[f64]) -> Vec<(&'static str, f64)>,
+) -> Vec<(String, Interval)> {
+    let values = &model.hypothesis.values;
+    let here = of(values);
+    let mut spread = vec![0.0_f64; here.len()];
+    for &i in moving {
+        let error = model.error_of(i);
+        if model.hypothesis.steps[i] <= 0.0 {
+            continue;
+        }
+        let mut moved = values.clone();
+        moved[i] += Z90 * error;
+        for ((s, there), here) in spread.iter_mut().zip(of(&moved)).zip(&here) {
+            *s = if error.is_finite() { s.hypot(there.1 - here.1) } else { f64::NAN };
+        }
+    }
+    let end = |e: f64| Some(e).filter(|e| e.is_finite());
+    here.into_iter()
+        .zip(spread)
+        .map(|((key, v), s)| {
+            (key.to_owned(), Interval { value: v, ci90: [end(v - s), end(v + s)] })
+        })
+        .collect()
+}

@@ -1,0 +1,48 @@
+//! Does a half of the pixels, or a half of the time, say the same?
+
+use super::fit::{Fitted, as_it_is, fit};
+use super::score::Part;
+use super::{Evidence, Half};
+use std::collections::BTreeMap;
+
+/// Steps of a half's fit, from where the whole has come to.
+const STEPS: usize = 4;
+
+/// The named effects refitted on either half of the pixels and of the time.
+pub(super) fn halves(evidence: &Evidence, baseline: &Fitted, model: &Fitted) -> Vec<Half> {
+    let parts = [
+        ("even tiles", evidence.with_tiles(|tile| tile.is_multiple_of(2))),
+        ("odd tiles", evidence.with_tiles(|tile| !tile.is_multiple_of(2))),
+        ("first half of the time", evidence.between(0.0, 0.5)),
+        ("second half of the time", evidence.between(0.5, 1.0)),
+    ];
+    let of = |(name, part): (&str, Evidence)| {
+        let own = fit(&part, model.hypothesis.clone(), STEPS, 1e-4);
+        let without = as_it_is(&part, baseline.hypothesis.clone());
+        let (gain, gain_error) = own.cells.gain(&without.cells, Part::HeldOut);
+        let parameters: BTreeMap<String, f64> = own
+            .hypothesis
+            .effects
+            .iter()
+            .enumerate()
+            .flat_map(|(index, effect)| {
+                let values = own.hypothesis.parameters_of(index);
+                let told: Vec<(&str, f64)> = if effect.frees.is_empty() {
+                    effect.told(evidence, &values)
+                } else {
+                    effect.id.parameters().iter().copied().zip(values).collect()
+                };
+                let key = |key: &str| format!("{}.{key}", effect.id);
+                told.into_iter().map(|(k, v)| (key(k), v)).collect::<Vec<_>>()
+            })
+            .collect();
+        Half {
+            of: name.to_owned(),
+            n_events: part.n_events(),
+            heldout_gain_nats_per_event: gain,
+            heldout_gain_error: gain_error,
+            parameters,
+        }
+    };
+    parts.into_iter().map(of).collect()
+}

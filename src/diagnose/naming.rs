@@ -1,0 +1,107 @@
+//! May a name stand? Only on a model that leaves no structure to speak of.
+//!
+//! A wrong name can buy much: an effect that takes events away fits like any other that takes
+//! events away. What gives it away is what it leaves: the events it removes are not those that are
+//! missing. So the structure left, as trees see it ([`super::check`]), is held against what they
+//! see in recordings drawn from the model itself, and against what the baseline left.
+
+use super::check::Structure;
+use super::constancy::Stratum;
+
+/// Structure, nats an event, that the shape of the noise and the error of the light leave under a
+/// right model.
+const LEAST_STRUCTURE: f64 = 0.02;
+
+/// A name may stand on a model that leaves this share of the baseline's structure.
+const LEFT_IN_PART: f64 = 0.3;
+
+/// And without reserve on one that leaves this share.
+const LEFT_AT_MOST: f64 = 0.1;
+
+/// A strength may differ between strata by this share: what the error of the light and the shape of
+/// the noise do to a right name.
+const AS_GOOD_AS_EQUAL: f64 = 0.5;
+
+/// Standard errors that a difference of strength has to have.
+const SURE: f64 = 5.0;
+
+/// How a model stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Standing {
+    /// What is left is what the model itself shows, or next to it.
+    Holds,
+    /// It explains a part, and something else is left.
+    InPart,
+    /// It leaves most of what was to be explained.
+    Fails,
+}
+
+/// Judges a model by what it leaves; `null` are the structures in recordings drawn from it. A model
+/// that names something is measured by the baseline, one that names nothing by itself.
+pub(super) fn standing(
+    before: Option<&Structure>,
+    after: Option<&Structure>,
+    null: &[f64],
+    names_something: bool,
+) -> Standing {
+    let (Some(before), Some(after)) = (before, after) else { return Standing::Holds };
+    let chance = null.iter().copied().fold(0.0, f64::max) + 2.0 * after.error;
+    let least = LEAST_STRUCTURE.max(chance);
+    if after.nats <= least || (names_something && after.nats <= LEFT_AT_MOST * before.nats) {
+        Standing::Holds
+    } else if !names_something || after.nats <= LEFT_IN_PART * before.nats {
+        Standing::InPart
+    } else {
+        Standing::Fails
+    }
+}
+
+/// The stratum in which an effect's strength differs most from its strength elsewhere, if by more
+/// than any right name's would.
+pub(super) fn inconstant(strengths: &[Stratum]) -> Option<&Stratum> {
+    let beyond = |s: &Stratum| s.change.abs() - 2.0 * s.error;
+    let far = strengths.iter().filter(|s| s.change.abs() > SURE * s.error);
+    far.filter(|s| beyond(s) > AS_GOOD_AS_EQUAL)
+        .max_by(|a, b| (a.change.abs() / a.error).total_cmp(&(b.change.abs() / b.error)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn leaves(nats: f64) -> Structure {
+        Structure {
+            nats,
+            error: 0.001,
+            accuracy: 0.5,
+            others: [0.0; 2],
+            by: Vec::new(),
+            places: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_name_stands_by_what_its_model_leaves() {
+        let (much, some, little) = (leaves(0.3), leaves(0.08), leaves(0.01));
+        let of = |after: &Structure| standing(Some(&much), Some(after), &[0.002], true);
+        assert_eq!(of(&little), Standing::Holds);
+        assert_eq!(of(&some), Standing::InPart);
+        assert_eq!(of(&leaves(0.2)), Standing::Fails);
+        assert_eq!(standing(Some(&some), Some(&some), &[], false), Standing::InPart);
+        assert_eq!(standing(Some(&little), Some(&little), &[], false), Standing::Holds);
+    }
+
+    #[test]
+    fn a_strength_that_differs_by_factors_is_not_one() {
+        let stratum = |change: f64, error: f64| Stratum {
+            covariate: "row",
+            range: [0.0, 1.0],
+            change,
+            error,
+        };
+        // Surely different, yet by a tenth: the light's own error does that.
+        assert!(inconstant(&[stratum(0.1, 0.005), stratum(-0.9, 0.6)]).is_none());
+        let all = [stratum(0.1, 0.005), stratum(-0.95, 0.08)];
+        assert!(inconstant(&all).is_some_and(|found| found.change < -0.9));
+    }
+}

@@ -1,0 +1,235 @@
+//! What a run leaves on disk while it goes on: its plan, and each trial as soon as it was judged.
+
+use super::{Answer, Family, Mix, Truth};
+use crate::diagnose::Options;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// Why a folder cannot take a run.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordError {
+    /// Another run is there.
+    #[error("{}: a run is there already; --resume goes on with it, --out puts this one elsewhere", path.display())]
+    Taken {
+        /// The plan that is there.
+        path: PathBuf,
+    },
+    /// A run is there that was asked for otherwise.
+    #[error("{}: `{key}` is {there} there and {here} here; a run goes on only with the plan it began with", path.display())]
+    OtherPlan {
+        /// The plan that is there.
+        path: PathBuf,
+        /// What differs.
+        key: String,
+        /// As it is there.
+        there: Value,
+        /// As it was asked for.
+        here: Value,
+    },
+    /// A file of the run is not what it should be.
+    #[error("{}: {what}; remove it, and its trial is run again", path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        what: String,
+    },
+    /// The system refused.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// Where.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+}
+
+/// What a run consists of. It says nothing of what is hidden.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// `evrig.proof-plan/1`.
+    pub schema: String,
+    /// Whose sessions.
+    pub family: Family,
+    /// How many trials of each kind; none when the sessions were made elsewhere.
+    pub mix: Option<Mix>,
+    /// Seed of the plan.
+    pub seed: u64,
+    /// Seconds of a simulated session.
+    pub seconds: Option<f64>,
+    /// How hard the diagnosis looks.
+    pub options: Options,
+    /// SHA-256 of the drawn trials: another version may draw others from the same seed.
+    pub trials_sha256: String,
+}
+
+/// How a diagnosis ended.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "ended", rename_all = "snake_case")]
+pub enum Outcome {
+    /// With an answer: `diagnosis.json` as it is.
+    Answered {
+        /// The document.
+        diagnosis: Value,
+    },
+    /// It refused the session.
+    Failed {
+        /// What it said.
+        because: String,
+    },
+    /// It was stopped.
+    OutOfTime {
+        /// After so many seconds.
+        after_s: f64,
+    },
+}
+
+impl Outcome {
+    /// What is judged: no answer names nothing, and its verdict says why.
+    ///
+    /// # Errors
+    /// When the document is no diagnosis.
+    pub fn answer(&self) -> Result<Answer, serde_json::Error> {
+        let silent = |verdict: &str| Answer { verdict: verdict.into(), ..Answer::default() };
+        match self {
+            Self::Answered { diagnosis } => Answer::deserialize(diagnosis),
+            Self::Failed { .. } => Ok(silent("failed")),
+            Self::OutOfTime { .. } => Ok(silent("out_of_time")),
+        }
+    }
+}
+
+/// A trial after its seal was opened: enough to judge it again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// `evrig.trial/1`.
+    pub schema: String,
+    /// The trial's name.
+    pub trial: String,
+    /// What was hidden.
+    pub truth: Truth,
+    /// What the seal said before the diagnosis.
+    pub truth_sha256: String,
+    /// The event camera's columns and rows.
+    pub sensor_px: [u16; 2],
+    /// Seconds it took to make the session.
+    pub made_s: f64,
+    /// Seconds the diagnosis took, with the stages before it.
+    pub diagnosed_s: f64,
+    /// What came out.
+    pub outcome: Outcome,
+}
+
+/// Takes a folder for a run: a new one, or with `is_resumed` one in which this plan was begun.
+///
+/// # Errors
+/// When a run is there and is not to be gone on with, or has another plan; when the disk refuses.
+pub fn settle(out: &Path, plan: &Plan, is_resumed: bool) -> Result<(), RecordError> {
+    let path = out.join("plan.json");
+    let Some(there) = read::<Value>(&path)? else { return write(&path, plan) };
+    if !is_resumed {
+        return Err(RecordError::Taken { path });
+    }
+    let here = value(plan, &path)?;
+    let keys = here.as_object().into_iter().flatten();
+    for (key, here) in keys {
+        let there = there.get(key).unwrap_or(&Value::Null);
+        if there != here {
+            let (key, there, here) = (key.clone(), there.clone(), here.clone());
+            return Err(RecordError::OtherPlan { path, key, there, here });
+        }
+    }
+    Ok(())
+}
+
+/// Reads a file of a run; `None` when there is none.
+///
+/// # Errors
+/// When it is there and cannot be read.
+pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, RecordError> {
+    let text = match std::fs::read_to_string(path) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        text => text.map_err(|source| RecordError::Io { path: path.to_owned(), source })?,
+    };
+    let what = |error: serde_json::Error| error.to_string();
+    serde_json::from_str(&text)
+        .map(Some)
+        .map_err(|e| RecordError::Format { path: path.to_owned(), what: what(e) })
+}
+
+/// Writes a file of a run so that it is there whole or not at all.
+///
+/// # Errors
+/// When the disk refuses.
+pub(super) fn write<T: Serialize>(path: &Path, content: &T) -> Result<(), RecordError> {
+    let text = serde_json::to_string_pretty(&value(content, path)?).unwrap_or_default();
+    write_text(path, &text)
+}
+
+/// The same for text.
+///
+/// # Errors
+/// When the disk refuses.
+pub(super) fn write_text(path: &Path, text: &str) -> Result<(), RecordError> {
+    let io = |source| RecordError::Io { path: path.to_owned(), source };
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(io)?;
+    }
+    let partial = path.with_extension("partial");
+    std::fs::write(&partial, text).map_err(io)?;
+    std::fs::rename(&partial, path).map_err(io)
+}
+
+fn value<T: Serialize>(content: &T, path: &Path) -> Result<Value, RecordError> {
+    serde_json::to_value(content)
+        .map_err(|e| RecordError::Format { path: path.to_owned(), what: e.to_string() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plan(seed: u64) -> Plan {
+        Plan {
+            schema: "evrig.proof-plan/1".into(),
+            family: Family::World,
+            mix: None,
+            seed,
+            seconds: Some(2.6),
+            options: Options::brief(),
+            trials_sha256: "s".into(),
+        }
+    }
+
+    #[test]
+    fn a_run_goes_on_only_when_asked_to_and_only_with_its_own_plan() {
+        let folder = tempfile::tempdir().unwrap();
+        settle(folder.path(), &plan(1), false).unwrap();
+        settle(folder.path(), &plan(1), true).unwrap();
+        let error = settle(folder.path(), &plan(1), false).unwrap_err();
+        assert!(matches!(error, RecordError::Taken { .. }), "{error}");
+        let error = settle(folder.path(), &plan(2), true).unwrap_err().to_string();
+        assert!(error.contains("`seed` is 1 there and 2 here"), "{error}");
+    }
+
+    #[test]
+    fn a_file_that_is_no_record_is_named_and_a_missing_one_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("trials/world-000.json");
+        assert_eq!(read::<Record>(&path).unwrap(), None);
+        write_text(&path, "{\"schema\": \"evrig.tri").unwrap();
+        let error = read::<Record>(&path).unwrap_err().to_string();
+        assert!(error.contains("world-000.json") && error.contains("run again"), "{error}");
+    }
+
+    #[test]
+    fn no_answer_names_nothing_and_says_why() {
+        let late = Outcome::OutOfTime { after_s: 60.0 }.answer().unwrap();
+        assert_eq!((late.verdict.as_str(), late.effects.len()), ("out_of_time", 0));
+        let refused = Outcome::Failed { because: "too few events".into() }.answer().unwrap();
+        assert_eq!(refused.verdict, "failed");
+        let wrong = Outcome::Answered { diagnosis: serde_json::json!([1]) };
+        assert!(wrong.answer().is_err());
+    }
+}

@@ -1,0 +1,160 @@
+//! Every frame put on the path, those without the tag too.
+//!
+//! Where the tag's track says where the head was, a frame starts from there. Elsewhere it starts from
+//! where the frames beside it let the head go on, and is held to the map alone: it counts when it is
+//! found near that place and looks there as the map says.
+
+use super::align::Reference;
+use super::head::{HeadPose, POSE};
+use super::locate::{Located, locate};
+use super::path::PathKnot;
+use super::splat::Key;
+use rayon::prelude::*;
+
+/// Frames that are held and located together.
+const BATCH: usize = 64;
+
+/// Longest way in time over which the head is taken to go on as it went, seconds.
+const REACH_S: f64 = 0.05;
+
+/// A frame without the tag is taken when this share of the marks that it sees look as expected (what
+/// hides the tag may lie over some),
+const FIT: f64 = 0.5;
+
+/// when it lies within so many pixels of where it was looked for,
+const NEAR_PX: f64 = 3.0;
+
+/// and when these marks are at least this share of those that its neighbour was found by.
+const SHARE: f64 = 0.25;
+
+/// A frame that waits to be located.
+pub(super) struct Waiting {
+    pub(super) key: Key,
+    /// Mid-exposure of the middle row, seconds of the path.
+    pub(super) time_s: f64,
+    /// Whether its pose is known well enough to start from.
+    pub(super) has_start: bool,
+    /// Whether the tag's track leads over it.
+    pub(super) has_tag: bool,
+}
+
+/// Frames on their way to the path, in ascending time.
+pub(super) struct Follower<'a> {
+    reference: &'a Reference<'a>,
+    waiting: Vec<Waiting>,
+    found: Vec<Located>,
+    /// Frames that were located without the tag.
+    n_bridged: usize,
+}
+
+impl<'a> Follower<'a> {
+    pub(super) fn new(reference: &'a Reference<'a>) -> Self {
+        Self { reference, waiting: Vec::new(), found: Vec::new(), n_bridged: 0 }
+    }
+
+    /// Whether a frame of this time is later than all before it.
+    pub(super) fn is_later(&self, time_s: f64) -> bool {
+        let waits = self.waiting.last().map(|waiting| waiting.time_s);
+        let last = waits.or_else(|| self.found.last().map(|found| found.knot.time_s));
+        last.is_none_or(|last| last < time_s)
+    }
+
+    /// Takes one frame more.
+    pub(super) fn take(&mut self, waiting: Waiting) {
+        self.waiting.push(waiting);
+        if self.waiting.len() >= BATCH {
+            self.locate_waiting();
+        }
+    }
+
+    /// The knots of all frames that were located, and how many of them without the tag.
+    pub(super) fn finish(mut self) -> (Vec<PathKnot>, usize) {
+        self.locate_waiting();
+        (self.found.into_iter().map(|found| found.knot).collect(), self.n_bridged)
+    }
+
+    fn locate_waiting(&mut self) {
+        let waiting = std::mem::take(&mut self.waiting);
+        let reference = self.reference;
+        let mut located: Vec<Option<Located>> = waiting
+            .par_iter()
+            .map(|frame| frame.has_start.then(|| locate(reference, frame.key.clone()))?)
+            .collect();
+        // Onwards from what is known before each, then back from what is known behind.
+        for i in 0..waiting.len() {
+            if located[i].is_none() {
+                let before = self.found.iter().chain(located[..i].iter().flatten());
+                let [last, earlier] = two_last(before);
+                located[i] = self.bridged(&waiting[i], last, earlier);
+            }
+        }
+        for i in (0..waiting.len()).rev() {
+            if located[i].is_none() {
+                let [next, later] = two_last(located[i + 1..].iter().flatten().rev());
+                located[i] = self.bridged(&waiting[i], next, later);
+            }
+        }
+        let n_bridged =
+            |(frame, found): &(&Waiting, &Option<Located>)| !frame.has_tag && found.is_some();
+        self.n_bridged += waiting.iter().zip(&located).filter(n_bridged).count();
+        self.found.extend(located.into_iter().flatten());
+    }
+
+    /// A frame found from its neighbours alone.
+    fn bridged(
+        &self,
+        frame: &Waiting,
+        near: Option<Located>,
+        far: Option<Located>,
+    ) -> Option<Located> {
+        let near = near.filter(|near| (near.knot.time_s - frame.time_s).abs() <= REACH_S)?;
+        let (pose, speed) = onwards(&near.knot, far.as_ref().map(|far| &far.knot), frame.time_s);
+        let key = Key { pose, speed, ln_gain: near.knot.ln_gain, ..frame.key.clone() };
+        let found = locate(self.reference, key)?;
+        let per_mm = self.reference.optics.camera.lens.focal_px / pose[2];
+        let moved = &found.knot.pose;
+        let is_near = (moved[0] - pose[0]).hypot(moved[1] - pose[1]) * per_mm <= NEAR_PX;
+        let n_fit = found.n_fit as f64;
+        let fits = n_fit >= FIT * found.n as f64 && n_fit >= SHARE * near.n_fit as f64;
+        (is_near && fits).then_some(found)
+    }
+}
+
+/// The last two of a series, the very last first.
+fn two_last<'b>(mut all: impl DoubleEndedIterator<Item = &'b Located>) -> [Option<Located>; 2] {
+    let last = all.next_back().cloned();
+    [last, all.next_back().cloned()]
+}
+
+/// Where the head is at a time if it goes on from `near` as it came from `far`, and its speed.
+fn onwards(near: &PathKnot, far: Option<&PathKnot>, time_s: f64) -> (HeadPose, HeadPose) {
+    let speed = far.map_or([0.0; POSE], |far| {
+        let length_s = near.time_s - far.time_s;
+        if length_s.abs() > REACH_S {
+            return [0.0; POSE];
+        }
+        std::array::from_fn(|i| (near.pose[i] - far.pose[i]) / length_s)
+    });
+    let pose = std::array::from_fn(|i| near.pose[i] + speed[i] * (time_s - near.time_s));
+    (pose, speed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn knot(time_s: f64, x: f64) -> PathKnot {
+        let pose = [x, 0.0, 200.0, 0.0];
+        PathKnot { time_s, pose, pose_error: [0.0; 4], ln_gain: 0.0, misfit: 1.0 }
+    }
+
+    #[test]
+    fn the_head_goes_on_as_it_came_both_ways_and_rests_after_a_pause() {
+        let (pose, speed) = onwards(&knot(0.02, 3.0), Some(&knot(0.01, 2.0)), 0.03);
+        assert!((pose[0] - 4.0).abs() < 1e-9 && (speed[0] - 100.0).abs() < 1e-6);
+        let (pose, speed) = onwards(&knot(0.02, 3.0), Some(&knot(0.03, 4.0)), 0.01);
+        assert!((pose[0] - 2.0).abs() < 1e-9 && (speed[0] - 100.0).abs() < 1e-6);
+        let (pose, speed) = onwards(&knot(0.5, 3.0), Some(&knot(0.1, 2.0)), 0.51);
+        assert_eq!((pose[0], speed[0]), (3.0, 0.0));
+    }
+}

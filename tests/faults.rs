@@ -1,0 +1,349 @@
+//! Each device fails in each way at some moment of a recording: it ends in time, in a sealed session
+//! that verifies, and one that lacks something never claims to be whole.
+//!
+//! `EVRIG_FAULTS` says how often each way is tried (1), each time at another moment.
+
+#![allow(clippy::expect_used, clippy::unwrap_used, clippy::print_stderr, unreachable_pub)]
+#![cfg(unix)]
+
+#[path = "wires/camera.rs"]
+#[allow(dead_code)]
+mod camera;
+#[path = "wires/wire.rs"]
+mod wire;
+
+use camera::{Camera, PACKET_EVENTS, find_events};
+use evrig::device::Finding;
+use evrig::device::davis::{NetworkDavis, Patience as DavisPatience};
+use evrig::device::dobot::{Client, Magician, Patience as ArmPatience, port};
+use evrig::device::pi::agent::Agent;
+use evrig::device::pi::source::Synthetic;
+use evrig::device::pi::wire::Settings;
+use evrig::device::pi::{NetworkPi, Patience as PiPatience};
+use evrig::device::recorder::{Prepared, Recorder, RecorderError, Sample, Tally, host_time};
+use evrig::device::sim::arm::fault::Fault as ArmFault;
+use evrig::device::sim::arm::{Clock, Emulator, Options};
+use evrig::event::Events;
+use evrig::format::aedat4::{Content, StreamSpec};
+use evrig::geometry::Size;
+use evrig::record::{Devices, Dwells, Outcome, Prompts, Request, State, StopToken, record};
+use evrig::rig::Rig;
+use evrig::session::{Session, Status, verify};
+use evrig::time::Span;
+use evrig::trajectory::{Optional, Trajectory};
+use evrig::units::Hertz;
+use std::path::Path;
+use std::sync::mpsc::channel;
+use std::time::{Duration, Instant};
+use wire::{Fault, Wire};
+
+/// The arm's time passes so many times as fast, and so does the share of the path.
+const FASTER: f64 = 4.0;
+/// No recording of two seconds takes so long, whatever fails.
+const DEADLINE: Duration = Duration::from_secs(120);
+const DAVIS_PATIENCE: DavisPatience = DavisPatience {
+    connect: Duration::from_millis(500),
+    silence: Duration::from_millis(300),
+    reconnect: Duration::from_millis(500),
+    drain: Duration::from_millis(100),
+};
+const PI_PATIENCE: PiPatience = PiPatience {
+    answer: Duration::from_secs(2),
+    silence: Duration::from_millis(500),
+    configure: Duration::from_secs(5),
+    drain: Duration::from_secs(2),
+};
+const WIRE_FAULTS: [Fault; 5] =
+    [Fault::Unplugged, Fault::Silent, Fault::Slow, Fault::Garbage, Fault::Restarted];
+
+/// The wires of a rig, and what stands behind them.
+struct Bench {
+    emulator: Emulator,
+    _agent: Agent,
+    _camera: Camera,
+    davis: Wire,
+    pi: Wire,
+    folder: tempfile::TempDir,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let options = Options { is_homed: true, ..Options::default() };
+        let agent =
+            Agent::serve("127.0.0.1:0".parse().unwrap(), Box::new(Synthetic::paced())).unwrap();
+        // One connection for the preflight, one for the recording, and so long it is silent.
+        let camera = Camera::start(2);
+        Self {
+            emulator: Emulator::start(options, Clock::Scaled(FASTER), Vec::new()).unwrap(),
+            davis: Wire::to(camera.address.parse().unwrap()),
+            pi: Wire::to(agent.address()),
+            _camera: camera,
+            _agent: agent,
+            folder: tempfile::tempdir().unwrap(),
+        }
+    }
+
+    fn devices(&self, rig: &Rig) -> Devices {
+        let link = port::open(self.emulator.port()).unwrap();
+        let arm =
+            Magician::over(Client::new(Box::new(link), ArmPatience::default()), rig.arm.clone());
+        let settings = Settings {
+            size: Size::new(48, 32),
+            frame_rate: Hertz(120.0),
+            exposure: Span::from_micros(4_000),
+            gain: 1.0,
+            raw: true,
+            rgb: false,
+        };
+        let davis = NetworkDavis::new(&self.davis.address(), DAVIS_PATIENCE);
+        let pi = NetworkPi::new(&self.pi.address(), settings, PI_PATIENCE);
+        Devices { arm: Box::new(arm), recorders: vec![Box::new(davis), Box::new(pi)] }
+    }
+
+    /// Records; `fail` is told how far the path is.
+    fn record(&self, fail: &mut dyn FnMut(f64)) -> Outcome {
+        let rig = Rig::simulated().unwrap();
+        let trajectory = Trajectory::find("circle").unwrap();
+        let path = trajectory.path(&rig, Optional::Included).unwrap();
+        let rest = Duration::from_millis(50);
+        let request = Request {
+            rig: &rig,
+            trajectory: &trajectory,
+            path: &path,
+            out: &self.out(),
+            dwells: Dwells { lead_in: rest, tail: rest },
+            prompts: Prompts::default(),
+        };
+        let mut watch = |state, share: f64| {
+            if state == State::Trajectory {
+                fail(share * FASTER);
+            }
+        };
+        let mut devices = self.devices(&rig);
+        record(request, &mut devices, &StopToken::default(), &mut watch).unwrap()
+    }
+
+    fn out(&self) -> std::path::PathBuf {
+        self.folder.path().join("session")
+    }
+}
+
+/// Runs a trial on a thread of its own: a hang is an answer too.
+fn within_the_deadline<T: Send + 'static>(
+    what: String,
+    trial: impl FnOnce() -> T + Send + 'static,
+) -> T {
+    let (tell, told) = channel();
+    let thread = std::thread::spawn(move || {
+        let outcome = trial();
+        let _ = tell.send(());
+        outcome
+    });
+    let began = Instant::now();
+    let ended = told.recv_timeout(DEADLINE);
+    let hangs = matches!(ended, Err(std::sync::mpsc::RecvTimeoutError::Timeout));
+    assert!(!hangs, "{what}: still recording after {:?}", began.elapsed());
+    thread.join().unwrap_or_else(|_| panic!("{what}"))
+}
+
+fn verified(out: &Path, what: &str) -> Session {
+    let session = Session::open(out).unwrap();
+    let verification = verify(&session).unwrap();
+    assert!(verification.holds(), "{what}: {:#?}", verification.findings);
+    session
+}
+
+fn n_rounds() -> u64 {
+    std::env::var("EVRIG_FAULTS").map_or(1, |n| n.parse().expect("a number"))
+}
+
+/// A share of the path between a tenth and six tenths, another for each trial.
+fn moment(trial: u64) -> f64 {
+    let mixed = (trial + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    0.1 + 0.5 * (mixed >> 40) as f64 / (1_u64 << 24) as f64
+}
+
+/// Tries each fault of a wire; `wire` chooses it.
+fn try_wire(name: &'static str, wire: fn(&Bench) -> &Wire) {
+    for round in 0..n_rounds() {
+        for (i, fault) in WIRE_FAULTS.into_iter().enumerate() {
+            let at = moment(round * WIRE_FAULTS.len() as u64 + i as u64);
+            let what = format!("{name} {fault:?} at {at:.2} of the path");
+            let said = what.clone();
+            let (bench, outcome) = within_the_deadline(what.clone(), move || {
+                let bench = Bench::new();
+                let mut is_set = false;
+                let outcome = bench.record(&mut |share| {
+                    if !is_set && share >= at {
+                        is_set = true;
+                        wire(&bench).set(fault);
+                    } else if share >= at + 0.2 && matches!(fault, Fault::Slow | Fault::Restarted) {
+                        wire(&bench).set_back();
+                    }
+                });
+                (bench, outcome)
+            });
+            check_session(&bench, &outcome, fault, name, &said);
+        }
+    }
+}
+
+fn check_session(bench: &Bench, outcome: &Outcome, fault: Fault, name: &str, what: &str) {
+    let session = verified(&bench.out(), what);
+    let manifest = session.manifest();
+    let told = manifest.losses.iter().map(|loss| format!("{}: {}", loss.stream, loss.what));
+    let told: Vec<_> = told.collect();
+    eprintln!("{what}: {:?}, {told:?}", manifest.status);
+    let found = find_events(&session.layout().davis());
+    let claims_all = manifest.status == Status::Complete && told.is_empty();
+    match fault {
+        // Late, but all of it.
+        Fault::Slow => assert!(!claims_all || found.n_gaps == 0, "{what}: {found:?}"),
+        // On this wire nothing protects a packet's inside: what was altered may be in the file, and
+        // the session says that the wire failed.
+        _ => assert!(!claims_all, "{what}: claims to be whole"),
+    }
+    if name == "pi" || fault != Fault::Garbage {
+        assert_eq!(found.n_wrong, 0, "{what}: {found:?}");
+    }
+    if manifest.status == Status::Aborted {
+        let why = outcome.cut_short.as_deref().unwrap_or_default();
+        assert!(why.contains(name), "{what}: {why}");
+    }
+    let arm = bench.emulator.state();
+    assert!(!arm.is_busy && arm.n_waiting == 0, "{what}: the arm moves: {arm:?}");
+}
+
+#[test]
+fn an_event_camera_that_fails_leaves_a_session_that_says_so() {
+    try_wire("davis", |bench| &bench.davis);
+}
+
+#[test]
+fn a_frame_camera_that_fails_leaves_a_session_that_says_so() {
+    try_wire("pi", |bench| &bench.pi);
+}
+
+#[test]
+fn an_arm_that_fails_leaves_a_session_that_says_so() {
+    // What strikes once is asked again; what lasts ends the recording.
+    let passing = ["lost-request", "lost-reply", "late-reply=150ms", "corrupt-reply"];
+    let lasting = ["silence", "garbage", "wedge", "unplug", "alarm=0x22", "power-cycle"];
+    for round in 0..n_rounds() {
+        for (i, kind) in passing.into_iter().chain(lasting).enumerate() {
+            let n_pose = 3 + (moment(round * 10 + i as u64) * 50.0) as u64;
+            let text = format!("{kind}@POSE#{n_pose}");
+            let said = text.clone();
+            let (bench, outcome) = within_the_deadline(text.clone(), move || {
+                let bench = Bench::new();
+                let fault: ArmFault = text.parse().unwrap();
+                let mut is_set = false;
+                let outcome = bench.record(&mut |_| {
+                    if !is_set {
+                        is_set = true;
+                        bench.emulator.inject(fault);
+                    }
+                });
+                (bench, outcome)
+            });
+            let session = verified(&bench.out(), &said);
+            let manifest = session.manifest();
+            eprintln!("{said}: {:?}, {:?}", manifest.status, outcome.cut_short);
+            let found = find_events(&session.layout().davis());
+            assert_eq!((found.n_gaps, found.n_wrong), (0, 0), "{said}: the camera was well");
+            if lasting.contains(&kind) {
+                assert_eq!(manifest.status, Status::Aborted, "{said}");
+                assert!(!manifest.losses.is_empty(), "{said}");
+            } else {
+                assert_eq!(
+                    (manifest.status, &outcome.cut_short),
+                    (Status::Complete, &None),
+                    "{said}"
+                );
+            }
+        }
+    }
+}
+
+/// An event camera whose packets arrive while the host's wall clock is set to and fro by hours.
+struct Unsettled {
+    n_sent: u64,
+    outlet: Option<evrig::device::recorder::Outlet>,
+}
+
+impl Unsettled {
+    fn send(&mut self) {
+        let mut arrived = host_time();
+        let hours = [0, 2, -3][(self.n_sent / 10 % 3) as usize];
+        arrived.unix = arrived.unix + Span::from_micros(hours * 3_600_000_000);
+        let first = self.n_sent as i64 * PACKET_EVENTS;
+        let events: Events = (first..first + PACKET_EVENTS).map(camera::event).collect();
+        let content = Content::Events(events);
+        let outlet = self.outlet.as_ref().expect("it was started");
+        assert!(outlet.offer(Sample::Packet { stream: 0, arrived, content }));
+        self.n_sent += 1;
+    }
+}
+
+impl Recorder for Unsettled {
+    fn name(&self) -> &'static str {
+        "davis"
+    }
+    fn check(&mut self) -> Vec<Finding> {
+        Vec::new()
+    }
+    fn prepare(&mut self) -> Result<Prepared, RecorderError> {
+        let streams = vec![StreamSpec::events(Size::DAVIS346, "DAVIS346_1")];
+        Ok(Prepared { says: serde_json::json!({}), streams })
+    }
+    fn start(&mut self, outlet: evrig::device::recorder::Outlet) -> Result<(), RecorderError> {
+        self.outlet = Some(outlet);
+        self.send();
+        Ok(())
+    }
+    fn progress(&mut self) -> Result<Tally, RecorderError> {
+        self.send();
+        Ok(Tally { n_samples: self.n_sent, ..Tally::default() })
+    }
+    fn finish(&mut self) -> Result<Tally, RecorderError> {
+        self.outlet = None;
+        Ok(Tally { n_samples: self.n_sent, ..Tally::default() })
+    }
+    fn abort(&mut self) {
+        self.outlet = None;
+    }
+}
+
+#[test]
+fn a_clock_set_by_hours_both_ways_leaves_every_sample_and_the_time_that_passed() {
+    let bench = Bench::new();
+    let rig = Rig::simulated().unwrap();
+    let trajectory = Trajectory::find("circle").unwrap();
+    let path = trajectory.path(&rig, Optional::Included).unwrap();
+    let rest = Duration::from_millis(50);
+    let request = Request {
+        rig: &rig,
+        trajectory: &trajectory,
+        path: &path,
+        out: &bench.out(),
+        dwells: Dwells { lead_in: rest, tail: rest },
+        prompts: Prompts::default(),
+    };
+    let mut devices = bench.devices(&rig);
+    devices.recorders = vec![Box::new(Unsettled { n_sent: 0, outlet: None })];
+    let outcome = record(request, &mut devices, &StopToken::default(), &mut |_, _| {}).unwrap();
+    assert_eq!(outcome.manifest.status, Status::Complete);
+    let session = verified(&bench.out(), "a clock set to and fro");
+    let found = find_events(&session.layout().davis());
+    assert_eq!((found.n_gaps, found.n_wrong), (0, 0), "{found:?}");
+    let arrivals = session.rig_notes().unwrap().arrivals;
+    assert_eq!(arrivals.len() as i64 * PACKET_EVENTS, found.next);
+    let goes_back = |pair: &[evrig::session::PacketArrival]| {
+        pair[1].arrived.monotonic < pair[0].arrived.monotonic
+    };
+    assert!(!arrivals.windows(2).any(goes_back), "the monotonic clock does not");
+    let was_set = |pair: &[evrig::session::PacketArrival]| {
+        (pair[1].arrived.unix - pair[0].arrived.unix).as_secs_f64().abs() > 3_000.0
+    };
+    assert!(arrivals.windows(2).filter(|pair| was_set(pair)).count() >= 2, "this one was");
+}

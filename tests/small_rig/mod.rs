@@ -1,0 +1,24 @@
+//! The simulated rig with some of its numbers replaced, so that its pictures are small and quick.
+
+use evrig::rig::Rig;
+
+/// A small print over which both cameras hang at one place, with a tag as large as on the whole one.
+#[allow(dead_code)]
+pub(crate) const CORNER: [(&str, &str); 6] = [
+    ("[0.0, 18.0, -13.0]", "[0.0, 0.0, -13.0]"),
+    ("[0.0, -18.0, -13.0]", "[0.0, 0.0, -13.0]"),
+    ("size_px = [346, 260]", "size_px = [112, 80]"),
+    ("size_px = [692, 520]", "crop_origin_px = [422, 172]\nsize_px = [372, 240]"),
+    ("picture_side_mm = 43.05", "picture_side_mm = 14.35"),
+    ("gap_mm = 4.1\n", "gap_mm = 3.0\n"),
+];
+
+/// The bundled rig, each first text replaced by the second; every one of them must stand in it.
+pub(crate) fn small_rig(replaced: &[(&str, &str)]) -> Rig {
+    let mut text = include_str!("../../rig/sim.toml").to_owned();
+    for (from, to) in replaced {
+        assert!(text.contains(from), "{from}");
+        text = text.replace(from, to);
+    }
+    Rig::parse("small.toml", &text).unwrap()
+}
