@@ -16,7 +16,7 @@ mod sessions;
 use cluster::{Cluster, until};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
-use sessions::{copy, dataset, evrig, json, tree};
+use sessions::{copy, dataset, dataset_of, evrig, json, tree};
 use std::path::Path;
 
 /// What every submission here asks for: the cluster is two processors and little memory.
@@ -53,7 +53,8 @@ fn a_dataset_on_slurm_is_what_it_is_here_even_when_a_task_is_killed() {
         return;
     };
     let directory = tempfile::tempdir().unwrap();
-    let here = dataset(directory.path(), 3);
+    // The second is long enough to be diagnosed, so that there is time to kill its task.
+    let here = dataset_of(directory.path(), &[12, 40, 12]);
     copy(&here.join("s0"), &here.join("cut"));
     std::fs::write(here.join("cut/session.json"), "{").unwrap();
     let there = directory.path().join("there").join("dataset");
