@@ -5,7 +5,7 @@ mod moments;
 mod random;
 mod wilson;
 
-pub use estimate::Estimate;
+pub use estimate::{Estimate, number_or_nan, numbers_or_nan};
 pub use moments::{Moments, median, quantile_sorted};
 pub use random::SplitMix;
 pub use wilson::wilson95;

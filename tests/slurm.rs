@@ -16,7 +16,7 @@ mod sessions;
 use cluster::{Cluster, until};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
-use sessions::{copy, dataset, evrig, json, tree};
+use sessions::{copy, dataset, dataset_of, evrig, json, tree};
 use std::path::Path;
 
 /// What every submission here asks for: the cluster is two processors and little memory.
@@ -38,7 +38,9 @@ fn process_of(session: &Path) -> Pid {
     let mut pid = None;
     until("a task has its session", || {
         let held = std::fs::read_to_string(session.join("derived/lock")).unwrap_or_default();
-        pid = held.split_whitespace().nth(1).and_then(|word| word.parse().ok());
+        // "process 4711 on host"; a text that is not whole yet names no process.
+        let words: Vec<&str> = held.split_whitespace().collect();
+        pid = matches!(words[..], ["process", _, "on", _]).then(|| words[1].parse().unwrap());
         pid.is_some()
     });
     Pid::from_raw(pid.unwrap()).unwrap()
@@ -51,7 +53,8 @@ fn a_dataset_on_slurm_is_what_it_is_here_even_when_a_task_is_killed() {
         return;
     };
     let directory = tempfile::tempdir().unwrap();
-    let here = dataset(directory.path(), 3);
+    // The second is long enough to be diagnosed, so that there is time to kill its task.
+    let here = dataset_of(directory.path(), &[12, 40, 12]);
     copy(&here.join("s0"), &here.join("cut"));
     std::fs::write(here.join("cut/session.json"), "{").unwrap();
     let there = directory.path().join("there").join("dataset");

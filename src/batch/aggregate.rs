@@ -104,7 +104,8 @@ pub fn aggregate(dataset: &str, found: &[&Found], rig: Option<&str>, seed: u64) 
                 if let Err(error) = read {
                     // One session's files must not cost the others their table.
                     let remedy = "run `evrig compare` on it with --force";
-                    left_out.push(format!("{}: {error}; {remedy}", one.key));
+                    let because = one.told(&error.to_string());
+                    left_out.push(format!("{}: {because}; {remedy}", one.key));
                 } else if values.len() == before {
                     left_out.push(format!("{}: no stream of it was compared", one.key));
                 }

@@ -18,6 +18,15 @@ pub struct Found {
     pub session: Result<Session, String>,
 }
 
+impl Found {
+    /// A text about the session with its path in the dataset in place of its place on this machine,
+    /// so that a run elsewhere leaves the same words.
+    #[must_use]
+    pub fn told(&self, text: &str) -> String {
+        text.replace(&self.path.display().to_string(), &self.key)
+    }
+}
+
 /// Whether a directory is a dataset and no session: it holds no manifest, nor anything a recorder
 /// leaves, but folders.
 #[must_use]
@@ -49,8 +58,9 @@ fn open(root: &Path, path: PathBuf) -> Found {
     let parts: Vec<_> =
         inside.components().map(|part| part.as_os_str().to_string_lossy()).collect();
     let key = parts.join("/");
-    let session = Session::open(&path).map_err(|error| error.to_string());
-    Found { key, path, session }
+    let mut found = Found { key, path, session: Err(String::new()) };
+    found.session = Session::open(&found.path).map_err(|error| found.told(&error.to_string()));
+    found
 }
 
 fn collect(folder: &Path, depth: usize, paths: &mut Vec<PathBuf>) -> Result<(), BatchError> {

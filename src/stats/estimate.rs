@@ -20,6 +20,24 @@ pub struct Estimate {
     pub n: u64,
 }
 
+/// Reads numbers of which some are not known, `null` in JSON, as NaN: for
+/// `#[serde(deserialize_with)]` on curves beside estimates.
+///
+/// # Errors
+/// When something else than numbers and `null` stands there.
+pub fn numbers_or_nan<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+    let numbers = Vec::<Option<f64>>::deserialize(deserializer)?;
+    Ok(numbers.into_iter().map(|number| number.unwrap_or(f64::NAN)).collect())
+}
+
+/// Reads a number that may not be known, `null` in JSON, as NaN.
+///
+/// # Errors
+/// When something else than a number or `null` stands there.
+pub fn number_or_nan<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    known_or_nan(deserializer)
+}
+
 fn known_or_nan<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
     Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }
@@ -92,6 +110,24 @@ impl std::fmt::Display for Estimate {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_not_known_goes_through_json_and_comes_back() {
+        #[derive(Serialize, Deserialize)]
+        struct Curve {
+            #[serde(deserialize_with = "numbers_or_nan")]
+            per_decade: Vec<f64>,
+            #[serde(deserialize_with = "number_or_nan")]
+            dispersion: f64,
+        }
+        let curve = Curve { per_decade: vec![1.5, f64::NAN, f64::INFINITY], dispersion: f64::NAN };
+        let text = serde_json::to_string(&curve).unwrap();
+        assert_eq!(text, r#"{"per_decade":[1.5,null,null],"dispersion":null}"#);
+        let back: Curve = serde_json::from_str(&text).unwrap();
+        assert_eq!(back.per_decade[0], 1.5);
+        assert!(back.per_decade[1].is_nan() && back.dispersion.is_nan());
+        assert!(serde_json::from_str::<Curve>(r#"{"per_decade":["x"],"dispersion":1}"#).is_err());
+    }
 
     #[test]
     fn a_normal_estimate_covers_its_own_value_and_not_a_far_one() {

@@ -7,34 +7,41 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 const WIDTH: u16 = 24;
-const HEIGHT: u16 = 16;
-const N_FRAMES: u16 = 40;
+const HEIGHT: u16 = 10;
+/// So few make too few events for a diagnosis, which would take seconds.
+const FEW_FRAMES: u16 = 12;
 
-pub fn text(path: &Path) -> &str {
+pub(crate) fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-pub fn evrig() -> Command {
+pub(crate) fn evrig() -> Command {
     Command::cargo_bin("evrig").unwrap()
 }
 
 /// Exit code, result, and what was said.
-pub fn json(command: &mut Command) -> (i32, Value, String) {
+pub(crate) fn json(command: &mut Command) -> (i32, Value, String) {
     let output = command.arg("--json").output().unwrap();
     let value = serde_json::from_slice(&output.stdout).unwrap_or(Value::Null);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     (output.status.code().unwrap_or(-1), value, said)
 }
 
-/// A dataset of `n` sessions `s0`, `s1`, ... that differ in the bar's step.
-pub fn dataset(root: &Path, n: u16) -> PathBuf {
+/// A dataset of `n` sessions `s0`, `s1`, ... that differ in where the bar begins and in how many events
+/// are missing.
+pub(crate) fn dataset(root: &Path, n: u16) -> PathBuf {
+    dataset_of(root, &vec![FEW_FRAMES; usize::from(n)])
+}
+
+/// The same of so many frames each.
+pub(crate) fn dataset_of(root: &Path, n_frames: &[u16]) -> PathBuf {
     let dataset = root.join("dataset");
     let folder = root.join("material");
     std::fs::create_dir_all(&folder).unwrap();
-    for i in 0..n {
+    for (i, n_frames) in (0..).zip(n_frames) {
         let frames = folder.join(format!("{i}.npy"));
         let events = folder.join(format!("{i}.npz"));
-        material(&frames, &events, i);
+        material(&frames, &events, i, *n_frames);
         let session = dataset.join(format!("s{i}"));
         let import = ["import", "frames", text(&frames), "--fps", "100", "--events", text(&events)];
         evrig().args(import).arg("--out").arg(&session).assert().code(0);
@@ -42,18 +49,18 @@ pub fn dataset(root: &Path, n: u16) -> PathBuf {
     dataset
 }
 
-fn material(frames: &Path, events: &Path, seed: u16) {
+fn material(frames: &Path, events: &Path, seed: u16, n_frames: u16) {
     let size = usize::from(WIDTH) * usize::from(HEIGHT);
     let bright = |x: u16, k: u16| (x + 3 * seed + WIDTH - k % WIDTH) % WIDTH < 5;
-    let shape = [u64::from(N_FRAMES), u64::from(HEIGHT), u64::from(WIDTH)];
+    let shape = [u64::from(n_frames), u64::from(HEIGHT), u64::from(WIDTH)];
     let mut writer = ArrayWriter::<u8>::create(frames, &shape).unwrap();
     let mut seen = Events::new();
-    for k in 0..N_FRAMES {
+    for k in 0..n_frames {
         let pixel = |i: usize| if bright(i as u16 % WIDTH, k) { 180 } else { 40 };
         writer.extend(&(0..size).map(pixel).collect::<Vec<u8>>()).unwrap();
         for x in 0..WIDTH {
             if k > 0 && bright(x, k) != bright(x, k - 1) {
-                for y in 0..HEIGHT {
+                for y in (0..HEIGHT).filter(|y| (x + y + k) % (5 + seed) != 0) {
                     let late = i64::from((y * 7 + x * 3 + seed) % 40) * 25;
                     let t = i64::from(k) * 10_000 - 5_000 + late;
                     seen.push(Event { t, x, y, on: bright(x, k) });
@@ -70,7 +77,7 @@ fn material(frames: &Path, events: &Path, seed: u16) {
 }
 
 /// Every file below a directory with its bytes, but for locks and what Slurm's jobs leave.
-pub fn tree(root: &Path) -> Vec<(String, Vec<u8>)> {
+pub(crate) fn tree(root: &Path) -> Vec<(String, Vec<u8>)> {
     let mut files = Vec::new();
     let mut folders = vec![root.to_owned()];
     while let Some(folder) = folders.pop() {
@@ -91,7 +98,7 @@ pub fn tree(root: &Path) -> Vec<(String, Vec<u8>)> {
 }
 
 /// A copy of a directory.
-pub fn copy(from: &Path, to: &Path) {
+pub(crate) fn copy(from: &Path, to: &Path) {
     for (name, bytes) in tree(from) {
         let path = to.join(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 /// Nothing here takes a minute unless it never comes.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-pub struct Cluster {
+pub(crate) struct Cluster {
     folder: tempfile::TempDir,
     daemons: Vec<Child>,
 }
@@ -22,7 +22,7 @@ fn find(program: &str) -> Option<PathBuf> {
 
 impl Cluster {
     /// None where Slurm is not installed.
-    pub fn start() -> Option<Self> {
+    pub(crate) fn start() -> Option<Self> {
         let programs = ["munged", "munge", "slurmctld", "slurmd", "sbatch", "squeue"].map(find);
         if programs.iter().any(Option::is_none) {
             return None;
@@ -72,19 +72,19 @@ impl Cluster {
         self.daemons.push(command.spawn().unwrap());
     }
 
-    pub fn configuration(&self) -> PathBuf {
+    pub(crate) fn configuration(&self) -> PathBuf {
         self.folder.path().join("slurm.conf")
     }
 
     /// A tool of Slurm that talks to this cluster.
-    pub fn tool(&self, program: &str) -> Command {
+    pub(crate) fn tool(&self, program: &str) -> Command {
         let mut command = Command::new(program);
         command.env("SLURM_CONF", self.configuration());
         command
     }
 
     /// Returns once a job has ended, however it ended.
-    pub fn wait_for(&self, job: u64) {
+    pub(crate) fn wait_for(&self, job: u64) {
         let dependency = format!("--dependency=afterany:{job}");
         // srun is told when its turn comes, where `sbatch --wait` asks in ever longer intervals.
         let options = ["--ntasks=1", "--mem=1M", "--quiet", &dependency, "true"];
@@ -135,7 +135,7 @@ fn said(command: &mut Command) -> String {
 }
 
 /// Asks again and again; other programs' daemons announce themselves in no other way.
-pub fn until(what: &str, mut holds: impl FnMut() -> bool) {
+pub(crate) fn until(what: &str, mut holds: impl FnMut() -> bool) {
     let began = Instant::now();
     while !holds() {
         assert!(began.elapsed() < PATIENCE, "{what}: not within {PATIENCE:?}");

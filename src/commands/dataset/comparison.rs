@@ -26,7 +26,7 @@ pub(in crate::commands) fn compare(args: &CompareArgs, output: &Output) -> anyho
             if error.is::<WrongUse>() {
                 return Err(error);
             }
-            lost.push(format!("{}: {error:#}", one.key));
+            lost.push(format!("{}: {}", one.key, one.told(&format!("{error:#}"))));
         }
         bar.inc(1);
     }

@@ -54,12 +54,12 @@ pub(super) fn session(
             let ran = AssertUnwindSafe(|| whole(one, args, output));
             // A fault of ours in one session must not cost the night's other sessions.
             match std::panic::catch_unwind(ran) {
-                Ok(Ok(processed)) => outcome(&one.key, &processed),
+                Ok(Ok(processed)) => outcome(one, &processed),
                 Ok(Err(error)) if concerns_all(&error) => {
                     let said = "no session would fare better, so the dataset was left there";
                     return Err(error.context(format!("{}: {said}", one.key)));
                 }
-                Ok(Err(error)) => Outcome::failed(&one.key, chain(&error)),
+                Ok(Err(error)) => Outcome::failed(&one.key, one.told(&chain(&error))),
                 Err(_) => Outcome::failed(
                     &one.key,
                     "evrig itself failed, as said above; this is a fault to report".into(),
@@ -81,10 +81,10 @@ fn whole(one: &Found, args: &ProcessArgs, output: &Output) -> anyhow::Result<Pro
     Ok(processed)
 }
 
-fn outcome(key: &str, processed: &Processed) -> Outcome {
+fn outcome(one: &Found, processed: &Processed) -> Outcome {
     let value = &processed.value;
     let list = |key: &str| value[key].as_array().map(Vec::as_slice).unwrap_or_default();
-    let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+    let text = |value: &Value| one.told(value.as_str().unwrap_or_default());
     let left_out: Vec<LeftOut> = list("left_out")
         .iter()
         .map(|left| LeftOut { stage: text(&left["stage"]), because: text(&left["because"]) })
@@ -97,7 +97,7 @@ fn outcome(key: &str, processed: &Processed) -> Outcome {
         because.extend(left_out.iter().map(|left| format!("{}: {}", left.stage, left.because)));
     }
     let n_stages = list("stages").len() as u64;
-    Outcome { verdict, because, n_stages, left_out, ..Outcome::failed(key, String::new()) }
+    Outcome { verdict, because, n_stages, left_out, ..Outcome::failed(&one.key, String::new()) }
 }
 
 /// Whether an error is the disk's rather than the session's.
