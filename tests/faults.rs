@@ -37,20 +37,24 @@ use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 use wire::{Fault, Wire};
 
-/// The arm's time passes so many times as fast, and so does the share of the path.
-const FASTER: f64 = 4.0;
+/// The arm's time passes by requests, so that a path has as many looks at the arm on any machine.
+const ARM_STEP: Span = Span::from_micros(20_000);
+/// Fewer looks than any run of the path has.
+const LOOKS: f64 = 60.0;
+/// A fault that passes does so after so many.
+const PASSING: u32 = 15;
 /// No recording of two seconds takes so long, whatever fails.
 const DEADLINE: Duration = Duration::from_secs(120);
 const DAVIS_PATIENCE: DavisPatience = DavisPatience {
-    connect: Duration::from_millis(500),
+    connect: Duration::from_secs(2),
     silence: Duration::from_millis(300),
     reconnect: Duration::from_millis(500),
     drain: Duration::from_millis(100),
 };
 const PI_PATIENCE: PiPatience = PiPatience {
-    answer: Duration::from_secs(2),
+    answer: Duration::from_secs(5),
     silence: Duration::from_millis(500),
-    configure: Duration::from_secs(5),
+    configure: Duration::from_secs(20),
     drain: Duration::from_secs(2),
 };
 const WIRE_FAULTS: [Fault; 5] =
@@ -74,7 +78,7 @@ impl Bench {
         // One connection for the preflight, one for the recording, and so long it is silent.
         let camera = Camera::start(2);
         Self {
-            emulator: Emulator::start(options, Clock::Scaled(FASTER), Vec::new()).unwrap(),
+            emulator: Emulator::start(options, Clock::Stepped(ARM_STEP), Vec::new()).unwrap(),
             davis: Wire::to(camera.address.parse().unwrap()),
             pi: Wire::to(agent.address()),
             _camera: camera,
@@ -85,8 +89,10 @@ impl Bench {
 
     fn devices(&self, rig: &Rig) -> Devices {
         let link = port::open(self.emulator.port()).unwrap();
-        let arm =
-            Magician::over(Client::new(Box::new(link), ArmPatience::default()), rig.arm.clone());
+        // A busy machine answers late, and that is no fault.
+        let reply = Span::from_micros(2_000_000);
+        let patience = ArmPatience { reply, ..ArmPatience::default() };
+        let arm = Magician::over(Client::new(Box::new(link), patience), rig.arm.clone());
         let settings = Settings {
             size: Size::new(48, 32),
             frame_rate: Hertz(120.0),
@@ -100,8 +106,8 @@ impl Bench {
         Devices { arm: Box::new(arm), recorders: vec![Box::new(davis), Box::new(pi)] }
     }
 
-    /// Records; `fail` is told how far the path is.
-    fn record(&self, fail: &mut dyn FnMut(f64)) -> Outcome {
+    /// Records; `fail` is told how many looks at the arm there were.
+    fn record(&self, fail: &mut dyn FnMut(u32)) -> Outcome {
         let rig = Rig::simulated().unwrap();
         let trajectory = Trajectory::find("circle").unwrap();
         let path = trajectory.path(&rig, Optional::Included).unwrap();
@@ -114,9 +120,11 @@ impl Bench {
             dwells: Dwells { lead_in: rest, tail: rest },
             prompts: Prompts::default(),
         };
-        let mut watch = |state, share: f64| {
+        let mut n_looks = 0;
+        let mut watch = |state, _| {
             if state == State::Trajectory {
-                fail(share * FASTER);
+                fail(n_looks);
+                n_looks += 1;
             }
         };
         let mut devices = self.devices(&rig);
@@ -157,10 +165,10 @@ fn n_rounds() -> u64 {
     std::env::var("EVRIG_FAULTS").map_or(1, |n| n.parse().expect("a number"))
 }
 
-/// A share of the path between a tenth and six tenths, another for each trial.
-fn moment(trial: u64) -> f64 {
+/// A look at the arm between the third and the last but a third, another for each trial.
+fn moment(trial: u64) -> u32 {
     let mixed = (trial + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    0.1 + 0.5 * (mixed >> 40) as f64 / (1_u64 << 24) as f64
+    3 + (0.6 * LOOKS * (mixed >> 40) as f64 / (1_u64 << 24) as f64) as u32
 }
 
 /// Tries each fault of a wire; `wire` chooses it.
@@ -168,16 +176,18 @@ fn try_wire(name: &'static str, wire: fn(&Bench) -> &Wire) {
     for round in 0..n_rounds() {
         for (i, fault) in WIRE_FAULTS.into_iter().enumerate() {
             let at = moment(round * WIRE_FAULTS.len() as u64 + i as u64);
-            let what = format!("{name} {fault:?} at {at:.2} of the path");
+            let what = format!("{name} {fault:?} at look {at}");
             let said = what.clone();
             let (bench, outcome) = within_the_deadline(what.clone(), move || {
                 let bench = Bench::new();
                 let mut is_set = false;
-                let outcome = bench.record(&mut |share| {
-                    if !is_set && share >= at {
+                let outcome = bench.record(&mut |look| {
+                    if !is_set && look >= at {
                         is_set = true;
                         wire(&bench).set(fault);
-                    } else if share >= at + 0.2 && matches!(fault, Fault::Slow | Fault::Restarted) {
+                    } else if look >= at + PASSING
+                        && matches!(fault, Fault::Slow | Fault::Restarted)
+                    {
                         wire(&bench).set_back();
                     }
                 });
@@ -231,7 +241,7 @@ fn an_arm_that_fails_leaves_a_session_that_says_so() {
     let lasting = ["silence", "garbage", "wedge", "unplug", "alarm=0x22", "power-cycle"];
     for round in 0..n_rounds() {
         for (i, kind) in passing.into_iter().chain(lasting).enumerate() {
-            let n_pose = 3 + (moment(round * 10 + i as u64) * 50.0) as u64;
+            let n_pose = moment(round * 10 + i as u64);
             let text = format!("{kind}@POSE#{n_pose}");
             let said = text.clone();
             let (bench, outcome) = within_the_deadline(text.clone(), move || {

@@ -248,18 +248,17 @@ impl Take<'_> {
         (self.watch)(State::Seal, 1.0);
         // The manifest tells the same; a full disk may have no room for this line.
         let _ = self.journal.note("seal", &json!({"losses": losses}));
-        let ended = cut.as_ref().map_or_else(|| "complete".to_owned(), ToString::to_string);
+        // What was lost only while it was drained cuts the recording short as well.
+        let lost = || devices.iter().find_map(|device| device.lost.clone());
+        let cut_short = cut.as_ref().map(ToString::to_string).or_else(lost);
+        let ended = cut_short.clone().unwrap_or_else(|| "complete".to_owned());
         let (rig, trajectory) = (self.request.rig, self.request.trajectory);
         let recording = told::recording(rig, trajectory, devices, ended, self.began);
         let origin =
             Origin::Recorded { rig: rig.name.clone(), trajectory: trajectory.name.clone() };
-        let status = if cut.is_some() { Status::Aborted } else { Status::Complete };
+        let status = if cut_short.is_some() { Status::Aborted } else { Status::Complete };
         let manifest = seal_recording(self.layout, origin, status, recording, losses)?;
-        Ok(Outcome {
-            manifest,
-            is_asked_for: matches!(cut, Some(Cut::Asked(_))),
-            cut_short: cut.map(|cut| cut.to_string()),
-        })
+        Ok(Outcome { manifest, is_asked_for: matches!(cut, Some(Cut::Asked(_))), cut_short })
     }
 
     fn park(&mut self, losses: &mut Vec<Loss>) {

@@ -213,7 +213,7 @@ impl SampleWriter {
             return Self::take_from(queue_bytes, None, log);
         }
         let path = Layout::new(Path::new("")).davis();
-        let file = event_file(Destination::Pipe(pipe), &path, &prepared.streams)?;
+        let file = event_file(Destination::pipe(pipe), &path, &prepared.streams)?;
         Self::take_from(queue_bytes, Some((file, End::Flushed)), log)
     }
 

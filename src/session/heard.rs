@@ -200,7 +200,7 @@ mod tests {
     fn davis(packets: &[Events]) -> Heard {
         let streams = [StreamSpec::events(Size::DAVIS346, "heard")];
         let write = |pipe| {
-            let pipe = Destination::Pipe(pipe);
+            let pipe = Destination::pipe(pipe);
             let mut writer =
                 Writer::as_recorded(pipe, "pipe", Compression::None, &streams).unwrap();
             packets.iter().for_each(|events| writer.write_events(0, events.as_slice()).unwrap());

@@ -5,8 +5,8 @@ use crate::device::Finding;
 use crate::device::recorder::{
     Account, Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
 };
-use crate::format::aedat4::{Kind, Reader, StreamSpec};
-use std::io::Read;
+use crate::format::aedat4::{Kind, ReadError, Reader, StreamSpec};
+use std::io::{ErrorKind, Read};
 use std::net::{Shutdown, TcpStream, ToSocketAddrs};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -190,6 +190,9 @@ impl Line {
                         let content = packet.content;
                         account.offer(outlet, Sample::Packet { stream, arrived, content });
                     }
+                    Some(Err(ReadError::Io { source, .. })) if is_silence(&source) => {
+                        break format!("not a byte within {:?}", self.patience.silence);
+                    }
                     Some(Err(error)) => break error.to_string(),
                     None => break "the server closed the connection".to_owned(),
                 }
@@ -254,6 +257,11 @@ impl Line {
     }
 }
 
+/// Whether a read ended because nothing came in its time.
+fn is_silence(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut)
+}
+
 /// Connects and reads the header.
 fn connect(address: &str, patience: Patience) -> Result<Connection, RecorderError> {
     let fail = |because: String| failed(address, because);
@@ -276,7 +284,12 @@ fn begin(
     let fail = |error: std::io::Error| failed(address, error);
     socket.set_read_timeout(Some(patience.connect)).map_err(fail)?;
     let other = socket.try_clone().map_err(fail)?;
-    let reader = Reader::from_stream(socket, address).map_err(|error| failed(address, error))?;
+    let reader = Reader::from_stream(socket, address).map_err(|error| match error {
+        ReadError::Io { source, .. } if is_silence(&source) => {
+            failed(address, format!("connected, but no header came within {:?}", patience.connect))
+        }
+        error => failed(address, error),
+    })?;
     // The two handles are one socket: from here on silence has its own measure.
     other.set_read_timeout(Some(patience.silence)).map_err(fail)?;
     let known = reader.streams().iter().find(|stream| !matches!(stream.kind, Kind::Other(_)));

@@ -116,7 +116,7 @@ impl RigLogWriter {
     /// # Errors
     /// When the pipe is closed.
     pub fn to_pipe(pipe: Box<dyn Write + Send>, name: &Path) -> Result<Self, RigLogError> {
-        Self::begin(Destination::Pipe(pipe), None, name)
+        Self::begin(Destination::pipe(pipe), None, name)
     }
 
     fn begin(
