@@ -26,6 +26,7 @@ mod nuisance;
 mod null;
 mod options;
 mod propose;
+mod region;
 mod scan;
 mod score;
 mod select;
@@ -40,6 +41,7 @@ pub use free_run::{BeforeAfter, FreeRun, free_run};
 pub use hypothesis::{Hypothesis, View};
 pub use nuisance::Nuisance;
 pub use options::Options;
+pub use region::Region;
 pub use scan::Gain;
 pub use select::{Diagnosed, diagnose};
 pub use verdict::{

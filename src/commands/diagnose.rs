@@ -114,6 +114,12 @@ pub(super) fn text(diagnosis: &Diagnosis) -> String {
             text += &format!("\n  fits as well: {}", ids.join(", "));
         }
     }
+    for suspect in &diagnosis.suspects {
+        text += &format!(
+            "\nnot named: {} would gain {:.3} nats per event, but {}",
+            suspect.id, suspect.heldout_gain_nats_per_event, suspect.because
+        );
+    }
     for place in diagnosis.mismatch.places.iter().take(3) {
         text +=
             &format!("\nwhere: {} ({:.3} nats per event)", place.says, place.excess_nats_per_event);

@@ -86,11 +86,6 @@ impl Around {
         let at = self.aps_us.partition_point(|t| *t <= t_us);
         at.checked_sub(1).map_or(f64::NAN, |last| (t_us - self.aps_us[last]) as f64)
     }
-
-    /// Whether the times of the camera's own frames are known.
-    pub(super) fn has_frames(&self) -> bool {
-        !self.aps_us.is_empty()
-    }
 }
 
 #[cfg(test)]

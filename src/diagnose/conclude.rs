@@ -216,7 +216,7 @@ fn effects(evidence: &Evidence, model: &Fitted, taken: &[Taken]) -> Vec<FittedEf
                 heldout_gain_nats_per_event: taken.gain,
                 heldout_gain_error: taken.error,
                 p_value,
-                region: None,
+                region: hypothesis.regions[index].and_then(|r| serde_json::to_value(r).ok()),
                 equivalent,
                 rivals: taken.rivals.clone(),
             }

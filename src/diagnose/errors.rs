@@ -136,24 +136,29 @@ fn curvature(
             minus[(j, i)] = mixed;
         }
     }
-    inverse(minus * scale, &steps)
-}
-
-/// Inverse of a matrix in units of steps, in units of the values. Directions that the data do not
-/// hold are given the curvature of the least that they do.
-fn inverse(minus: DMatrix<f64>, steps: &[f64]) -> Option<DMatrix<f64>> {
-    let p = steps.len();
-    let mut eigen = minus.symmetric_eigen();
-    let most = eigen.eigenvalues.max();
-    if most <= 0.0 || !most.is_finite() {
-        return None;
-    }
-    eigen.eigenvalues.iter_mut().for_each(|v| *v = v.max(1e-5 * most).recip());
-    let mut inverse = eigen.recompose();
     for i in 0..p {
         for j in 0..p {
-            inverse[(i, j)] *= steps[i] * steps[j];
+            minus[(i, j)] *= scale / (steps[i] * steps[j]);
         }
     }
-    Some(inverse)
+    let scales: Vec<f64> = (0..p).map(|i| rough[(i, i)].max(1e-300).sqrt()).collect();
+    inverse(minus, &scales)
+}
+
+/// Least curvature in any direction, where that of the gradients' own product is one: below it a
+/// kink or a fit that stopped early speaks, not the data.
+const LEAST_CURVATURE: f64 = 0.03;
+
+/// Inverse of the curvature. It is brought to the scale of the gradients first, so that directions
+/// compare.
+fn inverse(minus: DMatrix<f64>, scales: &[f64]) -> Option<DMatrix<f64>> {
+    let p = scales.len();
+    let scaled = DMatrix::from_fn(p, p, |i, j| minus[(i, j)] / (scales[i] * scales[j]));
+    if scaled.iter().any(|v| !v.is_finite()) {
+        return None;
+    }
+    let mut eigen = scaled.symmetric_eigen();
+    eigen.eigenvalues.iter_mut().for_each(|v| *v = v.max(LEAST_CURVATURE).recip());
+    let inverse = eigen.recompose();
+    Some(DMatrix::from_fn(p, p, |i, j| inverse[(i, j)] / (scales[i] * scales[j])))
 }

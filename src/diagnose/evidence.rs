@@ -116,6 +116,10 @@ pub struct Evidence {
     pub blocks: Blocks,
     /// Number of tiles.
     pub n_tiles: usize,
+    /// Tiles across and down.
+    pub(super) tiles: [usize; 2],
+    /// Side of a tile, pixels.
+    pub(super) tile_px: u16,
     /// Middle of the sensor.
     pub middle: [f64; 2],
     /// On minus Off events of all pixels, and On plus Off, in each instant.
@@ -156,7 +160,8 @@ impl Evidence {
         let chosen = choose(recording, drive, grid, n_pixels, options.seed);
         let size = recording.size();
         let n_across = usize::from(size.width.div_ceil(options.tile_px));
-        let n_tiles = n_across * usize::from(size.height.div_ceil(options.tile_px));
+        let n_down = usize::from(size.height.div_ceil(options.tile_px));
+        let n_tiles = n_across * n_down;
         let pixels: Vec<PixelEvidence> = chosen
             .par_iter()
             .filter_map(|&(x, y)| {
@@ -177,6 +182,8 @@ impl Evidence {
             step_us: f64::from(grid.step_us),
             blocks: Blocks::new(recording.length_us(), options.n_blocks),
             n_tiles,
+            tiles: [n_across, n_down],
+            tile_px: options.tile_px,
             middle: [f64::from(size.width) / 2.0, f64::from(size.height) / 2.0],
             rates: rates(recording, grid, start_us),
             around: Arc::new(Around::new(recording.clone(), &facts.aps_us)),

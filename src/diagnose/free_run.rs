@@ -13,7 +13,7 @@ use super::{Evidence, Hypothesis, Nuisance};
 use crate::compare::{Comparison, MeasureId, Setup, compare};
 use crate::drive::Drive;
 use crate::event::{Event, EventSlice, Events};
-use crate::generate::effect::{Effect, Effects, Surroundings};
+use crate::generate::effect::{self, Applied, Effect, Effects, Surroundings};
 use crate::generate::forward::{BandNoise, Forward, ForwardParameters, PixelModel};
 use crate::generate::voltmeter::Coefficients;
 use crate::geometry::Size;
@@ -183,7 +183,12 @@ fn generated(
         let values = hypothesis.parameters_of(index);
         let parameters = effect.told(evidence, &values);
         match Effect::from_parameters(effect.id, &parameters) {
-            Ok(one) => applied.push(one.into()),
+            Ok(effect) => {
+                let side = |[low, high]: [u16; 2]| Some([f64::from(low), f64::from(high)]);
+                let region = hypothesis.regions[index]
+                    .map(|r| effect::Region { x_px: side(r.x_px), y_px: side(r.y_px) });
+                applied.push(Applied { effect, region });
+            }
             Err(error) => left_out.push(format!("{}: {error}", effect.id)),
         }
     }

@@ -2,7 +2,7 @@
 
 use super::candidate::{Candidate, Stage};
 use super::nuisance::{N_NUISANCES, Nuisance};
-use super::{Evidence, PixelEvidence};
+use super::{Evidence, PixelEvidence, Region};
 use crate::predict::{Light, PixelLaw};
 
 /// What a hypothesis makes of one pixel: its light after all that filters it, its law, its clock.
@@ -42,6 +42,8 @@ impl View<'_> {
 pub struct Hypothesis {
     /// Effects beyond the baseline, in the order in which they were taken.
     pub effects: Vec<&'static Candidate>,
+    /// Where each effect acts; everywhere without a region.
+    pub regions: Vec<Option<Region>>,
     /// The nuisances' values, then those of each effect's own parameters, as they are fitted.
     pub values: Vec<f64>,
     /// Range of each value.
@@ -57,6 +59,7 @@ impl Hypothesis {
         let ordinary = Nuisance::ALL.map(|nuisance| nuisance.ordinary(&evidence.facts));
         Self {
             effects: Vec::new(),
+            regions: Vec::new(),
             values: ordinary.iter().map(|o| o.start).collect(),
             ranges: ordinary.iter().map(|o| o.range).collect(),
             steps: ordinary.iter().map(|o| o.step).collect(),
@@ -81,6 +84,7 @@ impl Hypothesis {
             }
         }
         other.effects.push(effect);
+        other.regions.push(None);
         other
     }
 
@@ -187,6 +191,7 @@ impl Hypothesis {
     /// differ.
     pub(super) fn has_signal_of(&self, other: &Self) -> bool {
         let is_same_set = self.effects.len() == other.effects.len()
+            && self.regions == other.regions
             && self.effects.iter().zip(&other.effects).all(|(a, b)| std::ptr::eq(*a, *b));
         if !is_same_set {
             return false;
@@ -228,7 +233,9 @@ impl Hypothesis {
     fn act(&self, view: &mut View<'_>, kind: f64, stages: &[Stage]) {
         for stage in stages {
             for (index, effect) in self.effects.iter().enumerate() {
-                if effect.stage == *stage && effect.frees.is_empty() {
+                let place = (view.pixel.x, view.pixel.y);
+                let is_here = self.regions[index].is_none_or(|r| r.contains(place.0, place.1));
+                if is_here && effect.stage == *stage && effect.frees.is_empty() {
                     (effect.act)(&self.parameters_of(index), kind, view);
                 }
             }

@@ -182,9 +182,28 @@ fn first_step(
         .collect();
     let nats = |a: &Fitted| a.cells.nats(Part::Training);
     begun.sort_by(|a, b| nats(b).total_cmp(&nats(a)));
-    begun.truncate(BEST_STARTS);
+    // A parameter that keeps the value it starts with parts the starts: the best of each part.
+    let own = model.hypothesis.values.len();
+    let part = |fitted: &Fitted| -> Vec<u64> {
+        let values = fitted.hypothesis.values.iter().zip(&fitted.hypothesis.steps).skip(own);
+        values.filter(|(_, step)| **step == 0.0).map(|(value, _)| value.to_bits()).collect()
+    };
+    let mut seen: Vec<(Vec<u64>, usize)> = Vec::new();
+    begun.retain(|fitted| {
+        let part = part(fitted);
+        match seen.iter_mut().find(|(known, _)| *known == part) {
+            Some((_, n)) => {
+                *n += 1;
+                *n <= BEST_STARTS
+            }
+            None => {
+                seen.push((part, 1));
+                true
+            }
+        }
+    });
     begun
         .into_iter()
-        .map(|fitted| improved(few, fitted, 1, 1e-4))
+        .map(|fitted| improved(few, fitted, 2, 1e-4))
         .max_by(|a, b| nats(a).total_cmp(&nats(b)))
 }

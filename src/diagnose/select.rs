@@ -7,6 +7,7 @@ use super::errors::with_errors;
 use super::fit::{Fitted, fit};
 use super::halves::halves;
 use super::naming::{Standing, inconstant, standing};
+use super::region::limited;
 use super::scan::{Tried, scan};
 use super::score::Part;
 use super::{Diagnosis, Evidence, Hypothesis, NullReport, Options, Rival, Suspect, null};
@@ -180,7 +181,18 @@ fn take_all(
             rivals: rivals(&tried),
             equals: equals(&tried),
         });
-        model = fit(evidence, best.fitted.hypothesis.clone(), 8, 1e-5);
+        let with = fit(evidence, best.fitted.hypothesis.clone(), 8, 1e-5);
+        progress("region");
+        model = match limited(evidence, &model, &with) {
+            Some(limited) => {
+                let (gain, error) = limited.cells.gain(&model.cells, Part::HeldOut);
+                if let Some(last) = taken.last_mut() {
+                    (last.gain, last.error) = (gain, error);
+                }
+                limited
+            }
+            None => with,
+        };
     }
     (baseline, model, taken)
 }
@@ -246,6 +258,9 @@ fn refit_with(evidence: &Evidence, baseline: &Fitted, model: &Fitted, kept: &[us
             effect.frees.iter().map(|f| model.hypothesis.nuisance(f.nuisance)).collect()
         };
         hypothesis = hypothesis.with(effect, &start);
+        if let Some(last) = hypothesis.regions.last_mut() {
+            *last = model.hypothesis.regions[index];
+        }
     }
     fit(evidence, hypothesis, 6, 1e-4)
 }
