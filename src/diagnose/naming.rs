@@ -10,7 +10,7 @@ use super::constancy::Stratum;
 
 /// Structure, nats an event, that the shape of the noise and the error of the light leave under a
 /// right model.
-const LEAST_STRUCTURE: f64 = 0.02;
+const LEAST_STRUCTURE: f64 = 0.025;
 
 /// A name may stand on a model that leaves this share of the baseline's structure.
 const LEFT_IN_PART: f64 = 0.3;
