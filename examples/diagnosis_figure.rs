@@ -58,7 +58,8 @@ fn places_of(area: &Canvas<'_>, places: &[Where]) -> Drawn {
         let bar = [(0.0, row + 0.1), (place.excess_nats_per_event, row + 0.45)];
         chart.draw_series([Rectangle::new(bar, BAR.filled())])?;
         let [low, high] = place.range;
-        let text = format!("{} {low:.5} to {high:.5}", place.covariate);
+        let digits = if high.abs() < 100.0 { 2 } else { 0 };
+        let text = format!("{} {low:.digits$} to {high:.digits$}", place.covariate);
         chart.draw_series([Text::new(text, (0.0, row + 0.85), ("sans-serif", 12))])?;
     }
     Ok(())

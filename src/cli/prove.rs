@@ -16,7 +16,7 @@ use std::path::PathBuf;
     their own. Then the seal is opened, OUT/trials gets the trial's record and OUT/proof-* the score\n\
     so far. A poor score is a result: the exit code is 0. With --quick it is 4 when a name is wrong.")]
 pub struct ProveArgs {
-    /// Three short trials that are always the same and must be named right, five minutes on two cores
+    /// Two short trials that are always the same and must be named right
     #[arg(long, conflicts_with_all = ["recording", "sessions", "single", "double", "clean", "alien", "local"])]
     pub quick: bool,
 

@@ -3,9 +3,9 @@
 use super::strength::strengths;
 use super::{Concealed, Family, Judgement, Trial, Truth};
 
-/// Hidden in the short trials: effects that act in every pixel and leave a mark of their own in
-/// each, three times as strong as the least strength of the table, or nothing.
-const HIDDEN: &[Option<&str>] = &[Some("refractory_period"), None, Some("event_drop")];
+/// Hidden in the short trials: an effect that acts in every pixel and leaves a mark of its own in
+/// each, three times as strong as the least strength of the table; and nothing.
+const HIDDEN: &[Option<&str>] = &[Some("refractory_period"), None];
 
 /// How many times the least strength: far above any floor, so that a miss means that something
 /// broke, not that a draw was unlucky.

@@ -22,10 +22,10 @@ pub enum RecordError {
         path: PathBuf,
         /// What differs.
         key: String,
-        /// As it is there.
-        there: Value,
-        /// As it was asked for.
-        here: Value,
+        /// As it is there, in JSON.
+        there: String,
+        /// As it was asked for, in JSON.
+        here: String,
     },
     /// A file of the run is not what it should be.
     #[error("{}: {what}; remove it, and its trial is run again", path.display())]
@@ -136,7 +136,7 @@ pub fn settle(out: &Path, plan: &Plan, is_resumed: bool) -> Result<(), RecordErr
     for (key, here) in keys {
         let there = there.get(key).unwrap_or(&Value::Null);
         if there != here {
-            let (key, there, here) = (key.clone(), there.clone(), here.clone());
+            let (key, there, here) = (key.clone(), there.to_string(), here.to_string());
             return Err(RecordError::OtherPlan { path, key, there, here });
         }
     }
