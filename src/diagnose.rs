@@ -35,7 +35,7 @@ mod strata;
 mod tuned;
 mod verdict;
 
-pub use candidate::{Candidate, Freed, LIBRARY, Mixture, Parameter, Stage};
+pub use candidate::{Candidate, Derived, Freed, LIBRARY, Mixture, Parameter, Stage};
 pub use evidence::{DiagnoseError, Evidence, Facts, PixelEvidence, TiedClocks};
 pub use free_run::{BeforeAfter, FreeRun, free_run};
 pub use hypothesis::{Hypothesis, View};

@@ -123,6 +123,9 @@ pub struct Freed {
 /// The kinds of pixel that parameters speak of: the share of each, and what it is given.
 pub type Mixture = fn(&[f64]) -> Vec<(f64, f64)>;
 
+/// Parameters by key that follow from an effect's own.
+pub type Derived = fn(&Evidence, &[f64]) -> Vec<(&'static str, f64)>;
+
 /// An effect of the library: its equation, what it does to a prediction, what it is taken for.
 #[derive(Debug)]
 pub struct Candidate {
@@ -147,7 +150,7 @@ pub struct Candidate {
     /// Its parameters out of a hypothesis's values, for an effect that frees nuisances.
     pub report: fn(&[f64]) -> Vec<f64>,
     /// Parameters that follow from its own, by key: what is fitted is not always what is asked.
-    pub derived: fn(&Evidence, &[f64]) -> Vec<(&'static str, f64)>,
+    pub derived: Derived,
     /// Effects it is taken for.
     pub rivals: &'static [EffectId],
     /// Effects that no events alone can tell from it.

@@ -67,13 +67,7 @@ pub(super) fn conclude(
     let share = (excess > 0.0).then(|| (high - low) / excess);
     let (gain, error) = model.cells.gain(&baseline.cells, Part::HeldOut);
     let z = if taken.is_empty() { before.gain / before.error } else { gain / error };
-    let verdict = match (taken.is_empty(), share, standing) {
-        (true, _, Standing::Holds) if excess < LEAST_EXCESS => Verdict::NoMismatch,
-        (true, ..) => Verdict::Unexplained,
-        (false, Some(share), Standing::Holds) if share >= 0.5 => Verdict::Explained,
-        (false, Some(share), _) if share >= 0.25 => Verdict::PartlyExplained,
-        (false, ..) => Verdict::Unexplained,
-    };
+    let verdict = verdict(taken.is_empty(), excess, share, standing);
     let is_named = matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
     let effects = if is_named { effects(evidence, model, &taken) } else { Vec::new() };
     let next_recording = effects
@@ -81,19 +75,17 @@ pub(super) fn conclude(
         .find(|e| !e.equivalent.is_empty())
         .and_then(|e| LIBRARY.iter().find(|c| c.id == e.id).map(|c| c.splitter.to_owned()));
     let least = (0.02 * excess).max(0.002);
-    let with_structure = |mut places: Vec<super::Where>, left: Option<&Structure>| {
-        // Numbers of events by what else happened on the sensor, which no score of one pixel sees.
-        let around = left.into_iter().flat_map(|left| left.places.iter().cloned());
-        places.extend(around.filter(|place| place.excess_nats_per_event > least));
-        places
-    };
     Diagnosis {
         schema: "evrig.diagnosis/1".into(),
         verdict,
         mismatch: Mismatch {
             excess_nats_per_event: excess,
             p_value: above(z),
-            places: with_structure(wrong_in(evidence, baseline, least), left_before.as_ref()),
+            places: with_structure(
+                wrong_in(evidence, baseline, least),
+                left_before.as_ref(),
+                least,
+            ),
         },
         effects,
         nuisances: nuisances(model),
@@ -113,6 +105,7 @@ pub(super) fn conclude(
             places: with_structure(
                 wrong_in(evidence, model, least),
                 if taken.is_empty() { left_before.as_ref() } else { left_after.as_ref() },
+                least,
             ),
         },
         proposed_term: propose_for(evidence, model, verdict, left_before.as_ref()),
@@ -128,6 +121,28 @@ pub(super) fn conclude(
         n_pixels: evidence.pixels.len(),
         n_events: evidence.n_events(),
     }
+}
+
+fn verdict(names_nothing: bool, excess: f64, share: Option<f64>, standing: Standing) -> Verdict {
+    match (names_nothing, share, standing) {
+        (true, _, Standing::Holds) if excess < LEAST_EXCESS => Verdict::NoMismatch,
+        (true, ..) => Verdict::Unexplained,
+        (false, Some(share), Standing::Holds) if share >= 0.5 => Verdict::Explained,
+        (false, Some(share), _) if share >= 0.25 => Verdict::PartlyExplained,
+        (false, ..) => Verdict::Unexplained,
+    }
+}
+
+/// Strata where a score is wrong, and ranges of what else happened on the sensor, which no score of
+/// one pixel sees, where real events and the model's differ in number.
+fn with_structure(
+    mut places: Vec<super::Where>,
+    left: Option<&Structure>,
+    least: f64,
+) -> Vec<super::Where> {
+    let around = left.into_iter().flat_map(|left| left.places.iter().cloned());
+    places.extend(around.filter(|place| place.excess_nats_per_event > least));
+    places
 }
 
 fn left(structure: &Structure) -> super::StructureLeft {

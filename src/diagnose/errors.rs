@@ -72,6 +72,18 @@ fn variances(
     (0..p).map(|i| sandwich[(i, i)].max(0.0)).collect()
 }
 
+/// Steps of about an error: there a log-likelihood with kinks looks as smooth as it matters.
+fn steps(hypothesis: &Hypothesis, free: &[usize], rough: &DMatrix<f64>) -> Vec<f64> {
+    let of = |(i, &f): (usize, &usize)| {
+        let step = hypothesis.steps[f];
+        let [low, high] = hypothesis.ranges[f];
+        let room = 0.5 * (hypothesis.values[f] - low).min(high - hypothesis.values[f]);
+        let error = rough[(i, i)].max(1e-300).sqrt().recip();
+        error.clamp(0.5 * step, 4.0 * step).min(room)
+    };
+    free.iter().enumerate().map(of).collect()
+}
+
 /// Inverse of minus the log-likelihood's second derivative over the training cells.
 fn curvature(
     evidence: &Evidence,
@@ -83,17 +95,7 @@ fn curvature(
     let hypothesis = &fitted.hypothesis;
     let p = free.len();
     let rough = gradients.transpose() * gradients;
-    // Steps of about an error: there a log-likelihood with kinks looks as smooth as it matters.
-    let steps: Vec<f64> = (0..p)
-        .map(|i| {
-            let step = hypothesis.steps[free[i]];
-            let [low, high] = hypothesis.ranges[free[i]];
-            let value = hypothesis.values[free[i]];
-            let room = 0.5 * (value - low).min(high - value);
-            let error = rough[(i, i)].max(1e-300).sqrt().recip();
-            error.clamp(0.5 * step, 4.0 * step).min(room)
-        })
-        .collect();
+    let steps = steps(hypothesis, free, &rough);
     let moved = |by: &[(usize, f64)]| {
         let mut other: Hypothesis = hypothesis.clone();
         by.iter().for_each(|(i, sign)| other.values[free[*i]] += sign * steps[*i]);
