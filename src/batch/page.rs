@@ -152,7 +152,7 @@ fn effects(index: &Index) -> Option<Section> {
             ]
         })
         .collect();
-    (n_diagnosed > 0).then(|| Section {
+    (!rows.is_empty()).then(|| Section {
         title: "What the model leaves out".into(),
         lead: format!(
             "{n_diagnosed} sessions were diagnosed. Means over the sessions that name an effect, each \
