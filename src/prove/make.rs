@@ -79,7 +79,7 @@ fn import(recording: &Recording, root: &Path) -> Result<(), ProveError> {
     if let Some(folder) = file.parent() {
         std::fs::create_dir_all(folder).map_err(io)?;
     }
-    recording.write(&file).map_err(PlasmodeError::from)?;
+    recording.write(&file)?;
     import_aedat4(&file, root, &mut |_| {})?;
     std::fs::remove_file(&file).map_err(io)
 }
