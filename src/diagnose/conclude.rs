@@ -89,16 +89,7 @@ pub(super) fn conclude(
         },
         effects,
         nuisances: nuisances(model),
-        fit: FitReport {
-            heldout_nats_per_event: HeldOut {
-                baseline: low,
-                r#final: high,
-                ceiling,
-                ceiling_is: "flexible_fit".into(),
-            },
-            share_of_excess_removed: share,
-            forward: BTreeMap::new(),
-        },
+        fit: scores([low, high, ceiling], share),
         leftover: Leftover {
             excess_nats_per_event: ceiling - high,
             p_value: above(after.gain / after.error),
@@ -120,6 +111,15 @@ pub(super) fn conclude(
         null,
         n_pixels: evidence.pixels.len(),
         n_events: evidence.n_events(),
+    }
+}
+
+fn scores([baseline, r#final, ceiling]: [f64; 3], share: Option<f64>) -> FitReport {
+    let ceiling_is = "flexible_fit".into();
+    FitReport {
+        heldout_nats_per_event: HeldOut { baseline, r#final, ceiling, ceiling_is },
+        share_of_excess_removed: share,
+        forward: BTreeMap::new(),
     }
 }
 
