@@ -92,7 +92,7 @@ fn settings_out_of_range_are_wrong_use_and_named() {
         (&["--k", "1,1,-1,0,0,0"], "k3"),
         (&["--k", "1,0,0,0,0,0"], "k2"),
         (&["--k", "1,1,1"], "3 numbers"),
-        (&["--knob", "contrast-sensitivity=-4"], "contrast-sensitivity"),
+        (&["--knob", "contrast-sensitivity=-4"], "k1 is -4"),
         (&["--knob", "contrast=4"], "contrast-sensitivity"),
         (&["--preset", "DVS345"], "DVS346"),
         (&["--colour", "purple"], "purple"),
