@@ -70,10 +70,7 @@ pub(super) fn conclude(
     let verdict = verdict(taken.is_empty(), excess, share, standing);
     let is_named = matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
     let effects = if is_named { effects(evidence, model, &taken) } else { Vec::new() };
-    let next_recording = effects
-        .iter()
-        .find(|e| !e.equivalent.is_empty())
-        .and_then(|e| LIBRARY.iter().find(|c| c.id == e.id).map(|c| c.splitter.to_owned()));
+    let next_recording = splitter(&effects);
     let least = (0.02 * excess).max(0.002);
     Diagnosis {
         schema: "evrig.diagnosis/1".into(),
@@ -112,6 +109,12 @@ pub(super) fn conclude(
         n_pixels: evidence.pixels.len(),
         n_events: evidence.n_events(),
     }
+}
+
+/// The recording that would tell the first effect with equals from them.
+fn splitter(effects: &[FittedEffect]) -> Option<String> {
+    let unsure = effects.iter().find(|effect| !effect.equivalent.is_empty())?;
+    LIBRARY.iter().find(|c| c.id == unsure.id).map(|c| c.splitter.to_owned())
 }
 
 fn scores([baseline, r#final, ceiling]: [f64; 3], share: Option<f64>) -> FitReport {

@@ -133,7 +133,7 @@ mod tests {
             off,
         ];
         for judgement in wrong {
-            assert_eq!(complaints(&[judgement.clone()]).len(), 1, "{judgement:?}");
+            assert_eq!(complaints(std::slice::from_ref(&judgement)).len(), 1, "{judgement:?}");
         }
     }
 }

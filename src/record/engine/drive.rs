@@ -155,7 +155,7 @@ mod tests {
         let rig = Rig::simulated().unwrap();
         let path = Trajectory::find("protocol").unwrap().path(&rig, Optional::Included).unwrap();
         let n_steps = path.steps().len();
-        assert_eq!(runs(&path, false), [0..n_steps]);
+        assert_eq!(runs(&path, false), std::slice::from_ref(&(0..n_steps)));
         let asked = runs(&path, true);
         let n_prompts =
             path.steps().iter().skip(1).filter(|step| step.settings.prompt.is_some()).count();
