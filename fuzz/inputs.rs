@@ -12,8 +12,11 @@ use evrig::session::{Heard, Layout, Session, read_stage, repair, verify};
 use evrig::trajectory::{Optional, Plan, Trajectory};
 use std::path::Path;
 
+/// Who takes bytes.
+pub type Taker = fn(&[u8]);
+
 /// What the inputs are called, and who takes them.
-pub const ALL: [(&str, fn(&[u8])); 8] = [
+pub const ALL: [(&str, Taker); 8] = [
     ("aedat4", aedat4),
     ("dobot", dobot),
     ("pi", pi),
