@@ -81,11 +81,11 @@ pub fn compare(
     compare_with(&mut Reference::new(session, &request.real), request)
 }
 
-/// As [`compare`], with a reference stream that serves several comparisons; it stands for
+/// As [`compare()`], with a reference stream that serves several comparisons; it stands for
 /// [`CompareRequest::real`].
 ///
 /// # Errors
-/// As [`compare`].
+/// As [`compare()`].
 pub fn compare_with(
     reference: &mut Reference<'_>,
     request: &CompareRequest,
