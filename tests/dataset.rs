@@ -144,18 +144,18 @@ fn sessions_of_two_rigs_are_named_and_can_be_told_apart() {
         .code(0);
     let (_, value, said) = json(evrig().arg("process").arg(&root));
     let warning = value["warnings"][0].as_str().unwrap();
-    assert!(warning.contains("2 rigs") && warning.contains("24 x 16"), "{warning}");
+    assert!(warning.contains("2 rigs") && warning.contains("24 x 10"), "{warning}");
     assert!(said.contains("2 rigs"), "{said}");
     assert_eq!(value["sessions"][0]["path"], "deeper/other");
     let (code, value, said) =
-        json(evrig().arg("compare").arg(&root).args(["--rig", "imported frames, 24 x 16"]));
+        json(evrig().arg("compare").arg(&root).args(["--rig", "imported frames, 24 x 10"]));
     assert_eq!(code, 0, "{said}");
     assert!(
         value["sessions"].as_array().unwrap().iter().all(|row| row["session"] != "deeper/other")
     );
     let (code, _, said) = json(evrig().arg("compare").arg(&root).args(["--rig", "nosuch"]));
     assert_eq!(code, 2);
-    assert!(said.contains("24 x 16") && said.contains("12 x 8"), "{said}");
+    assert!(said.contains("24 x 10") && said.contains("12 x 8"), "{said}");
 }
 
 #[test]

@@ -183,7 +183,7 @@ fn a_published_recording_with_its_faults_comes_to_one_clock_and_one_target() {
         "frames without a metadata record were left out",
         "known defect of the layout",
     ] {
-        assert!(said.contains(expected), "{expected}: {said}");
+        assert!(format!("{said}{errors}").contains(expected), "{expected}: {said}{errors}");
     }
     let (code, said, errors) = evrig(&["track", session]);
     assert_eq!(code, 0, "{said}{errors}");

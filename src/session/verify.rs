@@ -161,7 +161,9 @@ fn compare_array(path: &Path, entry: &StreamEntry, verification: &mut Verificati
 fn check_derived(session: &Session, verification: &mut Verification) {
     let derived = session.root().join("derived");
     let entries = std::fs::read_dir(&derived).into_iter().flatten().flatten();
-    let mut directories: Vec<_> = entries.map(|entry| entry.path()).collect();
+    // The lock of whoever processes the session stands beside the stages' folders.
+    let mut directories: Vec<_> =
+        entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect();
     directories.sort();
     for directory in directories {
         let folder = directory.file_name().map(|name| name.to_string_lossy().into_owned());

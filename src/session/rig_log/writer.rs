@@ -75,8 +75,8 @@ impl Topic {
 
 /// A chunk is closed once it holds 8 MiB, about eight frames, ...
 const CHUNK_BYTES: u64 = 8 << 20;
-/// ... or half a second after it was begun, so that a cut file lacks little.
-const CHUNK_TIME: Span = Span::from_micros(500_000);
+/// ... or a quarter of a second after it was begun, so that a cut file lacks little.
+const CHUNK_TIME: Span = Span::from_micros(250_000);
 
 /// Appends to `rig.mcap`.
 pub struct RigLogWriter {
@@ -88,6 +88,8 @@ pub struct RigLogWriter {
     sequences: Vec<u32>,
     n_messages: u64,
     chunk_began: Option<Stamp<HostMonotonic>>,
+    /// Why the disk refused first; what is written after that fails without a reason of its own.
+    refused: Option<(std::io::ErrorKind, String)>,
 }
 
 impl std::fmt::Debug for RigLogWriter {
@@ -146,7 +148,16 @@ impl RigLogWriter {
         }
         let sequences = vec![0; channels.len()];
         let path = path.to_owned();
-        Ok(Self { path, file, beside, channels, sequences, n_messages: 0, chunk_began: None })
+        Ok(Self {
+            path,
+            file,
+            beside,
+            channels,
+            sequences,
+            n_messages: 0,
+            chunk_began: None,
+            refused: None,
+        })
     }
 
     /// Writes a frame's pictures and what the camera says of it.
@@ -242,7 +253,8 @@ impl RigLogWriter {
     /// When the disk refuses.
     pub fn flush(&mut self) -> Result<(), RigLogError> {
         self.chunk_began = None;
-        self.file.flush().map_err(|error| failed(&self.path, self.n_messages, error))
+        let flushed = self.file.flush();
+        flushed.map_err(|error| self.refused(error))
     }
 
     /// A second handle of the file, by which a thread beside can sync it; none of a pipe.
@@ -259,7 +271,8 @@ impl RigLogWriter {
     /// # Errors
     /// When the disk refuses; what was written can be read all the same.
     pub fn finish(mut self) -> Result<(), RigLogError> {
-        self.file.finish().map_err(|error| failed(&self.path, self.n_messages, error))?;
+        let finished = self.file.finish();
+        finished.map_err(|error| self.refused(error))?;
         let flushed = self.file.into_inner().flush();
         flushed
             .and_then(|()| self.beside.as_ref().map_or(Ok(()), File::sync_all))
@@ -294,15 +307,29 @@ impl RigLogWriter {
             publish_time: unsigned(published),
         };
         let began = *self.chunk_began.get_or_insert(logged.monotonic);
-        self.file
-            .write_to_known_channel(&header, data)
-            .map_err(|error| failed(&self.path, self.n_messages, error))?;
+        let written = self.file.write_to_known_channel(&header, data);
+        written.map_err(|error| self.refused(error))?;
         self.sequences[index] = self.sequences[index].wrapping_add(1);
         self.n_messages += 1;
         if logged.monotonic - began >= CHUNK_TIME {
             self.flush()?;
         }
         Ok(())
+    }
+
+    /// The first reason for which the disk refused, whichever write meets it.
+    fn refused(&mut self, error: mcap::McapError) -> RigLogError {
+        let error = match (&self.refused, error) {
+            (Some((kind, first)), mcap::McapError::AttemptedWriteAfterFailure) => {
+                std::io::Error::new(*kind, first.clone()).into()
+            }
+            (_, mcap::McapError::Io(error)) => {
+                self.refused.get_or_insert_with(|| (error.kind(), error.to_string()));
+                error.into()
+            }
+            (_, other) => other,
+        };
+        failed(&self.path, self.n_messages, error)
     }
 
     fn unencodable(&self, topic: Topic, because: String) -> RigLogError {
