@@ -135,10 +135,10 @@ impl Recorder for NetworkDavis {
                 patience: self.patience,
                 sockets: Arc::clone(&self.sockets),
             };
-            let outlet = outlet.clone();
             let address = line.address.clone();
-            let work = move |account: &Account| line.record(reader, &outlet, account);
-            let thread = self.account.spawn("davis", work);
+            let work =
+                move |outlet: &Outlet, account: &Account| line.record(reader, outlet, account);
+            let thread = self.account.spawn("davis", outlet.clone(), work);
             self.threads.push(thread.map_err(|error| failed(&address, error))?);
         }
         let patience = self.patience.silence;

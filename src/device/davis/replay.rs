@@ -76,10 +76,10 @@ impl Recorder for ReplayDavis {
     fn start(&mut self, outlet: Outlet) -> Result<(), RecorderError> {
         let reader = Reader::open(&self.path).map_err(|error| self.failed(error))?;
         let (path, pace) = (self.path.clone(), self.pace);
-        let work = move |account: &Account| {
-            play(reader, pace, &outlet, account).map_err(|error| failed(&path, error))
+        let work = move |outlet: &Outlet, account: &Account| {
+            play(reader, pace, outlet, account).map_err(|error| failed(&path, error))
         };
-        let thread = self.account.spawn("davis", work);
+        let thread = self.account.spawn("davis", outlet, work);
         self.thread = Some(thread.map_err(|error| self.failed(error))?);
         if self.account.wait_for_first(PATIENCE)? {
             return Ok(());

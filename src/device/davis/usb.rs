@@ -100,8 +100,10 @@ impl Recorder for UsbDavis {
         says["camera"] = told;
         let outlet = Arc::clone(&self.outlet);
         *outlet.lock().unwrap_or_else(PoisonError::into_inner) = None;
-        let work = move |account: &Account| run(camera, &outlet, account);
-        let thread = self.account.spawn("davis", work);
+        let work = move |outlet: &Arc<Mutex<Option<Outlet>>>, account: &Account| {
+            run(camera, outlet, account)
+        };
+        let thread = self.account.spawn("davis", outlet, work);
         self.thread = Some(thread.map_err(failed)?);
         Ok(Prepared { says, streams })
     }

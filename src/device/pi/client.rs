@@ -150,8 +150,8 @@ impl Recorder for NetworkPi {
             let _ = outlet.offer(Sample::Clock(reading));
         }
         let patience = self.patience;
-        let work = move |account: &Account| line.record(&outlet, account, patience);
-        let thread = self.account.spawn("pi", work);
+        let work = move |outlet: &Outlet, account: &Account| line.record(outlet, account, patience);
+        let thread = self.account.spawn("pi", outlet, work);
         self.thread = Some(thread.map_err(|error| self.failed(error))?);
         if self.account.wait_for_first(patience.silence)? {
             return Ok(());

@@ -30,22 +30,25 @@ impl Account {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Runs `work` on a thread of its own; the error it ends with is the camera's.
-    pub(in crate::device) fn spawn(
+    /// Runs `work` on a thread of its own; the error it ends with is the camera's. The outlet is
+    /// closed only when that error stands here, so that who sees it closed finds the reason.
+    pub(in crate::device) fn spawn<O: Send + 'static>(
         self: &Arc<Self>,
         name: &str,
-        work: impl FnOnce(&Self) -> Result<(), RecorderError> + Send + 'static,
+        outlet: O,
+        work: impl FnOnce(&O, &Self) -> Result<(), RecorderError> + Send + 'static,
     ) -> std::io::Result<JoinHandle<()>> {
         self.lock().n_running += 1;
         let its = Arc::clone(self);
         let started = std::thread::Builder::new().name(name.to_owned()).spawn(move || {
-            let ended = work(&its);
+            let ended = work(&outlet, &its);
             its.change(|state| {
                 state.n_running -= 1;
                 if let Err(error) = ended {
                     state.failed.get_or_insert(error);
                 }
             });
+            drop(outlet);
         });
         if started.is_err() {
             self.lock().n_running -= 1;
@@ -144,9 +147,9 @@ mod tests {
     #[test]
     fn the_first_error_of_its_threads_is_the_cameras() {
         let account: Arc<Account> = Arc::default();
-        let first = account.spawn("first", |_| Err(lost("the first"))).unwrap();
+        let first = account.spawn("first", (), |(), _| Err(lost("the first"))).unwrap();
         first.join().unwrap();
-        account.spawn("second", |_| Err(lost("the second"))).unwrap().join().unwrap();
+        account.spawn("second", (), |(), _| Err(lost("the second"))).unwrap().join().unwrap();
         assert_eq!(account.progress(), Err(lost("the first")));
         assert_eq!(account.wait_for_first(Duration::from_secs(3600)), Err(lost("the first")));
     }
@@ -154,11 +157,11 @@ mod tests {
     #[test]
     fn a_thread_that_ends_without_a_sample_ends_the_wait_for_it() {
         let account: Arc<Account> = Arc::default();
-        let waits = |account: &Account| {
+        let waits = |(): &(), account: &Account| {
             account.wait(Duration::from_secs(3600), |_| !account.is_ending());
             Ok(())
         };
-        let thread = account.spawn("camera", waits).unwrap();
+        let thread = account.spawn("camera", (), waits).unwrap();
         account.end();
         // Returns at once, or this test never ends.
         assert_eq!(account.wait_for_first(Duration::from_secs(3600)), Ok(false));
