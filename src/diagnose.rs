@@ -41,7 +41,6 @@ pub use free_run::{BeforeAfter, FreeRun, free_run};
 pub use hypothesis::{Hypothesis, View};
 pub use nuisance::Nuisance;
 pub use options::Options;
-pub use region::Region;
 pub use scan::Gain;
 pub use select::{Diagnosed, diagnose};
 pub use verdict::{

@@ -44,6 +44,38 @@ impl Size {
     }
 }
 
+/// A rectangle of pixels: columns `x_px[0]..x_px[1]`, rows `y_px[0]..y_px[1]`, ends not included.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rectangle {
+    /// Columns.
+    pub x_px: [u16; 2],
+    /// Rows.
+    pub y_px: [u16; 2],
+}
+
+impl Rectangle {
+    /// Whether the pixel lies in it.
+    #[must_use]
+    pub fn contains(&self, x: u16, y: u16) -> bool {
+        (self.x_px[0]..self.x_px[1]).contains(&x) && (self.y_px[0]..self.y_px[1]).contains(&y)
+    }
+
+    /// Pixels in it.
+    #[must_use]
+    pub fn area(&self) -> u64 {
+        let side = |[low, high]: [u16; 2]| u64::from(high.saturating_sub(low));
+        side(self.x_px) * side(self.y_px)
+    }
+
+    /// Pixels in both.
+    #[must_use]
+    pub fn shared(&self, other: &Self) -> u64 {
+        let both = |a: [u16; 2], b: [u16; 2]| [a[0].max(b[0]), a[1].min(b[1])];
+        Self { x_px: both(self.x_px, other.x_px), y_px: both(self.y_px, other.y_px) }.area()
+    }
+}
+
 impl std::fmt::Display for Size {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{} x {}", self.width, self.height)

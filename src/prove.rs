@@ -43,4 +43,4 @@ pub use score::{PerEffect, Score, Share};
 pub use seal::{Seal, SealError, open, seal, sha256};
 pub use strength::{Strength, strengths};
 pub use table::markdown;
-pub use truth::{Concealed, Family, Rectangle, Trial, Truth};
+pub use truth::{Concealed, Family, Trial, Truth};

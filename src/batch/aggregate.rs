@@ -7,7 +7,7 @@
 use super::{BatchError, Found};
 use crate::pipeline::{PipelineError, read_comparison};
 use crate::session::{Session, StreamKind, StreamName};
-use crate::stats::{Estimate, SplitMix, quantile_sorted};
+use crate::stats::{Estimate, SplitMix, median};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -176,19 +176,13 @@ fn variant(name: &str, values: &[SessionValue], facts: &[Facts], seed: u64) -> V
             measure: facts.id.clone(),
             name: facts.name.clone(),
             mean: mean(&known, seed),
-            median: median(&known),
+            median: median(known.iter().copied()).unwrap_or(f64::NAN),
             n_healthy: of_measure.filter(|value| value.is_healthy == Some(true)).count() as u64,
             healthy: facts.healthy,
         }
     };
     let cells = facts.iter().map(cell).collect();
     Variant { name: name.to_owned(), n_sessions: sessions.len() as u64, cells }
-}
-
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    if sorted.is_empty() { f64::NAN } else { quantile_sorted(&sorted, 0.5) }
 }
 
 /// The mean, with the spread of the means of sessions drawn anew. The plain bootstrap of a mean is too

@@ -2,6 +2,7 @@
 
 use super::error::ClockError;
 use super::order::longest_increasing;
+use crate::stats::upper_median;
 use crate::time::{Clock, PiSensor, Span, Stamp, Unix};
 use serde::{Deserialize, Serialize};
 
@@ -318,7 +319,5 @@ fn median_interval_ns<C: Clock>(stamps: &[Stamp<C>]) -> Option<f64> {
 }
 
 fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64> = values.collect();
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+    upper_median(&mut values.collect::<Vec<f64>>())
 }

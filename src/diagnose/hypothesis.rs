@@ -2,7 +2,8 @@
 
 use super::candidate::{Candidate, Stage};
 use super::nuisance::{N_NUISANCES, Nuisance};
-use super::{Evidence, PixelEvidence, Region};
+use super::{Evidence, PixelEvidence};
+use crate::geometry::Rectangle;
 use crate::predict::{Light, PixelLaw};
 
 /// What a hypothesis makes of one pixel: its light after all that filters it, its law, its clock.
@@ -43,7 +44,7 @@ pub struct Hypothesis {
     /// Effects beyond the baseline, in the order in which they were taken.
     pub effects: Vec<&'static Candidate>,
     /// Where each effect acts; everywhere without a region.
-    pub regions: Vec<Option<Region>>,
+    pub regions: Vec<Option<Rectangle>>,
     /// The nuisances' values, then those of each effect's own parameters, as they are fitted.
     pub values: Vec<f64>,
     /// Range of each value.

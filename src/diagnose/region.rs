@@ -7,24 +7,7 @@
 use super::Evidence;
 use super::fit::{Fitted, fit};
 use super::score::Part;
-use serde::{Deserialize, Serialize};
-
-/// A rectangle of pixels: columns `x_px[0]..x_px[1]`, rows `y_px[0]..y_px[1]`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Region {
-    /// Columns.
-    pub x_px: [u16; 2],
-    /// Rows.
-    pub y_px: [u16; 2],
-}
-
-impl Region {
-    /// Whether a pixel lies in it.
-    #[must_use]
-    pub fn contains(&self, x: u16, y: u16) -> bool {
-        (self.x_px[0]..self.x_px[1]).contains(&x) && (self.y_px[0]..self.y_px[1]).contains(&y)
-    }
-}
+use crate::geometry::Rectangle;
 
 /// Share of the events that has to lie outside for a part to be one.
 const LEAST_OUTSIDE: f64 = 0.12;
@@ -58,7 +41,7 @@ pub(super) fn limited(evidence: &Evidence, without: &Fitted, model: &Fitted) -> 
 }
 
 /// The rectangle of tiles over which the training cells gain most (Bentley, Comm. ACM 27, 1984).
-fn best_rectangle(evidence: &Evidence, without: &Fitted, model: &Fitted) -> Option<Region> {
+fn best_rectangle(evidence: &Evidence, without: &Fitted, model: &Fitted) -> Option<Rectangle> {
     let [n_across, n_down] = evidence.tiles;
     let n_blocks = evidence.blocks.n();
     let mut gains = vec![0.0; n_across * n_down];
@@ -89,7 +72,7 @@ fn best_rectangle(evidence: &Evidence, without: &Fitted, model: &Fitted) -> Opti
     let tile = usize::from(evidence.tile_px);
     let size = [2.0 * evidence.middle[0], 2.0 * evidence.middle[1]];
     let end = |tiles: usize, size: f64| ((tiles * tile) as f64).min(size) as u16;
-    (best.0 > 0.0).then(|| Region {
+    (best.0 > 0.0).then(|| Rectangle {
         x_px: [end(left, size[0]), end(right, size[0])],
         y_px: [end(top, size[1]), end(bottom, size[1])],
     })

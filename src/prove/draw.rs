@@ -1,8 +1,9 @@
 //! A plan of trials, drawn from a seed.
 
 use super::strength::{Strength, strengths};
-use super::{Concealed, Family, Rectangle, Trial, Truth};
+use super::{Concealed, Family, Trial, Truth};
 use crate::effect_id::EffectGroup;
+use crate::geometry::Rectangle;
 use crate::stats::SplitMix;
 use serde::{Deserialize, Serialize};
 

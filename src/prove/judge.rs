@@ -221,8 +221,9 @@ fn checks(truth: &Truth, named: &Named) -> Vec<ParameterCheck> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Concealed, Outcome, Rectangle};
+    use super::super::{Concealed, Outcome};
     use super::*;
+    use crate::geometry::Rectangle;
 
     fn truth(ids: &[(&str, &str, f64)]) -> Truth {
         let effects = ids.iter().map(|&(id, key, value)| Concealed {

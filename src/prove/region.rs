@@ -1,7 +1,8 @@
 //! Where on the sensor an answer says that the model is wrong.
 
+use super::Answer;
 use super::judge::Place;
-use super::{Answer, Rectangle};
+use crate::geometry::Rectangle;
 
 /// The pixels an answer points at: the region of its first effect; without one, the rows and the
 /// columns in which it says that the mismatch lies; without those, the whole sensor.

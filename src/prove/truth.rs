@@ -1,6 +1,7 @@
 //! What a trial hides.
 
 use crate::effect_id::EffectId;
+use crate::geometry::Rectangle;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -26,31 +27,6 @@ impl Family {
             Self::Foreign => "foreign",
             Self::Plasmode => "plasmode",
         }
-    }
-}
-
-/// A rectangle of event pixels: first column and row to the last but one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Rectangle {
-    /// Columns `x_px[0]..x_px[1]`.
-    pub x_px: [u16; 2],
-    /// Rows `y_px[0]..y_px[1]`.
-    pub y_px: [u16; 2],
-}
-
-impl Rectangle {
-    /// Pixels in it.
-    #[must_use]
-    pub fn area(&self) -> u64 {
-        let side = |[low, high]: [u16; 2]| u64::from(high.saturating_sub(low));
-        side(self.x_px) * side(self.y_px)
-    }
-
-    /// Pixels in both.
-    #[must_use]
-    pub fn shared(&self, other: &Self) -> u64 {
-        let both = |a: [u16; 2], b: [u16; 2]| [a[0].max(b[0]), a[1].min(b[1])];
-        Self { x_px: both(self.x_px, other.x_px), y_px: both(self.y_px, other.y_px) }.area()
     }
 }
 

@@ -13,6 +13,7 @@ use super::splat::{Key, Optics, site_ratios, splat};
 use super::start::TagPath;
 use super::survey::{Footage, PiKnown};
 use crate::frame::Frame;
+use crate::stats::upper_median;
 use crate::time::{PiSensor, Span};
 use nalgebra::{SMatrix, SVector, Vector3};
 use rayon::prelude::*;
@@ -237,7 +238,7 @@ impl<'a> Surveyor<'a> {
         let parts: Vec<Option<Part>> = equations.iter().map(part).collect();
         let usable = equations.iter().flatten().filter(|e| e.n > 0);
         let mut noise: Vec<f64> = usable.map(|e| e.squares / e.n as f64).collect();
-        let level = median(&mut noise).ok_or(SceneError::NoTexture)?;
+        let level = upper_median(&mut noise).ok_or(SceneError::NoTexture)?;
         let (change, row_error_s) = self.shared_change(&parts, level)?;
         for (key, part) in self.keys.iter_mut().zip(&parts) {
             if let Some(part) = part {
@@ -331,7 +332,7 @@ impl<'a> Surveyor<'a> {
     /// print and much that is wrong.
     fn drop_strange_light(&mut self) {
         let mut levels: Vec<f64> = self.keys.iter().map(|key| key.ln_gain).collect();
-        let Some(usual) = median(&mut levels) else { return };
+        let Some(usual) = upper_median(&mut levels) else { return };
         let is_usual = |key: &Key| (key.ln_gain - usual).abs() < STRANGE_LIGHT;
         if self.keys.iter().filter(|key| is_usual(key)).count() >= LEAST_KEYS {
             self.keys.retain(is_usual);
@@ -372,9 +373,4 @@ impl<'a> Surveyor<'a> {
         let path = HeadPath::new(self.tag.zero(), knots, MAX_GAP);
         Ok(Followed { path, n_frames, n_bridged })
     }
-}
-
-fn median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

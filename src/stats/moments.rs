@@ -75,9 +75,23 @@ pub fn median(samples: impl IntoIterator<Item = f64>) -> Option<f64> {
     (!sorted.is_empty()).then(|| quantile_sorted(&sorted, 0.5))
 }
 
+/// The upper median, which is one of the samples; they are put in another order. `None` without any.
+#[must_use]
+pub fn upper_median(samples: &mut [f64]) -> Option<f64> {
+    let middle = samples.len() / 2;
+    (!samples.is_empty()).then(|| *samples.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_upper_median_is_one_of_the_samples() {
+        assert_eq!(upper_median(&mut [4.0, 1.0]), Some(4.0));
+        assert_eq!(upper_median(&mut [3.0, 1.0, 2.0]), Some(2.0));
+        assert_eq!(upper_median(&mut []), None);
+    }
 
     #[test]
     fn a_median_needs_no_order_and_lies_between_two_in_the_middle() {

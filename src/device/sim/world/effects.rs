@@ -22,6 +22,7 @@ pub use pixel::{
 pub use readout::{ApsCoupling, EventDrop, ReadoutSaturation, RowReadout, StampJitter};
 
 use crate::effect_id::EffectId;
+use crate::geometry::Rectangle;
 use serde::{Deserialize, Serialize};
 
 macro_rules! effects {
@@ -32,7 +33,7 @@ macro_rules! effects {
         pub struct Effects {
             /// The rectangle of DAVIS pixels to which the pixels' own effects are limited.
             #[serde(skip_serializing_if = "Option::is_none")]
-            pub region: Option<Region>,
+            pub region: Option<Rectangle>,
             $($(#[$doc])* #[serde(skip_serializing_if = "Option::is_none")] pub $field: Option<$kind>,)*
         }
 
@@ -124,24 +125,6 @@ effects! {
     slew_limit: SlewLimit,
     /// See [`ThresholdFatigue`]; in no table.
     threshold_fatigue: ThresholdFatigue,
-}
-
-/// A rectangle of pixels: columns `x_px[0]..x_px[1]`, rows `y_px[0]..y_px[1]`, ends not included.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Region {
-    /// Columns.
-    pub x_px: [u16; 2],
-    /// Rows.
-    pub y_px: [u16; 2],
-}
-
-impl Region {
-    /// Whether the pixel lies in it.
-    #[must_use]
-    pub fn contains(&self, x: u16, y: u16) -> bool {
-        (self.x_px[0]..self.x_px[1]).contains(&x) && (self.y_px[0]..self.y_px[1]).contains(&y)
-    }
 }
 
 impl Effects {

@@ -75,7 +75,8 @@ fn of_pixel(pixel: usize, effects: &Effects, threshold: f64, seed: u64) -> Trait
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::sim::world::effects::{DeadPixels, HotPixels, Region, ThresholdMismatch};
+    use crate::device::sim::world::effects::{DeadPixels, HotPixels, ThresholdMismatch};
+    use crate::geometry::Rectangle;
 
     fn world(effects: Effects) -> WorldDescription {
         WorldDescription { effects, ..WorldDescription::default() }
@@ -100,7 +101,7 @@ mod tests {
 
     #[test]
     fn dead_pixels_are_counted_and_hot_ones_are_a_share_within_the_region() {
-        let region = Region { x_px: [0, 50], y_px: [0, 100] };
+        let region = Rectangle { x_px: [0, 50], y_px: [0, 100] };
         let effects = Effects {
             dead_pixels: Some(DeadPixels { count: 17 }),
             hot_pixels: Some(HotPixels { fraction: 0.02, rate_hz: [10.0, 300.0] }),
