@@ -106,8 +106,8 @@ impl Bench {
         Devices { arm: Box::new(arm), recorders: vec![Box::new(davis), Box::new(pi)] }
     }
 
-    /// Records; `fail` is told how many looks at the arm there were.
-    fn record(&self, fail: &mut dyn FnMut(u32)) -> Outcome {
+    /// Records a circle with these devices.
+    fn record_with(&self, devices: &mut Devices, watch: &mut dyn FnMut(State, f64)) -> Outcome {
         let rig = Rig::simulated().unwrap();
         let trajectory = Trajectory::find("circle").unwrap();
         let path = trajectory.path(&rig, Optional::Included).unwrap();
@@ -120,6 +120,11 @@ impl Bench {
             dwells: Dwells { lead_in: rest, tail: rest },
             prompts: Prompts::default(),
         };
+        record(request, devices, &StopToken::default(), watch).unwrap()
+    }
+
+    /// Records; `fail` is told how many looks at the arm there were.
+    fn record(&self, fail: &mut dyn FnMut(u32)) -> Outcome {
         let mut n_looks = 0;
         let mut watch = |state, _| {
             if state == State::Trajectory {
@@ -127,8 +132,7 @@ impl Bench {
                 n_looks += 1;
             }
         };
-        let mut devices = self.devices(&rig);
-        record(request, &mut devices, &StopToken::default(), &mut watch).unwrap()
+        self.record_with(&mut self.devices(&Rig::simulated().unwrap()), &mut watch)
     }
 
     fn out(&self) -> std::path::PathBuf {
@@ -327,21 +331,9 @@ impl Recorder for Unsettled {
 #[test]
 fn a_clock_set_by_hours_both_ways_leaves_every_sample_and_the_time_that_passed() {
     let bench = Bench::new();
-    let rig = Rig::simulated().unwrap();
-    let trajectory = Trajectory::find("circle").unwrap();
-    let path = trajectory.path(&rig, Optional::Included).unwrap();
-    let rest = Duration::from_millis(50);
-    let request = Request {
-        rig: &rig,
-        trajectory: &trajectory,
-        path: &path,
-        out: &bench.out(),
-        dwells: Dwells { lead_in: rest, tail: rest },
-        prompts: Prompts::default(),
-    };
-    let mut devices = bench.devices(&rig);
+    let mut devices = bench.devices(&Rig::simulated().unwrap());
     devices.recorders = vec![Box::new(Unsettled { n_sent: 0, outlet: None })];
-    let outcome = record(request, &mut devices, &StopToken::default(), &mut |_, _| {}).unwrap();
+    let outcome = bench.record_with(&mut devices, &mut |_, _| {});
     assert_eq!(outcome.manifest.status, Status::Complete);
     let session = verified(&bench.out(), "a clock set to and fro");
     let found = find_events(&session.layout().davis());

@@ -10,45 +10,11 @@ use evrig::pipeline::{AnyTrack, TrackRequest, read_clocks, read_scene, read_trac
 use evrig::record::{Simulation, simulate};
 use evrig::session::{Picture, Session};
 use evrig::time::PiSensor;
-use evrig::trajectory::{Optional, Trajectory};
+use evrig::trajectory::Optional;
 use serde_json::Value;
 use small_rig::small_rig;
 use std::fs;
 use std::path::Path;
-
-const TRAJECTORY: &str = r#"
-schema = "evrig.trajectory/1"
-name = "corner"
-plane = "image"
-[start]
-x_mm = 270.0
-y_mm = 0.0
-z_mm = 100.0
-r_deg = 90.0
-[rates]
-speed_mm_per_s = 20.0
-acceleration_mm_per_s2 = 400.0
-[[segment]]
-kind = "dwell"
-label = "before"
-duration_s = 0.2
-[[segment]]
-kind = "line"
-label = "there"
-by_mm = [3.0, 0.0]
-[[segment]]
-kind = "line"
-label = "down"
-by_mm = [0.0, 2.0]
-[[segment]]
-kind = "line"
-label = "back"
-by_mm = [-3.0, 0.0]
-[[segment]]
-kind = "dwell"
-label = "after"
-duration_s = 0.2
-"#;
 
 const FRAME_US: i64 = 8_333;
 
@@ -66,7 +32,7 @@ struct Recording {
 
 fn recording() -> Recording {
     let rig = small_rig(&small_rig::CORNER);
-    let trajectory = Trajectory::parse("corner.toml", TRAJECTORY).unwrap();
+    let trajectory = small_rig::corner_path();
     let path = trajectory.path(&rig, Optional::Included).unwrap();
     let world =
         WorldDescription::parse("w.toml", "[clocks]\npi_wall_offset_us = 4321.0\n").unwrap();

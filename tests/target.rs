@@ -16,7 +16,7 @@ use evrig::record::{Simulation, simulate};
 use evrig::rig::Rig;
 use evrig::session::{Session, StreamName};
 use evrig::time::{PiSensor, Span, Stamp};
-use evrig::trajectory::{Optional, Trajectory};
+use evrig::trajectory::Optional;
 use small_rig::small_rig;
 use std::path::Path;
 use std::sync::OnceLock;
@@ -27,46 +27,12 @@ fn rig() -> Rig {
     small_rig(&small_rig::CORNER)
 }
 
-const TRAJECTORY: &str = r#"
-schema = "evrig.trajectory/1"
-name = "corner"
-plane = "image"
-[start]
-x_mm = 270.0
-y_mm = 0.0
-z_mm = 100.0
-r_deg = 90.0
-[rates]
-speed_mm_per_s = 20.0
-acceleration_mm_per_s2 = 400.0
-[[segment]]
-kind = "dwell"
-label = "before"
-duration_s = 0.2
-[[segment]]
-kind = "line"
-label = "there"
-by_mm = [3.0, 0.0]
-[[segment]]
-kind = "line"
-label = "down"
-by_mm = [0.0, 2.0]
-[[segment]]
-kind = "line"
-label = "back"
-by_mm = [-3.0, 0.0]
-[[segment]]
-kind = "dwell"
-label = "after"
-duration_s = 0.2
-"#;
-
 const UNIX_START_US: i64 = 1_700_000_000_000_000;
 const PI_BOOT_NS: i64 = 54_321_000_000_000;
 
 fn simulate_to(out: &Path) {
     let rig = rig();
-    let trajectory = Trajectory::parse("corner.toml", TRAJECTORY).unwrap();
+    let trajectory = small_rig::corner_path();
     let path = trajectory.path(&rig, Optional::Included).unwrap();
     let world = format!(
         "[clocks]\nunix_start_us = {UNIX_START_US}\npi_boot_ns = {PI_BOOT_NS}\npi_skew_ppm = 10.0\n\

@@ -1,6 +1,7 @@
 //! The simulated rig with some of its numbers replaced, so that its pictures are small and quick.
 
 use evrig::rig::Rig;
+use evrig::trajectory::Trajectory;
 
 /// A small print over which both cameras hang at one place, with a tag as large as on the whole one.
 #[allow(dead_code)]
@@ -21,4 +22,45 @@ pub(crate) fn small_rig(replaced: &[(&str, &str)]) -> Rig {
         text = text.replace(from, to);
     }
     Rig::parse("small.toml", &text).unwrap()
+}
+
+/// Rest, to the right, down, back to the left, rest.
+const CORNER_PATH: &str = r#"
+schema = "evrig.trajectory/1"
+name = "corner"
+plane = "image"
+[start]
+x_mm = 270.0
+y_mm = 0.0
+z_mm = 100.0
+r_deg = 90.0
+[rates]
+speed_mm_per_s = 20.0
+acceleration_mm_per_s2 = 400.0
+[[segment]]
+kind = "dwell"
+label = "before"
+duration_s = 0.2
+[[segment]]
+kind = "line"
+label = "there"
+by_mm = [3.0, 0.0]
+[[segment]]
+kind = "line"
+label = "down"
+by_mm = [0.0, 2.0]
+[[segment]]
+kind = "line"
+label = "back"
+by_mm = [-3.0, 0.0]
+[[segment]]
+kind = "dwell"
+label = "after"
+duration_s = 0.2
+"#;
+
+/// A way round a corner, which moves the tag in both directions.
+#[allow(dead_code)]
+pub(crate) fn corner_path() -> Trajectory {
+    Trajectory::parse("corner.toml", CORNER_PATH).unwrap()
 }
