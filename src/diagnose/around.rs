@@ -1,6 +1,6 @@
 //! What else happened on the sensor about an event: neighbours, row, all pixels, own frames.
 
-use crate::predict::ByPixel;
+use crate::predict::{ByPixel, Spike};
 
 /// Longest time that is told apart from never, microseconds.
 const LONGEST_US: i64 = 1_000_000;
@@ -35,36 +35,31 @@ impl Around {
     /// and how many events they had in the `within_us` before it.
     pub(super) fn neighbours(&self, x: u16, y: u16, t_us: i64, within_us: i64) -> (f64, f64) {
         let (mut since, mut count) = (LONGEST_US, 0);
-        for ny in y.saturating_sub(1)..=y.saturating_add(1) {
-            for nx in x.saturating_sub(1)..=x.saturating_add(1) {
-                if (nx, ny) == (x, y) {
-                    continue;
-                }
-                let spikes = self.recording.of(nx, ny);
-                let end = spikes.partition_point(|s| s.t_us < t_us);
-                if let Some(last) = end.checked_sub(1) {
-                    since = since.min(t_us - spikes[last].t_us);
-                }
-                let before = spikes[..end].iter().rev();
-                count += before.take_while(|s| t_us - s.t_us <= within_us).count();
+        for spikes in self.eight(x, y) {
+            let end = spikes.partition_point(|s| s.t_us < t_us);
+            if let Some(last) = end.checked_sub(1) {
+                since = since.min(t_us - spikes[last].t_us);
             }
+            let before = spikes[..end].iter().rev();
+            count += before.take_while(|s| t_us - s.t_us <= within_us).count();
         }
         (since as f64, count as f64)
     }
 
     /// Time from an instant to the next event of the eight pixels about one, at most a second.
     pub(super) fn next_us(&self, x: u16, y: u16, t_us: i64) -> f64 {
-        let mut next = LONGEST_US;
-        for ny in y.saturating_sub(1)..=y.saturating_add(1) {
-            for nx in x.saturating_sub(1)..=x.saturating_add(1) {
-                let spikes = self.recording.of(nx, ny);
-                let at = spikes.partition_point(|s| s.t_us <= t_us);
-                if let Some(later) = spikes.get(at).filter(|_| (nx, ny) != (x, y)) {
-                    next = next.min(later.t_us - t_us);
-                }
-            }
-        }
-        next as f64
+        let later = self.eight(x, y).filter_map(|spikes| {
+            let at = spikes.partition_point(|s| s.t_us <= t_us);
+            spikes.get(at).map(|spike| spike.t_us - t_us)
+        });
+        later.fold(LONGEST_US, i64::min) as f64
+    }
+
+    /// The events of each of the eight pixels about one; of fewer at the border.
+    fn eight(&self, x: u16, y: u16) -> impl Iterator<Item = &[Spike]> {
+        let about = |at: u16| at.saturating_sub(1)..=at.saturating_add(1);
+        let all = about(y).flat_map(move |ny| about(x).map(move |nx| (nx, ny)));
+        all.filter(move |other| *other != (x, y)).map(|(nx, ny)| self.recording.of(nx, ny))
     }
 
     /// Time from an instant to the nearest event of its row that is not one of the pixel's own,

@@ -33,22 +33,38 @@ pub(super) struct Stratum {
     pub(super) error: f64,
 }
 
-/// A covariate of an event: its key, and its value.
-type Covariate = (&'static str, fn(&Evidence, &Residual) -> f64);
-
-const COVARIATES: [Covariate; 11] = [
-    ("contrast_rate_per_s", |_, r| r.slope_per_s),
-    ("log_intensity", |_, r| r.level),
-    ("interval_us", |_, r| r.previous.map_or(f64::NAN, |p| p.ago_s * 1e6)),
-    ("polarity_on", |_, r| f64::from(u8::from(r.on))),
-    ("column", |_, r| f64::from(r.x)),
-    ("row", |_, r| f64::from(r.y)),
-    ("time_s", |_, r| r.t_us as f64 * 1e-6),
-    ("neighbour_us", |e, r| e.around.neighbours(r.x, r.y, r.t_us, 5_000).0),
-    ("neighbours", |e, r| e.around.neighbours(r.x, r.y, r.t_us, 5_000).1),
-    ("sensor_rate_hz", |e, r| e.rate_hz(r.t_us)),
-    ("since_frame_us", |e, r| e.around.since_frame_us(r.t_us)),
+/// What is asked about an event.
+const COVARIATES: [&str; 11] = [
+    "contrast_rate_per_s",
+    "log_intensity",
+    "interval_us",
+    "polarity_on",
+    "column",
+    "row",
+    "time_s",
+    "neighbour_us",
+    "neighbours",
+    "sensor_rate_hz",
+    "since_frame_us",
 ];
+
+/// The answers, in the order of [`COVARIATES`].
+fn covariates(evidence: &Evidence, r: &Residual) -> [f64; COVARIATES.len()] {
+    let (near_us, n_near) = evidence.around.neighbours(r.x, r.y, r.t_us, 5_000);
+    [
+        r.slope_per_s,
+        r.level,
+        r.previous.map_or(f64::NAN, |p| p.ago_s * 1e6),
+        f64::from(u8::from(r.on)),
+        f64::from(r.x),
+        f64::from(r.y),
+        r.t_us as f64 * 1e-6,
+        near_us,
+        n_near,
+        evidence.rate_hz(r.t_us),
+        evidence.around.since_frame_us(r.t_us),
+    ]
+}
 
 /// The strengths of an effect of the model, stratum by stratum, against `drawn`, the same pixels
 /// with events drawn from the model. Empty for an effect without a strength to speak of.
@@ -67,12 +83,15 @@ pub(super) fn strengths(
     };
     let two = [moved(-1.0), moved(1.0)];
     let (real, drawn) = (events(evidence, &two, &strength), events(drawn, &two, &strength));
+    let asked = |events: &[Told]| -> Vec<[f64; COVARIATES.len()]> {
+        events.par_iter().map(|event| covariates(evidence, &event.residual)).collect()
+    };
+    let (of_real, of_drawn) = (asked(&real), asked(&drawn));
     let mut found = Vec::new();
-    for (key, value) in COVARIATES {
-        let of = |events: &[Told]| -> Vec<f64> {
-            events.par_iter().map(|event| value(evidence, &event.residual)).collect()
-        };
-        found.extend(of_covariate(key, (&real, &of(&real)), (&drawn, &of(&drawn))));
+    for (i, key) in COVARIATES.into_iter().enumerate() {
+        let [on_real, on_drawn] =
+            [&of_real, &of_drawn].map(|all| all.iter().map(|asked| asked[i]).collect::<Vec<f64>>());
+        found.extend(of_covariate(key, (&real, &on_real), (&drawn, &on_drawn)));
     }
     found
 }
