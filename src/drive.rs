@@ -69,6 +69,14 @@ pub trait Drive: Send + Sync {
     /// the signal; `NaN` where it is not known.
     fn error(&self, place: [f64; 2]) -> f32;
 
+    /// Stretches in which the light of everything jumped between two looks at it (a flash, a lamp that
+    /// was switched), ascending and apart, microseconds of the events' clock. [`Drive::sample`] leads
+    /// across them, but when and how fast the jump came is not known: who judges single events leaves
+    /// them out.
+    fn jumps_us(&self) -> Vec<[i64; 2]> {
+        Vec::new()
+    }
+
     /// The signal of a pixel on a grid; `None` where nothing is known of it.
     fn curve(&self, x: u16, y: u16, grid: TimeGrid) -> Option<Curve> {
         let mut values = vec![f32::NAN; grid.n];

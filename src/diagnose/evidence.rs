@@ -6,6 +6,7 @@ use crate::drive::{Drive, TimeGrid};
 use crate::predict::{Blocks, ByPixel, Spike};
 use crate::stats::SplitMix;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Least number of events with known light that can be judged.
@@ -162,12 +163,13 @@ impl Evidence {
         let n_across = usize::from(size.width.div_ceil(options.tile_px));
         let n_down = usize::from(size.height.div_ceil(options.tile_px));
         let n_tiles = n_across * n_down;
+        let jumps = instants(&drive.jumps_us(), grid);
         let pixels: Vec<PixelEvidence> = chosen
             .par_iter()
             .filter_map(|&(x, y)| {
                 let tile_of = |p: u16| usize::from(p / options.tile_px);
                 let tile = tile_of(y) * n_across + tile_of(x);
-                pixel(recording, drive, grid, (x, y), tile, facts.from_scene)
+                pixel(recording, drive, grid, &jumps, (x, y), tile, facts.from_scene)
             })
             .collect();
         let n: usize = pixels.iter().map(|pixel| pixel.spikes.len()).sum();
@@ -317,10 +319,17 @@ fn choose(
     chosen
 }
 
+/// The instants of a grid that lie in stretches of time.
+fn instants(stretches_us: &[[i64; 2]], grid: TimeGrid) -> Vec<Range<usize>> {
+    let at = |us: i64| (grid.position(us as f64).max(0.0) as usize).min(grid.n);
+    stretches_us.iter().map(|[from, to]| at(*from)..(at(*to) + 1).min(grid.n)).collect()
+}
+
 fn pixel(
     recording: &ByPixel,
     drive: &dyn Drive,
     grid: TimeGrid,
+    jumps: &[Range<usize>],
     (x, y): (u16, u16),
     tile: usize,
     with_surroundings: bool,
@@ -330,7 +339,8 @@ fn pixel(
         let mut out = vec![f32::NAN; grid.n];
         drive.sample([place[0] + dx, place[1] + dy], grid, &mut out).then_some(out)
     };
-    let light = sample(0.0, 0.0)?;
+    let mut light = sample(0.0, 0.0)?;
+    jumps.iter().for_each(|jump| light[jump.clone()].fill(f32::NAN));
     let spikes = recording.of(x, y).to_vec();
     let mut evidence = PixelEvidence {
         x,

@@ -2,6 +2,7 @@
 
 mod tied;
 
+use super::generate::{aps_starts, scene_inputs};
 use super::sync::read_clocks;
 use super::{Freshness, PipelineError, clear, default_light, fresh_record, inputs, read_scene};
 use crate::diagnose::{self, Diagnosis, Evidence, Facts, FreeRun, Options};
@@ -64,9 +65,7 @@ pub fn diagnose(
     let mut inputs = inputs::of_events(session, &request.real)?;
     let from = match &request.baseline {
         Baseline::Scene => {
-            let record = read_stage(&session.layout().derived("scene", None));
-            let files = record.into_iter().flat_map(|record| record.outputs);
-            inputs.extend(files.map(|(file, sha256)| (format!("derived/scene/{file}"), sha256)));
+            inputs.extend(scene_inputs(session));
             "scene"
         }
         Baseline::Frames(light) => {
@@ -150,22 +149,6 @@ const TIED_US: f64 = 1_500.0;
 /// By how much events may come beside what the clocks themselves state: noise makes crossings early.
 const STATED_US: f64 = 800.0;
 
-/// Starts of exposure of the event camera's own frames, microseconds of its clock, ascending; none
-/// without such frames.
-fn exposures_us(session: &Session) -> Result<Vec<i64>, PipelineError> {
-    if session.stream(StreamKind::Frames, "aps").is_err() {
-        return Ok(Vec::new());
-    }
-    let mut starts = Vec::new();
-    for picture in session.davis_pictures("aps")? {
-        let timing = picture?.frame.timing;
-        let start = timing.exposure.map_or(timing.stamp, |[start, _]| start);
-        starts.push(start.as_micros());
-    }
-    starts.sort_unstable();
-    Ok(starts)
-}
-
 /// What a diagnosis looks at, with what it was drawn from.
 struct Looked {
     evidence: Evidence,
@@ -185,7 +168,7 @@ fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, Pipeline
             let clocks = clocks.and_then(|clocks| tied::tied_clocks(&scene, &clocks));
             let facts = Facts {
                 from_scene: true,
-                aps_us: exposures_us(session)?,
+                aps_us: aps_starts(session)?,
                 frame_us: 0.0,
                 white_dn: drive.white_dn(),
                 offset_within_us: if clocks.is_some() { STATED_US } else { TIED_US },

@@ -5,7 +5,7 @@ mod driven;
 
 pub(super) use affected::with_effects;
 pub use driven::white_of;
-pub(super) use driven::{SCENE, drive_of, inputs_of as scene_inputs, is_scene};
+pub(super) use driven::{SCENE, aps_starts, drive_of, inputs_of as scene_inputs, is_scene};
 
 use super::between::{between, light_under};
 use super::{Freshness, PipelineError, clear, fresh_record, light};

@@ -244,6 +244,14 @@ impl Drive for SceneDrive {
         any
     }
 
+    fn jumps_us(&self) -> Vec<[i64; 2]> {
+        let [from, to] = self.span_us;
+        let stamp = |s: f64| self.tie.stamp(&self.path, s).as_micros();
+        let late = self.offset_us.round() as i64;
+        let jumps = self.path.jumps_s().into_iter();
+        jumps.map(|ends| ends.map(|s| (stamp(s) + late).clamp(from, to))).collect()
+    }
+
     fn error(&self, place: [f64; 2]) -> f32 {
         let Some(ray) = self.ray(place) else { return f32::NAN };
         let [from, to] = self.span_us;

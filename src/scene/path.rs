@@ -1,8 +1,17 @@
 //! The path of the head over the print.
 
 use super::head::{HeadPose, POSE};
+use crate::stats::upper_median;
 use crate::time::{PiSensor, Span, Stamp};
 use serde::{Deserialize, Serialize};
+
+/// Least change of the light's logarithm between two frames that is a jump: a fraction of any event
+/// camera's threshold.
+const LEAST_JUMP: f64 = 0.05;
+
+/// A jump is so many times what the light changes from frame to frame in the median: mains light
+/// that flickers changes by much all the time, and the frames follow it.
+const COMMON_STEPS: f64 = 8.0;
 
 /// The path as the Pi's frames tell it, with a knot a frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -109,6 +118,27 @@ impl HeadPath {
         }
     }
 
+    /// Stretches in which the light's level jumps between two knots by far more than it commonly
+    /// changes, seconds, ascending and apart. A frame may have seen a part of the jump, so the
+    /// neighbouring stretches belong to it.
+    pub(super) fn jumps_s(&self) -> Vec<[f64; 2]> {
+        let steps: Vec<f64> =
+            self.knots.windows(2).map(|pair| (pair[1].ln_gain - pair[0].ln_gain).abs()).collect();
+        let Some(common) = upper_median(&mut steps.clone()) else { return Vec::new() };
+        let least = LEAST_JUMP.max(COMMON_STEPS * common);
+        let last = self.knots.len() - 1;
+        let mut all: Vec<[f64; 2]> = Vec::new();
+        for at in (0..steps.len()).filter(|&at| steps[at] > least) {
+            let [from, to] =
+                [at.saturating_sub(1), (at + 2).min(last)].map(|k| self.knots[k].time_s);
+            match all.last_mut().filter(|before| from <= before[1]) {
+                Some(before) => before[1] = to,
+                None => all.push([from, to]),
+            }
+        }
+        all
+    }
+
     /// Logarithm of the light's level at a time over that of the map, straight between knots.
     pub(super) fn ln_light(&self, time_s: f64) -> f64 {
         let Some(Stretch { left, part, .. }) = self.stretch(time_s) else { return f64::NAN };
@@ -200,5 +230,21 @@ mod tests {
         assert!(all.pose(0.0).is_some() && all.pose(0.325).is_some());
         assert!(all.ln_light(0.1).is_nan());
         assert!((all.ln_light(0.03) - 0.03).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_flash_is_a_jump_at_either_end_and_flicker_is_none() {
+        let knot_at = |i: u32, ln_gain: f64| PathKnot { ln_gain, ..knot(f64::from(i) / 100.0) };
+        let zero = Stamp::from_nanos(0);
+        let flash = |i: u32| if (40..50).contains(&i) { 0.25 } else { 0.001 * f64::from(i % 3) };
+        let knots = (0..100).map(|i| knot_at(i, flash(i))).collect();
+        let jumps = HeadPath::new(zero, knots, Span::from_micros(50_000)).jumps_s();
+        assert_eq!(jumps.len(), 2, "{jumps:?}");
+        for ([from, to], edge) in jumps.iter().zip([0.395, 0.495]) {
+            assert!(from < &edge && &edge < to && to - from < 0.031, "{jumps:?}");
+        }
+        let mains = |i: u32| 0.2 * (f64::from(i) * 2.1).sin();
+        let knots = (0..100).map(|i| knot_at(i, mains(i))).collect();
+        assert!(HeadPath::new(zero, knots, Span::from_micros(50_000)).jumps_s().is_empty());
     }
 }

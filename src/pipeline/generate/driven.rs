@@ -154,8 +154,9 @@ fn affected(
     Ok((tally, spent))
 }
 
-/// Starts of exposure of the event camera's own frames, µs; empty where there are none.
-pub(super) fn aps_starts(session: &Session) -> Result<Vec<i64>, PipelineError> {
+/// Starts of exposure of the event camera's own frames, µs of its clock, ascending; empty where
+/// there are none.
+pub(in crate::pipeline) fn aps_starts(session: &Session) -> Result<Vec<i64>, PipelineError> {
     if session.stream(StreamKind::Frames, "aps").is_err() {
         return Ok(Vec::new());
     }
@@ -163,5 +164,8 @@ pub(super) fn aps_starts(session: &Session) -> Result<Vec<i64>, PipelineError> {
         let timing = picture?.frame.timing;
         Ok(timing.exposure.map_or(timing.stamp, |[start, _]| start).as_micros())
     };
-    session.davis_pictures("aps")?.map(start).collect()
+    let pictures = session.davis_pictures("aps")?;
+    let mut starts = pictures.map(start).collect::<Result<Vec<_>, PipelineError>>()?;
+    starts.sort_unstable();
+    Ok(starts)
 }
