@@ -24,7 +24,7 @@ pub use align::{AlignProgress, Aligned, TrackOutcome, align, frame_streams, trac
 pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration};
 pub use compare::{CompareRequest, Reference, compare, compare_with, read_comparison};
 pub use diagnose::{
-    Baseline, DiagnoseRequest, default_baseline, diagnose, read_diagnosis, read_free_run,
+    Baseline, DiagnoseRequest, default_baseline, diagnose, read_diagnosis, read_free_run, read_heat,
 };
 pub use filter::{
     FilterRequest, FilterSettings, FilterTally, FilteredStream, filter, picture_events,

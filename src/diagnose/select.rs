@@ -6,6 +6,7 @@ use super::constancy::strengths;
 use super::errors::with_errors;
 use super::fit::{Fitted, fit};
 use super::halves::halves;
+use super::heat::{HeatMap, heat_maps};
 use super::naming::{Standing, inconstant, standing};
 use super::region::limited;
 use super::scan::{Tried, scan};
@@ -40,6 +41,8 @@ pub struct Diagnosed {
     pub baseline: Hypothesis,
     /// With the named effects; the baseline where none is named.
     pub model: Hypothesis,
+    /// Where either is wrong, to look at.
+    pub heat: Vec<HeatMap>,
 }
 
 /// Diagnoses: which effects of the library does the recording show beyond the baseline?
@@ -94,6 +97,7 @@ pub fn diagnose(
     let reached = Reached { taken, standing, before, after, reach, suspects, halves, null };
     Diagnosed {
         diagnosis: conclude(evidence, &baseline, &model, reached),
+        heat: heat_maps(evidence, [&baseline, &model]),
         baseline: baseline.hypothesis,
         model: model.hypothesis,
     }

@@ -70,8 +70,13 @@ fn word(late: f64) -> &'static str {
 fn quantiles(events: &[Placed], value: fn(&Placed) -> f64, n: usize) -> Vec<f64> {
     let mut all: Vec<f64> = events.iter().map(value).filter(|v| v.is_finite()).collect();
     all.sort_by(f64::total_cmp);
+    quantiles_of(&all, n)
+}
+
+/// Edges that part ascending values into `n` equally many, where ties allow.
+pub(super) fn quantiles_of(sorted: &[f64], n: usize) -> Vec<f64> {
     let mut edges: Vec<f64> = (1..n)
-        .map(|i| crate::stats::quantile_sorted(&all, i as f64 / n as f64))
+        .map(|i| crate::stats::quantile_sorted(sorted, i as f64 / n as f64))
         .filter(|edge| edge.is_finite())
         .collect();
     edges.dedup();

@@ -5,12 +5,13 @@ mod tied;
 use super::generate::{aps_starts, scene_inputs};
 use super::sync::read_clocks;
 use super::{Freshness, PipelineError, clear, default_light, fresh_record, inputs, read_scene};
-use crate::diagnose::{self, Diagnosis, Evidence, Facts, FreeRun, Options};
+use crate::diagnose::{self, Diagnosis, Evidence, Facts, FreeRun, HeatMap, Options};
 use crate::drive::Drive;
 use crate::event::Events;
 use crate::predict::ByPixel;
 use crate::scene::FramesDrive;
 use crate::session::{Session, StageRecord, StreamKind, read_stage, write_stage};
+use serde::de::DeserializeOwned;
 use serde_json::json;
 
 /// What to diagnose.
@@ -104,27 +105,32 @@ pub fn diagnose(
     };
     write("diagnosis.json", serde_json::to_string_pretty(&diagnosis).unwrap_or_default())?;
     write(FREE_RUN, serde_json::to_string(&run).unwrap_or_default())?;
+    write(HEAT, serde_json::to_string(&found.heat).unwrap_or_default())?;
     let tally = json!({ "n_pixels": diagnosis.n_pixels, "n_events": diagnosis.n_events });
-    write_stage(&directory, StageRecord { tally, ..wanted }, &["diagnosis.json", FREE_RUN])?;
+    write_stage(&directory, StageRecord { tally, ..wanted }, &["diagnosis.json", FREE_RUN, HEAT])?;
     Ok((diagnosis, Freshness::Ran))
 }
 
 /// The file of the free run beside the diagnosis.
 const FREE_RUN: &str = "free_run.json";
 
+/// The heat maps beside the diagnosis.
+const HEAT: &str = "heat.json";
+
 /// The free run of the diagnosis that a session holds; none where the generator was not run.
 ///
 /// # Errors
 /// When the file is there and cannot be read.
 pub fn read_free_run(session: &Session) -> Result<Option<FreeRun>, PipelineError> {
-    let path = session.layout().derived("diagnose", None).join(FREE_RUN);
-    if !path.exists() {
-        return Ok(None);
-    }
-    let io = |source| PipelineError::Io { path: path.clone(), source };
-    let text = std::fs::read_to_string(&path).map_err(io)?;
-    let read = serde_json::from_str(&text);
-    read.map_err(|error| io(std::io::Error::new(std::io::ErrorKind::InvalidData, error)))
+    Ok(read(session, FREE_RUN)?.flatten())
+}
+
+/// The heat maps of the diagnosis that a session holds.
+///
+/// # Errors
+/// When the file is there and cannot be read.
+pub fn read_heat(session: &Session) -> Result<Vec<HeatMap>, PipelineError> {
+    Ok(read(session, HEAT)?.unwrap_or_default())
 }
 
 /// The diagnosis that a session holds.
@@ -132,7 +138,12 @@ pub fn read_free_run(session: &Session) -> Result<Option<FreeRun>, PipelineError
 /// # Errors
 /// When the file is there and cannot be read.
 pub fn read_diagnosis(session: &Session) -> Result<Option<Diagnosis>, PipelineError> {
-    let path = session.layout().derived("diagnose", None).join("diagnosis.json");
+    read(session, "diagnosis.json")
+}
+
+/// A file of the stage's result; none where it is not there.
+fn read<T: DeserializeOwned>(session: &Session, name: &str) -> Result<Option<T>, PipelineError> {
+    let path = session.layout().derived("diagnose", None).join(name);
     if !path.exists() {
         return Ok(None);
     }

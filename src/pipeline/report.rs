@@ -3,8 +3,8 @@
 mod target;
 
 use super::generate::{SCENE, is_scene};
-use super::read_free_run;
 use super::{PipelineError, filter, read_calibration, read_comparison, read_diagnosis};
+use super::{read_free_run, read_heat};
 use crate::compare::Comparison;
 use crate::event::Events;
 use crate::frame::Luminance;
@@ -62,7 +62,11 @@ pub fn report(session: &Session) -> Result<String, PipelineError> {
     if let Some(diagnosis) = read_diagnosis(session)? {
         page.sections.insert(
             0,
-            crate::report::diagnosis::section(&diagnosis, read_free_run(session)?.as_ref()),
+            crate::report::diagnosis::section(
+                &diagnosis,
+                read_free_run(session)?.as_ref(),
+                &read_heat(session)?,
+            ),
         );
     }
     Ok(page.to_html()?)

@@ -1,6 +1,7 @@
 //! The diagnosis' section of the page: the verdict, what was named, where the model is wrong.
 
 mod free_run;
+mod heat;
 
 use super::figure::{Figure, Key, Link, Panel, Sample};
 use super::number::{count, significant};
@@ -9,12 +10,13 @@ use super::plot::Ink;
 use super::plot::chart::{Axis, Chart, Layer};
 use super::table::{Cell, Column, Table};
 use crate::diagnose::{
-    Diagnosis, FittedEffect, FreeRun, Half, Interval, ProposedTerm, Suspect, Verdict, Where,
+    Diagnosis, FittedEffect, FreeRun, Half, HeatMap, Interval, ProposedTerm, Suspect, Verdict,
+    Where,
 };
 
-/// The section of a diagnosis, with the generator's free run where there is one.
+/// The section of a diagnosis, with the generator's free run and the heat maps where there are any.
 #[must_use]
-pub fn section(diagnosis: &Diagnosis, run: Option<&FreeRun>) -> Section {
+pub fn section(diagnosis: &Diagnosis, run: Option<&FreeRun>, maps: &[HeatMap]) -> Section {
     let link = || Link::beside("derived/diagnose/diagnosis.json");
     let mut blocks = vec![Block::Facts(facts(diagnosis))];
     if !diagnosis.effects.is_empty() {
@@ -47,6 +49,7 @@ pub fn section(diagnosis: &Diagnosis, run: Option<&FreeRun>) -> Section {
     for (title, places) in places.into_iter().filter(|(_, places)| !places.is_empty()) {
         blocks.push(Block::Table(wheres(title, places)));
     }
+    blocks.extend(heat::blocks(maps, !diagnosis.effects.is_empty()));
     if let Some(term) = &diagnosis.proposed_term {
         blocks.push(Block::Figure(proposed(term).with_data(link())));
     }
