@@ -1,6 +1,7 @@
 //! The law of one pixel: thresholds, leak, noise, background, dead time, losses.
 
 use serde::{Deserialize, Serialize};
+use std::f64::consts::SQRT_2;
 
 /// Scale of a logistic law over its standard deviation: the root of three over pi.
 const LOGISTIC: f64 = 0.551_328_895_421_792;
@@ -107,12 +108,13 @@ impl PixelLaw {
     }
 
     /// Scale of the scatter where the light changes by `slope_per_s`: that of the threshold and
-    /// that which scattered stamps make of the slope.
+    /// that which scattered stamps make of the slope. A change is from stamp to stamp, while the
+    /// pixel itself went from instant to instant: both ends scatter.
     #[must_use]
     pub fn noise_on(&self, level: f64, slope_per_s: f64) -> f64 {
         let noise = self.noise(level);
         if self.jitter_s > 0.0 {
-            noise.hypot(LOGISTIC * self.jitter_s * slope_per_s)
+            noise.hypot(LOGISTIC * SQRT_2 * self.jitter_s * slope_per_s)
         } else {
             noise
         }
@@ -142,6 +144,14 @@ mod tests {
         assert!(law.check().unwrap_err().to_string().contains("theta_off is 0"));
         let law = PixelLaw { blind_s: f64::NAN, ..PixelLaw::default() };
         assert!(law.check().unwrap_err().to_string().contains("blind_s"));
+    }
+
+    #[test]
+    fn both_stamps_of_a_change_scatter() {
+        let law = PixelLaw { noise_at_white: 1e-6, jitter_s: 1e-3, ..PixelLaw::default() };
+        // Standard deviation of a difference of two stamps, times the slope, as a logistic scale.
+        let expected = (2.0 * 1e-6_f64).sqrt() * 5.0 * 3.0_f64.sqrt() / std::f64::consts::PI;
+        assert!((law.noise_on(0.0, 5.0) / expected - 1.0).abs() < 1e-3);
     }
 
     #[test]
