@@ -159,6 +159,9 @@ pub struct Candidate {
     pub splitter: &'static str,
     /// Why it cannot be judged from this evidence.
     pub needs: fn(&Evidence) -> Result<(), String>,
+    /// Where the clocks' offset lies when the effect has these parameters and the tie of the clocks
+    /// holds in the middle; none where the effect is no matter of them.
+    pub offset_us: fn(&Evidence, &[f64]) -> Option<f64>,
     /// Whether the signature that belongs to it is in the events, given its parameters; a gain
     /// without it does not name the effect.
     pub agrees: fn(&Evidence, &[f64]) -> bool,
@@ -194,6 +197,7 @@ const PLAIN: Candidate = Candidate {
     splitter: "",
     needs: |_| Ok(()),
     agrees: |_, _| true,
+    offset_us: |_, _| None,
     says: |_| String::new(),
 };
 

@@ -89,6 +89,14 @@ impl Hypothesis {
         other
     }
 
+    /// The same hypothesis with a nuisance at a value, within its range.
+    pub(super) fn with_nuisance(&self, nuisance: Nuisance, value: f64) -> Self {
+        let mut other = self.clone();
+        let [low, high] = other.ranges[nuisance as usize];
+        other.values[nuisance as usize] = value.clamp(low, high);
+        other
+    }
+
     /// The same hypothesis with the values that a longer one, made from it, has for its own, each
     /// within its range here.
     #[must_use]

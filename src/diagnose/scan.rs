@@ -3,7 +3,7 @@
 use super::candidate::{Candidate, LIBRARY};
 use super::fit::{Fitted, as_it_is, fit, improved};
 use super::score::{Part, cells_of_each};
-use super::{CannotJudge, Evidence};
+use super::{CannotJudge, Evidence, Nuisance};
 use crate::effect_id::EffectId;
 
 /// Steps of a first fit, on some of the pixels.
@@ -172,7 +172,12 @@ fn first_step(
 ) -> Option<Fitted> {
     let starts: Vec<_> = (candidate.starts)(evidence)
         .iter()
-        .map(|start| model.hypothesis.with(candidate, start))
+        .flat_map(|start| {
+            let plain = model.hypothesis.with(candidate, start);
+            let offset_us = (candidate.offset_us)(evidence, start);
+            let tied = offset_us.map(|us| plain.with_nuisance(Nuisance::OffsetUs, us));
+            [Some(plain), tied].into_iter().flatten()
+        })
         .collect();
     let scored = cells_of_each(few, &starts.iter().collect::<Vec<_>>());
     let mut begun: Vec<Fitted> = starts

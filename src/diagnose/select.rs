@@ -21,6 +21,9 @@ const LEAST_GAIN: f64 = 0.02;
 /// An effect's gain has to be so many of its standard errors.
 const LEAST_ERRORS: f64 = 4.0;
 
+/// Steps of a taken effect's own fit: a skew and an offset lie along a ridge that short steps climb.
+const LAST_STEPS: usize = 40;
+
 /// Events on which first fits are made.
 const FEW_EVENTS: usize = 6_000;
 
@@ -185,7 +188,7 @@ fn take_all(
             rivals: rivals(&tried),
             equals: equals(&tried),
         });
-        let with = fit(evidence, best.fitted.hypothesis.clone(), 8, 1e-5);
+        let with = fit(evidence, best.fitted.hypothesis.clone(), LAST_STEPS, 1e-5);
         progress("region");
         model = match limited(evidence, &model, &with) {
             Some(limited) => {

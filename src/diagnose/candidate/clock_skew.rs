@@ -23,9 +23,20 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         view.start_us = middle + (view.start_us - middle) * fast;
         view.step_us *= fast;
     },
+    // Skew and offset lie along a ridge; the tie says where on it.
+    offset_us: |evidence, values| {
+        let tied = evidence.facts.clocks?;
+        let middle_us = evidence.start_us + 0.5e6 * evidence.seconds();
+        Some(tied.offset_us[0] - values[0] * 1e-6 * middle_us)
+    },
     rivals: &[EffectId::ClockOffset, EffectId::TemperatureDrift],
     splitter: "a longer recording: a skew grows with it",
     needs: |evidence| needs_span(evidence, 1.0),
+    agrees: |evidence, values| {
+        // The camera's own frames run on the clock of its events: where they tell it, they agree.
+        let half = |tied: f64| tied * values[0].signum() > 0.5 * values[0].abs();
+        evidence.facts.clocks.is_none_or(|tied| half(tied.skew_ppm[0]))
+    },
     says: |values| format!("the event camera's clock gains {:.0} us a second", values[0]),
     ..PLAIN
 };
