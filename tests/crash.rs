@@ -278,11 +278,18 @@ fn a_recorder_killed_at_any_moment_loses_a_second_at_most_and_the_series_goes_on
             n_counted += 1;
         }
         if kill % RESUMED_EVERY == RESUMED_EVERY - 1 {
-            let resumed = bench.run(&camera, &["--resume"]).wait().unwrap();
-            assert!([Some(0), Some(3)].contains(&resumed.code()), "{resumed:?}");
-            let again = Session::open(&bench.series().join("circle-01-again-2")).unwrap();
-            assert_eq!(again.manifest().status, Status::Complete);
-            assert!(verify(&again).unwrap().holds());
+            // The first try of the session was killed, so this is the second; on a machine too busy for
+            // the simulated arm to answer in time it ends by itself, and is taken up again.
+            let again = (2..2 + TRIALS).find_map(|trial| {
+                let resumed = bench.run(&camera, &["--resume"]).wait().unwrap();
+                let name = format!("circle-01-again-{trial}");
+                let again = Session::open(&bench.series().join(name)).unwrap();
+                assert!(verify(&again).unwrap().holds());
+                let is_complete = again.manifest().status == Status::Complete;
+                assert_eq!(is_complete, [Some(0), Some(3)].contains(&resumed.code()));
+                is_complete.then_some(())
+            });
+            assert!(again.is_some(), "taken up {TRIALS} times, and never completed");
             n_resumed += 1;
         }
         camera.end();

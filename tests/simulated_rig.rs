@@ -187,7 +187,7 @@ fn assert_feels_the_arm(session: &Session, [begun, ended]: [i64; 2]) {
     assert!(up_x.hypot(up_y) > 0.012, "{up_x}, {up_y} g as it speeds up");
     assert!(up_x * down_x + up_y * down_y < 0.0, "as it slows down: {down_x}, {down_y} g");
     let [rest_x, rest_y] = along(ended + 60_000, i64::MAX);
-    assert!(rest_x.hypot(rest_y) < 0.002, "{rest_x}, {rest_y} g at rest");
+    assert!(rest_x.hypot(rest_y) < 0.004, "{rest_x}, {rest_y} g at rest");
 }
 
 #[test]
