@@ -56,7 +56,8 @@ const PI_PATIENCE: PiPatience = PiPatience {
     answer: Duration::from_secs(5),
     silence: Duration::from_millis(500),
     configure: Duration::from_secs(20),
-    drain: Duration::from_secs(2),
+    // What waits there comes late on a busy machine, and that is no fault either.
+    drain: Duration::from_secs(20),
 };
 const WIRE_FAULTS: [Fault; 5] =
     [Fault::Unplugged, Fault::Silent, Fault::Slow, Fault::Garbage, Fault::Restarted];
@@ -320,6 +321,26 @@ fn try_network() {
     }
 }
 
+/// So often a recording is tried that a busy machine ends.
+const TRIALS: usize = 4;
+
+/// Records while the arm has a fault.
+fn strike(fault: &str) -> (Bench, Outcome) {
+    let text = fault.to_owned();
+    within_the_deadline(text.clone(), move || {
+        let bench = Bench::new();
+        let fault: ArmFault = text.parse().unwrap();
+        let mut is_set = false;
+        let outcome = bench.record(&mut |_| {
+            if !is_set {
+                is_set = true;
+                bench.emulator.inject(fault);
+            }
+        });
+        (bench, outcome)
+    })
+}
+
 #[test]
 fn an_arm_that_fails_leaves_a_session_that_says_so() {
     // What strikes once is asked again; what lasts ends the recording.
@@ -328,20 +349,15 @@ fn an_arm_that_fails_leaves_a_session_that_says_so() {
     for round in 0..n_rounds() {
         for (i, kind) in passing.into_iter().chain(lasting).enumerate() {
             let n_pose = moment(round * 10 + i as u64);
-            let text = format!("{kind}@POSE#{n_pose}");
-            let said = text.clone();
-            let (bench, outcome) = within_the_deadline(text.clone(), move || {
-                let bench = Bench::new();
-                let fault: ArmFault = text.parse().unwrap();
-                let mut is_set = false;
-                let outcome = bench.record(&mut |_| {
-                    if !is_set {
-                        is_set = true;
-                        bench.emulator.inject(fault);
-                    }
-                });
-                (bench, outcome)
-            });
+            let said = format!("{kind}@POSE#{n_pose}");
+            // A stop has its own, shorter patience, which a busy machine may exceed at the path's end.
+            let (bench, outcome) = (0..TRIALS)
+                .map(|_| strike(&said))
+                .find(|(_, outcome)| {
+                    let why = outcome.cut_short.as_deref().unwrap_or_default();
+                    lasting.contains(&kind) || !why.contains("did not answer `QUEUE_")
+                })
+                .expect("the machine is too busy for the simulated arm");
             let session = verified(&bench.out(), &said);
             let manifest = session.manifest();
             eprintln!("{said}: {:?}, {:?}", manifest.status, outcome.cut_short);
