@@ -323,3 +323,17 @@ fn samples<C: Clock>(track: &Track<C>) -> Vec<TrackSample<C>> {
 pub(super) fn missing(session: &Session, what: String) -> PipelineError {
     PipelineError::Missing { session: session.root().to_owned(), what }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_stamped_twice_and_frames_missing_between_others_are_counted() {
+        let period = 8_333_000;
+        // The third is stamped like the second, and three never came.
+        let stamps: Vec<i64> = [0, 1, 1, 3, 6, 7, 8, 9].map(|k| k * period).to_vec();
+        assert_eq!(doubt(&stamps), (1, 3));
+        assert_eq!(doubt(&[period]), (0, 0));
+    }
+}
