@@ -2,9 +2,10 @@
 //!
 //! Held against a map that was made from the same frames, a tilt of the print hardly shows: the map
 //! tilts along, a distance that changes with the place makes up for most of what is left, and a late
-//! row for the rest. The tag's own shape knows nothing of the map. Its far side is the smaller one,
-//! and a hundredth of a pixel tells a milliradian; over a track errors that follow from how the
-//! corners fall on the pixels come out of the mean.
+//! row for the rest. The tag's own shape knows nothing of the map. Beside the optical axis a tilt makes
+//! it narrower: a hundredth of a pixel is a milliradian, and over a track those errors that follow from
+//! how the corners fall on the pixels come out of the mean. A lens that is not what the rig states
+//! looks like a tilt here.
 
 use super::head::{HEAD, Head};
 use super::robust::clustered;
@@ -23,8 +24,9 @@ const ROUNDS: usize = 6;
 /// Standard deviation of the tilts of print and wrist's axis before anything is seen, radians.
 const TILT_RAD: f64 = 0.02;
 
-/// What the tag's perspective is wrong by as such, radians: corners that err alike at all places.
-const FLOOR_RAD: f64 = 3e-4;
+/// What the tag's perspective is wrong by as such, radians: a lens not quite as stated, corners that err
+/// alike at all places.
+const FLOOR_RAD: f64 = 1e-3;
 
 /// Step by which the head is moved to get slopes.
 const HEAD_STEP: f64 = 1e-5;
@@ -179,7 +181,7 @@ mod tests {
         for i in 0..2 {
             let (off, error) =
                 (found.head.tilt_rad[i] - truth.tilt_rad[i], covariance[(i, i)].sqrt());
-            assert!(off.abs() < 3.0 * error && error < 1e-3, "{off} {error}");
+            assert!(off.abs() < 3.0 * error && error < 2e-3, "{off} {error}");
             // A wrist that does not turn says nothing of its axis.
             assert!(covariance[(2 + i, 2 + i)].sqrt() > 0.9 * TILT_RAD);
         }
