@@ -22,15 +22,15 @@
 )]
 
 #[path = "record/load.rs"]
+#[allow(dead_code)]
 mod load;
 
 use evrig::device::dobot::{ArmError, TimedPose};
-use evrig::device::recorder::Recorder;
 use evrig::device::{Arm, Finding, Progress, host_clock};
 use evrig::record::{Devices, Dwells, Prompts, Rehearsal, Request, StopToken, record, rehearse};
 use evrig::rig::{Pose, Rig};
 use evrig::trajectory::{Optional, Path as Trace, Trajectory};
-use load::{Load, cpu_ns};
+use load::{Load, Pace, cpu_ns};
 use rustix::time::ClockId;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -111,7 +111,7 @@ fn to_disk(seconds: f64, folder: &Path, copies: bool) -> bool {
     let rig = Rig::simulated().unwrap();
     let trajectory = Trajectory::find("circle").unwrap();
     let path = trajectory.path(&rig, Optional::Included).unwrap();
-    let (load, recorders) = Load::new();
+    let (load, recorders) = Load::new(Pace::Real);
     let length = Duration::from_secs_f64(seconds);
     let arm = Resting { length, began: Instant::now(), pose: rig.arm.home };
     let mut devices = Devices { arm: Box::new(arm), recorders };
@@ -168,7 +168,7 @@ fn to_disk(seconds: f64, folder: &Path, copies: bool) -> bool {
 }
 
 fn to_sink(seconds: f64) -> bool {
-    let (load, mut recorders) = Load::new();
+    let (load, mut recorders) = Load::new(Pace::Real);
     let rehearsal = Rehearsal::of(Duration::from_secs_f64(seconds));
     let (began, before) = (Instant::now(), cpu_ns(ClockId::ProcessCPUTime));
     let mut told = Duration::ZERO;
@@ -235,6 +235,3 @@ fn main() -> ExitCode {
     println!("load of the machine after: {}", machine_load());
     if is_good { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
-
-/// The boxes of the load, as the engine takes them.
-pub type Recorders = Vec<Box<dyn Recorder>>;

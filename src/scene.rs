@@ -32,6 +32,7 @@ mod store;
 mod survey;
 mod surveyor;
 mod tag_fit;
+mod tag_tilt;
 mod tie;
 mod warp;
 

@@ -269,14 +269,14 @@ fn a_copy_holds_the_same_in_every_compression() {
         let mut bytes = Cursor::new(Vec::new());
         let mut writer = Writer::new(&mut bytes, "copy", compression, &specs).unwrap();
         for packet in &truth {
-            match &packet.content {
-                Content::Events(events) => writer.write_events(0, events.as_slice()),
-                Content::Frame(frame) => writer.write_frame(1, frame),
-                Content::Imu(samples) => writer.write_imu(2, samples),
-                Content::Triggers(triggers) => writer.write_triggers(3, triggers),
+            let stream = match &packet.content {
+                Content::Events(_) => 0,
+                Content::Frame(_) => 1,
+                Content::Imu(_) => 2,
+                Content::Triggers(_) => 3,
                 Content::Unknown { .. } => unreachable!("the recording has four known streams"),
-            }
-            .unwrap();
+            };
+            packet.content.write(&mut writer, stream).unwrap();
         }
         let summary = writer.finish().unwrap();
         assert_eq!(summary.n_elements, [78_830, 59, 2_363, 236]);

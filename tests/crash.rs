@@ -9,6 +9,8 @@
 #[path = "wires/camera.rs"]
 #[allow(dead_code)]
 mod camera;
+#[path = "wires/rig.rs"]
+mod rig;
 
 use camera::{Camera, EVENT_US, PACKET_EVENTS, check_events};
 
@@ -17,8 +19,8 @@ use evrig::device::pi::source::{FrameSource, SourceError, Synthetic};
 use evrig::device::pi::wire::Settings;
 use evrig::device::sim::arm::{Clock, Emulator, Options};
 use evrig::frame::Samples;
-use evrig::rig::Rig;
 use evrig::session::{PiFrame, Repair, Session, Status, StreamKind, repair, verify};
+use rig::rig_on;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
@@ -145,17 +147,7 @@ impl Bench {
     }
 
     fn run(&self, camera: &Camera, series: &[&str]) -> Child {
-        let text = Rig::simulated().unwrap().text;
-        let change = |text: String, from: &str, to: String| {
-            assert!(text.contains(from), "{from}");
-            text.replacen(from, &to, 1)
-        };
-        let port = format!("port = {:?}", self.emulator.port());
-        let text = change(text, "port = \"sim\"", port);
-        let sim = "transport = \"sim\"";
-        let text = change(text, sim, format!("transport = \"tcp://{}\"", camera.address));
-        let text = change(text, sim, format!("transport = \"tcp://{}\"", self.agent.address()));
-        let text = change(text, "size_px = [692, 520]", "size_px = [64, 48]".into());
+        let text = rig_on(self.emulator.port(), &camera.address, self.agent.address());
         let rig = self.folder.path().join("rig.toml");
         std::fs::write(&rig, text).unwrap();
         Command::new(env!("CARGO_BIN_EXE_evrig"))
@@ -286,11 +278,18 @@ fn a_recorder_killed_at_any_moment_loses_a_second_at_most_and_the_series_goes_on
             n_counted += 1;
         }
         if kill % RESUMED_EVERY == RESUMED_EVERY - 1 {
-            let resumed = bench.run(&camera, &["--resume"]).wait().unwrap();
-            assert!([Some(0), Some(3)].contains(&resumed.code()), "{resumed:?}");
-            let again = Session::open(&bench.series().join("circle-01-again-2")).unwrap();
-            assert_eq!(again.manifest().status, Status::Complete);
-            assert!(verify(&again).unwrap().holds());
+            // The first try of the session was killed, so this is the second; on a machine too busy for
+            // the simulated arm to answer in time it ends by itself, and is taken up again.
+            let again = (2..2 + TRIALS).find_map(|trial| {
+                let resumed = bench.run(&camera, &["--resume"]).wait().unwrap();
+                let name = format!("circle-01-again-{trial}");
+                let again = Session::open(&bench.series().join(name)).unwrap();
+                assert!(verify(&again).unwrap().holds());
+                let is_complete = again.manifest().status == Status::Complete;
+                assert_eq!(is_complete, [Some(0), Some(3)].contains(&resumed.code()));
+                is_complete.then_some(())
+            });
+            assert!(again.is_some(), "taken up {TRIALS} times, and never completed");
             n_resumed += 1;
         }
         camera.end();

@@ -6,13 +6,15 @@
 #[path = "wires/camera.rs"]
 #[allow(dead_code)]
 mod camera;
+#[path = "wires/rig.rs"]
+mod rig;
 
 use camera::{Camera, check_events};
 use evrig::device::pi::agent::Agent;
 use evrig::device::pi::source::Synthetic;
 use evrig::device::sim::arm::{Clock, Emulator, Options};
-use evrig::rig::Rig;
 use evrig::session::{Session, Status, verify};
+use rig::rig_on;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
@@ -35,16 +37,8 @@ impl Bench {
         let camera = Camera::start(2);
         let emulator = Emulator::start(options, Clock::Scaled(1.0), Vec::new()).unwrap();
         let bench = Self { emulator, _agent: agent, camera, folder: tempfile::tempdir().unwrap() };
-        let change = |text: String, from: &str, to: String| {
-            assert!(text.contains(from), "{from}");
-            text.replacen(from, &to, 1)
-        };
-        let text = Rig::simulated().unwrap().text;
-        let text = change(text, "port = \"sim\"", format!("port = {:?}", bench.emulator.port()));
-        let sim = "transport = \"sim\"";
-        let text = change(text, sim, format!("transport = \"tcp://{}\"", bench.camera.address));
-        let text = change(text, sim, format!("transport = \"tcp://{}\"", bench._agent.address()));
-        let text = change(text, "size_px = [692, 520]", "size_px = [64, 48]".into());
+        let pi = bench._agent.address();
+        let text = rig_on(bench.emulator.port(), &bench.camera.address, pi);
         std::fs::write(bench.rig(), text).unwrap();
         bench
     }

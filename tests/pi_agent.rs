@@ -18,6 +18,8 @@ use evrig::units::Hertz;
 use std::io::{Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpStream};
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel as signal};
 use std::time::Duration;
 
@@ -239,11 +241,15 @@ struct Encrypted {
 
 impl Encrypted {
     fn new() -> Self {
+        Self::with(Box::new(Synthetic::unpaced(u64::MAX)))
+    }
+
+    fn with(camera: Box<dyn FrameSource>) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let pair = keys::pair(folder.path()).unwrap();
         let keys = Some(Keys::read(&pair.agent).unwrap());
         let service = Service { keys, ..Service::local("0.0.0.0:0".parse().unwrap()) };
-        let agent = Agent::open(service, Box::new(Synthetic::unpaced(u64::MAX))).unwrap();
+        let agent = Agent::open(service, camera).unwrap();
         Self { agent, folder }
     }
 
@@ -297,6 +303,106 @@ fn strangers_get_nothing_and_cannot_keep_the_paired_host_out() {
     }
     let findings = bench.pi(&bench.host_keys()).check();
     assert_eq!(findings[0].verdict, Verdict::Good, "{findings:?}");
+}
+
+/// A wire that keeps what the host says: its address, and the words once both ends have closed.
+fn tapped(server: SocketAddr) -> (SocketAddr, std::thread::JoinHandle<Vec<u8>>) {
+    let listener = std::net::TcpListener::bind(LOCAL).unwrap();
+    let address = listener.local_addr().unwrap();
+    let tap = std::thread::spawn(move || {
+        let (mut host, _) = listener.accept().unwrap();
+        let mut agent = TcpStream::connect(server).unwrap();
+        let (mut from, mut to) = (agent.try_clone().unwrap(), host.try_clone().unwrap());
+        let back = std::thread::spawn(move || {
+            let _ = std::io::copy(&mut from, &mut to);
+            let _ = to.shutdown(Shutdown::Both);
+        });
+        let (mut words, mut buffer) = (Vec::new(), [0; 4096]);
+        while let Ok(n @ 1..) = host.read(&mut buffer) {
+            words.extend_from_slice(&buffer[..n]);
+            if agent.write_all(&buffer[..n]).is_err() {
+                break;
+            }
+        }
+        let _ = agent.shutdown(Shutdown::Both);
+        back.join().unwrap();
+        words
+    });
+    (address, tap)
+}
+
+/// A camera that counts how often it was set up.
+struct SetUp(Synthetic, Arc<AtomicUsize>);
+
+impl FrameSource for SetUp {
+    fn describe(&self) -> String {
+        self.0.describe()
+    }
+
+    fn configure(&mut self, settings: &Settings) -> Result<Settings, SourceError> {
+        self.1.fetch_add(1, Ordering::SeqCst);
+        self.0.configure(settings)
+    }
+
+    fn next(&mut self) -> Result<Option<PiFrame>, SourceError> {
+        self.0.next()
+    }
+}
+
+#[test]
+fn words_that_were_overheard_and_said_again_move_nothing() {
+    let n_set_up = Arc::new(AtomicUsize::new(0));
+    let camera = SetUp(Synthetic::unpaced(u64::MAX), Arc::clone(&n_set_up));
+    let bench = Encrypted::with(Box::new(camera));
+    let (address, tap) = tapped(bench.address());
+    let reach = Reach::Tls { address: address.to_string(), keys: bench.host_keys() };
+    let order = order(Coding::Lossless, RgbDelivery::Live);
+    let mut pi = NetworkPi::reached(reach, order, Patience::default());
+    pi.prepare().unwrap();
+    drop(pi);
+    let words = tap.join().unwrap();
+    assert_eq!(n_set_up.load(Ordering::SeqCst), 1);
+    assert!(
+        words.len() > 1_000,
+        "a handshake with two certificates, and an order: {}",
+        words.len()
+    );
+    let mut replay = TcpStream::connect(bench.address()).unwrap();
+    replay.set_read_timeout(Some(DEADLINE)).unwrap();
+    // The agent may close before it has heard everything.
+    let _ = replay.write_all(&words);
+    let mut heard = Vec::new();
+    let _ = replay.read_to_end(&mut heard);
+    assert!(heard.len() < 4_096, "its own handshake and an alert: {} bytes", heard.len());
+    // The line is closed, so nothing of it is still under way.
+    assert_eq!(n_set_up.load(Ordering::SeqCst), 1, "the order was heard once");
+    let findings = bench.pi(&bench.host_keys()).check();
+    assert_eq!(findings[0].verdict, Verdict::Good, "{findings:?}");
+}
+
+#[test]
+fn an_older_tls_is_refused_by_name() {
+    let bench = Encrypted::new();
+    // A client that speaks TLS 1.2 at most: version 3.3, and no list of supported versions behind it.
+    let body = [
+        [3, 3].as_slice(),
+        &[7; 32],
+        &[0],
+        &[0, 4, 0xc0, 0x2f, 0xc0, 0x2b],
+        &[1, 0],
+        // Groups (x25519) and signatures (ECDSA and RSA with SHA-256), without which none is heard.
+        &[0, 18, 0, 10, 0, 4, 0, 2, 0, 29, 0, 13, 0, 6, 0, 4, 4, 3, 4, 1],
+    ]
+    .concat();
+    let n = body.len() as u8;
+    let hello = [[22, 3, 1, 0, n + 4, 1, 0, 0, n].as_slice(), &body].concat();
+    let mut old = TcpStream::connect(bench.address()).unwrap();
+    old.set_read_timeout(Some(DEADLINE)).unwrap();
+    old.write_all(&hello).unwrap();
+    let mut heard = Vec::new();
+    let _ = old.read_to_end(&mut heard);
+    // One record: a fatal alert, protocol_version (RFC 8446, section 6).
+    assert_eq!(heard.first().zip(heard.get(5..)), Some((&21, [2, 70].as_slice())), "{heard:?}");
 }
 
 #[test]

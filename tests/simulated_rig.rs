@@ -6,6 +6,8 @@ mod small_rig;
 
 use evrig::device::davis::Pace;
 use evrig::device::sim::world::WorldDescription;
+use evrig::format::aedat4::{Content, Reader};
+use evrig::imu::ImuSample;
 use evrig::record::{
     Bench, BenchError, Dwells, Opening, Outcome, Prompts, Request, Simulation, State, StopToken,
     record, simulate,
@@ -150,6 +152,42 @@ fn a_recorded_world_moves_when_and_only_when_the_arm_does() {
     assert!((3 * n_pixels..=4 * n_pixels).contains(&dimmed.len()), "{} events", dimmed.len());
     // The tool's last micrometre may still bring a pixel to its threshold.
     assert!(dimmed.count_on() < 20, "{} On events in falling light", dimmed.count_on());
+    assert_feels_the_arm(&session, [begun, ended]);
+}
+
+/// The inertial samples that came over the wire: one a millisecond, gravity along the view that looks
+/// down, and a push that is more than noise when and only when the arm moves.
+fn assert_feels_the_arm(session: &Session, [begun, ended]: [i64; 2]) {
+    let mut samples = Vec::new();
+    for packet in Reader::open(session.layout().davis()).unwrap() {
+        if let Content::Imu(more) = packet.unwrap().content {
+            samples.extend(more);
+        }
+    }
+    let count = session.stream(StreamKind::Imu, "imu").unwrap().count;
+    assert_eq!(count, samples.len() as u64);
+    let us = |sample: &ImuSample| sample.stamp.as_micros();
+    assert!(samples.windows(2).all(|pair| us(&pair[1]) - us(&pair[0]) == 1_000));
+    let mean = |from: i64, to: i64, axis: usize| {
+        let within = samples.iter().filter(|sample| (from..to).contains(&us(sample)));
+        let values: Vec<f64> =
+            within.map(|sample| f64::from(sample.acceleration_g[axis])).collect();
+        assert!(values.len() > 40, "{} samples", values.len());
+        values.iter().sum::<f64>() / values.len() as f64
+    };
+    let before = begun - 60_000;
+    let down = mean(i64::MIN, before, 2);
+    assert!((down + 1.0).abs() < 0.061, "{down} g along the view");
+    // It speeds up at 0.4 m/s^2 for 50 ms, the first tenth of a millimetre of which takes 22, and stops
+    // so at the end: 0.041 g one way and the other.
+    let along =
+        |from: i64, to: i64| [0, 1].map(|axis| mean(from, to, axis) - mean(i64::MIN, before, axis));
+    let [up_x, up_y] = along(begun - 40_000, begun + 40_000);
+    let [down_x, down_y] = along(ended - 70_000, ended);
+    assert!(up_x.hypot(up_y) > 0.012, "{up_x}, {up_y} g as it speeds up");
+    assert!(up_x * down_x + up_y * down_y < 0.0, "as it slows down: {down_x}, {down_y} g");
+    let [rest_x, rest_y] = along(ended + 60_000, i64::MAX);
+    assert!(rest_x.hypot(rest_y) < 0.004, "{rest_x}, {rest_y} g at rest");
 }
 
 #[test]

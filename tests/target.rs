@@ -90,7 +90,15 @@ fn the_pis_frames_come_to_lie_where_the_world_took_them() {
     assert!((ahead_us - 4_321.0).abs() < 1_000.0, "{ahead_us}");
     let seen = clocks.davis_from_sensor.map(sensor).unwrap().as_nanos() - truth;
     assert!(seen.abs() < 2_000_000, "frames lie within 2 ms of the truth: {seen} ns");
-    assert!(clocks.motion.is_some(), "tracks of both cameras are there");
+    let motion = clocks.motion.as_ref().expect("tracks of both cameras are there");
+    // A third of a second of motion may be too little; an answer must then not be claimed.
+    match (&motion.estimate, &motion.refused) {
+        (Some(found), None) => {
+            let sigma_ns = found.correction_us.standard_error * 1e3;
+            assert!((seen as f64).abs() < 4.0 * sigma_ns + 20_000.0, "{seen} of {sigma_ns} ns");
+        }
+        (_, because) => assert!(because.is_some(), "{motion:?}"),
+    }
 }
 
 #[test]

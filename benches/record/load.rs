@@ -1,7 +1,6 @@
 //! What the recorder is loaded with: an event camera and a frame camera that make the same samples
 //! every time, and know what they made.
 
-use super::Recorders;
 use evrig::device::Finding;
 use evrig::device::recorder::{
     Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
@@ -22,6 +21,18 @@ pub const EVENTS_PER_S: u64 = 12_000_000;
 const PACKET: Duration = Duration::from_millis(10);
 pub const FRAMES_PER_S: u32 = 120;
 const PI: Size = Size::new(692, 520);
+
+/// The cameras, as the engine takes them.
+pub type Recorders = Vec<Box<dyn Recorder>>;
+
+/// How samples come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pace {
+    /// At their rates, until the recording ends.
+    Real,
+    /// So many of each camera, as fast as they can be made.
+    Unpaced(u64),
+}
 
 pub fn cpu_ns(clock: ClockId) -> i64 {
     let time = clock_gettime(clock);
@@ -54,14 +65,20 @@ pub struct Load {
     sums: Arc<Mutex<Sums>>,
     /// Processor time of the cameras' threads, written by each as it goes.
     cpu: Arc<[AtomicI64; 2]>,
+    has_ended: Arc<[AtomicBool; 2]>,
 }
 
 impl Load {
     /// The books, and the cameras.
-    pub fn new() -> (Self, Recorders) {
+    pub fn new(pace: Pace) -> (Self, Recorders) {
         let load = Self::default();
-        let recorders: Recorders = vec![davis(&load), pi(&load)];
+        let recorders: Recorders = vec![davis(&load, pace), pi(&load, pace)];
         (load, recorders)
+    }
+
+    /// Whether both cameras have made all they were to make.
+    pub fn has_ended(&self) -> bool {
+        self.has_ended.iter().all(|has_ended| has_ended.load(Ordering::SeqCst))
     }
 
     /// Processor time that making the samples took so far.
@@ -89,6 +106,7 @@ struct Source {
     number: usize,
     streams: Vec<StreamSpec>,
     interval: Duration,
+    pace: Pace,
     make: Arc<Make>,
     is_ending: Arc<AtomicBool>,
     counts: Arc<[AtomicU64; 2]>,
@@ -119,10 +137,14 @@ impl Recorder for Source {
     fn start(&mut self, outlet: Outlet) -> Result<(), RecorderError> {
         let (make, interval, number) = (Arc::clone(&self.make), self.interval, self.number);
         let (is_ending, counts) = (Arc::clone(&self.is_ending), Arc::clone(&self.counts));
-        let load = self.load.clone();
+        let (load, pace) = (self.load.clone(), self.pace);
         self.thread = Some(std::thread::spawn(move || {
             let began = Instant::now();
-            for n in 0.. {
+            let (n_most, interval) = match pace {
+                Pace::Real => (u64::MAX, interval),
+                Pace::Unpaced(n) => (n, Duration::ZERO),
+            };
+            for n in 0..n_most {
                 if is_ending.load(Ordering::Relaxed) {
                     break;
                 }
@@ -136,6 +158,7 @@ impl Recorder for Source {
                 let due = interval.mul_f64((n + 1) as f64);
                 std::thread::sleep(due.saturating_sub(began.elapsed()));
             }
+            load.has_ended[number].store(true, Ordering::SeqCst);
         }));
         Ok(())
     }
@@ -161,7 +184,7 @@ fn source(
     name: &'static str,
     streams: Vec<StreamSpec>,
     interval: Duration,
-    load: &Load,
+    (load, pace): (&Load, Pace),
     make: impl Fn(u64) -> (Sample, Box<dyn FnOnce(&mut Sums)>) + Send + Sync + 'static,
 ) -> Box<Source> {
     Box::new(Source {
@@ -169,6 +192,7 @@ fn source(
         number: usize::from(streams.is_empty()),
         streams,
         interval,
+        pace,
         make: Arc::new(make),
         is_ending: Arc::default(),
         counts: Arc::default(),
@@ -178,7 +202,7 @@ fn source(
 }
 
 /// Events all over the sensor; no two packets are alike, since their stamps are not.
-fn davis(load: &Load) -> Box<Source> {
+fn davis(load: &Load, pace: Pace) -> Box<Source> {
     let n_events = EVENTS_PER_S * PACKET.as_millis() as u64 / 1000;
     let size = Size::DAVIS346;
     let pattern: Events = (0..n_events)
@@ -204,11 +228,11 @@ fn davis(load: &Load) -> Box<Source> {
         let sample = Sample::Packet { stream: 0, arrived: host_time(), content };
         (sample, Box::new(enter) as Box<dyn FnOnce(&mut Sums)>)
     };
-    source("davis", vec![StreamSpec::events(size, "bench")], PACKET, load, make)
+    source("davis", vec![StreamSpec::events(size, "bench")], PACKET, (load, pace), make)
 }
 
 /// Frames of a pattern in which the number of the frame stands.
-fn pi(load: &Load) -> Box<Source> {
+fn pi(load: &Load, pace: Pace) -> Box<Source> {
     let samples: Vec<u16> = (0..PI.n_pixels()).map(|i| (i % 1024) as u16).collect();
     let packed = raw10::pack(&samples, PI).unwrap();
     let rgb: Vec<u8> = (0..PI.n_pixels() * 3).map(|i| i as u8).collect();
@@ -235,7 +259,7 @@ fn pi(load: &Load) -> Box<Source> {
         let sample = Sample::Frame { arrived, frame: Box::new(frame) };
         (sample, Box::new(enter) as Box<dyn FnOnce(&mut Sums)>)
     };
-    source("pi", Vec::new(), Duration::from_secs(1) / FRAMES_PER_S, load, make)
+    source("pi", Vec::new(), Duration::from_secs(1) / FRAMES_PER_S, (load, pace), make)
 }
 
 fn metadata(sequence: u64, real_time: Stamp<evrig::time::Unix>) -> FrameMetadata {

@@ -27,8 +27,8 @@ pub enum EmulatedDevice {
 #[command(after_help = "Examples:\n  \
     evrig emulate davis --listen 127.0.0.1:7777\n  \
     evrig emulate pi --rig rig/sim.toml --trajectory line\n\n\
-    The addresses are the first line on stdout: for a DAVIS its events, and behind a comma its frames,\n\
-    as `davis.transport = \"tcp://...\"` takes them. The camera goes along the trajectory and back for\n\
+    The addresses are the first line on stdout: for a DAVIS events, frames and inertial samples with\n\
+    commas between them, as `davis.transport = \"tcp://...\"` takes them. The camera goes along the trajectory and back for\n\
     ever; a machine that cannot work out what it sees in time lags behind and loses nothing.")]
 pub struct EmulateCameraArgs {
     /// The rig: a file, or the name of a bundled one
@@ -47,7 +47,7 @@ pub struct EmulateCameraArgs {
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
 
-    /// Where to listen; frames of a DAVIS come at the next port, and 0 is any port
+    /// Where to listen; further streams of a DAVIS come at the next ports, and 0 is any port
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:0")]
     pub listen: std::net::SocketAddr,
 }

@@ -24,8 +24,15 @@ pub struct LateStream {
     pub refused: Option<String>,
 }
 
-/// A stream is not later than this: a dozen frames of a slow camera.
+/// How late a stream may be: a dozen frames of a slow camera,
 const SEARCH: Span = Span::from_micros(200_000);
+
+/// or, in a short recording, this part of it, since the fit goes by what both streams show at every
+/// lateness;
+const SEARCH_PART: i64 = 10;
+
+/// but three frames of the usual camera in any case.
+const LEAST_SEARCH: Span = Span::from_micros(50_000);
 
 /// Two streams of one camera are not turned against each other: degrees, with what rounding leaves.
 const ROLL_DEG: f64 = 1e-3;
@@ -38,8 +45,12 @@ pub fn late(
     reference: &[TrackSample<PiSensor>],
 ) -> LateStream {
     let zero = Stamp::from_nanos(0);
+    let part = match reference {
+        [first, .., last] => Span::from_nanos((last.at - first.at).as_nanos() / SEARCH_PART),
+        _ => Span::ZERO,
+    };
     let options = MotionOptions {
-        search: SEARCH,
+        search: part.clamp(LEAST_SEARCH, SEARCH),
         fits_skew: false,
         roll_deg: Some(Estimate::normal(0.0, ROLL_DEG, 1)),
         ..MotionOptions::default()
@@ -78,7 +89,16 @@ mod tests {
 
     /// Where a circle that is run one way is seen, with some noise, when the light is `late_s` late.
     fn seen(late_s: f64, period_s: f64, turn_per_s: f64) -> Vec<TrackSample<PiSensor>> {
-        (0..(6.0 / period_s) as u32)
+        seen_for(6.0, late_s, period_s, turn_per_s)
+    }
+
+    fn seen_for(
+        seconds: f64,
+        late_s: f64,
+        period_s: f64,
+        turn_per_s: f64,
+    ) -> Vec<TrackSample<PiSensor>> {
+        (0..(seconds / period_s) as u32)
             .map(|k| {
                 let stamp_s = f64::from(k) * period_s;
                 let phase = turn_per_s * std::f64::consts::TAU * (stamp_s + late_s);
@@ -103,6 +123,17 @@ mod tests {
         let late_us = found.late_us.unwrap();
         assert!((late_us.value - 8_330.0).abs() < 4.0 * late_us.standard_error, "{late_us:?}");
         assert!(late_us.standard_error < 100.0, "{late_us:?}");
+    }
+
+    #[test]
+    fn a_second_of_motion_is_enough() {
+        for (seconds, period_s) in [(1.0, 1.0 / 60.0), (0.6, 1.0 / 120.0)] {
+            let (raw, rgb) =
+                (seen_for(seconds, 0.0, period_s, 0.4), seen_for(seconds, 0.00833, period_s, 0.4));
+            let late_us = late(["rgb", "raw"], &rgb, &raw).late_us.unwrap();
+            assert!((late_us.value - 8_330.0).abs() < 4.0 * late_us.standard_error, "{late_us:?}");
+            assert!(late_us.standard_error < 300.0, "{late_us:?}");
+        }
     }
 
     #[test]

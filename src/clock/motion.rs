@@ -93,8 +93,12 @@ pub struct MotionEstimate<A: Clock, B: Clock> {
     pub cramer_rao_known_geometry_us: f64,
     /// What unknown geometry costs: the first over the second, the path's noise allowed for.
     pub ratio: f64,
-    /// Sum of squared residuals over its expectation; the errors above grow with it where it exceeds one.
+    /// Sum of squared residuals over its expectation; the errors above grow with it where it exceeds
+    /// one, and with what residuals have in common for a quarter of a second.
     pub chi2_per_dof: f64,
+    /// Share of the other track's motion that is left unexplained: mean square over mean square.
+    #[serde(default)]
+    pub unexplained: f64,
     /// Distance of the path's knots, seconds.
     pub knot_s: f64,
     /// Samples left out as outliers, reference and other.
@@ -264,6 +268,7 @@ fn report<A: Clock, B: Clock>(
         cramer_rao_known_geometry_us: fit.limit_known_s * 1e6,
         ratio: fit.ratio,
         chi2_per_dof: fit.chi2_per_dof,
+        unexplained: fit.unexplained,
         knot_s: fit.knot_s,
         n_outliers: [
             fit.is_outlier[..reference.len()].iter().filter(|&&out| out).count() as u64,

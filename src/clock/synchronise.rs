@@ -121,8 +121,12 @@ pub fn host_reading(
     ClockReading { group, before: last - half, real: asked + half, after: first + half }
 }
 
-/// A motion whose residuals are larger than this times what the tracks state is not one motion.
+/// Residuals larger than this against what the tracks state, chi-squared a degree of freedom, are
+/// looked at: they are the tracks' own, stated too small, or the tracks do not show one motion.
 const MAX_CHI2_PER_DOF: f64 = 4.0;
+/// The larger ones are not one motion when they leave over more than this of it: a hundredth of the
+/// way, squared. The estimate's error holds them otherwise.
+const MAX_UNEXPLAINED: f64 = 1e-4;
 /// Stamps this much before their arrival are what a link and its buffers take.
 const MAX_TRANSPORT: Span = Span::from_micros(1_000_000);
 /// Two clocks of one host are steered alike; what is left is rounding, ppm.
@@ -191,11 +195,15 @@ impl SessionClocks {
             None => Err(ClockError::TooFewSamples { track: "other", found: 0, needed: 1 }),
         };
         self.motion = Some(match found {
-            Ok(estimate) if estimate.chi2_per_dof > MAX_CHI2_PER_DOF => {
+            Ok(estimate)
+                if estimate.chi2_per_dof > MAX_CHI2_PER_DOF
+                    && estimate.unexplained > MAX_UNEXPLAINED =>
+            {
                 let refused = Some(format!(
-                    "the residuals are {:.1} times what the tracks state: they do not show one motion, \
-                     turned, scaled and late",
-                    estimate.chi2_per_dof.sqrt()
+                    "the residuals are {:.1} times what the tracks state and {:.1} % of the way: they do \
+                     not show one motion, turned, scaled and late",
+                    estimate.chi2_per_dof.sqrt(),
+                    1e2 * estimate.unexplained.sqrt()
                 ));
                 MotionAttempt { tracks, estimate: Some(estimate), refused }
             }

@@ -8,7 +8,10 @@
 use super::{CHUNK, FilterError, Filtered, Reason, Tally, check};
 use crate::event::{EventSlice, Events};
 use crate::geometry::{Homography, Size};
+use near::{Near, Reaches};
 use std::collections::BTreeMap;
+
+mod near;
 
 /// What is kept, and in which coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,7 +41,14 @@ pub struct RegionPath {
     knots: Vec<Option<[f32; 9]>>,
     /// Pixels as a perfect lens would have them, about the middle of the frame; none for a lens
     /// without distortion.
-    straight: Option<Vec<[f32; 2]>>,
+    straight: Option<Straight>,
+}
+
+/// The pixels of a bent picture as a perfect lens would have them, row-major.
+#[derive(Debug, Clone, PartialEq)]
+struct Straight {
+    places: Vec<[f32; 2]>,
+    reaches: Reaches,
 }
 
 impl RegionPath {
@@ -87,7 +97,8 @@ impl RegionPath {
                     [(u - middle[0]) as f32, (v - middle[1]) as f32]
                 })
             };
-            pixels.map(place).collect()
+            let places: Vec<[f32; 2]> = pixels.map(place).collect();
+            Straight { reaches: Reaches::new(size, &places), places }
         });
         Ok(Self { size, from_us, step_us, knots, straight })
     }
@@ -126,12 +137,35 @@ fn numbers(square_from_pixel: Homography, middle: [f64; 2]) -> Option<[f32; 9]> 
     numbers.iter().all(|n| n.is_finite()).then_some(numbers)
 }
 
-/// Events of a chunk as the square sees them.
+/// Events of a chunk that lie near the square, and where it sees them.
 struct Seen {
+    /// Their numbers in the chunk, and how many they are.
+    near: Vec<u16>,
+    n: usize,
+    /// How far into the path's step they come, and their places in the frame.
+    part: Vec<f32>,
+    x: Vec<f32>,
+    y: Vec<f32>,
     /// Places on the square, edges at -1/2 and 1/2.
     u: Vec<f32>,
     v: Vec<f32>,
     is_kept: Vec<bool>,
+}
+
+impl Seen {
+    fn new() -> Self {
+        let column = || vec![0.0; CHUNK];
+        Self {
+            near: vec![0; CHUNK],
+            n: 0,
+            part: column(),
+            x: column(),
+            y: column(),
+            u: column(),
+            v: column(),
+            is_kept: vec![false; CHUNK],
+        }
+    }
 }
 
 /// Keeps the events in the square and its margin.
@@ -151,7 +185,7 @@ pub fn filter(
         return Err(FilterError::BadSetting { name: "crop_px", found: 0.0, expected: "1 or more" });
     }
     let half = (0.5 + setting.margin) as f32;
-    let mut seen = Seen { u: vec![0.0; CHUNK], v: vec![0.0; CHUNK], is_kept: vec![false; CHUNK] };
+    let mut seen = Seen::new();
     let mut kept = Kept::new(events.len(), half, setting.crop_px);
     let mut n_pathless = 0;
     let mut previous_us = i64::MIN;
@@ -173,46 +207,52 @@ pub fn filter(
 fn look(chunk: EventSlice<'_>, path: &RegionPath, half: f32, seen: &mut Seen) -> u64 {
     let mut n_pathless = 0;
     let mut begin = 0;
+    seen.n = 0;
     while begin < chunk.len() {
         let (numbers, end_us) = path.step(chunk.t[begin]);
         let end = begin + run_before(&chunk.t[begin..], end_us);
-        let part = chunk.range(begin, end);
-        let [u, v] = [&mut seen.u[begin..end], &mut seen.v[begin..end]];
-        let is_kept = &mut seen.is_kept[begin..end];
-        match (numbers, &path.straight) {
-            (None, _) => {
-                is_kept.fill(false);
-                n_pathless += part.len() as u64;
-            }
-            (Some(numbers), None) => {
-                let middle = [f32::from(path.size.width) / 2.0, f32::from(path.size.height) / 2.0];
-                let place = |x: u16, y: u16| {
-                    [f32::from(x) + 0.5 - middle[0], f32::from(y) + 0.5 - middle[1]]
-                };
-                test(
-                    part,
-                    Span { numbers, end_us, step_us: path.step_us },
-                    half,
-                    place,
-                    [u, v],
-                    is_kept,
-                );
-            }
-            (Some(numbers), Some(straight)) => {
-                let place = |x: u16, y: u16| straight[path.size.index(x, y)];
-                test(
-                    part,
-                    Span { numbers, end_us, step_us: path.step_us },
-                    half,
-                    place,
-                    [u, v],
-                    is_kept,
-                );
+        match numbers {
+            None => n_pathless += (end - begin) as u64,
+            Some(numbers) => {
+                let reaches = path.straight.as_ref().map(|straight| &straight.reaches);
+                let near = Near::new(path.size, numbers, half, reaches);
+                let first = seen.n;
+                seen.n = gather(chunk, [begin, end], near, seen);
+                locate(chunk, path, end_us, first, seen);
+                test(numbers, half, first, seen);
             }
         }
         begin = end;
     }
     n_pathless
+}
+
+/// Numbers of the events from `begin` to `end` that are near the square; each is written at the place
+/// of the next, and the place moves on only if it is near. Gives the number of all so far.
+fn gather(chunk: EventSlice<'_>, [begin, end]: [usize; 2], near: Near, seen: &mut Seen) -> usize {
+    let mut n = seen.n;
+    let pixels = chunk.x[begin..end].iter().zip(&chunk.y[begin..end]);
+    for ((x, y), number) in pixels.zip(begin as u16..) {
+        seen.near[n] = number;
+        n += usize::from(near.holds(*x, *y));
+    }
+    n
+}
+
+/// When in the step and where in the frame the events near the square lie, from the `first` on.
+fn locate(chunk: EventSlice<'_>, path: &RegionPath, end_us: i64, first: usize, seen: &mut Seen) {
+    let begin_us = end_us - path.step_us;
+    let per_step = 1.0 / path.step_us as f32;
+    let middle = [f32::from(path.size.width) / 2.0, f32::from(path.size.height) / 2.0];
+    for k in first..seen.n {
+        let i = usize::from(seen.near[k]);
+        let (x, y) = (chunk.x[i], chunk.y[i]);
+        seen.part[k] = (chunk.t[i] - begin_us) as f32 * per_step;
+        [seen.x[k], seen.y[k]] = match &path.straight {
+            None => [f32::from(x) + 0.5 - middle[0], f32::from(y) + 0.5 - middle[1]],
+            Some(straight) => straight.places[path.size.index(x, y)],
+        };
+    }
 }
 
 /// Number of leading times before `end_us`: near ones by looking, far ones by halving.
@@ -223,32 +263,13 @@ fn run_before(t: &[i64], end_us: i64) -> usize {
     }
 }
 
-/// One step of a path.
-#[derive(Clone, Copy)]
-struct Span {
-    numbers: [[f32; 9]; 2],
-    end_us: i64,
-    step_us: i64,
-}
-
 /// The test itself: no branch and no call, so that the compiler takes several events at once.
-#[inline(always)]
-fn test(
-    part: EventSlice<'_>,
-    span: Span,
-    half: f32,
-    place: impl Fn(u16, u16) -> [f32; 2],
-    [u, v]: [&mut [f32]; 2],
-    is_kept: &mut [bool],
-) {
-    let [a, d] = span.numbers;
-    let begin_us = span.end_us - span.step_us;
-    let per_step = 1.0 / span.step_us as f32;
-    let rows = part.t.iter().zip(part.x).zip(part.y);
-    let out = u.iter_mut().zip(v).zip(is_kept);
-    for (((t, x), y), ((u, v), is_kept)) in rows.zip(out) {
-        let s = (t - begin_us) as i32 as f32 * per_step;
-        let [px, py] = place(*x, *y);
+fn test([a, d]: [[f32; 9]; 2], half: f32, first: usize, seen: &mut Seen) {
+    let range = first..seen.n;
+    let places = seen.part[range.clone()].iter().zip(&seen.x[range.clone()]);
+    let places = places.zip(&seen.y[range.clone()]);
+    let out = seen.u[range.clone()].iter_mut().zip(&mut seen.v[range.clone()]);
+    for (((s, px), py), ((u, v), is_kept)) in places.zip(out.zip(&mut seen.is_kept[range])) {
         let row = |i: usize| {
             let [p, q, r] = [a[i] + s * d[i], a[i + 1] + s * d[i + 1], a[i + 2] + s * d[i + 2]];
             p * px + q * py + r
@@ -294,14 +315,15 @@ impl Kept {
         let last = self.crop_px.map_or(0, |px| px - 1);
         let pixel = |place: f32| (((place + self.half) * scale) as u16).min(last);
         let mut end = 0;
-        for i in 0..chunk.len() {
+        for (k, number) in seen.near[..seen.n].iter().enumerate() {
+            let i = usize::from(*number);
             self.t[end] = chunk.t[i];
             self.on[end] = chunk.on[i];
             (self.x[end], self.y[end]) = match self.crop_px {
                 None => (chunk.x[i], chunk.y[i]),
-                Some(_) => (pixel(seen.u[i]), pixel(seen.v[i])),
+                Some(_) => (pixel(seen.u[k]), pixel(seen.v[k])),
             };
-            end += usize::from(seen.is_kept[i]);
+            end += usize::from(seen.is_kept[k]);
         }
         self.events.extend_from_slice(EventSlice {
             t: &self.t[..end],

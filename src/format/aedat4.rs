@@ -163,6 +163,26 @@ pub enum Content {
     },
 }
 
+impl Content {
+    /// Writes it into a stream; of a kind that nobody knows, nothing.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the stream carries something else, or writing fails.
+    pub fn write(
+        &self,
+        writer: &mut Writer<impl std::io::Write>,
+        stream: u32,
+    ) -> Result<(), WriteError> {
+        match self {
+            Self::Events(events) => writer.write_events(stream, events.as_slice()),
+            Self::Frame(frame) => writer.write_frame(stream, frame),
+            Self::Imu(samples) => writer.write_imu(stream, samples),
+            Self::Triggers(marks) => writer.write_triggers(stream, marks),
+            Self::Unknown { .. } => Ok(()),
+        }
+    }
+}
+
 /// One packet, with where it stood.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Packet {

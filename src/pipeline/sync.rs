@@ -297,29 +297,43 @@ fn rgb_and_raw(session: &Session) -> Result<Option<[Track<PiSensor>; 2]>, Pipeli
 /// common of that is not in their covariance. Pixels.
 const COMMON_PX: f64 = 0.01;
 
-/// The middle of the tag in each sighting, ideal pixels left out: the same lens bends both little
-/// over the way that the tag makes.
+/// The middle of the tag in each sighting as a perfect lens would show it.
 fn samples<C: Clock>(track: &Track<C>) -> Vec<TrackSample<C>> {
     let sightings = track.sightings.iter();
     sightings
-        .map(|sighting| {
+        .filter_map(|sighting| {
             let mean = |axis: usize| sighting.corners_px.iter().map(|c| c[axis]).sum::<f64>() / 4.0;
+            let [x, y] = track.lens.undistort([0, 1].map(mean))?;
             // The variance of the mean of four corners along x and y, correlations in it.
             let sum = |axis: usize| -> f64 {
                 let places = (0..4).flat_map(|a| (0..4).map(move |b| (2 * a + axis, 2 * b + axis)));
                 places.map(|(i, j)| sighting.covariance_px2[i][j]).sum()
             };
             let variance = track.quality.variance_factor * (sum(0) + sum(1)) / 2.0 / 16.0;
-            TrackSample {
+            Some(TrackSample {
                 at: sighting.time,
-                x: Pixels(mean(0)),
-                y: Pixels(mean(1)),
+                x: Pixels(x),
+                y: Pixels(y),
                 error: Pixels(variance.max(0.0).sqrt().hypot(COMMON_PX)),
-            }
+            })
         })
         .collect()
 }
 
 pub(super) fn missing(session: &Session, what: String) -> PipelineError {
     PipelineError::Missing { session: session.root().to_owned(), what }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_stamped_twice_and_frames_missing_between_others_are_counted() {
+        let period = 8_333_000;
+        // The third is stamped like the second, and three never came.
+        let stamps: Vec<i64> = [0, 1, 1, 3, 6, 7, 8, 9].map(|k| k * period).to_vec();
+        assert_eq!(doubt(&stamps), (1, 3));
+        assert_eq!(doubt(&[period]), (0, 0));
+    }
 }

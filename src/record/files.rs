@@ -290,22 +290,12 @@ pub(super) fn write(
         Sample::Note { at, text } => log.write(|log| log.log(at, Severity::Info, &text)),
         Sample::Packet { stream, arrived, content } => {
             if let Some(file) = file {
-                put(file, stream, &content)?;
+                content.write(file, stream)?;
             }
             let Some((count, first_us, last_us)) = extent(&content) else { return Ok(()) };
             let arrival = PacketArrival { stream, count, first_us, last_us, arrived };
             log.write(|log| log.arrival(&arrival))
         }
-    }
-}
-
-fn put(file: &mut EventFile, stream: u32, content: &Content) -> Result<(), WriteError> {
-    match content {
-        Content::Events(events) => file.write_events(stream, events.as_slice()),
-        Content::Frame(frame) => file.write_frame(stream, frame),
-        Content::Imu(samples) => file.write_imu(stream, samples),
-        Content::Triggers(marks) => file.write_triggers(stream, marks),
-        Content::Unknown { .. } => Ok(()),
     }
 }
 

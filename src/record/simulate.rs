@@ -9,12 +9,12 @@ use super::files::{
     EventFile, Log, create_event_file, finish_event_file, take_directory, write as write_sample,
 };
 use crate::device::recorder::Sample;
-use crate::device::sim::davis::SOURCE;
+use crate::device::sim::davis;
 use crate::device::sim::pi::{MODEL, delivered};
 use crate::device::sim::world::{
     DAVIS_STEP, DavisPacket, DavisTwin, PiFrame, PiTwin, World, WorldDescription, WorldError,
 };
-use crate::format::aedat4::{Content, StreamSpec};
+use crate::format::aedat4::StreamSpec;
 use crate::format::raw10::Raw10Error;
 use crate::geometry::Size;
 use crate::rig::{Pose, Rig};
@@ -75,9 +75,6 @@ const N_READINGS: i64 = 5;
 const BETWEEN_READINGS: Span = Span::from_micros(20_000);
 /// Between two readings while frames flow.
 const READING_PERIOD: Span = Span::from_micros(1_000_000);
-/// Numbers of the DAVIS's streams in its file.
-const EVENTS: u32 = 0;
-const FRAMES: u32 = 1;
 
 /// Makes a session in virtual time; `watch` is told how far it is, 0..=1.
 ///
@@ -93,11 +90,7 @@ pub fn simulate(
     let mut journal = Journal::open(&layout.journal())?;
     let begin = State::Trajectory.to_string();
     journal.note(&begin, &json!({"time": "virtual"}))?;
-    let davis = &rig.davis.camera;
-    let mut streams = vec![StreamSpec::events(davis.size, SOURCE)];
-    if rig.davis.aps {
-        streams.push(StreamSpec::frames(davis.size, SOURCE));
-    }
+    let streams = davis::streams(rig);
     let files = Files {
         events: create_event_file(&layout, &streams)?,
         log: Log::in_virtual_time(&layout)?,
@@ -255,17 +248,11 @@ impl Run<'_> {
         n_packets: &mut u64,
         entries: &mut Vec<(Span, Entry)>,
     ) {
-        let mut put = |stream, content| {
+        for (stream, content) in packet.contents(self.world.rig().davis.aps) {
             let at = self.world.packet_arrival(whole, *n_packets);
             *n_packets += 1;
             let arrived = self.world.host_time(at);
             entries.push((at, Entry::Sample(Sample::Packet { stream, arrived, content })));
-        };
-        if !packet.events.is_empty() {
-            put(EVENTS, Content::Events(packet.events));
-        }
-        for frame in packet.frames {
-            put(FRAMES, Content::Frame(frame));
         }
     }
 

@@ -42,6 +42,13 @@ const PARTS: usize = 32;
 /// Rows between which a frame's geometry is taken as straight in time.
 const ANCHORS: usize = 9;
 
+/// Rows, and columns, between pixels whose light is summed for a frame's level: odd, so that all places
+/// of the mosaic have their turn.
+const LEVEL_STEP: usize = 7;
+
+/// Fewer pixels on the map tell no level.
+const LEAST_LEVEL: usize = 200;
+
 /// Noise of a pixel: variance grows with light from a floor, both in DN.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Noise {
@@ -64,6 +71,31 @@ pub(super) struct Reference<'a> {
 }
 
 impl Reference<'_> {
+    /// Logarithm of a frame's light over that of the map: of the sums over pixels all over the frame.
+    ///
+    /// The level that goes with a pose in the equations is no measure of it. Edges are all that these
+    /// look at, and the dark side of each counts most; a frame that moves is more blurred than the map,
+    /// which makes that side brighter. A sum over the whole keeps its light however it is blurred.
+    pub(super) fn ln_level(&self, key: &Key) -> Option<f64> {
+        let Optics { camera, head, .. } = self.optics;
+        let (width, height) = (usize::from(camera.size.width), usize::from(camera.size.height));
+        let (mut seen, mut expected, mut n) = (0.0, 0.0, 0_usize);
+        for y in (0..height).step_by(LEVEL_STEP) {
+            let plane = head.plane_from_pi(&self.optics.pose_of_row(key, y as f64))?;
+            for x in (0..width).step_by(LEVEL_STEP) {
+                let Some(light) = camera.light(&key.samples, x, y) else { continue };
+                let [u, v] = camera.ray(x, y);
+                let place = plane * Vector3::new(u, v, 1.0);
+                let value = self.map.sample([place.x / place.z, place.y / place.z])[0];
+                if value.is_finite() {
+                    (seen, expected, n) = (seen + f64::from(light), expected + value, n + 1);
+                }
+            }
+        }
+        let is_known = n >= LEAST_LEVEL && seen > 0.0 && expected > 0.0;
+        is_known.then(|| (seen / expected).ln())
+    }
+
     /// Equations for pose and brightness alone.
     pub(super) fn own(&self, key: &Key) -> Option<Equations<OWN>> {
         self.equations::<POSE, OWN>(key, &POSE_STEPS)

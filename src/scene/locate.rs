@@ -44,7 +44,8 @@ pub(super) fn locate(reference: &Reference<'_>, mut key: Key) -> Option<Located>
             });
             let time_s = reference.optics.middle_s(key.first_s);
             let misfit = misfit.sqrt();
-            let (pose, ln_gain) = (key.pose, key.ln_gain);
+            let ln_gain = reference.ln_level(&key).unwrap_or(key.ln_gain);
+            let pose = key.pose;
             let knot = PathKnot { time_s, pose, pose_error, ln_gain, misfit };
             return Some(Located { knot, n: equations.n, n_fit: equations.n_fit });
         }

@@ -5,23 +5,42 @@ use crate::roi::Track;
 use crate::time::{PiSensor, Span, Stamp};
 use nalgebra::{SMatrix, SVector, Vector3};
 
+/// The tag on the print: its corners in millimetres.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TagSquare(pub(super) Corners);
+
 /// The head's path by the tag alone.
 pub(super) struct TagPath<'a> {
     track: &'a Track<PiSensor>,
     zero: Stamp<PiSensor>,
+    square: TagSquare,
     pub(super) head: Head,
 }
 
-/// The four corners of the tag as rays of the camera.
-type Corners = [[f64; 2]; 4];
+/// Four corners: millimetres on the print, or rays of the camera.
+pub(super) type Corners = [[f64; 2]; 4];
 
 impl<'a> TagPath<'a> {
     /// The path that a track tells, for a head whose turn is zero at the track's first sighting.
     pub(super) fn new(track: &'a Track<PiSensor>, stated: Head) -> Option<Self> {
         let zero = track.span()?[0];
-        let mut path = Self { track, zero, head: stated };
-        path.head.roll_rad = similarity(&path.corners_mm(), &path.rays(zero)?).1;
+        let square = TagSquare(track.plane.tag_corners_mm());
+        let mut path = Self { track, zero, square, head: stated };
+        path.head.roll_rad = similarity(&square.0, &path.rays(zero)?).1;
         Some(path)
+    }
+
+    /// The tag.
+    pub(super) fn square(&self) -> TagSquare {
+        self.square
+    }
+
+    /// The corners as they are seen at `n` instants spread over the track, where it leads.
+    pub(super) fn looks(&self, n: usize) -> Vec<Corners> {
+        let [from, to] = self.span_s();
+        let time_s = |i: usize| from + (to - from) * (i as f64 + 0.5) / n as f64;
+        let rays = |i: usize| self.rays(self.zero + Span::from_secs_f64(time_s(i)));
+        (0..n).filter_map(rays).collect()
     }
 
     /// The instant from which seconds are counted.
@@ -53,58 +72,63 @@ impl<'a> TagPath<'a> {
 
     fn pose_at(&self, time_s: f64) -> Option<HeadPose> {
         let rays = self.rays(self.zero + Span::from_secs_f64(time_s))?;
-        let (scale, angle, shift) = similarity(&self.corners_mm(), &rays);
-        let distance = 1.0 / scale;
-        // Of a wrist that turns about the optical axis the turn can be read off at once.
-        let forward = self.head.axis[2];
-        let apart = wrapped(self.head.roll_rad - angle);
-        let turn = if forward.abs() > 0.5 { apart / forward } else { 0.0 };
-        let (sin, cos) = (turn * forward).sin_cos();
-        let back = [cos * shift[0] - sin * shift[1], sin * shift[0] + cos * shift[1]];
-        let guess = [-back[0] * distance, -back[1] * distance, distance, turn];
-        self.refined(guess, &rays)
-    }
-
-    fn corners_mm(&self) -> Corners {
-        self.track.plane.tag_corners_mm()
+        self.square.pose(&self.head, &rays)
     }
 
     fn rays(&self, time: Stamp<PiSensor>) -> Option<Corners> {
         let view = self.track.at(time).ok()?;
         let lens = &self.track.lens;
         let [cx, cy] = lens.centre_px;
-        Some(self.corners_mm().map(|corner| {
+        Some(self.square.0.map(|corner| {
             let [x, y] = view.homography().apply(corner);
             [(x - cx) / lens.focal_px, (y - cy) / lens.focal_px]
         }))
     }
+}
 
-    /// The pose whose corners are nearest to those seen.
-    fn refined(&self, guess: HeadPose, seen: &Corners) -> Option<HeadPose> {
-        let corners = self.corners_mm();
-        let predicted = |pose: &HeadPose| -> SVector<f64, 8> {
-            let matrix = self.head.pi_from_plane(pose);
-            SVector::from_fn(|i, _| {
-                let q = matrix * Vector3::new(corners[i / 2][0], corners[i / 2][1], 1.0);
-                q[i % 2] / q.z
-            })
-        };
+impl TagSquare {
+    /// The pose of a head whose rays to the corners are nearest to those seen.
+    pub(super) fn pose(&self, head: &Head, seen: &Corners) -> Option<HeadPose> {
+        let (scale, angle, shift) = similarity(&self.0, seen);
+        let distance = 1.0 / scale;
+        // Of a wrist that turns about the optical axis the turn can be read off at once.
+        let forward = head.axis[2];
+        let apart = wrapped(head.roll_rad - angle);
+        let turn = if forward.abs() > 0.5 { apart / forward } else { 0.0 };
+        let (sin, cos) = (turn * forward).sin_cos();
+        let back = [cos * shift[0] - sin * shift[1], sin * shift[0] + cos * shift[1]];
+        let mut pose = [-back[0] * distance, -back[1] * distance, distance, turn];
         let target = SVector::<f64, 8>::from_fn(|i, _| seen[i / 2][i % 2]);
-        let steps = [1e-3, 1e-3, 1e-2, 1e-5];
-        let mut pose = guess;
         for _ in 0..6 {
-            let here = predicted(&pose);
-            let mut slopes = SMatrix::<f64, 8, POSE>::zeros();
-            for (i, step) in steps.into_iter().enumerate() {
-                let mut moved = pose;
-                moved[i] += step;
-                slopes.set_column(i, &((predicted(&moved) - here) / step));
-            }
+            let slopes = self.by_pose(head, &pose);
             let normal = slopes.transpose() * slopes;
-            let change = normal.cholesky()?.solve(&(slopes.transpose() * (target - here)));
+            let left = target - self.rays(head, &pose);
+            let change = normal.cholesky()?.solve(&(slopes.transpose() * left));
             (0..POSE).for_each(|i| pose[i] += change[i]);
         }
         (pose.iter().all(|part| part.is_finite()) && pose[2] > 0.0).then_some(pose)
+    }
+
+    /// The rays to the corners from a pose of a head: right and down of each in turn.
+    pub(super) fn rays(&self, head: &Head, pose: &HeadPose) -> SVector<f64, 8> {
+        let matrix = head.pi_from_plane(pose);
+        SVector::from_fn(|i, _| {
+            let q = matrix * Vector3::new(self.0[i / 2][0], self.0[i / 2][1], 1.0);
+            q[i % 2] / q.z
+        })
+    }
+
+    /// How these rays move with the pose.
+    pub(super) fn by_pose(&self, head: &Head, pose: &HeadPose) -> SMatrix<f64, 8, POSE> {
+        let steps = [1e-3, 1e-3, 1e-2, 1e-6];
+        let here = self.rays(head, pose);
+        let mut slopes = SMatrix::<f64, 8, POSE>::zeros();
+        for (i, step) in steps.into_iter().enumerate() {
+            let mut moved = *pose;
+            moved[i] += step;
+            slopes.set_column(i, &((self.rays(head, &moved) - here) / step));
+        }
+        slopes
     }
 }
 

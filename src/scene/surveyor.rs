@@ -3,7 +3,7 @@
 use super::align::{ALL, Equations, Noise, Reference, SHARED};
 use super::error::SceneError;
 use super::follow::{Follower, Waiting};
-use super::head::{Head, HeadPose};
+use super::head::{HEAD, Head, HeadPose};
 use super::locate::{Part, split};
 use super::map::{MapGrid, RadianceMap};
 use super::mosaic::PiCamera;
@@ -12,6 +12,7 @@ use super::robust::clustered;
 use super::splat::{Key, Optics, site_ratios, splat};
 use super::start::TagPath;
 use super::survey::{Footage, PiKnown};
+use super::tag_tilt::{Lie, apart};
 use crate::frame::Frame;
 use crate::stats::upper_median;
 use crate::time::{PiSensor, Span};
@@ -42,10 +43,7 @@ const MAX_GAP: Span = Span::from_micros(50_000);
 /// A frame whose logarithm of brightness is farther from the others' is left out of the map.
 const STRANGE_LIGHT: f64 = 0.03;
 
-/// Standard deviations of what is known before: tilts of the print and of the wrist's axis (radians).
-const TILT_RAD: f64 = 0.02;
-
-/// And of the row time, as a share of what is stated.
+/// Standard deviation of what is known of the row time before, as a share of what is stated.
 const ROW_SHARE: f64 = 0.2;
 
 /// A row time that differs from the stated one by a smaller share is not believed.
@@ -61,6 +59,8 @@ const ALIKE: f64 = 1_000.0;
 /// The work in progress.
 pub(super) struct Surveyor<'a> {
     tag: TagPath<'a>,
+    /// The head as the tag shows it.
+    lie: Lie,
     /// The path as far as it is known from an earlier map.
     known: Option<HeadPath>,
     optics: Optics,
@@ -91,13 +91,16 @@ pub(super) struct Followed {
 impl<'a> Surveyor<'a> {
     pub(super) fn new(known: &PiKnown<'a>) -> Result<Self, SceneError> {
         let none = SceneError::TooFewFrames { found: 0, n: 0, needed: LEAST_KEYS };
-        let tag = TagPath::new(known.track, Head::stated(&known.mount)).ok_or(none)?;
+        let mut tag = TagPath::new(known.track, Head::stated(&known.mount)).ok_or(none)?;
+        let lie = Lie::by(&tag);
+        tag.head = lie.head;
         let camera = PiCamera::new(known.size, known.lens, known.raw);
         let row_s = known.row_time.as_secs_f64();
         let optics = Optics { camera, head: tag.head, row_s };
         let noise = Noise { variance_per_dn: 1.0, floor_dn: 10.0 };
         Ok(Self {
             tag,
+            lie,
             known: None,
             optics,
             stated_row_s: row_s,
@@ -251,6 +254,10 @@ impl<'a> Surveyor<'a> {
         self.optics.head = self.optics.head.moved(&by);
         self.optics.row_s += change[ROW];
         self.noise.variance_per_dn *= level;
+        let reference = Reference { optics: &self.optics, map, marks: &marks, noise: self.noise };
+        self.keys.par_iter_mut().for_each(|key| {
+            key.ln_gain = reference.ln_level(key).unwrap_or(key.ln_gain);
+        });
         self.level_gains();
         self.renew_speeds();
         Ok(row_error_s)
@@ -291,22 +298,17 @@ impl<'a> Surveyor<'a> {
         Ok((inverse * right, row_error_s))
     }
 
-    /// What is known of the shared constants before.
+    /// What is known of the shared constants before: the tilts by the tag, the row time as stated.
     fn prior(&self) -> (SMatrix<f64, SHARED, SHARED>, SVector<f64, SHARED>) {
-        let head = &self.optics.head;
         let row = (ROW_SHARE * self.stated_row_s).max(1e-7);
-        let apart = [
-            head.tilt_rad[0] / TILT_RAD,
-            head.tilt_rad[1] / TILT_RAD,
-            head.axis_tilt_rad[0] / TILT_RAD,
-            head.axis_tilt_rad[1] / TILT_RAD,
-            (self.optics.row_s - self.stated_row_s) / row,
-        ];
-        let sigma = [TILT_RAD, TILT_RAD, TILT_RAD, TILT_RAD, row];
-        (
-            SMatrix::from_fn(|i, j| if i == j { ALIKE * sigma[i].powi(-2) } else { 0.0 }),
-            SVector::from_fn(|i, _| -ALIKE * apart[i] / sigma[i]),
-        )
+        let tilts = self.lie.information * -apart(&self.optics.head, &self.lie.head);
+        let mut normal = SMatrix::<f64, SHARED, SHARED>::zeros();
+        let mut right = SVector::<f64, SHARED>::zeros();
+        normal.fixed_view_mut::<HEAD, HEAD>(0, 0).copy_from(&self.lie.information);
+        right.fixed_rows_mut::<HEAD>(0).copy_from(&tilts);
+        normal[(ROW, ROW)] = row.powi(-2);
+        right[ROW] = (self.stated_row_s - self.optics.row_s) / row.powi(2);
+        (normal * ALIKE, right * ALIKE)
     }
 
     /// Takes the keys' speeds from their own path where they are close enough.

@@ -15,12 +15,14 @@
 //! messages. Chunks are closed every half second, so a file that was cut lacks little.
 
 mod census;
+mod fence;
 mod image;
 mod notes;
 mod pictures;
 mod reader;
 mod records;
 mod schema;
+mod source;
 mod writer;
 
 pub(super) use census::{RigLogCensus, arrivals, census, each_message_of, stream_names};

@@ -6,7 +6,7 @@ use evrig::event::{Event, Events};
 use evrig::format::aedat4::{Compression, Content, Reader, StreamSpec};
 use evrig::geometry::Size;
 use std::path::Path;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -45,8 +45,11 @@ impl Camera {
         let (tell, sent) = channel();
         let (stop, stopped) = channel::<()>();
         let thread = std::thread::spawn(move || {
-            if !server.wait_for_clients(n_clients, PATIENCE) {
-                return;
+            // A recorder that was killed early never connects again, and then this is told to end.
+            while !server.wait_for_clients(n_clients, PACKET) {
+                if stopped.try_recv() == Err(TryRecvError::Disconnected) {
+                    return;
+                }
             }
             for packet in 0.. {
                 let first = packet * PACKET_EVENTS;

@@ -44,6 +44,41 @@ pub(super) struct Reduced {
     path_step: [Vec<f64>; 2],
 }
 
+/// How the other camera's sight of the tag at one time depends on what is fitted.
+pub(super) struct Look {
+    /// Derivatives of x and y by the six.
+    pub(super) by: [SVector<f64, N>; 2],
+    /// The linear part of the way from path to picture.
+    pub(super) matrix: [[f64; 2]; 2],
+}
+
+impl Look {
+    pub(super) fn new(state: &State, since_s: f64, basis: &Basis) -> Self {
+        let m = state.matrix();
+        let q = state.path.position(basis);
+        let seen = apply(m, [q[0] - state.centre[0], q[1] - state.centre[1]]);
+        let speed = apply(m, state.path.velocity(basis));
+        let by = [
+            SVector::<f64, N>::from([speed[0], speed[0] * since_s, seen[0], -seen[1], 1.0, 0.0]),
+            SVector::<f64, N>::from([speed[1], speed[1] * since_s, seen[1], seen[0], 0.0, 1.0]),
+        ];
+        Self { by, matrix: m }
+    }
+}
+
+impl Reduced {
+    /// What a pull on the path at one place is to the six, once the path has given way.
+    pub(super) fn score(&self, basis: &Basis, pull: [f64; 2]) -> SVector<f64, N> {
+        let mut score = SVector::zeros();
+        for (leverage, pull) in self.leverage.iter().zip(pull) {
+            for (own, b) in leverage[basis.first..].iter().zip(basis.value) {
+                score -= own * (b * pull);
+            }
+        }
+        score
+    }
+}
+
 impl State {
     /// The linear part of the way from path to picture, and its derivative by the roll.
     pub(super) fn matrix(&self) -> [[f64; 2]; 2] {
@@ -81,23 +116,8 @@ impl Equations {
         }
     }
 
-    pub(super) fn add_other(
-        &mut self,
-        state: &State,
-        since_s: f64,
-        basis: &Basis,
-        r: [f64; 2],
-        w: f64,
-    ) {
-        let m = state.matrix();
-        let q = state.path.position(basis);
-        let seen = apply(m, [q[0] - state.centre[0], q[1] - state.centre[1]]);
-        let speed = apply(m, state.path.velocity(basis));
-        // Derivatives of the expected x and y by the six.
-        let by = [
-            SVector::<f64, N>::from([speed[0], speed[0] * since_s, seen[0], -seen[1], 1.0, 0.0]),
-            SVector::<f64, N>::from([speed[1], speed[1] * since_s, seen[1], seen[0], 0.0, 1.0]),
-        ];
+    pub(super) fn add_other(&mut self, look: &Look, basis: &Basis, r: [f64; 2], w: f64) {
+        let Look { by, matrix: m } = look;
         let scale2 = m[0][0] * m[0][0] + m[1][0] * m[1][0];
         self.normal.add_outer(basis.first, basis.value, w * scale2);
         for axis in [0, 1] {

@@ -44,6 +44,14 @@ impl Path {
             .map_or_else(|| Self::with_knots(points, coarsest), |(_, path)| path)
     }
 
+    /// The same path with its knots half as far apart, from the same points; none where `n` samples
+    /// over its time are too few for so many.
+    pub(super) fn finer(&self, points: &[Point], n: usize) -> Option<Self> {
+        let knot_s = self.knot_s / 2.0;
+        let span = points[points.len() - 1].t_s - points[0].t_s;
+        (span / knot_s <= n as f64 / SAMPLES_PER_KNOT).then(|| Self::with_knots(points, knot_s))
+    }
+
     /// A path of zeros over the time of the points.
     fn flat(points: &[Point], knot_s: f64) -> Self {
         let begin_s = points[0].t_s;

@@ -6,7 +6,8 @@
 use super::banded::Factor;
 use super::coarse::Start;
 use super::equations::{
-    Equations, KAPPA, LN_SCALE, N, ROLL, State, TAU, advance, apply, invert, solve,
+    Equations, Information, KAPPA, LN_SCALE, Look, N, ROLL, Reduced, State, TAU, advance, apply,
+    invert, solve,
 };
 use super::path::Path;
 use super::{MotionOptions, Point};
@@ -19,6 +20,8 @@ pub(super) const MAX_STEPS: usize = 40;
 const HUBER: f64 = 3.0;
 /// Residuals beyond this many errors are not of the tag.
 const OUTLIER: f64 = 8.0;
+/// Errors are taken for common to so many seconds at most.
+const COMMON_S: f64 = 0.25;
 /// Steps after which outliers are left out rather than weighed less.
 const SETTLED: usize = 4;
 
@@ -49,6 +52,8 @@ pub(super) struct Fit {
     /// The ratio with three standard deviations of the path's noise taken off the information.
     pub(super) ratio_at_least: f64,
     pub(super) chi2_per_dof: f64,
+    /// Mean square of the residuals over that of the other's positions about their middle.
+    pub(super) unexplained: f64,
     pub(super) knot_s: f64,
     pub(super) middle_s: f64,
     /// Of the reference's samples, then the other's.
@@ -65,28 +70,60 @@ impl<'a> Solver<'a> {
         Self { reference, other, fits_skew: options.fits_skew, roll, middle_s }
     }
 
-    /// Iterates from `start` until the offset stands still, as it never does where the motion
-    /// says nothing of it: judge the fit's information first.
+    /// Fits from `start`, with the knots that both tracks together ask for.
+    ///
+    /// The reference alone chose `path`'s. The other track may be the better one of the two, and
+    /// then a path too stiff for it would show as residuals: knots are set closer for as long as
+    /// Akaike's criterion says that it pays.
     pub(super) fn run(&self, path: Path, start: Start) -> Result<Fit, ClockError> {
         let [x, y] = start.shift;
         let theta = SVector::from([start.tau_s, 0.0, start.ln_scale, start.roll, x, y]);
-        let mut state = State { path, theta, centre: start.centre };
+        let (mut state, mut is_settled) =
+            self.settle(State { path, theta, centre: start.centre })?;
+        let mut best = self.criterion(&state);
+        let n = self.reference.len().max(self.other.len());
+        while let Some(path) = state.path.finer(self.reference, n) {
+            let Ok((finer, is_finer_settled)) = self.settle(State { path, ..state.clone() }) else {
+                break;
+            };
+            let criterion = self.criterion(&finer);
+            if criterion >= best {
+                break;
+            }
+            (state, is_settled, best) = (finer, is_finer_settled, criterion);
+        }
+        Ok(Fit { is_settled, ..self.finish(&state) })
+    }
+
+    /// Iterates until the offset stands still, as it never does where the motion says nothing of
+    /// it: judge the fit's information first.
+    fn settle(&self, mut state: State) -> Result<(State, bool), ClockError> {
         for step in 0..MAX_STEPS {
             let residuals = self.residuals(&state);
             let weights = self.weights(&residuals, step);
             let reduced = self.equations(&state, &residuals, &weights).reduce();
             let Some(change) = solve(&reduced.information, &reduced.right) else {
-                return Ok(self.singular(&state));
+                return Ok((state, true));
             };
             advance(&mut state, &reduced, &change);
             if !state.theta.iter().all(|value| value.is_finite()) {
                 return Err(ClockError::NotConverged { steps: step + 1 });
             }
             if step > SETTLED && change[TAU].abs() < 1e-8 {
-                return Ok(self.finish(&state));
+                return Ok((state, true));
             }
         }
-        Ok(Fit { is_settled: false, ..self.finish(&state) })
+        Ok((state, false))
+    }
+
+    /// Akaike's criterion of a settled state, the samples' error unknown; outliers count with what
+    /// the weights leave of them.
+    fn criterion(&self, state: &State) -> f64 {
+        let residuals = self.residuals(state);
+        let weights = self.weights(&residuals, SETTLED);
+        let chi2 = sum_of_squares(&residuals, &weights);
+        let n = 2.0 * residuals.len() as f64;
+        n * (chi2 / n).max(1e-12).ln() + 4.0 * state.path.n() as f64
     }
 
     /// Measured minus expected, reference first.
@@ -133,13 +170,9 @@ impl<'a> Solver<'a> {
             equations.add_reference(&state.path.basis(point.t_s), *r, *w);
         }
         for ((point, r), w) in self.other.iter().zip(others).zip(other_weights) {
-            equations.add_other(
-                state,
-                point.t_s - self.middle_s,
-                &state.place(point.t_s, self.middle_s),
-                *r,
-                *w,
-            );
+            let basis = state.place(point.t_s, self.middle_s);
+            let look = Look::new(state, point.t_s - self.middle_s, &basis);
+            equations.add_other(&look, &basis, *r, *w);
         }
         equations.add_penalty(&state.path);
         if let Some([roll, error]) = self.roll {
@@ -160,12 +193,16 @@ impl<'a> Solver<'a> {
         let weights = self.weights(&residuals, SETTLED);
         let reduced = self.equations(state, &residuals, &weights).reduce();
         let Some(covariance) = invert(&reduced.information) else { return self.singular(state) };
-        let squares = |(r, w): (&[f64; 2], &f64)| w * (r[0] * r[0] + r[1] * r[1]);
-        let chi2: f64 = residuals.iter().zip(&weights).map(squares).sum();
+        let chi2 = sum_of_squares(&residuals, &weights);
         let n_used = weights.iter().filter(|weight| **weight > 0.0).count();
         let dof = (2.0 * n_used as f64 - 2.0 * state.path.n() as f64 - N as f64).max(1.0);
         let inflation = (chi2 / dof).max(1.0).sqrt();
-        let sigma = |index: usize| inflation * covariance[(index, index)].sqrt();
+        let in_common =
+            self.variances_in_common(state, &residuals, &weights, &reduced, &covariance);
+        // Neither may claim more than the other allows.
+        let sigma = |index: usize| {
+            (inflation * covariance[(index, index)].sqrt()).max(in_common[index].sqrt())
+        };
         let limit_s = covariance[(TAU, TAU)].sqrt();
         let limit_known_s = reduced.information[(TAU, TAU)].sqrt().recip();
         // Share of the offset's information that survives unknown geometry, and the share
@@ -184,9 +221,60 @@ impl<'a> Solver<'a> {
             ratio: ratio(share - feigned),
             ratio_at_least: ratio(share - feigned - scatter),
             chi2_per_dof: chi2 / dof,
+            unexplained: self.unexplained(&residuals[self.reference.len()..], &weights),
             is_outlier: weights.iter().map(|weight| *weight == 0.0).collect(),
             ..self.singular(state)
         }
+    }
+
+    /// Variances of what is fitted if residuals err in common for [`COMMON_S`]: a corner's error
+    /// follows from where it falls among the pixels, and the tag takes a while to cross one.
+    ///
+    /// Each stretch's pull on the result is summed before it is squared (the sandwich of White and
+    /// of Liang and Zeger, with their correction for few stretches).
+    fn variances_in_common(
+        &self,
+        state: &State,
+        residuals: &[[f64; 2]],
+        weights: &[f64],
+        reduced: &Reduced,
+        covariance: &Information,
+    ) -> SVector<f64, N> {
+        let begin_s = self.reference[0].t_s;
+        let mut stretches = std::collections::BTreeMap::new();
+        let mut pull = |t_s: f64, score: SVector<f64, N>| {
+            let stretch = ((t_s - begin_s) / COMMON_S).floor() as i64;
+            *stretches.entry(stretch).or_insert_with(SVector::zeros) += covariance * score;
+        };
+        let (own, others) = residuals.split_at(self.reference.len());
+        let (own_weights, other_weights) = weights.split_at(self.reference.len());
+        for ((point, r), w) in self.reference.iter().zip(own).zip(own_weights) {
+            let basis = state.path.basis(point.t_s);
+            pull(point.t_s, reduced.score(&basis, [w * r[0], w * r[1]]));
+        }
+        for ((point, r), w) in self.other.iter().zip(others).zip(other_weights) {
+            let basis = state.place(point.t_s, self.middle_s);
+            let look = Look::new(state, point.t_s - self.middle_s, &basis);
+            let own = look.by[0] * (w * r[0]) + look.by[1] * (w * r[1]);
+            let onto_path =
+                [0, 1].map(|axis| w * (look.matrix[0][axis] * r[0] + look.matrix[1][axis] * r[1]));
+            pull(point.t_s, own + reduced.score(&basis, onto_path));
+        }
+        let n = stretches.len() as f64;
+        let squares: SVector<f64, N> = stretches.values().map(|p| p.component_mul(p)).sum();
+        if n > 2.0 { squares * (n / (n - 1.0)) } else { squares }
+    }
+
+    /// Share of the other's motion that the fit leaves over, outliers apart.
+    fn unexplained(&self, residuals: &[[f64; 2]], weights: &[f64]) -> f64 {
+        let used = self.other.iter().zip(residuals).zip(&weights[self.reference.len()..]);
+        let used: Vec<_> = used.filter(|(_, w)| **w > 0.0).map(|(pair, _)| pair).collect();
+        let n = used.len() as f64;
+        let middle = [0, 1].map(|axis| used.iter().map(|(p, _)| p.p[axis]).sum::<f64>() / n);
+        let of = |v: [f64; 2]| v[0] * v[0] + v[1] * v[1];
+        let left: f64 = used.iter().map(|(_, r)| of(**r)).sum();
+        let all: f64 = used.iter().map(|(p, _)| of([p.p[0] - middle[0], p.p[1] - middle[1]])).sum();
+        left / all.max(f64::MIN_POSITIVE)
     }
 
     /// Variance of the path's velocity over its mean square, at some of the other's samples.
@@ -223,10 +311,15 @@ impl<'a> Solver<'a> {
             ratio: f64::INFINITY,
             ratio_at_least: f64::INFINITY,
             chi2_per_dof: f64::NAN,
+            unexplained: f64::NAN,
             knot_s: state.path.knot_s,
             middle_s: self.middle_s,
             is_outlier: vec![false; self.reference.len() + self.other.len()],
             is_settled: true,
         }
     }
+}
+
+fn sum_of_squares(residuals: &[[f64; 2]], weights: &[f64]) -> f64 {
+    residuals.iter().zip(weights).map(|(r, w)| w * (r[0] * r[0] + r[1] * r[1])).sum()
 }

@@ -1,6 +1,7 @@
 //! Clocks planted in a session's evidence come back.
 
 use super::*;
+use crate::units::Pixels;
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 
@@ -126,4 +127,65 @@ fn events_that_arrive_before_their_stamps_are_on_another_clock() {
 fn a_session_without_any_usable_stamp_is_refused_with_the_reason() {
     let error = synchronise(&Evidence::default()).unwrap_err().to_string();
     assert!(error.contains("0 usable frames"), "{error}");
+}
+
+/// A figure of eight as the DAVIS sees it, and as the Pi does when its clock is `late_us` behind what
+/// the readings say; `stray_px` of another motion on top.
+fn figures(late_us: i64, stray_px: f64) -> (Vec<TrackSample<Davis>>, Vec<TrackSample<PiSensor>>) {
+    let place = |t_s: f64, radius_px: f64| {
+        let turn = std::f64::consts::TAU * 0.5 * t_s;
+        [radius_px * turn.cos(), radius_px * (2.0 * turn).sin()]
+    };
+    // A hundredth of a pixel one way or the other, ten times what is stated.
+    let off = |k: i64, salt: i64| ((k * 7_919 + salt * 104_729) % 1_000) as f64 * 2e-5 - 0.01;
+    let sample = |k: i64, [x, y]: [f64; 2]| (Pixels(x + off(k, 1)), Pixels(y + off(k, 2)));
+    let error = Pixels(0.001);
+    let davis = (0..400).map(|k| {
+        let t_s = k as f64 / 40.0;
+        let (x, y) = sample(k, place(t_s, 20.0));
+        let at = Stamp::from_nanos(host(sensor(0)).as_nanos() + (t_s * 1e9) as i64);
+        TrackSample { at, x, y, error }
+    });
+    let pi = (0..FRAMES).map(|k| {
+        let t_s = (k * PERIOD_NS + late_us * 1_000) as f64 * 1e-9;
+        let [x, y] = place(t_s, 80.0);
+        let stray = stray_px * (3.1 * t_s).sin();
+        let (x, y) = sample(k, [x + stray, y]);
+        TrackSample { at: sensor(k), x, y, error }
+    });
+    (davis.collect(), pi.collect())
+}
+
+fn refined(late_us: i64, stray_px: f64) -> SessionClocks {
+    let mut dice = StdRng::seed_from_u64(5);
+    let frames = frames(&mut dice);
+    let (wall_readings, host_readings) = readings(&mut dice);
+    let evidence = Evidence { frames, wall_readings, host_readings, ..Evidence::default() };
+    let mut clocks = synchronise(&evidence).unwrap();
+    let (davis, pi) = figures(late_us, stray_px);
+    let options = MotionOptions { search: Span::from_micros(50_000), ..MotionOptions::default() };
+    clocks.refine(["aps", "raw"], &davis, &pi, &options);
+    clocks
+}
+
+#[test]
+fn a_motion_that_both_cameras_saw_decides_though_its_tracks_state_too_small_an_error() {
+    let clocks = refined(3_000, 0.0);
+    let motion = clocks.motion.as_ref().unwrap();
+    let found = motion.estimate.as_ref().unwrap();
+    assert!(motion.refused.is_none() && found.chi2_per_dof > 4.0, "{motion:?}");
+    assert_eq!(clocks.davis_from_sensor.method, Method::Motion);
+    let at = sensor(FRAMES / 2);
+    let wrong = error(&clocks.davis_from_sensor, host(at), at) - 3_000_000;
+    let [low, high] = clocks.davis_from_sensor.absolute95(at).map(|end| end.unwrap().as_nanos());
+    assert!(2 * low <= -wrong && -wrong <= 2 * high, "{low} {wrong} {high}");
+    assert!(high < 200_000, "{high}");
+}
+
+#[test]
+fn tracks_of_two_motions_do_not_decide_and_the_reason_is_kept() {
+    let clocks = refined(3_000, 4.0);
+    let refused = clocks.motion.as_ref().unwrap().refused.clone().unwrap();
+    assert!(refused.contains("do not show one motion"), "{refused}");
+    assert_eq!(clocks.davis_from_sensor.method, Method::ClockPair);
 }

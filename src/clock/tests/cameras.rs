@@ -41,6 +41,42 @@ fn the_offset_comes_back_at_the_cramer_rao_limit_and_its_interval_covers() {
 }
 
 #[test]
+fn a_good_track_against_a_rare_one_is_followed_through_its_turns() {
+    // The event camera's frames come rarely and carry the path; the other track tells its turns.
+    let scene = Scene { noise_px: 0.005, ..Scene::new(Path::BothWays, 4.0) };
+    let tracks = scene.film(6);
+    let (pi, davis) = Scene::zeros();
+    let initial = ClockMap::from_anchor(davis, pi);
+    let found = motion(&tracks.davis, &tracks.pi, initial, &MotionOptions::default()).unwrap();
+    assert!(found.chi2_per_dof < 1.5, "{found:?}");
+    let at = tracks.pi[tracks.pi.len() / 2].at;
+    let back = scene.pi_from_davis(found.clock.map(at).unwrap());
+    let error_us = (back - at.as_nanos()) as f64 * 1e-3;
+    let sigma_us = found.correction_us.standard_error;
+    assert!(error_us.abs() < 3.5 * sigma_us && sigma_us < 20.0, "{error_us} of {sigma_us} us");
+}
+
+#[test]
+fn corners_that_err_by_where_they_fall_among_the_pixels_widen_the_interval() {
+    let (trials, mut n_covered) = (40, 0);
+    for seed in 0..trials {
+        let scene = Scene { noise_px: 0.01, ..Scene::new(Path::BothWays, 5.0) };
+        let mut tracks = scene.film(seed);
+        for sample in &mut tracks.davis {
+            // Common to samples that fall alike, and nothing that the stated error knows of.
+            let phase = std::f64::consts::TAU * (sample.x.value() / 7.0 + 0.37 * seed as f64);
+            sample.x = Pixels(sample.x.value() + 0.05 * phase.sin());
+        }
+        let found = find(&tracks, &MotionOptions::default()).unwrap();
+        assert!(found.chi2_per_dof > 1.3, "{found:?}");
+        let error = error_us(&scene, &tracks, &found);
+        n_covered += u64::from(error.abs() < 1.96 * found.correction_us.standard_error);
+    }
+    let coverage = n_covered as f64 / trials as f64;
+    assert!(coverage >= 0.85, "{coverage} within the 95 % interval");
+}
+
+#[test]
 fn geometry_and_skew_come_back_too() {
     let scene = Scene::new(Path::Lissajous, 20.0);
     let found = find(&scene.film(3), &MotionOptions::default()).unwrap();

@@ -1,7 +1,7 @@
 //! A server of one stream as AEDAT4 over TCP, as dv-processing's `NetworkReader` reads it.
 
 use crate::event::EventSlice;
-use crate::format::aedat4::{Compression, StreamSpec, WriteError, Writer};
+use crate::format::aedat4::{Compression, Content, StreamSpec, WriteError, Writer};
 use crate::frame::Frame;
 use crate::time::Davis;
 use std::io::Write;
@@ -145,6 +145,16 @@ impl StreamServer {
     /// When the stream carries no events or they cannot be written.
     pub fn send_events(&mut self, events: EventSlice<'_>) -> Result<(), ServeError> {
         self.writer.write_events(0, events)?;
+        self.broadcast();
+        Ok(())
+    }
+
+    /// Sends a packet to everyone connected.
+    ///
+    /// # Errors
+    /// When the stream carries something else or it cannot be written.
+    pub fn send(&mut self, content: &Content) -> Result<(), ServeError> {
+        content.write(&mut self.writer, 0)?;
         self.broadcast();
         Ok(())
     }

@@ -5,6 +5,7 @@ use super::progress::TwinProgress;
 use super::world::{DAVIS_STEP, DavisPacket, DavisTwin};
 use crate::device::davis::serve::{ServeError, StreamServer};
 use crate::format::aedat4::{Compression, StreamSpec};
+use crate::rig::Rig;
 use crate::time::Span;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -18,6 +19,15 @@ const BEYOND: Span = Span::from_micros(2_000);
 /// Between two looks whether there is more to see.
 const TICK: Duration = Duration::from_millis(4);
 
+/// The streams of the simulated DAVIS: events, frames if the rig has them, inertial samples.
+#[must_use]
+pub fn streams(rig: &Rig) -> Vec<StreamSpec> {
+    let size = rig.davis.camera.size;
+    let frames = rig.davis.aps.then(|| StreamSpec::frames(size, SOURCE));
+    let events = [StreamSpec::events(size, SOURCE)];
+    events.into_iter().chain(frames).chain([StreamSpec::imu(SOURCE)]).collect()
+}
+
 /// A simulated DAVIS that serves until it is dropped.
 #[derive(Debug)]
 pub struct DavisServer {
@@ -27,18 +37,13 @@ pub struct DavisServer {
 }
 
 impl DavisServer {
-    /// Serves events, and frames if the rig has them, at two ports from `address` on (0 for any). The
-    /// camera is switched on by [`TwinProgress::begin`].
+    /// Serves its streams, each at a port of its own from `address` on (0 for any). The camera is
+    /// switched on by [`TwinProgress::begin`].
     ///
     /// # Errors
     /// When an address is taken.
     pub fn serve(live: Arc<LiveWorld>, address: SocketAddr) -> Result<Self, ServeError> {
-        let davis = &live.world().rig().davis;
-        let size = davis.camera.size;
-        let mut streams = vec![StreamSpec::events(size, SOURCE)];
-        if davis.aps {
-            streams.push(StreamSpec::frames(size, SOURCE));
-        }
+        let streams = streams(live.world().rig());
         let mut servers = Vec::new();
         for (number, stream) in streams.iter().enumerate() {
             let mut at = address;
@@ -57,7 +62,7 @@ impl DavisServer {
         Ok(Self { addresses, progress, thread: Some(thread) })
     }
 
-    /// Where the streams are: events, then frames.
+    /// Where the streams are, in the order of [`streams`].
     #[must_use]
     pub fn addresses(&self) -> &[SocketAddr] {
         &self.addresses
@@ -100,7 +105,7 @@ fn run(live: &LiveWorld, servers: &mut [StreamServer], progress: &TwinProgress) 
         }
         let packet = twin.next_packet();
         // What a server cannot encode is not of this camera; there is no one to tell.
-        let _ = send(servers, &packet);
+        let _ = send(servers, packet, live.world().rig().davis.aps);
         let n_sent = servers.iter().map(StreamServer::n_packets).sum();
         progress.change(|twin| {
             twin.position = end;
@@ -109,15 +114,14 @@ fn run(live: &LiveWorld, servers: &mut [StreamServer], progress: &TwinProgress) 
     }
 }
 
-fn send(servers: &mut [StreamServer], packet: &DavisPacket) -> Result<(), ServeError> {
-    if let Some(events) = servers.first_mut()
-        && !packet.events.is_empty()
-    {
-        events.send_events(packet.events.as_slice())?;
-    }
-    if let Some(frames) = servers.get_mut(1) {
-        for frame in &packet.frames {
-            frames.send_frame(frame)?;
+fn send(
+    servers: &mut [StreamServer],
+    packet: DavisPacket,
+    has_frames: bool,
+) -> Result<(), ServeError> {
+    for (stream, content) in packet.contents(has_frames) {
+        if let Some(server) = servers.get_mut(stream as usize) {
+            server.send(&content)?;
         }
     }
     Ok(())

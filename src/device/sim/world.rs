@@ -16,6 +16,7 @@ mod draws;
 pub mod effects;
 mod exposure;
 mod host;
+mod imu;
 mod lamps;
 mod light;
 mod motion;
@@ -37,7 +38,7 @@ mod view;
 pub use clocks::Clocks;
 pub use davis::{DAVIS_STEP, DavisPacket, DavisTwin};
 pub use description::{
-    ClocksOfWorld, DavisSensor, PiSensorDescription, PrintDescription, WorldDescription,
+    ClocksOfWorld, DavisSensor, ImuSensor, PiSensorDescription, PrintDescription, WorldDescription,
 };
 pub use effects::Effects;
 pub use motion::Motion;

@@ -1,11 +1,10 @@
 //! Counting what the rig's log really holds.
 
-use super::reader::MAX_RECORD_BYTES;
+use super::source::{Source, Step};
 use super::{PacketArrival, RigLogError, Topic, image};
 use crate::geometry::Size;
 use crate::session::StreamKind;
 use mcap::records::Record;
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
@@ -114,37 +113,25 @@ fn each_message(
 
 /// The same of any source.
 pub(in crate::session) fn each_message_of(
-    mut file: impl Read,
+    file: impl Read,
     see: &mut dyn FnMut(Topic, u64, &[u8]),
 ) -> std::io::Result<Option<String>> {
-    let options = LinearReaderOptions::default()
-        .with_validate_chunk_crcs(true)
-        .with_record_length_limit(MAX_RECORD_BYTES);
-    let mut reader = LinearReader::new_with_options(options);
+    let mut source = Source::new(file);
     let mut channels: BTreeMap<u16, Topic> = BTreeMap::new();
-    while let Some(event) = reader.next_event() {
-        let record = match event {
-            Ok(LinearReadEvent::ReadRequest(n)) => {
-                let n = file.read(reader.insert(n))?;
-                reader.notify_read(n);
-                continue;
-            }
-            Ok(LinearReadEvent::Record { data, opcode }) => mcap::parse_record(opcode, data),
-            Err(error) => Err(error),
-        };
-        match record {
-            Ok(Record::Channel(channel)) => {
+    loop {
+        match source.step()? {
+            Step::Record(Record::Channel(channel)) => {
                 let known = Topic::ALL.into_iter().find(|topic| topic.name() == channel.topic);
                 channels.extend(known.map(|topic| (channel.id, topic)));
             }
-            Ok(Record::Message { header, data }) => {
+            Step::Record(Record::Message { header, data }) => {
                 if let Some(&topic) = channels.get(&header.channel_id) {
                     see(topic, header.log_time, &data);
                 }
             }
-            Ok(_) => {}
-            Err(error) => return Ok(Some(error.to_string())),
+            Step::Record(_) | Step::Nothing => {}
+            Step::Damage(what) => return Ok(Some(what)),
+            Step::End => return Ok(None),
         }
     }
-    Ok(None)
 }

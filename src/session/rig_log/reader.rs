@@ -1,16 +1,12 @@
 //! Reading the rig's log, message by message.
 
+use super::source::{Source, Step};
 use super::{RigLogError, Topic};
 use crate::time::{Stamp, Unix};
 use mcap::records::Record;
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
-
-/// Records longer than this are damage: a chunk ends soon after 8 MiB, a frame has some megabytes.
-pub(super) const MAX_RECORD_BYTES: usize = 1 << 28;
 
 /// One message as the file holds it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -26,20 +22,11 @@ pub(in crate::session) struct LoggedMessage {
 /// The messages of some topics, in the order of the file, up to its end or the first damage.
 pub(in crate::session) struct RigLogReader {
     path: PathBuf,
-    file: File,
-    reader: LinearReader,
+    source: Source<File>,
     wanted: Vec<Topic>,
     channels: BTreeMap<u16, Topic>,
     n_seen: u64,
     has_ended: bool,
-}
-
-/// What the file gave in one step.
-enum Step {
-    More(usize),
-    Message(LoggedMessage),
-    Nothing,
-    Damage,
 }
 
 impl RigLogReader {
@@ -49,13 +36,9 @@ impl RigLogReader {
     /// When the file cannot be opened.
     pub(in crate::session) fn open(path: &Path, wanted: &[Topic]) -> Result<Self, RigLogError> {
         let failed = |source| RigLogError::Open { path: path.to_owned(), source };
-        let options = LinearReaderOptions::default()
-            .with_validate_chunk_crcs(true)
-            .with_record_length_limit(MAX_RECORD_BYTES);
         Ok(Self {
             path: path.to_owned(),
-            file: File::open(path).map_err(failed)?,
-            reader: LinearReader::new_with_options(options),
+            source: Source::new(File::open(path).map_err(failed)?),
             wanted: wanted.to_vec(),
             channels: BTreeMap::new(),
             n_seen: 0,
@@ -77,36 +60,32 @@ impl RigLogReader {
         }
     }
 
-    fn step(&mut self) -> Option<Step> {
-        let record = match self.reader.next_event()? {
-            Ok(LinearReadEvent::ReadRequest(n)) => return Some(Step::More(n)),
-            Ok(LinearReadEvent::Record { data, opcode }) => mcap::parse_record(opcode, data),
-            Err(error) => Err(error),
-        };
-        Some(match record {
-            Ok(Record::Channel(channel)) => {
-                let topic = self.wanted.iter().find(|topic| topic.name() == channel.topic);
-                if let Some(topic) = topic {
-                    self.channels.insert(channel.id, *topic);
+    /// The next message; none at the end.
+    fn next_message(&mut self) -> Result<Option<LoggedMessage>, RigLogError> {
+        let failed = |source| RigLogError::Open { path: self.path.clone(), source };
+        loop {
+            match self.source.step().map_err(failed)? {
+                Step::Record(Record::Channel(channel)) => {
+                    let topic = self.wanted.iter().find(|topic| topic.name() == channel.topic);
+                    self.channels.extend(topic.map(|topic| (channel.id, *topic)));
                 }
-                Step::Nothing
-            }
-            Ok(Record::Message { header, data }) => {
-                let stamp = |ns: u64| Stamp::from_nanos(i64::try_from(ns).unwrap_or(i64::MAX));
-                match self.channels.get(&header.channel_id) {
-                    Some(&topic) => Step::Message(LoggedMessage {
-                        topic,
-                        logged: stamp(header.log_time),
-                        published: stamp(header.publish_time),
-                        data: data.into_owned(),
-                    }),
-                    None => Step::Nothing,
+                Step::Record(Record::Message { header, data }) => {
+                    let stamp = |ns: u64| Stamp::from_nanos(i64::try_from(ns).unwrap_or(i64::MAX));
+                    if let Some(&topic) = self.channels.get(&header.channel_id) {
+                        return Ok(Some(LoggedMessage {
+                            topic,
+                            logged: stamp(header.log_time),
+                            published: stamp(header.publish_time),
+                            data: data.into_owned(),
+                        }));
+                    }
                 }
+                Step::Record(_) | Step::Nothing => {}
+                // The damage of a cut file is in the manifest since it was sealed; here it ends the
+                // messages.
+                Step::Damage(_) | Step::End => return Ok(None),
             }
-            Ok(_) => Step::Nothing,
-            // The damage of a cut file is in the manifest since it was sealed; here it ends the messages.
-            Err(_) => Step::Damage,
-        })
+        }
     }
 }
 
@@ -114,23 +93,14 @@ impl Iterator for RigLogReader {
     type Item = Result<LoggedMessage, RigLogError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        while !self.has_ended {
-            match self.step() {
-                Some(Step::More(n)) => match self.file.read(self.reader.insert(n)) {
-                    Ok(n) => self.reader.notify_read(n),
-                    Err(source) => {
-                        self.has_ended = true;
-                        return Some(Err(RigLogError::Open { path: self.path.clone(), source }));
-                    }
-                },
-                Some(Step::Message(message)) => {
-                    self.n_seen += 1;
-                    return Some(Ok(message));
-                }
-                Some(Step::Nothing) => {}
-                Some(Step::Damage) | None => self.has_ended = true,
-            }
+        if self.has_ended {
+            return None;
         }
-        None
+        let next = self.next_message().transpose();
+        match &next {
+            Some(Ok(_)) => self.n_seen += 1,
+            Some(Err(_)) | None => self.has_ended = true,
+        }
+        next
     }
 }

@@ -1,4 +1,4 @@
-//! The twin of the DAVIS346: events and frames of one world.
+//! The twin of the DAVIS346: events, frames and inertial samples of one world.
 
 mod aps;
 mod circuit;
@@ -11,8 +11,11 @@ mod spontaneous;
 mod traits;
 
 use super::World;
+use super::imu::Imu;
 use crate::event::{Event, Events};
+use crate::format::aedat4::Content;
 use crate::frame::Frame;
+use crate::imu::ImuSample;
 use crate::time::{Davis, Span};
 use aps::Aps;
 use circuit::Circuit;
@@ -40,6 +43,7 @@ pub struct DavisTwin {
     spontaneous: Spontaneous,
     readout: Readout,
     aps: Aps,
+    imu: Imu,
 }
 
 /// What the camera gives for a stretch of time.
@@ -49,6 +53,21 @@ pub struct DavisPacket {
     pub events: Events,
     /// Frames whose exposure ended meanwhile; the stamp is the start of the exposure, as in AEDAT4.
     pub frames: Vec<Frame<Davis>>,
+    /// Inertial samples, in ascending time.
+    pub imu: Vec<ImuSample>,
+}
+
+impl DavisPacket {
+    /// What a camera sends of it, with the number of its stream: events, frames if it has them, inertial
+    /// samples.
+    pub fn contents(self, has_frames: bool) -> impl Iterator<Item = (u32, Content)> {
+        let events = (!self.events.is_empty()).then_some((0, Content::Events(self.events)));
+        let frames = self.frames.into_iter().filter(move |_| has_frames);
+        let frames = frames.map(|frame| (1, Content::Frame(frame)));
+        let behind = 1 + u32::from(has_frames);
+        let imu = (!self.imu.is_empty()).then_some((behind, Content::Imu(self.imu)));
+        events.into_iter().chain(frames).chain(imu)
+    }
 }
 
 impl DavisTwin {
@@ -69,6 +88,7 @@ impl DavisTwin {
             spontaneous: Spontaneous::new(effects, world.seed),
             readout: Readout::new(effects, grid, world.seed),
             aps: Aps::new(&world, from),
+            imu: Imu::new(&world, from),
             world,
         }
     }
@@ -90,6 +110,7 @@ impl DavisTwin {
         let end = self.position();
         let events = self.readout.run(requests, end.as_nanos());
         let frames = self.aps.frames_until(&self.world, end);
+        let imu = self.imu.samples_until(&self.world, end);
         let width = u32::from(self.world.davis.camera.size.width);
         let clocks = &self.world.clocks;
         let stamped = events.into_iter().map(|Request { at_ns, pixel, on }| Event {
@@ -98,7 +119,7 @@ impl DavisTwin {
             y: (pixel / width) as u16,
             on,
         });
-        DavisPacket { events: stamped.collect(), frames }
+        DavisPacket { events: stamped.collect(), frames, imu }
     }
 
     /// All packets that end at or before `until`, as one.
@@ -108,6 +129,7 @@ impl DavisTwin {
             let packet = self.next_packet();
             all.events.extend_from_slice(packet.events.as_slice());
             all.frames.extend(packet.frames);
+            all.imu.extend(packet.imu);
         }
         all
     }

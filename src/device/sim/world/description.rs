@@ -16,6 +16,8 @@ pub struct WorldDescription {
     pub print: PrintDescription,
     /// The event camera.
     pub davis: DavisSensor,
+    /// The inertial unit in the event camera.
+    pub imu: ImuSensor,
     /// The frame camera.
     pub pi: PiSensorDescription,
     /// What the clocks show.
@@ -52,6 +54,22 @@ pub struct DavisSensor {
     pub aps_read_noise_dn: f64,
     /// Electrons behind one DN of a frame.
     pub aps_electrons_per_dn: f64,
+}
+
+/// The inertial unit: an MPU-6500, its defaults those of its sheet.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ImuSensor {
+    /// Density of the gyroscope's noise, degrees a second in a bandwidth of one hertz.
+    pub rotation_noise_deg_per_s_per_rthz: f64,
+    /// What it shows at rest is drawn within this, for each axis once.
+    pub rotation_zero_deg_per_s: f64,
+    /// Density of the accelerometer's noise, millionths of g in a bandwidth of one hertz.
+    pub acceleration_noise_ug_per_rthz: f64,
+    /// What it shows of no acceleration is drawn within this, thousandths of g.
+    pub acceleration_zero_mg: f64,
+    /// Temperature of the chip.
+    pub temperature_c: f64,
 }
 
 /// The Pi camera's lens, sensor, image processing and interface.
@@ -110,6 +128,18 @@ impl Default for DavisSensor {
             aps_white_dn: 200.0,
             aps_read_noise_dn: 0.5,
             aps_electrons_per_dn: 100.0,
+        }
+    }
+}
+
+impl Default for ImuSensor {
+    fn default() -> Self {
+        Self {
+            rotation_noise_deg_per_s_per_rthz: 0.01,
+            rotation_zero_deg_per_s: 5.0,
+            acceleration_noise_ug_per_rthz: 300.0,
+            acceleration_zero_mg: 60.0,
+            temperature_c: 35.0,
         }
     }
 }
@@ -228,6 +258,7 @@ mod tests {
             ("[effects]\nevent_drop = { fraction = 1.5 }", "event_drop.fraction"),
             ("[effects]\nflicker = { frequency_hz = nan, depth = 0.1 }", "flicker.frequency_hz"),
             ("[pi]\nelectrons_per_dn = -1.0", "pi.electrons_per_dn"),
+            ("[imu]\ntemperature_c = 400", "imu.temperature_c"),
         ] {
             let error = WorldDescription::parse("w.toml", text).unwrap_err().to_string();
             assert!(error.contains(key), "{key} is not in: {error}");

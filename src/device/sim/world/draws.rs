@@ -22,6 +22,8 @@ pub(super) enum Purpose {
     PiNoise,
     PiInterface,
     HostLink,
+    ImuZero,
+    ImuNoise,
 }
 
 /// A run of draws: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014) from a keyed beginning.

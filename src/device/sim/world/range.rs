@@ -38,6 +38,14 @@ fn sensors(world: &WorldDescription) -> Result<(), WorldError> {
     within("davis.aps_white_dn", davis.aps_white_dn, POSITIVE)?;
     within("davis.aps_read_noise_dn", davis.aps_read_noise_dn, NOT_NEGATIVE)?;
     within("davis.aps_electrons_per_dn", davis.aps_electrons_per_dn, POSITIVE)?;
+    let imu = &world.imu;
+    let rotation_noise = imu.rotation_noise_deg_per_s_per_rthz;
+    within("imu.rotation_noise_deg_per_s_per_rthz", rotation_noise, NOT_NEGATIVE)?;
+    within("imu.rotation_zero_deg_per_s", imu.rotation_zero_deg_per_s, NOT_NEGATIVE)?;
+    let acceleration_noise = imu.acceleration_noise_ug_per_rthz;
+    within("imu.acceleration_noise_ug_per_rthz", acceleration_noise, NOT_NEGATIVE)?;
+    within("imu.acceleration_zero_mg", imu.acceleration_zero_mg, NOT_NEGATIVE)?;
+    within("imu.temperature_c", imu.temperature_c, -40.0..=85.0)?;
     within("pi.psf_sigma_px", pi.psf_sigma_px, 0.0..=50.0)?;
     within("pi.white_dn", pi.white_dn, POSITIVE)?;
     within("pi.read_noise_dn", pi.read_noise_dn, NOT_NEGATIVE)?;

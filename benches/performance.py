@@ -1,0 +1,164 @@
+"""Makes docs/PERFORMANCE.md: runs the benchmarks and writes what they print between its markers.
+
+    python3 benches/performance.py [SECTION ...] [--dir DIR] [--disk-seconds 120] [--sink-seconds 1800]
+
+Sections: aedat4, generate, filter, disk, sink; all of them without an argument. A section stands in
+the page between `<!-- measured: NAME -->` and `<!-- end -->`, with the machine, its load and the
+command; what is around it is written by hand and stays. The first table of the page holds one ratio
+a line, taken from what the benchmarks print; lines of sections that are not run stay as they were.
+DIR (the system's temporary folder) is where `disk` records: 49 GB in two minutes, and as much again
+for the plain copy beside it. A benchmark that fails leaves its section as it is, and ends this with 1.
+"""
+
+import argparse
+import datetime
+import os
+import pathlib
+import platform
+import re
+import subprocess
+import sys
+import tempfile
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "PERFORMANCE.md"
+
+
+def commands(arguments):
+    bench = ["cargo", "bench", "--locked", "--bench"]
+    return {
+        "aedat4": [sys.executable, "benches/aedat4.py", "--events", "20e6", "--repeats", "5"],
+        "generate": [*bench, "generate", "--", "--table"],
+        "filter": [*bench, "filter"],
+        "disk": [*bench, "record", "--", "disk", str(arguments.disk_seconds), arguments.dir],
+        "sink": [*bench, "record", "--", "sink", str(arguments.sink_seconds)],
+    }
+
+
+# What of a section's output is a ratio: the line's name, a pattern whose first group is the number,
+# what it is measured against, and the aim, if there is one.
+RATIOS = {
+    "aedat4": [
+        (f"AEDAT4, {task}", rf"^{task}(?: +[\d.]+){{3}} +([\d.]+)",
+         "rate over the faster of dv-processing and faery", aim)
+        for task, aim in [("encode none", ""), ("decode none", ""), ("encode lz4", "3"),
+                          ("decode lz4", "1.5"), ("encode zstd", ""), ("decode zstd", "")]
+    ] + [
+        (f"AEDAT4, {task}", rf"^{task}: (\d+%)", "share of one core's memcpy", "")
+        for task in ["decode none", "encode none"]
+    ],
+    "generate": [
+        (f"generator {model}, 346 x 260, one thread",
+         rf"^\| {model} \| 346 x 260 \| 1 \|.*\| ([\d.]+) \|$",
+         "processor time over that of touching the memory once", "")
+        for model in ["voltmeter", "esim", "v2e-clean", "eventcv-core, clean", "v2e-noisy",
+                      "eventcv-core, noisy"]
+    ],
+    "filter": [
+        (f"filter, {name}", rf"^\| {name} \| \d+ \| ([\d.]+) \|$", "time over a copy of the columns", "")
+        for name in ["region", "region, cropped to 88 px", "region through a lens"]
+    ],
+    "disk": [
+        ("recording to disk", r"recording / copy = ([\d.]+)",
+         "time over a plain copy of the same bytes", ""),
+        ("recording to disk, dropped", r"^davis +\d+ samples, (\d+) dropped", "event packets", "0"),
+        ("recording to disk, dropped", r"^pi +\d+ samples, (\d+) dropped", "frames", "0"),
+        ("recorder to disk", r"^recorder +([\d.]+) cores", "cores", ""),
+    ],
+    "sink": [
+        ("recording into the sink, dropped", r"(\d+) samples dropped", "samples", "0"),
+        ("recorder into the sink", r"^recorder +([\d.]+) cores", "cores", ""),
+    ],
+}
+
+
+def machine():
+    model = platform.processor() or platform.machine()
+    info = pathlib.Path("/proc/cpuinfo")
+    if info.exists() and (found := re.search(r"model name\s*: (.*)", info.read_text())):
+        model = found[1]
+    rustc = subprocess.run(["rustc", "--version"], check=True, stdout=subprocess.PIPE, text=True)
+    return f"{model}, {os.cpu_count()} cores, {' '.join(rustc.stdout.split()[:2])}"
+
+
+def measure(command):
+    """What a benchmark prints on its standard output, with the machine's load around it."""
+    before = os.getloadavg()[0]
+    done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    if done.returncode != 0:
+        return None, None
+    return done.stdout.strip(), f"load {before:.1f} before and {os.getloadavg()[0]:.1f} after"
+
+
+def block(name, command, output, load):
+    """A section as it stands in the page: tables as they are, everything else set as it was printed."""
+    shown = " ".join([pathlib.Path(command[0]).name, *command[1:]])
+    told = f"`{shown}`\n\n{datetime.date.today():%-d %B %Y}, {machine()}, {load}:\n\n"
+    parts, kind = [], None
+    for line in output.splitlines():
+        is_table = line.startswith("|")
+        if is_table != kind:
+            if kind is False:
+                parts.append("```")
+            parts.append("" if is_table else "\n```text" if parts else "```text")
+            kind = is_table
+        parts.append(line)
+    if kind is False:
+        parts.append("```")
+    return f"<!-- measured: {name} -->\n{told}{chr(10).join(parts).strip()}\n<!-- end -->"
+
+
+def put(page, name, text):
+    marked = re.compile(rf"<!-- measured: {name} -->.*?<!-- end -->", re.S)
+    if not marked.search(page):
+        raise SystemExit(f"{PAGE} has no place for {name}: expected <!-- measured: {name} -->")
+    return marked.sub(lambda _: text, page, count=1)
+
+
+def ratios(page, outputs):
+    """The first table, with the lines of these sections made anew."""
+    marked = re.search(r"<!-- measured: ratios -->(.*?)<!-- end -->", page, re.S)
+    known = re.findall(r"^\| ([^|]+) \| ([^|]+) \| ([^|]+) \| ([^|]*) \|$", marked[1] if marked else "", re.M)
+    lines = {(name, against): (value, aim.strip()) for name, value, against, aim in known[1:]}
+    lines.pop(("---", "---"), None)
+    for section, output in outputs.items():
+        for name, pattern, against, aim in RATIOS[section]:
+            found = re.search(pattern, output, re.M)
+            lines[(name, against)] = (found[1] if found else "not printed", aim)
+    order = [(name, against) for rows in RATIOS.values() for name, _, against, _ in rows]
+    rows = ["| what | measured | against or in | aim |", "| --- | ---: | --- | ---: |"]
+    for key in order:
+        if key in lines:
+            (name, against), (value, aim) = key, lines[key]
+            rows.append(f"| {name} | {value} | {against} | {aim} |")
+    return "<!-- measured: ratios -->\n" + "\n".join(rows) + "\n<!-- end -->"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("sections", nargs="*", metavar="SECTION", help=", ".join(RATIOS))
+    parser.add_argument("--dir", default=tempfile.gettempdir())
+    parser.add_argument("--disk-seconds", type=int, default=120)
+    parser.add_argument("--sink-seconds", type=int, default=1800)
+    arguments = parser.parse_args()
+    if unknown := set(arguments.sections) - set(RATIOS):
+        parser.error(f"no such section: {', '.join(sorted(unknown))}; choose from {', '.join(RATIOS)}")
+    outputs, failed = {}, []
+    for name, command in commands(arguments).items():
+        if arguments.sections and name not in arguments.sections:
+            continue
+        print(f"== {name}: {' '.join(command)}", file=sys.stderr)
+        output, load = measure(command)
+        if output is None:
+            failed.append(name)
+            continue
+        outputs[name] = output
+        # Read again each time: a long run may have been edited around.
+        page = put(PAGE.read_text(), name, block(name, command, output, load))
+        PAGE.write_text(put(page, "ratios", ratios(page, outputs)))
+    if failed:
+        raise SystemExit(f"failed, and left as they were: {', '.join(failed)}")
+
+
+if __name__ == "__main__":
+    main()

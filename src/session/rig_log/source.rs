@@ -1,0 +1,69 @@
+//! The records of a log, one after the other, from any source of bytes.
+
+use super::fence::Fence;
+use mcap::records::Record;
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use std::io::{self, Read};
+
+/// Records longer than this are damage: a chunk ends soon after 8 MiB, a frame has some megabytes.
+const MAX_RECORD_BYTES: usize = 1 << 28;
+
+/// Reads a log; memory is taken for one record.
+pub(super) struct Source<R> {
+    from: R,
+    reader: LinearReader,
+    fence: Fence,
+    /// Bytes that the library asked for and did not get yet.
+    n_wanted: usize,
+}
+
+/// What one step gave.
+pub(super) enum Step<'a> {
+    /// A record, of a chunk or beside it.
+    Record(Record<'a>),
+    /// Bytes that are no whole record yet.
+    Nothing,
+    /// The file is cut or altered here, and there is nothing more to be had of it.
+    Damage(String),
+    /// The file's end.
+    End,
+}
+
+impl<R: Read> Source<R> {
+    pub(super) fn new(from: R) -> Self {
+        let options = LinearReaderOptions::default()
+            .with_validate_chunk_crcs(true)
+            .with_record_length_limit(MAX_RECORD_BYTES);
+        let reader = LinearReader::new_with_options(options);
+        Self { from, reader, fence: Fence::default(), n_wanted: 0 }
+    }
+
+    /// One step further.
+    ///
+    /// # Errors
+    /// When the source cannot be read.
+    pub(super) fn step(&mut self) -> io::Result<Step<'_>> {
+        if self.n_wanted > 0 {
+            let room = self.reader.insert(std::mem::take(&mut self.n_wanted));
+            let n = self.from.read(room)?;
+            if let Err(overrun) = self.fence.pass(&room[..n]) {
+                return Ok(Step::Damage(overrun.to_string()));
+            }
+            self.reader.notify_read(n);
+        }
+        Ok(match self.reader.next_event() {
+            None => Step::End,
+            Some(Ok(LinearReadEvent::ReadRequest(n))) => {
+                self.n_wanted = n;
+                Step::Nothing
+            }
+            Some(Ok(LinearReadEvent::Record { data, opcode })) => {
+                match mcap::parse_record(opcode, data) {
+                    Ok(record) => Step::Record(record),
+                    Err(error) => Step::Damage(error.to_string()),
+                }
+            }
+            Some(Err(error)) => Step::Damage(error.to_string()),
+        })
+    }
+}
