@@ -47,7 +47,7 @@ pub struct GenerateArgs {
 }
 
 /// The generator and its parameters.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Clone, Default, Args)]
 pub struct ModelArgs {
     /// The event model: voltmeter, esim or v2e
     #[arg(long, value_name = "MODEL")]
@@ -202,13 +202,17 @@ pub struct CompareArgs {
     /// Run even when the result is already there
     #[arg(long)]
     pub force: bool,
+
+    /// Where the variants of a dataset are made.
+    #[command(flatten)]
+    pub engine: super::EngineArgs,
 }
 
 /// Arguments of `evrig process`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     evrig process sessions/street\n  \
-    evrig process dataset\n  \
+    evrig process dataset --variants twelve --splits train=0.8,test=0.2 --split-by stimulus\n  \
     evrig process dataset --engine slurm --cpus 8 --time-limit 02:00:00 --sbatch=--partition=long\n  \
     evrig process dataset --status\n\n\
     Runs every stage for which a session has the inputs and says which it left out and why.\n\
@@ -221,6 +225,10 @@ pub struct ProcessArgs {
     /// What decides the events.
     #[command(flatten)]
     pub choice: ModelArgs,
+
+    /// Also make a list of streams in each session and compare them: twelve or davis, or a TOML file
+    #[arg(long, value_name = "LIST")]
+    pub variants: Option<String>,
 
     /// Run every stage even when its result is already there
     #[arg(long)]

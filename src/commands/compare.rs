@@ -1,7 +1,7 @@
 //! `evrig compare`: simulated streams against the real one.
 
 use super::{Ending, Output, WrongUse};
-use crate::cli::CompareArgs;
+use crate::cli::{CompareArgs, Engine};
 use crate::compare::Comparison;
 use crate::pipeline::{self, CompareRequest, Freshness};
 use crate::report::{session::measures, terminal};
@@ -12,8 +12,9 @@ pub(super) fn run(args: &CompareArgs, output: &Output) -> anyhow::Result<Ending>
     if crate::batch::is_dataset(&args.session) {
         return super::dataset::compare(args, output);
     }
-    if args.variants.is_some() || args.rig.is_some() {
-        let what = "--variants and --rig belong to a dataset; of a session `evrig generate SESSION --variants LIST` makes them";
+    let is_on_slurm = args.engine.engine == Engine::Slurm;
+    if args.variants.is_some() || args.rig.is_some() || is_on_slurm {
+        let what = "--variants, --rig and --engine belong to a dataset; of a session `evrig generate SESSION --variants LIST` makes them";
         return Err(WrongUse(what.into()).into());
     }
     let session = Session::open(&args.session)?;

@@ -29,7 +29,8 @@ pub(super) fn run(args: &ProcessArgs, output: &Output) -> anyhow::Result<Ending>
         return super::dataset::process(args, output);
     }
     let batch = &args.batch;
-    if batch.engine == Engine::Slurm || batch.status || batch.gather || batch.task.is_some() {
+    if batch.engine.engine == Engine::Slurm || batch.status || batch.gather || batch.task.is_some()
+    {
         let what = format!(
             "{} is a session; --engine slurm and --status take a dataset, a folder of sessions",
             args.session.display()
@@ -56,6 +57,7 @@ pub(super) fn session(
     all.append(own_light::calibrate_and_generate(&session, args, output)?);
     all.append(target::generate_from_pi(&session, args, output)?);
     all.append(target::filter_all(&session, args)?);
+    all.append(explain::variants(&session, args, output));
     all.append(explain::compare_all(&session, args)?);
     all.append(explain::diagnose(&session, args, output));
     let value = json!({
