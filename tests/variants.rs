@@ -6,13 +6,7 @@
 mod small_rig;
 
 use assert_cmd::Command;
-use evrig::device::sim::world::WorldDescription;
-use evrig::pipeline::align;
-use evrig::record::{Simulation, simulate};
-use evrig::session::Session;
-use evrig::trajectory::Optional;
 use serde_json::Value;
-use small_rig::small_rig;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 use tempfile::TempDir;
@@ -31,22 +25,7 @@ fn session() -> String {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
     let folder = FOLDER.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
-        let rig = small_rig(&small_rig::CORNER);
-        let trajectory = small_rig::corner_path();
-        let path = trajectory.path(&rig, Optional::Included).unwrap();
-        let simulation = Simulation {
-            rig: &rig,
-            trajectory: &trajectory,
-            path: &path,
-            world: &WorldDescription::default(),
-            seed: 5,
-            out: &folder.path().join("session"),
-            duration: None,
-        };
-        simulate(&simulation, &mut |_| {}).unwrap();
-        let session = Session::open(&folder.path().join("session")).unwrap();
-        let aligned = align(&session, false, &|_| {});
-        aligned.scene.unwrap();
+        small_rig::aligned_session(&folder.path().join("session"));
         folder
     });
     let path: PathBuf = folder.path().join("session");
@@ -136,13 +115,20 @@ fn constants_that_made_the_events_lie_in_their_stated_intervals() {
     let mut missed = Vec::new();
     for seed in ["1", "2", "3"] {
         let name = format!("known-{seed}");
-        let made = [
-            "generate", &session, "--from", "aps", "--k", truth, "--seed", seed, "--name", &name,
-        ];
+        let made =
+            ["generate", &session, "--from", "aps", "--k", truth, "--seed", seed, "--name", &name];
         let (code, said, _) = evrig(&made);
         assert_eq!(code, 0, "{said}");
         let told = [
-            "calibrate", &session, "--from", "aps", "--real", &name, "--evaluations", "0", "--force",
+            "calibrate",
+            &session,
+            "--from",
+            "aps",
+            "--real",
+            &name,
+            "--evaluations",
+            "0",
+            "--force",
         ];
         let (code, said, told) = evrig(&told);
         assert_eq!(code, 0, "{said}");
