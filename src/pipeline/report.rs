@@ -59,8 +59,9 @@ pub fn report(session: &Session) -> Result<String, PipelineError> {
     let mut page =
         page(session, real.as_slice(), &compared, &calibrated).map_err(PipelineError::Picture)?;
     // What was found before stands before what was recorded.
-    let last = page.sections.len().saturating_sub(1);
-    page.sections.splice(last..last, preflight::section(session)?);
+    if let Some(section) = preflight::section(session)? {
+        page.sections.insert(page.sections.len().saturating_sub(1), section);
+    }
     page.sections.extend(target::sections(session)?);
     // The answer stands first; how it was come by follows.
     if let Some(diagnosis) = read_diagnosis(session)? {
