@@ -86,6 +86,41 @@ fn what_is_known_of_images_clocks_and_seeds_goes_with_every_format_and_is_the_se
     eprintln!("{}", String::from_utf8_lossy(&read.stdout));
 }
 
+/// Needs `rerun-sdk` of the version of Cargo.toml's `re_sdk` beside the other packages.
+#[cfg(feature = "rerun")]
+#[test]
+fn an_rrd_file_is_read_back_by_reruns_own_package() {
+    let Some(python) = std::env::var("EVRIG_PYTHON").ok().filter(|p| !p.is_empty()) else {
+        eprintln!("skipped: set EVRIG_PYTHON to a Python with rerun-sdk 0.26.2");
+        return;
+    };
+    let directory = tempfile::tempdir().unwrap();
+    let session = directory.path().join("session");
+    small_rig::aligned_session(&session);
+    for file in ["real.rrd", "real.npz"] {
+        let out = directory.path().join(file);
+        let (code, said) =
+            evrig(&["export", text(&session), "--stream", "real", "--out", text(&out)]);
+        assert_eq!(code, 0, "{file}: {said}");
+    }
+    let mut read = std::process::Command::new(python);
+    let read = read.arg("tests/python/read_rrd.py").arg(directory.path()).output().unwrap();
+    assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
+    eprintln!("{}", String::from_utf8_lossy(&read.stdout));
+}
+
+#[cfg(not(feature = "rerun"))]
+#[test]
+fn an_evrig_without_rrd_files_says_how_to_have_them_and_leaves_none() {
+    let directory = tempfile::tempdir().unwrap();
+    let session = street(directory.path());
+    let out = directory.path().join("real.rrd");
+    let (code, said) = evrig(&["export", text(&session), "--stream", "real", "--out", text(&out)]);
+    assert_eq!(code, 1, "{said}");
+    assert!(said.contains("--features rerun") && said.contains("--format mcap"), "{said}");
+    assert!(!out.exists());
+}
+
 #[test]
 fn an_exported_stream_comes_back_in_as_it_was() {
     let directory = tempfile::tempdir().unwrap();
