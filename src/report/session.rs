@@ -13,7 +13,7 @@ use crate::compare::{Comparison, IntervalDensity, Maps, RateBand};
 use crate::event::{EventSlice, Events};
 use crate::frame::Luminance;
 use crate::geometry::Size;
-use crate::session::{Manifest, Session};
+use crate::session::{Manifest, Session, StreamKind};
 use crate::stats::Estimate;
 
 /// A simulated stream with its comparison and what the pictures need.
