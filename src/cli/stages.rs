@@ -187,7 +187,8 @@ pub struct CompareArgs {
     #[arg(long, value_name = "NAME", default_value = "real")]
     pub real: String,
 
-    /// A dataset: first make this list of streams in each session: twelve or davis, or a TOML file
+    /// A dataset: first make this list of streams in each session: twelve or davis, or a TOML file; with
+    /// --engine slurm each task also brings its session's stages up to date
     #[arg(long, value_name = "LIST", conflicts_with = "stream")]
     pub variants: Option<String>,
 

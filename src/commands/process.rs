@@ -25,6 +25,10 @@ pub(super) struct Processed {
 }
 
 pub(super) fn run(args: &ProcessArgs, output: &Output) -> anyhow::Result<Ending> {
+    if let Some(list) = &args.variants {
+        // A list that cannot be read is said now, and not of every session.
+        super::variants::elsewhere(list)?;
+    }
     if crate::batch::is_dataset(&args.session) {
         return super::dataset::process(args, output);
     }

@@ -134,7 +134,7 @@ fn rows<C: Clock>(
 }
 
 /// Distance of the tag's corners in a frame from where the path puts them, root mean square over the
-/// four; none where the tag was not seen.
+/// four; none where the tag was not seen, or the path ends between its rows.
 fn residual_px<C: Clock>(track: &Track<C>, shown: u64) -> Option<f64> {
     let at = track.sightings.binary_search_by_key(&shown, |sighting| sighting.frame).ok()?;
     let sighting = &track.sightings[at];

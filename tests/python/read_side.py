@@ -75,7 +75,10 @@ def check_tracks(side):
     for number, image in enumerate(side["images"]):
         track = json.loads((session / f"derived/track-{image['stream']}/track.json").read_text())["track"]
         assert track["lens"]["distortion"] == [0.0] * 5, "the test's lens is perfect"
-        half = track["plane"]["tag_side_mm"] / 2
+        tag, picture_mm, gap = (track["plane"][f"{part}_mm"] for part in ("tag_side", "picture_side", "gap"))
+        # From the middle of all that is printed, down positive: the picture, the gap, the tag.
+        right, bottom = (picture_mm + gap + tag) / 2, max(picture_mm, tag) / 2
+        corners = [[right - tag, bottom], [right, bottom], [right, bottom - tag], [right - tag, bottom - tag]]
         assert image["corner_rms_px"] == track["quality"]["corner_rms_px"]
         homographies = column(side, number, "ideal_px_from_target_mm")
         residuals = column(side, number, "corner_residual_px")
@@ -86,17 +89,18 @@ def check_tracks(side):
                 assert np.isnan(residual), row
                 continue
             seen = np.array(sightings[row]["corners_px"])
+            if np.isnan(residual):
+                # The path begins with the first sighting, and ends with the last, in the tag's middle row.
+                assert row in (min(sightings), max(sightings)), row
+                continue
             own.append(residual)
             if np.isnan(h).any():
                 continue
             n_seen += 1
             # The homography is of the middle row's time, the corners of their own rows': what the print
             # moves in between is little on this rig.
-            corners = [[-half, -half], [half, -half], [half, half], [-half, half]]
-            off = min(
-                np.sqrt(np.mean(np.sum((np.array([apply(h, [x, s * y]) for x, y in corners]) - seen) ** 2, 1)))
-                for s in (1, -1)
-            )
+            apart = np.array([apply(h, corner) for corner in corners]) - seen
+            off = np.sqrt(np.mean(np.sum(apart**2, 1)))
             assert off < residual + 1.0, (image["stream"], row, off, residual)
             if image["stream"] == "aps":
                 # All rows at once: here the two are the same number.

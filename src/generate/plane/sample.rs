@@ -21,7 +21,7 @@ impl<'a> Picture<'a> {
 
     /// Brightness at a place, pixel `i` covering `i..i + 1`; none outside the frame. Beside the edge
     /// the outermost pixels go on.
-    #[inline]
+    #[inline(always)]
     pub(super) fn at(&self, [u, v]: [f32; 2]) -> Option<f32> {
         let is_inside = u >= 0.0 && v >= 0.0 && u < self.width as f32 && v < self.height as f32;
         if !is_inside {
@@ -29,29 +29,37 @@ impl<'a> Picture<'a> {
         }
         // Middles lie at halves; raised by one, so that cutting off is rounding down.
         let (px, py) = (u + 0.5, v + 0.5);
-        let (x, y) = (px as i32, py as i32);
-        let (wx, wy) = (weights(px - x as f32), weights(py - y as f32).to_array());
-        // The first of four neighbours.
-        let (x, y) = (x as isize - 2, y as isize - 2);
-        let mut sum = f32x4::ZERO;
-        if x >= 0 && y >= 0 && x as usize + 4 <= self.width && y as usize + 4 <= self.height {
-            let start = y as usize * self.width + x as usize;
-            let rows = &self.values[start..start + 3 * self.width + 4];
-            for (j, wy) in wy.into_iter().enumerate() {
-                let row: [f32; 4] = std::array::from_fn(|i| rows[j * self.width + i]);
-                sum += f32x4::splat(wy) * f32x4::new(row);
-            }
-        } else {
-            for (j, wy) in wy.into_iter().enumerate() {
-                let row = (y + j as isize).clamp(0, self.height as isize - 1) as usize * self.width;
-                let column = |i: usize| (x + i as isize).clamp(0, self.width as isize - 1) as usize;
-                let row: [f32; 4] = std::array::from_fn(|i| self.values[row + column(i)]);
-                sum += f32x4::splat(wy) * f32x4::new(row);
-            }
+        let (column, row) = (px as i32, py as i32);
+        let share = [px - column as f32, py - row as f32];
+        // The first of four neighbours; beside the left and upper edge a number beyond all others.
+        let (x, y) = ((column - 2) as u32 as usize, (row - 2) as u32 as usize);
+        if x + 4 > self.width || y + 4 > self.height {
+            return Some(self.beside_edge([column - 2, row - 2], share));
         }
-        // Beside a sharp edge the cubic swings below black.
-        Some((sum * wx).reduce_add().max(0.0))
+        let (start, width) = (y * self.width + x, self.width);
+        let rows = &self.values[start..start + 3 * width + 4];
+        let row = |j: usize| rows[j * width..j * width + 4].try_into().unwrap_or_default();
+        Some(blend([row(0), row(1), row(2), row(3)], share))
     }
+
+    #[cold]
+    fn beside_edge(&self, [x, y]: [i32; 2], share: [f32; 2]) -> f32 {
+        let within = |at: i32, side: usize| (at.max(0) as usize).min(side - 1);
+        let row = |j: i32| {
+            let start = within(y + j, self.height) * self.width;
+            [0, 1, 2, 3].map(|i| self.values[start + within(x + i, self.width)])
+        };
+        blend([row(0), row(1), row(2), row(3)], share)
+    }
+}
+
+/// The cubic through four rows of four neighbours. Beside a sharp edge it swings below black.
+#[inline(always)]
+fn blend(rows: [[f32; 4]; 4], [right, down]: [f32; 2]) -> f32 {
+    let across = weights(down).to_array();
+    let [a, b, c, d] = [0, 1, 2, 3].map(|j| f32x4::new(rows[j]) * f32x4::splat(across[j]));
+    let parts = (((a + b) + (c + d)) * weights(right)).to_array();
+    ((parts[0] + parts[1]) + (parts[2] + parts[3])).max(0.0)
 }
 
 /// Catmull and Rom's weights of four neighbours at a share of the way from the second to the third.
