@@ -31,7 +31,7 @@ pub use lock::{Held, lock_dataset, lock_session};
 pub use outcome::{LeftOut, Outcome, Verdict, clear_outcome, read_outcome, write_outcome};
 pub use page::{comparison_page, dataset_page};
 pub use slurm::{Job, JobState, Resources, Slurm, read_job};
-pub use split::{Share, Splits};
+pub use split::{Share, SplitBy, Splits, stimulus};
 pub use walk::{Found, is_dataset, walk};
 
 use crate::session::SessionError;

@@ -22,7 +22,7 @@ mod sweep;
 mod target;
 
 pub use about::{CompletionsArgs, ManArgs};
-pub use batch::{BatchArgs, Engine};
+pub use batch::{BatchArgs, Engine, EngineArgs, SplitByArg};
 pub use check::CheckArgs;
 pub use demo::DemoArgs;
 pub use diagnose::{BaselineChoice, DiagnoseArgs};

@@ -7,6 +7,7 @@
 //! | parquet | columns t, x, y, p | pandas, polars, DuckDB |
 //! | aedat4 | events | DV, dv-processing |
 //! | mcap | event pictures, frames and the picture's outline | Foxglove (a layout lies beside), Rerun |
+//! | rrd | the same in Rerun's own format, with the feature `rerun` | Rerun |
 //!
 //! Times are microseconds of the events' clock. What is needed to use the events stands in the file
 //! where the format has room, and always in `<file>.json` beside it: see [`side`](self).
@@ -14,8 +15,11 @@
 mod images;
 mod mcap;
 mod npz;
+#[cfg(feature = "rerun")]
+mod rerun;
 mod side;
 mod viewer;
+mod window;
 
 pub use npz::ExportedArray;
 
@@ -58,6 +62,8 @@ pub enum ExportFormat {
     Aedat4,
     /// MCAP for viewers.
     Mcap,
+    /// Rerun's own format; only where evrig was built with the feature `rerun`.
+    Rrd,
 }
 
 /// Which events of a stream, in which coordinates.
@@ -114,6 +120,14 @@ pub enum ExportError {
         path: PathBuf,
         /// The reason.
         source: Box<::mcap::McapError>,
+    },
+    /// An rrd file cannot be written.
+    #[error("{path}: cannot be written: {what}", path = path.display())]
+    Rerun {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        what: String,
     },
     /// The stream cannot be had in this way.
     #[error("stream `{stream}` of {session}: {what}", session = session.display())]
@@ -208,6 +222,14 @@ fn write(session: &Session, request: &ExportRequest) -> Result<Exported, ExportE
         ExportFormat::Mcap => {
             mcap::write(session, request, &chosen, &images)?;
             beside.push(viewer::write(out, &request.stream, &images)?);
+        }
+        #[cfg(feature = "rerun")]
+        ExportFormat::Rrd => rerun::write(session, request, &chosen, &images, &side.heading())?,
+        #[cfg(not(feature = "rerun"))]
+        ExportFormat::Rrd => {
+            let what = "this evrig was built without rrd files; build it with `cargo install --path . \
+                        --locked --features rerun`, or take --format mcap, which Rerun opens as well";
+            return Err(unfit(session, request, what.into()));
         }
     }
     beside.push(side.write(out)?);

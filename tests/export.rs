@@ -5,6 +5,8 @@
 
 #![allow(clippy::expect_used, clippy::unwrap_used, clippy::print_stderr)]
 
+mod small_rig;
+
 use assert_cmd::Command;
 use std::path::{Path, PathBuf};
 
@@ -53,6 +55,70 @@ fn every_format_is_read_back_the_same_by_the_libraries_of_its_users() {
         .unwrap();
     assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
     eprintln!("{}", String::from_utf8_lossy(&read.stdout));
+}
+
+#[test]
+fn what_is_known_of_images_clocks_and_seeds_goes_with_every_format_and_is_the_sessions_own() {
+    let Some(python) = std::env::var("EVRIG_PYTHON").ok().filter(|p| !p.is_empty()) else {
+        eprintln!("skipped: set EVRIG_PYTHON to a Python with h5py, dv-processing and mcap");
+        return;
+    };
+    let directory = tempfile::tempdir().unwrap();
+    let session = directory.path().join("session");
+    small_rig::aligned_session(&session);
+    let arguments = ["generate", text(&session), "--from", "scene", "--seed", "77"];
+    let (code, said) = evrig(&arguments);
+    assert_eq!(code, 0, "{said}");
+    for stream in ["real", "scene"] {
+        for ending in ["npz", "h5", "parquet", "aedat4", "mcap"] {
+            let out = directory.path().join(format!("{stream}.{ending}"));
+            let arguments = ["export", text(&session), "--stream", stream, "--out", text(&out)];
+            let (code, said) = evrig(&arguments);
+            assert_eq!(code, 0, "{stream} {ending}: {said}");
+        }
+    }
+    let read = std::process::Command::new(python)
+        .arg("tests/python/read_side.py")
+        .args([&session, directory.path()])
+        .output()
+        .unwrap();
+    assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
+    eprintln!("{}", String::from_utf8_lossy(&read.stdout));
+}
+
+/// Needs `rerun-sdk` of the version of Cargo.toml's `re_sdk` beside the other packages.
+#[cfg(feature = "rerun")]
+#[test]
+fn an_rrd_file_is_read_back_by_reruns_own_package() {
+    let Some(python) = std::env::var("EVRIG_PYTHON").ok().filter(|p| !p.is_empty()) else {
+        eprintln!("skipped: set EVRIG_PYTHON to a Python with rerun-sdk 0.26.2");
+        return;
+    };
+    let directory = tempfile::tempdir().unwrap();
+    let session = directory.path().join("session");
+    small_rig::aligned_session(&session);
+    for file in ["real.rrd", "real.npz"] {
+        let out = directory.path().join(file);
+        let (code, said) =
+            evrig(&["export", text(&session), "--stream", "real", "--out", text(&out)]);
+        assert_eq!(code, 0, "{file}: {said}");
+    }
+    let mut read = std::process::Command::new(python);
+    let read = read.arg("tests/python/read_rrd.py").arg(directory.path()).output().unwrap();
+    assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
+    eprintln!("{}", String::from_utf8_lossy(&read.stdout));
+}
+
+#[cfg(not(feature = "rerun"))]
+#[test]
+fn an_evrig_without_rrd_files_says_how_to_have_them_and_leaves_none() {
+    let directory = tempfile::tempdir().unwrap();
+    let session = street(directory.path());
+    let out = directory.path().join("real.rrd");
+    let (code, said) = evrig(&["export", text(&session), "--stream", "real", "--out", text(&out)]);
+    assert_eq!(code, 1, "{said}");
+    assert!(said.contains("--features rerun") && said.contains("--format mcap"), "{said}");
+    assert!(!out.exists());
 }
 
 #[test]

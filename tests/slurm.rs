@@ -100,6 +100,44 @@ fn a_dataset_on_slurm_is_what_it_is_here_even_when_a_task_is_killed() {
 }
 
 #[test]
+fn variants_are_made_and_compared_on_slurm_as_they_are_here() {
+    let Some(cluster) = Cluster::start() else {
+        eprintln!("skipped: needs slurmctld, slurmd and munged (Debian: slurm-wlm, munge)");
+        return;
+    };
+    let directory = tempfile::tempdir().unwrap();
+    let here = dataset(directory.path(), 2);
+    let there = directory.path().join("there").join("dataset");
+    copy(&here, &there);
+    // A list with a name that no shell may take for more, given from where it lies.
+    let list = "it's a list.toml";
+    let text = "[[variant]]\nname = \"plain\"\nfrom = \"frames\"\npreset = \"DVS346\"\n\
+        [[variant]]\nname = \"other\"\nfrom = \"frames\"\nmodel = \"esim\"\n";
+    std::fs::write(directory.path().join(list), text).unwrap();
+    let asked = ["--variants", list, "--seed", "3"];
+    let mut command = evrig();
+    let command = command.current_dir(directory.path()).arg("process").arg(&here).args(asked);
+    let (code, local, said) = json(command);
+    assert_eq!(code, 0, "{said}");
+    let names: Vec<&str> =
+        local["variants"].as_array().unwrap().iter().map(|v| v["name"].as_str().unwrap()).collect();
+    assert!(names.contains(&"plain") && names.contains(&"other"), "{names:?}");
+
+    let mut command = evrig();
+    command.current_dir(directory.path()).env("SLURM_CONF", cluster.configuration());
+    let (code, submitted, said) = json(command.arg("compare").arg(&there).args(SMALL).args(asked));
+    assert_eq!(code, 0, "{said}");
+    cluster.wait_for(submitted["gather"].as_u64().unwrap());
+    let (a, b) = (tree(&here), tree(&there));
+    assert!(a.iter().any(|(name, _)| name == "s1/derived/compare-other/comparison.json"));
+    let names = |files: &[(String, Vec<u8>)]| files.iter().map(|f| f.0.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&a), names(&b));
+    for ((name, here), (_, there)) in a.iter().zip(&b) {
+        assert!(here == there, "{name} differs");
+    }
+}
+
+#[test]
 fn jobs_that_wait_keep_others_out_and_jobs_that_are_cancelled_are_said_so() {
     let Some(cluster) = Cluster::start() else {
         eprintln!("skipped: needs slurmctld, slurmd and munged (Debian: slurm-wlm, munge)");

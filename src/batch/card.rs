@@ -1,6 +1,6 @@
 //! `CARD.md`: what a dataset is, for people who consider using it. Counts only, no claims.
 
-use super::{Index, Verdict};
+use super::{Index, SplitBy, Verdict};
 use std::fmt::Write;
 
 /// The card of a dataset as Markdown.
@@ -31,7 +31,16 @@ pub fn card(index: &Index) -> String {
         let n = index.splits.get(&share.name).map_or(0, Vec::len);
         let _ = writeln!(text, "| {} | {} | {n} |", share.name, share.share);
     }
-    text += "\nA session's split follows from a hash of what was recorded: adding sessions moves none.\n";
+    let _ = writeln!(
+        text,
+        "\nA session's split follows from a hash of {} and the seed {}: adding sessions moves none.",
+        match index.split_by {
+            SplitBy::Recording => "what was recorded",
+            SplitBy::Stimulus =>
+                "the picture that was shown, whose recordings are all in one part,",
+        },
+        index.split_seed
+    );
     text += "\n| rig | sessions |\n| --- | ---: |\n";
     for rig in &index.rigs {
         let _ = writeln!(text, "| {} | {} |", cell(&rig.id), rig.n_sessions);

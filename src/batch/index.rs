@@ -1,6 +1,6 @@
 //! `dataset.json`: what is in a dataset, session by session.
 
-use super::{BatchError, Found, Share, Splits, Verdict, read_outcome};
+use super::{BatchError, Found, Share, SplitBy, Splits, Verdict, read_outcome, stimulus};
 use crate::diagnose;
 use crate::effect_id::EffectId;
 use crate::generate::GenerateParameters;
@@ -23,6 +23,12 @@ pub struct Index {
     pub evrig_version: String,
     /// How it was asked to be split.
     pub shares: Vec<Share>,
+    /// What no two parts have in common.
+    #[serde(default)]
+    pub split_by: SplitBy,
+    /// Seed of the split.
+    #[serde(default)]
+    pub split_seed: u64,
     /// The sessions' paths by the name of their part.
     pub splits: BTreeMap<String, Vec<String>>,
     /// The rigs, the most used first.
@@ -55,6 +61,9 @@ pub struct IndexedSession {
     pub rig: Option<String>,
     /// The trajectory it was recorded along.
     pub trajectory: Option<String>,
+    /// SHA-256 of the picture that was shown; none where the session states none.
+    #[serde(default)]
+    pub stimulus: Option<String>,
     /// The part it is in.
     pub split: Option<String>,
     /// From the first to the last stamp of its real events or frames, seconds.
@@ -126,8 +135,10 @@ pub fn index(root: &Path, found: &[Found], splits: &Splits) -> Index {
         name: name.unwrap_or_default(),
         evrig_version: env!("CARGO_PKG_VERSION").into(),
         shares: splits.shares().to_vec(),
+        split_by: splits.by(),
+        split_seed: splits.seed(),
         splits: parts,
-        warnings: warnings(&sessions, &rigs),
+        warnings: warnings(&sessions, &rigs, splits.by()),
         rigs,
         sessions,
     }
@@ -143,6 +154,7 @@ fn entry(root: &Path, found: &Found, splits: &Splits) -> IndexedSession {
         status: None,
         rig: None,
         trajectory: None,
+        stimulus: None,
         split: None,
         duration_s: None,
         streams: Vec::new(),
@@ -162,6 +174,7 @@ fn entry(root: &Path, found: &Found, splits: &Splits) -> IndexedSession {
                 Origin::Recorded { trajectory, .. } => Some(trajectory.clone()),
                 _ => None,
             };
+            entry.stimulus = stimulus(manifest).map(str::to_owned);
             entry.split = Some(splits.of(manifest).to_owned());
             entry.duration_s = duration_s(manifest);
             entry.streams = streams(session);
@@ -242,8 +255,17 @@ fn streams(session: &Session) -> Vec<IndexedStream> {
     recorded.chain(generated).collect()
 }
 
-fn warnings(sessions: &[IndexedSession], rigs: &[Rig]) -> Vec<String> {
+fn warnings(sessions: &[IndexedSession], rigs: &[Rig], by: SplitBy) -> Vec<String> {
     let mut warnings = Vec::new();
+    let is_unstated =
+        |session: &&IndexedSession| session.split.is_some() && session.stimulus.is_none();
+    let n_unstated = sessions.iter().filter(is_unstated).count();
+    if by == SplitBy::Stimulus && n_unstated > 0 {
+        warnings.push(format!(
+            "{n_unstated} sessions do not state which picture was shown, so that the split takes each for \
+             one of its own; `evrig record --images` notes it"
+        ));
+    }
     if rigs.len() > 1 {
         let names: Vec<String> =
             rigs.iter().map(|rig| format!("{} ({})", rig.id, rig.n_sessions)).collect();

@@ -14,14 +14,30 @@ pub struct Share {
     pub share: f64,
 }
 
+/// What no two parts have in common.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SplitBy {
+    /// A recording.
+    #[default]
+    Recording,
+    /// A picture that was shown while recording: all recordings of it are in one part. A session that
+    /// states no picture counts as one of its own.
+    Stimulus,
+}
+
 /// How a dataset is split; the shares add up to one.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Splits(Vec<Share>);
+#[derive(Debug, Clone, PartialEq)]
+pub struct Splits {
+    shares: Vec<Share>,
+    by: SplitBy,
+    seed: u64,
+}
 
 impl Default for Splits {
     fn default() -> Self {
         let share = |name: &str, share| Share { name: name.into(), share };
-        Self(vec![share("train", 0.8), share("val", 0.1), share("test", 0.1)])
+        Self::of_shares(vec![share("train", 0.8), share("val", 0.1), share("test", 0.1)])
     }
 }
 
@@ -52,19 +68,44 @@ impl Splits {
         if (sum - 1.0).abs() > 1e-6 {
             return Err(wrong(format!("the shares add up to {sum}, not to 1")));
         }
-        Ok(Self(shares))
+        Ok(Self::of_shares(shares))
+    }
+
+    fn of_shares(shares: Vec<Share>) -> Self {
+        Self { shares, by: SplitBy::default(), seed: 0 }
+    }
+
+    /// The same shares, by something else, or shared out anew with another seed.
+    #[must_use]
+    pub fn drawn(self, by: SplitBy, seed: u64) -> Self {
+        Self { by, seed, ..self }
     }
 
     /// The parts.
     #[must_use]
     pub fn shares(&self) -> &[Share] {
-        &self.0
+        &self.shares
     }
 
-    /// The part a session is in, from the checksums of what was recorded.
+    /// What no two parts have in common.
+    #[must_use]
+    pub const fn by(&self) -> SplitBy {
+        self.by
+    }
+
+    /// The seed.
+    #[must_use]
+    pub const fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    /// The part a session is in, from the checksums of the picture or of what was recorded.
     #[must_use]
     pub fn of(&self, manifest: &Manifest) -> &str {
-        let mut text = String::new();
+        let mut text = if self.seed == 0 { String::new() } else { format!("{} ", self.seed) };
+        if let (SplitBy::Stimulus, Some(picture)) = (self.by, stimulus(manifest)) {
+            return self.at(fraction(&format!("{text}stimulus {picture}")));
+        }
         for (file, entry) in &manifest.files {
             // The journal tells when a session was made and differs between imports of one recording.
             if file != "journal.jsonl" {
@@ -76,15 +117,23 @@ impl Splits {
 
     fn at(&self, fraction: f64) -> &str {
         let mut end = 0.0;
-        for share in &self.0 {
+        for share in &self.shares {
             end += share.share;
             if fraction < end {
                 return &share.name;
             }
         }
         // The sum may fall short of one by rounding.
-        self.0.iter().rfind(|share| share.share > 0.0).map_or("all", |share| &share.name)
+        self.shares.iter().rfind(|share| share.share > 0.0).map_or("all", |share| &share.name)
     }
+}
+
+/// SHA-256 of the picture that was shown while a session was recorded; none where it states none.
+#[must_use]
+pub fn stimulus(manifest: &Manifest) -> Option<&str> {
+    let recording = manifest.recording.as_ref()?;
+    let shown = recording.devices.iter().find(|device| device.name == "stimulus")?;
+    shown.says.get("sha256")?.as_str()
 }
 
 /// A number from 0 to below 1 that looks like chance and is the same for the same text.
@@ -97,6 +146,7 @@ fn fraction(text: &str) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
 
     #[test]
     fn the_shares_come_out_as_they_were_asked_for() {
@@ -110,6 +160,50 @@ mod tests {
             let spread = 5.0 * (f64::from(n) * share * (1.0 - share)).sqrt();
             assert!((in_part(name) - f64::from(n) * share).abs() < spread, "{name}");
         }
+    }
+
+    /// A session of one recorded file, and of a picture where there is one.
+    fn manifest(file: u64, picture: Option<u64>) -> Manifest {
+        let shown = picture.map(|picture| {
+            json!({
+                "name": "stimulus", "says": { "sha256": format!("{picture:064x}") },
+                "n_samples": 0, "n_dropped": 0, "lost": null,
+            })
+        });
+        let recording = json!({
+            "rig": "", "trajectory": "", "devices": shown.into_iter().collect::<Vec<_>>(),
+            "ended": "complete", "trajectory_began_ns": null, "clocks": null,
+        });
+        let value = json!({
+            "schema": "evrig.session/1", "name": "s", "evrig_version": "0", "created": "",
+            "origin": { "kind": "recorded", "rig": "r", "trajectory": "t" },
+            "status": "complete", "streams": [], "losses": [], "decisions": [],
+            "files": { "davis.aedat4": { "bytes": 1, "sha256": format!("{file:064x}") } },
+            "recording": recording,
+        });
+        serde_json::from_value(value).unwrap()
+    }
+
+    #[test]
+    fn no_two_parts_share_a_picture_and_a_seed_shares_out_anew() {
+        let by_picture = Splits::default().drawn(SplitBy::Stimulus, 0);
+        let another = Splits::default().drawn(SplitBy::Stimulus, 1);
+        let by_recording = Splits::default();
+        let (mut n_moved, mut n_torn) = (0, 0);
+        for picture in 0..60 {
+            let sessions: Vec<_> =
+                (0..5).map(|i| manifest(100 * picture + i, Some(picture))).collect();
+            let part = by_picture.of(&sessions[0]);
+            assert!(sessions.iter().all(|session| by_picture.of(session) == part), "{picture}");
+            n_moved += usize::from(another.of(&sessions[0]) != part);
+            let first = by_recording.of(&sessions[0]);
+            n_torn += usize::from(sessions.iter().any(|s| by_recording.of(s) != first));
+        }
+        // Of 60 pictures 34 % move on average, and of recordings 66 % of five are torn apart.
+        assert!((5..40).contains(&n_moved) && n_torn > 20, "{n_moved} {n_torn}");
+        // Where no picture is stated, a recording stands for itself.
+        let alone = manifest(7, None);
+        assert_eq!((stimulus(&alone), by_picture.of(&alone)), (None, by_recording.of(&alone)));
     }
 
     #[test]

@@ -41,6 +41,8 @@ pub enum ExportFormat {
     Aedat4,
     /// Pictures of the events, frames and the picture's outline, for Foxglove and Rerun
     Mcap,
+    /// The same in Rerun's own format (in builds with the feature rerun)
+    Rrd,
 }
 
 /// What `evrig export` takes of two streams of one name.
@@ -74,7 +76,7 @@ pub struct ExportArgs {
     #[arg(long, value_name = "PATH")]
     pub out: PathBuf,
 
-    /// The format [default: what the file's ending says (.npz, .h5, .parquet, .aedat4, .mcap), else npz]
+    /// The format [default: what the file's ending says (.npz, .h5, .parquet, .aedat4, .mcap, .rrd), else npz]
     #[arg(long, value_enum)]
     pub format: Option<ExportFormat>,
 

@@ -47,7 +47,7 @@ pub struct GenerateArgs {
 }
 
 /// The generator and its parameters.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Clone, Default, Args)]
 pub struct ModelArgs {
     /// The event model: voltmeter, esim or v2e
     #[arg(long, value_name = "MODEL")]
@@ -187,7 +187,8 @@ pub struct CompareArgs {
     #[arg(long, value_name = "NAME", default_value = "real")]
     pub real: String,
 
-    /// A dataset: first make this list of streams in each session: twelve or davis, or a TOML file
+    /// A dataset: first make this list of streams in each session: twelve or davis, or a TOML file; with
+    /// --engine slurm each task also brings its session's stages up to date
     #[arg(long, value_name = "LIST", conflicts_with = "stream")]
     pub variants: Option<String>,
 
@@ -202,13 +203,17 @@ pub struct CompareArgs {
     /// Run even when the result is already there
     #[arg(long)]
     pub force: bool,
+
+    /// Where the variants of a dataset are made.
+    #[command(flatten)]
+    pub engine: super::EngineArgs,
 }
 
 /// Arguments of `evrig process`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     evrig process sessions/street\n  \
-    evrig process dataset\n  \
+    evrig process dataset --variants twelve --splits train=0.8,test=0.2 --split-by stimulus\n  \
     evrig process dataset --engine slurm --cpus 8 --time-limit 02:00:00 --sbatch=--partition=long\n  \
     evrig process dataset --status\n\n\
     Runs every stage for which a session has the inputs and says which it left out and why.\n\
@@ -221,6 +226,10 @@ pub struct ProcessArgs {
     /// What decides the events.
     #[command(flatten)]
     pub choice: ModelArgs,
+
+    /// Also make a list of streams in each session and compare them: twelve or davis, or a TOML file
+    #[arg(long, value_name = "LIST")]
+    pub variants: Option<String>,
 
     /// Run every stage even when its result is already there
     #[arg(long)]

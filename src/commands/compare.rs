@@ -1,9 +1,9 @@
 //! `evrig compare`: simulated streams against the real one.
 
 use super::{Ending, Output, WrongUse};
-use crate::cli::CompareArgs;
+use crate::cli::{CompareArgs, Engine};
 use crate::compare::Comparison;
-use crate::pipeline::{self, CompareRequest, Freshness};
+use crate::pipeline::{self, CompareRequest, Freshness, PipelineError};
 use crate::report::{session::measures, terminal};
 use crate::session::{Session, StreamKind, StreamName};
 use serde_json::{Value, json};
@@ -12,8 +12,9 @@ pub(super) fn run(args: &CompareArgs, output: &Output) -> anyhow::Result<Ending>
     if crate::batch::is_dataset(&args.session) {
         return super::dataset::compare(args, output);
     }
-    if args.variants.is_some() || args.rig.is_some() {
-        let what = "--variants and --rig belong to a dataset; of a session `evrig generate SESSION --variants LIST` makes them";
+    let is_on_slurm = args.engine.engine == Engine::Slurm;
+    if args.variants.is_some() || args.rig.is_some() || is_on_slurm {
+        let what = "--variants, --rig and --engine belong to a dataset; of a session `evrig generate SESSION --variants LIST` makes them";
         return Err(WrongUse(what.into()).into());
     }
     let session = Session::open(&args.session)?;
@@ -29,7 +30,7 @@ pub(super) fn run(args: &CompareArgs, output: &Output) -> anyhow::Result<Ending>
             args.session.display()
         );
     }
-    let mut values = Vec::new();
+    let (mut values, mut left_out) = (Vec::new(), Vec::new());
     let mut text = String::new();
     let mut reference = pipeline::Reference::new(&session, &args.real);
     for stream in streams {
@@ -39,11 +40,25 @@ pub(super) fn run(args: &CompareArgs, output: &Output) -> anyhow::Result<Ending>
             seed: args.seed,
             force: args.force,
         };
-        let (comparison, freshness) = pipeline::compare_with(&mut reference, &request)?;
-        text += &table(&request, &comparison);
-        values.push(value(&request, &comparison, freshness)?);
+        match pipeline::compare_with(&mut reference, &request) {
+            Ok((comparison, freshness)) => {
+                text += &table(&request, &comparison);
+                values.push(value(&request, &comparison, freshness)?);
+            }
+            // Of all streams, one on another grid is no reason to leave the others out.
+            Err(error @ PipelineError::Missing { .. }) if args.stream.is_none() => {
+                left_out
+                    .push(json!({ "simulated": stream.as_str(), "because": error.to_string() }));
+                output.warn(error);
+            }
+            Err(error) => return Err(error.into()),
+        }
     }
-    let value = json!({ "schema": "evrig.comparisons/1", "comparisons": values });
+    if values.is_empty() {
+        anyhow::bail!("none of the simulated streams could be compared, as said above");
+    }
+    let value =
+        json!({ "schema": "evrig.comparisons/1", "comparisons": values, "left_out": left_out });
     output.result(&value, text.trim_end())?;
     Ok(Ending::Done)
 }

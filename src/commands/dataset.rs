@@ -7,8 +7,8 @@ mod on_slurm;
 mod status;
 
 use super::{Ending, Output, WrongUse};
-use crate::batch::{self, Splits};
-use crate::cli::{Engine, ProcessArgs, ReportArgs};
+use crate::batch::{self, SplitBy, Splits};
+use crate::cli::{Engine, ProcessArgs, ReportArgs, SplitByArg};
 use anyhow::Context;
 use serde_json::json;
 
@@ -17,6 +17,11 @@ pub(super) use comparison::compare;
 /// `evrig process DATASET`.
 pub(super) fn process(args: &ProcessArgs, output: &Output) -> anyhow::Result<Ending> {
     let splits = Splits::parse(&args.batch.splits).map_err(|e| WrongUse(e.to_string()))?;
+    let by = match args.batch.split_by {
+        SplitByArg::Recording => SplitBy::Recording,
+        SplitByArg::Stimulus => SplitBy::Stimulus,
+    };
+    let splits = splits.drawn(by, args.batch.split_seed);
     if args.batch.status {
         return status::status(args, output);
     }
@@ -26,7 +31,7 @@ pub(super) fn process(args: &ProcessArgs, output: &Output) -> anyhow::Result<End
     if args.batch.gather {
         return on_slurm::gather(args, &splits, output);
     }
-    match args.batch.engine {
+    match args.batch.engine.engine {
         Engine::Local => local::run(args, &splits, output),
         Engine::Slurm => on_slurm::submit(args, output),
     }

@@ -50,11 +50,13 @@ fn format(args: &ExportArgs) -> ExportFormat {
         Some(Chosen::Parquet) => ExportFormat::Parquet,
         Some(Chosen::Aedat4) => ExportFormat::Aedat4,
         Some(Chosen::Mcap) => ExportFormat::Mcap,
+        Some(Chosen::Rrd) => ExportFormat::Rrd,
         None => match args.out.extension().and_then(|extension| extension.to_str()) {
             Some("h5" | "hdf5") => ExportFormat::Hdf5,
             Some("parquet") => ExportFormat::Parquet,
             Some("aedat4") => ExportFormat::Aedat4,
             Some("mcap") => ExportFormat::Mcap,
+            Some("rrd") => ExportFormat::Rrd,
             _ => ExportFormat::Npz,
         },
     }

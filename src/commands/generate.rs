@@ -14,7 +14,7 @@ use serde_json::json;
 pub(super) fn run(args: &GenerateArgs, output: &Output) -> anyhow::Result<Ending> {
     let session = Session::open(&args.session)?;
     if let Some(list) = &args.variants {
-        return super::variants::run(&session, list, args, output);
+        return super::variants::run(&session, list, &args.choice, args.force, output);
     }
     let from = match (&args.from, pipeline::default_light(&session)) {
         (Some(from), _) => from.as_str(),
@@ -135,6 +135,7 @@ pub(super) fn generate(
     output: &Output,
 ) -> anyhow::Result<Generated> {
     let bar = output.progress("generate", 0);
+    bar.set_message(format!("generate {}", request.name));
     let made = pipeline::generate(session, request, &mut |done, all| {
         bar.set_length(all);
         bar.set_position(done);

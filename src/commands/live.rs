@@ -8,10 +8,11 @@ use crate::device::davis::{Pace, ReplayDavis};
 use crate::device::recorder::{Inlet, Recorder, Sample, Taken, channel, host_time};
 use crate::device::sim::world::WorldDescription;
 use crate::geometry::Size;
-use crate::live::{Addresses, Generation, Live, Status};
+use crate::live::{Addresses, Generation, GenerationSettings, Live, Status};
 use crate::record::{Bench, Opening};
 use crate::rig::Rig;
 use crate::session::Layout;
+use crate::time::Span;
 use serde_json::json;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::path::Path;
@@ -31,8 +32,8 @@ struct Source {
     recorders: Vec<Box<dyn Recorder>>,
     tag: (String, u32),
     size: Size,
-    /// Columns and rows of the Pi's frames; none where there are none.
-    pi_size: Option<Size>,
+    /// Size of the Pi's frames and their delay from row to row; none where there are none.
+    pi: Option<(Size, Span)>,
     bench: Option<Bench>,
 }
 
@@ -88,7 +89,7 @@ fn generation(
     output: &Output,
 ) -> anyhow::Result<Option<Generation>> {
     let Some(light) = args.generate else { return Ok(None) };
-    let Some(size) = source.pi_size else {
+    let Some((size, row_time)) = source.pi else {
         let text = format!(
             "{} is played without the Pi's frames; `evrig generate` makes its events",
             args.what
@@ -96,6 +97,7 @@ fn generation(
         return Err(WrongUse(text).into());
     };
     let settings = generation_settings(light, size, args.generated, &args.generation)?;
+    let settings = GenerationSettings { row_time, ..settings };
     let generation = Generation::start(&settings)?;
     output.say(format_args!("generated events  tcp://{}", generation.address()));
     Ok(Some(generation))
@@ -118,7 +120,7 @@ fn open(args: &LiveArgs) -> anyhow::Result<Source> {
             recorders: vec![Box::new(replay)],
             tag: ("tag36h11".to_owned(), 0),
             size,
-            pi_size: None,
+            pi: None,
             bench: None,
         });
     }
@@ -133,8 +135,9 @@ fn open(args: &LiveArgs) -> anyhow::Result<Source> {
     let mut bench = Bench::open(&rig, &opening)?;
     let recorders = std::mem::take(&mut bench.devices.recorders);
     let tag = (rig.target.tag_family.clone(), rig.target.tag_id);
-    let (size, pi_size) = (rig.davis.camera.size, Some(rig.pi.camera.size));
-    Ok(Source { recorders, tag, size, pi_size, bench: Some(bench) })
+    let (size, pi) = (rig.davis.camera.size, &rig.pi.camera);
+    let pi = Some((pi.size, pi.row_time));
+    Ok(Source { recorders, tag, size, pi, bench: Some(bench) })
 }
 
 /// What there was in all.

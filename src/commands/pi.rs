@@ -91,6 +91,7 @@ fn generate_here(
     }
     let size = camera.configure(&wanted)?.size;
     let settings = generation_settings(args.light, size, address, &args.generation)?;
+    let settings = GenerationSettings { row_time: pi.camera.row_time, ..settings };
     let mut generation = Generation::start(&settings)?;
     output.say(format_args!("events  tcp://{}", generation.address()));
     camera.start()?;
@@ -121,7 +122,7 @@ fn generate_here(
     })
 }
 
-/// What live generation takes of the command line.
+/// What live generation takes of the command line; the rows' delay is the rig's to say.
 pub(super) fn generation_settings(
     light: LiveLight,
     size: Size,
@@ -146,6 +147,7 @@ pub(super) fn generation_settings(
         light,
         size,
         parameters: super::generate::parameters(&choice)?,
+        row_time: Span::ZERO,
         preparation: Preparation { divide_exposure: true, ..Preparation::default() },
         bound: Span::from_secs_f64(bound_ms * 1e-3),
         address,

@@ -25,11 +25,16 @@ pub(super) struct Processed {
 }
 
 pub(super) fn run(args: &ProcessArgs, output: &Output) -> anyhow::Result<Ending> {
+    if let Some(list) = &args.variants {
+        // A list that cannot be read is said now, and not of every session.
+        super::variants::elsewhere(list)?;
+    }
     if crate::batch::is_dataset(&args.session) {
         return super::dataset::process(args, output);
     }
     let batch = &args.batch;
-    if batch.engine == Engine::Slurm || batch.status || batch.gather || batch.task.is_some() {
+    if batch.engine.engine == Engine::Slurm || batch.status || batch.gather || batch.task.is_some()
+    {
         let what = format!(
             "{} is a session; --engine slurm and --status take a dataset, a folder of sessions",
             args.session.display()
@@ -56,6 +61,7 @@ pub(super) fn session(
     all.append(own_light::calibrate_and_generate(&session, args, output)?);
     all.append(target::generate_from_pi(&session, args, output)?);
     all.append(target::filter_all(&session, args)?);
+    all.append(explain::variants(&session, args, output));
     all.append(explain::compare_all(&session, args)?);
     all.append(explain::diagnose(&session, args, output));
     let value = json!({

@@ -4,7 +4,7 @@ use super::generate::{
     asks_for_tuned, conditions, generate, prepare_as_tuned, tuned_parameters, value,
 };
 use super::{Ending, Output, WrongUse};
-use crate::cli::{ConditionArgs, GenerateArgs, ModelArgs};
+use crate::cli::{ConditionArgs, ModelArgs};
 use crate::compare::Comparison;
 use crate::generate::effect::Effects;
 use crate::pipeline::{
@@ -16,6 +16,7 @@ use crate::session::{Session, StreamKind, StreamName};
 use anyhow::Context;
 use serde::Deserialize;
 use serde_json::{Value, json};
+use std::time::Instant;
 
 const TWELVE: &str = include_str!("variants/twelve.toml");
 const DAVIS: &str = include_str!("variants/davis.toml");
@@ -63,13 +64,20 @@ struct Row {
 pub(super) fn run(
     session: &Session,
     list: &str,
-    args: &GenerateArgs,
+    choice: &ModelArgs,
+    force: bool,
     output: &Output,
 ) -> anyhow::Result<Ending> {
-    let mut rows = Vec::new();
+    let mut rows: Vec<Row> = Vec::new();
     let mut reference = Reference::new(session, "real");
-    for variant in read(list)? {
-        rows.push(one(&mut reference, session, &variant, args, output)?);
+    let variants = read(list)?;
+    let n = variants.len();
+    for (i, variant) in variants.iter().enumerate() {
+        let asked = Asked { session, choice, force, output };
+        let began = Instant::now();
+        let row = one(&mut reference, variant, &asked)?;
+        output.say(format!("{:>2} of {n}  {}", i + 1, said(&row, began.elapsed().as_secs_f64())));
+        rows.push(row);
     }
     let n_left_out = rows.iter().filter(|row| row.made.is_none()).count();
     let value = json!({
@@ -101,13 +109,36 @@ fn read(list: &str) -> anyhow::Result<Vec<Variant>> {
     Ok(list.variant)
 }
 
-fn one(
-    reference: &mut Reference<'_>,
-    session: &Session,
-    variant: &Variant,
-    args: &GenerateArgs,
-    output: &Output,
-) -> anyhow::Result<Row> {
+/// What holds for the whole list.
+struct Asked<'a> {
+    session: &'a Session,
+    choice: &'a ModelArgs,
+    force: bool,
+    output: &'a Output,
+}
+
+/// The words of a command line for a list that may be read from another directory.
+pub(super) fn elsewhere(list: &str) -> anyhow::Result<String> {
+    if ["twelve", "davis"].contains(&list) {
+        return Ok(list.to_owned());
+    }
+    read(list)?;
+    let path = std::fs::canonicalize(list).with_context(|| list.to_owned())?;
+    Ok(path.display().to_string())
+}
+
+/// What became of a variant, in a line.
+fn said(row: &Row, seconds: f64) -> String {
+    let Some(made) = &row.made else {
+        return format!("{}: left out: {}", row.name, row.because.as_deref().unwrap_or_default());
+    };
+    let fresh = if made["fresh"] == true { "fresh, " } else { "" };
+    let beside = row.because.as_ref().map_or(String::new(), |why| format!("; not compared: {why}"));
+    format!("{}: {} events ({fresh}{seconds:.1} s){beside}", row.name, made["events"])
+}
+
+fn one(reference: &mut Reference<'_>, variant: &Variant, asked: &Asked<'_>) -> anyhow::Result<Row> {
+    let Asked { session, choice, force, output } = *asked;
     let name = StreamName::new(&variant.name).map_err(|error| WrongUse(error.to_string()))?;
     let left_out = |because: String| {
         let (name, because) = (variant.name.clone(), Some(because));
@@ -116,28 +147,27 @@ fn one(
     if variant.from != "scene" && session.stream(StreamKind::Frames, &variant.from).is_err() {
         return Ok(left_out(format!("the session has no light `{}`", variant.from)));
     }
-    if let Err(error) = calibrated(session, variant, args, output) {
+    let choice = variant.choice(choice);
+    if let Err(error) = calibrated(asked, variant, &choice) {
         return Ok(left_out(format!("{error:#}")));
     }
-    let parameters = match tuned_parameters(session, &variant.from, &variant.choice(args)) {
+    let parameters = match tuned_parameters(session, &variant.from, &choice) {
         Ok(parameters) => parameters,
         Err(error) if error.is::<WrongUse>() => return Err(error),
         Err(error) => return Ok(left_out(error.to_string())),
     };
     let mut conditions = conditions(&variant.conditions())?;
     conditions.effects = variant.effects.clone();
-    if let Err(error) =
-        prepare_as_tuned(session, &variant.from, &variant.choice(args), &mut conditions)
-    {
+    if let Err(error) = prepare_as_tuned(session, &variant.from, &choice, &mut conditions) {
         return Ok(left_out(error.to_string()));
     }
     let from = variant.from.clone();
-    let request = GenerateRequest { from, name, parameters, conditions, force: args.force };
+    let request = GenerateRequest { from, name, parameters, conditions, force };
     let made = match generate(session, &request, output) {
         Ok(made) => made,
         Err(error) => return Ok(left_out(format!("{error:#}"))),
     };
-    if let Err(error) = cut(session, &request.name, args.force) {
+    if let Err(error) = cut(session, &request.name, force) {
         let (name, because) = (variant.name.clone(), Some(error.to_string()));
         let made = Some(value(&request, &made));
         return Ok(Row { name, made, comparison: None, because });
@@ -145,8 +175,8 @@ fn one(
     let compared = CompareRequest {
         real: "real".into(),
         simulated: request.name.clone(),
-        seed: args.choice.seed,
-        force: args.force,
+        seed: asked.choice.seed,
+        force,
     };
     let (comparison, because) = match pipeline::compare_with(reference, &compared) {
         Ok((comparison, _)) => (Some(comparison), None),
@@ -167,16 +197,12 @@ fn cut(session: &Session, made: &StreamName, force: bool) -> Result<(), Pipeline
 }
 
 /// Tells the session's own constants where the variant wants them and nobody has told them yet.
-fn calibrated(
-    session: &Session,
-    variant: &Variant,
-    args: &GenerateArgs,
-    output: &Output,
-) -> anyhow::Result<()> {
+fn calibrated(asked: &Asked<'_>, variant: &Variant, choice: &ModelArgs) -> anyhow::Result<()> {
+    let session = asked.session;
     let light = StreamName::new(&variant.from)?;
     let is_there =
         || Ok::<_, PipelineError>(pipeline::read_calibration(session, &light)?.is_some());
-    if !asks_for_tuned(&variant.choice(args)) || is_there()? {
+    if !asks_for_tuned(choice) || is_there()? {
         return Ok(());
     }
     let request = CalibrateRequest {
@@ -184,15 +210,15 @@ fn calibrated(
         real: "real".into(),
         objective: ObjectiveKind::Score,
         n_evaluations: 0,
-        seed: args.choice.seed,
+        seed: asked.choice.seed,
         force: false,
     };
-    super::calibrate::calibrate(session, &request, output)?;
+    super::calibrate::calibrate(session, &request, asked.output)?;
     Ok(())
 }
 
 impl Variant {
-    fn choice(&self, args: &GenerateArgs) -> ModelArgs {
+    fn choice(&self, given: &ModelArgs) -> ModelArgs {
         ModelArgs {
             model: self.model.clone(),
             preset: self.preset.clone(),
@@ -200,7 +226,7 @@ impl Variant {
             knobs: self.knobs.clone(),
             full_scale_dn: self.full_scale_dn,
             law: self.law.clone(),
-            seed: self.seed.unwrap_or(args.choice.seed),
+            seed: self.seed.unwrap_or(given.seed),
         }
     }
 

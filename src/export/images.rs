@@ -63,7 +63,7 @@ pub(super) fn read(
                 ));
                 continue;
             };
-            let map: ClockEstimate<Davis, PiSensor> = clocks.davis_from_sensor;
+            let map: ClockEstimate<Davis, PiSensor> = clocks.davis_from(name);
             let track = match track {
                 Some(AnyTrack::Pi(track)) => Some(track),
                 _ => None,
@@ -92,7 +92,8 @@ fn rows<C: Clock>(
     let mut own = Vec::new();
     let mut exposures: Option<[Vec<i64>; 2]> = Some([Vec::new(), Vec::new()]);
     let mut views: Vec<Option<View>> = Vec::new();
-    for picture in pictures {
+    let mut residuals = Vec::new();
+    for (shown, picture) in pictures.enumerate() {
         let picture = picture?;
         let timing = &picture.frame.timing;
         let middle = timing.mid_exposure(picture.frame.size.height / 2);
@@ -108,6 +109,7 @@ fn rows<C: Clock>(
             // A column that does not hold for every image would not be understood.
             _ => exposures = None,
         }
+        residuals.push(track.as_ref().and_then(|track| residual_px(track, shown as u64)));
         views.push(track.as_ref().and_then(|track| track.at(middle).ok()));
     }
     let first = |t: &i64| events_t.partition_point(|event| event < t) as i64;
@@ -123,10 +125,26 @@ fn rows<C: Clock>(
     }
     let track = track.map(|track| {
         let corners = picture_columns(&views, &mut columns);
+        let residuals = residuals.into_iter().map(|found| found.unwrap_or(f64::NAN)).collect();
+        columns.push(SideColumn::rows("corner_residual_px", residuals, 1));
         let corner_rms_px = track.quality.corner_rms_px;
         TrackFacts { tag: track.tag, corner_rms_px, picture_px: corners }
     });
     Ok(Images { stream: stream.to_owned(), clock: C::NAME, columns, track })
+}
+
+/// Distance of the tag's corners in a frame from where the path puts them, root mean square over the
+/// four; none where the tag was not seen, or the path ends between its rows.
+fn residual_px<C: Clock>(track: &Track<C>, shown: u64) -> Option<f64> {
+    let at = track.sightings.binary_search_by_key(&shown, |sighting| sighting.frame).ok()?;
+    let sighting = &track.sightings[at];
+    let mut squares = 0.0;
+    for (i, place_mm) in track.plane.tag_corners_mm().into_iter().enumerate() {
+        let view = track.at(sighting.time + sighting.corner_delays[i]).ok()?;
+        let ([u, v], [x, y]) = (view.pixel(place_mm), sighting.corners_px[i]);
+        squares += (x - u).powi(2) + (y - v).powi(2);
+    }
+    Some((squares / 4.0).sqrt())
 }
 
 /// Homographies and the picture's outline with its errors, NaN where there is no path.

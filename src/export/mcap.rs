@@ -10,6 +10,7 @@
 //! Log time is the events' clock; a picture of events carries the time at which its 20 ms end.
 
 use super::images::Images;
+use super::window::{Window, windows};
 use super::{Chosen, Cut, ExportError, ExportRequest, unfit};
 use crate::event::EventSlice;
 use crate::frame::{Channels, Samples};
@@ -22,9 +23,6 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
-
-/// Time of one picture of events, µs.
-const WINDOW_US: i64 = 20_000;
 
 const RATE: &str = r#"{"title":"evrig.Rate","type":"object","properties":{"on_hz":{"type":"number"},"off_hz":{"type":"number"}}}"#;
 
@@ -110,24 +108,11 @@ fn event_pictures(
 ) -> Result<(), ExportError> {
     let pictures = log.channel(&format!("/events/{stream}"), "foxglove.RawImage", "")?;
     let rates = log.channel(&format!("/rate/{stream}"), "evrig.Rate", RATE)?;
-    let mut start = 0;
-    while start < events.len() {
-        // Windows lie on whole multiples of their length, so that those of two streams coincide.
-        let end_us = (events.t[start].div_euclid(WINDOW_US) + 1) * WINDOW_US;
-        let end = start + events.t[start..].partition_point(|t| *t < end_us);
-        let part = events.range(start, end);
-        let mut picture = vec![128; size.n_pixels()];
-        for event in part.iter() {
-            picture[usize::from(event.y) * usize::from(size.width) + usize::from(event.x)] =
-                if event.on { 255 } else { 0 };
-        }
+    for Window { end_us, picture, rates_hz: [on_hz, off_hz] } in windows(events, size) {
         let at = Stamp::<Unix>::from_micros(end_us);
         log.put(pictures, end_us, &picture_message(stream, at, size, "mono8", picture))?;
-        let hz = |n: usize| n as f64 / (WINDOW_US as f64 * 1e-6);
-        let on = part.count_on();
-        let rate = json!({ "on_hz": hz(on), "off_hz": hz(part.len() - on) });
+        let rate = json!({ "on_hz": on_hz, "off_hz": off_hz });
         log.put(rates, end_us, rate.to_string().as_bytes())?;
-        start = end;
     }
     Ok(())
 }

@@ -6,7 +6,8 @@
 //! (the camera's own stamp on the clock named beside it), exposure where the camera states it, and
 //! where the tag was tracked `ideal_px_from_target_mm` (3 x 3, row by row: millimetres on the target to
 //! pixels of a lens without distortion), `picture_px` (corners: bottom left, bottom right, top right,
-//! top left) and their standard errors. `clocks` is the map from the Pi's clock with its errors.
+//! top left) and their standard errors, and `corner_residual_px`, how far the tag's corners in this image
+//! lie from where the path puts them. `clocks` is the map from the Pi's clock with its errors.
 
 use super::images::Images;
 use super::{Chosen, ExportError, ExportRequest};

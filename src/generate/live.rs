@@ -4,7 +4,7 @@
 //! the same events.
 
 use super::interpolate::Interpolator;
-use super::{GenerateError, Generator};
+use super::{GenerateError, Generator, RowShift, RowTimes};
 use crate::event::Events;
 use crate::frame::Luminance;
 use serde::Serialize;
@@ -42,19 +42,32 @@ pub struct LiveGenerator {
     generator: Box<dyn Generator>,
     interpolator: Option<Interpolator>,
     bound_us: i64,
+    rows: RowTimes,
+    shift: RowShift,
+    made: Events,
     tally: LiveTally,
 }
 
 impl LiveGenerator {
     /// Frames whose age on arrival is above `bound_us` are left out: they wait for nobody, so the
-    /// generator works on the newest.
+    /// generator works on the newest. Events are moved to the times of their `rows`, and those that a
+    /// row of the next frame may come before wait for it.
     #[must_use]
     pub fn new(
         generator: Box<dyn Generator>,
         interpolator: Option<Interpolator>,
         bound_us: i64,
+        rows: RowTimes,
     ) -> Self {
-        Self { generator, interpolator, bound_us, tally: LiveTally::default() }
+        Self {
+            generator,
+            interpolator,
+            bound_us,
+            rows,
+            shift: RowShift::default(),
+            made: Events::new(),
+            tally: LiveTally::default(),
+        }
     }
 
     /// Takes in a frame and appends the events since the last taken one to `out`. `now_us` tells the
@@ -71,13 +84,15 @@ impl LiveGenerator {
             self.tally.n_late += 1;
             return Fate::Late;
         }
-        let n_before = out.len();
-        let generator = &mut self.generator;
+        let size = frame.size;
+        let Self { generator, made, .. } = self;
+        made.clear();
         let pushed = match &mut self.interpolator {
-            Some(interpolator) => interpolator.push(frame, |frame| generator.push(frame, out)),
-            None => generator.push(&frame, out),
+            Some(interpolator) => interpolator.push(frame, |frame| generator.push(frame, made)),
+            None => generator.push(&frame, made),
         };
-        self.tally.n_events += (out.len() - n_before) as u64;
+        self.tally.n_events += made.len() as u64;
+        self.shift.push(self.rows, size, taken_us, made, out);
         if let Err(error) = pushed {
             self.tally.n_refused += 1;
             return Fate::Refused(error);
@@ -86,6 +101,11 @@ impl LiveGenerator {
         let latency_us = now_us().saturating_sub(taken_us);
         self.tally.worst_latency_us = self.tally.worst_latency_us.max(latency_us);
         Fate::Taken
+    }
+
+    /// Appends the events that still wait for a later frame.
+    pub fn finish(&mut self, out: &mut Events) {
+        self.shift.finish(out);
     }
 
     /// What became of the frames so far.
@@ -98,6 +118,7 @@ impl LiveGenerator {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::event::Event;
     use crate::generate::{GenerateParameters, Preset, build};
     use crate::geometry::Size;
 
@@ -110,7 +131,7 @@ mod tests {
 
     fn live(bound_us: i64) -> LiveGenerator {
         let generator = build(&GenerateParameters::from_preset(Preset::Dvs346, 1), None).unwrap();
-        LiveGenerator::new(generator, None, bound_us)
+        LiveGenerator::new(generator, None, bound_us, RowTimes::default())
     }
 
     #[test]
@@ -128,6 +149,34 @@ mod tests {
         assert_eq!((tally.n_seen, tally.n_taken, tally.n_late, tally.n_refused), (8, 6, 2, 0));
         assert_eq!((tally.n_events, tally.worst_latency_us), (out.len() as u64, 16_000));
         assert!(out.len() > 100 && out.as_slice().first_disorder().is_none());
+    }
+
+    #[test]
+    fn events_come_at_their_rows_times_and_none_is_lost() {
+        let made = |row_us: f64| {
+            let parameters = GenerateParameters::from_preset(Preset::Dvs346, 1);
+            let generator = build(&parameters, None).unwrap();
+            let rows = RowTimes { row_us, at_row: 0.0 };
+            let mut live = LiveGenerator::new(generator, None, i64::MAX, rows);
+            let mut out = Events::new();
+            for i in 0..12 {
+                let _ = live.push(frame(i * 8_333), &mut || 0, &mut out);
+            }
+            live.finish(&mut out);
+            assert_eq!(live.tally().n_events, out.len() as u64);
+            out
+        };
+        let (plain, rolling) = (made(0.0), made(400.0));
+        assert_eq!(rolling.as_slice().first_disorder(), None);
+        let mut moved: Events =
+            plain.as_slice().iter().map(|e| Event { t: e.t + 400 * i64::from(e.y), ..e }).collect();
+        moved.sort_by_time();
+        let sorted = |events: &Events| {
+            let mut all: Vec<_> = events.as_slice().iter().map(|e| (e.t, e.y, e.x, e.on)).collect();
+            all.sort_unstable();
+            all
+        };
+        assert!(sorted(&rolling) == sorted(&moved) && rolling.len() > 100);
     }
 
     #[test]

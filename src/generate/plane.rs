@@ -10,6 +10,7 @@
 //! Whatever does not lie in the plane is moved as if it did.
 
 mod carry;
+mod mesh;
 mod sample;
 
 pub use carry::PlaneCarrier;
@@ -19,6 +20,7 @@ use super::parameter_error::check;
 use super::{ParameterError, RowTimes};
 use crate::frame::Luminance;
 use crate::geometry::{Homography, Size};
+use mesh::{Mesh, STEP};
 use rayon::prelude::*;
 use sample::Picture;
 
@@ -49,13 +51,16 @@ pub trait PlanePath: Send + Sync {
 /// Puts frames between frames so densely that the plane moves by no more than this between two.
 const MOST_PX: f64 = 0.25;
 
+/// Rows that one thread takes at least.
+const ROWS: usize = 16;
+
 /// Puts frames between frames along a plane's way.
 pub struct PlaneInterpolator {
     finest_us: i64,
     path: Box<dyn PlanePath>,
     rows: RowTimes,
-    /// Ideal pixels of the middles of the sensor's, row-major; empty for a perfect lens.
-    ideal: Vec<[f32; 2]>,
+    /// Ideal pixels of the mesh's nodes in frames of this size; `NaN` where the lens has no way back.
+    nodes: Option<(Size, Vec<[f64; 2]>)>,
     before: Option<Luminance>,
     n_in_place: u64,
 }
@@ -90,7 +95,7 @@ impl PlaneInterpolator {
             finest_us: i64::from(finest_us),
             path,
             rows: RowTimes::default(),
-            ideal: Vec::new(),
+            nodes: None,
             before: None,
             n_in_place: 0,
         })
@@ -168,44 +173,47 @@ impl PlaneInterpolator {
     }
 
     fn straighten(&mut self, size: Size) {
-        if !self.path.bends() || self.ideal.len() == size.n_pixels() {
+        if self.nodes.as_ref().is_some_and(|(known, _)| *known == size) {
             return;
         }
         let path = &self.path;
-        let ideal = |i: usize| {
-            let ideal = path.undistort(middle(size, i));
-            ideal.map_or([f32::NAN; 2], |ideal| ideal.map(|part| part as f32))
+        let ideal = |pixel: [f64; 2]| match path.bends() {
+            true => path.undistort(pixel).unwrap_or([f64::NAN; 2]),
+            false => pixel,
         };
-        self.ideal = (0..size.n_pixels()).map(ideal).collect();
+        self.nodes = Some((size, Mesh::pixels(size).map(ideal).collect()));
     }
 
     /// What the camera would have seen at one instant; none where the plane's place is not known.
     fn made(&self, first: &Shot<'_>, last: &Shot<'_>, share: f32, t_us: i64) -> Option<Luminance> {
         let plane_from_pixel = self.path.pixel_from_plane(t_us as f64)?.inverse()?;
         let size = first.frame.size;
+        let (_, nodes) = self.nodes.as_ref().filter(|(known, _)| *known == size)?;
         let ways = [first, last].map(|shot| Way::new(&plane_from_pixel, shot, self.rows.at_row));
+        let meshes = [&ways[0], &ways[1]].map(|way| {
+            let find = |ideal: &[f64; 2]| {
+                let found = way.find(*ideal);
+                if self.path.bends() { self.path.distort(found) } else { found }
+            };
+            Mesh::new(size, nodes.iter().map(find))
+        });
         let mut values = vec![0.0; size.n_pixels()];
         let width = usize::from(size.width).max(1);
-        values.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-            for (x, value) in row.iter_mut().enumerate() {
-                let i = y * width + x;
-                let pixel = match self.ideal.get(i) {
-                    Some(ideal) => ideal.map(f64::from),
-                    None => [x as f64 + 0.5, y as f64 + 0.5],
-                };
-                let look = |k: usize| {
-                    let found = ways[k].find(pixel);
-                    let found = if self.path.bends() { self.path.distort(found) } else { found };
-                    ways[k].picture.at(found)
-                };
-                *value = match (look(0), if share == 0.0 { None } else { look(1) }) {
-                    (Some(a), Some(b)) => a + (b - a) * share,
-                    (Some(one), None) | (None, Some(one)) => one,
-                    (None, None) => {
-                        let [a, b] = [first, last].map(|shot| shot.frame.values[i]);
-                        a + (b - a) * share
-                    }
-                };
+        values.par_chunks_mut(width).with_min_len(ROWS).enumerate().for_each(|(y, row)| {
+            for (cell, part) in row.chunks_mut(STEP).enumerate() {
+                let lines = [meshes[0].line(cell, y), meshes[1].line(cell, y)];
+                for (k, value) in part.iter_mut().enumerate() {
+                    let look = |way: usize| ways[way].picture.at(lines[way].at(k));
+                    *value = match (look(0), if share == 0.0 { None } else { look(1) }) {
+                        (Some(a), Some(b)) => a + (b - a) * share,
+                        (Some(one), None) | (None, Some(one)) => one,
+                        (None, None) => {
+                            let i = y * width + cell * STEP + k;
+                            let [a, b] = [first, last].map(|shot| shot.frame.values[i]);
+                            a + (b - a) * share
+                        }
+                    };
+                }
             }
         });
         Some(Luminance { t_us, size, values })
@@ -263,7 +271,7 @@ fn moved_px(first: &Shot<'_>, last: &Shot<'_>) -> f64 {
     moved.into_iter().fold(0.0, f64::max)
 }
 
-/// The middle of a pixel.
+/// The middle of a pixel of a row-major number.
 fn middle(size: Size, pixel: usize) -> [f64; 2] {
     let width = usize::from(size.width).max(1);
     [(pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5]

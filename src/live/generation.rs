@@ -13,7 +13,7 @@ use crate::format::raw10;
 use crate::frame::{Luminance, UnknownOrder, luma};
 use crate::generate::input::{Colour, Pictured, Preparation, Preparer};
 use crate::generate::live::{Fate, LiveGenerator, LiveTally};
-use crate::generate::{GenerateParameters, Generator, build};
+use crate::generate::{GenerateParameters, Generator, RowTimes, build};
 use crate::geometry::Size;
 use crate::session::{FrameMetadata, PiFrame};
 use crate::time::{HostMonotonic, Span, Stamp};
@@ -43,12 +43,23 @@ pub struct GenerationSettings {
     pub size: Size,
     /// What decides the events.
     pub parameters: GenerateParameters,
+    /// Delay from row to row of the camera's frames; zero where it is not known.
+    pub row_time: Span,
     /// What is done to a picture first.
     pub preparation: Preparation,
     /// Frames older than this are left out.
     pub bound: Span,
     /// Where the events are served as AEDAT4.
     pub address: SocketAddr,
+}
+
+impl GenerationSettings {
+    /// Rows of the camera behind each row of the light: two in one colour of a mosaic.
+    fn rows_by(&self) -> u16 {
+        let colour = self.preparation.colour;
+        let is_halved = matches!(colour, Colour::Red | Colour::Green | Colour::Blue);
+        if is_halved && self.light == PiLight::Raw { 2 } else { 1 }
+    }
 }
 
 /// What became of the frames, from first to last.
@@ -90,9 +101,7 @@ impl Generation {
             return Err(LiveError::NotLoopback { address: settings.address });
         }
         let generator = build(&settings.parameters, None)?;
-        let colour = settings.preparation.colour;
-        let halved = matches!(colour, Colour::Red | Colour::Green | Colour::Blue);
-        let by = if halved && settings.light == PiLight::Raw { 2 } else { 1 };
+        let by = settings.rows_by();
         let size = Size::new(settings.size.width / by, settings.size.height / by);
         let spec = StreamSpec::events(size, &format!("evrig {}", generator.name()));
         let server = StreamServer::bind(settings.address, &spec, Compression::Lz4)?;
@@ -154,10 +163,15 @@ impl Worker {
         generator: Box<dyn Generator>,
         server: StreamServer,
     ) -> Self {
+        // A frame's time is its first row's. One colour of a mosaic has half the rows.
+        let by = f64::from(settings.rows_by());
+        let row_us = settings.row_time.as_nanos() as f64 * 1e-3 * by;
+        let rows = RowTimes { row_us, at_row: 0.0 };
+        let bound_us = settings.bound.as_micros();
         Self {
             light: settings.light,
             preparer: Preparer::new(settings.preparation),
-            generator: LiveGenerator::new(generator, None, settings.bound.as_micros()),
+            generator: LiveGenerator::new(generator, None, bound_us, rows),
             server,
             tally: GenerationTally::default(),
             unix_from_sensor_us: None,
@@ -177,6 +191,11 @@ impl Worker {
             if !events.is_empty() {
                 self.server.send_events(events.as_slice())?;
             }
+        }
+        events.clear();
+        self.generator.finish(&mut events);
+        if !events.is_empty() {
+            self.server.send_events(events.as_slice())?;
         }
         Ok(GenerationTally { generator: self.generator.tally(), ..self.tally })
     }
@@ -255,6 +274,7 @@ mod tests {
             light: PiLight::Raw,
             size: SIZE,
             parameters: GenerateParameters::from_preset(Preset::Raw2Dvs346, 1),
+            row_time: Span::ZERO,
             preparation,
             bound,
             address: SocketAddr::from(([127, 0, 0, 1], 0)),

@@ -1,5 +1,6 @@
 //! The stage `report`: what the other stages left in a session becomes one page.
 
+mod preflight;
 mod target;
 
 use super::generate::{SCENE, is_scene};
@@ -57,6 +58,10 @@ pub fn report(session: &Session) -> Result<String, PipelineError> {
     }
     let mut page =
         page(session, real.as_slice(), &compared, &calibrated).map_err(PipelineError::Picture)?;
+    // What was found before stands before what was recorded.
+    if let Some(section) = preflight::section(session)? {
+        page.sections.insert(page.sections.len().saturating_sub(1), section);
+    }
     page.sections.extend(target::sections(session)?);
     // The answer stands first; how it was come by follows.
     if let Some(diagnosis) = read_diagnosis(session)? {

@@ -6,7 +6,7 @@ use super::sync::missing;
 use super::{GenerateRequest, PipelineError};
 use crate::event::Events;
 use crate::frame::Luminance;
-use crate::generate::{RowTimes, build};
+use crate::generate::{RowShift, RowTimes, build};
 use crate::geometry::Size;
 use crate::report::figure::Figure;
 use crate::report::number::{count, significant};
@@ -51,7 +51,7 @@ pub fn sweep(
     let Some((_, first)) = request.steps.first() else {
         return Err(missing(session, "a sweep has at least one value".into()));
     };
-    let frames = frames(session, first, request.seconds)?;
+    let (frames, rows) = frames(session, first, request.seconds)?;
     let size = frames[0].size;
     let window_us = [frames[0].t_us, frames[frames.len() - 1].t_us];
     let real = match session.stream(StreamKind::Events, "real") {
@@ -65,7 +65,7 @@ pub fn sweep(
         real.map(|events| ("Real".to_owned(), events)).into_iter().collect();
     let mut n_events = Vec::new();
     for (value, step) in &request.steps {
-        let events = events(session, step, &frames)?;
+        let events = events(session, step, &frames, rows)?;
         n_events.push((*value, events.len()));
         streams.push((format!("{} = {}", request.name, significant(*value, 3)), events));
         done();
@@ -74,12 +74,12 @@ pub fn sweep(
     Ok(Swept { html: page.to_html()?, n_events, window_us })
 }
 
-/// The frames about the middle of the session.
+/// The frames about the middle of the session, and when their rows saw their light.
 fn frames(
     session: &Session,
     request: &GenerateRequest,
     seconds: f64,
-) -> Result<Vec<Luminance>, PipelineError> {
+) -> Result<(Vec<Luminance>, RowTimes), PipelineError> {
     let entry = session.stream(StreamKind::Frames, &request.from)?;
     let [first, last] = match (entry.first_us, entry.last_us) {
         (Some(first), Some(last)) => [first, last],
@@ -87,9 +87,9 @@ fn frames(
     };
     let span_us = (seconds * 1e6) as i64;
     let start = (first / 2 + last / 2 - span_us / 2).max(first);
-    let light = light_under(session, &request.from, &request.conditions)?;
+    let mut light = light_under(session, &request.from, &request.conditions)?;
     let mut found: Vec<Luminance> = Vec::new();
-    for frame in light {
+    for frame in light.by_ref() {
         let frame = frame?;
         // A stream on another clock states times that do not compare: it is taken from its start.
         let is_before = session.is_from_pi(&request.from).is_ok_and(|pi| !pi) && frame.t_us < start;
@@ -101,32 +101,44 @@ fn frames(
         }
         found.push(frame);
     }
-    if found.len() < 2 {
-        let what = format!("fewer than two frames of `{}` in {seconds} s", request.from);
-        return Err(missing(session, what));
+    match found.as_slice() {
+        [first, _, ..] => {
+            let rows = light.rows(first.size);
+            Ok((found, rows))
+        }
+        _ => {
+            let what = format!("fewer than two frames of `{}` in {seconds} s", request.from);
+            Err(missing(session, what))
+        }
     }
-    Ok(found)
 }
 
 fn events(
     session: &Session,
     request: &GenerateRequest,
     frames: &[Luminance],
+    rows: RowTimes,
 ) -> Result<Events, PipelineError> {
     if !request.conditions.effects.is_empty() {
-        return with_effects(session, request, frames.to_vec(), RowTimes::default());
+        return with_effects(session, request, frames.to_vec(), rows);
     }
     let mut generator = build(&request.parameters, None)?;
     let mut between = between(session, &request.from, &request.conditions)?;
-    let mut events = Events::new();
+    between.set_rows(rows);
+    let rows = if between.is_of_one_instant() { RowTimes::default() } else { rows };
+    let (mut shift, mut made, mut events) = (RowShift::default(), Events::new(), Events::new());
     for frame in frames {
-        let pushed = between.push(frame.clone(), |frame| generator.push(frame, &mut events));
+        made.clear();
+        let (t_us, size) = (frame.t_us, frame.size);
+        let pushed = between.push(frame.clone(), |frame| generator.push(frame, &mut made));
         pushed.map_err(|source| PipelineError::Generate {
             session: session.root().to_owned(),
             stream: request.from.clone(),
             source,
         })?;
+        shift.push(rows, size, t_us, &made, &mut events);
     }
+    shift.finish(&mut events);
     Ok(events)
 }
 

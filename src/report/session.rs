@@ -13,7 +13,7 @@ use crate::compare::{Comparison, IntervalDensity, Maps, RateBand};
 use crate::event::{EventSlice, Events};
 use crate::frame::Luminance;
 use crate::geometry::Size;
-use crate::session::{Manifest, Session};
+use crate::session::{Manifest, Session, StreamKind};
 use crate::stats::Estimate;
 
 /// A simulated stream with its comparison and what the pictures need.
@@ -80,9 +80,10 @@ fn facts(manifest: &Manifest) -> Vec<Fact> {
         .filter(|stream| stream.count > 0)
         .map(|stream| Fact::new(&stream.name, format!("{} {}", count(stream.count), stream.kind)))
         .collect();
-    let first = manifest.streams.iter().filter_map(|stream| stream.first_us).min();
-    let last = manifest.streams.iter().filter_map(|stream| stream.last_us).max();
-    if let (Some(first), Some(last)) = (first, last) {
+    // Streams on other clocks, and those that begin at the preflight, say nothing of what was recorded.
+    let of = |kind| manifest.streams.iter().find(move |stream| stream.kind == kind);
+    let main = of(StreamKind::Events).or_else(|| of(StreamKind::Frames));
+    if let Some((first, last)) = main.and_then(|stream| stream.first_us.zip(stream.last_us)) {
         facts.push(Fact::new("duration", format!("{:.3} s", (last - first) as f64 * 1e-6)));
     }
     facts

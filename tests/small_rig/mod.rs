@@ -1,7 +1,12 @@
 //! The simulated rig with some of its numbers replaced, so that its pictures are small and quick.
 
+use evrig::device::sim::world::WorldDescription;
+use evrig::pipeline::align;
+use evrig::record::{Simulation, simulate};
 use evrig::rig::Rig;
-use evrig::trajectory::Trajectory;
+use evrig::session::Session;
+use evrig::trajectory::{Optional, Trajectory};
+use std::path::Path;
 
 /// A small print over which both cameras hang at one place, with a tag as large as on the whole one.
 #[allow(dead_code)]
@@ -63,4 +68,27 @@ duration_s = 0.2
 #[allow(dead_code)]
 pub(crate) fn corner_path() -> Trajectory {
     Trajectory::parse("corner.toml", CORNER_PATH).unwrap()
+}
+
+/// A recording along it by both cameras in the simulated world, on one clock and one target.
+#[allow(dead_code)]
+pub(crate) fn aligned_session(out: &Path) -> Session {
+    let rig = small_rig(&CORNER);
+    let trajectory = corner_path();
+    let path = trajectory.path(&rig, Optional::Included).unwrap();
+    let world = WorldDescription::default();
+    let simulation = Simulation {
+        rig: &rig,
+        trajectory: &trajectory,
+        path: &path,
+        world: &world,
+        seed: 5,
+        out,
+        duration: None,
+    };
+    simulate(&simulation, &mut |_| {}).unwrap();
+    let session = Session::open(out).unwrap();
+    let aligned = align(&session, false, &|_| {});
+    aligned.scene.unwrap();
+    session
 }

@@ -1,7 +1,7 @@
 //! `evrig compare DATASET`: the measures by generator variant over the sessions.
 
-use crate::batch::{self, Aggregate, Found};
-use crate::cli::{CompareArgs, ConditionArgs, GenerateArgs, ModelArgs};
+use crate::batch::{self, Aggregate, Found, SplitBy};
+use crate::cli::{BatchArgs, CompareArgs, Engine, ModelArgs, ProcessArgs, SplitByArg};
 use crate::commands::{Ending, Output, WrongUse, compare as verb, variants};
 use crate::pipeline::{self, CompareRequest, PipelineError};
 use crate::report::number::quantity;
@@ -11,6 +11,9 @@ use std::path::Path;
 
 pub(in crate::commands) fn compare(args: &CompareArgs, output: &Output) -> anyhow::Result<Ending> {
     let root = args.session.as_path();
+    if args.engine.engine == Engine::Slurm {
+        return super::on_slurm::submit(&whole(args)?, output);
+    }
     let _held = batch::lock_dataset(root)?;
     super::on_slurm::refuse_if_under_way(root)?;
     let found = batch::walk(root)?;
@@ -45,6 +48,37 @@ pub(in crate::commands) fn compare(args: &CompareArgs, output: &Output) -> anyho
     Ok(if aggregate.left_out.is_empty() { Ending::Done } else { Ending::WithLosses })
 }
 
+/// A run over the dataset that also makes the variants: what stands beside a comparison on Slurm, where
+/// a task brings its session up to date first.
+fn whole(args: &CompareArgs) -> anyhow::Result<ProcessArgs> {
+    if args.variants.is_none() || args.rig.is_some() || args.real != "real" {
+        let what =
+            "on Slurm a dataset is compared with --variants LIST, and without --rig and --real";
+        return Err(WrongUse(what.into()).into());
+    }
+    let splits = super::gather::splits_of(&args.session)?;
+    let shares = splits.shares().iter().map(|share| format!("{}={}", share.name, share.share));
+    Ok(ProcessArgs {
+        session: args.session.clone(),
+        choice: ModelArgs { seed: args.seed, ..ModelArgs::default() },
+        variants: args.variants.clone(),
+        force: args.force,
+        batch: BatchArgs {
+            engine: args.engine.clone(),
+            status: false,
+            only_failed: false,
+            splits: shares.collect::<Vec<_>>().join(","),
+            split_by: match splits.by() {
+                SplitBy::Recording => SplitByArg::Recording,
+                SplitBy::Stimulus => SplitByArg::Stimulus,
+            },
+            split_seed: splits.seed(),
+            task: None,
+            gather: false,
+        },
+    })
+}
+
 /// The sessions of the rig that was asked for.
 fn of_rig<'a>(
     found: &'a [Found],
@@ -73,7 +107,8 @@ fn one_session(session: &Session, args: &CompareArgs, output: &Output) -> anyhow
     let _held = batch::lock_session(session)?;
     if let Some(list) = &args.variants {
         let (keeping, _) = output.keeping();
-        variants::run(session, list, &generation(session, args), &keeping)?;
+        let choice = ModelArgs { seed: args.seed, ..ModelArgs::default() };
+        variants::run(session, list, &choice, args.force, &keeping)?;
     }
     let streams = match &args.stream {
         Some(name) => vec![StreamName::new(name).map_err(|error| WrongUse(error.to_string()))?],
@@ -89,27 +124,6 @@ fn one_session(session: &Session, args: &CompareArgs, output: &Output) -> anyhow
         }
     }
     Ok(())
-}
-
-/// What a list of variants takes beside the list.
-fn generation(session: &Session, args: &CompareArgs) -> GenerateArgs {
-    GenerateArgs {
-        session: session.root().to_owned(),
-        from: None,
-        name: None,
-        choice: ModelArgs {
-            model: None,
-            preset: None,
-            k: None,
-            knobs: Vec::new(),
-            full_scale_dn: None,
-            law: None,
-            seed: args.seed,
-        },
-        conditions: ConditionArgs::default(),
-        variants: args.variants.clone(),
-        force: args.force,
-    }
 }
 
 /// Writes the comparison's JSON, tables and page.

@@ -58,7 +58,7 @@ pub(super) fn splits_of(root: &Path) -> anyhow::Result<Splits> {
     let Some(index) = batch::read_index(root)? else { return Ok(Splits::default()) };
     let share = |share: &batch::Share| format!("{}={}", share.name, share.share);
     let text: Vec<String> = index.shares.iter().map(share).collect();
-    Ok(Splits::parse(&text.join(","))?)
+    Ok(Splits::parse(&text.join(","))?.drawn(index.split_by, index.split_seed))
 }
 
 /// A line a session, and the sums.

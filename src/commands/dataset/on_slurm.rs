@@ -2,8 +2,8 @@
 
 use super::{gather as files, local};
 use crate::batch::{self, BatchError, Job, JobState, Outcome, Resources, Slurm, Splits, Verdict};
-use crate::cli::ProcessArgs;
-use crate::commands::{Ending, Output};
+use crate::cli::{ProcessArgs, SplitByArg};
+use crate::commands::{Ending, Output, variants};
 use anyhow::Context;
 use serde_json::json;
 use std::path::Path;
@@ -22,12 +22,7 @@ pub(super) fn submit(args: &ProcessArgs, output: &Output) -> anyhow::Result<Endi
         return Ok(Ending::Done);
     }
     let sessions: Vec<String> = chosen.iter().map(|one| one.key.clone()).collect();
-    let asked = &args.batch;
-    let mut arguments = args.choice.words();
-    arguments.push(format!("--splits={}", asked.splits));
-    if args.force {
-        arguments.push("--force".into());
-    }
+    let asked = &args.batch.engine;
     let job = Job {
         schema: "evrig.slurm-job/1".into(),
         sessions,
@@ -35,7 +30,7 @@ pub(super) fn submit(args: &ProcessArgs, output: &Output) -> anyhow::Result<Endi
         gather: None,
         attempt: 1,
         max_attempts: asked.attempts,
-        arguments,
+        arguments: words(args)?,
         resources: Resources {
             cpus: asked.cpus,
             memory: asked.memory.clone(),
@@ -55,6 +50,24 @@ pub(super) fn submit(args: &ProcessArgs, output: &Output) -> anyhow::Result<Endi
     );
     output.result(&json!(job), text)?;
     Ok(Ending::Done)
+}
+
+/// What every task and the job behind them are given of a command line.
+fn words(args: &ProcessArgs) -> anyhow::Result<Vec<String>> {
+    let asked = &args.batch;
+    let mut words = args.choice.words();
+    words.push(format!("--splits={}", asked.splits));
+    words.push(format!("--split-seed={}", asked.split_seed));
+    if asked.split_by == SplitByArg::Stimulus {
+        words.push("--split-by=stimulus".into());
+    }
+    if let Some(list) = &args.variants {
+        words.push(format!("--variants={}", variants::elsewhere(list)?));
+    }
+    if args.force {
+        words.push("--force".into());
+    }
+    Ok(words)
 }
 
 fn send(root: &Path, job: Job) -> anyhow::Result<Job> {

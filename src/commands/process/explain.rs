@@ -1,10 +1,30 @@
 //! The steps of `process` that hold simulated events against real ones and explain the difference.
 
 use super::steps::Steps;
-use crate::cli::ProcessArgs;
-use crate::commands::{Output, compare, diagnose as verb};
+use crate::cli::{ModelArgs, ProcessArgs};
+use crate::commands::{Output, compare, diagnose as verb, variants as list_of};
 use crate::pipeline::{self, CompareRequest, Freshness, PipelineError};
 use crate::session::{Session, StreamKind};
+
+/// The list of streams that was asked for beside the path's own.
+pub(super) fn variants(session: &Session, args: &ProcessArgs, output: &Output) -> Steps {
+    let mut steps = Steps::default();
+    let Some(list) = &args.variants else { return steps };
+    let (keeping, kept) = output.keeping();
+    let choice = ModelArgs { seed: args.choice.seed, ..ModelArgs::default() };
+    match list_of::run(session, list, &choice, args.force, &keeping) {
+        Ok(_) => {
+            let result = kept.borrow_mut().pop().unwrap_or_default();
+            let n = result["variants"].as_array().map_or(0, Vec::len);
+            steps.did("variants", &format!("{list}: {n} streams asked for"), &result);
+        }
+        Err(error) => {
+            steps.leave_out("variants", &format!("{error:#}"));
+            steps.n_lost += 1;
+        }
+    }
+    steps
+}
 
 /// Every simulated stream against the real one.
 pub(super) fn compare_all(session: &Session, args: &ProcessArgs) -> anyhow::Result<Steps> {

@@ -66,7 +66,7 @@ fn mean(picture: Picture<'_>, at: [f64; 2], [right, down]: [[f64; 2]; 2]) -> f32
     for i in 0..n as usize {
         for j in 0..m as usize {
             let (a, b) = ((i as f64 + 0.5) / n - 0.5, (j as f64 + 0.5) / m - 0.5);
-            let place = [0, 1].map(|k| at[k] + a * right[k] + b * down[k]);
+            let place = [0, 1].map(|k| (at[k] + a * right[k] + b * down[k]) as f32);
             let Some(value) = picture.at(place) else { return f32::NAN };
             sum += value;
             count += 1.0;

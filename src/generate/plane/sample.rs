@@ -1,6 +1,7 @@
 //! A frame between its pixels.
 
 use crate::frame::Luminance;
+use wide::f32x4;
 
 /// A frame that is looked up between its pixels by the cubic through four neighbours each way
 /// (Catmull and Rom): exact at the pixels' middles, and nearly as sharp between them, so that the
@@ -20,47 +21,58 @@ impl<'a> Picture<'a> {
 
     /// Brightness at a place, pixel `i` covering `i..i + 1`; none outside the frame. Beside the edge
     /// the outermost pixels go on.
-    #[inline]
-    pub(super) fn at(&self, [u, v]: [f64; 2]) -> Option<f32> {
-        let is_inside = u >= 0.0 && v >= 0.0 && u < self.width as f64 && v < self.height as f64;
+    #[inline(always)]
+    pub(super) fn at(&self, [u, v]: [f32; 2]) -> Option<f32> {
+        let is_inside = u >= 0.0 && v >= 0.0 && u < self.width as f32 && v < self.height as f32;
         if !is_inside {
             return None;
         }
-        let (px, py) = (u - 0.5, v - 0.5);
-        let (fx, fy) = (px.floor(), py.floor());
-        let (wx, wy) = (weights((px - fx) as f32), weights((py - fy) as f32));
-        let (x, y) = (fx as isize - 1, fy as isize - 1);
-        let mut sum = 0.0;
-        if x >= 0 && y >= 0 && x as usize + 4 <= self.width && y as usize + 4 <= self.height {
-            let mut start = y as usize * self.width + x as usize;
-            for wy in wy {
-                let row = &self.values[start..start + 4];
-                sum += wy * (wx[0] * row[0] + wx[1] * row[1] + wx[2] * row[2] + wx[3] * row[3]);
-                start += self.width;
-            }
-        } else {
-            for (j, wy) in wy.into_iter().enumerate() {
-                let row = (y + j as isize).clamp(0, self.height as isize - 1) as usize * self.width;
-                for (i, wx) in wx.into_iter().enumerate() {
-                    let column = (x + i as isize).clamp(0, self.width as isize - 1) as usize;
-                    sum += wy * wx * self.values[row + column];
-                }
-            }
+        // Middles lie at halves; raised by one, so that cutting off is rounding down.
+        let (px, py) = (u + 0.5, v + 0.5);
+        let (column, row) = (px as i32, py as i32);
+        let share = [px - column as f32, py - row as f32];
+        // The first of four neighbours; beside the left and upper edge a number beyond all others.
+        let (x, y) = ((column - 2) as u32 as usize, (row - 2) as u32 as usize);
+        if x + 4 > self.width || y + 4 > self.height {
+            return Some(self.beside_edge([column - 2, row - 2], share));
         }
-        // Beside a sharp edge the cubic swings below black.
-        Some(sum.max(0.0))
+        let (start, width) = (y * self.width + x, self.width);
+        let rows = &self.values[start..start + 3 * width + 4];
+        let row = |j: usize| rows[j * width..j * width + 4].try_into().unwrap_or_default();
+        Some(blend([row(0), row(1), row(2), row(3)], share))
+    }
+
+    #[cold]
+    fn beside_edge(&self, [x, y]: [i32; 2], share: [f32; 2]) -> f32 {
+        let within = |at: i32, side: usize| (at.max(0) as usize).min(side - 1);
+        let row = |j: i32| {
+            let start = within(y + j, self.height) * self.width;
+            [0, 1, 2, 3].map(|i| self.values[start + within(x + i, self.width)])
+        };
+        blend([row(0), row(1), row(2), row(3)], share)
     }
 }
 
+/// The cubic through four rows of four neighbours. Beside a sharp edge it swings below black.
+#[inline(always)]
+fn blend(rows: [[f32; 4]; 4], [right, down]: [f32; 2]) -> f32 {
+    let across = weights(down).to_array();
+    let [a, b, c, d] = [0, 1, 2, 3].map(|j| f32x4::new(rows[j]) * f32x4::splat(across[j]));
+    let parts = (((a + b) + (c + d)) * weights(right)).to_array();
+    ((parts[0] + parts[1]) + (parts[2] + parts[3])).max(0.0)
+}
+
 /// Catmull and Rom's weights of four neighbours at a share of the way from the second to the third.
-fn weights(s: f32) -> [f32; 4] {
-    let (s2, s3) = (s * s, s * s * s);
-    [
-        -0.5 * s + s2 - 0.5 * s3,
-        1.0 - 2.5 * s2 + 1.5 * s3,
-        0.5 * s + 2.0 * s2 - 1.5 * s3,
-        -0.5 * s2 + 0.5 * s3,
-    ]
+#[inline]
+fn weights(s: f32) -> f32x4 {
+    const POWERS: [f32x4; 4] = [
+        f32x4::new([0.0, 1.0, 0.0, 0.0]),
+        f32x4::new([-0.5, 0.0, 0.5, 0.0]),
+        f32x4::new([1.0, -2.5, 2.0, -0.5]),
+        f32x4::new([-0.5, 1.5, -1.5, 0.5]),
+    ];
+    let s = f32x4::splat(s);
+    POWERS[0] + s * (POWERS[1] + s * (POWERS[2] + s * POWERS[3]))
 }
 
 #[cfg(test)]
@@ -76,11 +88,11 @@ mod tests {
         let picture = Picture::new(&frame);
         for (u, v) in [(3.2, 2.9), (4.5, 3.5), (5.71, 4.33)] {
             let truth = 3.0 + 2.0 * (u - 0.5) + 5.0 * (v - 0.5);
-            assert!((f64::from(picture.at([u, v]).unwrap()) - truth).abs() < 1e-4);
+            assert!((picture.at([u, v]).unwrap() - truth).abs() < 1e-4);
         }
         assert!((picture.at([0.5, 0.5]).unwrap() - 3.0).abs() < 1e-6);
         assert_eq!(picture.at([-0.01, 3.0]), None);
         assert_eq!(picture.at([3.0, 7.0]), None);
-        assert_eq!(picture.at([f64::NAN, 3.0]), None);
+        assert_eq!(picture.at([f32::NAN, 3.0]), None);
     }
 }
