@@ -62,7 +62,7 @@ impl Near {
         };
         let ways = from.iter().zip(&to).map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]));
         let way = ways.fold(0.0, f64::max);
-        if !(way <= MAX_WAY_PX) {
+        if way.is_nan() || way > MAX_WAY_PX {
             return Self::all(size);
         }
         let both = || from.iter().chain(&to);
@@ -97,7 +97,7 @@ fn corners(numbers: [f32; 9], half: f32) -> Option<[[f64; 2]; 4]> {
     let mut found = [[0.0; 2]; 4];
     for (place, [u, v]) in found.iter_mut().zip([[-h, -h], [h, -h], [h, h], [-h, h]]) {
         let q = back * nalgebra::Vector3::new(u, v, 1.0);
-        if !(q.z > 0.0) {
+        if q.z.is_nan() || q.z <= 0.0 {
             return None;
         }
         *place = [q.x / q.z, q.y / q.z];
