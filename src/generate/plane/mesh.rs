@@ -24,7 +24,7 @@ pub(super) struct Line {
 impl Mesh {
     /// Middles of the pixels that are nodes of a grid, row by row; the last may lie beyond its edge.
     pub(super) fn pixels(size: Size) -> impl Iterator<Item = [f64; 2]> {
-        let [columns, rows] = [size.width, size.height].map(|side| n_nodes(side));
+        let [columns, rows] = [size.width, size.height].map(n_nodes);
         let at = |node: usize| (node * STEP) as f64 + 0.5;
         (0..rows).flat_map(move |y| (0..columns).map(move |x| [at(x), at(y)]))
     }

@@ -44,8 +44,8 @@ pub(super) fn section(session: &Session) -> Result<Option<Section>, PipelineErro
 
 /// What was looked at, the verdict, and what was found, of the last preflight.
 fn findings(journal: &str) -> Vec<[String; 3]> {
-    let notes = journal.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
-    let last = notes.filter(|note| note["what"] == "preflight").last();
+    let mut notes = journal.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+    let last = notes.rfind(|note| note["what"] == "preflight");
     let findings = last.as_ref().and_then(|note| note["findings"].as_array());
     let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
     let row = |f: &Value| [text(&f["what"]), text(&f["verdict"]), text(&f["says"])];
