@@ -7,6 +7,7 @@
 
 use super::check::Structure;
 use super::constancy::Stratum;
+use super::fit::Fitted;
 
 /// Structure, nats an event, that the shape of the noise and the error of the light leave under a
 /// right model.
@@ -24,6 +25,12 @@ const AS_GOOD_AS_EQUAL: f64 = 0.5;
 
 /// Standard errors that a difference of strength has to have.
 const SURE: f64 = 5.0;
+
+/// Half width of a 90 % interval of a logarithm at which a parameter is not told: a factor of three.
+const VAGUE: f64 = 1.1;
+
+/// Standard errors from no effect that a parameter has to have which may have either sign.
+const FROM_NOTHING: f64 = 3.0;
 
 /// How a model stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,6 +70,20 @@ pub(super) fn inconstant(strengths: &[Stratum]) -> Option<&Stratum> {
     let far = strengths.iter().filter(|s| s.change.abs() > SURE * s.error);
     far.filter(|s| beyond(s) > AS_GOOD_AS_EQUAL)
         .max_by(|a, b| (a.change.abs() / a.error).total_cmp(&(b.change.abs() / b.error)))
+}
+
+/// Whether the events tell none of an effect's parameters: what fits at any strength stands in for
+/// something else. The model comes with its errors.
+pub(super) fn is_vague(model: &Fitted, index: usize) -> bool {
+    let hypothesis = &model.hypothesis;
+    let effect = hypothesis.effects[index];
+    let at = hypothesis.offset_of(index);
+    let mut own = effect.parameters.iter().enumerate().filter(|(_, p)| !p.is_fixed && !p.is_hidden);
+    effect.frees.is_empty()
+        && own.all(|(i, p)| {
+            let (value, error) = (hypothesis.values[at + i], model.error_of(at + i));
+            if p.is_log { 1.645 * error > VAGUE } else { value.abs() < FROM_NOTHING * error }
+        })
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use super::errors::with_errors;
 use super::fit::{Fitted, fit};
 use super::halves::halves;
 use super::heat::{HeatMap, heat_maps};
-use super::naming::{Standing, inconstant, standing};
+use super::naming::{Standing, inconstant, is_vague, standing};
 use super::region::limited;
 use super::scan::{Tried, scan};
 use super::score::Part;
@@ -62,7 +62,8 @@ pub fn diagnose(
     let begun = fit(&few, Hypothesis::baseline(evidence), 12, 1e-4);
     let baseline = fit(evidence, begun.hypothesis, 12, 1e-5);
     let (baseline, model, taken) = take_all(evidence, &few, baseline, options, progress);
-    let (mut model, mut taken) = prune(evidence, &baseline, model, taken);
+    let (model, taken) = prune(evidence, &baseline, model, taken);
+    let (mut model, mut taken) = leave_out_vague(evidence, &baseline, model, taken);
     progress("null");
     let null::Drawn { gains, structures } =
         null::drawn(evidence, &few, &model, options.n_null, options.seed, progress);
@@ -249,6 +250,25 @@ fn prune(
         } else {
             index += 1;
         }
+    }
+    (model, taken)
+}
+
+/// Leaves out effects that buy something at any strength, the last taken first.
+fn leave_out_vague(
+    evidence: &Evidence,
+    baseline: &Fitted,
+    mut model: Fitted,
+    mut taken: Vec<Taken>,
+) -> (Fitted, Vec<Taken>) {
+    while !taken.is_empty() {
+        let known = with_errors(evidence, model.clone());
+        let Some(vague) = (0..taken.len()).rev().find(|&index| is_vague(&known, index)) else {
+            break;
+        };
+        let rest: Vec<usize> = (0..taken.len()).filter(|&index| index != vague).collect();
+        model = refit_with(evidence, baseline, &model, &rest);
+        taken.remove(vague);
     }
     (model, taken)
 }
