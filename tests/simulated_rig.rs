@@ -144,7 +144,7 @@ fn a_recorded_world_moves_when_and_only_when_the_arm_does() {
     // The poses come every 20 ms, and the arm needs 30 ms for its first tenth of a millimetre.
     let early = t.iter().filter(|t| **t < begun - 60_000).count();
     assert_eq!(early, 0, "nothing is seen before the arm moves at {begun}: {:?}", t.first());
-    let moving = t.iter().filter(|t| (begun..ended).contains(t)).count();
+    let moving = t.iter().filter(|t| (begun..ended).contains(*t)).count();
     assert!(moving > 500, "{moving} events while the arm moves");
     // Behind the motion, the dimmed light alone makes events: half the light is 3.6 thresholds.
     let dimmed = events.as_slice().between(ended, i64::MAX);
