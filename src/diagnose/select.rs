@@ -21,7 +21,7 @@ const LEAST_GAIN: f64 = 0.02;
 /// An effect's gain has to be so many of its standard errors.
 const LEAST_ERRORS: f64 = 4.0;
 
-/// Steps of a taken effect's own fit: a skew and an offset lie along a ridge that short steps climb.
+/// Steps of a fit that stays: a skew and an offset lie along a ridge that short steps climb.
 const LAST_STEPS: usize = 40;
 
 /// Events on which first fits are made.
@@ -289,5 +289,5 @@ fn refit_with(evidence: &Evidence, baseline: &Fitted, model: &Fitted, kept: &[us
             *last = model.hypothesis.regions[index];
         }
     }
-    fit(evidence, hypothesis, 6, 1e-4)
+    fit(evidence, hypothesis, LAST_STEPS, 1e-5)
 }
