@@ -4,15 +4,11 @@
 
 mod small_rig;
 
-use evrig::device::sim::world::WorldDescription;
 use evrig::frame::Samples;
 use evrig::pipeline::{AnyTrack, TrackRequest, read_clocks, read_scene, read_track, track};
-use evrig::record::{Simulation, simulate};
 use evrig::session::{Picture, Session};
 use evrig::time::PiSensor;
-use evrig::trajectory::Optional;
 use serde_json::Value;
-use small_rig::small_rig;
 use std::fs;
 use std::path::Path;
 
@@ -31,24 +27,10 @@ struct Recording {
 }
 
 fn recording() -> Recording {
-    let rig = small_rig(&small_rig::CORNER);
-    let trajectory = small_rig::corner_path();
-    let path = trajectory.path(&rig, Optional::Included).unwrap();
-    let world =
-        WorldDescription::parse("w.toml", "[clocks]\npi_wall_offset_us = 4321.0\n").unwrap();
     let directory = tempfile::tempdir().unwrap();
-    let out = directory.path().join("session");
-    let simulation = Simulation {
-        rig: &rig,
-        trajectory: &trajectory,
-        path: &path,
-        world: &world,
-        seed: 5,
-        out: &out,
-        duration: None,
-    };
-    simulate(&simulation, &mut |_| {}).unwrap();
-    Recording { session: Session::open(&out).unwrap(), _directory: directory }
+    let world = "[clocks]\npi_wall_offset_us = 4321.0\n";
+    let session = small_rig::corner_session(world, &directory.path().join("session"));
+    Recording { session, _directory: directory }
 }
 
 /// The tag's pixels in a frame of the Pi: columns and rows from and to, a margin about them.

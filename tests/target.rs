@@ -6,49 +6,26 @@
 mod small_rig;
 
 use evrig::clock::Reference;
-use evrig::device::sim::world::WorldDescription;
 use evrig::generate::{Choice, GenerateParameters};
 use evrig::pipeline::{
     AnyTrack, CompareRequest, FilterRequest, FilterSettings, Freshness, GenerateRequest,
     PipelineError, TrackRequest, compare, filter, generate, read_clocks, report, sync, track,
 };
-use evrig::record::{Simulation, simulate};
-use evrig::rig::Rig;
 use evrig::session::{Session, StreamName};
 use evrig::time::{PiSensor, Span, Stamp};
-use evrig::trajectory::Optional;
-use small_rig::small_rig;
 use std::path::Path;
 use std::sync::OnceLock;
 use tempfile::TempDir;
-
-/// A small print over which both cameras hang, with a tag as large as on the whole one.
-fn rig() -> Rig {
-    small_rig(&small_rig::CORNER)
-}
 
 const UNIX_START_US: i64 = 1_700_000_000_000_000;
 const PI_BOOT_NS: i64 = 54_321_000_000_000;
 
 fn simulate_to(out: &Path) {
-    let rig = rig();
-    let trajectory = small_rig::corner_path();
-    let path = trajectory.path(&rig, Optional::Included).unwrap();
     let world = format!(
         "[clocks]\nunix_start_us = {UNIX_START_US}\npi_boot_ns = {PI_BOOT_NS}\npi_skew_ppm = 10.0\n\
          pi_wall_offset_us = 4321.0\n"
     );
-    let world = WorldDescription::parse("w.toml", &world).unwrap();
-    let simulation = Simulation {
-        rig: &rig,
-        trajectory: &trajectory,
-        path: &path,
-        world: &world,
-        seed: 5,
-        out,
-        duration: None,
-    };
-    simulate(&simulation, &mut |_| {}).unwrap();
+    small_rig::corner_session(&world, out);
 }
 
 /// One session for all tests of this file: each writes results of its own or the same ones.

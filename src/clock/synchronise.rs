@@ -127,6 +127,11 @@ const MAX_CHI2_PER_DOF: f64 = 4.0;
 /// The larger ones are not one motion when they leave over more than this of it: a hundredth of the
 /// way, squared. The estimate's error holds them otherwise.
 const MAX_UNEXPLAINED: f64 = 1e-4;
+/// A map that runs by more than this off the one before is not of clocks: quartz keeps to a hundred
+/// parts in a million, and a fit that lost its way does not.
+const MAX_SKEW_PPM: f64 = 5_000.0;
+/// A motion in which more than this share of a track's samples had to be left out is not one.
+const MAX_LEFT_OUT: f64 = 0.25;
 /// Stamps this much before their arrival are what a link and its buffers take.
 const MAX_TRANSPORT: Span = Span::from_micros(1_000_000);
 /// Two clocks of one host are steered alike; what is left is rounding, ppm.
@@ -195,18 +200,11 @@ impl SessionClocks {
             None => Err(ClockError::TooFewSamples { track: "other", found: 0, needed: 1 }),
         };
         self.motion = Some(match found {
-            Ok(estimate)
-                if estimate.chi2_per_dof > MAX_CHI2_PER_DOF
-                    && estimate.unexplained > MAX_UNEXPLAINED =>
-            {
-                let refused = Some(format!(
-                    "the residuals are {:.1} times what the tracks state and {:.1} % of the way: they do \
-                     not show one motion, turned, scaled and late",
-                    estimate.chi2_per_dof.sqrt(),
-                    1e2 * estimate.unexplained.sqrt()
-                ));
-                MotionAttempt { tracks, estimate: Some(estimate), refused }
-            }
+            Ok(estimate) if is_lost(&estimate, [davis.len(), pi.len()]) => MotionAttempt {
+                tracks,
+                refused: Some(no_motion(&estimate, [davis.len(), pi.len()])),
+                estimate: Some(estimate),
+            },
             Ok(estimate) => {
                 self.davis_from_sensor = estimate.clock.clone();
                 MotionAttempt { tracks, estimate: Some(estimate), refused: None }
@@ -216,6 +214,33 @@ impl SessionClocks {
             }
         });
     }
+}
+
+/// Shares of two tracks' samples that a motion had to leave out.
+fn left_out(found: &MotionEstimate<Davis, PiSensor>, n: [usize; 2]) -> [f64; 2] {
+    [0, 1].map(|track| found.n_outliers[track] as f64 / n[track].max(1) as f64)
+}
+
+/// Whether what was found is no motion that two cameras with clocks saw.
+fn is_lost(found: &MotionEstimate<Davis, PiSensor>, n: [usize; 2]) -> bool {
+    let is_rough = found.chi2_per_dof > MAX_CHI2_PER_DOF && found.unexplained > MAX_UNEXPLAINED;
+    let skew_ppm = found.skew_ppm.map_or(0.0, |skew| skew.value.abs());
+    // Not a number is no answer either.
+    let is_clock = skew_ppm <= MAX_SKEW_PPM;
+    is_rough || !is_clock || left_out(found, n).iter().any(|share| *share > MAX_LEFT_OUT)
+}
+
+/// Why, in words.
+fn no_motion(found: &MotionEstimate<Davis, PiSensor>, n: [usize; 2]) -> String {
+    let [davis, pi] = left_out(found, n).map(|share| 1e2 * share);
+    format!(
+        "the residuals are {:.1} times what the tracks state and {:.1} % of the way, {davis:.0} and {pi:.0} % \
+         of the samples do not fit at all, and the clocks would go {:.0} ppm apart: they do not show one \
+         motion, turned, scaled and late",
+        found.chi2_per_dof.sqrt(),
+        1e2 * found.unexplained.sqrt(),
+        found.skew_ppm.map_or(0.0, |skew| skew.value)
+    )
 }
 
 fn attempt<A: Clock, B: Clock>(
@@ -305,7 +330,9 @@ fn events_clock(arrivals: &[FramePair<Unix, Davis>]) -> EventsClock {
             "the camera's recorder stamps Unix time; the arrivals say nothing".into(),
         ),
         Some(segment) => {
-            let late = segment.map.map(middle) - as_stamped.map(middle);
+            // A busy host takes packets later, never earlier: the quickest one tells.
+            let after = arrivals.iter().map(|pair| pair.real - as_stamped.map(pair.sensor));
+            let late = after.min().unwrap_or(Span::ZERO);
             if (Span::ZERO..=MAX_TRANSPORT).contains(&late) {
                 (
                     true,

@@ -70,13 +70,13 @@ pub(crate) fn corner_path() -> Trajectory {
     Trajectory::parse("corner.toml", CORNER_PATH).unwrap()
 }
 
-/// A recording along it by both cameras in the simulated world, on one clock and one target.
+/// A recording along it by both cameras in the simulated world.
 #[allow(dead_code)]
-pub(crate) fn aligned_session(out: &Path) -> Session {
+pub(crate) fn corner_session(world: &str, out: &Path) -> Session {
     let rig = small_rig(&CORNER);
     let trajectory = corner_path();
     let path = trajectory.path(&rig, Optional::Included).unwrap();
-    let world = WorldDescription::default();
+    let world = WorldDescription::parse("w.toml", world).unwrap();
     let simulation = Simulation {
         rig: &rig,
         trajectory: &trajectory,
@@ -87,7 +87,13 @@ pub(crate) fn aligned_session(out: &Path) -> Session {
         duration: None,
     };
     simulate(&simulation, &mut |_| {}).unwrap();
-    let session = Session::open(out).unwrap();
+    Session::open(out).unwrap()
+}
+
+/// The same on one clock and one target.
+#[allow(dead_code)]
+pub(crate) fn aligned_session(out: &Path) -> Session {
+    let session = corner_session("", out);
     let aligned = align(&session, false, &|_| {});
     aligned.scene.unwrap();
     session

@@ -103,6 +103,20 @@ fn frames_alone_give_the_pis_wall_clock_and_say_so() {
 }
 
 #[test]
+fn a_host_too_busy_to_take_packets_does_not_make_their_stamps_wrong() {
+    // For two thirds of the time what is taken falls behind, by up to three seconds.
+    let arrivals: Vec<FramePair<Unix, Davis>> = (0..500)
+        .map(|k| {
+            let at = host(sensor(k));
+            let behind = Span::from_micros(2_000 + 10_000 * (k - 150).clamp(0, 300));
+            FramePair::new(Stamp::from_nanos(at.as_nanos()), at + behind)
+        })
+        .collect();
+    let clock = events_clock(&arrivals);
+    assert!(clock.is_as_stamped, "{}", clock.because);
+}
+
+#[test]
 fn events_that_arrive_before_their_stamps_are_on_another_clock() {
     let mut dice = StdRng::seed_from_u64(3);
     let ahead = Span::from_micros(4_000_000);
