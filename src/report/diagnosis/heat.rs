@@ -19,6 +19,16 @@ fn axis_words(key: &str) -> (&str, f64) {
     }
 }
 
+/// An axis in a title.
+fn short(key: &str) -> &str {
+    match key {
+        "time_s" => "time",
+        "interval_us" => "the time since the last event",
+        "contrast_rate_per_s" => "the speed of the light",
+        other => other,
+    }
+}
+
 /// The axis of a map. Edges that are far from even are counted instead: the range stands in words.
 fn axis(key: &str, edges: &[f64]) -> Axis {
     let (words, scale) = axis_words(key);
@@ -84,9 +94,13 @@ fn figure(map: &HeatMap, is_corrected: bool) -> Option<Figure> {
     };
     let edges: String =
         map.axes.iter().zip(&map.edges).filter_map(|(key, edges)| range(key, edges)).collect();
+    let upside = if map.axes[1] == "row" { " The first row lies at the bottom." } else { "" };
     Some(Figure {
-        title: format!("Where it is wrong, by {} and {}", map.axes[0], map.axes[1]),
-        caption: format!("{caption} Empty: too few events.{edges}"),
+        title: format!(
+            "Where it is wrong, by {}",
+            map.axes.each_ref().map(|k| short(k)).join(" and ")
+        ),
+        caption: format!("{caption} Empty: too few events.{upside}{edges}"),
         legend: Vec::new(),
         panels: panels?,
         data: None,
