@@ -56,7 +56,7 @@ RATIOS = {
     ],
     "filter": [
         (f"filter, {name}", rf"^\| {name} \| \d+ \| ([\d.]+) \|$", "time over a copy of the columns", "")
-        for name in ["region", "region, cropped to 88 px", "region through a lens"]
+        for name in ["region", "region, cropped to 88 px", "region through a lens", "region, all events in it"]
     ],
     "disk": [
         ("recording to disk", r"recording / copy = ([\d.]+)",

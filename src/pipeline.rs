@@ -55,6 +55,7 @@ use crate::report::plot::picture::PictureError;
 use crate::roi::TrackError;
 use crate::scene::{FramesError, SceneError};
 use crate::session::{SessionError, StageRecord, read_stage};
+use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 
 /// Why a stage failed.
@@ -196,6 +197,17 @@ fn fresh_record(directory: &Path, wanted: &StageRecord) -> Option<StageRecord> {
     let record = read_stage(directory)?;
     let has_outputs = record.outputs.keys().all(|name| directory.join(name).exists());
     (record.is_same_run(wanted) && has_outputs).then_some(record)
+}
+
+/// What a stage wrote as JSON; none where the file is not there.
+fn read_json<T: DeserializeOwned>(path: PathBuf) -> Result<Option<T>, PipelineError> {
+    let text = match std::fs::read_to_string(&path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(source) => return Err(PipelineError::Io { path, source }),
+    };
+    let read = serde_json::from_str(&text);
+    read.map(Some).map_err(|error| PipelineError::Io { path, source: error.into() })
 }
 
 /// Empties a stage's directory, or makes it. The record goes first: a stage that is cut

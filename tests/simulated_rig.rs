@@ -9,8 +9,7 @@ use evrig::device::sim::world::WorldDescription;
 use evrig::format::aedat4::{Content, Reader};
 use evrig::imu::ImuSample;
 use evrig::record::{
-    Bench, BenchError, Dwells, Opening, Outcome, Prompts, Request, Simulation, State, StopToken,
-    record, simulate,
+    Bench, BenchError, Dwells, Opening, Outcome, Prompts, Request, State, StopToken, record,
 };
 use evrig::rig::Rig;
 use evrig::session::{ClockExchange, FrameMetadata, Manifest, Session, Status, StreamKind, verify};
@@ -230,20 +229,8 @@ fn a_simulated_camera_cannot_sit_on_a_real_arm() {
 }
 
 fn simulate_to(out: &Path, effects: &str, n_threads: usize) -> Manifest {
-    let (rig, trajectory) = (rig(), trajectory());
-    let path = trajectory.path(&rig, Optional::Included).unwrap();
-    let world = WorldDescription::parse("w.toml", effects).unwrap();
-    let simulation = Simulation {
-        rig: &rig,
-        trajectory: &trajectory,
-        path: &path,
-        world: &world,
-        seed: 5,
-        out,
-        duration: None,
-    };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
-    pool.install(|| simulate(&simulation, &mut |_| {})).unwrap()
+    pool.install(|| small_rig::simulated(&rig(), &trajectory(), effects, out))
 }
 
 #[test]

@@ -200,14 +200,12 @@ impl SessionClocks {
             None => Err(ClockError::TooFewSamples { track: "other", found: 0, needed: 1 }),
         };
         self.motion = Some(match found {
-            Ok(estimate) if is_lost(&estimate, [davis.len(), pi.len()]) => MotionAttempt {
-                tracks,
-                refused: Some(no_motion(&estimate, [davis.len(), pi.len()])),
-                estimate: Some(estimate),
-            },
             Ok(estimate) => {
-                self.davis_from_sensor = estimate.clock.clone();
-                MotionAttempt { tracks, estimate: Some(estimate), refused: None }
+                let refused = no_motion(&estimate, [davis.len(), pi.len()]);
+                if refused.is_none() {
+                    self.davis_from_sensor = estimate.clock.clone();
+                }
+                MotionAttempt { tracks, estimate: Some(estimate), refused }
             }
             Err(error) => {
                 MotionAttempt { tracks, estimate: None, refused: Some(error.to_string()) }
@@ -216,31 +214,25 @@ impl SessionClocks {
     }
 }
 
-/// Shares of two tracks' samples that a motion had to leave out.
-fn left_out(found: &MotionEstimate<Davis, PiSensor>, n: [usize; 2]) -> [f64; 2] {
-    [0, 1].map(|track| found.n_outliers[track] as f64 / n[track].max(1) as f64)
-}
-
-/// Whether what was found is no motion that two cameras with clocks saw.
-fn is_lost(found: &MotionEstimate<Davis, PiSensor>, n: [usize; 2]) -> bool {
+/// Why what was found is no motion that two cameras with clocks saw; none where it may be one. `n` are
+/// the samples of the two tracks.
+fn no_motion(found: &MotionEstimate<Davis, PiSensor>, n: [usize; 2]) -> Option<String> {
     let is_rough = found.chi2_per_dof > MAX_CHI2_PER_DOF && found.unexplained > MAX_UNEXPLAINED;
-    let skew_ppm = found.skew_ppm.map_or(0.0, |skew| skew.value.abs());
+    let skew_ppm = found.skew_ppm.map_or(0.0, |skew| skew.value);
     // Not a number is no answer either.
-    let is_clock = skew_ppm <= MAX_SKEW_PPM;
-    is_rough || !is_clock || left_out(found, n).iter().any(|share| *share > MAX_LEFT_OUT)
-}
-
-/// Why, in words.
-fn no_motion(found: &MotionEstimate<Davis, PiSensor>, n: [usize; 2]) -> String {
-    let [davis, pi] = left_out(found, n).map(|share| 1e2 * share);
-    format!(
-        "the residuals are {:.1} times what the tracks state and {:.1} % of the way, {davis:.0} and {pi:.0} % \
-         of the samples do not fit at all, and the clocks would go {:.0} ppm apart: they do not show one \
-         motion, turned, scaled and late",
-        found.chi2_per_dof.sqrt(),
-        1e2 * found.unexplained.sqrt(),
-        found.skew_ppm.map_or(0.0, |skew| skew.value)
-    )
+    let is_of_clocks = skew_ppm.abs() <= MAX_SKEW_PPM;
+    let left_out = [0, 1].map(|track| found.n_outliers[track] as f64 / n[track].max(1) as f64);
+    let is_torn = left_out.iter().any(|share| *share > MAX_LEFT_OUT);
+    let [davis, pi] = left_out.map(|share| 1e2 * share);
+    (is_rough || !is_of_clocks || is_torn).then(|| {
+        format!(
+            "the residuals are {:.1} times what the tracks state and {:.1} % of the way, {davis:.0} and \
+             {pi:.0} % of the samples do not fit at all, and the clocks would go {skew_ppm:.0} ppm apart: \
+             they do not show one motion, turned, scaled and late",
+            found.chi2_per_dof.sqrt(),
+            1e2 * found.unexplained.sqrt(),
+        )
+    })
 }
 
 fn attempt<A: Clock, B: Clock>(

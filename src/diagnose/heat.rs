@@ -1,12 +1,10 @@
 //! Heat maps of where a model is wrong: over the sensor, over time and rows, and over how long ago
 //! the pixel's last event was and how fast the light changes.
 
-use super::Evidence;
 use super::fit::Fitted;
-use super::score::kinds_of_pixels;
-use super::strata::quantiles_of;
-use crate::predict::{Residual, Silence, residuals};
-use rayon::prelude::*;
+use super::strata::{quantiles_of, walked};
+use super::{Evidence, PixelEvidence};
+use crate::predict::{Residual, Silence};
 use serde::{Deserialize, Serialize};
 
 /// Cells along either side of the sensor, at most.
@@ -49,45 +47,47 @@ pub struct HeatMap {
     pub n_events: Vec<u64>,
 }
 
-/// What one pixel shows under a model.
-struct Seen {
-    place: [f64; 2],
-    events: Vec<Residual>,
-    blocks: Vec<Silence>,
-}
-
-fn seen(evidence: &Evidence, model: &Fitted) -> Vec<Seen> {
-    let kinds = kinds_of_pixels(evidence, &model.hypothesis);
-    let of = |(pixel, kind): (&super::PixelEvidence, f64)| {
-        let view = model.hypothesis.view(evidence, pixel, kind, Vec::new());
-        let place = (pixel.x, pixel.y);
-        let (events, blocks) =
-            residuals(&view.law, view.light(), place, &pixel.spikes, &evidence.blocks);
-        Seen { place: [f64::from(pixel.x), f64::from(pixel.y)], events, blocks }
-    };
-    evidence.pixels.par_iter().zip(kinds).map(of).collect()
-}
+/// What pixels show under a model: each one's events, and its counts in each block of time.
+type Seen = Vec<(Vec<Residual>, Vec<Silence>)>;
 
 /// The maps of a baseline and of a model on the same evidence.
 pub(super) fn heat_maps(evidence: &Evidence, models: [&Fitted; 2]) -> Vec<HeatMap> {
-    let seen = models.map(|model| seen(evidence, model));
+    let seen = models.map(|model| walked(evidence, model));
     let [width, height] = evidence.middle.map(|middle| 2.0 * middle);
     let cell = width.max(height) / ACROSS as f64;
     let sensor = [even(width, (width / cell).ceil()), even(height, (height / cell).ceil())];
-    let seconds = evidence.blocks.length_us() as f64 * 1e-6;
-    let rows = [even(seconds, evidence.blocks.n() as f64), even(height, BANDS as f64)];
-    let middle_s = |block: usize| {
-        (evidence.blocks.end_us(block) - 0.5e6 * seconds / evidence.blocks.n() as f64) * 1e-6
-    };
-    let all: Vec<&Residual> = seen[0].iter().flat_map(|s| &s.events).collect();
+    let blocks = evidence.blocks;
+    let seconds = blocks.length_us() as f64 * 1e-6;
+    let rows = [even(seconds, blocks.n() as f64), even(height, BANDS as f64)];
+    let half_s = 0.5 * seconds / blocks.n() as f64;
+    let all: Vec<&Residual> = seen[0].iter().flat_map(|(events, _)| events).collect();
     let interval = |r: &Residual| r.previous.map_or(f64::NAN, |p| p.ago_s * 1e6);
     let rate = |r: &Residual| r.slope_per_s;
     let parts = |of: &dyn Fn(&Residual) -> f64| spanning(all.iter().map(|r| of(r)).collect());
     let past = [parts(&interval), parts(&rate)];
+    let surplus = |axes, edges, at: &dyn Fn(&PixelEvidence, usize) -> [f64; 2]| {
+        map(axes, edges, HeatValue::Surplus, &seen, &|seen, add| {
+            for (pixel, (_, counts)) in evidence.pixels.iter().zip(seen) {
+                for (block, one) in counts.iter().enumerate() {
+                    let real = f64::from(one.on + one.off);
+                    add(at(pixel, block), [real, one.expected_on + one.expected_off]);
+                }
+            }
+        })
+    };
+    let innovation = |axes, edges, at: &dyn Fn(&Residual) -> [f64; 2]| {
+        map(axes, edges, HeatValue::Innovation, &seen, &|seen, add| {
+            for event in seen.iter().flat_map(|(events, _)| events) {
+                event.innovation.into_iter().for_each(|late| add(at(event), [1.0, late]));
+            }
+        })
+    };
+    let place = |pixel: &PixelEvidence| [f64::from(pixel.x), f64::from(pixel.y)];
+    let middle_s = |block| blocks.end_us(block) * 1e-6 - half_s;
     [
-        surplus(["column", "row"], sensor, &seen, |s, _| s.place),
-        surplus(["time_s", "row"], rows, &seen, |s, block| [middle_s(block), s.place[1]]),
-        innovation(["interval_us", "contrast_rate_per_s"], past, &seen, |r| [interval(r), rate(r)]),
+        surplus(["column", "row"], sensor, &|pixel, _| place(pixel)),
+        surplus(["time_s", "row"], rows, &|pixel, block| [middle_s(block), place(pixel)[1]]),
+        innovation(["interval_us", "contrast_rate_per_s"], past, &|r| [interval(r), rate(r)]),
     ]
     .into_iter()
     .flatten()
@@ -123,67 +123,39 @@ fn place(edges: &[Vec<f64>; 2], at: [f64; 2]) -> Option<usize> {
     Some(y * (edges[0].len() - 1) + x)
 }
 
-fn n_cells(edges: &[Vec<f64>; 2]) -> usize {
-    edges.iter().map(|edges| edges.len().saturating_sub(1)).product()
-}
+/// Takes what lies at a place: its events, and what the model expected or by how much they were late.
+type Add<'a> = &'a mut dyn FnMut([f64; 2], [f64; 2]);
 
-fn surplus(
+/// A map of what `sum` hands over of each model; none of a single cell.
+fn map(
     axes: [&str; 2],
     edges: [Vec<f64>; 2],
-    seen: &[Vec<Seen>; 2],
-    at: impl Fn(&Seen, usize) -> [f64; 2],
+    value: HeatValue,
+    seen: &[Seen; 2],
+    sum: &dyn Fn(&Seen, Add<'_>),
 ) -> Option<HeatMap> {
-    let n = n_cells(&edges);
-    let sums = |seen: &[Seen]| {
-        let mut sums = vec![(0.0, 0.0); n];
-        for one in seen {
-            for (block, silence) in one.blocks.iter().enumerate() {
-                let Some(cell) = place(&edges, at(one, block)) else { continue };
-                sums[cell].0 += f64::from(silence.on + silence.off);
-                sums[cell].1 += silence.expected_on + silence.expected_off;
+    let n: usize = edges.iter().map(|edges| edges.len().saturating_sub(1)).product();
+    let [before, after] = seen.each_ref().map(|seen| {
+        let mut sums = vec![[0.0; 2]; n];
+        sum(seen, &mut |at, [events, other]| {
+            if let Some(cell) = place(&edges, at) {
+                sums[cell][0] += events;
+                sums[cell][1] += other;
             }
-        }
+        });
         sums
-    };
-    let [before, after] = [sums(&seen[0]), sums(&seen[1])];
-    let value = |&(real, expected): &(f64, f64)| {
-        (real + expected >= LEAST).then(|| (real - expected) / expected.max(1.0).sqrt())
+    });
+    let told = |&[events, other]: &[f64; 2]| match value {
+        HeatValue::Surplus => {
+            (events + other >= LEAST).then(|| (events - other) / other.max(1.0).sqrt())
+        }
+        HeatValue::Innovation => (events >= LEAST).then(|| other / events),
     };
     (n > 1).then(|| HeatMap {
         axes: axes.map(str::to_owned),
-        value: HeatValue::Surplus,
-        values: [&before, &after].map(|sums| sums.iter().map(value).collect()),
-        n_events: before.iter().map(|(real, _)| *real as u64).collect(),
-        edges,
-    })
-}
-
-fn innovation(
-    axes: [&str; 2],
-    edges: [Vec<f64>; 2],
-    seen: &[Vec<Seen>; 2],
-    at: impl Fn(&Residual) -> [f64; 2],
-) -> Option<HeatMap> {
-    let n = n_cells(&edges);
-    let sums = |seen: &[Seen]| {
-        let mut sums = vec![(0.0, 0_u64); n];
-        for event in seen.iter().flat_map(|one| &one.events) {
-            let (Some(innovation), Some(cell)) = (event.innovation, place(&edges, at(event)))
-            else {
-                continue;
-            };
-            sums[cell].0 += innovation;
-            sums[cell].1 += 1;
-        }
-        sums
-    };
-    let [before, after] = [sums(&seen[0]), sums(&seen[1])];
-    let value = |&(sum, n): &(f64, u64)| (n as f64 >= LEAST).then(|| sum / n as f64);
-    (n > 1).then(|| HeatMap {
-        axes: axes.map(str::to_owned),
-        value: HeatValue::Innovation,
-        values: [&before, &after].map(|sums| sums.iter().map(value).collect()),
-        n_events: before.iter().map(|(_, n)| *n).collect(),
+        value,
+        values: [&before, &after].map(|sums| sums.iter().map(told).collect()),
+        n_events: before.iter().map(|[events, _]| *events as u64).collect(),
         edges,
     })
 }

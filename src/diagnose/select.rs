@@ -95,7 +95,7 @@ pub fn diagnose(
         model = baseline.clone();
     }
     progress("errors");
-    let model = with_errors(evidence, model);
+    let model = if model.errors.is_some() { model } else { with_errors(evidence, model) };
     progress("halves");
     let halves = if taken.is_empty() { Vec::new() } else { halves(evidence, &baseline, &model) };
     let reached = Reached { taken, standing, before, after, reach, suspects, halves, null };
@@ -254,7 +254,8 @@ fn prune(
     (model, taken)
 }
 
-/// Leaves out effects that buy something at any strength, the last taken first.
+/// Leaves out effects that buy something at any strength, the last taken first. A model that names
+/// something comes back with its errors.
 fn leave_out_vague(
     evidence: &Evidence,
     baseline: &Fitted,
@@ -264,7 +265,7 @@ fn leave_out_vague(
     while !taken.is_empty() {
         let known = with_errors(evidence, model.clone());
         let Some(vague) = (0..taken.len()).rev().find(|&index| is_vague(&known, index)) else {
-            break;
+            return (known, taken);
         };
         let rest: Vec<usize> = (0..taken.len()).filter(|&index| index != vague).collect();
         model = refit_with(evidence, baseline, &model, &rest);

@@ -6,8 +6,8 @@
 
 use super::fit::Fitted;
 use super::score::{Part, kinds_of_pixels};
-use super::{Evidence, Where};
-use crate::predict::{Residual, residuals};
+use super::{Evidence, PixelEvidence, Where};
+use crate::predict::{Residual, Silence, residuals};
 use rayon::prelude::*;
 
 /// Cells of the histogram of `u`.
@@ -43,16 +43,9 @@ pub(super) struct Covariate {
 
 /// The residuals of every event under a model.
 pub(super) fn placed(evidence: &Evidence, model: &Fitted) -> Vec<Placed> {
-    let kinds = kinds_of_pixels(evidence, &model.hypothesis);
-    evidence
-        .pixels
-        .par_iter()
-        .zip(kinds)
-        .flat_map_iter(|(pixel, kind)| {
-            let view = model.hypothesis.view(evidence, pixel, kind, Vec::new());
-            let place = (pixel.x, pixel.y);
-            let (events, _) =
-                residuals(&view.law, view.light(), place, &pixel.spikes, &evidence.blocks);
+    let of_pixels = evidence.pixels.iter().zip(walked(evidence, model));
+    of_pixels
+        .flat_map(|(pixel, (events, _))| {
             events.into_iter().map(|residual| {
                 let block = evidence.blocks.of(residual.t_us as f64);
                 let held_out = evidence.is_held_out(pixel.tile, block);
@@ -60,6 +53,17 @@ pub(super) fn placed(evidence: &Evidence, model: &Fitted) -> Vec<Placed> {
             })
         })
         .collect()
+}
+
+/// The residuals of each pixel's events under a model, and its counts in each block of time.
+pub(super) fn walked(evidence: &Evidence, model: &Fitted) -> Vec<(Vec<Residual>, Vec<Silence>)> {
+    let kinds = kinds_of_pixels(evidence, &model.hypothesis);
+    let of_pixel = |(pixel, kind): (&PixelEvidence, f64)| {
+        let view = model.hypothesis.view(evidence, pixel, kind, Vec::new());
+        let place = (pixel.x, pixel.y);
+        residuals(&view.law, view.light(), place, &pixel.spikes, &evidence.blocks)
+    };
+    evidence.pixels.par_iter().zip(kinds).map(of_pixel).collect()
 }
 
 fn word(late: f64) -> &'static str {

@@ -3,7 +3,9 @@
 mod luminance;
 
 use super::generate::{is_scene, scene_inputs};
-use super::{Freshness, PipelineError, clear, fresh_record, inputs, light, track, tracked};
+use super::{
+    Freshness, PipelineError, clear, fresh_record, inputs, light, read_json, track, tracked,
+};
 use crate::calibrate::{self, CalibrateError, Calibration, EmdObjective, Objective};
 use crate::calibrate::{ScoreObjective, Settings};
 use crate::session::{Session, StageRecord, StreamName, write_stage};
@@ -122,11 +124,5 @@ pub fn read_calibration(
     session: &Session,
     light: &StreamName,
 ) -> Result<Option<Calibration>, PipelineError> {
-    let path = session.layout().derived("calibrate", Some(light)).join("k.json");
-    let io = |source| PipelineError::Io { path: path.clone(), source };
-    match std::fs::read_to_string(&path) {
-        Ok(text) => serde_json::from_str(&text).map(Some).map_err(|e| io(e.into())),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(io(error)),
-    }
+    read_json(session.layout().derived("calibrate", Some(light)).join("k.json"))
 }

@@ -1,7 +1,7 @@
 //! The stage `compare`: a simulated stream against the real one.
 
 use super::generate::is_scene;
-use super::{Freshness, PipelineError, clear, filter, fresh_record, inputs};
+use super::{Freshness, PipelineError, clear, filter, fresh_record, inputs, read_json};
 use crate::compare::{self, Comparison, FrameChanges, Maps, Setup};
 use crate::event::{EventSlice, Events};
 use crate::format::npy::{Column, Npz, NpzWriter};
@@ -310,14 +310,9 @@ pub fn read_comparison(
     simulated: &StreamName,
 ) -> Result<Option<Comparison>, PipelineError> {
     let directory = session.layout().derived("compare", Some(simulated));
-    let path = directory.join("comparison.json");
-    let io = |source| PipelineError::Io { path: path.clone(), source };
-    let text = match std::fs::read_to_string(&path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(io(error)),
+    let Some(mut comparison) = read_json::<Comparison>(directory.join("comparison.json"))? else {
+        return Ok(None);
     };
-    let mut comparison: Comparison = serde_json::from_str(&text).map_err(|e| io(e.into()))?;
     let mut npz = Npz::open(&directory.join("maps.npz")).map_err(SessionError::from)?;
     let Maps { size, real_on, real_off, simulated_on, simulated_off } = &mut comparison.maps;
     for (name, map) in MAP_NAMES.into_iter().zip([real_on, real_off, simulated_on, simulated_off]) {

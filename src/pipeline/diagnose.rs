@@ -4,15 +4,17 @@ mod tied;
 
 use super::generate::{aps_starts, scene_inputs};
 use super::sync::read_clocks;
-use super::{Freshness, PipelineError, clear, default_light, fresh_record, inputs, read_scene};
+use super::{
+    Freshness, PipelineError, clear, default_light, fresh_record, inputs, read_json, read_scene,
+};
 use crate::diagnose::{self, Diagnosis, Evidence, Facts, FreeRun, HeatMap, Options};
 use crate::drive::Drive;
 use crate::event::Events;
 use crate::predict::ByPixel;
 use crate::scene::FramesDrive;
 use crate::session::{Session, StageRecord, StreamKind, read_stage, write_stage};
-use serde::de::DeserializeOwned;
 use serde_json::json;
+use std::path::PathBuf;
 
 /// What to diagnose.
 #[derive(Debug, Clone, PartialEq)]
@@ -122,7 +124,7 @@ const HEAT: &str = "heat.json";
 /// # Errors
 /// When the file is there and cannot be read.
 pub fn read_free_run(session: &Session) -> Result<Option<FreeRun>, PipelineError> {
-    Ok(read(session, FREE_RUN)?.flatten())
+    Ok(read_json(result(session, FREE_RUN))?.flatten())
 }
 
 /// The heat maps of the diagnosis that a session holds.
@@ -130,7 +132,7 @@ pub fn read_free_run(session: &Session) -> Result<Option<FreeRun>, PipelineError
 /// # Errors
 /// When the file is there and cannot be read.
 pub fn read_heat(session: &Session) -> Result<Vec<HeatMap>, PipelineError> {
-    Ok(read(session, HEAT)?.unwrap_or_default())
+    Ok(read_json(result(session, HEAT))?.unwrap_or_default())
 }
 
 /// The diagnosis that a session holds.
@@ -138,19 +140,11 @@ pub fn read_heat(session: &Session) -> Result<Vec<HeatMap>, PipelineError> {
 /// # Errors
 /// When the file is there and cannot be read.
 pub fn read_diagnosis(session: &Session) -> Result<Option<Diagnosis>, PipelineError> {
-    read(session, "diagnosis.json")
+    read_json(result(session, "diagnosis.json"))
 }
 
-/// A file of the stage's result; none where it is not there.
-fn read<T: DeserializeOwned>(session: &Session, name: &str) -> Result<Option<T>, PipelineError> {
-    let path = session.layout().derived("diagnose", None).join(name);
-    if !path.exists() {
-        return Ok(None);
-    }
-    let io = |source| PipelineError::Io { path: path.clone(), source };
-    let text = std::fs::read_to_string(&path).map_err(io)?;
-    let read = serde_json::from_str(&text);
-    read.map(Some).map_err(|error| io(std::io::Error::new(std::io::ErrorKind::InvalidData, error)))
+fn result(session: &Session, name: &str) -> PathBuf {
+    session.layout().derived("diagnose", None).join(name)
 }
 
 /// By how much the scene's tie of the clocks may be off: the DAVIS's frames and events differ by

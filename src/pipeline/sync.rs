@@ -1,7 +1,7 @@
 //! The stage `sync`: the session's clocks, and where each frame of the Pi lies among the events.
 
 use super::track::{self, AnyTrack};
-use super::{Freshness, PipelineError, clear, fresh_record, inputs};
+use super::{Freshness, PipelineError, clear, fresh_record, inputs, read_json};
 use crate::clock::{
     Evidence, FramePair, MotionOptions, Reference, SessionClocks, TrackSample, host_reading,
     synchronise,
@@ -119,14 +119,7 @@ pub fn sync(session: &Session, force: bool) -> Result<Synced, PipelineError> {
 /// # Errors
 /// When its file cannot be read.
 pub fn read_clocks(session: &Session) -> Result<Option<SessionClocks>, PipelineError> {
-    let path = clock_path(session);
-    let text = match std::fs::read_to_string(&path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(source) => return Err(PipelineError::Io { path, source }),
-    };
-    let clocks = serde_json::from_str(&text);
-    clocks.map(Some).map_err(|error| PipelineError::Io { path, source: error.into() })
+    read_json(clock_path(session))
 }
 
 fn clock_path(session: &Session) -> PathBuf {

@@ -1,6 +1,6 @@
 //! The stage `track`: the tag followed through a stream's frames, each on its camera's own clock.
 
-use super::{Freshness, PipelineError, clear, fresh_record, inputs, sync::missing};
+use super::{Freshness, PipelineError, clear, fresh_record, inputs, read_json, sync::missing};
 use crate::frame::Frame;
 use crate::rig::{CameraDescription, Rig};
 use crate::roi::{Light, Track, TrackOptions, Tracker};
@@ -96,14 +96,7 @@ pub(super) fn outputs(session: &Session, stream: &str) -> Result<inputs::Inputs,
 /// # Errors
 /// When its file cannot be read.
 pub fn read_track(session: &Session, stream: &str) -> Result<Option<AnyTrack>, PipelineError> {
-    let Some(path) = path(session, stream) else { return Ok(None) };
-    let text = match std::fs::read_to_string(&path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(source) => return Err(PipelineError::Io { path, source }),
-    };
-    let track = serde_json::from_str(&text);
-    track.map(Some).map_err(|error| PipelineError::Io { path, source: error.into() })
+    path(session, stream).map_or(Ok(None), read_json)
 }
 
 /// The summary of a track that the session holds.

@@ -12,7 +12,7 @@
 //! | `/log` | foxglove.Log | what the engine did |
 //!
 //! A message's log time is Unix time on the host; the stamps of the devices stand in the
-//! messages. Chunks are closed every half second, so a file that was cut lacks little.
+//! messages. Chunks are closed every quarter of a second, so a file that was cut lacks little.
 
 mod census;
 mod fence;

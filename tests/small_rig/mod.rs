@@ -4,7 +4,7 @@ use evrig::device::sim::world::WorldDescription;
 use evrig::pipeline::align;
 use evrig::record::{Simulation, simulate};
 use evrig::rig::Rig;
-use evrig::session::Session;
+use evrig::session::{Manifest, Session};
 use evrig::trajectory::{Optional, Trajectory};
 use std::path::Path;
 
@@ -70,23 +70,20 @@ pub(crate) fn corner_path() -> Trajectory {
     Trajectory::parse("corner.toml", CORNER_PATH).unwrap()
 }
 
-/// A recording along it by both cameras in the simulated world.
+/// A recording by both cameras in the simulated world that `world` describes.
+#[allow(dead_code)]
+pub(crate) fn simulated(rig: &Rig, trajectory: &Trajectory, world: &str, out: &Path) -> Manifest {
+    let path = trajectory.path(rig, Optional::Included).unwrap();
+    let world = WorldDescription::parse("w.toml", world).unwrap();
+    let (path, world) = (&path, &world);
+    let simulation = Simulation { rig, trajectory, path, world, seed: 5, out, duration: None };
+    simulate(&simulation, &mut |_| {}).unwrap()
+}
+
+/// One along the way round the corner.
 #[allow(dead_code)]
 pub(crate) fn corner_session(world: &str, out: &Path) -> Session {
-    let rig = small_rig(&CORNER);
-    let trajectory = corner_path();
-    let path = trajectory.path(&rig, Optional::Included).unwrap();
-    let world = WorldDescription::parse("w.toml", world).unwrap();
-    let simulation = Simulation {
-        rig: &rig,
-        trajectory: &trajectory,
-        path: &path,
-        world: &world,
-        seed: 5,
-        out,
-        duration: None,
-    };
-    simulate(&simulation, &mut |_| {}).unwrap();
+    simulated(&small_rig(&CORNER), &corner_path(), world, out);
     Session::open(out).unwrap()
 }
 

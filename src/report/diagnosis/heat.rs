@@ -7,37 +7,40 @@ use crate::report::page::Block;
 use crate::report::plot::chart::Axis;
 use crate::report::plot::grid::{Colours, Grid, draw};
 
-/// How an axis is called, and by what its edges are to be multiplied for that.
-fn axis_words(key: &str) -> (&str, f64) {
-    match key {
-        "column" => ("column (px)", 1.0),
-        "row" => ("row (px)", 1.0),
-        "time_s" => ("time (s)", 1.0),
-        "interval_us" => ("time since the pixel's last event, sixths of the events", 0.0),
-        "contrast_rate_per_s" => ("speed of the light's logarithm, sixths of the events", 0.0),
-        other => (other, 1.0),
-    }
+/// An axis of a map in words.
+struct Words {
+    title: &'static str,
+    label: &'static str,
+    /// Whether cells are equally wide; else they are counted and their edges stand in the caption.
+    is_even: bool,
 }
 
-/// An axis in a title.
-fn short(key: &str) -> &str {
-    match key {
-        "time_s" => "time",
-        "interval_us" => "the time since the last event",
-        "contrast_rate_per_s" => "the speed of the light",
-        other => other,
-    }
+/// The words for a covariate.
+fn words(key: &str) -> Words {
+    let (title, label, is_even) = match key {
+        "column" => ("column", "column (px)", true),
+        "row" => ("row", "row (px)", true),
+        "time_s" => ("time", "time (s)", true),
+        "interval_us" => (
+            "the time since the last event",
+            "time since the pixel's last event, sixths of the events",
+            false,
+        ),
+        "contrast_rate_per_s" => (
+            "the speed of the light",
+            "speed of the light's logarithm, sixths of the events",
+            false,
+        ),
+        _ => ("another quantity", "cell", false),
+    };
+    Words { title, label, is_even }
 }
 
-/// The axis of a map. Edges that are far from even are counted instead: the range stands in words.
 fn axis(key: &str, edges: &[f64]) -> Axis {
-    let (words, scale) = axis_words(key);
-    let n = edges.len().saturating_sub(1) as f64;
-    match (edges.first(), edges.last()) {
-        (Some(first), Some(last)) if scale > 0.0 => {
-            Axis::linear(words).over(first * scale, last * scale)
-        }
-        _ => Axis::linear(words).over(0.0, n),
+    let Words { label, is_even, .. } = words(key);
+    match edges {
+        [first, .., last] if is_even => Axis::linear(label).over(*first, *last),
+        _ => Axis::linear(label).over(0.0, edges.len().saturating_sub(1) as f64),
     }
 }
 
@@ -88,9 +91,8 @@ fn figure(map: &HeatMap, is_corrected: bool) -> Option<Figure> {
     let n = if is_corrected { 2 } else { 1 };
     let panels: Option<Vec<Panel>> = titles.into_iter().zip(&values).take(n).map(panel).collect();
     let range = |key: &str, edges: &[f64]| {
-        let (_, scale) = axis_words(key);
-        let words: Vec<String> = edges.iter().map(|edge| format!("{edge:.3}")).collect();
-        (scale <= 0.0).then(|| format!(" Edges of {key}: {}.", words.join(", ")))
+        let told: Vec<String> = edges.iter().map(|edge| format!("{edge:.3}")).collect();
+        (!words(key).is_even).then(|| format!(" Edges of {key}: {}.", told.join(", ")))
     };
     let edges: String =
         map.axes.iter().zip(&map.edges).filter_map(|(key, edges)| range(key, edges)).collect();
@@ -98,7 +100,7 @@ fn figure(map: &HeatMap, is_corrected: bool) -> Option<Figure> {
     Some(Figure {
         title: format!(
             "Where it is wrong, by {}",
-            map.axes.each_ref().map(|k| short(k)).join(" and ")
+            map.axes.each_ref().map(|key| words(key).title).join(" and ")
         ),
         caption: format!("{caption} Empty: too few events.{upside}{edges}"),
         legend: Vec::new(),
