@@ -32,6 +32,7 @@ mod scan;
 mod score;
 mod select;
 mod spectrum;
+mod stated;
 mod strata;
 mod tuned;
 mod verdict;
@@ -45,6 +46,7 @@ pub use nuisance::Nuisance;
 pub use options::Options;
 pub use scan::Gain;
 pub use select::{Diagnosed, diagnose};
+pub use stated::Departure;
 pub use verdict::{
     CannotJudge, Diagnosis, FitReport, FittedEffect, Half, HeldOut, Interval, Leftover, Mismatch,
     NullReport, ProposedTerm, Rival, StructureLeft, StructureReport, Suspect, Verdict, Where,

@@ -35,10 +35,12 @@ pub(super) struct Reached {
     pub(super) suspects: Vec<Suspect>,
     pub(super) halves: Vec<Half>,
     pub(super) null: NullReport,
+    /// What the frames show otherwise than stated, and the fit in the light as stated.
+    pub(super) departed: (Vec<FittedEffect>, Option<Fitted>),
 }
 
 /// Chance of a standard normal value above `z`.
-fn above(z: f64) -> f64 {
+pub(super) fn above(z: f64) -> f64 {
     0.5 * erfc(z / std::f64::consts::SQRT_2)
 }
 
@@ -59,17 +61,28 @@ pub(super) fn conclude(
     reached: Reached,
 ) -> Diagnosis {
     let Reached { taken, standing, suspects, halves, null, reach, .. } = reached;
+    let (departures, as_stated) = reached.departed;
     let (left_before, left_after) = (reached.before, reached.after);
     let (before, after) = (flexible(evidence, baseline), flexible(evidence, model));
     let (low, high) = (held_out_nats(baseline), held_out_nats(model));
     let ceiling = (low + before.gain).max(high + after.gain.max(0.0)).max(reach);
+    let verdict = {
+        let excess = ceiling - low;
+        let share = (excess > 0.0).then(|| (high - low) / excess);
+        verdict(taken.is_empty(), excess, share, standing).beside(!departures.is_empty())
+    };
+    // With the light as stated for a beginning, what the frames show is a part of what is explained.
+    let low = as_stated.as_ref().map_or(low, held_out_nats);
     let excess = ceiling - low;
     let share = (excess > 0.0).then(|| (high - low) / excess);
     let (gain, error) = model.cells.gain(&baseline.cells, Part::HeldOut);
     let z = if taken.is_empty() { before.gain / before.error } else { gain / error };
-    let verdict = verdict(taken.is_empty(), excess, share, standing);
     let is_named = matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
-    let effects = if is_named { effects(evidence, model, &taken) } else { Vec::new() };
+    let mut named = departures;
+    if is_named {
+        named.extend(effects(evidence, model, &taken));
+    }
+    let effects = named;
     let next_recording = splitter(&effects);
     let least = (0.02 * excess).max(0.002);
     Diagnosis {
@@ -115,6 +128,17 @@ pub(super) fn conclude(
 fn splitter(effects: &[FittedEffect]) -> Option<String> {
     let unsure = effects.iter().find(|effect| !effect.equivalent.is_empty())?;
     LIBRARY.iter().find(|c| c.id == unsure.id).map(|c| c.splitter.to_owned())
+}
+
+impl Verdict {
+    /// The verdict where frames show something otherwise than stated beside what events show.
+    fn beside(self, frames_show: bool) -> Self {
+        match self {
+            Self::NoMismatch if frames_show => Self::Explained,
+            Self::Unexplained if frames_show => Self::PartlyExplained,
+            verdict => verdict,
+        }
+    }
 }
 
 fn scores([baseline, r#final, ceiling]: [f64; 3], share: Option<f64>) -> FitReport {

@@ -54,6 +54,9 @@ pub struct Facts {
     pub frame_us: f64,
     /// What white paper reads above black, digital units.
     pub white_dn: f64,
+    /// Units of `white_dn` that a pedestal of one digital unit in the frames adds to the light: above
+    /// one where the weaker colours of a mosaic were scaled up.
+    pub light_per_pedestal: f64,
     /// Width of an event pixel on the print, millimetres, where it is known.
     pub pixel_mm: Option<f64>,
     /// By how much the clocks' offset may be wrong for all that the session states, microseconds.

@@ -11,6 +11,7 @@ use super::naming::{Standing, inconstant, is_vague, standing};
 use super::region::limited;
 use super::scan::{Tried, scan};
 use super::score::Part;
+use super::stated::{Departure, as_effects};
 use super::{Diagnosis, Evidence, Hypothesis, NullReport, Options, Rival, Suspect, null};
 use crate::effect_id::EffectId;
 
@@ -50,10 +51,12 @@ pub struct Diagnosed {
 
 /// Diagnoses: which effects of the library does the recording show beyond the baseline?
 ///
+/// `departures` are what its frames show otherwise than stated; the evidence's light has them.
 /// `progress` is told what is being looked at.
 #[must_use]
 pub fn diagnose(
     evidence: &Evidence,
+    departures: &[Departure],
     options: &Options,
     progress: &mut dyn FnMut(&str),
 ) -> Diagnosed {
@@ -98,7 +101,9 @@ pub fn diagnose(
     let model = if model.errors.is_some() { model } else { with_errors(evidence, model) };
     progress("halves");
     let halves = if taken.is_empty() { Vec::new() } else { halves(evidence, &baseline, &model) };
-    let reached = Reached { taken, standing, before, after, reach, suspects, halves, null };
+    let departed = as_effects(departures, &baseline);
+    let reached =
+        Reached { taken, standing, before, after, reach, suspects, halves, null, departed };
     Diagnosed {
         diagnosis: conclude(evidence, &baseline, &model, reached),
         heat: heat_maps(evidence, [&baseline, &model]),

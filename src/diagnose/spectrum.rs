@@ -9,7 +9,11 @@ const SECONDS: f64 = 8.0;
 /// Below this the print's own motion is all that shows.
 const LOWEST_HZ: f64 = 4.0;
 
-/// The `n` frequencies that stand out most from their surroundings, the clearest first.
+/// Lines nearer to each other are one, hertz.
+const APART_HZ: f64 = 1.0;
+
+/// The `n` frequencies that stand out most from their surroundings, the clearest first. Pixels fire
+/// in bursts, so that a multiple of the light's own frequency may be the clearest of all.
 pub(super) fn lines(evidence: &Evidence, n: usize) -> Vec<f64> {
     let step_s = evidence.step_us * 1e-6;
     let net = &evidence.rates[0];
@@ -31,7 +35,16 @@ pub(super) fn lines(evidence: &Evidence, n: usize) -> Vec<f64> {
         })
         .collect();
     clear.sort_by(|a, b| b.0.total_cmp(&a.0));
-    clear.into_iter().take(n).map(|(_, i)| LOWEST_HZ + i as f64 * resolution).collect()
+    let mut lines: Vec<f64> = Vec::new();
+    for hz in clear.into_iter().map(|(_, i)| LOWEST_HZ + i as f64 * resolution) {
+        if lines.iter().all(|line| (line - hz).abs() > APART_HZ) {
+            lines.push(hz);
+        }
+        if lines.len() == n {
+            break;
+        }
+    }
+    lines
 }
 
 /// Power at a frequency in cycles a sample, under a window that falls to nothing at both ends.

@@ -57,6 +57,7 @@ fn facts() -> Facts {
         aps_us: Vec::new(),
         frame_us: 25_000.0,
         white_dn: 200.0,
+        light_per_pedestal: 1.0,
         offset_within_us: 1_000.0,
         clocks: None,
         pixel_mm: None,
@@ -90,7 +91,7 @@ fn plant(id: Option<EffectId>, start: &[f64]) -> Evidence {
 }
 
 fn found(id: EffectId, start: &[f64]) -> Diagnosis {
-    let diagnosis = diagnose(&plant(Some(id), start), &options(), &mut |_| {}).diagnosis;
+    let diagnosis = diagnose(&plant(Some(id), start), &[], &options(), &mut |_| {}).diagnosis;
     let ids: Vec<EffectId> = diagnosis.effects.iter().map(|e| e.id).collect();
     assert_eq!(ids.first(), Some(&id), "{ids:?} {:?}", diagnosis.fit);
     diagnosis
@@ -102,7 +103,7 @@ fn value(diagnosis: &Diagnosis, key: &str) -> f64 {
 
 #[test]
 fn nothing_is_named_where_nothing_is_hidden() {
-    let diagnosis = diagnose(&plant(None, &[]), &options(), &mut |_| {}).diagnosis;
+    let diagnosis = diagnose(&plant(None, &[]), &[], &options(), &mut |_| {}).diagnosis;
     assert_eq!(diagnosis.verdict, Verdict::NoMismatch, "{diagnosis:#?}");
     assert!(diagnosis.effects.is_empty());
     assert!((diagnosis.nuisances["theta"].value / 0.25 - 1.0).abs() < 0.01);

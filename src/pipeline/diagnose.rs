@@ -1,5 +1,6 @@
 //! The stage `diagnose`: which physics does the model leave out in this session?
 
+mod stated;
 mod tied;
 
 use super::generate::{aps_starts, scene_inputs};
@@ -7,11 +8,11 @@ use super::sync::read_clocks;
 use super::{
     Freshness, PipelineError, clear, default_light, fresh_record, inputs, read_json, read_scene,
 };
-use crate::diagnose::{self, Diagnosis, Evidence, Facts, FreeRun, HeatMap, Options};
+use crate::diagnose::{self, Departure, Diagnosis, Evidence, Facts, FreeRun, HeatMap, Options};
 use crate::drive::Drive;
 use crate::event::Events;
 use crate::predict::ByPixel;
-use crate::scene::FramesDrive;
+use crate::scene::{FramesDrive, Scene};
 use crate::session::{Session, StageRecord, StreamKind, read_stage, write_stage};
 use serde_json::json;
 use std::path::PathBuf;
@@ -90,8 +91,8 @@ pub fn diagnose(
     {
         return Ok((diagnosis, Freshness::Fresh));
     }
-    let Looked { evidence, drive, events } = look(session, request)?;
-    let found = diagnose::diagnose(&evidence, &request.options, progress);
+    let Looked { evidence, drive, events, departures } = look(session, request)?;
+    let found = diagnose::diagnose(&evidence, &departures, &request.options, progress);
     let mut diagnosis = found.diagnosis;
     progress("free run");
     let models = [&found.baseline, &found.model];
@@ -159,11 +160,13 @@ struct Looked {
     evidence: Evidence,
     drive: Box<dyn Drive>,
     events: Events,
+    departures: Vec<Departure>,
 }
 
 fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, PipelineError> {
     let missing =
         |what: String| PipelineError::Missing { session: session.root().to_owned(), what };
+    let mut mapped = None;
     let (drive, facts): (Box<dyn Drive>, Facts) = match &request.baseline {
         Baseline::Scene => {
             let scene = read_scene(session)?
@@ -176,10 +179,12 @@ fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, Pipeline
                 aps_us: aps_starts(session)?,
                 frame_us: 0.0,
                 white_dn: drive.white_dn(),
+                light_per_pedestal: light_per_pedestal(&scene),
                 offset_within_us: if clocks.is_some() { STATED_US } else { TIED_US },
                 clocks,
                 pixel_mm: Some(scene.registration.pixel_mm),
             };
+            mapped = Some(scene);
             (Box::new(drive), facts)
         }
         Baseline::Frames(light) => frames(session, light)?,
@@ -194,7 +199,17 @@ fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, Pipeline
     let recording = ByPixel::new(real, drive.size(), [window[0], window[1].max(window[0] + 1)]);
     let evidence = Evidence::new(&recording, drive.as_ref(), facts, &request.options)
         .map_err(|source| PipelineError::Diagnose { session: session.root().to_owned(), source })?;
-    Ok(Looked { evidence, drive, events })
+    let departures = match (mapped, session.rig()?) {
+        (Some(scene), Some(rig)) => stated::departures(&scene, &rig, &evidence),
+        _ => Vec::new(),
+    };
+    Ok(Looked { evidence, drive, events, departures })
+}
+
+/// What a pedestal of one digital unit adds to the map, in which each place of the mosaic is scaled to
+/// the brightest and weighs by its gain.
+fn light_per_pedestal(scene: &Scene) -> f64 {
+    4.0 / scene.survey.site_gains.iter().sum::<f64>()
 }
 
 /// The drive from frames of the event camera itself.
@@ -214,6 +229,7 @@ fn frames(session: &Session, light: &str) -> Result<(Box<dyn Drive>, Facts), Pip
         aps_us: times.to_vec(),
         frame_us: (times[times.len() - 1] - times[0]) as f64 / (times.len() - 1).max(1) as f64,
         white_dn: drive.white_dn(),
+        light_per_pedestal: 1.0,
         offset_within_us: SAME_CAMERA_US,
         clocks: None,
         pixel_mm: None,

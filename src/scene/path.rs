@@ -13,6 +13,11 @@ const LEAST_JUMP: f64 = 0.05;
 /// that flickers changes by much all the time, and the frames follow it.
 const COMMON_STEPS: f64 = 8.0;
 
+/// Standard deviation of the time over which the light's level is smoothed, seconds. Mains light
+/// pulsates faster than frames follow: what they make of it, 20 Hz out of 100 Hz at 120 frames a
+/// second, is in no pixel's light. Slower changes than some five a second stay.
+const LEVEL_OVER_S: f64 = 0.02;
+
 /// The path as the Pi's frames tell it, with a knot a frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeadPath {
@@ -24,6 +29,8 @@ pub struct HeadPath {
     pub max_gap: Span,
     /// How the pose changes a second at each knot.
     slopes: Vec<HeadPose>,
+    /// Logarithm of the light's level at each knot, but for what frames cannot follow.
+    levels: Vec<f64>,
 }
 
 /// Where the head was while one frame saw light.
@@ -55,7 +62,10 @@ impl HeadPath {
     #[must_use]
     pub fn new(zero: Stamp<PiSensor>, knots: Vec<PathKnot>, max_gap: Span) -> Self {
         let slopes = slopes(&knots, max_gap.as_secs_f64());
-        Self { zero, knots, max_gap, slopes }
+        let levels = knots.iter().map(|knot| knot.ln_gain).collect();
+        let mut path = Self { zero, knots, max_gap, slopes, levels };
+        path.smooth_levels();
+        path
     }
 
     /// First and last time of the path, seconds from its zero.
@@ -139,12 +149,54 @@ impl HeadPath {
         all
     }
 
-    /// Logarithm of the light's level at a time over that of the map, straight between knots.
+    /// Logarithm of the light's level at a time over that of the map, straight between knots; what
+    /// changes too fast for the frames is smoothed away.
     pub(super) fn ln_light(&self, time_s: f64) -> f64 {
         let Some(Stretch { left, part, .. }) = self.stretch(time_s) else { return f64::NAN };
-        let (a, b) = (self.knots[left].ln_gain, self.knots[left + 1].ln_gain);
+        let (a, b) = (self.levels[left], self.levels[left + 1]);
         a + (b - a) * part
     }
+
+    /// Smooths the levels between jumps and gaps: there a straight line is fitted about each knot, so
+    /// that ends do not lag.
+    fn smooth_levels(&mut self) {
+        let jumps = self.jumps_s();
+        let is_torn = |a: f64, b: f64| {
+            b - a > self.max_gap.as_secs_f64()
+                || jumps.iter().any(|[from, to]| a < *to && *from < b)
+        };
+        let mut begin = 0;
+        for end in 1..=self.knots.len() {
+            let goes_on = end < self.knots.len()
+                && !is_torn(self.knots[end - 1].time_s, self.knots[end].time_s);
+            if !goes_on {
+                let smooth: Vec<f64> = (begin..end)
+                    .map(|at| line_about(&self.knots[begin..end], at - begin))
+                    .collect();
+                self.levels[begin..end].copy_from_slice(&smooth);
+                begin = end;
+            }
+        }
+    }
+}
+
+/// The level at knot `at` by the straight line through those around it.
+fn line_about(knots: &[PathKnot], at: usize) -> f64 {
+    let now = knots[at].time_s;
+    let reach = 4.0 * LEVEL_OVER_S;
+    let first = knots.partition_point(|knot| knot.time_s < now - reach);
+    let (mut n, mut t, mut tt, mut y, mut ty) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for knot in knots[first..].iter().take_while(|knot| knot.time_s <= now + reach) {
+        let by = (knot.time_s - now) / LEVEL_OVER_S;
+        let weight = (-0.5 * by * by).exp();
+        n += weight;
+        t += weight * by;
+        tt += weight * by * by;
+        y += weight * knot.ln_gain;
+        ty += weight * by * knot.ln_gain;
+    }
+    let spread = n * tt - t * t;
+    if spread > 1e-9 * n * n { (tt * y - t * ty) / spread } else { y / n }
 }
 
 /// Slopes of the natural cubic splines through each stretch of knots without a gap.
@@ -230,6 +282,26 @@ mod tests {
         assert!(all.pose(0.0).is_some() && all.pose(0.325).is_some());
         assert!(all.ln_light(0.1).is_nan());
         assert!((all.ln_light(0.03) - 0.03).abs() < 1e-12);
+    }
+
+    #[test]
+    fn light_that_frames_cannot_follow_is_smoothed_away_and_the_rest_is_not() {
+        let zero = Stamp::from_nanos(0);
+        let of = |level: &dyn Fn(f64) -> f64| {
+            let at = |i: i32| f64::from(i) / 120.0;
+            let knots = (0..240).map(|i| PathKnot { ln_gain: level(at(i)), ..knot(at(i)) });
+            HeadPath::new(zero, knots.collect(), Span::from_micros(50_000))
+        };
+        let swing = |path: &HeadPath| {
+            let at = (60..180).map(|i| path.ln_light(f64::from(i) / 120.0).abs());
+            at.fold(0.0, f64::max)
+        };
+        let mains = |hz: f64| move |t: f64| 0.1 * (std::f64::consts::TAU * hz * t).sin();
+        assert!(swing(&of(&mains(100.0))) < 0.006);
+        assert!(swing(&of(&mains(2.0))) > 0.095);
+        // A flash keeps its edge.
+        let flash = of(&|t| if t > 1.0 { 0.3 } else { 0.0 });
+        assert!(flash.ln_light(0.97).abs() < 1e-9 && (flash.ln_light(1.03) - 0.3).abs() < 1e-9);
     }
 
     #[test]

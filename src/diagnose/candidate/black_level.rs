@@ -2,6 +2,9 @@
 
 use super::{Candidate, EffectId, PLAIN, Parameter, Stage};
 
+/// Share of the light that a pedestal leaves at least.
+const LEAST_LEFT: f32 = 0.05;
+
 pub(super) const CANDIDATE: Candidate = Candidate {
     id: EffectId::BlackLevel,
     equation: "x = ln(L - b)",
@@ -14,10 +17,13 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         vec![vec![0.01 * white], vec![0.04 * white], vec![-0.03 * white]]
     },
     act: |values, _, view| {
-        let offset = (values[0] / view.evidence.facts.white_dn).min(0.9) as f32;
+        let facts = &view.evidence.facts;
+        let offset = (values[0] * facts.light_per_pedestal / facts.white_dn).min(0.9) as f32;
         for signal in &mut view.signal {
-            // A tenth of a percent of white is the darkest that still has a logarithm.
-            *signal = ((signal.exp() - offset) / (1.0 - offset)).max(1e-3).ln();
+            // Where next to nothing would be left, the light's own error decides what is: a pixel or
+            // two in the dark must not outweigh all others.
+            let light = signal.exp();
+            *signal = ((light - offset).max(LEAST_LEFT * light) / (1.0 - offset)).ln();
         }
     },
     rivals: &[EffectId::DarkCurrent, EffectId::ToneCurve],

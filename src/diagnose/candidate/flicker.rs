@@ -15,17 +15,20 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         Parameter::linear("phase", [-20.0, 20.0], 0.05).hidden(),
     ],
     starts: |evidence| {
-        spectrum::lines(evidence, 1)
+        spectrum::lines(evidence, 4)
             .into_iter()
             .flat_map(|hz| {
-                (0..6).map(move |turn| vec![hz, 0.1_f64.ln(), f64::from(turn) * TAU / 6.0])
+                (0..6).map(move |turn| vec![hz, 0.05_f64.ln(), f64::from(turn) * TAU / 6.0])
             })
             .collect()
     },
     act: |values, _, view| {
         let turn = TAU * values[0] * view.step_s();
+        // Counted from the middle, a phase hardly depends on the frequency.
+        let middle = 0.5 * view.signal.len() as f64;
         for (i, signal) in view.signal.iter_mut().enumerate() {
-            *signal += (1.0 + values[1] * (turn * i as f64 + values[2]).sin()).ln() as f32;
+            let phase = turn * (i as f64 - middle) + values[2];
+            *signal += (1.0 + values[1] * phase.sin()).ln() as f32;
         }
     },
     rivals: &[EffectId::Vibration, EffectId::ApsCoupling],

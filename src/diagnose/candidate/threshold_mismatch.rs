@@ -2,17 +2,20 @@
 
 use super::{Candidate, EffectId, PLAIN, Parameter, logs};
 
-/// Nodes and weights of Gauss and Hermite's rule with seven points for a standard normal law
-/// (numpy.polynomial.hermite_e.hermegauss(7), weights over their sum).
-const NODES: [(f64, f64); 7] = [
-    (0.000_548_268_855_972_22, -3.750_439_717_725_74),
-    (0.030_757_123_967_586_5, -2.366_759_410_734_54),
-    (0.240_123_178_605_013, -1.154_405_394_739_97),
-    (0.457_142_857_142_857, 0.0),
-    (0.240_123_178_605_013, 1.154_405_394_739_97),
-    (0.030_757_123_967_586_5, 2.366_759_410_734_54),
-    (0.000_548_268_855_972_22, 3.750_439_717_725_74),
-];
+/// Nodes from one to the next, standard deviations. A pixel's events tell its thresholds within a
+/// fraction of their spread, so that few nodes far apart would shrink the spread to lie among them.
+const STEP: f64 = 0.5;
+
+/// Nodes on either side of the middle.
+const N_SIDE: i32 = 6;
+
+/// A standard normal law at even steps.
+fn nodes() -> Vec<(f64, f64)> {
+    let at = |i: i32| f64::from(i) * STEP;
+    let density = |i: i32| (-0.5 * at(i).powi(2)).exp();
+    let sum: f64 = (-N_SIDE..=N_SIDE).map(density).sum();
+    (-N_SIDE..=N_SIDE).map(|i| (density(i) / sum, at(i))).collect()
+}
 
 pub(super) const CANDIDATE: Candidate = Candidate {
     id: EffectId::ThresholdMismatch,
@@ -20,7 +23,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     source: "Lichtsteiner, Posch and Delbruck, IEEE JSSC 43, 2008 (2.1 % contrast)",
     parameters: &[Parameter::log("sigma_relative", [0.005, 1.0])],
     starts: |_| logs(&[0.05, 0.15]),
-    mixture: Some(|_| NODES.to_vec()),
+    mixture: Some(|_| nodes()),
     act: |values, kind, view| {
         let factor = (values[0] * kind).exp();
         view.law.theta_on *= factor;

@@ -29,8 +29,9 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     act: |values, _, view| {
         let turn = TAU * values[0] * view.step_s();
         let [gx, gy] = &view.pixel.gradient;
+        let middle = 0.5 * view.signal.len() as f64;
         for (i, ((signal, gx), gy)) in view.signal.iter_mut().zip(gx).zip(gy).enumerate() {
-            let swing = (turn * i as f64 + values[3]).sin();
+            let swing = (turn * (i as f64 - middle) + values[3]).sin();
             *signal += (swing * (values[1] * f64::from(*gx) + values[2] * f64::from(*gy))) as f32;
         }
     },

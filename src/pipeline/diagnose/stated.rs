@@ -1,0 +1,133 @@
+//! What the scene found of lenses, rows and path, against what the session's rig states.
+
+use crate::diagnose::{Departure, Evidence};
+use crate::effect_id::EffectId;
+use crate::rig::{CameraDescription, Rig};
+use crate::scene::{PointSpread, Scene, Shake};
+
+/// A row time within this share of the stated one is the stated one: the scene goes by it as well.
+const SAME_ROWS: f64 = 0.15;
+
+/// Variance of blur, square pixels, that a lens in focus may have more than stated.
+const IN_FOCUS_PX2: f64 = 0.2;
+
+/// Share of the stated variance by which the fitted one may be off all the same: apertures and lenses
+/// are not quite what both are taken for.
+const SHAPE: f64 = 0.1;
+
+/// Amplitude of a swing, pixels, below which no event tells it.
+const LEAST_SWING_PX: f64 = 0.02;
+
+/// Standard errors from the statement that a departure has to be.
+const SURE: f64 = 5.0;
+
+/// The departures, each with the light as it would be without it.
+pub(super) fn departures(scene: &Scene, rig: &Rig, evidence: &Evidence) -> Vec<Departure> {
+    let shake = scene.survey.path.shake();
+    let shake = shake.filter(|s| s.amplitude_mm[0] > LEAST_SWING_PX * scene.registration.pixel_mm);
+    let mut calm = scene.clone();
+    if let Some(shake) = &shake {
+        calm.survey.path = calm.survey.path.without(shake);
+    }
+    let row_us = scene.survey.row_s.map(|s| s * 1e6);
+    let stated_us = rig.pi.camera.row_time.as_secs_f64() * 1e6;
+    let mut all: Vec<Departure> = rows(row_us, stated_us).into_iter().collect();
+    if let Some((found, spread)) = blur(scene, rig) {
+        let mut sharp = calm.clone();
+        sharp.registration.spread = spread;
+        all.push(Departure { without: Some(evidence.in_light_of(&sharp.drive())), ..found });
+    }
+    if let Some(shake) = &shake {
+        let without = Some(evidence.in_light_of(&calm.drive()));
+        all.push(Departure { without, ..swing(shake) });
+    }
+    all
+}
+
+/// Rows of the Pi's frames that follow each other otherwise than stated; microseconds, the found ones
+/// with their error.
+fn rows([found, error]: [f64; 2], stated: f64) -> Option<Departure> {
+    let z = (found - stated).abs() / error.max(1e-9);
+    (z > SURE && (found - stated).abs() > SAME_ROWS * stated).then(|| Departure {
+        id: EffectId::RollingShutter,
+        parameters: vec![("row_us", [found, error])],
+        says: format!(
+            "rows of the Pi's frames follow each other every {found:.2} us, not the {stated:.2} us stated"
+        ),
+        z,
+        without: None,
+    })
+}
+
+/// The event camera's blur beyond what its lens and the Pi's are stated to have; with the spread that
+/// they would have.
+fn blur(scene: &Scene, rig: &Rig) -> Option<(Departure, PointSpread)> {
+    let angle =
+        |camera: &CameraDescription| camera.pixel_pitch.value() / camera.focal_length.value();
+    let (davis, pi) = (&rig.davis.camera, &rig.pi.camera);
+    let stated = [davis.psf_sigma_px?, pi.psf_sigma_px? * angle(pi) / angle(davis)];
+    let fitted = scene.registration.spread;
+    let found = [fitted.sigma_px, scene.registration.sigma_error_px];
+    let (departure, sigma_px) = out_of_focus(found, stated)?;
+    Some((departure, PointSpread { sigma_px, ..fitted }))
+}
+
+/// The departure of a fitted Gaussian (its standard deviation and error) from what the lenses of the
+/// event camera and of the Pi, all in pixels of the event camera, leave for it; with what they leave.
+fn out_of_focus([sigma, error]: [f64; 2], [davis, pi]: [f64; 2]) -> Option<(Departure, f64)> {
+    // The map is blurred by the Pi's lens already.
+    let stated = (davis.powi(2) - pi.powi(2)).max(0.0);
+    let beyond = sigma.powi(2) - stated;
+    let error = (2.0 * sigma * error).hypot(SHAPE * stated);
+    let (z, more) = (beyond / error.max(1e-9), beyond.max(0.0).sqrt());
+    let departure = || Departure {
+        id: EffectId::Defocus,
+        parameters: vec![("sigma_px", [more, 0.5 * error / more])],
+        says: format!("the event camera sees the print blurred by {more:.2} px more than stated"),
+        z,
+        without: None,
+    };
+    (z > SURE && beyond > IN_FOCUS_PX2).then(|| (departure(), stated.sqrt()))
+}
+
+/// A head that swings on its path.
+fn swing(shake: &Shake) -> Departure {
+    let ([hz, _], [mm, _]) = (shake.frequency_hz, shake.amplitude_mm);
+    Departure {
+        id: EffectId::Vibration,
+        parameters: vec![
+            ("frequency_hz", shake.frequency_hz),
+            ("amplitude_mm", shake.amplitude_mm),
+        ],
+        says: format!(
+            "the head swings on its path {hz:.1} times a second by {mm:.3} mm, which the arm was not told to"
+        ),
+        z: shake.clearness,
+        without: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lens_in_focus_and_rows_as_stated_are_no_departure() {
+        // As fitted on the simulated rig in order: 0.4637 where the lenses leave 0.476.
+        assert!(out_of_focus([0.4637, 0.0007], [0.5, 0.153]).is_none());
+        assert!(rows([9.40, 0.24], 9.21).is_none());
+        // Far and yet not sure.
+        assert!(rows([14.0, 2.0], 9.21).is_none());
+    }
+
+    #[test]
+    fn what_is_far_from_the_statement_is_named_with_what_lies_between() {
+        let (found, left) = out_of_focus([0.9, 0.001], [0.5, 0.153]).unwrap();
+        let expected = (0.9_f64.powi(2) - 0.5_f64.powi(2) + 0.153_f64.powi(2)).sqrt();
+        assert!((found.parameters[0].1[0] - expected).abs() < 1e-12);
+        assert!((left.hypot(0.153) - 0.5).abs() < 1e-12);
+        let found = rows([18.0, 0.3], 9.21).unwrap();
+        assert_eq!(found.parameters, [("row_us", [18.0, 0.3])]);
+        assert!(found.says.contains("not the 9.21 us"), "{}", found.says);
+    }
+}
