@@ -31,6 +31,16 @@ impl Around {
         Self { recording, rows, aps_us }
     }
 
+    /// All events.
+    pub(super) fn recording(&self) -> &ByPixel {
+        &self.recording
+    }
+
+    /// Starts of exposure of the camera's own frames, microseconds since the window's start.
+    pub(super) fn frames_us(&self) -> &[i64] {
+        &self.aps_us
+    }
+
     /// The eight pixels about one: time since the last event of any before `t_us`, at most a second,
     /// and how many events they had in the `within_us` before it.
     pub(super) fn neighbours(&self, x: u16, y: u16, t_us: i64, within_us: i64) -> (f64, f64) {

@@ -162,6 +162,9 @@ pub struct Candidate {
     /// Where the clocks' offset lies when the effect has these parameters and the tie of the clocks
     /// holds in the middle; none where the effect is no matter of them.
     pub offset_us: fn(&Evidence, &[f64]) -> Option<f64>,
+    /// Standard error of what its first parameter is measured against, in the parameter's unit: what a
+    /// session states of its clocks is known no better.
+    pub against: fn(&Evidence) -> f64,
     /// Whether the signature that belongs to it is in the events, given its parameters; a gain
     /// without it does not name the effect.
     pub agrees: fn(&Evidence, &[f64]) -> bool,
@@ -196,6 +199,7 @@ const PLAIN: Candidate = Candidate {
     same: &[],
     splitter: "",
     needs: |_| Ok(()),
+    against: |_| 0.0,
     agrees: |_, _| true,
     offset_us: |_, _| None,
     says: |_| String::new(),

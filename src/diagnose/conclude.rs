@@ -69,7 +69,8 @@ pub(super) fn conclude(
     let verdict = {
         let excess = ceiling - low;
         let share = (excess > 0.0).then(|| (high - low) / excess);
-        verdict(taken.is_empty(), excess, share, standing).beside(!departures.is_empty())
+        verdict(taken.is_empty(), excess, share, standing)
+            .beside(!suspects.is_empty(), !departures.is_empty())
     };
     // With the light as stated for a beginning, what the frames show is a part of what is explained.
     let low = as_stated.as_ref().map_or(low, held_out_nats);
@@ -78,11 +79,12 @@ pub(super) fn conclude(
     let (gain, error) = model.cells.gain(&baseline.cells, Part::HeldOut);
     let z = if taken.is_empty() { before.gain / before.error } else { gain / error };
     let is_named = matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
-    let mut named = departures;
-    if is_named {
-        named.extend(effects(evidence, model, &taken));
-    }
-    let effects = named;
+    let mut named = if is_named { effects(evidence, model, &taken) } else { Vec::new() };
+    // What the predicted pixels show as well is theirs.
+    let mut others = departures;
+    others.retain(|other| named.iter().all(|own| own.id != other.id));
+    others.append(&mut named);
+    let effects = others;
     let next_recording = splitter(&effects);
     let least = (0.02 * excess).max(0.002);
     Diagnosis {
@@ -131,9 +133,14 @@ fn splitter(effects: &[FittedEffect]) -> Option<String> {
 }
 
 impl Verdict {
-    /// The verdict where frames show something otherwise than stated beside what events show.
-    fn beside(self, frames_show: bool) -> Self {
-        match self {
+    /// The verdict where an effect bought something and did not hold, and where frames or a census
+    /// show something beside what the predicted pixels do.
+    fn beside(self, is_suspected: bool, frames_show: bool) -> Self {
+        let own = match self {
+            Self::NoMismatch if is_suspected => Self::Unexplained,
+            verdict => verdict,
+        };
+        match own {
             Self::NoMismatch if frames_show => Self::Explained,
             Self::Unexplained if frames_show => Self::PartlyExplained,
             verdict => verdict,
@@ -294,6 +301,12 @@ pub(super) fn parameters(
         let keys = candidate.id.parameters();
         let of = |values: &[f64]| keys.iter().copied().zip((candidate.report)(values)).collect();
         told.extend(following(model, &freed, of));
+    }
+    let first = candidate.id.parameters().first().and_then(|key| told.get_mut(*key));
+    if let Some(Interval { value, ci90: [Some(low), Some(high)] }) = first {
+        let more = Z90 * (candidate.against)(evidence);
+        *low = *value - (*value - *low).hypot(more);
+        *high = *value + (*high - *value).hypot(more);
     }
     told
 }

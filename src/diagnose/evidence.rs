@@ -80,6 +80,14 @@ pub struct TiedClocks {
 }
 
 impl TiedClocks {
+    /// Standard errors of the statement, microseconds: in the middle of the light, and of the change
+    /// from there to either end, which may be wrong each way.
+    pub(super) fn error(&self) -> [f64; 2] {
+        // It holds in 95 of 100 cases.
+        let stated = self.within_us / 1.96;
+        [stated.hypot(self.offset_us[1]), stated * std::f64::consts::FRAC_1_SQRT_2]
+    }
+
     /// Whether the tie shows the camera's own frames as late as its events are said to be here.
     pub(super) fn is_off(&self) -> bool {
         self.offset_us[0].abs() > self.within_us.max(200.0) + 4.0 * self.offset_us[1]

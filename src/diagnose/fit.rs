@@ -97,7 +97,7 @@ fn aside(hypothesis: &Hypothesis, i: usize) -> (Hypothesis, f64) {
 }
 
 /// The gradients' outer product over training cells, about their mean an event.
-fn scatter(at: &Fitted, gradients: &DMatrix<f64>) -> DMatrix<f64> {
+pub(super) fn scatter(at: &Fitted, gradients: &DMatrix<f64>) -> DMatrix<f64> {
     let n_events: Vec<f64> =
         at.cells.of(Part::Training).map(|cell| at.cells.n_events[cell]).collect();
     let all = n_events.iter().sum::<f64>().max(1.0);

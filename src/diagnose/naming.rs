@@ -82,7 +82,10 @@ pub(super) fn is_vague(model: &Fitted, index: usize) -> bool {
     effect.frees.is_empty()
         && own.all(|(i, p)| {
             let (value, error) = (hypothesis.values[at + i], model.error_of(at + i));
-            if p.is_log { 1.645 * error > VAGUE } else { value.abs() < FROM_NOTHING * error }
+            // A value that the range holds has no error: the events ask for more of it than there is.
+            let is_told =
+                if p.is_log { 1.645 * error <= VAGUE } else { value.abs() >= FROM_NOTHING * error };
+            !is_told
         })
 }
 

@@ -119,7 +119,7 @@ impl Nuisance {
             Self::LeakHz => of(0.1, [0.0, 0.3], 0.02),
             Self::LogNoise => of(0.06_f64.ln(), [0.005_f64.ln(), most_noise.ln()], 0.02),
             Self::NoiseExponent => of(0.3, [0.0, 1.0], 0.02),
-            Self::LogNoiseHz => of(3.0_f64.ln(), [0.05_f64.ln(), most_hz.ln()], 0.05),
+            Self::LogNoiseHz => of(60.0_f64.ln(), [1.0_f64.ln(), most_hz.ln()], 0.05),
             Self::LogBackgroundOn | Self::LogBackgroundOff => {
                 of(0.01_f64.ln(), [1e-4_f64.ln(), most_background.ln()], 0.05)
             }

@@ -2,6 +2,7 @@
 
 use super::candidate::{Candidate, LIBRARY};
 use super::fit::{Fitted, as_it_is, fit, improved};
+use super::polish::polished;
 use super::score::{Part, cells_of_each};
 use super::{CannotJudge, Evidence, Nuisance};
 use crate::effect_id::EffectId;
@@ -12,11 +13,17 @@ const FIRST_STEPS: usize = 4;
 /// Steps of a second fit, on all of them.
 const SECOND_STEPS: usize = 6;
 
+/// Steps of a fit that stays: a skew and an offset lie along a ridge that short steps climb.
+pub(super) const LAST_STEPS: usize = 40;
+
 /// Training gain, nats an event, below which an effect is not fitted further.
 const WORTH_A_FIT: f64 = 0.002;
 
 /// Starts of an effect that are moved by a step.
 const BEST_STARTS: usize = 2;
+
+/// Offsets of the clocks within this are one, microseconds.
+const SAME_OFFSET_US: f64 = 50.0;
 
 /// Effects that are fitted on few pixels, behind a first step.
 const PROMISING: usize = 8;
@@ -45,11 +52,22 @@ pub(super) struct Tried {
 }
 
 impl Tried {
+    /// Whether it was fitted on all that `model` was.
+    pub(super) fn is_whole(&self, model: &Fitted) -> bool {
+        let n_events = |fitted: &Fitted| fitted.cells.n_events.iter().sum::<f64>();
+        n_events(&self.fitted) == n_events(model)
+    }
+
+    /// The fit gone on with until it stands still.
+    pub(super) fn finished(self, evidence: &Evidence, model: &Fitted) -> Self {
+        let fitted = fit(evidence, self.fitted.hypothesis, LAST_STEPS, 1e-5);
+        Self { fitted: polished(evidence, fitted), ..self }.against(model)
+    }
+
     /// The same fit measured against a better model without the effect. A first fit on some of the
     /// pixels does not compare and keeps its gain.
     pub(super) fn against(mut self, model: &Fitted) -> Self {
-        let n_events = |fitted: &Fitted| fitted.cells.n_events.iter().sum::<f64>();
-        if n_events(&self.fitted) == n_events(model) {
+        if self.is_whole(model) {
             self.gain.training = self.fitted.cells.gain(&model.cells, Part::Training).0;
             let (held_out, error) = self.fitted.cells.gain(&model.cells, Part::HeldOut);
             (self.gain.held_out, self.gain.error) = (held_out, error);
@@ -175,8 +193,12 @@ fn first_step(
         .flat_map(|start| {
             let plain = model.hypothesis.with(candidate, start);
             let offset_us = (candidate.offset_us)(evidence, start);
-            let tied = offset_us.map(|us| plain.with_nuisance(Nuisance::OffsetUs, us));
-            [Some(plain), tied].into_iter().flatten()
+            // Without the effect the clocks may have had to stand in for it; with it they need not.
+            let us = offset_us.unwrap_or(0.0);
+            let is_elsewhere = (us - plain.nuisance(Nuisance::OffsetUs)).abs() > SAME_OFFSET_US;
+            let stated = is_elsewhere && candidate.frees.is_empty();
+            let stated = stated.then(|| plain.with_nuisance(Nuisance::OffsetUs, us));
+            [Some(plain), stated].into_iter().flatten()
         })
         .collect();
     let scored = cells_of_each(few, &starts.iter().collect::<Vec<_>>());

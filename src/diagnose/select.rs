@@ -1,5 +1,6 @@
 //! The search as a whole: baseline, effects one by one, null, structure left, verdict.
 
+use super::census::census;
 use super::check::{Structure, structure};
 use super::conclude::{Reached, conclude};
 use super::constancy::strengths;
@@ -8,8 +9,9 @@ use super::fit::{Fitted, fit};
 use super::halves::halves;
 use super::heat::{HeatMap, heat_maps};
 use super::naming::{Standing, inconstant, is_vague, standing};
+use super::polish::polished;
 use super::region::limited;
-use super::scan::{Tried, scan};
+use super::scan::{LAST_STEPS, Tried, scan};
 use super::score::Part;
 use super::stated::{Departure, as_effects};
 use super::{Diagnosis, Evidence, Hypothesis, NullReport, Options, Rival, Suspect, null};
@@ -22,8 +24,11 @@ const LEAST_GAIN: f64 = 0.02;
 /// An effect's gain has to be so many of its standard errors.
 const LEAST_ERRORS: f64 = 4.0;
 
-/// Steps of a fit that stays: a skew and an offset lie along a ridge that short steps climb.
-const LAST_STEPS: usize = 40;
+/// A rival that buys this share of what the best does is fitted to the end before one is taken.
+const NEAR: f64 = 0.5;
+
+/// Rivals, the best included, that are.
+const MOST_RIVALS: usize = 3;
 
 /// Events on which first fits are made.
 const FEW_EVENTS: usize = 6_000;
@@ -63,7 +68,7 @@ pub fn diagnose(
     progress("baseline");
     let few = evidence.thinned((evidence.n_events() / FEW_EVENTS).max(2));
     let begun = fit(&few, Hypothesis::baseline(evidence), 12, 1e-4);
-    let baseline = fit(evidence, begun.hypothesis, 12, 1e-5);
+    let baseline = polished(evidence, fit(evidence, begun.hypothesis, 12, 1e-5));
     let (baseline, model, taken) = take_all(evidence, &few, baseline, options, progress);
     let (model, taken) = prune(evidence, &baseline, model, taken);
     let (mut model, mut taken) = leave_out_vague(evidence, &baseline, model, taken);
@@ -101,7 +106,8 @@ pub fn diagnose(
     let model = if model.errors.is_some() { model } else { with_errors(evidence, model) };
     progress("halves");
     let halves = if taken.is_empty() { Vec::new() } else { halves(evidence, &baseline, &model) };
-    let departed = as_effects(departures, &baseline);
+    let departures: Vec<Departure> = departures.iter().cloned().chain(census(evidence)).collect();
+    let departed = as_effects(&departures, &baseline);
     let reached =
         Reached { taken, standing, before, after, reach, suspects, halves, null, departed };
     Diagnosed {
@@ -183,6 +189,7 @@ fn take_all(
             tried = tried.into_iter().map(|tried| tried.against(&model)).collect();
             tried.sort_by(|a, b| b.gain.held_out.total_cmp(&a.gain.held_out));
         }
+        polish_rivals(evidence, &model, &mut tried);
         let Some(best) = tried.first() else { break };
         let gain = best.gain;
         if gain.held_out < LEAST_GAIN || gain.held_out < LEAST_ERRORS * gain.error {
@@ -194,7 +201,7 @@ fn take_all(
             rivals: rivals(&tried),
             equals: equals(&tried),
         });
-        let with = fit(evidence, best.fitted.hypothesis.clone(), LAST_STEPS, 1e-5);
+        let with = best.fitted.clone();
         progress("region");
         model = match limited(evidence, &model, &with) {
             Some(limited) => {
@@ -208,6 +215,26 @@ fn take_all(
         };
     }
     (baseline, model, taken)
+}
+
+/// Finishes the fits of those that come near to the best, the best among them: a pole and a late clock,
+/// half fitted, may stand in the wrong order.
+fn polish_rivals(evidence: &Evidence, model: &Fitted, tried: &mut Vec<Tried>) {
+    let Some(best) = tried.first().map(|tried| tried.gain.held_out) else { return };
+    if best < LEAST_GAIN {
+        return;
+    }
+    let near = |tried: &Tried| tried.is_whole(model) && tried.gain.held_out > NEAR * best;
+    let (rivals, rest): (Vec<Tried>, Vec<Tried>) = tried.drain(..).partition(near);
+    let n_finished = rivals.len().min(MOST_RIVALS);
+    tried.extend(
+        rivals
+            .into_iter()
+            .enumerate()
+            .map(|(i, rival)| if i < n_finished { rival.finished(evidence, model) } else { rival }),
+    );
+    tried.extend(rest);
+    tried.sort_by(|a, b| b.gain.held_out.total_cmp(&a.gain.held_out));
 }
 
 /// Whether what belongs to the effect that was tried last is in the events.
@@ -295,5 +322,5 @@ fn refit_with(evidence: &Evidence, baseline: &Fitted, model: &Fitted, kept: &[us
             *last = model.hypothesis.regions[index];
         }
     }
-    fit(evidence, hypothesis, LAST_STEPS, 1e-5)
+    polished(evidence, fit(evidence, hypothesis, LAST_STEPS, 1e-5))
 }

@@ -5,6 +5,7 @@
 //! and is named as one. What it buys is seen from the same events in the light as stated.
 
 use super::fit::{Fitted, fit};
+use super::polish::polished;
 use super::score::Part;
 use super::{Evidence, FittedEffect, Hypothesis, Interval, LIBRARY};
 use crate::drive::{Drive, TimeGrid};
@@ -75,7 +76,7 @@ pub(super) fn as_effects(
 
 fn refitted(evidence: &Evidence, baseline: &Fitted) -> Fitted {
     let start = Hypothesis::baseline(evidence).at_values_of(&baseline.hypothesis);
-    fit(evidence, start, STEPS, 1e-5)
+    polished(evidence, fit(evidence, start, STEPS, 1e-5))
 }
 
 fn effect(departure: &Departure, (gain, error): (f64, f64)) -> FittedEffect {

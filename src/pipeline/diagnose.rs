@@ -173,7 +173,8 @@ fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, Pipeline
                 .ok_or_else(|| missing("it holds no scene; run `evrig scene` first".into()))?;
             let drive = scene.drive();
             let clocks = read_clocks(session)?;
-            let clocks = clocks.and_then(|clocks| tied::tied_clocks(&scene, &clocks));
+            let later_us = session.rig()?.map_or(0.0, |rig| stated::later_us(&scene, &rig));
+            let clocks = clocks.and_then(|clocks| tied::tied_clocks(&scene, &clocks, later_us));
             let facts = Facts {
                 from_scene: true,
                 aps_us: aps_starts(session)?,

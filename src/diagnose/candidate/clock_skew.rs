@@ -1,5 +1,6 @@
 //! The event camera's clock runs fast.
 
+use super::super::TiedClocks;
 use super::{Candidate, EffectId, PLAIN, Parameter, Stage, needs_span};
 
 pub(super) const CANDIDATE: Candidate = Candidate {
@@ -28,6 +29,10 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         let tied = evidence.facts.clocks?;
         let middle_us = evidence.start_us + 0.5e6 * evidence.seconds();
         Some(tied.offset_us[0] - values[0] * 1e-6 * middle_us)
+    },
+    against: |evidence| {
+        let of = |tied: TiedClocks| tied.error()[1] / (0.5 * evidence.seconds());
+        evidence.facts.clocks.map_or(0.0, of)
     },
     rivals: &[EffectId::ClockOffset, EffectId::TemperatureDrift],
     splitter: "a longer recording: a skew grows with it",

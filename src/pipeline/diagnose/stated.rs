@@ -44,6 +44,15 @@ pub(super) fn departures(scene: &Scene, rig: &Rig, evidence: &Evidence) -> Vec<D
     all
 }
 
+/// By how much later than stated the rows of the Pi's frames saw light because those above them, which
+/// are not in the crop, take longer than stated; microseconds.
+pub(super) fn later_us(scene: &Scene, rig: &Rig) -> f64 {
+    let found_us = scene.survey.row_s.map(|s| s * 1e6);
+    let stated_us = rig.pi.camera.row_time.as_secs_f64() * 1e6;
+    let above = f64::from(rig.pi.crop_origin_px[1]);
+    rows(found_us, stated_us).map_or(0.0, |_| above * (found_us[0] - stated_us))
+}
+
 /// Rows of the Pi's frames that follow each other otherwise than stated; microseconds, the found ones
 /// with their error.
 fn rows([found, error]: [f64; 2], stated: f64) -> Option<Departure> {

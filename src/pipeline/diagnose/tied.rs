@@ -17,7 +17,13 @@ const MOST_LATE_US: f64 = 1e6;
 /// The stage `sync` lets the motion that both cameras saw correct the map, and the scene's tie
 /// corrects it by the light: both would take a late event camera for an error of the map. What the
 /// clocks themselves were read to show is the statement.
-pub(super) fn tied_clocks(scene: &Scene, clocks: &SessionClocks) -> Option<TiedClocks> {
+///
+/// `later_us` is by how much later than its frames state the light of the path was.
+pub(super) fn tied_clocks(
+    scene: &Scene,
+    clocks: &SessionClocks,
+    later_us: f64,
+) -> Option<TiedClocks> {
     if clocks.reference != Reference::Host {
         return None;
     }
@@ -42,7 +48,7 @@ pub(super) fn tied_clocks(scene: &Scene, clocks: &SessionClocks) -> Option<TiedC
     // Stamps that are seconds off were never meant for Unix time.
     let is_meant = begin.abs().max(end.abs()) < MOST_LATE_US;
     (within_us < LEAST_SURE_US && is_meant).then_some(TiedClocks {
-        offset_us: [0.5 * (begin + end), registration.tie_error[8] * 1e6],
+        offset_us: [0.5 * (begin + end) - later_us, registration.tie_error[8] * 1e6],
         skew_ppm: [(end - begin) / (to_s - from_s).max(1e-3), registration.tie_error[9] * 1e6],
         within_us,
     })

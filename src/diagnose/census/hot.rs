@@ -1,0 +1,57 @@
+//! Pixels that fire far more than those about them.
+
+use super::{Departure, Evidence, size};
+use crate::effect_id::EffectId;
+use crate::stats::upper_median;
+
+/// Events a second that a hot pixel fires at least beyond its neighbours.
+const LEAST_HZ: f64 = 8.0;
+
+/// And so many times as often as they.
+const TIMES: f64 = 4.0;
+
+/// Fewest hot pixels that are said to be a share of all.
+const LEAST: usize = 4;
+
+/// Share of all events that they have to fire.
+const LEAST_SHARE: f64 = 0.003;
+
+/// Hot pixels of the sensor, if there are enough to matter.
+pub(super) fn pixels(evidence: &Evidence) -> Option<Departure> {
+    let [width, height] = size(evidence);
+    let seconds = evidence.blocks.length_us() as f64 * 1e-6;
+    let recording = evidence.around.recording();
+    let count = |x: u16, y: u16| recording.of(x, y).len() as f64;
+    let (mut n_hot, mut events, mut all) = (0_usize, 0.0, 0.0);
+    for y in 0..height {
+        for x in 0..width {
+            let own = count(x, y);
+            all += own;
+            if own < LEAST_HZ * seconds {
+                continue;
+            }
+            let about = |at: u16, end: u16| at.saturating_sub(1)..=(at + 1).min(end - 1);
+            let mut others: Vec<f64> = about(y, height)
+                .flat_map(|ny| about(x, width).map(move |nx| (nx, ny)))
+                .filter(|other| *other != (x, y))
+                .map(|(nx, ny)| count(nx, ny))
+                .collect();
+            let common = upper_median(&mut others)?;
+            if own > TIMES * (common + 2.0) && own - common > LEAST_HZ * seconds {
+                n_hot += 1;
+                events += own - common;
+            }
+        }
+    }
+    let fraction = n_hot as f64 / (f64::from(width) * f64::from(height));
+    (n_hot >= LEAST && events > LEAST_SHARE * all).then(|| Departure {
+        id: EffectId::HotPixels,
+        parameters: vec![("fraction", [fraction, fraction / (n_hot as f64).sqrt()])],
+        says: format!(
+            "{n_hot} pixels fire over four times as often as those about them, {:.1} % of all events",
+            100.0 * events / all
+        ),
+        z: (n_hot as f64).sqrt() * TIMES,
+        without: None,
+    })
+}
