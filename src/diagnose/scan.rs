@@ -49,15 +49,11 @@ pub struct Gain {
 pub(super) struct Tried {
     pub(super) gain: Gain,
     pub(super) fitted: Fitted,
+    /// Whether it was fitted on all pixels, and not on few.
+    pub(super) is_whole: bool,
 }
 
 impl Tried {
-    /// Whether it was fitted on all that `model` was.
-    pub(super) fn is_whole(&self, model: &Fitted) -> bool {
-        let n_events = |fitted: &Fitted| fitted.cells.n_events.iter().sum::<f64>();
-        n_events(&self.fitted) == n_events(model)
-    }
-
     /// The fit gone on with until it stands still.
     pub(super) fn finished(self, evidence: &Evidence, model: &Fitted) -> Self {
         let fitted = fit(evidence, self.fitted.hypothesis, LAST_STEPS, 1e-5);
@@ -67,7 +63,7 @@ impl Tried {
     /// The same fit measured against a better model without the effect. A first fit on some of the
     /// pixels does not compare and keeps its gain.
     pub(super) fn against(mut self, model: &Fitted) -> Self {
-        if self.is_whole(model) {
+        if self.is_whole {
             self.gain.training = self.fitted.cells.gain(&model.cells, Part::Training).0;
             let (held_out, error) = self.fitted.cells.gain(&model.cells, Part::HeldOut);
             (self.gain.held_out, self.gain.error) = (held_out, error);
@@ -162,7 +158,8 @@ pub(super) fn scan(
             };
             let (training, _) = fitted.cells.gain(&against.cells, Part::Training);
             let (held_out, error) = fitted.cells.gain(&against.cells, Part::HeldOut);
-            Tried { gain: Gain { id: candidate.id, training, held_out, error }, fitted }
+            let gain = Gain { id: candidate.id, training, held_out, error };
+            Tried { gain, fitted, is_whole: is_worth_it }
         })
         .collect();
     all.sort_by(|a, b| b.gain.held_out.total_cmp(&a.gain.held_out));

@@ -224,7 +224,7 @@ fn polish_rivals(evidence: &Evidence, model: &Fitted, tried: &mut Vec<Tried>) {
     if best < LEAST_GAIN {
         return;
     }
-    let near = |tried: &Tried| tried.is_whole(model) && tried.gain.held_out > NEAR * best;
+    let near = |tried: &Tried| tried.is_whole && tried.gain.held_out > NEAR * best;
     let (rivals, rest): (Vec<Tried>, Vec<Tried>) = tried.drain(..).partition(near);
     let n_finished = rivals.len().min(MOST_RIVALS);
     tried.extend(
@@ -257,11 +257,7 @@ fn equals(tried: &[Tried]) -> Vec<crate::effect_id::EffectId> {
         gain <= error
     };
     // A first fit on some of the pixels does not compare.
-    let full = |t: &&Tried| {
-        t.fitted.cells.n_events.iter().sum::<f64>()
-            == best.fitted.cells.n_events.iter().sum::<f64>()
-    };
-    tried.iter().skip(1).filter(full).filter(close).map(|t| t.gain.id).collect()
+    tried.iter().skip(1).filter(|t| t.is_whole).filter(close).map(|t| t.gain.id).collect()
 }
 
 /// Leaves out what has become idle: an effect that was taken early and that later ones replace.

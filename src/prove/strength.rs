@@ -1,7 +1,8 @@
 //! How strong hidden effects are: for each a least strength, and how its parameters follow.
 //!
 //! Strength 1 is about where an effect begins to matter at the speeds of the simulated rig
-//! (20 to 45 pixels a second, a threshold of 0.19); a trial draws from 1 to 4. The detection
+//! (20 to 45 pixels a second, a threshold of 0.19), and beyond what every camera has of it (a leak of
+//! 0.3 Hz, a background of 0.2 Hz, rows of 9.21 us); a trial draws from 1 to 4. The detection
 //! floor is not assumed here: it is what the trials measure.
 
 use std::collections::BTreeMap;
@@ -71,10 +72,10 @@ const WORLD: &[Strength] = &[
         growth: Growth::FromOne,
         fixed: &[],
     },
-    up("junction_leak", "rate_hz", 0.1),
-    up("photocurrent_leak", "rate_hz_at_white", 0.2),
+    up("junction_leak", "rate_hz", 0.4),
+    up("photocurrent_leak", "rate_hz_at_white", 0.5),
     up("shot_noise", "rms_thresholds", 0.12).with(&[("bandwidth_hz", 300.0)]),
-    up("background_activity", "rate_hz", 0.2),
+    up("background_activity", "rate_hz", 0.5),
     up("hot_pixels", "fraction", 0.001),
     up("adaptation", "fraction", 0.1).with(&[("time_constant_s", 0.3)]),
     up("dark_current", "fraction_of_white", 0.02),
@@ -84,10 +85,10 @@ const WORLD: &[Strength] = &[
     up("aps_coupling", "events_fraction", 0.004).with(&[("delay_us", 300.0), ("row_us", 0.0)]),
     up("clock_offset", "offset_us", 1_500.0),
     up("clock_skew", "skew_ppm", 600.0),
-    up("rolling_shutter", "row_us", 6.0),
+    up("rolling_shutter", "row_us", 12.0),
     up("black_level", "offset_dn", 12.0),
     Strength { id: "tone_curve", key: "gamma", at_one: 0.92, growth: Growth::FromOne, fixed: &[] },
-    up("defocus", "sigma_px", 0.4),
+    up("defocus", "sigma_px", 0.5),
     up("flicker", "depth", 0.02).with(&[("frequency_hz", 100.0)]),
     up("vibration", "amplitude_mm", 0.06).with(&[("frequency_hz", 12.0)]),
 ];
