@@ -6,11 +6,21 @@ mod frames;
 mod hot;
 
 use super::{Departure, Evidence};
+use crate::effect_id::EffectId;
 
 /// What a census shows.
 pub(super) fn census(evidence: &Evidence) -> Vec<Departure> {
     let all = [hot::pixels(evidence), frames::coupling(evidence), bus::saturation(evidence)];
     all.into_iter().flatten().collect()
+}
+
+/// Whether a census tells an effect that no predicted pixel does, or why not.
+pub(super) fn judge(evidence: &Evidence, id: EffectId) -> Result<(), String> {
+    match id {
+        EffectId::ReadoutSaturation => Ok(()),
+        EffectId::ApsCoupling => frames::needs(evidence),
+        other => Err(super::scan::absent(other).to_owned()),
+    }
 }
 
 /// Columns and rows of the sensor.

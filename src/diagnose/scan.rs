@@ -1,6 +1,7 @@
 //! One round of the search: every effect of the library refitted on top of what is known.
 
 use super::candidate::{Candidate, LIBRARY};
+use super::census;
 use super::fit::{Fitted, as_it_is, fit, improved};
 use super::polish::polished;
 use super::score::{Part, cells_of_each};
@@ -79,7 +80,7 @@ pub(super) fn cannot_judge(evidence: &Evidence) -> Vec<CannotJudge> {
         let because = match LIBRARY.iter().find(|candidate| candidate.id == id) {
             Some(candidate) => (candidate.needs)(evidence).err(),
             None if LIBRARY.iter().any(|candidate| candidate.same.contains(&id)) => None,
-            None => Some(absent(id).to_owned()),
+            None => census::judge(evidence, id).err(),
         };
         if let Some(because) = because {
             list.push(CannotJudge { id, because });
@@ -89,7 +90,7 @@ pub(super) fn cannot_judge(evidence: &Evidence) -> Vec<CannotJudge> {
 }
 
 /// Why an effect has no place in the library.
-fn absent(id: EffectId) -> &'static str {
+pub(super) fn absent(id: EffectId) -> &'static str {
     match id {
         EffectId::ToneCurve => {
             "a power law of the frames is one number with the threshold; it takes a step wedge"
@@ -106,13 +107,9 @@ fn absent(id: EffectId) -> &'static str {
             "light that changes while the print stays is booked to the path's brightness; it takes a \
              static segment with the shadow in it"
         }
-        EffectId::RowReadout | EffectId::ReadoutSaturation => {
+        EffectId::RowReadout => {
             "it is in how the stamps of all pixels follow each other, which pixel by pixel is not \
-             fitted; what it leaves shows under row_us and sensor_rate_hz"
-        }
-        EffectId::ApsCoupling => {
-            "it makes many pixels fire at once, which pixel by pixel is not fitted; what it leaves \
-             shows under since_frame_us"
+             fitted; what it leaves shows under row_us"
         }
         _ => "it has no place in the library",
     }

@@ -38,12 +38,19 @@ struct Peak {
     z: f64,
 }
 
+/// Why it cannot be told.
+pub(super) fn needs(evidence: &Evidence) -> Result<(), String> {
+    let n = evidence.around.frames_us().len();
+    if n < LEAST_FRAMES {
+        return Err(format!("the camera took {n} frames; it takes {LEAST_FRAMES}"));
+    }
+    Ok(())
+}
+
 /// Events that the camera's frames set off, if there are enough to matter.
 pub(super) fn coupling(evidence: &Evidence) -> Option<Departure> {
+    needs(evidence).ok()?;
     let starts = evidence.around.frames_us();
-    if starts.len() < LEAST_FRAMES {
-        return None;
-    }
     let mut periods: Vec<f64> = starts.windows(2).map(|pair| (pair[1] - pair[0]) as f64).collect();
     let n_bins = (upper_median(&mut periods)? as i64 / BIN_US) as usize;
     let [width, height] = size(evidence);
