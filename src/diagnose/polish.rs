@@ -12,6 +12,18 @@ use super::{Evidence, Hypothesis};
 use cmaes::{CMAESOptions, DVector};
 use nalgebra::DMatrix;
 
+/// Instants of light on which the crest is looked for, in pixels enough to see the whole sensor. On all
+/// of them the search then only has to settle.
+const FEW_INSTANTS: usize = 200_000;
+const LEAST_PIXELS: usize = 30;
+
+/// First steps of settling.
+const FINE_STEPS: [f64; 2] = [2.0, 1.0];
+
+/// Instants with which settling gets all its evaluations; with more of them each costs more, and its
+/// share of the evaluations is fewer, at the fewest a fifth.
+const FINE_INSTANTS: usize = 1_000_000;
+
 /// First steps, in what the gradients claim for standard errors: one search after another.
 const STEPS: [f64; 6] = [3.0, 10.0, 3.0, 3.0, 1.0, 3.0];
 
@@ -25,11 +37,27 @@ const WORTH_ANOTHER: f64 = 1e-3;
 const NO_VALUE: f64 = 1e12;
 
 /// A fit gone on with where slopes have left it; never worse than it was.
-pub(super) fn polished(evidence: &Evidence, mut fitted: Fitted) -> Fitted {
+pub(super) fn polished(evidence: &Evidence, fitted: Fitted) -> Fitted {
+    let instants: usize = evidence.pixels.iter().map(|pixel| pixel.light.len()).sum();
+    let every = (instants / FEW_INSTANTS).min(evidence.pixels.len() / LEAST_PIXELS);
+    if every < 2 {
+        return searches(evidence, fitted, &STEPS, PER_VALUE);
+    }
+    let few = evidence.thinned(every);
+    let rough = searches(&few, as_it_is(&few, fitted.hypothesis.clone()), &STEPS, PER_VALUE);
+    let there = as_it_is(evidence, rough.hypothesis);
+    // What is best for few may not be for all.
+    let is_better = there.cells.nats(Part::Training) > fitted.cells.nats(Part::Training);
+    let per_value = (PER_VALUE * FINE_INSTANTS / instants).clamp(PER_VALUE / 5, PER_VALUE);
+    searches(evidence, if is_better { there } else { fitted }, &FINE_STEPS, per_value)
+}
+
+/// Searches one behind the other, with these first steps, until two in a row are in vain.
+fn searches(evidence: &Evidence, mut fitted: Fitted, steps: &[f64], per_value: usize) -> Fitted {
     let mut n_in_vain = 0;
-    for (round, step) in STEPS.into_iter().enumerate() {
+    for (seed, &step) in (1..).zip(steps) {
         let before = fitted.cells.nats(Part::Training);
-        fitted = searched(evidence, fitted, step, round as u64 + 1);
+        fitted = searched(evidence, fitted, step, per_value, seed);
         let is_in_vain = fitted.cells.nats(Part::Training) - before < WORTH_ANOTHER;
         n_in_vain = if is_in_vain { n_in_vain + 1 } else { 0 };
         if n_in_vain == 2 {
@@ -39,7 +67,7 @@ pub(super) fn polished(evidence: &Evidence, mut fitted: Fitted) -> Fitted {
     fitted
 }
 
-fn searched(evidence: &Evidence, fitted: Fitted, step: f64, seed: u64) -> Fitted {
+fn searched(evidence: &Evidence, fitted: Fitted, step: f64, per_value: usize, seed: u64) -> Fitted {
     let (free, gradients) = gradients(evidence, &fitted);
     let Some(spread) = spread(&fitted, &free, &gradients) else { return fitted };
     let start = fitted.hypothesis.clone();
@@ -62,7 +90,7 @@ fn searched(evidence: &Evidence, fitted: Fitted, step: f64, seed: u64) -> Fitted
         if nats.is_finite() { -nats } else { NO_VALUE }
     };
     let options = CMAESOptions::new(vec![0.0; free.len()], step)
-        .max_function_evals(PER_VALUE * free.len())
+        .max_function_evals(per_value * free.len())
         .seed(seed);
     // Options are wrong only for no coordinates at all; then the start is the answer.
     if let Ok(mut state) = options.build(evaluate) {
