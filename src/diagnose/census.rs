@@ -8,10 +8,29 @@ mod hot;
 use super::{Departure, Evidence};
 use crate::effect_id::EffectId;
 
-/// What a census shows.
-pub(super) fn census(evidence: &Evidence) -> Vec<Departure> {
-    let all = [hot::pixels(evidence), frames::coupling(evidence), bus::saturation(evidence)];
-    all.into_iter().flatten().collect()
+/// What a census shows, and the evidence without what that explains already.
+pub(super) struct Census {
+    pub(super) departures: Vec<Departure>,
+    /// Without the hot pixels, where there are any.
+    pub(super) rest: Option<Evidence>,
+    /// Whether the bus decides when events come, so that no pixel's own law can be read off them.
+    pub(super) is_saturated: bool,
+}
+
+/// Counts what the whole sensor did.
+pub(super) fn census(evidence: &Evidence) -> Census {
+    let (hot, rest) = match hot::pixels(evidence) {
+        Some((departure, hot)) => {
+            let mut rest = evidence.clone();
+            rest.pixels.retain(|pixel| !hot.contains(&(pixel.x, pixel.y)));
+            (Some(departure), Some(rest))
+        }
+        None => (None, None),
+    };
+    let bus = bus::saturation(evidence);
+    let is_saturated = bus.is_some();
+    let all = [hot, frames::coupling(evidence), bus];
+    Census { departures: all.into_iter().flatten().collect(), rest, is_saturated }
 }
 
 /// Whether a census tells an effect that no predicted pixel does, or why not.

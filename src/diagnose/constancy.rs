@@ -22,6 +22,10 @@ const STRATA: usize = 5;
 /// Least events in a stratum.
 const LEAST: usize = 150;
 
+/// Least events of a stratum, drawn from the model, that the strength is told by. Where an effect has hardly
+/// a part in what happens, that none of its few events came means nothing.
+const LEAST_TELLING: f64 = 25.0;
+
 /// The strength that a stratum alone would have.
 #[derive(Debug, Clone)]
 pub(super) struct Stratum {
@@ -167,12 +171,18 @@ struct Sums {
     n: f64,
     slope: f64,
     square: f64,
+    fourth: f64,
     by_cell: BTreeMap<usize, (f64, f64)>,
 }
 
 impl Sums {
     fn mean(&self) -> f64 {
         self.slope / self.n.max(1.0)
+    }
+
+    /// By how many events the slope is told: fewer than there are where a few say most.
+    fn n_telling(&self) -> f64 {
+        self.square.powi(2) / self.fourth.max(f64::MIN_POSITIVE)
     }
 
     /// Squared standard error of the mean, from the scatter over cells.
@@ -199,7 +209,8 @@ fn of_covariate(
             let sums = &mut strata[edges.partition_point(|edge| *edge <= value)];
             sums.n += 1.0;
             sums.slope += event.slope;
-            sums.square += event.slope * event.slope;
+            sums.square += event.slope.powi(2);
+            sums.fourth += event.slope.powi(4);
             let cell = sums.by_cell.entry(event.cell).or_default();
             cell.0 += event.slope;
             cell.1 += 1.0;
@@ -220,7 +231,7 @@ fn of_covariate(
         .filter(|(_, (real, drawn))| real.n.min(drawn.n) >= LEAST as f64)
         .filter_map(|(s, (real, drawn))| {
             let known = drawn.square / drawn.n;
-            (known > 0.0).then(|| Stratum {
+            (known > 0.0 && drawn.n_telling() >= LEAST_TELLING).then(|| Stratum {
                 covariate: key,
                 range: ends(s),
                 change: (real.mean() - drawn.mean() - whole) / known,

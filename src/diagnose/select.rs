@@ -1,7 +1,7 @@
 //! The search as a whole: baseline, effects one by one, null, structure left, verdict.
 
-use super::census::census;
-use super::check::{Structure, structure};
+use super::census::{Census, census};
+use super::check::structure;
 use super::conclude::{Reached, conclude};
 use super::constancy::strengths;
 use super::errors::with_errors;
@@ -65,6 +65,10 @@ pub fn diagnose(
     options: &Options,
     progress: &mut dyn FnMut(&str),
 ) -> Diagnosed {
+    let Census { departures: counted, rest, is_saturated } = census(evidence);
+    let evidence = rest.as_ref().unwrap_or(evidence);
+    let max_effects = if is_saturated { 0 } else { options.max_effects };
+    let options = &Options { max_effects, ..*options };
     progress("baseline");
     let few = evidence.thinned((evidence.n_events() / FEW_EVENTS).max(2));
     let begun = fit(&few, Hypothesis::baseline(evidence), 12, 1e-4);
@@ -84,8 +88,7 @@ pub fn diagnose(
         model = refit_with(evidence, &baseline, &model, &kept);
     }
     progress("structure left");
-    let look = |model: &Fitted| structure(evidence, model, options.seed);
-    let (before, after): (Option<Structure>, Option<Structure>) = (look(&baseline), look(&model));
+    let [before, after] = [&baseline, &model].map(|model| structure(evidence, model, options.seed));
     let standing = standing(before.as_ref(), after.as_ref(), &structures, !taken.is_empty());
     let drawn = null::draw(evidence, &model.hypothesis, options.seed);
     let doubts: Vec<Option<String>> =
@@ -106,8 +109,7 @@ pub fn diagnose(
     let model = if model.errors.is_some() { model } else { with_errors(evidence, model) };
     progress("halves");
     let halves = if taken.is_empty() { Vec::new() } else { halves(evidence, &baseline, &model) };
-    let departures: Vec<Departure> = departures.iter().cloned().chain(census(evidence)).collect();
-    let departed = as_effects(&departures, &baseline);
+    let departed = as_effects(&[departures, &counted].concat(), &baseline);
     let reached =
         Reached { taken, standing, before, after, reach, suspects, halves, null, departed };
     Diagnosed {

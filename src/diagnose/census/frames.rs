@@ -172,7 +172,7 @@ mod tests {
         counts[15].sum_us += 1_000.0 * 301.0;
         let found = peak(&counts, 0.0).unwrap();
         assert!((found.delay_us - 301.0).abs() < 3.0, "{}", found.delay_us);
-        assert!((found.excess - 1000.0).abs() < 30.0 && found.z > CLEAR, "{}", found.z);
+        assert!((found.excess - 1000.0).abs() < 60.0 && found.z > CLEAR, "{}", found.z);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use super::{Departure, Evidence, size};
 use crate::effect_id::EffectId;
 use crate::stats::upper_median;
+use std::collections::BTreeSet;
 
 /// Events a second that a hot pixel fires at least beyond its neighbours.
 const LEAST_HZ: f64 = 8.0;
@@ -16,13 +17,13 @@ const LEAST: usize = 4;
 /// Share of all events that they have to fire.
 const LEAST_SHARE: f64 = 0.003;
 
-/// Hot pixels of the sensor, if there are enough to matter.
-pub(super) fn pixels(evidence: &Evidence) -> Option<Departure> {
+/// Hot pixels of the sensor, if there are enough to matter, and where they are.
+pub(super) fn pixels(evidence: &Evidence) -> Option<(Departure, BTreeSet<(u16, u16)>)> {
     let [width, height] = size(evidence);
     let seconds = evidence.blocks.length_us() as f64 * 1e-6;
     let recording = evidence.around.recording();
     let count = |x: u16, y: u16| recording.of(x, y).len() as f64;
-    let (mut n_hot, mut events, mut all) = (0_usize, 0.0, 0.0);
+    let (mut hot, mut events, mut all) = (BTreeSet::new(), 0.0, 0.0);
     for y in 0..height {
         for x in 0..width {
             let own = count(x, y);
@@ -38,13 +39,14 @@ pub(super) fn pixels(evidence: &Evidence) -> Option<Departure> {
                 .collect();
             let common = upper_median(&mut others)?;
             if own > TIMES * (common + 2.0) && own - common > LEAST_HZ * seconds {
-                n_hot += 1;
+                hot.insert((x, y));
                 events += own - common;
             }
         }
     }
+    let n_hot = hot.len();
     let fraction = n_hot as f64 / (f64::from(width) * f64::from(height));
-    (n_hot >= LEAST && events > LEAST_SHARE * all).then(|| Departure {
+    let departure = Departure {
         id: EffectId::HotPixels,
         parameters: vec![("fraction", [fraction, fraction / (n_hot as f64).sqrt()])],
         says: format!(
@@ -53,5 +55,6 @@ pub(super) fn pixels(evidence: &Evidence) -> Option<Departure> {
         ),
         z: (n_hot as f64).sqrt() * TIMES,
         without: None,
-    })
+    };
+    (n_hot >= LEAST && events > LEAST_SHARE * all).then_some((departure, hot))
 }
