@@ -66,25 +66,17 @@ pub(super) fn conclude(
     let (before, after) = (flexible(evidence, baseline), flexible(evidence, model));
     let (low, high) = (held_out_nats(baseline), held_out_nats(model));
     let ceiling = (low + before.gain).max(high + after.gain.max(0.0)).max(reach);
-    let verdict = {
-        let excess = ceiling - low;
-        let share = (excess > 0.0).then(|| (high - low) / excess);
-        verdict(taken.is_empty(), excess, share, standing)
-            .beside(!suspects.is_empty(), !departures.is_empty())
-    };
+    let (excess, share) = removed([low, high, ceiling]);
+    let verdict = verdict(taken.is_empty(), excess, share, standing)
+        .beside(!suspects.is_empty(), !departures.is_empty());
     // With the light as stated for a beginning, what the frames show is a part of what is explained.
     let low = as_stated.as_ref().map_or(low, held_out_nats);
-    let excess = ceiling - low;
-    let share = (excess > 0.0).then(|| (high - low) / excess);
+    let (excess, share) = removed([low, high, ceiling]);
     let (gain, error) = model.cells.gain(&baseline.cells, Part::HeldOut);
     let z = if taken.is_empty() { before.gain / before.error } else { gain / error };
     let is_named = matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
-    let mut named = if is_named { effects(evidence, model, &taken) } else { Vec::new() };
-    // What the predicted pixels show as well is theirs.
-    let mut others = departures;
-    others.retain(|other| named.iter().all(|own| own.id != other.id));
-    others.append(&mut named);
-    let effects = others;
+    let named = if is_named { effects(evidence, model, &taken) } else { Vec::new() };
+    let effects = beside(departures, named);
     let next_recording = splitter(&effects);
     let least = (0.02 * excess).max(0.002);
     Diagnosis {
@@ -124,6 +116,19 @@ pub(super) fn conclude(
         n_pixels: evidence.pixels.len(),
         n_events: evidence.n_events(),
     }
+}
+
+/// What there is to explain, and the share of it that is removed.
+fn removed([low, high, ceiling]: [f64; 3]) -> (f64, Option<f64>) {
+    let excess = ceiling - low;
+    (excess, (excess > 0.0).then(|| (high - low) / excess))
+}
+
+/// What frames and a census show, then what the predicted pixels do; what both show is theirs.
+fn beside(mut others: Vec<FittedEffect>, named: Vec<FittedEffect>) -> Vec<FittedEffect> {
+    others.retain(|other| named.iter().all(|own| own.id != other.id));
+    others.extend(named);
+    others
 }
 
 /// The recording that would tell the first effect with equals from them.
