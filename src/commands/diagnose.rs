@@ -2,7 +2,7 @@
 
 use super::{Ending, Output};
 use crate::cli::{BaselineChoice, DiagnoseArgs, ProcessArgs};
-use crate::diagnose::{Diagnosis, Options, Verdict};
+use crate::diagnose::{Diagnosis, FittedEffect, Options, Verdict};
 use crate::pipeline::{self, Baseline, DiagnoseRequest, PipelineError};
 use crate::session::Session;
 use serde_json::{Value, json};
@@ -93,15 +93,18 @@ pub(super) fn text(diagnosis: &Diagnosis) -> String {
         scores.baseline, scores.r#final, scores.ceiling
     );
     if let Some(share) =
-        diagnosis.fit.share_of_excess_removed.filter(|_| !diagnosis.effects.is_empty())
+        diagnosis.fit.share_of_excess_removed.filter(|_| diagnosis.effects.iter().any(is_scored))
     {
         text += &format!("; {:.0} % of the excess removed", share * 100.0);
     }
     for effect in &diagnosis.effects {
-        text += &format!(
-            "\n{}: {} (+{:.3} nats per event)",
-            effect.name, effect.says, effect.heldout_gain_nats_per_event
-        );
+        let gain = effect.heldout_gain_nats_per_event;
+        text += &format!("\n{}: {}", effect.name, effect.says);
+        text += &if is_scored(effect) {
+            format!(" (+{gain:.3} nats per event)")
+        } else {
+            " (seen in the frames or over the whole sensor)".to_owned()
+        };
         for (key, p) in &effect.parameters {
             let [low, high] = p.ci90;
             text += &format!("\n  {key} = {:.4}", p.value);
@@ -128,4 +131,7 @@ pub(super) fn text(diagnosis: &Diagnosis) -> String {
         text += &format!("\nto tell them apart record {next}");
     }
     text
+}
+fn is_scored(effect: &FittedEffect) -> bool {
+    !effect.is_beside_the_score()
 }

@@ -97,6 +97,15 @@ pub struct FittedEffect {
     pub rivals: Vec<Rival>,
 }
 
+impl FittedEffect {
+    /// Whether no predicted event depends on it: a census or the frames show it, and the score is the same
+    /// with and without.
+    #[must_use]
+    pub fn is_beside_the_score(&self) -> bool {
+        self.heldout_gain_nats_per_event == 0.0 && self.heldout_gain_error == 0.0
+    }
+}
+
 /// Scores on held-out cells, nats an event.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct HeldOut {

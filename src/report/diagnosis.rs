@@ -141,11 +141,17 @@ fn effects(effects: &[FittedEffect]) -> Table {
             .map(|r| format!("{} {}", r.id, significant(r.heldout_gain_nats_per_event, 2)))
             .collect();
         let equivalent: Vec<&str> = effect.equivalent.iter().map(|id| id.as_str()).collect();
+        let (gain, error) = if effect.is_beside_the_score() {
+            (Cell::text("not scored"), String::new())
+        } else {
+            let error = significant(effect.heldout_gain_error, 2);
+            (Cell::number(effect.heldout_gain_nats_per_event), error)
+        };
         vec![
             Cell::text(effect.id.as_str()),
             Cell::text(&parameters.join(", ")),
-            Cell::number(effect.heldout_gain_nats_per_event),
-            Cell::text(&significant(effect.heldout_gain_error, 2)),
+            gain,
+            Cell::text(&error),
             Cell::text(&rivals.join(", ")),
             Cell::text(&equivalent.join(", ")),
         ]
@@ -155,7 +161,8 @@ fn effects(effects: &[FittedEffect]) -> Table {
         caption:
             "Each gain is on top of the effects above it. Parameters with 90 % intervals, which \
                   come from the scatter over cells and do not know the model's own misfit. Rivals: \
-                  what they would have gained in the same place."
+                  what they would have gained in the same place. Not scored: seen in the frames, so that \
+                  the light has it, or over the whole sensor."
                 .into(),
         columns: vec![
             Column::text("effect"),
