@@ -45,6 +45,10 @@ struct Kind<'a> {
 /// Columns and rows of the simulated rig's event camera.
 const SENSOR_PX: [u16; 2] = [346, 260];
 
+/// Columns and rows between which the moving print is mostly seen: nothing can be told of pixels beside
+/// it, so that a part has to cut the print and not the sensor.
+const PRINT_PX: [[u16; 2]; 2] = [[130, 300], [50, 210]];
+
 /// Pictures and trajectories of the simulated rig that trials take in turn.
 const PICTURES: &[&str] = &["leaves-1", "leaves-2", "leaves-3", "leaves-4"];
 const TRAJECTORIES: &[&str] = &["circle", "figure-eight"];
@@ -86,13 +90,13 @@ fn is_placeable(entry: &Strength) -> bool {
     acts_in_each && effect.is_ok_and(|effect| effect.group() == EffectGroup::Pixel)
 }
 
-/// One side of the picture, between two and three fifths of it.
-fn part_of(sensor_px: [u16; 2], random: &mut SplitMix) -> Rectangle {
-    let mut ends = sensor_px.map(|n| [0, n]);
+/// One side of the sensor, with between two and three fifths of where the print is seen.
+fn part_of(random: &mut SplitMix) -> Rectangle {
+    let mut ends = SENSOR_PX.map(|n| [0, n]);
     let axis = random.below(2);
-    let n = sensor_px[axis];
-    let cut = (f64::from(n) * random.between(0.4, 0.6)).round() as u16;
-    ends[axis] = if random.below(2) == 0 { [0, cut] } else { [cut, n] };
+    let [from, to] = PRINT_PX[axis].map(f64::from);
+    let cut = (from + (to - from) * random.between(0.4, 0.6)).round() as u16;
+    ends[axis] = if random.below(2) == 0 { [0, cut] } else { [cut, SENSOR_PX[axis]] };
     let [x_px, y_px] = ends;
     Rectangle { x_px, y_px }
 }
@@ -133,7 +137,7 @@ fn trial(family: Family, number: usize, kind: &Kind<'_>, seed: u64) -> Trial {
         trajectory = TRAJECTORIES[random.below(TRAJECTORIES.len())].into();
     }
     let nonce = format!("{:016x}{:016x}", random.bits(), random.bits());
-    let region = kind.is_local.then(|| part_of(SENSOR_PX, &mut random));
+    let region = kind.is_local.then(|| part_of(&mut random));
     let truth = Truth { schema: "evrig.truth/1".into(), effects, region, nonce };
     let name = format!("{}-{number:03}", family.as_str());
     Trial { name, family, picture, trajectory, seed: random.bits(), truth }
@@ -191,7 +195,12 @@ mod tests {
         let size = rig.davis.camera.size;
         assert_eq!([size.width, size.height], SENSOR_PX);
         for trial in draw(Mix { local: 40, ..Mix::none(Family::World) }, 2) {
-            let share = trial.truth.region.unwrap().area() as f64 / size.n_pixels() as f64;
+            let region = trial.truth.region.unwrap();
+            let within = |px: [u16; 2], print: [u16; 2]| {
+                let length = |[a, b]: [u16; 2]| f64::from(b) - f64::from(a);
+                length([px[0].max(print[0]), px[1].min(print[1])]) / length(print)
+            };
+            let share = within(region.x_px, PRINT_PX[0]) * within(region.y_px, PRINT_PX[1]);
             assert!((0.39..=0.61).contains(&share), "{share}");
             assert!((2.0..=4.0).contains(&trial.truth.effects[0].strength));
         }
