@@ -155,6 +155,8 @@ pub struct Candidate {
     pub rivals: &'static [EffectId],
     /// Effects that no events alone can tell from it.
     pub same: &'static [EffectId],
+    /// Effects whose law is the very same for some of their values.
+    pub twins: &'static [EffectId],
     /// What separates it from its rivals: what to record.
     pub splitter: &'static str,
     /// Why it cannot be judged from this evidence.
@@ -197,6 +199,7 @@ const PLAIN: Candidate = Candidate {
     derived: |_, _| Vec::new(),
     rivals: &[],
     same: &[],
+    twins: &[],
     splitter: "",
     needs: |_| Ok(()),
     against: |_| 0.0,

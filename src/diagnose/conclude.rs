@@ -257,6 +257,8 @@ fn effects(evidence: &Evidence, model: &Fitted, taken: &[Taken]) -> Vec<FittedEf
         .map(|(index, taken)| {
             let candidate = hypothesis.effects[index];
             let mut equivalent = taken.equals.clone();
+            let twins = candidate.twins.iter().filter(|twin| !taken.equals.contains(twin));
+            equivalent.extend(twins);
             if evidence.facts.clocks.is_none() {
                 equivalent.extend(candidate.same);
             }

@@ -13,6 +13,8 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         let dark = values[0] as f32;
         view.signal.iter_mut().for_each(|signal| *signal = (signal.exp() + dark).ln());
     },
+    // Frames whose pedestal is less than stated.
+    twins: &[EffectId::BlackLevel],
     rivals: &[EffectId::BlackLevel, EffectId::ToneCurve, EffectId::PhotoreceptorBandwidth],
     splitter: "frames with the lens cap on state the frames' pedestal; light five times stronger makes dark current small",
     says: |values| {
