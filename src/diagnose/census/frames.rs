@@ -89,6 +89,11 @@ pub(super) fn coupling(evidence: &Evidence) -> Option<Departure> {
     if scatter > 5.0 * BIN_US as f64 || excess < LEAST_SHARE * all {
         return None;
     }
+    let middle_us = delay_us + 0.5 * row_us * f64::from(height);
+    let half_us = OWN as f64 * BIN_US as f64 + 0.5 * (row_us * f64::from(height)).abs();
+    if !is_common(&all_times(evidence), starts, [middle_us, half_us]) {
+        return None;
+    }
     let chances = starts.len() as f64 * f64::from(width) * f64::from(height);
     let fraction = excess / chances;
     let noise = peaks.iter().map(|peak| (peak.excess / peak.z).powi(2)).sum::<f64>().sqrt();
@@ -108,6 +113,32 @@ pub(super) fn coupling(evidence: &Evidence) -> Option<Departure> {
         z: peaks.iter().map(|peak| peak.z).fold(f64::INFINITY, f64::min),
         without: None,
     })
+}
+
+/// Whether the events of a window behind each frame's start stand out in most frames: a flash fires all
+/// pixels behind the few frames in which it came.
+fn is_common(times: &[i64], starts: &[i64], [middle_us, half_us]: [f64; 2]) -> bool {
+    let count = |from_us: f64, to_us: f64| {
+        let before = |us: f64| times.partition_point(|t| (*t as f64) < us);
+        (before(to_us) - before(from_us)) as f64
+    };
+    let stands_out = |start: &&i64| {
+        let middle = **start as f64 + middle_us;
+        let own = count(middle - half_us, middle + half_us);
+        let about = count(middle - 3.0 * half_us, middle + 3.0 * half_us) - own;
+        own > 0.5 * about + 2.0 * (0.5 * about + 1.0).sqrt()
+    };
+    2 * starts.iter().filter(stands_out).count() > starts.len()
+}
+
+/// Times of all events, ascending.
+fn all_times(evidence: &Evidence) -> Vec<i64> {
+    let [width, height] = size(evidence);
+    let recording = evidence.around.recording();
+    let of = |y: u16| (0..width).flat_map(move |x| recording.of(x, y).iter().map(|s| s.t_us));
+    let mut times: Vec<i64> = (0..height).flat_map(of).collect();
+    times.sort_unstable();
+    times
 }
 
 /// The clearest peak of one band, no wider than its own classes.
@@ -189,6 +220,21 @@ mod tests {
             beat.sum_us += 1_000.0 * 301.0;
         }
         assert!(peak(&beats, 0.0).is_none(), "a beat every 240 us");
+    }
+
+    #[test]
+    fn a_flash_behind_few_frames_is_not_of_the_frames() {
+        let starts: Vec<i64> = (0..100).map(|i| i * 25_000).collect();
+        let even = (0..250_000).map(|i| i * 10);
+        let burst = |every: usize| {
+            let hit =
+                starts.iter().step_by(every).flat_map(|s| (0..400).map(move |i| s + 300 + i / 40));
+            let mut times: Vec<i64> = even.clone().chain(hit).collect();
+            times.sort_unstable();
+            times
+        };
+        assert!(is_common(&burst(1), &starts, [300.0, 200.0]));
+        assert!(!is_common(&burst(12), &starts, [300.0, 200.0]));
     }
 
     #[test]
