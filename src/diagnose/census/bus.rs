@@ -1,6 +1,6 @@
 //! A bus that serves one event after another and is never free.
 
-use super::{Departure, Evidence, size};
+use super::{Departure, Evidence, all_times};
 use crate::effect_id::EffectId;
 
 /// Longest time of service that is looked for, microseconds; a slower bus carries nothing.
@@ -18,13 +18,7 @@ const SHORTER: f64 = 0.01;
 /// A bus at its limit: no two events come nearer to each other than it takes to serve one, and many
 /// come just so far apart.
 pub(super) fn saturation(evidence: &Evidence) -> Option<Departure> {
-    let [width, height] = size(evidence);
-    let recording = evidence.around.recording();
-    let mut times: Vec<i64> = (0..height)
-        .flat_map(|y| (0..width).flat_map(move |x| recording.of(x, y).iter().map(|s| s.t_us)))
-        .collect();
-    times.sort_unstable();
-    let [rate, error] = served(&times)?;
+    let [rate, error] = served(&all_times(evidence))?;
     Some(Departure {
         id: EffectId::ReadoutSaturation,
         parameters: vec![("max_events_per_s", [rate, error])],

@@ -1,6 +1,6 @@
 //! Events that come at one time after each of the camera's own frames.
 
-use super::{Departure, Evidence, size};
+use super::{Departure, Evidence, all_times, size};
 use crate::effect_id::EffectId;
 use crate::stats::upper_median;
 
@@ -129,16 +129,6 @@ fn is_common(times: &[i64], starts: &[i64], [middle_us, half_us]: [f64; 2]) -> b
         own > 0.5 * about + 2.0 * (0.5 * about + 1.0).sqrt()
     };
     2 * starts.iter().filter(stands_out).count() > starts.len()
-}
-
-/// Times of all events, ascending.
-fn all_times(evidence: &Evidence) -> Vec<i64> {
-    let [width, height] = size(evidence);
-    let recording = evidence.around.recording();
-    let of = |y: u16| (0..width).flat_map(move |x| recording.of(x, y).iter().map(|s| s.t_us));
-    let mut times: Vec<i64> = (0..height).flat_map(of).collect();
-    times.sort_unstable();
-    times
 }
 
 /// The clearest peak of one band, no wider than its own classes.
