@@ -27,9 +27,10 @@ pub(super) fn census(evidence: &Evidence) -> Census {
         }
         None => (None, None),
     };
-    let bus = bus::saturation(evidence);
+    let times = all_times(evidence);
+    let bus = bus::saturation(&times);
     let is_saturated = bus.is_some();
-    let all = [hot, frames::coupling(evidence), bus];
+    let all = [hot, frames::coupling(evidence, &times), bus];
     Census { departures: all.into_iter().flatten().collect(), rest, is_saturated }
 }
 

@@ -21,7 +21,7 @@ use std::collections::BTreeMap;
 const LEAST_EXCESS: f64 = 0.06;
 
 /// Half width of a 90 % interval in standard errors.
-const Z90: f64 = 1.645;
+pub(super) const Z90: f64 = 1.645;
 
 /// What the search has come to.
 pub(super) struct Reached {

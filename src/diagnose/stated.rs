@@ -4,6 +4,7 @@
 //! already and no event misses it. Against what the session states it is a departure all the same,
 //! and is named as one. What it buys is seen from the same events in the light as stated.
 
+use super::conclude::{Z90, above};
 use super::fit::{Fitted, fit};
 use super::polish::polished;
 use super::score::Part;
@@ -12,9 +13,6 @@ use crate::drive::{Drive, TimeGrid};
 use crate::effect_id::EffectId;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-
-/// Half width of a 90 % interval in standard errors.
-const Z90: f64 = 1.645;
 
 /// Steps of the fit in the light as stated.
 const STEPS: usize = 12;
@@ -93,7 +91,7 @@ fn effect(departure: &Departure, (gain, error): (f64, f64)) -> FittedEffect {
         parameters: departure.parameters.iter().map(interval).collect::<BTreeMap<_, _>>(),
         heldout_gain_nats_per_event: gain,
         heldout_gain_error: error,
-        p_value: super::conclude::above(departure.z),
+        p_value: above(departure.z),
         region: None,
         equivalent: Vec::new(),
         rivals: Vec::new(),

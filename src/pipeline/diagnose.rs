@@ -166,6 +166,7 @@ struct Looked {
 fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, PipelineError> {
     let missing =
         |what: String| PipelineError::Missing { session: session.root().to_owned(), what };
+    let rig = session.rig()?;
     let mut mapped = None;
     let (drive, facts): (Box<dyn Drive>, Facts) = match &request.baseline {
         Baseline::Scene => {
@@ -173,7 +174,7 @@ fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, Pipeline
                 .ok_or_else(|| missing("it holds no scene; run `evrig scene` first".into()))?;
             let drive = scene.drive();
             let clocks = read_clocks(session)?;
-            let later_us = session.rig()?.map_or(0.0, |rig| stated::later_us(&scene, &rig));
+            let later_us = rig.as_ref().map_or(0.0, |rig| stated::later_us(&scene, rig));
             let clocks = clocks.and_then(|clocks| tied::tied_clocks(&scene, &clocks, later_us));
             let facts = Facts {
                 from_scene: true,
@@ -200,7 +201,7 @@ fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, Pipeline
     let recording = ByPixel::new(real, drive.size(), [window[0], window[1].max(window[0] + 1)]);
     let evidence = Evidence::new(&recording, drive.as_ref(), facts, &request.options)
         .map_err(|source| PipelineError::Diagnose { session: session.root().to_owned(), source })?;
-    let departures = match (mapped, session.rig()?) {
+    let departures = match (mapped, rig) {
         (Some(scene), Some(rig)) => stated::departures(&scene, &rig, &evidence),
         _ => Vec::new(),
     };

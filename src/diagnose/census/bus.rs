@@ -1,6 +1,6 @@
 //! A bus that serves one event after another and is never free.
 
-use super::{Departure, Evidence, all_times};
+use super::Departure;
 use crate::effect_id::EffectId;
 
 /// Longest time of service that is looked for, microseconds; a slower bus carries nothing.
@@ -16,9 +16,9 @@ const BUSY: f64 = 0.3;
 const SHORTER: f64 = 0.01;
 
 /// A bus at its limit: no two events come nearer to each other than it takes to serve one, and many
-/// come just so far apart.
-pub(super) fn saturation(evidence: &Evidence) -> Option<Departure> {
-    let [rate, error] = served(&all_times(evidence))?;
+/// come just so far apart. `times` are those of all events, ascending.
+pub(super) fn saturation(times: &[i64]) -> Option<Departure> {
+    let [rate, error] = served(times)?;
     Some(Departure {
         id: EffectId::ReadoutSaturation,
         parameters: vec![("max_events_per_s", [rate, error])],

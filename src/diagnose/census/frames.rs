@@ -1,6 +1,6 @@
 //! Events that come at one time after each of the camera's own frames.
 
-use super::{Departure, Evidence, all_times, size};
+use super::{Departure, Evidence, size};
 use crate::effect_id::EffectId;
 use crate::stats::upper_median;
 
@@ -51,19 +51,18 @@ pub(super) fn needs(evidence: &Evidence) -> Result<(), String> {
 }
 
 /// Events that the camera's frames set off, if there are enough to matter.
-pub(super) fn coupling(evidence: &Evidence) -> Option<Departure> {
+pub(super) fn coupling(evidence: &Evidence, times: &[i64]) -> Option<Departure> {
     needs(evidence).ok()?;
     let starts = evidence.around.frames_us();
     let mut periods: Vec<f64> = starts.windows(2).map(|pair| (pair[1] - pair[0]) as f64).collect();
     let n_bins = (upper_median(&mut periods)? as i64 / BIN_US) as usize;
     let [width, height] = size(evidence);
     let mut classes = vec![vec![Class::default(); n_bins]; BANDS];
-    let mut all = 0.0;
+    let all = times.len() as f64;
     for y in 0..height {
         let band = usize::from(y) * BANDS / usize::from(height);
         for x in 0..width {
             for spike in evidence.around.recording().of(x, y) {
-                all += 1.0;
                 let since = evidence.around.since_frame_us(spike.t_us);
                 let bin = since as i64 / BIN_US;
                 if since.is_finite() && (bin as usize) < n_bins {
@@ -91,7 +90,7 @@ pub(super) fn coupling(evidence: &Evidence) -> Option<Departure> {
     }
     let middle_us = delay_us + 0.5 * row_us * f64::from(height);
     let half_us = OWN as f64 * BIN_US as f64 + 0.5 * (row_us * f64::from(height)).abs();
-    if !is_common(&all_times(evidence), starts, [middle_us, half_us]) {
+    if !is_common(times, starts, [middle_us, half_us]) {
         return None;
     }
     let chances = starts.len() as f64 * f64::from(width) * f64::from(height);
