@@ -109,7 +109,7 @@ pub fn diagnose(
     let model = if model.errors.is_some() { model } else { with_errors(evidence, model) };
     progress("halves");
     let halves = if taken.is_empty() { Vec::new() } else { halves(evidence, &baseline, &model) };
-    let departed = as_effects(&[departures, &counted].concat(), &baseline);
+    let departed = as_effects(evidence, departures.iter().chain(&counted), &baseline);
     let reached =
         Reached { taken, standing, before, after, reach, suspects, halves, null, departed };
     Diagnosed {

@@ -53,19 +53,26 @@ impl Evidence {
 }
 
 /// The departures as effects, and the score of the light as stated; none where there is no such light.
-pub(super) fn as_effects(
-    departures: &[Departure],
+/// They are scored on the pixels of `evidence`, which a census may have left fewer of.
+pub(super) fn as_effects<'a>(
+    evidence: &Evidence,
+    departures: impl Iterator<Item = &'a Departure>,
     baseline: &Fitted,
 ) -> (Vec<FittedEffect>, Option<Fitted>) {
-    let mut lights: Vec<Option<Fitted>> = departures
-        .iter()
-        .map(|departure| departure.without.as_ref().map(|evidence| refitted(evidence, baseline)))
-        .collect();
+    let departures: Vec<&Departure> = departures.collect();
+    let refitted = |without: &Evidence| {
+        let mut without = without.clone();
+        let is_left = |x, y| evidence.pixels.iter().any(|pixel| (pixel.x, pixel.y) == (x, y));
+        without.pixels.retain(|pixel| is_left(pixel.x, pixel.y));
+        refitted(&without, baseline)
+    };
+    let mut lights: Vec<Option<Fitted>> =
+        departures.iter().map(|departure| departure.without.as_ref().map(refitted)).collect();
     let effects = (0..departures.len())
         .map(|i| {
             let with = lights[i + 1..].iter().flatten().next().unwrap_or(baseline);
             let gained = lights[i].as_ref().map(|w| with.cells.gain(&w.cells, Part::HeldOut));
-            effect(&departures[i], gained.unwrap_or_default())
+            effect(departures[i], gained.unwrap_or_default())
         })
         .collect();
     let first = lights.iter_mut().find_map(Option::take);
