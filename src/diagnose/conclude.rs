@@ -76,7 +76,7 @@ pub(super) fn conclude(
     let z = if taken.is_empty() { before.gain / before.error } else { gain / error };
     let is_named = matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
     let named = if is_named { effects(evidence, model, &taken) } else { Vec::new() };
-    let effects = beside(departures, named);
+    let effects = all_named(departures, named);
     let next_recording = splitter(&effects);
     let least = (0.02 * excess).max(0.002);
     Diagnosis {
@@ -125,7 +125,7 @@ fn removed([low, high, ceiling]: [f64; 3]) -> (f64, Option<f64>) {
 }
 
 /// What frames and a census show, then what the predicted pixels do; what both show is theirs.
-fn beside(mut others: Vec<FittedEffect>, named: Vec<FittedEffect>) -> Vec<FittedEffect> {
+fn all_named(mut others: Vec<FittedEffect>, named: Vec<FittedEffect>) -> Vec<FittedEffect> {
     others.retain(|other| named.iter().all(|own| own.id != other.id));
     others.extend(named);
     others

@@ -1,6 +1,5 @@
 //! The event camera's clock runs fast.
 
-use super::super::TiedClocks;
 use super::{Candidate, EffectId, PLAIN, Parameter, Stage, needs_span};
 
 pub(super) const CANDIDATE: Candidate = Candidate {
@@ -31,8 +30,8 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         Some(tied.offset_us[0] - values[0] * 1e-6 * middle_us)
     },
     against: |evidence| {
-        let of = |tied: TiedClocks| tied.error()[1] / (0.5 * evidence.seconds());
-        evidence.facts.clocks.map_or(0.0, of)
+        let half_s = 0.5 * evidence.seconds();
+        evidence.facts.clocks.map_or(0.0, |tied| tied.error()[1] / half_s)
     },
     rivals: &[EffectId::ClockOffset, EffectId::TemperatureDrift],
     splitter: "a longer recording: a skew grows with it",
