@@ -5,7 +5,7 @@ mod moments;
 mod random;
 mod wilson;
 
-pub use estimate::{Estimate, number_or_nan, numbers_or_nan};
+pub use estimate::{Estimate, Z90, number_or_nan, numbers_or_nan};
 pub use moments::{Moments, median, quantile_sorted, upper_median};
 pub use random::SplitMix;
 pub use wilson::wilson95;

@@ -1,7 +1,7 @@
 //! What a method returns: maps between steps, each with its error.
 
 use super::input::PairTally;
-use crate::stats::Estimate;
+use crate::stats::{Estimate, Z90};
 use crate::time::{Clock, ClockMap, PiSensor, Span, Stamp, Unix};
 use serde::{Deserialize, Serialize};
 
@@ -257,9 +257,6 @@ impl SegmentError {
         Self { offset_us, statistical95, absolute95: absolute(statistical95, latency) }
     }
 }
-
-/// Half width of a normal law's 90 % interval in standard errors.
-const Z90: f64 = 1.644_853_626_951_472_7;
 
 /// Widens a statistical interval by what is not known of the smallest latency.
 pub(super) fn absolute(statistical95: [Span; 2], latency: MinimumLatency) -> [Option<Span>; 2] {

@@ -92,18 +92,17 @@ pub(super) fn text(diagnosis: &Diagnosis) -> String {
         "\nheld-out score, nats per event: baseline {:.3}, final {:.3}, ceiling {:.3}",
         scores.baseline, scores.r#final, scores.ceiling
     );
-    if let Some(share) =
-        diagnosis.fit.share_of_excess_removed.filter(|_| diagnosis.effects.iter().any(is_scored))
-    {
+    let is_scored = !diagnosis.effects.iter().all(FittedEffect::is_beside_the_score);
+    if let Some(share) = diagnosis.fit.share_of_excess_removed.filter(|_| is_scored) {
         text += &format!("; {:.0} % of the excess removed", share * 100.0);
     }
     for effect in &diagnosis.effects {
         let gain = effect.heldout_gain_nats_per_event;
         text += &format!("\n{}: {}", effect.name, effect.says);
-        text += &if is_scored(effect) {
-            format!(" (+{gain:.3} nats per event)")
-        } else {
+        text += &if effect.is_beside_the_score() {
             " (seen in the frames or over the whole sensor)".to_owned()
+        } else {
+            format!(" (+{gain:.3} nats per event)")
         };
         for (key, p) in &effect.parameters {
             let [low, high] = p.ci90;
@@ -131,7 +130,4 @@ pub(super) fn text(diagnosis: &Diagnosis) -> String {
         text += &format!("\nto tell them apart record {next}");
     }
     text
-}
-fn is_scored(effect: &FittedEffect) -> bool {
-    !effect.is_beside_the_score()
 }

@@ -1,5 +1,6 @@
 //! What else happened on the sensor about an event: neighbours, row, all pixels, own frames.
 
+use crate::geometry::Size;
 use crate::predict::{ByPixel, Spike};
 
 /// Longest time that is told apart from never, microseconds.
@@ -36,6 +37,13 @@ impl Around {
         &self.recording
     }
 
+    /// Times of all events, ascending, microseconds since the window's start.
+    pub(super) fn all_us(&self) -> Vec<i64> {
+        let mut times = self.rows.concat();
+        times.sort_unstable();
+        times
+    }
+
     /// Starts of exposure of the camera's own frames, microseconds since the window's start.
     pub(super) fn frames_us(&self) -> &[i64] {
         &self.aps_us
@@ -66,9 +74,10 @@ impl Around {
     }
 
     /// The events of each of the eight pixels about one; of fewer at the border.
-    fn eight(&self, x: u16, y: u16) -> impl Iterator<Item = &[Spike]> {
-        let about = |at: u16| at.saturating_sub(1)..=at.saturating_add(1);
-        let all = about(y).flat_map(move |ny| about(x).map(move |nx| (nx, ny)));
+    pub(super) fn eight(&self, x: u16, y: u16) -> impl Iterator<Item = &[Spike]> {
+        let about = |at: u16, end: u16| at.saturating_sub(1)..end.min(at.saturating_add(2));
+        let Size { width, height } = self.recording.size();
+        let all = about(y, height).flat_map(move |ny| about(x, width).map(move |nx| (nx, ny)));
         all.filter(move |other| *other != (x, y)).map(|(nx, ny)| self.recording.of(nx, ny))
     }
 
@@ -97,7 +106,6 @@ impl Around {
 mod tests {
     use super::*;
     use crate::event::{Event, Events};
-    use crate::geometry::Size;
 
     #[test]
     fn neighbours_rows_and_frames_are_found_about_an_instant() {

@@ -27,7 +27,7 @@ pub(super) fn census(evidence: &Evidence) -> Census {
         }
         None => (None, None),
     };
-    let times = all_times(evidence);
+    let times = evidence.around.all_us();
     let bus = bus::saturation(&times);
     let is_saturated = bus.is_some();
     let all = [hot, frames::coupling(evidence, &times), bus];
@@ -41,19 +41,4 @@ pub(super) fn judge(evidence: &Evidence, id: EffectId) -> Result<(), String> {
         EffectId::ApsCoupling => frames::needs(evidence),
         other => Err(super::scan::absent(other).to_owned()),
     }
-}
-
-/// Columns and rows of the sensor.
-fn size(evidence: &Evidence) -> [u16; 2] {
-    evidence.middle.map(|half| (2.0 * half).round() as u16)
-}
-
-/// Times of all events, ascending.
-fn all_times(evidence: &Evidence) -> Vec<i64> {
-    let [width, height] = size(evidence);
-    let recording = evidence.around.recording();
-    let of = |y: u16| (0..width).flat_map(move |x| recording.of(x, y).iter().map(|s| s.t_us));
-    let mut times: Vec<i64> = (0..height).flat_map(of).collect();
-    times.sort_unstable();
-    times
 }

@@ -14,14 +14,12 @@ use super::{
     Diagnosis, Evidence, FitReport, FittedEffect, Half, HeldOut, Interval, LIBRARY, Leftover,
     Mismatch, NullReport, ProposedTerm, StructureReport, Suspect, Verdict,
 };
+use crate::stats::Z90;
 use statrs::function::erf::erfc;
 use std::collections::BTreeMap;
 
 /// An excess below this, nats an event, is no mismatch.
 const LEAST_EXCESS: f64 = 0.06;
-
-/// Half width of a 90 % interval in standard errors.
-pub(super) const Z90: f64 = 1.645;
 
 /// What the search has come to.
 pub(super) struct Reached {

@@ -31,6 +31,14 @@ impl View<'_> {
         Light { start_us, step_us, signal: &self.signal, level: &self.pixel.light }
     }
 
+    /// A swing of a frequency and phase at every instant. Counted from the middle, the phase hardly
+    /// depends on the frequency.
+    pub fn swing(&self, hz: f64, phase: f64) -> impl Iterator<Item = f64> + use<> {
+        let turn = std::f64::consts::TAU * hz * self.step_s();
+        let n = self.signal.len();
+        (0..n).map(move |i| (turn * (i as f64 - 0.5 * n as f64) + phase).sin())
+    }
+
     /// From one instant to the next, seconds.
     #[must_use]
     pub fn step_s(&self) -> f64 {

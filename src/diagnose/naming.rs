@@ -8,6 +8,7 @@
 use super::check::Structure;
 use super::constancy::Stratum;
 use super::fit::Fitted;
+use crate::stats::Z90;
 
 /// Structure, nats an event, that the shape of the noise and the error of the light leave under a
 /// right model.
@@ -84,7 +85,7 @@ pub(super) fn is_vague(model: &Fitted, index: usize) -> bool {
             let (value, error) = (hypothesis.values[at + i], model.error_of(at + i));
             // A value that the range holds has no error: the events ask for more of it than there is.
             let is_told =
-                if p.is_log { 1.645 * error <= VAGUE } else { value.abs() >= FROM_NOTHING * error };
+                if p.is_log { Z90 * error <= VAGUE } else { value.abs() >= FROM_NOTHING * error };
             !is_told
         })
 }

@@ -4,7 +4,7 @@ use super::ceiling::one_covariate;
 use super::fit::Fitted;
 use super::strata::{Covariate, Placed, covariates, placed, stratum};
 use super::{Evidence, ProposedTerm};
-use crate::stats::Moments;
+use crate::stats::{Moments, Z90};
 
 /// Least held-out gain, nats an event, of a term that is worth proposing.
 const LEAST_GAIN: f64 = 0.01;
@@ -46,7 +46,7 @@ fn curve(events: &[Placed], covariate: &Covariate) -> Vec<[f64; 4]> {
     let points = values.iter().zip(&innovations).filter(|(_, r)| r.count() >= LEAST);
     points
         .map(|(value, r)| {
-            let half = 1.645 * r.standard_error();
+            let half = Z90 * r.standard_error();
             [value.mean(), r.mean(), r.mean() - half, r.mean() + half]
         })
         .collect()

@@ -4,13 +4,14 @@
 //! already and no event misses it. Against what the session states it is a departure all the same,
 //! and is named as one. What it buys is seen from the same events in the light as stated.
 
-use super::conclude::{Z90, above};
+use super::conclude::above;
 use super::fit::{Fitted, fit};
 use super::polish::polished;
 use super::score::Part;
 use super::{Evidence, FittedEffect, Hypothesis, Interval, LIBRARY};
 use crate::drive::{Drive, TimeGrid};
 use crate::effect_id::EffectId;
+use crate::stats::Z90;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 

@@ -48,7 +48,7 @@ fn both_known_or_nan<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64;
 }
 
 /// Half width of a 90 % interval of the normal law, in standard errors.
-const Z90: f64 = 1.644_853_626_951_472_7;
+pub const Z90: f64 = 1.644_853_626_951_472_7;
 
 impl Estimate {
     /// A normal estimate: the interval follows from the standard error.

@@ -23,12 +23,9 @@ pub(super) const CANDIDATE: Candidate = Candidate {
             .collect()
     },
     act: |values, _, view| {
-        let turn = TAU * values[0] * view.step_s();
-        // Counted from the middle, a phase hardly depends on the frequency.
-        let middle = 0.5 * view.signal.len() as f64;
-        for (i, signal) in view.signal.iter_mut().enumerate() {
-            let phase = turn * (i as f64 - middle) + values[2];
-            *signal += (1.0 + values[1] * phase.sin()).ln() as f32;
+        let swing = view.swing(values[0], values[2]);
+        for (signal, swing) in view.signal.iter_mut().zip(swing) {
+            *signal += (1.0 + values[1] * swing).ln() as f32;
         }
     },
     rivals: &[EffectId::Vibration, EffectId::ApsCoupling],

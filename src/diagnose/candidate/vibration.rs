@@ -27,11 +27,9 @@ pub(super) const CANDIDATE: Candidate = Candidate {
             .collect()
     },
     act: |values, _, view| {
-        let turn = TAU * values[0] * view.step_s();
+        let swing = view.swing(values[0], values[3]);
         let [gx, gy] = &view.pixel.gradient;
-        let middle = 0.5 * view.signal.len() as f64;
-        for (i, ((signal, gx), gy)) in view.signal.iter_mut().zip(gx).zip(gy).enumerate() {
-            let swing = (turn * (i as f64 - middle) + values[3]).sin();
+        for (((signal, gx), gy), swing) in view.signal.iter_mut().zip(gx).zip(gy).zip(swing) {
             *signal += (swing * (values[1] * f64::from(*gx) + values[2] * f64::from(*gy))) as f32;
         }
     },

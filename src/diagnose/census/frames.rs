@@ -1,7 +1,8 @@
 //! Events that come at one time after each of the camera's own frames.
 
-use super::{Departure, Evidence, size};
+use super::{Departure, Evidence};
 use crate::effect_id::EffectId;
+use crate::geometry::Size;
 use crate::stats::upper_median;
 
 /// Width of a class of the time since the frame, microseconds.
@@ -56,7 +57,7 @@ pub(super) fn coupling(evidence: &Evidence, times: &[i64]) -> Option<Departure> 
     let starts = evidence.around.frames_us();
     let mut periods: Vec<f64> = starts.windows(2).map(|pair| (pair[1] - pair[0]) as f64).collect();
     let n_bins = (upper_median(&mut periods)? as i64 / BIN_US) as usize;
-    let [width, height] = size(evidence);
+    let Size { width, height } = evidence.around.recording().size();
     let mut classes = vec![vec![Class::default(); n_bins]; BANDS];
     let all = times.len() as f64;
     for y in 0..height {
@@ -134,27 +135,25 @@ fn is_common(times: &[i64], starts: &[i64], [middle_us, half_us]: [f64; 2]) -> b
 fn peak(classes: &[Class], row: f64) -> Option<Peak> {
     let counts: Vec<f64> = classes.iter().map(|class| class.n).collect();
     let n = counts.len();
-    let surroundings = |at: usize| {
-        let mut near: Vec<f64> = (at.saturating_sub(AROUND)..n.min(at + AROUND + 1))
-            .filter(|i| i.abs_diff(at) > OWN)
-            .map(|i| counts[i])
-            .collect();
-        upper_median(&mut near)
+    let near = |at: usize| {
+        let around = at.saturating_sub(AROUND)..n.min(at + AROUND + 1);
+        around.filter(move |i| i.abs_diff(at) > OWN)
     };
-    let own = |at: usize| at.saturating_sub(OWN)..n.min(at + OWN + 1);
-    let stands_out = |at: usize| Some(counts[at] - surroundings(at)?);
-    let (_, best) =
-        (0..n).filter_map(|at| Some((stands_out(at)?, at))).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let median_near =
+        |at: usize| upper_median(&mut near(at).map(|i| counts[i]).collect::<Vec<_>>());
+    let surroundings: Vec<f64> = (0..n).map(median_near).collect::<Option<_>>()?;
+    let stands_out = |at: usize| counts[at] - surroundings[at];
+    let best = (0..n).max_by(|&a, &b| stands_out(a).total_cmp(&stands_out(b)))?;
     // Events that come in beats all the time, as those of a simulator that works in steps, are not of
     // the frames: a frame sets off one burst, or one at either end of its exposure.
-    let height = stands_out(best)?;
-    let like = |at: &usize| at.abs_diff(best) > OWN && stands_out(*at) > Some(ALIKE * height);
+    let height = stands_out(best);
+    let like = |at: &usize| at.abs_diff(best) > OWN && stands_out(*at) > ALIKE * height;
     if (0..n).filter(like).count() > OWN {
         return None;
     }
-    let common = surroundings(best)?;
+    let common = surroundings[best];
     let (mut excess, mut moment, mut noise) = (0.0, 0.0, 0.0);
-    for i in own(best) {
+    for i in best.saturating_sub(OWN)..n.min(best + OWN + 1) {
         let over = counts[i] - common;
         // Classes that are no part of the peak only add noise to its middle.
         if over > 3.0 * common.max(1.0).sqrt() {
@@ -165,11 +164,8 @@ fn peak(classes: &[Class], row: f64) -> Option<Peak> {
         noise += common.max(1.0);
     }
     // Surroundings change by more than chance where the light moves.
-    let mut near: Vec<f64> = (best.saturating_sub(AROUND)..n.min(best + AROUND + 1))
-        .filter(|i| i.abs_diff(best) > OWN)
-        .map(|i| (counts[i] - common).abs())
-        .collect();
-    let noise = noise.sqrt().max(1.5 * upper_median(&mut near)? * (OWN as f64).sqrt());
+    let mut swings: Vec<f64> = near(best).map(|i| (counts[i] - common).abs()).collect();
+    let noise = noise.sqrt().max(1.5 * upper_median(&mut swings)? * (OWN as f64).sqrt());
     (excess > 0.0).then(|| Peak { row, delay_us: moment / excess, excess, z: excess / noise })
 }
 

@@ -1,7 +1,8 @@
 //! Pixels that fire far more than those about them.
 
-use super::{Departure, Evidence, size};
+use super::{Departure, Evidence};
 use crate::effect_id::EffectId;
+use crate::geometry::Size;
 use crate::stats::upper_median;
 use std::collections::BTreeSet;
 
@@ -19,24 +20,19 @@ const LEAST_SHARE: f64 = 0.003;
 
 /// Hot pixels of the sensor, if there are enough to matter, and where they are.
 pub(super) fn pixels(evidence: &Evidence) -> Option<(Departure, BTreeSet<(u16, u16)>)> {
-    let [width, height] = size(evidence);
     let seconds = evidence.blocks.length_us() as f64 * 1e-6;
     let recording = evidence.around.recording();
-    let count = |x: u16, y: u16| recording.of(x, y).len() as f64;
+    let Size { width, height } = recording.size();
     let (mut hot, mut events, mut all) = (BTreeSet::new(), 0.0, 0.0);
     for y in 0..height {
         for x in 0..width {
-            let own = count(x, y);
+            let own = recording.of(x, y).len() as f64;
             all += own;
             if own < LEAST_HZ * seconds {
                 continue;
             }
-            let about = |at: u16, end: u16| at.saturating_sub(1)..=(at + 1).min(end - 1);
-            let mut others: Vec<f64> = about(y, height)
-                .flat_map(|ny| about(x, width).map(move |nx| (nx, ny)))
-                .filter(|other| *other != (x, y))
-                .map(|(nx, ny)| count(nx, ny))
-                .collect();
+            let about = evidence.around.eight(x, y);
+            let mut others: Vec<f64> = about.map(|spikes| spikes.len() as f64).collect();
             let common = upper_median(&mut others)?;
             if own > TIMES * (common + 2.0) && own - common > LEAST_HZ * seconds {
                 hot.insert((x, y));
@@ -45,7 +41,7 @@ pub(super) fn pixels(evidence: &Evidence) -> Option<(Departure, BTreeSet<(u16, u
         }
     }
     let n_hot = hot.len();
-    let fraction = n_hot as f64 / (f64::from(width) * f64::from(height));
+    let fraction = n_hot as f64 / recording.size().n_pixels() as f64;
     let departure = Departure {
         id: EffectId::HotPixels,
         parameters: vec![("fraction", [fraction, fraction / (n_hot as f64).sqrt()])],
