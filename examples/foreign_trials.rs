@@ -26,10 +26,9 @@ const USAGE: &str = "usage: foreign_trials OUT SEED SINGLE CLEAN ALIEN";
 const WIDTH: usize = 128;
 const HEIGHT: usize = 96;
 const DURATION_US: i64 = 4_000_000;
-/// The simulator is shown the picture this often and works in quarters of it.
+/// The simulator is shown the picture this often and works in quarters of it. The session keeps every
+/// picture: what is not in the frames would be an effect of its own, in every session.
 const STEP_US: i64 = 1_000;
-/// The session keeps every so many of the pictures.
-const KEPT: i64 = 4;
 /// The picture's own grid, which repeats itself.
 const SIDE: usize = 256;
 
@@ -109,21 +108,19 @@ fn make(root: &Path, truth: &Truth, random: &mut SplitMix) -> Result<usize, Box<
     );
     let picture = picture(random);
     let seed = random.bits();
-    let n_kept = DURATION_US / (STEP_US * KEPT);
+    let n_steps = DURATION_US / STEP_US;
     let mut frames =
-        ArrayWriter::<u16>::create(&frames_path, &[n_kept as u64, HEIGHT as u64, WIDTH as u64])?;
-    let mut times = ArrayWriter::<i64>::create(&times_path, &[n_kept as u64])?;
+        ArrayWriter::<u16>::create(&frames_path, &[n_steps as u64, HEIGHT as u64, WIDTH as u64])?;
+    let mut times = ArrayWriter::<i64>::create(&times_path, &[n_steps as u64])?;
     let mut simulator = Simulator::new(WIDTH, HEIGHT, config(truth, seed));
     let mut all = eventcv_core::EventStreamBuilder::new(WIDTH, HEIGHT, 1e-3);
-    for step in 0..DURATION_US / STEP_US {
+    for step in 0..n_steps {
         let t_us = step * STEP_US;
         let frame = seen(&picture, t_us as f64 * 1e-6);
         all.extend_from_stream(&simulator.push_frame(&frame, t_us));
-        if step % KEPT == 0 {
-            let values: Vec<u16> = frame.iter().map(|v| (v * 65_535.0).round() as u16).collect();
-            frames.extend(&values)?;
-            times.extend(&[t_us])?;
-        }
+        let values: Vec<u16> = frame.iter().map(|v| (v * 65_535.0).round() as u16).collect();
+        frames.extend(&values)?;
+        times.extend(&[t_us])?;
     }
     frames.finish()?;
     times.finish()?;

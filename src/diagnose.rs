@@ -14,6 +14,7 @@ mod candidate;
 mod ceiling;
 mod census;
 mod check;
+mod coarse;
 mod conclude;
 mod constancy;
 mod errors;
@@ -39,7 +40,8 @@ mod strata;
 mod tuned;
 mod verdict;
 
-pub use candidate::{Candidate, Derived, Freed, LIBRARY, Mixture, Parameter, Stage};
+pub use candidate::{Candidate, Derived, Freed, Kind, LIBRARY, Mixture, Parameter, Stage};
+pub use coarse::StampGrid;
 pub use evidence::{DiagnoseError, Evidence, Facts, PixelEvidence, TiedClocks};
 pub use free_run::{BeforeAfter, FreeRun, free_run};
 pub use heat::{HeatMap, HeatValue};

@@ -59,7 +59,7 @@ impl<'a> ScoreObjective<'a> {
         let blocks = Blocks::new(self.recording.length_us(), 1);
         let light = predict::Light { start_us: 0.0, step_us, signal: &signal, level: &level };
         let scores = predict::score_pixel(law, light, self.recording.of(x, y), &blocks);
-        scores.first().map_or((0.0, 0), |score| (score.log_likelihood, score.n_events))
+        scores.first().map_or((0.0, 0), |score| (score.log_likelihood(), score.n_events))
     }
 
     /// What the pixel compares, on an even grid: the integral of the model's drift over k1.

@@ -126,6 +126,9 @@ pub(super) fn text(diagnosis: &Diagnosis) -> String {
         text +=
             &format!("\nwhere: {} ({:.3} nats per event)", place.says, place.excess_nats_per_event);
     }
+    if let Some(says) = diagnosis.coarse_stamps() {
+        text += &format!("\n{says}");
+    }
     if let Some(next) = &diagnosis.next_recording {
         text += &format!("\nto tell them apart record {next}");
     }

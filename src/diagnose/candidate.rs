@@ -120,8 +120,11 @@ pub struct Freed {
     pub range: [f64; 2],
 }
 
-/// The kinds of pixel that parameters speak of: the share of each, and what it is given.
-pub type Mixture = fn(&[f64]) -> Vec<(f64, f64)>;
+/// What a pixel is given for its On events and for its Off events, where pixels are of several kinds.
+pub type Kind = [f64; 2];
+
+/// The kinds of pixel that parameters speak of, each with its share.
+pub type Mixture = fn(&[f64]) -> Vec<(f64, Kind)>;
 
 /// Parameters by key that follow from an effect's own.
 pub type Derived = fn(&Evidence, &[f64]) -> Vec<(&'static str, f64)>;
@@ -144,7 +147,7 @@ pub struct Candidate {
     /// Values of its parameters (or freed nuisances, in fitted coordinates) to start a fit from.
     pub starts: fn(&Evidence) -> Vec<Vec<f64>>,
     /// What it does to a pixel, given its parameters and the pixel's kind.
-    pub act: fn(&[f64], f64, &mut View<'_>),
+    pub act: fn(&[f64], Kind, &mut View<'_>),
     /// The kinds of pixel it tells apart, each with its share.
     pub mixture: Option<Mixture>,
     /// Its parameters out of a hypothesis's values, for an effect that frees nuisances.

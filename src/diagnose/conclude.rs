@@ -106,6 +106,7 @@ pub(super) fn conclude(
         cannot_judge: cannot_judge(evidence),
         suspects,
         halves,
+        stamp_step_us: evidence.facts.stamp_step_us,
         structure: left_before.zip(left_after).map(|(before, after)| StructureReport {
             baseline: left(&before),
             r#final: left(&after),

@@ -59,6 +59,8 @@ pub struct Facts {
     pub light_per_pedestal: f64,
     /// Width of an event pixel on the print, millimetres, where it is known.
     pub pixel_mm: Option<f64>,
+    /// The step of the grid on which the recording's stamps lay, microseconds, where they did.
+    pub stamp_step_us: Option<f64>,
     /// By how much the clocks' offset may be wrong for all that the session states, microseconds.
     pub offset_within_us: f64,
     /// Where light and events are tied by something else than what the session states of its

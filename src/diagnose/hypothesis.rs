@@ -1,6 +1,6 @@
 //! A model of the recording: nuisances and effects with their values, and what it makes of a pixel.
 
-use super::candidate::{Candidate, Stage};
+use super::candidate::{Candidate, Kind, Stage};
 use super::nuisance::{N_NUISANCES, Nuisance};
 use super::{Evidence, PixelEvidence};
 use crate::geometry::Rectangle;
@@ -166,11 +166,11 @@ impl Hypothesis {
 
     /// The kinds of pixel a mixture effect tells apart, with their shares; one kind without such.
     #[must_use]
-    pub fn kinds(&self) -> Vec<(f64, f64)> {
+    pub fn kinds(&self) -> Vec<(f64, Kind)> {
         let mixture = self.effects.iter().enumerate().find_map(|(i, e)| Some((i, e.mixture?)));
         match mixture {
             Some((index, mixture)) => mixture(&self.parameters_of(index)),
-            None => vec![(1.0, 0.0)],
+            None => vec![(1.0, [0.0; 2])],
         }
     }
 
@@ -180,7 +180,7 @@ impl Hypothesis {
         &self,
         evidence: &'a Evidence,
         pixel: &'a PixelEvidence,
-        kind: f64,
+        kind: Kind,
         mut signal: Vec<f32>,
     ) -> View<'a> {
         signal.clear();
@@ -196,7 +196,7 @@ impl Hypothesis {
         &self,
         evidence: &'a Evidence,
         pixel: &'a PixelEvidence,
-        kind: f64,
+        kind: Kind,
         signal: Vec<f32>,
     ) -> View<'a> {
         let mut view = self.bare(evidence, pixel, signal);
@@ -247,7 +247,7 @@ impl Hypothesis {
         }
     }
 
-    fn act(&self, view: &mut View<'_>, kind: f64, stages: &[Stage]) {
+    fn act(&self, view: &mut View<'_>, kind: Kind, stages: &[Stage]) {
         for stage in stages {
             for (index, effect) in self.effects.iter().enumerate() {
                 let place = (view.pixel.x, view.pixel.y);

@@ -21,7 +21,7 @@ pub(super) fn draw(evidence: &Evidence, hypothesis: &Hypothesis, seed: u64) -> E
         .map(|(number, pixel)| {
             let mut random = SplitMix::new(seed, number as u64);
             let mut rest = random.uniform();
-            let mut kind = kinds.first().map_or(0.0, |k| k.1);
+            let mut kind = kinds.first().map_or([0.0; 2], |k| k.1);
             for (share, value) in &kinds {
                 kind = *value;
                 rest -= share;

@@ -1,6 +1,6 @@
 //! What a hypothesis scores, cell by cell: a cell is a tile of pixels during a block of time.
 
-use super::{Evidence, Hypothesis, PixelEvidence};
+use super::{Evidence, Hypothesis, Kind, PixelEvidence};
 use crate::predict::{BlockScore, score_pixel};
 use rayon::prelude::*;
 
@@ -69,7 +69,7 @@ pub(super) fn cells(evidence: &Evidence, hypothesis: &Hypothesis) -> Cells {
 /// The same for several hypotheses at once: pixel by pixel, so that those which leave a pixel's
 /// signal alike share it.
 pub(super) fn cells_of_each(evidence: &Evidence, hypotheses: &[&Hypothesis]) -> Vec<Cells> {
-    let kinds: Vec<Vec<(f64, f64)>> = hypotheses.iter().map(|h| h.kinds()).collect();
+    let kinds: Vec<Kinds> = hypotheses.iter().map(|h| Kinds::of(h)).collect();
     let scores: Vec<Vec<Vec<BlockScore>>> = evidence
         .pixels
         .par_iter()
@@ -93,7 +93,7 @@ pub(super) fn cells_of_each(evidence: &Evidence, hypotheses: &[&Hypothesis]) -> 
             for (pixel, scores) in evidence.pixels.iter().zip(&scores) {
                 for (block, score) in scores[number].iter().enumerate() {
                     let cell = evidence.cell(pixel, block);
-                    cells.log_likelihood[cell] += score.log_likelihood;
+                    cells.log_likelihood[cell] += score.log_likelihood();
                     cells.n_events[cell] += f64::from(score.n_events);
                 }
             }
@@ -103,35 +103,64 @@ pub(super) fn cells_of_each(evidence: &Evidence, hypotheses: &[&Hypothesis]) -> 
 }
 
 /// The kind of each pixel that its training blocks speak for most.
-pub(super) fn kinds_of_pixels(evidence: &Evidence, hypothesis: &Hypothesis) -> Vec<f64> {
-    let kinds = hypothesis.kinds();
-    if let [(_, kind)] = kinds[..] {
-        return vec![kind; evidence.pixels.len()];
+pub(super) fn kinds_of_pixels(evidence: &Evidence, hypothesis: &Hypothesis) -> Vec<Kind> {
+    let kinds = Kinds::of(hypothesis);
+    if let [only] = kinds.pairs[..] {
+        return vec![kinds.kind(only); evidence.pixels.len()];
     }
     evidence
         .pixels
         .par_iter()
         .map(|pixel| {
             let mut seen = Seen { evidence, pixel, signal: Vec::new(), of: None };
-            let weight = |(share, kind): &(f64, f64), seen: &mut Seen<'_>| {
-                let scores = seen.of_kind(hypothesis, *kind);
+            let by_value = seen.by_value(hypothesis, &kinds);
+            let own = by_value.iter().map(|scores| {
                 let training = scores.iter().enumerate();
-                let own: f64 = training
-                    .filter(|(block, _)| !evidence.is_held_out(pixel.tile, *block))
-                    .map(|(_, score)| score.log_likelihood)
-                    .sum();
-                share.max(1e-12).ln() + own
-            };
-            let mut best = (f64::NEG_INFINITY, 0.0);
-            for kind in &kinds {
-                let here = weight(kind, &mut seen);
-                if here > best.0 {
-                    best = (here, kind.1);
-                }
-            }
-            best.1
+                let training =
+                    training.filter(|(block, _)| !evidence.is_held_out(pixel.tile, *block));
+                training.fold([0.0; 2], |sum, (_, s)| [0, 1].map(|i| sum[i] + s.on_off[i]))
+            });
+            let own: Vec<[f64; 2]> = own.collect();
+            let weight = |pair: &Pair| pair.ln_share + own[pair.on][0] + own[pair.off][1];
+            let best = kinds.pairs.iter().max_by(|a, b| weight(a).total_cmp(&weight(b)));
+            best.map_or([0.0; 2], |best| kinds.kind(*best))
         })
         .collect()
+}
+
+/// The kinds of pixel of a hypothesis. What a pixel is given for On does not touch its Off events
+/// given what it memorised, so that each value is scored once, whatever it is paired with.
+struct Kinds {
+    values: Vec<f64>,
+    pairs: Vec<Pair>,
+}
+
+/// A kind of pixel: the places of its two values.
+#[derive(Clone, Copy)]
+struct Pair {
+    on: usize,
+    off: usize,
+    ln_share: f64,
+}
+
+impl Kinds {
+    fn of(hypothesis: &Hypothesis) -> Self {
+        let kinds = hypothesis.kinds();
+        let mut values: Vec<f64> = kinds.iter().flat_map(|(_, kind)| *kind).collect();
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        let place = |value: f64| values.partition_point(|v| *v < value);
+        let pairs = kinds.iter().map(|(share, [on, off])| Pair {
+            on: place(*on),
+            off: place(*off),
+            ln_share: share.max(1e-12).ln(),
+        });
+        Self { pairs: pairs.collect(), values }
+    }
+
+    fn kind(&self, pair: Pair) -> Kind {
+        [self.values[pair.on], self.values[pair.off]]
+    }
 }
 
 /// A pixel with the signal that the last hypothesis made of it.
@@ -143,17 +172,21 @@ struct Seen<'a> {
 }
 
 impl Seen<'_> {
-    fn scores(&mut self, hypothesis: &Hypothesis, kinds: &[(f64, f64)]) -> Vec<BlockScore> {
-        if let [(_, kind)] = kinds {
-            return self.of_kind(hypothesis, *kind);
+    fn scores(&mut self, hypothesis: &Hypothesis, kinds: &Kinds) -> Vec<BlockScore> {
+        let mut by_value = self.by_value(hypothesis, kinds);
+        if by_value.len() == 1 {
+            return by_value.remove(0);
         }
-        let by_kind: Vec<Vec<BlockScore>> =
-            kinds.iter().map(|(_, kind)| self.of_kind(hypothesis, *kind)).collect();
         let tile = self.pixel.tile;
-        mix(kinds, &by_kind, |block| self.evidence.is_held_out(tile, block))
+        mix(&kinds.pairs, &by_value, |block| self.evidence.is_held_out(tile, block))
     }
 
-    fn of_kind(&mut self, hypothesis: &Hypothesis, kind: f64) -> Vec<BlockScore> {
+    /// The scores with each value of the kinds given for both polarities.
+    fn by_value(&mut self, hypothesis: &Hypothesis, kinds: &Kinds) -> Vec<Vec<BlockScore>> {
+        kinds.values.iter().map(|value| self.of_kind(hypothesis, [*value; 2])).collect()
+    }
+
+    fn of_kind(&mut self, hypothesis: &Hypothesis, kind: Kind) -> Vec<BlockScore> {
         let signal = std::mem::take(&mut self.signal);
         let view = if self.of.as_ref().is_some_and(|of| of.has_signal_of(hypothesis)) {
             hypothesis.view_with(self.evidence, self.pixel, kind, signal)
@@ -169,25 +202,23 @@ impl Seen<'_> {
 }
 
 /// The scores of a pixel of unknown kind: its training blocks weigh the kinds, one after another,
-/// and the held-out blocks are then predicted with those weights.
+/// and the held-out blocks are then predicted with those weights. They stand as scores of On.
 fn mix(
-    kinds: &[(f64, f64)],
-    by_kind: &[Vec<BlockScore>],
+    pairs: &[Pair],
+    by_value: &[Vec<BlockScore>],
     is_held_out: impl Fn(usize) -> bool,
 ) -> Vec<BlockScore> {
-    let n_blocks = by_kind.first().map_or(0, Vec::len);
-    let mut weights: Vec<f64> = kinds.iter().map(|(share, _)| share.max(1e-12).ln()).collect();
+    let n_blocks = by_value.first().map_or(0, Vec::len);
+    let mut weights: Vec<f64> = pairs.iter().map(|pair| pair.ln_share).collect();
     let mut mixed = vec![BlockScore::default(); n_blocks];
     for held_out in [false, true] {
         for block in (0..n_blocks).filter(|&block| is_held_out(block) == held_out) {
-            let joint: Vec<f64> =
-                weights.iter().zip(by_kind).map(|(w, s)| w + s[block].log_likelihood).collect();
             let before = log_sum(&weights);
-            mixed[block] = BlockScore {
-                log_likelihood: log_sum(&joint) - before,
-                n_events: by_kind[0][block].n_events,
-            };
-            weights = joint;
+            for (weight, pair) in weights.iter_mut().zip(pairs) {
+                *weight += by_value[pair.on][block].on_off[0] + by_value[pair.off][block].on_off[1];
+            }
+            let n_events = by_value[0][block].n_events;
+            mixed[block] = BlockScore { on_off: [log_sum(&weights) - before, 0.0], n_events };
         }
     }
     mixed

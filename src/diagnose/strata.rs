@@ -6,7 +6,7 @@
 
 use super::fit::Fitted;
 use super::score::{Part, kinds_of_pixels};
-use super::{Evidence, PixelEvidence, Where};
+use super::{Evidence, Kind, PixelEvidence, Where};
 use crate::predict::{Residual, Silence, residuals};
 use rayon::prelude::*;
 
@@ -58,7 +58,7 @@ pub(super) fn placed(evidence: &Evidence, model: &Fitted) -> Vec<Placed> {
 /// The residuals of each pixel's events under a model, and its counts in each block of time.
 pub(super) fn walked(evidence: &Evidence, model: &Fitted) -> Vec<(Vec<Residual>, Vec<Silence>)> {
     let kinds = kinds_of_pixels(evidence, &model.hypothesis);
-    let of_pixel = |(pixel, kind): (&PixelEvidence, f64)| {
+    let of_pixel = |(pixel, kind): (&PixelEvidence, Kind)| {
         let view = model.hypothesis.view(evidence, pixel, kind, Vec::new());
         let place = (pixel.x, pixel.y);
         residuals(&view.law, view.light(), place, &pixel.spikes, &evidence.blocks)

@@ -61,6 +61,7 @@ fn facts() -> Facts {
         offset_within_us: 1_000.0,
         clocks: None,
         pixel_mm: None,
+        stamp_step_us: None,
     }
 }
 

@@ -256,6 +256,10 @@ pub struct Diagnosis {
     /// Agreement of halves of the pixels and of the time.
     #[serde(default)]
     pub halves: Vec<Half>,
+    /// Where the recording's stamps lie on a coarse grid: its step, microseconds. Events were spread
+    /// evenly over it, and nothing finer can be told.
+    #[serde(default)]
+    pub stamp_step_us: Option<f64>,
     /// What baseline and final model leave to be told apart; `null` with too few events.
     #[serde(default)]
     pub structure: Option<StructureReport>,
@@ -265,4 +269,16 @@ pub struct Diagnosis {
     pub n_pixels: usize,
     /// Events of those pixels.
     pub n_events: usize,
+}
+
+impl Diagnosis {
+    /// What coarse stamps mean for the diagnosis, in a sentence.
+    #[must_use]
+    pub fn coarse_stamps(&self) -> Option<String> {
+        let step_us = self.stamp_step_us?;
+        Some(format!(
+            "The events' stamps lie on a grid of {step_us:.1} us, as a simulator that works in steps \
+             gives them. They were spread evenly over it; nothing finer can be told."
+        ))
+    }
 }

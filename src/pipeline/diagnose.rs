@@ -8,7 +8,9 @@ use super::sync::read_clocks;
 use super::{
     Freshness, PipelineError, clear, default_light, fresh_record, inputs, read_json, read_scene,
 };
-use crate::diagnose::{self, Departure, Diagnosis, Evidence, Facts, FreeRun, HeatMap, Options};
+use crate::diagnose::{
+    self, Departure, Diagnosis, Evidence, Facts, FreeRun, HeatMap, Options, StampGrid,
+};
 use crate::drive::Drive;
 use crate::event::Events;
 use crate::predict::ByPixel;
@@ -168,7 +170,7 @@ fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, Pipeline
         |what: String| PipelineError::Missing { session: session.root().to_owned(), what };
     let rig = session.rig()?;
     let mut mapped = None;
-    let (drive, facts): (Box<dyn Drive>, Facts) = match &request.baseline {
+    let (drive, mut facts): (Box<dyn Drive>, Facts) = match &request.baseline {
         Baseline::Scene => {
             let scene = read_scene(session)?
                 .ok_or_else(|| missing("it holds no scene; run `evrig scene` first".into()))?;
@@ -185,13 +187,18 @@ fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, Pipeline
                 offset_within_us: if clocks.is_some() { STATED_US } else { TIED_US },
                 clocks,
                 pixel_mm: Some(scene.registration.pixel_mm),
+                stamp_step_us: None,
             };
             mapped = Some(scene);
             (Box::new(drive), facts)
         }
         Baseline::Frames(light) => frames(session, light)?,
     };
-    let (events, _) = session.events(&request.real)?;
+    let (mut events, _) = session.events(&request.real)?;
+    if let Some(grid) = StampGrid::of(events.as_slice().t) {
+        events = grid.spread(events.as_slice());
+        facts.stamp_step_us = Some(grid.step_us);
+    }
     let [from, to] = drive.span_us();
     let real = events.as_slice();
     let window = match (real.t.first(), real.t.last()) {
@@ -235,6 +242,7 @@ fn frames(session: &Session, light: &str) -> Result<(Box<dyn Drive>, Facts), Pip
         offset_within_us: SAME_CAMERA_US,
         clocks: None,
         pixel_mm: None,
+        stamp_step_us: None,
     };
     Ok((Box::new(drive), facts))
 }

@@ -10,10 +10,18 @@ pub struct Blocks {
 /// A pixel's share of the log-likelihood in one block of time.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct BlockScore {
-    /// Log-likelihood, time in seconds.
-    pub log_likelihood: f64,
+    /// Log-likelihood of its On events and of their absence, and the same of Off; time in seconds.
+    pub on_off: [f64; 2],
     /// Events in it.
     pub n_events: u32,
+}
+
+impl BlockScore {
+    /// Log-likelihood of both polarities.
+    #[must_use]
+    pub const fn log_likelihood(&self) -> f64 {
+        self.on_off[0] + self.on_off[1]
+    }
 }
 
 impl Blocks {

@@ -32,12 +32,14 @@ struct Summing<'a>(&'a mut [BlockScore]);
 
 impl Witness for Summing<'_> {
     fn silence(&mut self, stretch: &Stretch) {
-        self.0[stretch.block].log_likelihood -= stretch.on + stretch.off;
+        let [on, off] = &mut self.0[stretch.block].on_off;
+        *on -= stretch.on;
+        *off -= stretch.off;
     }
 
     fn event(&mut self, term: &EventTerm) {
         let block = &mut self.0[term.block];
-        block.log_likelihood += term.log_hazard;
+        block.on_off[usize::from(!term.spike.on)] += term.log_hazard;
         block.n_events += 1;
     }
 }
@@ -90,7 +92,7 @@ pub fn score_lights(law: &PixelLaw, lights: &Lights, recording: &ByPixel) -> Sco
         .collect();
     let mut sum = Score { n_pixels: scores.len() as u64, ..Score::default() };
     for score in scores {
-        sum.log_likelihood += score.log_likelihood;
+        sum.log_likelihood += score.log_likelihood();
         sum.n_events += u64::from(score.n_events);
     }
     sum

@@ -39,7 +39,7 @@ fn total(law: &PixelLaw, values: &[Vec<f32>], spikes: &[Vec<Spike>]) -> f64 {
     let (mut sum, mut n) = (0.0, 0);
     for (values, spikes) in values.iter().zip(spikes) {
         for block in score_pixel(law, light(values), spikes, &blocks) {
-            sum += block.log_likelihood;
+            sum += block.log_likelihood();
             n += block.n_events;
         }
     }
@@ -157,7 +157,7 @@ fn silent_pixels_speak_for_a_large_threshold() {
     let at = |theta: f64| {
         let law = PixelLaw { theta_on: theta, theta_off: theta, ..laws()[0] };
         let one = |values: &Vec<f32>| score_pixel(&law, light(values), &silent[0], &blocks);
-        values.iter().map(|v| one(v)[0].log_likelihood).sum::<f64>()
+        values.iter().map(|v| one(v)[0].log_likelihood()).sum::<f64>()
     };
     assert!(at(4.0) > at(2.0) && at(2.0) > at(0.5));
 }
@@ -174,7 +174,7 @@ fn a_gap_in_the_light_is_left_out_and_the_memory_with_it() {
     let gap = spikes.iter().filter(|s| s.t_us > 7_999_000 && s.t_us < 9_000_000).count();
     assert!(gap > 0, "the gap takes events away");
     assert_eq!(parted.n_events as usize + gap, whole.n_events as usize);
-    assert!(parted.log_likelihood.is_finite());
+    assert!(parted.log_likelihood().is_finite());
 }
 
 /// A drive of wandering pixels, the same on every call.

@@ -57,6 +57,7 @@ pub fn section(diagnosis: &Diagnosis, run: Option<&FreeRun>, maps: &[HeatMap]) -
         blocks.push(Block::Text(format!("To tell equivalent effects apart, record {next}.")));
     }
     blocks.push(Block::Table(nuisances(diagnosis)));
+    blocks.extend(diagnosis.coarse_stamps().map(Block::Text));
     if !diagnosis.cannot_judge.is_empty() {
         let judged = diagnosis.cannot_judge.iter();
         let words: Vec<String> = judged.map(|c| format!("{} ({})", c.id, c.because)).collect();

@@ -12,9 +12,9 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     // The share is what the likelihood knows; the count on the sensor follows from it.
     parameters: &[Parameter::log("fraction", [1e-4, 0.5]).hidden()],
     starts: |_| vec![vec![0.02_f64.ln()]],
-    mixture: Some(|values| vec![(1.0 - values[0], 0.0), (values[0], 1.0)]),
+    mixture: Some(|values| vec![(1.0 - values[0], [0.0; 2]), (values[0], [1.0; 2])]),
     act: |_, kind, view| {
-        if kind > 0.5 {
+        if kind[0] > 0.5 {
             view.law.theta_on = NEVER;
             view.law.theta_off = NEVER;
             view.law.leak_per_s = 0.0;

@@ -11,9 +11,9 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         Parameter::log("rate_hz", [1.0, 3_000.0]).hidden(),
     ],
     starts: |_| [10.0_f64, 60.0, 300.0].iter().map(|hz| vec![0.02_f64.ln(), hz.ln()]).collect(),
-    mixture: Some(|values| vec![(1.0 - values[0], 0.0), (values[0], 1.0)]),
+    mixture: Some(|values| vec![(1.0 - values[0], [0.0; 2]), (values[0], [1.0; 2])]),
     act: |values, kind, view| {
-        if kind > 0.5 {
+        if kind[0] > 0.5 {
             view.law.background_on_hz += 0.5 * values[1];
             view.law.background_off_hz += 0.5 * values[1];
         }

@@ -1,0 +1,166 @@
+//! Stamps that lie on a coarse grid, as those of simulators that work in steps.
+//!
+//! Such a stamp tells an event's time no better than to a step. A law in continuous time would take
+//! the beat for physics, so events are spread evenly over their step before anything looks at them.
+
+use crate::event::{Event, EventSlice, Events};
+use crate::stats::SplitMix;
+use std::f64::consts::TAU;
+
+/// Steps that are looked for, microseconds: below, stamps are fine enough for every effect; above,
+/// they say too little for spreading to help.
+const STEPS_US: [f64; 2] = [20.0, 5_000.0];
+
+/// Length of the mean unit vector of the stamps' phases from which they lie on a grid: a normal
+/// spread of less than a twelfth of the step.
+const LEAST_ORDER: f64 = 0.88;
+
+/// Fewest stamps that show a grid, and the most that are looked at in one stretch.
+const LEAST: usize = 500;
+const MOST: usize = 4_000;
+
+/// First stretch that is looked at, microseconds: the shorter it is the fewer steps need be tried.
+const STRETCH_US: f64 = 40_000.0;
+
+/// A grid of stamps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StampGrid {
+    /// From one stamp to the next, microseconds.
+    pub step_us: f64,
+    /// A stamp of the grid, microseconds.
+    zero_us: f64,
+}
+
+impl StampGrid {
+    /// The grid on which stamps in ascending order lie, if they do.
+    #[must_use]
+    pub fn of(stamps: &[i64]) -> Option<Self> {
+        if stamps.len() < LEAST {
+            return None;
+        }
+        let (first, last) = (stamps[0], stamps[stamps.len() - 1]);
+        let middle = stamps[stamps.len() / 2];
+        let mut half_us = 0.5 * STRETCH_US;
+        let within = |half_us: f64| {
+            let from = stamps.partition_point(|t| ((t - middle) as f64) < -half_us);
+            let to = stamps.partition_point(|t| ((t - middle) as f64) <= half_us);
+            &stamps[from..to]
+        };
+        while within(half_us).len() < LEAST {
+            half_us *= 2.0;
+        }
+        let phases = Phases::of(within(half_us), middle);
+        let mut hz = phases.lowest([1e6 / STEPS_US[1], 1e6 / STEPS_US[0]], half_us)?;
+        // Each longer stretch tells the step better, until it is all of them.
+        let all_us = (last - middle).max(middle - first) as f64;
+        while half_us < all_us {
+            half_us *= 2.0;
+            hz = Phases::of(within(half_us), middle).best_about(hz, half_us);
+        }
+        let [order, turn] = Phases::of(stamps, middle).mean(hz);
+        let step_us = 1e6 / hz;
+        let zero_us = middle as f64 + turn / TAU * step_us;
+        (order >= LEAST_ORDER).then_some(Self { step_us, zero_us })
+    }
+
+    /// The events spread evenly over the steps that their stamps stand for, in ascending time. Those
+    /// of one pixel and step stay as they are to one another.
+    #[must_use]
+    pub fn spread(self, events: EventSlice<'_>) -> Events {
+        let moved = |event: Event| {
+            let step = ((event.t as f64 - self.zero_us) / self.step_us).round();
+            let pixel = u64::from(event.y) << 16 | u64::from(event.x);
+            let share = SplitMix::new(step as i64 as u64, pixel).uniform() - 0.5;
+            Event { t: event.t + (share * self.step_us).round() as i64, ..event }
+        };
+        let mut spread: Events = events.iter().map(moved).collect();
+        spread.sort_by_time();
+        spread
+    }
+}
+
+/// Times about an instant, seconds.
+struct Phases(Vec<f64>);
+
+impl Phases {
+    fn of(stamps: &[i64], middle: i64) -> Self {
+        let every = stamps.len().div_ceil(MOST).max(1);
+        Self(stamps.iter().step_by(every).map(|t| (t - middle) as f64 * 1e-6).collect())
+    }
+
+    /// Length and angle of the mean unit vector at a frequency.
+    fn mean(&self, hz: f64) -> [f64; 2] {
+        let mut sum = [0.0; 2];
+        for t in &self.0 {
+            let (sin, cos) = (TAU * hz * t).sin_cos();
+            sum = [sum[0] + cos, sum[1] + sin];
+        }
+        [sum[0].hypot(sum[1]) / self.0.len().max(1) as f64, sum[1].atan2(sum[0])]
+    }
+
+    /// The lowest frequency at which stamps are in order. Those of a grid are so at its multiples too.
+    fn lowest(&self, [from, to]: [f64; 2], half_us: f64) -> Option<f64> {
+        let step = Self::resolution(half_us);
+        let n = ((to - from) / step) as usize;
+        let first = (0..n).map(|i| from + i as f64 * step);
+        // Between two tries a little order is lost.
+        let hz = first.clone().find(|hz| self.mean(*hz)[0] >= 0.95 * LEAST_ORDER)?;
+        Some(self.best_about(hz, half_us))
+    }
+
+    /// The frequency of most order near one.
+    fn best_about(&self, hz: f64, half_us: f64) -> f64 {
+        let step = Self::resolution(half_us);
+        let tries = (-16..=16).map(|i| hz + 0.25 * f64::from(i) * step);
+        let order = |hz: f64| self.mean(hz)[0];
+        tries.max_by(|a, b| order(*a).total_cmp(&order(*b))).unwrap_or(hz)
+    }
+
+    /// Frequencies that a stretch hardly tells apart.
+    fn resolution(half_us: f64) -> f64 {
+        0.1 / (half_us * 1e-6)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Stamps of events at random times, rounded up to a step and scattered by a few microseconds.
+    fn stamps(step_us: f64, scatter_us: f64, seconds: f64) -> Vec<i64> {
+        let mut random = SplitMix::new(9, step_us as u64);
+        let n = (20_000.0 * seconds) as usize;
+        let mut all: Vec<i64> = (0..n)
+            .map(|_| {
+                let step = (random.uniform() * seconds * 1e6 / step_us).ceil();
+                (step * step_us - scatter_us * random.uniform()).round() as i64
+            })
+            .collect();
+        all.sort_unstable();
+        all
+    }
+
+    #[test]
+    fn a_grid_is_found_whatever_its_step_and_random_times_have_none() {
+        for step_us in [25.0, 250.0, 1e6 / 960.0, 1_000.0, 4_166.7] {
+            let grid = StampGrid::of(&stamps(step_us, 0.02 * step_us, 3.0)).unwrap();
+            assert!((grid.step_us / step_us - 1.0).abs() < 1e-4, "{step_us}: {grid:?}");
+        }
+        assert!(StampGrid::of(&stamps(1.0, 0.0, 3.0)).is_none());
+        assert!(StampGrid::of(&stamps(500.0, 400.0, 3.0)).is_none(), "a beat that is no grid");
+        assert!(StampGrid::of(&stamps(250.0, 5.0, 0.02)).is_none(), "too few");
+    }
+
+    #[test]
+    fn spread_events_have_no_beat_and_keep_their_step() {
+        let stamps = stamps(250.0, 5.0, 2.0);
+        let event = |(i, t): (usize, &i64)| Event { t: *t, x: (i % 40) as u16, y: 3, on: true };
+        let events: Events = stamps.iter().enumerate().map(event).collect();
+        let grid = StampGrid::of(&stamps).unwrap();
+        let spread = grid.spread(events.as_slice());
+        assert!(spread.as_slice().first_disorder().is_none());
+        assert!(StampGrid::of(spread.as_slice().t).is_none());
+        let far = stamps.iter().zip(spread.as_slice().t).map(|(a, b)| (a - b).abs()).max();
+        assert!(far <= Some(250), "{far:?}");
+    }
+}
