@@ -24,6 +24,7 @@ mod free_run;
 mod halves;
 mod heat;
 mod hypothesis;
+mod kinds;
 mod naming;
 mod nuisance;
 mod null;

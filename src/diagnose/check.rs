@@ -8,7 +8,7 @@
 
 use super::boost::{Examples, FOLDS, Told, told_apart, told_apart_by};
 use super::fit::Fitted;
-use super::score::kinds_of_pixels;
+use super::kinds::kinds_of_pixels;
 use super::{Evidence, PixelEvidence, ProposedTerm, Where};
 use crate::predict::{Moment, Spike, followed};
 use crate::stats::SplitMix;

@@ -10,7 +10,7 @@
 
 use super::candidate::{Candidate, Parameter};
 use super::fit::Fitted;
-use super::score::kinds_of_pixels;
+use super::kinds::kinds_of_pixels;
 use super::{Evidence, Hypothesis};
 use crate::predict::{Residual, residuals};
 use rayon::prelude::*;
@@ -25,6 +25,11 @@ const LEAST: usize = 150;
 /// Least events of a stratum, drawn from the model, that the strength is told by. Where an effect has hardly
 /// a part in what happens, that none of its few events came means nothing.
 const LEAST_TELLING: f64 = 25.0;
+
+/// Share of what all events tell of the strength that a stratum has to hold. What hardly depends on the
+/// effect shows the light's own error as a great change of it: a leak does next to nothing within a
+/// millisecond.
+const LEAST_SHARE: f64 = 0.02;
 
 /// The strength that a stratum alone would have.
 #[derive(Debug, Clone)]
@@ -226,8 +231,11 @@ fn of_covariate(
         let [low, high] = [sorted.first(), sorted.last()].map(|v| v.copied().unwrap_or_default());
         [s.checked_sub(1).and_then(at).unwrap_or(low), at(s).unwrap_or(high)]
     };
-    let strata = sums(real).into_iter().zip(sums(drawn)).enumerate();
+    let drawn = sums(drawn);
+    let told: f64 = drawn.iter().map(|sums| sums.square).sum();
+    let strata = sums(real).into_iter().zip(drawn).enumerate();
     strata
+        .filter(|(_, (_, drawn))| drawn.square >= LEAST_SHARE * told)
         .filter(|(_, (real, drawn))| real.n.min(drawn.n) >= LEAST as f64)
         .filter_map(|(s, (real, drawn))| {
             let known = drawn.square / drawn.n;

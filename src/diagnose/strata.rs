@@ -5,7 +5,8 @@
 //! histogram, is what a recalibration of the hazard in that stratum would buy, in nats an event.
 
 use super::fit::Fitted;
-use super::score::{Part, kinds_of_pixels};
+use super::kinds::kinds_of_pixels;
+use super::score::Part;
 use super::{Evidence, Kind, PixelEvidence, Where};
 use crate::predict::{Residual, Silence, residuals};
 use rayon::prelude::*;

@@ -1,0 +1,232 @@
+//! Pixels of several kinds, of which it is not known which is which.
+
+use super::{Evidence, Hypothesis, Kind, PixelEvidence};
+use crate::predict::{BlockScore, score_pixel};
+use rayon::prelude::*;
+
+/// More values than these are steps of a continuous one: every [`STRIDE`]-th is scored, and the
+/// scores in between, which bend smoothly, are interpolated.
+const MOST_SCORED: usize = 16;
+const STRIDE: usize = 8;
+
+/// The least share of a kind: what a pixel's events say must be able to outweigh it.
+const LEAST_SHARE: f64 = 1e-12;
+
+/// The kinds of pixel of a hypothesis. What a pixel is given for On does not touch its Off events
+/// given what it memorised, so that each value is scored once, whatever it is paired with.
+pub(super) struct Kinds {
+    /// Values that a pixel may be given, ascending.
+    values: Vec<f64>,
+    /// Share of each value for On (row) with each for Off.
+    shares: Vec<f64>,
+}
+
+impl Kinds {
+    pub(super) fn of(hypothesis: &Hypothesis) -> Self {
+        let kinds = hypothesis.kinds();
+        let mut values: Vec<f64> = kinds.iter().flat_map(|(_, kind)| *kind).collect();
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        let place = |value: f64| values.partition_point(|v| *v < value);
+        let mut shares = vec![0.0; values.len() * values.len()];
+        for (share, [on, off]) in &kinds {
+            shares[place(*on) * values.len() + place(*off)] += share.max(LEAST_SHARE);
+        }
+        Self { values, shares }
+    }
+
+    fn stride(&self) -> usize {
+        if self.values.len() > MOST_SCORED { STRIDE } else { 1 }
+    }
+
+    /// Logarithm of a pixel's likelihood, given those of its On and its Off events for each value.
+    fn ln_likelihood(&self, [on, off]: &[Vec<f64>; 2]) -> f64 {
+        let [most_on, most_off] = [on, off].map(|logs| most(logs));
+        let off: Vec<f64> = off.iter().map(|log| (log - most_off).exp()).collect();
+        let rows = on.iter().zip(self.shares.chunks(self.values.len()));
+        let sum: f64 = rows
+            .map(|(log, shares)| {
+                let row: f64 = shares.iter().zip(&off).map(|(share, off)| share * off).sum();
+                (log - most_on).exp() * row
+            })
+            .sum();
+        most_on + most_off + sum.max(f64::MIN_POSITIVE).ln()
+    }
+
+    /// The kind that those speak for most.
+    fn best(&self, [on, off]: &[Vec<f64>; 2]) -> Kind {
+        let n = self.values.len();
+        let log = |at: usize| self.shares[at].ln() + on[at / n] + off[at % n];
+        let best = (0..n * n).max_by(|&a, &b| log(a).total_cmp(&log(b))).unwrap_or(0);
+        [self.values[best / n], self.values[best % n]]
+    }
+}
+
+fn most(logs: &[f64]) -> f64 {
+    logs.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// The kind of each pixel that its training blocks speak for most.
+pub(super) fn kinds_of_pixels(evidence: &Evidence, hypothesis: &Hypothesis) -> Vec<Kind> {
+    let kinds = Kinds::of(hypothesis);
+    if let [only] = kinds.values[..] {
+        return vec![[only; 2]; evidence.pixels.len()];
+    }
+    let of = |pixel: &PixelEvidence| {
+        let mut seen = Seen::new(evidence, pixel, Vec::new());
+        let by_value = seen.by_value(hypothesis, &kinds);
+        let mut sums = [vec![0.0; kinds.values.len()], vec![0.0; kinds.values.len()]];
+        for block in (0..evidence.blocks.n()).filter(|b| !evidence.is_held_out(pixel.tile, *b)) {
+            add(&mut sums, &by_value, block, kinds.stride());
+        }
+        kinds.best(&sums)
+    };
+    evidence.pixels.par_iter().map(of).collect()
+}
+
+/// A pixel with the signal that the last hypothesis made of it.
+pub(super) struct Seen<'a> {
+    evidence: &'a Evidence,
+    pixel: &'a PixelEvidence,
+    signal: Vec<f32>,
+    of: Option<Hypothesis>,
+}
+
+impl<'a> Seen<'a> {
+    /// `signal` is memory to use.
+    pub(super) fn new(evidence: &'a Evidence, pixel: &'a PixelEvidence, signal: Vec<f32>) -> Self {
+        Self { evidence, pixel, signal, of: None }
+    }
+
+    /// The memory again.
+    pub(super) fn into_signal(self) -> Vec<f32> {
+        self.signal
+    }
+
+    /// The pixel's scores, whatever its kind.
+    pub(super) fn scores(&mut self, hypothesis: &Hypothesis, kinds: &Kinds) -> Vec<BlockScore> {
+        let mut by_value = self.by_value(hypothesis, kinds);
+        if kinds.values.len() == 1 {
+            return by_value.remove(0);
+        }
+        let tile = self.pixel.tile;
+        mix(kinds, &by_value, |block| self.evidence.is_held_out(tile, block))
+    }
+
+    /// The scores with every value that is scored given for both polarities.
+    fn by_value(&mut self, hypothesis: &Hypothesis, kinds: &Kinds) -> Vec<Vec<BlockScore>> {
+        let scored = kinds.values.iter().step_by(kinds.stride());
+        scored.map(|value| self.of_kind(hypothesis, [*value; 2])).collect()
+    }
+
+    fn of_kind(&mut self, hypothesis: &Hypothesis, kind: Kind) -> Vec<BlockScore> {
+        let signal = std::mem::take(&mut self.signal);
+        let view = if self.of.as_ref().is_some_and(|of| of.has_signal_of(hypothesis)) {
+            hypothesis.view_with(self.evidence, self.pixel, kind, signal)
+        } else {
+            self.of = Some(hypothesis.clone());
+            hypothesis.view(self.evidence, self.pixel, kind, signal)
+        };
+        let scores =
+            score_pixel(&view.law, view.light(), &self.pixel.spikes, &self.evidence.blocks);
+        self.signal = view.signal;
+        scores
+    }
+}
+
+/// The scores of a pixel of unknown kind: its training blocks weigh the kinds, one after another,
+/// and the held-out blocks are then predicted with those weights. They stand as scores of On.
+fn mix(
+    kinds: &Kinds,
+    by_value: &[Vec<BlockScore>],
+    is_held_out: impl Fn(usize) -> bool,
+) -> Vec<BlockScore> {
+    let n_blocks = by_value.first().map_or(0, Vec::len);
+    let mut sums = [vec![0.0; kinds.values.len()], vec![0.0; kinds.values.len()]];
+    let mut before = kinds.ln_likelihood(&sums);
+    let mut mixed = vec![BlockScore::default(); n_blocks];
+    for held_out in [false, true] {
+        for block in (0..n_blocks).filter(|&block| is_held_out(block) == held_out) {
+            add(&mut sums, by_value, block, kinds.stride());
+            let now = kinds.ln_likelihood(&sums);
+            let n_events = by_value[0][block].n_events;
+            mixed[block] = BlockScore { on_off: [now - before, 0.0], n_events };
+            before = now;
+        }
+    }
+    mixed
+}
+
+/// Adds what a block scores for each value, On and Off.
+fn add(sums: &mut [Vec<f64>; 2], by_value: &[Vec<BlockScore>], block: usize, stride: usize) {
+    for (polarity, sums) in sums.iter_mut().enumerate() {
+        let at = |i: usize| by_value[i][block].on_off[polarity];
+        for (i, sum) in sums.iter_mut().enumerate() {
+            *sum += match i % stride {
+                0 => at(i / stride),
+                part => cubic(&at, by_value.len(), i / stride, part as f64 / stride as f64),
+            };
+        }
+    }
+}
+
+/// Between the values `left` and the next of `n`, by the cubic through the two on either side; at the
+/// ends by the parabola through three.
+fn cubic(at: &impl Fn(usize) -> f64, n: usize, left: usize, t: f64) -> f64 {
+    let (b, c) = (at(left), at(left + 1));
+    let beyond = |near: f64, next: f64, far: f64| 3.0 * near - 3.0 * next + far;
+    let a = if left > 0 { at(left - 1) } else { beyond(b, c, at(left + 2)) };
+    let d = if left + 2 < n { at(left + 2) } else { beyond(c, b, at(left - 1)) };
+    let third = |x: f64, y: f64, z: f64| x * y * z;
+    -third(t, t - 1.0, t - 2.0) / 6.0 * a + third(t + 1.0, t - 1.0, t - 2.0) / 2.0 * b
+        - third(t + 1.0, t, t - 2.0) / 2.0 * c
+        + third(t + 1.0, t, t - 1.0) / 6.0 * d
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scores_between_values_are_those_of_a_smooth_curve() {
+        let parabola = |x: f64| 3.0 - 2.0 * x + 0.7 * x * x;
+        for left in 0..4 {
+            for t in [0.25, 0.5, 0.75] {
+                let got = cubic(&|i| parabola(i as f64), 5, left, t);
+                assert!((got - parabola(left as f64 + t)).abs() < 1e-12, "{left} {t}");
+            }
+        }
+    }
+
+    /// Kinds of three values, a quarter, a half and a quarter, alike or apart for both polarities.
+    fn kinds(is_one: bool) -> Kinds {
+        let own = [0.25, 0.5, 0.25];
+        let share = |on: usize, off: usize| match is_one {
+            true => {
+                if on == off {
+                    own[on]
+                } else {
+                    0.0
+                }
+            }
+            false => own[on] * own[off],
+        };
+        let shares = (0..9).map(|at| share(at / 3, at % 3)).collect();
+        Kinds { values: vec![-1.0, 0.0, 1.0], shares }
+    }
+
+    #[test]
+    fn what_training_says_of_a_pixel_predicts_the_rest() {
+        let score = |on: f64, off: f64| BlockScore { on_off: [on, off], n_events: 1 };
+        // On events speak for the third value, Off events for the first.
+        let by_value =
+            vec![vec![score(0.0, 4.0); 2], vec![score(1.0, 1.0); 2], vec![score(4.0, 0.0); 2]];
+        for (is_one, best) in [(true, 3.891), (false, 7.787)] {
+            let mixed = mix(&kinds(is_one), &by_value, |block| block == 1);
+            assert!(mixed[0].log_likelihood() < mixed[1].log_likelihood(), "{mixed:?}");
+            assert!((mixed[1].log_likelihood() - best).abs() < 0.01, "{is_one}: {mixed:?}");
+        }
+        let sums = [vec![0.0, 2.0, 8.0], vec![8.0, 2.0, 0.0]];
+        assert_eq!(kinds(false).best(&sums), [1.0, -1.0]);
+    }
+}
