@@ -38,8 +38,8 @@ const KNOWN: &[(&str, &str, f64)] = &[
     ("photoreceptor_bandwidth", "cutoff_hz_at_white", 60.0),
     ("threshold_mismatch", "sigma_relative", 0.06),
     ("threshold_asymmetry", "on_off_ratio", 0.08),
-    ("junction_leak", "rate_hz", 0.2),
-    ("background_activity", "rate_hz", 0.4),
+    ("junction_leak", "rate_hz", 0.4),
+    ("background_activity", "rate_hz", 0.5),
     ("event_drop", "fraction", 0.06),
     ("stamp_jitter", "sigma_us", 700.0),
 ];

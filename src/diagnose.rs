@@ -19,6 +19,7 @@ mod conclude;
 mod constancy;
 mod errors;
 mod evidence;
+mod facts;
 mod fit;
 mod free_run;
 mod halves;
@@ -43,7 +44,8 @@ mod verdict;
 
 pub use candidate::{Candidate, Derived, Freed, Kind, LIBRARY, Mixture, Parameter, Stage};
 pub use coarse::StampGrid;
-pub use evidence::{DiagnoseError, Evidence, Facts, PixelEvidence, TiedClocks};
+pub use evidence::{DiagnoseError, Evidence, PixelEvidence};
+pub use facts::{Facts, TiedClocks};
 pub use free_run::{BeforeAfter, FreeRun, free_run};
 pub use heat::{HeatMap, HeatValue};
 pub use hypothesis::{Hypothesis, View};

@@ -1,7 +1,7 @@
 //! What a diagnosis looks at: some pixels with their events, light and its surroundings.
 
-use super::Options;
 use super::around::Around;
+use super::{Facts, Options};
 use crate::drive::{Drive, TimeGrid};
 use crate::predict::{Blocks, ByPixel, Spike};
 use crate::stats::SplitMix;
@@ -41,59 +41,6 @@ pub enum DiagnoseError {
         /// End of the events' window.
         events_to_us: i64,
     },
-}
-
-/// What is known of a session beside its events and its light.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Facts {
-    /// Whether the light comes from a map of the print rather than from frames of the same sensor.
-    pub from_scene: bool,
-    /// Times of the event camera's own frames (start of exposure), microseconds of its clock.
-    pub aps_us: Vec<i64>,
-    /// The frames' time from one to the next, microseconds.
-    pub frame_us: f64,
-    /// What white paper reads above black, digital units.
-    pub white_dn: f64,
-    /// Units of `white_dn` that a pedestal of one digital unit in the frames adds to the light: above
-    /// one where the weaker colours of a mosaic were scaled up.
-    pub light_per_pedestal: f64,
-    /// Width of an event pixel on the print, millimetres, where it is known.
-    pub pixel_mm: Option<f64>,
-    /// The step of the grid on which the recording's stamps lay, microseconds, where they did.
-    pub stamp_step_us: Option<f64>,
-    /// By how much the clocks' offset may be wrong for all that the session states, microseconds.
-    pub offset_within_us: f64,
-    /// Where light and events are tied by something else than what the session states of its
-    /// clocks: what the tie says against that statement. `None` where nothing is stated.
-    pub clocks: Option<TiedClocks>,
-}
-
-/// What a tie of the cameras, by the light in their frames, says against the session's own map of
-/// their clocks. The drive comes by the tie; a diagnosis starts from what the session states.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TiedClocks {
-    /// By how much the event camera's stamps are late against the statement in the middle of the
-    /// light, microseconds, and its standard error.
-    pub offset_us: [f64; 2],
-    /// By how much its clock is fast, parts in a million, and its standard error.
-    pub skew_ppm: [f64; 2],
-    /// By how much the statement itself may be off, microseconds.
-    pub within_us: f64,
-}
-
-impl TiedClocks {
-    /// Standard errors of the statement, microseconds: in the middle of the light, and of the change
-    /// from there to either end, which may be wrong each way.
-    pub(super) fn error(&self) -> [f64; 2] {
-        // It holds in 95 of 100 cases.
-        let stated = self.within_us / 1.96;
-        [stated.hypot(self.offset_us[1]), stated * std::f64::consts::FRAC_1_SQRT_2]
-    }
-
-    /// Whether the tie shows the camera's own frames as late as its events are said to be here.
-    pub(super) fn is_off(&self) -> bool {
-        self.offset_us[0].abs() > self.within_us.max(200.0) + 4.0 * self.offset_us[1]
-    }
 }
 
 /// One pixel.

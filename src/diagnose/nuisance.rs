@@ -111,8 +111,11 @@ impl Nuisance {
         let surroundings = if facts.from_scene { 1.0 } else { 0.0 };
         let within = facts.offset_within_us;
         // What happens between frames is noise to whoever only has the frames.
-        let (most_noise, most_hz, most_background) =
-            if facts.from_scene { (0.2_f64, 200.0_f64, 0.1_f64) } else { (1.2, 2_000.0, 3.0) };
+        let (most_noise, most_hz, most_background) = if facts.is_light_dense() {
+            (0.2_f64, 200.0_f64, 0.1_f64)
+        } else {
+            (1.2, 2_000.0, 3.0)
+        };
         match self {
             Self::LogTheta => of(0.25_f64.ln(), [0.02_f64.ln(), 3.0_f64.ln()], 0.004),
             Self::LogRatio => of(0.0, [-0.03, 0.03], 0.004),

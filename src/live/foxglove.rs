@@ -27,6 +27,8 @@ const STATUS: &str = r#"{"title": "evrig.LiveStatus", "type": "object"}"#;
 pub(super) struct Foxglove {
     address: SocketAddr,
     server: Option<WebSocketServerHandle>,
+    /// Channels leave their server with it.
+    _context: Arc<Context>,
     davis_frame: Channel<RawImage>,
     tag: Channel<ImageAnnotations>,
     events: Channel<RawImage>,
@@ -72,6 +74,7 @@ impl Foxglove {
             pi_rgb: channel("/pi/rgb").build(),
             pose: channel("/arm/pose").build(),
             status,
+            _context: context,
         })
     }
 
