@@ -25,6 +25,7 @@ mod free_run;
 mod halves;
 mod heat;
 mod hypothesis;
+mod judge;
 mod kinds;
 mod naming;
 mod nuisance;

@@ -177,29 +177,44 @@ fn moment(trial: u64) -> u32 {
     3 + (0.6 * LOOKS * (mixed >> 40) as f64 / (1_u64 << 24) as f64) as u32
 }
 
+/// So often a recording is tried that a busy machine ends.
+const TRIALS: usize = 4;
+
+/// Records anew when the simulated arm, which has no fault that lasts, did not answer in time: on a busy
+/// machine its thread may stand still for longer than evrig waits for an arm.
+fn unless_the_arm_is_late(record: impl Fn() -> (Bench, Outcome)) -> (Bench, Outcome) {
+    let is_late = |outcome: &Outcome| {
+        let why = outcome.cut_short.as_deref().unwrap_or_default();
+        why.starts_with("the arm did not answer")
+    };
+    let tried = (0..TRIALS).map(|_| record()).find(|(_, outcome)| !is_late(outcome));
+    tried.expect("evrig takes up what the arm missed, and the machine is not too busy for it")
+}
+
 /// Tries each fault of a wire; `wire` chooses it.
 fn try_wire(name: &'static str, wire: fn(&Bench) -> &Wire) {
     for round in 0..n_rounds() {
         for (i, fault) in WIRE_FAULTS.into_iter().enumerate() {
             let at = moment(round * WIRE_FAULTS.len() as u64 + i as u64);
             let what = format!("{name} {fault:?} at look {at}");
-            let said = what.clone();
-            let (bench, outcome) = within_the_deadline(what.clone(), move || {
-                let bench = Bench::new();
-                let mut is_set = false;
-                let outcome = bench.record(&mut |look| {
-                    if !is_set && look >= at {
-                        is_set = true;
-                        wire(&bench).set(fault);
-                    } else if look >= at + PASSING
-                        && matches!(fault, Fault::Slow | Fault::Restarted)
-                    {
-                        wire(&bench).set_back();
-                    }
-                });
-                (bench, outcome)
+            let (bench, outcome) = unless_the_arm_is_late(|| {
+                within_the_deadline(what.clone(), move || {
+                    let bench = Bench::new();
+                    let mut is_set = false;
+                    let outcome = bench.record(&mut |look| {
+                        if !is_set && look >= at {
+                            is_set = true;
+                            wire(&bench).set(fault);
+                        } else if look >= at + PASSING
+                            && matches!(fault, Fault::Slow | Fault::Restarted)
+                        {
+                            wire(&bench).set_back();
+                        }
+                    });
+                    (bench, outcome)
+                })
             });
-            check_session(&bench, &outcome, fault, name, &said);
+            check_session(&bench, &outcome, fault, name, &what);
         }
     }
 }
@@ -303,9 +318,6 @@ fn try_network() {
     }
 }
 
-/// So often a recording is tried that a busy machine ends.
-const TRIALS: usize = 4;
-
 /// Records while the arm has a fault.
 fn strike(fault: &str) -> (Bench, Outcome) {
     let text = fault.to_owned();
@@ -332,14 +344,11 @@ fn an_arm_that_fails_leaves_a_session_that_says_so() {
         for (i, kind) in passing.into_iter().chain(lasting).enumerate() {
             let n_pose = moment(round * 10 + i as u64);
             let said = format!("{kind}@POSE#{n_pose}");
-            // A stop has its own, shorter patience, which a busy machine may exceed at the path's end.
-            let (bench, outcome) = (0..TRIALS)
-                .map(|_| strike(&said))
-                .find(|(_, outcome)| {
-                    let why = outcome.cut_short.as_deref().unwrap_or_default();
-                    lasting.contains(&kind) || !why.contains("did not answer `QUEUE_")
-                })
-                .expect("the machine is too busy for the simulated arm");
+            let (bench, outcome) = if lasting.contains(&kind) {
+                strike(&said)
+            } else {
+                unless_the_arm_is_late(|| strike(&said))
+            };
             let session = verified(&bench.out(), &said);
             let manifest = session.manifest();
             eprintln!("{said}: {:?}, {:?}", manifest.status, outcome.cut_short);

@@ -3,18 +3,18 @@
 use super::census::{Census, census};
 use super::check::structure;
 use super::conclude::{Reached, conclude};
-use super::constancy::strengths;
 use super::errors::with_errors;
 use super::fit::{Fitted, fit};
 use super::halves::halves;
 use super::heat::{HeatMap, heat_maps};
-use super::naming::{Standing, inconstant, is_vague, standing};
+use super::judge::{Judge, Judged};
+use super::naming::is_vague;
 use super::polish::polished;
 use super::region::limited;
 use super::scan::{LAST_STEPS, Tried, scan};
 use super::score::Part;
 use super::stated::{Departure, as_effects};
-use super::{Diagnosis, Evidence, Hypothesis, NullReport, Options, Rival, Suspect, null};
+use super::{Diagnosis, Evidence, Hypothesis, NullReport, Options, Rival, null};
 use crate::effect_id::EffectId;
 
 /// An effect has to buy this much, nats an event, whatever the null says: below it the shape of
@@ -88,23 +88,22 @@ pub fn diagnose(
         model = refit_with(evidence, &baseline, &model, &kept);
     }
     progress("structure left");
-    let [before, after] = [&baseline, &model].map(|model| structure(evidence, model, options.seed));
-    let standing = standing(before.as_ref(), after.as_ref(), &structures, !taken.is_empty());
-    let drawn = null::draw(evidence, &model.hypothesis, options.seed);
-    let doubts: Vec<Option<String>> =
-        (0..taken.len()).map(|index| doubt(evidence, &drawn, &model, index)).collect();
+    let before = structure(evidence, &baseline, options.seed);
     let reach = super::conclude::reach(evidence, &model);
+    let judge = Judge {
+        evidence,
+        baseline: &baseline,
+        before: before.as_ref(),
+        null: &structures,
+        seed: options.seed,
+    };
+    let Judged { model, taken, standing, after, suspects } = judge.judged(model, taken);
     let null = NullReport {
         n: options.n_null,
         greatest_gains: gains,
         bar_nats_per_event: bar,
         structures_nats_per_event: structures,
     };
-    let suspects = suspects(&model, &taken, standing, &doubts);
-    if !suspects.is_empty() {
-        taken.clear();
-        model = baseline.clone();
-    }
     progress("errors");
     let model = if model.errors.is_some() { model } else { with_errors(evidence, model) };
     progress("halves");
@@ -118,46 +117,6 @@ pub fn diagnose(
         baseline: baseline.hypothesis,
         model: model.hypothesis,
     }
-}
-
-/// Where an effect of the model has another strength than elsewhere, in words.
-fn doubt(evidence: &Evidence, drawn: &Evidence, model: &Fitted, index: usize) -> Option<String> {
-    let strengths = strengths(evidence, drawn, model, index);
-    let worst = inconstant(&strengths)?;
-    let [low, high] = worst.range;
-    let how = match worst.change {
-        less if less < -0.8 => "it is as good as absent",
-        less if less < 0.0 => "it is much weaker",
-        _ => "it is much stronger",
-    };
-    Some(format!("with {} from {low:.4} to {high:.4} {how}", worst.covariate))
-}
-
-/// Effects that fit better than nothing and yet do not hold: the model with them leaves what it
-/// should have removed, or one of them has not one strength. They are all taken back, since what
-/// stands in for one effect has moved the others.
-fn suspects(
-    model: &Fitted,
-    taken: &[Taken],
-    standing: Standing,
-    doubts: &[Option<String>],
-) -> Vec<Suspect> {
-    let fails = standing == Standing::Fails;
-    if !fails && doubts.iter().all(Option::is_none) {
-        return Vec::new();
-    }
-    let effects = model.hypothesis.effects.iter().zip(taken).zip(doubts);
-    effects
-        .map(|((effect, taken), doubt)| Suspect {
-            id: effect.id,
-            heldout_gain_nats_per_event: taken.gain,
-            because: match doubt {
-                Some(doubt) => doubt.clone(),
-                None if fails => "events drawn with it are still told from the camera's".to_owned(),
-                None => "it was found together with one that does not hold".to_owned(),
-            },
-        })
-        .collect()
 }
 
 /// Takes effects one by one while they buy enough. A fit with an effect may come by better
@@ -305,7 +264,12 @@ fn leave_out_vague(
 }
 
 /// The model with only some of its effects.
-fn refit_with(evidence: &Evidence, baseline: &Fitted, model: &Fitted, kept: &[usize]) -> Fitted {
+pub(super) fn refit_with(
+    evidence: &Evidence,
+    baseline: &Fitted,
+    model: &Fitted,
+    kept: &[usize],
+) -> Fitted {
     let mut hypothesis = baseline.hypothesis.clone();
     for &index in kept {
         let effect = model.hypothesis.effects[index];

@@ -1,0 +1,113 @@
+//! Which of the effects that were taken may be named.
+
+use super::check::{Structure, structure};
+use super::constancy::strengths;
+use super::fit::Fitted;
+use super::naming::{Standing, inconstant, standing};
+use super::select::{Taken, refit_with};
+use super::{Evidence, Suspect, null};
+
+/// A model of which every effect may be named, and what may not.
+pub(super) struct Judged {
+    pub(super) model: Fitted,
+    pub(super) taken: Vec<Taken>,
+    pub(super) standing: Standing,
+    /// What the model leaves; where nothing may be named, what that with all that was taken left.
+    pub(super) after: Option<Structure>,
+    pub(super) suspects: Vec<Suspect>,
+}
+
+/// What names are judged by.
+pub(super) struct Judge<'a> {
+    pub(super) evidence: &'a Evidence,
+    pub(super) baseline: &'a Fitted,
+    /// What the baseline leaves.
+    pub(super) before: Option<&'a Structure>,
+    /// The structures in recordings drawn from the model.
+    pub(super) null: &'a [f64],
+    pub(super) seed: u64,
+}
+
+/// How a model looks.
+struct Look {
+    after: Option<Structure>,
+    standing: Standing,
+    /// Why each effect may not be named.
+    doubts: Vec<Option<String>>,
+}
+
+impl Look {
+    fn holds(&self) -> bool {
+        self.standing != Standing::Fails && self.doubts.iter().all(Option::is_none)
+    }
+}
+
+impl Judge<'_> {
+    /// Takes back what does not hold: effects that have not one strength, and all of them where the
+    /// model leaves what it should have removed. What stands in for one effect has moved the others,
+    /// so those that are left are fitted and judged anew.
+    pub(super) fn judged(&self, model: Fitted, taken: Vec<Taken>) -> Judged {
+        let look = self.look(&model);
+        if look.holds() {
+            let Look { after, standing, .. } = look;
+            return Judged { model, taken, standing, after, suspects: Vec::new() };
+        }
+        let mut suspects = suspects(&model, &taken, &look);
+        let kept: Vec<usize> = (0..taken.len()).filter(|&i| look.doubts[i].is_none()).collect();
+        if !kept.is_empty() && kept.len() < taken.len() {
+            let rest = refit_with(self.evidence, self.baseline, &model, &kept);
+            let again = self.look(&rest);
+            if again.holds() {
+                let is_kept = |index: &usize| kept.contains(index);
+                let mut index = 0..;
+                suspects.retain(|_| index.next().is_some_and(|i| !is_kept(&i)));
+                let own = taken.into_iter().enumerate().filter(|(i, _)| is_kept(i));
+                let taken = own.map(|(_, taken)| taken).collect();
+                let Look { after, standing, .. } = again;
+                return Judged { model: rest, taken, standing, after, suspects };
+            }
+        }
+        let Look { after, standing, .. } = look;
+        Judged { model: self.baseline.clone(), taken: Vec::new(), standing, after, suspects }
+    }
+
+    fn look(&self, model: &Fitted) -> Look {
+        let n = model.hypothesis.effects.len();
+        let after = structure(self.evidence, model, self.seed);
+        let standing = standing(self.before, after.as_ref(), self.null, n > 0);
+        let drawn = null::draw(self.evidence, &model.hypothesis, self.seed);
+        let doubts = (0..n).map(|index| doubt(self.evidence, &drawn, model, index)).collect();
+        Look { after, standing, doubts }
+    }
+}
+
+/// Where an effect of the model has another strength than elsewhere, in words.
+fn doubt(evidence: &Evidence, drawn: &Evidence, model: &Fitted, index: usize) -> Option<String> {
+    let strengths = strengths(evidence, drawn, model, index);
+    let worst = inconstant(&strengths)?;
+    let [low, high] = worst.range;
+    let how = match worst.change {
+        less if less < -0.8 => "it is as good as absent",
+        less if less < 0.0 => "it is much weaker",
+        _ => "it is much stronger",
+    };
+    Some(format!("with {} from {low:.4} to {high:.4} {how}", worst.covariate))
+}
+
+/// All effects of a model that does not hold, each with the reason.
+fn suspects(model: &Fitted, taken: &[Taken], look: &Look) -> Vec<Suspect> {
+    let effects = model.hypothesis.effects.iter().zip(taken).zip(&look.doubts);
+    effects
+        .map(|((effect, taken), doubt)| Suspect {
+            id: effect.id,
+            heldout_gain_nats_per_event: taken.gain,
+            because: match doubt {
+                Some(doubt) => doubt.clone(),
+                None if look.standing == Standing::Fails => {
+                    "events drawn with it are still told from the camera's".to_owned()
+                }
+                None => "it was found together with one that does not hold".to_owned(),
+            },
+        })
+        .collect()
+}
