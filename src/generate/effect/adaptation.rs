@@ -4,8 +4,8 @@
 //! high-pass the signal with a time constant of seconds (Delbruck and Mead 1996). Signature: slow
 //! change gives fewer events than fast, and a pixel fires back after a lasting step.
 
-use super::{Acts, Enters, Light, Parameter, Site, parameter};
 use super::low_pass::low_pass;
+use super::{Acts, Enters, Light, Parameter, Site, parameter};
 use serde::{Deserialize, Serialize};
 
 /// A share of the signal is high-passed.
@@ -34,7 +34,7 @@ impl Acts for Adaptation {
         ]
     }
 
-fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
         let mut forgotten = light.values.to_vec();
         let tau = self.time_constant_s / light.step_s();
         low_pass(&mut forgotten, |_| tau);
@@ -50,9 +50,15 @@ mod tests {
     fn after_a_step_the_pixel_fires_back_while_it_forgets() {
         let step = made(|_, t| if t < 0.5 { -2.0 } else { -0.5 });
         let all = events(&step, 3.0, &["adaptation:time_constant_s=0.3,fraction=0.6"]);
-        let n = |on: bool| all.iter().filter(|e| e.on == on).count() as f64 / SIZE.n_pixels() as f64;
+        let n =
+            |on: bool| all.iter().filter(|e| e.on == on).count() as f64 / SIZE.n_pixels() as f64;
         // 7.5 thresholds up at once, then 60 % of it back.
-        assert!((n(true) - 7.0).abs() < 0.1 && (n(false) - 4.0).abs() < 1.1, "{} {}", n(true), n(false));
+        assert!(
+            (n(true) - 7.0).abs() < 0.1 && (n(false) - 4.0).abs() < 1.1,
+            "{} {}",
+            n(true),
+            n(false)
+        );
         assert!(all.iter().filter(|e| !e.on).all(|e| e.t > 510_000));
         assert!(events(&step, 3.0, &[]).iter().all(|e| e.on));
     }

@@ -38,7 +38,7 @@ impl Acts for ApsCoupling {
         ]
     }
 
-fn lacks(&self, surroundings: &Surroundings) -> Option<&'static str> {
+    fn lacks(&self, surroundings: &Surroundings) -> Option<&'static str> {
         surroundings.aps_starts_us.is_empty().then_some(
             "the starts of exposure of the event camera's own frames; the recording has none",
         )
@@ -48,8 +48,8 @@ fn lacks(&self, surroundings: &Surroundings) -> Option<&'static str> {
         let [from, to] = bench.window_us;
         let starts = bench.surroundings.aps_starts_us.iter();
         let starts: Vec<i64> = starts.copied().filter(|t| (from..to).contains(t)).collect();
-        let pixels: Vec<(u16, u16)> = bench.pixels.iter().copied()
-            .filter(|(x, y)| bench.region.contains(*x, *y)).collect();
+        let pixels: Vec<(u16, u16)> =
+            bench.pixels.iter().copied().filter(|(x, y)| bench.region.contains(*x, *y)).collect();
         if starts.is_empty() || pixels.is_empty() {
             return;
         }
@@ -74,8 +74,8 @@ fn lacks(&self, surroundings: &Surroundings) -> Option<&'static str> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::trial::*;
     use super::super::Surroundings;
+    use super::super::trial::*;
 
     #[test]
     fn the_stated_share_of_events_comes_at_the_stated_time_after_each_start() {

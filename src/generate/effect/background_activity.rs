@@ -28,7 +28,7 @@ impl Acts for BackgroundActivity {
         vec![parameter("rate_hz", self.rate_hz, 0.0, 10000.0)]
     }
 
-fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
         pixel.spontaneous_hz += self.rate_hz;
     }
 }

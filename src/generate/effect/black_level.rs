@@ -31,7 +31,7 @@ impl Acts for BlackLevel {
         vec![parameter("offset_dn", self.offset_dn, -10000.0, 10000.0)]
     }
 
-fn light(&self, site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, site: &Site<'_>, light: &mut Light<'_>) {
         let offset = (self.offset_dn / site.white_dn) as f32;
         let floor = (FLOOR_DN / site.white_dn) as f32;
         light.values.iter_mut().filter(|x| x.is_finite()).for_each(|x| {

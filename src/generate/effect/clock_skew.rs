@@ -27,7 +27,7 @@ impl Acts for ClockSkew {
         vec![parameter("skew_ppm", self.skew_ppm, -100000.0, 100000.0)]
     }
 
-fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
+    fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
         let start_us = bench.window_us[0];
         bench.change(events, |mut events| {
             for event in &mut events {
@@ -44,7 +44,8 @@ mod tests {
     #[test]
     fn the_lag_grows_with_time() {
         let light = passing(4.0, -1.0);
-        let (plain, fast) = (events(&light, 2.0, &[]), events(&light, 2.0, &["clock_skew:skew_ppm=500"]));
+        let (plain, fast) =
+            (events(&light, 2.0, &[]), events(&light, 2.0, &["clock_skew:skew_ppm=500"]));
         for (a, b) in plain.iter().zip(&fast) {
             assert!((b.t - a.t - a.t / 2_000).abs() <= 1, "{a:?} {b:?}");
         }

@@ -27,7 +27,7 @@ impl Acts for DarkCurrent {
         vec![parameter("fraction_of_white", self.fraction_of_white, 0.0, 10.0)]
     }
 
-fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
         let dark = self.fraction_of_white as f32;
         light.values.iter_mut().for_each(|x| *x = (x.exp() + dark).ln());
     }

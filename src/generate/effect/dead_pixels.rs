@@ -27,7 +27,7 @@ impl Acts for DeadPixels {
         vec![parameter("count", self.count, 0.0, 1000000.0)]
     }
 
-fn pixel(&self, site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, site: &Site<'_>, pixel: &mut PixelModel) {
         let n_pixels = site.size.n_pixels() as u32;
         let place = shuffled(site.number(), n_pixels, |half, round| {
             site.source.draws(half, stream_of(EffectId::DeadPixels) ^ (round << 32)).bits()
@@ -68,8 +68,9 @@ mod tests {
     #[test]
     fn a_shuffle_leaves_no_number_out() {
         for n in [1, 2, 3, 17, 64, 1000] {
-            let mut places: Vec<u32> =
-                (0..n).map(|i| shuffled(i, n, |half, round| u64::from(half * 7 + 3) ^ (round * 5))).collect();
+            let mut places: Vec<u32> = (0..n)
+                .map(|i| shuffled(i, n, |half, round| u64::from(half * 7 + 3) ^ (round * 5)))
+                .collect();
             places.sort_unstable();
             assert!(places.into_iter().eq(0..n));
         }

@@ -31,7 +31,7 @@ impl Acts for Defocus {
         vec![parameter("sigma_px", self.sigma_px, 0.0, 20.0)]
     }
 
-fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
         let far = 3.0_f64.sqrt() * self.sigma_px;
         let places = [-far, 0.0, far];
         let offsets: [[f64; 2]; 9] = std::array::from_fn(|i| [places[i % 3], places[i / 3]]);
@@ -49,9 +49,11 @@ mod tests {
 
     #[test]
     fn fine_stripes_lose_contrast_as_a_gaussian_says_at_any_speed() {
-        let stripes = |amplitude: f64, hz: f64| made(move |[x, _], t| {
-            (0.3 * (1.0 + amplitude * (TAU * (hz * t + x / 12.0)).sin())).ln()
-        });
+        let stripes = |amplitude: f64, hz: f64| {
+            made(move |[x, _], t| {
+                (0.3 * (1.0 + amplitude * (TAU * (hz * t + x / 12.0)).sin())).ln()
+            })
+        };
         let left = (-0.5 * (TAU * 1.5 / 12.0_f64).powi(2)).exp();
         for hz in [1.0, 5.0] {
             let seen = events(&stripes(0.8, hz), 2.0, &["defocus:sigma_px=1.5"]).len() as f64;

@@ -29,7 +29,7 @@ impl Acts for EventDrop {
         vec![parameter("fraction", self.fraction, 0.0, 1.0)]
     }
 
-fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
+    fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
         bench.change(events, |mut events| {
             events.retain(|event| {
                 bench.draws(EffectId::EventDrop, *event).uniform() >= self.fraction

@@ -28,7 +28,7 @@ impl Acts for ExposureBlur {
         vec![parameter("exposure_us", self.exposure_us, 0.0, 100000.0)]
     }
 
-fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
         let steps = self.exposure_us * 1e-6 / light.step_s();
         let apart = (0.5 * steps).round().max(1.0);
         add_curvature(light.values, apart as usize, -steps * steps / 24.0 / (apart * apart));
@@ -53,13 +53,17 @@ mod tests {
     #[test]
     fn a_blurred_light_gives_the_events_of_the_sharp_one() {
         let (hz, exposure) = (10.0_f64, 0.02);
-        let blur = (std::f64::consts::PI * hz * exposure).sin() / (std::f64::consts::PI * hz * exposure);
-        let sine = |amplitude: f64| made(move |[x, _], t| {
-            amplitude * (std::f64::consts::TAU * (hz * t + x / 16.0)).sin() - 1.0
-        });
+        let blur =
+            (std::f64::consts::PI * hz * exposure).sin() / (std::f64::consts::PI * hz * exposure);
+        let sine = |amplitude: f64| {
+            made(move |[x, _], t| {
+                amplitude * (std::f64::consts::TAU * (hz * t + x / 16.0)).sin() - 1.0
+            })
+        };
         let sharp = events(&sine(0.8), 1.0, &[]).len() as f64;
         let blurred = events(&sine(0.8 * blur), 1.0, &[]).len() as f64;
-        let restored = events(&sine(0.8 * blur), 1.0, &["exposure_blur:exposure_us=20000"]).len() as f64;
+        let restored =
+            events(&sine(0.8 * blur), 1.0, &["exposure_blur:exposure_us=20000"]).len() as f64;
         assert!(blurred / sharp < 0.96, "{blurred} {sharp}");
         assert!((restored / sharp - 1.0).abs() < 0.015, "{restored} {sharp}");
     }

@@ -4,8 +4,8 @@
 //! current (Graca and Delbruck, arXiv 2109.08640). Signature: a lag equal in light and dark, and
 //! fewer events the faster the light changes.
 
-use super::{Acts, Enters, Light, Parameter, Site, parameter};
 use super::low_pass::{low_pass, tau_steps};
+use super::{Acts, Enters, Light, Parameter, Site, parameter};
 use serde::{Deserialize, Serialize};
 
 /// One pole at a constant cut-off.
@@ -29,7 +29,7 @@ impl Acts for FixedPole {
         vec![parameter("cutoff_hz", self.cutoff_hz, 0.1, 1000000.0)]
     }
 
-fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
         let tau = tau_steps(self.cutoff_hz, light.step_s());
         low_pass(light.values, |_| tau);
     }

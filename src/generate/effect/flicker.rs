@@ -4,8 +4,8 @@
 //! in the spectrum of events that all pixels share in phase.
 
 use super::{Acts, Enters, Light, Parameter, Site, parameter};
-use std::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
 
 /// A sine on the intensity of all light.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -41,7 +41,7 @@ impl Acts for Flicker {
         ]
     }
 
-fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
         let grid = light.grid();
         for (i, x) in light.values.iter_mut().enumerate() {
             let t_s = (grid.at(i) as f64 - self.phase_at_us) * 1e-6;
@@ -62,7 +62,8 @@ mod tests {
         let line = |hz: f64| {
             let phase = |t: i64| TAU * hz * t as f64 * 1e-6;
             let on = all.iter().filter(|e| e.on);
-            let (c, s) = on.fold((0.0, 0.0), |(c, s), e| (c + phase(e.t).cos(), s + phase(e.t).sin()));
+            let (c, s) =
+                on.fold((0.0, 0.0), |(c, s), e| (c + phase(e.t).cos(), s + phase(e.t).sin()));
             c.hypot(s) / all.len() as f64
         };
         assert!(all.len() > 2 * 90 * SIZE.n_pixels());

@@ -28,14 +28,14 @@ impl Acts for FrameInterpolation {
         vec![parameter("share", self.share, 0.0, 1.0)]
     }
 
-fn lacks(&self, surroundings: &Surroundings) -> Option<&'static str> {
+    fn lacks(&self, surroundings: &Surroundings) -> Option<&'static str> {
         (surroundings.frame_times_us.len() < 4).then_some("the times of at least four frames")
     }
 
     fn light(&self, site: &Site<'_>, light: &mut Light<'_>) {
         let grid = light.grid();
-        let knots: Vec<f64> = site.surroundings.frame_times_us.iter()
-            .map(|&t| grid.position(t as f64)).collect();
+        let knots: Vec<f64> =
+            site.surroundings.frame_times_us.iter().map(|&t| grid.position(t as f64)).collect();
         let before = light.values.to_vec();
         let at = |t: f64| -> Option<f64> {
             let i = t.floor();
@@ -48,7 +48,9 @@ fn lacks(&self, surroundings: &Surroundings) -> Option<&'static str> {
         };
         for frames in knots.windows(4) {
             let &[a, b, c, d] = frames else { continue };
-            let (Some(xa), Some(xb), Some(xc), Some(xd)) = (at(a), at(b), at(c), at(d)) else { continue };
+            let (Some(xa), Some(xb), Some(xc), Some(xd)) = (at(a), at(b), at(c), at(d)) else {
+                continue;
+            };
             let (m0, m1) = ((xc - xa) / (c - a) * (c - b), (xd - xb) / (d - b) * (c - b));
             for i in b.ceil() as usize..=(c.floor() as usize).min(before.len() - 1) {
                 let u = (i as f64 - b) / (c - b);
@@ -61,13 +63,14 @@ fn lacks(&self, surroundings: &Surroundings) -> Option<&'static str> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::trial::*;
     use super::super::Surroundings;
+    use super::super::trial::*;
 
     #[test]
     fn a_light_sampled_by_frames_is_smooth_again_as_far_as_the_share_goes() {
         let interval = 0.025;
-        let wave = |x: f64, t: f64| 0.9 * (std::f64::consts::TAU * (4.0 * t + x / 16.0)).sin() - 1.0;
+        let wave =
+            |x: f64, t: f64| 0.9 * (std::f64::consts::TAU * (4.0 * t + x / 16.0)).sin() - 1.0;
         let smooth = made(move |[x, _], t| wave(x, t));
         let sampled = made(move |[x, _], t: f64| {
             let frame = (t / interval).floor();
@@ -80,8 +83,16 @@ mod tests {
         };
         let truth = light_of(&smooth, &[], around.clone());
         let error = |share: &str| {
-            let found = light_of(&sampled, &[&format!("frame_interpolation:share={share}")], around.clone());
-            found[100..1900].iter().zip(&truth[100..1900]).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+            let found = light_of(
+                &sampled,
+                &[&format!("frame_interpolation:share={share}")],
+                around.clone(),
+            );
+            found[100..1900]
+                .iter()
+                .zip(&truth[100..1900])
+                .map(|(a, b)| (a - b).abs())
+                .fold(0.0, f32::max)
         };
         let (lines, half, cubic) = (error("0"), error("0.5"), error("1"));
         assert!(lines > 0.03 && cubic < 0.2 * lines, "{lines} {cubic}");

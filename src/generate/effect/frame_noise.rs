@@ -29,7 +29,7 @@ impl Acts for FrameNoise {
         vec![parameter("sigma_dn", self.sigma_dn, 0.0, 10000.0)]
     }
 
-fn lacks(&self, surroundings: &Surroundings) -> Option<&'static str> {
+    fn lacks(&self, surroundings: &Surroundings) -> Option<&'static str> {
         (surroundings.frame_times_us.len() < 3).then_some("the times of at least three frames")
     }
 
@@ -53,8 +53,8 @@ fn lacks(&self, surroundings: &Surroundings) -> Option<&'static str> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::trial::*;
     use super::super::Surroundings;
+    use super::super::trial::*;
 
     #[test]
     fn noise_of_frames_makes_fewer_events_and_motion_keeps_its_own() {
@@ -64,7 +64,9 @@ mod tests {
         };
         // White noise at the frames, straight between them, 6 DN at a level of 60.
         let noise = |place: [f64; 2], frame: f64| {
-            let hash = ((place[0] * 7_919.0 + place[1] * 104_729.0 + frame * 1_299.7).sin() * 43_758.5).fract();
+            let hash = ((place[0] * 7_919.0 + place[1] * 104_729.0 + frame * 1_299.7).sin()
+                * 43_758.5)
+                .fract();
             0.1 * hash * 3.0_f64.sqrt()
         };
         let still = made(move |place, t: f64| {

@@ -39,7 +39,7 @@ impl Acts for HotPixels {
         ]
     }
 
-fn pixel(&self, site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, site: &Site<'_>, pixel: &mut PixelModel) {
         let mut draws = site.draws(EffectId::HotPixels);
         if draws.uniform() < self.fraction {
             pixel.leak_hz += self.rate_hz * 10_f64.powf(2.0 * draws.uniform() - 1.0);

@@ -28,7 +28,7 @@ impl Acts for JunctionLeak {
         vec![parameter("rate_hz", self.rate_hz, 0.0, 1000.0)]
     }
 
-fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
         pixel.leak_hz += self.rate_hz;
     }
 }

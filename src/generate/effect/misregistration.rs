@@ -39,7 +39,7 @@ impl Acts for Misregistration {
         ]
     }
 
-fn look(&self, site: &Site<'_>, place: [f64; 2]) -> [f64; 2] {
+    fn look(&self, site: &Site<'_>, place: [f64; 2]) -> [f64; 2] {
         let middle = [site.size.width, site.size.height].map(|n| 0.5 * f64::from(n));
         let (sin, cos) = self.rotation_deg.to_radians().sin_cos();
         let x = place[0] - middle[0] - self.shift_x_px;
@@ -58,8 +58,10 @@ mod tests {
     fn a_pixel_sees_what_was_predicted_for_the_place_that_was_moved_onto_it() {
         let surroundings = crate::generate::effect::Surroundings::default();
         let source = crate::generate::random::Source::new(0);
-        let site = Site { x: 40, y: 10, size: SIZE, white_dn: 1.0, surroundings: &surroundings, source };
-        let moved = Misregistration { shift_x_px: 2.0, shift_y_px: -1.0, rotation_deg: 30.0, scale: 1.1 };
+        let site =
+            Site { x: 40, y: 10, size: SIZE, white_dn: 1.0, surroundings: &surroundings, source };
+        let moved =
+            Misregistration { shift_x_px: 2.0, shift_y_px: -1.0, rotation_deg: 30.0, scale: 1.1 };
         let [x, y] = moved.look(&site, [40.5, 10.5]);
         let (sin, cos) = 30.0_f64.to_radians().sin_cos();
         let real = [

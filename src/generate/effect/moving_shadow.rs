@@ -50,7 +50,7 @@ impl Acts for MovingShadow {
         ]
     }
 
-fn light(&self, site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, site: &Site<'_>, light: &mut Light<'_>) {
         let way_px = f64::from(site.size.width) + 6.0 * self.width_px;
         let (grid, x_px) = (light.grid(), f64::from(site.x) + 0.5 + 3.0 * self.width_px);
         for (i, x) in light.values.iter_mut().enumerate() {

@@ -28,7 +28,7 @@ impl Acts for PhotocurrentLeak {
         vec![parameter("rate_hz_at_white", self.rate_hz_at_white, 0.0, 1000.0)]
     }
 
-fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
         pixel.leak_hz_at_white += self.rate_hz_at_white;
     }
 }

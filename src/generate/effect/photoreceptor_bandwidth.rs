@@ -4,8 +4,8 @@
 //! order is common in models (Lichtsteiner et al. 2008; Hu et al., v2e, 2021; Graca and Delbruck
 //! 2021, 2025). Signature: lag proportional to 1/I, and fewer events the faster and darker.
 
-use super::{Acts, Enters, Light, Parameter, Site, parameter};
 use super::low_pass::{low_pass, tau_steps};
+use super::{Acts, Enters, Light, Parameter, Site, parameter};
 use serde::{Deserialize, Serialize};
 
 /// Poles whose cut-off is proportional to light.
@@ -37,7 +37,7 @@ impl Acts for PhotoreceptorBandwidth {
         ]
     }
 
-fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
         let tau_at_white = tau_steps(self.cutoff_hz_at_white, light.step_s());
         for _ in 0..self.order.round() as usize {
             // The pole follows the light itself, of which the filtered signal is a fair account.
@@ -53,7 +53,8 @@ mod tests {
 
     #[test]
     fn events_of_a_slope_lag_in_proportion_to_darkness_and_order() {
-        let words = |order: u32| format!("photoreceptor_bandwidth:cutoff_hz_at_white=40,order={order}");
+        let words =
+            |order: u32| format!("photoreceptor_bandwidth:cutoff_hz_at_white=40,order={order}");
         // Slow and small, so that the pole hardly moves: a stripe of 1 Hz.
         for (level, order) in [(0.0, 1), (-1.0, 1), (0.0, 2)] {
             let light = made(move |[x, _], t| level + 0.25 * (TAU * (t + x / 16.0)).sin());

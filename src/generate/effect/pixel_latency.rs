@@ -29,7 +29,7 @@ impl Acts for PixelLatency {
         vec![parameter("latency_us", self.latency_us, 0.0, 100000.0)]
     }
 
-fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
         pixel.latency_us += self.latency_us;
     }
 }

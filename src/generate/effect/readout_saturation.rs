@@ -30,7 +30,7 @@ impl Acts for ReadoutSaturation {
         vec![parameter("max_events_per_s", self.max_events_per_s, 1.0, 1000000000.0)]
     }
 
-fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
+    fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
         let service_us = 1e6 / (self.max_events_per_s * bench.share());
         let mut free_us = f64::MIN;
         let mut busy_until = vec![i64::MIN; bench.size.n_pixels()];

@@ -27,7 +27,7 @@ impl Acts for RollingShutter {
         vec![parameter("row_us", self.row_us, -1000.0, 1000.0)]
     }
 
-fn lag_us(&self, site: &Site<'_>) -> f64 {
+    fn lag_us(&self, site: &Site<'_>) -> f64 {
         self.row_us * f64::from(site.y)
     }
 }

@@ -6,8 +6,8 @@
 
 use super::{Acts, Bench, Enters, Parameter, parameter};
 use crate::event::{Event, Events};
-use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
 
 /// Rows are read one after another.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -30,7 +30,7 @@ impl Acts for RowReadout {
         vec![parameter("row_us", self.row_us, 0.0, 100000.0)]
     }
 
-fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
+    fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
         let n_rows = usize::from(bench.size.height);
         bench.change(events, |requests| read_rows(&requests, n_rows, self.row_us));
     }

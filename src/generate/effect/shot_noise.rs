@@ -39,7 +39,7 @@ impl Acts for ShotNoise {
         ]
     }
 
-fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
         pixel.band = Some(BandNoise {
             rms: self.rms_thresholds,
             bandwidth_hz: self.bandwidth_hz,

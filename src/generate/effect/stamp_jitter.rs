@@ -29,7 +29,7 @@ impl Acts for StampJitter {
         vec![parameter("sigma_us", self.sigma_us, 0.0, 100000.0)]
     }
 
-fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
+    fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
         bench.change(events, |mut events| {
             for event in &mut events {
                 let z = bench.draws(EffectId::StampJitter, *event).normal();

@@ -27,7 +27,7 @@ impl Acts for TemperatureDrift {
         vec![parameter("rate_hz_per_s", self.rate_hz_per_s, -100.0, 100.0)]
     }
 
-fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
         pixel.leak_hz_per_s += self.rate_hz_per_s;
     }
 }

@@ -28,7 +28,7 @@ impl Acts for ThresholdAsymmetry {
         vec![parameter("on_off_ratio", self.on_off_ratio, 0.05, 20.0)]
     }
 
-fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
         pixel.threshold_on *= self.on_off_ratio.sqrt();
         pixel.threshold_off /= self.on_off_ratio.sqrt();
     }

@@ -32,7 +32,7 @@ impl Acts for ThresholdMismatch {
         vec![parameter("sigma_relative", self.sigma_relative, 0.0, 1.0)]
     }
 
-fn pixel(&self, site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, site: &Site<'_>, pixel: &mut PixelModel) {
         let mut draws = site.draws(EffectId::ThresholdMismatch);
         let mut factor = || (1.0 + self.sigma_relative * draws.normal()).max(LOWEST);
         pixel.threshold_on *= factor();

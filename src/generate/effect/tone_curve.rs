@@ -27,7 +27,7 @@ impl Acts for ToneCurve {
         vec![parameter("gamma", self.gamma, 0.1, 10.0)]
     }
 
-fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
         let gamma = self.gamma as f32;
         light.values.iter_mut().for_each(|x| *x /= gamma);
     }

@@ -7,8 +7,8 @@
 //! where it is flat.
 
 use super::{Acts, Enters, Light, Parameter, Site, parameter};
-use std::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
 
 /// A sine on the place a pixel looks at.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -56,7 +56,7 @@ impl Acts for Vibration {
         ]
     }
 
-fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
         let swing = self.amplitude_mm * self.px_per_mm;
         if swing == 0.0 {
             return;

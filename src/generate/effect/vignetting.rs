@@ -28,7 +28,7 @@ impl Acts for Vignetting {
         vec![parameter("corner_loss", self.corner_loss, 0.0, 0.99)]
     }
 
-fn light(&self, site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, site: &Site<'_>, light: &mut Light<'_>) {
         let [x, y] = site.from_middle();
         let half = [site.size.width, site.size.height].map(|n| 0.5 * f64::from(n));
         let share = (x * x + y * y) / (half[0] * half[0] + half[1] * half[1]);
