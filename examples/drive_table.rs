@@ -1,7 +1,9 @@
 //! The light signal's errors against the truth of the simulated world, as a table:
 //! `cargo run --release --example drive_table -- [CASE ...]`.
 //!
-//! Cases: `short` (the five-second protocol), `wrist` (the wrist turns), `close` (a nearer target).
+//! Cases: `short` (the five-second protocol), `tilted` (the same, the print tilted by 15 mrad that the rig
+//! does not state), `circle` (the published circle, one way), `wrist` (the wrist turns),
+//! `close` (a nearer target).
 
 #![allow(clippy::print_stdout)]
 
@@ -46,7 +48,7 @@ impl Motion for Swinging {
 }
 
 struct Case {
-    name: &'static str,
+    name: String,
     rig: Rig,
     world: Arc<World>,
     seconds: f64,
@@ -55,6 +57,7 @@ struct Case {
 fn case(name: &str) -> Result<Case, Box<dyn Error>> {
     let text = include_str!("../rig/sim.toml");
     let description = WorldDescription::default();
+    let trajectory = if name == "circle" { "circle" } else { "protocol-short" };
     let (name, text, motion) = match name {
         "wrist" => {
             let motion = Swinging {
@@ -79,21 +82,24 @@ fn case(name: &str) -> Result<Case, Box<dyn Error>> {
             };
             ("close", text, Some(motion))
         }
-        "short" => ("short", text.to_owned(), None),
+        "short" | "tilted" | "circle" => (name, text.to_owned(), None),
         other => return Err(format!("`{other}` is no case").into()),
     };
     let rig = Rig::parse("rig/sim.toml", &text)?;
+    let axis = format!("axis = [{0}, {0}, -1.0]", 0.015 * std::f64::consts::FRAC_1_SQRT_2);
+    let tilted = text.replace("axis = [0.0, 0.0, -1.0]", &axis);
+    let true_rig = if name == "tilted" { Rig::parse("tilted rig", &tilted)? } else { rig.clone() };
     let (world, seconds) = match motion {
         Some(motion) => {
             let schedule = Schedule::new(vec![Setting::nominal(Span::ZERO, true)]);
             (World::new(&rig, Arc::new(motion), schedule, &description, 1)?, 5.0)
         }
         None => {
-            let path = Trajectory::find("protocol-short")?.path(&rig, Optional::LeftOut)?;
-            (World::along(&rig, &path, &description, 1)?, path.duration().as_secs_f64())
+            let path = Trajectory::find(trajectory)?.path(&rig, Optional::LeftOut)?;
+            (World::along(&true_rig, &path, &description, 1)?, path.duration().as_secs_f64())
         }
     };
-    Ok(Case { name, rig, world: Arc::new(world), seconds })
+    Ok(Case { name: name.to_owned(), rig, world: Arc::new(world), seconds })
 }
 
 /// Tracks the tag in frames.
@@ -121,7 +127,7 @@ fn quantile(values: &mut [f64], part: f64) -> f64 {
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let names = if arguments.is_empty() {
-        vec!["short".to_owned(), "wrist".to_owned(), "close".to_owned()]
+        ["short", "tilted", "circle", "wrist", "close"].map(str::to_owned).to_vec()
     } else {
         arguments
     };

@@ -11,6 +11,9 @@ use nalgebra::{SMatrix, SVector};
 /// factor of five or more, so that a fifth of this is left.
 const SETTLED_PX: f64 = 0.01;
 
+/// Most steps that are made towards it.
+const MOST_STEPS: usize = 12;
+
 /// A frame on the path, the marks that it saw, and those of them that look as the map says.
 #[derive(Debug, Clone)]
 pub(super) struct Located {
@@ -22,15 +25,22 @@ pub(super) struct Located {
 /// Finds a frame's pose against the map, from a start that is near.
 pub(super) fn locate(reference: &Reference<'_>, mut key: Key) -> Option<Located> {
     let focal = reference.optics.camera.lens.focal_px;
-    for _ in 0..8 {
+    // Marks that look as the map says in one place and not in the next may throw it to and fro about the
+    // place sought: where a step turns back, only a part of it is made.
+    let (mut made, mut last) = (1.0, [0.0; 2]);
+    for _ in 0..MOST_STEPS {
         let equations = reference.own(&key)?;
         if equations.n < 50 * OWN {
             return None;
         }
         let inverse = equations.normal.try_inverse()?;
         let change = inverse * equations.right;
-        (0..4).for_each(|i| key.pose[i] += change[i]);
-        key.ln_gain += change[4];
+        if change[0] * last[0] + change[1] * last[1] < 0.0 {
+            made *= 0.5;
+        }
+        last = [change[0], change[1]];
+        (0..4).for_each(|i| key.pose[i] += made * change[i]);
+        key.ln_gain += made * change[4];
         let moved_px = change[0].hypot(change[1]) * focal / key.pose[2];
         if moved_px < SETTLED_PX {
             let misfit = equations.squares / equations.n as f64;
