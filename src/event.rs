@@ -1,5 +1,9 @@
 //! Events as columns.
 
+mod dead_time;
+
+pub use dead_time::DeadTime;
+
 use crate::geometry::Size;
 
 /// Events of one stream, a column each: time in µs of the stream's clock

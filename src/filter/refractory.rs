@@ -2,7 +2,7 @@
 //! of either polarity, as a pixel's own refractory period does.
 
 use super::{FilterError, Filtered, Reason, keep};
-use crate::event::EventSlice;
+use crate::event::{DeadTime, EventSlice};
 use crate::geometry::Size;
 
 /// Filters with a dead time of `period_us` microseconds: two kept events of a pixel are at
@@ -15,13 +15,8 @@ pub fn filter(events: EventSlice<'_>, size: Size, period_us: i64) -> Result<Filt
         let found = period_us as f64;
         return Err(FilterError::BadSetting { name: "period_us", found, expected: "0 or more" });
     }
-    // The first time at which a pixel may fire again.
-    let mut ready = vec![i64::MIN; size.n_pixels()];
-    keep(events, size, Reason::Refractory, |t, pixel| {
-        let is_kept = t >= ready[pixel];
-        ready[pixel] = if is_kept { t.saturating_add(period_us) } else { ready[pixel] };
-        is_kept
-    })
+    let mut dead = DeadTime::new(size, period_us);
+    keep(events, size, Reason::Refractory, |t, pixel| dead.lets_through(t, pixel))
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! How much of the frames' rhythm is in events.
 
 use crate::event::EventSlice;
+use crate::stats::MeanDirection;
 
 /// Gathers where in their frame intervals events lie.
 ///
@@ -9,21 +10,15 @@ use crate::event::EventSlice;
 /// trace, 1 when all events come at one phase. By chance alone, n independent events have about
 /// 0.9 / sqrt(n).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Rhythm {
-    cos: f64,
-    sin: f64,
-    n: u64,
-}
+pub struct Rhythm(MeanDirection);
 
 impl Rhythm {
     /// Adds the events of one frame interval, which begins at `start_us` and lasts `span_us`.
     pub fn add(&mut self, events: EventSlice<'_>, start_us: i64, span_us: i64) {
         let per_us = std::f64::consts::TAU / span_us.max(1) as f64;
         for &t in events.t {
-            let (sin, cos) = ((t - start_us) as f64 * per_us).sin_cos();
-            (self.cos, self.sin) = (self.cos + cos, self.sin + sin);
+            self.0.add((t - start_us) as f64 * per_us);
         }
-        self.n += events.t.len() as u64;
     }
 
     /// Adds ascending events between frames at ascending times, µs; those outside are left out.
@@ -38,13 +33,13 @@ impl Rhythm {
     /// Its strength, 0 to 1; `NaN` without events.
     #[must_use]
     pub fn strength(&self) -> f64 {
-        self.cos.hypot(self.sin) / self.n as f64
+        self.0.length()
     }
 
     /// Events that were added.
     #[must_use]
     pub const fn n_events(&self) -> u64 {
-        self.n
+        self.0.n()
     }
 }
 
