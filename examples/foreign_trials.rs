@@ -6,7 +6,7 @@
 //! with this project: its thresholds, photoreceptor, leak, noise and dead time, its thinning, jitter
 //! and support filter. Ours are the moving picture it is shown and the names its settings go by
 //! here. Where its rule differs from the effect of that name the trial stays as hard as that makes
-//! it: events in its dead time are dropped, yet its reference moves on; its noise falls with light.
+//! it: its low-pass works once a picture, its noise falls with light.
 
 #![allow(clippy::print_stdout)]
 
@@ -34,7 +34,8 @@ const SIDE: usize = 256;
 
 /// What can be hidden: id, and the changing parameter with its value at strength one.
 const KNOWN: &[(&str, &str, f64)] = &[
-    ("refractory_period", "refractory_us", 3_000.0),
+    // The picture's steepest edges take a pixel some 10 ms from event to event: a shorter dead time does nothing.
+    ("refractory_period", "refractory_us", 10_000.0),
     ("photoreceptor_bandwidth", "cutoff_hz_at_white", 60.0),
     ("threshold_mismatch", "sigma_relative", 0.06),
     ("threshold_asymmetry", "on_off_ratio", 0.08),

@@ -9,7 +9,9 @@
 //! the crossing. To this come two hazards that need no new maximum: the noise's own movement, which
 //! lets the signal cross while the light stands still (after Rice, Bell Syst. Tech. J. 24, 1945),
 //! and background events. What a pixel memorised before its first event is not known: it then lies
-//! anywhere between its two thresholds, so that silent pixels count too.
+//! anywhere between its two thresholds, so that silent pixels count too. Where something came about
+//! behind the pixel (a filter of events took some out, an event was added) it may have memorised one
+//! thing or another: a few cases are then followed side by side, each with its weight.
 //!
 //! The score is the log-likelihood of the process, events and silences, in nats per event with time
 //! in seconds. Pixels are independent of each other given the light: they are worked on in
@@ -17,8 +19,11 @@
 
 mod blocks;
 mod by_pixel;
+mod course;
 mod law;
 mod light;
+mod mask;
+mod memory;
 mod movement;
 mod residual;
 mod sample;

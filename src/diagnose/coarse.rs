@@ -4,7 +4,7 @@
 //! the beat for physics, so events are spread evenly over their step before anything looks at them.
 
 use crate::event::{Event, EventSlice, Events};
-use crate::stats::SplitMix;
+use crate::stats::{MeanDirection, SplitMix};
 use std::f64::consts::TAU;
 
 /// Steps that are looked for, microseconds: below, stamps are fine enough for every effect; above,
@@ -19,8 +19,10 @@ const LEAST_ORDER: f64 = 0.88;
 const LEAST: usize = 500;
 const MOST: usize = 4_000;
 
-/// First stretch that is looked at, microseconds: the shorter it is the fewer steps need be tried.
-const STRETCH_US: f64 = 40_000.0;
+/// Half of the first stretch that is looked at, microseconds: the shorter it is the fewer steps need be
+/// tried. One of sparse stamps is longer; beyond the longest there would be steps to try without end.
+const HALF_US: f64 = 20_000.0;
+const LONGEST_HALF_US: f64 = 640_000.0;
 
 /// A grid of stamps.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,7 +42,7 @@ impl StampGrid {
         }
         let (first, last) = (stamps[0], stamps[stamps.len() - 1]);
         let middle = stamps[stamps.len() / 2];
-        let mut half_us = 0.5 * STRETCH_US;
+        let mut half_us = HALF_US;
         let within = |half_us: f64| {
             let from = stamps.partition_point(|t| ((t - middle) as f64) < -half_us);
             let to = stamps.partition_point(|t| ((t - middle) as f64) <= half_us);
@@ -48,6 +50,9 @@ impl StampGrid {
         };
         while within(half_us).len() < LEAST {
             half_us *= 2.0;
+            if half_us > LONGEST_HALF_US {
+                return None;
+            }
         }
         let phases = Phases::of(within(half_us), middle);
         let mut hz = phases.lowest([1e6 / STEPS_US[1], 1e6 / STEPS_US[0]], half_us)?;
@@ -57,10 +62,10 @@ impl StampGrid {
             half_us *= 2.0;
             hz = Phases::of(within(half_us), middle).best_about(hz, half_us);
         }
-        let [order, turn] = Phases::of(stamps, middle).mean(hz);
+        let mean = Phases::of(stamps, middle).mean(hz);
         let step_us = 1e6 / hz;
-        let zero_us = middle as f64 + turn / TAU * step_us;
-        (order >= LEAST_ORDER).then_some(Self { step_us, zero_us })
+        let zero_us = middle as f64 + mean.angle() / TAU * step_us;
+        (mean.length() >= LEAST_ORDER).then_some(Self { step_us, zero_us })
     }
 
     /// The events spread evenly over the steps that their stamps stand for, in ascending time. Those
@@ -88,23 +93,18 @@ impl Phases {
         Self(stamps.iter().step_by(every).map(|t| (t - middle) as f64 * 1e-6).collect())
     }
 
-    /// Length and angle of the mean unit vector at a frequency.
-    fn mean(&self, hz: f64) -> [f64; 2] {
-        let mut sum = [0.0; 2];
-        for t in &self.0 {
-            let (sin, cos) = (TAU * hz * t).sin_cos();
-            sum = [sum[0] + cos, sum[1] + sin];
-        }
-        [sum[0].hypot(sum[1]) / self.0.len().max(1) as f64, sum[1].atan2(sum[0])]
+    /// The phases' mean at a frequency.
+    fn mean(&self, hz: f64) -> MeanDirection {
+        self.0.iter().map(|t| TAU * hz * t).collect()
     }
 
     /// The lowest frequency at which stamps are in order. Those of a grid are so at its multiples too.
     fn lowest(&self, [from, to]: [f64; 2], half_us: f64) -> Option<f64> {
         let step = Self::resolution(half_us);
         let n = ((to - from) / step) as usize;
-        let first = (0..n).map(|i| from + i as f64 * step);
+        let mut tries = (0..n).map(|i| from + i as f64 * step);
         // Between two tries a little order is lost.
-        let hz = first.clone().find(|hz| self.mean(*hz)[0] >= 0.95 * LEAST_ORDER)?;
+        let hz = tries.find(|hz| self.mean(*hz).length() >= 0.95 * LEAST_ORDER)?;
         Some(self.best_about(hz, half_us))
     }
 
@@ -112,7 +112,7 @@ impl Phases {
     fn best_about(&self, hz: f64, half_us: f64) -> f64 {
         let step = Self::resolution(half_us);
         let tries = (-16..=16).map(|i| hz + 0.25 * f64::from(i) * step);
-        let order = |hz: f64| self.mean(hz)[0];
+        let order = |hz: f64| self.mean(hz).length();
         tries.max_by(|a, b| order(*a).total_cmp(&order(*b))).unwrap_or(hz)
     }
 
@@ -149,6 +149,8 @@ mod tests {
         assert!(StampGrid::of(&stamps(1.0, 0.0, 3.0)).is_none());
         assert!(StampGrid::of(&stamps(500.0, 400.0, 3.0)).is_none(), "a beat that is no grid");
         assert!(StampGrid::of(&stamps(250.0, 5.0, 0.02)).is_none(), "too few");
+        let sparse: Vec<i64> = (0..5_000).map(|i| 500_000 * i).collect();
+        assert!(StampGrid::of(&sparse).is_none(), "too sparse to be looked at");
     }
 
     #[test]

@@ -328,7 +328,10 @@ fn following(
     let mut spread = vec![0.0_f64; here.len()];
     for &i in moving {
         let error = model.error_of(i);
-        if model.hypothesis.steps[i] <= 0.0 {
+        let step = model.hypothesis.steps[i];
+        let mut beside = values.clone();
+        beside[i] += step;
+        if step <= 0.0 || of(&beside) == here {
             continue;
         }
         let mut moved = values.clone();

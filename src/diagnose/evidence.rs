@@ -12,6 +12,9 @@ use std::sync::Arc;
 /// Least number of events with known light that can be judged.
 const LEAST_EVENTS: usize = 300;
 
+/// So many pixels stay, however many events they have.
+const LEAST_PIXELS: usize = 60;
+
 /// Why nothing can be diagnosed.
 #[derive(Debug, thiserror::Error)]
 pub enum DiagnoseError {
@@ -118,7 +121,8 @@ impl Evidence {
             grid.n -= 1;
         }
         let n_pixels = options.n_pixels.min(options.n_instants / grid.n).max(16);
-        let chosen = choose(recording, drive, grid, n_pixels, options.seed);
+        let mut chosen = choose(recording, drive, grid, n_pixels, options.seed);
+        thin(&mut chosen, recording, options.n_events);
         let size = recording.size();
         let n_across = usize::from(size.width.div_ceil(options.tile_px));
         let n_down = usize::from(size.height.div_ceil(options.tile_px));
@@ -277,6 +281,15 @@ fn choose(
     chosen.sort_by_key(|&(x, y)| (y, x));
     chosen.dedup();
     chosen
+}
+
+/// Keeps every so many-th pixel, so that all have about `n_events` at most.
+fn thin(chosen: &mut Vec<(u16, u16)>, recording: &ByPixel, n_events: usize) {
+    let all: usize = chosen.iter().map(|&(x, y)| recording.of(x, y).len()).sum();
+    let n_kept = (chosen.len() * n_events / all.max(1)).max(LEAST_PIXELS);
+    if n_kept < chosen.len() {
+        *chosen = (0..n_kept).map(|i| chosen[i * chosen.len() / n_kept]).collect();
+    }
 }
 
 /// The instants of a grid that lie in stretches of time.

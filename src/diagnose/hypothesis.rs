@@ -158,7 +158,10 @@ impl Hypothesis {
             noise_speed_per_s: noise * value(Nuisance::LogNoiseHz).exp(),
             background_on_hz: value(Nuisance::LogBackgroundOn).exp(),
             background_off_hz: value(Nuisance::LogBackgroundOff).exp(),
+            background_memorised: value(Nuisance::BackgroundMemorised),
+            noise_memorised: value(Nuisance::NoiseMemorised),
             blind_s: 0.0,
+            masked_s: 0.0,
             drop_fraction: 0.0,
             jitter_s: 0.0,
         }
@@ -240,7 +243,11 @@ impl Hypothesis {
         View {
             evidence,
             pixel,
-            law: self.law(),
+            // Stamps that were spread over a grid's steps scatter evenly over one.
+            law: PixelLaw {
+                jitter_s: evidence.facts.stamp_step_us.unwrap_or(0.0) * 1e-6 / 12.0_f64.sqrt(),
+                ..self.law()
+            },
             signal,
             start_us: start_us + self.nuisance(Nuisance::OffsetUs),
             step_us,

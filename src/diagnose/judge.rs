@@ -52,17 +52,14 @@ impl Judge<'_> {
             let Look { after, standing, .. } = look;
             return Judged { model, taken, standing, after, suspects: Vec::new() };
         }
-        let mut suspects = suspects(&model, &taken, &look);
+        let suspects = suspects(&model, &taken, &look);
         let kept: Vec<usize> = (0..taken.len()).filter(|&i| look.doubts[i].is_none()).collect();
         if !kept.is_empty() && kept.len() < taken.len() {
             let rest = refit_with(self.evidence, self.baseline, &model, &kept);
             let again = self.look(&rest);
             if again.holds() {
-                let is_kept = |index: &usize| kept.contains(index);
-                let mut index = 0..;
-                suspects.retain(|_| index.next().is_some_and(|i| !is_kept(&i)));
-                let own = taken.into_iter().enumerate().filter(|(i, _)| is_kept(i));
-                let taken = own.map(|(_, taken)| taken).collect();
+                let taken = of(taken, &look.doubts, Option::is_none);
+                let suspects = of(suspects, &look.doubts, Option::is_some);
                 let Look { after, standing, .. } = again;
                 return Judged { model: rest, taken, standing, after, suspects };
             }
@@ -79,6 +76,12 @@ impl Judge<'_> {
         let doubts = (0..n).map(|index| doubt(self.evidence, &drawn, model, index)).collect();
         Look { after, standing, doubts }
     }
+}
+
+/// What belongs to the effects whose doubts are as asked.
+fn of<T>(all: Vec<T>, doubts: &[Option<String>], is_asked: fn(&Option<String>) -> bool) -> Vec<T> {
+    let own = all.into_iter().zip(doubts).filter(|(_, doubt)| is_asked(doubt));
+    own.map(|(each, _)| each).collect()
 }
 
 /// Where an effect of the model has another strength than elsewhere, in words.

@@ -4,8 +4,8 @@ use super::{Evidence, Hypothesis, Kind, PixelEvidence};
 use crate::predict::{BlockScore, score_pixel};
 use rayon::prelude::*;
 
-/// More values than these are steps of a continuous one: every [`STRIDE`]-th is scored, and the
-/// scores in between, which bend smoothly, are interpolated.
+/// More values than these are steps of a continuous one: every [`STRIDE`]-th, the first and the last
+/// among them, is scored, and the scores in between, which bend smoothly, are interpolated.
 const MOST_SCORED: usize = 16;
 const STRIDE: usize = 8;
 
@@ -35,8 +35,14 @@ impl Kinds {
         Self { values, shares }
     }
 
+    /// How many times a pixel is scored.
+    pub(super) fn n_scored(&self) -> usize {
+        self.values.len().div_ceil(self.stride())
+    }
+
     fn stride(&self) -> usize {
-        if self.values.len() > MOST_SCORED { STRIDE } else { 1 }
+        let n = self.values.len();
+        if n > MOST_SCORED && (n - 1).is_multiple_of(STRIDE) { STRIDE } else { 1 }
     }
 
     /// Logarithm of a pixel's likelihood, given those of its On and its Off events for each value.

@@ -18,10 +18,14 @@ pub enum Nuisance {
     NoiseExponent,
     /// Logarithm of how often a second the noise moves by its own scale.
     LogNoiseHz,
+    /// How much of the noise that set off an event the pixel memorises with the light.
+    NoiseMemorised,
     /// Logarithm of the rate of background On events, a second and pixel.
     LogBackgroundOn,
     /// Logarithm of the rate of background Off events, a second and pixel.
     LogBackgroundOff,
+    /// Share of the background events at which the pixel memorises the light.
+    BackgroundMemorised,
     /// By how much the event camera's stamps are late against the light, microseconds.
     OffsetUs,
     /// Variance by which the event camera sees more blurred than the light's map, square pixels.
@@ -33,7 +37,7 @@ pub enum Nuisance {
 }
 
 /// How many there are.
-pub(super) const N_NUISANCES: usize = 12;
+pub(super) const N_NUISANCES: usize = 14;
 
 /// Start, ordinary range and step of a difference quotient.
 pub(super) struct Ordinary {
@@ -51,8 +55,10 @@ impl Nuisance {
         Self::LogNoise,
         Self::NoiseExponent,
         Self::LogNoiseHz,
+        Self::NoiseMemorised,
         Self::LogBackgroundOn,
         Self::LogBackgroundOff,
+        Self::BackgroundMemorised,
         Self::OffsetUs,
         Self::BlurPx2,
         Self::ShiftX,
@@ -69,8 +75,10 @@ impl Nuisance {
             Self::LogNoise => "noise_at_white_thresholds",
             Self::NoiseExponent => "noise_exponent",
             Self::LogNoiseHz => "noise_movement_hz",
+            Self::NoiseMemorised => "noise_memorised",
             Self::LogBackgroundOn => "background_on_hz",
             Self::LogBackgroundOff => "background_off_hz",
+            Self::BackgroundMemorised => "background_memorised",
             Self::OffsetUs => "clock_offset_us",
             Self::BlurPx2 => "blur_px2",
             Self::ShiftX => "shift_x_px",
@@ -100,6 +108,7 @@ impl Nuisance {
                 f64::NEG_INFINITY
             }
             Self::LogTheta => 0.25_f64.ln(),
+            Self::BackgroundMemorised => 1.0,
             _ => 0.0,
         }
     }
@@ -120,9 +129,11 @@ impl Nuisance {
             Self::LogTheta => of(0.25_f64.ln(), [0.02_f64.ln(), 3.0_f64.ln()], 0.004),
             Self::LogRatio => of(0.0, [-0.03, 0.03], 0.004),
             Self::LeakHz => of(0.1, [0.0, 0.3], 0.02),
-            Self::LogNoise => of(0.06_f64.ln(), [0.005_f64.ln(), most_noise.ln()], 0.02),
+            Self::LogNoise => of(0.06_f64.ln(), [0.001_f64.ln(), most_noise.ln()], 0.02),
             Self::NoiseExponent => of(0.3, [0.0, 1.0], 0.02),
             Self::LogNoiseHz => of(60.0_f64.ln(), [1.0_f64.ln(), most_hz.ln()], 0.05),
+            Self::NoiseMemorised => of(0.0, [0.0, 1.0], 0.05),
+            Self::BackgroundMemorised => of(1.0, [1.0, 1.0], 0.05),
             Self::LogBackgroundOn | Self::LogBackgroundOff => {
                 of(0.01_f64.ln(), [1e-4_f64.ln(), most_background.ln()], 0.05)
             }

@@ -7,6 +7,9 @@ use serde::{Deserialize, Serialize};
 pub struct Options {
     /// Most pixels looked at; they are drawn over the whole sensor, textured ones first.
     pub n_pixels: usize,
+    /// Events of the pixels looked at, at most, as long as a few tens of pixels are left: more say
+    /// little more and take as much longer.
+    pub n_events: usize,
     /// Instants of light, over all pixels, at most.
     pub n_instants: usize,
     /// From one instant of the light to the next.
@@ -35,6 +38,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             n_pixels: 600,
+            n_events: 15_000,
             n_instants: 8_000_000,
             step_us: 1_000,
             n_blocks: 9,

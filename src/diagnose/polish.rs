@@ -7,22 +7,26 @@
 //! with the scatter that the gradients claim.
 
 use super::fit::{Fitted, as_it_is, gradients, scatter};
+use super::kinds::Kinds;
 use super::score::Part;
-use super::{Evidence, Hypothesis};
+use super::{Evidence, Hypothesis, PixelEvidence};
 use cmaes::{CMAESOptions, DVector};
 use nalgebra::DMatrix;
 
-/// Instants of light on which the crest is looked for, in pixels enough to see the whole sensor. On all
-/// of them the search then only has to settle.
-const FEW_INSTANTS: usize = 200_000;
+/// Work of an evaluation, in instants of light, with which the crest is looked for, in pixels enough to
+/// see the whole sensor. On all of them the search then only has to settle.
+const FEW_WORK: usize = 300_000;
 const LEAST_PIXELS: usize = 30;
+
+/// An event is as much work as so many instants of light.
+const EVENT_WORK: usize = 10;
 
 /// First steps of settling.
 const FINE_STEPS: [f64; 2] = [2.0, 1.0];
 
-/// Instants with which settling gets all its evaluations; with more of them each costs more, and its
-/// share of the evaluations is fewer, at the fewest a fifth.
-const FINE_INSTANTS: usize = 1_000_000;
+/// Work with which a search gets all its evaluations; where each is more there are fewer of them, at the
+/// fewest a fifth.
+const FINE_WORK: usize = 1_500_000;
 
 /// First steps, in what the gradients claim for standard errors: one search after another.
 const STEPS: [f64; 6] = [3.0, 10.0, 3.0, 3.0, 1.0, 3.0];
@@ -38,18 +42,30 @@ const NO_VALUE: f64 = 1e12;
 
 /// A fit gone on with where slopes have left it; never worse than it was.
 pub(super) fn polished(evidence: &Evidence, fitted: Fitted) -> Fitted {
-    let instants: usize = evidence.pixels.iter().map(|pixel| pixel.light.len()).sum();
-    let every = (instants / FEW_INSTANTS).min(evidence.pixels.len() / LEAST_PIXELS);
+    let work = work(evidence, &fitted.hypothesis);
+    let every = (work / FEW_WORK).min(evidence.pixels.len() / LEAST_PIXELS);
     if every < 2 {
-        return searches(evidence, fitted, &STEPS, PER_VALUE);
+        return searches(evidence, fitted, &STEPS, per_value(work));
     }
     let few = evidence.thinned(every);
-    let rough = searches(&few, as_it_is(&few, fitted.hypothesis.clone()), &STEPS, PER_VALUE);
+    let start = as_it_is(&few, fitted.hypothesis.clone());
+    let rough = searches(&few, start, &STEPS, per_value(work / every));
     let there = as_it_is(evidence, rough.hypothesis);
     // What is best for few may not be for all.
     let is_better = there.cells.nats(Part::Training) > fitted.cells.nats(Part::Training);
-    let per_value = (PER_VALUE * FINE_INSTANTS / instants).clamp(PER_VALUE / 5, PER_VALUE);
-    searches(evidence, if is_better { there } else { fitted }, &FINE_STEPS, per_value)
+    let start = if is_better { there } else { fitted };
+    searches(evidence, start, &FINE_STEPS, per_value(work))
+}
+
+/// How much an evaluation is: pixels of several kinds are scored several times.
+fn work(evidence: &Evidence, hypothesis: &Hypothesis) -> usize {
+    let of = |pixel: &PixelEvidence| pixel.light.len() + EVENT_WORK * pixel.spikes.len();
+    let once: usize = evidence.pixels.iter().map(of).sum();
+    once * Kinds::of(hypothesis).n_scored()
+}
+
+fn per_value(work: usize) -> usize {
+    (PER_VALUE * FINE_WORK / work.max(1)).clamp(PER_VALUE / 5, PER_VALUE)
 }
 
 /// Searches one behind the other, with these first steps, until two in a row are in vain.

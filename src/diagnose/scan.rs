@@ -57,7 +57,8 @@ pub(super) struct Tried {
 impl Tried {
     /// The fit gone on with until it stands still.
     pub(super) fn finished(self, evidence: &Evidence, model: &Fitted) -> Self {
-        let fitted = fit(evidence, self.fitted.hypothesis, LAST_STEPS, 1e-5);
+        let start = restarted(evidence, self.fitted).hypothesis;
+        let fitted = fit(evidence, start, LAST_STEPS, 1e-5);
         Self { fitted: polished(evidence, fitted), ..self }.against(model)
     }
 
@@ -71,6 +72,27 @@ impl Tried {
         }
         self
     }
+}
+
+/// The best of a fit as it is and with the values that its last effect may start from: beside nuisances
+/// that are fitted, one of them may lie behind a ridge that the fit has not come over.
+fn restarted(evidence: &Evidence, fitted: Fitted) -> Fitted {
+    let Some(last) = fitted.hypothesis.effects.len().checked_sub(1) else { return fitted };
+    let effect = fitted.hypothesis.effects[last];
+    if !effect.frees.is_empty() {
+        return fitted;
+    }
+    let at = fitted.hypothesis.offset_of(last);
+    let mut best = fitted.clone();
+    for start in (effect.starts)(evidence) {
+        let mut hypothesis = fitted.hypothesis.clone();
+        hypothesis.values[at..at + start.len()].copy_from_slice(&start);
+        let there = as_it_is(evidence, hypothesis);
+        if there.cells.nats(Part::Training) > best.cells.nats(Part::Training) {
+            best = there;
+        }
+    }
+    best
 }
 
 /// Why an effect is not in the question.

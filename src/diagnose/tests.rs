@@ -120,10 +120,19 @@ fn nothing_is_named_where_nothing_is_hidden() {
 
 #[test]
 fn a_dead_time_is_named_with_its_length() {
-    let diagnosis = found(EffectId::RefractoryPeriod, &[4_000.0_f64.ln()]);
+    let diagnosis = found(EffectId::RefractoryPeriod, &[4_000.0_f64.ln(), 0.0]);
     let us = value(&diagnosis, "refractory_us");
     assert!((us / 4_000.0 - 1.0).abs() < 0.05, "{us}");
     assert_eq!(diagnosis.verdict, Verdict::Explained);
+    assert_eq!(value(&diagnosis, "compares_on"), 0.0);
+}
+
+#[test]
+fn a_dead_time_behind_the_pixel_is_told_from_one_in_it() {
+    let diagnosis = found(EffectId::RefractoryPeriod, &[20_000.0_f64.ln(), 1.0]);
+    let us = value(&diagnosis, "refractory_us");
+    assert!((us / 20_000.0 - 1.0).abs() < 0.05, "{us}");
+    assert_eq!(value(&diagnosis, "compares_on"), 1.0);
 }
 
 #[test]

@@ -6,6 +6,10 @@ use std::f64::consts::SQRT_2;
 /// Scale of a logistic law over its standard deviation: the root of three over pi.
 const LOGISTIC: f64 = 0.551_328_895_421_792;
 
+fn all() -> f64 {
+    1.0
+}
+
 /// What decides when a pixel fires. Contrast is in natural logarithms of intensity, time in seconds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -29,6 +33,18 @@ pub struct PixelLaw {
     pub background_off_hz: f64,
     /// For how long a pixel is blind after an event, seconds.
     pub blind_s: f64,
+    /// For how long after an event the pixel's others are taken out behind it, while it goes on
+    /// firing and memorising, seconds.
+    #[serde(default)]
+    pub masked_s: f64,
+    /// Share of the background events at which the pixel memorises the light; at the others, which
+    /// come about behind it, it does not.
+    #[serde(default = "all")]
+    pub background_memorised: f64,
+    /// How much of the noise that set off an event the pixel memorises with the light: 1 for noise of
+    /// the signal, 0 for that of the comparison.
+    #[serde(default)]
+    pub noise_memorised: f64,
     /// Share of the events that are lost after the pixel has fired.
     pub drop_fraction: f64,
     /// Standard deviation of the stamps about the instant of the event, seconds.
@@ -49,6 +65,9 @@ impl Default for PixelLaw {
             background_on_hz: 0.01,
             background_off_hz: 0.01,
             blind_s: 0.0,
+            masked_s: 0.0,
+            background_memorised: 1.0,
+            noise_memorised: 0.0,
             drop_fraction: 0.0,
             jitter_s: 0.0,
         }
@@ -72,7 +91,8 @@ impl PixelLaw {
     pub fn check(&self) -> Result<(), LawError> {
         let positive = |v: f64| v > 0.0 && v < 1e3;
         let rate = |v: f64| (0.0..1e7).contains(&v);
-        let rows: [(&'static str, f64, bool, &'static str); 11] = [
+        let share = |v: f64| (0.0..=1.0).contains(&v);
+        let rows: [(&'static str, f64, bool, &'static str); 14] = [
             ("theta_on", self.theta_on, positive(self.theta_on), "0 to 1000, above 0"),
             ("theta_off", self.theta_off, positive(self.theta_off), "0 to 1000, above 0"),
             ("leak_per_s", self.leak_per_s, self.leak_per_s.abs() < 1e4, "a size below 10 000"),
@@ -88,6 +108,14 @@ impl PixelLaw {
             ("background_off_hz", self.background_off_hz, rate(self.background_off_hz), "0 to 1e7"),
             ("jitter_s", self.jitter_s, (0.0..10.0).contains(&self.jitter_s), "0 to 10"),
             ("blind_s", self.blind_s, (0.0..3600.0).contains(&self.blind_s), "0 to 3600"),
+            ("masked_s", self.masked_s, (0.0..3600.0).contains(&self.masked_s), "0 to 3600"),
+            (
+                "background_memorised",
+                self.background_memorised,
+                share(self.background_memorised),
+                "0 to 1",
+            ),
+            ("noise_memorised", self.noise_memorised, share(self.noise_memorised), "0 to 1"),
             (
                 "drop_fraction",
                 self.drop_fraction,
@@ -118,6 +146,12 @@ impl PixelLaw {
         } else {
             noise
         }
+    }
+
+    /// For how long nothing more is heard of a pixel after an event, seconds.
+    #[must_use]
+    pub fn deaf_s(&self) -> f64 {
+        self.blind_s.max(self.masked_s)
     }
 
     /// The threshold of one polarity.

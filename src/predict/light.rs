@@ -17,9 +17,20 @@ pub struct Light<'a> {
     pub level: &'a [f32],
 }
 
-impl Light<'_> {
+impl<'a> Light<'a> {
+    /// Stretches of known light inside the window up to `end_us`, with their begin and end,
+    /// microseconds since the window's start.
+    pub(super) fn stretches(
+        self,
+        end_us: i64,
+    ) -> impl Iterator<Item = ([usize; 2], [f64; 2])> + use<'a> {
+        let at = move |index: usize| self.start_us + index as f64 * self.step_us;
+        let cut = move |run: [usize; 2]| [at(run[0]).max(0.0), at(run[1]).min(end_us as f64)];
+        self.known().map(move |run| (run, cut(run))).filter(|(_, [from, to])| from < to)
+    }
+
     /// Stretches of at least two instants at which the signal is known, first and last index.
-    pub(super) fn known(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
+    fn known(self) -> impl Iterator<Item = [usize; 2]> + use<'a> {
         let n = self.signal.len().min(self.level.len());
         let mut next = 0;
         std::iter::from_fn(move || {

@@ -27,6 +27,12 @@ impl Movement {
         (own > 0.0).then_some(Self { noise, own, theta: [law.theta_on, law.theta_off] })
     }
 
+    /// Whether changes this far, towards On and towards Off, come near enough to a threshold to count.
+    pub(super) fn is_within_reach(&self, [up, down]: [f64; 2]) -> bool {
+        let far = self.noise * OUT_OF_REACH;
+        up > self.theta[0] - far || down > self.theta[1] - far
+    }
+
     /// Hazard, a second, where the change towards the threshold is `y` and moves at `speed`.
     pub(super) fn hazard(&self, y: f64, speed: f64, on: bool) -> f64 {
         let z = (y - self.theta[usize::from(!on)]) / self.noise;

@@ -1,8 +1,11 @@
 //! Drawing events from a pixel's law: the model turned round, for tests and for the null.
 
+use super::course::{Course, Reach};
+use super::memory::{Case, Fired, Memory, fresh};
 use super::movement::Movement;
-use super::threshold::{Threshold, softplus};
-use super::{Light, PixelLaw, Spike};
+use super::threshold::softplus;
+use super::walk::Pass;
+use super::{Blocks, EventTerm, Light, PixelLaw, Spike, Stretch, Witness};
 use crate::stats::SplitMix;
 
 /// The most events a pixel may make in a second, so that an absurd law ends.
@@ -13,16 +16,19 @@ const MAX_PER_S: f64 = 20_000.0;
 #[must_use]
 pub fn sample(law: &PixelLaw, light: Light<'_>, end_us: i64, random: &mut SplitMix) -> Vec<Spike> {
     let mut spikes = Vec::new();
-    for run in light.known() {
-        let at = |index: usize| light.start_us + index as f64 * light.step_us;
-        let [from, to] = [at(run[0]).max(0.0), at(run[1]).min(end_us as f64)];
+    for (run, [from, to]) in light.stretches(end_us) {
         let most = (MAX_PER_S * (to - from).max(0.0) * 1e-6) as usize + 1;
-        let limit = spikes.len() + most;
-        let mut source = Source { law, light, run, random: &mut *random };
-        let mut fired = source.first(from, to);
-        while let Some(spike) = fired.filter(|_| spikes.len() < limit) {
-            spikes.push(spike);
-            fired = source.next(spike, to);
+        let mut source = Source { course: Course::new(law, light, run), to, random: &mut *random };
+        let mut start = source.first(from);
+        let mut heard_us = from;
+        for _ in 0..most {
+            let Some(drawn) = source.next(&start) else { break };
+            let t_us = drawn.spike.t_us as f64;
+            if t_us >= heard_us {
+                spikes.push(drawn.spike);
+                heard_us = t_us + law.masked_s * 1e6;
+            }
+            start = source.behind(&start, drawn);
         }
     }
     spikes
@@ -63,192 +69,228 @@ pub fn followed(
     random: &mut SplitMix,
 ) -> Vec<Followed> {
     let mut all = Vec::new();
-    for run in light.known() {
-        let at = |index: usize| light.start_us + index as f64 * light.step_us;
-        let [from, to] = [at(run[0]).max(0.0), at(run[1]).min(end_us as f64)];
+    let blocks = Blocks::new(end_us, 1);
+    for (run, [from, to]) in light.stretches(end_us) {
         let first = spikes.partition_point(|spike| (spike.t_us as f64) < from);
         let last = spikes.partition_point(|spike| spike.t_us as f64 <= to);
-        let mut source = Source { law, light, run, random: &mut *random };
+        let course = Course::new(law, light, run);
+        let mut source = Source { course, to, random: &mut *random };
+        let mut pass = Pass::new(course, from, &blocks);
         for before in first..last {
-            let start = source.behind(spikes[before], to);
-            let drawn = source.fire(&start, spikes[before].t_us as f64, to);
+            pass.take(before, spikes[before], to, &mut Nobody);
+            let (memory, awake_us) = pass.memory();
             let real = (before + 1 < last).then(|| spikes[before + 1]);
-            all.push(Followed {
-                before,
-                real: real.map(|spike| source.moment(&start, spike)),
-                drawn: drawn.map(|spike| source.moment(&start, spike)),
-            });
+            let drawn = source.heard(memory, spikes[before], awake_us);
+            // Against what the pixel most likely compares with, whatever it was drawn to.
+            let Some(known) = memory.cases().next() else { continue };
+            let moment = |spike| moment(&course, known, spike);
+            let (real, drawn) = (real.map(moment), drawn.map(moment));
+            all.push(Followed { before, real, drawn });
         }
     }
     all
 }
 
+struct Nobody;
+
+impl Witness for Nobody {
+    fn silence(&mut self, _: &Stretch) {}
+    fn event(&mut self, _: &EventTerm) {}
+}
+
+/// What the light has done by the time of an event, in the event's own direction.
+fn moment(course: &Course<'_>, case: &Case, spike: Spike) -> Moment {
+    let position = course.position(spike.t_us as f64);
+    let slope = course.slope(position);
+    Moment {
+        spike,
+        change: case.change(course.height(position), spike.on),
+        slope_per_s: if spike.on { slope } else { -slope },
+        level: course.level(position),
+    }
+}
+
 struct Source<'a> {
-    law: &'a PixelLaw,
-    light: Light<'a>,
-    run: [usize; 2],
+    course: Course<'a>,
+    /// End of the known light, microseconds.
+    to: f64,
     random: &'a mut SplitMix,
 }
 
 /// Where the pixel stands at the start of a silence.
 struct Start {
-    awake_us: f64,
-    value: f64,
-    /// Distances at which it fires, On and Off.
-    at: [f64; 2],
-    /// The noise's own movement; none while the memory is not known.
-    moves: Option<Movement>,
-    /// When background fires, whatever the light does.
+    /// What it compares with; none while nothing is known of it.
+    case: Option<Case>,
+    /// When the light sets off the next event, and when background does, whatever the light does.
+    crossing: Option<Spike>,
     background: Spike,
+}
+
+/// An event that was drawn.
+#[derive(Clone, Copy)]
+struct Drawn {
+    spike: Spike,
+    is_background: bool,
+}
+
+/// Where the light would set off an event.
+struct Limits {
+    from_us: f64,
+    value: f64,
+    /// Distances at which the pixel fires, On and Off.
+    at: [f64; 2],
     /// While the memory is not known one store serves both sides: the sum of the extremes.
     shared: Option<f64>,
+    /// The noise's own movement; none while the memory is not known.
+    moves: Option<Movement>,
 }
 
 impl Source<'_> {
-    fn position(&self, t_us: f64) -> f64 {
-        (t_us - self.light.start_us) / self.light.step_us
-    }
-
-    fn noise_at(&self, t_us: f64) -> f64 {
-        let i = (self.position(t_us).max(0.0) as usize).clamp(self.run[0], self.run[1]);
-        self.law.noise(f64::from(self.light.level[i]))
-    }
-
-    /// The first event from `from_us` on, when nothing is known of the memory.
-    fn first(&mut self, from_us: f64, to_us: f64) -> Option<Spike> {
-        let noise = self.noise_at(from_us);
-        let sum = self.law.theta_on + self.law.theta_off;
+    /// Where a pixel stands at first, when nothing is known of its memory.
+    fn first(&mut self, from_us: f64) -> Start {
+        let position = self.course.position(from_us);
+        let Memory::Unknown { value, noise, sum } = Memory::unknown(&self.course, position) else {
+            unreachable!("a memory of nothing is unknown")
+        };
         // The sum of the extremes at which softplus has fallen by a uniform factor.
         let left = softplus(sum / noise) * self.random.uniform();
-        let shared = sum - noise * left.exp_m1().max(1e-300).ln();
-        let start = Start {
-            awake_us: from_us,
-            value: self.light.at(self.position(from_us), self.run),
-            at: [f64::INFINITY; 2],
-            moves: None,
-            background: self.background(from_us),
-            shared: Some(shared),
+        let shared = Some(sum - noise * left.exp_m1().max(1e-300).ln());
+        let at = [f64::INFINITY; 2];
+        let limits = Limits { from_us, value, at, shared, moves: None };
+        let crossing = self.crossing(&limits);
+        Start { case: None, crossing, background: self.background(from_us) }
+    }
+
+    /// Where it stands when it compares as `case` says from `awake_us` on, having fired at `t_us`.
+    fn start(&mut self, case: Case, t_us: i64, awake_us: f64) -> Start {
+        let mut draw = |side: usize| {
+            let spent = case.spent_before(side) + self.random.exponential();
+            case.thresholds[side].at_spent(spent)
         };
-        self.fire(&start, from_us, to_us)
+        let at = [draw(0), draw(1)];
+        let moves = case.movement(&self.course);
+        let limits = Limits { from_us: awake_us, value: case.value, at, shared: None, moves };
+        let crossing = self.crossing(&limits);
+        let crossing = crossing.map(|spike| Spike { t_us: spike.t_us.max(t_us + 1), ..spike });
+        Start { case: Some(case), crossing, background: self.background(t_us as f64) }
     }
 
-    fn next(&mut self, spike: Spike, to_us: f64) -> Option<Spike> {
-        let start = self.behind(spike, to_us);
-        self.fire(&start, spike.t_us as f64, to_us)
-    }
-
-    /// Where the pixel stands behind an event.
-    fn behind(&mut self, spike: Spike, to_us: f64) -> Start {
-        let fired_us = spike.t_us as f64;
-        let awake_us = fired_us + self.law.blind_s * 1e6;
-        let memorised_us = awake_us.min(to_us);
-        let position = self.position(memorised_us);
-        let slope = self.light.slope(position, self.run) + self.law.leak_per_s;
-        let i = (position.max(0.0) as usize).clamp(self.run[0], self.run[1]);
-        let noise = self.law.noise_on(f64::from(self.light.level[i]), slope);
-        let law = *self.law;
-        let mut draw = |theta| {
-            Threshold::new(theta, noise, law.drop_fraction).at_spent(self.random.exponential())
-        };
-        let at = [draw(law.theta_on), draw(law.theta_off)];
-        Start {
-            awake_us,
-            value: self.light.at(self.position(memorised_us), self.run),
-            at,
-            moves: Movement::new(&law, noise),
-            background: self.background(fired_us),
-            shared: None,
+    /// Where it stands behind an event that was drawn from where it stood before.
+    fn behind(&mut self, before: &Start, drawn: Drawn) -> Start {
+        let Spike { t_us, on } = drawn.spike;
+        let law = self.course.law;
+        let passes_by = drawn.is_background
+            && law.background_memorised < 1.0
+            && self.random.uniform() >= law.background_memorised;
+        if passes_by {
+            let background = self.background(t_us as f64);
+            return Start { background, ..*before };
         }
+        let height = self.course.height(self.course.position(t_us as f64));
+        let change = before.case.map(|case| case.change(height, on));
+        let background_share = f64::from(u8::from(drawn.is_background));
+        let fired = Fired { t_us: t_us as f64, on, background_share };
+        let case = fresh(&self.course, fired, change, self.to);
+        self.start(case, t_us, t_us as f64 + law.blind_s * 1e6)
     }
 
-    /// What the light has done by the time of an event, in the event's own direction.
-    fn moment(&self, start: &Start, spike: Spike) -> Moment {
-        let position = self.position(spike.t_us as f64);
-        let towards = if spike.on { 1.0 } else { -1.0 };
-        let i = (position.max(0.0) as usize).clamp(self.run[0], self.run[1]);
-        Moment {
-            spike,
-            change: towards * self.change(start, position),
-            slope_per_s: towards * (self.light.slope(position, self.run) + self.law.leak_per_s),
-            level: f64::from(self.light.level[i]),
+    /// The next event that is heard behind one of the recording.
+    fn heard(&mut self, memory: &Memory, behind: Spike, awake_us: f64) -> Option<Spike> {
+        let mut left = self.random.uniform();
+        let mut cases = memory.cases();
+        let mut case = *cases.next()?;
+        for other in cases {
+            left -= case.weight;
+            if left < 0.0 {
+                break;
+            }
+            case = *other;
         }
+        let start = self.start(case, behind.t_us, awake_us);
+        self.next(&start).map(|drawn| drawn.spike)
     }
 
     fn background(&mut self, from_us: f64) -> Spike {
-        let [on, off] = [self.law.background_on_hz, self.law.background_off_hz];
+        let law = self.course.law;
+        let [on, off] = [law.background_on_hz, law.background_off_hz];
         let wait_s = self.random.exponential() / (on + off).max(1e-12);
         let is_on = self.random.uniform() * (on + off) < on;
         let t_us = (from_us + wait_s * 1e6).min(9e15).ceil() as i64;
-        Spike { t_us, on: is_on }
-    }
-
-    /// The event that comes first; `None` when none comes before `to_us`.
-    fn fire(&mut self, start: &Start, from_us: f64, to_us: f64) -> Option<Spike> {
-        let crossing = self.crossing(start, to_us);
-        let background = Some(start.background).filter(|spike| (spike.t_us as f64) < to_us);
-        let spike = match (crossing, background) {
-            (Some(a), Some(b)) => Some(if a.t_us <= b.t_us { a } else { b }),
-            (a, b) => a.or(b),
-        };
         // Stamps are whole microseconds, and each later than the one before it.
-        spike.map(|spike| Spike { t_us: spike.t_us.max(from_us as i64 + 1), ..spike })
+        Spike { t_us: t_us.max(from_us as i64 + 1), on: is_on }
     }
 
-    fn change(&self, start: &Start, position: f64) -> f64 {
-        let seconds = (position - self.position(start.awake_us)) * self.light.step_us * 1e-6;
-        self.light.at(position, self.run) - start.value + self.law.leak_per_s * seconds
+    /// The event that comes first; `None` when none comes before the light ends.
+    fn next(&self, start: &Start) -> Option<Drawn> {
+        let background = Some(start.background).filter(|spike| (spike.t_us as f64) < self.to);
+        let drawn = |spike, is_background| Drawn { spike, is_background };
+        match (start.crossing, background) {
+            (Some(a), Some(b)) if b.t_us < a.t_us => Some(drawn(b, true)),
+            (Some(a), _) => Some(drawn(a, false)),
+            (None, b) => b.map(|b| drawn(b, true)),
+        }
     }
 
-    fn crossing(&mut self, start: &Start, to_us: f64) -> Option<Spike> {
-        if start.awake_us >= to_us {
+    /// The first event that the light sets off.
+    fn crossing(&mut self, limits: &Limits) -> Option<Spike> {
+        if limits.from_us >= self.to {
             return None;
         }
-        let (mut at, end) = (self.position(start.awake_us), self.position(to_us));
-        let mut before = self.change(start, at);
-        let mut extremes = [before.max(0.0), (-before).max(0.0)];
-        let (mut on_store, mut off_store) = (self.random.exponential(), self.random.exponential());
-        while at < end {
-            let next = (at.floor() + 1.0).min(end);
-            let after = self.change(start, next);
-            let step_s = (next - at) * self.light.step_us * 1e-6;
-            let mut first: Option<(f64, bool)> = None;
-            let mut offer = |share: f64, on: bool| {
-                if first.is_none_or(|(earliest, _)| share < earliest) {
-                    first = Some((share, on));
-                }
-            };
-            for (side, on) in [(0, true), (1, false)] {
-                let sign = if on { 1.0 } else { -1.0 };
-                let (a, b) = (sign * before, sign * after);
-                let limit = match start.shared {
-                    Some(sum) => sum - extremes[1 - side],
-                    None => start.at[side],
-                };
-                if b >= limit && b > a && b > extremes[side] {
-                    offer(((limit - a) / (b - a)).clamp(0.0, 1.0), on);
-                }
-            }
-            if let Some(moves) = start.moves {
-                let speed = (after - before) / step_s;
-                let middle = 0.5 * (before + after);
-                for (on, y, store) in
-                    [(true, middle, &mut on_store), (false, -middle, &mut off_store)]
-                {
-                    let hazard = moves.hazard(y, speed, on) * step_s;
-                    if hazard > *store {
-                        offer(*store / hazard, on);
-                    }
-                    *store -= hazard;
-                }
-            }
-            if let Some((share, on)) = first {
-                let position = at + share * (next - at);
-                let t_us = self.light.start_us + position * self.light.step_us;
+        let course = self.course;
+        let (mut at, end) = (course.position(limits.from_us), course.position(self.to));
+        let mut before = course.height(at) - limits.value;
+        let mut reach = Reach::at(before);
+        reach.add(0.0);
+        let mut stores = [self.random.exponential(), self.random.exponential()];
+        for (next, height) in course.instants(at, end).chain([(end, course.height(end))]) {
+            let after = height - limits.value;
+            let seconds = (next - at) * course.step_s();
+            if let Some((share, on)) = limits.passed([before, after], reach, seconds, &mut stores) {
+                let t_us = course.time_us(at + share * (next - at));
                 return Some(Spike { t_us: t_us.round() as i64, on });
             }
-            extremes = [extremes[0].max(after), extremes[1].max(-after)];
+            reach.add(after);
             (before, at) = (after, next);
         }
         None
+    }
+}
+
+impl Limits {
+    /// Where on a straight passage the first event comes, as a share of it, and which.
+    fn passed(
+        &self,
+        [before, after]: [f64; 2],
+        reach: Reach,
+        seconds: f64,
+        stores: &mut [f64; 2],
+    ) -> Option<(f64, bool)> {
+        let mut first: Option<(f64, bool)> = None;
+        let mut offer = |share: f64, on: bool| {
+            if first.is_none_or(|(earliest, _)| share < earliest) {
+                first = Some((share, on));
+            }
+        };
+        let extremes = [reach.high, -reach.low];
+        for (side, on) in [(0, true), (1, false)] {
+            let sign = if on { 1.0 } else { -1.0 };
+            let (a, b) = (sign * before, sign * after);
+            let limit = self.shared.map_or(self.at[side], |sum| sum - extremes[1 - side]);
+            if b >= limit && b > a && b > extremes[side] {
+                offer(((limit - a) / (b - a)).clamp(0.0, 1.0), on);
+            }
+        }
+        if let Some(moves) = self.moves.filter(|_| seconds > 0.0) {
+            let speed = (after - before) / seconds;
+            let middle = 0.5 * (before + after);
+            for (store, (on, y)) in stores.iter_mut().zip([(true, middle), (false, -middle)]) {
+                let hazard = moves.hazard(y, speed, on) * seconds;
+                if hazard > *store {
+                    offer(*store / hazard, on);
+                }
+                *store -= hazard;
+            }
+        }
+        first
     }
 }

@@ -52,6 +52,9 @@ fn laws() -> Vec<PixelLaw> {
         plain,
         PixelLaw { noise_speed_per_s: 0.6, noise_at_white: 0.03, ..plain },
         PixelLaw { blind_s: 0.02, theta_off: 0.3, background_on_hz: 0.5, ..plain },
+        PixelLaw { masked_s: 0.05, ..plain },
+        PixelLaw { background_memorised: 0.0, background_off_hz: 0.5, ..plain },
+        PixelLaw { noise_memorised: 0.8, noise_speed_per_s: 0.6, noise_at_white: 0.03, ..plain },
     ]
 }
 
@@ -59,7 +62,9 @@ fn laws() -> Vec<PixelLaw> {
 fn the_compensator_of_a_silence_is_exponential_under_the_true_law() {
     let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
     let blocks = Blocks::new(END_US, 5);
-    for law in laws() {
+    for (number, law) in laws().into_iter().enumerate() {
+        // Where several memories are possible a few are followed, not all.
+        let most = if number < 3 { 0.15 } else { 0.25 };
         let spikes = draw(&law, &values, 3);
         let mut spent = Vec::new();
         let (mut expected, mut seen) = (0.0, 0.0);
@@ -73,7 +78,8 @@ fn the_compensator_of_a_silence_is_exponential_under_the_true_law() {
         let moments: Moments = spent.iter().copied().collect();
         let error = moments.standard_error();
         assert!((moments.mean() - 1.0).abs() < 5.0 * error, "mean {} {law:?}", moments.mean());
-        assert!((moments.variance() - 1.0).abs() < 0.15, "variance {}", moments.variance());
+        let variance = moments.variance();
+        assert!((variance - 1.0).abs() < most, "variance {variance} {law:?}");
         assert!((seen - expected).abs() < 5.0 * seen.sqrt(), "{seen} seen, {expected} expected");
         // Kolmogorov's 0.1 % point, widened a little for stamps of whole microseconds.
         spent.sort_by(f64::total_cmp);
@@ -129,6 +135,49 @@ fn every_other_law_scores_less_than_the_true_one() {
         let score = total(&other, &values, &spikes);
         assert!(score < best - 1e-3, "{score} against {best} for {other:?}");
     }
+}
+
+#[test]
+fn what_a_pixel_memorises_is_told_from_when_it_is_heard() {
+    let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
+    let [masked, added, carried] = [laws()[3], laws()[4], laws()[5]];
+    let cases = [
+        (masked, PixelLaw { blind_s: masked.masked_s, masked_s: 0.0, ..masked }),
+        (masked, PixelLaw { masked_s: 0.04, ..masked }),
+        (masked, PixelLaw { masked_s: 0.06, ..masked }),
+        (added, PixelLaw { background_memorised: 1.0, ..added }),
+        (added, PixelLaw { background_memorised: 0.5, ..added }),
+        (carried, PixelLaw { noise_memorised: 0.0, ..carried }),
+        (carried, PixelLaw { noise_memorised: 0.4, ..carried }),
+    ];
+    for (law, other) in cases {
+        let spikes = draw(&law, &values, 9);
+        let (best, score) = (total(&law, &values, &spikes), total(&other, &values, &spikes));
+        assert!(score < best - 1e-3, "{score} against {best} for {other:?}");
+    }
+}
+
+#[test]
+fn a_filter_of_events_is_scored_as_what_it_left() {
+    let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
+    let plain = laws()[0];
+    let mut spikes = draw(&plain, &values, 4);
+    for own in &mut spikes {
+        let mut ready_us = i64::MIN;
+        own.retain(|spike| {
+            let is_kept = spike.t_us >= ready_us;
+            ready_us = if is_kept { spike.t_us + 60_000 } else { ready_us };
+            is_kept
+        });
+    }
+    let at = |masked_s: f64| total(&PixelLaw { masked_s, ..plain }, &values, &spikes);
+    let right = at(0.06);
+    for wrong in [0.0, 0.05, 0.057, 0.063, 0.07] {
+        assert!(at(wrong) < right - 0.003, "{wrong}: {} against {right}", at(wrong));
+    }
+    // What the filter hid leaves little doubt where the pixel stands.
+    let whole = total(&plain, &values, &draw(&plain, &values, 4));
+    assert!(right > whole - 1.0, "{right} against {whole} of all events");
 }
 
 #[test]

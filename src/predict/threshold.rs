@@ -1,7 +1,7 @@
 //! The law of a threshold: the hazard of the running maximum that approaches it.
 
 /// Bound on the steepness of a threshold's law, so that its powers stay finite numbers.
-const STEEPEST: f64 = 400.0;
+const STEEPEST: f64 = 1_000.0;
 
 /// How many lost events in a row are followed up.
 const MAX_LOST: usize = 6;

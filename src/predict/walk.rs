@@ -1,7 +1,7 @@
 //! One pass over a pixel's light and events: every event's hazard, every silence's compensator.
 
-use super::movement::Movement;
-use super::threshold::{Threshold, logistic, softplus};
+use super::course::{Course, Reach};
+use super::memory::{Fired, Memory};
 use super::{Blocks, Light, PixelLaw, Spike};
 
 /// The least hazard an event is given, a second: with it a score is a number whatever happened.
@@ -64,29 +64,23 @@ pub fn walk(
     blocks: &Blocks,
     witness: &mut impl Witness,
 ) {
-    for run in light.known() {
-        let at = |index: usize| light.start_us + index as f64 * light.step_us;
-        let [from, to] = [at(run[0]).max(0.0), at(run[1]).min(blocks.length_us() as f64)];
-        if from < to {
-            Pass::new(law, light, run, from, blocks).run(spikes, to, witness);
-        }
+    for (run, [from, to]) in light.stretches(blocks.length_us()) {
+        Pass::new(Course::new(law, light, run), from, blocks).run(spikes, to, witness);
     }
 }
 
 /// The state of a pixel on its way through one known stretch of its light.
-struct Pass<'a> {
-    law: &'a PixelLaw,
-    light: Light<'a>,
-    run: [usize; 2],
+pub(super) struct Pass<'a> {
+    course: Course<'a>,
     blocks: &'a Blocks,
     /// Up to here, microseconds, the pass has come.
     now_us: f64,
-    /// The pixel sees changes from here on; later than now while it is blind.
+    /// The pixel is heard from here on; later than now while it is blind.
     awake_us: f64,
     memory: Memory,
-    /// Extremes of the change since it was memorised: towards On, towards Off.
-    maxima: [f64; 2],
-    /// What they had spent when silence was last reported.
+    /// How far the signal has gone since it was heard again.
+    reach: Reach,
+    /// What that had spent when silence was last reported.
     reported: [f64; 2],
     /// Spent by the noise's own movement and not reported yet, On and Off.
     moved: [f64; 2],
@@ -94,123 +88,61 @@ struct Pass<'a> {
     spent: f64,
 }
 
-/// What the pixel compares with.
-enum Memory {
-    /// Nothing is known of what it memorised: it lies anywhere between the thresholds.
-    Unknown { value: f64, noise: f64, sum: f64 },
-    /// It memorised `value`.
-    Known { value: f64, on: Threshold, off: Threshold, noise: f64 },
-}
-
-impl Memory {
-    fn value(&self) -> f64 {
-        match self {
-            Self::Unknown { value, .. } | Self::Known { value, .. } => *value,
-        }
-    }
-
-    /// What the maxima have spent, On and Off. While nothing is known both share one store, which
-    /// is booked to the side that moved further.
-    fn spent(&self, [up, down]: [f64; 2]) -> [f64; 2] {
-        match self {
-            Self::Known { on, off, .. } => [on.spent(up), off.spent(down)],
-            Self::Unknown { noise, sum, .. } => {
-                let left = softplus((sum - up - down) / noise) / softplus(sum / noise);
-                let all = -left.max(1e-300).ln();
-                let share = if up + down > 0.0 { up / (up + down) } else { 0.5 };
-                [all * share, all * (1.0 - share)]
-            }
-        }
-    }
-
-    /// Hazard per unit of a maximum.
-    fn hazard(&self, on: bool, [up, down]: [f64; 2]) -> f64 {
-        match self {
-            Self::Known { on: law, .. } if on => law.hazard(up),
-            Self::Known { off: law, .. } => law.hazard(down),
-            Self::Unknown { noise, sum, .. } => {
-                let z = (sum - up - down) / noise;
-                logistic(z) / (noise * softplus(z).max(1e-300))
-            }
-        }
-    }
-}
-
 impl<'a> Pass<'a> {
-    fn new(
-        law: &'a PixelLaw,
-        light: Light<'a>,
-        run: [usize; 2],
-        from_us: f64,
-        blocks: &'a Blocks,
-    ) -> Self {
-        let mut pass = Self {
-            law,
-            light,
-            run,
+    pub(super) fn new(course: Course<'a>, from_us: f64, blocks: &'a Blocks) -> Self {
+        let position = course.position(from_us);
+        Self {
+            course,
             blocks,
             now_us: from_us,
             awake_us: from_us,
-            memory: Memory::Unknown { value: 0.0, noise: 1.0, sum: 1.0 },
-            maxima: [0.0; 2],
+            memory: Memory::unknown(&course, position),
+            reach: Reach::at(course.height(position)),
             reported: [0.0; 2],
             moved: [0.0; 2],
             spent: 0.0,
-        };
-        let position = pass.position(from_us);
-        let value = light.at(position, run);
-        let noise = law.noise(pass.level(position));
-        pass.memory = Memory::Unknown { value, noise, sum: law.theta_on + law.theta_off };
-        pass
+        }
     }
 
     fn run(mut self, spikes: &[Spike], to_us: f64, witness: &mut impl Witness) {
         let first = spikes.partition_point(|spike| (spike.t_us as f64) < self.now_us);
         for (index, &spike) in spikes.iter().enumerate().skip(first) {
-            let t_us = spike.t_us as f64;
-            if t_us > to_us {
+            if spike.t_us as f64 > to_us {
                 break;
             }
-            self.silence(t_us, witness);
-            witness.event(&self.term(index, spike));
-            self.memorise(t_us + self.law.blind_s * 1e6, to_us);
+            self.take(index, spike, to_us, witness);
         }
         self.silence(to_us, witness);
     }
 
-    fn position(&self, t_us: f64) -> f64 {
-        (t_us - self.light.start_us) / self.light.step_us
+    /// Passes the silence before an event and the event.
+    pub(super) fn take(
+        &mut self,
+        index: usize,
+        spike: Spike,
+        to_us: f64,
+        witness: &mut impl Witness,
+    ) {
+        self.silence(spike.t_us as f64, witness);
+        let term = self.term(index, spike);
+        witness.event(&term);
+        self.memorise(&term, to_us);
     }
 
-    fn level(&self, position: f64) -> f64 {
-        let i = (position.max(0.0) as usize).clamp(self.run[0], self.run[1]);
-        f64::from(self.light.level[i])
+    /// What the pixel compares with, and from when on it is heard, microseconds.
+    pub(super) fn memory(&self) -> (&Memory, f64) {
+        (&self.memory, self.awake_us)
     }
 
-    /// Rate of change of the signal and its leak, log intensity a second.
-    fn slope(&self, position: f64) -> f64 {
-        self.light.slope(position, self.run) + self.law.leak_per_s
-    }
-
-    /// Change of the signal since it was memorised, at a position.
-    fn change(&self, position: f64) -> f64 {
-        let seconds = (position - self.position(self.awake_us)) * self.light.step_us * 1e-6;
-        self.light.at(position, self.run) - self.memory.value() + self.law.leak_per_s * seconds
-    }
-
-    /// The pixel takes the light at `t_us` for its new reference.
-    fn memorise(&mut self, t_us: f64, end_us: f64) {
-        self.awake_us = t_us;
-        let position = self.position(t_us.min(end_us));
-        let noise = self.law.noise_on(self.level(position), self.slope(position));
-        let law = self.law;
-        self.memory = Memory::Known {
-            value: self.light.at(position, self.run),
-            on: Threshold::new(law.theta_on, noise, law.drop_fraction),
-            off: Threshold::new(law.theta_off, noise, law.drop_fraction),
-            noise,
-        };
-        self.maxima = [0.0; 2];
+    /// The pixel has fired; `end_us` ends the known light.
+    fn memorise(&mut self, term: &EventTerm, end_us: f64) {
+        let t_us = term.spike.t_us as f64;
+        let (on, background_share) = (term.spike.on, term.background_share);
+        let fired = Fired { t_us, on, background_share };
+        self.memory = self.memory.behind(&self.course, fired, self.reach, end_us);
+        self.awake_us = t_us + self.course.law.deaf_s() * 1e6;
+        let awake = self.course.position(self.awake_us.min(end_us));
+        self.reach = Reach::at(self.course.height(awake));
         self.reported = [0.0; 2];
         self.moved = [0.0; 2];
         self.spent = 0.0;
@@ -235,14 +167,14 @@ impl<'a> Pass<'a> {
         let from_us = self.now_us;
         let start = from_us.max(self.awake_us);
         if to_us > start {
-            self.follow(self.position(start), self.position(to_us));
+            self.follow(self.course.position(start), self.course.position(to_us));
         }
         self.now_us = to_us;
-        let now_spent = self.memory.spent(self.maxima);
+        let now_spent = self.memory.spent(self.reach);
         let seconds = (to_us - from_us) * 1e-6;
         let part = |side: usize, on: bool| {
             let crossed = now_spent[side] - self.reported[side];
-            crossed + self.moved[side] + self.law.background_hz(on) * seconds
+            crossed + self.moved[side] + self.course.law.background_hz(on) * seconds
         };
         let (on, off) = (part(0, true), part(1, false));
         self.reported = now_spent;
@@ -250,64 +182,52 @@ impl<'a> Pass<'a> {
         Stretch { block, from_us, to_us, on, off }
     }
 
-    /// Follows the change between two positions: its extremes, and what the noise's own movement
+    /// Follows the signal between two positions: its extremes, and what the noise's own movement
     /// spends on the way.
     fn follow(&mut self, from: f64, to: f64) {
-        let first = from.floor() as usize + 1;
-        let last = (to.floor().max(0.0) as usize).min(self.run[1]);
-        let leak = self.law.leak_per_s * self.light.step_us * 1e-6;
-        let zero = self.position(self.awake_us) * leak + self.memory.value();
-        let between = self.light.signal.get(first..=last).unwrap_or_default();
-        let [begin, end] = [self.change(from), self.change(to)];
-        let [mut up, mut down] = self.maxima;
-        let mut reach = |y: f64| (up, down) = (up.max(y), down.max(-y));
-        reach(begin);
-        reach(end);
-        if let Some(movement) = self.movement() {
-            let mut moved = self.moved;
-            let step_s = self.light.step_us * 1e-6;
-            let (mut before, mut at) = (begin, from);
-            for (j, &signal) in between.iter().enumerate() {
-                let j = (first + j) as f64;
-                let y = f64::from(signal) + leak * j - zero;
-                reach(y);
-                movement.pass([before, y], (j - at) * step_s, &mut moved);
-                (before, at) = (y, j);
+        let course = &self.course;
+        let [begin, end] = [course.height(from), course.height(to)];
+        let mut here = Reach::at(begin);
+        here.add(end);
+        for (_, height) in course.instants(from, to) {
+            here.add(height);
+        }
+        self.reach.add(here.high);
+        self.reach.add(here.low);
+        for case in self.memory.cases() {
+            let furthest = [here.high - case.value, case.value - here.low];
+            let movement = case.movement(course).filter(|moves| moves.is_within_reach(furthest));
+            let Some(movement) = movement else { continue };
+            let mut moved = [0.0; 2];
+            let (mut before, mut at) = (begin - case.value, from);
+            let passages = course.instants(from, to).chain([(to, end)]);
+            for (position, height) in passages {
+                let change = height - case.value;
+                let seconds = (position - at) * course.step_s();
+                movement.pass([before, change], seconds, &mut moved);
+                (before, at) = (change, position);
             }
-            movement.pass([before, end], (to - at) * step_s, &mut moved);
-            self.moved = moved;
-        } else {
-            for (j, &signal) in between.iter().enumerate() {
-                reach(f64::from(signal) + leak * (first + j) as f64 - zero);
+            for (all, moved) in self.moved.iter_mut().zip(moved) {
+                *all += case.weight * moved;
             }
         }
-        self.maxima = [up, down];
-    }
-
-    /// The noise's own movement, where it moves the signal at all.
-    fn movement(&self) -> Option<Movement> {
-        let Memory::Known { noise, .. } = self.memory else { return None };
-        Movement::new(self.law, noise)
     }
 
     fn term(&self, index: usize, spike: Spike) -> EventTerm {
         let t_us = spike.t_us as f64;
-        let position = self.position(t_us);
-        let towards = if spike.on { 1.0 } else { -1.0 };
-        let speed = self.slope(position);
-        let slope = towards * speed;
-        let is_awake = t_us > self.awake_us;
-        let change = towards * self.change(position);
-        let maximum = self.maxima[usize::from(!spike.on)];
+        let course = &self.course;
+        let position = course.position(t_us);
+        let height = course.height(position);
+        let speed = course.slope(position);
+        let slope = if spike.on { speed } else { -speed };
         let mut hazard = 0.0;
-        if is_awake && slope > 0.0 && change >= maximum {
-            hazard += self.memory.hazard(spike.on, self.maxima) * slope;
+        if t_us > self.awake_us {
+            if slope > 0.0 {
+                hazard += self.memory.hazard(spike.on, self.reach, height) * slope;
+            }
+            hazard += self.memory.moves(course, spike.on, [height, speed]);
         }
-        if let Some(moves) = self.movement().filter(|_| is_awake) {
-            hazard += moves.hazard(change, speed, spike.on);
-        }
-        let background = self.law.background_hz(spike.on).max(LEAST_HAZARD);
-        let is_known = matches!(self.memory, Memory::Known { .. });
+        let background = course.law.background_hz(spike.on).max(LEAST_HAZARD);
         EventTerm {
             index,
             block: self.blocks.of(t_us),
@@ -315,9 +235,9 @@ impl<'a> Pass<'a> {
             log_hazard: (hazard + background).ln(),
             background_share: background / (hazard + background),
             spent: self.spent,
-            change: is_known.then_some(change),
+            change: self.memory.change(self.reach, height, spike.on),
             slope_per_s: slope,
-            level: self.level(position),
+            level: course.level(position),
         }
     }
 }

@@ -11,8 +11,13 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     frees: &[
         Freed { nuisance: Nuisance::LogBackgroundOn, range: [-9.0, MOST] },
         Freed { nuisance: Nuisance::LogBackgroundOff, range: [-9.0, MOST] },
+        // What is added to events behind the pixel, it does not memorise.
+        Freed { nuisance: Nuisance::BackgroundMemorised, range: [0.0, 1.0] },
     ],
-    starts: |_| [0.2_f64, 1.0, 5.0].iter().map(|hz| vec![hz.ln(), hz.ln()]).collect(),
+    starts: |_| {
+        let rates = [(0.2_f64, 1.0), (1.0, 1.0), (5.0, 1.0), (0.2, 0.0), (1.0, 0.0), (5.0, 0.0)];
+        rates.iter().map(|(hz, memorised)| vec![hz.ln(), hz.ln(), *memorised]).collect()
+    },
     report: |values| {
         let hz = |nuisance: Nuisance| values[nuisance as usize].exp();
         vec![hz(Nuisance::LogBackgroundOn) + hz(Nuisance::LogBackgroundOff)]

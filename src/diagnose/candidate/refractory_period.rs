@@ -1,30 +1,61 @@
-//! Refractory period.
+//! Refractory period, in the pixel or behind it.
 
-use super::{Candidate, EffectId, PLAIN, Parameter, logs};
+use super::{Candidate, EffectId, Evidence, PLAIN, Parameter};
+use crate::stats::quantile_sorted;
+
+/// Shares of the intervals that may be shorter than a dead time, by chance events.
+const SHORTEST: [f64; 2] = [0.002, 0.02];
+
+/// The longest interval that a search begins at, microseconds.
+const LONGEST_US: f64 = 100_000.0;
+
+fn intervals_us(evidence: &Evidence) -> impl Iterator<Item = f64> + '_ {
+    let pairs = evidence.pixels.iter().flat_map(|pixel| pixel.spikes.windows(2));
+    pairs.map(|pair| (pair[1].t_us - pair[0].t_us) as f64)
+}
 
 pub(super) const CANDIDATE: Candidate = Candidate {
     id: EffectId::RefractoryPeriod,
-    equation: "x_mem = x(t_i + t_r), no event in (t_i, t_i + t_r)",
+    equation: "no event in (t_i, t_i + t_r); x_mem = x(t_i + t_r), or the pixel fires on unheard",
     source: "Lichtsteiner, Posch and Delbruck, IEEE JSSC 43, 2008; Joubert et al., Front. Neurosci. 15, 2021",
-    parameters: &[Parameter::log("refractory_us", [20.0, 200_000.0])],
-    starts: |_| logs(&[300.0, 1_000.0, 3_000.0, 8_000.0, 25_000.0]),
-    act: |values, _, view| view.law.blind_s = values[0] * 1e-6,
+    parameters: &[
+        Parameter::log("refractory_us", [20.0, 200_000.0]),
+        // Whether the pixel fires and memorises meanwhile, as behind a filter of events.
+        Parameter::fixed("compares_on", [0.0, 1.0]).hidden(),
+    ],
+    starts: |evidence| {
+        let in_pixel = [300.0_f64, 1_000.0, 3_000.0, 8_000.0, 25_000.0].map(|us| [us, 0.0]);
+        // What takes events out behind the pixel leaves no shorter interval than its own.
+        let mut all: Vec<f64> = intervals_us(evidence).collect();
+        all.push(LONGEST_US);
+        all.sort_by(f64::total_cmp);
+        let shortest = |share| quantile_sorted(&all, share).clamp(30.0, LONGEST_US);
+        let behind = SHORTEST.map(|share| [shortest(share), 1.0]);
+        in_pixel.iter().chain(&behind).map(|[us, mode]| vec![us.ln(), *mode]).collect()
+    },
+    act: |values, _, view| {
+        let dead_s = values[0] * 1e-6;
+        if values[1] < 0.5 {
+            view.law.blind_s = dead_s;
+        } else {
+            view.law.masked_s = dead_s;
+        }
+    },
+    derived: |_, values| vec![("compares_on", values[1])],
     rivals: &[EffectId::PhotoreceptorBandwidth, EffectId::EventDrop, EffectId::ReadoutSaturation],
     splitter: "a second, faster pass: a dead time takes a fixed time, a filter a fixed share of the contrast",
     agrees: |evidence, values| {
         // Intervals within the dead time are the few that noise and background make.
-        let intervals = || {
-            let pairs = evidence.pixels.iter().flat_map(|pixel| pixel.spikes.windows(2));
-            pairs.map(|pair| (pair[1].t_us - pair[0].t_us) as f64)
-        };
-        let within = intervals().filter(|us| *us < 0.9 * values[0]).count();
-        within * 25 < intervals().count()
+        let within = intervals_us(evidence).filter(|us| *us < 0.9 * values[0]).count();
+        within * 25 < intervals_us(evidence).count()
     },
     says: |values| {
-        format!(
-            "after an event the pixel sees nothing for {:.0} us and then takes the light anew",
-            values[0]
-        )
+        let then = if values[1] < 0.5 {
+            "the pixel sees nothing and then takes the light anew"
+        } else {
+            "a pixel's events are lost, while it goes on comparing and memorising"
+        };
+        format!("for {:.0} us after an event {then}", values[0])
     },
     ..PLAIN
 };

@@ -8,7 +8,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     source: "Joubert et al., Front. Neurosci. 15, 2021",
     parameters: &[Parameter::log("sigma_us", [20.0, 50_000.0])],
     starts: |_| logs(&[300.0, 1_500.0, 6_000.0]),
-    act: |values, _, view| view.law.jitter_s = values[0] * 1e-6,
+    act: |values, _, view| view.law.jitter_s = view.law.jitter_s.hypot(values[0] * 1e-6),
     rivals: &[EffectId::ShotNoise, EffectId::FrameNoise],
     splitter: "two speeds: scatter in time grows with the slope of the light, scatter of thresholds does not",
     says: |values| format!("stamps scatter by {:.0} us", values[0]),

@@ -3,6 +3,7 @@
 use super::{Departure, Evidence};
 use crate::effect_id::EffectId;
 use crate::geometry::Size;
+use crate::predict::Spike;
 use crate::stats::upper_median;
 use std::collections::BTreeSet;
 
@@ -18,16 +19,21 @@ const LEAST: usize = 4;
 /// Share of all events that they have to fire.
 const LEAST_SHARE: f64 = 0.003;
 
+/// Share of a pixel's events that turn the polarity of the one before, from which on its own noise sets
+/// them off: where its threshold is low it fires often, and each time the noise comes back.
+const TURNED: f64 = 0.7;
+
 /// Hot pixels of the sensor, if there are enough to matter, and where they are.
 pub(super) fn pixels(evidence: &Evidence) -> Option<(Departure, BTreeSet<(u16, u16)>)> {
     let seconds = evidence.blocks.length_us() as f64 * 1e-6;
     let recording = evidence.around.recording();
     let Size { width, height } = recording.size();
-    let (mut hot, mut events, mut all) = (BTreeSet::new(), 0.0, 0.0);
+    let all = recording.len() as f64;
+    let (mut hot, mut events, mut turned) = (BTreeSet::new(), 0.0, 0.0);
     for y in 0..height {
         for x in 0..width {
-            let own = recording.of(x, y).len() as f64;
-            all += own;
+            let spikes = recording.of(x, y);
+            let own = spikes.len() as f64;
             if own < LEAST_HZ * seconds {
                 continue;
             }
@@ -37,6 +43,7 @@ pub(super) fn pixels(evidence: &Evidence) -> Option<(Departure, BTreeSet<(u16, u
             if own > TIMES * (common + 2.0) && own - common > LEAST_HZ * seconds {
                 hot.insert((x, y));
                 events += own - common;
+                turned += turns(spikes);
             }
         }
     }
@@ -52,5 +59,26 @@ pub(super) fn pixels(evidence: &Evidence) -> Option<(Departure, BTreeSet<(u16, u
         z: (n_hot as f64).sqrt() * TIMES,
         without: None,
     };
-    (n_hot >= LEAST && events > LEAST_SHARE * all).then_some((departure, hot))
+    let is_noise = turned > TURNED * n_hot as f64;
+    (n_hot >= LEAST && events > LEAST_SHARE * all && !is_noise).then_some((departure, hot))
+}
+
+/// Share of the events that turn the polarity of the one before.
+fn turns(spikes: &[Spike]) -> f64 {
+    let turned = spikes.windows(2).filter(|pair| pair[0].on != pair[1].on).count();
+    turned as f64 / (spikes.len() - 1).max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn polarity_turns_with_noise_and_not_with_a_leak() {
+        let spikes = |on: fn(i64) -> bool| (0..101).map(move |t_us| Spike { t_us, on: on(t_us) });
+        let share = |on| turns(&spikes(on).collect::<Vec<_>>());
+        assert!((share(|t| t % 2 == 0) - 1.0).abs() < 1e-12);
+        assert!(share(|_| true).abs() < 1e-12);
+        assert!((share(|t| t / 2 % 2 == 0) - 0.5).abs() < 0.01);
+    }
 }

@@ -27,7 +27,7 @@ impl Acts for ClockOffset {
         vec![parameter("offset_us", self.offset_us, -1000000000.0, 1000000000.0)]
     }
 
-fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
+    fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
         bench.change(events, |mut events| {
             events.iter_mut().for_each(|event| event.t += self.offset_us.round() as i64);
             events
@@ -41,7 +41,8 @@ mod tests {
     #[test]
     fn every_stamp_is_late_by_the_offset() {
         let light = passing(4.0, -1.0);
-        let (plain, late) = (events(&light, 1.0, &[]), events(&light, 1.0, &["clock_offset:offset_us=-1234"]));
+        let (plain, late) =
+            (events(&light, 1.0, &[]), events(&light, 1.0, &["clock_offset:offset_us=-1234"]));
         assert!(plain.iter().zip(&late).all(|(a, b)| b.t - a.t == -1234 && a.x == b.x));
         assert_eq!(plain.len(), late.len());
     }

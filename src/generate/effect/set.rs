@@ -162,7 +162,7 @@ mod tests {
         let effects: Effects = toml::from_str(text).unwrap();
         let found: Vec<&Applied> = effects.iter().collect();
         let everywhere = Some(Region { x_px: None, y_px: Some([0.0, 100.0]) });
-        let refractory = RefractoryPeriod { refractory_us: 800.0 }.into();
+        let refractory = RefractoryPeriod { refractory_us: 800.0, compares_on: 0.0 }.into();
         assert!(found.contains(&&Applied { effect: refractory, region: everywhere }));
         let asymmetry = ThresholdAsymmetry { on_off_ratio: 0.8 }.into();
         let own = Some(Region { x_px: Some([10.0, 20.0]), y_px: None });

@@ -1,0 +1,253 @@
+//! What a pixel compares with.
+//!
+//! Mostly that is one value. Where something happened unseen (behind an event a filter took events
+//! out, or an event came about behind the pixel) several are possible, each with its weight.
+
+use super::course::{Course, Reach};
+use super::mask::behind_mask;
+use super::movement::Movement;
+use super::threshold::{Threshold, logistic, softplus};
+
+/// A case less likely than this is forgotten.
+const LEAST_WEIGHT: f64 = 2e-3;
+
+/// Most cases that are kept side by side.
+const MOST_CASES: usize = 4;
+
+/// One way in which a pixel may stand.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Case {
+    pub(super) weight: f64,
+    /// Height of the signal that it compares with.
+    pub(super) value: f64,
+    /// How far from it the signal had gone without an event when the case began, On and Off.
+    pub(super) gone: [f64; 2],
+    pub(super) thresholds: [Threshold; 2],
+    pub(super) noise: f64,
+}
+
+impl Case {
+    /// Of a pixel that memorised `value`, thresholds scattered by `noise`.
+    pub(super) fn new(course: &Course<'_>, value: f64, noise: f64) -> Self {
+        let law = course.law;
+        let threshold = |theta| Threshold::new(theta, noise, law.drop_fraction);
+        let thresholds = [threshold(law.theta_on), threshold(law.theta_off)];
+        Self { weight: 1.0, value, gone: [0.0; 2], thresholds, noise }
+    }
+
+    /// Greatest change without an event, On and Off.
+    pub(super) fn gone(&self, reach: Reach) -> [f64; 2] {
+        [(reach.high - self.value).max(self.gone[0]), (self.value - reach.low).max(self.gone[1])]
+    }
+
+    /// Change at a height, towards On or Off.
+    pub(super) fn change(&self, height: f64, on: bool) -> f64 {
+        if on { height - self.value } else { self.value - height }
+    }
+
+    /// What the thresholds had spent when the case began.
+    pub(super) fn spent_before(&self, side: usize) -> f64 {
+        self.thresholds[side].spent(self.gone[side])
+    }
+
+    fn spent(&self, reach: Reach) -> [f64; 2] {
+        let gone = self.gone(reach);
+        [0, 1].map(|side| self.thresholds[side].spent(gone[side]) - self.spent_before(side))
+    }
+
+    /// Hazard per unit of height.
+    fn hazard(&self, on: bool, reach: Reach, height: f64) -> f64 {
+        let side = usize::from(!on);
+        let gone = self.gone(reach)[side];
+        if self.change(height, on) >= gone { self.thresholds[side].hazard(gone) } else { 0.0 }
+    }
+
+    pub(super) fn movement(&self, course: &Course<'_>) -> Option<Movement> {
+        Movement::new(course.law, self.noise)
+    }
+}
+
+/// What the pixel compares with.
+#[derive(Debug, Clone)]
+pub(super) enum Memory {
+    /// Nothing is known of what it memorised: it lies anywhere between the thresholds.
+    Unknown { value: f64, noise: f64, sum: f64 },
+    /// One of some cases, whose weights add up to one; mostly there are no others.
+    Known { first: Case, others: Vec<Case> },
+}
+
+/// An event, as far as it changes what the pixel compares with.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fired {
+    pub(super) t_us: f64,
+    pub(super) on: bool,
+    /// Chance that it was background.
+    pub(super) background_share: f64,
+}
+
+impl Memory {
+    /// Of a pixel of whose past nothing is known.
+    pub(super) fn unknown(course: &Course<'_>, position: f64) -> Self {
+        let law = course.law;
+        let noise = law.noise(course.level(position));
+        Self::Unknown { value: course.height(position), noise, sum: law.theta_on + law.theta_off }
+    }
+
+    /// The cases; none while nothing is known.
+    pub(super) fn cases(&self) -> impl Iterator<Item = &Case> {
+        let (first, others) = match self {
+            Self::Known { first, others } => (Some(first), others.as_slice()),
+            Self::Unknown { .. } => (None, [].as_slice()),
+        };
+        first.into_iter().chain(others)
+    }
+
+    /// The cases with their weights once the signal has reached so far without an event.
+    pub(super) fn survivors(&self, reach: Reach) -> Vec<Case> {
+        let left = |case: &Case| {
+            let [on, off] = case.spent(reach);
+            case.weight * (-on - off).exp()
+        };
+        normalised(self.cases().map(|case| Case { weight: left(case), ..*case }).collect())
+    }
+
+    /// What the signal's way has spent, On and Off. Several cases share one store, which is booked to
+    /// the side that spent more of them.
+    pub(super) fn spent(&self, reach: Reach) -> [f64; 2] {
+        match self {
+            Self::Known { first, others } if others.is_empty() => first.spent(reach),
+            Self::Known { .. } => {
+                let (mut left, mut sides) = (0.0, [0.0; 2]);
+                for case in self.cases() {
+                    let [on, off] = case.spent(reach);
+                    left += case.weight * (-on - off).exp();
+                    sides = [sides[0] + case.weight * on, sides[1] + case.weight * off];
+                }
+                booked(left, sides)
+            }
+            Self::Unknown { value, noise, sum } => {
+                let [up, down] = [reach.high - value, value - reach.low];
+                let left = softplus((sum - up - down) / noise) / softplus(sum / noise);
+                booked(left, [up, down])
+            }
+        }
+    }
+
+    /// Hazard per unit of height at a height that the signal has just come to.
+    pub(super) fn hazard(&self, on: bool, reach: Reach, height: f64) -> f64 {
+        match self {
+            Self::Known { first, others } if others.is_empty() => first.hazard(on, reach, height),
+            Self::Known { .. } => {
+                let cases = self.survivors(reach);
+                cases.iter().map(|case| case.weight * case.hazard(on, reach, height)).sum()
+            }
+            Self::Unknown { noise, sum, .. } => {
+                let is_new = if on { height >= reach.high } else { height <= reach.low };
+                let z = (sum - (reach.high - reach.low)) / noise;
+                let hazard = logistic(z) / (noise * softplus(z).max(1e-300));
+                if is_new { hazard } else { 0.0 }
+            }
+        }
+    }
+
+    /// Hazard, a second, of the noise's own movement at a height reached at `speed`.
+    pub(super) fn moves(&self, course: &Course<'_>, on: bool, [height, speed]: [f64; 2]) -> f64 {
+        let of = |case: &Case| {
+            let moves = case.movement(course)?;
+            Some(case.weight * moves.hazard(case.change(height, on), speed, on))
+        };
+        self.cases().filter_map(of).sum()
+    }
+
+    /// Change at a height towards On or Off against what the pixel most likely compares with.
+    pub(super) fn change(&self, reach: Reach, height: f64, on: bool) -> Option<f64> {
+        match self {
+            Self::Known { first, others } if others.is_empty() => Some(first.change(height, on)),
+            Self::Known { .. } => {
+                let cases = self.survivors(reach);
+                let likeliest = cases.iter().max_by(|a, b| a.weight.total_cmp(&b.weight))?;
+                Some(likeliest.change(height, on))
+            }
+            Self::Unknown { .. } => None,
+        }
+    }
+
+    /// What it compares with behind an event, from the end of the blind time on; `end_us` ends the
+    /// known light.
+    pub(super) fn behind(
+        &self,
+        course: &Course<'_>,
+        fired: Fired,
+        reach: Reach,
+        end_us: f64,
+    ) -> Self {
+        let law = course.law;
+        let at = course.position(fired.t_us);
+        let change = self.change(reach, course.height(at), fired.on);
+        let fresh = fresh(course, fired, change, end_us);
+        let passed_by = fired.background_share * (1.0 - law.background_memorised);
+        let masked_us = law.masked_s * 1e6;
+        if masked_us <= 0.0 && passed_by < LEAST_WEIGHT {
+            return Self::Known { first: fresh, others: Vec::new() };
+        }
+        let mut cases = vec![Case { weight: 1.0 - passed_by, ..fresh }];
+        for case in self.survivors(reach) {
+            let gone = case.gone(reach);
+            cases.push(Case { weight: case.weight * passed_by, gone, ..case });
+        }
+        if cases.len() == 1 {
+            // Of a memory that is not known nothing is kept.
+            cases[0].weight = 1.0;
+        }
+        if masked_us > 0.0 {
+            let to = course.position((fired.t_us + masked_us).min(end_us));
+            cases = cases.iter().flat_map(|case| behind_mask(course, case, at, to)).collect();
+        }
+        let mut cases = normalised(cases);
+        let first = cases.remove(0);
+        Self::Known { first, others: cases }
+    }
+}
+
+/// What a pixel compares with that has memorised at an event; `change` is what had brought it there.
+pub(super) fn fresh(course: &Course<'_>, fired: Fired, change: Option<f64>, end_us: f64) -> Case {
+    let law = course.law;
+    let position = course.position((fired.t_us + law.blind_s * 1e6).min(end_us));
+    let height = course.height(position);
+    let mut value = height;
+    if let Some(change) = change.filter(|_| law.noise_memorised > 0.0) {
+        // What was missing to the threshold, or to its multiple where events were lost, was noise, and
+        // the pixel memorised it with the light.
+        let theta = law.theta(fired.on);
+        let missing = theta * (change / theta).round().max(1.0) - change;
+        let towards = if fired.on { 1.0 } else { -1.0 };
+        let share = law.noise_memorised * (1.0 - fired.background_share);
+        value += towards * share * missing.min(theta);
+    }
+    // It fired at this height, so it did not fire on the way from what it memorised to here.
+    let gone = [(height - value).max(0.0), (value - height).max(0.0)];
+    Case { gone, ..Case::new(course, value, course.noise(position)) }
+}
+
+/// The likeliest cases, likeliest first, with weights that add up to one.
+fn normalised(mut cases: Vec<Case>) -> Vec<Case> {
+    cases.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+    let all: f64 = cases.iter().map(|case| case.weight).sum();
+    let least = LEAST_WEIGHT * all;
+    let kept = cases.iter().take(MOST_CASES).take_while(|case| case.weight >= least).count();
+    cases.truncate(kept.max(1));
+    let sum: f64 = cases.iter().map(|case| case.weight).sum();
+    let n = cases.len() as f64;
+    for case in &mut cases {
+        case.weight = if sum > 0.0 { case.weight / sum } else { 1.0 / n };
+    }
+    cases
+}
+
+/// What was spent in all when the share `left` survives, parted as `sides` are.
+fn booked(left: f64, sides: [f64; 2]) -> [f64; 2] {
+    let all = -left.max(1e-300).ln();
+    let sum = sides[0] + sides[1];
+    let share = if sum > 0.0 { sides[0] / sum } else { 0.5 };
+    [all * share, all * (1.0 - share)]
+}
