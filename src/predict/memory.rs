@@ -67,13 +67,55 @@ impl Case {
     }
 }
 
+/// A memory of which nothing is known: it lies anywhere between the thresholds.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Unknown {
+    /// Height of the signal where the stretch began.
+    pub(super) value: f64,
+    /// Scale of the thresholds' scatter.
+    noise: f64,
+    /// Both thresholds.
+    sum: f64,
+}
+
+impl Unknown {
+    /// At the begin of a stretch of light.
+    pub(super) fn new(course: &Course<'_>, position: f64) -> Self {
+        let law = course.law;
+        let noise = law.noise(course.level(position));
+        Self { value: course.height(position), noise, sum: law.theta_on + law.theta_off }
+    }
+
+    /// Chance that nothing fires until both extremes of the signal lie `span` apart.
+    fn left(&self, span: f64) -> f64 {
+        softplus((self.sum - span) / self.noise) / softplus(self.sum / self.noise)
+    }
+
+    /// The span of the extremes at which that chance has fallen to `left`.
+    pub(super) fn span_at(&self, left: f64) -> f64 {
+        let softened = softplus(self.sum / self.noise) * left;
+        self.sum - self.noise * softened.exp_m1().max(1e-300).ln()
+    }
+
+    /// Hazard per unit of height at a height that the signal has just come to.
+    fn hazard(&self, on: bool, reach: Reach, height: f64) -> f64 {
+        let is_new = if on { height >= reach.high } else { height <= reach.low };
+        let z = (self.sum - (reach.high - reach.low)) / self.noise;
+        let hazard = logistic(z) / (self.noise * softplus(z).max(1e-300));
+        if is_new { hazard } else { 0.0 }
+    }
+}
+
 /// What the pixel compares with.
 #[derive(Debug, Clone)]
 pub(super) enum Memory {
-    /// Nothing is known of what it memorised: it lies anywhere between the thresholds.
-    Unknown { value: f64, noise: f64, sum: f64 },
-    /// One of some cases, whose weights add up to one; mostly there are no others.
-    Known { first: Case, others: Vec<Case> },
+    Unknown(Unknown),
+    /// One of some cases, whose weights add up to one, the likeliest first; mostly there are no
+    /// others.
+    Known {
+        first: Case,
+        others: Vec<Case>,
+    },
 }
 
 /// An event, as far as it changes what the pixel compares with.
@@ -86,29 +128,35 @@ pub(super) struct Fired {
 }
 
 impl Memory {
-    /// Of a pixel of whose past nothing is known.
-    pub(super) fn unknown(course: &Course<'_>, position: f64) -> Self {
-        let law = course.law;
-        let noise = law.noise(course.level(position));
-        Self::Unknown { value: course.height(position), noise, sum: law.theta_on + law.theta_off }
-    }
-
     /// The cases; none while nothing is known.
     pub(super) fn cases(&self) -> impl Iterator<Item = &Case> {
         let (first, others) = match self {
             Self::Known { first, others } => (Some(first), others.as_slice()),
-            Self::Unknown { .. } => (None, [].as_slice()),
+            Self::Unknown(_) => (None, [].as_slice()),
         };
         first.into_iter().chain(others)
     }
 
-    /// The cases with their weights once the signal has reached so far without an event.
-    pub(super) fn survivors(&self, reach: Reach) -> Vec<Case> {
+    /// Weighs the cases anew by how likely each was to stay silent while the signal went so far. To
+    /// be asked just before an event: what was spent until then must not be asked any more.
+    pub(super) fn weigh(&mut self, reach: Reach) {
+        let Self::Known { first, others } = self else { return };
+        if others.is_empty() {
+            return;
+        }
         let left = |case: &Case| {
             let [on, off] = case.spent(reach);
             case.weight * (-on - off).exp()
         };
-        normalised(self.cases().map(|case| Case { weight: left(case), ..*case }).collect())
+        let cases = [&*first].into_iter().chain(&*others);
+        *self = Self::of(cases.map(|case| Case { weight: left(case), ..*case }).collect());
+    }
+
+    /// Of some cases, at least one.
+    fn of(cases: Vec<Case>) -> Self {
+        let mut others = normalised(cases);
+        let first = others.remove(0);
+        Self::Known { first, others }
     }
 
     /// What the signal's way has spent, On and Off. Several cases share one store, which is booked to
@@ -125,28 +173,20 @@ impl Memory {
                 }
                 booked(left, sides)
             }
-            Self::Unknown { value, noise, sum } => {
-                let [up, down] = [reach.high - value, value - reach.low];
-                let left = softplus((sum - up - down) / noise) / softplus(sum / noise);
-                booked(left, [up, down])
+            Self::Unknown(unknown) => {
+                let [up, down] = [reach.high - unknown.value, unknown.value - reach.low];
+                booked(unknown.left(up + down), [up, down])
             }
         }
     }
 
-    /// Hazard per unit of height at a height that the signal has just come to.
+    /// Hazard per unit of height at a height that the signal has just come to; cases weighed.
     pub(super) fn hazard(&self, on: bool, reach: Reach, height: f64) -> f64 {
         match self {
-            Self::Known { first, others } if others.is_empty() => first.hazard(on, reach, height),
             Self::Known { .. } => {
-                let cases = self.survivors(reach);
-                cases.iter().map(|case| case.weight * case.hazard(on, reach, height)).sum()
+                self.cases().map(|case| case.weight * case.hazard(on, reach, height)).sum()
             }
-            Self::Unknown { noise, sum, .. } => {
-                let is_new = if on { height >= reach.high } else { height <= reach.low };
-                let z = (sum - (reach.high - reach.low)) / noise;
-                let hazard = logistic(z) / (noise * softplus(z).max(1e-300));
-                if is_new { hazard } else { 0.0 }
-            }
+            Self::Unknown(unknown) => unknown.hazard(on, reach, height),
         }
     }
 
@@ -160,20 +200,12 @@ impl Memory {
     }
 
     /// Change at a height towards On or Off against what the pixel most likely compares with.
-    pub(super) fn change(&self, reach: Reach, height: f64, on: bool) -> Option<f64> {
-        match self {
-            Self::Known { first, others } if others.is_empty() => Some(first.change(height, on)),
-            Self::Known { .. } => {
-                let cases = self.survivors(reach);
-                let likeliest = cases.iter().max_by(|a, b| a.weight.total_cmp(&b.weight))?;
-                Some(likeliest.change(height, on))
-            }
-            Self::Unknown { .. } => None,
-        }
+    pub(super) fn change(&self, height: f64, on: bool) -> Option<f64> {
+        self.cases().next().map(|likeliest| likeliest.change(height, on))
     }
 
     /// What it compares with behind an event, from the end of the blind time on; `end_us` ends the
-    /// known light.
+    /// known light. Cases weighed.
     pub(super) fn behind(
         &self,
         course: &Course<'_>,
@@ -183,7 +215,7 @@ impl Memory {
     ) -> Self {
         let law = course.law;
         let at = course.position(fired.t_us);
-        let change = self.change(reach, course.height(at), fired.on);
+        let change = self.change(course.height(at), fired.on);
         let fresh = fresh(course, fired, change, end_us);
         let passed_by = fired.background_share * (1.0 - law.background_memorised);
         let masked_us = law.masked_s * 1e6;
@@ -191,9 +223,9 @@ impl Memory {
             return Self::Known { first: fresh, others: Vec::new() };
         }
         let mut cases = vec![Case { weight: 1.0 - passed_by, ..fresh }];
-        for case in self.survivors(reach) {
+        for case in self.cases() {
             let gone = case.gone(reach);
-            cases.push(Case { weight: case.weight * passed_by, gone, ..case });
+            cases.push(Case { weight: case.weight * passed_by, gone, ..*case });
         }
         if cases.len() == 1 {
             // Of a memory that is not known nothing is kept.
@@ -203,9 +235,7 @@ impl Memory {
             let to = course.position((fired.t_us + masked_us).min(end_us));
             cases = cases.iter().flat_map(|case| behind_mask(course, case, at, to)).collect();
         }
-        let mut cases = normalised(cases);
-        let first = cases.remove(0);
-        Self::Known { first, others: cases }
+        Self::of(cases)
     }
 }
 

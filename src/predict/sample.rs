@@ -1,9 +1,8 @@
 //! Drawing events from a pixel's law: the model turned round, for tests and for the null.
 
 use super::course::{Course, Reach};
-use super::memory::{Case, Fired, Memory, fresh};
+use super::memory::{Case, Fired, Memory, Unknown, fresh};
 use super::movement::Movement;
-use super::threshold::softplus;
 use super::walk::Pass;
 use super::{Blocks, EventTerm, Light, PixelLaw, Spike, Stretch, Witness};
 use crate::stats::SplitMix;
@@ -149,14 +148,10 @@ impl Source<'_> {
     /// Where a pixel stands at first, when nothing is known of its memory.
     fn first(&mut self, from_us: f64) -> Start {
         let position = self.course.position(from_us);
-        let Memory::Unknown { value, noise, sum } = Memory::unknown(&self.course, position) else {
-            unreachable!("a memory of nothing is unknown")
-        };
-        // The sum of the extremes at which softplus has fallen by a uniform factor.
-        let left = softplus(sum / noise) * self.random.uniform();
-        let shared = Some(sum - noise * left.exp_m1().max(1e-300).ln());
+        let unknown = Unknown::new(&self.course, position);
+        let shared = Some(unknown.span_at(self.random.uniform()));
         let at = [f64::INFINITY; 2];
-        let limits = Limits { from_us, value, at, shared, moves: None };
+        let limits = Limits { from_us, value: unknown.value, at, shared, moves: None };
         let crossing = self.crossing(&limits);
         Start { case: None, crossing, background: self.background(from_us) }
     }

@@ -1,7 +1,7 @@
 //! One pass over a pixel's light and events: every event's hazard, every silence's compensator.
 
 use super::course::{Course, Reach};
-use super::memory::{Fired, Memory};
+use super::memory::{Fired, Memory, Unknown};
 use super::{Blocks, Light, PixelLaw, Spike};
 
 /// The least hazard an event is given, a second: with it a score is a number whatever happened.
@@ -96,7 +96,7 @@ impl<'a> Pass<'a> {
             blocks,
             now_us: from_us,
             awake_us: from_us,
-            memory: Memory::unknown(&course, position),
+            memory: Memory::Unknown(Unknown::new(&course, position)),
             reach: Reach::at(course.height(position)),
             reported: [0.0; 2],
             moved: [0.0; 2],
@@ -124,6 +124,7 @@ impl<'a> Pass<'a> {
         witness: &mut impl Witness,
     ) {
         self.silence(spike.t_us as f64, witness);
+        self.memory.weigh(self.reach);
         let term = self.term(index, spike);
         witness.event(&term);
         self.memorise(&term, to_us);
@@ -235,7 +236,7 @@ impl<'a> Pass<'a> {
             log_hazard: (hazard + background).ln(),
             background_share: background / (hazard + background),
             spent: self.spent,
-            change: self.memory.change(self.reach, height, spike.on),
+            change: self.memory.change(height, spike.on),
             slope_per_s: slope,
             level: course.level(position),
         }
