@@ -17,6 +17,7 @@
 //! in seconds. Pixels are independent of each other given the light: they are worked on in
 //! parallel and summed in a fixed order, so the result has the same bits on any number of threads.
 
+mod bends;
 mod blocks;
 mod by_pixel;
 mod course;
@@ -31,6 +32,7 @@ mod score;
 mod threshold;
 mod walk;
 
+pub use bends::Bends;
 pub use blocks::{BlockScore, Blocks};
 pub use by_pixel::{ByPixel, Spike};
 pub use law::{LawError, PixelLaw};

@@ -57,7 +57,8 @@ impl<'a> ScoreObjective<'a> {
         let (x, y) = ((pixel % width) as u16, (pixel / width) as u16);
         let Signal { signal, level, step_us } = self.signal(slot, k);
         let blocks = Blocks::new(self.recording.length_us(), 1);
-        let light = predict::Light { start_us: 0.0, step_us, signal: &signal, level: &level };
+        let light =
+            predict::Light { start_us: 0.0, step_us, signal: &signal, level: &level, bends: None };
         let scores = predict::score_pixel(law, light, self.recording.of(x, y), &blocks);
         scores.first().map_or((0.0, 0), |score| (score.log_likelihood(), score.n_events))
     }

@@ -34,7 +34,7 @@ pub struct DiagnoseArgs {
     #[arg(long, value_name = "NAME", default_value = "real")]
     pub real: String,
 
-    /// Most pixels to look at [default: 600; `process` looks at 120]
+    /// Pixels to look at; more where they hold few events [default: 600; `process` looks at 120]
     #[arg(long, value_name = "N")]
     pub pixels: Option<usize>,
 

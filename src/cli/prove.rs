@@ -60,7 +60,7 @@ pub struct ProveArgs {
     #[arg(long, value_name = "S")]
     pub seconds: Option<f64>,
 
-    /// Most pixels a diagnosis looks at [default: 120]
+    /// Pixels a diagnosis looks at; more where they hold few events [default: 120]
     #[arg(long, value_name = "N")]
     pub pixels: Option<usize>,
 

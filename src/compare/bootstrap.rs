@@ -7,7 +7,7 @@
 //! understates a variance by (G - 1) / G. Each replicate has its own random sequence,
 //! made from seed and number: results do not depend on the number of threads.
 
-use crate::stats::{Estimate, SplitMix};
+use crate::stats::{Estimate, SplitMix, dot};
 use rayon::prelude::*;
 
 /// Resampling with a seed.
@@ -67,11 +67,6 @@ impl Bootstrap {
         let mut random = SplitMix::new(self.seed ^ 0x666c_6970, number);
         (0..n).map(|_| random.bits() >> 63 == 1).collect()
     }
-}
-
-/// Sum of products.
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]

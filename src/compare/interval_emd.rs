@@ -17,12 +17,12 @@
 //! as 1 µs, those longer than the window are missing from both streams.
 
 use super::Pair;
-use super::bootstrap::dot;
 use super::interval_bins::{N_FINE, log_middle};
 use super::interval_tv::missing_intervals;
 use super::measure::{Cluster, Definition, Measure, MeasureId};
 use super::profile::Profile;
 use super::sinkhorn::{self, Divergence};
+use crate::stats::dot;
 use rayon::prelude::*;
 
 /// Blur of the divergence, decades.

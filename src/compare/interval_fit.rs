@@ -13,10 +13,9 @@
 //! likelihood and are left out and counted.
 
 use super::Pair;
-use super::bootstrap::dot;
 use super::interval_bins::{FINE_PER_COARSE, FINE_PER_DECADE, N_COARSE, edge};
 use super::profile::{IntervalSums, Profile};
-use crate::stats::Estimate;
+use crate::stats::{Estimate, dot};
 use serde::{Deserialize, Serialize};
 
 /// Interval densities of both streams, and how far they are apart.

@@ -14,10 +14,10 @@
 //! nor in which order they come; intervals longer than the window are missing from both.
 
 use super::Pair;
-use super::bootstrap::dot;
 use super::interval_bins::{FINE_PER_COARSE, N_COARSE};
 use super::measure::{AUTHORS, Cluster, Definition, Measure, MeasureId};
 use super::profile::Profile;
+use crate::stats::dot;
 
 const DEFINITION: Definition = Definition {
     id: MeasureId::IntervalTv,

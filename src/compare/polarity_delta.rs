@@ -7,9 +7,8 @@
 //! It cannot see a polarity that is wrong pixel by pixel and right on the whole.
 
 use super::Pair;
-use super::bootstrap::dot;
 use super::measure::{AUTHORS, Cluster, Definition, Measure, MeasureId};
-use crate::stats::Estimate;
+use crate::stats::{Estimate, dot};
 
 const DEFINITION: Definition = Definition {
     id: MeasureId::PolarityDelta,

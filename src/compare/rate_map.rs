@@ -5,10 +5,10 @@
 //! have a rmse above zero, sqrt((r_sim + r_real) / T) for Poisson pixels.
 
 use super::Pair;
-use super::bootstrap::dot;
 use super::profile::{OUTSIDE, Profile};
 use crate::geometry::Size;
 use crate::stats::Estimate;
+use crate::stats::dot;
 use serde::{Deserialize, Serialize};
 
 /// Events of each pixel in the window, row-major; pixels outside the region hold 0. Divide by the

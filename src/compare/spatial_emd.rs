@@ -21,11 +21,11 @@
 //! It cannot see time, polarity or number: equal maps from unequal movements are at distance 0.
 
 use super::Pair;
-use super::bootstrap::dot;
 use super::measure::{Cluster, Definition, Measure, MeasureId};
 use super::profile::{Layout, N_BLOCKS, N_HALF_BINS};
 use super::transport::{Grid, Transport, reach_excess, transport};
 use crate::event::EventSlice;
+use crate::stats::dot;
 use rayon::prelude::*;
 
 const DEFINITION: Definition = Definition {

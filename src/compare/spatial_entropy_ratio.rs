@@ -11,9 +11,9 @@
 //! are equally long.
 
 use super::Pair;
-use super::bootstrap::dot;
 use super::measure::{AUTHORS, Cluster, Definition, Measure, MeasureId};
 use super::profile::{Layout, Profile};
+use crate::stats::dot;
 
 const DEFINITION: Definition = Definition {
     id: MeasureId::SpatialEntropyRatio,

@@ -120,8 +120,7 @@ impl Evidence {
         while grid.at(grid.n - 1) > span[1] && grid.n > 2 {
             grid.n -= 1;
         }
-        let n_pixels = options.n_pixels.min(options.n_instants / grid.n).max(16);
-        let mut chosen = choose(recording, drive, grid, n_pixels, options.seed);
+        let mut chosen = choose_enough(recording, drive, grid, options);
         thin(&mut chosen, recording, options.n_events);
         let size = recording.size();
         let n_across = usize::from(size.width.div_ceil(options.tile_px));
@@ -233,6 +232,25 @@ impl Evidence {
     pub fn is_held_out(&self, tile: usize, block: usize) -> bool {
         let mut random = SplitMix::new(0x7469_6c65, tile as u64);
         (block + random.below(3)).is_multiple_of(3)
+    }
+}
+
+/// As many pixels as are wanted; more where these have few events.
+fn choose_enough(
+    recording: &ByPixel,
+    drive: &dyn Drive,
+    grid: TimeGrid,
+    options: &Options,
+) -> Vec<(u16, u16)> {
+    let most = (options.n_instants / grid.n).max(16);
+    let mut n_pixels = options.n_pixels.clamp(16, most);
+    loop {
+        let chosen = choose(recording, drive, grid, n_pixels, options.seed);
+        let n: usize = chosen.iter().map(|&(x, y)| recording.of(x, y).len()).sum();
+        if n >= options.few_events || n_pixels == most {
+            return chosen;
+        }
+        n_pixels = (2 * n_pixels).min(most);
     }
 }
 

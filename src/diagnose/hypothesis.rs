@@ -28,7 +28,8 @@ impl View<'_> {
     #[must_use]
     pub fn light(&self) -> Light<'_> {
         let (start_us, step_us) = (self.start_us, self.step_us);
-        Light { start_us, step_us, signal: &self.signal, level: &self.pixel.light }
+        let (signal, level) = (&self.signal, &self.pixel.light);
+        Light { start_us, step_us, signal, level, bends: None }
     }
 
     /// A swing of a frequency and phase at every instant. Counted from the middle, the phase hardly

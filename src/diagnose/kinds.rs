@@ -1,7 +1,8 @@
 //! Pixels of several kinds, of which it is not known which is which.
 
 use super::{Evidence, Hypothesis, Kind, PixelEvidence};
-use crate::predict::{BlockScore, score_pixel};
+use crate::predict::{Bends, BlockScore, Light, score_pixel};
+use crate::stats::dot;
 use rayon::prelude::*;
 
 /// More values than these are steps of a continuous one: every [`STRIDE`]-th, the first and the last
@@ -50,12 +51,7 @@ impl Kinds {
         let [most_on, most_off] = [on, off].map(|logs| most(logs));
         let off: Vec<f64> = off.iter().map(|log| (log - most_off).exp()).collect();
         let rows = on.iter().zip(self.shares.chunks(self.values.len()));
-        let sum: f64 = rows
-            .map(|(log, shares)| {
-                let row: f64 = shares.iter().zip(&off).map(|(share, off)| share * off).sum();
-                (log - most_on).exp() * row
-            })
-            .sum();
+        let sum: f64 = rows.map(|(log, shares)| (log - most_on).exp() * dot(shares, &off)).sum();
         most_on + most_off + sum.max(f64::MIN_POSITIVE).ln()
     }
 
@@ -95,13 +91,14 @@ pub(super) struct Seen<'a> {
     evidence: &'a Evidence,
     pixel: &'a PixelEvidence,
     signal: Vec<f32>,
+    bends: Bends,
     of: Option<Hypothesis>,
 }
 
 impl<'a> Seen<'a> {
     /// `signal` is memory to use.
     pub(super) fn new(evidence: &'a Evidence, pixel: &'a PixelEvidence, signal: Vec<f32>) -> Self {
-        Self { evidence, pixel, signal, of: None }
+        Self { evidence, pixel, signal, bends: Bends::default(), of: None }
     }
 
     /// The memory again.
@@ -131,10 +128,12 @@ impl<'a> Seen<'a> {
             hypothesis.view_with(self.evidence, self.pixel, kind, signal)
         } else {
             self.of = Some(hypothesis.clone());
-            hypothesis.view(self.evidence, self.pixel, kind, signal)
+            let view = hypothesis.view(self.evidence, self.pixel, kind, signal);
+            self.bends.set(view.light());
+            view
         };
-        let scores =
-            score_pixel(&view.law, view.light(), &self.pixel.spikes, &self.evidence.blocks);
+        let light = Light { bends: Some(&self.bends), ..view.light() };
+        let scores = score_pixel(&view.law, light, &self.pixel.spikes, &self.evidence.blocks);
         self.signal = view.signal;
         scores
     }

@@ -5,8 +5,12 @@ use serde::{Deserialize, Serialize};
 /// How hard to look.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Options {
-    /// Most pixels looked at; they are drawn over the whole sensor, textured ones first.
+    /// Pixels looked at, at most where they have events enough; they are drawn over the whole
+    /// sensor, textured ones first.
     pub n_pixels: usize,
+    /// With fewer events than these in them, more pixels are looked at, as long as there are
+    /// instants.
+    pub few_events: usize,
     /// Events of the pixels looked at, at most, as long as a few tens of pixels are left: more say
     /// little more and take as much longer.
     pub n_events: usize,
@@ -38,7 +42,8 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             n_pixels: 600,
-            n_events: 15_000,
+            few_events: 750,
+            n_events: 8_000,
             n_instants: 8_000_000,
             step_us: 1_000,
             n_blocks: 9,

@@ -1,6 +1,6 @@
 //! The signal of one pixel with its leak, over a known stretch of its light.
 
-use super::{Light, PixelLaw};
+use super::{Bends, Light, PixelLaw};
 
 /// A pixel's signal on its way. Positions count the light's instants, heights are the signal's log
 /// intensity with all that the leak has added since the first instant.
@@ -67,14 +67,23 @@ impl<'a> Course<'a> {
         self.law.noise_on(self.level(position), self.slope(position))
     }
 
-    /// The instants behind one position up to another, with their heights.
+    /// The instants behind one position up to another at which the signal may bend, with their
+    /// heights.
     pub(super) fn instants(&self, from: f64, to: f64) -> impl Iterator<Item = (f64, f64)> + '_ {
         let first = from.floor() as usize + 1;
-        let last = (to.floor().max(0.0) as usize).min(self.run[1]);
-        let signal = self.light.signal.get(first..=last).unwrap_or_default();
-        signal.iter().enumerate().map(move |(j, &signal)| {
-            let position = (first + j) as f64;
-            (position, f64::from(signal) + self.leak_per_step * position)
+        let end = (to.floor().max(0.0) as usize).min(self.run[1]) + 1;
+        let bends = self.light.bends.map(Bends::at);
+        let numbers = match bends {
+            None => first..end,
+            Some(bends) => {
+                let at = |instant: usize| bends.partition_point(|&bend| (bend as usize) < instant);
+                at(first)..at(end)
+            }
+        };
+        numbers.map(move |number| {
+            let instant = bends.map_or(number, |bends| bends[number] as usize);
+            let position = instant as f64;
+            (position, f64::from(self.light.signal[instant]) + self.leak_per_step * position)
         })
     }
 }

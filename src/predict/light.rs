@@ -1,5 +1,6 @@
 //! The light of pixels on a time grid, as the predictor takes it.
 
+use super::Bends;
 use crate::drive::{Drive, TimeGrid};
 use crate::geometry::Size;
 use rayon::prelude::*;
@@ -15,6 +16,8 @@ pub struct Light<'a> {
     pub signal: &'a [f32],
     /// Log intensity over white, which sets the noise; as long as `signal`.
     pub level: &'a [f32],
+    /// Where the signal bends, which makes passes over it faster; none to look at every instant.
+    pub bends: Option<&'a Bends>,
 }
 
 impl<'a> Light<'a> {
@@ -30,10 +33,14 @@ impl<'a> Light<'a> {
     }
 
     /// Stretches of at least two instants at which the signal is known, first and last index.
-    fn known(self) -> impl Iterator<Item = [usize; 2]> + use<'a> {
+    pub(super) fn known(self) -> impl Iterator<Item = [usize; 2]> + use<'a> {
         let n = self.signal.len().min(self.level.len());
         let mut next = 0;
         std::iter::from_fn(move || {
+            if let Some(bends) = self.bends {
+                next += 1;
+                return bends.runs().get(next - 1).copied();
+            }
             while next < n {
                 let start = next;
                 while next < n && self.signal[next].is_finite() && self.level[next].is_finite() {
@@ -145,7 +152,7 @@ impl Lights {
     pub fn light(&self, index: usize) -> Light<'_> {
         let values = self.values(index);
         let step_us = f64::from(self.grid.step_us);
-        Light { start_us: self.start_us, step_us, signal: values, level: values }
+        Light { start_us: self.start_us, step_us, signal: values, level: values, bends: None }
     }
 }
 
@@ -157,7 +164,8 @@ mod tests {
     fn gaps_part_the_light_into_stretches_of_at_least_two_instants() {
         let n = f32::NAN;
         let values = [n, 1.0, 2.0, n, 3.0, n, n, 4.0, 5.0, 6.0];
-        let light = Light { start_us: 0.0, step_us: 1.0, signal: &values, level: &values };
+        let light =
+            Light { start_us: 0.0, step_us: 1.0, signal: &values, level: &values, bends: None };
         assert_eq!(light.known().collect::<Vec<_>>(), [[1, 2], [7, 9]]);
         assert!((light.at(7.5, [7, 9]) - 4.5).abs() < 1e-12);
         assert!((light.at(9.0, [7, 9]) - 6.0).abs() < 1e-12);

@@ -31,8 +31,13 @@ impl Standing {
 
 /// The ways in which a pixel may stand at `to` that stood as `case` at `from`, events in between
 /// not being seen. It fires at its thresholds; whether the last of these firings has come yet, and
-/// whether one more has, the scatter of the thresholds leaves open.
-pub(super) fn behind_mask(course: &Course<'_>, case: &Case, from: f64, to: f64) -> Vec<Case> {
+/// whether one more has, the scatter of the thresholds leaves open. They are put behind `cases`.
+pub(super) fn behind_mask(
+    course: &Course<'_>,
+    case: &Case,
+    [from, to]: [f64; 2],
+    cases: &mut Vec<Case>,
+) {
     let theta = [course.law.theta_on, course.law.theta_off];
     let mut now = Standing { value: case.value, gone: case.gone };
     let (mut before, mut n) = (None::<Standing>, 0_u32);
@@ -64,10 +69,9 @@ pub(super) fn behind_mask(course: &Course<'_>, case: &Case, from: f64, to: f64) 
     };
     let not_yet = before.map_or(0.0, |before| silent(before, n.saturating_sub(1)));
     let no_more = silent(now, n);
-    let mut cases = vec![at(now, n, (1.0 - not_yet) * no_more)];
+    cases.push(at(now, n, (1.0 - not_yet) * no_more));
     cases.extend(before.map(|before| at(before, n.saturating_sub(1), not_yet)));
     let side = usize::from(now.gone[1] / theta[1] > now.gone[0] / theta[0]);
     let more = now.behind(side, theta, end);
     cases.push(at(more, n + 1, (1.0 - not_yet) * (1.0 - no_more)));
-    cases
 }

@@ -106,16 +106,15 @@ impl Unknown {
     }
 }
 
-/// What the pixel compares with.
-#[derive(Debug, Clone)]
-pub(super) enum Memory {
-    Unknown(Unknown),
-    /// One of some cases, whose weights add up to one, the likeliest first; mostly there are no
-    /// others.
-    Known {
-        first: Case,
-        others: Vec<Case>,
-    },
+/// What the pixel compares with: one of some cases, whose weights add up to one, the likeliest first;
+/// mostly there is but one.
+#[derive(Debug)]
+pub(super) struct Memory {
+    cases: Vec<Case>,
+    /// While nothing is known, and there are no cases.
+    unknown: Option<Unknown>,
+    /// For cases that are made of others.
+    spare: Vec<Case>,
 }
 
 /// An event, as far as it changes what the pixel compares with.
@@ -128,66 +127,53 @@ pub(super) struct Fired {
 }
 
 impl Memory {
+    /// Of a pixel of whose past nothing is known.
+    pub(super) fn unknown(unknown: Unknown) -> Self {
+        Self { cases: Vec::new(), unknown: Some(unknown), spare: Vec::new() }
+    }
+
     /// The cases; none while nothing is known.
-    pub(super) fn cases(&self) -> impl Iterator<Item = &Case> {
-        let (first, others) = match self {
-            Self::Known { first, others } => (Some(first), others.as_slice()),
-            Self::Unknown(_) => (None, [].as_slice()),
-        };
-        first.into_iter().chain(others)
+    pub(super) fn cases(&self) -> &[Case] {
+        &self.cases
     }
 
     /// Weighs the cases anew by how likely each was to stay silent while the signal went so far. To
     /// be asked just before an event: what was spent until then must not be asked any more.
     pub(super) fn weigh(&mut self, reach: Reach) {
-        let Self::Known { first, others } = self else { return };
-        if others.is_empty() {
-            return;
+        if self.cases.len() > 1 {
+            for case in &mut self.cases {
+                let [on, off] = case.spent(reach);
+                case.weight *= (-on - off).exp();
+            }
+            normalise(&mut self.cases);
         }
-        let left = |case: &Case| {
-            let [on, off] = case.spent(reach);
-            case.weight * (-on - off).exp()
-        };
-        let cases = [&*first].into_iter().chain(&*others);
-        *self = Self::of(cases.map(|case| Case { weight: left(case), ..*case }).collect());
-    }
-
-    /// Of some cases, at least one.
-    fn of(cases: Vec<Case>) -> Self {
-        let mut others = normalised(cases);
-        let first = others.remove(0);
-        Self::Known { first, others }
     }
 
     /// What the signal's way has spent, On and Off. Several cases share one store, which is booked to
     /// the side that spent more of them.
     pub(super) fn spent(&self, reach: Reach) -> [f64; 2] {
-        match self {
-            Self::Known { first, others } if others.is_empty() => first.spent(reach),
-            Self::Known { .. } => {
-                let (mut left, mut sides) = (0.0, [0.0; 2]);
-                for case in self.cases() {
-                    let [on, off] = case.spent(reach);
-                    left += case.weight * (-on - off).exp();
-                    sides = [sides[0] + case.weight * on, sides[1] + case.weight * off];
-                }
-                booked(left, sides)
-            }
-            Self::Unknown(unknown) => {
-                let [up, down] = [reach.high - unknown.value, unknown.value - reach.low];
-                booked(unknown.left(up + down), [up, down])
-            }
+        if let Some(unknown) = &self.unknown {
+            let [up, down] = [reach.high - unknown.value, unknown.value - reach.low];
+            return booked(unknown.left(up + down), [up, down]);
         }
+        if let [only] = self.cases.as_slice() {
+            return only.spent(reach);
+        }
+        let (mut left, mut sides) = (0.0, [0.0; 2]);
+        for case in &self.cases {
+            let [on, off] = case.spent(reach);
+            left += case.weight * (-on - off).exp();
+            sides = [sides[0] + case.weight * on, sides[1] + case.weight * off];
+        }
+        booked(left, sides)
     }
 
     /// Hazard per unit of height at a height that the signal has just come to; cases weighed.
     pub(super) fn hazard(&self, on: bool, reach: Reach, height: f64) -> f64 {
-        match self {
-            Self::Known { .. } => {
-                self.cases().map(|case| case.weight * case.hazard(on, reach, height)).sum()
-            }
-            Self::Unknown(unknown) => unknown.hazard(on, reach, height),
+        if let Some(unknown) = &self.unknown {
+            return unknown.hazard(on, reach, height);
         }
+        self.cases.iter().map(|case| case.weight * case.hazard(on, reach, height)).sum()
     }
 
     /// Hazard, a second, of the noise's own movement at a height reached at `speed`.
@@ -196,46 +182,43 @@ impl Memory {
             let moves = case.movement(course)?;
             Some(case.weight * moves.hazard(case.change(height, on), speed, on))
         };
-        self.cases().filter_map(of).sum()
+        self.cases.iter().filter_map(of).sum()
     }
 
     /// Change at a height towards On or Off against what the pixel most likely compares with.
     pub(super) fn change(&self, height: f64, on: bool) -> Option<f64> {
-        self.cases().next().map(|likeliest| likeliest.change(height, on))
+        self.cases.first().map(|likeliest| likeliest.change(height, on))
     }
 
-    /// What it compares with behind an event, from the end of the blind time on; `end_us` ends the
+    /// The pixel has fired: what it compares with from the end of the blind time on; `end_us` ends the
     /// known light. Cases weighed.
-    pub(super) fn behind(
-        &self,
-        course: &Course<'_>,
-        fired: Fired,
-        reach: Reach,
-        end_us: f64,
-    ) -> Self {
+    pub(super) fn fire(&mut self, course: &Course<'_>, fired: Fired, reach: Reach, end_us: f64) {
         let law = course.law;
         let at = course.position(fired.t_us);
         let change = self.change(course.height(at), fired.on);
         let fresh = fresh(course, fired, change, end_us);
         let passed_by = fired.background_share * (1.0 - law.background_memorised);
+        self.unknown = None;
+        if passed_by < LEAST_WEIGHT {
+            self.cases.clear();
+        }
+        for case in &mut self.cases {
+            case.gone = case.gone(reach);
+            case.weight *= passed_by;
+        }
+        // Of a memory that is not known nothing is kept.
+        let weight = if self.cases.is_empty() { 1.0 } else { 1.0 - passed_by };
+        self.cases.push(Case { weight, ..fresh });
         let masked_us = law.masked_s * 1e6;
-        if masked_us <= 0.0 && passed_by < LEAST_WEIGHT {
-            return Self::Known { first: fresh, others: Vec::new() };
-        }
-        let mut cases = vec![Case { weight: 1.0 - passed_by, ..fresh }];
-        for case in self.cases() {
-            let gone = case.gone(reach);
-            cases.push(Case { weight: case.weight * passed_by, gone, ..*case });
-        }
-        if cases.len() == 1 {
-            // Of a memory that is not known nothing is kept.
-            cases[0].weight = 1.0;
-        }
         if masked_us > 0.0 {
             let to = course.position((fired.t_us + masked_us).min(end_us));
-            cases = cases.iter().flat_map(|case| behind_mask(course, case, at, to)).collect();
+            self.spare.clear();
+            for case in &self.cases {
+                behind_mask(course, case, [at, to], &mut self.spare);
+            }
+            std::mem::swap(&mut self.cases, &mut self.spare);
         }
-        Self::of(cases)
+        normalise(&mut self.cases);
     }
 }
 
@@ -259,8 +242,12 @@ pub(super) fn fresh(course: &Course<'_>, fired: Fired, change: Option<f64>, end_
     Case { gone, ..Case::new(course, value, course.noise(position)) }
 }
 
-/// The likeliest cases, likeliest first, with weights that add up to one.
-fn normalised(mut cases: Vec<Case>) -> Vec<Case> {
+/// Keeps the likeliest cases, likeliest first, with weights that add up to one.
+fn normalise(cases: &mut Vec<Case>) {
+    if let [only] = cases.as_mut_slice() {
+        only.weight = 1.0;
+        return;
+    }
     cases.sort_by(|a, b| b.weight.total_cmp(&a.weight));
     let all: f64 = cases.iter().map(|case| case.weight).sum();
     let least = LEAST_WEIGHT * all;
@@ -268,10 +255,9 @@ fn normalised(mut cases: Vec<Case>) -> Vec<Case> {
     cases.truncate(kept.max(1));
     let sum: f64 = cases.iter().map(|case| case.weight).sum();
     let n = cases.len() as f64;
-    for case in &mut cases {
+    for case in cases {
         case.weight = if sum > 0.0 { case.weight / sum } else { 1.0 / n };
     }
-    cases
 }
 
 /// What was spent in all when the share `left` survives, parted as `sides` are.

@@ -15,6 +15,8 @@ const MAX_PER_S: f64 = 20_000.0;
 #[must_use]
 pub fn sample(law: &PixelLaw, light: Light<'_>, end_us: i64, random: &mut SplitMix) -> Vec<Spike> {
     let mut spikes = Vec::new();
+    // Noise may set off an event anywhere on a straight piece: every instant is looked at.
+    let light = Light { bends: None, ..light };
     for (run, [from, to]) in light.stretches(end_us) {
         let most = (MAX_PER_S * (to - from).max(0.0) * 1e-6) as usize + 1;
         let mut source = Source { course: Course::new(law, light, run), to, random: &mut *random };
@@ -73,7 +75,8 @@ pub fn followed(
         let first = spikes.partition_point(|spike| (spike.t_us as f64) < from);
         let last = spikes.partition_point(|spike| spike.t_us as f64 <= to);
         let course = Course::new(law, light, run);
-        let mut source = Source { course, to, random: &mut *random };
+        let every_instant = Course::new(law, Light { bends: None, ..light }, run);
+        let mut source = Source { course: every_instant, to, random: &mut *random };
         let mut pass = Pass::new(course, from, &blocks);
         for before in first..last {
             pass.take(before, spikes[before], to, &mut Nobody);
@@ -81,7 +84,7 @@ pub fn followed(
             let real = (before + 1 < last).then(|| spikes[before + 1]);
             let drawn = source.heard(memory, spikes[before], awake_us);
             // Against what the pixel most likely compares with, whatever it was drawn to.
-            let Some(known) = memory.cases().next() else { continue };
+            let Some(known) = memory.cases().first() else { continue };
             let moment = |spike| moment(&course, known, spike);
             let (real, drawn) = (real.map(moment), drawn.map(moment));
             all.push(Followed { before, real, drawn });
@@ -192,9 +195,9 @@ impl Source<'_> {
     /// The next event that is heard behind one of the recording.
     fn heard(&mut self, memory: &Memory, behind: Spike, awake_us: f64) -> Option<Spike> {
         let mut left = self.random.uniform();
-        let mut cases = memory.cases();
-        let mut case = *cases.next()?;
-        for other in cases {
+        let (first, others) = memory.cases().split_first()?;
+        let mut case = *first;
+        for other in others {
             left -= case.weight;
             if left < 0.0 {
                 break;

@@ -24,7 +24,7 @@ fn wander(number: u64) -> Vec<f32> {
 }
 
 fn light(values: &[f32]) -> Light<'_> {
-    Light { start_us: 0.0, step_us: 1_000.0, signal: values, level: values }
+    Light { start_us: 0.0, step_us: 1_000.0, signal: values, level: values, bends: None }
 }
 
 fn draw(law: &PixelLaw, values: &[Vec<f32>], seed: u64) -> Vec<Vec<Spike>> {

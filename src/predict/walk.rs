@@ -96,7 +96,7 @@ impl<'a> Pass<'a> {
             blocks,
             now_us: from_us,
             awake_us: from_us,
-            memory: Memory::Unknown(Unknown::new(&course, position)),
+            memory: Memory::unknown(Unknown::new(&course, position)),
             reach: Reach::at(course.height(position)),
             reported: [0.0; 2],
             moved: [0.0; 2],
@@ -140,7 +140,7 @@ impl<'a> Pass<'a> {
         let t_us = term.spike.t_us as f64;
         let (on, background_share) = (term.spike.on, term.background_share);
         let fired = Fired { t_us, on, background_share };
-        self.memory = self.memory.behind(&self.course, fired, self.reach, end_us);
+        self.memory.fire(&self.course, fired, self.reach, end_us);
         self.awake_us = t_us + self.course.law.deaf_s() * 1e6;
         let awake = self.course.position(self.awake_us.min(end_us));
         self.reach = Reach::at(self.course.height(awake));

@@ -4,7 +4,7 @@ use super::figure::{Figure, Key, Link, Panel, Sample};
 use super::number::count;
 use super::page::{Block, Fact, Section};
 use super::plot::chart::{Axis, Chart, Layer, Stroke};
-use super::plot::grid::{Colours, Grid, draw};
+use super::plot::grid::{Colours, FirstRow, Grid, draw};
 use super::plot::picture::PictureError;
 use super::plot::{Drawing, Ink};
 use crate::geometry::Size;
@@ -111,6 +111,7 @@ fn maps(scene: &Scene) -> Result<Figure, PictureError> {
             y: Axis::linear("up on the print (mm)").over(-bottom, -top),
             cells,
             values: &values,
+            first_row: FirstRow::Bottom,
             colours,
             label: label.to_owned(),
         })

@@ -5,7 +5,7 @@ use crate::geometry::Size;
 use crate::report::figure::{Figure, Link, Panel};
 use crate::report::page::Block;
 use crate::report::plot::chart::Axis;
-use crate::report::plot::grid::{Colours, Grid, draw};
+use crate::report::plot::grid::{Colours, FirstRow, Grid, draw};
 
 /// An axis of a map in words.
 struct Words {
@@ -77,6 +77,7 @@ fn figure(map: &HeatMap, is_corrected: bool) -> Option<Figure> {
             y: axis(&map.axes[1], &map.edges[1]),
             cells: Size::new(cells[0], cells[1]),
             values,
+            first_row: if map.axes[1] == "row" { FirstRow::Top } else { FirstRow::Bottom },
             colours: Colours::Diverging(limit),
             label: label.into(),
         };
@@ -96,13 +97,12 @@ fn figure(map: &HeatMap, is_corrected: bool) -> Option<Figure> {
     };
     let edges: String =
         map.axes.iter().zip(&map.edges).filter_map(|(key, edges)| range(key, edges)).collect();
-    let upside = if map.axes[1] == "row" { " The first row lies at the bottom." } else { "" };
     Some(Figure {
         title: format!(
             "Where it is wrong, by {}",
             map.axes.each_ref().map(|key| words(key).title).join(" and ")
         ),
-        caption: format!("{caption} Empty: too few events.{upside}{edges}"),
+        caption: format!("{caption} Empty: too few events.{edges}"),
         legend: Vec::new(),
         panels: panels?,
         data: None,

@@ -21,7 +21,16 @@ pub enum Colours {
     Diverging(f64),
 }
 
-/// Values on a grid of cells; the first row is at the bottom, as an axis has it.
+/// Where the first row of a grid lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FirstRow {
+    /// As an axis has it.
+    Bottom,
+    /// As a picture has it.
+    Top,
+}
+
+/// Values on a grid of cells.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid<'a> {
     /// Horizontal axis; its range spans the cells from edge to edge.
@@ -30,8 +39,10 @@ pub struct Grid<'a> {
     pub y: Axis,
     /// Number of cells along each axis.
     pub cells: Size,
-    /// Row after row from the bottom; what is not finite stays empty.
+    /// Row after row; what is not finite stays empty.
     pub values: &'a [f64],
+    /// Where the first of them lies.
+    pub first_row: FirstRow,
     /// How values become colours.
     pub colours: Colours,
     /// What the values are, with their unit.
@@ -48,11 +59,13 @@ pub fn draw(grid: &Grid<'_>) -> Result<Drawing, PictureError> {
     let scale = Scale::new(grid.colours.kind(), range, [0.0, 1.0]);
     let picture = |dark: bool| {
         Picture::from_fn_with_holes(grid.cells, |i| {
-            let (row, column) =
-                (i / usize::from(grid.cells.width), i % usize::from(grid.cells.width));
-            let from_bottom = usize::from(grid.cells.height) - 1 - row;
-            let value = grid.values[from_bottom * usize::from(grid.cells.width) + column];
-            let share = scale.position(value);
+            let [width, height] = [grid.cells.width, grid.cells.height].map(usize::from);
+            let (from_top, column) = (i / width, i % width);
+            let row = match grid.first_row {
+                FirstRow::Bottom => height - 1 - from_top,
+                FirstRow::Top => from_top,
+            };
+            let share = scale.position(grid.values[row * width + column]);
             share.is_finite().then(|| grid.colours.colour(share, dark))
         })
     };
@@ -81,7 +94,9 @@ pub fn draw(grid: &Grid<'_>) -> Result<Drawing, PictureError> {
 fn draw_axes(canvas: &mut Canvas, grid: &Grid<'_>, area: Area) {
     let span = |axis: &Axis, n: u16| axis.range.unwrap_or([0.0, f64::from(n)]);
     let x = Scale::new(grid.x.kind, span(&grid.x, grid.cells.width), [area.x, area.right()]);
-    let y = Scale::new(grid.y.kind, span(&grid.y, grid.cells.height), [area.bottom(), area.y]);
+    let upwards = [area.bottom(), area.y];
+    let y = Scale::new(grid.y.kind, span(&grid.y, grid.cells.height), upwards);
+    let y = if grid.first_row == FirstRow::Top { y.turned() } else { y };
     for tick in x.ticks(6).iter().filter(|tick| !tick.label.is_empty()) {
         let at = x.position(tick.value);
         canvas.line("tick", [at, area.bottom()], [at, area.bottom() + 5.0]);
@@ -138,6 +153,7 @@ mod tests {
             y: Axis::linear("k2 (DN)").over(10.0, 30.0),
             cells: Size::new(3, 2),
             values,
+            first_row: FirstRow::Bottom,
             colours,
             label: "count ratio".into(),
         }
@@ -160,5 +176,20 @@ mod tests {
             }
         }
         assert!(draw(&grid(&[1.0; 5], Colours::Log)).is_err());
+    }
+
+    #[test]
+    fn a_picture_has_its_first_row_at_the_top() {
+        let values = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
+        let axis = grid(&values, Colours::Sequential);
+        let picture = Grid { first_row: FirstRow::Top, ..axis.clone() };
+        let flipped = Grid { values: &[1.0, 1.0, 1.0, 0.0, 0.0, 0.0], ..axis.clone() };
+        let drawn = |grid| draw(grid).unwrap().wide().to_owned();
+        let cells = |svg: String| {
+            svg.split("base64,").nth(1).unwrap().split('"').next().unwrap().to_owned()
+        };
+        assert_eq!(cells(drawn(&picture)), cells(drawn(&flipped)));
+        assert!(drawn(&axis).contains("data-y=\"lin 1e1 3e1\""));
+        assert!(drawn(&picture).contains("data-y=\"lin 3e1 1e1\""));
     }
 }

@@ -15,6 +15,7 @@ pub struct Scale {
     kind: Kind,
     data: [f64; 2],
     paper: [f64; 2],
+    is_turned: bool,
 }
 
 /// A tick; a minor one has no label.
@@ -30,13 +31,19 @@ impl Scale {
     /// A scale over a data interval; an empty or impossible interval is widened to one that can be drawn.
     #[must_use]
     pub fn new(kind: Kind, data: [f64; 2], paper: [f64; 2]) -> Self {
-        Self { kind, data: drawable(kind, data), paper }
+        Self { kind, data: drawable(kind, data), paper, is_turned: false }
     }
 
     /// The data interval that is drawn.
     #[must_use]
     pub fn data(&self) -> [f64; 2] {
         self.data
+    }
+
+    /// The same data with the paper's ends exchanged.
+    #[must_use]
+    pub fn turned(self) -> Self {
+        Self { paper: [self.paper[1], self.paper[0]], is_turned: !self.is_turned, ..self }
     }
 
     /// Position of a value on paper; NaN where the scale has none (zero on a log scale).
@@ -65,14 +72,16 @@ impl Scale {
         }
     }
 
-    /// The scale as the page's script reads it: kind, then the data interval.
+    /// The scale as the page's script reads it: kind, then the data interval from left to right, or
+    /// from the bottom up.
     #[must_use]
     pub fn describe(&self) -> String {
         let kind = match self.kind {
             Kind::Linear => "lin",
             Kind::Log => "log",
         };
-        format!("{kind} {:e} {:e}", self.data[0], self.data[1])
+        let [from, to] = if self.is_turned { [self.data[1], self.data[0]] } else { self.data };
+        format!("{kind} {from:e} {to:e}")
     }
 }
 
