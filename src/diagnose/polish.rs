@@ -19,14 +19,14 @@ const FEW_WORK: usize = 300_000;
 const LEAST_PIXELS: usize = 30;
 
 /// An event is as much work as so many instants of light.
-const EVENT_WORK: usize = 10;
+const EVENT_WORK: usize = 30;
 
 /// First steps of settling.
 const FINE_STEPS: [f64; 2] = [2.0, 1.0];
 
 /// Work with which a search gets all its evaluations; where each is more there are fewer of them, at the
 /// fewest a fifth.
-const FINE_WORK: usize = 1_500_000;
+const ALL_WORK: usize = 400_000;
 
 /// First steps, in what the gradients claim for standard errors: one search after another.
 const STEPS: [f64; 6] = [3.0, 10.0, 3.0, 3.0, 1.0, 3.0];
@@ -65,7 +65,7 @@ fn work(evidence: &Evidence, hypothesis: &Hypothesis) -> usize {
 }
 
 fn per_value(work: usize) -> usize {
-    (PER_VALUE * FINE_WORK / work.max(1)).clamp(PER_VALUE / 5, PER_VALUE)
+    (PER_VALUE * ALL_WORK / work.max(1)).clamp(PER_VALUE / 5, PER_VALUE)
 }
 
 /// Searches one behind the other, with these first steps, until two in a row are in vain.
