@@ -7,7 +7,7 @@ use evrig::report::measure::Measure;
 use evrig::report::page::{Block, Fact, Page, Section, Summary};
 use evrig::report::plot::Ink;
 use evrig::report::plot::chart::{Axis, Chart, Layer};
-use evrig::report::plot::grid::{self, Colours, Grid};
+use evrig::report::plot::grid::{self, Colours, FirstRow, Grid};
 use evrig::report::plot::interval::{self, IntervalDensity};
 use evrig::report::plot::rate::{self, RateCurve};
 use evrig::report::plot::{cloud, heat, overlay, ratio};
@@ -268,6 +268,7 @@ fn in_general() -> Section {
         y: Axis::linear("k3 (10⁻⁶)").over(1.0, 3.0),
         cells: Size::new(12, 8),
         values: &values,
+        first_row: FirstRow::Bottom,
         colours,
         label: "ln count ratio".into(),
     };
