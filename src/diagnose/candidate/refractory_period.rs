@@ -25,13 +25,15 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     ],
     starts: |evidence| {
         let in_pixel = [300.0_f64, 1_000.0, 3_000.0, 8_000.0, 25_000.0].map(|us| [us, 0.0]);
-        // What takes events out behind the pixel leaves no shorter interval than its own.
+        // Either leaves no shorter interval than its own, and one that is begun with too long has every
+        // event against it.
         let mut all: Vec<f64> = intervals_us(evidence).collect();
         all.push(LONGEST_US);
         all.sort_by(f64::total_cmp);
         let shortest = |share| quantile_sorted(&all, share).clamp(30.0, LONGEST_US);
-        let behind = SHORTEST.map(|share| [shortest(share), 1.0]);
-        in_pixel.iter().chain(&behind).map(|[us, mode]| vec![us.ln(), *mode]).collect()
+        let own = SHORTEST.map(shortest);
+        let own = own.iter().flat_map(|us| [[*us, 0.0], [*us, 1.0]]);
+        in_pixel.into_iter().chain(own).map(|[us, mode]| vec![us.ln(), mode]).collect()
     },
     act: |values, _, view| {
         let dead_s = values[0] * 1e-6;
