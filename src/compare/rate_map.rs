@@ -7,8 +7,7 @@
 use super::Pair;
 use super::profile::{OUTSIDE, Profile};
 use crate::geometry::Size;
-use crate::stats::Estimate;
-use crate::stats::dot;
+use crate::stats::{Estimate, dot};
 use serde::{Deserialize, Serialize};
 
 /// Events of each pixel in the window, row-major; pixels outside the region hold 0. Divide by the

@@ -235,6 +235,10 @@ impl Evidence {
     }
 }
 
+fn n_events_of(recording: &ByPixel, pixels: &[(u16, u16)]) -> usize {
+    pixels.iter().map(|&(x, y)| recording.of(x, y).len()).sum()
+}
+
 /// As many pixels as are wanted; more where these have few events.
 fn choose_enough(
     recording: &ByPixel,
@@ -246,8 +250,7 @@ fn choose_enough(
     let mut n_pixels = options.n_pixels.clamp(16, most);
     loop {
         let chosen = choose(recording, drive, grid, n_pixels, options.seed);
-        let n: usize = chosen.iter().map(|&(x, y)| recording.of(x, y).len()).sum();
-        if n >= options.few_events || n_pixels == most {
+        if n_events_of(recording, &chosen) >= options.few_events || n_pixels == most {
             return chosen;
         }
         n_pixels = (2 * n_pixels).min(most);
@@ -303,8 +306,8 @@ fn choose(
 
 /// Keeps every so many-th pixel, so that all have about `n_events` at most.
 fn thin(chosen: &mut Vec<(u16, u16)>, recording: &ByPixel, n_events: usize) {
-    let all: usize = chosen.iter().map(|&(x, y)| recording.of(x, y).len()).sum();
-    let n_kept = (chosen.len() * n_events / all.max(1)).max(LEAST_PIXELS);
+    let all = n_events_of(recording, chosen).max(1);
+    let n_kept = (chosen.len() * n_events / all).max(LEAST_PIXELS);
     if n_kept < chosen.len() {
         *chosen = (0..n_kept).map(|i| chosen[i * chosen.len() / n_kept]).collect();
     }

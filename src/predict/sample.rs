@@ -15,11 +15,9 @@ const MAX_PER_S: f64 = 20_000.0;
 #[must_use]
 pub fn sample(law: &PixelLaw, light: Light<'_>, end_us: i64, random: &mut SplitMix) -> Vec<Spike> {
     let mut spikes = Vec::new();
-    // Noise may set off an event anywhere on a straight piece: every instant is looked at.
-    let light = Light { bends: None, ..light };
     for (run, [from, to]) in light.stretches(end_us) {
         let most = (MAX_PER_S * (to - from).max(0.0) * 1e-6) as usize + 1;
-        let mut source = Source { course: Course::new(law, light, run), to, random: &mut *random };
+        let mut source = Source::new(law, light, run, to, &mut *random);
         let mut start = source.first(from);
         let mut heard_us = from;
         for _ in 0..most {
@@ -75,8 +73,7 @@ pub fn followed(
         let first = spikes.partition_point(|spike| (spike.t_us as f64) < from);
         let last = spikes.partition_point(|spike| spike.t_us as f64 <= to);
         let course = Course::new(law, light, run);
-        let every_instant = Course::new(law, Light { bends: None, ..light }, run);
-        let mut source = Source { course: every_instant, to, random: &mut *random };
+        let mut source = Source::new(law, light, run, to, &mut *random);
         let mut pass = Pass::new(course, from, &blocks);
         for before in first..last {
             pass.take(before, spikes[before], to, &mut Nobody);
@@ -147,7 +144,18 @@ struct Limits {
     moves: Option<Movement>,
 }
 
-impl Source<'_> {
+impl<'a> Source<'a> {
+    /// Noise may set off an event anywhere on a straight piece, so that it looks at every instant.
+    fn new(
+        law: &'a PixelLaw,
+        light: Light<'a>,
+        run: [usize; 2],
+        to: f64,
+        random: &'a mut SplitMix,
+    ) -> Self {
+        Self { course: Course::new(law, Light { bends: None, ..light }, run), to, random }
+    }
+
     /// Where a pixel stands at first, when nothing is known of its memory.
     fn first(&mut self, from_us: f64) -> Start {
         let position = self.course.position(from_us);
