@@ -303,10 +303,12 @@ pub(super) fn parameters(
         let of = |values: &[f64]| derived(&values[at..]);
         told.extend(following(model, &own, of));
     } else {
-        let freed: Vec<usize> = candidate.frees.iter().map(|f| f.nuisance as usize).collect();
         let keys = candidate.id.parameters();
-        let of = |values: &[f64]| keys.iter().copied().zip((candidate.report)(values)).collect();
-        told.extend(following(model, &freed, of));
+        let of = |values: &[f64]| {
+            let there = hypothesis.nuisances_under(index, values);
+            keys.iter().copied().zip((candidate.report)(&there)).collect()
+        };
+        told.extend(following(model, &hypothesis.places_of(index), of));
     }
     let first = candidate.id.parameters().first().and_then(|key| told.get_mut(*key));
     if let Some(Interval { value, ci90: [Some(low), Some(high)] }) = first {

@@ -12,6 +12,7 @@ use super::candidate::{Candidate, Parameter};
 use super::fit::Fitted;
 use super::kinds::kinds_of_pixels;
 use super::{Evidence, Hypothesis};
+use crate::geometry::Rectangle;
 use crate::predict::{Residual, residuals};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -91,7 +92,8 @@ pub(super) fn strengths(
         other
     };
     let two = [moved(-1.0), moved(1.0)];
-    let (real, drawn) = (events(evidence, &two, &strength), events(drawn, &two, &strength));
+    let region = hypothesis.regions[index];
+    let [real, drawn] = [evidence, drawn].map(|evidence| events(evidence, &two, &strength, region));
     let asked = |events: &[Told]| -> Vec<[f64; COVARIATES.len()]> {
         events.par_iter().map(|event| covariates(evidence, &event.residual)).collect()
     };
@@ -117,7 +119,7 @@ impl Strength {
     fn of(hypothesis: &Hypothesis, index: usize) -> Option<Self> {
         let effect: &Candidate = hypothesis.effects[index];
         if let Some(freed) = effect.frees.first() {
-            let at = freed.nuisance as usize;
+            let at = *hypothesis.places_of(index).first()?;
             let from = freed.nuisance.neutral();
             let unit = if from.is_finite() { hypothesis.values[at] - from } else { 1.0 };
             return (unit != 0.0).then(|| Self { at, step: hypothesis.steps[at], unit });
@@ -141,13 +143,20 @@ struct Told {
     cell: usize,
 }
 
-fn events(evidence: &Evidence, two: &[Hypothesis; 2], strength: &Strength) -> Vec<Told> {
+/// Those of the pixels in the effect's region.
+fn events(
+    evidence: &Evidence,
+    two: &[Hypothesis; 2],
+    strength: &Strength,
+    region: Option<Rectangle>,
+) -> Vec<Told> {
     let kinds = kinds_of_pixels(evidence, &two[0]);
     let unit = strength.unit / (2.0 * strength.step);
     evidence
         .pixels
         .par_iter()
         .zip(kinds)
+        .filter(|(pixel, _)| region.is_none_or(|region| region.contains(pixel.x, pixel.y)))
         .flat_map_iter(|(pixel, kind)| {
             let place = (pixel.x, pixel.y);
             let [less, more] = two.each_ref().map(|hypothesis| {

@@ -3,6 +3,7 @@
 use super::around::Around;
 use super::{Facts, Options};
 use crate::drive::{Drive, TimeGrid};
+use crate::geometry::Rectangle;
 use crate::predict::{Blocks, ByPixel, Spike};
 use crate::stats::SplitMix;
 use rayon::prelude::*;
@@ -181,6 +182,13 @@ impl Evidence {
         other
     }
 
+    /// Only the pixels of a region.
+    pub(super) fn within(&self, region: Rectangle) -> Self {
+        let mut other = self.clone();
+        other.pixels.retain(|pixel| region.contains(pixel.x, pixel.y));
+        other
+    }
+
     /// Only a part of the time, in shares of the light: what is outside is not known.
     pub(super) fn between(&self, from: f64, to: f64) -> Self {
         let mut other = self.clone();
@@ -225,6 +233,12 @@ impl Evidence {
     #[must_use]
     pub fn cell(&self, pixel: &PixelEvidence, block: usize) -> usize {
         pixel.tile * self.blocks.n() + block
+    }
+
+    /// Whether a tile, by its middle, lies in a region.
+    pub(super) fn tile_is_in(&self, tile: usize, region: Rectangle) -> bool {
+        let middle = |n: usize| (n as u16) * self.tile_px + self.tile_px / 2;
+        region.contains(middle(tile % self.tiles[0]), middle(tile / self.tiles[0]))
     }
 
     /// Whether a tile during a block is held out: a third of all, spread like a chequerboard.

@@ -12,6 +12,7 @@ use super::tuned::Tuned;
 use super::{Evidence, Hypothesis, Nuisance};
 use crate::compare::{Comparison, MeasureId, Setup, compare};
 use crate::drive::Drive;
+use crate::effect_id::EffectId;
 use crate::event::{Event, EventSlice, Events};
 use crate::generate::effect::{self, Applied, Effect, Effects, Surroundings};
 use crate::generate::forward::{BandNoise, Forward, ForwardParameters, PixelModel};
@@ -161,6 +162,30 @@ fn is_inside([x, y, w, h]: [u16; 4], event: &Event) -> bool {
     (x..x + w).contains(&event.x) && (y..y + h).contains(&event.y)
 }
 
+/// An effect's parameters, those of a nuisance that it frees in a region against what the nuisance is
+/// elsewhere.
+fn beyond_ordinary(
+    evidence: &Evidence,
+    hypothesis: &Hypothesis,
+    index: usize,
+) -> Vec<(&'static str, f64)> {
+    let effect = hypothesis.effects[index];
+    let mut told = hypothesis.told(evidence, index);
+    if effect.frees.is_empty() {
+        return told;
+    }
+    let elsewhere = (effect.report)(&hypothesis.values);
+    let first = told.iter_mut().zip(&elsewhere).take(1);
+    first.for_each(|((_, there), elsewhere)| match effect.id {
+        EffectId::ThresholdAsymmetry => *there /= elsewhere,
+        EffectId::ShotNoise | EffectId::Defocus => {
+            *there = (there.powi(2) - elsewhere.powi(2)).max(0.0).sqrt();
+        }
+        _ => *there -= elsewhere,
+    });
+    told
+}
+
 /// Events of the generator on the patch.
 fn generated(
     evidence: &Evidence,
@@ -176,12 +201,12 @@ fn generated(
     let k = Coefficients::new([1.0 / theta, 1e-9, 0.0, law.leak_per_s / theta * 1e-6, 0.0, 0.0]);
     let mut applied = Vec::new();
     for (index, effect) in hypothesis.effects.iter().enumerate() {
-        // A nuisance that an effect let out of its range is in the law and the light already.
-        if !effect.frees.is_empty() {
+        // A nuisance that an effect let out of its range is in the law and the light already; in a
+        // region they have what is ordinary elsewhere.
+        if !effect.frees.is_empty() && hypothesis.regions[index].is_none() {
             continue;
         }
-        let values = hypothesis.parameters_of(index);
-        let parameters = effect.told(evidence, &values);
+        let parameters = beyond_ordinary(evidence, hypothesis, index);
         match Effect::from_parameters(effect.id, &parameters) {
             Ok(effect) => {
                 let side = |[low, high]: [u16; 2]| Some([f64::from(low), f64::from(high)]);

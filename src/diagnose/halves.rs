@@ -26,12 +26,7 @@ pub(super) fn halves(evidence: &Evidence, baseline: &Fitted, model: &Fitted) -> 
             .iter()
             .enumerate()
             .flat_map(|(index, effect)| {
-                let values = own.hypothesis.parameters_of(index);
-                let told: Vec<(&str, f64)> = if effect.frees.is_empty() {
-                    effect.told(evidence, &values)
-                } else {
-                    effect.id.parameters().iter().copied().zip(values).collect()
-                };
+                let told = own.hypothesis.told(evidence, index);
                 let key = |key: &str| format!("{}.{key}", effect.id);
                 told.into_iter().map(|(k, v)| (key(k), v)).collect::<Vec<_>>()
             })

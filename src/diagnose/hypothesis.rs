@@ -1,6 +1,6 @@
 //! A model of the recording: nuisances and effects with their values, and what it makes of a pixel.
 
-use super::candidate::{Candidate, Kind, Stage};
+use super::candidate::{Candidate, Freed, Kind, Stage};
 use super::nuisance::{N_NUISANCES, Nuisance};
 use super::{Evidence, PixelEvidence};
 use crate::geometry::Rectangle;
@@ -98,6 +98,89 @@ impl Hypothesis {
         other
     }
 
+    /// With one more effect that acts in a region only. A nuisance that the effect frees stays ordinary
+    /// elsewhere; in the region its own value takes the place.
+    #[must_use]
+    pub(super) fn with_in(
+        &self,
+        effect: &'static Candidate,
+        start: &[f64],
+        region: Option<Rectangle>,
+    ) -> Self {
+        let mut other = self.with(effect, start);
+        if region.is_some() && !effect.frees.is_empty() {
+            other.values = self.values.iter().chain(start).copied().collect();
+            other.ranges.clone_from(&self.ranges);
+            for freed in effect.frees {
+                other.ranges.push(freed.range);
+                other.steps.push(self.steps[freed.nuisance as usize]);
+            }
+        }
+        if let Some(last) = other.regions.last_mut() {
+            *last = region;
+        }
+        other
+    }
+
+    /// An effect's parameters by key, with what follows from them.
+    #[must_use]
+    pub(super) fn told(&self, evidence: &Evidence, index: usize) -> Vec<(&'static str, f64)> {
+        let (effect, values) = (self.effects[index], self.parameters_of(index));
+        if effect.frees.is_empty() {
+            effect.told(evidence, &values)
+        } else {
+            effect.id.parameters().iter().copied().zip(values).collect()
+        }
+    }
+
+    /// The fitted values of an effect's parameters, or of the nuisances that it frees.
+    #[must_use]
+    pub(super) fn fitted_values(&self, index: usize) -> Vec<f64> {
+        self.places_of(index).into_iter().map(|at| self.values[at]).collect()
+    }
+
+    /// Where these values are.
+    #[must_use]
+    pub(super) fn places_of(&self, index: usize) -> Vec<usize> {
+        match self.n_own(index) {
+            0 => self.effects[index].frees.iter().map(|freed| freed.nuisance as usize).collect(),
+            n => (self.offset_of(index)..).take(n).collect(),
+        }
+    }
+
+    /// How many values an effect has of its own.
+    fn n_own(&self, index: usize) -> usize {
+        let effect = self.effects[index];
+        match effect.frees.len() {
+            0 => effect.parameters.len(),
+            n if self.regions[index].is_some() => n,
+            _ => 0,
+        }
+    }
+
+    /// Nuisances as they are where an effect acts, out of a hypothesis's values.
+    #[must_use]
+    pub(super) fn nuisances_under(&self, index: usize, values: &[f64]) -> Vec<f64> {
+        let mut there = values[..N_NUISANCES].to_vec();
+        for (freed, at) in self.effects[index].frees.iter().zip(self.places_of(index)) {
+            there[freed.nuisance as usize] = values[at];
+        }
+        there
+    }
+
+    /// Nuisances at a pixel.
+    fn nuisances_at(&self, x: u16, y: u16) -> Vec<f64> {
+        let mut there = self.values[..N_NUISANCES].to_vec();
+        for (index, effect) in self.effects.iter().enumerate() {
+            if self.regions[index].is_some_and(|region| region.contains(x, y)) {
+                for (freed, at) in effect.frees.iter().zip(self.places_of(index)) {
+                    there[freed.nuisance as usize] = self.values[at];
+                }
+            }
+        }
+        there
+    }
+
     /// The same hypothesis with a nuisance at a value, within its range.
     pub(super) fn with_nuisance(&self, nuisance: Nuisance, value: f64) -> Self {
         let mut other = self.clone();
@@ -125,9 +208,7 @@ impl Hypothesis {
     /// Where an effect's own values begin.
     #[must_use]
     pub fn offset_of(&self, index: usize) -> usize {
-        let before = self.effects.iter().take(index);
-        N_NUISANCES
-            + before.filter(|e| e.frees.is_empty()).map(|e| e.parameters.len()).sum::<usize>()
+        N_NUISANCES + (0..index).map(|before| self.n_own(before)).sum::<usize>()
     }
 
     /// An effect's parameters as they are reported.
@@ -139,33 +220,14 @@ impl Hypothesis {
             let own = effect.parameters.iter().zip(&self.values[at..]);
             own.map(|(parameter, value)| parameter.from_fitted(*value)).collect()
         } else {
-            (effect.report)(&self.values)
+            (effect.report)(&self.nuisances_under(index, &self.values))
         }
     }
 
-    /// The law of the pixels before any effect has its say.
+    /// The law of the pixels before any effect has its say, outside of any region.
     #[must_use]
     pub fn law(&self) -> PixelLaw {
-        let value = |nuisance| self.nuisance(nuisance);
-        let (theta, half) =
-            (value(Nuisance::LogTheta).exp(), (0.5 * value(Nuisance::LogRatio)).exp());
-        let noise = theta * value(Nuisance::LogNoise).exp();
-        PixelLaw {
-            theta_on: theta * half,
-            theta_off: theta / half,
-            leak_per_s: theta * value(Nuisance::LeakHz),
-            noise_at_white: noise,
-            noise_exponent: value(Nuisance::NoiseExponent),
-            noise_speed_per_s: noise * value(Nuisance::LogNoiseHz).exp(),
-            background_on_hz: value(Nuisance::LogBackgroundOn).exp(),
-            background_off_hz: value(Nuisance::LogBackgroundOff).exp(),
-            background_memorised: value(Nuisance::BackgroundMemorised),
-            noise_memorised: value(Nuisance::NoiseMemorised),
-            blind_s: 0.0,
-            masked_s: 0.0,
-            drop_fraction: 0.0,
-            jitter_s: 0.0,
-        }
+        law(&self.values)
     }
 
     /// The kinds of pixel a mixture effect tells apart, with their shares; one kind without such.
@@ -228,9 +290,10 @@ impl Hypothesis {
             return false;
         }
         self.effects.iter().enumerate().all(|(index, effect)| {
+            let sees = |freed: &Freed| seeing.contains(&freed.nuisance);
             let is_behind = matches!(effect.stage, Stage::Law | Stage::Clock);
-            let at = self.offset_of(index);
-            is_behind || !effect.frees.is_empty() || (at..at + effect.parameters.len()).all(same)
+            let is_behind = is_behind && !drifts && !effect.frees.iter().any(sees);
+            is_behind || self.places_of(index).into_iter().all(same)
         })
     }
 
@@ -241,16 +304,17 @@ impl Hypothesis {
         signal: Vec<f32>,
     ) -> View<'a> {
         let [start_us, step_us] = stated_clock(evidence);
+        let nuisances = self.nuisances_at(pixel.x, pixel.y);
         View {
             evidence,
             pixel,
             // Stamps that were spread over a grid's steps scatter evenly over one.
             law: PixelLaw {
                 jitter_s: evidence.facts.stamp_step_us.unwrap_or(0.0) * 1e-6 / 12.0_f64.sqrt(),
-                ..self.law()
+                ..law(&nuisances)
             },
             signal,
-            start_us: start_us + self.nuisance(Nuisance::OffsetUs),
+            start_us: start_us + nuisances[Nuisance::OffsetUs as usize],
             step_us,
         }
     }
@@ -269,10 +333,11 @@ impl Hypothesis {
 
     /// The event camera's lens and place against the map's, to first order.
     fn surround(&self, view: &mut View<'_>) {
-        let half = 0.5 * self.nuisance(Nuisance::BlurPx2) as f32;
-        let [dx, dy] =
-            [Nuisance::ShiftX, Nuisance::ShiftY].map(|shift| self.nuisance(shift) as f32);
         let pixel = view.pixel;
+        let nuisances = self.nuisances_at(pixel.x, pixel.y);
+        let value = |nuisance: Nuisance| nuisances[nuisance as usize] as f32;
+        let half = 0.5 * value(Nuisance::BlurPx2);
+        let [dx, dy] = [Nuisance::ShiftX, Nuisance::ShiftY].map(value);
         if half != 0.0 {
             for (s, l) in view.signal.iter_mut().zip(&pixel.laplacian) {
                 // Beyond a few tenths the light's logarithm would leave what first order can tell.
@@ -284,6 +349,29 @@ impl Hypothesis {
                 view.signal.iter_mut().zip(gradient).for_each(|(s, g)| *s += shift * g);
             }
         }
+    }
+}
+
+/// A pixel's law out of the values of the nuisances.
+fn law(values: &[f64]) -> PixelLaw {
+    let value = |nuisance: Nuisance| values[nuisance as usize];
+    let (theta, half) = (value(Nuisance::LogTheta).exp(), (0.5 * value(Nuisance::LogRatio)).exp());
+    let noise = theta * value(Nuisance::LogNoise).exp();
+    PixelLaw {
+        theta_on: theta * half,
+        theta_off: theta / half,
+        leak_per_s: theta * value(Nuisance::LeakHz),
+        noise_at_white: noise,
+        noise_exponent: value(Nuisance::NoiseExponent),
+        noise_speed_per_s: noise * value(Nuisance::LogNoiseHz).exp(),
+        background_on_hz: value(Nuisance::LogBackgroundOn).exp(),
+        background_off_hz: value(Nuisance::LogBackgroundOff).exp(),
+        background_memorised: value(Nuisance::BackgroundMemorised),
+        noise_memorised: value(Nuisance::NoiseMemorised),
+        blind_s: 0.0,
+        masked_s: 0.0,
+        drop_fraction: 0.0,
+        jitter_s: 0.0,
     }
 }
 

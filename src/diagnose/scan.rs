@@ -4,6 +4,7 @@ use super::candidate::{Candidate, LIBRARY};
 use super::census;
 use super::fit::{Fitted, as_it_is, fit, improved};
 use super::polish::polished;
+use super::region::{begun_in_a_part, gain_of, settled};
 use super::score::{Part, cells_of_each};
 use super::{CannotJudge, Evidence, Nuisance};
 use crate::effect_id::EffectId;
@@ -58,17 +59,17 @@ impl Tried {
     /// The fit gone on with until it stands still.
     pub(super) fn finished(self, evidence: &Evidence, model: &Fitted) -> Self {
         let start = restarted(evidence, self.fitted).hypothesis;
-        let fitted = fit(evidence, start, LAST_STEPS, 1e-5);
-        Self { fitted: polished(evidence, fitted), ..self }.against(model)
+        let fitted = polished(evidence, fit(evidence, start, LAST_STEPS, 1e-5));
+        Self { fitted: settled(evidence, model, fitted), ..self }.against(evidence, model)
     }
 
     /// The same fit measured against a better model without the effect. A first fit on some of the
     /// pixels does not compare and keeps its gain.
-    pub(super) fn against(mut self, model: &Fitted) -> Self {
+    pub(super) fn against(mut self, evidence: &Evidence, model: &Fitted) -> Self {
         if self.is_whole {
             self.gain.training = self.fitted.cells.gain(&model.cells, Part::Training).0;
-            let (held_out, error) = self.fitted.cells.gain(&model.cells, Part::HeldOut);
-            (self.gain.held_out, self.gain.error) = (held_out, error);
+            let last = model.hypothesis.effects.len();
+            (self.gain.held_out, self.gain.error) = gain_of(evidence, &self.fitted, last, model);
         }
         self
     }
@@ -153,7 +154,7 @@ pub(super) fn scan(
     let mut begun = Vec::new();
     for candidate in in_question(evidence, model) {
         progress(candidate.id.as_str());
-        if let Some(first) = first_step(evidence, few, model, candidate) {
+        if let Some(first) = first_step(evidence, few, &here, candidate) {
             begun.push((candidate, first));
         }
     }
@@ -176,7 +177,8 @@ pub(super) fn scan(
                 (fitted, &here)
             };
             let (training, _) = fitted.cells.gain(&against.cells, Part::Training);
-            let (held_out, error) = fitted.cells.gain(&against.cells, Part::HeldOut);
+            let last = model.hypothesis.effects.len();
+            let (held_out, error) = gain_of(evidence, &fitted, last, against);
             let gain = Gain { id: candidate.id, training, held_out, error };
             Tried { gain, fitted, is_whole: is_worth_it }
         })
@@ -197,7 +199,8 @@ fn in_question(evidence: &Evidence, model: &Fitted) -> Vec<&'static Candidate> {
         .collect()
 }
 
-/// The best of an effect's starts behind one step. `None` for an effect without any.
+/// The best of an effect's starts behind one step; `model` is scored on few pixels. `None` for an effect
+/// without any.
 fn first_step(
     evidence: &Evidence,
     few: &Evidence,
@@ -223,6 +226,18 @@ fn first_step(
         .zip(scored)
         .map(|(hypothesis, cells)| Fitted { hypothesis, cells, errors: None })
         .collect();
+    // Tile by tile a gain is the effect's where nothing else has changed.
+    let same_nuisances = |start: &&Fitted| {
+        let is_freed = |i: usize| candidate.frees.iter().any(|freed| freed.nuisance as usize == i);
+        let pairs = start.hypothesis.values.iter().zip(&model.hypothesis.values);
+        pairs.enumerate().all(|(i, (there, here))| there == here || is_freed(i))
+    };
+    let in_parts: Vec<Fitted> = begun
+        .iter()
+        .filter(same_nuisances)
+        .filter_map(|start| begun_in_a_part(few, model, start))
+        .collect();
+    begun.extend(in_parts);
     let nats = |a: &Fitted| a.cells.nats(Part::Training);
     begun.sort_by(|a, b| nats(b).total_cmp(&nats(a)));
     // A parameter that keeps the value it starts with parts the starts: the best of each part.

@@ -1,7 +1,7 @@
 //! What a hypothesis scores, cell by cell: a cell is a tile of pixels during a block of time.
 
 use super::kinds::{Kinds, Seen};
-use super::{Evidence, Hypothesis};
+use super::{Evidence, Hypothesis, PixelEvidence};
 use crate::predict::BlockScore;
 use rayon::prelude::*;
 
@@ -42,18 +42,49 @@ impl Cells {
     /// How much better than `other` on one part, nats an event, with its error from the scatter
     /// over cells.
     pub(super) fn gain(&self, other: &Self, part: Part) -> (f64, f64) {
-        let cells: Vec<usize> =
-            self.of(part).filter(|&c| self.is_used(c) || other.is_used(c)).collect();
-        let n: f64 = cells.iter().map(|&c| self.n_events[c]).sum::<f64>().max(1.0);
-        let differences: Vec<(f64, f64)> = cells
-            .iter()
-            .map(|&c| (self.log_likelihood[c] - other.log_likelihood[c], self.n_events[c]))
-            .collect();
-        let gain = differences.iter().map(|d| d.0).sum::<f64>() / n;
-        // Ratio estimate over clusters (Cochran, Sampling Techniques, 1977, section 6.4).
-        let square: f64 = differences.iter().map(|d| (d.0 - gain * d.1).powi(2)).sum();
-        let g = differences.len() as f64;
-        (gain, (square * g / (g - 1.0).max(1.0)).sqrt() / n)
+        self.gain_by_strata(other, part, |_| true)
+    }
+
+    /// The same where some cells are bound to gain otherwise than the rest, which is no scatter.
+    pub(super) fn gain_by_strata(
+        &self,
+        other: &Self,
+        part: Part,
+        is_first: impl Fn(usize) -> bool,
+    ) -> (f64, f64) {
+        let used = self.of(part).filter(|&c| self.is_used(c) || other.is_used(c));
+        let (first, rest): (Vec<usize>, Vec<usize>) = used.partition(|&cell| is_first(cell));
+        let mut sums = [0.0; 3];
+        for stratum in [first, rest] {
+            let sum = |of: &dyn Fn(usize) -> f64| stratum.iter().map(|&c| of(c)).sum::<f64>();
+            let difference = |c: usize| self.log_likelihood[c] - other.log_likelihood[c];
+            let (gain, n) = (sum(&difference), sum(&|c| self.n_events[c]));
+            let mean = gain / n.max(1.0);
+            // Ratio estimate over clusters (Cochran, Sampling Techniques, 1977, section 6.4).
+            let square = sum(&|c| (difference(c) - mean * self.n_events[c]).powi(2));
+            let g = stratum.len() as f64;
+            sums[0] += gain;
+            sums[1] += n;
+            sums[2] += square * g / (g - 1.0).max(1.0);
+        }
+        let [gain, n, square] = sums;
+        let n = n.max(1.0);
+        (gain / n, square.sqrt() / n)
+    }
+
+    /// These cells where `is_here`, by the tile, and `other`'s elsewhere.
+    pub(super) fn only(
+        mut self,
+        other: &Self,
+        n_blocks: usize,
+        is_here: impl Fn(usize) -> bool,
+    ) -> Self {
+        for (cell, own) in self.log_likelihood.iter_mut().enumerate() {
+            if !is_here(cell / n_blocks) {
+                *own = other.log_likelihood[cell];
+            }
+        }
+        self
     }
 
     fn is_used(&self, cell: usize) -> bool {
@@ -101,4 +132,24 @@ pub(super) fn cells_of_each(evidence: &Evidence, hypotheses: &[&Hypothesis]) -> 
             cells
         })
         .collect()
+}
+
+/// How much better each pixel's training blocks are under one hypothesis than under another, nats.
+pub(super) fn pixel_gains(
+    evidence: &Evidence,
+    without: &Hypothesis,
+    with: &Hypothesis,
+) -> Vec<f64> {
+    let both = [without, with].map(|hypothesis| (hypothesis, Kinds::of(hypothesis)));
+    let of = |scratch: &mut Vec<f32>, pixel: &PixelEvidence| {
+        let mut seen = Seen::new(evidence, pixel, std::mem::take(scratch));
+        let [without, with] = both.each_ref().map(|(hypothesis, kinds)| {
+            let scores = seen.scores(hypothesis, kinds).into_iter().enumerate();
+            let training = scores.filter(|(block, _)| !evidence.is_held_out(pixel.tile, *block));
+            training.map(|(_, score)| score.log_likelihood()).sum::<f64>()
+        });
+        *scratch = seen.into_signal();
+        with - without
+    };
+    evidence.pixels.par_iter().map_init(Vec::new, of).collect()
 }

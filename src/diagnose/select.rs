@@ -10,7 +10,7 @@ use super::heat::{HeatMap, heat_maps};
 use super::judge::{Judge, Judged};
 use super::naming::is_vague;
 use super::polish::polished;
-use super::region::limited;
+use super::region::gain_of;
 use super::scan::{LAST_STEPS, Tried, scan};
 use super::score::Part;
 use super::stated::{Departure, as_effects};
@@ -147,7 +147,7 @@ fn take_all(
             if taken.is_empty() {
                 baseline = model.clone();
             }
-            tried = tried.into_iter().map(|tried| tried.against(&model)).collect();
+            tried = tried.into_iter().map(|tried| tried.against(evidence, &model)).collect();
             tried.sort_by(|a, b| b.gain.held_out.total_cmp(&a.gain.held_out));
         }
         polish_rivals(evidence, &model, &mut tried);
@@ -162,18 +162,7 @@ fn take_all(
             rivals: rivals(&tried),
             equals: equals(&tried),
         });
-        let with = best.fitted.clone();
-        progress("region");
-        model = match limited(evidence, &model, &with) {
-            Some(limited) => {
-                let (gain, error) = limited.cells.gain(&model.cells, Part::HeldOut);
-                if let Some(last) = taken.last_mut() {
-                    (last.gain, last.error) = (gain, error);
-                }
-                limited
-            }
-            None => with,
-        };
+        model = best.fitted.clone();
     }
     (baseline, model, taken)
 }
@@ -202,7 +191,9 @@ fn polish_rivals(evidence: &Evidence, model: &Fitted, tried: &mut Vec<Tried>) {
 fn has_signature(evidence: &Evidence, tried: &Tried) -> bool {
     let hypothesis = &tried.fitted.hypothesis;
     let last = hypothesis.effects.len() - 1;
-    (hypothesis.effects[last].agrees)(evidence, &hypothesis.parameters_of(last))
+    let part = hypothesis.regions[last].map(|region| evidence.within(region));
+    let there = part.as_ref().unwrap_or(evidence);
+    (hypothesis.effects[last].agrees)(there, &hypothesis.parameters_of(last))
 }
 
 fn rivals(tried: &[Tried]) -> Vec<Rival> {
@@ -232,7 +223,7 @@ fn prune(
     while taken.len() > 1 && index < taken.len() {
         let rest: Vec<usize> = (0..taken.len()).filter(|&i| i != index).collect();
         let without = refit_with(evidence, baseline, &model, &rest);
-        let (loss, error) = model.cells.gain(&without.cells, Part::HeldOut);
+        let (loss, error) = gain_of(evidence, &model, index, &without);
         if loss < LEAST_GAIN || loss < LEAST_ERRORS * error {
             taken.remove(index);
             model = without;
@@ -273,16 +264,8 @@ pub(super) fn refit_with(
     let mut hypothesis = baseline.hypothesis.clone();
     for &index in kept {
         let effect = model.hypothesis.effects[index];
-        let start: Vec<f64> = if effect.frees.is_empty() {
-            let at = model.hypothesis.offset_of(index);
-            model.hypothesis.values[at..at + effect.parameters.len()].to_vec()
-        } else {
-            effect.frees.iter().map(|f| model.hypothesis.nuisance(f.nuisance)).collect()
-        };
-        hypothesis = hypothesis.with(effect, &start);
-        if let Some(last) = hypothesis.regions.last_mut() {
-            *last = model.hypothesis.regions[index];
-        }
+        let start = model.hypothesis.fitted_values(index);
+        hypothesis = hypothesis.with_in(effect, &start, model.hypothesis.regions[index]);
     }
     polished(evidence, fit(evidence, hypothesis, LAST_STEPS, 1e-5))
 }

@@ -4,7 +4,7 @@ use super::*;
 use crate::drive::{Drive, TimeGrid};
 use crate::effect_id::EffectId;
 use crate::event::Events;
-use crate::geometry::Size;
+use crate::geometry::{Rectangle, Size};
 use crate::predict::ByPixel;
 
 const END_US: i64 = 3_000_000;
@@ -82,11 +82,15 @@ fn empty() -> Evidence {
 }
 
 fn plant(id: Option<EffectId>, start: &[f64]) -> Evidence {
+    plant_in(None, id, start)
+}
+
+fn plant_in(region: Option<Rectangle>, id: Option<EffectId>, start: &[f64]) -> Evidence {
     let evidence = empty();
     let mut hypothesis = Hypothesis::baseline(&evidence);
     if let Some(id) = id {
         let candidate = LIBRARY.iter().find(|c| c.id == id).unwrap();
-        hypothesis = hypothesis.with(candidate, start);
+        hypothesis = hypothesis.with_in(candidate, start, region);
     }
     null::draw(&evidence, &hypothesis, 17)
 }
@@ -133,6 +137,28 @@ fn a_dead_time_behind_the_pixel_is_told_from_one_in_it() {
     let us = value(&diagnosis, "refractory_us");
     assert!((us / 20_000.0 - 1.0).abs() < 0.05, "{us}");
     assert_eq!(value(&diagnosis, "compares_on"), 1.0);
+}
+
+#[test]
+fn what_is_in_a_part_of_the_sensor_is_fitted_in_its_place() {
+    let region = Rectangle { x_px: [0, 60], y_px: [0, 40] };
+    // The nuisance that an asymmetry frees keeps its ordinary value elsewhere.
+    let cases: [(EffectId, &[f64], &[f64], f64); 2] = [
+        (EffectId::RefractoryPeriod, &[9.1, 0.0], &[9.09, 0.0], 9.1_f64.exp()),
+        (EffectId::ThresholdAsymmetry, &[0.3], &[0.2], 0.3_f64.exp()),
+    ];
+    for (id, hidden, begun, expected) in cases {
+        let planted = plant_in(Some(region), Some(id), hidden);
+        let without = fit::fit(&planted, Hypothesis::baseline(&planted), 12, 1e-5);
+        let candidate = LIBRARY.iter().find(|c| c.id == id).unwrap();
+        let start = fit::as_it_is(&planted, without.hypothesis.with(candidate, begun));
+        let start = region::begun_in_a_part(&planted, &without, &start).unwrap_or(start);
+        let fitted =
+            region::settled(&planted, &without, fit::fit(&planted, start.hypothesis, 10, 1e-5));
+        assert_eq!(fitted.hypothesis.regions, [Some(region)], "{id}");
+        let found = fitted.hypothesis.parameters_of(0)[0];
+        assert!((found / expected - 1.0).abs() < 0.05, "{id}: {found}");
+    }
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Refractory period, in the pixel or behind it.
 
+use super::super::PixelEvidence;
 use super::{Candidate, EffectId, Evidence, PLAIN, Parameter};
 use crate::stats::quantile_sorted;
 
@@ -10,8 +11,33 @@ const SHORTEST: [f64; 2] = [0.002, 0.02];
 const LONGEST_US: f64 = 100_000.0;
 
 fn intervals_us(evidence: &Evidence) -> impl Iterator<Item = f64> + '_ {
-    let pairs = evidence.pixels.iter().flat_map(|pixel| pixel.spikes.windows(2));
-    pairs.map(|pair| (pair[1].t_us - pair[0].t_us) as f64)
+    evidence.pixels.iter().flat_map(intervals_of)
+}
+
+fn intervals_of(pixel: &PixelEvidence) -> impl Iterator<Item = f64> + '_ {
+    pixel.spikes.windows(2).map(|pair| (pair[1].t_us - pair[0].t_us) as f64)
+}
+
+/// Intervals than which few are shorter, of the whole sensor and of its left, right, upper and lower
+/// half: a dead time leaves none shorter than its own, and one that is begun with too long has every
+/// event against it.
+fn shortest_us(evidence: &Evidence) -> Vec<f64> {
+    let shortest = |is_in: &dyn Fn(&PixelEvidence) -> bool, share: f64| {
+        let own = evidence.pixels.iter().filter(|pixel| is_in(pixel));
+        let mut all: Vec<f64> = own.flat_map(intervals_of).collect();
+        all.push(LONGEST_US);
+        all.sort_by(f64::total_cmp);
+        quantile_sorted(&all, share).clamp(30.0, LONGEST_US)
+    };
+    let [x, y] = evidence.middle;
+    let halves: [&dyn Fn(&PixelEvidence) -> bool; 4] = [
+        &|pixel| f64::from(pixel.x) < x,
+        &|pixel| f64::from(pixel.x) >= x,
+        &|pixel| f64::from(pixel.y) < y,
+        &|pixel| f64::from(pixel.y) >= y,
+    ];
+    let whole = SHORTEST.map(|share| shortest(&|_| true, share));
+    whole.into_iter().chain(halves.map(|half| shortest(half, SHORTEST[1]))).collect()
 }
 
 pub(super) const CANDIDATE: Candidate = Candidate {
@@ -25,14 +51,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     ],
     starts: |evidence| {
         let in_pixel = [300.0_f64, 1_000.0, 3_000.0, 8_000.0, 25_000.0].map(|us| [us, 0.0]);
-        // Either leaves no shorter interval than its own, and one that is begun with too long has every
-        // event against it.
-        let mut all: Vec<f64> = intervals_us(evidence).collect();
-        all.push(LONGEST_US);
-        all.sort_by(f64::total_cmp);
-        let shortest = |share| quantile_sorted(&all, share).clamp(30.0, LONGEST_US);
-        let own = SHORTEST.map(shortest);
-        let own = own.iter().flat_map(|us| [[*us, 0.0], [*us, 1.0]]);
+        let own = shortest_us(evidence).into_iter().flat_map(|us| [[us, 0.0], [us, 1.0]]);
         in_pixel.into_iter().chain(own).map(|[us, mode]| vec![us.ln(), mode]).collect()
     },
     act: |values, _, view| {
