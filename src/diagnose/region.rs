@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Share of the events that has to lie outside for a part to be one.
-const LEAST_OUTSIDE: f64 = 0.12;
+const LEAST_OUTSIDE: f64 = 0.03;
 
 /// A region has to buy this much more than the effect everywhere, nats an event.
 const LEAST_GAIN: f64 = 0.02;
