@@ -137,8 +137,24 @@ fn is_better(evidence: &Evidence, without: &Fitted, limited: &Fitted, everywhere
         || (is_enough(limited, without) && !is_enough(everywhere, without))
 }
 
-/// The rectangle of tiles over which the training cells gain most (Bentley, Comm. ACM 27, 1984). None
-/// where it leaves hardly any events outside.
+/// The run of neighbours with the greatest sum, and that sum; empty where all lose (Bentley, Comm. ACM 27,
+/// 1984).
+fn best_run(gains: impl Iterator<Item = f64>) -> (f64, Range<usize>) {
+    let (mut sum, mut first, mut best) = (0.0, 0, (0.0, 0..0));
+    for (i, gain) in gains.enumerate() {
+        if sum <= 0.0 {
+            (sum, first) = (0.0, i);
+        }
+        sum += gain;
+        if sum > best.0 {
+            best = (sum, first..i + 1);
+        }
+    }
+    best
+}
+
+/// The rectangle of tiles over which the training cells gain most. None where it leaves hardly any events
+/// outside.
 fn best_rectangle(evidence: &Evidence, without: &Cells, with: &Cells) -> Option<Rectangle> {
     let [n_across, n_down] = evidence.tiles;
     let n_blocks = evidence.blocks.n();
@@ -154,15 +170,9 @@ fn best_rectangle(evidence: &Evidence, without: &Cells, with: &Cells) -> Option<
             for (x, column) in columns.iter_mut().enumerate() {
                 *column += gains[bottom * n_across + x];
             }
-            let (mut sum, mut left) = (0.0, 0);
-            for (x, column) in columns.iter().enumerate() {
-                if sum <= 0.0 {
-                    (sum, left) = (0.0, x);
-                }
-                sum += column;
-                if sum > best.0 {
-                    best = (sum, [left, x + 1, top, bottom + 1]);
-                }
+            let (sum, Range { start, end }) = best_run(columns.iter().copied());
+            if sum > best.0 {
+                best = (sum, [start, end, top, bottom + 1]);
             }
         }
     }
@@ -215,17 +225,7 @@ fn to_the_pixel(
 /// with the sensor where there is none.
 fn best_range(gains: &BTreeMap<u16, f64>, n: u16) -> Option<[u16; 2]> {
     let places: Vec<(u16, f64)> = gains.iter().map(|(at, gain)| (*at, *gain)).collect();
-    let (mut sum, mut first, mut best) = (0.0, 0, (0.0, 0..0));
-    for (i, (_, gain)) in places.iter().enumerate() {
-        if sum <= 0.0 {
-            (sum, first) = (0.0, i);
-        }
-        sum += gain;
-        if sum > best.0 {
-            best = (sum, first..i + 1);
-        }
-    }
-    let Range { start, end } = best.1;
+    let (_, Range { start, end }) = best_run(places.iter().map(|place| place.1));
     let between = |i: usize| (places[i - 1].0 + places[i].0).div_ceil(2);
     // An edge that what lies beyond hardly tells is none.
     let is_told = |beyond: &[(u16, f64)]| beyond.iter().map(|place| place.1).sum::<f64>() < -TOLD;
