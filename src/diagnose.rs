@@ -14,6 +14,7 @@ mod candidate;
 mod ceiling;
 mod census;
 mod check;
+mod choose;
 mod coarse;
 mod conclude;
 mod constancy;

@@ -69,6 +69,12 @@ pub trait Drive: Send + Sync {
     /// the signal; `NaN` where it is not known.
     fn error(&self, place: [f64; 2]) -> f32;
 
+    /// Standard deviation by which the signal at `place` goes up and down from one look at it to the next
+    /// though nothing has changed, in units of the signal; zero where it comes of no single looks.
+    fn noise(&self, _place: [f64; 2]) -> f32 {
+        0.0
+    }
+
     /// Stretches in which the light of everything jumped between two looks at it (a flash, a lamp that
     /// was switched), ascending and apart, microseconds of the events' clock. [`Drive::sample`] leads
     /// across them, but when and how fast the jump came is not known: who judges single events leaves

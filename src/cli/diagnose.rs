@@ -8,7 +8,9 @@ use std::path::PathBuf;
 pub enum BaselineChoice {
     /// The map of the print and the path over it
     Scene,
-    /// Frames of the event camera, straight in between
+    /// Frames of the event camera, led along with what moves in between
+    Motion,
+    /// Frames of the event camera, straight in between: the plain generator from frames
     Frames,
 }
 
@@ -22,7 +24,7 @@ pub struct DiagnoseArgs {
     /// The session
     pub session: PathBuf,
 
-    /// What the light comes from [default: scene where the session holds one, else frames]
+    /// What the light comes from [default: scene where the session holds one, else motion]
     #[arg(long)]
     pub baseline: Option<BaselineChoice>,
 

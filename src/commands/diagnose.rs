@@ -32,9 +32,10 @@ fn baseline(args: &DiagnoseArgs, session: &Session) -> anyhow::Result<Baseline> 
     let frames = || args.from.as_deref().or_else(|| pipeline::default_light(session));
     let found = match args.baseline {
         Some(BaselineChoice::Scene) => Some(Baseline::Scene),
+        Some(BaselineChoice::Motion) => frames().map(|light| Baseline::Motion(light.to_owned())),
         Some(BaselineChoice::Frames) => frames().map(|light| Baseline::Frames(light.to_owned())),
         None => match &args.from {
-            Some(light) => Some(Baseline::Frames(light.clone())),
+            Some(light) => Some(Baseline::Motion(light.clone())),
             None => pipeline::default_baseline(session),
         },
     };

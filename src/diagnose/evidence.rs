@@ -1,6 +1,7 @@
 //! What a diagnosis looks at: some pixels with their events, light and its surroundings.
 
 use super::around::Around;
+use super::choose::chosen;
 use super::{Facts, Options};
 use crate::drive::{Drive, TimeGrid};
 use crate::geometry::Rectangle;
@@ -12,9 +13,6 @@ use std::sync::Arc;
 
 /// Least number of events with known light that can be judged.
 const LEAST_EVENTS: usize = 300;
-
-/// So many pixels stay, however many events they have.
-const LEAST_PIXELS: usize = 60;
 
 /// Why nothing can be diagnosed.
 #[derive(Debug, thiserror::Error)]
@@ -121,8 +119,7 @@ impl Evidence {
         while grid.at(grid.n - 1) > span[1] && grid.n > 2 {
             grid.n -= 1;
         }
-        let mut chosen = choose_enough(recording, drive, grid, options);
-        thin(&mut chosen, recording, options.n_events);
+        let chosen = chosen(recording, drive, grid, options);
         let size = recording.size();
         let n_across = usize::from(size.width.div_ceil(options.tile_px));
         let n_down = usize::from(size.height.div_ceil(options.tile_px));
@@ -246,84 +243,6 @@ impl Evidence {
     pub fn is_held_out(&self, tile: usize, block: usize) -> bool {
         let mut random = SplitMix::new(0x7469_6c65, tile as u64);
         (block + random.below(3)).is_multiple_of(3)
-    }
-}
-
-fn n_events_of(recording: &ByPixel, pixels: &[(u16, u16)]) -> usize {
-    pixels.iter().map(|&(x, y)| recording.of(x, y).len()).sum()
-}
-
-/// As many pixels as are wanted; more where these have few events.
-fn choose_enough(
-    recording: &ByPixel,
-    drive: &dyn Drive,
-    grid: TimeGrid,
-    options: &Options,
-) -> Vec<(u16, u16)> {
-    let most = (options.n_instants / grid.n).max(16);
-    let mut n_pixels = options.n_pixels.clamp(16, most);
-    loop {
-        let chosen = choose(recording, drive, grid, n_pixels, options.seed);
-        if n_events_of(recording, &chosen) >= options.few_events || n_pixels == most {
-            return chosen;
-        }
-        n_pixels = (2 * n_pixels).min(most);
-    }
-}
-
-/// Pixels by the restlessness of their light, not by their events: three quarters among the most
-/// restless, the rest from anywhere.
-fn choose(
-    recording: &ByPixel,
-    drive: &dyn Drive,
-    grid: TimeGrid,
-    n_pixels: usize,
-    seed: u64,
-) -> Vec<(u16, u16)> {
-    let size = recording.size();
-    let stride = (size.n_pixels() / (8 * n_pixels).max(1)).max(1);
-    let mut random = SplitMix::new(seed, 0x7069_7865);
-    let candidates: Vec<(u16, u16)> = (0..size.n_pixels() / stride)
-        .map(|i| {
-            let pixel = i * stride + random.below(stride);
-            let width = usize::from(size.width);
-            ((pixel % width) as u16, (pixel / width) as u16)
-        })
-        .collect();
-    let every = (40_000 / grid.step_us).max(1);
-    let coarse =
-        TimeGrid { step_us: grid.step_us * every, n: grid.n.div_ceil(every as usize), ..grid };
-    let mut restless: Vec<(f32, (u16, u16))> = candidates
-        .par_iter()
-        .map(|&(x, y)| {
-            let mut out = vec![f32::NAN; coarse.n];
-            let place = [f64::from(x) + 0.5, f64::from(y) + 0.5];
-            drive.sample(place, coarse, &mut out);
-            let moves = out.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-            (moves.filter(|m| m.is_finite()).sum::<f32>(), (x, y))
-        })
-        .filter(|(moves, _)| *moves > 0.0)
-        .collect();
-    restless.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    let n_best = (n_pixels * 3 / 4).min(restless.len());
-    // Of the most restless half every so many-th, so that they come from everywhere.
-    let half = (restless.len() / 2).max(n_best).max(1);
-    let mut chosen: Vec<(u16, u16)> =
-        (0..n_best).map(|i| restless[i * half / n_best.max(1)].1).collect();
-    let calm = &restless[half.min(restless.len())..];
-    let n_rest = (n_pixels - n_best).min(calm.len());
-    chosen.extend((0..n_rest).map(|i| calm[i * calm.len() / n_rest].1));
-    chosen.sort_by_key(|&(x, y)| (y, x));
-    chosen.dedup();
-    chosen
-}
-
-/// Keeps every so many-th pixel, so that all have about `n_events` at most.
-fn thin(chosen: &mut Vec<(u16, u16)>, recording: &ByPixel, n_events: usize) {
-    let all = n_events_of(recording, chosen).max(1);
-    let n_kept = (chosen.len() * n_events / all).max(LEAST_PIXELS);
-    if n_kept < chosen.len() {
-        *chosen = (0..n_kept).map(|i| chosen[i * chosen.len() / n_kept]).collect();
     }
 }
 

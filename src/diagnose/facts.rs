@@ -5,6 +5,8 @@
 pub struct Facts {
     /// Whether the light comes from a map of the print rather than from frames of the same sensor.
     pub from_scene: bool,
+    /// Whether the light is led along with what moves from frame to frame.
+    pub is_led: bool,
     /// Times of the event camera's own frames (start of exposure), microseconds of its clock.
     pub aps_us: Vec<i64>,
     /// The frames' time from one to the next, microseconds.
@@ -30,7 +32,8 @@ const DENSE_US: f64 = 5_000.0;
 
 impl Facts {
     /// Whether the light is known at any time, not only when a frame was taken.
-    pub(super) fn is_light_dense(&self) -> bool {
+    #[must_use]
+    pub fn is_light_dense(&self) -> bool {
         self.from_scene || self.frame_us <= DENSE_US
     }
 }

@@ -54,6 +54,7 @@ impl Drive for Texture {
 fn facts() -> Facts {
     Facts {
         from_scene: true,
+        is_led: false,
         aps_us: Vec::new(),
         frame_us: 25_000.0,
         white_dn: 200.0,

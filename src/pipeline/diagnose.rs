@@ -37,7 +37,9 @@ pub struct DiagnoseRequest {
 pub enum Baseline {
     /// The map of the print and the head's path over it.
     Scene,
-    /// A frame stream on the events' pixel grid, straight in between.
+    /// A frame stream on the events' pixel grid, led along with what moves in between.
+    Motion(String),
+    /// The same, straight in between: the plain generator from frames.
     Frames(String),
 }
 
@@ -51,7 +53,7 @@ pub fn default_baseline(session: &Session) -> Option<Baseline> {
     let on_grid = |name: &&str| {
         session.stream(StreamKind::Frames, name).is_ok_and(|entry| entry.size == size)
     };
-    default_light(session).filter(on_grid).map(|light| Baseline::Frames(light.to_owned()))
+    default_light(session).filter(on_grid).map(|light| Baseline::Motion(light.to_owned()))
 }
 
 /// By how much the clock of the camera's own frames may be off against its events: half an
@@ -74,7 +76,7 @@ pub fn diagnose(
             inputs.extend(scene_inputs(session));
             "scene"
         }
-        Baseline::Frames(light) => {
+        Baseline::Motion(light) | Baseline::Frames(light) => {
             let entry = session.stream(StreamKind::Frames, light)?;
             inputs.extend(inputs::of_recorded(session, entry));
             light
@@ -83,6 +85,7 @@ pub fn diagnose(
     let parameters = json!({
         "real": request.real,
         "from": from,
+        "is_straight": matches!(request.baseline, Baseline::Frames(_)),
         "options": request.options,
     });
     let wanted = StageRecord::new("diagnose", None, inputs, parameters);
@@ -180,6 +183,7 @@ fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, Pipeline
             let clocks = clocks.and_then(|clocks| tied::tied_clocks(&scene, &clocks, later_us));
             let facts = Facts {
                 from_scene: true,
+                is_led: false,
                 aps_us: aps_starts(session)?,
                 frame_us: 0.0,
                 white_dn: drive.white_dn(),
@@ -192,7 +196,16 @@ fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, Pipeline
             mapped = Some(scene);
             (Box::new(drive), facts)
         }
-        Baseline::Frames(light) => frames(session, light)?,
+        Baseline::Motion(light) => {
+            let (drive, facts) = frames(session, light)?;
+            let is_led = !facts.is_light_dense();
+            let drive = if is_led { drive.without_clipped().led_by_motion() } else { drive };
+            (Box::new(drive), Facts { is_led, ..facts })
+        }
+        Baseline::Frames(light) => {
+            let (drive, facts) = frames(session, light)?;
+            (Box::new(drive), facts)
+        }
     };
     let (mut events, _) = session.events(&request.real)?;
     if let Some(grid) = StampGrid::of(events.as_slice().t) {
@@ -222,7 +235,7 @@ fn light_per_pedestal(scene: &Scene) -> f64 {
 }
 
 /// The drive from frames of the event camera itself.
-fn frames(session: &Session, light: &str) -> Result<(Box<dyn Drive>, Facts), PipelineError> {
+fn frames(session: &Session, light: &str) -> Result<(FramesDrive, Facts), PipelineError> {
     let missing =
         |what: String| PipelineError::Missing { session: session.root().to_owned(), what };
     let size = session.size().ok_or_else(|| missing("no stream states its pixel grid".into()))?;
@@ -235,6 +248,7 @@ fn frames(session: &Session, light: &str) -> Result<(Box<dyn Drive>, Facts), Pip
     let times = drive.times_us();
     let facts = Facts {
         from_scene: false,
+        is_led: false,
         aps_us: times.to_vec(),
         frame_us: (times[times.len() - 1] - times[0]) as f64 / (times.len() - 1).max(1) as f64,
         white_dn: drive.white_dn(),
@@ -244,5 +258,5 @@ fn frames(session: &Session, light: &str) -> Result<(Box<dyn Drive>, Facts), Pip
         pixel_mm: None,
         stamp_step_us: None,
     };
-    Ok((Box::new(drive), facts))
+    Ok((drive, facts))
 }

@@ -1,8 +1,12 @@
-//! The drive from frames on the event pixels' own grid, interpolated in log intensity.
+//! The drive from frames on the event pixels' own grid: straight in log intensity from frame to frame, or led
+//! along with what moves.
 
+use super::frame_noise::FrameNoise;
+use super::motion::{Motion, Shot, ends, taken};
 use crate::drive::{Drive, TimeGrid};
 use crate::frame::Luminance;
 use crate::geometry::Size;
+use rayon::prelude::*;
 
 /// Frames cannot serve as a light signal.
 #[derive(Debug, thiserror::Error)]
@@ -46,15 +50,27 @@ const FLOOR_DN: f64 = 0.5;
 /// Frames at which the error of a place is judged, about.
 const ERROR_FRAMES: usize = 256;
 
-/// A light signal that is straight in log intensity from frame to frame.
+/// A share of all values that is the greatest there is has reached the end of the range.
+const PILED_UP: f64 = 1e-4;
+
+/// Instants from frame to frame at which light is led, the ends included; it is straight in between.
+const LED: usize = 17;
+
+/// A light signal from frames: straight in log intensity from one to the next, at each pixel by itself or
+/// along the way of what moved.
 #[derive(Debug, Clone)]
 pub struct FramesDrive {
     size: Size,
     times_us: Vec<i64>,
     row_us: f64,
     white_dn: f64,
-    /// Frame after frame, row-major natural logarithms of intensity over white.
+    /// Frame after frame, row-major intensities over white.
     values: Vec<f32>,
+    /// What moved from each frame to the next; empty where that was not asked.
+    motions: Vec<Motion>,
+    /// The intensity at which the frames end, where the light beyond is not to be taken for it.
+    clipped: f32,
+    noise: FrameNoise,
 }
 
 impl FramesDrive {
@@ -77,10 +93,67 @@ impl FramesDrive {
         if white_dn.is_nan() || white_dn <= FLOOR_DN {
             return Err(FramesError::Dark { black_dn });
         }
-        let log = |value: &f32| ((f64::from(*value) - black_dn).max(FLOOR_DN) / white_dn).ln();
-        let values = frames.iter().flat_map(|f| f.values.iter().map(|v| log(v) as f32)).collect();
+        let light = |value: &f32| (f64::from(*value) - black_dn).max(FLOOR_DN) / white_dn;
+        let values: Vec<f32> =
+            frames.iter().flat_map(|f| f.values.iter().map(|v| light(v) as f32)).collect();
         let times_us = frames.iter().map(|frame| frame.t_us).collect();
-        Ok(Self { size: first.size, times_us, row_us, white_dn, values })
+        let (size, motions) = (first.size, Vec::new());
+        // Half a step of a camera of eight bits, where the frames are without noise.
+        let least = FLOOR_DN / white_dn.max(255.0);
+        let noise = FrameNoise::of(&values, size.n_pixels(), least as f32);
+        let clipped = f32::INFINITY;
+        Ok(Self { size, times_us, row_us, white_dn, values, motions, clipped, noise })
+    }
+
+    /// The same light, and none where a frame has reached the end of its range: how bright it is there
+    /// nobody knows.
+    #[must_use]
+    pub fn without_clipped(mut self) -> Self {
+        let most = self.values.iter().copied().fold(0.0, f32::max);
+        let n_most = self.values.iter().filter(|value| **value >= most).count();
+        // The brightest of a few pixels is no end.
+        if n_most as f64 >= PILED_UP * self.values.len() as f64 {
+            self.clipped = most;
+        }
+        self
+    }
+
+    /// The same light, led along with what moves from frame to frame. Where nothing that can be followed
+    /// moves it is straight, as before.
+    #[must_use]
+    pub fn led_by_motion(mut self) -> Self {
+        let pairs = (0..self.times_us.len() - 1).into_par_iter();
+        self.motions =
+            pairs.map(|k| Motion::between(self.shot(k), self.shot(k + 1), &self.noise)).collect();
+        self
+    }
+
+    fn shot(&self, frame: usize) -> Shot<'_> {
+        let n = self.size.n_pixels();
+        Shot { size: self.size, values: &self.values[frame * n..(frame + 1) * n] }
+    }
+
+    /// The light at a place between two frames, at evenly spaced instants from the one to the other; none
+    /// where nothing moves.
+    fn led(&self, frame: usize, place: [f64; 2]) -> Option<[f32; LED]> {
+        let motion = self.motions.get(frame)?;
+        let place = [place[0] - 0.5, place[1] - 0.5].map(|p| p as f32);
+        let shifts = motion.about(place);
+        shifts.clone().next()?;
+        let shots = [self.shot(frame), self.shot(frame + 1)];
+        let noise = self.noise.at(shots[0].at(place));
+        Some(std::array::from_fn(|i| {
+            let share = i as f32 / (LED - 1) as f32;
+            let shift = taken(shots, place, share, shifts.clone(), noise);
+            let [from, to] = ends(place, share, shift);
+            let [before, after] = [self.light(shots[0], from), self.light(shots[1], to)];
+            before + (after - before) * share
+        }))
+    }
+
+    /// The logarithm of the intensity between four pixels, where all of them are known.
+    fn light(&self, shot: Shot<'_>, place: [f32; 2]) -> f32 {
+        if shot.most_about(place) >= self.clipped { f32::NAN } else { shot.at(place).ln() }
     }
 
     /// Times of the frames' first rows, microseconds.
@@ -107,8 +180,23 @@ impl FramesDrive {
 
     fn value(&self, frame: usize, corners: &[(usize, f32); 4]) -> f32 {
         let values = &self.values[frame * self.size.n_pixels()..];
-        corners.iter().map(|&(pixel, weight)| values[pixel] * weight).sum()
+        let seen = corners.iter().filter(|(_, weight)| *weight > 0.0);
+        let mut light = 0.0;
+        for &(pixel, weight) in seen {
+            if values[pixel] >= self.clipped {
+                return f32::NAN;
+            }
+            light += values[pixel] * weight;
+        }
+        light.ln()
     }
+}
+
+/// Straight between evenly spaced values.
+fn between(values: &[f32; LED], share: f32) -> f32 {
+    let at = share * (LED - 1) as f32;
+    let i = (at as usize).min(LED - 2);
+    values[i] + (values[i + 1] - values[i]) * (at - i as f32)
 }
 
 /// What the brightest paper reads: a high quantile over some of the frames.
@@ -142,19 +230,28 @@ impl Drive for FramesDrive {
         let last = self.times_us.len() - 1;
         let (mut frame, mut any) = (0, false);
         let (mut before, mut after) = (self.value(0, &corners), self.value(1, &corners));
+        let mut led = self.led(0, place);
         for (i, out) in out.iter_mut().enumerate().take(grid.n) {
             let t_us = grid.at(i) as f64 - late_us;
             while frame + 1 < last && t_us >= self.times_us[frame + 1] as f64 {
                 frame += 1;
                 (before, after) = (after, self.value(frame + 1, &corners));
+                led = self.led(frame, place);
             }
             let (t0, t1) = (self.times_us[frame] as f64, self.times_us[frame + 1] as f64);
             if (t0..=t1).contains(&t_us) {
-                *out = before + (after - before) * ((t_us - t0) / (t1 - t0)) as f32;
-                any = true;
+                let share = ((t_us - t0) / (t1 - t0)) as f32;
+                *out = led.map_or(before + (after - before) * share, |led| between(&led, share));
+                any |= out.is_finite();
             }
         }
         any
+    }
+
+    fn noise(&self, place: [f64; 2]) -> f32 {
+        let light = self.corners(place).map(|corners| self.value(0, &corners).exp());
+        let light = light.filter(|light| light.is_finite()).unwrap_or(1.0);
+        self.noise.at(light) / light
     }
 
     /// From what each frame shows where the line between its neighbours leads past: an upper bound.
@@ -169,8 +266,11 @@ impl Drive for FramesDrive {
         for frame in inner.step_by(step) {
             let [a, b, c] = [frame - 1, frame, frame + 1].map(|k| self.times_us[k] as f64);
             let [x, y, z] = [frame - 1, frame, frame + 1].map(|k| self.value(k, &corners));
-            sum += (y - x - (z - x) * ((b - a) / (c - a)) as f32).powi(2);
-            n += 1;
+            let beside = y - x - (z - x) * ((b - a) / (c - a)) as f32;
+            if beside.is_finite() {
+                sum += beside.powi(2);
+                n += 1;
+            }
         }
         if n == 0 { f32::NAN } else { 0.94 * (sum / n as f32).sqrt() }
     }
@@ -199,6 +299,23 @@ mod tests {
         assert!((lower.values()[6] - upper.values()[5]).abs() < 1e-6);
         assert!(upper.values()[31].is_nan(), "nothing is known behind the last frame");
         assert_eq!(drive.span_us(), [100, 3_000]);
+    }
+
+    #[test]
+    fn a_frame_at_the_end_of_its_range_says_nothing_of_the_light() {
+        let frames =
+            [frame(0, [40.0, 255.0, 255.0, 60.0]), frame(1_000, [30.0, 255.0, 80.0, 255.0])];
+        let drive = FramesDrive::new(&frames, 0.0, 0.0).unwrap().without_clipped();
+        let grid = TimeGrid { start_us: 0, step_us: 250, n: 5 };
+        let known = |x, y| {
+            drive
+                .curve(x, y, grid)
+                .map(|curve| curve.values().iter().filter(|value| value.is_finite()).count())
+        };
+        assert_eq!(known(0, 0), Some(5));
+        assert_eq!([known(1, 0), known(0, 1), known(1, 1)], [None; 3], "clipped before or behind");
+        let between = FramesDrive::new(&frames, 0.0, 0.0).unwrap();
+        assert!(between.curve(1, 0, grid).is_some(), "who asks for all gets the end of the range");
     }
 
     #[test]

@@ -25,6 +25,8 @@ pub(super) const CANDIDATE: Candidate = Candidate {
 fn needs_frames(evidence: &Evidence) -> Result<(), String> {
     if evidence.facts.from_scene {
         Err("the light comes from a map of the print, not from frames".into())
+    } else if evidence.facts.is_led {
+        Err("between frames the light is led along with what moves".into())
     } else if evidence.facts.frame_us < 3.0 * evidence.step_us {
         Err("frames follow each other as fast as the light is sampled".into())
     } else {
