@@ -1,9 +1,11 @@
 //! What all events of the sensor show by their mere number and time, beyond the few pixels that are
-//! predicted: hot pixels, events that come with the camera's own frames, a bus that is never free.
+//! predicted: hot pixels, events that come with the camera's own frames, a bus that is never free, rows that are
+//! read in turn.
 
 mod bus;
 mod frames;
 mod hot;
+mod rows;
 
 use super::{Departure, Evidence};
 use crate::effect_id::EffectId;
@@ -30,14 +32,14 @@ pub(super) fn census(evidence: &Evidence) -> Census {
     let times = evidence.around.all_us();
     let bus = bus::saturation(&times);
     let is_saturated = bus.is_some();
-    let all = [hot, frames::coupling(evidence, &times), bus];
+    let all = [hot, frames::coupling(evidence, &times), bus, rows::readout(evidence)];
     Census { departures: all.into_iter().flatten().collect(), rest, is_saturated }
 }
 
 /// Whether a census tells an effect that no predicted pixel does, or why not.
 pub(super) fn judge(evidence: &Evidence, id: EffectId) -> Result<(), String> {
     match id {
-        EffectId::ReadoutSaturation => Ok(()),
+        EffectId::ReadoutSaturation | EffectId::RowReadout => Ok(()),
         EffectId::ApsCoupling => frames::needs(evidence),
         other => Err(super::scan::absent(other).to_owned()),
     }

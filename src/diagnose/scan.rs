@@ -130,10 +130,6 @@ pub(super) fn absent(id: EffectId) -> &'static str {
             "light that changes while the print stays is booked to the path's brightness; it takes a \
              static segment with the shadow in it"
         }
-        EffectId::RowReadout => {
-            "it is in how the stamps of all pixels follow each other, which pixel by pixel is not \
-             fitted; what it leaves shows under row_us"
-        }
         _ => "it has no place in the library",
     }
 }

@@ -30,6 +30,14 @@ pub(super) fn saturation(times: &[i64]) -> Option<Departure> {
 
 /// Events a second of a busy bus, with the error of that.
 fn served(times: &[i64]) -> Option<[f64; 2]> {
+    let [mean_us, error_us] = shortest_gap(times, BUSY)?;
+    let rate = 1e6 / mean_us;
+    Some([rate, rate * (error_us / mean_us).max(1e-3)])
+}
+
+/// The gap that is the commonest of all and that hardly any is shorter than, microseconds, with its error,
+/// where at least a share of `busy` is no longer. `times` ascend.
+pub(super) fn shortest_gap(times: &[i64], busy: f64) -> Option<[f64; 2]> {
     let mut counts = vec![0_u64; LONGEST_US + 2];
     for pair in times.windows(2) {
         counts[((pair[1] - pair[0]) as usize).min(LONGEST_US + 1)] += 1;
@@ -40,15 +48,13 @@ fn served(times: &[i64]) -> Option<[f64; 2]> {
     let [low, high] = [common.saturating_sub(1), common + 1];
     let shorter: u64 = counts[..low].iter().sum();
     let own: u64 = counts[low..=high].iter().sum();
-    if common < SHORTEST_US || shorter as f64 > SHORTER * all || (own as f64) < BUSY * all {
+    if common < SHORTEST_US || shorter as f64 > SHORTER * all || (own as f64) < busy * all {
         return None;
     }
     let sum: f64 = (low..=high).map(|gap| gap as f64 * counts[gap] as f64).sum();
-    let mean_us = sum / own as f64;
-    let rate = 1e6 / mean_us;
     // Gaps of a free bus are among them.
     let free = counts[high + 1].max(1) as f64 / own as f64;
-    Some([rate, rate * (free / mean_us).max(1e-3)])
+    Some([sum / own as f64, free])
 }
 
 #[cfg(test)]

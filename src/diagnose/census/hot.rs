@@ -4,7 +4,6 @@ use super::{Departure, Evidence};
 use crate::effect_id::EffectId;
 use crate::geometry::Size;
 use crate::predict::Spike;
-use crate::stats::upper_median;
 use std::collections::BTreeSet;
 
 /// Events a second that a hot pixel fires at least beyond its neighbours.
@@ -12,6 +11,9 @@ const LEAST_HZ: f64 = 8.0;
 
 /// And so many times as often as they.
 const TIMES: f64 = 4.0;
+
+/// Of the neighbours so many may be hot as well.
+const HOT_ABOUT: usize = 2;
 
 /// Fewest hot pixels that are said to be a share of all.
 const LEAST: usize = 4;
@@ -39,7 +41,9 @@ pub(super) fn pixels(evidence: &Evidence) -> Option<(Departure, BTreeSet<(u16, u
             }
             let about = evidence.around.eight(x, y);
             let mut others: Vec<f64> = about.map(|spikes| spikes.len() as f64).collect();
-            let common = upper_median(&mut others)?;
+            others.sort_by(|a, b| b.total_cmp(a));
+            // Beside dead pixels the middle one of the neighbours says little of the light there.
+            let common = *others.get(HOT_ABOUT).or(others.last())?;
             if own > TIMES * (common + 2.0) && own - common > LEAST_HZ * seconds {
                 hot.insert((x, y));
                 events += own - common;

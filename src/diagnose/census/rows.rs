@@ -1,0 +1,97 @@
+//! Rows that are read one after another: all that waits in a row is stamped at once.
+
+use super::bus::shortest_gap;
+use super::{Departure, Evidence};
+use crate::effect_id::EffectId;
+
+/// Share of the events that has to have the stamp of the one before.
+const TOGETHER: f64 = 0.005;
+
+/// And fewest of them.
+const LEAST: usize = 200;
+
+/// Of events with one stamp so many are of one row; by chance hardly any are.
+const OF_ONE_ROW: f64 = 0.9;
+
+/// Share of the turns that follow each other as soon as they can.
+const BUSY: f64 = 0.02;
+
+/// Row after row, if events show it.
+pub(super) fn readout(evidence: &Evidence) -> Option<Departure> {
+    let recording = evidence.around.recording();
+    let size = recording.size();
+    let mut events: Vec<(i64, u16)> = (0..size.height)
+        .flat_map(|y| (0..size.width).map(move |x| (x, y)))
+        .flat_map(|(x, y)| recording.of(x, y).iter().map(move |spike| (spike.t_us, y)))
+        .collect();
+    events.sort_unstable();
+    let [row_us, error_us] = turn_us(&events)?;
+    Some(Departure {
+        id: EffectId::RowReadout,
+        parameters: vec![("row_us", [row_us, error_us])],
+        says: format!(
+            "what waits in a row is read at once and stamped alike, a row every {row_us:.1} us at most"
+        ),
+        z: row_us / error_us,
+        without: None,
+    })
+}
+
+/// How long a row's turn takes, with its error; `events` are stamps and rows, ascending.
+fn turn_us(events: &[(i64, u16)]) -> Option<[f64; 2]> {
+    let together = || events.windows(2).filter(|pair| pair[0].0 == pair[1].0);
+    let (n, n_of_one) =
+        (together().count(), together().filter(|pair| pair[0].1 == pair[1].1).count());
+    let is_enough = n >= LEAST && n as f64 >= TOGETHER * events.len() as f64;
+    if !is_enough || (n_of_one as f64) < OF_ONE_ROW * n as f64 {
+        return None;
+    }
+    let mut turns: Vec<i64> = events.iter().map(|event| event.0).collect();
+    turns.dedup();
+    let [row_us, error_us] = shortest_gap(&turns, BUSY)?;
+    // Stamps are whole microseconds.
+    Some([row_us, error_us.clamp(0.1, 0.5)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stats::SplitMix;
+
+    /// Requests at random, 60 thousand a second in 100 rows, and as rows of 17.4 us read them.
+    fn requests() -> [Vec<(i64, u16)>; 2] {
+        let mut random = SplitMix::new(5, 1);
+        let mut t = 0.0;
+        let asked: Vec<(f64, u16)> = (0..30_000)
+            .map(|_| {
+                t += 1e6 / 60_000.0 * random.exponential();
+                (t, random.below(100) as u16)
+            })
+            .collect();
+        let free = asked.iter().map(|(t, y)| (*t as i64, *y)).collect();
+        let mut waiting: Vec<(f64, u16)> = Vec::new();
+        let (mut read, mut at, mut next) = (Vec::new(), 0.0_f64, 0);
+        while next < asked.len() || !waiting.is_empty() {
+            let oldest = waiting.first().map_or_else(|| asked[next].0, |first| first.0);
+            at = at.max(oldest);
+            while next < asked.len() && asked[next].0 <= at {
+                waiting.push(asked[next]);
+                next += 1;
+            }
+            let row = waiting[0].1;
+            let turn = waiting.iter().filter(|request| request.1 == row);
+            read.extend(turn.map(|request| (at.round() as i64, request.1)));
+            waiting.retain(|request| request.1 != row);
+            at += 17.4;
+        }
+        [free, read]
+    }
+
+    #[test]
+    fn rows_that_are_read_in_turn_are_told_with_their_time_and_a_free_bus_is_not() {
+        let [free, read] = requests();
+        assert!(turn_us(&free).is_none());
+        let [row_us, error_us] = turn_us(&read).unwrap();
+        assert!((row_us - 17.4).abs() < 2.0 * error_us, "{row_us} +- {error_us}");
+    }
+}
