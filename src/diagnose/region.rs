@@ -7,7 +7,7 @@
 
 use super::fit::{Fitted, as_it_is, fit};
 use super::polish::polished;
-use super::score::{Cells, Part, pixel_gains};
+use super::score::{Cells, LEAST_GAIN, Part, is_enough, pixel_gains};
 use super::{Evidence, Hypothesis};
 use crate::effect_id::EffectGroup;
 use crate::geometry::Rectangle;
@@ -17,11 +17,8 @@ use std::ops::Range;
 /// Share of the events that has to lie outside for a part to be one.
 const LEAST_OUTSIDE: f64 = 0.03;
 
-/// A region has to buy this much more than the effect everywhere, nats an event.
-const LEAST_GAIN: f64 = 0.02;
-
-/// And so many standard errors.
-const LEAST_ERRORS: f64 = 4.0;
+/// Nats an event by which two fits are as good as each other.
+const AS_GOOD: f64 = 1e-4;
 
 /// Nats that are lost beyond an edge, at the least, for it to be one.
 const TOLD: f64 = 3.0;
@@ -72,7 +69,8 @@ pub(super) fn settled(evidence: &Evidence, without: &Fitted, model: Fitted) -> F
         .map(|region| in_region(evidence, without, &in_part, region));
     let nats = |a: &Fitted| a.cells.nats(Part::Training);
     let in_part = match moved {
-        Some(moved) if nats(&moved) > nats(&in_part) => polished(evidence, moved),
+        // Where pixels do not tell the two apart its edges are those that they were drawn to.
+        Some(moved) if nats(&moved) > nats(&in_part) - AS_GOOD => polished(evidence, moved),
         _ if is_begun_in_part => in_part,
         _ => polished(evidence, in_part),
     };
@@ -128,13 +126,12 @@ pub(super) fn gain_of(
 /// Whether a model limited to a region buys enough more than the same effect everywhere, or enough where
 /// that one does not: what half of the pixels contradict scatters too much to be believed.
 fn is_better(evidence: &Evidence, without: &Fitted, limited: &Fitted, everywhere: &Fitted) -> bool {
-    let is_enough = |model: &Fitted, other: &Fitted| {
+    let buys = |model: &Fitted, other: &Fitted| {
         let last = model.hypothesis.effects.len().saturating_sub(1);
         let (gain, error) = gain_of(evidence, model, last, other);
-        gain > LEAST_GAIN && gain > LEAST_ERRORS * error
+        is_enough(gain, error)
     };
-    is_enough(limited, everywhere)
-        || (is_enough(limited, without) && !is_enough(everywhere, without))
+    buys(limited, everywhere) || (buys(limited, without) && !buys(everywhere, without))
 }
 
 /// The run of neighbours with the greatest sum, and that sum; empty where all lose (Bentley, Comm. ACM 27,
@@ -176,7 +173,7 @@ fn best_rectangle(evidence: &Evidence, without: &Cells, with: &Cells) -> Option<
             }
         }
     }
-    let [left, right, top, bottom] = over_unseen(evidence, best.1);
+    let [left, right, top, bottom] = best.1;
     let tile = usize::from(evidence.tile_px);
     let size = [2.0 * evidence.middle[0], 2.0 * evidence.middle[1]];
     let end = |tiles: usize, size: f64| ((tiles * tile) as f64).min(size) as u16;
@@ -232,33 +229,6 @@ fn best_range(gains: &BTreeMap<u16, f64>, n: u16) -> Option<[u16; 2]> {
     let low = if is_told(&places[..start]) { between(start) } else { 0 };
     let high = if is_told(&places[end..]) { between(end) } else { n };
     (start < end).then_some([low, high])
-}
-
-/// A rectangle of tiles (left, right, top, bottom) drawn further over those next to it in which nothing is
-/// looked at: they do not tell where it ends.
-fn over_unseen(
-    evidence: &Evidence,
-    [mut left, mut right, mut top, mut bottom]: [usize; 4],
-) -> [usize; 4] {
-    let [n_across, n_down] = evidence.tiles;
-    let mut is_seen = vec![false; n_across * n_down];
-    evidence.pixels.iter().for_each(|pixel| is_seen[pixel.tile] = true);
-    let is_unseen = |mut columns: Range<usize>, rows: Range<usize>| {
-        !columns.any(|x| rows.clone().any(|y| is_seen[y * n_across + x]))
-    };
-    while left > 0 && is_unseen(left - 1..left, top..bottom) {
-        left -= 1;
-    }
-    while right < n_across && is_unseen(right..right + 1, top..bottom) {
-        right += 1;
-    }
-    while top > 0 && is_unseen(left..right, top - 1..top) {
-        top -= 1;
-    }
-    while bottom < n_down && is_unseen(left..right, bottom..bottom + 1) {
-        bottom += 1;
-    }
-    [left, right, top, bottom]
 }
 
 #[cfg(test)]

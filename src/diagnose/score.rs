@@ -5,6 +5,18 @@ use super::{Evidence, Hypothesis, PixelEvidence};
 use crate::predict::BlockScore;
 use rayon::prelude::*;
 
+/// An effect has to buy this much, nats an event, whatever the null says: below it the shape of
+/// the noise, which the model has only nearly, speaks as loudly.
+pub(super) const LEAST_GAIN: f64 = 0.02;
+
+/// An effect's gain has to be so many of its standard errors.
+const LEAST_ERRORS: f64 = 4.0;
+
+/// Whether a gain on held-out cells, with its error, is one to speak of.
+pub(super) fn is_enough(gain: f64, error: f64) -> bool {
+    gain >= LEAST_GAIN && gain >= LEAST_ERRORS * error
+}
+
 /// Log-likelihoods and events of all cells.
 #[derive(Debug, Clone)]
 pub(super) struct Cells {

@@ -12,17 +12,10 @@ use super::naming::is_vague;
 use super::polish::polished;
 use super::region::gain_of;
 use super::scan::{LAST_STEPS, Tried, scan};
-use super::score::Part;
+use super::score::{LEAST_GAIN, Part, is_enough};
 use super::stated::{Departure, as_effects};
 use super::{Diagnosis, Evidence, Hypothesis, NullReport, Options, Rival, null};
 use crate::effect_id::EffectId;
-
-/// An effect has to buy this much, nats an event, whatever the null says: below it the shape of
-/// the noise, which the model has only nearly, speaks as loudly.
-const LEAST_GAIN: f64 = 0.02;
-
-/// An effect's gain has to be so many of its standard errors.
-const LEAST_ERRORS: f64 = 4.0;
 
 /// A rival that buys this share of what the best does is fitted to the end before one is taken.
 const NEAR: f64 = 0.5;
@@ -153,7 +146,7 @@ fn take_all(
         polish_rivals(evidence, &model, &mut tried);
         let Some(best) = tried.first() else { break };
         let gain = best.gain;
-        if gain.held_out < LEAST_GAIN || gain.held_out < LEAST_ERRORS * gain.error {
+        if !is_enough(gain.held_out, gain.error) {
             break;
         }
         taken.push(Taken {
@@ -224,7 +217,7 @@ fn prune(
         let rest: Vec<usize> = (0..taken.len()).filter(|&i| i != index).collect();
         let without = refit_with(evidence, baseline, &model, &rest);
         let (loss, error) = gain_of(evidence, &model, index, &without);
-        if loss < LEAST_GAIN || loss < LEAST_ERRORS * error {
+        if !is_enough(loss, error) {
             taken.remove(index);
             model = without;
         } else {
