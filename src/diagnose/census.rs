@@ -31,8 +31,9 @@ pub(super) fn census(evidence: &Evidence) -> Census {
     };
     let times = evidence.around.all_us();
     let bus = bus::saturation(&times);
-    let is_saturated = bus.is_some();
-    let all = [hot, frames::coupling(evidence, &times), bus, rows::readout(evidence)];
+    let (rows, is_held_up) = rows::readout(evidence).unzip();
+    let is_saturated = bus.is_some() || is_held_up == Some(true);
+    let all = [hot, frames::coupling(evidence, &times), bus, rows];
     Census { departures: all.into_iter().flatten().collect(), rest, is_saturated }
 }
 

@@ -24,6 +24,15 @@ const MOST: usize = 4_000;
 const HALF_US: f64 = 20_000.0;
 const LONGEST_HALF_US: f64 = 640_000.0;
 
+/// Of neighbouring events with one stamp so many are of one row where rows are read in turn; those of a
+/// simulator's step are from anywhere.
+const OF_ONE_ROW: f64 = 0.9;
+
+/// Share of neighbouring events with one stamp below which a step serves one event, and share of them one
+/// step apart from which nothing else is served.
+const ALONE: f64 = 0.01;
+const SERVED: f64 = 0.3;
+
 /// A grid of stamps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StampGrid {
@@ -34,9 +43,37 @@ pub struct StampGrid {
 }
 
 impl StampGrid {
-    /// The grid on which stamps in ascending order lie, if they do.
+    /// The grid of a recording's stamps, which ascend, if they lie on one and no busy readout is what makes
+    /// them follow each other in beats.
     #[must_use]
-    pub fn of(stamps: &[i64]) -> Option<Self> {
+    pub fn of_events(events: EventSlice<'_>) -> Option<Self> {
+        let grid = Self::of(events.t)?;
+        (!grid.is_of_a_readout(events)).then_some(grid)
+    }
+
+    /// Whether rows, or single events, are served one a step.
+    fn is_of_a_readout(self, events: EventSlice<'_>) -> bool {
+        let (mut n_together, mut n_of_one_row, mut n_next) = (0_usize, 0_usize, 0_usize);
+        for (t, y) in events.t.windows(2).zip(events.y.windows(2)) {
+            match ((t[1] - t[0]) as f64 / self.step_us).round() as i64 {
+                0 => {
+                    n_together += 1;
+                    n_of_one_row += usize::from(y[0] == y[1]);
+                }
+                1 => n_next += 1,
+                _ => {}
+            }
+        }
+        let all = events.t.len() as f64;
+        if n_together as f64 > ALONE * all {
+            n_of_one_row as f64 >= OF_ONE_ROW * n_together as f64
+        } else {
+            n_next as f64 >= SERVED * all
+        }
+    }
+
+    /// The grid on which stamps in ascending order lie, if they do.
+    fn of(stamps: &[i64]) -> Option<Self> {
         if stamps.len() < LEAST {
             return None;
         }
@@ -151,6 +188,24 @@ mod tests {
         assert!(StampGrid::of(&stamps(250.0, 5.0, 0.02)).is_none(), "too few");
         let sparse: Vec<i64> = (0..5_000).map(|i| 500_000 * i).collect();
         assert!(StampGrid::of(&sparse).is_none(), "too sparse to be looked at");
+    }
+
+    #[test]
+    fn the_beat_of_a_busy_readout_is_no_grid() {
+        let of = |event: &dyn Fn(i64) -> Event| {
+            let events: Events = (0..40_000).map(event).collect();
+            assert!(StampGrid::of(events.as_slice().t).is_some(), "its stamps lie on one");
+            StampGrid::of_events(events.as_slice()).is_some()
+        };
+        let at = |step: i64, i: i64, y: i64| Event {
+            t: 30 * step,
+            x: (i % 40) as u16,
+            y: y as u16,
+            on: true,
+        };
+        assert!(of(&|i| at(i / 8, i, i * 7 % 30)), "eight events a step, from anywhere");
+        assert!(!of(&|i| at(i / 8, i, i / 8 % 30)), "a row a step");
+        assert!(!of(&|i| at(i + i / 5, i, i * 7 % 30)), "an event a step");
     }
 
     #[test]

@@ -208,7 +208,7 @@ fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, Pipeline
         }
     };
     let (mut events, _) = session.events(&request.real)?;
-    if let Some(grid) = StampGrid::of(events.as_slice().t) {
+    if let Some(grid) = StampGrid::of_events(events.as_slice()) {
         events = grid.spread(events.as_slice());
         facts.stamp_step_us = Some(grid.step_us);
     }

@@ -80,7 +80,7 @@ const WORLD: &[Strength] = &[
     up("adaptation", "fraction", 0.1).with(&[("time_constant_s", 0.3)]),
     up("dark_current", "fraction_of_white", 0.02),
     down("readout_saturation", "max_events_per_s", 200_000.0),
-    up("row_readout", "row_us", 15.0),
+    up("row_readout", "row_us", 5.0),
     up("event_drop", "fraction", 0.05),
     up("stamp_jitter", "sigma_us", 700.0),
     up("aps_coupling", "events_fraction", 0.004).with(&[("delay_us", 300.0), ("row_us", 0.0)]),

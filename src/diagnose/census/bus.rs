@@ -10,7 +10,7 @@ const LONGEST_US: usize = 2_000;
 const SHORTEST_US: usize = 3;
 
 /// Share of all gaps that are the bus's own where it is busy.
-const BUSY: f64 = 0.3;
+pub(super) const BUSY: f64 = 0.3;
 
 /// Share that may be shorter: a stamp is rounded.
 const SHORTER: f64 = 0.01;

@@ -1,6 +1,6 @@
 //! Rows that are read one after another: all that waits in a row is stamped at once.
 
-use super::bus::shortest_gap;
+use super::bus::{BUSY, shortest_gap};
 use super::{Departure, Evidence};
 use crate::effect_id::EffectId;
 
@@ -13,11 +13,11 @@ const LEAST: usize = 200;
 /// Of events with one stamp so many are of one row; by chance hardly any are.
 const OF_ONE_ROW: f64 = 0.9;
 
-/// Share of the turns that follow each other as soon as they can.
-const BUSY: f64 = 0.02;
+/// Least share of the turns that follow each other as soon as they can.
+const FOLLOW: f64 = 0.02;
 
-/// Row after row, if events show it.
-pub(super) fn readout(evidence: &Evidence) -> Option<Departure> {
+/// Row after row, if events show it, and whether it decides when events come.
+pub(super) fn readout(evidence: &Evidence) -> Option<(Departure, bool)> {
     let recording = evidence.around.recording();
     let size = recording.size();
     let mut events: Vec<(i64, u16)> = (0..size.height)
@@ -25,8 +25,9 @@ pub(super) fn readout(evidence: &Evidence) -> Option<Departure> {
         .flat_map(|(x, y)| recording.of(x, y).iter().map(move |spike| (spike.t_us, y)))
         .collect();
     events.sort_unstable();
-    let [row_us, error_us] = turn_us(&events)?;
-    Some(Departure {
+    let turns = turns(&events)?;
+    let [row_us, error_us] = turn_us(&turns)?;
+    let departure = Departure {
         id: EffectId::RowReadout,
         parameters: vec![("row_us", [row_us, error_us])],
         says: format!(
@@ -34,11 +35,12 @@ pub(super) fn readout(evidence: &Evidence) -> Option<Departure> {
         ),
         z: row_us / error_us,
         without: None,
-    })
+    };
+    Some((departure, shortest_gap(&turns, BUSY).is_some()))
 }
 
-/// How long a row's turn takes, with its error; `events` are stamps and rows, ascending.
-fn turn_us(events: &[(i64, u16)]) -> Option<[f64; 2]> {
+/// The stamps of the turns, if what is stamped alike is of one row; `events` are stamps and rows, ascending.
+fn turns(events: &[(i64, u16)]) -> Option<Vec<i64>> {
     let together = || events.windows(2).filter(|pair| pair[0].0 == pair[1].0);
     let (n, n_of_one) =
         (together().count(), together().filter(|pair| pair[0].1 == pair[1].1).count());
@@ -48,7 +50,12 @@ fn turn_us(events: &[(i64, u16)]) -> Option<[f64; 2]> {
     }
     let mut turns: Vec<i64> = events.iter().map(|event| event.0).collect();
     turns.dedup();
-    let [row_us, error_us] = shortest_gap(&turns, BUSY)?;
+    Some(turns)
+}
+
+/// How long a row's turn takes, with its error.
+fn turn_us(turns: &[i64]) -> Option<[f64; 2]> {
+    let [row_us, error_us] = shortest_gap(turns, FOLLOW)?;
     // Stamps are whole microseconds.
     Some([row_us, error_us.clamp(0.1, 0.5)])
 }
@@ -90,8 +97,8 @@ mod tests {
     #[test]
     fn rows_that_are_read_in_turn_are_told_with_their_time_and_a_free_bus_is_not() {
         let [free, read] = requests();
-        assert!(turn_us(&free).is_none());
-        let [row_us, error_us] = turn_us(&read).unwrap();
+        assert!(turns(&free).is_none());
+        let [row_us, error_us] = turn_us(&turns(&read).unwrap()).unwrap();
         assert!((row_us - 17.4).abs() < 2.0 * error_us, "{row_us} +- {error_us}");
     }
 }
