@@ -56,6 +56,11 @@ const PILED_UP: f64 = 1e-4;
 /// Instants from frame to frame at which light is led, the ends included; it is straight in between.
 const LED: usize = 17;
 
+/// Points that are followed from frames to the next, in all, and from one: a long recording of a moving
+/// camera has fewer in each.
+const ALL_POINTS: usize = 300_000;
+const POINTS: [usize; 2] = [150, 1_500];
+
 /// A light signal from frames: straight in log intensity from one to the next, at each pixel by itself or
 /// along the way of what moved.
 #[derive(Debug, Clone)]
@@ -122,9 +127,12 @@ impl FramesDrive {
     /// moves it is straight, as before.
     #[must_use]
     pub fn led_by_motion(mut self) -> Self {
-        let pairs = (0..self.times_us.len() - 1).into_par_iter();
-        self.motions =
-            pairs.map(|k| Motion::between(self.shot(k), self.shot(k + 1), &self.noise)).collect();
+        let n = self.times_us.len() - 1;
+        let most = (ALL_POINTS / n).clamp(POINTS[0], POINTS[1]);
+        let pairs = (0..n).into_par_iter();
+        self.motions = pairs
+            .map(|k| Motion::between(self.shot(k), self.shot(k + 1), &self.noise, most))
+            .collect();
         self
     }
 

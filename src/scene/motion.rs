@@ -23,9 +23,6 @@ const REACH: usize = 10;
 /// Points are at least so many pixels apart.
 const APART: usize = 3;
 
-/// Most points that are followed from a frame.
-const MOST_POINTS: usize = 1_500;
-
 /// Displacements of less, and of more, are none, pixels.
 const LEAST_PX: f32 = 0.3;
 const MOST_PX: f32 = 40.0;
@@ -104,10 +101,17 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// Between two frames of one size with noise. Nothing moves in frames that are too small to follow
-    /// anything.
-    pub(super) fn between(before: Shot<'_>, after: Shot<'_>, noise: &FrameNoise) -> Self {
-        let points = points(before, after, noise);
+    /// Between two frames of one size with noise, by so many points from each at most. Nothing moves in
+    /// frames that are too small to follow anything.
+    pub(super) fn between(
+        before: Shot<'_>,
+        after: Shot<'_>,
+        noise: &FrameNoise,
+        most_points: usize,
+    ) -> Self {
+        let mut points = points(before, after, noise);
+        let step = points.len().div_ceil(most_points).max(1);
+        points = points.into_iter().step_by(step).collect();
         if points.is_empty() || before.width().min(before.height()) < 2 * WINDOW_PX {
             return Self::default();
         }
@@ -239,11 +243,10 @@ fn points(before: Shot<'_>, after: Shot<'_>, noise: &FrameNoise) -> Vec<[f32; 2]
             }
         }
     }
-    let all: Vec<[f32; 2]> = (0..is_near.len())
+    (0..is_near.len())
         .filter(|i| is_near[*i])
         .map(|i| [i % n_cells[0], i / n_cells[0]].map(|cell| (cell * APART) as f32))
-        .collect();
-    all.iter().step_by(all.len().div_ceil(MOST_POINTS).max(1)).copied().collect()
+        .collect()
 }
 
 /// Ways of points from the earlier frame to the later, followed from either.
@@ -303,7 +306,7 @@ mod tests {
     fn what_moves_is_led_along_and_what_stands_stays() {
         let [first, between, last] = [30.0, 32.0, 38.0].map(shot);
         let [before, after] = [shot_of(&first), shot_of(&last)];
-        let motion = Motion::between(before, after, &still());
+        let motion = Motion::between(before, after, &still(), 1_500);
         let at = |place: [f32; 2]| taken([before, after], place, 0.25, motion.about(place), 0.002);
         let inside = at([42.0, 35.0]);
         assert!((inside[0] - 8.0).abs() < 0.2 && inside[1].abs() < 0.2, "{inside:?}");
@@ -336,10 +339,13 @@ mod tests {
             .enumerate()
             .map(|(i, v)| v + 0.004 * ((i * 7919 % 13) as f32 - 6.0) / 6.0)
             .collect();
-        assert_eq!(Motion::between(shot_of(&first), shot_of(&noisy), &still()), Motion::default());
+        assert_eq!(
+            Motion::between(shot_of(&first), shot_of(&noisy), &still(), 1_500),
+            Motion::default()
+        );
         let size = Size { width: 2, height: 2 };
         let small = |values| Shot { size, values };
-        let motion = Motion::between(small(&[0.0; 4]), small(&[1.0; 4]), &still());
+        let motion = Motion::between(small(&[0.0; 4]), small(&[1.0; 4]), &still(), 1_500);
         assert_eq!(motion.about([0.0, 0.0]).count(), 0);
     }
 }
