@@ -25,11 +25,14 @@ fn main() -> Drawn {
     {
         let canvas = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
         canvas.fill(&WHITE).map_err(|e| e.to_string())?;
-        let (left, right) = canvas.split_horizontally(510);
         let places = &diagnosis.mismatch.places;
-        places_of(&left, &places[..places.len().min(N_PLACES)])?;
+        let places = &places[..places.len().min(N_PLACES)];
         if let Some(term) = &diagnosis.proposed_term {
+            let (left, right) = canvas.split_horizontally(510);
+            places_of(&left, places)?;
             curve_of(&right, term)?;
+        } else {
+            places_of(&canvas, places)?;
         }
         canvas.present().map_err(|e| e.to_string())?;
     }
@@ -57,10 +60,11 @@ fn places_of(area: &Canvas<'_>, places: &[Where]) -> Drawn {
         let row = n - 1.0 - i as f64;
         let bar = [(0.0, row + 0.1), (place.excess_nats_per_event, row + 0.45)];
         chart.draw_series([Rectangle::new(bar, BAR.filled())])?;
-        let [low, high] = place.range;
-        let digits = if high.abs() < 100.0 { 2 } else { 0 };
-        let text = format!("{} {low:.digits$} to {high:.digits$}", place.covariate);
-        chart.draw_series([Text::new(text, (0.0, row + 0.85), ("sans-serif", 12))])?;
+        chart.draw_series([Text::new(
+            place.says.clone(),
+            (0.0, row + 0.85),
+            ("sans-serif", 12),
+        )])?;
     }
     Ok(())
 }
