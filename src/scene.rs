@@ -13,6 +13,7 @@
 
 mod align;
 mod blur;
+mod corners;
 mod davis;
 mod drive;
 mod error;
@@ -31,6 +32,7 @@ mod robust;
 mod shake;
 mod splat;
 mod start;
+mod steady;
 mod store;
 mod survey;
 mod surveyor;

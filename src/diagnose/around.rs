@@ -37,11 +37,13 @@ impl Around {
         &self.recording
     }
 
-    /// Times of all events, ascending, microseconds since the window's start.
-    pub(super) fn all_us(&self) -> Vec<i64> {
-        let mut times = self.rows.concat();
-        times.sort_unstable();
-        times
+    /// Times of all events with their rows, ascending, microseconds since the window's start.
+    pub(super) fn in_order(&self) -> Vec<(i64, u16)> {
+        let rows = (0_u16..).zip(&self.rows);
+        let mut all: Vec<_> =
+            rows.flat_map(|(y, times)| times.iter().map(move |t| (*t, y))).collect();
+        all.sort_unstable();
+        all
     }
 
     /// Starts of exposure of the camera's own frames, microseconds since the window's start.

@@ -2,6 +2,7 @@
 
 use super::Options;
 use crate::drive::{Drive, TimeGrid};
+use crate::geometry::Size;
 use crate::predict::ByPixel;
 use crate::stats::SplitMix;
 use rayon::prelude::*;
@@ -11,6 +12,10 @@ const LEAST_PIXELS: usize = 60;
 
 /// Light that changes by so many standard deviations of its own noise has not moved.
 const NOISY: f32 = 5.0;
+
+/// For each pixel that is wanted so many are looked at, and so many where light moves at few of these.
+const FEW: usize = 8;
+const MANY: usize = 48;
 
 /// Pixels whose light moves, as many as are wanted and no more events than are.
 pub(super) fn chosen(
@@ -55,28 +60,28 @@ fn choose(
     n_pixels: usize,
     seed: u64,
 ) -> Vec<(u16, u16)> {
-    let size = recording.size();
-    let stride = (size.n_pixels() / (8 * n_pixels).max(1)).max(1);
-    let mut random = SplitMix::new(seed, 0x7069_7865);
-    let candidates: Vec<(u16, u16)> = (0..size.n_pixels() / stride)
-        .map(|i| {
-            let pixel = i * stride + random.below(stride);
-            let width = usize::from(size.width);
-            ((pixel % width) as u16, (pixel / width) as u16)
-        })
-        .collect();
     let wanted = n_pixels * 3 / 4;
-    let mut restless = restless(drive, grid, &candidates, NOISY);
-    if restless.len() < wanted {
-        // Where all moves all the time the noise cannot be told from it.
-        restless = self::restless(drive, grid, &candidates, 0.0);
+    let among = |n: usize, noisy: f32| {
+        let all =
+            by_restlessness(drive, grid, &candidates(recording.size(), n * n_pixels, seed), noisy);
+        let n_restless = all.partition_point(|(moves, _)| *moves > 0.0);
+        (all, n_restless)
+    };
+    let (mut all, mut n_restless) = among(FEW, NOISY);
+    if n_restless < wanted {
+        // Little moves: it is looked for at more places.
+        (all, n_restless) = among(MANY, NOISY);
     }
-    let n_best = wanted.min(restless.len());
+    if n_restless < wanted / 4 {
+        // Where all moves all the time the noise cannot be told from it.
+        (all, n_restless) = among(FEW, 0.0);
+    }
+    let n_best = wanted.min(n_restless);
     // Of the most restless half every so many-th, so that they come from everywhere.
-    let half = (restless.len() / 2).max(n_best).max(1);
+    let half = (n_restless / 2).max(n_best).max(1);
     let mut chosen: Vec<(u16, u16)> =
-        (0..n_best).map(|i| restless[i * half / n_best.max(1)].1).collect();
-    let calm = &restless[half.min(restless.len())..];
+        (0..n_best).map(|i| all[i * half / n_best.max(1)].1).collect();
+    let calm = &all[half.min(all.len())..];
     let n_rest = (n_pixels - n_best).min(calm.len());
     chosen.extend((0..n_rest).map(|i| calm[i * calm.len() / n_rest].1));
     chosen.sort_by_key(|&(x, y)| (y, x));
@@ -84,9 +89,22 @@ fn choose(
     chosen
 }
 
-/// Those of some pixels whose light moves by more than so many standard deviations of its noise, with by
-/// how much in all, the most restless first.
-fn restless(
+/// So many pixels of a sensor, evenly spread but for chance.
+fn candidates(size: Size, n: usize, seed: u64) -> Vec<(u16, u16)> {
+    let stride = (size.n_pixels() / n.max(1)).max(1);
+    let mut random = SplitMix::new(seed, 0x7069_7865);
+    (0..size.n_pixels() / stride)
+        .map(|i| {
+            let pixel = i * stride + random.below(stride);
+            let width = usize::from(size.width);
+            ((pixel % width) as u16, (pixel / width) as u16)
+        })
+        .collect()
+}
+
+/// Those of some pixels whose light is known, with by how much it moves in all beyond so many standard
+/// deviations of its noise, the most restless first.
+fn by_restlessness(
     drive: &dyn Drive,
     grid: TimeGrid,
     candidates: &[(u16, u16)],
@@ -95,20 +113,19 @@ fn restless(
     let every = (40_000 / grid.step_us).max(1);
     let coarse =
         TimeGrid { step_us: grid.step_us * every, n: grid.n.div_ceil(every as usize), ..grid };
-    let mut restless: Vec<(f32, (u16, u16))> = candidates
+    let mut all: Vec<(f32, (u16, u16))> = candidates
         .par_iter()
-        .map(|&(x, y)| {
+        .filter_map(|&(x, y)| {
             let mut out = vec![f32::NAN; coarse.n];
             let place = [f64::from(x) + 0.5, f64::from(y) + 0.5];
-            drive.sample(place, coarse, &mut out);
+            drive.sample(place, coarse, &mut out).then_some(())?;
             let noise = noisy * drive.noise(place);
             let moves = out.windows(2).map(|pair| (pair[1] - pair[0]).abs() - noise);
-            (moves.filter(|m| *m > 0.0).sum::<f32>(), (x, y))
+            Some((moves.filter(|m| *m > 0.0).sum::<f32>(), (x, y)))
         })
-        .filter(|(moves, _)| *moves > 0.0)
         .collect();
-    restless.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    restless
+    all.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    all
 }
 
 /// Keeps every so many-th pixel, so that all have about `n_events` at most.

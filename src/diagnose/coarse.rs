@@ -66,7 +66,7 @@ impl StampGrid {
         }
         let all = events.t.len() as f64;
         if n_together as f64 > ALONE * all {
-            n_of_one_row as f64 >= OF_ONE_ROW * n_together as f64
+            is_of_rows(n_of_one_row, n_together)
         } else {
             n_next as f64 >= SERVED * all
         }
@@ -119,6 +119,12 @@ impl StampGrid {
         spread.sort_by_time();
         spread
     }
+}
+
+/// Whether pairs of neighbouring events with one stamp, so many of them of one row, are of rows that are read
+/// in turn.
+pub(super) fn is_of_rows(n_of_one_row: usize, n_together: usize) -> bool {
+    n_of_one_row as f64 >= OF_ONE_ROW * n_together as f64
 }
 
 /// Times about an instant, seconds.

@@ -15,7 +15,7 @@ use crate::drive::Drive;
 use crate::effect_id::EffectId;
 use crate::event::{Event, EventSlice, Events};
 use crate::generate::effect::{self, Applied, Effect, Effects, Surroundings};
-use crate::generate::forward::{BandNoise, Forward, ForwardParameters, PixelModel};
+use crate::generate::forward::{BandNoise, Forward, ForwardParameters, PixelModel, Scatter};
 use crate::generate::voltmeter::Coefficients;
 use crate::geometry::Size;
 use crate::predict::ByPixel;
@@ -231,19 +231,14 @@ fn generated(
         }
     };
     let half = (0.5 * hypothesis.nuisance(Nuisance::LogRatio)).exp();
-    // A logistic law's standard deviation; the noise is in what was memorised too.
-    let rms = 1.813_8 * law.noise_at_white / theta / std::f64::consts::SQRT_2;
-    let hz = hypothesis.nuisance(Nuisance::LogNoiseHz).exp() / std::f64::consts::TAU;
-    let band = BandNoise {
-        rms,
-        bandwidth_hz: hz.clamp(20.0, 1_000.0),
-        light_exponent: law.noise_exponent,
-    };
+    let (band, scatter) = noise(hypothesis, theta);
     let background = law.background_on_hz + law.background_off_hz;
     let adjust = |_: u16, _: u16, pixel: &mut PixelModel| {
         pixel.threshold_on *= half;
         pixel.threshold_off /= half;
-        pixel.band = pixel.band.or(Some(band));
+        if pixel.band.is_none() {
+            (pixel.band, pixel.scatter) = (Some(band), Some(scatter));
+        }
         pixel.spontaneous_hz += background;
     };
     let pixels: Vec<(u16, u16)> =
@@ -256,6 +251,24 @@ fn generated(
             None
         }
     }
+}
+
+/// The law's noise: the part that the pixel memorises with the light as a signal's, the other as that of its
+/// thresholds.
+fn noise(hypothesis: &Hypothesis, theta: f64) -> (BandNoise, Scatter) {
+    let law = hypothesis.law();
+    let hz = hypothesis.nuisance(Nuisance::LogNoiseHz).exp();
+    let (scale, light_exponent) = (law.noise_at_white / theta, law.noise_exponent);
+    // A logistic law's standard deviation; a change has the signal's noise twice.
+    let rms = 1.813_8 * scale * (0.5 * law.noise_memorised).sqrt();
+    let bandwidth_hz = (hz / std::f64::consts::TAU).clamp(20.0, 1_000.0);
+    let scatter = Scatter {
+        scale: scale * (1.0 - law.noise_memorised).sqrt(),
+        light_exponent,
+        // At rest the law crosses a threshold half as often as it is so near.
+        redrawn_hz: 0.5 * hz,
+    };
+    (BandNoise { rms, bandwidth_hz, light_exponent }, scatter)
 }
 
 fn counts(events: &Events, size: Size) -> Vec<u32> {

@@ -11,7 +11,7 @@ mod quiet;
 #[cfg(test)]
 mod tests;
 
-pub use pixel::{BandNoise, PixelModel};
+pub use pixel::{BandNoise, PixelModel, Scatter};
 
 use super::effect::{Bench, EffectError, Effects, Light, Region, Site, Surroundings};
 use super::random::Source;

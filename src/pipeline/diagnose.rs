@@ -196,14 +196,15 @@ fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, Pipeline
             mapped = Some(scene);
             (Box::new(drive), facts)
         }
-        Baseline::Motion(light) => {
-            let (drive, facts) = frames(session, light)?;
-            let is_led = !facts.is_light_dense();
-            let drive = if is_led { drive.without_clipped().led_by_motion() } else { drive };
-            (Box::new(drive), Facts { is_led, ..facts })
-        }
-        Baseline::Frames(light) => {
-            let (drive, facts) = frames(session, light)?;
+        Baseline::Motion(light) | Baseline::Frames(light) => {
+            let (drive, mut facts) = frames(session, light)?;
+            facts.is_led =
+                matches!(request.baseline, Baseline::Motion(_)) && !facts.is_light_dense();
+            let drive = if facts.is_led {
+                drive.without_clipped().led_by_motion().steadied()
+            } else {
+                drive
+            };
             (Box::new(drive), facts)
         }
     };

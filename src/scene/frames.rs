@@ -1,12 +1,15 @@
 //! The drive from frames on the event pixels' own grid: straight in log intensity from frame to frame, or led
 //! along with what moves.
 
+use super::corners::Corners;
 use super::frame_noise::FrameNoise;
 use super::motion::{Motion, Shot, ends, taken};
+use super::steady::steady;
 use crate::drive::{Drive, TimeGrid};
 use crate::frame::Luminance;
 use crate::geometry::Size;
 use rayon::prelude::*;
+use std::sync::OnceLock;
 
 /// Frames cannot serve as a light signal.
 #[derive(Debug, thiserror::Error)]
@@ -75,7 +78,7 @@ pub struct FramesDrive {
     motions: Vec<Motion>,
     /// The intensity at which the frames end, where the light beyond is not to be taken for it.
     clipped: f32,
-    noise: FrameNoise,
+    noise: OnceLock<FrameNoise>,
 }
 
 impl FramesDrive {
@@ -102,11 +105,8 @@ impl FramesDrive {
         let values: Vec<f32> =
             frames.iter().flat_map(|f| f.values.iter().map(|v| light(v) as f32)).collect();
         let times_us = frames.iter().map(|frame| frame.t_us).collect();
-        let (size, motions) = (first.size, Vec::new());
-        // Half a step of a camera of eight bits, where the frames are without noise.
-        let least = FLOOR_DN / white_dn.max(255.0);
-        let noise = FrameNoise::of(&values, size.n_pixels(), least as f32);
-        let clipped = f32::INFINITY;
+        let (size, motions, clipped) = (first.size, Vec::new(), f32::INFINITY);
+        let noise = OnceLock::new();
         Ok(Self { size, times_us, row_us, white_dn, values, motions, clipped, noise })
     }
 
@@ -123,16 +123,25 @@ impl FramesDrive {
         self
     }
 
+    /// The same light without the noise of single frames where it rests. What moves is to be told before.
+    /// [`Drive::noise`] stays that of single frames, as which it remains where little rests.
+    #[must_use]
+    pub fn steadied(mut self) -> Self {
+        let noise = self.frame_noise().clone();
+        steady(&mut self.values, self.size.n_pixels(), &noise, self.clipped);
+        self
+    }
+
     /// The same light, led along with what moves from frame to frame. Where nothing that can be followed
     /// moves it is straight, as before.
     #[must_use]
     pub fn led_by_motion(mut self) -> Self {
         let n = self.times_us.len() - 1;
         let most = (ALL_POINTS / n).clamp(POINTS[0], POINTS[1]);
+        let noise = self.frame_noise();
         let pairs = (0..n).into_par_iter();
-        self.motions = pairs
-            .map(|k| Motion::between(self.shot(k), self.shot(k + 1), &self.noise, most))
-            .collect();
+        self.motions =
+            pairs.map(|k| Motion::between(self.shot(k), self.shot(k + 1), noise, most)).collect();
         self
     }
 
@@ -149,19 +158,15 @@ impl FramesDrive {
         let shifts = motion.about(place);
         shifts.clone().next()?;
         let shots = [self.shot(frame), self.shot(frame + 1)];
-        let noise = self.noise.at(shots[0].at(place));
+        let noise = self.frame_noise().at(shots[0].at(place));
         Some(std::array::from_fn(|i| {
             let share = i as f32 / (LED - 1) as f32;
             let shift = taken(shots, place, share, shifts.clone(), noise);
             let [from, to] = ends(place, share, shift);
-            let [before, after] = [self.light(shots[0], from), self.light(shots[1], to)];
+            let light = |k: usize, end| self.light(frame + k, &shots[k].corners(end));
+            let [before, after] = [light(0, from), light(1, to)];
             before + (after - before) * share
         }))
-    }
-
-    /// The logarithm of the intensity between four pixels, where all of them are known.
-    fn light(&self, shot: Shot<'_>, place: [f32; 2]) -> f32 {
-        if shot.most_about(place) >= self.clipped { f32::NAN } else { shot.at(place).ln() }
     }
 
     /// Times of the frames' first rows, microseconds.
@@ -170,33 +175,27 @@ impl FramesDrive {
         &self.times_us
     }
 
-    /// The four pixels about a place with their weights; none outside the outermost middles.
-    fn corners(&self, [u, v]: [f64; 2]) -> Option<[(usize, f32); 4]> {
-        let (width, height) = (usize::from(self.size.width), usize::from(self.size.height));
-        let inside = |p: f64, n: usize| (0.0..=n as f64 - 1.0).contains(&p).then_some(p);
-        let (px, py) = (inside(u - 0.5, width)?, inside(v - 0.5, height)?);
-        let (x, y) = (px.floor() as usize, py.floor() as usize);
-        let (fx, fy) = ((px - x as f64) as f32, (py - y as f64) as f32);
-        let (x1, y1) = ((x + 1).min(width - 1), (y + 1).min(height - 1));
-        Some([
-            (y * width + x, (1.0 - fx) * (1.0 - fy)),
-            (y * width + x1, fx * (1.0 - fy)),
-            (y1 * width + x, (1.0 - fx) * fy),
-            (y1 * width + x1, fx * fy),
-        ])
+    /// The four pixels about a place; none outside the outermost middles.
+    fn corners(&self, place: [f64; 2]) -> Option<Corners> {
+        let size = [self.size.width, self.size.height].map(usize::from);
+        let place = place.map(|p| p - 0.5);
+        let is_inside = (0..2).all(|i| (0.0..=size[i] as f64 - 1.0).contains(&place[i]));
+        is_inside.then(|| Corners::about(size, place.map(|p| p as f32)))
     }
 
-    fn value(&self, frame: usize, corners: &[(usize, f32); 4]) -> f32 {
-        let values = &self.values[frame * self.size.n_pixels()..];
-        let seen = corners.iter().filter(|(_, weight)| *weight > 0.0);
-        let mut light = 0.0;
-        for &(pixel, weight) in seen {
-            if values[pixel] >= self.clipped {
-                return f32::NAN;
-            }
-            light += values[pixel] * weight;
-        }
-        light.ln()
+    /// The logarithm of the intensity between four pixels of a frame, where all of them are known.
+    fn light(&self, frame: usize, corners: &Corners) -> f32 {
+        let values = self.shot(frame).values;
+        if corners.most(values) >= self.clipped { f32::NAN } else { corners.value(values).ln() }
+    }
+
+    /// How much pixels of the frames scatter.
+    fn frame_noise(&self) -> &FrameNoise {
+        self.noise.get_or_init(|| {
+            // Half a step of a camera of eight bits, where the frames are without noise.
+            let least = FLOOR_DN / self.white_dn.max(255.0);
+            FrameNoise::of(&self.values, self.size.n_pixels(), least as f32)
+        })
     }
 }
 
@@ -237,13 +236,13 @@ impl Drive for FramesDrive {
         let late_us = self.row_us * (place[1] - 0.5);
         let last = self.times_us.len() - 1;
         let (mut frame, mut any) = (0, false);
-        let (mut before, mut after) = (self.value(0, &corners), self.value(1, &corners));
+        let (mut before, mut after) = (self.light(0, &corners), self.light(1, &corners));
         let mut led = self.led(0, place);
         for (i, out) in out.iter_mut().enumerate().take(grid.n) {
             let t_us = grid.at(i) as f64 - late_us;
             while frame + 1 < last && t_us >= self.times_us[frame + 1] as f64 {
                 frame += 1;
-                (before, after) = (after, self.value(frame + 1, &corners));
+                (before, after) = (after, self.light(frame + 1, &corners));
                 led = self.led(frame, place);
             }
             let (t0, t1) = (self.times_us[frame] as f64, self.times_us[frame + 1] as f64);
@@ -257,9 +256,9 @@ impl Drive for FramesDrive {
     }
 
     fn noise(&self, place: [f64; 2]) -> f32 {
-        let light = self.corners(place).map(|corners| self.value(0, &corners).exp());
+        let light = self.corners(place).map(|corners| self.light(0, &corners).exp());
         let light = light.filter(|light| light.is_finite()).unwrap_or(1.0);
-        self.noise.at(light) / light
+        self.frame_noise().at(light) / light
     }
 
     /// From what each frame shows where the line between its neighbours leads past: an upper bound.
@@ -273,7 +272,7 @@ impl Drive for FramesDrive {
         let (mut sum, mut n) = (0.0_f32, 0);
         for frame in inner.step_by(step) {
             let [a, b, c] = [frame - 1, frame, frame + 1].map(|k| self.times_us[k] as f64);
-            let [x, y, z] = [frame - 1, frame, frame + 1].map(|k| self.value(k, &corners));
+            let [x, y, z] = [frame - 1, frame, frame + 1].map(|k| self.light(k, &corners));
             let beside = y - x - (z - x) * ((b - a) / (c - a)) as f32;
             if beside.is_finite() {
                 sum += beside.powi(2);

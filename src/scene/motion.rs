@@ -5,6 +5,7 @@
 //! may have done; which of them a place did at an instant is what its surroundings in both frames agree
 //! on best, standing still among them.
 
+use super::corners::Corners;
 use super::frame_noise::FrameNoise;
 use crate::geometry::Size;
 use kornia_image::{Image, ImageError, ImageSize};
@@ -61,28 +62,14 @@ impl Shot<'_> {
         self.size.height as usize
     }
 
-    /// The value between the four pixels about a place, in pixels from the middle of the first; those
-    /// beyond the border are as the border.
-    pub(super) fn at(&self, [x, y]: [f32; 2]) -> f32 {
-        let (left, top) = (x.floor(), y.floor());
-        let (u, v) = (x - left, y - top);
-        let pixel = |x: isize, y: isize| self.pixel(x, y);
-        let (i, j) = (left as isize, top as isize);
-        (1.0 - v) * ((1.0 - u) * pixel(i, j) + u * pixel(i + 1, j))
-            + v * ((1.0 - u) * pixel(i, j + 1) + u * pixel(i + 1, j + 1))
+    /// The four pixels about a place, in pixels from the middle of the first.
+    pub(super) fn corners(&self, place: [f32; 2]) -> Corners {
+        Corners::about([self.width(), self.height()], place)
     }
 
-    /// The greatest of the pixels that the value at a place is between.
-    pub(super) fn most_about(&self, [x, y]: [f32; 2]) -> f32 {
-        let ends = |at: f32| [at.floor() as isize, at.ceil() as isize];
-        let pixels = ends(y).into_iter().flat_map(|j| ends(x).map(|i| self.pixel(i, j)));
-        pixels.fold(f32::NEG_INFINITY, f32::max)
-    }
-
-    fn pixel(&self, x: isize, y: isize) -> f32 {
-        let x = x.clamp(0, self.width() as isize - 1) as usize;
-        let y = y.clamp(0, self.height() as isize - 1) as usize;
-        self.values[y * self.width() + x]
+    /// The value between the four pixels about a place.
+    pub(super) fn at(&self, place: [f32; 2]) -> f32 {
+        self.corners(place).value(self.values)
     }
 
     fn image(&self) -> Result<Image<f32, 1>, ImageError> {
@@ -109,10 +96,13 @@ impl Motion {
         noise: &FrameNoise,
         most_points: usize,
     ) -> Self {
+        if before.width().min(before.height()) < 2 * WINDOW_PX {
+            return Self::default();
+        }
         let mut points = points(before, after, noise);
         let step = points.len().div_ceil(most_points).max(1);
         points = points.into_iter().step_by(step).collect();
-        if points.is_empty() || before.width().min(before.height()) < 2 * WINDOW_PX {
+        if points.is_empty() {
             return Self::default();
         }
         let tracks = tracks(before, after, &points).unwrap_or_default();

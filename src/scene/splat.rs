@@ -1,5 +1,6 @@
 //! Frames laid onto the map.
 
+use super::corners::Corners;
 use super::head::{Head, HeadPose, POSE};
 use super::map::{MapGrid, RadianceMap};
 use super::mosaic::PiCamera;
@@ -136,21 +137,12 @@ fn add(
     if !is_inside {
         return;
     }
-    let (i, j) = (column as usize, row as usize);
-    let (u, v) = (column - i as f32, row - j as f32);
-    let at = j * grid.width + i;
-    let shares = [
-        (at, (1.0 - u) * (1.0 - v)),
-        (at + 1, u * (1.0 - v)),
-        (at + grid.width, (1.0 - u) * v),
-        (at + grid.width + 1, u * v),
-    ];
+    let corners = Corners::about([grid.width, grid.height], [column, row]);
     let left = before.map_or(0.0, |map| {
-        let expected: f32 = shares.iter().map(|(cell, share)| share * map.values()[*cell]).sum();
-        let left = light - expected;
+        let left = light - corners.value(map.values());
         if left.is_finite() { left * left } else { 0.0 }
     });
-    for (cell, share) in shares {
+    for (cell, share) in corners.0 {
         let w = weight * share;
         let sums = &mut heap[cell];
         sums[0] += w;

@@ -10,7 +10,7 @@ const LONGEST_US: usize = 2_000;
 const SHORTEST_US: usize = 3;
 
 /// Share of all gaps that are the bus's own where it is busy.
-pub(super) const BUSY: f64 = 0.3;
+const BUSY: f64 = 0.3;
 
 /// Share that may be shorter: a stamp is rounded.
 const SHORTER: f64 = 0.01;
@@ -30,14 +30,29 @@ pub(super) fn saturation(times: &[i64]) -> Option<Departure> {
 
 /// Events a second of a busy bus, with the error of that.
 fn served(times: &[i64]) -> Option<[f64; 2]> {
-    let [mean_us, error_us] = shortest_gap(times, BUSY)?;
-    let rate = 1e6 / mean_us;
-    Some([rate, rate * (error_us / mean_us).max(1e-3)])
+    let gap = shortest_gap(times).filter(Gap::is_busy)?;
+    let rate = 1e6 / gap.us;
+    Some([rate, rate * (gap.error_us / gap.us).max(1e-3)])
 }
 
-/// The gap that is the commonest of all and that hardly any is shorter than, microseconds, with its error,
-/// where at least a share of `busy` is no longer. `times` ascend.
-pub(super) fn shortest_gap(times: &[i64], busy: f64) -> Option<[f64; 2]> {
+/// What comes after the one before as soon as it can.
+pub(super) struct Gap {
+    /// How soon that is, microseconds.
+    pub(super) us: f64,
+    pub(super) error_us: f64,
+    /// Share of all gaps that are no longer.
+    pub(super) share: f64,
+}
+
+impl Gap {
+    /// Whether a bus with this gap decides when events come.
+    pub(super) fn is_busy(&self) -> bool {
+        self.share >= BUSY
+    }
+}
+
+/// The gap that is the commonest of all and that hardly any is shorter than, if there is one. `times` ascend.
+pub(super) fn shortest_gap(times: &[i64]) -> Option<Gap> {
     let mut counts = vec![0_u64; LONGEST_US + 2];
     for pair in times.windows(2) {
         counts[((pair[1] - pair[0]) as usize).min(LONGEST_US + 1)] += 1;
@@ -48,13 +63,13 @@ pub(super) fn shortest_gap(times: &[i64], busy: f64) -> Option<[f64; 2]> {
     let [low, high] = [common.saturating_sub(1), common + 1];
     let shorter: u64 = counts[..low].iter().sum();
     let own: u64 = counts[low..=high].iter().sum();
-    if common < SHORTEST_US || shorter as f64 > SHORTER * all || (own as f64) < busy * all {
+    if common < SHORTEST_US || shorter as f64 > SHORTER * all {
         return None;
     }
     let sum: f64 = (low..=high).map(|gap| gap as f64 * counts[gap] as f64).sum();
     // Gaps of a free bus are among them.
     let free = counts[high + 1].max(1) as f64 / own as f64;
-    Some([sum / own as f64, free])
+    Some(Gap { us: sum / own as f64, error_us: free, share: own as f64 / all })
 }
 
 #[cfg(test)]

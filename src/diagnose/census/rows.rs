@@ -1,7 +1,8 @@
 //! Rows that are read one after another: all that waits in a row is stamped at once.
 
-use super::bus::{BUSY, shortest_gap};
-use super::{Departure, Evidence};
+use super::super::coarse::is_of_rows;
+use super::Departure;
+use super::bus::{Gap, shortest_gap};
 use crate::effect_id::EffectId;
 
 /// Share of the events that has to have the stamp of the one before.
@@ -10,33 +11,24 @@ const TOGETHER: f64 = 0.005;
 /// And fewest of them.
 const LEAST: usize = 200;
 
-/// Of events with one stamp so many are of one row; by chance hardly any are.
-const OF_ONE_ROW: f64 = 0.9;
-
 /// Least share of the turns that follow each other as soon as they can.
 const FOLLOW: f64 = 0.02;
 
-/// Row after row, if events show it, and whether it decides when events come.
-pub(super) fn readout(evidence: &Evidence) -> Option<(Departure, bool)> {
-    let recording = evidence.around.recording();
-    let size = recording.size();
-    let mut events: Vec<(i64, u16)> = (0..size.height)
-        .flat_map(|y| (0..size.width).map(move |x| (x, y)))
-        .flat_map(|(x, y)| recording.of(x, y).iter().map(move |spike| (spike.t_us, y)))
-        .collect();
-    events.sort_unstable();
-    let turns = turns(&events)?;
-    let [row_us, error_us] = turn_us(&turns)?;
+/// Row after row, if events show it, and whether it decides when events come; `events` are stamps and rows,
+/// ascending.
+pub(super) fn readout(events: &[(i64, u16)]) -> Option<(Departure, bool)> {
+    let turn = turn(&turns(events)?)?;
     let departure = Departure {
         id: EffectId::RowReadout,
-        parameters: vec![("row_us", [row_us, error_us])],
+        parameters: vec![("row_us", [turn.us, turn.error_us])],
         says: format!(
-            "what waits in a row is read at once and stamped alike, a row every {row_us:.1} us at most"
+            "what waits in a row is read at once and stamped alike, a row every {:.1} us at most",
+            turn.us
         ),
-        z: row_us / error_us,
+        z: turn.us / turn.error_us,
         without: None,
     };
-    Some((departure, shortest_gap(&turns, BUSY).is_some()))
+    Some((departure, turn.is_busy()))
 }
 
 /// The stamps of the turns, if what is stamped alike is of one row; `events` are stamps and rows, ascending.
@@ -45,7 +37,7 @@ fn turns(events: &[(i64, u16)]) -> Option<Vec<i64>> {
     let (n, n_of_one) =
         (together().count(), together().filter(|pair| pair[0].1 == pair[1].1).count());
     let is_enough = n >= LEAST && n as f64 >= TOGETHER * events.len() as f64;
-    if !is_enough || (n_of_one as f64) < OF_ONE_ROW * n as f64 {
+    if !is_enough || !is_of_rows(n_of_one, n) {
         return None;
     }
     let mut turns: Vec<i64> = events.iter().map(|event| event.0).collect();
@@ -53,11 +45,11 @@ fn turns(events: &[(i64, u16)]) -> Option<Vec<i64>> {
     Some(turns)
 }
 
-/// How long a row's turn takes, with its error.
-fn turn_us(turns: &[i64]) -> Option<[f64; 2]> {
-    let [row_us, error_us] = shortest_gap(turns, FOLLOW)?;
+/// How long a row's turn takes, if enough follow each other as soon as they can.
+fn turn(turns: &[i64]) -> Option<Gap> {
+    let gap = shortest_gap(turns).filter(|gap| gap.share >= FOLLOW)?;
     // Stamps are whole microseconds.
-    Some([row_us, error_us.clamp(0.1, 0.5)])
+    Some(Gap { error_us: gap.error_us.clamp(0.1, 0.5), ..gap })
 }
 
 #[cfg(test)]
@@ -98,7 +90,7 @@ mod tests {
     fn rows_that_are_read_in_turn_are_told_with_their_time_and_a_free_bus_is_not() {
         let [free, read] = requests();
         assert!(turns(&free).is_none());
-        let [row_us, error_us] = turn_us(&turns(&read).unwrap()).unwrap();
-        assert!((row_us - 17.4).abs() < 2.0 * error_us, "{row_us} +- {error_us}");
+        let turn = turn(&turns(&read).unwrap()).unwrap();
+        assert!((turn.us - 17.4).abs() < 2.0 * turn.error_us, "{} +- {}", turn.us, turn.error_us);
     }
 }

@@ -41,6 +41,7 @@ pub(super) fn walk(
 ) {
     let Some(start) = potential.volts.iter().position(|v| v.is_finite()) else { return };
     let mut walk = Walk::new(potential, pixel, step_us, draws);
+    walk.scatter(start, true);
     let mut i = start + 1;
     while i < potential.volts.len() {
         let rise = potential.volts[i] - potential.volts[i - 1];
@@ -49,6 +50,9 @@ pub(super) fn walk(
             walk.start_anew();
             i = known + 1;
             continue;
+        }
+        if !walk.redraws(i, fire) {
+            return;
         }
         if !walk.skips(i, rise) && !walk.through(i, rise, fire) {
             return;
@@ -75,6 +79,10 @@ struct Walk<'a> {
     elapsed: f64,
     /// Until when the pixel is held at reset, steps of the grid.
     held_until: f64,
+    /// The thresholds as they are now, On and Off.
+    thresholds: [f64; 2],
+    /// Chance that they are drawn anew in a step.
+    redrawn: f64,
 }
 
 impl<'a> Walk<'a> {
@@ -86,6 +94,8 @@ impl<'a> Walk<'a> {
     ) -> Self {
         let bandwidth_hz = pixel.band.map_or(f64::INFINITY, |band| band.bandwidth_hz);
         let band = draws.normal();
+        let scatter = pixel.scatter.filter(|scatter| scatter.scale > 0.0);
+        let redrawn_hz = scatter.map_or(0.0, |scatter| scatter.redrawn_hz);
         Self {
             potential,
             pixel,
@@ -99,6 +109,8 @@ impl<'a> Walk<'a> {
             variance: 0.0,
             elapsed: 0.0,
             held_until: 0.0,
+            thresholds: [pixel.threshold_on, pixel.threshold_off],
+            redrawn: -(-redrawn_hz * step_us * 1e-6).exp_m1(),
         }
     }
 
@@ -131,8 +143,8 @@ impl<'a> Walk<'a> {
             let now = self.band * self.rms;
             reach = [reach[0] + (most - now).max(0.0), reach[1] + (most + now).max(0.0)];
         }
-        let inside = self.volts + high + reach[0] < self.pixel.threshold_on
-            && self.volts + low - reach[1] > -self.pixel.threshold_off;
+        let [on, off] = self.thresholds;
+        let inside = self.volts + high + reach[0] < on && self.volts + low - reach[1] > -off;
         if inside {
             (self.mean, self.variance) = (mean, variance);
             self.elapsed += 1.0;
@@ -161,7 +173,7 @@ impl<'a> Walk<'a> {
     }
 
     fn keep_inside(&mut self) {
-        let (on, off) = (self.pixel.threshold_on, self.pixel.threshold_off);
+        let [on, off] = self.thresholds;
         self.volts = self.volts.clamp(-off * INSIDE, on * INSIDE);
     }
 
@@ -171,6 +183,50 @@ impl<'a> Walk<'a> {
             let kept = (-steps / self.tau).exp();
             self.band = kept * self.band + (1.0 - kept * kept).sqrt() * self.draws.normal();
         }
+    }
+
+    /// The pixel fires at a time in the step before instant `i`; whether to go on.
+    fn fires(
+        &mut self,
+        i: usize,
+        at: f64,
+        on: bool,
+        fire: &mut dyn FnMut(f64, bool) -> bool,
+    ) -> bool {
+        let latency = self.pixel.latency_us / self.step_us;
+        self.volts = 0.0;
+        let hold = self.pixel.refractory_us / self.step_us + latency;
+        if hold > 0.0 {
+            self.held_until = at + hold;
+        }
+        self.scatter(i, true);
+        fire(at + latency, on)
+    }
+
+    /// Draws thresholds anew; behind an event such as have not been passed already.
+    fn scatter(&mut self, i: usize, is_fresh: bool) {
+        let Some(&scale) = self.potential.scatter.get(i) else { return };
+        let nominal = [self.pixel.threshold_on, self.pixel.threshold_off];
+        self.thresholds = nominal.map(|theta| {
+            let passed = if is_fresh { 1.0 / (1.0 + (theta / scale).exp()) } else { 0.0 };
+            let share = passed + (1.0 - passed) * self.draws.uniform();
+            theta + scale * (share / (1.0 - share)).ln()
+        });
+    }
+
+    /// Perhaps draws thresholds anew at the start of the step before instant `i`, at which the pixel
+    /// fires if the voltage is beyond them; whether to go on.
+    fn redraws(&mut self, i: usize, fire: &mut dyn FnMut(f64, bool) -> bool) -> bool {
+        let start = (i - 1) as f64;
+        let waits = self.held_until > start;
+        if self.redrawn <= 0.0 || waits || self.draws.uniform() >= self.redrawn {
+            return true;
+        }
+        self.catch_up(i);
+        self.scatter(i, false);
+        let [on, off] = self.thresholds;
+        let is_on = self.volts >= on;
+        if is_on || self.volts <= -off { self.fires(i, start, is_on, fire) } else { true }
     }
 
     /// Goes through the step before instant `i` with all its events; whether to go on.
@@ -191,14 +247,8 @@ impl<'a> Walk<'a> {
             match self.take(&piece) {
                 Some((share, on)) => {
                     at += share * piece.span;
-                    let latency = self.pixel.latency_us / self.step_us;
-                    if !fire(start + at + latency, on) {
+                    if !self.fires(i, start + at, on, fire) {
                         return false;
-                    }
-                    self.volts = 0.0;
-                    let hold = self.pixel.refractory_us / self.step_us + latency;
-                    if hold > 0.0 {
-                        self.held_until = start + at + hold;
                     }
                 }
                 None => at += piece.span,
@@ -220,8 +270,7 @@ impl<'a> Walk<'a> {
             let mean = rise * span;
             let white = variance * span;
             let sd = (white + band_variance).sqrt();
-            let (above, below) =
-                (self.pixel.threshold_on - self.volts, self.pixel.threshold_off + self.volts);
+            let (above, below) = (self.thresholds[0] - self.volts, self.thresholds[1] + self.volts);
             let up = above <= REACH * sd + (mean + pull).max(0.0);
             let down = below <= REACH * sd + (-mean - pull).max(0.0);
             let near = match (up, down) {

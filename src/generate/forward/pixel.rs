@@ -29,6 +29,8 @@ pub struct PixelModel {
     pub white_per_sqrt_s: f64,
     /// Band-limited noise.
     pub band: Option<BandNoise>,
+    /// Scatter of the thresholds.
+    pub scatter: Option<Scatter>,
     /// From the crossing to the request, at which the pixel is reset, µs.
     pub latency_us: f64,
     /// After the reset the pixel is held at it, µs.
@@ -50,6 +52,18 @@ pub struct BandNoise {
     pub light_exponent: f64,
 }
 
+/// Thresholds that are drawn anew at every event, and at random instants between events: noise of the
+/// comparison, which a pixel does not memorise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scatter {
+    /// Scale of their logistic law at white, nominal thresholds.
+    pub scale: f64,
+    /// The scale goes with the intensity to the power of minus this.
+    pub light_exponent: f64,
+    /// How often they are drawn anew between events, Hz.
+    pub redrawn_hz: f64,
+}
+
 impl PixelModel {
     /// The voltmeter's pixel with these k, for frames that read `white_dn` on white paper.
     #[must_use]
@@ -67,6 +81,7 @@ impl PixelModel {
             shot_per_sqrt_s: k3 / white_dn.sqrt() * US_PER_S.sqrt(),
             white_per_sqrt_s: k6 * US_PER_S.sqrt(),
             band: None,
+            scatter: None,
             latency_us: 0.0,
             refractory_us: 0.0,
             spontaneous_hz: 0.0,
@@ -87,6 +102,7 @@ impl PixelModel {
         self.shot_per_sqrt_s == 0.0
             && self.white_per_sqrt_s == 0.0
             && self.band.is_none_or(|band| band.rms == 0.0)
+            && self.scatter.is_none_or(|scatter| scatter.scale == 0.0)
     }
 }
 

@@ -13,6 +13,8 @@ pub(super) struct Potential {
     pub(super) variance: Vec<f64>,
     /// Standard deviation of the band-limited noise; empty without.
     pub(super) band_rms: Vec<f64>,
+    /// Scale of the thresholds' scatter; empty without.
+    pub(super) scatter: Vec<f64>,
     intensity: Vec<f32>,
 }
 
@@ -20,7 +22,8 @@ impl Potential {
     /// Fills in what the pixel makes of `light`, log intensity over white at a step of `step_s`.
     pub(super) fn fill(&mut self, pixel: &PixelModel, light: &[f32], step_s: f64) {
         let has_floor = pixel.floor_of_white > FLOOR_THAT_MATTERS;
-        let varies = pixel.band.is_some_and(|band| band.light_exponent != 0.0);
+        let varies = pixel.band.is_some_and(|band| band.light_exponent != 0.0)
+            || pixel.scatter.is_some_and(|scatter| scatter.light_exponent != 0.0);
         let needs_intensity =
             has_floor || pixel.leak_hz_at_white != 0.0 || pixel.shot_per_sqrt_s != 0.0 || varies;
         self.intensity.clear();
@@ -69,20 +72,25 @@ impl Potential {
 
     fn noise(&mut self, pixel: &PixelModel, n: usize, step_s: f64) {
         self.variance.clear();
-        self.band_rms.clear();
         if pixel.shot_per_sqrt_s != 0.0 {
             let variance = |&i: &f32| pixel.white_noise(f64::from(i)).powi(2) * step_s;
             self.variance.extend(self.intensity.iter().map(variance));
         } else if !pixel.is_quiet() {
             self.variance.resize(n, pixel.white_per_sqrt_s.powi(2) * step_s);
         }
-        let Some(band) = pixel.band.filter(|band| band.rms > 0.0) else { return };
-        if band.light_exponent == 0.0 {
-            self.band_rms.resize(n, band.rms);
-        } else {
-            let rms = |&i: &f32| band.rms * f64::from(i).max(DARKEST).powf(-band.light_exponent);
-            self.band_rms.extend(self.intensity.iter().map(rms));
-        }
+        let at_light = |white: f64, exponent: f64, out: &mut Vec<f64>| {
+            out.clear();
+            if exponent == 0.0 {
+                out.resize(if white > 0.0 { n } else { 0 }, white);
+            } else if white > 0.0 {
+                let there = |&i: &f32| white * f64::from(i).max(DARKEST).powf(-exponent);
+                out.extend(self.intensity.iter().map(there));
+            }
+        };
+        let band = pixel.band.map_or([0.0; 2], |band| [band.rms, band.light_exponent]);
+        at_light(band[0], band[1], &mut self.band_rms);
+        let scatter = pixel.scatter.map_or([0.0; 2], |s| [s.scale, s.light_exponent]);
+        at_light(scatter[0], scatter[1], &mut self.scatter);
     }
 }
 

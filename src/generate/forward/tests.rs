@@ -158,6 +158,30 @@ fn band_limited_noise_scatters_the_events_of_a_slope_and_leaves_their_number() {
 }
 
 #[test]
+fn scattered_thresholds_spread_a_slopes_events_and_fire_by_themselves_when_drawn_anew() {
+    let pixels = all_pixels();
+    let run = |drive: &dyn Drive, scatter: Scatter| {
+        let plain = forward([5.0, 1e-9, 0.0, 0.0, 0.0, 0.0], &[], 1_000);
+        let adjust = |_: u16, _: u16, pixel: &mut PixelModel| pixel.scatter = Some(scatter);
+        plain.run_with(drive, &pixels, [0, 3_000_000], 4, &adjust).unwrap().events
+    };
+    // Five thresholds a second and unit of the logarithm: twenty events a second.
+    let slope = made(|x, _, t: f64| 4.0 * t + 0.01 * x);
+    let drawn = run(&slope, Scatter { scale: 0.1, light_exponent: 0.0, redrawn_hz: 0.0 });
+    let found: Vec<f64> = intervals(&drawn).iter().map(|(us, _)| us * 20e-6).collect();
+    let n = found.len() as f64;
+    let mean = found.iter().sum::<f64>() / n;
+    let sd = (found.iter().map(|theta| (theta - mean).powi(2)).sum::<f64>() / n).sqrt();
+    assert!((mean - 1.0).abs() < 0.01 && (sd / 0.181_4 - 1.0).abs() < 0.03, "{mean} {sd}");
+    // At rest each draw passes either threshold by chance; the law is broader in the dark.
+    let rest = made(|_, _, _| -1.0);
+    let scatter = Scatter { scale: 0.2, light_exponent: 0.5, redrawn_hz: 20.0 };
+    let by_itself = run(&rest, scatter).len() as f64 / (3.0 * SIZE.n_pixels() as f64);
+    let chance = 1.0 / (1.0 + (1.0 / (0.2 * 0.5_f64.exp())).exp());
+    assert!((by_itself / (2.0 * 20.0 * chance) - 1.0).abs() < 0.08, "{by_itself} {chance}");
+}
+
+#[test]
 fn light_behind_the_end_of_the_drive_gives_no_event_and_no_panic() {
     let drive = made(|x, _, t| if t > 0.5 || x < 20.0 { f64::NAN } else { 10.0 * t });
     let run = forward([5.0, 1.0, 1e-4, 1e-7, 1e-9, 1e-5], NOISY, 1_000).run(

@@ -1,0 +1,60 @@
+//! The four pixels about a place between them.
+
+/// The pixels whose middles are about a place, by number in an image of rows, with their weights.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Corners(pub(super) [(usize, f32); 4]);
+
+impl Corners {
+    /// About a place in pixels from the middle of the first of an image of so many columns and rows; what
+    /// lies beyond the border is as the border.
+    #[inline]
+    pub(super) fn about([width, height]: [usize; 2], [x, y]: [f32; 2]) -> Self {
+        let (left, top) = (x.floor(), y.floor());
+        let (u, v) = (x - left, y - top);
+        let column = |x: f32| (x.max(0.0) as usize).min(width - 1);
+        let row = |y: f32| (y.max(0.0) as usize).min(height - 1) * width;
+        let (x0, x1) = (column(left), column(left + 1.0));
+        let (y0, y1) = (row(top), row(top + 1.0));
+        Self([
+            (y0 + x0, (1.0 - u) * (1.0 - v)),
+            (y0 + x1, u * (1.0 - v)),
+            (y1 + x0, (1.0 - u) * v),
+            (y1 + x1, u * v),
+        ])
+    }
+
+    /// The value between them, linear along rows and columns.
+    #[inline]
+    pub(super) fn value(&self, values: &[f32]) -> f32 {
+        self.0.iter().map(|(pixel, weight)| values[*pixel] * weight).sum()
+    }
+
+    /// The greatest of them that weighs anything.
+    pub(super) fn most(&self, values: &[f32]) -> f32 {
+        let seen = self.0.iter().filter(|(_, weight)| *weight > 0.0);
+        seen.map(|(pixel, _)| values[*pixel]).fold(f32::NEG_INFINITY, f32::max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plane_is_read_back_inside_and_the_border_goes_on_beyond() {
+        let values: Vec<f32> = (0..12).map(|i| (i % 4) as f32 + 10.0 * (i / 4) as f32).collect();
+        let at = |place| Corners::about([4, 3], place).value(&values);
+        for (place, expected) in
+            [([1.25, 0.5], 6.25), ([3.0, 2.0], 23.0), ([-5.0, 1.0], 10.0), ([9.0, 9.5], 23.0)]
+        {
+            assert!((at(place) - expected).abs() < 1e-5, "{place:?}: {}", at(place));
+        }
+    }
+
+    #[test]
+    fn the_greatest_is_of_those_that_weigh() {
+        let values = [1.0, 9.0, 2.0, 9.0];
+        let most = |place| Corners::about([2, 2], place).most(&values);
+        assert_eq!([[0.0, 0.5], [0.1, 0.5]].map(most), [2.0, 9.0]);
+    }
+}
