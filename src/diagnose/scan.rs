@@ -123,8 +123,8 @@ pub(super) fn absent(id: EffectId) -> &'static str {
              same paper from the middle to a corner"
         }
         EffectId::FrameNoise => {
-            "the map is the mean of many frames, in which the noise of one does not show; frames in \
-             a static scene state it directly"
+            "the light is the mean of many frames where it rests, in which the noise of one does not \
+             show; frames of a static scene state it directly"
         }
         EffectId::MovingShadow => {
             "light that changes while the print stays is booked to the path's brightness; it takes a \

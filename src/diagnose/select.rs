@@ -4,7 +4,7 @@ use super::census::{Census, census};
 use super::check::structure;
 use super::conclude::{Reached, conclude};
 use super::errors::with_errors;
-use super::fit::{Fitted, fit};
+use super::fit::{Fitted, as_it_is, fit, improved};
 use super::halves::halves;
 use super::heat::{HeatMap, heat_maps};
 use super::judge::{Judge, Judged};
@@ -14,7 +14,7 @@ use super::region::gain_of;
 use super::scan::{LAST_STEPS, Tried, scan};
 use super::score::{LEAST_GAIN, Part, is_enough};
 use super::stated::{Departure, as_effects};
-use super::{Diagnosis, Evidence, Hypothesis, NullReport, Options, Rival, null};
+use super::{Diagnosis, Evidence, Hypothesis, Nuisance, NullReport, Options, Rival, null};
 use crate::effect_id::EffectId;
 
 /// A rival that buys this share of what the best does is fitted to the end before one is taken.
@@ -25,6 +25,9 @@ const MOST_RIVALS: usize = 3;
 
 /// Events on which first fits are made.
 const FEW_EVENTS: usize = 6_000;
+
+/// Offsets of the clocks to either side that are begun with.
+const OFFSETS: i32 = 5;
 
 /// An effect that was taken, with what it was measured against.
 pub(super) struct Taken {
@@ -64,8 +67,7 @@ pub fn diagnose(
     let options = &Options { max_effects, ..*options };
     progress("baseline");
     let few = evidence.thinned((evidence.n_events() / FEW_EVENTS).max(2));
-    let begun = fit(&few, Hypothesis::baseline(evidence), 12, 1e-4);
-    let baseline = polished(evidence, fit(evidence, begun.hypothesis, 12, 1e-5));
+    let baseline = begin(evidence, &few);
     let (baseline, model, taken) = take_all(evidence, &few, baseline, options, progress);
     let (model, taken) = prune(evidence, &baseline, model, taken);
     let (mut model, mut taken) = leave_out_vague(evidence, &baseline, model, taken);
@@ -110,6 +112,26 @@ pub fn diagnose(
         baseline: baseline.hypothesis,
         model: model.hypothesis,
     }
+}
+
+/// Nuisances alone, fitted. Light between frames is rough in time, so that slopes lead to the next best
+/// offset of the clocks: some all over its range are begun with.
+fn begin(evidence: &Evidence, few: &Evidence) -> Fitted {
+    let mut begun = fit(few, Hypothesis::baseline(evidence), 12, 1e-4);
+    if evidence.facts.is_led {
+        let within = evidence.facts.offset_within_us;
+        let offsets = (-OFFSETS..=OFFSETS).map(|i| within * f64::from(i) / f64::from(OFFSETS));
+        let at = |us| begun.hypothesis.with_nuisance(Nuisance::OffsetUs, us);
+        let elsewhere = offsets.map(|us| as_it_is(few, at(us)));
+        let nats = |fitted: &Fitted| fitted.cells.nats(Part::Training);
+        if let Some(best) = elsewhere.max_by(|a, b| nats(a).total_cmp(&nats(b))) {
+            let there = improved(few, best, 12, 1e-4);
+            if nats(&there) > nats(&begun) {
+                begun = there;
+            }
+        }
+    }
+    polished(evidence, fit(evidence, begun.hypothesis, 12, 1e-5))
 }
 
 /// Takes effects one by one while they buy enough. A fit with an effect may come by better

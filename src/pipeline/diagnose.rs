@@ -244,7 +244,7 @@ fn frames(session: &Session, light: &str) -> Result<(FramesDrive, Facts), Pipeli
     if frames.first().is_some_and(|frame| frame.size != size) {
         return Err(missing(format!("`{light}` does not lie on the events' pixel grid of {size}")));
     }
-    let drive = FramesDrive::new(&frames, 0.0, 0.0)
+    let drive = FramesDrive::new(frames, 0.0, 0.0)
         .map_err(|error| missing(format!("`{light}`: {error}")))?;
     let times = drive.times_us();
     let facts = Facts {

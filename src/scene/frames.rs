@@ -9,6 +9,7 @@ use crate::drive::{Drive, TimeGrid};
 use crate::frame::Luminance;
 use crate::geometry::Size;
 use rayon::prelude::*;
+use std::borrow::Borrow;
 use std::sync::OnceLock;
 
 /// Frames cannot serve as a light signal.
@@ -87,26 +88,29 @@ impl FramesDrive {
     ///
     /// # Errors
     /// With fewer than two frames, frames out of order or of changing size, or no light at all.
-    pub fn new(frames: &[Luminance], black_dn: f64, row_us: f64) -> Result<Self, FramesError> {
-        let [first, .., _] = frames else { return Err(FramesError::TooFew { n: frames.len() }) };
-        for (index, pair) in frames.windows(2).enumerate() {
-            let frame = &pair[1];
-            if frame.t_us <= pair[0].t_us || frame.size != first.size {
-                let (before_us, expected) = (pair[0].t_us, first.size);
-                let (index, t_us, size) = (index + 1, frame.t_us, frame.size);
-                return Err(FramesError::Order { index, t_us, size, before_us, expected });
-            }
-        }
-        let white_dn = white_of(frames) - black_dn;
+    pub fn new<F: Borrow<Luminance>>(
+        frames: impl IntoIterator<Item = F>,
+        black_dn: f64,
+        row_us: f64,
+    ) -> Result<Self, FramesError> {
+        let frames: Vec<F> = frames.into_iter().collect();
+        let [first, .., _] = frames.as_slice() else {
+            return Err(FramesError::TooFew { n: frames.len() });
+        };
+        let size = first.borrow().size;
+        in_order(&frames, size)?;
+        let white_dn = white_of(&frames) - black_dn;
         if white_dn.is_nan() || white_dn <= FLOOR_DN {
             return Err(FramesError::Dark { black_dn });
         }
         let light = |value: &f32| (f64::from(*value) - black_dn).max(FLOOR_DN) / white_dn;
-        let values: Vec<f32> =
-            frames.iter().flat_map(|f| f.values.iter().map(|v| light(v) as f32)).collect();
-        let times_us = frames.iter().map(|frame| frame.t_us).collect();
-        let (size, motions, clipped) = (first.size, Vec::new(), f32::INFINITY);
-        let noise = OnceLock::new();
+        let times_us = frames.iter().map(|frame| frame.borrow().t_us).collect();
+        let mut values: Vec<f32> = Vec::with_capacity(frames.len() * size.n_pixels());
+        // Frames that are handed over go one by one, so that a long recording is not held twice.
+        for frame in frames {
+            values.extend(frame.borrow().values.iter().map(|v| light(v) as f32));
+        }
+        let (motions, clipped, noise) = (Vec::new(), f32::INFINITY, OnceLock::new());
         Ok(Self { size, times_us, row_us, white_dn, values, motions, clipped, noise })
     }
 
@@ -206,11 +210,23 @@ fn between(values: &[f32; LED], share: f32) -> f32 {
     values[i] + (values[i + 1] - values[i]) * (at - i as f32)
 }
 
+/// Whether frames ascend in time and have one size.
+fn in_order(frames: &[impl Borrow<Luminance>], expected: Size) -> Result<(), FramesError> {
+    for (before, pair) in frames.windows(2).enumerate() {
+        let (frame, before_us) = (pair[1].borrow(), pair[0].borrow().t_us);
+        if frame.t_us <= before_us || frame.size != expected {
+            let (index, t_us, size) = (before + 1, frame.t_us, frame.size);
+            return Err(FramesError::Order { index, t_us, size, before_us, expected });
+        }
+    }
+    Ok(())
+}
+
 /// What the brightest paper reads: a high quantile over some of the frames.
-fn white_of(frames: &[Luminance]) -> f64 {
+fn white_of(frames: &[impl Borrow<Luminance>]) -> f64 {
     let step = frames.len().div_ceil(16);
-    let mut values: Vec<f32> =
-        frames.iter().step_by(step).flat_map(|f| f.values.iter().copied()).collect();
+    let some = frames.iter().step_by(step).map(Borrow::borrow);
+    let mut values: Vec<f32> = some.flat_map(|frame| frame.values.iter().copied()).collect();
     values.sort_by(f32::total_cmp);
     f64::from(values[((values.len() - 1) as f64 * WHITE_QUANTILE) as usize])
 }
