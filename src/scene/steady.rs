@@ -9,13 +9,16 @@ use std::collections::VecDeque;
 const WINDOW: usize = 8;
 
 /// Half the width of a mean's interval, in its standard errors.
-const INTERVAL: f32 = 2.0;
+const INTERVAL: f32 = 1.3;
+
+/// Where frames to one side only are taken, fewer than so many may as well lie on a slope.
+const FLAT: usize = 3;
 
 /// Puts for each value of frames of `n_pixels`, one behind the other, the mean of the frames about it that
 /// show the same light; values from `end` on are left as they are, and out of every mean. To either side a
 /// frame is taken as long as the intervals of all means so far have a light in common (the intersection of
 /// confidence intervals; Goldenshluger and Nemirovski, 1997), so that a mean is off by what changed no more
-/// than by its noise.
+/// than by its noise; where the sides differ, as on a slope, as many of either.
 pub(super) fn steady(values: &mut [f32], n_pixels: usize, noise: &FrameNoise, end: f32) {
     let mut before: VecDeque<Vec<f32>> = VecDeque::with_capacity(WINDOW + 1);
     for start in (0..values.len()).step_by(n_pixels) {
@@ -26,29 +29,61 @@ pub(super) fn steady(values: &mut [f32], n_pixels: usize, noise: &FrameNoise, en
             let earlier = before.iter().map(|frame| frame[i]);
             let later = behind.iter().skip(i).step_by(n_pixels).take(WINDOW).copied();
             let interval = INTERVAL * noise.at(*value);
-            let [before, behind] = [
-                alike(*value, earlier.take_while(|look| *look < end), interval),
-                alike(*value, later.take_while(|look| *look < end), interval),
+            let is_known = |look: &f32| *look < end;
+            let sides = [
+                alike(*value, earlier.take_while(is_known), interval),
+                alike(*value, later.take_while(is_known), interval),
             ];
-            *value = (*value + before.0 + behind.0) / (1.0 + before.1 + behind.1);
+            *value = mean(*value, sides, interval);
         });
         before.push_front(seen);
     }
 }
 
-/// The sum and the number of the next looks that show the light of the first.
-fn alike(first: f32, next: impl Iterator<Item = f32>, interval: f32) -> (f32, f32) {
+/// Looks to one side that show the light of a first: their sum, and how many there are.
+#[derive(Debug, Clone, Copy, Default)]
+struct Side {
+    sums: [f32; WINDOW + 1],
+    n: usize,
+}
+
+impl Side {
+    fn mean(&self) -> f32 {
+        self.sums[self.n] / self.n as f32
+    }
+}
+
+fn alike(first: f32, next: impl Iterator<Item = f32>, interval: f32) -> Side {
     let (mut low, mut high) = (first - interval, first + interval);
-    let (mut sum, mut n) = (first, 1.0_f32);
+    let mut side = Side::default();
     for look in next {
-        let (mean, half) = ((sum + look) / (n + 1.0), interval / (n + 1.0).sqrt());
+        let sum = side.sums[side.n] + look;
+        let n = side.n as f32 + 2.0;
+        let (mean, half) = ((first + sum) / n, interval / n.sqrt());
         (low, high) = (low.max(mean - half), high.min(mean + half));
         if low > high {
             break;
         }
-        (sum, n) = (sum + look, n + 1.0);
+        side.n += 1;
+        side.sums[side.n] = sum;
     }
-    (sum - first, n - 1.0)
+    side
+}
+
+/// The mean of a value and both its sides; of as much of either where they lie on a slope.
+fn mean(value: f32, [mut before, mut behind]: [Side; 2], interval: f32) -> f32 {
+    let (fewest, most) = (before.n.min(behind.n), before.n.max(behind.n));
+    let is_slope = if fewest == 0 {
+        most < FLAT
+    } else {
+        let error = (1.0 / before.n as f32 + 1.0 / behind.n as f32).sqrt();
+        (before.mean() - behind.mean()).abs() > interval * error
+    };
+    if is_slope {
+        (before.n, behind.n) = (fewest, fewest);
+    }
+    let n = 1 + before.n + behind.n;
+    (value + before.sums[before.n] + behind.sums[behind.n]) / n as f32
 }
 
 #[cfg(test)]
@@ -60,7 +95,7 @@ mod tests {
     fn noise_goes_where_light_rests_and_steps_and_slopes_stay() {
         let mut random = SplitMix::new(8, 2);
         let (n_pixels, n_frames) = (300, 30);
-        // A third each rests, jumps at frame 15, and falls evenly and fast.
+        // A third each rests, jumps at frame 15, and falls evenly by 2.5 standard deviations a frame.
         let light = |i: usize, frame: usize| match i % 3 {
             0 => 0.5,
             1 if frame >= 15 => 0.9,
@@ -80,7 +115,7 @@ mod tests {
                 own.fold((0.0, 0.0), |(s, n), (_, (v, t))| (s + (v - t).powi(2), n + 1.0));
             (sum / n as f32).sqrt()
         };
-        for (kind, most) in [(0, 0.5), (1, 0.6), (2, 1.05)] {
+        for (kind, most) in [(0, 0.5), (1, 0.55), (2, 1.0)] {
             let is = rms(&values, kind) / rms(&raw, kind);
             assert!(is < most, "{is} of the noise is left in kind {kind}");
         }
@@ -88,10 +123,10 @@ mod tests {
 
     #[test]
     fn the_end_of_the_range_is_no_light_to_be_averaged() {
-        let mut values = [0.97, 0.99, 1.0, 0.98, 1.0];
+        let mut values = [0.97, 0.99, 0.98, 0.98, 1.0, 0.98, 1.0];
         let noise = FrameNoise::of(&[0.5; 3], 1, 0.05);
         steady(&mut values, 1, &noise, 1.0);
-        assert_eq!(values.map(|v| v < 1.0), [true, true, false, true, false]);
-        assert!((values[0] - 0.98).abs() < 1e-6 && (values[3] - 0.98).abs() < 1e-6, "{values:?}");
+        assert!((values[0] - 0.98).abs() < 1e-6, "{values:?}");
+        assert_eq!([values[4], values[5], values[6]], [1.0, 0.98, 1.0]);
     }
 }
