@@ -265,7 +265,7 @@ fn noise(hypothesis: &Hypothesis, theta: f64) -> (BandNoise, Scatter) {
     let scatter = Scatter {
         scale: scale * (1.0 - law.noise_memorised).sqrt(),
         light_exponent,
-        // At rest the law crosses a threshold half as often as it is so near.
+        // At rest the law's hazard is this rate times the share of the noise beyond the threshold.
         redrawn_hz: 0.5 * hz,
     };
     (BandNoise { rms, bandwidth_hz, light_exponent }, scatter)

@@ -3,7 +3,7 @@
 use super::check::{Structure, structure};
 use super::constancy::strengths;
 use super::fit::Fitted;
-use super::naming::{Standing, inconstant, standing};
+use super::naming::{Standing, at_an_end, inconstant, standing};
 use super::select::{Taken, refit_with};
 use super::{Evidence, Suspect, null};
 
@@ -84,8 +84,13 @@ fn of<T>(all: Vec<T>, doubts: &[Option<String>], is_asked: fn(&Option<String>) -
     own.map(|(each, _)| each).collect()
 }
 
-/// Where an effect of the model has another strength than elsewhere, in words.
+/// What an effect of the model asks for that it cannot have, or where it has another strength than
+/// elsewhere, in words.
 fn doubt(evidence: &Evidence, drawn: &Evidence, model: &Fitted, index: usize) -> Option<String> {
+    if let Some(parameter) = at_an_end(&model.hypothesis, index) {
+        let [low, high] = parameter.range;
+        return Some(format!("{} is at an end of its range, {low} to {high}", parameter.key));
+    }
     let strengths = strengths(evidence, drawn, model, index);
     let worst = inconstant(&strengths)?;
     let [low, high] = worst.range;

@@ -5,6 +5,8 @@
 //! missing. So the structure left, as trees see it ([`super::check`]), is held against what they
 //! see in recordings drawn from the model itself, and against what the baseline left.
 
+use super::Hypothesis;
+use super::candidate::Parameter;
 use super::check::Structure;
 use super::constancy::Stratum;
 use super::fit::Fitted;
@@ -88,6 +90,22 @@ pub(super) fn is_vague(model: &Fitted, index: usize) -> bool {
                 if p.is_log { Z90 * error <= VAGUE } else { value.abs() >= FROM_NOTHING * error };
             !is_told
         })
+}
+
+/// Share of its range within which a value stands at an end.
+const AT_THE_END: f64 = 1e-3;
+
+/// What stands at an end of its range, if something does: the events ask for more of it than there is, so
+/// that the effect stands in for something else.
+pub(super) fn at_an_end(hypothesis: &Hypothesis, index: usize) -> Option<&'static Parameter> {
+    let at = hypothesis.offset_of(index);
+    let parameters = hypothesis.effects[index].parameters.iter();
+    let mut own = parameters.enumerate().filter(|(_, p)| !p.is_fixed && !p.is_hidden);
+    let is_at_end = |(i, _): &(usize, &Parameter)| {
+        let ([low, high], value) = (hypothesis.ranges[at + i], hypothesis.values[at + i]);
+        (value - low).min(high - value) <= AT_THE_END * (high - low)
+    };
+    own.find(is_at_end).map(|(_, parameter)| parameter)
 }
 
 #[cfg(test)]

@@ -108,6 +108,21 @@ fn value(diagnosis: &Diagnosis, key: &str) -> f64 {
 }
 
 #[test]
+fn a_parameter_at_an_end_of_its_range_is_told_by_its_key_and_hidden_ones_are_not() {
+    let evidence = empty();
+    let at_an_end = |id: EffectId, start: &[f64]| {
+        let candidate = LIBRARY.iter().find(|c| c.id == id).unwrap();
+        let hypothesis = Hypothesis::baseline(&evidence).with(candidate, start);
+        naming::at_an_end(&hypothesis, 0).map(|parameter| parameter.key)
+    };
+    assert_eq!(at_an_end(EffectId::Adaptation, &[0.05_f64.ln(), 0.3]), Some("time_constant_s"));
+    assert_eq!(at_an_end(EffectId::Adaptation, &[0.5_f64.ln(), 0.98]), Some("fraction"));
+    assert_eq!(at_an_end(EffectId::Adaptation, &[0.5_f64.ln(), 0.3]), None);
+    // One and the same correlation is no limit of the law.
+    assert_eq!(at_an_end(EffectId::ThresholdMismatch, &[0.1_f64.ln(), 0.9]), None);
+}
+
+#[test]
 fn nothing_is_named_where_nothing_is_hidden() {
     let diagnosis = diagnose(&plant(None, &[]), &[], &options(), &mut |_| {}).diagnosis;
     assert_eq!(diagnosis.verdict, Verdict::NoMismatch, "{diagnosis:#?}");

@@ -21,7 +21,7 @@ const FLAT: usize = 3;
 /// than by its noise; where the sides differ, as on a slope, as many of either.
 pub(super) fn steady(values: &mut [f32], n_pixels: usize, noise: &FrameNoise, end: f32) {
     let mut before: VecDeque<Vec<f32>> = VecDeque::with_capacity(WINDOW + 1);
-    for start in (0..values.len()).step_by(n_pixels) {
+    for start in (0..values.len()).step_by(n_pixels.max(1)) {
         let (own, behind) = values[start..].split_at_mut(n_pixels);
         before.truncate(WINDOW);
         let seen = own.to_vec();
@@ -53,6 +53,7 @@ impl Side {
     }
 }
 
+/// Of the next looks those that show the light of the first.
 fn alike(first: f32, next: impl Iterator<Item = f32>, interval: f32) -> Side {
     let (mut low, mut high) = (first - interval, first + interval);
     let mut side = Side::default();
