@@ -42,6 +42,12 @@ pub(super) fn above(z: f64) -> f64 {
     0.5 * erfc(z / std::f64::consts::SQRT_2)
 }
 
+/// Chance that a gain comes out as large where there is none; 1 where nothing was there to measure it by.
+fn chance(gain: f64, error: f64) -> f64 {
+    let z = gain / error;
+    if z.is_nan() { 1.0 } else { above(z) }
+}
+
 /// What a model reaches on held-out cells when its hazard is recalibrated, nats an event.
 pub(super) fn reach(evidence: &Evidence, model: &Fitted) -> f64 {
     held_out_nats(model) + flexible(evidence, model).gain.max(0.0)
@@ -70,8 +76,10 @@ pub(super) fn conclude(
     // With the light as stated for a beginning, what the frames show is a part of what is explained.
     let low = as_stated.as_ref().map_or(low, held_out_nats);
     let (excess, share) = removed([low, high, ceiling]);
-    let (gain, error) = model.cells.gain(&baseline.cells, Part::HeldOut);
-    let z = if taken.is_empty() { before.gain / before.error } else { gain / error };
+    let (gain, error) = match taken.as_slice() {
+        [] => (before.gain, before.error),
+        _ => model.cells.gain(&baseline.cells, Part::HeldOut),
+    };
     let is_named = matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
     let named = if is_named { effects(evidence, model, &taken) } else { Vec::new() };
     let effects = all_named(departures, named);
@@ -82,7 +90,7 @@ pub(super) fn conclude(
         verdict,
         mismatch: Mismatch {
             excess_nats_per_event: excess,
-            p_value: above(z),
+            p_value: chance(gain, error),
             places: with_structure(
                 wrong_in(evidence, baseline, least),
                 left_before.as_ref(),
@@ -94,7 +102,7 @@ pub(super) fn conclude(
         fit: scores([low, high, ceiling], share),
         leftover: Leftover {
             excess_nats_per_event: ceiling - high,
-            p_value: above(after.gain / after.error),
+            p_value: chance(after.gain, after.error),
             places: with_structure(
                 wrong_in(evidence, model, least),
                 if taken.is_empty() { left_before.as_ref() } else { left_after.as_ref() },
@@ -261,7 +269,7 @@ fn effects(evidence: &Evidence, model: &Fitted, taken: &[Taken]) -> Vec<FittedEf
             if evidence.facts.clocks.is_none() {
                 equivalent.extend(candidate.same);
             }
-            let p_value = (above(taken.gain / taken.error) * LIBRARY.len() as f64).min(1.0);
+            let p_value = (chance(taken.gain, taken.error) * LIBRARY.len() as f64).min(1.0);
             FittedEffect {
                 id: candidate.id,
                 name: candidate.id.name().into(),
@@ -349,4 +357,15 @@ fn following(
             (key.to_owned(), Interval { value: v, ci90: [end(v - s), end(v + s)] })
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gain_that_nothing_measured_is_no_sign_and_one_without_scatter_is_a_sure_one() {
+        assert_eq!([chance(0.0, 0.0), chance(1.0, 0.0)], [1.0, 0.0]);
+        assert!((chance(1.644_853_6, 1.0) - 0.05).abs() < 1e-6);
+    }
 }
