@@ -9,7 +9,7 @@ use super::propose::propose;
 use super::scan::cannot_judge;
 use super::score::Part;
 use super::select::Taken;
-use super::strata::{held_out_nats, wrong_in};
+use super::strata::wrong_in;
 use super::{
     Diagnosis, Evidence, FitReport, FittedEffect, Half, HeldOut, Interval, LIBRARY, Leftover,
     Mismatch, NullReport, ProposedTerm, StructureReport, Suspect, Verdict,
@@ -50,12 +50,12 @@ fn chance(gain: f64, error: f64) -> f64 {
 
 /// What a model reaches on held-out cells when its hazard is recalibrated, nats an event.
 pub(super) fn reach(evidence: &Evidence, model: &Fitted) -> f64 {
-    held_out_nats(model) + flexible(evidence, model).gain.max(0.0)
+    model.held_out() + flexible(evidence, model).gain.max(0.0)
 }
 
 /// Ceiling minus baseline, nats an event.
 pub(super) fn excess(evidence: &Evidence, baseline: &Fitted, model: &Fitted) -> f64 {
-    reach(evidence, model).max(reach(evidence, baseline)) - held_out_nats(baseline)
+    reach(evidence, model).max(reach(evidence, baseline)) - baseline.held_out()
 }
 
 pub(super) fn conclude(
@@ -68,13 +68,13 @@ pub(super) fn conclude(
     let (departures, as_stated) = reached.departed;
     let (left_before, left_after) = (reached.before, reached.after);
     let (before, after) = (flexible(evidence, baseline), flexible(evidence, model));
-    let (low, high) = (held_out_nats(baseline), held_out_nats(model));
+    let (low, high) = (baseline.held_out(), model.held_out());
     let ceiling = (low + before.gain).max(high + after.gain.max(0.0)).max(reach);
     let (excess, share) = removed([low, high, ceiling]);
     let verdict = verdict(taken.is_empty(), excess, share, standing)
         .beside(!suspects.is_empty(), !departures.is_empty());
     // With the light as stated for a beginning, what the frames show is a part of what is explained.
-    let low = as_stated.as_ref().map_or(low, held_out_nats);
+    let low = as_stated.as_ref().map_or(low, Fitted::held_out);
     let (excess, share) = removed([low, high, ceiling]);
     let (gain, error) = match taken.as_slice() {
         [] => (before.gain, before.error),

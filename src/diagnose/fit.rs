@@ -19,6 +19,21 @@ pub(super) struct Fitted {
 }
 
 impl Fitted {
+    /// Score on the training cells, nats an event.
+    pub(super) fn training(&self) -> f64 {
+        self.cells.nats(Part::Training)
+    }
+
+    /// Score on the held-out cells, nats an event.
+    pub(super) fn held_out(&self) -> f64 {
+        self.cells.nats(Part::HeldOut)
+    }
+
+    /// This, or another that scores better.
+    pub(super) fn or_better(self, other: Self) -> Self {
+        if other.training() > self.training() { other } else { self }
+    }
+
     /// Standard error of a value; NaN when it was not free or is not known.
     pub(super) fn error_of(&self, index: usize) -> f64 {
         let Some((free, errors)) = &self.errors else { return f64::NAN };
@@ -30,6 +45,13 @@ impl Fitted {
 pub(super) fn as_it_is(evidence: &Evidence, hypothesis: Hypothesis) -> Fitted {
     let cells = cells(evidence, &hypothesis);
     Fitted { hypothesis, cells, errors: None }
+}
+
+/// Scores some hypotheses as they are, those at once that share a pixel's signal.
+pub(super) fn each_as_it_is(evidence: &Evidence, hypotheses: Vec<Hypothesis>) -> Vec<Fitted> {
+    let cells = cells_of_each(evidence, &hypotheses.iter().collect::<Vec<_>>());
+    let scored = hypotheses.into_iter().zip(cells);
+    scored.map(|(hypothesis, cells)| Fitted { hypothesis, cells, errors: None }).collect()
 }
 
 /// Improves a hypothesis by at most `n_steps` steps, or until a step gains less than `enough`
@@ -51,10 +73,10 @@ pub(super) fn improved(
         if free.is_empty() {
             break;
         }
-        let before = best.cells.nats(Part::Training);
+        let before = best.training();
         let Some(better) = step(evidence, &best, &free, &gradients, &mut damping) else { break };
         best = better;
-        if best.cells.nats(Part::Training) - before < enough {
+        if best.training() - before < enough {
             break;
         }
     }
@@ -119,7 +141,7 @@ fn step(
 ) -> Option<Fitted> {
     let outer = scatter(at, gradients);
     let total: DVector<f64> = gradients.row_sum().transpose();
-    let before = at.cells.nats(Part::Training);
+    let before = at.training();
     for _ in 0..7 {
         let mut damped = outer.clone();
         for i in 0..free.len() {
@@ -149,7 +171,7 @@ fn step(
             moved.values[f] = (moved.values[f] + change[i]).clamp(low, high);
         }
         let there = as_it_is(evidence, moved);
-        if there.cells.nats(Part::Training) > before {
+        if there.training() > before {
             *damping = (*damping * 0.2).max(1e-4);
             return Some(there);
         }

@@ -79,17 +79,25 @@ pub(super) fn inconstant(strengths: &[Stratum]) -> Option<&Stratum> {
 /// something else. The model comes with its errors.
 pub(super) fn is_vague(model: &Fitted, index: usize) -> bool {
     let hypothesis = &model.hypothesis;
-    let effect = hypothesis.effects[index];
-    let at = hypothesis.offset_of(index);
-    let mut own = effect.parameters.iter().enumerate().filter(|(_, p)| !p.is_fixed && !p.is_hidden);
-    effect.frees.is_empty()
-        && own.all(|(i, p)| {
-            let (value, error) = (hypothesis.values[at + i], model.error_of(at + i));
+    hypothesis.effects[index].frees.is_empty()
+        && asked(hypothesis, index).all(|(at, p)| {
+            let (value, error) = (hypothesis.values[at], model.error_of(at));
             // A value that the range holds has no error: the events ask for more of it than there is.
             let is_told =
                 if p.is_log { Z90 * error <= VAGUE } else { value.abs() >= FROM_NOTHING * error };
             !is_told
         })
+}
+
+/// Parameters of an effect that the events are asked for and that are reported, each with the number of its
+/// value.
+fn asked(
+    hypothesis: &Hypothesis,
+    index: usize,
+) -> impl Iterator<Item = (usize, &'static Parameter)> {
+    let parameters = hypothesis.effects[index].parameters.iter();
+    let numbered = (hypothesis.offset_of(index)..).zip(parameters);
+    numbered.filter(|(_, p)| !p.is_fixed && !p.is_hidden)
 }
 
 /// Share of its range within which a value stands at an end.
@@ -98,14 +106,11 @@ const AT_THE_END: f64 = 1e-3;
 /// What stands at an end of its range, if something does: the events ask for more of it than there is, so
 /// that the effect stands in for something else.
 pub(super) fn at_an_end(hypothesis: &Hypothesis, index: usize) -> Option<&'static Parameter> {
-    let at = hypothesis.offset_of(index);
-    let parameters = hypothesis.effects[index].parameters.iter();
-    let mut own = parameters.enumerate().filter(|(_, p)| !p.is_fixed && !p.is_hidden);
-    let is_at_end = |(i, _): &(usize, &Parameter)| {
-        let ([low, high], value) = (hypothesis.ranges[at + i], hypothesis.values[at + i]);
+    let is_at_end = |at: usize| {
+        let ([low, high], value) = (hypothesis.ranges[at], hypothesis.values[at]);
         (value - low).min(high - value) <= AT_THE_END * (high - low)
     };
-    own.find(is_at_end).map(|(_, parameter)| parameter)
+    asked(hypothesis, index).find(|(at, _)| is_at_end(*at)).map(|(_, parameter)| parameter)
 }
 
 #[cfg(test)]

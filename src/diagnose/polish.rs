@@ -8,7 +8,6 @@
 
 use super::fit::{Fitted, as_it_is, gradients, scatter};
 use super::kinds::Kinds;
-use super::score::Part;
 use super::{Evidence, Hypothesis, PixelEvidence};
 use cmaes::{CMAESOptions, DVector};
 use nalgebra::DMatrix;
@@ -52,7 +51,7 @@ pub(super) fn polished(evidence: &Evidence, fitted: Fitted) -> Fitted {
     let rough = searches(&few, start, &STEPS, per_value(work / every));
     let there = as_it_is(evidence, rough.hypothesis);
     // What is best for few may not be for all.
-    let is_better = there.cells.nats(Part::Training) > fitted.cells.nats(Part::Training);
+    let is_better = there.training() > fitted.training();
     let start = if is_better { there } else { fitted };
     searches(evidence, start, &FINE_STEPS, per_value(work))
 }
@@ -72,9 +71,9 @@ fn per_value(work: usize) -> usize {
 fn searches(evidence: &Evidence, mut fitted: Fitted, steps: &[f64], per_value: usize) -> Fitted {
     let mut n_in_vain = 0;
     for (seed, &step) in (1..).zip(steps) {
-        let before = fitted.cells.nats(Part::Training);
+        let before = fitted.training();
         fitted = searched(evidence, fitted, step, per_value, seed);
-        let is_in_vain = fitted.cells.nats(Part::Training) - before < WORTH_ANOTHER;
+        let is_in_vain = fitted.training() - before < WORTH_ANOTHER;
         n_in_vain = if is_in_vain { n_in_vain + 1 } else { 0 };
         if n_in_vain == 2 {
             break;
@@ -99,8 +98,8 @@ fn searched(evidence: &Evidence, fitted: Fitted, step: f64, per_value: usize, se
     let mut best = fitted;
     let evaluate = |point: &DVector<f64>| {
         let there = as_it_is(evidence, at(point.as_slice()));
-        let nats = there.cells.nats(Part::Training);
-        if nats > best.cells.nats(Part::Training) {
+        let nats = there.training();
+        if nats > best.training() {
             best = there;
         }
         if nats.is_finite() { -nats } else { NO_VALUE }

@@ -41,7 +41,7 @@ pub(super) fn begun_in_a_part(
     let n_blocks = evidence.blocks.n();
     limited.cells =
         limited.cells.only(&without.cells, n_blocks, |tile| evidence.tile_is_in(tile, region));
-    let gain = limited.cells.nats(Part::Training) - start.cells.nats(Part::Training);
+    let gain = limited.training() - start.training();
     (gain > LEAST_GAIN).then_some(limited)
 }
 
@@ -67,7 +67,7 @@ pub(super) fn settled(evidence: &Evidence, without: &Fitted, model: Fitted) -> F
     let moved = edged(evidence, &same, &spread)
         .filter(|region| in_part.hypothesis.regions.last() != Some(&Some(*region)))
         .map(|region| in_region(evidence, without, &in_part, region));
-    let nats = |a: &Fitted| a.cells.nats(Part::Training);
+    let nats = |a: &Fitted| a.training();
     let in_part = match moved {
         // Where pixels do not tell the two apart its edges are those that they were drawn to.
         Some(moved) if nats(&moved) > nats(&in_part) - AS_GOOD => polished(evidence, moved),

@@ -2,10 +2,10 @@
 
 use super::candidate::{Candidate, LIBRARY};
 use super::census;
-use super::fit::{Fitted, as_it_is, fit, improved};
+use super::fit::{Fitted, as_it_is, each_as_it_is, fit, improved};
 use super::polish::polished;
 use super::region::{begun_in_a_part, gain_of, settled};
-use super::score::{Part, cells_of_each};
+use super::score::Part;
 use super::{CannotJudge, Evidence, Nuisance};
 use crate::effect_id::EffectId;
 
@@ -84,16 +84,14 @@ fn restarted(evidence: &Evidence, fitted: Fitted) -> Fitted {
         return fitted;
     }
     let at = fitted.hypothesis.offset_of(last);
-    let mut best = fitted.clone();
-    for start in (effect.starts)(evidence) {
+    let restart = |start: Vec<f64>| {
         let mut hypothesis = fitted.hypothesis.clone();
         hypothesis.values[at..at + start.len()].copy_from_slice(&start);
-        let there = as_it_is(evidence, hypothesis);
-        if there.cells.nats(Part::Training) > best.cells.nats(Part::Training) {
-            best = there;
-        }
-    }
-    best
+        hypothesis
+    };
+    let starts = (effect.starts)(evidence).into_iter().map(restart).collect();
+    let begun = each_as_it_is(evidence, starts);
+    begun.into_iter().fold(fitted, Fitted::or_better)
 }
 
 /// Why an effect is not in the question.
@@ -154,18 +152,17 @@ pub(super) fn scan(
             begun.push((candidate, first));
         }
     }
-    let on_few = |a: &Fitted| a.cells.nats(Part::Training);
-    begun.sort_by(|a, b| on_few(&b.1).total_cmp(&on_few(&a.1)));
+    begun.sort_by(|a, b| b.1.training().total_cmp(&a.1.training()));
     for (candidate, fitted) in begun.iter_mut().take(PROMISING) {
         progress(candidate.id.as_str());
         *fitted = fit(few, fitted.hypothesis.clone(), FIRST_STEPS, 1e-4);
     }
-    begun.sort_by(|a, b| on_few(&b.1).total_cmp(&on_few(&a.1)));
+    begun.sort_by(|a, b| b.1.training().total_cmp(&a.1.training()));
     let mut all: Vec<Tried> = begun
         .into_iter()
         .enumerate()
         .map(|(rank, (candidate, fitted))| {
-            let is_worth_it = rank < BEST && on_few(&fitted) - on_few(&here) > WORTH_A_FIT;
+            let is_worth_it = rank < BEST && fitted.training() - here.training() > WORTH_A_FIT;
             let (fitted, against) = if is_worth_it {
                 progress(candidate.id.as_str());
                 (fit(evidence, fitted.hypothesis, SECOND_STEPS, 1e-4), model)
@@ -203,7 +200,7 @@ fn first_step(
     model: &Fitted,
     candidate: &'static Candidate,
 ) -> Option<Fitted> {
-    let starts: Vec<_> = (candidate.starts)(evidence)
+    let starts = (candidate.starts)(evidence)
         .iter()
         .flat_map(|start| {
             let plain = model.hypothesis.with(candidate, start);
@@ -216,12 +213,7 @@ fn first_step(
             [Some(plain), stated].into_iter().flatten()
         })
         .collect();
-    let scored = cells_of_each(few, &starts.iter().collect::<Vec<_>>());
-    let mut begun: Vec<Fitted> = starts
-        .into_iter()
-        .zip(scored)
-        .map(|(hypothesis, cells)| Fitted { hypothesis, cells, errors: None })
-        .collect();
+    let mut begun = each_as_it_is(few, starts);
     // Tile by tile a gain is the effect's where nothing else has changed.
     let same_nuisances = |start: &&Fitted| {
         let is_freed = |i: usize| candidate.frees.iter().any(|freed| freed.nuisance as usize == i);
@@ -234,8 +226,7 @@ fn first_step(
         .filter_map(|start| begun_in_a_part(few, model, start))
         .collect();
     begun.extend(in_parts);
-    let nats = |a: &Fitted| a.cells.nats(Part::Training);
-    begun.sort_by(|a, b| nats(b).total_cmp(&nats(a)));
+    begun.sort_by(|a, b| b.training().total_cmp(&a.training()));
     // A parameter that keeps the value it starts with parts the starts: the best of each part.
     let own = model.hypothesis.values.len();
     let part = |fitted: &Fitted| -> Vec<u64> {
@@ -259,5 +250,5 @@ fn first_step(
     begun
         .into_iter()
         .map(|fitted| improved(few, fitted, 2, 1e-4))
-        .max_by(|a, b| nats(a).total_cmp(&nats(b)))
+        .max_by(|a, b| a.training().total_cmp(&b.training()))
 }

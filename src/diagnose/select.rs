@@ -4,7 +4,7 @@ use super::census::{Census, census};
 use super::check::structure;
 use super::conclude::{Reached, conclude};
 use super::errors::with_errors;
-use super::fit::{Fitted, as_it_is, fit, improved};
+use super::fit::{Fitted, each_as_it_is, fit, improved};
 use super::halves::halves;
 use super::heat::{HeatMap, heat_maps};
 use super::judge::{Judge, Judged};
@@ -119,17 +119,12 @@ pub fn diagnose(
 fn begin(evidence: &Evidence, few: &Evidence) -> Fitted {
     let mut begun = fit(few, Hypothesis::baseline(evidence), 12, 1e-4);
     if evidence.facts.is_led {
-        let within = evidence.facts.offset_within_us;
-        let offsets = (-OFFSETS..=OFFSETS).map(|i| within * f64::from(i) / f64::from(OFFSETS));
-        let at = |us| begun.hypothesis.with_nuisance(Nuisance::OffsetUs, us);
-        let elsewhere = offsets.map(|us| as_it_is(few, at(us)));
-        let nats = |fitted: &Fitted| fitted.cells.nats(Part::Training);
-        if let Some(best) = elsewhere.max_by(|a, b| nats(a).total_cmp(&nats(b))) {
-            let there = improved(few, best, 12, 1e-4);
-            if nats(&there) > nats(&begun) {
-                begun = there;
-            }
-        }
+        let us = evidence.facts.offset_within_us / f64::from(OFFSETS);
+        let at = |i| begun.hypothesis.with_nuisance(Nuisance::OffsetUs, us * f64::from(i));
+        let elsewhere = each_as_it_is(few, (-OFFSETS..=OFFSETS).map(at).collect());
+        let best = elsewhere.into_iter().max_by(|a, b| a.training().total_cmp(&b.training()));
+        let there = best.map(|best| improved(few, best, 12, 1e-4));
+        begun = there.into_iter().fold(begun, Fitted::or_better);
     }
     polished(evidence, fit(evidence, begun.hypothesis, 12, 1e-5))
 }
@@ -155,7 +150,7 @@ fn take_all(
             let Some(best) = tried.first() else { break };
             let same = model.hypothesis.at_values_of(&best.fitted.hypothesis);
             let without = fit(evidence, same, 6, 1e-5);
-            if without.cells.nats(Part::Training) <= model.cells.nats(Part::Training) + 1e-4 {
+            if without.training() <= model.training() + 1e-4 {
                 break;
             }
             model = without;

@@ -6,7 +6,6 @@
 
 use super::fit::Fitted;
 use super::kinds::kinds_of_pixels;
-use super::score::Part;
 use super::{Evidence, Kind, PixelEvidence, Where};
 use crate::predict::{Residual, Silence, residuals};
 use rayon::prelude::*;
@@ -260,9 +259,4 @@ pub(super) fn wrong_in(evidence: &Evidence, model: &Fitted, least: f64) -> Vec<W
     found.sort_by(|a, b| b.excess_nats_per_event.total_cmp(&a.excess_nats_per_event));
     found.truncate(12);
     found
-}
-
-/// Score on held-out cells, nats an event.
-pub(super) fn held_out_nats(model: &Fitted) -> f64 {
-    model.cells.nats(Part::HeldOut)
 }

@@ -9,12 +9,9 @@ impl Corners {
     /// lies beyond the border is as the border.
     #[inline]
     pub(super) fn about([width, height]: [usize; 2], [x, y]: [f32; 2]) -> Self {
-        let (left, top) = (x.floor(), y.floor());
-        let (u, v) = (x - left, y - top);
-        let column = |x: f32| (x.max(0.0) as usize).min(width - 1);
-        let row = |y: f32| (y.max(0.0) as usize).min(height - 1) * width;
-        let (x0, x1) = (column(left), column(left + 1.0));
-        let (y0, y1) = (row(top), row(top + 1.0));
+        let ([x0, x1], u) = between(x, width);
+        let ([y0, y1], v) = between(y, height);
+        let [y0, y1] = [y0 * width, y1 * width];
         Self([
             (y0 + x0, (1.0 - u) * (1.0 - v)),
             (y0 + x1, u * (1.0 - v)),
@@ -34,6 +31,16 @@ impl Corners {
         let seen = self.0.iter().filter(|(_, weight)| *weight > 0.0);
         seen.map(|(pixel, _)| values[*pixel]).fold(f32::NEG_INFINITY, f32::max)
     }
+}
+
+/// The two of `n` middles about a place, and how far it is from the first to the second.
+#[inline]
+fn between(at: f32, n: usize) -> ([usize; 2], f32) {
+    // Rounding down by hand: without it every look-up would call a function.
+    let towards_zero = at as isize;
+    let first = towards_zero.saturating_sub(isize::from(at < towards_zero as f32));
+    let inside = |i: isize| i.clamp(0, n as isize - 1) as usize;
+    ([inside(first), inside(first.saturating_add(1))], at - first as f32)
 }
 
 #[cfg(test)]

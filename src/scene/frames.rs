@@ -181,10 +181,10 @@ impl FramesDrive {
 
     /// The four pixels about a place; none outside the outermost middles.
     fn corners(&self, place: [f64; 2]) -> Option<Corners> {
-        let size = [self.size.width, self.size.height].map(usize::from);
-        let place = place.map(|p| p - 0.5);
-        let is_inside = (0..2).all(|i| (0.0..=size[i] as f64 - 1.0).contains(&place[i]));
-        is_inside.then(|| Corners::about(size, place.map(|p| p as f32)))
+        let [x, y] = place.map(|p| p - 0.5);
+        let [right, bottom] = [self.size.width, self.size.height].map(|n| f64::from(n) - 1.0);
+        let is_inside = (0.0..=right).contains(&x) && (0.0..=bottom).contains(&y);
+        is_inside.then(|| self.shot(0).corners([x as f32, y as f32]))
     }
 
     /// The logarithm of the intensity between four pixels of a frame, where all of them are known.
