@@ -36,11 +36,10 @@ impl Corners {
 /// The two of `n` middles about a place, and how far it is from the first to the second.
 #[inline]
 fn between(at: f32, n: usize) -> ([usize; 2], f32) {
-    // Rounding down by hand: without it every look-up would call a function.
-    let towards_zero = at as isize;
-    let first = towards_zero.saturating_sub(isize::from(at < towards_zero as f32));
-    let inside = |i: isize| i.clamp(0, n as isize - 1) as usize;
-    ([inside(first), inside(first.saturating_add(1))], at - first as f32)
+    let inside = at.clamp(0.0, (n - 1) as f32);
+    // Rounding down by a conversion: without it every look-up would call a function.
+    let first = inside as usize;
+    ([first, (first + 1).min(n - 1)], inside - first as f32)
 }
 
 #[cfg(test)]
