@@ -55,6 +55,7 @@ use crate::report::plot::picture::PictureError;
 use crate::roi::TrackError;
 use crate::scene::{FramesError, SceneError};
 use crate::session::{SessionError, StageRecord, read_stage};
+use crate::stats::read_back;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 
@@ -206,7 +207,7 @@ fn read_json<T: DeserializeOwned>(path: PathBuf) -> Result<Option<T>, PipelineEr
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
         Err(source) => return Err(PipelineError::Io { path, source }),
     };
-    let read = serde_json::from_str(&text);
+    let read = read_back(&text);
     read.map(Some).map_err(|error| PipelineError::Io { path, source: error.into() })
 }
 

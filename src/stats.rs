@@ -5,11 +5,13 @@ mod dot;
 mod estimate;
 mod moments;
 mod random;
+mod read_back;
 mod wilson;
 
 pub use direction::MeanDirection;
 pub use dot::dot;
-pub use estimate::{Estimate, Z90, number_or_nan, numbers_or_nan};
+pub use estimate::{Estimate, Z90};
 pub use moments::{Moments, median, quantile_sorted, upper_median};
 pub use random::SplitMix;
+pub use read_back::read_back;
 pub use wilson::wilson95;

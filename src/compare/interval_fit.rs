@@ -22,7 +22,6 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct IntervalCurve {
     /// Edges of the bins, µs, one more than there are bins; cut to where either stream has intervals.
-    #[serde(deserialize_with = "crate::stats::numbers_or_nan")]
     pub edges_us: Vec<f64>,
     /// Earth mover's distance of log10 interval, decades: the area between the two distribution
     /// functions. The exact counterpart of the measure interval_emd, without its blur.
@@ -41,10 +40,8 @@ pub struct IntervalDensity {
     /// Intervals of 0 µs, which the fits leave out.
     pub n_zero: u64,
     /// Probability per decade in each bin.
-    #[serde(deserialize_with = "crate::stats::numbers_or_nan")]
     pub per_decade: Vec<f64>,
     /// Standard error of it; empty when it cannot be told.
-    #[serde(deserialize_with = "crate::stats::numbers_or_nan")]
     pub standard_error: Vec<f64>,
     /// The fitted laws; absent without intervals above 0 µs.
     pub fit: Option<IntervalFit>,
@@ -63,10 +60,8 @@ pub struct IntervalFit {
     /// the Lévy law as a limit, so this is not negative.
     pub inverse_gaussian_over_levy_nats: Estimate,
     /// Inverse Gaussian probability per decade, averaged over each bin.
-    #[serde(deserialize_with = "crate::stats::numbers_or_nan")]
     pub inverse_gaussian_per_decade: Vec<f64>,
     /// Lévy probability per decade, averaged over each bin.
-    #[serde(deserialize_with = "crate::stats::numbers_or_nan")]
     pub levy_per_decade: Vec<f64>,
 }
 

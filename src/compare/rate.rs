@@ -32,16 +32,12 @@ pub struct RateCurve {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RateBand {
     /// Events per second.
-    #[serde(deserialize_with = "crate::stats::numbers_or_nan")]
     pub hz: Vec<f64>,
     /// Lower end of the band.
-    #[serde(deserialize_with = "crate::stats::numbers_or_nan")]
     pub low_hz: Vec<f64>,
     /// Upper end of the band.
-    #[serde(deserialize_with = "crate::stats::numbers_or_nan")]
     pub high_hz: Vec<f64>,
     /// Index of dispersion, 1 for independent events, never below 1 here.
-    #[serde(deserialize_with = "crate::stats::number_or_nan")]
     pub dispersion: f64,
 }
 

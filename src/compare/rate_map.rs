@@ -34,7 +34,6 @@ pub struct RateMapError {
     /// Correlation of the pixels' rates over the region; `null` when a map is flat.
     pub correlation: Estimate,
     /// Mean rate of a real pixel, to judge the rmse by.
-    #[serde(deserialize_with = "crate::stats::number_or_nan")]
     pub mean_real_hz: f64,
 }
 

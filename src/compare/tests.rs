@@ -211,7 +211,7 @@ fn streams_without_events_give_unknown_measures_that_say_why() {
             assert_eq!(is_known, measure.unknown_because.is_none(), "{measure:?}");
         }
         let json = serde_json::to_string(&comparison).unwrap();
-        let back: Comparison = serde_json::from_str(&json).unwrap();
+        let back: Comparison = crate::stats::read_back(&json).unwrap();
         let ids =
             |comparison: &Comparison| comparison.measures.iter().map(|m| m.id).collect::<Vec<_>>();
         assert_eq!(ids(&back), ids(&comparison));

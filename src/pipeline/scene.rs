@@ -11,6 +11,7 @@ use crate::scene::{
 use crate::session::{
     Picture, Session, SessionError, StageRecord, StreamKind, read_stage, write_stage,
 };
+use crate::stats::read_back;
 use crate::time::{ClockMap, Davis, PiSensor};
 use serde_json::json;
 use std::path::Path;
@@ -225,7 +226,7 @@ pub(super) fn read_facts(directory: &Path) -> Result<SceneFacts, PipelineError> 
     let path = directory.join("scene.json");
     let io = |source| PipelineError::Io { path: path.clone(), source };
     let text = std::fs::read_to_string(&path).map_err(io)?;
-    serde_json::from_str(&text).map_err(|error| io(error.into()))
+    read_back(&text).map_err(|error| io(error.into()))
 }
 
 /// The scene that the session holds; none before the stage ran.

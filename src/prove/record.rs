@@ -2,6 +2,7 @@
 
 use super::{Answer, Family, Mix, Truth};
 use crate::diagnose::Options;
+use crate::stats::read_back;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -153,7 +154,7 @@ pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, Record
         text => text.map_err(|source| RecordError::Io { path: path.to_owned(), source })?,
     };
     let what = |error: serde_json::Error| error.to_string();
-    serde_json::from_str(&text)
+    read_back(&text)
         .map(Some)
         .map_err(|e| RecordError::Format { path: path.to_owned(), what: what(e) })
 }

@@ -1,50 +1,20 @@
 //! A number with its error: what evrig reports is always one of these.
 
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 /// A value that cannot be had without its error and the number of samples behind it.
 ///
-/// JSON knows no NaN: what is not known is `null` there, and reads back as NaN.
+/// JSON knows no NaN: what is not known is `null` there, and [`read_back`](super::read_back) reads it as NaN.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The best value; NaN when there were no samples to form one.
-    #[serde(deserialize_with = "known_or_nan")]
     pub value: f64,
     /// Standard error of the value; NaN when it cannot be told.
-    #[serde(deserialize_with = "known_or_nan")]
     pub standard_error: f64,
     /// Interval that covers the truth in 90 % of repetitions, low and high end.
-    #[serde(deserialize_with = "both_known_or_nan")]
     pub ci90: [f64; 2],
     /// Number of samples behind the value.
     pub n: u64,
-}
-
-/// Reads numbers of which some are not known, `null` in JSON, as NaN: for
-/// `#[serde(deserialize_with)]` on curves beside estimates.
-///
-/// # Errors
-/// When something else than numbers and `null` stands there.
-pub fn numbers_or_nan<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
-    let numbers = Vec::<Option<f64>>::deserialize(deserializer)?;
-    Ok(numbers.into_iter().map(|number| number.unwrap_or(f64::NAN)).collect())
-}
-
-/// Reads a number that may not be known, `null` in JSON, as NaN.
-///
-/// # Errors
-/// When something else than a number or `null` stands there.
-pub fn number_or_nan<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
-    known_or_nan(deserializer)
-}
-
-fn known_or_nan<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
-    Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::NAN))
-}
-
-fn both_known_or_nan<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 2], D::Error> {
-    let ends = <[Option<f64>; 2]>::deserialize(deserializer)?;
-    Ok(ends.map(|end| end.unwrap_or(f64::NAN)))
 }
 
 /// Half width of a 90 % interval of the normal law, in standard errors.
@@ -112,24 +82,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_not_known_goes_through_json_and_comes_back() {
-        #[derive(Serialize, Deserialize)]
-        struct Curve {
-            #[serde(deserialize_with = "numbers_or_nan")]
-            per_decade: Vec<f64>,
-            #[serde(deserialize_with = "number_or_nan")]
-            dispersion: f64,
-        }
-        let curve = Curve { per_decade: vec![1.5, f64::NAN, f64::INFINITY], dispersion: f64::NAN };
-        let text = serde_json::to_string(&curve).unwrap();
-        assert_eq!(text, r#"{"per_decade":[1.5,null,null],"dispersion":null}"#);
-        let back: Curve = serde_json::from_str(&text).unwrap();
-        assert_eq!(back.per_decade[0], 1.5);
-        assert!(back.per_decade[1].is_nan() && back.dispersion.is_nan());
-        assert!(serde_json::from_str::<Curve>(r#"{"per_decade":["x"],"dispersion":1}"#).is_err());
-    }
-
-    #[test]
     fn a_normal_estimate_covers_its_own_value_and_not_a_far_one() {
         let estimate = Estimate::normal(2.0, 0.1, 100);
         assert!(estimate.covers(2.0));
@@ -150,7 +102,7 @@ mod tests {
     fn what_is_unknown_is_null_in_json_and_reads_back() {
         let json = serde_json::to_string(&Estimate::unknown()).unwrap();
         assert_eq!(json, r#"{"value":null,"standard_error":null,"ci90":[null,null],"n":0}"#);
-        let back: Estimate = serde_json::from_str(&json).unwrap();
+        let back: Estimate = super::super::read_back(&json).unwrap();
         assert!(back.value.is_nan() && back.ci90[1].is_nan() && !back.is_known());
     }
 
