@@ -54,7 +54,7 @@ fn a_dataset_on_slurm_is_what_it_is_here_even_when_a_task_is_killed() {
     };
     let directory = tempfile::tempdir().unwrap();
     // The second is long enough to be diagnosed, so that there is time to kill its task.
-    let here = dataset_of(directory.path(), &[12, 40, 12]);
+    let here = dataset_of(directory.path(), &[12, 24, 12]);
     copy(&here.join("s0"), &here.join("cut"));
     std::fs::write(here.join("cut/session.json"), "{").unwrap();
     let there = directory.path().join("there").join("dataset");

@@ -20,7 +20,8 @@ pub enum DiagnoseError {
     /// Too little to look at.
     #[error(
         "{n} events have a known light in {n_pixels} pixels; a diagnosis takes at least \
-         {LEAST_EVENTS}: record for longer, nearer, or with more texture"
+         {LEAST_EVENTS}: record for longer, nearer, with more texture, or with a shorter exposure \
+         where frames are clipped"
     )]
     TooFew {
         /// Events with light.
@@ -62,6 +63,18 @@ pub struct PixelEvidence {
     pub gradient: [Vec<f32>; 2],
     /// Laplacian of intensity over intensity, per square pixel; empty where not needed.
     pub laplacian: Vec<f32>,
+}
+
+impl PixelEvidence {
+    /// Number of its events between two instants at which its light is known.
+    fn n_lit(&self, start_us: f64, step_us: f64) -> usize {
+        let is_known = |i: usize| self.light.get(i).is_some_and(|level| level.is_finite());
+        let is_lit = |spike: &&Spike| {
+            let at = (spike.t_us as f64 - start_us) / step_us;
+            at >= 0.0 && is_known(at as usize) && is_known(at as usize + 1)
+        };
+        self.spikes.iter().filter(is_lit).count()
+    }
 }
 
 /// All that a diagnosis looks at.
@@ -133,11 +146,11 @@ impl Evidence {
                 pixel(recording, drive, grid, &jumps, (x, y), tile, facts.from_scene)
             })
             .collect();
-        let n: usize = pixels.iter().map(|pixel| pixel.spikes.len()).sum();
+        let start_us = (grid.start_us - window[0]) as f64;
+        let n = pixels.iter().map(|pixel| pixel.n_lit(start_us, f64::from(grid.step_us))).sum();
         if n < LEAST_EVENTS {
             return Err(DiagnoseError::TooFew { n, n_pixels: pixels.len() });
         }
-        let start_us = (grid.start_us - window[0]) as f64;
         Ok(Self {
             pixels,
             window_us: window,

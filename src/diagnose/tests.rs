@@ -70,16 +70,41 @@ fn options() -> Options {
     Options { n_pixels: 60, step_us: 2_000, n_null: 0, max_effects: 2, ..Options::default() }
 }
 
-fn empty() -> Evidence {
-    let nothing = Events::new();
-    let recording = ByPixel::new(nothing.as_slice(), Size::new(60, 60), [0, END_US]);
-    // The pixels are chosen by their light, so that events can be planted in them afterwards.
+/// The same light, but not known while it begins.
+struct Later;
+
+impl Drive for Later {
+    fn size(&self) -> Size {
+        Texture.size()
+    }
+    fn span_us(&self) -> [i64; 2] {
+        Texture.span_us()
+    }
+    fn white_dn(&self) -> f64 {
+        Texture.white_dn()
+    }
+    fn sample(&self, place: [f64; 2], grid: TimeGrid, out: &mut [f32]) -> bool {
+        let is_known = Texture.sample(place, grid, out);
+        out[..10].fill(f32::NAN);
+        is_known
+    }
+    fn error(&self, place: [f64; 2]) -> f32 {
+        Texture.error(place)
+    }
+}
+
+/// Six events in every pixel, all at the beginning.
+fn filled() -> ByPixel {
     let filler: Events = (0..60_u16)
         .flat_map(|y| (0..60_u16).map(move |x| crate::event::Event { t: 1, x, y, on: true }))
         .flat_map(|e| (0..6).map(move |i| crate::event::Event { t: i, ..e }))
         .collect();
-    let filled = ByPixel::new(filler.as_slice(), recording.size(), [0, END_US]);
-    Evidence::new(&filled, &Texture, facts(), &options()).unwrap()
+    ByPixel::new(filler.as_slice(), Size::new(60, 60), [0, END_US])
+}
+
+fn empty() -> Evidence {
+    // The pixels are chosen by their light, so that events can be planted in them afterwards.
+    Evidence::new(&filled(), &Texture, facts(), &options()).unwrap()
 }
 
 fn plant(id: Option<EffectId>, start: &[f64]) -> Evidence {
@@ -216,6 +241,10 @@ fn too_few_events_and_a_light_of_another_time_are_refused_with_what_to_do() {
     let later = ByPixel::new(events.as_slice(), size, [10 * END_US, 11 * END_US]);
     let error = Evidence::new(&later, &Texture, facts(), &options()).unwrap_err();
     assert!(error.to_string().contains("check the clocks"), "{error}");
+    // As many as one could wish for, but all before the light is known.
+    assert!(empty().n_events() > 300);
+    let error = Evidence::new(&filled(), &Later, facts(), &options()).unwrap_err();
+    assert!(error.to_string().starts_with("0 events have a known light"), "{error}");
 }
 
 #[test]

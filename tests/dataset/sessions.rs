@@ -56,7 +56,9 @@ fn material(frames: &Path, events: &Path, seed: u16, n_frames: u16) {
     let mut writer = ArrayWriter::<u8>::create(frames, &shape).unwrap();
     let mut seen = Events::new();
     for k in 0..n_frames {
-        let pixel = |i: usize| if bright(i as u16 % WIDTH, k) { 180 } else { 40 };
+        // A bar of several levels: one of a single level would be taken for light that is clipped.
+        let pixel =
+            |i: usize| if bright(i as u16 % WIDTH, k) { 180 + 3 * (i % 7) as u8 } else { 40 };
         writer.extend(&(0..size).map(pixel).collect::<Vec<u8>>()).unwrap();
         for x in 0..WIDTH {
             if k > 0 && bright(x, k) != bright(x, k - 1) {
