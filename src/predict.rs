@@ -23,6 +23,7 @@ mod by_pixel;
 mod course;
 mod law;
 mod light;
+mod lost;
 mod mask;
 mod memory;
 mod movement;

@@ -60,8 +60,7 @@ pub(super) fn behind_mask(
     let at = |standing: Standing, n: u32, weight: f64| Case {
         weight: case.weight * weight,
         value: standing.value,
-        gone: standing.gone,
-        ..blurred(n)
+        ..blurred(n).begun_at(standing.gone)
     };
     let silent = |standing: Standing, n: u32| {
         let case = at(standing, n, 1.0);

@@ -9,7 +9,10 @@ use super::movement::Movement;
 use super::threshold::{Threshold, logistic, softplus};
 
 /// A case less likely than this is forgotten.
-const LEAST_WEIGHT: f64 = 2e-3;
+pub(super) const LEAST_WEIGHT: f64 = 2e-3;
+
+/// A case less likely than this to have set off an event did not.
+const LEAST_SHARE: f64 = 0.02;
 
 /// Most cases that are kept side by side.
 const MOST_CASES: usize = 4;
@@ -21,6 +24,8 @@ pub(super) struct Case {
     /// Height of the signal that it compares with.
     pub(super) value: f64,
     /// How far from it the signal had gone without an event when the case began, On and Off.
+    pub(super) begin: [f64; 2],
+    /// How far it has gone before it was last looked at from where it is.
     pub(super) gone: [f64; 2],
     pub(super) thresholds: [Threshold; 2],
     pub(super) noise: f64,
@@ -32,7 +37,7 @@ impl Case {
         let law = course.law;
         let threshold = |theta| Threshold::new(theta, noise, law.drop_fraction);
         let thresholds = [threshold(law.theta_on), threshold(law.theta_off)];
-        Self { weight: 1.0, value, gone: [0.0; 2], thresholds, noise }
+        Self { weight: 1.0, value, begin: [0.0; 2], gone: [0.0; 2], thresholds, noise }
     }
 
     /// Greatest change without an event, On and Off.
@@ -47,19 +52,30 @@ impl Case {
 
     /// What the thresholds had spent when the case began.
     pub(super) fn spent_before(&self, side: usize) -> f64 {
-        self.thresholds[side].spent(self.gone[side])
+        self.thresholds[side].spent(self.begin[side])
+    }
+
+    /// The same, which the signal had `gone` without an event, from where it is.
+    pub(super) fn begun_at(self, gone: [f64; 2]) -> Self {
+        Self { begin: gone, gone, ..self }
     }
 
     fn spent(&self, reach: Reach) -> [f64; 2] {
         let gone = self.gone(reach);
-        [0, 1].map(|side| self.thresholds[side].spent(gone[side]) - self.spent_before(side))
+        [0, 1].map(|side| self.thresholds[side].silence(self.begin[side], gone[side]))
     }
 
-    /// Hazard per unit of height.
-    fn hazard(&self, on: bool, reach: Reach, height: f64) -> f64 {
+    /// Hazard, a second, of events that the light or the noise sets off where the signal comes to a height
+    /// at a speed.
+    fn sets_off(&self, course: &Course<'_>, on: bool, reach: Reach, here: [f64; 2]) -> f64 {
+        let [height, speed] = here;
         let side = usize::from(!on);
-        let gone = self.gone(reach)[side];
-        if self.change(height, on) >= gone { self.thresholds[side].hazard(gone) } else { 0.0 }
+        let (slope, gone) = (if on { speed } else { -speed }, self.gone(reach)[side]);
+        let is_new = slope > 0.0 && self.change(height, on) >= gone;
+        let threshold = self.thresholds[side];
+        let crosses = if is_new { threshold.hazard(self.begin[side], gone) * slope } else { 0.0 };
+        let moves = self.movement(course);
+        crosses + moves.map_or(0.0, |moves| moves.hazard(self.change(height, on), speed, on))
     }
 
     pub(super) fn movement(&self, course: &Course<'_>) -> Option<Movement> {
@@ -168,21 +184,26 @@ impl Memory {
         booked(left, sides)
     }
 
-    /// Hazard per unit of height at a height that the signal has just come to; cases weighed.
-    pub(super) fn hazard(&self, on: bool, reach: Reach, height: f64) -> f64 {
+    /// Hazard, a second, of events that the light or the noise sets off where the signal has just come to
+    /// a height at a speed; cases weighed.
+    pub(super) fn sets_off(
+        &self,
+        course: &Course<'_>,
+        on: bool,
+        reach: Reach,
+        here: [f64; 2],
+    ) -> f64 {
         if let Some(unknown) = &self.unknown {
-            return unknown.hazard(on, reach, height);
+            let slope = if on { here[1] } else { -here[1] };
+            return unknown.hazard(on, reach, here[0]) * slope.max(0.0);
         }
-        self.cases.iter().map(|case| case.weight * case.hazard(on, reach, height)).sum()
+        self.cases.iter().map(|case| case.weight * case.sets_off(course, on, reach, here)).sum()
     }
 
-    /// Hazard, a second, of the noise's own movement at a height reached at `speed`.
-    pub(super) fn moves(&self, course: &Course<'_>, on: bool, [height, speed]: [f64; 2]) -> f64 {
-        let of = |case: &Case| {
-            let moves = case.movement(course)?;
-            Some(case.weight * moves.hazard(case.change(height, on), speed, on))
-        };
-        self.cases.iter().filter_map(of).sum()
+    /// Takes other cases in the place of these.
+    pub(super) fn set(&mut self, cases: Vec<Case>) {
+        self.cases = cases;
+        normalise(&mut self.cases);
     }
 
     /// Change at a height towards On or Off against what the pixel most likely compares with.
@@ -194,24 +215,27 @@ impl Memory {
     /// known light. Cases weighed.
     pub(super) fn fire(&mut self, course: &Course<'_>, fired: Fired, reach: Reach, end_us: f64) {
         let law = course.law;
-        let at = course.position(fired.t_us);
-        let change = self.change(course.height(at), fired.on);
-        let fresh = fresh(course, fired, change, end_us);
         let passed_by = fired.background_share * (1.0 - law.background_memorised);
+        self.memorise(course, fired, reach, end_us);
         self.unknown = None;
         if passed_by < LEAST_WEIGHT {
             self.cases.clear();
+        } else if law.drop_fraction > 0.0 {
+            self.part(course, reach, course.position(fired.t_us));
         }
         for case in &mut self.cases {
-            case.gone = case.gone(reach);
+            *case = case.begun_at(case.gone(reach));
             case.weight *= passed_by;
         }
         // Of a memory that is not known nothing is kept.
         let weight = if self.cases.is_empty() { 1.0 } else { 1.0 - passed_by };
-        self.cases.push(Case { weight, ..fresh });
+        self.cases.extend(
+            self.spare.iter().map(|fresh| Case { weight: weight * fresh.weight, ..*fresh }),
+        );
         let masked_us = law.masked_s * 1e6;
         if masked_us > 0.0 {
-            let to = course.position((fired.t_us + masked_us).min(end_us));
+            let [at, to] =
+                [fired.t_us, (fired.t_us + masked_us).min(end_us)].map(|us| course.position(us));
             self.spare.clear();
             for case in &self.cases {
                 behind_mask(course, case, [at, to], &mut self.spare);
@@ -219,6 +243,26 @@ impl Memory {
             std::mem::swap(&mut self.cases, &mut self.spare);
         }
         normalise(&mut self.cases);
+    }
+
+    /// Into `spare`, what the pixel compares with if it memorised at an event: where the noise that set it
+    /// off is memorised, that depends on what it compared with before.
+    fn memorise(&mut self, course: &Course<'_>, fired: Fired, reach: Reach, end_us: f64) {
+        let at = course.position(fired.t_us);
+        let here = [course.height(at), course.slope(at)];
+        let fresh = |case: Option<&Case>| {
+            fresh(course, fired, case.map(|case| case.change(here[0], fired.on)), end_us)
+        };
+        self.spare.clear();
+        if self.cases.len() < 2 || course.law.noise_memorised <= 0.0 {
+            self.spare.push(fresh(self.cases.first()));
+            return;
+        }
+        let sets_off = |case: &Case| case.weight * case.sets_off(course, fired.on, reach, here);
+        let all: f64 = self.cases.iter().map(sets_off).sum();
+        let share = |case: &Case| if all > 0.0 { sets_off(case) / all } else { case.weight };
+        let likely = self.cases.iter().filter(|case| share(case) >= LEAST_SHARE);
+        self.spare.extend(likely.map(|case| Case { weight: share(case), ..fresh(Some(case)) }));
     }
 }
 
@@ -234,12 +278,15 @@ pub(super) fn fresh(course: &Course<'_>, fired: Fired, change: Option<f64>, end_
         let theta = law.theta(fired.on);
         let missing = theta * (change / theta).round().max(1.0) - change;
         let towards = if fired.on { 1.0 } else { -1.0 };
-        let share = law.noise_memorised * (1.0 - fired.background_share);
+        // Of all events that are memorised these were not background.
+        let memorised = 1.0 - fired.background_share * (1.0 - law.background_memorised);
+        let set_off = (1.0 - fired.background_share) / memorised.max(1e-12);
+        let share = law.noise_memorised * set_off;
         value += towards * share * missing.min(theta);
     }
     // It fired at this height, so it did not fire on the way from what it memorised to here.
     let gone = [(height - value).max(0.0), (value - height).max(0.0)];
-    Case { gone, ..Case::new(course, value, course.noise(position)) }
+    Case::new(course, value, course.noise(position)).begun_at(gone)
 }
 
 /// Keeps the likeliest cases, likeliest first, with weights that add up to one.

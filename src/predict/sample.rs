@@ -23,7 +23,7 @@ pub fn sample(law: &PixelLaw, light: Light<'_>, end_us: i64, random: &mut SplitM
         for _ in 0..most {
             let Some(drawn) = source.next(&start) else { break };
             let t_us = drawn.spike.t_us as f64;
-            if t_us >= heard_us {
+            if t_us >= heard_us && !source.is_lost() {
                 spikes.push(drawn.spike);
                 heard_us = t_us + law.masked_s * 1e6;
             }
@@ -212,8 +212,19 @@ impl<'a> Source<'a> {
             }
             case = *other;
         }
-        let start = self.start(case, behind.t_us, awake_us);
-        self.next(&start).map(|drawn| drawn.spike)
+        let mut start = self.start(case, behind.t_us, awake_us);
+        let mut drawn = self.next(&start)?;
+        while self.is_lost() {
+            start = self.behind(&start, drawn);
+            drawn = self.next(&start)?;
+        }
+        Some(drawn.spike)
+    }
+
+    /// Whether an event that the pixel fired is lost.
+    fn is_lost(&mut self) -> bool {
+        let share = self.course.law.drop_fraction;
+        share > 0.0 && self.random.uniform() < share
     }
 
     fn background(&mut self, from_us: f64) -> Spike {

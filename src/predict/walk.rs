@@ -7,6 +7,9 @@ use super::{Blocks, Light, PixelLaw, Spike};
 /// The least hazard an event is given, a second: with it a score is a number whatever happened.
 const LEAST_HAZARD: f64 = 1e-9;
 
+/// At one instant memory is parted so often at most.
+const MOST_PARTED: usize = 64;
+
 /// What the pixel's law says of one event, just before it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EventTerm {
@@ -168,7 +171,12 @@ impl<'a> Pass<'a> {
         let from_us = self.now_us;
         let start = from_us.max(self.awake_us);
         if to_us > start {
-            self.follow(self.course.position(start), self.course.position(to_us));
+            let [from, to] = [start, to_us].map(|us| self.course.position(us));
+            if self.course.law.drop_fraction > 0.0 {
+                self.follow_what_is_lost(from, to);
+            } else {
+                self.follow(from, to);
+            }
         }
         self.now_us = to_us;
         let now_spent = self.memory.spent(self.reach);
@@ -181,6 +189,29 @@ impl<'a> Pass<'a> {
         self.reported = now_spent;
         self.moved = [0.0; 2];
         Stretch { block, from_us, to_us, on, off }
+    }
+
+    /// The same as [`Self::follow`] where events may have been lost on the way.
+    fn follow_what_is_lost(&mut self, from: f64, to: f64) {
+        let course = self.course;
+        let mut at = from;
+        for next in course.instants(from, to).map(|(position, _)| position).chain([to]) {
+            self.follow(at, next);
+            at = next;
+            for _ in 0..MOST_PARTED {
+                if !self.memory.is_to_part(self.reach, course.height(at)) {
+                    break;
+                }
+                let spent = self.memory.spent(self.reach);
+                for (side, spent) in spent.into_iter().enumerate() {
+                    self.moved[side] += spent - self.reported[side];
+                }
+                self.reported = [0.0; 2];
+                self.memory.weigh(self.reach);
+                self.memory.part(&course, self.reach, at);
+                self.reach = Reach::at(course.height(at));
+            }
+        }
     }
 
     /// Follows the signal between two positions: its extremes, and what the noise's own movement
@@ -221,13 +252,9 @@ impl<'a> Pass<'a> {
         let height = course.height(position);
         let speed = course.slope(position);
         let slope = if spike.on { speed } else { -speed };
-        let mut hazard = 0.0;
-        if t_us > self.awake_us {
-            if slope > 0.0 {
-                hazard += self.memory.hazard(spike.on, self.reach, height) * slope;
-            }
-            hazard += self.memory.moves(course, spike.on, [height, speed]);
-        }
+        let is_awake = t_us > self.awake_us;
+        let sets_off = || self.memory.sets_off(course, spike.on, self.reach, [height, speed]);
+        let hazard = if is_awake { sets_off() } else { 0.0 };
         let background = course.law.background_hz(spike.on).max(LEAST_HAZARD);
         EventTerm {
             index,

@@ -1,0 +1,93 @@
+//! Events that the pixel fired and nobody saw.
+//!
+//! Behind a lost event the pixel compares with another value, On and Off: where it turns back it fires
+//! sooner. While the signal goes on past a threshold both ways stay open as one case; once one of them is
+//! all but certain, or the signal has turned and they differ, they part.
+
+use super::course::{Course, Reach};
+use super::memory::{Case, LEAST_WEIGHT, Memory};
+
+/// A case that is this sure to have fired unseen is followed as such.
+const SURE: f64 = 0.98;
+
+/// A chance this small to have fired unseen does not matter.
+const MAY_BE: f64 = 0.02;
+
+/// By this share of a threshold the signal has turned.
+const TURNED: f64 = 0.15;
+
+/// Cases whose values differ by less of a threshold are one.
+const ALIKE: f64 = 0.02;
+
+/// Lost events blur what the pixel compares with, but by no more than this many times.
+const MOST_BLUR: f64 = 2.5;
+
+impl Memory {
+    /// Whether a case is to be parted, the signal having come to a height.
+    pub(super) fn is_to_part(&self, reach: Reach, height: f64) -> bool {
+        self.cases().iter().any(|case| {
+            let gone = case.gone(reach);
+            (0..2).any(|side| {
+                let threshold = case.thresholds[side];
+                let (_, fired) = threshold.waits(case.begin[side], gone[side]);
+                let back = gone[side] - case.change(height, side == 0);
+                fired >= SURE || fired >= MAY_BE && back >= TURNED * threshold.theta()
+            })
+        })
+    }
+
+    /// Parts every case into one that has not fired and those that have, unseen. Cases weighed; the
+    /// signal counts from `position` on.
+    pub(super) fn part(&mut self, course: &Course<'_>, reach: Reach, position: f64) {
+        let height = course.height(position);
+        let noise = course.noise(position);
+        let cases = self.cases().to_vec();
+        self.replace(cases.iter().flat_map(|case| {
+            let gone = case.gone(reach);
+            let chance = |side: usize| case.thresholds[side].waits(case.begin[side], gone[side]).1;
+            let fired = [chance(0), chance(1)];
+            let waits = Case {
+                weight: case.weight * (1.0 - fired[0]) * (1.0 - fired[1]),
+                ..case.begun_at(gone)
+            };
+            let unseen = [0, 1].map(|side| Case {
+                weight: case.weight * fired[side] * (1.0 - fired[1 - side]),
+                ..behind(course, case, side, gone[side], height, noise)
+            });
+            [waits].into_iter().chain(unseen)
+        }));
+    }
+
+    /// Takes other cases in the place of these, those with the same value as one.
+    fn replace(&mut self, others: impl Iterator<Item = Case>) {
+        let mut cases: Vec<Case> = Vec::new();
+        for other in others.filter(|case| case.weight >= LEAST_WEIGHT * LEAST_WEIGHT) {
+            let alike = ALIKE * other.thresholds[0].theta();
+            match cases.iter_mut().find(|case| (case.value - other.value).abs() < alike) {
+                None => cases.push(other),
+                Some(case) if case.weight >= other.weight => case.weight += other.weight,
+                Some(case) => *case = Case { weight: case.weight + other.weight, ..other },
+            }
+        }
+        self.set(cases);
+    }
+}
+
+/// How a pixel stands that has fired on one side unseen, the signal having gone so far on that side and
+/// being at `height` now.
+fn behind(
+    course: &Course<'_>,
+    case: &Case,
+    side: usize,
+    gone: f64,
+    height: f64,
+    noise: f64,
+) -> Case {
+    let theta = case.thresholds[side].theta();
+    let value = if side == 0 { case.value + theta } else { case.value - theta };
+    let blurred = case.noise.hypot(noise).min(MOST_BLUR * noise);
+    let mut fired = Case::new(course, value, blurred);
+    fired.gone[side] = (gone - theta).max(0.0);
+    fired.gone[1 - side] = fired.change(height, side != 0).max(0.0);
+    fired
+}
