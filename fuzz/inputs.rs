@@ -6,17 +6,24 @@
 use evrig::device::pi::wire;
 use evrig::device::sim::world::WorldDescription;
 use evrig::format::aedat4::Reader;
+use evrig::format::npy::{ArrayWriter, NpzWriter};
 use evrig::format::raw2event;
+use evrig::pipeline;
 use evrig::rig::Rig;
-use evrig::session::{Heard, Layout, Session, read_stage, repair, verify};
+use evrig::scene::PATH_COLUMNS;
+use evrig::session::import::{FrameTimes, ImportFrames, import_frames};
+use evrig::session::{
+    Heard, Layout, Session, StageRecord, StreamName, read_stage, repair, verify, write_stage,
+};
 use evrig::trajectory::{Optional, Plan, Trajectory};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Who takes bytes.
 pub type Taker = fn(&[u8]);
 
 /// What the inputs are called, and who takes them.
-pub const ALL: [(&str, Taker); 8] = [
+pub const ALL: [(&str, Taker); 10] = [
     ("aedat4", aedat4),
     ("dobot", dobot),
     ("pi", pi),
@@ -25,6 +32,8 @@ pub const ALL: [(&str, Taker); 8] = [
     ("descriptions", descriptions),
     ("manifest", manifest),
     ("journal", journal),
+    ("imported", imported),
+    ("results", results),
 ];
 
 /// As an AEDAT4 file and as a socket: packets, then at most one error, and an end.
@@ -124,6 +133,107 @@ pub fn journal(bytes: &[u8]) {
         std::fs::write(layout.journal(), bytes).unwrap();
         let _ = repair(layout.root());
     });
+}
+
+/// What of an import each kind of input is, by its first byte.
+const IMPORTED: [&str; 9] = [
+    "frames.npy",
+    "times.npy",
+    "times.csv",
+    "events.npy",
+    "events.npz",
+    "events.csv",
+    "events.h5",
+    "images/0.png",
+    "images/0.tif",
+];
+
+/// As one of the files of an import of frames, the others being sound; the first byte says which.
+pub fn imported(bytes: &[u8]) {
+    let Some((which, bytes)) = bytes.split_first() else { return };
+    let name = IMPORTED[usize::from(*which) % IMPORTED.len()];
+    in_a_session(|layout| {
+        let given = layout.root().join("given");
+        std::fs::create_dir_all(given.join("images")).unwrap();
+        let at = |name: &str| given.join(name);
+        write_frames(&at("frames.npy"));
+        std::fs::write(at(name), bytes).unwrap();
+        let is = |of: &str| name.starts_with(of);
+        let frames = at(if is("images") { "images" } else { "frames.npy" });
+        let times = if is("times") { FrameTimes::File(at(name)) } else { FrameTimes::Fps(50.0) };
+        let events = is("events").then(|| at(name));
+        let request = ImportFrames {
+            frames: &frames,
+            times,
+            events: events.as_deref(),
+            events_name: StreamName::new("real").unwrap(),
+        };
+        let _ = import_frames(&request, &layout.root().join("session"));
+    });
+}
+
+/// What of a session's results each kind of input is, by its first byte.
+const RESULTS: [&str; 8] = [
+    "sync/clock.json",
+    "track-frames/track.json",
+    "scene/scene.json",
+    "calibrate-frames/k.json",
+    "compare-simulated/comparison.json",
+    "diagnose/diagnosis.json",
+    "diagnose/free_run.json",
+    "diagnose/heat.json",
+];
+
+/// As a result that later stages and the report read; the first byte says which.
+pub fn results(bytes: &[u8]) {
+    let Some((which, bytes)) = bytes.split_first() else { return };
+    let name = RESULTS[usize::from(*which) % RESULTS.len()];
+    in_a_session(|layout| {
+        let frames = layout.root().join("frames.npy");
+        write_frames(&frames);
+        let request = ImportFrames {
+            frames: &frames,
+            times: FrameTimes::Fps(50.0),
+            events: None,
+            events_name: StreamName::new("real").unwrap(),
+        };
+        let root = layout.root().join("session");
+        import_frames(&request, &root).unwrap();
+        let session = Session::open(&root).unwrap();
+        let path = root.join("derived").join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        write_beside(path.parent().unwrap());
+        std::fs::write(&path, bytes).unwrap();
+        let _ = pipeline::read_clocks(&session);
+        let _ = pipeline::read_comparison(&session, &StreamName::new("simulated").unwrap());
+        let _ = pipeline::read_track(&session, "frames");
+        let _ = pipeline::read_scene(&session);
+        let _ = pipeline::read_diagnosis(&session);
+        let _ = pipeline::report(&session);
+    });
+}
+
+/// What a scene and a comparison have in other files.
+fn write_beside(folder: &Path) {
+    let record = StageRecord::new("any", None, BTreeMap::new(), serde_json::Value::Null);
+    write_stage(folder, record, &[]).unwrap();
+    for (name, n) in [("map.npy", 4), ("map_error.npy", 4), ("path.npy", 2 * PATH_COLUMNS)] {
+        let mut writer = ArrayWriter::<f64>::create(&folder.join(name), &[n as u64]).unwrap();
+        writer.extend(&vec![0.5; n]).unwrap();
+        writer.finish().unwrap();
+    }
+    let mut maps = NpzWriter::create(&folder.join("maps.npz")).unwrap();
+    for name in ["real_on", "real_off", "simulated_on", "simulated_off"] {
+        maps.add(name, &[2, 3], [0_u32, 1, 2, 3, 4, 5]).unwrap();
+    }
+    maps.finish().unwrap();
+}
+
+/// Two frames of two by three pixels.
+fn write_frames(path: &Path) {
+    let mut writer = ArrayWriter::<u8>::create(path, &[2, 2, 3]).unwrap();
+    writer.extend(&[10, 20, 30, 40, 50, 60, 60, 50, 40, 30, 20, 10]).unwrap();
+    writer.finish().unwrap();
 }
 
 const JOURNAL: &str = "{\"what\":\"trajectory\"}\n";

@@ -161,6 +161,17 @@ fn events_off_the_grid_and_out_of_order_are_counted_losses() {
     assert_eq!(found.as_slice().t, [5, 10]);
 }
 
+/// The same frames, announced as many more: memory for as many times would not be had.
+fn many_frames(frames: &Path) -> PathBuf {
+    let mut bytes = std::fs::read(frames).unwrap();
+    let at = bytes.windows(3).position(|bytes| bytes == b"(3,").unwrap();
+    let shape = b"(99999999999999999, 8, 12), }";
+    bytes[at..at + shape.len()].copy_from_slice(shape);
+    let many = frames.with_file_name("many.npy");
+    std::fs::write(&many, bytes).unwrap();
+    many
+}
+
 #[test]
 fn wrong_input_is_one_clear_error_and_leaves_nothing() {
     let directory = tempfile::tempdir().unwrap();
@@ -176,6 +187,9 @@ fn wrong_input_is_one_clear_error_and_leaves_nothing() {
     let mut writer = ArrayWriter::<f32>::create(&float, &[1, 1, 1]).unwrap();
     writer.extend(&[0.5]).unwrap();
     writer.finish().unwrap();
+    let no_frame = root.join("no_frame.npy");
+    ArrayWriter::<u8>::create(&no_frame, &[0, 8, 12]).unwrap().finish().unwrap();
+    let many = many_frames(&frames);
     let cases: Vec<(&Path, Vec<String>, &str)> = vec![
         (&frames, vec!["--timestamps".into(), write("two.txt", "0\n1\n")], "2 times for 3 frames"),
         (
@@ -186,6 +200,8 @@ fn wrong_input_is_one_clear_error_and_leaves_nothing() {
         (&frames, vec!["--timestamps".into(), write("word.txt", "0\n5\nx\n")], "line 3"),
         (&flat, vec!["--fps".into(), "10".into()], "expected N x H x W"),
         (&float, vec!["--fps".into(), "10".into()], "uint8 or uint16"),
+        (&no_frame, vec!["--fps".into(), "10".into()], "holds no frame"),
+        (&many, vec!["--fps".into(), "10".into()], "ends before the data"),
         (
             &frames,
             vec!["--fps".into(), "10".into(), "--events".into(), write("p.csv", "1,1,1,7\n")],

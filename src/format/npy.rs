@@ -4,6 +4,7 @@
 //! people store events in any integer or float type, either byte order, and as
 //! structured arrays, and frames are read one at a time from arrays larger than memory.
 
+mod header;
 mod read;
 mod write;
 
@@ -42,7 +43,12 @@ impl NpyError {
         // npyz reports a malformed header as invalid data; that is the format's fault, not the disk's.
         match source.kind() {
             std::io::ErrorKind::InvalidData => {
-                Self::format(path, format!("not an npy array: {source}"))
+                // npyz draws the line that it could not read below its message, however long it is.
+                let what = source.to_string();
+                Self::format(
+                    path,
+                    format!("not an npy array: {}", what.lines().next().unwrap_or("")),
+                )
             }
             std::io::ErrorKind::UnexpectedEof => Self::format(
                 path,
@@ -96,17 +102,42 @@ mod tests {
     fn a_header_that_promises_more_than_the_file_holds_is_named_and_not_believed() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("cut.npy");
-        let mut writer = ArrayWriter::<i64>::create(&path, &[4]).unwrap();
-        writer.extend(&[1, 2, 3, 4]).unwrap();
-        writer.finish().unwrap();
-        let text = std::fs::read(&path).unwrap();
-        let text = String::from_utf8_lossy(&text[..]).replace("(4,)", "(9999999999,)");
-        std::fs::write(&path, text.as_bytes()).unwrap();
-        let error = match ArrayReader::open(&path) {
-            Ok(reader) => reader.read_all().unwrap_err(),
-            Err(error) => error,
-        };
-        assert!(error.to_string().contains("cut.npy"), "{error}");
+        let shape = "'fortran_order': False, 'shape': (9999999999,), }\n";
+        header_only(&path, &format!("{{'descr': '<i8', {shape}"));
+        let error = ArrayReader::open(&path).err().unwrap().to_string();
+        assert!(error.contains("cut.npy: the file ends before the data"), "{error}");
+    }
+
+    /// An npy file of this header and no data.
+    fn header_only(path: &std::path::Path, header: &str) {
+        let mut bytes = b"\x93NUMPY\x02\0".to_vec();
+        bytes.extend((header.len() as u32).to_le_bytes());
+        bytes.extend(header.bytes());
+        std::fs::write(path, bytes).unwrap();
+    }
+
+    #[test]
+    fn elements_of_nothing_are_refused_and_a_mad_header_is_told_in_a_line() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("none.npy");
+        let shape = "'fortran_order': False, 'shape': (1000000000000000000,), }\n";
+        header_only(&path, &format!("{{'descr': [], {shape}"));
+        let error = ArrayReader::open(&path).err().unwrap().to_string();
+        assert!(error.contains("no fields"), "{error}");
+        header_only(&path, &format!("{{'descr': {}, {shape}", "'".repeat(3_000)));
+        let error = ArrayReader::open(&path).err().unwrap().to_string();
+        assert!(error.contains("not an npy array") && error.len() < 400, "{error}");
+        let shape = "'fortran_order': False, 'shape': (9999999999, 9999999999), }\n";
+        header_only(&path, &format!("{{'descr': '<i8', {shape}"));
+        let error = ArrayReader::open(&path).err().unwrap().to_string();
+        assert!(error.contains("more elements than can be counted"), "{error}");
+        std::fs::write(&path, b"\x93NUMPY\x02\0\xff\xff\xff\xff{").unwrap();
+        let error = ArrayReader::open(&path).err().unwrap().to_string();
+        assert!(error.contains("4294967295 bytes"), "{error}");
+        // A parser that tries every way to read a bracket would not come to an end.
+        header_only(&path, &format!("{{'descr': {}, {shape}", "[".repeat(60)));
+        let error = ArrayReader::open(&path).err().unwrap().to_string();
+        assert!(error.contains("brackets in brackets"), "{error}");
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! Reading: any numeric element type becomes `i64` or `f64` columns, or raw rows.
 
 use super::NpyError;
-use npyz::{DType, Endianness, NpyHeader, Order, TypeChar, TypeStr};
+use super::header::read_header;
+use npyz::{DType, Endianness, Order, TypeChar, TypeStr};
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
 
 /// One column of numbers, integers kept exact.
@@ -87,16 +88,28 @@ impl ArrayReader<BufReader<File>> {
     /// Opens an npy file and reads its header.
     ///
     /// # Errors
-    /// When the file cannot be read, or is not an npy array of numbers in C order.
+    /// When the file cannot be read, is not an npy array of numbers in C order, or ends before the data
+    /// that its header announces.
     pub fn open(path: &Path) -> Result<Self, NpyError> {
-        let file = File::open(path).map_err(|source| NpyError::io(path, source))?;
-        Self::new(path.to_owned(), BufReader::with_capacity(1 << 20, file))
+        let io = |source| NpyError::io(path, source);
+        let file = File::open(path).map_err(io)?;
+        let mut array = Self::new(path.to_owned(), BufReader::with_capacity(1 << 20, file))?;
+        let about = array.reader.get_ref().metadata().map_err(io)?;
+        // A pipe has no length; a file is looked at before anybody relies on what it announces.
+        if about.is_file() {
+            let header = array.reader.stream_position().map_err(io)?;
+            let announced = array.n_elements().checked_mul(array.element_bytes() as u64);
+            if announced.is_none_or(|n| n > about.len().saturating_sub(header)) {
+                return Err(io(std::io::ErrorKind::UnexpectedEof.into()));
+            }
+        }
+        Ok(array)
     }
 }
 
 impl<R: Read> ArrayReader<R> {
     fn new(path: PathBuf, mut reader: R) -> Result<Self, NpyError> {
-        let header = NpyHeader::from_reader(&mut reader).map_err(|e| NpyError::io(&path, e))?;
+        let header = read_header(&mut reader).map_err(|e| NpyError::io(&path, e))?;
         if header.order() == Order::Fortran && header.shape().len() > 1 {
             return Err(NpyError::format(
                 &path,
@@ -105,6 +118,16 @@ impl<R: Read> ArrayReader<R> {
         }
         let fields = fields_of(&header.dtype()).map_err(|what| NpyError::format(&path, what))?;
         Ok(Self { path, shape: header.shape().to_vec(), fields, reader })
+    }
+
+    /// How many elements the shape announces; the most there can be where it announces more.
+    fn n_elements(&self) -> u64 {
+        self.shape.iter().fold(1, |n, m| n.saturating_mul(*m))
+    }
+
+    /// Bytes of one element with all its fields.
+    fn element_bytes(&self) -> usize {
+        self.fields.iter().map(|field| field.n_bytes).sum()
     }
 
     /// Length along each axis.
@@ -156,12 +179,10 @@ impl<R: Read> ArrayReader<R> {
     /// # Errors
     /// When the file ends before the data its header announces.
     pub fn read_all(mut self) -> Result<Array, NpyError> {
-        let n: u64 =
-            self.shape.iter().try_fold(1_u64, |n, &m| n.checked_mul(m)).unwrap_or(u64::MAX);
-        let row: usize = self.fields.iter().map(|field| field.n_bytes).sum();
+        let row = self.element_bytes();
         let mut columns: Vec<Column> = self.fields.iter().map(Field::empty_column).collect();
         // A header may announce more than there is: memory grows with what really arrives.
-        let mut left = n;
+        let mut left = self.n_elements();
         while left > 0 {
             let n_rows = left.min(1 << 16) as usize;
             let bytes = self.next_u8(n_rows * row)?;
@@ -284,6 +305,7 @@ impl Field {
 fn fields_of(dtype: &DType) -> Result<Vec<Field>, String> {
     match dtype {
         DType::Plain(element) => Ok(vec![Field::new(String::new(), element)?]),
+        DType::Record(fields) if fields.is_empty() => Err("its elements have no fields".into()),
         DType::Record(fields) => fields
             .iter()
             .map(|field| match &field.dtype {

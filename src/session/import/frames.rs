@@ -142,6 +142,9 @@ fn from_array(request: &ImportFrames<'_>, path: &Path) -> Result<Frames, Session
         )));
     };
     let size = Size::new(width, height);
+    if n == 0 {
+        return Err(wrong("holds no frame".into()));
+    }
     let times = frame_times(&request.times, n)?;
     let bits = match reader.unsigned_bytes() {
         Some(1) => {

@@ -1,0 +1,12 @@
+//! See `inputs::results`.
+//!
+//! `RUSTC_BOOTSTRAP=1 cargo fuzz run --sanitizer none results target/found corpus/results -- -max_total_time=300`
+//! (in this folder; finds go to `target/found`).
+
+#![no_main]
+
+#[path = "../inputs.rs"]
+#[allow(dead_code)]
+mod inputs;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| inputs::results(bytes));

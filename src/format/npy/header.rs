@@ -1,0 +1,70 @@
+//! A header, looked at before the crate `npyz` reads it.
+//!
+//! Its parser tries every way to read a bracket, so that a header of some hundred bytes of brackets in
+//! brackets would keep it busy for ever; it takes a header's length at its word, and multiplies the sides
+//! of a shape without asking whether that fits.
+
+use npyz::NpyHeader;
+use std::io::{Error, ErrorKind, Read};
+
+/// Arrays of records of numbers, the most that is read here, have brackets in brackets in braces.
+const MOST_NESTED: usize = 6;
+
+/// A header of a thousand fields is shorter.
+const MOST_BYTES: usize = 1 << 18;
+
+/// Reads a header and leaves the reader at the data.
+///
+/// # Errors
+/// When the reader ends before, or this is no header of an array of numbers.
+pub(super) fn read_header(reader: &mut impl Read) -> Result<NpyHeader, Error> {
+    let mut header = [0; 8].to_vec();
+    reader.read_exact(&mut header)?;
+    if !header.starts_with(b"\x93NUMPY") {
+        return Err(wrong("it does not begin as one"));
+    }
+    let at_text = if header[6] == 1 { 10 } else { 12 };
+    header.resize(at_text, 0);
+    reader.read_exact(&mut header[8..])?;
+    let n_bytes = header[8..].iter().rev().fold(0, |n, byte| (n << 8) | usize::from(*byte));
+    if n_bytes > MOST_BYTES {
+        return Err(wrong(&format!("its header would have {n_bytes} bytes")));
+    }
+    header.resize(at_text + n_bytes, 0);
+    reader.read_exact(&mut header[at_text..])?;
+    if nested(&header[at_text..]) > MOST_NESTED {
+        return Err(wrong("its header has more brackets in brackets than one of plain numbers"));
+    }
+    if !is_countable(&header[at_text..]) {
+        return Err(wrong("its shape has more elements than can be counted"));
+    }
+    NpyHeader::from_reader(header.as_slice())
+}
+
+/// How many brackets are open at most.
+fn nested(text: &[u8]) -> usize {
+    let mut open = 0_usize;
+    let depths = text.iter().map(|byte| {
+        match byte {
+            b'(' | b'[' | b'{' => open += 1,
+            b')' | b']' | b'}' => open = open.saturating_sub(1),
+            _ => {}
+        }
+        open
+    });
+    depths.max().unwrap_or(0)
+}
+
+/// Whether the product of the numbers from the shape on is one.
+fn is_countable(text: &[u8]) -> bool {
+    let key = b"shape";
+    let at = text.windows(key.len()).position(|word| word == key).unwrap_or(0);
+    let numbers =
+        text[at..].split(|byte| !byte.is_ascii_digit()).filter(|digits| !digits.is_empty());
+    let mut values = numbers.map(|digits| str::from_utf8(digits).ok()?.parse::<u64>().ok());
+    values.try_fold(1_u64, |product, value| product.checked_mul(value?)).is_some()
+}
+
+fn wrong(what: &str) -> Error {
+    Error::new(ErrorKind::InvalidData, what)
+}
