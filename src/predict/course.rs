@@ -69,7 +69,11 @@ impl<'a> Course<'a> {
 
     /// The instants behind one position up to another at which the signal may bend, with their
     /// heights.
-    pub(super) fn instants(&self, from: f64, to: f64) -> impl Iterator<Item = (f64, f64)> + '_ {
+    pub(super) fn instants(
+        &self,
+        from: f64,
+        to: f64,
+    ) -> impl Iterator<Item = (f64, f64)> + Clone + '_ {
         let first = from.floor() as usize + 1;
         let end = (to.floor().max(0.0) as usize).min(self.run[1]) + 1;
         let bends = self.light.bends.map(Bends::at);

@@ -5,7 +5,7 @@
 //! all but certain, or the signal has turned and they differ, they part.
 
 use super::course::{Course, Reach};
-use super::memory::{Case, LEAST_WEIGHT, Memory};
+use super::memory::{Case, LEAST_WEIGHT, Memory, gather};
 
 /// A case that is this sure to have fired unseen is followed as such.
 const SURE: f64 = 0.98;
@@ -15,9 +15,6 @@ const MAY_BE: f64 = 0.02;
 
 /// By this share of a threshold the signal has turned.
 const TURNED: f64 = 0.15;
-
-/// Cases whose values differ by less of a threshold are one.
-const ALIKE: f64 = 0.02;
 
 /// Lost events blur what the pixel compares with, but by no more than this many times.
 const MOST_BLUR: f64 = 2.5;
@@ -29,6 +26,9 @@ impl Memory {
             let gone = case.gone(reach);
             (0..2).any(|side| {
                 let threshold = case.thresholds[side];
+                if !threshold.may_have_fired(gone[side]) {
+                    return false;
+                }
                 let (_, fired) = threshold.waits(case.begin[side], gone[side]);
                 let back = gone[side] - case.change(height, side == 0);
                 fired >= SURE || fired >= MAY_BE && back >= TURNED * threshold.theta()
@@ -62,12 +62,7 @@ impl Memory {
     fn replace(&mut self, others: impl Iterator<Item = Case>) {
         let mut cases: Vec<Case> = Vec::new();
         for other in others.filter(|case| case.weight >= LEAST_WEIGHT * LEAST_WEIGHT) {
-            let alike = ALIKE * other.thresholds[0].theta();
-            match cases.iter_mut().find(|case| (case.value - other.value).abs() < alike) {
-                None => cases.push(other),
-                Some(case) if case.weight >= other.weight => case.weight += other.weight,
-                Some(case) => *case = Case { weight: case.weight + other.weight, ..other },
-            }
+            gather(&mut cases, other);
         }
         self.set(cases);
     }

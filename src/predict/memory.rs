@@ -14,6 +14,9 @@ pub(super) const LEAST_WEIGHT: f64 = 2e-3;
 /// A case less likely than this to have set off an event did not.
 const LEAST_SHARE: f64 = 0.02;
 
+/// Cases whose values differ by less of a threshold are one.
+const ALIKE: f64 = 0.02;
+
 /// Most cases that are kept side by side.
 const MOST_CASES: usize = 4;
 
@@ -218,10 +221,13 @@ impl Memory {
         let passed_by = fired.background_share * (1.0 - law.background_memorised);
         self.memorise(course, fired, reach, end_us);
         self.unknown = None;
+        let mut reach = reach;
         if passed_by < LEAST_WEIGHT {
             self.cases.clear();
         } else if law.drop_fraction > 0.0 {
-            self.part(course, reach, course.position(fired.t_us));
+            let at = course.position(fired.t_us);
+            self.part(course, reach, at);
+            reach = Reach::at(course.height(at));
         }
         for case in &mut self.cases {
             *case = case.begun_at(case.gone(reach));
@@ -261,8 +267,9 @@ impl Memory {
         let sets_off = |case: &Case| case.weight * case.sets_off(course, fired.on, reach, here);
         let all: f64 = self.cases.iter().map(sets_off).sum();
         let share = |case: &Case| if all > 0.0 { sets_off(case) / all } else { case.weight };
-        let likely = self.cases.iter().filter(|case| share(case) >= LEAST_SHARE);
-        self.spare.extend(likely.map(|case| Case { weight: share(case), ..fresh(Some(case)) }));
+        for case in self.cases.iter().filter(|case| share(case) >= LEAST_SHARE) {
+            gather(&mut self.spare, Case { weight: share(case), ..fresh(Some(case)) });
+        }
     }
 }
 
@@ -287,6 +294,16 @@ pub(super) fn fresh(course: &Course<'_>, fired: Fired, change: Option<f64>, end_
     // It fired at this height, so it did not fire on the way from what it memorised to here.
     let gone = [(height - value).max(0.0), (value - height).max(0.0)];
     Case::new(course, value, course.noise(position)).begun_at(gone)
+}
+
+/// Adds a case to some; where one compares with all but the same value the two are one.
+pub(super) fn gather(cases: &mut Vec<Case>, other: Case) {
+    let alike = ALIKE * other.thresholds[0].theta();
+    match cases.iter_mut().find(|case| (case.value - other.value).abs() < alike) {
+        None => cases.push(other),
+        Some(case) if case.weight >= other.weight => case.weight += other.weight,
+        Some(case) => *case = Case { weight: case.weight + other.weight, ..other },
+    }
 }
 
 /// Keeps the likeliest cases, likeliest first, with weights that add up to one.

@@ -11,7 +11,12 @@ pub(super) struct Threshold {
     /// Median over scale: how sharp the threshold is.
     steepness: f64,
     drop_fraction: f64,
+    /// Below this maximum it has hardly fired.
+    begins: f64,
 }
+
+/// Odds of having fired at which a threshold begins to.
+const BEGINS: f64 = 0.02;
 
 /// `ln(1 + e^z)` without overflow.
 pub(super) fn softplus(z: f64) -> f64 {
@@ -26,7 +31,11 @@ pub(super) fn logistic(z: f64) -> f64 {
 impl Threshold {
     /// About the median `theta`, with scatter of the scale `noise`.
     pub(super) fn new(theta: f64, noise: f64, drop_fraction: f64) -> Self {
-        Self { theta, steepness: (theta / noise).clamp(1.0, STEEPEST), drop_fraction }
+        let steepness = (theta / noise).clamp(1.0, STEEPEST);
+        // Where no event is lost nobody asks.
+        let begins =
+            if drop_fraction > 0.0 { theta * BEGINS.powf(steepness.recip()) } else { theta };
+        Self { theta, steepness, drop_fraction, begins }
     }
 
     /// Minus the logarithm of the chance that the pixel has not fired while the running maximum came from
@@ -73,6 +82,11 @@ impl Threshold {
         (seen / silent, self.drop_fraction * (1.0 - alive) / silent)
     }
 
+    /// Whether the pixel may have fired by this maximum.
+    pub(super) fn may_have_fired(&self, maximum: f64) -> bool {
+        maximum >= self.begins
+    }
+
     /// The median.
     pub(super) fn theta(&self) -> f64 {
         self.theta
@@ -105,6 +119,7 @@ mod tests {
         assert!(((-lossy.silence(0.0, 0.37)).exp() - 0.3).abs() < 1e-3, "three in ten get past");
         let (_, has_fired) = lossy.waits(0.0, 0.25);
         assert!((has_fired - 0.15 / 0.65).abs() < 1e-9, "of 0.65 that are silent 0.15 have fired");
+        assert!(lossy.may_have_fired(0.24) && !lossy.may_have_fired(0.22));
     }
 
     #[test]

@@ -194,12 +194,14 @@ impl<'a> Pass<'a> {
     /// The same as [`Self::follow`] where events may have been lost on the way.
     fn follow_what_is_lost(&mut self, from: f64, to: f64) {
         let course = self.course;
-        let mut at = from;
-        for next in course.instants(from, to).map(|(position, _)| position).chain([to]) {
-            self.follow(at, next);
-            at = next;
+        let (mut at, mut before) = (from, course.height(from));
+        for next in course.instants(from, to).chain([(to, course.height(to))]) {
+            let mut here = Reach::at(before);
+            here.add(next.1);
+            self.pass(here, (at, before), [next].into_iter());
+            (at, before) = next;
             for _ in 0..MOST_PARTED {
-                if !self.memory.is_to_part(self.reach, course.height(at)) {
+                if !self.memory.is_to_part(self.reach, before) {
                     break;
                 }
                 let spent = self.memory.spent(self.reach);
@@ -209,7 +211,7 @@ impl<'a> Pass<'a> {
                 self.reported = [0.0; 2];
                 self.memory.weigh(self.reach);
                 self.memory.part(&course, self.reach, at);
-                self.reach = Reach::at(course.height(at));
+                self.reach = Reach::at(before);
             }
         }
     }
@@ -217,25 +219,35 @@ impl<'a> Pass<'a> {
     /// Follows the signal between two positions: its extremes, and what the noise's own movement
     /// spends on the way.
     fn follow(&mut self, from: f64, to: f64) {
-        let course = &self.course;
+        let course = self.course;
         let [begin, end] = [course.height(from), course.height(to)];
         let mut here = Reach::at(begin);
         here.add(end);
         for (_, height) in course.instants(from, to) {
             here.add(height);
         }
+        self.pass(here, (from, begin), course.instants(from, to).chain([(to, end)]));
+    }
+
+    /// Passes on from one position and height to others, straight in between, that reach so far.
+    fn pass(
+        &mut self,
+        here: Reach,
+        from: (f64, f64),
+        passages: impl Iterator<Item = (f64, f64)> + Clone,
+    ) {
         self.reach.add(here.high);
         self.reach.add(here.low);
         for case in self.memory.cases() {
             let furthest = [here.high - case.value, case.value - here.low];
-            let movement = case.movement(course).filter(|moves| moves.is_within_reach(furthest));
+            let movement = case.movement(&self.course);
+            let movement = movement.filter(|moves| moves.is_within_reach(furthest));
             let Some(movement) = movement else { continue };
             let mut moved = [0.0; 2];
-            let (mut before, mut at) = (begin - case.value, from);
-            let passages = course.instants(from, to).chain([(to, end)]);
-            for (position, height) in passages {
+            let (mut at, mut before) = (from.0, from.1 - case.value);
+            for (position, height) in passages.clone() {
                 let change = height - case.value;
-                let seconds = (position - at) * course.step_s();
+                let seconds = (position - at) * self.course.step_s();
                 movement.pass([before, change], seconds, &mut moved);
                 (before, at) = (change, position);
             }
