@@ -39,6 +39,14 @@ pub use writer::{RigLogWriter, Topic};
 
 use std::path::PathBuf;
 
+/// What the system says where it is the system that says something.
+fn reason(error: &mcap::McapError) -> String {
+    match error {
+        mcap::McapError::Io(system) => system.to_string(),
+        other => other.to_string(),
+    }
+}
+
 /// Why the rig's log cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum RigLogError {
@@ -51,7 +59,7 @@ pub enum RigLogError {
         source: std::io::Error,
     },
     /// Writing failed.
-    #[error("{}: writing message {message} failed: {source}; what was written before can be read", path.display())]
+    #[error("{}: writing message {message} failed: {}; what was written before can be read", path.display(), reason(source))]
     Write {
         /// The file.
         path: PathBuf,
@@ -82,4 +90,18 @@ pub enum RigLogError {
         /// Expected and got.
         because: String,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_is_told_in_the_systems_own_words() {
+        let full = std::io::Error::from_raw_os_error(28);
+        let expected = full.to_string();
+        let source = Box::new(mcap::McapError::Io(full));
+        let error = RigLogError::Write { path: "rig.mcap".into(), message: 3, source };
+        assert!(error.to_string().contains(&expected), "{error}");
+    }
 }
