@@ -1,0 +1,76 @@
+//! Drives the published circle and tells how well its poses are known in time.
+//!
+//! ```sh
+//! cargo run --example drive_circle                    # the simulated arm
+//! cargo run --example drive_circle -- /dev/ttyUSB0 50 # a real one, homed, 50 poses a second
+//! ```
+//! The measured duration tells which parameters rule the speed of a circle: 2.508 s when it is
+//! the ARC parameters (50 mm/s, 50 mm/s^2). The PTP parameters are set to half of them.
+
+#![allow(clippy::print_stdout)]
+
+use evrig::device::dobot::command::{CartesianLimits, Command, PtpMode, Ratios};
+use evrig::device::dobot::guard::{GuardLink, serve};
+use evrig::device::dobot::pose_log::{Pace, PoseTiming};
+use evrig::device::dobot::{Client, Patience};
+use evrig::device::host_clock;
+use evrig::device::sim::arm::{Clock, Emulator, Options};
+use evrig::time::Span;
+use evrig::units::Hertz;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    // The guard is this program again, as with evrig itself.
+    if let [verb, port] = &args[..]
+        && verb == "guard"
+    {
+        let never = AtomicBool::new(false);
+        serve(Path::new(port), std::io::stdin(), std::io::stdout(), &never);
+        return Ok(());
+    }
+    let rate: f64 = args.get(1).map_or(Ok(50.0), |text| text.parse())?;
+    let simulated = match args.first() {
+        Some(_) => None,
+        None => Some(Emulator::start(Options::default(), Clock::Scaled(1.0), Vec::new())?),
+    };
+    let port = match (&simulated, args.first()) {
+        (Some(emulator), _) => emulator.port().to_owned(),
+        (None, port) => PathBuf::from(port.cloned().unwrap_or_default()),
+    };
+    let link = GuardLink::start(&std::env::current_exe()?, &port)?;
+    let patience = Patience { between_polls: Span::ZERO, ..Patience::default() };
+    let mut client = Client::new(Box::new(link), patience);
+    println!("{:?}", client.identify()?);
+    if simulated.is_some() {
+        client.clear_alarms()?;
+    }
+    client.refuse_alarms()?;
+    drive(&mut client, rate)
+}
+
+fn drive(client: &mut Client, rate: f64) -> Result<(), Box<dyn Error>> {
+    let room = Span::from_micros(1_000_000);
+    let minute = Span::from_micros(60_000_000);
+    client.begin()?;
+    client.set(&Command::PtpCommon(Ratios { velocity: 100.0, acceleration: 100.0 }))?;
+    client.set(&Command::PtpCoordinate(CartesianLimits::uniform(25.0, 25.0)))?;
+    client.set(&Command::ArcParams(CartesianLimits::uniform(50.0, 50.0)))?;
+    let target = [240.0, 0.0, 100.0, 90.0];
+    let start = client.enqueue(&Command::Ptp { mode: PtpMode::MoveLineXyz, target }, room)?;
+    client.wait_for(start, minute, &mut |_| ())?;
+    let (via, to) = ([252.0, 12.0, 100.0, 90.0], [264.0, 0.0, 100.0, 90.0]);
+    let circle = client.enqueue(&Command::Circle { via, to, turns: 1 }, room)?;
+    let started = host_clock::now();
+    let (mut poses, mut pace) = (Vec::new(), Pace::new(Hertz(rate)));
+    client.wait_for(circle, minute, &mut |pose| {
+        poses.push(*pose);
+        let rest = pace.until_next(host_clock::now());
+        std::thread::sleep(std::time::Duration::from_nanos(rest.as_nanos().unsigned_abs()));
+    })?;
+    println!("the circle took {}", host_clock::now() - started);
+    println!("{:#?}", PoseTiming::of(&poses));
+    Ok(())
+}
