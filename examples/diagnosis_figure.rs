@@ -3,6 +3,7 @@
 //! `cargo run --release --example diagnosis_figure -- diagnosis.json OUT.svg`
 
 use evrig::diagnose::{Diagnosis, ProposedTerm, Where};
+use evrig::stats::read_back;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::error::Error;
@@ -20,7 +21,7 @@ const N_PLACES: usize = 8;
 fn main() -> Drawn {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [from, to] = arguments.as_slice() else { return Err(USAGE.into()) };
-    let diagnosis: Diagnosis = serde_json::from_str(&std::fs::read_to_string(from)?)?;
+    let diagnosis: Diagnosis = read_back(&std::fs::read_to_string(from)?)?;
     let mut text = String::new();
     {
         let canvas = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();

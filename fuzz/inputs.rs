@@ -162,14 +162,18 @@ pub fn imported(bytes: &[u8]) {
         let frames = at(if is("images") { "images" } else { "frames.npy" });
         let times = if is("times") { FrameTimes::File(at(name)) } else { FrameTimes::Fps(50.0) };
         let events = is("events").then(|| at(name));
-        let request = ImportFrames {
-            frames: &frames,
-            times,
-            events: events.as_deref(),
-            events_name: StreamName::new("real").unwrap(),
-        };
+        let request = frames_and_events(&frames, times, events.as_deref());
         let _ = import_frames(&request, &layout.root().join("session"));
     });
+}
+
+fn frames_and_events<'a>(
+    frames: &'a Path,
+    times: FrameTimes,
+    events: Option<&'a Path>,
+) -> ImportFrames<'a> {
+    let events_name = StreamName::new("real").unwrap();
+    ImportFrames { frames, times, events, events_name }
 }
 
 /// What of a session's results each kind of input is, by its first byte.
@@ -191,12 +195,7 @@ pub fn results(bytes: &[u8]) {
     in_a_session(|layout| {
         let frames = layout.root().join("frames.npy");
         write_frames(&frames);
-        let request = ImportFrames {
-            frames: &frames,
-            times: FrameTimes::Fps(50.0),
-            events: None,
-            events_name: StreamName::new("real").unwrap(),
-        };
+        let request = frames_and_events(&frames, FrameTimes::Fps(50.0), None);
         let root = layout.root().join("session");
         import_frames(&request, &root).unwrap();
         let session = Session::open(&root).unwrap();

@@ -13,5 +13,5 @@ pub use dot::dot;
 pub use estimate::{Estimate, Z90};
 pub use moments::{Moments, median, quantile_sorted, upper_median};
 pub use random::SplitMix;
-pub use read_back::read_back;
+pub use read_back::{read_back, read_value};
 pub use wilson::wilson95;

@@ -104,8 +104,12 @@ mod tests {
         let path = directory.path().join("cut.npy");
         let shape = "'fortran_order': False, 'shape': (9999999999,), }\n";
         header_only(&path, &format!("{{'descr': '<i8', {shape}"));
-        let error = ArrayReader::open(&path).err().unwrap().to_string();
+        let error = refusal(&path);
         assert!(error.contains("cut.npy: the file ends before the data"), "{error}");
+    }
+
+    fn refusal(path: &std::path::Path) -> String {
+        ArrayReader::open(path).err().unwrap().to_string()
     }
 
     /// An npy file of this header and no data.
@@ -122,21 +126,21 @@ mod tests {
         let path = directory.path().join("none.npy");
         let shape = "'fortran_order': False, 'shape': (1000000000000000000,), }\n";
         header_only(&path, &format!("{{'descr': [], {shape}"));
-        let error = ArrayReader::open(&path).err().unwrap().to_string();
+        let error = refusal(&path);
         assert!(error.contains("no fields"), "{error}");
         header_only(&path, &format!("{{'descr': {}, {shape}", "'".repeat(3_000)));
-        let error = ArrayReader::open(&path).err().unwrap().to_string();
+        let error = refusal(&path);
         assert!(error.contains("not an npy array") && error.len() < 400, "{error}");
         let shape = "'fortran_order': False, 'shape': (9999999999, 9999999999), }\n";
         header_only(&path, &format!("{{'descr': '<i8', {shape}"));
-        let error = ArrayReader::open(&path).err().unwrap().to_string();
+        let error = refusal(&path);
         assert!(error.contains("more elements than can be counted"), "{error}");
         std::fs::write(&path, b"\x93NUMPY\x02\0\xff\xff\xff\xff{").unwrap();
-        let error = ArrayReader::open(&path).err().unwrap().to_string();
+        let error = refusal(&path);
         assert!(error.contains("4294967295 bytes"), "{error}");
         // A parser that tries every way to read a bracket would not come to an end.
         header_only(&path, &format!("{{'descr': {}, {shape}", "[".repeat(60)));
-        let error = ArrayReader::open(&path).err().unwrap().to_string();
+        let error = refusal(&path);
         assert!(error.contains("brackets in brackets"), "{error}");
     }
 
@@ -145,7 +149,7 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("text.npy");
         std::fs::write(&path, "hello, I am a text file, not an array").unwrap();
-        let error = ArrayReader::open(&path).err().unwrap().to_string();
+        let error = refusal(&path);
         assert!(error.contains("not an npy array"), "{error}");
         assert!(Npz::open(&path).err().unwrap().to_string().contains("not an npz archive"));
     }

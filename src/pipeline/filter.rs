@@ -110,7 +110,7 @@ pub fn filter(session: &Session, request: &FilterRequest) -> Result<FilteredStre
     let directory = session.layout().derived("filter", Some(name));
     if !request.force
         && let Some(record) = fresh_record(&directory, &wanted)
-        && let Ok(tally) = serde_json::from_value(record.tally)
+        && let Ok(tally) = record.tally_as()
     {
         return Ok(FilteredStream { tally, freshness: Freshness::Fresh });
     }
@@ -141,7 +141,7 @@ pub fn filter(session: &Session, request: &FilterRequest) -> Result<FilteredStre
 #[must_use]
 pub fn read_filter_tally(session: &Session, stream: &StreamName) -> Option<FilterTally> {
     let record = read_stage(&session.layout().derived("filter", Some(stream)))?;
-    serde_json::from_value(record.tally).ok()
+    record.tally_as().ok()
 }
 
 /// The filtered events of a stream with their grid, and the checksums they stand for; none when the

@@ -174,7 +174,7 @@ pub fn generate(
     let wanted = StageRecord::new("generate", Some(name.as_str()), inputs, parameters);
     let directory = session.layout().derived("generate", Some(name));
     if let (false, Some(record)) = (request.force, fresh_record(&directory, &wanted)) {
-        let tally = serde_json::from_value(record.tally.clone()).unwrap_or_default();
+        let tally = record.tally_as().unwrap_or_default();
         return Ok(Generated { freshness: Freshness::Fresh, tally, record, speed: None });
     }
     clear(&directory)?;

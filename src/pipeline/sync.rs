@@ -88,7 +88,7 @@ pub fn sync(session: &Session, force: bool) -> Result<Synced, PipelineError> {
         && let Some(record) = fresh_record(&directory, &wanted)
         && let Some(clocks) = read_clocks(session)?
     {
-        let tally = serde_json::from_value(record.tally).unwrap_or_default();
+        let tally = record.tally_as().unwrap_or_default();
         return Ok(Synced { clocks, tally, freshness: Freshness::Fresh });
     }
     let (evidence, tally) = evidence(session)?;

@@ -104,7 +104,7 @@ pub fn read_track(session: &Session, stream: &str) -> Result<Option<AnyTrack>, P
 pub fn read_summary(session: &Session, stream: &str) -> Option<TrackSummary> {
     let name = StreamName::new(stream).ok()?;
     let record = read_stage(&session.layout().derived("track", Some(&name)))?;
-    serde_json::from_value(record.tally).ok()
+    record.tally_as().ok()
 }
 
 /// Runs the stage, unless its result is fresh. `progress` is told frames done and in all.
@@ -136,7 +136,7 @@ pub fn track(
         && let Some(record) = fresh_record(&directory, &wanted)
         && let Some(track) = read_track(session, stream)?
     {
-        let summary = serde_json::from_value(record.tally).unwrap_or_default();
+        let summary = record.tally_as().unwrap_or_default();
         return Ok(Tracked { track, summary, freshness: Freshness::Fresh });
     }
     let n = entry.count;

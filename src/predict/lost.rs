@@ -7,6 +7,9 @@
 use super::course::{Course, Reach};
 use super::memory::{Case, LEAST_WEIGHT, Memory, gather};
 
+/// Ways less likely than this come to nothing, however many are gathered.
+const NOTHING: f64 = LEAST_WEIGHT * LEAST_WEIGHT;
+
 /// A case that is this sure to have fired unseen is followed as such.
 const SURE: f64 = 0.98;
 
@@ -29,7 +32,7 @@ impl Memory {
                 if !threshold.may_have_fired(gone[side]) {
                     return false;
                 }
-                let (_, fired) = threshold.waits(case.begin[side], gone[side]);
+                let fired = threshold.fired_unseen(case.begin[side], gone[side]);
                 let back = gone[side] - case.change(height, side == 0);
                 fired >= SURE || fired >= MAY_BE && back >= TURNED * threshold.theta()
             })
@@ -41,11 +44,11 @@ impl Memory {
     pub(super) fn part(&mut self, course: &Course<'_>, reach: Reach, position: f64) {
         let height = course.height(position);
         let noise = course.noise(position);
-        let cases = self.cases().to_vec();
-        self.replace(cases.iter().flat_map(|case| {
+        let cases = self.take();
+        let ways = cases.iter().flat_map(|case| {
             let gone = case.gone(reach);
-            let chance = |side: usize| case.thresholds[side].waits(case.begin[side], gone[side]).1;
-            let fired = [chance(0), chance(1)];
+            let fired =
+                [0, 1].map(|side| case.thresholds[side].fired_unseen(case.begin[side], gone[side]));
             let waits = Case {
                 weight: case.weight * (1.0 - fired[0]) * (1.0 - fired[1]),
                 ..case.begun_at(gone)
@@ -55,16 +58,12 @@ impl Memory {
                 ..behind(course, case, side, gone[side], height, noise)
             });
             [waits].into_iter().chain(unseen)
-        }));
-    }
-
-    /// Takes other cases in the place of these, those with the same value as one.
-    fn replace(&mut self, others: impl Iterator<Item = Case>) {
-        let mut cases: Vec<Case> = Vec::new();
-        for other in others.filter(|case| case.weight >= LEAST_WEIGHT * LEAST_WEIGHT) {
-            gather(&mut cases, other);
+        });
+        let mut parted = Vec::new();
+        for way in ways.filter(|way| way.weight >= NOTHING) {
+            gather(&mut parted, way);
         }
-        self.set(cases);
+        self.set(parted);
     }
 }
 

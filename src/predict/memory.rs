@@ -26,9 +26,10 @@ pub(super) struct Case {
     pub(super) weight: f64,
     /// Height of the signal that it compares with.
     pub(super) value: f64,
-    /// How far from it the signal had gone without an event when the case began, On and Off.
+    /// How far from it the signal had gone without an event, On and Off, when the case began: what the
+    /// thresholds spent up to there counts no more.
     pub(super) begin: [f64; 2],
-    /// How far it has gone before it was last looked at from where it is.
+    /// How far it had gone before the reach that is counted now.
     pub(super) gone: [f64; 2],
     pub(super) thresholds: [Threshold; 2],
     pub(super) noise: f64,
@@ -201,6 +202,11 @@ impl Memory {
             return unknown.hazard(on, reach, here[0]) * slope.max(0.0);
         }
         self.cases.iter().map(|case| case.weight * case.sets_off(course, on, reach, here)).sum()
+    }
+
+    /// Gives the cases away; others are to be set in their place.
+    pub(super) fn take(&mut self) -> Vec<Case> {
+        std::mem::take(&mut self.cases)
     }
 
     /// Takes other cases in the place of these.

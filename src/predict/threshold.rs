@@ -3,6 +3,9 @@
 /// Bound on the steepness of a threshold's law, so that its powers stay finite numbers.
 const STEEPEST: f64 = 1_000.0;
 
+/// Odds of having fired at which a threshold begins to.
+const BEGINS: f64 = 0.02;
+
 /// One polarity's threshold during one interval: log-logistic about its median. What it sets off is lost
 /// with some chance; then nothing is seen, and it is spent.
 #[derive(Debug, Clone, Copy)]
@@ -14,9 +17,6 @@ pub(super) struct Threshold {
     /// Below this maximum it has hardly fired.
     begins: f64,
 }
-
-/// Odds of having fired at which a threshold begins to.
-const BEGINS: f64 = 0.02;
 
 /// `ln(1 + e^z)` without overflow.
 pub(super) fn softplus(z: f64) -> f64 {
@@ -70,16 +70,17 @@ impl Threshold {
         }
         let z = self.steepness * (maximum / self.theta).ln();
         let fires = self.steepness / maximum * logistic(z);
-        if self.drop_fraction > 0.0 { fires * self.waits(begin, maximum).0 } else { fires }
+        if self.drop_fraction <= 0.0 {
+            return fires;
+        }
+        fires * (1.0 - self.drop_fraction) * (1.0 - self.fired_unseen(begin, maximum))
     }
 
-    /// Chance behind such a silence that the pixel has not fired, times that of being seen if it does; and
-    /// that it has fired unseen.
-    pub(super) fn waits(&self, begin: f64, maximum: f64) -> (f64, f64) {
-        let alive = (self.spent(begin) - self.spent(maximum)).exp();
-        let seen = (1.0 - self.drop_fraction) * alive;
-        let silent = self.drop_fraction + seen;
-        (seen / silent, self.drop_fraction * (1.0 - alive) / silent)
+    /// Chance behind such a silence that the pixel has fired and its event was lost.
+    pub(super) fn fired_unseen(&self, begin: f64, maximum: f64) -> f64 {
+        let fires = -(self.spent(begin) - self.spent(maximum)).exp_m1();
+        let lost = self.drop_fraction * fires;
+        lost / (lost + 1.0 - fires)
     }
 
     /// Whether the pixel may have fired by this maximum.
@@ -117,8 +118,8 @@ mod tests {
         assert!((threshold.silence(0.0, 0.25) - 2.0_f64.ln()).abs() < 1e-12);
         let lossy = Threshold::new(0.25, 0.005, 0.3);
         assert!(((-lossy.silence(0.0, 0.37)).exp() - 0.3).abs() < 1e-3, "three in ten get past");
-        let (_, has_fired) = lossy.waits(0.0, 0.25);
-        assert!((has_fired - 0.15 / 0.65).abs() < 1e-9, "of 0.65 that are silent 0.15 have fired");
+        let fired = lossy.fired_unseen(0.0, 0.25);
+        assert!((fired - 0.15 / 0.65).abs() < 1e-9, "of 0.65 that are silent 0.15 have fired");
         assert!(lossy.may_have_fired(0.24) && !lossy.may_have_fired(0.22));
     }
 

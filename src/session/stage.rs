@@ -2,6 +2,8 @@
 
 use super::manifest::write_whole;
 use super::{SessionError, Sha256Hex, sha256_of_file};
+use crate::stats::read_value;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -49,6 +51,14 @@ impl StageRecord {
             outputs: BTreeMap::new(),
             tally: Value::Null,
         }
+    }
+
+    /// What the stage counted.
+    ///
+    /// # Errors
+    /// When it is none of this stage's.
+    pub fn tally_as<T: DeserializeOwned>(&self) -> Result<T, serde_json::Error> {
+        read_value(self.tally.clone())
     }
 
     /// Whether `other` is the record of the same stage run on the same inputs with the same

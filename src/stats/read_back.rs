@@ -12,7 +12,15 @@ use serde_json::{Error, Value};
 /// # Errors
 /// When the text is no JSON, or not of this result.
 pub fn read_back<T: DeserializeOwned>(text: &str) -> Result<T, Error> {
-    T::deserialize(Back(serde_json::from_str(text)?))
+    read_value(serde_json::from_str(text)?)
+}
+
+/// The same of a result that stands as a value in another file.
+///
+/// # Errors
+/// When the value is not of this result.
+pub fn read_value<T: DeserializeOwned>(value: Value) -> Result<T, Error> {
+    T::deserialize(Back(value))
 }
 
 /// A value in which `null` can stand for a number.
@@ -139,6 +147,8 @@ mod tests {
         let a = back.by_name["a"].as_ref().unwrap();
         assert!(a[0].is_nan() && a[1] == 2.0 && back.by_name["b"].is_none());
         assert_eq!(back.kinds, curve().kinds);
+        let value: Curve = read_value(serde_json::to_value(curve()).unwrap()).unwrap();
+        assert!(value.dispersion.is_nan() && value.n == u64::MAX);
     }
 
     #[test]
