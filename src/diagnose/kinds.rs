@@ -2,8 +2,9 @@
 
 use super::{Evidence, Hypothesis, Kind, PixelEvidence};
 use crate::predict::{Bends, BlockScore, Light, score_pixel};
-use crate::stats::dot;
 use rayon::prelude::*;
+use std::iter::StepBy;
+use std::ops::Range;
 
 /// More values than these are steps of a continuous one: every [`STRIDE`]-th, the first and the last
 /// among them, is scored, and the scores in between, which bend smoothly, are interpolated.
@@ -12,6 +13,12 @@ const STRIDE: usize = 8;
 
 /// The least share of a kind: what a pixel's events say must be able to outweigh it.
 const LEAST_SHARE: f64 = 1e-12;
+
+/// A likelihood so many nats below the greatest adds nothing.
+const BEYOND: f64 = 36.0;
+
+/// A bell is left that low over 17 of its standard deviations: so many values it needs at least.
+const LEAST_NODES: usize = 17;
 
 /// The kinds of pixel of a hypothesis. What a pixel is given for On does not touch its Off events
 /// given what it memorised, so that each value is scored once, whatever it is paired with.
@@ -46,26 +53,67 @@ impl Kinds {
         if n > MOST_SCORED && (n - 1).is_multiple_of(STRIDE) { STRIDE } else { 1 }
     }
 
-    /// Logarithm of a pixel's likelihood, given those of its On and its Off events for each value.
-    fn ln_likelihood(&self, [on, off]: &[Vec<f64>; 2]) -> f64 {
-        let [most_on, most_off] = [on, off].map(|logs| most(logs));
-        let off: Vec<f64> = off.iter().map(|log| (log - most_off).exp()).collect();
-        let rows = on.iter().zip(self.shares.chunks(self.values.len()));
-        let sum: f64 = rows.map(|(log, shares)| (log - most_on).exp() * dot(shares, &off)).sum();
-        most_on + most_off + sum.max(f64::MIN_POSITIVE).ln()
+    /// Logarithm of a pixel's likelihood, given those of its On and its Off events for each value that
+    /// is scored.
+    fn ln_likelihood(&self, sums: &[Vec<f64>; 2]) -> f64 {
+        let n = self.values.len();
+        let [on, off] =
+            sums.each_ref().map(|scored| Spoken::of(&self.at_all(scored), self.stride()));
+        let mut sum = 0.0;
+        for (row, weight) in on.at.clone().zip(&on.weights) {
+            let shares = &self.shares[row * n..(row + 1) * n];
+            let row: f64 = off.at.clone().zip(&off.weights).map(|(at, w)| shares[at] * w).sum();
+            sum += weight * row;
+        }
+        on.most + off.most + sum.max(f64::MIN_POSITIVE).ln()
+    }
+
+    /// Scores of every value, given those of the scored ones.
+    fn at_all(&self, scored: &[f64]) -> Vec<f64> {
+        let stride = self.stride();
+        let value = |i: usize| match i % stride {
+            0 => scored[i / stride],
+            part => cubic(scored, i / stride, part as f64 / stride as f64),
+        };
+        (0..self.values.len()).map(value).collect()
     }
 
     /// The kind that those speak for most.
-    fn best(&self, [on, off]: &[Vec<f64>; 2]) -> Kind {
+    fn best(&self, sums: &[Vec<f64>; 2]) -> Kind {
         let n = self.values.len();
+        let [on, off] = sums.each_ref().map(|scored| self.at_all(scored));
         let log = |at: usize| self.shares[at].ln() + on[at / n] + off[at % n];
         let best = (0..n * n).max_by(|&a, &b| log(a).total_cmp(&log(b))).unwrap_or(0);
         [self.values[best / n], self.values[best % n]]
     }
 }
 
-fn most(logs: &[f64]) -> f64 {
-    logs.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+/// What the events of one polarity say of a pixel's value.
+struct Spoken {
+    /// Logarithm of the greatest likelihood.
+    most: f64,
+    /// Values that an integral over all of them needs.
+    at: StepBy<Range<usize>>,
+    /// Likelihood of each over the greatest, times the values that it stands for.
+    weights: Vec<f64>,
+}
+
+impl Spoken {
+    /// Likelihoods that bend smoothly are bells, of which the trapezoidal rule needs but a value a
+    /// standard deviation; values that are scored one by one are needed each.
+    fn of(logs: &[f64], stride: usize) -> Self {
+        let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let counts = |log: &f64| *log > most - BEYOND;
+        let first = logs.iter().position(counts).unwrap_or(0);
+        let end = logs.iter().rposition(counts).map_or(logs.len(), |last| last + 1);
+        let wide =
+            [4, 2].into_iter().find(|step| stride > *step && (end - first) / step >= LEAST_NODES);
+        let step = wide.unwrap_or(1);
+        // Steps count from the first value, so that both ends are among them.
+        let at = (first.next_multiple_of(step)..end).step_by(step);
+        let weights = at.clone().map(|i| (logs[i] - most).exp() * step as f64).collect();
+        Self { most, at, weights }
+    }
 }
 
 /// The kind of each pixel that its training blocks speak for most.
@@ -77,9 +125,9 @@ pub(super) fn kinds_of_pixels(evidence: &Evidence, hypothesis: &Hypothesis) -> V
     let of = |pixel: &PixelEvidence| {
         let mut seen = Seen::new(evidence, pixel, Vec::new());
         let by_value = seen.by_value(hypothesis, &kinds);
-        let mut sums = [vec![0.0; kinds.values.len()], vec![0.0; kinds.values.len()]];
+        let mut sums = [vec![0.0; by_value.len()], vec![0.0; by_value.len()]];
         for block in (0..evidence.blocks.n()).filter(|b| !evidence.is_held_out(pixel.tile, *b)) {
-            add(&mut sums, &by_value, block, kinds.stride());
+            add(&mut sums, &by_value, block);
         }
         kinds.best(&sums)
     };
@@ -147,12 +195,12 @@ fn mix(
     is_held_out: impl Fn(usize) -> bool,
 ) -> Vec<BlockScore> {
     let n_blocks = by_value.first().map_or(0, Vec::len);
-    let mut sums = [vec![0.0; kinds.values.len()], vec![0.0; kinds.values.len()]];
+    let mut sums = [vec![0.0; by_value.len()], vec![0.0; by_value.len()]];
     let mut before = kinds.ln_likelihood(&sums);
     let mut mixed = vec![BlockScore::default(); n_blocks];
     for held_out in [false, true] {
         for block in (0..n_blocks).filter(|&block| is_held_out(block) == held_out) {
-            add(&mut sums, by_value, block, kinds.stride());
+            add(&mut sums, by_value, block);
             let now = kinds.ln_likelihood(&sums);
             let n_events = by_value[0][block].n_events;
             mixed[block] = BlockScore { on_off: [now - before, 0.0], n_events };
@@ -162,26 +210,22 @@ fn mix(
     mixed
 }
 
-/// Adds what a block scores for each value, On and Off.
-fn add(sums: &mut [Vec<f64>; 2], by_value: &[Vec<BlockScore>], block: usize, stride: usize) {
+/// Adds what a block scores for each value that is scored, On and Off.
+fn add(sums: &mut [Vec<f64>; 2], by_value: &[Vec<BlockScore>], block: usize) {
     for (polarity, sums) in sums.iter_mut().enumerate() {
-        let at = |i: usize| by_value[i][block].on_off[polarity];
-        for (i, sum) in sums.iter_mut().enumerate() {
-            *sum += match i % stride {
-                0 => at(i / stride),
-                part => cubic(&at, by_value.len(), i / stride, part as f64 / stride as f64),
-            };
+        for (sum, scores) in sums.iter_mut().zip(by_value) {
+            *sum += scores[block].on_off[polarity];
         }
     }
 }
 
-/// Between the values `left` and the next of `n`, by the cubic through the two on either side; at the
-/// ends by the parabola through three.
-fn cubic(at: &impl Fn(usize) -> f64, n: usize, left: usize, t: f64) -> f64 {
-    let (b, c) = (at(left), at(left + 1));
+/// A share of the way from the value `left` to the next, by the cubic through the two on either side; at
+/// the ends by the parabola through three.
+fn cubic(at: &[f64], left: usize, t: f64) -> f64 {
+    let (b, c) = (at[left], at[left + 1]);
     let beyond = |near: f64, next: f64, far: f64| 3.0 * near - 3.0 * next + far;
-    let a = if left > 0 { at(left - 1) } else { beyond(b, c, at(left + 2)) };
-    let d = if left + 2 < n { at(left + 2) } else { beyond(c, b, at(left - 1)) };
+    let a = if left > 0 { at[left - 1] } else { beyond(b, c, at[left + 2]) };
+    let d = if left + 2 < at.len() { at[left + 2] } else { beyond(c, b, at[left - 1]) };
     let third = |x: f64, y: f64, z: f64| x * y * z;
     -third(t, t - 1.0, t - 2.0) / 6.0 * a + third(t + 1.0, t - 1.0, t - 2.0) / 2.0 * b
         - third(t + 1.0, t, t - 2.0) / 2.0 * c
@@ -195,12 +239,48 @@ mod tests {
     #[test]
     fn scores_between_values_are_those_of_a_smooth_curve() {
         let parabola = |x: f64| 3.0 - 2.0 * x + 0.7 * x * x;
+        let five: Vec<f64> = (0..5).map(|i| parabola(f64::from(i))).collect();
         for left in 0..4 {
             for t in [0.25, 0.5, 0.75] {
-                let got = cubic(&|i| parabola(i as f64), 5, left, t);
+                let got = cubic(&five, left, t);
                 assert!((got - parabola(left as f64 + t)).abs() < 1e-12, "{left} {t}");
             }
         }
+    }
+
+    /// Steps of a normal value, On and Off apart.
+    fn continuous() -> Kinds {
+        let values: Vec<f64> = (-48..=48).map(|i| f64::from(i) / 16.0).collect();
+        let end = |a: f64| if a.abs() < 3.0 { 1.0 } else { 0.5 };
+        let own: Vec<f64> = values.iter().map(|a| end(*a) * (-0.5 * a * a).exp()).collect();
+        let all: f64 = own.iter().sum();
+        let shares = (0..97 * 97).map(|at| own[at / 97] * own[at % 97] / (all * all)).collect();
+        Kinds { values, shares }
+    }
+
+    #[test]
+    fn values_that_are_passed_over_change_nothing() {
+        let kinds = continuous();
+        let width = |w: f64, middle: f64| -> Vec<f64> {
+            let scored = kinds.values.iter().step_by(STRIDE);
+            scored.map(|v| 7.0 - 0.5 * ((v - middle) / w).powi(2)).collect()
+        };
+        let mut sparse = 0;
+        for w in [0.1, 0.2, 0.35, 0.6, 1.0, 3.0, 1e6] {
+            for middle in [-2.6, -0.93, 0.0, 1.71] {
+                let [on, off] = [width(w, middle), width(0.5, 0.3)];
+                let each = |logs: &[f64]| -> f64 {
+                    let logs = kinds.at_all(logs).into_iter();
+                    logs.enumerate().map(|(i, log)| kinds.shares[97 * 48 + i] * log.exp()).sum()
+                };
+                let middle_share: f64 = (0..97).map(|i| kinds.shares[97 * 48 + i]).sum();
+                let expected = (each(&on) / middle_share).ln() + (each(&off) / middle_share).ln();
+                sparse += Spoken::of(&kinds.at_all(&on), STRIDE).weights.len();
+                let got = kinds.ln_likelihood(&[on, off]);
+                assert!((got - expected).abs() < 2e-3, "{w} {middle}: {got} {expected}");
+            }
+        }
+        assert!(sparse < 28 * 30, "{sparse} values for 28 likelihoods");
     }
 
     /// Kinds of three values, a quarter, a half and a quarter, alike or apart for both polarities.

@@ -6,9 +6,9 @@
 //! beside it. An evolution strategy (CMA-ES, Hansen and Ostermeier, 2001) needs no slopes. It begins
 //! with the scatter that the gradients claim.
 
-use super::fit::{Fitted, as_it_is, gradients, scatter};
+use super::fit::{Fitted, as_it_is, each_as_it_is, gradients, scatter};
 use super::kinds::Kinds;
-use super::{Evidence, Hypothesis, PixelEvidence};
+use super::{Evidence, Hypothesis, Nuisance, PixelEvidence};
 use cmaes::{CMAESOptions, DVector};
 use nalgebra::DMatrix;
 
@@ -35,6 +35,22 @@ const PER_VALUE: usize = 50;
 
 /// What one of two searches has to gain, nats an event, for another to follow.
 const WORTH_ANOTHER: f64 = 1e-3;
+
+/// Nuisances that are effects of the library when there is more of them, or may stand in for one.
+const RIVALS: [Nuisance; 8] = [
+    Nuisance::LogRatio,
+    Nuisance::LeakHz,
+    Nuisance::LogBackgroundOn,
+    Nuisance::LogBackgroundOff,
+    Nuisance::OffsetUs,
+    Nuisance::BlurPx2,
+    Nuisance::ShiftX,
+    Nuisance::ShiftY,
+];
+
+/// A nuisance is at an end of its range within this share of it, and is led back through so many parts.
+const AT_END: f64 = 0.02;
+const PARTS: u32 = 4;
 
 /// Stands for no value: the search takes finite numbers only.
 const NO_VALUE: f64 = 1e12;
@@ -112,6 +128,54 @@ fn searched(evidence: &Evidence, fitted: Fitted, step: f64, per_value: usize, se
         state.run();
     }
     best
+}
+
+/// The same of a model whose last effect may have a rival among the nuisances: one that stands at the
+/// end of what is ordinary may stand there in the effect's place. Both lie on a ridge that is too narrow
+/// to be followed by slopes, so the nuisance is led back through its range with the effect beside it.
+pub(super) fn polished_off_the_ends(evidence: &Evidence, fitted: Fitted) -> Fitted {
+    let fitted = polished(evidence, fitted);
+    let elsewhere = each_as_it_is(evidence, off_the_ends(&fitted.hypothesis));
+    let best = elsewhere.into_iter().reduce(Fitted::or_better);
+    match best.filter(|best| best.training() > fitted.training()) {
+        Some(better) => polished(evidence, better),
+        None => fitted,
+    }
+}
+
+/// A hypothesis with a nuisance that stands at the end of its range led back through it, and the first
+/// parameter of the last effect halved to doubled.
+pub(super) fn off_the_ends(hypothesis: &Hypothesis) -> Vec<Hypothesis> {
+    let Some(last) = hypothesis.effects.len().checked_sub(1) else { return Vec::new() };
+    let effect = hypothesis.effects[last];
+    // What frees a nuisance has no parameter of its own.
+    let parameter = effect.parameters.first().filter(|_| effect.frees.is_empty());
+    let (Some(parameter), own) = (parameter, hypothesis.offset_of(last)) else { return Vec::new() };
+    let mut all = Vec::new();
+    for f in RIVALS.map(|rival| rival as usize).into_iter().filter(|&f| is_at_end(hypothesis, f)) {
+        let [low, high] = hypothesis.ranges[f];
+        for part in 0..PARTS {
+            for eighth in -8..=8 {
+                let mut moved = hypothesis.clone();
+                moved.values[f] = low + (high - low) * (f64::from(part) + 0.5) / f64::from(PARTS);
+                let value = parameter.from_fitted(moved.values[own]);
+                let value = parameter.to_fitted(value * (f64::from(eighth) / 8.0).exp2());
+                let [least, greatest] = moved.ranges[own];
+                moved.values[own] = value.clamp(least, greatest);
+                all.push(moved);
+            }
+        }
+    }
+    all
+}
+
+/// Whether a nuisance has as much as an ordinary recording may have of it.
+fn is_at_end(hypothesis: &Hypothesis, f: usize) -> bool {
+    let ([low, high], value) = (hypothesis.ranges[f], hypothesis.values[f]);
+    let near = AT_END * (high - low);
+    // None of it is an end too, and says nothing.
+    let is_none = (value - Nuisance::ALL[f].neutral()).abs() <= near;
+    hypothesis.steps[f] > 0.0 && !is_none && (value - low).min(high - value) <= near
 }
 
 /// A root of the covariance that the gradients claim.

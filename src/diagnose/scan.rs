@@ -3,7 +3,7 @@
 use super::candidate::{Candidate, LIBRARY};
 use super::census;
 use super::fit::{Fitted, as_it_is, each_as_it_is, fit, improved};
-use super::polish::polished;
+use super::polish::polished_off_the_ends;
 use super::region::{begun_in_a_part, gain_of, settled};
 use super::score::Part;
 use super::{CannotJudge, Evidence, Nuisance};
@@ -59,7 +59,7 @@ impl Tried {
     /// The fit gone on with until it stands still.
     pub(super) fn finished(self, evidence: &Evidence, model: &Fitted) -> Self {
         let start = restarted(evidence, self.fitted).hypothesis;
-        let fitted = polished(evidence, fit(evidence, start, LAST_STEPS, 1e-5));
+        let fitted = polished_off_the_ends(evidence, fit(evidence, start, LAST_STEPS, 1e-5));
         Self { fitted: settled(evidence, model, fitted), ..self }.against(evidence, model)
     }
 

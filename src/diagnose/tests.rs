@@ -148,6 +148,23 @@ fn a_parameter_at_an_end_of_its_range_is_told_by_its_key_and_hidden_ones_are_not
 }
 
 #[test]
+fn a_nuisance_at_the_end_of_its_range_is_led_back_with_the_effect_beside_it() {
+    let evidence = empty();
+    let candidate = LIBRARY.iter().find(|c| c.id == EffectId::PhotocurrentLeak).unwrap();
+    let ordinary = Hypothesis::baseline(&evidence).with(candidate, &[0.6]);
+    let with_leak = |hz| polish::off_the_ends(&ordinary.with_nuisance(Nuisance::LeakHz, hz));
+    assert!(with_leak(0.15).is_empty() && with_leak(0.0).is_empty());
+    let elsewhere = with_leak(0.3);
+    let is_there = |leak: f64, rate: f64| {
+        let is_near = |a: f64, b: f64| (a - b).abs() < 0.05;
+        elsewhere.iter().any(|h| {
+            is_near(h.nuisance(Nuisance::LeakHz), leak) && is_near(h.parameters_of(0)[0], rate)
+        })
+    };
+    assert!(is_there(0.04, 0.9) && is_there(0.26, 0.6) && is_there(0.1, 0.4));
+}
+
+#[test]
 fn nothing_is_named_where_nothing_is_hidden() {
     let diagnosis = diagnose(&plant(None, &[]), &[], &options(), &mut |_| {}).diagnosis;
     assert_eq!(diagnosis.verdict, Verdict::NoMismatch, "{diagnosis:#?}");
