@@ -100,10 +100,11 @@ struct Spoken {
 
 impl Spoken {
     /// Likelihoods that bend smoothly are bells, of which the trapezoidal rule needs but a value a
-    /// standard deviation; values that are scored one by one are needed each.
+    /// standard deviation. Values that are scored one by one are needed each: what On events rule out may
+    /// be all that Off events leave.
     fn of(logs: &[f64], stride: usize) -> Self {
         let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let counts = |log: &f64| *log > most - BEYOND;
+        let counts = |log: &f64| stride == 1 || *log > most - BEYOND;
         let first = logs.iter().position(counts).unwrap_or(0);
         let end = logs.iter().rposition(counts).map_or(logs.len(), |last| last + 1);
         let wide =
@@ -313,5 +314,12 @@ mod tests {
         }
         let sums = [vec![0.0, 2.0, 8.0], vec![8.0, 2.0, 0.0]];
         assert_eq!(kinds(false).best(&sums), [1.0, -1.0]);
+    }
+
+    #[test]
+    fn kinds_of_which_each_polarity_rules_out_another_are_weighed_all_the_same() {
+        let sums = [vec![-60.0, -100.0, 0.0], vec![0.0, -100.0, -50.0]];
+        let got = kinds(true).ln_likelihood(&sums);
+        assert!((got - (-50.0 + 0.25_f64.ln())).abs() < 1e-3, "{got}");
     }
 }
