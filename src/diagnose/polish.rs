@@ -72,11 +72,14 @@ pub(super) fn polished(evidence: &Evidence, fitted: Fitted) -> Fitted {
     searches(evidence, start, &FINE_STEPS, per_value(work))
 }
 
-/// How much an evaluation is: pixels of several kinds are scored several times.
+/// How much an evaluation is: pixels of several kinds are scored several times, and what a pixel may
+/// compare with is followed side by side.
 fn work(evidence: &Evidence, hypothesis: &Hypothesis) -> usize {
     let of = |pixel: &PixelEvidence| pixel.light.len() + EVENT_WORK * pixel.spikes.len();
     let once: usize = evidence.pixels.iter().map(of).sum();
-    once * Kinds::of(hypothesis).n_scored()
+    let law = |pixel| hypothesis.view(evidence, pixel, [0.0; 2], Vec::new()).law;
+    let n_memories = evidence.pixels.first().map_or(1, |pixel| law(pixel).n_memories());
+    once * Kinds::of(hypothesis).n_scored() * n_memories
 }
 
 fn per_value(work: usize) -> usize {

@@ -1,5 +1,6 @@
 //! The law of one pixel: thresholds, leak, noise, background, dead time, losses.
 
+use super::memory::MOST_CASES;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::SQRT_2;
 
@@ -152,6 +153,14 @@ impl PixelLaw {
     #[must_use]
     pub fn deaf_s(&self) -> f64 {
         self.blind_s.max(self.masked_s)
+    }
+
+    /// What it compares with that is followed side by side, at most.
+    #[must_use]
+    pub fn n_memories(&self) -> usize {
+        let is_open =
+            self.masked_s > 0.0 || self.drop_fraction > 0.0 || self.background_memorised < 1.0;
+        if is_open { MOST_CASES } else { 1 }
     }
 
     /// The threshold of one polarity.

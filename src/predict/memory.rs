@@ -18,7 +18,7 @@ const LEAST_SHARE: f64 = 0.02;
 const ALIKE: f64 = 0.02;
 
 /// Most cases that are kept side by side.
-const MOST_CASES: usize = 4;
+pub(super) const MOST_CASES: usize = 4;
 
 /// One way in which a pixel may stand.
 #[derive(Debug, Clone, Copy)]

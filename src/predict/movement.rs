@@ -11,6 +11,25 @@ use super::threshold::{logistic, softplus};
 /// density is below a twenty thousandth of its greatest.
 const OUT_OF_REACH: f64 = 10.0;
 
+/// Over a passage this narrow, in scales of the noise, the middle's value stands for the mean of the
+/// logistic function: it is off by less than a ten thousandth of it, and no digits cancel.
+const NARROW: f64 = 0.1;
+
+/// Where one straight passage ends and the next begins.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Corner {
+    /// Change of the signal.
+    change: f64,
+    /// Integral of the logistic function up to there, On and Off, where a passage needed it.
+    risen: [Option<f64>; 2],
+}
+
+impl Corner {
+    pub(super) fn at(change: f64) -> Self {
+        Self { change, risen: [None; 2] }
+    }
+}
+
 /// The noise of one pixel during one interval.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Movement {
@@ -42,35 +61,41 @@ impl Movement {
         self.excess(speed) * logistic(z) / self.noise
     }
 
-    /// Adds what a straight passage from `before` to `after` spends, On and Off.
-    pub(super) fn pass(&self, [before, after]: [f64; 2], seconds: f64, spent: &mut [f64; 2]) {
+    /// Adds what a straight passage to `change` spends, On and Off, and gives where it ends.
+    pub(super) fn pass(
+        &self,
+        from: Corner,
+        change: f64,
+        seconds: f64,
+        spent: &mut [f64; 2],
+    ) -> Corner {
+        let mut to = Corner::at(change);
         if seconds <= 0.0 {
-            return;
+            return to;
         }
-        let speed = (after - before) / seconds;
-        for (side, (from, to)) in [(before, after), (-before, -after)].into_iter().enumerate() {
-            let z = |y: f64| (y - self.theta[side]) / self.noise;
-            let (from, to) = (z(from), z(to));
-            if from.max(to) > -OUT_OF_REACH {
-                spent[side] += self.excess(speed) * seconds / self.noise * mean_logistic(from, to);
+        let speed = (change - from.change) / seconds;
+        for (side, spent) in spent.iter_mut().enumerate() {
+            let towards = if side == 0 { 1.0 } else { -1.0 };
+            let z = |change: f64| (towards * change - self.theta[side]) / self.noise;
+            let (begin, end) = (z(from.change), z(change));
+            if begin.max(end) > -OUT_OF_REACH {
+                let width = end - begin;
+                let mean = if width.abs() < NARROW {
+                    logistic(0.5 * (begin + end))
+                } else {
+                    let risen = softplus(end);
+                    to.risen[side] = Some(risen);
+                    (risen - from.risen[side].unwrap_or_else(|| softplus(begin))) / width
+                };
+                *spent += self.excess(speed) * seconds / self.noise * mean;
             }
         }
+        to
     }
 
     /// By how much the noise raises the mean upward speed of a signal that moves at `speed`.
     fn excess(&self, speed: f64) -> f64 {
         0.5 * ((speed * speed + self.own * self.own).sqrt() - speed.abs())
-    }
-}
-
-/// Mean of the logistic function over an interval.
-fn mean_logistic(from: f64, to: f64) -> f64 {
-    let width = to - from;
-    if width.abs() < 0.1 {
-        // The middle's value is off by less than a ten thousandth of it, and no digits cancel.
-        logistic(0.5 * (from + to))
-    } else {
-        (softplus(to) - softplus(from)) / width
     }
 }
 
@@ -84,10 +109,11 @@ mod tests {
         let movement = Movement::new(&law, 0.03).unwrap();
         for [before, after] in [[0.0, 0.3], [0.2, -0.4], [0.22, 0.221], [0.1, 0.1]] {
             let (mut whole, mut parts) = ([0.0; 2], [0.0; 2]);
-            movement.pass([before, after], 0.4, &mut whole);
+            movement.pass(Corner::at(before), after, 0.4, &mut whole);
             let at = |i: i32| before + (after - before) * f64::from(i) / 1000.0;
+            let mut corner = Corner::at(before);
             for i in 0..1000 {
-                movement.pass([at(i), at(i + 1)], 0.4e-3, &mut parts);
+                corner = movement.pass(corner, at(i + 1), 0.4e-3, &mut parts);
             }
             for (whole, parts) in whole.iter().zip(parts) {
                 assert!((whole - parts).abs() < 2e-4 * parts + 2e-5, "{whole} {parts}");

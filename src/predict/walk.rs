@@ -2,6 +2,7 @@
 
 use super::course::{Course, Reach};
 use super::memory::{Fired, Memory, Unknown};
+use super::movement::Corner;
 use super::{Blocks, Light, PixelLaw, Spike};
 
 /// The least hazard an event is given, a second: with it a score is a number whatever happened.
@@ -244,12 +245,11 @@ impl<'a> Pass<'a> {
             let movement = movement.filter(|moves| moves.is_within_reach(furthest));
             let Some(movement) = movement else { continue };
             let mut moved = [0.0; 2];
-            let (mut at, mut before) = (from.0, from.1 - case.value);
+            let (mut at, mut corner) = (from.0, Corner::at(from.1 - case.value));
             for (position, height) in passages.clone() {
-                let change = height - case.value;
                 let seconds = (position - at) * self.course.step_s();
-                movement.pass([before, change], seconds, &mut moved);
-                (before, at) = (change, position);
+                corner = movement.pass(corner, height - case.value, seconds, &mut moved);
+                at = position;
             }
             for (all, moved) in self.moved.iter_mut().zip(moved) {
                 *all += case.weight * moved;
