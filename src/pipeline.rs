@@ -174,6 +174,14 @@ pub enum PipelineError {
     /// A result cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
+    /// A result is not what its stage wrote.
+    #[error("{path}: not what its stage wrote: {source}; run that stage again with --force", path = path.display())]
+    Damaged {
+        /// The result.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
     /// The system refused.
     #[error("{path}: {source}", path = path.display())]
     Io {
@@ -207,8 +215,11 @@ fn read_json<T: DeserializeOwned>(path: PathBuf) -> Result<Option<T>, PipelineEr
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
         Err(source) => return Err(PipelineError::Io { path, source }),
     };
-    let read = read_back(&text);
-    read.map(Some).map_err(|error| PipelineError::Io { path, source: error.into() })
+    read_result(path, &text).map(Some)
+}
+
+fn read_result<T: DeserializeOwned>(path: PathBuf, text: &str) -> Result<T, PipelineError> {
+    read_back(text).map_err(|source| PipelineError::Damaged { path, source })
 }
 
 /// Empties a stage's directory, or makes it. The record goes first: a stage that is cut
@@ -224,4 +235,21 @@ fn clear(directory: &Path) -> Result<(), PipelineError> {
 
 fn ignore_missing(error: std::io::Error) -> std::io::Result<()> {
     if error.kind() == std::io::ErrorKind::NotFound { Ok(()) } else { Err(error) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_result_that_is_cut_off_is_told_with_what_to_do() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("numbers.json");
+        assert!(read_json::<Vec<f64>>(path.clone()).unwrap().is_none());
+        std::fs::write(&path, "[1.0, null, 2").unwrap();
+        let said = read_json::<Vec<f64>>(path.clone()).unwrap_err().to_string();
+        assert!(said.contains("numbers.json") && said.contains("--force"), "{said}");
+        std::fs::write(&path, "[1.0, null, 2]").unwrap();
+        assert!(read_json::<Vec<f64>>(path).unwrap().unwrap()[1].is_nan());
+    }
 }

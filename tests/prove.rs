@@ -28,6 +28,10 @@ const STOPPED: &[&str] = &["--recording", STREET, "--single", "2", "--deadline",
 fn a_run_leaves_records_is_not_run_over_and_goes_on_with_its_own_plan() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("proof");
+    let none = evrig(&[STOPPED, &["--resume"]].concat(), &out);
+    assert_eq!(none.status.code(), Some(1));
+    assert!(words(&none).contains("no run was begun there"), "{}", words(&none));
+
     let first = evrig(STOPPED, &out);
     assert!(first.status.success(), "{}", words(&first));
     let value: Value = serde_json::from_slice(&first.stdout).unwrap();

@@ -1,7 +1,9 @@
 //! The stage `scene`: a map of the print, the path over it, and the event camera tied to both.
 
 use super::sync::{missing, read_clocks};
-use super::{AnyTrack, Freshness, PipelineError, clear, fresh_record, inputs, read_track, track};
+use super::{
+    AnyTrack, Freshness, PipelineError, clear, fresh_record, inputs, read_result, read_track, track,
+};
 use crate::format::npy::{ArrayReader, ArrayWriter, Column, Element};
 use crate::rig::{CameraDescription, Mount};
 use crate::roi::Lens;
@@ -11,7 +13,6 @@ use crate::scene::{
 use crate::session::{
     Picture, Session, SessionError, StageRecord, StreamKind, read_stage, write_stage,
 };
-use crate::stats::read_back;
 use crate::time::{ClockMap, Davis, PiSensor};
 use serde_json::json;
 use std::path::Path;
@@ -224,9 +225,10 @@ fn array<T: Element>(path: &Path, shape: &[u64], values: &[T]) -> Result<(), Pip
 
 pub(super) fn read_facts(directory: &Path) -> Result<SceneFacts, PipelineError> {
     let path = directory.join("scene.json");
-    let io = |source| PipelineError::Io { path: path.clone(), source };
-    let text = std::fs::read_to_string(&path).map_err(io)?;
-    read_back(&text).map_err(|error| io(error.into()))
+    match std::fs::read_to_string(&path) {
+        Ok(text) => read_result(path, &text),
+        Err(source) => Err(PipelineError::Io { path, source }),
+    }
 }
 
 /// The scene that the session holds; none before the stage ran.

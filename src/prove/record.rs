@@ -16,6 +16,12 @@ pub enum RecordError {
         /// The plan that is there.
         path: PathBuf,
     },
+    /// Nothing is there to go on with.
+    #[error("{}: no run was begun there; leave --resume out to begin one", path.display())]
+    Nothing {
+        /// Where its plan would be.
+        path: PathBuf,
+    },
     /// A run is there that was asked for otherwise.
     #[error("{}: `{key}` is {there} there and {here} here; a run goes on only with the plan it began with", path.display())]
     OtherPlan {
@@ -125,13 +131,16 @@ pub struct Record {
 /// Takes a folder for a run: a new one, or with `is_resumed` one in which this plan was begun.
 ///
 /// # Errors
-/// When a run is there and is not to be gone on with, or has another plan; when the disk refuses.
+/// When a run is there and is not to be gone on with, or has another plan; when one is to be gone on with
+/// and there is none; when the disk refuses.
 pub fn settle(out: &Path, plan: &Plan, is_resumed: bool) -> Result<(), RecordError> {
     let path = out.join("plan.json");
-    let Some(there) = read::<Value>(&path)? else { return write(&path, plan) };
-    if !is_resumed {
-        return Err(RecordError::Taken { path });
-    }
+    let there = match (read::<Value>(&path)?, is_resumed) {
+        (None, false) => return write(&path, plan),
+        (None, true) => return Err(RecordError::Nothing { path }),
+        (Some(_), false) => return Err(RecordError::Taken { path }),
+        (Some(there), true) => there,
+    };
     let here = value(plan, &path)?;
     let keys = here.as_object().into_iter().flatten();
     for (key, here) in keys {
