@@ -177,7 +177,7 @@ fn is_at_end(hypothesis: &Hypothesis, f: usize) -> bool {
     let ([low, high], value) = (hypothesis.ranges[f], hypothesis.values[f]);
     let near = AT_END * (high - low);
     // None of it is an end too, and says nothing.
-    let is_none = (value - Nuisance::ALL[f].neutral()).abs() <= near;
+    let is_none = (value - Nuisance::ALL[f].neutral().max(low)).abs() <= near;
     hypothesis.steps[f] > 0.0 && !is_none && (value - low).min(high - value) <= near
 }
 
