@@ -199,6 +199,13 @@ impl Hypothesis {
         other
     }
 
+    /// Whether a value stands at an end of its range, within this share of it.
+    #[must_use]
+    pub(super) fn is_at_end(&self, at: usize, share: f64) -> bool {
+        let ([low, high], value) = (self.ranges[at], self.values[at]);
+        (value - low).min(high - value) <= share * (high - low)
+    }
+
     /// A nuisance's value in its fitted coordinate.
     #[must_use]
     pub fn nuisance(&self, nuisance: Nuisance) -> f64 {

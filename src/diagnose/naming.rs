@@ -106,11 +106,9 @@ const AT_THE_END: f64 = 1e-3;
 /// What stands at an end of its range, if something does: the events ask for more of it than there is, so
 /// that the effect stands in for something else.
 pub(super) fn at_an_end(hypothesis: &Hypothesis, index: usize) -> Option<&'static Parameter> {
-    let is_at_end = |at: usize| {
-        let ([low, high], value) = (hypothesis.ranges[at], hypothesis.values[at]);
-        (value - low).min(high - value) <= AT_THE_END * (high - low)
-    };
-    asked(hypothesis, index).find(|(at, _)| is_at_end(*at)).map(|(_, parameter)| parameter)
+    asked(hypothesis, index)
+        .find(|(at, _)| hypothesis.is_at_end(*at, AT_THE_END))
+        .map(|(_, parameter)| parameter)
 }
 
 #[cfg(test)]

@@ -155,12 +155,12 @@ pub(super) fn off_the_ends(hypothesis: &Hypothesis) -> Vec<Hypothesis> {
     let parameter = effect.parameters.first().filter(|_| effect.frees.is_empty());
     let (Some(parameter), own) = (parameter, hypothesis.offset_of(last)) else { return Vec::new() };
     let mut all = Vec::new();
-    for f in RIVALS.map(|rival| rival as usize).into_iter().filter(|&f| is_at_end(hypothesis, f)) {
-        let [low, high] = hypothesis.ranges[f];
+    for rival in RIVALS.into_iter().filter(|rival| is_full(hypothesis, *rival)) {
+        let [low, high] = hypothesis.ranges[rival as usize];
         for part in 0..PARTS {
+            let back = low + (high - low) * (f64::from(part) + 0.5) / f64::from(PARTS);
             for eighth in -8..=8 {
-                let mut moved = hypothesis.clone();
-                moved.values[f] = low + (high - low) * (f64::from(part) + 0.5) / f64::from(PARTS);
+                let mut moved = hypothesis.with_nuisance(rival, back);
                 let value = parameter.from_fitted(moved.values[own]);
                 let value = parameter.to_fitted(value * (f64::from(eighth) / 8.0).exp2());
                 let [least, greatest] = moved.ranges[own];
@@ -173,12 +173,13 @@ pub(super) fn off_the_ends(hypothesis: &Hypothesis) -> Vec<Hypothesis> {
 }
 
 /// Whether a nuisance has as much as an ordinary recording may have of it.
-fn is_at_end(hypothesis: &Hypothesis, f: usize) -> bool {
-    let ([low, high], value) = (hypothesis.ranges[f], hypothesis.values[f]);
-    let near = AT_END * (high - low);
+fn is_full(hypothesis: &Hypothesis, nuisance: Nuisance) -> bool {
+    let at = nuisance as usize;
+    let [low, high] = hypothesis.ranges[at];
     // None of it is an end too, and says nothing.
-    let is_none = (value - Nuisance::ALL[f].neutral().max(low)).abs() <= near;
-    hypothesis.steps[f] > 0.0 && !is_none && (value - low).min(high - value) <= near
+    let is_none =
+        (hypothesis.values[at] - nuisance.neutral().max(low)).abs() <= AT_END * (high - low);
+    hypothesis.steps[at] > 0.0 && !is_none && hypothesis.is_at_end(at, AT_END)
 }
 
 /// A root of the covariance that the gradients claim.
