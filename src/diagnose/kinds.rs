@@ -31,13 +31,17 @@ pub(super) struct Kinds {
 
 impl Kinds {
     pub(super) fn of(hypothesis: &Hypothesis) -> Self {
-        let kinds = hypothesis.kinds();
+        Self::new(&hypothesis.kinds())
+    }
+
+    /// Of kinds with their shares.
+    fn new(kinds: &[(f64, Kind)]) -> Self {
         let mut values: Vec<f64> = kinds.iter().flat_map(|(_, kind)| *kind).collect();
         values.sort_by(f64::total_cmp);
         values.dedup();
         let place = |value: f64| values.partition_point(|v| *v < value);
         let mut shares = vec![0.0; values.len() * values.len()];
-        for (share, [on, off]) in &kinds {
+        for (share, [on, off]) in kinds {
             shares[place(*on) * values.len() + place(*off)] += share.max(LEAST_SHARE);
         }
         Self { values, shares }
@@ -235,7 +239,9 @@ fn cubic(at: &[f64], left: usize, t: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::candidate::LIBRARY;
     use super::*;
+    use crate::effect_id::EffectId;
 
     #[test]
     fn scores_between_values_are_those_of_a_smooth_curve() {
@@ -249,14 +255,10 @@ mod tests {
         }
     }
 
-    /// Steps of a normal value, On and Off apart.
+    /// Steps of normal thresholds, On and Off apart.
     fn continuous() -> Kinds {
-        let values: Vec<f64> = (-48..=48).map(|i| f64::from(i) / 16.0).collect();
-        let end = |a: f64| if a.abs() < 3.0 { 1.0 } else { 0.5 };
-        let own: Vec<f64> = values.iter().map(|a| end(*a) * (-0.5 * a * a).exp()).collect();
-        let all: f64 = own.iter().sum();
-        let shares = (0..97 * 97).map(|at| own[at / 97] * own[at % 97] / (all * all)).collect();
-        Kinds { values, shares }
+        let mismatch = LIBRARY.into_iter().find(|c| c.id == EffectId::ThresholdMismatch).unwrap();
+        Kinds::new(&mismatch.mixture.unwrap()(&[0.1, 0.0]))
     }
 
     #[test]
