@@ -7,7 +7,7 @@
 #[path = "../src/roi/render.rs"]
 mod render;
 
-use evrig::frame::{Channels, Frame, FrameTiming, Samples};
+use evrig::frame::{Frame, FrameTiming, Samples};
 use evrig::geometry::{Homography, Size};
 use evrig::rig::Rig;
 use evrig::roi::{Light, TrackOptions, Tracker};
@@ -63,13 +63,11 @@ fn bare(bytes: &[u8], decimation: f32) -> Result<Option<[[f64; 2]; 4]>, Box<dyn 
 }
 
 fn frame(t_us: i64, bytes: Vec<u8>) -> Frame<Davis> {
-    Frame {
-        timing: FrameTiming::from_stamp(Stamp::from_micros(t_us)),
-        size: Size::DAVIS346,
-        origin: [0, 0],
-        channels: Channels::Gray,
-        samples: Samples::U8(bytes),
-    }
+    Frame::gray(
+        FrameTiming::from_stamp(Stamp::from_micros(t_us)),
+        Size::DAVIS346,
+        Samples::U8(bytes),
+    )
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

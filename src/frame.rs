@@ -132,6 +132,12 @@ pub fn luma(rgb: [f32; 3]) -> f32 {
 }
 
 impl<C: Clock> Frame<C> {
+    /// A grey frame of the whole sensor.
+    #[must_use]
+    pub fn gray(timing: FrameTiming<C>, size: Size, samples: Samples) -> Self {
+        Self { timing, size, origin: [0, 0], channels: Channels::Gray, samples }
+    }
+
     /// Brightness of each pixel in the frame's own digital units, row-major; colour is weighted as in BT.601.
     #[must_use]
     pub fn brightness(&self) -> Vec<f32> {

@@ -10,7 +10,7 @@ use evrig::device::davis::{NetworkDavis, Patience};
 use evrig::device::recorder::{Recorder, Sample, Taken, channel};
 use evrig::event::{Event, Events};
 use evrig::format::aedat4::{Compression, Content, StreamSpec};
-use evrig::frame::{Channels, Frame, FrameTiming, Samples};
+use evrig::frame::{Frame, FrameTiming, Samples};
 use evrig::geometry::Size;
 use evrig::time::{Davis, Stamp};
 use serde_json::Value;
@@ -135,13 +135,11 @@ fn dv_processing_reads_every_event_and_frame_that_we_serve() {
     let spec = StreamSpec::frames(Size::DAVIS346, CAMERA);
     let send = |server: &mut StreamServer| {
         for k in 0..30_u8 {
-            let frame = Frame::<Davis> {
-                timing: FrameTiming::from_stamp(Stamp::from_micros(1_000_000 + i64::from(k))),
-                size: Size::DAVIS346,
-                origin: [0, 0],
-                channels: Channels::Gray,
-                samples: Samples::U8(vec![k; Size::DAVIS346.n_pixels()]),
-            };
+            let frame = Frame::<Davis>::gray(
+                FrameTiming::from_stamp(Stamp::from_micros(1_000_000 + i64::from(k))),
+                Size::DAVIS346,
+                Samples::U8(vec![k; Size::DAVIS346.n_pixels()]),
+            );
             server.send_frame(&frame).unwrap();
         }
     };

@@ -5,7 +5,7 @@
 use assert_cmd::Command;
 use evrig::event::{Event, Events};
 use evrig::format::aedat4::{Compression, StreamSpec, Writer};
-use evrig::frame::{Channels, Frame, FrameTiming, Samples};
+use evrig::frame::{Frame, FrameTiming, Samples};
 use evrig::geometry::Size;
 use evrig::session::Session;
 use evrig::time::{Davis, Stamp};
@@ -18,13 +18,11 @@ fn events(list: &[(i64, u16, u16)]) -> Events {
 }
 
 fn frame(t_us: i64, value: u8) -> Frame<Davis> {
-    Frame {
-        timing: FrameTiming::from_stamp(Stamp::from_micros(t_us)),
-        size: SIZE,
-        origin: [0, 0],
-        channels: Channels::Gray,
-        samples: Samples::U8(vec![value; SIZE.n_pixels()]),
-    }
+    Frame::gray(
+        FrameTiming::from_stamp(Stamp::from_micros(t_us)),
+        SIZE,
+        Samples::U8(vec![value; SIZE.n_pixels()]),
+    )
 }
 
 fn record(directory: &Path, found: &Events, frames: &[Frame<Davis>]) -> PathBuf {

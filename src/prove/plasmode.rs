@@ -179,8 +179,8 @@ impl Recording {
 mod tests {
     use super::*;
     use crate::event::Event;
-    use crate::frame::{Channels, FrameTiming, Samples};
-    use crate::time::{Span, Stamp};
+    use crate::frame::{FrameTiming, Samples};
+    use crate::time::Stamp;
 
     const SIZE: Size = Size { width: 12, height: 8 };
 
@@ -191,17 +191,12 @@ mod tests {
             let (x, y) = (random.below(12) as u16, random.below(8) as u16);
             events.push(Event { t: 1_000_000 + i * 50, x, y, on: random.bits() >> 63 == 1 });
         }
-        let frames = (0..5_i64).map(|i| Frame {
-            timing: FrameTiming {
-                stamp: Stamp::from_micros(1_000_000 + i * 200_000),
-                exposure: None,
-                readout: None,
-                row_time: Span::ZERO,
-            },
-            size: SIZE,
-            origin: [0, 0],
-            channels: Channels::Gray,
-            samples: Samples::U8((0..96).map(|p| if p % 12 < 6 { 40 } else { 160 }).collect()),
+        let frames = (0..5_i64).map(|i| {
+            Frame::gray(
+                FrameTiming::from_stamp(Stamp::from_micros(1_000_000 + i * 200_000)),
+                SIZE,
+                Samples::U8((0..96).map(|p| if p % 12 < 6 { 40 } else { 160 }).collect()),
+            )
         });
         Recording { size: SIZE, events, frames: frames.collect() }
     }

@@ -170,13 +170,11 @@ mod tests {
         let brightness = |x: usize| 100.0 + 40.0 * (x / 2) as f64;
         let gain = |x: usize, y: usize| [[0.5, 1.0], [1.0, 0.25]][y % 2][x % 2];
         let sample = |i: usize| (64.0 + gain(i % 5, i / 5) * brightness(i % 5)) as u16;
-        Frame {
-            timing: FrameTiming::from_stamp(Stamp::from_nanos(0)),
-            size: Size::new(5, 4),
-            origin: [0, 0],
-            channels: Channels::Gray,
-            samples: Samples::U16((0..20).map(sample).collect()),
-        }
+        Frame::gray(
+            FrameTiming::from_stamp(Stamp::from_nanos(0)),
+            Size::new(5, 4),
+            Samples::U16((0..20).map(sample).collect()),
+        )
     }
 
     #[test]

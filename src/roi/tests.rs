@@ -2,7 +2,7 @@
 
 use super::render::{Cells, Dice, Taking, random_corners, to_8_bits};
 use super::*;
-use crate::frame::{Channels, Frame, FrameTiming, Samples};
+use crate::frame::{Frame, FrameTiming, Samples};
 use crate::geometry::{Homography, Size};
 use crate::rig::{CameraDescription, Rig, TargetDescription};
 use crate::time::{Davis, PiSensor, Span, Stamp};
@@ -19,13 +19,11 @@ fn options() -> TrackOptions {
 }
 
 fn gray(t_us: i64, bytes: Vec<u8>) -> Frame<Davis> {
-    Frame {
-        timing: FrameTiming::from_stamp(Stamp::from_micros(t_us)),
-        size: Size::DAVIS346,
-        origin: [0, 0],
-        channels: Channels::Gray,
-        samples: Samples::U8(bytes),
-    }
+    Frame::gray(
+        FrameTiming::from_stamp(Stamp::from_micros(t_us)),
+        Size::DAVIS346,
+        Samples::U8(bytes),
+    )
 }
 
 fn tracker(rig: &Rig) -> Tracker<Davis> {
@@ -307,13 +305,11 @@ fn a_raw_mosaic_gives_its_corners_at_full_resolution() {
             (64.0 + gain * value + 4.0 * dice.normal()).round().clamp(0.0, 1023.0) as u16
         };
         let samples = picture.iter().enumerate().map(sample).collect();
-        let frame = Frame::<PiSensor> {
-            timing: FrameTiming::from_stamp(Stamp::from_nanos(0)),
-            size: Size::new(692, 520),
-            origin: [0, 0],
-            channels: Channels::Gray,
-            samples: Samples::U16(samples),
-        };
+        let frame = Frame::<PiSensor>::gray(
+            FrameTiming::from_stamp(Stamp::from_nanos(0)),
+            Size::new(692, 520),
+            Samples::U16(samples),
+        );
         let mut tracker = Tracker::new(&rig.target, &rig.pi.camera, options).unwrap();
         let sighting = tracker.see(&frame).unwrap();
         for (seen, real) in sighting.corners_px.iter().zip(corners) {

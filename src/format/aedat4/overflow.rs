@@ -62,10 +62,10 @@ mod tests {
     use crate::format::aedat4::decode::decode;
     use crate::format::aedat4::table::{self, Entry};
     use crate::format::aedat4::{Compression, Kind, StreamSpec, encode, header};
-    use crate::frame::{Channels, Frame, FrameTiming, Samples};
+    use crate::frame::{Frame, FrameTiming, Samples};
     use crate::geometry::Size;
     use crate::imu::{ImuSample, Trigger, TriggerKind};
-    use crate::time::{Span, Stamp};
+    use crate::time::Stamp;
 
     /// Puts `i32::MIN` at each place in turn and says how many of them `check` refuses.
     fn plant(payload: &[u8], holds_tables: bool, read: impl Fn(&[u8])) -> usize {
@@ -90,18 +90,11 @@ mod tests {
             magnetic_ut: [3.0; 3],
         };
         let mark = Trigger { stamp: Stamp::from_micros(5), kind: TriggerKind::from_code(1) };
-        let frame = Frame {
-            timing: FrameTiming {
-                stamp: Stamp::from_micros(5),
-                exposure: None,
-                readout: None,
-                row_time: Span::ZERO,
-            },
-            size: Size::new(3, 2),
-            origin: [0, 0],
-            channels: Channels::Gray,
-            samples: Samples::U8(vec![9; 6]),
-        };
+        let frame = Frame::gray(
+            FrameTiming::from_stamp(Stamp::from_micros(5)),
+            Size::new(3, 2),
+            Samples::U8(vec![9; 6]),
+        );
         let events: Events = [event; 3].into_iter().collect();
         let mut event_packet = Vec::new();
         encode::events(events.as_slice(), &mut event_packet, 0);

@@ -2,10 +2,10 @@ use super::super::record::Plan;
 use super::super::{Concealed, Mix, draw};
 use super::*;
 use crate::event::{Event, Events};
-use crate::frame::{Channels, Frame, FrameTiming, Samples};
+use crate::frame::{Frame, FrameTiming, Samples};
 use crate::geometry::Size;
 use crate::prove::plasmode::Recording;
-use crate::time::{Span, Stamp};
+use crate::time::Stamp;
 use serde_json::json;
 use std::cell::{Cell, RefCell};
 
@@ -16,17 +16,12 @@ fn recording() -> Maker {
     for i in 0..400_i64 {
         events.push(Event { t: 1_000_000 + i * 2_000, x: (i % 12) as u16, y: 3, on: i % 3 == 0 });
     }
-    let frame = |i: i64| Frame {
-        timing: FrameTiming {
-            stamp: Stamp::from_micros(1_000_000 + i * 100_000),
-            exposure: None,
-            readout: None,
-            row_time: Span::ZERO,
-        },
-        size: SIZE,
-        origin: [0, 0],
-        channels: Channels::Gray,
-        samples: Samples::U8(vec![90; 96]),
+    let frame = |i: i64| {
+        Frame::gray(
+            FrameTiming::from_stamp(Stamp::from_micros(1_000_000 + i * 100_000)),
+            SIZE,
+            Samples::U8(vec![90; 96]),
+        )
     };
     let frames = (0..9).map(frame).collect();
     Maker::Plasmode(Box::new(Recording { size: SIZE, events, frames }))

@@ -3,7 +3,7 @@
 use super::{Picture, PictureFacts, stated_size};
 use crate::format::aedat4::{Content, Reader};
 use crate::format::npy::ArrayReader;
-use crate::frame::{Channels, Frame, FrameTiming, Samples};
+use crate::frame::{Frame, FrameTiming, Samples};
 use crate::geometry::Size;
 use crate::session::{Session, SessionError, StreamEntry};
 use crate::time::{Davis, Stamp};
@@ -67,13 +67,9 @@ impl DavisPictures {
                     1 => reader.next_u8(n).map(Samples::U8),
                     _ => reader.next_u16(n).map(Samples::U16),
                 };
-                Some(samples.map_err(Into::into).map(|samples| Frame {
-                    timing: FrameTiming::from_stamp(stamp),
-                    size: *size,
-                    origin: [0, 0],
-                    channels: Channels::Gray,
-                    samples,
-                }))
+                let timing = FrameTiming::from_stamp(stamp);
+                let frame = samples.map(|samples| Frame::gray(timing, *size, samples));
+                Some(frame.map_err(Into::into))
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use crate::event::{Event, Events};
 use crate::format::aedat4::Content;
-use crate::frame::{Channels, Frame, FrameTiming, Samples};
+use crate::frame::{Frame, FrameTiming, Samples};
 use crate::geometry::Size;
 use crate::imu::{ImuSample, Trigger, TriggerKind};
 use crate::time::{Davis, Span, Stamp, Unix};
@@ -109,18 +109,16 @@ fn trigger(mark: TriggerEvent<u64, u8>, offset_us: i64) -> Trigger {
 /// The driver shifts the converter's 10 bits up to 16; the upper 8 are kept, as DV does.
 fn frame(picture: &FrameEvent<'_>, stamp: impl Fn(u64) -> Stamp<Davis>) -> Frame<Davis> {
     let exposure = picture.exposure_start_t.zip(picture.exposure_end_t);
-    Frame {
-        timing: FrameTiming {
+    Frame::gray(
+        FrameTiming {
             stamp: stamp(exposure.map_or(picture.start_t, |(start, _)| start)),
             exposure: exposure.map(|(start, end)| [stamp(start), stamp(end)]),
             readout: Some([stamp(picture.start_t), stamp(picture.t)]),
             row_time: Span::ZERO,
         },
-        size: Size::DAVIS346,
-        origin: [0, 0],
-        channels: Channels::Gray,
-        samples: Samples::U8(picture.pixels.iter().map(|sample| (sample >> 8) as u8).collect()),
-    }
+        Size::DAVIS346,
+        Samples::U8(picture.pixels.iter().map(|sample| (sample >> 8) as u8).collect()),
+    )
 }
 
 #[cfg(test)]

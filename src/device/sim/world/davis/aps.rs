@@ -3,7 +3,7 @@
 use crate::device::sim::world::draws::{Draws, Purpose};
 use crate::device::sim::world::exposure::{Exposure, n_looks};
 use crate::device::sim::world::{DAVIS_TEXELS_PER_PX, World};
-use crate::frame::{Channels, Frame, FrameTiming, Samples};
+use crate::frame::{Frame, FrameTiming, Samples};
 use crate::time::{Davis, Span, Stamp};
 use rayon::prelude::*;
 
@@ -83,16 +83,14 @@ fn frame(world: &World, number: u64, [start, end]: [Span; 2], scale: f64) -> Fra
     // The recorder writes whole microseconds.
     let stamp = |time: Span| Stamp::from_micros(world.clocks.davis(time).as_micros());
     let readout = Span::from_nanos(READOUT_ROW.as_nanos() * i64::from(size.height));
-    Frame {
-        timing: FrameTiming {
+    Frame::gray(
+        FrameTiming {
             stamp: stamp(start),
             exposure: Some([stamp(start), stamp(end)]),
             readout: Some([stamp(end), stamp(end + readout)]),
             row_time: Span::ZERO,
         },
         size,
-        origin: [0, 0],
-        channels: Channels::Gray,
-        samples: Samples::U8(samples),
-    }
+        Samples::U8(samples),
+    )
 }
