@@ -30,6 +30,7 @@ mod movement;
 mod residual;
 mod sample;
 mod score;
+mod softplus;
 mod threshold;
 mod walk;
 

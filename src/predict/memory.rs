@@ -6,7 +6,8 @@
 use super::course::{Course, Reach};
 use super::mask::behind_mask;
 use super::movement::Movement;
-use super::threshold::{Threshold, logistic, softplus};
+use super::softplus::{logistic, softplus};
+use super::threshold::Threshold;
 
 /// A case less likely than this is forgotten.
 pub(super) const LEAST_WEIGHT: f64 = 2e-3;

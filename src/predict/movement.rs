@@ -5,7 +5,7 @@
 //! running maximum; what is left is the part by which noise makes the mean upward speed greater.
 
 use super::PixelLaw;
-use super::threshold::{logistic, softplus};
+use super::softplus::{logistic, softplus};
 
 /// Where the signal is too far below the threshold to count, in scales of the noise: there the
 /// density is below a twenty thousandth of its greatest.

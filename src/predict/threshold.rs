@@ -1,5 +1,7 @@
 //! The law of a threshold: the hazard of the running maximum that approaches it.
 
+use super::softplus::{logistic, softplus};
+
 /// Bound on the steepness of a threshold's law, so that its powers stay finite numbers.
 const STEEPEST: f64 = 1_000.0;
 
@@ -16,16 +18,6 @@ pub(super) struct Threshold {
     drop_fraction: f64,
     /// Below this maximum it has hardly fired.
     begins: f64,
-}
-
-/// `ln(1 + e^z)` without overflow.
-pub(super) fn softplus(z: f64) -> f64 {
-    z.max(0.0) + (-z.abs()).exp().ln_1p()
-}
-
-/// `1 / (1 + e^-z)`.
-pub(super) fn logistic(z: f64) -> f64 {
-    1.0 / (1.0 + (-z).exp())
 }
 
 impl Threshold {
