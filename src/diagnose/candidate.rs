@@ -29,7 +29,7 @@ mod threshold_mismatch;
 mod vibration;
 
 use super::nuisance::Nuisance;
-use super::{Evidence, View};
+use super::{Evidence, Kind, Mixture, View};
 use crate::effect_id::EffectId;
 
 /// Where in the chain an effect acts; earlier stages act first.
@@ -120,12 +120,6 @@ pub struct Freed {
     pub range: [f64; 2],
 }
 
-/// What a pixel is given for its On events and for its Off events, where pixels are of several kinds.
-pub type Kind = [f64; 2];
-
-/// The kinds of pixel that parameters speak of, each with its share.
-pub type Mixture = fn(&[f64]) -> Vec<(f64, Kind)>;
-
 /// Parameters by key that follow from an effect's own.
 pub type Derived = fn(&Evidence, &[f64]) -> Vec<(&'static str, f64)>;
 
@@ -148,8 +142,8 @@ pub struct Candidate {
     pub starts: fn(&Evidence) -> Vec<Vec<f64>>,
     /// What it does to a pixel, given its parameters and the pixel's kind.
     pub act: fn(&[f64], Kind, &mut View<'_>),
-    /// The kinds of pixel it tells apart, each with its share.
-    pub mixture: Option<Mixture>,
+    /// The kinds of pixel it tells apart, given its parameters.
+    pub mixture: Option<fn(&[f64]) -> Mixture>,
     /// Its parameters out of a hypothesis's values, for an effect that frees nuisances.
     pub report: fn(&[f64]) -> Vec<f64>,
     /// Parameters that follow from its own, by key: what is fitted is not always what is asked.

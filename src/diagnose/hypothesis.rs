@@ -1,8 +1,8 @@
 //! A model of the recording: nuisances and effects with their values, and what it makes of a pixel.
 
-use super::candidate::{Candidate, Freed, Kind, Stage};
+use super::candidate::{Candidate, Freed, Stage};
 use super::nuisance::{N_NUISANCES, Nuisance};
-use super::{Evidence, PixelEvidence};
+use super::{Evidence, Kind, Mixture, PixelEvidence};
 use crate::geometry::Rectangle;
 use crate::predict::{Light, PixelLaw};
 
@@ -237,13 +237,13 @@ impl Hypothesis {
         law(&self.values)
     }
 
-    /// The kinds of pixel a mixture effect tells apart, with their shares; one kind without such.
+    /// The kinds of pixel a mixture effect tells apart; one kind without such.
     #[must_use]
-    pub fn kinds(&self) -> Vec<(f64, Kind)> {
+    pub fn kinds(&self) -> Mixture {
         let mixture = self.effects.iter().enumerate().find_map(|(i, e)| Some((i, e.mixture?)));
         match mixture {
             Some((index, mixture)) => mixture(&self.parameters_of(index)),
-            None => vec![(1.0, [0.0; 2])],
+            None => Mixture::alike(),
         }
     }
 

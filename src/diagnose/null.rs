@@ -20,15 +20,7 @@ pub(super) fn draw(evidence: &Evidence, hypothesis: &Hypothesis, seed: u64) -> E
         .enumerate()
         .map(|(number, pixel)| {
             let mut random = SplitMix::new(seed, number as u64);
-            let mut rest = random.uniform();
-            let mut kind = kinds.first().map_or([0.0; 2], |k| k.1);
-            for (share, value) in &kinds {
-                kind = *value;
-                rest -= share;
-                if rest <= 0.0 {
-                    break;
-                }
-            }
+            let kind = kinds.drawn(random.uniform());
             let view = hypothesis.view(evidence, pixel, kind, Vec::new());
             sample(&view.law, view.light(), evidence.blocks.length_us(), &mut random)
         })

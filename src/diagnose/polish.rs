@@ -7,7 +7,6 @@
 //! with the scatter that the gradients claim.
 
 use super::fit::{Fitted, as_it_is, each_as_it_is, gradients, scatter};
-use super::kinds::Kinds;
 use super::{Evidence, Hypothesis, Nuisance, PixelEvidence};
 use cmaes::{CMAESOptions, DVector};
 use nalgebra::DMatrix;
@@ -79,7 +78,7 @@ fn work(evidence: &Evidence, hypothesis: &Hypothesis) -> usize {
     let once: usize = evidence.pixels.iter().map(of).sum();
     let law = |pixel| hypothesis.view(evidence, pixel, [0.0; 2], Vec::new()).law;
     let n_memories = evidence.pixels.first().map_or(1, |pixel| law(pixel).n_memories());
-    once * Kinds::of(hypothesis).n_scored() * n_memories
+    once * hypothesis.kinds().n_scored() * n_memories
 }
 
 fn per_value(work: usize) -> usize {

@@ -1,7 +1,7 @@
 //! What a hypothesis scores, cell by cell: a cell is a tile of pixels during a block of time.
 
-use super::kinds::{Kinds, Seen};
-use super::{Evidence, Hypothesis, PixelEvidence};
+use super::kinds::Seen;
+use super::{Evidence, Hypothesis, Mixture, PixelEvidence};
 use crate::predict::BlockScore;
 use rayon::prelude::*;
 
@@ -113,7 +113,7 @@ pub(super) fn cells(evidence: &Evidence, hypothesis: &Hypothesis) -> Cells {
 /// The same for several hypotheses at once: pixel by pixel, so that those which leave a pixel's
 /// signal alike share it.
 pub(super) fn cells_of_each(evidence: &Evidence, hypotheses: &[&Hypothesis]) -> Vec<Cells> {
-    let kinds: Vec<Kinds> = hypotheses.iter().map(|h| Kinds::of(h)).collect();
+    let kinds: Vec<Mixture> = hypotheses.iter().map(|h| h.kinds()).collect();
     let scores: Vec<Vec<Vec<BlockScore>>> = evidence
         .pixels
         .par_iter()
@@ -152,7 +152,7 @@ pub(super) fn pixel_gains(
     without: &Hypothesis,
     with: &Hypothesis,
 ) -> Vec<f64> {
-    let both = [without, with].map(|hypothesis| (hypothesis, Kinds::of(hypothesis)));
+    let both = [without, with].map(|hypothesis| (hypothesis, hypothesis.kinds()));
     let of = |scratch: &mut Vec<f32>, pixel: &PixelEvidence| {
         let mut seen = Seen::new(evidence, pixel, std::mem::take(scratch));
         let [without, with] = both.each_ref().map(|(hypothesis, kinds)| {

@@ -6,6 +6,7 @@ use crate::effect_id::EffectId;
 use crate::event::Events;
 use crate::geometry::{Rectangle, Size};
 use crate::predict::ByPixel;
+use crate::stats::SplitMix;
 
 const END_US: i64 = 3_000_000;
 
@@ -67,7 +68,7 @@ fn facts() -> Facts {
 }
 
 fn options() -> Options {
-    Options { n_pixels: 60, step_us: 2_000, n_null: 0, max_effects: 2, ..Options::default() }
+    Options { n_pixels: 60, step_us: 2_000, n_null: 0, max_effects: 1, ..Options::default() }
 }
 
 /// The same light, but not known while it begins.
@@ -279,5 +280,36 @@ fn every_effect_is_judged_or_said_to_be_beyond_judging() {
         for parameter in candidate.parameters.iter().filter(|p| !p.is_hidden) {
             assert!(candidate.id.parameters().contains(&parameter.key), "{}", parameter.key);
         }
+    }
+}
+
+#[test]
+fn thresholds_come_out_as_far_apart_as_they_are() {
+    // They are sharp: each pixel's own is told within a twentieth of what all scatter by.
+    let evidence = empty().thinned(4);
+    let candidate = LIBRARY.iter().find(|c| c.id == EffectId::ThresholdMismatch).unwrap();
+    let sharp = Hypothesis::baseline(&evidence).with_nuisance(Nuisance::LogNoise, 0.013_f64.ln());
+    let hidden = sharp.with(candidate, &[0.11_f64.ln(), 0.0]);
+    let mut random = SplitMix::new(5, 0);
+    let kinds: Vec<Kind> =
+        evidence.pixels.iter().map(|_| [random.normal(), random.normal()]).collect();
+    let of = |(pixel, kind): (&PixelEvidence, &Kind)| {
+        let view = hidden.view(&evidence, pixel, *kind, Vec::new());
+        crate::predict::sample(&view.law, view.light(), END_US, &mut random)
+    };
+    let spikes = evidence.pixels.iter().zip(&kinds).map(of).collect();
+    let planted = evidence.with_spikes(spikes);
+    let n = kinds.len() as f64;
+    let mean = |of: fn(&Kind) -> f64| kinds.iter().map(of).sum::<f64>() / n;
+    let variance = mean(|[on, off]| 0.5 * (on * on + off * off));
+    let (spread, correlation) = (0.11 * variance.sqrt(), mean(|[on, off]| on * off) / variance);
+    let nats = |by: f64, correlation: f64| {
+        let there = sharp.with(candidate, &[(spread * by).ln(), correlation]);
+        fit::as_it_is(&planted, there).training() * planted.n_events() as f64
+    };
+    let best = nats(1.0, correlation);
+    for (by, aside) in [(0.9, 0.0), (1.1, 0.0), (1.0, -0.3), (1.0, 0.3)] {
+        let there = nats(by, correlation + aside);
+        assert!(there < best - 1.0, "{by}, {aside}: {there} for {best}");
     }
 }

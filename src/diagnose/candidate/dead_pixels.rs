@@ -1,6 +1,6 @@
 //! Pixels that never fire.
 
-use super::{Candidate, EffectId, PLAIN, Parameter};
+use super::{Candidate, EffectId, Mixture, PLAIN, Parameter};
 
 /// A threshold that no light reaches, in log intensity.
 const NEVER: f64 = 200.0;
@@ -12,7 +12,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     // The share is what the likelihood knows; the count on the sensor follows from it.
     parameters: &[Parameter::log("fraction", [1e-4, 0.5]).hidden()],
     starts: |_| vec![vec![0.02_f64.ln()]],
-    mixture: Some(|values| vec![(1.0 - values[0], [0.0; 2]), (values[0], [1.0; 2])]),
+    mixture: Some(|values| Mixture::of_two(values[0])),
     act: |_, kind, view| {
         if kind[0] > 0.5 {
             view.law.theta_on = NEVER;

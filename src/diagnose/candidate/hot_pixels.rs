@@ -1,6 +1,6 @@
 //! Pixels that fire by themselves.
 
-use super::{Candidate, EffectId, PLAIN, Parameter};
+use super::{Candidate, EffectId, Mixture, PLAIN, Parameter};
 
 pub(super) const CANDIDATE: Candidate = Candidate {
     id: EffectId::HotPixels,
@@ -11,7 +11,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         Parameter::log("rate_hz", [1.0, 3_000.0]).hidden(),
     ],
     starts: |_| [10.0_f64, 60.0, 300.0].iter().map(|hz| vec![0.02_f64.ln(), hz.ln()]).collect(),
-    mixture: Some(|values| vec![(1.0 - values[0], [0.0; 2]), (values[0], [1.0; 2])]),
+    mixture: Some(|values| Mixture::of_two(values[0])),
     act: |values, kind, view| {
         if kind[0] > 0.5 {
             view.law.background_on_hz += 0.5 * values[1];

@@ -1,30 +1,25 @@
 //! Thresholds that differ from pixel to pixel.
 
-use super::{Candidate, EffectId, Kind, PLAIN, Parameter};
+use super::{Candidate, EffectId, Mixture, PLAIN, Parameter};
 
-/// Nodes from one to the next, standard deviations. A pixel's events tell its thresholds within a
-/// fraction of their spread, so that few nodes far apart would shrink the spread to lie among them.
-const STEP: f64 = 0.0625;
+/// Thresholds from one to the next, standard deviations. A pixel's events tell its thresholds within a
+/// fraction of their spread, so that few values far apart would shrink the spread to lie among them.
+const STEP: f64 = 1.0 / 32.0;
 
-/// Nodes on either side of the middle: every eighth is scored.
-const N_SIDE: i32 = 48;
+/// Values on either side of the middle: beyond four standard deviations lies hardly a pixel, and whichever
+/// does would stretch the spread of all to have it in.
+const N_SIDE: usize = 128;
 
-/// How far thresholds of one pixel may go together: closer, and nodes this far apart would not tell.
+/// How far thresholds of one pixel may go together: closer, and values this far apart would not tell.
 const MOST_ALIKE: f64 = 0.9;
 
-/// A normal law of two dimensions at even steps: a pixel's own comparators set its thresholds for On
-/// and Off apart, what they share together.
-fn nodes(correlation: f64) -> Vec<(f64, Kind)> {
-    let at = |i: i32| f64::from(i) * STEP;
+/// A normal law of two dimensions: a pixel's own comparators set its thresholds for On and Off apart,
+/// what they share together.
+fn normal(correlation: f64) -> Mixture {
     let spread = 2.0 * (1.0 - correlation * correlation);
-    // By the trapezoidal rule, in which the ends count half: it bears that nodes are passed over.
-    let end = |a: f64| if a.abs() < at(N_SIDE) { 1.0 } else { 0.5 };
-    let density = |[a, b]: Kind| {
-        end(a) * end(b) * (-(a * a - 2.0 * correlation * a * b + b * b) / spread).exp()
-    };
-    let all = || (-N_SIDE..=N_SIDE).flat_map(|i| (-N_SIDE..=N_SIDE).map(move |j| [at(i), at(j)]));
-    let sum: f64 = all().map(density).sum();
-    all().map(|kind| (density(kind) / sum, kind)).collect()
+    Mixture::even(STEP, N_SIDE, |[a, b]| {
+        (-(a * a - 2.0 * correlation * a * b + b * b) / spread).exp()
+    })
 }
 
 pub(super) const CANDIDATE: Candidate = Candidate {
@@ -36,7 +31,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         Parameter::linear("on_off_correlation", [-MOST_ALIKE, MOST_ALIKE], 0.02).hidden(),
     ],
     starts: |_| vec![vec![0.05_f64.ln(), 0.3], vec![0.15_f64.ln(), 0.3]],
-    mixture: Some(|values| nodes(values[1])),
+    mixture: Some(|values| normal(values[1])),
     act: |values, [on, off], view| {
         view.law.theta_on *= (values[0] * on).exp();
         view.law.theta_off *= (values[0] * off).exp();
@@ -50,16 +45,17 @@ pub(super) const CANDIDATE: Candidate = Candidate {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Kind;
     use super::*;
 
     #[test]
     fn kinds_have_the_law_that_was_asked_for() {
         for correlation in [-0.5, 0.0, 0.4, 0.9] {
-            let kinds = nodes(correlation);
-            let mean = |of: fn(Kind) -> f64| kinds.iter().map(|(w, k)| w * of(*k)).sum::<f64>();
-            assert!((mean(|_| 1.0) - 1.0).abs() < 1e-12 && mean(|k| k[0]).abs() < 1e-12);
-            assert!((mean(|k| k[0] * k[0]) - 1.0).abs() < 0.04);
-            assert!((mean(|k| k[0] * k[1]) - correlation).abs() < 0.04, "{correlation}");
+            let kinds = normal(correlation);
+            let mean = |of: fn(Kind) -> f64| kinds.kinds().map(|(w, k)| w * of(k)).sum::<f64>();
+            assert!((mean(|_| 1.0) - 1.0).abs() < 1e-7 && mean(|k| k[0]).abs() < 1e-12);
+            assert!((mean(|k| k[0] * k[0]) - 1.0).abs() < 0.002);
+            assert!((mean(|k| k[0] * k[1]) - correlation).abs() < 0.002, "{correlation}");
         }
     }
 }

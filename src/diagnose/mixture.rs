@@ -1,0 +1,211 @@
+//! Pixels of several kinds: which there are, and how likely each.
+
+use super::curve::WIDEST;
+use std::iter::StepBy;
+use std::ops::Range;
+
+/// What a pixel is given for its On events and for its Off events, where pixels are of several kinds.
+pub type Kind = [f64; 2];
+
+/// Of a continuous value about so many are scored.
+const ABOUT_SCORED: usize = 20;
+
+/// The least share of a kind: what a pixel's events say must be able to outweigh it.
+const LEAST_SHARE: f64 = 1e-12;
+
+/// A likelihood so many nats below the greatest adds nothing.
+const BEYOND: f64 = 36.0;
+
+/// A bell is left that low over 17 of its standard deviations: so many values it needs at least.
+const LEAST_NODES: usize = 17;
+
+/// The kinds of pixel that there are. What a pixel is given for On does not touch its Off events given
+/// what it memorised, so that each value is scored once, whatever it is paired with.
+#[derive(Debug, Clone)]
+pub struct Mixture {
+    /// Values that a pixel may be given, ascending.
+    values: Vec<f64>,
+    /// Share of each value for On (row) with each for Off.
+    shares: Vec<f64>,
+    /// Whether the values are even steps of a continuous one.
+    is_even: bool,
+}
+
+impl Mixture {
+    /// All pixels are alike: they are given 0.
+    #[must_use]
+    pub fn alike() -> Self {
+        Self { values: vec![0.0], shares: vec![1.0], is_even: false }
+    }
+
+    /// A share of the pixels is given 1, the rest 0.
+    #[must_use]
+    pub fn of_two(share: f64) -> Self {
+        let shares = [1.0 - share, share].map(|share| share.max(LEAST_SHARE));
+        let shares = vec![shares[0], 0.0, 0.0, shares[1]];
+        Self { values: vec![0.0, 1.0], shares, is_even: false }
+    }
+
+    /// Even steps from `-n_side * step` to as much above 0, by a density of any size. The sums over them
+    /// are by the trapezoidal rule, in which the ends count half: it bears that values are passed over.
+    pub(super) fn even(step: f64, n_side: usize, density: impl Fn(Kind) -> f64) -> Self {
+        debug_assert!((2 * n_side).is_multiple_of(WIDEST), "{n_side}");
+        let values: Vec<f64> =
+            (0..=2 * n_side).map(|i| (i as f64 - n_side as f64) * step).collect();
+        let n = values.len();
+        let end = |i: usize| if i == 0 || i == n - 1 { 0.5 } else { 1.0 };
+        let at = |i: usize| {
+            let (on, off) = (i / n, i % n);
+            end(on) * end(off) * density([values[on], values[off]])
+        };
+        let mut shares: Vec<f64> = (0..n * n).map(at).collect();
+        let sum: f64 = shares.iter().sum();
+        shares.iter_mut().for_each(|share| *share = (*share / sum).max(LEAST_SHARE));
+        Self { values, shares, is_even: true }
+    }
+
+    /// Values that a pixel may be given, ascending.
+    #[must_use]
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// Whether the values are even steps of a continuous one.
+    pub(super) fn is_even(&self) -> bool {
+        self.is_even
+    }
+
+    /// The kind of all pixels, where they are alike.
+    pub(super) fn only(&self) -> Option<Kind> {
+        if let [only] = self.values[..] { Some([only; 2]) } else { None }
+    }
+
+    /// Kinds with their shares.
+    pub fn kinds(&self) -> impl Iterator<Item = (f64, Kind)> + '_ {
+        let n = self.values.len();
+        let kind = move |i: usize| [self.values[i / n], self.values[i % n]];
+        self.shares.iter().enumerate().map(move |(i, share)| (*share, kind(i)))
+    }
+
+    /// The kind that a number of 0 to 1 draws.
+    #[must_use]
+    pub fn drawn(&self, mut uniform: f64) -> Kind {
+        let is_last = |(share, _): &(f64, Kind)| {
+            uniform -= share;
+            uniform <= 0.0
+        };
+        self.kinds().find(is_last).map_or([self.values[0]; 2], |(_, kind)| kind)
+    }
+
+    /// About how many times a pixel is scored.
+    pub(super) fn n_scored(&self) -> usize {
+        if self.is_even { ABOUT_SCORED } else { self.values.len() }
+    }
+
+    /// Logarithm of a pixel's likelihood, given those of its On and its Off events for each value.
+    pub(super) fn ln_likelihood(&self, logs: &[Vec<f64>; 2]) -> f64 {
+        let n = self.values.len();
+        let [on, off] = logs.each_ref().map(|logs| Spoken::of(logs, self.is_even));
+        let mut sum = 0.0;
+        for (row, weight) in on.at.clone().zip(&on.weights) {
+            let shares = &self.shares[row * n..(row + 1) * n];
+            let row: f64 = off.at.clone().zip(&off.weights).map(|(at, w)| shares[at] * w).sum();
+            sum += weight * row;
+        }
+        on.most + off.most + sum.max(f64::MIN_POSITIVE).ln()
+    }
+
+    /// The kind that those speak for most.
+    pub(super) fn best(&self, [on, off]: &[Vec<f64>; 2]) -> Kind {
+        let n = self.values.len();
+        let log = |at: usize| self.shares[at].ln() + on[at / n] + off[at % n];
+        let best = (0..n * n).max_by(|&a, &b| log(a).total_cmp(&log(b))).unwrap_or(0);
+        [self.values[best / n], self.values[best % n]]
+    }
+}
+
+/// What the events of one polarity say of a pixel's value.
+struct Spoken {
+    /// Logarithm of the greatest likelihood.
+    most: f64,
+    /// Values that an integral over all of them needs.
+    at: StepBy<Range<usize>>,
+    /// Likelihood of each over the greatest, times the values that it stands for.
+    weights: Vec<f64>,
+}
+
+impl Spoken {
+    /// Likelihoods that bend smoothly are bells, of which the trapezoidal rule needs but a value a
+    /// standard deviation. Values that are scored one by one are needed each: what On events rule out may
+    /// be all that Off events leave.
+    fn of(logs: &[f64], is_even: bool) -> Self {
+        let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let counts = |log: &f64| !is_even || *log > most - BEYOND;
+        let first = logs.iter().position(counts).unwrap_or(0);
+        let end = logs.iter().rposition(counts).map_or(logs.len(), |last| last + 1);
+        let wide = [4, 2].into_iter().find(|step| is_even && (end - first) / step >= LEAST_NODES);
+        let step = wide.unwrap_or(1);
+        // Steps count from the first value, so that both ends are among them.
+        let at = (first.next_multiple_of(step)..end).step_by(step);
+        let weights = at.clone().map(|i| (logs[i] - most).exp() * step as f64).collect();
+        Self { most, at, weights }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_that_are_passed_over_change_nothing() {
+        let kinds = Mixture::even(1.0 / 16.0, 48, |[a, b]| (-0.5 * (a * a + b * b)).exp());
+        let bell = |w: f64, middle: f64| -> Vec<f64> {
+            kinds.values.iter().map(|v| 7.0 - 0.5 * ((v - middle) / w).powi(2)).collect()
+        };
+        let mut sparse = 0;
+        for w in [0.1, 0.2, 0.35, 0.6, 1.0, 3.0, 1e6] {
+            for middle in [-2.6, -0.93, 0.0, 1.71] {
+                let [on, off] = [bell(w, middle), bell(0.5, 0.3)];
+                let each = |logs: &[f64]| -> f64 {
+                    let logs = logs.iter().enumerate();
+                    logs.map(|(i, log)| kinds.shares[97 * 48 + i] * log.exp()).sum()
+                };
+                let middle_share: f64 = (0..97).map(|i| kinds.shares[97 * 48 + i]).sum();
+                let expected = (each(&on) / middle_share).ln() + (each(&off) / middle_share).ln();
+                sparse += Spoken::of(&on, true).weights.len();
+                let got = kinds.ln_likelihood(&[on, off]);
+                assert!((got - expected).abs() < 2e-3, "{w} {middle}: {got} {expected}");
+            }
+        }
+        assert!(sparse < 28 * 30, "{sparse} values for 28 likelihoods");
+    }
+
+    impl Mixture {
+        /// Kinds of three values, a quarter, a half and a quarter, alike or apart for both polarities.
+        pub(in super::super) fn of_three(is_one: bool) -> Self {
+            let own = [0.25, 0.5, 0.25];
+            let share = |on: usize, off: usize| match (is_one, on == off) {
+                (true, true) => own[on],
+                (true, false) => 0.0,
+                (false, _) => own[on] * own[off],
+            };
+            let shares = (0..9).map(|at| share(at / 3, at % 3)).collect();
+            Self { values: vec![-1.0, 0.0, 1.0], shares, is_even: false }
+        }
+    }
+
+    #[test]
+    fn the_best_kind_is_the_one_that_both_polarities_speak_for() {
+        let logs = [vec![0.0, 2.0, 8.0], vec![8.0, 2.0, 0.0]];
+        assert_eq!(Mixture::of_three(false).best(&logs), [1.0, -1.0]);
+        let [low, high] = [0.1, 0.9].map(|uniform| Mixture::of_three(true).drawn(uniform));
+        assert_eq!((low, high), ([-1.0; 2], [1.0; 2]));
+    }
+
+    #[test]
+    fn kinds_of_which_each_polarity_rules_out_another_are_weighed_all_the_same() {
+        let sums = [vec![-60.0, -100.0, 0.0], vec![0.0, -100.0, -50.0]];
+        let got = Mixture::of_three(true).ln_likelihood(&sums);
+        assert!((got - (-50.0 + 0.25_f64.ln())).abs() < 1e-3, "{got}");
+    }
+}
