@@ -29,7 +29,7 @@ mod threshold_mismatch;
 mod vibration;
 
 use super::nuisance::Nuisance;
-use super::{Evidence, Kind, Mixture, View};
+use super::{Evidence, Hypothesis, Kind, Mixture, View};
 use crate::effect_id::EffectId;
 
 /// Where in the chain an effect acts; earlier stages act first.
@@ -144,6 +144,9 @@ pub struct Candidate {
     pub act: fn(&[f64], Kind, &mut View<'_>),
     /// The kinds of pixel it tells apart, given its parameters.
     pub mixture: Option<fn(&[f64]) -> Mixture>,
+    /// Moves a hypothesis to what its pixels, each of the kind that it most likely is, say of all of them;
+    /// given the number of the effect's first value.
+    pub retell: Option<fn(&[Kind], &mut Hypothesis, usize)>,
     /// Its parameters out of a hypothesis's values, for an effect that frees nuisances.
     pub report: fn(&[f64]) -> Vec<f64>,
     /// Parameters that follow from its own, by key: what is fitted is not always what is asked.
@@ -192,6 +195,7 @@ const PLAIN: Candidate = Candidate {
     starts: |_| Vec::new(),
     act: |_, _, _| {},
     mixture: None,
+    retell: None,
     report: |_| Vec::new(),
     derived: |_, _| Vec::new(),
     rivals: &[],

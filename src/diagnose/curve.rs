@@ -27,6 +27,12 @@ impl Curve {
         Self { parts: (0..n).map(only).collect() }
     }
 
+    /// Of `n` values every so many-th of which is scored, the first and the last among them.
+    pub(super) fn of_some(n: usize, every: usize) -> Self {
+        let scored: Vec<usize> = (0..n).step_by(every).collect();
+        Self::through(&scored, &vec![true; scored.len() - 1])
+    }
+
     /// Of values some of which were scored. Between these lies a cubic where that is known to be near,
     /// else a straight line, which lies below a likelihood that has but one summit.
     fn through(scored: &[usize], is_known: &[bool]) -> Self {

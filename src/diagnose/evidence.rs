@@ -100,6 +100,9 @@ pub struct Evidence {
     pub middle: [f64; 2],
     /// On minus Off events of all pixels, and On plus Off, in each instant.
     pub rates: [Vec<f32>; 2],
+    /// Whether a pixel's own threshold is scored as finely as its events tell it. A search begins with the
+    /// coarse score, which is smooth: slopes lead to its summit.
+    pub(super) is_fine: bool,
     /// All events of the sensor.
     pub(super) around: Arc<Around>,
     /// The rest.
@@ -162,6 +165,7 @@ impl Evidence {
             tile_px: options.tile_px,
             middle: [f64::from(size.width) / 2.0, f64::from(size.height) / 2.0],
             rates: rates(recording, grid, start_us),
+            is_fine: false,
             around: Arc::new(Around::new(recording.clone(), &facts.aps_us)),
             facts,
         })
@@ -175,6 +179,11 @@ impl Evidence {
             pixel.spikes = own;
         }
         other
+    }
+
+    /// The same with each pixel's own threshold scored as finely as its events tell it.
+    pub(super) fn fine(&self) -> Self {
+        Self { is_fine: true, ..self.clone() }
     }
 
     /// Only every `n`-th pixel.

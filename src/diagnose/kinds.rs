@@ -5,6 +5,9 @@ use super::{Evidence, Hypothesis, Kind, Mixture, PixelEvidence};
 use crate::predict::{Bends, BlockScore, Light, score_pixel};
 use rayon::prelude::*;
 
+/// From one value to the next of a coarse score.
+const COARSE: usize = 16;
+
 /// The kind of each pixel that its training blocks speak for most.
 pub(super) fn kinds_of_pixels(evidence: &Evidence, hypothesis: &Hypothesis) -> Vec<Kind> {
     let kinds = hypothesis.kinds();
@@ -55,13 +58,17 @@ impl<'a> Seen<'a> {
     /// The scores by the value that is given for both polarities.
     fn by_value(&mut self, hypothesis: &Hypothesis, kinds: &Mixture) -> ByValue {
         let n = kinds.values().len();
+        let is_fine = self.evidence.is_fine;
         let mut score = |i: usize| self.of_kind(hypothesis, [kinds.values()[i]; 2]);
-        if kinds.is_even() {
-            let (curve, scores) = scored(n, score);
-            ByValue::new(curve, scores)
-        } else {
-            ByValue::new(Curve::of_each(n), (0..n).map(&mut score).collect())
+        if !kinds.is_even() {
+            return ByValue::new(Curve::of_each(n), (0..n).map(&mut score).collect());
         }
+        if !is_fine {
+            let scores = (0..n).step_by(COARSE).map(&mut score).collect();
+            return ByValue::new(Curve::of_some(n, COARSE), scores);
+        }
+        let (curve, scores) = scored(n, score);
+        ByValue::new(curve, scores)
     }
 
     fn of_kind(&mut self, hypothesis: &Hypothesis, kind: Kind) -> Vec<BlockScore> {

@@ -8,7 +8,7 @@ use std::ops::Range;
 pub type Kind = [f64; 2];
 
 /// Of a continuous value about so many are scored.
-const ABOUT_SCORED: usize = 20;
+const ABOUT_SCORED: usize = 18;
 
 /// The least share of a kind: what a pixel's events say must be able to outweigh it.
 const LEAST_SHARE: f64 = 1e-12;

@@ -70,7 +70,9 @@ pub fn diagnose(
     let baseline = begin(evidence, &few);
     let (baseline, model, taken) = take_all(evidence, &few, baseline, options, progress);
     let (model, taken) = prune(evidence, &baseline, model, taken);
-    let (mut model, mut taken) = leave_out_vague(evidence, &baseline, model, taken);
+    let (model, mut taken) = leave_out_vague(evidence, &baseline, model, taken);
+    let (evidence, few) = (&evidence.fine(), few.fine());
+    let mut model = refined(evidence, model);
     progress("null");
     let null::Drawn { gains, structures } =
         null::drawn(evidence, &few, &model, options.n_null, options.seed, progress);
@@ -262,6 +264,15 @@ fn leave_out_vague(
         taken.remove(vague);
     }
     (model, taken)
+}
+
+/// A model found by the coarse score of pixels whose thresholds are their own, by the fine one.
+fn refined(fine: &Evidence, model: Fitted) -> Fitted {
+    if !model.hypothesis.kinds().is_even() {
+        return model;
+    }
+    let model = polished(fine, fit(fine, model.hypothesis, LAST_STEPS, 1e-5));
+    with_errors(fine, model)
 }
 
 /// The model with only some of its effects.

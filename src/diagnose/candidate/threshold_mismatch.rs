@@ -1,6 +1,6 @@
 //! Thresholds that differ from pixel to pixel.
 
-use super::{Candidate, EffectId, Mixture, PLAIN, Parameter};
+use super::{Candidate, EffectId, Hypothesis, Kind, Mixture, Nuisance, PLAIN, Parameter};
 
 /// Thresholds from one to the next, standard deviations. A pixel's events tell its thresholds within a
 /// fraction of their spread, so that few values far apart would shrink the spread to lie among them.
@@ -22,6 +22,27 @@ fn normal(correlation: f64) -> Mixture {
     })
 }
 
+/// The law of all thresholds is that of the pixels' own: slopes do not lead there, since the middle and
+/// the spread lie along a ridge on which each pixel keeps its threshold.
+fn retell(kinds: &[Kind], hypothesis: &mut Hypothesis, at: usize) {
+    let n = kinds.len().max(1) as f64;
+    let mean = |of: &dyn Fn(&Kind) -> f64| kinds.iter().map(of).sum::<f64>() / n;
+    let [on, off] = [0, 1].map(|side| mean(&|kind| kind[side]));
+    let variance = mean(&|[a, b]| 0.5 * ((a - on).powi(2) + (b - off).powi(2))).max(1e-6);
+    let together = mean(&|[a, b]| (a - on) * (b - off)) / variance;
+    let spread = hypothesis.values[at].exp();
+    let by = [
+        (Nuisance::LogTheta as usize, 0.5 * spread * (on + off)),
+        (Nuisance::LogRatio as usize, spread * (on - off)),
+        (at, 0.5 * variance.ln()),
+        (at + 1, together - hypothesis.values[at + 1]),
+    ];
+    for (value, by) in by {
+        let [low, high] = hypothesis.ranges[value];
+        hypothesis.values[value] = (hypothesis.values[value] + by).clamp(low, high);
+    }
+}
+
 pub(super) const CANDIDATE: Candidate = Candidate {
     id: EffectId::ThresholdMismatch,
     equation: "theta_p = theta exp(s e_p), e_p normal, fixed for each pixel; On and Off correlate",
@@ -32,6 +53,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     ],
     starts: |_| vec![vec![0.05_f64.ln(), 0.3], vec![0.15_f64.ln(), 0.3]],
     mixture: Some(|values| normal(values[1])),
+    retell: Some(retell),
     act: |values, [on, off], view| {
         view.law.theta_on *= (values[0] * on).exp();
         view.law.theta_off *= (values[0] * off).exp();
@@ -45,7 +67,6 @@ pub(super) const CANDIDATE: Candidate = Candidate {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Kind;
     use super::*;
 
     #[test]
