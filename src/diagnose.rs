@@ -34,6 +34,7 @@ mod naming;
 mod nuisance;
 mod null;
 mod options;
+mod places;
 mod polish;
 mod propose;
 mod region;

@@ -142,11 +142,8 @@ pub struct Candidate {
     pub starts: fn(&Evidence) -> Vec<Vec<f64>>,
     /// What it does to a pixel, given its parameters and the pixel's kind.
     pub act: fn(&[f64], Kind, &mut View<'_>),
-    /// The kinds of pixel it tells apart, given its parameters.
-    pub mixture: Option<fn(&[f64]) -> Mixture>,
-    /// Moves a hypothesis to what its pixels, each of the kind that it most likely is, say of all of them;
-    /// given the number of the effect's first value.
-    pub retell: Option<fn(&[Kind], &mut Hypothesis, usize)>,
+    /// The kinds of pixel it tells apart, given its number in a hypothesis.
+    pub mixture: Option<fn(&Hypothesis, usize) -> Mixture>,
     /// Its parameters out of a hypothesis's values, for an effect that frees nuisances.
     pub report: fn(&[f64]) -> Vec<f64>,
     /// Parameters that follow from its own, by key: what is fitted is not always what is asked.
@@ -195,7 +192,6 @@ const PLAIN: Candidate = Candidate {
     starts: |_| Vec::new(),
     act: |_, _, _| {},
     mixture: None,
-    retell: None,
     report: |_| Vec::new(),
     derived: |_, _| Vec::new(),
     rivals: &[],

@@ -16,19 +16,16 @@ const KNOWN: f64 = 0.1;
 const NEGLIGIBLE: f64 = 8.0;
 
 /// What the score at each of some values at even steps is made of.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Curve {
+    /// Values that are scored.
+    scored: Vec<usize>,
     parts: Vec<[(usize, f64); 4]>,
 }
 
 impl Curve {
-    /// Of `n` values that are scored each.
-    pub(super) fn of_each(n: usize) -> Self {
-        Self { parts: (0..n).map(only).collect() }
-    }
-
     /// Of `n` values every so many-th of which is scored, the first and the last among them.
-    pub(super) fn of_some(n: usize, every: usize) -> Self {
+    pub(super) fn of(n: usize, every: usize) -> Self {
         let scored: Vec<usize> = (0..n).step_by(every).collect();
         Self::through(&scored, &vec![true; scored.len() - 1])
     }
@@ -48,7 +45,12 @@ impl Curve {
             }
         }
         parts.push(only(scored.len() - 1));
-        Self { parts }
+        Self { scored: scored.to_vec(), parts }
+    }
+
+    /// Values that are scored, ascending.
+    pub(super) fn scored(&self) -> &[usize] {
+        &self.scored
     }
 
     /// Scores of every value, given those of the scored ones.
@@ -58,49 +60,71 @@ impl Curve {
     }
 }
 
+/// A value that was scored.
+struct Point {
+    value: usize,
+    blocks: Vec<BlockScore>,
+    /// Over all blocks, On and Off.
+    total: [f64; 2],
+    /// Whether what lies between it and the next is known.
+    is_known: bool,
+}
+
+impl Point {
+    fn new(value: usize, blocks: Vec<BlockScore>) -> Self {
+        Self { value, total: total(&blocks), blocks, is_known: false }
+    }
+}
+
+/// A value's score over all blocks, On and Off.
+pub(super) fn total(blocks: &[BlockScore]) -> [f64; 2] {
+    [0, 1].map(|side| blocks.iter().map(|block| block.on_off[side]).sum())
+}
+
+/// Of each value whether the likelihood of On, and that of Off, is less than so many nats below its greatest.
+pub(super) fn likely(totals: &[[f64; 2]], nats: f64) -> Vec<[bool; 2]> {
+    let of = |side: usize| totals.iter().map(move |total| total[side]);
+    let most = [0, 1].map(|side| of(side).fold(f64::NEG_INFINITY, f64::max));
+    totals.iter().map(|total| [0, 1].map(|side| total[side] > most[side] - nats)).collect()
+}
+
 /// Scores as many of `n` values as both polarities' courses need. `n` is one more than some times
 /// [`WIDEST`].
 pub(super) fn scored(
     n: usize,
     mut score: impl FnMut(usize) -> Vec<BlockScore>,
 ) -> (Curve, Vec<Vec<BlockScore>>) {
-    let mut at: Vec<usize> = (0..n).step_by(WIDEST).collect();
-    let mut scores: Vec<Vec<BlockScore>> = at.iter().map(|value| score(*value)).collect();
-    let mut totals: Vec<[f64; 2]> = scores.iter().map(|blocks| total(blocks)).collect();
-    let mut is_known = vec![false; at.len() - 1];
-    let is_open =
-        |at: &[usize], is_known: &[bool], gap: usize| !is_known[gap] && at[gap + 1] > at[gap] + 1;
-    while let Some((gap, matters)) = (0..is_known.len())
-        .filter(|&gap| is_open(&at, &is_known, gap))
-        .map(|gap| (gap, [0, 1].map(|side| matters(&totals, gap, side))))
-        .find(|(_, matters)| matters.contains(&true))
-    {
-        let middle = usize::midpoint(at[gap], at[gap + 1]);
-        let found = score(middle);
-        let there = total(&found);
+    let mut point = |value: usize| Point::new(value, score(value));
+    let mut points: Vec<Point> = (0..n).step_by(WIDEST).map(&mut point).collect();
+    while let Some((gap, matters)) = to_halve(&points) {
+        let values: Vec<usize> = points.iter().map(|point| point.value).collect();
+        let middle = usize::midpoint(values[gap], values[gap + 1]);
+        let mut found = point(middle);
+        let parts = cubic(&values, gap, middle);
         let is_foretold = |side: usize| {
-            let parts = cubic(&at, gap, middle);
-            let foretold: f64 = parts.iter().map(|(i, share)| totals[*i][side] * share).sum();
-            (foretold - there[side]).abs() < KNOWN
+            let foretold: f64 = parts.iter().map(|(i, share)| points[*i].total[side] * share).sum();
+            (foretold - found.total[side]).abs() < KNOWN
         };
-        let is_now = [0, 1].into_iter().all(|side| !matters[side] || is_foretold(side));
-        is_known[gap] = is_now;
-        is_known.insert(gap, is_now);
-        at.insert(gap + 1, middle);
-        scores.insert(gap + 1, found);
-        totals.insert(gap + 1, there);
+        found.is_known = [0, 1].into_iter().all(|side| !matters[side] || is_foretold(side));
+        points[gap].is_known = found.is_known;
+        points.insert(gap + 1, found);
     }
-    (Curve::through(&at, &is_known), scores)
+    let (values, is_known): (Vec<usize>, Vec<bool>) =
+        points.iter().map(|point| (point.value, point.is_known)).unzip();
+    (Curve::through(&values, &is_known), points.into_iter().map(|point| point.blocks).collect())
 }
 
-fn total(blocks: &[BlockScore]) -> [f64; 2] {
-    [0, 1].map(|side| blocks.iter().map(|block| block.on_off[side]).sum())
-}
-
-/// Whether a likelihood has its greatest values, or some that are not much less, in a gap.
-fn matters(totals: &[[f64; 2]], gap: usize, side: usize) -> bool {
-    let most = totals.iter().map(|total| total[side]).fold(f64::NEG_INFINITY, f64::max);
-    totals[gap..=gap + 1].iter().any(|end| end[side] > most - NEGLIGIBLE)
+/// The first gap that is not known and in which either polarity's likelihood has its greatest values, or
+/// some that are not much less; and which of them have.
+fn to_halve(points: &[Point]) -> Option<(usize, [bool; 2])> {
+    let totals: Vec<[f64; 2]> = points.iter().map(|point| point.total).collect();
+    let likely = likely(&totals, NEGLIGIBLE);
+    let is_open =
+        |gap: &usize| !points[*gap].is_known && points[gap + 1].value > points[*gap].value + 1;
+    (0..points.len() - 1)
+        .filter(is_open)
+        .map(|gap| (gap, [0, 1].map(|side| likely[gap][side] || likely[gap + 1][side])))
+        .find(|(_, matters)| matters.contains(&true))
 }
 
 fn only(scored: usize) -> [(usize, f64); 4] {
@@ -166,6 +190,6 @@ mod tests {
         for (x, got) in all.iter().enumerate() {
             assert!((got - value(x as f64)).abs() < 1e-9, "{x}: {got}");
         }
-        assert_eq!(Curve::of_each(3).at_all(&[1.0, 5.0, 2.0]), [1.0, 5.0, 2.0]);
+        assert_eq!(Curve::of(3, 1).at_all(&[1.0, 5.0, 2.0]), [1.0, 5.0, 2.0]);
     }
 }

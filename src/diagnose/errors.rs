@@ -17,7 +17,8 @@ const PIXELS_FOR_CURVATURE: usize = 160;
 
 /// The same fit with the standard errors of all values inside their ranges.
 pub(super) fn with_errors(evidence: &Evidence, fitted: Fitted) -> Fitted {
-    let (all_free, all_gradients) = gradients(evidence, &fitted);
+    let here = fitted.held(evidence);
+    let (all_free, all_gradients) = gradients(evidence, &here);
     // A value at the end of its range is held there by it and has no error of its own.
     let is_inside = |i: usize| {
         let [low, high] = fitted.hypothesis.ranges[i];
@@ -30,7 +31,7 @@ pub(super) fn with_errors(evidence: &Evidence, fitted: Fitted) -> Fitted {
         return fitted;
     }
     let gradients = all_gradients.select_columns(&columns);
-    let Some(inverse) = curvature(evidence, &fitted, &free, &gradients) else { return fitted };
+    let Some(inverse) = curvature(evidence, &here, &free, &gradients) else { return fitted };
     let training: Vec<usize> = fitted.cells.of(Part::Training).collect();
     let n_blocks = evidence.blocks.n();
     let by = |cluster: &dyn Fn(usize) -> usize| {
@@ -97,7 +98,7 @@ fn curvature(
     let rough = gradients.transpose() * gradients;
     let steps = steps(hypothesis, free, &rough);
     let moved = |by: &[(usize, f64)]| {
-        let mut other: Hypothesis = hypothesis.clone();
+        let mut other = hypothesis.clone();
         by.iter().for_each(|(i, sign)| other.values[free[*i]] += sign * steps[*i]);
         other
     };

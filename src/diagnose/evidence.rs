@@ -14,6 +14,10 @@ use std::sync::Arc;
 /// Least number of events with known light that can be judged.
 const LEAST_EVENTS: usize = 300;
 
+/// Where the least number of pixels hold more than so many times the events that are wanted, part of the
+/// time is left out.
+const MOST_EVENTS: usize = 2;
+
 /// Why nothing can be diagnosed.
 #[derive(Debug, thiserror::Error)]
 pub enum DiagnoseError {
@@ -100,9 +104,6 @@ pub struct Evidence {
     pub middle: [f64; 2],
     /// On minus Off events of all pixels, and On plus Off, in each instant.
     pub rates: [Vec<f32>; 2],
-    /// Whether a pixel's own threshold is scored as finely as its events tell it. A search begins with the
-    /// coarse score, which is smooth: slopes lead to its summit.
-    pub(super) is_fine: bool,
     /// All events of the sensor.
     pub(super) around: Arc<Around>,
     /// The rest.
@@ -154,7 +155,7 @@ impl Evidence {
         if n < LEAST_EVENTS {
             return Err(DiagnoseError::TooFew { n, n_pixels: pixels.len() });
         }
-        Ok(Self {
+        let evidence = Self {
             pixels,
             window_us: window,
             start_us,
@@ -165,10 +166,10 @@ impl Evidence {
             tile_px: options.tile_px,
             middle: [f64::from(size.width) / 2.0, f64::from(size.height) / 2.0],
             rates: rates(recording, grid, start_us),
-            is_fine: false,
             around: Arc::new(Around::new(recording.clone(), &facts.aps_us)),
             facts,
-        })
+        };
+        Ok(evidence.shortened(MOST_EVENTS * options.n_events, options.seed))
     }
 
     /// The same evidence with other events, pixel by pixel.
@@ -179,11 +180,6 @@ impl Evidence {
             pixel.spikes = own;
         }
         other
-    }
-
-    /// The same with each pixel's own threshold scored as finely as its events tell it.
-    pub(super) fn fine(&self) -> Self {
-        Self { is_fine: true, ..self.clone() }
     }
 
     /// Only every `n`-th pixel.
@@ -210,16 +206,46 @@ impl Evidence {
 
     /// Only a part of the time, in shares of the light: what is outside is not known.
     pub(super) fn between(&self, from: f64, to: f64) -> Self {
-        let mut other = self.clone();
-        for pixel in &mut other.pixels {
-            let n = pixel.light.len();
-            let [first, last] = [from, to].map(|share| (share * n as f64) as usize);
-            let us = |i: usize| self.start_us + i as f64 * self.step_us;
-            pixel.light[..first].fill(f32::NAN);
-            pixel.light[last..].fill(f32::NAN);
-            pixel.spikes.retain(|s| (us(first)..us(last)).contains(&(s.t_us as f64)));
+        let n = self.n_instants() as f64;
+        let kept = (from * n) as usize..(to * n) as usize;
+        self.clone().known_at(|i| kept.contains(&i))
+    }
+
+    /// Of every block a stretch that begins somewhere in it, all as long, so that about so many events
+    /// are left.
+    fn shortened(self, n_events: usize, seed: u64) -> Self {
+        let share = n_events as f64 / self.n_events().max(1) as f64;
+        if share >= 1.0 {
+            return self;
         }
-        other
+        let mut random = SplitMix::new(seed, 0x7374_7265);
+        let n_blocks = self.blocks.n();
+        let from: Vec<f64> = (0..n_blocks).map(|_| (1.0 - share) * random.uniform()).collect();
+        let (start_us, step_us, blocks) = (self.start_us, self.step_us, self.blocks);
+        let block_us = blocks.length_us() as f64 / n_blocks as f64;
+        self.known_at(|i| {
+            let us = start_us + i as f64 * step_us;
+            let block = blocks.of(us);
+            let passed = us / block_us - block as f64;
+            (from[block]..from[block] + share).contains(&passed)
+        })
+    }
+
+    /// Only some instants, by their number: what lies between others is not known.
+    fn known_at(mut self, is_known: impl Fn(usize) -> bool) -> Self {
+        let is_known: Vec<bool> = (0..self.n_instants()).map(is_known).collect();
+        for pixel in &mut self.pixels {
+            let dark = pixel.light.iter_mut().zip(&is_known).filter(|(_, is_known)| !**is_known);
+            dark.for_each(|(level, _)| *level = f32::NAN);
+            let instant = |t_us: i64| (t_us as f64 - self.start_us) / self.step_us;
+            let is_in = |at: f64| at >= 0.0 && is_known.get(at as usize) == Some(&true);
+            pixel.spikes.retain(|spike| is_in(instant(spike.t_us)));
+        }
+        self
+    }
+
+    fn n_instants(&self) -> usize {
+        self.pixels.first().map_or(0, |pixel| pixel.light.len())
     }
 
     /// Number of events.
@@ -231,7 +257,7 @@ impl Evidence {
     /// Seconds of light.
     #[must_use]
     pub fn seconds(&self) -> f64 {
-        self.pixels.first().map_or(0.0, |p| p.light.len() as f64 * self.step_us * 1e-6)
+        self.n_instants() as f64 * self.step_us * 1e-6
     }
 
     /// Events a second of all pixels in the three instants before a time.

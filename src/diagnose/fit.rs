@@ -5,13 +5,9 @@
 //! the parameters' ranges. The gradients are taken about their mean an event: far from the optimum,
 //! where all cells pull the same way, their plain product would make every step far too short.
 
-use super::kinds::kinds_of_pixels;
 use super::score::{Cells, Part, cells, cells_of_each};
 use super::{Evidence, Hypothesis};
 use nalgebra::{DMatrix, DVector};
-
-/// Times that pixels are asked for what they say of all of them.
-const MOST_RETOLD: usize = 6;
 
 /// A fitted hypothesis.
 #[derive(Debug, Clone)]
@@ -71,45 +67,24 @@ pub(super) fn improved(
     n_steps: usize,
     enough: f64,
 ) -> Fitted {
-    best = retold(evidence, best, enough);
     let mut damping = 1e-2;
     for _ in 0..n_steps {
-        let (free, gradients) = gradients(evidence, &best);
+        let here = best.held(evidence);
+        let (free, gradients) = gradients(evidence, &here);
         if free.is_empty() {
             break;
         }
-        let before = best.training();
-        let Some(better) = step(evidence, &best, &free, &gradients, &mut damping) else { break };
-        best = better;
-        if best.training() - before < enough {
+        let Some(better) = step(evidence, &here, &free, &gradients, &mut damping) else { break };
+        let gain = better.training() - here.training();
+        best = better.released(evidence);
+        if gain < enough {
             break;
         }
     }
     best
 }
 
-/// A hypothesis led to what its pixels say of all of them, where they differ, as long as that gains.
-fn retold(evidence: &Evidence, mut best: Fitted, enough: f64) -> Fitted {
-    for _ in 0..MOST_RETOLD {
-        let effects = &best.hypothesis.effects;
-        let Some((at, retell)) = effects.iter().enumerate().find_map(|(i, e)| Some((i, e.retell?)))
-        else {
-            break;
-        };
-        let mut moved = best.hypothesis.clone();
-        let own = moved.offset_of(at);
-        retell(&kinds_of_pixels(evidence, &best.hypothesis), &mut moved, own);
-        let there = as_it_is(evidence, moved);
-        let gain = there.training() - best.training();
-        best = best.or_better(there);
-        if gain.is_nan() || gain < enough {
-            break;
-        }
-    }
-    best
-}
-
-/// Gradient of each training cell's log-likelihood in every value that may move.
+/// Gradient of each training cell's log-likelihood in every value that may move. `at` is a held one.
 pub(super) fn gradients(evidence: &Evidence, at: &Fitted) -> (Vec<usize>, DMatrix<f64>) {
     let hypothesis = &at.hypothesis;
     let free: Vec<usize> = (0..hypothesis.values.len())
@@ -191,7 +166,7 @@ fn step(
             *damping *= 10.0;
             continue;
         };
-        let mut moved = at.hypothesis.clone();
+        let mut moved = at.hypothesis.clone().leaving();
         for (i, &f) in free.iter().enumerate() {
             let [low, high] = moved.ranges[f];
             moved.values[f] = (moved.values[f] + change[i]).clamp(low, high);

@@ -2,7 +2,8 @@
 
 use super::candidate::{Candidate, Freed, Stage};
 use super::nuisance::{N_NUISANCES, Nuisance};
-use super::{Evidence, Kind, Mixture, PixelEvidence};
+use super::places::Held;
+use super::{Evidence, Kind, PixelEvidence};
 use crate::geometry::Rectangle;
 use crate::predict::{Light, PixelLaw};
 
@@ -60,6 +61,11 @@ pub struct Hypothesis {
     pub ranges: Vec<[f64; 2]>,
     /// Step of each value's difference quotient.
     pub steps: Vec<f64>,
+    /// Whether a pixel's own threshold is scored as finely as its events tell it. A search goes by the
+    /// coarse score, which is smooth: slopes lead to its summit.
+    pub is_fine: bool,
+    /// Where pixels of unknown kind are scored; by its own values without.
+    pub(super) held: Option<Held>,
 }
 
 impl Hypothesis {
@@ -73,6 +79,8 @@ impl Hypothesis {
             values: ordinary.iter().map(|o| o.start).collect(),
             ranges: ordinary.iter().map(|o| o.range).collect(),
             steps: ordinary.iter().map(|o| o.step).collect(),
+            is_fine: false,
+            held: None,
         }
     }
 
@@ -235,16 +243,6 @@ impl Hypothesis {
     #[must_use]
     pub fn law(&self) -> PixelLaw {
         law(&self.values)
-    }
-
-    /// The kinds of pixel a mixture effect tells apart; one kind without such.
-    #[must_use]
-    pub fn kinds(&self) -> Mixture {
-        let mixture = self.effects.iter().enumerate().find_map(|(i, e)| Some((i, e.mixture?)));
-        match mixture {
-            Some((index, mixture)) => mixture(&self.parameters_of(index)),
-            None => Mixture::alike(),
-        }
     }
 
     /// What the model makes of a pixel, if it is of the kind `kind`. `signal` is memory to use.

@@ -1,12 +1,11 @@
 //! What pixels of several kinds score, of which it is not known which is which.
 
 use super::curve::{Curve, scored};
+use super::places::Place;
 use super::{Evidence, Hypothesis, Kind, Mixture, PixelEvidence};
 use crate::predict::{Bends, BlockScore, Light, score_pixel};
 use rayon::prelude::*;
-
-/// From one value to the next of a coarse score.
-const COARSE: usize = 16;
+use std::borrow::Cow;
 
 /// The kind of each pixel that its training blocks speak for most.
 pub(super) fn kinds_of_pixels(evidence: &Evidence, hypothesis: &Hypothesis) -> Vec<Kind> {
@@ -23,6 +22,18 @@ pub(super) fn kinds_of_pixels(evidence: &Evidence, hypothesis: &Hypothesis) -> V
         kinds.best(&by_value.logs())
     };
     evidence.pixels.par_iter().map(of).collect()
+}
+
+impl Hypothesis {
+    /// The kinds of pixel that a mixture effect tells apart; one kind without such.
+    #[must_use]
+    pub fn kinds(&self) -> Mixture {
+        let mut effects = self.effects.iter().enumerate();
+        match effects.find_map(|(index, effect)| Some((index, effect.mixture?))) {
+            Some((index, mixture)) => mixture(self, index),
+            None => Mixture::alike(),
+        }
+    }
 }
 
 /// A pixel with the signal that the last hypothesis made of it.
@@ -56,19 +67,28 @@ impl<'a> Seen<'a> {
     }
 
     /// The scores by the value that is given for both polarities.
-    fn by_value(&mut self, hypothesis: &Hypothesis, kinds: &Mixture) -> ByValue {
-        let n = kinds.values().len();
-        let is_fine = self.evidence.is_fine;
-        let mut score = |i: usize| self.of_kind(hypothesis, [kinds.values()[i]; 2]);
-        if !kinds.is_even() {
-            return ByValue::new(Curve::of_each(n), (0..n).map(&mut score).collect());
+    fn by_value<'k>(&mut self, hypothesis: &'k Hypothesis, kinds: &'k Mixture) -> ByValue<'k> {
+        let held = hypothesis.held.as_ref();
+        let held = held.and_then(|held| Some((held.is_near, held.place(self.pixel)?)));
+        let mut score = |i: usize| self.of_kind(hypothesis, kinds.at(i));
+        if let Some((is_near, place)) = held {
+            let kept = |i: usize| is_near.then(|| place.far[i].clone()).flatten();
+            let scored = place.curve.scored().iter().enumerate();
+            let scores = scored.map(|(i, value)| kept(i).unwrap_or_else(|| score(*value)));
+            return ByValue::new(Cow::Borrowed(&place.curve), scores.collect());
         }
-        if !is_fine {
-            let scores = (0..n).step_by(COARSE).map(&mut score).collect();
-            return ByValue::new(Curve::of_some(n, COARSE), scores);
+        if kinds.is_even() && hypothesis.is_fine {
+            let (curve, scores) = scored(kinds.n(), score);
+            return ByValue::new(Cow::Owned(curve), scores);
         }
-        let (curve, scores) = scored(n, score);
-        ByValue::new(curve, scores)
+        let curve = kinds.coarse();
+        ByValue::new(Cow::Borrowed(curve), curve.scored().iter().copied().map(score).collect())
+    }
+
+    /// Where a hypothesis scores the pixel.
+    pub(super) fn place(&mut self, hypothesis: &Hypothesis, kinds: &Mixture) -> Place {
+        let ByValue { curve, scores, .. } = self.by_value(hypothesis, kinds);
+        Place::new(curve.into_owned(), scores)
     }
 
     fn of_kind(&mut self, hypothesis: &Hypothesis, kind: Kind) -> Vec<BlockScore> {
@@ -89,16 +109,16 @@ impl<'a> Seen<'a> {
 }
 
 /// What a pixel scores by its value, added up over some blocks.
-struct ByValue {
-    curve: Curve,
+struct ByValue<'a> {
+    curve: Cow<'a, Curve>,
     /// Of each value that was scored, by block.
     scores: Vec<Vec<BlockScore>>,
     /// Sums over blocks, On and Off, of each value that was scored.
     sums: [Vec<f64>; 2],
 }
 
-impl ByValue {
-    fn new(curve: Curve, scores: Vec<Vec<BlockScore>>) -> Self {
+impl<'a> ByValue<'a> {
+    fn new(curve: Cow<'a, Curve>, scores: Vec<Vec<BlockScore>>) -> Self {
         let sums = [vec![0.0; scores.len()], vec![0.0; scores.len()]];
         Self { curve, scores, sums }
     }
@@ -121,7 +141,7 @@ impl ByValue {
 /// and the held-out blocks are then predicted with those weights. They stand as scores of On.
 fn mix(
     kinds: &Mixture,
-    mut by_value: ByValue,
+    mut by_value: ByValue<'_>,
     is_held_out: impl Fn(usize) -> bool,
 ) -> Vec<BlockScore> {
     let n_blocks = by_value.scores.first().map_or(0, Vec::len);
@@ -150,7 +170,7 @@ mod tests {
         let by_value =
             vec![vec![score(0.0, 4.0); 2], vec![score(1.0, 1.0); 2], vec![score(4.0, 0.0); 2]];
         for (is_one, best) in [(true, 3.891), (false, 7.787)] {
-            let by_value = ByValue::new(Curve::of_each(3), by_value.clone());
+            let by_value = ByValue::new(Cow::Owned(Curve::of(3, 1)), by_value.clone());
             let mixed = mix(&Mixture::of_three(is_one), by_value, |block| block == 1);
             assert!(mixed[0].log_likelihood() < mixed[1].log_likelihood(), "{mixed:?}");
             assert!((mixed[1].log_likelihood() - best).abs() < 0.01, "{is_one}: {mixed:?}");

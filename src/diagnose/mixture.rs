@@ -1,16 +1,19 @@
 //! Pixels of several kinds: which there are, and how likely each.
 
-use super::curve::WIDEST;
+use super::curve::{Curve, WIDEST};
 use std::iter::StepBy;
 use std::ops::Range;
 
 /// What a pixel is given for its On events and for its Off events, where pixels are of several kinds.
 pub type Kind = [f64; 2];
 
+/// From one value of a continuous one to the next that a coarse score takes.
+const COARSE: usize = 16;
+
 /// Of a continuous value about so many are scored.
 const ABOUT_SCORED: usize = 18;
 
-/// The least share of a kind: what a pixel's events say must be able to outweigh it.
+/// The least share of a kind, of the greatest: what a pixel's events say must be able to outweigh it.
 const LEAST_SHARE: f64 = 1e-12;
 
 /// A likelihood so many nats below the greatest adds nothing.
@@ -19,71 +22,98 @@ const BEYOND: f64 = 36.0;
 /// A bell is left that low over 17 of its standard deviations: so many values it needs at least.
 const LEAST_NODES: usize = 17;
 
+/// Even steps of a continuous value about its middle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Steps {
+    pub(super) middle: f64,
+    pub(super) step: f64,
+}
+
 /// The kinds of pixel that there are. What a pixel is given for On does not touch its Off events given
 /// what it memorised, so that each value is scored once, whatever it is paired with.
 #[derive(Debug, Clone)]
 pub struct Mixture {
-    /// Values that a pixel may be given, ascending.
-    values: Vec<f64>,
+    /// Values that a pixel may be given, ascending, as many for On as for Off.
+    values: [Vec<f64>; 2],
     /// Share of each value for On (row) with each for Off.
     shares: Vec<f64>,
-    /// Whether the values are even steps of a continuous one.
-    is_even: bool,
+    /// From one value to the next that a coarse score takes: more than 1 where the values are even steps of
+    /// a continuous one.
+    every: usize,
+    /// The course of a coarse score.
+    curve: Curve,
 }
 
 impl Mixture {
     /// All pixels are alike: they are given 0.
     #[must_use]
     pub fn alike() -> Self {
-        Self { values: vec![0.0], shares: vec![1.0], is_even: false }
+        Self::new([vec![0.0], vec![0.0]], vec![1.0], 1)
     }
 
     /// A share of the pixels is given 1, the rest 0.
     #[must_use]
     pub fn of_two(share: f64) -> Self {
         let shares = [1.0 - share, share].map(|share| share.max(LEAST_SHARE));
-        let shares = vec![shares[0], 0.0, 0.0, shares[1]];
-        Self { values: vec![0.0, 1.0], shares, is_even: false }
+        Self::new([vec![0.0, 1.0], vec![0.0, 1.0]], vec![shares[0], 0.0, 0.0, shares[1]], 1)
     }
 
-    /// Even steps from `-n_side * step` to as much above 0, by a density of any size. The sums over them
-    /// are by the trapezoidal rule, in which the ends count half: it bears that values are passed over.
-    pub(super) fn even(step: f64, n_side: usize, density: impl Fn(Kind) -> f64) -> Self {
+    fn new(values: [Vec<f64>; 2], shares: Vec<f64>, every: usize) -> Self {
+        let curve = Curve::of(values[0].len(), every);
+        Self { values, shares, every, curve }
+    }
+
+    /// As many even steps to either side of a middle, by the logarithm of a density of any size. The sums
+    /// over them are by the trapezoidal rule, in which the ends count half: it bears that values are passed
+    /// over.
+    pub(super) fn even(steps: [Steps; 2], n_side: usize, log: impl Fn(Kind) -> f64) -> Self {
         debug_assert!((2 * n_side).is_multiple_of(WIDEST), "{n_side}");
-        let values: Vec<f64> =
-            (0..=2 * n_side).map(|i| (i as f64 - n_side as f64) * step).collect();
-        let n = values.len();
-        let end = |i: usize| if i == 0 || i == n - 1 { 0.5 } else { 1.0 };
-        let at = |i: usize| {
-            let (on, off) = (i / n, i % n);
-            end(on) * end(off) * density([values[on], values[off]])
+        let n = 2 * n_side + 1;
+        let along = |Steps { middle, step }: Steps| {
+            (0..n).map(|i| middle + (i as f64 - n_side as f64) * step).collect()
         };
-        let mut shares: Vec<f64> = (0..n * n).map(at).collect();
+        let values: [Vec<f64>; 2] = steps.map(along);
+        let end = |i: usize| if i == 0 || i == n - 1 { 0.5 } else { 1.0 };
+        let logs = (0..n * n).map(|i| log([values[0][i / n], values[1][i % n]]));
+        let mut shares: Vec<f64> = logs.collect();
+        let greatest = shares.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        for (i, share) in shares.iter_mut().enumerate() {
+            *share = end(i / n) * end(i % n) * (*share - greatest).exp().max(LEAST_SHARE);
+        }
         let sum: f64 = shares.iter().sum();
-        shares.iter_mut().for_each(|share| *share = (*share / sum).max(LEAST_SHARE));
-        Self { values, shares, is_even: true }
+        shares.iter_mut().for_each(|share| *share /= sum);
+        Self::new(values, shares, COARSE)
     }
 
-    /// Values that a pixel may be given, ascending.
-    #[must_use]
-    pub fn values(&self) -> &[f64] {
-        &self.values
+    /// How many values a pixel may be given for either polarity.
+    pub(super) fn n(&self) -> usize {
+        self.values[0].len()
+    }
+
+    /// Those of a number, for On and for Off.
+    pub(super) fn at(&self, i: usize) -> Kind {
+        self.values.each_ref().map(|values| values[i])
     }
 
     /// Whether the values are even steps of a continuous one.
     pub(super) fn is_even(&self) -> bool {
-        self.is_even
+        self.every > 1
+    }
+
+    /// The course of a coarse score.
+    pub(super) const fn coarse(&self) -> &Curve {
+        &self.curve
     }
 
     /// The kind of all pixels, where they are alike.
     pub(super) fn only(&self) -> Option<Kind> {
-        if let [only] = self.values[..] { Some([only; 2]) } else { None }
+        (self.n() == 1).then(|| self.at(0))
     }
 
     /// Kinds with their shares.
     pub fn kinds(&self) -> impl Iterator<Item = (f64, Kind)> + '_ {
-        let n = self.values.len();
-        let kind = move |i: usize| [self.values[i / n], self.values[i % n]];
+        let n = self.n();
+        let kind = move |i: usize| [self.values[0][i / n], self.values[1][i % n]];
         self.shares.iter().enumerate().map(move |(i, share)| (*share, kind(i)))
     }
 
@@ -94,18 +124,18 @@ impl Mixture {
             uniform -= share;
             uniform <= 0.0
         };
-        self.kinds().find(is_last).map_or([self.values[0]; 2], |(_, kind)| kind)
+        self.kinds().find(is_last).map_or(self.at(0), |(_, kind)| kind)
     }
 
     /// About how many times a pixel is scored.
     pub(super) fn n_scored(&self) -> usize {
-        if self.is_even { ABOUT_SCORED } else { self.values.len() }
+        if self.is_even() { ABOUT_SCORED } else { self.n() }
     }
 
     /// Logarithm of a pixel's likelihood, given those of its On and its Off events for each value.
     pub(super) fn ln_likelihood(&self, logs: &[Vec<f64>; 2]) -> f64 {
-        let n = self.values.len();
-        let [on, off] = logs.each_ref().map(|logs| Spoken::of(logs, self.is_even));
+        let n = self.n();
+        let [on, off] = logs.each_ref().map(|logs| Spoken::of(logs, self.is_even()));
         let mut sum = 0.0;
         for (row, weight) in on.at.clone().zip(&on.weights) {
             let shares = &self.shares[row * n..(row + 1) * n];
@@ -117,10 +147,18 @@ impl Mixture {
 
     /// The kind that those speak for most.
     pub(super) fn best(&self, [on, off]: &[Vec<f64>; 2]) -> Kind {
-        let n = self.values.len();
-        let log = |at: usize| self.shares[at].ln() + on[at / n] + off[at % n];
-        let best = (0..n * n).max_by(|&a, &b| log(a).total_cmp(&log(b))).unwrap_or(0);
-        [self.values[best / n], self.values[best % n]]
+        let n = self.n();
+        let (mut best, mut most) = ([0, 0], f64::NEG_INFINITY);
+        for (row, shares) in self.shares.chunks(n).enumerate() {
+            for (column, share) in shares.iter().enumerate() {
+                // A share is less than one: its logarithm makes none greater.
+                let spoken = on[row] + off[column];
+                if spoken >= most && spoken + share.ln() >= most {
+                    (best, most) = ([row, column], spoken + share.ln());
+                }
+            }
+        }
+        [self.values[0][best[0]], self.values[1][best[1]]]
     }
 }
 
@@ -158,9 +196,10 @@ mod tests {
 
     #[test]
     fn values_that_are_passed_over_change_nothing() {
-        let kinds = Mixture::even(1.0 / 16.0, 48, |[a, b]| (-0.5 * (a * a + b * b)).exp());
+        let steps = Steps { middle: 0.0, step: 1.0 / 16.0 };
+        let kinds = Mixture::even([steps; 2], 48, |[a, b]| -0.5 * (a * a + b * b));
         let bell = |w: f64, middle: f64| -> Vec<f64> {
-            kinds.values.iter().map(|v| 7.0 - 0.5 * ((v - middle) / w).powi(2)).collect()
+            kinds.values[0].iter().map(|v| 7.0 - 0.5 * ((v - middle) / w).powi(2)).collect()
         };
         let mut sparse = 0;
         for w in [0.1, 0.2, 0.35, 0.6, 1.0, 3.0, 1e6] {
@@ -190,7 +229,7 @@ mod tests {
                 (false, _) => own[on] * own[off],
             };
             let shares = (0..9).map(|at| share(at / 3, at % 3)).collect();
-            Self { values: vec![-1.0, 0.0, 1.0], shares, is_even: false }
+            Self::new([vec![-1.0, 0.0, 1.0], vec![-1.0, 0.0, 1.0]], shares, 1)
         }
     }
 

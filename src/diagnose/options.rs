@@ -11,8 +11,9 @@ pub struct Options {
     /// With fewer events than these in them, more pixels are looked at, as long as there are
     /// instants.
     pub few_events: usize,
-    /// Events of the pixels looked at, at most, as long as a few tens of pixels are left: more say
-    /// little more and take as much longer.
+    /// Events of the pixels looked at, at most, as long as a few tens of pixels are left; where these still
+    /// hold more than twice as many, parts of the time are looked at: more say little more and take as much
+    /// longer.
     pub n_events: usize,
     /// Instants of light, over all pixels, at most.
     pub n_instants: usize,

@@ -101,9 +101,10 @@ fn searches(evidence: &Evidence, mut fitted: Fitted, steps: &[f64], per_value: u
 }
 
 fn searched(evidence: &Evidence, fitted: Fitted, step: f64, per_value: usize, seed: u64) -> Fitted {
-    let (free, gradients) = gradients(evidence, &fitted);
-    let Some(spread) = spread(&fitted, &free, &gradients) else { return fitted };
-    let start = fitted.hypothesis.clone();
+    let held = fitted.held(evidence);
+    let (free, gradients) = gradients(evidence, &held);
+    let Some(spread) = spread(&held, &free, &gradients) else { return fitted };
+    let start = held.hypothesis.clone();
     let at = |point: &[f64]| -> Hypothesis {
         let mut moved = start.clone();
         let by = &spread * nalgebra::DVector::from_column_slice(point);
@@ -113,7 +114,7 @@ fn searched(evidence: &Evidence, fitted: Fitted, step: f64, per_value: usize, se
         }
         moved
     };
-    let mut best = fitted;
+    let mut best = held;
     let evaluate = |point: &DVector<f64>| {
         let there = as_it_is(evidence, at(point.as_slice()));
         let nats = there.training();
@@ -129,7 +130,7 @@ fn searched(evidence: &Evidence, fitted: Fitted, step: f64, per_value: usize, se
     if let Ok(mut state) = options.build(evaluate) {
         state.run();
     }
-    best
+    fitted.or_better(best.released(evidence))
 }
 
 /// The same of a model whose last effect may have a rival among the nuisances: one that stands at the

@@ -68,10 +68,11 @@ pub fn diagnose(
     progress("baseline");
     let few = evidence.thinned((evidence.n_events() / FEW_EVENTS).max(2));
     let baseline = begin(evidence, &few);
-    let (baseline, model, taken) = take_all(evidence, &few, baseline, options, progress);
+    let (mut baseline, model, taken) = take_all(evidence, &few, baseline, options, progress);
     let (model, taken) = prune(evidence, &baseline, model, taken);
     let (model, mut taken) = leave_out_vague(evidence, &baseline, model, taken);
-    let (evidence, few) = (&evidence.fine(), few.fine());
+    // What is made of either from here on is fine as well.
+    baseline.hypothesis.is_fine = true;
     let mut model = refined(evidence, model);
     progress("null");
     let null::Drawn { gains, structures } =
@@ -267,12 +268,12 @@ fn leave_out_vague(
 }
 
 /// A model found by the coarse score of pixels whose thresholds are their own, by the fine one.
-fn refined(fine: &Evidence, model: Fitted) -> Fitted {
+fn refined(evidence: &Evidence, mut model: Fitted) -> Fitted {
+    model.hypothesis.is_fine = true;
     if !model.hypothesis.kinds().is_even() {
         return model;
     }
-    let model = polished(fine, fit(fine, model.hypothesis, LAST_STEPS, 1e-5));
-    with_errors(fine, model)
+    with_errors(evidence, polished(evidence, fit(evidence, model.hypothesis, LAST_STEPS, 1e-5)))
 }
 
 /// The model with only some of its effects.

@@ -12,7 +12,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     // The share is what the likelihood knows; the count on the sensor follows from it.
     parameters: &[Parameter::log("fraction", [1e-4, 0.5]).hidden()],
     starts: |_| vec![vec![0.02_f64.ln()]],
-    mixture: Some(|values| Mixture::of_two(values[0])),
+    mixture: Some(|hypothesis, index| Mixture::of_two(hypothesis.parameters_of(index)[0])),
     act: |_, kind, view| {
         if kind[0] > 0.5 {
             view.law.theta_on = NEVER;

@@ -11,7 +11,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         Parameter::log("rate_hz", [1.0, 3_000.0]).hidden(),
     ],
     starts: |_| [10.0_f64, 60.0, 300.0].iter().map(|hz| vec![0.02_f64.ln(), hz.ln()]).collect(),
-    mixture: Some(|values| Mixture::of_two(values[0])),
+    mixture: Some(|hypothesis, index| Mixture::of_two(hypothesis.parameters_of(index)[0])),
     act: |values, kind, view| {
         if kind[0] > 0.5 {
             view.law.background_on_hz += 0.5 * values[1];

@@ -1,0 +1,111 @@
+//! Where the own values of pixels are scored, kept from one hypothesis to the next.
+//!
+//! A pixel's own threshold is scored at as many values as its events need, and which these are changes from
+//! one hypothesis to the next. What that does to a score is little, but more than a step of a fit or of a
+//! difference quotient does: hypotheses that are compared with one another are scored at the same thresholds,
+//! and but at those that a pixel may have.
+
+use super::curve::{Curve, likely, total};
+use super::fit::{Fitted, as_it_is};
+use super::kinds::Seen;
+use super::{Evidence, Hypothesis, Mixture, PixelEvidence};
+use crate::predict::BlockScore;
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// A likelihood so many nats below the greatest is none that another hypothesis near by could bring back.
+const FAR: f64 = 16.0;
+
+/// Scored values on either side of one that is not far, which have a part in the cubic about it.
+const BESIDE: usize = 2;
+
+/// What keeps a hypothesis to the kinds at which another is scored.
+#[derive(Debug, Clone)]
+pub(super) struct Held {
+    places: Arc<Places>,
+    /// Whether it is so near to the other that what is far from likely for that is so for it.
+    pub(super) is_near: bool,
+}
+
+impl Held {
+    /// The other.
+    pub(super) fn other(&self) -> &Hypothesis {
+        &self.places.hypothesis
+    }
+
+    pub(super) fn place(&self, pixel: &PixelEvidence) -> Option<&Place> {
+        self.places.of_pixel.get(&(pixel.x, pixel.y))
+    }
+}
+
+/// The kinds at which a hypothesis has its pixels scored.
+#[derive(Debug)]
+struct Places {
+    hypothesis: Hypothesis,
+    of_pixel: HashMap<(u16, u16), Place>,
+}
+
+/// The kinds at which a pixel is scored.
+#[derive(Debug)]
+pub(super) struct Place {
+    pub(super) curve: Curve,
+    /// Of each value that was scored what it scores, if that is far from what the likeliest does: there it
+    /// is not scored again.
+    pub(super) far: Vec<Option<Vec<BlockScore>>>,
+}
+
+impl Place {
+    pub(super) fn new(curve: Curve, scores: Vec<Vec<BlockScore>>) -> Self {
+        let totals: Vec<[f64; 2]> = scores.iter().map(|blocks| total(blocks)).collect();
+        let likely = likely(&totals, FAR);
+        let is_far = |i: usize| {
+            let about = i.saturating_sub(BESIDE)..(i + BESIDE + 1).min(likely.len());
+            likely[about].iter().all(|on_off| *on_off == [false; 2])
+        };
+        let far = scores.into_iter().enumerate().map(|(i, blocks)| is_far(i).then_some(blocks));
+        Self { curve, far: far.collect() }
+    }
+}
+
+impl Places {
+    fn of(evidence: &Evidence, hypothesis: &Hypothesis, kinds: &Mixture) -> Self {
+        let of_pixel = |pixel: &PixelEvidence| {
+            let place = Seen::new(evidence, pixel, Vec::new()).place(hypothesis, kinds);
+            ((pixel.x, pixel.y), place)
+        };
+        let of_pixel = evidence.pixels.par_iter().map(of_pixel).collect();
+        Self { hypothesis: hypothesis.clone(), of_pixel }
+    }
+}
+
+impl Hypothesis {
+    /// The same to make one of that lies further away from the one that it is held to.
+    pub(super) fn leaving(mut self) -> Self {
+        if let Some(held) = &mut self.held {
+            held.is_near = false;
+        }
+        self
+    }
+}
+
+impl Fitted {
+    /// The same, from which hypotheses that are made of it are scored where it is.
+    pub(super) fn held(&self, evidence: &Evidence) -> Self {
+        let mut held = self.clone();
+        let kinds = self.hypothesis.kinds();
+        if kinds.is_even() {
+            let places = Arc::new(Places::of(evidence, &self.hypothesis, &kinds));
+            held.hypothesis.held = Some(Held { places, is_near: true });
+        }
+        held
+    }
+
+    /// What was found beside a held one, scored by itself.
+    pub(super) fn released(mut self, evidence: &Evidence) -> Self {
+        match self.hypothesis.held.take() {
+            Some(_) => as_it_is(evidence, self.hypothesis),
+            None => self,
+        }
+    }
+}
