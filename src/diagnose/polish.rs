@@ -10,6 +10,7 @@ use super::fit::{Fitted, as_it_is, each_as_it_is, gradients, scatter};
 use super::{Evidence, Hypothesis, Nuisance, PixelEvidence};
 use cmaes::{CMAESOptions, DVector};
 use nalgebra::DMatrix;
+use std::cell::RefCell;
 
 /// Work of an evaluation, in instants of light, with which the crest is looked for, in pixels enough to
 /// see the whole sensor. On all of them the search then only has to settle.
@@ -27,10 +28,14 @@ const FINE_STEPS: [f64; 2] = [2.0, 1.0];
 const ALL_WORK: usize = 400_000;
 
 /// First steps, in what the gradients claim for standard errors: one search after another.
-const STEPS: [f64; 6] = [3.0, 10.0, 3.0, 3.0, 1.0, 3.0];
+const STEPS: [f64; 6] = [1.0, 3.0, 1.0, 3.0, 1.0, 3.0];
 
-/// Evaluations for each value that may move.
+/// Evaluations for each value that may move, at most.
 const PER_VALUE: usize = 50;
+
+/// A search has come to rest when so many evaluations for each value have gained no more than so many nats.
+const AT_REST: usize = 20;
+const REST_NATS: f64 = 0.5;
 
 /// What one of two searches has to gain, nats an event, for another to follow.
 const WORTH_ANOTHER: f64 = 1e-3;
@@ -115,12 +120,15 @@ fn searched(evidence: &Evidence, fitted: Fitted, step: f64, per_value: usize, se
         moved
     };
     let mut best = held;
+    // The best so far, behind every evaluation.
+    let course = RefCell::new(Vec::new());
     let evaluate = |point: &DVector<f64>| {
         let there = as_it_is(evidence, at(point.as_slice()));
         let nats = there.training();
         if nats > best.training() {
             best = there;
         }
+        course.borrow_mut().push(best.training());
         if nats.is_finite() { -nats } else { NO_VALUE }
     };
     let options = CMAESOptions::new(vec![0.0; free.len()], step)
@@ -128,9 +136,20 @@ fn searched(evidence: &Evidence, fitted: Fitted, step: f64, per_value: usize, se
         .seed(seed);
     // Options are wrong only for no coordinates at all; then the start is the answer.
     if let Ok(mut state) = options.build(evaluate) {
-        state.run();
+        let enough = REST_NATS / evidence.n_events().max(1) as f64;
+        while !is_at_rest(&course.borrow(), AT_REST * free.len(), enough) {
+            if state.next().is_some() {
+                break;
+            }
+        }
     }
     fitted.or_better(best.released(evidence))
+}
+
+/// Whether the last evaluations have gained no more than `enough`.
+fn is_at_rest(course: &[f64], n_last: usize, enough: f64) -> bool {
+    let before = course.len().checked_sub(n_last + 1).map(|at| course[at]);
+    before.zip(course.last()).is_some_and(|(before, last)| last - before <= enough)
 }
 
 /// The same of a model whose last effect may have a rival among the nuisances: one that stands at the
