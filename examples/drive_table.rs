@@ -177,7 +177,7 @@ fn run(case: &Case) -> Result<(), Box<dyn Error>> {
         mount: rig.mount,
         track: &pi_track,
     };
-    let survey = survey(&known, &mut raw.as_slice())?;
+    let mut survey = survey(&known, &mut raw.as_slice())?;
     let surveyed = begun.elapsed().as_secs_f64();
     // The clocks as one would know them before: wrong by 17 ms.
     let middle = Span::from_secs_f64(seconds / 2.0);
@@ -193,7 +193,7 @@ fn run(case: &Case) -> Result<(), Box<dyn Error>> {
         is_measured: true,
     };
     let begun = Instant::now();
-    let registration = tie(&survey, &known, &aps)?;
+    let registration = tie(&mut survey, &known, &aps)?;
     println!("  survey {surveyed:.2} s, tie {:.2} s", begun.elapsed().as_secs_f64());
     tell(case, &survey, &registration);
     Ok(())

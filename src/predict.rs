@@ -27,6 +27,7 @@ mod lost;
 mod mask;
 mod memory;
 mod movement;
+mod normal;
 mod residual;
 mod sample;
 mod score;

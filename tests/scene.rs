@@ -57,45 +57,46 @@ fn tracked<C: Clock>(mut tracker: Tracker<C>, frames: &[Frame<C>]) -> Track<C> {
     tracker.finish().unwrap()
 }
 
-/// The scene of one recording; made once.
+/// The scene of one recording in an orderly world; made once.
 fn seen() -> &'static Seen {
     static SEEN: OnceLock<Seen> = OnceLock::new();
-    SEEN.get_or_init(|| {
-        let rig = rig();
-        let schedule = Schedule::new(vec![Setting::nominal(Span::ZERO, true)]);
-        let description = WorldDescription::default();
-        let world = World::new(&rig, Arc::new(Circle), schedule, &description, 5).unwrap();
-        let world = Arc::new(world);
-        let until = Span::from_secs_f64(SECONDS);
-        let shown = PiTwin::new(Arc::clone(&world), Span::from_micros(8_000)).frames_until(until);
-        let raw: Vec<_> = shown.into_iter().filter_map(|frame| frame.raw).collect();
-        let aps = DavisTwin::new(Arc::clone(&world), Span::ZERO).advance_to(until).frames;
-        let black_level_dn = rig.pi.camera.black_level_dn;
-        let mosaic = TrackOptions::new(Light::Mosaic { black_level_dn });
-        let pi_track = tracked(Tracker::new(&rig.target, &rig.pi.camera, mosaic).unwrap(), &raw);
-        let grey = TrackOptions::new(Light::Brightness);
-        let davis_track =
-            tracked(Tracker::new(&rig.target, &rig.davis.camera, grey).unwrap(), &aps);
-        let known = PiKnown {
-            size: rig.pi.camera.size,
-            lens: Lens::of(&rig.pi.camera),
-            raw: RawLight { black_dn: black_level_dn, full_dn: 1023 },
-            row_time: rig.pi.camera.row_time,
-            mount: rig.mount,
-            track: &pi_track,
-        };
-        let survey = survey(&known, &mut raw.as_slice()).unwrap();
-        let known = DavisKnown {
-            lens: Lens::of(&rig.davis.camera),
-            mount: rig.mount,
-            track: &davis_track,
-            pi_from_davis: clocks_off_by(&world, Span::from_micros(6_000)),
-            is_measured: true,
-        };
-        let registration = tie(&survey, &known, &aps).unwrap();
-        let scene = Scene { size: rig.davis.camera.size, survey, registration };
-        Seen { world, rig, scene }
-    })
+    SEEN.get_or_init(|| seen_in(&WorldDescription::default()))
+}
+
+/// The scene of one recording.
+fn seen_in(description: &WorldDescription) -> Seen {
+    let rig = rig();
+    let schedule = Schedule::new(vec![Setting::nominal(Span::ZERO, true)]);
+    let world = World::new(&rig, Arc::new(Circle), schedule, description, 5).unwrap();
+    let world = Arc::new(world);
+    let until = Span::from_secs_f64(SECONDS);
+    let shown = PiTwin::new(Arc::clone(&world), Span::from_micros(8_000)).frames_until(until);
+    let raw: Vec<_> = shown.into_iter().filter_map(|frame| frame.raw).collect();
+    let aps = DavisTwin::new(Arc::clone(&world), Span::ZERO).advance_to(until).frames;
+    let black_level_dn = rig.pi.camera.black_level_dn;
+    let mosaic = TrackOptions::new(Light::Mosaic { black_level_dn });
+    let pi_track = tracked(Tracker::new(&rig.target, &rig.pi.camera, mosaic).unwrap(), &raw);
+    let grey = TrackOptions::new(Light::Brightness);
+    let davis_track = tracked(Tracker::new(&rig.target, &rig.davis.camera, grey).unwrap(), &aps);
+    let known = PiKnown {
+        size: rig.pi.camera.size,
+        lens: Lens::of(&rig.pi.camera),
+        raw: RawLight { black_dn: black_level_dn, full_dn: 1023 },
+        row_time: rig.pi.camera.row_time,
+        mount: rig.mount,
+        track: &pi_track,
+    };
+    let mut survey = survey(&known, &mut raw.as_slice()).unwrap();
+    let known = DavisKnown {
+        lens: Lens::of(&rig.davis.camera),
+        mount: rig.mount,
+        track: &davis_track,
+        pi_from_davis: clocks_off_by(&world, Span::from_micros(6_000)),
+        is_measured: true,
+    };
+    let registration = tie(&mut survey, &known, &aps).unwrap();
+    let scene = Scene { size: rig.davis.camera.size, survey, registration };
+    Seen { world, rig, scene }
 }
 
 /// The clocks as one would know them before: wrong by a few milliseconds.
@@ -232,4 +233,66 @@ fn frames_of_another_size_are_refused_with_their_number() {
     };
     let error = survey(&known, &mut raw.as_slice()).unwrap_err();
     assert!(matches!(error, SceneError::NotRaw { .. }), "{error}");
+}
+
+fn with_effects(effects: serde_json::Value) -> WorldDescription {
+    serde_json::from_value(serde_json::json!({ "effects": effects })).unwrap()
+}
+
+#[test]
+fn a_camera_in_order_shows_no_curve_no_dark_corners_and_its_own_noise() {
+    let scene = &seen().scene;
+    let [loss, error] = scene.survey.corner_loss;
+    assert!(loss < 0.02 && error < 0.02, "{loss} {error}");
+    let tone = scene.registration.tone.unwrap();
+    assert!(tone.curved().is_none(), "{tone:?}");
+    assert!(tone.corner_loss[0] < 0.03, "{tone:?}");
+    let [noise, error] = scene.survey.read_noise_dn.unwrap();
+    let stated = seen().world.description().pi.read_noise_dn.hypot(1.0 / 12.0_f64.sqrt());
+    assert!((noise - stated).abs() < 0.2 + 3.0 * error, "{noise} {error} for {stated}");
+    assert!(scene.survey.moving_light.is_none());
+}
+
+#[test]
+fn frames_show_dark_corners_and_noise_that_no_one_stated() {
+    let effects = serde_json::json!({
+        "vignetting": { "corner_loss": 0.3 },
+        "frame_noise": { "sigma_dn": 4.0 },
+    });
+    let Seen { scene, .. } = seen_in(&with_effects(effects));
+    let [loss, error] = scene.survey.corner_loss;
+    assert!((loss - 0.3).abs() < 0.02 + 3.0 * error, "{loss} {error}");
+    let [noise, error] = scene.survey.read_noise_dn.unwrap();
+    assert!((noise - 4.08).abs() < 0.2 + 3.0 * error, "{noise} {error}");
+    let [loss, error] = scene.registration.tone.unwrap().corner_loss;
+    assert!((loss - 0.3).abs() < 0.03 + 3.0 * error, "{loss} {error}");
+}
+
+#[test]
+fn frames_show_a_tone_curve_and_the_drive_undoes_it() {
+    let effects = serde_json::json!({ "tone_curve": { "gamma": 0.8 } });
+    let seen = seen_in(&with_effects(effects));
+    let tone = seen.scene.registration.tone.unwrap();
+    assert!((tone.gamma[0] - 0.8).abs() < 3.0 * tone.gamma[1], "{tone:?}");
+    assert!(tone.gamma[1] < 0.03, "{tone:?}");
+    let [error, _] = drive_error(&seen, &seen.scene.drive());
+    assert!(error < 0.15, "{error} thresholds");
+}
+
+#[test]
+fn frames_show_a_shadow_and_the_drive_has_it() {
+    // A band as narrow against this small print as others are against a whole one.
+    let shadow = serde_json::json!({
+        "depth": 0.25, "speed_mm_per_s": 20.0, "width_mm": 5.0, "period_mm": 40.0,
+        "direction_deg": 30.0,
+    });
+    let seen = seen_in(&with_effects(serde_json::json!({ "moving_shadow": shadow })));
+    let moving = seen.scene.survey.moving_light.clone().expect("a shadow");
+    let [depth, error] = moving.depth;
+    assert!((depth - 0.25).abs() < 0.03 + 3.0 * error, "{moving:?}");
+    let [error, _] = drive_error(&seen, &seen.scene.drive());
+    let mut still = seen.scene.clone();
+    still.survey.moving_light = None;
+    let [without, _] = drive_error(&seen, &still.drive());
+    assert!(error < 0.5 * without, "{error} thresholds with the shadow, {without} without");
 }

@@ -13,9 +13,11 @@ mod exposure_blur;
 mod fixed_pole;
 mod flicker;
 mod frame_interpolation;
+mod frame_noise;
 mod hot_pixels;
 mod junction_leak;
 mod misregistration;
+mod moving_shadow;
 mod photocurrent_leak;
 mod photoreceptor_bandwidth;
 mod pixel_latency;
@@ -26,7 +28,9 @@ mod stamp_jitter;
 mod temperature_drift;
 mod threshold_asymmetry;
 mod threshold_mismatch;
+mod tone_curve;
 mod vibration;
+mod vignetting;
 
 use super::nuisance::Nuisance;
 use super::{Evidence, Hypothesis, Kind, Mixture, View};
@@ -205,8 +209,9 @@ const PLAIN: Candidate = Candidate {
     says: |_| String::new(),
 };
 
-/// Every effect that can be named.
-pub static LIBRARY: [&Candidate; 27] = [
+/// Every effect that can be named but those that a census of the whole sensor counts. The last four are
+/// in no pixel's law: frames show them or nothing does.
+pub static LIBRARY: [&Candidate; 31] = [
     &photoreceptor_bandwidth::CANDIDATE,
     &fixed_pole::CANDIDATE,
     &refractory_period::CANDIDATE,
@@ -234,6 +239,10 @@ pub static LIBRARY: [&Candidate; 27] = [
     &misregistration::CANDIDATE,
     &flicker::CANDIDATE,
     &vibration::CANDIDATE,
+    &tone_curve::CANDIDATE,
+    &vignetting::CANDIDATE,
+    &frame_noise::CANDIDATE,
+    &moving_shadow::CANDIDATE,
 ];
 
 /// One start a value, for an effect of one parameter that is fitted as its logarithm.
@@ -247,6 +256,10 @@ fn needs_surroundings(evidence: &Evidence) -> Result<(), String> {
     } else {
         Err("the light comes from frames of the same sensor, through the same lens".into())
     }
+}
+
+fn needs_shown(evidence: &Evidence, id: EffectId, because: &str) -> Result<(), String> {
+    if evidence.facts.frames_show.contains(&id) { Ok(()) } else { Err(because.to_owned()) }
 }
 
 fn needs_span(evidence: &Evidence, seconds: f64) -> Result<(), String> {

@@ -1,5 +1,7 @@
 //! What a session states beside its events and its light.
 
+use crate::effect_id::EffectId;
+
 /// What is known of a session beside its events and its light.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Facts {
@@ -18,6 +20,8 @@ pub struct Facts {
     pub light_per_pedestal: f64,
     /// Width of an event pixel on the print, millimetres, where it is known.
     pub pixel_mm: Option<f64>,
+    /// Effects that the frames of this session would show.
+    pub frames_show: Vec<EffectId>,
     /// The step of the grid on which the recording's stamps lay, microseconds, where they did.
     pub stamp_step_us: Option<f64>,
     /// By how much the clocks' offset may be wrong for all that the session states, microseconds.

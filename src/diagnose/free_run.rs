@@ -178,7 +178,7 @@ fn beyond_ordinary(
     let first = told.iter_mut().zip(&elsewhere).take(1);
     first.for_each(|((_, there), elsewhere)| match effect.id {
         EffectId::ThresholdAsymmetry => *there /= elsewhere,
-        EffectId::ShotNoise | EffectId::Defocus => {
+        EffectId::Defocus => {
             *there = (there.powi(2) - elsewhere.powi(2)).max(0.0).sqrt();
         }
         _ => *there -= elsewhere,
@@ -236,8 +236,10 @@ fn generated(
     let adjust = |_: u16, _: u16, pixel: &mut PixelModel| {
         pixel.threshold_on *= half;
         pixel.threshold_off /= half;
-        if pixel.band.is_none() {
-            (pixel.band, pixel.scatter) = (Some(band), Some(scatter));
+        match &mut pixel.band {
+            // Shot noise that was named; it grows towards the dark as the law's noise does.
+            Some(named) => named.light_exponent = law.noise_exponent,
+            none => (*none, pixel.scatter) = (Some(band), Some(scatter)),
         }
         pixel.spontaneous_hz += background;
     };

@@ -369,6 +369,8 @@ fn law(values: &[f64]) -> PixelLaw {
         noise_at_white: noise,
         noise_exponent: value(Nuisance::NoiseExponent),
         noise_speed_per_s: noise * value(Nuisance::LogNoiseHz).exp(),
+        shot_at_white: 0.0,
+        shot_speed_per_s: 0.0,
         background_on_hz: value(Nuisance::LogBackgroundOn).exp(),
         background_off_hz: value(Nuisance::LogBackgroundOff).exp(),
         background_memorised: value(Nuisance::BackgroundMemorised),

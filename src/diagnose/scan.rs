@@ -110,28 +110,6 @@ pub(super) fn cannot_judge(evidence: &Evidence) -> Vec<CannotJudge> {
     list
 }
 
-/// Why an effect has no place in the library.
-pub(super) fn absent(id: EffectId) -> &'static str {
-    match id {
-        EffectId::ToneCurve => {
-            "a power law of the frames is one number with the threshold; it takes a step wedge"
-        }
-        EffectId::Vignetting => {
-            "what does not change with time cancels in the logarithm; it takes a path that leads the \
-             same paper from the middle to a corner"
-        }
-        EffectId::FrameNoise => {
-            "the light is the mean of many frames where it rests, in which the noise of one does not \
-             show; frames of a static scene state it directly"
-        }
-        EffectId::MovingShadow => {
-            "light that changes while the print stays is booked to the path's brightness; it takes a \
-             static segment with the shadow in it"
-        }
-        _ => "it has no place in the library",
-    }
-}
-
 /// Tries every effect that is not in `model` and can be judged. `few` is the same evidence with
 /// fewer pixels. Effects come sorted by what they buy on held-out cells.
 ///

@@ -63,6 +63,7 @@ fn facts() -> Facts {
         offset_within_us: 1_000.0,
         clocks: None,
         pixel_mm: None,
+        frames_show: Vec::new(),
         stamp_step_us: None,
     }
 }

@@ -191,6 +191,7 @@ fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, Pipeline
                 offset_within_us: if clocks.is_some() { STATED_US } else { TIED_US },
                 clocks,
                 pixel_mm: Some(scene.registration.pixel_mm),
+                frames_show: stated::shown(&scene, rig.as_ref()),
                 stamp_step_us: None,
             };
             mapped = Some(scene);
@@ -257,6 +258,7 @@ fn frames(session: &Session, light: &str) -> Result<(FramesDrive, Facts), Pipeli
         offset_within_us: SAME_CAMERA_US,
         clocks: None,
         pixel_mm: None,
+        frames_show: Vec::new(),
         stamp_step_us: None,
     };
     Ok((drive, facts))

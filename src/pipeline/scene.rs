@@ -132,7 +132,7 @@ fn make(
     };
     let n_all = 2 * session.stream(StreamKind::Frames, raw)?.count;
     let mut footage = Recorded { session, stream: raw, progress, n_done: 0, n_all };
-    let survey = survey(&known, &mut footage)?;
+    let mut survey = survey(&known, &mut footage)?;
     let frames: Result<Vec<_>, SessionError> =
         session.davis_pictures(aps)?.map(|picture| Ok(picture?.frame)).collect();
     let pi_from_davis = pi_from_davis(session, &survey.path)?;
@@ -143,7 +143,7 @@ fn make(
         pi_from_davis,
         is_measured: cameras.are_measured,
     };
-    let registration = tie(&survey, &known, &frames?)?;
+    let registration = tie(&mut survey, &known, &frames?)?;
     Ok(Scene { size: cameras.davis.size, survey, registration })
 }
 

@@ -28,6 +28,13 @@ pub struct PixelLaw {
     pub noise_exponent: f64,
     /// Speed at which the noise itself moves the signal, log intensity a second.
     pub noise_speed_per_s: f64,
+    /// Standard deviation at white of the signal's own noise, log intensity; it grows towards the dark as
+    /// the scatter does.
+    #[serde(default)]
+    pub shot_at_white: f64,
+    /// Root mean square speed of that noise at white, log intensity a second.
+    #[serde(default)]
+    pub shot_speed_per_s: f64,
     /// Rate of On events that have nothing to do with light, a second and pixel.
     pub background_on_hz: f64,
     /// Rate of Off events that have nothing to do with light, a second and pixel.
@@ -63,6 +70,8 @@ impl Default for PixelLaw {
             noise_at_white: 0.015,
             noise_exponent: 0.3,
             noise_speed_per_s: 0.1,
+            shot_at_white: 0.0,
+            shot_speed_per_s: 0.0,
             background_on_hz: 0.01,
             background_off_hz: 0.01,
             blind_s: 0.0,
@@ -93,7 +102,7 @@ impl PixelLaw {
         let positive = |v: f64| v > 0.0 && v < 1e3;
         let rate = |v: f64| (0.0..1e7).contains(&v);
         let share = |v: f64| (0.0..=1.0).contains(&v);
-        let rows: [(&'static str, f64, bool, &'static str); 14] = [
+        let rows: [(&'static str, f64, bool, &'static str); 16] = [
             ("theta_on", self.theta_on, positive(self.theta_on), "0 to 1000, above 0"),
             ("theta_off", self.theta_off, positive(self.theta_off), "0 to 1000, above 0"),
             ("leak_per_s", self.leak_per_s, self.leak_per_s.abs() < 1e4, "a size below 10 000"),
@@ -105,6 +114,8 @@ impl PixelLaw {
                 rate(self.noise_speed_per_s),
                 "0 or more",
             ),
+            ("shot_at_white", self.shot_at_white, rate(self.shot_at_white), "0 or more"),
+            ("shot_speed_per_s", self.shot_speed_per_s, rate(self.shot_speed_per_s), "0 or more"),
             ("background_on_hz", self.background_on_hz, rate(self.background_on_hz), "0 to 1e7"),
             ("background_off_hz", self.background_off_hz, rate(self.background_off_hz), "0 to 1e7"),
             ("jitter_s", self.jitter_s, (0.0..10.0).contains(&self.jitter_s), "0 to 10"),

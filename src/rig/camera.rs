@@ -49,6 +49,9 @@ pub struct CameraDescription {
     pub black_level_dn: f64,
     /// Standard deviation of the lens's blur where it was measured in focus, pixels.
     pub psf_sigma_px: Option<f64>,
+    /// Standard deviation of what a frame shows in the dark, in its own digital units, where it was
+    /// measured.
+    pub read_noise_dn: Option<f64>,
 }
 
 /// The event camera.
@@ -205,9 +208,8 @@ impl CameraDescription {
             frame_rate: Hertz(fields.number("frame_rate_hz", 0.1..=1000.0)),
             gain: fields.number("gain", POSITIVE),
             black_level_dn: fields.number("black_level_dn", 0.0..=65535.0),
-            psf_sigma_px: fields
-                .has("psf_sigma_px")
-                .then(|| fields.number("psf_sigma_px", 0.0..=20.0)),
+            psf_sigma_px: fields.optional_number("psf_sigma_px", 0.0..=20.0),
+            read_noise_dn: fields.optional_number("read_noise_dn", 0.0..=1000.0),
         }
     }
 

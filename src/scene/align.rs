@@ -1,6 +1,7 @@
 //! A frame against the map: equations for its pose, its brightness and what all frames share.
 
 use super::head::{HEAD, Head, POSE, stated_place};
+use super::looks::looks;
 use super::map::{Mark, RadianceMap};
 use super::splat::{Key, Optics};
 use super::warp::Warp;
@@ -44,7 +45,7 @@ const ANCHORS: usize = 9;
 
 /// Rows, and columns, between pixels whose light is summed for a frame's level: odd, so that all places
 /// of the mosaic have their turn.
-const LEVEL_STEP: usize = 7;
+pub(super) const LEVEL_STEP: usize = 7;
 
 /// Fewer pixels on the map tell no level.
 const LEAST_LEVEL: usize = 200;
@@ -77,21 +78,10 @@ impl Reference<'_> {
     /// look at, and the dark side of each counts most; a frame that moves is more blurred than the map,
     /// which makes that side brighter. A sum over the whole keeps its light however it is blurred.
     pub(super) fn ln_level(&self, key: &Key) -> Option<f64> {
-        let Optics { camera, head, .. } = self.optics;
-        let (width, height) = (usize::from(camera.size.width), usize::from(camera.size.height));
-        let (mut seen, mut expected, mut n) = (0.0, 0.0, 0_usize);
-        for y in (0..height).step_by(LEVEL_STEP) {
-            let plane = head.plane_from_pi(&self.optics.pose_of_row(key, y as f64))?;
-            for x in (0..width).step_by(LEVEL_STEP) {
-                let Some(light) = camera.light(&key.samples, x, y) else { continue };
-                let [u, v] = camera.ray(x, y);
-                let place = plane * Vector3::new(u, v, 1.0);
-                let value = self.map.sample([place.x / place.z, place.y / place.z])[0];
-                if value.is_finite() {
-                    (seen, expected, n) = (seen + f64::from(light), expected + value, n + 1);
-                }
-            }
-        }
+        let (mut seen, mut expected, mut n) = (0.0_f64, 0.0_f64, 0_usize);
+        looks(self.optics, self.map, key, LEVEL_STEP, |look| {
+            (seen, expected, n) = (seen + look.light, expected + look.mapped[0], n + 1);
+        })?;
         let is_known = n >= LEAST_LEVEL && seen > 0.0 && expected > 0.0;
         is_known.then(|| (seen / expected).ln())
     }

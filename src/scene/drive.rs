@@ -4,6 +4,7 @@ use super::blur::{PointSpread, blurred, logarithm};
 use super::davis::DavisTie;
 use super::head::Head;
 use super::map::{MapGrid, RadianceMap};
+use super::moving_light::MovingLight;
 use super::path::HeadPath;
 use super::raster::Raster;
 use super::register::Registration;
@@ -40,6 +41,8 @@ pub struct SceneDrive {
     shift_px: [f64; 2],
     /// The map as the pixels see it: logarithm over white, and its standard error.
     seen: Arc<Seen>,
+    /// Light that moves over the print.
+    moving: Option<Arc<MovingLight>>,
     /// Displacement of the path and of the event camera's place that may be left, DAVIS pixels.
     place_error_px: f64,
     /// What the map is wrong by in the light of places, share.
@@ -63,6 +66,8 @@ struct Poses {
     cell_from_ray: Vec<Option<[f64; 8]>>,
     /// Logarithm of the light's level.
     ln_light: Vec<f32>,
+    /// Seconds of the path.
+    times_s: Vec<f64>,
 }
 
 impl SceneDrive {
@@ -91,6 +96,7 @@ impl SceneDrive {
             skew: 0.0,
             shift_px: [0.0; 2],
             seen,
+            moving: survey.moving_light.clone().map(Arc::new),
             place_error_px: registration
                 .left_px
                 .hypot(path.place_error_mm() / registration.pixel_mm),
@@ -104,6 +110,7 @@ impl SceneDrive {
             map: Arc::clone(&self.map),
             path: Arc::clone(&self.path),
             seen: Arc::clone(&self.seen),
+            moving: self.moving.clone(),
             poses: RwLock::new(None),
             ..*self
         }
@@ -184,15 +191,17 @@ impl SceneDrive {
         let cells = self.seen.grid.cell_from_plane();
         let mut ln_light = Vec::with_capacity(grid.n);
         let mut cell_from_ray = Vec::with_capacity(grid.n);
+        let mut times_s = Vec::with_capacity(grid.n);
         for i in 0..grid.n {
             let t_us = grid.at(i) as f64;
-            ln_light.push(self.path.ln_light(self.path_s(t_us)) as f32);
+            times_s.push(self.path_s(t_us));
+            ln_light.push(self.path.ln_light(times_s[i]) as f32);
             cell_from_ray.push(self.plane_from_ray(t_us).map(|plane| {
                 let m = cells * plane;
                 std::array::from_fn(|k| m[(k / 3, k % 3)] / m[(2, 2)])
             }));
         }
-        let poses = Arc::new(Poses { grid, cell_from_ray, ln_light });
+        let poses = Arc::new(Poses { grid, cell_from_ray, ln_light, times_s });
         *self.poses.write().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&poses));
         poses
     }
@@ -234,11 +243,15 @@ impl Drive for SceneDrive {
         let Some(ray) = self.ray(place) else { return false };
         let poses = self.poses(grid);
         let mut any = false;
-        let instants = poses.cell_from_ray.iter().zip(&poses.ln_light);
-        for (out, (matrix, ln_light)) in out.iter_mut().zip(instants) {
+        let instants = poses.cell_from_ray.iter().zip(&poses.ln_light).zip(&poses.times_s);
+        for (out, ((matrix, ln_light), time_s)) in out.iter_mut().zip(instants) {
             let Some(matrix) = matrix else { continue };
             let [x, y] = cell(matrix, ray);
-            *out = self.seen.log.sample(x, y) + ln_light;
+            let passing = self.moving.as_ref().map_or(0.0, |moving| {
+                let grid = &self.seen.grid;
+                moving.ln_at(grid.place_of([x, y]), *time_s) as f32
+            });
+            *out = self.seen.log.sample(x, y) + ln_light + passing;
             any |= !out.is_nan();
         }
         any

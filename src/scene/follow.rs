@@ -67,10 +67,10 @@ impl<'a> Follower<'a> {
         }
     }
 
-    /// The knots of all frames that were located, and how many of them without the tag.
-    pub(super) fn finish(mut self) -> (Vec<PathKnot>, usize) {
+    /// All frames that were located, and how many of them without the tag.
+    pub(super) fn finish(mut self) -> (Vec<Located>, usize) {
         self.locate_waiting();
-        (self.found.into_iter().map(|found| found.knot).collect(), self.n_bridged)
+        (self.found, self.n_bridged)
     }
 
     fn locate_waiting(&mut self) {

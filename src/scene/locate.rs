@@ -5,6 +5,7 @@ use super::head::HeadPose;
 use super::path::PathKnot;
 use super::robust::clustered;
 use super::splat::Key;
+use super::squares::Squares;
 use nalgebra::{SMatrix, SVector};
 
 /// A frame is located when a step moves it by less than so many pixels: the steps shrink by a
@@ -20,6 +21,8 @@ pub(super) struct Located {
     pub(super) knot: PathKnot,
     pub(super) n: usize,
     pub(super) n_fit: usize,
+    /// Logarithm of its light over the map's in squares of the print.
+    pub(super) levels: Vec<f32>,
 }
 
 /// Finds a frame's pose against the map, from a start that is near.
@@ -57,7 +60,9 @@ pub(super) fn locate(reference: &Reference<'_>, mut key: Key) -> Option<Located>
             let ln_gain = reference.ln_level(&key).unwrap_or(key.ln_gain);
             let pose = key.pose;
             let knot = PathKnot { time_s, pose, pose_error, ln_gain, misfit };
-            return Some(Located { knot, n: equations.n, n_fit: equations.n_fit });
+            let Reference { optics, map, .. } = reference;
+            let levels = Squares::covering(&map.grid).levels(optics, map, &key);
+            return Some(Located { knot, n: equations.n, n_fit: equations.n_fit, levels });
         }
     }
     None

@@ -59,6 +59,13 @@ impl MapGrid {
         [left + column as f64 * self.cell_mm, top + row as f64 * self.cell_mm]
     }
 
+    /// Millimetres on the print at a column and row.
+    #[inline]
+    pub(super) fn place_of(&self, [x, y]: [f32; 2]) -> [f64; 2] {
+        let [left, top] = self.origin_mm;
+        [left + f64::from(x) * self.cell_mm, top + f64::from(y) * self.cell_mm]
+    }
+
     /// Number of cells.
     #[must_use]
     pub const fn n_cells(&self) -> usize {

@@ -1,4 +1,6 @@
 //! The Pi's pixels: their rays, and light from raw samples.
+//!
+//! A lens lets less light through to the corners of its picture: `1 - loss (r / r_corner)^2`.
 
 use super::error::SceneError;
 use super::head::stated_ray;
@@ -25,6 +27,10 @@ pub(super) struct PiCamera {
     raw: RawLight,
     /// One over the gain of each of the mosaic's four places, by row and column parity.
     over_gain: [f32; 4],
+    /// Share of the light that the lens loses in the corners.
+    corner_loss: f64,
+    /// One over the share that it lets through, row-major.
+    over_passed: Vec<f32>,
     /// Rays of the pixels' middles, row-major; `NaN` where the distortion has no inverse.
     rays: Vec<[f32; 2]>,
 }
@@ -37,7 +43,26 @@ impl PiCamera {
             stated_ray(&lens, middle).map_or([f32::NAN; 2], |ray| ray.map(|part| part as f32))
         };
         let rays = (0..size.n_pixels()).map(ray).collect();
-        Self { size, lens, raw, over_gain: [1.0; 4], rays }
+        let over_passed = vec![1.0; size.n_pixels()];
+        Self { size, lens, raw, over_gain: [1.0; 4], corner_loss: 0.0, over_passed, rays }
+    }
+
+    /// Share of the light that the lens is taken to lose in the corners.
+    pub(super) fn corner_loss(&self) -> f64 {
+        self.corner_loss
+    }
+
+    /// Takes another share for lost in the corners.
+    pub(super) fn set_corner_loss(&mut self, loss: f64) {
+        self.corner_loss = loss;
+        let width = usize::from(self.size.width);
+        let passed = |i: usize| 1.0 - loss * self.off_middle(i % width, i / width);
+        self.over_passed = (0..self.size.n_pixels()).map(|i| (1.0 / passed(i)) as f32).collect();
+    }
+
+    /// Square of a pixel's distance from the picture's middle over that of its corners.
+    pub(super) fn off_middle(&self, x: usize, y: usize) -> f64 {
+        off_middle(self.size, [x as f64 + 0.5, y as f64 + 0.5])
     }
 
     /// The samples of a frame of this camera.
@@ -65,10 +90,20 @@ impl PiCamera {
     /// Light on a pixel in DN of green above black; None where it is cut off.
     #[inline]
     pub(super) fn light(&self, samples: &[u16], x: usize, y: usize) -> Option<f32> {
-        let sample = samples[y * usize::from(self.size.width) + x];
-        let site = y % 2 * 2 + x % 2;
-        (sample < self.raw.full_dn)
-            .then(|| (f32::from(sample) - self.raw.black_dn as f32) * self.over_gain[site])
+        let at = y * usize::from(self.size.width) + x;
+        let signal = f32::from(samples[at]) - self.raw.black_dn as f32;
+        (samples[at] < self.raw.full_dn).then(|| signal * self.scale(x, y, at))
+    }
+
+    /// Light over the signal of a pixel, the `at`-th of all.
+    #[inline]
+    fn scale(&self, x: usize, y: usize, at: usize) -> f32 {
+        self.over_gain[y % 2 * 2 + x % 2] * self.over_passed[at]
+    }
+
+    /// The signal above black, DN, that a pixel has of a light.
+    pub(super) fn signal(&self, light: f64, x: usize, y: usize) -> f64 {
+        light / f64::from(self.scale(x, y, y * usize::from(self.size.width) + x))
     }
 
     /// The ray of a pixel's middle.
@@ -126,9 +161,29 @@ impl PiCamera {
     }
 }
 
+/// Square of a place's distance from the middle of a picture over that of its corners.
+pub(super) fn off_middle(size: Size, [x, y]: [f64; 2]) -> f64 {
+    let half = [f64::from(size.width) / 2.0, f64::from(size.height) / 2.0];
+    ((x - half[0]).powi(2) + (y - half[1]).powi(2)) / (half[0].powi(2) + half[1].powi(2))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_a_lens_loses_towards_the_corners_is_made_good() {
+        let lens = Lens { focal_px: 100.0, centre_px: [8.0, 8.0], distortion: [0.0; 5] };
+        let raw = RawLight { black_dn: 64.0, full_dn: 1023 };
+        let mut camera = PiCamera::new(Size::new(16, 16), lens, raw);
+        camera.set_corner_loss(0.4);
+        let white = |i: usize| 64.0 + 500.0 * (1.0 - 0.4 * camera.off_middle(i % 16, i / 16));
+        let samples: Vec<u16> = (0..256).map(|i| white(i).round() as u16).collect();
+        for (x, y) in [(0, 0), (8, 8), (15, 3)] {
+            assert!((camera.light(&samples, x, y).unwrap() - 500.0).abs() < 1.5);
+        }
+        assert!((camera.signal(500.0, 8, 8) - 500.0).abs() < 1.0);
+    }
 
     #[test]
     fn the_places_of_the_mosaic_are_balanced_on_white_and_cut_off_light_is_none() {

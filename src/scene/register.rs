@@ -1,17 +1,16 @@
 //! The event camera's place from the light in its frames, held against the map.
 
-use super::blur::{PointSpread, blurred};
+use super::blur::PointSpread;
 use super::davis::DavisTie;
 use super::error::SceneError;
-use super::head::{MOUNT, stated_ray};
-use super::map::{Mark, RadianceMap};
+use super::picture::{Picture, Row, SHARED, Seen};
 use super::robust::clustered;
 use super::survey::Survey;
 use super::tag_fit::{Before, TIES, changed, listed};
-use super::warp::Warp;
+use super::tone::{Sample, Tone, tone};
 use crate::frame::Frame;
 use crate::time::Davis;
-use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -39,25 +38,16 @@ pub struct Registration {
     /// off: root mean square, share of the light.
     #[serde(default)]
     pub light_error: f64,
+    /// The tone of these frames against that of the map; none where too little is smooth.
+    #[serde(default)]
+    pub tone: Option<Tone>,
     /// Frames used.
     pub n_frames: usize,
 }
 
-/// Unknowns that all frames share: the tie and the Gaussian.
-const SHARED: usize = TIES + 1;
-
 /// Frames that are used, at most, and at least.
 const FRAMES: usize = 60;
 const LEAST: usize = 3;
-
-/// Marks of the map that are looked at.
-const MARKS: usize = 24_000;
-
-/// Instants within an exposure.
-const LOOKS: usize = 4;
-
-/// Step of the Gaussian for its slope, pixels.
-const SIGMA_STEP: f64 = 0.02;
 
 /// Standard deviation of what the Gaussian is known to be before, pixels.
 const SIGMA_PRIOR: f64 = 0.5;
@@ -77,21 +67,6 @@ const TRIM: f64 = 0.15;
 /// A residual beyond so many standard deviations counts in proportion less.
 const HUBER: f64 = 2.5;
 
-/// A frame and the instants in its exposure, as seconds mapped from the DAVIS's clock.
-struct Picture {
-    width: usize,
-    height: usize,
-    values: Vec<f32>,
-    looks_s: [f64; LOOKS],
-}
-
-/// The map as the pixels see it at the present Gaussian and a step beyond.
-struct Seen {
-    here: RadianceMap,
-    beyond: RadianceMap,
-    marks: Vec<Mark>,
-}
-
 /// One frame's equations, its own gain and offset taken out.
 struct Part {
     normal: SMatrix<f64, SHARED, SHARED>,
@@ -100,16 +75,6 @@ struct Part {
     n: usize,
     /// Displacement that would still better this frame alone, pixels.
     shift_px: [f64; 2],
-}
-
-/// A pixel's row of the equations: value, expected light, slopes, slope by place.
-struct Row {
-    value: f64,
-    light: f64,
-    slopes: [f64; SHARED],
-    by_place: [f64; 2],
-    /// The mark that led to it.
-    place_mm: [f64; 2],
 }
 
 /// Refines a tie by the light in frames.
@@ -168,6 +133,7 @@ pub(super) fn register(
             left_dn: noise.sqrt(),
             left_px: (square / (2.0 * parts.len() as f64)).sqrt(),
             light_error: 0.0,
+            tone: None,
             n_frames: parts.len(),
         });
         let settled = (0..SHARED).all(|i| change[i].abs() < 0.05 * error(i));
@@ -178,6 +144,9 @@ pub(super) fn register(
     let mut result = result.ok_or(SceneError::NoFit("the event camera's place by light"))?;
     let seen = Seen::new(survey, result.spread, pixel_mm);
     result.light_error = light_error(survey, &result.tie, &seen, &pictures, pixel_mm);
+    let smooth = |picture: &Picture| picture.smooth(survey, &result.tie, &seen, pixel_mm);
+    let samples: Vec<Vec<Sample>> = pictures.par_iter().filter_map(smooth).collect();
+    result.tone = tone(&samples);
     let lag = &mut result.tie_error[LAG];
     *lag = lag.hypot(survey.path.time_error_s().unwrap_or(0.0));
     Ok(result)
@@ -254,30 +223,7 @@ fn prior(
     (normal, right)
 }
 
-impl Seen {
-    fn new(survey: &Survey, spread: PointSpread, pixel_mm: f64) -> Self {
-        let wider = PointSpread { sigma_px: spread.sigma_px + SIGMA_STEP, ..spread };
-        let here = blurred(&survey.map, spread, pixel_mm);
-        let beyond = blurred(&survey.map, wider, pixel_mm);
-        let marks = here.marks(MARKS, survey.white_dn);
-        Self { here, beyond, marks }
-    }
-}
-
 impl Picture {
-    fn new(survey: &Survey, tie: &DavisTie, frame: &Frame<Davis>) -> Self {
-        let mapped = |stamp| tie.mapped_s(&survey.path, stamp);
-        let middle = frame.timing.mid_exposure(0);
-        let [start, end] = frame.timing.exposure.unwrap_or([middle; 2]).map(mapped);
-        let look = |i: usize| start + (end - start) * (i as f64 + 0.5) / LOOKS as f64;
-        Self {
-            width: usize::from(frame.size.width),
-            height: usize::from(frame.size.height),
-            values: frame.brightness(),
-            looks_s: std::array::from_fn(look),
-        }
-    }
-
     fn part(&self, survey: &Survey, tie: &DavisTie, seen: &Seen, noise: f64) -> Option<Part> {
         let rows = self.rows(survey, tie, seen)?;
         if rows.len() < 200 {
@@ -317,74 +263,6 @@ impl Picture {
             shift_px: moved.into(),
         })
     }
-
-    /// The pixels on which marks fall.
-    fn rows(&self, survey: &Survey, tie: &DavisTie, seen: &Seen) -> Option<Vec<Row>> {
-        let times = self.looks_s.map(|mapped_s| tie.path_s(mapped_s));
-        let mut warps = Vec::with_capacity(LOOKS);
-        for time_s in times {
-            warps.push(tie.warp(&survey.head, &survey.path, time_s)?);
-        }
-        let since = (times[0] + times[LOOKS - 1]) / 2.0 - tie.lag_at_s;
-        let pose = survey.path.pose((times[0] + times[LOOKS - 1]) / 2.0)?;
-        let forward = tie.mount.davis_from_plane(&survey.head.pi_from_plane(&pose));
-        let mut is_taken = vec![false; self.width * self.height];
-        let mut rows = Vec::new();
-        for mark in &seen.marks {
-            let q = forward * Vector3::new(mark.place_mm[0], mark.place_mm[1], 1.0);
-            let [px, py] = tie.mount.place([q.x / q.z, q.y / q.z]);
-            if !(px >= 0.0 && py >= 0.0 && px < self.width as f64 && py < self.height as f64) {
-                continue;
-            }
-            let (x, y) = (px as usize, py as usize);
-            let at = y * self.width + x;
-            if std::mem::replace(&mut is_taken[at], true) {
-                continue;
-            }
-            if let Some(row) = row([x, y], f64::from(self.values[at]), tie, &warps, seen, since) {
-                rows.push(Row { place_mm: mark.place_mm, ..row });
-            }
-        }
-        Some(rows)
-    }
-}
-
-fn row(
-    [x, y]: [usize; 2],
-    value: f64,
-    tie: &DavisTie,
-    warps: &[Warp<{ MOUNT + 1 }>],
-    seen: &Seen,
-    since_s: f64,
-) -> Option<Row> {
-    let stated = stated_ray(&tie.mount.lens, [x as f64 + 0.5, y as f64 + 0.5])?;
-    let square = stated[0].powi(2) + stated[1].powi(2);
-    let over_focal = (-tie.mount.ln_focal).exp();
-    let longer = (1.0 + tie.mount.radial * square) * over_focal;
-    let ray = stated.map(|part| part * longer);
-    let (slopes, by_place) = ([0.0; SHARED], [0.0; 2]);
-    let mut row = Row { value, light: 0.0, slopes, by_place, place_mm: [0.0; 2] };
-    let share = 1.0 / warps.len() as f64;
-    for warp in warps {
-        let (place, moved) = warp.slopes(ray);
-        let by_ray = warp.by_ray(ray);
-        let [light, dx, dy] = seen.here.sample(place);
-        let beyond = seen.beyond.sample(place)[0];
-        let along = |[x, y]: [f64; 2]| share * (dx * x + dy * y);
-        row.light += share * light;
-        row.slopes.iter_mut().zip(&moved[..MOUNT]).for_each(|(slope, &by)| *slope += along(by));
-        let by_ray = by_ray.map(along);
-        // A longer focal length draws rays in, a distortion lengthens them.
-        row.slopes[6] -= by_ray[0] * ray[0] + by_ray[1] * ray[1];
-        row.slopes[7] += (by_ray[0] * stated[0] + by_ray[1] * stated[1]) * square * over_focal;
-        row.slopes[8] += along(moved[MOUNT]);
-        row.slopes[TIES] += share * (beyond - light) / SIGMA_STEP;
-        (0..2).for_each(|axis| {
-            row.by_place[axis] += by_ray[axis] * over_focal / tie.mount.lens.focal_px
-        });
-    }
-    row.slopes[9] = row.slopes[8] * since_s;
-    (row.light + row.slopes.iter().sum::<f64>()).is_finite().then_some(row)
 }
 
 /// Gain and offset that bring the expected light to the values.

@@ -1,9 +1,11 @@
 //! Frames laid onto the map.
 
 use super::corners::Corners;
+use super::error::SceneError;
 use super::head::{Head, HeadPose, POSE};
 use super::map::{MapGrid, RadianceMap};
 use super::mosaic::PiCamera;
+use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -29,6 +31,12 @@ pub(super) struct Optics {
     pub(super) head: Head,
     pub(super) row_s: f64,
 }
+
+/// Side of a cell in Pi pixels.
+const CELL_PX: f64 = 0.8;
+
+/// Most cells of a map.
+const MAX_CELLS: usize = 6_000_000;
 
 /// Frames are laid in so many heaps, added up in order: the same sums on any number of threads.
 const HEAPS: usize = 4;
@@ -63,6 +71,35 @@ impl Optics {
         let along = key.speed[0].hypot(key.speed[1]) * key.exposure_s;
         along * self.camera.lens.focal_px / key.pose[2].abs().max(1.0)
     }
+}
+
+/// The grid that covers what the frames saw.
+pub(super) fn covering(optics: &Optics, keys: &[Key]) -> Result<MapGrid, SceneError> {
+    let camera = &optics.camera;
+    let (right, bottom) = (usize::from(camera.size.width) - 1, usize::from(camera.size.height) - 1);
+    let mut low = [f64::INFINITY; 2];
+    let mut high = [f64::NEG_INFINITY; 2];
+    let mut pixel_mm = 0.0;
+    for key in keys {
+        let Some(plane) = optics.head.plane_from_pi(&key.pose) else { continue };
+        for (x, y) in [(0, 0), (right, 0), (0, bottom), (right, bottom)] {
+            let [u, v] = camera.ray(x, y);
+            let place = plane * Vector3::new(u, v, 1.0);
+            for axis in 0..2 {
+                low[axis] = low[axis].min(place[axis] / place.z);
+                high[axis] = high[axis].max(place[axis] / place.z);
+            }
+        }
+        pixel_mm += key.pose[2] / camera.lens.focal_px / keys.len() as f64;
+    }
+    let cell_mm = CELL_PX * pixel_mm;
+    let side = |axis: usize| ((high[axis] - low[axis]) / cell_mm).ceil() + 5.0;
+    let cells = side(0) * side(1);
+    if !(cells > 0.0 && cells <= MAX_CELLS as f64) {
+        return Err(SceneError::TooLarge { cells, limit: MAX_CELLS });
+    }
+    let origin_mm = low.map(|low| low - 2.0 * cell_mm);
+    Ok(MapGrid { origin_mm, cell_mm, width: side(0) as usize, height: side(1) as usize })
 }
 
 /// The map that the frames make; errors are known where `before` is given.
@@ -170,7 +207,7 @@ pub(super) fn site_ratios(optics: &Optics, keys: &[Key], map: &RadianceMap) -> [
                         None => continue,
                     };
                     let [u, v] = camera.ray(x, y);
-                    let place = plane * nalgebra::Vector3::new(u, v, 1.0);
+                    let place = plane * Vector3::new(u, v, 1.0);
                     let expected = map.sample([place.x / place.z, place.y / place.z])[0];
                     if expected.is_finite() {
                         let expected = expected * key.ln_gain.exp();

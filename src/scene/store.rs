@@ -3,6 +3,7 @@
 use super::drive::SceneDrive;
 use super::head::Head;
 use super::map::{MapGrid, RadianceMap};
+use super::moving_light::MovingLight;
 use super::path::{HeadPath, PathKnot};
 use super::register::Registration;
 use super::survey::Survey;
@@ -40,6 +41,15 @@ pub struct SceneFacts {
     pub site_gains: [f64; 4],
     /// Radiance of the brightest paper, DN above black.
     pub white_dn: f64,
+    /// Share of the light that the Pi's lens loses in the corners, with its standard error.
+    #[serde(default = "unknown")]
+    pub corner_loss: [f64; 2],
+    /// Noise of the Pi's readout, DN, with its standard error.
+    #[serde(default)]
+    pub read_noise_dn: Option<[f64; 2]>,
+    /// Light that moves over the print.
+    #[serde(default)]
+    pub moving_light: Option<MovingLight>,
     /// Frames seen, and those that could not be put on the path.
     pub n_frames: [usize; 2],
     /// Frames put on the path without the tag.
@@ -47,6 +57,11 @@ pub struct SceneFacts {
     pub n_bridged: usize,
     /// The event camera.
     pub registration: Registration,
+}
+
+/// A loss of which nothing is known.
+const fn unknown() -> [f64; 2] {
+    [0.0, f64::INFINITY]
 }
 
 /// Columns of the path's table: time (s); x, y, distance (mm) and turn (rad); their standard errors;
@@ -73,6 +88,9 @@ impl Scene {
             row_s: survey.row_s,
             site_gains: survey.site_gains,
             white_dn: survey.white_dn,
+            corner_loss: survey.corner_loss,
+            read_noise_dn: survey.read_noise_dn,
+            moving_light: survey.moving_light.clone(),
             n_frames: survey.n_frames,
             n_bridged: survey.n_bridged,
             registration: self.registration.clone(),
@@ -118,6 +136,9 @@ impl Scene {
             row_s: facts.row_s,
             site_gains: facts.site_gains,
             white_dn: facts.white_dn,
+            corner_loss: facts.corner_loss,
+            read_noise_dn: facts.read_noise_dn,
+            moving_light: facts.moving_light,
             n_frames: facts.n_frames,
             n_bridged: facts.n_bridged,
         };

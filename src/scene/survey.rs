@@ -4,6 +4,7 @@ use super::error::SceneError;
 use super::head::Head;
 use super::map::RadianceMap;
 use super::mosaic::RawLight;
+use super::moving_light::MovingLight;
 use super::path::HeadPath;
 use super::surveyor::Surveyor;
 use crate::frame::Frame;
@@ -69,6 +70,13 @@ pub struct Survey {
     pub site_gains: [f64; 4],
     /// Radiance of the brightest paper, DN above black.
     pub white_dn: f64,
+    /// Share of the light that the Pi's lens loses in the corners of its frames, with its standard error
+    /// (infinite for a head that stood).
+    pub corner_loss: [f64; 2],
+    /// Noise of the Pi's readout, DN, with its standard error; none where nothing smooth was seen.
+    pub read_noise_dn: Option<[f64; 2]>,
+    /// Light that moves over the print; the map and the path are free of it.
+    pub moving_light: Option<MovingLight>,
     /// Frames seen, and those that could not be put on the path.
     pub n_frames: [usize; 2],
     /// Frames that were put on the path without the tag, from the frames beside them and the map.
@@ -76,6 +84,29 @@ pub struct Survey {
 }
 
 impl Survey {
+    /// Share of the light that reaches a place of the print at a time of the path, for what moves over it.
+    #[must_use]
+    pub fn passing(&self, place_mm: [f64; 2], time_s: f64) -> f64 {
+        self.moving_light.as_ref().map_or(1.0, |light| light.ln_at(place_mm, time_s).exp())
+    }
+
+    /// The same survey of frames whose light is to be taken to a power: white stays white.
+    #[must_use]
+    pub fn to_power(mut self, power: f64) -> Self {
+        let white = self.white_dn as f32;
+        let map = &mut self.map;
+        for (value, error) in map.radiance.values.iter_mut().zip(&mut map.errors) {
+            let share = (*value / white).max(0.0);
+            *value = white * share.powf(power as f32);
+            *error *= power as f32 * share.powf(power as f32 - 1.0);
+        }
+        let mut knots = std::mem::take(&mut self.path.knots);
+        knots.iter_mut().for_each(|knot| knot.ln_gain *= power);
+        self.path = HeadPath::new(self.path.zero, knots, self.path.max_gap);
+        self.moving_light = self.moving_light.map(|light| light.to_power(power));
+        self
+    }
+
     /// Millimetres on the print that a ray of the Pi camera (right and down over forward) looks at;
     /// `time_s` counts from the path's zero.
     #[must_use]
@@ -118,14 +149,21 @@ pub fn survey<F: Footage>(known: &PiKnown<'_>, footage: &mut F) -> Result<Survey
             break;
         }
     }
+    let mut map = made.map;
+    if let Some(moving) = &followed.moving {
+        moving.free(&mut map);
+    }
     Ok(Survey {
         head: work.head(),
         path: followed.path,
         row_s: [work.row_found_s(), made.row_error_s],
         site_gains: work.site_gains(),
         white_dn: made.white_dn,
+        corner_loss: made.corner_loss,
+        read_noise_dn: made.read_noise_dn,
+        moving_light: followed.moving.map(|moving| moving.light),
         n_frames: followed.n_frames,
         n_bridged: followed.n_bridged,
-        map: made.map,
+        map,
     })
 }

@@ -2,21 +2,25 @@
 
 use super::align::{ALL, Equations, Noise, Reference, SHARED};
 use super::error::SceneError;
+use super::fall_off::more_lost;
 use super::follow::{Follower, Waiting};
 use super::head::{HEAD, Head, HeadPose};
 use super::locate::{Part, split};
-use super::map::{MapGrid, RadianceMap};
+use super::map::RadianceMap;
 use super::mosaic::PiCamera;
+use super::moving_light::{Found, Levels};
 use super::path::{HeadPath, PathKnot};
+use super::read_noise::read_noise;
 use super::robust::clustered;
-use super::splat::{Key, Optics, site_ratios, splat};
+use super::splat::{Key, Optics, covering, site_ratios, splat};
+use super::squares::Squares;
 use super::start::TagPath;
 use super::survey::{Footage, PiKnown};
 use super::tag_tilt::{Lie, apart};
 use crate::frame::Frame;
 use crate::stats::upper_median;
 use crate::time::{PiSensor, Span};
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -31,12 +35,6 @@ const LEAST_KEYS: usize = 12;
 const MARKS: usize = 24_000;
 const PATH_MARKS: usize = 12_000;
 
-/// Side of a cell in Pi pixels.
-const CELL_PX: f64 = 0.8;
-
-/// Most cells of a map.
-const MAX_CELLS: usize = 6_000_000;
-
 /// Longest stretch between frames that the path leads across.
 const MAX_GAP: Span = Span::from_micros(50_000);
 
@@ -48,6 +46,9 @@ const ROW_SHARE: f64 = 0.2;
 
 /// A row time that differs from the stated one by a smaller share is not believed.
 const ROW_BELIEF: f64 = 0.15;
+
+/// Most of the light that a lens is taken to lose in the corners.
+const MOST_LOST: f64 = 0.9;
 
 /// Place of the row time among the shared constants.
 const ROW: usize = SHARED - 1;
@@ -78,6 +79,10 @@ pub(super) struct Made {
     pub(super) white_dn: f64,
     /// Standard error of the row time.
     pub(super) row_error_s: f64,
+    /// Share of the light that the Pi's lens loses in the corners, with its standard error.
+    pub(super) corner_loss: [f64; 2],
+    /// Noise of the Pi's readout, DN, with its standard error; none where nothing smooth was seen.
+    pub(super) read_noise_dn: Option<[f64; 2]>,
 }
 
 /// All frames put on the path.
@@ -86,6 +91,8 @@ pub(super) struct Followed {
     /// Frames seen, and lost.
     pub(super) n_frames: [usize; 2],
     pub(super) n_bridged: usize,
+    /// Light that moves over the print.
+    pub(super) moving: Option<Found>,
 }
 
 impl<'a> Surveyor<'a> {
@@ -179,51 +186,28 @@ impl<'a> Surveyor<'a> {
         Ok(())
     }
 
-    /// The grid that covers what the frames saw.
-    fn grid(&self) -> Result<MapGrid, SceneError> {
-        let camera = &self.optics.camera;
-        let (right, bottom) =
-            (usize::from(camera.size.width) - 1, usize::from(camera.size.height) - 1);
-        let mut low = [f64::INFINITY; 2];
-        let mut high = [f64::NEG_INFINITY; 2];
-        let mut pixel_mm = 0.0;
-        for key in &self.keys {
-            let Some(plane) = self.optics.head.plane_from_pi(&key.pose) else { continue };
-            for (x, y) in [(0, 0), (right, 0), (0, bottom), (right, bottom)] {
-                let [u, v] = camera.ray(x, y);
-                let place = plane * Vector3::new(u, v, 1.0);
-                for axis in 0..2 {
-                    low[axis] = low[axis].min(place[axis] / place.z);
-                    high[axis] = high[axis].max(place[axis] / place.z);
-                }
-            }
-            pixel_mm += key.pose[2] / camera.lens.focal_px / self.keys.len() as f64;
-        }
-        let cell_mm = CELL_PX * pixel_mm;
-        let side = |axis: usize| ((high[axis] - low[axis]) / cell_mm).ceil() + 5.0;
-        let cells = side(0) * side(1);
-        if !(cells > 0.0 && cells <= MAX_CELLS as f64) {
-            return Err(SceneError::TooLarge { cells, limit: MAX_CELLS });
-        }
-        let origin_mm = low.map(|low| low - 2.0 * cell_mm);
-        Ok(MapGrid { origin_mm, cell_mm, width: side(0) as usize, height: side(1) as usize })
-    }
-
     /// Rounds of map and poses; the map with its errors, and the standard error of the row time.
     pub(super) fn make_map(&mut self, n_rounds: usize) -> Result<Made, SceneError> {
         self.optics.camera.balance(self.keys.iter().map(|key| key.samples.as_slice()));
-        let grid = self.grid()?;
+        let grid = covering(&self.optics, &self.keys)?;
         let mut map = splat(grid, &self.optics, &self.keys, None);
-        let mut row_error_s = f64::NAN;
+        let (mut row_error_s, mut corner_error) = (f64::NAN, f64::INFINITY);
         for _ in 0..n_rounds {
             let ratios = site_ratios(&self.optics, &self.keys, &map);
             self.optics.camera.rebalance(ratios);
+            if let Some([more, error]) = more_lost(&self.optics, &self.keys, &map) {
+                let loss = self.optics.camera.corner_loss() + more;
+                self.optics.camera.set_corner_loss(loss.clamp(0.0, MOST_LOST));
+                corner_error = error;
+            }
             row_error_s = self.improve(&map)?;
             self.drop_strange_light();
             map = splat(grid, &self.optics, &self.keys, Some(&map));
         }
         let white_dn = map.white_dn().ok_or(SceneError::NoTexture)?;
-        Ok(Made { map, white_dn, row_error_s })
+        let corner_loss = [self.optics.camera.corner_loss(), corner_error];
+        let read_noise_dn = read_noise(&self.optics, &map, &self.keys);
+        Ok(Made { map, white_dn, row_error_s, corner_loss, read_noise_dn })
     }
 
     /// One round: the shared constants once, poses and brightness with them. Gives the standard error
@@ -370,9 +354,17 @@ impl<'a> Surveyor<'a> {
             }
             Ok(())
         })?;
-        let (knots, n_bridged) = follower.finish();
+        let (located, n_bridged) = follower.finish();
+        let squares = Squares::covering(&made.map.grid);
+        let seen = located.iter().map(|found| (&found.knot, found.levels.as_slice()));
+        let moving = Levels::new(squares, seen).moving();
+        let mut knots: Vec<PathKnot> = located.iter().map(|found| found.knot).collect();
+        if let Some(moving) = &moving {
+            let lamps = knots.iter_mut().zip(&moving.ln_lamps);
+            lamps.for_each(|(knot, ln_lamps)| knot.ln_gain = *ln_lamps);
+        }
         let n_frames = [n, n - knots.len()];
         let path = HeadPath::new(self.tag.zero(), knots, MAX_GAP);
-        Ok(Followed { path, n_frames, n_bridged })
+        Ok(Followed { path, n_frames, n_bridged, moving })
     }
 }

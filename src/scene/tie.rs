@@ -27,11 +27,25 @@ pub struct DavisKnown<'a> {
 }
 
 /// Finds how the event camera sits beside the Pi camera, its lens's focal length and how late its
-/// clock is: from the tag, then from the light in its frames.
+/// clock is: from the tag, then from the light in its frames. Where these show that the Pi's frames are
+/// not linear in light, the survey is made so.
 ///
 /// # Errors
 /// When too few of its frames show the tag or fall on the map, or they fit no mount.
 pub fn tie(
+    survey: &mut Survey,
+    known: &DavisKnown<'_>,
+    frames: &[Frame<Davis>],
+) -> Result<Registration, SceneError> {
+    let first = tie_once(survey, known, frames)?;
+    let Some(tone) = first.tone.filter(|tone| tone.curved().is_some()) else { return Ok(first) };
+    let mut linear = survey.clone().to_power(tone.power());
+    let again = tie_once(&linear, known, frames)?;
+    std::mem::swap(survey, &mut linear);
+    Ok(Registration { tone: Some(tone), ..again })
+}
+
+fn tie_once(
     survey: &Survey,
     known: &DavisKnown<'_>,
     frames: &[Frame<Davis>],

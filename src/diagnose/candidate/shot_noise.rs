@@ -1,21 +1,31 @@
 //! Band-limited noise of the photoreceptor.
 
-use super::{Candidate, EffectId, Freed, Nuisance, PLAIN};
-use std::f64::consts::PI;
+use super::{Candidate, EffectId, PLAIN, Parameter};
+use std::f64::consts::TAU;
+
+/// Speed of the noise over its size, in turns of its bandwidth: behind two low passes of which the
+/// second, the follower's, lies at three times the first. Noise behind one alone would have no speed.
+const SPEED: f64 = 1.732_050_807_568_877_2;
 
 pub(super) const CANDIDATE: Candidate = Candidate {
     id: EffectId::ShotNoise,
     equation: "event when |V + n - n_mem| > theta, n band-limited",
     source: "Rice, Bell Syst. Tech. J. 24, 1945; Graca, Paredes-Valles and Delbruck, arXiv 2304.04019",
-    frees: &[
-        Freed { nuisance: Nuisance::LogNoise, range: [-5.3, 0.0] },
-        Freed { nuisance: Nuisance::LogNoiseHz, range: [-3.0, 7.6] },
+    parameters: &[
+        Parameter::log("rms_thresholds", [0.02, 1.5]),
+        Parameter::log("bandwidth_hz", [1.0, 5_000.0]),
     ],
-    starts: |_| vec![vec![-2.2, 6.0], vec![-1.6, 5.0], vec![-1.2, 3.0]],
-    report: |values| {
-        // A logistic law's standard deviation is pi over the root of three of its scale.
-        let scale = values[Nuisance::LogNoise as usize].exp();
-        vec![scale * PI / 3.0_f64.sqrt(), values[Nuisance::LogNoiseHz as usize].exp() / (2.0 * PI)]
+    starts: |_| {
+        let sizes = [0.1_f64, 0.2, 0.35];
+        let pace = |rms: f64| [30.0_f64, 300.0].map(|hz| vec![rms.ln(), hz.ln()]);
+        sizes.into_iter().flat_map(pace).collect()
+    },
+    act: |values, _, view| {
+        let law = &mut view.law;
+        law.shot_at_white = values[0] * 0.5 * (law.theta_on + law.theta_off);
+        law.shot_speed_per_s = law.shot_at_white * SPEED * TAU * values[1];
+        // The comparator takes the signal with its noise for its new reference.
+        law.noise_memorised = 1.0;
     },
     rivals: &[EffectId::BackgroundActivity, EffectId::FrameNoise, EffectId::StampJitter],
     splitter: "a static segment: polarities of noise alternate, more than three in four",

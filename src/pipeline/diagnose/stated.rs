@@ -1,5 +1,7 @@
 //! What the scene found of lenses, rows and path, against what the session's rig states.
 
+mod light;
+
 use crate::diagnose::{Departure, Evidence};
 use crate::effect_id::EffectId;
 use crate::rig::{CameraDescription, Rig};
@@ -21,27 +23,57 @@ const LEAST_SWING_PX: f64 = 0.02;
 /// Standard errors from the statement that a departure has to be.
 const SURE: f64 = 5.0;
 
-/// The departures, each with the light as it would be without it.
+/// The departures, each with the light as it would be without it and without those behind it.
 pub(super) fn departures(scene: &Scene, rig: &Rig, evidence: &Evidence) -> Vec<Departure> {
+    let mut bare = scene.clone();
+    let mut all = Vec::new();
+    let mut add = |bare: &Scene, found: Departure| {
+        let without = Some(evidence.in_light_of(&bare.drive()));
+        all.push(Departure { without, ..found });
+    };
     let shake = scene.survey.path.shake();
-    let shake = shake.filter(|s| s.amplitude_mm[0] > LEAST_SWING_PX * scene.registration.pixel_mm);
-    let mut calm = scene.clone();
-    if let Some(shake) = &shake {
-        calm.survey.path = calm.survey.path.without(shake);
+    let least_mm = LEAST_SWING_PX * scene.registration.pixel_mm;
+    if let Some(shake) = shake.filter(|shake| shake.amplitude_mm[0] > least_mm) {
+        bare.survey.path = bare.survey.path.without(&shake);
+        add(&bare, swing(&shake));
     }
+    if let Some((found, spread)) = blur(scene, rig) {
+        bare.registration.spread = spread;
+        add(&bare, found);
+    }
+    if let Some(moving) = bare.survey.moving_light.take() {
+        add(&bare, light::shadow(&moving));
+    }
+    if let Some((tone, found)) = bare.registration.tone.and_then(|t| Some((t, light::curve(&t)?))) {
+        bare.survey = bare.survey.to_power(1.0 / tone.power());
+        add(&bare, found);
+    }
+    // What no event tells has no light of its own.
     let row_us = scene.survey.row_s.map(|s| s * 1e6);
     let stated_us = rig.pi.camera.row_time.as_secs_f64() * 1e6;
-    let mut all: Vec<Departure> = rows(row_us, stated_us).into_iter().collect();
-    if let Some((found, spread)) = blur(scene, rig) {
-        let mut sharp = calm.clone();
-        sharp.registration.spread = spread;
-        all.push(Departure { without: Some(evidence.in_light_of(&sharp.drive())), ..found });
-    }
-    if let Some(shake) = &shake {
-        let without = Some(evidence.in_light_of(&calm.drive()));
-        all.push(Departure { without, ..swing(shake) });
-    }
+    all.extend(light::noise(scene, rig));
+    all.extend(light::corners(scene));
+    all.extend(rows(row_us, stated_us));
+    all.reverse();
     all
+}
+
+/// What the frames of a session would show of such things.
+pub(super) fn shown(scene: &Scene, rig: Option<&Rig>) -> Vec<EffectId> {
+    let [_, corner_error] = scene.survey.corner_loss;
+    let tone = scene.registration.tone;
+    let corners = corner_error.is_finite() || tone.is_some();
+    let noise = rig.is_some_and(|rig| rig.pi.camera.read_noise_dn.is_some())
+        && light::noise_is_known(scene);
+    [
+        (EffectId::MovingShadow, true),
+        (EffectId::ToneCurve, tone.is_some()),
+        (EffectId::Vignetting, corners),
+        (EffectId::FrameNoise, noise),
+    ]
+    .into_iter()
+    .filter_map(|(id, is_shown)| is_shown.then_some(id))
+    .collect()
 }
 
 /// By how much later than stated the rows of the Pi's frames saw light because those above them, which

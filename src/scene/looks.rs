@@ -1,0 +1,44 @@
+//! A frame's pixels held against the map, some of them all over the frame.
+
+use super::map::RadianceMap;
+use super::splat::{Key, Optics};
+use nalgebra::Vector3;
+
+/// A pixel, and what the map has at the place that it looks at.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Look {
+    pub(super) x: usize,
+    pub(super) y: usize,
+    pub(super) place_mm: [f64; 2],
+    /// Light of the pixel, DN of green above black.
+    pub(super) light: f64,
+    /// Radiance of the map there, and how it changes a millimetre.
+    pub(super) mapped: [f64; 3],
+}
+
+/// Shows every `step`-th pixel of every `step`-th row whose place is on the map. An odd step gives all
+/// places of the mosaic their turn.
+pub(super) fn looks(
+    optics: &Optics,
+    map: &RadianceMap,
+    key: &Key,
+    step: usize,
+    mut see: impl FnMut(&Look),
+) -> Option<()> {
+    let camera = &optics.camera;
+    let (width, height) = (usize::from(camera.size.width), usize::from(camera.size.height));
+    for y in (0..height).step_by(step) {
+        let plane = optics.head.plane_from_pi(&optics.pose_of_row(key, y as f64))?;
+        for x in (0..width).step_by(step) {
+            let Some(light) = camera.light(&key.samples, x, y) else { continue };
+            let [u, v] = camera.ray(x, y);
+            let place = plane * Vector3::new(u, v, 1.0);
+            let place_mm = [place.x / place.z, place.y / place.z];
+            let mapped = map.sample(place_mm);
+            if mapped[0].is_finite() {
+                see(&Look { x, y, place_mm, light: f64::from(light), mapped });
+            }
+        }
+    }
+    Some(())
+}

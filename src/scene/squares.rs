@@ -1,0 +1,60 @@
+//! What a frame has beyond the map, summed over squares of the print.
+
+use super::align::LEVEL_STEP;
+use super::corners::Corners;
+use super::looks::looks;
+use super::map::{MapGrid, RadianceMap};
+use super::splat::{Key, Optics};
+
+/// Side of a square, millimetres, and the fewest pixels that tell its light.
+const SIDE_MM: f64 = 3.0;
+const LEAST_LOOKS: u32 = 5;
+
+/// Squares of the print.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Squares {
+    pub(super) origin_mm: [f64; 2],
+    pub(super) width: usize,
+    pub(super) height: usize,
+}
+
+impl Squares {
+    pub(super) fn covering(grid: &MapGrid) -> Self {
+        let side = |n: usize| (n as f64 * grid.cell_mm / SIDE_MM).ceil().max(1.0) as usize;
+        Self { origin_mm: grid.origin_mm, width: side(grid.width), height: side(grid.height) }
+    }
+
+    fn of(&self, place_mm: [f64; 2]) -> Option<usize> {
+        let [x, y] = [0, 1].map(|axis| (place_mm[axis] - self.origin_mm[axis]) / SIDE_MM);
+        let is_inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < self.height as f64;
+        is_inside.then(|| y as usize * self.width + x as usize)
+    }
+
+    pub(super) fn middle_mm(&self, square: usize) -> [f64; 2] {
+        let at = [square % self.width, square / self.width];
+        [0, 1].map(|axis| self.origin_mm[axis] + (at[axis] as f64 + 0.5) * SIDE_MM)
+    }
+
+    /// Logarithm of a frame's light over the map's in every square; `NaN` where it tells too little.
+    pub(super) fn levels(&self, optics: &Optics, map: &RadianceMap, key: &Key) -> Vec<f32> {
+        let mut sums = vec![(0.0_f64, 0.0_f64, 0_u32); self.width * self.height];
+        // A frame whose geometry has no inverse shows nothing.
+        let _ = looks(optics, map, key, LEVEL_STEP, |look| {
+            if let Some(sum) = self.of(look.place_mm).and_then(|square| sums.get_mut(square)) {
+                *sum = (sum.0 + look.light, sum.1 + look.mapped[0], sum.2 + 1);
+            }
+        });
+        let level = |&(seen, expected, n): &(f64, f64, u32)| {
+            let is_known = n >= LEAST_LOOKS && seen > 0.0 && expected > 0.0;
+            if is_known { (seen / expected).ln() as f32 } else { f32::NAN }
+        };
+        sums.iter().map(level).collect()
+    }
+
+    /// A value of each square at a place, straight between the squares' middles.
+    pub(super) fn between(&self, values: &[f64], place_mm: [f64; 2]) -> f64 {
+        let at = |axis: usize| ((place_mm[axis] - self.origin_mm[axis]) / SIDE_MM - 0.5) as f32;
+        let corners = Corners::about([self.width, self.height], [at(0), at(1)]);
+        corners.0.iter().map(|&(square, weight)| values[square] * f64::from(weight)).sum()
+    }
+}
