@@ -165,6 +165,8 @@ pub struct Candidate {
     /// Where the clocks' offset lies when the effect has these parameters and the tie of the clocks
     /// holds in the middle; none where the effect is no matter of them.
     pub offset_us: fn(&Evidence, &[f64]) -> Option<f64>,
+    /// Nuisances that may have stood in for it, and where they begin beside it, in their fitted coordinates.
+    pub stand_ins: &'static [(Nuisance, f64)],
     /// Standard error of what its first parameter is measured against, in the parameter's unit: what a
     /// session states of its clocks is known no better.
     pub against: fn(&Evidence) -> f64,
@@ -206,6 +208,7 @@ const PLAIN: Candidate = Candidate {
     against: |_| 0.0,
     agrees: |_, _| true,
     offset_us: |_, _| None,
+    stand_ins: &[],
     says: |_| String::new(),
 };
 

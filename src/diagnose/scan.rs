@@ -6,7 +6,7 @@ use super::fit::{Fitted, as_it_is, each_as_it_is, fit, improved};
 use super::polish::polished_off_the_ends;
 use super::region::{begun_in_a_part, gain_of, settled};
 use super::score::Part;
-use super::{CannotJudge, Evidence, Nuisance};
+use super::{CannotJudge, Evidence, Hypothesis, Nuisance};
 use crate::effect_id::EffectId;
 
 /// Steps of a first fit, on some of the pixels.
@@ -188,7 +188,13 @@ fn first_step(
             let is_elsewhere = (us - plain.nuisance(Nuisance::OffsetUs)).abs() > SAME_OFFSET_US;
             let stated = is_elsewhere && candidate.frees.is_empty();
             let stated = stated.then(|| plain.with_nuisance(Nuisance::OffsetUs, us));
-            [Some(plain), stated].into_iter().flatten()
+            let freed = (!candidate.stand_ins.is_empty()).then(|| {
+                let freed = |other: Hypothesis, &(nuisance, value): &(Nuisance, f64)| {
+                    other.with_nuisance(nuisance, value)
+                };
+                candidate.stand_ins.iter().fold(plain.clone(), freed)
+            });
+            [Some(plain), stated, freed].into_iter().flatten()
         })
         .collect();
     let mut begun = each_as_it_is(few, starts);

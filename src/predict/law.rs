@@ -1,11 +1,18 @@
 //! The law of one pixel: thresholds, leak, noise, background, dead time, losses.
 
-use super::memory::MOST_CASES;
+use super::memory::{MOST_CARRIED, MOST_CASES};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::SQRT_2;
 
 /// Scale of a logistic law over its standard deviation: the root of three over pi.
 const LOGISTIC: f64 = 0.551_328_895_421_792;
+
+/// Time in which the signal's noise forgets over that in which it passes its own size: behind two low
+/// passes, the second at three times the first.
+const FORGETS: f64 = 1.732_050_807_568_877_2;
+
+/// From so many times that time on it has rested.
+const RESTED: f64 = 2.8;
 
 fn all() -> f64 {
     1.0
@@ -166,12 +173,32 @@ impl PixelLaw {
         self.blind_s.max(self.masked_s)
     }
 
+    /// By how much of its rate the signal's own noise sets off events in the mean between two times behind
+    /// an event, seconds: the noise that set off the one has first to be gone. As simulations have it, it
+    /// sets off nothing for the time in which it forgets, and all from nearly three times that on.
+    pub(super) fn rested(&self, [from_s, to_s]: [f64; 2]) -> f64 {
+        if self.shot_speed_per_s <= 0.0 {
+            return 1.0;
+        }
+        let forgets_s = FORGETS * self.shot_at_white / self.shot_speed_per_s;
+        let ramp = |at_s: f64| ((at_s / forgets_s - 1.0) / (RESTED - 1.0)).max(0.0);
+        // Integral of the ramp in units of its length; it goes on as one.
+        let whole = |ramp: f64| if ramp < 1.0 { 0.5 * ramp * ramp } else { ramp - 0.5 };
+        let [a, b] = [ramp(from_s), ramp(to_s)];
+        let length = (to_s - from_s) / (forgets_s * (RESTED - 1.0));
+        if length > 1e-9 { (whole(b) - whole(a)) / length } else { a.min(1.0) }
+    }
+
     /// What it compares with that is followed side by side, at most.
     #[must_use]
     pub fn n_memories(&self) -> usize {
         let is_open =
             self.masked_s > 0.0 || self.drop_fraction > 0.0 || self.background_memorised < 1.0;
-        if is_open { MOST_CASES } else { 1 }
+        match self.shot_at_white {
+            shot if shot > 0.0 => MOST_CARRIED,
+            _ if is_open => MOST_CASES,
+            _ => 1,
+        }
     }
 
     /// The threshold of one polarity.

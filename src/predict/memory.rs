@@ -18,8 +18,19 @@ const LEAST_SHARE: f64 = 0.02;
 /// Cases whose values differ by less of a threshold are one.
 const ALIKE: f64 = 0.02;
 
-/// Most cases that are kept side by side.
+/// Most cases that are kept side by side, and that may have carried noise of unknown size.
 pub(super) const MOST_CASES: usize = 4;
+pub(super) const MOST_CARRIED: usize = 8;
+
+/// Where the signal has come to.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Here {
+    pub(super) height: f64,
+    /// Change a second.
+    pub(super) speed: f64,
+    /// How much of its rate the signal's own noise has again.
+    pub(super) rested: f64,
+}
 
 /// One way in which a pixel may stand.
 #[derive(Debug, Clone, Copy)]
@@ -34,6 +45,8 @@ pub(super) struct Case {
     pub(super) gone: [f64; 2],
     pub(super) thresholds: [Threshold; 2],
     pub(super) noise: f64,
+    /// What the noise's own movement has spent since the case began, On and Off.
+    pub(super) moved: [f64; 2],
 }
 
 impl Case {
@@ -42,7 +55,15 @@ impl Case {
         let law = course.law;
         let threshold = |theta| Threshold::new(theta, noise, law.drop_fraction);
         let thresholds = [threshold(law.theta_on), threshold(law.theta_off)];
-        Self { weight: 1.0, value, begin: [0.0; 2], gone: [0.0; 2], thresholds, noise }
+        Self {
+            weight: 1.0,
+            value,
+            begin: [0.0; 2],
+            gone: [0.0; 2],
+            thresholds,
+            noise,
+            moved: [0.0; 2],
+        }
     }
 
     /// Greatest change without an event, On and Off.
@@ -62,25 +83,28 @@ impl Case {
 
     /// The same, which the signal had `gone` without an event, from where it is.
     pub(super) fn begun_at(self, gone: [f64; 2]) -> Self {
-        Self { begin: gone, gone, ..self }
+        Self { begin: gone, gone, moved: [0.0; 2], ..self }
     }
 
     fn spent(&self, reach: Reach) -> [f64; 2] {
         let gone = self.gone(reach);
-        [0, 1].map(|side| self.thresholds[side].silence(self.begin[side], gone[side]))
+        [0, 1].map(|side| {
+            self.thresholds[side].silence(self.begin[side], gone[side]) + self.moved[side]
+        })
     }
 
     /// Hazard, a second, of events that the light or the noise sets off where the signal comes to a height
     /// at a speed.
-    fn sets_off(&self, course: &Course<'_>, on: bool, reach: Reach, here: [f64; 2]) -> f64 {
-        let [height, speed] = here;
+    fn sets_off(&self, course: &Course<'_>, on: bool, reach: Reach, here: Here) -> f64 {
+        let Here { height, speed, rested } = here;
         let side = usize::from(!on);
         let (slope, gone) = (if on { speed } else { -speed }, self.gone(reach)[side]);
         let is_new = slope > 0.0 && self.change(height, on) >= gone;
         let threshold = self.thresholds[side];
         let crosses = if is_new { threshold.hazard(self.begin[side], gone) * slope } else { 0.0 };
         let moves = self.movement(course);
-        crosses + moves.map_or(0.0, |moves| moves.hazard(self.change(height, on), speed, on))
+        crosses
+            + moves.map_or(0.0, |moves| moves.hazard(self.change(height, on), speed, on, rested))
     }
 
     pub(super) fn movement(&self, course: &Course<'_>) -> Option<Movement> {
@@ -103,7 +127,9 @@ impl Unknown {
     /// At the begin of a stretch of light.
     pub(super) fn new(course: &Course<'_>, position: f64) -> Self {
         let law = course.law;
-        let noise = law.noise(course.level(position));
+        let grown = law.noise(course.level(position));
+        // Noise of the signal brings either threshold as near.
+        let noise = grown.max(law.shot_at_white * grown / law.noise_at_white);
         Self { value: course.height(position), noise, sum: law.theta_on + law.theta_off }
     }
 
@@ -136,6 +162,8 @@ pub(super) struct Memory {
     unknown: Option<Unknown>,
     /// For cases that are made of others.
     spare: Vec<Case>,
+    /// How many are kept.
+    most: usize,
 }
 
 /// An event, as far as it changes what the pixel compares with.
@@ -149,13 +177,19 @@ pub(super) struct Fired {
 
 impl Memory {
     /// Of a pixel of whose past nothing is known.
-    pub(super) fn unknown(unknown: Unknown) -> Self {
-        Self { cases: Vec::new(), unknown: Some(unknown), spare: Vec::new() }
+    pub(super) fn unknown(course: &Course<'_>, unknown: Unknown) -> Self {
+        let most = course.law.n_memories();
+        Self { cases: Vec::new(), unknown: Some(unknown), spare: Vec::new(), most }
     }
 
     /// The cases; none while nothing is known.
     pub(super) fn cases(&self) -> &[Case] {
         &self.cases
+    }
+
+    /// The cases, for what the noise's own movement spends in each.
+    pub(super) fn cases_mut(&mut self) -> &mut [Case] {
+        &mut self.cases
     }
 
     /// Weighs the cases anew by how likely each was to stay silent while the signal went so far. To
@@ -166,7 +200,7 @@ impl Memory {
                 let [on, off] = case.spent(reach);
                 case.weight *= (-on - off).exp();
             }
-            normalise(&mut self.cases);
+            normalise(&mut self.cases, self.most);
         }
     }
 
@@ -191,16 +225,10 @@ impl Memory {
 
     /// Hazard, a second, of events that the light or the noise sets off where the signal has just come to
     /// a height at a speed; cases weighed.
-    pub(super) fn sets_off(
-        &self,
-        course: &Course<'_>,
-        on: bool,
-        reach: Reach,
-        here: [f64; 2],
-    ) -> f64 {
+    pub(super) fn sets_off(&self, course: &Course<'_>, on: bool, reach: Reach, here: Here) -> f64 {
         if let Some(unknown) = &self.unknown {
-            let slope = if on { here[1] } else { -here[1] };
-            return unknown.hazard(on, reach, here[0]) * slope.max(0.0);
+            let slope = if on { here.speed } else { -here.speed };
+            return unknown.hazard(on, reach, here.height) * slope.max(0.0);
         }
         self.cases.iter().map(|case| case.weight * case.sets_off(course, on, reach, here)).sum()
     }
@@ -213,7 +241,7 @@ impl Memory {
     /// Takes other cases in the place of these.
     pub(super) fn set(&mut self, cases: Vec<Case>) {
         self.cases = cases;
-        normalise(&mut self.cases);
+        normalise(&mut self.cases, self.most);
     }
 
     /// Change at a height towards On or Off against what the pixel most likely compares with.
@@ -255,26 +283,38 @@ impl Memory {
             }
             std::mem::swap(&mut self.cases, &mut self.spare);
         }
-        normalise(&mut self.cases);
+        normalise(&mut self.cases, self.most);
     }
 
     /// Into `spare`, what the pixel compares with if it memorised at an event: where the noise that set it
     /// off is memorised, that depends on what it compared with before.
     fn memorise(&mut self, course: &Course<'_>, fired: Fired, reach: Reach, end_us: f64) {
         let at = course.position(fired.t_us);
-        let here = [course.height(at), course.slope(at)];
+        let here = Here { height: course.height(at), speed: course.slope(at), rested: 1.0 };
         let fresh = |case: Option<&Case>| {
-            fresh(course, fired, case.map(|case| case.change(here[0], fired.on)), end_us)
+            fresh(course, fired, case.map(|case| case.change(here.height, fired.on)), end_us)
         };
         self.spare.clear();
-        if self.cases.len() < 2 || course.law.noise_memorised <= 0.0 {
+        let is_shot = course.law.shot_at_white > 0.0;
+        if is_shot {
+            // What is followed may have gone astray: at once where the event is not understood.
+            let astray = fired.background_share.max(ASTRAY);
+            let (share, noise): (f64, &[[f64; 2]]) =
+                if self.cases.is_empty() { (1.0, &CARRIED) } else { (astray, &CARRIED_ASTRAY) };
+            let plain = Case { weight: share, ..fresh(None) };
+            self.spare.extend(carried(course, fired, plain, noise));
+            self.cases.iter_mut().for_each(|case| case.weight *= 1.0 - share);
+        } else if self.cases.len() < 2 || course.law.noise_memorised <= 0.0 {
             self.spare.push(fresh(self.cases.first()));
             return;
         }
         let sets_off = |case: &Case| case.weight * case.sets_off(course, fired.on, reach, here);
         let all: f64 = self.cases.iter().map(sets_off).sum();
-        let share = |case: &Case| if all > 0.0 { sets_off(case) / all } else { case.weight };
-        for case in self.cases.iter().filter(|case| share(case) >= LEAST_SHARE) {
+        let left: f64 = self.cases.iter().map(|case| case.weight).sum();
+        let share = |case: &Case| left * if all > 0.0 { sets_off(case) / all } else { case.weight };
+        // Of noise that is carried on and on even what is unlikely may turn out.
+        let least = if is_shot { LEAST_WEIGHT } else { LEAST_SHARE };
+        for case in self.cases.iter().filter(|case| share(case) >= least) {
             gather(&mut self.spare, Case { weight: share(case), ..fresh(Some(case)) });
         }
     }
@@ -290,7 +330,8 @@ pub(super) fn fresh(course: &Course<'_>, fired: Fired, change: Option<f64>, end_
         // What was missing to the threshold, or to its multiple where events were lost, was noise, and
         // the pixel memorised it with the light.
         let theta = law.theta(fired.on);
-        let missing = theta * (change / theta).round().max(1.0) - change;
+        let n = if law.shot_at_white > 0.0 { 1.0 } else { (change / theta).round().max(1.0) };
+        let missing = theta * n - change;
         let towards = if fired.on { 1.0 } else { -1.0 };
         // Of all events that are memorised these were not background.
         let memorised = 1.0 - fired.background_share * (1.0 - law.background_memorised);
@@ -301,6 +342,41 @@ pub(super) fn fresh(course: &Course<'_>, fired: Fired, change: Option<f64>, end_
     // It fired at this height, so it did not fire on the way from what it memorised to here.
     let gone = [(height - value).max(0.0), (value - height).max(0.0)];
     Case::new(course, value, course.noise(position)).begun_at(gone)
+}
+
+/// Noise of the signal that may have set off an event of which nothing else is known, in its standard
+/// deviations, with the chance of each.
+const CARRIED: [[f64; 2]; MOST_CARRIED] = [
+    [0.4, 0.06],
+    [0.75, 0.12],
+    [1.1, 0.18],
+    [1.45, 0.20],
+    [1.8, 0.18],
+    [2.15, 0.13],
+    [2.5, 0.08],
+    [2.85, 0.05],
+];
+
+/// The same, in fewer cases.
+const CARRIED_ASTRAY: [[f64; 2]; 3] = [[0.8, 0.3], [1.5, 0.4], [2.2, 0.3]];
+
+/// Chance that what a pixel is taken to compare with has nothing to do with what it does.
+const ASTRAY: f64 = 0.02;
+
+/// What a pixel compares with that memorised the light with noise of unknown size.
+fn carried(
+    course: &Course<'_>,
+    fired: Fired,
+    plain: Case,
+    noise: &[[f64; 2]],
+) -> impl Iterator<Item = Case> {
+    let towards = if fired.on { 1.0 } else { -1.0 };
+    let size = course.law.shot_at_white * plain.noise / course.law.noise_at_white;
+    noise.iter().map(move |[noise, weight]| Case {
+        value: plain.value + towards * noise * size,
+        weight: plain.weight * weight,
+        ..plain
+    })
 }
 
 /// Adds a case to some; where one compares with all but the same value the two are one.
@@ -314,7 +390,7 @@ pub(super) fn gather(cases: &mut Vec<Case>, other: Case) {
 }
 
 /// Keeps the likeliest cases, likeliest first, with weights that add up to one.
-fn normalise(cases: &mut Vec<Case>) {
+fn normalise(cases: &mut Vec<Case>, most: usize) {
     if let [only] = cases.as_mut_slice() {
         only.weight = 1.0;
         return;
@@ -322,7 +398,7 @@ fn normalise(cases: &mut Vec<Case>) {
     cases.sort_by(|a, b| b.weight.total_cmp(&a.weight));
     let all: f64 = cases.iter().map(|case| case.weight).sum();
     let least = LEAST_WEIGHT * all;
-    let kept = cases.iter().take(MOST_CASES).take_while(|case| case.weight >= least).count();
+    let kept = cases.iter().take(most).take_while(|case| case.weight >= least).count();
     cases.truncate(kept.max(1));
     let sum: f64 = cases.iter().map(|case| case.weight).sum();
     let n = cases.len() as f64;

@@ -63,15 +63,18 @@ impl Tail {
         }
     }
 
-    /// Mean upward speed of a signal that rises by `speed` with noise that moves by `own`, as far as it
-    /// is booked here.
-    fn upward(self, speed: f64, own: f64) -> f64 {
+    /// Mean upward speed of a signal that rises by `speed` with noise that moves by `own` and does `share`
+    /// of what it can, as far as it is booked here.
+    fn upward(self, speed: f64, own: f64, share: f64) -> f64 {
         match self {
-            Self::Logistic => 0.5 * ((speed * speed + own * own).sqrt() - speed.abs()),
+            Self::Logistic => share * 0.5 * ((speed * speed + own * own).sqrt() - speed.abs()),
             Self::Normal => {
                 let u = speed / own;
                 let rises = 0.5 * statrs::function::erf::erfc(-u * std::f64::consts::FRAC_1_SQRT_2);
-                speed * rises + own * normal::density(u)
+                let all = speed * rises + own * normal::density(u);
+                // The light rises whatever the noise does.
+                let rise = speed.max(0.0);
+                rise + share * (all - rise)
             }
         }
     }
@@ -107,22 +110,24 @@ impl Movement {
         up > self.theta[0] - far || down > self.theta[1] - far
     }
 
-    /// Hazard, a second, where the change towards the threshold is `y` and moves at `speed`.
-    pub(super) fn hazard(&self, y: f64, speed: f64, on: bool) -> f64 {
+    /// Hazard, a second, where the change towards the threshold is `y` and moves at `speed`, the noise
+    /// doing `share` of what it can.
+    pub(super) fn hazard(&self, y: f64, speed: f64, on: bool, share: f64) -> f64 {
         let z = (y - self.theta[usize::from(!on)]) / self.noise;
         if z < -self.tail.out_of_reach() {
             return 0.0;
         }
         let speed = if on { speed } else { -speed };
-        self.tail.upward(speed, self.own) * self.tail.hazard(z) / self.noise
+        self.tail.upward(speed, self.own, share) * self.tail.hazard(z) / self.noise
     }
 
-    /// Adds what a straight passage to `change` spends, On and Off, and gives where it ends.
+    /// Adds what a straight passage to `change` spends, On and Off, while the noise does `share` of what
+    /// it can, and gives where it ends.
     pub(super) fn pass(
         &self,
         from: Corner,
         change: f64,
-        seconds: f64,
+        [seconds, share]: [f64; 2],
         spent: &mut [f64; 2],
     ) -> Corner {
         let mut to = Corner::at(change);
@@ -144,7 +149,7 @@ impl Movement {
                     to.risen[side] = Some(risen);
                     (risen - from.risen[side].unwrap_or_else(|| tail.spent(begin))) / width
                 };
-                let upward = tail.upward(towards * speed, self.own);
+                let upward = tail.upward(towards * speed, self.own, share);
                 *spent += upward * seconds / self.noise * mean;
             }
         }
@@ -165,11 +170,11 @@ mod tests {
             let movement = Movement::new(&law, 0.03).unwrap();
             for [before, after] in [[0.0, 0.3], [0.2, -0.4], [0.22, 0.221], [0.1, 0.1]] {
                 let (mut whole, mut parts) = ([0.0; 2], [0.0; 2]);
-                movement.pass(Corner::at(before), after, 0.4, &mut whole);
+                movement.pass(Corner::at(before), after, [0.4, 1.0], &mut whole);
                 let at = |i: i32| before + (after - before) * f64::from(i) / 1000.0;
                 let mut corner = Corner::at(before);
                 for i in 0..1000 {
-                    corner = movement.pass(corner, at(i + 1), 0.4e-3, &mut parts);
+                    corner = movement.pass(corner, at(i + 1), [0.4e-3, 1.0], &mut parts);
                 }
                 for (whole, parts) in whole.iter().zip(parts) {
                     assert!((whole - parts).abs() < 3e-4 * parts + 2e-5, "{whole} {parts}");
@@ -215,7 +220,7 @@ mod tests {
             };
             let movement = Movement::new(&law, law.noise_at_white).unwrap();
             let mut spent = [0.0; 2];
-            movement.pass(Corner::at(change), change + speed * seconds, seconds, &mut spent);
+            movement.pass(Corner::at(change), change + speed * seconds, [seconds, 1.0], &mut spent);
             let share = f64::from(silent as u32) / f64::from(n_runs);
             let expected = (-spent[0]).exp();
             // What is beyond the threshold at the begin does not count here.

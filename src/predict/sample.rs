@@ -262,7 +262,9 @@ impl<'a> Source<'a> {
         for (next, height) in course.instants(at, end).chain([(end, course.height(end))]) {
             let after = height - limits.value;
             let seconds = (next - at) * course.step_s();
-            if let Some((share, on)) = limits.passed([before, after], reach, seconds, &mut stores) {
+            let behind = [at, next].map(|p| (course.time_us(p) - limits.from_us) * 1e-6);
+            let times = [seconds, course.law.rested(behind)];
+            if let Some((share, on)) = limits.passed([before, after], reach, times, &mut stores) {
                 let t_us = course.time_us(at + share * (next - at));
                 return Some(Spike { t_us: t_us.round() as i64, on });
             }
@@ -274,12 +276,13 @@ impl<'a> Source<'a> {
 }
 
 impl Limits {
-    /// Where on a straight passage the first event comes, as a share of it, and which.
+    /// Where on a straight passage the first event comes, as a share of it, and which. The passage takes so
+    /// many seconds, in which noise has so much of its rate.
     fn passed(
         &self,
         [before, after]: [f64; 2],
         reach: Reach,
-        seconds: f64,
+        [seconds, rested]: [f64; 2],
         stores: &mut [f64; 2],
     ) -> Option<(f64, bool)> {
         let mut first: Option<(f64, bool)> = None;
@@ -301,7 +304,7 @@ impl Limits {
             let speed = (after - before) / seconds;
             let middle = 0.5 * (before + after);
             for (store, (on, y)) in stores.iter_mut().zip([(true, middle), (false, -middle)]) {
-                let hazard = moves.hazard(y, speed, on) * seconds;
+                let hazard = moves.hazard(y, speed, on, rested) * seconds;
                 if hazard > *store {
                     offer(*store / hazard, on);
                 }

@@ -1,7 +1,7 @@
 //! One pass over a pixel's light and events: every event's hazard, every silence's compensator.
 
 use super::course::{Course, Reach};
-use super::memory::{Fired, Memory, Unknown};
+use super::memory::{Fired, Here, Memory, Unknown};
 use super::movement::Corner;
 use super::{Blocks, Light, PixelLaw, Spike};
 
@@ -79,6 +79,8 @@ pub(super) struct Pass<'a> {
     blocks: &'a Blocks,
     /// Up to here, microseconds, the pass has come.
     now_us: f64,
+    /// The last event.
+    fired_us: f64,
     /// The pixel is heard from here on; later than now while it is blind.
     awake_us: f64,
     memory: Memory,
@@ -86,8 +88,8 @@ pub(super) struct Pass<'a> {
     reach: Reach,
     /// What that had spent when silence was last reported.
     reported: [f64; 2],
-    /// Spent by the noise's own movement and not reported yet, On and Off.
-    moved: [f64; 2],
+    /// Spent before memory was parted and not reported yet, On and Off.
+    parted: [f64; 2],
     /// All that was spent since the last event.
     spent: f64,
 }
@@ -99,11 +101,12 @@ impl<'a> Pass<'a> {
             course,
             blocks,
             now_us: from_us,
+            fired_us: f64::NEG_INFINITY,
             awake_us: from_us,
-            memory: Memory::unknown(Unknown::new(&course, position)),
+            memory: Memory::unknown(&course, Unknown::new(&course, position)),
             reach: Reach::at(course.height(position)),
             reported: [0.0; 2],
-            moved: [0.0; 2],
+            parted: [0.0; 2],
             spent: 0.0,
         }
     }
@@ -145,11 +148,12 @@ impl<'a> Pass<'a> {
         let (on, background_share) = (term.spike.on, term.background_share);
         let fired = Fired { t_us, on, background_share };
         self.memory.fire(&self.course, fired, self.reach, end_us);
+        self.fired_us = t_us;
         self.awake_us = t_us + self.course.law.deaf_s() * 1e6;
         let awake = self.course.position(self.awake_us.min(end_us));
         self.reach = Reach::at(self.course.height(awake));
         self.reported = [0.0; 2];
-        self.moved = [0.0; 2];
+        self.parted = [0.0; 2];
         self.spent = 0.0;
     }
 
@@ -184,11 +188,11 @@ impl<'a> Pass<'a> {
         let seconds = (to_us - from_us) * 1e-6;
         let part = |side: usize, on: bool| {
             let crossed = now_spent[side] - self.reported[side];
-            crossed + self.moved[side] + self.course.law.background_hz(on) * seconds
+            crossed + self.parted[side] + self.course.law.background_hz(on) * seconds
         };
         let (on, off) = (part(0, true), part(1, false));
         self.reported = now_spent;
-        self.moved = [0.0; 2];
+        self.parted = [0.0; 2];
         Stretch { block, from_us, to_us, on, off }
     }
 
@@ -207,7 +211,7 @@ impl<'a> Pass<'a> {
                 }
                 let spent = self.memory.spent(self.reach);
                 for (side, spent) in spent.into_iter().enumerate() {
-                    self.moved[side] += spent - self.reported[side];
+                    self.parted[side] += spent - self.reported[side];
                 }
                 self.reported = [0.0; 2];
                 self.memory.weigh(self.reach);
@@ -239,20 +243,20 @@ impl<'a> Pass<'a> {
     ) {
         self.reach.add(here.high);
         self.reach.add(here.low);
-        for case in self.memory.cases() {
+        let fired_us = self.fired_us;
+        for case in self.memory.cases_mut() {
             let furthest = [here.high - case.value, case.value - here.low];
             let movement = case.movement(&self.course);
             let movement = movement.filter(|moves| moves.is_within_reach(furthest));
             let Some(movement) = movement else { continue };
-            let mut moved = [0.0; 2];
             let (mut at, mut corner) = (from.0, Corner::at(from.1 - case.value));
             for (position, height) in passages.clone() {
                 let seconds = (position - at) * self.course.step_s();
-                corner = movement.pass(corner, height - case.value, seconds, &mut moved);
+                let behind = [at, position].map(|p| (self.course.time_us(p) - fired_us) * 1e-6);
+                let share = self.course.law.rested(behind);
+                let change = height - case.value;
+                corner = movement.pass(corner, change, [seconds, share], &mut case.moved);
                 at = position;
-            }
-            for (all, moved) in self.moved.iter_mut().zip(moved) {
-                *all += case.weight * moved;
             }
         }
     }
@@ -265,7 +269,10 @@ impl<'a> Pass<'a> {
         let speed = course.slope(position);
         let slope = if spike.on { speed } else { -speed };
         let is_awake = t_us > self.awake_us;
-        let sets_off = || self.memory.sets_off(course, spike.on, self.reach, [height, speed]);
+        let behind_s = (t_us - self.fired_us) * 1e-6;
+        let rested = course.law.rested([behind_s; 2]);
+        let here = Here { height, speed, rested };
+        let sets_off = || self.memory.sets_off(course, spike.on, self.reach, here);
         let hazard = if is_awake { sets_off() } else { 0.0 };
         let background = course.law.background_hz(spike.on).max(LEAST_HAZARD);
         EventTerm {

@@ -1,6 +1,6 @@
 //! Band-limited noise of the photoreceptor.
 
-use super::{Candidate, EffectId, PLAIN, Parameter};
+use super::{Candidate, EffectId, Nuisance, PLAIN, Parameter};
 use std::f64::consts::TAU;
 
 /// Speed of the noise over its size, in turns of its bandwidth: behind two low passes of which the
@@ -20,12 +20,12 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         let pace = |rms: f64| [30.0_f64, 300.0].map(|hz| vec![rms.ln(), hz.ln()]);
         sizes.into_iter().flat_map(pace).collect()
     },
+    // What was taken for thresholds that scatter was the signal's noise.
+    stand_ins: &[(Nuisance::LogNoise, -3.5), (Nuisance::LogNoiseHz, 0.0)],
     act: |values, _, view| {
         let law = &mut view.law;
         law.shot_at_white = values[0] * 0.5 * (law.theta_on + law.theta_off);
         law.shot_speed_per_s = law.shot_at_white * SPEED * TAU * values[1];
-        // The comparator takes the signal with its noise for its new reference.
-        law.noise_memorised = 1.0;
     },
     rivals: &[EffectId::BackgroundActivity, EffectId::FrameNoise, EffectId::StampJitter],
     splitter: "a static segment: polarities of noise alternate, more than three in four",
