@@ -1,5 +1,5 @@
-//! The recorder under full load: 12 million events a second, uncompressed, and 120 raw and RGB
-//! frames a second of 692 x 520.
+//! The recorder under full load: 12 million events a second, and 120 raw and RGB frames a second of
+//! 692 x 520.
 //!
 //! `cargo bench --bench record -- disk [SECONDS] [FOLDER]` (10, the system's folder for temporary
 //! files): through the engine into a session, then a plain copy of the same files. Two minutes take
@@ -8,6 +8,9 @@
 //! `cargo bench --bench record -- sink [SECONDS]` (30): through queues and writers of a recording
 //! into pipes, at whose other ends all is decoded, counted, held to its order, summed up, and thrown
 //! away. The sums are compared with those of what the cameras made.
+//!
+//! Events are compressed as a rig's `davis.compression` says: `--compression=none` (unless stated), `lz4`
+//! or `zstd`.
 //!
 //! Both print what was dropped, processor time of the recorder alone (the threads that make the
 //! samples, and those that read them back, are not counted), and peak memory. Exit 1 when anything
@@ -27,6 +30,7 @@ mod load;
 
 use evrig::device::dobot::{ArmError, TimedPose};
 use evrig::device::{Arm, Finding, Progress, host_clock};
+use evrig::format::aedat4::Compression;
 use evrig::record::{Devices, Dwells, Prompts, Rehearsal, Request, StopToken, record, rehearse};
 use evrig::rig::{Pose, Rig};
 use evrig::trajectory::{Optional, Path as Trace, Trajectory};
@@ -105,10 +109,11 @@ fn cores(load: &Load, before: i64, others: i64, wall: f64) -> f64 {
     (all - load.cpu_ns() - others) as f64 * 1e-9 / wall
 }
 
-fn to_disk(seconds: f64, folder: &Path, copies: bool) -> bool {
+fn to_disk(seconds: f64, folder: &Path, compression: Compression, copies: bool) -> bool {
     let work = tempfile::tempdir_in(folder).unwrap();
     let out = work.path().join("session");
-    let rig = Rig::simulated().unwrap();
+    let mut rig = Rig::simulated().unwrap();
+    rig.davis.compression = compression;
     let trajectory = Trajectory::find("circle").unwrap();
     let path = trajectory.path(&rig, Optional::Included).unwrap();
     let (load, recorders) = Load::new(Pace::Real);
@@ -167,9 +172,9 @@ fn to_disk(seconds: f64, folder: &Path, copies: bool) -> bool {
     same && n_dropped == 0
 }
 
-fn to_sink(seconds: f64) -> bool {
+fn to_sink(seconds: f64, compression: Compression) -> bool {
     let (load, mut recorders) = Load::new(Pace::Real);
-    let rehearsal = Rehearsal::of(Duration::from_secs_f64(seconds));
+    let rehearsal = Rehearsal { compression, ..Rehearsal::of(Duration::from_secs_f64(seconds)) };
     let (began, before) = (Instant::now(), cpu_ns(ClockId::ProcessCPUTime));
     let mut told = Duration::ZERO;
     let mut after_start_kb = None;
@@ -217,6 +222,9 @@ fn main() -> ExitCode {
     let arguments: Vec<String> =
         std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
     let copies = !arguments.iter().any(|argument| argument == "--no-copy");
+    let word = arguments.iter().find_map(|argument| argument.strip_prefix("--compression="));
+    let compression =
+        word.map_or(Compression::None, |word| word.parse().expect("--compression=none|lz4|zstd"));
     let mut places = arguments.iter().filter(|argument| !argument.starts_with("--"));
     let mode = places.next().map_or("sink", String::as_str);
     let mut seconds = |otherwise: f64| {
@@ -227,9 +235,9 @@ fn main() -> ExitCode {
         "disk" => {
             let seconds = seconds(10.0);
             let folder = places.next().map_or_else(std::env::temp_dir, PathBuf::from);
-            to_disk(seconds, &folder, copies)
+            to_disk(seconds, &folder, compression, copies)
         }
-        "sink" => to_sink(seconds(30.0)),
+        "sink" => to_sink(seconds(30.0), compression),
         other => panic!("{other}: expected `disk` or `sink`"),
     };
     println!("load of the machine after: {}", machine_load());

@@ -51,7 +51,7 @@ pub use candidate::{Candidate, Derived, Freed, LIBRARY, Parameter, Stage};
 pub use coarse::StampGrid;
 pub use evidence::{DiagnoseError, Evidence, PixelEvidence};
 pub use facts::{Facts, TiedClocks};
-pub use free_run::{BeforeAfter, FreeRun, free_run};
+pub use free_run::{BeforeAfter, FreeRun, beside_free_run, free_run};
 pub use heat::{HeatMap, HeatValue};
 pub use hypothesis::{Hypothesis, View};
 pub use mixture::{Kind, Mixture};

@@ -162,6 +162,27 @@ fn a_session_comes_out_whole_and_verifies() {
 }
 
 #[test]
+fn events_are_compressed_as_the_rig_says_and_come_out_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let recorded = ["none", "lz4", "zstd"].map(|word| {
+        let mut bench = Bench::new(1);
+        let key = |word| format!("compression = \"{word}\"");
+        let text = bench.rig.text.replace(&key("none"), &key(word));
+        bench.rig = Rig::parse("compressed.toml", &text).unwrap();
+        let out = folder.path().join(word);
+        bench.record(&out, replay(), &StopToken::default(), &mut |_, _| {}).unwrap();
+        let session = Session::open(&out).unwrap();
+        assert_verifies(&session);
+        let n_bytes = std::fs::metadata(session.layout().davis()).unwrap().len();
+        (session.events("real").unwrap().0, n_bytes)
+    });
+    let [(plain, n_plain), (lz4, n_lz4), (zstd, n_zstd)] = recorded;
+    assert_eq!(plain.len() as u64, N_EVENTS);
+    assert!(lz4 == plain && zstd == plain);
+    assert!(n_zstd < n_lz4 && n_lz4 < n_plain, "{n_plain}, {n_lz4}, {n_zstd} bytes");
+}
+
+#[test]
 fn a_changed_or_cut_log_does_not_verify_and_the_cut_one_is_read_up_to_the_cut() {
     let bench = Bench::new(100);
     let folder = tempfile::tempdir().unwrap();

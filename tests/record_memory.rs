@@ -35,7 +35,7 @@ fn cameras_that_outrun_the_writers_cost_drops_that_are_counted_and_no_more_memor
     // It ends when both cameras have.
     let stop = StopToken::default();
     let length = Duration::from_secs(3600);
-    let rehearsal = Rehearsal { length, queue_bytes: QUEUE_BYTES };
+    let rehearsal = Rehearsal { queue_bytes: QUEUE_BYTES, ..Rehearsal::of(length) };
     let mut watch = |_, _: &[Tally]| {
         if load.has_ended() {
             stop.ask(Stop::AtOnce);

@@ -6,7 +6,7 @@ use evrig::device::recorder::{
     Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
 };
 use evrig::event::{Event, Events};
-use evrig::format::aedat4::{Content, StreamSpec};
+use evrig::format::aedat4::{Content, Reader, StreamSpec};
 use evrig::format::raw10;
 use evrig::geometry::Size;
 use evrig::session::{EventSum, FrameMetadata, PiFrame, PictureSum};
@@ -201,18 +201,26 @@ fn source(
     })
 }
 
-/// Events all over the sensor; no two packets are alike, since their stamps are not.
+/// Events of a real recording in their order, without their stamps.
+fn seen() -> Vec<Event> {
+    let packets = Reader::open("tests/data/davis346-street.aedat4").unwrap().map(Result::unwrap);
+    let mut seen = Events::new();
+    for packet in packets {
+        if let Content::Events(events) = packet.content {
+            seen.extend_from_slice(events.as_slice());
+        }
+    }
+    seen.as_slice().iter().collect()
+}
+
+/// Events where a real camera saw some, which compress as such do, at an even rate; no two packets are
+/// alike, since their stamps are not.
 fn davis(load: &Load, pace: Pace) -> Box<Source> {
     let n_events = EVENTS_PER_S * PACKET.as_millis() as u64 / 1000;
     let size = Size::DAVIS346;
-    let pattern: Events = (0..n_events)
-        .map(|i| Event {
-            t: (i * 1_000_000 / EVENTS_PER_S) as i64,
-            x: (i * 7 % u64::from(size.width)) as u16,
-            y: (i * 3 % u64::from(size.height)) as u16,
-            on: i.is_multiple_of(2),
-        })
-        .collect();
+    let stamps = (0..n_events).map(|i| (i * 1_000_000 / EVENTS_PER_S) as i64);
+    let pattern: Events =
+        stamps.zip(seen().into_iter().cycle()).map(|(t, event)| Event { t, ..event }).collect();
     let make = move |packet: u64| {
         let first = packet as i64 * PACKET.as_micros() as i64;
         let slice = pattern.as_slice();

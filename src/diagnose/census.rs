@@ -30,9 +30,10 @@ pub(super) fn census(evidence: &Evidence) -> Census {
         None => (None, None),
     };
     let events = evidence.around.in_order();
-    let times: Vec<i64> = events.iter().map(|event| event.0).collect();
-    let bus = bus::saturation(&times);
     let (rows, is_held_up) = rows::readout(&events).unzip();
+    // The stamps take the events' own memory: of a long recording both would be a gigabyte.
+    let times: Vec<i64> = events.into_iter().map(|event| event.0).collect();
+    let bus = bus::saturation(&times);
     let is_saturated = bus.is_some() || is_held_up == Some(true);
     let all = [hot, frames::coupling(evidence, &times), bus, rows];
     Census { departures: all.into_iter().flatten().collect(), rest, is_saturated }

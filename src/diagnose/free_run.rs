@@ -66,6 +66,13 @@ pub struct FreeRun {
     pub left_out: Vec<String>,
 }
 
+/// What a free run takes of the camera's events: those of its patch and its time.
+#[must_use]
+pub fn beside_free_run(evidence: &Evidence, size: Size, real: EventSlice<'_>) -> Events {
+    let ([from, to], patch) = (window(evidence), patch(evidence, size));
+    real.between(from, to).iter().filter(|e| is_inside(patch, e)).collect()
+}
+
 /// Lets baseline and model run. `None` where the generator refuses or nothing fires on the patch.
 #[must_use]
 pub fn free_run(
@@ -77,8 +84,7 @@ pub fn free_run(
 ) -> Option<FreeRun> {
     let window_us = window(evidence);
     let patch = patch(evidence, drive.size());
-    let real: Events =
-        real.between(window_us[0], window_us[1]).iter().filter(|e| is_inside(patch, e)).collect();
+    let real = beside_free_run(evidence, drive.size(), real);
     let mut left_out = Vec::new();
     let mut run = |hypothesis: &Hypothesis| {
         generated(evidence, drive, hypothesis, patch, window_us, seed, &mut left_out)

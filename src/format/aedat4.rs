@@ -34,7 +34,7 @@ mod reader;
 mod table;
 mod writer;
 
-pub use compression::Compression;
+pub use compression::{Compression, UnknownCompression};
 pub use error::{Place, ReadError, WriteError};
 pub use reader::Reader;
 pub use writer::{Summary, Writer};

@@ -164,6 +164,7 @@ const STATED_US: f64 = 800.0;
 struct Looked {
     evidence: Evidence,
     drive: Box<dyn Drive>,
+    /// Those beside which the generator runs free.
     events: Events,
     departures: Vec<Departure>,
 }
@@ -223,6 +224,8 @@ fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, Pipeline
     let recording = ByPixel::new(real, drive.size(), [window[0], window[1].max(window[0] + 1)]);
     let evidence = Evidence::new(&recording, drive.as_ref(), facts, &request.options)
         .map_err(|source| PipelineError::Diagnose { session: session.root().to_owned(), source })?;
+    // A long recording is held pixel by pixel from here on, not twice.
+    let events = diagnose::beside_free_run(&evidence, drive.size(), events.as_slice());
     let departures = match (mapped, rig) {
         (Some(scene), Some(rig)) => stated::departures(&scene, &rig, &evidence),
         _ => Vec::new(),
@@ -241,12 +244,17 @@ fn frames(session: &Session, light: &str) -> Result<(FramesDrive, Facts), Pipeli
     let missing =
         |what: String| PipelineError::Missing { session: session.root().to_owned(), what };
     let size = session.size().ok_or_else(|| missing("no stream states its pixel grid".into()))?;
-    let frames: Vec<_> = session.luminance(light)?.collect::<Result<_, _>>()?;
-    if frames.first().is_some_and(|frame| frame.size != size) {
+    let mut unreadable = None;
+    let frames = session.luminance(light)?;
+    let frames = frames.map_while(|frame| frame.map_err(|error| unreadable = Some(error)).ok());
+    let drive = FramesDrive::new(frames, 0.0, 0.0);
+    if let Some(error) = unreadable {
+        return Err(error.into());
+    }
+    let drive = drive.map_err(|error| missing(format!("`{light}`: {error}")))?;
+    if drive.size() != size {
         return Err(missing(format!("`{light}` does not lie on the events' pixel grid of {size}")));
     }
-    let drive = FramesDrive::new(frames, 0.0, 0.0)
-        .map_err(|error| missing(format!("`{light}`: {error}")))?;
     let times = drive.times_us();
     let facts = Facts {
         from_scene: false,

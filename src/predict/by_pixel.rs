@@ -2,6 +2,7 @@
 
 use crate::event::{Event, EventSlice, Events};
 use crate::geometry::Size;
+use std::sync::Arc;
 
 /// One event of a known pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -12,14 +13,14 @@ pub struct Spike {
     pub on: bool,
 }
 
-/// The events of a window of time, sorted by pixel and within a pixel by time.
+/// The events of a window of time, sorted by pixel and within a pixel by time; a clone shares them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ByPixel {
     size: Size,
     window_us: [i64; 2],
     /// Where each pixel's events begin; one more than there are pixels.
     starts: Vec<u32>,
-    spikes: Vec<Spike>,
+    spikes: Arc<Vec<Spike>>,
 }
 
 impl ByPixel {
@@ -50,7 +51,7 @@ impl ByPixel {
                 own.sort_by_key(|spike| spike.t_us);
             }
         }
-        Self { size, window_us, starts, spikes }
+        Self { size, window_us, starts, spikes: Arc::new(spikes) }
     }
 
     /// The pixel grid.

@@ -174,7 +174,9 @@ impl Take<'_> {
         self.heed(Stop::AfterStep)?;
         self.enter(State::Cameras, json!({"remarks": remarks}))?;
         for (recorder, prepared) in self.devices.recorders.iter_mut().zip(prepared) {
-            let (writer, outlet) = SampleWriter::start(self.layout, &prepared, &self.log)?;
+            let compression = self.request.rig.davis.compression;
+            let (writer, outlet) =
+                SampleWriter::start(self.layout, compression, &prepared, &self.log)?;
             self.running.push(Running { writer, prepared, tally: Tally::default(), lost: None });
             recorder.start(outlet)?;
         }

@@ -1,5 +1,6 @@
 //! The files of a recording while it runs: a thread a recorder takes samples and writes them.
 
+use super::Rehearsal;
 use super::durable::Durability;
 use crate::device::recorder::{Inlet, Outlet, Prepared, Sample, Taken, channel};
 use crate::format::Destination;
@@ -36,34 +37,37 @@ pub(super) fn take_directory(root: &Path) -> Result<Layout, SessionError> {
     Ok(Layout::new(root))
 }
 
-/// The file of packets. It is not compressed: a core cannot compress as fast as a camera can send.
+/// The file of packets.
 pub(super) fn create_event_file(
     layout: &Layout,
+    compression: Compression,
     streams: &[StreamSpec],
 ) -> Result<EventFile, SessionError> {
-    create_synced_event_file(layout, streams).map(|(file, _)| file)
+    create_synced_event_file(layout, compression, streams).map(|(file, _)| file)
 }
 
 /// The same, with another handle by which it is synced.
 fn create_synced_event_file(
     layout: &Layout,
+    compression: Compression,
     streams: &[StreamSpec],
 ) -> Result<(EventFile, File), SessionError> {
     let path = layout.davis();
     let made = File::create(&path).and_then(|file| Ok((file.try_clone()?, file)));
     let (beside, file) =
         made.map_err(|source| WriteError::Create { path: path.clone(), source })?;
-    let file = event_file(Destination::File(file), &path, streams)?;
+    let file = event_file(Destination::File(file), &path, compression, streams)?;
     Ok((file, beside))
 }
 
 fn event_file(
     destination: Destination,
     path: &Path,
+    compression: Compression,
     streams: &[StreamSpec],
 ) -> Result<EventFile, SessionError> {
     let name = path.display().to_string();
-    Ok(Writer::as_recorded(destination, &name, Compression::None, streams)?)
+    Ok(Writer::as_recorded(destination, &name, compression, streams)?)
 }
 
 /// Ends the file of packets and sees it to the disk.
@@ -190,6 +194,7 @@ impl SampleWriter {
     /// Makes the recorder's file, if it delivers packets, and starts to take its samples.
     pub(super) fn start(
         layout: &Layout,
+        compression: Compression,
         prepared: &Prepared,
         log: &Log,
     ) -> Result<(Self, Outlet), SessionError> {
@@ -197,7 +202,7 @@ impl SampleWriter {
             return Self::take_from(QUEUE_BYTES, None, log);
         }
         let path = layout.davis();
-        let (file, beside) = create_synced_event_file(layout, &prepared.streams)?;
+        let (file, beside) = create_synced_event_file(layout, compression, &prepared.streams)?;
         log.keep(&path, beside)?;
         Self::take_from(QUEUE_BYTES, Some((file, End::Synced(path))), log)
     }
@@ -207,13 +212,13 @@ impl SampleWriter {
         pipe: Box<dyn Write + Send>,
         prepared: &Prepared,
         log: &Log,
-        queue_bytes: usize,
+        Rehearsal { queue_bytes, compression, .. }: Rehearsal,
     ) -> Result<(Self, Outlet), SessionError> {
         if prepared.streams.is_empty() {
             return Self::take_from(queue_bytes, None, log);
         }
         let path = Layout::new(Path::new("")).davis();
-        let file = event_file(Destination::pipe(pipe), &path, &prepared.streams)?;
+        let file = event_file(Destination::pipe(pipe), &path, compression, &prepared.streams)?;
         Self::take_from(queue_bytes, Some((file, End::Flushed)), log)
     }
 

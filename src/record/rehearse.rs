@@ -7,6 +7,7 @@
 use super::files::{Log, QUEUE_BYTES, SampleWriter};
 use super::{Stop, StopToken};
 use crate::device::recorder::{Recorder, RecorderError, Tally, host_time};
+use crate::format::aedat4::Compression;
 use crate::session::{Heard, SessionError, Severity};
 use crate::time::Span;
 use rustix::time::{ClockId, clock_gettime};
@@ -20,13 +21,15 @@ pub struct Rehearsal {
     pub length: Duration,
     /// Bytes that wait for a writer at most, for each camera; what has no room is dropped and counted.
     pub queue_bytes: usize,
+    /// How the events are compressed, as a rig states it for its recordings.
+    pub compression: Compression,
 }
 
 impl Rehearsal {
-    /// With the room of a recording.
+    /// With the room of a recording, not compressed.
     #[must_use]
     pub const fn of(length: Duration) -> Self {
-        Self { length, queue_bytes: QUEUE_BYTES }
+        Self { length, queue_bytes: QUEUE_BYTES, compression: Compression::None }
     }
 }
 
@@ -119,7 +122,7 @@ fn run(
 ) -> Result<Vec<Tally>, RehearsalError> {
     let log = Log::to_pipe(Box::new(log))?;
     let mut writers = Vec::new();
-    let ran = start(recorders, rehearsal.queue_bytes, davis, &log, &mut writers)
+    let ran = start(recorders, rehearsal, davis, &log, &mut writers)
         .and_then(|()| look_on(recorders, rehearsal.length, stop, watch));
     if ran.is_err() {
         recorders.iter_mut().for_each(|recorder| recorder.abort());
@@ -134,7 +137,7 @@ fn run(
 
 fn start(
     recorders: &mut [Box<dyn Recorder>],
-    queue_bytes: usize,
+    rehearsal: Rehearsal,
     davis: PipeWriter,
     log: &Log,
     writers: &mut Vec<SampleWriter>,
@@ -147,7 +150,7 @@ fn start(
         } else {
             Box::new(davis.take().ok_or_else(|| two_of_packets(recorder.name()))?)
         };
-        let (writer, outlet) = SampleWriter::into_pipe(pipe, &prepared, log, queue_bytes)?;
+        let (writer, outlet) = SampleWriter::into_pipe(pipe, &prepared, log, rehearsal)?;
         writers.push(writer);
         recorder.start(outlet)?;
     }

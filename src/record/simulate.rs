@@ -92,7 +92,7 @@ pub fn simulate(
     journal.note(&begin, &json!({"time": "virtual"}))?;
     let streams = davis::streams(rig);
     let files = Files {
-        events: create_event_file(&layout, &streams)?,
+        events: create_event_file(&layout, rig.davis.compression, &streams)?,
         log: Log::in_virtual_time(&layout)?,
         tally: [0; 2],
     };

@@ -2,6 +2,7 @@
 
 use super::delivery::{Coding, Focus, RgbDelivery};
 use super::fields::{Fields, POSITIVE};
+use crate::format::aedat4::Compression;
 use crate::geometry::Size;
 use crate::time::Span;
 use crate::units::{Hertz, Micrometres, Millimetres};
@@ -63,6 +64,8 @@ pub struct DavisDescription {
     pub aps: bool,
     /// Biases that differ from the driver's own, in its names and units (0..=2040).
     pub biases: Vec<(&'static str, u16)>,
+    /// How `davis.aedat4` is compressed; not at all unless stated.
+    pub compression: Compression,
 }
 
 /// The frame camera on the Raspberry Pi.
@@ -233,6 +236,7 @@ impl DavisDescription {
             camera,
             aps: fields.optional_bool("aps").unwrap_or(true),
             biases: biases.unwrap_or_default(),
+            compression: fields.parsed("compression").unwrap_or(Compression::None),
         }
     }
 }

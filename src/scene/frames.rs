@@ -93,23 +93,23 @@ impl FramesDrive {
         black_dn: f64,
         row_us: f64,
     ) -> Result<Self, FramesError> {
-        let frames: Vec<F> = frames.into_iter().collect();
-        let [first, .., _] = frames.as_slice() else {
-            return Err(FramesError::TooFew { n: frames.len() });
-        };
-        let size = first.borrow().size;
-        in_order(&frames, size)?;
-        let white_dn = white_of(&frames) - black_dn;
+        // Frames come and go one by one, so that a long recording is not held twice.
+        let (mut times_us, mut values) = (Vec::new(), Vec::new());
+        let mut expected = None;
+        for frame in frames {
+            let frame = frame.borrow();
+            in_order(&times_us, frame, *expected.get_or_insert(frame.size))?;
+            times_us.push(frame.t_us);
+            values.extend_from_slice(&frame.values);
+        }
+        let n = times_us.len();
+        let size = expected.filter(|_| n > 1).ok_or(FramesError::TooFew { n })?;
+        let white_dn = white_of(&values, size.n_pixels()) - black_dn;
         if white_dn.is_nan() || white_dn <= FLOOR_DN {
             return Err(FramesError::Dark { black_dn });
         }
-        let light = |value: &f32| (f64::from(*value) - black_dn).max(FLOOR_DN) / white_dn;
-        let times_us = frames.iter().map(|frame| frame.borrow().t_us).collect();
-        let mut values: Vec<f32> = Vec::with_capacity(frames.len() * size.n_pixels());
-        // Frames that are handed over go one by one, so that a long recording is not held twice.
-        for frame in frames {
-            values.extend(frame.borrow().values.iter().map(|v| light(v) as f32));
-        }
+        let light = |value: f32| (f64::from(value) - black_dn).max(FLOOR_DN) / white_dn;
+        values.iter_mut().for_each(|value| *value = light(*value) as f32);
         let (motions, clipped, noise) = (Vec::new(), f32::INFINITY, OnceLock::new());
         Ok(Self { size, times_us, row_us, white_dn, values, motions, clipped, noise })
     }
@@ -210,23 +210,22 @@ fn between(values: &[f32; LED], share: f32) -> f32 {
     values[i] + (values[i + 1] - values[i]) * (at - i as f32)
 }
 
-/// Whether frames ascend in time and have one size.
-fn in_order(frames: &[impl Borrow<Luminance>], expected: Size) -> Result<(), FramesError> {
-    for (before, pair) in frames.windows(2).enumerate() {
-        let (frame, before_us) = (pair[1].borrow(), pair[0].borrow().t_us);
-        if frame.t_us <= before_us || frame.size != expected {
-            let (index, t_us, size) = (before + 1, frame.t_us, frame.size);
-            return Err(FramesError::Order { index, t_us, size, before_us, expected });
+/// Whether a frame is later than those before it and has the expected size.
+fn in_order(before_us: &[i64], frame: &Luminance, expected: Size) -> Result<(), FramesError> {
+    let (index, t_us, size) = (before_us.len(), frame.t_us, frame.size);
+    match before_us.last() {
+        Some(&before_us) if t_us <= before_us || size != expected => {
+            Err(FramesError::Order { index, t_us, size, before_us, expected })
         }
+        _ => Ok(()),
     }
-    Ok(())
 }
 
-/// What the brightest paper reads: a high quantile over some of the frames.
-fn white_of(frames: &[impl Borrow<Luminance>]) -> f64 {
+/// What the brightest paper reads: a high quantile over some of the frames of `n_pixels` values each.
+fn white_of(values: &[f32], n_pixels: usize) -> f64 {
+    let frames = values.chunks(n_pixels.max(1));
     let step = frames.len().div_ceil(16);
-    let some = frames.iter().step_by(step).map(Borrow::borrow);
-    let mut values: Vec<f32> = some.flat_map(|frame| frame.values.iter().copied()).collect();
+    let mut values: Vec<f32> = frames.step_by(step).flatten().copied().collect();
     values.sort_by(f32::total_cmp);
     f64::from(values[((values.len() - 1) as f64 * WHITE_QUANTILE) as usize])
 }

@@ -4,6 +4,7 @@ use super::{MAX_PACKET_BYTES, lz4_frame};
 use aedat::base::ioheader_generated::Compression as Code;
 use std::cell::RefCell;
 use std::io::{self, Read};
+use std::str::FromStr;
 
 /// The fastest of the usual levels.
 const ZSTD_LEVEL: i32 = 1;
@@ -45,6 +46,24 @@ impl Compression {
             Self::None => "NONE",
             Self::Lz4 => "LZ4",
             Self::Zstd => "ZSTD",
+        }
+    }
+}
+
+/// A word that names no compression.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is no compression of AEDAT4; expected none, lz4 or zstd")]
+pub struct UnknownCompression(String);
+
+impl FromStr for Compression {
+    type Err = UnknownCompression;
+
+    fn from_str(text: &str) -> Result<Self, UnknownCompression> {
+        match text {
+            "none" => Ok(Self::None),
+            "lz4" => Ok(Self::Lz4),
+            "zstd" => Ok(Self::Zstd),
+            _ => Err(UnknownCompression(text.to_owned())),
         }
     }
 }
@@ -154,5 +173,21 @@ pub(super) fn compress(
 pub(super) fn grow(memory: &mut Vec<u8>, n: usize) {
     if memory.len() < n {
         memory.resize(n, 0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_words_of_a_description_are_understood_and_others_are_refused() {
+        for how in [Compression::None, Compression::Lz4, Compression::Zstd] {
+            assert_eq!(how.name().to_lowercase().parse(), Ok(how));
+        }
+        for wrong in ["", "LZ4", "gzip"] {
+            let error = wrong.parse::<Compression>().unwrap_err().to_string();
+            assert!(error.contains("none, lz4 or zstd"), "{error}");
+        }
     }
 }

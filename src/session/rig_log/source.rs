@@ -8,6 +8,10 @@ use std::io::{self, Read};
 /// Records longer than this are damage: a chunk ends soon after 8 MiB, a frame has some megabytes.
 const MAX_RECORD_BYTES: usize = 1 << 28;
 
+/// Bytes that are read at once at most: a damaged head may announce a record that is not there, and memory
+/// is taken, and cleared, for what comes.
+const PIECE_BYTES: usize = 1 << 20;
+
 /// Reads a log; memory is taken for one record.
 pub(super) struct Source<R> {
     from: R,
@@ -44,7 +48,8 @@ impl<R: Read> Source<R> {
     /// When the source cannot be read.
     pub(super) fn step(&mut self) -> io::Result<Step<'_>> {
         if self.n_wanted > 0 {
-            let room = self.reader.insert(std::mem::take(&mut self.n_wanted));
+            let room = self.reader.insert(self.n_wanted.min(PIECE_BYTES));
+            self.n_wanted = 0;
             let n = self.from.read(room)?;
             if let Err(overrun) = self.fence.pass(&room[..n]) {
                 return Ok(Step::Damage(overrun.to_string()));
@@ -65,5 +70,40 @@ impl<R: Read> Source<R> {
             }
             Some(Err(error)) => Step::Damage(error.to_string()),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Bytes, and the largest room that was offered for them.
+    struct Offered<'a> {
+        bytes: &'a [u8],
+        most: &'a mut usize,
+    }
+
+    impl Read for Offered<'_> {
+        fn read(&mut self, room: &mut [u8]) -> io::Result<usize> {
+            *self.most = room.len().max(*self.most);
+            self.bytes.read(room)
+        }
+    }
+
+    #[test]
+    fn a_record_that_is_announced_and_not_there_takes_no_memory() {
+        let announced = (MAX_RECORD_BYTES as u64).to_le_bytes();
+        let bytes = [mcap::MAGIC, &[mcap::records::op::MESSAGE], &announced, &[7; 30]].concat();
+        let mut most = 0;
+        let mut source = Source::new(Offered { bytes: &bytes, most: &mut most });
+        let end = loop {
+            match source.step().unwrap() {
+                Step::Nothing | Step::Record(_) => {}
+                Step::Damage(what) => break what,
+                Step::End => break "an end".to_owned(),
+            }
+        };
+        assert!(end.contains("in the middle of a record"), "{end}");
+        assert!(most <= PIECE_BYTES, "room for {most} bytes");
     }
 }
