@@ -69,9 +69,7 @@ impl Tail {
         match self {
             Self::Logistic => share * 0.5 * ((speed * speed + own * own).sqrt() - speed.abs()),
             Self::Normal => {
-                let u = speed / own;
-                let rises = 0.5 * statrs::function::erf::erfc(-u * std::f64::consts::FRAC_1_SQRT_2);
-                let all = speed * rises + own * normal::density(u);
+                let all = own * normal::loss(speed / own);
                 // The light rises whatever the noise does.
                 let rise = speed.max(0.0);
                 rise + share * (all - rise)

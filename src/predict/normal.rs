@@ -1,4 +1,4 @@
-//! The hazard of a normal law and its integral, from a table.
+//! The hazard of a normal law, its integral and its loss, from tables.
 
 use statrs::function::erf::erfc;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
@@ -22,8 +22,31 @@ fn exact(z: f64) -> [f64; 3] {
     [-survives.ln(), hazard, hazard * (hazard - z)]
 }
 
+/// The loss at `-FAR`, and so on, with its slope.
+static LOSS: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
+    let n = (2.0 * FAR * PER_UNIT) as usize + 2;
+    let exact = |z: f64| [z * below(z) + density(z), below(z)];
+    (0..n).map(|i| exact(i as f64 / PER_UNIT - FAR)).collect()
+});
+
+/// Chance that a standard normal number is below `z`.
+fn below(z: f64) -> f64 {
+    0.5 * erfc(-z * FRAC_1_SQRT_2)
+}
+
+/// Mean by which a standard normal number plus `z` is above nothing; off by less than 1e-7.
+pub(super) fn loss(z: f64) -> f64 {
+    if z.abs() >= FAR {
+        return z.max(0.0);
+    }
+    let at = (z + FAR) * PER_UNIT;
+    let index = at as usize;
+    let [a, b] = [LOSS[index], LOSS[index + 1]];
+    cubic([a[0], b[0]], [a[1], b[1]], at - index as f64)
+}
+
 /// Density of a standard normal number.
-pub(super) fn density(z: f64) -> f64 {
+fn density(z: f64) -> f64 {
     (-0.5 * z * z).exp() / (2.0 * PI).sqrt()
 }
 
@@ -78,15 +101,16 @@ mod tests {
             let [integral, rate, _] = exact(z);
             assert!((spent(z) / integral - 1.0).abs() < 1e-7, "{z}: {} {integral}", spent(z));
             assert!((hazard(z) / rate - 1.0).abs() < 1e-6, "{z}: {} {rate}", hazard(z));
+            assert!((loss(z) - z * below(z) - density(z)).abs() < 1e-7, "{z}: {}", loss(z));
         }
     }
 
     #[test]
     fn series_go_on_where_the_table_ends() {
-        for (here, beyond) in [(11.999, 12.001)] {
-            assert!((spent(beyond) - spent(here) - 0.002 * hazard(here)).abs() < 1e-3);
-            assert!((hazard(beyond) / hazard(here) - 1.0).abs() < 1e-3);
-        }
-        assert_eq!([spent(-40.0), hazard(-40.0)], [0.0, 0.0]);
+        let (here, beyond) = (11.999, 12.001);
+        assert!((spent(beyond) - spent(here) - 0.002 * hazard(here)).abs() < 1e-3);
+        assert!((hazard(beyond) / hazard(here) - 1.0).abs() < 1e-3);
+        assert_eq!([spent(-40.0), hazard(-40.0), loss(-40.0)], [0.0; 3]);
+        assert_eq!(loss(40.0), 40.0);
     }
 }

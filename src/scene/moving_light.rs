@@ -66,7 +66,7 @@ pub struct MovingLight {
 
 impl MovingLight {
     /// The same where light is to be taken to a power.
-    pub(super) fn to_power(mut self, power: f64) -> Self {
+    pub(super) fn raised(mut self, power: f64) -> Self {
         self.ln_light.iter_mut().for_each(|ln| *ln *= power);
         let [depth, error] = self.depth;
         self.depth =

@@ -92,6 +92,25 @@ pub(super) fn register(
         let (what, found, needed) = ("frames on the path", pictures.len(), LEAST);
         return Err(SceneError::NoDavis { what, found, n: frames.len(), needed });
     }
+    let mut result = refined(survey, start, before, (&pictures, frames.len()))?;
+    let pixel_mm = result.pixel_mm;
+    let seen = Seen::new(survey, result.spread, pixel_mm);
+    result.light_error = light_error(survey, &result.tie, &seen, &pictures, pixel_mm);
+    let smooth = |picture: &Picture| picture.smooth(survey, &result.tie, &seen, pixel_mm);
+    let samples: Vec<Vec<Sample>> = pictures.par_iter().filter_map(smooth).collect();
+    result.tone = tone(&samples);
+    let lag = &mut result.tie_error[LAG];
+    *lag = lag.hypot(survey.path.time_error_s().unwrap_or(0.0));
+    Ok(result)
+}
+
+/// The tie and the blur at which the map fits pictures best, of `n` frames.
+fn refined(
+    survey: &Survey,
+    start: DavisTie,
+    before: &Before,
+    (pictures, n): (&[Picture], usize),
+) -> Result<Registration, SceneError> {
     let pixel_mm = pixel_mm(survey, &start);
     let mut tie = start;
     let mut spread = PointSpread::of_sigma(0.5);
@@ -105,7 +124,7 @@ pub(super) fn register(
             .collect();
         if parts.len() < LEAST {
             let (what, found, needed) = ("frames on the map", parts.len(), LEAST);
-            return Err(SceneError::NoDavis { what, found, n: frames.len(), needed });
+            return Err(SceneError::NoDavis { what, found, n, needed });
         }
         let (mut normal, mut right) = prior(&tie, before, spread);
         parts.iter().for_each(|part| {
@@ -115,8 +134,8 @@ pub(super) fn register(
         let inverse =
             normal.try_inverse().ok_or(SceneError::NoFit("the event camera's place by light"))?;
         let change = inverse * right;
-        let n: usize = parts.iter().map(|part| part.n).sum();
-        let level = parts.iter().map(|part| part.squares).sum::<f64>() / n.max(1) as f64;
+        let values: usize = parts.iter().map(|part| part.n).sum();
+        let level = parts.iter().map(|part| part.squares).sum::<f64>() / values.max(1) as f64;
         let scores: Vec<_> = parts.iter().map(|part| part.right - part.normal * change).collect();
         let together = clustered(&inverse, &scores);
         noise *= level;
@@ -141,15 +160,7 @@ pub(super) fn register(
             break;
         }
     }
-    let mut result = result.ok_or(SceneError::NoFit("the event camera's place by light"))?;
-    let seen = Seen::new(survey, result.spread, pixel_mm);
-    result.light_error = light_error(survey, &result.tie, &seen, &pictures, pixel_mm);
-    let smooth = |picture: &Picture| picture.smooth(survey, &result.tie, &seen, pixel_mm);
-    let samples: Vec<Vec<Sample>> = pictures.par_iter().filter_map(smooth).collect();
-    result.tone = tone(&samples);
-    let lag = &mut result.tie_error[LAG];
-    *lag = lag.hypot(survey.path.time_error_s().unwrap_or(0.0));
-    Ok(result)
+    result.ok_or(SceneError::NoFit("the event camera's place by light"))
 }
 
 /// What the map is wrong by in the light of places, as these frames see it: the spread of the places'

@@ -92,7 +92,7 @@ impl Survey {
 
     /// The same survey of frames whose light is to be taken to a power: white stays white.
     #[must_use]
-    pub fn to_power(mut self, power: f64) -> Self {
+    pub fn raised(mut self, power: f64) -> Self {
         let white = self.white_dn as f32;
         let map = &mut self.map;
         for (value, error) in map.radiance.values.iter_mut().zip(&mut map.errors) {
@@ -103,7 +103,7 @@ impl Survey {
         let mut knots = std::mem::take(&mut self.path.knots);
         knots.iter_mut().for_each(|knot| knot.ln_gain *= power);
         self.path = HeadPath::new(self.path.zero, knots, self.path.max_gap);
-        self.moving_light = self.moving_light.map(|light| light.to_power(power));
+        self.moving_light = self.moving_light.map(|light| light.raised(power));
         self
     }
 

@@ -39,7 +39,7 @@ pub fn tie(
 ) -> Result<Registration, SceneError> {
     let first = tie_once(survey, known, frames)?;
     let Some(tone) = first.tone.filter(|tone| tone.curved().is_some()) else { return Ok(first) };
-    let mut linear = survey.clone().to_power(tone.power());
+    let mut linear = survey.clone().raised(tone.power());
     let again = tie_once(&linear, known, frames)?;
     std::mem::swap(survey, &mut linear);
     Ok(Registration { tone: Some(tone), ..again })

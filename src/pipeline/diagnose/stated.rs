@@ -45,7 +45,7 @@ pub(super) fn departures(scene: &Scene, rig: &Rig, evidence: &Evidence) -> Vec<D
         add(&bare, light::shadow(&moving));
     }
     if let Some((tone, found)) = bare.registration.tone.and_then(|t| Some((t, light::curve(&t)?))) {
-        bare.survey = bare.survey.to_power(1.0 / tone.power());
+        bare.survey = bare.survey.raised(1.0 / tone.power());
         add(&bare, found);
     }
     // What no event tells has no light of its own.
