@@ -1,0 +1,115 @@
+//! What a pixel compares with that has just memorised at an event.
+
+use super::super::course::{Course, Reach};
+use super::{Case, Fired, Here, LEAST_WEIGHT, Memory, gather};
+
+/// A case less likely than this to have set off an event did not.
+const LEAST_SHARE: f64 = 0.02;
+
+/// Most cases that may have carried noise of unknown size.
+pub(in crate::predict) const MOST_CARRIED: usize = 8;
+
+/// Noise of the signal that may have set off an event of which nothing else is known, in its standard
+/// deviations, with the chance of each.
+const CARRIED: [[f64; 2]; MOST_CARRIED] = [
+    [0.4, 0.06],
+    [0.75, 0.12],
+    [1.1, 0.18],
+    [1.45, 0.20],
+    [1.8, 0.18],
+    [2.15, 0.13],
+    [2.5, 0.08],
+    [2.85, 0.05],
+];
+
+/// The same, in fewer cases.
+const CARRIED_ASTRAY: [[f64; 2]; 3] = [[0.8, 0.3], [1.5, 0.4], [2.2, 0.3]];
+
+/// Chance that what a pixel is taken to compare with has nothing to do with what it does.
+const ASTRAY: f64 = 0.02;
+
+impl Memory {
+    /// Into `spare`, what the pixel compares with if it memorised at an event: where the noise that set it
+    /// off is memorised, that depends on what it compared with before.
+    pub(super) fn memorise(
+        &mut self,
+        course: &Course<'_>,
+        fired: Fired,
+        reach: Reach,
+        end_us: f64,
+    ) {
+        let at = course.position(fired.t_us);
+        let here = Here { height: course.height(at), speed: course.slope(at), rested: 1.0 };
+        let fresh = |case: Option<&Case>| {
+            fresh(course, fired, case.map(|case| case.change(here.height, fired.on)), end_us)
+        };
+        self.spare.clear();
+        let is_shot = course.law.shot_at_white > 0.0;
+        if is_shot {
+            // What is followed may have gone astray: at once where the event is not understood.
+            let astray = fired.background_share.max(ASTRAY);
+            let (share, noise): (f64, &[[f64; 2]]) =
+                if self.cases.is_empty() { (1.0, &CARRIED) } else { (astray, &CARRIED_ASTRAY) };
+            let plain = Case { weight: share, ..fresh(None) };
+            self.spare.extend(carried(course, fired, plain, noise));
+            self.cases.iter_mut().for_each(|case| case.weight *= 1.0 - share);
+        } else if self.cases.len() < 2 || course.law.noise_memorised <= 0.0 {
+            self.spare.push(fresh(self.cases.first()));
+            return;
+        }
+        let sets_off = |case: &Case| case.weight * case.sets_off(course, fired.on, reach, here);
+        let all: f64 = self.cases.iter().map(sets_off).sum();
+        let left: f64 = self.cases.iter().map(|case| case.weight).sum();
+        let share = |case: &Case| left * if all > 0.0 { sets_off(case) / all } else { case.weight };
+        // Of noise that is carried on and on even what is unlikely may turn out.
+        let least = if is_shot { LEAST_WEIGHT } else { LEAST_SHARE };
+        for case in self.cases.iter().filter(|case| share(case) >= least) {
+            gather(&mut self.spare, Case { weight: share(case), ..fresh(Some(case)) });
+        }
+    }
+}
+
+/// What a pixel compares with that has memorised at an event; `change` is what had brought it there.
+pub(in crate::predict) fn fresh(
+    course: &Course<'_>,
+    fired: Fired,
+    change: Option<f64>,
+    end_us: f64,
+) -> Case {
+    let law = course.law;
+    let position = course.position((fired.t_us + law.blind_s * 1e6).min(end_us));
+    let height = course.height(position);
+    let mut value = height;
+    if let Some(change) = change.filter(|_| law.noise_memorised > 0.0) {
+        // What was missing to the threshold, or to its multiple where events were lost, was noise, and
+        // the pixel memorised it with the light.
+        let theta = law.theta(fired.on);
+        let n = if law.shot_at_white > 0.0 { 1.0 } else { (change / theta).round().max(1.0) };
+        let missing = theta * n - change;
+        let towards = if fired.on { 1.0 } else { -1.0 };
+        // Of all events that are memorised these were not background.
+        let memorised = 1.0 - fired.background_share * (1.0 - law.background_memorised);
+        let set_off = (1.0 - fired.background_share) / memorised.max(1e-12);
+        let share = law.noise_memorised * set_off;
+        value += towards * share * missing.min(theta);
+    }
+    // It fired at this height, so it did not fire on the way from what it memorised to here.
+    let gone = [(height - value).max(0.0), (value - height).max(0.0)];
+    Case::new(course, value, course.noise(position)).begun_at(gone)
+}
+
+/// What a pixel compares with that memorised the light with noise of unknown size.
+fn carried(
+    course: &Course<'_>,
+    fired: Fired,
+    plain: Case,
+    noise: &[[f64; 2]],
+) -> impl Iterator<Item = Case> {
+    let towards = if fired.on { 1.0 } else { -1.0 };
+    let size = course.law.shot_at_white * plain.noise / course.law.noise_at_white;
+    noise.iter().map(move |[noise, weight]| Case {
+        value: plain.value + towards * noise * size,
+        weight: plain.weight * weight,
+        ..plain
+    })
+}
