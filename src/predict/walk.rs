@@ -1,7 +1,7 @@
 //! One pass over a pixel's light and events: every event's hazard, every silence's compensator.
 
 use super::course::{Course, Reach};
-use super::memory::{Fired, Here, Memory, Unknown};
+use super::memory::{Case, Fired, Here, Memory, Unknown};
 use super::movement::Corner;
 use super::{Blocks, Light, PixelLaw, Spike};
 
@@ -92,6 +92,36 @@ pub(super) struct Pass<'a> {
     parted: [f64; 2],
     /// All that was spent since the last event.
     spent: f64,
+    /// For the passages that are followed now.
+    steps: Vec<Step>,
+}
+
+/// A straight passage of the signal.
+#[derive(Debug, Clone, Copy)]
+struct Step {
+    seconds: f64,
+    /// How much of what it can the signal's own noise does meanwhile.
+    share: f64,
+    /// Where the signal comes to.
+    height: f64,
+}
+
+impl Step {
+    /// Passages one behind the other, from a position on, to positions and heights.
+    fn all<'c>(
+        course: &'c Course<'_>,
+        fired_us: f64,
+        from: f64,
+        passages: impl Iterator<Item = (f64, f64)> + 'c,
+    ) -> impl Iterator<Item = Self> + 'c {
+        let mut at = from;
+        passages.map(move |(position, height)| {
+            let behind = [at, position].map(|p| (course.time_us(p) - fired_us) * 1e-6);
+            let seconds = (position - at) * course.step_s();
+            at = position;
+            Self { seconds, share: course.law.rested(behind), height }
+        })
+    }
 }
 
 impl<'a> Pass<'a> {
@@ -108,6 +138,7 @@ impl<'a> Pass<'a> {
             reported: [0.0; 2],
             parted: [0.0; 2],
             spent: 0.0,
+            steps: Vec::new(),
         }
     }
 
@@ -243,20 +274,22 @@ impl<'a> Pass<'a> {
     ) {
         self.reach.add(here.high);
         self.reach.add(here.low);
-        let fired_us = self.fired_us;
-        for case in self.memory.cases_mut() {
+        let (course, fired_us) = (self.course, self.fired_us);
+        let is_near = |case: &Case| {
             let furthest = [here.high - case.value, case.value - here.low];
-            let movement = case.movement(&self.course);
-            let movement = movement.filter(|moves| moves.is_within_reach(furthest));
-            let Some(movement) = movement else { continue };
-            let (mut at, mut corner) = (from.0, Corner::at(from.1 - case.value));
-            for (position, height) in passages.clone() {
-                let seconds = (position - at) * self.course.step_s();
-                let behind = [at, position].map(|p| (self.course.time_us(p) - fired_us) * 1e-6);
-                let share = self.course.law.rested(behind);
-                let change = height - case.value;
-                corner = movement.pass(corner, change, [seconds, share], &mut case.moved);
-                at = position;
+            let movement = case.movement(&course);
+            movement.filter(|moves| moves.is_within_reach(furthest))
+        };
+        self.steps.clear();
+        for case in self.memory.cases_mut() {
+            let Some(movement) = is_near(case) else { continue };
+            if self.steps.is_empty() {
+                self.steps.extend(Step::all(&course, fired_us, from.0, passages.clone()));
+            }
+            let mut corner = Corner::at(from.1 - case.value);
+            for step in &self.steps {
+                let change = step.height - case.value;
+                corner = movement.pass(corner, change, [step.seconds, step.share], &mut case.moved);
             }
         }
     }

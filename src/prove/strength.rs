@@ -89,7 +89,10 @@ const WORLD: &[Strength] = &[
     up("rolling_shutter", "row_us", 12.0),
     up("black_level", "offset_dn", 12.0),
     Strength { id: "tone_curve", key: "gamma", at_one: 0.92, growth: Growth::FromOne, fixed: &[] },
+    up("frame_noise", "sigma_dn", 1.5),
     up("defocus", "sigma_px", 0.5),
+    up("vignetting", "corner_loss", 0.1),
+    up("moving_shadow", "depth", 0.05),
     up("flicker", "depth", 0.02).with(&[("frequency_hz", 100.0)]),
     up("vibration", "amplitude_mm", 0.06).with(&[("frequency_hz", 12.0)]),
 ];

@@ -7,20 +7,11 @@ use super::{Case, Fired, Here, LEAST_WEIGHT, Memory, gather};
 const LEAST_SHARE: f64 = 0.02;
 
 /// Most cases that may have carried noise of unknown size.
-pub(in crate::predict) const MOST_CARRIED: usize = 8;
+pub(in crate::predict) const MOST_CARRIED: usize = 4;
 
 /// Noise of the signal that may have set off an event of which nothing else is known, in its standard
 /// deviations, with the chance of each.
-const CARRIED: [[f64; 2]; MOST_CARRIED] = [
-    [0.4, 0.06],
-    [0.75, 0.12],
-    [1.1, 0.18],
-    [1.45, 0.20],
-    [1.8, 0.18],
-    [2.15, 0.13],
-    [2.5, 0.08],
-    [2.85, 0.05],
-];
+const CARRIED: [[f64; 2]; MOST_CARRIED] = [[0.6, 0.22], [1.2, 0.33], [1.8, 0.28], [2.5, 0.17]];
 
 /// The same, in fewer cases.
 const CARRIED_ASTRAY: [[f64; 2]; 3] = [[0.8, 0.3], [1.5, 0.4], [2.2, 0.3]];
