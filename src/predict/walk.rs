@@ -96,31 +96,45 @@ pub(super) struct Pass<'a> {
     steps: Vec<Step>,
 }
 
+/// Passages are one within which the signal changes by less than this share of its own noise.
+const ALIKE: f64 = 0.1;
+
 /// A straight passage of the signal.
 #[derive(Debug, Clone, Copy)]
 struct Step {
     seconds: f64,
     /// How much of what it can the signal's own noise does meanwhile.
     share: f64,
-    /// Where the signal comes to.
+    /// Where the signal comes from and to.
+    from: f64,
     height: f64,
 }
 
 impl Step {
-    /// Passages one behind the other, from a position on, to positions and heights.
-    fn all<'c>(
-        course: &'c Course<'_>,
+    /// Into `steps`, passages one behind the other, from a position and a height on to others.
+    fn all(
+        course: &Course<'_>,
         fired_us: f64,
-        from: f64,
-        passages: impl Iterator<Item = (f64, f64)> + 'c,
-    ) -> impl Iterator<Item = Self> + 'c {
-        let mut at = from;
-        passages.map(move |(position, height)| {
+        from: (f64, f64),
+        passages: impl Iterator<Item = (f64, f64)>,
+        steps: &mut Vec<Self>,
+    ) {
+        let law = course.law;
+        let alike = ALIKE * law.shot_at_white;
+        let (mut at, mut before) = from;
+        for (position, height) in passages {
             let behind = [at, position].map(|p| (course.time_us(p) - fired_us) * 1e-6);
             let seconds = (position - at) * course.step_s();
-            at = position;
-            Self { seconds, share: course.law.rested(behind), height }
-        })
+            let share = law.rested(behind);
+            match steps.last_mut().filter(|last| last.share >= 1.0) {
+                Some(last) if (height - last.from).abs() < alike => {
+                    last.seconds += seconds;
+                    last.height = height;
+                }
+                _ => steps.push(Self { seconds, share, from: before, height }),
+            }
+            (at, before) = (position, height);
+        }
     }
 }
 
@@ -284,7 +298,7 @@ impl<'a> Pass<'a> {
         for case in self.memory.cases_mut() {
             let Some(movement) = is_near(case) else { continue };
             if self.steps.is_empty() {
-                self.steps.extend(Step::all(&course, fired_us, from.0, passages.clone()));
+                Step::all(&course, fired_us, from, passages.clone(), &mut self.steps);
             }
             let mut corner = Corner::at(from.1 - case.value);
             for step in &self.steps {
