@@ -95,7 +95,9 @@ impl Survey {
     pub fn raised(mut self, power: f64) -> Self {
         let white = self.white_dn as f32;
         let map = &mut self.map;
-        for (value, error) in map.radiance.values.iter_mut().zip(&mut map.errors) {
+        let cells = map.radiance.values.iter_mut().zip(&mut map.errors);
+        // Where nothing is mapped nothing is to come.
+        for (value, error) in cells.filter(|(value, _)| value.is_finite()) {
             let share = (*value / white).max(0.0);
             *value = white * share.powf(power as f32);
             *error *= power as f32 * share.powf(power as f32 - 1.0);
