@@ -242,7 +242,7 @@ fn with_effects(effects: serde_json::Value) -> WorldDescription {
 #[test]
 fn a_camera_in_order_shows_no_curve_no_dark_corners_and_its_own_noise() {
     let scene = &seen().scene;
-    let [loss, error] = scene.survey.corner_loss;
+    let [loss, error] = scene.survey.corner_loss.unwrap();
     assert!(loss < 0.02 && error < 0.02, "{loss} {error}");
     let tone = scene.registration.tone.unwrap();
     assert!(tone.curved().is_none(), "{tone:?}");
@@ -260,7 +260,7 @@ fn frames_show_dark_corners_and_noise_that_no_one_stated() {
         "frame_noise": { "sigma_dn": 4.0 },
     });
     let Seen { scene, .. } = seen_in(&with_effects(effects));
-    let [loss, error] = scene.survey.corner_loss;
+    let [loss, error] = scene.survey.corner_loss.unwrap();
     assert!((loss - 0.3).abs() < 0.02 + 3.0 * error, "{loss} {error}");
     let [noise, error] = scene.survey.read_noise_dn.unwrap();
     assert!((noise - 4.08).abs() < 0.2 + 3.0 * error, "{noise} {error}");

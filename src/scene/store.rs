@@ -42,8 +42,8 @@ pub struct SceneFacts {
     /// Radiance of the brightest paper, DN above black.
     pub white_dn: f64,
     /// Share of the light that the Pi's lens loses in the corners, with its standard error.
-    #[serde(default = "unknown")]
-    pub corner_loss: [f64; 2],
+    #[serde(default)]
+    pub corner_loss: Option<[f64; 2]>,
     /// Noise of the Pi's readout, DN, with its standard error.
     #[serde(default)]
     pub read_noise_dn: Option<[f64; 2]>,
@@ -57,11 +57,6 @@ pub struct SceneFacts {
     pub n_bridged: usize,
     /// The event camera.
     pub registration: Registration,
-}
-
-/// A loss of which nothing is known.
-const fn unknown() -> [f64; 2] {
-    [0.0, f64::INFINITY]
 }
 
 /// Columns of the path's table: time (s); x, y, distance (mm) and turn (rad); their standard errors;

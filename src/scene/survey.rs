@@ -70,9 +70,9 @@ pub struct Survey {
     pub site_gains: [f64; 4],
     /// Radiance of the brightest paper, DN above black.
     pub white_dn: f64,
-    /// Share of the light that the Pi's lens loses in the corners of its frames, with its standard error
-    /// (infinite for a head that stood).
-    pub corner_loss: [f64; 2],
+    /// Share of the light that the Pi's lens loses in the corners of its frames, with its standard error;
+    /// none for a head that stood.
+    pub corner_loss: Option<[f64; 2]>,
     /// Noise of the Pi's readout, DN, with its standard error; none where nothing smooth was seen.
     pub read_noise_dn: Option<[f64; 2]>,
     /// Light that moves over the print; the map and the path are free of it.

@@ -80,7 +80,7 @@ pub(super) struct Made {
     /// Standard error of the row time.
     pub(super) row_error_s: f64,
     /// Share of the light that the Pi's lens loses in the corners, with its standard error.
-    pub(super) corner_loss: [f64; 2],
+    pub(super) corner_loss: Option<[f64; 2]>,
     /// Noise of the Pi's readout, DN, with its standard error; none where nothing smooth was seen.
     pub(super) read_noise_dn: Option<[f64; 2]>,
 }
@@ -191,21 +191,20 @@ impl<'a> Surveyor<'a> {
         self.optics.camera.balance(self.keys.iter().map(|key| key.samples.as_slice()));
         let grid = covering(&self.optics, &self.keys)?;
         let mut map = splat(grid, &self.optics, &self.keys, None);
-        let (mut row_error_s, mut corner_error) = (f64::NAN, f64::INFINITY);
+        let (mut row_error_s, mut corner_loss) = (f64::NAN, None);
         for _ in 0..n_rounds {
             let ratios = site_ratios(&self.optics, &self.keys, &map);
             self.optics.camera.rebalance(ratios);
             if let Some([more, error]) = more_lost(&self.optics, &self.keys, &map) {
-                let loss = self.optics.camera.corner_loss() + more;
-                self.optics.camera.set_corner_loss(loss.clamp(0.0, MOST_LOST));
-                corner_error = error;
+                let loss = (self.optics.camera.corner_loss() + more).clamp(0.0, MOST_LOST);
+                self.optics.camera.set_corner_loss(loss);
+                corner_loss = Some([loss, error]);
             }
             row_error_s = self.improve(&map)?;
             self.drop_strange_light();
             map = splat(grid, &self.optics, &self.keys, Some(&map));
         }
         let white_dn = map.white_dn().ok_or(SceneError::NoTexture)?;
-        let corner_loss = [self.optics.camera.corner_loss(), corner_error];
         let read_noise_dn = read_noise(&self.optics, &map, &self.keys);
         Ok(Made { map, white_dn, row_error_s, corner_loss, read_noise_dn })
     }

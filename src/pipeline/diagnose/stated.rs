@@ -60,9 +60,8 @@ pub(super) fn departures(scene: &Scene, rig: &Rig, evidence: &Evidence) -> Vec<D
 
 /// What the frames of a session would show of such things.
 pub(super) fn shown(scene: &Scene, rig: Option<&Rig>) -> Vec<EffectId> {
-    let [_, corner_error] = scene.survey.corner_loss;
     let tone = scene.registration.tone;
-    let corners = corner_error.is_finite() || tone.is_some();
+    let corners = scene.survey.corner_loss.is_some() || tone.is_some();
     let noise = rig.is_some_and(|rig| rig.pi.camera.read_noise_dn.is_some())
         && light::noise_is_known(scene);
     [

@@ -48,7 +48,7 @@ pub(super) fn curve(tone: &Tone) -> Option<Departure> {
 /// A lens that loses light towards the corners: of both cameras the one that surely loses more.
 pub(super) fn corners(scene: &Scene) -> Option<Departure> {
     let davis = scene.registration.tone.map(|tone| ("event camera", tone.corner_loss));
-    let pi = Some(("Pi", scene.survey.corner_loss));
+    let pi = scene.survey.corner_loss.map(|loss| ("Pi", loss));
     let lossy = |(_, [loss, error]): &(&str, [f64; 2])| *loss > LEAST_LOSS && loss / error > SURE;
     let both = [pi, davis].into_iter().flatten().filter(lossy);
     let (camera, corner_loss) = both.max_by(|a, b| a.1[0].total_cmp(&b.1[0]))?;
