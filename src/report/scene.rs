@@ -8,7 +8,7 @@ use super::plot::grid::{Colours, FirstRow, Grid, draw};
 use super::plot::picture::PictureError;
 use super::plot::{Drawing, Ink};
 use crate::geometry::Size;
-use crate::scene::Scene;
+use crate::scene::{MovingLight, Scene};
 
 /// Columns of a map as it is drawn, at most.
 const COLUMNS: usize = 420;
@@ -77,6 +77,41 @@ fn facts(scene: &Scene) -> Vec<Fact> {
         ),
         Fact::new("light", format!("places are wrong by {:.2} %", 100.0 * found.light_error)),
     ]
+    .into_iter()
+    .chain(light(scene))
+    .collect()
+}
+
+/// What frames show of lenses, readout and lamps.
+fn light(scene: &Scene) -> impl Iterator<Item = Fact> {
+    let tone = scene.registration.tone;
+    let percent = |[loss, error]: [f64; 2]| format!("{:.1} ± {:.1} %", 100.0 * loss, 100.0 * error);
+    let corners = [
+        ("the Pi's", scene.survey.corner_loss),
+        ("the event camera's", tone.map(|tone| tone.corner_loss)),
+    ];
+    let corners: Vec<String> = corners
+        .into_iter()
+        .filter_map(|(whose, loss)| Some(format!("{} in {whose}", percent(loss?))))
+        .collect();
+    let corners = (!corners.is_empty()).then(|| corners.join(", "));
+    let noise = scene.survey.read_noise_dn.map(|[dn, error]| {
+        format!("raw frames scatter by {dn:.2} ± {error:.2} DN where there is no light")
+    });
+    let tone = tone.map(|tone| {
+        let [gamma, error] = tone.gamma;
+        format!("raw frames go as the power {gamma:.3} ± {error:.3} of those of the event camera")
+    });
+    let moving = scene.survey.moving_light.as_ref().map(|moving| {
+        let MovingLight { speed_mm_per_s, direction_deg, depth, .. } = moving;
+        format!(
+            "a shadow of {} goes over the print by {speed_mm_per_s:.1} mm/s along {direction_deg:.0}°",
+            percent(*depth)
+        )
+    });
+    [("light lost in corners", corners), ("readout", noise), ("tone", tone), ("shadow", moving)]
+        .into_iter()
+        .filter_map(|(what, says)| Some(Fact::new(what, says?)))
 }
 
 /// Means over blocks of cells, row after row from the bottom; what is not known stays empty.
