@@ -31,31 +31,32 @@ pub(super) fn pixels(evidence: &Evidence) -> Option<(Departure, BTreeSet<(u16, u
     let recording = evidence.around.recording();
     let Size { width, height } = recording.size();
     let all = recording.len() as f64;
-    let (mut hot, mut events, mut turned) = (BTreeSet::new(), 0.0, 0.0);
+    let (mut hot, mut beyond, mut turned) = (BTreeSet::new(), Vec::new(), 0.0);
+    let mut commons = Vec::with_capacity(recording.size().n_pixels());
     for y in 0..height {
         for x in 0..width {
             let spikes = recording.of(x, y);
             let own = spikes.len() as f64;
-            if own < LEAST_HZ * seconds {
-                continue;
-            }
             let about = evidence.around.eight(x, y);
             let mut others: Vec<f64> = about.map(|spikes| spikes.len() as f64).collect();
             others.sort_by(|a, b| b.total_cmp(a));
             // Beside dead pixels the middle one of the neighbours says little of the light there.
             let common = *others.get(HOT_ABOUT).or(others.last())?;
-            if own > TIMES * (common + 2.0) && own - common > LEAST_HZ * seconds {
+            commons.push(common);
+            if is_hot(own - common, common, seconds) {
                 hot.insert((x, y));
-                events += own - common;
+                beyond.push(own - common);
                 turned += turns(spikes);
             }
         }
     }
     let n_hot = hot.len();
-    let fraction = n_hot as f64 / recording.size().n_pixels() as f64;
+    let events: f64 = beyond.iter().sum();
+    commons.sort_by(f64::total_cmp);
+    let fraction = share(&beyond, &commons);
     let departure = Departure {
         id: EffectId::HotPixels,
-        parameters: vec![("fraction", [fraction, fraction / (n_hot as f64).sqrt()])],
+        parameters: vec![("fraction", fraction)],
         says: format!(
             "{n_hot} pixels fire over four times as often as those about them, {:.1} % of all events",
             100.0 * events / all
@@ -67,6 +68,26 @@ pub(super) fn pixels(evidence: &Evidence) -> Option<(Departure, BTreeSet<(u16, u
     (n_hot >= LEAST && events > LEAST_SHARE * all && !is_noise).then_some((departure, hot))
 }
 
+/// Whether a pixel that fires so often beyond the others about it stands out there.
+fn is_hot(beyond: f64, common: f64, seconds: f64) -> bool {
+    beyond + common > TIMES * (common + 2.0) && beyond > LEAST_HZ * seconds
+}
+
+/// Share of all pixels that are hot, with its standard error, by those found: one that fires so often
+/// beyond the others stands for all those like it, which stand out only where little else fires.
+/// `commons` are the events of what lies about each pixel of the sensor, in order.
+fn share(beyond: &[f64], commons: &[f64]) -> [f64; 2] {
+    let n = commons.len() as f64;
+    let weight = |beyond: &f64| {
+        // As `is_hot` has it.
+        let most = (beyond - TIMES * 2.0) / (TIMES - 1.0);
+        n / (commons.partition_point(|common| *common < most) as f64).max(1.0)
+    };
+    let weights: Vec<f64> = beyond.iter().map(weight).collect();
+    let square: f64 = weights.iter().map(|weight| weight * weight).sum();
+    [weights.iter().sum::<f64>() / n, square.sqrt() / n]
+}
+
 /// Share of the events that turn the polarity of the one before.
 fn turns(spikes: &[Spike]) -> f64 {
     let turned = spikes.windows(2).filter(|pair| pair[0].on != pair[1].on).count();
@@ -76,6 +97,31 @@ fn turns(spikes: &[Spike]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stats::SplitMix;
+
+    #[test]
+    fn hot_pixels_that_busy_ones_hide_are_counted_by_those_that_they_do_not_hide() {
+        let mut random = SplitMix::new(4, 7);
+        let mut z = Vec::new();
+        for _ in 0..40 {
+            let commons: Vec<f64> = (0..20_000).map(|_| 200.0 * random.uniform()).collect();
+            let mut beyond = Vec::new();
+            for common in &commons {
+                let events = 30.0 * (random.uniform() * 10.0_f64.ln()).exp();
+                if random.uniform() < 0.005 && is_hot(events, *common, 1.0) {
+                    beyond.push(events);
+                }
+            }
+            let mut commons = commons;
+            commons.sort_by(f64::total_cmp);
+            let [found, error] = share(&beyond, &commons);
+            assert!((beyond.len() as f64) < 0.7 * 0.005 * 20_000.0, "{}", beyond.len());
+            z.push((found - 0.005) / error);
+        }
+        let mean = z.iter().sum::<f64>() / z.len() as f64;
+        let spread = (z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64).sqrt();
+        assert!(mean.abs() < 0.6 && (0.6..1.5).contains(&spread), "{mean} {spread}");
+    }
 
     #[test]
     fn polarity_turns_with_noise_and_not_with_a_leak() {
