@@ -10,7 +10,7 @@ use rayon::prelude::*;
 pub(super) const LEAST_GAIN: f64 = 0.02;
 
 /// An effect's gain has to be so many of its standard errors.
-const LEAST_ERRORS: f64 = 4.0;
+pub(super) const LEAST_ERRORS: f64 = 4.0;
 
 /// Whether a gain on held-out cells, with its error, is one to speak of.
 pub(super) fn is_enough(gain: f64, error: f64) -> bool {

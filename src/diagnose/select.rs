@@ -11,10 +11,10 @@ use super::judge::{Judge, Judged};
 use super::naming::is_vague;
 use super::polish::polished;
 use super::region::gain_of;
-use super::scan::{LAST_STEPS, Tried, scan};
-use super::score::{LEAST_GAIN, Part, is_enough};
+use super::scan::{Gain, LAST_STEPS, Tried, scan};
+use super::score::{LEAST_ERRORS, LEAST_GAIN, Part, is_enough};
 use super::stated::{Departure, as_effects};
-use super::{Diagnosis, Evidence, Hypothesis, Nuisance, NullReport, Options, Rival, null};
+use super::{Diagnosis, Evidence, Hypothesis, Nuisance, NullReport, Options, Rival, Suspect, null};
 use crate::effect_id::EffectId;
 
 /// A rival that buys this share of what the best does is fitted to the end before one is taken.
@@ -22,6 +22,11 @@ const NEAR: f64 = 0.5;
 
 /// Rivals, the best included, that are.
 const MOST_RIVALS: usize = 3;
+
+/// An effect that buys more than this, nats an event, and so many of its standard errors, and is not named
+/// for want of more, is suspected.
+const UNSURE_GAIN: f64 = 0.06;
+const UNSURE_ERRORS: f64 = 3.0;
 
 /// Events on which first fits are made.
 const FEW_EVENTS: usize = 6_000;
@@ -68,7 +73,8 @@ pub fn diagnose(
     progress("baseline");
     let few = evidence.thinned((evidence.n_events() / FEW_EVENTS).max(2));
     let baseline = begin(evidence, &few);
-    let (mut baseline, model, taken) = take_all(evidence, &few, baseline, options, progress);
+    let (mut baseline, model, taken, unsure) =
+        take_all(evidence, &few, baseline, options, progress);
     let (model, taken) = prune(evidence, &baseline, model, taken);
     let (model, mut taken) = leave_out_vague(evidence, &baseline, model, taken);
     // What is made of either from here on is fine as well.
@@ -95,7 +101,8 @@ pub fn diagnose(
         null: &structures,
         seed: options.seed,
     };
-    let Judged { model, taken, standing, after, suspects } = judge.judged(model, taken);
+    let Judged { model, taken, standing, after, mut suspects } = judge.judged(model, taken);
+    suspects.extend(unsure);
     let null = NullReport {
         n: options.n_null,
         greatest_gains: gains,
@@ -141,9 +148,9 @@ fn take_all(
     mut baseline: Fitted,
     options: &Options,
     progress: &mut dyn FnMut(&str),
-) -> (Fitted, Fitted, Vec<Taken>) {
+) -> (Fitted, Fitted, Vec<Taken>, Option<Suspect>) {
     let mut model = baseline.clone();
-    let mut taken = Vec::new();
+    let (mut taken, mut unsure) = (Vec::new(), None);
     while taken.len() < options.max_effects {
         let mut tried: Vec<Tried> = scan(evidence, few, &model, progress)
             .into_iter()
@@ -167,6 +174,7 @@ fn take_all(
         let Some(best) = tried.first() else { break };
         let gain = best.gain;
         if !is_enough(gain.held_out, gain.error) {
+            unsure = suspected(gain);
             break;
         }
         taken.push(Taken {
@@ -177,7 +185,20 @@ fn take_all(
         });
         model = best.fitted.clone();
     }
-    (baseline, model, taken)
+    (baseline, model, taken, unsure)
+}
+
+/// An effect that buys much and not surely: the model without it is not said to hold.
+fn suspected(gain: Gain) -> Option<Suspect> {
+    let errors = gain.held_out / gain.error;
+    (gain.held_out > UNSURE_GAIN && errors > UNSURE_ERRORS).then(|| Suspect {
+        id: gain.id,
+        heldout_gain_nats_per_event: gain.held_out,
+        because: format!(
+            "what it gains is {errors:.2} of its standard errors, and a name takes {LEAST_ERRORS:.0}: more \
+             pixels (--pixels) or a longer recording may tell"
+        ),
+    })
 }
 
 /// Finishes the fits of those that come near to the best, the best among them: a pole and a late clock,
