@@ -38,7 +38,7 @@ mod walk;
 pub use bends::Bends;
 pub use blocks::{BlockScore, Blocks};
 pub use by_pixel::{ByPixel, Spike};
-pub use law::{LawError, PixelLaw};
+pub use law::{LawError, PixelLaw, SHOT_SPEED};
 pub use light::{Light, Lights};
 pub use residual::{Previous, Residual, Silence, residuals};
 pub use sample::{Followed, Moment, followed, sample};

@@ -7,9 +7,11 @@ use std::f64::consts::SQRT_2;
 /// Scale of a logistic law over its standard deviation: the root of three over pi.
 const LOGISTIC: f64 = 0.551_328_895_421_792;
 
-/// Time in which the signal's noise forgets over that in which it passes its own size: behind two low
-/// passes, the second at three times the first.
-const FORGETS: f64 = 1.732_050_807_568_877_2;
+/// Root mean square speed of the signal's own noise over its size, in turns of its bandwidth: behind two
+/// low passes of which the second, the follower's, lies at three times the first, the root of three.
+/// Noise behind one alone would have no speed. It is also the time in which the noise forgets over that
+/// in which it passes its own size.
+pub const SHOT_SPEED: f64 = 1.732_050_807_568_877_2;
 
 /// From so many times that time on it has rested.
 const RESTED: f64 = 2.8;
@@ -154,6 +156,13 @@ impl PixelLaw {
         self.noise_at_white * (-self.noise_exponent * level.clamp(-12.0, 3.0)).exp()
     }
 
+    /// Standard deviation of the signal's own noise where the scale of the threshold's scatter is
+    /// `noise`: noise of all kinds grows alike towards the dark.
+    #[must_use]
+    pub fn shot(&self, noise: f64) -> f64 {
+        self.shot_at_white * noise / self.noise_at_white
+    }
+
     /// Scale of the scatter where the light changes by `slope_per_s`: that of the threshold and
     /// that which scattered stamps make of the slope. A change is from stamp to stamp, while the
     /// pixel itself went from instant to instant: both ends scatter.
@@ -180,7 +189,7 @@ impl PixelLaw {
         if self.shot_speed_per_s <= 0.0 {
             return 1.0;
         }
-        let forgets_s = FORGETS * self.shot_at_white / self.shot_speed_per_s;
+        let forgets_s = SHOT_SPEED * self.shot_at_white / self.shot_speed_per_s;
         let ramp = |at_s: f64| ((at_s / forgets_s - 1.0) / (RESTED - 1.0)).max(0.0);
         // Integral of the ramp in units of its length; it goes on as one.
         let whole = |ramp: f64| if ramp < 1.0 { 0.5 * ramp * ramp } else { ramp - 0.5 };

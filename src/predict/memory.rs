@@ -128,7 +128,7 @@ impl Unknown {
         let law = course.law;
         let grown = law.noise(course.level(position));
         // Noise of the signal brings either threshold as near.
-        let noise = grown.max(law.shot_at_white * grown / law.noise_at_white);
+        let noise = grown.max(law.shot(grown));
         Self { value: course.height(position), noise, sum: law.theta_on + law.theta_off }
     }
 

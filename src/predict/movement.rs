@@ -92,10 +92,10 @@ impl Movement {
     /// Of a pixel whose threshold scatters by `noise`; `None` where the noise does not move.
     pub(super) fn new(law: &PixelLaw, noise: f64) -> Option<Self> {
         let theta = [law.theta_on, law.theta_off];
-        // Noise of all kinds grows alike towards the dark.
+        // The noise's speed grows as its size does.
         let grown = noise / law.noise_at_white;
         if law.shot_at_white > 0.0 {
-            let (noise, own) = (law.shot_at_white * grown, law.shot_speed_per_s * grown);
+            let (noise, own) = (law.shot(noise), law.shot_speed_per_s * grown);
             return (own > 0.0).then_some(Self { tail: Tail::Normal, noise, own, theta });
         }
         let own = law.noise_speed_per_s * grown;

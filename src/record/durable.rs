@@ -1,13 +1,19 @@
 //! What was recorded is on the disk soon: a thread beside the writers syncs their files.
 //!
 //! A writer hands its bytes to the system several times a second; this thread then makes the system
-//! put them on the disk. No writer waits for that, so a slow disk delays durability, not recording.
+//! put them on the disk. No writer waits for that, so a slow disk delays durability, not recording. What
+//! is on the disk since long the system need not hold in memory any more: a recording of tens of gigabytes
+//! would push out all else, and what writes it would wait for memory to be found.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
+
+/// Of a file that is synced so many last bytes stay in the system's memory, so that what seals a short
+/// recording need not read it from the disk.
+const KEPT_BYTES: u64 = 512 << 20;
 
 /// From the end of one sync to the next.
 const BETWEEN_SYNCS: Duration = Duration::from_millis(250);
@@ -95,7 +101,7 @@ impl Shared {
         drop(state);
         let goes_on = flush();
         for (path, file) in handles {
-            if let Err(error) = file.and_then(|file| file.sync_data()) {
+            if let Err(error) = file.and_then(|file| sync(&file)) {
                 let text = format!("{}: not synced to the disk: {error}", path.display());
                 self.lock().failed.get_or_insert(text);
             }
@@ -104,6 +110,19 @@ impl Shared {
         self.changed.notify_all();
         goes_on
     }
+}
+
+/// Puts a file on the disk and lets go of the memory of all but its end.
+fn sync(file: &File) -> std::io::Result<()> {
+    file.sync_data()?;
+    #[cfg(target_os = "linux")]
+    if let Some(past) = file.metadata()?.len().checked_sub(KEPT_BYTES) {
+        // An advice: where it is not taken, nothing is lost.
+        if let Some(past) = std::num::NonZeroU64::new(past) {
+            let _ = rustix::fs::fadvise(file, 0, Some(past), rustix::fs::Advice::DontNeed);
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -1,11 +1,8 @@
 //! Band-limited noise of the photoreceptor.
 
 use super::{Candidate, EffectId, Nuisance, PLAIN, Parameter};
+use crate::predict::SHOT_SPEED;
 use std::f64::consts::TAU;
-
-/// Speed of the noise over its size, in turns of its bandwidth: behind two low passes of which the
-/// second, the follower's, lies at three times the first. Noise behind one alone would have no speed.
-const SPEED: f64 = 1.732_050_807_568_877_2;
 
 pub(super) const CANDIDATE: Candidate = Candidate {
     id: EffectId::ShotNoise,
@@ -25,7 +22,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     act: |values, _, view| {
         let law = &mut view.law;
         law.shot_at_white = values[0] * 0.5 * (law.theta_on + law.theta_off);
-        law.shot_speed_per_s = law.shot_at_white * SPEED * TAU * values[1];
+        law.shot_speed_per_s = law.shot_at_white * SHOT_SPEED * TAU * values[1];
     },
     rivals: &[EffectId::BackgroundActivity, EffectId::FrameNoise, EffectId::StampJitter],
     splitter: "a static segment: polarities of noise alternate, more than three in four",

@@ -1,13 +1,16 @@
 //! What a pixel compares with that has just memorised at an event.
 
 use super::super::course::{Course, Reach};
-use super::{Case, Fired, Here, LEAST_WEIGHT, Memory, gather};
+use super::{Case, Fired, Here, LEAST_WEIGHT, MOST_CASES, Memory, gather};
 
 /// A case less likely than this to have set off an event did not.
 const LEAST_SHARE: f64 = 0.02;
 
 /// Most cases that may have carried noise of unknown size.
 pub(in crate::predict) const MOST_CARRIED: usize = 4;
+
+/// Most cases that stand side by side, under any law.
+const MOST: usize = if MOST_CARRIED > MOST_CASES { MOST_CARRIED } else { MOST_CASES };
 
 /// Noise of the signal that may have set off an event of which nothing else is known, in its standard
 /// deviations, with the chance of each.
@@ -48,14 +51,19 @@ impl Memory {
             self.spare.push(fresh(self.cases.first()));
             return;
         }
-        let sets_off = |case: &Case| case.weight * case.sets_off(course, fired.on, reach, here);
-        let all: f64 = self.cases.iter().map(sets_off).sum();
+        let mut shares = [0.0; MOST];
+        for (share, case) in shares.iter_mut().zip(&self.cases) {
+            *share = case.weight * case.sets_off(course, fired.on, reach, here);
+        }
+        let all: f64 = shares.iter().sum();
         let left: f64 = self.cases.iter().map(|case| case.weight).sum();
-        let share = |case: &Case| left * if all > 0.0 { sets_off(case) / all } else { case.weight };
         // Of noise that is carried on and on even what is unlikely may turn out.
         let least = if is_shot { LEAST_WEIGHT } else { LEAST_SHARE };
-        for case in self.cases.iter().filter(|case| share(case) >= least) {
-            gather(&mut self.spare, Case { weight: share(case), ..fresh(Some(case)) });
+        for (case, set_off) in self.cases.iter().zip(shares) {
+            let weight = left * if all > 0.0 { set_off / all } else { case.weight };
+            if weight >= least {
+                gather(&mut self.spare, Case { weight, ..fresh(Some(case)) });
+            }
         }
     }
 }
@@ -97,7 +105,7 @@ fn carried(
     noise: &[[f64; 2]],
 ) -> impl Iterator<Item = Case> {
     let towards = if fired.on { 1.0 } else { -1.0 };
-    let size = course.law.shot_at_white * plain.noise / course.law.noise_at_white;
+    let size = course.law.shot(plain.noise);
     noise.iter().map(move |[noise, weight]| Case {
         value: plain.value + towards * noise * size,
         weight: plain.weight * weight,
