@@ -32,6 +32,9 @@ const STEP_US: i64 = 1_000;
 /// The picture's own grid, which repeats itself.
 const SIDE: usize = 256;
 
+/// The simulator's noise at white over that in the dark (v2e's law).
+const NOISE_AT_WHITE: f64 = 0.25;
+
 /// What can be hidden: id, and the changing parameter with its value at strength one.
 const KNOWN: &[(&str, &str, f64)] = &[
     // The picture's steepest edges take a pixel some 10 ms from event to event: a shorter dead time does nothing.
@@ -113,7 +116,7 @@ fn make(root: &Path, truth: &Truth, random: &mut SplitMix) -> Result<usize, Box<
     let mut frames =
         ArrayWriter::<u16>::create(&frames_path, &[n_steps as u64, HEIGHT as u64, WIDTH as u64])?;
     let mut times = ArrayWriter::<i64>::create(&times_path, &[n_steps as u64])?;
-    let mut simulator = Simulator::new(WIDTH, HEIGHT, config(truth, seed));
+    let mut simulator = Simulator::new(WIDTH, HEIGHT, config(truth, seed, &picture));
     let mut all = eventcv_core::EventStreamBuilder::new(WIDTH, HEIGHT, 1e-3);
     for step in 0..n_steps {
         let t_us = step * STEP_US;
@@ -140,8 +143,11 @@ fn make(root: &Path, truth: &Truth, random: &mut SplitMix) -> Result<usize, Box<
 }
 
 /// The simulator's own settings for what is hidden; without any, its ideal pixel.
-fn config(truth: &Truth, seed: u64) -> SimulatorConfig {
+fn config(truth: &Truth, seed: u64, picture: &[f64]) -> SimulatorConfig {
     let of = |id: &str| parameter(truth, id);
+    // Its noise is as frequent as it is told in the dark alone: the truth is the mean over all pixels.
+    let light = picture.iter().sum::<f64>() / picture.len() as f64;
+    let lit = 1.0 - (1.0 - NOISE_AT_WHITE) * light;
     let ideal = SimulatorConfig::ideal();
     let ratio = of("threshold_asymmetry").unwrap_or(1.0).sqrt() as f32;
     SimulatorConfig {
@@ -151,7 +157,7 @@ fn config(truth: &Truth, seed: u64) -> SimulatorConfig {
         refractory_us: of("refractory_period").unwrap_or(0.0) as i64,
         cutoff_hz: of("photoreceptor_bandwidth").unwrap_or(0.0) as f32,
         leak_rate_hz: of("junction_leak").unwrap_or(0.0) as f32,
-        shot_noise_rate_hz: of("background_activity").unwrap_or(0.0) as f32,
+        shot_noise_rate_hz: (of("background_activity").unwrap_or(0.0) / lit) as f32,
         seed,
         upsample: Upsample::Fixed(4),
         ..ideal
