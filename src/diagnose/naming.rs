@@ -29,7 +29,10 @@ const AS_GOOD_AS_EQUAL: f64 = 0.5;
 /// Standard errors that a difference of strength has to have.
 const SURE: f64 = 5.0;
 
-/// Half width of a 90 % interval of a logarithm at which a parameter is not told: a factor of three.
+/// A strength that might as well be so many times as much or less is not told.
+const FACTOR: f64 = 3.0;
+
+/// Half width of a 90 % interval of a logarithm at which a parameter is not told: that factor's.
 const VAGUE: f64 = 1.1;
 
 /// Standard errors from no effect that a parameter has to have which may have either sign.
@@ -87,6 +90,22 @@ pub(super) fn is_vague(model: &Fitted, index: usize) -> bool {
                 if p.is_log { Z90 * error <= VAGUE } else { value.abs() >= FROM_NOTHING * error };
             !is_told
         })
+}
+
+/// The hypothesis with an effect's first parameter that events are asked for held at a third of its value,
+/// and at three times as much, as far as its range goes; `None` where it has no room to either side.
+pub(super) fn strength_aside(hypothesis: &Hypothesis, index: usize) -> Option<[Hypothesis; 2]> {
+    let (at, parameter) = asked(hypothesis, index).next()?;
+    let value = parameter.from_fitted(hypothesis.values[at]);
+    let [low, high] = hypothesis.ranges[at];
+    let aside = [value / FACTOR, value * FACTOR].map(|there| {
+        let there = parameter.to_fitted(there).clamp(low, high);
+        let mut moved = hypothesis.clone();
+        moved.values[at] = there;
+        moved.ranges[at] = [there; 2];
+        moved
+    });
+    aside.iter().all(|moved| moved.values[at] != hypothesis.values[at]).then_some(aside)
 }
 
 /// Parameters of an effect that the events are asked for and that are reported, each with the number of its

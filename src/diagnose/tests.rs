@@ -381,3 +381,18 @@ fn of_a_long_recording_part_of_every_block_is_looked_at() {
         assert!((490..510).contains(&n_known), "{n_known} of {}", pixel.light.len());
     }
 }
+
+#[test]
+fn a_strength_is_held_aside_as_far_as_its_range_goes() {
+    let drop = |fraction: f64| {
+        Hypothesis::baseline(&empty()).with(library(EffectId::EventDrop), &[fraction])
+    };
+    let hypothesis = drop(0.2);
+    let at = hypothesis.offset_of(0);
+    let aside = naming::strength_aside(&hypothesis, 0).unwrap();
+    let held = aside.each_ref().map(|aside| (aside.values[at], aside.ranges[at]));
+    assert!((held[0].0 - 0.2 / 3.0).abs() < 1e-12 && (held[1].0 - 0.6).abs() < 1e-12);
+    assert!(held.iter().all(|(value, range)| *range == [*value; 2]));
+    // At an end of its range nothing lies beyond.
+    assert!(naming::strength_aside(&drop(0.9), 0).is_none());
+}
