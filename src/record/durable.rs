@@ -6,6 +6,8 @@
 //! would push out all else, and what writes it would wait for memory to be found.
 
 use std::fs::File;
+#[cfg(target_os = "linux")]
+use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -116,11 +118,9 @@ impl Shared {
 fn sync(file: &File) -> std::io::Result<()> {
     file.sync_data()?;
     #[cfg(target_os = "linux")]
-    if let Some(past) = file.metadata()?.len().checked_sub(KEPT_BYTES) {
+    if let Some(past) = NonZeroU64::new(file.metadata()?.len().saturating_sub(KEPT_BYTES)) {
         // An advice: where it is not taken, nothing is lost.
-        if let Some(past) = std::num::NonZeroU64::new(past) {
-            let _ = rustix::fs::fadvise(file, 0, Some(past), rustix::fs::Advice::DontNeed);
-        }
+        let _ = rustix::fs::fadvise(file, 0, Some(past), rustix::fs::Advice::DontNeed);
     }
     Ok(())
 }
