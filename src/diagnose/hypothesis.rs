@@ -2,7 +2,7 @@
 
 use super::candidate::{Candidate, Freed, Stage};
 use super::nuisance::{N_NUISANCES, Nuisance};
-use super::places::Held;
+use super::places::{Held, Pinned};
 use super::{Evidence, Kind, PixelEvidence};
 use crate::geometry::Rectangle;
 use crate::predict::{Light, PixelLaw};
@@ -66,6 +66,8 @@ pub struct Hypothesis {
     pub is_fine: bool,
     /// Where pixels of unknown kind are scored; by its own values without.
     pub(super) held: Option<Held>,
+    /// The kinds that pixels of unknown kind are taken to be, where they are.
+    pub(super) pinned: Option<Pinned>,
 }
 
 impl Hypothesis {
@@ -81,6 +83,7 @@ impl Hypothesis {
             steps: ordinary.iter().map(|o| o.step).collect(),
             is_fine: false,
             held: None,
+            pinned: None,
         }
     }
 

@@ -58,7 +58,7 @@ impl<'a> Seen<'a> {
 
     /// The pixel's scores, whatever its kind.
     pub(super) fn scores(&mut self, hypothesis: &Hypothesis, kinds: &Mixture) -> Vec<BlockScore> {
-        if let Some(only) = kinds.only() {
+        if let Some(only) = kinds.only().or_else(|| hypothesis.pinned_kind(self.pixel)) {
             return self.of_kind(hypothesis, only);
         }
         let by_value = self.by_value(hypothesis, kinds);

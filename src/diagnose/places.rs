@@ -7,8 +7,8 @@
 
 use super::curve::{Curve, likely, total};
 use super::fit::{Fitted, as_it_is};
-use super::kinds::Seen;
-use super::{Evidence, Hypothesis, Mixture, PixelEvidence};
+use super::kinds::{Seen, kinds_of_pixels};
+use super::{Evidence, Hypothesis, Kind, Mixture, PixelEvidence};
 use crate::predict::BlockScore;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -79,7 +79,38 @@ impl Places {
     }
 }
 
+/// Pixels by their place, each with the kind that it is taken to be.
+pub(super) type Pinned = Arc<HashMap<(u16, u16), Kind>>;
+
 impl Hypothesis {
+    /// The same with every pixel of the kind that its training blocks speak for most, and with the shares of
+    /// kinds as they are: what another effect would buy shows with one scoring of a pixel for all kinds.
+    pub(super) fn pinned(mut self, evidence: &Evidence) -> Self {
+        let Some(index) = self.effects.iter().position(|effect| effect.mixture.is_some()) else {
+            return self;
+        };
+        let kinds = kinds_of_pixels(evidence, &self);
+        let pixels = evidence.pixels.iter().map(|pixel| (pixel.x, pixel.y));
+        self.pinned = Some(Arc::new(pixels.zip(kinds).collect()));
+        for at in self.places_of(index) {
+            self.steps[at] = 0.0;
+        }
+        self
+    }
+
+    /// The same with kinds that are not known again; `model` is what it was made from.
+    pub(super) fn unpinned(mut self, model: &Self) -> Self {
+        if self.pinned.take().is_some() {
+            self.steps[..model.steps.len()].copy_from_slice(&model.steps);
+        }
+        self
+    }
+
+    /// The kind that a pixel is taken to be.
+    pub(super) fn pinned_kind(&self, pixel: &PixelEvidence) -> Option<Kind> {
+        self.pinned.as_ref().and_then(|pinned| pinned.get(&(pixel.x, pixel.y)).copied())
+    }
+
     /// The same to make one of that lies further away from the one that it is held to.
     pub(super) fn leaving(mut self) -> Self {
         if let Some(held) = &mut self.held {
@@ -94,7 +125,7 @@ impl Fitted {
     pub(super) fn held(&self, evidence: &Evidence) -> Self {
         let mut held = self.clone();
         let kinds = self.hypothesis.kinds();
-        if kinds.is_even() {
+        if kinds.is_even() && self.hypothesis.pinned.is_none() {
             let places = Arc::new(Places::of(evidence, &self.hypothesis, &kinds));
             held.hypothesis.held = Some(Held { places, is_near: true });
         }

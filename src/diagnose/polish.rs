@@ -23,6 +23,10 @@ const EVENT_WORK: usize = 30;
 /// First steps of settling.
 const FINE_STEPS: [f64; 2] = [2.0, 1.0];
 
+/// Searches in a row that have to be in vain where a crest is looked for, and where it is settled on.
+const IN_VAIN: usize = 2;
+const SETTLED_IN_VAIN: usize = 1;
+
 /// Work with which a search gets all its evaluations; where each is more there are fewer of them, at the
 /// fewest a fifth.
 const ALL_WORK: usize = 400_000;
@@ -62,18 +66,23 @@ const NO_VALUE: f64 = 1e12;
 /// A fit gone on with where slopes have left it; never worse than it was.
 pub(super) fn polished(evidence: &Evidence, fitted: Fitted) -> Fitted {
     let work = work(evidence, &fitted.hypothesis);
-    let every = (work / FEW_WORK).min(evidence.pixels.len() / LEAST_PIXELS);
+    let every = every(evidence, work);
     if every < 2 {
-        return searches(evidence, fitted, &STEPS, per_value(work));
+        return searches(evidence, fitted, &STEPS, IN_VAIN, per_value(work));
     }
     let few = evidence.thinned(every);
     let start = as_it_is(&few, fitted.hypothesis.clone());
-    let rough = searches(&few, start, &STEPS, per_value(work / every));
+    let rough = searches(&few, start, &STEPS, IN_VAIN, per_value(work / every));
     let there = as_it_is(evidence, rough.hypothesis);
     // What is best for few may not be for all.
     let is_better = there.training() > fitted.training();
     let start = if is_better { there } else { fitted };
-    searches(evidence, start, &FINE_STEPS, per_value(work))
+    searches(evidence, start, &FINE_STEPS, SETTLED_IN_VAIN, per_value(work))
+}
+
+/// Every so many-th pixel is looked at where an evaluation is so much work.
+fn every(evidence: &Evidence, work: usize) -> usize {
+    (work / FEW_WORK).min(evidence.pixels.len() / LEAST_PIXELS).max(1)
 }
 
 /// How much an evaluation is: pixels of several kinds are scored several times, and what a pixel may
@@ -90,15 +99,21 @@ fn per_value(work: usize) -> usize {
     (PER_VALUE * ALL_WORK / work.max(1)).clamp(PER_VALUE / 5, PER_VALUE)
 }
 
-/// Searches one behind the other, with these first steps, until two in a row are in vain.
-fn searches(evidence: &Evidence, mut fitted: Fitted, steps: &[f64], per_value: usize) -> Fitted {
+/// Searches one behind the other, with these first steps, until so many in a row are in vain.
+fn searches(
+    evidence: &Evidence,
+    mut fitted: Fitted,
+    steps: &[f64],
+    in_vain: usize,
+    per_value: usize,
+) -> Fitted {
     let mut n_in_vain = 0;
     for (seed, &step) in (1..).zip(steps) {
         let before = fitted.training();
         fitted = searched(evidence, fitted, step, per_value, seed);
         let is_in_vain = fitted.training() - before < WORTH_ANOTHER;
         n_in_vain = if is_in_vain { n_in_vain + 1 } else { 0 };
-        if n_in_vain == 2 {
+        if n_in_vain == in_vain {
             break;
         }
     }
@@ -157,8 +172,10 @@ fn is_at_rest(course: &[f64], n_last: usize, enough: f64) -> bool {
 /// to be followed by slopes, so the nuisance is led back through its range with the effect beside it.
 pub(super) fn polished_off_the_ends(evidence: &Evidence, fitted: Fitted) -> Fitted {
     let fitted = polished(evidence, fitted);
-    let elsewhere = each_as_it_is(evidence, off_the_ends(&fitted.hypothesis));
+    let few = evidence.thinned(every(evidence, work(evidence, &fitted.hypothesis)));
+    let elsewhere = each_as_it_is(&few, off_the_ends(&fitted.hypothesis));
     let best = elsewhere.into_iter().reduce(Fitted::or_better);
+    let best = best.map(|best| as_it_is(evidence, best.hypothesis));
     match best.filter(|best| best.training() > fitted.training()) {
         Some(better) => polished(evidence, better),
         None => fitted,

@@ -19,7 +19,7 @@ const SECOND_STEPS: usize = 6;
 pub(super) const LAST_STEPS: usize = 40;
 
 /// Training gain, nats an event, below which an effect is not fitted further.
-const WORTH_A_FIT: f64 = 0.002;
+const WORTH_A_FIT: f64 = 0.01;
 
 /// Starts of an effect that are moved by a step.
 const BEST_STARTS: usize = 2;
@@ -122,7 +122,7 @@ pub(super) fn scan(
     model: &Fitted,
     progress: &mut dyn FnMut(&str),
 ) -> Vec<Tried> {
-    let here = as_it_is(few, model.hypothesis.clone());
+    let here = as_it_is(few, model.hypothesis.clone().pinned(few));
     let mut begun = Vec::new();
     for candidate in in_question(evidence, model) {
         progress(candidate.id.as_str());
@@ -139,8 +139,10 @@ pub(super) fn scan(
     let mut all: Vec<Tried> = begun
         .into_iter()
         .enumerate()
-        .map(|(rank, (candidate, fitted))| {
-            let is_worth_it = rank < BEST && fitted.training() - here.training() > WORTH_A_FIT;
+        .map(|(rank, (candidate, mut fitted))| {
+            let gained = fitted.training() - here.training();
+            fitted.hypothesis = fitted.hypothesis.unpinned(&model.hypothesis);
+            let is_worth_it = rank < BEST && gained > WORTH_A_FIT;
             let (fitted, against) = if is_worth_it {
                 progress(candidate.id.as_str());
                 (fit(evidence, fitted.hypothesis, SECOND_STEPS, 1e-4), model)

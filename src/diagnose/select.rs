@@ -18,7 +18,7 @@ use super::{Diagnosis, Evidence, Hypothesis, Nuisance, NullReport, Options, Riva
 use crate::effect_id::EffectId;
 
 /// A rival that buys this share of what the best does is fitted to the end before one is taken.
-const NEAR: f64 = 0.5;
+const NEAR: f64 = 0.4;
 
 /// Rivals, the best included, that are.
 const MOST_RIVALS: usize = 3;
@@ -30,6 +30,9 @@ const UNSURE_ERRORS: f64 = 3.0;
 
 /// Steps of a fit beside a strength that is held aside.
 const STEPS_ASIDE: usize = 12;
+
+/// Steps from what a coarse score finds to what the fine one does, which is near.
+const FINE_STEPS: usize = 12;
 
 /// Events on which first fits are made.
 const FEW_EVENTS: usize = 6_000;
@@ -312,7 +315,7 @@ fn refined(evidence: &Evidence, mut model: Fitted) -> Fitted {
     if !model.hypothesis.kinds().is_even() {
         return model;
     }
-    with_errors(evidence, polished(evidence, fit(evidence, model.hypothesis, LAST_STEPS, 1e-5)))
+    with_errors(evidence, polished(evidence, fit(evidence, model.hypothesis, FINE_STEPS, 1e-4)))
 }
 
 /// The model with only some of its effects.
