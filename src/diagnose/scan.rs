@@ -122,7 +122,7 @@ pub(super) fn scan(
     model: &Fitted,
     progress: &mut dyn FnMut(&str),
 ) -> Vec<Tried> {
-    let here = as_it_is(few, model.hypothesis.clone().pinned(few));
+    let here = pinned(few, model);
     let mut begun = Vec::new();
     for candidate in in_question(evidence, model) {
         progress(candidate.id.as_str());
@@ -158,6 +158,13 @@ pub(super) fn scan(
         .collect();
     all.sort_by(|a, b| b.gain.held_out.total_cmp(&a.gain.held_out));
     all
+}
+
+/// The model on few pixels, those of unknown kind taken to be of their likeliest. For kinds that are known the
+/// best values are others: what they gain is no effect's.
+fn pinned(few: &Evidence, model: &Fitted) -> Fitted {
+    let here = as_it_is(few, model.hypothesis.clone().pinned(few));
+    if here.hypothesis.pinned.is_some() { improved(few, here, FIRST_STEPS, 1e-4) } else { here }
 }
 
 /// Effects that the model has not and that can be judged.
