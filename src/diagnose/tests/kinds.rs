@@ -1,0 +1,87 @@
+//! Pixels of unknown threshold: theirs are planted and demanded back.
+
+use super::*;
+
+/// Thresholds that scatter by 0.11, and are sharp: each pixel's own is told within a twentieth of that. With
+/// what the pixels were given, and a model that is fine and has all but the thresholds.
+fn planted_thresholds() -> (Evidence, Vec<Kind>, Hypothesis) {
+    let evidence = empty().thinned(4);
+    let fine = Hypothesis { is_fine: true, ..Hypothesis::baseline(&evidence) };
+    let sharp = fine.with_nuisance(Nuisance::LogNoise, 0.013_f64.ln());
+    let hidden = sharp.with(library(EffectId::ThresholdMismatch), &[0.11_f64.ln(), 0.0]);
+    let mut random = SplitMix::new(5, 0);
+    let kinds: Vec<Kind> =
+        evidence.pixels.iter().map(|_| [random.normal(), random.normal()]).collect();
+    let of = |(pixel, kind): (&PixelEvidence, &Kind)| {
+        let view = hidden.view(&evidence, pixel, *kind, Vec::new());
+        crate::predict::sample(&view.law, view.light(), END_US, &mut random)
+    };
+    let spikes = evidence.pixels.iter().zip(&kinds).map(of).collect();
+    (evidence.with_spikes(spikes), kinds, sharp)
+}
+
+#[test]
+fn thresholds_come_out_as_far_apart_as_they_are() {
+    let (planted, kinds, sharp) = planted_thresholds();
+    let n = kinds.len() as f64;
+    let mean = |of: fn(&Kind) -> f64| kinds.iter().map(of).sum::<f64>() / n;
+    let variance = mean(|[on, off]| 0.5 * (on * on + off * off));
+    let (spread, correlation) = (0.11 * variance.sqrt(), mean(|[on, off]| on * off) / variance);
+    let nats = |by: f64, correlation: f64| {
+        let there =
+            sharp.with(library(EffectId::ThresholdMismatch), &[(spread * by).ln(), correlation]);
+        fit::as_it_is(&planted, there).training() * planted.n_events() as f64
+    };
+    let best = nats(1.0, correlation);
+    for (by, aside) in [(0.9, 0.0), (1.1, 0.0), (1.0, -0.3), (1.0, 0.3)] {
+        let there = nats(by, correlation + aside);
+        assert!(there < best - 1.0, "{by}, {aside}: {there} for {best}");
+    }
+}
+
+#[test]
+fn beside_a_held_hypothesis_scores_change_smoothly() {
+    let (planted, _, sharp) = planted_thresholds();
+    let own = fit::as_it_is(
+        &planted,
+        sharp.with(library(EffectId::ThresholdMismatch), &[0.11_f64.ln(), 0.0]),
+    );
+    let held = own.held(&planted);
+    assert_eq!(held.clone().released(&planted).cells.log_likelihood, own.cells.log_likelihood);
+    // How much a step along a value differs from the next, at the most.
+    let rough = |hypothesis: &Hypothesis| -> f64 {
+        let bend = |i: usize| {
+            let at = |k: i32| {
+                let mut moved = hypothesis.clone();
+                moved.values[i] += 0.1 * f64::from(k) * moved.steps[i];
+                fit::as_it_is(&planted, moved).training() * planted.n_events() as f64
+            };
+            let along: Vec<f64> = (-4..=4).map(at).collect();
+            along.windows(3).map(|at| (at[0] - 2.0 * at[1] + at[2]).abs()).fold(0.0, f64::max)
+        };
+        bend(Nuisance::LogTheta as usize).max(bend(hypothesis.offset_of(0)))
+    };
+    let (beside, own) = (rough(&held.hypothesis), rough(&own.hypothesis));
+    assert!(beside < 0.2 * own, "{beside} beside a held one, {own} without");
+}
+
+#[test]
+fn pixels_are_pinned_to_the_kind_that_was_planted_and_let_go_again() {
+    let (planted, kinds, sharp) = planted_thresholds();
+    let model = sharp.with(library(EffectId::ThresholdMismatch), &[0.11_f64.ln(), 0.0]);
+    let pinned = model.clone().pinned(&planted);
+    let off = planted.pixels.iter().zip(&kinds).map(|(pixel, [on, _])| {
+        let [pinned, _] = pinned.pinned_kind(pixel).unwrap();
+        (pinned - on).abs()
+    });
+    let mut off: Vec<f64> = off.collect();
+    off.sort_by(f64::total_cmp);
+    assert!(off[off.len() / 2] < 0.15, "{off:?}");
+    // The scatter of known thresholds would be fitted to nothing.
+    let own = pinned.offset_of(0)..;
+    assert_eq!(pinned.steps[own.clone()], [0.0; 2]);
+    let again = pinned.unpinned(&model);
+    assert_eq!(again.steps[own.clone()], model.steps[own]);
+    let [again, model] = [again, model].map(|hypothesis| fit::as_it_is(&planted, hypothesis));
+    assert_eq!(again.cells.log_likelihood, model.cells.log_likelihood);
+}
