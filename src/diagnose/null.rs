@@ -54,7 +54,7 @@ pub(super) fn drawn(
         let left = structure(&drawn, &refitted, own_seed);
         found.structures.extend(left.map(|left| left.nats));
         let tried = scan(&drawn, &drawn.thinned(every), &refitted, progress);
-        found.gains.push(tried.first().map_or(0.0, |best| best.gain.held_out.max(0.0)));
+        found.gains.push(tried.iter().map(|tried| tried.gain.held_out).fold(0.0, f64::max));
     }
     found
 }

@@ -156,8 +156,16 @@ pub(super) fn scan(
             Tried { gain, fitted, is_whole: is_worth_it }
         })
         .collect();
-    all.sort_by(|a, b| b.gain.held_out.total_cmp(&a.gain.held_out));
+    best_first(&mut all);
     all
+}
+
+/// Sorts by what is bought on held-out cells, fits on all pixels first: what was fitted on few is none to take.
+pub(super) fn best_first(tried: &mut [Tried]) {
+    tried.sort_by(|a, b| {
+        let of_all = b.is_whole.cmp(&a.is_whole);
+        of_all.then(b.gain.held_out.total_cmp(&a.gain.held_out))
+    });
 }
 
 /// The model on few pixels, those of unknown kind taken to be of their likeliest. For kinds that are known the

@@ -11,7 +11,7 @@ use super::judge::{Judge, Judged};
 use super::naming::{is_vague, strength_aside};
 use super::polish::polished;
 use super::region::gain_of;
-use super::scan::{Gain, LAST_STEPS, Tried, scan};
+use super::scan::{Gain, LAST_STEPS, Tried, best_first, scan};
 use super::score::{LEAST_ERRORS, LEAST_GAIN, Part, is_enough};
 use super::stated::{Departure, as_effects};
 use super::{Diagnosis, Evidence, Hypothesis, Nuisance, NullReport, Options, Rival, Suspect, null};
@@ -174,12 +174,12 @@ fn take_all(
                 baseline = model.clone();
             }
             tried = tried.into_iter().map(|tried| tried.against(evidence, &model)).collect();
-            tried.sort_by(|a, b| b.gain.held_out.total_cmp(&a.gain.held_out));
+            best_first(&mut tried);
         }
         polish_rivals(evidence, &model, &mut tried);
         let Some(best) = tried.first() else { break };
         let gain = best.gain;
-        if !is_enough(gain.held_out, gain.error) {
+        if !best.is_whole || !is_enough(gain.held_out, gain.error) {
             unsure = suspected(gain);
             break;
         }
@@ -224,7 +224,7 @@ fn polish_rivals(evidence: &Evidence, model: &Fitted, tried: &mut Vec<Tried>) {
             .map(|(i, rival)| if i < n_finished { rival.finished(evidence, model) } else { rival }),
     );
     tried.extend(rest);
-    tried.sort_by(|a, b| b.gain.held_out.total_cmp(&a.gain.held_out));
+    best_first(tried);
 }
 
 /// Whether what belongs to the effect that was tried last is in the events.
