@@ -96,6 +96,19 @@ fn a_frame_that_is_not_later_than_the_one_before_is_left_out_and_counted() {
 }
 
 #[test]
+fn a_recording_where_a_session_is_asked_for_is_said_to_be_one_with_the_command_that_makes_a_session()
+ {
+    let directory = tempfile::tempdir().unwrap();
+    let recording = record(directory.path(), &events(&[(10, 1, 1)]), &[frame(0, 9)]);
+    for command in ["info", "verify", "diagnose"] {
+        let (code, said, error) = evrig(&[command, recording.to_str().unwrap()]);
+        assert_eq!(code, 1, "{command}: {said}{error}");
+        assert!(error.contains("recording.aedat4"), "{command}: {error}");
+        assert!(error.contains("evrig import aedat4"), "{command}: {error}");
+    }
+}
+
+#[test]
 fn streams_without_any_event_compare_as_unknown_and_not_as_a_failure() {
     let directory = tempfile::tempdir().unwrap();
     // Still frames, no leak, no noise: the generator makes nothing.
