@@ -179,7 +179,10 @@ fn take_all(
         polish_rivals(evidence, &model, &mut tried);
         let Some(best) = tried.first() else { break };
         let gain = best.gain;
-        if !best.is_whole || !is_enough(gain.held_out, gain.error) {
+        if !best.is_whole {
+            break;
+        }
+        if !is_enough(gain.held_out, gain.error) {
             unsure = suspected(gain);
             break;
         }
