@@ -51,7 +51,7 @@ pub(super) fn settled(evidence: &Evidence, without: &Fitted, model: Fitted) -> F
         return model;
     }
     let is_begun_in_part = model.hypothesis.regions.last().is_some_and(Option::is_some);
-    let (everywhere, in_part) = if is_begun_in_part {
+    let (mut everywhere, in_part) = if is_begun_in_part {
         let start = placed(without, &model, None);
         (polished(evidence, fit(evidence, start, STEPS, 1e-5)), model)
     } else {
@@ -74,6 +74,11 @@ pub(super) fn settled(evidence: &Evidence, without: &Fitted, model: Fitted) -> F
         _ if is_begun_in_part => in_part,
         _ => polished(evidence, in_part),
     };
+    // A fit in the part may have come over a ridge that the one everywhere has not.
+    let spread = as_it_is(evidence, placed(without, &in_part, None));
+    if spread.training() > everywhere.training() {
+        everywhere = polished(evidence, fit(evidence, spread.hypothesis, STEPS, 1e-5));
+    }
     if is_better(evidence, without, &in_part, &everywhere) { in_part } else { everywhere }
 }
 
