@@ -27,19 +27,23 @@ const FINE_STEPS: [f64; 2] = [2.0, 1.0];
 const IN_VAIN: usize = 2;
 const SETTLED_IN_VAIN: usize = 1;
 
-/// Work with which a search gets all its evaluations; where each is more there are fewer of them, at the
-/// fewest a fifth.
+/// Work with which a search is as patient as can be; where each evaluation is more it is less so, at the
+/// least a fifth.
 const ALL_WORK: usize = 400_000;
 
 /// First steps, in what the gradients claim for standard errors: one search after another.
 const STEPS: [f64; 6] = [1.0, 3.0, 1.0, 3.0, 1.0, 3.0];
 
-/// Evaluations for each value that may move, at most.
+/// Evaluations for each value that may move, at most, and so many times its patience for an impatient search.
 const PER_VALUE: usize = 50;
+const PATIENCES: usize = 2;
 
 /// A search has come to rest when so many evaluations for each value have gained no more than so many nats.
 const AT_REST: usize = 20;
 const REST_NATS: f64 = 0.5;
+
+/// An impatient search has when it has gained no more than this, nats an event.
+const REST: f64 = 5e-3;
 
 /// What one of two searches has to gain, nats an event, for another to follow.
 const WORTH_ANOTHER: f64 = 1e-3;
@@ -68,16 +72,16 @@ pub(super) fn polished(evidence: &Evidence, fitted: Fitted) -> Fitted {
     let work = work(evidence, &fitted.hypothesis);
     let every = every(evidence, work);
     if every < 2 {
-        return searches(evidence, fitted, &STEPS, IN_VAIN, per_value(work));
+        return searches(evidence, fitted, &STEPS, IN_VAIN, patience(work));
     }
     let few = evidence.thinned(every);
     let start = as_it_is(&few, fitted.hypothesis.clone());
-    let rough = searches(&few, start, &STEPS, IN_VAIN, per_value(work / every));
+    let rough = searches(&few, start, &STEPS, IN_VAIN, patience(work / every));
     let there = as_it_is(evidence, rough.hypothesis);
     // What is best for few may not be for all.
     let is_better = there.training() > fitted.training();
     let start = if is_better { there } else { fitted };
-    searches(evidence, start, &FINE_STEPS, SETTLED_IN_VAIN, per_value(work))
+    searches(evidence, start, &FINE_STEPS, SETTLED_IN_VAIN, patience(work))
 }
 
 /// Every so many-th pixel is looked at where an evaluation is so much work.
@@ -95,7 +99,8 @@ fn work(evidence: &Evidence, hypothesis: &Hypothesis) -> usize {
     once * hypothesis.kinds().n_scored() * n_memories
 }
 
-fn per_value(work: usize) -> usize {
+/// How many evaluations for each value a search goes on for without a gain.
+fn patience(work: usize) -> usize {
     (PER_VALUE * ALL_WORK / work.max(1)).clamp(PER_VALUE / 5, PER_VALUE)
 }
 
@@ -105,12 +110,12 @@ fn searches(
     mut fitted: Fitted,
     steps: &[f64],
     in_vain: usize,
-    per_value: usize,
+    patience: usize,
 ) -> Fitted {
     let mut n_in_vain = 0;
     for (seed, &step) in (1..).zip(steps) {
         let before = fitted.training();
-        fitted = searched(evidence, fitted, step, per_value, seed);
+        fitted = searched(evidence, fitted, step, patience, seed);
         let is_in_vain = fitted.training() - before < WORTH_ANOTHER;
         n_in_vain = if is_in_vain { n_in_vain + 1 } else { 0 };
         if n_in_vain == in_vain {
@@ -120,7 +125,7 @@ fn searches(
     fitted
 }
 
-fn searched(evidence: &Evidence, fitted: Fitted, step: f64, per_value: usize, seed: u64) -> Fitted {
+fn searched(evidence: &Evidence, fitted: Fitted, step: f64, patience: usize, seed: u64) -> Fitted {
     let held = fitted.held(evidence);
     let (free, gradients) = gradients(evidence, &held);
     let Some(spread) = spread(&held, &free, &gradients) else { return fitted };
@@ -147,12 +152,13 @@ fn searched(evidence: &Evidence, fitted: Fitted, step: f64, per_value: usize, se
         if nats.is_finite() { -nats } else { NO_VALUE }
     };
     let options = CMAESOptions::new(vec![0.0; free.len()], step)
-        .max_function_evals(per_value * free.len())
+        .max_function_evals(PER_VALUE.min(PATIENCES * patience) * free.len())
         .seed(seed);
     // Options are wrong only for no coordinates at all; then the start is the answer.
     if let Ok(mut state) = options.build(evaluate) {
-        let enough = REST_NATS / evidence.n_events().max(1) as f64;
-        while !is_at_rest(&course.borrow(), AT_REST * free.len(), enough) {
+        let least = REST_NATS / evidence.n_events().max(1) as f64;
+        let enough = if patience < PER_VALUE { REST.max(least) } else { least };
+        while !is_at_rest(&course.borrow(), patience.min(AT_REST) * free.len(), enough) {
             if state.next().is_some() {
                 break;
             }
@@ -172,10 +178,14 @@ fn is_at_rest(course: &[f64], n_last: usize, enough: f64) -> bool {
 /// to be followed by slopes, so the nuisance is led back through its range with the effect beside it.
 pub(super) fn polished_off_the_ends(evidence: &Evidence, fitted: Fitted) -> Fitted {
     let fitted = polished(evidence, fitted);
-    let few = evidence.thinned(every(evidence, work(evidence, &fitted.hypothesis)));
-    let elsewhere = each_as_it_is(&few, off_the_ends(&fitted.hypothesis));
-    let best = elsewhere.into_iter().reduce(Fitted::or_better);
-    let best = best.map(|best| as_it_is(evidence, best.hypothesis));
+    let best_of = |part: &Evidence| {
+        let elsewhere = each_as_it_is(part, off_the_ends(&fitted.hypothesis));
+        elsewhere.into_iter().reduce(Fitted::or_better)
+    };
+    let best = match every(evidence, work(evidence, &fitted.hypothesis)) {
+        1 => best_of(evidence),
+        every => best_of(&evidence.thinned(every)).map(|best| as_it_is(evidence, best.hypothesis)),
+    };
     match best.filter(|best| best.training() > fitted.training()) {
         Some(better) => polished(evidence, better),
         None => fitted,
