@@ -18,6 +18,10 @@ const SECOND_STEPS: usize = 6;
 /// Steps of a fit that stays: a skew and an offset lie along a ridge that short steps climb.
 pub(super) const LAST_STEPS: usize = 40;
 
+/// What a step has to gain, nats an event, for a second fit to go on, and for how many.
+const CLIMBING: f64 = 0.01;
+const CLIMBING_STEPS: usize = 12;
+
 /// Training gain, nats an event, below which an effect is not fitted further.
 const WORTH_A_FIT: f64 = 0.01;
 
@@ -122,7 +126,7 @@ pub(super) fn scan(
     model: &Fitted,
     progress: &mut dyn FnMut(&str),
 ) -> Vec<Tried> {
-    let here = pinned(few, model);
+    let here = of_known_kinds(few, model);
     let mut begun = Vec::new();
     for candidate in in_question(evidence, model) {
         progress(candidate.id.as_str());
@@ -145,7 +149,8 @@ pub(super) fn scan(
             let is_worth_it = rank < BEST && gained > WORTH_A_FIT;
             let (fitted, against) = if is_worth_it {
                 progress(candidate.id.as_str());
-                (fit(evidence, fitted.hypothesis, SECOND_STEPS, 1e-4), model)
+                let begun = fit(evidence, fitted.hypothesis, SECOND_STEPS, 1e-4);
+                (improved(evidence, begun, CLIMBING_STEPS, CLIMBING), model)
             } else {
                 (fitted, &here)
             };
@@ -170,7 +175,7 @@ pub(super) fn best_first(tried: &mut [Tried]) {
 
 /// The model on few pixels, those of unknown kind taken to be of their likeliest. For kinds that are known the
 /// best values are others: what they gain is no effect's.
-fn pinned(few: &Evidence, model: &Fitted) -> Fitted {
+fn of_known_kinds(few: &Evidence, model: &Fitted) -> Fitted {
     let here = as_it_is(few, model.hypothesis.clone().pinned(few));
     if here.hypothesis.pinned.is_some() { improved(few, here, FIRST_STEPS, 1e-4) } else { here }
 }
@@ -185,6 +190,18 @@ fn in_question(evidence: &Evidence, model: &Fitted) -> Vec<&'static Candidate> {
         .filter(|candidate| !(has_mixture && candidate.mixture.is_some()))
         .filter(|candidate| (candidate.needs)(evidence).is_ok())
         .collect()
+}
+
+/// A start with what may have stood in for the effect out of its way.
+fn freed(start: Hypothesis, candidate: &'static Candidate) -> impl Iterator<Item = Hypothesis> {
+    candidate.raises.iter().map(move |raise| {
+        let log_theta = start.nuisance(Nuisance::LogTheta) + raise;
+        let raised = start.with_nuisance(Nuisance::LogTheta, log_theta);
+        let freed = |other: Hypothesis, &(nuisance, value): &(Nuisance, f64)| {
+            other.with_nuisance(nuisance, value)
+        };
+        candidate.stand_ins.iter().fold(raised, freed)
+    })
 }
 
 /// The best of an effect's starts behind one step; `model` is scored on few pixels. `None` for an effect
@@ -205,13 +222,7 @@ fn first_step(
             let is_elsewhere = (us - plain.nuisance(Nuisance::OffsetUs)).abs() > SAME_OFFSET_US;
             let stated = is_elsewhere && candidate.frees.is_empty();
             let stated = stated.then(|| plain.with_nuisance(Nuisance::OffsetUs, us));
-            let freed = (!candidate.stand_ins.is_empty()).then(|| {
-                let freed = |other: Hypothesis, &(nuisance, value): &(Nuisance, f64)| {
-                    other.with_nuisance(nuisance, value)
-                };
-                candidate.stand_ins.iter().fold(plain.clone(), freed)
-            });
-            [Some(plain), stated, freed].into_iter().flatten()
+            [Some(plain.clone()), stated].into_iter().flatten().chain(freed(plain, candidate))
         })
         .collect();
     let mut begun = each_as_it_is(few, starts);
@@ -230,11 +241,13 @@ fn first_step(
     begun.sort_by(|a, b| b.training().total_cmp(&a.training()));
     // A parameter that keeps the value it starts with parts the starts: the best of each part.
     let own = model.hypothesis.values.len();
-    let part = |fitted: &Fitted| -> Vec<u64> {
+    // So does whether nuisances begin elsewhere: what that buys shows only behind the step.
+    let part = |fitted: &Fitted| -> (bool, Vec<u64>) {
         let values = fitted.hypothesis.values.iter().zip(&fitted.hypothesis.steps).skip(own);
-        values.filter(|(_, step)| **step == 0.0).map(|(value, _)| value.to_bits()).collect()
+        let kept = values.filter(|(_, step)| **step == 0.0).map(|(value, _)| value.to_bits());
+        (same_nuisances(&fitted), kept.collect())
     };
-    let mut seen: Vec<(Vec<u64>, usize)> = Vec::new();
+    let mut seen: Vec<((bool, Vec<u64>), usize)> = Vec::new();
     begun.retain(|fitted| {
         let part = part(fitted);
         match seen.iter_mut().find(|(known, _)| *known == part) {

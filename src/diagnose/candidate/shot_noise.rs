@@ -13,12 +13,14 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         Parameter::log("bandwidth_hz", [1.0, 5_000.0]),
     ],
     starts: |_| {
-        let sizes = [0.1_f64, 0.2, 0.35];
-        let pace = |rms: f64| [30.0_f64, 300.0].map(|hz| vec![rms.ln(), hz.ln()]);
-        sizes.into_iter().flat_map(pace).collect()
+        // Its rate is so steep in both that slopes crawl along a narrow ridge: begun with is close by.
+        let sizes = [0.1_f64, 0.15, 0.2, 0.25, 0.3, 0.4];
+        let paces = [30.0_f64, 75.0, 190.0, 480.0, 1200.0];
+        sizes.into_iter().flat_map(|rms| paces.map(|hz| vec![rms.ln(), hz.ln()])).collect()
     },
     // What was taken for thresholds that scatter was the signal's noise.
     stand_ins: &[(Nuisance::LogNoise, -3.5), (Nuisance::LogNoiseHz, 0.0)],
+    raises: &[0.0, 0.2, 0.4],
     act: |values, _, view| {
         let law = &mut view.law;
         law.shot_at_white = values[0] * 0.5 * (law.theta_on + law.theta_off);
