@@ -33,6 +33,8 @@ pub(super) struct Reached {
     pub(super) suspects: Vec<Suspect>,
     pub(super) halves: Vec<Half>,
     pub(super) null: NullReport,
+    /// Whether events wait for a readout that is never free, so that no effect on single pixels was looked for.
+    pub(super) is_saturated: bool,
     /// What the frames show otherwise than stated, and the fit in the light as stated.
     pub(super) departed: (Vec<FittedEffect>, Option<Fitted>),
 }
@@ -111,7 +113,7 @@ pub(super) fn conclude(
         },
         proposed_term: propose_for(evidence, model, verdict, left_before.as_ref()),
         next_recording,
-        cannot_judge: cannot_judge(evidence),
+        cannot_judge: cannot_judge(evidence, reached.is_saturated),
         suspects,
         halves,
         stamp_step_us: evidence.facts.stamp_step_us,

@@ -22,6 +22,9 @@ pub(super) const LAST_STEPS: usize = 40;
 const CLIMBING: f64 = 0.01;
 const CLIMBING_STEPS: usize = 12;
 
+/// Why nothing is told of single pixels where events come when the readout has time for them.
+const HELD_UP: &str = "events wait for a readout that is never free: record fewer at a time, with slower motion or a plainer target";
+
 /// Training gain, nats an event, below which an effect is not fitted further.
 const WORTH_A_FIT: f64 = 0.01;
 
@@ -98,20 +101,16 @@ fn restarted(evidence: &Evidence, fitted: Fitted) -> Fitted {
     begun.into_iter().fold(fitted, Fitted::or_better)
 }
 
-/// Why an effect is not in the question.
-pub(super) fn cannot_judge(evidence: &Evidence) -> Vec<CannotJudge> {
-    let mut list = Vec::new();
-    for &id in EffectId::ALL {
-        let because = match LIBRARY.iter().find(|candidate| candidate.id == id) {
-            Some(candidate) => (candidate.needs)(evidence).err(),
-            None if LIBRARY.iter().any(|candidate| candidate.same.contains(&id)) => None,
-            None => census::judge(evidence, id).err(),
-        };
-        if let Some(because) = because {
-            list.push(CannotJudge { id, because });
-        }
-    }
-    list
+/// Why an effect is not in the question. Where the readout `is_saturated` none is that acts on single pixels.
+pub(super) fn cannot_judge(evidence: &Evidence, is_saturated: bool) -> Vec<CannotJudge> {
+    let held_up = || is_saturated.then(|| HELD_UP.to_owned());
+    let because = |id: EffectId| match LIBRARY.iter().find(|candidate| candidate.id == id) {
+        Some(candidate) => (candidate.needs)(evidence).err().or_else(held_up),
+        None if LIBRARY.iter().any(|candidate| candidate.same.contains(&id)) => held_up(),
+        None => census::judge(evidence, id).err(),
+    };
+    let all = EffectId::ALL.iter().copied();
+    all.filter_map(|id| because(id).map(|because| CannotJudge { id, because })).collect()
 }
 
 /// Tries every effect that is not in `model` and can be judged. `few` is the same evidence with

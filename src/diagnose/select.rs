@@ -75,28 +75,23 @@ pub fn diagnose(
     let Census { departures: counted, rest, is_saturated } = census(evidence);
     let evidence = rest.as_ref().unwrap_or(evidence);
     let max_effects = if is_saturated { 0 } else { options.max_effects };
-    let options = &Options { max_effects, ..*options };
     progress("baseline");
     let few = evidence.thinned((evidence.n_events() / FEW_EVENTS).max(2));
     let baseline = begin(evidence, &few);
     let (mut baseline, model, taken, unsure) =
-        take_all(evidence, &few, baseline, options, progress);
+        take_all(evidence, &few, baseline, max_effects, progress);
     let (model, taken) = prune(evidence, &baseline, model, taken);
-    let (model, mut taken) = leave_out_vague(evidence, &baseline, model, taken);
+    let (model, taken) = leave_out_vague(evidence, &baseline, model, taken);
     // What is made of either from here on is fine as well.
     baseline.hypothesis.is_fine = true;
-    let mut model = refined(evidence, model);
+    let model = refined(evidence, model);
     progress("null");
     let null::Drawn { gains, structures } =
         null::drawn(evidence, &few, &model, options.n_null, options.seed, progress);
     let worst = gains.iter().copied().fold(0.0, f64::max);
     let bar =
         LEAST_GAIN.max(worst).max(0.01 * super::conclude::excess(evidence, &baseline, &model));
-    while taken.last().is_some_and(|last| last.gain < bar) {
-        taken.pop();
-        let kept: Vec<usize> = (0..taken.len()).collect();
-        model = refit_with(evidence, &baseline, &model, &kept);
-    }
+    let (model, taken) = leave_out_below(evidence, &baseline, model, taken, bar);
     progress("structure left");
     let before = structure(evidence, &baseline, options.seed);
     let reach = super::conclude::reach(evidence, &model);
@@ -120,8 +115,18 @@ pub fn diagnose(
     progress("halves");
     let halves = if taken.is_empty() { Vec::new() } else { halves(evidence, &baseline, &model) };
     let departed = as_effects(evidence, departures.iter().chain(&counted), &baseline);
-    let reached =
-        Reached { taken, standing, before, after, reach, suspects, halves, null, departed };
+    let reached = Reached {
+        taken,
+        standing,
+        before,
+        after,
+        reach,
+        suspects,
+        halves,
+        null,
+        is_saturated,
+        departed,
+    };
     Diagnosed {
         diagnosis: conclude(evidence, &baseline, &model, reached),
         heat: heat_maps(evidence, [&baseline, &model]),
@@ -152,12 +157,12 @@ fn take_all(
     evidence: &Evidence,
     few: &Evidence,
     mut baseline: Fitted,
-    options: &Options,
+    max_effects: usize,
     progress: &mut dyn FnMut(&str),
 ) -> (Fitted, Fitted, Vec<Taken>, Option<Suspect>) {
     let mut model = baseline.clone();
     let (mut taken, mut unsure) = (Vec::new(), None);
-    while taken.len() < options.max_effects {
+    while taken.len() < max_effects {
         let mut tried: Vec<Tried> = scan(evidence, few, &model, progress)
             .into_iter()
             .filter(|tried| has_signature(evidence, tried))
@@ -295,6 +300,22 @@ fn leave_out_vague(
         let rest: Vec<usize> = (0..taken.len()).filter(|&index| index != vague).collect();
         model = refit_with(evidence, baseline, &model, &rest);
         taken.remove(vague);
+    }
+    (model, taken)
+}
+
+/// Leaves out, from the last taken on, what buys less than `bar`, nats an event.
+fn leave_out_below(
+    evidence: &Evidence,
+    baseline: &Fitted,
+    mut model: Fitted,
+    mut taken: Vec<Taken>,
+    bar: f64,
+) -> (Fitted, Vec<Taken>) {
+    while taken.last().is_some_and(|last| last.gain < bar) {
+        taken.pop();
+        let kept: Vec<usize> = (0..taken.len()).collect();
+        model = refit_with(evidence, baseline, &model, &kept);
     }
     (model, taken)
 }

@@ -279,12 +279,17 @@ fn too_few_events_and_a_light_of_another_time_are_refused_with_what_to_do() {
 #[test]
 fn every_effect_is_judged_or_said_to_be_beyond_judging() {
     let evidence = empty();
-    let cannot = scan::cannot_judge(&evidence);
+    let cannot = scan::cannot_judge(&evidence, false);
     for &id in EffectId::ALL {
         let is_judged = LIBRARY.iter().any(|c| c.id == id || c.same.contains(&id))
             || census::judge(&evidence, id).is_ok();
         assert!(is_judged || cannot.iter().any(|c| c.id == id), "{id}");
     }
+    // Of a readout that is never free only what the readout itself shows.
+    let cannot = scan::cannot_judge(&evidence, true);
+    let is_listed = |id: EffectId| cannot.iter().any(|c| c.id == id);
+    assert!(LIBRARY.iter().all(|candidate| is_listed(candidate.id)));
+    assert!(!is_listed(EffectId::RowReadout) && !is_listed(EffectId::ReadoutSaturation));
     for candidate in LIBRARY {
         assert!(!candidate.equation.is_empty() && !candidate.source.is_empty(), "{}", candidate.id);
         assert!(!candidate.rivals.is_empty() && !candidate.splitter.is_empty(), "{}", candidate.id);

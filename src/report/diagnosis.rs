@@ -10,8 +10,8 @@ use super::plot::Ink;
 use super::plot::chart::{Axis, Chart, Layer};
 use super::table::{Cell, Column, Table};
 use crate::diagnose::{
-    Diagnosis, FittedEffect, FreeRun, Half, HeatMap, Interval, ProposedTerm, Suspect, Verdict,
-    Where,
+    CannotJudge, Diagnosis, FittedEffect, FreeRun, Half, HeatMap, Interval, ProposedTerm, Suspect,
+    Verdict, Where,
 };
 
 /// The section of a diagnosis, with the generator's free run and the heat maps where there are any.
@@ -59,11 +59,22 @@ pub fn section(diagnosis: &Diagnosis, run: Option<&FreeRun>, maps: &[HeatMap]) -
     blocks.push(Block::Table(nuisances(diagnosis)));
     blocks.extend(diagnosis.coarse_stamps().map(Block::Text));
     if !diagnosis.cannot_judge.is_empty() {
-        let judged = diagnosis.cannot_judge.iter();
-        let words: Vec<String> = judged.map(|c| format!("{} ({})", c.id, c.because)).collect();
-        blocks.push(Block::Text(format!("This session cannot judge {}.", words.join("; "))));
+        blocks.push(Block::Text(format!("This session cannot judge {}.", not_judged(diagnosis))));
     }
     Section { title: "Diagnosis".into(), lead: lead(diagnosis), blocks }
+}
+
+/// Effects that the session cannot judge, those with the same reason together.
+fn not_judged(diagnosis: &Diagnosis) -> String {
+    let mut by_reason: Vec<(&str, Vec<&str>)> = Vec::new();
+    for CannotJudge { id, because } in &diagnosis.cannot_judge {
+        match by_reason.iter_mut().find(|(reason, _)| reason == because) {
+            Some((_, ids)) => ids.push(id.as_str()),
+            None => by_reason.push((because, vec![id.as_str()])),
+        }
+    }
+    let words = by_reason.iter().map(|(reason, ids)| format!("{} ({reason})", ids.join(", ")));
+    words.collect::<Vec<String>>().join("; ")
 }
 
 /// The verdict in a sentence.
