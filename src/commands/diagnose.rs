@@ -6,6 +6,7 @@ use crate::diagnose::{Diagnosis, FittedEffect, Options, Verdict};
 use crate::pipeline::{self, Baseline, DiagnoseRequest, PipelineError};
 use crate::session::Session;
 use serde_json::{Value, json};
+use std::time::Instant;
 
 pub(super) fn run(args: &DiagnoseArgs, output: &Output) -> anyhow::Result<Ending> {
     let session = Session::open(&args.session)?;
@@ -48,14 +49,17 @@ fn baseline(args: &DiagnoseArgs, session: &Session) -> anyhow::Result<Baseline> 
     })
 }
 
-/// Runs the stage and says on a terminal what is being looked at.
+/// Runs the stage and says what is being looked at: on a terminal, or line by line where more is asked for (`-v`).
 fn diagnose(
     session: &Session,
     request: &DiagnoseRequest,
     output: &Output,
 ) -> Result<Diagnosis, PipelineError> {
     let bar = output.progress("diagnose", 0);
+    let started = Instant::now();
     let (diagnosis, _) = pipeline::diagnose(session, request, &mut |what| {
+        let at_s = started.elapsed().as_secs_f64();
+        bar.suspend(|| output.detail(format!("{at_s:8.1} s  {what}")));
         bar.set_message(what.to_owned());
         bar.inc(1);
     })?;

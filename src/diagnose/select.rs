@@ -181,7 +181,7 @@ fn take_all(
             tried = tried.into_iter().map(|tried| tried.against(evidence, &model)).collect();
             best_first(&mut tried);
         }
-        polish_rivals(evidence, &model, &mut tried);
+        polish_rivals(evidence, &model, &mut tried, progress);
         let Some(best) = tried.first() else { break };
         let gain = best.gain;
         if !best.is_whole {
@@ -191,6 +191,7 @@ fn take_all(
             unsure = suspected(gain);
             break;
         }
+        progress(&format!("{} is taken", gain.id));
         taken.push(Taken {
             gain: gain.held_out,
             error: gain.error,
@@ -217,7 +218,12 @@ fn suspected(gain: Gain) -> Option<Suspect> {
 
 /// Finishes the fits of those that come near to the best, the best among them: a pole and a late clock,
 /// half fitted, may stand in the wrong order.
-fn polish_rivals(evidence: &Evidence, model: &Fitted, tried: &mut Vec<Tried>) {
+fn polish_rivals(
+    evidence: &Evidence,
+    model: &Fitted,
+    tried: &mut Vec<Tried>,
+    progress: &mut dyn FnMut(&str),
+) {
     let Some(best) = tried.first().map(|tried| tried.gain.held_out) else { return };
     if best < LEAST_GAIN {
         return;
@@ -225,12 +231,13 @@ fn polish_rivals(evidence: &Evidence, model: &Fitted, tried: &mut Vec<Tried>) {
     let near = |tried: &Tried| tried.is_whole && tried.gain.held_out > NEAR * best;
     let (rivals, rest): (Vec<Tried>, Vec<Tried>) = tried.drain(..).partition(near);
     let n_finished = rivals.len().min(MOST_RIVALS);
-    tried.extend(
-        rivals
-            .into_iter()
-            .enumerate()
-            .map(|(i, rival)| if i < n_finished { rival.finished(evidence, model) } else { rival }),
-    );
+    tried.extend(rivals.into_iter().enumerate().map(|(i, rival)| {
+        if i >= n_finished {
+            return rival;
+        }
+        progress(&format!("{} to the end", rival.gain.id));
+        rival.finished(evidence, model)
+    }));
     tried.extend(rest);
     best_first(tried);
 }
