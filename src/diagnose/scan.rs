@@ -238,9 +238,9 @@ fn first_step(
         .collect();
     begun.extend(in_parts);
     begun.sort_by(|a, b| b.training().total_cmp(&a.training()));
-    // A parameter that keeps the value it starts with parts the starts: the best of each part.
+    // A parameter that keeps the value it starts with parts the starts: the best of each part. So does
+    // whether nuisances begin elsewhere: what that buys shows only behind the step.
     let own = model.hypothesis.values.len();
-    // So does whether nuisances begin elsewhere: what that buys shows only behind the step.
     let part = |fitted: &Fitted| -> (bool, Vec<u64>) {
         let values = fitted.hypothesis.values.iter().zip(&fitted.hypothesis.steps).skip(own);
         let kept = values.filter(|(_, step)| **step == 0.0).map(|(value, _)| value.to_bits());
