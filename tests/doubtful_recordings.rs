@@ -96,8 +96,7 @@ fn a_frame_that_is_not_later_than_the_one_before_is_left_out_and_counted() {
 }
 
 #[test]
-fn a_recording_where_a_session_is_asked_for_is_said_to_be_one_with_the_command_that_makes_a_session()
- {
+fn a_recording_given_for_a_session_is_answered_with_the_command_that_makes_one() {
     let directory = tempfile::tempdir().unwrap();
     let recording = record(directory.path(), &events(&[(10, 1, 1)]), &[frame(0, 9)]);
     for command in ["info", "verify", "diagnose"] {
