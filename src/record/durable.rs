@@ -103,7 +103,7 @@ impl Shared {
         drop(state);
         let goes_on = flush();
         for (path, file) in handles {
-            if let Err(error) = file.and_then(|file| sync(&file)) {
+            if let Err(error) = file.and_then(|file| sync(&file, KEPT_BYTES)) {
                 let text = format!("{}: not synced to the disk: {error}", path.display());
                 self.lock().failed.get_or_insert(text);
             }
@@ -114,11 +114,11 @@ impl Shared {
     }
 }
 
-/// Puts a file on the disk and lets go of the memory of all but its end.
-fn sync(file: &File) -> std::io::Result<()> {
+/// Puts a file on the disk and lets go of the memory of all but so many last bytes.
+fn sync(file: &File, kept: u64) -> std::io::Result<()> {
     file.sync_data()?;
     #[cfg(target_os = "linux")]
-    if let Some(past) = NonZeroU64::new(file.metadata()?.len().saturating_sub(KEPT_BYTES)) {
+    if let Some(past) = NonZeroU64::new(file.metadata()?.len().saturating_sub(kept)) {
         // An advice: where it is not taken, nothing is lost.
         let _ = rustix::fs::fadvise(file, 0, Some(past), rustix::fs::Advice::DontNeed);
     }
@@ -129,6 +129,10 @@ fn sync(file: &File) -> std::io::Result<()> {
 mod tests {
     use super::*;
     use std::sync::atomic::{AtomicU64, Ordering};
+
+    /// What Linux calls a file system that lies in memory (statfs(2)).
+    #[cfg(target_os = "linux")]
+    const TMPFS: i64 = 0x0102_1994;
 
     #[test]
     fn files_are_flushed_and_synced_again_and_again_until_the_end() {
@@ -147,6 +151,36 @@ mod tests {
         drop(waited.unwrap());
         assert_eq!(durability.finish(), None);
         assert!(n_flushed.load(Ordering::SeqCst) >= 2);
+    }
+
+    /// How much of a file the system holds in memory, by `fincore` of util-linux; `None` where there is none.
+    #[cfg(target_os = "linux")]
+    fn in_memory(path: &Path) -> Option<u64> {
+        let mut fincore = std::process::Command::new("fincore");
+        let told = fincore.args(["--bytes", "--noheadings", "--output", "RES"]).arg(path).output();
+        String::from_utf8(told.ok()?.stdout).ok()?.trim().parse().ok()
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn what_is_on_the_disk_is_let_go_of_but_for_its_end() {
+        const WRITTEN: u64 = 48 << 20;
+        const KEPT: u64 = 16 << 20;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        std::fs::write(&path, vec![7; WRITTEN as usize]).unwrap();
+        let (file, Some(before)) = (File::open(&path).unwrap(), in_memory(&path)) else {
+            return eprintln!("skipped: no fincore (util-linux)");
+        };
+        sync(&file, WRITTEN).unwrap();
+        assert_eq!(in_memory(&path), Some(before), "a short file is kept whole");
+        sync(&file, KEPT).unwrap();
+        let after = in_memory(&path).unwrap();
+        if after == before && rustix::fs::fstatfs(&file).unwrap().f_type == TMPFS {
+            return eprintln!("skipped: {} is memory itself", folder.path().display());
+        }
+        assert!(after < before - (WRITTEN - KEPT) / 2, "{before} before, {after} after");
+        assert!(after >= KEPT / 2, "{after} of the last {KEPT} bytes");
     }
 
     #[test]
