@@ -6,8 +6,8 @@
 
 use crate::predict::BlockScore;
 
-/// Values from one that is scored to the next at the begin.
-pub(super) const WIDEST: usize = 32;
+/// Gaps between the values that are scored at the begin.
+const FIRST_GAPS: usize = 8;
 
 /// A log-likelihood that was foretold this well, nats, is known.
 const KNOWN: f64 = 0.1;
@@ -88,14 +88,14 @@ pub(super) fn likely(totals: &[[f64; 2]], nats: f64) -> Vec<[bool; 2]> {
     totals.iter().map(|total| [0, 1].map(|side| total[side] > most[side] - nats)).collect()
 }
 
-/// Scores as many of `n` values as both polarities' courses need. `n` is one more than some times
-/// [`WIDEST`].
+/// Scores as many of `n` values as both polarities' courses need, which is one more than a multiple of the
+/// gaps at the begin.
 pub(super) fn scored(
     n: usize,
     mut score: impl FnMut(usize) -> Vec<BlockScore>,
 ) -> (Curve, Vec<Vec<BlockScore>>) {
     let mut point = |value: usize| Point::new(value, score(value));
-    let mut points: Vec<Point> = (0..n).step_by(WIDEST).map(&mut point).collect();
+    let mut points: Vec<Point> = (0..n).step_by(n / FIRST_GAPS).map(&mut point).collect();
     while let Some((gap, matters)) = to_halve(&points) {
         let values: Vec<usize> = points.iter().map(|point| point.value).collect();
         let middle = usize::midpoint(values[gap], values[gap + 1]);

@@ -74,9 +74,10 @@ pub(super) fn improved(
         if free.is_empty() {
             break;
         }
-        let Some(better) = step(evidence, &here, &free, &gradients, &mut damping) else { break };
-        let gain = better.training() - here.training();
-        best = better.released(evidence);
+        let better = step(evidence, [&best, &here], &free, &gradients, &mut damping);
+        let Some(better) = better else { break };
+        let gain = better.training() - best.training();
+        best = better;
         if gain < enough {
             break;
         }
@@ -132,17 +133,18 @@ pub(super) fn scatter(at: &Fitted, gradients: &DMatrix<f64>) -> DMatrix<f64> {
     centred.transpose() * centred
 }
 
-/// One damped step inside the box that gains; `None` when none does.
+/// One damped step inside the box that gains; `None` when none does. `at` is the held one of
+/// `own`. So far away that a pixel's likelihood is much sharper than where it is held, what lies between
+/// the values at which it is scored may pass for a gain: it must be one without being held too.
 fn step(
     evidence: &Evidence,
-    at: &Fitted,
+    [own, at]: [&Fitted; 2],
     free: &[usize],
     gradients: &DMatrix<f64>,
     damping: &mut f64,
 ) -> Option<Fitted> {
     let outer = scatter(at, gradients);
     let total: DVector<f64> = gradients.row_sum().transpose();
-    let before = at.training();
     for _ in 0..7 {
         let mut damped = outer.clone();
         for i in 0..free.len() {
@@ -172,9 +174,12 @@ fn step(
             moved.values[f] = (moved.values[f] + change[i]).clamp(low, high);
         }
         let there = as_it_is(evidence, moved);
-        if there.training() > before {
-            *damping = (*damping * 0.2).max(1e-4);
-            return Some(there);
+        if there.training() > at.training() {
+            let there = there.released(evidence);
+            if there.training() > own.training() {
+                *damping = (*damping * 0.2).max(1e-4);
+                return Some(there);
+            }
         }
         *damping *= 8.0;
     }

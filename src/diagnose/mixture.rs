@@ -1,14 +1,14 @@
 //! Pixels of several kinds: which there are, and how likely each.
 
-use super::curve::{Curve, WIDEST};
+use super::curve::Curve;
 use std::iter::StepBy;
 use std::ops::Range;
 
 /// What a pixel is given for its On events and for its Off events, where pixels are of several kinds.
 pub type Kind = [f64; 2];
 
-/// From one value of a continuous one to the next that a coarse score takes.
-const COARSE: usize = 16;
+/// Values on either side of the middle that a coarse score takes.
+const COARSE_SIDE: usize = 8;
 
 /// Of a continuous value about so many are scored.
 const ABOUT_SCORED: usize = 18;
@@ -19,8 +19,10 @@ const LEAST_SHARE: f64 = 1e-12;
 /// A likelihood so many nats below the greatest adds nothing.
 const BEYOND: f64 = 36.0;
 
-/// A bell is left that low over 17 of its standard deviations: so many values it needs at least.
+/// A bell is left that low over 17 of its standard deviations: so many values it needs at least. All of them
+/// are taken for so many at the least.
 const LEAST_NODES: usize = 17;
+const ALL_NODES: usize = 64;
 
 /// Even steps of a continuous value about its middle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,7 +69,7 @@ impl Mixture {
     /// over them are by the trapezoidal rule, in which the ends count half: it bears that values are passed
     /// over.
     pub(super) fn even(steps: [Steps; 2], n_side: usize, log: impl Fn(Kind) -> f64) -> Self {
-        debug_assert!((2 * n_side).is_multiple_of(WIDEST), "{n_side}");
+        debug_assert!(n_side.is_multiple_of(COARSE_SIDE), "{n_side}");
         let n = 2 * n_side + 1;
         let along = |Steps { middle, step }: Steps| {
             (0..n).map(|i| middle + (i as f64 - n_side as f64) * step).collect()
@@ -82,7 +84,7 @@ impl Mixture {
         }
         let sum: f64 = shares.iter().sum();
         shares.iter_mut().for_each(|share| *share /= sum);
-        Self::new(values, shares, COARSE)
+        Self::new(values, shares, n_side / COARSE_SIDE)
     }
 
     /// How many values a pixel may be given for either polarity.
@@ -181,8 +183,9 @@ impl Spoken {
         let counts = |log: &f64| !is_even || *log > most - BEYOND;
         let first = logs.iter().position(counts).unwrap_or(0);
         let end = logs.iter().rposition(counts).map_or(logs.len(), |last| last + 1);
-        let wide = [4, 2].into_iter().find(|step| is_even && (end - first) / step >= LEAST_NODES);
-        let step = wide.unwrap_or(1);
+        let widest =
+            if is_even { (logs.len() / ALL_NODES).min((end - first) / LEAST_NODES) } else { 1 };
+        let step = 1 << widest.max(1).ilog2();
         // Steps count from the first value, so that both ends are among them.
         let at = (first.next_multiple_of(step)..end).step_by(step);
         let weights = at.clone().map(|i| (logs[i] - most).exp() * step as f64).collect();
@@ -196,8 +199,8 @@ mod tests {
 
     #[test]
     fn values_that_are_passed_over_change_nothing() {
-        let steps = Steps { middle: 0.0, step: 1.0 / 16.0 };
-        let kinds = Mixture::even([steps; 2], 48, |[a, b]| -0.5 * (a * a + b * b));
+        let steps = Steps { middle: 0.0, step: 1.0 / 32.0 };
+        let kinds = Mixture::even([steps; 2], 128, |[a, b]| -0.5 * (a * a + b * b));
         let bell = |w: f64, middle: f64| -> Vec<f64> {
             kinds.values[0].iter().map(|v| 7.0 - 0.5 * ((v - middle) / w).powi(2)).collect()
         };
@@ -207,16 +210,16 @@ mod tests {
                 let [on, off] = [bell(w, middle), bell(0.5, 0.3)];
                 let each = |logs: &[f64]| -> f64 {
                     let logs = logs.iter().enumerate();
-                    logs.map(|(i, log)| kinds.shares[97 * 48 + i] * log.exp()).sum()
+                    logs.map(|(i, log)| kinds.shares[257 * 128 + i] * log.exp()).sum()
                 };
-                let middle_share: f64 = (0..97).map(|i| kinds.shares[97 * 48 + i]).sum();
+                let middle_share: f64 = (0..257).map(|i| kinds.shares[257 * 128 + i]).sum();
                 let expected = (each(&on) / middle_share).ln() + (each(&off) / middle_share).ln();
                 sparse += Spoken::of(&on, true).weights.len();
                 let got = kinds.ln_likelihood(&[on, off]);
                 assert!((got - expected).abs() < 2e-3, "{w} {middle}: {got} {expected}");
             }
         }
-        assert!(sparse < 28 * 30, "{sparse} values for 28 likelihoods");
+        assert!(sparse < 28 * 55, "{sparse} values for 28 likelihoods");
     }
 
     impl Mixture {

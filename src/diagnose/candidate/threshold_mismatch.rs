@@ -1,42 +1,59 @@
 //! Thresholds that differ from pixel to pixel.
 
 use super::{Candidate, EffectId, Hypothesis, Mixture, PLAIN, Parameter};
+use crate::diagnose::Nuisance;
 use crate::diagnose::mixture::Steps;
+use crate::diagnose::places::Held;
 
-/// Thresholds from one to the next, standard deviations. A pixel's events tell its thresholds within a
-/// fraction of their spread, so that few values far apart would shrink the spread to lie among them.
-const STEP: f64 = 1.0 / 32.0;
-
-/// Values on either side of the middle: beyond four standard deviations lies hardly a pixel, and whichever
+/// Thresholds on either side of the middle, standard deviations: beyond lies hardly a pixel, and whichever
 /// does would stretch the spread of all to have it in.
-const N_SIDE: usize = 128;
+const REACH: f64 = 4.0;
 
-/// About the middle of their own law.
-const OWN: Steps = Steps { middle: 0.0, step: STEP };
+/// Values on either side of the middle, at the least and at the most. A pixel's events tell its thresholds
+/// within a fraction of their spread, so that few values far apart would shrink the spread to lie among them.
+const N_SIDE: [usize; 2] = [128, 1024];
+
+/// From one value to the next, in what a threshold is uncertain by from event to event. Where a camera is
+/// all but free of noise its events tell a threshold that much more sharply; values further apart than they
+/// tell would set the spread by which pixels happen to lie near one.
+const SHARP: f64 = 0.5;
 
 /// How far thresholds of one pixel may go together: closer, and values this far apart would not tell.
 const MOST_ALIKE: f64 = 0.9;
 
 /// A normal law of two dimensions: a pixel's own comparators set its thresholds for On and Off apart,
 /// what they share together.
-fn normal(correlation: f64, steps: [Steps; 2]) -> Mixture {
+fn normal(correlation: f64, steps: [Steps; 2], n_side: usize) -> Mixture {
     let spread = 2.0 * (1.0 - correlation * correlation);
-    Mixture::even(steps, N_SIDE, |[a, b]| -(a * a - 2.0 * correlation * a * b + b * b) / spread)
+    Mixture::even(steps, n_side, |[a, b]| -(a * a - 2.0 * correlation * a * b + b * b) / spread)
 }
 
-/// Where thresholds are scored, in standard deviations from the middle of their law.
-fn steps(hypothesis: &Hypothesis, index: usize) -> [Steps; 2] {
-    let Some(held) = &hypothesis.held else { return [OWN; 2] };
+/// How many values on either side of the middle are sharp enough, where the score is to be fine.
+fn n_side(hypothesis: &Hypothesis, index: usize) -> usize {
+    let [least, most] = N_SIDE;
+    if !hypothesis.is_fine {
+        return least;
+    }
+    let told = SHARP * hypothesis.nuisance(Nuisance::LogNoise).exp();
+    let wanted = REACH * hypothesis.parameters_of(index)[0] / told;
+    (wanted.min(most as f64) as usize).next_power_of_two().clamp(least, most)
+}
+
+/// Thresholds in standard deviations from the middle of their law: those at which the hypothesis is held to
+/// be scored, else its own.
+fn mixture(hypothesis: &Hypothesis, index: usize) -> Mixture {
     let law_of = |hypothesis: &Hypothesis| {
         let law = hypothesis.law();
         ([law.theta_on.ln(), law.theta_off.ln()], hypothesis.parameters_of(index)[0])
     };
-    let (middles, spread) = law_of(hypothesis);
-    let (scored, scored_spread) = law_of(held.other());
-    [0, 1].map(|side| Steps {
+    let scored = hypothesis.held.as_ref().map_or(hypothesis, Held::other);
+    let n_side = n_side(scored, index);
+    let ((middles, spread), (scored, scored_spread)) = (law_of(hypothesis), law_of(scored));
+    let steps = [0, 1].map(|side| Steps {
         middle: (scored[side] - middles[side]) / spread,
-        step: STEP * scored_spread / spread,
-    })
+        step: REACH / n_side as f64 * scored_spread / spread,
+    });
+    normal(hypothesis.parameters_of(index)[1], steps, n_side)
 }
 
 pub(super) const CANDIDATE: Candidate = Candidate {
@@ -48,9 +65,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         Parameter::linear("on_off_correlation", [-MOST_ALIKE, MOST_ALIKE], 0.02).hidden(),
     ],
     starts: |_| vec![vec![0.05_f64.ln(), 0.3], vec![0.15_f64.ln(), 0.3]],
-    mixture: Some(|hypothesis, index| {
-        normal(hypothesis.parameters_of(index)[1], steps(hypothesis, index))
-    }),
+    mixture: Some(mixture),
     act: |values, [on, off], view| {
         view.law.theta_on *= (values[0] * on).exp();
         view.law.theta_off *= (values[0] * off).exp();
@@ -70,7 +85,8 @@ mod tests {
     #[test]
     fn kinds_have_the_law_that_was_asked_for() {
         for correlation in [-0.5, 0.0, 0.4, 0.9] {
-            let kinds = normal(correlation, [OWN; 2]);
+            let own = Steps { middle: 0.0, step: REACH / 128.0 };
+            let kinds = normal(correlation, [own; 2], 128);
             let mean = |of: fn(Kind) -> f64| kinds.kinds().map(|(w, k)| w * of(k)).sum::<f64>();
             assert!((mean(|_| 1.0) - 1.0).abs() < 1e-12 && mean(|k| k[0]).abs() < 1e-12);
             assert!((mean(|k| k[0] * k[0]) - 1.0).abs() < 0.002);

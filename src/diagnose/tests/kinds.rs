@@ -2,13 +2,18 @@
 
 use super::*;
 
-/// Thresholds that scatter by 0.11, and are sharp: each pixel's own is told within a twentieth of that. With
-/// what the pixels were given, and a model that is fine and has all but the thresholds.
+/// Thresholds that scatter by 0.11, and are sharp: each pixel's own is told within a twentieth of that.
 fn planted_thresholds() -> (Evidence, Vec<Kind>, Hypothesis) {
+    planted(0.11, 0.013)
+}
+
+/// Thresholds that scatter by `spread`, where noise is a share `noise` of one. With what the pixels were
+/// given, and a model that is fine and has all but the thresholds.
+fn planted(spread: f64, noise: f64) -> (Evidence, Vec<Kind>, Hypothesis) {
     let evidence = empty().thinned(4);
     let fine = Hypothesis { is_fine: true, ..Hypothesis::baseline(&evidence) };
-    let sharp = fine.with_nuisance(Nuisance::LogNoise, 0.013_f64.ln());
-    let hidden = sharp.with(library(EffectId::ThresholdMismatch), &[0.11_f64.ln(), 0.0]);
+    let sharp = fine.with_nuisance(Nuisance::LogNoise, noise.ln());
+    let hidden = sharp.with(library(EffectId::ThresholdMismatch), &[spread.ln(), 0.0]);
     let mut random = SplitMix::new(5, 0);
     let kinds: Vec<Kind> =
         evidence.pixels.iter().map(|_| [random.normal(), random.normal()]).collect();
@@ -22,20 +27,23 @@ fn planted_thresholds() -> (Evidence, Vec<Kind>, Hypothesis) {
 
 #[test]
 fn thresholds_come_out_as_far_apart_as_they_are() {
-    let (planted, kinds, sharp) = planted_thresholds();
-    let n = kinds.len() as f64;
-    let mean = |of: fn(&Kind) -> f64| kinds.iter().map(of).sum::<f64>() / n;
-    let variance = mean(|[on, off]| 0.5 * (on * on + off * off));
-    let (spread, correlation) = (0.11 * variance.sqrt(), mean(|[on, off]| on * off) / variance);
-    let nats = |by: f64, correlation: f64| {
-        let there =
-            sharp.with(library(EffectId::ThresholdMismatch), &[(spread * by).ln(), correlation]);
-        fit::as_it_is(&planted, there).training() * planted.n_events() as f64
-    };
-    let best = nats(1.0, correlation);
-    for (by, aside) in [(0.9, 0.0), (1.1, 0.0), (1.0, -0.3), (1.0, 0.3)] {
-        let there = nats(by, correlation + aside);
-        assert!(there < best - 1.0, "{by}, {aside}: {there} for {best}");
+    // The second camera is all but free of noise: a pixel's thresholds are told that much more sharply.
+    for (own, noise) in [(0.11, 0.013), (0.2, 0.002)] {
+        let (planted, kinds, sharp) = planted(own, noise);
+        let n = kinds.len() as f64;
+        let mean = |of: fn(&Kind) -> f64| kinds.iter().map(of).sum::<f64>() / n;
+        let variance = mean(|[on, off]| 0.5 * (on * on + off * off));
+        let (spread, correlation) = (own * variance.sqrt(), mean(|[on, off]| on * off) / variance);
+        let nats = |by: f64, correlation: f64| {
+            let there = [(spread * by).ln(), correlation];
+            let there = sharp.with(library(EffectId::ThresholdMismatch), &there);
+            fit::as_it_is(&planted, there).training() * planted.n_events() as f64
+        };
+        let best = nats(1.0, correlation);
+        for (by, aside) in [(0.9, 0.0), (1.1, 0.0), (1.0, -0.3), (1.0, 0.3)] {
+            let there = nats(by, correlation + aside);
+            assert!(there < best - 1.0, "{own}, {noise}, {by}, {aside}: {there} for {best}");
+        }
     }
 }
 
