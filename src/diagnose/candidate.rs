@@ -168,7 +168,7 @@ pub struct Candidate {
     /// Nuisances that may have stood in for it, and where they begin beside it, in their fitted coordinates.
     pub stand_ins: &'static [(Nuisance, f64)],
     /// By how much greater the logarithm of the thresholds begins beside it where those do not stand in: what
-    /// makes a pixel fire by itself is taken for thresholds that are low. None where nothing stands in.
+    /// makes a pixel fire by itself is taken for thresholds that are low.
     pub raises: &'static [f64],
     /// Standard error of what its first parameter is measured against, in the parameter's unit: what a
     /// session states of its clocks is known no better.
@@ -212,7 +212,7 @@ const PLAIN: Candidate = Candidate {
     agrees: |_, _| true,
     offset_us: |_, _| None,
     stand_ins: &[],
-    raises: &[],
+    raises: &[0.0],
     says: |_| String::new(),
 };
 

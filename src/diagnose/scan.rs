@@ -191,9 +191,10 @@ fn in_question(evidence: &Evidence, model: &Fitted) -> Vec<&'static Candidate> {
         .collect()
 }
 
-/// A start with what may have stood in for the effect out of its way.
+/// A start with what may have stood in for the effect out of its way; none where nothing may have.
 fn freed(start: Hypothesis, candidate: &'static Candidate) -> impl Iterator<Item = Hypothesis> {
-    candidate.raises.iter().map(move |raise| {
+    let raises = if candidate.stand_ins.is_empty() { &[] } else { candidate.raises };
+    raises.iter().map(move |raise| {
         let log_theta = start.nuisance(Nuisance::LogTheta) + raise;
         let raised = start.with_nuisance(Nuisance::LogTheta, log_theta);
         let freed = |other: Hypothesis, &(nuisance, value): &(Nuisance, f64)| {
