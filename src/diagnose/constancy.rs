@@ -88,7 +88,7 @@ pub(super) fn strengths(
     let Some(strength) = Strength::of(hypothesis, index) else { return Vec::new() };
     let moved = |sign: f64| {
         let mut other = hypothesis.clone();
-        other.values[strength.at] += sign * strength.step;
+        strength.at.iter().for_each(|at| other.values[*at] += sign * strength.step);
         other
     };
     let two = [moved(-1.0), moved(1.0)];
@@ -107,9 +107,9 @@ pub(super) fn strengths(
     found
 }
 
-/// Which value is a strength, and how it is counted.
+/// Which values are a strength, and how it is counted.
 struct Strength {
-    at: usize,
+    at: Vec<usize>,
     step: f64,
     /// What a change of the value is divided by to be one of the strength's logarithm.
     unit: f64,
@@ -119,10 +119,17 @@ impl Strength {
     fn of(hypothesis: &Hypothesis, index: usize) -> Option<Self> {
         let effect: &Candidate = hypothesis.effects[index];
         if let Some(freed) = effect.frees.first() {
-            let at = *hypothesis.places_of(index).first()?;
-            let from = freed.nuisance.neutral();
-            let unit = if from.is_finite() { hypothesis.values[at] - from } else { 1.0 };
-            return (unit != 0.0).then(|| Self { at, step: hypothesis.steps[at], unit });
+            let places = hypothesis.places_of(index);
+            let first = *places.first()?;
+            let (from, step) = (freed.nuisance.neutral(), hypothesis.steps[first]);
+            if from.is_finite() {
+                let unit = hypothesis.values[first] - from;
+                return (unit != 0.0).then(|| Self { at: vec![first], step, unit });
+            }
+            // A rate of On events and one of Off events are as many times as much together.
+            let rates = effect.frees.iter().zip(places);
+            let rates = rates.filter(|(freed, _)| !freed.nuisance.neutral().is_finite());
+            return Some(Self { at: rates.map(|(_, at)| at).collect(), step, unit: 1.0 });
         }
         let is_free = |p: &&Parameter| !p.is_fixed;
         let own = || effect.parameters.iter().filter(is_free);
@@ -131,7 +138,7 @@ impl Strength {
         let place = effect.parameters.iter().position(|p| std::ptr::eq(p, chosen))?;
         let at = hypothesis.offset_of(index) + place;
         let unit = if chosen.is_log { 1.0 } else { hypothesis.values[at] };
-        (unit != 0.0).then(|| Self { at, step: hypothesis.steps[at], unit })
+        (unit != 0.0).then(|| Self { at: vec![at], step: hypothesis.steps[at], unit })
     }
 }
 

@@ -1,6 +1,7 @@
 //! Effects are planted with the model's own sampler and demanded back.
 
 mod kinds;
+mod strengths;
 
 use super::*;
 use crate::drive::{Drive, TimeGrid};
