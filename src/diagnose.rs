@@ -42,8 +42,10 @@ mod scan;
 mod score;
 mod select;
 mod spectrum;
+mod star;
 mod stated;
 mod strata;
+mod summit;
 mod tuned;
 mod verdict;
 

@@ -2,11 +2,12 @@
 
 use super::fit::{Fitted, as_it_is, fit};
 use super::score::Part;
+use super::summit::Summit;
 use super::{Evidence, Half};
 use std::collections::BTreeMap;
 
-/// Steps of a half's fit, from where the whole has come to.
-const STEPS: usize = 4;
+/// Steps of a half's fit towards where it is told to be.
+const STEPS: usize = 12;
 
 /// The named effects refitted on either half of the pixels and of the time.
 pub(super) fn halves(evidence: &Evidence, baseline: &Fitted, model: &Fitted) -> Vec<Half> {
@@ -16,8 +17,15 @@ pub(super) fn halves(evidence: &Evidence, baseline: &Fitted, model: &Fitted) -> 
         ("first half of the time", evidence.between(0.0, 0.5)),
         ("second half of the time", evidence.between(0.5, 1.0)),
     ];
+    let whole = Summit::of(evidence, model);
     let of = |(name, part): (&str, Evidence)| {
-        let own = fit(&part, model.hypothesis.clone(), STEPS, 1e-4);
+        // Slopes lead far, and end on the flank: only from the top do two halves compare.
+        let near = fit(&part, model.hypothesis.clone(), STEPS, 1e-4);
+        let there = whole.as_ref().and_then(|whole| whole.of_part(&part, &near));
+        let own = match there {
+            Some(mut there) => there.climbed(&part, near).0,
+            None => near,
+        };
         let without = as_it_is(&part, baseline.hypothesis.clone());
         let (gain, gain_error) = own.cells.gain(&without.cells, Part::HeldOut);
         let parameters: BTreeMap<String, f64> = own

@@ -65,8 +65,11 @@ pub(super) struct Tried {
 impl Tried {
     /// The fit gone on with until it stands still.
     pub(super) fn finished(self, evidence: &Evidence, model: &Fitted) -> Self {
+        let fresh = afresh(evidence, &self.fitted.hypothesis);
         let start = restarted(evidence, self.fitted).hypothesis;
-        let fitted = polished_off_the_ends(evidence, fit(evidence, start, LAST_STEPS, 1e-5));
+        let begun = fit(evidence, start, LAST_STEPS, 1e-5);
+        let fitted =
+            polished_off_the_ends(evidence, fresh.into_iter().fold(begun, Fitted::or_better));
         Self { fitted: settled(evidence, model, fitted), ..self }.against(evidence, model)
     }
 
@@ -99,6 +102,38 @@ fn restarted(evidence: &Evidence, fitted: Fitted) -> Fitted {
     let starts = (effect.starts)(evidence).into_iter().map(restart).collect();
     let begun = each_as_it_is(evidence, starts);
     begun.into_iter().fold(fitted, Fitted::or_better)
+}
+
+/// The same model fitted from where all of it began: nuisances at their ordinary values, the last effect where it
+/// may start. Without the effect they have taken what it does upon themselves, all together, and from there a
+/// search may go down into another valley with it. `None` where the last effect is a nuisance out of its range.
+fn afresh(evidence: &Evidence, hypothesis: &Hypothesis) -> Option<Fitted> {
+    let last = hypothesis.effects.len().checked_sub(1)?;
+    let effect = hypothesis.effects[last];
+    if !effect.frees.is_empty() {
+        return None;
+    }
+    let is_of_an_effect =
+        |at: usize| (0..last).any(|index| hypothesis.places_of(index).contains(&at));
+    let mut ordinary = hypothesis.clone();
+    for nuisance in Nuisance::ALL.into_iter().filter(|n| !is_of_an_effect(*n as usize)) {
+        ordinary = ordinary.with_nuisance(nuisance, nuisance.ordinary(&evidence.facts).start);
+    }
+    let theta = hypothesis.nuisance(Nuisance::LogTheta);
+    let at = hypothesis.offset_of(last);
+    let begun = |start: Vec<f64>| {
+        [ordinary.clone(), ordinary.with_nuisance(Nuisance::LogTheta, theta)].map(|mut begun| {
+            begun.values[at..at + start.len()].copy_from_slice(&start);
+            begun
+        })
+    };
+    let starts = (effect.starts)(evidence).into_iter().flat_map(begun).collect();
+    let mut scored = each_as_it_is(evidence, starts);
+    scored.sort_by(|a, b| b.training().total_cmp(&a.training()));
+    scored.truncate(BEST_STARTS);
+    let moved = scored.into_iter().map(|begun| improved(evidence, begun, FIRST_STEPS, 1e-4));
+    let best = moved.reduce(Fitted::or_better)?;
+    Some(improved(evidence, best, LAST_STEPS, 1e-4))
 }
 
 /// Why an effect is not in the question. Where the readout `is_saturated` none is that acts on single pixels.

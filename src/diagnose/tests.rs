@@ -2,6 +2,7 @@
 
 mod kinds;
 mod strengths;
+mod summit;
 
 use super::*;
 use crate::drive::{Drive, TimeGrid};

@@ -4,6 +4,9 @@ use super::{Candidate, EffectId, PLAIN, Parameter, Stage, needs_span};
 use crate::diagnose::spectrum;
 use std::f64::consts::TAU;
 
+/// Share of the light that stays, however much of it pulsates.
+const LEAST_LIGHT: f64 = 1e-3;
+
 pub(super) const CANDIDATE: Candidate = Candidate {
     id: EffectId::Flicker,
     equation: "L (1 + m sin(2 pi f t + p))",
@@ -25,7 +28,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     act: |values, _, view| {
         let swing = view.swing(values[0], values[2]);
         for (signal, swing) in view.signal.iter_mut().zip(swing) {
-            *signal += (1.0 + values[1] * swing).ln() as f32;
+            *signal += (1.0 + (values[1] * swing).max(LEAST_LIGHT - 1.0)).ln() as f32;
         }
     },
     rivals: &[EffectId::Vibration, EffectId::ApsCoupling],

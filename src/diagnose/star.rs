@@ -1,0 +1,223 @@
+//! Evaluations about a fit, along directions that are as long as matters.
+
+use super::fit::Fitted;
+use super::score::{Cells, Part, cells_of_each};
+use super::{Evidence, Hypothesis};
+use nalgebra::{DMatrix, DVector};
+
+/// Nats by which the log-likelihood of the training cells falls along a direction, about.
+pub(super) const FALL: f64 = 4.0;
+
+/// Where along a direction the log-likelihood is looked at, to either side.
+const FAR: [f64; 2] = [1.0, 0.5];
+
+/// A value is not told where the log-likelihood falls by less than this at the end of its range.
+const LEAST_FALL: f64 = 0.05 * FALL;
+
+/// Times that directions are made longer or shorter until the fall is about that, each time by this factor
+/// at the most.
+const TIMES: usize = 4;
+const FACTOR: f64 = 5.0;
+
+/// Share of the room that a value has in its range which is gone.
+const OF_THE_ROOM: f64 = 0.9;
+
+/// What is about a fit, seen in some of the pixels.
+pub(super) struct About<'a> {
+    few: &'a Evidence,
+    at: &'a Hypothesis,
+    free: &'a [usize],
+    /// Room of each value to the nearer end of its range.
+    room: Vec<f64>,
+    /// Events of all pixels for each of these.
+    scale: f64,
+}
+
+impl<'a> About<'a> {
+    pub(super) fn of(few: &'a Evidence, held: &'a Fitted, free: &'a [usize]) -> Self {
+        let at = &held.hypothesis;
+        let room = |&i: &usize| {
+            let [low, high] = at.ranges[i];
+            OF_THE_ROOM * (at.values[i] - low).min(high - at.values[i])
+        };
+        let here = cells_of_each(few, &[at]).remove(0);
+        let scale = n_events(&held.cells) / n_events(&here).max(1.0);
+        Self { few, at, free, room: free.iter().map(room).collect(), scale }
+    }
+
+    /// Log-likelihood so many directions away.
+    fn at(&self, directions: &DMatrix<f64>, points: &[DVector<f64>]) -> Vec<f64> {
+        let there = |point: &DVector<f64>| moved(self.at, self.free, &(directions * point));
+        let asked: Vec<Hypothesis> = points.iter().map(there).collect();
+        let cells = cells_of_each(self.few, &asked.iter().collect::<Vec<_>>());
+        cells.iter().map(|cells| self.scale * total(cells)).collect()
+    }
+
+    /// Log-likelihood a whole of each direction away and a half, in the mean of the two sides.
+    fn sides(&self, directions: &DMatrix<f64>) -> [Vec<f64>; 2] {
+        let p = self.free.len();
+        let ends = |far: f64| (0..p).flat_map(move |i| [far, -far].map(|by| point(p, &[(i, by)])));
+        let points: Vec<DVector<f64>> = FAR.into_iter().flat_map(ends).collect();
+        let means: Vec<f64> = means(&self.at(directions, &points));
+        [means[..p].to_vec(), means[p..].to_vec()]
+    }
+
+    /// How far the log-likelihood falls along each direction.
+    fn falls(&self, directions: &DMatrix<f64>) -> Vec<f64> {
+        curvatures(&self.sides(directions)).into_iter().map(|own| 0.5 * own).collect()
+    }
+
+    /// Whether a value's own direction goes as far as its range lets it.
+    pub(super) fn is_cramped(&self, star: &DMatrix<f64>, i: usize) -> bool {
+        star[(i, i)] >= 0.99 * self.room[i]
+    }
+
+    /// Which of the values the events tell, along these directions of their own, and which they do not.
+    pub(super) fn told(&self, star: &DMatrix<f64>) -> (Vec<usize>, Vec<usize>) {
+        let falls = self.falls(star);
+        let all = 0..self.free.len();
+        all.partition(|&i| !self.is_cramped(star, i) || falls[i] > LEAST_FALL)
+    }
+
+    /// Each value by itself.
+    pub(super) fn own_directions(&self) -> DMatrix<f64> {
+        let step = |i: usize| self.at.steps[self.free[i]].min(self.room[i]);
+        let steps = DVector::from_fn(self.free.len(), |i, _| step(i));
+        self.long_enough(DMatrix::from_diagonal(&steps))
+    }
+
+    /// Shorter where a direction would leave a value's range.
+    fn within(&self, mut directions: DMatrix<f64>) -> DMatrix<f64> {
+        for mut direction in directions.column_iter_mut() {
+            let shares =
+                direction.iter().zip(&self.room).map(|(d, room)| room / d.abs().max(1e-300));
+            let share = shares.fold(1.0, f64::min);
+            direction *= share;
+        }
+        directions
+    }
+
+    /// The same directions, as long as makes the log-likelihood fall by about [`FALL`], if there is room.
+    pub(super) fn long_enough(&self, mut directions: DMatrix<f64>) -> DMatrix<f64> {
+        let factor = |fall: f64| match fall {
+            fall if fall > FALL / (FACTOR * FACTOR) => (FALL / fall).sqrt().max(FACTOR.recip()),
+            _ => FACTOR,
+        };
+        for _ in 0..TIMES {
+            directions = self.within(directions);
+            let factors: Vec<f64> = self.falls(&directions).into_iter().map(factor).collect();
+            if factors.iter().all(|f| (0.6..1.7).contains(f)) {
+                break;
+            }
+            for (mut direction, factor) in directions.column_iter_mut().zip(factors) {
+                direction *= factor;
+            }
+        }
+        self.within(directions)
+    }
+
+    /// Minus the second derivative along directions, in units of them.
+    pub(super) fn curvature(&self, directions: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let p = self.free.len();
+        let pairs: Vec<(usize, usize)> = (0..p).flat_map(|i| (0..i).map(move |j| (i, j))).collect();
+        let corners = |&(i, j): &(usize, usize)| {
+            let corner = |by, other| point(p, &[(i, by), (j, other)]);
+            [corner(1.0, 1.0), corner(-1.0, -1.0), corner(1.0, -1.0), corner(-1.0, 1.0)]
+        };
+        let nats = self.at(directions, &pairs.iter().flat_map(corners).collect::<Vec<_>>());
+        let own = curvatures(&self.sides(directions));
+        let mut minus = DMatrix::from_diagonal(&DVector::from_vec(own));
+        for (corner, &(i, j)) in nats.chunks(4).zip(&pairs) {
+            let mixed = 0.25 * (corner[2] + corner[3] - corner[0] - corner[1]);
+            minus[(i, j)] = mixed;
+            minus[(j, i)] = mixed;
+        }
+        minus.iter().all(|m| m.is_finite()).then_some(minus)
+    }
+}
+
+/// A point so far along some of `p` directions.
+fn point(p: usize, by: &[(usize, f64)]) -> DVector<f64> {
+    let mut point = DVector::zeros(p);
+    by.iter().for_each(|&(i, far)| point[i] = far);
+    point
+}
+
+/// A hypothesis with these values changed, within their ranges.
+pub(super) fn moved(at: &Hypothesis, free: &[usize], change: &DVector<f64>) -> Hypothesis {
+    let mut other = at.clone();
+    for (&i, by) in free.iter().zip(change) {
+        let [low, high] = other.ranges[i];
+        other.values[i] = (other.values[i] + by).clamp(low, high);
+    }
+    other
+}
+
+pub(super) fn total(cells: &Cells) -> f64 {
+    cells.of(Part::Training).map(|cell| cells.log_likelihood[cell]).sum()
+}
+
+fn n_events(cells: &Cells) -> f64 {
+    cells.of(Part::Training).map(|cell| cells.n_events[cell]).sum()
+}
+
+/// Means of what stands side by side.
+fn means(nats: &[f64]) -> Vec<f64> {
+    nats.chunks(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect()
+}
+
+/// Minus the second derivatives by the log-likelihood at the two distances of [`FAR`]. Where a search has
+/// stayed, a small step may stand out of all that is about it.
+pub(super) fn curvatures([whole, half]: &[Vec<f64>; 2]) -> Vec<f64> {
+    let squares = FAR[0] * FAR[0] - FAR[1] * FAR[1];
+    whole.iter().zip(half).map(|(whole, half)| 2.0 * (half - whole) / squares).collect()
+}
+
+/// Every cell at four places along each direction: a half and a whole of it to either side.
+pub(super) struct Four {
+    /// Half the difference of the two sides, a training cell a row: at the whole, and at the half.
+    odd: [DMatrix<f64>; 2],
+    /// Mean of the two sides over all cells.
+    pub(super) even: [Vec<f64>; 2],
+}
+
+impl Four {
+    pub(super) fn of(
+        evidence: &Evidence,
+        at: &Hypothesis,
+        free: &[usize],
+        directions: &DMatrix<f64>,
+    ) -> Self {
+        let p = free.len();
+        let there = |(i, far)| moved(at, free, &(directions * point(p, &[(i, far)])));
+        let of = |far: f64| {
+            let asked: Vec<Hypothesis> =
+                (0..p).flat_map(|i| [(i, far), (i, -far)]).map(there).collect();
+            let cells = cells_of_each(evidence, &asked.iter().collect::<Vec<_>>());
+            let training: Vec<usize> = cells[0].of(Part::Training).collect();
+            let odd = DMatrix::from_fn(training.len(), p, |row, i| {
+                let side = |n: usize| cells[2 * i + n].log_likelihood[training[row]];
+                0.5 * (side(0) - side(1))
+            });
+            let even = (0..p).map(|i| 0.5 * (total(&cells[2 * i]) + total(&cells[2 * i + 1])));
+            (odd, even.collect::<Vec<f64>>())
+        };
+        let [(whole, of_whole), (half, of_half)] = FAR.map(of);
+        Self { odd: [whole, half], even: [of_whole, of_half] }
+    }
+
+    /// The line through both, least squares.
+    pub(super) fn slopes(&self) -> DMatrix<f64> {
+        let squares: f64 = FAR.iter().map(|far| far * far).sum();
+        (&self.odd[0] * FAR[0] + &self.odd[1] * FAR[1]) / squares
+    }
+
+    /// Variance of a slope, by what the line leaves, over all directions.
+    pub(super) fn rough(&self) -> f64 {
+        let [whole, half] = self.odd.each_ref().map(|odd| odd.row_sum());
+        let left = whole - half * (FAR[0] / FAR[1]);
+        // An error e of a place's nats is e / sqrt(2) of half a difference; the line's slope then has
+        // 0.4 of its variance, what it leaves 2.5.
+        left.iter().map(|left| 0.4 / 2.5 * left * left).sum::<f64>() / left.len().max(1) as f64
+    }
+}

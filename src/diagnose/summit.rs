@@ -1,0 +1,233 @@
+//! The likelihood about a fit: its slopes and its curvature, taken as far away as matters.
+//!
+//! What one value may be changed by is orders of magnitude more than what another may, and some are told
+//! only together. So a first star of evaluations along the values themselves finds about how the
+//! log-likelihood falls, and a second one, along the directions that the first has found, how it falls where
+//! it has fallen by a few nats: nearer it is rough, farther it is no parabola.
+
+use super::fit::{Fitted, as_it_is};
+use super::score::Part;
+use super::star::{About, FALL, Four, curvatures, moved, total};
+use super::{Evidence, Hypothesis};
+use nalgebra::{DMatrix, DVector};
+
+/// Least curvature in any direction, where that of each value alone is one, and where that of each of the
+/// directions that this leads to is one: below it small steps speak, not the data.
+const LEAST_CURVATURE: f64 = 3e-3;
+const LEAST_OF_MIXED: f64 = 0.2;
+
+/// Rounds of going to a parabola's top, and the gain in nats that ends them.
+const ROUNDS: usize = 6;
+const ENOUGH: f64 = 0.05;
+
+/// What a top may lie below the fit, nats: a search stays on the highest of many small steps.
+const STEPS_HEIGHT: f64 = 2.0;
+
+/// Shares of the way to a top that are tried, until one leads up.
+const SHARES: [f64; 2] = [1.0, 0.3];
+
+/// Pixels on which the curvature is taken.
+const PIXELS: usize = 160;
+
+/// Lengths of the directions behind which they are looked for anew.
+const FAR_OFF: f64 = 1.0;
+
+/// Slopes and curvature.
+#[derive(Clone, Default)]
+pub(super) struct Summit {
+    /// Which values the events tell.
+    free: Vec<usize>,
+    /// Those that they do not tell within their ranges.
+    untold: Vec<usize>,
+    /// Directions, column by column, in units of the values.
+    directions: DMatrix<f64>,
+    /// Slope of each training cell along each.
+    slopes: DMatrix<f64>,
+    /// Minus the second derivative along them.
+    minus: DMatrix<f64>,
+    /// Its inverse.
+    inverse: DMatrix<f64>,
+    /// Variance of a slope for the likelihood's small steps.
+    rough: f64,
+}
+
+/// A fit gone to the top of the parabola about it, and what is there; `None` where nothing may move.
+pub(super) fn climbed(evidence: &Evidence, fitted: Fitted) -> (Fitted, Option<Summit>) {
+    let Some(mut summit) = Summit::of(evidence, &fitted) else { return (fitted, None) };
+    let (top, way) = summit.climbed(evidence, fitted);
+    if way > FAR_OFF {
+        let there = Summit::of(evidence, &top);
+        return (top, there);
+    }
+    (top, Some(summit))
+}
+
+impl Summit {
+    pub(super) fn of(evidence: &Evidence, fitted: &Fitted) -> Option<Self> {
+        let all = inside(&fitted.hypothesis);
+        let held = fitted.held(evidence);
+        let few = evidence.thinned(evidence.pixels.len().div_ceil(PIXELS));
+        let about = About::of(&few, &held, &all);
+        let star = about.own_directions();
+        let (told, untold) = about.told(&star);
+        let numbers = |of: &[usize]| of.iter().map(|&i| all[i]).collect::<Vec<usize>>();
+        let (free, untold) = (numbers(&told), numbers(&untold));
+        if free.is_empty() {
+            return None;
+        }
+        let star = star.select_columns(&told).select_rows(&told);
+        let about = About::of(&few, &held, &free);
+        let directions = about.long_enough(unmixed(&about, &star)?);
+        let minus = about.curvature(&directions)?;
+        let four = Four::of(evidence, &held.hypothesis, &free, &directions);
+        Self { free, untold, directions, minus, ..Self::default() }.with(&four)
+    }
+
+    /// The same directions as they are seen by a part of the evidence, from a fit to it.
+    pub(super) fn of_part(&self, part: &Evidence, fitted: &Fitted) -> Option<Self> {
+        self.clone().with(&self.four(part, fitted))
+    }
+
+    fn four(&self, evidence: &Evidence, fitted: &Fitted) -> Four {
+        Four::of(evidence, &fitted.held(evidence).hypothesis, &self.free, &self.directions)
+    }
+
+    /// The same directions with what is seen along each; `None` where that is nothing to go by.
+    fn with(mut self, four: &Four) -> Option<Self> {
+        for (i, own) in curvatures(&four.even).into_iter().enumerate() {
+            self.minus[(i, i)] = own;
+        }
+        self.inverse = inverse(&self.minus)?;
+        (self.slopes, self.rough) = (four.slopes(), four.rough());
+        Some(self)
+    }
+
+    /// A fit gone to the top, along the same directions all the way, and how many of their lengths it was.
+    pub(super) fn climbed(&mut self, evidence: &Evidence, mut fitted: Fitted) -> (Fitted, f64) {
+        let mut way = 0.0;
+        for _ in 0..ROUNDS {
+            let (change, gain) = self.top();
+            if gain < ENOUGH {
+                break;
+            }
+            let at = |share| {
+                let change = &self.directions * &change * share;
+                as_it_is(evidence, moved(&fitted.hypothesis, &self.free, &change))
+            };
+            let is_up = |(_, top): &(f64, Fitted)| nats(top) > nats(&fitted) - STEPS_HEIGHT;
+            let tops = SHARES.into_iter().map(|share| (share, at(share)));
+            let Some((share, top)) = tops.into_iter().find(is_up) else { break };
+            let Some(there) = self.clone().with(&self.four(evidence, &top)) else { break };
+            way += share * change.norm();
+            (*self, fitted) = (there, top);
+        }
+        (fitted, way)
+    }
+
+    /// How far the parabola's top is away along the directions, no farther than these go, and how much
+    /// higher it is.
+    fn top(&self) -> (DVector<f64>, f64) {
+        let slope: DVector<f64> = self.slopes.row_sum().transpose();
+        let change = &self.inverse * &slope;
+        let gain = 0.5 * slope.dot(&change);
+        let longest = change.amax().max(1.0);
+        (change / longest, gain)
+    }
+
+    /// Standard errors of the values that may move, by their numbers, when slopes are alike within tiles and
+    /// within blocks. One that is not told may be anywhere in its range.
+    pub(super) fn errors(&self, fitted: &Fitted, n_blocks: usize) -> (Vec<usize>, Vec<f64>) {
+        let training: Vec<usize> = fitted.cells.of(Part::Training).collect();
+        let by = |cluster: &dyn Fn(usize) -> usize| {
+            self.variances(training.iter().map(|&cell| cluster(cell)))
+        };
+        let tiles = by(&|cell| cell / n_blocks);
+        let blocks = by(&|cell| cell % n_blocks);
+        let cells = by(&|cell| cell);
+        let told = (0..self.free.len())
+            .map(|i| (tiles[i] + blocks[i] - cells[i]).max(tiles[i]).max(cells[i]).sqrt());
+        let width = |&i: &usize| fitted.hypothesis.ranges[i][1] - fitted.hypothesis.ranges[i][0];
+        let errors = told.chain(self.untold.iter().map(width)).collect();
+        (self.free.iter().chain(&self.untold).copied().collect(), errors)
+    }
+
+    /// Variance of each value when slopes are alike within a cluster of cells.
+    fn variances(&self, clusters: impl Iterator<Item = usize>) -> Vec<f64> {
+        let p = self.free.len();
+        let mut sums = std::collections::BTreeMap::new();
+        for (row, cluster) in clusters.enumerate() {
+            let sum = sums.entry(cluster).or_insert_with(|| DVector::zeros(p));
+            *sum += self.slopes.row(row).transpose();
+        }
+        sums.retain(|_, sum: &mut DVector<f64>| sum.iter().any(|s| *s != 0.0));
+        // Few clusters seem to scatter less than they do.
+        let n = sums.len().max(2) as f64;
+        let mut product = DMatrix::zeros(p, p);
+        sums.values().for_each(|sum| product += sum * sum.transpose() * (n / (n - 1.0)));
+        product += DMatrix::identity(p, p) * self.rough;
+        let root = &self.directions * &self.inverse;
+        let sandwich = &root * product * root.transpose();
+        (0..p).map(|i| sandwich[(i, i)].max(0.0)).collect()
+    }
+}
+
+/// Log-likelihood of the training cells.
+fn nats(fitted: &Fitted) -> f64 {
+    total(&fitted.cells)
+}
+
+/// The values that may move: one at an end of its range is held there by it.
+fn inside(hypothesis: &Hypothesis) -> Vec<usize> {
+    let is_inside = |&i: &usize| {
+        let ([low, high], value) = (hypothesis.ranges[i], hypothesis.values[i]);
+        let margin = 1e-9 * (high - low);
+        hypothesis.steps[i] > 0.0 && value > low + margin && value < high - margin
+    };
+    (0..hypothesis.values.len()).filter(is_inside).collect()
+}
+
+/// Square roots of the curvatures along the directions themselves, of which none is next to nothing.
+fn scales(minus: &DMatrix<f64>) -> Vec<f64> {
+    (0..minus.nrows()).map(|i| minus[(i, i)].max(0.02 * FALL).sqrt()).collect()
+}
+
+fn scaled(
+    minus: &DMatrix<f64>,
+    scales: &[f64],
+) -> Option<nalgebra::SymmetricEigen<f64, nalgebra::Dyn>> {
+    let p = scales.len();
+    let scaled = DMatrix::from_fn(p, p, |i, j| minus[(i, j)] / (scales[i] * scales[j]));
+    scaled.iter().all(|v| v.is_finite()).then(|| scaled.symmetric_eigen())
+}
+
+/// Inverse of a curvature, brought to the same scale in all directions so that they compare.
+fn inverse(minus: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let (p, scales) = (minus.nrows(), scales(minus));
+    let mut eigen = scaled(minus, &scales)?;
+    eigen.eigenvalues.iter_mut().for_each(|v| *v = v.max(LEAST_OF_MIXED).recip());
+    let inverse = eigen.recompose();
+    Some(DMatrix::from_fn(p, p, |i, j| inverse[(i, j)] / (scales[i] * scales[j])))
+}
+
+/// Directions along which the curvature is the same and which do not mix where `star`, each value by itself,
+/// has been. A value with little room stays a direction of its own, or it would leave the others none either.
+fn unmixed(about: &About<'_>, star: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let minus = about.curvature(star)?;
+    let roomy: Vec<usize> = (0..star.ncols()).filter(|&i| !about.is_cramped(star, i)).collect();
+    if roomy.is_empty() {
+        return Some(star.clone());
+    }
+    let minus = minus.select_columns(&roomy).select_rows(&roomy);
+    let scales = scales(&minus);
+    let eigen = scaled(&minus, &scales)?;
+    let mut directions = star.clone();
+    for (k, &column) in roomy.iter().enumerate() {
+        let far = (2.0 * FALL / eigen.eigenvalues[k].max(LEAST_CURVATURE)).sqrt();
+        directions.column_mut(column).fill(0.0);
+        for (l, &row) in roomy.iter().enumerate() {
+            let share = eigen.eigenvectors[(l, k)] * far / scales[l];
+            directions[(row, column)] = star[(row, row)] * share;
+        }
+    }
+    Some(directions)
+}
