@@ -54,6 +54,17 @@ pub enum SceneError {
         /// At least so many.
         needed: usize,
     },
+    /// The event camera's frames do not lie on the map.
+    #[error(
+        "the DAVIS's frames lie {left_px:.1} px off the map of the print (root mean square; at most {most_px} px): \
+         do both cameras' clocks hold for this recording (`evrig sync`), and does the rig state where they sit?"
+    )]
+    OffTheMap {
+        /// How far, root mean square, pixels.
+        left_px: f64,
+        /// At most so far.
+        most_px: f64,
+    },
     /// The equations have no solution.
     #[error("{0} does not converge: the pictures do not fit the geometry that the rig states")]
     NoFit(&'static str),

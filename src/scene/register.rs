@@ -49,6 +49,9 @@ pub struct Registration {
 const FRAMES: usize = 60;
 const LEAST: usize = 3;
 
+/// A head that shakes leaves about a pixel; frames that are farther off the map are not on it.
+const MOST_LEFT_PX: f64 = 5.0;
+
 /// Standard deviation of what the Gaussian is known to be before, pixels.
 const SIGMA_PRIOR: f64 = 0.5;
 
@@ -93,6 +96,7 @@ pub(super) fn register(
         return Err(SceneError::NoDavis { what, found, n: frames.len(), needed });
     }
     let mut result = refined(survey, start, before, (&pictures, frames.len()))?;
+    on_the_map(result.left_px)?;
     let pixel_mm = result.pixel_mm;
     let seen = Seen::new(survey, result.spread, pixel_mm);
     result.light_error = light_error(survey, &result.tie, &seen, &pictures, pixel_mm);
@@ -102,6 +106,14 @@ pub(super) fn register(
     let lag = &mut result.tie_error[LAG];
     *lag = lag.hypot(survey.path.time_error_s().unwrap_or(0.0));
     Ok(result)
+}
+
+/// Refuses frames that lie elsewhere: such a map's light is not what the event camera saw.
+fn on_the_map(left_px: f64) -> Result<(), SceneError> {
+    if left_px <= MOST_LEFT_PX {
+        return Ok(());
+    }
+    Err(SceneError::OffTheMap { left_px, most_px: MOST_LEFT_PX })
 }
 
 /// The tie and the blur at which the map fits pictures best, of `n` frames.
@@ -284,4 +296,20 @@ fn level(rows: &[Row]) -> Option<(f64, f64)> {
     let across = mean(&|row| (row.light - light) * (row.value - value));
     let square = mean(&|row| (row.light - light).powi(2));
     (square > 0.0 && across > 0.0).then(|| (across / square, value - across / square * light))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_far_off_the_map_are_refused_and_those_of_a_head_that_shakes_are_not() {
+        assert!(on_the_map(1.2).is_ok());
+        let refused = on_the_map(23.549).unwrap_err().to_string();
+        assert!(
+            refused.contains("23.5 px off the map") && refused.contains("evrig sync"),
+            "{refused}"
+        );
+        assert!(on_the_map(f64::NAN).is_err());
+    }
 }
