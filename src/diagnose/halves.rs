@@ -23,7 +23,7 @@ pub(super) fn halves(evidence: &Evidence, baseline: &Fitted, model: &Fitted) -> 
         let near = fit(&part, model.hypothesis.clone(), STEPS, 1e-4);
         let there = whole.as_ref().and_then(|whole| whole.of_part(&part, &near));
         let own = match there {
-            Some(mut there) => there.climbed(&part, near).0,
+            Some(mut there) => there.climb(&part, near).0,
             None => near,
         };
         let without = as_it_is(&part, baseline.hypothesis.clone());

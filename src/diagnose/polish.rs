@@ -6,7 +6,7 @@
 //! beside it. An evolution strategy (CMA-ES, Hansen and Ostermeier, 2001) needs no slopes. It begins
 //! with the scatter that the gradients claim.
 
-use super::fit::{Fitted, as_it_is, each_as_it_is, gradients, scatter};
+use super::fit::{Fitted, as_it_is, each_as_it_is, fit, gradients, scatter};
 use super::{Evidence, Hypothesis, Nuisance, PixelEvidence};
 use cmaes::{CMAESOptions, DVector};
 use nalgebra::DMatrix;
@@ -66,6 +66,15 @@ const PARTS: u32 = 4;
 
 /// Stands for no value: the search takes finite numbers only.
 const NO_VALUE: f64 = 1e12;
+
+/// A hypothesis fitted by so many steps at the most, and gone on with from there.
+pub(super) fn fitted_and_polished(
+    evidence: &Evidence,
+    start: Hypothesis,
+    n_steps: usize,
+) -> Fitted {
+    polished(evidence, fit(evidence, start, n_steps, 1e-5))
+}
 
 /// A fit gone on with where slopes have left it; never worse than it was.
 pub(super) fn polished(evidence: &Evidence, fitted: Fitted) -> Fitted {

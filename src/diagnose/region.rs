@@ -6,7 +6,7 @@
 //! limited only where that buys more on held-out cells than the effect everywhere.
 
 use super::fit::{Fitted, as_it_is, fit};
-use super::polish::polished;
+use super::polish::{fitted_and_polished, polished};
 use super::score::{Cells, LEAST_GAIN, Part, is_enough, pixel_gains};
 use super::{Evidence, Hypothesis};
 use crate::effect_id::EffectGroup;
@@ -53,7 +53,7 @@ pub(super) fn settled(evidence: &Evidence, without: &Fitted, model: Fitted) -> F
     let is_begun_in_part = model.hypothesis.regions.last().is_some_and(Option::is_some);
     let (mut everywhere, in_part) = if is_begun_in_part {
         let start = placed(without, &model, None);
-        (gone_on_with(evidence, start), model)
+        (fitted_and_polished(evidence, start, STEPS), model)
     } else {
         let region = edged(evidence, without, &model);
         let in_part = region.map(|region| in_region(evidence, without, &model, region));
@@ -77,13 +77,9 @@ pub(super) fn settled(evidence: &Evidence, without: &Fitted, model: Fitted) -> F
     // A fit in the part may have come over a ridge that the one everywhere has not.
     let spread = as_it_is(evidence, placed(without, &in_part, None));
     if spread.training() > everywhere.training() {
-        everywhere = gone_on_with(evidence, spread.hypothesis);
+        everywhere = fitted_and_polished(evidence, spread.hypothesis, STEPS);
     }
     if is_better(evidence, without, &in_part, &everywhere) { in_part } else { everywhere }
-}
-
-fn gone_on_with(evidence: &Evidence, start: Hypothesis) -> Fitted {
-    polished(evidence, fit(evidence, start, STEPS, 1e-5))
 }
 
 fn in_region(evidence: &Evidence, without: &Fitted, model: &Fitted, region: Rectangle) -> Fitted {

@@ -9,7 +9,7 @@ use super::halves::halves;
 use super::heat::{HeatMap, heat_maps};
 use super::judge::{Judge, Judged};
 use super::naming::{is_vague, strength_aside};
-use super::polish::polished;
+use super::polish::{fitted_and_polished, polished};
 use super::region::gain_of;
 use super::scan::{Gain, LAST_STEPS, Tried, best_first, scan};
 use super::score::{LEAST_ERRORS, LEAST_GAIN, Part, is_enough};
@@ -147,7 +147,7 @@ fn begin(evidence: &Evidence, few: &Evidence) -> Fitted {
         let there = best.map(|best| improved(few, best, 12, 1e-4));
         begun = there.into_iter().fold(begun, Fitted::or_better);
     }
-    polished(evidence, fit(evidence, begun.hypothesis, 12, 1e-5))
+    fitted_and_polished(evidence, begun.hypothesis, 12)
 }
 
 /// Takes effects one by one while they buy enough. A fit with an effect may come by better
@@ -362,5 +362,5 @@ pub(super) fn refit_with(
         let start = model.hypothesis.fitted_values(index);
         hypothesis = hypothesis.with_in(effect, &start, model.hypothesis.regions[index]);
     }
-    polished(evidence, fit(evidence, hypothesis, LAST_STEPS, 1e-5))
+    fitted_and_polished(evidence, hypothesis, LAST_STEPS)
 }

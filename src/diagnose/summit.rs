@@ -54,7 +54,7 @@ pub(super) struct Summit {
 /// A fit gone to the top of the parabola about it, and what is there; `None` where nothing may move.
 pub(super) fn climbed(evidence: &Evidence, fitted: Fitted) -> (Fitted, Option<Summit>) {
     let Some(mut summit) = Summit::of(evidence, &fitted) else { return (fitted, None) };
-    let (top, way) = summit.climbed(evidence, fitted);
+    let (top, way) = summit.climb(evidence, fitted);
     if way > FAR_OFF {
         let there = Summit::of(evidence, &top);
         return (top, there);
@@ -103,7 +103,7 @@ impl Summit {
     }
 
     /// A fit gone to the top, along the same directions all the way, and how many of their lengths it was.
-    pub(super) fn climbed(&mut self, evidence: &Evidence, mut fitted: Fitted) -> (Fitted, f64) {
+    pub(super) fn climb(&mut self, evidence: &Evidence, mut fitted: Fitted) -> (Fitted, f64) {
         let mut way = 0.0;
         for _ in 0..ROUNDS {
             let (change, gain) = self.top();

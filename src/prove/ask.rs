@@ -31,19 +31,20 @@ enum End {
 }
 
 impl Ask {
-    /// Diagnoses a session.
+    /// Diagnoses a session. Every stage is made anew: what is stored in a session may be another build's.
     #[must_use]
     pub fn about(&self, session: &Path) -> Outcome {
         let begun = Instant::now();
         let out_of_time = || Outcome::OutOfTime { after_s: self.deadline.as_secs_f64() };
         for stage in BEFORE {
-            let end = self.run(&[*stage, "--quiet"], session, begun);
+            let end = self.run(&[*stage, "--force", "--quiet"], session, begun);
             if matches!(end, End::Stopped) {
                 return out_of_time();
             }
         }
         let given = self.arguments.iter().map(String::as_str);
-        let arguments: Vec<&str> = ["diagnose", "--json"].into_iter().chain(given).collect();
+        let arguments: Vec<&str> =
+            ["diagnose", "--force", "--json"].into_iter().chain(given).collect();
         match self.run(&arguments, session, begun) {
             End::Stopped => out_of_time(),
             End::NotStarted(error) => {
@@ -127,15 +128,15 @@ mod tests {
     #[test]
     fn the_stages_come_in_order_and_the_last_ones_answer_counts() {
         let (folder, ask) = script(
-            "for last; do :; done\necho \"$1\" >> \"$last/asked\"\n\
+            "for last; do :; done\necho \"$1 $2\" >> \"$last/asked\"\n\
              [ \"$1\" = track ] && exit 1\n\
-             [ \"$1\" = diagnose ] && echo \"{\\\"verdict\\\": \\\"$3 $4\\\"}\"\nexit 0",
+             [ \"$1\" = diagnose ] && echo \"{\\\"verdict\\\": \\\"$4 $5\\\"}\"\nexit 0",
         );
         let outcome = ask.about(folder.path());
         let answer = outcome.answer().unwrap();
         assert_eq!(answer.verdict, "--pixels 120", "{outcome:?}");
         let asked = std::fs::read_to_string(folder.path().join("asked")).unwrap();
-        assert_eq!(asked, "track\nsync\nscene\ndiagnose\n");
+        assert_eq!(asked, "track --force\nsync --force\nscene --force\ndiagnose --force\n");
     }
 
     #[test]
