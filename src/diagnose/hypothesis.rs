@@ -3,13 +3,10 @@
 use super::candidate::{Candidate, Freed, Stage};
 use super::nuisance::{N_NUISANCES, Nuisance};
 use super::places::{Held, Pinned};
+use super::spectrum::height_for_lines;
 use super::{Evidence, Kind, PixelEvidence};
 use crate::geometry::Rectangle;
 use crate::predict::{Light, PixelLaw};
-
-/// Half a swing's turn from one instant to the next, at the most, for which its straight lines are made up:
-/// beyond it they follow nothing.
-const MOST_OF_A_SWING: f64 = 0.35 * std::f64::consts::PI;
 
 /// What a hypothesis makes of one pixel: its light after all that filters it, its law, its clock.
 #[derive(Debug)]
@@ -37,14 +34,11 @@ impl View<'_> {
         Light { start_us, step_us, signal, level, bends: None }
     }
 
-    /// A swing of a frequency and phase at every instant. Counted from the middle, the phase hardly
-    /// depends on the frequency. Straight lines from instant to instant have less of the swing than
-    /// goes through these, by the square of a sinc: 3 % less at ten instants a swing. It is made up for.
+    /// A swing of a frequency and phase at every instant, high enough for straight lines between these to
+    /// swing by one. Counted from the middle, the phase hardly depends on the frequency.
     pub fn swing(&self, hz: f64, phase: f64) -> impl Iterator<Item = f64> + use<> {
         let turn = std::f64::consts::TAU * hz * self.step_s();
-        let n = self.signal.len();
-        let half = (0.5 * turn).min(MOST_OF_A_SWING);
-        let height = if half > 0.0 { (half / half.sin()).powi(2) } else { 1.0 };
+        let (n, height) = (self.signal.len(), height_for_lines(turn));
         (0..n).map(move |i| height * (turn * (i as f64 - 0.5 * n as f64) + phase).sin())
     }
 

@@ -12,6 +12,18 @@ const LOWEST_HZ: f64 = 4.0;
 /// Lines nearer to each other are one, hertz.
 const APART_HZ: f64 = 1.0;
 
+/// A swing that turns faster from one instant to the next than twice this is one that straight lines follow
+/// nowhere, and is made up for no further.
+const MOST_OF_A_TURN: f64 = 0.35 * std::f64::consts::PI;
+
+/// How much higher than it is a swing has to be at instants for straight lines between these to swing as high
+/// as it does: they lose the square of a sinc, 3 % at ten instants a swing. `turn` is its phase from one to the
+/// next.
+pub(super) fn height_for_lines(turn: f64) -> f64 {
+    let half = (0.5 * turn).min(MOST_OF_A_TURN);
+    if half > 0.0 { (half / half.sin()).powi(2) } else { 1.0 }
+}
+
 /// The `n` frequencies that stand out most from their surroundings, the clearest first. Pixels fire
 /// in bursts, so that a multiple of the light's own frequency may be the clearest of all.
 pub(super) fn lines(evidence: &Evidence, n: usize) -> Vec<f64> {
