@@ -8,12 +8,28 @@
 
 use super::Evidence;
 use super::fit::Fitted;
-use super::summit::climbed;
+use super::summit::{Summit, climbed};
+use std::sync::Arc;
+
+/// Standard errors, and the summit that they are taken on.
+#[derive(Debug)]
+pub(super) struct Errors {
+    pub(super) summit: Summit,
+    /// By the numbers of the values.
+    of: Vec<(usize, f64)>,
+}
+
+impl Errors {
+    /// That of a value; NaN when it was not free.
+    pub(super) fn of(&self, index: usize) -> f64 {
+        self.of.iter().find(|(number, _)| *number == index).map_or(f64::NAN, |(_, error)| *error)
+    }
+}
 
 /// The fit at its summit, with the standard errors of all values inside their ranges.
 pub(super) fn with_errors(evidence: &Evidence, fitted: Fitted) -> Fitted {
     let (fitted, summit) = climbed(evidence, fitted);
     let Some(summit) = summit else { return fitted };
-    let errors = summit.errors(&fitted, evidence.blocks.n());
-    Fitted { errors: Some(errors), ..fitted }
+    let of = summit.errors(&fitted, evidence.blocks.n());
+    Fitted { errors: Some(Arc::new(Errors { summit, of })), ..fitted }
 }

@@ -5,17 +5,19 @@
 //! the parameters' ranges. The gradients are taken about their mean an event: far from the optimum,
 //! where all cells pull the same way, their plain product would make every step far too short.
 
+use super::errors::Errors;
 use super::score::{Cells, Part, cells, cells_of_each};
 use super::{Evidence, Hypothesis};
 use nalgebra::{DMatrix, DVector};
+use std::sync::Arc;
 
 /// A fitted hypothesis.
 #[derive(Debug, Clone)]
 pub(super) struct Fitted {
     pub(super) hypothesis: Hypothesis,
     pub(super) cells: Cells,
-    /// Indices of values with their standard errors; none before `with_errors`.
-    pub(super) errors: Option<(Vec<usize>, Vec<f64>)>,
+    /// Standard errors of the values; none before `with_errors`.
+    pub(super) errors: Option<Arc<Errors>>,
 }
 
 impl Fitted {
@@ -36,8 +38,7 @@ impl Fitted {
 
     /// Standard error of a value; NaN when it was not free or is not known.
     pub(super) fn error_of(&self, index: usize) -> f64 {
-        let Some((free, errors)) = &self.errors else { return f64::NAN };
-        free.iter().position(|&f| f == index).map_or(f64::NAN, |at| errors[at])
+        self.errors.as_ref().map_or(f64::NAN, |errors| errors.of(index))
     }
 }
 

@@ -2,14 +2,14 @@
 
 use super::fit::{Fitted, as_it_is, fit};
 use super::score::Part;
-use super::summit::Summit;
 use super::{Evidence, Half};
 use std::collections::BTreeMap;
 
 /// Steps of a half's fit towards where it is told to be.
 const STEPS: usize = 12;
 
-/// The named effects refitted on either half of the pixels and of the time.
+/// The named effects refitted on either half of the pixels and of the time, each along the directions of
+/// the whole's summit; the model comes with its errors.
 pub(super) fn halves(evidence: &Evidence, baseline: &Fitted, model: &Fitted) -> Vec<Half> {
     let parts = [
         ("even tiles", evidence.with_tiles(|tile| tile.is_multiple_of(2))),
@@ -17,11 +17,11 @@ pub(super) fn halves(evidence: &Evidence, baseline: &Fitted, model: &Fitted) -> 
         ("first half of the time", evidence.between(0.0, 0.5)),
         ("second half of the time", evidence.between(0.5, 1.0)),
     ];
-    let whole = Summit::of(evidence, model);
     let of = |(name, part): (&str, Evidence)| {
         // Slopes lead far, and end on the flank: only from the top do two halves compare.
         let near = fit(&part, model.hypothesis.clone(), STEPS, 1e-4);
-        let there = whole.as_ref().and_then(|whole| whole.of_part(&part, &near));
+        let whole = model.errors.as_ref().map(|errors| &errors.summit);
+        let there = whole.and_then(|whole| whole.of_part(&part, &near));
         let own = match there {
             Some(mut there) => there.climb(&part, near).0,
             None => near,

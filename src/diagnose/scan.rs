@@ -93,15 +93,19 @@ fn restarted(evidence: &Evidence, fitted: Fitted) -> Fitted {
     if !effect.frees.is_empty() {
         return fitted;
     }
-    let at = fitted.hypothesis.offset_of(last);
-    let restart = |start: Vec<f64>| {
-        let mut hypothesis = fitted.hypothesis.clone();
-        hypothesis.values[at..at + start.len()].copy_from_slice(&start);
-        hypothesis
-    };
-    let starts = (effect.starts)(evidence).into_iter().map(restart).collect();
-    let begun = each_as_it_is(evidence, starts);
+    let begun = each_as_it_is(evidence, at_its_starts(evidence, &fitted.hypothesis, last));
     begun.into_iter().fold(fitted, Fitted::or_better)
+}
+
+/// A hypothesis with an effect's own parameters at each of the values that they may start from.
+fn at_its_starts(evidence: &Evidence, hypothesis: &Hypothesis, index: usize) -> Vec<Hypothesis> {
+    let at = hypothesis.offset_of(index);
+    let begun = |start: Vec<f64>| {
+        let mut begun = hypothesis.clone();
+        begun.values[at..at + start.len()].copy_from_slice(&start);
+        begun
+    };
+    (hypothesis.effects[index].starts)(evidence).into_iter().map(begun).collect()
 }
 
 /// The same model fitted from where all of it began: nuisances at their ordinary values, the last effect where it
@@ -120,14 +124,9 @@ fn afresh(evidence: &Evidence, hypothesis: &Hypothesis) -> Option<Fitted> {
         ordinary = ordinary.with_nuisance(nuisance, nuisance.ordinary(&evidence.facts).start);
     }
     let theta = hypothesis.nuisance(Nuisance::LogTheta);
-    let at = hypothesis.offset_of(last);
-    let begun = |start: Vec<f64>| {
-        [ordinary.clone(), ordinary.with_nuisance(Nuisance::LogTheta, theta)].map(|mut begun| {
-            begun.values[at..at + start.len()].copy_from_slice(&start);
-            begun
-        })
-    };
-    let starts = (effect.starts)(evidence).into_iter().flat_map(begun).collect();
+    let at_theta = ordinary.with_nuisance(Nuisance::LogTheta, theta);
+    let both = [ordinary, at_theta];
+    let starts = both.iter().flat_map(|begun| at_its_starts(evidence, begun, last)).collect();
     let mut scored = each_as_it_is(evidence, starts);
     scored.sort_by(|a, b| b.training().total_cmp(&a.training()));
     scored.truncate(BEST_STARTS);

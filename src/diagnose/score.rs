@@ -43,12 +43,17 @@ impl Cells {
 
     /// Nats an event over one part.
     pub(super) fn nats(&self, part: Part) -> f64 {
-        let (mut sum, mut n) = (0.0, 0.0);
-        for cell in self.of(part) {
-            sum += self.log_likelihood[cell];
-            n += self.n_events[cell];
-        }
-        sum / f64::max(n, 1.0)
+        self.total(part) / self.events(part).max(1.0)
+    }
+
+    /// Log-likelihood of one part, nats.
+    pub(super) fn total(&self, part: Part) -> f64 {
+        self.of(part).fold(0.0, |sum, cell| sum + self.log_likelihood[cell])
+    }
+
+    /// Events of one part.
+    pub(super) fn events(&self, part: Part) -> f64 {
+        self.of(part).fold(0.0, |sum, cell| sum + self.n_events[cell])
     }
 
     /// How much better than `other` on one part, nats an event, with its error from the scatter

@@ -1,7 +1,7 @@
 //! Evaluations about a fit, along directions that are as long as matters.
 
 use super::fit::Fitted;
-use super::score::{Cells, Part, cells_of_each};
+use super::score::{Part, cells_of_each};
 use super::{Evidence, Hypothesis};
 use nalgebra::{DMatrix, DVector};
 
@@ -41,7 +41,7 @@ impl<'a> About<'a> {
             OF_THE_ROOM * (at.values[i] - low).min(high - at.values[i])
         };
         let here = cells_of_each(few, &[at]).remove(0);
-        let scale = n_events(&held.cells) / n_events(&here).max(1.0);
+        let scale = held.cells.events(Part::Training) / here.events(Part::Training).max(1.0);
         Self { few, at, free, room: free.iter().map(room).collect(), scale }
     }
 
@@ -50,7 +50,7 @@ impl<'a> About<'a> {
         let there = |point: &DVector<f64>| moved(self.at, self.free, &(directions * point));
         let asked: Vec<Hypothesis> = points.iter().map(there).collect();
         let cells = cells_of_each(self.few, &asked.iter().collect::<Vec<_>>());
-        cells.iter().map(|cells| self.scale * total(cells)).collect()
+        cells.iter().map(|cells| self.scale * cells.total(Part::Training)).collect()
     }
 
     /// Log-likelihood a whole of each direction away and a half, in the mean of the two sides.
@@ -118,6 +118,13 @@ impl<'a> About<'a> {
 
     /// Minus the second derivative along directions, in units of them.
     pub(super) fn curvature(&self, directions: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let mut minus = self.mixed(directions)?;
+        minus.set_diagonal(&DVector::from_vec(curvatures(&self.sides(directions))));
+        minus.iter().all(|m| m.is_finite()).then_some(minus)
+    }
+
+    /// Only what is mixed of it: nothing on the diagonal.
+    pub(super) fn mixed(&self, directions: &DMatrix<f64>) -> Option<DMatrix<f64>> {
         let p = self.free.len();
         let pairs: Vec<(usize, usize)> = (0..p).flat_map(|i| (0..i).map(move |j| (i, j))).collect();
         let corners = |&(i, j): &(usize, usize)| {
@@ -125,8 +132,7 @@ impl<'a> About<'a> {
             [corner(1.0, 1.0), corner(-1.0, -1.0), corner(1.0, -1.0), corner(-1.0, 1.0)]
         };
         let nats = self.at(directions, &pairs.iter().flat_map(corners).collect::<Vec<_>>());
-        let own = curvatures(&self.sides(directions));
-        let mut minus = DMatrix::from_diagonal(&DVector::from_vec(own));
+        let mut minus = DMatrix::zeros(p, p);
         for (corner, &(i, j)) in nats.chunks(4).zip(&pairs) {
             let mixed = 0.25 * (corner[2] + corner[3] - corner[0] - corner[1]);
             minus[(i, j)] = mixed;
@@ -151,14 +157,6 @@ pub(super) fn moved(at: &Hypothesis, free: &[usize], change: &DVector<f64>) -> H
         other.values[i] = (other.values[i] + by).clamp(low, high);
     }
     other
-}
-
-pub(super) fn total(cells: &Cells) -> f64 {
-    cells.of(Part::Training).map(|cell| cells.log_likelihood[cell]).sum()
-}
-
-fn n_events(cells: &Cells) -> f64 {
-    cells.of(Part::Training).map(|cell| cells.n_events[cell]).sum()
 }
 
 /// Means of what stands side by side.
@@ -199,8 +197,8 @@ impl Four {
                 let side = |n: usize| cells[2 * i + n].log_likelihood[training[row]];
                 0.5 * (side(0) - side(1))
             });
-            let even = (0..p).map(|i| 0.5 * (total(&cells[2 * i]) + total(&cells[2 * i + 1])));
-            (odd, even.collect::<Vec<f64>>())
+            let nats: Vec<f64> = cells.iter().map(|cells| cells.total(Part::Training)).collect();
+            (odd, means(&nats))
         };
         let [(whole, of_whole), (half, of_half)] = FAR.map(of);
         Self { odd: [whole, half], even: [of_whole, of_half] }

@@ -7,7 +7,7 @@
 
 use super::fit::{Fitted, as_it_is};
 use super::score::Part;
-use super::star::{About, FALL, Four, curvatures, moved, total};
+use super::star::{About, FALL, Four, curvatures, moved};
 use super::{Evidence, Hypothesis};
 use nalgebra::{DMatrix, DVector};
 
@@ -33,7 +33,7 @@ const PIXELS: usize = 160;
 const FAR_OFF: f64 = 1.0;
 
 /// Slopes and curvature.
-#[derive(Clone, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Summit {
     /// Which values the events tell.
     free: Vec<usize>,
@@ -63,7 +63,7 @@ pub(super) fn climbed(evidence: &Evidence, fitted: Fitted) -> (Fitted, Option<Su
 }
 
 impl Summit {
-    pub(super) fn of(evidence: &Evidence, fitted: &Fitted) -> Option<Self> {
+    fn of(evidence: &Evidence, fitted: &Fitted) -> Option<Self> {
         let all = inside(&fitted.hypothesis);
         let held = fitted.held(evidence);
         let few = evidence.thinned(evidence.pixels.len().div_ceil(PIXELS));
@@ -78,7 +78,7 @@ impl Summit {
         let star = star.select_columns(&told).select_rows(&told);
         let about = About::of(&few, &held, &free);
         let directions = about.long_enough(unmixed(&about, &star)?);
-        let minus = about.curvature(&directions)?;
+        let minus = about.mixed(&directions)?;
         let four = Four::of(evidence, &held.hypothesis, &free, &directions);
         Self { free, untold, directions, minus, ..Self::default() }.with(&four)
     }
@@ -94,9 +94,7 @@ impl Summit {
 
     /// The same directions with what is seen along each; `None` where that is nothing to go by.
     fn with(mut self, four: &Four) -> Option<Self> {
-        for (i, own) in curvatures(&four.even).into_iter().enumerate() {
-            self.minus[(i, i)] = own;
-        }
+        self.minus.set_diagonal(&DVector::from_vec(curvatures(&four.even)));
         self.inverse = inverse(&self.minus)?;
         (self.slopes, self.rough) = (four.slopes(), four.rough());
         Some(self)
@@ -115,8 +113,8 @@ impl Summit {
                 as_it_is(evidence, moved(&fitted.hypothesis, &self.free, &change))
             };
             let is_up = |(_, top): &(f64, Fitted)| nats(top) > nats(&fitted) - STEPS_HEIGHT;
-            let tops = SHARES.into_iter().map(|share| (share, at(share)));
-            let Some((share, top)) = tops.into_iter().find(is_up) else { break };
+            let mut tops = SHARES.into_iter().map(|share| (share, at(share)));
+            let Some((share, top)) = tops.find(is_up) else { break };
             let Some(there) = self.clone().with(&self.four(evidence, &top)) else { break };
             way += share * change.norm();
             (*self, fitted) = (there, top);
@@ -136,7 +134,7 @@ impl Summit {
 
     /// Standard errors of the values that may move, by their numbers, when slopes are alike within tiles and
     /// within blocks. One that is not told may be anywhere in its range.
-    pub(super) fn errors(&self, fitted: &Fitted, n_blocks: usize) -> (Vec<usize>, Vec<f64>) {
+    pub(super) fn errors(&self, fitted: &Fitted, n_blocks: usize) -> Vec<(usize, f64)> {
         let training: Vec<usize> = fitted.cells.of(Part::Training).collect();
         let by = |cluster: &dyn Fn(usize) -> usize| {
             self.variances(training.iter().map(|&cell| cluster(cell)))
@@ -147,8 +145,8 @@ impl Summit {
         let told = (0..self.free.len())
             .map(|i| (tiles[i] + blocks[i] - cells[i]).max(tiles[i]).max(cells[i]).sqrt());
         let width = |&i: &usize| fitted.hypothesis.ranges[i][1] - fitted.hypothesis.ranges[i][0];
-        let errors = told.chain(self.untold.iter().map(width)).collect();
-        (self.free.iter().chain(&self.untold).copied().collect(), errors)
+        let numbers = self.free.iter().chain(&self.untold).copied();
+        numbers.zip(told.chain(self.untold.iter().map(width))).collect()
     }
 
     /// Variance of each value when slopes are alike within a cluster of cells.
@@ -173,7 +171,7 @@ impl Summit {
 
 /// Log-likelihood of the training cells.
 fn nats(fitted: &Fitted) -> f64 {
-    total(&fitted.cells)
+    fitted.cells.total(Part::Training)
 }
 
 /// The values that may move: one at an end of its range is held there by it.
