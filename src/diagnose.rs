@@ -19,6 +19,7 @@ mod coarse;
 mod conclude;
 mod constancy;
 mod curve;
+mod dead_times;
 mod errors;
 mod evidence;
 mod facts;

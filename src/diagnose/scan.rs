@@ -40,6 +40,11 @@ const PROMISING: usize = 8;
 /// Effects that are then fitted on all.
 const BEST: usize = 4;
 
+/// By how much less the noise may be in a part of the picture, natural logarithms, and what that has to gain there
+/// for an effect to be looked for in the other part; nats an event of all.
+const LESS_NOISE: [f64; 2] = [0.8, 1.6];
+const PARTED: f64 = 0.1;
+
 /// What an effect buys on top of a model.
 #[derive(Debug, Clone, Copy)]
 pub struct Gain {
@@ -160,10 +165,12 @@ pub(super) fn scan(
     progress: &mut dyn FnMut(&str),
 ) -> Vec<Tried> {
     let here = of_known_kinds(few, model);
+    let sharp = sharpened(few, &here);
     let mut begun = Vec::new();
     for candidate in in_question(evidence, model) {
         progress(candidate.id.as_str());
-        if let Some(first) = first_step(evidence, few, &here, candidate) {
+        let sharp = sharp.iter().flat_map(|sharp| begun_sharp(evidence, few, sharp, candidate));
+        if let Some(first) = first_step(evidence, few, &here, candidate, sharp) {
             begun.push((candidate, first));
         }
     }
@@ -213,6 +220,32 @@ fn of_known_kinds(few: &Evidence, model: &Fitted) -> Fitted {
     if here.hypothesis.pinned.is_some() { improved(few, here, FIRST_STEPS, 1e-4) } else { here }
 }
 
+/// The model with less noise, where that foretells a part of the pixels much better: an effect in the other
+/// part has passed for noise everywhere.
+fn sharpened(few: &Evidence, model: &Fitted) -> Option<Fitted> {
+    let noise = model.hypothesis.nuisance(Nuisance::LogNoise);
+    let less =
+        LESS_NOISE.map(|less| model.hypothesis.with_nuisance(Nuisance::LogNoise, noise - less));
+    let scored = each_as_it_is(few, less.to_vec()).into_iter().map(|sharp| {
+        (sharp.cells.gain_where_any(&model.cells, Part::Training, few.blocks.n()), sharp)
+    });
+    let best = scored.max_by(|a, b| a.0.total_cmp(&b.0));
+    best.filter(|(gain, _)| *gain > PARTED).map(|(_, sharp)| sharp)
+}
+
+/// An effect's starts in the part of the picture that a model with less noise foretells worse for want of it.
+fn begun_sharp(
+    evidence: &Evidence,
+    few: &Evidence,
+    sharp: &Fitted,
+    candidate: &'static Candidate,
+) -> Vec<Fitted> {
+    let starts = (candidate.starts)(evidence);
+    let starts = starts.iter().map(|start| sharp.hypothesis.with(candidate, start)).collect();
+    let begun = each_as_it_is(few, starts);
+    begun.iter().filter_map(|start| begun_in_a_part(few, sharp, start)).collect()
+}
+
 /// Effects that the model has not and that can be judged.
 fn in_question(evidence: &Evidence, model: &Fitted) -> Vec<&'static Candidate> {
     let effects = &model.hypothesis.effects;
@@ -245,6 +278,7 @@ fn first_step(
     few: &Evidence,
     model: &Fitted,
     candidate: &'static Candidate,
+    sharp: impl Iterator<Item = Fitted>,
 ) -> Option<Fitted> {
     let starts = (candidate.starts)(evidence)
         .iter()
@@ -271,7 +305,7 @@ fn first_step(
         .filter(same_nuisances)
         .filter_map(|start| begun_in_a_part(few, model, start))
         .collect();
-    begun.extend(in_parts);
+    begun.extend(in_parts.into_iter().chain(sharp));
     begun.sort_by(|a, b| b.training().total_cmp(&a.training()));
     // A parameter that keeps the value it starts with parts the starts: the best of each part. So does
     // whether nuisances begin elsewhere: what that buys shows only behind the step.

@@ -89,6 +89,15 @@ impl Cells {
         (gain / n, square.sqrt() / n)
     }
 
+    /// How much better than `other` in those tiles of one part that are any better, nats an event of all.
+    pub(super) fn gain_where_any(&self, other: &Self, part: Part, n_blocks: usize) -> f64 {
+        let mut tiles = vec![0.0_f64; self.log_likelihood.len().div_ceil(n_blocks)];
+        for cell in self.of(part) {
+            tiles[cell / n_blocks] += self.log_likelihood[cell] - other.log_likelihood[cell];
+        }
+        tiles.into_iter().filter(|gain| *gain > 0.0).sum::<f64>() / self.events(part).max(1.0)
+    }
+
     /// These cells where `is_here`, by the tile, and `other`'s elsewhere.
     pub(super) fn only(
         mut self,

@@ -16,6 +16,7 @@ use super::score::{LEAST_ERRORS, LEAST_GAIN, Part, is_enough};
 use super::stated::{Departure, as_effects};
 use super::{Diagnosis, Evidence, Hypothesis, Nuisance, NullReport, Options, Rival, Suspect, null};
 use crate::effect_id::EffectId;
+use crate::geometry::Rectangle;
 
 /// A rival that buys this share of what the best does is fitted to the end before one is taken.
 const NEAR: f64 = 0.4;
@@ -165,7 +166,7 @@ fn take_all(
     while taken.len() < max_effects {
         let mut tried: Vec<Tried> = scan(evidence, few, &model, progress)
             .into_iter()
-            .filter(|tried| has_signature(evidence, tried))
+            .filter(|tried| has_signature(evidence, tried, within_its_tiles))
             .collect();
         for _ in 0..3 {
             let Some(best) = tried.first() else { break };
@@ -182,6 +183,7 @@ fn take_all(
             best_first(&mut tried);
         }
         polish_rivals(evidence, &model, &mut tried, progress);
+        tried.retain(|tried| has_signature(evidence, tried, |_, region| region));
         let Some(best) = tried.first() else { break };
         let gain = best.gain;
         if !best.is_whole {
@@ -242,13 +244,27 @@ fn polish_rivals(
     best_first(tried);
 }
 
-/// Whether what belongs to the effect that was tried last is in the events.
-fn has_signature(evidence: &Evidence, tried: &Tried) -> bool {
+/// Whether what belongs to the effect that was tried last is in the events of its region, or of what
+/// `inner` makes of that.
+fn has_signature(
+    evidence: &Evidence,
+    tried: &Tried,
+    inner: impl Fn(&Evidence, Rectangle) -> Rectangle,
+) -> bool {
     let hypothesis = &tried.fitted.hypothesis;
     let last = hypothesis.effects.len() - 1;
-    let part = hypothesis.regions[last].map(|region| evidence.within(region));
+    let part = hypothesis.regions[last].map(|region| evidence.within(inner(evidence, region)));
     let there = part.as_ref().unwrap_or(evidence);
     (hypothesis.effects[last].agrees)(there, &hypothesis.parameters_of(last))
+}
+
+/// A region that is made of whole tiles, without those at its edges: part of them may lie outside.
+fn within_its_tiles(evidence: &Evidence, region: Rectangle) -> Rectangle {
+    let tile = evidence.tile_px;
+    let inner = |[low, high]: [u16; 2]| {
+        if high - low > 2 * tile { [low + tile, high - tile] } else { [low, high] }
+    };
+    Rectangle { x_px: inner(region.x_px), y_px: inner(region.y_px) }
 }
 
 fn rivals(tried: &[Tried]) -> Vec<Rival> {

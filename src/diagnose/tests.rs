@@ -1,5 +1,6 @@
 //! Effects are planted with the model's own sampler and demanded back.
 
+mod dead_times;
 mod kinds;
 mod strengths;
 mod summit;

@@ -1,6 +1,7 @@
 //! Refractory period, in the pixel or behind it.
 
 use super::super::PixelEvidence;
+use super::super::dead_times::dead_times_us;
 use super::{Candidate, EffectId, Evidence, PLAIN, Parameter};
 use crate::stats::quantile_sorted;
 
@@ -51,8 +52,10 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     ],
     starts: |evidence| {
         let in_pixel = [300.0_f64, 1_000.0, 3_000.0, 8_000.0, 25_000.0].map(|us| [us, 0.0]);
-        let own = shortest_us(evidence).into_iter().flat_map(|us| [[us, 0.0], [us, 1.0]]);
-        in_pixel.into_iter().chain(own).map(|[us, mode]| vec![us.ln(), mode]).collect()
+        let shortest = shortest_us(evidence).into_iter().flat_map(|us| [[us, 0.0], [us, 1.0]]);
+        let told = dead_times_us(evidence).into_iter().map(|us| [us, 0.0]);
+        let all = in_pixel.into_iter().chain(shortest).chain(told);
+        all.map(|[us, mode]| vec![us.ln(), mode]).collect()
     },
     act: |values, _, view| {
         let dead_s = values[0] * 1e-6;
