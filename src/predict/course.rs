@@ -12,6 +12,9 @@ pub(super) struct Course<'a> {
     leak_per_step: f64,
 }
 
+/// Bends up to which a threshold is looked for.
+const MOST_AHEAD: usize = 2_000;
+
 /// How far the signal has gone, both ways.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Reach {
@@ -62,9 +65,59 @@ impl<'a> Course<'a> {
         self.light.at(position, self.run) + self.leak_per_step * position
     }
 
-    /// Scale of the scatter of a threshold from a position on.
+    /// Scale of the scatter of a threshold from a position on, of whose light nothing but the stamp is known.
     pub(super) fn noise(&self, position: f64) -> f64 {
-        self.law.noise_on(self.level(position), self.slope(position))
+        self.noise_behind(position, self.scatter_of_stamp(position))
+    }
+
+    /// The same where what was memorised there is known but for so much scatter.
+    pub(super) fn noise_behind(&self, position: f64, memory: f64) -> f64 {
+        let noise = self.law.noise(self.level(position));
+        if self.law.jitter_s <= 0.0 {
+            return noise;
+        }
+        // Stamps scatter about where the light will set the pixel off as well.
+        let next = self.crossing(position).map_or(0.0, |position| self.scatter_of_stamp(position));
+        noise.hypot(memory).hypot(next)
+    }
+
+    /// By how much the light at a stamp differs from that at the event, as the scale of a logistic number.
+    pub(super) fn scatter_of_stamp(&self, position: f64) -> f64 {
+        if self.law.jitter_s > 0.0 {
+            self.law.scatter_of_stamps(self.steepness(position))
+        } else {
+            0.0
+        }
+    }
+
+    /// How steep the signal is about a position, log intensity a second: the mean size of its changes
+    /// within the time by which stamps scatter, to both sides.
+    fn steepness(&self, position: f64) -> f64 {
+        let [first, last] = self.run.map(|end| end as f64);
+        let reach = self.law.jitter_s / self.step_s();
+        let [from, to] = [(position - reach).max(first), (position + reach).min(last)];
+        if to - from < 1.0 {
+            return self.slope(position).abs();
+        }
+        let at = self.height(position);
+        let gone = (at - self.height(from)).abs() + (self.height(to) - at).abs();
+        gone / ((to - from) * self.step_s())
+    }
+
+    /// Where the light, memorised at a position, will have come as far as a threshold.
+    fn crossing(&self, position: f64) -> Option<f64> {
+        let begin = self.height(position);
+        let [high, low] = [begin + self.law.theta_on, begin - self.law.theta_off];
+        let mut before = (position, begin);
+        for next in self.instants(position, self.run[1] as f64).take(MOST_AHEAD) {
+            if !(low..high).contains(&next.1) {
+                let limit = if next.1 >= high { high } else { low };
+                let share = (limit - before.1) / (next.1 - before.1);
+                return Some(before.0 + share * (next.0 - before.0));
+            }
+            before = next;
+        }
+        None
     }
 
     /// The instants behind one position up to another at which the signal may bend, with their
@@ -89,5 +142,39 @@ impl<'a> Course<'a> {
             let position = instant as f64;
             (position, f64::from(self.light.signal[instant]) + self.leak_per_step * position)
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A triangle that rises by 0.4 over 40 steps of a millisecond and falls again.
+    fn triangle() -> Vec<f32> {
+        (0..=80_i16).map(|i| 0.01 * (40.0 - f32::from((i - 40).abs()))).collect()
+    }
+
+    #[test]
+    fn stamps_scatter_by_how_the_light_goes_at_either_end() {
+        let signal = triangle();
+        let level = vec![0.0; signal.len()];
+        let light =
+            Light { start_us: 0.0, step_us: 1_000.0, signal: &signal, level: &level, bends: None };
+        let law = PixelLaw {
+            theta_on: 0.25,
+            theta_off: 0.25,
+            leak_per_s: 0.0,
+            noise_at_white: 1e-6,
+            jitter_s: 4e-3,
+            ..PixelLaw::default()
+        };
+        let course = Course::new(&law, light, [0, 80]);
+        let alone = law.scatter_of_stamps(10.0);
+        // From the foot of the flank to where it has risen by the threshold, as steep.
+        assert!((course.noise(6.0) / (alone * 2.0_f64.sqrt()) - 1.0).abs() < 1e-4);
+        // Near the end nothing is crossed any more.
+        assert!((course.noise(60.0) / alone - 1.0).abs() < 1e-4);
+        assert!((course.crossing(30.0).unwrap() - 75.0).abs() < 1e-4);
+        assert!(course.crossing(60.0).is_none());
     }
 }

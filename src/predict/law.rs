@@ -2,7 +2,6 @@
 
 use super::memory::{MOST_CARRIED, MOST_CASES};
 use serde::{Deserialize, Serialize};
-use std::f64::consts::SQRT_2;
 
 /// Scale of a logistic law over its standard deviation: the root of three over pi.
 const LOGISTIC: f64 = 0.551_328_895_421_792;
@@ -163,17 +162,11 @@ impl PixelLaw {
         self.shot_at_white * noise / self.noise_at_white
     }
 
-    /// Scale of the scatter where the light changes by `slope_per_s`: that of the threshold and
-    /// that which scattered stamps make of the slope. A change is from stamp to stamp, while the
-    /// pixel itself went from instant to instant: both ends scatter.
+    /// Scale of the scatter that stamps have where the light goes so fast, log intensity a second. A change is
+    /// from stamp to stamp, while the pixel itself went from instant to instant: both ends scatter.
     #[must_use]
-    pub fn noise_on(&self, level: f64, slope_per_s: f64) -> f64 {
-        let noise = self.noise(level);
-        if self.jitter_s > 0.0 {
-            noise.hypot(LOGISTIC * SQRT_2 * self.jitter_s * slope_per_s)
-        } else {
-            noise
-        }
+    pub fn scatter_of_stamps(&self, slope_per_s: f64) -> f64 {
+        LOGISTIC * self.jitter_s * slope_per_s
     }
 
     /// For how long nothing more is heard of a pixel after an event, seconds.
@@ -237,11 +230,11 @@ mod tests {
     }
 
     #[test]
-    fn both_stamps_of_a_change_scatter() {
-        let law = PixelLaw { noise_at_white: 1e-6, jitter_s: 1e-3, ..PixelLaw::default() };
-        // Standard deviation of a difference of two stamps, times the slope, as a logistic scale.
-        let expected = (2.0 * 1e-6_f64).sqrt() * 5.0 * 3.0_f64.sqrt() / std::f64::consts::PI;
-        assert!((law.noise_on(0.0, 5.0) / expected - 1.0).abs() < 1e-3);
+    fn stamps_scatter_as_a_normal_number_of_that_deviation_does() {
+        let law = PixelLaw { jitter_s: 1e-3, ..PixelLaw::default() };
+        // The logistic scale of as much variance.
+        let expected = 1e-3 * 5.0 * 3.0_f64.sqrt() / std::f64::consts::PI;
+        assert!((law.scatter_of_stamps(5.0) / expected - 1.0).abs() < 1e-3);
     }
 
     #[test]

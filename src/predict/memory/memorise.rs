@@ -1,5 +1,6 @@
 //! What a pixel compares with that has just memorised at an event.
 
+use super::super::PixelLaw;
 use super::super::course::{Course, Reach};
 use super::{Case, Fired, Here, LEAST_WEIGHT, MOST_CASES, Memory, gather};
 
@@ -18,6 +19,9 @@ const CARRIED: [[f64; 2]; MOST_CARRIED] = [[0.6, 0.22], [1.2, 0.33], [1.8, 0.28]
 
 /// The same, in fewer cases.
 const CARRIED_ASTRAY: [[f64; 2]; 3] = [[0.8, 0.3], [1.5, 0.4], [2.2, 0.3]];
+
+/// No scatter is so many of its scales, but by a chance of one in a thousand.
+const MOST_SCATTER: f64 = 7.0;
 
 /// Chance that what a pixel is taken to compare with has nothing to do with what it does.
 const ASTRAY: f64 = 0.02;
@@ -79,22 +83,35 @@ pub(in crate::predict) fn fresh(
     let position = course.position((fired.t_us + law.blind_s * 1e6).min(end_us));
     let height = course.height(position);
     let mut value = height;
-    if let Some(change) = change.filter(|_| law.noise_memorised > 0.0) {
-        // What was missing to the threshold, or to its multiple where events were lost, was noise, and
-        // the pixel memorised it with the light.
-        let theta = law.theta(fired.on);
-        let n = if law.shot_at_white > 0.0 { 1.0 } else { (change / theta).round().max(1.0) };
-        let missing = theta * n - change;
-        let towards = if fired.on { 1.0 } else { -1.0 };
-        // Of all events that are memorised these were not background.
-        let memorised = 1.0 - fired.background_share * (1.0 - law.background_memorised);
-        let set_off = (1.0 - fired.background_share) / memorised.max(1e-12);
-        let share = law.noise_memorised * set_off;
-        value += towards * share * missing.min(theta);
+    let mut scatter = course.scatter_of_stamp(position);
+    if let Some(change) = change {
+        // Of what was missing to the threshold, or to its multiple where events were lost, noise was memorised
+        // with the light; and where the stamp is off the event, the pixel memorised what it had come to then.
+        let noise = law.noise(course.level(position));
+        let (missing, all) = (missing(law, fired, change), scatter.hypot(noise));
+        // What neither can have made says that the memory has gone astray: the stamp knows better.
+        let is_astray = missing.abs() > MOST_SCATTER * all;
+        let off = if is_astray { 0.0 } else { (scatter / all.max(1e-300)).powi(2) };
+        let other = 1.0 - law.noise_memorised;
+        value += missing * (law.noise_memorised + other * off);
+        scatter *= other * (1.0 - off).sqrt();
     }
     // It fired at this height, so it did not fire on the way from what it memorised to here.
     let gone = [(height - value).max(0.0), (value - height).max(0.0)];
-    Case::new(course, value, course.noise(position)).begun_at(gone)
+    Case::new(course, value, course.noise_behind(position, scatter)).begun_at(gone)
+}
+
+/// How far the light was from setting off an event that it did set off, upwards.
+fn missing(law: &PixelLaw, fired: Fired, change: f64) -> f64 {
+    let theta = law.theta(fired.on);
+    // A stamp that is off may be so by more than a threshold.
+    let is_one = law.shot_at_white > 0.0 || (law.jitter_s > 0.0 && law.drop_fraction <= 0.0);
+    let n = if is_one { 1.0 } else { (change / theta).round().max(1.0) };
+    let towards = if fired.on { 1.0 } else { -1.0 };
+    // Of all events that are memorised these were not background.
+    let memorised = 1.0 - fired.background_share * (1.0 - law.background_memorised);
+    let set_off = (1.0 - fired.background_share) / memorised.max(1e-12);
+    towards * set_off * (theta * n - change).min(theta)
 }
 
 /// What a pixel compares with that memorised the light with noise of unknown size.
