@@ -205,6 +205,33 @@ fn lost_events_are_told_from_a_larger_threshold() {
 }
 
 #[test]
+fn stamps_that_scatter_are_told_by_how_much_they_do() {
+    let true_s = 0.01;
+    let plain = PixelLaw { noise_speed_per_s: 0.0, noise_at_white: 0.005, ..PixelLaw::default() };
+    let values: Vec<_> = (0..12).map(wander).collect();
+    let mut random = SplitMix::new(23, 0);
+    let mut scattered = draw(&plain, &values, 29);
+    for spikes in &mut scattered {
+        for spike in &mut *spikes {
+            spike.t_us += (1e6 * true_s * random.normal()).round() as i64;
+        }
+        spikes.retain(|spike| (0..END_US).contains(&spike.t_us));
+        spikes.sort_by_key(|spike| spike.t_us);
+        spikes.dedup_by_key(|spike| spike.t_us);
+    }
+    let shares = [0.6, 0.8, 1.0, 1.25, 1.6];
+    let scores = shares
+        .map(|share| total(&PixelLaw { jitter_s: share * true_s, ..plain }, &values, &scattered));
+    let best = (0..shares.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b])).unwrap();
+    assert!((1..=3).contains(&best), "{shares:?} of the true one score {scores:?}");
+    // Wider thresholds do not do what scattered stamps do.
+    let wide = [0.02, 0.04, 0.08].map(|noise_at_white| PixelLaw { noise_at_white, ..plain });
+    for law in wide {
+        assert!(total(&law, &values, &scattered) < scores[best] - 0.02, "{law:?}");
+    }
+}
+
+#[test]
 fn silent_pixels_speak_for_a_large_threshold() {
     let values: Vec<Vec<f32>> = (0..20).map(wander).collect();
     let silent = vec![Vec::new(); values.len()];

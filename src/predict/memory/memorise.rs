@@ -89,9 +89,10 @@ pub(in crate::predict) fn fresh(
         // with the light; and where the stamp is off the event, the pixel memorised what it had come to then.
         let noise = law.noise(course.level(position));
         let (missing, all) = (missing(law, fired, change), scatter.hypot(noise));
-        // What neither can have made says that the memory has gone astray: the stamp knows better.
-        let is_astray = missing.abs() > MOST_SCATTER * all;
-        let off = if is_astray { 0.0 } else { (scatter / all.max(1e-300)).powi(2) };
+        // What neither can have made says that the memory has gone astray: the stamp knows better. Behind a
+        // dead time the pixel memorises what no threshold has told.
+        let is_told = law.blind_s <= 0.0 && missing.abs() <= MOST_SCATTER * all;
+        let off = if is_told { (scatter / all.max(1e-300)).powi(2) } else { 0.0 };
         let other = 1.0 - law.noise_memorised;
         value += missing * (law.noise_memorised + other * off);
         scatter *= other * (1.0 - off).sqrt();
