@@ -383,6 +383,7 @@ fn law(values: &[f64]) -> PixelLaw {
         masked_s: 0.0,
         drop_fraction: 0.0,
         jitter_s: 0.0,
+        stamps_are_weighed: false,
     }
 }
 

@@ -66,6 +66,10 @@ pub struct PixelLaw {
     /// Standard deviation of the stamps about the instant of the event, seconds.
     #[serde(default)]
     pub jitter_s: f64,
+    /// Whether what a pixel memorised is weighed between a stamp that scatters and the threshold. For the
+    /// scatter of a coarse clock alone it is not: thresholds that are a little off would add up.
+    #[serde(default)]
+    pub stamps_are_weighed: bool,
 }
 
 impl Default for PixelLaw {
@@ -88,6 +92,7 @@ impl Default for PixelLaw {
             noise_memorised: 0.0,
             drop_fraction: 0.0,
             jitter_s: 0.0,
+            stamps_are_weighed: false,
         }
     }
 }

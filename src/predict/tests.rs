@@ -220,8 +220,13 @@ fn stamps_that_scatter_are_told_by_how_much_they_do() {
         spikes.dedup_by_key(|spike| spike.t_us);
     }
     let shares = [0.6, 0.8, 1.0, 1.25, 1.6];
-    let scores = shares
-        .map(|share| total(&PixelLaw { jitter_s: share * true_s, ..plain }, &values, &scattered));
+    let scores = shares.map(|share| {
+        total(
+            &PixelLaw { jitter_s: share * true_s, stamps_are_weighed: true, ..plain },
+            &values,
+            &scattered,
+        )
+    });
     let best = (0..shares.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b])).unwrap();
     assert!((1..=3).contains(&best), "{shares:?} of the true one score {scores:?}");
     // Wider thresholds do not do what scattered stamps do.

@@ -10,7 +10,10 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     starts: |_| logs(&[300.0, 1_500.0, 6_000.0]),
     // Noise of the comparison scatters events as well, by the slope of the light more or less.
     stand_ins: &[(Nuisance::LogNoise, -3.5), (Nuisance::LogNoiseHz, 0.0)],
-    act: |values, _, view| view.law.jitter_s = view.law.jitter_s.hypot(values[0] * 1e-6),
+    act: |values, _, view| {
+        view.law.jitter_s = view.law.jitter_s.hypot(values[0] * 1e-6);
+        view.law.stamps_are_weighed = true;
+    },
     rivals: &[EffectId::ShotNoise, EffectId::FrameNoise],
     splitter: "two speeds: scatter in time grows with the slope of the light, scatter of thresholds does not",
     says: |values| format!("stamps scatter by {:.0} us", values[0]),

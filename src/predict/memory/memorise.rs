@@ -91,7 +91,8 @@ pub(in crate::predict) fn fresh(
         let (missing, all) = (missing(law, fired, change), scatter.hypot(noise));
         // What neither can have made says that the memory has gone astray: the stamp knows better. Behind a
         // dead time the pixel memorises what no threshold has told.
-        let is_told = law.blind_s <= 0.0 && missing.abs() <= MOST_SCATTER * all;
+        let is_told =
+            law.stamps_are_weighed && law.blind_s <= 0.0 && missing.abs() <= MOST_SCATTER * all;
         let off = if is_told { (scatter / all.max(1e-300)).powi(2) } else { 0.0 };
         let other = 1.0 - law.noise_memorised;
         value += missing * (law.noise_memorised + other * off);
@@ -106,7 +107,7 @@ pub(in crate::predict) fn fresh(
 fn missing(law: &PixelLaw, fired: Fired, change: f64) -> f64 {
     let theta = law.theta(fired.on);
     // A stamp that is off may be so by more than a threshold.
-    let is_one = law.shot_at_white > 0.0 || (law.jitter_s > 0.0 && law.drop_fraction <= 0.0);
+    let is_one = law.shot_at_white > 0.0 || (law.stamps_are_weighed && law.drop_fraction <= 0.0);
     let n = if is_one { 1.0 } else { (change / theta).round().max(1.0) };
     let towards = if fired.on { 1.0 } else { -1.0 };
     // Of all events that are memorised these were not background.
