@@ -84,7 +84,7 @@ pub(in crate::predict) fn fresh(
     let height = course.height(position);
     let mut value = height;
     let mut scatter = course.scatter_of_stamp(position);
-    if let Some(change) = change {
+    if let Some(change) = change.filter(|_| law.noise_memorised > 0.0 || law.stamps_are_weighed) {
         // Of what was missing to the threshold, or to its multiple where events were lost, noise was memorised
         // with the light; and where the stamp is off the event, the pixel memorised what it had come to then.
         let noise = law.noise(course.level(position));
