@@ -11,8 +11,8 @@ use super::score::Part;
 use super::select::Taken;
 use super::strata::wrong_in;
 use super::{
-    Diagnosis, Evidence, FitReport, FittedEffect, Half, HeldOut, Interval, LIBRARY, Leftover,
-    Mismatch, NullReport, ProposedTerm, StructureReport, Suspect, Verdict,
+    Diagnosis, Evidence, FitReport, FittedEffect, Half, HeldOut, Hypothesis, Interval, LIBRARY,
+    Leftover, Mismatch, NullReport, ProposedTerm, StructureReport, Suspect, Verdict,
 };
 use crate::stats::Z90;
 use statrs::function::erf::erfc;
@@ -329,34 +329,40 @@ pub(super) fn parameters(
     told
 }
 
-/// Quantities that follow from fitted values: one value at a time is moved by its error.
+/// Quantities that follow from fitted values: one value at a time is moved by its error to either side, as far
+/// as its range goes.
 fn following(
     model: &Fitted,
     moving: &[usize],
     of: impl Fn(&[f64]) -> Vec<(&'static str, f64)>,
 ) -> Vec<(String, Interval)> {
-    let values = &model.hypothesis.values;
+    let Hypothesis { values, ranges, steps, .. } = &model.hypothesis;
     let here = of(values);
-    let mut spread = vec![0.0_f64; here.len()];
+    let mut spread = vec![[0.0_f64; 2]; here.len()];
     for &i in moving {
         let error = model.error_of(i);
-        let step = model.hypothesis.steps[i];
         let mut beside = values.clone();
-        beside[i] += step;
-        if step <= 0.0 || of(&beside) == here {
+        beside[i] += steps[i];
+        if steps[i] <= 0.0 || of(&beside) == here {
             continue;
         }
-        let mut moved = values.clone();
-        moved[i] += Z90 * error;
-        for ((s, there), here) in spread.iter_mut().zip(of(&moved)).zip(&here) {
-            *s = if error.is_finite() { s.hypot(there.1 - here.1) } else { f64::NAN };
+        let [down, up] = [-Z90, Z90].map(|z| {
+            let mut moved = values.clone();
+            moved[i] = (values[i] + z * error).clamp(ranges[i][0], ranges[i][1]);
+            of(&moved)
+        });
+        for (n, [low, high]) in spread.iter_mut().enumerate() {
+            let by = [down[n].1 - here[n].1, up[n].1 - here[n].1];
+            let wide = |change: f64| if error.is_finite() { change } else { f64::NAN };
+            *low = low.hypot(wide(by[0].min(by[1]).min(0.0)));
+            *high = high.hypot(wide(by[0].max(by[1]).max(0.0)));
         }
     }
     let end = |e: f64| Some(e).filter(|e| e.is_finite());
     here.into_iter()
         .zip(spread)
-        .map(|((key, v), s)| {
-            (key.to_owned(), Interval { value: v, ci90: [end(v - s), end(v + s)] })
+        .map(|((key, v), [low, high])| {
+            (key.to_owned(), Interval { value: v, ci90: [end(v - low), end(v + high)] })
         })
         .collect()
 }

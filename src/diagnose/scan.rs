@@ -34,6 +34,9 @@ const BEST_STARTS: usize = 2;
 /// Offsets of the clocks within this are one, microseconds.
 const SAME_OFFSET_US: f64 = 50.0;
 
+/// Share of a nuisance's range within which it stands at an end.
+const AT_THE_END: f64 = 1e-6;
+
 /// Effects that are fitted on few pixels, behind a first step.
 const PROMISING: usize = 8;
 
@@ -271,9 +274,17 @@ fn freed(start: Hypothesis, candidate: &'static Candidate) -> impl Iterator<Item
     })
 }
 
+/// Where nuisances stand that an effect frees, if the end of an ordinary range holds one of them: a camera that is all
+/// but ideal tells its leak so finely that no other start is near enough.
+fn at_the_end(model: &Hypothesis, candidate: &Candidate) -> Option<Vec<f64>> {
+    let freed = || candidate.frees.iter().map(|freed| freed.nuisance);
+    let is_held = freed().any(|nuisance| model.is_at_end(nuisance as usize, AT_THE_END));
+    is_held.then(|| freed().map(|nuisance| model.nuisance(nuisance)).collect())
+}
+
 /// The best of an effect's starts behind one step; `model` is scored on few pixels. `None` for an effect
 /// without any.
-fn first_step(
+pub(super) fn first_step(
     evidence: &Evidence,
     few: &Evidence,
     model: &Fitted,
@@ -282,6 +293,7 @@ fn first_step(
 ) -> Option<Fitted> {
     let starts = (candidate.starts)(evidence)
         .iter()
+        .chain(&at_the_end(&model.hypothesis, candidate))
         .flat_map(|start| {
             let plain = model.hypothesis.with(candidate, start);
             let offset_us = (candidate.offset_us)(evidence, start);

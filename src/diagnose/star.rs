@@ -19,6 +19,13 @@ const LEAST_FALL: f64 = 0.05 * FALL;
 const TIMES: usize = 4;
 const FACTOR: f64 = 5.0;
 
+/// How often the way to an end of a range is halved in looking for how far a value may go.
+const HALVINGS: i32 = 14;
+
+/// A line leaves much along a direction where its square is so many times that of half of them: three
+/// normal standard deviations of each side's nats would be.
+const MUCH_MORE: f64 = 9.0 / 0.455;
+
 /// Share of the room that a value has in its range which is gone.
 const OF_THE_ROOM: f64 = 0.9;
 
@@ -77,6 +84,28 @@ impl<'a> About<'a> {
         let falls = self.falls(star);
         let all = 0..self.free.len();
         all.partition(|&i| !self.is_cramped(star, i) || falls[i] > LEAST_FALL)
+    }
+
+    /// Standard errors of values that the room to the nearer end of their range does not tell: how far each by itself
+    /// may go the other way, or to the ends where nothing holds it.
+    pub(super) fn spreads(&self, untold: &[usize]) -> Vec<f64> {
+        let p = self.free.len();
+        let own = DMatrix::identity(p, p);
+        let here = self.at(&own, &[DVector::zeros(p)])[0];
+        let side = |i: usize, end: f64| {
+            let to_the_end = end - self.at.values[self.free[i]];
+            let ways: Vec<f64> =
+                (0..HALVINGS).rev().map(|k| to_the_end * 0.5_f64.powi(k)).collect();
+            let points: Vec<DVector<f64>> = ways.iter().map(|way| point(p, &[(i, *way)])).collect();
+            let falls = self.at(&own, &points).into_iter().map(|nats| here - nats);
+            let known = ways.iter().zip(falls).find(|(_, fall)| *fall >= 0.5 * FALL);
+            known.map_or(to_the_end.abs(), |(way, fall)| way.abs() / (2.0 * fall).sqrt())
+        };
+        let wider = |&i: &usize| {
+            let [low, high] = self.at.ranges[self.free[i]];
+            side(i, low).max(side(i, high))
+        };
+        untold.iter().map(wider).collect()
     }
 
     /// Each value by itself.
@@ -210,12 +239,38 @@ impl Four {
         (&self.odd[0] * FAR[0] + &self.odd[1] * FAR[1]) / squares
     }
 
-    /// Variance of a slope, by what the line leaves, over all directions.
-    pub(super) fn rough(&self) -> f64 {
+    /// Variance of each slope, by what the line leaves: alike along all directions but those along which it
+    /// leaves much more. A likelihood as sharp as an ideal camera's makes the threshold's slope a matter of
+    /// chance, and not that of a rate.
+    pub(super) fn rough(&self) -> Vec<f64> {
         let [whole, half] = self.odd.each_ref().map(|odd| odd.row_sum());
         let left = whole - half * (FAR[0] / FAR[1]);
         // An error e of a place's nats is e / sqrt(2) of half a difference; the line's slope then has
         // 0.4 of its variance, what it leaves 2.5.
-        left.iter().map(|left| 0.4 / 2.5 * left * left).sum::<f64>() / left.len().max(1) as f64
+        let own: Vec<f64> = left.iter().map(|left| 0.4 / 2.5 * left * left).collect();
+        let mut sorted = own.clone();
+        sorted.sort_by(f64::total_cmp);
+        let much = MUCH_MORE * sorted.get(sorted.len() / 2).copied().unwrap_or_default();
+        let common = own.iter().map(|own| own.min(much)).sum::<f64>() / own.len().max(1) as f64;
+        own.into_iter().map(|own| if own > much { own } else { common }).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_direction_that_jumps_does_not_blur_the_others() {
+        // What the line through half and whole leaves: 1 nat to either sign, and 300 along the fourth.
+        let left = [1.0, -1.0, 1.0, 300.0, -1.0, 1.0];
+        let row = |values: Vec<f64>| DMatrix::from_row_slice(1, 6, &values);
+        let whole = row(left.iter().map(|left| 8.0 + left).collect());
+        let four = Four { odd: [whole, row(vec![4.0; 6])], even: Default::default() };
+        let rough = four.rough();
+        assert!((rough[3] - 0.16 * 90_000.0).abs() < 1e-6, "{rough:?}");
+        for of_other in [0, 1, 2, 4, 5].map(|i| rough[i]) {
+            assert!((0.16..0.7).contains(&of_other), "{rough:?}");
+        }
     }
 }

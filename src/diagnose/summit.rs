@@ -37,8 +37,8 @@ const FAR_OFF: f64 = 1.0;
 pub(super) struct Summit {
     /// Which values the events tell.
     free: Vec<usize>,
-    /// Those that they do not tell within their ranges.
-    untold: Vec<usize>,
+    /// Those that lie nearer to an end of their range than they are told, with their standard errors.
+    untold: Vec<(usize, f64)>,
     /// Directions, column by column, in units of the values.
     directions: DMatrix<f64>,
     /// Slope of each training cell along each.
@@ -47,8 +47,8 @@ pub(super) struct Summit {
     minus: DMatrix<f64>,
     /// Its inverse.
     inverse: DMatrix<f64>,
-    /// Variance of a slope for the likelihood's small steps.
-    rough: f64,
+    /// Variance of each slope for the likelihood's small steps.
+    rough: Vec<f64>,
 }
 
 /// A fit gone to the top of the parabola about it, and what is there; `None` where nothing may move.
@@ -70,8 +70,9 @@ impl Summit {
         let about = About::of(&few, &held, &all);
         let star = about.own_directions();
         let (told, untold) = about.told(&star);
-        let numbers = |of: &[usize]| of.iter().map(|&i| all[i]).collect::<Vec<usize>>();
-        let (free, untold) = (numbers(&told), numbers(&untold));
+        let free: Vec<usize> = told.iter().map(|&i| all[i]).collect();
+        let spreads = about.spreads(&untold);
+        let untold = untold.iter().map(|&i| all[i]).zip(spreads).collect();
         if free.is_empty() {
             return None;
         }
@@ -133,7 +134,7 @@ impl Summit {
     }
 
     /// Standard errors of the values that may move, by their numbers, when slopes are alike within tiles and
-    /// within blocks. One that is not told may be anywhere in its range.
+    /// within blocks.
     pub(super) fn errors(&self, fitted: &Fitted, n_blocks: usize) -> Vec<(usize, f64)> {
         let training: Vec<usize> = fitted.cells.of(Part::Training).collect();
         let by = |cluster: &dyn Fn(usize) -> usize| {
@@ -144,9 +145,7 @@ impl Summit {
         let cells = by(&|cell| cell);
         let told = (0..self.free.len())
             .map(|i| (tiles[i] + blocks[i] - cells[i]).max(tiles[i]).max(cells[i]).sqrt());
-        let width = |&i: &usize| fitted.hypothesis.ranges[i][1] - fitted.hypothesis.ranges[i][0];
-        let numbers = self.free.iter().chain(&self.untold).copied();
-        numbers.zip(told.chain(self.untold.iter().map(width))).collect()
+        self.free.iter().copied().zip(told).chain(self.untold.iter().copied()).collect()
     }
 
     /// Variance of each value when slopes are alike within a cluster of cells.
@@ -162,7 +161,7 @@ impl Summit {
         let n = sums.len().max(2) as f64;
         let mut product = DMatrix::zeros(p, p);
         sums.values().for_each(|sum| product += sum * sum.transpose() * (n / (n - 1.0)));
-        product += DMatrix::identity(p, p) * self.rough;
+        product += DMatrix::from_diagonal(&DVector::from_column_slice(&self.rough));
         let root = &self.directions * &self.inverse;
         let sandwich = &root * product * root.transpose();
         (0..p).map(|i| sandwich[(i, i)].max(0.0)).collect()

@@ -2,6 +2,7 @@
 
 mod dead_times;
 mod kinds;
+mod leaks;
 mod strengths;
 mod summit;
 
