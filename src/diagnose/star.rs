@@ -239,8 +239,8 @@ impl Four {
         (&self.odd[0] * FAR[0] + &self.odd[1] * FAR[1]) / squares
     }
 
-    /// Variance of each slope, by what the line leaves: alike along all directions but those along which it
-    /// leaves much more. A likelihood as sharp as an ideal camera's makes the threshold's slope a matter of
+    /// Variance of each slope, by what the line leaves over all directions. Those along which it leaves much more do
+    /// not count for the others: a likelihood as sharp as an ideal camera's makes the threshold's slope a matter of
     /// chance, and not that of a rate.
     pub(super) fn rough(&self) -> Vec<f64> {
         let [whole, half] = self.odd.each_ref().map(|odd| odd.row_sum());
@@ -251,8 +251,11 @@ impl Four {
         let mut sorted = own.clone();
         sorted.sort_by(f64::total_cmp);
         let much = MUCH_MORE * sorted.get(sorted.len() / 2).copied().unwrap_or_default();
-        let common = own.iter().map(|own| own.min(much)).sum::<f64>() / own.len().max(1) as f64;
-        own.into_iter().map(|own| if own > much { own } else { common }).collect()
+        let mean =
+            |most: f64| own.iter().map(|own| own.min(most)).sum::<f64>() / own.len().max(1) as f64;
+        // What is left along one of these may be a bent line's: it counts as one among all.
+        let (common, of_all) = (mean(much), mean(f64::INFINITY));
+        own.iter().map(|own| if *own > much { of_all } else { common }).collect()
     }
 }
 
@@ -268,7 +271,7 @@ mod tests {
         let whole = row(left.iter().map(|left| 8.0 + left).collect());
         let four = Four { odd: [whole, row(vec![4.0; 6])], even: Default::default() };
         let rough = four.rough();
-        assert!((rough[3] - 0.16 * 90_000.0).abs() < 1e-6, "{rough:?}");
+        assert!((rough[3] - 0.16 * 90_005.0 / 6.0).abs() < 1e-6, "{rough:?}");
         for of_other in [0, 1, 2, 4, 5].map(|i| rough[i]) {
             assert!((0.16..0.7).contains(&of_other), "{rough:?}");
         }
