@@ -3,6 +3,7 @@
 use super::fit::Fitted;
 use super::score::{Part, cells_of_each};
 use super::{Evidence, Hypothesis};
+use crate::stats::upper_median;
 use nalgebra::{DMatrix, DVector};
 
 /// Nats by which the log-likelihood of the training cells falls along a direction, about.
@@ -38,6 +39,8 @@ pub(super) struct About<'a> {
     room: Vec<f64>,
     /// Events of all pixels for each of these.
     scale: f64,
+    /// Log-likelihood at the fit itself.
+    nats: f64,
 }
 
 impl<'a> About<'a> {
@@ -49,7 +52,8 @@ impl<'a> About<'a> {
         };
         let here = cells_of_each(few, &[at]).remove(0);
         let scale = held.cells.events(Part::Training) / here.events(Part::Training).max(1.0);
-        Self { few, at, free, room: free.iter().map(room).collect(), scale }
+        let nats = scale * here.total(Part::Training);
+        Self { few, at, free, room: free.iter().map(room).collect(), scale, nats }
     }
 
     /// Log-likelihood so many directions away.
@@ -91,13 +95,12 @@ impl<'a> About<'a> {
     pub(super) fn spreads(&self, untold: &[usize]) -> Vec<f64> {
         let p = self.free.len();
         let own = DMatrix::identity(p, p);
-        let here = self.at(&own, &[DVector::zeros(p)])[0];
         let side = |i: usize, end: f64| {
             let to_the_end = end - self.at.values[self.free[i]];
             let ways: Vec<f64> =
                 (0..HALVINGS).rev().map(|k| to_the_end * 0.5_f64.powi(k)).collect();
             let points: Vec<DVector<f64>> = ways.iter().map(|way| point(p, &[(i, *way)])).collect();
-            let falls = self.at(&own, &points).into_iter().map(|nats| here - nats);
+            let falls = self.at(&own, &points).into_iter().map(|nats| self.nats - nats);
             let known = ways.iter().zip(falls).find(|(_, fall)| *fall >= 0.5 * FALL);
             known.map_or(to_the_end.abs(), |(way, fall)| way.abs() / (2.0 * fall).sqrt())
         };
@@ -248,9 +251,7 @@ impl Four {
         // An error e of a place's nats is e / sqrt(2) of half a difference; the line's slope then has
         // 0.4 of its variance, what it leaves 2.5.
         let own: Vec<f64> = left.iter().map(|left| 0.4 / 2.5 * left * left).collect();
-        let mut sorted = own.clone();
-        sorted.sort_by(f64::total_cmp);
-        let much = MUCH_MORE * sorted.get(sorted.len() / 2).copied().unwrap_or_default();
+        let much = MUCH_MORE * upper_median(&mut own.clone()).unwrap_or_default();
         let mean =
             |most: f64| own.iter().map(|own| own.min(most)).sum::<f64>() / own.len().max(1) as f64;
         // What is left along one of these may be a bent line's: it counts as one among all.

@@ -71,11 +71,11 @@ impl Summit {
         let star = about.own_directions();
         let (told, untold) = about.told(&star);
         let free: Vec<usize> = told.iter().map(|&i| all[i]).collect();
-        let spreads = about.spreads(&untold);
-        let untold = untold.iter().map(|&i| all[i]).zip(spreads).collect();
         if free.is_empty() {
             return None;
         }
+        let spreads = about.spreads(&untold);
+        let untold = untold.iter().map(|&i| all[i]).zip(spreads).collect();
         let star = star.select_columns(&told).select_rows(&told);
         let about = About::of(&few, &held, &free);
         let directions = about.long_enough(unmixed(&about, &star)?);
