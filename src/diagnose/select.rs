@@ -29,9 +29,6 @@ const MOST_RIVALS: usize = 3;
 const UNSURE_GAIN: f64 = 0.06;
 const UNSURE_ERRORS: f64 = 3.0;
 
-/// A rival is told apart when it scores less by so many standard errors.
-const EQUAL_ERRORS: f64 = 2.0;
-
 /// Steps of a fit beside a strength that is held aside.
 const STEPS_ASIDE: usize = 12;
 
@@ -275,12 +272,12 @@ fn rivals(tried: &[Tried]) -> Vec<Rival> {
     rest.map(|t| Rival { id: t.gain.id, heldout_gain_nats_per_event: t.gain.held_out }).collect()
 }
 
-/// Those whose score is not surely below the best's: within so many standard errors of the difference.
+/// Those whose score is below the best's by less than a name takes: that is too little for a choice, too.
 fn equals(tried: &[Tried]) -> Vec<crate::effect_id::EffectId> {
     let Some(best) = tried.first() else { return Vec::new() };
     let close = |t: &&Tried| {
         let (gain, error) = best.fitted.cells.gain(&t.fitted.cells, Part::HeldOut);
-        gain <= EQUAL_ERRORS * error
+        !is_enough(gain, error)
     };
     // A first fit on some of the pixels does not compare.
     tried.iter().skip(1).filter(|t| t.is_whole).filter(close).map(|t| t.gain.id).collect()

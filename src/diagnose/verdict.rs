@@ -91,7 +91,7 @@ pub struct FittedEffect {
     pub p_value: f64,
     /// Pixels or times it is limited to; `null` for everywhere.
     pub region: Option<serde_json::Value>,
-    /// Effects that fit as well within two standard errors, or that no events tell apart.
+    /// Effects whose score is below this one's by less than a name takes, or that no events tell apart.
     pub equivalent: Vec<EffectId>,
     /// What else was tried in its place, the best first.
     pub rivals: Vec<Rival>,
