@@ -36,6 +36,7 @@ mod nuisance;
 mod null;
 mod options;
 mod places;
+mod placing;
 mod polish;
 mod propose;
 mod region;

@@ -3,6 +3,7 @@
 use super::candidate::{Candidate, Freed, Stage};
 use super::nuisance::{N_NUISANCES, Nuisance};
 use super::places::{Held, Pinned};
+use super::placing::Placing;
 use super::spectrum::height_for_lines;
 use super::{Evidence, Kind, PixelEvidence};
 use crate::geometry::Rectangle;
@@ -261,7 +262,9 @@ impl Hypothesis {
         signal.clear();
         signal.extend_from_slice(&pixel.light);
         let mut view = self.bare(evidence, pixel, signal);
-        self.surround(&mut view);
+        let nuisances = self.nuisances_at(pixel.x, pixel.y);
+        view.blur(nuisances[Nuisance::BlurPx2 as usize]);
+        view.displace(Placing::of(&nuisances));
         self.act(&mut view, kind, &Stage::ALL);
         view
     }
@@ -289,8 +292,11 @@ impl Hypothesis {
             return false;
         }
         let same = |i: usize| self.values[i] == other.values[i];
-        let seeing = [Nuisance::BlurPx2, Nuisance::ShiftX, Nuisance::ShiftY];
-        if !seeing.iter().all(|n| same(*n as usize)) {
+        let sees = |nuisance: &Nuisance| {
+            *nuisance == Nuisance::BlurPx2 || Placing::NUISANCES.contains(nuisance)
+        };
+        let mut seeing = Nuisance::ALL.into_iter().filter(sees);
+        if !seeing.all(|n| same(n as usize)) {
             return false;
         }
         // A drift is counted in thresholds.
@@ -299,9 +305,9 @@ impl Hypothesis {
             return false;
         }
         self.effects.iter().enumerate().all(|(index, effect)| {
-            let sees = |freed: &Freed| seeing.contains(&freed.nuisance);
+            let frees_sight = |freed: &Freed| sees(&freed.nuisance);
             let is_behind = matches!(effect.stage, Stage::Law | Stage::Clock);
-            let is_behind = is_behind && !drifts && !effect.frees.iter().any(sees);
+            let is_behind = is_behind && !drifts && !effect.frees.iter().any(frees_sight);
             is_behind || self.places_of(index).into_iter().all(same)
         })
     }
@@ -336,26 +342,6 @@ impl Hypothesis {
                 if is_here && effect.stage == *stage && effect.frees.is_empty() {
                     (effect.act)(&self.parameters_of(index), kind, view);
                 }
-            }
-        }
-    }
-
-    /// The event camera's lens and place against the map's, to first order.
-    fn surround(&self, view: &mut View<'_>) {
-        let pixel = view.pixel;
-        let nuisances = self.nuisances_at(pixel.x, pixel.y);
-        let value = |nuisance: Nuisance| nuisances[nuisance as usize] as f32;
-        let half = 0.5 * value(Nuisance::BlurPx2);
-        let [dx, dy] = [Nuisance::ShiftX, Nuisance::ShiftY].map(value);
-        if half != 0.0 {
-            for (s, l) in view.signal.iter_mut().zip(&pixel.laplacian) {
-                // Beyond a few tenths the light's logarithm would leave what first order can tell.
-                *s += (half * l).clamp(-0.7, 0.7);
-            }
-        }
-        for (shift, gradient) in [(dx, &pixel.gradient[0]), (dy, &pixel.gradient[1])] {
-            if shift != 0.0 {
-                view.signal.iter_mut().zip(gradient).for_each(|(s, g)| *s += shift * g);
             }
         }
     }

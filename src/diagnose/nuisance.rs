@@ -34,10 +34,14 @@ pub enum Nuisance {
     ShiftX,
     /// Real minus predicted place, downwards, pixels.
     ShiftY,
+    /// Real minus predicted rotation about the sensor's middle, degrees.
+    RotationDeg,
+    /// Real over predicted size, less one.
+    Growth,
 }
 
 /// How many there are.
-pub(super) const N_NUISANCES: usize = 14;
+pub(super) const N_NUISANCES: usize = 16;
 
 /// Start, ordinary range and step of a difference quotient.
 pub(super) struct Ordinary {
@@ -63,6 +67,8 @@ impl Nuisance {
         Self::BlurPx2,
         Self::ShiftX,
         Self::ShiftY,
+        Self::RotationDeg,
+        Self::Growth,
     ];
 
     /// The key under which it is reported.
@@ -83,6 +89,8 @@ impl Nuisance {
             Self::BlurPx2 => "blur_px2",
             Self::ShiftX => "shift_x_px",
             Self::ShiftY => "shift_y_px",
+            Self::RotationDeg => "rotation_deg",
+            Self::Growth => "scale",
         }
     }
 
@@ -96,6 +104,7 @@ impl Nuisance {
             | Self::LogNoiseHz
             | Self::LogBackgroundOn
             | Self::LogBackgroundOff => value.exp(),
+            Self::Growth => 1.0 + value,
             _ => value,
         }
     }
@@ -142,6 +151,9 @@ impl Nuisance {
             Self::ShiftX | Self::ShiftY => {
                 of(0.0, [-0.15 * surroundings, 0.15 * surroundings], 0.01)
             }
+            // As much again in the corners of a DAVIS346.
+            Self::RotationDeg => of(0.0, [-0.04 * surroundings, 0.04 * surroundings], 3e-3),
+            Self::Growth => of(0.0, [-7e-4 * surroundings, 7e-4 * surroundings], 5e-5),
         }
     }
 }

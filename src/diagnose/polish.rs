@@ -49,7 +49,7 @@ const REST: f64 = 5e-3;
 const WORTH_ANOTHER: f64 = 1e-3;
 
 /// Nuisances that are effects of the library when there is more of them, or may stand in for one.
-const RIVALS: [Nuisance; 8] = [
+const RIVALS: [Nuisance; 10] = [
     Nuisance::LogRatio,
     Nuisance::LeakHz,
     Nuisance::LogBackgroundOn,
@@ -58,6 +58,8 @@ const RIVALS: [Nuisance; 8] = [
     Nuisance::BlurPx2,
     Nuisance::ShiftX,
     Nuisance::ShiftY,
+    Nuisance::RotationDeg,
+    Nuisance::Growth,
 ];
 
 /// A nuisance is at an end of its range within this share of it, and is led back through so many parts.

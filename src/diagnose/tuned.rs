@@ -1,5 +1,6 @@
 //! The light as a fitted hypothesis has the event camera see it: its clock, its place, its blur.
 
+use super::placing::Placing;
 use super::{Evidence, Hypothesis, Nuisance};
 use crate::drive::{Drive, TimeGrid};
 use crate::geometry::Size;
@@ -7,7 +8,8 @@ use crate::geometry::Size;
 /// A drive with a hypothesis's nuisances in it, on the events' clock.
 pub(super) struct Tuned<'a> {
     drive: &'a dyn Drive,
-    shift: [f64; 2],
+    placing: Placing,
+    middle: [f64; 2],
     half_blur: f32,
     /// What is added to an event's time to find the light's, and more a microsecond since `at_us`.
     late_us: f64,
@@ -22,7 +24,8 @@ impl<'a> Tuned<'a> {
         let middle = evidence.start_us + 0.5e6 * evidence.seconds();
         Self {
             drive,
-            shift: [value(Nuisance::ShiftX), value(Nuisance::ShiftY)],
+            placing: Placing::of(&hypothesis.values),
+            middle: evidence.middle,
             half_blur: 0.5 * value(Nuisance::BlurPx2) as f32,
             late_us: tied.map_or(0.0, |t| t.offset_us[0]) - value(Nuisance::OffsetUs),
             skew: tied.map_or(0.0, |t| t.skew_ppm[0] * 1e-6),
@@ -70,7 +73,7 @@ impl Drive for Tuned<'_> {
     }
 
     fn sample(&self, place: [f64; 2], grid: TimeGrid, out: &mut [f32]) -> bool {
-        let place = [place[0] + self.shift[0], place[1] + self.shift[1]];
+        let place = self.placing.seen_at(place, self.middle);
         let [first, last] =
             [grid.at(0), grid.at(grid.n.saturating_sub(1))].map(|t| self.light_us(t as f64));
         let own = TimeGrid::covering([first.floor() as i64, last.ceil() as i64], grid.step_us);

@@ -1,6 +1,7 @@
 //! The event camera looks elsewhere than stated.
 
 use super::{Candidate, EffectId, PLAIN, Parameter, Stage, needs_surroundings};
+use crate::diagnose::placing::Placing;
 
 pub(super) const CANDIDATE: Candidate = Candidate {
     id: EffectId::Misregistration,
@@ -18,17 +19,11 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         shifts.iter().map(|s| vec![s[0], s[1], 0.0, 1.0]).collect()
     },
     act: |values, _, view| {
-        let pixel = view.pixel;
-        let x = f64::from(pixel.x) + 0.5 - view.evidence.middle[0];
-        let y = f64::from(pixel.y) + 0.5 - view.evidence.middle[1];
-        let (angle, grow) = (values[2].to_radians(), values[3] - 1.0);
-        // What a pixel sees lies opposite to where its picture has gone.
-        let dx = -(values[0] + grow * x - angle * y) as f32;
-        let dy = -(values[1] + grow * y + angle * x) as f32;
-        let [gx, gy] = &pixel.gradient;
-        for ((signal, gx), gy) in view.signal.iter_mut().zip(gx).zip(gy) {
-            *signal += dx * gx + dy * gy;
-        }
+        view.displace(Placing {
+            shift_px: [values[0], values[1]],
+            rotation_deg: values[2],
+            growth: values[3] - 1.0,
+        });
     },
     rivals: &[EffectId::ClockOffset, EffectId::RollingShutter],
     splitter: "the circle run the other way round: a shift keeps its side, a delay changes it",

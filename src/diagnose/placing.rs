@@ -1,0 +1,87 @@
+//! The event camera's picture against the map's: where it lies and how blurred it is, to first order.
+
+use super::Nuisance;
+use super::hypothesis::View;
+
+/// By how much the real picture lies elsewhere than the predicted one.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Placing {
+    /// Real minus predicted place of the sensor's middle, pixels.
+    pub(super) shift_px: [f64; 2],
+    /// Real minus predicted rotation about it, degrees.
+    pub(super) rotation_deg: f64,
+    /// Real over predicted size, less one.
+    pub(super) growth: f64,
+}
+
+impl Placing {
+    /// The nuisances that it consists of.
+    pub(super) const NUISANCES: [Nuisance; 4] =
+        [Nuisance::ShiftX, Nuisance::ShiftY, Nuisance::RotationDeg, Nuisance::Growth];
+
+    /// Out of the values of the nuisances.
+    pub(super) fn of(values: &[f64]) -> Self {
+        let [x, y, rotation_deg, growth] = Self::NUISANCES.map(|n| values[n as usize]);
+        Self { shift_px: [x, y], rotation_deg, growth }
+    }
+
+    /// The place in the predicted picture that is seen at a place of the sensor. What is seen lies opposite
+    /// to where the picture has gone.
+    pub(super) fn seen_at(self, place: [f64; 2], middle: [f64; 2]) -> [f64; 2] {
+        let [x, y] = [place[0] - middle[0], place[1] - middle[1]];
+        let angle = self.rotation_deg.to_radians();
+        let dx = self.shift_px[0] + self.growth * x - angle * y;
+        let dy = self.shift_px[1] + self.growth * y + angle * x;
+        [place[0] - dx, place[1] - dy]
+    }
+}
+
+impl View<'_> {
+    /// The light from where it really comes.
+    pub(super) fn displace(&mut self, placing: Placing) {
+        if placing == Placing::default() {
+            return;
+        }
+        let pixel = self.pixel;
+        let place = [f64::from(pixel.x) + 0.5, f64::from(pixel.y) + 0.5];
+        let seen = placing.seen_at(place, self.evidence.middle);
+        let [dx, dy] = [0, 1].map(|i| (seen[i] - place[i]) as f32);
+        let [gx, gy] = &pixel.gradient;
+        for ((signal, gx), gy) in self.signal.iter_mut().zip(gx).zip(gy) {
+            *signal += dx * gx + dy * gy;
+        }
+    }
+
+    /// The light as a lens shows it that blurs by so much more variance than the map, square pixels.
+    pub(super) fn blur(&mut self, px2: f64) {
+        if px2 == 0.0 {
+            return;
+        }
+        let half = 0.5 * px2 as f32;
+        for (signal, laplacian) in self.signal.iter_mut().zip(&self.pixel.laplacian) {
+            // Beyond a few tenths the light's logarithm would leave what first order can tell.
+            *signal += (half * laplacian).clamp(-0.7, 0.7);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_that_has_turned_and_grown_is_seen_where_it_was() {
+        let placing = Placing { shift_px: [0.5, -0.25], rotation_deg: 0.05, growth: 1e-3 };
+        let middle = [173.0, 130.0];
+        let was = [300.0, 40.0];
+        let angle = 0.05_f64.to_radians();
+        let [x, y] = [was[0] - middle[0], was[1] - middle[1]];
+        // The picture turned about the middle, then moved, exactly.
+        let now = [
+            middle[0] + 1.001 * (x * angle.cos() - y * angle.sin()) + 0.5,
+            middle[1] + 1.001 * (x * angle.sin() + y * angle.cos()) - 0.25,
+        ];
+        let seen = placing.seen_at(now, middle);
+        assert!((seen[0] - was[0]).hypot(seen[1] - was[1]) < 2e-3, "{seen:?}");
+    }
+}
