@@ -182,7 +182,7 @@ fn effects(effects: &[FittedEffect]) -> Table {
             Column::number("gain", "nats/event"),
             Column::text("standard error"),
             Column::text("rivals"),
-            Column::text("fit as well"),
+            Column::text("not told apart"),
         ],
         rows: effects.iter().map(row).collect(),
     }
@@ -198,13 +198,13 @@ fn suspects(suspects: &[Suspect]) -> Table {
     };
     Table {
         title: "Fits, and is not named".into(),
-        caption: "What comes nearest in the library. An effect has one strength, and behind it \
-                  nothing is left to tell its events from the camera's; here that does not hold."
+        caption: "What comes nearest in the library, and what each lacks for a name: a gain that is sure, one \
+                  strength everywhere, and nothing left to tell its events from the camera's."
             .into(),
         columns: vec![
             Column::text("effect"),
             Column::number("gain", "nats/event"),
-            Column::text("why it is not it"),
+            Column::text("what it lacks"),
         ],
         rows: suspects.iter().map(row).collect(),
     }
