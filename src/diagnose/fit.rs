@@ -16,6 +16,9 @@ use std::sync::Arc;
 const TOO_LITTLE: f64 = 5e-3;
 const SHARES: [f64; 3] = [4.0, 1.0, 0.25];
 
+/// What these have to gain, nats an event, for a fit to go on whose steps of all values gain nothing.
+const WORTH_MORE: f64 = 1e-3;
+
 /// A fitted hypothesis.
 #[derive(Debug, Clone)]
 pub(super) struct Fitted {
@@ -84,10 +87,11 @@ pub(super) fn improved(
         if let Some(better) = step(evidence, [&best, &here], &free, &gradients, &mut damping) {
             best = better;
         }
-        if best.training() - before < TOO_LITTLE {
+        let of_all = best.training() - before;
+        if of_all < TOO_LITTLE {
             best = alone(evidence, best, &here, &free, &gradients);
         }
-        if best.training() - before < enough {
+        if of_all < enough && best.training() - before - of_all < WORTH_MORE {
             break;
         }
     }

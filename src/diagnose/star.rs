@@ -254,9 +254,9 @@ impl Four {
         let much = MUCH_MORE * upper_median(&mut own.clone()).unwrap_or_default();
         let mean =
             |most: f64| own.iter().map(|own| own.min(most)).sum::<f64>() / own.len().max(1) as f64;
-        // What is left along one of these may be a bent line's: it counts as one among all.
+        // What is left along one of these may be a bent line's: it counts as one among all at the most.
         let (common, of_all) = (mean(much), mean(f64::INFINITY));
-        own.iter().map(|own| if *own > much { of_all } else { common }).collect()
+        own.iter().map(|own| if *own > much { own.min(of_all) } else { common }).collect()
     }
 }
 
