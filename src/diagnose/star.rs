@@ -6,14 +6,24 @@ use super::{Evidence, Hypothesis};
 use crate::stats::upper_median;
 use nalgebra::{DMatrix, DVector};
 
-/// Nats by which the log-likelihood of the training cells falls along a direction, about.
-pub(super) const FALL: f64 = 4.0;
+/// Nats by which the log-likelihood of the training cells falls along a direction, about: at the least, in units of
+/// its small steps, which pass for curvature where it falls by no more than they are high, and at the most.
+const LEAST_FALL: f64 = 4.0;
+const FALL_IN_STEPS: f64 = 6.0;
+const MOST_FALL: f64 = 100.0;
+
+/// Places to either side of a direction by which the height of the small steps is judged: what they leave of the
+/// powers of the way below this.
+const PLACES: usize = 6;
+const POWERS: usize = 5;
 
 /// Where along a direction the log-likelihood is looked at, to either side.
 const FAR: [f64; 2] = [1.0, 0.5];
 
-/// A value is not told where the log-likelihood falls by less than this at the end of its range.
-const LEAST_FALL: f64 = 0.05 * FALL;
+/// A value is not told where the log-likelihood falls by less than this share of what it is to at the end of its range,
+/// or by less than so many small steps.
+const TOLD: f64 = 0.05;
+const TOLD_IN_STEPS: f64 = 2.0;
 
 /// Times that directions are made longer or shorter until the fall is about that, each time by this factor
 /// at the most.
@@ -41,6 +51,10 @@ pub(super) struct About<'a> {
     scale: f64,
     /// Log-likelihood at the fit itself.
     nats: f64,
+    /// Height of the log-likelihood's small steps along each value, nats.
+    steps: Vec<f64>,
+    /// By how much it is to fall along each direction.
+    pub(super) falls: Vec<f64>,
 }
 
 impl<'a> About<'a> {
@@ -53,7 +67,15 @@ impl<'a> About<'a> {
         let here = cells_of_each(few, &[at]).remove(0);
         let scale = held.cells.events(Part::Training) / here.events(Part::Training).max(1.0);
         let nats = scale * here.total(Part::Training);
-        Self { few, at, free, room: free.iter().map(room).collect(), scale, nats }
+        let (steps, falls) = (vec![0.0; free.len()], vec![LEAST_FALL; free.len()]);
+        Self { few, at, free, room: free.iter().map(room).collect(), scale, nats, steps, falls }
+    }
+
+    /// The same about some of the values, by their places among these.
+    pub(super) fn of_some(&self, places: &[usize], free: &'a [usize]) -> Self {
+        let some = |of: &[f64]| places.iter().map(|&i| of[i]).collect();
+        let (room, steps, falls) = (some(&self.room), some(&self.steps), some(&self.falls));
+        Self { free, room, steps, falls, ..*self }
     }
 
     /// Log-likelihood so many directions away.
@@ -74,8 +96,32 @@ impl<'a> About<'a> {
     }
 
     /// How far the log-likelihood falls along each direction.
-    fn falls(&self, directions: &DMatrix<f64>) -> Vec<f64> {
+    fn fallen(&self, directions: &DMatrix<f64>) -> Vec<f64> {
         curvatures(&self.sides(directions)).into_iter().map(|own| 0.5 * own).collect()
+    }
+
+    /// Height of the small steps along each direction, root mean square.
+    fn heights(&self, directions: &DMatrix<f64>) -> Vec<f64> {
+        let p = self.free.len();
+        let ways: Vec<f64> = (1..=PLACES)
+            .flat_map(|k| [1.0, -1.0].map(|side| side * k as f64 / PLACES as f64))
+            .collect();
+        let smooth = DMatrix::from_fn(ways.len(), POWERS, |k, power| ways[k].powi(power as i32));
+        let smooth = smooth.qr().q();
+        let asked = (0..p).flat_map(|i| ways.iter().map(move |way| point(p, &[(i, *way)])));
+        let nats = self.at(directions, &asked.collect::<Vec<_>>());
+        let height = |nats: &[f64]| {
+            let above =
+                DVector::from_iterator(nats.len(), nats.iter().map(|nats| nats - self.nats));
+            let left = &above - &smooth * smooth.tr_mul(&above);
+            (left.norm_squared() / (ways.len() - POWERS) as f64).sqrt()
+        };
+        nats.chunks(ways.len()).map(height).collect()
+    }
+
+    /// Whether the log-likelihood is rough along a value: its small steps are higher than it falls by elsewhere.
+    pub(super) fn is_rough(&self, i: usize) -> bool {
+        self.falls[i] > LEAST_FALL
     }
 
     /// Whether a value's own direction goes as far as its range lets it.
@@ -85,9 +131,10 @@ impl<'a> About<'a> {
 
     /// Which of the values the events tell, along these directions of their own, and which they do not.
     pub(super) fn told(&self, star: &DMatrix<f64>) -> (Vec<usize>, Vec<usize>) {
-        let falls = self.falls(star);
+        let fallen = self.fallen(star);
+        let least = |i: usize| (TOLD * self.falls[i]).max(TOLD_IN_STEPS * self.steps[i]);
         let all = 0..self.free.len();
-        all.partition(|&i| !self.is_cramped(star, i) || falls[i] > LEAST_FALL)
+        all.partition(|&i| !self.is_cramped(star, i) || fallen[i] > least(i))
     }
 
     /// Standard errors of values that the room to the nearer end of their range does not tell: how far each by itself
@@ -101,7 +148,7 @@ impl<'a> About<'a> {
                 (0..HALVINGS).rev().map(|k| to_the_end * 0.5_f64.powi(k)).collect();
             let points: Vec<DVector<f64>> = ways.iter().map(|way| point(p, &[(i, *way)])).collect();
             let falls = self.at(&own, &points).into_iter().map(|nats| self.nats - nats);
-            let known = ways.iter().zip(falls).find(|(_, fall)| *fall >= 0.5 * FALL);
+            let known = ways.iter().zip(falls).find(|(_, fall)| *fall >= 0.5 * self.falls[i]);
             known.map_or(to_the_end.abs(), |(way, fall)| way.abs() / (2.0 * fall).sqrt())
         };
         let wider = |&i: &usize| {
@@ -111,11 +158,17 @@ impl<'a> About<'a> {
         untold.iter().map(wider).collect()
     }
 
-    /// Each value by itself.
-    pub(super) fn own_directions(&self) -> DMatrix<f64> {
+    /// Each value by itself, farther where the log-likelihood is rough along it.
+    pub(super) fn own_directions(&mut self) -> DMatrix<f64> {
         let step = |i: usize| self.at.steps[self.free[i]].min(self.room[i]);
         let steps = DVector::from_fn(self.free.len(), |i, _| step(i));
-        self.long_enough(DMatrix::from_diagonal(&steps))
+        let star = self.long_enough(DMatrix::from_diagonal(&steps));
+        self.steps = self.heights(&star);
+        let falls = self.steps.iter().map(|height| FALL_IN_STEPS * height);
+        let most = falls.clone().fold(LEAST_FALL, f64::max).min(MOST_FALL);
+        // What is rough will mix: it goes as far as the roughest asks for.
+        self.falls = falls.map(|fall| if fall > LEAST_FALL { most } else { LEAST_FALL }).collect();
+        if most > LEAST_FALL { self.long_enough(star) } else { star }
     }
 
     /// Shorter where a direction would leave a value's range.
@@ -129,15 +182,16 @@ impl<'a> About<'a> {
         directions
     }
 
-    /// The same directions, as long as makes the log-likelihood fall by about [`FALL`], if there is room.
+    /// The same directions, as long as makes the log-likelihood fall by about what it is to, if there is room.
     pub(super) fn long_enough(&self, mut directions: DMatrix<f64>) -> DMatrix<f64> {
-        let factor = |fall: f64| match fall {
-            fall if fall > FALL / (FACTOR * FACTOR) => (FALL / fall).sqrt().max(FACTOR.recip()),
+        let factor = |(fallen, fall): (f64, &f64)| match fallen / fall {
+            share if share > (FACTOR * FACTOR).recip() => share.sqrt().recip().max(FACTOR.recip()),
             _ => FACTOR,
         };
         for _ in 0..TIMES {
             directions = self.within(directions);
-            let factors: Vec<f64> = self.falls(&directions).into_iter().map(factor).collect();
+            let fallen = self.fallen(&directions);
+            let factors: Vec<f64> = fallen.into_iter().zip(&self.falls).map(factor).collect();
             if factors.iter().all(|f| (0.6..1.7).contains(f)) {
                 break;
             }

@@ -7,7 +7,7 @@
 
 use super::fit::{Fitted, as_it_is};
 use super::score::Part;
-use super::star::{About, FALL, Four, curvatures, moved};
+use super::star::{About, Four, curvatures, moved};
 use super::{Evidence, Hypothesis};
 use nalgebra::{DMatrix, DVector};
 
@@ -20,8 +20,12 @@ const LEAST_OF_MIXED: f64 = 0.2;
 const ROUNDS: usize = 6;
 const ENOUGH: f64 = 0.05;
 
-/// What a top may lie below the fit, nats: a search stays on the highest of many small steps.
-const STEPS_HEIGHT: f64 = 2.0;
+/// What a top may lie below the fit, as a share of what the log-likelihood falls by along the roughest direction: a
+/// search stays on the highest of many small steps.
+const BELOW: f64 = 0.5;
+
+/// Curvature in units of what the fall along a direction stands for, below which that direction is taken to have this.
+const LEAST_OF_FALL: f64 = 0.02;
 
 /// Shares of the way to a top that are tried, until one leads up.
 const SHARES: [f64; 2] = [1.0, 0.3];
@@ -49,6 +53,8 @@ pub(super) struct Summit {
     inverse: DMatrix<f64>,
     /// Variance of each slope for the likelihood's small steps.
     rough: Vec<f64>,
+    /// What the log-likelihood falls by along each, about.
+    falls: Vec<f64>,
 }
 
 /// A fit gone to the top of the parabola about it, and what is there; `None` where nothing may move.
@@ -67,7 +73,7 @@ impl Summit {
         let all = inside(&fitted.hypothesis);
         let held = fitted.held(evidence);
         let few = evidence.thinned(evidence.pixels.len().div_ceil(PIXELS));
-        let about = About::of(&few, &held, &all);
+        let mut about = About::of(&few, &held, &all);
         let star = about.own_directions();
         let (told, untold) = about.told(&star);
         let free: Vec<usize> = told.iter().map(|&i| all[i]).collect();
@@ -77,11 +83,12 @@ impl Summit {
         let spreads = about.spreads(&untold);
         let untold = untold.iter().map(|&i| all[i]).zip(spreads).collect();
         let star = star.select_columns(&told).select_rows(&told);
-        let about = About::of(&few, &held, &free);
+        let about = about.of_some(&told, &free);
         let directions = about.long_enough(unmixed(&about, &star)?);
         let minus = about.mixed(&directions)?;
         let four = Four::of(evidence, &held.hypothesis, &free, &directions);
-        Self { free, untold, directions, minus, ..Self::default() }.with(&four)
+        let falls = about.falls;
+        Self { free, untold, directions, minus, falls, ..Self::default() }.with(&four)
     }
 
     /// The same directions as they are seen by a part of the evidence, from a fit to it.
@@ -96,7 +103,7 @@ impl Summit {
     /// The same directions with what is seen along each; `None` where that is nothing to go by.
     fn with(mut self, four: &Four) -> Option<Self> {
         self.minus.set_diagonal(&DVector::from_vec(curvatures(&four.even)));
-        self.inverse = inverse(&self.minus)?;
+        self.inverse = inverse(&self.minus, &self.falls)?;
         (self.slopes, self.rough) = (four.slopes(), four.rough());
         Some(self)
     }
@@ -113,7 +120,8 @@ impl Summit {
                 let change = &self.directions * &change * share;
                 as_it_is(evidence, moved(&fitted.hypothesis, &self.free, &change))
             };
-            let is_up = |(_, top): &(f64, Fitted)| nats(top) > nats(&fitted) - STEPS_HEIGHT;
+            let below = BELOW * self.falls.iter().copied().fold(0.0, f64::max);
+            let is_up = |(_, top): &(f64, Fitted)| nats(top) > nats(&fitted) - below;
             let mut tops = SHARES.into_iter().map(|share| (share, at(share)));
             let Some((share, top)) = tops.find(is_up) else { break };
             let Some(there) = self.clone().with(&self.four(evidence, &top)) else { break };
@@ -161,7 +169,8 @@ impl Summit {
         let n = sums.len().max(2) as f64;
         let mut product = DMatrix::zeros(p, p);
         sums.values().for_each(|sum| product += sum * sum.transpose() * (n / (n - 1.0)));
-        product += DMatrix::from_diagonal(&DVector::from_column_slice(&self.rough));
+        // The small steps are in the scatter already, as far as clusters are enough to show it.
+        (0..p).for_each(|i| product[(i, i)] = product[(i, i)].max(self.rough[i]));
         let root = &self.directions * &self.inverse;
         let sandwich = &root * product * root.transpose();
         (0..p).map(|i| sandwich[(i, i)].max(0.0)).collect()
@@ -184,8 +193,9 @@ fn inside(hypothesis: &Hypothesis) -> Vec<usize> {
 }
 
 /// Square roots of the curvatures along the directions themselves, of which none is next to nothing.
-fn scales(minus: &DMatrix<f64>) -> Vec<f64> {
-    (0..minus.nrows()).map(|i| minus[(i, i)].max(0.02 * FALL).sqrt()).collect()
+fn scales(minus: &DMatrix<f64>, falls: &[f64]) -> Vec<f64> {
+    let own = |(i, fall): (usize, &f64)| minus[(i, i)].max(LEAST_OF_FALL * fall).sqrt();
+    falls.iter().enumerate().map(own).collect()
 }
 
 fn scaled(
@@ -198,8 +208,8 @@ fn scaled(
 }
 
 /// Inverse of a curvature, brought to the same scale in all directions so that they compare.
-fn inverse(minus: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    let (p, scales) = (minus.nrows(), scales(minus));
+fn inverse(minus: &DMatrix<f64>, falls: &[f64]) -> Option<DMatrix<f64>> {
+    let (p, scales) = (minus.nrows(), scales(minus, falls));
     let mut eigen = scaled(minus, &scales)?;
     eigen.eigenvalues.iter_mut().for_each(|v| *v = v.max(LEAST_OF_MIXED).recip());
     let inverse = eigen.recompose();
@@ -207,23 +217,26 @@ fn inverse(minus: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 }
 
 /// Directions along which the curvature is the same and which do not mix where `star`, each value by itself,
-/// has been. A value with little room stays a direction of its own, or it would leave the others none either.
+/// has been. A value with little room stays a direction of its own, or it would leave the others none either. Values
+/// along which the log-likelihood is rough mix among themselves: a little of them in every direction would make all
+/// of these as rough.
 fn unmixed(about: &About<'_>, star: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let minus = about.curvature(star)?;
-    let roomy: Vec<usize> = (0..star.ncols()).filter(|&i| !about.is_cramped(star, i)).collect();
-    if roomy.is_empty() {
-        return Some(star.clone());
-    }
-    let minus = minus.select_columns(&roomy).select_rows(&roomy);
-    let scales = scales(&minus);
-    let eigen = scaled(&minus, &scales)?;
+    let roomy = (0..star.ncols()).filter(|&i| !about.is_cramped(star, i));
+    let (rough, smooth): (Vec<usize>, Vec<usize>) = roomy.partition(|&i| about.is_rough(i));
     let mut directions = star.clone();
-    for (k, &column) in roomy.iter().enumerate() {
-        let far = (2.0 * FALL / eigen.eigenvalues[k].max(LEAST_CURVATURE)).sqrt();
-        directions.column_mut(column).fill(0.0);
-        for (l, &row) in roomy.iter().enumerate() {
-            let share = eigen.eigenvectors[(l, k)] * far / scales[l];
-            directions[(row, column)] = star[(row, row)] * share;
+    for group in [rough, smooth].into_iter().filter(|group| !group.is_empty()) {
+        let minus = minus.select_columns(&group).select_rows(&group);
+        let falls: Vec<f64> = group.iter().map(|&i| about.falls[i]).collect();
+        let scales = scales(&minus, &falls);
+        let eigen = scaled(&minus, &scales)?;
+        for (k, &column) in group.iter().enumerate() {
+            let far = (2.0 * falls[k] / eigen.eigenvalues[k].max(LEAST_CURVATURE)).sqrt();
+            directions.column_mut(column).fill(0.0);
+            for (l, &row) in group.iter().enumerate() {
+                let share = eigen.eigenvectors[(l, k)] * far / scales[l];
+                directions[(row, column)] = star[(row, row)] * share;
+            }
         }
     }
     Some(directions)
