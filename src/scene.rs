@@ -43,6 +43,7 @@ mod store;
 mod survey;
 mod surveyor;
 mod tag_fit;
+mod tag_rows;
 mod tag_tilt;
 mod tie;
 mod tone;

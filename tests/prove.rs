@@ -66,9 +66,12 @@ fn a_folder_without_sealed_sessions_and_a_wrong_command_line_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir_all(folder.path().join("made/sessions/unsealed")).unwrap();
     let made = folder.path().join("made");
-    let refused = evrig(&["--sessions", made.to_str().unwrap()], &folder.path().join("a"));
-    assert_eq!(refused.status.code(), Some(1));
-    assert!(words(&refused).contains("seal.json"), "{}", words(&refused));
+    for folder_of_none in [made, folder.path().join("missing")] {
+        let asked = ["--sessions", folder_of_none.to_str().unwrap()];
+        let refused = evrig(&asked, &folder.path().join("a"));
+        assert_eq!(refused.status.code(), Some(1));
+        assert!(words(&refused).contains("seal.json"), "{}", words(&refused));
+    }
     let both = evrig(&["--quick", "--single", "3"], &folder.path().join("b"));
     assert_eq!(both.status.code(), Some(2));
     let missing = evrig(&["--recording", "no/such.aedat4"], &folder.path().join("c"));

@@ -39,7 +39,10 @@ pub enum ProveError {
         source: serde_json::Error,
     },
     /// A folder of ready sessions holds none.
-    #[error("{}: no sealed session in it; expected sessions/NAME/seal.json and truth/NAME.json", path.display())]
+    #[error(
+        "{}: no sealed session in it; expected sessions/NAME/seal.json and truth/NAME.json, as the example \
+         foreign_trials makes them", path.display()
+    )]
     NoneReady {
         /// The folder.
         path: PathBuf,
@@ -244,8 +247,13 @@ fn answer(record: &Record) -> Result<super::Answer, ProveError> {
 fn ready(folder: &Path) -> Result<Vec<Job<'static>>, ProveError> {
     let sessions = folder.join("sessions");
     let io = |source| ProveError::Io { path: sessions.clone(), source };
+    let none = || ProveError::NoneReady { path: folder.to_owned() };
+    let entries = std::fs::read_dir(&sessions).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound => none(),
+        _ => io(source),
+    })?;
     let mut names = Vec::new();
-    for entry in std::fs::read_dir(&sessions).map_err(io)? {
+    for entry in entries {
         let entry = entry.map_err(io)?;
         if entry.path().join("seal.json").exists() {
             names.push(entry.file_name().to_string_lossy().into_owned());
@@ -253,7 +261,7 @@ fn ready(folder: &Path) -> Result<Vec<Job<'static>>, ProveError> {
     }
     names.sort();
     if names.is_empty() {
-        return Err(ProveError::NoneReady { path: folder.to_owned() });
+        return Err(none());
     }
     let job = |name: String| Job {
         session: sessions.join(&name),

@@ -16,6 +16,7 @@ use super::splat::{Key, Optics, covering, site_ratios, splat};
 use super::squares::Squares;
 use super::start::TagPath;
 use super::survey::{Footage, PiKnown};
+use super::tag_rows::by_tag;
 use super::tag_tilt::{Lie, apart};
 use crate::frame::Frame;
 use crate::stats::upper_median;
@@ -41,7 +42,11 @@ const MAX_GAP: Span = Span::from_micros(50_000);
 /// A frame whose logarithm of brightness is farther from the others' is left out of the map.
 const STRANGE_LIGHT: f64 = 0.03;
 
-/// Standard deviation of what is known of the row time before, as a share of what is stated.
+/// The tag tells the row time where its error is less than this share of what is stated. Elsewhere the map has to, by
+/// which it comes out a few percent too long.
+const ROW_TOLD: f64 = 0.1;
+
+/// Standard deviation of what is known of the row time before the map says it, as a share of what is stated.
 const ROW_SHARE: f64 = 0.2;
 
 /// A row time that differs from the stated one by a smaller share is not believed.
@@ -57,6 +62,11 @@ const ROW: usize = SHARED - 1;
 /// and a distance that changes look alike along one circle.
 const ALIKE: f64 = 1_000.0;
 
+/// The row time to go on with, by what was found and by what is stated.
+fn believed(found_s: f64, stated_s: f64) -> f64 {
+    if (found_s / stated_s - 1.0).abs() < ROW_BELIEF { stated_s } else { found_s }
+}
+
 /// The work in progress.
 pub(super) struct Surveyor<'a> {
     tag: TagPath<'a>,
@@ -66,6 +76,8 @@ pub(super) struct Surveyor<'a> {
     known: Option<HeadPath>,
     optics: Optics,
     stated_row_s: f64,
+    /// What the tag says of it, with its standard error; none where that is too little.
+    row_by_tag_s: Option<[f64; 2]>,
     /// What the frames say of the row time.
     row_found_s: f64,
     keys: Vec<Key>,
@@ -102,7 +114,11 @@ impl<'a> Surveyor<'a> {
         let lie = Lie::by(&tag);
         tag.head = lie.head;
         let camera = PiCamera::new(known.size, known.lens, known.raw);
-        let row_s = known.row_time.as_secs_f64();
+        let stated_row_s = known.row_time.as_secs_f64();
+        let is_told = |by_tag: &[f64; 2]| by_tag[1] < ROW_TOLD * stated_row_s;
+        let row_by_tag_s = by_tag(known.track, stated_row_s).filter(is_told);
+        let row_found_s = row_by_tag_s.map_or(stated_row_s, |[row_s, _]| row_s);
+        let row_s = believed(row_found_s, stated_row_s);
         let optics = Optics { camera, head: tag.head, row_s };
         let noise = Noise { variance_per_dn: 1.0, floor_dn: 10.0 };
         Ok(Self {
@@ -110,8 +126,9 @@ impl<'a> Surveyor<'a> {
             lie,
             known: None,
             optics,
-            stated_row_s: row_s,
-            row_found_s: row_s,
+            stated_row_s,
+            row_by_tag_s,
+            row_found_s,
             keys: Vec::new(),
             noise,
         })
@@ -258,21 +275,23 @@ impl<'a> Surveyor<'a> {
             normal += part.normal;
             right += part.right;
         }
-        let inverse = normal.try_inverse().ok_or_else(|| no_fit.clone())?;
-        let change = inverse * right;
-        self.row_found_s = self.optics.row_s + change[ROW];
-        let scores: Vec<_> = parts.iter().flatten().map(|p| p.right - p.normal * change).collect();
-        // What the map keeps of the poses it was made from is wrong in all frames alike, and is not in
-        // their spread.
-        let alike = ALIKE * level * inverse[(ROW, ROW)];
-        let row_error_s = clustered(&inverse, &scores)[(ROW, ROW)].max(alike).max(0.0).sqrt();
-        // A late row looks much like a tilt of the print on a circle that is run one way. A row time
-        // near the stated one is therefore taken to be that, and the rest is fitted given it.
-        let is_near = (self.row_found_s / self.stated_row_s - 1.0).abs() < ROW_BELIEF;
-        if !is_near {
-            return Ok((change, row_error_s));
-        }
-        let row = self.stated_row_s - self.optics.row_s;
+        let row_error_s = match self.row_by_tag_s {
+            Some([_, error_s]) => error_s,
+            None => {
+                let inverse = normal.try_inverse().ok_or_else(|| no_fit.clone())?;
+                let change = inverse * right;
+                self.row_found_s = self.optics.row_s + change[ROW];
+                let parts = parts.iter().flatten();
+                let scores: Vec<_> = parts.map(|p| p.right - p.normal * change).collect();
+                // What the map keeps of the poses it was made from is wrong in all frames alike, and is
+                // not in their spread.
+                let alike = ALIKE * level * inverse[(ROW, ROW)];
+                clustered(&inverse, &scores)[(ROW, ROW)].max(alike).max(0.0).sqrt()
+            }
+        };
+        // A late row looks much like a tilt of the print on a circle that is run one way, so the rest is
+        // fitted given what is believed of it.
+        let row = believed(self.row_found_s, self.stated_row_s) - self.optics.row_s;
         right -= normal.column(ROW) * row;
         normal.row_mut(ROW).fill(0.0);
         normal.column_mut(ROW).fill(0.0);
@@ -283,14 +302,14 @@ impl<'a> Surveyor<'a> {
 
     /// What is known of the shared constants before: the tilts by the tag, the row time as stated.
     fn prior(&self) -> (SMatrix<f64, SHARED, SHARED>, SVector<f64, SHARED>) {
-        let row = (ROW_SHARE * self.stated_row_s).max(1e-7);
+        let error_s = (ROW_SHARE * self.stated_row_s).max(1e-7);
         let tilts = self.lie.information * -apart(&self.optics.head, &self.lie.head);
         let mut normal = SMatrix::<f64, SHARED, SHARED>::zeros();
         let mut right = SVector::<f64, SHARED>::zeros();
         normal.fixed_view_mut::<HEAD, HEAD>(0, 0).copy_from(&self.lie.information);
         right.fixed_rows_mut::<HEAD>(0).copy_from(&tilts);
-        normal[(ROW, ROW)] = row.powi(-2);
-        right[ROW] = (self.stated_row_s - self.optics.row_s) / row.powi(2);
+        normal[(ROW, ROW)] = error_s.powi(-2);
+        right[ROW] = (self.stated_row_s - self.optics.row_s) / error_s.powi(2);
         (normal * ALIKE, right * ALIKE)
     }
 
