@@ -3,6 +3,7 @@
 use super::looks::looks;
 use super::map::RadianceMap;
 use super::splat::{Key, Optics};
+use crate::stats::upper_median;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -31,12 +32,12 @@ const TELLING: f64 = 0.37;
 pub(super) fn read_noise(optics: &Optics, map: &RadianceMap, keys: &[Key]) -> Option<[f64; 2]> {
     let chosen: Vec<&Key> = keys.iter().step_by(keys.len().div_ceil(FRAMES).max(1)).collect();
     let of_key = |key: &&Key| smooth(optics, map, key).unwrap_or_default();
-    let all: Vec<Vec<[f64; 2]>> = chosen.par_iter().map(of_key).collect();
-    let mut all: Vec<[f64; 2]> = all.into_iter().flatten().collect();
-    all.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let all: Vec<Vec<Seen>> = chosen.par_iter().map(of_key).collect();
+    let mut all: Vec<Seen> = all.into_iter().flatten().collect();
+    all.sort_by(|a, b| a.signal.total_cmp(&b.signal));
     let size = all.len().div_ceil(CLASSES).max(LEAST);
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-    let classes: Vec<[f64; 3]> = all.chunks_exact_mut(size).filter_map(class).collect();
+    let classes: Vec<[f64; 3]> = all.chunks_exact(size).filter_map(class).collect();
     for [signal, variance, n] in &classes {
         let row = Vector3::new(1.0, signal / 100.0, (signal / 100.0).powi(2));
         let precision = TELLING * n / (2.0 * variance * variance);
@@ -56,8 +57,17 @@ pub(super) fn read_noise(optics: &Optics, map: &RadianceMap, keys: &[Key]) -> Op
     Some([noise, 0.5 * (scale * inverse[(0, 0)]).sqrt() / noise])
 }
 
-/// Signal and what it lies beside the expected, DN, of pixels that look at smooth places.
-fn smooth(optics: &Optics, map: &RadianceMap, key: &Key) -> Option<Vec<[f64; 2]>> {
+/// A pixel that looks at a smooth place.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    /// Expected signal and what the pixel reads beside it, DN.
+    signal: f64,
+    beside: f64,
+    /// Place in the mosaic.
+    site: usize,
+}
+
+fn smooth(optics: &Optics, map: &RadianceMap, key: &Key) -> Option<Vec<Seen>> {
     let camera = &optics.camera;
     let pixel_mm = key.pose[2].abs() / camera.lens.focal_px;
     let level = key.ln_gain.exp();
@@ -67,17 +77,48 @@ fn smooth(optics: &Optics, map: &RadianceMap, key: &Key) -> Option<Vec<[f64; 2]>
         if dx.hypot(dy) * pixel_mm < SMOOTH * value {
             let expected = level * value;
             let signal = |light| camera.signal(light, look.x, look.y);
-            found.push([signal(expected), signal(look.light - expected)]);
+            let (signal, beside) = (signal(expected), signal(look.light - expected));
+            found.push(Seen { signal, beside, site: look.y % 2 * 2 + look.x % 2 });
         }
     })?;
     Some(found)
 }
 
 /// Middle signal, variance and number of pixels of a class.
-fn class(pixels: &mut [[f64; 2]]) -> Option<[f64; 3]> {
+///
+/// What all pixels of one place in the mosaic lie beside the map is no noise: a pedestal that is not the stated one
+/// does not go with the gains of these places, so that each has its own.
+fn class(pixels: &[Seen]) -> Option<[f64; 3]> {
     let n = pixels.len();
-    let signal = pixels[n / 2][0];
-    let mut sizes: Vec<f64> = pixels.iter().map(|pixel| pixel[1].abs()).collect();
-    let median = crate::stats::upper_median(&mut sizes)? / MEDIAN_AT;
-    (median > 0.0).then_some([signal, median * median, n as f64])
+    let beside = |site: usize| -> Vec<f64> {
+        let of_site = pixels.iter().filter(|pixel| pixel.site == site);
+        of_site.map(|pixel| pixel.beside).collect()
+    };
+    let mut sizes: Vec<f64> = (0..4)
+        .map(beside)
+        .filter_map(|all| Some((upper_median(&mut all.clone())?, all)))
+        .flat_map(|(middle, all)| all.into_iter().map(move |beside| (beside - middle).abs()))
+        .collect();
+    let deviation = upper_median(&mut sizes)? / MEDIAN_AT;
+    (deviation > 0.0).then_some([pixels[n / 2].signal, deviation * deviation, n as f64])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pedestal_that_each_place_of_the_mosaic_has_its_own_of_is_no_noise() {
+        let pixel = |i: u32| {
+            let site = (i % 4) as usize;
+            let even = f64::from(i.wrapping_mul(2_654_435_761) >> 16) / 65_536.0 - 0.5;
+            Seen { signal: 30.0, beside: [9.0, 0.0, -4.0, 6.0][site] + even, site }
+        };
+        let pixels: Vec<Seen> = (0..4_000).map(pixel).collect();
+        let [signal, variance, n] = class(&pixels).unwrap();
+        // Of even values within a half half lie within a quarter.
+        let expected = (0.25 / MEDIAN_AT).powi(2);
+        assert!((variance / expected - 1.0).abs() < 0.1, "{variance} for {expected}");
+        assert_eq!([signal, n], [30.0, 4_000.0]);
+    }
 }

@@ -156,7 +156,7 @@ fn sessions_made_elsewhere_are_judged_by_their_seals_and_stay() {
     assert_eq!((proof.family, proof.score.top1.hits), (Family::Foreign, 1));
     assert!(session.join("session.json").exists());
     let error = bench(&out, &ask).run_ready(folder.path(), &mut |_, _| {}).unwrap_err();
-    assert!(matches!(error, ProveError::Io { .. }), "{error}");
+    assert!(matches!(error, ProveError::NoneReady { .. }), "{error}");
 }
 
 #[test]
