@@ -65,10 +65,10 @@ fn a_run_leaves_records_is_not_run_over_and_goes_on_with_its_own_plan() {
 fn a_folder_without_sealed_sessions_and_a_wrong_command_line_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir_all(folder.path().join("made/sessions/unsealed")).unwrap();
-    let made = folder.path().join("made");
-    for folder_of_none in [made, folder.path().join("missing")] {
-        let asked = ["--sessions", folder_of_none.to_str().unwrap()];
-        let refused = evrig(&asked, &folder.path().join("a"));
+    for (name, out) in [("made", "a"), ("missing", "d")] {
+        let made = folder.path().join(name);
+        let asked = ["--sessions", made.to_str().unwrap()];
+        let refused = evrig(&asked, &folder.path().join(out));
         assert_eq!(refused.status.code(), Some(1));
         assert!(words(&refused).contains("seal.json"), "{}", words(&refused));
     }

@@ -168,7 +168,7 @@ fn the_clocks_offset_and_the_row_time_are_found() {
     let truth = (clocks.pi_sensor(at) - path.zero).as_secs_f64();
     assert!((found - truth).abs() < 1e-4, "{} us", (found - truth) * 1e6);
     let row_us = seen.scene.survey.row_s[0] * 1e6;
-    assert!((row_us - 9.21).abs() < 0.25, "{row_us}");
+    assert!((row_us - 9.21).abs() < 0.5, "{row_us}");
 }
 
 #[test]
