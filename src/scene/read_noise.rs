@@ -67,6 +67,7 @@ struct Seen {
     site: usize,
 }
 
+/// What pixels read that look at smooth places.
 fn smooth(optics: &Optics, map: &RadianceMap, key: &Key) -> Option<Vec<Seen>> {
     let camera = &optics.camera;
     let pixel_mm = key.pose[2].abs() / camera.lens.focal_px;
