@@ -38,7 +38,7 @@ pub use judge::{Answer, Judgement, ParameterCheck, judge};
 pub use make::Maker;
 pub use quick::{complaints, quick};
 pub use record::{Outcome, Plan, Record, RecordError, settle};
-pub use run::{Bench, Proof, ProveError};
+pub use run::{Bench, Proof, ProveError, Ready};
 pub use score::{PerEffect, Score, Share};
 pub use seal::{Seal, SealError, open, seal, sha256};
 pub use strength::{Strength, strengths};

@@ -2,7 +2,7 @@
 
 use super::{Ending, Output};
 use crate::cli::{BaselineChoice, DiagnoseArgs, ProcessArgs};
-use crate::diagnose::{Diagnosis, FittedEffect, Options, Verdict};
+use crate::diagnose::{Diagnosis, Options, Verdict};
 use crate::pipeline::{self, Baseline, DiagnoseRequest, PipelineError};
 use crate::session::Session;
 use serde_json::{Value, json};
@@ -97,8 +97,7 @@ pub(super) fn text(diagnosis: &Diagnosis) -> String {
         "\nheld-out score, nats per event: baseline {:.3}, final {:.3}, ceiling {:.3}",
         scores.baseline, scores.r#final, scores.ceiling
     );
-    let is_scored = !diagnosis.effects.iter().all(FittedEffect::is_beside_the_score);
-    if let Some(share) = diagnosis.fit.share_of_excess_removed.filter(|_| is_scored) {
+    if let Some(share) = diagnosis.share_removed() {
         text += &format!("; {:.0} % of the excess removed", share * 100.0);
     }
     for effect in &diagnosis.effects {

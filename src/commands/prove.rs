@@ -4,8 +4,8 @@ use super::{Ending, Output, WrongUse};
 use crate::cli::ProveArgs;
 use crate::diagnose::Options;
 use crate::prove::{
-    Ask, Bench, Family, Maker, Mix, Plan, Proof, Trial, complaints, draw, markdown, quick, settle,
-    sha256,
+    Ask, Bench, Family, Maker, Mix, Plan, Proof, Ready, Trial, complaints, draw, markdown, quick,
+    settle, sha256,
 };
 use crate::time::Span;
 use anyhow::Context;
@@ -22,8 +22,31 @@ const DEADLINE_S: f64 = 1_800.0;
 /// What is proved.
 struct Run {
     plan: Plan,
-    maker: Option<Maker>,
-    trials: Vec<Trial>,
+    trials: Trials,
+    /// How long a diagnosis may take.
+    deadline: Duration,
+}
+
+/// On what it is proved.
+enum Trials {
+    Made(Maker, Vec<Trial>),
+    Ready(Ready),
+}
+
+impl Trials {
+    fn count(&self) -> usize {
+        match self {
+            Self::Made(_, trials) => trials.len(),
+            Self::Ready(ready) => ready.count(),
+        }
+    }
+
+    fn family(&self) -> Family {
+        match self {
+            Self::Made(maker, _) => maker.family(),
+            Self::Ready(_) => Family::Foreign,
+        }
+    }
 }
 
 pub(super) fn run(args: &ProveArgs, output: &Output) -> anyhow::Result<Ending> {
@@ -43,34 +66,27 @@ pub(super) fn run(args: &ProveArgs, output: &Output) -> anyhow::Result<Ending> {
     Ok(if unheld.is_empty() { Ending::Done } else { Ending::Negative })
 }
 
-/// What was asked for. It is complete before anything is made.
+/// What was asked for. It is complete, and refused if it cannot be done, before anything is made.
 fn plan(args: &ProveArgs) -> anyhow::Result<Run> {
-    let family = match (&args.recording, &args.sessions) {
-        (Some(_), _) => Family::Plasmode,
-        (_, Some(_)) => Family::Foreign,
-        _ => Family::World,
-    };
     let seconds = args.seconds.unwrap_or(if args.quick { QUICK_S } else { FULL_S });
     if !(seconds.is_finite() && seconds > 0.0) {
         return Err(WrongUse(format!("--seconds {seconds}: expected more than 0")).into());
     }
-    let maker = match (&args.recording, family) {
-        (Some(recording), _) => Some(Maker::plasmode(recording)?),
-        (_, Family::World) => Some(Maker::world(Span::from_secs_f64(seconds))?),
-        _ => None,
-    };
-    let mix = (family != Family::Foreign && !args.quick).then(|| mix(args, family));
-    let trials = match mix {
-        Some(mix) => draw(mix, args.seed),
-        None if args.quick => quick(args.seed),
-        None => Vec::new(),
-    };
+    let deadline_s = args.deadline.unwrap_or(DEADLINE_S);
+    let deadline = Duration::try_from_secs_f64(deadline_s)
+        .map_err(|error| WrongUse(format!("--deadline {deadline_s}: {error}")))?;
+    let (mix, trials) = trials(args, seconds)?;
     let brief = Options::brief();
     let options = Options {
         seed: args.seed,
         n_pixels: args.pixels.unwrap_or(brief.n_pixels),
         n_null: args.null.unwrap_or(brief.n_null),
         ..brief
+    };
+    let family = trials.family();
+    let drawn: &[Trial] = match &trials {
+        Trials::Made(_, drawn) => drawn,
+        Trials::Ready(_) => &[],
     };
     let plan = Plan {
         schema: "evrig.proof-plan/1".into(),
@@ -79,15 +95,28 @@ fn plan(args: &ProveArgs) -> anyhow::Result<Run> {
         seed: args.seed,
         seconds: (family == Family::World).then_some(seconds),
         options,
-        trials_sha256: sha256(&serde_json::to_vec(&trials)?),
+        trials_sha256: sha256(&serde_json::to_vec(drawn)?),
     };
-    Ok(Run { plan, maker, trials })
+    Ok(Run { plan, trials, deadline })
+}
+
+/// The trials, and of how many kinds they were drawn.
+fn trials(args: &ProveArgs, seconds: f64) -> anyhow::Result<(Option<Mix>, Trials)> {
+    if let Some(sessions) = &args.sessions {
+        return Ok((None, Trials::Ready(Ready::find(sessions)?)));
+    }
+    let maker = match &args.recording {
+        Some(recording) => Maker::plasmode(recording)?,
+        None => Maker::world(Span::from_secs_f64(seconds))?,
+    };
+    if args.quick {
+        return Ok((None, Trials::Made(maker, quick(args.seed))));
+    }
+    let mix = mix(args, maker.family());
+    Ok((Some(mix), Trials::Made(maker, draw(mix, args.seed))))
 }
 
 fn prove(args: &ProveArgs, run: &Run, output: &Output) -> anyhow::Result<Proof> {
-    let deadline_s = args.deadline.unwrap_or(DEADLINE_S);
-    let deadline = Duration::try_from_secs_f64(deadline_s)
-        .map_err(|error| WrongUse(format!("--deadline {deadline_s}: {error}")))?;
     let options = &run.plan.options;
     let numbers = [
         ("--pixels", options.n_pixels as u64),
@@ -101,7 +130,7 @@ fn prove(args: &ProveArgs, run: &Run, output: &Output) -> anyhow::Result<Proof> 
     let ask = Ask {
         program,
         arguments: numbers.iter().flat_map(|(k, v)| [(*k).to_owned(), v.to_string()]).collect(),
-        deadline,
+        deadline: run.deadline,
     };
     let heading = heading(&run.plan);
     let bench = Bench {
@@ -110,16 +139,15 @@ fn prove(args: &ProveArgs, run: &Run, output: &Output) -> anyhow::Result<Proof> 
         is_tidy: !args.keep,
         heading: &heading,
     };
-    let bar = output.progress("proving", run.trials.len() as u64);
+    let bar = output.progress("proving", run.trials.count() as u64);
     let mut progress = |what: &str, done: usize| {
         bar.set_position(done as u64);
         bar.set_message(what.to_owned());
         output.detail(what);
     };
-    let proof = match (&run.maker, &args.sessions) {
-        (None, Some(sessions)) => bench.run_ready(sessions, &mut progress)?,
-        (Some(maker), _) => bench.run(maker, &run.trials, &mut progress)?,
-        (None, None) => anyhow::bail!("no sessions to prove anything on"),
+    let proof = match &run.trials {
+        Trials::Made(maker, trials) => bench.run(maker, trials, &mut progress)?,
+        Trials::Ready(ready) => bench.run_ready(ready, &mut progress)?,
     };
     bar.finish_and_clear();
     Ok(proof)

@@ -216,6 +216,14 @@ fn inverse(minus: &DMatrix<f64>, falls: &[f64]) -> Option<DMatrix<f64>> {
     Some(DMatrix::from_fn(p, p, |i, j| inverse[(i, j)] / (scales[i] * scales[j])))
 }
 
+/// Columns that do not mix, each as long as makes the log-likelihood fall as its own place in `falls` says.
+fn apart(minus: &DMatrix<f64>, falls: &[f64]) -> Option<DMatrix<f64>> {
+    let (p, scales) = (falls.len(), scales(minus, falls));
+    let eigen = scaled(minus, &scales)?;
+    let far = |k: usize| (2.0 * falls[k] / eigen.eigenvalues[k].max(LEAST_CURVATURE)).sqrt();
+    Some(DMatrix::from_fn(p, p, |l, k| eigen.eigenvectors[(l, k)] * far(k) / scales[l]))
+}
+
 /// Directions along which the curvature is the same and which do not mix where `star`, each value by itself,
 /// has been. A value with little room stays a direction of its own, or it would leave the others none either. Values
 /// along which the log-likelihood is rough mix among themselves: a little of them in every direction would make all
@@ -228,15 +236,11 @@ fn unmixed(about: &About<'_>, star: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     for group in [rough, smooth].into_iter().filter(|group| !group.is_empty()) {
         let minus = minus.select_columns(&group).select_rows(&group);
         let falls: Vec<f64> = group.iter().map(|&i| about.falls[i]).collect();
-        let scales = scales(&minus, &falls);
-        let eigen = scaled(&minus, &scales)?;
-        for (k, &column) in group.iter().enumerate() {
-            let far = (2.0 * falls[k] / eigen.eigenvalues[k].max(LEAST_CURVATURE)).sqrt();
+        let shares = apart(&minus, &falls)?;
+        for (&column, shares) in group.iter().zip(shares.column_iter()) {
             directions.column_mut(column).fill(0.0);
-            for (l, &row) in group.iter().enumerate() {
-                let share = eigen.eigenvectors[(l, k)] * far / scales[l];
-                directions[(row, column)] = star[(row, row)] * share;
-            }
+            let own = group.iter().zip(shares.iter());
+            own.for_each(|(&row, share)| directions[(row, column)] = star[(row, row)] * share);
         }
     }
     Some(directions)

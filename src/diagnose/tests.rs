@@ -181,6 +181,7 @@ fn nothing_is_named_where_nothing_is_hidden() {
     let diagnosis = diagnose(&plant(None, &[]), &[], &options(), &mut |_| {}).diagnosis;
     assert_eq!(diagnosis.verdict, Verdict::NoMismatch, "{diagnosis:#?}");
     assert!(diagnosis.effects.is_empty());
+    assert_eq!(diagnosis.share_removed(), None, "nothing is named that could remove any");
     assert!((diagnosis.nuisances["theta"].value / 0.25 - 1.0).abs() < 0.01);
     let json = serde_json::to_value(&diagnosis).unwrap();
     assert_eq!(json["schema"], "evrig.diagnosis/1");
@@ -199,6 +200,7 @@ fn a_dead_time_is_named_with_its_length() {
     assert!((us / 4_000.0 - 1.0).abs() < 0.05, "{us}");
     assert_eq!(diagnosis.verdict, Verdict::Explained);
     assert_eq!(value(&diagnosis, "compares_on"), 0.0);
+    assert!(diagnosis.share_removed().is_some_and(|share| share > 0.8));
 }
 
 #[test]

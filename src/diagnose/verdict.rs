@@ -272,6 +272,14 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// The share of the excess that named effects remove; none where nothing is named that a predicted event
+    /// depends on, since what the final model then gains or loses is no effect's.
+    #[must_use]
+    pub fn share_removed(&self) -> Option<f64> {
+        let is_scored = !self.effects.iter().all(FittedEffect::is_beside_the_score);
+        self.fit.share_of_excess_removed.filter(|_| is_scored)
+    }
+
     /// What coarse stamps mean for the diagnosis, in a sentence.
     #[must_use]
     pub fn coarse_stamps(&self) -> Option<String> {

@@ -139,19 +139,17 @@ impl Bench<'_> {
         self.judge_all(family, known, &jobs, progress)
     }
 
-    /// Judges sessions that others made: `folder` holds `sessions/NAME` with a seal in each, and
-    /// `truth/NAME.json`.
+    /// Judges sessions that others made, which stay.
     ///
     /// # Errors
-    /// As [`Bench::run`], and when no sealed session is there.
+    /// As [`Bench::run`].
     pub fn run_ready(
         &self,
-        folder: &Path,
+        ready: &Ready,
         progress: &mut dyn FnMut(&str, usize),
     ) -> Result<Proof, ProveError> {
-        let jobs = ready(folder)?;
         let kept = Self { is_tidy: false, ..*self };
-        kept.judge_all(Family::Foreign, BTreeSet::new(), &jobs, progress)
+        kept.judge_all(Family::Foreign, BTreeSet::new(), &ready.0, progress)
     }
 
     fn job<'a>(&self, maker: &'a Maker, trial: &'a Trial) -> Job<'a> {
@@ -243,33 +241,47 @@ fn answer(record: &Record) -> Result<super::Answer, ProveError> {
     answer.map_err(|source| ProveError::Answer { trial: record.trial.clone(), source })
 }
 
-/// The sealed sessions of a folder, by name.
-fn ready(folder: &Path) -> Result<Vec<Job<'static>>, ProveError> {
-    let sessions = folder.join("sessions");
-    let io = |source| ProveError::Io { path: sessions.clone(), source };
-    let none = || ProveError::NoneReady { path: folder.to_owned() };
-    let entries = std::fs::read_dir(&sessions).map_err(|source| match source.kind() {
-        std::io::ErrorKind::NotFound => none(),
-        _ => io(source),
-    })?;
-    let mut names = Vec::new();
-    for entry in entries {
-        let entry = entry.map_err(io)?;
-        if entry.path().join("seal.json").exists() {
-            names.push(entry.file_name().to_string_lossy().into_owned());
+/// Sealed sessions that others made, by name; at least one.
+pub struct Ready(Vec<Job<'static>>);
+
+impl Ready {
+    /// Those of a folder that holds `sessions/NAME` with a seal in each, and `truth/NAME.json`.
+    ///
+    /// # Errors
+    /// When none is there or the system refuses.
+    pub fn find(folder: &Path) -> Result<Self, ProveError> {
+        let sessions = folder.join("sessions");
+        let io = |source| ProveError::Io { path: sessions.clone(), source };
+        let none = || ProveError::NoneReady { path: folder.to_owned() };
+        let entries = std::fs::read_dir(&sessions).map_err(|source| match source.kind() {
+            std::io::ErrorKind::NotFound => none(),
+            _ => io(source),
+        })?;
+        let mut names = Vec::new();
+        for entry in entries {
+            let entry = entry.map_err(io)?;
+            if entry.path().join("seal.json").exists() {
+                names.push(entry.file_name().to_string_lossy().into_owned());
+            }
         }
+        names.sort();
+        if names.is_empty() {
+            return Err(none());
+        }
+        let job = |name: String| Job {
+            session: sessions.join(&name),
+            truth: folder.join("truth").join(format!("{name}.json")),
+            make: None,
+            name,
+        };
+        Ok(Self(names.into_iter().map(job).collect()))
     }
-    names.sort();
-    if names.is_empty() {
-        return Err(none());
+
+    /// How many.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.0.len()
     }
-    let job = |name: String| Job {
-        session: sessions.join(&name),
-        truth: folder.join("truth").join(format!("{name}.json")),
-        make: None,
-        name,
-    };
-    Ok(names.into_iter().map(job).collect())
 }
 
 #[cfg(test)]

@@ -104,7 +104,7 @@ fn facts(diagnosis: &Diagnosis) -> Vec<Fact> {
         Fact::new("with the named effects", significant(scores.r#final, 4)),
         Fact::new(&format!("ceiling ({ceiling_is})"), significant(scores.ceiling, 4)),
     ];
-    if let Some(share) = diagnosis.fit.share_of_excess_removed {
+    if let Some(share) = diagnosis.share_removed() {
         let value = format!("{} %", significant(100.0 * share, 3));
         facts.push(Fact::new("share of the excess removed", value));
     }

@@ -152,11 +152,13 @@ fn sessions_made_elsewhere_are_judged_by_their_seals_and_stay() {
     let ask = |_: &Path| names("event_drop");
     let out = folder.path().join("out");
     let made = folder.path().join("made");
-    let proof = bench(&out, &ask).run_ready(&made, &mut |_, _| {}).unwrap();
+    let ready = Ready::find(&made).unwrap();
+    assert_eq!(ready.count(), 1);
+    let proof = bench(&out, &ask).run_ready(&ready, &mut |_, _| {}).unwrap();
     assert_eq!((proof.family, proof.score.top1.hits), (Family::Foreign, 1));
     assert!(session.join("session.json").exists());
-    let error = bench(&out, &ask).run_ready(folder.path(), &mut |_, _| {}).unwrap_err();
-    assert!(matches!(error, ProveError::NoneReady { .. }), "{error}");
+    let none = Ready::find(folder.path());
+    assert!(matches!(none, Err(ProveError::NoneReady { .. })));
 }
 
 #[test]
