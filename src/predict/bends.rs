@@ -55,18 +55,17 @@ impl Bends {
         let (mut from, mut value) = (first, signal[first]);
         let mut cone = [f32::NEG_INFINITY, f32::INFINITY];
         for i in first + 1..=last {
-            let mut steps = (i - from) as f32;
-            let slope = (signal[i] - value) / steps;
+            let mut per_step = ((i - from) as f32).recip();
+            let mut slope = (signal[i] - value) * per_step;
             if !(cone[0]..=cone[1]).contains(&slope) {
                 // The instant before was within reach of a straight line: it becomes the bend.
                 (from, value) = (i - 1, signal[i - 1]);
                 self.at.push(from as u32);
                 cone = [f32::NEG_INFINITY, f32::INFINITY];
-                steps = 1.0;
+                (per_step, slope) = (1.0, signal[i] - value);
             }
-            let low = (signal[i] - WITHIN - value) / steps;
-            let high = (signal[i] + WITHIN - value) / steps;
-            cone = [cone[0].max(low), cone[1].min(high)];
+            let within = WITHIN * per_step;
+            cone = [cone[0].max(slope - within), cone[1].min(slope + within)];
         }
         self.at.push(last as u32);
     }

@@ -82,7 +82,8 @@ impl Tail {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Movement {
     tail: Tail,
-    noise: f64,
+    /// Scales of the noise for each unit of log intensity.
+    per_noise: f64,
     /// Speed of the noise, log intensity a second.
     own: f64,
     theta: [f64; 2],
@@ -96,27 +97,31 @@ impl Movement {
         let grown = noise / law.noise_at_white;
         if law.shot_at_white > 0.0 {
             let (noise, own) = (law.shot(noise), law.shot_speed_per_s * grown);
-            return (own > 0.0).then_some(Self { tail: Tail::Normal, noise, own, theta });
+            return (own > 0.0).then_some(Self::of(Tail::Normal, noise, own, theta));
         }
         let own = law.noise_speed_per_s * grown;
-        (own > 0.0).then_some(Self { tail: Tail::Logistic, noise, own, theta })
+        (own > 0.0).then_some(Self::of(Tail::Logistic, noise, own, theta))
+    }
+
+    fn of(tail: Tail, noise: f64, own: f64, theta: [f64; 2]) -> Self {
+        Self { tail, per_noise: noise.recip(), own, theta }
     }
 
     /// Whether changes this far, towards On and towards Off, come near enough to a threshold to count.
     pub(super) fn is_within_reach(&self, [up, down]: [f64; 2]) -> bool {
-        let far = self.noise * self.tail.out_of_reach();
-        up > self.theta[0] - far || down > self.theta[1] - far
+        let far = -self.tail.out_of_reach();
+        (up - self.theta[0]) * self.per_noise > far || (down - self.theta[1]) * self.per_noise > far
     }
 
     /// Hazard, a second, where the change towards the threshold is `y` and moves at `speed`, the noise
     /// doing `share` of what it can.
     pub(super) fn hazard(&self, y: f64, speed: f64, on: bool, share: f64) -> f64 {
-        let z = (y - self.theta[usize::from(!on)]) / self.noise;
+        let z = (y - self.theta[usize::from(!on)]) * self.per_noise;
         if z < -self.tail.out_of_reach() {
             return 0.0;
         }
         let speed = if on { speed } else { -speed };
-        self.tail.upward(speed, self.own, share) * self.tail.hazard(z) / self.noise
+        self.tail.upward(speed, self.own, share) * self.tail.hazard(z) * self.per_noise
     }
 
     /// Adds what a straight passage to `change` spends, On and Off, while the noise does `share` of what
@@ -136,7 +141,7 @@ impl Movement {
         let speed = (change - from.change) / seconds;
         for (side, spent) in spent.iter_mut().enumerate() {
             let towards = if side == 0 { 1.0 } else { -1.0 };
-            let z = |change: f64| (towards * change - self.theta[side]) / self.noise;
+            let z = |change: f64| (towards * change - self.theta[side]) * self.per_noise;
             let (begin, end) = (z(from.change), z(change));
             if begin.max(end) > -tail.out_of_reach() {
                 let width = end - begin;
@@ -148,7 +153,7 @@ impl Movement {
                     (risen - from.risen[side].unwrap_or_else(|| tail.spent(begin))) / width
                 };
                 let upward = tail.upward(towards * speed, self.own, share);
-                *spent += upward * seconds / self.noise * mean;
+                *spent += upward * seconds * self.per_noise * mean;
             }
         }
         to

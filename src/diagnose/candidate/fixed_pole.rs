@@ -1,6 +1,6 @@
 //! A pole behind the photoreceptor that does not depend on light.
 
-use super::photoreceptor_bandwidth::filter;
+use super::photoreceptor_bandwidth::{Pole, filter};
 use super::{Candidate, EffectId, PLAIN, Parameter, Stage, logs};
 
 pub(super) const CANDIDATE: Candidate = Candidate {
@@ -10,7 +10,10 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     stage: Stage::Receptor,
     parameters: &[Parameter::log("cutoff_hz", [0.5, 3_000.0])],
     starts: |_| logs(&[5.0, 15.0, 50.0, 150.0, 500.0]),
-    act: |values, _, view| filter(view, |_| values[0]),
+    act: |values, _, view| {
+        let pole = Pole::new(values[0], view.step_s());
+        filter(view, |_| pole);
+    },
     rivals: &[
         EffectId::PhotoreceptorBandwidth,
         EffectId::ClockOffset,

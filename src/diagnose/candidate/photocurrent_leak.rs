@@ -14,8 +14,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         let mut drift = 0.0;
         for (signal, level) in view.signal.iter_mut().zip(&view.pixel.light) {
             *signal += drift as f32;
-            let level = f64::from(*level);
-            drift += if level.is_finite() { step * level.exp() } else { 0.0 };
+            drift += if level.is_finite() { step * f64::from(level.exp()) } else { 0.0 };
         }
     },
     rivals: &[EffectId::JunctionLeak, EffectId::ThresholdAsymmetry],

@@ -23,8 +23,10 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     },
     act: |values, _, view| {
         let (white, order, floor) = (values[0], values[1], values[2]);
+        let step_s = view.step_s();
         for _ in 0..(order.round() as usize).clamp(1, 2) {
-            filter(view, |intensity| white * (intensity + floor));
+            let hz = |level: f32| white * (f64::from(level.exp()) + floor);
+            filter(view, |level| Pole::new(hz(level), step_s));
         }
     },
     rivals: &[
@@ -43,10 +45,26 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     ..PLAIN
 };
 
-/// Passes the signal through a first-order low-pass whose cutoff, in hertz, depends on intensity
-/// over white. Between instants the light is straight, which is met exactly.
-pub(super) fn filter(view: &mut View<'_>, cutoff_hz: impl Fn(f64) -> f64) {
-    let h = view.step_s();
+/// A first-order low-pass on its way from one instant to the next.
+#[derive(Clone, Copy)]
+pub(super) struct Pole {
+    /// Its time constant, instants.
+    tau: f64,
+    /// What is left of a departure an instant later.
+    kept: f64,
+}
+
+impl Pole {
+    pub(super) fn new(cutoff_hz: f64, step_s: f64) -> Self {
+        let per_step = TAU * cutoff_hz.max(1e-3) * step_s;
+        // A signal is known to single precision; so is its exponential.
+        Self { tau: per_step.recip(), kept: f64::from((-per_step as f32).exp()) }
+    }
+}
+
+/// Passes the signal through a low-pass that goes by log intensity over white. Between instants the light is
+/// straight, which is met exactly.
+pub(super) fn filter(view: &mut View<'_>, pole: impl Fn(f32) -> Pole) {
     let level = &view.pixel.light;
     let mut state: Option<(f64, f64)> = None;
     for (signal, level) in view.signal.iter_mut().zip(level) {
@@ -58,9 +76,9 @@ pub(super) fn filter(view: &mut View<'_>, cutoff_hz: impl Fn(f64) -> f64) {
         let y = match state {
             None => x,
             Some((y, before)) => {
-                let tau = 1.0 / (TAU * cutoff_hz(f64::from(*level).exp()).max(1e-3));
-                let lag = (x - before) / h * tau;
-                x - lag + (y - before + lag) * (-h / tau).exp()
+                let Pole { tau, kept } = pole(*level);
+                let lag = (x - before) * tau;
+                x - lag + (y - before + lag) * kept
             }
         };
         state = Some((y, x));
