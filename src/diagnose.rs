@@ -39,6 +39,7 @@ mod places;
 mod placing;
 mod polish;
 mod propose;
+mod prune;
 mod region;
 mod scan;
 mod score;

@@ -4,7 +4,8 @@ use super::check::{Structure, structure};
 use super::constancy::strengths;
 use super::fit::Fitted;
 use super::naming::{Standing, at_an_end, inconstant, standing};
-use super::select::{Taken, refit_with};
+use super::prune::refit_with;
+use super::select::Taken;
 use super::{Evidence, Suspect, null};
 
 /// A model of which every effect may be named, and what may not.

@@ -37,6 +37,9 @@ const SAME_OFFSET_US: f64 = 50.0;
 /// Share of a nuisance's range within which it stands at an end.
 const AT_THE_END: f64 = 1e-6;
 
+/// And within which it is held back there: a search stops short of an end.
+const HELD_BACK: f64 = 0.02;
+
 /// Effects that are fitted on few pixels, behind a first step.
 const PROMISING: usize = 8;
 
@@ -78,7 +81,19 @@ impl Tried {
         let begun = fit(evidence, start, LAST_STEPS, 1e-5);
         let fitted =
             polished_off_the_ends(evidence, fresh.into_iter().fold(begun, Fitted::or_better));
-        Self { fitted: settled(evidence, model, fitted), ..self }.against(evidence, model)
+        let fitted = settled(evidence, model, fitted);
+        Self { fitted, is_whole: true, ..self }.against(evidence, model)
+    }
+
+    /// Whether the effect frees a nuisance of which `model`, without it, has as much as is ordinary: it may ask for
+    /// more, and be none of the model's nuisances but a finding.
+    pub(super) fn is_held_back(&self, model: &Hypothesis) -> bool {
+        let effect = self.fitted.hypothesis.effects.last();
+        effect.into_iter().flat_map(|effect| effect.frees).any(|freed| {
+            let (value, [low, high]) = (model.nuisance(freed.nuisance), freed.range);
+            let goes_on = low < value && value < high;
+            goes_on && value != 0.0 && model.is_at_end(freed.nuisance as usize, HELD_BACK)
+        })
     }
 
     /// The same fit measured against a better model without the effect. A first fit on some of the

@@ -8,10 +8,9 @@ use super::fit::{Fitted, each_as_it_is, fit, improved};
 use super::halves::halves;
 use super::heat::{HeatMap, heat_maps};
 use super::judge::{Judge, Judged};
-use super::naming::{is_vague, strength_aside};
 use super::polish::{fitted_and_polished, polished};
-use super::region::gain_of;
-use super::scan::{Gain, LAST_STEPS, Tried, best_first, scan};
+use super::prune::{leave_out_below, leave_out_vague, prune};
+use super::scan::{Gain, Tried, best_first, scan};
 use super::score::{LEAST_ERRORS, LEAST_GAIN, Part, is_enough};
 use super::stated::{Departure, as_effects};
 use super::{Diagnosis, Evidence, Hypothesis, Nuisance, NullReport, Options, Rival, Suspect, null};
@@ -21,16 +20,16 @@ use crate::geometry::Rectangle;
 /// A rival that buys this share of what the best does is fitted to the end before one is taken.
 const NEAR: f64 = 0.4;
 
+/// Less than this, nats an event, is not much for the best to buy.
+const MUCH: f64 = 0.1;
+
 /// Rivals, the best included, that are.
 const MOST_RIVALS: usize = 3;
 
 /// An effect that buys more than this, nats an event, and so many of its standard errors, and is not named
 /// for want of more, is suspected.
-const UNSURE_GAIN: f64 = 0.06;
+pub(super) const UNSURE_GAIN: f64 = 0.06;
 const UNSURE_ERRORS: f64 = 3.0;
-
-/// Steps of a fit beside a strength that is held aside.
-const STEPS_ASIDE: usize = 12;
 
 /// Steps from what a coarse score finds to what the fine one does, which is near.
 const FINE_STEPS: usize = 12;
@@ -82,7 +81,7 @@ pub fn diagnose(
     let (mut baseline, model, taken, unsure) =
         take_all(evidence, &few, baseline, max_effects, progress);
     let (model, taken) = prune(evidence, &baseline, model, taken);
-    let (model, taken) = leave_out_vague(evidence, &baseline, model, taken);
+    let (model, taken, vague) = leave_out_vague(evidence, &baseline, model, taken);
     // What is made of either from here on is fine as well.
     baseline.hypothesis.is_fine = true;
     let model = refined(evidence, model);
@@ -104,7 +103,7 @@ pub fn diagnose(
         seed: options.seed,
     };
     let Judged { model, taken, standing, after, mut suspects } = judge.judged(model, taken);
-    suspects.extend(unsure);
+    suspects.extend(vague.into_iter().chain(unsure));
     let null = NullReport {
         n: options.n_null,
         greatest_gains: gains,
@@ -219,18 +218,23 @@ fn suspected(gain: Gain) -> Option<Suspect> {
 }
 
 /// Finishes the fits of those that come near to the best, the best among them: a pole and a late clock,
-/// half fitted, may stand in the wrong order.
+/// half fitted, may stand in the wrong order. So may, however little it buys so far, one that physics knows for the
+/// best one's rival, and where nothing buys much one of whose nuisance there is as much as is ordinary: a leak
+/// that an all but ideal camera tells finely is behind a ridge until then.
 fn polish_rivals(
     evidence: &Evidence,
     model: &Fitted,
     tried: &mut Vec<Tried>,
     progress: &mut dyn FnMut(&str),
 ) {
-    let Some(best) = tried.first().map(|tried| tried.gain.held_out) else { return };
-    if best < LEAST_GAIN {
-        return;
-    }
-    let near = |tried: &Tried| tried.is_whole && tried.gain.held_out > NEAR * best;
+    let Some(first) = tried.first() else { return };
+    let best = first.gain.held_out;
+    let known = first.fitted.hypothesis.effects.last().map_or(&[][..], |effect| effect.rivals);
+    let near = |tried: &Tried| {
+        let is_rival = tried.gain.held_out > NEAR * best || known.contains(&tried.gain.id);
+        (tried.is_whole && best >= LEAST_GAIN && is_rival)
+            || (best < MUCH && tried.is_held_back(&model.hypothesis))
+    };
     let (rivals, rest): (Vec<Tried>, Vec<Tried>) = tried.drain(..).partition(near);
     let n_finished = rivals.len().min(MOST_RIVALS);
     tried.extend(rivals.into_iter().enumerate().map(|(i, rival)| {
@@ -283,79 +287,6 @@ fn equals(tried: &[Tried]) -> Vec<crate::effect_id::EffectId> {
     tried.iter().skip(1).filter(|t| t.is_whole).filter(close).map(|t| t.gain.id).collect()
 }
 
-/// Leaves out what has become idle: an effect that was taken early and that later ones replace.
-fn prune(
-    evidence: &Evidence,
-    baseline: &Fitted,
-    mut model: Fitted,
-    mut taken: Vec<Taken>,
-) -> (Fitted, Vec<Taken>) {
-    let mut index = 0;
-    while taken.len() > 1 && index < taken.len() {
-        let rest: Vec<usize> = (0..taken.len()).filter(|&i| i != index).collect();
-        let without = refit_with(evidence, baseline, &model, &rest);
-        let (loss, error) = gain_of(evidence, &model, index, &without);
-        if !is_enough(loss, error) {
-            taken.remove(index);
-            model = without;
-        } else {
-            index += 1;
-        }
-    }
-    (model, taken)
-}
-
-/// Leaves out effects that buy something at any strength, the last taken first. A model that names
-/// something comes back with its errors.
-fn leave_out_vague(
-    evidence: &Evidence,
-    baseline: &Fitted,
-    mut model: Fitted,
-    mut taken: Vec<Taken>,
-) -> (Fitted, Vec<Taken>) {
-    while !taken.is_empty() {
-        let known = with_errors(evidence, model.clone());
-        let fits_anywhere =
-            |&index: &usize| is_vague(&known, index) && !tells_strength(evidence, &known, index);
-        let Some(vague) = (0..taken.len()).rev().find(fits_anywhere) else {
-            return (known, taken);
-        };
-        let rest: Vec<usize> = (0..taken.len()).filter(|&index| index != vague).collect();
-        model = refit_with(evidence, baseline, &model, &rest);
-        taken.remove(vague);
-    }
-    (model, taken)
-}
-
-/// Leaves out, from the last taken on, what buys less than `bar`, nats an event.
-fn leave_out_below(
-    evidence: &Evidence,
-    baseline: &Fitted,
-    mut model: Fitted,
-    mut taken: Vec<Taken>,
-    bar: f64,
-) -> (Fitted, Vec<Taken>) {
-    while taken.last().is_some_and(|last| last.gain < bar) {
-        taken.pop();
-        let kept: Vec<usize> = (0..taken.len()).collect();
-        model = refit_with(evidence, baseline, &model, &kept);
-    }
-    (model, taken)
-}
-
-/// Whether the recording is foretold worse with an effect much weaker and with it much stronger, all else
-/// fitted anew. Errors claim less where a likelihood as sharp as an ideal camera's makes the curvature
-/// between two values a matter of chance.
-fn tells_strength(evidence: &Evidence, model: &Fitted, index: usize) -> bool {
-    strength_aside(&model.hypothesis, index).is_some_and(|aside| {
-        aside.into_iter().all(|hypothesis| {
-            let there = fit(evidence, hypothesis, STEPS_ASIDE, 1e-4);
-            let (loss, error) = model.cells.gain(&there.cells, Part::HeldOut);
-            is_enough(loss, error)
-        })
-    })
-}
-
 /// A model found by the coarse score of pixels whose thresholds are their own, by the fine one.
 fn refined(evidence: &Evidence, mut model: Fitted) -> Fitted {
     model.hypothesis.is_fine = true;
@@ -363,20 +294,4 @@ fn refined(evidence: &Evidence, mut model: Fitted) -> Fitted {
         return model;
     }
     with_errors(evidence, polished(evidence, fit(evidence, model.hypothesis, FINE_STEPS, 1e-4)))
-}
-
-/// The model with only some of its effects.
-pub(super) fn refit_with(
-    evidence: &Evidence,
-    baseline: &Fitted,
-    model: &Fitted,
-    kept: &[usize],
-) -> Fitted {
-    let mut hypothesis = baseline.hypothesis.clone();
-    for &index in kept {
-        let effect = model.hypothesis.effects[index];
-        let start = model.hypothesis.fitted_values(index);
-        hypothesis = hypothesis.with_in(effect, &start, model.hypothesis.regions[index]);
-    }
-    fitted_and_polished(evidence, hypothesis, LAST_STEPS)
 }

@@ -1,0 +1,115 @@
+//! What is left out of a model again: what later effects replace, what fits at any strength, what buys too little.
+
+use super::errors::with_errors;
+use super::fit::{Fitted, fit};
+use super::naming::{is_vague, strength_aside};
+use super::polish::fitted_and_polished;
+use super::region::gain_of;
+use super::scan::LAST_STEPS;
+use super::score::{Part, is_enough};
+use super::select::{Taken, UNSURE_GAIN};
+use super::{Evidence, Suspect};
+
+/// So much, nats an event, is bought by nothing that only stands in for something else and leaves no structure.
+const VERY_MUCH: f64 = 0.5;
+
+/// Steps of a fit beside a strength that is held aside.
+const STEPS_ASIDE: usize = 12;
+
+/// Leaves out what has become idle: an effect that was taken early and that later ones replace.
+pub(super) fn prune(
+    evidence: &Evidence,
+    baseline: &Fitted,
+    mut model: Fitted,
+    mut taken: Vec<Taken>,
+) -> (Fitted, Vec<Taken>) {
+    let mut index = 0;
+    while taken.len() > 1 && index < taken.len() {
+        let rest: Vec<usize> = (0..taken.len()).filter(|&i| i != index).collect();
+        let without = refit_with(evidence, baseline, &model, &rest);
+        let (loss, error) = gain_of(evidence, &model, index, &without);
+        if !is_enough(loss, error) {
+            taken.remove(index);
+            model = without;
+        } else {
+            index += 1;
+        }
+    }
+    (model, taken)
+}
+
+/// Leaves out effects that buy something at any strength, the last taken first, and suspects those that buy much. A model that
+/// names something comes back with its errors. What buys very much is left to what is judged by its structure.
+pub(super) fn leave_out_vague(
+    evidence: &Evidence,
+    baseline: &Fitted,
+    mut model: Fitted,
+    mut taken: Vec<Taken>,
+) -> (Fitted, Vec<Taken>, Vec<Suspect>) {
+    let mut left_out = Vec::new();
+    while !taken.is_empty() {
+        let known = with_errors(evidence, model.clone());
+        let fits_anywhere = |&index: &usize| {
+            taken[index].gain < VERY_MUCH
+                && is_vague(&known, index)
+                && !tells_strength(evidence, &known, index)
+        };
+        let Some(vague) = (0..taken.len()).rev().find(fits_anywhere) else {
+            return (known, taken, left_out);
+        };
+        let rest: Vec<usize> = (0..taken.len()).filter(|&index| index != vague).collect();
+        let gain = taken.remove(vague).gain;
+        left_out.extend((gain > UNSURE_GAIN).then(|| Suspect {
+            id: model.hypothesis.effects[vague].id,
+            heldout_gain_nats_per_event: gain,
+            because: "a third of its strength or three times as much fits about as well".into(),
+        }));
+        model = refit_with(evidence, baseline, &model, &rest);
+    }
+    (model, taken, left_out)
+}
+
+/// Leaves out, from the last taken on, what buys less than `bar`, nats an event.
+pub(super) fn leave_out_below(
+    evidence: &Evidence,
+    baseline: &Fitted,
+    mut model: Fitted,
+    mut taken: Vec<Taken>,
+    bar: f64,
+) -> (Fitted, Vec<Taken>) {
+    while taken.last().is_some_and(|last| last.gain < bar) {
+        taken.pop();
+        let kept: Vec<usize> = (0..taken.len()).collect();
+        model = refit_with(evidence, baseline, &model, &kept);
+    }
+    (model, taken)
+}
+
+/// Whether the recording is foretold worse with an effect much weaker and with it much stronger, all else
+/// fitted anew. Errors claim less where a likelihood as sharp as an ideal camera's makes the curvature
+/// between two values a matter of chance.
+fn tells_strength(evidence: &Evidence, model: &Fitted, index: usize) -> bool {
+    strength_aside(&model.hypothesis, index).is_some_and(|aside| {
+        aside.into_iter().all(|hypothesis| {
+            let there = fit(evidence, hypothesis, STEPS_ASIDE, 1e-4);
+            let (loss, error) = model.cells.gain(&there.cells, Part::HeldOut);
+            is_enough(loss, error)
+        })
+    })
+}
+
+/// The model with only some of its effects.
+pub(super) fn refit_with(
+    evidence: &Evidence,
+    baseline: &Fitted,
+    model: &Fitted,
+    kept: &[usize],
+) -> Fitted {
+    let mut hypothesis = baseline.hypothesis.clone();
+    for &index in kept {
+        let effect = model.hypothesis.effects[index];
+        let start = model.hypothesis.fitted_values(index);
+        hypothesis = hypothesis.with_in(effect, &start, model.hypothesis.regions[index]);
+    }
+    fitted_and_polished(evidence, hypothesis, LAST_STEPS)
+}
