@@ -38,8 +38,9 @@ pub(super) fn prune(
     (model, taken)
 }
 
-/// Leaves out effects that buy something at any strength, the last taken first, and suspects those that buy much. A model that
-/// names something comes back with its errors. What buys very much is left to what is judged by its structure.
+/// Leaves out effects that buy something at any strength, the last taken first, and suspects those that buy much.
+/// A model that names something comes back with its errors. What buys very much is left to the judgement by
+/// structure.
 pub(super) fn leave_out_vague(
     evidence: &Evidence,
     baseline: &Fitted,
