@@ -101,7 +101,7 @@ fn facts(diagnosis: &Diagnosis) -> Vec<Fact> {
     let ceiling_is = scores.ceiling_is.replace('_', " ");
     let mut facts = vec![
         Fact::new("held-out score of the baseline", significant(scores.baseline, 4)),
-        Fact::new("with the named effects", significant(scores.r#final, 4)),
+        Fact::new("of the final model", significant(scores.r#final, 4)),
         Fact::new(&format!("ceiling ({ceiling_is})"), significant(scores.ceiling, 4)),
     ];
     if let Some(share) = diagnosis.share_removed() {
@@ -109,7 +109,7 @@ fn facts(diagnosis: &Diagnosis) -> Vec<Fact> {
         facts.push(Fact::new("share of the excess removed", value));
     }
     let bar = format!(
-        "{} nats an event, from {} recordings drawn from the fitted model",
+        "{} nats an event; recordings drawn from the fitted model: {}",
         significant(diagnosis.null.bar_nats_per_event, 2),
         diagnosis.null.n
     );
