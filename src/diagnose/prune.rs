@@ -1,5 +1,6 @@
 //! What is left out of a model again: what later effects replace, what fits at any strength, what buys too little.
 
+use super::Evidence;
 use super::errors::with_errors;
 use super::fit::{Fitted, fit};
 use super::naming::{is_vague, strength_aside};
@@ -7,8 +8,7 @@ use super::polish::fitted_and_polished;
 use super::region::gain_of;
 use super::scan::LAST_STEPS;
 use super::score::{Part, is_enough};
-use super::select::{Taken, UNSURE_GAIN};
-use super::{Evidence, Suspect};
+use super::select::Taken;
 
 /// So much, nats an event, is bought by nothing that only stands in for something else and leaves no structure.
 const VERY_MUCH: f64 = 0.5;
@@ -38,16 +38,14 @@ pub(super) fn prune(
     (model, taken)
 }
 
-/// Leaves out effects that buy something at any strength, the last taken first, and suspects those that buy much.
-/// A model that names something comes back with its errors. What buys very much is left to the judgement by
-/// structure.
+/// Leaves out effects that buy something at any strength, the last taken first. A model that names something comes
+/// back with its errors. What buys very much is left to the judgement by structure.
 pub(super) fn leave_out_vague(
     evidence: &Evidence,
     baseline: &Fitted,
     mut model: Fitted,
     mut taken: Vec<Taken>,
-) -> (Fitted, Vec<Taken>, Vec<Suspect>) {
-    let mut left_out = Vec::new();
+) -> (Fitted, Vec<Taken>) {
     while !taken.is_empty() {
         let known = with_errors(evidence, model.clone());
         let fits_anywhere = |&index: &usize| {
@@ -56,18 +54,13 @@ pub(super) fn leave_out_vague(
                 && !tells_strength(evidence, &known, index)
         };
         let Some(vague) = (0..taken.len()).rev().find(fits_anywhere) else {
-            return (known, taken, left_out);
+            return (known, taken);
         };
         let rest: Vec<usize> = (0..taken.len()).filter(|&index| index != vague).collect();
-        let gain = taken.remove(vague).gain;
-        left_out.extend((gain > UNSURE_GAIN).then(|| Suspect {
-            id: model.hypothesis.effects[vague].id,
-            heldout_gain_nats_per_event: gain,
-            because: "a third of its strength or three times as much fits about as well".into(),
-        }));
         model = refit_with(evidence, baseline, &model, &rest);
+        taken.remove(vague);
     }
-    (model, taken, left_out)
+    (model, taken)
 }
 
 /// Leaves out, from the last taken on, what buys less than `bar`, nats an event.

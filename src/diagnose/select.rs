@@ -28,7 +28,7 @@ const MOST_RIVALS: usize = 3;
 
 /// An effect that buys more than this, nats an event, and so many of its standard errors, and is not named
 /// for want of more, is suspected.
-pub(super) const UNSURE_GAIN: f64 = 0.06;
+const UNSURE_GAIN: f64 = 0.06;
 const UNSURE_ERRORS: f64 = 3.0;
 
 /// Steps from what a coarse score finds to what the fine one does, which is near.
@@ -81,7 +81,7 @@ pub fn diagnose(
     let (mut baseline, model, taken, unsure) =
         take_all(evidence, &few, baseline, max_effects, progress);
     let (model, taken) = prune(evidence, &baseline, model, taken);
-    let (model, taken, vague) = leave_out_vague(evidence, &baseline, model, taken);
+    let (model, taken) = leave_out_vague(evidence, &baseline, model, taken);
     // What is made of either from here on is fine as well.
     baseline.hypothesis.is_fine = true;
     let model = refined(evidence, model);
@@ -103,7 +103,7 @@ pub fn diagnose(
         seed: options.seed,
     };
     let Judged { model, taken, standing, after, mut suspects } = judge.judged(model, taken);
-    suspects.extend(vague.into_iter().chain(unsure));
+    suspects.extend(unsure);
     let null = NullReport {
         n: options.n_null,
         greatest_gains: gains,
