@@ -230,7 +230,7 @@ pub(super) fn off_the_ends(hypothesis: &Hypothesis) -> Vec<Hypothesis> {
 }
 
 /// Whether a nuisance has as much as an ordinary recording may have of it.
-fn is_full(hypothesis: &Hypothesis, nuisance: Nuisance) -> bool {
+pub(super) fn is_full(hypothesis: &Hypothesis, nuisance: Nuisance) -> bool {
     let at = nuisance as usize;
     let [low, high] = hypothesis.ranges[at];
     // None of it is an end too, and says nothing.

@@ -3,7 +3,7 @@
 use super::candidate::{Candidate, LIBRARY};
 use super::census;
 use super::fit::{Fitted, as_it_is, each_as_it_is, fit, improved};
-use super::polish::polished_off_the_ends;
+use super::polish::{is_full, polished_off_the_ends};
 use super::region::{begun_in_a_part, gain_of, settled};
 use super::score::Part;
 use super::{CannotJudge, Evidence, Hypothesis, Nuisance};
@@ -36,9 +36,6 @@ const SAME_OFFSET_US: f64 = 50.0;
 
 /// Share of a nuisance's range within which it stands at an end.
 const AT_THE_END: f64 = 1e-6;
-
-/// And within which it is held back there: a search stops short of an end.
-const HELD_BACK: f64 = 0.02;
 
 /// Effects that are fitted on few pixels, behind a first step.
 const PROMISING: usize = 8;
@@ -91,8 +88,7 @@ impl Tried {
         let effect = self.fitted.hypothesis.effects.last();
         effect.into_iter().flat_map(|effect| effect.frees).any(|freed| {
             let (value, [low, high]) = (model.nuisance(freed.nuisance), freed.range);
-            let goes_on = low < value && value < high;
-            goes_on && value != 0.0 && model.is_at_end(freed.nuisance as usize, HELD_BACK)
+            is_full(model, freed.nuisance) && low < value && value < high
         })
     }
 
