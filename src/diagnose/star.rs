@@ -209,8 +209,25 @@ impl<'a> About<'a> {
         minus.iter().all(|m| m.is_finite()).then_some(minus)
     }
 
+    /// What is mixed of it, nothing on the diagonal, as far as it stands out of the small steps along both directions:
+    /// they alone would let a rough one, whose slopes scatter by hundreds of nats, into the error of every other.
+    pub(super) fn told_mixed(&self, directions: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let heights = self.heights(directions);
+        let mut minus = self.mixed(directions)?;
+        for i in 0..minus.nrows() {
+            for j in 0..i {
+                // Four corners, of each a quarter: two of its standard deviations.
+                let height = heights[i].hypot(heights[j]);
+                let told = standing_out(minus[(i, j)], height);
+                minus[(i, j)] = told;
+                minus[(j, i)] = told;
+            }
+        }
+        Some(minus)
+    }
+
     /// Only what is mixed of it: nothing on the diagonal.
-    pub(super) fn mixed(&self, directions: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    fn mixed(&self, directions: &DMatrix<f64>) -> Option<DMatrix<f64>> {
         let p = self.free.len();
         let pairs: Vec<(usize, usize)> = (0..p).flat_map(|i| (0..i).map(move |j| (i, j))).collect();
         let corners = |&(i, j): &(usize, usize)| {
@@ -226,6 +243,11 @@ impl<'a> About<'a> {
         }
         minus.iter().all(|m| m.is_finite()).then_some(minus)
     }
+}
+
+/// A value that is known to so much, without the part of its square that this makes.
+fn standing_out(value: f64, known_to: f64) -> f64 {
+    if value.abs() <= known_to { 0.0 } else { value - known_to * known_to / value }
 }
 
 /// A point so far along some of `p` directions.
@@ -317,6 +339,15 @@ impl Four {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_chance_may_have_made_is_not_told() {
+        assert_eq!([-3.0, 0.0, 2.9, 3.0].map(|value| standing_out(value, 3.0)), [0.0; 4]);
+        // A square of 100 is 9 of chance and 91 of something else.
+        assert!((standing_out(-10.0, 3.0) + 9.1).abs() < 1e-12);
+        assert_eq!(standing_out(0.5, 0.0), 0.5, "no steps, nothing taken off");
+        assert_eq!(standing_out(0.0, 0.0), 0.0);
+    }
 
     #[test]
     fn one_direction_that_jumps_does_not_blur_the_others() {

@@ -85,7 +85,7 @@ impl Summit {
         let star = star.select_columns(&told).select_rows(&told);
         let about = about.of_some(&told, &free);
         let directions = about.long_enough(unmixed(&about, &star)?);
-        let minus = about.mixed(&directions)?;
+        let minus = about.told_mixed(&directions)?;
         let four = Four::of(evidence, &held.hypothesis, &free, &directions);
         let falls = about.falls;
         Self { free, untold, directions, minus, falls, ..Self::default() }.with(&four)
