@@ -27,33 +27,38 @@ pub(super) fn prune(
 ) -> (Fitted, Vec<Taken>) {
     let mut index = 0;
     while taken.len() > 1 && index < taken.len() {
-        let rest: Vec<usize> = (0..taken.len()).filter(|&i| i != index).collect();
-        if is_missed(few, baseline, &model, index, &rest) {
-            index += 1;
-            continue;
-        }
-        let without = refit_with(evidence, baseline, &model, &rest);
-        let (loss, error) = gain_of(evidence, &model, index, &without);
-        if !is_enough(loss, error) {
-            taken.remove(index);
-            model = without;
-        } else {
-            index += 1;
+        match without_idle(evidence, few, baseline, &model, index) {
+            Some(without) => {
+                taken.remove(index);
+                model = without;
+            }
+            None => index += 1,
         }
     }
     (model, taken)
 }
 
-/// Whether these pixels are foretold worse without an effect, fitted anew to them alone, by twice what a name takes.
-fn is_missed(
+/// The model without an effect, where that is not missed.
+fn without_idle(
+    evidence: &Evidence,
     few: &Evidence,
     baseline: &Fitted,
     model: &Fitted,
     index: usize,
-    rest: &[usize],
-) -> bool {
+) -> Option<Fitted> {
+    if is_missed(few, baseline, model, index) {
+        return None;
+    }
+    let without = refit_without(evidence, baseline, model, index);
+    let (loss, error) = gain_of(evidence, model, index, &without);
+    (!is_enough(loss, error)).then_some(without)
+}
+
+/// Whether these pixels are foretold worse without an effect, fitted anew to them alone, by twice what a name takes.
+fn is_missed(few: &Evidence, baseline: &Fitted, model: &Fitted, index: usize) -> bool {
     let here = as_it_is(few, model.hypothesis.clone());
-    let (loss, error) = gain_of(few, &here, index, &refit_with(few, baseline, model, rest));
+    let without = refit_without(few, baseline, model, index);
+    let (loss, error) = gain_of(few, &here, index, &without);
     is_enough(0.5 * loss, error)
 }
 
@@ -75,8 +80,7 @@ pub(super) fn leave_out_vague(
         let Some(vague) = (0..taken.len()).rev().find(fits_anywhere) else {
             return (known, taken);
         };
-        let rest: Vec<usize> = (0..taken.len()).filter(|&index| index != vague).collect();
-        model = refit_with(evidence, baseline, &model, &rest);
+        model = refit_without(evidence, baseline, &model, vague);
         taken.remove(vague);
     }
     (model, taken)
@@ -92,8 +96,7 @@ pub(super) fn leave_out_below(
 ) -> (Fitted, Vec<Taken>) {
     while taken.last().is_some_and(|last| last.gain < bar) {
         taken.pop();
-        let kept: Vec<usize> = (0..taken.len()).collect();
-        model = refit_with(evidence, baseline, &model, &kept);
+        model = refit_without(evidence, baseline, &model, taken.len());
     }
     (model, taken)
 }
@@ -109,6 +112,13 @@ fn tells_strength(evidence: &Evidence, model: &Fitted, index: usize) -> bool {
             is_enough(loss, error)
         })
     })
+}
+
+/// The model without one of its effects.
+fn refit_without(evidence: &Evidence, baseline: &Fitted, model: &Fitted, index: usize) -> Fitted {
+    let all = 0..model.hypothesis.effects.len();
+    let rest: Vec<usize> = all.filter(|&other| other != index).collect();
+    refit_with(evidence, baseline, model, &rest)
 }
 
 /// The model with only some of its effects.

@@ -212,18 +212,11 @@ impl<'a> About<'a> {
     /// What is mixed of it, nothing on the diagonal, as far as it stands out of the small steps along both directions:
     /// they alone would let a rough one, whose slopes scatter by hundreds of nats, into the error of every other.
     pub(super) fn told_mixed(&self, directions: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-        let heights = self.heights(directions);
-        let mut minus = self.mixed(directions)?;
-        for i in 0..minus.nrows() {
-            for j in 0..i {
-                // Four corners, of each a quarter: two of its standard deviations.
-                let height = heights[i].hypot(heights[j]);
-                let told = standing_out(minus[(i, j)], height);
-                minus[(i, j)] = told;
-                minus[(j, i)] = told;
-            }
-        }
-        Some(minus)
+        let (minus, heights) = (self.mixed(directions)?, self.heights(directions));
+        // Four corners, of each a quarter: that is two of its standard deviations.
+        let known_to = |i: usize, j: usize| heights[i].hypot(heights[j]);
+        let told = |i, j| standing_out(minus[(i, j)], known_to(i, j));
+        Some(DMatrix::from_fn(minus.nrows(), minus.ncols(), told))
     }
 
     /// Only what is mixed of it: nothing on the diagonal.
