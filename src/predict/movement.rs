@@ -17,13 +17,13 @@ const NARROW: f64 = 0.1;
 pub(super) struct Corner {
     /// Change of the signal.
     change: f64,
-    /// Integral of the law's hazard up to there, On and Off, where a passage needed it.
-    risen: [Option<f64>; 2],
+    /// Integral of the law's hazard up to there, On and Off; not a number where no passage needed it.
+    risen: [f64; 2],
 }
 
 impl Corner {
     pub(super) fn at(change: f64) -> Self {
-        Self { change, risen: [None; 2] }
+        Self { change, risen: [f64::NAN; 2] }
     }
 }
 
@@ -126,7 +126,24 @@ impl Movement {
 
     /// Adds what a straight passage to `change` spends, On and Off, while the noise does `share` of what
     /// it can, and gives where it ends.
+    #[inline]
     pub(super) fn pass(
+        &self,
+        from: Corner,
+        change: f64,
+        passage: [f64; 2],
+        spent: &mut [f64; 2],
+    ) -> Corner {
+        let furthest = [from.change.max(change), -from.change.min(change)];
+        // Most of a silence is too far from either threshold.
+        if passage[0] > 0.0 && self.is_within_reach(furthest) {
+            self.pass_near(from, change, passage, spent)
+        } else {
+            Corner::at(change)
+        }
+    }
+
+    fn pass_near(
         &self,
         from: Corner,
         change: f64,
@@ -134,9 +151,6 @@ impl Movement {
         spent: &mut [f64; 2],
     ) -> Corner {
         let mut to = Corner::at(change);
-        if seconds <= 0.0 {
-            return to;
-        }
         let tail = self.tail;
         let speed = (change - from.change) / seconds;
         for (side, spent) in spent.iter_mut().enumerate() {
@@ -149,8 +163,9 @@ impl Movement {
                     tail.hazard(0.5 * (begin + end))
                 } else {
                     let risen = tail.spent(end);
-                    to.risen[side] = Some(risen);
-                    (risen - from.risen[side].unwrap_or_else(|| tail.spent(begin))) / width
+                    to.risen[side] = risen;
+                    let known = from.risen[side];
+                    (risen - if known.is_nan() { tail.spent(begin) } else { known }) / width
                 };
                 let upward = tail.upward(towards * speed, self.own, share);
                 *spent += upward * seconds * self.per_noise * mean;

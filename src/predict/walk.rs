@@ -122,19 +122,21 @@ impl Step {
         let law = course.law;
         let alike = ALIKE * law.shot_at_white;
         let (mut at, mut before) = from;
+        let mut open: Option<Self> = None;
         for (position, height) in passages {
             let behind = [at, position].map(|p| (course.time_us(p) - fired_us) * 1e-6);
             let seconds = (position - at) * course.step_s();
             let share = law.rested(behind);
-            match steps.last_mut().filter(|last| last.share >= 1.0) {
-                Some(last) if (height - last.from).abs() < alike => {
+            match &mut open {
+                Some(last) if last.share >= 1.0 && (height - last.from).abs() < alike => {
                     last.seconds += seconds;
                     last.height = height;
                 }
-                _ => steps.push(Self { seconds, share, from: before, height }),
+                _ => steps.extend(open.replace(Self { seconds, share, from: before, height })),
             }
             (at, before) = (position, height);
         }
+        steps.extend(open);
     }
 }
 
