@@ -10,6 +10,10 @@ use rayon::prelude::*;
 /// So many pixels stay, however many events they have.
 const LEAST_PIXELS: usize = 60;
 
+/// Light is looked at so often, microseconds, to see whether it moves, and at so many instants at most.
+const COARSE_US: u32 = 40_000;
+const MOST_COARSE: usize = 500;
+
 /// Light that changes by so many standard deviations of its own noise has not moved.
 const NOISY: f32 = 5.0;
 
@@ -110,7 +114,7 @@ fn by_restlessness(
     candidates: &[(u16, u16)],
     noisy: f32,
 ) -> Vec<(f32, (u16, u16))> {
-    let every = (40_000 / grid.step_us).max(1);
+    let every = (COARSE_US / grid.step_us).max(grid.n.div_ceil(MOST_COARSE) as u32).max(1);
     let coarse =
         TimeGrid { step_us: grid.step_us * every, n: grid.n.div_ceil(every as usize), ..grid };
     let mut all: Vec<(f32, (u16, u16))> = candidates
