@@ -194,29 +194,49 @@ pub(super) fn scan(
         *fitted = fit(few, fitted.hypothesis.clone(), FIRST_STEPS, 1e-4);
     }
     begun.sort_by(|a, b| b.1.training().total_cmp(&a.1.training()));
+    let known = here.hypothesis.pinned.is_some().then(|| of_known_kinds(evidence, model));
     let mut all: Vec<Tried> = begun
         .into_iter()
         .enumerate()
-        .map(|(rank, (candidate, mut fitted))| {
+        .map(|(rank, (candidate, fitted))| {
             let gained = fitted.training() - here.training();
-            fitted.hypothesis = fitted.hypothesis.unpinned(&model.hypothesis);
             let is_worth_it = rank < BEST && gained > WORTH_A_FIT;
-            let (fitted, against) = if is_worth_it {
+            let whole = is_worth_it.then(|| {
                 progress(candidate.id.as_str());
-                let begun = fit(evidence, fitted.hypothesis, SECOND_STEPS, 1e-4);
-                (improved(evidence, begun, CLIMBING_STEPS, CLIMBING), model)
-            } else {
-                (fitted, &here)
-            };
+                on_all(evidence, model, known.as_ref(), fitted.hypothesis.clone())
+            });
+            let whole = whole.flatten();
+            let is_whole = whole.is_some();
+            let mut fitted = whole.unwrap_or(fitted);
+            fitted.hypothesis = fitted.hypothesis.unpinned(&model.hypothesis);
+            let against = if is_whole { model } else { &here };
             let (training, _) = fitted.cells.gain(&against.cells, Part::Training);
             let last = model.hypothesis.effects.len();
             let (held_out, error) = gain_of(evidence, &fitted, last, against);
             let gain = Gain { id: candidate.id, training, held_out, error };
-            Tried { gain, fitted, is_whole: is_worth_it }
+            Tried { gain, fitted, is_whole }
         })
         .collect();
     best_first(&mut all);
     all
+}
+
+/// An effect that promised much on few pixels, fitted on all. None where it buys nothing there with pixels of unknown
+/// kind taken to be as in `known`: scoring them for all kinds is many times the work.
+fn on_all(
+    evidence: &Evidence,
+    model: &Fitted,
+    known: Option<&Fitted>,
+    mut start: Hypothesis,
+) -> Option<Fitted> {
+    if let Some(known) = known {
+        start.pinned.clone_from(&known.hypothesis.pinned);
+        let there = fit(evidence, start, SECOND_STEPS, 1e-4);
+        (there.training() - known.training() > WORTH_A_FIT).then_some(())?;
+        start = there.hypothesis;
+    }
+    let begun = fit(evidence, start.unpinned(&model.hypothesis), SECOND_STEPS, 1e-4);
+    Some(improved(evidence, begun, CLIMBING_STEPS, CLIMBING))
 }
 
 /// Sorts by what is bought on held-out cells, fits on all pixels first: what was fitted on few is none to take.
