@@ -81,10 +81,10 @@ pub fn diagnose(
     let (mut baseline, model, taken, unsure) =
         take_all(evidence, &few, baseline, max_effects, progress);
     let (model, taken) = prune(evidence, &few, &baseline, model, taken);
-    let (model, taken) = leave_out_vague(evidence, &baseline, model, taken);
     // What is made of either from here on is fine as well.
     baseline.hypothesis.is_fine = true;
     let model = refined(evidence, model);
+    let (model, taken) = leave_out_vague(evidence, &baseline, model, taken);
     progress("null");
     let null::Drawn { gains, structures } =
         null::drawn(evidence, &few, &model, options.n_null, options.seed, progress);
@@ -293,5 +293,5 @@ fn refined(evidence: &Evidence, mut model: Fitted) -> Fitted {
     if !model.hypothesis.kinds().is_even() {
         return model;
     }
-    with_errors(evidence, polished(evidence, fit(evidence, model.hypothesis, FINE_STEPS, 1e-4)))
+    polished(evidence, fit(evidence, model.hypothesis, FINE_STEPS, 1e-4))
 }

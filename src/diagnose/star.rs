@@ -5,6 +5,7 @@ use super::score::{Part, cells_of_each};
 use super::{Evidence, Hypothesis};
 use crate::stats::upper_median;
 use nalgebra::{DMatrix, DVector};
+use std::ops::Range;
 
 /// Nats by which the log-likelihood of the training cells falls along a direction, about: at the least, in units of
 /// its small steps, which pass for curvature where it falls by no more than they are high, and at the most.
@@ -29,6 +30,11 @@ const TOLD_IN_STEPS: f64 = 2.0;
 /// at the most.
 const TIMES: usize = 4;
 const FACTOR: f64 = 5.0;
+
+/// One that has become no more than so many times as long is as long as it should be, and one that has changed by no
+/// more than this share of itself will not change.
+const LONG_ENOUGH: Range<f64> = 0.6..1.7;
+const NO_CHANGE: f64 = 0.01;
 
 /// How often the way to an end of a range is halved in looking for how far a value may go.
 const HALVINGS: i32 = 14;
@@ -88,7 +94,7 @@ impl<'a> About<'a> {
 
     /// Log-likelihood a whole of each direction away and a half, in the mean of the two sides.
     fn sides(&self, directions: &DMatrix<f64>) -> [Vec<f64>; 2] {
-        let p = self.free.len();
+        let p = directions.ncols();
         let ends = |far: f64| (0..p).flat_map(move |i| [far, -far].map(|by| point(p, &[(i, by)])));
         let points: Vec<DVector<f64>> = FAR.into_iter().flat_map(ends).collect();
         let means: Vec<f64> = means(&self.at(directions, &points));
@@ -183,23 +189,27 @@ impl<'a> About<'a> {
     }
 
     /// The same directions, as long as makes the log-likelihood fall by about what it is to, if there is room.
-    pub(super) fn long_enough(&self, mut directions: DMatrix<f64>) -> DMatrix<f64> {
-        let factor = |(fallen, fall): (f64, &f64)| match fallen / fall {
-            share if share > (FACTOR * FACTOR).recip() => share.sqrt().recip().max(FACTOR.recip()),
-            _ => FACTOR,
-        };
+    pub(super) fn long_enough(&self, directions: DMatrix<f64>) -> DMatrix<f64> {
+        let mut directions = self.within(directions);
+        let mut open: Vec<usize> = (0..directions.ncols()).collect();
         for _ in 0..TIMES {
+            let before = directions.clone();
+            let fallen = self.fallen(&before.select_columns(&open));
+            let factor = |(&i, fallen): (&usize, f64)| (i, longer(fallen / self.falls[i]));
+            let factors: Vec<(usize, f64)> = open.iter().zip(fallen).map(factor).collect();
+            factors.iter().for_each(|&(i, factor)| directions.column_mut(i).scale_mut(factor));
             directions = self.within(directions);
-            let fallen = self.fallen(&directions);
-            let factors: Vec<f64> = fallen.into_iter().zip(&self.falls).map(factor).collect();
-            if factors.iter().all(|f| (0.6..1.7).contains(f)) {
+            // One that was nearly right is right now, and one that fills its room stays as it is.
+            let change = |i: usize| (directions.column(i) - before.column(i)).norm();
+            let is_open = |&(i, factor): &(usize, f64)| {
+                !LONG_ENOUGH.contains(&factor) && change(i) > NO_CHANGE * before.column(i).norm()
+            };
+            open = factors.into_iter().filter(is_open).map(|(i, _)| i).collect();
+            if open.is_empty() {
                 break;
             }
-            for (mut direction, factor) in directions.column_iter_mut().zip(factors) {
-                direction *= factor;
-            }
         }
-        self.within(directions)
+        directions
     }
 
     /// Minus the second derivative along directions, in units of them.
@@ -212,7 +222,11 @@ impl<'a> About<'a> {
     /// What is mixed of it, nothing on the diagonal, as far as it stands out of the small steps along both directions:
     /// they alone would let a rough one, whose slopes scatter by hundreds of nats, into the error of every other.
     pub(super) fn told_mixed(&self, directions: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-        let (minus, heights) = (self.mixed(directions)?, self.heights(directions));
+        let minus = self.mixed(directions)?;
+        if !(0..minus.nrows()).any(|i| self.is_rough(i)) {
+            return Some(minus);
+        }
+        let heights = self.heights(directions);
         // Four corners, of each a quarter: that is two of its standard deviations.
         let known_to = |i: usize, j: usize| heights[i].hypot(heights[j]);
         let told = |i, j| standing_out(minus[(i, j)], known_to(i, j));
@@ -236,6 +250,11 @@ impl<'a> About<'a> {
         }
         minus.iter().all(|m| m.is_finite()).then_some(minus)
     }
+}
+
+/// How many times as long a direction is to be along which the log-likelihood falls by this share of what it is to.
+fn longer(share: f64) -> f64 {
+    if share * FACTOR * FACTOR > 1.0 { share.sqrt().recip().max(FACTOR.recip()) } else { FACTOR }
 }
 
 /// A value that is known to so much, without the part of its square that this makes.
@@ -340,6 +359,13 @@ mod tests {
         assert!((standing_out(-10.0, 3.0) + 9.1).abs() < 1e-12);
         assert_eq!(standing_out(0.5, 0.0), 0.5, "no steps, nothing taken off");
         assert_eq!(standing_out(0.0, 0.0), 0.0);
+    }
+
+    #[test]
+    fn a_direction_becomes_as_long_as_its_fall_asks_for_within_bounds() {
+        // The fall grows with the square of the length; what is not a number is no fall.
+        let shares = [1.0, 4.0, 0.25, 1e9, 1e-9, -3.0, f64::NAN];
+        assert_eq!(shares.map(longer), [1.0, 0.5, 2.0, 0.2, 5.0, 5.0, 5.0]);
     }
 
     #[test]

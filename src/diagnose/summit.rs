@@ -6,6 +6,7 @@
 //! it has fallen by a few nats: nearer it is rough, farther it is no parabola.
 
 use super::fit::{Fitted, as_it_is};
+use super::polish::work;
 use super::score::Part;
 use super::star::{About, Four, curvatures, moved};
 use super::{Evidence, Hypothesis};
@@ -30,8 +31,11 @@ const LEAST_OF_FALL: f64 = 0.02;
 /// Shares of the way to a top that are tried, until one leads up.
 const SHARES: [f64; 2] = [1.0, 0.3];
 
-/// Pixels on which the curvature is taken.
+/// Pixels on which the curvature is taken, and work of an evaluation, in instants of light, with which it is taken
+/// on fewer, but on so many.
 const PIXELS: usize = 160;
+const WORK: usize = 3_000_000;
+const LEAST_PIXELS: usize = 40;
 
 /// Lengths of the directions behind which they are looked for anew.
 const FAR_OFF: f64 = 1.0;
@@ -72,7 +76,7 @@ impl Summit {
     fn of(evidence: &Evidence, fitted: &Fitted) -> Option<Self> {
         let all = inside(&fitted.hypothesis);
         let held = fitted.held(evidence);
-        let few = evidence.thinned(evidence.pixels.len().div_ceil(PIXELS));
+        let few = evidence.thinned(every(evidence, &held));
         let mut about = About::of(&few, &held, &all);
         let star = about.own_directions();
         let (told, untold) = about.told(&star);
@@ -175,6 +179,14 @@ impl Summit {
         let sandwich = &root * product * root.transpose();
         (0..p).map(|i| sandwich[(i, i)].max(0.0)).collect()
     }
+}
+
+/// The curvature is taken on every so many-th pixel.
+fn every(evidence: &Evidence, fitted: &Fitted) -> usize {
+    let n = evidence.pixels.len().max(1);
+    let of_one = (work(evidence, &fitted.hypothesis) / n).max(1);
+    let wanted = (WORK / of_one).clamp(LEAST_PIXELS, PIXELS);
+    (n + wanted / 2) / wanted
 }
 
 /// Log-likelihood of the training cells.
