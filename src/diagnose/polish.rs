@@ -100,8 +100,8 @@ fn every(evidence: &Evidence, work: usize) -> usize {
     (work / FEW_WORK).min(evidence.pixels.len() / LEAST_PIXELS).max(1)
 }
 
-/// How much an evaluation is, in instants of light: pixels of several kinds are scored several times, and what a pixel may
-/// compare with is followed side by side.
+/// How much an evaluation is, in instants of light: pixels of several kinds are scored several times, and what
+/// a pixel may compare with is followed side by side.
 pub(super) fn work(evidence: &Evidence, hypothesis: &Hypothesis) -> usize {
     let of = |pixel: &PixelEvidence| pixel.light.len() + EVENT_WORK * pixel.spikes.len();
     let once: usize = evidence.pixels.iter().map(of).sum();

@@ -220,7 +220,8 @@ impl<'a> About<'a> {
     }
 
     /// What is mixed of it, nothing on the diagonal, as far as it stands out of the small steps along both directions:
-    /// they alone would let a rough one, whose slopes scatter by hundreds of nats, into the error of every other.
+    /// they alone would let a rough one, whose slopes scatter by hundreds of nats, into the error of every other. Where
+    /// no value is rough all of it counts.
     pub(super) fn told_mixed(&self, directions: &DMatrix<f64>) -> Option<DMatrix<f64>> {
         let minus = self.mixed(directions)?;
         if !(0..minus.nrows()).any(|i| self.is_rough(i)) {
