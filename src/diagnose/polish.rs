@@ -81,7 +81,7 @@ pub(super) fn fitted_and_polished(
 /// A fit gone on with where slopes have left it; never worse than it was.
 pub(super) fn polished(evidence: &Evidence, fitted: Fitted) -> Fitted {
     let work = work(evidence, &fitted.hypothesis);
-    let every = every(evidence, work);
+    let every = every(evidence, &fitted.hypothesis);
     if every < 2 {
         return searches(evidence, fitted, &STEPS, IN_VAIN, patience(work));
     }
@@ -95,14 +95,26 @@ pub(super) fn polished(evidence: &Evidence, fitted: Fitted) -> Fitted {
     searches(evidence, start, &FINE_STEPS, SETTLED_IN_VAIN, patience(work))
 }
 
-/// Every so many-th pixel is looked at where an evaluation is so much work.
-fn every(evidence: &Evidence, work: usize) -> usize {
-    (work / FEW_WORK).min(evidence.pixels.len() / LEAST_PIXELS).max(1)
+/// Every so many-th pixel is looked at.
+fn every(evidence: &Evidence, hypothesis: &Hypothesis) -> usize {
+    let wanted = pixels_for(evidence, hypothesis, FEW_WORK, [LEAST_PIXELS, usize::MAX]);
+    (evidence.pixels.len() / wanted).max(1)
+}
+
+/// How many pixels may be looked at for an evaluation to be so much work, in instants of light; within bounds.
+pub(super) fn pixels_for(
+    evidence: &Evidence,
+    hypothesis: &Hypothesis,
+    most_work: usize,
+    [least, most]: [usize; 2],
+) -> usize {
+    let of_one = work(evidence, hypothesis) / evidence.pixels.len().max(1);
+    (most_work / of_one.max(1)).clamp(least, most)
 }
 
 /// How much an evaluation is, in instants of light: pixels of several kinds are scored several times, and what
 /// a pixel may compare with is followed side by side.
-pub(super) fn work(evidence: &Evidence, hypothesis: &Hypothesis) -> usize {
+fn work(evidence: &Evidence, hypothesis: &Hypothesis) -> usize {
     let of = |pixel: &PixelEvidence| pixel.light.len() + EVENT_WORK * pixel.spikes.len();
     let once: usize = evidence.pixels.iter().map(of).sum();
     let law = |pixel| hypothesis.view(evidence, pixel, [0.0; 2], Vec::new()).law;
@@ -193,7 +205,7 @@ pub(super) fn polished_off_the_ends(evidence: &Evidence, fitted: Fitted) -> Fitt
         let elsewhere = each_as_it_is(part, off_the_ends(&fitted.hypothesis));
         elsewhere.into_iter().reduce(Fitted::or_better)
     };
-    let best = match every(evidence, work(evidence, &fitted.hypothesis)) {
+    let best = match every(evidence, &fitted.hypothesis) {
         1 => best_of(evidence),
         every => best_of(&evidence.thinned(every)).map(|best| as_it_is(evidence, best.hypothesis)),
     };

@@ -201,11 +201,12 @@ pub(super) fn scan(
         .map(|(rank, (candidate, fitted))| {
             let gained = fitted.training() - here.training();
             let is_worth_it = rank < BEST && gained > WORTH_A_FIT;
-            let whole = is_worth_it.then(|| {
+            let whole = if is_worth_it {
                 progress(candidate.id.as_str());
                 on_all(evidence, model, known.as_ref(), fitted.hypothesis.clone())
-            });
-            let whole = whole.flatten();
+            } else {
+                None
+            };
             let is_whole = whole.is_some();
             let mut fitted = whole.unwrap_or(fitted);
             fitted.hypothesis = fitted.hypothesis.unpinned(&model.hypothesis);

@@ -6,7 +6,7 @@
 //! it has fallen by a few nats: nearer it is rough, farther it is no parabola.
 
 use super::fit::{Fitted, as_it_is};
-use super::polish::work;
+use super::polish::pixels_for;
 use super::score::Part;
 use super::star::{About, Four, curvatures, moved};
 use super::{Evidence, Hypothesis};
@@ -76,7 +76,8 @@ impl Summit {
     fn of(evidence: &Evidence, fitted: &Fitted) -> Option<Self> {
         let all = inside(&fitted.hypothesis);
         let held = fitted.held(evidence);
-        let few = evidence.thinned(every(evidence, &held));
+        let wanted = pixels_for(evidence, &held.hypothesis, WORK, [LEAST_PIXELS, PIXELS]);
+        let few = evidence.thinned((evidence.pixels.len() + wanted / 2) / wanted);
         let mut about = About::of(&few, &held, &all);
         let star = about.own_directions();
         let (told, untold) = about.told(&star);
@@ -179,14 +180,6 @@ impl Summit {
         let sandwich = &root * product * root.transpose();
         (0..p).map(|i| sandwich[(i, i)].max(0.0)).collect()
     }
-}
-
-/// The curvature is taken on every so many-th pixel.
-fn every(evidence: &Evidence, fitted: &Fitted) -> usize {
-    let n = evidence.pixels.len().max(1);
-    let of_one = (work(evidence, &fitted.hypothesis) / n).max(1);
-    let wanted = (WORK / of_one).clamp(LEAST_PIXELS, PIXELS);
-    (n + wanted / 2) / wanted
 }
 
 /// Log-likelihood of the training cells.
