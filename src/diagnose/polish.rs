@@ -6,7 +6,7 @@
 //! beside it. An evolution strategy (CMA-ES, Hansen and Ostermeier, 2001) needs no slopes. It begins
 //! with the scatter that the gradients claim.
 
-use super::fit::{Fitted, as_it_is, each_as_it_is, fit, gradients, scatter};
+use super::fit::{Fitted, as_it_is, each_as_it_is, fit, gradients, improved, scatter};
 use super::{Evidence, Hypothesis, Nuisance, PixelEvidence};
 use cmaes::{CMAESOptions, DVector};
 use nalgebra::DMatrix;
@@ -16,6 +16,9 @@ use std::cell::RefCell;
 /// see the whole sensor. On all of them the search then only has to settle.
 const FEW_WORK: usize = 300_000;
 const LEAST_PIXELS: usize = 30;
+
+/// Steps with all pixels behind a way that was gone with a few.
+const LAST_STEPS: usize = 6;
 
 /// An event is as much work as so many instants of light.
 const EVENT_WORK: usize = 30;
@@ -75,7 +78,24 @@ pub(super) fn fitted_and_polished(
     start: Hypothesis,
     n_steps: usize,
 ) -> Fitted {
-    polished(evidence, fit(evidence, start, n_steps, 1e-5))
+    polished(evidence, fitted(evidence, start, n_steps, 1e-5))
+}
+
+/// A hypothesis fitted by so many steps at the most. Where pixels have each a value of their own, so that each
+/// evaluation is much work, the way is gone with a few of them, and all say where it ends.
+pub(super) fn fitted(
+    evidence: &Evidence,
+    start: Hypothesis,
+    n_steps: usize,
+    enough: f64,
+) -> Fitted {
+    let every = if start.kinds().is_even() { every(evidence, &start) } else { 1 };
+    if every < 2 {
+        return fit(evidence, start, n_steps, enough);
+    }
+    let begun = fit(&evidence.thinned(every), start.clone(), n_steps, enough);
+    let [here, there] = [start, begun.hypothesis].map(|at| as_it_is(evidence, at));
+    improved(evidence, here.or_better(there), n_steps.min(LAST_STEPS), enough)
 }
 
 /// A fit gone on with where slopes have left it; never worse than it was.
@@ -88,10 +108,8 @@ pub(super) fn polished(evidence: &Evidence, fitted: Fitted) -> Fitted {
     let few = evidence.thinned(every);
     let start = as_it_is(&few, fitted.hypothesis.clone());
     let rough = searches(&few, start, &STEPS, IN_VAIN, patience(work / every));
-    let there = as_it_is(evidence, rough.hypothesis);
     // What is best for few may not be for all.
-    let is_better = there.training() > fitted.training();
-    let start = if is_better { there } else { fitted };
+    let start = fitted.or_better(as_it_is(evidence, rough.hypothesis));
     searches(evidence, start, &FINE_STEPS, SETTLED_IN_VAIN, patience(work))
 }
 

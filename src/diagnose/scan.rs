@@ -3,7 +3,7 @@
 use super::candidate::{Candidate, LIBRARY};
 use super::census;
 use super::fit::{Fitted, as_it_is, each_as_it_is, fit, improved};
-use super::polish::{is_full, polished_off_the_ends};
+use super::polish::{fitted, is_full, polished_off_the_ends};
 use super::region::{begun_in_a_part, gain_of, settled};
 use super::score::Part;
 use super::{CannotJudge, Evidence, Hypothesis, Nuisance};
@@ -75,7 +75,7 @@ impl Tried {
     pub(super) fn finished(self, evidence: &Evidence, model: &Fitted) -> Self {
         let fresh = afresh(evidence, &self.fitted.hypothesis);
         let start = restarted(evidence, self.fitted).hypothesis;
-        let begun = fit(evidence, start, LAST_STEPS, 1e-5);
+        let begun = fitted(evidence, start, LAST_STEPS, 1e-5);
         let fitted =
             polished_off_the_ends(evidence, fresh.into_iter().fold(begun, Fitted::or_better));
         let fitted = settled(evidence, model, fitted);
@@ -151,7 +151,7 @@ fn afresh(evidence: &Evidence, hypothesis: &Hypothesis) -> Option<Fitted> {
     scored.truncate(BEST_STARTS);
     let moved = scored.into_iter().map(|begun| improved(evidence, begun, FIRST_STEPS, 1e-4));
     let best = moved.reduce(Fitted::or_better)?;
-    Some(improved(evidence, best, LAST_STEPS, 1e-4))
+    Some(fitted(evidence, best.hypothesis, LAST_STEPS, 1e-4))
 }
 
 /// Why an effect is not in the question. Where the readout `is_saturated` none is that acts on single pixels.
@@ -236,7 +236,7 @@ fn on_all(
         (there.training() - known.training() > WORTH_A_FIT).then_some(())?;
         start = there.hypothesis;
     }
-    let begun = fit(evidence, start.unpinned(&model.hypothesis), SECOND_STEPS, 1e-4);
+    let begun = fitted(evidence, start.unpinned(&model.hypothesis), SECOND_STEPS, 1e-4);
     Some(improved(evidence, begun, CLIMBING_STEPS, CLIMBING))
 }
 
@@ -249,10 +249,10 @@ pub(super) fn best_first(tried: &mut [Tried]) {
 }
 
 /// The model on few pixels, those of unknown kind taken to be of their likeliest. For kinds that are known the
-/// best values are others: what they gain is no effect's.
+/// best values are others: what they gain is no effect's, so that they are looked for to the end.
 fn of_known_kinds(few: &Evidence, model: &Fitted) -> Fitted {
     let here = as_it_is(few, model.hypothesis.clone().pinned(few));
-    if here.hypothesis.pinned.is_some() { improved(few, here, FIRST_STEPS, 1e-4) } else { here }
+    if here.hypothesis.pinned.is_some() { improved(few, here, LAST_STEPS, 1e-4) } else { here }
 }
 
 /// The model with less noise, where that foretells a part of the pixels much better: an effect in the other

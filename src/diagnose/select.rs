@@ -8,7 +8,7 @@ use super::fit::{Fitted, each_as_it_is, fit, improved};
 use super::halves::halves;
 use super::heat::{HeatMap, heat_maps};
 use super::judge::{Judge, Judged};
-use super::polish::{fitted_and_polished, polished};
+use super::polish::fitted_and_polished;
 use super::prune::{leave_out_below, leave_out_vague, prune};
 use super::scan::{Gain, Tried, best_first, scan};
 use super::score::{LEAST_ERRORS, LEAST_GAIN, Part, is_enough};
@@ -80,18 +80,16 @@ pub fn diagnose(
     let baseline = begin(evidence, &few);
     let (mut baseline, model, taken, unsure) =
         take_all(evidence, &few, baseline, max_effects, progress);
-    let (model, taken) = prune(evidence, &few, &baseline, model, taken);
+    progress("what is idle");
+    let (mut model, taken) = prune(evidence, &few, &baseline, model, taken);
     // What is made of either from here on is fine as well.
     baseline.hypothesis.is_fine = true;
+    model.hypothesis.is_fine = true;
+    let (model, taken, null) =
+        beyond_chance(evidence, &few, &baseline, (model, taken), options, progress);
+    progress("errors");
     let model = refined(evidence, model);
     let (model, taken) = leave_out_vague(evidence, &baseline, model, taken);
-    progress("null");
-    let null::Drawn { gains, structures } =
-        null::drawn(evidence, &few, &model, options.n_null, options.seed, progress);
-    let worst = gains.iter().copied().fold(0.0, f64::max);
-    let bar =
-        LEAST_GAIN.max(worst).max(0.01 * super::conclude::excess(evidence, &baseline, &model));
-    let (model, taken) = leave_out_below(evidence, &baseline, model, taken, bar);
     progress("structure left");
     let before = structure(evidence, &baseline, options.seed);
     let reach = super::conclude::reach(evidence, &model);
@@ -99,17 +97,11 @@ pub fn diagnose(
         evidence,
         baseline: &baseline,
         before: before.as_ref(),
-        null: &structures,
+        null: &null.structures_nats_per_event,
         seed: options.seed,
     };
     let Judged { model, taken, standing, after, mut suspects } = judge.judged(model, taken);
     suspects.extend(unsure);
-    let null = NullReport {
-        n: options.n_null,
-        greatest_gains: gains,
-        bar_nats_per_event: bar,
-        structures_nats_per_event: structures,
-    };
     progress("errors");
     let model = if model.errors.is_some() { model } else { with_errors(evidence, model) };
     progress("halves");
@@ -133,6 +125,30 @@ pub fn diagnose(
         baseline: baseline.hypothesis,
         model: model.hypothesis,
     }
+}
+
+/// The model without what buys no more than chance does, which is asked before what stands is looked at finely.
+fn beyond_chance(
+    evidence: &Evidence,
+    few: &Evidence,
+    baseline: &Fitted,
+    (model, taken): (Fitted, Vec<Taken>),
+    options: &Options,
+    progress: &mut dyn FnMut(&str),
+) -> (Fitted, Vec<Taken>, NullReport) {
+    progress("null");
+    let null::Drawn { gains, structures } =
+        null::drawn(evidence, few, &model, options.n_null, options.seed, progress);
+    let worst = gains.iter().copied().fold(0.0, f64::max);
+    let bar = LEAST_GAIN.max(worst).max(0.01 * super::conclude::excess(evidence, baseline, &model));
+    let (model, taken) = leave_out_below(evidence, baseline, model, taken, bar);
+    let null = NullReport {
+        n: options.n_null,
+        greatest_gains: gains,
+        bar_nats_per_event: bar,
+        structures_nats_per_event: structures,
+    };
+    (model, taken, null)
 }
 
 /// Nuisances alone, fitted. Light between frames is rough in time, so that slopes lead to the next best
@@ -293,5 +309,5 @@ fn refined(evidence: &Evidence, mut model: Fitted) -> Fitted {
     if !model.hypothesis.kinds().is_even() {
         return model;
     }
-    polished(evidence, fit(evidence, model.hypothesis, FINE_STEPS, 1e-4))
+    fitted_and_polished(evidence, model.hypothesis, FINE_STEPS)
 }
