@@ -110,6 +110,10 @@ pub(super) fn polished(evidence: &Evidence, fitted: Fitted) -> Fitted {
     let rough = searches(&few, start, &STEPS, IN_VAIN, patience(work / every));
     // What is best for few may not be for all.
     let start = fitted.or_better(as_it_is(evidence, rough.hypothesis));
+    if start.hypothesis.kinds().is_even() {
+        // A sum over what a pixel's value may be smooths the ridge: slopes lead along it.
+        return improved(evidence, start, LAST_STEPS, 1e-5);
+    }
     searches(evidence, start, &FINE_STEPS, SETTLED_IN_VAIN, patience(work))
 }
 
