@@ -80,7 +80,7 @@ pub fn diagnose(
     let baseline = begin(evidence, &few);
     let (mut baseline, model, taken, unsure) =
         take_all(evidence, &few, baseline, max_effects, progress);
-    progress("what is idle");
+    progress("idle effects");
     let (mut model, taken) = prune(evidence, &few, &baseline, model, taken);
     // What is made of either from here on is fine as well.
     baseline.hypothesis.is_fine = true;
