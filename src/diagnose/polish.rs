@@ -89,13 +89,18 @@ pub(super) fn fitted(
     n_steps: usize,
     enough: f64,
 ) -> Fitted {
-    let every = if start.kinds().is_even() { every(evidence, &start) } else { 1 };
-    if every < 2 {
+    let Some(few) = few_of(evidence, &start) else {
         return fit(evidence, start, n_steps, enough);
-    }
-    let begun = fit(&evidence.thinned(every), start.clone(), n_steps, enough);
+    };
+    let begun = fit(&few, start.clone(), n_steps, enough);
     let [here, there] = [start, begun.hypothesis].map(|at| as_it_is(evidence, at));
     improved(evidence, here.or_better(there), n_steps.min(LAST_STEPS), enough)
+}
+
+/// The pixels with which a way is gone, where they have each a value of their own and are too many for that.
+pub(super) fn few_of(evidence: &Evidence, hypothesis: &Hypothesis) -> Option<Evidence> {
+    let every = if hypothesis.kinds().is_even() { every(evidence, hypothesis) } else { 1 };
+    (every > 1).then(|| evidence.thinned(every))
 }
 
 /// A fit gone on with where slopes have left it; never worse than it was.

@@ -3,7 +3,7 @@
 use super::candidate::{Candidate, LIBRARY};
 use super::census;
 use super::fit::{Fitted, as_it_is, each_as_it_is, fit, improved};
-use super::polish::{fitted, is_full, polished_off_the_ends};
+use super::polish::{few_of, fitted, is_full, polished_off_the_ends};
 use super::region::{begun_in_a_part, gain_of, settled};
 use super::score::Part;
 use super::{CannotJudge, Evidence, Hypothesis, Nuisance};
@@ -146,10 +146,12 @@ fn afresh(evidence: &Evidence, hypothesis: &Hypothesis) -> Option<Fitted> {
     let at_theta = ordinary.with_nuisance(Nuisance::LogTheta, theta);
     let both = [ordinary, at_theta];
     let starts = both.iter().flat_map(|begun| at_its_starts(evidence, begun, last)).collect();
-    let mut scored = each_as_it_is(evidence, starts);
+    let few = few_of(evidence, hypothesis);
+    let there = few.as_ref().unwrap_or(evidence);
+    let mut scored = each_as_it_is(there, starts);
     scored.sort_by(|a, b| b.training().total_cmp(&a.training()));
     scored.truncate(BEST_STARTS);
-    let moved = scored.into_iter().map(|begun| improved(evidence, begun, FIRST_STEPS, 1e-4));
+    let moved = scored.into_iter().map(|begun| improved(there, begun, FIRST_STEPS, 1e-4));
     let best = moved.reduce(Fitted::or_better)?;
     Some(fitted(evidence, best.hypothesis, LAST_STEPS, 1e-4))
 }
