@@ -18,7 +18,7 @@ const FEW_WORK: usize = 300_000;
 const LEAST_PIXELS: usize = 30;
 
 /// Steps with all pixels behind a way that was gone with a few.
-const LAST_STEPS: usize = 6;
+const STEPS_ON_ALL: usize = 6;
 
 /// An event is as much work as so many instants of light.
 const EVENT_WORK: usize = 30;
@@ -94,7 +94,7 @@ pub(super) fn fitted(
     };
     let begun = fit(&few, start.clone(), n_steps, enough);
     let [here, there] = [start, begun.hypothesis].map(|at| as_it_is(evidence, at));
-    improved(evidence, here.or_better(there), n_steps.min(LAST_STEPS), enough)
+    improved(evidence, here.or_better(there), n_steps.min(STEPS_ON_ALL), enough)
 }
 
 /// The pixels with which a way is gone, where they have each a value of their own and are too many for that.
@@ -117,7 +117,7 @@ pub(super) fn polished(evidence: &Evidence, fitted: Fitted) -> Fitted {
     let start = fitted.or_better(as_it_is(evidence, rough.hypothesis));
     if start.hypothesis.kinds().is_even() {
         // A sum over what a pixel's value may be smooths the ridge: slopes lead along it.
-        return improved(evidence, start, LAST_STEPS, 1e-5);
+        return improved(evidence, start, STEPS_ON_ALL, 1e-5);
     }
     searches(evidence, start, &FINE_STEPS, SETTLED_IN_VAIN, patience(work))
 }

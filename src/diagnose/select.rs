@@ -304,8 +304,7 @@ fn equals(tried: &[Tried]) -> Vec<crate::effect_id::EffectId> {
 }
 
 /// A model found by the coarse score of pixels whose thresholds are their own, by the fine one.
-fn refined(evidence: &Evidence, mut model: Fitted) -> Fitted {
-    model.hypothesis.is_fine = true;
+fn refined(evidence: &Evidence, model: Fitted) -> Fitted {
     if !model.hypothesis.kinds().is_even() {
         return model;
     }

@@ -5,8 +5,8 @@
 //! and is named as one. What it buys is seen from the same events in the light as stated.
 
 use super::conclude::above;
-use super::fit::{Fitted, fit};
-use super::polish::polished;
+use super::fit::Fitted;
+use super::polish::fitted_and_polished;
 use super::score::Part;
 use super::{Evidence, FittedEffect, Hypothesis, Interval, LIBRARY};
 use crate::drive::{Drive, TimeGrid};
@@ -82,7 +82,7 @@ pub(super) fn as_effects<'a>(
 
 fn refitted(evidence: &Evidence, baseline: &Fitted) -> Fitted {
     let start = Hypothesis::baseline(evidence).at_values_of(&baseline.hypothesis);
-    polished(evidence, fit(evidence, start, STEPS, 1e-5))
+    fitted_and_polished(evidence, start, STEPS)
 }
 
 fn effect(departure: &Departure, (gain, error): (f64, f64)) -> FittedEffect {
