@@ -358,6 +358,7 @@ fn law(values: &[f64]) -> PixelLaw {
         leak_per_s: theta * value(Nuisance::LeakHz),
         noise_at_white: noise,
         noise_exponent: value(Nuisance::NoiseExponent),
+        noise_at_rest: value(Nuisance::LogNoiseAtRest).exp(),
         noise_speed_per_s: noise * value(Nuisance::LogNoiseHz).exp(),
         shot_at_white: 0.0,
         shot_speed_per_s: 0.0,

@@ -16,6 +16,8 @@ pub enum Nuisance {
     LogNoise,
     /// How the scatter grows towards the dark.
     NoiseExponent,
+    /// Logarithm of the share of the scatter that there is where the light stays.
+    LogNoiseAtRest,
     /// Logarithm of how often a second the noise moves by its own scale.
     LogNoiseHz,
     /// How much of the noise that set off an event the pixel memorises with the light.
@@ -41,7 +43,7 @@ pub enum Nuisance {
 }
 
 /// How many there are.
-pub(super) const N_NUISANCES: usize = 16;
+pub(super) const N_NUISANCES: usize = 17;
 
 /// Start, ordinary range and step of a difference quotient.
 pub(super) struct Ordinary {
@@ -58,6 +60,7 @@ impl Nuisance {
         Self::LeakHz,
         Self::LogNoise,
         Self::NoiseExponent,
+        Self::LogNoiseAtRest,
         Self::LogNoiseHz,
         Self::NoiseMemorised,
         Self::LogBackgroundOn,
@@ -80,6 +83,7 @@ impl Nuisance {
             Self::LeakHz => "leak_hz",
             Self::LogNoise => "noise_at_white_thresholds",
             Self::NoiseExponent => "noise_exponent",
+            Self::LogNoiseAtRest => "noise_at_rest",
             Self::LogNoiseHz => "noise_movement_hz",
             Self::NoiseMemorised => "noise_memorised",
             Self::LogBackgroundOn => "background_on_hz",
@@ -101,6 +105,7 @@ impl Nuisance {
             Self::LogTheta
             | Self::LogRatio
             | Self::LogNoise
+            | Self::LogNoiseAtRest
             | Self::LogNoiseHz
             | Self::LogBackgroundOn
             | Self::LogBackgroundOff => value.exp(),
@@ -140,6 +145,7 @@ impl Nuisance {
             Self::LeakHz => of(0.1, [0.0, 0.3], 0.02),
             Self::LogNoise => of(0.06_f64.ln(), [0.001_f64.ln(), most_noise.ln()], 0.02),
             Self::NoiseExponent => of(0.3, [0.0, 1.0], 0.02),
+            Self::LogNoiseAtRest => of(0.4_f64.ln(), [0.03_f64.ln(), 0.0], 0.05),
             Self::LogNoiseHz => of(60.0_f64.ln(), [1.0_f64.ln(), most_hz.ln()], 0.05),
             Self::NoiseMemorised => of(0.0, [0.0, 1.0], 0.05),
             Self::BackgroundMemorised => of(1.0, [1.0, 1.0], 0.05),

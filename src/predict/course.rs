@@ -1,5 +1,6 @@
 //! The signal of one pixel with its leak, over a known stretch of its light.
 
+use super::law::LONGEST_PATH;
 use super::{Bends, Light, PixelLaw};
 
 /// A pixel's signal on its way. Positions count the light's instants, heights are the signal's log
@@ -72,13 +73,35 @@ impl<'a> Course<'a> {
 
     /// The same where what was memorised there is known but for so much scatter.
     pub(super) fn noise_behind(&self, position: f64, memory: f64) -> f64 {
-        let noise = self.law.noise(self.level(position));
+        let noise = self.law.noise(self.level(position)) * self.share_of_noise(position);
         if self.law.jitter_s <= 0.0 {
             return noise;
         }
         // Stamps scatter about where the light will set the pixel off as well.
         let next = self.crossing(position).map_or(0.0, |position| self.scatter_of_stamp(position));
         noise.hypot(memory).hypot(next)
+    }
+
+    /// How much of the noise there is in the change from a position to where it passes a threshold. A leak that
+    /// passes it alone, the light at rest, is counted from one error of the light to the same.
+    fn share_of_noise(&self, position: f64) -> f64 {
+        let law = self.law;
+        if !law.rests() {
+            return 1.0;
+        }
+        let theta = law.theta_on.min(law.theta_off);
+        let begin = self.height(position);
+        let (mut path, mut before) = (0.0, self.level(position));
+        for (next, height) in self.instants(position, self.run[1] as f64).take(MOST_AHEAD) {
+            let level = self.level(next);
+            path += (level - before).abs() / theta;
+            before = level;
+            let has_passed = height - begin >= law.theta_on || begin - height >= law.theta_off;
+            if has_passed || path >= LONGEST_PATH {
+                break;
+            }
+        }
+        law.share_of_noise(path)
     }
 
     /// By how much the light at a stamp differs from that at the event, as the scale of a logistic number.
@@ -152,6 +175,31 @@ mod tests {
     /// A triangle that rises by 0.4 over 40 steps of a millisecond and falls again.
     fn triangle() -> Vec<f32> {
         (0..=80_i16).map(|i| 0.01 * (40.0 - f32::from((i - 40).abs()))).collect()
+    }
+
+    #[test]
+    fn where_the_light_rests_a_leak_meets_the_noise_of_the_pixel_alone() {
+        let (rising, resting) = (triangle(), vec![0.0; 81]);
+        let law = PixelLaw {
+            theta_on: 0.25,
+            theta_off: 0.25,
+            leak_per_s: 5.0,
+            noise_at_white: 0.02,
+            noise_exponent: 0.0,
+            noise_at_rest: 0.1,
+            ..PixelLaw::default()
+        };
+        let noise = |law: &PixelLaw, light: &[f32], at: f64| {
+            let light =
+                Light { start_us: 0.0, step_us: 1_000.0, signal: light, level: light, bends: None };
+            Course::new(law, light, [0, 80]).noise(at)
+        };
+        assert!((noise(&law, &resting, 3.0) - 0.002).abs() < 1e-12);
+        // The light itself rises twice as fast as the leak: two thirds of a threshold.
+        assert!((noise(&law, &rising, 3.0) / 0.0139 - 1.0).abs() < 0.02);
+        // Signal noise is there at rest as well.
+        let shot = PixelLaw { shot_at_white: 0.05, ..law };
+        assert!((noise(&shot, &resting, 3.0) - 0.02).abs() < 1e-12);
     }
 
     #[test]

@@ -15,6 +15,13 @@ pub const SHOT_SPEED: f64 = 1.732_050_807_568_877_2;
 /// From so many times that time on it has rested.
 const RESTED: f64 = 2.8;
 
+/// A path of the light, in thresholds, over which its error comes to be another one: of 0.1 to 4 that by which a
+/// rig's recordings are foretold best.
+const OTHER_ERROR: f64 = 2.0;
+
+/// From a path so long on it is.
+pub(super) const LONGEST_PATH: f64 = 2.5 * OTHER_ERROR;
+
 fn all() -> f64 {
     1.0
 }
@@ -34,6 +41,11 @@ pub struct PixelLaw {
     pub noise_at_white: f64,
     /// How the scatter grows towards the dark: it goes as intensity to the power of minus this.
     pub noise_exponent: f64,
+    /// Share of that scatter which there is where the light stays as it was memorised, 0 to 1: the pixel's
+    /// own. The rest is the error of the light that is known, which shows as the light changes; the whole is that
+    /// of a change by one threshold.
+    #[serde(default = "all")]
+    pub noise_at_rest: f64,
     /// Speed at which the noise itself moves the signal, log intensity a second.
     pub noise_speed_per_s: f64,
     /// Standard deviation at white of the signal's own noise, log intensity; it grows towards the dark as
@@ -81,6 +93,7 @@ impl Default for PixelLaw {
             leak_per_s: 0.025,
             noise_at_white: 0.015,
             noise_exponent: 0.3,
+            noise_at_rest: 1.0,
             noise_speed_per_s: 0.1,
             shot_at_white: 0.0,
             shot_speed_per_s: 0.0,
@@ -115,12 +128,13 @@ impl PixelLaw {
         let positive = |v: f64| v > 0.0 && v < 1e3;
         let rate = |v: f64| (0.0..1e7).contains(&v);
         let share = |v: f64| (0.0..=1.0).contains(&v);
-        let rows: [(&'static str, f64, bool, &'static str); 16] = [
+        let rows: [(&'static str, f64, bool, &'static str); 17] = [
             ("theta_on", self.theta_on, positive(self.theta_on), "0 to 1000, above 0"),
             ("theta_off", self.theta_off, positive(self.theta_off), "0 to 1000, above 0"),
             ("leak_per_s", self.leak_per_s, self.leak_per_s.abs() < 1e4, "a size below 10 000"),
             ("noise_at_white", self.noise_at_white, positive(self.noise_at_white), "above 0"),
             ("noise_exponent", self.noise_exponent, self.noise_exponent.abs() <= 3.0, "-3 to 3"),
+            ("noise_at_rest", self.noise_at_rest, share(self.noise_at_rest), "0 to 1"),
             (
                 "noise_speed_per_s",
                 self.noise_speed_per_s,
@@ -158,6 +172,19 @@ impl PixelLaw {
     #[must_use]
     pub fn noise(&self, level: f64) -> f64 {
         self.noise_at_white * (-self.noise_exponent * level.clamp(-12.0, 3.0)).exp()
+    }
+
+    /// Whether there is less noise where the light rests. Noise of the signal itself is there whatever the light does.
+    pub(super) fn rests(&self) -> bool {
+        self.noise_at_rest < 1.0 && self.shot_at_white <= 0.0
+    }
+
+    /// How much of the noise there is where the light has gone a path of so many thresholds: more than all of it
+    /// on a long one.
+    pub(super) fn share_of_noise(&self, path: f64) -> f64 {
+        let shown = |path: f64| -(-(path / OTHER_ERROR).powi(2)).exp_m1();
+        let at_rest = self.noise_at_rest * self.noise_at_rest;
+        (at_rest + (1.0 - at_rest) * shown(path) / shown(1.0)).sqrt()
     }
 
     /// Standard deviation of the signal's own noise where the scale of the threshold's scatter is
@@ -240,6 +267,18 @@ mod tests {
         // The logistic scale of as much variance.
         let expected = 1e-3 * 5.0 * 3.0_f64.sqrt() / std::f64::consts::PI;
         assert!((law.scatter_of_stamps(5.0) / expected - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_error_of_the_light_shows_with_its_path() {
+        let law = PixelLaw { noise_at_rest: 0.2, ..PixelLaw::default() };
+        let shares = [0.0, 0.3, 1.0, 3.0].map(|path| law.share_of_noise(path));
+        assert!((shares[0] - 0.2).abs() < 1e-12 && (shares[2] - 1.0).abs() < 1e-12);
+        assert!(shares.is_sorted() && shares[3] < 2.2, "{shares:?}");
+        let even = PixelLaw { noise_at_rest: 1.0, ..law };
+        assert!(
+            [0.0, 0.3, 3.0].iter().all(|path| (even.share_of_noise(*path) - 1.0).abs() < 1e-12)
+        );
     }
 
     #[test]

@@ -56,6 +56,7 @@ fn laws() -> Vec<PixelLaw> {
         PixelLaw { background_memorised: 0.0, background_off_hz: 0.5, ..plain },
         PixelLaw { noise_memorised: 0.8, noise_speed_per_s: 0.6, noise_at_white: 0.03, ..plain },
         PixelLaw { drop_fraction: 0.3, ..plain },
+        PixelLaw { noise_at_rest: 0.2, noise_speed_per_s: 0.6, noise_at_white: 0.03, ..plain },
     ]
 }
 
@@ -135,6 +136,23 @@ fn every_other_law_scores_less_than_the_true_one() {
     for other in others {
         let score = total(&other, &values, &spikes);
         assert!(score < best - 1e-3, "{score} against {best} for {other:?}");
+    }
+}
+
+#[test]
+fn where_the_light_rests_noise_is_told_from_the_error_of_the_light() {
+    let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
+    let plain = laws()[0];
+    // Half of the pixels rest, and leak.
+    let resting =
+        |i: usize| if i % 2 == 0 { vec![0.0; values[i].len()] } else { values[i].clone() };
+    let values: Vec<Vec<f32>> = (0..values.len()).map(resting).collect();
+    let law = PixelLaw { noise_at_rest: 0.2, leak_per_s: 1.0, ..plain };
+    let spikes = draw(&law, &values, 9);
+    let best = total(&law, &values, &spikes);
+    for noise_at_rest in [0.1, 0.4, 1.0] {
+        let score = total(&PixelLaw { noise_at_rest, ..law }, &values, &spikes);
+        assert!(score < best - 1e-2, "{noise_at_rest}: {score} against {best}");
     }
 }
 

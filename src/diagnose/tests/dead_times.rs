@@ -6,7 +6,9 @@ use crate::diagnose::dead_times::dead_times_us;
 /// What an all but ideal camera sees, dead for a time left of the column 33.
 fn drawn(dead_us: Option<f64>) -> Evidence {
     let evidence = empty();
-    let mut model = Hypothesis::baseline(&evidence).with_nuisance(Nuisance::LogNoise, -4.5);
+    let mut model = Hypothesis::baseline(&evidence)
+        .with_nuisance(Nuisance::LogNoise, -4.5)
+        .with_nuisance(Nuisance::LogNoiseAtRest, 0.0);
     if let Some(us) = dead_us {
         let left = Rectangle { x_px: [0, 33], y_px: [0, 60] };
         model = model.with_in(library(EffectId::RefractoryPeriod), &[us.ln(), 0.0], Some(left));
