@@ -18,9 +18,6 @@ const N_SIDE: [usize; 2] = [128, 1024];
 /// tell would set the spread by which pixels happen to lie near one.
 const SHARP: f64 = 0.5;
 
-/// Pixels are not taken to be calmer at rest than by this share of their noise: that would take many more values.
-const LEAST_AT_REST: f64 = 0.3;
-
 /// How far thresholds of one pixel may go together: closer, and values this far apart would not tell.
 const MOST_ALIKE: f64 = 0.9;
 
@@ -31,24 +28,14 @@ fn normal(correlation: f64, steps: [Steps; 2], n_side: usize) -> Mixture {
     Mixture::even(steps, n_side, |[a, b]| -(a * a - 2.0 * correlation * a * b + b * b) / spread)
 }
 
-/// Share of the noise that is taken to be there at rest, at the least: as little as leaves thresholds that are not
-/// further apart than events at rest tell them.
-fn told_at_rest(spread: f64, noise: f64, at_rest: f64) -> f64 {
-    let least = REACH * spread / (SHARP * noise * N_SIDE[1] as f64);
-    at_rest.max(LEAST_AT_REST).max(least).min(1.0)
-}
-
 /// How many values on either side of the middle are sharp enough, where the score is to be fine.
 fn n_side(hypothesis: &Hypothesis, index: usize) -> usize {
     let [least, most] = N_SIDE;
     if !hypothesis.is_fine {
         return least;
     }
-    let [noise, at_rest] = [Nuisance::LogNoise, Nuisance::LogNoiseAtRest]
-        .map(|nuisance| hypothesis.nuisance(nuisance).exp());
-    let spread = hypothesis.parameters_of(index)[0];
-    let told = SHARP * noise * told_at_rest(spread, noise, at_rest);
-    let wanted = REACH * spread / told;
+    let told = SHARP * hypothesis.nuisance(Nuisance::LogNoise).exp();
+    let wanted = REACH * hypothesis.parameters_of(index)[0] / told;
     (wanted.min(most as f64) as usize).next_power_of_two().clamp(least, most)
 }
 
@@ -80,8 +67,8 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     starts: |_| vec![vec![0.05_f64.ln(), 0.3], vec![0.15_f64.ln(), 0.3]],
     mixture: Some(mixture),
     act: |values, [on, off], view| {
-        let noise = view.law.noise_at_white / (view.law.theta_on * view.law.theta_off).sqrt();
-        view.law.noise_at_rest = told_at_rest(values[0], noise, view.law.noise_at_rest);
+        // What a leak alone would tell of a threshold is finer than the steps between those that are scored.
+        view.law.noise_at_rest = 1.0;
         view.law.theta_on *= (values[0] * on).exp();
         view.law.theta_off *= (values[0] * off).exp();
     },
