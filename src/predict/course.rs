@@ -89,18 +89,28 @@ impl<'a> Course<'a> {
         if !law.rests() {
             return 1.0;
         }
-        let theta = law.theta_on.min(law.theta_off);
+        let [signal, level] = [self.light.signal, self.light.level];
         let begin = self.height(position);
-        let (mut path, mut before) = (0.0, self.level(position));
-        for (next, height) in self.instants(position, self.run[1] as f64).take(MOST_AHEAD) {
-            let level = self.level(next);
-            path += (level - before).abs() / theta;
-            before = level;
-            let has_passed = height - begin >= law.theta_on || begin - height >= law.theta_off;
-            if has_passed || path >= LONGEST_PATH {
-                break;
+        let within = (begin - law.theta_off)..(begin + law.theta_on);
+        let theta = law.theta_on.min(law.theta_off) as f32;
+        let (first, longest) = (position.max(0.0) as usize, LONGEST_PATH as f32 * theta);
+        let (mut path, mut before) = (0.0, level[first.clamp(self.run[0], self.run[1])]);
+        // Asked at every event: nothing but what it needs.
+        let mut goes_on = |i: usize| {
+            path += (level[i] - before).abs();
+            before = level[i];
+            let height = f64::from(signal[i]) + self.leak_per_step * i as f64;
+            path < longest && within.contains(&height)
+        };
+        match self.light.bends.map(Bends::at) {
+            None => (first + 1..=self.run[1]).take(MOST_AHEAD).all(goes_on),
+            Some(bends) => {
+                let at = |instant: usize| bends.partition_point(|&bend| bend as usize <= instant);
+                let ahead = &bends[at(first)..at(self.run[1])];
+                ahead.iter().take(MOST_AHEAD).all(|&bend| goes_on(bend as usize))
             }
-        }
+        };
+        let path = f64::from(path / theta);
         law.share_of_noise(path)
     }
 
