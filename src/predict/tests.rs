@@ -144,9 +144,9 @@ fn where_the_light_rests_noise_is_told_from_the_error_of_the_light() {
     let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
     let plain = laws()[0];
     // Half of the pixels rest, and leak.
-    let resting =
-        |i: usize| if i % 2 == 0 { vec![0.0; values[i].len()] } else { values[i].clone() };
-    let values: Vec<Vec<f32>> = (0..values.len()).map(resting).collect();
+    let of =
+        |i: usize| if i.is_multiple_of(2) { vec![0.0; values[i].len()] } else { values[i].clone() };
+    let values: Vec<Vec<f32>> = (0..values.len()).map(of).collect();
     let law = PixelLaw { noise_at_rest: 0.2, leak_per_s: 1.0, ..plain };
     let spikes = draw(&law, &values, 9);
     let best = total(&law, &values, &spikes);
