@@ -194,7 +194,8 @@ fn generated(
 ) -> Option<Events> {
     let law = hypothesis.law();
     let theta = (law.theta_on * law.theta_off).sqrt();
-    let k = Coefficients::new([1.0 / theta, 1e-9, 0.0, law.leak_per_s / theta * 1e-6, 0.0, 0.0]);
+    let leak_per_us = law.leak_per_s / law.theta_on * 1e-6;
+    let k = Coefficients::new([1.0 / theta, 1e-9, 0.0, leak_per_us, 0.0, 0.0]);
     let mut applied = Vec::new();
     for (index, effect) in hypothesis.effects.iter().enumerate() {
         // A nuisance that an effect let out of its range is in the law and the light already; in a
@@ -232,6 +233,10 @@ fn generated(
     let adjust = |_: u16, _: u16, pixel: &mut PixelModel| {
         pixel.threshold_on *= half;
         pixel.threshold_off /= half;
+        // The law counts leaks in thresholds for On, the generator in nominal ones.
+        pixel.leak_hz *= half;
+        pixel.leak_hz_at_white *= half;
+        pixel.leak_hz_per_s *= half;
         match &mut pixel.band {
             // Shot noise that was named; it grows towards the dark as the law's noise does.
             Some(named) => named.light_exponent = law.noise_exponent,

@@ -355,7 +355,8 @@ fn law(values: &[f64]) -> PixelLaw {
     PixelLaw {
         theta_on: theta * half,
         theta_off: theta / half,
-        leak_per_s: theta * value(Nuisance::LeakHz),
+        // Counted in thresholds for On, which it sets off.
+        leak_per_s: theta * half * value(Nuisance::LeakHz),
         noise_at_white: noise,
         noise_exponent: value(Nuisance::NoiseExponent),
         noise_at_rest: value(Nuisance::LogNoiseAtRest).exp(),

@@ -10,7 +10,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     parameters: &[Parameter::linear("rate_hz_at_white", [-2.0, 60.0], 0.05)],
     starts: |_| vec![vec![0.3], vec![1.0], vec![4.0]],
     act: |values, _, view| {
-        let step = values[0] * (view.law.theta_on * view.law.theta_off).sqrt() * view.step_s();
+        let step = values[0] * view.law.theta_on * view.step_s();
         let mut drift = 0.0;
         for (signal, level) in view.signal.iter_mut().zip(&view.pixel.light) {
             *signal += drift as f32;

@@ -10,7 +10,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     parameters: &[Parameter::linear("rate_hz_per_s", [-5.0, 20.0], 0.02)],
     starts: |_| vec![vec![0.1], vec![0.5], vec![2.0]],
     act: |values, _, view| {
-        let half = 0.5 * values[0] * (view.law.theta_on * view.law.theta_off).sqrt();
+        let half = 0.5 * values[0] * view.law.theta_on;
         let step = view.step_s();
         for (i, signal) in view.signal.iter_mut().enumerate() {
             let t = i as f64 * step;
