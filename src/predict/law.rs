@@ -15,8 +15,8 @@ pub const SHOT_SPEED: f64 = 1.732_050_807_568_877_2;
 /// From so many times that time on it has rested.
 const RESTED: f64 = 2.8;
 
-/// A path of the light, in thresholds, over which its error comes to be another one: of 0.1 to 4 that by which a
-/// rig's recordings are foretold best.
+/// A path of the light, in thresholds, over which its error comes to be another one: of 0.1 to 4 that by which one
+/// recording of the simulated rig was foretold best.
 const OTHER_ERROR: f64 = 2.0;
 
 /// From a path so long on it is.
