@@ -46,6 +46,7 @@ mod score;
 mod select;
 mod spectrum;
 mod star;
+mod starts;
 mod stated;
 mod strata;
 mod summit;

@@ -77,7 +77,14 @@ impl Around {
 
     /// The events of each of the eight pixels about one; of fewer at the border.
     pub(super) fn eight(&self, x: u16, y: u16) -> impl Iterator<Item = &[Spike]> {
-        let about = |at: u16, end: u16| at.saturating_sub(1)..end.min(at.saturating_add(2));
+        self.within(x, y, 1)
+    }
+
+    /// The events of each other pixel at most so many columns and rows away.
+    pub(super) fn within(&self, x: u16, y: u16, reach: u16) -> impl Iterator<Item = &[Spike]> {
+        let about = move |at: u16, end: u16| {
+            at.saturating_sub(reach)..end.min(at.saturating_add(reach + 1))
+        };
         let Size { width, height } = self.recording.size();
         let all = about(y, height).flat_map(move |ny| about(x, width).map(move |nx| (nx, ny)));
         all.filter(move |other| *other != (x, y)).map(|(nx, ny)| self.recording.of(nx, ny))

@@ -3,14 +3,12 @@
 use super::candidate::{Candidate, LIBRARY};
 use super::census;
 use super::fit::{Fitted, as_it_is, each_as_it_is, fit, improved};
-use super::polish::{few_of, fitted, is_full, polished_off_the_ends};
+use super::polish::{fitted, is_full, polished_off_the_ends};
 use super::region::{begun_in_a_part, gain_of, settled};
 use super::score::Part;
+use super::starts::{BEST_STARTS, FIRST_STEPS, afresh, restarted, starts_of};
 use super::{CannotJudge, Evidence, Hypothesis, Nuisance};
 use crate::effect_id::EffectId;
-
-/// Steps of a first fit, on some of the pixels.
-const FIRST_STEPS: usize = 4;
 
 /// Steps of a second fit, on all of them.
 const SECOND_STEPS: usize = 6;
@@ -27,15 +25,6 @@ const HELD_UP: &str = "events wait for a readout that is never free: record fewe
 
 /// Training gain, nats an event, below which an effect is not fitted further.
 const WORTH_A_FIT: f64 = 0.01;
-
-/// Starts of an effect that are moved by a step.
-const BEST_STARTS: usize = 2;
-
-/// Offsets of the clocks within this are one, microseconds.
-const SAME_OFFSET_US: f64 = 50.0;
-
-/// Share of a nuisance's range within which it stands at an end.
-const AT_THE_END: f64 = 1e-6;
 
 /// Effects that are fitted on few pixels, behind a first step.
 const PROMISING: usize = 8;
@@ -102,58 +91,6 @@ impl Tried {
         }
         self
     }
-}
-
-/// The best of a fit as it is and with the values that its last effect may start from: beside nuisances
-/// that are fitted, one of them may lie behind a ridge that the fit has not come over.
-fn restarted(evidence: &Evidence, fitted: Fitted) -> Fitted {
-    let Some(last) = fitted.hypothesis.effects.len().checked_sub(1) else { return fitted };
-    let effect = fitted.hypothesis.effects[last];
-    if !effect.frees.is_empty() {
-        return fitted;
-    }
-    let begun = each_as_it_is(evidence, at_its_starts(evidence, &fitted.hypothesis, last));
-    begun.into_iter().fold(fitted, Fitted::or_better)
-}
-
-/// A hypothesis with an effect's own parameters at each of the values that they may start from.
-fn at_its_starts(evidence: &Evidence, hypothesis: &Hypothesis, index: usize) -> Vec<Hypothesis> {
-    let at = hypothesis.offset_of(index);
-    let begun = |start: Vec<f64>| {
-        let mut begun = hypothesis.clone();
-        begun.values[at..at + start.len()].copy_from_slice(&start);
-        begun
-    };
-    (hypothesis.effects[index].starts)(evidence).into_iter().map(begun).collect()
-}
-
-/// The same model fitted from where all of it began: nuisances at their ordinary values, the last effect where it
-/// may start. Without the effect they have taken what it does upon themselves, all together, and from there a
-/// search may go down into another valley with it. `None` where the last effect is a nuisance out of its range.
-fn afresh(evidence: &Evidence, hypothesis: &Hypothesis) -> Option<Fitted> {
-    let last = hypothesis.effects.len().checked_sub(1)?;
-    let effect = hypothesis.effects[last];
-    if !effect.frees.is_empty() {
-        return None;
-    }
-    let is_of_an_effect =
-        |at: usize| (0..last).any(|index| hypothesis.places_of(index).contains(&at));
-    let mut ordinary = hypothesis.clone();
-    for nuisance in Nuisance::ALL.into_iter().filter(|n| !is_of_an_effect(*n as usize)) {
-        ordinary = ordinary.with_nuisance(nuisance, nuisance.ordinary(&evidence.facts).start);
-    }
-    let theta = hypothesis.nuisance(Nuisance::LogTheta);
-    let at_theta = ordinary.with_nuisance(Nuisance::LogTheta, theta);
-    let both = [ordinary, at_theta];
-    let starts = both.iter().flat_map(|begun| at_its_starts(evidence, begun, last)).collect();
-    let few = few_of(evidence, hypothesis);
-    let there = few.as_ref().unwrap_or(evidence);
-    let mut scored = each_as_it_is(there, starts);
-    scored.sort_by(|a, b| b.training().total_cmp(&a.training()));
-    scored.truncate(BEST_STARTS);
-    let moved = scored.into_iter().map(|begun| improved(there, begun, FIRST_STEPS, 1e-4));
-    let best = moved.reduce(Fitted::or_better)?;
-    Some(fitted(evidence, best.hypothesis, LAST_STEPS, 1e-4))
 }
 
 /// Why an effect is not in the question. Where the readout `is_saturated` none is that acts on single pixels.
@@ -295,27 +232,6 @@ fn in_question(evidence: &Evidence, model: &Fitted) -> Vec<&'static Candidate> {
         .collect()
 }
 
-/// A start with what may have stood in for the effect out of its way; none where nothing may have.
-fn freed(start: Hypothesis, candidate: &'static Candidate) -> impl Iterator<Item = Hypothesis> {
-    let raises = if candidate.stand_ins.is_empty() { &[] } else { candidate.raises };
-    raises.iter().map(move |raise| {
-        let log_theta = start.nuisance(Nuisance::LogTheta) + raise;
-        let raised = start.with_nuisance(Nuisance::LogTheta, log_theta);
-        let freed = |other: Hypothesis, &(nuisance, value): &(Nuisance, f64)| {
-            other.with_nuisance(nuisance, value)
-        };
-        candidate.stand_ins.iter().fold(raised, freed)
-    })
-}
-
-/// Where nuisances stand that an effect frees, if the end of an ordinary range holds one of them: a camera that is all
-/// but ideal tells its leak so finely that no other start is near enough.
-fn at_the_end(model: &Hypothesis, candidate: &Candidate) -> Option<Vec<f64>> {
-    let freed = || candidate.frees.iter().map(|freed| freed.nuisance);
-    let is_held = freed().any(|nuisance| model.is_at_end(nuisance as usize, AT_THE_END));
-    is_held.then(|| freed().map(|nuisance| model.nuisance(nuisance)).collect())
-}
-
 /// The best of an effect's starts behind one step; `model` is scored on few pixels. `None` for an effect
 /// without any.
 pub(super) fn first_step(
@@ -325,21 +241,7 @@ pub(super) fn first_step(
     candidate: &'static Candidate,
     sharp: impl Iterator<Item = Fitted>,
 ) -> Option<Fitted> {
-    let starts = (candidate.starts)(evidence)
-        .iter()
-        .chain(&at_the_end(&model.hypothesis, candidate))
-        .flat_map(|start| {
-            let plain = model.hypothesis.with(candidate, start);
-            let offset_us = (candidate.offset_us)(evidence, start);
-            // Without the effect the clocks may have had to stand in for it; with it they need not.
-            let us = offset_us.unwrap_or(0.0);
-            let is_elsewhere = (us - plain.nuisance(Nuisance::OffsetUs)).abs() > SAME_OFFSET_US;
-            let stated = is_elsewhere && candidate.frees.is_empty();
-            let stated = stated.then(|| plain.with_nuisance(Nuisance::OffsetUs, us));
-            [Some(plain.clone()), stated].into_iter().flatten().chain(freed(plain, candidate))
-        })
-        .collect();
-    let mut begun = each_as_it_is(few, starts);
+    let mut begun = each_as_it_is(few, starts_of(evidence, &model.hypothesis, candidate));
     // Tile by tile a gain is the effect's where nothing else has changed.
     let same_nuisances = |start: &&Fitted| {
         let is_freed = |i: usize| candidate.frees.iter().any(|freed| freed.nuisance as usize == i);

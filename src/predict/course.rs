@@ -33,6 +33,14 @@ impl Reach {
     }
 }
 
+/// What lies ahead of a pixel that has just memorised the light.
+struct Ahead {
+    /// How far the light goes, there and back, thresholds.
+    path: f64,
+    /// Where it will have come as far as a threshold.
+    crossing: Option<f64>,
+}
+
 impl<'a> Course<'a> {
     pub(super) fn new(law: &'a PixelLaw, light: Light<'a>, run: [usize; 2]) -> Self {
         Self { law, light, run, leak_per_step: law.leak_per_s * light.step_us * 1e-6 }
@@ -73,34 +81,46 @@ impl<'a> Course<'a> {
 
     /// The same where what was memorised there is known but for so much scatter.
     pub(super) fn noise_behind(&self, position: f64, memory: f64) -> f64 {
-        let noise = self.law.noise(self.level(position)) * self.share_of_noise(position);
-        if self.law.jitter_s <= 0.0 {
+        let noise = self.law.noise(self.level(position));
+        let [rests, scatters] = [self.law.rests(), self.law.jitter_s > 0.0];
+        if !rests && !scatters {
+            return noise;
+        }
+        let ahead = self.ahead(position, scatters);
+        let noise = if rests { noise * self.law.share_of_noise(ahead.path) } else { noise };
+        if !scatters {
             return noise;
         }
         // Stamps scatter about where the light will set the pixel off as well.
-        let next = self.crossing(position).map_or(0.0, |position| self.scatter_of_stamp(position));
+        let next = ahead.crossing.map_or(0.0, |position| self.scatter_of_stamp(position));
         noise.hypot(memory).hypot(next)
     }
 
-    /// How much of the noise there is in the change from a position to where it passes a threshold. A leak that
-    /// passes it alone, the light at rest, is counted from one error of the light to the same.
-    fn share_of_noise(&self, position: f64) -> f64 {
+    /// How the light goes from a position to where it passes a threshold. A leak that passes it alone, the light at
+    /// rest, is counted from one error of the light to the same. The walk ends where the path grows too long to
+    /// matter, unless where it ends is asked for.
+    fn ahead(&self, position: f64, to_the_end: bool) -> Ahead {
         let law = self.law;
-        if !law.rests() {
-            return 1.0;
-        }
         let [signal, level] = [self.light.signal, self.light.level];
         let begin = self.height(position);
-        let within = (begin - law.theta_off)..(begin + law.theta_on);
+        let [high, low] = [begin + law.theta_on, begin - law.theta_off];
         let theta = law.theta_on.min(law.theta_off) as f32;
         let (first, longest) = (position.max(0.0) as usize, LONGEST_PATH as f32 * theta);
         let (mut path, mut before) = (0.0, level[first.clamp(self.run[0], self.run[1])]);
+        let (mut last, mut crossing) = ((position, begin), None);
         // Asked at every event: nothing but what it needs.
         let mut goes_on = |i: usize| {
             path += (level[i] - before).abs();
             before = level[i];
-            let height = f64::from(signal[i]) + self.leak_per_step * i as f64;
-            path < longest && within.contains(&height)
+            let at = i as f64;
+            let height = f64::from(signal[i]) + self.leak_per_step * at;
+            if !(low..high).contains(&height) {
+                let limit = if height >= high { high } else { low };
+                crossing = Some(last.0 + (limit - last.1) / (height - last.1) * (at - last.0));
+                return false;
+            }
+            last = (at, height);
+            to_the_end || path < longest
         };
         match self.light.bends.map(Bends::at) {
             None => (first + 1..=self.run[1]).take(MOST_AHEAD).all(goes_on),
@@ -110,8 +130,7 @@ impl<'a> Course<'a> {
                 ahead.iter().take(MOST_AHEAD).all(|&bend| goes_on(bend as usize))
             }
         };
-        let path = f64::from(path / theta);
-        law.share_of_noise(path)
+        Ahead { path: f64::from(path / theta), crossing }
     }
 
     /// By how much the light at a stamp differs from that at the event, as the scale of a logistic number.
@@ -135,22 +154,6 @@ impl<'a> Course<'a> {
         let at = self.height(position);
         let gone = (at - self.height(from)).abs() + (self.height(to) - at).abs();
         gone / ((to - from) * self.step_s())
-    }
-
-    /// Where the light, memorised at a position, will have come as far as a threshold.
-    fn crossing(&self, position: f64) -> Option<f64> {
-        let begin = self.height(position);
-        let [high, low] = [begin + self.law.theta_on, begin - self.law.theta_off];
-        let mut before = (position, begin);
-        for next in self.instants(position, self.run[1] as f64).take(MOST_AHEAD) {
-            if !(low..high).contains(&next.1) {
-                let limit = if next.1 >= high { high } else { low };
-                let share = (limit - before.1) / (next.1 - before.1);
-                return Some(before.0 + share * (next.0 - before.0));
-            }
-            before = next;
-        }
-        None
     }
 
     /// The instants behind one position up to another at which the signal may bend, with their
@@ -232,7 +235,8 @@ mod tests {
         assert!((course.noise(6.0) / (alone * 2.0_f64.sqrt()) - 1.0).abs() < 1e-4);
         // Near the end nothing is crossed any more.
         assert!((course.noise(60.0) / alone - 1.0).abs() < 1e-4);
-        assert!((course.crossing(30.0).unwrap() - 75.0).abs() < 1e-4);
-        assert!(course.crossing(60.0).is_none());
+        let crossing = |at| course.ahead(at, true).crossing;
+        assert!((crossing(30.0).unwrap() - 75.0).abs() < 1e-4);
+        assert!(crossing(60.0).is_none());
     }
 }

@@ -14,8 +14,11 @@ pub(super) const CANDIDATE: Candidate = Candidate {
             Some(_) => return Vec::new(),
             None => {}
         }
-        let ms = [-40.0, -20.0, -10.0, -5.0, -2.0, 2.0, 5.0, 10.0, 20.0, 40.0];
-        ms.iter().map(|ms| vec![ms * 1e3]).collect()
+        // Between frames that are led along a start some ms off is behind another ridge.
+        let near = [2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0, 60.0];
+        let far = [70.0, 80.0, 90.0, 100.0, 110.0];
+        let ms = near.iter().chain(&far).flat_map(|ms| [*ms, -*ms]);
+        ms.map(|ms| vec![ms * 1e3]).collect()
     },
     report: |values| vec![values[Nuisance::OffsetUs as usize]],
     rivals: &[

@@ -9,18 +9,16 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     stage: Stage::Clock,
     parameters: &[Parameter::linear("skew_ppm", [-20_000.0, 20_000.0], 20.0)],
     starts: |evidence| {
-        let tied = evidence.facts.clocks.map(|tied| vec![tied.skew_ppm[0]]);
-        let guesses = [100.0, -100.0, 1_500.0, -1_500.0].map(|ppm| vec![ppm]);
-        tied.into_iter().chain(guesses).collect()
+        let tied = evidence.facts.clocks.map(|tied| tied.skew_ppm[0]);
+        // Where nothing ties the clocks a start some ms off at either end is behind another ridge.
+        let far: &[f64] = if tied.is_some() { &[] } else { &[4e3, 7e3, 10e3, 13e3, 16e3, 19e3] };
+        let both = [100.0, 1_500.0].iter().chain(far).flat_map(|ppm| [*ppm, -*ppm]);
+        tied.into_iter().chain(both).map(|ppm| vec![ppm]).collect()
     },
     act: |values, _, view| {
-        // A clock that was set at the start goes off from there. Where nothing is stated of the
-        // clocks the offset is anyone's guess: about the middle the two are told apart.
-        let is_stated = view.evidence.facts.clocks.is_some();
-        let share = if is_stated { 0.0 } else { 0.5 };
-        let middle = view.evidence.blocks.length_us() as f64 * share;
+        // A clock that was set at the start goes off from there.
         let fast = 1.0 + values[0] * 1e-6;
-        view.start_us = middle + (view.start_us - middle) * fast;
+        view.start_us *= fast;
         view.step_us *= fast;
     },
     // Skew and offset lie along a ridge; the tie says where on it.

@@ -1,5 +1,6 @@
 //! Pixels that fire far more than those about them.
 
+use super::super::around::Around;
 use super::{Departure, Evidence};
 use crate::effect_id::EffectId;
 use crate::geometry::Size;
@@ -37,11 +38,7 @@ pub(super) fn pixels(evidence: &Evidence) -> Option<(Departure, BTreeSet<(u16, u
         for x in 0..width {
             let spikes = recording.of(x, y);
             let own = spikes.len() as f64;
-            let about = evidence.around.eight(x, y);
-            let mut others: Vec<f64> = about.map(|spikes| spikes.len() as f64).collect();
-            others.sort_by(|a, b| b.total_cmp(a));
-            // Beside dead pixels the middle one of the neighbours says little of the light there.
-            let common = *others.get(HOT_ABOUT).or(others.last())?;
+            let common = common(&evidence.around, x, y)?;
             commons.push(common);
             if is_hot(own - common, common, seconds) {
                 hot.insert((x, y));
@@ -66,6 +63,20 @@ pub(super) fn pixels(evidence: &Evidence) -> Option<(Departure, BTreeSet<(u16, u
     };
     let is_noise = turned > TURNED * n_hot as f64;
     (n_hot >= LEAST && events > LEAST_SHARE * all && !is_noise).then_some((departure, hot))
+}
+
+/// Events that pixels about one commonly have; `None` without neighbours.
+fn common(around: &Around, x: u16, y: u16) -> Option<f64> {
+    let among = |reach: u16| {
+        let about = around.within(x, y, reach);
+        let mut others: Vec<usize> = about.map(<[Spike]>::len).collect();
+        others.sort_by(|a, b| b.cmp(a));
+        // Beside dead pixels the middle one of the neighbours says little of the light there.
+        others.get(HOT_ABOUT).or(others.last()).copied()
+    };
+    // Where nearly all that touch it are dead those a step away still say something.
+    let common = among(1).filter(|common| *common > 0).or_else(|| among(2));
+    common.map(|common| common as f64)
 }
 
 /// Whether a pixel that fires so often beyond the others about it stands out there.
@@ -97,6 +108,8 @@ fn turns(spikes: &[Spike]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::event::{Event, Events};
+    use crate::predict::ByPixel;
     use crate::stats::SplitMix;
 
     #[test]
@@ -121,6 +134,25 @@ mod tests {
         let mean = z.iter().sum::<f64>() / z.len() as f64;
         let spread = (z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64).sqrt();
         assert!(mean.abs() < 0.6 && (0.6..1.5).contains(&spread), "{mean} {spread}");
+    }
+
+    #[test]
+    fn a_lone_pixel_among_dead_ones_is_not_hot() {
+        let size = Size::new(9, 9);
+        // Where every second pixel of every second row lives the next are two steps away;
+        // one in a dark corner of its own fires for itself.
+        let lives = |x: u16, y: u16| x < 6 && x.is_multiple_of(2) && y.is_multiple_of(2);
+        let mut events = Events::new();
+        for t in 0..40 {
+            for (x, y) in (0..9).flat_map(|y| (0..9).map(move |x| (x, y))) {
+                if lives(x, y) || (x, y) == (8, 8) {
+                    events.push(Event { t: 1_000 * t, x, y, on: true });
+                }
+            }
+        }
+        let around = Around::new(ByPixel::new(events.as_slice(), size, [0, 40_000]), &[]);
+        assert_eq!([common(&around, 2, 2), common(&around, 1, 2)], [Some(40.0), Some(40.0)]);
+        assert_eq!(common(&around, 8, 8), Some(0.0));
     }
 
     #[test]
