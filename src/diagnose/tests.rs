@@ -2,6 +2,7 @@
 
 mod dead_times;
 mod kinds;
+mod late;
 mod leaks;
 mod strengths;
 mod summit;
