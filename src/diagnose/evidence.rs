@@ -5,11 +5,11 @@ use super::choose::chosen;
 use super::{Facts, Options};
 use crate::drive::{Drive, TimeGrid};
 use crate::geometry::Rectangle;
-use crate::predict::{Blocks, ByPixel, Spike};
+use crate::predict::{Bends, Blocks, ByPixel, Light, Spike};
 use crate::stats::SplitMix;
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Least number of events with known light that can be judged.
 const LEAST_EVENTS: usize = 300;
@@ -67,9 +67,25 @@ pub struct PixelEvidence {
     pub gradient: [Vec<f32>; 2],
     /// Laplacian of intensity over intensity, per square pixel; empty where not needed.
     pub laplacian: Vec<f32>,
+    /// Where the light bends, once that was asked.
+    bends: OnceLock<Bends>,
 }
 
 impl PixelEvidence {
+    /// Where the light bends, as it is known.
+    pub(super) fn bends(&self) -> &Bends {
+        self.bends.get_or_init(|| {
+            let (signal, level) = (&self.light, &self.light);
+            Bends::of(Light { start_us: 0.0, step_us: 1.0, signal, level, bends: None })
+        })
+    }
+
+    /// The light, to be changed.
+    pub(super) fn light_mut(&mut self) -> &mut [f32] {
+        self.bends = OnceLock::new();
+        &mut self.light
+    }
+
     /// Number of its events between two instants at which its light is known.
     fn n_lit(&self, start_us: f64, step_us: f64) -> usize {
         let is_known = |i: usize| self.light.get(i).is_some_and(|level| level.is_finite());
@@ -235,7 +251,8 @@ impl Evidence {
     fn known_at(mut self, is_known: impl Fn(usize) -> bool) -> Self {
         let is_known: Vec<bool> = (0..self.n_instants()).map(is_known).collect();
         for pixel in &mut self.pixels {
-            let dark = pixel.light.iter_mut().zip(&is_known).filter(|(_, is_known)| !**is_known);
+            let dark =
+                pixel.light_mut().iter_mut().zip(&is_known).filter(|(_, is_known)| !**is_known);
             dark.for_each(|(level, _)| *level = f32::NAN);
             let instant = |t_us: i64| (t_us as f64 - self.start_us) / self.step_us;
             let is_in = |at: f64| at >= 0.0 && is_known.get(at as usize) == Some(&true);
@@ -325,6 +342,7 @@ fn pixel(
         light,
         gradient: [Vec::new(), Vec::new()],
         laplacian: Vec::new(),
+        bends: OnceLock::new(),
     };
     if with_surroundings {
         let (left, right) = (sample(-1.0, 0.0)?, sample(1.0, 0.0)?);

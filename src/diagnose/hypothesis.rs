@@ -282,6 +282,16 @@ impl Hypothesis {
         view
     }
 
+    /// Whether a pixel compares its light as it is, whatever its law and its clock.
+    pub(super) fn leaves_light(&self, pixel: &PixelEvidence) -> bool {
+        let is_behind = |effect: &&Candidate| matches!(effect.stage, Stage::Law | Stage::Clock);
+        self.effects.iter().all(is_behind) && {
+            let nuisances = self.nuisances_at(pixel.x, pixel.y);
+            nuisances[Nuisance::BlurPx2 as usize] == 0.0
+                && Placing::of(&nuisances) == Placing::default()
+        }
+    }
+
     /// Whether another hypothesis makes the same signal of every pixel; their laws and clocks may
     /// differ.
     pub(super) fn has_signal_of(&self, other: &Self) -> bool {

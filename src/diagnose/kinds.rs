@@ -92,6 +92,12 @@ impl<'a> Seen<'a> {
     }
 
     fn of_kind(&mut self, hypothesis: &Hypothesis, kind: Kind) -> Vec<BlockScore> {
+        if hypothesis.leaves_light(self.pixel) {
+            let view = hypothesis.view_with(self.evidence, self.pixel, kind, Vec::new());
+            let (signal, bends) = (&self.pixel.light, Some(self.pixel.bends()));
+            let light = Light { signal, bends, ..view.light() };
+            return score_pixel(&view.law, light, &self.pixel.spikes, &self.evidence.blocks);
+        }
         let signal = std::mem::take(&mut self.signal);
         let view = if self.of.as_ref().is_some_and(|of| of.has_signal_of(hypothesis)) {
             hypothesis.view_with(self.evidence, self.pixel, kind, signal)

@@ -46,7 +46,8 @@ impl Evidence {
             let place = [f64::from(pixel.x) + 0.5, f64::from(pixel.y) + 0.5];
             let mut light = vec![f32::NAN; n];
             drive.sample(place, grid, &mut light);
-            let known = pixel.light.iter_mut().zip(light).filter(|(here, _)| here.is_finite());
+            let known =
+                pixel.light_mut().iter_mut().zip(light).filter(|(here, _)| here.is_finite());
             known.for_each(|(here, there)| *here = there);
         });
         other

@@ -4,6 +4,7 @@ mod dead_times;
 mod kinds;
 mod late;
 mod leaks;
+mod light;
 mod strengths;
 mod summit;
 

@@ -49,26 +49,46 @@ impl Bends {
     }
 
     /// From each bend, the next is as far ahead as some straight line from here stays near all
-    /// instants in between: the slopes that do make a cone, which each instant narrows.
+    /// instants in between: the slopes that do make a cone, which each instant narrows. The last instant within
+    /// reach of a straight line becomes the next bend.
     fn add(&mut self, signal: &[f32], first: usize, last: usize) {
         self.at.push(first as u32);
-        let (mut from, mut value) = (first, signal[first]);
-        let mut cone = [f32::NEG_INFINITY, f32::INFINITY];
-        for i in first + 1..=last {
-            let mut per_step = ((i - from) as f32).recip();
-            let mut slope = (signal[i] - value) * per_step;
-            if !(cone[0]..=cone[1]).contains(&slope) {
-                // The instant before was within reach of a straight line: it becomes the bend.
-                (from, value) = (i - 1, signal[i - 1]);
-                self.at.push(from as u32);
-                cone = [f32::NEG_INFINITY, f32::INFINITY];
-                (per_step, slope) = (1.0, signal[i] - value);
-            }
-            let within = WITHIN * per_step;
-            cone = [cone[0].max(slope - within), cone[1].min(slope + within)];
+        let mut from = first;
+        while from < last {
+            from += reach(&signal[from..=last]);
+            self.at.push(from as u32);
         }
-        self.at.push(last as u32);
     }
+}
+
+/// How many instants ahead of the first a straight line goes; at least two are there.
+fn reach(signal: &[f32]) -> usize {
+    let value = signal[0];
+    let next = signal[1] - value;
+    let [mut low, mut high] = [next - WITHIN, next + WITHIN];
+    for (i, there) in signal.iter().enumerate().skip(2) {
+        let per_step = SHARES.get(i).copied().unwrap_or_else(|| (i as f32).recip());
+        let slope = (there - value) * per_step;
+        if !(low..=high).contains(&slope) {
+            return i - 1;
+        }
+        let within = WITHIN * per_step;
+        [low, high] = [low.max(slope - within), high.min(slope + within)];
+    }
+    signal.len() - 1
+}
+
+/// One over each number: this is where a diagnosis spends most of its time, and a division is half of that.
+static SHARES: [f32; 64] = shares();
+
+const fn shares() -> [f32; 64] {
+    let mut shares = [f32::INFINITY; 64];
+    let mut i = 1;
+    while i < shares.len() {
+        shares[i] = 1.0 / i as f32;
+        i += 1;
+    }
+    shares
 }
 
 #[cfg(test)]
