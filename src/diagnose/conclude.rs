@@ -2,6 +2,7 @@
 
 use super::ceiling::flexible;
 use super::check::Structure;
+use super::errors::hold_the_law;
 use super::fit::Fitted;
 use super::naming::Standing;
 use super::nuisance::Nuisance;
@@ -326,6 +327,7 @@ pub(super) fn parameters(
         *low = *value - (*value - *low).hypot(more);
         *high = *value + (*high - *value).hypot(more);
     }
+    hold_the_law(&mut told);
     told
 }
 
