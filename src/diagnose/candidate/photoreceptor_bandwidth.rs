@@ -25,7 +25,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         let (white, order, floor) = (values[0], values[1], values[2]);
         let step_s = view.step_s();
         for _ in 0..(order.round() as usize).clamp(1, 2) {
-            let hz = |level: f32| white * (f64::from(level.exp()) + floor);
+            let hz = |level: f32| white * (f64::from(level.exp()) + floor) / (1.0 + floor);
             filter(view, |level| Pole::new(hz(level), step_s));
         }
     },
