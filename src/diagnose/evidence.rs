@@ -62,7 +62,7 @@ pub struct PixelEvidence {
     /// Its events.
     pub spikes: Vec<Spike>,
     /// Log intensity over white at every instant.
-    pub light: Vec<f32>,
+    pub(super) light: Vec<f32>,
     /// Change of log intensity per pixel to the right, and downwards; empty where not needed.
     pub gradient: [Vec<f32>; 2],
     /// Laplacian of intensity over intensity, per square pixel; empty where not needed.
