@@ -78,7 +78,7 @@ fn reach(signal: &[f32]) -> usize {
     signal.len() - 1
 }
 
-/// One over each number: this is where a diagnosis spends most of its time, and a division is half of that.
+/// One over each number: a sixth of a diagnosis was spent here, half of that in divisions.
 static SHARES: [f32; 64] = shares();
 
 const fn shares() -> [f32; 64] {
