@@ -80,10 +80,10 @@ fn options() -> Options {
     Options { n_pixels: 60, step_us: 2_000, n_null: 0, max_effects: 1, ..Options::default() }
 }
 
-/// The same light, but not known while it begins.
-struct Later;
+/// The same light with something done to it.
+struct Changed(fn(&mut [f32]));
 
-impl Drive for Later {
+impl Drive for Changed {
     fn size(&self) -> Size {
         Texture.size()
     }
@@ -95,7 +95,7 @@ impl Drive for Later {
     }
     fn sample(&self, place: [f64; 2], grid: TimeGrid, out: &mut [f32]) -> bool {
         let is_known = Texture.sample(place, grid, out);
-        out[..10].fill(f32::NAN);
+        (self.0)(out);
         is_known
     }
     fn error(&self, place: [f64; 2]) -> f32 {
@@ -280,7 +280,8 @@ fn too_few_events_and_a_light_of_another_time_are_refused_with_what_to_do() {
     assert!(error.to_string().contains("check the clocks"), "{error}");
     // As many as one could wish for, but all before the light is known.
     assert!(empty().n_events() > 300);
-    let error = Evidence::new(&filled(), &Later, facts(), &options()).unwrap_err();
+    let later = Changed(|light| light[..10].fill(f32::NAN));
+    let error = Evidence::new(&filled(), &later, facts(), &options()).unwrap_err();
     assert!(error.to_string().starts_with("0 events have a known light"), "{error}");
 }
 

@@ -2,29 +2,6 @@
 
 use super::*;
 
-/// The same texture with half of its contrast.
-struct Pale;
-
-impl Drive for Pale {
-    fn size(&self) -> Size {
-        Texture.size()
-    }
-    fn span_us(&self) -> [i64; 2] {
-        Texture.span_us()
-    }
-    fn white_dn(&self) -> f64 {
-        Texture.white_dn()
-    }
-    fn sample(&self, place: [f64; 2], grid: TimeGrid, out: &mut [f32]) -> bool {
-        let is_known = Texture.sample(place, grid, out);
-        out.iter_mut().for_each(|level| *level *= 0.5);
-        is_known
-    }
-    fn error(&self, place: [f64; 2]) -> f32 {
-        Texture.error(place)
-    }
-}
-
 #[test]
 fn a_light_that_nothing_changes_scores_as_its_copy_does() {
     let real = plant(None, &[]);
@@ -39,8 +16,9 @@ fn a_light_that_nothing_changes_scores_as_its_copy_does() {
     };
     let [own, of_copy] = scores(&real);
     assert_eq!(own, of_copy);
-    // Where the light bends was asked by now: another one bends elsewhere.
-    let [pale, of_copy] = scores(&real.in_light_of(&Pale));
+    // Where the light bends was asked by now: one of half the contrast bends elsewhere.
+    let pale = |light: &mut [f32]| light.iter_mut().for_each(|level| *level *= 0.5);
+    let [pale, of_copy] = scores(&real.in_light_of(&Changed(pale)));
     assert_eq!(pale, of_copy);
     assert_ne!(own, pale);
 }
