@@ -54,6 +54,9 @@ pub enum Stage {
 impl Stage {
     pub(super) const ALL: [Self; 5] =
         [Self::Light, Self::Receptor, Self::Drift, Self::Law, Self::Clock];
+
+    /// Those that leave the signal as it is.
+    pub(super) const BEHIND_SIGNAL: [Self; 2] = [Self::Law, Self::Clock];
 }
 
 /// A parameter of an effect.

@@ -278,13 +278,13 @@ impl Hypothesis {
         signal: Vec<f32>,
     ) -> View<'a> {
         let mut view = self.bare(evidence, pixel, signal);
-        self.act(&mut view, kind, &[Stage::Law, Stage::Clock]);
+        self.act(&mut view, kind, &Stage::BEHIND_SIGNAL);
         view
     }
 
     /// Whether a pixel compares its light as it is, whatever its law and its clock.
     pub(super) fn leaves_light(&self, pixel: &PixelEvidence) -> bool {
-        let is_behind = |effect: &&Candidate| matches!(effect.stage, Stage::Law | Stage::Clock);
+        let is_behind = |effect: &&Candidate| Stage::BEHIND_SIGNAL.contains(&effect.stage);
         self.effects.iter().all(is_behind) && {
             let nuisances = self.nuisances_at(pixel.x, pixel.y);
             nuisances[Nuisance::BlurPx2 as usize] == 0.0
@@ -316,7 +316,7 @@ impl Hypothesis {
         }
         self.effects.iter().enumerate().all(|(index, effect)| {
             let frees_sight = |freed: &Freed| sees(&freed.nuisance);
-            let is_behind = matches!(effect.stage, Stage::Law | Stage::Clock);
+            let is_behind = Stage::BEHIND_SIGNAL.contains(&effect.stage);
             let is_behind = is_behind && !drifts && !effect.frees.iter().any(frees_sight);
             is_behind || self.places_of(index).into_iter().all(same)
         })
