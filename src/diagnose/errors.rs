@@ -18,6 +18,9 @@ use std::sync::Arc;
 /// another hand's, where errors by scatter are far smaller (docs/PROOF.md).
 const OF_THE_LAW: f64 = 2e-3;
 
+/// What a frequency is wrong by as a share of it: it is counted, by a clock whose crystal is as good as this.
+const OF_A_CLOCK: f64 = 5e-5;
+
 /// Standard errors, and the summit that they are taken on.
 #[derive(Debug)]
 pub(super) struct Errors {
@@ -41,13 +44,12 @@ pub(super) fn with_errors(evidence: &Evidence, fitted: Fitted) -> Fitted {
     Fitted { errors: Some(Arc::new(Errors { summit, of })), ..fitted }
 }
 
-/// Intervals of an effect's parameters made to hold that, too. A frequency is counted and not measured, and a ratio of
-/// one is none.
+/// Intervals of an effect's parameters made to hold that, too. A ratio of one is none.
 pub(super) fn hold_the_law(told: &mut BTreeMap<String, Interval>) {
-    for (key, Interval { value, ci90 }) in told.iter_mut().filter(|(key, _)| *key != "frequency_hz")
-    {
+    for (key, Interval { value, ci90 }) in told.iter_mut() {
         let none = if key == "on_off_ratio" { 1.0 } else { 0.0 };
-        let more = Z90 * OF_THE_LAW * (*value - none).abs();
+        let share = if key == "frequency_hz" { OF_A_CLOCK } else { OF_THE_LAW };
+        let more = Z90 * share * (*value - none).abs();
         let is_given = ci90[0] == ci90[1];
         for end in ci90.iter_mut().flatten().filter(|_| !is_given) {
             let own = *end - *value;
@@ -72,7 +74,8 @@ mod tests {
         // 16.4 us of the law beside 12.3 us of scatter: 20.6.
         let [low, high] = told("refractory_us", 5_000.0, [4_987.7, 5_012.3]);
         assert!((low - 4_979.43).abs() < 0.1 && (high - 5_020.57).abs() < 0.1, "{low} {high}");
-        assert_eq!(told("frequency_hz", 100.0, [99.9, 100.1]), [99.9, 100.1]);
+        let [low, high] = told("frequency_hz", 100.0, [99.9999, 100.0001]);
+        assert!((low - 99.9918).abs() < 1e-3 && (high - 100.0082).abs() < 1e-3, "{low} {high}");
         assert_eq!(told("order", 1.0, [1.0, 1.0]), [1.0, 1.0]);
         assert_eq!(told("rate_hz", 0.1, [0.0, 0.2])[0], 0.0);
         let [low, high] = told("on_off_ratio", 1.1, [1.0999, 1.1001]);

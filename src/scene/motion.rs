@@ -176,12 +176,12 @@ pub(super) fn taken(
     shifts: impl Iterator<Item = [f32; 2]>,
     noise: f32,
 ) -> [f32; 2] {
-    let mut best = ([0.0; 2], apart(before, after, place, place));
+    let unmoved = apart(before, after, [place; 2], f32::INFINITY);
+    let mut best = ([0.0; 2], unmoved.unwrap_or(f32::INFINITY));
     for shift in shifts {
-        let back = ends(place, share, shift);
-        let cost = apart(before, after, back[0], back[1]) + noise;
-        if cost < best.1 {
-            best = (shift, cost);
+        let ends = ends(place, share, shift);
+        if let Some(cost) = apart(before, after, ends, best.1 - noise) {
+            best = (shift, cost + noise);
         }
     }
     best.0
@@ -195,16 +195,26 @@ pub(super) fn ends(place: [f32; 2], share: f32, shift: [f32; 2]) -> [[f32; 2]; 2
     ]
 }
 
-/// Mean difference of the surroundings of a place in one frame from those of a place in another.
-fn apart(before: Shot<'_>, after: Shot<'_>, from: [f32; 2], to: [f32; 2]) -> f32 {
+/// Mean difference of the surroundings of a place in one frame from those of a place in another, if it is
+/// below `most`. Most places are no match, and the first rows tell.
+fn apart(
+    before: Shot<'_>,
+    after: Shot<'_>,
+    [from, to]: [[f32; 2]; 2],
+    most: f32,
+) -> Option<f32> {
+    let n = (2 * HALF_PX + 1) * (2 * HALF_PX + 1);
     let mut sum = 0.0;
     for dy in -HALF_PX..=HALF_PX {
         for dx in -HALF_PX..=HALF_PX {
             let near = |[x, y]: [f32; 2]| [x + dx as f32, y + dy as f32];
             sum += (before.at(near(from)) - after.at(near(to))).abs();
         }
+        if sum >= most * n as f32 {
+            return None;
+        }
     }
-    sum / ((2 * HALF_PX + 1) * (2 * HALF_PX + 1)) as f32
+    Some(sum / n as f32)
 }
 
 /// Points on a grid near what differs between two frames, in pixels.
