@@ -20,6 +20,7 @@ mod conclude;
 mod constancy;
 mod curve;
 mod dead_times;
+mod ends;
 mod errors;
 mod evidence;
 mod facts;

@@ -6,8 +6,8 @@
 //! beside it. An evolution strategy (CMA-ES, Hansen and Ostermeier, 2001) needs no slopes. It begins
 //! with the scatter that the gradients claim.
 
-use super::fit::{Fitted, as_it_is, each_as_it_is, fit, gradients, improved, scatter};
-use super::{Evidence, Hypothesis, Nuisance, PixelEvidence};
+use super::fit::{Fitted, as_it_is, fit, gradients, improved, scatter};
+use super::{Evidence, Hypothesis, PixelEvidence};
 use cmaes::{CMAESOptions, DVector};
 use nalgebra::DMatrix;
 use std::cell::RefCell;
@@ -50,24 +50,6 @@ const REST: f64 = 5e-3;
 
 /// What one of two searches has to gain, nats an event, for another to follow.
 const WORTH_ANOTHER: f64 = 1e-3;
-
-/// Nuisances that are effects of the library when there is more of them, or may stand in for one.
-const RIVALS: [Nuisance; 10] = [
-    Nuisance::LogRatio,
-    Nuisance::LeakHz,
-    Nuisance::LogBackgroundOn,
-    Nuisance::LogBackgroundOff,
-    Nuisance::OffsetUs,
-    Nuisance::BlurPx2,
-    Nuisance::ShiftX,
-    Nuisance::ShiftY,
-    Nuisance::RotationDeg,
-    Nuisance::Growth,
-];
-
-/// A nuisance is at an end of its range within this share of it, and is led back through so many parts.
-const AT_END: f64 = 0.02;
-const PARTS: u32 = 4;
 
 /// Stands for no value: the search takes finite numbers only.
 const NO_VALUE: f64 = 1e12;
@@ -123,7 +105,7 @@ pub(super) fn polished(evidence: &Evidence, fitted: Fitted) -> Fitted {
 }
 
 /// Every so many-th pixel is looked at.
-fn every(evidence: &Evidence, hypothesis: &Hypothesis) -> usize {
+pub(super) fn every(evidence: &Evidence, hypothesis: &Hypothesis) -> usize {
     let wanted = pixels_for(evidence, hypothesis, FEW_WORK, [LEAST_PIXELS, usize::MAX]);
     (evidence.pixels.len() / wanted).max(1)
 }
@@ -221,61 +203,6 @@ fn searched(evidence: &Evidence, fitted: Fitted, step: f64, patience: usize, see
 fn is_at_rest(course: &[f64], n_last: usize, enough: f64) -> bool {
     let before = course.len().checked_sub(n_last + 1).map(|at| course[at]);
     before.zip(course.last()).is_some_and(|(before, last)| last - before <= enough)
-}
-
-/// The same of a model whose last effect may have a rival among the nuisances: one that stands at the
-/// end of what is ordinary may stand there in the effect's place. Both lie on a ridge that is too narrow
-/// to be followed by slopes, so the nuisance is led back through its range with the effect beside it.
-pub(super) fn polished_off_the_ends(evidence: &Evidence, fitted: Fitted) -> Fitted {
-    let fitted = polished(evidence, fitted);
-    let best_of = |part: &Evidence| {
-        let elsewhere = each_as_it_is(part, off_the_ends(&fitted.hypothesis));
-        elsewhere.into_iter().reduce(Fitted::or_better)
-    };
-    let best = match every(evidence, &fitted.hypothesis) {
-        1 => best_of(evidence),
-        every => best_of(&evidence.thinned(every)).map(|best| as_it_is(evidence, best.hypothesis)),
-    };
-    match best.filter(|best| best.training() > fitted.training()) {
-        Some(better) => polished(evidence, better),
-        None => fitted,
-    }
-}
-
-/// A hypothesis with a nuisance that stands at the end of its range led back through it, and the first
-/// parameter of the last effect halved to doubled.
-pub(super) fn off_the_ends(hypothesis: &Hypothesis) -> Vec<Hypothesis> {
-    let Some(last) = hypothesis.effects.len().checked_sub(1) else { return Vec::new() };
-    let effect = hypothesis.effects[last];
-    // What frees a nuisance has no parameter of its own.
-    let parameter = effect.parameters.first().filter(|_| effect.frees.is_empty());
-    let (Some(parameter), own) = (parameter, hypothesis.offset_of(last)) else { return Vec::new() };
-    let mut all = Vec::new();
-    for rival in RIVALS.into_iter().filter(|rival| is_full(hypothesis, *rival)) {
-        let [low, high] = hypothesis.ranges[rival as usize];
-        for part in 0..PARTS {
-            let back = low + (high - low) * (f64::from(part) + 0.5) / f64::from(PARTS);
-            for eighth in -8..=8 {
-                let mut moved = hypothesis.with_nuisance(rival, back);
-                let value = parameter.from_fitted(moved.values[own]);
-                let value = parameter.to_fitted(value * (f64::from(eighth) / 8.0).exp2());
-                let [least, greatest] = moved.ranges[own];
-                moved.values[own] = value.clamp(least, greatest);
-                all.push(moved);
-            }
-        }
-    }
-    all
-}
-
-/// Whether a nuisance has as much as an ordinary recording may have of it.
-pub(super) fn is_full(hypothesis: &Hypothesis, nuisance: Nuisance) -> bool {
-    let at = nuisance as usize;
-    let [low, high] = hypothesis.ranges[at];
-    // None of it is an end too, and says nothing.
-    let is_none =
-        (hypothesis.values[at] - nuisance.neutral().max(low)).abs() <= AT_END * (high - low);
-    hypothesis.steps[at] > 0.0 && !is_none && hypothesis.is_at_end(at, AT_END)
 }
 
 /// A root of the covariance that the gradients claim.

@@ -2,8 +2,9 @@
 
 use super::candidate::{Candidate, LIBRARY};
 use super::census;
+use super::ends::{is_full, polished_off_the_ends};
 use super::fit::{Fitted, as_it_is, each_as_it_is, fit, improved};
-use super::polish::{fitted, is_full, polished_off_the_ends};
+use super::polish::fitted;
 use super::region::{begun_in_a_part, gain_of, settled};
 use super::score::Part;
 use super::starts::{BEST_STARTS, FIRST_STEPS, afresh, restarted, starts_of};

@@ -197,12 +197,7 @@ pub(super) fn ends(place: [f32; 2], share: f32, shift: [f32; 2]) -> [[f32; 2]; 2
 
 /// Mean difference of the surroundings of a place in one frame from those of a place in another, if it is
 /// below `most`. Most places are no match, and the first rows tell.
-fn apart(
-    before: Shot<'_>,
-    after: Shot<'_>,
-    [from, to]: [[f32; 2]; 2],
-    most: f32,
-) -> Option<f32> {
+fn apart(before: Shot<'_>, after: Shot<'_>, [from, to]: [[f32; 2]; 2], most: f32) -> Option<f32> {
     let n = (2 * HALF_PX + 1) * (2 * HALF_PX + 1);
     let mut sum = 0.0;
     for dy in -HALF_PX..=HALF_PX {

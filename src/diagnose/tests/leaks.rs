@@ -35,3 +35,15 @@ fn a_value_that_has_far_to_go_goes_alone_where_steps_of_all_go_nowhere() {
     let hz = fitted.hypothesis.nuisance(Nuisance::LeakHz);
     assert!((0.37..0.45).contains(&hz), "{hz} Hz");
 }
+
+#[test]
+fn a_photocurrents_leak_is_found_to_a_hundredth_beside_a_junctions_that_is_led_back() {
+    let (sharp, _) = leaking();
+    // Of the junction's there is none; it had stood at the end of its range, and the two on their ridge.
+    let back = sharp.with_nuisance(Nuisance::LeakHz, 0.0);
+    let leak = library(EffectId::PhotocurrentLeak);
+    let real = null::draw(&empty(), &back.with(leak, &[0.6]), 9);
+    let rate = ends::beside(&real, &back.with(leak, &[0.4])).hypothesis.parameters_of(0)[0];
+    // Steps of an eighth alone come to 0.617, by which the ridge is left.
+    assert!((rate / 0.6 - 1.0).abs() < 0.008, "{rate} Hz");
+}
