@@ -26,61 +26,88 @@ const NEAR_US: i64 = 5_000;
 /// How far back the pixel's own events are counted, microseconds.
 const RECENT_US: i64 = 150_000;
 
+/// What a feature is of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Of {
+    /// The pixel's place, its own past, the time.
+    Own,
+    /// Its light.
+    Light,
+    /// Its neighbours, which see what it sees a little earlier or later.
+    Around,
+    /// The sensor as a whole.
+    Sensor,
+}
+
+impl Of {
+    /// Whether it is beside what a pixel's own light and past hold.
+    const fn is_other(self) -> bool {
+        matches!(self, Self::Around | Self::Sensor)
+    }
+
+    /// Whether an error of the light shows in it: where an edge comes later than it was taken to come, the
+    /// neighbours have fired already.
+    const fn is_by_light(self) -> bool {
+        matches!(self, Self::Light | Self::Around)
+    }
+}
+
 /// What an event is looked at by.
 struct Feature {
     key: &'static str,
-    /// Whether it is beside what a pixel's own light and past hold.
-    is_other: bool,
+    of: Of,
     /// How a range of it is said.
     says: fn([f64; 2]) -> String,
 }
 
-const fn feature(key: &'static str, says: fn([f64; 2]) -> String) -> Feature {
-    Feature { key, is_other: false, says }
-}
-
-const fn other(key: &'static str, says: fn([f64; 2]) -> String) -> Feature {
-    Feature { key, is_other: true, says }
+const fn feature(key: &'static str, of: Of, says: fn([f64; 2]) -> String) -> Feature {
+    Feature { key, of, says }
 }
 
 const FEATURES: [Feature; 16] = [
-    feature("interval_us", |[a, b]| format!("{a:.0} to {b:.0} us after the pixel's last event")),
-    feature("polarity_turned", |[a, _]| {
+    feature("interval_us", Of::Own, |[a, b]| {
+        format!("{a:.0} to {b:.0} us after the pixel's last event")
+    }),
+    feature("polarity_turned", Of::Own, |[a, _]| {
         format!(
             "of {} polarity to the pixel's last one",
             if a >= 0.5 { "opposite" } else { "equal" }
         )
     }),
-    feature("polarity_on", |[a, _]| if a >= 0.5 { "On".into() } else { "Off".into() }),
-    feature("innovation", |[a, b]| {
+    feature("polarity_on", Of::Own, |[a, _]| if a >= 0.5 { "On".into() } else { "Off".into() }),
+    feature("innovation", Of::Light, |[a, b]| {
         format!("where the light has changed by {:.2} to {:.2} thresholds", a + 1.0, b + 1.0)
     }),
-    feature("contrast_rate_per_s", |[a, b]| {
+    feature("contrast_rate_per_s", Of::Light, |[a, b]| {
         format!("where log intensity changes by {a:.1} to {b:.1} a second")
     }),
-    feature("log_intensity", |[a, b]| {
+    feature("log_intensity", Of::Light, |[a, b]| {
         format!("where the light is {:.0} to {:.0} % of white", a.exp() * 100.0, b.exp() * 100.0)
     }),
-    feature("column", |[a, b]| format!("in columns {a:.0} to {b:.0}")),
-    feature("row", |[a, b]| format!("in rows {a:.0} to {b:.0}")),
-    feature("time_s", |[a, b]| format!("between {a:.2} and {b:.2} s of the recording")),
-    other("neighbour_us", |[a, b]| {
+    feature("column", Of::Own, |[a, b]| format!("in columns {a:.0} to {b:.0}")),
+    feature("row", Of::Own, |[a, b]| format!("in rows {a:.0} to {b:.0}")),
+    feature("time_s", Of::Own, |[a, b]| format!("between {a:.2} and {b:.2} s of the recording")),
+    feature("neighbour_us", Of::Around, |[a, b]| {
         format!("{a:.0} to {b:.0} us after the last event of the eight pixels around")
     }),
-    other("neighbours", |[a, b]| {
+    feature("neighbours", Of::Around, |[a, b]| {
         format!("with {a:.0} to {b:.0} events of the eight pixels around in the 5 ms before")
     }),
-    other("neighbour_next_us", |[a, b]| {
+    feature("neighbour_next_us", Of::Around, |[a, b]| {
         format!("{a:.0} to {b:.0} us before the next event of the eight pixels around")
     }),
-    feature("own_events", |[a, b]| {
+    feature("own_events", Of::Own, |[a, b]| {
         format!("with {a:.0} to {b:.0} events of the same pixel in the 150 ms before")
     }),
-    other("sensor_rate_hz", |[a, b]| {
+    feature("sensor_rate_hz", Of::Sensor, |[a, b]| {
         format!("while all pixels together make {a:.0} to {b:.0} events a second")
     }),
-    other("row_us", |[a, b]| format!("{a:.0} to {b:.0} us from another event of their row")),
-    other("since_frame_us", |[a, b]| format!("{a:.0} to {b:.0} us after a frame's exposure began")),
+    feature("row_us", Of::Sensor, |[a, b]| {
+        format!("{a:.0} to {b:.0} us from another event of their row")
+    }),
+    feature("since_frame_us", Of::Sensor, |[a, b]| {
+        format!("{a:.0} to {b:.0} us after a frame's exposure began")
+    }),
 ];
 
 /// What a model leaves.
@@ -92,6 +119,9 @@ pub(super) struct Structure {
     pub(super) error: f64,
     /// Share of events told rightly.
     pub(super) accuracy: f64,
+    /// What they gain by nothing that an error of the light shows in; only where the light between frames is
+    /// guessed.
+    pub(super) apart_from_light: Option<f64>,
     /// What of that takes the rest of the sensor, beyond the pixel's own light and past, and its
     /// standard error.
     pub(super) others: [f64; 2],
@@ -105,7 +135,7 @@ impl Structure {
     /// The hazard's dependence on what the pixel's own light and past do not hold, where that tells
     /// most: the logarithm of real events over the model's in each range of it.
     pub(super) fn term(&self) -> Option<ProposedTerm> {
-        let is_other = |key: &str| FEATURES.iter().any(|f| f.is_other && f.key == key);
+        let is_other = |key: &str| FEATURES.iter().any(|f| f.of.is_other() && f.key == key);
         let most = self.by.iter().find(|(key, _)| is_other(key))?.0;
         let mut places: Vec<&Where> =
             self.places.iter().filter(|place| place.covariate == most).collect();
@@ -131,14 +161,17 @@ impl Structure {
 pub(super) fn structure(evidence: &Evidence, model: &Fitted, seed: u64) -> Option<Structure> {
     let examples = examples(evidence, model, seed);
     let told = told_apart(&examples)?;
-    let own = told_apart_by(&examples, |feature| !FEATURES[feature].is_other)?;
+    let own = told_apart_by(&examples, |feature| !FEATURES[feature].of.is_other())?;
     let others = told.more_than(&own);
+    let by_others = || told_apart_by(&examples, |feature| !FEATURES[feature].of.is_by_light());
+    let apart_from_light = evidence.facts.is_led.then(by_others).flatten().map(|told| told.nats);
     let Told { nats, error, accuracy, ref share, .. } = told;
     let mut by: Vec<(&'static str, f64)> =
         FEATURES.iter().zip(share).map(|(f, s)| (f.key, *s)).collect();
     by.sort_by(|a, b| b.1.total_cmp(&a.1));
     let others = [others.0, others.1];
-    Some(Structure { nats, error, accuracy, others, by, places: places(&examples) })
+    let places = places(&examples);
+    Some(Structure { nats, error, accuracy, apart_from_light, others, by, places })
 }
 
 fn examples(evidence: &Evidence, model: &Fitted, seed: u64) -> Examples {

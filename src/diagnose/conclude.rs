@@ -198,6 +198,7 @@ fn left(structure: &Structure) -> super::StructureLeft {
     super::StructureLeft {
         nats_per_event: structure.nats,
         error: structure.error,
+        nats_apart_from_light: structure.apart_from_light,
         accuracy: structure.accuracy,
         told_by: structure.by.iter().take(4).map(|(key, _)| (*key).to_owned()).collect(),
     }

@@ -19,6 +19,10 @@ const LEAST_STRUCTURE: f64 = 0.025;
 /// A name may stand on a model that leaves this share of the baseline's structure.
 const LEFT_IN_PART: f64 = 0.3;
 
+/// Where the light between frames is guessed, its errors are most of what any model leaves. There that share is
+/// of what they do not show in, and of all of it may be left so much.
+const LEFT_BESIDE_GUESSED: f64 = 0.5;
+
 /// And without reserve on one that leaves this share.
 const LEFT_AT_MOST: f64 = 0.1;
 
@@ -62,10 +66,20 @@ pub(super) fn standing(
     let least = LEAST_STRUCTURE.max(chance);
     if after.nats <= least || (names_something && after.nats <= LEFT_AT_MOST * before.nats) {
         Standing::Holds
-    } else if !names_something || after.nats <= LEFT_IN_PART * before.nats {
+    } else if !names_something || removes_most(before, after) {
         Standing::InPart
     } else {
         Standing::Fails
+    }
+}
+
+/// Whether most of the structure is gone.
+fn removes_most(before: &Structure, after: &Structure) -> bool {
+    match before.apart_from_light.zip(after.apart_from_light) {
+        Some((apart, left)) => {
+            left <= LEFT_IN_PART * apart && after.nats <= LEFT_BESIDE_GUESSED * before.nats
+        }
+        None => after.nats <= LEFT_IN_PART * before.nats,
     }
 }
 
@@ -139,6 +153,7 @@ mod tests {
             nats,
             error: 0.001,
             accuracy: 0.5,
+            apart_from_light: None,
             others: [0.0; 2],
             by: Vec::new(),
             places: Vec::new(),
@@ -154,6 +169,19 @@ mod tests {
         assert_eq!(of(&leaves(0.2)), Standing::Fails);
         assert_eq!(standing(Some(&some), Some(&some), &[], false), Standing::InPart);
         assert_eq!(standing(Some(&little), Some(&little), &[], false), Standing::Holds);
+    }
+
+    #[test]
+    fn where_light_is_guessed_a_name_stands_by_what_its_errors_do_not_show_in() {
+        let of =
+            |nats: f64, apart: f64| Structure { apart_from_light: Some(apart), ..leaves(nats) };
+        let standing = |before: Structure, after: Structure| {
+            standing(Some(&before), Some(&after), &[0.002], true)
+        };
+        // Of 0.19 nats 0.07 are left, which the light's errors alone leave.
+        assert_eq!(standing(of(0.19, 0.15), of(0.07, 0.03)), Standing::InPart);
+        assert_eq!(standing(of(0.19, 0.15), of(0.07, 0.06)), Standing::Fails);
+        assert_eq!(standing(of(0.19, 0.15), of(0.12, 0.03)), Standing::Fails);
     }
 
     #[test]

@@ -43,7 +43,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             n_pixels: 600,
-            few_events: 3_000,
+            few_events: 1_500,
             n_events: 8_000,
             n_instants: 8_000_000,
             step_us: 1_000,

@@ -163,6 +163,10 @@ pub struct StructureLeft {
     pub nats_per_event: f64,
     /// Its standard error.
     pub error: f64,
+    /// What they gain by nothing that an error of the light shows in (neither the light nor the neighbours), where
+    /// the light between frames is guessed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nats_apart_from_light: Option<f64>,
     /// Share they tell rightly; a half where nothing is left.
     pub accuracy: f64,
     /// By what, the most telling first.
