@@ -161,6 +161,8 @@ pub struct Candidate {
     pub same: &'static [EffectId],
     /// Effects whose law is the very same for some of their values.
     pub twins: &'static [EffectId],
+    /// Whether it shows in pixels that have no events only: what is judged behind events does not see it.
+    pub is_silent: bool,
     /// What separates it from its rivals: what to record.
     pub splitter: &'static str,
     /// Why it cannot be judged from this evidence.
@@ -209,6 +211,7 @@ const PLAIN: Candidate = Candidate {
     rivals: &[],
     same: &[],
     twins: &[],
+    is_silent: false,
     splitter: "",
     needs: |_| Ok(()),
     against: |_| 0.0,

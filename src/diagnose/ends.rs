@@ -86,13 +86,9 @@ pub(super) fn beside(evidence: &Evidence, back: &Hypothesis) -> Fitted {
 
 /// A hypothesis with that parameter doubled so many times, within its range.
 fn scaled(hypothesis: &Hypothesis, doublings: f64) -> Hypothesis {
-    let mut moved = hypothesis.clone();
-    if let Some((at, parameter)) = own(hypothesis) {
-        let value = parameter.from_fitted(moved.values[at]);
-        let [least, greatest] = moved.ranges[at];
-        moved.values[at] = parameter.to_fitted(value * doublings.exp2()).clamp(least, greatest);
-    }
-    moved
+    let own = own(hypothesis);
+    let moved = own.map(|(at, parameter)| hypothesis.scaled(at, parameter, doublings.exp2()));
+    moved.unwrap_or_else(|| hypothesis.clone())
 }
 
 /// The first parameter of the last effect and the number of its value; what frees a nuisance has none of its own.

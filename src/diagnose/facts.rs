@@ -64,6 +64,14 @@ impl TiedClocks {
         [stated.hypot(self.offset_us[1]), stated * std::f64::consts::FRAC_1_SQRT_2]
     }
 
+    /// First instant and step of a light that lasts so many seconds, microseconds, on the events' clock by what the
+    /// session states of it.
+    pub(super) fn as_stated(&self, [start_us, step_us]: [f64; 2], seconds: f64) -> [f64; 2] {
+        let fast = self.skew_ppm[0] * 1e-6;
+        let late_us = self.offset_us[0] - fast * 0.5e6 * seconds;
+        [start_us - late_us, step_us * (1.0 - fast)]
+    }
+
     /// Whether the tie shows the camera's own frames as late as its events are said to be here.
     pub(super) fn is_off(&self) -> bool {
         self.offset_us[0].abs() > self.within_us.max(200.0) + 4.0 * self.offset_us[1]

@@ -1,6 +1,6 @@
 //! A model of the recording: nuisances and effects with their values, and what it makes of a pixel.
 
-use super::candidate::{Candidate, Freed, Stage};
+use super::candidate::{Candidate, Freed, Parameter, Stage};
 use super::nuisance::{N_NUISANCES, Nuisance};
 use super::places::{Held, Pinned};
 use super::placing::Placing;
@@ -202,6 +202,16 @@ impl Hypothesis {
         other
     }
 
+    /// The same hypothesis with a parameter so many times as large, within its range.
+    #[must_use]
+    pub(super) fn scaled(&self, at: usize, parameter: &Parameter, times: f64) -> Self {
+        let mut other = self.clone();
+        let [low, high] = other.ranges[at];
+        let there = times * parameter.from_fitted(other.values[at]);
+        other.values[at] = parameter.to_fitted(there).clamp(low, high);
+        other
+    }
+
     /// The same hypothesis with the values that a longer one, made from it, has for its own, each
     /// within its range here.
     #[must_use]
@@ -328,7 +338,9 @@ impl Hypothesis {
         pixel: &'a PixelEvidence,
         signal: Vec<f32>,
     ) -> View<'a> {
-        let [start_us, step_us] = stated_clock(evidence);
+        let own = [evidence.start_us, evidence.step_us];
+        let stated = evidence.facts.clocks.map(|tied| tied.as_stated(own, evidence.seconds()));
+        let [start_us, step_us] = stated.unwrap_or(own);
         let nuisances = self.nuisances_at(pixel.x, pixel.y);
         View {
             evidence,
@@ -383,13 +395,4 @@ fn law(values: &[f64]) -> PixelLaw {
         jitter_s: 0.0,
         stamps_are_weighed: false,
     }
-}
-
-/// First instant of the light and step on the events' clock, by what the session states of it.
-fn stated_clock(evidence: &Evidence) -> [f64; 2] {
-    let Some(tied) = evidence.facts.clocks else { return [evidence.start_us, evidence.step_us] };
-    let fast = tied.skew_ppm[0] * 1e-6;
-    let middle_us = evidence.start_us + 0.5e6 * evidence.seconds();
-    let late_us = tied.offset_us[0] + fast * (evidence.start_us - middle_us);
-    [evidence.start_us - late_us, evidence.step_us * (1.0 - fast)]
 }

@@ -72,7 +72,9 @@ impl Judge<'_> {
     fn look(&self, model: &Fitted) -> Look {
         let n = model.hypothesis.effects.len();
         let after = structure(self.evidence, model, self.seed);
-        let standing = standing(self.before, after.as_ref(), self.null, n > 0);
+        // What takes all events of a pixel leaves none behind which the trees could look.
+        let is_seen = model.hypothesis.effects.iter().any(|effect| !effect.is_silent);
+        let standing = standing(self.before, after.as_ref(), self.null, is_seen);
         let drawn = null::draw(self.evidence, &model.hypothesis, self.seed);
         let doubts = (0..n).map(|index| doubt(self.evidence, &drawn, model, index)).collect();
         Look { after, standing, doubts }

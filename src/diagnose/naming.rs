@@ -54,7 +54,7 @@ pub(super) enum Standing {
 }
 
 /// Judges a model by what it leaves; `null` are the structures in recordings drawn from it. A model
-/// that names something is measured by the baseline, one that names nothing by itself.
+/// that names something which shows behind events is measured by the baseline, another by itself.
 pub(super) fn standing(
     before: Option<&Structure>,
     after: Option<&Structure>,
@@ -110,27 +110,24 @@ pub(super) fn is_vague(model: &Fitted, index: usize) -> bool {
 /// and at three times as much, as far as its range goes; `None` where it has no room to either side.
 pub(super) fn strength_aside(hypothesis: &Hypothesis, index: usize) -> Option<[Hypothesis; 2]> {
     let (at, parameter) = asked(hypothesis, index).next()?;
-    let value = parameter.from_fitted(hypothesis.values[at]);
-    let [low, high] = hypothesis.ranges[at];
-    let aside = [value / FACTOR, value * FACTOR].map(|there| {
-        let there = parameter.to_fitted(there).clamp(low, high);
-        let mut moved = hypothesis.clone();
-        moved.values[at] = there;
-        moved.ranges[at] = [there; 2];
+    let aside = [1.0 / FACTOR, FACTOR].map(|times| {
+        let mut moved = hypothesis.scaled(at, parameter, times);
+        moved.ranges[at] = [moved.values[at]; 2];
         moved
     });
     aside.iter().all(|moved| moved.values[at] != hypothesis.values[at]).then_some(aside)
 }
 
 /// Parameters of an effect that the events are asked for and that are reported, each with the number of its
-/// value.
+/// value; where what is reported only follows from them, all of them.
 fn asked(
     hypothesis: &Hypothesis,
     index: usize,
 ) -> impl Iterator<Item = (usize, &'static Parameter)> {
-    let parameters = hypothesis.effects[index].parameters.iter();
+    let parameters = hypothesis.effects[index].parameters;
+    let all_follow = parameters.iter().all(|p| p.is_hidden);
     let numbered = (hypothesis.offset_of(index)..).zip(parameters);
-    numbered.filter(|(_, p)| !p.is_fixed && !p.is_hidden)
+    numbered.filter(move |(_, p)| !p.is_fixed && (all_follow || !p.is_hidden))
 }
 
 /// Share of its range within which a value stands at an end.

@@ -25,6 +25,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     },
     derived: |evidence, values| vec![("count", (values[0] * evidence.n_sensor()).round())],
     rivals: &[EffectId::ThresholdMismatch],
+    is_silent: true,
     splitter: "a faster pass with more contrast",
     says: |values| format!("{:.2} % of the pixels never fire", values[0] * 100.0),
     ..PLAIN

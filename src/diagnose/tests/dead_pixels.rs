@@ -1,0 +1,53 @@
+//! Pixels that never fire: what the trees look at, the events, does not tell of them.
+
+use super::*;
+
+fn with_dead() -> (Evidence, Hypothesis) {
+    let evidence = empty();
+    let dead = library(EffectId::DeadPixels);
+    let truth = Hypothesis::baseline(&evidence).with(dead, &[0.25_f64.ln()]);
+    (null::draw(&evidence, &truth, 7), truth)
+}
+
+#[test]
+fn their_share_is_told_though_only_their_number_is_reported() {
+    let (real, truth) = with_dead();
+    let mut fitted = fit::as_it_is(&real, truth);
+    let mut is_vague = |error: f64| {
+        fitted.errors = Some(vec![error; fitted.hypothesis.values.len()]);
+        naming::is_vague(&fitted, 0)
+    };
+    assert!(!is_vague(0.2) && is_vague(2.0));
+    let at = fitted.hypothesis.offset_of(0);
+    let aside = naming::strength_aside(&fitted.hypothesis, 0).unwrap();
+    assert!(aside[0].values[at] < fitted.hypothesis.values[at], "held at less");
+}
+
+#[test]
+fn their_name_stands_on_a_light_that_is_late_and_another_does_not() {
+    let (mut real, truth) = with_dead();
+    for pixel in &mut real.pixels {
+        pixel.light.rotate_right(10);
+    }
+    let little = check::Structure {
+        nats: 0.01,
+        error: 0.002,
+        accuracy: 0.5,
+        apart_from_light: None,
+        others: [0.0; 2],
+        by: Vec::new(),
+        places: Vec::new(),
+    };
+    let plain = Hypothesis::baseline(&real);
+    let baseline = fit::as_it_is(&real, plain.clone());
+    let before = Some(&little);
+    let judge = judge::Judge { evidence: &real, baseline: &baseline, before, null: &[], seed: 3 };
+    let named = |hypothesis: Hypothesis| {
+        let gain = select::Taken { gain: 0.5, error: 0.05, rivals: Vec::new(), equals: Vec::new() };
+        let judged = judge.judged(fit::as_it_is(&real, hypothesis), vec![gain]);
+        assert!(judged.after.unwrap().nats > 0.05, "what is late is seen");
+        judged.taken.len()
+    };
+    assert_eq!(named(truth), 1);
+    assert_eq!(named(plain.with(library(EffectId::EventDrop), &[0.25])), 0);
+}
