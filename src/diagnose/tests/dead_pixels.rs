@@ -10,17 +10,14 @@ fn with_dead() -> (Evidence, Hypothesis) {
 }
 
 #[test]
-fn their_share_is_told_though_only_their_number_is_reported() {
-    let (real, truth) = with_dead();
-    let mut fitted = fit::as_it_is(&real, truth);
-    let mut is_vague = |error: f64| {
-        fitted.errors = Some(vec![error; fitted.hypothesis.values.len()]);
-        naming::is_vague(&fitted, 0)
-    };
-    assert!(!is_vague(0.2) && is_vague(2.0));
-    let at = fitted.hypothesis.offset_of(0);
-    let aside = naming::strength_aside(&fitted.hypothesis, 0).unwrap();
-    assert!(aside[0].values[at] < fitted.hypothesis.values[at], "held at less");
+fn their_share_is_asked_for_though_only_their_number_is_reported() {
+    let (_, truth) = with_dead();
+    let at = truth.offset_of(0);
+    let shares = naming::strength_aside(&truth, 0).unwrap().map(|aside| aside.values[at].exp());
+    assert!((shares[0] - 0.25 / 3.0).abs() < 1e-9 && shares[1] == 0.5, "{shares:?}");
+    assert!(naming::at_an_end(&truth, 0).is_none());
+    let half = Hypothesis::baseline(&empty()).with(truth.effects[0], &[0.5_f64.ln()]);
+    assert!(naming::at_an_end(&half, 0).is_some_and(|parameter| parameter.key == "fraction"));
 }
 
 #[test]
