@@ -4,12 +4,13 @@ use super::census::{Census, census};
 use super::check::structure;
 use super::conclude::{Reached, conclude};
 use super::errors::with_errors;
-use super::fit::{Fitted, each_as_it_is, fit, improved};
+use super::fit::{Fitted, as_it_is, each_as_it_is, fit, improved};
 use super::halves::halves;
 use super::heat::{HeatMap, heat_maps};
 use super::judge::{Judge, Judged};
 use super::polish::fitted_and_polished;
 use super::prune::{leave_out_below, leave_out_vague, prune};
+use super::region::gain_of;
 use super::scan::{Gain, Tried, best_first, scan};
 use super::score::{LEAST_ERRORS, LEAST_GAIN, Part, is_enough};
 use super::stated::{Departure, as_effects};
@@ -198,6 +199,10 @@ fn take_all(
             best_first(&mut tried);
         }
         polish_rivals(evidence, &model, &mut tried, progress);
+        if tried.first().is_some_and(|best| !holds_finely(evidence, &model, best)) {
+            tried.remove(0);
+            polish_rivals(evidence, &model, &mut tried, progress);
+        }
         tried.retain(|tried| has_signature(evidence, tried, |_, region| region));
         let Some(best) = tried.first() else { break };
         let gain = best.gain;
@@ -218,6 +223,23 @@ fn take_all(
         model = best.fitted.clone();
     }
     (baseline, model, taken, unsure)
+}
+
+/// Whether the fine score of pixels with thresholds of their own leaves an effect what it buys by the coarse one.
+/// Between thresholds that the coarse one looks at it goes along slopes, and a camera that is all but ideal scores less
+/// there than they promise.
+pub(super) fn holds_finely(evidence: &Evidence, model: &Fitted, tried: &Tried) -> bool {
+    let coarse = &tried.fitted.hypothesis;
+    let has_own = coarse.kinds().is_even() && !model.hypothesis.kinds().is_even();
+    if !has_own || !is_enough(tried.gain.held_out, tried.gain.error) {
+        return true;
+    }
+    let holds = |fine: &Fitted| {
+        let (gain, error) = gain_of(evidence, fine, model.hypothesis.effects.len(), model);
+        is_enough(gain, error)
+    };
+    let fine = as_it_is(evidence, Hypothesis { is_fine: true, ..coarse.clone() });
+    holds(&fine) || holds(&improved(evidence, fine, FINE_STEPS, 1e-4))
 }
 
 /// An effect that buys much and not surely: the model without it is not said to hold.

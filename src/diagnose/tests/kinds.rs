@@ -48,6 +48,21 @@ fn thresholds_come_out_as_far_apart_as_they_are() {
 }
 
 #[test]
+fn a_spread_is_taken_that_the_fine_score_sees_and_none_that_only_the_coarse_one_does() {
+    let id = EffectId::ThresholdMismatch;
+    let (spread, _, sharp) = planted_thresholds();
+    let alike = null::draw(&spread, &sharp, 3);
+    for (evidence, is_there) in [(spread, true), (alike, false)] {
+        let apart = sharp.with(library(id), &[0.11_f64.ln(), 0.0]);
+        let coarse = fit::as_it_is(&evidence, Hypothesis { is_fine: false, ..apart });
+        let gain = scan::Gain { id, training: 0.13, held_out: 0.13, error: 0.02 };
+        let promising = scan::Tried { gain, fitted: coarse, is_whole: true };
+        let model = fit::as_it_is(&evidence, sharp.clone());
+        assert_eq!(select::holds_finely(&evidence, &model, &promising), is_there);
+    }
+}
+
+#[test]
 fn beside_a_held_hypothesis_scores_change_smoothly() {
     let (planted, _, sharp) = planted_thresholds();
     let own = fit::as_it_is(
