@@ -225,27 +225,33 @@ fn take_all(
     (baseline, model, taken, unsure)
 }
 
-/// Whether the fine score of pixels with thresholds of their own leaves an effect what it buys by the coarse one.
-/// Between thresholds that the coarse one looks at it goes along slopes, and a camera that is all but ideal scores less
-/// there than they promise.
+/// Whether the fine score of pixels with thresholds of their own leaves an effect the name or the suspicion that the
+/// coarse one gives it. Between thresholds that the coarse one looks at it goes along slopes, and a camera that is all
+/// but ideal scores less there than they promise.
 pub(super) fn holds_finely(evidence: &Evidence, model: &Fitted, tried: &Tried) -> bool {
     let coarse = &tried.fitted.hypothesis;
     let has_own = coarse.kinds().is_even() && !model.hypothesis.kinds().is_even();
-    if !has_own || !is_enough(tried.gain.held_out, tried.gain.error) {
+    let (gain, error) = (tried.gain.held_out, tried.gain.error);
+    let asked = if is_enough(gain, error) { is_enough } else { is_suspicious };
+    if !has_own || !asked(gain, error) {
         return true;
     }
     let holds = |fine: &Fitted| {
         let (gain, error) = gain_of(evidence, fine, model.hypothesis.effects.len(), model);
-        is_enough(gain, error)
+        asked(gain, error)
     };
     let fine = as_it_is(evidence, Hypothesis { is_fine: true, ..coarse.clone() });
     holds(&fine) || holds(&improved(evidence, fine, FINE_STEPS, 1e-4))
 }
 
+fn is_suspicious(gain: f64, error: f64) -> bool {
+    gain > UNSURE_GAIN && gain > UNSURE_ERRORS * error
+}
+
 /// An effect that buys much and not surely: the model without it is not said to hold.
 fn suspected(gain: Gain) -> Option<Suspect> {
     let errors = gain.held_out / gain.error;
-    (gain.held_out > UNSURE_GAIN && errors > UNSURE_ERRORS).then(|| Suspect {
+    is_suspicious(gain.held_out, gain.error).then(|| Suspect {
         id: gain.id,
         heldout_gain_nats_per_event: gain.held_out,
         because: format!(
