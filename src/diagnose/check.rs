@@ -131,6 +131,22 @@ pub(super) struct Structure {
     pub(super) places: Vec<Where>,
 }
 
+#[cfg(test)]
+impl Structure {
+    /// So much is left, nats an event, and nothing is known of where.
+    pub(super) fn of(nats: f64) -> Self {
+        Self {
+            nats,
+            error: 0.001,
+            accuracy: 0.5,
+            apart_from_light: None,
+            others: [0.0; 2],
+            by: Vec::new(),
+            places: Vec::new(),
+        }
+    }
+}
+
 impl Structure {
     /// The hazard's dependence on what the pixel's own light and past do not hold, where that tells
     /// most: the logarithm of real events over the model's in each range of it.

@@ -145,33 +145,23 @@ pub(super) fn at_an_end(hypothesis: &Hypothesis, index: usize) -> Option<&'stati
 mod tests {
     use super::*;
 
-    fn leaves(nats: f64) -> Structure {
-        Structure {
-            nats,
-            error: 0.001,
-            accuracy: 0.5,
-            apart_from_light: None,
-            others: [0.0; 2],
-            by: Vec::new(),
-            places: Vec::new(),
-        }
-    }
-
     #[test]
     fn a_name_stands_by_what_its_model_leaves() {
-        let (much, some, little) = (leaves(0.3), leaves(0.08), leaves(0.01));
+        let (much, some, little) = (Structure::of(0.3), Structure::of(0.08), Structure::of(0.01));
         let of = |after: &Structure| standing(Some(&much), Some(after), &[0.002], true);
         assert_eq!(of(&little), Standing::Holds);
         assert_eq!(of(&some), Standing::InPart);
-        assert_eq!(of(&leaves(0.2)), Standing::Fails);
+        assert_eq!(of(&Structure::of(0.2)), Standing::Fails);
         assert_eq!(standing(Some(&some), Some(&some), &[], false), Standing::InPart);
         assert_eq!(standing(Some(&little), Some(&little), &[], false), Standing::Holds);
     }
 
     #[test]
     fn where_light_is_guessed_a_name_stands_by_what_its_errors_do_not_show_in() {
-        let of =
-            |nats: f64, apart: f64| Structure { apart_from_light: Some(apart), ..leaves(nats) };
+        let of = |nats: f64, apart: f64| Structure {
+            apart_from_light: Some(apart),
+            ..Structure::of(nats)
+        };
         let standing = |before: Structure, after: Structure| {
             standing(Some(&before), Some(&after), &[0.002], true)
         };

@@ -58,6 +58,8 @@ pub(super) struct Tried {
     pub(super) fitted: Fitted,
     /// Whether it was fitted on all pixels, and not on few.
     pub(super) is_whole: bool,
+    /// Whether its fit was gone on with until it stood still.
+    pub(super) is_finished: bool,
 }
 
 impl Tried {
@@ -69,7 +71,7 @@ impl Tried {
         let fitted =
             polished_off_the_ends(evidence, fresh.into_iter().fold(begun, Fitted::or_better));
         let fitted = settled(evidence, model, fitted);
-        Self { fitted, is_whole: true, ..self }.against(evidence, model)
+        Self { fitted, is_whole: true, is_finished: true, ..self }.against(evidence, model)
     }
 
     /// Whether the effect frees a nuisance of which `model`, without it, has as much as is ordinary: it may ask for
@@ -155,7 +157,7 @@ pub(super) fn scan(
             let last = model.hypothesis.effects.len();
             let (held_out, error) = gain_of(evidence, &fitted, last, against);
             let gain = Gain { id: candidate.id, training, held_out, error };
-            Tried { gain, fitted, is_whole }
+            Tried { gain, fitted, is_whole, is_finished: false }
         })
         .collect();
     best_first(&mut all);

@@ -12,9 +12,19 @@ pub(super) const LEAST_GAIN: f64 = 0.02;
 /// An effect's gain has to be so many of its standard errors.
 pub(super) const LEAST_ERRORS: f64 = 4.0;
 
+/// An effect that buys more than this, nats an event, and so many of its standard errors, and is not named
+/// for want of more, is suspected.
+const UNSURE_GAIN: f64 = 0.06;
+const UNSURE_ERRORS: f64 = 3.0;
+
 /// Whether a gain on held-out cells, with its error, is one to speak of.
 pub(super) fn is_enough(gain: f64, error: f64) -> bool {
     gain >= LEAST_GAIN && gain >= LEAST_ERRORS * error
+}
+
+/// Whether it is much, sure or not.
+pub(super) fn is_suspicious(gain: f64, error: f64) -> bool {
+    gain > UNSURE_GAIN && gain > UNSURE_ERRORS * error
 }
 
 /// Log-likelihoods and events of all cells.

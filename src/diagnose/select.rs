@@ -12,7 +12,7 @@ use super::polish::fitted_and_polished;
 use super::prune::{leave_out_below, leave_out_vague, prune};
 use super::region::gain_of;
 use super::scan::{Gain, Tried, best_first, scan};
-use super::score::{LEAST_ERRORS, LEAST_GAIN, Part, is_enough};
+use super::score::{LEAST_ERRORS, LEAST_GAIN, Part, is_enough, is_suspicious};
 use super::stated::{Departure, as_effects};
 use super::{Diagnosis, Evidence, Hypothesis, Nuisance, NullReport, Options, Rival, Suspect, null};
 use crate::effect_id::EffectId;
@@ -26,11 +26,6 @@ const MUCH: f64 = 0.1;
 
 /// Rivals, the best included, that are.
 const MOST_RIVALS: usize = 3;
-
-/// An effect that buys more than this, nats an event, and so many of its standard errors, and is not named
-/// for want of more, is suspected.
-const UNSURE_GAIN: f64 = 0.06;
-const UNSURE_ERRORS: f64 = 3.0;
 
 /// Steps from what a coarse score finds to what the fine one does, which is near.
 const FINE_STEPS: usize = 12;
@@ -244,10 +239,6 @@ pub(super) fn holds_finely(evidence: &Evidence, model: &Fitted, tried: &Tried) -
     holds(&fine) || holds(&improved(evidence, fine, FINE_STEPS, 1e-4))
 }
 
-fn is_suspicious(gain: f64, error: f64) -> bool {
-    gain > UNSURE_GAIN && gain > UNSURE_ERRORS * error
-}
-
 /// An effect that buys much and not surely: the model without it is not said to hold.
 fn suspected(gain: Gain) -> Option<Suspect> {
     let errors = gain.held_out / gain.error;
@@ -282,7 +273,7 @@ fn polish_rivals(
     let (rivals, rest): (Vec<Tried>, Vec<Tried>) = tried.drain(..).partition(near);
     let n_finished = rivals.len().min(MOST_RIVALS);
     tried.extend(rivals.into_iter().enumerate().map(|(i, rival)| {
-        if i >= n_finished {
+        if i >= n_finished || rival.is_finished {
             return rival;
         }
         progress(&format!("{} to the end", rival.gain.id));

@@ -26,15 +26,7 @@ fn their_name_stands_on_a_light_that_is_late_and_another_does_not() {
     for pixel in &mut real.pixels {
         pixel.light.rotate_right(10);
     }
-    let little = check::Structure {
-        nats: 0.01,
-        error: 0.002,
-        accuracy: 0.5,
-        apart_from_light: None,
-        others: [0.0; 2],
-        by: Vec::new(),
-        places: Vec::new(),
-    };
+    let little = check::Structure::of(0.01);
     let plain = Hypothesis::baseline(&real);
     let baseline = fit::as_it_is(&real, plain.clone());
     let before = Some(&little);

@@ -60,7 +60,7 @@ fn a_spread_is_taken_that_the_fine_score_sees_and_none_that_only_the_coarse_one_
         for error in [0.02, 0.04] {
             let gain = scan::Gain { id, training: 0.13, held_out: 0.13, error };
             let fitted = coarse.clone();
-            let promising = scan::Tried { gain, fitted, is_whole: true };
+            let promising = scan::Tried { gain, fitted, is_whole: true, is_finished: false };
             assert_eq!(select::holds_finely(&evidence, &model, &promising), is_there);
         }
     }
