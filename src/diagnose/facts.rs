@@ -1,6 +1,7 @@
 //! What a session states beside its events and its light.
 
 use crate::effect_id::EffectId;
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// What is known of a session beside its events and its light.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,6 +41,20 @@ impl Facts {
     pub fn is_light_dense(&self) -> bool {
         self.from_scene || self.frame_us <= DENSE_US
     }
+
+    /// Standard errors of what an offset of the clocks is measured against, microseconds: in the middle of the light,
+    /// and of the change from there to either end. Between frames of the same camera, where nothing ties its events to
+    /// the light, they may lag behind the frames by anything that is ordinary, each pixel by its own.
+    pub(super) fn clock_error_us(&self) -> [f64; 2] {
+        match self.clocks {
+            Some(tied) => tied.error(),
+            None if self.is_light_dense() => [0.0; 2],
+            None => {
+                let even = self.offset_within_us / 3.0_f64.sqrt();
+                [even, even * FRAC_1_SQRT_2]
+            }
+        }
+    }
 }
 
 /// What a tie of the cameras, by the light in their frames, says against the session's own map of
@@ -58,10 +73,10 @@ pub struct TiedClocks {
 impl TiedClocks {
     /// Standard errors of the statement, microseconds: in the middle of the light, and of the change
     /// from there to either end, which may be wrong each way.
-    pub(super) fn error(&self) -> [f64; 2] {
+    fn error(&self) -> [f64; 2] {
         // It holds in 95 of 100 cases.
         let stated = self.within_us / 1.96;
-        [stated.hypot(self.offset_us[1]), stated * std::f64::consts::FRAC_1_SQRT_2]
+        [stated.hypot(self.offset_us[1]), stated * FRAC_1_SQRT_2]
     }
 
     /// First instant and step of a light that lasts so many seconds, microseconds, on the events' clock by what the

@@ -30,7 +30,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     // A delay that is the same for all pixels at all times is one number, wherever it arises,
     // unless the camera's own frames say whether they are late too.
     same: &[EffectId::PixelLatency],
-    against: |evidence| evidence.facts.clocks.map_or(0.0, |tied| tied.error()[0]),
+    against: |evidence| evidence.facts.clock_error_us()[0],
     splitter: "a flash that both cameras see",
     says: |values| {
         let way = if values[0] > 0.0 { "late" } else { "early" };

@@ -35,7 +35,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     },
     against: |evidence| {
         let half_s = 0.5 * evidence.seconds();
-        evidence.facts.clocks.map_or(0.0, |tied| tied.error()[1] / half_s)
+        evidence.facts.clock_error_us()[1] / half_s
     },
     rivals: &[EffectId::ClockOffset, EffectId::TemperatureDrift],
     splitter: "a longer recording: a skew grows with it",

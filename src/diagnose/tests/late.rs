@@ -44,3 +44,19 @@ fn only_between_frames_does_a_fit_begin_anew() {
         assert_eq!(start.nuisance(Nuisance::LeakHz), 2.0, "what an effect has found stays");
     }
 }
+
+#[test]
+fn between_frames_a_clock_is_told_no_better_than_events_may_lag() {
+    let mut evidence = empty();
+    let errors = |evidence: &Evidence| {
+        [EffectId::ClockOffset, EffectId::ClockSkew].map(|id| (library(id).against)(evidence))
+    };
+    assert_eq!(errors(&evidence), [0.0; 2], "the light is known at any time");
+    evidence.facts.from_scene = false;
+    let half_s = 0.5 * evidence.seconds();
+    let [offset_us, skew_ppm] = errors(&evidence);
+    assert!((offset_us - 577.35).abs() < 0.01, "even within 1 ms: {offset_us}");
+    assert!((skew_ppm - 408.25 / half_s).abs() < 0.01, "{skew_ppm}");
+    evidence.facts.frame_us = 1_000.0;
+    assert_eq!(errors(&evidence), [0.0; 2], "frames are dense");
+}
