@@ -328,7 +328,7 @@ pub(super) fn parameters(
         *low = *value - (*value - *low).hypot(more);
         *high = *value + (*high - *value).hypot(more);
     }
-    hold_the_law(&mut told);
+    hold_the_law(&mut told, evidence.step_us);
     told
 }
 

@@ -7,10 +7,12 @@
 //! would claim to know the more, the less the model fits.
 
 use super::fit::Fitted;
+use super::spectrum::crest_error;
 use super::summit::{Summit, climbed};
 use super::{Evidence, Interval};
 use crate::stats::Z90;
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// What the law and the light in between are wrong by, as a share of a value: a standard error that no scatter
@@ -44,11 +46,15 @@ pub(super) fn with_errors(evidence: &Evidence, fitted: Fitted) -> Fitted {
     Fitted { errors: Some(Arc::new(Errors { summit, of })), ..fitted }
 }
 
-/// Intervals of an effect's parameters made to hold that, too. A ratio of one is none.
-pub(super) fn hold_the_law(told: &mut BTreeMap<String, Interval>) {
+/// Intervals of an effect's parameters made to hold that, too, and what straight lines from instant to instant, so many
+/// microseconds apart, are wrong by about a swing. A ratio of one is none.
+pub(super) fn hold_the_law(told: &mut BTreeMap<String, Interval>, step_us: f64) {
+    let hz = told.get("frequency_hz").map_or(0.0, |frequency| frequency.value);
+    let of_lines = crest_error(TAU * hz * step_us * 1e-6);
     for (key, Interval { value, ci90 }) in told.iter_mut() {
         let none = if key == "on_off_ratio" { 1.0 } else { 0.0 };
-        let share = if key == "frequency_hz" { OF_A_CLOCK } else { OF_THE_LAW };
+        let of_all = OF_THE_LAW.hypot(of_lines);
+        let share = if key == "frequency_hz" { OF_A_CLOCK } else { of_all };
         let more = Z90 * share * (*value - none).abs();
         let is_given = ci90[0] == ci90[1];
         for end in ci90.iter_mut().flatten().filter(|_| !is_given) {
@@ -68,7 +74,7 @@ mod tests {
     fn an_interval_holds_what_the_law_is_wrong_by() {
         let told = |key: &str, value: f64, ci90: [f64; 2]| {
             let mut all = [(key.to_owned(), Interval { value, ci90: ci90.map(Some) })].into();
-            hold_the_law(&mut all);
+            hold_the_law(&mut all, 1_000.0);
             all[key].ci90.map(Option::unwrap)
         };
         // 16.4 us of the law beside 12.3 us of scatter: 20.6.
@@ -80,5 +86,21 @@ mod tests {
         assert_eq!(told("rate_hz", 0.1, [0.0, 0.2])[0], 0.0);
         let [low, high] = told("on_off_ratio", 1.1, [1.0999, 1.1001]);
         assert!(high - low < 1e-3 && high - low > 5e-4, "{low} {high}");
+    }
+
+    #[test]
+    fn a_swing_of_few_instants_is_told_no_better_than_straight_lines_follow_it() {
+        let within = |hz: f64| {
+            let depth = Interval { value: 0.05, ci90: [Some(0.05), Some(0.0500001)] };
+            let frequency = Interval { value: hz, ci90: [Some(hz), Some(hz)] };
+            let mut all = [("depth", depth), ("frequency_hz", frequency)]
+                .map(|(key, interval)| (key.to_owned(), interval))
+                .into();
+            hold_the_law(&mut all, 1_000.0);
+            (all["depth"].ci90[1].unwrap() / 0.05 - 1.0) / Z90
+        };
+        // Ten instants a swing: a crest from 0.983 to 1.034.
+        assert!((within(100.0) - 0.0147).abs() < 3e-4, "{}", within(100.0));
+        assert!((within(5.0) - OF_THE_LAW).abs() < 2e-5, "{}", within(5.0));
     }
 }

@@ -24,6 +24,14 @@ pub(super) fn height_for_lines(turn: f64) -> f64 {
     if half > 0.0 { (half / half.sin()).powi(2) } else { 1.0 }
 }
 
+/// What such lines are wrong by about the crest of a swing, as a share of it: a standard error. Their own crest is as
+/// high as the instant that is next to the swing's, which is a chance, the same all along where a swing takes a whole
+/// number of instants.
+pub(super) fn crest_error(turn: f64) -> f64 {
+    let half = (0.5 * turn).min(MOST_OF_A_TURN);
+    height_for_lines(turn) * (1.0 - half.cos()) / 12.0_f64.sqrt()
+}
+
 /// The `n` frequencies that stand out most from their surroundings, the clearest first. Pixels fire
 /// in bursts, so that a multiple of the light's own frequency may be the clearest of all.
 pub(super) fn lines(evidence: &Evidence, n: usize) -> Vec<f64> {
