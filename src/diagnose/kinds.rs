@@ -10,10 +10,10 @@ use std::borrow::Cow;
 /// The kind of each pixel that its training blocks speak for most.
 pub(super) fn kinds_of_pixels(evidence: &Evidence, hypothesis: &Hypothesis) -> Vec<Kind> {
     let kinds = hypothesis.kinds();
-    if let Some(only) = kinds.only() {
-        return vec![only; evidence.pixels.len()];
-    }
     let of = |pixel: &PixelEvidence| {
+        if let Some(known) = hypothesis.known_kind(pixel, &kinds) {
+            return known;
+        }
         let mut seen = Seen::new(evidence, pixel, Vec::new());
         let mut by_value = seen.by_value(hypothesis, &kinds);
         for block in (0..evidence.blocks.n()).filter(|b| !evidence.is_held_out(pixel.tile, *b)) {
@@ -25,14 +25,23 @@ pub(super) fn kinds_of_pixels(evidence: &Evidence, hypothesis: &Hypothesis) -> V
 }
 
 impl Hypothesis {
-    /// The kinds of pixel that a mixture effect tells apart; one kind without such.
+    /// The kinds of pixel that a mixture effect tells apart; one kind without such, and where each pixel is taken
+    /// to be of a known one.
     #[must_use]
     pub fn kinds(&self) -> Mixture {
+        if self.pinned.is_some() {
+            return Mixture::alike();
+        }
         let mut effects = self.effects.iter().enumerate();
         match effects.find_map(|(index, effect)| Some((index, effect.mixture?))) {
             Some((index, mixture)) => mixture(self, index),
             None => Mixture::alike(),
         }
+    }
+
+    /// The kind of a pixel, where that is no question.
+    fn known_kind(&self, pixel: &PixelEvidence, kinds: &Mixture) -> Option<Kind> {
+        self.pinned_kind(pixel).or_else(|| kinds.only())
     }
 }
 
@@ -58,8 +67,8 @@ impl<'a> Seen<'a> {
 
     /// The pixel's scores, whatever its kind.
     pub(super) fn scores(&mut self, hypothesis: &Hypothesis, kinds: &Mixture) -> Vec<BlockScore> {
-        if let Some(only) = kinds.only().or_else(|| hypothesis.pinned_kind(self.pixel)) {
-            return self.of_kind(hypothesis, only);
+        if let Some(known) = hypothesis.known_kind(self.pixel, kinds) {
+            return self.of_kind(hypothesis, known);
         }
         let by_value = self.by_value(hypothesis, kinds);
         let tile = self.pixel.tile;

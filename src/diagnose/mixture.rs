@@ -13,6 +13,9 @@ const COARSE_SIDE: usize = 8;
 /// Of a continuous value about so many are scored.
 const ABOUT_SCORED: usize = 18;
 
+/// Values on either side of the middle that a sum over all of them takes at the most.
+const SUMMED_SIDE: usize = 128;
+
 /// The least share of a kind, of the greatest: what a pixel's events say must be able to outweigh it.
 const LEAST_SHARE: f64 = 1e-12;
 
@@ -31,14 +34,43 @@ pub(super) struct Steps {
     pub(super) step: f64,
 }
 
+/// Share of each value for On with each for Off.
+#[derive(Debug, Clone)]
+enum Shares {
+    /// One row for each for On.
+    Table(Vec<f64>),
+    /// Those of a normal law, worked out where they are asked for: of so many values hardly any pair is.
+    Normal { law: Normal, per: f64 },
+}
+
+/// A normal law of two dimensions, of which both scatter by 1.
+#[derive(Debug, Clone, Copy)]
+struct Normal {
+    correlation: f64,
+    /// The greatest logarithm of its density among the values.
+    greatest: f64,
+}
+
+impl Normal {
+    /// Density of that logarithm, over the greatest.
+    fn density_of(&self, log: f64) -> f64 {
+        (log - self.greatest).exp().max(LEAST_SHARE)
+    }
+
+    /// Logarithm of the density, of any size.
+    fn log(&self, [a, b]: Kind) -> f64 {
+        let r = self.correlation;
+        -(a * a - 2.0 * r * a * b + b * b) / (2.0 * (1.0 - r * r))
+    }
+}
+
 /// The kinds of pixel that there are. What a pixel is given for On does not touch its Off events given
 /// what it memorised, so that each value is scored once, whatever it is paired with.
 #[derive(Debug, Clone)]
 pub struct Mixture {
     /// Values that a pixel may be given, ascending, as many for On as for Off.
     values: [Vec<f64>; 2],
-    /// Share of each value for On (row) with each for Off.
-    shares: Vec<f64>,
+    shares: Shares,
     /// From one value to the next that a coarse score takes: more than 1 where the values are even steps of
     /// a continuous one.
     every: usize,
@@ -62,29 +94,61 @@ impl Mixture {
 
     fn new(values: [Vec<f64>; 2], shares: Vec<f64>, every: usize) -> Self {
         let curve = Curve::of(values[0].len(), every);
-        Self { values, shares, every, curve }
+        Self { values, shares: Shares::Table(shares), every, curve }
     }
 
-    /// As many even steps to either side of a middle, by the logarithm of a density of any size. The sums
+    /// As many even steps to either side of a middle, of a normal law in which both polarities correlate. The sums
     /// over them are by the trapezoidal rule, in which the ends count half: it bears that values are passed
     /// over.
-    pub(super) fn even(steps: [Steps; 2], n_side: usize, log: impl Fn(Kind) -> f64) -> Self {
+    pub(super) fn even(steps: [Steps; 2], n_side: usize, correlation: f64) -> Self {
         debug_assert!(n_side.is_multiple_of(COARSE_SIDE), "{n_side}");
         let n = 2 * n_side + 1;
         let along = |Steps { middle, step }: Steps| {
             (0..n).map(|i| middle + (i as f64 - n_side as f64) * step).collect()
         };
         let values: [Vec<f64>; 2] = steps.map(along);
-        let end = |i: usize| if i == 0 || i == n - 1 { 0.5 } else { 1.0 };
-        let logs = (0..n * n).map(|i| log([values[0][i / n], values[1][i % n]]));
-        let mut shares: Vec<f64> = logs.collect();
-        let greatest = shares.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        for (i, share) in shares.iter_mut().enumerate() {
-            *share = end(i / n) * end(i % n) * (*share - greatest).exp().max(LEAST_SHARE);
+        let (every, curve) = (n_side / COARSE_SIDE, Curve::of(n, n_side / COARSE_SIDE));
+        // What all add up to, and which is the greatest, some of them say as well.
+        let by = (n_side / SUMMED_SIDE).max(1);
+        let some = || {
+            let columns = move |row: usize| (0..n).step_by(by).map(move |column| (row, column));
+            (0..n).step_by(by).flat_map(columns)
+        };
+        let mut law = Normal { correlation, greatest: 0.0 };
+        let log = |(row, column): (usize, usize)| law.log([values[0][row], values[1][column]]);
+        let mut shares: Vec<f64> = some().map(log).collect();
+        law.greatest = shares.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        for (share, (row, column)) in shares.iter_mut().zip(some()) {
+            *share = end(row, n) * end(column, n) * law.density_of(*share);
         }
-        let sum: f64 = shares.iter().sum();
-        shares.iter_mut().for_each(|share| *share /= sum);
-        Self::new(values, shares, n_side / COARSE_SIDE)
+        let per = 1.0 / (shares.iter().sum::<f64>() * (by * by) as f64);
+        let shares = if by == 1 {
+            shares.iter_mut().for_each(|share| *share *= per);
+            Shares::Table(shares)
+        } else {
+            Shares::Normal { law, per }
+        };
+        Self { values, shares, every, curve }
+    }
+
+    /// The same with all shares worked out.
+    pub(super) fn tabled(mut self) -> Self {
+        if let Shares::Normal { .. } = self.shares {
+            self.shares = Shares::Table(self.kinds().map(|(share, _)| share).collect());
+        }
+        self
+    }
+
+    /// Share of a value for On with one for Off.
+    fn share(&self, row: usize, column: usize) -> f64 {
+        let n = self.n();
+        match &self.shares {
+            Shares::Table(shares) => shares[row * n + column],
+            Shares::Normal { law, per } => {
+                let log = law.log([self.values[0][row], self.values[1][column]]);
+                end(row, n) * end(column, n) * law.density_of(log) * per
+            }
+        }
     }
 
     /// How many values a pixel may be given for either polarity.
@@ -116,7 +180,7 @@ impl Mixture {
     pub fn kinds(&self) -> impl Iterator<Item = (f64, Kind)> + '_ {
         let n = self.n();
         let kind = move |i: usize| [self.values[0][i / n], self.values[1][i % n]];
-        self.shares.iter().enumerate().map(move |(i, share)| (*share, kind(i)))
+        (0..n * n).map(move |i| (self.share(i / n, i % n), kind(i)))
     }
 
     /// The kind that a number of 0 to 1 draws.
@@ -136,13 +200,11 @@ impl Mixture {
 
     /// Logarithm of a pixel's likelihood, given those of its On and its Off events for each value.
     pub(super) fn ln_likelihood(&self, logs: &[Vec<f64>; 2]) -> f64 {
-        let n = self.n();
         let [on, off] = logs.each_ref().map(|logs| Spoken::of(logs, self.is_even()));
         let mut sum = 0.0;
         for (row, weight) in on.at.clone().zip(&on.weights) {
-            let shares = &self.shares[row * n..(row + 1) * n];
-            let row: f64 = off.at.clone().zip(&off.weights).map(|(at, w)| shares[at] * w).sum();
-            sum += weight * row;
+            let columns = off.at.clone().zip(&off.weights);
+            sum += weight * columns.map(|(column, w)| self.share(row, column) * w).sum::<f64>();
         }
         on.most + off.most + sum.max(f64::MIN_POSITIVE).ln()
     }
@@ -151,17 +213,24 @@ impl Mixture {
     pub(super) fn best(&self, [on, off]: &[Vec<f64>; 2]) -> Kind {
         let n = self.n();
         let (mut best, mut most) = ([0, 0], f64::NEG_INFINITY);
-        for (row, shares) in self.shares.chunks(n).enumerate() {
-            for (column, share) in shares.iter().enumerate() {
-                // A share is less than one: its logarithm makes none greater.
-                let spoken = on[row] + off[column];
-                if spoken >= most && spoken + share.ln() >= most {
-                    (best, most) = ([row, column], spoken + share.ln());
-                }
+        for (row, column) in (0..n * n).map(|i| (i / n, i % n)) {
+            // A share is less than one: its logarithm makes none greater.
+            let spoken = on[row] + off[column];
+            if spoken < most {
+                continue;
+            }
+            let likely = spoken + self.share(row, column).ln();
+            if likely >= most {
+                (best, most) = ([row, column], likely);
             }
         }
         [self.values[0][best[0]], self.values[1][best[1]]]
     }
+}
+
+/// What a value of `n` counts in a sum by the trapezoidal rule.
+const fn end(i: usize, n: usize) -> f64 {
+    if i == 0 || i == n - 1 { 0.5 } else { 1.0 }
 }
 
 /// What the events of one polarity say of a pixel's value.
@@ -200,7 +269,7 @@ mod tests {
     #[test]
     fn values_that_are_passed_over_change_nothing() {
         let steps = Steps { middle: 0.0, step: 1.0 / 32.0 };
-        let kinds = Mixture::even([steps; 2], 128, |[a, b]| -0.5 * (a * a + b * b));
+        let kinds = Mixture::even([steps; 2], 128, 0.0);
         let bell = |w: f64, middle: f64| -> Vec<f64> {
             kinds.values[0].iter().map(|v| 7.0 - 0.5 * ((v - middle) / w).powi(2)).collect()
         };
@@ -210,9 +279,9 @@ mod tests {
                 let [on, off] = [bell(w, middle), bell(0.5, 0.3)];
                 let each = |logs: &[f64]| -> f64 {
                     let logs = logs.iter().enumerate();
-                    logs.map(|(i, log)| kinds.shares[257 * 128 + i] * log.exp()).sum()
+                    logs.map(|(i, log)| kinds.share(128, i) * log.exp()).sum()
                 };
-                let middle_share: f64 = (0..257).map(|i| kinds.shares[257 * 128 + i]).sum();
+                let middle_share: f64 = (0..257).map(|i| kinds.share(128, i)).sum();
                 let expected = (each(&on) / middle_share).ln() + (each(&off) / middle_share).ln();
                 sparse += Spoken::of(&on, true).weights.len();
                 let got = kinds.ln_likelihood(&[on, off]);

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 /// Draws the events of every pixel from a hypothesis.
 pub(super) fn draw(evidence: &Evidence, hypothesis: &Hypothesis, seed: u64) -> Evidence {
-    let kinds = hypothesis.kinds();
+    let kinds = hypothesis.kinds().tabled();
     let spikes: Vec<Vec<Spike>> = evidence
         .pixels
         .par_iter()

@@ -85,16 +85,21 @@ pub(super) type Pinned = Arc<HashMap<(u16, u16), Kind>>;
 impl Hypothesis {
     /// The same with every pixel of the kind that its training blocks speak for most, and with the shares of
     /// kinds as they are: what another effect would buy shows with one scoring of a pixel for all kinds.
-    pub(super) fn pinned(mut self, evidence: &Evidence) -> Self {
+    pub(super) fn pinned(self, evidence: &Evidence) -> Self {
+        let kinds = kinds_of_pixels(evidence, &self);
+        let pixels = evidence.pixels.iter().map(|pixel| (pixel.x, pixel.y));
+        self.pinned_to(Arc::new(pixels.zip(kinds).collect()))
+    }
+
+    /// The same with every pixel of the kind that `kinds` has for it; as it is without kinds.
+    pub(super) fn pinned_to(mut self, kinds: Pinned) -> Self {
         let Some(index) = self.effects.iter().position(|effect| effect.mixture.is_some()) else {
             return self;
         };
-        let kinds = kinds_of_pixels(evidence, &self);
-        let pixels = evidence.pixels.iter().map(|pixel| (pixel.x, pixel.y));
-        self.pinned = Some(Arc::new(pixels.zip(kinds).collect()));
         for at in self.places_of(index) {
             self.steps[at] = 0.0;
         }
+        self.pinned = Some(kinds);
         self
     }
 
@@ -125,7 +130,7 @@ impl Fitted {
     pub(super) fn held(&self, evidence: &Evidence) -> Self {
         let mut held = self.clone();
         let kinds = self.hypothesis.kinds();
-        if kinds.is_even() && self.hypothesis.pinned.is_none() {
+        if kinds.is_even() {
             let places = Arc::new(Places::of(evidence, &self.hypothesis, &kinds));
             held.hypothesis.held = Some(Held { places, is_near: true });
         }

@@ -17,7 +17,7 @@ use std::cell::RefCell;
 const FEW_WORK: usize = 300_000;
 const LEAST_PIXELS: usize = 30;
 
-/// Steps with all pixels behind a way that was gone with a few.
+/// Steps with all pixels behind a way that was gone with a few, and with all kinds behind one of known kinds.
 const STEPS_ON_ALL: usize = 6;
 
 /// An event is as much work as so many instants of light.
@@ -98,7 +98,6 @@ pub(super) fn polished(evidence: &Evidence, fitted: Fitted) -> Fitted {
     // What is best for few may not be for all.
     let start = fitted.or_better(as_it_is(evidence, rough.hypothesis));
     if start.hypothesis.kinds().is_even() {
-        // A sum over what a pixel's value may be smooths the ridge: slopes lead along it.
         return improved(evidence, start, STEPS_ON_ALL, 1e-5);
     }
     searches(evidence, start, &FINE_STEPS, SETTLED_IN_VAIN, patience(work))
@@ -147,12 +146,30 @@ fn searches(
     let mut n_in_vain = 0;
     for (seed, &step) in (1..).zip(steps) {
         let before = fitted.training();
-        fitted = searched(evidence, fitted, step, patience, seed);
+        fitted = if fitted.hypothesis.kinds().is_even() {
+            searched_of_known_kinds(evidence, fitted, step, seed)
+        } else {
+            searched(evidence, fitted, step, patience, seed)
+        };
         let is_in_vain = fitted.training() - before < WORTH_ANOTHER;
         n_in_vain = if is_in_vain { n_in_vain + 1 } else { 0 };
         if n_in_vain == in_vain {
             break;
         }
+    }
+    fitted
+}
+
+/// The same where pixels have each a value of their own: with each taken to have its likeliest, which is scored once
+/// where all are many times the work. A sum over all of them smooths the ridge: from what is better under that too,
+/// slopes lead along it.
+fn searched_of_known_kinds(evidence: &Evidence, fitted: Fitted, step: f64, seed: u64) -> Fitted {
+    let pinned = as_it_is(evidence, fitted.hypothesis.clone().pinned(evidence));
+    let patience = patience(work(evidence, &pinned.hypothesis));
+    let found = searched(evidence, pinned, step, patience, seed);
+    let there = as_it_is(evidence, found.hypothesis.unpinned(&fitted.hypothesis));
+    if there.training() > fitted.training() {
+        return improved(evidence, there, STEPS_ON_ALL, 1e-4);
     }
     fitted
 }

@@ -65,12 +65,9 @@ pub(super) struct Tried {
 impl Tried {
     /// The fit gone on with until it stands still.
     pub(super) fn finished(self, evidence: &Evidence, model: &Fitted) -> Self {
-        let fresh = afresh(evidence, &self.fitted.hypothesis);
-        let start = restarted(evidence, self.fitted).hypothesis;
-        let begun = fitted(evidence, start, LAST_STEPS, 1e-5);
-        let fitted =
-            polished_off_the_ends(evidence, fresh.into_iter().fold(begun, Fitted::or_better));
-        let fitted = settled(evidence, model, fitted);
+        let has_own_values = model.hypothesis.kinds().is_even();
+        let finished = if has_own_values { finished_of_known_kinds } else { finished };
+        let fitted = finished(evidence, model, self.fitted);
         Self { fitted, is_whole: true, is_finished: true, ..self }.against(evidence, model)
     }
 
@@ -172,14 +169,36 @@ fn on_all(
     known: Option<&Fitted>,
     mut start: Hypothesis,
 ) -> Option<Fitted> {
-    if let Some(known) = known {
-        start.pinned.clone_from(&known.hypothesis.pinned);
-        let there = fit(evidence, start, SECOND_STEPS, 1e-4);
-        (there.training() - known.training() > WORTH_A_FIT).then_some(())?;
-        start = there.hypothesis;
-    }
-    let begun = fitted(evidence, start.unpinned(&model.hypothesis), SECOND_STEPS, 1e-4);
-    Some(improved(evidence, begun, CLIMBING_STEPS, CLIMBING))
+    let Some(known) = known else {
+        let begun = fitted(evidence, start, SECOND_STEPS, 1e-4);
+        return Some(improved(evidence, begun, CLIMBING_STEPS, CLIMBING));
+    };
+    start.pinned.clone_from(&known.hypothesis.pinned);
+    let there = fit(evidence, start, SECOND_STEPS, 1e-4);
+    (there.training() - known.training() > WORTH_A_FIT).then_some(())?;
+    let there = as_it_is(evidence, there.hypothesis.unpinned(&model.hypothesis));
+    Some(improved(evidence, there, SECOND_STEPS, CLIMBING))
+}
+
+/// A fit with one more effect than `model` gone on with until it stands still.
+fn finished(evidence: &Evidence, model: &Fitted, begun: Fitted) -> Fitted {
+    let fresh = afresh(evidence, &begun.hypothesis);
+    let start = restarted(evidence, begun).hypothesis;
+    let begun = fitted(evidence, start, LAST_STEPS, 1e-5);
+    let there = polished_off_the_ends(evidence, fresh.into_iter().fold(begun, Fitted::or_better));
+    settled(evidence, model, there)
+}
+
+/// The same where pixels have each a value of their own: with each taken to have its likeliest, which is scored once
+/// where all are many times the work, and then along slopes with values that are not known again.
+fn finished_of_known_kinds(evidence: &Evidence, model: &Fitted, begun: Fitted) -> Fitted {
+    let start = begun.hypothesis.clone().pinned(evidence);
+    let known = start.pinned.clone().map(|kinds| model.hypothesis.clone().pinned_to(kinds));
+    let without = known.map(|known| fit(evidence, known, LAST_STEPS, 1e-4));
+    let without = without.as_ref().unwrap_or(model);
+    let there = finished(evidence, without, as_it_is(evidence, start));
+    let there = as_it_is(evidence, there.hypothesis.unpinned(&model.hypothesis));
+    improved(evidence, begun.or_better(there), LAST_STEPS, 1e-4)
 }
 
 /// Sorts by what is bought on held-out cells, fits on all pixels first: what was fitted on few is none to take.

@@ -21,13 +21,6 @@ const SHARP: f64 = 0.5;
 /// How far thresholds of one pixel may go together: closer, and values this far apart would not tell.
 const MOST_ALIKE: f64 = 0.9;
 
-/// A normal law of two dimensions: a pixel's own comparators set its thresholds for On and Off apart,
-/// what they share together.
-fn normal(correlation: f64, steps: [Steps; 2], n_side: usize) -> Mixture {
-    let spread = 2.0 * (1.0 - correlation * correlation);
-    Mixture::even(steps, n_side, |[a, b]| -(a * a - 2.0 * correlation * a * b + b * b) / spread)
-}
-
 /// How many values on either side of the middle are sharp enough, where the score is to be fine.
 fn n_side(hypothesis: &Hypothesis, index: usize) -> usize {
     let [least, most] = N_SIDE;
@@ -39,7 +32,8 @@ fn n_side(hypothesis: &Hypothesis, index: usize) -> usize {
     (wanted.min(most as f64) as usize).next_power_of_two().clamp(least, most)
 }
 
-/// Thresholds in standard deviations from the middle of their law: those at which the hypothesis is held to
+/// Thresholds in standard deviations from the middle of their law, which is a normal one of two dimensions: a pixel's
+/// own comparators set its thresholds for On and Off apart, what they share together. Those at which the hypothesis is held to
 /// be scored, else its own.
 fn mixture(hypothesis: &Hypothesis, index: usize) -> Mixture {
     let law_of = |hypothesis: &Hypothesis| {
@@ -53,7 +47,7 @@ fn mixture(hypothesis: &Hypothesis, index: usize) -> Mixture {
         middle: (scored[side] - middles[side]) / spread,
         step: REACH / n_side as f64 * scored_spread / spread,
     });
-    normal(hypothesis.parameters_of(index)[1], steps, n_side)
+    Mixture::even(steps, n_side, hypothesis.parameters_of(index)[1])
 }
 
 pub(super) const CANDIDATE: Candidate = Candidate {
@@ -87,8 +81,8 @@ mod tests {
     #[test]
     fn kinds_have_the_law_that_was_asked_for() {
         for correlation in [-0.5, 0.0, 0.4, 0.9] {
-            let own = Steps { middle: 0.0, step: REACH / 128.0 };
-            let kinds = normal(correlation, [own; 2], 128);
+            let own = Steps { middle: 0.0, step: REACH / 256.0 };
+            let kinds = Mixture::even([own; 2], 256, correlation);
             let mean = |of: fn(Kind) -> f64| kinds.kinds().map(|(w, k)| w * of(k)).sum::<f64>();
             assert!((mean(|_| 1.0) - 1.0).abs() < 1e-12 && mean(|k| k[0]).abs() < 1e-12);
             assert!((mean(|k| k[0] * k[0]) - 1.0).abs() < 0.002);

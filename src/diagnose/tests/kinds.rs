@@ -112,3 +112,24 @@ fn pixels_are_pinned_to_the_kind_that_was_planted_and_let_go_again() {
     let [again, model] = [again, model].map(|hypothesis| fit::as_it_is(&planted, hypothesis));
     assert_eq!(again.cells.log_likelihood, model.cells.log_likelihood);
 }
+
+#[test]
+fn a_dead_time_beside_a_spread_of_thresholds_is_found_where_it_was_planted() {
+    let (evidence, dead) = (empty().thinned(4), library(EffectId::RefractoryPeriod));
+    let spread = Hypothesis::baseline(&evidence)
+        .with(library(EffectId::ThresholdMismatch), &[0.15_f64.ln(), 0.0]);
+    let hidden = spread.with(dead, &[4_000.0_f64.ln(), 0.0]);
+    let planted = null::draw(&evidence, &hidden, 17);
+    let model = fit::fit(&planted, spread, 6, 1e-4);
+    let begun = model.hypothesis.with(dead, &[1_500.0_f64.ln(), 0.0]);
+    let fitted = fit::as_it_is(&planted, begun);
+    let gain = scan::Gain { id: dead.id, training: 0.0, held_out: 0.0, error: 0.0 };
+    let begun = scan::Tried { gain, fitted, is_whole: true, is_finished: false };
+    let found = begun.finished(&planted, &model);
+    let us = found.fitted.hypothesis.parameters_of(1)[0];
+    assert!((us / 4_000.0 - 1.0).abs() < 0.05, "{us}");
+    assert!(found.gain.held_out > 4.0 * found.gain.error, "{:?}", found.gain);
+    // Thresholds are unknown again, and their scatter may be fitted.
+    assert!(found.fitted.hypothesis.kinds().is_even());
+    assert!(found.fitted.hypothesis.steps.iter().zip(&hidden.steps).all(|(a, b)| a == b));
+}
