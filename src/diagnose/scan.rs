@@ -4,7 +4,7 @@ use super::candidate::{Candidate, LIBRARY};
 use super::census;
 use super::ends::{is_full, polished_off_the_ends};
 use super::fit::{Fitted, as_it_is, each_as_it_is, fit, improved};
-use super::polish::fitted;
+use super::polish::{fitted, polished};
 use super::region::{begun_in_a_part, gain_of, settled};
 use super::score::Part;
 use super::starts::{BEST_STARTS, FIRST_STEPS, afresh, restarted, starts_of};
@@ -190,7 +190,7 @@ fn finished(evidence: &Evidence, model: &Fitted, begun: Fitted) -> Fitted {
 }
 
 /// The same where pixels have each a value of their own: with each taken to have its likeliest, which is scored once
-/// where all are many times the work, and then along slopes with values that are not known again.
+/// where all are many times the work, and then once more with values that are not known again.
 fn finished_of_known_kinds(evidence: &Evidence, model: &Fitted, begun: Fitted) -> Fitted {
     let start = begun.hypothesis.clone().pinned(evidence);
     let known = start.pinned.clone().map(|kinds| model.hypothesis.clone().pinned_to(kinds));
@@ -198,7 +198,7 @@ fn finished_of_known_kinds(evidence: &Evidence, model: &Fitted, begun: Fitted) -
     let without = without.as_ref().unwrap_or(model);
     let there = finished(evidence, without, as_it_is(evidence, start));
     let there = as_it_is(evidence, there.hypothesis.unpinned(&model.hypothesis));
-    improved(evidence, begun.or_better(there), LAST_STEPS, 1e-4)
+    polished(evidence, improved(evidence, begun.or_better(there), LAST_STEPS, 1e-4))
 }
 
 /// Sorts by what is bought on held-out cells, fits on all pixels first: what was fitted on few is none to take.
