@@ -40,7 +40,11 @@ enum Shares {
     /// One row for each for On.
     Table(Vec<f64>),
     /// Those of a normal law, worked out where they are asked for: of so many values hardly any pair is.
-    Normal { law: Normal, per: f64 },
+    Normal {
+        law: Normal,
+        /// One over what the densities add up to.
+        per: f64,
+    },
 }
 
 /// A normal law of two dimensions, of which both scatter by 1.
@@ -211,17 +215,21 @@ impl Mixture {
 
     /// The kind that those speak for most.
     pub(super) fn best(&self, [on, off]: &[Vec<f64>; 2]) -> Kind {
-        let n = self.n();
         let (mut best, mut most) = ([0, 0], f64::NEG_INFINITY);
-        for (row, column) in (0..n * n).map(|i| (i / n, i % n)) {
-            // A share is less than one: its logarithm makes none greater.
-            let spoken = on[row] + off[column];
-            if spoken < most {
+        let greatest = off.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        for (row, on) in on.iter().enumerate() {
+            // A share is less than one: its logarithm makes none greater, and most rows need no look.
+            if on + greatest < most {
                 continue;
             }
-            let likely = spoken + self.share(row, column).ln();
-            if likely >= most {
-                (best, most) = ([row, column], likely);
+            for (column, off) in off.iter().enumerate() {
+                if on + off < most {
+                    continue;
+                }
+                let likely = on + off + self.share(row, column).ln();
+                if likely >= most {
+                    (best, most) = ([row, column], likely);
+                }
             }
         }
         [self.values[0][best[0]], self.values[1][best[1]]]

@@ -88,18 +88,22 @@ impl Hypothesis {
     pub(super) fn pinned(self, evidence: &Evidence) -> Self {
         let kinds = kinds_of_pixels(evidence, &self);
         let pixels = evidence.pixels.iter().map(|pixel| (pixel.x, pixel.y));
-        self.pinned_to(Arc::new(pixels.zip(kinds).collect()))
+        self.pinned_to(Some(Arc::new(pixels.zip(kinds).collect())))
     }
 
-    /// The same with every pixel of the kind that `kinds` has for it; as it is without kinds.
-    pub(super) fn pinned_to(mut self, kinds: Pinned) -> Self {
-        let Some(index) = self.effects.iter().position(|effect| effect.mixture.is_some()) else {
-            return self;
-        };
-        for at in self.places_of(index) {
-            self.steps[at] = 0.0;
+    /// The same with every pixel of the kind that it has in another hypothesis, if its kind is known there.
+    pub(super) fn pinned_as(self, other: &Self) -> Self {
+        self.pinned_to(other.pinned.clone())
+    }
+
+    fn pinned_to(mut self, kinds: Option<Pinned>) -> Self {
+        let mixture = self.effects.iter().position(|effect| effect.mixture.is_some());
+        if let (Some(index), Some(kinds)) = (mixture, kinds) {
+            for at in self.places_of(index) {
+                self.steps[at] = 0.0;
+            }
+            self.pinned = Some(kinds);
         }
-        self.pinned = Some(kinds);
         self
     }
 

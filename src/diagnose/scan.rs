@@ -167,14 +167,13 @@ fn on_all(
     evidence: &Evidence,
     model: &Fitted,
     known: Option<&Fitted>,
-    mut start: Hypothesis,
+    start: Hypothesis,
 ) -> Option<Fitted> {
     let Some(known) = known else {
         let begun = fitted(evidence, start, SECOND_STEPS, 1e-4);
         return Some(improved(evidence, begun, CLIMBING_STEPS, CLIMBING));
     };
-    start.pinned.clone_from(&known.hypothesis.pinned);
-    let there = fit(evidence, start, SECOND_STEPS, 1e-4);
+    let there = fit(evidence, start.pinned_as(&known.hypothesis), SECOND_STEPS, 1e-4);
     (there.training() - known.training() > WORTH_A_FIT).then_some(())?;
     let there = as_it_is(evidence, there.hypothesis.unpinned(&model.hypothesis));
     Some(improved(evidence, there, SECOND_STEPS, CLIMBING))
@@ -193,10 +192,9 @@ fn finished(evidence: &Evidence, model: &Fitted, begun: Fitted) -> Fitted {
 /// where all are many times the work, and then once more with values that are not known again.
 fn finished_of_known_kinds(evidence: &Evidence, model: &Fitted, begun: Fitted) -> Fitted {
     let start = begun.hypothesis.clone().pinned(evidence);
-    let known = start.pinned.clone().map(|kinds| model.hypothesis.clone().pinned_to(kinds));
-    let without = known.map(|known| fit(evidence, known, LAST_STEPS, 1e-4));
-    let without = without.as_ref().unwrap_or(model);
-    let there = finished(evidence, without, as_it_is(evidence, start));
+    let without = model.hypothesis.clone().pinned_as(&start);
+    let without = fit(evidence, without, LAST_STEPS, 1e-4);
+    let there = finished(evidence, &without, as_it_is(evidence, start));
     let there = as_it_is(evidence, there.hypothesis.unpinned(&model.hypothesis));
     polished(evidence, improved(evidence, begun.or_better(there), LAST_STEPS, 1e-4))
 }
