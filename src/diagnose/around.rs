@@ -66,6 +66,23 @@ impl Around {
         (since as f64, count as f64)
     }
 
+    /// Time to an event since the last of the eight pixels about it and until their next, at most a second; what has
+    /// its stamp was together with it.
+    pub(super) fn gaps_us(&self, x: u16, y: u16, t_us: i64) -> (i64, i64) {
+        let one = |(since, until): (i64, i64), spikes: &[Spike]| {
+            let first = spikes.partition_point(|s| s.t_us < t_us);
+            match spikes.get(first) {
+                Some(spike) if spike.t_us == t_us => (0, 0),
+                next => {
+                    let before = first.checked_sub(1).map_or(LONGEST_US, |i| t_us - spikes[i].t_us);
+                    let behind = next.map_or(LONGEST_US, |spike| spike.t_us - t_us);
+                    (since.min(before), until.min(behind))
+                }
+            }
+        };
+        self.eight(x, y).fold((LONGEST_US, LONGEST_US), one)
+    }
+
     /// Time from an instant to the next event of the eight pixels about one, at most a second.
     pub(super) fn next_us(&self, x: u16, y: u16, t_us: i64) -> f64 {
         let later = self.eight(x, y).filter_map(|spikes| {
@@ -125,6 +142,8 @@ mod tests {
         assert_eq!(around.neighbours(1, 1, 500, 360), (350.0, 2.0));
         assert_eq!(around.neighbours(1, 1, 500, 355), (350.0, 1.0));
         assert_eq!(around.neighbours(5, 1, 500, 355), (LONGEST_US as f64, 0.0));
+        assert_eq!(around.gaps_us(1, 1, 100), (LONGEST_US, 40));
+        assert_eq!(around.gaps_us(1, 1, 150), (0, 0), "what has its stamp was together with it");
         assert_eq!(around.row_us(1, 1, 500), 100.0, "its own events are not counted");
         assert_eq!(around.row_us(3, 1, 400), 0.0);
         assert_eq!(around.since_frame_us(500), 80.0);

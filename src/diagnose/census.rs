@@ -1,7 +1,8 @@
 //! What all events of the sensor show by their mere number and time, beyond the few pixels that are
 //! predicted: hot pixels, events that come with the camera's own frames, a bus that is never free, rows that are
-//! read in turn.
+//! read in turn, events that a filter took away.
 
+mod alone;
 mod bus;
 mod frames;
 mod hot;
@@ -10,6 +11,8 @@ mod rows;
 use super::{Departure, Evidence};
 use crate::effect_id::EffectId;
 
+pub(super) use alone::Alone;
+
 /// What a census shows, and the evidence without what that explains already.
 pub(super) struct Census {
     pub(super) departures: Vec<Departure>,
@@ -17,6 +20,8 @@ pub(super) struct Census {
     pub(super) rest: Option<Evidence>,
     /// Whether the bus decides when events come, so that no pixel's own law can be read off them.
     pub(super) is_saturated: bool,
+    /// Whether events are missing that no neighbour's came before: no effect of the library does that.
+    pub(super) alone: Option<Alone>,
 }
 
 /// Counts what the whole sensor did.
@@ -36,7 +41,12 @@ pub(super) fn census(evidence: &Evidence) -> Census {
     let bus = bus::saturation(&times);
     let is_saturated = bus.is_some() || is_held_up == Some(true);
     let all = [hot, frames::coupling(evidence, &times), bus, rows];
-    Census { departures: all.into_iter().flatten().collect(), rest, is_saturated }
+    Census {
+        departures: all.into_iter().flatten().collect(),
+        rest,
+        is_saturated,
+        alone: alone::missing(evidence),
+    }
 }
 
 /// Whether a census tells an effect that no predicted pixel does, or why not.

@@ -1,6 +1,7 @@
 //! From a fitted model to what is said of it.
 
 use super::ceiling::flexible;
+use super::census::Alone;
 use super::check::Structure;
 use super::errors::hold_the_law;
 use super::fit::Fitted;
@@ -36,6 +37,8 @@ pub(super) struct Reached {
     pub(super) null: NullReport,
     /// Whether events wait for a readout that is never free, so that no effect on single pixels was looked for.
     pub(super) is_saturated: bool,
+    /// Events that are missing since no neighbour's came before.
+    pub(super) alone: Option<Alone>,
     /// What the frames show otherwise than stated, and the fit in the light as stated.
     pub(super) departed: (Vec<FittedEffect>, Option<Fitted>),
 }
@@ -70,12 +73,22 @@ pub(super) fn conclude(
     let Reached { taken, standing, suspects, halves, null, reach, .. } = reached;
     let (departures, as_stated) = reached.departed;
     let (left_before, left_after) = (reached.before, reached.after);
+    let (missing, term) = reached.alone.map(|Alone { place, term }| (place, term)).unzip();
+    let are_missing = missing.is_some();
+    // What decides the verdict comes first.
+    let found = |model: &Fitted, left: Option<&Structure>, least: f64| {
+        let own = missing.iter().cloned().chain(wrong_in(evidence, model, least));
+        with_structure(own.collect(), left, least)
+    };
     let (before, after) = (flexible(evidence, baseline), flexible(evidence, model));
     let (low, high) = (baseline.held_out(), model.held_out());
     let ceiling = (low + before.gain).max(high + after.gain.max(0.0)).max(reach);
     let (excess, share) = removed([low, high, ceiling]);
-    let verdict = verdict(taken.is_empty(), excess, share, standing)
-        .beside(!suspects.is_empty(), !departures.is_empty());
+    let verdict = verdict(taken.is_empty(), excess, share, standing).beside(
+        !suspects.is_empty(),
+        are_missing,
+        !departures.is_empty(),
+    );
     // With the light as stated for a beginning, what the frames show is a part of what is explained.
     let low = as_stated.as_ref().map_or(low, Fitted::held_out);
     let (excess, share) = removed([low, high, ceiling]);
@@ -94,11 +107,7 @@ pub(super) fn conclude(
         mismatch: Mismatch {
             excess_nats_per_event: excess,
             p_value: chance(gain, error),
-            places: with_structure(
-                wrong_in(evidence, baseline, least),
-                left_before.as_ref(),
-                least,
-            ),
+            places: found(baseline, left_before.as_ref(), least),
         },
         effects,
         nuisances: nuisances(model),
@@ -106,22 +115,19 @@ pub(super) fn conclude(
         leftover: Leftover {
             excess_nats_per_event: ceiling - high,
             p_value: chance(after.gain, after.error),
-            places: with_structure(
-                wrong_in(evidence, model, least),
+            places: found(
+                model,
                 if taken.is_empty() { left_before.as_ref() } else { left_after.as_ref() },
                 least,
             ),
         },
-        proposed_term: propose_for(evidence, model, verdict, left_before.as_ref()),
+        proposed_term: term.or_else(|| propose_for(evidence, model, verdict, left_before.as_ref())),
         next_recording,
         cannot_judge: cannot_judge(evidence, reached.is_saturated),
         suspects,
         halves,
         stamp_step_us: evidence.facts.stamp_step_us,
-        structure: left_before.zip(left_after).map(|(before, after)| StructureReport {
-            baseline: left(&before),
-            r#final: left(&after),
-        }),
+        structure: left_before.zip(left_after).map(of_both),
         null,
         n_pixels: evidence.pixels.len(),
         n_events: evidence.n_events(),
@@ -148,11 +154,12 @@ fn splitter(effects: &[FittedEffect]) -> Option<String> {
 }
 
 impl Verdict {
-    /// The verdict where an effect bought something and did not hold, and where frames or a census
-    /// show something beside what the predicted pixels do.
-    fn beside(self, is_suspected: bool, frames_show: bool) -> Self {
+    /// The verdict where an effect bought something and did not hold, where events are missing by no law of a pixel,
+    /// and where frames or a census show something beside what the predicted pixels do.
+    fn beside(self, is_suspected: bool, are_missing: bool, frames_show: bool) -> Self {
         let own = match self {
-            Self::NoMismatch if is_suspected => Self::Unexplained,
+            Self::NoMismatch if is_suspected || are_missing => Self::Unexplained,
+            Self::Explained if are_missing => Self::PartlyExplained,
             verdict => verdict,
         };
         match own {
@@ -192,6 +199,10 @@ fn with_structure(
     let around = left.into_iter().flat_map(|left| left.places.iter().cloned());
     places.extend(around.filter(|place| place.excess_nats_per_event > least));
     places
+}
+
+fn of_both((before, after): (Structure, Structure)) -> StructureReport {
+    StructureReport { baseline: left(&before), r#final: left(&after) }
 }
 
 fn left(structure: &Structure) -> super::StructureLeft {

@@ -17,7 +17,8 @@ const VERY_MUCH: f64 = 0.5;
 const STEPS_ASIDE: usize = 12;
 
 /// Leaves out what has become idle: an effect that was taken early and that later ones replace. What the `few` pixels
-/// of a first fit miss badly is not fitted on all without it: that takes long where pixels are of several kinds.
+/// of a first fit miss badly is not fitted on all without it: that takes long where pixels are of several kinds. The
+/// last one was taken for what it buys beside all the others.
 pub(super) fn prune(
     evidence: &Evidence,
     few: &Evidence,
@@ -25,8 +26,13 @@ pub(super) fn prune(
     mut model: Fitted,
     mut taken: Vec<Taken>,
 ) -> (Fitted, Vec<Taken>) {
+    let n_taken = taken.len();
     let mut index = 0;
     while taken.len() > 1 && index < taken.len() {
+        let (is_last, last) = (index + 1 == n_taken, &taken[index]);
+        if is_last && is_enough(last.gain, last.error) {
+            break;
+        }
         match without_idle(evidence, few, baseline, &model, index) {
             Some(without) => {
                 taken.remove(index);

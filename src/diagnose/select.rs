@@ -68,7 +68,7 @@ pub fn diagnose(
     options: &Options,
     progress: &mut dyn FnMut(&str),
 ) -> Diagnosed {
-    let Census { departures: counted, rest, is_saturated } = census(evidence);
+    let Census { departures: counted, rest, is_saturated, alone } = census(evidence);
     let evidence = rest.as_ref().unwrap_or(evidence);
     let max_effects = if is_saturated { 0 } else { options.max_effects };
     progress("baseline");
@@ -113,6 +113,7 @@ pub fn diagnose(
         halves,
         null,
         is_saturated,
+        alone,
         departed,
     };
     Diagnosed {
