@@ -69,12 +69,23 @@ impl Judge<'_> {
         Judged { model: self.baseline.clone(), taken: Vec::new(), standing, after, suspects }
     }
 
-    fn look(&self, model: &Fitted) -> Look {
-        let n = model.hypothesis.effects.len();
+    /// Whether a model leaves most of what was to be explained.
+    pub(super) fn fails(&self, model: &Fitted) -> bool {
+        self.stands(model).1 == Standing::Fails
+    }
+
+    /// What a model leaves, and how it stands by that.
+    fn stands(&self, model: &Fitted) -> (Option<Structure>, Standing) {
         let after = structure(self.evidence, model, self.seed);
         // What takes all events of a pixel leaves none behind which the trees could look.
         let is_seen = model.hypothesis.effects.iter().any(|effect| !effect.is_silent);
         let standing = standing(self.before, after.as_ref(), self.null, is_seen);
+        (after, standing)
+    }
+
+    fn look(&self, model: &Fitted) -> Look {
+        let n = model.hypothesis.effects.len();
+        let (after, standing) = self.stands(model);
         let drawn = null::draw(self.evidence, &model.hypothesis, self.seed);
         let doubts = (0..n).map(|index| doubt(self.evidence, &drawn, model, index)).collect();
         Look { after, standing, doubts }

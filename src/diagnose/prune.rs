@@ -68,15 +68,15 @@ fn is_missed(few: &Evidence, baseline: &Fitted, model: &Fitted, index: usize) ->
     is_enough(0.5 * loss, error)
 }
 
-/// Leaves out effects that buy something at any strength, the last taken first. A model that names something comes
-/// back with its errors. What buys very much is left to the judgement by structure.
+/// Leaves out effects that buy something at any strength, the last taken first; the model comes back with its errors.
+/// What buys very much is left to the judgement by structure.
 pub(super) fn leave_out_vague(
     evidence: &Evidence,
     baseline: &Fitted,
     mut model: Fitted,
     mut taken: Vec<Taken>,
 ) -> (Fitted, Vec<Taken>) {
-    while !taken.is_empty() {
+    loop {
         let known = with_errors(evidence, model.clone());
         let fits_anywhere = |&index: &usize| {
             taken[index].gain < VERY_MUCH
@@ -89,7 +89,6 @@ pub(super) fn leave_out_vague(
         model = refit_without(evidence, baseline, &model, vague);
         taken.remove(vague);
     }
-    (model, taken)
 }
 
 /// Leaves out, from the last taken on, what buys less than `bar`, nats an event.

@@ -3,7 +3,6 @@
 use super::census::{Census, census};
 use super::check::structure;
 use super::conclude::{Reached, conclude};
-use super::errors::with_errors;
 use super::fit::{Fitted, as_it_is, each_as_it_is, fit, improved};
 use super::halves::halves;
 use super::heat::{HeatMap, heat_maps};
@@ -83,9 +82,8 @@ pub fn diagnose(
     model.hypothesis.is_fine = true;
     let (model, taken, null) =
         beyond_chance(evidence, &few, &baseline, (model, taken), options, progress);
-    progress("errors");
+    progress("fine score");
     let model = refined(evidence, model);
-    let (model, taken) = leave_out_vague(evidence, &baseline, model, taken);
     progress("structure left");
     let before = structure(evidence, &baseline, options.seed);
     let reach = super::conclude::reach(evidence, &model);
@@ -96,10 +94,19 @@ pub fn diagnose(
         null: &null.structures_nats_per_event,
         seed: options.seed,
     };
+    progress("errors");
+    // What no name may stand on needs no errors.
+    let (model, taken) = if judge.fails(&model) {
+        (model, taken)
+    } else {
+        leave_out_vague(evidence, &baseline, model, taken)
+    };
     let Judged { model, taken, standing, after, mut suspects } = judge.judged(model, taken);
     suspects.extend(unsure);
-    progress("errors");
-    let model = if model.errors.is_some() { model } else { with_errors(evidence, model) };
+    let (model, taken) = match model.errors {
+        Some(_) => (model, taken),
+        None => leave_out_vague(evidence, &baseline, model, taken),
+    };
     progress("halves");
     let halves = if taken.is_empty() { Vec::new() } else { halves(evidence, &baseline, &model) };
     let departed = as_effects(evidence, departures.iter().chain(&counted), &baseline);
