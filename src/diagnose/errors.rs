@@ -50,10 +50,9 @@ pub(super) fn with_errors(evidence: &Evidence, fitted: Fitted) -> Fitted {
 /// microseconds apart, are wrong by about a swing. A ratio of one is none.
 pub(super) fn hold_the_law(told: &mut BTreeMap<String, Interval>, step_us: f64) {
     let hz = told.get("frequency_hz").map_or(0.0, |frequency| frequency.value);
-    let of_lines = crest_error(TAU * hz * step_us * 1e-6);
+    let of_all = OF_THE_LAW.hypot(crest_error(TAU * hz * step_us * 1e-6));
     for (key, Interval { value, ci90 }) in told.iter_mut() {
         let none = if key == "on_off_ratio" { 1.0 } else { 0.0 };
-        let of_all = OF_THE_LAW.hypot(of_lines);
         let share = if key == "frequency_hz" { OF_A_CLOCK } else { of_all };
         let more = Z90 * share * (*value - none).abs();
         let is_given = ci90[0] == ci90[1];

@@ -20,7 +20,7 @@ const MOST_OF_A_TURN: f64 = 0.35 * std::f64::consts::PI;
 /// as it does: they lose the square of a sinc, 3 % at ten instants a swing. `turn` is its phase from one to the
 /// next.
 pub(super) fn height_for_lines(turn: f64) -> f64 {
-    let half = (0.5 * turn).min(MOST_OF_A_TURN);
+    let half = half_of(turn);
     if half > 0.0 { (half / half.sin()).powi(2) } else { 1.0 }
 }
 
@@ -28,8 +28,12 @@ pub(super) fn height_for_lines(turn: f64) -> f64 {
 /// high as the instant that is next to the swing's, which is a chance, the same all along where a swing takes a whole
 /// number of instants.
 pub(super) fn crest_error(turn: f64) -> f64 {
-    let half = (0.5 * turn).min(MOST_OF_A_TURN);
+    let half = half_of(turn);
     height_for_lines(turn) * (1.0 - half.cos()) / 12.0_f64.sqrt()
+}
+
+fn half_of(turn: f64) -> f64 {
+    (0.5 * turn).min(MOST_OF_A_TURN)
 }
 
 /// The `n` frequencies that stand out most from their surroundings, the clearest first. Pixels fire
