@@ -39,6 +39,12 @@ impl Fitted {
         self.cells.nats(Part::HeldOut)
     }
 
+    /// The same, of which all that is made is scored finely, or not.
+    pub(super) fn made_fine(mut self, is_fine: bool) -> Self {
+        self.hypothesis.is_fine = is_fine;
+        self
+    }
+
     /// This, or another that scores better.
     pub(super) fn or_better(self, other: Self) -> Self {
         if other.training() > self.training() { other } else { self }

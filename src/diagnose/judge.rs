@@ -3,7 +3,7 @@
 use super::check::{Structure, structure};
 use super::constancy::strengths;
 use super::fit::Fitted;
-use super::naming::{Standing, at_an_end, inconstant, standing};
+use super::naming::{Standing, at_an_end, inconstant, is_lost, standing};
 use super::prune::refit_with;
 use super::select::Taken;
 use super::{Evidence, Suspect, null};
@@ -65,8 +65,24 @@ impl Judge<'_> {
                 return Judged { model: rest, taken, standing, after, suspects };
             }
         }
+        self.nothing(look, suspects)
+    }
+
+    /// Takes back all of a model that is lost.
+    pub(super) fn lost(&self, model: &Fitted, taken: &[Taken]) -> Judged {
+        let look = self.look(model);
+        let suspects = suspects(model, taken, &look);
+        self.nothing(look, suspects)
+    }
+
+    fn nothing(&self, look: Look, suspects: Vec<Suspect>) -> Judged {
         let Look { after, standing, .. } = look;
         Judged { model: self.baseline.clone(), taken: Vec::new(), standing, after, suspects }
+    }
+
+    /// Whether a model leaves nearly all that was to be explained, and that is much.
+    pub(super) fn is_lost(&self, model: &Fitted) -> bool {
+        !model.hypothesis.effects.is_empty() && is_lost(self.before, self.stands(model).0.as_ref())
     }
 
     /// Whether a model leaves most of what was to be explained.

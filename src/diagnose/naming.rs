@@ -26,6 +26,10 @@ const LEFT_BESIDE_GUESSED: f64 = 0.5;
 /// And without reserve on one that leaves this share.
 const LEFT_AT_MOST: f64 = 0.1;
 
+/// A model that leaves this share, and so much, nats an event, is so far from the truth that no part of it is either.
+const LOST: f64 = 0.6;
+const LOST_STRUCTURE: f64 = 4.0 * LEAST_STRUCTURE;
+
 /// A strength may differ between strata by this share: what the error of the light and the shape of
 /// the noise do to a right name.
 const AS_GOOD_AS_EQUAL: f64 = 0.5;
@@ -71,6 +75,15 @@ pub(super) fn standing(
     } else {
         Standing::Fails
     }
+}
+
+/// Whether a model leaves so much that nothing which is made of it could stand.
+pub(super) fn is_lost(before: Option<&Structure>, after: Option<&Structure>) -> bool {
+    before.zip(after).is_some_and(|(before, after)| {
+        let apart = before.apart_from_light.zip(after.apart_from_light);
+        after.nats - 2.0 * after.error > LOST_STRUCTURE.max(LOST * before.nats)
+            && apart.is_none_or(|(before, after)| after > LOST * before)
+    })
 }
 
 /// Whether most of the structure is gone.
@@ -154,6 +167,16 @@ mod tests {
         assert_eq!(of(&Structure::of(0.2)), Standing::Fails);
         assert_eq!(standing(Some(&some), Some(&some), &[], false), Standing::InPart);
         assert_eq!(standing(Some(&little), Some(&little), &[], false), Standing::Holds);
+    }
+
+    #[test]
+    fn what_leaves_nearly_all_that_was_there_is_lost_where_that_was_much() {
+        let lost =
+            |before, after| is_lost(Some(&Structure::of(before)), Some(&Structure::of(after)));
+        assert!(lost(0.36, 0.29) && !lost(0.36, 0.2) && !lost(0.08, 0.08));
+        let apart =
+            |nats, apart| Structure { apart_from_light: Some(apart), ..Structure::of(nats) };
+        assert!(!is_lost(Some(&apart(0.3, 0.2)), Some(&apart(0.25, 0.05))));
     }
 
     #[test]

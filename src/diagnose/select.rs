@@ -73,35 +73,22 @@ pub fn diagnose(
     progress("baseline");
     let few = evidence.thinned((evidence.n_events() / FEW_EVENTS).max(2));
     let baseline = begin(evidence, &few);
-    let (mut baseline, model, taken, unsure) =
+    let (baseline, model, taken, unsure) =
         take_all(evidence, &few, baseline, max_effects, progress);
-    progress("idle effects");
-    let (mut model, taken) = prune(evidence, &few, &baseline, model, taken);
-    // What is made of either from here on is fine as well.
-    baseline.hypothesis.is_fine = true;
-    model.hypothesis.is_fine = true;
-    let (model, taken, null) =
-        beyond_chance(evidence, &few, &baseline, (model, taken), options, progress);
-    progress("fine score");
-    let model = refined(evidence, model);
+    // What is made of either from here on is fine as well, but for what leaves out the idle.
+    let baseline = baseline.made_fine(true);
     progress("structure left");
     let before = structure(evidence, &baseline, options.seed);
-    let reach = super::conclude::reach(evidence, &model);
     let judge = Judge {
         evidence,
         baseline: &baseline,
         before: before.as_ref(),
-        null: &null.structures_nats_per_event,
+        null: &[],
         seed: options.seed,
     };
-    progress("errors");
-    // What no name may stand on needs no errors.
-    let (model, taken) = if judge.fails(&model) {
-        (model, taken)
-    } else {
-        leave_out_vague(evidence, &baseline, model, taken)
-    };
-    let Judged { model, taken, standing, after, mut suspects } = judge.judged(model, taken);
+    let Stands { judged, reach, null } =
+        what_stands(&judge, &few, (model, taken), options, progress);
+    let Judged { model, taken, standing, after, mut suspects } = judged;
     suspects.extend(unsure);
     let (model, taken) = match model.errors {
         Some(_) => (model, taken),
@@ -129,6 +116,47 @@ pub fn diagnose(
         baseline: baseline.hypothesis,
         model: model.hypothesis,
     }
+}
+
+/// What stands of what was found.
+struct Stands {
+    judged: Judged,
+    reach: f64,
+    null: NullReport,
+}
+
+/// Leaves out of a model what is idle, what chance buys as well, what fits at any strength, and judges the rest; all
+/// of that takes as long as the search, and is not asked of a model that is lost.
+fn what_stands(
+    judge: &Judge<'_>,
+    few: &Evidence,
+    (model, taken): (Fitted, Vec<Taken>),
+    options: &Options,
+    progress: &mut dyn FnMut(&str),
+) -> Stands {
+    let Judge { evidence, baseline, .. } = *judge;
+    let reach = |model: &Fitted| super::conclude::reach(evidence, model);
+    if judge.is_lost(&model) {
+        let null = NullReport { bar_nats_per_event: LEAST_GAIN, ..NullReport::default() };
+        return Stands { reach: reach(&model), judged: judge.lost(&model, &taken), null };
+    }
+    progress("idle effects");
+    let coarse = baseline.clone().made_fine(false);
+    let (model, taken) = prune(evidence, few, &coarse, model, taken);
+    let found = (model.made_fine(true), taken);
+    let (model, taken, null) = beyond_chance(evidence, few, baseline, found, options, progress);
+    progress("fine score");
+    let model = refined(evidence, model);
+    let judge = Judge { null: &null.structures_nats_per_event, ..*judge };
+    progress("errors");
+    // What no name may stand on needs none.
+    let (model, taken) = if judge.fails(&model) {
+        (model, taken)
+    } else {
+        leave_out_vague(evidence, baseline, model, taken)
+    };
+    let reach = reach(&model);
+    Stands { judged: judge.judged(model, taken), reach, null }
 }
 
 /// The model without what buys no more than chance does, which is asked before what stands is looked at finely.

@@ -142,8 +142,9 @@ pub struct Leftover {
     pub places: Vec<Where>,
 }
 
-/// What the search finds where there is nothing.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// What the search finds where there is nothing; that is not asked behind a model that leaves nearly all that was to be
+/// explained.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct NullReport {
     /// Recordings drawn from the final model.
     pub n: usize,
