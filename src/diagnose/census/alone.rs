@@ -22,7 +22,7 @@ const STAMPS: f64 = 50.0;
 const BIN: f64 = 0.03;
 const SIDE: usize = 4;
 
-/// What a step has to be, natural logarithm, beyond the fall on either side of it and that to the next event; and in
+/// What a step has to be, natural logarithm, beyond the change on either side of it and that to the next event; and in
 /// standard errors.
 const LEAST: f64 = std::f64::consts::LN_2;
 const SURE: f64 = 5.0;
@@ -95,15 +95,16 @@ fn step(since: &[f64], until: &[f64], shortest_us: f64) -> Option<Step> {
         0.5 + counts[first..first + SIDE].iter().sum::<f64>()
     };
     let last = since.len().checked_sub(2 * SIDE)?;
-    let steps = (2 * SIDE..last).map(|at| {
-        let earlier = side(since, at - 2 * SIDE);
+    let steps = (3 * SIDE..last).map(|at| {
+        let [before_that, earlier] = [3, 2].map(|sides| side(since, at - sides * SIDE));
         let (before, behind) = (side(since, at - SIDE), side(since, at + 1));
         let later = side(since, at + 1 + SIDE);
         let mirrored = [side(until, at - SIDE), side(until, at + 1)];
-        let falls =
-            [(earlier / before).ln(), (behind / later).ln(), (mirrored[0] / mirrored[1]).ln()];
-        let fall = falls.into_iter().fold(0.0, f64::max);
-        let all = [earlier, before, behind, later, mirrored[0], mirrored[1]];
+        // A peak rises as fast as it falls.
+        let changes =
+            [before_that / earlier, earlier / before, behind / later, mirrored[0] / mirrored[1]];
+        let fall = changes.into_iter().map(|ratio| ratio.ln().abs()).fold(0.0, f64::max);
+        let all = [before_that, earlier, before, behind, later, mirrored[0], mirrored[1]];
         let us = shortest_us * (BIN * (at as f64 + 0.5)).exp();
         let error = all.iter().map(|n| 1.0 / n).sum::<f64>().sqrt();
         Step { us, before, expected: before * (-fall).exp(), behind, error }
@@ -215,6 +216,17 @@ mod tests {
             assert!((step.us / window_us as f64).ln().abs() < BIN, "{window_us} us: {step:?}");
         }
         assert!(step_in(seen).is_none());
+    }
+
+    #[test]
+    fn a_step_that_is_there_before_as_behind_or_that_is_a_peaks_flank_is_none() {
+        let counts = |of: fn(usize) -> f64| (0..40).map(of).collect::<Vec<_>>();
+        let flat = counts(|_| 200.0);
+        let falls = counts(|bin| if bin < 20 { 200.0 } else { 20.0 });
+        let peak = counts(|bin| if (16..20).contains(&bin) { 200.0 } else { 20.0 });
+        assert!(step(&falls, &flat, 100.0).is_some());
+        assert!(step(&falls, &falls, 100.0).is_none());
+        assert!(step(&peak, &flat, 100.0).is_none());
     }
 
     #[test]
