@@ -159,6 +159,7 @@ impl Step {
 mod tests {
     use super::*;
     use crate::event::{Event, Events};
+    use crate::filter::background;
     use crate::geometry::Size;
     use crate::predict::ByPixel;
     use crate::stats::SplitMix;
@@ -167,7 +168,7 @@ mod tests {
     const LENGTH_US: i64 = 8_000_000;
 
     /// Edges that pass ten times a second, and noise of 3 Hz; in the order of time.
-    fn seen() -> Vec<Event> {
+    fn seen() -> Events {
         let mut random = SplitMix::new(7, 7);
         let mut events = Vec::new();
         for pixel in 0..SIDE_PX * SIDE_PX {
@@ -186,25 +187,10 @@ mod tests {
         events.into_iter().map(|(t, x, y)| Event { t: t as i64, x, y, on: true }).collect()
     }
 
-    /// Those that one of the eight pixels around, taken away or not, has come before within so long.
-    fn supported(events: &[Event], window_us: i64) -> Vec<Event> {
-        let mut last = vec![i64::MIN / 2; usize::from((SIDE_PX + 2) * (SIDE_PX + 2))];
-        let mut passes = |event: &Event| {
-            let at = |x: u16, y: u16| usize::from(y * (SIDE_PX + 2) + x);
-            let (x, y) = (event.x + 1, event.y + 1);
-            let about = (y - 1..=y + 1).flat_map(|ny| (x - 1..=x + 1).map(move |nx| (nx, ny)));
-            let others = about.filter(|other| *other != (x, y));
-            let newest = others.map(|(nx, ny)| last[at(nx, ny)]).max();
-            last[at(x, y)] = event.t;
-            newest.is_some_and(|t| event.t - t <= window_us)
-        };
-        events.iter().filter(|event| passes(event)).copied().collect()
-    }
+    const SIZE: Size = Size::new(SIDE_PX, SIDE_PX);
 
-    fn step_in(events: impl IntoIterator<Item = Event>) -> Option<Step> {
-        let events: Events = events.into_iter().collect();
-        let size = Size::new(SIDE_PX, SIDE_PX);
-        let recording = ByPixel::new(events.as_slice(), size, [0, LENGTH_US]);
+    fn step_in(events: &Events) -> Option<Step> {
+        let recording = ByPixel::new(events.as_slice(), SIZE, [0, LENGTH_US]);
         found(&Around::new(recording, &[]), RANGE_US[0]).map(|(step, _)| step)
     }
 
@@ -212,10 +198,11 @@ mod tests {
     fn what_comes_alone_is_missed_behind_a_filter_and_nowhere_else() {
         let seen = seen();
         for window_us in [6_000, 12_000] {
-            let step = step_in(supported(&seen, window_us)).unwrap();
+            let filtered = background::filter(seen.as_slice(), SIZE, window_us).unwrap();
+            let step = step_in(&filtered.events).unwrap();
             assert!((step.us / window_us as f64).ln().abs() < BIN, "{window_us} us: {step:?}");
         }
-        assert!(step_in(seen).is_none());
+        assert!(step_in(&seen).is_none());
     }
 
     #[test]
@@ -232,15 +219,16 @@ mod tests {
     #[test]
     fn bursts_that_end_abruptly_are_no_filter() {
         // All pixels within 4 ms of every hundredth of a second, and noise in between.
-        let noise = seen().into_iter().step_by(9);
+        let seen = seen();
+        let noise = seen.as_slice().iter().step_by(9);
         let mut random = SplitMix::new(8, 8);
         let lit = (0..SIDE_PX * SIDE_PX).flat_map(|pixel| (0..800).map(move |beat| (pixel, beat)));
         let beats = lit.filter(|(pixel, beat)| (pixel + 7 * beat) % 5 == 0).map(|(pixel, beat)| {
             let t = i64::from(beat) * 10_000 + random.below(4_000) as i64;
             Event { t, x: pixel % SIDE_PX, y: pixel / SIDE_PX, on: true }
         });
-        let all: Vec<Event> = noise.chain(beats).collect();
-        assert!(step_in(all).is_none());
+        let all: Events = noise.chain(beats).collect();
+        assert!(step_in(&all).is_none());
     }
 
     #[test]
