@@ -1,9 +1,10 @@
 //! Which of the effects that were taken may be named.
 
+use super::ceiling::flexible;
 use super::check::{Structure, structure};
 use super::constancy::strengths;
 use super::fit::Fitted;
-use super::naming::{Standing, at_an_end, inconstant, is_lost, standing};
+use super::naming::{Standing, at_an_end, inconstant, is_lost, leaves_much, standing};
 use super::prune::refit_with;
 use super::select::Taken;
 use super::{Evidence, Suspect, null};
@@ -26,6 +27,8 @@ pub(super) struct Judge<'a> {
     pub(super) before: Option<&'a Structure>,
     /// The structures in recordings drawn from the model.
     pub(super) null: &'a [f64],
+    /// Whether something of the library gains on what is left, and not enough for a name.
+    pub(super) is_more_suspected: bool,
     pub(super) seed: u64,
 }
 
@@ -35,11 +38,14 @@ struct Look {
     standing: Standing,
     /// Why each effect may not be named.
     doubts: Vec<Option<String>>,
+    /// Why none of them may.
+    left: Option<String>,
 }
 
 impl Look {
     fn holds(&self) -> bool {
-        self.standing != Standing::Fails && self.doubts.iter().all(Option::is_none)
+        let has_none = |doubts: &[Option<String>]| doubts.iter().all(Option::is_none);
+        self.standing != Standing::Fails && self.left.is_none() && has_none(&self.doubts)
     }
 }
 
@@ -93,19 +99,40 @@ impl Judge<'_> {
     /// What a model leaves, and how it stands by that.
     fn stands(&self, model: &Fitted) -> (Option<Structure>, Standing) {
         let after = structure(self.evidence, model, self.seed);
-        // What takes all events of a pixel leaves none behind which the trees could look.
-        let is_seen = model.hypothesis.effects.iter().any(|effect| !effect.is_silent);
-        let standing = standing(self.before, after.as_ref(), self.null, is_seen);
+        let standing = standing(self.before, after.as_ref(), self.null, is_seen(model));
         (after, standing)
+    }
+
+    /// What a model leaves to no effect of the library, in words, if it is so much that no name may stand on it. Errors of
+    /// a light that is guessed between frames are left by any model.
+    fn left_to_nothing(&self, model: &Fitted) -> Option<String> {
+        if self.is_more_suspected || !self.evidence.facts.is_light_dense() || !is_seen(model) {
+            return None;
+        }
+        let left = flexible(self.evidence, model);
+        let removed = model.held_out() - self.baseline.held_out();
+        leaves_much(removed, left).then(|| {
+            format!(
+                "it removes {removed:.2} nats an event, and leaves {:.2} that nothing in the library explains",
+                left.gain
+            )
+        })
     }
 
     fn look(&self, model: &Fitted) -> Look {
         let n = model.hypothesis.effects.len();
         let (after, standing) = self.stands(model);
+        let left = self.left_to_nothing(model);
         let drawn = null::draw(self.evidence, &model.hypothesis, self.seed);
         let doubts = (0..n).map(|index| doubt(self.evidence, &drawn, model, index)).collect();
-        Look { after, standing, doubts }
+        Look { after, standing, doubts, left }
     }
+}
+
+/// Whether a model has an effect that shows behind events: what takes all events of a pixel leaves none behind which one
+/// could look.
+fn is_seen(model: &Fitted) -> bool {
+    model.hypothesis.effects.iter().any(|effect| !effect.is_silent)
 }
 
 /// What belongs to the effects whose doubts are as asked.
@@ -144,7 +171,10 @@ fn suspects(model: &Fitted, taken: &[Taken], look: &Look) -> Vec<Suspect> {
                 None if look.standing == Standing::Fails => {
                     "events drawn with it are still told from the camera's".to_owned()
                 }
-                None => "it was found together with one that does not hold".to_owned(),
+                None => match &look.left {
+                    Some(left) => left.clone(),
+                    None => "it was found together with one that does not hold".to_owned(),
+                },
             },
         })
         .collect()

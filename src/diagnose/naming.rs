@@ -7,9 +7,11 @@
 
 use super::Hypothesis;
 use super::candidate::Parameter;
+use super::ceiling::Flexible;
 use super::check::Structure;
 use super::constancy::Stratum;
 use super::fit::Fitted;
+use super::score::is_suspicious;
 use crate::stats::Z90;
 
 /// Structure, nats an event, that the shape of the noise and the error of the light leave under a
@@ -84,6 +86,13 @@ pub(super) fn is_lost(before: Option<&Structure>, after: Option<&Structure>) -> 
         after.nats - 2.0 * after.error > LOST_STRUCTURE.max(LOST * before.nats)
             && apart.is_none_or(|(before, after)| after > LOST * before)
     })
+}
+
+/// Whether a model leaves much of what there was to explain to a recalibration of its hazard, which knows no physics: what the
+/// library does not have may be half explained by a name, by which trees then tell little.
+pub(super) fn leaves_much(removed: f64, left: Flexible) -> bool {
+    is_suspicious(left.gain, left.error)
+        && left.gain > LEFT_IN_PART * (removed.max(0.0) + left.gain)
 }
 
 /// Whether most of the structure is gone.
@@ -177,6 +186,15 @@ mod tests {
         let apart =
             |nats, apart| Structure { apart_from_light: Some(apart), ..Structure::of(nats) };
         assert!(!is_lost(Some(&apart(0.3, 0.2)), Some(&apart(0.25, 0.05))));
+    }
+
+    #[test]
+    fn what_a_recalibration_still_gains_is_much_if_it_is_sure_and_a_third_of_all() {
+        let left = |gain, error| Flexible { gain, error };
+        assert!(leaves_much(0.14, left(0.13, 0.03)));
+        assert!(!leaves_much(0.14, left(0.13, 0.05)), "it is not sure");
+        assert!(!leaves_much(1.7, left(0.13, 0.03)), "it is little beside what is gone");
+        assert!(!leaves_much(0.02, left(0.03, 0.001)), "it is no mismatch");
     }
 
     #[test]

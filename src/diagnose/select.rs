@@ -84,6 +84,7 @@ pub fn diagnose(
         baseline: &baseline,
         before: before.as_ref(),
         null: &[],
+        is_more_suspected: unsure.is_some(),
         seed: options.seed,
     };
     let Stands { judged, reach, null } =
