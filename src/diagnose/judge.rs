@@ -8,6 +8,7 @@ use super::naming::{Standing, at_an_end, inconstant, is_lost, leaves_much, stand
 use super::prune::refit_with;
 use super::select::Taken;
 use super::{Evidence, Suspect, null};
+use crate::effect_id::EffectId;
 
 /// A model of which every effect may be named, and what may not.
 pub(super) struct Judged {
@@ -29,6 +30,8 @@ pub(super) struct Judge<'a> {
     pub(super) null: &'a [f64],
     /// Whether something of the library gains on what is left, and not enough for a name.
     pub(super) is_more_suspected: bool,
+    /// Whether events are missing that no neighbour's came before.
+    pub(super) is_filtered: bool,
     pub(super) seed: u64,
 }
 
@@ -119,12 +122,21 @@ impl Judge<'_> {
         })
     }
 
+    /// Why an effect of the model only stands in for a filter, if it does: such a filter does not take any share at random.
+    fn filtered(&self, model: &Fitted, index: usize) -> Option<String> {
+        let is_loss = model.hypothesis.effects[index].id == EffectId::EventDrop;
+        (self.is_filtered && is_loss)
+            .then(|| "what is missing is what no neighbour's event came before".to_owned())
+    }
+
     fn look(&self, model: &Fitted) -> Look {
         let n = model.hypothesis.effects.len();
         let (after, standing) = self.stands(model);
         let left = self.left_to_nothing(model);
         let drawn = null::draw(self.evidence, &model.hypothesis, self.seed);
-        let doubts = (0..n).map(|index| doubt(self.evidence, &drawn, model, index)).collect();
+        let own = |index: usize| doubt(self.evidence, &drawn, model, index);
+        let doubts = (0..n).map(|index| self.filtered(model, index).or_else(|| own(index)));
+        let doubts = doubts.collect();
         Look { after, standing, doubts, left }
     }
 }

@@ -85,6 +85,7 @@ pub fn diagnose(
         before: before.as_ref(),
         null: &[],
         is_more_suspected: unsure.is_some(),
+        is_filtered: alone.is_some(),
         seed: options.seed,
     };
     let Stands { judged, reach, null } =

@@ -6,6 +6,7 @@ mod kinds;
 mod late;
 mod leaks;
 mod light;
+mod loss;
 mod strengths;
 mod summit;
 

@@ -14,9 +14,10 @@ use rayon::prelude::*;
 /// Events that are looked at, at most: pixels are passed over in longer recordings.
 const MOST: usize = 2_000_000;
 
-/// Shortest and longest time that is looked at, microseconds, and the stamps' steps that the shortest has to hold.
+/// Shortest and longest time that is looked at, microseconds, and the stamps' steps that the shortest has to hold: over
+/// coarse ones events are spread evenly, which makes a step of the number a slope two stamps long.
 const RANGE_US: [f64; 2] = [100.0, 1e6];
-const STAMPS: f64 = 50.0;
+const STAMPS: f64 = 20.0;
 
 /// Width of a bin, natural logarithm of the time, and bins of which a side of a step is made.
 const BIN: f64 = 0.03;
@@ -158,6 +159,7 @@ impl Step {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnose::StampGrid;
     use crate::event::{Event, Events};
     use crate::filter::background;
     use crate::geometry::Size;
@@ -203,6 +205,18 @@ mod tests {
             assert!((step.us / window_us as f64).ln().abs() < BIN, "{window_us} us: {step:?}");
         }
         assert!(step_in(&seen).is_none());
+    }
+
+    #[test]
+    fn a_filter_shows_through_stamps_of_a_simulators_steps() {
+        let filtered = background::filter(seen().as_slice(), SIZE, 9_000).unwrap();
+        let in_steps = filtered.events.as_slice().iter().map(|e| Event { t: e.t / 250 * 250, ..e });
+        let in_steps: Events = in_steps.collect();
+        let grid = StampGrid::of_events(in_steps.as_slice()).unwrap();
+        let spread =
+            ByPixel::new(grid.spread(in_steps.as_slice()).as_slice(), SIZE, [0, LENGTH_US]);
+        let (step, _) = found(&Around::new(spread, &[]), STAMPS * grid.step_us).unwrap();
+        assert!((step.us / 9_000.0).ln().abs() < 2.0 * BIN, "{step:?}");
     }
 
     #[test]

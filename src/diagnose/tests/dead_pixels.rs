@@ -36,6 +36,7 @@ fn their_name_stands_on_a_light_that_is_late_and_another_does_not() {
         before,
         null: &[],
         is_more_suspected: false,
+        is_filtered: false,
         seed: 3,
     };
     let named = |hypothesis: Hypothesis| {
