@@ -42,13 +42,12 @@ struct Look {
     /// Why each effect may not be named.
     doubts: Vec<Option<String>>,
     /// Why none of them may.
-    left: Option<String>,
+    of_all: Option<String>,
 }
 
 impl Look {
     fn holds(&self) -> bool {
-        let has_none = |doubts: &[Option<String>]| doubts.iter().all(Option::is_none);
-        self.standing != Standing::Fails && self.left.is_none() && has_none(&self.doubts)
+        self.of_all.is_none() && self.doubts.iter().all(Option::is_none)
     }
 }
 
@@ -57,7 +56,7 @@ impl Judge<'_> {
     /// model leaves what it should have removed. What stands in for one effect has moved the others,
     /// so those that are left are fitted and judged anew.
     pub(super) fn judged(&self, model: Fitted, taken: Vec<Taken>) -> Judged {
-        let look = self.look(&model);
+        let look = self.look(&model, self.stands(&model));
         if look.holds() {
             let Look { after, standing, .. } = look;
             return Judged { model, taken, standing, after, suspects: Vec::new() };
@@ -66,7 +65,7 @@ impl Judge<'_> {
         let kept: Vec<usize> = (0..taken.len()).filter(|&i| look.doubts[i].is_none()).collect();
         if !kept.is_empty() && kept.len() < taken.len() {
             let rest = refit_with(self.evidence, self.baseline, &model, &kept);
-            let again = self.look(&rest);
+            let again = self.look(&rest, self.stands(&rest));
             if again.holds() {
                 let taken = of(taken, &look.doubts, Option::is_none);
                 let suspects = of(suspects, &look.doubts, Option::is_some);
@@ -77,21 +76,22 @@ impl Judge<'_> {
         self.nothing(look, suspects)
     }
 
-    /// Takes back all of a model that is lost.
-    pub(super) fn lost(&self, model: &Fitted, taken: &[Taken]) -> Judged {
-        let look = self.look(model);
-        let suspects = suspects(model, taken, &look);
-        self.nothing(look, suspects)
+    /// Takes back all of a model that is lost: it leaves nearly all that was to be explained, and that is much.
+    pub(super) fn lost(&self, model: &Fitted, taken: &[Taken]) -> Option<Judged> {
+        if taken.is_empty() {
+            return None;
+        }
+        let stands = self.stands(model);
+        is_lost(self.before, stands.0.as_ref()).then(|| {
+            let look = self.look(model, stands);
+            let suspects = suspects(model, taken, &look);
+            self.nothing(look, suspects)
+        })
     }
 
     fn nothing(&self, look: Look, suspects: Vec<Suspect>) -> Judged {
         let Look { after, standing, .. } = look;
         Judged { model: self.baseline.clone(), taken: Vec::new(), standing, after, suspects }
-    }
-
-    /// Whether a model leaves nearly all that was to be explained, and that is much.
-    pub(super) fn is_lost(&self, model: &Fitted) -> bool {
-        !model.hypothesis.effects.is_empty() && is_lost(self.before, self.stands(model).0.as_ref())
     }
 
     /// Whether a model leaves most of what was to be explained.
@@ -129,15 +129,19 @@ impl Judge<'_> {
             .then(|| "what is missing is what no neighbour's event came before".to_owned())
     }
 
-    fn look(&self, model: &Fitted) -> Look {
+    fn look(&self, model: &Fitted, (after, standing): (Option<Structure>, Standing)) -> Look {
         let n = model.hypothesis.effects.len();
-        let (after, standing) = self.stands(model);
-        let left = self.left_to_nothing(model);
+        let of_all = match standing {
+            Standing::Fails => {
+                Some("events drawn with it are still told from the camera's".to_owned())
+            }
+            Standing::Holds | Standing::InPart => self.left_to_nothing(model),
+        };
         let drawn = null::draw(self.evidence, &model.hypothesis, self.seed);
         let own = |index: usize| doubt(self.evidence, &drawn, model, index);
         let doubts = (0..n).map(|index| self.filtered(model, index).or_else(|| own(index)));
         let doubts = doubts.collect();
-        Look { after, standing, doubts, left }
+        Look { after, standing, doubts, of_all }
     }
 }
 
@@ -174,20 +178,12 @@ fn doubt(evidence: &Evidence, drawn: &Evidence, model: &Fitted, index: usize) ->
 /// All effects of a model that does not hold, each with the reason.
 fn suspects(model: &Fitted, taken: &[Taken], look: &Look) -> Vec<Suspect> {
     let effects = model.hypothesis.effects.iter().zip(taken).zip(&look.doubts);
+    let together = || "it was found together with one that does not hold".to_owned();
     effects
         .map(|((effect, taken), doubt)| Suspect {
             id: effect.id,
             heldout_gain_nats_per_event: taken.gain,
-            because: match doubt {
-                Some(doubt) => doubt.clone(),
-                None if look.standing == Standing::Fails => {
-                    "events drawn with it are still told from the camera's".to_owned()
-                }
-                None => match &look.left {
-                    Some(left) => left.clone(),
-                    None => "it was found together with one that does not hold".to_owned(),
-                },
-            },
+            because: doubt.as_ref().or(look.of_all.as_ref()).cloned().unwrap_or_else(together),
         })
         .collect()
 }

@@ -138,9 +138,9 @@ fn what_stands(
 ) -> Stands {
     let Judge { evidence, baseline, .. } = *judge;
     let reach = |model: &Fitted| super::conclude::reach(evidence, model);
-    if judge.is_lost(&model) {
+    if let Some(judged) = judge.lost(&model, &taken) {
         let null = NullReport { bar_nats_per_event: LEAST_GAIN, ..NullReport::default() };
-        return Stands { reach: reach(&model), judged: judge.lost(&model, &taken), null };
+        return Stands { reach: reach(&model), judged, null };
     }
     progress("idle effects");
     let coarse = baseline.clone().made_fine(false);

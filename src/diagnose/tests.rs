@@ -130,6 +130,24 @@ fn library(id: EffectId) -> &'static candidate::Candidate {
     LIBRARY.iter().find(|c| c.id == id).unwrap()
 }
 
+/// What judges a model of the evidence where nothing else is known of it.
+fn judging<'a>(evidence: &'a Evidence, baseline: &'a fit::Fitted) -> judge::Judge<'a> {
+    judge::Judge {
+        evidence,
+        baseline,
+        before: None,
+        null: &[],
+        is_more_suspected: false,
+        is_filtered: false,
+        seed: 3,
+    }
+}
+
+/// One effect that was taken, for a gain that is sure.
+fn one_taken() -> Vec<select::Taken> {
+    vec![select::Taken { gain: 0.5, error: 0.05, rivals: Vec::new(), equals: Vec::new() }]
+}
+
 fn plant(id: Option<EffectId>, start: &[f64]) -> Evidence {
     plant_in(None, id, start)
 }

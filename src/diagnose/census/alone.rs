@@ -191,9 +191,9 @@ mod tests {
 
     const SIZE: Size = Size::new(SIDE_PX, SIDE_PX);
 
-    fn step_in(events: &Events) -> Option<Step> {
+    fn step_in(events: &Events, shortest_us: f64) -> Option<Step> {
         let recording = ByPixel::new(events.as_slice(), SIZE, [0, LENGTH_US]);
-        found(&Around::new(recording, &[]), RANGE_US[0]).map(|(step, _)| step)
+        found(&Around::new(recording, &[]), shortest_us).map(|(step, _)| step)
     }
 
     #[test]
@@ -201,10 +201,10 @@ mod tests {
         let seen = seen();
         for window_us in [6_000, 12_000] {
             let filtered = background::filter(seen.as_slice(), SIZE, window_us).unwrap();
-            let step = step_in(&filtered.events).unwrap();
+            let step = step_in(&filtered.events, RANGE_US[0]).unwrap();
             assert!((step.us / window_us as f64).ln().abs() < BIN, "{window_us} us: {step:?}");
         }
-        assert!(step_in(&seen).is_none());
+        assert!(step_in(&seen, RANGE_US[0]).is_none());
     }
 
     #[test]
@@ -213,9 +213,8 @@ mod tests {
         let in_steps = filtered.events.as_slice().iter().map(|e| Event { t: e.t / 250 * 250, ..e });
         let in_steps: Events = in_steps.collect();
         let grid = StampGrid::of_events(in_steps.as_slice()).unwrap();
-        let spread =
-            ByPixel::new(grid.spread(in_steps.as_slice()).as_slice(), SIZE, [0, LENGTH_US]);
-        let (step, _) = found(&Around::new(spread, &[]), STAMPS * grid.step_us).unwrap();
+        let spread = grid.spread(in_steps.as_slice());
+        let step = step_in(&spread, STAMPS * grid.step_us).unwrap();
         assert!((step.us / 9_000.0).ln().abs() < 2.0 * BIN, "{step:?}");
     }
 
@@ -242,7 +241,7 @@ mod tests {
             Event { t, x: pixel % SIDE_PX, y: pixel / SIDE_PX, on: true }
         });
         let all: Events = noise.chain(beats).collect();
-        assert!(step_in(&all).is_none());
+        assert!(step_in(&all, RANGE_US[0]).is_none());
     }
 
     #[test]

@@ -30,18 +30,9 @@ fn their_name_stands_on_a_light_that_is_late_and_another_does_not() {
     let plain = Hypothesis::baseline(&real);
     let baseline = fit::as_it_is(&real, plain.clone());
     let before = Some(&little);
-    let judge = judge::Judge {
-        evidence: &real,
-        baseline: &baseline,
-        before,
-        null: &[],
-        is_more_suspected: false,
-        is_filtered: false,
-        seed: 3,
-    };
+    let judge = judge::Judge { before, ..judging(&real, &baseline) };
     let named = |hypothesis: Hypothesis| {
-        let gain = select::Taken { gain: 0.5, error: 0.05, rivals: Vec::new(), equals: Vec::new() };
-        let judged = judge.judged(fit::as_it_is(&real, hypothesis), vec![gain]);
+        let judged = judge.judged(fit::as_it_is(&real, hypothesis), one_taken());
         assert!(judged.after.unwrap().nats > 0.05, "what is late is seen");
         judged.taken.len()
     };

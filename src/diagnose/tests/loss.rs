@@ -9,17 +9,8 @@ fn a_loss_has_no_name_where_what_comes_alone_is_missing() {
     let real = null::draw(&empty(), &truth, 7);
     let baseline = fit::as_it_is(&real, plain);
     let judged = |is_filtered: bool| {
-        let judge = judge::Judge {
-            evidence: &real,
-            baseline: &baseline,
-            before: None,
-            null: &[],
-            is_more_suspected: false,
-            is_filtered,
-            seed: 3,
-        };
-        let gain = select::Taken { gain: 0.5, error: 0.05, rivals: Vec::new(), equals: Vec::new() };
-        judge.judged(fit::as_it_is(&real, truth.clone()), vec![gain])
+        let judge = judge::Judge { is_filtered, ..judging(&real, &baseline) };
+        judge.judged(fit::as_it_is(&real, truth.clone()), one_taken())
     };
     assert_eq!(judged(false).taken.len(), 1);
     let beside_a_filter = judged(true);
