@@ -10,6 +10,7 @@
 
 mod around;
 mod boost;
+mod camera;
 mod candidate;
 mod ceiling;
 mod census;
@@ -54,6 +55,7 @@ mod summit;
 mod tuned;
 mod verdict;
 
+pub use camera::{FittedCamera, surroundings};
 pub use candidate::{Candidate, Derived, Freed, LIBRARY, Parameter, Stage};
 pub use coarse::StampGrid;
 pub use evidence::{DiagnoseError, Evidence, PixelEvidence};
@@ -64,9 +66,11 @@ pub use hypothesis::{Hypothesis, View};
 pub use mixture::{Kind, Mixture};
 pub use nuisance::Nuisance;
 pub use options::Options;
+pub use placing::Placing;
 pub use scan::Gain;
 pub use select::{Diagnosed, diagnose};
 pub use stated::Departure;
+pub use tuned::{Seen, Tuned};
 pub use verdict::{
     CannotJudge, Diagnosis, FitReport, FittedEffect, Half, HeldOut, Interval, Leftover, Mismatch,
     NullReport, ProposedTerm, Rival, StructureLeft, StructureReport, Suspect, Verdict, Where,

@@ -24,14 +24,16 @@ pub use align::{AlignProgress, Aligned, TrackOutcome, align, frame_streams, trac
 pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration};
 pub use compare::{CompareRequest, Reference, compare, compare_with, read_comparison};
 pub use diagnose::{
-    Baseline, DiagnoseRequest, default_baseline, diagnose, read_diagnosis, read_free_run, read_heat,
+    Baseline, DiagnoseRequest, DiagnosedCamera, default_baseline, diagnose, read_camera,
+    read_diagnosis, read_free_run, read_heat,
 };
 pub use filter::{
     FilterRequest, FilterSettings, FilterTally, FilteredStream, filter, picture_events,
     read_filter_tally, stream_grid, track_for,
 };
 pub use generate::{
-    Conditions, GenerateRequest, Generated, GenerationSpeed, default_light, generate, white_of,
+    By, CameraRequest, Conditions, GenerateRequest, Generated, GenerationSpeed, default_light,
+    generate, generate_diagnosed, white_of,
 };
 pub use light::{Light, light};
 pub use report::report;

@@ -108,6 +108,25 @@ fn a_recording_given_for_a_session_is_answered_with_the_command_that_makes_one()
 }
 
 #[test]
+fn a_session_without_a_diagnosis_is_told_how_to_get_the_camera_of_one() {
+    let directory = tempfile::tempdir().unwrap();
+    let frames = [frame(0, 10), frame(1_000, 10)];
+    let recording = record(directory.path(), &events(&[(10, 1, 1)]), &frames);
+    let (session, code, said) = import(directory.path(), &recording);
+    assert_eq!(code, 0, "{said}");
+    let session = session.to_str().unwrap();
+    let (code, _, error) = evrig(&["generate", session, "--diagnosed"]);
+    assert_eq!(code, 1, "{error}");
+    assert!(error.contains(&format!("evrig diagnose {session}")), "{error}");
+    let (code, _, error) = evrig(&["generate", session, "--diagnosed", "nowhere.json"]);
+    assert_eq!(code, 1, "{error}");
+    assert!(error.contains("nowhere.json: no such file"), "{error}");
+    let (code, _, error) = evrig(&["generate", session, "--diagnosed", "--from", "aps"]);
+    assert_eq!(code, 2, "{error}");
+    assert!(error.contains("leave --from out"), "{error}");
+}
+
+#[test]
 fn streams_without_any_event_compare_as_unknown_and_not_as_a_failure() {
     let directory = tempfile::tempdir().unwrap();
     // Still frames, no leak, no noise: the generator makes nothing.

@@ -240,13 +240,15 @@ fn streams(session: &Session) -> Vec<IndexedStream> {
     let generated = session.generated_names().into_iter().map(|name| {
         let record = read_stage(&session.layout().derived("generate", Some(&name)));
         let text = |key: &str| Some(record.as_ref()?.parameters.get(key)?.as_str()?.to_owned());
-        let generator = record.as_ref().and_then(|r| r.parameters.get("generator").cloned());
+        let parameter = |key: &str| record.as_ref()?.parameters.get(key).cloned();
         let generator: Option<GenerateParameters> =
-            generator.and_then(|value| serde_json::from_value(value).ok());
+            parameter("generator").and_then(|value| serde_json::from_value(value).ok());
+        let seed = generator.map(|generator| generator.seed);
         IndexedStream {
             count: record.as_ref().and_then(|r| r.tally.get("n_events")?.as_u64()).unwrap_or(0),
             from: text("from"),
-            seed: generator.map(|generator| generator.seed),
+            // A diagnosed camera has no parameters of a model.
+            seed: seed.or_else(|| parameter("seed")?.as_u64()),
             name: name.to_string(),
             kind: StreamKind::Events,
             made_by: "generate".into(),

@@ -13,6 +13,8 @@ use std::path::PathBuf;
     evrig generate sessions/street --model v2e --name v2e\n  \
     evrig generate sessions/street --effect refractory_period:refractory_us=800 --name held\n  \
     evrig generate sessions/print --from scene --k @calibrated --name scene-tuned\n  \
+    evrig generate sessions/print --diagnosed      # the camera that `evrig diagnose` found there\n  \
+    evrig generate sessions/next --diagnosed sessions/print/derived/diagnose/camera.json\n  \
     evrig generate sessions/street --variants davis\n\n\
     Knobs of the voltmeter (recommended range): event-sensitivity (1..10), contrast-sensitivity (1..10), \
     bright-leakage (0..1e-7), temporal-jitter (a factor), dark-noise-floor (0..1e-7), global-noise (0..1e-4).")]
@@ -25,9 +27,24 @@ pub struct GenerateArgs {
     #[arg(long, value_name = "LIGHT")]
     pub from: Option<String>,
 
-    /// Name of the stream to make [default: the light's name]
+    /// Name of the stream to make [default: the light's name; with --diagnosed: diagnosed]
     #[arg(long)]
     pub name: Option<String>,
+
+    /// Instead of a model: the camera as `evrig diagnose` found it in this session, its law, its noise
+    /// and the named effects, at the light of that diagnosis (own); or another session's camera.json, which
+    /// sees this session's scene, or its frames led along with what moves
+    #[arg(
+        long,
+        value_name = "CAMERA_JSON",
+        num_args = 0..=1,
+        default_missing_value = "own",
+        conflicts_with_all = [
+            "model", "preset", "k", "knobs", "law", "full_scale_dn", "effects", "effects_file",
+            "interpolate", "in_plane", "colour", "subtract_black", "divide_exposure", "variants"
+        ]
+    )]
+    pub diagnosed: Option<PathBuf>,
 
     /// What decides the events.
     #[command(flatten)]

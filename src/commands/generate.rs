@@ -1,5 +1,7 @@
 //! `evrig generate`: one generation, its flags and its speed.
 
+mod diagnosed;
+
 use super::{Ending, Output, WrongUse};
 use crate::calibrate::Calibration;
 use crate::cli::{ConditionArgs, GenerateArgs, ModelArgs};
@@ -16,6 +18,9 @@ pub(super) fn run(args: &GenerateArgs, output: &Output) -> anyhow::Result<Ending
     if let Some(list) = &args.variants {
         return super::variants::run(&session, list, &args.choice, args.force, output);
     }
+    if let Some(camera) = &args.diagnosed {
+        return diagnosed::run(&session, camera, args, output);
+    }
     let from = match (&args.from, pipeline::default_light(&session)) {
         (Some(from), _) => from.as_str(),
         (None, Some(light)) => light,
@@ -30,7 +35,7 @@ pub(super) fn run(args: &GenerateArgs, output: &Output) -> anyhow::Result<Ending
     prepare_as_tuned(&session, from, &args.choice, &mut conditions)?;
     let request = GenerateRequest {
         from: from.to_owned(),
-        name: StreamName::new(name).map_err(|error| WrongUse(error.to_string()))?,
+        name: stream_name(name)?,
         parameters,
         conditions,
         force: args.force,
@@ -38,6 +43,10 @@ pub(super) fn run(args: &GenerateArgs, output: &Output) -> anyhow::Result<Ending
     let made = generate(&session, &request, output)?;
     output.result(&value(&request, &made), text(&request, &made))?;
     Ok(if made.tally.n_frames_not_later == 0 { Ending::Done } else { Ending::WithLosses })
+}
+
+fn stream_name(name: &str) -> Result<StreamName, WrongUse> {
+    StreamName::new(name).map_err(|error| WrongUse(error.to_string()))
 }
 
 /// What is done to the light and what acts beside the model, from what the user said.
@@ -184,14 +193,16 @@ pub(super) fn text(request: &GenerateRequest, made: &Generated) -> String {
     if let Some(rhythm) = tally.frame_rhythm {
         text += &format!(", frame rhythm {rhythm:.3}");
     }
+    text + &speed(made)
+}
+
+/// How fast it went, in brackets.
+fn speed(made: &Generated) -> String {
     match &made.speed {
-        Some(speed) => {
-            text += &format!(
-                " ({:.0} frames/s, {:.1} ns per pixel and frame)",
-                speed.frames_per_s, speed.ns_per_pixel_frame
-            );
-        }
-        None => text += " (fresh)",
+        Some(speed) => format!(
+            " ({:.0} frames/s, {:.1} ns per pixel and frame)",
+            speed.frames_per_s, speed.ns_per_pixel_frame
+        ),
+        None => " (fresh)".to_owned(),
     }
-    text
 }

@@ -1,4 +1,4 @@
-//! A hypothesis let run by itself: the generator beside the camera.
+//! A fitted camera let run by itself beside the real one.
 //!
 //! A score is teacher-forced: every event is predicted from the events before it that really came.
 //! Whether a model makes events like the camera's is another question. Here the generator
@@ -8,15 +8,12 @@
 
 mod measures;
 
+use super::Evidence;
+use super::camera::{FittedCamera, surroundings};
 use super::tuned::Tuned;
-use super::{Evidence, Hypothesis, Nuisance};
 use crate::compare::{Comparison, MeasureId, Setup, compare};
 use crate::drive::Drive;
-use crate::effect_id::EffectId;
 use crate::event::{Event, EventSlice, Events};
-use crate::generate::effect::{self, Applied, Effect, Effects, Surroundings};
-use crate::generate::forward::{BandNoise, Forward, ForwardParameters, PixelModel, Scatter};
-use crate::generate::voltmeter::Coefficients;
 use crate::geometry::Size;
 use measures::{counts, interval_shares, rmse, told, transport_px};
 use serde::{Deserialize, Serialize};
@@ -63,21 +60,21 @@ pub fn beside_free_run(evidence: &Evidence, size: Size, real: EventSlice<'_>) ->
     real.between(from, to).iter().filter(|e| is_inside(patch, e)).collect()
 }
 
-/// Lets baseline and model run. `None` where the generator refuses or nothing fires on the patch.
+/// Lets the cameras of baseline and model run. `None` where the generator refuses or nothing fires on the patch.
 #[must_use]
 pub fn free_run(
     evidence: &Evidence,
     drive: &dyn Drive,
     real: EventSlice<'_>,
-    [baseline, model]: [&Hypothesis; 2],
+    [baseline, model]: [&FittedCamera; 2],
     seed: u64,
 ) -> Option<FreeRun> {
     let window_us = window(evidence);
     let patch = patch(evidence, drive.size());
     let real = beside_free_run(evidence, drive.size(), real);
     let mut left_out = Vec::new();
-    let mut run = |hypothesis: &Hypothesis| {
-        generated(evidence, drive, hypothesis, patch, window_us, seed, &mut left_out)
+    let mut run = |fitted: &FittedCamera| {
+        generated(evidence, drive, fitted, patch, window_us, seed, &mut left_out)
     };
     let before = run(baseline)?;
     let after = run(model)?;
@@ -158,118 +155,26 @@ fn is_inside([x, y, w, h]: [u16; 4], event: &Event) -> bool {
     (x..x + w).contains(&event.x) && (y..y + h).contains(&event.y)
 }
 
-/// An effect's parameters, those of a nuisance that it frees in a region against what the nuisance is
-/// elsewhere.
-fn beyond_ordinary(
-    evidence: &Evidence,
-    hypothesis: &Hypothesis,
-    index: usize,
-) -> Vec<(&'static str, f64)> {
-    let effect = hypothesis.effects[index];
-    let mut told = hypothesis.told(evidence, index);
-    if effect.frees.is_empty() {
-        return told;
-    }
-    let elsewhere = (effect.report)(&hypothesis.values);
-    let first = told.iter_mut().zip(&elsewhere).take(1);
-    first.for_each(|((_, there), elsewhere)| match effect.id {
-        EffectId::ThresholdAsymmetry => *there /= elsewhere,
-        EffectId::Defocus => {
-            *there = (there.powi(2) - elsewhere.powi(2)).max(0.0).sqrt();
-        }
-        _ => *there -= elsewhere,
-    });
-    told
-}
-
 /// Events of the generator on the patch.
 fn generated(
     evidence: &Evidence,
     drive: &dyn Drive,
-    hypothesis: &Hypothesis,
+    fitted: &FittedCamera,
     [x0, y0, w, h]: [u16; 4],
     window_us: [i64; 2],
     seed: u64,
     left_out: &mut Vec<String>,
 ) -> Option<Events> {
-    let law = hypothesis.law();
-    let theta = (law.theta_on * law.theta_off).sqrt();
-    let leak_per_us = law.leak_per_s / law.theta_on * 1e-6;
-    let k = Coefficients::new([1.0 / theta, 1e-9, 0.0, leak_per_us, 0.0, 0.0]);
-    let mut applied = Vec::new();
-    for (index, effect) in hypothesis.effects.iter().enumerate() {
-        // A nuisance that an effect let out of its range is in the law and the light already; in a
-        // region they have what is ordinary elsewhere.
-        if !effect.frees.is_empty() && hypothesis.regions[index].is_none() {
-            continue;
-        }
-        let parameters = beyond_ordinary(evidence, hypothesis, index);
-        match Effect::from_parameters(effect.id, &parameters) {
-            Ok(effect) => {
-                let side = |[low, high]: [u16; 2]| Some([f64::from(low), f64::from(high)]);
-                let region = hypothesis.regions[index]
-                    .map(|r| effect::Region { x_px: side(r.x_px), y_px: side(r.y_px) });
-                applied.push(Applied { effect, region });
-            }
-            Err(error) => left_out.push(format!("{}: {error}", effect.id)),
-        }
-    }
-    let parameters =
-        ForwardParameters { k: k.ok()?, effects: Effects::new(applied).ok()?, step_us: 1_000 };
-    let surroundings = Surroundings {
-        aps_starts_us: evidence.facts.aps_us.clone(),
-        frame_times_us: evidence.facts.aps_us.clone(),
-    };
-    let forward = match Forward::new(parameters, surroundings) {
-        Ok(forward) => forward,
-        Err(error) => {
-            left_out.push(error.to_string());
-            return None;
-        }
-    };
-    let half = (0.5 * hypothesis.nuisance(Nuisance::LogRatio)).exp();
-    let (band, scatter) = noise(hypothesis, theta);
-    let background = law.background_on_hz + law.background_off_hz;
-    let adjust = |_: u16, _: u16, pixel: &mut PixelModel| {
-        pixel.threshold_on *= half;
-        pixel.threshold_off /= half;
-        // The law counts leaks in thresholds for On, the generator in nominal ones.
-        pixel.leak_hz *= half;
-        pixel.leak_hz_at_white *= half;
-        pixel.leak_hz_per_s *= half;
-        match &mut pixel.band {
-            // Shot noise that was named; it grows towards the dark as the law's noise does.
-            Some(named) => named.light_exponent = law.noise_exponent,
-            none => (*none, pixel.scatter) = (Some(band), Some(scatter)),
-        }
-        pixel.spontaneous_hz += background;
-    };
+    left_out.extend(fitted.left_out.iter().cloned());
     let pixels: Vec<(u16, u16)> =
         (y0..y0 + h).flat_map(|y| (x0..x0 + w).map(move |x| (x, y))).collect();
-    let tuned = Tuned::new(drive, evidence, hypothesis);
-    match forward.run_with(&tuned, &pixels, window_us, seed, &adjust) {
+    let tuned = Tuned::new(drive, fitted.seen.clone());
+    let surroundings = surroundings(&evidence.facts);
+    match fitted.camera.events(&tuned, &pixels, window_us, surroundings, seed) {
         Ok(run) => Some(run.events),
         Err(error) => {
             left_out.push(error.to_string());
             None
         }
     }
-}
-
-/// The law's noise: the part that the pixel memorises with the light as a signal's, the other as that of its
-/// thresholds.
-fn noise(hypothesis: &Hypothesis, theta: f64) -> (BandNoise, Scatter) {
-    let law = hypothesis.law();
-    let hz = hypothesis.nuisance(Nuisance::LogNoiseHz).exp();
-    let (scale, light_exponent) = (law.noise_at_white / theta, law.noise_exponent);
-    // A logistic law's standard deviation; a change has the signal's noise twice.
-    let rms = 1.813_8 * scale * (0.5 * law.noise_memorised).sqrt();
-    let bandwidth_hz = (hz / std::f64::consts::TAU).clamp(20.0, 1_000.0);
-    let scatter = Scatter {
-        scale: scale * (1.0 - law.noise_memorised).sqrt(),
-        light_exponent,
-        // At rest the law's hazard is this rate times the share of the noise beyond the threshold.
-        redrawn_hz: 0.5 * hz,
-    };
-    (BandNoise { rms, bandwidth_hz, light_exponent }, scatter)
 }

@@ -2,16 +2,18 @@
 
 use super::Nuisance;
 use super::hypothesis::View;
+use serde::{Deserialize, Serialize};
 
 /// By how much the real picture lies elsewhere than the predicted one.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Placing {
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Placing {
     /// Real minus predicted place of the sensor's middle, pixels.
-    pub(super) shift_px: [f64; 2],
+    pub shift_px: [f64; 2],
     /// Real minus predicted rotation about it, degrees.
-    pub(super) rotation_deg: f64,
+    pub rotation_deg: f64,
     /// Real over predicted size, less one.
-    pub(super) growth: f64,
+    pub growth: f64,
 }
 
 impl Placing {

@@ -1,5 +1,6 @@
 //! Effects are planted with the model's own sampler and demanded back.
 
+mod camera;
 mod dead_pixels;
 mod dead_times;
 mod kinds;

@@ -4,29 +4,37 @@ use super::placing::Placing;
 use super::{Evidence, Hypothesis, Nuisance};
 use crate::drive::{Drive, TimeGrid};
 use crate::geometry::Size;
+use serde::{Deserialize, Serialize};
 
-/// A drive with a hypothesis's nuisances in it, on the events' clock.
-pub(super) struct Tuned<'a> {
-    drive: &'a dyn Drive,
-    placing: Placing,
-    middle: [f64; 2],
-    half_blur: f32,
-    /// What is added to an event's time to find the light's, and more a microsecond since `at_us`.
-    late_us: f64,
-    skew: f64,
-    at_us: f64,
+/// How an event camera sees a light: where its picture lies in it, how blurred, how late.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Seen {
+    /// Where the real picture lies against the predicted one.
+    pub placing: Placing,
+    /// About which place of the sensor it turns and grows, pixels.
+    pub middle_px: [f64; 2],
+    /// Variance of blur beyond the light's, square pixels; less where it is sharper.
+    pub blur_px2: f64,
+    /// What is added to an event's time to find the light's, microseconds.
+    pub late_us: f64,
+    /// What is added more a microsecond since `at_us`.
+    pub skew: f64,
+    /// Where the events' clock is late by `late_us`, microseconds of it.
+    pub at_us: f64,
 }
 
-impl<'a> Tuned<'a> {
-    pub(super) fn new(drive: &'a dyn Drive, evidence: &Evidence, hypothesis: &Hypothesis) -> Self {
+impl Seen {
+    /// As a hypothesis has it.
+    #[must_use]
+    pub fn of(evidence: &Evidence, hypothesis: &Hypothesis) -> Self {
         let value = |nuisance| hypothesis.nuisance(nuisance);
         let tied = evidence.facts.clocks;
         let middle = evidence.start_us + 0.5e6 * evidence.seconds();
         Self {
-            drive,
             placing: Placing::of(&hypothesis.values),
-            middle: evidence.middle,
-            half_blur: 0.5 * value(Nuisance::BlurPx2) as f32,
+            middle_px: evidence.middle,
+            blur_px2: value(Nuisance::BlurPx2),
             late_us: tied.map_or(0.0, |t| t.offset_us[0]) - value(Nuisance::OffsetUs),
             skew: tied.map_or(0.0, |t| t.skew_ppm[0] * 1e-6),
             at_us: evidence.window_us[0] as f64 + middle,
@@ -38,10 +46,30 @@ impl<'a> Tuned<'a> {
         t_us + self.late_us + self.skew * (t_us - self.at_us)
     }
 
+    /// An event's time at the light's.
+    fn event_us(&self, light_us: f64) -> f64 {
+        (light_us - self.late_us + self.skew * self.at_us) / (1.0 + self.skew)
+    }
+}
+
+/// A drive as the event camera sees it, on the events' clock.
+pub struct Tuned<'a> {
+    drive: &'a dyn Drive,
+    seen: Seen,
+}
+
+impl<'a> Tuned<'a> {
+    /// The drive, seen so.
+    #[must_use]
+    pub const fn new(drive: &'a dyn Drive, seen: Seen) -> Self {
+        Self { drive, seen }
+    }
+
     /// The light on its own clock, its blur in it.
     fn blurred(&self, place: [f64; 2], grid: TimeGrid, out: &mut [f32]) -> bool {
         let is_known = self.drive.sample(place, grid, out);
-        if self.half_blur == 0.0 || !is_known {
+        let half_blur = 0.5 * self.seen.blur_px2 as f32;
+        if half_blur == 0.0 || !is_known {
             return is_known;
         }
         let mut bend = vec![-4.0; grid.n];
@@ -53,7 +81,7 @@ impl<'a> Tuned<'a> {
             }
         }
         for (value, bend) in out.iter_mut().zip(bend) {
-            *value += (self.half_blur * bend).clamp(-0.7, 0.7);
+            *value += (half_blur * bend).clamp(-0.7, 0.7);
         }
         true
     }
@@ -65,7 +93,8 @@ impl Drive for Tuned<'_> {
     }
 
     fn span_us(&self) -> [i64; 2] {
-        self.drive.span_us()
+        let [first, last] = self.drive.span_us().map(|t| self.seen.event_us(t as f64));
+        [first.ceil() as i64, last.floor() as i64]
     }
 
     fn white_dn(&self) -> f64 {
@@ -73,9 +102,9 @@ impl Drive for Tuned<'_> {
     }
 
     fn sample(&self, place: [f64; 2], grid: TimeGrid, out: &mut [f32]) -> bool {
-        let place = self.placing.seen_at(place, self.middle);
+        let place = self.seen.placing.seen_at(place, self.seen.middle_px);
         let [first, last] =
-            [grid.at(0), grid.at(grid.n.saturating_sub(1))].map(|t| self.light_us(t as f64));
+            [grid.at(0), grid.at(grid.n.saturating_sub(1))].map(|t| self.seen.light_us(t as f64));
         let own = TimeGrid::covering([first.floor() as i64, last.ceil() as i64], grid.step_us);
         let mut values = vec![f32::NAN; own.n];
         if !self.blurred(place, own, &mut values) {
@@ -83,7 +112,7 @@ impl Drive for Tuned<'_> {
         }
         let mut is_known = false;
         for (i, out) in out.iter_mut().enumerate() {
-            let position = own.position(self.light_us(grid.at(i) as f64)).max(0.0);
+            let position = own.position(self.seen.light_us(grid.at(i) as f64)).max(0.0);
             let left = (position as usize).min(own.n.saturating_sub(2));
             let (a, b) = (values[left], values.get(left + 1).copied().unwrap_or(f32::NAN));
             *out = a + (b - a) * (position - left as f64) as f32;

@@ -4,6 +4,7 @@
 //! comparator, and led through a [`PixelModel`] by the exact law between instants. Random numbers
 //! are counted by pixel, so that neither threads nor the choice of pixels changes a pixel's events.
 
+mod camera;
 mod noisy;
 mod pixel;
 mod potential;
@@ -11,6 +12,7 @@ mod quiet;
 #[cfg(test)]
 mod tests;
 
+pub use camera::Camera;
 pub use pixel::{BandNoise, PixelModel, Scatter};
 
 use super::effect::{Bench, EffectError, Effects, Light, Region, Site, Surroundings};
@@ -68,6 +70,18 @@ pub enum ForwardError {
         n_steps: i128,
         /// The most that are allowed.
         limit: i128,
+    },
+    /// A camera that no pixel can work with.
+    #[error("{key} of the camera is {value}; expected {low} to {high}")]
+    Camera {
+        /// The constant.
+        key: &'static str,
+        /// Its value.
+        value: f64,
+        /// Lowest value.
+        low: f64,
+        /// Highest value.
+        high: f64,
     },
     /// A drive without a scale.
     #[error("the drive's white is {white_dn} DN; expected a finite value above 0")]

@@ -1,13 +1,16 @@
 //! The stage `generate`: a session's frames become an event stream.
 
 mod affected;
+mod diagnosed;
 mod driven;
 
 pub(super) use affected::with_effects;
+pub use diagnosed::{By, CameraRequest, generate_diagnosed};
 pub use driven::white_of;
 pub(super) use driven::{SCENE, aps_starts, drive_of, inputs_of as scene_inputs, is_scene};
 
 use super::between::{between, light_under};
+use super::sync::missing;
 use super::{Freshness, PipelineError, clear, fresh_record, light};
 use crate::event::Events;
 use crate::format::aedat4::{Compression, StreamSpec, Writer};
@@ -151,12 +154,7 @@ pub fn generate(
     progress: &mut dyn FnMut(u64, u64),
 ) -> Result<Generated, PipelineError> {
     let name = &request.name;
-    if session.stream(StreamKind::Events, name.as_str()).is_ok() {
-        return Err(PipelineError::Missing {
-            session: session.root().to_owned(),
-            what: format!("`{name}` is a recorded stream; choose another --name"),
-        });
-    }
+    refuse_recorded(session, name)?;
     let from_scene = driven::is_scene(session, &request.from);
     let n_frames =
         if from_scene { 0 } else { session.stream(StreamKind::Frames, &request.from)?.count };
@@ -189,6 +187,16 @@ pub fn generate(
     let record = write_stage(&directory, record, &["events.aedat4"])?;
     let speed = Some(GenerationSpeed::new(spent, &tally));
     Ok(Generated { freshness: Freshness::Ran, tally, record, speed })
+}
+
+fn refuse_recorded(session: &Session, name: &StreamName) -> Result<(), PipelineError> {
+    match session.stream(StreamKind::Events, name.as_str()) {
+        Ok(_) => {
+            let what = format!("`{name}` is a recorded stream; choose another --name");
+            Err(missing(session, what))
+        }
+        Err(_) => Ok(()),
+    }
 }
 
 fn run(
@@ -230,7 +238,7 @@ fn run(
         spent += started.elapsed();
         tally.take(t_us, &made);
         if writer.is_none() {
-            writer = Some(open(session, request, generator.name(), size)?);
+            writer = Some(open(session, &request.name, generator.name(), size)?);
         }
         if let Some(writer) = &mut writer {
             writer.write_events(0, events.as_slice())?;
@@ -252,11 +260,11 @@ fn run(
 
 fn open(
     session: &Session,
-    request: &GenerateRequest,
+    name: &StreamName,
     model: &str,
     size: Size,
 ) -> Result<Writer<BufWriter<File>>, PipelineError> {
-    let path = session.layout().generated(&request.name);
+    let path = session.layout().generated(name);
     let spec = StreamSpec::events(size, &format!("evrig {model}"));
     Ok(Writer::create(&path, Compression::Lz4, &[spec])?)
 }

@@ -97,7 +97,8 @@ fn events(
 }
 
 fn made(name: &StreamName, parameters: &serde_json::Value) -> Vec<Fact> {
-    let generator = parameters.get("generator").map(ToString::to_string).unwrap_or_default();
+    let generator = parameters.get("generator").or_else(|| parameters.get("camera"));
+    let generator = generator.map(ToString::to_string).unwrap_or_default();
     vec![Fact::new(&format!("generator of “{name}”"), generator)]
 }
 

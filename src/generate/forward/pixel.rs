@@ -1,6 +1,7 @@
 //! The model of an event pixel that is driven by light at any time.
 
 use crate::generate::voltmeter::Coefficients;
+use serde::{Deserialize, Serialize};
 
 /// What makes an event pixel fire. Its voltage is counted in nominal thresholds:
 ///
@@ -42,7 +43,8 @@ pub struct PixelModel {
 }
 
 /// Noise with a correlation time: an Ornstein–Uhlenbeck process.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct BandNoise {
     /// Standard deviation at white, nominal thresholds.
     pub rms: f64,
@@ -54,7 +56,8 @@ pub struct BandNoise {
 
 /// Thresholds that are drawn anew at every event, and at random instants between events: noise of the
 /// comparison, which a pixel does not memorise.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Scatter {
     /// Scale of their logistic law at white, nominal thresholds.
     pub scale: f64,

@@ -220,3 +220,54 @@ fn what_cannot_be_run_is_refused_with_the_reason() {
     let error = Forward::new(parameters, Surroundings::default()).unwrap_err();
     assert!(error.to_string().contains("starts of exposure"), "{error}");
 }
+
+/// A camera without noise of its own.
+fn camera(on_over_nominal: f64) -> Camera {
+    let k = Coefficients::new([5.0, 1.0, 0.0, 1e-7, 0.0, 0.0]).unwrap();
+    let effects = Effects::from_words(&["refractory_period:refractory_us=900"]).unwrap();
+    Camera {
+        generator: ForwardParameters { k, effects, step_us: 1_000 },
+        on_over_nominal,
+        noise: BandNoise { rms: 0.0, bandwidth_hz: 200.0, light_exponent: 0.0 },
+        scatter: Scatter { scale: 0.0, light_exponent: 0.0, redrawn_hz: 100.0 },
+        background_hz: 0.0,
+    }
+}
+
+fn seen_by(camera: &Camera) -> Events {
+    let around = Surroundings::default();
+    camera.events(&wave(), &all_pixels(), [0, 1_000_000], around, 5).unwrap().events
+}
+
+#[test]
+fn a_camera_makes_the_events_of_its_generator_with_its_own_thresholds() {
+    let even = camera(1.0);
+    let forward = Forward::new(even.generator.clone(), Surroundings::default()).unwrap();
+    let plain = forward.run(&wave(), &all_pixels(), [0, 1_000_000], 5).unwrap().events;
+    assert!(plain.len() > 10_000);
+    assert_eq!(seen_by(&even), plain);
+    // A swing of 1.2 holds six thresholds of 0.2, four of 0.3 and nine of 0.133.
+    let (uneven, n_on) = (seen_by(&camera(1.5)), plain.as_slice().count_on());
+    assert!(uneven.as_slice().count_on() < n_on * 8 / 10);
+    assert!(uneven.len() - uneven.as_slice().count_on() > (plain.len() - n_on) * 12 / 10);
+    let quiet = Camera { background_hz: 3.0, ..camera(1.0) };
+    let more = seen_by(&quiet).len() as f64 - plain.len() as f64;
+    // Events without a crossing delay those with one, by a few percent.
+    let expected = 3.0 * SIZE.n_pixels() as f64;
+    assert!((more / expected - 1.0).abs() < 0.2, "{more} for {expected}");
+}
+
+#[test]
+fn a_camera_is_read_as_it_was_written_and_refused_where_no_pixel_can_work() {
+    let camera = camera(1.2);
+    let text = serde_json::to_string(&camera).unwrap();
+    assert_eq!(serde_json::from_str::<Camera>(&text).unwrap(), camera);
+    for (key, value) in [("on_over_nominal", "0.0"), ("background_hz", "-1.0")] {
+        let mut broken = serde_json::to_value(&camera).unwrap();
+        broken[key] = value.parse::<f64>().unwrap().into();
+        let broken: Camera = serde_json::from_value(broken).unwrap();
+        let around = Surroundings::default();
+        let refused = broken.events(&wave(), &[(0, 0)], [0, 1_000], around, 0).unwrap_err();
+        assert!(refused.to_string().starts_with(key), "{refused}");
+    }
+}

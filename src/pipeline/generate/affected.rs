@@ -64,7 +64,7 @@ pub(super) fn run(
     let spent = started.elapsed();
     tally.n_events = events.len() as u64;
     tally.n_on = events.as_slice().count_on() as u64;
-    let mut writer = open(session, request, request.parameters.model.model().name(), size)?;
+    let mut writer = open(session, &request.name, request.parameters.model.model().name(), size)?;
     writer.write_events(0, events.as_slice())?;
     writer.finish()?;
     Ok((tally, spent))
@@ -127,7 +127,7 @@ pub(in crate::pipeline) fn with_effects(
     Ok(events)
 }
 
-fn all_pixels(size: Size) -> Vec<(u16, u16)> {
+pub(super) fn all_pixels(size: Size) -> Vec<(u16, u16)> {
     (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y))).collect()
 }
 

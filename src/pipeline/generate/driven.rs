@@ -1,5 +1,6 @@
 //! Generation from the scene: the drive of the event pixels at any time.
 
+use super::affected::all_pixels;
 use super::{GenerateRequest, GenerateTally, failed, open};
 use crate::drive::Drive;
 use crate::event::Events;
@@ -80,7 +81,7 @@ fn piecewise(
     let frames = DriveFrames::new(drive, [i64::MIN, i64::MAX], step_us)?;
     let grid = frames.grid();
     let mut run = DriveRun::new(frames);
-    let mut writer = open(session, request, generator.name(), drive.size())?;
+    let mut writer = open(session, &request.name, generator.name(), drive.size())?;
     let mut tally = tally_of(drive, step_us);
     let (mut events, mut spent) = (Events::new(), Duration::ZERO);
     loop {
@@ -138,8 +139,7 @@ fn affected(
     let forward = Forward::new(ForwardParameters { k, effects, step_us }, surroundings);
     let forward = forward.map_err(wrong)?;
     let size = drive.size();
-    let pixels: Vec<(u16, u16)> =
-        (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y))).collect();
+    let pixels = all_pixels(size);
     let mut tally = tally_of(drive, step_us);
     let started = Instant::now();
     let window = [tally.first_us, tally.last_us];
@@ -148,7 +148,7 @@ fn affected(
     tally.n_frames = ((window[1] - window[0]) / i64::from(step_us)) as u64 + 1;
     tally.n_events = events.events.len() as u64;
     tally.n_on = events.events.as_slice().count_on() as u64;
-    let mut writer = open(session, request, request.parameters.model.model().name(), size)?;
+    let mut writer = open(session, &request.name, request.parameters.model.model().name(), size)?;
     writer.write_events(0, events.events.as_slice())?;
     writer.finish()?;
     Ok((tally, spent))

@@ -1,0 +1,138 @@
+//! Generation by a diagnosed camera: its law, its noise and the named effects, on the whole sensor.
+
+use super::affected::all_pixels;
+use super::{GenerateTally, Generated, GenerationSpeed, open, refuse_recorded};
+use crate::diagnose::{Seen, Tuned, surroundings};
+use crate::drive::Drive;
+use crate::pipeline::diagnose::{Baseline, DiagnosedCamera, default_baseline, read_camera};
+use crate::pipeline::sync::missing;
+use crate::pipeline::{Freshness, PipelineError, clear, fresh_record};
+use crate::session::{Session, StageRecord, StreamName, write_stage};
+use serde_json::json;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// What to generate by a diagnosed camera.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraRequest {
+    /// The camera, and the light that it looks at.
+    pub by: By,
+    /// Name of the stream to make.
+    pub name: StreamName,
+    /// Seed of all draws.
+    pub seed: u64,
+    /// Run even when the result is fresh.
+    pub force: bool,
+}
+
+/// Whose camera looks at which light.
+#[derive(Debug, Clone, PartialEq)]
+pub enum By {
+    /// That of the session's own diagnosis, at the light that it was found in and as it was seen.
+    Own,
+    /// That of another session's: its `camera.json`, and the light; without one what a diagnosis would
+    /// start from. It is taken to see that light in its place and in its time.
+    Other(PathBuf, Option<Baseline>),
+}
+
+/// A camera before a light.
+struct Setting {
+    camera: DiagnosedCamera,
+    baseline: Baseline,
+    seen: Option<Seen>,
+}
+
+/// Runs the stage, unless its result is fresh. With the result comes what of the camera the generator
+/// cannot be told, a sentence each.
+///
+/// # Errors
+/// When there is no such camera or light, an effect lacks what it acts on, or the disk refuses.
+pub fn generate_diagnosed(
+    session: &Session,
+    request: &CameraRequest,
+) -> Result<(Generated, Vec<String>), PipelineError> {
+    let name = &request.name;
+    refuse_recorded(session, name)?;
+    let setting = setting(session, &request.by)?;
+    let left_out = setting.camera.fitted.left_out.clone();
+    let parameters = json!({
+        "from": setting.baseline.from(),
+        "is_straight": matches!(setting.baseline, Baseline::Frames(_)),
+        "named": setting.camera.fitted.named,
+        "camera": setting.camera.fitted.camera,
+        "seen": setting.seen,
+        "seed": request.seed,
+    });
+    let inputs = setting.baseline.inputs(session)?;
+    let wanted = StageRecord::new("generate", Some(name.as_str()), inputs, parameters);
+    let directory = session.layout().derived("generate", Some(name));
+    if let (false, Some(record)) = (request.force, fresh_record(&directory, &wanted)) {
+        let tally = record.tally_as().unwrap_or_default();
+        let made = Generated { freshness: Freshness::Fresh, tally, record, speed: None };
+        return Ok((made, left_out));
+    }
+    clear(&directory)?;
+    // What was made before an error is no stream.
+    let made = run(session, request, setting);
+    let (tally, speed) = made.inspect_err(|_| drop(std::fs::remove_dir_all(&directory)))?;
+    let record = StageRecord { tally: json!(tally), ..wanted };
+    let record = write_stage(&directory, record, &["events.aedat4"])?;
+    let speed = Some(speed);
+    Ok((Generated { freshness: Freshness::Ran, tally, record, speed }, left_out))
+}
+
+fn setting(session: &Session, by: &By) -> Result<Setting, PipelineError> {
+    match by {
+        By::Own => {
+            let camera = read_camera(session)?;
+            let (baseline, seen) = (camera.baseline.clone(), Some(camera.fitted.seen.clone()));
+            Ok(Setting { camera, baseline, seen })
+        }
+        By::Other(file, light) => {
+            let camera = DiagnosedCamera::read(file)?;
+            let none = || {
+                let what = "it has neither a scene nor frames on the events' pixel grid to look at; \
+                            run `evrig scene`, or give --from";
+                missing(session, what.into())
+            };
+            let baseline = light.clone().or_else(|| default_baseline(session)).ok_or_else(none)?;
+            Ok(Setting { camera, baseline, seen: None })
+        }
+    }
+}
+
+fn run(
+    session: &Session,
+    request: &CameraRequest,
+    setting: Setting,
+) -> Result<(GenerateTally, GenerationSpeed), PipelineError> {
+    let light = setting.baseline.light(session)?;
+    let tuned = setting.seen.map(|seen| Tuned::new(light.drive.as_ref(), seen));
+    let drive = tuned.as_ref().map_or(light.drive.as_ref(), |tuned| tuned as &dyn Drive);
+    let camera = setting.camera.fitted.camera;
+    let (size, [first_us, last_us]) = (drive.size(), drive.span_us());
+    let pixels = all_pixels(size);
+    let started = Instant::now();
+    let surroundings = surroundings(&light.facts);
+    let made = camera.events(drive, &pixels, [first_us, last_us], surroundings, request.seed);
+    let made = made.map_err(|source| PipelineError::Forward {
+        session: session.root().to_owned(),
+        stream: setting.baseline.from().to_owned(),
+        source: Box::new(source),
+    })?;
+    let spent = started.elapsed();
+    let step_us = i64::from(camera.generator.step_us);
+    let tally = GenerateTally {
+        n_frames: ((last_us - first_us) / step_us) as u64 + 1,
+        n_events: made.events.len() as u64,
+        n_on: made.events.as_slice().count_on() as u64,
+        first_us,
+        last_us,
+        n_pixels: size.n_pixels() as u64,
+        ..GenerateTally::default()
+    };
+    let mut writer = open(session, &request.name, "diagnosed", size)?;
+    writer.write_events(0, made.events.as_slice())?;
+    writer.finish()?;
+    Ok((tally, GenerationSpeed::new(spent, &tally)))
+}
