@@ -19,7 +19,8 @@ pub enum BaselineChoice {
 #[command(after_help = "Examples:\n  \
     evrig diagnose sessions/street\n  \
     evrig diagnose sessions/street --from aps --json\n  \
-    evrig diagnose sessions/street -v      (what is being looked at, line by line)\n\n\
+    evrig diagnose sessions/street -v      (what is being looked at, line by line)\n  \
+    evrig generate sessions/street --diagnosed   (events of the whole sensor by the camera that was found)\n\n\
     A mismatch that was found is a result, not a failure: the exit code is 0.")]
 pub struct DiagnoseArgs {
     /// The session

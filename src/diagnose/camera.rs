@@ -57,6 +57,14 @@ impl FittedCamera {
         let named = named.iter().map(|effect| effect.id).collect();
         Some(Self { camera, seen: Seen::of(evidence, hypothesis), named, left_out })
     }
+
+    /// With no more background than `most_hz`, Hz. A fit looks at pixels that fire; what it cannot place
+    /// there is background to it, of which the others may have none.
+    #[must_use]
+    pub fn with_background_up_to(mut self, most_hz: f64) -> Self {
+        self.camera.background_hz = self.camera.background_hz.min(most_hz);
+        self
+    }
 }
 
 /// What effects of readout and frames go by in a recording.

@@ -59,7 +59,7 @@ pub fn diagnose(
     {
         return Ok((diagnosis, Freshness::Fresh));
     }
-    let Looked { evidence, drive, events, departures } = look(session, request)?;
+    let Looked { evidence, drive, events, departures, most_at_rest_hz } = look(session, request)?;
     let found = diagnose::diagnose(&evidence, &departures, &request.options, progress);
     let mut diagnosis = found.diagnosis;
     progress("free run");
@@ -86,8 +86,10 @@ pub fn diagnose(
     if let Some(fitted) = camera {
         let made = DiagnosedCamera {
             schema: CAMERA_SCHEMA.to_owned(),
+            verdict: diagnosis.verdict,
             baseline: request.baseline.clone(),
-            fitted,
+            // The whole sensor is generated, not the pixels that were looked at.
+            fitted: fitted.with_background_up_to(most_at_rest_hz),
         };
         write(CAMERA, serde_json::to_string_pretty(&made).unwrap_or_default())?;
         outputs.push(CAMERA);
@@ -138,6 +140,8 @@ struct Looked {
     /// Those beside which the generator runs free.
     events: Events,
     departures: Vec<Departure>,
+    /// The most background that the pixels without an event allow, Hz.
+    most_at_rest_hz: f64,
 }
 
 fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, PipelineError> {
@@ -157,11 +161,12 @@ fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, Pipeline
     let recording = ByPixel::new(real, drive.size(), [window[0], window[1].max(window[0] + 1)]);
     let evidence = Evidence::new(&recording, drive.as_ref(), facts, &request.options)
         .map_err(|source| PipelineError::Diagnose { session: session.root().to_owned(), source })?;
+    let most_at_rest_hz = recording.most_at_rest_hz();
     // A long recording is held pixel by pixel from here on, not twice.
     let events = diagnose::beside_free_run(&evidence, drive.size(), events.as_slice());
     let departures = match (scene, rig) {
         (Some(scene), Some(rig)) => stated::departures(&scene, &rig, &evidence),
         _ => Vec::new(),
     };
-    Ok(Looked { evidence, drive, events, departures })
+    Ok(Looked { evidence, drive, events, departures, most_at_rest_hz })
 }

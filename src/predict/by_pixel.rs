@@ -84,6 +84,15 @@ impl ByPixel {
         self.spikes.is_empty()
     }
 
+    /// The greatest rate, Hz, of events without a cause that all pixels can have in common, for as many of
+    /// them as had no event at all; infinite where every one had some.
+    #[must_use]
+    pub fn most_at_rest_hz(&self) -> f64 {
+        let n_silent = self.starts.windows(2).filter(|own| own[0] == own[1]).count();
+        let seconds = self.length_us() as f64 * 1e-6;
+        (self.size.n_pixels() as f64 / n_silent as f64).ln() / seconds
+    }
+
     /// The events of a pixel in ascending time; none off the grid.
     #[must_use]
     pub fn of(&self, x: u16, y: u16) -> &[Spike] {

@@ -28,12 +28,12 @@ pub(super) fn run(
     };
     let bar = output.progress("generate", 0);
     bar.set_message(format!("generate {}", request.name));
-    let (made, left_out) = pipeline::generate_diagnosed(session, &request)?;
+    let (made, cautions) = pipeline::generate_diagnosed(session, &request)?;
     bar.finish_and_clear();
-    for what in &left_out {
-        output.warn(format!("left out: {what}"));
+    for caution in &cautions {
+        output.warn(format!("the diagnosed camera: {caution}"));
     }
-    output.result(&value(&request, &made, &left_out), text(&request, &made))?;
+    output.result(&value(&request, &made, &cautions), text(&request, &made))?;
     Ok(Ending::Done)
 }
 
@@ -54,7 +54,7 @@ fn by(camera: &Path, from: Option<&str>) -> Result<By, WrongUse> {
     }
 }
 
-fn value(request: &CameraRequest, made: &Generated, left_out: &[String]) -> serde_json::Value {
+fn value(request: &CameraRequest, made: &Generated, cautions: &[String]) -> serde_json::Value {
     json!({
         "schema": "evrig.generation/1",
         "stream": request.name.as_str(),
@@ -67,7 +67,7 @@ fn value(request: &CameraRequest, made: &Generated, left_out: &[String]) -> serd
         "last_us": made.tally.last_us,
         "named": made.record.parameters.get("named"),
         "parameters": made.record.parameters.get("camera"),
-        "left_out": left_out,
+        "cautions": cautions,
         "speed": made.speed,
     })
 }

@@ -69,6 +69,28 @@ fn what_the_law_holds_already_is_in_the_thresholds_and_is_not_told_again() {
 }
 
 #[test]
+fn the_whole_sensor_has_no_more_background_than_its_silent_pixels_allow() {
+    // An event in every pixel but the first row's: of sixty rows one is silent, for three seconds.
+    let spikes = |y: u16| (0..60).map(move |x| crate::event::Event { t: 1, x, y, on: true });
+    let events: Events = (1..60).flat_map(spikes).collect();
+    let by_pixel =
+        |events: &Events| ByPixel::new(events.as_slice(), Size::new(60, 60), [0, END_US]);
+    let most_hz = by_pixel(&events).most_at_rest_hz();
+    assert!((most_hz - 60_f64.ln() / 3.0).abs() < 1e-12, "{most_hz}");
+    assert_eq!(filled().most_at_rest_hz(), f64::INFINITY);
+    assert_eq!(by_pixel(&Events::new()).most_at_rest_hz(), 0.0);
+    let evidence = empty();
+    let noisy =
+        Hypothesis::baseline(&evidence).with_nuisance(Nuisance::LogBackgroundOn, 2_f64.ln());
+    let camera = FittedCamera::of(&evidence, &noisy, &[]).unwrap();
+    let hz = camera.camera.background_hz;
+    assert!(hz > 0.1, "{hz}");
+    let background_hz =
+        |most_hz| camera.clone().with_background_up_to(most_hz).camera.background_hz;
+    assert_eq!([background_hz(f64::INFINITY), background_hz(0.5 * hz)], [hz, 0.5 * hz]);
+}
+
+#[test]
 fn what_the_generator_cannot_be_told_is_said() {
     let evidence = empty();
     let names = [named(EffectId::RowReadout, &[("row_us", -3.0)])];

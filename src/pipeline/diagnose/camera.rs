@@ -1,7 +1,7 @@
 //! The camera that a diagnosis found, kept beside it for whoever generates with it.
 
 use super::{Baseline, result};
-use crate::diagnose::FittedCamera;
+use crate::diagnose::{FittedCamera, Verdict};
 use crate::pipeline::sync::missing;
 use crate::pipeline::{PipelineError, read_json};
 use crate::session::Session;
@@ -20,6 +20,8 @@ pub(super) const CAMERA_SCHEMA: &str = "evrig.camera/1";
 pub struct DiagnosedCamera {
     /// `evrig.camera/1`.
     pub schema: String,
+    /// What the diagnosis said.
+    pub verdict: Verdict,
     /// The light of its recording.
     pub baseline: Baseline,
     /// The camera.
@@ -27,6 +29,18 @@ pub struct DiagnosedCamera {
 }
 
 impl DiagnosedCamera {
+    /// What keeps its events from being those of the real camera, a sentence each.
+    #[must_use]
+    pub fn cautions(&self) -> Vec<String> {
+        let verdict = match self.verdict {
+            Verdict::NoMismatch | Verdict::Explained => None,
+            Verdict::PartlyExplained => Some("its recording shows more than the named effects"),
+            Verdict::Unexplained => Some("its recording is not explained: events come otherwise"),
+        };
+        let left_out = self.fitted.left_out.iter().map(|what| format!("left out: {what}"));
+        verdict.map(str::to_owned).into_iter().chain(left_out).collect()
+    }
+
     /// Reads one from a file.
     ///
     /// # Errors

@@ -42,8 +42,8 @@ struct Setting {
     seen: Option<Seen>,
 }
 
-/// Runs the stage, unless its result is fresh. With the result comes what of the camera the generator
-/// cannot be told, a sentence each.
+/// Runs the stage, unless its result is fresh. With the result comes what keeps the events from being
+/// those of the real camera, a sentence each.
 ///
 /// # Errors
 /// When there is no such camera or light, an effect lacks what it acts on, or the disk refuses.
@@ -54,7 +54,7 @@ pub fn generate_diagnosed(
     let name = &request.name;
     refuse_recorded(session, name)?;
     let setting = setting(session, &request.by)?;
-    let left_out = setting.camera.fitted.left_out.clone();
+    let cautions = setting.camera.cautions();
     let parameters = json!({
         "from": setting.baseline.from(),
         "is_straight": matches!(setting.baseline, Baseline::Frames(_)),
@@ -69,7 +69,7 @@ pub fn generate_diagnosed(
     if let (false, Some(record)) = (request.force, fresh_record(&directory, &wanted)) {
         let tally = record.tally_as().unwrap_or_default();
         let made = Generated { freshness: Freshness::Fresh, tally, record, speed: None };
-        return Ok((made, left_out));
+        return Ok((made, cautions));
     }
     clear(&directory)?;
     // What was made before an error is no stream.
@@ -78,7 +78,7 @@ pub fn generate_diagnosed(
     let record = StageRecord { tally: json!(tally), ..wanted };
     let record = write_stage(&directory, record, &["events.aedat4"])?;
     let speed = Some(speed);
-    Ok((Generated { freshness: Freshness::Ran, tally, record, speed }, left_out))
+    Ok((Generated { freshness: Freshness::Ran, tally, record, speed }, cautions))
 }
 
 fn setting(session: &Session, by: &By) -> Result<Setting, PipelineError> {
