@@ -11,7 +11,7 @@ pub(super) use driven::{SCENE, aps_starts, drive_of, inputs_of as scene_inputs, 
 
 use super::between::{between, light_under};
 use super::sync::missing;
-use super::{Freshness, PipelineError, clear, fresh_record, light};
+use super::{Freshness, PipelineError, clear, fresh_record, inputs, light};
 use crate::event::Events;
 use crate::format::aedat4::{Compression, StreamSpec, Writer};
 use crate::generate::effect::Effects;
@@ -169,20 +169,33 @@ pub fn generate(
     } else {
         light::inputs_of(session, &request.from)?
     };
+    stage(session, name, request.force, inputs, parameters, || {
+        if from_scene {
+            driven::run(session, request, progress)
+        } else {
+            run(session, request, n_frames, progress)
+        }
+    })
+}
+
+/// The stage about a generation: nothing is made where its result is fresh, and what `make` made before
+/// an error is no stream.
+fn stage(
+    session: &Session,
+    name: &StreamName,
+    force: bool,
+    inputs: inputs::Inputs,
+    parameters: serde_json::Value,
+    make: impl FnOnce() -> Result<(GenerateTally, Duration), PipelineError>,
+) -> Result<Generated, PipelineError> {
     let wanted = StageRecord::new("generate", Some(name.as_str()), inputs, parameters);
     let directory = session.layout().derived("generate", Some(name));
-    if let (false, Some(record)) = (request.force, fresh_record(&directory, &wanted)) {
+    if let (false, Some(record)) = (force, fresh_record(&directory, &wanted)) {
         let tally = record.tally_as().unwrap_or_default();
         return Ok(Generated { freshness: Freshness::Fresh, tally, record, speed: None });
     }
     clear(&directory)?;
-    // What was made before an error is no stream.
-    let made = if from_scene {
-        driven::run(session, request, progress)
-    } else {
-        run(session, request, n_frames, progress)
-    };
-    let (tally, spent) = made.inspect_err(|_| drop(std::fs::remove_dir_all(&directory)))?;
+    let (tally, spent) = make().inspect_err(|_| drop(std::fs::remove_dir_all(&directory)))?;
     let record = StageRecord { tally: json!(tally), ..wanted };
     let record = write_stage(&directory, record, &["events.aedat4"])?;
     let speed = Some(GenerationSpeed::new(spent, &tally));

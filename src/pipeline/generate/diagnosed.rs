@@ -1,16 +1,16 @@
 //! Generation by a diagnosed camera: its law, its noise and the named effects, on the whole sensor.
 
 use super::affected::all_pixels;
-use super::{GenerateTally, Generated, GenerationSpeed, open, refuse_recorded};
+use super::{GenerateTally, Generated, open, refuse_recorded, stage};
 use crate::diagnose::{Seen, Tuned, surroundings};
 use crate::drive::Drive;
+use crate::pipeline::PipelineError;
 use crate::pipeline::diagnose::{Baseline, DiagnosedCamera, default_baseline, read_camera};
 use crate::pipeline::sync::missing;
-use crate::pipeline::{Freshness, PipelineError, clear, fresh_record};
-use crate::session::{Session, StageRecord, StreamName, write_stage};
+use crate::session::{Session, StreamName};
 use serde_json::json;
 use std::path::PathBuf;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What to generate by a diagnosed camera.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,21 +64,9 @@ pub fn generate_diagnosed(
         "seed": request.seed,
     });
     let inputs = setting.baseline.inputs(session)?;
-    let wanted = StageRecord::new("generate", Some(name.as_str()), inputs, parameters);
-    let directory = session.layout().derived("generate", Some(name));
-    if let (false, Some(record)) = (request.force, fresh_record(&directory, &wanted)) {
-        let tally = record.tally_as().unwrap_or_default();
-        let made = Generated { freshness: Freshness::Fresh, tally, record, speed: None };
-        return Ok((made, cautions));
-    }
-    clear(&directory)?;
-    // What was made before an error is no stream.
-    let made = run(session, request, setting);
-    let (tally, speed) = made.inspect_err(|_| drop(std::fs::remove_dir_all(&directory)))?;
-    let record = StageRecord { tally: json!(tally), ..wanted };
-    let record = write_stage(&directory, record, &["events.aedat4"])?;
-    let speed = Some(speed);
-    Ok((Generated { freshness: Freshness::Ran, tally, record, speed }, cautions))
+    let made =
+        stage(session, name, request.force, inputs, parameters, || run(session, request, setting))?;
+    Ok((made, cautions))
 }
 
 fn setting(session: &Session, by: &By) -> Result<Setting, PipelineError> {
@@ -105,7 +93,7 @@ fn run(
     session: &Session,
     request: &CameraRequest,
     setting: Setting,
-) -> Result<(GenerateTally, GenerationSpeed), PipelineError> {
+) -> Result<(GenerateTally, Duration), PipelineError> {
     let light = setting.baseline.light(session)?;
     let tuned = setting.seen.map(|seen| Tuned::new(light.drive.as_ref(), seen));
     let drive = tuned.as_ref().map_or(light.drive.as_ref(), |tuned| tuned as &dyn Drive);
@@ -134,5 +122,5 @@ fn run(
     let mut writer = open(session, &request.name, "diagnosed", size)?;
     writer.write_events(0, made.events.as_slice())?;
     writer.finish()?;
-    Ok((tally, GenerationSpeed::new(spent, &tally)))
+    Ok((tally, spent))
 }
