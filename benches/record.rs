@@ -28,9 +28,10 @@
 #[allow(dead_code)]
 mod load;
 
-use evrig::device::dobot::{ArmError, TimedPose};
-use evrig::device::{Arm, Finding, Progress, host_clock};
 use evrig::format::aedat4::Compression;
+use evrig::record::DeviceError;
+use evrig::record::PoseReading;
+use evrig::record::{Arm, Finding, Progress, host_clock};
 use evrig::record::{Devices, Dwells, Prompts, Rehearsal, Request, StopToken, record, rehearse};
 use evrig::rig::{Pose, Rig};
 use evrig::trajectory::{Optional, Path as Trace, Trajectory};
@@ -52,16 +53,16 @@ impl Arm for Resting {
     fn check(&mut self, _: Option<&Trace>) -> Vec<Finding> {
         Vec::new()
     }
-    fn prepare(&mut self, _: &Trace) -> Result<Vec<String>, ArmError> {
+    fn prepare(&mut self, _: &Trace) -> Result<Vec<String>, DeviceError> {
         Ok(Vec::new())
     }
-    fn start(&mut self, _: Range<usize>) -> Result<(), ArmError> {
+    fn start(&mut self, _: Range<usize>) -> Result<(), DeviceError> {
         self.began = Instant::now();
         Ok(())
     }
-    fn progress(&mut self) -> Result<Progress, ArmError> {
+    fn progress(&mut self) -> Result<Progress, DeviceError> {
         let now = host_clock::now();
-        let pose = TimedPose {
+        let pose = PoseReading {
             pose: self.pose,
             joints: evrig::rig::Joints::default(),
             asked: now,
@@ -70,10 +71,10 @@ impl Arm for Resting {
         let is_done = self.began.elapsed() >= self.length;
         Ok(Progress { pose, step: 0, is_done, n_dry: 0 })
     }
-    fn finish(&mut self) -> Result<(), ArmError> {
+    fn finish(&mut self) -> Result<(), DeviceError> {
         Ok(())
     }
-    fn abort(&mut self) -> Result<(), ArmError> {
+    fn abort(&mut self) -> Result<(), DeviceError> {
         Ok(())
     }
 }
@@ -178,7 +179,7 @@ fn to_sink(seconds: f64, compression: Compression) -> bool {
     let (began, before) = (Instant::now(), cpu_ns(ClockId::ProcessCPUTime));
     let mut told = Duration::ZERO;
     let mut after_start_kb = None;
-    let mut watch = |since: Duration, tallies: &[evrig::device::recorder::Tally]| {
+    let mut watch = |since: Duration, tallies: &[evrig::record::recorder::Tally]| {
         // Every queue and buffer has been used by then.
         if since.as_secs() >= 10 {
             after_start_kb.get_or_insert_with(|| status_kb("VmHWM:"));

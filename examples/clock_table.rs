@@ -16,9 +16,9 @@ use evrig::units::Pixels;
 use seen_motion::{DAVIS_FPS, PI_FPS, Path, Scene};
 use simulation::{Clocks, Family, Recording, SMALLEST_S, Scenario, record};
 
-#[path = "../src/clock/tests/seen_motion.rs"]
+#[path = "../crates/evrig-reconstruct/src/clock/tests/seen_motion.rs"]
 mod seen_motion;
-#[path = "../src/clock/tests/simulation.rs"]
+#[path = "../crates/evrig-reconstruct/src/clock/tests/simulation.rs"]
 mod simulation;
 
 const METHODS: [&str; 6] =

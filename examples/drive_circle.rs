@@ -11,10 +11,10 @@
 
 use evrig::device::dobot::command::{CartesianLimits, Command, PtpMode, Ratios};
 use evrig::device::dobot::guard::{GuardLink, serve};
-use evrig::device::dobot::pose_log::{Pace, PoseTiming};
 use evrig::device::dobot::{Client, Patience};
-use evrig::device::host_clock;
-use evrig::device::sim::arm::{Clock, Emulator, Options};
+use evrig::record::host_clock;
+use evrig::record::pose_log::{Pace, PoseTiming};
+use evrig::sim::arm::{Clock, Emulator, Options};
 use evrig::time::Span;
 use evrig::units::Hertz;
 use std::error::Error;

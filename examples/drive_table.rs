@@ -7,15 +7,15 @@
 
 #![allow(clippy::print_stdout)]
 
-use evrig::device::sim::world::{
-    CameraName, DavisTwin, Motion, PiTwin, Schedule, Setting, World, WorldDescription,
-};
 use evrig::drive::{Drive, TimeGrid};
 use evrig::frame::Frame;
 use evrig::geometry::Homography;
 use evrig::rig::{Pose, Rig};
 use evrig::roi::{Lens, Light, Track, TrackOptions, Tracker};
 use evrig::scene::{DavisKnown, PiKnown, RawLight, Registration, SceneDrive, Survey, survey, tie};
+use evrig::sim::world::{
+    CameraName, DavisTwin, Motion, PiTwin, Schedule, Setting, World, WorldDescription,
+};
 use evrig::time::{Clock, ClockMap, Davis, PiSensor, Span};
 use evrig::trajectory::{Optional, Trajectory};
 use nalgebra::Vector3;

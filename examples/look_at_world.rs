@@ -4,9 +4,9 @@
 
 #![allow(clippy::print_stdout, clippy::too_many_lines)]
 
-use evrig::device::sim::world::{DavisTwin, PiTwin, World, WorldDescription};
 use evrig::frame::Samples;
 use evrig::rig::Rig;
+use evrig::sim::world::{DavisTwin, PiTwin, World, WorldDescription};
 use evrig::time::Span;
 use evrig::trajectory::{Optional, Trajectory};
 use std::error::Error;

@@ -8,9 +8,9 @@
 
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
-use evrig::device::pi::coding;
-use evrig::format::raw10;
 use evrig::geometry::Size;
+use evrig::pi::coding;
+use evrig::raw10;
 use rand::{Rng, SeedableRng, rngs::StdRng};
 use rustix::time::{ClockId, clock_gettime};
 

@@ -5,14 +5,14 @@
 
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
-use evrig::device::pi::agent::{Agent, Service};
-use evrig::device::pi::keys::{self, Keys};
-use evrig::device::pi::order::{Delivery, Order, Settings};
-use evrig::device::pi::source::Synthetic;
+use evrig::delivery::{Coding, Focus, RgbDelivery};
 use evrig::device::pi::{NetworkPi, Patience, Reach};
-use evrig::device::recorder::{Recorder, Sample, Taken, channel};
 use evrig::geometry::Size;
-use evrig::rig::{Coding, Focus, RgbDelivery};
+use evrig::pi::agent::{Agent, Service};
+use evrig::pi::keys::{self, Keys};
+use evrig::pi::order::{Delivery, Order, Settings};
+use evrig::pi::source::Synthetic;
+use evrig::record::recorder::{Recorder, Sample, Taken, channel};
 use evrig::time::Span;
 use evrig::units::Hertz;
 use std::time::{Duration, Instant};

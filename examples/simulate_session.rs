@@ -7,9 +7,9 @@
 
 #![allow(clippy::print_stdout)]
 
-use evrig::device::sim::world::WorldDescription;
-use evrig::record::{Simulation, simulate};
 use evrig::rig::Rig;
+use evrig::sim::world::WorldDescription;
+use evrig::sim::{Simulation, simulate};
 use evrig::time::Span;
 use evrig::trajectory::{Optional, Trajectory};
 use std::error::Error;

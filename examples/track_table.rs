@@ -4,7 +4,7 @@
 #![allow(clippy::print_stdout)]
 
 #[allow(dead_code)]
-#[path = "../src/roi/render.rs"]
+#[path = "../crates/evrig-reconstruct/src/roi/render.rs"]
 mod render;
 
 use evrig::frame::{Frame, FrameTiming, Samples};

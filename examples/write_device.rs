@@ -9,14 +9,14 @@
 
 #![allow(clippy::print_stdout)]
 
-use evrig::device::Finding;
-use evrig::device::host_clock;
-use evrig::device::recorder::{
-    Outlet, Prepared, Recorder, RecorderError, Sample, Taken, Tally, channel,
-};
 use evrig::event::{Event, Events};
 use evrig::format::aedat4::{Content, StreamSpec};
 use evrig::geometry::Size;
+use evrig::record::Finding;
+use evrig::record::host_clock;
+use evrig::record::recorder::{
+    Outlet, Prepared, Recorder, RecorderError, Sample, Taken, Tally, channel,
+};
 use evrig::session::HostTime;
 use evrig::time::Stamp;
 use std::error::Error;

@@ -3,11 +3,10 @@
 //!
 //! The fuzz targets call these, and so does `tests/fuzz_corpus.rs` with what the fuzzers kept.
 
-use evrig::device::pi::wire;
-use evrig::device::sim::world::WorldDescription;
 use evrig::format::aedat4::Reader;
 use evrig::format::npy::{ArrayWriter, NpzWriter};
 use evrig::format::raw2event;
+use evrig::pi::wire;
 use evrig::pipeline;
 use evrig::rig::Rig;
 use evrig::scene::PATH_COLUMNS;
@@ -15,6 +14,7 @@ use evrig::session::import::{FrameTimes, ImportFrames, import_frames};
 use evrig::session::{
     Heard, Layout, Session, StageRecord, StreamName, read_stage, repair, verify, write_stage,
 };
+use evrig::sim::world::WorldDescription;
 use evrig::trajectory::{Optional, Plan, Trajectory};
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -34,7 +34,7 @@ pub use slurm::{Job, JobState, Resources, Slurm, read_job};
 pub use split::{Share, SplitBy, Splits, stimulus};
 pub use walk::{Found, is_dataset, walk};
 
-use crate::session::SessionError;
+use evrig_session::SessionError;
 use std::path::{Path, PathBuf};
 
 /// Why a dataset cannot be processed.

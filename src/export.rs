@@ -23,12 +23,12 @@ mod window;
 
 pub use npz::ExportedArray;
 
-use crate::event::Events;
-use crate::format::aedat4::{Compression, StreamSpec, WriteError, Writer};
-use crate::format::{hdf5, parquet};
-use crate::geometry::Size;
 use crate::pipeline::{self, PipelineError};
-use crate::session::{Session, SessionError, StreamEntry, StreamKind, StreamName};
+use evrig_core::event::Events;
+use evrig_core::geometry::Size;
+use evrig_format::aedat4::{Compression, StreamSpec, WriteError, Writer};
+use evrig_format::{hdf5, parquet};
+use evrig_session::{Session, SessionError, StreamEntry, StreamKind, StreamName};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -266,7 +266,7 @@ fn canvas(events: &Events, from: Size, side: u16) -> Chosen {
     let place = |v: u16, n: u16| {
         ((2 * u32::from(v) + 1) * u32::from(side) / (2 * u32::from(n.max(1)))) as u16
     };
-    let moved = events.as_slice().iter().map(|event| crate::event::Event {
+    let moved = events.as_slice().iter().map(|event| evrig_core::event::Event {
         x: place(event.x, from.width),
         y: place(event.y, from.height),
         ..event
@@ -301,7 +301,7 @@ fn unfit(session: &Session, request: &ExportRequest, what: String) -> ExportErro
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::Event;
+    use evrig_core::event::Event;
 
     #[test]
     fn a_canvas_takes_each_pixel_where_its_middle_lies() {

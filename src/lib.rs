@@ -1,74 +1,59 @@
 //! evrig records paired raw, RGB and event-camera data on a robot-arm rig, and
 //! explains where simulated and real events differ.
 //!
-//! # The map of the house
-//! A module uses only those above it in this list; `tests/architecture.rs` holds it to that.
+//! # Crates
+//! A crate uses only crates above it in this list; its `Cargo.toml` holds it to that.
 //!
-//! | room | what it is |
+//! | crate | contents |
 //! | --- | --- |
-//! | [`units`], [`time`], [`stats`], [`geometry`] | vocabulary: units, clocks, estimates, grids; no I/O |
-//! | [`event`], [`frame`], [`imu`] | the data that flow: event columns, frames with exposure and row timing, inertial samples |
-//! | [`drive`] | the light signal of an event pixel, at any time |
-//! | [`effect_id`] | the names of physical effects and of their parameters; no code |
-//! | [`format`](mod@format) | one file a format, bytes in and values out, bounded memory |
-//! | [`rig`], [`trajectory`] | descriptions read, checked, explained; path to timed poses; reach, joint, speed limits |
-//! | [`session`] | the on-disk contract: layout, manifest, journal, verify, imports |
-//! | [`device`] | the devices, and the simulated world that simulated devices live in |
-//! | [`record`] | the engine: from preflight to a sealed session, in explicit states |
-//! | [`generate`] | brightness to events; pure |
-//! | [`roi`] | the tag found, tracked on a continuous path with its error; the picture's region |
-//! | [`filter`] | hot pixels, background activity, dead time, rate limit; every event has a fate |
-//! | [`clock`] | SensorTimestamp to Unix, each map with its error; offset from motion that both cameras saw |
-//! | [`scene`] | what the event pixels looked at: their light signal |
-//! | [`calibrate`] | the generator's constants from frames and real events, each with its error |
-//! | [`predict`] | the events that were seen against the light: how likely they are, what is left over |
-//! | [`compare`] | real against simulated events, one measure a file, each with its error |
-//! | [`diagnose`] | what the prediction leaves over: which physical effect is missing, what it buys, when to abstain |
-//! | [`report`] | the page and the terminal table that show results; plots as pure functions |
-//! | [`pipeline`] | stages: input checksums to outputs, what is stale |
-//! | [`export`] | streams in the formats other programs read, with what is needed to use them |
-//! | [`batch`] | the same stages over a dataset, here or on Slurm: index, splits, card, comparison |
-//! | [`prove`] | concealed trials: what is hidden, sealed, found again and counted |
-//! | [`live`] | what devices see now, to viewers: rates, frames with the tag, events; nothing waits for them |
-//! | [`commands`], [`cli`] | one file a verb; clap definitions only in `cli` |
+//! | `evrig-core` | units, clocks, estimates, geometry; event columns, frames, inertial samples; the log-intensity signal ([`drive`]); names of physical effects |
+//! | `evrig-format` | [`mod@format`]: one module per file format, bytes in and values out, bounded memory |
+//! | `evrig-session` | [`rig`] and [`trajectory`] descriptions; the [`session`] directory: layout, manifest, journal, verification, imports |
+//! | `evrig-pi` | [`pi`]: the agent on the Raspberry Pi and its wire protocol (depends on `evrig-core` alone) |
+//! | `evrig-record` | [`record`]: device traits, and the engine from preflight to a sealed session; knows no driver |
+//! | `evrig-device` | [`device`]: drivers of arm, cameras and stimulus screen |
+//! | `evrig-sim` | [`sim`]: the physics of the simulated rig, and its devices on the real wires |
+//! | `evrig-generate` | [`generate`]: log intensity to events, by published laws and with physical effects |
+//! | `evrig-reconstruct` | [`clock`] maps with errors, [`roi`]: the target's track, [`scene`]: the log-intensity signal of each event pixel |
+//! | `evrig-analysis` | [`filter`], [`predict`] (likelihood of recorded events), [`calibrate`], [`compare`], [`diagnose`] |
+//! | `evrig-report` | [`report`]: pages, tables and plots as pure functions |
+//! | `evrig` | [`pipeline`] stages, [`export`], [`batch`] over datasets, [`prove`] (concealed trials), [`live`] view, [`commands`] and [`cli`] |
+//!
+//! Missing dependencies separate what must not know each other: acquisition (`evrig-record`,
+//! `evrig-device`) from analysis, and the simulated world (`evrig-sim`) from the generators and the
+//! diagnosis that are proven on it.
 //!
 //! # Invariants
 //! 1. Analysis reads sessions and nothing else; a session copied to another machine
 //!    analyses to the same bytes (same seed, same threads or not).
 //! 2. Recorded streams are never rewritten; every stage writes new files beside them.
 //! 3. Corrected time is never stored without the raw stamp and the map that corrected it.
-//! 4. Every count in a report is recomputed from files, not taken from what a device said.
-//! 5. Randomness is always a seeded generator passed in; the seed is in the manifest.
+//! 4. The recording engine knows no device by name; the simulated rig is another rig file.
+//! 5. Stopping the arm depends on no other device, no lock held elsewhere and no allocation that
+//!    can fail: a guard process owns the serial port and stops the arm when its pipe closes.
+//! 6. Every count in a report is recomputed from files, not taken from what a device said.
+//! 7. Randomness is always a seeded generator passed in; the seed is in the manifest.
+
+pub use evrig_analysis::{calibrate, compare, diagnose, filter, predict};
+pub use evrig_core::{
+    delivery, drive, effect_id, event, frame, geometry, imu, pi_camera, raw10, stats, time, units,
+};
+pub use evrig_device as device;
+pub use evrig_format as format;
+pub use evrig_generate as generate;
+pub use evrig_pi as pi;
+pub use evrig_reconstruct::{clock, roi, scene};
+pub use evrig_record as record;
+pub use evrig_report as report;
+pub use evrig_session as session;
+pub use evrig_session::{rig, trajectory};
+pub use evrig_sim as sim;
 
 pub mod batch;
-pub mod calibrate;
 pub mod cli;
-pub mod clock;
 pub mod commands;
-pub mod compare;
-pub mod device;
-pub mod diagnose;
-pub mod drive;
-pub mod effect_id;
-pub mod event;
+pub mod drivers;
 pub mod export;
-pub mod filter;
-pub mod format;
-pub mod frame;
-pub mod generate;
-pub mod geometry;
-pub mod imu;
 pub mod live;
 pub mod pipeline;
-pub mod predict;
 pub mod prove;
-pub mod record;
-pub mod report;
-pub mod rig;
-pub mod roi;
-pub mod scene;
-pub mod session;
-pub mod stats;
-pub mod time;
-pub mod trajectory;
-pub mod units;

@@ -15,13 +15,13 @@ pub use generation::{Generation, GenerationSettings, GenerationTally, PiLight};
 pub use status::Status;
 pub use view::{EventImage, View};
 
-use crate::device::davis::serve::{ServeError, StreamServer};
-use crate::device::recorder::Sample;
-use crate::format::aedat4::{Compression, Content, StreamSpec};
-use crate::generate::ParameterError;
-use crate::geometry::Size;
-use crate::rig::Pose;
-use crate::session::HostTime;
+use evrig_core::geometry::Size;
+use evrig_device::davis::serve::{ServeError, StreamServer};
+use evrig_format::aedat4::{Compression, Content, StreamSpec};
+use evrig_generate::ParameterError;
+use evrig_record::recorder::Sample;
+use evrig_session::HostTime;
+use evrig_session::rig::Pose;
 use std::net::SocketAddr;
 
 /// Where viewers connect.

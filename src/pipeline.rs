@@ -44,20 +44,20 @@ pub use track::{
     AnyTrack, TrackRequest, TrackSummary, Tracked, read_summary, read_track, track, tracked,
 };
 
-use crate::calibrate::CalibrateError;
-use crate::clock::ClockError;
-use crate::compare::CompareError;
-use crate::diagnose::DiagnoseError;
-use crate::filter::FilterError;
-use crate::format::aedat4::WriteError;
-use crate::generate::forward::ForwardError;
-use crate::generate::{GenerateError, ParameterError};
-use crate::report::page::PageError;
-use crate::report::plot::picture::PictureError;
-use crate::roi::TrackError;
-use crate::scene::{FramesError, SceneError};
-use crate::session::{SessionError, StageRecord, read_stage};
-use crate::stats::read_back;
+use evrig_analysis::calibrate::CalibrateError;
+use evrig_analysis::compare::CompareError;
+use evrig_analysis::diagnose::DiagnoseError;
+use evrig_analysis::filter::FilterError;
+use evrig_core::stats::read_back;
+use evrig_format::aedat4::WriteError;
+use evrig_generate::forward::ForwardError;
+use evrig_generate::{GenerateError, ParameterError};
+use evrig_reconstruct::clock::ClockError;
+use evrig_reconstruct::roi::TrackError;
+use evrig_reconstruct::scene::{FramesError, SceneError};
+use evrig_report::page::PageError;
+use evrig_report::plot::picture::PictureError;
+use evrig_session::{SessionError, StageRecord, read_stage};
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 

@@ -1,85 +1,47 @@
-//! The house keeps its own rules: layers, bans, small rooms.
+//! Rules of the source tree that the compiler does not check: no import circles between modules of
+//! a crate, small files, no printing or command-line types below the commands. Which crate may use
+//! which is a matter of the manifests, and held here to a list.
 
 #![allow(clippy::expect_used, clippy::unwrap_used)]
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
-
-/// The rooms from the ground up. A room uses rooms of lower rank only; rooms of
-/// one rank that are listed apart do not know each other.
-const RANKS: &[&[&str]] = &[
-    &["units"],
-    &["time"],
-    &["stats"],
-    &["geometry"],
-    &["event"],
-    &["frame"],
-    &["imu"],
-    &["drive"],
-    &["effect_id"],
-    &["format"],
-    &["rig"],
-    &["trajectory"],
-    &["session"],
-    &["device"],
-    &["record"],
-    &["generate"],
-    &["clock"],
-    &["roi"],
-    &["filter"],
-    &["scene"],
-    &["predict"],
-    &["calibrate"],
-    &["compare"],
-    &["diagnose"],
-    &["report"],
-    &["pipeline"],
-    &["export"],
-    &["batch"],
-    &["prove"],
-    &["live"],
-    &["cli"],
-    &["commands"],
-];
-
-/// Acquisition and analysis meet only in the files of a session.
-const ACQUISITION: &[&str] = &["device", "record"];
-const ANALYSIS: &[&str] = &[
-    "clock",
-    "roi",
-    "filter",
-    "scene",
-    "predict",
-    "calibrate",
-    "compare",
-    "diagnose",
-    "report",
-    "pipeline",
-    "export",
-    "batch",
-];
 
 /// A file's lines before its tests.
 const MAX_LINES: usize = 400;
 
 struct Source {
     path: PathBuf,
-    room: String,
-    /// Lines before the test module.
+    /// `src` of its crate.
+    crate_src: PathBuf,
+    /// Lines before the test module, without comments.
     code: Vec<String>,
+    n_lines: usize,
+}
+
+fn crates() -> Vec<PathBuf> {
+    let mut all = vec![PathBuf::from("src")];
+    all.extend(
+        fs::read_dir("crates").expect("crates").map(|entry| entry.unwrap().path().join("src")),
+    );
+    assert!(all.len() > 10, "the crates are where this test looks for them");
+    all
 }
 
 fn sources() -> Vec<Source> {
-    let mut files = Vec::new();
-    collect(Path::new("src"), &mut files);
-    assert!(files.len() > 10, "the sources are where this test looks for them");
-    files.into_iter().map(read).collect()
+    let mut all = Vec::new();
+    for crate_src in crates() {
+        let mut files = Vec::new();
+        collect(&crate_src, &mut files);
+        all.extend(files.into_iter().map(|path| read(path, &crate_src)));
+    }
+    all
 }
 
 fn collect(directory: &Path, files: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(directory).expect("src can be listed") {
-        let path = entry.expect("an entry of src").path();
+    for entry in fs::read_dir(directory).expect("a source folder can be listed") {
+        let path = entry.expect("an entry of it").path();
         if path.is_dir() {
             collect(&path, files);
         } else if path.extension().is_some_and(|extension| extension == "rs") {
@@ -88,123 +50,212 @@ fn collect(directory: &Path, files: &mut Vec<PathBuf>) {
     }
 }
 
-fn read(path: PathBuf) -> Source {
+fn read(path: PathBuf, crate_src: &Path) -> Source {
     let text = fs::read_to_string(&path).expect("a source file is text");
-    let code = text
-        .lines()
-        .take_while(|line| !line.starts_with("#[cfg(test)]"))
-        .map(str::to_owned)
-        .collect();
-    let below_src = path.strip_prefix("src").expect("sources lie below src");
-    let first = below_src.components().next().expect("a file has a name");
-    let room = first.as_os_str().to_string_lossy().trim_end_matches(".rs").to_owned();
-    Source { path, room, code }
+    let before_tests: Vec<&str> =
+        text.lines().take_while(|line| !line.starts_with("#[cfg(test)]")).collect();
+    let n_lines = before_tests.len();
+    let code = before_tests.iter().filter(|line| !line.trim_start().starts_with("//"));
+    let code = code.map(|line| (*line).to_owned()).collect();
+    Source { path, crate_src: crate_src.to_owned(), code, n_lines }
 }
 
-fn rank(room: &str) -> Option<usize> {
-    RANKS.iter().position(|rooms| rooms.contains(&room))
+/// `a::b::c` of `crate_src/a/b/c.rs`; empty for the crate's root.
+fn module(source: &Source) -> Vec<String> {
+    let below = source.path.strip_prefix(&source.crate_src).expect("a source lies below its crate");
+    let mut names: Vec<String> =
+        below.with_extension("").iter().map(|name| name.to_string_lossy().into_owned()).collect();
+    if names == ["lib"] || names == ["main"] {
+        names.clear();
+    }
+    names
 }
 
-/// Every room named behind `crate::` on a line that is not a comment.
-fn rooms_used(source: &Source) -> BTreeSet<String> {
-    let code = source.code.iter().filter(|line| !line.trim_start().starts_with("//"));
-    code.flat_map(|line| line.split("crate::").skip(1).map(str::to_owned).collect::<Vec<_>>())
-        .flat_map(|rest| names_at_start(&rest))
-        .filter(|name| rank(name).is_some())
+/// Paths behind `use`, groups expanded, as they are written.
+fn used_paths(code: &[String]) -> Vec<Vec<String>> {
+    let text = code.join(" ");
+    let statements = text.split(';').filter_map(|statement| {
+        let at = statement.rfind("use ")?;
+        let is_word = at == 0 || statement[..at].ends_with([' ', '}', '{', ')']);
+        is_word.then(|| statement[at + 4..].trim().to_owned())
+    });
+    let mut paths = Vec::new();
+    for statement in statements {
+        expand(&statement, &[], &mut paths);
+    }
+    paths.extend(inline_paths(&text));
+    paths
+}
+
+/// Paths from `crate::` or `super::` on that stand in expressions and types.
+fn inline_paths(text: &str) -> Vec<Vec<String>> {
+    let is_path = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
+    let words = text.split(|c: char| !is_path(c));
+    let paths = words.filter(|word| word.starts_with("crate::") || word.starts_with("super::"));
+    paths
+        .map(|path| path.split("::").filter(|s| !s.is_empty()).map(String::from).collect())
         .collect()
 }
 
-/// `event::Events` gives `event`; `{event::Events, time}` gives both.
-fn names_at_start(path: &str) -> Vec<String> {
-    let word = |text: &str| -> String {
-        text.trim_start().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
-    };
-    match path.strip_prefix('{') {
-        Some(group) => group.split(',').map(word).collect(),
-        None => vec![word(path)],
-    }
-}
-
-#[test]
-fn every_room_has_its_place_in_the_order() {
-    for source in sources() {
-        let is_entrance = ["lib", "main"].contains(&source.room.as_str());
-        assert!(
-            is_entrance || rank(&source.room).is_some(),
-            "{}: room `{}` is not in the order of tests/architecture.rs",
-            source.path.display(),
-            source.room
+fn expand(tree: &str, above: &[String], paths: &mut Vec<Vec<String>>) {
+    let tree = tree.trim();
+    if let Some(open) = tree.find('{') {
+        let mut above = above.to_vec();
+        above.extend(
+            tree[..open].split("::").map(str::trim).filter(|s| !s.is_empty()).map(String::from),
         );
-    }
-}
-
-#[test]
-fn a_room_uses_only_rooms_below_it() {
-    for source in sources() {
-        let Some(own) = rank(&source.room) else { continue };
-        for used in rooms_used(&source) {
-            assert!(
-                rank(&used) <= Some(own),
-                "{}: `{}` uses `{used}`, which lies above it",
-                source.path.display(),
-                source.room
-            );
-        }
-    }
-}
-
-#[test]
-fn acquisition_and_analysis_meet_only_in_a_session() {
-    for source in sources() {
-        let used = rooms_used(&source);
-        let both = |side: &[&str], other: &[&str]| {
-            side.contains(&source.room.as_str()) && other.iter().any(|room| used.contains(*room))
-        };
-        assert!(
-            !both(ACQUISITION, ANALYSIS) && !both(ANALYSIS, ACQUISITION),
-            "{}: acquisition and analysis touch: {used:?}",
-            source.path.display()
-        );
-    }
-}
-
-#[test]
-fn the_simulated_world_and_the_models_do_not_know_each_other() {
-    for source in sources() {
-        let text = source.code.join("\n");
-        let is_world = source.path.starts_with("src/device/sim")
-            || source.path == Path::new("src/device/sim.rs");
-        if is_world {
-            for room in ["crate::generate", "crate::diagnose", "crate::predict"] {
-                assert!(!text.contains(room), "{}: uses {room}", source.path.display());
+        let inner = tree[open + 1..].trim_end().trim_end_matches('}');
+        let (mut depth, mut start) = (0, 0);
+        for (i, c) in inner.char_indices() {
+            match c {
+                '{' => depth += 1,
+                '}' => depth -= 1,
+                ',' if depth == 0 => {
+                    expand(&inner[start..i], &above, paths);
+                    start = i + 1;
+                }
+                _ => {}
             }
         }
-        if ["generate", "diagnose", "predict"].contains(&source.room.as_str()) {
-            assert!(!text.contains("device::sim"), "{}: uses the world", source.path.display());
+        expand(&inner[start..], &above, paths);
+    } else if !tree.is_empty() {
+        let mut path = above.to_vec();
+        let tree = tree.split(" as ").next().unwrap_or(tree);
+        path.extend(tree.split("::").map(|name| name.trim().to_owned()));
+        paths.push(path);
+    }
+}
+
+/// Modules of the same crate that `source` imports from, by the longest prefix that is a module.
+fn imports(source: &Source, modules: &BTreeSet<Vec<String>>) -> BTreeSet<Vec<String>> {
+    let own = module(source);
+    let mut found = BTreeSet::new();
+    for path in used_paths(&source.code) {
+        let mut absolute = match path.first().map(String::as_str) {
+            Some("crate") => path[1..].to_vec(),
+            Some("super") => {
+                let n_up = path.iter().take_while(|name| *name == "super").count();
+                let mut base = own[..own.len().saturating_sub(n_up)].to_vec();
+                base.extend_from_slice(&path[n_up..]);
+                base
+            }
+            Some("self") => [own.clone(), path[1..].to_vec()].concat(),
+            Some(_) => [own.clone(), path.clone()].concat(),
+            None => continue,
+        };
+        let is_local = matches!(path[0].as_str(), "crate" | "super" | "self");
+        while !absolute.is_empty() && !modules.contains(&absolute) {
+            absolute.pop();
+        }
+        // A path that starts with a name is local only if that name is a module below this one.
+        if !is_local && absolute.len() <= own.len() {
+            continue;
+        }
+        if absolute != own && !absolute.is_empty() {
+            found.insert(absolute);
         }
     }
+    found
+}
+
+/// Groups of modules that import from each other, in either direction.
+fn circles(graph: &BTreeMap<Vec<String>, BTreeSet<Vec<String>>>) -> Vec<Vec<String>> {
+    let reach = |from: &Vec<String>| {
+        let (mut seen, mut open) = (BTreeSet::new(), vec![from.clone()]);
+        while let Some(node) = open.pop() {
+            for next in graph.get(&node).into_iter().flatten() {
+                if seen.insert(next.clone()) {
+                    open.push(next.clone());
+                }
+            }
+        }
+        seen
+    };
+    let reached: BTreeMap<_, _> = graph.keys().map(|node| (node.clone(), reach(node))).collect();
+    let mut groups = BTreeSet::new();
+    for (node, all) in &reached {
+        let mates =
+            all.iter().filter(|other| reached.get(*other).is_some_and(|r| r.contains(node)));
+        let group: BTreeSet<String> = mates.map(|name| name.join("::")).collect();
+        if group.len() > 1 {
+            groups.insert(group.into_iter().collect::<Vec<_>>());
+        }
+    }
+    groups.into_iter().collect()
+}
+
+#[test]
+fn modules_of_a_crate_import_without_circles() {
+    let mut by_crate: BTreeMap<PathBuf, Vec<Source>> = BTreeMap::new();
+    for source in sources() {
+        by_crate.entry(source.crate_src.clone()).or_default().push(source);
+    }
+    let mut found = Vec::new();
+    for (crate_src, sources) in &by_crate {
+        let modules: BTreeSet<_> = sources.iter().map(module).collect();
+        let mut graph = BTreeMap::new();
+        for source in sources {
+            let own = module(source);
+            // A parent's use of its children and a child's use of its parent's items are one module
+            // split over files; only links between siblings and across subtrees count.
+            let foreign = imports(source, &modules)
+                .into_iter()
+                .filter(|other| !own.starts_with(other) && !other.starts_with(&own));
+            graph.insert(own.clone(), foreign.collect::<BTreeSet<_>>());
+        }
+        for circle in circles(&graph) {
+            found.push(format!("{}: {}", crate_src.display(), circle.join(", ")));
+        }
+    }
+    assert!(found.is_empty(), "modules that import each other in a circle:\n{}", found.join("\n"));
+}
+
+/// The crates of the workspace that each one may depend on.
+const MAY_USE: &[(&str, &[&str])] = &[
+    ("core", &[]),
+    ("format", &["core"]),
+    ("session", &["core", "format"]),
+    ("pi", &["core"]),
+    ("record", &["core", "format", "session"]),
+    ("device", &["core", "format", "session", "pi", "record"]),
+    ("sim", &["core", "format", "session", "pi", "record", "device"]),
+    ("generate", &["core"]),
+    ("reconstruct", &["core", "session"]),
+    ("analysis", &["core", "generate"]),
+    ("report", &["core", "session", "reconstruct", "analysis"]),
+];
+
+#[test]
+fn manifests_separate_acquisition_analysis_and_the_simulated_world() {
+    for (name, allowed) in MAY_USE {
+        let manifest = format!("crates/evrig-{name}/Cargo.toml");
+        let manifest: toml::Table =
+            toml::from_str(&fs::read_to_string(&manifest).expect("a manifest")).expect("TOML");
+        let dependencies = manifest["dependencies"].as_table().expect("dependencies");
+        let own = dependencies.keys().filter_map(|dependency| dependency.strip_prefix("evrig-"));
+        for used in own {
+            assert!(allowed.contains(&used), "evrig-{name} must not depend on evrig-{used}");
+        }
+    }
+    assert_eq!(MAY_USE.len() + 1, crates().len(), "every crate is in the list");
 }
 
 #[test]
 fn printing_clap_and_anyhow_stay_in_the_commands() {
     for source in sources() {
-        let room = source.room.as_str();
-        let bans: &[&str] = match room {
-            "commands" => &[],
-            "cli" | "main" => &["anyhow::", "println!", "eprintln!"],
+        let top = module(&source).first().cloned().unwrap_or_default();
+        let is_root = source.crate_src == Path::new("src");
+        let is_program = source.path.ends_with("src/main.rs");
+        let bans: &[&str] = match top.as_str() {
+            "commands" if is_root => &[],
+            "cli" if is_root => &["anyhow::", "println!", "eprintln!"],
+            _ if is_program => &["anyhow::"],
             _ => &["anyhow::", "clap::", "println!", "eprintln!", "print!(", "dbg!("],
         };
-        for (number, line) in source.code.iter().enumerate() {
-            if line.trim_start().starts_with("//") {
-                continue;
-            }
+        for line in &source.code {
             for ban in bans {
-                assert!(
-                    !line.contains(ban),
-                    "{}:{}: `{ban}` belongs to the commands",
-                    source.path.display(),
-                    number + 1
-                );
+                let place = source.path.display();
+                assert!(!line.contains(ban), "{place}: `{ban}` belongs to the commands: {line}");
             }
         }
     }
@@ -214,22 +265,9 @@ fn printing_clap_and_anyhow_stay_in_the_commands() {
 fn files_are_small_and_well_named() {
     const VAGUE: &[&str] = &["utils", "util", "helpers", "common", "manager", "misc", "mod"];
     for source in sources() {
-        let n_lines = source.code.len();
-        assert!(
-            n_lines <= MAX_LINES,
-            "{}: {n_lines} lines before its tests; the limit is {MAX_LINES}: split the idea",
-            source.path.display()
-        );
+        let (n_lines, place) = (source.n_lines, source.path.display());
+        assert!(n_lines <= MAX_LINES, "{place}: {n_lines} lines before tests, limit {MAX_LINES}");
         let stem = source.path.file_stem().expect("a file has a stem").to_string_lossy();
-        assert!(!VAGUE.contains(&&*stem), "{}: say what it is", source.path.display());
-    }
-}
-
-#[test]
-fn the_map_in_the_library_names_every_room() {
-    let map = fs::read_to_string("src/lib.rs").expect("lib.rs is text");
-    for source in sources().iter().filter(|source| rank(&source.room).is_some()) {
-        let entry = format!("[`{}`]", source.room);
-        assert!(map.contains(&entry), "src/lib.rs does not map {}", source.path.display());
+        assert!(!VAGUE.contains(&&*stem), "{place}: the name does not say what it contains");
     }
 }

@@ -5,10 +5,10 @@
 #![allow(clippy::expect_used, clippy::unwrap_used)]
 #![cfg(unix)]
 
-use evrig::device::Arm;
 use evrig::device::dobot::{Client, Magician, Patience, port};
-use evrig::device::sim::arm::{Clock, Emulator, Options};
+use evrig::record::Arm;
 use evrig::rig::{Pose, Rig};
+use evrig::sim::arm::{Clock, Emulator, Options};
 use evrig::time::Span;
 use evrig::trajectory::{Optional, Path, Plan, Trajectory};
 

@@ -14,12 +14,13 @@ mod rig;
 
 use camera::{Camera, EVENT_US, PACKET_EVENTS, check_events};
 
-use evrig::device::pi::agent::Agent;
-use evrig::device::pi::source::{FrameSource, SourceError, Synthetic};
-use evrig::device::pi::wire::Settings;
-use evrig::device::sim::arm::{Clock, Emulator, Options};
 use evrig::frame::Samples;
-use evrig::session::{PiFrame, Repair, Session, Status, StreamKind, repair, verify};
+use evrig::pi::agent::Agent;
+use evrig::pi::source::{FrameSource, SourceError, Synthetic};
+use evrig::pi::wire::Settings;
+use evrig::pi_camera::PiFrame;
+use evrig::session::{Repair, Session, Status, StreamKind, repair, verify};
+use evrig::sim::arm::{Clock, Emulator, Options};
 use rig::rig_on;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};

@@ -2,13 +2,13 @@
 
 #![allow(clippy::expect_used, clippy::unwrap_used)]
 
-use evrig::device::Verdict;
 use evrig::device::davis::serve::StreamServer;
 use evrig::device::davis::{NetworkDavis, Pace, Patience, ReplayDavis};
-use evrig::device::recorder::{Inlet, Recorder, Sample, Taken, channel};
 use evrig::event::{Event, Events};
 use evrig::format::aedat4::{Compression, Content, Reader, StreamSpec};
 use evrig::geometry::Size;
+use evrig::record::Verdict;
+use evrig::record::recorder::{Inlet, Recorder, Sample, Taken, channel};
 use std::net::TcpListener;
 use std::path::Path;
 use std::time::Duration;

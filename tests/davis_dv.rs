@@ -7,11 +7,11 @@
 
 use evrig::device::davis::serve::StreamServer;
 use evrig::device::davis::{NetworkDavis, Patience};
-use evrig::device::recorder::{Recorder, Sample, Taken, channel};
 use evrig::event::{Event, Events};
 use evrig::format::aedat4::{Compression, Content, StreamSpec};
 use evrig::frame::{Frame, FrameTiming, Samples};
 use evrig::geometry::Size;
+use evrig::record::recorder::{Recorder, Sample, Taken, channel};
 use evrig::time::{Davis, Stamp};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Write};

@@ -13,22 +13,22 @@ mod camera;
 mod wire;
 
 use camera::{Camera, PACKET_EVENTS, find_events};
-use evrig::device::Finding;
 use evrig::device::davis::{NetworkDavis, Patience as DavisPatience};
 use evrig::device::dobot::{Client, Magician, Patience as ArmPatience, port};
-use evrig::device::pi::agent::Agent;
-use evrig::device::pi::source::Synthetic;
-use evrig::device::pi::wire::Settings;
 use evrig::device::pi::{NetworkPi, Patience as PiPatience};
-use evrig::device::recorder::{Prepared, Recorder, RecorderError, Sample, Tally, host_time};
-use evrig::device::sim::arm::fault::Fault as ArmFault;
-use evrig::device::sim::arm::{Clock, Emulator, Options};
 use evrig::event::Events;
 use evrig::format::aedat4::{Content, StreamSpec};
 use evrig::geometry::Size;
+use evrig::pi::agent::Agent;
+use evrig::pi::source::Synthetic;
+use evrig::pi::wire::Settings;
+use evrig::record::Finding;
+use evrig::record::recorder::{Prepared, Recorder, RecorderError, Sample, Tally, host_time};
 use evrig::record::{Devices, Dwells, Outcome, Prompts, Request, State, StopToken, record};
 use evrig::rig::Rig;
 use evrig::session::{Session, Status, verify};
+use evrig::sim::arm::fault::Fault as ArmFault;
+use evrig::sim::arm::{Clock, Emulator, Options};
 use evrig::time::Span;
 use evrig::trajectory::{Optional, Trajectory};
 use evrig::units::Hertz;
@@ -398,7 +398,7 @@ fn an_arm_that_fails_leaves_a_session_that_says_so() {
 /// An event camera whose packets arrive while the host's wall clock is set to and fro by hours.
 struct Unsettled {
     n_sent: u64,
-    outlet: Option<evrig::device::recorder::Outlet>,
+    outlet: Option<evrig::record::recorder::Outlet>,
 }
 
 impl Unsettled {
@@ -426,7 +426,7 @@ impl Recorder for Unsettled {
         let streams = vec![StreamSpec::events(Size::DAVIS346, "DAVIS346_1")];
         Ok(Prepared { says: serde_json::json!({}), streams })
     }
-    fn start(&mut self, outlet: evrig::device::recorder::Outlet) -> Result<(), RecorderError> {
+    fn start(&mut self, outlet: evrig::record::recorder::Outlet) -> Result<(), RecorderError> {
         self.outlet = Some(outlet);
         self.send();
         Ok(())

@@ -10,10 +10,10 @@ mod camera;
 mod rig;
 
 use camera::{Camera, check_events};
-use evrig::device::pi::agent::Agent;
-use evrig::device::pi::source::Synthetic;
-use evrig::device::sim::arm::{Clock, Emulator, Options};
+use evrig::pi::agent::Agent;
+use evrig::pi::source::Synthetic;
 use evrig::session::{Session, Status, verify};
+use evrig::sim::arm::{Clock, Emulator, Options};
 use rig::rig_on;
 use std::path::PathBuf;
 use std::process::{Command, Output};

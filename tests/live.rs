@@ -5,11 +5,11 @@
 #![allow(clippy::expect_used, clippy::unwrap_used, clippy::print_stderr)]
 
 use evrig::device::davis::{NetworkDavis, Patience};
-use evrig::device::recorder::{Recorder, Sample, Taken, channel, host_time};
 use evrig::event::Events;
 use evrig::format::aedat4::{Content, Reader};
 use evrig::geometry::Size;
 use evrig::live::{Addresses, Live, LiveError};
+use evrig::record::recorder::{Recorder, Sample, Taken, channel, host_time};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 

@@ -2,17 +2,17 @@
 
 #![allow(clippy::expect_used, clippy::unwrap_used)]
 
-use evrig::device::Verdict;
-use evrig::device::pi::agent::{Agent, AgentError, Room, Service, Spool};
-use evrig::device::pi::keys::{self, Keys};
-use evrig::device::pi::order::{Delivery, Order, Settings};
-use evrig::device::pi::source::{FrameSource, SourceError, Synthetic};
-use evrig::device::pi::wire::{self, Decoder, Message};
+use evrig::delivery::{Coding, Focus, RgbDelivery};
 use evrig::device::pi::{NetworkPi, Patience, Reach};
-use evrig::device::recorder::{Inlet, Recorder, Sample, Taken, channel};
 use evrig::geometry::Size;
-use evrig::rig::{Coding, Focus, RgbDelivery};
-use evrig::session::PiFrame;
+use evrig::pi::agent::{Agent, AgentError, Room, Service, Spool};
+use evrig::pi::keys::{self, Keys};
+use evrig::pi::order::{Delivery, Order, Settings};
+use evrig::pi::source::{FrameSource, SourceError, Synthetic};
+use evrig::pi::wire::{self, Decoder, Message};
+use evrig::pi_camera::PiFrame;
+use evrig::record::Verdict;
+use evrig::record::recorder::{Inlet, Recorder, Sample, Taken, channel};
 use evrig::time::Span;
 use evrig::units::Hertz;
 use std::io::{Read, Write};
@@ -91,7 +91,7 @@ fn take_all(inlet: &Inlet) -> Vec<Sample> {
 }
 
 /// Records until the camera has no more frames; every sample comes back, and the recorder's tally.
-fn record(pi: &mut NetworkPi, end: &Receiver<()>) -> (Vec<Sample>, evrig::device::recorder::Tally) {
+fn record(pi: &mut NetworkPi, end: &Receiver<()>) -> (Vec<Sample>, evrig::record::recorder::Tally) {
     let (outlet, inlet) = channel(1 << 30);
     pi.prepare().unwrap();
     pi.start(outlet).unwrap();
@@ -107,7 +107,7 @@ fn assert_pictures(frame: &PiFrame, has_raw: bool, has_rgb: bool) {
     assert_eq!((frame.raw10.is_some(), frame.rgb.is_some()), (has_raw, has_rgb), "frame {k}");
     let sample = |column, row| Synthetic::sample(k, column, row);
     if let Some(raw10) = &frame.raw10 {
-        let samples = evrig::format::raw10::unpack(raw10, size, raw10.len() / 48).unwrap();
+        let samples = evrig::raw10::unpack(raw10, size, raw10.len() / 48).unwrap();
         assert_eq!(samples[5 * 64 + 9], sample(9, 5));
         assert_eq!(samples.last(), Some(&sample(63, 47)));
     }

@@ -4,13 +4,13 @@
 
 #![allow(clippy::expect_used, clippy::unwrap_used, clippy::print_stdout)]
 
-use evrig::device::pi::picamera::Picamera;
-use evrig::device::pi::source::{FrameSource, SourceError};
-use evrig::device::pi::wire::Settings;
-use evrig::format::raw10;
+use evrig::delivery::Focus;
 use evrig::geometry::Size;
-use evrig::rig::Focus;
-use evrig::session::PiFrame;
+use evrig::pi::picamera::Picamera;
+use evrig::pi::source::{FrameSource, SourceError};
+use evrig::pi::wire::Settings;
+use evrig::pi_camera::PiFrame;
+use evrig::raw10;
 use evrig::time::Span;
 use evrig::units::Hertz;
 use std::path::PathBuf;

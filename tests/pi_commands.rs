@@ -2,12 +2,12 @@
 
 #![allow(clippy::expect_used, clippy::unwrap_used)]
 
-use evrig::device::Verdict;
-use evrig::device::pi::order::{Delivery, Order, Settings};
+use evrig::delivery::Focus;
 use evrig::device::pi::{NetworkPi, Patience, Reach};
-use evrig::device::recorder::Recorder;
 use evrig::geometry::Size;
-use evrig::rig::Focus;
+use evrig::pi::order::{Delivery, Order, Settings};
+use evrig::record::Verdict;
+use evrig::record::recorder::Recorder;
 use evrig::time::Span;
 use evrig::units::Hertz;
 use std::io::{BufRead, BufReader};

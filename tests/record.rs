@@ -2,24 +2,25 @@
 
 #![allow(clippy::expect_used, clippy::unwrap_used)]
 
+use evrig::delivery::{Focus, RgbDelivery};
 use evrig::device::davis::serve::StreamServer;
 use evrig::device::davis::{NetworkDavis, Pace, Patience as DavisPatience, ReplayDavis};
 use evrig::device::dobot::{Client, Magician, Patience as ArmPatience, port};
-use evrig::device::pi::agent::{Agent, AgentError, Room, Service, Spool};
-use evrig::device::pi::order::{Delivery, Order};
-use evrig::device::pi::source::Synthetic;
-use evrig::device::pi::wire::Settings;
 use evrig::device::pi::{NetworkPi, Patience, Reach};
-use evrig::device::recorder::Recorder;
-use evrig::device::sim::arm::{Clock, Emulator, Options};
 use evrig::event::Event;
 use evrig::format::aedat4::{Compression, StreamSpec};
 use evrig::geometry::Size;
+use evrig::pi::agent::{Agent, AgentError, Room, Service, Spool};
+use evrig::pi::order::{Delivery, Order};
+use evrig::pi::source::Synthetic;
+use evrig::pi::wire::Settings;
+use evrig::record::recorder::Recorder;
 use evrig::record::{
     Devices, Dwells, Outcome, Prompts, RecordError, Request, State, Stop, StopToken, record,
 };
-use evrig::rig::{Focus, RgbDelivery, Rig};
+use evrig::rig::Rig;
 use evrig::session::{Session, Status, StreamKind, verify};
+use evrig::sim::arm::{Clock, Emulator, Options};
 use evrig::time::Span;
 use evrig::trajectory::{Optional, Trajectory};
 use evrig::units::Hertz;

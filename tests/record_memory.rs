@@ -8,7 +8,7 @@
 #[allow(dead_code)]
 mod load;
 
-use evrig::device::recorder::Tally;
+use evrig::record::recorder::Tally;
 use evrig::record::{Rehearsal, Stop, StopToken, rehearse};
 use load::{Load, Pace};
 use std::time::Duration;

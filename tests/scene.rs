@@ -4,14 +4,14 @@
 
 mod small_rig;
 
-use evrig::device::sim::world::{
-    CameraName, DavisTwin, Motion, PiTwin, Schedule, Setting, World, WorldDescription,
-};
 use evrig::drive::{Drive, TimeGrid};
 use evrig::frame::Frame;
 use evrig::rig::{Pose, Rig};
 use evrig::roi::{Lens, Light, Track, TrackOptions, Tracker};
 use evrig::scene::{DavisKnown, PiKnown, PointSpread, RawLight, Scene, SceneError, survey, tie};
+use evrig::sim::world::{
+    CameraName, DavisTwin, Motion, PiTwin, Schedule, Setting, World, WorldDescription,
+};
 use evrig::time::{Clock, ClockMap, Davis, PiSensor, Span};
 use small_rig::small_rig;
 use std::f64::consts::TAU;

@@ -5,14 +5,14 @@
 mod small_rig;
 
 use evrig::device::davis::Pace;
-use evrig::device::sim::world::WorldDescription;
+use evrig::drivers::{Bench, BenchError, Opening};
 use evrig::format::aedat4::{Content, Reader};
 use evrig::imu::ImuSample;
-use evrig::record::{
-    Bench, BenchError, Dwells, Opening, Outcome, Prompts, Request, State, StopToken, record,
-};
+use evrig::pi_camera::FrameMetadata;
+use evrig::record::{Dwells, Outcome, Prompts, Request, State, StopToken, record};
 use evrig::rig::Rig;
-use evrig::session::{ClockExchange, FrameMetadata, Manifest, Session, Status, StreamKind, verify};
+use evrig::session::{ClockExchange, Manifest, Session, Status, StreamKind, verify};
+use evrig::sim::world::WorldDescription;
 use evrig::trajectory::{Optional, Trajectory};
 use serde_json::Value;
 use small_rig::small_rig;

@@ -9,8 +9,8 @@ mod devtools;
 
 use base64::Engine;
 use devtools::Browser;
-use evrig::device::recorder::Recorder;
 use evrig::device::stimulus::{ImageList, Screen, Stimulus};
+use evrig::record::recorder::Recorder;
 use evrig::rig::Rig;
 use serde_json::json;
 use std::io::{Read, Write};

@@ -1,15 +1,16 @@
 //! What the recorder is loaded with: an event camera and a frame camera that make the same samples
 //! every time, and know what they made.
 
-use evrig::device::Finding;
-use evrig::device::recorder::{
-    Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
-};
 use evrig::event::{Event, Events};
 use evrig::format::aedat4::{Content, Reader, StreamSpec};
-use evrig::format::raw10;
 use evrig::geometry::Size;
-use evrig::session::{EventSum, FrameMetadata, PiFrame, PictureSum};
+use evrig::pi_camera::{FrameMetadata, PiFrame};
+use evrig::raw10;
+use evrig::record::Finding;
+use evrig::record::recorder::{
+    Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
+};
+use evrig::session::{EventSum, PictureSum};
 use evrig::time::{Span, Stamp};
 use rustix::time::{ClockId, clock_gettime};
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};

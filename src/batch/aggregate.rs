@@ -6,8 +6,8 @@
 
 use super::{BatchError, Found};
 use crate::pipeline::{PipelineError, read_comparison};
-use crate::session::{Session, StreamKind, StreamName};
-use crate::stats::{Estimate, SplitMix, median};
+use evrig_core::stats::{Estimate, SplitMix, median};
+use evrig_session::{Session, StreamKind, StreamName};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -216,7 +216,7 @@ impl Aggregate {
         let path = root.join("comparison.json");
         let text = serde_json::to_string_pretty(self)
             .map_err(|e| BatchError::Malformed { path: path.clone(), what: e.to_string() })?;
-        crate::session::write_whole(&path, text.as_bytes())?;
+        evrig_session::write_whole(&path, text.as_bytes())?;
         let head =
             "variant,measure,n_sessions,mean,standard_error,ci90_low,ci90_high,median,n_healthy";
         let rows = self.variants.iter().flat_map(|variant| {
@@ -241,7 +241,7 @@ impl Aggregate {
 
 fn table(path: &Path, head: &str, rows: impl Iterator<Item = String>) -> Result<(), BatchError> {
     let rows: Vec<String> = std::iter::once(head.to_owned()).chain(rows).collect();
-    Ok(crate::session::write_whole(path, rows.join("\n").as_bytes())?)
+    Ok(evrig_session::write_whole(path, rows.join("\n").as_bytes())?)
 }
 
 /// A number as it is, or nothing where it is not known.
@@ -261,7 +261,7 @@ fn quoted(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stats::Moments;
+    use evrig_core::stats::Moments;
 
     #[test]
     fn the_error_of_a_mean_over_sessions_is_what_repeating_them_shows() {

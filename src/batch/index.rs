@@ -1,11 +1,11 @@
 //! `dataset.json`: what is in a dataset, session by session.
 
 use super::{BatchError, Found, Share, SplitBy, Splits, Verdict, read_outcome, stimulus};
-use crate::diagnose;
-use crate::effect_id::EffectId;
-use crate::generate::GenerateParameters;
 use crate::pipeline::read_diagnosis;
-use crate::session::{
+use evrig_analysis::diagnose;
+use evrig_core::effect_id::EffectId;
+use evrig_generate::GenerateParameters;
+use evrig_session::{
     Loss, Manifest, Origin, Session, Status, StreamKind, read_stage, sha256_of_bytes, write_whole,
 };
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,7 @@
 //! One process at a time: locks that end with the process, however it ends.
 
 use super::BatchError;
-use crate::session::Session;
+use evrig_session::Session;
 use std::fs::{File, TryLockError};
 use std::io::{Read, Write};
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! What became of each session: `batch/outcomes/<session>.json`.
 
 use super::BatchError;
-use crate::session::write_whole;
+use evrig_session::write_whole;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

@@ -1,12 +1,12 @@
 //! A dataset as pages.
 
 use super::{Aggregate, Index, IndexedSession, NamedEffect, Verdict};
-use crate::report::figure::Link;
-use crate::report::number::{count, quantity};
-use crate::report::page::{Block, Fact, Page, Section, Summary};
-use crate::report::table::{Cell, Column, Table};
-use crate::session::StreamKind;
-use crate::stats::{Estimate, Moments};
+use evrig_core::stats::{Estimate, Moments};
+use evrig_report::figure::Link;
+use evrig_report::number::{count, quantity};
+use evrig_report::page::{Block, Fact, Page, Section, Summary};
+use evrig_report::table::{Cell, Column, Table};
+use evrig_session::StreamKind;
 use std::collections::BTreeMap;
 use std::path::Path;
 

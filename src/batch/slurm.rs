@@ -11,7 +11,7 @@ mod script;
 pub use queue::JobState;
 
 use super::BatchError;
-use crate::session::write_whole;
+use evrig_session::write_whole;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -2,7 +2,7 @@
 //! no other one, and the same recording under two names never stands on both sides.
 
 use super::BatchError;
-use crate::session::{Manifest, sha256_of_bytes};
+use evrig_session::{Manifest, sha256_of_bytes};
 use serde::{Deserialize, Serialize};
 
 /// A named part of a dataset.

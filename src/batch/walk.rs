@@ -1,7 +1,7 @@
 //! The sessions below a directory.
 
 use super::BatchError;
-use crate::session::Session;
+use evrig_session::Session;
 use std::path::{Path, PathBuf};
 
 /// Folders between a dataset and its sessions.

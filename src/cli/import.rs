@@ -1,7 +1,7 @@
 //! `import`: recordings made elsewhere become sessions.
 
-use crate::geometry::Size;
 use clap::{Args, Subcommand};
+use evrig_core::geometry::Size;
 use std::path::PathBuf;
 
 /// Arguments of `evrig import`.

@@ -1,11 +1,11 @@
 //! `evrig calibrate`: the generator's constants from a session's frames and real events.
 
 use super::{Ending, Output};
-use crate::calibrate::{Calibration, Constant};
 use crate::cli::{CalibrateArgs, CalibrateObjective};
 use crate::pipeline::{self, CalibrateRequest, Freshness, ObjectiveKind, PipelineError};
-use crate::report::number::significant;
-use crate::session::Session;
+use evrig_analysis::calibrate::{Calibration, Constant};
+use evrig_report::number::significant;
+use evrig_session::Session;
 use serde_json::Value;
 
 pub(super) fn run(args: &CalibrateArgs, output: &Output) -> anyhow::Result<Ending> {

@@ -3,15 +3,15 @@
 use super::plan::refused;
 use super::{Ending, Output, WrongUse};
 use crate::cli::CheckArgs;
-use crate::device::davis::Pace;
-use crate::device::dobot::check::open_and_look;
-use crate::device::dobot::port;
-use crate::device::sim::arm::{Clock, Emulator, Options};
-use crate::device::sim::world::WorldDescription;
-use crate::device::{Finding, Verdict};
-use crate::record::{self, Opening};
-use crate::rig::{ArmPort, Pose, Rig};
-use crate::trajectory::{Optional, Plan, Trajectory};
+use crate::drivers::{self, Opening};
+use evrig_device::davis::Pace;
+use evrig_device::dobot::check::open_and_look;
+use evrig_device::dobot::port;
+use evrig_record::{Finding, Verdict};
+use evrig_session::rig::{ArmPort, Pose, Rig};
+use evrig_session::trajectory::{Optional, Plan, Trajectory};
+use evrig_sim::arm::{Clock, Emulator, Options};
+use evrig_sim::world::WorldDescription;
 use serde_json::json;
 use std::path::Path;
 
@@ -86,7 +86,7 @@ fn of_rig(name: &str, args: &CheckArgs, output: &Output) -> anyhow::Result<Vec<F
     drop(arm);
     findings.extend(found);
     output.detail("asking the cameras, and how fast the network is");
-    let start = path.map_or(rig.arm.home, crate::trajectory::Path::start);
+    let start = path.map_or(rig.arm.home, evrig_session::trajectory::Path::start);
     findings.extend(cameras(&rig, start, simulated.as_ref()));
     let needed = plan.as_ref().map_or(SOME_SPACE, |plan| plan.disk_bytes);
     findings.push(disk(&args.out, needed));
@@ -98,7 +98,7 @@ fn of_rig(name: &str, args: &CheckArgs, output: &Output) -> anyhow::Result<Vec<F
 fn cameras(rig: &Rig, start: Pose, arm: Option<&Emulator>) -> Vec<Finding> {
     let world = WorldDescription::default();
     let opening = Opening { pace: Pace::Times(1.0), home: false, start, world: &world, seed: 1 };
-    match record::cameras(rig, &opening, arm) {
+    match drivers::cameras(rig, &opening, arm) {
         Ok(mut cameras) => cameras.iter_mut().flat_map(|camera| camera.check()).collect(),
         Err(error) => vec![Finding::bad("cameras", error.to_string())],
     }

@@ -2,10 +2,10 @@
 
 use super::{Ending, Output, WrongUse};
 use crate::cli::{CompareArgs, Engine};
-use crate::compare::Comparison;
 use crate::pipeline::{self, CompareRequest, Freshness, PipelineError};
-use crate::report::{session::measures, terminal};
-use crate::session::{Session, StreamKind, StreamName};
+use evrig_analysis::compare::Comparison;
+use evrig_report::{session::measures, terminal};
+use evrig_session::{Session, StreamKind, StreamName};
 use serde_json::{Value, json};
 
 pub(super) fn run(args: &CompareArgs, output: &Output) -> anyhow::Result<Ending> {

@@ -2,9 +2,9 @@
 
 use super::{Ending, Output, run};
 use crate::cli::{Cli, DemoArgs};
-use crate::session::Layout;
 use anyhow::Context;
 use clap::Parser;
+use evrig_session::Layout;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

@@ -2,9 +2,9 @@
 
 use super::{Ending, Output};
 use crate::cli::{BaselineChoice, DiagnoseArgs, ProcessArgs};
-use crate::diagnose::{Diagnosis, Options, Verdict};
 use crate::pipeline::{self, Baseline, DiagnoseRequest, PipelineError};
-use crate::session::Session;
+use evrig_analysis::diagnose::{Diagnosis, Options, Verdict};
+use evrig_session::Session;
 use serde_json::{Value, json};
 use std::time::Instant;
 

@@ -3,7 +3,7 @@
 use super::{Ending, Output};
 use crate::cli::{ExportArgs, ExportFormat as Chosen, ExportKind};
 use crate::export::{Cut, ExportFormat, ExportRequest, export};
-use crate::session::{Session, StreamKind};
+use evrig_session::{Session, StreamKind};
 use serde_json::json;
 
 pub(super) fn run(args: &ExportArgs, output: &Output) -> anyhow::Result<Ending> {

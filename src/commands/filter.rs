@@ -3,7 +3,7 @@
 use super::{Ending, Output, WrongUse, compare};
 use crate::cli::{FilterArgs, FilterChoice};
 use crate::pipeline::{self, FilterRequest, FilterSettings, FilteredStream, Freshness};
-use crate::session::{Session, StreamKind, StreamName};
+use evrig_session::{Session, StreamKind, StreamName};
 use serde_json::{Value, json};
 
 pub(super) fn run(args: &FilterArgs, output: &Output) -> anyhow::Result<Ending> {

@@ -3,14 +3,14 @@
 mod diagnosed;
 
 use super::{Ending, Output, WrongUse};
-use crate::calibrate::Calibration;
 use crate::cli::{ConditionArgs, GenerateArgs, ModelArgs};
-use crate::generate::effect::Effects;
-use crate::generate::input::{Colour, Preparation};
-use crate::generate::{Choice, GenerateParameters, KnobSetting, ParameterError};
 use crate::pipeline::{self, Conditions, Freshness, GenerateRequest, Generated};
-use crate::session::{Session, StreamName};
 use anyhow::Context;
+use evrig_analysis::calibrate::Calibration;
+use evrig_generate::effect::Effects;
+use evrig_generate::input::{Colour, Preparation};
+use evrig_generate::{Choice, GenerateParameters, KnobSetting, ParameterError};
+use evrig_session::{Session, StreamName};
 use serde_json::json;
 
 pub(super) fn run(args: &GenerateArgs, output: &Output) -> anyhow::Result<Ending> {

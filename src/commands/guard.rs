@@ -2,7 +2,7 @@
 
 use super::{Ending, Output};
 use crate::cli::GuardArgs;
-use crate::device::dobot::guard::{Ended, serve};
+use evrig_device::dobot::guard::{Ended, serve};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;

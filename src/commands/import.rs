@@ -2,10 +2,10 @@
 
 use super::{Ending, Output, WrongUse};
 use crate::cli::{ImportAedat4Args, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs};
-use crate::session::import::{
+use evrig_session::import::{
     FrameTimes, ImportFrames, ImportRaw2Event, import_aedat4, import_frames, import_raw2event,
 };
-use crate::session::{Manifest, StreamName};
+use evrig_session::{Manifest, StreamName};
 use std::fmt::Write;
 use std::path::Path;
 

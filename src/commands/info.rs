@@ -2,8 +2,8 @@
 
 use super::{Ending, Output};
 use crate::cli::InfoArgs;
-use crate::session::{Manifest, Session, StreamEntry, StreamKind, census};
-use crate::time::{Clock, Davis};
+use evrig_core::time::{Clock, Davis};
+use evrig_session::{Manifest, Session, StreamEntry, StreamKind, census};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -117,7 +117,7 @@ impl StreamInfo {
     }
 
     /// Puts what the file really holds in place of what was said.
-    fn count_from(&mut self, found: &crate::session::StreamCensus) {
+    fn count_from(&mut self, found: &evrig_session::StreamCensus) {
         self.width = found.size.map(|size| size.width);
         self.height = found.size.map(|size| size.height);
         self.count = found.count;

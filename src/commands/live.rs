@@ -4,15 +4,15 @@ use super::pi::{generation_settings, generation_words};
 use super::plan::refused;
 use super::{Ending, Output, WrongUse};
 use crate::cli::LiveArgs;
-use crate::device::davis::{Pace, ReplayDavis};
-use crate::device::recorder::{Inlet, Recorder, Sample, Taken, channel, host_time};
-use crate::device::sim::world::WorldDescription;
-use crate::geometry::Size;
+use crate::drivers::{Bench, Opening};
 use crate::live::{Addresses, Generation, GenerationSettings, Live, Status};
-use crate::record::{Bench, Opening};
-use crate::rig::Rig;
-use crate::session::Layout;
-use crate::time::Span;
+use evrig_core::geometry::Size;
+use evrig_core::time::Span;
+use evrig_device::davis::{Pace, ReplayDavis};
+use evrig_record::recorder::{Inlet, Recorder, Sample, Taken, channel, host_time};
+use evrig_session::Layout;
+use evrig_session::rig::Rig;
+use evrig_sim::world::WorldDescription;
 use serde_json::json;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::path::Path;
@@ -110,7 +110,7 @@ fn open(args: &LiveArgs) -> anyhow::Result<Source> {
         if !davis.exists() {
             return Err(WrongUse(format!("{} has no davis.aedat4", path.display())).into());
         }
-        let size = crate::format::aedat4::Reader::open(&davis)?
+        let size = evrig_format::aedat4::Reader::open(&davis)?
             .streams()
             .iter()
             .find_map(|stream| stream.size)

@@ -2,9 +2,9 @@
 
 use super::{Ending, Output, WrongUse};
 use crate::cli::PlanArgs;
-use crate::rig::{DescriptionError, Rig};
-use crate::trajectory::{Optional, Plan, Trajectory};
 use anyhow::Context;
+use evrig_session::rig::{DescriptionError, Rig};
+use evrig_session::trajectory::{Optional, Plan, Trajectory};
 
 mod plot;
 mod table;

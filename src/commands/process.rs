@@ -9,7 +9,7 @@ pub(super) use target::cut_alike;
 
 use super::{Ending, Output, WrongUse};
 use crate::cli::{Engine, ProcessArgs};
-use crate::session::Session;
+use evrig_session::Session;
 use serde_json::{Value, json};
 use std::path::Path;
 use steps::Steps;

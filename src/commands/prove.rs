@@ -2,13 +2,13 @@
 
 use super::{Ending, Output, WrongUse};
 use crate::cli::ProveArgs;
-use crate::diagnose::Options;
 use crate::prove::{
     Ask, Bench, Family, Maker, Mix, Plan, Proof, Ready, Trial, complaints, draw, markdown, quick,
     settle, sha256,
 };
-use crate::time::Span;
 use anyhow::Context;
+use evrig_analysis::diagnose::Options;
+use evrig_core::time::Span;
 use serde_json::json;
 use std::time::Duration;
 

@@ -6,17 +6,17 @@ mod prompt;
 use super::plan::refused;
 use super::{Ending, Output, WrongUse};
 use crate::cli::RecordArgs;
-use crate::device::davis::Pace;
-use crate::device::dobot::guard::Stopper;
-use crate::device::recorder::Recorder;
-use crate::device::sim::world::WorldDescription;
-use crate::record::{
-    self, Bench, Dwells, Opening, Outcome, Prompts, RUNS_SCHEMA, Request, RunList, RunsError,
-    State, Stop, StopToken,
+use crate::drivers::{Bench, Opening};
+use evrig_device::davis::Pace;
+use evrig_device::dobot::guard::Stopper;
+use evrig_record::recorder::Recorder;
+use evrig_record::{
+    Dwells, Outcome, Prompts, RUNS_SCHEMA, Request, RunList, RunsError, State, Stop, StopToken,
 };
-use crate::rig::{ArmPort, Rig};
-use crate::session::{Session, Status, verify};
-use crate::trajectory::{Optional, Path, Plan, Trajectory};
+use evrig_session::rig::{ArmPort, Rig};
+use evrig_session::trajectory::{Optional, Path, Plan, Trajectory};
+use evrig_session::{Session, Status, verify};
+use evrig_sim::world::WorldDescription;
 use serde_json::{Value, json};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 use std::fmt::Write;
@@ -162,7 +162,8 @@ impl Work<'_> {
                 output.detail(state);
             }
         };
-        let outcome = record::record(request, &mut bench.devices, &self.operator.stop, &mut watch)?;
+        let outcome =
+            evrig_record::record(request, &mut bench.devices, &self.operator.stop, &mut watch)?;
         bar.finish_and_clear();
         let holds = verify(&Session::open(out)?)?.holds();
         Ok(told(out, &outcome, holds, output))

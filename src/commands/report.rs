@@ -3,8 +3,8 @@
 use super::{Ending, Output};
 use crate::cli::ReportArgs;
 use crate::pipeline;
-use crate::session::Session;
 use anyhow::Context;
+use evrig_session::Session;
 use serde_json::json;
 
 pub(super) fn run(args: &ReportArgs, output: &Output) -> anyhow::Result<Ending> {

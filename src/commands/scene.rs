@@ -3,7 +3,7 @@
 use super::{Ending, Output};
 use crate::cli::SceneArgs;
 use crate::pipeline::{self, Freshness, SceneMade};
-use crate::session::Session;
+use evrig_session::Session;
 use serde_json::{Value, json};
 
 pub(super) fn run(args: &SceneArgs, output: &Output) -> anyhow::Result<Ending> {

@@ -3,9 +3,9 @@
 use super::plan::refused;
 use super::{Ending, Output, WrongUse};
 use crate::cli::StimulusArgs;
-use crate::device::stimulus::{ImageList, Stimulus};
-use crate::rig::Rig;
 use anyhow::Context;
+use evrig_device::stimulus::{ImageList, Stimulus};
+use evrig_session::rig::Rig;
 use serde_json::json;
 use signal_hook::consts::{SIGINT, SIGTERM};
 

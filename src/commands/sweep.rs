@@ -3,12 +3,12 @@
 use super::generate::{conditions, prepare_as_tuned, tuned_parameters};
 use super::{Ending, Output, WrongUse};
 use crate::cli::{ModelArgs, SweepArgs};
-use crate::effect_id::EffectId;
-use crate::generate::effect::{Effect, Effects};
-use crate::generate::{Knob, ModelParameters};
 use crate::pipeline::{self, GenerateRequest, SweepRequest};
-use crate::session::{Session, StreamName};
 use anyhow::Context;
+use evrig_core::effect_id::EffectId;
+use evrig_generate::effect::{Effect, Effects};
+use evrig_generate::{Knob, ModelParameters};
+use evrig_session::{Session, StreamName};
 use serde_json::json;
 
 /// What is turned.

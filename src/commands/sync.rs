@@ -2,10 +2,10 @@
 
 use super::{Ending, Output};
 use crate::cli::SyncArgs;
-use crate::clock::{Attempt, LateStream, Reference, SessionClocks};
 use crate::pipeline::{self, Freshness, Synced};
-use crate::session::Session;
-use crate::time::Span;
+use evrig_core::time::Span;
+use evrig_reconstruct::clock::{Attempt, LateStream, Reference, SessionClocks};
+use evrig_session::Session;
 use serde_json::json;
 
 pub(super) fn run(args: &SyncArgs, output: &Output) -> anyhow::Result<Ending> {
@@ -118,7 +118,7 @@ fn rounded(us: f64) -> String {
     format!("{us:.1}")
 }
 
-fn method(method: crate::clock::Method) -> String {
+fn method(method: evrig_reconstruct::clock::Method) -> String {
     let json = serde_json::to_value(method).unwrap_or_default();
     json.as_str().unwrap_or_default().to_owned()
 }

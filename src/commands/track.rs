@@ -3,8 +3,8 @@
 use super::{Ending, Output, WrongUse};
 use crate::cli::TrackArgs;
 use crate::pipeline::{self, Freshness, TrackRequest, Tracked};
-use crate::rig::Rig;
-use crate::session::{Session, StreamKind};
+use evrig_session::rig::Rig;
+use evrig_session::{Session, StreamKind};
 use serde_json::{Value, json};
 
 pub(super) fn run(args: &TrackArgs, output: &Output) -> anyhow::Result<Ending> {

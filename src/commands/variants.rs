@@ -5,15 +5,15 @@ use super::generate::{
 };
 use super::{Ending, Output, WrongUse};
 use crate::cli::{ConditionArgs, ModelArgs};
-use crate::compare::Comparison;
-use crate::generate::effect::Effects;
 use crate::pipeline::{
     self, CalibrateRequest, CompareRequest, FilterRequest, GenerateRequest, ObjectiveKind,
     PipelineError, Reference,
 };
-use crate::report::number::quantity;
-use crate::session::{Session, StreamKind, StreamName};
 use anyhow::Context;
+use evrig_analysis::compare::Comparison;
+use evrig_generate::effect::Effects;
+use evrig_report::number::quantity;
+use evrig_session::{Session, StreamKind, StreamName};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::time::Instant;

@@ -2,7 +2,7 @@
 
 use super::{Ending, Output};
 use crate::cli::VerifyArgs;
-use crate::session::{Repair, Session, repair, verify};
+use evrig_session::{Repair, Session, repair, verify};
 use serde_json::json;
 use std::fmt::Write;
 

@@ -1,13 +1,13 @@
 //! What is known of a session's images beside an event stream: when each saw light, which events
 //! lie between it and the next, and where the picture was.
 
-use crate::clock::ClockEstimate;
-use crate::format::hdf5::{SideColumn, SideGroup};
-use crate::format::npy::Column;
 use crate::pipeline::{self, AnyTrack, PipelineError};
-use crate::roi::{Track, View};
-use crate::session::{Picture, Session, SessionError, StreamKind};
-use crate::time::{Clock, Davis, PiSensor, Stamp};
+use evrig_core::time::{Clock, Davis, PiSensor, Stamp};
+use evrig_format::hdf5::{SideColumn, SideGroup};
+use evrig_format::npy::Column;
+use evrig_reconstruct::clock::ClockEstimate;
+use evrig_reconstruct::roi::{Track, View};
+use evrig_session::{Picture, Session, SessionError, StreamKind};
 
 /// One image stream, a row an image.
 pub(super) struct Images {

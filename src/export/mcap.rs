@@ -12,11 +12,11 @@
 use super::images::Images;
 use super::window::{Window, windows};
 use super::{Chosen, Cut, ExportError, ExportRequest, unfit};
-use crate::event::EventSlice;
-use crate::frame::{Channels, Samples};
-use crate::geometry::Size;
-use crate::session::{Session, picture_message, picture_schema};
-use crate::time::{Stamp, Unix};
+use evrig_core::event::EventSlice;
+use evrig_core::frame::{Channels, Samples};
+use evrig_core::geometry::Size;
+use evrig_core::time::{Stamp, Unix};
+use evrig_session::{Session, picture_message, picture_schema};
 use mcap::records::MessageHeader;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;

@@ -1,13 +1,13 @@
 //! Streams of a session as NumPy arrays.
 
-use crate::event::EventSlice;
-use crate::format::aedat4::{Content, Reader};
-use crate::format::hdf5::SideGroup;
-use crate::format::npy::{ArrayReader, Column, NpzWriter};
-use crate::frame::Samples;
-use crate::imu::{ImuSample, Trigger};
-use crate::session::{Session, SessionError, StreamEntry, StreamKind};
-use crate::time::{Clock, PiSensor};
+use evrig_core::event::EventSlice;
+use evrig_core::frame::Samples;
+use evrig_core::imu::{ImuSample, Trigger};
+use evrig_core::time::{Clock, PiSensor};
+use evrig_format::aedat4::{Content, Reader};
+use evrig_format::hdf5::SideGroup;
+use evrig_format::npy::{ArrayReader, Column, NpzWriter};
+use evrig_session::{Session, SessionError, StreamEntry, StreamKind};
 use serde::Serialize;
 use std::path::Path;
 
@@ -81,7 +81,7 @@ impl Archive {
         Ok(Self { npz: NpzWriter::create(out)?, arrays: Vec::new() })
     }
 
-    fn add<T: crate::format::npy::Element>(
+    fn add<T: evrig_format::npy::Element>(
         &mut self,
         name: &str,
         shape: &[u64],
@@ -105,7 +105,7 @@ fn contents(
 ) -> Result<impl Iterator<Item = Content>, SessionError> {
     let id = entry.stream_id;
     let reader = Reader::open(&session.layout().inside(&entry.file)?)?;
-    let of_stream = move |packet: crate::format::aedat4::Packet| {
+    let of_stream = move |packet: evrig_format::aedat4::Packet| {
         id.is_none_or(|id| id == packet.stream).then_some(packet.content)
     };
     Ok(reader.map_while(Result::ok).filter_map(of_stream))

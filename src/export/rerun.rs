@@ -14,9 +14,9 @@
 use super::images::Images;
 use super::window::windows;
 use super::{Chosen, Cut, ExportError, ExportRequest};
-use crate::frame::{Channels, Samples};
-use crate::geometry::Size;
-use crate::session::Session;
+use evrig_core::frame::{Channels, Samples};
+use evrig_core::geometry::Size;
+use evrig_session::Session;
 use re_sdk::{AsComponents, RecordingStream, RecordingStreamBuilder};
 use re_types::archetypes::{Image, LineStrips2D, Scalars, TextDocument};
 use re_types::datatypes::{ChannelDatatype, ColorModel};

@@ -11,11 +11,11 @@
 
 use super::images::Images;
 use super::{Chosen, ExportError, ExportRequest};
-use crate::format::hdf5::SideColumn;
-use crate::format::npy::Column;
 use crate::pipeline;
-use crate::session::{Session, StreamName, read_stage};
-use crate::time::{Clock, Davis};
+use evrig_core::time::{Clock, Davis};
+use evrig_format::hdf5::SideColumn;
+use evrig_format::npy::Column;
+use evrig_session::{Session, StreamName, read_stage};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,7 @@
 //! Events as pictures for viewers.
 
-use crate::event::EventSlice;
-use crate::geometry::Size;
+use evrig_core::event::EventSlice;
+use evrig_core::geometry::Size;
 
 /// Time of one picture, µs.
 pub(super) const WINDOW_US: i64 = 20_000;

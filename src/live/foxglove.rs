@@ -3,12 +3,6 @@
 //! A viewer that is slow loses the oldest messages of its queue; nothing waits for it.
 
 use super::{EventImage, LiveError, Status};
-use crate::format::raw10;
-use crate::frame::{Channels, Frame, Samples};
-use crate::geometry::Size;
-use crate::rig::Pose;
-use crate::session::{HostTime, PiFrame};
-use crate::time::{Davis, Stamp, Unix};
 use ::foxglove::messages::{
     Color, ImageAnnotations, Point2, PointsAnnotation, PoseInFrame, Quaternion, RawImage,
     Timestamp, Vector3, points_annotation,
@@ -16,6 +10,13 @@ use ::foxglove::messages::{
 use ::foxglove::{
     Channel, ChannelBuilder, Context, RawChannel, Schema, WebSocketServer, WebSocketServerHandle,
 };
+use evrig_core::frame::{Channels, Frame, Samples};
+use evrig_core::geometry::Size;
+use evrig_core::pi_camera::PiFrame;
+use evrig_core::raw10;
+use evrig_core::time::{Davis, Stamp, Unix};
+use evrig_session::HostTime;
+use evrig_session::rig::Pose;
 use std::net::SocketAddr;
 use std::sync::Arc;
 

@@ -5,18 +5,18 @@
 //! than bound and two frames' work. Whatever is left out is counted.
 
 use super::LiveError;
-use crate::device::davis::serve::{ServeError, StreamServer};
-use crate::device::host_clock;
-use crate::event::Events;
-use crate::format::aedat4::{Compression, StreamSpec};
-use crate::format::raw10;
-use crate::frame::{Luminance, UnknownOrder, luma};
-use crate::generate::input::{Colour, Pictured, Preparation, Preparer};
-use crate::generate::live::{Fate, LiveGenerator, LiveTally};
-use crate::generate::{GenerateParameters, Generator, RowTimes, build};
-use crate::geometry::Size;
-use crate::session::{FrameMetadata, PiFrame};
-use crate::time::{HostMonotonic, Span, Stamp};
+use evrig_core::event::Events;
+use evrig_core::frame::{Luminance, UnknownOrder, luma};
+use evrig_core::geometry::Size;
+use evrig_core::pi_camera::{FrameMetadata, PiFrame};
+use evrig_core::raw10;
+use evrig_core::time::{HostMonotonic, Span, Stamp};
+use evrig_device::davis::serve::{ServeError, StreamServer};
+use evrig_format::aedat4::{Compression, StreamSpec};
+use evrig_generate::input::{Colour, Pictured, Preparation, Preparer};
+use evrig_generate::live::{Fate, LiveGenerator, LiveTally};
+use evrig_generate::{GenerateParameters, Generator, RowTimes, build};
+use evrig_record::host_clock;
 use serde::Serialize;
 use std::net::SocketAddr;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
@@ -262,10 +262,10 @@ fn exposure_gain(metadata: &FrameMetadata) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::pi::order::Settings;
-    use crate::device::pi::source::{FrameSource, Synthetic};
-    use crate::generate::Preset;
-    use crate::units::Hertz;
+    use evrig_core::units::Hertz;
+    use evrig_generate::Preset;
+    use evrig_pi::order::Settings;
+    use evrig_pi::source::{FrameSource, Synthetic};
 
     const SIZE: Size = Size { width: 64, height: 32 };
 

@@ -1,16 +1,16 @@
 //! What is shown, gathered from samples.
 
 use super::{LiveError, Status};
-use crate::device::host_clock;
-use crate::device::recorder::Sample;
-use crate::event::EventSlice;
-use crate::format::aedat4::Content;
-use crate::frame::Frame;
-use crate::geometry::Size;
-use crate::rig::Pose;
-use crate::roi::{Light, Spotter};
-use crate::session::HostTime;
-use crate::time::{Davis, HostMonotonic, Span, Stamp};
+use evrig_core::event::EventSlice;
+use evrig_core::frame::Frame;
+use evrig_core::geometry::Size;
+use evrig_core::time::{Davis, HostMonotonic, Span, Stamp};
+use evrig_format::aedat4::Content;
+use evrig_reconstruct::roi::{Light, Spotter};
+use evrig_record::host_clock;
+use evrig_record::recorder::Sample;
+use evrig_session::HostTime;
+use evrig_session::rig::Pose;
 
 /// Between two searches for the tag: five a second cost little of a core.
 const BETWEEN_LOOKS: Span = Span::from_micros(200_000);
@@ -159,8 +159,9 @@ impl View {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::{Event, Events};
-    use crate::session::{ClockExchange, ClockSandwich};
+    use evrig_core::event::{Event, Events};
+    use evrig_core::pi_camera::ClockSandwich;
+    use evrig_session::ClockExchange;
 
     fn at(ms: i64) -> HostTime {
         HostTime { monotonic: Stamp::from_micros(ms * 1_000), unix: Stamp::from_micros(ms * 1_000) }

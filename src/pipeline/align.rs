@@ -7,7 +7,7 @@ use super::PipelineError;
 use super::scene::{SceneMade, scene};
 use super::sync::{Synced, pi_streams, sync};
 use super::track::{TrackRequest, Tracked, track};
-use crate::session::{Origin, Session, StreamKind};
+use evrig_session::{Origin, Session, StreamKind};
 use rayon::prelude::*;
 
 /// A stream's track, or why it has none.

@@ -4,13 +4,13 @@ use super::generate::Conditions;
 use super::sync::{missing, read_clocks};
 use super::track::{AnyTrack, read_track};
 use super::{Light, PipelineError, light};
-use crate::clock::ClockEstimate;
-use crate::generate::input::{Colour, Preparation};
-use crate::generate::{Between, Interpolator, PlaneInterpolator, PlanePath};
-use crate::geometry::Homography;
-use crate::roi::{Lens, Track};
-use crate::session::Session;
-use crate::time::{Clock, Davis, PiSensor, Stamp};
+use evrig_core::geometry::Homography;
+use evrig_core::time::{Clock, Davis, PiSensor, Stamp};
+use evrig_generate::input::{Colour, Preparation};
+use evrig_generate::{Between, Interpolator, PlaneInterpolator, PlanePath};
+use evrig_reconstruct::clock::ClockEstimate;
+use evrig_reconstruct::roi::{Lens, Track};
+use evrig_session::Session;
 
 /// How close frames are put in the target plane when nothing else is said, µs.
 const FINEST_US: u32 = 1_000;

@@ -6,9 +6,9 @@ use super::generate::{is_scene, scene_inputs};
 use super::{
     Freshness, PipelineError, clear, fresh_record, inputs, light, read_json, track, tracked,
 };
-use crate::calibrate::{self, CalibrateError, Calibration, EmdObjective, Objective};
-use crate::calibrate::{ScoreObjective, Settings};
-use crate::session::{Session, StageRecord, StreamName, write_stage};
+use evrig_analysis::calibrate::{self, CalibrateError, Calibration, EmdObjective, Objective};
+use evrig_analysis::calibrate::{ScoreObjective, Settings};
+use evrig_session::{Session, StageRecord, StreamName, write_stage};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 

@@ -2,12 +2,12 @@
 
 use super::generate::is_scene;
 use super::{Freshness, PipelineError, clear, filter, fresh_record, inputs, read_json};
-use crate::compare::{self, Comparison, FrameChanges, Maps, Setup};
-use crate::event::{EventSlice, Events};
-use crate::format::npy::{Column, Npz, NpzWriter};
-use crate::frame::Luminance;
-use crate::geometry::Size;
-use crate::session::{
+use evrig_analysis::compare::{self, Comparison, FrameChanges, Maps, Setup};
+use evrig_core::event::{EventSlice, Events};
+use evrig_core::frame::Luminance;
+use evrig_core::geometry::Size;
+use evrig_format::npy::{Column, Npz, NpzWriter};
+use evrig_session::{
     Session, SessionError, StageRecord, StreamKind, StreamName, read_stage, write_stage,
 };
 use serde_json::json;

@@ -6,17 +6,17 @@ mod stated;
 mod tied;
 
 use super::{Freshness, PipelineError, clear, fresh_record, inputs, read_json};
-use crate::diagnose::{
-    self, Departure, Diagnosis, Evidence, FittedCamera, FreeRun, HeatMap, Options, StampGrid,
-};
-use crate::drive::Drive;
-use crate::event::Events;
-use crate::predict::ByPixel;
-use crate::session::{Session, StageRecord, write_stage};
 use baseline::BaselineLight;
 pub use baseline::{Baseline, default_baseline};
 use camera::{CAMERA, CAMERA_SCHEMA};
 pub use camera::{DiagnosedCamera, read_camera};
+use evrig_analysis::diagnose::{
+    self, Departure, Diagnosis, Evidence, FittedCamera, FreeRun, HeatMap, Options, StampGrid,
+};
+use evrig_analysis::predict::ByPixel;
+use evrig_core::drive::Drive;
+use evrig_core::event::Events;
+use evrig_session::{Session, StageRecord, write_stage};
 use serde_json::json;
 use std::path::PathBuf;
 

@@ -4,17 +4,17 @@
 use super::sync::{missing, read_clocks};
 use super::track::{self, AnyTrack};
 use super::{Freshness, PipelineError, clear, fresh_record, inputs};
-use crate::clock::ClockEstimate;
-use crate::event::Events;
-use crate::filter::region::{RegionPath, Setting};
-use crate::filter::{Filtered, Tally, background, hot_pixel, rate, refractory, region};
-use crate::format::aedat4::{Compression, Reader, StreamSpec, Writer};
-use crate::geometry::{Homography, Size};
-use crate::roi::{TargetPlane, Track};
-use crate::session::{
+use evrig_analysis::filter::region::{RegionPath, Setting};
+use evrig_analysis::filter::{Filtered, Tally, background, hot_pixel, rate, refractory, region};
+use evrig_core::event::Events;
+use evrig_core::geometry::{Homography, Size};
+use evrig_core::time::{Clock, Davis, PiSensor, Stamp};
+use evrig_format::aedat4::{Compression, Reader, StreamSpec, Writer};
+use evrig_reconstruct::clock::ClockEstimate;
+use evrig_reconstruct::roi::{TargetPlane, Track};
+use evrig_session::{
     EventTally, Session, StageRecord, StreamKind, StreamName, read_stage, write_stage,
 };
-use crate::time::{Clock, Davis, PiSensor, Stamp};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -157,11 +157,11 @@ pub(super) fn filtered_events(
     let size = read_filter_tally(session, stream).and_then(|tally| tally.size);
     let (true, Some(size)) = (is_current, size) else { return Ok(None) };
     let mut events = Events::new();
-    let reader = Reader::open(directory.join("events.aedat4"))
-        .map_err(crate::session::SessionError::from)?;
+    let reader =
+        Reader::open(directory.join("events.aedat4")).map_err(evrig_session::SessionError::from)?;
     for packet in reader {
-        let packet = packet.map_err(crate::session::SessionError::from)?;
-        if let crate::format::aedat4::Content::Events(found) = packet.content {
+        let packet = packet.map_err(evrig_session::SessionError::from)?;
+        if let evrig_format::aedat4::Content::Events(found) = packet.content {
             events.extend_from_slice(found.as_slice());
         }
     }
@@ -216,7 +216,7 @@ pub(super) fn grid(session: &Session, stream: &StreamName) -> Result<Size, Pipel
         return Ok(size);
     }
     let reader = Reader::open(session.layout().generated(stream))
-        .map_err(crate::session::SessionError::from)?;
+        .map_err(evrig_session::SessionError::from)?;
     let size = reader.streams().iter().find_map(|stream| stream.size);
     size.ok_or_else(|| missing(session, format!("`{stream}` states no pixel grid")))
 }
@@ -256,7 +256,7 @@ fn path_of<C: Clock>(
     size: Size,
     [first_us, last_us]: [i64; 2],
     on_its_clock: impl Fn(Stamp<Davis>) -> Option<Stamp<C>>,
-) -> Result<RegionPath, crate::filter::FilterError> {
+) -> Result<RegionPath, evrig_analysis::filter::FilterError> {
     let square_from_plane = square_from_plane(&track.plane);
     let square_from_pixel = |t_us: i64| {
         let view = track.at(on_its_clock(Stamp::from_micros(t_us))?).ok()?;
@@ -284,7 +284,7 @@ struct Chain<'a> {
 }
 
 impl Chain<'_> {
-    fn run(&self, events: Events) -> Result<(Filtered, u64), crate::filter::FilterError> {
+    fn run(&self, events: Events) -> Result<(Filtered, u64), evrig_analysis::filter::FilterError> {
         let n = events.len() as u64;
         let mut all = Filtered { events, tally: Tally { seen: n, kept: n, ..Tally::default() } };
         let mut n_hot = 0;

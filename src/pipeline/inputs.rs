@@ -1,6 +1,6 @@
 //! What a stage's result depends on: checksums of its inputs.
 
-use crate::session::{
+use evrig_session::{
     Session, SessionError, Sha256Hex, StreamEntry, StreamKind, StreamName, read_stage,
 };
 use std::collections::BTreeMap;

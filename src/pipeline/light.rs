@@ -2,15 +2,15 @@
 
 use super::sync::{missing, read_clocks};
 use super::{PipelineError, inputs};
-use crate::clock::ClockEstimate;
-use crate::frame::{Frame, Luminance, Samples};
-use crate::generate::RowTimes;
-use crate::generate::input::{Pictured, Preparation, Preparer};
-use crate::geometry::Size;
-use crate::session::{
+use evrig_core::frame::{Frame, Luminance, Samples};
+use evrig_core::geometry::Size;
+use evrig_core::time::{Clock, Davis, PiSensor};
+use evrig_generate::RowTimes;
+use evrig_generate::input::{Pictured, Preparation, Preparer};
+use evrig_reconstruct::clock::ClockEstimate;
+use evrig_session::{
     Ascending, DavisPictures, PiPictures, Picture, Session, SessionError, StreamKind, read_stage,
 };
-use crate::time::{Clock, Davis, PiSensor};
 
 enum Source {
     Davis(DavisPictures),

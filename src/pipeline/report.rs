@@ -6,12 +6,12 @@ mod target;
 use super::generate::{SCENE, is_scene};
 use super::{PipelineError, filter, read_calibration, read_comparison, read_diagnosis};
 use super::{read_free_run, read_heat};
-use crate::compare::Comparison;
-use crate::event::Events;
-use crate::frame::Luminance;
-use crate::report::page::Fact;
-use crate::report::session::{Compared, page};
-use crate::session::{Session, StreamKind, StreamName, read_stage};
+use evrig_analysis::compare::Comparison;
+use evrig_core::event::Events;
+use evrig_core::frame::Luminance;
+use evrig_report::page::Fact;
+use evrig_report::session::{Compared, page};
+use evrig_session::{Session, StreamKind, StreamName, read_stage};
 
 /// The session's report as HTML.
 ///
@@ -20,7 +20,7 @@ use crate::session::{Session, StreamKind, StreamName, read_stage};
 pub fn report(session: &Session) -> Result<String, PipelineError> {
     let real = match session.stream(StreamKind::Events, "real") {
         Ok(_) => session.events("real")?.0,
-        Err(_) => crate::event::Events::new(),
+        Err(_) => evrig_core::event::Events::new(),
     };
     let imported = session.manifest().streams.iter();
     let mut names: Vec<StreamName> = imported
@@ -67,7 +67,7 @@ pub fn report(session: &Session) -> Result<String, PipelineError> {
     if let Some(diagnosis) = read_diagnosis(session)? {
         page.sections.insert(
             0,
-            crate::report::diagnosis::section(
+            evrig_report::diagnosis::section(
                 &diagnosis,
                 read_free_run(session)?.as_ref(),
                 &read_heat(session)?,

@@ -4,16 +4,16 @@ use super::sync::{missing, read_clocks};
 use super::{
     AnyTrack, Freshness, PipelineError, clear, fresh_record, inputs, read_result, read_track, track,
 };
-use crate::format::npy::{ArrayReader, ArrayWriter, Column, Element};
-use crate::rig::{CameraDescription, Mount};
-use crate::roi::Lens;
-use crate::scene::{
+use evrig_core::time::{ClockMap, Davis, PiSensor};
+use evrig_format::npy::{ArrayReader, ArrayWriter, Column, Element};
+use evrig_reconstruct::roi::Lens;
+use evrig_reconstruct::scene::{
     DavisKnown, Footage, PATH_COLUMNS, PiKnown, RawLight, Scene, SceneFacts, Seeing, survey, tie,
 };
-use crate::session::{
+use evrig_session::rig::{CameraDescription, Mount};
+use evrig_session::{
     Picture, Session, SessionError, StageRecord, StreamKind, read_stage, write_stage,
 };
-use crate::time::{ClockMap, Davis, PiSensor};
 use serde_json::json;
 use std::path::Path;
 
@@ -190,12 +190,12 @@ fn raw_light(session: &Session, raw: &str) -> Result<RawLight, PipelineError> {
 /// The map of the clocks that holds in the middle of the path.
 fn pi_from_davis(
     session: &Session,
-    path: &crate::scene::HeadPath,
+    path: &evrig_reconstruct::scene::HeadPath,
 ) -> Result<ClockMap<PiSensor, Davis>, PipelineError> {
     let none = || missing(session, "the Pi's clock is not known; run `evrig sync`".into());
     let clocks = read_clocks(session)?.ok_or_else(none)?;
     let middle_s = path.span_s().map_or(0.0, |[from, to]| (from + to) / 2.0);
-    let middle = path.zero + crate::time::Span::from_secs_f64(middle_s);
+    let middle = path.zero + evrig_core::time::Span::from_secs_f64(middle_s);
     let segment = clocks.davis_from_sensor.segment_at(middle).ok_or_else(none)?;
     Ok(segment.map.inverse())
 }

@@ -4,15 +4,15 @@ use super::between::{between, light_under};
 use super::generate::with_effects;
 use super::sync::missing;
 use super::{GenerateRequest, PipelineError};
-use crate::event::Events;
-use crate::frame::Luminance;
-use crate::generate::{RowShift, RowTimes, build};
-use crate::geometry::Size;
-use crate::report::figure::Figure;
-use crate::report::number::{count, significant};
-use crate::report::page::{Block, Fact, Page, Section, Summary};
-use crate::report::plot::{cloud, heat};
-use crate::session::{Session, StreamKind};
+use evrig_core::event::Events;
+use evrig_core::frame::Luminance;
+use evrig_core::geometry::Size;
+use evrig_generate::{RowShift, RowTimes, build};
+use evrig_report::figure::Figure;
+use evrig_report::number::{count, significant};
+use evrig_report::page::{Block, Fact, Page, Section, Summary};
+use evrig_report::plot::{cloud, heat};
+use evrig_session::{Session, StreamKind};
 
 /// What to go through.
 #[derive(Debug, Clone, PartialEq)]

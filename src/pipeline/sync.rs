@@ -2,18 +2,18 @@
 
 use super::track::{self, AnyTrack};
 use super::{Freshness, PipelineError, clear, fresh_record, inputs, read_json};
-use crate::clock::{
+use evrig_core::time::{Clock, PiSensor, Span, Unix};
+use evrig_core::units::Pixels;
+use evrig_format::npy::NpzWriter;
+use evrig_reconstruct::clock::{
     Evidence, FramePair, MotionOptions, Reference, SessionClocks, TrackSample, host_reading,
     synchronise,
 };
-use crate::format::npy::NpzWriter;
-use crate::rig::Rig;
-use crate::roi::Track;
-use crate::session::{
+use evrig_reconstruct::roi::Track;
+use evrig_session::rig::Rig;
+use evrig_session::{
     Origin, RigNotes, Session, SessionError, StageRecord, StreamKind, write_stage,
 };
-use crate::time::{Clock, PiSensor, Span, Unix};
-use crate::units::Pixels;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::PathBuf;
@@ -104,7 +104,7 @@ pub fn sync(session: &Session, force: bool) -> Result<Synced, PipelineError> {
         clocks.refine([davis, pi], &samples(real), &samples(seen), &options);
     }
     if let Some([rgb, raw]) = &late {
-        clocks.late.push(crate::clock::late(RGB_AND_RAW, &samples(rgb), &samples(raw)));
+        clocks.late.push(evrig_reconstruct::clock::late(RGB_AND_RAW, &samples(rgb), &samples(raw)));
     }
     clear(&directory)?;
     write_clocks(session, &clocks)?;
@@ -199,7 +199,7 @@ fn doubt(stamps_ns: &[i64]) -> (u64, u64) {
     if sorted.is_empty() {
         return (n_duplicate, 0);
     }
-    let typical = crate::stats::quantile_sorted(&sorted, 0.5);
+    let typical = evrig_core::stats::quantile_sorted(&sorted, 0.5);
     let gaps = sorted.iter().filter(|step| **step > 1.5 * typical);
     let n_missing: f64 = gaps.map(|step| (step / typical).round() - 1.0).sum();
     (n_duplicate, n_missing as u64)
@@ -212,11 +212,11 @@ fn readout(rig: &Rig) -> Span {
     Span::from_nanos(rig.pi.camera.row_time.as_nanos().saturating_mul(rows))
 }
 
-fn wall_readings(notes: &RigNotes) -> Vec<crate::clock::ClockReading> {
+fn wall_readings(notes: &RigNotes) -> Vec<evrig_reconstruct::clock::ClockReading> {
     let numbered = notes.exchanges.iter().zip(0..);
-    let reading = |(exchange, group): (&crate::session::ClockExchange, u64)| {
+    let reading = |(exchange, group): (&evrig_session::ClockExchange, u64)| {
         let pi = exchange.pi;
-        crate::clock::ClockReading {
+        evrig_reconstruct::clock::ClockReading {
             group,
             before: pi.boottime_before,
             real: pi.realtime,
@@ -226,9 +226,9 @@ fn wall_readings(notes: &RigNotes) -> Vec<crate::clock::ClockReading> {
     numbered.map(reading).collect()
 }
 
-fn host_readings(notes: &RigNotes) -> Vec<crate::clock::ClockReading> {
+fn host_readings(notes: &RigNotes) -> Vec<evrig_reconstruct::clock::ClockReading> {
     let numbered = notes.exchanges.iter().zip(0..);
-    let reading = |(exchange, group): (&crate::session::ClockExchange, u64)| {
+    let reading = |(exchange, group): (&evrig_session::ClockExchange, u64)| {
         let inside = [exchange.pi.boottime_before, exchange.pi.boottime_after];
         host_reading(group, exchange.asked.unix, inside, exchange.answered.unix)
     };
@@ -236,14 +236,14 @@ fn host_readings(notes: &RigNotes) -> Vec<crate::clock::ClockReading> {
 }
 
 /// Packets of events alone: those of frames wait for their readout.
-fn arrivals(session: &Session, notes: &RigNotes) -> Vec<FramePair<Unix, crate::time::Davis>> {
+fn arrivals(session: &Session, notes: &RigNotes) -> Vec<FramePair<Unix, evrig_core::time::Davis>> {
     let streams = session.manifest().streams.iter();
     let events = streams.filter(|s| s.kind == StreamKind::Events && s.file == "davis.aedat4");
     let ids: Vec<u32> = events.filter_map(|stream| stream.stream_id).collect();
     let of_events = notes.arrivals.iter().filter(|arrival| ids.contains(&arrival.stream));
     of_events
         .map(|arrival| {
-            let last = crate::time::Stamp::from_micros(arrival.last_us);
+            let last = evrig_core::time::Stamp::from_micros(arrival.last_us);
             FramePair::new(last, arrival.arrived.unix)
         })
         .collect()

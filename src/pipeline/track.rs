@@ -1,14 +1,14 @@
 //! The stage `track`: the tag followed through a stream's frames, each on its camera's own clock.
 
 use super::{Freshness, PipelineError, clear, fresh_record, inputs, read_json, sync::missing};
-use crate::frame::Frame;
-use crate::rig::{CameraDescription, Rig};
-use crate::roi::{Light, Track, TrackOptions, Tracker};
-use crate::session::{
+use evrig_core::frame::Frame;
+use evrig_core::time::{Clock, Davis, PiSensor};
+use evrig_reconstruct::roi::{Light, Track, TrackOptions, Tracker};
+use evrig_session::rig::{CameraDescription, Rig};
+use evrig_session::{
     Origin, Picture, Session, SessionError, StageRecord, StreamKind, StreamName, read_stage,
     write_stage,
 };
-use crate::time::{Clock, Davis, PiSensor};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::PathBuf;
@@ -127,7 +127,7 @@ pub fn track(
     let parameters = json!({
         "rig": whose,
         "target": format!("{:?}", rig.target),
-        "lens": { "focal_px": crate::roi::Lens::of(&camera).focal_px, "centre_px": camera.centre_px,
+        "lens": { "focal_px": evrig_reconstruct::roi::Lens::of(&camera).focal_px, "centre_px": camera.centre_px,
                   "distortion": camera.distortion },
     });
     let wanted = StageRecord::new("track", Some(stream), inputs, parameters);
@@ -184,7 +184,7 @@ pub(super) fn published(session: &Session) -> Result<Option<Rig>, PipelineError>
 /// The camera with its axis in the middle of frames that are of another size than it states.
 pub(super) fn fitted(
     camera: &CameraDescription,
-    size: Option<crate::geometry::Size>,
+    size: Option<evrig_core::geometry::Size>,
 ) -> CameraDescription {
     let mut camera = camera.clone();
     if let Some(size) = size.filter(|size| *size != camera.size) {
@@ -228,7 +228,7 @@ impl Follow<'_> {
             let _ = tracker.see(&on_its_own_grid(picture.frame));
             progress(picture.number + 1);
         }
-        let tracker = tracker.ok_or_else(|| wrong(crate::roi::TrackError::NoFrames))?;
+        let tracker = tracker.ok_or_else(|| wrong(evrig_reconstruct::roi::TrackError::NoFrames))?;
         tracker.finish().map_err(wrong)
     }
 }

@@ -2,9 +2,9 @@
 
 use super::strength::{Strength, strengths};
 use super::{Concealed, Family, Trial, Truth};
-use crate::effect_id::EffectGroup;
-use crate::geometry::Rectangle;
-use crate::stats::SplitMix;
+use evrig_core::effect_id::EffectGroup;
+use evrig_core::geometry::Rectangle;
+use evrig_core::stats::SplitMix;
 use serde::{Deserialize, Serialize};
 
 /// The strongest an effect is drawn, in units of its least strength.
@@ -86,7 +86,7 @@ pub fn draw(mix: Mix, seed: u64) -> Vec<Trial> {
 /// Effects that the world can limit to a part of its pixels and that act in each of them.
 fn is_placeable(entry: &Strength) -> bool {
     let acts_in_each = !["hot_pixels", "threshold_mismatch"].contains(&entry.id);
-    let effect = entry.id.parse::<crate::effect_id::EffectId>();
+    let effect = entry.id.parse::<evrig_core::effect_id::EffectId>();
     acts_in_each && effect.is_ok_and(|effect| effect.group() == EffectGroup::Pixel)
 }
 
@@ -191,7 +191,7 @@ mod tests {
 
     #[test]
     fn an_effect_in_a_part_of_the_picture_is_strong_and_the_part_is_about_half() {
-        let rig = crate::rig::Rig::simulated().unwrap();
+        let rig = evrig_session::rig::Rig::simulated().unwrap();
         let size = rig.davis.camera.size;
         assert_eq!([size.width, size.height], SENSOR_PX);
         for trial in draw(Mix { local: 40, ..Mix::none(Family::World) }, 2) {

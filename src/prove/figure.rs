@@ -90,7 +90,7 @@ fn points(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stats::wilson95;
+    use evrig_core::stats::wilson95;
 
     #[test]
     fn every_share_that_was_counted_is_a_point_and_nothing_is_no_picture() {

@@ -223,7 +223,7 @@ fn checks(truth: &Truth, named: &Named) -> Vec<ParameterCheck> {
 mod tests {
     use super::super::{Concealed, Outcome};
     use super::*;
-    use crate::geometry::Rectangle;
+    use evrig_core::geometry::Rectangle;
 
     fn truth(ids: &[(&str, &str, f64)]) -> Truth {
         let effects = ids.iter().map(|&(id, key, value)| Concealed {

@@ -2,12 +2,12 @@
 
 use super::plasmode::{PlasmodeError, Recording};
 use super::{Family, ProveError, Trial};
-use crate::device::sim::world::WorldDescription;
-use crate::record::{Simulation, simulate};
-use crate::rig::Rig;
-use crate::session::import::import_aedat4;
-use crate::time::Span;
-use crate::trajectory::{Optional, Trajectory};
+use evrig_core::time::Span;
+use evrig_session::import::import_aedat4;
+use evrig_session::rig::Rig;
+use evrig_session::trajectory::{Optional, Trajectory};
+use evrig_sim::world::WorldDescription;
+use evrig_sim::{Simulation, simulate};
 use serde_json::json;
 use std::path::Path;
 

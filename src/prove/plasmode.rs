@@ -8,15 +8,15 @@ mod events;
 mod frames;
 
 use super::Concealed;
-use crate::event::Events;
-use crate::filter::FilterError;
-use crate::format::aedat4::{
+use evrig_analysis::filter::FilterError;
+use evrig_core::event::Events;
+use evrig_core::frame::Frame;
+use evrig_core::geometry::Size;
+use evrig_core::stats::SplitMix;
+use evrig_core::time::Davis;
+use evrig_format::aedat4::{
     Compression, Content, ReadError, Reader, StreamSpec, WriteError, Writer,
 };
-use crate::frame::Frame;
-use crate::geometry::Size;
-use crate::stats::SplitMix;
-use crate::time::Davis;
 use std::path::{Path, PathBuf};
 
 /// Why an effect cannot be applied.
@@ -178,9 +178,9 @@ impl Recording {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::Event;
-    use crate::frame::{FrameTiming, Samples};
-    use crate::time::Stamp;
+    use evrig_core::event::Event;
+    use evrig_core::frame::{FrameTiming, Samples};
+    use evrig_core::time::Stamp;
 
     const SIZE: Size = Size { width: 12, height: 8 };
 

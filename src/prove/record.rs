@@ -1,8 +1,8 @@
 //! What a run leaves on disk while it goes on: its plan, and each trial as soon as it was judged.
 
 use super::{Answer, Family, Mix, Truth};
-use crate::diagnose::Options;
-use crate::stats::read_back;
+use evrig_analysis::diagnose::Options;
+use evrig_core::stats::read_back;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use serde_json::Value;
 use std::path::{Path, PathBuf};

@@ -2,7 +2,7 @@
 
 use super::Answer;
 use super::judge::Place;
-use crate::geometry::Rectangle;
+use evrig_core::geometry::Rectangle;
 
 /// The pixels an answer points at: the region of its first effect; without one, the rows and the
 /// columns in which it says that the mismatch lies; without those, the whole sensor.

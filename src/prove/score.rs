@@ -1,7 +1,7 @@
 //! All judgements counted.
 
 use super::Judgement;
-use crate::stats::{median, wilson95};
+use evrig_core::stats::{median, wilson95};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -282,8 +282,8 @@ mod tests {
 
     #[test]
     fn honest_intervals_are_calibrated_at_every_level_and_narrow_ones_at_none() {
-        let mut random = crate::stats::SplitMix::new(4, 0);
-        let checked = |scale: f64, random: &mut crate::stats::SplitMix| {
+        let mut random = evrig_core::stats::SplitMix::new(4, 0);
+        let checked = |scale: f64, random: &mut evrig_core::stats::SplitMix| {
             let mut judgement = judgement(&["flicker"], &["flicker"], 2.0);
             // Normal errors in units of the 90 % half-width.
             let mut check = || scale * random.normal().abs() / 1.6449;

@@ -139,8 +139,8 @@ pub fn strengths(family: super::Family) -> (&'static [Strength], &'static [Stren
 mod tests {
     use super::super::{Concealed, Family};
     use super::*;
-    use crate::device::sim::world::WorldDescription;
-    use crate::effect_id::EffectId;
+    use evrig_core::effect_id::EffectId;
+    use evrig_sim::world::WorldDescription;
 
     #[test]
     fn the_library_knows_the_one_table_and_not_the_other() {

@@ -1,7 +1,7 @@
 //! What a trial hides.
 
-use crate::effect_id::EffectId;
-use crate::geometry::Rectangle;
+use evrig_core::effect_id::EffectId;
+use evrig_core::geometry::Rectangle;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::collections::BTreeMap;

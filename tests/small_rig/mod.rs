@@ -1,10 +1,10 @@
 //! The simulated rig with some of its numbers replaced, so that its pictures are small and quick.
 
-use evrig::device::sim::world::WorldDescription;
 use evrig::pipeline::align;
-use evrig::record::{Simulation, simulate};
 use evrig::rig::Rig;
 use evrig::session::{Manifest, Session};
+use evrig::sim::world::WorldDescription;
+use evrig::sim::{Simulation, simulate};
 use evrig::trajectory::{Optional, Trajectory};
 use std::path::Path;
 

@@ -4,8 +4,8 @@ use crate::batch::{self, Aggregate, Found, SplitBy};
 use crate::cli::{BatchArgs, CompareArgs, Engine, ModelArgs, ProcessArgs, SplitByArg};
 use crate::commands::{Ending, Output, WrongUse, compare as verb, variants};
 use crate::pipeline::{self, CompareRequest, PipelineError};
-use crate::report::number::quantity;
-use crate::session::{Session, StreamName};
+use evrig_report::number::quantity;
+use evrig_session::{Session, StreamName};
 use serde_json::json;
 use std::path::Path;
 

@@ -4,7 +4,7 @@ use super::{speed, stream_name};
 use crate::cli::GenerateArgs;
 use crate::commands::{Ending, Output, WrongUse};
 use crate::pipeline::{self, Baseline, By, CameraRequest, Freshness, Generated};
-use crate::session::Session;
+use evrig_session::Session;
 use serde_json::json;
 use std::path::Path;
 

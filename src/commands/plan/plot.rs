@@ -1,9 +1,9 @@
 //! A plan as a picture: the path as the DAVIS sees it, speed over time, joint angles over time.
 
-use crate::rig::{Mounting, Rig};
-use crate::time::Span;
-use crate::trajectory::{Plan, ProfilePoint};
 use anyhow::anyhow;
+use evrig_core::time::Span;
+use evrig_session::rig::{Mounting, Rig};
+use evrig_session::trajectory::{Plan, ProfilePoint};
 use nalgebra::Vector3;
 use plotters::coord::Shift;
 use plotters::prelude::*;

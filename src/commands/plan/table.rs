@@ -1,6 +1,6 @@
 //! A plan in words and columns.
 
-use crate::trajectory::{Margin, Plan, SegmentPlan, Trajectory};
+use evrig_session::trajectory::{Margin, Plan, SegmentPlan, Trajectory};
 use std::fmt;
 
 /// More motions than this are counted, not listed.

@@ -4,7 +4,7 @@ use super::steps::Steps;
 use crate::cli::{ModelArgs, ProcessArgs};
 use crate::commands::{Output, compare, diagnose as verb, variants as list_of};
 use crate::pipeline::{self, CompareRequest, Freshness, PipelineError};
-use crate::session::{Session, StreamKind};
+use evrig_session::{Session, StreamKind};
 
 /// The list of streams that was asked for beside the path's own.
 pub(super) fn variants(session: &Session, args: &ProcessArgs, output: &Output) -> Steps {

@@ -4,7 +4,7 @@ use super::steps::Steps;
 use crate::cli::{ModelArgs, ProcessArgs};
 use crate::commands::{Output, calibrate, generate};
 use crate::pipeline::{self, Conditions, GenerateRequest, PipelineError};
-use crate::session::{Session, StreamKind, StreamName};
+use evrig_session::{Session, StreamKind, StreamName};
 
 /// Evaluations of the search over k: none, since regressions and passages take seconds and the
 /// search minutes; `evrig calibrate` runs it.

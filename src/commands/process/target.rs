@@ -8,7 +8,7 @@ use crate::pipeline::{
     self, AlignProgress, Conditions, FilterRequest, FilterSettings, GenerateRequest, PipelineError,
     SceneMade, Synced, TrackOutcome,
 };
-use crate::session::{Session, StreamName};
+use evrig_session::{Session, StreamName};
 
 /// Clocks, tracks and scene.
 pub(super) fn align(

@@ -3,10 +3,11 @@
 use super::{Take, Work};
 use crate::cli::RecordArgs;
 use crate::commands::{Ending, Output, WrongUse};
-use crate::device::stimulus::{ImageList, Screen, Stimulus};
-use crate::record::{Opening, Stop, StopToken};
-use crate::session::{Layout, Manifest, Status};
+use crate::drivers::Opening;
 use anyhow::Context;
+use evrig_device::stimulus::{ImageList, Screen, Stimulus};
+use evrig_record::{Stop, StopToken};
+use evrig_session::{Layout, Manifest, Status};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -4,12 +4,12 @@ use super::super::between::plane_path;
 use super::super::generate::{drive_of, is_scene};
 use super::super::sync::missing;
 use super::super::{PipelineError, light};
-use crate::calibrate::{Light, LightBuilder};
-use crate::frame::Luminance;
-use crate::generate::input::{Colour, Preparation};
-use crate::generate::voltmeter::Coefficients;
-use crate::generate::{DriveFrames, PlaneCarrier};
-use crate::session::{Session, StreamKind};
+use evrig_analysis::calibrate::{Light, LightBuilder};
+use evrig_core::frame::Luminance;
+use evrig_generate::input::{Colour, Preparation};
+use evrig_generate::voltmeter::Coefficients;
+use evrig_generate::{DriveFrames, PlaneCarrier};
+use evrig_session::{Session, StreamKind};
 
 /// The step at which the scene's light is taken, µs: no pixel of an arm's camera changes its light
 /// by much within it.
@@ -94,7 +94,7 @@ impl Gather<'_> {
     }
 
     fn finish(self) -> Result<Light, PipelineError> {
-        let none = crate::calibrate::CalibrateError::TooFewFrames { n: 0 };
+        let none = evrig_analysis::calibrate::CalibrateError::TooFewFrames { n: 0 };
         let wrong = |source| super::failed(self.session, source);
         self.builder.ok_or(none).and_then(LightBuilder::finish).map_err(wrong)
     }

@@ -1,13 +1,13 @@
 //! The light of the event pixels that a diagnosis starts from, and what is known of it.
 
 use super::{stated, tied};
-use crate::diagnose::Facts;
-use crate::drive::Drive;
 use crate::pipeline::generate::{SCENE, aps_starts, scene_inputs};
 use crate::pipeline::sync::{missing, read_clocks};
 use crate::pipeline::{PipelineError, default_light, inputs, read_scene};
-use crate::scene::{FramesDrive, Scene};
-use crate::session::{Session, StreamKind, read_stage};
+use evrig_analysis::diagnose::Facts;
+use evrig_core::drive::Drive;
+use evrig_reconstruct::scene::{FramesDrive, Scene};
+use evrig_session::{Session, StreamKind, read_stage};
 use serde::{Deserialize, Serialize};
 
 /// What the light of the event pixels comes from.

@@ -1,10 +1,10 @@
 //! The camera that a diagnosis found, kept beside it for whoever generates with it.
 
 use super::{Baseline, result};
-use crate::diagnose::{FittedCamera, Verdict};
 use crate::pipeline::sync::missing;
 use crate::pipeline::{PipelineError, read_json};
-use crate::session::Session;
+use evrig_analysis::diagnose::{FittedCamera, Verdict};
+use evrig_session::Session;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

@@ -2,10 +2,10 @@
 
 mod light;
 
-use crate::diagnose::{Departure, Evidence};
-use crate::effect_id::EffectId;
-use crate::rig::{CameraDescription, Rig};
-use crate::scene::{PointSpread, Scene, Shake};
+use evrig_analysis::diagnose::{Departure, Evidence};
+use evrig_core::effect_id::EffectId;
+use evrig_reconstruct::scene::{PointSpread, Scene, Shake};
+use evrig_session::rig::{CameraDescription, Rig};
 
 /// A row time within this share of the stated one is the stated one: the scene goes by it as well.
 const SAME_ROWS: f64 = 0.15;

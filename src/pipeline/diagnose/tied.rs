@@ -1,9 +1,9 @@
 //! What the session states of its clocks, against what ties the event camera to the light.
 
-use crate::clock::{Reference, SessionClocks};
-use crate::diagnose::TiedClocks;
-use crate::scene::Scene;
-use crate::time::{Davis, Span, Stamp, Unix};
+use evrig_analysis::diagnose::TiedClocks;
+use evrig_core::time::{Davis, Span, Stamp, Unix};
+use evrig_reconstruct::clock::{Reference, SessionClocks};
+use evrig_reconstruct::scene::Scene;
 
 /// Where nothing bounds the statement, it is not one.
 const LEAST_SURE_US: f64 = 5_000.0;

@@ -1,20 +1,20 @@
 //! Generation with effects: all frames are held, since a pixel is followed from first to last.
 
 use super::{GenerateRequest, GenerateTally, driven, failed, open, too_few};
-use crate::drive::{Curve, Drive, TimeGrid};
-use crate::event::Events;
-use crate::frame::Luminance;
-use crate::generate::effect::{EffectError, Enters, Surroundings};
-use crate::generate::forward::{Forward, ForwardError, ForwardParameters};
-use crate::generate::voltmeter::Coefficients;
-use crate::generate::{Law, ModelParameters, RowTimes, build};
-use crate::geometry::Size;
 use crate::pipeline::PipelineError;
 use crate::pipeline::between::between;
 use crate::pipeline::light::Light;
 use crate::pipeline::sync::missing;
-use crate::scene::FramesDrive;
-use crate::session::Session;
+use evrig_core::drive::{Curve, Drive, TimeGrid};
+use evrig_core::event::Events;
+use evrig_core::frame::Luminance;
+use evrig_core::geometry::Size;
+use evrig_generate::effect::{EffectError, Enters, Surroundings};
+use evrig_generate::forward::{Forward, ForwardError, ForwardParameters};
+use evrig_generate::voltmeter::Coefficients;
+use evrig_generate::{Law, ModelParameters, RowTimes, build};
+use evrig_reconstruct::scene::FramesDrive;
+use evrig_session::Session;
 use std::time::{Duration, Instant};
 
 /// The most that frames may take in memory, bytes; they are held twice, as they are and as light.

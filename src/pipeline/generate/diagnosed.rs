@@ -2,12 +2,12 @@
 
 use super::affected::all_pixels;
 use super::{GenerateTally, Generated, open, refuse_recorded, stage};
-use crate::diagnose::{Seen, Tuned, surroundings};
-use crate::drive::Drive;
 use crate::pipeline::PipelineError;
 use crate::pipeline::diagnose::{Baseline, DiagnosedCamera, default_baseline, read_camera};
 use crate::pipeline::sync::missing;
-use crate::session::{Session, StreamName};
+use evrig_analysis::diagnose::{Seen, Tuned, surroundings};
+use evrig_core::drive::Drive;
+use evrig_session::{Session, StreamName};
 use serde_json::json;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};

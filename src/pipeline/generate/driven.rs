@@ -2,18 +2,18 @@
 
 use super::affected::all_pixels;
 use super::{GenerateRequest, GenerateTally, failed, open};
-use crate::drive::Drive;
-use crate::event::Events;
-use crate::generate::effect::{EffectError, Surroundings};
-use crate::generate::forward::{Forward, ForwardParameters};
-use crate::generate::input::Preparation;
-use crate::generate::{DRIVE_STEP_US, DriveFrames, DriveRun, Law, ModelParameters, build};
 use crate::pipeline::scene::read_facts;
 use crate::pipeline::sync::missing;
 use crate::pipeline::{PipelineError, inputs, read_scene};
-use crate::scene::SceneDrive;
-use crate::session::{Picture, Session, SessionError, StreamKind, read_stage};
-use crate::time::Davis;
+use evrig_core::drive::Drive;
+use evrig_core::event::Events;
+use evrig_core::time::Davis;
+use evrig_generate::effect::{EffectError, Surroundings};
+use evrig_generate::forward::{Forward, ForwardParameters};
+use evrig_generate::input::Preparation;
+use evrig_generate::{DRIVE_STEP_US, DriveFrames, DriveRun, Law, ModelParameters, build};
+use evrig_reconstruct::scene::SceneDrive;
+use evrig_session::{Picture, Session, SessionError, StreamKind, read_stage};
 use std::time::{Duration, Instant};
 
 /// Name of the light that the scene gives.

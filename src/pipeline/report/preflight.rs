@@ -1,9 +1,9 @@
 //! What was found before a recording, and what each device gave.
 
 use crate::pipeline::PipelineError;
-use crate::report::page::{Block, Section};
-use crate::report::table::{Cell, Column, Table};
-use crate::session::{Recording, Session};
+use evrig_report::page::{Block, Section};
+use evrig_report::table::{Cell, Column, Table};
+use evrig_session::{Recording, Session};
 use serde_json::Value;
 
 /// The section of a session that evrig recorded; none of one that was imported.
@@ -53,7 +53,7 @@ fn findings(journal: &str) -> Vec<[String; 3]> {
 }
 
 fn devices(recording: &Recording) -> Table {
-    let row = |device: &crate::session::DeviceEntry| {
+    let row = |device: &evrig_session::DeviceEntry| {
         let lost = device.lost.clone().unwrap_or_else(|| "nothing".into());
         vec![
             Cell::text(&device.name),

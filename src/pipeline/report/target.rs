@@ -1,17 +1,17 @@
 //! What the stages sync, track, scene and filter left in a session, for its report.
 
-use crate::clock::SessionClocks;
-use crate::format::npy::{Column, Npz};
 use crate::pipeline::track::{AnyTrack, read_summary, read_track, tracked};
 use crate::pipeline::{PipelineError, read_clocks, read_filter_tally, read_scene};
-use crate::report::page::{Fact, Section};
-use crate::report::scene::scene_section;
-use crate::report::target::{
+use evrig_core::time::{Clock, Davis, Stamp};
+use evrig_format::npy::{Column, Npz};
+use evrig_reconstruct::clock::SessionClocks;
+use evrig_reconstruct::roi::Track;
+use evrig_report::page::{Fact, Section};
+use evrig_report::scene::scene_section;
+use evrig_report::target::{
     FrameInterval, PathPoint, PicturePath, clock_section, filter_section, track_section,
 };
-use crate::roi::Track;
-use crate::session::{Session, SessionError, StreamKind, StreamName};
-use crate::time::{Clock, Davis, Stamp};
+use evrig_session::{Session, SessionError, StreamKind, StreamName};
 
 /// Points of a path that are drawn.
 const N_POINTS: i64 = 800;
@@ -106,7 +106,7 @@ fn sampled<C: Clock>(
     let length = (last - first).as_nanos();
     let mut last_angle: Option<f64> = None;
     let point = |k: i64| {
-        let at = first + crate::time::Span::from_nanos(length / N_POINTS * k);
+        let at = first + evrig_core::time::Span::from_nanos(length / N_POINTS * k);
         let roi = track.at(at).ok().map(|view| view.roi());
         let none = PathPoint {
             at_s: 0.0,

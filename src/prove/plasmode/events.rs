@@ -1,9 +1,9 @@
 //! Effects of pixels, readout and clocks, applied to events.
 
 use super::Recording;
-use crate::event::{Event, Events};
-use crate::filter::{FilterError, hot_pixel, refractory};
-use crate::stats::SplitMix;
+use evrig_analysis::filter::{FilterError, hot_pixel, refractory};
+use evrig_core::event::{Event, Events};
+use evrig_core::stats::SplitMix;
 
 /// A pixel that has fired is blind for a while.
 pub(super) fn refractory(recording: &mut Recording, period_us: f64) -> Result<(), FilterError> {

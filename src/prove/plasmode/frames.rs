@@ -1,7 +1,7 @@
 //! Effects of the frame camera and its lens, applied to frames.
 
 use super::Recording;
-use crate::frame::Samples;
+use evrig_core::frame::Samples;
 
 /// A pedestal that no one stated.
 pub(super) fn pedestal(offset_dn: f64) -> impl Fn(f64, f64) -> f64 {

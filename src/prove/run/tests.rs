@@ -1,11 +1,11 @@
 use super::super::record::Plan;
 use super::super::{Concealed, Mix, draw};
 use super::*;
-use crate::event::{Event, Events};
-use crate::frame::{Frame, FrameTiming, Samples};
-use crate::geometry::Size;
 use crate::prove::plasmode::Recording;
-use crate::time::Stamp;
+use evrig_core::event::{Event, Events};
+use evrig_core::frame::{Frame, FrameTiming, Samples};
+use evrig_core::geometry::Size;
+use evrig_core::time::Stamp;
 use serde_json::json;
 use std::cell::{Cell, RefCell};
 
@@ -169,7 +169,7 @@ fn a_plan_says_nothing_of_what_is_hidden() {
         mix: Some(Mix { single: 1, ..Mix::none(Family::Plasmode) }),
         seed: 5,
         seconds: None,
-        options: crate::diagnose::Options::brief(),
+        options: evrig_analysis::diagnose::Options::brief(),
         trials_sha256: super::super::sha256(&serde_json::to_vec(&trials(1)).unwrap()),
     };
     let text = serde_json::to_string(&plan).unwrap();

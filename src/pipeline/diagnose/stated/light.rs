@@ -1,10 +1,10 @@
 //! What the frames show of the light and of what the cameras make of it.
 
 use super::SURE;
-use crate::diagnose::Departure;
-use crate::effect_id::EffectId;
-use crate::rig::Rig;
-use crate::scene::{MovingLight, Scene, Tone};
+use evrig_analysis::diagnose::Departure;
+use evrig_core::effect_id::EffectId;
+use evrig_reconstruct::scene::{MovingLight, Scene, Tone};
+use evrig_session::rig::Rig;
 
 /// Share of the light that any lens may lose in its corners.
 const LEAST_LOSS: f64 = 0.05;

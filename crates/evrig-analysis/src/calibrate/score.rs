@@ -1,0 +1,149 @@
+//! The default objective: the predictive log score of the real events ([`crate::predict`]).
+//!
+//! How likely were the events that came, at the times at which they came, given the light and the
+//! pixel's own past? In nats an event, with the count term: a model that fires too often pays
+//! for every silence. k enters as threshold 1/k1, light signal ln(L + k2) and leak (k4 + k5 L).
+//! Scatter of the threshold, the noise's own movement and background events are fitted beside k.
+//!
+//! # What it cannot see
+//! k3 and k6, the diffusion: the predictor's noise belongs to the threshold, not to the time
+//! since the last event. They stay as the passages give them.
+
+use super::Light;
+use super::light::Part;
+use super::search::Objective;
+use crate::predict::{self, Blocks, ByPixel, PixelLaw};
+use evrig_core::event::EventSlice;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Instants of light that one evaluation runs through, so that a search takes seconds.
+const MAX_SAMPLES: usize = 2_000_000;
+/// By how much a thinned objective has fewer.
+const THINNING: usize = 8;
+/// Instants a mean frame interval.
+const PER_FRAME: usize = 2;
+
+/// Real events by pixel, and the light they came from.
+pub struct ScoreObjective<'a> {
+    light: &'a Light,
+    recording: Arc<ByPixel>,
+    slots: [Vec<u32>; 2],
+    white_dn: f64,
+    thinned: Option<Box<Self>>,
+}
+
+impl<'a> ScoreObjective<'a> {
+    /// Scores `events`; where the light is long, of some tiles only, drawn with `seed`.
+    #[must_use]
+    pub fn new(light: &'a Light, events: EventSlice<'_>, seed: u64) -> Self {
+        let times = light.times_us();
+        let [first, last] = [times.first(), times.last()].map(|t| t.copied().unwrap_or_default());
+        let recording = Arc::new(ByPixel::new(events, light.size(), [first, last]));
+        let brightest = |slot: usize| light.series(slot).iter().copied().fold(0.0, f32::max);
+        let white_dn = f64::from((0..light.pixels().len()).map(brightest).fold(1.0, f32::max));
+        let of = |most: usize| {
+            let most = (most / (PER_FRAME * times.len().max(1))).max(64);
+            let slots = [Part::Train, Part::HeldOut].map(|part| light.slots(part, most, seed));
+            Self { light, recording: Arc::clone(&recording), slots, white_dn, thinned: None }
+        };
+        Self { thinned: Some(Box::new(of(MAX_SAMPLES / THINNING))), ..of(MAX_SAMPLES) }
+    }
+
+    /// Log-likelihood and events of one pixel.
+    fn pixel(&self, slot: u32, k: &[f64; 6], law: &PixelLaw) -> (f64, u32) {
+        let pixel = self.light.pixels()[slot as usize];
+        let width = u32::from(self.light.size().width);
+        let (x, y) = ((pixel % width) as u16, (pixel / width) as u16);
+        let Signal { signal, level, step_us } = self.signal(slot, k);
+        let blocks = Blocks::new(self.recording.length_us(), 1);
+        let light =
+            predict::Light { start_us: 0.0, step_us, signal: &signal, level: &level, bends: None };
+        let scores = predict::score_pixel(law, light, self.recording.of(x, y), &blocks);
+        scores.first().map_or((0.0, 0), |score| (score.log_likelihood(), score.n_events))
+    }
+
+    /// What the pixel compares, on an even grid: the integral of the model's drift over k1.
+    fn signal(&self, slot: u32, k: &[f64; 6]) -> Signal {
+        let [k1, k2, _, k4, k5, _] = *k;
+        let (times, series) = (self.light.times_us(), self.light.series(slot as usize));
+        let n = (times.len() - 1) * PER_FRAME + 1;
+        let step_us = self.recording.length_us() as f64 / (n - 1) as f64;
+        let (mut signal, mut level) = (Vec::with_capacity(n), Vec::with_capacity(n));
+        let (mut frame, mut reached) = (0, 0.0);
+        for i in 0..n {
+            let t_us = i as f64 * step_us;
+            let at = |frame: usize| (times[frame] - times[0]) as f64;
+            let drift = |frame: usize| {
+                let (before, after) = (f64::from(series[frame]), f64::from(series[frame + 1]));
+                let mean = 0.5 * (before + after);
+                let span = at(frame + 1) - at(frame);
+                ((after - before) / (mean + k2) / span + (k4 + k5 * mean) / k1, mean)
+            };
+            while frame + 2 < times.len() && t_us >= at(frame + 1) {
+                reached += drift(frame).0 * (at(frame + 1) - at(frame));
+                frame += 1;
+            }
+            let (rate, mean) = drift(frame);
+            signal.push((reached + rate * (t_us - at(frame))) as f32);
+            level.push((mean / self.white_dn).ln() as f32);
+        }
+        Signal { signal, level, step_us }
+    }
+}
+
+struct Signal {
+    signal: Vec<f32>,
+    level: Vec<f32>,
+    step_us: f64,
+}
+
+impl Objective for ScoreObjective<'_> {
+    fn name(&self) -> &'static str {
+        "score"
+    }
+
+    fn sees(&self) -> [bool; 6] {
+        [true, true, false, true, true, false]
+    }
+
+    fn nuisances(&self) -> Vec<f64> {
+        let law = PixelLaw::default();
+        let nuisances = [
+            law.noise_at_white,
+            law.noise_speed_per_s,
+            law.background_on_hz,
+            law.background_off_hz,
+        ];
+        nuisances.map(f64::ln).to_vec()
+    }
+
+    fn thinned(&self) -> Option<&dyn Objective> {
+        self.thinned.as_deref().map(|thinned| thinned as &dyn Objective)
+    }
+
+    /// Minus the nats an event.
+    fn value(&self, k: [f64; 6], nuisances: &[f64], part: Part) -> f64 {
+        let value = |i: usize| nuisances.get(i).map_or(f64::NAN, |n| n.exp());
+        let law = PixelLaw {
+            theta_on: 1.0 / k[0],
+            theta_off: 1.0 / k[0],
+            leak_per_s: 0.0,
+            noise_at_white: value(0),
+            noise_speed_per_s: value(1),
+            background_on_hz: value(2),
+            background_off_hz: value(3),
+            ..PixelLaw::default()
+        };
+        if law.check().is_err() {
+            return f64::INFINITY;
+        }
+        let slots = &self.slots[usize::from(part == Part::HeldOut)];
+        // Collected before they are summed, so that threads do not change the sum.
+        let scores: Vec<(f64, u32)> =
+            slots.par_iter().map(|&slot| self.pixel(slot, &k, &law)).collect();
+        let (log_likelihood, n_events) =
+            scores.iter().fold((0.0, 0.0), |(a, n), (l, m)| (a + l, n + f64::from(*m)));
+        if n_events > 0.0 { -log_likelihood / n_events } else { f64::INFINITY }
+    }
+}

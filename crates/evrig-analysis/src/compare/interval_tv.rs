@@ -1,0 +1,111 @@
+//! **interval_tv** = 1/2 sum |h_sim - h_real|, h the shares of the per-pixel intervals in
+//! logarithmic bins, 10 a decade from 1 µs to 1000 s.
+//!
+//! An interval is the time between two successive events of a pixel, of any polarity, both in
+//! the window. 0: same histogram, 1: no bin in common. Source: the measures the authors
+//! of Raw2Event report; healthy is at most 0.25; the bins are ours.
+//!
+//! Error: tiles. The sum is linear in the shares as long as no bin changes its sign; the
+//! resampling keeps the signs and so does not add the bias that resampling a distance has. The
+//! bias the data have is in `chance_level`: the same measure with the streams of
+//! each tile swapped or not by a coin.
+//!
+//! It cannot see how far apart the intervals are (any two bins differ alike; interval_emd does),
+//! nor in which order they come; intervals longer than the window are missing from both.
+
+use super::Pair;
+use super::interval_bins::{FINE_PER_COARSE, N_COARSE};
+use super::measure::{AUTHORS, Cluster, Definition, Measure, MeasureId};
+use super::profile::Profile;
+use evrig_core::stats::dot;
+
+const DEFINITION: Definition = Definition {
+    id: MeasureId::IntervalTv,
+    name: "Interval histogram distance",
+    formula: "1/2 sum over bins |h_sim - h_real|; 10 bins a decade, 1 us to 1000 s",
+    source: AUTHORS,
+    unit: "1",
+    clusters: Cluster::Tile,
+    healthy: Some([0.0, 0.25]),
+};
+
+/// Swaps of streams behind the chance level.
+const N_SWAPS: u64 = 25;
+
+pub(super) fn measure(pair: &Pair<'_>) -> Measure {
+    if let Some(because) = missing_intervals(pair) {
+        return DEFINITION.unknown(because);
+    }
+    let real = coarse_by_tile(pair.real);
+    let simulated = coarse_by_tile(pair.simulated);
+    let signs: Vec<f64> = shares(total(&simulated))
+        .iter()
+        .zip(shares(total(&real)))
+        .map(|(simulated, real)| (simulated - real).signum())
+        .collect();
+    let signed =
+        |tiles: &[Vec<f64>]| -> Vec<f64> { tiles.iter().map(|h| dot(h, &signs)).collect() };
+    let (signed_real, signed_simulated) = (signed(&real), signed(&simulated));
+    let (n_real, n_simulated) = (pair.real.intervals_by_tile(), pair.simulated.intervals_by_tile());
+    let n = n_real.iter().chain(&n_simulated).sum::<f64>() as u64;
+    let estimate = pair.bootstrap.estimate(real.len(), n, |w| {
+        let difference = dot(w, &signed_simulated) / dot(w, &n_simulated)
+            - dot(w, &signed_real) / dot(w, &n_real);
+        0.5 * difference
+    });
+    let chance = (0..N_SWAPS).map(|number| swapped(pair, &real, &simulated, number));
+    let chance: Vec<f64> = chance.filter(|distance| distance.is_finite()).collect();
+    let chance_level =
+        (!chance.is_empty()).then(|| chance.iter().sum::<f64>() / chance.len() as f64);
+    Measure { chance_level, ..DEFINITION.with(estimate) }
+}
+
+/// Why there is nothing to compare, if so; shared by the interval measures.
+pub(super) fn missing_intervals(pair: &Pair<'_>) -> Option<&'static str> {
+    let none = |profile: &Profile| profile.intervals_by_tile().iter().sum::<f64>() == 0.0;
+    if none(pair.real) {
+        Some("no pixel has two real events")
+    } else if none(pair.simulated) {
+        Some("no pixel has two simulated events")
+    } else {
+        None
+    }
+}
+
+fn coarse_by_tile(profile: &Profile) -> Vec<Vec<f64>> {
+    let coarse = |tile: usize| -> Vec<f64> {
+        let bins = profile.histogram(tile).chunks_exact(FINE_PER_COARSE);
+        bins.map(|bins| bins.iter().map(|&n| f64::from(n)).sum()).collect()
+    };
+    (0..profile.interval_sums.len()).map(coarse).collect()
+}
+
+fn total(tiles: &[Vec<f64>]) -> Vec<f64> {
+    let mut sums = vec![0.0; N_COARSE];
+    for tile in tiles {
+        sums.iter_mut().zip(tile).for_each(|(sum, n)| *sum += n);
+    }
+    sums
+}
+
+fn shares(mut counts: Vec<f64>) -> Vec<f64> {
+    let n: f64 = counts.iter().sum();
+    counts.iter_mut().for_each(|count| *count /= n);
+    counts
+}
+
+/// The distance with the streams of some tiles swapped.
+fn swapped(pair: &Pair<'_>, real: &[Vec<f64>], simulated: &[Vec<f64>], number: u64) -> f64 {
+    let flips = pair.bootstrap.flips(real.len(), number);
+    // In shares of each stream, so that a swap trades shapes and not numbers of intervals.
+    let (n_real, n_simulated): (f64, f64) =
+        (total(real).iter().sum(), total(simulated).iter().sum());
+    let (mut one, mut other) = (vec![0.0; N_COARSE], vec![0.0; N_COARSE]);
+    for ((real, simulated), flip) in real.iter().zip(simulated).zip(flips) {
+        let (a, b) = if flip { (&mut other, &mut one) } else { (&mut one, &mut other) };
+        a.iter_mut().zip(real).for_each(|(sum, n)| *sum += n / n_real);
+        b.iter_mut().zip(simulated).for_each(|(sum, n)| *sum += n / n_simulated);
+    }
+    let (one, other) = (shares(one), shares(other));
+    0.5 * one.iter().zip(other).map(|(one, other)| (one - other).abs()).sum::<f64>()
+}

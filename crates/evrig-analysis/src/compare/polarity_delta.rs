@@ -1,0 +1,50 @@
+//! **polarity_delta** = |p_sim - p_real|, p the share of On among the events.
+//!
+//! Whether On and Off thresholds stand in the right proportion. Source: the measures the authors
+//! of Raw2Event report; healthy is at most 0.10. Error: time blocks; the signed
+//! difference is resampled, and where its interval holds zero, that of the distance starts at zero.
+//!
+//! It cannot see a polarity that is wrong pixel by pixel and right on the whole.
+
+use super::Pair;
+use super::measure::{AUTHORS, Cluster, Definition, Measure, MeasureId};
+use evrig_core::stats::{Estimate, dot};
+
+const DEFINITION: Definition = Definition {
+    id: MeasureId::PolarityDelta,
+    name: "Difference of the On share",
+    formula: "|p_sim - p_real|, p = N_on / N",
+    source: AUTHORS,
+    unit: "1",
+    clusters: Cluster::TimeBlock,
+    healthy: Some([0.0, 0.10]),
+};
+
+pub(super) fn measure(pair: &Pair<'_>) -> Measure {
+    let (real, real_on) = pair.real.by_block();
+    let (simulated, simulated_on) = pair.simulated.by_block();
+    let share = |on: &[f64], all: &[f64]| on.iter().sum::<f64>() / all.iter().sum::<f64>();
+    let of_each = |measure: Measure| {
+        measure.of_each(share(&real_on, &real), share(&simulated_on, &simulated))
+    };
+    if pair.real.n == 0 {
+        return of_each(DEFINITION.unknown("there are no real events"));
+    }
+    if pair.simulated.n == 0 {
+        return of_each(DEFINITION.unknown("there are no simulated events"));
+    }
+    let n = pair.real.n + pair.simulated.n;
+    let signed = pair.bootstrap.estimate(real.len(), n, |w| {
+        dot(w, &simulated_on) / dot(w, &simulated) - dot(w, &real_on) / dot(w, &real)
+    });
+    of_each(DEFINITION.with(magnitude(signed)))
+}
+
+/// The estimate of the absolute value.
+fn magnitude(signed: Estimate) -> Estimate {
+    let [low, high] = signed.ci90;
+    let far = low.abs().max(high.abs());
+    let near = if low <= 0.0 && high >= 0.0 { 0.0 } else { low.abs().min(high.abs()) };
+    let ci90 = if low.is_nan() { signed.ci90 } else { [near, far] };
+    Estimate::with_interval(signed.value.abs(), signed.standard_error, ci90, signed.n)
+}

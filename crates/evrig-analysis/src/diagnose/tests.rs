@@ -1,0 +1,376 @@
+//! Effects are planted with the model's own sampler and demanded back.
+
+mod camera;
+mod dead_pixels;
+mod dead_times;
+mod kinds;
+mod late;
+mod leaks;
+mod light;
+mod loss;
+mod strengths;
+mod summit;
+
+use super::*;
+use crate::predict::ByPixel;
+use evrig_core::drive::{Drive, TimeGrid};
+use evrig_core::effect_id::EffectId;
+use evrig_core::event::Events;
+use evrig_core::geometry::{Rectangle, Size};
+use evrig_core::stats::SplitMix;
+
+const END_US: i64 = 3_000_000;
+
+/// A texture that runs across the sensor on a circle: waves in two directions.
+struct Texture;
+
+impl Texture {
+    fn value(u: f64, v: f64) -> f64 {
+        let mut sum = 0.0;
+        for i in 0..7 {
+            let k = 0.22 + 0.13 * f64::from(i);
+            let (s, c) = (f64::from(i) * 1.9).sin_cos();
+            sum += (k * (u * c + v * s) + 1.7 * f64::from(i)).sin() * 0.55;
+        }
+        (sum - 1.2).min(0.0)
+    }
+
+    fn path(t_us: f64) -> [f64; 2] {
+        let turn = t_us * 1e-6 * std::f64::consts::TAU / 2.0;
+        [18.0 * turn.cos(), 18.0 * turn.sin()]
+    }
+}
+
+impl Drive for Texture {
+    fn size(&self) -> Size {
+        Size::new(60, 60)
+    }
+    fn span_us(&self) -> [i64; 2] {
+        [0, END_US]
+    }
+    fn white_dn(&self) -> f64 {
+        200.0
+    }
+    fn sample(&self, [u, v]: [f64; 2], grid: TimeGrid, out: &mut [f32]) -> bool {
+        for (i, out) in out.iter_mut().enumerate() {
+            let [dx, dy] = Self::path(grid.at(i) as f64);
+            *out = Self::value(u - dx, v - dy) as f32;
+        }
+        true
+    }
+    fn error(&self, _place: [f64; 2]) -> f32 {
+        f32::NAN
+    }
+}
+
+fn facts() -> Facts {
+    Facts {
+        from_scene: true,
+        is_led: false,
+        aps_us: Vec::new(),
+        frame_us: 25_000.0,
+        white_dn: 200.0,
+        light_per_pedestal: 1.0,
+        offset_within_us: 1_000.0,
+        clocks: None,
+        pixel_mm: None,
+        frames_show: Vec::new(),
+        stamp_step_us: None,
+    }
+}
+
+fn options() -> Options {
+    Options {
+        n_pixels: 60,
+        few_events: 750,
+        step_us: 2_000,
+        n_null: 0,
+        max_effects: 1,
+        ..Options::default()
+    }
+}
+
+/// The same light with something done to it.
+struct Changed(fn(&mut [f32]));
+
+impl Drive for Changed {
+    fn size(&self) -> Size {
+        Texture.size()
+    }
+    fn span_us(&self) -> [i64; 2] {
+        Texture.span_us()
+    }
+    fn white_dn(&self) -> f64 {
+        Texture.white_dn()
+    }
+    fn sample(&self, place: [f64; 2], grid: TimeGrid, out: &mut [f32]) -> bool {
+        let is_known = Texture.sample(place, grid, out);
+        (self.0)(out);
+        is_known
+    }
+    fn error(&self, place: [f64; 2]) -> f32 {
+        Texture.error(place)
+    }
+}
+
+/// Six events in every pixel, all at the beginning.
+fn filled() -> ByPixel {
+    let filler: Events = (0..60_u16)
+        .flat_map(|y| (0..60_u16).map(move |x| evrig_core::event::Event { t: 1, x, y, on: true }))
+        .flat_map(|e| (0..6).map(move |i| evrig_core::event::Event { t: i, ..e }))
+        .collect();
+    ByPixel::new(filler.as_slice(), Size::new(60, 60), [0, END_US])
+}
+
+fn empty() -> Evidence {
+    // The pixels are chosen by their light, so that events can be planted in them afterwards.
+    Evidence::new(&filled(), &Texture, facts(), &options()).unwrap()
+}
+
+fn library(id: EffectId) -> &'static candidate::Candidate {
+    LIBRARY.iter().find(|c| c.id == id).unwrap()
+}
+
+/// What judges a model of the evidence where nothing else is known of it.
+fn judging<'a>(evidence: &'a Evidence, baseline: &'a fit::Fitted) -> judge::Judge<'a> {
+    judge::Judge {
+        evidence,
+        baseline,
+        before: None,
+        null: &[],
+        is_more_suspected: false,
+        is_filtered: false,
+        seed: 3,
+    }
+}
+
+/// One effect that was taken, for a gain that is sure.
+fn one_taken() -> Vec<select::Taken> {
+    vec![select::Taken { gain: 0.5, error: 0.05, rivals: Vec::new(), equals: Vec::new() }]
+}
+
+fn plant(id: Option<EffectId>, start: &[f64]) -> Evidence {
+    plant_in(None, id, start)
+}
+
+fn plant_in(region: Option<Rectangle>, id: Option<EffectId>, start: &[f64]) -> Evidence {
+    let evidence = empty();
+    let mut hypothesis = Hypothesis::baseline(&evidence);
+    if let Some(id) = id {
+        let candidate = library(id);
+        hypothesis = hypothesis.with_in(candidate, start, region);
+    }
+    null::draw(&evidence, &hypothesis, 17)
+}
+
+fn found(id: EffectId, start: &[f64]) -> Diagnosis {
+    let diagnosis = diagnose(&plant(Some(id), start), &[], &options(), &mut |_| {}).diagnosis;
+    let ids: Vec<EffectId> = diagnosis.effects.iter().map(|e| e.id).collect();
+    assert_eq!(ids.first(), Some(&id), "{ids:?} {:?}", diagnosis.fit);
+    diagnosis
+}
+
+fn value(diagnosis: &Diagnosis, key: &str) -> f64 {
+    diagnosis.effects[0].parameters[key].value
+}
+
+#[test]
+fn a_parameter_at_an_end_of_its_range_is_told_by_its_key_and_hidden_ones_are_not() {
+    let evidence = empty();
+    let at_an_end = |id: EffectId, start: &[f64]| {
+        let candidate = library(id);
+        let hypothesis = Hypothesis::baseline(&evidence).with(candidate, start);
+        naming::at_an_end(&hypothesis, 0).map(|parameter| parameter.key)
+    };
+    assert_eq!(at_an_end(EffectId::Adaptation, &[0.05_f64.ln(), 0.3]), Some("time_constant_s"));
+    assert_eq!(at_an_end(EffectId::Adaptation, &[0.5_f64.ln(), 0.98]), Some("fraction"));
+    assert_eq!(at_an_end(EffectId::Adaptation, &[0.5_f64.ln(), 0.3]), None);
+    // One and the same correlation is no limit of the law.
+    assert_eq!(at_an_end(EffectId::ThresholdMismatch, &[0.1_f64.ln(), 0.9]), None);
+}
+
+#[test]
+fn a_nuisance_near_the_end_of_its_range_is_led_back() {
+    let evidence = empty();
+    let candidate = library(EffectId::PhotocurrentLeak);
+    let ordinary = Hypothesis::baseline(&evidence).with(candidate, &[0.6]);
+    let led_back = |hz| -> Vec<f64> {
+        let elsewhere = ends::off_the_ends(&ordinary.with_nuisance(Nuisance::LeakHz, hz));
+        elsewhere.iter().map(|h| (h.nuisance(Nuisance::LeakHz) * 1e4).round() * 1e-4).collect()
+    };
+    assert!(led_back(0.15).is_empty() && led_back(0.0).is_empty());
+    assert_eq!(led_back(0.3), [0.0375, 0.1125, 0.1875, 0.2625]);
+    assert_eq!(led_back(0.293), led_back(0.3));
+}
+
+#[test]
+fn nothing_is_named_where_nothing_is_hidden() {
+    let diagnosis = diagnose(&plant(None, &[]), &[], &options(), &mut |_| {}).diagnosis;
+    assert_eq!(diagnosis.verdict, Verdict::NoMismatch, "{diagnosis:#?}");
+    assert!(diagnosis.effects.is_empty());
+    assert_eq!(diagnosis.share_removed(), None, "nothing is named that could remove any");
+    assert!((diagnosis.nuisances["theta"].value / 0.25 - 1.0).abs() < 0.01);
+    let json = serde_json::to_value(&diagnosis).unwrap();
+    assert_eq!(json["schema"], "evrig.diagnosis/1");
+    assert_eq!(json["verdict"], "no_mismatch");
+    let scores = &json["fit"]["heldout_nats_per_event"];
+    assert!(["baseline", "final", "ceiling"].iter().all(|key| scores[key].is_number()));
+    for key in ["mismatch", "effects", "nuisances", "leftover", "proposed_term", "cannot_judge"] {
+        assert!(json.get(key).is_some(), "{key} is missing");
+    }
+}
+
+#[test]
+fn a_dead_time_is_named_with_its_length() {
+    let diagnosis = found(EffectId::RefractoryPeriod, &[4_000.0_f64.ln(), 0.0]);
+    let us = value(&diagnosis, "refractory_us");
+    assert!((us / 4_000.0 - 1.0).abs() < 0.05, "{us}");
+    assert_eq!(diagnosis.verdict, Verdict::Explained);
+    assert_eq!(value(&diagnosis, "compares_on"), 0.0);
+    assert!(diagnosis.share_removed().is_some_and(|share| share > 0.8));
+}
+
+#[test]
+#[ignore = "takes minutes: .ci/long runs it"]
+fn a_dead_time_behind_the_pixel_is_told_from_one_in_it() {
+    let diagnosis = found(EffectId::RefractoryPeriod, &[20_000.0_f64.ln(), 1.0]);
+    let us = value(&diagnosis, "refractory_us");
+    assert!((us / 20_000.0 - 1.0).abs() < 0.05, "{us}");
+    assert_eq!(value(&diagnosis, "compares_on"), 1.0);
+}
+
+#[test]
+fn what_is_in_a_part_of_the_sensor_is_fitted_in_its_place() {
+    let region = Rectangle { x_px: [0, 60], y_px: [0, 40] };
+    // The nuisance that an asymmetry frees keeps its ordinary value elsewhere.
+    let cases: [(EffectId, &[f64], &[f64], f64); 2] = [
+        (EffectId::RefractoryPeriod, &[9.1, 0.0], &[9.09, 0.0], 9.1_f64.exp()),
+        (EffectId::ThresholdAsymmetry, &[0.3], &[0.2], 0.3_f64.exp()),
+    ];
+    for (id, hidden, begun, expected) in cases {
+        let planted = plant_in(Some(region), Some(id), hidden);
+        let without = fit::fit(&planted, Hypothesis::baseline(&planted), 12, 1e-5);
+        let candidate = library(id);
+        let start = fit::as_it_is(&planted, without.hypothesis.with(candidate, begun));
+        let start = region::begun_in_a_part(&planted, &without, &start).unwrap_or(start);
+        let fitted =
+            region::settled(&planted, &without, fit::fit(&planted, start.hypothesis, 10, 1e-5));
+        assert_eq!(fitted.hypothesis.regions, [Some(region)], "{id}");
+        let found = fitted.hypothesis.parameters_of(0)[0];
+        assert!((found / expected - 1.0).abs() < 0.05, "{id}: {found}");
+    }
+}
+
+#[test]
+#[ignore = "takes minutes: .ci/long runs it"]
+fn a_bandwidth_is_named_with_its_cutoff() {
+    let start = [20.0_f64.ln(), 1.0, 0.02_f64.ln()];
+    let diagnosis = found(EffectId::PhotoreceptorBandwidth, &start);
+    let hz = value(&diagnosis, "cutoff_hz_at_white");
+    // Its floor in the dark, which is fitted too, trades with the cutoff at white.
+    assert!((hz / 20.0 - 1.0).abs() < 0.15, "{hz}");
+}
+
+#[test]
+#[ignore = "takes minutes: .ci/long runs it"]
+fn a_clock_that_is_off_is_told_from_a_pole() {
+    let diagnosis = found(EffectId::ClockOffset, &[6_000.0]);
+    let us = value(&diagnosis, "offset_us");
+    assert!((us - 6_000.0).abs() < 300.0, "{us}");
+    assert_eq!(diagnosis.effects[0].equivalent, [EffectId::PixelLatency]);
+    let pole = found(EffectId::FixedPole, &[12.0_f64.ln()]);
+    let hz = value(&pole, "cutoff_hz");
+    assert!((hz / 12.0 - 1.0).abs() < 0.1, "{hz}");
+}
+
+#[test]
+#[ignore = "takes minutes: .ci/long runs it"]
+fn unequal_thresholds_and_leak_are_told_apart() {
+    let ratio = value(&found(EffectId::ThresholdAsymmetry, &[0.3]), "on_off_ratio");
+    assert!((ratio / 0.3_f64.exp() - 1.0).abs() < 0.03, "{ratio}");
+    let leak = value(&found(EffectId::JunctionLeak, &[3.0]), "rate_hz");
+    assert!((leak - 3.0).abs() < 0.3, "{leak}");
+}
+
+#[test]
+fn too_few_events_and_a_light_of_another_time_are_refused_with_what_to_do() {
+    let events: Events =
+        (0..50).map(|i| evrig_core::event::Event { t: i * 1_000, x: 3, y: 4, on: true }).collect();
+    let size = Size::new(60, 60);
+    let recording = ByPixel::new(events.as_slice(), size, [0, END_US]);
+    let error = Evidence::new(&recording, &Texture, facts(), &options()).unwrap_err();
+    assert!(error.to_string().contains("record for longer"), "{error}");
+    let later = ByPixel::new(events.as_slice(), size, [10 * END_US, 11 * END_US]);
+    let error = Evidence::new(&later, &Texture, facts(), &options()).unwrap_err();
+    assert!(error.to_string().contains("check the clocks"), "{error}");
+    // As many as one could wish for, but all before the light is known.
+    assert!(empty().n_events() > 300);
+    let later = Changed(|light| light[..10].fill(f32::NAN));
+    let error = Evidence::new(&filled(), &later, facts(), &options()).unwrap_err();
+    assert!(error.to_string().starts_with("0 events have a known light"), "{error}");
+}
+
+#[test]
+fn every_effect_is_judged_or_said_to_be_beyond_judging() {
+    let evidence = empty();
+    let cannot = scan::cannot_judge(&evidence, false);
+    for &id in EffectId::ALL {
+        let is_judged = LIBRARY.iter().any(|c| c.id == id || c.same.contains(&id))
+            || census::judge(&evidence, id).is_ok();
+        assert!(is_judged || cannot.iter().any(|c| c.id == id), "{id}");
+    }
+    // Of a readout that is never free only what the readout itself shows.
+    let cannot = scan::cannot_judge(&evidence, true);
+    let is_listed = |id: EffectId| cannot.iter().any(|c| c.id == id);
+    assert!(LIBRARY.iter().all(|candidate| is_listed(candidate.id)));
+    assert!(!is_listed(EffectId::RowReadout) && !is_listed(EffectId::ReadoutSaturation));
+    for candidate in LIBRARY {
+        assert!(!candidate.equation.is_empty() && !candidate.source.is_empty(), "{}", candidate.id);
+        assert!(!candidate.rivals.is_empty() && !candidate.splitter.is_empty(), "{}", candidate.id);
+        for parameter in candidate.parameters.iter().filter(|p| !p.is_hidden) {
+            assert!(candidate.id.parameters().contains(&parameter.key), "{}", parameter.key);
+        }
+    }
+}
+
+#[test]
+fn of_a_long_recording_part_of_every_block_is_looked_at() {
+    let event = |i: i64| evrig_core::event::Event {
+        t: 20 * (i % 3_600) + 75_000 * (i / 3_600),
+        x: (i % 60) as u16,
+        y: (i / 60 % 60) as u16,
+        on: true,
+    };
+    let events: Events = (0..40 * 3_600).map(event).collect();
+    let recording = ByPixel::new(events.as_slice(), Size::new(60, 60), [0, END_US]);
+    let options = Options { n_events: 400, ..options() };
+    let evidence = Evidence::new(&recording, &Texture, facts(), &options).unwrap();
+    assert_eq!(evidence.pixels.len(), 60);
+    assert!((700..900).contains(&evidence.n_events()), "{} of 2400", evidence.n_events());
+    for pixel in &evidence.pixels {
+        let mut n_in_block = vec![0; evidence.blocks.n()];
+        for spike in &pixel.spikes {
+            n_in_block[evidence.blocks.of(spike.t_us as f64)] += 1;
+            let instant = (spike.t_us as f64 - evidence.start_us) / evidence.step_us;
+            assert!(pixel.light[instant as usize].is_finite());
+        }
+        assert!(n_in_block.iter().all(|n| (1..=2).contains(n)), "{n_in_block:?}");
+        let n_known = pixel.light.iter().filter(|level| level.is_finite()).count();
+        assert!((490..510).contains(&n_known), "{n_known} of {}", pixel.light.len());
+    }
+}
+
+#[test]
+fn a_strength_is_held_aside_as_far_as_its_range_goes() {
+    let drop = |fraction: f64| {
+        Hypothesis::baseline(&empty()).with(library(EffectId::EventDrop), &[fraction])
+    };
+    let hypothesis = drop(0.2);
+    let at = hypothesis.offset_of(0);
+    let aside = naming::strength_aside(&hypothesis, 0).unwrap();
+    let held = aside.each_ref().map(|aside| (aside.values[at], aside.ranges[at]));
+    assert!((held[0].0 - 0.2 / 3.0).abs() < 1e-12 && (held[1].0 - 0.6).abs() < 1e-12);
+    assert!(held.iter().all(|(value, range)| *range == [*value; 2]));
+    // At an end of its range nothing lies beyond.
+    assert!(naming::strength_aside(&drop(0.9), 0).is_none());
+}

@@ -1,0 +1,339 @@
+//! The model against itself: what is drawn from a law is exponential in its compensator, scores
+//! its entropy, and scores less under any other law.
+
+use super::*;
+use evrig_core::geometry::Size;
+use evrig_core::stats::{Moments, SplitMix};
+
+const END_US: i64 = 20_000_000;
+
+/// A light that wanders: a few incommensurable waves at a millisecond's step.
+fn wander(number: u64) -> Vec<f32> {
+    let mut random = SplitMix::new(11, number);
+    let waves: Vec<[f64; 3]> = (0..6)
+        .map(|_| [0.2 + 0.5 * random.uniform(), 0.3 + 4.0 * random.uniform(), random.uniform()])
+        .collect();
+    (0..=20_000)
+        .map(|i| {
+            let t = f64::from(i) * 1e-3;
+            let wave =
+                |[a, f, phase]: &[f64; 3]| a * ((f * t + phase) * std::f64::consts::TAU).sin();
+            (waves.iter().map(wave).sum::<f64>() * 0.5 - 1.5) as f32
+        })
+        .collect()
+}
+
+fn light(values: &[f32]) -> Light<'_> {
+    Light { start_us: 0.0, step_us: 1_000.0, signal: values, level: values, bends: None }
+}
+
+fn draw(law: &PixelLaw, values: &[Vec<f32>], seed: u64) -> Vec<Vec<Spike>> {
+    let one = |(i, v): (usize, &Vec<f32>)| {
+        sample(law, light(v), END_US, &mut SplitMix::new(seed, i as u64))
+    };
+    values.iter().enumerate().map(one).collect()
+}
+
+fn total(law: &PixelLaw, values: &[Vec<f32>], spikes: &[Vec<Spike>]) -> f64 {
+    let blocks = Blocks::new(END_US, 7);
+    let (mut sum, mut n) = (0.0, 0);
+    for (values, spikes) in values.iter().zip(spikes) {
+        for block in score_pixel(law, light(values), spikes, &blocks) {
+            sum += block.log_likelihood();
+            n += block.n_events;
+        }
+    }
+    sum / f64::from(n)
+}
+
+fn laws() -> Vec<PixelLaw> {
+    let plain = PixelLaw { noise_speed_per_s: 0.0, ..PixelLaw::default() };
+    vec![
+        plain,
+        PixelLaw { noise_speed_per_s: 0.6, noise_at_white: 0.03, ..plain },
+        PixelLaw { blind_s: 0.02, theta_off: 0.3, background_on_hz: 0.5, ..plain },
+        PixelLaw { masked_s: 0.05, ..plain },
+        PixelLaw { background_memorised: 0.0, background_off_hz: 0.5, ..plain },
+        PixelLaw { noise_memorised: 0.8, noise_speed_per_s: 0.6, noise_at_white: 0.03, ..plain },
+        PixelLaw { drop_fraction: 0.3, ..plain },
+        PixelLaw { noise_at_rest: 0.2, noise_speed_per_s: 0.6, noise_at_white: 0.03, ..plain },
+    ]
+}
+
+#[test]
+fn the_compensator_of_a_silence_is_exponential_under_the_true_law() {
+    let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
+    let blocks = Blocks::new(END_US, 5);
+    for (number, law) in laws().into_iter().enumerate() {
+        // Where several memories are possible a few are followed, not all.
+        let most = if number < 3 { 0.15 } else { 0.25 };
+        let spikes = draw(&law, &values, 3);
+        let mut spent = Vec::new();
+        let (mut expected, mut seen) = (0.0, 0.0);
+        for (values, spikes) in values.iter().zip(&spikes) {
+            let (events, cells) = residuals(&law, light(values), (0, 0), spikes, &blocks);
+            spent.extend(events.iter().map(|event| event.spent));
+            expected += cells.iter().map(|c| c.expected_on + c.expected_off).sum::<f64>();
+            seen += cells.iter().map(|c| f64::from(c.on + c.off)).sum::<f64>();
+        }
+        assert!(spent.len() > 2_000, "{} events", spent.len());
+        let moments: Moments = spent.iter().copied().collect();
+        let error = moments.standard_error();
+        assert!((moments.mean() - 1.0).abs() < 5.0 * error, "mean {} {law:?}", moments.mean());
+        let variance = moments.variance();
+        assert!((variance - 1.0).abs() < most, "variance {variance} {law:?}");
+        assert!((seen - expected).abs() < 5.0 * seen.sqrt(), "{seen} seen, {expected} expected");
+        // Kolmogorov's 0.1 % point, widened a little for stamps of whole microseconds.
+        spent.sort_by(f64::total_cmp);
+        let n = spent.len() as f64;
+        let distance = spent
+            .iter()
+            .enumerate()
+            .map(|(i, s)| ((1.0 - (-s).exp()) - (i as f64 + 0.5) / n).abs())
+            .fold(0.0, f64::max);
+        assert!(distance < 2.1 / n.sqrt(), "{distance} of {n} for {law:?}");
+    }
+}
+
+#[test]
+fn a_steady_rise_scores_the_entropy_of_its_thresholds() {
+    let law = PixelLaw {
+        leak_per_s: 0.0,
+        noise_exponent: 0.0,
+        noise_speed_per_s: 0.0,
+        background_on_hz: 0.0,
+        background_off_hz: 0.0,
+        ..PixelLaw::default()
+    };
+    let rise_per_s = 2.0;
+    let values: Vec<f32> =
+        (0..=20_000).map(|i| (f64::from(i) * 1e-3 * rise_per_s) as f32).collect();
+    let values = vec![values; 60];
+    let spikes = draw(&law, &values, 5);
+    // The entropy of a log-logistic law of median a and shape b is ln(a / b) + 2.
+    let entropy = (law.noise_at_white / rise_per_s).ln() + 2.0;
+    let score = total(&law, &values, &spikes);
+    assert!((score + entropy).abs() < 0.05, "{score} against {}", -entropy);
+}
+
+#[test]
+fn every_other_law_scores_less_than_the_true_one() {
+    let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
+    let law = laws()[2];
+    let spikes = draw(&law, &values, 9);
+    let best = total(&law, &values, &spikes);
+    let others: [PixelLaw; 9] = [
+        PixelLaw { theta_on: law.theta_on * 1.03, ..law },
+        PixelLaw { theta_off: law.theta_off * 0.97, ..law },
+        PixelLaw { leak_per_s: 0.08, ..law },
+        PixelLaw { noise_at_white: law.noise_at_white * 1.3, ..law },
+        PixelLaw { noise_exponent: 0.0, ..law },
+        PixelLaw { noise_speed_per_s: 0.5, ..law },
+        PixelLaw { background_on_hz: 1.0, ..law },
+        PixelLaw { blind_s: 0.0, ..law },
+        PixelLaw { drop_fraction: 0.05, ..law },
+    ];
+    for other in others {
+        let score = total(&other, &values, &spikes);
+        assert!(score < best - 1e-3, "{score} against {best} for {other:?}");
+    }
+}
+
+#[test]
+fn where_the_light_rests_noise_is_told_from_the_error_of_the_light() {
+    let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
+    let plain = laws()[0];
+    // Half of the pixels rest, and leak.
+    let of =
+        |i: usize| if i.is_multiple_of(2) { vec![0.0; values[i].len()] } else { values[i].clone() };
+    let values: Vec<Vec<f32>> = (0..values.len()).map(of).collect();
+    let law = PixelLaw { noise_at_rest: 0.2, leak_per_s: 1.0, ..plain };
+    let spikes = draw(&law, &values, 9);
+    let best = total(&law, &values, &spikes);
+    for noise_at_rest in [0.1, 0.4, 1.0] {
+        let score = total(&PixelLaw { noise_at_rest, ..law }, &values, &spikes);
+        assert!(score < best - 1e-2, "{noise_at_rest}: {score} against {best}");
+    }
+}
+
+#[test]
+fn what_a_pixel_memorises_is_told_from_when_it_is_heard() {
+    let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
+    let [masked, added, carried] = [laws()[3], laws()[4], laws()[5]];
+    let cases = [
+        (masked, PixelLaw { blind_s: masked.masked_s, masked_s: 0.0, ..masked }),
+        (masked, PixelLaw { masked_s: 0.04, ..masked }),
+        (masked, PixelLaw { masked_s: 0.06, ..masked }),
+        (added, PixelLaw { background_memorised: 1.0, ..added }),
+        (added, PixelLaw { background_memorised: 0.5, ..added }),
+        (carried, PixelLaw { noise_memorised: 0.0, ..carried }),
+        (carried, PixelLaw { noise_memorised: 0.4, ..carried }),
+    ];
+    for (law, other) in cases {
+        let spikes = draw(&law, &values, 9);
+        let (best, score) = (total(&law, &values, &spikes), total(&other, &values, &spikes));
+        assert!(score < best - 1e-3, "{score} against {best} for {other:?}");
+    }
+}
+
+#[test]
+fn a_filter_of_events_is_scored_as_what_it_left() {
+    let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
+    let plain = laws()[0];
+    let mut spikes = draw(&plain, &values, 4);
+    for own in &mut spikes {
+        let mut ready_us = i64::MIN;
+        own.retain(|spike| {
+            let is_kept = spike.t_us >= ready_us;
+            ready_us = if is_kept { spike.t_us + 60_000 } else { ready_us };
+            is_kept
+        });
+    }
+    let at = |masked_s: f64| total(&PixelLaw { masked_s, ..plain }, &values, &spikes);
+    let right = at(0.06);
+    for wrong in [0.0, 0.05, 0.057, 0.063, 0.07] {
+        assert!(at(wrong) < right - 0.003, "{wrong}: {} against {right}", at(wrong));
+    }
+    // What the filter hid leaves little doubt where the pixel stands.
+    let whole = total(&plain, &values, &draw(&plain, &values, 4));
+    assert!(right > whole - 1.0, "{right} against {whole} of all events");
+}
+
+#[test]
+fn lost_events_are_told_from_a_larger_threshold() {
+    let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
+    let plain = laws()[0];
+    let mut random = SplitMix::new(1, 1);
+    let mut spikes = draw(&plain, &values, 4);
+    for own in &mut spikes {
+        own.retain(|_| random.uniform() > 0.2);
+    }
+    let at = |drop_fraction: f64, theta: f64| {
+        let law = PixelLaw { drop_fraction, theta_on: theta, theta_off: theta, ..plain };
+        total(&law, &values, &spikes)
+    };
+    let right = at(0.2, 0.25);
+    for (wrong, by) in [(0.0, 0.1), (0.1, 0.01), (0.15, 1e-3), (0.3, 1e-3), (0.4, 0.01)] {
+        assert!(at(wrong, 0.25) < right - by, "{wrong}: {} against {right}", at(wrong, 0.25));
+    }
+    assert!(right > at(0.0, 0.3) + 0.1);
+    // Where an event was lost the pixel turns back from there: the others are told as sharply as ever.
+    let whole = total(&plain, &values, &draw(&plain, &values, 4));
+    assert!(right > whole - 0.9, "{right} against {whole} of all events");
+}
+
+#[test]
+fn stamps_that_scatter_are_told_by_how_much_they_do() {
+    let true_s = 0.01;
+    let plain = PixelLaw { noise_speed_per_s: 0.0, noise_at_white: 0.005, ..PixelLaw::default() };
+    let values: Vec<_> = (0..12).map(wander).collect();
+    let mut random = SplitMix::new(23, 0);
+    let mut scattered = draw(&plain, &values, 29);
+    for spikes in &mut scattered {
+        for spike in &mut *spikes {
+            spike.t_us += (1e6 * true_s * random.normal()).round() as i64;
+        }
+        spikes.retain(|spike| (0..END_US).contains(&spike.t_us));
+        spikes.sort_by_key(|spike| spike.t_us);
+        spikes.dedup_by_key(|spike| spike.t_us);
+    }
+    let shares = [0.6, 0.8, 1.0, 1.25, 1.6];
+    let scores = shares.map(|share| {
+        total(
+            &PixelLaw { jitter_s: share * true_s, stamps_are_weighed: true, ..plain },
+            &values,
+            &scattered,
+        )
+    });
+    let best = (0..shares.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b])).unwrap();
+    assert!((1..=3).contains(&best), "{shares:?} of the true one score {scores:?}");
+    // Wider thresholds do not do what scattered stamps do.
+    let wide = [0.02, 0.04, 0.08].map(|noise_at_white| PixelLaw { noise_at_white, ..plain });
+    for law in wide {
+        assert!(total(&law, &values, &scattered) < scores[best] - 0.02, "{law:?}");
+    }
+}
+
+#[test]
+fn silent_pixels_speak_for_a_large_threshold() {
+    let values: Vec<Vec<f32>> = (0..20).map(wander).collect();
+    let silent = vec![Vec::new(); values.len()];
+    let blocks = Blocks::new(END_US, 1);
+    let at = |theta: f64| {
+        let law = PixelLaw { theta_on: theta, theta_off: theta, ..laws()[0] };
+        let one = |values: &Vec<f32>| score_pixel(&law, light(values), &silent[0], &blocks);
+        values.iter().map(|v| one(v)[0].log_likelihood()).sum::<f64>()
+    };
+    assert!(at(4.0) > at(2.0) && at(2.0) > at(0.5));
+}
+
+#[test]
+fn a_gap_in_the_light_is_left_out_and_the_memory_with_it() {
+    let mut values = wander(1);
+    let law = laws()[0];
+    let spikes = draw(&law, &[values.clone()], 2).remove(0);
+    let blocks = Blocks::new(END_US, 1);
+    let whole = score_pixel(&law, light(&values), &spikes, &blocks)[0];
+    values[8_000..9_000].fill(f32::NAN);
+    let parted = score_pixel(&law, light(&values), &spikes, &blocks)[0];
+    let gap = spikes.iter().filter(|s| s.t_us > 7_999_000 && s.t_us < 9_000_000).count();
+    assert!(gap > 0, "the gap takes events away");
+    assert_eq!(parted.n_events as usize + gap, whole.n_events as usize);
+    assert!(parted.log_likelihood().is_finite());
+}
+
+/// A drive of wandering pixels, the same on every call.
+struct Wandering(Size);
+
+impl evrig_core::drive::Drive for Wandering {
+    fn size(&self) -> Size {
+        self.0
+    }
+    fn span_us(&self) -> [i64; 2] {
+        [0, END_US]
+    }
+    fn white_dn(&self) -> f64 {
+        200.0
+    }
+    fn sample(&self, [u, v]: [f64; 2], grid: evrig_core::drive::TimeGrid, out: &mut [f32]) -> bool {
+        let number = (v as u64) * u64::from(self.0.width) + u as u64;
+        let values = wander(number);
+        for (i, out) in out.iter_mut().enumerate() {
+            let index = grid.at(i) / 1_000;
+            *out = usize::try_from(index)
+                .ok()
+                .and_then(|i| values.get(i))
+                .copied()
+                .unwrap_or(f32::NAN);
+        }
+        true
+    }
+    fn error(&self, _place: [f64; 2]) -> f32 {
+        f32::NAN
+    }
+}
+
+#[test]
+fn the_score_has_the_same_bits_on_any_number_of_threads() {
+    let size = Size::new(6, 5);
+    let drive = Wandering(size);
+    let pixels: Vec<(u16, u16)> = (0..5).flat_map(|y| (0..6).map(move |x| (x, y))).collect();
+    let law = laws()[1];
+    let empty = ByPixel::new(evrig_core::event::Events::new().as_slice(), size, [0, END_US]);
+    let lights = Lights::new(&drive, &pixels, [0, END_US], 1_000);
+    let spikes: Vec<Vec<Spike>> = (0..pixels.len())
+        .map(|i| sample(&law, lights.light(i), END_US, &mut SplitMix::new(4, i as u64)))
+        .collect();
+    let recording = empty.with_events(&pixels, &spikes);
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| score(&law, &drive, &recording, &pixels, 1_000))
+    };
+    let one = with(1);
+    assert_eq!(one.n_events as usize, recording.len());
+    assert_eq!(one.log_likelihood.to_bits(), with(3).log_likelihood.to_bits());
+    assert_eq!(
+        one.log_likelihood.to_bits(),
+        score_lights(&law, &lights, &recording).log_likelihood.to_bits()
+    );
+}

@@ -1,0 +1,15 @@
+//! Vocabulary of evrig: units, clocks, estimates and geometry, and the data that flow between its
+//! parts. Nothing here performs I/O.
+
+pub mod delivery;
+pub mod drive;
+pub mod effect_id;
+pub mod event;
+pub mod frame;
+pub mod geometry;
+pub mod imu;
+pub mod pi_camera;
+pub mod raw10;
+pub mod stats;
+pub mod time;
+pub mod units;

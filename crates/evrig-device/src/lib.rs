@@ -1,0 +1,6 @@
+//! Drivers of the rig's devices behind the traits of `evrig-record`.
+
+pub mod davis;
+pub mod dobot;
+pub mod pi;
+pub mod stimulus;

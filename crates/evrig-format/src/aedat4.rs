@@ -1,0 +1,218 @@
+//! AEDAT4, the format of iniVation's cameras: events, frames, inertial samples and triggers.
+//!
+//! # The wire
+//! `#!AER-DAT4.0\r\n`, a `u32` length and an IOHE flatbuffer (compression, position of the data
+//! table, XML description of the streams), then packets of `{u32 stream, u32 length, payload}`.
+//! A payload is, once decompressed, one size-prefixed flatbuffer: EVTS, FRME, IMUS or TRIG.
+//! A file that was closed ends with an FTAB flatbuffer, the data table, at the position that the
+//! header names; one that was not has position -1 and ends after any packet. On a socket the
+//! same bytes travel without the first fourteen. All numbers are little-endian.
+//!
+//! # What the crate `aedat` does here
+//! Its generated flatbuffer types are used, always behind their verified roots. Its decoder is
+//! not: it panics on damaged headers (unverified root), allocates whatever length a packet
+//! declares before reading it, takes every I/O error between packets for the end of the file,
+//! refuses files that hold a stream kind it does not know, and cannot write.
+//!
+//! # What is not checked here
+//! Events come as they are written: outside the sensor or out of order is for the session to
+//! find ([`evrig_core::event::EventSlice::first_outside`], [`evrig_core::event::EventSlice::first_disorder`]).
+//! What cannot be represented at all is counted in [`Losses`]. Most files carry no checksum, so a
+//! flipped bit inside a packet may go unseen; the session's own checksums are for that.
+
+mod compression;
+mod cut;
+mod decode;
+mod encode;
+mod error;
+mod framing;
+mod header;
+mod lz4_frame;
+mod outgoing;
+mod overflow;
+mod reader;
+mod table;
+mod writer;
+
+pub use compression::{Compression, UnknownCompression};
+pub use error::{Place, ReadError, WriteError};
+pub use reader::Reader;
+pub use writer::{Summary, Writer};
+
+use evrig_core::event::Events;
+use evrig_core::frame::Frame;
+use evrig_core::geometry::Size;
+use evrig_core::imu::{ImuSample, Trigger};
+use evrig_core::time::Davis;
+
+/// Largest packet, compressed or not, that is read or written: 256 MiB, 16 million events.
+pub const MAX_PACKET_BYTES: usize = 1 << 28;
+
+/// What a stream carries.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub enum Kind {
+    /// Brightness changes.
+    Events,
+    /// Pictures.
+    Frames,
+    /// Inertial samples.
+    Imu,
+    /// Marks in the camera's time.
+    Triggers,
+    /// Something this reader does not know, by its four-letter identifier.
+    Other(String),
+}
+
+impl Kind {
+    /// The four letters that stand in the file.
+    #[must_use]
+    pub fn identifier(&self) -> &str {
+        match self {
+            Self::Events => "EVTS",
+            Self::Frames => "FRME",
+            Self::Imu => "IMUS",
+            Self::Triggers => "TRIG",
+            Self::Other(identifier) => identifier,
+        }
+    }
+
+    fn from_identifier(identifier: &str) -> Self {
+        match identifier {
+            "EVTS" => Self::Events,
+            "FRME" => Self::Frames,
+            "IMUS" => Self::Imu,
+            "TRIG" => Self::Triggers,
+            other => Self::Other(other.to_owned()),
+        }
+    }
+}
+
+/// One stream of a file, as its header describes it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Stream {
+    /// The number that its packets carry.
+    pub id: u32,
+    /// The name of the output it was recorded from: `events`, `frames`, ...
+    pub name: String,
+    /// What it carries.
+    pub kind: Kind,
+    /// The pixel grid, where the header states one.
+    pub size: Option<Size>,
+    /// The camera's name, empty where the header states none.
+    pub source: String,
+}
+
+/// A stream to be written; its number is its place in the list given to the writer.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StreamSpec {
+    /// The name by which readers ask for it.
+    pub name: String,
+    /// What it will carry.
+    pub kind: Kind,
+    /// The pixel grid; events and frames need one.
+    pub size: Option<Size>,
+    /// The camera's name; dv-processing groups streams by it.
+    pub source: String,
+}
+
+impl StreamSpec {
+    /// Events of a camera, under the name that dv-processing looks for.
+    #[must_use]
+    pub fn events(size: Size, source: &str) -> Self {
+        Self::named("events", Kind::Events, Some(size), source)
+    }
+
+    /// Frames of a camera, under the name that dv-processing looks for.
+    #[must_use]
+    pub fn frames(size: Size, source: &str) -> Self {
+        Self::named("frames", Kind::Frames, Some(size), source)
+    }
+
+    /// Inertial samples of a camera, under the name that dv-processing looks for.
+    #[must_use]
+    pub fn imu(source: &str) -> Self {
+        Self::named("imu", Kind::Imu, None, source)
+    }
+
+    /// Triggers of a camera, under the name that dv-processing looks for.
+    #[must_use]
+    pub fn triggers(source: &str) -> Self {
+        Self::named("triggers", Kind::Triggers, None, source)
+    }
+
+    fn named(name: &str, kind: Kind, size: Option<Size>, source: &str) -> Self {
+        Self { name: name.to_owned(), kind, size, source: source.to_owned() }
+    }
+}
+
+/// What one packet held.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Content {
+    /// A run of events.
+    Events(Events),
+    /// One picture.
+    Frame(Frame<Davis>),
+    /// A run of inertial samples.
+    Imu(Vec<ImuSample>),
+    /// A run of triggers.
+    Triggers(Vec<Trigger>),
+    /// A packet of a kind this reader does not know; its bytes were skipped.
+    Unknown {
+        /// The four letters by which the header names the kind.
+        kind: String,
+    },
+}
+
+impl Content {
+    /// Writes it into a stream; of a kind that nobody knows, nothing.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the stream carries something else, or writing fails.
+    pub fn write(
+        &self,
+        writer: &mut Writer<impl std::io::Write>,
+        stream: u32,
+    ) -> Result<(), WriteError> {
+        match self {
+            Self::Events(events) => writer.write_events(stream, events.as_slice()),
+            Self::Frame(frame) => writer.write_frame(stream, frame),
+            Self::Imu(samples) => writer.write_imu(stream, samples),
+            Self::Triggers(marks) => writer.write_triggers(stream, marks),
+            Self::Unknown { .. } => Ok(()),
+        }
+    }
+}
+
+/// One packet, with where it stood.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Packet {
+    /// Number of its stream, see [`Stream::id`].
+    pub stream: u32,
+    /// Place among all packets, from 0.
+    pub index: u64,
+    /// Byte at which the packet begins.
+    pub offset: u64,
+    /// What it held.
+    pub content: Content,
+}
+
+/// What could be read but not represented, counted so that nothing is dropped in silence.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Losses {
+    /// Events with a negative column or row.
+    pub events: u64,
+    /// Frames whose size, format and pixels do not agree, or in a format unknown here.
+    pub frames: u64,
+    /// Packets of a stream kind unknown here.
+    pub unknown_packets: u64,
+    /// Where and why the first event or frame was lost.
+    pub first: Option<String>,
+}
+
+impl Losses {
+    /// Whether nothing was lost.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+}

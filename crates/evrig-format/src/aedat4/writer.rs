@@ -1,0 +1,502 @@
+//! The writer: packets of sensible size, and a data table at the end.
+
+use super::compression::compress;
+use super::cut::cut_into_packets;
+use super::header::{self, MAGIC};
+use super::outgoing::{HEAD_BYTES, Outgoing, span};
+use super::table::{self, Entry};
+use super::{Compression, Kind, StreamSpec, WriteError, encode};
+use crate::Destination;
+use evrig_core::event::EventSlice;
+use evrig_core::frame::Frame;
+use evrig_core::imu::{ImuSample, Trigger};
+use evrig_core::time::Davis;
+use rayon::prelude::*;
+use std::fs::File;
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::path::Path;
+
+/// Packets that are compressed side by side, while as many before them are written.
+const SIDE_BY_SIDE: usize = 16;
+
+/// Small packets are gathered to this size; larger ones are written as they are, each at once.
+const GATHERED_BYTES: usize = 1 << 16;
+
+/// Samples or triggers in a packet at most.
+const SAMPLE_PACKET_LENGTH: usize = 1 << 12;
+
+/// Largest column or row that AEDAT4 can hold.
+const MAX_COORDINATE: u16 = i16::MAX as u16;
+
+/// What was written, counted while writing.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Summary {
+    /// Elements in each stream (events, frames, samples or triggers), in the order of the streams.
+    pub n_elements: Vec<u64>,
+    /// Packets in all streams.
+    pub n_packets: u64,
+    /// Bytes from the first to the last, the data table included.
+    pub n_bytes: u64,
+}
+
+/// Puts the table's position into the header; only for destinations that can go back.
+type PatchHeader<W> = fn(&mut W, &[u8]) -> io::Result<()>;
+
+/// Writes AEDAT4 to a file, or to a socket in that one's framing.
+///
+/// Each call writes whole packets, so that a file which is dropped without
+/// [`Writer::finish`] can be read up to its last packet; it only lacks the data
+/// table, by which DV seeks. What is still buffered then is written as well,
+/// but an error in that is lost; `finish` reports it.
+#[derive(Debug)]
+pub struct Writer<W: Write> {
+    destination: W,
+    name: String,
+    compression: Compression,
+    streams: Vec<StreamSpec>,
+    patch_header: Option<PatchHeader<W>>,
+    entries: Vec<Entry>,
+    summary: Summary,
+    /// Memory of packets that were written and of those being compressed.
+    packets: [Vec<Outgoing>; 2],
+}
+
+impl Writer<BufWriter<File>> {
+    /// Makes a file, replacing one that is there, and writes its header.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the file cannot be made or written.
+    pub fn create(
+        path: impl AsRef<Path>,
+        compression: Compression,
+        streams: &[StreamSpec],
+    ) -> Result<Self, WriteError> {
+        let path = path.as_ref();
+        let file = File::create(path)
+            .map_err(|source| WriteError::Create { path: path.to_owned(), source })?;
+        let destination = BufWriter::with_capacity(GATHERED_BYTES, file);
+        Self::new(destination, &path.display().to_string(), compression, streams)
+    }
+}
+
+impl Writer<BufWriter<Destination>> {
+    /// Writes what is recorded, as it comes. A pipe gets the bytes of the file but for the data table
+    /// at its end, which a reader finds by going back.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the header cannot be written.
+    pub fn as_recorded(
+        destination: Destination,
+        name: &str,
+        compression: Compression,
+        streams: &[StreamSpec],
+    ) -> Result<Self, WriteError> {
+        let can_go_back = destination.can_go_back();
+        let buffered = BufWriter::with_capacity(GATHERED_BYTES, destination);
+        if can_go_back {
+            return Self::new(buffered, name, compression, streams);
+        }
+        let mut writer = Self::headless(buffered, name, compression, streams);
+        writer.write_bytes(MAGIC)?;
+        writer.write_header()?;
+        Ok(writer)
+    }
+}
+
+impl<W: Write + Seek> Writer<W> {
+    /// Writes a file's bytes to anything that can go back to its start; `name` stands for it in errors.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the header cannot be written.
+    pub fn new(
+        destination: W,
+        name: &str,
+        compression: Compression,
+        streams: &[StreamSpec],
+    ) -> Result<Self, WriteError> {
+        let mut writer = Self::headless(destination, name, compression, streams);
+        writer.patch_header = Some(|destination, header| {
+            destination.seek(SeekFrom::Start(MAGIC.len() as u64))?;
+            destination.write_all(header)?;
+            destination.seek(SeekFrom::End(0)).map(|_| ())
+        });
+        writer.write_bytes(MAGIC)?;
+        writer.write_header()?;
+        Ok(writer)
+    }
+}
+
+impl<W: Write> Writer<W> {
+    /// Writes in the framing of a socket: no first bytes, no data table, and each packet is flushed.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the header cannot be written.
+    pub fn to_stream(
+        destination: W,
+        name: &str,
+        compression: Compression,
+        streams: &[StreamSpec],
+    ) -> Result<Self, WriteError> {
+        let mut writer = Self::headless(destination, name, compression, streams);
+        writer.write_header()?;
+        writer.flush()?;
+        Ok(writer)
+    }
+
+    fn headless(
+        destination: W,
+        name: &str,
+        compression: Compression,
+        streams: &[StreamSpec],
+    ) -> Self {
+        Self {
+            destination,
+            name: name.to_owned(),
+            compression,
+            streams: streams.to_vec(),
+            patch_header: None,
+            entries: Vec::new(),
+            summary: Summary { n_elements: vec![0; streams.len()], ..Summary::default() },
+            packets: [Vec::new(), Vec::new()],
+        }
+    }
+
+    /// Packets written so far, in all streams.
+    #[must_use]
+    pub const fn n_packets(&self) -> u64 {
+        self.summary.n_packets
+    }
+
+    /// Writes a run of events in packets of 8,192 to 32,768 events, of 10 ms or, in quiet scenes, up to 1 s.
+    ///
+    /// A call ends a packet, so what is written as it arrives is there at once.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the stream carries no events, a coordinate is above 32,767, or writing fails.
+    pub fn write_events(&mut self, stream: u32, events: EventSlice<'_>) -> Result<(), WriteError> {
+        self.check_stream(stream, &Kind::Events, "events")?;
+        let union = |column: &[u16]| column.iter().fold(0, |union, c| union | c);
+        if union(events.x) | union(events.y) > MAX_COORDINATE {
+            let is_beyond = |i: &usize| events.x[*i].max(events.y[*i]) > MAX_COORDINATE;
+            let i = (0..events.len()).find(is_beyond).unwrap_or_default();
+            let found = format!("event {i} at x {}, y {}", events.x[i], events.y[i]);
+            return Err(self.unrepresentable(stream, found));
+        }
+        let cuts = cut_into_packets(events);
+        let mut packets = std::mem::take(&mut self.packets);
+        let written = if self.compression == Compression::None || cuts.len() == 1 {
+            self.write_in_turn(stream, events, &cuts, &mut packets[0])
+        } else {
+            self.write_side_by_side(stream, events, &cuts, &mut packets)
+        };
+        self.packets = packets;
+        written?;
+        self.flush_stream()
+    }
+
+    /// Encodes and writes one packet after the other in the same memory, which stays in the cache.
+    fn write_in_turn(
+        &mut self,
+        stream: u32,
+        events: EventSlice<'_>,
+        cuts: &[[usize; 2]],
+        memory: &mut Vec<Outgoing>,
+    ) -> Result<(), WriteError> {
+        let mut packet = memory.pop().unwrap_or_default();
+        for &[start, end] in cuts {
+            let taken = packet.take_events(self.compression, events.range(start, end));
+            taken.map_err(|source| self.failed(source))?;
+            self.write_packet(stream, &mut packet)?;
+        }
+        memory.push(packet);
+        Ok(())
+    }
+
+    /// Compresses some packets on all cores while those before them are written, in order.
+    fn write_side_by_side(
+        &mut self,
+        stream: u32,
+        events: EventSlice<'_>,
+        cuts: &[[usize; 2]],
+        [ready, next]: &mut [Vec<Outgoing>; 2],
+    ) -> Result<(), WriteError> {
+        let compression = self.compression;
+        let mut n_ready = 0;
+        // At last nothing is compressed while the last packets are written.
+        for cuts in cuts.chunks(SIDE_BY_SIDE).chain(std::iter::once(&[][..])) {
+            next.resize_with(next.len().max(cuts.len()), Outgoing::default);
+            let mut taken = Ok(());
+            let written = rayon::in_place_scope(|scope| {
+                scope.spawn(|_| {
+                    let work = cuts.par_iter().zip(next.par_iter_mut()).with_max_len(1);
+                    taken = work.try_for_each(|(&[start, end], packet)| {
+                        packet.take_events(compression, events.range(start, end))
+                    });
+                });
+                let mut ready = ready[..n_ready].iter_mut();
+                ready.try_for_each(|packet| self.write_packet(stream, packet))
+            });
+            written?;
+            taken.map_err(|source| self.failed(source))?;
+            std::mem::swap(ready, next);
+            n_ready = cuts.len();
+        }
+        Ok(())
+    }
+
+    /// Writes one frame.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the stream carries no frames, the frame is not what its size says or
+    /// larger than AEDAT4 can hold, or writing fails.
+    pub fn write_frame(&mut self, stream: u32, frame: &Frame<Davis>) -> Result<(), WriteError> {
+        self.check_stream(stream, &Kind::Frames, "frames")?;
+        let n_samples = frame.size.n_pixels() * frame.channels.count();
+        if frame.size.width.max(frame.size.height) > MAX_COORDINATE {
+            return Err(self.unrepresentable(stream, format!("a frame of {} pixels", frame.size)));
+        }
+        if frame.samples.len() != n_samples {
+            let found =
+                format!("a frame of {} samples that needs {n_samples}", frame.samples.len());
+            return Err(self.unrepresentable(stream, found));
+        }
+        let t = frame.timing.stamp.as_micros();
+        self.write_payload(stream, &encode::frame(frame), 1, [t, t])
+    }
+
+    /// Writes inertial samples.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the stream carries none or writing fails.
+    pub fn write_imu(&mut self, stream: u32, samples: &[ImuSample]) -> Result<(), WriteError> {
+        self.check_stream(stream, &Kind::Imu, "inertial samples")?;
+        for run in samples.chunks(SAMPLE_PACKET_LENGTH) {
+            let span = span(run.iter().map(|sample| sample.stamp.as_micros()));
+            self.write_payload(stream, &encode::imu(run), run.len(), span)?;
+        }
+        Ok(())
+    }
+
+    /// Writes triggers.
+    ///
+    /// # Errors
+    /// [`WriteError`] when the stream carries none or writing fails.
+    pub fn write_triggers(&mut self, stream: u32, marks: &[Trigger]) -> Result<(), WriteError> {
+        self.check_stream(stream, &Kind::Triggers, "triggers")?;
+        for run in marks.chunks(SAMPLE_PACKET_LENGTH) {
+            let span = span(run.iter().map(|mark| mark.stamp.as_micros()));
+            self.write_payload(stream, &encode::triggers(run), run.len(), span)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the data table (of a file), flushes, and says what was written.
+    ///
+    /// # Errors
+    /// [`WriteError`] when writing fails; the packets are in the file all the same.
+    pub fn finish(mut self) -> Result<Summary, WriteError> {
+        if let Some(patch) = self.patch_header {
+            let position = self.summary.n_bytes;
+            let mut table = Vec::new();
+            let n = compress(self.compression, &table::encode(&self.entries), &mut table, 0)
+                .map_err(|source| self.failed(source))?;
+            self.write_bytes(&table[..n])?;
+            // The table is on its way before the header says that there is one.
+            self.flush()?;
+            let header = header::encode(self.compression, Some(position), &self.streams);
+            patch(&mut self.destination, &header).map_err(|source| self.failed(source))?;
+        }
+        self.flush()?;
+        Ok(self.summary)
+    }
+
+    fn write_payload(
+        &mut self,
+        stream: u32,
+        payload: &[u8],
+        n_elements: usize,
+        span_us: [i64; 2],
+    ) -> Result<(), WriteError> {
+        let mut packet = self.packets[0].pop().unwrap_or_default();
+        let taken = packet.take_payload(self.compression, payload, n_elements, span_us);
+        taken.map_err(|source| self.failed(source))?;
+        self.write_packet(stream, &mut packet)?;
+        self.packets[0].push(packet);
+        self.flush_stream()
+    }
+
+    fn write_packet(&mut self, stream: u32, packet: &mut Outgoing) -> Result<(), WriteError> {
+        if self.patch_header.is_some() {
+            self.entries.push(Entry {
+                payload_offset: self.summary.n_bytes + HEAD_BYTES as u64,
+                stream,
+                payload_bytes: packet.payload_bytes(),
+                n_elements: packet.n_elements as u64,
+                span_us: packet.span_us,
+            });
+        }
+        self.write_bytes(packet.finish(stream))?;
+        self.summary.n_packets += 1;
+        if let Some(n) = self.summary.n_elements.get_mut(stream as usize) {
+            *n += packet.n_elements as u64;
+        }
+        Ok(())
+    }
+
+    fn write_header(&mut self) -> Result<(), WriteError> {
+        let header = header::encode(self.compression, None, &self.streams);
+        self.write_bytes(&header)
+    }
+
+    fn write_bytes(&mut self, bytes: &[u8]) -> Result<(), WriteError> {
+        self.destination.write_all(bytes).map_err(|source| self.failed(source))?;
+        self.summary.n_bytes += bytes.len() as u64;
+        Ok(())
+    }
+
+    /// On a socket, what was written leaves at once.
+    fn flush_stream(&mut self) -> Result<(), WriteError> {
+        if self.patch_header.is_none() { self.flush() } else { Ok(()) }
+    }
+
+    /// Hands everything written so far to the destination.
+    ///
+    /// # Errors
+    /// [`WriteError`] when writing fails.
+    pub fn flush(&mut self) -> Result<(), WriteError> {
+        self.destination.flush().map_err(|source| self.failed(source))
+    }
+
+    fn check_stream(
+        &self,
+        stream: u32,
+        kind: &Kind,
+        expected: &'static str,
+    ) -> Result<(), WriteError> {
+        let found = match self.streams.get(stream as usize) {
+            Some(spec) if spec.kind == *kind => return Ok(()),
+            Some(spec) => format!("({}) carries {}", spec.name, spec.kind.identifier()),
+            None => format!("does not exist among {}", self.streams.len()),
+        };
+        Err(WriteError::WrongStream { name: self.name.clone(), stream, expected, found })
+    }
+
+    fn unrepresentable(&self, stream: u32, found: String) -> WriteError {
+        let limit = "columns and rows up to 32767, and exactly the samples of a frame's size";
+        WriteError::Unrepresentable { name: self.name.clone(), stream, found, limit }
+    }
+
+    fn failed(&self, source: io::Error) -> WriteError {
+        WriteError::Io { name: self.name.clone(), packet: self.summary.n_packets, source }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::aedat4::{Content, Reader};
+    use evrig_core::event::{Event, Events};
+    use evrig_core::geometry::Size;
+    use proptest::prelude::*;
+    use std::io::Cursor;
+
+    fn specs() -> [StreamSpec; 2] {
+        [StreamSpec::events(Size::DAVIS346, "w"), StreamSpec::triggers("w")]
+    }
+
+    fn events_of<R: io::Read>(reader: Reader<R>) -> Events {
+        let mut all = Events::new();
+        for packet in reader {
+            if let Content::Events(events) = packet.unwrap().content {
+                all.extend_from_slice(events.as_slice());
+            }
+        }
+        all
+    }
+
+    fn at(times: impl Iterator<Item = i64>) -> Events {
+        times.map(|t| Event { t, x: 1, y: 2, on: true }).collect()
+    }
+
+    #[test]
+    fn a_file_that_was_dropped_can_be_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("dropped.aedat4");
+        let mut writer = Writer::create(&path, Compression::Lz4, &specs()).unwrap();
+        let events = at(0..50_000);
+        writer.write_events(0, events.as_slice()).unwrap();
+        drop(writer);
+        assert!(events_of(Reader::open(&path).unwrap()) == events);
+    }
+
+    #[test]
+    fn packets_compressed_side_by_side_stay_in_order() {
+        // A hundred packets of ten events, then one, then a hundred again: memory is used anew.
+        let quiet = at((0..1_000).map(|i| i * 100_000));
+        for compression in [Compression::None, Compression::Lz4, Compression::Zstd] {
+            let mut bytes = Cursor::new(Vec::new());
+            let mut writer = Writer::new(&mut bytes, "w", compression, &specs()).unwrap();
+            let mut expected = Events::new();
+            for run in [quiet.as_slice(), quiet.as_slice().range(0, 1), quiet.as_slice()] {
+                writer.write_events(0, run).unwrap();
+                expected.extend_from_slice(run);
+            }
+            assert_eq!(writer.finish().unwrap().n_packets, 201);
+            let reader = Reader::new(bytes.get_ref().as_slice(), "w").unwrap();
+            assert!(events_of(reader) == expected, "{compression:?}");
+        }
+    }
+
+    #[test]
+    fn a_socket_gets_whole_packets_without_the_first_bytes() {
+        let mut wire = Vec::new();
+        let mut writer = Writer::to_stream(&mut wire, "tcp", Compression::Zstd, &specs()).unwrap();
+        let events = at(0..10);
+        writer.write_events(0, events.as_slice()).unwrap();
+        writer.finish().unwrap();
+        assert!(!wire.starts_with(b"#!AER"));
+        assert!(events_of(Reader::from_stream(wire.as_slice(), "tcp").unwrap()) == events);
+    }
+
+    #[test]
+    fn what_the_format_cannot_hold_is_refused_before_anything_is_written() {
+        let mut bytes = Cursor::new(Vec::new());
+        let mut writer = Writer::new(&mut bytes, "w", Compression::None, &specs()).unwrap();
+        let beyond: Events = [Event { t: 0, x: 32_768, y: 0, on: true }].into_iter().collect();
+        let error = writer.write_events(0, beyond.as_slice()).unwrap_err().to_string();
+        assert!(error.contains("stream 0: event 0 at x 32768, y 0 cannot be written"), "{error}");
+        let error = writer.write_events(1, beyond.as_slice()).unwrap_err().to_string();
+        assert!(error.contains("stream 1 (triggers) carries TRIG"), "{error}");
+        let error = writer.write_imu(7, &[]).unwrap_err().to_string();
+        assert!(error.contains("stream 7 does not exist among 2"), "{error}");
+        assert_eq!(writer.finish().unwrap().n_packets, 0);
+    }
+
+    #[test]
+    fn quiet_scenes_are_cut_each_second_and_busy_ones_by_number() {
+        let quiet = at((0..100).map(|i| i * 100_000));
+        let lengths = |events: &Events| -> Vec<usize> {
+            cut_into_packets(events.as_slice()).iter().map(|[start, end]| end - start).collect()
+        };
+        assert_eq!(lengths(&quiet), [10; 10]);
+        assert_eq!(lengths(&at((0..100_000).map(|i| i / 100))), [32_768, 32_768, 32_768, 1_696]);
+        assert_eq!(lengths(&at((0..25_000).map(|i| i * 1_000 / 1_250))), [12_500, 12_500]);
+    }
+
+    proptest! {
+        #[test]
+        fn events_in_any_order_come_back_as_they_were(
+            events in prop::collection::vec((any::<i64>(), 0..32_768_u16, 0..32_768_u16, any::<bool>()), 0..300),
+            compression in prop::sample::select(vec![Compression::None, Compression::Lz4, Compression::Zstd]),
+        ) {
+            let events: Events =
+                events.into_iter().map(|(t, x, y, on)| Event { t, x, y, on }).collect();
+            let mut bytes = Cursor::new(Vec::new());
+            let mut writer = Writer::new(&mut bytes, "w", compression, &specs()).unwrap();
+            writer.write_events(0, events.as_slice()).unwrap();
+            prop_assert_eq!(writer.finish().unwrap().n_elements, vec![events.len() as u64, 0]);
+            let back = events_of(Reader::new(bytes.get_ref().as_slice(), "w").unwrap());
+            prop_assert_eq!(back, events);
+        }
+    }
+}

@@ -1,0 +1,313 @@
+//! Any generator, driven by light that is known at any time: piecewise, in steps finer than the
+//! frames that the light was told from.
+//!
+//! The light of every pixel is taken at even instants and handed to the generator as frames, so
+//! that a model's law between two frames holds between two instants. A pixel is silent where
+//! nothing is known of its light, and begins anew where it is known again.
+
+use super::parameter_error::check;
+use super::{GenerateError, Generator, ParameterError};
+use evrig_core::drive::{Drive, TimeGrid};
+use evrig_core::event::{Event, Events};
+use evrig_core::frame::Luminance;
+use evrig_core::geometry::Size;
+use rayon::prelude::*;
+
+/// The step at which light is taken when nothing else is said, µs: an eighth of a 120 Hz frame.
+pub const DRIVE_STEP_US: u32 = 1_000;
+
+/// Instants that are taken at once.
+const BLOCK: usize = 32;
+
+/// A drive as frames at even instants.
+pub struct DriveFrames<'a> {
+    drive: &'a dyn Drive,
+    grid: TimeGrid,
+    next: usize,
+    /// The light of the instants about the next, pixel by pixel, DN.
+    block: Vec<f32>,
+    frame: Luminance,
+}
+
+impl<'a> DriveFrames<'a> {
+    /// The part of `window_us` in which the drive has a signal, an instant every `step_us`, 10 to
+    /// 100,000.
+    ///
+    /// # Errors
+    /// A step out of range, or a drive whose white is not a brightness.
+    pub fn new(
+        drive: &'a dyn Drive,
+        window_us: [i64; 2],
+        step_us: u32,
+    ) -> Result<Self, ParameterError> {
+        check("step_us", f64::from(step_us), 10.0, 1e5)?;
+        check("white_dn", drive.white_dn(), 1e-3, 1e9)?;
+        let [first, last] = drive.span_us();
+        let (first, last) = (first.max(window_us[0]), last.min(window_us[1]));
+        let span = last.saturating_sub(first);
+        let n = if span < 0 { 0 } else { (span / i64::from(step_us)) as usize + 1 };
+        let size = drive.size();
+        let values = vec![f32::NAN; size.n_pixels()];
+        let grid = TimeGrid { start_us: first, step_us, n };
+        let frame = Luminance { t_us: first, size, values };
+        Ok(Self { drive, grid, next: 0, block: Vec::new(), frame })
+    }
+
+    /// The instants.
+    #[must_use]
+    pub const fn grid(&self) -> TimeGrid {
+        self.grid
+    }
+
+    /// What the pixels see at the next instant, DN above black, `NaN` where nothing is known of it;
+    /// none behind the last.
+    pub fn next_frame(&mut self) -> Option<&Luminance> {
+        if self.next >= self.grid.n {
+            return None;
+        }
+        let at = self.next % BLOCK;
+        if at == 0 {
+            self.sample();
+        }
+        let n = BLOCK.min(self.grid.n - (self.next - at));
+        let light = self.block.chunks_exact(n).map(|light| light[at]);
+        self.frame.values.iter_mut().zip(light).for_each(|(value, light)| *value = light);
+        self.frame.t_us = self.grid.at(self.next);
+        self.next += 1;
+        Some(&self.frame)
+    }
+
+    fn sample(&mut self) {
+        let n = BLOCK.min(self.grid.n - self.next);
+        let grid = TimeGrid { start_us: self.grid.at(self.next), n, ..self.grid };
+        let (drive, size) = (self.drive, self.frame.size);
+        let white_dn = drive.white_dn() as f32;
+        self.block.resize(size.n_pixels() * n, f32::NAN);
+        self.block.par_chunks_exact_mut(n).enumerate().for_each(|(pixel, light)| {
+            drive.sample(middle(size, pixel), grid, light);
+            light.iter_mut().for_each(|value| *value = white_dn * value.exp());
+        });
+    }
+}
+
+/// A generation from a drive, instant by instant.
+pub struct DriveRun<'a> {
+    frames: DriveFrames<'a>,
+    /// What the generator saw last, and where that was known.
+    seen: Luminance,
+    is_known: Vec<bool>,
+    was_known: Vec<bool>,
+    returned: Vec<u32>,
+    made: Events,
+}
+
+impl<'a> DriveRun<'a> {
+    /// Runs through a drive's frames.
+    #[must_use]
+    pub fn new(frames: DriveFrames<'a>) -> Self {
+        let size = frames.frame.size;
+        // A pixel of which nothing is known stands at white until something is.
+        let values = vec![frames.drive.white_dn() as f32; size.n_pixels()];
+        let unknown = vec![false; size.n_pixels()];
+        Self {
+            seen: Luminance { t_us: frames.grid.start_us, size, values },
+            frames,
+            is_known: unknown.clone(),
+            was_known: unknown,
+            returned: Vec::new(),
+            made: Events::new(),
+        }
+    }
+
+    /// Pixels of which anything is known at the instant taken last.
+    #[must_use]
+    pub fn n_lit(&self) -> usize {
+        self.is_known.iter().filter(|known| **known).count()
+    }
+
+    /// Hands the next instant to the generator and appends the events since the one before; `false`
+    /// when there is none left.
+    ///
+    /// # Errors
+    /// What the generator refuses.
+    pub fn step(
+        &mut self,
+        generator: &mut dyn Generator,
+        out: &mut Events,
+    ) -> Result<bool, GenerateError> {
+        let Some(frame) = self.frames.next_frame() else { return Ok(false) };
+        std::mem::swap(&mut self.was_known, &mut self.is_known);
+        self.returned.clear();
+        for (pixel, &value) in frame.values.iter().enumerate() {
+            self.is_known[pixel] = value.is_finite();
+            if value.is_finite() {
+                self.seen.values[pixel] = value;
+                if !self.was_known[pixel] {
+                    self.returned.push(pixel as u32);
+                }
+            }
+        }
+        self.seen.t_us = frame.t_us;
+        self.made.clear();
+        generator.push(&self.seen, &mut self.made)?;
+        generator.restart(&self.returned);
+        let size = self.seen.size;
+        let is_seen = |event: &Event| {
+            let pixel = size.index(event.x, event.y);
+            self.was_known[pixel] && self.is_known[pixel]
+        };
+        self.made.as_slice().iter().filter(is_seen).for_each(|event| out.push(event));
+        Ok(true)
+    }
+}
+
+/// The middle of a pixel, on the scale on which it covers `x..x + 1`.
+fn middle(size: Size, pixel: usize) -> [f64; 2] {
+    let width = usize::from(size.width).max(1);
+    [(pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::voltmeter::Coefficients;
+    use crate::{EsimParameters, GenerateParameters, ModelParameters, build};
+    use evrig_core::stats::Moments;
+
+    const SIZE: Size = Size { width: 40, height: 20 };
+    const SPAN_US: i64 = 2_000_000;
+
+    /// Log light of a pixel as a function of seconds; nothing is known where it says so.
+    struct Known<F>(F);
+
+    impl<F: Fn([f64; 2], f64) -> f64 + Send + Sync> Drive for Known<F> {
+        fn size(&self) -> Size {
+            SIZE
+        }
+        fn span_us(&self) -> [i64; 2] {
+            [0, SPAN_US]
+        }
+        fn white_dn(&self) -> f64 {
+            200.0
+        }
+        fn sample(&self, place: [f64; 2], grid: TimeGrid, out: &mut [f32]) -> bool {
+            for (i, out) in out.iter_mut().enumerate() {
+                *out = (self.0)(place, grid.at(i) as f64 * 1e-6) as f32;
+            }
+            out.iter().any(|value| value.is_finite())
+        }
+        fn error(&self, _: [f64; 2]) -> f32 {
+            0.0
+        }
+    }
+
+    fn run(drive: &dyn Drive, parameters: &GenerateParameters, step_us: u32) -> Events {
+        let mut generator = build(parameters, None).unwrap();
+        let frames = DriveFrames::new(drive, [i64::MIN, i64::MAX], step_us).unwrap();
+        let mut run = DriveRun::new(frames);
+        let mut events = Events::new();
+        while run.step(generator.as_mut(), &mut events).unwrap() {}
+        assert_eq!(events.as_slice().first_disorder(), None);
+        events
+    }
+
+    fn esim() -> GenerateParameters {
+        let parameters = EsimParameters {
+            threshold_on: 0.1,
+            threshold_off: 0.1,
+            log_offset: 1e-9,
+            full_scale_dn: 200.0,
+            ..EsimParameters::PUBLISHED
+        };
+        let model = ModelParameters::Esim(parameters);
+        GenerateParameters { model, ..GenerateParameters::from_k(Coefficients::DVS346, 1) }
+    }
+
+    fn times(events: &Events, x: u16, y: u16) -> Vec<i64> {
+        let mine = events.as_slice().iter().filter(|e| (e.x, e.y) == (x, y));
+        mine.map(|event| event.t).collect()
+    }
+
+    #[test]
+    fn esim_fires_when_a_known_swing_crosses_its_levels_not_when_frames_come() {
+        // Of a half wave the levels 0.1 to 0.5 are crossed on the way out, 0.4 to 0 on the way back.
+        let drive = Known(|_, t: f64| 0.55 * (std::f64::consts::TAU * t).sin() - 1.0);
+        let events = run(&drive, &esim(), 1_000);
+        let found = times(&events, 7, 3);
+        let mut expected = Vec::new();
+        for half in 0..4 {
+            let start = 0.5 * f64::from(half);
+            let after = |n: u8| (0.1 * f64::from(n) / 0.55).asin() / std::f64::consts::TAU;
+            expected.extend((1..=5).map(|n| start + after(n)));
+            expected.extend((0..=4).rev().map(|n| start + 0.5 - after(n)));
+        }
+        // The last level is met at the very end.
+        assert!(found.len() + 1 >= expected.len(), "{} {}", found.len(), expected.len());
+        for (found, expected) in found.iter().zip(&expected) {
+            let apart_us = *found as f64 - expected * 1e6;
+            assert!(apart_us.abs() < 5.0, "{found} {expected}");
+        }
+    }
+
+    #[test]
+    fn the_voltmeters_intervals_on_a_known_slope_have_the_laws_mean_and_spread() {
+        // A light signal that rises evenly for two seconds; k1 ln L crosses a threshold every 50 ms.
+        let slope = 2.0;
+        let k = Coefficients::new([10.0, 1e-9, 0.0, 0.0, 0.0, 3e-4]).unwrap();
+        let drive = Known(move |_, t: f64| slope * t - 5.0);
+        let events = run(&drive, &GenerateParameters::from_k(k, 3), 1_000);
+        let mut intervals = Moments::default();
+        for (x, y) in (0..SIZE.width).flat_map(|x| (0..SIZE.height).map(move |y| (x, y))) {
+            let times = times(&events, x, y);
+            times.windows(2).for_each(|pair| intervals.push((pair[1] - pair[0]) as f64 * 1e-6));
+        }
+        // Drift 20/s: b is large, so the law is the inverse Gaussian of one barrier.
+        let (drift, sigma) = (10.0 * slope, 3e-4 * 1e3);
+        let (mean, sd) = (1.0 / drift, sigma / drift.powf(1.5));
+        let error = sd / (intervals.count() as f64).sqrt();
+        // Long intervals are cut off by the window's end: less than one in forty a pixel.
+        assert!((intervals.mean() - mean).abs() < 4.0 * error + 0.002 * mean, "{intervals:?}");
+        assert!((intervals.standard_deviation() / sd - 1.0).abs() < 0.03, "{intervals:?} {sd}");
+    }
+
+    #[test]
+    fn every_model_is_silent_where_nothing_is_known_and_begins_anew_behind() {
+        // Steps of light in the dark stretch would make a burst at its end.
+        let drive = Known(|place: [f64; 2], t: f64| {
+            let is_hidden = (0.5..1.0).contains(&t) || place[0] < 10.0;
+            if is_hidden { f64::NAN } else { -2.0 + 0.5 * t + if t > 0.7 { 1.4 } else { 0.0 } }
+        });
+        let voltmeter = Coefficients::new([10.0, 1e-9, 0.0, 0.0, 0.0, 1e-6]).unwrap();
+        let v2e = crate::V2eParameters { full_scale_dn: 200.0, ..crate::V2eParameters::CLEAN };
+        let v2e = crate::V2eParameters {
+            threshold_on: 0.1,
+            threshold_off: 0.1,
+            threshold_sd: 0.0,
+            linear_below: 2.0,
+            ..v2e
+        };
+        let base = GenerateParameters::from_k(voltmeter, 1);
+        for parameters in
+            [base.clone(), esim(), GenerateParameters { model: ModelParameters::V2e(v2e), ..base }]
+        {
+            let events = run(&drive, &parameters, 1_000);
+            let hidden = |event: &evrig_core::event::Event| {
+                event.x < 10 || (500_000..1_000_000).contains(&event.t)
+            };
+            assert!(!events.as_slice().iter().any(|event| hidden(&event)), "{parameters:?}");
+            // 0.25 in the logarithm before, 0.5 behind: 2 and 5 (or, on the edge, 4) thresholds.
+            let found = times(&events, 20, 10);
+            let before = found.iter().filter(|t| **t < 500_000).count();
+            assert!(before == 2 && (6..=7).contains(&found.len()), "{parameters:?} {found:?}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_stepped_through_is_refused_by_name() {
+        let drive = Known(|_, _| 0.0);
+        let error = DriveFrames::new(&drive, [0, 10], 5).err().unwrap().to_string();
+        assert!(error.contains("step_us"), "{error}");
+        let mut late = DriveFrames::new(&drive, [SPAN_US + 1, SPAN_US + 9], 1_000).unwrap();
+        assert!(late.next_frame().is_none());
+    }
+}

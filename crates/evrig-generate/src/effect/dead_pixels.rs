@@ -1,0 +1,78 @@
+//! Dead pixels: some pixels never fire.
+//!
+//! Signature: no event where neighbours fire in every segment.
+
+use super::{Acts, Enters, Parameter, PixelModel, Site, parameter, stream_of};
+use evrig_core::effect_id::EffectId;
+use serde::{Deserialize, Serialize};
+
+/// Pixels that never fire, drawn from the whole sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DeadPixels {
+    /// How many, a whole number.
+    pub count: f64,
+}
+
+impl Acts for DeadPixels {
+    fn enters(&self) -> Enters {
+        Enters::Emission
+    }
+
+    fn equation(&self) -> &'static str {
+        "no event from the pixels of a fixed set"
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        vec![parameter("count", self.count, 0.0, 1000000.0)]
+    }
+
+    fn pixel(&self, site: &Site<'_>, pixel: &mut PixelModel) {
+        let n_pixels = site.size.n_pixels() as u32;
+        let place = shuffled(site.number(), n_pixels, |half, round| {
+            site.source.draws(half, stream_of(EffectId::DeadPixels) ^ (round << 32)).bits()
+        });
+        pixel.is_dead |= f64::from(place) + 0.5 < self.count;
+    }
+}
+
+/// The place of `number` in a shuffle of `0..n`: a Feistel network of four rounds over the next
+/// power of four, walked until it comes back below `n`; `mix` gives its round function.
+fn shuffled(number: u32, n: u32, mix: impl Fn(u32, u64) -> u64) -> u32 {
+    let half_bits = (32 - n.saturating_sub(1).leading_zeros()).div_ceil(2).max(1);
+    let mask = (1_u32 << half_bits) - 1;
+    let mut place = number;
+    loop {
+        let (mut left, mut right) = (place >> half_bits, place & mask);
+        for round in 0..4 {
+            (left, right) = (right, left ^ (mix(right, round) as u32 & mask));
+        }
+        place = left << half_bits | right;
+        if place < n {
+            return place;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::trial::*;
+    use super::shuffled;
+
+    #[test]
+    fn as_many_pixels_as_stated_are_silent() {
+        let all = events(&passing(2.0, -1.0), 1.0, &["dead_pixels:count=7"]);
+        assert_eq!(counts(&all).iter().filter(|&&n| n == 0.0).count(), 7);
+    }
+
+    #[test]
+    fn a_shuffle_leaves_no_number_out() {
+        for n in [1, 2, 3, 17, 64, 1000] {
+            let mut places: Vec<u32> = (0..n)
+                .map(|i| shuffled(i, n, |half, round| u64::from(half * 7 + 3) ^ (round * 5)))
+                .collect();
+            places.sort_unstable();
+            assert!(places.into_iter().eq(0..n));
+        }
+    }
+}

@@ -1,0 +1,54 @@
+//! Stamp jitter: stamps scatter about the instant of the event.
+//!
+//! Signature: intervals scatter by the same time at every slope, so innovations scatter in
+//! proportion to the slope.
+
+use super::{Acts, Bench, Enters, Parameter, parameter};
+use evrig_core::effect_id::EffectId;
+use evrig_core::event::Events;
+use serde::{Deserialize, Serialize};
+
+/// Normal scatter of each stamp.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StampJitter {
+    /// Standard deviation, µs.
+    pub sigma_us: f64,
+}
+
+impl Acts for StampJitter {
+    fn enters(&self) -> Enters {
+        Enters::Stamps
+    }
+
+    fn equation(&self) -> &'static str {
+        "t_stamp = t + sigma z, z standard normal"
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        vec![parameter("sigma_us", self.sigma_us, 0.0, 100000.0)]
+    }
+
+    fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
+        bench.change(events, |mut events| {
+            for event in &mut events {
+                let z = bench.draws(EffectId::StampJitter, *event).normal();
+                event.t += (self.sigma_us * z).round() as i64;
+            }
+            events
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::trial::*;
+    #[test]
+    fn even_intervals_scatter_by_the_jitter() {
+        let leak = "junction_leak:rate_hz=10";
+        let all = events(&still(-1.0), 3.0, &[leak, "stamp_jitter:sigma_us=300"]);
+        let (mean, sd) = mean_and_sd(intervals(&all).iter().map(|&gap| gap as f64));
+        assert!((mean - 1e5).abs() < 10.0, "{mean}");
+        assert!((sd / (300.0 * 2.0_f64.sqrt()) - 1.0).abs() < 0.02, "{sd}");
+    }
+}

@@ -1,0 +1,60 @@
+//! Threshold mismatch: each pixel has thresholds of its own.
+//!
+//! Transistor mismatch in the comparators sets both thresholds of a pixel apart from the nominal
+//! ones, On and Off independently and for good (Lichtsteiner et al. 2008; Hu et al., v2e, 2021;
+//! Wang et al. 2020). Signature: counts differ from pixel to pixel and do so again in every segment.
+
+use super::{Acts, Enters, Parameter, PixelModel, Site, parameter};
+use evrig_core::effect_id::EffectId;
+use serde::{Deserialize, Serialize};
+
+/// Normal spread of both thresholds of a pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ThresholdMismatch {
+    /// Standard deviation over the nominal threshold.
+    pub sigma_relative: f64,
+}
+
+/// No threshold is less than this share of the nominal one.
+const LOWEST: f64 = 0.1;
+
+impl Acts for ThresholdMismatch {
+    fn enters(&self) -> Enters {
+        Enters::Thresholds
+    }
+
+    fn equation(&self) -> &'static str {
+        "theta_p = theta (1 + sigma z_p), z_p standard normal, On and Off drawn apart"
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        vec![parameter("sigma_relative", self.sigma_relative, 0.0, 1.0)]
+    }
+
+    fn pixel(&self, site: &Site<'_>, pixel: &mut PixelModel) {
+        let mut draws = site.draws(EffectId::ThresholdMismatch);
+        let mut factor = || (1.0 + self.sigma_relative * draws.normal()).max(LOWEST);
+        pixel.threshold_on *= factor();
+        pixel.threshold_off *= factor();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::trial::*;
+    #[test]
+    fn counts_scatter_from_pixel_to_pixel_and_do_so_again() {
+        let light = passing(4.0, -1.0);
+        let words = ["threshold_mismatch:sigma_relative=0.1"];
+        let all = events(&light, 8.0, &words);
+        let (first, second): (Vec<_>, Vec<_>) = all.iter().partition(|e| e.t < 4_000_000);
+        let (first, second) = (counts(&first), counts(&second));
+        let (mean, sd) = mean_and_sd(first.iter().copied());
+        assert!(sd / mean > 0.05, "{sd} of {mean}");
+        let (_, change) = mean_and_sd(first.iter().zip(&second).map(|(a, b)| a - b));
+        assert!(change < 0.5 * sd, "{change} against {sd}");
+        let (_, plain) = mean_and_sd(counts(&events(&light, 4.0, &[])));
+        assert!(plain < 0.5 * sd);
+    }
+}

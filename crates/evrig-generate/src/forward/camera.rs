@@ -1,0 +1,85 @@
+//! An event camera as a recording showed it: what its generator is told, and what each pixel has beside.
+
+use super::{
+    BandNoise, Forward, ForwardError, ForwardParameters, Forwarded, MOST_HZ, PixelModel, Scatter,
+};
+use crate::effect::Surroundings;
+use evrig_core::drive::Drive;
+use serde::{Deserialize, Serialize};
+
+/// A camera with all its constants. It counts light over white and time in microseconds, so that it
+/// sees any drive, of its own recording or of another.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Camera {
+    /// Nominal thresholds, leak and effects.
+    pub generator: ForwardParameters,
+    /// The threshold of On over the nominal one; that of Off is its inverse. Above 0.
+    pub on_over_nominal: f64,
+    /// Noise that pixels memorise at their resets, where no effect says otherwise.
+    pub noise: BandNoise,
+    /// Noise that they do not, where no effect says otherwise.
+    pub scatter: Scatter,
+    /// Events of a pixel without a crossing, both polarities, Hz; what effects add comes on top.
+    pub background_hz: f64,
+}
+
+impl Camera {
+    /// The events of some pixels in a window of the drive's clock, as [`Forward::run`] gives them.
+    ///
+    /// # Errors
+    /// A constant out of range, an effect that lacks what it acts on, a window or pixel that cannot be, or a pixel that fires
+    /// without bound.
+    pub fn events(
+        &self,
+        drive: &dyn Drive,
+        pixels: &[(u16, u16)],
+        window_us: [i64; 2],
+        surroundings: Surroundings,
+        seed: u64,
+    ) -> Result<Forwarded, ForwardError> {
+        self.check()?;
+        let forward = Forward::new(self.generator.clone(), surroundings)?;
+        let adjust = |_: u16, _: u16, pixel: &mut PixelModel| self.adjust(pixel);
+        forward.run_with(drive, pixels, window_us, seed, &adjust)
+    }
+
+    /// Refuses constants with which no pixel can work.
+    ///
+    /// # Errors
+    /// The first that is out of range.
+    pub fn check(&self) -> Result<(), ForwardError> {
+        let most = f64::from(MOST_HZ);
+        for (key, value, low, high) in [
+            ("on_over_nominal", self.on_over_nominal, 0.01, 100.0),
+            ("noise.rms", self.noise.rms, 0.0, 100.0),
+            ("noise.bandwidth_hz", self.noise.bandwidth_hz, 0.01, 1e6),
+            ("noise.light_exponent", self.noise.light_exponent, -10.0, 10.0),
+            ("scatter.scale", self.scatter.scale, 0.0, 100.0),
+            ("scatter.light_exponent", self.scatter.light_exponent, -10.0, 10.0),
+            ("scatter.redrawn_hz", self.scatter.redrawn_hz, 0.0, 1e6),
+            ("background_hz", self.background_hz, 0.0, most),
+        ] {
+            if !(low..=high).contains(&value) {
+                return Err(ForwardError::Camera { key, value, low, high });
+            }
+        }
+        Ok(())
+    }
+
+    fn adjust(&self, pixel: &mut PixelModel) {
+        let half = self.on_over_nominal;
+        pixel.threshold_on *= half;
+        pixel.threshold_off /= half;
+        // Leaks are stated in thresholds for On, the generator's in nominal ones.
+        pixel.leak_hz *= half;
+        pixel.leak_hz_at_white *= half;
+        pixel.leak_hz_per_s *= half;
+        match &mut pixel.band {
+            // Shot noise that was named; it grows towards the dark as the other noise does.
+            Some(named) => named.light_exponent = self.noise.light_exponent,
+            none => (*none, pixel.scatter) = (Some(self.noise), Some(self.scatter)),
+        }
+        pixel.spontaneous_hz += self.background_hz;
+    }
+}

@@ -1,0 +1,153 @@
+//! What all generators share: frames are checked, pixels worked on in blocks by several
+//! threads, and their events put in order.
+
+use super::merge::{Hit, Merger};
+use super::sequence::{Interval, Sequence};
+use super::threads::Threads;
+use super::{GenerateError, Generator, ParameterError};
+use evrig_core::event::Events;
+use evrig_core::frame::Luminance;
+use evrig_core::geometry::Size;
+use std::num::NonZeroUsize;
+
+/// Pixels of a block: what one thread takes at a time. Results do not depend on it.
+const BLOCK_PIXELS: usize = 4096;
+
+/// The most events a pixel may be expected to fire between two frames; more is a slip of unit.
+const MAX_EVENTS_PER_INTERVAL: f64 = 1_000.0;
+
+/// A model of a pixel that sees brightness at the ends of an interval.
+pub(super) trait PixelModel: Send + Sync {
+    /// The model's name on the command line.
+    const NAME: &'static str;
+
+    /// What is kept of a block's pixels from frame to frame.
+    type State: Send;
+
+    /// A number of events that no pixel's mean exceeds in an interval.
+    fn most_events(&self, interval: Interval) -> f64;
+
+    /// The pixels from row-major number `first` on, which see `brightness` in the first frame.
+    fn start(&self, first: u32, brightness: &[f32]) -> Self::State;
+
+    /// Lets pixel number `i` of a block begin anew with what the last frame showed it.
+    fn restart(&self, block: &mut Block<Self::State>, i: usize);
+
+    /// Moves a block's pixels through an interval.
+    fn run(&self, block: &mut Block<Self::State>, after: &[f32], interval: Interval);
+}
+
+/// A run of pixels.
+#[derive(Debug)]
+pub(super) struct Block<S> {
+    /// Row-major number of the first.
+    pub(super) first: u32,
+    /// Brightness in the frame at the interval's start.
+    pub(super) before: Vec<f32>,
+    /// Where events of the interval go: pixel by pixel, each pixel's in ascending time.
+    pub(super) hits: Vec<Hit>,
+    /// What the model keeps.
+    pub(super) state: S,
+}
+
+/// A generator that works pixel by pixel.
+#[derive(Debug)]
+pub(super) struct Grid<M: PixelModel> {
+    model: M,
+    threads: Threads,
+    sequence: Sequence,
+    blocks: Vec<Block<M::State>>,
+    block_pixels: usize,
+    merger: Merger,
+}
+
+impl<M: PixelModel> Grid<M> {
+    /// A generator for any number of pixels; the first frame sets the size.
+    pub(super) fn new(model: M, threads: Option<NonZeroUsize>) -> Result<Self, ParameterError> {
+        Ok(Self {
+            model,
+            threads: Threads::new(threads)?,
+            sequence: Sequence::default(),
+            blocks: Vec::new(),
+            block_pixels: BLOCK_PIXELS,
+            merger: Merger::default(),
+        })
+    }
+
+    /// The same generator with blocks of another size.
+    #[cfg(test)]
+    pub(super) fn with_block_pixels(self, block_pixels: usize) -> Self {
+        Self { block_pixels, ..self }
+    }
+
+    /// The state of all blocks.
+    #[cfg(test)]
+    pub(super) fn states(&self) -> impl Iterator<Item = &M::State> {
+        self.blocks.iter().map(|block| &block.state)
+    }
+
+    fn start(&mut self, brightness: &[f32]) {
+        let parts = brightness.chunks(self.block_pixels).enumerate();
+        let blocks = parts.map(|(number, part)| {
+            let first = (number * self.block_pixels) as u32;
+            let state = self.model.start(first, part);
+            Block { first, before: part.to_vec(), hits: Vec::new(), state }
+        });
+        self.blocks = blocks.collect();
+    }
+
+    fn run(&mut self, interval: Interval, after: &[f32], size: Size, out: &mut Events) {
+        let parts = self.blocks.iter_mut().zip(after.chunks(self.block_pixels)).collect();
+        let model = &self.model;
+        self.threads.for_each(parts, |(block, after): (&mut Block<M::State>, &[f32])| {
+            block.hits.clear();
+            model.run(block, after, interval);
+            block.before.copy_from_slice(after);
+        });
+        let hits = self.blocks.iter().map(|block| block.hits.as_slice());
+        self.merger.merge(hits, size, interval, out);
+    }
+
+    fn check_rate(&self, interval: Interval) -> Result<(), GenerateError> {
+        let expected = self.model.most_events(interval);
+        if expected <= MAX_EVENTS_PER_INTERVAL {
+            return Ok(());
+        }
+        let Interval { index, span_us, .. } = interval;
+        Err(GenerateError::TooManyEvents {
+            index,
+            span_us,
+            expected,
+            limit: MAX_EVENTS_PER_INTERVAL,
+        })
+    }
+}
+
+impl<M: PixelModel> Generator for Grid<M> {
+    fn name(&self) -> &'static str {
+        M::NAME
+    }
+
+    fn push(&mut self, frame: &Luminance, out: &mut Events) -> Result<(), GenerateError> {
+        let checked = self.sequence.check(frame)?;
+        match checked.interval {
+            None => self.start(&frame.values),
+            Some(interval) => {
+                self.check_rate(interval)?;
+                self.run(interval, &frame.values, frame.size, out);
+            }
+        }
+        self.sequence.accept(checked);
+        Ok(())
+    }
+
+    fn restart(&mut self, pixels: &[u32]) {
+        for &pixel in pixels {
+            let (block, i) =
+                (pixel as usize / self.block_pixels, pixel as usize % self.block_pixels);
+            if let Some(block) = self.blocks.get_mut(block).filter(|block| i < block.before.len()) {
+                self.model.restart(block, i);
+            }
+        }
+    }
+}

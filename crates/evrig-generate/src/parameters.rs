@@ -1,0 +1,340 @@
+//! What a generation is made of, as a stage record keeps it, and the generator it gives.
+
+use super::esim::Esim;
+use super::grid::Grid;
+use super::v2e::V2e;
+use super::voltmeter::{Coefficients, LazyVoltmeter, ScalarVoltmeter};
+use super::{EsimParameters, Generator, KnobSetting, ParameterError, Preset, V2eParameters};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::num::NonZeroUsize;
+use std::str::FromStr;
+
+/// White of an 8-bit frame, DN.
+pub(super) const FULL_SCALE_8_BIT: f64 = 255.0;
+
+/// A model that makes events from frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Model {
+    /// Drifting Brownian motion between two barriers (DVS-Voltmeter, Raw2Event).
+    #[default]
+    Voltmeter,
+    /// Log brightness on straight lines between frames (Rebecq et al. 2018).
+    Esim,
+    /// Lin-log photoreceptor with bandwidth, leak, noise and mismatch (Hu et al. 2021).
+    V2e,
+}
+
+/// How the voltmeter's law is drawn from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Law {
+    /// The stated equation, exactly.
+    #[default]
+    Exact,
+    /// The published program's shortcuts, for comparison with its output.
+    Reference,
+}
+
+/// A model with all its parameters.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "name", rename_all = "lowercase", deny_unknown_fields)]
+pub enum ModelParameters {
+    /// The paper's event model.
+    Voltmeter {
+        /// How its law is drawn from.
+        law: Law,
+        /// k1 to k6.
+        k: Coefficients,
+    },
+    /// The ESIM pixel.
+    Esim(EsimParameters),
+    /// The v2e pixel.
+    V2e(V2eParameters),
+}
+
+/// All that decides which events a run of frames gives. Threads are not in it: they
+/// do not change the result.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GenerateParameters {
+    /// The model with its parameters.
+    pub model: ModelParameters,
+    /// The preset the parameters came from, if they did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub preset: Option<Preset>,
+    /// The knobs that were turned to get from there to the parameters.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub knobs: Vec<KnobSetting>,
+    /// Seed of all draws.
+    pub seed: u64,
+}
+
+/// What a user says about a generation; the rest follows from it.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Choice<'a> {
+    /// Model name; when not given, the preset's, or `voltmeter`.
+    pub model: Option<&'a str>,
+    /// Law name, for the voltmeter; `exact` when not given.
+    pub law: Option<&'a str>,
+    /// Preset name; the model's first in [`Preset::ALL`] when neither it nor k is given.
+    pub preset: Option<&'a str>,
+    /// `k1,...,k6`, for the voltmeter.
+    pub k: Option<&'a str>,
+    /// Knobs turned from there, one after another, for the voltmeter.
+    pub knobs: &'a [KnobSetting],
+    /// Brightness of white in the frames (DN) for the models that need it; 255 when not given.
+    pub full_scale_dn: Option<f64>,
+    /// Seed of all draws.
+    pub seed: u64,
+}
+
+impl Model {
+    /// All models.
+    pub const ALL: [Self; 3] = [Self::Voltmeter, Self::Esim, Self::V2e];
+
+    /// The name on the command line and in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Voltmeter => "voltmeter",
+            Self::Esim => "esim",
+            Self::V2e => "v2e",
+        }
+    }
+}
+
+impl Law {
+    /// All laws.
+    pub const ALL: [Self; 2] = [Self::Exact, Self::Reference];
+
+    /// The name on the command line and in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Exact => "exact",
+            Self::Reference => "reference",
+        }
+    }
+}
+
+impl ModelParameters {
+    /// Which model it is.
+    #[must_use]
+    pub const fn model(&self) -> Model {
+        match self {
+            Self::Voltmeter { .. } => Model::Voltmeter,
+            Self::Esim(_) => Model::Esim,
+            Self::V2e(_) => Model::V2e,
+        }
+    }
+
+    /// Refuses what lies outside the ranges; a [`Coefficients`] cannot.
+    ///
+    /// # Errors
+    /// The first parameter out of range, by name.
+    pub fn check(&self) -> Result<(), ParameterError> {
+        match self {
+            Self::Voltmeter { .. } => Ok(()),
+            Self::Esim(parameters) => parameters.check(),
+            Self::V2e(parameters) => parameters.check(),
+        }
+    }
+}
+
+impl GenerateParameters {
+    /// A model with published parameters.
+    #[must_use]
+    pub const fn from_preset(preset: Preset, seed: u64) -> Self {
+        Self { model: preset.parameters(), preset: Some(preset), knobs: Vec::new(), seed }
+    }
+
+    /// The paper's event model with k of its own and the exact law.
+    #[must_use]
+    pub const fn from_k(k: Coefficients, seed: u64) -> Self {
+        let model = ModelParameters::Voltmeter { law: Law::Exact, k };
+        Self { model, preset: None, knobs: Vec::new(), seed }
+    }
+
+    /// Parameters from names and numbers as a user writes them.
+    ///
+    /// # Errors
+    /// A name nothing has, a value out of range, or settings that do not go together.
+    pub fn from_choice(choice: &Choice<'_>) -> Result<Self, ParameterError> {
+        let (preset, mut model) = choice.start()?;
+        match &mut model {
+            ModelParameters::Voltmeter { law, k } => {
+                *law = choice.law.map_or(Ok(Law::Exact), str::parse)?;
+                for setting in choice.knobs {
+                    *k = setting.knob.turn(*k, setting.value)?;
+                }
+            }
+            ModelParameters::Esim(EsimParameters { full_scale_dn, .. })
+            | ModelParameters::V2e(V2eParameters { full_scale_dn, .. }) => {
+                *full_scale_dn = choice.full_scale_dn.unwrap_or(*full_scale_dn);
+                choice.refuse_voltmeter_settings(model.model())?;
+            }
+        }
+        model.check()?;
+        Ok(Self { model, preset, knobs: choice.knobs.to_vec(), seed: choice.seed })
+    }
+}
+
+impl Choice<'_> {
+    /// Where the knobs start: the k given, the preset given, or the model's first preset.
+    fn start(&self) -> Result<(Option<Preset>, ModelParameters), ParameterError> {
+        let model: Option<Model> = self.model.map(str::parse).transpose()?;
+        let not_for = |given: String, model: Model| ParameterError::NotForModel {
+            given,
+            model: model.name(),
+        };
+        match (self.preset, self.k) {
+            (Some(_), Some(_)) => Err(ParameterError::PresetAndK),
+            (None, Some(k)) => match model.unwrap_or_default() {
+                Model::Voltmeter => {
+                    Ok((None, ModelParameters::Voltmeter { law: Law::Exact, k: k.parse()? }))
+                }
+                other => Err(not_for("k".into(), other)),
+            },
+            (Some(name), None) => {
+                let preset: Preset = name.parse()?;
+                let parameters = preset.parameters();
+                match model {
+                    Some(model) if model != parameters.model() => {
+                        Err(not_for(format!("the preset {preset}"), model))
+                    }
+                    _ => Ok((Some(preset), parameters)),
+                }
+            }
+            (None, None) => {
+                let preset = match model.unwrap_or_default() {
+                    Model::Voltmeter => Preset::Dvs346,
+                    Model::Esim => Preset::Esim,
+                    Model::V2e => Preset::V2eClean,
+                };
+                Ok((Some(preset), preset.parameters()))
+            }
+        }
+    }
+
+    fn refuse_voltmeter_settings(&self, model: Model) -> Result<(), ParameterError> {
+        let law = self.law.map(|law| format!("the law {law}"));
+        let knob = self.knobs.first().map(|setting| format!("the knob {}", setting.knob));
+        match law.or(knob) {
+            Some(given) => Err(ParameterError::NotForModel { given, model: model.name() }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The generator that the parameters describe, on its own `threads` threads or, without a
+/// number, on rayon's common pool. The events are the same either way.
+///
+/// # Errors
+/// A parameter out of range, or [`ParameterError::Threads`] when threads cannot be started.
+pub fn build(
+    parameters: &GenerateParameters,
+    threads: Option<NonZeroUsize>,
+) -> Result<Box<dyn Generator>, ParameterError> {
+    parameters.model.check()?;
+    let seed = parameters.seed;
+    Ok(match parameters.model {
+        ModelParameters::Voltmeter { law: Law::Exact, k } => {
+            Box::new(Grid::new(LazyVoltmeter::new(k, seed), threads)?)
+        }
+        ModelParameters::Voltmeter { law: law @ Law::Reference, k } => {
+            Box::new(Grid::new(ScalarVoltmeter::new(k, law, seed), threads)?)
+        }
+        ModelParameters::Esim(parameters) => {
+            Box::new(Grid::new(Esim::new(parameters, seed), threads)?)
+        }
+        ModelParameters::V2e(parameters) => {
+            Box::new(Grid::new(V2e::new(parameters, seed), threads)?)
+        }
+    })
+}
+
+macro_rules! named {
+    ($name:ident, $kind:literal) => {
+        impl FromStr for $name {
+            type Err = ParameterError;
+            fn from_str(text: &str) -> Result<Self, ParameterError> {
+                Self::ALL
+                    .into_iter()
+                    .find(|item| item.name().eq_ignore_ascii_case(text))
+                    .ok_or_else(|| ParameterError::unknown($kind, text, &Self::ALL.map(Self::name)))
+            }
+        }
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+    };
+}
+
+named!(Model, "model");
+named!(Law, "law");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Knob;
+    use evrig_core::event::Events;
+    use evrig_core::frame::Luminance;
+    use evrig_core::geometry::Size;
+
+    #[test]
+    fn a_record_of_parameters_is_read_back_as_written() {
+        let knobs = [KnobSetting { knob: Knob::EventSensitivity, value: 3.0 }];
+        let turned = Choice { preset: Some("raw2dvs346"), knobs: &knobs, ..Choice::default() };
+        let v2e = Choice { preset: Some("v2e-noisy"), seed: 7, ..Choice::default() };
+        let esim = Choice { model: Some("esim"), full_scale_dn: Some(1023.0), ..Choice::default() };
+        for (choice, name) in [(turned, "voltmeter"), (v2e, "v2e"), (esim, "esim")] {
+            let parameters = GenerateParameters::from_choice(&choice).unwrap();
+            let json = serde_json::to_string(&parameters).unwrap();
+            assert_eq!(serde_json::from_str::<GenerateParameters>(&json).unwrap(), parameters);
+            assert!(json.contains(&format!("\"name\":\"{name}\"")), "{json}");
+            assert_eq!(build(&parameters, NonZeroUsize::new(2)).unwrap().name(), name);
+        }
+    }
+
+    #[test]
+    fn every_preset_gives_the_same_ordered_events_on_one_thread_and_on_two() {
+        let size = Size::new(150, 100);
+        let frame = |i: i64| {
+            let wave =
+                |pixel: usize| 120.0 + 100.0 * (0.07 * (pixel as f32 + 9.0 * i as f32)).sin();
+            let values = (0..size.n_pixels()).map(wave).collect();
+            Luminance { t_us: 1_700_000_000_000_000 + 10_000 * i, size, values }
+        };
+        for preset in Preset::ALL {
+            let parameters = GenerateParameters::from_preset(preset, 3);
+            let [one, two] = [1, 2].map(|threads| {
+                let mut generator = build(&parameters, NonZeroUsize::new(threads)).unwrap();
+                let mut out = Events::new();
+                (0..5).for_each(|i| generator.push(&frame(i), &mut out).unwrap());
+                out
+            });
+            assert!(one == two && one.len() > 10_000, "{preset}: {} events", one.len());
+            assert_eq!(one.as_slice().first_disorder(), None, "{preset}");
+        }
+    }
+
+    #[test]
+    fn wrong_choices_say_what_would_be_right() {
+        let error = |choice| GenerateParameters::from_choice(&choice).unwrap_err().to_string();
+        let base = Choice::default();
+        assert!(error(Choice { model: Some("voltmetre"), ..base }).contains("`voltmeter`"));
+        assert!(error(Choice { law: Some("exakt"), ..base }).contains("`exact`"));
+        let k = Some("1,1,0,0,0,0");
+        assert!(error(Choice { preset: Some("DVS346"), k, ..base }).contains("one of the two"));
+        assert!(error(Choice { model: Some("esim"), k, ..base }).contains("k does not go"));
+        let model = Some("v2e");
+        assert!(error(Choice { model, preset: Some("DVS346"), ..base }).contains("preset DVS346"));
+        assert!(error(Choice { model, law: Some("exact"), ..base }).contains("law exact"));
+        let white = Choice { model, full_scale_dn: Some(0.0), ..base };
+        assert!(error(white).contains("full_scale_dn"));
+    }
+}

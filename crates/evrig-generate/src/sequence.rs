@@ -1,0 +1,116 @@
+//! The run of frames: each later than the one before, of one size, with finite brightness.
+
+use super::GenerateError;
+use evrig_core::frame::Luminance;
+use evrig_core::geometry::Size;
+
+/// The longest interval between two frames, µs (35 minutes): event times within it fit 31 bits.
+pub(super) const MAX_SPAN_US: i64 = (1 << 31) - 1;
+
+/// The interval between two frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Interval {
+    /// Number of the frame at its end.
+    pub(super) index: u64,
+    /// Time of the frame at its start, µs.
+    pub(super) start_us: i64,
+    /// Its length, µs: 1..=MAX_SPAN_US.
+    pub(super) span_us: u32,
+    /// The highest brightness in the frames at its ends.
+    pub(super) brightest: f32,
+}
+
+/// A frame that may follow.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Checked {
+    /// The interval it ends; none for the first frame.
+    pub(super) interval: Option<Interval>,
+    last: Last,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Last {
+    size: Size,
+    t_us: i64,
+    brightest: f32,
+}
+
+/// What has been seen of a run of frames.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Sequence {
+    n_frames: u64,
+    last: Option<Last>,
+}
+
+impl Sequence {
+    /// Checks the next frame without taking it in.
+    pub(super) fn check(&self, frame: &Luminance) -> Result<Checked, GenerateError> {
+        let index = self.n_frames;
+        if let Some(last) = self.last {
+            if last.size != frame.size {
+                let (expected, found) = (last.size, frame.size);
+                return Err(GenerateError::SizeChanged { index, expected, found });
+            }
+            check_time(index, last.t_us, frame.t_us)?;
+        }
+        let brightest = check_pixels(index, frame)?;
+        let interval = self.last.map(|last| Interval {
+            index,
+            start_us: last.t_us,
+            span_us: (frame.t_us - last.t_us) as u32,
+            brightest: brightest.max(last.brightest),
+        });
+        Ok(Checked { interval, last: Last { size: frame.size, t_us: frame.t_us, brightest } })
+    }
+
+    /// Takes in a frame that was checked.
+    pub(super) fn accept(&mut self, checked: Checked) {
+        self.n_frames += 1;
+        self.last = Some(checked.last);
+    }
+}
+
+fn check_time(index: u64, previous_us: i64, t_us: i64) -> Result<(), GenerateError> {
+    if t_us <= previous_us {
+        return Err(GenerateError::TimeNotAscending { index, t_us, previous_us });
+    }
+    match t_us.checked_sub(previous_us) {
+        Some(span) if span <= MAX_SPAN_US => Ok(()),
+        _ => Err(GenerateError::GapTooLong { index, t_us, previous_us }),
+    }
+}
+
+/// Checks every value and returns the highest.
+fn check_pixels(index: u64, frame: &Luminance) -> Result<f32, GenerateError> {
+    let (expected, found) = (frame.size.n_pixels(), frame.values.len());
+    if expected != found {
+        return Err(GenerateError::WrongLength { index, size: frame.size, expected, found });
+    }
+    if let Some(brightest) = brightest_of_good(&frame.values) {
+        return Ok(brightest);
+    }
+    let bad = frame.values.iter().position(|&value| !is_good(value)).unwrap_or_default();
+    let width = usize::from(frame.size.width);
+    let (x, y) = ((bad % width) as u16, (bad / width) as u16);
+    Err(GenerateError::BadBrightness { index, x, y, value: frame.values[bad] })
+}
+
+fn is_good(value: f32) -> bool {
+    (0.0..=f32::MAX).contains(&value)
+}
+
+/// The highest value, or none when a value is bad: several values at a time, as the frame is
+/// read once more for this alone.
+fn brightest_of_good(values: &[f32]) -> Option<f32> {
+    const LANES: usize = 16;
+    let (parts, rest) = values.as_chunks::<LANES>();
+    let (mut highest, mut n_bad) = ([0.0_f32; LANES], [0_u32; LANES]);
+    for part in parts {
+        for i in 0..LANES {
+            n_bad[i] += u32::from(!((part[i] >= 0.0) & (part[i] <= f32::MAX)));
+            highest[i] = if part[i] > highest[i] { part[i] } else { highest[i] };
+        }
+    }
+    let is_bad = n_bad.iter().any(|&n| n > 0) || !rest.iter().copied().all(is_good);
+    (!is_bad).then(|| highest.iter().chain(rest).copied().fold(0.0, f32::max))
+}

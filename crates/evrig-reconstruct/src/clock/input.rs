@@ -1,0 +1,323 @@
+//! The evidence, checked: frame pairs in order, units settled, every loss counted.
+
+use super::error::ClockError;
+use super::order::longest_increasing;
+use evrig_core::stats::upper_median;
+use evrig_core::time::{Clock, PiSensor, Span, Stamp, Unix};
+use serde::{Deserialize, Serialize};
+
+/// A frame's two stamps, as recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FramePair<A: Clock = Unix, B: Clock = PiSensor> {
+    /// SensorTimestamp.
+    pub sensor: Stamp<B>,
+    /// RealTime, read some latency after `sensor`.
+    pub real: Stamp<A>,
+    /// Time from this frame to the next as the camera states it.
+    pub frame_duration: Option<Span>,
+    /// Exposure as the camera states it.
+    pub exposure: Option<Span>,
+}
+
+/// A reading of one clock between two readings of the other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ClockReading<A: Clock = Unix, B: Clock = PiSensor> {
+    /// Readings taken in one go share a number; only the narrowest of a group counts.
+    pub group: u64,
+    /// The source clock before.
+    pub before: Stamp<B>,
+    /// The target clock.
+    pub real: Stamp<A>,
+    /// The source clock after.
+    pub after: Stamp<B>,
+}
+
+/// Frames seen = kept + left out, by reason.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct PairTally {
+    /// Pairs or readings given.
+    pub n_seen: u64,
+    /// Used.
+    pub n_kept: u64,
+    /// Same SensorTimestamp as another frame.
+    pub n_duplicate: u64,
+    /// SensorTimestamp before that of an earlier frame, or far ahead of all later ones.
+    pub n_out_of_order: u64,
+    /// RealTime earlier than the frames on both sides allow: misread.
+    pub n_too_early: u64,
+    /// No number, or beyond the range of the clock.
+    pub n_not_finite: u64,
+}
+
+/// The unit SensorTimestamp was found to be in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SensorUnit {
+    /// Nanoseconds, as libcamera gives them.
+    Nanoseconds,
+    /// Microseconds, as one of the paper's recorders writes them.
+    Microseconds,
+    /// Milliseconds.
+    Milliseconds,
+    /// Seconds.
+    Seconds,
+}
+
+/// SensorTimestamps read from numbers of a unit that had to be found out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SensorStamps {
+    /// One a number; absent where it is not finite or out of range.
+    pub stamps: Vec<Option<Stamp<PiSensor>>>,
+    /// The unit found.
+    pub unit: SensorUnit,
+    /// Numbers without a stamp.
+    pub n_not_finite: u64,
+}
+
+/// Pairs in strictly increasing sensor order, with the count of those left out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FramePairs<A: Clock = Unix, B: Clock = PiSensor> {
+    pairs: Vec<FramePair<A, B>>,
+    tally: PairTally,
+}
+
+/// Below this no method says anything.
+pub(super) const MIN_FRAMES: usize = 8;
+/// Share of frames out of order above which the clock was restarted rather than frames lost.
+const MAX_DISORDER: f64 = 0.1;
+/// Neighbours on each side that a misread RealTime is held against.
+const NEIGHBOURS: usize = 30;
+/// Longest run of misread RealTimes that is told from a step.
+const MAX_MISREAD_RUN: usize = 3;
+/// How much earlier than all neighbours a RealTime must be to be a misreading, µs.
+const MISREAD_US: f64 = 3_000.0;
+
+impl SensorUnit {
+    const ALL: [Self; 4] =
+        [Self::Nanoseconds, Self::Microseconds, Self::Milliseconds, Self::Seconds];
+
+    /// Nanoseconds in one unit.
+    #[must_use]
+    pub const fn nanoseconds(self) -> f64 {
+        match self {
+            Self::Nanoseconds => 1.0,
+            Self::Microseconds => 1e3,
+            Self::Milliseconds => 1e6,
+            Self::Seconds => 1e9,
+        }
+    }
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Nanoseconds => "nanoseconds",
+            Self::Microseconds => "microseconds",
+            Self::Milliseconds => "milliseconds",
+            Self::Seconds => "seconds",
+        }
+    }
+}
+
+/// Reads SensorTimestamps whose unit the file does not state: the unit whose frame interval
+/// is nearest to RealTime's, within a factor of five.
+///
+/// Where RealTime is not usable the interval alone decides: frames are 1 ms to 1 s apart.
+///
+/// # Errors
+/// When the columns differ in length, hold fewer than two finite frames, or fit no unit.
+pub fn sensor_stamps(numbers: &[f64], real: &[Stamp<Unix>]) -> Result<SensorStamps, ClockError> {
+    if numbers.len() != real.len() {
+        return Err(ClockError::LengthMismatch { sensor: numbers.len(), real: real.len() });
+    }
+    let finite: Vec<f64> = numbers.iter().copied().filter(|number| number.is_finite()).collect();
+    let interval = median(finite.windows(2).map(|pair| pair[1] - pair[0]).filter(|d| *d > 0.0))
+        .ok_or(ClockError::TooFewFrames { found: finite.len(), needed: MIN_FRAMES })?;
+    let real_ns = median_interval_ns(real).unwrap_or(0.0);
+    let expected = if real_ns > 0.0 { real_ns..=real_ns } else { 1e6..=1e9 };
+    let distance = |unit: &SensorUnit| {
+        let ns = interval * unit.nanoseconds();
+        (ns / ns.clamp(*expected.start(), *expected.end())).ln().abs()
+    };
+    let unit = SensorUnit::ALL
+        .into_iter()
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        .filter(|unit| distance(unit) <= MAX_INTERVAL_RATIO.ln())
+        .ok_or(ClockError::UnknownUnit { interval, real: Span::from_nanos(real_ns as i64) })?;
+    let stamp = |number: &f64| {
+        let ns = (number * unit.nanoseconds()).round();
+        (ns.is_finite() && ns.abs() < 9e18).then(|| Stamp::from_nanos(ns as i64))
+    };
+    let stamps: Vec<_> = numbers.iter().map(stamp).collect();
+    let n_not_finite = stamps.iter().filter(|stamp| stamp.is_none()).count() as u64;
+    Ok(SensorStamps { stamps, unit, n_not_finite })
+}
+
+/// Median intervals of the two clocks may differ by this factor before a unit is held wrong.
+const MAX_INTERVAL_RATIO: f64 = 5.0;
+
+impl<A: Clock, B: Clock> FramePairs<A, B> {
+    /// Checks pairs in the order of recording.
+    ///
+    /// Duplicates, frames out of order and misread RealTimes are left out and counted.
+    ///
+    /// # Errors
+    /// Too few frames, a sensor clock that was restarted, a wrong unit, a RealTime that stands still.
+    pub fn check(pairs: &[FramePair<A, B>]) -> Result<Self, ClockError> {
+        let mut tally = PairTally { n_seen: pairs.len() as u64, ..PairTally::default() };
+        let mut kept = in_order(pairs, &mut tally)?;
+        require_frames(kept.len())?;
+        require_one_unit(&kept)?;
+        let early = misread(&kept);
+        tally.n_too_early = early.iter().filter(|&&is_early| is_early).count() as u64;
+        let mut is_early = early.into_iter();
+        kept.retain(|_| !is_early.next().unwrap_or(false));
+        require_frames(kept.len())?;
+        tally.n_kept = kept.len() as u64;
+        Ok(Self { pairs: kept, tally })
+    }
+
+    /// As [`Self::check`] for columns in which some stamps are missing.
+    ///
+    /// # Errors
+    /// As [`Self::check`], and when the columns differ in length.
+    pub fn from_columns(
+        sensor: &[Option<Stamp<B>>],
+        real: &[Stamp<A>],
+    ) -> Result<Self, ClockError> {
+        if sensor.len() != real.len() {
+            return Err(ClockError::LengthMismatch { sensor: sensor.len(), real: real.len() });
+        }
+        let pairs: Vec<_> = sensor
+            .iter()
+            .zip(real)
+            .filter_map(|(sensor, real)| sensor.map(|sensor| FramePair::new(sensor, *real)))
+            .collect();
+        let mut checked = Self::check(&pairs)?;
+        checked.tally.n_seen = sensor.len() as u64;
+        checked.tally.n_not_finite = (sensor.len() - pairs.len()) as u64;
+        Ok(checked)
+    }
+
+    /// The pairs kept, sensor stamps strictly increasing.
+    #[must_use]
+    pub fn pairs(&self) -> &[FramePair<A, B>] {
+        &self.pairs
+    }
+
+    /// What was kept and left out.
+    #[must_use]
+    pub fn tally(&self) -> PairTally {
+        self.tally
+    }
+
+    /// For each frame but the first: when it came, and the interval to the frame before by
+    /// SensorTimestamp and by RealTime (the paper's figure of interval convergence).
+    #[must_use]
+    pub fn intervals(&self) -> Vec<(Stamp<B>, Span, Span)> {
+        let interval = |pair: &[FramePair<A, B>]| {
+            (pair[1].sensor, pair[1].sensor - pair[0].sensor, pair[1].real - pair[0].real)
+        };
+        self.pairs.windows(2).map(interval).collect()
+    }
+}
+
+impl<A: Clock, B: Clock> FramePair<A, B> {
+    /// A pair of which only the stamps are known.
+    #[must_use]
+    pub fn new(sensor: Stamp<B>, real: Stamp<A>) -> Self {
+        Self { sensor, real, frame_duration: None, exposure: None }
+    }
+}
+
+fn require_frames(found: usize) -> Result<(), ClockError> {
+    let enough = found >= MIN_FRAMES;
+    if enough { Ok(()) } else { Err(ClockError::TooFewFrames { found, needed: MIN_FRAMES }) }
+}
+
+fn in_order<A: Clock, B: Clock>(
+    pairs: &[FramePair<A, B>],
+    tally: &mut PairTally,
+) -> Result<Vec<FramePair<A, B>>, ClockError> {
+    let stamps: Vec<i64> = pairs.iter().map(|pair| pair.sensor.as_nanos()).collect();
+    let is_kept = longest_increasing(&stamps);
+    let mut kept: Vec<FramePair<A, B>> = Vec::with_capacity(pairs.len());
+    let mut first_bad = None;
+    for (index, pair) in pairs.iter().enumerate() {
+        if is_kept[index] {
+            kept.push(*pair);
+        } else if index > 0 && stamps[index] == stamps[index - 1]
+            || stamps.get(index + 1) == Some(&stamps[index])
+        {
+            tally.n_duplicate += 1;
+        } else {
+            tally.n_out_of_order += 1;
+            first_bad = first_bad.or(Some(index));
+        }
+    }
+    match first_bad {
+        Some(_) if tally.n_out_of_order as f64 > MAX_DISORDER * pairs.len() as f64 => {
+            let back = stamps.windows(2).position(|pair| pair[1] < pair[0]).unwrap_or(0);
+            Err(ClockError::SensorOrder {
+                frame: back + 1,
+                before_ns: stamps[back],
+                after_ns: stamps[back + 1],
+                n_bad: tally.n_out_of_order as usize,
+                n: pairs.len(),
+            })
+        }
+        _ => Ok(kept),
+    }
+}
+
+fn require_one_unit<A: Clock, B: Clock>(pairs: &[FramePair<A, B>]) -> Result<(), ClockError> {
+    let real: Vec<Stamp<A>> = pairs.iter().map(|pair| pair.real).collect();
+    if real.iter().all(|stamp| *stamp == real[0]) {
+        return Err(ClockError::RealTimeStuck { n: real.len() });
+    }
+    let sensor: Vec<Stamp<B>> = pairs.iter().map(|pair| pair.sensor).collect();
+    // A RealTime that comes in coarse ticks has median interval 0 and says nothing about units.
+    let (Some(sensor), Some(real)) = (median_interval_ns(&sensor), median_interval_ns(&real))
+    else {
+        return Ok(());
+    };
+    let ratio = real / sensor;
+    if real <= 0.0 || (1.0 / MAX_INTERVAL_RATIO..=MAX_INTERVAL_RATIO).contains(&ratio) {
+        return Ok(());
+    }
+    let distance = |unit: &SensorUnit| (ratio / unit.nanoseconds()).ln().abs();
+    let nearest = SensorUnit::ALL.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    Err(ClockError::IntervalMismatch {
+        sensor: Span::from_nanos(sensor as i64),
+        real: Span::from_nanos(real as i64),
+        looks_like: nearest
+            .filter(|unit| distance(unit) <= MAX_INTERVAL_RATIO.ln())
+            .map_or("no unit of time", SensorUnit::name),
+    })
+}
+
+/// Marks RealTimes that lie earlier than both the frames before and after them allow.
+///
+/// One such frame would become the smallest latency of its whole segment. A step
+/// is not marked: it lasts longer than the longest run that is tested.
+fn misread<A: Clock, B: Clock>(pairs: &[FramePair<A, B>]) -> Vec<bool> {
+    let excess = |pair: &FramePair<A, B>| {
+        let sensor = pair.sensor - pairs[0].sensor;
+        (pair.real - pairs[0].real - sensor).as_nanos() as f64 * 1e-3
+    };
+    let y: Vec<f64> = pairs.iter().map(excess).collect();
+    let smallest = |of: &[f64]| of.iter().copied().fold(f64::INFINITY, f64::min);
+    (0..y.len())
+        .map(|at| {
+            let before = &y[at.saturating_sub(NEIGHBOURS)..at.saturating_sub(MAX_MISREAD_RUN - 1)];
+            let after = &y[(at + MAX_MISREAD_RUN).min(y.len())..(at + NEIGHBOURS).min(y.len())];
+            y[at] < smallest(before).min(smallest(after)) - MISREAD_US
+        })
+        .collect()
+}
+
+fn median_interval_ns<C: Clock>(stamps: &[Stamp<C>]) -> Option<f64> {
+    median(stamps.windows(2).map(|pair| (pair[1] - pair[0]).as_nanos() as f64))
+}
+
+fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    upper_median(&mut values.collect::<Vec<f64>>())
+}

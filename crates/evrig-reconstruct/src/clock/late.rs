@@ -1,0 +1,145 @@
+//! Streams of one camera whose stamps are not those of their own light.
+//!
+//! The published recorder takes a raw frame with one request and the RGB frame with the next, and
+//! stores one stamp for both: its RGB frames show later light than they say. Both see one motion
+//! through one lens, which leaves nothing but the time between them to fit.
+
+use super::estimate::ClockEstimate;
+use super::motion::{MotionOptions, TrackSample, motion};
+use super::synchronise::SessionClocks;
+use evrig_core::stats::Estimate;
+use evrig_core::time::{Clock, ClockMap, Davis, PiSensor, Span, Stamp};
+use serde::{Deserialize, Serialize};
+
+/// A stream whose frames show later light than their stamps say.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LateStream {
+    /// Its name.
+    pub stream: String,
+    /// The stream of the same camera whose stamps hold.
+    pub against: String,
+    /// How much later its light is than its stamps, µs; none where the motion does not tell.
+    pub late_us: Option<Estimate>,
+    /// Why it is not known, and therefore not corrected.
+    pub refused: Option<String>,
+}
+
+/// How late a stream may be: a dozen frames of a slow camera,
+const SEARCH: Span = Span::from_micros(200_000);
+
+/// or, in a short recording, this part of it, since the fit goes by what both streams show at every
+/// lateness;
+const SEARCH_PART: i64 = 10;
+
+/// but three frames of the usual camera in any case.
+const LEAST_SEARCH: Span = Span::from_micros(50_000);
+
+/// Two streams of one camera are not turned against each other: degrees, with what rounding leaves.
+const ROLL_DEG: f64 = 1e-3;
+
+/// How late `own`, the track of `stream`, is against the track of another stream of its camera.
+#[must_use]
+pub fn late(
+    [stream, against]: [&str; 2],
+    own: &[TrackSample<PiSensor>],
+    reference: &[TrackSample<PiSensor>],
+) -> LateStream {
+    let zero = Stamp::from_nanos(0);
+    let part = match reference {
+        [first, .., last] => Span::from_nanos((last.at - first.at).as_nanos() / SEARCH_PART),
+        _ => Span::ZERO,
+    };
+    let options = MotionOptions {
+        search: part.clamp(LEAST_SEARCH, SEARCH),
+        fits_skew: false,
+        roll_deg: Some(Estimate::normal(0.0, ROLL_DEG, 1)),
+        ..MotionOptions::default()
+    };
+    let found = motion(reference, own, ClockMap::from_anchor(zero, zero), &options);
+    let (late_us, refused) = match found {
+        Ok(found) => (Some(found.correction_us), None),
+        Err(error) => (None, Some(error.to_string())),
+    };
+    LateStream { stream: stream.into(), against: against.into(), late_us, refused }
+}
+
+impl<A: Clock, B: Clock> ClockEstimate<A, B> {
+    /// The map of stamps that say an earlier time than they stand for.
+    #[must_use]
+    pub fn later(mut self, by: Span) -> Self {
+        self.segments.iter_mut().for_each(|segment| segment.map.a0 = segment.map.a0 + by);
+        self
+    }
+}
+
+impl SessionClocks {
+    /// From the stamps of a stream of the Pi to the events' clock, what the stream is late by in it.
+    #[must_use]
+    pub fn davis_from(&self, stream: &str) -> ClockEstimate<Davis, PiSensor> {
+        let of_stream = self.late.iter().find(|late| late.stream == stream);
+        let late_us = of_stream.and_then(|late| late.late_us).map_or(0.0, |late| late.value);
+        self.davis_from_sensor.clone().later(Span::from_secs_f64(late_us * 1e-6))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use evrig_core::units::Pixels;
+
+    /// Where a circle that is run one way is seen, with some noise, when the light is `late_s` late.
+    fn seen(late_s: f64, period_s: f64, turn_per_s: f64) -> Vec<TrackSample<PiSensor>> {
+        seen_for(6.0, late_s, period_s, turn_per_s)
+    }
+
+    fn seen_for(
+        seconds: f64,
+        late_s: f64,
+        period_s: f64,
+        turn_per_s: f64,
+    ) -> Vec<TrackSample<PiSensor>> {
+        (0..(seconds / period_s) as u32)
+            .map(|k| {
+                let stamp_s = f64::from(k) * period_s;
+                let phase = turn_per_s * std::f64::consts::TAU * (stamp_s + late_s);
+                let noise = |salt: u32| {
+                    let mixed = (k ^ salt).wrapping_mul(2_654_435_761).rotate_left(11);
+                    0.05 * (f64::from(mixed.wrapping_mul(40_503) >> 16) / 65_536.0 - 0.5)
+                };
+                TrackSample {
+                    at: Stamp::from_nanos(54_000_000_000_000 + (stamp_s * 1e9) as i64),
+                    x: Pixels(300.0 + 60.0 * phase.cos() + noise(1)),
+                    y: Pixels(200.0 + 60.0 * phase.sin() + noise(7)),
+                    error: Pixels(0.02),
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_stream_that_is_a_frame_late_is_found_late_by_a_frame_even_on_one_circle() {
+        let (raw, rgb) = (seen(0.0, 1.0 / 60.0, 0.4), seen(0.00833, 1.0 / 60.0, 0.4));
+        let found = late(["rgb", "raw"], &rgb, &raw);
+        let late_us = found.late_us.unwrap();
+        assert!((late_us.value - 8_330.0).abs() < 4.0 * late_us.standard_error, "{late_us:?}");
+        assert!(late_us.standard_error < 100.0, "{late_us:?}");
+    }
+
+    #[test]
+    fn a_second_of_motion_is_enough() {
+        for (seconds, period_s) in [(1.0, 1.0 / 60.0), (0.6, 1.0 / 120.0)] {
+            let (raw, rgb) =
+                (seen_for(seconds, 0.0, period_s, 0.4), seen_for(seconds, 0.00833, period_s, 0.4));
+            let late_us = late(["rgb", "raw"], &rgb, &raw).late_us.unwrap();
+            assert!((late_us.value - 8_330.0).abs() < 4.0 * late_us.standard_error, "{late_us:?}");
+            assert!(late_us.standard_error < 300.0, "{late_us:?}");
+        }
+    }
+
+    #[test]
+    fn a_head_at_rest_tells_nothing_and_that_is_said() {
+        let still = seen(0.0, 1.0 / 60.0, 0.0);
+        let found = late(["rgb", "raw"], &still, &still);
+        assert!(found.late_us.is_none() && found.refused.is_some(), "{found:?}");
+    }
+}

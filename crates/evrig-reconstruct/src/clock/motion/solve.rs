@@ -1,0 +1,325 @@
+//! Path, geometry and time fitted together by Gauss and Newton's method.
+//!
+//! Samples far from the fit count less, then nothing. In the end the information left for the
+//! offset is judged: how much unknown geometry takes, and how much the path's noise feigns.
+
+use super::banded::Factor;
+use super::coarse::Start;
+use super::equations::{
+    Equations, Information, KAPPA, LN_SCALE, Look, N, ROLL, Reduced, State, TAU, advance, apply,
+    invert, solve,
+};
+use super::path::Path;
+use super::{MotionOptions, Point};
+use crate::clock::error::ClockError;
+use evrig_core::stats::Estimate;
+use nalgebra::SVector;
+
+pub(super) const MAX_STEPS: usize = 40;
+/// Residuals beyond this many errors count less (Huber).
+const HUBER: f64 = 3.0;
+/// Residuals beyond this many errors are not of the tag.
+const OUTLIER: f64 = 8.0;
+/// Errors are taken for common to so many seconds at most.
+const COMMON_S: f64 = 0.25;
+/// Steps after which outliers are left out rather than weighed less.
+const SETTLED: usize = 4;
+
+/// The data and what is known beforehand.
+pub(super) struct Solver<'a> {
+    reference: &'a [Point],
+    other: &'a [Point],
+    fits_skew: bool,
+    /// Roll and its standard error in radians.
+    roll: Option<[f64; 2]>,
+    middle_s: f64,
+}
+
+/// What the fit found; times in seconds, roll in radians.
+#[derive(Debug, Clone)]
+pub(super) struct Fit {
+    pub(super) tau_s: f64,
+    pub(super) kappa: f64,
+    pub(super) ln_scale: f64,
+    pub(super) roll: f64,
+    pub(super) sigma_tau_s: f64,
+    pub(super) sigma_kappa: f64,
+    pub(super) sigma_ln_scale: f64,
+    pub(super) sigma_roll: f64,
+    pub(super) limit_s: f64,
+    pub(super) limit_known_s: f64,
+    pub(super) ratio: f64,
+    /// The ratio with three standard deviations of the path's noise taken off the information.
+    pub(super) ratio_at_least: f64,
+    pub(super) chi2_per_dof: f64,
+    /// Mean square of the residuals over that of the other's positions about their middle.
+    pub(super) unexplained: f64,
+    pub(super) knot_s: f64,
+    pub(super) middle_s: f64,
+    /// Of the reference's samples, then the other's.
+    pub(super) is_outlier: Vec<bool>,
+    /// Whether the offset stood still in the end.
+    pub(super) is_settled: bool,
+}
+
+impl<'a> Solver<'a> {
+    pub(super) fn new(reference: &'a [Point], other: &'a [Point], options: &MotionOptions) -> Self {
+        let radians = |prior: Estimate| [prior.value, prior.standard_error].map(f64::to_radians);
+        let middle_s = other.iter().map(|point| point.t_s).sum::<f64>() / other.len() as f64;
+        let roll = options.roll_deg.map(radians);
+        Self { reference, other, fits_skew: options.fits_skew, roll, middle_s }
+    }
+
+    /// Fits from `start`, with the knots that both tracks together ask for.
+    ///
+    /// The reference alone chose `path`'s. The other track may be the better one of the two, and
+    /// then a path too stiff for it would show as residuals: knots are set closer for as long as
+    /// Akaike's criterion says that it pays.
+    pub(super) fn run(&self, path: Path, start: Start) -> Result<Fit, ClockError> {
+        let [x, y] = start.shift;
+        let theta = SVector::from([start.tau_s, 0.0, start.ln_scale, start.roll, x, y]);
+        let (mut state, mut is_settled) =
+            self.settle(State { path, theta, centre: start.centre })?;
+        let mut best = self.criterion(&state);
+        let n = self.reference.len().max(self.other.len());
+        while let Some(path) = state.path.finer(self.reference, n) {
+            let Ok((finer, is_finer_settled)) = self.settle(State { path, ..state.clone() }) else {
+                break;
+            };
+            let criterion = self.criterion(&finer);
+            if criterion >= best {
+                break;
+            }
+            (state, is_settled, best) = (finer, is_finer_settled, criterion);
+        }
+        Ok(Fit { is_settled, ..self.finish(&state) })
+    }
+
+    /// Iterates until the offset stands still, as it never does where the motion says nothing of
+    /// it: judge the fit's information first.
+    fn settle(&self, mut state: State) -> Result<(State, bool), ClockError> {
+        for step in 0..MAX_STEPS {
+            let residuals = self.residuals(&state);
+            let weights = self.weights(&residuals, step);
+            let reduced = self.equations(&state, &residuals, &weights).reduce();
+            let Some(change) = solve(&reduced.information, &reduced.right) else {
+                return Ok((state, true));
+            };
+            advance(&mut state, &reduced, &change);
+            if !state.theta.iter().all(|value| value.is_finite()) {
+                return Err(ClockError::NotConverged { steps: step + 1 });
+            }
+            if step > SETTLED && change[TAU].abs() < 1e-8 {
+                return Ok((state, true));
+            }
+        }
+        Ok((state, false))
+    }
+
+    /// Akaike's criterion of a settled state, the samples' error unknown; outliers count with what
+    /// the weights leave of them.
+    fn criterion(&self, state: &State) -> f64 {
+        let residuals = self.residuals(state);
+        let weights = self.weights(&residuals, SETTLED);
+        let chi2 = sum_of_squares(&residuals, &weights);
+        let n = 2.0 * residuals.len() as f64;
+        n * (chi2 / n).max(1e-12).ln() + 4.0 * state.path.n() as f64
+    }
+
+    /// Measured minus expected, reference first.
+    fn residuals(&self, state: &State) -> Vec<[f64; 2]> {
+        let m = state.matrix();
+        let own = self.reference.iter().map(|point| {
+            let q = state.path.position(&state.path.basis(point.t_s));
+            [point.p[0] - q[0], point.p[1] - q[1]]
+        });
+        let other = self.other.iter().map(|point| {
+            let q = state.path.position(&state.place(point.t_s, self.middle_s));
+            let seen = apply(m, [q[0] - state.centre[0], q[1] - state.centre[1]]);
+            [point.p[0] - seen[0] - state.theta[4], point.p[1] - seen[1] - state.theta[5]]
+        });
+        own.chain(other).collect()
+    }
+
+    /// Weight of each sample: its inverse variance, less for outliers.
+    fn weights(&self, residuals: &[[f64; 2]], step: usize) -> Vec<f64> {
+        let points = self.reference.iter().chain(self.other);
+        let sizes: Vec<f64> =
+            points.clone().zip(residuals).map(|(p, r)| r[0].hypot(r[1]) / p.error).collect();
+        // The median length of a standard normal pair is sqrt(2 ln 2).
+        let mut sorted = sizes.clone();
+        let middle = sorted.len() / 2;
+        let median = *sorted.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let scale = (median / (2.0 * std::f64::consts::LN_2).sqrt()).max(1.0);
+        let weight = |(point, size): (&Point, &f64)| {
+            let factor = match size / scale {
+                far if far > OUTLIER && step >= SETTLED => 0.0,
+                far if far > HUBER => HUBER / far,
+                _ => 1.0,
+            };
+            factor / (point.error * point.error)
+        };
+        points.zip(&sizes).map(weight).collect()
+    }
+
+    fn equations(&self, state: &State, residuals: &[[f64; 2]], weights: &[f64]) -> Equations {
+        let mut equations = Equations::new(state.path.n());
+        let (own, others) = residuals.split_at(self.reference.len());
+        let (own_weights, other_weights) = weights.split_at(self.reference.len());
+        for ((point, r), w) in self.reference.iter().zip(own).zip(own_weights) {
+            equations.add_reference(&state.path.basis(point.t_s), *r, *w);
+        }
+        for ((point, r), w) in self.other.iter().zip(others).zip(other_weights) {
+            let basis = state.place(point.t_s, self.middle_s);
+            let look = Look::new(state, point.t_s - self.middle_s, &basis);
+            equations.add_other(&look, &basis, *r, *w);
+        }
+        equations.add_penalty(&state.path);
+        if let Some([roll, error]) = self.roll {
+            let off = (roll - state.theta[ROLL] + std::f64::consts::PI)
+                .rem_euclid(std::f64::consts::TAU)
+                - std::f64::consts::PI;
+            equations.corner[(ROLL, ROLL)] += error.powi(-2);
+            equations.corner_right[ROLL] += off * error.powi(-2);
+        }
+        if !self.fits_skew {
+            equations.fix(KAPPA);
+        }
+        equations
+    }
+
+    fn finish(&self, state: &State) -> Fit {
+        let residuals = self.residuals(state);
+        let weights = self.weights(&residuals, SETTLED);
+        let reduced = self.equations(state, &residuals, &weights).reduce();
+        let Some(covariance) = invert(&reduced.information) else { return self.singular(state) };
+        let chi2 = sum_of_squares(&residuals, &weights);
+        let n_used = weights.iter().filter(|weight| **weight > 0.0).count();
+        let dof = (2.0 * n_used as f64 - 2.0 * state.path.n() as f64 - N as f64).max(1.0);
+        let inflation = (chi2 / dof).max(1.0).sqrt();
+        let in_common =
+            self.variances_in_common(state, &residuals, &weights, &reduced, &covariance);
+        // Neither may claim more than the other allows.
+        let sigma = |index: usize| {
+            (inflation * covariance[(index, index)].sqrt()).max(in_common[index].sqrt())
+        };
+        let limit_s = covariance[(TAU, TAU)].sqrt();
+        let limit_known_s = reduced.information[(TAU, TAU)].sqrt().recip();
+        // Share of the offset's information that survives unknown geometry, and the share
+        // that the noise of the path's velocity feigns.
+        let share = (limit_known_s / limit_s).powi(2);
+        let feigned = self.feigned_share(state, &reduced.factor);
+        let scatter = 3.0 * feigned / (state.path.n() as f64).sqrt();
+        let ratio = |share: f64| if share > 0.0 { share.sqrt().recip() } else { f64::INFINITY };
+        Fit {
+            sigma_tau_s: sigma(TAU),
+            sigma_kappa: sigma(KAPPA),
+            sigma_ln_scale: sigma(LN_SCALE),
+            sigma_roll: sigma(ROLL),
+            limit_s,
+            limit_known_s,
+            ratio: ratio(share - feigned),
+            ratio_at_least: ratio(share - feigned - scatter),
+            chi2_per_dof: chi2 / dof,
+            unexplained: self.unexplained(&residuals[self.reference.len()..], &weights),
+            is_outlier: weights.iter().map(|weight| *weight == 0.0).collect(),
+            ..self.singular(state)
+        }
+    }
+
+    /// Variances of what is fitted if residuals err in common for [`COMMON_S`]: a corner's error
+    /// follows from where it falls among the pixels, and the tag takes a while to cross one.
+    ///
+    /// Each stretch's pull on the result is summed before it is squared (the sandwich of White and
+    /// of Liang and Zeger, with their correction for few stretches).
+    fn variances_in_common(
+        &self,
+        state: &State,
+        residuals: &[[f64; 2]],
+        weights: &[f64],
+        reduced: &Reduced,
+        covariance: &Information,
+    ) -> SVector<f64, N> {
+        let begin_s = self.reference[0].t_s;
+        let mut stretches = std::collections::BTreeMap::new();
+        let mut pull = |t_s: f64, score: SVector<f64, N>| {
+            let stretch = ((t_s - begin_s) / COMMON_S).floor() as i64;
+            *stretches.entry(stretch).or_insert_with(SVector::zeros) += covariance * score;
+        };
+        let (own, others) = residuals.split_at(self.reference.len());
+        let (own_weights, other_weights) = weights.split_at(self.reference.len());
+        for ((point, r), w) in self.reference.iter().zip(own).zip(own_weights) {
+            let basis = state.path.basis(point.t_s);
+            pull(point.t_s, reduced.score(&basis, [w * r[0], w * r[1]]));
+        }
+        for ((point, r), w) in self.other.iter().zip(others).zip(other_weights) {
+            let basis = state.place(point.t_s, self.middle_s);
+            let look = Look::new(state, point.t_s - self.middle_s, &basis);
+            let own = look.by[0] * (w * r[0]) + look.by[1] * (w * r[1]);
+            let onto_path =
+                [0, 1].map(|axis| w * (look.matrix[0][axis] * r[0] + look.matrix[1][axis] * r[1]));
+            pull(point.t_s, own + reduced.score(&basis, onto_path));
+        }
+        let n = stretches.len() as f64;
+        let squares: SVector<f64, N> = stretches.values().map(|p| p.component_mul(p)).sum();
+        if n > 2.0 { squares * (n / (n - 1.0)) } else { squares }
+    }
+
+    /// Share of the other's motion that the fit leaves over, outliers apart.
+    fn unexplained(&self, residuals: &[[f64; 2]], weights: &[f64]) -> f64 {
+        let used = self.other.iter().zip(residuals).zip(&weights[self.reference.len()..]);
+        let used: Vec<_> = used.filter(|(_, w)| **w > 0.0).map(|(pair, _)| pair).collect();
+        let n = used.len() as f64;
+        let middle = [0, 1].map(|axis| used.iter().map(|(p, _)| p.p[axis]).sum::<f64>() / n);
+        let of = |v: [f64; 2]| v[0] * v[0] + v[1] * v[1];
+        let left: f64 = used.iter().map(|(_, r)| of(**r)).sum();
+        let all: f64 = used.iter().map(|(p, _)| of([p.p[0] - middle[0], p.p[1] - middle[1]])).sum();
+        left / all.max(f64::MIN_POSITIVE)
+    }
+
+    /// Variance of the path's velocity over its mean square, at some of the other's samples.
+    fn feigned_share(&self, state: &State, factor: &Factor) -> f64 {
+        const PLACES: usize = 64;
+        let stride = self.other.len().div_ceil(PLACES);
+        let (mut variance, mut square) = (0.0, 0.0);
+        for point in self.other.iter().step_by(stride) {
+            let basis = state.place(point.t_s, self.middle_s);
+            let mut column = vec![0.0; state.path.n()];
+            column[basis.first..basis.first + 4].copy_from_slice(&basis.slope);
+            factor.solve(&mut column);
+            let own = &column[basis.first..basis.first + 4];
+            variance += 2.0 * own.iter().zip(basis.slope).map(|(a, b)| a * b).sum::<f64>();
+            let v = state.path.velocity(&basis);
+            square += v[0] * v[0] + v[1] * v[1];
+        }
+        if square > 0.0 { variance / square } else { f64::INFINITY }
+    }
+
+    /// The state with errors that say nothing is known.
+    fn singular(&self, state: &State) -> Fit {
+        Fit {
+            tau_s: state.theta[TAU],
+            kappa: state.theta[KAPPA],
+            ln_scale: state.theta[LN_SCALE],
+            roll: state.theta[ROLL],
+            sigma_tau_s: f64::INFINITY,
+            sigma_kappa: f64::INFINITY,
+            sigma_ln_scale: f64::INFINITY,
+            sigma_roll: f64::INFINITY,
+            limit_s: f64::INFINITY,
+            limit_known_s: f64::NAN,
+            ratio: f64::INFINITY,
+            ratio_at_least: f64::INFINITY,
+            chi2_per_dof: f64::NAN,
+            unexplained: f64::NAN,
+            knot_s: state.path.knot_s,
+            middle_s: self.middle_s,
+            is_outlier: vec![false; self.reference.len() + self.other.len()],
+            is_settled: true,
+        }
+    }
+}
+
+fn sum_of_squares(residuals: &[[f64; 2]], weights: &[f64]) -> f64 {
+    residuals.iter().zip(weights).map(|(r, w)| w * (r[0] * r[0] + r[1] * r[1])).sum()
+}

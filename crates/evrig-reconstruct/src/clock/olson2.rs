@@ -1,0 +1,80 @@
+//! The smallest latency within a drift bound, forwards and backwards in time.
+//!
+//! Olson (IROS 2010) lets the estimate rise no faster than the clocks can drift apart and
+//! fall to every smaller difference; run both ways it is the lower envelope of cones of
+//! slope `drift` that stand on the points. Needs nothing but the bound, claims no interval.
+
+use super::error::ClockError;
+use super::estimate::{ClockEstimate, Method, MinimumLatency, SegmentStart};
+use super::input::FramePairs;
+use super::trace::{Line, Trace};
+use evrig_core::time::Clock;
+
+/// The envelope of cones; `drift_ppm` bounds the difference of the rates (50 for two crystals).
+///
+/// # Errors
+/// None for checked pairs; the signature is that of every method.
+pub fn olson2<A: Clock, B: Clock>(
+    pairs: &FramePairs<A, B>,
+    drift_ppm: f64,
+    latency: MinimumLatency,
+) -> Result<ClockEstimate<A, B>, ClockError> {
+    let trace = Trace::new(pairs.pairs());
+    let floor = floor(&trace.x_s, &trace.y_us, drift_ppm);
+    let corners = corners(&trace.x_s, &trace.y_us, &floor, drift_ppm);
+    let n = trace.x_s.len();
+    let mut segments = Vec::with_capacity(corners.len());
+    let mut begin = 0;
+    for (number, pair) in corners.windows(2).enumerate() {
+        let is_last = number + 2 == corners.len();
+        let within = trace.x_s[begin..].partition_point(|x| *x < pair[1][0]);
+        let end = if is_last { n } else { begin + within };
+        if begin == end {
+            continue;
+        }
+        let start = if begin == 0 { SegmentStart::Beginning } else { SegmentStart::Bend };
+        let line = Line::through(pair[0], pair[1]);
+        segments.push(trace.segment(&(begin..end), start, line, latency.subtracted()));
+        begin = end;
+    }
+    Ok(ClockEstimate {
+        method: Method::Olson2,
+        segments,
+        minimum_latency: latency,
+        doubtful: Vec::new(),
+        tally: pairs.tally(),
+        diagnostics: trace.diagnostics(|index| floor[index]),
+    })
+}
+
+/// The envelope at each frame.
+fn floor(x_s: &[f64], y_us: &[f64], drift_ppm: f64) -> Vec<f64> {
+    let mut floor = y_us.to_vec();
+    for at in 1..floor.len() {
+        floor[at] = floor[at].min(floor[at - 1] + drift_ppm * (x_s[at] - x_s[at - 1]));
+    }
+    for at in (1..floor.len()).rev() {
+        floor[at - 1] = floor[at - 1].min(floor[at] + drift_ppm * (x_s[at] - x_s[at - 1]));
+    }
+    floor
+}
+
+/// Corners of the envelope: the points it touches, where cones meet, and both ends.
+fn corners(x_s: &[f64], y_us: &[f64], floor: &[f64], drift_ppm: f64) -> Vec<[f64; 2]> {
+    let last = x_s.len() - 1;
+    let mut corners = vec![[x_s[0], floor[0]]];
+    let mut before: Option<[f64; 2]> = None;
+    for at in (0..=last).filter(|&at| floor[at] >= y_us[at]) {
+        let own = [x_s[at], y_us[at]];
+        if let Some(other) = before.filter(|_| drift_ppm > 0.0) {
+            let x = other[0].midpoint(own[0]) + (own[1] - other[1]) / (2.0 * drift_ppm);
+            let x = x.clamp(other[0], own[0]);
+            corners.push([x, other[1] + drift_ppm * (x - other[0])]);
+        }
+        corners.push(own);
+        before = Some(own);
+    }
+    corners.push([x_s[last], floor[last]]);
+    corners.dedup_by(|next, before| next[0] <= before[0]);
+    corners
+}

@@ -1,0 +1,376 @@
+//! All the evidence of a session at once: every method runs, the best one is taken, the rest check it.
+//!
+//! Three clocks meet. SensorTimestamp is the Pi's boot clock. Unix time is shown by the host, where
+//! the session read both side by side, else by the Pi's wall clock, which is all that an import has.
+//! The events' clock shows Unix time too, taken once at the recorder's reset; packets that reach the
+//! host before their own stamps, or a second late, say that it does not. [`motion`] leads from the
+//! Pi to the events without Unix time between.
+
+use super::clock_pair::{PairOptions, clock_pair};
+use super::envelope::{EnvelopeOptions, RateModel, envelope};
+use super::error::ClockError;
+use super::estimate::{ClockEstimate, Method, MinimumLatency, Segment};
+use super::input::{ClockReading, FramePair, FramePairs};
+use super::late::LateStream;
+use super::motion::{MotionEstimate, MotionOptions, TrackSample, motion};
+use super::{Disagreement, PaperUnit, cross_check, hull, olson2, paper_interval, paper_window};
+use evrig_core::time::{Clock, ClockMap, Davis, PiSensor, Span, Stamp, Unix};
+use serde::{Deserialize, Serialize};
+
+/// What a session knows of its clocks.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Evidence {
+    /// SensorTimestamp and RealTime of each frame, in the order of recording.
+    pub frames: Vec<FramePair>,
+    /// The Pi's wall clock between two readings of its boot clock.
+    pub wall_readings: Vec<ClockReading>,
+    /// The host's clock between what the Pi's boot clock can have shown; see [`host_reading`].
+    pub host_readings: Vec<ClockReading>,
+    /// Last stamp of each packet of events, and the host's clock when it was whole.
+    pub arrivals: Vec<FramePair<Unix, Davis>>,
+    /// Least time from SensorTimestamp to RealTime: the rows read until the picture is whole.
+    pub readout: Option<Span>,
+}
+
+/// The outcome of one method.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "")]
+pub struct Attempt<A: Clock = Unix, B: Clock = PiSensor> {
+    /// The method.
+    pub method: Method,
+    /// What it says.
+    pub estimate: Option<ClockEstimate<A, B>>,
+    /// Why it says nothing.
+    pub refused: Option<String>,
+}
+
+/// Whose Unix time the session is on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Reference {
+    /// The host's.
+    Host,
+    /// The Pi's wall clock, taken for the host's: both were set by a time server, at best.
+    PiWall,
+}
+
+/// How the events' stamps lead to Unix time.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EventsClock {
+    /// Whether the stamps are taken for what they say, Unix time, or mapped by their arrivals.
+    pub is_as_stamped: bool,
+    /// The map.
+    pub unix_from_davis: ClockMap<Unix, Davis>,
+    /// Smallest time from stamp to arrival, with its method; a stamp cannot be later than that.
+    pub arrivals: Option<Attempt<Unix, Davis>>,
+    /// In words: why.
+    pub because: String,
+}
+
+/// What the motion that both cameras saw says, or why it says nothing.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MotionAttempt {
+    /// Names of the two tracks: of the DAVIS and of the Pi.
+    pub tracks: [String; 2],
+    /// The estimate.
+    pub estimate: Option<MotionEstimate<Davis, PiSensor>>,
+    /// Whether it became the session's map; else why not.
+    pub refused: Option<String>,
+}
+
+/// The clocks of a session.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SessionClocks {
+    /// The Pi's wall clock from SensorTimestamp by every method that the evidence allows.
+    pub wall: Vec<Attempt>,
+    /// The host's clock from SensorTimestamp, where both were read side by side.
+    pub host: Option<Attempt>,
+    /// Whose Unix time `unix_from_sensor` leads to.
+    pub reference: Reference,
+    /// The map that was taken.
+    pub unix_from_sensor: ClockEstimate,
+    /// What the Pi's wall clock shows more than the host's in the middle of the session, where both
+    /// are known by two-sided readings.
+    pub wall_minus_host: Option<Span>,
+    /// Methods whose intervals do not meet that of the best map to the same clock.
+    pub disagreements: Vec<Disagreement<PiSensor>>,
+    /// The events' clock.
+    pub events: EventsClock,
+    /// The motion that both cameras saw, where there are tracks.
+    pub motion: Option<MotionAttempt>,
+    /// The map from SensorTimestamp to the events' stamps: what puts frames beside events.
+    pub davis_from_sensor: ClockEstimate<Davis, PiSensor>,
+    /// Streams of the Pi whose stamps are not those of their own light.
+    #[serde(default)]
+    pub late: Vec<LateStream>,
+}
+
+/// A reading of the host's clock against the Pi's boot clock from a question and its answer.
+///
+/// The Pi read its clock between `asked` and `answered`, and showed `first` at the beginning and
+/// `last` at the end of its own reading. At the host's instant half-way the boot clock showed half
+/// the round trip more than `first` at most, and half of it less than `last` at least.
+#[must_use]
+pub fn host_reading(
+    group: u64,
+    asked: Stamp<Unix>,
+    [first, last]: [Stamp<PiSensor>; 2],
+    answered: Stamp<Unix>,
+) -> ClockReading {
+    let half = Span::from_nanos((answered - asked).as_nanos() / 2);
+    ClockReading { group, before: last - half, real: asked + half, after: first + half }
+}
+
+/// Residuals larger than this against what the tracks state, chi-squared a degree of freedom, are
+/// looked at: they are the tracks' own, stated too small, or the tracks do not show one motion.
+const MAX_CHI2_PER_DOF: f64 = 4.0;
+/// The larger ones are not one motion when they leave over more than this of it: a hundredth of the
+/// way, squared. The estimate's error holds them otherwise.
+const MAX_UNEXPLAINED: f64 = 1e-4;
+/// A map that runs by more than this off the one before is not of clocks: quartz keeps to a hundred
+/// parts in a million, and a fit that lost its way does not.
+const MAX_SKEW_PPM: f64 = 5_000.0;
+/// A motion in which more than this share of a track's samples had to be left out is not one.
+const MAX_LEFT_OUT: f64 = 0.25;
+/// Stamps this much before their arrival are what a link and its buffers take.
+const MAX_TRANSPORT: Span = Span::from_micros(1_000_000);
+/// Two clocks of one host are steered alike; what is left is rounding, ppm.
+const SAME_HOST_PPM: f64 = 1.0;
+/// What a method without an interval of its own may differ by.
+const SLACK: Span = Span::from_micros(3_000);
+
+/// Runs every method the evidence allows.
+///
+/// # Errors
+/// When no method gives a map: the reason of the best one.
+pub fn synchronise(evidence: &Evidence) -> Result<SessionClocks, ClockError> {
+    let wall = wall_attempts(evidence);
+    let host = (!evidence.host_readings.is_empty()).then(|| {
+        attempt(Method::ClockPair, clock_pair(&evidence.host_readings, &PairOptions::default()))
+    });
+    let best_wall = best(&wall);
+    let best_host = host.as_ref().and_then(|host| host.estimate.clone());
+    let (reference, chosen) = match (best_host, &best_wall) {
+        (Some(host), _) => (Reference::Host, host),
+        (None, Some(wall)) => (Reference::PiWall, wall.clone()),
+        (None, None) => return Err(no_map(evidence)),
+    };
+    let disagreements = best_wall
+        .iter()
+        .flat_map(|best| {
+            let others = wall.iter().filter_map(|attempt| attempt.estimate.as_ref());
+            let others = others.filter(|other| other.method != best.method);
+            others.filter_map(|other| cross_check(best, other, SLACK))
+        })
+        .collect();
+    let wall_minus_host = wall_minus_host(&wall, host.as_ref());
+    let events = events_clock(&evidence.arrivals);
+    let davis_from_sensor = compose(&chosen, events.unix_from_davis.inverse());
+    Ok(SessionClocks {
+        wall,
+        host,
+        reference,
+        unix_from_sensor: chosen,
+        wall_minus_host,
+        disagreements,
+        events,
+        motion: None,
+        davis_from_sensor,
+        late: Vec::new(),
+    })
+}
+
+impl SessionClocks {
+    /// Lets the motion that both cameras saw decide where the Pi's frames lie among the events.
+    ///
+    /// It becomes the map when it has an answer and the two tracks show one motion; else the reason
+    /// is kept beside the map that stood before.
+    pub fn refine(
+        &mut self,
+        names: [&str; 2],
+        davis: &[TrackSample<Davis>],
+        pi: &[TrackSample<PiSensor>],
+        options: &MotionOptions,
+    ) {
+        let tracks = names.map(str::to_owned);
+        let middle = pi.get(pi.len() / 2).map(|sample| sample.at);
+        let initial = middle.and_then(|at| self.davis_from_sensor.segment_at(at));
+        let found = match initial {
+            Some(segment) => motion(davis, pi, segment.map, options),
+            None => Err(ClockError::TooFewSamples { track: "other", found: 0, needed: 1 }),
+        };
+        self.motion = Some(match found {
+            Ok(estimate) => {
+                let refused = no_motion(&estimate, [davis.len(), pi.len()]);
+                if refused.is_none() {
+                    self.davis_from_sensor = estimate.clock.clone();
+                }
+                MotionAttempt { tracks, estimate: Some(estimate), refused }
+            }
+            Err(error) => {
+                MotionAttempt { tracks, estimate: None, refused: Some(error.to_string()) }
+            }
+        });
+    }
+}
+
+/// Why what was found is no motion that two cameras with clocks saw; none where it may be one. `n` are
+/// the samples of the two tracks.
+fn no_motion(found: &MotionEstimate<Davis, PiSensor>, n: [usize; 2]) -> Option<String> {
+    let is_rough = found.chi2_per_dof > MAX_CHI2_PER_DOF && found.unexplained > MAX_UNEXPLAINED;
+    let skew_ppm = found.skew_ppm.map_or(0.0, |skew| skew.value);
+    // Not a number is no answer either.
+    let is_of_clocks = skew_ppm.abs() <= MAX_SKEW_PPM;
+    let left_out = [0, 1].map(|track| found.n_outliers[track] as f64 / n[track].max(1) as f64);
+    let is_torn = left_out.iter().any(|share| *share > MAX_LEFT_OUT);
+    let [davis, pi] = left_out.map(|share| 1e2 * share);
+    (is_rough || !is_of_clocks || is_torn).then(|| {
+        format!(
+            "the residuals are {:.1} times what the tracks state and {:.1} % of the way, {davis:.0} and \
+             {pi:.0} % of the samples do not fit at all, and the clocks would go {skew_ppm:.0} ppm apart: \
+             they do not show one motion, turned, scaled and late",
+            found.chi2_per_dof.sqrt(),
+            1e2 * found.unexplained.sqrt(),
+        )
+    })
+}
+
+fn attempt<A: Clock, B: Clock>(
+    method: Method,
+    found: Result<ClockEstimate<A, B>, ClockError>,
+) -> Attempt<A, B> {
+    match found {
+        Ok(estimate) => Attempt { method, estimate: Some(estimate), refused: None },
+        Err(error) => Attempt { method, estimate: None, refused: Some(error.to_string()) },
+    }
+}
+
+/// Every method on the Pi's own two clocks.
+fn wall_attempts(evidence: &Evidence) -> Vec<Attempt> {
+    let mut attempts = Vec::new();
+    if !evidence.wall_readings.is_empty() {
+        let readings = &evidence.wall_readings;
+        attempts.push(attempt(Method::ClockPair, clock_pair(readings, &PairOptions::default())));
+    }
+    if evidence.frames.is_empty() {
+        return attempts;
+    }
+    let latency = evidence
+        .readout
+        .map_or(MinimumLatency::Unknown, |floor| MinimumLatency::ReadoutFloor { floor });
+    let options = EnvelopeOptions { latency, ..EnvelopeOptions::default() };
+    let checked = FramePairs::check(&evidence.frames);
+    let checked = checked.as_ref().map_err(Clone::clone);
+    attempts.push(attempt(Method::Envelope, checked.clone().and_then(|p| envelope(p, &options))));
+    attempts.push(attempt(Method::Hull, checked.clone().and_then(|p| hull(p, latency))));
+    attempts.push(attempt(
+        Method::Olson2,
+        checked.clone().and_then(|p| olson2(p, SAME_HOST_PPM, latency)),
+    ));
+    attempts.push(attempt(Method::PaperWindow, checked.and_then(paper_window)));
+    let published = paper_interval(&evidence.frames, PaperUnit::Microseconds);
+    attempts.push(attempt(Method::PaperInterval, published));
+    attempts
+}
+
+/// Readings from both sides before the smallest latency; nothing else claims a calibrated interval.
+fn best(attempts: &[Attempt]) -> Option<ClockEstimate> {
+    let of = |method| {
+        let mut found = attempts.iter().filter(move |attempt| attempt.method == method);
+        found.find_map(|attempt| attempt.estimate.clone())
+    };
+    of(Method::ClockPair).or_else(|| of(Method::Envelope))
+}
+
+fn no_map(evidence: &Evidence) -> ClockError {
+    match FramePairs::check(&evidence.frames) {
+        Err(error) => error,
+        Ok(_) => ClockError::NoReadings { n_seen: evidence.wall_readings.len(), n_reversed: 0 },
+    }
+}
+
+fn wall_minus_host(wall: &[Attempt], host: Option<&Attempt>) -> Option<Span> {
+    let pair = wall.iter().find(|attempt| attempt.method == Method::ClockPair)?;
+    let (wall, host) = (pair.estimate.as_ref()?, host?.estimate.as_ref()?);
+    let (first, last) = (host.segments.first()?.first, host.segments.last()?.last);
+    let middle = Stamp::from_nanos(first.as_nanos().midpoint(last.as_nanos()));
+    Some(wall.map(middle)? - host.map(middle)?)
+}
+
+/// The events' clock: Unix time as stamped, unless the arrivals say that it cannot be.
+fn events_clock(arrivals: &[FramePair<Unix, Davis>]) -> EventsClock {
+    let as_stamped = ClockMap::from_anchor(Stamp::from_nanos(0), Stamp::from_nanos(0));
+    if arrivals.is_empty() {
+        return EventsClock {
+            is_as_stamped: true,
+            unix_from_davis: as_stamped,
+            arrivals: None,
+            because:
+                "the camera's recorder stamps Unix time; no arrivals were recorded to check it"
+                    .into(),
+        };
+    }
+    let options = EnvelopeOptions { rate: RateModel::Device, ..EnvelopeOptions::default() };
+    let found = FramePairs::check(arrivals).and_then(|pairs| envelope(&pairs, &options));
+    let attempt = attempt(Method::Envelope, found);
+    let middle = arrivals[arrivals.len() / 2].sensor;
+    let segment = attempt.estimate.as_ref().and_then(|estimate| estimate.segment_at(middle));
+    let (is_as_stamped, map, because) = match segment {
+        None => (
+            true,
+            as_stamped,
+            "the camera's recorder stamps Unix time; the arrivals say nothing".into(),
+        ),
+        Some(segment) => {
+            // A busy host takes packets later, never earlier: the quickest one tells.
+            let after = arrivals.iter().map(|pair| pair.real - as_stamped.map(pair.sensor));
+            let late = after.min().unwrap_or(Span::ZERO);
+            if (Span::ZERO..=MAX_TRANSPORT).contains(&late) {
+                (
+                    true,
+                    as_stamped,
+                    format!("Unix time as stamped: the quickest packets arrive {late} after it"),
+                )
+            } else {
+                let because = format!(
+                    "the stamps are no Unix time of the host: the quickest packets arrive {late} after \
+                     them; mapped by their arrivals, late by an unknown transport"
+                );
+                (false, segment.map, because)
+            }
+        }
+    };
+    EventsClock { is_as_stamped, unix_from_davis: map, arrivals: Some(attempt), because }
+}
+
+/// A map to Unix time carried on to the events' clock.
+fn compose(
+    unix_from_sensor: &ClockEstimate,
+    davis_from_unix: ClockMap<Davis, Unix>,
+) -> ClockEstimate<Davis, PiSensor> {
+    let segment = |segment: &Segment| Segment {
+        first: segment.first,
+        last: segment.last,
+        start: segment.start,
+        map: ClockMap {
+            a0: davis_from_unix.map(segment.map.a0),
+            b0: segment.map.b0,
+            // Kept apart from one, so that parts per billion survive.
+            skew: segment.map.skew + davis_from_unix.skew * (1.0 + segment.map.skew),
+        },
+        skew_ppm: segment.skew_ppm,
+        error: segment.error,
+        n_used: segment.n_used,
+    };
+    ClockEstimate {
+        method: unix_from_sensor.method,
+        segments: unix_from_sensor.segments.iter().map(segment).collect(),
+        minimum_latency: unix_from_sensor.minimum_latency,
+        doubtful: unix_from_sensor.doubtful.clone(),
+        tally: unix_from_sensor.tally,
+        diagnostics: unix_from_sensor.diagnostics.clone(),
+    }
+}
+
+#[cfg(test)]
+mod tests;

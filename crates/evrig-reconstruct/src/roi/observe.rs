@@ -1,0 +1,63 @@
+//! From corners in a frame to a sighting in time, and through the lens to an observation.
+
+use super::corners::Corners;
+use super::lens::Lens;
+use super::sighting::Sighting;
+use super::smooth::Observation;
+use super::state::Chart;
+use super::target::TargetPlane;
+use evrig_core::frame::Frame;
+use evrig_core::geometry::Homography;
+use evrig_core::time::{Clock, Span, Stamp};
+use nalgebra::{SMatrix, SVector};
+
+/// When a row coordinate of a frame saw light, after its first row.
+fn row_delay(row_time: Span, y: f64) -> Span {
+    Span::from_secs_f64(row_time.as_secs_f64() * (y - 0.5).max(0.0))
+}
+
+/// The sighting that corners make, with the time of each corner's row.
+pub(super) fn sighting<C: Clock>(frame: &Frame<C>, number: u64, corners: &Corners) -> Sighting<C> {
+    let row_time = frame.timing.row_time;
+    let middle = corners.points.iter().map(|point| point[1]).sum::<f64>() / 4.0;
+    let delay = row_delay(row_time, middle);
+    let covariance = &corners.covariance;
+    Sighting {
+        frame: number,
+        time: frame.timing.mid_exposure(0) + delay,
+        corners_px: corners.points,
+        corner_delays: corners.points.map(|point| row_delay(row_time, point[1]) - delay),
+        covariance_px2: std::array::from_fn(|i| std::array::from_fn(|j| covariance[(i, j)])),
+        blur_px: corners.blur_px,
+    }
+}
+
+/// A sighting through a perfect lens; None when the lens or the corners make no sense.
+pub(super) fn observe<C: Clock>(
+    sighting: &Sighting<C>,
+    zero: Stamp<C>,
+    lens: &Lens,
+    plane: &TargetPlane,
+    chart: &Chart,
+) -> Option<Observation> {
+    let mut corners = SVector::<f64, 8>::zeros();
+    let mut slope = SMatrix::<f64, 8, 8>::zeros();
+    let mut pairs = [([0.0; 2], [0.0; 2]); 4];
+    for (i, pixel) in sighting.corners_px.into_iter().enumerate() {
+        let ideal = lens.undistort(pixel)?;
+        pairs[i] = (plane.tag_corners_mm()[i], ideal);
+        corners[2 * i] = ideal[0];
+        corners[2 * i + 1] = ideal[1];
+        slope.fixed_view_mut::<2, 2>(2 * i, 2 * i).copy_from(&lens.undistort_jacobian(pixel)?);
+    }
+    let covariance =
+        SMatrix::<f64, 8, 8>::from_fn(|row, column| sighting.covariance_px2[row][column]);
+    Some(Observation {
+        at_s: (sighting.time - zero).as_secs_f64(),
+        delays_s: sighting.corner_delays.map(Span::as_secs_f64),
+        corners,
+        covariance: slope * covariance * slope.transpose(),
+        numbers: chart.numbers(&Homography::fit(&pairs).ok()?)?,
+        is_start: false,
+    })
+}

@@ -1,0 +1,292 @@
+//! The drive from the map and the path.
+
+use super::blur::{PointSpread, blurred, logarithm};
+use super::davis::DavisTie;
+use super::head::Head;
+use super::map::{MapGrid, RadianceMap};
+use super::moving_light::MovingLight;
+use super::path::HeadPath;
+use super::raster::Raster;
+use super::register::Registration;
+use super::survey::Survey;
+use evrig_core::drive::{Drive, TimeGrid};
+use evrig_core::geometry::Size;
+use evrig_core::time::{Davis, Stamp};
+use nalgebra::Matrix3;
+use std::sync::{Arc, PoisonError, RwLock};
+
+/// Darker than this share of white nothing is told apart.
+const LEAST_SHARE: f64 = 1e-3;
+
+/// Instants along the path at which an error is judged.
+const ERROR_LOOKS: usize = 24;
+
+/// The light signal of event pixels over a mapped print.
+///
+/// What it takes for granted of the event camera can be changed cheaply: its optics, its clock, its
+/// place. The map, the path and the print's geometry are shared among such variants.
+#[derive(Debug)]
+pub struct SceneDrive {
+    size: Size,
+    span_us: [i64; 2],
+    white_dn: f64,
+    map: Arc<RadianceMap>,
+    path: Arc<HeadPath>,
+    head: Head,
+    tie: DavisTie,
+    pixel_mm: f64,
+    spread: PointSpread,
+    offset_us: f64,
+    skew: f64,
+    shift_px: [f64; 2],
+    /// The map as the pixels see it: logarithm over white, and its standard error.
+    seen: Arc<Seen>,
+    /// Light that moves over the print.
+    moving: Option<Arc<MovingLight>>,
+    /// Displacement of the path and of the event camera's place that may be left, DAVIS pixels.
+    place_error_px: f64,
+    /// What the map is wrong by in the light of places, share.
+    light_error: f64,
+    poses: RwLock<Option<Arc<Poses>>>,
+}
+
+#[derive(Debug)]
+struct Seen {
+    grid: MapGrid,
+    log: Raster,
+    /// Standard error of the logarithm, row-major.
+    errors: Vec<f32>,
+}
+
+/// The geometry at the instants of one grid.
+#[derive(Debug)]
+struct Poses {
+    grid: TimeGrid,
+    /// From rays to columns and rows of the map, the last element one; None off the path.
+    cell_from_ray: Vec<Option<[f64; 8]>>,
+    /// Logarithm of the light's level.
+    ln_light: Vec<f32>,
+    /// Seconds of the path.
+    times_s: Vec<f64>,
+}
+
+impl SceneDrive {
+    /// The drive of an event camera of `size` that is tied to a survey.
+    #[must_use]
+    pub fn new(size: Size, survey: &Survey, registration: &Registration) -> Self {
+        let tie = registration.tie;
+        let path = &survey.path;
+        let span_us = path.span_s().map_or([0, 0], |[from, to]| {
+            [tie.stamp(path, from).as_micros() + 1, tie.stamp(path, to).as_micros() - 1]
+        });
+        let map = Arc::new(survey.map.clone());
+        let spread = registration.spread;
+        let seen = Arc::new(Seen::new(&map, survey.white_dn, spread, registration.pixel_mm));
+        Self {
+            size,
+            span_us,
+            white_dn: survey.white_dn,
+            map,
+            path: Arc::new(path.clone()),
+            head: survey.head,
+            tie,
+            pixel_mm: registration.pixel_mm,
+            spread,
+            offset_us: 0.0,
+            skew: 0.0,
+            shift_px: [0.0; 2],
+            seen,
+            moving: survey.moving_light.clone().map(Arc::new),
+            place_error_px: registration
+                .left_px
+                .hypot(path.place_error_mm() / registration.pixel_mm),
+            light_error: registration.light_error,
+            poses: RwLock::new(None),
+        }
+    }
+
+    fn variant(&self) -> Self {
+        Self {
+            map: Arc::clone(&self.map),
+            path: Arc::clone(&self.path),
+            seen: Arc::clone(&self.seen),
+            moving: self.moving.clone(),
+            poses: RwLock::new(None),
+            ..*self
+        }
+    }
+
+    /// The same scene seen through other optics: on top of the Pi's, in DAVIS pixels.
+    #[must_use]
+    pub fn with_spread(&self, spread: PointSpread) -> Self {
+        let seen = Arc::new(Seen::new(&self.map, self.white_dn, spread, self.pixel_mm));
+        Self { spread, seen, ..self.variant() }
+    }
+
+    /// The same scene, the DAVIS's stamps being late by so many microseconds more (positive: a stamp
+    /// shows light that was there before).
+    #[must_use]
+    pub fn with_offset_us(&self, offset_us: f64) -> Self {
+        Self { offset_us, ..self.variant() }
+    }
+
+    /// The same scene, the DAVIS's clock running faster by this share; it agrees in the span's middle.
+    #[must_use]
+    pub fn with_skew(&self, skew: f64) -> Self {
+        Self { skew, ..self.variant() }
+    }
+
+    /// The same scene moved over the sensor: what was expected at a place appears so many columns
+    /// and rows farther.
+    #[must_use]
+    pub fn with_shift_px(&self, shift_px: [f64; 2]) -> Self {
+        Self { shift_px, ..self.variant() }
+    }
+
+    /// What blurs the map to what the event pixels see.
+    #[must_use]
+    pub fn spread(&self) -> PointSpread {
+        self.spread
+    }
+
+    /// Where the cells of the map lie.
+    #[must_use]
+    pub fn grid(&self) -> MapGrid {
+        self.map.grid
+    }
+
+    /// Millimetres on the print that a place of the sensor looks at; None off the path.
+    #[must_use]
+    pub fn place_mm(&self, place: [f64; 2], t_us: f64) -> Option<[f64; 2]> {
+        let [u, v] = self.ray(place)?;
+        let plane = self.plane_from_ray(t_us)?;
+        let q = plane * nalgebra::Vector3::new(u, v, 1.0);
+        Some([q.x / q.z, q.y / q.z])
+    }
+
+    fn ray(&self, [u, v]: [f64; 2]) -> Option<[f64; 2]> {
+        self.tie.mount.ray([u - self.shift_px[0], v - self.shift_px[1]])
+    }
+
+    /// Seconds of the path at a stamp.
+    fn path_s(&self, t_us: f64) -> f64 {
+        let middle_us = (self.span_us[0] + self.span_us[1]) as f64 / 2.0;
+        let true_us = t_us - self.offset_us - self.skew * (t_us - middle_us);
+        // Whole microseconds go through the clocks, the rest stays apart.
+        let whole = true_us.floor();
+        let mapped = self.tie.mapped_s(&self.path, Stamp::<Davis>::from_micros(whole as i64));
+        self.tie.path_s(mapped + (true_us - whole) * 1e-6)
+    }
+
+    fn plane_from_ray(&self, t_us: f64) -> Option<Matrix3<f64>> {
+        self.tie.plane_from_ray(&self.head, &self.path, self.path_s(t_us))
+    }
+
+    /// The geometry of a grid; that of the last grid asked for is kept.
+    fn poses(&self, grid: TimeGrid) -> Arc<Poses> {
+        let kept = self.poses.read().unwrap_or_else(PoisonError::into_inner).clone();
+        if let Some(poses) = kept.filter(|poses| poses.grid == grid) {
+            return poses;
+        }
+        let cells = self.seen.grid.cell_from_plane();
+        let mut ln_light = Vec::with_capacity(grid.n);
+        let mut cell_from_ray = Vec::with_capacity(grid.n);
+        let mut times_s = Vec::with_capacity(grid.n);
+        for i in 0..grid.n {
+            let t_us = grid.at(i) as f64;
+            times_s.push(self.path_s(t_us));
+            ln_light.push(self.path.ln_light(times_s[i]) as f32);
+            cell_from_ray.push(self.plane_from_ray(t_us).map(|plane| {
+                let m = cells * plane;
+                std::array::from_fn(|k| m[(k / 3, k % 3)] / m[(2, 2)])
+            }));
+        }
+        let poses = Arc::new(Poses { grid, cell_from_ray, ln_light, times_s });
+        *self.poses.write().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&poses));
+        poses
+    }
+}
+
+impl Seen {
+    fn new(map: &RadianceMap, white_dn: f64, spread: PointSpread, pixel_mm: f64) -> Self {
+        let seen = blurred(map, spread, pixel_mm);
+        let least_dn = LEAST_SHARE * white_dn;
+        let error = |(error, value): (&f32, &f32)| error / value.max(least_dn as f32);
+        let errors = seen.errors().iter().zip(seen.values()).map(error).collect();
+        Self { grid: map.grid, log: logarithm(&seen, white_dn, least_dn), errors }
+    }
+}
+
+#[inline]
+fn cell(m: &[f64; 8], [u, v]: [f64; 2]) -> [f32; 2] {
+    let over = 1.0 / (m[6] * u + m[7] * v + 1.0);
+    let x = (m[0] * u + m[1] * v + m[2]) * over;
+    let y = (m[3] * u + m[4] * v + m[5]) * over;
+    [x as f32, y as f32]
+}
+
+impl Drive for SceneDrive {
+    fn size(&self) -> Size {
+        self.size
+    }
+
+    fn span_us(&self) -> [i64; 2] {
+        self.span_us
+    }
+
+    fn white_dn(&self) -> f64 {
+        self.white_dn
+    }
+
+    fn sample(&self, place: [f64; 2], grid: TimeGrid, out: &mut [f32]) -> bool {
+        out.fill(f32::NAN);
+        let Some(ray) = self.ray(place) else { return false };
+        let poses = self.poses(grid);
+        let mut any = false;
+        let instants = poses.cell_from_ray.iter().zip(&poses.ln_light).zip(&poses.times_s);
+        for (out, ((matrix, ln_light), time_s)) in out.iter_mut().zip(instants) {
+            let Some(matrix) = matrix else { continue };
+            let [x, y] = cell(matrix, ray);
+            let passing = self.moving.as_ref().map_or(0.0, |moving| {
+                let grid = &self.seen.grid;
+                moving.ln_at(grid.place_of([x, y]), *time_s) as f32
+            });
+            *out = self.seen.log.sample(x, y) + ln_light + passing;
+            any |= !out.is_nan();
+        }
+        any
+    }
+
+    fn jumps_us(&self) -> Vec<[i64; 2]> {
+        let [from, to] = self.span_us;
+        let stamp = |s: f64| self.tie.stamp(&self.path, s).as_micros();
+        let late = self.offset_us.round() as i64;
+        let jumps = self.path.jumps_s().into_iter();
+        jumps.map(|ends| ends.map(|s| (stamp(s) + late).clamp(from, to))).collect()
+    }
+
+    fn error(&self, place: [f64; 2]) -> f32 {
+        let Some(ray) = self.ray(place) else { return f32::NAN };
+        let [from, to] = self.span_us;
+        let step_us = ((to - from) / ERROR_LOOKS as i64).clamp(1, i64::from(u32::MAX)) as u32;
+        let (mut sum, mut n) = (0.0_f64, 0);
+        for i in 0..ERROR_LOOKS {
+            let t_us = (from + i as i64 * i64::from(step_us)) as f64;
+            let Some(plane) = self.plane_from_ray(t_us) else { continue };
+            let m = self.seen.grid.cell_from_plane() * plane;
+            let [x, y] = cell(&std::array::from_fn(|k| m[(k / 3, k % 3)] / m[(2, 2)]), ray);
+            let [value, dx, dy] = self.seen.log.sample_with_slopes(x, y);
+            if !value.is_finite() {
+                continue;
+            }
+            let at = (y as usize) * self.seen.grid.width + x as usize;
+            let cells_per_px = self.pixel_mm / self.seen.grid.cell_mm;
+            let slope = f64::from(dx.hypot(dy)) * cells_per_px * self.place_error_px;
+            // A change has two ends, and what is wrong in place differs between them.
+            let noise = f64::from(self.seen.errors[at]);
+            sum += 2.0 * (noise.powi(2) + self.light_error.powi(2) + slope.powi(2));
+            n += 1;
+        }
+        if n == 0 { f32::NAN } else { (sum / f64::from(n)).sqrt() as f32 }
+    }
+}

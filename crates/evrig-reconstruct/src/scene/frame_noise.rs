@@ -1,0 +1,84 @@
+//! How much a pixel of a frame scatters by itself, by how bright it is.
+
+/// Classes of brightness.
+const CLASSES: usize = 8;
+
+/// Pixels that are looked at, about, over all frames.
+const LOOKS: usize = 1 << 17;
+
+/// A value at which so many of a class are less is not of what moves, unless most of the picture does.
+const QUIET: f64 = 0.4;
+
+/// That quantile of the absolute value of a normal number, in standard deviations.
+const QUIET_AT: f64 = 0.524_4;
+
+/// Standard deviations of the noise by intensity.
+#[derive(Debug, Clone, Default)]
+pub(super) struct FrameNoise {
+    /// Upper ends of the classes of intensity, ascending, and what scatters there.
+    classes: Vec<(f32, f32)>,
+}
+
+impl FrameNoise {
+    /// From frames of `n_pixels` intensities each, one behind the other: by how much a frame lies beside
+    /// the middle of those before and after it. `least` is what a step of the values leaves at least.
+    pub(super) fn of(values: &[f32], n_pixels: usize, least: f32) -> Self {
+        let inner = values.len().saturating_sub(2 * n_pixels);
+        let step = inner.div_ceil(LOOKS).max(1);
+        let mut looks: Vec<(f32, f32)> = (0..inner)
+            .step_by(step)
+            .map(|i| {
+                let [a, b, c] = [0, 1, 2].map(|k| values[i + k * n_pixels]);
+                (b, (b - 0.5 * (a + c)).abs())
+            })
+            .collect();
+        looks.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let size = looks.len().div_ceil(CLASSES).max(1);
+        let classes = looks
+            .chunks_mut(size)
+            .map(|class| {
+                let end = class[class.len() - 1].0;
+                class.sort_by(|a, b| a.1.total_cmp(&b.1));
+                let quiet = f64::from(class[(class.len() as f64 * QUIET) as usize].1);
+                // The middle of two has half a frame's variance besides.
+                (end, least.max((quiet / QUIET_AT / 1.5_f64.sqrt()) as f32))
+            })
+            .collect();
+        Self { classes }
+    }
+
+    /// At an intensity; that of the brightest class beyond it.
+    pub(super) fn at(&self, intensity: f32) -> f32 {
+        let class = self.classes.partition_point(|(end, _)| *end < intensity);
+        self.classes.get(class).or(self.classes.last()).map_or(0.0, |(_, noise)| *noise)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use evrig_core::stats::SplitMix;
+
+    #[test]
+    fn noise_that_grows_with_the_light_is_met_beside_something_that_moves() {
+        let mut random = SplitMix::new(4, 4);
+        let n_pixels = 2_000;
+        let light = |frame: usize, i: usize| {
+            let still = 0.1 + 0.8 * (i as f32 / n_pixels as f32);
+            // A third of the picture turns over in every frame.
+            if i.is_multiple_of(3) && frame.is_multiple_of(2) { 1.0 - still } else { still }
+        };
+        let values: Vec<f32> = (0..40 * n_pixels)
+            .map(|i| {
+                let light = light(i / n_pixels, i % n_pixels);
+                light + 0.02 * light.sqrt() * random.normal() as f32
+            })
+            .collect();
+        let noise = FrameNoise::of(&values, n_pixels, 1e-4);
+        for light in [0.2_f32, 0.5, 0.85] {
+            let is = noise.at(light) / (0.02 * light.sqrt());
+            assert!((0.8..1.9).contains(&is), "{is} of the noise at {light}");
+        }
+        assert!(FrameNoise::of(&[], 4, 0.1).at(0.5).abs() < 1e-9);
+    }
+}

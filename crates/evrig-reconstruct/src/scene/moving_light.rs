@@ -1,0 +1,452 @@
+//! Light that moves over the print: a shadow that passes, as the frames show it.
+//!
+//! What a frame has beyond the map is summed over squares of the print. Of these sums a part belongs to
+//! the frame (the lamps' level), a part to the square (what passes again and again is in the map), and,
+//! where something moves over the print, a part to the way `x cos d + y sin d - v t` alone. Direction and
+//! speed are those that explain most.
+
+use super::map::RadianceMap;
+use super::path::PathKnot;
+use super::squares::Squares;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Step of the profile along the way, millimetres.
+const STEP_MM: f64 = 2.0;
+
+/// Light that changes by less than this share on top of its noise, root mean square, no event tells.
+const LEAST_LIGHT: f64 = 0.01;
+
+/// Share of what changes that has to move together.
+const LEAST_SHARE: f64 = 0.6;
+
+/// Way that has to be gone while the frames look, millimetres.
+const LEAST_WAY_MM: f64 = 10.0;
+
+/// Speeds that are tried, at most, and their step; directions; and over how many seconds.
+const FASTEST: f64 = 150.0;
+const SPEED_STEP: f64 = 4.0;
+const DIRECTION_STEP_DEG: f64 = 6.0;
+const SCAN_S: f64 = 2.0;
+
+/// Observations that one course is judged by, about.
+const JUDGED_BY: usize = 30_000;
+
+/// Share of the most observations that a step of the way has to have to be known.
+const KNOWN: f64 = 0.05;
+
+/// The steps' values of which a share is less lie on what is level beside a shadow; its steepest slope
+/// before it is made level, logarithm a millimetre.
+const UPPER: f64 = 0.75;
+const STEEPEST: f64 = 0.1;
+
+/// Rounds of frame, square and way, each given the others.
+const ROUNDS: usize = 3;
+
+/// Share of the depth that squares and steps blur away, and neighbouring squares that are wrong together.
+const SHAPE: f64 = 0.02;
+const ALIKE: f64 = 10.0;
+
+/// A profile of light that moves over the print.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MovingLight {
+    /// Where it moves to, clockwise from the print's right.
+    pub direction_deg: f64,
+    /// How fast.
+    pub speed_mm_per_s: f64,
+    /// Place of the first value of the profile along the way, at the path's zero.
+    pub from_mm: f64,
+    /// Logarithm of the light along the way, every `STEP_MM`; 0 where nothing is taken.
+    pub ln_light: Vec<f64>,
+    /// Share of the light that it takes where it is deepest, with its standard error.
+    pub depth: [f64; 2],
+    /// Share of what changes beside the lamps that moves with it.
+    pub share: f64,
+}
+
+impl MovingLight {
+    /// The same where light is to be taken to a power.
+    pub(super) fn raised(mut self, power: f64) -> Self {
+        self.ln_light.iter_mut().for_each(|ln| *ln *= power);
+        let [depth, error] = self.depth;
+        self.depth =
+            [1.0 - (1.0 - depth).powf(power), error * power * (1.0 - depth).powf(power - 1.0)];
+        self
+    }
+
+    /// Logarithm of the light that it leaves at a place of the print at a time of the path.
+    #[must_use]
+    pub fn ln_at(&self, place_mm: [f64; 2], time_s: f64) -> f64 {
+        let course = Course { direction_deg: self.direction_deg, speed: self.speed_mm_per_s };
+        let at = (course.way(place_mm, time_s) - self.from_mm) / STEP_MM;
+        let last = self.ln_light.len() as f64 - 1.0;
+        let at = at.clamp(0.0, last.max(0.0));
+        let i = (at as usize).min(self.ln_light.len().saturating_sub(2));
+        let [a, b] = [i, i + 1].map(|i| self.ln_light.get(i).copied().unwrap_or(0.0));
+        a + (b - a) * (at - i as f64)
+    }
+}
+
+/// A direction and a speed on the print.
+#[derive(Debug, Clone, Copy)]
+struct Course {
+    direction_deg: f64,
+    speed: f64,
+}
+
+impl Course {
+    fn way(&self, [x, y]: [f64; 2], time_s: f64) -> f64 {
+        let (sin, cos) = self.direction_deg.to_radians().sin_cos();
+        x * cos + y * sin - self.speed * time_s
+    }
+}
+
+/// One square in one frame.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    frame: usize,
+    square: usize,
+    ln: f64,
+}
+
+/// What all frames show of all squares.
+pub(super) struct Levels<'a> {
+    squares: Squares,
+    times_s: Vec<f64>,
+    levels: Vec<&'a [f32]>,
+}
+
+/// Parts of the light that belong to frames, to squares and to places along a way, and what is left.
+struct Parts {
+    frames: Vec<f64>,
+    squares: Vec<f64>,
+    along: Vec<f64>,
+    n_along: Vec<f64>,
+    from_mm: f64,
+    /// Mean square of what is left.
+    left: f64,
+}
+
+/// What was found: the light, the logarithm of the lamps' level frame by frame, and of what the map is
+/// to be multiplied by in each square to be free of it.
+pub(super) struct Found {
+    pub(super) light: MovingLight,
+    pub(super) ln_lamps: Vec<f64>,
+    pub(super) squares: Squares,
+    pub(super) ln_squares: Vec<f64>,
+}
+
+impl<'a> Levels<'a> {
+    pub(super) fn new(
+        squares: Squares,
+        frames: impl Iterator<Item = (&'a PathKnot, &'a [f32])>,
+    ) -> Self {
+        let (times_s, levels) = frames.map(|(knot, levels)| (knot.time_s, levels)).unzip();
+        Self { squares, times_s, levels }
+    }
+
+    /// The light that moves, if something does.
+    pub(super) fn moving(&self) -> Option<Found> {
+        let length_s = self.times_s.last()? - self.times_s.first()?;
+        let all = self.seen([f64::NEG_INFINITY, f64::INFINITY], usize::MAX);
+        let still = self.parts(&all, None);
+        let noise = self.noise(&all, &still);
+        if (still.left - noise).max(0.0).sqrt() < LEAST_LIGHT {
+            return None;
+        }
+        let course = self.refined(self.scanned(length_s)?, length_s);
+        if course.speed.abs() * length_s < LEAST_WAY_MM {
+            return None;
+        }
+        let moving = self.parts(&all, Some(course));
+        let share = (still.left - moving.left) / (still.left - noise);
+        (share > LEAST_SHARE).then(|| self.found(course, moving, share))
+    }
+
+    /// Squares seen in a stretch of time, thinned to about `n` by leaving out frames.
+    fn seen(&self, [from, to]: [f64; 2], n: usize) -> Vec<Seen> {
+        let inside: Vec<usize> =
+            (0..self.times_s.len()).filter(|&k| (from..=to).contains(&self.times_s[k])).collect();
+        let each = self.levels.first().map_or(1, |levels| levels.len().max(1));
+        let step = (inside.len() * each).div_ceil(n).max(1);
+        let of_frame = |&frame: &usize| {
+            let known = self.levels[frame].iter().enumerate().filter(|(_, ln)| ln.is_finite());
+            known.map(move |(square, &ln)| Seen { frame, square, ln: f64::from(ln) })
+        };
+        inside.iter().step_by(step).flat_map(of_frame).collect()
+    }
+
+    /// Noise of one square in one frame: from frame to frame nothing else changes by much.
+    fn noise(&self, seen: &[Seen], parts: &Parts) -> f64 {
+        let mut last = vec![(usize::MAX, 0.0); parts.squares.len()];
+        let (mut sum, mut n) = (0.0, 0.0);
+        for &Seen { frame, square, ln } in seen {
+            let left = ln - parts.frames[frame] - parts.squares[square];
+            let (before, other) = std::mem::replace(&mut last[square], (frame, left));
+            if before.checked_add(1) == Some(frame) {
+                (sum, n) = (sum + (left - other).powi(2) / 2.0, n + 1.0);
+            }
+        }
+        if n > 0.0 { sum / n } else { 0.0 }
+    }
+
+    /// The parts of the light along a course; of frames and squares alone without one.
+    fn parts(&self, seen: &[Seen], course: Option<Course>) -> Parts {
+        let way = |one: &Seen| {
+            course.map_or(0.0, |course| {
+                course.way(self.squares.middle_mm(one.square), self.times_s[one.frame])
+            })
+        };
+        let ways: Vec<f64> = seen.iter().map(way).collect();
+        let from_mm = ways.iter().copied().fold(f64::INFINITY, f64::min);
+        let at: Vec<usize> = ways.iter().map(|way| ((way - from_mm) / STEP_MM) as usize).collect();
+        let mut along = vec![0.0; at.iter().max().map_or(1, |most| most + 1)];
+        let mut frames = vec![0.0; self.times_s.len()];
+        let mut squares = vec![0.0; self.squares.width * self.squares.height];
+        let all = || seen.iter().zip(at.iter().copied());
+        let mut counts = Vec::new();
+        for _ in 0..ROUNDS {
+            means(
+                all().map(|(s, at)| (s.frame, s.ln - squares[s.square] - along[at])),
+                &mut frames,
+            );
+            means(
+                all().map(|(s, at)| (s.square, s.ln - frames[s.frame] - along[at])),
+                &mut squares,
+            );
+            if course.is_some() {
+                let rest =
+                    |(s, at): (&Seen, usize)| (at, s.ln - frames[s.frame] - squares[s.square]);
+                counts = means(all().map(rest), &mut along);
+            }
+        }
+        let left = |(s, at): (&Seen, usize)| s.ln - frames[s.frame] - squares[s.square] - along[at];
+        let left = all().map(|one| left(one).powi(2)).sum::<f64>() / seen.len().max(1) as f64;
+        Parts { frames, squares, along, n_along: counts, from_mm, left }
+    }
+
+    fn left(&self, seen: &[Seen], course: Course) -> f64 {
+        self.parts(seen, Some(course)).left
+    }
+
+    /// The best of all courses over the first stretch of time.
+    fn scanned(&self, length_s: f64) -> Option<Course> {
+        let from = *self.times_s.first()?;
+        let seen = self.seen([from, from + length_s.min(SCAN_S)], JUDGED_BY);
+        let n_speeds = (FASTEST / SPEED_STEP) as i32;
+        let directions =
+            (0..(180.0 / DIRECTION_STEP_DEG) as i32).map(|i| f64::from(i) * DIRECTION_STEP_DEG);
+        let courses: Vec<Course> = directions
+            .flat_map(|direction_deg| {
+                let speeds = (-n_speeds..=n_speeds).filter(|i| *i != 0);
+                speeds.map(move |i| Course { direction_deg, speed: f64::from(i) * SPEED_STEP })
+            })
+            .collect();
+        let lefts: Vec<f64> = courses.par_iter().map(|course| self.left(&seen, *course)).collect();
+        let best = (0..courses.len()).min_by(|&a, &b| lefts[a].total_cmp(&lefts[b]))?;
+        Some(courses[best])
+    }
+
+    /// The course nearby that explains most, over longer and longer stretches of time.
+    fn refined(&self, mut course: Course, length_s: f64) -> Course {
+        let Some(&from) = self.times_s.first() else { return course };
+        let mut stretch_s = SCAN_S;
+        let mut steps = [DIRECTION_STEP_DEG / 2.0, SPEED_STEP / 2.0];
+        loop {
+            let seen = self.seen([from, from + stretch_s], JUDGED_BY);
+            for _ in 0..5 {
+                let [turn, faster] = steps;
+                let near: Vec<Course> = (0..9)
+                    .map(|i| Course {
+                        direction_deg: course.direction_deg + turn * f64::from(i % 3 - 1),
+                        speed: course.speed + faster * f64::from(i / 3 - 1),
+                    })
+                    .collect();
+                let lefts: Vec<f64> = near.par_iter().map(|near| self.left(&seen, *near)).collect();
+                let best = (0..near.len()).min_by(|&a, &b| lefts[a].total_cmp(&lefts[b]));
+                match best.filter(|best| lefts[*best] < lefts[4]) {
+                    Some(best) => course = near[best],
+                    None => steps = steps.map(|step| step / 2.0),
+                }
+            }
+            if stretch_s >= length_s {
+                return course;
+            }
+            stretch_s *= 2.0;
+        }
+    }
+
+    fn found(&self, course: Course, parts: Parts, share: f64) -> Found {
+        let Parts { frames, mut squares, mut along, n_along, from_mm, left } = parts;
+        let most = n_along.iter().copied().fold(0.0, f64::max);
+        let is_known = |i: usize| n_along[i] >= KNOWN * most;
+        // A slope along the way is a slope of the squares and a trend of the frames as well. It is theirs:
+        // beside a shadow the light is level.
+        let way = |i: usize| from_mm + (i as f64 + 0.5) * STEP_MM;
+        let points: Vec<[f64; 2]> =
+            (0..along.len()).filter(|&i| is_known(i)).map(|i| [way(i), along[i]]).collect();
+        let slope = level_slope(&points);
+        along.iter_mut().enumerate().for_each(|(i, ln)| *ln -= slope * way(i));
+        for (square, ln) in squares.iter_mut().enumerate() {
+            *ln += slope * course.way(self.squares.middle_mm(square), 0.0);
+        }
+        let trend = |time_s: f64| -slope * course.speed * time_s;
+        let frames: Vec<f64> =
+            frames.iter().zip(&self.times_s).map(|(ln, time_s)| ln + trend(*time_s)).collect();
+        let mut known: Vec<f64> =
+            (0..along.len()).filter(|&i| is_known(i)).map(|i| along[i]).collect();
+        known.sort_by(f64::total_cmp);
+        // Nine tenths of the way up lies the light of which nothing is taken.
+        let top = known[known.len() * 9 / 10];
+        let deepest = (0..along.len())
+            .filter(|&i| is_known(i))
+            .min_by(|&a, &b| along[a].total_cmp(&along[b]));
+        let deepest = deepest.unwrap_or(0);
+        let bottom = trough(&along, deepest);
+        for i in 0..along.len() {
+            // What hardly any square tells is taken for what its neighbour has.
+            if !is_known(i) {
+                along[i] = if i > 0 { along[i - 1] } else { top };
+            }
+        }
+        let depth = 1.0 - (bottom - top).exp();
+        let of_mean = (left * ALIKE / n_along[deepest].max(1.0)).sqrt();
+        let error = ((1.0 - depth) * of_mean).hypot(SHAPE * depth);
+        let light = MovingLight {
+            direction_deg: course.direction_deg,
+            speed_mm_per_s: course.speed,
+            from_mm: from_mm + STEP_MM / 2.0,
+            ln_light: along.iter().map(|ln| ln - top).collect(),
+            depth: [depth, error],
+            share,
+        };
+        let ln_lamps = frames.iter().map(|ln| ln + top).collect();
+        Found { light, ln_lamps, squares: self.squares, ln_squares: squares }
+    }
+}
+
+impl Found {
+    /// Frees a map of the light's mean over the times at which each place was seen.
+    pub(super) fn free(&self, map: &mut RadianceMap) {
+        let grid = map.grid;
+        for (i, value) in map.radiance.values.iter_mut().enumerate() {
+            let place = grid.place_mm(i % grid.width, i / grid.width);
+            *value *= self.squares.between(&self.ln_squares, place).exp() as f32;
+        }
+    }
+}
+
+/// The slope of the line that a quarter of the values lie above: of what is level beside troughs.
+fn level_slope(points: &[[f64; 2]]) -> f64 {
+    let loss = |slope: f64| {
+        let mut rest: Vec<f64> = points.iter().map(|[way, ln]| ln - slope * way).collect();
+        rest.sort_by(f64::total_cmp);
+        let line = evrig_core::stats::quantile_sorted(&rest, UPPER);
+        let pinball =
+            |r: &f64| if *r > line { UPPER * (r - line) } else { (1.0 - UPPER) * (line - r) };
+        rest.iter().map(pinball).sum::<f64>()
+    };
+    // The loss is convex in the slope.
+    let (mut low, mut high) = (-STEEPEST, STEEPEST);
+    for _ in 0..60 {
+        let [a, b] = [(2.0 * low + high) / 3.0, (low + 2.0 * high) / 3.0];
+        if loss(a) < loss(b) { high = b } else { low = a }
+    }
+    0.5 * (low + high)
+}
+
+/// Means of values by number, in the place of what was there, and how many each is of.
+fn means(values: impl Iterator<Item = (usize, f64)>, means: &mut [f64]) -> Vec<f64> {
+    let mut counts = vec![0.0; means.len()];
+    means.fill(0.0);
+    for (number, value) in values {
+        means[number] += value;
+        counts[number] += 1.0;
+    }
+    means.iter_mut().zip(&counts).filter(|(_, n)| **n > 0.0).for_each(|(sum, n)| *sum /= n);
+    counts
+}
+
+/// The lowest value of the parabola through five values about the lowest one.
+fn trough(along: &[f64], lowest: usize) -> f64 {
+    let at = lowest.clamp(2, along.len().saturating_sub(3).max(2));
+    let Some(five) = along.get(at - 2..at + 3) else { return along[lowest] };
+    // Least squares over -2..2.
+    let [a, b, c, d, e] = [five[0], five[1], five[2], five[3], five[4]];
+    let bend = (2.0 * a - b - 2.0 * c - d + 2.0 * e) / 14.0;
+    let slope = (-2.0 * a - b + d + 2.0 * e) / 10.0;
+    let middle = (a + b + c + d + e) / 5.0 - 2.0 * bend;
+    if bend > 0.0 && (slope / (2.0 * bend)).abs() <= 2.0 {
+        middle - slope * slope / (4.0 * bend)
+    } else {
+        along[lowest]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use evrig_core::stats::SplitMix;
+
+    const SQUARES: Squares = Squares { origin_mm: [-50.0, -40.0], width: 34, height: 27 };
+
+    /// What frames would show of a band of shadow, 8 mm wide, every 100 mm; the map has its mean.
+    fn levels(depth: f64, direction_deg: f64, speed: f64, noise: f64) -> (Vec<f64>, Vec<Vec<f32>>) {
+        let course = Course { direction_deg, speed };
+        let mut random = SplitMix::new(3, 3);
+        let shade = |place, t: f64| {
+            let way: f64 = course.way(place, t);
+            let from_middle = (way + 50.0).rem_euclid(100.0) - 50.0;
+            (1.0 - depth * (-(from_middle / 8.0_f64).powi(2) / 2.0).exp()).ln()
+        };
+        let times: Vec<f64> = (0..240).map(|k| f64::from(k) / 120.0).collect();
+        let n = SQUARES.width * SQUARES.height;
+        let mean: Vec<f64> = (0..n)
+            .map(|i| times.iter().map(|t| shade(SQUARES.middle_mm(i), *t)).sum::<f64>() / 240.0)
+            .collect();
+        let of = |t: &f64| {
+            (0..n)
+                .map(|i| {
+                    let lamps = 0.01 * (t * 9.0).sin();
+                    let ln = lamps + shade(SQUARES.middle_mm(i), *t) - mean[i];
+                    (ln + noise * random.normal()) as f32
+                })
+                .collect()
+        };
+        let all = times.iter().map(of).collect();
+        (times, all)
+    }
+
+    fn moving((times_s, all): &(Vec<f64>, Vec<Vec<f32>>)) -> Option<Found> {
+        let levels = all.iter().map(Vec::as_slice).collect();
+        Levels { squares: SQUARES, times_s: times_s.clone(), levels }.moving()
+    }
+
+    #[test]
+    fn a_shadow_is_found_with_its_way_and_depth() {
+        for (depth, direction, speed) in [(0.1, 0.0, 25.0), (0.4, 130.0, -40.0)] {
+            let found = moving(&levels(depth, direction, speed, 0.01)).unwrap();
+            let MovingLight { depth: [value, error], speed_mm_per_s, .. } = found.light;
+            assert!((value - depth).abs() < 3.0 * error, "{value} {error} for {depth}");
+            assert!(error < 0.1 * depth, "{error}");
+            assert!((speed_mm_per_s - speed).abs() < 1.5, "{speed_mm_per_s} for {speed}");
+            let turned = (found.light.direction_deg - direction).rem_euclid(360.0);
+            assert!(turned.min(360.0 - turned) < 3.0, "{} deg", found.light.direction_deg);
+            // Deep in the shadow and beside it.
+            let course = Course { direction_deg: direction, speed };
+            let at = |way: f64| {
+                let (sin, cos) = direction.to_radians().sin_cos();
+                let along = way + course.speed;
+                found.light.ln_at([along * cos, along * sin], 1.0)
+            };
+            assert!((at(0.0) - (1.0 - depth).ln()).abs() < 0.03, "{}", at(0.0));
+            assert!(at(35.0).abs() < 0.02, "{}", at(35.0));
+        }
+    }
+
+    #[test]
+    fn noise_and_lamps_are_no_shadow() {
+        assert!(moving(&levels(0.0, 0.0, 25.0, 0.01)).is_none());
+        assert!(moving(&levels(0.0, 0.0, 25.0, 0.03)).is_none());
+    }
+}

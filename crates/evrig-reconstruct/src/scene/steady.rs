@@ -1,0 +1,133 @@
+//! Frames without the part of their noise that time tells: where nothing changes, neighbouring frames are
+//! looks at one light.
+
+use super::frame_noise::FrameNoise;
+use rayon::prelude::*;
+use std::collections::VecDeque;
+
+/// Frames before, and behind, that are taken together with one at most.
+const WINDOW: usize = 8;
+
+/// Half the width of a mean's interval, in its standard errors.
+const INTERVAL: f32 = 1.3;
+
+/// Where frames to one side only are taken, fewer than so many may as well lie on a slope.
+const FLAT: usize = 3;
+
+/// Puts for each value of frames of `n_pixels`, one behind the other, the mean of the frames about it that
+/// show the same light; values from `end` on are left as they are, and out of every mean. To either side a
+/// frame is taken as long as the intervals of all means so far have a light in common (the intersection of
+/// confidence intervals; Goldenshluger and Nemirovski, 1997), so that a mean is off by what changed no more
+/// than by its noise; where the sides differ, as on a slope, as many of either.
+pub(super) fn steady(values: &mut [f32], n_pixels: usize, noise: &FrameNoise, end: f32) {
+    let mut before: VecDeque<Vec<f32>> = VecDeque::with_capacity(WINDOW + 1);
+    for start in (0..values.len()).step_by(n_pixels.max(1)) {
+        let (own, behind) = values[start..].split_at_mut(n_pixels);
+        before.truncate(WINDOW);
+        let seen = own.to_vec();
+        own.par_iter_mut().enumerate().filter(|(_, value)| **value < end).for_each(|(i, value)| {
+            let earlier = before.iter().map(|frame| frame[i]);
+            let later = behind.iter().skip(i).step_by(n_pixels).take(WINDOW).copied();
+            let interval = INTERVAL * noise.at(*value);
+            let is_known = |look: &f32| *look < end;
+            let sides = [
+                alike(*value, earlier.take_while(is_known), interval),
+                alike(*value, later.take_while(is_known), interval),
+            ];
+            *value = mean(*value, sides, interval);
+        });
+        before.push_front(seen);
+    }
+}
+
+/// Looks to one side that show the light of a first: their sum, and how many there are.
+#[derive(Debug, Clone, Copy, Default)]
+struct Side {
+    sums: [f32; WINDOW + 1],
+    n: usize,
+}
+
+impl Side {
+    fn mean(&self) -> f32 {
+        self.sums[self.n] / self.n as f32
+    }
+}
+
+/// Of the next looks those that show the light of the first.
+fn alike(first: f32, next: impl Iterator<Item = f32>, interval: f32) -> Side {
+    let (mut low, mut high) = (first - interval, first + interval);
+    let mut side = Side::default();
+    for look in next {
+        let sum = side.sums[side.n] + look;
+        let n = side.n as f32 + 2.0;
+        let (mean, half) = ((first + sum) / n, interval / n.sqrt());
+        (low, high) = (low.max(mean - half), high.min(mean + half));
+        if low > high {
+            break;
+        }
+        side.n += 1;
+        side.sums[side.n] = sum;
+    }
+    side
+}
+
+/// The mean of a value and both its sides; of as much of either where they lie on a slope.
+fn mean(value: f32, [mut before, mut behind]: [Side; 2], interval: f32) -> f32 {
+    let (fewest, most) = (before.n.min(behind.n), before.n.max(behind.n));
+    let is_slope = if fewest == 0 {
+        most < FLAT
+    } else {
+        let error = (1.0 / before.n as f32 + 1.0 / behind.n as f32).sqrt();
+        (before.mean() - behind.mean()).abs() > interval * error
+    };
+    if is_slope {
+        (before.n, behind.n) = (fewest, fewest);
+    }
+    let n = 1 + before.n + behind.n;
+    (value + before.sums[before.n] + behind.sums[behind.n]) / n as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use evrig_core::stats::SplitMix;
+
+    #[test]
+    fn noise_goes_where_light_rests_and_steps_and_slopes_stay() {
+        let mut random = SplitMix::new(8, 2);
+        let (n_pixels, n_frames) = (300, 30);
+        // A third each rests, jumps at frame 15, and falls evenly by 2.5 standard deviations a frame.
+        let light = |i: usize, frame: usize| match i % 3 {
+            0 => 0.5,
+            1 if frame >= 15 => 0.9,
+            1 => 0.3,
+            _ => 0.9 - 0.025 * frame as f32,
+        };
+        let truth: Vec<f32> =
+            (0..n_frames).flat_map(|frame| (0..n_pixels).map(move |i| light(i, frame))).collect();
+        let mut values: Vec<f32> =
+            truth.iter().map(|light| light + 0.01 * random.normal() as f32).collect();
+        let raw = values.clone();
+        let noise = FrameNoise::of(&[0.5; 3], 1, 0.01);
+        steady(&mut values, n_pixels, &noise, f32::INFINITY);
+        let rms = |values: &[f32], kind: usize| {
+            let own = values.iter().zip(&truth).enumerate().filter(|(k, _)| k % 3 == kind);
+            let (sum, n) =
+                own.fold((0.0, 0.0), |(s, n), (_, (v, t))| (s + (v - t).powi(2), n + 1.0));
+            (sum / n as f32).sqrt()
+        };
+        for (kind, most) in [(0, 0.5), (1, 0.55), (2, 1.0)] {
+            let is = rms(&values, kind) / rms(&raw, kind);
+            assert!(is < most, "{is} of the noise is left in kind {kind}");
+        }
+    }
+
+    #[test]
+    fn the_end_of_the_range_is_no_light_to_be_averaged() {
+        let mut values = [0.97, 0.99, 0.98, 0.98, 1.0, 0.98, 1.0];
+        let noise = FrameNoise::of(&[0.5; 3], 1, 0.05);
+        steady(&mut values, 1, &noise, 1.0);
+        assert!((values[0] - 0.98).abs() < 1e-6, "{values:?}");
+        assert_eq!([values[4], values[5], values[6]], [1.0, 0.98, 1.0]);
+    }
+}

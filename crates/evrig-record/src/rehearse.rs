@@ -1,0 +1,184 @@
+//! A rehearsal: cameras run and are recorded by the threads, queues and writers of a recording, but
+//! into two pipes, at whose other ends everything is read back and thrown away ([`Heard`]).
+//!
+//! So a machine can be shown to keep up for as long as one likes without a disk that holds it all.
+//! Nothing moves, and there is no session.
+
+use super::files::{Log, QUEUE_BYTES, SampleWriter};
+use super::{Stop, StopToken};
+use crate::recorder::{Recorder, RecorderError, Tally, host_time};
+use evrig_core::time::Span;
+use evrig_format::aedat4::Compression;
+use evrig_session::{Heard, SessionError, Severity};
+use rustix::time::{ClockId, clock_gettime};
+use std::io::{PipeReader, PipeWriter, Write, pipe};
+use std::time::{Duration, Instant};
+
+/// How long is rehearsed, and with how much room.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Rehearsal {
+    /// The cameras run so long.
+    pub length: Duration,
+    /// Bytes that wait for a writer at most, for each camera; what has no room is dropped and counted.
+    pub queue_bytes: usize,
+    /// How the events are compressed, as a rig states it for its recordings.
+    pub compression: Compression,
+}
+
+impl Rehearsal {
+    /// With the room of a recording, not compressed.
+    #[must_use]
+    pub const fn of(length: Duration) -> Self {
+        Self { length, queue_bytes: QUEUE_BYTES, compression: Compression::None }
+    }
+}
+
+/// How a rehearsal went.
+#[derive(Debug, Clone)]
+pub struct Rehearsed {
+    /// What each camera says it delivered and lost, in the order of the cameras.
+    pub tallies: Vec<Tally>,
+    /// What was read back.
+    pub heard: Heard,
+    /// Processor time of reading it back, which no recording needs.
+    pub hearing: Span,
+}
+
+/// Why there was no rehearsal.
+#[derive(Debug, thiserror::Error)]
+pub enum RehearsalError {
+    /// A camera cannot run, or was lost.
+    #[error(transparent)]
+    Recorder(#[from] RecorderError),
+    /// A writer failed.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// The system has no pipe or no thread left.
+    #[error("no pipe or thread for the rehearsal: {0}; close other programs")]
+    System(#[from] std::io::Error),
+}
+
+/// Between two looks at the cameras.
+const TICK: Duration = Duration::from_millis(100);
+/// The system keeps so much of a pipe, where it lets us: fewer, longer turns of writer and reader.
+const PIPE_BYTES: usize = 1 << 20;
+
+/// Rehearses a recording of these cameras; at most one of them delivers packets. `watch` is told the
+/// time since the beginning and what the cameras say.
+///
+/// # Errors
+/// When a camera cannot run or is lost, or the system refuses pipes or threads.
+pub fn rehearse(
+    recorders: &mut [Box<dyn Recorder>],
+    rehearsal: Rehearsal,
+    stop: &StopToken,
+    watch: &mut dyn FnMut(Duration, &[Tally]),
+) -> Result<Rehearsed, RehearsalError> {
+    let (davis_end, davis) = wide_pipe()?;
+    let (log_end, log) = wide_pipe()?;
+    std::thread::scope(|scope| {
+        let davis_heard = std::thread::Builder::new()
+            .name("hear".to_owned())
+            .spawn_scoped(scope, move || timed(|| Heard::of_davis(davis_end)))?;
+        let log_heard = std::thread::Builder::new()
+            .name("hear".to_owned())
+            .spawn_scoped(scope, move || timed(|| Heard::of_rig_log(log_end)))?;
+        let ran = run(recorders, rehearsal, [davis, log], stop, watch);
+        // Every writing end is closed by now, so both end.
+        let ((davis, its_cpu), (log, logs_cpu)) = match (davis_heard.join(), log_heard.join()) {
+            (Ok(davis), Ok(log)) => (davis, log),
+            // A panic there was reported by its own hook.
+            _ => return Err(std::io::Error::other("the reading end failed").into()),
+        };
+        let (heard, hearing) = (Heard::joined(davis, log), its_cpu + logs_cpu);
+        ran.map(|tallies| Rehearsed { tallies, heard, hearing })
+    })
+}
+
+fn wide_pipe() -> std::io::Result<(PipeReader, PipeWriter)> {
+    let (reader, writer) = pipe()?;
+    // A system that allows less keeps what it gave.
+    let _ = rustix::pipe::fcntl_setpipe_size(&writer, PIPE_BYTES);
+    Ok((reader, writer))
+}
+
+/// What comes of some work, and this thread's processor time for it.
+fn timed<T>(work: impl FnOnce() -> T) -> (T, Span) {
+    let cpu = || {
+        let time = clock_gettime(ClockId::ThreadCPUTime);
+        Span::from_nanos(time.tv_sec * 1_000_000_000 + time.tv_nsec)
+    };
+    let before = cpu();
+    let done = work();
+    (done, cpu() - before)
+}
+
+fn run(
+    recorders: &mut [Box<dyn Recorder>],
+    rehearsal: Rehearsal,
+    [davis, log]: [PipeWriter; 2],
+    stop: &StopToken,
+    watch: &mut dyn FnMut(Duration, &[Tally]),
+) -> Result<Vec<Tally>, RehearsalError> {
+    let log = Log::to_pipe(Box::new(log))?;
+    let mut writers = Vec::new();
+    let ran = start(recorders, rehearsal, davis, &log, &mut writers)
+        .and_then(|()| look_on(recorders, rehearsal.length, stop, watch));
+    if ran.is_err() {
+        recorders.iter_mut().for_each(|recorder| recorder.abort());
+    }
+    let ends: Vec<_> = recorders.iter_mut().map(|recorder| recorder.finish()).collect();
+    let written: Vec<_> = writers.iter_mut().map(SampleWriter::finish).collect();
+    let logged = log.finish();
+    ran?;
+    written.into_iter().chain([logged]).collect::<Result<(), _>>()?;
+    Ok(ends.into_iter().collect::<Result<Vec<_>, _>>()?)
+}
+
+fn start(
+    recorders: &mut [Box<dyn Recorder>],
+    rehearsal: Rehearsal,
+    davis: PipeWriter,
+    log: &Log,
+    writers: &mut Vec<SampleWriter>,
+) -> Result<(), RehearsalError> {
+    let mut davis = Some(davis);
+    for recorder in recorders {
+        let prepared = recorder.prepare()?;
+        let pipe: Box<dyn Write + Send> = if prepared.streams.is_empty() {
+            Box::new(std::io::sink())
+        } else {
+            Box::new(davis.take().ok_or_else(|| two_of_packets(recorder.name()))?)
+        };
+        let (writer, outlet) = SampleWriter::into_pipe(pipe, &prepared, log, rehearsal)?;
+        writers.push(writer);
+        recorder.start(outlet)?;
+    }
+    Ok(log.write(|log| log.log(host_time(), Severity::Info, "rehearsal"))?)
+}
+
+fn look_on(
+    recorders: &mut [Box<dyn Recorder>],
+    length: Duration,
+    stop: &StopToken,
+    watch: &mut dyn FnMut(Duration, &[Tally]),
+) -> Result<(), RehearsalError> {
+    let began = Instant::now();
+    while began.elapsed() < length && stop.rest(TICK) == Stop::No {
+        let mut tallies = Vec::new();
+        for recorder in &mut *recorders {
+            tallies.push(recorder.progress()?);
+        }
+        watch(began.elapsed(), &tallies);
+    }
+    Ok(())
+}
+
+fn two_of_packets(name: &str) -> RehearsalError {
+    RecorderError {
+        device: name.to_owned(),
+        because: "two cameras deliver packets, and a session holds those of one".to_owned(),
+        remedy: "rehearse them one after the other",
+    }
+    .into()
+}

@@ -1,0 +1,43 @@
+//! What a recording writes down as it begins, so that a manifest can be made if it dies.
+
+use evrig_session::rig::Rig;
+use evrig_session::trajectory::Trajectory;
+use evrig_session::{DeviceEntry, HostTime, Recording};
+use serde_json::{Value, json};
+
+/// The journal's line `recording`: what the manifest will say of rig, trajectory and clocks.
+pub fn opening(rig: &Rig, trajectory: &Trajectory) -> Value {
+    json!({
+        "rig": {"name": rig.name, "text": rig.text},
+        "trajectory": {"name": trajectory.name, "text": trajectory.text},
+        "clocks": clocks(rig),
+    })
+}
+
+/// How the clocks are kept, as the rig states it.
+pub fn clocks(rig: &Rig) -> Value {
+    json!({
+        "reference": rig.clocks.reference,
+        "host": format!("{:?}", rig.clocks.host).to_lowercase(),
+        "pi": format!("{:?}", rig.clocks.pi).to_lowercase(),
+        "ntp_server": rig.clocks.ntp_server,
+    })
+}
+
+/// What the manifest says of the recording.
+pub fn recording(
+    rig: &Rig,
+    trajectory: &Trajectory,
+    devices: Vec<DeviceEntry>,
+    ended: String,
+    began: Option<HostTime>,
+) -> Recording {
+    Recording {
+        rig: rig.text.clone(),
+        trajectory: trajectory.text.clone(),
+        devices,
+        ended,
+        trajectory_began_ns: began.map(|began| began.unix.as_nanos()),
+        clocks: clocks(rig),
+    }
+}

@@ -1,0 +1,376 @@
+//! The report of one session: what was recorded, and how each simulated stream compares.
+
+use super::calibration;
+use super::figure::Link;
+use super::measure::Measure;
+use super::number::{count, significant};
+use super::page::{Block, Fact, Page, Section, Summary};
+use super::plot::picture::PictureError;
+use super::plot::{cloud, heat, interval, overlay, rate, ratio};
+use super::table::{Cell, Column, Table};
+use evrig_analysis::calibrate::Calibration;
+use evrig_analysis::compare::{Comparison, IntervalDensity, Maps, RateBand};
+use evrig_core::event::{EventSlice, Events};
+use evrig_core::frame::Luminance;
+use evrig_core::geometry::Size;
+use evrig_core::stats::Estimate;
+use evrig_session::{Manifest, Session, StreamKind};
+
+/// A simulated stream with its comparison and what the pictures need.
+#[derive(Debug, Clone)]
+pub struct Compared {
+    /// Its name.
+    pub name: String,
+    /// How it compares with the real events.
+    pub comparison: Comparison,
+    /// Its events, in the coordinates in which it was compared.
+    pub events: Events,
+    /// The real events in the picture's coordinates, where the comparison was made there.
+    pub cut_real: Option<Events>,
+    /// How it was made: model, preset, law, seed; empty for streams simulated elsewhere.
+    pub made: Vec<Fact>,
+    /// The frame at the start of [`Compared::moment_us`].
+    pub frame: Option<Luminance>,
+    /// A short stretch of time with much going on, for the pictures.
+    pub moment_us: [i64; 2],
+}
+
+/// Events that a point cloud takes at most from each stream; more would be a black cloud.
+const CLOUD_EVENTS: usize = 12_000;
+
+/// The page of a session.
+///
+/// # Errors
+/// When a map does not fit its grid, which a damaged result directory can cause.
+pub fn page(
+    session: &Session,
+    real: EventSlice<'_>,
+    compared: &[Compared],
+    calibrated: &[(String, Calibration)],
+) -> Result<Page, PictureError> {
+    let manifest = session.manifest();
+    let mut summary = match compared.first() {
+        Some(first) => Summary::from_measures(&measures(&first.name, &first.comparison)),
+        None => Summary {
+            headline: "Nothing was compared: the session has no simulated events yet.".into(),
+            remarks: vec!["Run `evrig process` on a session with frames and events.".into()],
+            ..Summary::default()
+        },
+    };
+    summary.facts = facts(manifest);
+    summary.remarks.extend(losses(manifest));
+    let mut sections = Vec::new();
+    for stream in compared {
+        sections.push(section(session, real, stream)?);
+    }
+    sections.extend(calibrated.iter().map(|(light, c)| calibration::section(light, c)));
+    sections.push(recording(manifest));
+    Ok(Page {
+        title: manifest.name.clone(),
+        kind: "Session report".into(),
+        summary,
+        sections,
+        provenance: provenance(manifest, compared),
+    })
+}
+
+fn facts(manifest: &Manifest) -> Vec<Fact> {
+    let streams = manifest.streams.iter();
+    let mut facts: Vec<Fact> = streams
+        .filter(|stream| stream.count > 0)
+        .map(|stream| Fact::new(&stream.name, format!("{} {}", count(stream.count), stream.kind)))
+        .collect();
+    // Streams on other clocks, and those that begin at the preflight, say nothing of what was recorded.
+    let of = |kind| manifest.streams.iter().find(move |stream| stream.kind == kind);
+    let main = of(StreamKind::Events).or_else(|| of(StreamKind::Frames));
+    if let Some((first, last)) = main.and_then(|stream| stream.first_us.zip(stream.last_us)) {
+        facts.push(Fact::new("duration", format!("{:.3} s", (last - first) as f64 * 1e-6)));
+    }
+    facts
+}
+
+fn losses(manifest: &Manifest) -> Vec<String> {
+    let loss = |loss: &evrig_session::Loss| match loss.count {
+        0 => format!("Lost in {}: {}", loss.stream, loss.what),
+        n => format!("Lost in {}: {n} {}", loss.stream, loss.what),
+    };
+    manifest.losses.iter().map(loss).collect()
+}
+
+fn section(
+    session: &Session,
+    real: EventSlice<'_>,
+    stream: &Compared,
+) -> Result<Section, PictureError> {
+    let comparison = &stream.comparison;
+    let folder = format!("derived/compare-{}", stream.name);
+    let numbers = || Link::beside(&format!("{folder}/comparison.json"));
+    let mut blocks = vec![Block::Measures(measures(&stream.name, &stream.comparison))];
+    let [start, end] = comparison.window_us;
+    let simulated = stream.events.as_slice().between(start, end);
+    let real = stream.cut_real.as_ref().map_or(real, Events::as_slice).between(start, end);
+    let maps = &comparison.maps;
+    if let Some(size) = maps.size {
+        let [from, to] = stream.moment_us;
+        blocks.push(Block::Figure(overlay::figure(&overlay::Overlay {
+            size,
+            frame: stream.frame.as_ref().map(|frame| frame.values.as_slice()),
+            window_us: stream.moment_us,
+            origin_us: start,
+            real: real.between(from, to),
+            simulated: simulated.between(from, to),
+        })?));
+        blocks.extend(map_figures(size, maps, &folder)?);
+    }
+    blocks.push(Block::Figure(rate_figure(comparison).with_data(numbers())));
+    blocks.push(Block::Figure(interval_figure(comparison).with_data(numbers())));
+    if let Some(size) = maps.size {
+        blocks.push(Block::Figure(cloud_figure(size, comparison.window_us, real, simulated)));
+    }
+    blocks.push(Block::Table(fits(comparison)));
+    blocks.push(Block::Facts(more_numbers(comparison)));
+    Ok(Section {
+        title: format!("Real events against “{}”", stream.name),
+        lead: format!(
+            "{} real and {} simulated events in {:.3} s on {} pixels of {}. Errors hold together \
+             what happens together: they come from resampling blocks of time or tiles of pixels, not events.",
+            count(comparison.n_real),
+            count(comparison.n_simulated),
+            (end - start) as f64 * 1e-6,
+            count(comparison.n_pixels),
+            session.manifest().name,
+        ),
+        blocks,
+    })
+}
+
+fn map_figures(size: Size, maps: &Maps, folder: &str) -> Result<Vec<Block>, PictureError> {
+    let both = |on: &[u32], off: &[u32]| -> Vec<u32> {
+        on.iter().zip(off).map(|(on, off)| on.saturating_add(*off)).collect()
+    };
+    let real = both(&maps.real_on, &maps.real_off);
+    let simulated = both(&maps.simulated_on, &maps.simulated_off);
+    let counts = heat::CountMaps { size, real: &real, simulated: &simulated };
+    let data = || Link::beside(&format!("{folder}/maps.npz"));
+    Ok(vec![
+        Block::Figure(heat::counts_figure(&counts)?.with_data(data())),
+        Block::Figure(ratio::figure(&counts)?.with_data(data())),
+    ])
+}
+
+fn rate_figure(comparison: &Comparison) -> super::figure::Figure {
+    let curve = &comparison.curves.rate;
+    let per_pixel = 1.0 / comparison.n_pixels.max(1) as f64;
+    let estimates = |band: &RateBand| -> Vec<Estimate> {
+        let bins = band.hz.iter().zip(band.low_hz.iter().zip(&band.high_hz));
+        bins.map(|(hz, (low, high))| {
+            let interval = [low * per_pixel, high * per_pixel];
+            Estimate::with_interval(hz * per_pixel, (interval[1] - interval[0]) / 3.29, interval, 1)
+        })
+        .collect()
+    };
+    let centres: Vec<f64> =
+        (0..curve.real_on.hz.len()).map(|i| (i as f64 + 0.5) * curve.bin_us * 1e-6).collect();
+    let [real_on, real_off] = [&curve.real_on, &curve.real_off].map(estimates);
+    let [sim_on, sim_off] = [&curve.simulated_on, &curve.simulated_off].map(estimates);
+    rate::figure(
+        &centres,
+        &rate::RateCurve { real: &real_on, simulated: &sim_on },
+        &rate::RateCurve { real: &real_off, simulated: &sim_off },
+    )
+}
+
+/// Density per µs from probability per decade: d(log10 t)/dt = 1 / (t ln 10).
+fn interval_figure(comparison: &Comparison) -> super::figure::Figure {
+    let curve = &comparison.curves.intervals;
+    let centres: Vec<f64> =
+        curve.edges_us.windows(2).map(|edges| (edges[0] * edges[1]).sqrt()).collect();
+    let per_us = |t: f64| 1.0 / (t * std::f64::consts::LN_10);
+    let density = |stream: &IntervalDensity| -> Vec<Estimate> {
+        let bins = centres.iter().zip(&stream.per_decade).enumerate();
+        bins.map(|(i, (t, value))| {
+            let error = stream.standard_error.get(i).copied().unwrap_or(f64::NAN);
+            Estimate::normal(value * per_us(*t), error * per_us(*t), stream.n)
+        })
+        .collect()
+    };
+    let fit = |stream: &IntervalDensity| -> Vec<[f64; 2]> {
+        let Some(fit) = &stream.fit else { return Vec::new() };
+        let points = centres.iter().zip(&fit.inverse_gaussian_per_decade);
+        points.map(|(t, value)| [*t, value * per_us(*t)]).filter(|p| p[1] > 1e-12).collect()
+    };
+    let [real, simulated] = [&curve.real, &curve.simulated];
+    let [real_density, simulated_density] = [real, simulated].map(density);
+    let [real_fit, simulated_fit] = [real, simulated].map(fit);
+    let shown = |density_per_us, fit, stream: &IntervalDensity| interval::IntervalDensity {
+        density_per_us,
+        fit,
+        median_us: median(&centres, &stream.per_decade),
+    };
+    interval::figure(
+        &curve.edges_us,
+        &shown(&real_density, &real_fit, real),
+        &shown(&simulated_density, &simulated_fit, simulated),
+    )
+}
+
+/// The bin centre at which half of the probability is reached.
+fn median(centres: &[f64], per_decade: &[f64]) -> f64 {
+    let half = per_decade.iter().sum::<f64>() / 2.0;
+    let mut reached = 0.0;
+    let at = per_decade.iter().position(|value| {
+        reached += value;
+        reached >= half && half > 0.0
+    });
+    at.and_then(|i| centres.get(i).copied()).unwrap_or(f64::NAN)
+}
+
+fn cloud_figure(
+    size: Size,
+    window: [i64; 2],
+    real: EventSlice<'_>,
+    simulated: EventSlice<'_>,
+) -> super::figure::Figure {
+    // Both streams are thinned by the same factor, so that dense still looks dense.
+    let step = real.len().max(simulated.len()).div_ceil(CLOUD_EVENTS).max(1);
+    let thin = |events: EventSlice<'_>| -> Events { events.iter().step_by(step).collect() };
+    let (real, simulated) = (thin(real), thin(simulated));
+    let mut figure = cloud::figure(&cloud::Clouds {
+        size,
+        window_us: window,
+        real: real.as_slice(),
+        simulated: simulated.as_slice(),
+    });
+    if step > 1 {
+        figure.caption += &format!(" Every {step}th event of each stream is drawn.");
+    }
+    figure
+}
+
+fn fits(comparison: &Comparison) -> Table {
+    let curve = &comparison.curves.intervals;
+    let row = |name: &str, stream: &IntervalDensity| {
+        let unknown = Estimate::unknown;
+        let fit = stream.fit.as_ref();
+        vec![
+            Cell::text(name),
+            Cell::count(stream.n),
+            Cell::estimate(&fit.map_or_else(unknown, |fit| fit.mean_us)),
+            Cell::estimate(&fit.map_or_else(unknown, |fit| fit.shape_us)),
+            Cell::estimate(&fit.map_or_else(unknown, |fit| fit.levy_scale_us)),
+            Cell::estimate(&fit.map_or_else(unknown, |fit| fit.inverse_gaussian_over_levy_nats)),
+        ]
+    };
+    Table {
+        title: "First-passage laws fitted to the intervals".into(),
+        caption: "Inverse Gaussian: mean and shape; Lévy: scale; and by how many nats an interval \
+                  the inverse Gaussian describes the intervals better. Pixels differ, so a pooled \
+                  sample is a mixture and a poor fit is no proof against the law."
+            .into(),
+        columns: vec![
+            Column::text("stream"),
+            Column::number("intervals", ""),
+            Column::number("mean", "µs"),
+            Column::number("shape", "µs"),
+            Column::number("Lévy scale", "µs"),
+            Column::number("gain over Lévy", "nats"),
+        ],
+        rows: vec![row("real", &curve.real), row("simulated", &curve.simulated)],
+    }
+}
+
+fn more_numbers(comparison: &Comparison) -> Vec<Fact> {
+    let curves = &comparison.curves;
+    let mut facts = vec![
+        Fact::new(
+            "rate map, root mean square difference",
+            format!("{:.3} Hz per pixel", curves.rate_map.rmse_hz),
+        ),
+        Fact::new(
+            "mean real rate",
+            format!("{} Hz per pixel", significant(curves.rate_map.mean_real_hz, 3)),
+        ),
+        Fact::new("rate map, correlation", format!("{:.3}", curves.rate_map.correlation)),
+    ];
+    if let Some(correlation) = &curves.contrast_correlation {
+        let name = |stream: &str| format!("signed counts with log-intensity change, {stream}");
+        facts.push(Fact::new(&name("real"), format!("r = {:.3}", correlation.real)));
+        facts.push(Fact::new(&name("simulated"), format!("r = {:.3}", correlation.simulated)));
+    }
+    facts
+}
+
+fn recording(manifest: &Manifest) -> Section {
+    let row = |stream: &evrig_session::StreamEntry| {
+        let first_and_last = stream.first_us.zip(stream.last_us);
+        let seconds = first_and_last.map_or(f64::NAN, |(first, last)| (last - first) as f64 * 1e-6);
+        vec![
+            Cell::text(&stream.name),
+            Cell::text(&stream.kind.to_string()),
+            Cell::count(stream.count),
+            Cell::number(seconds),
+            Cell::number(stream.count.saturating_sub(1) as f64 / seconds),
+            Cell::text(&stream.size.map_or_else(String::new, |size| size.to_string())),
+            Cell::text(&stream.source),
+        ]
+    };
+    Section {
+        title: "Recording".into(),
+        lead: "The streams as they were counted in the files when the session was made.".into(),
+        blocks: vec![Block::Table(Table {
+            title: "Streams".into(),
+            caption: String::new(),
+            columns: vec![
+                Column::text("stream"),
+                Column::text("kind"),
+                Column::number("count", ""),
+                Column::number("duration", "s"),
+                Column::number("rate", "1/s"),
+                Column::text("grid"),
+                Column::text("source"),
+            ],
+            rows: manifest.streams.iter().map(row).collect(),
+        })],
+    }
+}
+
+/// Measures as the page's rows.
+#[must_use]
+pub fn measures(stream: &str, comparison: &Comparison) -> Vec<Measure> {
+    let folder = format!("derived/compare-{stream}/comparison.json");
+    let row = |measure: &evrig_analysis::compare::Measure| Measure {
+        id: measure_id(measure),
+        name: measure.name.to_string(),
+        formula: measure.formula.to_string(),
+        source: measure.source.to_string(),
+        unit: if measure.unit == "1" { String::new() } else { measure.unit.to_string() },
+        estimate: measure.estimate,
+        healthy: measure.healthy,
+        real: measure.real,
+        simulated: measure.simulated,
+        data: Some(Link::beside(&folder)),
+    };
+    comparison.measures.iter().map(row).collect()
+}
+
+fn measure_id(measure: &evrig_analysis::compare::Measure) -> String {
+    let json = serde_json::to_value(measure.id).unwrap_or_default();
+    json.as_str().unwrap_or_default().to_owned()
+}
+
+fn provenance(manifest: &Manifest, compared: &[Compared]) -> Vec<Fact> {
+    let mut facts = vec![
+        Fact::new("evrig", env!("CARGO_PKG_VERSION")),
+        Fact::new("session made", &*manifest.created),
+    ];
+    for (file, entry) in &manifest.files {
+        facts.push(Fact::new(
+            file,
+            format!("{} bytes, SHA-256 {}", count(entry.bytes), entry.sha256),
+        ));
+    }
+    for stream in compared {
+        facts.extend(stream.made.iter().cloned());
+    }
+    facts
+}

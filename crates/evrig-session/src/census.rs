@@ -1,0 +1,205 @@
+//! Counting: what an AEDAT4 file really holds, stream by stream.
+
+use super::{Loss, SessionError, StreamEntry, StreamKind};
+use evrig_core::event::EventSlice;
+use evrig_core::geometry::Size;
+use evrig_core::time::{Clock, Davis};
+use evrig_format::aedat4::{Content, Kind, Losses, Packet, Reader, Stream};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What one pass over a file found.
+#[derive(Debug, Clone, Default)]
+pub struct Census {
+    /// The known streams, in the file's order.
+    pub streams: Vec<StreamCensus>,
+    /// Where reading had to stop, in words, if the file is cut or damaged.
+    pub damage: Option<String>,
+    /// What was lost or is doubtful.
+    pub losses: Vec<Loss>,
+}
+
+/// What one pass found of one stream.
+#[derive(Debug, Clone)]
+pub struct StreamCensus {
+    /// What the file's header says of it.
+    pub stream: Stream,
+    /// What flows in it.
+    pub kind: StreamKind,
+    /// The pixel grid: the header's, or the first frame's.
+    pub size: Option<Size>,
+    /// Number of events, frames, samples or edges.
+    pub count: u64,
+    /// First stamp in the file's order, µs.
+    pub first_us: Option<i64>,
+    /// Last stamp in the file's order, µs.
+    pub last_us: Option<i64>,
+    /// How many are earlier than the one before them.
+    pub n_disordered: u64,
+    /// Events that are not on the sensor.
+    pub n_outside: u64,
+    /// Number of On events.
+    pub n_on: u64,
+    /// Longest time between two neighbours, µs.
+    pub longest_gap_us: i64,
+}
+
+impl StreamCensus {
+    fn new(stream: &Stream) -> Option<Self> {
+        let kind = match stream.kind {
+            Kind::Events => StreamKind::Events,
+            Kind::Frames => StreamKind::Frames,
+            Kind::Imu => StreamKind::Imu,
+            Kind::Triggers => StreamKind::Triggers,
+            Kind::Other(_) => return None,
+        };
+        Some(Self {
+            stream: stream.clone(),
+            kind,
+            size: stream.size,
+            count: 0,
+            first_us: None,
+            last_us: None,
+            n_disordered: 0,
+            n_outside: 0,
+            n_on: 0,
+            longest_gap_us: 0,
+        })
+    }
+
+    fn see(&mut self, t_us: i64) {
+        if let Some(last) = self.last_us {
+            self.n_disordered += u64::from(t_us < last);
+            self.longest_gap_us = self.longest_gap_us.max(t_us.saturating_sub(last));
+        }
+        self.first_us.get_or_insert(t_us);
+        self.last_us = Some(t_us);
+        self.count += 1;
+    }
+
+    fn see_events(&mut self, events: EventSlice<'_>) {
+        events.t.iter().for_each(|&t| self.see(t));
+        self.n_on += events.count_on() as u64;
+        if let Some(size) = self.size {
+            let outside = events.iter().filter(|event| !size.contains(event.x, event.y));
+            self.n_outside += outside.count() as u64;
+        }
+    }
+
+    fn losses(&self, name: &str) -> Vec<Loss> {
+        let counted = [
+            (self.n_outside, "off the sensor; they are left out when the stream is read"),
+            (self.n_disordered, "earlier than the one before; they are sorted in when it is read"),
+        ];
+        let loss = |(count, what): (u64, &str)| Loss {
+            stream: name.to_owned(),
+            what: format!("{} {what}", self.kind),
+            count,
+        };
+        counted.into_iter().filter(|(count, _)| *count > 0).map(loss).collect()
+    }
+}
+
+impl Census {
+    /// The streams as a manifest lists them, in the file of that name inside the session.
+    pub(super) fn entries(&self, file: &str) -> Vec<StreamEntry> {
+        let entry = |(found, name): (&StreamCensus, String)| StreamEntry {
+            name,
+            kind: found.kind,
+            file: file.to_owned(),
+            stream_id: Some(found.stream.id),
+            size: found.size,
+            count: found.count,
+            first_us: found.first_us,
+            last_us: found.last_us,
+            clock: Davis::NAME.into(),
+            source: found.stream.source.clone(),
+        };
+        self.streams.iter().zip(names(&self.streams)).map(entry).collect()
+    }
+}
+
+/// Counts everything in an AEDAT4 file.
+///
+/// # Errors
+/// When the file cannot be opened or is no AEDAT4 file; damage behind its header is a finding.
+pub fn census(path: &Path, progress: &mut dyn FnMut(u64)) -> Result<Census, SessionError> {
+    let mut reader = Reader::open(path)?;
+    let mut streams: BTreeMap<u32, StreamCensus> = BTreeMap::new();
+    let mut order = Vec::new();
+    for stream in reader.streams() {
+        if let Some(counted) = StreamCensus::new(stream) {
+            order.push(stream.id);
+            streams.insert(stream.id, counted);
+        }
+    }
+    let mut found = Census::default();
+    for packet in reader.by_ref() {
+        match packet {
+            Ok(packet) => {
+                progress(packet.offset);
+                if let Some(stream) = streams.get_mut(&packet.stream) {
+                    see_packet(stream, &packet);
+                }
+            }
+            // The place in the file counts, not where the file lies on this machine.
+            Err(damage) => {
+                let file = format!("{}: ", path.display());
+                found.damage = Some(damage.to_string().replacen(&file, "", 1));
+            }
+        }
+    }
+    found.losses = unreadable(reader.losses());
+    found.streams = order.iter().filter_map(|id| streams.remove(id)).collect();
+    let names = names(&found.streams);
+    for (stream, name) in found.streams.iter().zip(&names) {
+        found.losses.extend(stream.losses(name));
+    }
+    Ok(found)
+}
+
+/// What the reader could not represent.
+fn unreadable(losses: &Losses) -> Vec<Loss> {
+    let first = losses.first.as_ref().map(|first| format!("; the first: {first}"));
+    let first = first.unwrap_or_default();
+    let counted = [
+        ("events", losses.events, format!("have a negative column or row{first}")),
+        ("frames", losses.frames, format!("have a size, format and pixels that disagree{first}")),
+        ("unknown", losses.unknown_packets, "packets of a kind evrig does not know".to_owned()),
+    ];
+    let loss = |(stream, count, what): (&str, u64, String)| {
+        (count > 0).then(|| Loss { stream: stream.to_owned(), what, count })
+    };
+    counted.into_iter().filter_map(loss).collect()
+}
+
+fn see_packet(stream: &mut StreamCensus, packet: &Packet) {
+    match &packet.content {
+        Content::Events(events) => stream.see_events(events.as_slice()),
+        Content::Frame(frame) => {
+            stream.size.get_or_insert(frame.size);
+            stream.see(frame.timing.stamp.as_micros());
+        }
+        Content::Imu(samples) => samples.iter().for_each(|s| stream.see(s.stamp.as_micros())),
+        Content::Triggers(edges) => edges.iter().for_each(|e| stream.see(e.stamp.as_micros())),
+        Content::Unknown { .. } => {}
+    }
+}
+
+/// The streams' names in evrig: `real`, `aps`, `imu`, `triggers`, with the file's number
+/// behind it from the second of a kind on.
+pub(super) fn names(streams: &[StreamCensus]) -> Vec<String> {
+    let mut taken: BTreeMap<StreamKind, u32> = BTreeMap::new();
+    let name = |stream: &StreamCensus| {
+        let base = match stream.kind {
+            StreamKind::Events => "real",
+            StreamKind::Frames => "aps",
+            StreamKind::Imu => "imu",
+            _ => "triggers",
+        };
+        let n = taken.entry(stream.kind).or_default();
+        *n += 1;
+        if *n == 1 { base.to_owned() } else { format!("{base}-{}", stream.stream.id) }
+    };
+    streams.iter().map(name).collect()
+}

@@ -1,0 +1,163 @@
+//! Frames of any camera of a session as pictures with full timing, on their camera's own clock.
+//!
+//! | stream | clock | from |
+//! | --- | --- | --- |
+//! | `aps` | davis | `davis.aedat4` |
+//! | `frames` | davis | imported arrays |
+//! | `raw`, `rgb` of a recording | pi-sensor | `rig.mcap`, each picture beside its metadata |
+//! | `raw`, `rgb` of an import | pi-sensor | arrays beside `sensor_timestamp_ns` and `real_time_us` |
+
+mod davis;
+mod pi;
+
+pub use davis::DavisPictures;
+pub use pi::PiPictures;
+
+use super::{RigNotes, Session, SessionError, StreamEntry, StreamKind, rig_log};
+use crate::rig::Rig;
+use evrig_core::frame::{BayerOrder, Frame, Samples};
+use evrig_core::geometry::Size;
+use evrig_core::time::{Clock, PiSensor, Stamp, Unix};
+
+#[cfg(test)]
+mod tests;
+
+/// One frame and what is known of it beside its pixels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture<C: Clock> {
+    /// Number in its stream, from 0, those that could not be used counted too.
+    pub number: u64,
+    /// Samples and timing. `frame.origin` is the place of the first pixel on the sensor.
+    pub frame: Frame<C>,
+    /// What the samples mean.
+    pub facts: PictureFacts,
+}
+
+/// What the samples of a picture mean.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PictureFacts {
+    /// Bits of a sample that are used: 8, or 10 for raw frames stored in 16.
+    pub bits: u8,
+    /// The mosaic's colours; none for grey and colour pictures.
+    pub bayer: Option<BayerOrder>,
+    /// What a sample reads in the dark, digital units: R, green by R, green by B, B of a mosaic,
+    /// else four times the same. Zero where nothing is stated.
+    pub black_dn: [f32; 4],
+    /// Analogue times digital gain, where it is stated.
+    pub gain: Option<f64>,
+    /// The wall clock of the camera's computer when it had the frame; it may step and lags behind
+    /// the light by exposure, readout and queues.
+    pub real_time: Option<Stamp<Unix>>,
+}
+
+impl<C: Clock> Picture<C> {
+    /// Brightness of each pixel in the frame's own digital units, pedestal in it: a mosaic's
+    /// (R + 2 G + B) / 4, all bits kept; colour weighted as in BT.601; grey as it is.
+    #[must_use]
+    pub fn luma(&self) -> Vec<f32> {
+        match (&self.frame.samples, self.facts.bayer) {
+            (Samples::U16(mosaic), Some(_)) => {
+                evrig_core::frame::bayer_brightness(mosaic, self.frame.size)
+            }
+            _ => self.frame.brightness(),
+        }
+    }
+}
+
+impl Session {
+    /// The rig that the session was recorded with; none for what was imported.
+    ///
+    /// # Errors
+    /// When the manifest's copy of it cannot be parsed.
+    pub fn rig(&self) -> Result<Option<Rig>, SessionError> {
+        let Some(recording) = &self.manifest().recording else { return Ok(None) };
+        let rig = Rig::parse("the rig in session.json", &recording.rig);
+        rig.map(Some).map_err(|error| SessionError::Manifest {
+            path: self.layout().manifest(),
+            what: error.to_string(),
+        })
+    }
+
+    /// What the rig's log holds beside pictures: metadata, clocks, arrivals, arm poses, commanded
+    /// path; empty where there is no log. One pass over the file.
+    ///
+    /// # Errors
+    /// When the log cannot be read or a message is not what its topic says.
+    pub fn rig_notes(&self) -> Result<RigNotes, SessionError> {
+        let path = self.layout().rig_log();
+        if path.exists() { Ok(rig_log::read_notes(&path)?) } else { Ok(RigNotes::default()) }
+    }
+
+    /// Whether a frame stream comes from the Pi's camera, so that [`Session::pi_pictures`] reads it;
+    /// [`Session::davis_pictures`] reads the others.
+    ///
+    /// # Errors
+    /// When there is no such stream.
+    pub fn is_from_pi(&self, name: &str) -> Result<bool, SessionError> {
+        Ok(is_from_pi(self.stream(StreamKind::Frames, name)?))
+    }
+
+    /// The frames of a stream of the Pi's camera, in the order in which they came.
+    ///
+    /// # Errors
+    /// When there is no such stream, it is not the Pi's, or its files cannot be opened.
+    pub fn pi_pictures(&self, name: &str) -> Result<PiPictures, SessionError> {
+        let entry = self.stream(StreamKind::Frames, name)?;
+        if !is_from_pi(entry) {
+            return Err(self.other_clock(entry));
+        }
+        PiPictures::open(self, entry)
+    }
+
+    /// The frames of a stream on the events' clock, in the order in which they came.
+    ///
+    /// # Errors
+    /// When there is no such stream, it is on another clock, or its files cannot be opened.
+    pub fn davis_pictures(&self, name: &str) -> Result<DavisPictures, SessionError> {
+        let entry = self.stream(StreamKind::Frames, name)?;
+        if is_from_pi(entry) {
+            return Err(self.other_clock(entry));
+        }
+        DavisPictures::open(self, entry)
+    }
+
+    /// SensorTimestamp and RealTime of each frame of an import from the published layout, in the
+    /// order of recording; none for a RealTime that could not be read. Empty where there are none.
+    ///
+    /// # Errors
+    /// When the columns cannot be read.
+    pub fn imported_pi_stamps(&self) -> Result<Vec<PiStamps>, SessionError> {
+        let sensor = self.layout().frames().join("sensor_timestamp_ns.npy");
+        if !sensor.exists() {
+            return Ok(Vec::new());
+        }
+        let real = pi::read_column(&self.layout().frames().join("real_time_us.npy"))?;
+        let sensor = pi::read_column(&sensor)?;
+        let stamps = sensor.into_iter().zip(real);
+        Ok(stamps.map(|(ns, us)| (Stamp::from_nanos(ns), pi::real_time(us))).collect())
+    }
+
+    pub(super) fn other_clock(&self, entry: &StreamEntry) -> SessionError {
+        SessionError::OtherClock {
+            root: self.root().to_owned(),
+            name: entry.name.clone(),
+            clock: entry.clock.clone(),
+        }
+    }
+}
+
+/// SensorTimestamp and RealTime of a frame.
+pub type PiStamps = (Stamp<PiSensor>, Option<Stamp<Unix>>);
+
+/// Streams of the log are entered under the host's clock, which orders it.
+pub(super) fn is_from_pi(entry: &StreamEntry) -> bool {
+    entry.clock == PiSensor::NAME || entry.source.starts_with("/pi/")
+}
+
+/// The size that the manifest states.
+fn stated_size(session: &Session, entry: &StreamEntry) -> Result<Size, SessionError> {
+    entry.size.ok_or_else(|| SessionError::Manifest {
+        path: session.layout().manifest(),
+        what: format!("stream `{}` states no size", entry.name),
+    })
+}

@@ -1,0 +1,94 @@
+//! Sealing what was recorded: everything is counted from the files, then the manifest is written.
+
+use super::rig_log::{self, stream_names};
+use super::{
+    Census, Damage, FileEntry, Layout, Loss, Manifest, Origin, Recording, SCHEMA, SessionError,
+    Status, StreamEntry, census, sha256_of_file,
+};
+use evrig_core::time::{Clock, Unix};
+use evrig_format::aedat4::ReadError;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Counts the files of a recording that has ended and seals its manifest.
+///
+/// # Errors
+/// When a file cannot be read or the disk refuses the manifest.
+pub fn seal_recording(
+    layout: &Layout,
+    origin: Origin,
+    status: Status,
+    recording: Recording,
+    mut losses: Vec<Loss>,
+) -> Result<Manifest, SessionError> {
+    let mut files = BTreeMap::new();
+    let mut streams = Vec::new();
+    if layout.davis().exists() {
+        let found = match census(&layout.davis(), &mut |_| {}) {
+            Ok(found) => found,
+            // Cut within its header: it holds no stream, and the manifest says so.
+            Err(SessionError::Aedat4Read(error @ ReadError::Malformed { .. })) => {
+                let file = format!("{}: ", layout.davis().display());
+                let damage = Some(error.to_string().replacen(&file, "", 1));
+                Census { damage, ..Census::default() }
+            }
+            Err(error) => return Err(error),
+        };
+        let file = add_file(&layout.davis(), found.damage.as_deref(), &mut files, &mut losses)?;
+        losses.extend(found.losses.iter().cloned());
+        streams.extend(found.entries(&file));
+    }
+    if layout.rig_log().exists() {
+        let found = rig_log::census(&layout.rig_log())?;
+        let file = add_file(&layout.rig_log(), found.damage.as_deref(), &mut files, &mut losses)?;
+        streams.extend(found.topics.iter().map(|found| {
+            let (name, kind) = stream_names(found.topic);
+            StreamEntry {
+                name: name.to_owned(),
+                kind,
+                file: file.clone(),
+                stream_id: None,
+                size: found.size,
+                count: found.count,
+                first_us: found.first_us,
+                last_us: found.last_us,
+                // The log is ordered by the host's clock; each message holds its device's own stamp.
+                clock: Unix::NAME.into(),
+                source: found.topic.name().to_owned(),
+            }
+        }));
+    }
+    let name = layout.root().file_name().map(|name| name.to_string_lossy().into_owned());
+    let manifest = Manifest {
+        schema: SCHEMA.into(),
+        name: name.unwrap_or_default(),
+        evrig_version: env!("CARGO_PKG_VERSION").into(),
+        created: chrono::Utc::now().to_rfc3339_opts(chrono::SecondsFormat::Secs, true),
+        origin,
+        status,
+        streams,
+        files,
+        losses,
+        decisions: Vec::new(),
+        recording: Some(Box::new(recording)),
+    };
+    manifest.seal(&layout.manifest())?;
+    Ok(manifest)
+}
+
+/// Enters a file with its checksum; damage is a loss of its own.
+fn add_file(
+    path: &Path,
+    damage: Option<&str>,
+    files: &mut BTreeMap<String, FileEntry>,
+    losses: &mut Vec<Loss>,
+) -> Result<String, SessionError> {
+    let (sha256, bytes) = sha256_of_file(path)?;
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let damage = damage.map(|what| Damage { what: what.to_owned() });
+    if let Some(Damage { what }) = &damage {
+        losses.push(Loss { stream: name.clone(), what: what.clone(), count: 0 });
+    }
+    files.insert(name.clone(), FileEntry { bytes, sha256, damage });
+    Ok(name)
+}

@@ -1,0 +1,103 @@
+//! What each camera sees of the target along a path.
+
+use super::Path;
+use crate::rig::{CameraDescription, Mounting, Pose, Rig};
+use evrig_core::time::Span;
+use nalgebra::Vector3;
+use serde::Serialize;
+
+/// The path is looked at this often; the target crosses a pixel in no less.
+const STEP_S: f64 = 0.02;
+/// At most so many looks.
+const MAX_LOOKS: f64 = 20_000.0;
+
+/// One camera's view of the target.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct View {
+    /// Which camera.
+    pub camera: &'static str,
+    /// Pixels a millimetre of the target at its stand-off.
+    pub pixels_per_mm: f64,
+    /// Side of the tag in its picture.
+    pub tag_side_px: f64,
+    /// The highest speed of the target in its picture.
+    pub peak_speed_px_per_s: f64,
+    /// Share of the time in which the whole tag is in the picture, 0..=1.
+    pub tag_visible: f64,
+    /// Share of the time in which the whole of picture and tag is, 0..=1.
+    pub target_visible: f64,
+}
+
+/// What both cameras see; nothing when the rig does not state where the target is.
+///
+/// The lens is taken as free of distortion, and the target as parallel to the sensor.
+pub(super) fn views(path: &Path, rig: &Rig) -> Vec<View> {
+    let Some(centre) = rig.target.centre else { return Vec::new() };
+    let centre = Vector3::from(centre.map(|mm| mm.0));
+    let corners = Corners::of(rig, path.start(), centre);
+    [("davis", &rig.mount.davis, &rig.davis.camera), ("pi", &rig.mount.pi, &rig.pi.camera)]
+        .map(|(name, mounting, camera)| view(name, mounting, camera, path, rig, &corners))
+        .to_vec()
+}
+
+/// Corners of the tag and of the whole target in the base frame.
+struct Corners {
+    tag: [Vector3<f64>; 4],
+    all: [Vector3<f64>; 4],
+}
+
+impl Corners {
+    /// The target stands upright in the DAVIS's picture at the start pose, but for its own rotation.
+    fn of(rig: &Rig, start: Pose, centre: Vector3<f64>) -> Self {
+        let camera = rig.mount.davis.frame(start);
+        let (sin, cos) = rig.target.rotation.0.to_radians().sin_cos();
+        let right = cos * camera.right + sin * camera.down;
+        let down = cos * camera.down - sin * camera.right;
+        let (width, height) = (rig.target.width().0, rig.target.picture_side.0);
+        let tag = rig.target.tag_side.0;
+        let at = |x: f64, y: f64| centre + x * right + y * down;
+        let rectangle = |x: [f64; 2], y: [f64; 2]| {
+            [at(x[0], y[0]), at(x[1], y[0]), at(x[1], y[1]), at(x[0], y[1])]
+        };
+        let (half_width, half_height) = (width / 2.0, height / 2.0);
+        Self {
+            tag: rectangle([half_width - tag, half_width], [half_height - tag, half_height]),
+            all: rectangle([-half_width, half_width], [-half_height, half_height]),
+        }
+    }
+}
+
+fn view(
+    name: &'static str,
+    mounting: &Mounting,
+    camera: &CameraDescription,
+    path: &Path,
+    rig: &Rig,
+    corners: &Corners,
+) -> View {
+    let seconds = path.duration().as_secs_f64();
+    let n_looks = (seconds / STEP_S).ceil().clamp(1.0, MAX_LOOKS);
+    let (mut n_tag, mut n_all, mut fastest) = (0.0, 0.0, 0.0_f64);
+    for i in 0..n_looks as usize {
+        let time = (i as f64 + 0.5) * seconds / n_looks;
+        let look = |time: f64| mounting.frame(path.pose_at(Span::from_secs_f64(time)));
+        let frame = look(time);
+        let pixel = |corner: &Vector3<f64>| camera.pixel(frame.look_at(*corner));
+        let sees = |four: &[Vector3<f64>; 4]| four.iter().all(|c| camera.sees(pixel(c)));
+        n_tag += f64::from(u8::from(sees(&corners.tag)));
+        n_all += f64::from(u8::from(sees(&corners.all)));
+        let later = camera.pixel(look(time + 1e-4).look_at(corners.tag[0]));
+        if let (Some(a), Some(b)) = (pixel(&corners.tag[0]), later) {
+            fastest = fastest.max((b[0] - a[0]).hypot(b[1] - a[1]) / 1e-4);
+        }
+    }
+    let pixels_per_mm = camera.pixels_per_mm(rig.target.stand_off);
+    View {
+        camera: name,
+        pixels_per_mm,
+        tag_side_px: rig.target.tag_side.0 * pixels_per_mm,
+        peak_speed_px_per_s: fastest,
+        tag_visible: n_tag / n_looks,
+        target_visible: n_all / n_looks,
+    }
+}

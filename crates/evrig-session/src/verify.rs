@@ -1,0 +1,186 @@
+//! Verification: everything a session claims is recomputed from its files.
+
+use super::census::{StreamCensus, names};
+use super::rig_log::{self, RigLogCensus, stream_names};
+use super::{
+    RigLogError, Session, SessionError, StreamEntry, StreamKind, census, read_stage, sha256_of_file,
+};
+use evrig_format::npy::ArrayReader;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// One claim and whether it holds.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// The file or stream.
+    pub subject: String,
+    /// Whether the claim holds.
+    pub holds: bool,
+    /// What was checked, or what was expected and found.
+    pub says: String,
+}
+
+/// All claims of a session.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct Verification {
+    /// One finding a claim.
+    pub findings: Vec<Finding>,
+}
+
+impl Verification {
+    /// Whether every claim holds.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.findings.iter().all(|finding| finding.holds)
+    }
+
+    fn hold(&mut self, subject: &str, says: String) {
+        self.findings.push(Finding { subject: subject.into(), holds: true, says });
+    }
+
+    fn fail(&mut self, subject: &str, says: String) {
+        self.findings.push(Finding { subject: subject.into(), holds: false, says });
+    }
+}
+
+/// Recomputes checksums and counts of a session, recorded and derived.
+///
+/// # Errors
+/// When the manifest points outside the session; files that are missing, cut or changed are findings.
+pub fn verify(session: &Session) -> Result<Verification, SessionError> {
+    let mut verification = Verification::default();
+    for (name, entry) in &session.manifest().files {
+        let path = session.layout().inside(name)?;
+        match sha256_of_file(&path) {
+            Err(error) => verification.fail(name, error.to_string()),
+            Ok((sha256, bytes)) if sha256 == entry.sha256 && bytes == entry.bytes => {
+                verification.hold(name, format!("{bytes} bytes, checksum as recorded"));
+            }
+            Ok((_, bytes)) if bytes != entry.bytes => verification
+                .fail(name, format!("{} bytes were recorded, {bytes} are there", entry.bytes)),
+            Ok((sha256, _)) => verification
+                .fail(name, format!("checksum {} was recorded, {sha256} is there", entry.sha256)),
+        }
+    }
+    count_streams(session, &mut verification)?;
+    check_derived(session, &mut verification);
+    Ok(verification)
+}
+
+fn count_streams(session: &Session, verification: &mut Verification) -> Result<(), SessionError> {
+    let mut counted: BTreeMap<&str, Vec<StreamCensus>> = BTreeMap::new();
+    let mut logs = BTreeMap::new();
+    for entry in &session.manifest().streams {
+        let path = session.layout().inside(&entry.file)?;
+        if entry.file.ends_with(".npy") {
+            compare_array(&path, entry, verification);
+            continue;
+        }
+        if entry.file.ends_with(".mcap") {
+            let held = logs.entry(entry.file.clone()).or_insert_with(|| rig_log::census(&path));
+            compare_log(held, entry, verification);
+            continue;
+        }
+        if !counted.contains_key(entry.file.as_str()) {
+            match census(&path, &mut |_| {}) {
+                Ok(found) => {
+                    counted.insert(&entry.file, found.streams);
+                }
+                Err(error) => verification.fail(&entry.name, error.to_string()),
+            }
+        }
+        let Some(streams) = counted.get(entry.file.as_str()) else { continue };
+        let found = streams.iter().find(|found| entry.stream_id == Some(found.stream.id));
+        match found {
+            Some(found) => compare_counts(entry, found, verification),
+            None => {
+                let held = names(streams).join(", ");
+                verification
+                    .fail(&entry.name, format!("is not in {}, which holds: {held}", entry.file));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn compare_log(
+    held: &Result<RigLogCensus, RigLogError>,
+    entry: &StreamEntry,
+    verification: &mut Verification,
+) {
+    let held = match held {
+        Ok(held) => held,
+        Err(error) => return verification.fail(&entry.name, error.to_string()),
+    };
+    let found = held.topics.iter().find(|found| stream_names(found.topic).0 == entry.name);
+    let there = found.map(|found| (found.count, found.first_us, found.last_us));
+    let recorded = (entry.count, entry.first_us, entry.last_us);
+    match there {
+        Some(there) if there == recorded => verification.hold(
+            &entry.name,
+            format!("{} {}, first and last log time as recorded", entry.count, entry.kind),
+        ),
+        there => verification.fail(
+            &entry.name,
+            format!("(count, first us, last us) {recorded:?} were recorded, {there:?} are there"),
+        ),
+    }
+}
+
+fn compare_counts(entry: &StreamEntry, found: &StreamCensus, verification: &mut Verification) {
+    let recorded = (entry.count, entry.first_us, entry.last_us);
+    let there = (found.count, found.first_us, found.last_us);
+    if recorded == there {
+        verification.hold(
+            &entry.name,
+            format!("{} {}, first and last stamp as recorded", entry.count, entry.kind),
+        );
+    } else {
+        verification.fail(
+            &entry.name,
+            format!("(count, first us, last us) {recorded:?} were recorded, {there:?} are there"),
+        );
+    }
+}
+
+fn compare_array(path: &Path, entry: &StreamEntry, verification: &mut Verification) {
+    let shape = ArrayReader::open(path).map(|reader| reader.shape().to_vec());
+    match shape {
+        Ok(shape) if entry.kind == StreamKind::Frames && shape.first() == Some(&entry.count) => {
+            verification.hold(&entry.name, format!("{} frames as recorded", entry.count));
+        }
+        Ok(shape) => verification.fail(
+            &entry.name,
+            format!("{} {} were recorded, the array has shape {shape:?}", entry.count, entry.kind),
+        ),
+        Err(error) => verification.fail(&entry.name, error.to_string()),
+    }
+}
+
+fn check_derived(session: &Session, verification: &mut Verification) {
+    let derived = session.root().join("derived");
+    let entries = std::fs::read_dir(&derived).into_iter().flatten().flatten();
+    // The lock of whoever processes the session stands beside the stages' folders.
+    let mut directories: Vec<_> =
+        entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect();
+    directories.sort();
+    for directory in directories {
+        let folder = directory.file_name().map(|name| name.to_string_lossy().into_owned());
+        let subject = format!("derived/{}", folder.unwrap_or_default());
+        let Some(record) = read_stage(&directory) else {
+            verification.fail(&subject, "has no stage.json; run the stage again".into());
+            continue;
+        };
+        for (name, expected) in &record.outputs {
+            let subject = format!("{subject}/{name}");
+            match sha256_of_file(&directory.join(name)) {
+                Ok((sha256, _)) if sha256 == *expected => {
+                    verification.hold(&subject, "checksum as its stage wrote it".into());
+                }
+                Ok(_) => verification.fail(&subject, "was changed since its stage wrote it".into()),
+                Err(error) => verification.fail(&subject, error.to_string()),
+            }
+        }
+    }
+}

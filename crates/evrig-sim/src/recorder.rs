@@ -1,0 +1,142 @@
+//! A camera's client together with its simulated twin: the same wire, and patience for a world that lags.
+
+use super::davis::DavisServer;
+use super::live::LiveWorld;
+use super::pi::SimulatedSource;
+use super::progress::TwinProgress;
+use evrig_device::davis::{NetworkDavis, Patience as DavisPatience};
+use evrig_device::pi::{NetworkPi, Patience as PiPatience, Reach};
+use evrig_pi::agent::Agent;
+use evrig_pi::order::Order;
+use evrig_record::Finding;
+use evrig_record::recorder::{Outlet, Prepared, Recorder, RecorderError, Tally};
+use evrig_session::trajectory::Settings;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A twin that has sent all it saw is silent until the slower one has too; the engine notices when
+/// neither comes on.
+const SILENCE: Duration = Duration::from_secs(600);
+
+/// A simulated camera, recorded over its real wire.
+pub struct SimulatedCamera {
+    /// Dropped first: it holds connections to the server.
+    client: Box<dyn Recorder>,
+    live: Arc<LiveWorld>,
+    progress: TwinProgress,
+    /// Whether all that was sent must have come before the wire may be closed.
+    counts_packets: bool,
+    _server: Server,
+}
+
+/// What serves the twin; it only has to live.
+enum Server {
+    Davis { _server: DavisServer },
+    Pi { _agent: Agent },
+}
+
+fn loopback() -> SocketAddr {
+    (Ipv4Addr::LOCALHOST, 0).into()
+}
+
+fn failed(device: &str, error: impl ToString) -> RecorderError {
+    RecorderError {
+        device: device.to_owned(),
+        because: error.to_string(),
+        remedy: "is the loopback interface up?",
+    }
+}
+
+impl SimulatedCamera {
+    /// The simulated DAVIS.
+    ///
+    /// # Errors
+    /// When it cannot be served on the loopback interface.
+    pub fn davis(live: &Arc<LiveWorld>) -> Result<Self, RecorderError> {
+        let server = DavisServer::serve(Arc::clone(live), loopback())
+            .map_err(|error| failed("the simulated davis", error))?;
+        let addresses: Vec<_> = server.addresses().iter().map(ToString::to_string).collect();
+        let patience = DavisPatience { silence: SILENCE, ..DavisPatience::default() };
+        Ok(Self {
+            client: Box::new(NetworkDavis::new(&addresses.join(","), patience)),
+            live: Arc::clone(live),
+            progress: server.progress().clone(),
+            counts_packets: true,
+            _server: Server::Davis { _server: server },
+        })
+    }
+
+    /// The simulated camera of the Pi.
+    ///
+    /// # Errors
+    /// When it cannot be served on the loopback interface.
+    pub fn pi(live: &Arc<LiveWorld>, order: Order) -> Result<Self, RecorderError> {
+        let source = SimulatedSource::new(Arc::clone(live));
+        let progress = source.progress();
+        let agent = Agent::serve(loopback(), Box::new(source))
+            .map_err(|error| failed("the simulated pi", error))?;
+        let reach = Reach::Local { address: agent.address().to_string() };
+        let patience = PiPatience { silence: SILENCE, ..PiPatience::default() };
+        Ok(Self {
+            client: Box::new(NetworkPi::reached(reach, order, patience)),
+            live: Arc::clone(live),
+            progress,
+            counts_packets: false,
+            _server: Server::Pi { _agent: agent },
+        })
+    }
+}
+
+impl Recorder for SimulatedCamera {
+    fn name(&self) -> &'static str {
+        self.client.name()
+    }
+
+    fn check(&mut self) -> Vec<Finding> {
+        self.client.check()
+    }
+
+    fn prepare(&mut self) -> Result<Prepared, RecorderError> {
+        let mut prepared = self.client.prepare()?;
+        if let Some(says) = prepared.says.as_object_mut() {
+            says.insert("is_simulated".to_owned(), true.into());
+        }
+        Ok(prepared)
+    }
+
+    fn start(&mut self, outlet: Outlet) -> Result<(), RecorderError> {
+        self.progress.begin(self.live.now());
+        self.client.start(outlet)
+    }
+
+    fn set(&mut self, settings: &Settings) -> Vec<String> {
+        // Light and exposure are of the world: the first camera that is told sets them for all.
+        if self.counts_packets {
+            self.live.set(settings);
+        }
+        Vec::new()
+    }
+
+    fn progress(&mut self) -> Result<Tally, RecorderError> {
+        self.client.progress()
+    }
+
+    fn settle(&mut self) -> Result<f64, RecorderError> {
+        let share = self.progress.share(self.live.close());
+        let tally = self.client.progress()?;
+        if share < 1.0 || !self.counts_packets {
+            return Ok(share);
+        }
+        let (n_sent, n_came) = (self.progress.look().n_sent, tally.n_samples + tally.n_dropped);
+        Ok(if n_came >= n_sent { 1.0 } else { 0.999 })
+    }
+
+    fn finish(&mut self) -> Result<Tally, RecorderError> {
+        self.client.finish()
+    }
+
+    fn abort(&mut self) {
+        self.client.abort();
+    }
+}
