@@ -1,0 +1,314 @@
+//! Stop is sacred: however evrig dies, the arm stops.
+//!
+//! Each test starts a host process (this test binary again) that drives circles on a simulated
+//! arm through the guard, and makes it end in some way.
+
+use evrig::device::dobot::command::{CartesianLimits, Command as Tell, PtpMode};
+use evrig::device::dobot::guard::GuardLink;
+use evrig::device::dobot::link::LinkError;
+use evrig::device::dobot::{Client, ClientError, Patience};
+use evrig::record::host_clock;
+use evrig::sim::arm::journal::Line;
+use evrig::sim::arm::{Clock, Emulator, Options};
+use evrig::time::Span;
+use rustix::process::{Pid, Signal, kill_process, kill_process_group};
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+const EVRIG: &str = env!("CARGO_BIN_EXE_evrig");
+/// Set for the host process: the arm's port, and how the host is to end.
+const PORT: &str = "EVRIG_TEST_HOST_PORT";
+const END: &str = "EVRIG_TEST_HOST_END";
+
+fn emulator() -> Emulator {
+    Emulator::start(Options::default(), Clock::Scaled(1.0), Vec::new()).unwrap()
+}
+
+fn client(port: &Path) -> (Client, evrig::device::dobot::guard::Stopper, u32) {
+    let link = GuardLink::start(Path::new(EVRIG), port).unwrap();
+    let (stopper, id) = (link.stopper().unwrap(), link.id());
+    let patience = Patience { between_polls: Span::from_micros(2_000), ..Patience::default() };
+    (Client::new(Box::new(link), patience), stopper, id)
+}
+
+/// Queues an hour of circles and sets them going; gives the index of the last.
+fn circle_on(client: &mut Client) -> Result<u64, ClientError> {
+    let room = Span::from_micros(1_000_000);
+    client.clear_alarms()?;
+    client.begin()?;
+    client.set(&Tell::ArcParams(CartesianLimits::uniform(50.0, 200.0)))?;
+    let target = [240.0, 0.0, 100.0, 90.0];
+    client.enqueue(&Tell::Ptp { mode: PtpMode::MoveJointXyz, target }, room)?;
+    let (via, to) = ([252.0, 12.0, 100.0, 90.0], [264.0, 0.0, 100.0, 90.0]);
+    client.enqueue(&Tell::Circle { via, to, turns: 1_000 }, room)?;
+    client.enqueue(&Tell::Circle { via, to, turns: 1_000 }, room)
+}
+
+/// The host process. It does nothing when the tests run it among the others.
+#[test]
+fn host_process() {
+    let (Ok(port), Ok(end)) = (std::env::var(PORT), std::env::var(END)) else { return };
+    let (mut client, stopper, _) = client(Path::new(&port));
+    stopper.halt_on_panic();
+    let last = circle_on(&mut client).unwrap();
+    let mut n_seen = 0;
+    let hour = Span::from_micros(3_600_000_000);
+    let waited = client.wait_for(last, hour, &mut |_| {
+        n_seen += 1;
+        if n_seen == 20 && end == "panic elsewhere" {
+            // The thread that drives the arm goes on undisturbed.
+            let _ = std::thread::spawn(|| panic!("a panic as asked for")).join();
+        }
+        assert!(n_seen < 20 || end != "panic", "a panic as asked for");
+    });
+    if end == "panic elsewhere" {
+        // What it asks then must not move the arm again.
+        let again = circle_on(&mut client);
+        assert_eq!(again, Err(ClientError::Link(LinkError::Stopped)));
+    }
+    assert_eq!(waited, Err(ClientError::Link(LinkError::Stopped)));
+}
+
+fn start_host(port: &Path, end: &str) -> Child {
+    Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "host_process", "--nocapture"])
+        .env(PORT, port)
+        .env(END, end)
+        .process_group(0)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap()
+}
+
+/// Polls until `is_so`; the limit only keeps a broken build from hanging.
+fn wait_until(what: &str, mut is_so: impl FnMut() -> bool) {
+    let started = Instant::now();
+    while !is_so() {
+        assert!(started.elapsed() < Duration::from_secs(60), "in vain: {what}");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+fn pid(child: &Child) -> Pid {
+    Pid::from_raw(i32::try_from(child.id()).unwrap()).unwrap()
+}
+
+fn stop_at(lines: &[Line]) -> Option<usize> {
+    lines.iter().position(|line| line.name == "QUEUE_FORCE_STOP")
+}
+
+/// Whether force stop and clear came among `lines`, in this order.
+fn holds_a_stop(lines: &[Line]) -> bool {
+    stop_at(lines).is_some_and(|at| lines[at..].iter().any(|line| line.name == "QUEUE_CLEAR"))
+}
+
+/// The arm stands, nothing waits, and nothing but reads comes behind the stop.
+fn assert_stopped(emulator: &Emulator, since: usize) {
+    wait_until("force stop and clear arrive", || holds_a_stop(&emulator.journal()[since..]));
+    let state = emulator.state();
+    assert!(!state.is_busy && state.n_waiting == 0, "{state:?}");
+    let journal = emulator.journal();
+    let first_stop = since + stop_at(&journal[since..]).unwrap();
+    for line in journal[first_stop..].iter().filter(|line| line.ctrl != 0) {
+        assert!(["QUEUE_FORCE_STOP", "QUEUE_CLEAR"].contains(&line.name.as_str()), "{line:?}");
+    }
+    let pose = emulator.state().planner;
+    assert_eq!(pose, emulator.state().planner, "it stands");
+}
+
+/// A small generator of moments: splitmix64.
+fn random(seed: &mut u64) -> u64 {
+    *seed = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut z = *seed;
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+#[test]
+fn kill_9_at_any_moment_stops_the_arm() {
+    let mut seed = 20_261_121;
+    let mut latencies_us = Vec::new();
+    let mut n_moving = 0;
+    for round in 0..24 {
+        let emulator = emulator();
+        let mut host = start_host(emulator.port(), "wait");
+        // Any moment from the first request of all to well into the circle.
+        let moment = 1 + random(&mut seed) % 90;
+        let n_requests = || emulator.journal().len() as u64;
+        wait_until("the host asks", || n_requests() >= moment);
+        let since = emulator.journal().len();
+        let was_moving = emulator.state().is_busy;
+        let killed = host_clock::now();
+        kill_process(pid(&host), Signal::KILL).unwrap();
+        host.wait().unwrap();
+        assert_stopped(&emulator, since);
+        let journal = emulator.journal();
+        let stop = &journal[since + stop_at(&journal[since..]).unwrap()];
+        latencies_us.push((stop.host_ns - killed.as_nanos()) / 1_000);
+        n_moving += i32::from(was_moving);
+        assert!(round < 3 || n_moving > 0, "the kills come before any motion: moment {moment}");
+    }
+    latencies_us.sort_unstable();
+    println!("moving at the kill: {n_moving} of 24; kill to force stop in us: {latencies_us:?}");
+}
+
+#[test]
+fn a_panic_of_the_host_stops_the_arm() {
+    for end in ["panic", "panic elsewhere"] {
+        let emulator = emulator();
+        let mut host = start_host(emulator.port(), end);
+        wait_until("the arm moves", || emulator.state().is_busy);
+        let since = emulator.journal().len();
+        let status = host.wait().unwrap();
+        assert_eq!(status.success(), end == "panic elsewhere", "{status}");
+        assert_stopped(&emulator, since);
+    }
+}
+
+/// Whether this process, and with it those it starts, ignores a signal: a shell's background job does
+/// so with Ctrl-C, and `nohup` with a hang-up.
+fn is_ignored(signal: Signal) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    mask >> (signal.as_raw() - 1) & 1 == 1
+}
+
+#[test]
+fn ctrl_c_and_termination_of_the_hosts_group_stop_the_arm() {
+    for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
+        if is_ignored(signal) {
+            eprintln!(
+                "skipped: {signal:?} is ignored by what started this test, so by the host too"
+            );
+            continue;
+        }
+        let emulator = emulator();
+        let mut host = start_host(emulator.port(), "wait");
+        wait_until("the arm moves", || emulator.state().is_busy);
+        let since = emulator.journal().len();
+        // As a terminal does: the whole group of the host, in which the guard is not.
+        kill_process_group(pid(&host), signal).unwrap();
+        wait_until("the host ends", || host.try_wait().unwrap().is_some());
+        assert!(!host.wait().unwrap().success());
+        assert_stopped(&emulator, since);
+    }
+}
+
+#[test]
+fn a_suspended_host_stops_the_arm_for_want_of_its_heartbeat() {
+    let emulator = emulator();
+    let mut host = start_host(emulator.port(), "wait");
+    wait_until("the arm moves", || emulator.state().is_busy);
+    let since = emulator.journal().len();
+    kill_process(pid(&host), Signal::STOP).unwrap();
+    assert_stopped(&emulator, since);
+    kill_process(pid(&host), Signal::KILL).unwrap();
+    host.wait().unwrap();
+}
+
+#[test]
+fn signals_to_the_guard_stop_the_arm_and_do_not_kill_the_guard() {
+    for signal in [Signal::INT, Signal::TERM, Signal::HUP, Signal::QUIT] {
+        let emulator = emulator();
+        let (mut client, _, guard) = client(emulator.port());
+        circle_on(&mut client).unwrap();
+        wait_until("the arm moves", || emulator.state().is_busy);
+        let since = emulator.journal().len();
+        kill_process(Pid::from_raw(i32::try_from(guard).unwrap()).unwrap(), signal).unwrap();
+        assert_stopped(&emulator, since);
+        // It tells of the stop, still answers reads, and moves the arm no more.
+        assert_eq!(client.pose().unwrap_err(), ClientError::Link(LinkError::Stopped));
+        client.pose().unwrap();
+        assert_eq!(circle_on(&mut client), Err(ClientError::Link(LinkError::Stopped)));
+    }
+}
+
+#[test]
+fn a_guard_that_is_killed_is_replaced_by_the_host_itself() {
+    let emulator = emulator();
+    let (mut client, _, guard) = client(emulator.port());
+    circle_on(&mut client).unwrap();
+    wait_until("the arm moves", || emulator.state().is_busy);
+    let since = emulator.journal().len();
+    kill_process(Pid::from_raw(i32::try_from(guard).unwrap()).unwrap(), Signal::KILL).unwrap();
+    let error = loop {
+        match client.pose() {
+            Ok(_) => {}
+            Err(error) => break error,
+        }
+    };
+    assert!(error.to_string().contains("stopped without it"), "{error}");
+    assert_stopped(&emulator, since);
+}
+
+#[test]
+fn a_halt_from_another_thread_stops_the_arm_for_good() {
+    let emulator = emulator();
+    let (mut client, stopper, _) = client(emulator.port());
+    circle_on(&mut client).unwrap();
+    wait_until("the arm moves", || emulator.state().is_busy);
+    let since = emulator.journal().len();
+    std::thread::spawn(move || stopper.halt().unwrap()).join().unwrap();
+    assert_stopped(&emulator, since);
+    assert_eq!(circle_on(&mut client), Err(ClientError::Link(LinkError::Stopped)));
+    client.stop().unwrap();
+}
+
+#[test]
+fn a_halt_is_heard_while_the_arm_is_silent() {
+    let emulator = emulator();
+    let (mut client, stopper, _) = client(emulator.port());
+    circle_on(&mut client).unwrap();
+    emulator.inject("lost-reply@POSE".parse().unwrap());
+    emulator.inject("lost-reply@POSE#2".parse().unwrap());
+    let since = emulator.journal().len();
+    let halting = std::thread::spawn(move || stopper.halt().unwrap());
+    while client.pose().is_ok() {}
+    halting.join().unwrap();
+    assert_stopped(&emulator, since);
+}
+
+#[test]
+fn an_arm_that_was_unplugged_is_stopped_when_it_is_plugged_in_again() {
+    let directory = tempfile::tempdir().unwrap();
+    let port = directory.path().join("dobot");
+    let mut before = emulator();
+    before.link(&port).unwrap();
+    let (mut client, _, _) = client(&port);
+    circle_on(&mut client).unwrap();
+    wait_until("the arm moves", || before.state().is_busy);
+    before.inject("unplug".parse().unwrap());
+    let error = client.pose().unwrap_err();
+    assert!(matches!(error, ClientError::Link(LinkError::Gone { .. })), "{error}");
+    drop(client);
+    // The same name leads to a port again, as under /dev/serial/by-id.
+    let mut again = emulator();
+    again.link(&port).unwrap();
+    assert_stopped(&again, 0);
+}
+
+#[test]
+fn a_port_that_cannot_be_opened_is_explained_through_the_guard() {
+    let error = GuardLink::start(Path::new(EVRIG), Path::new("/dev/ttyUSB-none")).unwrap_err();
+    assert!(error.to_string().contains("there is no port /dev/ttyUSB-none"), "{error}");
+    let error = GuardLink::start(Path::new("/no/evrig"), Path::new("/dev/null")).unwrap_err();
+    assert!(error.to_string().contains("cannot start /no/evrig"), "{error}");
+}
+
+#[test]
+fn the_guard_stops_the_arm_when_the_host_ends_well_too() {
+    let emulator = emulator();
+    let (mut client, stopper, _) = client(emulator.port());
+    drop(stopper);
+    circle_on(&mut client).unwrap();
+    wait_until("the arm moves", || emulator.state().is_busy);
+    let since = emulator.journal().len();
+    drop(client);
+    assert_stopped(&emulator, since);
+}

@@ -1,0 +1,148 @@
+//! The event camera over TCP and from a recording: whole, interrupted, silent, absent.
+
+use evrig::device::davis::serve::StreamServer;
+use evrig::device::davis::{NetworkDavis, Pace, Patience, ReplayDavis};
+use evrig::event::{Event, Events};
+use evrig::format::aedat4::{Compression, Content, Reader, StreamSpec};
+use evrig::geometry::Size;
+use evrig::record::Verdict;
+use evrig::record::recorder::{Inlet, Recorder, Sample, Taken, channel};
+use std::net::TcpListener;
+use std::path::Path;
+use std::time::Duration;
+
+const STREET: &str = "tests/data/davis346-street.aedat4";
+const PATIENCE: Duration = Duration::from_secs(30);
+const QUICK: Patience = Patience {
+    connect: Duration::from_millis(500),
+    silence: Duration::from_millis(300),
+    reconnect: Duration::from_secs(20),
+    drain: Duration::from_millis(10),
+};
+
+fn run(first: i64, n: i64) -> Events {
+    (first..first + n).map(|t| Event { t, x: 3, y: 4, on: true }).collect()
+}
+
+fn next_events(inlet: &Inlet) -> Events {
+    match inlet.take(PATIENCE) {
+        Taken::Sample(Sample::Packet { content: Content::Events(events), .. }) => events,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn server(port: u16) -> StreamServer {
+    let spec = StreamSpec::events(Size::DAVIS346, "DAVIS346_1");
+    StreamServer::bind(("127.0.0.1", port), &spec, Compression::None).unwrap()
+}
+
+#[test]
+fn a_recording_is_played_to_its_last_packet() {
+    let mut davis = ReplayDavis::new(Path::new(STREET), Pace::Unpaced);
+    let prepared = davis.prepare().unwrap();
+    let (outlet, inlet) = channel(1 << 20);
+    davis.start(outlet).unwrap();
+    let mut played = Vec::new();
+    loop {
+        match inlet.take(PATIENCE) {
+            Taken::Sample(Sample::Packet { stream, content, .. }) => played.push((stream, content)),
+            Taken::Closed => break,
+            other => panic!("{other:?}"),
+        }
+    }
+    let file = Reader::open(STREET).unwrap();
+    assert_eq!(prepared.streams.len(), file.streams().len());
+    let there: Vec<_> = file.map(|packet| packet.unwrap().content).collect();
+    assert!(played.into_iter().map(|(_, content)| content).eq(there));
+    let tally = davis.finish().unwrap();
+    assert!(tally.is_over && tally.n_dropped == 0);
+}
+
+#[test]
+fn a_server_that_comes_back_leaves_a_gap_that_is_told() {
+    let mut first = server(0);
+    let port = first.address().port();
+    let mut davis = NetworkDavis::new(&format!("127.0.0.1:{port}"), QUICK);
+    davis.prepare().unwrap();
+    assert!(first.wait_for_clients(1, PATIENCE));
+    let (outlet, inlet) = channel(1 << 20);
+    first.send_events(run(0, 10).as_slice()).unwrap();
+    davis.start(outlet).unwrap();
+    assert_eq!(next_events(&inlet), run(0, 10));
+    drop(first);
+    let mut second = server(port);
+    assert!(second.wait_for_clients(1, PATIENCE));
+    second.send_events(run(500, 7).as_slice()).unwrap();
+    assert_eq!(next_events(&inlet), run(500, 7));
+    let tally = davis.finish().unwrap();
+    assert_eq!(tally.n_samples, 2);
+    assert!(tally.gaps.len() == 1 && tally.gaps[0].contains("away for"), "{:?}", tally.gaps);
+}
+
+#[test]
+fn a_half_open_connection_is_made_anew() {
+    let mut source = server(0);
+    let address = source.address();
+    let mut davis = NetworkDavis::new(&address.to_string(), QUICK);
+    davis.prepare().unwrap();
+    assert!(source.wait_for_clients(1, PATIENCE));
+    source.send_events(run(0, 1).as_slice()).unwrap();
+    let (outlet, inlet) = channel(1 << 20);
+    davis.start(outlet).unwrap();
+    assert_eq!(next_events(&inlet).len(), 1);
+    // Nothing comes for longer than a connection may be silent: the client takes a new one.
+    assert!(source.wait_for_clients(2, PATIENCE));
+    source.send_events(run(9, 1).as_slice()).unwrap();
+    assert_eq!(next_events(&inlet), run(9, 1));
+    assert!(!davis.finish().unwrap().gaps.is_empty());
+}
+
+#[test]
+fn a_server_that_stays_away_is_one_clear_error() {
+    let mut source = server(0);
+    let patience = Patience { reconnect: Duration::ZERO, ..QUICK };
+    let mut davis = NetworkDavis::new(&source.address().to_string(), patience);
+    davis.prepare().unwrap();
+    assert!(source.wait_for_clients(1, PATIENCE));
+    source.send_events(run(0, 1).as_slice()).unwrap();
+    let (outlet, inlet) = channel(1 << 20);
+    davis.start(outlet).unwrap();
+    drop(source);
+    assert!(matches!(inlet.take(PATIENCE), Taken::Sample(_)));
+    assert!(matches!(inlet.take(PATIENCE), Taken::Closed));
+    let said = davis.progress().unwrap_err().to_string();
+    assert!(said.contains("tcp://127.0.0.1") && said.contains("emulate davis"), "{said}");
+    davis.abort();
+    davis.abort();
+}
+
+#[test]
+fn nobody_there_and_somebody_else_there_are_told_apart_before_anything_moves() {
+    let absent = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let finding = &NetworkDavis::new(&absent.to_string(), QUICK).check()[0];
+    assert!(finding.verdict == Verdict::Bad && finding.says.contains("refused"), "{finding:?}");
+    let mute = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = mute.local_addr().unwrap().to_string();
+    let finding = &NetworkDavis::new(&address, QUICK).check()[0];
+    assert!(finding.verdict == Verdict::Bad && finding.says.contains("header"), "{finding:?}");
+}
+
+#[test]
+fn a_slow_reader_loses_what_is_counted_and_nothing_else() {
+    let mut source = server(0);
+    let mut davis = NetworkDavis::new(&source.address().to_string(), QUICK);
+    davis.prepare().unwrap();
+    assert!(source.wait_for_clients(1, PATIENCE));
+    // Room for one packet: the others are dropped while nobody takes any.
+    let (outlet, inlet) = channel(1);
+    for k in 0..20 {
+        source.send_events(run(100 * k, 50).as_slice()).unwrap();
+    }
+    davis.start(outlet).unwrap();
+    while davis.progress().unwrap().n_dropped < 19 {
+        std::thread::yield_now();
+    }
+    let tally = davis.finish().unwrap();
+    assert_eq!((tally.n_samples, tally.n_dropped), (1, 19));
+    assert_eq!(next_events(&inlet), run(0, 50));
+}

@@ -1,0 +1,335 @@
+//! A whole recording: arm on a pty, event camera from a recording or a server, frame camera over TCP.
+
+use evrig::delivery::{Focus, RgbDelivery};
+use evrig::device::davis::serve::StreamServer;
+use evrig::device::davis::{NetworkDavis, Pace, Patience as DavisPatience, ReplayDavis};
+use evrig::device::dobot::{Client, Magician, Patience as ArmPatience, port};
+use evrig::device::pi::{NetworkPi, Patience, Reach};
+use evrig::event::Event;
+use evrig::format::aedat4::{Compression, StreamSpec};
+use evrig::geometry::Size;
+use evrig::pi::agent::{Agent, AgentError, Room, Service, Spool};
+use evrig::pi::order::{Delivery, Order};
+use evrig::pi::source::Synthetic;
+use evrig::pi::wire::Settings;
+use evrig::record::recorder::Recorder;
+use evrig::record::{
+    Devices, Dwells, Outcome, Prompts, RecordError, Request, State, Stop, StopToken, record,
+};
+use evrig::rig::Rig;
+use evrig::session::{Session, Status, StreamKind, verify};
+use evrig::sim::arm::{Clock, Emulator, Options};
+use evrig::time::Span;
+use evrig::trajectory::{Optional, Trajectory};
+use evrig::units::Hertz;
+use std::path::Path;
+use std::time::Duration;
+
+const STREET: &str = "tests/data/davis346-street.aedat4";
+const N_EVENTS: u64 = 78_830;
+const NO_DWELLS: Dwells = Dwells { lead_in: Duration::ZERO, tail: Duration::ZERO };
+
+/// Arm and Pi camera, with the parts that must live as long as they do.
+struct Bench {
+    rig: Rig,
+    trajectory: Trajectory,
+    emulator: Emulator,
+    agent: Agent,
+}
+
+impl Bench {
+    /// The arm's time passes by requests and the Pi's frames come as fast as they are taken.
+    fn new(n_frames: u64) -> Self {
+        let options = Options { homing: Span::from_micros(100_000), ..Options::default() };
+        let clock = Clock::Stepped(Span::from_micros(4_000));
+        let camera = Box::new(Synthetic::unpaced(n_frames));
+        Self {
+            rig: Rig::simulated().unwrap(),
+            trajectory: Trajectory::find("circle").unwrap(),
+            emulator: Emulator::start(options, clock, Vec::new()).unwrap(),
+            agent: Agent::serve("127.0.0.1:0".parse().unwrap(), camera).unwrap(),
+        }
+    }
+
+    fn devices(&self, davis: Box<dyn Recorder>) -> Devices {
+        let patience = ArmPatience {
+            reply: Span::from_micros(200_000),
+            n_tries: 3,
+            between_polls: Span::ZERO,
+        };
+        let client = Client::new(Box::new(port::open(self.emulator.port()).unwrap()), patience);
+        let mut arm = Magician::over(client, self.rig.arm.clone());
+        arm.home(Span::from_micros(20_000_000)).unwrap();
+        let address = self.agent.address().to_string();
+        let pi = NetworkPi::new(&address, settings(), Patience::default());
+        Devices { arm: Box::new(arm), recorders: vec![davis, Box::new(pi)] }
+    }
+
+    fn record(
+        &self,
+        out: &Path,
+        davis: Box<dyn Recorder>,
+        stop: &StopToken,
+        watch: &mut dyn FnMut(State, f64),
+    ) -> Result<Outcome, RecordError> {
+        let path = self.trajectory.path(&self.rig, Optional::Included).unwrap();
+        let (rig, trajectory) = (&self.rig, &self.trajectory);
+        let request = Request {
+            rig,
+            trajectory,
+            path: &path,
+            out,
+            dwells: NO_DWELLS,
+            prompts: Prompts::default(),
+        };
+        record(request, &mut self.devices(davis), stop, watch)
+    }
+}
+
+fn settings() -> Settings {
+    Settings {
+        size: Size::new(48, 32),
+        frame_rate: Hertz(120.0),
+        exposure: Span::from_micros(4_000),
+        gain: 1.0,
+        raw: true,
+        rgb: true,
+    }
+}
+
+fn replay() -> Box<dyn Recorder> {
+    Box::new(ReplayDavis::new(Path::new(STREET), Pace::Unpaced))
+}
+
+fn count(session: &Session, name: &str, kind: StreamKind) -> u64 {
+    session.stream(kind, name).unwrap_or_else(|error| panic!("{error}")).count
+}
+
+fn assert_verifies(session: &Session) {
+    let verification = verify(session).unwrap();
+    assert!(verification.holds(), "{:#?}", verification.findings);
+}
+
+#[test]
+fn a_session_comes_out_whole_and_verifies() {
+    let bench = Bench::new(300);
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("session");
+    let mut states = Vec::new();
+    let mut watch = |state, _| {
+        if states.last() != Some(&state) {
+            states.push(state);
+        }
+    };
+    let outcome = bench.record(&out, replay(), &StopToken::default(), &mut watch).unwrap();
+    assert_eq!(outcome.cut_short, None);
+    let expected = [
+        State::Preflight,
+        State::StartPose,
+        State::Cameras,
+        State::LeadIn,
+        State::Trajectory,
+        State::Tail,
+        State::Drain,
+        State::Seal,
+    ];
+    assert_eq!(states, expected);
+    let session = Session::open(&out).unwrap();
+    assert_verifies(&session);
+    let manifest = session.manifest();
+    assert_eq!(manifest.status, Status::Complete);
+    assert_eq!(count(&session, "real", StreamKind::Events), N_EVENTS);
+    assert_eq!(count(&session, "aps", StreamKind::Frames), 59);
+    let pi = &manifest.recording.as_ref().unwrap().devices[1];
+    assert_eq!(pi.n_samples + pi.n_dropped, 300, "every frame is written or counted as dropped");
+    for (name, kind) in [
+        ("raw", StreamKind::Frames),
+        ("rgb", StreamKind::Frames),
+        ("pi-metadata", StreamKind::Metadata),
+    ] {
+        assert_eq!(count(&session, name, kind), pi.n_samples, "{name}");
+    }
+    assert_eq!(session.stream(StreamKind::Frames, "raw").unwrap().size, Some(Size::new(48, 32)));
+    // Five readings before and five after the frames at least.
+    assert!(count(&session, "pi-clock", StreamKind::ClockReadings) >= 10);
+    assert!(count(&session, "arm", StreamKind::Poses) > 10);
+    let recording = manifest.recording.as_ref().unwrap();
+    assert_eq!(recording.rig, bench.rig.text);
+    assert_eq!(recording.ended, "complete");
+    let journal = std::fs::read_to_string(session.layout().journal()).unwrap();
+    assert!(journal.contains("\"trajectory\"") && journal.contains("\"seal\""), "{journal}");
+}
+
+#[test]
+fn events_are_compressed_as_the_rig_says_and_come_out_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let recorded = ["none", "lz4", "zstd"].map(|word| {
+        let mut bench = Bench::new(1);
+        let key = |word| format!("compression = \"{word}\"");
+        let text = bench.rig.text.replace(&key("none"), &key(word));
+        bench.rig = Rig::parse("compressed.toml", &text).unwrap();
+        let out = folder.path().join(word);
+        bench.record(&out, replay(), &StopToken::default(), &mut |_, _| {}).unwrap();
+        let session = Session::open(&out).unwrap();
+        assert_verifies(&session);
+        let n_bytes = std::fs::metadata(session.layout().davis()).unwrap().len();
+        (session.events("real").unwrap().0, n_bytes)
+    });
+    let [(plain, n_plain), (lz4, n_lz4), (zstd, n_zstd)] = recorded;
+    assert_eq!(plain.len() as u64, N_EVENTS);
+    assert!(lz4 == plain && zstd == plain);
+    assert!(n_zstd < n_lz4 && n_lz4 < n_plain, "{n_plain}, {n_lz4}, {n_zstd} bytes");
+}
+
+#[test]
+fn a_changed_or_cut_log_does_not_verify_and_the_cut_one_is_read_up_to_the_cut() {
+    let bench = Bench::new(100);
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("session");
+    bench.record(&out, replay(), &StopToken::default(), &mut |_, _| ()).unwrap();
+    let session = Session::open(&out).unwrap();
+    let log = session.layout().rig_log();
+    let bytes = std::fs::read(&log).unwrap();
+    let mut changed = bytes.clone();
+    changed[bytes.len() / 2] ^= 0x40;
+    for wrong in [changed, bytes[..bytes.len() / 2].to_vec()] {
+        std::fs::write(&log, wrong).unwrap();
+        assert!(!verify(&session).unwrap().holds());
+    }
+    std::fs::write(&log, bytes).unwrap();
+    assert_verifies(&session);
+}
+
+#[test]
+fn an_event_camera_that_is_unplugged_ends_in_a_sealed_marked_session() {
+    let bench = Bench::new(u64::MAX);
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("session");
+    let spec = StreamSpec::events(Size::DAVIS346, "DAVIS346_1");
+    let mut server = StreamServer::bind("127.0.0.1:0", &spec, Compression::None).unwrap();
+    let patience = DavisPatience { reconnect: Duration::ZERO, ..DavisPatience::default() };
+    let davis = NetworkDavis::new(&server.address().to_string(), patience);
+    // One connection for the preflight, one for the recording.
+    let plug = std::thread::spawn(move || {
+        assert!(server.wait_for_clients(2, Duration::from_secs(30)));
+        let event = Event { t: 5, x: 1, y: 1, on: true };
+        server
+            .send_events([event].into_iter().collect::<evrig::event::Events>().as_slice())
+            .unwrap();
+    });
+    let outcome =
+        bench.record(&out, Box::new(davis), &StopToken::default(), &mut |_, _| ()).unwrap();
+    plug.join().unwrap();
+    assert!(!outcome.is_asked_for);
+    let why = outcome.cut_short.unwrap();
+    assert!(why.contains("davis at tcp://"), "{why}");
+    let session = Session::open(&out).unwrap();
+    assert_verifies(&session);
+    assert_eq!(session.manifest().status, Status::Aborted);
+    assert_eq!(count(&session, "real", StreamKind::Events), 1);
+    assert!(session.manifest().losses.iter().any(|loss| loss.stream == "davis"));
+    assert!(!bench.emulator.state().is_busy, "the arm stands");
+}
+
+#[test]
+fn the_operators_stop_stands_the_arm_and_seals() {
+    let bench = Bench::new(u64::MAX);
+    for (wish, is_home) in [(Stop::AtOnce, false), (Stop::Park, true)] {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("session");
+        let stop = StopToken::default();
+        let mut watch = |state, _| {
+            if state == State::Trajectory {
+                stop.ask(wish);
+            }
+        };
+        let outcome = bench.record(&out, replay(), &stop, &mut watch).unwrap();
+        assert!(outcome.is_asked_for);
+        let session = Session::open(&out).unwrap();
+        assert_verifies(&session);
+        assert_eq!(session.manifest().status, Status::Aborted);
+        let state = bench.emulator.state();
+        assert!(!state.is_busy && state.n_waiting == 0);
+        let away = state.planner.distance(bench.rig.arm.home).0;
+        assert_eq!(away < 0.1, is_home, "{away} mm from home after {wish:?}");
+    }
+}
+
+#[test]
+fn an_absent_agent_is_told_before_anything_moves_or_is_made() {
+    let mut bench = Bench::new(1);
+    let address = bench.agent.address();
+    bench.agent =
+        Agent::serve("127.0.0.1:0".parse().unwrap(), Box::new(Synthetic::unpaced(1))).unwrap();
+    let mut devices = bench.devices(replay());
+    devices.recorders[1] =
+        Box::new(NetworkPi::new(&address.to_string(), settings(), Patience::default()));
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("session");
+    let path = bench.trajectory.path(&bench.rig, Optional::Included).unwrap();
+    let (rig, trajectory) = (&bench.rig, &bench.trajectory);
+    let request = Request {
+        rig,
+        trajectory,
+        path: &path,
+        out: &out,
+        dwells: NO_DWELLS,
+        prompts: Prompts::default(),
+    };
+    let error = record(request, &mut devices, &StopToken::default(), &mut |_, _| ()).unwrap_err();
+    assert!(error.to_string().contains("evrig pi"), "{error}");
+    assert!(!out.exists());
+}
+
+#[test]
+fn two_recorders_cannot_have_one_camera() {
+    let bench = Bench::new(u64::MAX);
+    let address = bench.agent.address().to_string();
+    let mut first = NetworkPi::new(&address, settings(), Patience::default());
+    first.prepare().unwrap();
+    let mut second = NetworkPi::new(&address, settings(), Patience::default());
+    let said = second.prepare().unwrap_err().to_string();
+    assert!(said.contains("another recorder"), "{said}");
+}
+
+#[test]
+fn rgb_pictures_fetched_after_the_take_are_in_the_session_beside_their_raw_ones() {
+    let mut bench = Bench::new(1);
+    let folder = tempfile::tempdir().unwrap();
+    let spool = Spool { directory: folder.path().to_owned(), limit_bytes: 1 << 30 };
+    let room = Room { memory_bytes: 1 << 20, spool: Some(spool) };
+    let service = Service { room, ..Service::local("127.0.0.1:0".parse().unwrap()) };
+    bench.agent = Agent::open(service, Box::new(Synthetic::unpaced(100))).unwrap();
+    let reach = Reach::Local { address: bench.agent.address().to_string() };
+    let delivery = Delivery { rgb: RgbDelivery::AfterTake, ..Delivery::default() };
+    let order = Order { settings: settings(), focus: Focus::Once, delivery };
+    let mut devices = bench.devices(replay());
+    devices.recorders[1] = Box::new(NetworkPi::reached(reach, order, Patience::default()));
+    let out = folder.path().join("session");
+    let path = bench.trajectory.path(&bench.rig, Optional::Included).unwrap();
+    let (rig, trajectory) = (&bench.rig, &bench.trajectory);
+    let request = Request {
+        rig,
+        trajectory,
+        path: &path,
+        out: &out,
+        dwells: NO_DWELLS,
+        prompts: Prompts::default(),
+    };
+    record(request, &mut devices, &StopToken::default(), &mut |_, _| ()).unwrap();
+    let session = Session::open(&out).unwrap();
+    assert_verifies(&session);
+    for (name, kind) in [
+        ("raw", StreamKind::Frames),
+        ("rgb", StreamKind::Frames),
+        ("pi-metadata", StreamKind::Metadata),
+    ] {
+        assert_eq!(count(&session, name, kind), 100, "{name}");
+    }
+}
+
+#[test]
+fn the_agent_does_not_listen_beyond_this_machine() {
+    let open = Agent::serve("0.0.0.0:0".parse().unwrap(), Box::new(Synthetic::paced()));
+    assert!(matches!(open, Err(AgentError::NotLoopback { .. })));
+}

@@ -1,0 +1,142 @@
+//! Bad light and bad settings are named, by the real commands; black and cut-off pixels are none.
+
+use assert_cmd::Command;
+use evrig::format::npy::ArrayWriter;
+use evrig::session::Session;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// Runs evrig; its exit code, what it said on stderr, and its result.
+fn evrig(arguments: &[&str]) -> (i32, String, Value) {
+    let mut command = Command::cargo_bin("evrig").expect("the binary is built with the tests");
+    let output = command.args(arguments).arg("--json").output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    let value = serde_json::from_slice(&output.stdout).unwrap_or(Value::Null);
+    (output.status.code().unwrap(), said, value)
+}
+
+/// Frames of 24 x 16 in which a wave moves between black and cut off.
+fn clip(root: &Path, n: u64) -> PathBuf {
+    let path = root.join("clip.npy");
+    let mut writer = ArrayWriter::<u8>::create(&path, &[n, 16, 24]).unwrap();
+    for k in 0..n {
+        let wave = |i: usize| 127.5 + 300.0 * (0.5 * (i % 24) as f64 + 0.4 * k as f64).sin();
+        let frame: Vec<u8> = (0..24 * 16).map(|i| wave(i).clamp(0.0, 255.0) as u8).collect();
+        writer.extend(&frame).unwrap();
+    }
+    writer.finish().unwrap();
+    path
+}
+
+/// A session of such frames; its path.
+fn session(root: &Path) -> String {
+    let (frames, session) = (clip(root, 30), root.join("session"));
+    let [frames, session] = [frames, session].map(|path| path.to_str().unwrap().to_owned());
+    let (code, said, _) = evrig(&["import", "frames", &frames, "--fps", "100", "--out", &session]);
+    assert_eq!(code, 0, "{said}");
+    session
+}
+
+#[test]
+fn times_that_stand_or_go_back_and_sizes_that_change_are_named() {
+    let directory = tempfile::tempdir().unwrap();
+    let root = directory.path();
+    let frames = clip(root, 3);
+    let out = root.join("session");
+    for (times, expected) in [("0\n5\n5\n", "frame 2 at 5 us"), ("0\n9\n4\n", "frame 2 at 4 us")] {
+        let file = root.join("times.txt");
+        std::fs::write(&file, times).unwrap();
+        let [frames, file, out] = [&frames, &file, &out].map(|path| path.to_str().unwrap());
+        let (code, said, _) =
+            evrig(&["import", "frames", frames, "--timestamps", file, "--out", out]);
+        assert_eq!(code, 1, "{said}");
+        assert!(said.contains(expected), "{said}");
+    }
+    let folder = root.join("pictures");
+    std::fs::create_dir(&folder).unwrap();
+    for (name, side) in [("1.pgm", 4), ("2.pgm", 5)] {
+        let mut picture = format!("P5 {side} {side} 255\n").into_bytes();
+        picture.extend(vec![90; side * side]);
+        std::fs::write(folder.join(name), picture).unwrap();
+    }
+    let [folder, out] = [&folder, &out].map(|path| path.to_str().unwrap());
+    let (code, said, _) = evrig(&["import", "frames", folder, "--fps", "10", "--out", out]);
+    assert_eq!(code, 1, "{said}");
+    assert!(said.contains("2.pgm") && said.contains("5 x 5") && said.contains("4 x 4"), "{said}");
+}
+
+#[test]
+fn black_and_cut_off_pixels_make_finite_events_under_every_model() {
+    let directory = tempfile::tempdir().unwrap();
+    let session = session(directory.path());
+    for preset in ["DVS346", "Raw2DVS346", "RGB2DVS346", "ESIM", "v2e-noisy"] {
+        let name = preset.to_lowercase();
+        let (code, said, made) =
+            evrig(&["generate", &session, "--preset", preset, "--name", &name]);
+        assert_eq!(code, 0, "{preset}: {said}");
+        assert!(made["events"].as_u64().unwrap() > 1_000, "{preset}: {made}");
+        let (events, tally) = Session::open(Path::new(&session)).unwrap().events(&name).unwrap();
+        assert_eq!((tally.outside, tally.sorted_in), (0, 0));
+        let inside = made["first_us"].as_i64().unwrap()..=made["last_us"].as_i64().unwrap();
+        assert!(events.as_slice().t.iter().all(|t| inside.contains(t)), "{preset}");
+    }
+}
+
+#[test]
+fn settings_out_of_range_are_wrong_use_and_named() {
+    let directory = tempfile::tempdir().unwrap();
+    let session = session(directory.path());
+    let cases: [(&[&str], &str); 8] = [
+        (&["--k", "1,1,-1,0,0,0"], "k3"),
+        (&["--k", "1,0,0,0,0,0"], "k2"),
+        (&["--k", "1,1,1"], "3 numbers"),
+        (&["--knob", "contrast-sensitivity=-4"], "k1 is -4"),
+        (&["--knob", "contrast=4"], "contrast-sensitivity"),
+        (&["--preset", "DVS345"], "DVS346"),
+        (&["--colour", "purple"], "purple"),
+        (&["--effect", "refractory_period:refractory_us=-1"], "refractory_us"),
+    ];
+    for (arguments, expected) in cases {
+        let (code, said, _) = evrig(&[&["generate", &session], arguments].concat());
+        assert_eq!(code, 2, "{arguments:?}: {said}");
+        assert!(said.contains(expected), "{arguments:?}: {said}");
+        assert!(said.starts_with("error: ") && said.lines().count() == 1, "{said}");
+    }
+}
+
+#[test]
+fn what_the_session_lacks_is_said_with_the_command_that_makes_it() {
+    let directory = tempfile::tempdir().unwrap();
+    let session = session(directory.path());
+    let cases: [(&[&str], &str); 5] = [
+        (&["generate", "--from", "scene"], "evrig scene"),
+        (&["generate", "--in-plane"], "evrig track"),
+        (&["generate", "--preset", "tuned"], "evrig calibrate"),
+        (&["generate", "--from", "raw"], "raw"),
+        (&["calibrate"], "real"),
+    ];
+    for (arguments, expected) in cases {
+        let (verb, rest) = arguments.split_first().unwrap();
+        let (code, said, _) = evrig(&[&[*verb, &session], rest].concat());
+        assert_eq!(code, 1, "{arguments:?}: {said}");
+        assert!(said.contains(expected), "{arguments:?}: {said}");
+        assert!(said.starts_with("error: ") && said.lines().count() == 1, "{said}");
+    }
+}
+
+#[test]
+fn a_sweep_shows_what_one_knob_does_and_the_frames_rhythm_is_told() {
+    let directory = tempfile::tempdir().unwrap();
+    let session = session(directory.path());
+    let (code, said, swept) =
+        evrig(&["sweep", &session, "--knob", "contrast-sensitivity=2..8", "--steps", "3"]);
+    assert_eq!(code, 0, "{said}");
+    let counts: Vec<u64> =
+        swept["steps"].as_array().unwrap().iter().map(|s| s["events"].as_u64().unwrap()).collect();
+    assert!(counts.len() == 3 && counts.windows(2).all(|pair| pair[0] < pair[1]), "{counts:?}");
+    let page = std::fs::read_to_string(swept["path"].as_str().unwrap()).unwrap();
+    assert!(page.contains("contrast-sensitivity = 2.00") && page.contains("<svg"), "a page");
+    let (_, _, made) = evrig(&["generate", &session]);
+    let rhythm = made["frame_rhythm"].as_f64().unwrap();
+    assert!((0.0..1.0).contains(&rhythm), "{rhythm}");
+}

@@ -1,0 +1,46 @@
+//! Event tables that h5py wrote become streams.
+//!
+//! Needs a Python with `h5py` and `numpy`, named by `EVRIG_PYTHON`; says so and passes
+//! when that is unset.
+
+use evrig::event::Event;
+use evrig::format::npy::ArrayWriter;
+use evrig::session::import::{FrameTimes, ImportFrames, import_frames};
+use evrig::session::{Session, StreamName};
+use std::process::Command;
+
+#[test]
+fn every_layout_that_h5py_users_write_gives_the_same_events() {
+    let Some(python) = std::env::var("EVRIG_PYTHON").ok().filter(|p| !p.is_empty()) else {
+        eprintln!("skipped: set EVRIG_PYTHON to a Python with h5py");
+        return;
+    };
+    let directory = tempfile::tempdir().unwrap();
+    let frames = directory.path().join("clip.npy");
+    let mut writer = ArrayWriter::<u8>::create(&frames, &[2, 8, 12]).unwrap();
+    writer.extend(&[50; 192]).unwrap();
+    writer.finish().unwrap();
+    // DSEC states an offset that must be added; the other layouts state none.
+    for (layout, offset) in [("dsec", 1_700_000_000_000_000), ("flat", 0), ("table", 0)] {
+        let file = directory.path().join(format!("{layout}.h5"));
+        let script = "tests/python/write_hdf5.py";
+        let status = Command::new(&python).arg(script).arg(&file).arg(layout).status().unwrap();
+        assert!(status.success(), "{script} failed");
+        let request = ImportFrames {
+            frames: &frames,
+            times: FrameTimes::Fps(100.0),
+            events: Some(&file),
+            events_name: StreamName::new("real").unwrap(),
+        };
+        let session = directory.path().join(layout);
+        import_frames(&request, &session).unwrap();
+        let (found, _) = Session::open(&session).unwrap().events("real").unwrap();
+        let expected = (0..5_000_i64).map(|i| Event {
+            t: offset + i * 7,
+            x: (i % 12) as u16,
+            y: (i % 8) as u16,
+            on: (i / 3) % 2 == 1,
+        });
+        assert!(found.as_slice().iter().eq(expected), "{layout}");
+    }
+}
