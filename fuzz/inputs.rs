@@ -1,7 +1,7 @@
 //! Every parser that takes bytes from outside, each as a function of any bytes: it may refuse them,
 //! and must neither panic, nor run for ever, nor take memory without bound.
 //!
-//! The fuzz targets call these, and so does `tests/fuzz_corpus.rs` with what the fuzzers kept.
+//! The fuzz targets call these, and so does `tests/it/fuzz_corpus.rs` with what the fuzzers kept.
 
 use evrig::format::aedat4::Reader;
 use evrig::format::npy::{ArrayWriter, NpzWriter};

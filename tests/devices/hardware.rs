@@ -1,4 +1,4 @@
-//! The rig of a laboratory: `EVRIG_HARDWARE=rig/lab.toml cargo test --test hardware -- --nocapture`.
+//! The rig of a laboratory: `EVRIG_HARDWARE=rig/lab.toml cargo test --test devices hardware:: -- --nocapture`.
 //!
 //! The arm drives the bundled trajectory `line`: 40 mm in the air before the target. Without the
 //! variable nothing is tried, and that is said. `EVRIG_HARDWARE=sim` tries the test itself.

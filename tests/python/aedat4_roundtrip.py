@@ -3,7 +3,7 @@
 Driven by tests/aedat4_dv.rs, which runs it when EVRIG_PYTHON names a Python with
 `pip install dv-processing numpy`:
 
-    EVRIG_PYTHON=.venv/bin/python cargo test --test aedat4_dv
+    EVRIG_PYTHON=.venv/bin/python cargo test --test it aedat4_dv
 
 `check TRUTH FILE` reads FILE with dv-processing's MonoCameraRecording and demands the
 contents of TRUTH (JSON) back, value by value; `write TRUTH FILE COMPRESSION` writes them with
