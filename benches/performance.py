@@ -1,14 +1,13 @@
-"""Makes docs/PERFORMANCE.md: runs the benchmarks and writes what they print between its markers.
+"""Writes docs/reference/performance.md: runs the benchmarks and puts their output between its markers.
 
     python3 benches/performance.py [SECTION ...] [--dir DIR] [--disk-seconds 120] [--sink-seconds 1800]
 
-Sections: aedat4, generate, filter, disk, sink; all of them without an argument. A section stands in
-the page between `<!-- measured: NAME -->` and `<!-- end -->`, with the machine, its load and the
-command; what is around it is written by hand and stays. The first table of the page holds one ratio
-a line, taken from what the benchmarks print; lines of sections that are not run stay as they were.
-DIR (the system's temporary folder) is where `disk` records: 35 GB in two minutes with events compressed
-by LZ4, and as much again for the plain copy beside it. A benchmark that fails leaves its section as
-it is, and ends this with 1.
+Sections: aedat4, generate, filter, disk, sink; without an argument all of them. The output of a section
+goes between `<!-- measured: NAME -->` and `<!-- end -->`, with the machine, its load and the command. The
+text around the markers is written by hand and kept. The first table of the page has one ratio per line,
+parsed from the output; lines of sections that are not run are kept. DIR (default: the system's temporary
+directory) is where `disk` records: 35 GB in two minutes with LZ4, and as much for the plain copy. If a
+benchmark fails, its section is kept and the exit code is 1.
 """
 
 import argparse
@@ -22,7 +21,7 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "PERFORMANCE.md"
+PAGE = ROOT / "docs" / "reference" / "performance.md"
 
 
 def commands(arguments):
@@ -37,12 +36,12 @@ def commands(arguments):
     }
 
 
-# What of a section's output is a ratio: the line's name, a pattern whose first group is the number,
-# what it is measured against, and the aim, if there is one.
+# Ratios in the output of each section: name of the line, pattern whose first group is the number,
+# reference or unit, and aim if there is one.
 RATIOS = {
     "aedat4": [
         (f"AEDAT4, {task}", rf"^{task}(?: +[\d.]+){{3}} +([\d.]+)",
-         "rate over the faster of dv-processing and faery", aim)
+         "rate relative to the faster of dv-processing and faery", aim)
         for task, aim in [("encode none", ""), ("decode none", ""), ("encode lz4", "3"),
                           ("decode lz4", "1.5"), ("encode zstd", ""), ("decode zstd", "")]
     ] + [
@@ -52,17 +51,17 @@ RATIOS = {
     "generate": [
         (f"generator {model}, 346 x 260, one thread",
          rf"^\| {model} \| 346 x 260 \| 1 \|.*\| ([\d.]+) \|$",
-         "processor time over that of touching the memory once", "")
+         "processor time relative to one pass through memory", "")
         for model in ["voltmeter", "esim", "v2e-clean", "eventcv-core, clean", "v2e-noisy",
                       "eventcv-core, noisy"]
     ],
     "filter": [
-        (f"filter, {name}", rf"^\| {name} \| \d+ \| ([\d.]+) \|$", "time over a copy of the columns", "")
+        (f"filter, {name}", rf"^\| {name} \| \d+ \| ([\d.]+) \|$", "time relative to a copy of the columns", "")
         for name in ["region", "region, cropped to 88 px", "region through a lens", "region, all events in it"]
     ],
     "disk": [
         ("recording to disk", r"recording / copy = ([\d.]+)",
-         "time over a plain copy of the same bytes", ""),
+         "time relative to a plain copy of the same bytes", ""),
         ("recording to disk, dropped", r"^davis +\d+ samples, (\d+) dropped", "event packets", "0"),
         ("recording to disk, dropped", r"^pi +\d+ samples, (\d+) dropped", "frames", "0"),
         ("recorder to disk", r"^recorder +([\d.]+) cores", "cores", ""),
@@ -84,7 +83,7 @@ def machine():
 
 
 def measure(command):
-    """What a benchmark prints on its standard output, with the machine's load around it."""
+    """Returns the standard output of a benchmark and the load of the machine before and after it."""
     before = os.getloadavg()[0]
     done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
     if done.returncode != 0:
@@ -93,9 +92,9 @@ def measure(command):
 
 
 def block(name, command, output, load):
-    """A section as it stands in the page: tables as they are, everything else set as it was printed."""
+    """Formats a section: tables as Markdown, everything else as preformatted text."""
     shown = " ".join([pathlib.Path(command[0]).name, *command[1:]])
-    told = f"`{shown}`\n\n{datetime.date.today():%-d %B %Y}, {machine()}, {load}:\n\n"
+    heading = f"`{shown}`\n\n{datetime.date.today():%-d %B %Y}, {machine()}, {load}:\n\n"
     parts, kind = [], None
     for line in output.splitlines():
         is_table = line.startswith("|")
@@ -107,18 +106,18 @@ def block(name, command, output, load):
         parts.append(line)
     if kind is False:
         parts.append("```")
-    return f"<!-- measured: {name} -->\n{told}{chr(10).join(parts).strip()}\n<!-- end -->"
+    return f"<!-- measured: {name} -->\n{heading}{chr(10).join(parts).strip()}\n<!-- end -->"
 
 
 def put(page, name, text):
     marked = re.compile(rf"<!-- measured: {name} -->.*?<!-- end -->", re.S)
     if not marked.search(page):
-        raise SystemExit(f"{PAGE} has no place for {name}: expected <!-- measured: {name} -->")
+        raise SystemExit(f"{PAGE} has no markers for {name}: expected <!-- measured: {name} -->")
     return marked.sub(lambda _: text, page, count=1)
 
 
 def ratios(page, outputs):
-    """The first table, with the lines of these sections made anew."""
+    """Returns the first table with the lines of these sections replaced."""
     marked = re.search(r"<!-- measured: ratios -->(.*?)<!-- end -->", page, re.S)
     known = re.findall(r"^\| ([^|]+) \| ([^|]+) \| ([^|]+) \| ([^|]*) \|$", marked[1] if marked else "", re.M)
     lines = {(name, against): (value, aim.strip()) for name, value, against, aim in known[1:]}
@@ -128,7 +127,7 @@ def ratios(page, outputs):
             found = re.search(pattern, output, re.M)
             lines[(name, against)] = (found[1] if found else "not printed", aim)
     order = [(name, against) for rows in RATIOS.values() for name, _, against, _ in rows]
-    rows = ["| what | measured | against or in | aim |", "| --- | ---: | --- | ---: |"]
+    rows = ["| what | measured | reference or unit | aim |", "| --- | ---: | --- | ---: |"]
     for key in order:
         if key in lines:
             (name, against), (value, aim) = key, lines[key]
@@ -155,11 +154,11 @@ def main():
             failed.append(name)
             continue
         outputs[name] = output
-        # Read again each time: a long run may have been edited around.
+        # Read the page again each time: it may have been edited during a long run.
         page = put(PAGE.read_text(), name, block(name, command, output, load))
         PAGE.write_text(put(page, "ratios", ratios(page, outputs)))
     if failed:
-        raise SystemExit(f"failed, and left as they were: {', '.join(failed)}")
+        raise SystemExit(f"failed, sections kept: {', '.join(failed)}")
 
 
 if __name__ == "__main__":

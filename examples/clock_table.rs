@@ -1,4 +1,5 @@
-//! The clock methods against each other on simulated recordings; `docs/clock.md` reads the table.
+//! The clock methods against each other on simulated recordings; the tables are in
+//! `docs/reference/clock-accuracy.md`.
 //!
 //! `cargo run --release --example clock_table [TRIALS]` (60 s recordings; twice as many of
 //! 5 s, a quarter of 600 s).
