@@ -5,9 +5,6 @@ author = "The evrig authors"
 extensions = ["myst_parser"]
 myst_enable_extensions = ["dollarmath", "deflist", "colon_fence"]
 myst_heading_anchors = 3
-exclude_patterns = ["requirements.txt"]
 html_theme = "furo"
 html_title = "evrig"
 html_copy_source = False
-# The repository's README is outside this directory, so the figures are copied for both.
-nitpicky = True

@@ -1,4 +1,4 @@
-//! The score as a page of Markdown: what a reader of docs/PROOF.md sees.
+//! The score as a page of Markdown: what a reader of docs/reference/proof.md sees.
 
 use super::{Judgement, Score};
 use std::fmt::Write as _;
