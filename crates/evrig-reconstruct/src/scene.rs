@@ -1,15 +1,14 @@
-//! What the event pixels looked at: the light signal of a session.
+//! Log-intensity signal of each event pixel, reconstructed from a session's frames.
 //!
-//! [`survey()`] makes a map of the print from the Pi's raw frames, in millimetres on the print and
-//! finer than either camera's pixels, together with the path of the head over it: the tag to start
-//! with, then every frame's pose against the map by the light itself (Gauss-Newton on the marks of
-//! the map, row-true), and the row time with them. [`tie()`] finds how the event camera sits beside
-//! the Pi camera and how late its clock is: by the tag in its frames to start with, then by their
-//! light. [`SceneDrive`] is the drive that follows: the map seen through the event pixels' own
-//! optics, along the path, at any time.
+//! [`reconstruct_target()`] estimates a radiance map of the printed target from the Pi's raw frames
+//! (millimetres on the target, finer than either camera's pixels), the path of the camera head over
+//! it and the row time. Poses start from the tag and are refined by Gauss-Newton against the map,
+//! row by row. [`align_davis()`] estimates how the event camera sits beside the Pi camera and how
+//! late its clock is, from the tag and then photometrically. [`SceneDrive`] is the resulting drive:
+//! the map blurred by the optics of the event pixels and sampled along the path at any time.
 //!
-//! [`FramesDrive`] takes the drive from the event camera's own pixel grid, frame by frame, where
-//! nothing else is known of the scene.
+//! [`FramesDrive`] takes the drive from frames on the event camera's own pixel grid and needs no
+//! other knowledge of the scene.
 
 mod align;
 mod blur;

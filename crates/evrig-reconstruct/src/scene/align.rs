@@ -1,4 +1,5 @@
-//! A frame against the map: equations for its pose, its brightness and what all frames share.
+//! Photometric alignment of one frame to the map: normal equations for its pose, its brightness and
+//! the shared constants.
 
 use super::head::{HEAD, Head, POSE, stated_place};
 use super::looks::looks;
@@ -7,50 +8,47 @@ use super::splat::{Key, Optics};
 use super::warp::Warp;
 use nalgebra::{SMatrix, SVector, Vector3};
 
-/// Unknowns of one frame: pose and logarithm of brightness.
 pub(super) const OWN: usize = POSE + 1;
 
-/// Unknowns that all frames share: the head's constants and the row time.
+/// Unknowns shared by all frames: the head's constants and the row time.
 pub(super) const SHARED: usize = HEAD + 1;
 
 /// All unknowns, the frame's own first.
 pub(super) const ALL: usize = OWN + SHARED;
 
-/// Normal equations of one frame.
 #[derive(Debug, Clone)]
 pub(super) struct Equations<const N: usize> {
     pub(super) normal: SMatrix<f64, N, N>,
     pub(super) right: SVector<f64, N>,
-    /// Weighted squares of what is left, in units of the noise that was assumed.
+    /// Weighted sum of squared residuals, in units of the assumed noise variance.
     pub(super) squares: f64,
     pub(super) n: usize,
-    /// Marks that look as expected, noise allowed for.
+    /// Features whose residual is within the Huber threshold.
     pub(super) n_fit: usize,
-    /// The right side by parts of the map, which are wrong apart from each other.
+    /// Right side by parts of the map whose errors are independent.
     pub(super) by_part: Vec<SVector<f64, N>>,
 }
 
-/// Steps by which the pose and the head's constants are moved to get slopes.
+/// Steps of the numerical derivatives.
 const POSE_STEPS: [f64; POSE] = [1e-3, 1e-3, 1e-2, 1e-6];
 const HEAD_STEPS: [f64; HEAD] = [1e-5; HEAD];
 
-/// A residual beyond so many standard deviations is trusted in proportion less (Huber's rule).
+/// Huber threshold in standard deviations.
 const HUBER: f64 = 2.5;
 
-/// Parts of the map, each of marks near each other, for what is left unexplained in common.
+/// Parts of the map for the clustered covariance, each of neighbouring features.
 const PARTS: usize = 32;
 
-/// Rows between which a frame's geometry is taken as straight in time.
+/// Rows at which the geometry is evaluated exactly; linear in between.
 const ANCHORS: usize = 9;
 
-/// Rows, and columns, between pixels whose light is summed for a frame's level: odd, so that all places
-/// of the mosaic have their turn.
+/// Pixel step in both axes for a frame's brightness level; odd, so that all Bayer sites contribute.
 pub(super) const LEVEL_STEP: usize = 7;
 
-/// Fewer pixels on the map tell no level.
+/// Fewest pixels for a brightness level.
 const LEAST_LEVEL: usize = 200;
 
-/// Noise of a pixel: variance grows with light from a floor, both in DN.
+/// Shot noise: the variance is proportional to the signal above a floor, both in DN.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Noise {
     pub(super) variance_per_dn: f64,
@@ -63,7 +61,7 @@ impl Noise {
     }
 }
 
-/// What frames are held against.
+/// What frames are aligned to.
 pub(super) struct Reference<'a> {
     pub(super) optics: &'a Optics,
     pub(super) map: &'a RadianceMap,
@@ -72,11 +70,10 @@ pub(super) struct Reference<'a> {
 }
 
 impl Reference<'_> {
-    /// Logarithm of a frame's light over that of the map: of the sums over pixels all over the frame.
+    /// Logarithm of a frame's brightness over that of the map, from sums over the whole frame.
     ///
-    /// The level that goes with a pose in the equations is no measure of it. Edges are all that these
-    /// look at, and the dark side of each counts most; a frame that moves is more blurred than the map,
-    /// which makes that side brighter. A sum over the whole keeps its light however it is blurred.
+    /// The gain in the pose equations is biased: edges dominate it, their dark side most, and
+    /// motion blur brightens that side. A sum over the frame does not depend on blur.
     pub(super) fn ln_level(&self, key: &Key) -> Option<f64> {
         let (mut seen, mut expected, mut n) = (0.0_f64, 0.0_f64, 0_usize);
         looks(self.optics, self.map, key, LEVEL_STEP, |look| {
@@ -86,18 +83,17 @@ impl Reference<'_> {
         is_known.then(|| (seen / expected).ln())
     }
 
-    /// Equations for pose and brightness alone.
+    /// Equations for pose and brightness.
     pub(super) fn own(&self, key: &Key) -> Option<Equations<OWN>> {
         self.equations::<POSE, OWN>(key, &POSE_STEPS)
     }
 
-    /// Equations for everything, in the order own, head, row time.
+    /// Equations for all unknowns, in the order pose, brightness, head, row time.
     pub(super) fn all(&self, key: &Key) -> Option<Equations<ALL>> {
         let mut steps = [0.0; POSE + HEAD];
         steps[..POSE].copy_from_slice(&POSE_STEPS);
         steps[POSE..].copy_from_slice(&HEAD_STEPS);
         let mixed = self.equations::<{ POSE + HEAD }, ALL>(key, &steps)?;
-        // From (pose, head, brightness, row) to (pose, brightness, head, row).
         let order: [usize; ALL] = std::array::from_fn(|i| match i {
             i if i < POSE => i,
             POSE => POSE + HEAD,
@@ -114,7 +110,7 @@ impl Reference<'_> {
         })
     }
 
-    /// `W` parameters of geometry, then brightness, then (where `N` leaves room) the row time.
+    /// `W` parameters of geometry, then brightness, then (where `N > W + 1`) the row time.
     fn equations<const W: usize, const N: usize>(
         &self,
         key: &Key,
@@ -154,7 +150,7 @@ impl Reference<'_> {
                 row[W + 1] = (0..POSE).map(|i| row[i] * key.speed[i] * late).sum();
             }
             let left = f64::from(light) - expected;
-            // A place of lower gain is noisier by as much.
+            // Noise scales inversely with the gain of the Bayer site.
             let precision = f64::from(camera.weight(x, y)) / self.noise.variance(expected);
             let sigmas = left.abs() * precision.sqrt();
             let weight = precision * if sigmas > HUBER { HUBER / sigmas } else { 1.0 };
@@ -181,7 +177,7 @@ impl Reference<'_> {
         })
     }
 
-    /// The frame's geometry row by row: exact at some of them, straight in between.
+    /// The frame's geometry at each row.
     fn warps_of_rows<const W: usize>(&self, key: &Key, steps: &[f64; W]) -> Option<Vec<Warp<W>>> {
         let optics = self.optics;
         let n_rows = usize::from(optics.camera.size.height);
@@ -201,7 +197,7 @@ impl Reference<'_> {
     }
 }
 
-/// The head moved by what follows the pose in a list of changes, if anything does.
+/// The head changed by the entries that follow the pose, if there are any.
 fn moved_head(head: &Head, by: &[f64]) -> Head {
     match by.get(POSE..POSE + HEAD) {
         Some(&[a, b, c, d]) => head.moved(&[a, b, c, d]),
@@ -209,7 +205,6 @@ fn moved_head(head: &Head, by: &[f64]) -> Head {
     }
 }
 
-/// The geometry at a share of the rows.
 #[inline]
 fn between<const W: usize>(anchors: &[Warp<W>], part: f64) -> Warp<W> {
     let position = part.clamp(0.0, 1.0) * (anchors.len() - 1) as f64;

@@ -1,4 +1,4 @@
-//! What a pixel's optics do to the map.
+//! Optics of an event pixel applied to the map.
 
 use super::map::{MapGrid, RadianceMap};
 use super::raster::Raster;
@@ -6,25 +6,25 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use statrs::function::erf::erf;
 
-/// What blurs the map to the picture of the event camera: a square aperture and a Gaussian, both in
-/// DAVIS pixels. The map is blurred already by the Pi's own optics; the Gaussian is what comes on
-/// top of that.
+/// Point-spread function of the event camera relative to the map: a square aperture convolved with
+/// a Gaussian, both in DAVIS pixels. The Gaussian adds to the blur of the Pi's optics that the map
+/// already has.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PointSpread {
-    /// Side of the aperture.
+    /// Side of the aperture, pixels.
     pub aperture_px: f64,
-    /// Standard deviation of the Gaussian.
+    /// Standard deviation of the Gaussian, pixels.
     pub sigma_px: f64,
 }
 
 impl PointSpread {
-    /// A Gaussian behind an aperture as wide as the pixel.
+    /// A Gaussian with an aperture of one pixel.
     #[must_use]
     pub const fn of_sigma(sigma_px: f64) -> Self {
         Self { aperture_px: 1.0, sigma_px }
     }
 
-    /// Weights at whole cells when a pixel is `cells` cells wide, of sum one.
+    /// Weights at whole cells for a pixel that is `cells` cells wide; their sum is one.
     fn kernel(self, cells: f64) -> Vec<f32> {
         let (half, sigma) = (self.aperture_px.max(0.0) * cells / 2.0, self.sigma_px.abs() * cells);
         let sigma = sigma.max(0.05);
@@ -44,10 +44,10 @@ impl PointSpread {
     }
 }
 
-/// Of the light that a pixel gathers at least this share must come from known cells.
+/// Least share of a pixel's weight that must fall on known cells.
 const LEAST_KNOWN: f32 = 0.995;
 
-/// The map as pixels of the given width see it; `NaN` where too much of the light is not known.
+/// The map as pixels of the given width see it; `NaN` where less than [`MIN_KNOWN`] is known.
 pub(super) fn blurred(map: &RadianceMap, spread: PointSpread, pixel_mm: f64) -> RadianceMap {
     let kernel = spread.kernel(pixel_mm / map.grid.cell_mm);
     let known: Vec<f32> =
@@ -68,7 +68,7 @@ pub(super) fn blurred(map: &RadianceMap, spread: PointSpread, pixel_mm: f64) -> 
     RadianceMap::new(grid, values, variance.iter().map(|v| v.max(0.0).sqrt()).collect())
 }
 
-/// The natural logarithm of a map over white, `least_dn` standing for what is darker.
+/// Natural logarithm of a map relative to white; darker cells are clamped to `least_dn`.
 pub(super) fn logarithm(map: &RadianceMap, white_dn: f64, least_dn: f64) -> Raster {
     let (white, least) = (white_dn as f32, least_dn as f32);
     let log = |value: &f32| {
@@ -78,7 +78,7 @@ pub(super) fn logarithm(map: &RadianceMap, white_dn: f64, least_dn: f64) -> Rast
     Raster { width: map.grid.width, height: map.grid.height, values }
 }
 
-/// Rows and columns convolved with a symmetric kernel; nothing lies beyond the borders.
+/// Separable convolution with a symmetric kernel; zero beyond the borders.
 fn convolved(values: &[f32], grid: MapGrid, kernel: &[f32]) -> Vec<f32> {
     let (width, reach) = (grid.width, kernel.len() / 2);
     let mut across = vec![0.0_f32; values.len()];

@@ -1,12 +1,12 @@
-//! The four pixels about a place between them.
+//! Bilinear interpolation on an image.
 
-/// The pixels whose middles are about a place, by number in an image of rows, with their weights.
+/// Indices of the four neighbouring pixels in a row-major image, with their weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Corners(pub(super) [(usize, f32); 4]);
 
 impl Corners {
-    /// About a place in pixels from the middle of the first of an image of so many columns and rows; what
-    /// lies beyond the border is as the border.
+    /// At a position in pixels from the middle of the first pixel; positions beyond the border are
+    /// clamped.
     #[inline]
     pub(super) fn about([width, height]: [usize; 2], [x, y]: [f32; 2]) -> Self {
         let ([x0, x1], u) = between(x, width);
@@ -20,24 +20,23 @@ impl Corners {
         ])
     }
 
-    /// The value between them, linear along rows and columns.
     #[inline]
     pub(super) fn value(&self, values: &[f32]) -> f32 {
         self.0.iter().map(|(pixel, weight)| values[*pixel] * weight).sum()
     }
 
-    /// The greatest of them that weighs anything.
+    /// The greatest of the neighbours with a positive weight.
     pub(super) fn most(&self, values: &[f32]) -> f32 {
         let seen = self.0.iter().filter(|(_, weight)| *weight > 0.0);
         seen.map(|(pixel, _)| values[*pixel]).fold(f32::NEG_INFINITY, f32::max)
     }
 }
 
-/// The two of `n` middles about a place, and how far it is from the first to the second.
+/// The two neighbours among `n` pixels, and the distance from the first.
 #[inline]
 fn between(at: f32, n: usize) -> ([usize; 2], f32) {
     let inside = at.clamp(0.0, (n - 1) as f32);
-    // Rounding down by a conversion: without it every look-up would call a function.
+    // A cast truncates inline; `floor` would be a function call for every look-up.
     let first = inside as usize;
     ([first, (first + 1).min(n - 1)], inside - first as f32)
 }

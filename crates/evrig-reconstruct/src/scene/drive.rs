@@ -1,4 +1,4 @@
-//! The drive from the map and the path.
+//! Log-intensity signal from the map and the path.
 
 use super::blur::{PointSpread, blurred, logarithm};
 use super::davis::DavisTie;
@@ -15,16 +15,15 @@ use evrig_core::time::{Davis, Stamp};
 use nalgebra::Matrix3;
 use std::sync::{Arc, PoisonError, RwLock};
 
-/// Darker than this share of white nothing is told apart.
+/// Darkest radiance that is resolved, as a share of white.
 const LEAST_SHARE: f64 = 1e-3;
 
-/// Instants along the path at which an error is judged.
+/// Instants along the path at which the error is evaluated.
 const ERROR_LOOKS: usize = 24;
 
-/// The light signal of event pixels over a mapped print.
+/// Log-intensity signal of event pixels that view the mapped target.
 ///
-/// What it takes for granted of the event camera can be changed cheaply: its optics, its clock, its
-/// place. The map, the path and the print's geometry are shared among such variants.
+/// Variants with other optics, clock or position share the map, the path and the geometry.
 #[derive(Debug)]
 pub struct SceneDrive {
     size: Size,
@@ -39,13 +38,12 @@ pub struct SceneDrive {
     offset_us: f64,
     skew: f64,
     shift_px: [f64; 2],
-    /// The map as the pixels see it: logarithm over white, and its standard error.
+    /// The map blurred by the pixels' optics.
     seen: Arc<Seen>,
-    /// Light that moves over the print.
     moving: Option<Arc<MovingLight>>,
-    /// Displacement of the path and of the event camera's place that may be left, DAVIS pixels.
+    /// Standard error of position from path and registration, DAVIS pixels.
     place_error_px: f64,
-    /// What the map is wrong by in the light of places, share.
+    /// Relative error of the map's radiance, as a share of it.
     light_error: f64,
     poses: RwLock<Option<Arc<Poses>>>,
 }
@@ -58,20 +56,19 @@ struct Seen {
     errors: Vec<f32>,
 }
 
-/// The geometry at the instants of one grid.
+/// Geometry at the instants of one time grid.
 #[derive(Debug)]
 struct Poses {
     grid: TimeGrid,
-    /// From rays to columns and rows of the map, the last element one; None off the path.
+    /// Homography from rays to map columns and rows with its last element one; None off the path.
     cell_from_ray: Vec<Option<[f64; 8]>>,
-    /// Logarithm of the light's level.
+    /// Logarithm of the illumination level.
     ln_light: Vec<f32>,
-    /// Seconds of the path.
     times_s: Vec<f64>,
 }
 
 impl SceneDrive {
-    /// The drive of an event camera of `size` that is tied to a survey.
+    /// The drive of an event camera of `size` aligned to a reconstruction.
     #[must_use]
     pub fn new(size: Size, survey: &Survey, registration: &Registration) -> Self {
         let tie = registration.tie;
@@ -116,46 +113,45 @@ impl SceneDrive {
         }
     }
 
-    /// The same scene seen through other optics: on top of the Pi's, in DAVIS pixels.
+    /// The same scene with another point-spread function.
     #[must_use]
     pub fn with_spread(&self, spread: PointSpread) -> Self {
         let seen = Arc::new(Seen::new(&self.map, self.white_dn, spread, self.pixel_mm));
         Self { spread, seen, ..self.variant() }
     }
 
-    /// The same scene, the DAVIS's stamps being late by so many microseconds more (positive: a stamp
-    /// shows light that was there before).
+    /// The same scene with DAVIS stamps late by so many more microseconds (positive: a stamp is
+    /// later than the light it shows).
     #[must_use]
     pub fn with_offset_us(&self, offset_us: f64) -> Self {
         Self { offset_us, ..self.variant() }
     }
 
-    /// The same scene, the DAVIS's clock running faster by this share; it agrees in the span's middle.
+    /// The same scene with a DAVIS clock faster by this share; it agrees at the middle of the span.
     #[must_use]
     pub fn with_skew(&self, skew: f64) -> Self {
         Self { skew, ..self.variant() }
     }
 
-    /// The same scene moved over the sensor: what was expected at a place appears so many columns
-    /// and rows farther.
+    /// The same scene shifted on the sensor by so many columns and rows.
     #[must_use]
     pub fn with_shift_px(&self, shift_px: [f64; 2]) -> Self {
         Self { shift_px, ..self.variant() }
     }
 
-    /// What blurs the map to what the event pixels see.
+    /// Point-spread function from the map to the event pixels.
     #[must_use]
     pub fn spread(&self) -> PointSpread {
         self.spread
     }
 
-    /// Where the cells of the map lie.
+    /// Grid of the map.
     #[must_use]
     pub fn grid(&self) -> MapGrid {
         self.map.grid
     }
 
-    /// Millimetres on the print that a place of the sensor looks at; None off the path.
+    /// Target position in millimetres seen at a sensor position in pixels; None off the path.
     #[must_use]
     pub fn place_mm(&self, place: [f64; 2], t_us: f64) -> Option<[f64; 2]> {
         let [u, v] = self.ray(place)?;
@@ -168,11 +164,11 @@ impl SceneDrive {
         self.tie.mount.ray([u - self.shift_px[0], v - self.shift_px[1]])
     }
 
-    /// Seconds of the path at a stamp.
+    /// Path time of a stamp, seconds.
     fn path_s(&self, t_us: f64) -> f64 {
         let middle_us = (self.span_us[0] + self.span_us[1]) as f64 / 2.0;
         let true_us = t_us - self.offset_us - self.skew * (t_us - middle_us);
-        // Whole microseconds go through the clocks, the rest stays apart.
+        // Clock maps take whole microseconds; the fraction is added afterwards.
         let whole = true_us.floor();
         let mapped = self.tie.mapped_s(&self.path, Stamp::<Davis>::from_micros(whole as i64));
         self.tie.path_s(mapped + (true_us - whole) * 1e-6)
@@ -182,7 +178,7 @@ impl SceneDrive {
         self.tie.plane_from_ray(&self.head, &self.path, self.path_s(t_us))
     }
 
-    /// The geometry of a grid; that of the last grid asked for is kept.
+    /// Geometry at the instants of a grid; the last one is cached.
     fn poses(&self, grid: TimeGrid) -> Arc<Poses> {
         let kept = self.poses.read().unwrap_or_else(PoisonError::into_inner).clone();
         if let Some(poses) = kept.filter(|poses| poses.grid == grid) {
@@ -282,7 +278,7 @@ impl Drive for SceneDrive {
             let at = (y as usize) * self.seen.grid.width + x as usize;
             let cells_per_px = self.pixel_mm / self.seen.grid.cell_mm;
             let slope = f64::from(dx.hypot(dy)) * cells_per_px * self.place_error_px;
-            // A change has two ends, and what is wrong in place differs between them.
+            // A difference of two samples has the variance of both.
             let noise = f64::from(self.seen.errors[at]);
             sum += 2.0 * (noise.powi(2) + self.light_error.powi(2) + slope.powi(2));
             n += 1;

@@ -1,8 +1,8 @@
-//! How a picture darkens towards its corners: the same place of the print, seen by several pixels.
+//! Vignetting: one point of the target seen by several pixels.
 //!
-//! A place's own light, and what its surroundings in the map are wrong by, is the same whichever pixel
-//! looks at it. So only differences within a place count (a regression with a constant for each place),
-//! and a map that was made of darkened pictures does no harm.
+//! The radiance of a point and the map's error there do not depend on the pixel that sees it. A
+//! fixed-effects regression, with a constant for each cell of the target, therefore estimates the
+//! fall-off without bias even from a map that was made of vignetted frames.
 
 use super::looks::looks;
 use super::map::RadianceMap;
@@ -12,27 +12,27 @@ use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Every so many pixels of every so many rows of the Pi's frames are looked at.
+/// Pixel step in both axes.
 const STEP: usize = 11;
 
-/// A place is a square of so many millimetres.
+/// Side of a cell of the target, millimetres.
 const PLACE_MM: f64 = 1.2;
 
-/// What lenses and lamps do otherwise than the square of the distance has it, share of the light.
+/// Departure of real lenses and lamps from the quadratic fall-off, as a share of the light.
 const SHAPE: f64 = 0.003;
 
-/// One pixel's light over what is expected of its place.
+/// Light of one pixel relative to the light expected from the map.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Glance {
     pub(super) place_mm: [f64; 2],
-    /// Square of the pixel's distance from the middle of its picture over that of the corners.
+    /// Squared distance from the image centre over that of the corners.
     pub(super) off_middle: f64,
-    /// Light over the expected, less one.
+    /// Light over the expected light, minus one.
     pub(super) beyond: f64,
     pub(super) weight: f64,
 }
 
-/// Sums of a place: of weights, and weighted.
+/// Weighted sums of one cell.
 #[derive(Clone, Copy, Default)]
 struct Place {
     weight: f64,
@@ -52,15 +52,14 @@ impl Place {
         self.across += weight * off * beyond;
     }
 
-    /// Its part of the normal equation and of the right side, its own constant taken out.
+    /// Contribution to the normal equation and its right side with the cell's constant eliminated.
     fn within(&self) -> [f64; 2] {
         let over = 1.0 / self.weight.max(f64::MIN_POSITIVE);
         [self.square - self.off * self.off * over, self.across - self.off * self.beyond * over]
     }
 }
 
-/// By how much more of the light the Pi's lens loses in the corners than its camera takes off, and the
-/// standard error.
+/// Corner loss of the Pi's lens beyond the one already corrected, and its standard error.
 pub(super) fn more_lost(optics: &Optics, keys: &[Key], map: &RadianceMap) -> Option<[f64; 2]> {
     let of_key = |key: &Key| {
         let level = key.ln_gain.exp();
@@ -71,7 +70,7 @@ pub(super) fn more_lost(optics: &Optics, keys: &[Key], map: &RadianceMap) -> Opt
                 place_mm: look.place_mm,
                 off_middle: optics.camera.off_middle(look.x, look.y),
                 beyond: look.light / expected - 1.0,
-                // Photons scatter by the root of the light.
+                // Shot noise: the variance of the ratio is inverse to the light.
                 weight: expected.max(0.0),
             });
         });
@@ -81,8 +80,8 @@ pub(super) fn more_lost(optics: &Optics, keys: &[Key], map: &RadianceMap) -> Opt
     corner_loss(all.iter().flatten())
 }
 
-/// By how much more of the light the corners lose than was taken off already, and the standard error;
-/// none where no place was seen by pixels that differ.
+/// Corner loss that remains, as a share of the light, and its standard error; None where no cell
+/// was seen by different pixels.
 pub(super) fn corner_loss<'a>(glances: impl Iterator<Item = &'a Glance>) -> Option<[f64; 2]> {
     let mut places = BTreeMap::<[i64; 2], Place>::new();
     for glance in glances.filter(|glance| glance.beyond.is_finite()) {
@@ -92,7 +91,7 @@ pub(super) fn corner_loss<'a>(glances: impl Iterator<Item = &'a Glance>) -> Opti
     let parts: Vec<[f64; 2]> = places.values().map(Place::within).collect();
     let normal: f64 = parts.iter().map(|part| part[0]).sum();
     let all: f64 = places.values().map(|place| place.square).sum();
-    // Of a head that stands, every place is seen by one pixel.
+    // A camera at rest sees every cell with one pixel.
     if normal.is_nan() || normal <= 1e-4 * all {
         return None;
     }

@@ -1,8 +1,8 @@
-//! Every frame put on the path, those without the tag too.
+//! Poses of all frames, including those without the tag.
 //!
-//! Where the tag's track says where the head was, a frame starts from there. Elsewhere it starts from
-//! where the frames beside it let the head go on, and is held to the map alone: it counts when it is
-//! found near that place and looks there as the map says.
+//! Where the tag's track is known, a frame starts from it. Elsewhere it starts from the
+//! extrapolated pose of its neighbours and is aligned to the map alone. It is accepted when it ends
+//! near the prediction and agrees with the map there.
 
 use super::align::Reference;
 use super::head::{HeadPose, POSE};
@@ -11,39 +11,38 @@ use super::path::PathKnot;
 use super::splat::Key;
 use rayon::prelude::*;
 
-/// Frames that are held and located together.
+/// Frames located in one batch.
 const BATCH: usize = 64;
 
-/// Longest way in time over which the head is taken to go on as it went, seconds.
+/// Longest time over which a pose is extrapolated, seconds.
 const REACH_S: f64 = 0.05;
 
-/// A frame without the tag is taken when this share of the marks that it sees look as expected (what
-/// hides the tag may lie over some),
+/// Least share of the visible features that agree with the map in a frame without the tag (an
+/// occluder of the tag may hide features).
 const FIT: f64 = 0.5;
 
-/// when it lies within so many pixels of where it was looked for,
+/// Greatest distance from the extrapolated position, pixels.
 const NEAR_PX: f64 = 3.0;
 
-/// and when these marks are at least this share of those that its neighbour was found by.
+/// Least number of agreeing features relative to that of the neighbouring frame.
 const SHARE: f64 = 0.25;
 
-/// A frame that waits to be located.
 pub(super) struct Waiting {
     pub(super) key: Key,
     /// Mid-exposure of the middle row, seconds of the path.
     pub(super) time_s: f64,
-    /// Whether its pose is known well enough to start from.
+    /// Whether a start pose is known.
     pub(super) has_start: bool,
-    /// Whether the tag's track leads over it.
+    /// Whether the tag's track covers it.
     pub(super) has_tag: bool,
 }
 
-/// Frames on their way to the path, in ascending time.
+/// Aligns frames in ascending time.
 pub(super) struct Follower<'a> {
     reference: &'a Reference<'a>,
     waiting: Vec<Waiting>,
     found: Vec<Located>,
-    /// Frames that were located without the tag.
+    /// Frames located without the tag.
     n_bridged: usize,
 }
 
@@ -52,14 +51,13 @@ impl<'a> Follower<'a> {
         Self { reference, waiting: Vec::new(), found: Vec::new(), n_bridged: 0 }
     }
 
-    /// Whether a frame of this time is later than all before it.
+    /// Whether this time is after all frames so far.
     pub(super) fn is_later(&self, time_s: f64) -> bool {
         let waits = self.waiting.last().map(|waiting| waiting.time_s);
         let last = waits.or_else(|| self.found.last().map(|found| found.knot.time_s));
         last.is_none_or(|last| last < time_s)
     }
 
-    /// Takes one frame more.
     pub(super) fn take(&mut self, waiting: Waiting) {
         self.waiting.push(waiting);
         if self.waiting.len() >= BATCH {
@@ -67,7 +65,7 @@ impl<'a> Follower<'a> {
         }
     }
 
-    /// All frames that were located, and how many of them without the tag.
+    /// All located frames, and how many of them without the tag.
     pub(super) fn finish(mut self) -> (Vec<Located>, usize) {
         self.locate_waiting();
         (self.found, self.n_bridged)
@@ -80,7 +78,7 @@ impl<'a> Follower<'a> {
             .par_iter()
             .map(|frame| frame.has_start.then(|| locate(reference, frame.key.clone()))?)
             .collect();
-        // Onwards from what is known before each, then back from what is known behind.
+        // Forwards from the located frames, then backwards.
         for i in 0..waiting.len() {
             if located[i].is_none() {
                 let before = self.found.iter().chain(located[..i].iter().flatten());
@@ -100,7 +98,6 @@ impl<'a> Follower<'a> {
         self.found.extend(located.into_iter().flatten());
     }
 
-    /// A frame found from its neighbours alone.
     fn bridged(
         &self,
         frame: &Waiting,
@@ -120,13 +117,13 @@ impl<'a> Follower<'a> {
     }
 }
 
-/// The last two of a series, the very last first.
+/// The last two of a sequence, the very last first.
 fn two_last<'b>(mut all: impl DoubleEndedIterator<Item = &'b Located>) -> [Option<Located>; 2] {
     let last = all.next_back().cloned();
     [last, all.next_back().cloned()]
 }
 
-/// Where the head is at a time if it goes on from `near` as it came from `far`, and its speed.
+/// Pose and speed at a time by linear extrapolation from `far` through `near`.
 fn onwards(near: &PathKnot, far: Option<&PathKnot>, time_s: f64) -> (HeadPose, HeadPose) {
     let speed = far.map_or([0.0; POSE], |far| {
         let length_s = near.time_s - far.time_s;

@@ -1,27 +1,28 @@
-//! How much a pixel of a frame scatters by itself, by how bright it is.
+//! Temporal noise of a frame's pixels as a function of intensity.
 
-/// Classes of brightness.
+/// Intensity classes.
 const CLASSES: usize = 8;
 
-/// Pixels that are looked at, about, over all frames.
+/// Pixels sampled over all frames, approximately.
 const LOOKS: usize = 1 << 17;
 
-/// A value at which so many of a class are less is not of what moves, unless most of the picture does.
+/// Quantile of the absolute differences that estimates the noise: moving content affects the values
+/// above it.
 const QUIET: f64 = 0.4;
 
-/// That quantile of the absolute value of a normal number, in standard deviations.
+/// The same quantile of the absolute standard normal distribution.
 const QUIET_AT: f64 = 0.524_4;
 
-/// Standard deviations of the noise by intensity.
+/// Standard deviation of the noise by intensity.
 #[derive(Debug, Clone, Default)]
 pub(super) struct FrameNoise {
-    /// Upper ends of the classes of intensity, ascending, and what scatters there.
+    /// Upper intensity of each class, ascending, and its standard deviation.
     classes: Vec<(f32, f32)>,
 }
 
 impl FrameNoise {
-    /// From frames of `n_pixels` intensities each, one behind the other: by how much a frame lies beside
-    /// the middle of those before and after it. `least` is what a step of the values leaves at least.
+    /// From consecutive frames of `n_pixels` intensities each: differences from the mean of the two
+    /// neighbouring frames. `least` is the quantization limit.
     pub(super) fn of(values: &[f32], n_pixels: usize, least: f32) -> Self {
         let inner = values.len().saturating_sub(2 * n_pixels);
         let step = inner.div_ceil(LOOKS).max(1);
@@ -40,14 +41,14 @@ impl FrameNoise {
                 let end = class[class.len() - 1].0;
                 class.sort_by(|a, b| a.1.total_cmp(&b.1));
                 let quiet = f64::from(class[(class.len() as f64 * QUIET) as usize].1);
-                // The middle of two has half a frame's variance besides.
+                // The mean of two neighbours adds half a frame's variance.
                 (end, least.max((quiet / QUIET_AT / 1.5_f64.sqrt()) as f32))
             })
             .collect();
         Self { classes }
     }
 
-    /// At an intensity; that of the brightest class beyond it.
+    /// At an intensity; beyond the brightest class, that class's value.
     pub(super) fn at(&self, intensity: f32) -> f32 {
         let class = self.classes.partition_point(|(end, _)| *end < intensity);
         self.classes.get(class).or(self.classes.last()).map_or(0.0, |(_, noise)| *noise)

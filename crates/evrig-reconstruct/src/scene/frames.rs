@@ -1,5 +1,5 @@
-//! The drive from frames on the event pixels' own grid: straight in log intensity from frame to frame, or led
-//! along with what moves.
+//! Log-intensity signal from frames on the event pixels' own grid: linear between frames, or
+//! motion-compensated.
 
 use super::corners::Corners;
 use super::frame_noise::FrameNoise;
@@ -12,32 +12,32 @@ use rayon::prelude::*;
 use std::borrow::Borrow;
 use std::sync::OnceLock;
 
-/// Frames cannot serve as a light signal.
+/// Why frames cannot serve as a log-intensity signal.
 #[derive(Debug, thiserror::Error)]
 pub enum FramesError {
-    /// A single instant says nothing of change.
+    /// One frame has no temporal change.
     #[error("{n} frames; a light signal takes at least two")]
     TooFew {
         /// Frames given.
         n: usize,
     },
-    /// Time must ascend and the size stay.
+    /// Frames must ascend in time and share one size.
     #[error(
         "frame {index} at {t_us} us is {size}; expected a later time than {before_us} us and {expected}"
     )]
     Order {
-        /// Number of the frame, from 0.
+        /// Index of the frame, from 0.
         index: usize,
         /// Its time.
         t_us: i64,
         /// Its size.
         size: Size,
-        /// The time before it.
+        /// Time of the frame before.
         before_us: i64,
-        /// The first frame's size.
+        /// Size of the first frame.
         expected: Size,
     },
-    /// Nothing stands out of the black.
+    /// No pixel exceeds the black level.
     #[error("no pixel of the frames is brighter than the black level of {black_dn} DN")]
     Dark {
         /// The black level subtracted.
@@ -45,28 +45,28 @@ pub enum FramesError {
     },
 }
 
-/// The share of pixel values that are darker than what counts as white.
+/// Quantile of pixel values that counts as white.
 const WHITE_QUANTILE: f64 = 0.995;
 
-/// The least intensity above black that has a logarithm here, in digital units: half a step.
+/// Least intensity above black whose logarithm is taken, DN: half a quantization step.
 const FLOOR_DN: f64 = 0.5;
 
-/// Frames at which the error of a place is judged, about.
+/// Frames at which the error is evaluated, approximately.
 const ERROR_FRAMES: usize = 256;
 
-/// A share of all values that is the greatest there is has reached the end of the range.
+/// Least share of values at the maximum that marks saturation.
 const PILED_UP: f64 = 1e-4;
 
-/// Instants from frame to frame at which light is led, the ends included; it is straight in between.
+/// Instants of the motion-compensated curve between two frames, both ends included; linear in
+/// between.
 const LED: usize = 17;
 
-/// Points that are followed from frames to the next, in all, and from one: a long recording of a moving
-/// camera has fewer in each.
+/// Tracked points in total, and the range per frame pair: a long recording has fewer in each pair.
 const ALL_POINTS: usize = 300_000;
 const POINTS: [usize; 2] = [150, 1_500];
 
-/// A light signal from frames: straight in log intensity from one to the next, at each pixel by itself or
-/// along the way of what moved.
+/// Log-intensity signal from frames: linear between frames at each pixel, or interpolated along
+/// optical flow.
 #[derive(Debug, Clone)]
 pub struct FramesDrive {
     size: Size,
@@ -75,25 +75,26 @@ pub struct FramesDrive {
     white_dn: f64,
     /// Frame after frame, row-major intensities over white.
     values: Vec<f32>,
-    /// What moved from each frame to the next; empty where that was not asked.
+    /// Motion from each frame to the next; empty without motion compensation.
     motions: Vec<Motion>,
-    /// The intensity at which the frames end, where the light beyond is not to be taken for it.
+    /// Saturated intensity; infinite where saturated values are used as they are.
     clipped: f32,
     noise: OnceLock<FrameNoise>,
 }
 
 impl FramesDrive {
-    /// From frames at mid-exposure of their first row; row `y` saw its light `y * row_us` later.
-    /// `black_dn` is what a frame reads without light, in its own digital units.
+    /// From frames stamped at mid-exposure of their first row; row `y` is `y * row_us` later.
+    /// `black_dn` is the reading without light, DN.
     ///
     /// # Errors
-    /// With fewer than two frames, frames out of order or of changing size, or no light at all.
+    ///
+    /// With fewer than two frames, frames out of order or of different sizes, or no light at all.
     pub fn new<F: Borrow<Luminance>>(
         frames: impl IntoIterator<Item = F>,
         black_dn: f64,
         row_us: f64,
     ) -> Result<Self, FramesError> {
-        // Frames come and go one by one, so that a long recording is not held twice.
+        // Frames are consumed one by one, so that a long recording is not held twice.
         let (mut times_us, mut values) = (Vec::new(), Vec::new());
         let mut expected = None;
         for frame in frames {
@@ -114,21 +115,20 @@ impl FramesDrive {
         Ok(Self { size, times_us, row_us, white_dn, values, motions, clipped, noise })
     }
 
-    /// The same light, and none where a frame has reached the end of its range: how bright it is there
-    /// nobody knows.
+    /// Leaves saturated values out: the signal is `NaN` where a frame reached the end of its range.
     #[must_use]
     pub fn without_clipped(mut self) -> Self {
         let most = self.values.iter().copied().fold(0.0, f32::max);
         let n_most = self.values.iter().filter(|value| **value >= most).count();
-        // The brightest of a few pixels is no end.
+        // The maximum of a few pixels is no saturation.
         if n_most as f64 >= PILED_UP * self.values.len() as f64 {
             self.clipped = most;
         }
         self
     }
 
-    /// The same light without the noise of single frames where it rests. What moves is to be told before.
-    /// [`Drive::noise`] stays that of single frames, as which it remains where little rests.
+    /// Temporal denoising of static regions. Motion must be estimated before. [`Drive::noise`]
+    /// stays that of single frames, since regions that change keep it.
     #[must_use]
     pub fn steadied(mut self) -> Self {
         let noise = self.frame_noise().clone();
@@ -136,8 +136,8 @@ impl FramesDrive {
         self
     }
 
-    /// The same light, led along with what moves from frame to frame. Where nothing that can be followed
-    /// moves it is straight, as before.
+    /// Motion-compensated (optical-flow) interpolation between frames. It stays linear where no
+    /// motion is tracked.
     #[must_use]
     pub fn led_by_motion(mut self) -> Self {
         let n = self.times_us.len() - 1;
@@ -154,7 +154,7 @@ impl FramesDrive {
         Shot { size: self.size, values: &self.values[frame * n..(frame + 1) * n] }
     }
 
-    /// The light at a place between two frames, at evenly spaced instants from the one to the other; none
+    /// Logarithm of the intensity at a position at evenly spaced instants between two frames; None
     /// where nothing moves.
     fn led(&self, frame: usize, place: [f64; 2]) -> Option<[f32; LED]> {
         let motion = self.motions.get(frame)?;
@@ -179,7 +179,7 @@ impl FramesDrive {
         &self.times_us
     }
 
-    /// The four pixels about a place; none outside the outermost middles.
+    /// Bilinear weights at a position; None outside the outermost pixel centres.
     fn corners(&self, place: [f64; 2]) -> Option<Corners> {
         let [x, y] = place.map(|p| p - 0.5);
         let [right, bottom] = [self.size.width, self.size.height].map(|n| f64::from(n) - 1.0);
@@ -187,30 +187,28 @@ impl FramesDrive {
         is_inside.then(|| self.shot(0).corners([x as f32, y as f32]))
     }
 
-    /// The logarithm of the intensity between four pixels of a frame, where all of them are known.
+    /// Interpolated log intensity of a frame; `NaN` where a neighbour is saturated.
     fn light(&self, frame: usize, corners: &Corners) -> f32 {
         let values = self.shot(frame).values;
         if corners.most(values) >= self.clipped { f32::NAN } else { corners.value(values).ln() }
     }
 
-    /// How much pixels of the frames scatter.
     fn frame_noise(&self) -> &FrameNoise {
         self.noise.get_or_init(|| {
-            // Half a step of a camera of eight bits, where the frames are without noise.
+            // Half a step of eight bits bounds the noise of noise-free frames.
             let least = FLOOR_DN / self.white_dn.max(255.0);
             FrameNoise::of(&self.values, self.size.n_pixels(), least as f32)
         })
     }
 }
 
-/// Straight between evenly spaced values.
+/// Linear between evenly spaced values.
 fn between(values: &[f32; LED], share: f32) -> f32 {
     let at = share * (LED - 1) as f32;
     let i = (at as usize).min(LED - 2);
     values[i] + (values[i + 1] - values[i]) * (at - i as f32)
 }
 
-/// Whether a frame is later than those before it and has the expected size.
 fn in_order(before_us: &[i64], frame: &Luminance, expected: Size) -> Result<(), FramesError> {
     let (index, t_us, size) = (before_us.len(), frame.t_us, frame.size);
     match before_us.last() {
@@ -221,7 +219,7 @@ fn in_order(before_us: &[i64], frame: &Luminance, expected: Size) -> Result<(), 
     }
 }
 
-/// What the brightest paper reads: a high quantile over some of the frames of `n_pixels` values each.
+/// White level: a high quantile over a subset of the frames.
 fn white_of(values: &[f32], n_pixels: usize) -> f64 {
     let frames = values.chunks(n_pixels.max(1));
     let step = frames.len().div_ceil(16);
@@ -276,10 +274,10 @@ impl Drive for FramesDrive {
         self.frame_noise().at(light) / light
     }
 
-    /// From what each frame shows where the line between its neighbours leads past: an upper bound.
-    /// Were all of it the frames' own noise, the signal's change would have 0.94 of it (2/3 of the
-    /// noise's variance between frames, twice, of the 3/2 seen here); of a bend between frames it has
-    /// a quarter.
+    /// From the deviation of each frame from the line between its neighbours: an upper bound. If
+    /// all of it is noise, the difference of two linearly interpolated values has 0.94 of its
+    /// standard deviation (twice 2/3 of a frame's variance, against the 3/2 measured here). Of a
+    /// true curvature between frames it has a quarter.
     fn error(&self, place: [f64; 2]) -> f32 {
         let Some(corners) = self.corners(place) else { return f32::NAN };
         let inner = 1..self.times_us.len().saturating_sub(1);

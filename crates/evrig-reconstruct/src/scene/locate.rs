@@ -1,4 +1,4 @@
-//! One frame against the map: its equations solved.
+//! Pose of one frame against the map by Gauss-Newton.
 
 use super::align::{ALL, OWN, Reference, SHARED};
 use super::head::HeadPose;
@@ -8,28 +8,27 @@ use super::splat::Key;
 use super::squares::Squares;
 use nalgebra::{SMatrix, SVector};
 
-/// A frame is located when a step moves it by less than so many pixels: the steps shrink by a
-/// factor of five or more, so that a fifth of this is left.
+/// Convergence threshold of a step, pixels. Steps shrink by a factor of five or more, so that a
+/// fifth of it remains.
 const SETTLED_PX: f64 = 0.01;
 
-/// Most steps that are made towards it.
 const MOST_STEPS: usize = 12;
 
-/// A frame on the path, the marks that it saw, and those of them that look as the map says.
+/// A located frame with its visible features and those that agree with the map.
 #[derive(Debug, Clone)]
 pub(super) struct Located {
     pub(super) knot: PathKnot,
     pub(super) n: usize,
     pub(super) n_fit: usize,
-    /// Logarithm of its light over the map's in squares of the print.
+    /// Logarithm of its brightness over the map's on the coarse grid.
     pub(super) levels: Vec<f32>,
 }
 
-/// Finds a frame's pose against the map, from a start that is near.
+/// Aligns a frame to the map from a nearby start.
 pub(super) fn locate(reference: &Reference<'_>, mut key: Key) -> Option<Located> {
     let focal = reference.optics.camera.lens.focal_px;
-    // Marks that look as the map says in one place and not in the next may throw it to and fro about the
-    // place sought: where a step turns back, only a part of it is made.
+    // Features that agree in one step and not in the next can make the iteration oscillate: the
+    // step is halved on every reversal.
     let (mut made, mut last) = (1.0, [0.0; 2]);
     for _ in 0..MOST_STEPS {
         let equations = reference.own(&key)?;
@@ -47,7 +46,7 @@ pub(super) fn locate(reference: &Reference<'_>, mut key: Key) -> Option<Located>
         let moved_px = change[0].hypot(change[1]) * focal / key.pose[2];
         if moved_px < SETTLED_PX {
             let misfit = equations.squares / equations.n as f64;
-            // The step that is still made takes its share from every part.
+            // The remaining step is distributed over the parts.
             let share = 1.0 / equations.by_part.len().max(1) as f64;
             let score = |part: &SVector<f64, OWN>| part - equations.normal * change * share;
             let scores: Vec<_> = equations.by_part.iter().map(score).collect();
@@ -68,7 +67,7 @@ pub(super) fn locate(reference: &Reference<'_>, mut key: Key) -> Option<Located>
     None
 }
 
-/// A frame's equations with its own unknowns taken out.
+/// A frame's equations with its own unknowns eliminated (Schur complement).
 pub(super) struct Part {
     pub(super) normal: SMatrix<f64, SHARED, SHARED>,
     pub(super) right: SVector<f64, SHARED>,

@@ -1,10 +1,10 @@
-//! A frame's pixels held against the map, some of them all over the frame.
+//! Pixels of a frame compared with the map on a regular subset.
 
 use super::map::RadianceMap;
 use super::splat::{Key, Optics};
 use nalgebra::Vector3;
 
-/// A pixel, and what the map has at the place that it looks at.
+/// A pixel and the map at the point it views.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Look {
     pub(super) x: usize,
@@ -12,12 +12,12 @@ pub(super) struct Look {
     pub(super) place_mm: [f64; 2],
     /// Light of the pixel, DN of green above black.
     pub(super) light: f64,
-    /// Radiance of the map there, and how it changes a millimetre.
+    /// Radiance of the map and its gradient per millimetre.
     pub(super) mapped: [f64; 3],
 }
 
-/// Shows every `step`-th pixel of every `step`-th row whose place is on the map. An odd step gives all
-/// places of the mosaic their turn.
+/// Visits every `step`-th pixel of every `step`-th row that views the map. An odd step covers all
+/// Bayer sites.
 pub(super) fn looks(
     optics: &Optics,
     map: &RadianceMap,

@@ -1,9 +1,8 @@
-//! What moved between two frames, so that light is led along with it instead of fading across.
+//! Optical flow between two frames for motion-compensated interpolation.
 //!
-//! Points of the places that changed are followed from either frame to the other (Lucas and Kanade with
-//! pyramids; Bouguet, 2000). Their displacements, alike ones taken together, are what anything near them
-//! may have done; which of them a place did at an instant is what its surroundings in both frames agree
-//! on best, standing still among them.
+//! Points near changed pixels are tracked in both directions (pyramidal Lucas-Kanade; Bouguet,
+//! 2000). Their displacements are clustered into candidates for each neighbourhood. At a position
+//! and instant the candidate, or no motion, whose patches agree best in both frames is used.
 
 use super::corners::Corners;
 use super::frame_noise::FrameNoise;
@@ -15,38 +14,37 @@ use kornia_imgproc::optical_flow_pyr_lk::{
 };
 use std::collections::BTreeMap;
 
-/// A pixel has changed that differs by so many standard deviations of the frames' noise.
+/// A pixel has changed when it differs by so many standard deviations of the noise.
 const CHANGED: f32 = 6.0;
 
-/// How far about what changed something may have moved, pixels.
+/// Neighbourhood of a changed pixel in which motion is possible, pixels.
 const REACH: usize = 10;
 
-/// Points are at least so many pixels apart.
+/// Spacing of tracked points, pixels.
 const APART: usize = 3;
 
-/// Displacements of less, and of more, are none, pixels.
+/// Range of accepted displacements, pixels.
 const LEAST_PX: f32 = 0.3;
 const MOST_PX: f32 = 40.0;
 
-/// Displacements that differ by less are one, pixels.
+/// Displacements that differ by less are merged, pixels.
 const ALIKE_PX: f32 = 0.5;
 
-/// Most different displacements that are kept.
+/// Most candidate displacements; indices are one byte.
 const MOST_SHIFTS: usize = 255;
 
-/// Side of a cell that has one list of displacements, pixels.
+/// Side of a cell with its own list of candidates, pixels.
 const CELL_PX: usize = 16;
 
-/// Half the side of the surroundings that are compared, pixels.
+/// Half the side of a compared patch, pixels.
 const HALF_PX: isize = 2;
 
-/// Levels of a pyramid, where the frame is large enough.
 const MOST_LEVELS: usize = 3;
 
-/// The side of the window in which a point is followed; no level of a pyramid is smaller.
+/// Side of the tracking window; no pyramid level is smaller.
 const WINDOW_PX: usize = 21;
 
-/// An image of intensities, row-major.
+/// A frame's intensities, row-major.
 #[derive(Clone, Copy)]
 pub(super) struct Shot<'a> {
     pub(super) size: Size,
@@ -62,12 +60,11 @@ impl Shot<'_> {
         self.size.height as usize
     }
 
-    /// The four pixels about a place, in pixels from the middle of the first.
+    /// Bilinear weights at a position in pixels from the centre of the first.
     pub(super) fn corners(&self, place: [f32; 2]) -> Corners {
         Corners::about([self.width(), self.height()], place)
     }
 
-    /// The value between the four pixels about a place.
     pub(super) fn at(&self, place: [f32; 2]) -> f32 {
         self.corners(place).value(self.values)
     }
@@ -77,19 +74,19 @@ impl Shot<'_> {
     }
 }
 
-/// The displacements that things took between two frames, and where.
+/// Candidate displacements between two frames.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Motion {
-    /// Different displacements from the earlier frame to the later, pixels.
+    /// Displacements from the earlier frame to the later, pixels.
     shifts: Vec<[f32; 2]>,
-    /// For each cell, which of them passed it; none at all where nothing moved.
+    /// Candidates of each cell; empty where nothing moved.
     cells: Vec<Vec<u8>>,
     cells_across: usize,
 }
 
 impl Motion {
-    /// Between two frames of one size with noise, by so many points from each at most. Nothing moves in
-    /// frames that are too small to follow anything.
+    /// Tracks at most `most_points` points from each frame. Frames too small to track have no
+    /// motion.
     pub(super) fn between(
         before: Shot<'_>,
         after: Shot<'_>,
@@ -109,7 +106,7 @@ impl Motion {
         Self::of(&tracks, before.size)
     }
 
-    /// Alike displacements together, each in the cells that its tracks come near to.
+    /// Merges similar displacements and enters each in the cells near its tracks.
     fn of(tracks: &[[[f32; 2]; 2]], size: Size) -> Self {
         let mut alike: BTreeMap<[i32; 2], Vec<[[f32; 2]; 2]>> = BTreeMap::new();
         for &[from, to] in tracks {
@@ -139,7 +136,7 @@ impl Motion {
         motion
     }
 
-    /// Enters a displacement in the cells near the way from one point to another.
+    /// Enters a displacement in the cells near the segment between two points.
     fn pass(&mut self, id: u8, [from, to]: [[f32; 2]; 2], n_cells: [usize; 2]) {
         let range = |axis: usize| {
             let (low, high) = (from[axis].min(to[axis]), from[axis].max(to[axis]));
@@ -157,7 +154,7 @@ impl Motion {
         }
     }
 
-    /// The displacements that may have been taken at a pixel.
+    /// Candidates at a pixel.
     pub(super) fn about(&self, [x, y]: [f32; 2]) -> impl Iterator<Item = [f32; 2]> + Clone + '_ {
         let cell = |at: f32| at.max(0.0) as usize / CELL_PX;
         let index = cell(y) * self.cells_across + cell(x);
@@ -166,9 +163,9 @@ impl Motion {
     }
 }
 
-/// The displacement, of some and of none, on which two frames agree best about a place that is so far from
-/// the earlier frame's time to the later's. One that agrees better by less than the frames' noise is
-/// none.
+/// The candidate displacement with the best agreement of both frames at a position, `share` of the
+/// way from the earlier frame to the later. Zero unless a candidate agrees better by more than the
+/// noise.
 pub(super) fn taken(
     [before, after]: [Shot<'_>; 2],
     place: [f32; 2],
@@ -187,7 +184,7 @@ pub(super) fn taken(
     best.0
 }
 
-/// Where what is at a place was in the earlier frame, and will be in the later.
+/// Positions in the earlier and later frame of what is at `place` between them.
 pub(super) fn ends(place: [f32; 2], share: f32, shift: [f32; 2]) -> [[f32; 2]; 2] {
     [
         [place[0] - share * shift[0], place[1] - share * shift[1]],
@@ -195,8 +192,8 @@ pub(super) fn ends(place: [f32; 2], share: f32, shift: [f32; 2]) -> [[f32; 2]; 2
     ]
 }
 
-/// Mean difference of the surroundings of a place in one frame from those of a place in another, if it is
-/// below `most`. Most places are no match, and the first rows tell.
+/// Mean absolute difference of two patches if it is below `most`; most candidates are rejected
+/// after the first rows.
 fn apart(before: Shot<'_>, after: Shot<'_>, [from, to]: [[f32; 2]; 2], most: f32) -> Option<f32> {
     let n = (2 * HALF_PX + 1) * (2 * HALF_PX + 1);
     let mut sum = 0.0;
@@ -212,7 +209,7 @@ fn apart(before: Shot<'_>, after: Shot<'_>, [from, to]: [[f32; 2]; 2], most: f32
     Some(sum / n as f32)
 }
 
-/// Points on a grid near what differs between two frames, in pixels.
+/// Grid points near pixels that differ between two frames.
 fn points(before: Shot<'_>, after: Shot<'_>, noise: &FrameNoise) -> Vec<[f32; 2]> {
     let (width, height) = (before.width(), before.height());
     let has_changed: Vec<bool> = before
@@ -227,7 +224,7 @@ fn points(before: Shot<'_>, after: Shot<'_>, noise: &FrameNoise) -> Vec<[f32; 2]
         |at: usize, n: usize| at.saturating_sub(REACH) / APART..=(at + REACH).min(n - 1) / APART;
     for y in 0..height.saturating_sub(1) {
         for x in 0..width.saturating_sub(1) {
-            // A single pixel is the noise of one, or a hot one.
+            // A single changed pixel is noise or a hot pixel.
             let at = |dx: usize, dy: usize| has_changed[(y + dy) * width + x + dx];
             if at(0, 0) && (at(1, 0) || at(0, 1)) {
                 for j in around(y, height) {
@@ -244,7 +241,7 @@ fn points(before: Shot<'_>, after: Shot<'_>, noise: &FrameNoise) -> Vec<[f32; 2]
         .collect()
 }
 
-/// Ways of points from the earlier frame to the later, followed from either.
+/// Tracks of the points, followed in both directions.
 fn tracks(
     before: Shot<'_>,
     after: Shot<'_>,

@@ -1,9 +1,8 @@
-//! Light that moves over the print: a shadow that passes, as the frames show it.
+//! Illumination that moves over the target, such as a passing shadow.
 //!
-//! What a frame has beyond the map is summed over squares of the print. Of these sums a part belongs to
-//! the frame (the lamps' level), a part to the square (what passes again and again is in the map), and,
-//! where something moves over the print, a part to the way `x cos d + y sin d - v t` alone. Direction and
-//! speed are those that explain most.
+//! The log ratio of each frame to the map is averaged on a coarse grid. Each value is modelled as a
+//! term of the frame (the lamps' level), a term of the cell (the mean over time is in the map), and
+//! a profile along `x cos d + y sin d - v t`. Direction and speed minimise the residual variance.
 
 use super::map::RadianceMap;
 use super::path::PathKnot;
@@ -11,61 +10,63 @@ use super::squares::Squares;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Step of the profile along the way, millimetres.
+/// Step of the profile, millimetres.
 const STEP_MM: f64 = 2.0;
 
-/// Light that changes by less than this share on top of its noise, root mean square, no event tells.
+/// Least root-mean-square change of the illumination beyond noise; smaller changes are below an
+/// event threshold.
 const LEAST_LIGHT: f64 = 0.01;
 
-/// Share of what changes that has to move together.
+/// Least share of the variance explained by the moving profile.
 const LEAST_SHARE: f64 = 0.6;
 
-/// Way that has to be gone while the frames look, millimetres.
+/// Least distance travelled during the recording, millimetres.
 const LEAST_WAY_MM: f64 = 10.0;
 
-/// Speeds that are tried, at most, and their step; directions; and over how many seconds.
+/// Search range and steps: speed (mm/s), direction, and duration of the first interval.
 const FASTEST: f64 = 150.0;
 const SPEED_STEP: f64 = 4.0;
 const DIRECTION_STEP_DEG: f64 = 6.0;
 const SCAN_S: f64 = 2.0;
 
-/// Observations that one course is judged by, about.
+/// Observations used to score one velocity, approximately.
 const JUDGED_BY: usize = 30_000;
 
-/// Share of the most observations that a step of the way has to have to be known.
+/// Least number of observations of a profile step, as a share of the maximum.
 const KNOWN: f64 = 0.05;
 
-/// The steps' values of which a share is less lie on what is level beside a shadow; its steepest slope
-/// before it is made level, logarithm a millimetre.
+/// Quantile of the profile that defines the level beside a shadow, and the bound of the slope that
+/// is removed (logarithm per millimetre).
 const UPPER: f64 = 0.75;
 const STEEPEST: f64 = 0.1;
 
-/// Rounds of frame, square and way, each given the others.
+/// Alternating rounds of frame, cell and profile terms.
 const ROUNDS: usize = 3;
 
-/// Share of the depth that squares and steps blur away, and neighbouring squares that are wrong together.
+/// Share of the depth lost to the resolution of grid and profile, and the number of neighbouring
+/// cells with common errors.
 const SHAPE: f64 = 0.02;
 const ALIKE: f64 = 10.0;
 
-/// A profile of light that moves over the print.
+/// A one-dimensional illumination profile that moves over the target.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MovingLight {
-    /// Where it moves to, clockwise from the print's right.
+    /// Direction of motion, clockwise from the target's right.
     pub direction_deg: f64,
-    /// How fast.
+    /// Speed.
     pub speed_mm_per_s: f64,
-    /// Place of the first value of the profile along the way, at the path's zero.
+    /// Position of the profile's first value along the direction of motion at path time zero.
     pub from_mm: f64,
-    /// Logarithm of the light along the way, every `STEP_MM`; 0 where nothing is taken.
+    /// Log illumination along the direction of motion, every 2 mm; 0 where unattenuated.
     pub ln_light: Vec<f64>,
-    /// Share of the light that it takes where it is deepest, with its standard error.
+    /// Attenuation at the deepest point, as a share of the light, with its standard error.
     pub depth: [f64; 2],
-    /// Share of what changes beside the lamps that moves with it.
+    /// Share of the illumination variance, apart from the lamps' level, that moves with it.
     pub share: f64,
 }
 
 impl MovingLight {
-    /// The same where light is to be taken to a power.
+    /// The profile of light raised to a power.
     pub(super) fn raised(mut self, power: f64) -> Self {
         self.ln_light.iter_mut().for_each(|ln| *ln *= power);
         let [depth, error] = self.depth;
@@ -74,7 +75,7 @@ impl MovingLight {
         self
     }
 
-    /// Logarithm of the light that it leaves at a place of the print at a time of the path.
+    /// Log illumination at a target position and path time.
     #[must_use]
     pub fn ln_at(&self, place_mm: [f64; 2], time_s: f64) -> f64 {
         let course = Course { direction_deg: self.direction_deg, speed: self.speed_mm_per_s };
@@ -87,7 +88,6 @@ impl MovingLight {
     }
 }
 
-/// A direction and a speed on the print.
 #[derive(Debug, Clone, Copy)]
 struct Course {
     direction_deg: f64,
@@ -101,7 +101,7 @@ impl Course {
     }
 }
 
-/// One square in one frame.
+/// Log ratio of one cell in one frame.
 #[derive(Debug, Clone, Copy)]
 struct Seen {
     frame: usize,
@@ -109,26 +109,26 @@ struct Seen {
     ln: f64,
 }
 
-/// What all frames show of all squares.
+/// Log ratios of all frames on the coarse grid.
 pub(super) struct Levels<'a> {
     squares: Squares,
     times_s: Vec<f64>,
     levels: Vec<&'a [f32]>,
 }
 
-/// Parts of the light that belong to frames, to squares and to places along a way, and what is left.
+/// Terms of frames, cells and profile.
 struct Parts {
     frames: Vec<f64>,
     squares: Vec<f64>,
     along: Vec<f64>,
     n_along: Vec<f64>,
     from_mm: f64,
-    /// Mean square of what is left.
+    /// Residual variance.
     left: f64,
 }
 
-/// What was found: the light, the logarithm of the lamps' level frame by frame, and of what the map is
-/// to be multiplied by in each square to be free of it.
+/// The profile, the lamps' log level of each frame, and the log factor that removes the mean
+/// profile from each cell of the map.
 pub(super) struct Found {
     pub(super) light: MovingLight,
     pub(super) ln_lamps: Vec<f64>,
@@ -145,7 +145,7 @@ impl<'a> Levels<'a> {
         Self { squares, times_s, levels }
     }
 
-    /// The light that moves, if something does.
+    /// The moving illumination, if there is one.
     pub(super) fn moving(&self) -> Option<Found> {
         let length_s = self.times_s.last()? - self.times_s.first()?;
         let all = self.seen([f64::NEG_INFINITY, f64::INFINITY], usize::MAX);
@@ -163,7 +163,7 @@ impl<'a> Levels<'a> {
         (share > LEAST_SHARE).then(|| self.found(course, moving, share))
     }
 
-    /// Squares seen in a stretch of time, thinned to about `n` by leaving out frames.
+    /// Observations in a time interval, thinned to about `n` by leaving out frames.
     fn seen(&self, [from, to]: [f64; 2], n: usize) -> Vec<Seen> {
         let inside: Vec<usize> =
             (0..self.times_s.len()).filter(|&k| (from..=to).contains(&self.times_s[k])).collect();
@@ -176,7 +176,7 @@ impl<'a> Levels<'a> {
         inside.iter().step_by(step).flat_map(of_frame).collect()
     }
 
-    /// Noise of one square in one frame: from frame to frame nothing else changes by much.
+    /// Variance of one observation, from differences between consecutive frames.
     fn noise(&self, seen: &[Seen], parts: &Parts) -> f64 {
         let mut last = vec![(usize::MAX, 0.0); parts.squares.len()];
         let (mut sum, mut n) = (0.0, 0.0);
@@ -190,7 +190,7 @@ impl<'a> Levels<'a> {
         if n > 0.0 { sum / n } else { 0.0 }
     }
 
-    /// The parts of the light along a course; of frames and squares alone without one.
+    /// Fits the terms for a velocity; frame and cell terms alone without one.
     fn parts(&self, seen: &[Seen], course: Option<Course>) -> Parts {
         let way = |one: &Seen| {
             course.map_or(0.0, |course| {
@@ -229,7 +229,7 @@ impl<'a> Levels<'a> {
         self.parts(seen, Some(course)).left
     }
 
-    /// The best of all courses over the first stretch of time.
+    /// Best velocity on a grid over the first interval.
     fn scanned(&self, length_s: f64) -> Option<Course> {
         let from = *self.times_s.first()?;
         let seen = self.seen([from, from + length_s.min(SCAN_S)], JUDGED_BY);
@@ -247,7 +247,7 @@ impl<'a> Levels<'a> {
         Some(courses[best])
     }
 
-    /// The course nearby that explains most, over longer and longer stretches of time.
+    /// Local search over intervals of doubling length.
     fn refined(&self, mut course: Course, length_s: f64) -> Course {
         let Some(&from) = self.times_s.first() else { return course };
         let mut stretch_s = SCAN_S;
@@ -280,8 +280,8 @@ impl<'a> Levels<'a> {
         let Parts { frames, mut squares, mut along, n_along, from_mm, left } = parts;
         let most = n_along.iter().copied().fold(0.0, f64::max);
         let is_known = |i: usize| n_along[i] >= KNOWN * most;
-        // A slope along the way is a slope of the squares and a trend of the frames as well. It is theirs:
-        // beside a shadow the light is level.
+        // A linear slope of the profile is not identifiable: slopes of the cells and a trend of the
+        // frames can replace it. The profile is made level beside a shadow.
         let way = |i: usize| from_mm + (i as f64 + 0.5) * STEP_MM;
         let points: Vec<[f64; 2]> =
             (0..along.len()).filter(|&i| is_known(i)).map(|i| [way(i), along[i]]).collect();
@@ -296,7 +296,7 @@ impl<'a> Levels<'a> {
         let mut known: Vec<f64> =
             (0..along.len()).filter(|&i| is_known(i)).map(|i| along[i]).collect();
         known.sort_by(f64::total_cmp);
-        // Nine tenths of the way up lies the light of which nothing is taken.
+        // The 90 % quantile counts as unattenuated.
         let top = known[known.len() * 9 / 10];
         let deepest = (0..along.len())
             .filter(|&i| is_known(i))
@@ -304,7 +304,7 @@ impl<'a> Levels<'a> {
         let deepest = deepest.unwrap_or(0);
         let bottom = trough(&along, deepest);
         for i in 0..along.len() {
-            // What hardly any square tells is taken for what its neighbour has.
+            // Steps with too few observations take their neighbour's value.
             if !is_known(i) {
                 along[i] = if i > 0 { along[i - 1] } else { top };
             }
@@ -326,7 +326,7 @@ impl<'a> Levels<'a> {
 }
 
 impl Found {
-    /// Frees a map of the light's mean over the times at which each place was seen.
+    /// Divides the time-averaged profile out of a map.
     pub(super) fn free(&self, map: &mut RadianceMap) {
         let grid = map.grid;
         for (i, value) in map.radiance.values.iter_mut().enumerate() {
@@ -336,7 +336,7 @@ impl Found {
     }
 }
 
-/// The slope of the line that a quarter of the values lie above: of what is level beside troughs.
+/// Slope of the 75 % quantile regression line: of the level beside troughs.
 fn level_slope(points: &[[f64; 2]]) -> f64 {
     let loss = |slope: f64| {
         let mut rest: Vec<f64> = points.iter().map(|[way, ln]| ln - slope * way).collect();
@@ -346,7 +346,7 @@ fn level_slope(points: &[[f64; 2]]) -> f64 {
             |r: &f64| if *r > line { UPPER * (r - line) } else { (1.0 - UPPER) * (line - r) };
         rest.iter().map(pinball).sum::<f64>()
     };
-    // The loss is convex in the slope.
+    // The loss is convex: ternary search.
     let (mut low, mut high) = (-STEEPEST, STEEPEST);
     for _ in 0..60 {
         let [a, b] = [(2.0 * low + high) / 3.0, (low + 2.0 * high) / 3.0];
@@ -355,7 +355,7 @@ fn level_slope(points: &[[f64; 2]]) -> f64 {
     0.5 * (low + high)
 }
 
-/// Means of values by number, in the place of what was there, and how many each is of.
+/// Group means in place; returns the group sizes.
 fn means(values: impl Iterator<Item = (usize, f64)>, means: &mut [f64]) -> Vec<f64> {
     let mut counts = vec![0.0; means.len()];
     means.fill(0.0);
@@ -367,11 +367,10 @@ fn means(values: impl Iterator<Item = (usize, f64)>, means: &mut [f64]) -> Vec<f
     counts
 }
 
-/// The lowest value of the parabola through five values about the lowest one.
+/// Minimum of the parabola through five values about the lowest one.
 fn trough(along: &[f64], lowest: usize) -> f64 {
     let at = lowest.clamp(2, along.len().saturating_sub(3).max(2));
     let Some(five) = along.get(at - 2..at + 3) else { return along[lowest] };
-    // Least squares over -2..2.
     let [a, b, c, d, e] = [five[0], five[1], five[2], five[3], five[4]];
     let bend = (2.0 * a - b - 2.0 * c - d + 2.0 * e) / 14.0;
     let slope = (-2.0 * a - b + d + 2.0 * e) / 10.0;

@@ -1,4 +1,4 @@
-//! The event camera's frames held against the map.
+//! Event-camera frames predicted from the map.
 
 use super::blur::{PointSpread, blurred};
 use super::davis::DavisTie;
@@ -13,28 +13,28 @@ use evrig_core::geometry::Size;
 use evrig_core::time::Davis;
 use nalgebra::Vector3;
 
-/// Unknowns that all frames share: the tie and the Gaussian.
+/// Shared unknowns: the alignment and the Gaussian's width.
 pub(super) const SHARED: usize = TIES + 1;
 
-/// Marks of the map that are looked at.
+/// Map features used per frame.
 const MARKS: usize = 24_000;
 
 /// Instants within an exposure.
 const LOOKS: usize = 4;
 
-/// Step of the Gaussian for its slope, pixels.
+/// Step of the derivative by the Gaussian's width, pixels.
 const SIGMA_STEP: f64 = 0.02;
 
-/// Every so many columns and rows of what is smooth are looked at.
+/// Pixel step in both axes for smooth samples.
 const SMOOTH_STEP: usize = 3;
 
-/// A place is smooth where the map changes by less than this share of its light from pixel to pixel,
+/// A point is smooth where the map changes by less than this share per pixel.
 const SMOOTH: f64 = 0.04;
 
-/// and is looked at where it is brighter than this share of white.
+/// Least brightness of a smooth sample, as a share of white.
 const LEAST_LIGHT: f64 = 0.03;
 
-/// A frame and the instants in its exposure, as seconds mapped from the DAVIS's clock.
+/// A frame and the instants in its exposure, seconds by the unrefined clock map.
 pub(super) struct Picture {
     pub(super) width: usize,
     pub(super) height: usize,
@@ -42,25 +42,24 @@ pub(super) struct Picture {
     pub(super) looks_s: [f64; LOOKS],
 }
 
-/// The map as the pixels see it at the present Gaussian and a step beyond.
+/// The blurred map at the present width of the Gaussian and one step beyond.
 pub(super) struct Seen {
     pub(super) here: RadianceMap,
     pub(super) beyond: RadianceMap,
     pub(super) marks: Vec<Mark>,
 }
 
-/// A pixel's row of the equations: value, expected light, slopes, slope by place.
+/// One pixel's equation: value, expected light and derivatives.
 pub(super) struct Row {
     pub(super) value: f64,
     pub(super) light: f64,
     pub(super) slopes: [f64; SHARED],
     pub(super) by_place: [f64; 2],
-    /// The mark that led to it.
+    /// Target position of its feature.
     pub(super) place_mm: [f64; 2],
 }
 
 impl Row {
-    /// The same under less light.
     fn dimmed(mut self, passing: f64) -> Self {
         self.light *= passing;
         self.slopes.iter_mut().chain(&mut self.by_place).for_each(|slope| *slope *= passing);
@@ -92,7 +91,7 @@ impl Picture {
         }
     }
 
-    /// The pixels on which marks fall.
+    /// Equations of the pixels that view features.
     pub(super) fn rows(&self, survey: &Survey, tie: &DavisTie, seen: &Seen) -> Option<Vec<Row>> {
         let times = self.looks_s.map(|mapped_s| tie.path_s(mapped_s));
         let mut warps = Vec::with_capacity(LOOKS);
@@ -124,7 +123,7 @@ impl Picture {
         Some(rows)
     }
 
-    /// The pixels that look at smooth places, half-way through the exposure.
+    /// Samples of pixels that view smooth points, at mid-exposure.
     pub(super) fn smooth(
         &self,
         survey: &Survey,
@@ -147,7 +146,7 @@ impl Picture {
                 let is_smooth = dx.hypot(dy) * pixel_mm < SMOOTH * light;
                 let value = f64::from(self.values[y * self.width + x]);
                 let mapped = light / survey.white_dn;
-                // An end of the range is no light.
+                // Excludes the ends of the eight-bit range.
                 if is_smooth && mapped > LEAST_LIGHT && (1.0..254.0).contains(&value) {
                     let mapped = mapped * survey.passing(place_mm, middle_s);
                     samples.push(Sample::new(size, [x, y], value, mapped, place_mm));
@@ -183,7 +182,7 @@ fn row(
         row.light += share * light;
         row.slopes.iter_mut().zip(&moved[..MOUNT]).for_each(|(slope, &by)| *slope += along(by));
         let by_ray = by_ray.map(along);
-        // A longer focal length draws rays in, a distortion lengthens them.
+        // A longer focal length shortens rays, distortion lengthens them.
         row.slopes[6] -= by_ray[0] * ray[0] + by_ray[1] * ray[1];
         row.slopes[7] += (by_ray[0] * stated[0] + by_ray[1] * stated[1]) * square * over_focal;
         row.slopes[8] += along(moved[MOUNT]);

@@ -1,4 +1,4 @@
-//! What scatters in a pixel of the Pi's frames that light does not: the noise of its readout.
+//! Readout noise of the Pi camera: the part of the variance that does not depend on light.
 
 use super::looks::looks;
 use super::map::RadianceMap;
@@ -7,28 +7,27 @@ use evrig_core::stats::upper_median;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-/// Every so many pixels of every so many rows are looked at, in at most so many frames.
+/// Pixel step in both axes, and most frames.
 const STEP: usize = 9;
 const FRAMES: usize = 40;
 
-/// Classes of signal, and the fewest pixels of one.
+/// Signal classes, and the fewest pixels of one.
 const CLASSES: usize = 16;
 const LEAST: usize = 400;
 
-/// Where the map changes by more than this share of its light from pixel to pixel, a misplaced frame
-/// scatters more than its noise.
+/// Greatest relative change of the map per pixel: above it, registration errors exceed the noise.
 const SMOOTH: f64 = 0.02;
 
-/// A median of absolute values, in standard deviations of a normal law, and the share of pixels that
-/// tell as much by their squares.
+/// Median absolute deviation of a standard normal variable, and the efficiency of the median
+/// absolute deviation as a scale estimate.
 const MEDIAN_AT: f64 = 0.674_49;
 const TELLING: f64 = 0.37;
 
-/// Standard deviation of the readout's noise in DN, and its standard error; none where the frames show
-/// too little that is smooth.
+/// Standard deviation of the readout noise in DN, and its standard error; None with too few smooth
+/// samples.
 ///
-/// Of the variance one part does not depend on light, one (photons) goes with it, one (gains that
-/// differ from pixel to pixel) with its square.
+/// The variance is modelled as a constant, a term proportional to the signal (shot noise) and one
+/// proportional to its square (pixel gain spread).
 pub(super) fn read_noise(optics: &Optics, map: &RadianceMap, keys: &[Key]) -> Option<[f64; 2]> {
     let chosen: Vec<&Key> = keys.iter().step_by(keys.len().div_ceil(FRAMES).max(1)).collect();
     let of_key = |key: &&Key| smooth(optics, map, key).unwrap_or_default();
@@ -57,17 +56,16 @@ pub(super) fn read_noise(optics: &Optics, map: &RadianceMap, keys: &[Key]) -> Op
     Some([noise, 0.5 * (scale * inverse[(0, 0)]).sqrt() / noise])
 }
 
-/// A pixel that looks at a smooth place.
 #[derive(Debug, Clone, Copy)]
 struct Seen {
-    /// Expected signal and what the pixel reads beside it, DN.
+    /// Expected signal and residual, DN.
     signal: f64,
     beside: f64,
-    /// Place in the mosaic.
+    /// Bayer site.
     site: usize,
 }
 
-/// What pixels read that look at smooth places.
+/// Pixels that view smooth points.
 fn smooth(optics: &Optics, map: &RadianceMap, key: &Key) -> Option<Vec<Seen>> {
     let camera = &optics.camera;
     let pixel_mm = key.pose[2].abs() / camera.lens.focal_px;
@@ -85,10 +83,9 @@ fn smooth(optics: &Optics, map: &RadianceMap, key: &Key) -> Option<Vec<Seen>> {
     Some(found)
 }
 
-/// Middle signal, variance and number of pixels of a class.
+/// Median signal, variance and size of a class.
 ///
-/// What all pixels of one place in the mosaic lie beside the map is no noise: a pedestal that is not the stated one
-/// does not go with the gains of these places, so that each has its own.
+/// The median residual of each Bayer site is removed: an error of the black level is not noise.
 fn class(pixels: &[Seen]) -> Option<[f64; 3]> {
     let n = pixels.len();
     let beside = |site: usize| -> Vec<f64> {

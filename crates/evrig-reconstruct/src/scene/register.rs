@@ -1,4 +1,4 @@
-//! The event camera's place from the light in its frames, held against the map.
+//! Photometric registration of the event camera's frames to the map.
 
 use super::blur::PointSpread;
 use super::davis::DavisTie;
@@ -15,74 +15,73 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What the frames of the event camera tell of it.
+/// Registration of the event camera.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Registration {
-    /// How it is tied to the head's path.
+    /// Alignment to the path of the head.
     pub tie: DavisTie,
-    /// Standard errors of turn (rad), offset (mm), logarithm of focal length, radial distortion,
-    /// lag (s) and skew, frames next to each other taken to be wrong together. What the path is wrong
-    /// by is in the lag's.
+    /// Standard errors of rotation (rad), offset (mm), log focal length, radial distortion, lag (s)
+    /// and skew, clustered over neighbouring frames. The lag includes the path's own time error.
     pub tie_error: [f64; TIES],
-    /// What blurs the map to its frames.
+    /// Point-spread function from the map to the frames.
     pub spread: PointSpread,
     /// Standard error of the Gaussian, pixels.
     pub sigma_error_px: f64,
-    /// Width of a pixel on the print, millimetres.
+    /// Width of a pixel on the target, millimetres.
     pub pixel_mm: f64,
-    /// What the map leaves unexplained of the frames, root mean square, DN.
+    /// Root-mean-square residual of the frames, DN.
     pub left_dn: f64,
-    /// Displacement that is left, frame by frame, root mean square, pixels.
+    /// Root-mean-square residual displacement of single frames, pixels.
     pub left_px: f64,
-    /// What the map leaves unexplained of the light of places as such, noise of single frames taken
-    /// off: root mean square, share of the light.
+    /// Root-mean-square relative error of the map's radiance, without the noise of single frames.
     #[serde(default)]
     pub light_error: f64,
-    /// The tone of these frames against that of the map; none where too little is smooth.
+    /// Tone of these frames against the map; None with too few smooth samples.
     #[serde(default)]
     pub tone: Option<Tone>,
     /// Frames used.
     pub n_frames: usize,
 }
 
-/// Frames that are used, at most, and at least.
+/// Most and fewest frames.
 const FRAMES: usize = 60;
 const LEAST: usize = 3;
 
-/// A head that shakes leaves about a pixel; frames that are farther off the map are not on it.
+/// Greatest accepted residual displacement, pixels; a vibrating head leaves about one pixel.
 const MOST_LEFT_PX: f64 = 5.0;
 
-/// Standard deviation of what the Gaussian is known to be before, pixels.
+/// Prior standard deviation of the Gaussian's width, pixels.
 const SIGMA_PRIOR: f64 = 0.5;
 
-/// Neighbouring pixels are wrong together: so many count as one against what is known before.
+/// Number of neighbouring pixels with common errors: so many count as one against the prior.
 const ALIKE: f64 = 100.0;
 
-/// Place of the lag among the tie's numbers.
+/// Index of the lag in the alignment's parameters.
 const LAG: usize = 8;
 
-/// Darker than this share of white the event camera's frames tell little of the light.
+/// Lower bound of the expected light in relative residuals, as a share of white.
 const DARK: f64 = 0.1;
 
-/// Share of the places at either end that is left out where one number stands for all.
+/// Share trimmed at either end of a mean over cells.
 const TRIM: f64 = 0.15;
 
-/// A residual beyond so many standard deviations counts in proportion less.
+/// Huber threshold in standard deviations.
 const HUBER: f64 = 2.5;
 
-/// One frame's equations, its own gain and offset taken out.
+/// One frame's equations with its gain and offset eliminated.
 struct Part {
     normal: SMatrix<f64, SHARED, SHARED>,
     right: SVector<f64, SHARED>,
     squares: f64,
     n: usize,
-    /// Displacement that would still better this frame alone, pixels.
+    /// Displacement that would still improve this frame alone, pixels.
     shift_px: [f64; 2],
 }
 
-/// Refines a tie by the light in frames.
+/// Refines an alignment photometrically.
 ///
 /// # Errors
+///
 /// When too few frames fall on the path and the map, or they do not fit.
 pub(super) fn register(
     survey: &Survey,
@@ -108,7 +107,6 @@ pub(super) fn register(
     Ok(result)
 }
 
-/// Refuses frames that lie elsewhere: such a map's light is not what the event camera saw.
 fn on_the_map(left_px: f64) -> Result<(), SceneError> {
     if left_px <= MOST_LEFT_PX {
         return Ok(());
@@ -116,7 +114,7 @@ fn on_the_map(left_px: f64) -> Result<(), SceneError> {
     Err(SceneError::OffTheMap { left_px, most_px: MOST_LEFT_PX })
 }
 
-/// The tie and the blur at which the map fits pictures best, of `n` frames.
+/// Alignment and blur with the least residual over the images, of `n` frames.
 fn refined(
     survey: &Survey,
     start: DavisTie,
@@ -175,8 +173,8 @@ fn refined(
     result.ok_or(SceneError::NoFit("the event camera's place by light"))
 }
 
-/// What the map is wrong by in the light of places, as these frames see it: the spread of the places'
-/// own means over frames, less what noise leaves in a mean.
+/// Relative error of the map's radiance: variance of the cells' mean residuals over frames, less
+/// the noise variance of those means.
 fn light_error(
     survey: &Survey,
     tie: &DavisTie,
@@ -202,12 +200,12 @@ fn light_error(
     let mut squares: Vec<f64> = places.values().filter_map(of_place).collect();
     squares.sort_by(f64::total_cmp);
     let cut = (TRIM * squares.len() as f64) as usize;
-    // A few places at the darkest edges would stand for all.
+    // Trimmed, so that a few cells at the darkest edges do not dominate.
     let usual = &squares[cut..squares.len() - cut];
     (usual.iter().sum::<f64>() / usual.len().max(1) as f64).max(0.0).sqrt()
 }
 
-/// Width of a DAVIS pixel on the print, from the distance at the path's middle.
+/// Width of a DAVIS pixel on the target at the middle of the path.
 fn pixel_mm(survey: &Survey, tie: &DavisTie) -> f64 {
     let knots = &survey.path.knots;
     let distance = knots.get(knots.len() / 2).map_or(1.0, |knot| knot.pose[2]);
@@ -215,7 +213,7 @@ fn pixel_mm(survey: &Survey, tie: &DavisTie) -> f64 {
     (distance - tie.mount.offset_mm[2]) / (lens.focal_px * tie.mount.ln_focal.exp())
 }
 
-/// Frames spread over the path.
+/// Frames evenly spread over the path.
 fn chosen(survey: &Survey, tie: &DavisTie, frames: &[Frame<Davis>]) -> Vec<Picture> {
     let path = &survey.path;
     let on_path: Vec<&Frame<Davis>> = frames
@@ -288,7 +286,7 @@ impl Picture {
     }
 }
 
-/// Gain and offset that bring the expected light to the values.
+/// Gain and offset by least squares.
 fn level(rows: &[Row]) -> Option<(f64, f64)> {
     let n = rows.len() as f64;
     let mean = |of: &dyn Fn(&Row) -> f64| rows.iter().map(of).sum::<f64>() / n;

@@ -1,14 +1,13 @@
-//! Errors of a fit whose residuals go together.
+//! Cluster-robust covariance.
 
 use nalgebra::{SMatrix, SVector};
 
-/// Frames next to each other, and marks next to each other, are wrong together: they are counted as so
-/// many groups.
+/// Number of clusters of neighbouring frames or features.
 const GROUPS: usize = 24;
 
-/// Covariance of a fit from the inverse of its normal equations and the scores at the solution, frame
-/// by frame in order of time or part by part of the map. It holds whatever the residuals have in common within a group (Liang and
-/// Zeger's estimate, enlarged for the freedom that the fit took from the groups).
+/// Cluster-robust covariance of a fit from the inverse of its normal equations and the scores at
+/// the solution, ordered in time or over the map (Liang and Zeger, 1986, with a correction for the
+/// degrees of freedom).
 pub(super) fn clustered<const N: usize>(
     inverse: &SMatrix<f64, N, N>,
     scores: &[SVector<f64, N>],
@@ -22,7 +21,7 @@ pub(super) fn clustered<const N: usize>(
         n_groups += 1;
     }
     let n = n_groups as f64;
-    // As many groups as unknowns can be met exactly; there is nothing to learn from them.
+    // With as many clusters as unknowns the scores carry no information.
     let freedom = (n - N as f64).max(1.0);
     inverse * sum * inverse * (n / freedom)
 }

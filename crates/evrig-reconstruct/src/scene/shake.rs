@@ -1,55 +1,55 @@
-//! A head that shakes: a line in the spectrum of the path.
+//! Vibration of the camera head: a line in the spectrum of the path.
 //!
-//! The frames follow the head, so the light has the shaking in it. What the arm was told and reports
-//! has not, which makes it a departure from what a session states.
+//! The frames follow the head, so the signal includes the vibration. The arm's own pose log does
+//! not, which makes it a departure from the session's description.
 
 use super::path::{HeadPath, PathKnot};
 use nalgebra::{SMatrix, SVector};
 use std::f64::consts::{PI, TAU};
 
-/// The path without what changes slowly: standard deviation of the time smoothed over, seconds.
+/// Standard deviation of the Gaussian high-pass filter, seconds.
 const SLOW_S: f64 = 0.03;
 
-/// Below this the arm's own motion shows.
+/// Below this the arm's own motion dominates.
 const LOWEST_HZ: f64 = 5.0;
 
-/// Share of the frame rate up to which frames follow.
+/// Highest frequency, as a share of the frame rate.
 const HIGHEST: f64 = 0.45;
 
-/// A line has to be so many times as strong as its surroundings.
+/// Least power of a line over its background.
 const CLEAR: f64 = 40.0;
 
-/// Lines on either side that are the surroundings, and those next to a line that are not.
+/// Spectral lines on either side that form the background, and those next to the peak that do not.
 const AROUND: usize = 40;
 const OWN: usize = 4;
 
-/// Swings about an instant from which its amplitude is taken.
+/// Cycles about an instant from which the amplitude is fitted.
 const SWINGS: f64 = 2.0;
 
-/// Fewest frames with which a spectrum is one.
+/// Fewest frames for a spectrum.
 const LEAST_KNOTS: usize = 120;
 
-/// A swing of the head.
+/// A vibration of the head.
 #[derive(Debug, Clone, Default)]
 pub struct Shake {
-    /// Swings a second, and the standard error.
+    /// Frequency and its standard error.
     pub frequency_hz: [f64; 2],
-    /// Amplitude while it shakes, millimetres, and the standard error.
+    /// Amplitude during motion and its standard error.
     pub amplitude_mm: [f64; 2],
-    /// The line over its surroundings, amplitudes.
+    /// Amplitude of the line over its background.
     pub clearness: f64,
-    /// What it adds to the place of the head at each knot.
+    /// Displacement of the head at each knot.
     swings: Vec<[f64; 2]>,
 }
 
-/// What is left of a path without its slow part, and the times.
+/// The high-pass filtered path.
 struct Fast {
     times: Vec<f64>,
     places: Vec<[f64; 2]>,
 }
 
 impl HeadPath {
-    /// The shaking of the head, if a line stands out of the path's spectrum.
+    /// The vibration of the head, if the path's spectrum has a significant line.
     #[must_use]
     pub fn shake(&self) -> Option<Shake> {
         let fast = Fast::of(&self.knots)?;
@@ -73,7 +73,7 @@ impl HeadPath {
         let swings = fast.swings(frequency, passed(frequency));
         let mut sizes: Vec<f64> = swings.iter().map(|swing| swing.1).collect();
         sizes.sort_by(f64::total_cmp);
-        // While the head stands it does not shake: the upper half is of its motion.
+        // The head vibrates while it moves: the median of the upper half.
         let amplitude = sizes[sizes.len() * 3 / 4];
         let spread = sizes[sizes.len() * 7 / 8] - sizes[sizes.len() * 5 / 8];
         Some(Shake {
@@ -84,7 +84,7 @@ impl HeadPath {
         })
     }
 
-    /// The same path without a shaking that was found in it.
+    /// The path with a vibration removed.
     #[must_use]
     pub fn without(&self, shake: &Shake) -> Self {
         let mut knots = self.knots.clone();
@@ -96,7 +96,7 @@ impl HeadPath {
     }
 }
 
-/// Share of a swing that is left when the slow part of a path is taken off.
+/// Gain of the high-pass filter at a frequency.
 fn passed(hz: f64) -> f64 {
     1.0 - (-2.0 * (PI * SLOW_S * hz).powi(2)).exp()
 }
@@ -119,7 +119,7 @@ impl Fast {
             }
             [0, 1].map(|axis| knots[at].pose[axis] - mean[axis] / sum)
         };
-        // At either end the mean is of one side.
+        // Near both ends the filter is one-sided.
         let margin = times.partition_point(|t| *t < times[0] + reach);
         let mut places: Vec<[f64; 2]> = (0..times.len()).map(place).collect();
         let n = places.len();
@@ -128,7 +128,7 @@ impl Fast {
         Some(Self { times, places })
     }
 
-    /// Power at a frequency, under a window that falls to nothing at both ends.
+    /// Power at a frequency under a Hann window.
     fn power(&self, hz: f64) -> f64 {
         let (from, to) = (self.times[0], self.times[self.times.len() - 1]);
         let mut sums = [0.0; 4];
@@ -143,15 +143,15 @@ impl Fast {
         sums.iter().map(|sum| sum * sum).sum()
     }
 
-    /// The frequency of the greatest power beside `hz`.
+    /// Parabolic interpolation of the peak.
     fn peak(&self, hz: f64, step: f64) -> f64 {
         let [left, here, right] = [hz - step, hz, hz + step].map(|f| self.power(f));
         let bend = left - 2.0 * here + right;
         if bend < 0.0 { hz + 0.5 * step * (left - right) / bend } else { hz }
     }
 
-    /// The swing at each knot and its amplitude, from those around it; `passed` is what the slow part
-    /// left of it.
+    /// Displacement and amplitude at each knot from a local sinusoid fit; `passed` is the filter's
+    /// gain.
     fn swings(&self, hz: f64, passed: f64) -> Vec<([f64; 2], f64)> {
         let reach = SWINGS / hz;
         let swing = |at: usize| {

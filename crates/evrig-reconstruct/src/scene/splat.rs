@@ -1,4 +1,4 @@
-//! Frames laid onto the map.
+//! Accumulation of frames on the map.
 
 use super::corners::Corners;
 use super::error::SceneError;
@@ -9,22 +9,21 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// A frame held in memory while the map is made.
+/// A frame held in memory while the map is estimated.
 #[derive(Debug, Clone)]
 pub(super) struct Key {
     pub(super) samples: Arc<Vec<u16>>,
     /// Mid-exposure of the first row, seconds from the path's zero.
     pub(super) first_s: f64,
-    /// How long a row sees light, seconds.
     pub(super) exposure_s: f64,
     /// At the middle row.
     pub(super) pose: HeadPose,
-    /// Change of the pose a second.
+    /// Derivative of the pose per second.
     pub(super) speed: HeadPose,
     pub(super) ln_gain: f64,
 }
 
-/// The camera, how the print lies to it, and how late each row is after the one before.
+/// The camera, the head's geometry, and the row time.
 #[derive(Debug, Clone)]
 pub(super) struct Optics {
     pub(super) camera: PiCamera,
@@ -35,27 +34,24 @@ pub(super) struct Optics {
 /// Side of a cell in Pi pixels.
 const CELL_PX: f64 = 0.8;
 
-/// Most cells of a map.
 const MAX_CELLS: usize = 6_000_000;
 
-/// Frames are laid in so many heaps, added up in order: the same sums on any number of threads.
+/// Partial sums, added in order: the result does not depend on the number of threads.
 const HEAPS: usize = 4;
 
-/// A cell with less than so many pixels of full weight is not known.
+/// Least weight of a known cell, in pixels.
 const LEAST_WEIGHT: f32 = 1.5;
 
-/// Every so many pairs of columns are looked at for the gains of the mosaic's places.
+/// Column pairs between samples for the Bayer gains.
 const SITE_STEP: usize = 23;
 
-/// What fell on a cell: weights, weighted light, squared weights, weighted squares of what the map
-/// before left unexplained.
+/// Sums of a cell: weights, weighted light, squared weights, weighted squared residuals against the
+/// previous map.
 type Heap = Vec<[f32; 4]>;
 
-/// A pixel and its light brought to the map's level: column, row, light.
 type Pixel = (usize, usize, f32);
 
 impl Optics {
-    /// The pose as a row saw it.
     pub(super) fn pose_of_row(&self, key: &Key, row: f64) -> HeadPose {
         let late_s = (row - self.camera.middle_row()) * self.row_s;
         std::array::from_fn::<f64, POSE, _>(|i| key.pose[i] + key.speed[i] * late_s)
@@ -66,14 +62,14 @@ impl Optics {
         first_s + self.camera.middle_row() * self.row_s
     }
 
-    /// Way of the picture within a row's exposure, in Pi pixels.
+    /// Image motion within a row's exposure, Pi pixels.
     fn blur_px(&self, key: &Key) -> f64 {
         let along = key.speed[0].hypot(key.speed[1]) * key.exposure_s;
         along * self.camera.lens.focal_px / key.pose[2].abs().max(1.0)
     }
 }
 
-/// The grid that covers what the frames saw.
+/// The grid that covers all frames.
 pub(super) fn covering(optics: &Optics, keys: &[Key]) -> Result<MapGrid, SceneError> {
     let camera = &optics.camera;
     let (right, bottom) = (usize::from(camera.size.width) - 1, usize::from(camera.size.height) - 1);
@@ -102,7 +98,7 @@ pub(super) fn covering(optics: &Optics, keys: &[Key]) -> Result<MapGrid, SceneEr
     Ok(MapGrid { origin_mm, cell_mm, width: side(0) as usize, height: side(1) as usize })
 }
 
-/// The map that the frames make; errors are known where `before` is given.
+/// Weighted mean of the frames on the grid; errors are estimated where `before` is given.
 pub(super) fn splat(
     grid: MapGrid,
     optics: &Optics,
@@ -138,7 +134,7 @@ pub(super) fn splat(
 fn lay(heap: &mut Heap, grid: MapGrid, optics: &Optics, key: &Key, before: Option<&RadianceMap>) {
     let (width, height) =
         (usize::from(optics.camera.size.width), usize::from(optics.camera.size.height));
-    // Frames that are blurred by motion say less of the print.
+    // Motion-blurred frames weigh less.
     let trust = (1.0 / (1.0 + optics.blur_px(key).powi(2))) as f32;
     let over_level = (-key.ln_gain).exp() as f32;
     for y in 0..height {
@@ -157,7 +153,7 @@ fn lay(heap: &mut Heap, grid: MapGrid, optics: &Optics, key: &Key, before: Optio
     }
 }
 
-/// Adds a pixel's light to the four cells around its place.
+/// Adds a pixel's light to its four neighbouring cells.
 #[inline]
 fn add(
     heap: &mut Heap,
@@ -189,14 +185,13 @@ fn add(
     }
 }
 
-/// What the four places of the mosaic read over what the map expects of them.
+/// Ratios of the four Bayer sites' readings to the map.
 pub(super) fn site_ratios(optics: &Optics, keys: &[Key], map: &RadianceMap) -> [f64; 4] {
     let camera = &optics.camera;
     let (width, height) = (usize::from(camera.size.width), usize::from(camera.size.height));
     let of_key = |key: &Key| {
         let mut sums = [[0.0_f64; 2]; 4];
         for y in 0..height {
-            // A few pixels of each row, both columns of the mosaic's cells.
             let Some(plane) = optics.head.plane_from_pi(&optics.pose_of_row(key, y as f64)) else {
                 continue;
             };

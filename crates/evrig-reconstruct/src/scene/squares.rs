@@ -1,4 +1,4 @@
-//! What a frame has beyond the map, summed over squares of the print.
+//! Frame-to-map ratios on a coarse grid of the target.
 
 use super::align::LEVEL_STEP;
 use super::corners::Corners;
@@ -6,11 +6,10 @@ use super::looks::looks;
 use super::map::{MapGrid, RadianceMap};
 use super::splat::{Key, Optics};
 
-/// Side of a square, millimetres, and the fewest pixels that tell its light.
+/// Side of a cell, millimetres, and its fewest pixels.
 const SIDE_MM: f64 = 3.0;
 const LEAST_LOOKS: u32 = 5;
 
-/// Squares of the print.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Squares {
     pub(super) origin_mm: [f64; 2],
@@ -35,10 +34,10 @@ impl Squares {
         [0, 1].map(|axis| self.origin_mm[axis] + (at[axis] as f64 + 0.5) * SIDE_MM)
     }
 
-    /// Logarithm of a frame's light over the map's in every square; `NaN` where it tells too little.
+    /// Logarithm of a frame's light over the map's in every cell; `NaN` with too few pixels.
     pub(super) fn levels(&self, optics: &Optics, map: &RadianceMap, key: &Key) -> Vec<f32> {
         let mut sums = vec![(0.0_f64, 0.0_f64, 0_u32); self.width * self.height];
-        // A frame whose geometry has no inverse shows nothing.
+        // A frame with a singular homography has no samples.
         let _ = looks(optics, map, key, LEVEL_STEP, |look| {
             if let Some(sum) = self.of(look.place_mm).and_then(|square| sums.get_mut(square)) {
                 *sum = (sum.0 + look.light, sum.1 + look.mapped[0], sum.2 + 1);
@@ -51,7 +50,7 @@ impl Squares {
         sums.iter().map(level).collect()
     }
 
-    /// A value of each square at a place, straight between the squares' middles.
+    /// Bilinear interpolation of one value per cell.
     pub(super) fn between(&self, values: &[f64], place_mm: [f64; 2]) -> f64 {
         let at = |axis: usize| ((place_mm[axis] - self.origin_mm[axis]) / SIDE_MM - 0.5) as f32;
         let corners = Corners::about([self.width, self.height], [at(0), at(1)]);

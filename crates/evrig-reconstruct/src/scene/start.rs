@@ -1,15 +1,15 @@
-//! Where to start: the head's pose from the tag as the Pi camera sees it.
+//! Start poses of the head from the tag in the Pi's frames.
 
 use super::head::{Head, HeadPose, POSE};
 use crate::roi::Track;
 use evrig_core::time::{PiSensor, Span, Stamp};
 use nalgebra::{SMatrix, SVector, Vector3};
 
-/// The tag on the print: its corners in millimetres.
+/// Corners of the tag, millimetres on the target.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TagSquare(pub(super) Corners);
 
-/// The head's path by the tag alone.
+/// Path of the head from the tag alone.
 pub(super) struct TagPath<'a> {
     track: &'a Track<PiSensor>,
     zero: Stamp<PiSensor>,
@@ -17,11 +17,11 @@ pub(super) struct TagPath<'a> {
     pub(super) head: Head,
 }
 
-/// Four corners: millimetres on the print, or rays of the camera.
+/// Four corners: millimetres on the target, or rays of the camera.
 pub(super) type Corners = [[f64; 2]; 4];
 
 impl<'a> TagPath<'a> {
-    /// The path that a track tells, for a head whose turn is zero at the track's first sighting.
+    /// The path of a track, with wrist rotation zero at its first detection.
     pub(super) fn new(track: &'a Track<PiSensor>, stated: Head) -> Option<Self> {
         let zero = track.span()?[0];
         let square = TagSquare(track.plane.tag_corners_mm());
@@ -30,12 +30,11 @@ impl<'a> TagPath<'a> {
         Some(path)
     }
 
-    /// The tag.
     pub(super) fn square(&self) -> TagSquare {
         self.square
     }
 
-    /// The corners as they are seen at `n` instants spread over the track, where it leads.
+    /// Rays to the corners at `n` instants spread over the track, where it is known.
     pub(super) fn looks(&self, n: usize) -> Vec<Corners> {
         let [from, to] = self.span_s();
         let time_s = |i: usize| from + (to - from) * (i as f64 + 0.5) / n as f64;
@@ -43,17 +42,15 @@ impl<'a> TagPath<'a> {
         (0..n).filter_map(rays).collect()
     }
 
-    /// The instant from which seconds are counted.
     pub(super) fn zero(&self) -> Stamp<PiSensor> {
         self.zero
     }
 
-    /// First and last second of the track.
     pub(super) fn span_s(&self) -> [f64; 2] {
         self.track.span().map_or([0.0; 2], |span| span.map(|at| (at - self.zero).as_secs_f64()))
     }
 
-    /// The pose at a time and how it changes a second; None where the track knows no path.
+    /// Pose and its derivative at a time; None where the track has a gap.
     pub(super) fn pose(&self, time_s: f64) -> Option<(HeadPose, HeadPose)> {
         let step_s = 2e-3;
         let here = self.pose_at(time_s)?;
@@ -87,11 +84,11 @@ impl<'a> TagPath<'a> {
 }
 
 impl TagSquare {
-    /// The pose of a head whose rays to the corners are nearest to those seen.
+    /// The pose with the least reprojection error.
     pub(super) fn pose(&self, head: &Head, seen: &Corners) -> Option<HeadPose> {
         let (scale, angle, shift) = similarity(&self.0, seen);
         let distance = 1.0 / scale;
-        // Of a wrist that turns about the optical axis the turn can be read off at once.
+        // A wrist axis parallel to the optical axis gives the rotation directly.
         let forward = head.axis[2];
         let apart = wrapped(head.roll_rad - angle);
         let turn = if forward.abs() > 0.5 { apart / forward } else { 0.0 };
@@ -109,7 +106,7 @@ impl TagSquare {
         (pose.iter().all(|part| part.is_finite()) && pose[2] > 0.0).then_some(pose)
     }
 
-    /// The rays to the corners from a pose of a head: right and down of each in turn.
+    /// Rays to the corners, right and down of each in turn.
     pub(super) fn rays(&self, head: &Head, pose: &HeadPose) -> SVector<f64, 8> {
         let matrix = head.pi_from_plane(pose);
         SVector::from_fn(|i, _| {
@@ -118,7 +115,7 @@ impl TagSquare {
         })
     }
 
-    /// How these rays move with the pose.
+    /// Their derivatives by the pose.
     pub(super) fn by_pose(&self, head: &Head, pose: &HeadPose) -> SMatrix<f64, 8, POSE> {
         let steps = [1e-3, 1e-3, 1e-2, 1e-6];
         let here = self.rays(head, pose);
@@ -132,7 +129,7 @@ impl TagSquare {
     }
 }
 
-/// The similarity from places to rays: scale, angle, shift.
+/// Least-squares similarity from positions to rays: scale, angle, shift.
 fn similarity(places: &Corners, rays: &Corners) -> (f64, f64, [f64; 2]) {
     let mean =
         |points: &Corners| [0, 1].map(|axis| points.iter().map(|p| p[axis]).sum::<f64>() / 4.0);
@@ -150,7 +147,7 @@ fn similarity(places: &Corners, rays: &Corners) -> (f64, f64, [f64; 2]) {
     (a.hypot(b), b.atan2(a), shift)
 }
 
-/// An angle brought between minus and plus half a turn.
+/// An angle wrapped to ±π.
 fn wrapped(angle: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
     (angle + PI).rem_euclid(TAU) - PI

@@ -1,24 +1,23 @@
-//! Frames without the part of their noise that time tells: where nothing changes, neighbouring frames are
-//! looks at one light.
+//! Temporal denoising of static regions.
 
 use super::frame_noise::FrameNoise;
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
-/// Frames before, and behind, that are taken together with one at most.
+/// Most frames before, and after, that are averaged.
 const WINDOW: usize = 8;
 
-/// Half the width of a mean's interval, in its standard errors.
+/// Half width of a confidence interval, in standard errors.
 const INTERVAL: f32 = 1.3;
 
-/// Where frames to one side only are taken, fewer than so many may as well lie on a slope.
+/// Fewest frames of a one-sided mean; fewer may lie on a slope.
 const FLAT: usize = 3;
 
-/// Puts for each value of frames of `n_pixels`, one behind the other, the mean of the frames about it that
-/// show the same light; values from `end` on are left as they are, and out of every mean. To either side a
-/// frame is taken as long as the intervals of all means so far have a light in common (the intersection of
-/// confidence intervals; Goldenshluger and Nemirovski, 1997), so that a mean is off by what changed no more
-/// than by its noise; where the sides differ, as on a slope, as many of either.
+/// Replaces each value of consecutive frames of `n_pixels` by the mean of the neighbouring frames
+/// with the same intensity. Values of at least `end` are kept and excluded from every mean. The
+/// window grows on either side while the confidence intervals of all its means intersect
+/// (Goldenshluger and Nemirovski, 1997), which bounds the bias by the noise. Where both sides
+/// differ, as on a slope, it is symmetric.
 pub(super) fn steady(values: &mut [f32], n_pixels: usize, noise: &FrameNoise, end: f32) {
     let mut before: VecDeque<Vec<f32>> = VecDeque::with_capacity(WINDOW + 1);
     for start in (0..values.len()).step_by(n_pixels.max(1)) {
@@ -40,7 +39,7 @@ pub(super) fn steady(values: &mut [f32], n_pixels: usize, noise: &FrameNoise, en
     }
 }
 
-/// Looks to one side that show the light of a first: their sum, and how many there are.
+/// Cumulative sums of the frames on one side, and how many are used.
 #[derive(Debug, Clone, Copy, Default)]
 struct Side {
     sums: [f32; WINDOW + 1],
@@ -53,7 +52,7 @@ impl Side {
     }
 }
 
-/// Of the next looks those that show the light of the first.
+/// Extends one side while the intervals intersect.
 fn alike(first: f32, next: impl Iterator<Item = f32>, interval: f32) -> Side {
     let (mut low, mut high) = (first - interval, first + interval);
     let mut side = Side::default();
@@ -71,7 +70,7 @@ fn alike(first: f32, next: impl Iterator<Item = f32>, interval: f32) -> Side {
     side
 }
 
-/// The mean of a value and both its sides; of as much of either where they lie on a slope.
+/// Mean of a value and both sides; symmetric on a slope.
 fn mean(value: f32, [mut before, mut behind]: [Side; 2], interval: f32) -> f32 {
     let (fewest, most) = (before.n.min(behind.n), before.n.max(behind.n));
     let is_slope = if fewest == 0 {

@@ -1,4 +1,4 @@
-//! A scene as numbers that can be kept and read back without the frames.
+//! A scene as parameters and arrays that are stored and read back without the frames.
 
 use super::drive::SceneDrive;
 use super::head::Head;
@@ -11,66 +11,67 @@ use evrig_core::geometry::Size;
 use evrig_core::time::{PiSensor, Span, Stamp};
 use serde::{Deserialize, Serialize};
 
-/// A survey of the print and the event camera that is tied to it.
+/// A reconstructed target with the event camera registered to it.
 #[derive(Debug, Clone)]
 pub struct Scene {
     /// Columns and rows of the event camera.
     pub size: Size,
-    /// The print and the path over it.
+    /// The target and the path over it.
     pub survey: Survey,
     /// The event camera.
     pub registration: Registration,
 }
 
-/// Everything of a scene but its arrays.
+/// Parameters of a scene without its arrays.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SceneFacts {
     /// Columns and rows of the event camera.
     pub size: Size,
-    /// How the print lies to the head.
+    /// Geometry of the camera head.
     pub head: Head,
-    /// Where the cells of the map lie.
+    /// Grid of the map.
     pub grid: MapGrid,
-    /// The instant that the path's times count from.
+    /// Origin of the path's times.
     pub zero: Stamp<PiSensor>,
-    /// Longest stretch between frames that the path leads across.
+    /// Longest gap between frames that is interpolated.
     pub max_gap: Span,
-    /// Delay from row to row as the frames show it, seconds, with its standard error.
+    /// Row time measured from the frames, seconds, with its standard error.
     pub row_s: [f64; 2],
-    /// Gains of the mosaic's four places, row by row.
+    /// Gains of the four Bayer sites, row by row.
     pub site_gains: [f64; 4],
-    /// Radiance of the brightest paper, DN above black.
+    /// White level, DN above black.
     pub white_dn: f64,
-    /// Share of the light that the Pi's lens loses in the corners, with its standard error.
+    /// Vignetting of the Pi's lens at the corners, as a share of the light, with its standard
+    /// error.
     #[serde(default)]
     pub corner_loss: Option<[f64; 2]>,
-    /// Noise of the Pi's readout, DN, with its standard error.
+    /// Readout noise of the Pi, DN, with its standard error.
     #[serde(default)]
     pub read_noise_dn: Option<[f64; 2]>,
-    /// Light that moves over the print.
+    /// Illumination that moves over the target.
     #[serde(default)]
     pub moving_light: Option<MovingLight>,
-    /// Frames seen, and those that could not be put on the path.
+    /// All frames, and those without a pose.
     pub n_frames: [usize; 2],
-    /// Frames put on the path without the tag.
+    /// Frames located without the tag.
     #[serde(default)]
     pub n_bridged: usize,
     /// The event camera.
     pub registration: Registration,
 }
 
-/// Columns of the path's table: time (s); x, y, distance (mm) and turn (rad); their standard errors;
-/// logarithm of brightness; misfit.
+/// Columns of the path's table: time (s); x, y, distance (mm) and wrist rotation (rad); their
+/// standard errors; log brightness; misfit.
 pub const PATH_COLUMNS: usize = 11;
 
 impl Scene {
-    /// The drive of its event pixels.
+    /// The log-intensity signal of its event pixels.
     #[must_use]
     pub fn drive(&self) -> SceneDrive {
         SceneDrive::new(self.size, &self.survey, &self.registration)
     }
 
-    /// Everything but the arrays.
+    /// All parameters without the arrays.
     #[must_use]
     pub fn facts(&self) -> SceneFacts {
         let survey = &self.survey;
@@ -92,7 +93,7 @@ impl Scene {
         }
     }
 
-    /// The path as a table of [`PATH_COLUMNS`] columns, row by row.
+    /// The path as a table of [`PATH_COLUMNS`] columns, row-major.
     #[must_use]
     pub fn path_table(&self) -> Vec<f64> {
         let row = |knot: &PathKnot| {
@@ -104,7 +105,7 @@ impl Scene {
         self.survey.path.knots.iter().flat_map(row).collect()
     }
 
-    /// The scene from its facts and arrays; None when their sizes do not fit together.
+    /// The scene from its parameters and arrays; None when their sizes do not match.
     #[must_use]
     pub fn from_parts(
         facts: SceneFacts,

@@ -1,4 +1,4 @@
-//! The survey: from the Pi's raw frames and the tag's track to the map and the head's path.
+//! Reconstruction of the target and the head's path from the Pi's raw frames and the tag's track.
 
 use super::error::SceneError;
 use super::head::Head;
@@ -14,18 +14,19 @@ use evrig_core::time::{PiSensor, Span};
 use evrig_session::rig::Mount;
 use nalgebra::Vector3;
 
-/// What is shown every frame, with its number.
+/// Callback for every frame with its index.
 pub type Seeing<'a> = dyn FnMut(usize, &Frame<PiSensor>) -> Result<(), SceneError> + 'a;
 
-/// The Pi's raw frames, which can be gone through more than once.
+/// The Pi's raw frames, which can be read more than once.
 pub trait Footage {
     /// Why a frame cannot be read.
     type Error: From<SceneError>;
 
-    /// Shows every frame in order of time with its number from 0.
+    /// Visits every frame in order of time with its index from 0.
     ///
     /// # Errors
-    /// When a frame cannot be read, or `see` refuses one.
+    ///
+    /// When a frame cannot be read, or `see` rejects one.
     fn replay(&mut self, see: &mut Seeing<'_>) -> Result<(), Self::Error>;
 }
 
@@ -37,66 +38,66 @@ impl Footage for &[Frame<PiSensor>] {
     }
 }
 
-/// What is known of the Pi camera before its frames are looked at.
+/// Known inputs of the reconstruction.
 #[derive(Debug, Clone, Copy)]
 pub struct PiKnown<'a> {
-    /// Size of its frames.
+    /// Size of the frames.
     pub size: Size,
-    /// Its lens.
+    /// Lens of the camera.
     pub lens: Lens,
-    /// What its samples mean.
+    /// Levels of its raw samples.
     pub raw: RawLight,
-    /// Delay from row to row as stated.
+    /// Nominal row time.
     pub row_time: Span,
-    /// Where both cameras sit.
+    /// Mount of both cameras.
     pub mount: Mount,
-    /// The tag as its frames show it.
+    /// Track of the tag in the frames.
     pub track: &'a Track<PiSensor>,
 }
 
-/// What the Pi's frames tell: the print and the path over it.
+/// Target and path reconstructed from the Pi's frames.
 #[derive(Debug, Clone)]
 pub struct Survey {
-    /// How the print lies to the head.
+    /// Geometry of the camera head.
     pub head: Head,
-    /// The map of the print.
+    /// Radiance map of the target.
     pub map: RadianceMap,
-    /// The head's path, a knot a frame.
+    /// Path of the head, one knot per frame.
     pub path: HeadPath,
-    /// Delay from row to row as the frames show it, seconds, with its standard error. Within 15 %
-    /// the path goes by the stated one all the same, which a camera keeps better than that.
+    /// Row time measured from the frames, seconds, with its standard error. Within 15 % of the
+    /// nominal one the path uses the nominal one, which is more accurate.
     pub row_s: [f64; 2],
-    /// Gains of the mosaic's four places, row by row.
+    /// Gains of the four Bayer sites, row by row.
     pub site_gains: [f64; 4],
-    /// Radiance of the brightest paper, DN above black.
+    /// White level, DN above black.
     pub white_dn: f64,
-    /// Share of the light that the Pi's lens loses in the corners of its frames, with its standard error;
-    /// none for a head that stood.
+    /// Vignetting of the Pi's lens at the corners, as a share of the light, with its standard
+    /// error; None for a head at rest.
     pub corner_loss: Option<[f64; 2]>,
-    /// Noise of the Pi's readout, DN, with its standard error; none where nothing smooth was seen.
+    /// Readout noise of the Pi, DN, with its standard error; None with too few smooth samples.
     pub read_noise_dn: Option<[f64; 2]>,
-    /// Light that moves over the print; the map and the path are free of it.
+    /// Illumination that moves over the target; it is removed from the map and the path.
     pub moving_light: Option<MovingLight>,
-    /// Frames seen, and those that could not be put on the path.
+    /// All frames, and those without a pose.
     pub n_frames: [usize; 2],
-    /// Frames that were put on the path without the tag, from the frames beside them and the map.
+    /// Frames located without the tag, from their neighbours and the map.
     pub n_bridged: usize,
 }
 
 impl Survey {
-    /// Share of the light that reaches a place of the print at a time of the path, for what moves over it.
+    /// Relative illumination at a target position and path time from [`Self::moving_illumination`].
     #[must_use]
     pub fn passing(&self, place_mm: [f64; 2], time_s: f64) -> f64 {
         self.moving_light.as_ref().map_or(1.0, |light| light.ln_at(place_mm, time_s).exp())
     }
 
-    /// The same survey of frames whose light is to be taken to a power: white stays white.
+    /// The reconstruction of frames whose light is raised to a power; white is kept.
     #[must_use]
     pub fn raised(mut self, power: f64) -> Self {
         let white = self.white_dn as f32;
         let map = &mut self.map;
         let cells = map.radiance.values.iter_mut().zip(&mut map.errors);
-        // Where nothing is mapped nothing is to come.
+        // Unobserved cells stay `NaN`.
         for (value, error) in cells.filter(|(value, _)| value.is_finite()) {
             let share = (*value / white).max(0.0);
             *value = white * share.powf(power as f32);
@@ -109,8 +110,8 @@ impl Survey {
         self
     }
 
-    /// Millimetres on the print that a ray of the Pi camera (right and down over forward) looks at;
-    /// `time_s` counts from the path's zero.
+    /// Target position in millimetres viewed by a ray of the Pi camera (right and down over
+    /// forward); `time_s` counts from the path's zero.
     #[must_use]
     pub fn place_mm(&self, [u, v]: [f64; 2], time_s: f64) -> Option<[f64; 2]> {
         let place = self.head.plane_from_pi(&self.path.pose(time_s)?)? * Vector3::new(u, v, 1.0);
@@ -118,27 +119,28 @@ impl Survey {
     }
 }
 
-/// Rounds of map, poses and shared constants; and when the map is made anew with more frames.
+/// Alternating rounds of map, poses and shared constants, at first and after the map was extended.
 const ROUNDS: usize = 4;
 const MORE_ROUNDS: usize = 2;
 
-/// How often frames without the tag may extend the map,
+/// Most extensions of the map by frames without the tag.
 const EXTENSIONS: usize = 5;
 
-/// and the share of all frames from which on it is worth it.
+/// Least share of all frames for another extension.
 const WORTH: f64 = 0.02;
 
-/// Makes the map of the print and the head's path over it.
+/// Reconstructs the radiance map of the target and the head's path over it.
 ///
 /// # Errors
-/// When frames cannot be read, too few show the tag, or nothing on the print stands out.
+///
+/// When frames cannot be read, too few show the tag, or the target has no texture.
 pub fn survey<F: Footage>(known: &PiKnown<'_>, footage: &mut F) -> Result<Survey, F::Error> {
     let mut work = Surveyor::new(known)?;
     work.take_keys(footage)?;
     let mut made = work.make_map(ROUNDS)?;
     let mut followed = work.follow(footage, &made)?;
     for _ in 0..EXTENSIONS {
-        // Frames without the tag show parts of the print that no frame with it does.
+        // Frames without the tag cover parts of the target that no frame with it does.
         if (followed.n_bridged as f64) < WORTH * followed.n_frames[0] as f64 {
             break;
         }

@@ -1,4 +1,4 @@
-//! The survey at work: which frames make the map, rounds of map and geometry, frames on the path.
+//! Joint estimation of the map, the shared geometry and the poses.
 
 use super::align::{ALL, Equations, Noise, Reference, SHARED};
 use super::error::SceneError;
@@ -25,85 +25,78 @@ use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Frames that the map is made of, at most.
+/// Most frames from which the map is estimated.
 const KEYS: usize = 150;
 
-/// Fewer frames make no map.
+/// Fewest frames for a map.
 const LEAST_KEYS: usize = 12;
 
-/// Cells of the map that the map's own frames are held against, and those that each frame is then put
-/// on the path by. The map is wrong by more than the noise that more of them would take away.
+/// Map features for the joint estimation, and for the pose of each frame. With more of them the
+/// map's own error dominates.
 const MARKS: usize = 24_000;
 const PATH_MARKS: usize = 12_000;
 
-/// Longest stretch between frames that the path leads across.
+/// Longest gap between frames that is interpolated.
 const MAX_GAP: Span = Span::from_micros(50_000);
 
-/// A frame whose logarithm of brightness is farther from the others' is left out of the map.
+/// Greatest deviation of a keyframe's log brightness from the median.
 const STRANGE_LIGHT: f64 = 0.03;
 
-/// The tag tells the row time where its error is less than this share of what is stated. Elsewhere the map has to, by
-/// which it comes out a few percent too long.
+/// The tag's row time is used when its error is below this share of the nominal one. The estimate
+/// from the map is a few percent too long.
 const ROW_TOLD: f64 = 0.1;
 
-/// Standard deviation of what is known of the row time before the map says it, as a share of what is stated.
+/// Prior standard deviation of the row time, as a share of the nominal one.
 const ROW_SHARE: f64 = 0.2;
 
-/// A row time that differs from the stated one by a smaller share is not believed.
+/// The nominal row time is kept when the measured one differs by a smaller share.
 const ROW_BELIEF: f64 = 0.15;
 
-/// Most of the light that a lens is taken to lose in the corners.
+/// Greatest accepted vignetting.
 const MOST_LOST: f64 = 0.9;
 
-/// Place of the row time among the shared constants.
+/// Index of the row time in the shared unknowns.
 const ROW: usize = SHARED - 1;
 
-/// Pixels are wrong together: so many count as one against what is known before. A late row, a tilt
-/// and a distance that changes look alike along one circle.
+/// Number of pixels with common errors: so many count as one against the prior. On one circle the
+/// row time, a tilt and a changing distance are nearly collinear.
 const ALIKE: f64 = 1_000.0;
 
-/// The row time to go on with, by what was found and by what is stated.
 fn believed(found_s: f64, stated_s: f64) -> f64 {
     if (found_s / stated_s - 1.0).abs() < ROW_BELIEF { stated_s } else { found_s }
 }
 
-/// The work in progress.
 pub(super) struct Surveyor<'a> {
     tag: TagPath<'a>,
-    /// The head as the tag shows it.
+    /// Tilts from the tag's perspective.
     lie: Lie,
-    /// The path as far as it is known from an earlier map.
+    /// The path of a previous map.
     known: Option<HeadPath>,
     optics: Optics,
     stated_row_s: f64,
-    /// What the tag says of it, with its standard error; none where that is too little.
+    /// Row time from the tag with its standard error; None where it is too uncertain.
     row_by_tag_s: Option<[f64; 2]>,
-    /// What the frames say of the row time.
+    /// Measured row time.
     row_found_s: f64,
     keys: Vec<Key>,
     noise: Noise,
 }
 
-/// A map and what was learnt while it was made.
+/// A map and the parameters estimated with it.
 pub(super) struct Made {
     pub(super) map: RadianceMap,
-    /// Radiance of the brightest paper.
     pub(super) white_dn: f64,
-    /// Standard error of the row time.
     pub(super) row_error_s: f64,
-    /// Share of the light that the Pi's lens loses in the corners, with its standard error.
     pub(super) corner_loss: Option<[f64; 2]>,
-    /// Noise of the Pi's readout, DN, with its standard error; none where nothing smooth was seen.
     pub(super) read_noise_dn: Option<[f64; 2]>,
 }
 
-/// All frames put on the path.
+/// Poses of all frames.
 pub(super) struct Followed {
     pub(super) path: HeadPath,
-    /// Frames seen, and lost.
+    /// All frames, and those without a pose.
     pub(super) n_frames: [usize; 2],
     pub(super) n_bridged: usize,
-    /// Light that moves over the print.
     pub(super) moving: Option<Found>,
 }
 
@@ -134,27 +127,24 @@ impl<'a> Surveyor<'a> {
         })
     }
 
-    /// How the print lies to the head.
     pub(super) fn head(&self) -> Head {
         self.optics.head
     }
 
-    /// Gains of the mosaic's four places, row by row.
     pub(super) fn site_gains(&self) -> [f64; 4] {
         self.optics.camera.gains()
     }
 
-    /// What the frames say of the row time.
     pub(super) fn row_found_s(&self) -> f64 {
         self.row_found_s
     }
 
-    /// Starts from this path where it leads, and from the tag elsewhere.
+    /// Start poses come from this path where it is known, and from the tag elsewhere.
     pub(super) fn go_by(&mut self, path: HeadPath) {
         self.known = Some(path);
     }
 
-    /// The pose at a time and how it changes a second, as far as it is known.
+    /// Start pose and its derivative, where known.
     fn start(&self, time_s: f64) -> Option<(HeadPose, HeadPose)> {
         let known = self.known.as_ref();
         let by_path = known.and_then(|path| Some((path.pose(time_s)?, path.speed(time_s))));
@@ -172,12 +162,11 @@ impl<'a> Surveyor<'a> {
         Ok(Key { samples, first_s: self.first_s(frame), exposure_s, pose, speed, ln_gain: 0.0 })
     }
 
-    /// Mid-exposure of a frame's first row.
     fn first_s(&self, frame: &Frame<PiSensor>) -> f64 {
         (frame.timing.mid_exposure(0) - self.tag.zero()).as_secs_f64()
     }
 
-    /// Keeps frames at equal steps of time.
+    /// Selects keyframes at equal steps of time.
     pub(super) fn take_keys<F: Footage>(&mut self, footage: &mut F) -> Result<(), F::Error> {
         let by_path = self.known.as_ref().and_then(HeadPath::span_s);
         let [from, to] = by_path.unwrap_or_else(|| self.tag.span_s());
@@ -203,7 +192,7 @@ impl<'a> Surveyor<'a> {
         Ok(())
     }
 
-    /// Rounds of map and poses; the map with its errors, and the standard error of the row time.
+    /// Alternates between the map and the poses.
     pub(super) fn make_map(&mut self, n_rounds: usize) -> Result<Made, SceneError> {
         self.optics.camera.balance(self.keys.iter().map(|key| key.samples.as_slice()));
         let grid = covering(&self.optics, &self.keys)?;
@@ -226,8 +215,7 @@ impl<'a> Surveyor<'a> {
         Ok(Made { map, white_dn, row_error_s, corner_loss, read_noise_dn })
     }
 
-    /// One round: the shared constants once, poses and brightness with them. Gives the standard error
-    /// of the row time.
+    /// One Gauss-Newton step of all unknowns; returns the standard error of the row time.
     fn improve(&mut self, map: &RadianceMap) -> Result<f64, SceneError> {
         let white_dn = map.white_dn().ok_or(SceneError::NoTexture)?;
         self.noise.floor_dn = 0.02 * white_dn;
@@ -263,7 +251,7 @@ impl<'a> Surveyor<'a> {
         Ok(row_error_s)
     }
 
-    /// How the constants that all frames share are to be changed, and the row time's standard error.
+    /// Step of the shared constants, and the standard error of the row time.
     fn shared_change(
         &mut self,
         parts: &[Option<Part>],
@@ -283,14 +271,14 @@ impl<'a> Surveyor<'a> {
                 self.row_found_s = self.optics.row_s + change[ROW];
                 let parts = parts.iter().flatten();
                 let scores: Vec<_> = parts.map(|p| p.right - p.normal * change).collect();
-                // What the map keeps of the poses it was made from is wrong in all frames alike, and is
-                // not in their spread.
+                // Errors common to all frames, from poses the map was made of, are not in their
+                // spread.
                 let alike = ALIKE * level * inverse[(ROW, ROW)];
                 clustered(&inverse, &scores)[(ROW, ROW)].max(alike).max(0.0).sqrt()
             }
         };
-        // A late row looks much like a tilt of the print on a circle that is run one way, so the rest is
-        // fitted given what is believed of it.
+        // On a circle in one direction the row time and a tilt are nearly collinear, so the others
+        // are estimated given the accepted row time.
         let row = believed(self.row_found_s, self.stated_row_s) - self.optics.row_s;
         right -= normal.column(ROW) * row;
         normal.row_mut(ROW).fill(0.0);
@@ -300,7 +288,7 @@ impl<'a> Surveyor<'a> {
         Ok((inverse * right, row_error_s))
     }
 
-    /// What is known of the shared constants before: the tilts by the tag, the row time as stated.
+    /// Prior of the shared constants: the tilts from the tag, the nominal row time.
     fn prior(&self) -> (SMatrix<f64, SHARED, SHARED>, SVector<f64, SHARED>) {
         let error_s = (ROW_SHARE * self.stated_row_s).max(1e-7);
         let tilts = self.lie.information * -apart(&self.optics.head, &self.lie.head);
@@ -313,7 +301,7 @@ impl<'a> Surveyor<'a> {
         (normal * ALIKE, right * ALIKE)
     }
 
-    /// Takes the keys' speeds from their own path where they are close enough.
+    /// Derivatives of the keyframes' poses from the path through them, where it is dense enough.
     fn renew_speeds(&mut self) {
         let knot = |key: &Key| PathKnot {
             time_s: self.optics.middle_s(key.first_s),
@@ -332,8 +320,7 @@ impl<'a> Surveyor<'a> {
         }
     }
 
-    /// Frames in other light than most (a flash, whose edge cuts through the rows) tell little of the
-    /// print and much that is wrong.
+    /// Drops keyframes of unusual brightness: the edge of a flash within the rows biases the map.
     fn drop_strange_light(&mut self) {
         let mut levels: Vec<f64> = self.keys.iter().map(|key| key.ln_gain).collect();
         let Some(usual) = upper_median(&mut levels) else { return };
@@ -344,13 +331,13 @@ impl<'a> Surveyor<'a> {
         self.level_gains();
     }
 
-    /// Brightness is counted from the frames' mean: the map has the rest.
+    /// Centres the log gains; their mean belongs to the map.
     fn level_gains(&mut self) {
         let mean = self.keys.iter().map(|key| key.ln_gain).sum::<f64>() / self.keys.len() as f64;
         self.keys.iter_mut().for_each(|key| key.ln_gain -= mean);
     }
 
-    /// Puts every frame on the path.
+    /// Estimates the pose of every frame.
     pub(super) fn follow<F: Footage>(
         &self,
         footage: &mut F,

@@ -1,4 +1,4 @@
-//! The event camera's place from the tag in its frames.
+//! Alignment of the event camera from the tag in its frames.
 
 use super::davis::DavisTie;
 use super::error::SceneError;
@@ -8,38 +8,37 @@ use crate::roi::{Sighting, TargetPlane};
 use evrig_core::time::{ClockMap, Davis, PiSensor};
 use nalgebra::{SMatrix, SVector, Vector3};
 
-/// Turn, offset, focal length, radial distortion, lag, skew.
+/// Rotation, offset, focal length, radial distortion, lag, skew.
 pub(super) const TIES: usize = 10;
 
-/// Standard deviations of what the rig and the clocks say: radians, millimetres, shares, seconds.
-/// A distance and a focal length look much alike, so that these are held tight.
+/// Prior standard deviations for a measured rig: radians, millimetres, shares, seconds. Distance
+/// and focal length are nearly collinear and are therefore constrained tightly.
 pub(super) const MEASURED: [f64; TIES] = [0.1, 0.1, 0.1, 2.0, 2.0, 1.0, 0.01, 0.02, 0.1, 2e-5];
 
-/// The same where only the kind of rig is known.
+/// The same where only the type of rig is known.
 pub(super) const OF_ITS_KIND: [f64; TIES] =
     [0.3, 0.3, 0.3, 40.0, 40.0, 20.0, 0.05, 0.05, 1.0, 5e-5];
 
-/// What is known of the tie before the pictures are looked at.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Before {
     pub(super) stated: DavisMount,
-    /// Standard deviations of the tie's numbers.
+    /// Prior standard deviations of the parameters.
     pub(super) sigma: [f64; TIES],
 }
 
-/// Steps for slopes.
+/// Steps of the numerical derivatives.
 const STEPS: [f64; TIES] = [1e-5, 1e-5, 1e-5, 1e-3, 1e-3, 1e-3, 1e-5, 1e-4, 1e-4, 1e-5];
 
-/// Fewer sightings do not fix the mount.
+/// Fewest detections.
 const LEAST: usize = 8;
 
-/// A corner farther off than so many pixels counts in proportion less.
+/// Huber threshold of a corner residual, pixels.
 const HUBER_PX: f64 = 0.2;
 
-/// Standard deviation of a corner in pixels.
+/// Standard deviation of a corner position, pixels.
 const CORNER_PX: f64 = 0.05;
 
-/// The parameters of a tie as a list, against the stated ones.
+/// Parameters of an alignment relative to the nominal ones.
 pub(super) fn listed(tie: &DavisTie, stated: &DavisMount) -> SVector<f64, TIES> {
     let mount = &tie.mount;
     let mut list = SVector::zeros();
@@ -54,7 +53,6 @@ pub(super) fn listed(tie: &DavisTie, stated: &DavisMount) -> SVector<f64, TIES> 
     list
 }
 
-/// The tie changed by a list.
 pub(super) fn changed(tie: &DavisTie, by: &SVector<f64, TIES>) -> DavisTie {
     let mut mount = tie.mount.moved(&std::array::from_fn(|i| by[i]));
     mount.ln_focal += by[6];
@@ -62,10 +60,11 @@ pub(super) fn changed(tie: &DavisTie, by: &SVector<f64, TIES>) -> DavisTie {
     DavisTie { mount, lag_s: tie.lag_s + by[8], skew: tie.skew + by[9], ..*tie }
 }
 
-/// Finds mount, lens and lag that put the tag where the frames show it.
+/// Alignment with the least reprojection error of the tag's corners.
 ///
 /// # Errors
-/// With too few sightings while the path is known, or when they fit no mount.
+///
+/// With too few detections on the path, or when they do not fit.
 pub(super) fn tie_by_tag(
     head: &Head,
     path: &HeadPath,
@@ -110,7 +109,7 @@ pub(super) fn tie_by_tag(
     Ok(tie)
 }
 
-/// Where a sighting's corners should be.
+/// Predicted corners of a detection.
 fn corners(
     tie: &DavisTie,
     head: &Head,

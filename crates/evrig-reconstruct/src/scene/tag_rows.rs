@@ -1,30 +1,30 @@
-//! The row time by the tag alone: rows that are read one after the other shear and stretch a tag that moves.
+//! Row time from the tag: a rolling shutter shears and stretches a moving tag.
 //!
-//! From its rest the tag is seen as `(I + t v e_y^T) R s`: turned and scaled as the head turns and sinks, and each row
-//! late by `t`, while the tag moves by `v` pixels a second. Of that map `G` neither turn nor scale changes the sum
-//! `G_xy + G_yx = t v_x` nor the difference `G_yy - G_xx = t v_y` (for a turn that is small; a larger one mixes them),
-//! so both tell the row time whatever path the head runs. What the tilt of the print adds to them is a straight line
-//! in the tag's place.
+//! Relative to rest the tag is imaged by `G = (I + t v e_y^T) R s`, with rotation `R`, scale `s`,
+//! row time `t` and velocity `v` in pixels per second. Small rotations and scale change neither the
+//! sum `G_xy + G_yx = t v_x` nor the difference `G_yy - G_xx = t v_y` (a larger rotation mixes
+//! them), so that both determine the row time on any path. A tilt of the target adds a term linear
+//! in the tag's position.
 
 use super::robust::clustered;
 use crate::roi::{Sighting, Track};
 use evrig_core::time::PiSensor;
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
-/// The row time, then level and slopes of either strain by the place.
+/// The row time, then level and slopes of either strain by position.
 const UNKNOWNS: usize = 7;
 
-/// Fewer looks at a tag that moves say nothing.
+/// Fewest observations of a moving tag.
 const LEAST: usize = 24;
 
-/// Longest time between frames whose places tell a speed, seconds.
+/// Longest time between frames that give a velocity, seconds.
 const NEIGHBOURS_S: f64 = 0.05;
 
-/// Edges of a blurred tag are found this much closer together or farther apart than they are, as a share of the row
-/// time: in recordings of the simulated rig it came out 0.1 to 0.4 % too small.
+/// Systematic error of the distance of blurred edges, as a share of the row time: 0.1 to 0.4 % too
+/// small in recordings of the simulated rig.
 const EDGES: f64 = 0.004;
 
-/// Rounds, as speeds are told from times which depend on the row time.
+/// Iterations: velocities depend on the row time.
 const ROUNDS: usize = 3;
 
 type Row = SVector<f64, UNKNOWNS>;
@@ -33,9 +33,9 @@ type Row = SVector<f64, UNKNOWNS>;
 struct Look {
     /// Mid-exposure of the frame's first row, seconds.
     first_s: f64,
-    /// Pixels of its middle.
+    /// Pixels of its centre.
     middle: Vector2<f64>,
-    /// From the tag's own right and down, half a side each, to pixels.
+    /// Half sides of the tag, right and down, in pixels.
     sides: Matrix2<f64>,
 }
 
@@ -52,7 +52,7 @@ impl Look {
     }
 }
 
-/// The row time in seconds with its standard error, by a tag that was seen moving.
+/// Row time in seconds with its standard error.
 pub(super) fn by_tag(track: &Track<PiSensor>, stated_row_s: f64) -> Option<[f64; 2]> {
     let look = |sighting| Look::of(sighting, stated_row_s, track);
     let looks: Vec<Look> = track.sightings.iter().map(look).collect();
@@ -77,13 +77,13 @@ fn solve(looks: &[Look], row_s: f64) -> Option<[f64; 2]> {
     (found[0].is_finite() && error_s.is_finite()).then_some([found[0], error_s])
 }
 
-/// Both strains of each look between two others, with what they are made of.
+/// Both strains of each observation between two others, with their regressors.
 fn rows(looks: &[Look], row_s: f64) -> Option<Vec<[(Row, f64); 2]>> {
     let n = looks.len() as f64;
     let rest = looks.iter().map(|look| look.sides).sum::<Matrix2<f64>>() / n;
     let back = rest.try_inverse()?;
     let centre = looks.iter().map(|look| look.middle).sum::<Vector2<f64>>() / n;
-    // The mean tag is as large as this in pixels; places count in units of it.
+    // Side of the mean tag in pixels, the unit of positions.
     let size = rest.determinant().abs().sqrt().max(1e-9);
     let time_s = |look: &Look| look.first_s + look.middle.y * row_s;
     let strains = |three: &[Look]| {

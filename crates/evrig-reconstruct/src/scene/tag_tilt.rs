@@ -1,60 +1,57 @@
-//! How the print lies to the head, by the tag's perspective.
+//! Tilts of the target and of the wrist's axis from the tag's perspective.
 //!
-//! Held against a map that was made from the same frames, a tilt of the print hardly shows: the map
-//! tilts along, a distance that changes with the place makes up for most of what is left, and a late
-//! row for the rest. The tag's own shape knows nothing of the map. Beside the optical axis a tilt makes
-//! it narrower: a hundredth of a pixel is a milliradian, and over a track those errors that follow from
-//! how the corners fall on the pixels come out of the mean. A lens that is not what the rig states
-//! looks like a tilt here.
+//! The map cannot show a tilt of the target: the map made from the same frames tilts along, and a
+//! distance that changes with position, or the row time, absorbs the rest. The shape of the tag
+//! does not depend on the map. A tilt changes it by about a hundredth of a pixel per milliradian
+//! off the optical axis; errors from the pixel phase of the corners average out over a track. A
+//! lens that differs from the rig description has the same effect as a tilt.
 
 use super::head::{HEAD, Head};
 use super::robust::clustered;
 use super::start::{Corners, TagPath, TagSquare};
 use nalgebra::{SMatrix, SVector};
 
-/// Instants of the track that are looked at.
+/// Instants sampled from the track.
 const LOOKS: usize = 240;
 
-/// Fewer say nothing.
+/// Fewest observations.
 const LEAST: usize = 12;
 
-/// Rounds of Gauss and Newton; the second one is already nearly exact.
+/// Gauss-Newton iterations.
 const ROUNDS: usize = 6;
 
-/// Standard deviation of the tilts of print and wrist's axis before anything is seen, radians.
+/// Prior standard deviation of the tilts, radians.
 const TILT_RAD: f64 = 0.02;
 
-/// What the tag's perspective is wrong by as such, radians: a lens not quite as stated, corners that err
-/// alike at all places.
+/// Systematic error of the tag's perspective, radians: lens model and common corner errors.
 const FLOOR_RAD: f64 = 1e-3;
 
-/// Step by which the head is moved to get slopes.
+/// Step of the numerical derivatives.
 const HEAD_STEP: f64 = 1e-5;
 
-/// The head's constants as the tag shows them, and how well.
+/// Tilts estimated from the tag, with their information matrix.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lie {
     pub(super) head: Head,
-    /// Inverse of the covariance of its tilts, in the order of [`Head::moved`].
+    /// Inverse covariance, in the order of [`HeadGeometry::moved`].
     pub(super) information: SMatrix<f64, HEAD, HEAD>,
 }
 
-/// Equations for the head's constants, the poses taken out.
+/// Equations for the tilts with the poses eliminated.
 struct Sums {
     normal: SMatrix<f64, HEAD, HEAD>,
     right: SVector<f64, HEAD>,
-    /// The right side, look by look.
+    /// Right side of each observation.
     scores: Vec<SVector<f64, HEAD>>,
     squares: f64,
 }
 
 impl Lie {
-    /// As the tag of this path shows it.
     pub(super) fn by(tag: &TagPath<'_>) -> Self {
         Self::of(tag.square(), tag.head, &tag.looks(LOOKS))
     }
 
-    /// As looks at the tag show it, for a head that is stated to lie so.
+    /// From observations of the tag, for a nominal head.
     fn of(square: TagSquare, stated: Head, looks: &[Corners]) -> Self {
         let before = SMatrix::<f64, HEAD, HEAD>::identity() * TILT_RAD.powi(-2);
         let unknown = Self { head: stated, information: before };
@@ -79,7 +76,6 @@ impl Lie {
     }
 }
 
-/// The tilts of a head beyond those of another.
 pub(super) fn apart(head: &Head, other: &Head) -> SVector<f64, HEAD> {
     SVector::from([
         head.tilt_rad[0] - other.tilt_rad[0],
@@ -89,8 +85,7 @@ pub(super) fn apart(head: &Head, other: &Head) -> SVector<f64, HEAD> {
     ])
 }
 
-/// What is known in the end: less than the equations say by as much as neighbouring looks err
-/// together, and never better than [`FLOOR_RAD`].
+/// Information after clustering of neighbouring observations, bounded by [`FLOOR_RAD`].
 fn information(
     normal: &SMatrix<f64, HEAD, HEAD>,
     inverse: &SMatrix<f64, HEAD, HEAD>,
@@ -111,7 +106,7 @@ impl Sums {
         let (normal, right) = (SMatrix::zeros(), SVector::zeros());
         let mut sums = Self { normal, right, scores: Vec::new(), squares: 0.0 };
         for look in looks {
-            // A look that no pose of the head can have is left out.
+            // Observations without a valid pose are skipped.
             let _ = sums.add(square, head, look);
         }
         sums
@@ -127,7 +122,7 @@ impl Sums {
             by[i] = HEAD_STEP;
             shared.set_column(i, &((square.rays(&head.moved(&by), &pose) - here) / HEAD_STEP));
         }
-        // What the pose can make up for says nothing of the head.
+        // Projects out what the pose can absorb.
         let own = square.by_pose(head, &pose);
         let onto_pose = (own.transpose() * own).try_inverse()? * own.transpose();
         let left = left - own * (onto_pose * left);

@@ -1,4 +1,4 @@
-//! Tying the event camera to the survey.
+//! Alignment of the event camera to the reconstructed target.
 
 use super::error::SceneError;
 use super::head::DavisMount;
@@ -10,28 +10,29 @@ use evrig_core::frame::Frame;
 use evrig_core::time::{ClockMap, Davis, PiSensor};
 use evrig_session::rig::Mount;
 
-/// What is known of the event camera before its frames are held against the map.
+/// Known inputs of the alignment.
 #[derive(Debug, Clone, Copy)]
 pub struct DavisKnown<'a> {
-    /// Its lens.
+    /// Lens of the event camera.
     pub lens: Lens,
-    /// Where both cameras sit.
+    /// Mount of both cameras.
     pub mount: Mount,
-    /// The tag as its frames show it.
+    /// Track of the tag in its frames.
     pub track: &'a Track<Davis>,
-    /// The clocks.
+    /// Clock map.
     pub pi_from_davis: ClockMap<PiSensor, Davis>,
-    /// Whether lens and mount are those of this very rig; else they are its kind's, and clocks may be
-    /// those of computers that no one compared.
+    /// Whether lens, mount and clocks were measured on this rig; otherwise they are nominal for its
+    /// type.
     pub is_measured: bool,
 }
 
-/// Finds how the event camera sits beside the Pi camera, its lens's focal length and how late its
-/// clock is: from the tag, then from the light in its frames. Where these show that the Pi's frames are
-/// not linear in light, the survey is made so.
+/// Estimates the pose of the event camera relative to the Pi camera, its focal length and its clock
+/// lag: from the tag, then photometrically. Where the frames show that the Pi's frames are not
+/// linear in light, the reconstruction is linearised.
 ///
 /// # Errors
-/// When too few of its frames show the tag or fall on the map, or they fit no mount.
+///
+/// When too few frames show the tag or fall on the map, or they do not fit.
 pub fn tie(
     survey: &mut Survey,
     known: &DavisKnown<'_>,
@@ -53,8 +54,8 @@ fn tie_once(
     let stated = DavisMount::stated(&known.mount, known.lens);
     let (sightings, plane) = (&known.track.sightings, &known.track.plane);
     let head = &survey.head;
-    // The survey's path counts the turn from the tag's first sighting, the rig's mount from nothing:
-    // both cameras turn together, so that the mount is the same.
+    // The path counts wrist rotation from the tag's first detection. Both cameras rotate together,
+    // so the mount does not change.
     let before = Before { stated, sigma: if known.is_measured { MEASURED } else { OF_ITS_KIND } };
     let by_tag = tie_by_tag(head, &survey.path, &before, known.pi_from_davis, sightings, plane)?;
     register(survey, by_tag, &before, frames)

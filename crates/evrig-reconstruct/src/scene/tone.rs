@@ -1,9 +1,9 @@
-//! Whether the frames of both cameras are of one tone: light in the one against light in the other.
+//! Tone curve of the Pi's frames relative to the event camera's.
 //!
-//! Where the map is smooth, `v_k = g_k (1 - c r^2) (m^q - o)`: the event camera's frame `k` reads `v`
-//! where the map reads `m` of white. The gains belong to the frames, the pedestal `o` of either camera is
-//! left free, `r` is the distance from the middle over that of the corners, and `q` is 1 where both
-//! cameras are linear in light. Frames that read light to the power of `g` make a map with `q = 1 / g`.
+//! Where the map is smooth, `v_k = g_k (1 - c r^2) (m^q - o)`: frame `k` of the event camera reads
+//! `v` where the map is `m` of white. The gains `g_k` belong to the frames, the pedestal `o` of
+//! either camera is free, `r` is the distance from the image centre over that of the corners, and
+//! `q` is 1 where both cameras are linear. Frames with gamma `g` make a map with `q = 1 / g`.
 
 use super::mosaic::off_middle;
 use super::robust::clustered;
@@ -13,40 +13,39 @@ use serde::{Deserialize, Serialize};
 /// Unknowns of all frames: `q`, `o` and `c`.
 const SHARED: usize = 3;
 
-/// Rounds of the fit.
 const ROUNDS: usize = 12;
 
-/// A residual beyond so many standard deviations counts in proportion less.
+/// Huber threshold in standard deviations.
 const HUBER: f64 = 2.5;
 
-/// Groups of places that are wrong together.
+/// Clusters of target positions.
 const GROUPS: usize = 24;
 
-/// Width of a group on the print, millimetres.
+/// Side of a cluster's cell on the target, millimetres.
 const GROUP_MM: f64 = 6.0;
 
-/// Fewer samples tell nothing.
+/// Fewest samples.
 const LEAST: usize = 2_000;
 
-/// What lenses and sensors do otherwise than these laws: of the exponent, and of the corners' loss.
+/// Systematic model error of the exponent and of the corner loss.
 const SHAPE: [f64; 2] = [0.01, 0.005];
 
-/// What the event camera's frames say of the tone of both.
+/// Tone of both cameras, estimated from the event camera's frames.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Tone {
-    /// Exponent of light in the Pi's frames where that of the event camera's frames is one, with its
-    /// standard error.
+    /// Gamma of the Pi's frames relative to the event camera's, with its standard error.
     pub gamma: [f64; 2],
-    /// Share of the light that the event camera's lens loses in the corners, with its standard error.
+    /// Vignetting of the event camera's lens at the corners, as a share of the light, with its
+    /// standard error.
     pub corner_loss: [f64; 2],
 }
 
-/// Frames whose exponent differs from one by less, or by fewer standard errors, are linear in light.
+/// Least deviation of gamma from one, and least number of standard errors, of a nonlinear camera.
 const LEAST_CURVE: f64 = 0.03;
 const SURE: f64 = 5.0;
 
 impl Tone {
-    /// By how many standard errors the Pi's frames are not linear in light, if they are not.
+    /// Standard errors by which gamma differs from one, if the Pi's frames are nonlinear.
     #[must_use]
     pub fn curved(&self) -> Option<f64> {
         let [gamma, error] = self.gamma;
@@ -54,23 +53,23 @@ impl Tone {
         ((gamma - 1.0).abs() > LEAST_CURVE && z > SURE).then_some(z)
     }
 
-    /// Exponent of the Pi's frames that is linear in light.
+    /// Exponent that linearises the Pi's frames.
     #[must_use]
     pub fn power(&self) -> f64 {
         self.curved().map_or(1.0, |_| 1.0 / self.gamma[0])
     }
 }
 
-/// A pixel of the event camera that looks at a smooth place of the map.
+/// A pixel of the event camera that views a smooth point of the map.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sample {
-    /// What it reads, DN.
+    /// Reading, DN.
     pub(super) value: f64,
-    /// The map there over white.
+    /// Map over white.
     pub(super) mapped: f64,
-    /// Square of its distance from the middle over that of the corners.
+    /// Squared distance from the image centre over that of the corners.
     pub(super) off_middle: f64,
-    /// Where on the print.
+    /// Target position.
     pub(super) place_mm: [f64; 2],
 }
 
@@ -86,7 +85,7 @@ impl Sample {
         Self { value, mapped, off_middle, place_mm }
     }
 
-    /// The light expected for a gain of one, and its slopes by the shared unknowns.
+    /// Expected light at unit gain, and its derivatives by the shared unknowns.
     fn expected(&self, [q, o, c]: [f64; SHARED]) -> (f64, [f64; SHARED]) {
         let passed = 1.0 - c * self.off_middle;
         let power = self.mapped.powf(q);
@@ -96,18 +95,18 @@ impl Sample {
     }
 }
 
-/// The normal equations of all frames, their gains taken out, at some values.
+/// Normal equations with the frame gains eliminated.
 struct Equations {
     normal: SMatrix<f64, SHARED, SHARED>,
     right: SVector<f64, SHARED>,
-    /// Right sides frame by frame, and by groups of places.
+    /// Right sides by frame and by cluster of positions.
     by_frame: Vec<SVector<f64, SHARED>>,
     by_group: Vec<SVector<f64, SHARED>>,
-    /// Mean square of what is left, DN.
+    /// Mean squared residual, DN².
     left: f64,
 }
 
-/// The tone by samples of several frames; none where they tell too little.
+/// Tone fitted to samples of several frames; None with too few.
 pub(super) fn tone(frames: &[Vec<Sample>]) -> Option<Tone> {
     if frames.iter().map(Vec::len).sum::<usize>() < LEAST {
         return None;
@@ -155,7 +154,7 @@ impl Equations {
         Some(all)
     }
 
-    /// Adds a frame; its weighted squares of what is left.
+    /// Adds a frame; returns its weighted sum of squared residuals.
     fn add(&mut self, samples: &[Sample], at: [f64; SHARED], noise: f64) -> Option<f64> {
         let (mut square, mut across) = (0.0, 0.0);
         for sample in samples {
@@ -184,7 +183,7 @@ impl Equations {
         }
         let mut right = SVector::<f64, SHARED>::zeros();
         for ((weight, left, light, slopes), sample) in rows.into_iter().zip(samples) {
-            // What the frame's own gain cannot take on.
+            // Projects out the frame's own gain.
             let slopes = slopes - joint * (light / own);
             let score = weight * (left - own_right / own * light) * slopes;
             self.normal += weight * slopes * slopes.transpose();
