@@ -1,4 +1,4 @@
-//! Pairs as numbers a fit can work with, near zero whatever the clocks show.
+//! Frame pairs as numbers relative to the first, for the fits.
 
 use super::estimate::{Diagnostics, Segment, SegmentError, SegmentStart};
 use super::input::FramePair;
@@ -6,8 +6,7 @@ use evrig_core::stats::{Estimate, quantile_sorted};
 use evrig_core::time::{Clock, ClockMap, Span, Stamp};
 use std::ops::Range;
 
-/// Pairs relative to the first: seconds since it, and how much later RealTime is than the
-/// sensor's clock alone would say, in microseconds.
+/// Pairs relative to the first: seconds since it, and RealTime minus sensor time, µs.
 #[derive(Debug)]
 pub(super) struct Trace<'a, A: Clock, B: Clock> {
     pub(super) pairs: &'a [FramePair<A, B>],

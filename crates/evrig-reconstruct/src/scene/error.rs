@@ -1,11 +1,12 @@
-
 use evrig_core::geometry::Size;
 
 /// Why no scene was reconstructed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SceneError {
     /// A frame is not of the raw Bayer format that the camera states.
-    #[error("Pi frame {index} is {got} of another kind; expected raw mosaic frames of {expected}")]
+    #[error(
+        "Pi frame {index} is not raw or has the wrong size ({got}); expected raw Bayer frames of {expected}"
+    )]
     NotRaw {
         /// Index of the frame, from 0.
         index: usize,
@@ -16,7 +17,7 @@ pub enum SceneError {
     },
     /// The tag's track covers too few frames.
     #[error(
-        "the tag was tracked in {found} of {n} Pi frames; at least {needed} are needed to map the print"
+        "the tag was tracked in {found} of {n} Pi frames; at least {needed} are needed to map the target"
     )]
     TooFewFrames {
         /// Frames covered by the tag's track.
@@ -28,12 +29,12 @@ pub enum SceneError {
     },
     /// The target has no texture to align to.
     #[error(
-        "the map of the print has nothing that tells of motion; is the print in the picture and in focus?"
+        "the map of the target has no texture to align to: check that the target is in view and in focus"
     )]
     NoTexture,
     /// The map exceeds the largest supported size.
     #[error(
-        "the map of the print would have {cells} cells; the limit is {limit}: is the path of the tag right?"
+        "the map of the target would have {cells} cells, the limit is {limit}: check the track of the tag"
     )]
     TooLarge {
         /// Cells needed.
@@ -55,16 +56,16 @@ pub enum SceneError {
     },
     /// The event camera's frames do not match the map.
     #[error(
-        "the DAVIS's frames lie {left_px:.1} px off the map of the print (root mean square; at most {most_px} px): \
-         do both cameras' clocks hold for this recording (`evrig sync`), and does the rig state where they sit?"
+        "the DAVIS frames are displaced {residual_px:.1} px from the map of the target (root mean square; at most \
+         {max_px} px): check the clocks (`evrig sync`) and the camera mounts in the rig description"
     )]
     OffTheMap {
         /// Root-mean-square displacement, pixels.
-        left_px: f64,
+        residual_px: f64,
         /// Greatest accepted displacement, pixels.
-        most_px: f64,
+        max_px: f64,
     },
     /// The normal equations have no solution.
-    #[error("{0} does not converge: the pictures do not fit the geometry that the rig states")]
+    #[error("{0} does not converge: the frames do not match the geometry in the rig description")]
     NoFit(&'static str),
 }

@@ -6,17 +6,17 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Degrees of freedom of the arm's end effector: position and wrist rotation.
-pub(super) const POSE: usize = 4;
+pub(super) const POSE_DOF: usize = 4;
 
 /// Pose over the target: x and y of the Pi camera's optical centre along the head's axes at
 /// rotation zero, distance from the target's origin, millimetres, and the wrist rotation, radians.
-pub(super) type HeadPose = [f64; POSE];
+pub(super) type HeadPose = [f64; POSE_DOF];
 
 /// Constants of the camera head: orientation of the target and axis of the wrist.
 ///
 /// The head's axes are those of the Pi camera: right, down, forward.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Head {
+pub struct HeadGeometry {
     /// Rotation of the target about the Pi's optical axis at wrist rotation zero, radians.
     pub roll_rad: f64,
     /// Tilt of the target about the Pi's right and down axes, radians.
@@ -28,7 +28,7 @@ pub struct Head {
 }
 
 /// Fitted constants of the head: both tilts.
-pub(super) const HEAD: usize = 4;
+pub(super) const HEAD_DOF: usize = 4;
 
 /// Pose of the event camera relative to the Pi camera, and its lens.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -49,9 +49,9 @@ pub struct DavisMount {
 }
 
 /// Parameters of the mount's rigid motion: rotation and offset.
-pub(super) const MOUNT: usize = 6;
+pub(super) const MOUNT_DOF: usize = 6;
 
-impl Head {
+impl HeadGeometry {
     /// The head of a rig whose target is perpendicular to the Pi camera's optical axis.
     #[must_use]
     pub fn stated(mount: &Mount) -> Self {
@@ -79,7 +79,7 @@ impl Head {
         self.pi_from_plane(pose).try_inverse()
     }
 
-    pub(super) fn moved(&self, by: &[f64; HEAD]) -> Self {
+    pub(super) fn moved(&self, by: &[f64; HEAD_DOF]) -> Self {
         let [a, b, c, d] = *by;
         Self {
             tilt_rad: [self.tilt_rad[0] + a, self.tilt_rad[1] + b],
@@ -140,7 +140,7 @@ impl DavisMount {
             .distort([cx + self.lens.focal_px * stated[0], cy + self.lens.focal_px * stated[1]])
     }
 
-    pub(super) fn moved(&self, by: &[f64; MOUNT]) -> Self {
+    pub(super) fn moved(&self, by: &[f64; MOUNT_DOF]) -> Self {
         Self {
             turn_rad: std::array::from_fn(|i| self.turn_rad[i] + by[i]),
             offset_mm: std::array::from_fn(|i| self.offset_mm[i] + by[3 + i]),
@@ -170,7 +170,7 @@ mod tests {
     #[test]
     fn the_stated_mount_puts_the_same_place_where_the_rig_does() {
         let rig = Rig::simulated().unwrap();
-        let head = Head::stated(&rig.mount);
+        let head = HeadGeometry::stated(&rig.mount);
         let mount = DavisMount::stated(&rig.mount, Lens::of(&rig.davis.camera));
         // The tool at two poses; the print square below, its origin at a known base point.
         for tool in [[270.0, 0.0, 100.0, 90.0], [262.0, 3.0, 101.0, 72.0]] {

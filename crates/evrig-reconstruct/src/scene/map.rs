@@ -30,7 +30,7 @@ pub struct RadianceMap {
 
 /// A cell with a high image gradient, which constrains motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Mark {
+pub(super) struct MapFeature {
     pub(super) place_mm: [f64; 2],
 }
 
@@ -109,7 +109,7 @@ impl RadianceMap {
     }
 
     /// Up to about `n` cells with the highest gradients, spread over the map.
-    pub(super) fn marks(&self, n: usize, white_dn: f64) -> Vec<Mark> {
+    pub(super) fn features(&self, n: usize, white_dn: f64) -> Vec<MapFeature> {
         let MapGrid { width, height, .. } = self.grid;
         let noise_floor = 0.02 * white_dn as f32;
         let values = self.values();
@@ -141,16 +141,17 @@ impl RadianceMap {
         tiles.iter_mut().for_each(|tile| tile.retain(|(score, ..)| *score >= least));
         let n_rough = tiles.iter().filter(|tile| !tile.is_empty()).count().max(1);
         let share = (n / n_rough).max(8);
-        let mark = |(_, x, y): (f32, usize, usize)| Mark { place_mm: self.grid.place_mm(x, y) };
-        let mut marks = Vec::new();
+        let feature =
+            |(_, x, y): (f32, usize, usize)| MapFeature { place_mm: self.grid.place_mm(x, y) };
+        let mut features = Vec::new();
         for mut tile in tiles {
             tile.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
             tile.truncate(share);
             // Row order keeps look-ups local in memory.
             tile.sort_by_key(|(_, x, y)| (*y, *x));
-            marks.extend(tile.into_iter().map(mark));
+            features.extend(tile.into_iter().map(feature));
         }
-        marks
+        features
     }
 }
 
@@ -179,14 +180,14 @@ mod tests {
 
     #[test]
     fn marks_are_on_edges_alone() {
-        let marks = map().marks(100, 700.0);
-        assert!(marks.len() > 50, "{}", marks.len());
-        for Mark { place_mm: [x, y] } in marks {
+        let features = map().features(100, 700.0);
+        assert!(features.len() > 50, "{}", features.len());
+        for MapFeature { place_mm: [x, y] } in features {
             let edge = |p: f64, from: f64, to: f64| (p - from).abs() < 0.5 || (p - to).abs() < 0.5;
             assert!(edge(x, -2.0, 2.0) || edge(y, -1.0, 3.0), "{x} {y}");
         }
         let blank = MapGrid { origin_mm: [0.0; 2], cell_mm: 1.0, width: 50, height: 50 };
         let blank = RadianceMap::new(blank, vec![f32::NAN; 2_500], vec![f32::NAN; 2_500]);
-        assert!(blank.marks(10, 1.0).is_empty() && blank.white_dn().is_none());
+        assert!(blank.features(10, 1.0).is_empty() && blank.white_dn().is_none());
     }
 }

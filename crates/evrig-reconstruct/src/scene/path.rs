@@ -1,22 +1,22 @@
 //! Path of the camera head over the target.
 
-use super::head::{HeadPose, POSE};
+use super::head::{HeadPose, POSE_DOF};
 use evrig_core::stats::upper_median;
 use evrig_core::time::{PiSensor, Span, Stamp};
 use serde::{Deserialize, Serialize};
 
 /// Least change of the log level between two frames that counts as a jump: below any event
 /// threshold.
-const LEAST_JUMP: f64 = 0.05;
+const MIN_JUMP: f64 = 0.05;
 
 /// A jump exceeds the median change between frames by this factor, so that mains flicker is no
 /// jump.
-const COMMON_STEPS: f64 = 8.0;
+const JUMP_FACTOR: f64 = 8.0;
 
 /// Standard deviation of the Gaussian that smooths the illumination level, seconds. Frames alias
 /// mains flicker (100 Hz appears as 20 Hz at 120 frames per second); changes slower than about 5 Hz
 /// remain.
-const LEVEL_OVER_S: f64 = 0.02;
+const LEVEL_SIGMA_S: f64 = 0.02;
 
 /// Path from the Pi's frames, with one knot per frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,9 +40,9 @@ pub struct PathKnot {
     pub time_s: f64,
     /// Position of the Pi camera along the head's axes and distance from the target, millimetres;
     /// wrist rotation, radians.
-    pub pose: [f64; POSE],
+    pub pose: [f64; POSE_DOF],
     /// Standard errors of the pose.
-    pub pose_error: [f64; POSE],
+    pub pose_error: [f64; POSE_DOF],
     /// Logarithm of the frame's brightness over the map's.
     pub ln_gain: f64,
     /// Root-mean-square residual against the map, over the frame's own noise.
@@ -50,7 +50,7 @@ pub struct PathKnot {
 }
 
 /// The knot interval that contains a time.
-struct Stretch {
+struct KnotInterval {
     left: usize,
     length_s: f64,
     /// From 0 at the left knot to 1 at the right.
@@ -90,18 +90,18 @@ impl HeadPath {
         (self.knots.iter().map(square).sum::<f64>() / self.knots.len().max(1) as f64).sqrt()
     }
 
-    fn stretch(&self, time_s: f64) -> Option<Stretch> {
+    fn interval(&self, time_s: f64) -> Option<KnotInterval> {
         let after = self.knots.partition_point(|knot| knot.time_s <= time_s);
         let left = after.checked_sub(1)?.min(self.knots.len().checked_sub(2)?);
         let (from, to) = (self.knots[left].time_s, self.knots[left + 1].time_s);
         let length_s = to - from;
         let is_known = time_s <= to && length_s <= self.max_gap.as_secs_f64();
-        is_known.then(|| Stretch { left, length_s, part: (time_s - from) / length_s })
+        is_known.then(|| KnotInterval { left, length_s, part: (time_s - from) / length_s })
     }
 
     /// Pose at a time; None outside the path and in a gap.
     pub(super) fn pose(&self, time_s: f64) -> Option<HeadPose> {
-        let Stretch { left, length_s, part: s } = self.stretch(time_s)?;
+        let KnotInterval { left, length_s, part: s } = self.interval(time_s)?;
         let (a, b) = (&self.knots[left].pose, &self.knots[left + 1].pose);
         let (m, n) = (&self.slopes[left], &self.slopes[left + 1]);
         let (s2, s3) = (s * s, s * s * s);
@@ -123,7 +123,7 @@ impl HeadPath {
             (None, Some(a), Some(b)) | (Some(a), Some(b), None) => {
                 std::array::from_fn(|i| (b[i] - a[i]) / step)
             }
-            _ => [0.0; POSE],
+            _ => [0.0; POSE_DOF],
         }
     }
 
@@ -133,7 +133,7 @@ impl HeadPath {
         let steps: Vec<f64> =
             self.knots.windows(2).map(|pair| (pair[1].ln_gain - pair[0].ln_gain).abs()).collect();
         let Some(common) = upper_median(&mut steps.clone()) else { return Vec::new() };
-        let least = LEAST_JUMP.max(COMMON_STEPS * common);
+        let least = MIN_JUMP.max(JUMP_FACTOR * common);
         let last = self.knots.len() - 1;
         let mut all: Vec<[f64; 2]> = Vec::new();
         for at in (0..steps.len()).filter(|&at| steps[at] > least) {
@@ -149,7 +149,7 @@ impl HeadPath {
 
     /// Log illumination level relative to the map, linear between knots.
     pub(super) fn ln_light(&self, time_s: f64) -> f64 {
-        let Some(Stretch { left, part, .. }) = self.stretch(time_s) else { return f64::NAN };
+        let Some(KnotInterval { left, part, .. }) = self.interval(time_s) else { return f64::NAN };
         let (a, b) = (self.levels[left], self.levels[left + 1]);
         a + (b - a) * part
     }
@@ -157,17 +157,17 @@ impl HeadPath {
     /// Local linear smoothing between jumps and gaps; local lines have no boundary bias.
     fn smooth_levels(&mut self) {
         let jumps = self.jumps_s();
-        let is_torn = |a: f64, b: f64| {
+        let is_separate = |a: f64, b: f64| {
             b - a > self.max_gap.as_secs_f64()
                 || jumps.iter().any(|[from, to]| a < *to && *from < b)
         };
         let mut begin = 0;
         for end in 1..=self.knots.len() {
             let goes_on = end < self.knots.len()
-                && !is_torn(self.knots[end - 1].time_s, self.knots[end].time_s);
+                && !is_separate(self.knots[end - 1].time_s, self.knots[end].time_s);
             if !goes_on {
                 let smooth: Vec<f64> = (begin..end)
-                    .map(|at| line_about(&self.knots[begin..end], at - begin))
+                    .map(|at| local_line(&self.knots[begin..end], at - begin))
                     .collect();
                 self.levels[begin..end].copy_from_slice(&smooth);
                 begin = end;
@@ -177,13 +177,13 @@ impl HeadPath {
 }
 
 /// Gaussian-weighted line through the neighbours, evaluated at knot `at`.
-fn line_about(knots: &[PathKnot], at: usize) -> f64 {
+fn local_line(knots: &[PathKnot], at: usize) -> f64 {
     let now = knots[at].time_s;
-    let reach = 4.0 * LEVEL_OVER_S;
+    let reach = 4.0 * LEVEL_SIGMA_S;
     let first = knots.partition_point(|knot| knot.time_s < now - reach);
     let (mut n, mut t, mut tt, mut y, mut ty) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for knot in knots[first..].iter().take_while(|knot| knot.time_s <= now + reach) {
-        let by = (knot.time_s - now) / LEVEL_OVER_S;
+        let by = (knot.time_s - now) / LEVEL_SIGMA_S;
         let weight = (-0.5 * by * by).exp();
         n += weight;
         t += weight * by;
@@ -197,12 +197,12 @@ fn line_about(knots: &[PathKnot], at: usize) -> f64 {
 
 /// Slopes of natural cubic splines through each run of knots without a gap.
 fn slopes(knots: &[PathKnot], max_gap_s: f64) -> Vec<HeadPose> {
-    let mut all = vec![[0.0; POSE]; knots.len()];
+    let mut all = vec![[0.0; POSE_DOF]; knots.len()];
     let mut begin = 0;
     for end in 1..=knots.len() {
         let cut = end == knots.len() || knots[end].time_s - knots[end - 1].time_s > max_gap_s;
         if cut {
-            natural(&knots[begin..end], &mut all[begin..end]);
+            natural_spline_slopes(&knots[begin..end], &mut all[begin..end]);
             begin = end;
         }
     }
@@ -210,7 +210,7 @@ fn slopes(knots: &[PathKnot], max_gap_s: f64) -> Vec<HeadPose> {
 }
 
 /// Natural cubic spline slopes by the Thomas algorithm.
-fn natural(knots: &[PathKnot], slopes: &mut [HeadPose]) {
+fn natural_spline_slopes(knots: &[PathKnot], slopes: &mut [HeadPose]) {
     let n = knots.len();
     if n < 2 {
         return;
@@ -227,7 +227,7 @@ fn natural(knots: &[PathKnot], slopes: &mut [HeadPose]) {
         let before = if i > 0 { upper[i - 1] } else { 0.0 };
         let pivot = 2.0 * (left + right) - left * before;
         upper[i] = right / pivot;
-        let last = if i > 0 { slopes[i - 1] } else { [0.0; POSE] };
+        let last = if i > 0 { slopes[i - 1] } else { [0.0; POSE_DOF] };
         slopes[i] = std::array::from_fn(|axis| {
             let behind = if i > 0 { rise(i - 1, axis) - left * last[axis] } else { 0.0 };
             let ahead = if i + 1 < n { rise(i, axis) } else { 0.0 };
@@ -246,7 +246,7 @@ mod tests {
 
     fn knot(time_s: f64) -> PathKnot {
         let pose = [20.0 * (3.0 * time_s).sin(), 5.0 * time_s, 225.0, 0.1 * (2.0 * time_s).cos()];
-        PathKnot { time_s, pose, pose_error: [0.0; POSE], ln_gain: time_s, misfit: 1.0 }
+        PathKnot { time_s, pose, pose_error: [0.0; POSE_DOF], ln_gain: time_s, misfit: 1.0 }
     }
 
     fn path(times: impl Iterator<Item = f64>) -> HeadPath {
@@ -260,7 +260,7 @@ mod tests {
         for i in 30..1_900 {
             let time_s = f64::from(i) * 1e-3;
             let (got, truth) = (all.pose(time_s).unwrap(), knot(time_s).pose);
-            for axis in 0..POSE {
+            for axis in 0..POSE_DOF {
                 assert!(
                     (got[axis] - truth[axis]).abs() < 2e-6 + 2e-5 * f64::from(u8::from(axis == 0))
                 );

@@ -1,12 +1,12 @@
 //! A scene as parameters and arrays that are stored and read back without the frames.
 
 use super::drive::SceneDrive;
-use super::head::Head;
+use super::head::HeadGeometry;
 use super::map::{MapGrid, RadianceMap};
-use super::moving_light::MovingLight;
+use super::moving_illumination::MovingIllumination;
 use super::path::{HeadPath, PathKnot};
-use super::register::Registration;
-use super::survey::Survey;
+use super::reconstruction::Reconstruction;
+use super::registration::Registration;
 use evrig_core::geometry::Size;
 use evrig_core::time::{PiSensor, Span, Stamp};
 use serde::{Deserialize, Serialize};
@@ -17,18 +17,18 @@ pub struct Scene {
     /// Columns and rows of the event camera.
     pub size: Size,
     /// The target and the path over it.
-    pub survey: Survey,
+    pub reconstruction: Reconstruction,
     /// The event camera.
     pub registration: Registration,
 }
 
 /// Parameters of a scene without its arrays.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SceneFacts {
+pub struct SceneParameters {
     /// Columns and rows of the event camera.
     pub size: Size,
     /// Geometry of the camera head.
-    pub head: Head,
+    pub head: HeadGeometry,
     /// Grid of the map.
     pub grid: MapGrid,
     /// Origin of the path's times.
@@ -49,8 +49,8 @@ pub struct SceneFacts {
     #[serde(default)]
     pub read_noise_dn: Option<[f64; 2]>,
     /// Illumination that moves over the target.
-    #[serde(default)]
-    pub moving_light: Option<MovingLight>,
+    #[serde(default, alias = "moving_light")]
+    pub moving_illumination: Option<MovingIllumination>,
     /// All frames, and those without a pose.
     pub n_frames: [usize; 2],
     /// Frames located without the tag.
@@ -68,27 +68,27 @@ impl Scene {
     /// The log-intensity signal of its event pixels.
     #[must_use]
     pub fn drive(&self) -> SceneDrive {
-        SceneDrive::new(self.size, &self.survey, &self.registration)
+        SceneDrive::new(self.size, &self.reconstruction, &self.registration)
     }
 
     /// All parameters without the arrays.
     #[must_use]
-    pub fn facts(&self) -> SceneFacts {
-        let survey = &self.survey;
-        SceneFacts {
+    pub fn parameters(&self) -> SceneParameters {
+        let reconstruction = &self.reconstruction;
+        SceneParameters {
             size: self.size,
-            head: survey.head,
-            grid: survey.map.grid,
-            zero: survey.path.zero,
-            max_gap: survey.path.max_gap,
-            row_s: survey.row_s,
-            site_gains: survey.site_gains,
-            white_dn: survey.white_dn,
-            corner_loss: survey.corner_loss,
-            read_noise_dn: survey.read_noise_dn,
-            moving_light: survey.moving_light.clone(),
-            n_frames: survey.n_frames,
-            n_bridged: survey.n_bridged,
+            head: reconstruction.head,
+            grid: reconstruction.map.grid,
+            zero: reconstruction.path.zero,
+            max_gap: reconstruction.path.max_gap,
+            row_s: reconstruction.row_s,
+            site_gains: reconstruction.site_gains,
+            white_dn: reconstruction.white_dn,
+            corner_loss: reconstruction.corner_loss,
+            read_noise_dn: reconstruction.read_noise_dn,
+            moving_illumination: reconstruction.moving_illumination.clone(),
+            n_frames: reconstruction.n_frames,
+            n_bridged: reconstruction.n_bridged,
             registration: self.registration.clone(),
         }
     }
@@ -102,18 +102,18 @@ impl Scene {
             row.extend([knot.ln_gain, knot.misfit]);
             row
         };
-        self.survey.path.knots.iter().flat_map(row).collect()
+        self.reconstruction.path.knots.iter().flat_map(row).collect()
     }
 
     /// The scene from its parameters and arrays; None when their sizes do not match.
     #[must_use]
     pub fn from_parts(
-        facts: SceneFacts,
+        parameters: SceneParameters,
         map: Vec<f32>,
         errors: Vec<f32>,
         path_table: &[f64],
     ) -> Option<Self> {
-        let n = facts.grid.width.checked_mul(facts.grid.height)?;
+        let n = parameters.grid.width.checked_mul(parameters.grid.height)?;
         if map.len() != n || errors.len() != n || !path_table.len().is_multiple_of(PATH_COLUMNS) {
             return None;
         }
@@ -125,19 +125,19 @@ impl Scene {
             misfit: row[10],
         };
         let knots = path_table.chunks_exact(PATH_COLUMNS).map(knot).collect();
-        let survey = Survey {
-            head: facts.head,
-            map: RadianceMap::new(facts.grid, map, errors),
-            path: HeadPath::new(facts.zero, knots, facts.max_gap),
-            row_s: facts.row_s,
-            site_gains: facts.site_gains,
-            white_dn: facts.white_dn,
-            corner_loss: facts.corner_loss,
-            read_noise_dn: facts.read_noise_dn,
-            moving_light: facts.moving_light,
-            n_frames: facts.n_frames,
-            n_bridged: facts.n_bridged,
+        let reconstruction = Reconstruction {
+            head: parameters.head,
+            map: RadianceMap::new(parameters.grid, map, errors),
+            path: HeadPath::new(parameters.zero, knots, parameters.max_gap),
+            row_s: parameters.row_s,
+            site_gains: parameters.site_gains,
+            white_dn: parameters.white_dn,
+            corner_loss: parameters.corner_loss,
+            read_noise_dn: parameters.read_noise_dn,
+            moving_illumination: parameters.moving_illumination,
+            n_frames: parameters.n_frames,
+            n_bridged: parameters.n_bridged,
         };
-        Some(Self { size: facts.size, survey, registration: facts.registration })
+        Some(Self { size: parameters.size, reconstruction, registration: parameters.registration })
     }
 }

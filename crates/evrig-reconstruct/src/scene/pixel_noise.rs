@@ -1,48 +1,48 @@
 //! Temporal noise of a frame's pixels as a function of intensity.
 
 /// Intensity classes.
-const CLASSES: usize = 8;
+const INTENSITY_CLASSES: usize = 8;
 
 /// Pixels sampled over all frames, approximately.
-const LOOKS: usize = 1 << 17;
+const MAX_SAMPLES: usize = 1 << 17;
 
 /// Quantile of the absolute differences that estimates the noise: moving content affects the values
 /// above it.
-const QUIET: f64 = 0.4;
+const NOISE_QUANTILE: f64 = 0.4;
 
 /// The same quantile of the absolute standard normal distribution.
-const QUIET_AT: f64 = 0.524_4;
+const NORMAL_QUANTILE: f64 = 0.524_4;
 
 /// Standard deviation of the noise by intensity.
 #[derive(Debug, Clone, Default)]
-pub(super) struct FrameNoise {
+pub(super) struct PixelNoise {
     /// Upper intensity of each class, ascending, and its standard deviation.
     classes: Vec<(f32, f32)>,
 }
 
-impl FrameNoise {
+impl PixelNoise {
     /// From consecutive frames of `n_pixels` intensities each: differences from the mean of the two
     /// neighbouring frames. `least` is the quantization limit.
-    pub(super) fn of(values: &[f32], n_pixels: usize, least: f32) -> Self {
+    pub(super) fn estimate(values: &[f32], n_pixels: usize, least: f32) -> Self {
         let inner = values.len().saturating_sub(2 * n_pixels);
-        let step = inner.div_ceil(LOOKS).max(1);
-        let mut looks: Vec<(f32, f32)> = (0..inner)
+        let step = inner.div_ceil(MAX_SAMPLES).max(1);
+        let mut samples: Vec<(f32, f32)> = (0..inner)
             .step_by(step)
             .map(|i| {
                 let [a, b, c] = [0, 1, 2].map(|k| values[i + k * n_pixels]);
                 (b, (b - 0.5 * (a + c)).abs())
             })
             .collect();
-        looks.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let size = looks.len().div_ceil(CLASSES).max(1);
-        let classes = looks
+        samples.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let size = samples.len().div_ceil(INTENSITY_CLASSES).max(1);
+        let classes = samples
             .chunks_mut(size)
             .map(|class| {
                 let end = class[class.len() - 1].0;
                 class.sort_by(|a, b| a.1.total_cmp(&b.1));
-                let quiet = f64::from(class[(class.len() as f64 * QUIET) as usize].1);
+                let quiet = f64::from(class[(class.len() as f64 * NOISE_QUANTILE) as usize].1);
                 // The mean of two neighbours adds half a frame's variance.
-                (end, least.max((quiet / QUIET_AT / 1.5_f64.sqrt()) as f32))
+                (end, least.max((quiet / NORMAL_QUANTILE / 1.5_f64.sqrt()) as f32))
             })
             .collect();
         Self { classes }
@@ -75,11 +75,11 @@ mod tests {
                 light + 0.02 * light.sqrt() * random.normal() as f32
             })
             .collect();
-        let noise = FrameNoise::of(&values, n_pixels, 1e-4);
+        let noise = PixelNoise::estimate(&values, n_pixels, 1e-4);
         for light in [0.2_f32, 0.5, 0.85] {
             let is = noise.at(light) / (0.02 * light.sqrt());
             assert!((0.8..1.9).contains(&is), "{is} of the noise at {light}");
         }
-        assert!(FrameNoise::of(&[], 4, 0.1).at(0.5).abs() < 1e-9);
+        assert!(PixelNoise::estimate(&[], 4, 0.1).at(0.5).abs() < 1e-9);
     }
 }

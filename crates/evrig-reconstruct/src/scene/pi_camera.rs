@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 /// Levels of raw samples.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct RawLight {
+pub struct RawLevels {
     /// Reading without light, DN.
     pub black_dn: f64,
     /// Saturated reading; such samples are excluded.
@@ -21,7 +21,7 @@ pub struct RawLight {
 pub(super) struct PiCamera {
     pub(super) size: Size,
     pub(super) lens: Lens,
-    raw: RawLight,
+    raw: RawLevels,
     /// Inverse gains of the four Bayer sites, by row and column parity.
     over_gain: [f32; 4],
     /// Vignetting at the corners, as a share of the light.
@@ -33,7 +33,7 @@ pub(super) struct PiCamera {
 }
 
 impl PiCamera {
-    pub(super) fn new(size: Size, lens: Lens, raw: RawLight) -> Self {
+    pub(super) fn new(size: Size, lens: Lens, raw: RawLevels) -> Self {
         let width = usize::from(size.width);
         let ray = |i: usize| {
             let middle = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
@@ -51,13 +51,13 @@ impl PiCamera {
     pub(super) fn set_corner_loss(&mut self, loss: f64) {
         self.corner_loss = loss;
         let width = usize::from(self.size.width);
-        let passed = |i: usize| 1.0 - loss * self.off_middle(i % width, i / width);
+        let passed = |i: usize| 1.0 - loss * self.squared_radius(i % width, i / width);
         self.over_passed = (0..self.size.n_pixels()).map(|i| (1.0 / passed(i)) as f32).collect();
     }
 
     /// Squared distance of a pixel from the image centre over that of the corners.
-    pub(super) fn off_middle(&self, x: usize, y: usize) -> f64 {
-        off_middle(self.size, [x as f64 + 0.5, y as f64 + 0.5])
+    pub(super) fn squared_radius(&self, x: usize, y: usize) -> f64 {
+        squared_radius(self.size, [x as f64 + 0.5, y as f64 + 0.5])
     }
 
     /// The samples of a frame, checked against the camera's format.
@@ -156,7 +156,7 @@ impl PiCamera {
 }
 
 /// Squared distance from the image centre over that of the corners.
-pub(super) fn off_middle(size: Size, [x, y]: [f64; 2]) -> f64 {
+pub(super) fn squared_radius(size: Size, [x, y]: [f64; 2]) -> f64 {
     let half = [f64::from(size.width) / 2.0, f64::from(size.height) / 2.0];
     ((x - half[0]).powi(2) + (y - half[1]).powi(2)) / (half[0].powi(2) + half[1].powi(2))
 }
@@ -168,10 +168,10 @@ mod tests {
     #[test]
     fn what_a_lens_loses_towards_the_corners_is_made_good() {
         let lens = Lens { focal_px: 100.0, centre_px: [8.0, 8.0], distortion: [0.0; 5] };
-        let raw = RawLight { black_dn: 64.0, full_dn: 1023 };
+        let raw = RawLevels { black_dn: 64.0, full_dn: 1023 };
         let mut camera = PiCamera::new(Size::new(16, 16), lens, raw);
         camera.set_corner_loss(0.4);
-        let white = |i: usize| 64.0 + 500.0 * (1.0 - 0.4 * camera.off_middle(i % 16, i / 16));
+        let white = |i: usize| 64.0 + 500.0 * (1.0 - 0.4 * camera.squared_radius(i % 16, i / 16));
         let samples: Vec<u16> = (0..256).map(|i| white(i).round() as u16).collect();
         for (x, y) in [(0, 0), (8, 8), (15, 3)] {
             assert!((camera.light(&samples, x, y).unwrap() - 500.0).abs() < 1.5);
@@ -182,7 +182,7 @@ mod tests {
     #[test]
     fn the_places_of_the_mosaic_are_balanced_on_white_and_cut_off_light_is_none() {
         let lens = Lens { focal_px: 100.0, centre_px: [8.0, 8.0], distortion: [0.0; 5] };
-        let raw = RawLight { black_dn: 64.0, full_dn: 1023 };
+        let raw = RawLevels { black_dn: 64.0, full_dn: 1023 };
         let mut camera = PiCamera::new(Size::new(16, 16), lens, raw);
         let whites = [360_u16, 600, 600, 420];
         let sample = |i: usize| {

@@ -1,6 +1,6 @@
 //! Spatial and temporal alignment of the event camera to the path of the head.
 
-use super::head::{DavisMount, Head, MOUNT};
+use super::head::{DavisMount, HeadGeometry, MOUNT_DOF};
 use super::path::HeadPath;
 use super::warp::Warp;
 use evrig_core::time::{ClockMap, Davis, PiSensor, Span, Stamp};
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// Alignment of the DAVIS to the path of the head.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct DavisTie {
+pub struct DavisAlignment {
     /// Pose relative to the Pi camera, and lens.
     pub mount: DavisMount,
     /// Clock map before the refinement.
@@ -23,9 +23,9 @@ pub struct DavisTie {
 }
 
 /// Steps of the numerical derivatives by rotation, offset and time.
-const STEPS: [f64; MOUNT + 1] = [1e-5, 1e-5, 1e-5, 1e-3, 1e-3, 1e-3, 1e-4];
+const DERIVATIVE_STEPS: [f64; MOUNT_DOF + 1] = [1e-5, 1e-5, 1e-5, 1e-3, 1e-3, 1e-3, 1e-4];
 
-impl DavisTie {
+impl DavisAlignment {
     /// Path time of a DAVIS stamp by the unrefined clock map, seconds.
     pub(super) fn mapped_s(&self, path: &HeadPath, stamp: Stamp<Davis>) -> f64 {
         (self.pi_from_davis.map(stamp) - path.zero).as_secs_f64()
@@ -45,7 +45,7 @@ impl DavisTie {
     /// From rays of the DAVIS to millimetres on the target at a path time.
     pub(super) fn plane_from_ray(
         &self,
-        head: &Head,
+        head: &HeadGeometry,
         path: &HeadPath,
         path_s: f64,
     ) -> Option<Matrix3<f64>> {
@@ -56,13 +56,13 @@ impl DavisTie {
     /// The same with its derivatives by rotation, offset and time.
     pub(super) fn warp(
         &self,
-        head: &Head,
+        head: &HeadGeometry,
         path: &HeadPath,
         path_s: f64,
-    ) -> Option<Warp<{ MOUNT + 1 }>> {
+    ) -> Option<Warp<{ MOUNT_DOF + 1 }>> {
         let (pose, speed) = (path.pose(path_s)?, path.speed(path_s));
-        Warp::new(&STEPS, |by| {
-            let later = std::array::from_fn(|i| pose[i] + speed[i] * by[MOUNT]);
+        Warp::new(&DERIVATIVE_STEPS, |by| {
+            let later = std::array::from_fn(|i| pose[i] + speed[i] * by[MOUNT_DOF]);
             let pi = head.pi_from_plane(&later);
             let mount = self.mount.moved(&std::array::from_fn(|i| by[i]));
             mount.davis_from_plane(&pi).try_inverse()

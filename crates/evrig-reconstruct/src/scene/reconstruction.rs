@@ -1,12 +1,12 @@
 //! Reconstruction of the target and the head's path from the Pi's raw frames and the tag's track.
 
 use super::error::SceneError;
-use super::head::Head;
+use super::head::HeadGeometry;
 use super::map::RadianceMap;
-use super::mosaic::RawLight;
-use super::moving_light::MovingLight;
+use super::map_builder::MapBuilder;
+use super::moving_illumination::MovingIllumination;
 use super::path::HeadPath;
-use super::surveyor::Surveyor;
+use super::pi_camera::RawLevels;
 use crate::roi::{Lens, Track};
 use evrig_core::frame::Frame;
 use evrig_core::geometry::Size;
@@ -15,10 +15,10 @@ use evrig_session::rig::Mount;
 use nalgebra::Vector3;
 
 /// Callback for every frame with its index.
-pub type Seeing<'a> = dyn FnMut(usize, &Frame<PiSensor>) -> Result<(), SceneError> + 'a;
+pub type FrameVisitor<'a> = dyn FnMut(usize, &Frame<PiSensor>) -> Result<(), SceneError> + 'a;
 
 /// The Pi's raw frames, which can be read more than once.
-pub trait Footage {
+pub trait FrameSource {
     /// Why a frame cannot be read.
     type Error: From<SceneError>;
 
@@ -26,27 +26,27 @@ pub trait Footage {
     ///
     /// # Errors
     ///
-    /// When a frame cannot be read, or `see` rejects one.
-    fn replay(&mut self, see: &mut Seeing<'_>) -> Result<(), Self::Error>;
+    /// When a frame cannot be read, or `visit` rejects one.
+    fn replay(&mut self, visit: &mut FrameVisitor<'_>) -> Result<(), Self::Error>;
 }
 
-impl Footage for &[Frame<PiSensor>] {
+impl FrameSource for &[Frame<PiSensor>] {
     type Error = SceneError;
 
-    fn replay(&mut self, see: &mut Seeing<'_>) -> Result<(), SceneError> {
-        self.iter().enumerate().try_for_each(|(index, frame)| see(index, frame))
+    fn replay(&mut self, visit: &mut FrameVisitor<'_>) -> Result<(), SceneError> {
+        self.iter().enumerate().try_for_each(|(index, frame)| visit(index, frame))
     }
 }
 
 /// Known inputs of the reconstruction.
 #[derive(Debug, Clone, Copy)]
-pub struct PiKnown<'a> {
+pub struct PiInputs<'a> {
     /// Size of the frames.
     pub size: Size,
     /// Lens of the camera.
     pub lens: Lens,
     /// Levels of its raw samples.
-    pub raw: RawLight,
+    pub raw: RawLevels,
     /// Nominal row time.
     pub row_time: Span,
     /// Mount of both cameras.
@@ -57,9 +57,9 @@ pub struct PiKnown<'a> {
 
 /// Target and path reconstructed from the Pi's frames.
 #[derive(Debug, Clone)]
-pub struct Survey {
+pub struct Reconstruction {
     /// Geometry of the camera head.
-    pub head: Head,
+    pub head: HeadGeometry,
     /// Radiance map of the target.
     pub map: RadianceMap,
     /// Path of the head, one knot per frame.
@@ -77,23 +77,23 @@ pub struct Survey {
     /// Readout noise of the Pi, DN, with its standard error; None with too few smooth samples.
     pub read_noise_dn: Option<[f64; 2]>,
     /// Illumination that moves over the target; it is removed from the map and the path.
-    pub moving_light: Option<MovingLight>,
+    pub moving_illumination: Option<MovingIllumination>,
     /// All frames, and those without a pose.
     pub n_frames: [usize; 2],
     /// Frames located without the tag, from their neighbours and the map.
     pub n_bridged: usize,
 }
 
-impl Survey {
+impl Reconstruction {
     /// Relative illumination at a target position and path time from [`Self::moving_illumination`].
     #[must_use]
-    pub fn passing(&self, place_mm: [f64; 2], time_s: f64) -> f64 {
-        self.moving_light.as_ref().map_or(1.0, |light| light.ln_at(place_mm, time_s).exp())
+    pub fn illumination(&self, place_mm: [f64; 2], time_s: f64) -> f64 {
+        self.moving_illumination.as_ref().map_or(1.0, |light| light.ln_at(place_mm, time_s).exp())
     }
 
     /// The reconstruction of frames whose light is raised to a power; white is kept.
     #[must_use]
-    pub fn raised(mut self, power: f64) -> Self {
+    pub fn to_power(mut self, power: f64) -> Self {
         let white = self.white_dn as f32;
         let map = &mut self.map;
         let cells = map.radiance.values.iter_mut().zip(&mut map.errors);
@@ -106,7 +106,7 @@ impl Survey {
         let mut knots = std::mem::take(&mut self.path.knots);
         knots.iter_mut().for_each(|knot| knot.ln_gain *= power);
         self.path = HeadPath::new(self.path.zero, knots, self.path.max_gap);
-        self.moving_light = self.moving_light.map(|light| light.raised(power));
+        self.moving_illumination = self.moving_illumination.map(|light| light.to_power(power));
         self
     }
 
@@ -120,54 +120,57 @@ impl Survey {
 }
 
 /// Alternating rounds of map, poses and shared constants, at first and after the map was extended.
-const ROUNDS: usize = 4;
-const MORE_ROUNDS: usize = 2;
+const MAP_ROUNDS: usize = 4;
+const EXTENSION_ROUNDS: usize = 2;
 
 /// Most extensions of the map by frames without the tag.
-const EXTENSIONS: usize = 5;
+const MAX_EXTENSIONS: usize = 5;
 
 /// Least share of all frames for another extension.
-const WORTH: f64 = 0.02;
+const MIN_EXTENSION_SHARE: f64 = 0.02;
 
 /// Reconstructs the radiance map of the target and the head's path over it.
 ///
 /// # Errors
 ///
 /// When frames cannot be read, too few show the tag, or the target has no texture.
-pub fn survey<F: Footage>(known: &PiKnown<'_>, footage: &mut F) -> Result<Survey, F::Error> {
-    let mut work = Surveyor::new(known)?;
-    work.take_keys(footage)?;
-    let mut made = work.make_map(ROUNDS)?;
-    let mut followed = work.follow(footage, &made)?;
-    for _ in 0..EXTENSIONS {
+pub fn reconstruct_target<F: FrameSource>(
+    inputs: &PiInputs<'_>,
+    source: &mut F,
+) -> Result<Reconstruction, F::Error> {
+    let mut builder = MapBuilder::new(inputs)?;
+    builder.select_keyframes(source)?;
+    let mut built = builder.build_map(MAP_ROUNDS)?;
+    let mut located = builder.locate_frames(source, &built)?;
+    for _ in 0..MAX_EXTENSIONS {
         // Frames without the tag cover parts of the target that no frame with it does.
-        if (followed.n_bridged as f64) < WORTH * followed.n_frames[0] as f64 {
+        if (located.n_bridged as f64) < MIN_EXTENSION_SHARE * located.n_frames[0] as f64 {
             break;
         }
-        let n_known = followed.path.knots.len();
-        work.go_by(followed.path);
-        work.take_keys(footage)?;
-        made = work.make_map(MORE_ROUNDS)?;
-        followed = work.follow(footage, &made)?;
-        if (followed.path.knots.len() as f64) < (1.0 + WORTH) * n_known as f64 {
+        let n_known = located.path.knots.len();
+        builder.start_from(located.path);
+        builder.select_keyframes(source)?;
+        built = builder.build_map(EXTENSION_ROUNDS)?;
+        located = builder.locate_frames(source, &built)?;
+        if (located.path.knots.len() as f64) < (1.0 + MIN_EXTENSION_SHARE) * n_known as f64 {
             break;
         }
     }
-    let mut map = made.map;
-    if let Some(moving) = &followed.moving {
-        moving.free(&mut map);
+    let mut map = built.map;
+    if let Some(illumination) = &located.illumination {
+        illumination.remove_from(&mut map);
     }
-    Ok(Survey {
-        head: work.head(),
-        path: followed.path,
-        row_s: [work.row_found_s(), made.row_error_s],
-        site_gains: work.site_gains(),
-        white_dn: made.white_dn,
-        corner_loss: made.corner_loss,
-        read_noise_dn: made.read_noise_dn,
-        moving_light: followed.moving.map(|moving| moving.light),
-        n_frames: followed.n_frames,
-        n_bridged: followed.n_bridged,
+    Ok(Reconstruction {
+        head: builder.head(),
+        path: located.path,
+        row_s: [builder.measured_row_s(), built.row_error_s],
+        site_gains: builder.site_gains(),
+        white_dn: built.white_dn,
+        corner_loss: built.corner_loss,
+        read_noise_dn: built.read_noise_dn,
+        moving_illumination: located.illumination.map(|illumination| illumination.light),
+        n_frames: located.n_frames,
+        n_bridged: located.n_bridged,
         map,
     })
 }

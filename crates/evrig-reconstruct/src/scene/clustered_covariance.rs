@@ -3,16 +3,16 @@
 use nalgebra::{SMatrix, SVector};
 
 /// Number of clusters of neighbouring frames or features.
-const GROUPS: usize = 24;
+const CLUSTERS: usize = 24;
 
 /// Cluster-robust covariance of a fit from the inverse of its normal equations and the scores at
 /// the solution, ordered in time or over the map (Liang and Zeger, 1986, with a correction for the
 /// degrees of freedom).
-pub(super) fn clustered<const N: usize>(
+pub(super) fn clustered_covariance<const N: usize>(
     inverse: &SMatrix<f64, N, N>,
     scores: &[SVector<f64, N>],
 ) -> SMatrix<f64, N, N> {
-    let share = scores.len().div_ceil(GROUPS).max(1);
+    let share = scores.len().div_ceil(CLUSTERS).max(1);
     let mut sum = SMatrix::<f64, N, N>::zeros();
     let mut n_groups = 0;
     for group in scores.chunks(share) {
@@ -39,7 +39,7 @@ mod tests {
         let mean = values.iter().sum::<f64>() / 240.0;
         let scores: Vec<_> = values.iter().map(|v| SVector::<f64, 1>::new(v - mean)).collect();
         let inverse = SMatrix::<f64, 1, 1>::new(1.0 / 240.0);
-        let found = clustered(&inverse, &scores)[(0, 0)];
+        let found = clustered_covariance(&inverse, &scores)[(0, 0)];
         let spread = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 240.0;
         assert!((found / (spread / 23.0) - 1.0).abs() < 1e-9, "{found} {spread}");
     }

@@ -1,12 +1,12 @@
 //! Pixels of a frame compared with the map on a regular subset.
 
+use super::accumulate::{Keyframe, MapOptics};
 use super::map::RadianceMap;
-use super::splat::{Key, Optics};
 use nalgebra::Vector3;
 
 /// A pixel and the map at the point it views.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Look {
+pub(super) struct MapSample {
     pub(super) x: usize,
     pub(super) y: usize,
     pub(super) place_mm: [f64; 2],
@@ -18,12 +18,12 @@ pub(super) struct Look {
 
 /// Visits every `step`-th pixel of every `step`-th row that views the map. An odd step covers all
 /// Bayer sites.
-pub(super) fn looks(
-    optics: &Optics,
+pub(super) fn visit_map_samples(
+    optics: &MapOptics,
     map: &RadianceMap,
-    key: &Key,
+    key: &Keyframe,
     step: usize,
-    mut see: impl FnMut(&Look),
+    mut visit: impl FnMut(&MapSample),
 ) -> Option<()> {
     let camera = &optics.camera;
     let (width, height) = (usize::from(camera.size.width), usize::from(camera.size.height));
@@ -36,7 +36,7 @@ pub(super) fn looks(
             let place_mm = [place.x / place.z, place.y / place.z];
             let mapped = map.sample(place_mm);
             if mapped[0].is_finite() {
-                see(&Look { x, y, place_mm, light: f64::from(light), mapped });
+                visit(&MapSample { x, y, place_mm, light: f64::from(light), mapped });
             }
         }
     }

@@ -4,9 +4,9 @@
 //! term of the frame (the lamps' level), a term of the cell (the mean over time is in the map), and
 //! a profile along `x cos d + y sin d - v t`. Direction and speed minimise the residual variance.
 
+use super::coarse_grid::CoarseGrid;
 use super::map::RadianceMap;
 use super::path::PathKnot;
-use super::squares::Squares;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -15,42 +15,42 @@ const STEP_MM: f64 = 2.0;
 
 /// Least root-mean-square change of the illumination beyond noise; smaller changes are below an
 /// event threshold.
-const LEAST_LIGHT: f64 = 0.01;
+const MIN_RMS: f64 = 0.01;
 
 /// Least share of the variance explained by the moving profile.
-const LEAST_SHARE: f64 = 0.6;
+const MIN_EXPLAINED: f64 = 0.6;
 
 /// Least distance travelled during the recording, millimetres.
-const LEAST_WAY_MM: f64 = 10.0;
+const MIN_TRAVEL_MM: f64 = 10.0;
 
 /// Search range and steps: speed (mm/s), direction, and duration of the first interval.
-const FASTEST: f64 = 150.0;
-const SPEED_STEP: f64 = 4.0;
+const MAX_SPEED_MM_PER_S: f64 = 150.0;
+const SPEED_STEP_MM_PER_S: f64 = 4.0;
 const DIRECTION_STEP_DEG: f64 = 6.0;
-const SCAN_S: f64 = 2.0;
+const FIRST_INTERVAL_S: f64 = 2.0;
 
 /// Observations used to score one velocity, approximately.
-const JUDGED_BY: usize = 30_000;
+const SCORED_OBSERVATIONS: usize = 30_000;
 
 /// Least number of observations of a profile step, as a share of the maximum.
-const KNOWN: f64 = 0.05;
+const MIN_COVERAGE: f64 = 0.05;
 
 /// Quantile of the profile that defines the level beside a shadow, and the bound of the slope that
 /// is removed (logarithm per millimetre).
-const UPPER: f64 = 0.75;
-const STEEPEST: f64 = 0.1;
+const LEVEL_QUANTILE: f64 = 0.75;
+const MAX_SLOPE_PER_MM: f64 = 0.1;
 
 /// Alternating rounds of frame, cell and profile terms.
 const ROUNDS: usize = 3;
 
 /// Share of the depth lost to the resolution of grid and profile, and the number of neighbouring
 /// cells with common errors.
-const SHAPE: f64 = 0.02;
-const ALIKE: f64 = 10.0;
+const RESOLUTION_ERROR: f64 = 0.02;
+const CORRELATED_CELLS: f64 = 10.0;
 
 /// A one-dimensional illumination profile that moves over the target.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct MovingLight {
+pub struct MovingIllumination {
     /// Direction of motion, clockwise from the target's right.
     pub direction_deg: f64,
     /// Speed.
@@ -65,9 +65,9 @@ pub struct MovingLight {
     pub share: f64,
 }
 
-impl MovingLight {
+impl MovingIllumination {
     /// The profile of light raised to a power.
-    pub(super) fn raised(mut self, power: f64) -> Self {
+    pub(super) fn to_power(mut self, power: f64) -> Self {
         self.ln_light.iter_mut().for_each(|ln| *ln *= power);
         let [depth, error] = self.depth;
         self.depth =
@@ -78,8 +78,9 @@ impl MovingLight {
     /// Log illumination at a target position and path time.
     #[must_use]
     pub fn ln_at(&self, place_mm: [f64; 2], time_s: f64) -> f64 {
-        let course = Course { direction_deg: self.direction_deg, speed: self.speed_mm_per_s };
-        let at = (course.way(place_mm, time_s) - self.from_mm) / STEP_MM;
+        let course =
+            ProfileMotion { direction_deg: self.direction_deg, speed: self.speed_mm_per_s };
+        let at = (course.position_mm(place_mm, time_s) - self.from_mm) / STEP_MM;
         let last = self.ln_light.len() as f64 - 1.0;
         let at = at.clamp(0.0, last.max(0.0));
         let i = (at as usize).min(self.ln_light.len().saturating_sub(2));
@@ -89,13 +90,13 @@ impl MovingLight {
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Course {
+struct ProfileMotion {
     direction_deg: f64,
     speed: f64,
 }
 
-impl Course {
-    fn way(&self, [x, y]: [f64; 2], time_s: f64) -> f64 {
+impl ProfileMotion {
+    fn position_mm(&self, [x, y]: [f64; 2], time_s: f64) -> f64 {
         let (sin, cos) = self.direction_deg.to_radians().sin_cos();
         x * cos + y * sin - self.speed * time_s
     }
@@ -103,168 +104,177 @@ impl Course {
 
 /// Log ratio of one cell in one frame.
 #[derive(Debug, Clone, Copy)]
-struct Seen {
+struct CellRatio {
     frame: usize,
-    square: usize,
+    cell: usize,
     ln: f64,
 }
 
 /// Log ratios of all frames on the coarse grid.
-pub(super) struct Levels<'a> {
-    squares: Squares,
+pub(super) struct CellRatios<'a> {
+    cells: CoarseGrid,
     times_s: Vec<f64>,
     levels: Vec<&'a [f32]>,
 }
 
 /// Terms of frames, cells and profile.
-struct Parts {
+struct IlluminationTerms {
     frames: Vec<f64>,
-    squares: Vec<f64>,
+    cells: Vec<f64>,
     along: Vec<f64>,
     n_along: Vec<f64>,
     from_mm: f64,
     /// Residual variance.
-    left: f64,
+    residual: f64,
 }
 
 /// The profile, the lamps' log level of each frame, and the log factor that removes the mean
 /// profile from each cell of the map.
-pub(super) struct Found {
-    pub(super) light: MovingLight,
+pub(super) struct IlluminationFit {
+    pub(super) light: MovingIllumination,
     pub(super) ln_lamps: Vec<f64>,
-    pub(super) squares: Squares,
-    pub(super) ln_squares: Vec<f64>,
+    pub(super) grid: CoarseGrid,
+    pub(super) ln_cells: Vec<f64>,
 }
 
-impl<'a> Levels<'a> {
+impl<'a> CellRatios<'a> {
     pub(super) fn new(
-        squares: Squares,
+        cells: CoarseGrid,
         frames: impl Iterator<Item = (&'a PathKnot, &'a [f32])>,
     ) -> Self {
         let (times_s, levels) = frames.map(|(knot, levels)| (knot.time_s, levels)).unzip();
-        Self { squares, times_s, levels }
+        Self { cells, times_s, levels }
     }
 
     /// The moving illumination, if there is one.
-    pub(super) fn moving(&self) -> Option<Found> {
+    pub(super) fn fit(&self) -> Option<IlluminationFit> {
         let length_s = self.times_s.last()? - self.times_s.first()?;
-        let all = self.seen([f64::NEG_INFINITY, f64::INFINITY], usize::MAX);
-        let still = self.parts(&all, None);
+        let all = self.observations([f64::NEG_INFINITY, f64::INFINITY], usize::MAX);
+        let still = self.terms(&all, None);
         let noise = self.noise(&all, &still);
-        if (still.left - noise).max(0.0).sqrt() < LEAST_LIGHT {
+        if (still.residual - noise).max(0.0).sqrt() < MIN_RMS {
             return None;
         }
-        let course = self.refined(self.scanned(length_s)?, length_s);
-        if course.speed.abs() * length_s < LEAST_WAY_MM {
+        let course = self.local_search(self.grid_search(length_s)?, length_s);
+        if course.speed.abs() * length_s < MIN_TRAVEL_MM {
             return None;
         }
-        let moving = self.parts(&all, Some(course));
-        let share = (still.left - moving.left) / (still.left - noise);
-        (share > LEAST_SHARE).then(|| self.found(course, moving, share))
+        let moving = self.terms(&all, Some(course));
+        let share = (still.residual - moving.residual) / (still.residual - noise);
+        (share > MIN_EXPLAINED).then(|| self.assemble(course, moving, share))
     }
 
     /// Observations in a time interval, thinned to about `n` by leaving out frames.
-    fn seen(&self, [from, to]: [f64; 2], n: usize) -> Vec<Seen> {
+    fn observations(&self, [from, to]: [f64; 2], n: usize) -> Vec<CellRatio> {
         let inside: Vec<usize> =
             (0..self.times_s.len()).filter(|&k| (from..=to).contains(&self.times_s[k])).collect();
         let each = self.levels.first().map_or(1, |levels| levels.len().max(1));
         let step = (inside.len() * each).div_ceil(n).max(1);
         let of_frame = |&frame: &usize| {
             let known = self.levels[frame].iter().enumerate().filter(|(_, ln)| ln.is_finite());
-            known.map(move |(square, &ln)| Seen { frame, square, ln: f64::from(ln) })
+            known.map(move |(cell, &ln)| CellRatio { frame, cell, ln: f64::from(ln) })
         };
         inside.iter().step_by(step).flat_map(of_frame).collect()
     }
 
     /// Variance of one observation, from differences between consecutive frames.
-    fn noise(&self, seen: &[Seen], parts: &Parts) -> f64 {
-        let mut last = vec![(usize::MAX, 0.0); parts.squares.len()];
+    fn noise(&self, observations: &[CellRatio], terms: &IlluminationTerms) -> f64 {
+        let mut last = vec![(usize::MAX, 0.0); terms.cells.len()];
         let (mut sum, mut n) = (0.0, 0.0);
-        for &Seen { frame, square, ln } in seen {
-            let left = ln - parts.frames[frame] - parts.squares[square];
-            let (before, other) = std::mem::replace(&mut last[square], (frame, left));
+        for &CellRatio { frame, cell, ln } in observations {
+            let residual = ln - terms.frames[frame] - terms.cells[cell];
+            let (before, other) = std::mem::replace(&mut last[cell], (frame, residual));
             if before.checked_add(1) == Some(frame) {
-                (sum, n) = (sum + (left - other).powi(2) / 2.0, n + 1.0);
+                (sum, n) = (sum + (residual - other).powi(2) / 2.0, n + 1.0);
             }
         }
         if n > 0.0 { sum / n } else { 0.0 }
     }
 
     /// Fits the terms for a velocity; frame and cell terms alone without one.
-    fn parts(&self, seen: &[Seen], course: Option<Course>) -> Parts {
-        let way = |one: &Seen| {
+    fn terms(
+        &self,
+        observations: &[CellRatio],
+        course: Option<ProfileMotion>,
+    ) -> IlluminationTerms {
+        let position_mm = |one: &CellRatio| {
             course.map_or(0.0, |course| {
-                course.way(self.squares.middle_mm(one.square), self.times_s[one.frame])
+                course.position_mm(self.cells.middle_mm(one.cell), self.times_s[one.frame])
             })
         };
-        let ways: Vec<f64> = seen.iter().map(way).collect();
-        let from_mm = ways.iter().copied().fold(f64::INFINITY, f64::min);
-        let at: Vec<usize> = ways.iter().map(|way| ((way - from_mm) / STEP_MM) as usize).collect();
+        let positions: Vec<f64> = observations.iter().map(position_mm).collect();
+        let from_mm = positions.iter().copied().fold(f64::INFINITY, f64::min);
+        let at: Vec<usize> = positions
+            .iter()
+            .map(|position_mm| ((position_mm - from_mm) / STEP_MM) as usize)
+            .collect();
         let mut along = vec![0.0; at.iter().max().map_or(1, |most| most + 1)];
         let mut frames = vec![0.0; self.times_s.len()];
-        let mut squares = vec![0.0; self.squares.width * self.squares.height];
-        let all = || seen.iter().zip(at.iter().copied());
+        let mut cells = vec![0.0; self.cells.width * self.cells.height];
+        let all = || observations.iter().zip(at.iter().copied());
         let mut counts = Vec::new();
         for _ in 0..ROUNDS {
-            means(
-                all().map(|(s, at)| (s.frame, s.ln - squares[s.square] - along[at])),
-                &mut frames,
-            );
-            means(
-                all().map(|(s, at)| (s.square, s.ln - frames[s.frame] - along[at])),
-                &mut squares,
-            );
+            means(all().map(|(s, at)| (s.frame, s.ln - cells[s.cell] - along[at])), &mut frames);
+            means(all().map(|(s, at)| (s.cell, s.ln - frames[s.frame] - along[at])), &mut cells);
             if course.is_some() {
                 let rest =
-                    |(s, at): (&Seen, usize)| (at, s.ln - frames[s.frame] - squares[s.square]);
+                    |(s, at): (&CellRatio, usize)| (at, s.ln - frames[s.frame] - cells[s.cell]);
                 counts = means(all().map(rest), &mut along);
             }
         }
-        let left = |(s, at): (&Seen, usize)| s.ln - frames[s.frame] - squares[s.square] - along[at];
-        let left = all().map(|one| left(one).powi(2)).sum::<f64>() / seen.len().max(1) as f64;
-        Parts { frames, squares, along, n_along: counts, from_mm, left }
+        let residual =
+            |(s, at): (&CellRatio, usize)| s.ln - frames[s.frame] - cells[s.cell] - along[at];
+        let residual =
+            all().map(|one| residual(one).powi(2)).sum::<f64>() / observations.len().max(1) as f64;
+        IlluminationTerms { frames, cells, along, n_along: counts, from_mm, residual }
     }
 
-    fn left(&self, seen: &[Seen], course: Course) -> f64 {
-        self.parts(seen, Some(course)).left
+    fn residual(&self, observations: &[CellRatio], course: ProfileMotion) -> f64 {
+        self.terms(observations, Some(course)).residual
     }
 
     /// Best velocity on a grid over the first interval.
-    fn scanned(&self, length_s: f64) -> Option<Course> {
+    fn grid_search(&self, length_s: f64) -> Option<ProfileMotion> {
         let from = *self.times_s.first()?;
-        let seen = self.seen([from, from + length_s.min(SCAN_S)], JUDGED_BY);
-        let n_speeds = (FASTEST / SPEED_STEP) as i32;
+        let observations =
+            self.observations([from, from + length_s.min(FIRST_INTERVAL_S)], SCORED_OBSERVATIONS);
+        let n_speeds = (MAX_SPEED_MM_PER_S / SPEED_STEP_MM_PER_S) as i32;
         let directions =
             (0..(180.0 / DIRECTION_STEP_DEG) as i32).map(|i| f64::from(i) * DIRECTION_STEP_DEG);
-        let courses: Vec<Course> = directions
+        let courses: Vec<ProfileMotion> = directions
             .flat_map(|direction_deg| {
                 let speeds = (-n_speeds..=n_speeds).filter(|i| *i != 0);
-                speeds.map(move |i| Course { direction_deg, speed: f64::from(i) * SPEED_STEP })
+                speeds.map(move |i| ProfileMotion {
+                    direction_deg,
+                    speed: f64::from(i) * SPEED_STEP_MM_PER_S,
+                })
             })
             .collect();
-        let lefts: Vec<f64> = courses.par_iter().map(|course| self.left(&seen, *course)).collect();
-        let best = (0..courses.len()).min_by(|&a, &b| lefts[a].total_cmp(&lefts[b]))?;
+        let residuals: Vec<f64> =
+            courses.par_iter().map(|course| self.residual(&observations, *course)).collect();
+        let best = (0..courses.len()).min_by(|&a, &b| residuals[a].total_cmp(&residuals[b]))?;
         Some(courses[best])
     }
 
     /// Local search over intervals of doubling length.
-    fn refined(&self, mut course: Course, length_s: f64) -> Course {
+    fn local_search(&self, mut course: ProfileMotion, length_s: f64) -> ProfileMotion {
         let Some(&from) = self.times_s.first() else { return course };
-        let mut stretch_s = SCAN_S;
-        let mut steps = [DIRECTION_STEP_DEG / 2.0, SPEED_STEP / 2.0];
+        let mut stretch_s = FIRST_INTERVAL_S;
+        let mut steps = [DIRECTION_STEP_DEG / 2.0, SPEED_STEP_MM_PER_S / 2.0];
         loop {
-            let seen = self.seen([from, from + stretch_s], JUDGED_BY);
+            let observations = self.observations([from, from + stretch_s], SCORED_OBSERVATIONS);
             for _ in 0..5 {
                 let [turn, faster] = steps;
-                let near: Vec<Course> = (0..9)
-                    .map(|i| Course {
+                let near: Vec<ProfileMotion> = (0..9)
+                    .map(|i| ProfileMotion {
                         direction_deg: course.direction_deg + turn * f64::from(i % 3 - 1),
                         speed: course.speed + faster * f64::from(i / 3 - 1),
                     })
                     .collect();
-                let lefts: Vec<f64> = near.par_iter().map(|near| self.left(&seen, *near)).collect();
-                let best = (0..near.len()).min_by(|&a, &b| lefts[a].total_cmp(&lefts[b]));
-                match best.filter(|best| lefts[*best] < lefts[4]) {
+                let residuals: Vec<f64> =
+                    near.par_iter().map(|near| self.residual(&observations, *near)).collect();
+                let best = (0..near.len()).min_by(|&a, &b| residuals[a].total_cmp(&residuals[b]));
+                match best.filter(|best| residuals[*best] < residuals[4]) {
                     Some(best) => course = near[best],
                     None => steps = steps.map(|step| step / 2.0),
                 }
@@ -276,19 +286,24 @@ impl<'a> Levels<'a> {
         }
     }
 
-    fn found(&self, course: Course, parts: Parts, share: f64) -> Found {
-        let Parts { frames, mut squares, mut along, n_along, from_mm, left } = parts;
+    fn assemble(
+        &self,
+        course: ProfileMotion,
+        terms: IlluminationTerms,
+        share: f64,
+    ) -> IlluminationFit {
+        let IlluminationTerms { frames, mut cells, mut along, n_along, from_mm, residual } = terms;
         let most = n_along.iter().copied().fold(0.0, f64::max);
-        let is_known = |i: usize| n_along[i] >= KNOWN * most;
+        let is_known = |i: usize| n_along[i] >= MIN_COVERAGE * most;
         // A linear slope of the profile is not identifiable: slopes of the cells and a trend of the
         // frames can replace it. The profile is made level beside a shadow.
-        let way = |i: usize| from_mm + (i as f64 + 0.5) * STEP_MM;
+        let position_mm = |i: usize| from_mm + (i as f64 + 0.5) * STEP_MM;
         let points: Vec<[f64; 2]> =
-            (0..along.len()).filter(|&i| is_known(i)).map(|i| [way(i), along[i]]).collect();
+            (0..along.len()).filter(|&i| is_known(i)).map(|i| [position_mm(i), along[i]]).collect();
         let slope = level_slope(&points);
-        along.iter_mut().enumerate().for_each(|(i, ln)| *ln -= slope * way(i));
-        for (square, ln) in squares.iter_mut().enumerate() {
-            *ln += slope * course.way(self.squares.middle_mm(square), 0.0);
+        along.iter_mut().enumerate().for_each(|(i, ln)| *ln -= slope * position_mm(i));
+        for (cell, ln) in cells.iter_mut().enumerate() {
+            *ln += slope * course.position_mm(self.cells.middle_mm(cell), 0.0);
         }
         let trend = |time_s: f64| -slope * course.speed * time_s;
         let frames: Vec<f64> =
@@ -302,7 +317,7 @@ impl<'a> Levels<'a> {
             .filter(|&i| is_known(i))
             .min_by(|&a, &b| along[a].total_cmp(&along[b]));
         let deepest = deepest.unwrap_or(0);
-        let bottom = trough(&along, deepest);
+        let bottom = parabola_minimum(&along, deepest);
         for i in 0..along.len() {
             // Steps with too few observations take their neighbour's value.
             if !is_known(i) {
@@ -310,9 +325,9 @@ impl<'a> Levels<'a> {
             }
         }
         let depth = 1.0 - (bottom - top).exp();
-        let of_mean = (left * ALIKE / n_along[deepest].max(1.0)).sqrt();
-        let error = ((1.0 - depth) * of_mean).hypot(SHAPE * depth);
-        let light = MovingLight {
+        let of_mean = (residual * CORRELATED_CELLS / n_along[deepest].max(1.0)).sqrt();
+        let error = ((1.0 - depth) * of_mean).hypot(RESOLUTION_ERROR * depth);
+        let light = MovingIllumination {
             direction_deg: course.direction_deg,
             speed_mm_per_s: course.speed,
             from_mm: from_mm + STEP_MM / 2.0,
@@ -321,17 +336,17 @@ impl<'a> Levels<'a> {
             share,
         };
         let ln_lamps = frames.iter().map(|ln| ln + top).collect();
-        Found { light, ln_lamps, squares: self.squares, ln_squares: squares }
+        IlluminationFit { light, ln_lamps, grid: self.cells, ln_cells: cells }
     }
 }
 
-impl Found {
+impl IlluminationFit {
     /// Divides the time-averaged profile out of a map.
-    pub(super) fn free(&self, map: &mut RadianceMap) {
+    pub(super) fn remove_from(&self, map: &mut RadianceMap) {
         let grid = map.grid;
         for (i, value) in map.radiance.values.iter_mut().enumerate() {
             let place = grid.place_mm(i % grid.width, i / grid.width);
-            *value *= self.squares.between(&self.ln_squares, place).exp() as f32;
+            *value *= self.grid.interpolate(&self.ln_cells, place).exp() as f32;
         }
     }
 }
@@ -339,15 +354,21 @@ impl Found {
 /// Slope of the 75 % quantile regression line: of the level beside troughs.
 fn level_slope(points: &[[f64; 2]]) -> f64 {
     let loss = |slope: f64| {
-        let mut rest: Vec<f64> = points.iter().map(|[way, ln]| ln - slope * way).collect();
+        let mut rest: Vec<f64> =
+            points.iter().map(|[position_mm, ln]| ln - slope * position_mm).collect();
         rest.sort_by(f64::total_cmp);
-        let line = evrig_core::stats::quantile_sorted(&rest, UPPER);
-        let pinball =
-            |r: &f64| if *r > line { UPPER * (r - line) } else { (1.0 - UPPER) * (line - r) };
+        let line = evrig_core::stats::quantile_sorted(&rest, LEVEL_QUANTILE);
+        let pinball = |r: &f64| {
+            if *r > line {
+                LEVEL_QUANTILE * (r - line)
+            } else {
+                (1.0 - LEVEL_QUANTILE) * (line - r)
+            }
+        };
         rest.iter().map(pinball).sum::<f64>()
     };
     // The loss is convex: ternary search.
-    let (mut low, mut high) = (-STEEPEST, STEEPEST);
+    let (mut low, mut high) = (-MAX_SLOPE_PER_MM, MAX_SLOPE_PER_MM);
     for _ in 0..60 {
         let [a, b] = [(2.0 * low + high) / 3.0, (low + 2.0 * high) / 3.0];
         if loss(a) < loss(b) { high = b } else { low = a }
@@ -368,7 +389,7 @@ fn means(values: impl Iterator<Item = (usize, f64)>, means: &mut [f64]) -> Vec<f
 }
 
 /// Minimum of the parabola through five values about the lowest one.
-fn trough(along: &[f64], lowest: usize) -> f64 {
+fn parabola_minimum(along: &[f64], lowest: usize) -> f64 {
     let at = lowest.clamp(2, along.len().saturating_sub(3).max(2));
     let Some(five) = along.get(at - 2..at + 3) else { return along[lowest] };
     let [a, b, c, d, e] = [five[0], five[1], five[2], five[3], five[4]];
@@ -387,15 +408,15 @@ mod tests {
     use super::*;
     use evrig_core::stats::SplitMix;
 
-    const SQUARES: Squares = Squares { origin_mm: [-50.0, -40.0], width: 34, height: 27 };
+    const SQUARES: CoarseGrid = CoarseGrid { origin_mm: [-50.0, -40.0], width: 34, height: 27 };
 
     /// What frames would show of a band of shadow, 8 mm wide, every 100 mm; the map has its mean.
     fn levels(depth: f64, direction_deg: f64, speed: f64, noise: f64) -> (Vec<f64>, Vec<Vec<f32>>) {
-        let course = Course { direction_deg, speed };
+        let course = ProfileMotion { direction_deg, speed };
         let mut random = SplitMix::new(3, 3);
         let shade = |place, t: f64| {
-            let way: f64 = course.way(place, t);
-            let from_middle = (way + 50.0).rem_euclid(100.0) - 50.0;
+            let position_mm: f64 = course.position_mm(place, t);
+            let from_middle = (position_mm + 50.0).rem_euclid(100.0) - 50.0;
             (1.0 - depth * (-(from_middle / 8.0_f64).powi(2) / 2.0).exp()).ln()
         };
         let times: Vec<f64> = (0..240).map(|k| f64::from(k) / 120.0).collect();
@@ -416,26 +437,26 @@ mod tests {
         (times, all)
     }
 
-    fn moving((times_s, all): &(Vec<f64>, Vec<Vec<f32>>)) -> Option<Found> {
+    fn moving((times_s, all): &(Vec<f64>, Vec<Vec<f32>>)) -> Option<IlluminationFit> {
         let levels = all.iter().map(Vec::as_slice).collect();
-        Levels { squares: SQUARES, times_s: times_s.clone(), levels }.moving()
+        CellRatios { cells: SQUARES, times_s: times_s.clone(), levels }.fit()
     }
 
     #[test]
     fn a_shadow_is_found_with_its_way_and_depth() {
         for (depth, direction, speed) in [(0.1, 0.0, 25.0), (0.4, 130.0, -40.0)] {
             let found = moving(&levels(depth, direction, speed, 0.01)).unwrap();
-            let MovingLight { depth: [value, error], speed_mm_per_s, .. } = found.light;
+            let MovingIllumination { depth: [value, error], speed_mm_per_s, .. } = found.light;
             assert!((value - depth).abs() < 3.0 * error, "{value} {error} for {depth}");
             assert!(error < 0.1 * depth, "{error}");
             assert!((speed_mm_per_s - speed).abs() < 1.5, "{speed_mm_per_s} for {speed}");
             let turned = (found.light.direction_deg - direction).rem_euclid(360.0);
             assert!(turned.min(360.0 - turned) < 3.0, "{} deg", found.light.direction_deg);
             // Deep in the shadow and beside it.
-            let course = Course { direction_deg: direction, speed };
-            let at = |way: f64| {
+            let course = ProfileMotion { direction_deg: direction, speed };
+            let at = |position_mm: f64| {
                 let (sin, cos) = direction.to_radians().sin_cos();
-                let along = way + course.speed;
+                let along = position_mm + course.speed;
                 found.light.ln_at([along * cos, along * sin], 1.0)
             };
             assert!((at(0.0) - (1.0 - depth).ln()).abs() < 0.03, "{}", at(0.0));

@@ -2,9 +2,9 @@
 
 use super::error::SceneError;
 use super::head::DavisMount;
-use super::register::{Registration, register};
-use super::survey::Survey;
-use super::tag_fit::{Before, MEASURED, OF_ITS_KIND, tie_by_tag};
+use super::reconstruction::Reconstruction;
+use super::registration::{Registration, register};
+use super::tag_alignment::{AlignmentPrior, MEASURED_SIGMA, NOMINAL_SIGMA, align_by_tag};
 use crate::roi::{Lens, Track};
 use evrig_core::frame::Frame;
 use evrig_core::time::{ClockMap, Davis, PiSensor};
@@ -12,7 +12,7 @@ use evrig_session::rig::Mount;
 
 /// Known inputs of the alignment.
 #[derive(Debug, Clone, Copy)]
-pub struct DavisKnown<'a> {
+pub struct DavisInputs<'a> {
     /// Lens of the event camera.
     pub lens: Lens,
     /// Mount of both cameras.
@@ -33,30 +33,36 @@ pub struct DavisKnown<'a> {
 /// # Errors
 ///
 /// When too few frames show the tag or fall on the map, or they do not fit.
-pub fn tie(
-    survey: &mut Survey,
-    known: &DavisKnown<'_>,
+pub fn align_davis(
+    reconstruction: &mut Reconstruction,
+    known: &DavisInputs<'_>,
     frames: &[Frame<Davis>],
 ) -> Result<Registration, SceneError> {
-    let first = tie_once(survey, known, frames)?;
-    let Some(tone) = first.tone.filter(|tone| tone.curved().is_some()) else { return Ok(first) };
-    let mut linear = survey.clone().raised(tone.power());
-    let again = tie_once(&linear, known, frames)?;
-    std::mem::swap(survey, &mut linear);
+    let first = align_once(reconstruction, known, frames)?;
+    let Some(tone) = first.tone.filter(|tone| tone.nonlinear_sigmas().is_some()) else {
+        return Ok(first);
+    };
+    let mut linear = reconstruction.clone().to_power(tone.power());
+    let again = align_once(&linear, known, frames)?;
+    std::mem::swap(reconstruction, &mut linear);
     Ok(Registration { tone: Some(tone), ..again })
 }
 
-fn tie_once(
-    survey: &Survey,
-    known: &DavisKnown<'_>,
+fn align_once(
+    reconstruction: &Reconstruction,
+    known: &DavisInputs<'_>,
     frames: &[Frame<Davis>],
 ) -> Result<Registration, SceneError> {
     let stated = DavisMount::stated(&known.mount, known.lens);
     let (sightings, plane) = (&known.track.sightings, &known.track.plane);
-    let head = &survey.head;
+    let head = &reconstruction.head;
     // The path counts wrist rotation from the tag's first detection. Both cameras rotate together,
     // so the mount does not change.
-    let before = Before { stated, sigma: if known.is_measured { MEASURED } else { OF_ITS_KIND } };
-    let by_tag = tie_by_tag(head, &survey.path, &before, known.pi_from_davis, sightings, plane)?;
-    register(survey, by_tag, &before, frames)
+    let prior = AlignmentPrior {
+        stated,
+        sigma: if known.is_measured { MEASURED_SIGMA } else { NOMINAL_SIGMA },
+    };
+    let by_tag =
+        align_by_tag(head, &reconstruction.path, &prior, known.pi_from_davis, sightings, plane)?;
+    register(reconstruction, by_tag, &prior, frames)
 }
