@@ -1,7 +1,8 @@
 //! Lower envelope of a drifting clock: lines around knots.
 //!
 //! The rate of a crystal changes slowly with temperature and abruptly when a host slews its clock.
-//! Around each knot the window grows while its line agrees with the shortest windows; between knots
+//! Around each knot the window grows (intersection of confidence intervals; Goldenshluger and
+//! Nemirovski, Mathematical Methods of Statistics 6, 1997) while its line agrees with the shortest windows; between knots
 //! the map is linear.
 
 use super::super::estimate::{MinimumLatency, SegmentError, SegmentStart};
