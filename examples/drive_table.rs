@@ -12,7 +12,10 @@ use evrig::frame::Frame;
 use evrig::geometry::Homography;
 use evrig::rig::{Pose, Rig};
 use evrig::roi::{Lens, Light, Track, TrackOptions, Tracker};
-use evrig::scene::{DavisKnown, PiKnown, RawLight, Registration, SceneDrive, Survey, survey, tie};
+use evrig::scene::{
+    DavisInputs, PiInputs, RawLevels, Reconstruction, Registration, SceneDrive, align_davis,
+    reconstruct_target,
+};
 use evrig::sim::world::{
     CameraName, DavisTwin, Motion, PiTwin, Schedule, Setting, World, WorldDescription,
 };
@@ -169,15 +172,15 @@ fn run(case: &Case) -> Result<(), Box<dyn Error>> {
     );
 
     let begun = Instant::now();
-    let known = PiKnown {
+    let known = PiInputs {
         size: rig.pi.camera.size,
         lens: Lens::of(&rig.pi.camera),
-        raw: RawLight { black_dn: rig.pi.camera.black_level_dn, full_dn: 1023 },
+        raw: RawLevels { black_dn: rig.pi.camera.black_level_dn, full_dn: 1023 },
         row_time: rig.pi.camera.row_time,
         mount: rig.mount,
         track: &pi_track,
     };
-    let mut survey = survey(&known, &mut raw.as_slice())?;
+    let mut reconstruction = reconstruct_target(&known, &mut raw.as_slice())?;
     let surveyed = begun.elapsed().as_secs_f64();
     // The clocks as one would know them before: wrong by 17 ms.
     let middle = Span::from_secs_f64(seconds / 2.0);
@@ -185,7 +188,7 @@ fn run(case: &Case) -> Result<(), Box<dyn Error>> {
         world.clocks().pi_sensor(middle) + Span::from_micros(17_000),
         world.clocks().davis(middle),
     );
-    let known = DavisKnown {
+    let known = DavisInputs {
         lens: Lens::of(&rig.davis.camera),
         mount: rig.mount,
         track: &davis_track,
@@ -193,40 +196,40 @@ fn run(case: &Case) -> Result<(), Box<dyn Error>> {
         is_measured: true,
     };
     let begun = Instant::now();
-    let registration = tie(&mut survey, &known, &aps)?;
-    println!("  survey {surveyed:.2} s, tie {:.2} s", begun.elapsed().as_secs_f64());
-    tell(case, &survey, &registration);
+    let registration = align_davis(&mut reconstruction, &known, &aps)?;
+    println!("  reconstruction {surveyed:.2} s, tie {:.2} s", begun.elapsed().as_secs_f64());
+    tell(case, &reconstruction, &registration);
     Ok(())
 }
 
-fn tell(case: &Case, survey: &Survey, registration: &Registration) {
+fn tell(case: &Case, reconstruction: &Reconstruction, registration: &Registration) {
     let Case { rig, .. } = case;
-    let [seen, lost] = survey.n_frames;
+    let [seen, lost] = reconstruction.n_frames;
     println!(
         "  {} cells of {:.3} mm, {} of {seen} frames lost, row {:.3} +- {:.3} us, white {:.1} DN",
-        survey.map.grid.n_cells(),
-        survey.map.grid.cell_mm,
+        reconstruction.map.grid.n_cells(),
+        reconstruction.map.grid.cell_mm,
         lost,
-        survey.row_s[0] * 1e6,
-        survey.row_s[1] * 1e6,
-        survey.white_dn
+        reconstruction.row_s[0] * 1e6,
+        reconstruction.row_s[1] * 1e6,
+        reconstruction.white_dn
     );
-    let drive = SceneDrive::new(rig.davis.camera.size, survey, registration);
+    let drive = SceneDrive::new(rig.davis.camera.size, reconstruction, registration);
 
     // Where the map lies to the true print, by the Pi's own looks.
-    let gauge = gauge(case, survey);
+    let gauge = gauge(case, reconstruction);
     let per_mm = rig.davis.camera.pixels_per_mm(rig.target.stand_off);
-    let pi_error = pi_path(case, survey, &gauge).into_iter().flatten().map(|e| e * per_mm);
+    let pi_error = pi_path(case, reconstruction, &gauge).into_iter().flatten().map(|e| e * per_mm);
     println!("  path: Pi against truth {:.4} DAVIS px rms", rms(pi_error));
 
     tell_places(case, &drive, &gauge);
-    tell_offset(case, survey, registration);
+    tell_offset(case, reconstruction, registration);
     println!(
         "  sigma over the map {:.4} +- {:.4} px, left {:.2} DN, {:.4} px a frame, {} frames",
         registration.spread.sigma_px,
         registration.sigma_error_px,
-        registration.left_dn,
-        registration.left_px,
+        registration.residual_dn,
+        registration.residual_px,
         registration.n_frames
     );
     drive_errors(case, &drive);
@@ -267,48 +270,48 @@ fn tell_places(case: &Case, drive: &SceneDrive, gauge: &Homography) {
 }
 
 /// The time between the cameras against the truth.
-fn tell_offset(case: &Case, survey: &Survey, registration: &Registration) {
+fn tell_offset(case: &Case, reconstruction: &Reconstruction, registration: &Registration) {
     let Case { world, seconds, .. } = case;
     let lag = |t: f64| {
         let time = Span::from_secs_f64(t);
-        let tie = &registration.tie;
-        let mapped =
-            (tie.pi_from_davis.map(world.clocks().davis(time)) - survey.path.zero).as_secs_f64();
+        let tie = &registration.alignment;
+        let mapped = (tie.pi_from_davis.map(world.clocks().davis(time)) - reconstruction.path.zero)
+            .as_secs_f64();
         let found = mapped + tie.lag_s + tie.skew * (mapped - tie.lag_at_s);
-        (found - (world.clocks().pi_sensor(time) - survey.path.zero).as_secs_f64()) * 1e6
+        (found - (world.clocks().pi_sensor(time) - reconstruction.path.zero).as_secs_f64()) * 1e6
     };
     println!(
         "  offset wrong by {:.1} .. {:.1} us (stated error {:.1}), skew {:.2} +- {:.2} ppm",
         lag(0.2),
         lag(seconds - 0.2),
-        registration.tie_error[8] * 1e6,
-        registration.tie.skew * 1e6,
-        registration.tie_error[9] * 1e6
+        registration.alignment_error[8] * 1e6,
+        registration.alignment.skew * 1e6,
+        registration.alignment_error[9] * 1e6
     );
 }
 
 /// The homography from the map's millimetres to the print's, by the Pi's looks.
-fn gauge(case: &Case, survey: &Survey) -> Homography {
-    let pairs: Vec<_> = looks(case, survey).into_iter().flatten().collect();
+fn gauge(case: &Case, reconstruction: &Reconstruction) -> Homography {
+    let pairs: Vec<_> = looks(case, reconstruction).into_iter().flatten().collect();
     Homography::fit(&pairs)
         .unwrap_or_else(|_| Homography::from_matrix(nalgebra::Matrix3::identity()))
 }
 
 /// Places of the map and of the print that the same ray of the Pi meets, time after time.
-fn looks(case: &Case, survey: &Survey) -> Vec<Vec<([f64; 2], [f64; 2])>> {
+fn looks(case: &Case, reconstruction: &Reconstruction) -> Vec<Vec<([f64; 2], [f64; 2])>> {
     let world = &case.world;
-    let n = survey.path.knots.len();
+    let n = reconstruction.path.knots.len();
     let boot = world.clocks().pi_sensor(Span::ZERO);
     (0..n)
         .step_by((n / 200).max(1))
         .map(|k| {
-            let time_s = survey.path.knots[k].time_s;
-            let time = (survey.path.zero + Span::from_secs_f64(time_s)) - boot;
+            let time_s = reconstruction.path.knots[k].time_s;
+            let time = (reconstruction.path.zero + Span::from_secs_f64(time_s)) - boot;
             let truth = world.plane_from_ray(CameraName::Pi, time);
             let rays = (0..9).map(|i| [0.17 * f64::from(i % 3 - 1), 0.12 * f64::from(i / 3 - 1)]);
             rays.filter_map(|ray| {
                 let q = truth * Vector3::new(ray[0], ray[1], 1.0);
-                Some((survey.place_mm(ray, time_s)?, [q.x / q.z, q.y / q.z]))
+                Some((reconstruction.place_mm(ray, time_s)?, [q.x / q.z, q.y / q.z]))
             })
             .collect()
         })
@@ -316,12 +319,15 @@ fn looks(case: &Case, survey: &Survey) -> Vec<Vec<([f64; 2], [f64; 2])>> {
 }
 
 /// Millimetres by which the Pi's path is wrong, time after time.
-fn pi_path(case: &Case, survey: &Survey, gauge: &Homography) -> Vec<Vec<f64>> {
+fn pi_path(case: &Case, reconstruction: &Reconstruction, gauge: &Homography) -> Vec<Vec<f64>> {
     let wrong = |(map, print): ([f64; 2], [f64; 2])| {
         let found = gauge.apply(map);
         (found[0] - print[0]).hypot(found[1] - print[1])
     };
-    looks(case, survey).into_iter().map(|pairs| pairs.into_iter().map(wrong).collect()).collect()
+    looks(case, reconstruction)
+        .into_iter()
+        .map(|pairs| pairs.into_iter().map(wrong).collect())
+        .collect()
 }
 
 fn drive_errors(case: &Case, drive: &SceneDrive) {

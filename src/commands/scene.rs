@@ -31,7 +31,7 @@ fn make(
 /// The result as consumers of `--json` get it.
 pub(super) fn value(made: &SceneMade) -> Value {
     let fresh = made.freshness == Freshness::Fresh;
-    json!({ "schema": "evrig.scene/1", "fresh": fresh, "scene": made.facts })
+    json!({ "schema": "evrig.scene/2", "fresh": fresh, "scene": made.facts })
 }
 
 /// The result for people.
@@ -47,11 +47,11 @@ pub(super) fn text(made: &SceneMade) -> String {
         facts.grid.height,
         facts.grid.cell_mm,
         facts.row_s[0] * 1e6,
-        found.left_px,
-        found.left_dn,
+        found.residual_px,
+        found.residual_dn,
         found.n_frames,
-        found.tie.lag_s * 1e6,
-        found.tie_error[8] * 1e6,
+        found.alignment.lag_s * 1e6,
+        found.alignment_error[8] * 1e6,
         found.spread.sigma_px,
         if made.freshness == Freshness::Fresh { " (fresh)" } else { "" }
     )

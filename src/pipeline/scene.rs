@@ -8,7 +8,8 @@ use evrig_core::time::{ClockMap, Davis, PiSensor};
 use evrig_format::npy::{ArrayReader, ArrayWriter, Column, Element};
 use evrig_reconstruct::roi::Lens;
 use evrig_reconstruct::scene::{
-    DavisKnown, Footage, PATH_COLUMNS, PiKnown, RawLight, Scene, SceneFacts, Seeing, survey, tie,
+    DavisInputs, FrameSource, FrameVisitor, PATH_COLUMNS, PiInputs, RawLevels, Scene,
+    SceneParameters, align_davis, reconstruct_target,
 };
 use evrig_session::rig::{CameraDescription, Mount};
 use evrig_session::{
@@ -21,7 +22,7 @@ use std::path::Path;
 #[derive(Debug, Clone)]
 pub struct SceneMade {
     /// Everything but the arrays.
-    pub facts: SceneFacts,
+    pub facts: SceneParameters,
     /// Whether it ran now.
     pub freshness: Freshness,
 }
@@ -38,10 +39,10 @@ struct Recorded<'a> {
     n_all: u64,
 }
 
-impl Footage for Recorded<'_> {
+impl FrameSource for Recorded<'_> {
     type Error = PipelineError;
 
-    fn replay(&mut self, see: &mut Seeing<'_>) -> Result<(), PipelineError> {
+    fn replay(&mut self, see: &mut FrameVisitor<'_>) -> Result<(), PipelineError> {
         for picture in self.session.pi_pictures(self.stream)? {
             let picture = picture?;
             see(picture.number as usize, &picture.frame)?;
@@ -98,14 +99,14 @@ pub fn scene(
     let scene = make(session, [raw, aps], progress)?;
     clear(&directory)?;
     write(&directory, &scene)?;
-    let facts = scene.facts();
+    let facts = scene.parameters();
     let tally = json!({
         "n_frames": facts.n_frames[0],
         "n_lost": facts.n_frames[1],
         "n_bridged": facts.n_bridged,
         "n_frames_of_events_camera": facts.registration.n_frames,
-        "left_px": facts.registration.left_px,
-        "left_dn": facts.registration.left_dn,
+        "residual_px": facts.registration.residual_px,
+        "residual_dn": facts.registration.residual_dn,
     });
     write_stage(&directory, StageRecord { tally, ..wanted }, &OUTPUTS)?;
     Ok(SceneMade { facts, freshness: Freshness::Ran })
@@ -122,7 +123,7 @@ fn make(
     let Some(AnyTrack::Davis(davis_track)) = read_track(session, aps)? else {
         return Err(no_track(aps));
     };
-    let known = PiKnown {
+    let known = PiInputs {
         size: cameras.pi.size,
         lens: Lens::of(&cameras.pi),
         raw: raw_light(session, raw)?,
@@ -132,19 +133,19 @@ fn make(
     };
     let n_all = 2 * session.stream(StreamKind::Frames, raw)?.count;
     let mut footage = Recorded { session, stream: raw, progress, n_done: 0, n_all };
-    let mut survey = survey(&known, &mut footage)?;
+    let mut reconstruction = reconstruct_target(&known, &mut footage)?;
     let frames: Result<Vec<_>, SessionError> =
         session.davis_pictures(aps)?.map(|picture| Ok(picture?.frame)).collect();
-    let pi_from_davis = pi_from_davis(session, &survey.path)?;
-    let known = DavisKnown {
+    let pi_from_davis = pi_from_davis(session, &reconstruction.path)?;
+    let known = DavisInputs {
         lens: Lens::of(&cameras.davis),
         mount: cameras.mount,
         track: &davis_track,
         pi_from_davis,
         is_measured: cameras.are_measured,
     };
-    let registration = tie(&mut survey, &known, &frames?)?;
-    Ok(Scene { size: cameras.davis.size, survey, registration })
+    let registration = align_davis(&mut reconstruction, &known, &frames?)?;
+    Ok(Scene { size: cameras.davis.size, reconstruction, registration })
 }
 
 /// The cameras and where they sit.
@@ -176,7 +177,7 @@ fn cameras(session: &Session, [raw, aps]: [&str; 2]) -> Result<Cameras, Pipeline
 }
 
 /// What the samples of the raw stream mean, from its first frame.
-fn raw_light(session: &Session, raw: &str) -> Result<RawLight, PipelineError> {
+fn raw_light(session: &Session, raw: &str) -> Result<RawLevels, PipelineError> {
     let first: Picture<PiSensor> = session
         .pi_pictures(raw)?
         .next()
@@ -184,7 +185,7 @@ fn raw_light(session: &Session, raw: &str) -> Result<RawLight, PipelineError> {
     let facts = first.facts;
     let black_dn = f64::from(facts.black_dn.iter().sum::<f32>() / 4.0);
     let full_dn = ((1_u32 << facts.bits.min(16)) - 1) as u16;
-    Ok(RawLight { black_dn, full_dn })
+    Ok(RawLevels { black_dn, full_dn })
 }
 
 /// The map of the clocks that holds in the middle of the path.
@@ -201,13 +202,13 @@ fn pi_from_davis(
 }
 
 fn write(directory: &Path, scene: &Scene) -> Result<(), PipelineError> {
-    let facts = scene.facts();
+    let facts = scene.parameters();
     let path = directory.join("scene.json");
     let io = |source| PipelineError::Io { path: path.clone(), source };
     let text = serde_json::to_string_pretty(&facts).map_err(|error| io(error.into()))?;
     std::fs::write(&path, text + "\n").map_err(io)?;
     let shape = [facts.grid.height as u64, facts.grid.width as u64];
-    let map = &scene.survey.map;
+    let map = &scene.reconstruction.map;
     array(&directory.join("map.npy"), &shape, map.values())?;
     array(&directory.join("map_error.npy"), &shape, map.errors())?;
     let table = scene.path_table();
@@ -223,7 +224,7 @@ fn array<T: Element>(path: &Path, shape: &[u64], values: &[T]) -> Result<(), Pip
     Ok(written.map_err(SessionError::from)?)
 }
 
-pub(super) fn read_facts(directory: &Path) -> Result<SceneFacts, PipelineError> {
+pub(super) fn read_facts(directory: &Path) -> Result<SceneParameters, PipelineError> {
     let path = directory.join("scene.json");
     match std::fs::read_to_string(&path) {
         Ok(text) => read_result(path, &text),

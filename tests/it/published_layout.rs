@@ -164,7 +164,7 @@ fn rgb_is_late_or_why_not_is_said(imported: &Path) {
 
 fn the_scene_is_made(imported: &Path) {
     let scene = read_scene(&Session::open(imported).unwrap()).unwrap().unwrap();
-    let [n, lost] = scene.survey.n_frames;
+    let [n, lost] = scene.reconstruction.n_frames;
     // The frames in which the tag is covered are most of what may be lost.
     assert!(n - lost >= n - COVERED.len() - 3, "{n} frames, {lost} lost");
 }

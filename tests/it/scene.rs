@@ -5,7 +5,10 @@ use evrig::drive::{Drive, TimeGrid};
 use evrig::frame::Frame;
 use evrig::rig::{Pose, Rig};
 use evrig::roi::{Lens, Light, Track, TrackOptions, Tracker};
-use evrig::scene::{DavisKnown, PiKnown, PointSpread, RawLight, Scene, SceneError, survey, tie};
+use evrig::scene::{
+    DavisInputs, PiInputs, PointSpread, RawLevels, Scene, SceneError, align_davis,
+    reconstruct_target,
+};
 use evrig::sim::world::{
     CameraName, DavisTwin, Motion, PiTwin, Schedule, Setting, World, WorldDescription,
 };
@@ -74,24 +77,24 @@ fn seen_in(description: &WorldDescription) -> Seen {
     let pi_track = tracked(Tracker::new(&rig.target, &rig.pi.camera, mosaic).unwrap(), &raw);
     let grey = TrackOptions::new(Light::Brightness);
     let davis_track = tracked(Tracker::new(&rig.target, &rig.davis.camera, grey).unwrap(), &aps);
-    let known = PiKnown {
+    let known = PiInputs {
         size: rig.pi.camera.size,
         lens: Lens::of(&rig.pi.camera),
-        raw: RawLight { black_dn: black_level_dn, full_dn: 1023 },
+        raw: RawLevels { black_dn: black_level_dn, full_dn: 1023 },
         row_time: rig.pi.camera.row_time,
         mount: rig.mount,
         track: &pi_track,
     };
-    let mut survey = survey(&known, &mut raw.as_slice()).unwrap();
-    let known = DavisKnown {
+    let mut reconstruction = reconstruct_target(&known, &mut raw.as_slice()).unwrap();
+    let known = DavisInputs {
         lens: Lens::of(&rig.davis.camera),
         mount: rig.mount,
         track: &davis_track,
         pi_from_davis: clocks_off_by(&world, Span::from_micros(6_000)),
         is_measured: true,
     };
-    let registration = tie(&mut survey, &known, &aps).unwrap();
-    let scene = Scene { size: rig.davis.camera.size, survey, registration };
+    let registration = align_davis(&mut reconstruction, &known, &aps).unwrap();
+    let scene = Scene { size: rig.davis.camera.size, reconstruction, registration };
     Seen { world, rig, scene }
 }
 
@@ -156,14 +159,14 @@ fn the_drive_is_within_a_small_part_of_a_threshold_of_the_true_light() {
 #[test]
 fn the_clocks_offset_and_the_row_time_are_found() {
     let seen = seen();
-    let (tie, path) = (&seen.scene.registration.tie, &seen.scene.survey.path);
+    let (tie, path) = (&seen.scene.registration.alignment, &seen.scene.reconstruction.path);
     let at = Span::from_secs_f64(SECONDS / 2.0);
     let clocks = seen.world.clocks();
     let mapped = (tie.pi_from_davis.map(clocks.davis(at)) - path.zero).as_secs_f64();
     let found = mapped + tie.lag_s + tie.skew * (mapped - tie.lag_at_s);
     let truth = (clocks.pi_sensor(at) - path.zero).as_secs_f64();
     assert!((found - truth).abs() < 1e-4, "{} us", (found - truth) * 1e6);
-    let row_us = seen.scene.survey.row_s[0] * 1e6;
+    let row_us = seen.scene.reconstruction.row_s[0] * 1e6;
     assert!((row_us - 9.21).abs() < 0.5, "{row_us}");
 }
 
@@ -187,8 +190,8 @@ fn another_clock_place_or_optics_makes_the_drive_worse() {
 fn a_scene_read_back_from_its_parts_gives_the_same_signal() {
     let seen = seen();
     let scene = &seen.scene;
-    let text = serde_json::to_string(&scene.facts()).unwrap();
-    let map = &scene.survey.map;
+    let text = serde_json::to_string(&scene.parameters()).unwrap();
+    let map = &scene.reconstruction.map;
     let back = Scene::from_parts(
         serde_json::from_str(&text).unwrap(),
         map.values().to_vec(),
@@ -205,7 +208,7 @@ fn a_scene_read_back_from_its_parts_gives_the_same_signal() {
         assert!((a - b).abs() < 1e-6 || (a.is_nan() && b.is_nan()), "{a} {b}");
     }
     let cut = &map.values()[1..];
-    let parts = (scene.facts(), cut.to_vec(), map.errors().to_vec());
+    let parts = (scene.parameters(), cut.to_vec(), map.errors().to_vec());
     assert!(Scene::from_parts(parts.0, parts.1, parts.2, &scene.path_table()).is_none());
 }
 
@@ -219,15 +222,15 @@ fn frames_of_another_size_are_refused_with_their_number() {
     let black_level_dn = rig.pi.camera.black_level_dn;
     let mosaic = TrackOptions::new(Light::Mosaic { black_level_dn });
     let track = tracked(Tracker::new(&rig.target, &rig.pi.camera, mosaic).unwrap(), &raw);
-    let known = PiKnown {
+    let known = PiInputs {
         size: evrig::geometry::Size::new(100, 100),
         lens: Lens::of(&rig.pi.camera),
-        raw: RawLight { black_dn: black_level_dn, full_dn: 1023 },
+        raw: RawLevels { black_dn: black_level_dn, full_dn: 1023 },
         row_time: rig.pi.camera.row_time,
         mount: rig.mount,
         track: &track,
     };
-    let error = survey(&known, &mut raw.as_slice()).unwrap_err();
+    let error = reconstruct_target(&known, &mut raw.as_slice()).unwrap_err();
     assert!(matches!(error, SceneError::NotRaw { .. }), "{error}");
 }
 
@@ -238,15 +241,15 @@ fn with_effects(effects: serde_json::Value) -> WorldDescription {
 #[test]
 fn a_camera_in_order_shows_no_curve_no_dark_corners_and_its_own_noise() {
     let scene = &seen().scene;
-    let [loss, error] = scene.survey.corner_loss.unwrap();
+    let [loss, error] = scene.reconstruction.corner_loss.unwrap();
     assert!(loss < 0.02 && error < 0.02, "{loss} {error}");
     let tone = scene.registration.tone.unwrap();
-    assert!(tone.curved().is_none(), "{tone:?}");
+    assert!(tone.nonlinear_sigmas().is_none(), "{tone:?}");
     assert!(tone.corner_loss[0] < 0.03, "{tone:?}");
-    let [noise, error] = scene.survey.read_noise_dn.unwrap();
+    let [noise, error] = scene.reconstruction.read_noise_dn.unwrap();
     let stated = seen().world.description().pi.read_noise_dn.hypot(1.0 / 12.0_f64.sqrt());
     assert!((noise - stated).abs() < 0.2 + 3.0 * error, "{noise} {error} for {stated}");
-    assert!(scene.survey.moving_light.is_none());
+    assert!(scene.reconstruction.moving_illumination.is_none());
 }
 
 #[test]
@@ -256,9 +259,9 @@ fn frames_show_dark_corners_and_noise_that_no_one_stated() {
         "frame_noise": { "sigma_dn": 4.0 },
     });
     let Seen { scene, .. } = seen_in(&with_effects(effects));
-    let [loss, error] = scene.survey.corner_loss.unwrap();
+    let [loss, error] = scene.reconstruction.corner_loss.unwrap();
     assert!((loss - 0.3).abs() < 0.02 + 3.0 * error, "{loss} {error}");
-    let [noise, error] = scene.survey.read_noise_dn.unwrap();
+    let [noise, error] = scene.reconstruction.read_noise_dn.unwrap();
     assert!((noise - 4.08).abs() < 0.2 + 3.0 * error, "{noise} {error}");
     let [loss, error] = scene.registration.tone.unwrap().corner_loss;
     assert!((loss - 0.3).abs() < 0.03 + 3.0 * error, "{loss} {error}");
@@ -283,12 +286,12 @@ fn frames_show_a_shadow_and_the_drive_has_it() {
         "direction_deg": 30.0,
     });
     let seen = seen_in(&with_effects(serde_json::json!({ "moving_shadow": shadow })));
-    let moving = seen.scene.survey.moving_light.clone().expect("a shadow");
+    let moving = seen.scene.reconstruction.moving_illumination.clone().expect("a shadow");
     let [depth, error] = moving.depth;
     assert!((depth - 0.25).abs() < 0.03 + 3.0 * error, "{moving:?}");
     let [error, _] = drive_error(&seen, &seen.scene.drive());
     let mut still = seen.scene.clone();
-    still.survey.moving_light = None;
+    still.reconstruction.moving_illumination = None;
     let [without, _] = drive_error(&seen, &still.drive());
     assert!(error < 0.5 * without, "{error} thresholds with the shadow, {without} without");
 }

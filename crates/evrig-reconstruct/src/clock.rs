@@ -1,23 +1,20 @@
-//! SensorTimestamp to Unix time: the map, its error, and what the error leaves out.
+//! Clock maps from SensorTimestamp to Unix time, with their errors.
 //!
-//! Two kinds of evidence exist. A *frame pair* is one-sided: RealTime was read some
-//! unknown latency after the SensorTimestamp, so the difference is offset plus
-//! latency, and only its smallest values say anything; the smallest latency itself
-//! stays in every one-sided estimate unless something else tells it
-//! ([`MinimumLatency`]). A *clock reading* is two-sided: RealTime was read between two
-//! readings of the sensor's clock, so the offset is bounded whatever the delays were.
+//! There are two kinds of observation. A *frame pair* is one-sided: RealTime was read after an
+//! unknown latency, so that the difference is offset plus latency. Only its smallest values bound
+//! the offset, and the minimum latency remains in every one-sided estimate unless it is known
+//! otherwise ([`MinimumLatency`]). A *clock reading* is two-sided: RealTime was read between two
+//! readings of the sensor's clock, which bounds the offset for any delay.
 //!
-//! | function | what it is |
+//! | function | method |
 //! | --- | --- |
 //! | [`paper_interval()`] | the published method, exactly; the baseline |
-//! | [`paper_window()`] | the same idea over a window of one second, median |
+//! | [`paper_window()`] | the same criterion over a window of one second, median |
 //! | [`clock_pair()`] | two-sided readings; the default where there are any |
-//! | [`envelope()`] | smallest latency between steps; the default for frame pairs |
-//! | [`hull()`], [`olson2()`] | other one-sided methods, to cross-check |
-//! | [`motion()`] | offset and rate from a motion that two cameras saw |
-//! | [`synchronise()`] | all of them on a session's evidence; the best is taken, the rest check it |
-//!
-//! Everything here is a function from values to values.
+//! | [`envelope()`] | minimum latency between steps; the default for frame pairs |
+//! | [`hull()`], [`olson2()`] | other one-sided methods, for cross-checks |
+//! | [`motion()`] | offset and rate from a motion seen by two cameras |
+//! | [`synchronise()`] | all methods on the observations of a session; the best one is used |
 
 mod agreement;
 mod clock_pair;

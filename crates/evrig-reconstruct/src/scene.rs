@@ -1,67 +1,66 @@
-//! What the event pixels looked at: the light signal of a session.
+//! Log-intensity signal of each event pixel, reconstructed from a session's frames.
 //!
-//! [`survey()`] makes a map of the print from the Pi's raw frames, in millimetres on the print and
-//! finer than either camera's pixels, together with the path of the head over it: the tag to start
-//! with, then every frame's pose against the map by the light itself (Gauss-Newton on the marks of
-//! the map, row-true), and the row time with them. [`tie()`] finds how the event camera sits beside
-//! the Pi camera and how late its clock is: by the tag in its frames to start with, then by their
-//! light. [`SceneDrive`] is the drive that follows: the map seen through the event pixels' own
-//! optics, along the path, at any time.
+//! [`reconstruct_target()`] estimates a radiance map of the printed target from the Pi's raw frames
+//! (millimetres on the target, finer than either camera's pixels), the path of the camera head over
+//! it and the row time. Poses start from the tag and are refined by Gauss-Newton against the map,
+//! row by row. [`align_davis()`] estimates how the event camera sits beside the Pi camera and how
+//! late its clock is, from the tag and then photometrically. [`SceneDrive`] is the resulting drive:
+//! the map blurred by the optics of the event pixels and sampled along the path at any time.
 //!
-//! [`FramesDrive`] takes the drive from the event camera's own pixel grid, frame by frame, where
-//! nothing else is known of the scene.
+//! [`FramesDrive`] takes the drive from frames on the event camera's own pixel grid and needs no
+//! other knowledge of the scene.
 
-mod align;
-mod blur;
-mod corners;
-mod davis;
+mod accumulate;
+mod align_davis;
+mod bilinear;
+mod clustered_covariance;
+mod coarse_grid;
+mod davis_alignment;
+mod davis_image;
 mod drive;
 mod error;
-mod fall_off;
-mod follow;
-mod frame_noise;
 mod frames;
 mod head;
 mod locate;
-mod looks;
 mod map;
-mod mosaic;
-mod motion;
-mod moving_light;
+mod map_builder;
+mod map_samples;
+mod moving_illumination;
+mod optical_flow;
 mod path;
-mod picture;
+mod photometric;
+mod pi_camera;
+mod pixel_noise;
+mod point_spread;
+mod pose_tracking;
 mod raster;
 mod read_noise;
-mod register;
-mod robust;
-mod shake;
-mod splat;
-mod squares;
-mod start;
-mod steady;
+mod reconstruction;
+mod registration;
 mod store;
-mod survey;
-mod surveyor;
-mod tag_fit;
-mod tag_rows;
+mod tag_alignment;
+mod tag_pose;
+mod tag_row_time;
 mod tag_tilt;
-mod tie;
+mod temporal_denoising;
 mod tone;
+mod vibration;
+mod vignetting;
 mod warp;
 
-pub use blur::PointSpread;
-pub use davis::DavisTie;
+pub use align_davis::{DavisInputs, align_davis};
+pub use davis_alignment::DavisAlignment;
 pub use drive::SceneDrive;
 pub use error::SceneError;
 pub use frames::{FramesDrive, FramesError};
-pub use head::{DavisMount, Head};
+pub use head::{DavisMount, HeadGeometry};
 pub use map::{MapGrid, RadianceMap};
-pub use mosaic::RawLight;
-pub use moving_light::MovingLight;
+pub use moving_illumination::MovingIllumination;
 pub use path::{HeadPath, PathKnot};
-pub use register::Registration;
-pub use shake::Shake;
-pub use store::{PATH_COLUMNS, Scene, SceneFacts};
-pub use survey::{Footage, PiKnown, Seeing, Survey, survey};
-pub use tie::{DavisKnown, tie};
-pub use tone::Tone;
+pub use pi_camera::RawLevels;
+pub use point_spread::PointSpread;
+pub use reconstruction::{FrameSource, FrameVisitor, PiInputs, Reconstruction, reconstruct_target};
+pub use registration::Registration;
+pub use store::{PATH_COLUMNS, Scene, SceneParameters};
+pub use tone::ToneFit;
+pub use vibration::HeadVibration;

@@ -8,7 +8,7 @@ use super::plot::grid::{Colours, FirstRow, Grid, draw};
 use super::plot::picture::PictureError;
 use super::plot::{Drawing, Ink};
 use evrig_core::geometry::Size;
-use evrig_reconstruct::scene::{MovingLight, Scene};
+use evrig_reconstruct::scene::{MovingIllumination, Scene};
 
 /// Columns of a map as it is drawn, at most.
 const COLUMNS: usize = 420;
@@ -33,7 +33,7 @@ pub fn scene_section(scene: &Scene) -> Result<Section, PictureError> {
 }
 
 fn facts(scene: &Scene) -> Vec<Fact> {
-    let (survey, found) = (&scene.survey, &scene.registration);
+    let (survey, found) = (&scene.reconstruction, &scene.registration);
     let [n, lost] = survey.n_frames;
     let bridged = match survey.n_bridged {
         0 => String::new(),
@@ -55,17 +55,17 @@ fn facts(scene: &Scene) -> Vec<Fact> {
             "frames of the event camera",
             format!(
                 "{} held against the map: {:.2} DN and {:.4} px a frame left",
-                found.n_frames, found.left_dn, found.left_px
+                found.n_frames, found.residual_dn, found.residual_px
             ),
         ),
         Fact::new(
             "clocks",
             format!(
                 "{:.0} ± {:.0} µs off those of the stage sync, rate {:.1} ± {:.1} ppm",
-                found.tie.lag_s * 1e6,
-                found.tie_error[8] * 1e6,
-                found.tie.skew * 1e6,
-                found.tie_error[9] * 1e6
+                found.alignment.lag_s * 1e6,
+                found.alignment_error[8] * 1e6,
+                found.alignment.skew * 1e6,
+                found.alignment_error[9] * 1e6
             ),
         ),
         Fact::new(
@@ -87,7 +87,7 @@ fn light(scene: &Scene) -> impl Iterator<Item = Fact> {
     let tone = scene.registration.tone;
     let percent = |[loss, error]: [f64; 2]| format!("{:.1} ± {:.1} %", 100.0 * loss, 100.0 * error);
     let corners = [
-        ("the Pi's", scene.survey.corner_loss),
+        ("the Pi's", scene.reconstruction.corner_loss),
         ("the event camera's", tone.map(|tone| tone.corner_loss)),
     ];
     let corners: Vec<String> = corners
@@ -95,15 +95,15 @@ fn light(scene: &Scene) -> impl Iterator<Item = Fact> {
         .filter_map(|(whose, loss)| Some(format!("{} in {whose}", percent(loss?))))
         .collect();
     let corners = (!corners.is_empty()).then(|| corners.join(", "));
-    let noise = scene.survey.read_noise_dn.map(|[dn, error]| {
+    let noise = scene.reconstruction.read_noise_dn.map(|[dn, error]| {
         format!("raw frames scatter by {dn:.2} ± {error:.2} DN where there is no light")
     });
     let tone = tone.map(|tone| {
         let [gamma, error] = tone.gamma;
         format!("raw frames go as the power {gamma:.3} ± {error:.3} of those of the event camera")
     });
-    let moving = scene.survey.moving_light.as_ref().map(|moving| {
-        let MovingLight { speed_mm_per_s, direction_deg, depth, .. } = moving;
+    let moving = scene.reconstruction.moving_illumination.as_ref().map(|moving| {
+        let MovingIllumination { speed_mm_per_s, direction_deg, depth, .. } = moving;
         format!(
             "a shadow of {} goes over the print by {speed_mm_per_s:.1} mm/s along {direction_deg:.0}°",
             percent(*depth)
@@ -116,7 +116,7 @@ fn light(scene: &Scene) -> impl Iterator<Item = Fact> {
 
 /// Means over blocks of cells, row after row from the bottom; what is not known stays empty.
 fn reduced(scene: &Scene, values: &[f32]) -> (Size, Vec<f64>) {
-    let grid = &scene.survey.map.grid;
+    let grid = &scene.reconstruction.map.grid;
     let block = grid.width.div_ceil(COLUMNS).max(1);
     let (width, height) = (grid.width.div_ceil(block), grid.height.div_ceil(block));
     let mean = |i: usize| {
@@ -134,7 +134,7 @@ fn reduced(scene: &Scene, values: &[f32]) -> (Size, Vec<f64>) {
 }
 
 fn maps(scene: &Scene) -> Result<Figure, PictureError> {
-    let map = &scene.survey.map;
+    let map = &scene.reconstruction.map;
     let grid = &map.grid;
     let [left, top] = grid.origin_mm;
     let (right, bottom) =
@@ -182,7 +182,7 @@ fn maps(scene: &Scene) -> Result<Figure, PictureError> {
 
 /// The path's errors over time, in pixels of the event camera.
 fn path(scene: &Scene) -> Figure {
-    let knots = &scene.survey.path.knots;
+    let knots = &scene.reconstruction.path.knots;
     let pixel_mm = scene.registration.pixel_mm;
     let step = knots.len().div_ceil(MAX_POINTS).max(1);
     let line = |ink, of: &dyn Fn(&evrig_reconstruct::scene::PathKnot) -> f64| Layer::Line {

@@ -74,7 +74,7 @@ impl Baseline {
                 let (mut drive, mut facts) = of_frames(session, light)?;
                 facts.is_led = !facts.is_light_dense();
                 if facts.is_led {
-                    drive = drive.without_clipped().led_by_motion().steadied();
+                    drive = drive.without_saturated().motion_compensated().denoised();
                 }
                 Ok(BaselineLight { drive: Box::new(drive), facts, scene: None })
             }
@@ -130,7 +130,7 @@ fn of_scene(session: &Session) -> Result<BaselineLight, PipelineError> {
 /// What a pedestal of one digital unit adds to the map, in which each place of the mosaic is scaled to
 /// the brightest and weighs by its gain.
 fn light_per_pedestal(scene: &Scene) -> f64 {
-    4.0 / scene.survey.site_gains.iter().sum::<f64>()
+    4.0 / scene.reconstruction.site_gains.iter().sum::<f64>()
 }
 
 /// The drive from frames of the event camera itself.

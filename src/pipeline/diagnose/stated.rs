@@ -4,7 +4,7 @@ mod light;
 
 use evrig_analysis::diagnose::{Departure, Evidence};
 use evrig_core::effect_id::EffectId;
-use evrig_reconstruct::scene::{PointSpread, Scene, Shake};
+use evrig_reconstruct::scene::{HeadVibration, PointSpread, Scene};
 use evrig_session::rig::{CameraDescription, Rig};
 
 /// A row time within this share of the stated one is the stated one: the scene goes by it as well.
@@ -31,25 +31,25 @@ pub(super) fn departures(scene: &Scene, rig: &Rig, evidence: &Evidence) -> Vec<D
         let without = Some(evidence.in_light_of(&bare.drive()));
         all.push(Departure { without, ..found });
     };
-    let shake = scene.survey.path.shake();
+    let shake = scene.reconstruction.path.vibration();
     let least_mm = LEAST_SWING_PX * scene.registration.pixel_mm;
     if let Some(shake) = shake.filter(|shake| shake.amplitude_mm[0] > least_mm) {
-        bare.survey.path = bare.survey.path.without(&shake);
+        bare.reconstruction.path = bare.reconstruction.path.without_vibration(&shake);
         add(&bare, swing(&shake));
     }
     if let Some((found, spread)) = blur(scene, rig) {
         bare.registration.spread = spread;
         add(&bare, found);
     }
-    if let Some(moving) = bare.survey.moving_light.take() {
+    if let Some(moving) = bare.reconstruction.moving_illumination.take() {
         add(&bare, light::shadow(&moving));
     }
     if let Some((tone, found)) = bare.registration.tone.and_then(|t| Some((t, light::curve(&t)?))) {
-        bare.survey = bare.survey.raised(1.0 / tone.power());
+        bare.reconstruction = bare.reconstruction.to_power(1.0 / tone.power());
         add(&bare, found);
     }
     // What no event tells has no light of its own.
-    let row_us = scene.survey.row_s.map(|s| s * 1e6);
+    let row_us = scene.reconstruction.row_s.map(|s| s * 1e6);
     let stated_us = rig.pi.camera.row_time.as_secs_f64() * 1e6;
     all.extend(light::noise(scene, rig));
     all.extend(light::corners(scene));
@@ -61,7 +61,7 @@ pub(super) fn departures(scene: &Scene, rig: &Rig, evidence: &Evidence) -> Vec<D
 /// What the frames of a session would show of such things.
 pub(super) fn shown(scene: &Scene, rig: Option<&Rig>) -> Vec<EffectId> {
     let tone = scene.registration.tone;
-    let corners = scene.survey.corner_loss.is_some() || tone.is_some();
+    let corners = scene.reconstruction.corner_loss.is_some() || tone.is_some();
     let noise = rig.is_some_and(|rig| rig.pi.camera.read_noise_dn.is_some())
         && light::noise_is_known(scene);
     [
@@ -78,7 +78,7 @@ pub(super) fn shown(scene: &Scene, rig: Option<&Rig>) -> Vec<EffectId> {
 /// By how much later than stated the rows of the Pi's frames saw light because those above them, which
 /// are not in the crop, take longer than stated; microseconds.
 pub(super) fn later_us(scene: &Scene, rig: &Rig) -> f64 {
-    let found_us = scene.survey.row_s.map(|s| s * 1e6);
+    let found_us = scene.reconstruction.row_s.map(|s| s * 1e6);
     let stated_us = rig.pi.camera.row_time.as_secs_f64() * 1e6;
     let above = f64::from(rig.pi.crop_origin_px[1]);
     rows(found_us, stated_us).map_or(0.0, |_| above * (found_us[0] - stated_us))
@@ -131,7 +131,7 @@ fn out_of_focus([sigma, error]: [f64; 2], [davis, pi]: [f64; 2]) -> Option<(Depa
 }
 
 /// A head that swings on its path.
-fn swing(shake: &Shake) -> Departure {
+fn swing(shake: &HeadVibration) -> Departure {
     let ([hz, _], [mm, _]) = (shake.frequency_hz, shake.amplitude_mm);
     Departure {
         id: EffectId::Vibration,
@@ -142,7 +142,7 @@ fn swing(shake: &Shake) -> Departure {
         says: format!(
             "the head swings on its path {hz:.1} times a second by {mm:.3} mm, which the arm was not told to"
         ),
-        z: shake.clearness,
+        z: shake.peak_ratio,
         without: None,
     }
 }

@@ -27,9 +27,9 @@ pub(super) fn tied_clocks(
     if clocks.reference != Reference::Host {
         return None;
     }
-    let path = &scene.survey.path;
+    let path = &scene.reconstruction.path;
     let registration = &scene.registration;
-    let tie = registration.tie;
+    let tie = registration.alignment;
     let [from_s, to_s] = path.span_s()?;
     let late_us = |path_s: f64| {
         let mapped_s = (path_s - tie.lag_s + tie.skew * tie.lag_at_s) / (1.0 + tie.skew);
@@ -48,8 +48,8 @@ pub(super) fn tied_clocks(
     // Stamps that are seconds off were never meant for Unix time.
     let is_meant = begin.abs().max(end.abs()) < MOST_LATE_US;
     (within_us < LEAST_SURE_US && is_meant).then_some(TiedClocks {
-        offset_us: [0.5 * (begin + end) - later_us, registration.tie_error[8] * 1e6],
-        skew_ppm: [(end - begin) / (to_s - from_s).max(1e-3), registration.tie_error[9] * 1e6],
+        offset_us: [0.5 * (begin + end) - later_us, registration.alignment_error[8] * 1e6],
+        skew_ppm: [(end - begin) / (to_s - from_s).max(1e-3), registration.alignment_error[9] * 1e6],
         within_us,
     })
 }

@@ -1,18 +1,18 @@
-//! Whether two methods say the same within their errors.
+//! Agreement of two methods within their errors.
 
 use super::estimate::{ClockEstimate, Method};
 use evrig_core::time::{Clock, Span, Stamp};
 use serde::{Deserialize, Serialize};
 
-/// Two estimates whose intervals do not meet.
+/// Two estimates with disjoint intervals.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Disagreement<B: Clock> {
-    /// Where on the source clock they are farthest apart.
+    /// Source time of the largest disagreement.
     pub at: Stamp<B>,
     /// The method checked.
     pub method: Method,
-    /// The method it was held against.
+    /// The method it is compared with.
     pub against: Method,
     /// The second minus the first there.
     pub difference: Span,
@@ -20,10 +20,10 @@ pub struct Disagreement<B: Clock> {
     pub beyond_intervals: Span,
 }
 
-/// Holds an estimate against another at the middle of each of its segments.
+/// Compares an estimate with another at the middle of each segment.
 ///
-/// Where a method claims no interval of its own it counts as exact: `slack` is what such a
-/// method may differ by. The largest disagreement is given; nothing when there is none.
+/// A method without its own interval counts as exact; `slack` is what such a method may differ by.
+/// Returns the largest disagreement, or None.
 #[must_use]
 pub fn cross_check<A: Clock, B: Clock>(
     estimate: &ClockEstimate<A, B>,

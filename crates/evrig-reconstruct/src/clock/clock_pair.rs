@@ -1,9 +1,8 @@
-//! Two-sided clock readings: the offset is bounded by when they were taken, not by latency.
+//! Two-sided clock readings: the offset is bounded by the times of reading, not by latency.
 //!
-//! RealTime read between two readings of the sensor's clock puts the offset between
-//! RealTime minus the later and minus the earlier of them. The narrowest of each group
-//! counts, all of a segment together bound its offset by the intersection of their
-//! bounds, and a reading that contradicts them is a step. Nothing is fitted.
+//! RealTime read between two readings of the sensor's clock bounds the offset by RealTime minus the
+//! later and minus the earlier of them. The narrowest reading of each group is used. The bounds of
+//! a segment are intersected, and a reading that contradicts them is a step. Nothing is fitted.
 
 use super::error::ClockError;
 use super::estimate::{
@@ -14,12 +13,12 @@ use evrig_core::stats::quantile_sorted;
 use evrig_core::time::{Clock, ClockMap, Span, Stamp};
 use std::collections::BTreeMap;
 
-/// What the readings are held to.
+/// Options of the two-sided method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PairOptions {
-    /// Contradictions up to this are the clocks' own noise, above it a clock was set.
+    /// Greatest contradiction due to clock noise; above it a clock was set.
     pub tolerance: Span,
-    /// Step of the coarser clock's stamps, which name a stretch of time and not an instant.
+    /// Resolution of the coarser clock's stamps.
     pub resolution: Span,
 }
 
@@ -73,7 +72,7 @@ pub fn clock_pair<A: Clock, B: Clock>(
     })
 }
 
-/// The offset as one reading bounds it, ns relative to the first reading.
+/// Offset bounds of one reading, ns relative to the first reading.
 #[derive(Debug, Clone, Copy)]
 struct Bounds<B: Clock> {
     from: Stamp<B>,
@@ -82,7 +81,7 @@ struct Bounds<B: Clock> {
     high: i64,
 }
 
-/// Readings without a contradiction among them.
+/// Consistent readings between two steps.
 #[derive(Debug, Clone, Copy)]
 struct Run<B: Clock> {
     first: Stamp<B>,
@@ -141,7 +140,7 @@ fn narrowest_of_groups<A: Clock, B: Clock>(
     narrowest
 }
 
-/// Runs between steps, and the number of readings that stood alone against both neighbours.
+/// Runs between steps, and the number of readings that contradict both neighbours.
 fn runs<B: Clock>(bounds: &[Bounds<B>], tolerance: i64) -> (Vec<Run<B>>, u64) {
     let mut runs: Vec<Run<B>> = Vec::new();
     let mut n_rejected = 0;
@@ -166,7 +165,7 @@ fn segments<A: Clock, B: Clock>(runs: &[Run<B>], origin: ClockReading<A, B>) -> 
     let mut before: Option<i64> = None;
     for run in runs {
         let offset = run.low.midpoint(run.high);
-        // Bounds that cross by less than the tolerance still span what is not known.
+        // Bounds that cross by less than the tolerance still give a width.
         let half_us = (run.high - run.low).unsigned_abs() as f64 * 0.5e-3;
         let error =
             SegmentError::two_sided([half_us; 2], [half_us; 2], MinimumLatency::ClockPairs, run.n);

@@ -1,33 +1,33 @@
-//! How far below the smallest sample the end of a distribution lies.
+//! Lower endpoint of a distribution below its smallest sample.
 //!
-//! Near its lower end `theta` almost any latency law is `F(x) = c (x - theta)^k`
-//! (Hall, Annals of Statistics 10, 1982). Given the (m+1)-th smallest sample `u`, the m
-//! below it are independent with law `((x - theta) / (u - theta))^k`; the likelihood of
-//! `theta`, profiled over `k`, gives the interval. The smallest sample stays the point
-//! estimate: the profile's maximum scatters more.
+//! Near its lower endpoint `theta` almost any latency distribution is `F(x) = c (x - theta)^k`
+//! (Hall, Annals of Statistics 10, 1982). Given the (m+1)-th smallest sample `u`, the m below it
+//! are independent with distribution `((x - theta) / (u - theta))^k`; the likelihood of `theta`,
+//! profiled over `k`, gives the interval. The smallest sample is the point estimate: its variance
+//! is smaller than that of the profile's maximum.
 
 /// Distances below the smallest sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Endpoint {
-    /// The end lies between this far below the smallest sample and the sample, 95 %.
+    /// Width of the 95 % interval below the smallest sample.
     pub(super) below95: f64,
-    /// The same with 90 %.
+    /// The same for 90 %.
     pub(super) below90: f64,
-    /// Exponent k where the profile is largest.
+    /// Exponent k of greatest profile likelihood.
     pub(super) tail_index: f64,
 }
 
-/// Drop of the log-likelihood that bounds the 95 % interval. The regular value of 1.92 does
-/// not hold at the end of a distribution: it covers 72 to 95 %. This one is by simulation.
+/// Log-likelihood drop of the 95 % interval, calibrated by simulation. The regular value of 1.92
+/// does not hold at an endpoint: it covers 72 to 95 %.
 const DROP95: f64 = 3.5;
 /// The same for 90 %, in the ratio of the chi-squared quantiles.
 const DROP90: f64 = 3.5 * 2.706 / 3.841;
-/// Exponents of a lower tail that are held possible.
+/// Range of tail exponents.
 const TAIL_INDEX: std::ops::RangeInclusive<f64> = 1.0..=12.0;
-/// Points of the grid in ln(distance).
+/// Grid points in ln(distance).
 const GRID: usize = 240;
 
-/// Profiles the lower end of `samples`; nothing below eight samples.
+/// Profile likelihood of the lower endpoint of `samples`; None below eight samples.
 pub(super) fn lower_endpoint(samples: &[f64]) -> Option<Endpoint> {
     let n = samples.len();
     if n < 8 {
@@ -40,10 +40,10 @@ pub(super) fn lower_endpoint(samples: &[f64]) -> Option<Endpoint> {
     let scale = beyond - smallest;
     let above: Vec<f64> = below.iter().map(|sample| sample - smallest).collect();
     if scale.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
-        // All ties: the samples' resolution is the whole error.
+        // All ties: the error is the resolution of the samples.
         return Some(Endpoint { below95: 0.0, below90: 0.0, tail_index: *TAIL_INDEX.start() });
     }
-    // From a ten-thousandth to a hundred times the tail's own width.
+    // From a ten-thousandth to a hundred times the width of the tail.
     let distance =
         |step: usize| scale * (1e-4_f64.ln() + 1e6_f64.ln() * step as f64 / GRID as f64).exp();
     let profile: Vec<(f64, f64, f64)> = (0..=GRID)
@@ -59,7 +59,8 @@ pub(super) fn lower_endpoint(samples: &[f64]) -> Option<Endpoint> {
     Some(Endpoint { below95: farthest(DROP95)?, below90: farthest(DROP90)?, tail_index: best.2 })
 }
 
-/// Log-likelihood of an end `distance` below the smallest sample, and the exponent that maximises it.
+/// Log-likelihood of an endpoint `distance` below the smallest sample, and the exponent that
+/// maximises it.
 fn log_likelihood(above: &[f64], scale: f64, distance: f64) -> (f64, f64) {
     let m = above.len() as f64;
     let logs: f64 = above.iter().map(|sample| (sample + distance).ln()).sum();

@@ -1,9 +1,9 @@
-//! The smallest latency between steps: the default for frame pairs.
+//! Lower envelope of the latencies between steps: the default for frame pairs.
 //!
-//! SensorTimestamp and RealTime of one Linux host are steered at the same rate, so their
-//! difference is constant but for steps, and its lower end is the smallest value between
-//! two steps. A device with a crystal of its own drifts; there the lower end is a line
-//! fitted about each of many knots, over the longest window in which it stays straight.
+//! SensorTimestamp and RealTime of one Linux host are steered at the same rate. Their difference is
+//! constant between steps, and its lower bound is the minimum. A device with its own crystal
+//! drifts; there the lower bound is a line fitted around each of many knots, over the longest
+//! window in which it is straight.
 
 use super::endpoint::lower_endpoint;
 use super::error::ClockError;
@@ -15,27 +15,27 @@ use std::ops::Range;
 
 mod drifting;
 
-/// Error of a stamp by itself: whole microseconds on both sides and the delay of the interrupt, µs.
+/// Error of a stamp, µs: microsecond resolution on both sides and interrupt latency.
 pub(super) const RESOLUTION_US: f64 = 3.0;
 
-/// How the two clocks run against each other.
+/// Relative rate of the two clocks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum RateModel {
-    /// Both are clocks of one host, steered alike: equal rates by construction.
+    /// Both clocks belong to one host: equal rates by construction.
     #[default]
     SameHost,
-    /// The source has a crystal of its own.
+    /// The source has its own crystal.
     Device,
 }
 
-/// What the envelope is told.
+/// Options of the envelope method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EnvelopeOptions {
-    /// How the clocks run against each other.
+    /// Relative rate of the clocks.
     pub rate: RateModel,
-    /// What is known of the smallest latency.
+    /// Knowledge of the minimum latency.
     pub latency: MinimumLatency,
-    /// Changes below this are latency, above it a clock was set.
+    /// Smaller changes are latency; larger ones are a set clock.
     pub step_threshold: Span,
 }
 
@@ -49,9 +49,10 @@ impl Default for EnvelopeOptions {
     }
 }
 
-/// The offset between steps from the smallest latency, with a calibrated interval.
+/// Offset between steps from the minimum latency, with a calibrated interval.
 ///
 /// # Errors
+///
 /// None for checked pairs; the signature is that of every method.
 pub fn envelope<A: Clock, B: Clock>(
     pairs: &FramePairs<A, B>,
@@ -96,7 +97,7 @@ pub fn envelope<A: Clock, B: Clock>(
     })
 }
 
-/// A segment and what it was made of.
+/// A segment and its frames.
 struct Piece<A: Clock, B: Clock> {
     segment: Segment<A, B>,
     frames: Range<usize>,
@@ -127,7 +128,7 @@ fn constant<A: Clock, B: Clock>(
     Piece { segment, frames: range.clone(), line, tail_index }
 }
 
-/// Appends the segments of one range; the first of them begins with the step from what is there.
+/// Appends the segments of one range; the first of them starts with a step from the previous one.
 fn join<A: Clock, B: Clock>(
     segments: &mut Vec<Segment<A, B>>,
     pieces: impl Iterator<Item = Segment<A, B>>,
@@ -141,10 +142,10 @@ fn join<A: Clock, B: Clock>(
     }
 }
 
-/// When the clock was set: between the last reading of the old time and the first of the new.
+/// Instant of a step: between the last reading of the old time and the first of the new.
 ///
-/// RealTime is read a latency after the frame, so frames up to a latency earlier than the
-/// step already show the new time; what is known of the latency is allowed for.
+/// RealTime is read with a latency, so that frames up to one latency before the step already show
+/// the new time.
 fn instant_of_step<A: Clock, B: Clock>(
     trace: &Trace<'_, A, B>,
     offsets_us: &[f64],
@@ -159,8 +160,8 @@ fn instant_of_step<A: Clock, B: Clock>(
     Stamp::from_nanos(old.as_nanos().midpoint(new.as_nanos()))
 }
 
-/// The frames about a step that may belong to its other side: two on each, and the late ones
-/// next to it, since a frame that waited may have been read after a step it came before.
+/// Frames around a step that may belong to its other side: two on each, and adjacent delayed
+/// frames, which may have been read after a step they precede.
 fn about<A: Clock, B: Clock>(
     trace: &Trace<'_, A, B>,
     [before, after]: [&Range<usize>; 2],

@@ -1,12 +1,11 @@
-//! What can be wrong with the evidence about a clock.
 
 use evrig_core::time::Span;
 use thiserror::Error;
 
-/// Why there is no estimate.
+/// Why there is no estimate of a clock.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ClockError {
-    /// Not enough evidence for any statement.
+    /// Too few frames.
     #[error(
         "{found} usable frames, {needed} needed: record longer, or check why frames were left out"
     )]
@@ -16,7 +15,7 @@ pub enum ClockError {
         /// Frames the method needs.
         needed: usize,
     },
-    /// Two columns that should have one row a frame differ in length.
+    /// Two columns with one row per frame differ in length.
     #[error("{sensor} SensorTimestamps but {real} RealTimes: the metadata are cut or misread")]
     LengthMismatch {
         /// Number of SensorTimestamps.
@@ -24,7 +23,7 @@ pub enum ClockError {
         /// Number of RealTimes.
         real: usize,
     },
-    /// The sensor's clock runs backwards too often to be a few lost frames.
+    /// The sensor's clock runs backwards too often for a few lost frames.
     #[error(
         "SensorTimestamp goes back at frame {frame} (from {before_ns} to {after_ns} ns), and {n_bad} of \
          {n} frames are out of order: split the recording where the camera or the Pi was restarted"
@@ -36,7 +35,7 @@ pub enum ClockError {
         before_ns: i64,
         /// Its stamp, ns.
         after_ns: i64,
-        /// Frames that fit into no increasing order with the others.
+        /// Frames outside the longest increasing sequence.
         n_bad: usize,
         /// All frames.
         n: usize,
@@ -54,7 +53,7 @@ pub enum ClockError {
         /// The unit that would explain it.
         looks_like: &'static str,
     },
-    /// No unit of time makes the SensorTimestamps plausible.
+    /// No unit of time is plausible for the SensorTimestamps.
     #[error(
         "SensorTimestamps are {interval} apart in the median: as nanoseconds, microseconds, \
          milliseconds or seconds that is no frame interval that RealTime ({real}) agrees with"
@@ -81,7 +80,7 @@ pub enum ClockError {
         /// Readings whose end lies before their start.
         n_reversed: usize,
     },
-    /// A track is too short to say anything about time.
+    /// A track is too short.
     #[error("{found} usable samples of the {track} track, {needed} needed")]
     TooFewSamples {
         /// Which of the two tracks.
@@ -91,7 +90,7 @@ pub enum ClockError {
         /// Samples needed.
         needed: usize,
     },
-    /// The motion does not tell time from a turned camera.
+    /// The motion does not separate time from rotation.
     #[error(
         "this motion does not fix the offset: its error is {ratio:.0} times what the speed alone \
          would allow (at most {limit:.0} accepted). A circle run in one direction looks the same \
@@ -103,7 +102,7 @@ pub enum ClockError {
         /// Largest ratio accepted.
         limit: f64,
     },
-    /// The tracks move too little, or not alike.
+    /// The tracks move too little, or differently.
     #[error(
         "the tracks fix the offset only to ±{error}, no better than the search of ±{search}: the tag \
          moves too little, or the tracks do not show one motion"
@@ -114,7 +113,7 @@ pub enum ClockError {
         /// Half width of the search.
         search: Span,
     },
-    /// Two offsets explain the tracks about equally well.
+    /// Two offsets fit the tracks about equally well.
     #[error(
         "the tracks fit offsets of {first} and {second} about equally well: the motion repeats \
          itself; narrow the search or record a motion that does not"
@@ -122,10 +121,10 @@ pub enum ClockError {
     AmbiguousOffset {
         /// The best offset.
         first: Span,
-        /// The rival.
+        /// The other offset.
         second: Span,
     },
-    /// The fit ran out of the range it was allowed to search.
+    /// The fit left the search range.
     #[error(
         "the offset left the search range of ±{search}: widen it, or check that both tracks show one motion"
     )]
@@ -133,7 +132,7 @@ pub enum ClockError {
         /// Half width of the search.
         search: Span,
     },
-    /// The fit did not settle.
+    /// The fit did not converge.
     #[error(
         "the offset did not settle in {steps} steps: check that both tracks show the same motion"
     )]

@@ -1,4 +1,4 @@
-//! What a method returns: maps between steps, each with its error.
+//! Result of a method: maps between steps, each with its error.
 
 use super::input::PairTally;
 use evrig_core::stats::{Estimate, Z90};
@@ -11,40 +11,40 @@ use serde::{Deserialize, Serialize};
 pub enum Method {
     /// The paper's interval convergence.
     PaperInterval,
-    /// The paper's idea over one-second windows.
+    /// The paper's criterion over one-second windows.
     PaperWindow,
     /// Two-sided clock readings.
     ClockPair,
-    /// Smallest latency between steps.
+    /// Minimum latency between steps.
     Envelope,
     /// Line below all points with the least sum of distances.
     Hull,
-    /// Smallest latency within a drift bound, both ways in time.
+    /// Minimum latency within a drift bound, in both directions of time.
     Olson2,
     /// Motion seen by two cameras.
     Motion,
 }
 
-/// What is known of the smallest latency between SensorTimestamp and RealTime.
+/// Knowledge of the minimum latency between SensorTimestamp and RealTime.
 ///
-/// A one-sided method measures offset plus smallest latency; this says how the two were parted.
+/// A one-sided method measures offset plus minimum latency; this states how the two are separated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "source")]
 pub enum MinimumLatency {
-    /// Nothing but that it is not negative; nothing is subtracted.
+    /// Only that it is not negative; nothing is subtracted.
     #[default]
     Unknown,
-    /// A frame is not handed over before its last row is read: a floor, which is
-    /// subtracted, and no ceiling.
+    /// A frame is delivered after its last row is read: a lower bound, which is subtracted, without
+    /// an upper bound.
     ReadoutFloor {
         /// Rows times row time.
         floor: Span,
     },
-    /// Believed, not measured; the middle is subtracted.
+    /// Assumed, not measured; the middle is subtracted.
     Assumed {
-        /// Smallest believable value.
+        /// Smallest assumed value.
         low: Span,
-        /// Largest believable value.
+        /// Largest assumed value.
         high: Span,
     },
     /// Measured on this rig; the middle is subtracted.
@@ -54,14 +54,14 @@ pub enum MinimumLatency {
         /// Upper end of its 95 % interval.
         high: Span,
     },
-    /// Not needed: two-sided readings bound the offset from both sides.
+    /// Not needed: two-sided readings bound the offset.
     ClockPairs,
-    /// Not needed: the offset comes from what the cameras saw.
+    /// Not needed: the offset comes from the images.
     Motion,
 }
 
 impl MinimumLatency {
-    /// What is subtracted from the smallest difference.
+    /// Latency subtracted from the smallest difference.
     #[must_use]
     pub fn subtracted(self) -> Span {
         match self {
@@ -73,7 +73,7 @@ impl MinimumLatency {
         }
     }
 
-    /// Smallest and largest value it can have; no largest where none is known.
+    /// Smallest and largest possible value; no largest where unknown.
     #[must_use]
     pub fn range(self) -> (Span, Option<Span>) {
         match self {
@@ -91,27 +91,27 @@ impl MinimumLatency {
 pub enum SegmentStart {
     /// The recording begins.
     Beginning,
-    /// The map jumps: a clock was set.
+    /// The target clock was set.
     Step {
-        /// How much later the target clock shows the same instant from here on.
+        /// Change of the target clock.
         by: Span,
     },
-    /// The map goes on without a jump at another rate.
+    /// The rate changes without a step.
     Bend,
 }
 
 /// The error of a segment's map, relative to the map.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SegmentError {
-    /// Truth minus map in microseconds, the smallest latency set aside; the value is 0.
+    /// Truth minus map in microseconds without the minimum latency; the value is 0.
     pub offset_us: Estimate,
-    /// Interval that covers truth minus map in 95 % of repetitions, the smallest latency set aside.
+    /// Interval of truth minus map with 95 % coverage, without the minimum latency.
     pub statistical95: [Span; 2],
-    /// The same with what is not known of the smallest latency; an end is absent when nothing bounds it.
+    /// The same including the uncertainty of the minimum latency; an unbounded end is absent.
     pub absolute95: [Option<Span>; 2],
 }
 
-/// A stretch of time with one linear map.
+/// A time interval with one linear map.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Segment<A: Clock = Unix, B: Clock = PiSensor> {
@@ -119,49 +119,49 @@ pub struct Segment<A: Clock = Unix, B: Clock = PiSensor> {
     pub first: Stamp<B>,
     /// Last instant of the segment.
     pub last: Stamp<B>,
-    /// Why it begins.
+    /// Why it starts.
     pub start: SegmentStart,
-    /// The map, with the smallest latency subtracted.
+    /// The map, with the minimum latency subtracted.
     pub map: ClockMap<A, B>,
-    /// Rate of the target clock against the source; absent where it is one by construction.
+    /// Rate of the target clock against the source; absent where equal by construction.
     pub skew_ppm: Option<Estimate>,
-    /// The map's error; absent where the method claims none.
+    /// The map's error; absent where the method gives none.
     pub error: Option<SegmentError>,
-    /// Pairs or readings behind the map.
+    /// Pairs or readings used.
     pub n_used: u64,
 }
 
-/// Which frame the paper's method took, and whether it was its own choice.
+/// The frame chosen by the paper's method, and how unique the choice was.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PaperChoice {
     /// Index of the frame, or of the window's first frame.
     pub frame: u64,
     /// Sensor interval over RealTime interval there; absent when it is 0/0.
     pub ratio: Option<f64>,
-    /// Candidates that were exactly as good; the first of them was taken.
+    /// Candidates that were equally good; the first is taken.
     pub n_ties: u64,
-    /// Intervals of the form 0/0, of which the first wins over every number.
+    /// Intervals of the form 0/0, of which the first precedes every number.
     pub n_undefined: u64,
 }
 
-/// What to look at when an estimate is doubted.
+/// Diagnostics of an estimate.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Diagnostics {
-    /// RealTime minus map over the pairs: smallest, 5 %, 50 %, 95 %, largest, µs.
+    /// RealTime minus map over the pairs: minimum, 5 %, 50 %, 95 %, maximum, µs.
     pub latency_us: Option<[f64; 5]>,
     /// Pairs later than the median by more than three frame intervals.
     pub n_stalled: u64,
-    /// Exponent of the latencies' lower tail (2 for a gamma law of shape 2).
+    /// Exponent of the latencies' lower tail (2 for a gamma distribution of shape 2).
     pub tail_index: Option<f64>,
-    /// Widths of the two-sided readings used: smallest, 5 %, 50 %, 95 %, largest, ns.
+    /// Widths of the two-sided readings used: minimum, 5 %, 50 %, 95 %, maximum, ns.
     pub reading_width_ns: Option<[f64; 5]>,
-    /// Readings that contradicted those before and after them, left out.
+    /// Readings left out because they contradict those before and after them.
     pub n_readings_rejected: u64,
     /// The paper's choice.
     pub paper: Option<PaperChoice>,
 }
 
-/// The way from clock `B` to clock `A` over a recording.
+/// Map from clock `B` to clock `A` over a recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct ClockEstimate<A: Clock = Unix, B: Clock = PiSensor> {
@@ -169,32 +169,32 @@ pub struct ClockEstimate<A: Clock = Unix, B: Clock = PiSensor> {
     pub method: Method,
     /// Maps in order of time; never empty.
     pub segments: Vec<Segment<A, B>>,
-    /// How offset and smallest latency were parted.
+    /// How offset and minimum latency are separated.
     pub minimum_latency: MinimumLatency,
-    /// Stretches about the steps in which a stamp may belong to either side.
+    /// Intervals around the steps in which a stamp may belong to either side.
     pub doubtful: Vec<[Stamp<B>; 2]>,
     /// What was left out before the estimate.
     pub tally: PairTally,
-    /// What to look at.
+    /// Diagnostics.
     pub diagnostics: Diagnostics,
 }
 
 impl<A: Clock, B: Clock> ClockEstimate<A, B> {
-    /// The segment that holds for `at`: before the first the first, after the last the last.
+    /// The segment at `at`; the first before all, the last after all.
     #[must_use]
     pub fn segment_at(&self, at: Stamp<B>) -> Option<&Segment<A, B>> {
         let begun = self.segments.partition_point(|segment| segment.first <= at);
         self.segments.get(begun.saturating_sub(1))
     }
 
-    /// The instant `at` as clock `A` shows it; nothing for an estimate without segments.
+    /// Instant `at` on clock `A`; None for an estimate without segments.
     #[must_use]
     pub fn map(&self, at: Stamp<B>) -> Option<Stamp<A>> {
         self.segment_at(at).map(|segment| segment.map.map(at))
     }
 
-    /// The instant that clock `A` shows as `at`, on clock `B`; nothing for an estimate without
-    /// segments. Where clock `A` was set back an instant has two, of which the later is given.
+    /// The instant on clock `B` at which clock `A` shows `at`; None without segments. Where clock
+    /// `A` was set back an instant has two, of which the later is returned.
     #[must_use]
     pub fn inverse_map(&self, at: Stamp<A>) -> Option<Stamp<B>> {
         let begun = |segment: &&Segment<A, B>| segment.map.map(segment.first) <= at;
@@ -202,26 +202,26 @@ impl<A: Clock, B: Clock> ClockEstimate<A, B> {
         Some(segment.map.inverse().map(at))
     }
 
-    /// Interval of truth minus map at `at` that covers in 95 % of repetitions, the smallest latency set aside.
+    /// Interval of truth minus map at `at` with 95 % coverage, without the minimum latency.
     #[must_use]
     pub fn statistical95(&self, at: Stamp<B>) -> Option<[Span; 2]> {
         self.segment_at(at)?.error.map(|error| error.statistical95)
     }
 
-    /// The same with what is not known of the smallest latency; an end is absent when nothing bounds it.
+    /// The same including the uncertainty of the minimum latency; an unbounded end is absent.
     #[must_use]
     pub fn absolute95(&self, at: Stamp<B>) -> [Option<Span>; 2] {
         let error = self.segment_at(at).and_then(|segment| segment.error);
         error.map_or([None, None], |error| error.absolute95)
     }
 
-    /// Whether `at` lies so close to a step that it may belong to the other side.
+    /// Whether `at` is so close to a step that it may belong to the other side.
     #[must_use]
     pub fn is_doubtful(&self, at: Stamp<B>) -> bool {
         self.doubtful.iter().any(|[from, to]| *from <= at && at <= *to)
     }
 
-    /// Number of steps of the clocks that were found.
+    /// Number of steps.
     #[must_use]
     pub fn n_steps(&self) -> usize {
         let is_step = |segment: &&Segment<A, B>| matches!(segment.start, SegmentStart::Step { .. });
@@ -230,8 +230,8 @@ impl<A: Clock, B: Clock> ClockEstimate<A, B> {
 }
 
 impl SegmentError {
-    /// Error of an extreme: the truth lies up to `below` under and `above` over the map (µs),
-    /// `below90` with 90 %; the smallest latency adds what is not known of it.
+    /// Error of an extreme value: the truth is up to `below` under and `above` over the map (µs),
+    /// `below90` with 90 %; the uncertainty of the minimum latency is added.
     pub(super) fn one_sided(
         below90: f64,
         below95: f64,
@@ -258,7 +258,7 @@ impl SegmentError {
     }
 }
 
-/// Widens a statistical interval by what is not known of the smallest latency.
+/// Widens a statistical interval by the uncertainty of the minimum latency.
 pub(super) fn absolute(statistical95: [Span; 2], latency: MinimumLatency) -> [Option<Span>; 2] {
     let subtracted = latency.subtracted();
     let (low, high) = latency.range();

@@ -1,8 +1,8 @@
-//! The line below all points with the least sum of distances.
+//! Line below all points with the least sum of distances.
 //!
-//! Moon, Skelly and Towsley (INFOCOM 1999) state it as a linear programme; its solution
-//! is the edge of the lower convex hull at the points' mean time (Zhang, Liu and Xia,
-//! INFOCOM 2002), found in O(n). It fits offset and rate and knows no steps.
+//! Moon, Skelly and Towsley (INFOCOM 1999) state it as a linear programme; its solution is the edge
+//! of the lower convex hull at the points' mean time (Zhang, Liu and Xia, INFOCOM 2002), found in
+//! O(n). It fits offset and rate without steps.
 
 use super::endpoint::lower_endpoint;
 use super::error::ClockError;
@@ -13,11 +13,10 @@ use evrig_core::stats::Estimate;
 use evrig_core::time::Clock;
 use std::ops::Range;
 
-/// One line over the whole recording.
-///
-/// The interval holds at the middle; `resolution_us` is the error of a stamp by itself.
+/// One line over the whole recording; its interval holds at the middle.
 ///
 /// # Errors
+///
 /// None for checked pairs; the signature is that of every method.
 pub fn hull<A: Clock, B: Clock>(
     pairs: &FramePairs<A, B>,
@@ -50,11 +49,11 @@ pub fn hull<A: Clock, B: Clock>(
     })
 }
 
-/// A fitted line stands off the truth farther than a smallest value does, and takes the two
-/// samples that would show it: its error over a constant's, by simulation.
+/// Error of a fitted line over that of a constant, by simulation: the line is farther from the
+/// truth than a minimum, and uses two samples.
 const LINE_FACTOR: f64 = 1.6;
 
-/// The hull's line over a range of frames, with what bounds its error.
+/// The hull's line over a range of frames, with its error.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LineFit {
     pub(super) line: Line,
@@ -68,7 +67,7 @@ pub(super) struct LineFit {
 }
 
 impl LineFit {
-    /// Rough standard error of the slope: the line may stand off by its one-sided error at either end.
+    /// Approximate standard error of the slope, from the one-sided error at either end.
     pub(super) fn slope_error_ppm(&self) -> f64 {
         if self.half_span_s > 0.0 { 0.5 * self.below95 / self.half_span_s } else { f64::NAN }
     }
@@ -92,7 +91,7 @@ pub(super) fn fit(x_s: &[f64], y_us: &[f64], range: &Range<usize>) -> LineFit {
     }
 }
 
-/// The edge of the lower convex hull over `at`; `x` increases strictly.
+/// Edge of the lower convex hull at `at`; `x` increases strictly.
 fn edge_at(x: &[f64], y: &[f64], at: f64) -> Line {
     let mut hull: Vec<usize> = Vec::new();
     for next in 0..x.len() {

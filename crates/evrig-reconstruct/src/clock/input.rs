@@ -1,4 +1,4 @@
-//! The evidence, checked: frame pairs in order, units settled, every loss counted.
+//! Checked observations: ordered frame pairs, units, and counts of what was left out.
 
 use super::error::ClockError;
 use super::order::longest_increasing;
@@ -6,7 +6,7 @@ use evrig_core::stats::upper_median;
 use evrig_core::time::{Clock, PiSensor, Span, Stamp, Unix};
 use serde::{Deserialize, Serialize};
 
-/// A frame's two stamps, as recorded.
+/// Two stamps of one frame, as recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FramePair<A: Clock = Unix, B: Clock = PiSensor> {
     /// SensorTimestamp.
@@ -22,7 +22,7 @@ pub struct FramePair<A: Clock = Unix, B: Clock = PiSensor> {
 /// A reading of one clock between two readings of the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ClockReading<A: Clock = Unix, B: Clock = PiSensor> {
-    /// Readings taken in one go share a number; only the narrowest of a group counts.
+    /// Readings of one burst share a number; only the narrowest of a group is used.
     pub group: u64,
     /// The source clock before.
     pub before: Stamp<B>,
@@ -43,13 +43,13 @@ pub struct PairTally {
     pub n_duplicate: u64,
     /// SensorTimestamp before that of an earlier frame, or far ahead of all later ones.
     pub n_out_of_order: u64,
-    /// RealTime earlier than the frames on both sides allow: misread.
+    /// RealTime earlier than the frames on both sides allow.
     pub n_too_early: u64,
-    /// No number, or beyond the range of the clock.
+    /// Not finite, or beyond the range of the clock.
     pub n_not_finite: u64,
 }
 
-/// The unit SensorTimestamp was found to be in.
+/// Detected unit of SensorTimestamp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SensorUnit {
@@ -63,10 +63,10 @@ pub enum SensorUnit {
     Seconds,
 }
 
-/// SensorTimestamps read from numbers of a unit that had to be found out.
+/// SensorTimestamps read from numbers of a detected unit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SensorStamps {
-    /// One a number; absent where it is not finite or out of range.
+    /// One per number; absent where it is not finite or out of range.
     pub stamps: Vec<Option<Stamp<PiSensor>>>,
     /// The unit found.
     pub unit: SensorUnit,
@@ -81,15 +81,15 @@ pub struct FramePairs<A: Clock = Unix, B: Clock = PiSensor> {
     tally: PairTally,
 }
 
-/// Below this no method says anything.
+/// Fewest frames of any method.
 pub(super) const MIN_FRAMES: usize = 8;
-/// Share of frames out of order above which the clock was restarted rather than frames lost.
+/// Greatest share of frames out of order; above it the clock was restarted.
 const MAX_DISORDER: f64 = 0.1;
-/// Neighbours on each side that a misread RealTime is held against.
+/// Neighbours on each side with which a RealTime is compared.
 const NEIGHBOURS: usize = 30;
-/// Longest run of misread RealTimes that is told from a step.
+/// Longest run of misread RealTimes; longer ones are steps.
 const MAX_MISREAD_RUN: usize = 3;
-/// How much earlier than all neighbours a RealTime must be to be a misreading, µs.
+/// Least lead of a misread RealTime over all neighbours, µs.
 const MISREAD_US: f64 = 3_000.0;
 
 impl SensorUnit {
@@ -117,12 +117,13 @@ impl SensorUnit {
     }
 }
 
-/// Reads SensorTimestamps whose unit the file does not state: the unit whose frame interval
-/// is nearest to RealTime's, within a factor of five.
+/// Reads SensorTimestamps without a stated unit: the unit whose frame interval is nearest to
+/// RealTime's, within a factor of five.
 ///
-/// Where RealTime is not usable the interval alone decides: frames are 1 ms to 1 s apart.
+/// Where RealTime is unusable the interval alone decides: frames are 1 ms to 1 s apart.
 ///
 /// # Errors
+///
 /// When the columns differ in length, hold fewer than two finite frames, or fit no unit.
 pub fn sensor_stamps(numbers: &[f64], real: &[Stamp<Unix>]) -> Result<SensorStamps, ClockError> {
     if numbers.len() != real.len() {
@@ -151,7 +152,7 @@ pub fn sensor_stamps(numbers: &[f64], real: &[Stamp<Unix>]) -> Result<SensorStam
     Ok(SensorStamps { stamps, unit, n_not_finite })
 }
 
-/// Median intervals of the two clocks may differ by this factor before a unit is held wrong.
+/// Greatest ratio of the clocks' median intervals for one unit.
 const MAX_INTERVAL_RATIO: f64 = 5.0;
 
 impl<A: Clock, B: Clock> FramePairs<A, B> {
@@ -160,7 +161,8 @@ impl<A: Clock, B: Clock> FramePairs<A, B> {
     /// Duplicates, frames out of order and misread RealTimes are left out and counted.
     ///
     /// # Errors
-    /// Too few frames, a sensor clock that was restarted, a wrong unit, a RealTime that stands still.
+    ///
+    /// Too few frames, a restarted sensor clock, a wrong unit, a constant RealTime.
     pub fn check(pairs: &[FramePair<A, B>]) -> Result<Self, ClockError> {
         let mut tally = PairTally { n_seen: pairs.len() as u64, ..PairTally::default() };
         let mut kept = in_order(pairs, &mut tally)?;
@@ -209,7 +211,7 @@ impl<A: Clock, B: Clock> FramePairs<A, B> {
         self.tally
     }
 
-    /// For each frame but the first: when it came, and the interval to the frame before by
+    /// For each frame but the first: its stamp, and the interval to the frame before by
     /// SensorTimestamp and by RealTime (the paper's figure of interval convergence).
     #[must_use]
     pub fn intervals(&self) -> Vec<(Stamp<B>, Span, Span)> {
@@ -221,7 +223,7 @@ impl<A: Clock, B: Clock> FramePairs<A, B> {
 }
 
 impl<A: Clock, B: Clock> FramePair<A, B> {
-    /// A pair of which only the stamps are known.
+    /// A pair with stamps alone.
     #[must_use]
     pub fn new(sensor: Stamp<B>, real: Stamp<A>) -> Self {
         Self { sensor, real, frame_duration: None, exposure: None }
@@ -274,7 +276,7 @@ fn require_one_unit<A: Clock, B: Clock>(pairs: &[FramePair<A, B>]) -> Result<(),
         return Err(ClockError::RealTimeStuck { n: real.len() });
     }
     let sensor: Vec<Stamp<B>> = pairs.iter().map(|pair| pair.sensor).collect();
-    // A RealTime that comes in coarse ticks has median interval 0 and says nothing about units.
+    // A RealTime in coarse ticks has a median interval of 0 and does not determine the unit.
     let (Some(sensor), Some(real)) = (median_interval_ns(&sensor), median_interval_ns(&real))
     else {
         return Ok(());
@@ -294,10 +296,10 @@ fn require_one_unit<A: Clock, B: Clock>(pairs: &[FramePair<A, B>]) -> Result<(),
     })
 }
 
-/// Marks RealTimes that lie earlier than both the frames before and after them allow.
+/// Marks RealTimes earlier than the frames before and after them allow.
 ///
-/// One such frame would become the smallest latency of its whole segment. A step
-/// is not marked: it lasts longer than the longest run that is tested.
+/// One such frame would become the minimum latency of its segment. A step is not marked: it lasts
+/// longer than the longest run tested.
 fn misread<A: Clock, B: Clock>(pairs: &[FramePair<A, B>]) -> Vec<bool> {
     let excess = |pair: &FramePair<A, B>| {
         let sensor = pair.sensor - pairs[0].sensor;

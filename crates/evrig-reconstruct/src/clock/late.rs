@@ -1,8 +1,8 @@
-//! Streams of one camera whose stamps are not those of their own light.
+//! Delay of a stream relative to its stamps.
 //!
 //! The published recorder takes a raw frame with one request and the RGB frame with the next, and
-//! stores one stamp for both: its RGB frames show later light than they say. Both see one motion
-//! through one lens, which leaves nothing but the time between them to fit.
+//! stores one stamp for both: its RGB frames are exposed later than stamped. Both see one motion
+//! through one lens, so that only the time between them is unknown.
 
 use super::estimate::ClockEstimate;
 use super::motion::{MotionOptions, TrackSample, motion};
@@ -11,33 +11,32 @@ use evrig_core::stats::Estimate;
 use evrig_core::time::{Clock, ClockMap, Davis, PiSensor, Span, Stamp};
 use serde::{Deserialize, Serialize};
 
-/// A stream whose frames show later light than their stamps say.
+/// A stream whose frames are exposed later than stamped.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LateStream {
-    /// Its name.
+    /// Name of the stream.
     pub stream: String,
-    /// The stream of the same camera whose stamps hold.
+    /// The stream of the same camera with correct stamps.
     pub against: String,
-    /// How much later its light is than its stamps, µs; none where the motion does not tell.
+    /// Delay of the exposure after the stamp, µs; None where the motion does not determine it.
     pub late_us: Option<Estimate>,
-    /// Why it is not known, and therefore not corrected.
+    /// Why the delay is unknown and not corrected.
     pub refused: Option<String>,
 }
 
-/// How late a stream may be: a dozen frames of a slow camera,
+/// Search range: a dozen frames of a slow camera,
 const SEARCH: Span = Span::from_micros(200_000);
 
-/// or, in a short recording, this part of it, since the fit goes by what both streams show at every
-/// lateness;
+/// reduced in a short recording to this part of it, since both streams must overlap at every delay,
 const SEARCH_PART: i64 = 10;
 
-/// but three frames of the usual camera in any case.
+/// but at least three frames of a camera at 60 frames per second.
 const LEAST_SEARCH: Span = Span::from_micros(50_000);
 
-/// Two streams of one camera are not turned against each other: degrees, with what rounding leaves.
+/// Prior standard deviation of the roll between two streams of one camera, degrees.
 const ROLL_DEG: f64 = 1e-3;
 
-/// How late `own`, the track of `stream`, is against the track of another stream of its camera.
+/// Delay of `own`, the track of `stream`, against the track of another stream of its camera.
 #[must_use]
 pub fn late(
     [stream, against]: [&str; 2],
@@ -64,7 +63,7 @@ pub fn late(
 }
 
 impl<A: Clock, B: Clock> ClockEstimate<A, B> {
-    /// The map of stamps that say an earlier time than they stand for.
+    /// The map with every result later by `by`.
     #[must_use]
     pub fn later(mut self, by: Span) -> Self {
         self.segments.iter_mut().for_each(|segment| segment.map.a0 = segment.map.a0 + by);
@@ -73,7 +72,8 @@ impl<A: Clock, B: Clock> ClockEstimate<A, B> {
 }
 
 impl SessionClocks {
-    /// From the stamps of a stream of the Pi to the events' clock, what the stream is late by in it.
+    /// Map from the stamps of a stream of the Pi to the events' clock, corrected for the stream's
+    /// delay.
     #[must_use]
     pub fn davis_from(&self, stream: &str) -> ClockEstimate<Davis, PiSensor> {
         let of_stream = self.late.iter().find(|late| late.stream == stream);

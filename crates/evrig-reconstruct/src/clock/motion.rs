@@ -1,16 +1,16 @@
-//! Offset and rate between two cameras from a motion that both saw.
+//! Offset and rate between two cameras from a motion seen by both.
 //!
-//! Both tracks are noisy samples of one path `q(t)`: the reference sees it as it is, the other
-//! camera scaled, rolled, shifted, and `tau + kappa (t - middle)` later. Path, geometry and
-//! time are fitted together; the path is a spline that is profiled out exactly, so the error
-//! of `tau` is its Cramér-Rao limit given that nothing else is known.
+//! Both tracks are noisy samples of one path `q(t)`: the reference sees it directly, the other
+//! camera scaled, rolled, shifted, and `tau + kappa (t - middle)` later. Path, geometry and time
+//! are fitted jointly; the path is a spline that is eliminated exactly, so that the error of `tau`
+//! is its Cramér-Rao bound with everything else unknown.
 //!
-//! A circle run at constant speed in one direction moves as a roll does, and no fit can tell
-//! them apart: the information left for `tau`, less what the path's own noise feigns, decides
-//! whether an answer is given.
+//! A circle in one direction at constant speed is equivalent to a roll, and no fit can separate
+//! them: an answer is given only when the information on `tau`, less the part due to noise of the
+//! path, suffices.
 //!
-//! What no statistics sees stays outside: pixel latency of the event camera, the sign of the
-//! exposure ([`super::ExposureSign`]), the first row's delay. State them as
+//! Systematic errors are not included: pixel latency of the event camera, the sign of the exposure
+//! ([`super::ExposureSign`]), the delay of the first row. State them as
 //! [`MotionOptions::systematic`].
 
 use super::error::ClockError;
@@ -32,11 +32,11 @@ mod equations;
 mod path;
 mod solve;
 
-/// Where a camera saw the tag, and when: rows and exposure already reckoned with
+/// Position of the tag in a camera, with the time corrected for row and exposure
 /// ([`super::RowTiming::middle`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackSample<C: Clock> {
-    /// Middle of the exposure of the row the position lies on.
+    /// Mid-exposure of the position's row.
     pub at: Stamp<C>,
     /// Column.
     pub x: Pixels,
@@ -46,18 +46,18 @@ pub struct TrackSample<C: Clock> {
     pub error: Pixels,
 }
 
-/// What the fit is told.
+/// Options of the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionOptions {
-    /// How far from the initial map the offset may lie.
+    /// Half width of the search around the initial map.
     pub search: Span,
-    /// Whether the rate is fitted too; over seconds it is hardly known, and does no harm.
+    /// Whether the rate is fitted; over a few seconds it is hardly determined.
     pub fits_skew: bool,
-    /// Roll of the other camera against the reference in degrees, where it was measured otherwise.
+    /// Measured roll of the other camera against the reference, degrees.
     pub roll_deg: Option<Estimate>,
-    /// Largest factor by which unknown geometry may inflate the error before the motion is refused.
+    /// Largest accepted factor by which unknown geometry inflates the error.
     pub max_ratio: f64,
-    /// Half width of what statistics do not see.
+    /// Half width of the systematic error.
     pub systematic: Span,
 }
 
@@ -73,51 +73,55 @@ impl Default for MotionOptions {
     }
 }
 
-/// The offset that motion tells, and what the fit saw on the way.
+/// Result of the motion fit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct MotionEstimate<A: Clock, B: Clock> {
     /// The map from the other camera's clock to the reference's.
     pub clock: ClockEstimate<A, B>,
-    /// Correction to the initial map in the middle of the tracks, µs; > 0: the initial map came too early.
+    /// Correction of the initial map in the middle of the tracks, µs; positive: the initial map was
+    /// too early.
     pub correction_us: Estimate,
-    /// Correction to the initial map's rate.
+    /// Correction of the initial map's rate.
     pub skew_ppm: Option<Estimate>,
     /// Size in the other camera over size in the reference.
     pub scale: Estimate,
-    /// Roll of the other camera's picture against the reference's.
+    /// Roll of the other camera's image against the reference's.
     pub roll_deg: Estimate,
-    /// Cramér-Rao limit of the offset's standard error for this motion, all else unknown.
+    /// Cramér-Rao bound of the offset's standard error for this motion with everything else
+    /// unknown.
     pub cramer_rao_us: f64,
-    /// The same were the geometry known.
+    /// The same with known geometry.
     pub cramer_rao_known_geometry_us: f64,
-    /// What unknown geometry costs: the first over the second, the path's noise allowed for.
+    /// Inflation by unknown geometry: the first over the second, corrected for noise of the path.
     pub ratio: f64,
-    /// Sum of squared residuals over its expectation; the errors above grow with it where it exceeds
-    /// one, and with what residuals have in common for a quarter of a second.
+    /// Sum of squared residuals over its expectation. The errors above are scaled by it where it
+    /// exceeds one, and clustered over a quarter of a second.
     pub chi2_per_dof: f64,
-    /// Share of the other track's motion that is left unexplained: mean square over mean square.
+    /// Unexplained share of the other track's motion: mean square over mean square.
     #[serde(default)]
     pub unexplained: f64,
-    /// Distance of the path's knots, seconds.
+    /// Knot spacing of the path, seconds.
     pub knot_s: f64,
-    /// Samples left out as outliers, reference and other.
+    /// Outliers left out, reference and other.
     pub n_outliers: [u64; 2],
 }
 
-/// Samples without which no path is fitted.
+/// Fewest samples of a track.
 const MIN_SAMPLES: usize = 24;
 
-/// Distance of the other's samples from the ends of the path, seconds: more than the fit still moves.
+/// Distance of the other's samples from the ends of the path, seconds; it exceeds the change of the
+/// offset in the fit.
 const EDGE_S: f64 = 0.03;
 
 /// Fits the offset of `other` against `reference`, starting from `initial`.
 ///
-/// The tracks must share more than twice the search on top of what is needed to fit.
+/// The tracks must overlap by more than twice the search range.
 ///
 /// # Errors
-/// Too few samples, a motion that does not fix the offset, two offsets that fit alike, or a
-/// fit that leaves the search range.
+///
+/// Too few samples, a motion that does not determine the offset, two equally good offsets, or a fit
+/// that leaves the search range.
 pub fn motion<A: Clock, B: Clock>(
     reference: &[TrackSample<A>],
     other: &[TrackSample<B>],
@@ -142,7 +146,8 @@ pub fn motion<A: Clock, B: Clock>(
             move |point: &&Point| first + early_s <= point.t_s && point.t_s <= last - late_s;
         other.iter().filter(inside).copied().collect::<Vec<Point>>()
     };
-    // The grid compares all offsets on the same samples; the fit uses what the best one reaches.
+    // The grid compares all offsets on the same samples; the fit uses all that the best offset
+    // reaches.
     let common = within(search_s, search_s);
     require("other", common.len())?;
     let path = path::Path::fit(&reference);
@@ -155,7 +160,7 @@ pub fn motion<A: Clock, B: Clock>(
     Ok(report(&fit, origin, initial, [&reference, &other], n_seen, options))
 }
 
-/// Whether the fit is an answer: its information first, since without any it never settles.
+/// Accepts or rejects the fit; its information first, since without any it does not converge.
 fn judge(fit: &Fit, start: Start, options: &MotionOptions) -> Result<(), ClockError> {
     let (search, limit) = (options.search, options.max_ratio);
     if fit.ratio_at_least > limit {

@@ -1,8 +1,8 @@
-//! The smallest latency within a drift bound, forwards and backwards in time.
+//! Minimum latency within a drift bound, forwards and backwards in time.
 //!
-//! Olson (IROS 2010) lets the estimate rise no faster than the clocks can drift apart and
-//! fall to every smaller difference; run both ways it is the lower envelope of cones of
-//! slope `drift` that stand on the points. Needs nothing but the bound, claims no interval.
+//! Olson (IROS 2010): the estimate rises at most at the clocks' relative drift and falls to every
+//! smaller difference. In both directions it is the lower envelope of cones of slope `drift` on the
+//! points. It needs only the bound and gives no interval.
 
 use super::error::ClockError;
 use super::estimate::{ClockEstimate, Method, MinimumLatency, SegmentStart};
@@ -59,7 +59,7 @@ fn floor(x_s: &[f64], y_us: &[f64], drift_ppm: f64) -> Vec<f64> {
     floor
 }
 
-/// Corners of the envelope: the points it touches, where cones meet, and both ends.
+/// Vertices of the envelope: contact points, intersections of cones, and both ends.
 fn corners(x_s: &[f64], y_us: &[f64], floor: &[f64], drift_ppm: f64) -> Vec<[f64; 2]> {
     let last = x_s.len() - 1;
     let mut corners = vec![[x_s[0], floor[0]]];

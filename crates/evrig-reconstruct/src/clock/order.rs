@@ -1,9 +1,9 @@
-//! The largest set of frames whose stamps increase.
+//! Longest increasing sequence of stamps.
 
-/// Marks the members of a longest strictly increasing subsequence, in O(n log n)
-/// (patience sorting; Fredman, Discrete Mathematics 11, 1975).
+/// Marks the members of a longest strictly increasing subsequence, in O(n log n) (patience sorting;
+/// Fredman, Discrete Mathematics 11, 1975).
 ///
-/// One wild stamp costs one frame this way, whether it lies ahead or behind.
+/// A single wrong stamp costs one frame, whether it is early or late.
 pub(super) fn longest_increasing(values: &[i64]) -> Vec<bool> {
     // tails[l]: index of the smallest value that ends an increasing run of length l + 1.
     let mut tails: Vec<usize> = Vec::new();

@@ -1,9 +1,9 @@
-//! The paper's idea over windows: where do the clocks' mean intervals agree best?
+//! The paper's criterion over windows: where the clocks' mean intervals agree best.
 //!
-//! Over a window of a second the two mean intervals differ only by the latencies of its
-//! first and last frame. The median difference within the best window is steadier than
-//! one frame's, and its bias is that of the median latency. The window's mean would be
-//! worse than the original wherever a frame is delayed.
+//! Over a window of a second the two mean intervals differ only by the latencies of its first and
+//! last frame. The median difference within the best window has less variance than one frame's, and
+//! its bias is that of the median latency. The window's mean would be worse than the original
+//! wherever a frame is delayed.
 
 use super::error::ClockError;
 use super::estimate::{ClockEstimate, Method, PaperChoice};
@@ -15,9 +15,10 @@ use evrig_core::time::{Clock, Span};
 /// Length of a window, seconds.
 const WINDOW_S: f64 = 1.0;
 
-/// The median difference of the best window; no error is claimed.
+/// The median difference of the best window, without an error.
 ///
 /// # Errors
+///
 /// A recording shorter than a window.
 pub fn paper_window<A: Clock, B: Clock>(
     pairs: &FramePairs<A, B>,

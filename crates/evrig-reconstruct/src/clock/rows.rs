@@ -1,41 +1,41 @@
-//! When a row of a rolling-shutter frame saw light.
+//! Exposure time of a row in a rolling-shutter frame.
 
 use evrig_core::time::{Clock, Span, Stamp};
 use serde::{Deserialize, Serialize};
 
-/// Whether the stamp marks the end or the start of the first row's exposure.
+/// Relation of the stamp to the first row's exposure.
 ///
-/// Sources contradict each other, by a whole exposure; settle it on the rig (a light
-/// that switches within a frame shows it) and state it.
+/// Sources disagree by a whole exposure; measure it on the rig (a light that switches within a
+/// frame) and state it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ExposureSign {
     /// The first pixel is read out at the stamp: its exposure ended.
     #[default]
     EndsAtStamp,
-    /// The exposure of the first row begins at the stamp.
+    /// The exposure of the first row starts at the stamp.
     StartsAtStamp,
     /// The stamp is the middle, as some drivers compute it.
     MiddleAtStamp,
 }
 
-/// How a frame's stamp leads to the time of a row.
+/// Row times of a frame relative to its stamp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct RowTiming {
     /// From one row's exposure to the next; zero for a global shutter.
     pub row_time: Span,
     /// Exposure of a row.
     pub exposure: Span,
-    /// What the stamp marks.
+    /// Relation of the stamp to the exposure.
     pub sign: ExposureSign,
     /// From the stamp to the first row, for rows read before the image (embedded data).
     pub first_row: Span,
-    /// Rows cut off above the picture: row 0 of the picture is this row of the sensor's output.
+    /// Rows cropped above the image: row 0 of the image is this row of the sensor's output.
     pub first_row_number: u32,
 }
 
 impl RowTiming {
-    /// Middle of the exposure of `row` of the picture (fractions are positions between rows).
+    /// Mid-exposure of `row` of the image (fractions are positions between rows).
     #[must_use]
     pub fn middle<C: Clock>(&self, stamp: Stamp<C>, row: f64) -> Stamp<C> {
         let rows = row + f64::from(self.first_row_number);

@@ -1,12 +1,12 @@
-//! Where the target clock was set.
+//! Steps of the target clock.
 
 use std::ops::Range;
 
 /// Length of the blocks whose minima are compared, seconds.
 const BLOCK_S: f64 = 0.5;
-/// Blocks on each side of a place; a stall is shorter than they are together.
+/// Blocks on each side of a boundary; a stall is shorter than they are together.
 const SIDE: usize = 4;
-/// Blocks a step must leave towards either end of the recording: a stall at the end looks like a step.
+/// Blocks between a step and either end of the recording: a stall at the end resembles a step.
 const MARGIN: usize = 3;
 
 struct Block {
@@ -74,11 +74,11 @@ fn step_at(blocks: &[Block], at: usize, threshold_us: f64) -> Option<f64> {
     (change.abs() > threshold_us).then_some(change)
 }
 
-/// The boundary at which a step first seen at `at` belongs.
+/// The boundary of a step first detected at `at`.
 ///
-/// The look-ahead sees a downward step early, so it belongs to the last place that shows
-/// all of it; the few frames that an upward step leaves in its block may show a part of it
-/// early, so it belongs to the first place that shows all.
+/// The look-ahead detects a downward step early, so the last boundary with the full change is
+/// taken. A few frames before an upward step in its block show part of it early, so the first
+/// boundary with the full change is taken.
 fn place_of(blocks: &[Block], mut at: usize, change: f64, threshold_us: f64) -> usize {
     let mut best = change;
     while at + 1 + MARGIN <= blocks.len() {
@@ -98,7 +98,7 @@ fn place_of(blocks: &[Block], mut at: usize, change: f64, threshold_us: f64) -> 
     at
 }
 
-/// The first frame that a downward step in block `at` can have moved.
+/// The first frame that a downward step in block `at` can affect.
 fn first_low(blocks: &[Block], y_us: &[f64], at: usize) -> usize {
     let [before, after] = sides(blocks, at);
     let middle = before.midpoint(after);
@@ -106,7 +106,7 @@ fn first_low(blocks: &[Block], y_us: &[f64], at: usize) -> usize {
     blocks[at].frames.clone().find(|&frame| y_us[frame] < middle).unwrap_or(start)
 }
 
-/// The frame after the last one that an upward step at block `at` cannot have moved.
+/// The frame after the last one that an upward step at block `at` cannot affect.
 ///
 /// The step may lie within block `at - 1`, whose early frames kept its minimum low.
 fn after_last_low(blocks: &[Block], y_us: &[f64], at: usize) -> usize {

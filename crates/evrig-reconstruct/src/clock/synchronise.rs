@@ -1,10 +1,10 @@
-//! All the evidence of a session at once: every method runs, the best one is taken, the rest check it.
+//! Synchronisation of a session: every method runs, the best one is used, the others check it.
 //!
-//! Three clocks meet. SensorTimestamp is the Pi's boot clock. Unix time is shown by the host, where
-//! the session read both side by side, else by the Pi's wall clock, which is all that an import has.
-//! The events' clock shows Unix time too, taken once at the recorder's reset; packets that reach the
-//! host before their own stamps, or a second late, say that it does not. [`motion`] leads from the
-//! Pi to the events without Unix time between.
+//! There are three clocks. SensorTimestamp is the Pi's boot clock. Unix time is the host's where
+//! the session read both clocks together, otherwise that of the Pi's wall clock, the only one of an
+//! import. The events' clock is Unix time as well, read once at the recorder's reset; it is
+//! rejected when packets arrive before their own stamps or a second late. [`motion`] maps the Pi's
+//! clock to the events' without Unix time.
 
 use super::clock_pair::{PairOptions, clock_pair};
 use super::envelope::{EnvelopeOptions, RateModel, envelope};
@@ -17,99 +17,99 @@ use super::{Disagreement, PaperUnit, cross_check, hull, olson2, paper_interval, 
 use evrig_core::time::{Clock, ClockMap, Davis, PiSensor, Span, Stamp, Unix};
 use serde::{Deserialize, Serialize};
 
-/// What a session knows of its clocks.
+/// Clock observations of a session.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Evidence {
     /// SensorTimestamp and RealTime of each frame, in the order of recording.
     pub frames: Vec<FramePair>,
     /// The Pi's wall clock between two readings of its boot clock.
     pub wall_readings: Vec<ClockReading>,
-    /// The host's clock between what the Pi's boot clock can have shown; see [`host_reading`].
+    /// The host's clock between bounds of the Pi's boot clock; see [`host_reading`].
     pub host_readings: Vec<ClockReading>,
-    /// Last stamp of each packet of events, and the host's clock when it was whole.
+    /// Last stamp of each packet of events, and the host's clock when it was complete.
     pub arrivals: Vec<FramePair<Unix, Davis>>,
-    /// Least time from SensorTimestamp to RealTime: the rows read until the picture is whole.
+    /// Least time from SensorTimestamp to RealTime: readout of all rows.
     pub readout: Option<Span>,
 }
 
-/// The outcome of one method.
+/// Result of one method.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Attempt<A: Clock = Unix, B: Clock = PiSensor> {
     /// The method.
     pub method: Method,
-    /// What it says.
+    /// Its estimate.
     pub estimate: Option<ClockEstimate<A, B>>,
-    /// Why it says nothing.
+    /// Why it gives no estimate.
     pub refused: Option<String>,
 }
 
-/// Whose Unix time the session is on.
+/// The host whose Unix time is used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reference {
     /// The host's.
     Host,
-    /// The Pi's wall clock, taken for the host's: both were set by a time server, at best.
+    /// The Pi's wall clock in place of the host's: at best both were set by a time server.
     PiWall,
 }
 
-/// How the events' stamps lead to Unix time.
+/// Map from the events' stamps to Unix time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EventsClock {
-    /// Whether the stamps are taken for what they say, Unix time, or mapped by their arrivals.
+    /// Whether the stamps are used as Unix time, or mapped by their arrivals.
     pub is_as_stamped: bool,
     /// The map.
     pub unix_from_davis: ClockMap<Unix, Davis>,
-    /// Smallest time from stamp to arrival, with its method; a stamp cannot be later than that.
+    /// Minimum time from stamp to arrival, with its method; a stamp cannot be later than that.
     pub arrivals: Option<Attempt<Unix, Davis>>,
-    /// In words: why.
+    /// Reason in words.
     pub because: String,
 }
 
-/// What the motion that both cameras saw says, or why it says nothing.
+/// Result of the motion fit between both cameras.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MotionAttempt {
     /// Names of the two tracks: of the DAVIS and of the Pi.
     pub tracks: [String; 2],
     /// The estimate.
     pub estimate: Option<MotionEstimate<Davis, PiSensor>>,
-    /// Whether it became the session's map; else why not.
+    /// Why it is not used as the session's map; None if it is.
     pub refused: Option<String>,
 }
 
 /// The clocks of a session.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SessionClocks {
-    /// The Pi's wall clock from SensorTimestamp by every method that the evidence allows.
+    /// The Pi's wall clock from SensorTimestamp by every applicable method.
     pub wall: Vec<Attempt>,
-    /// The host's clock from SensorTimestamp, where both were read side by side.
+    /// The host's clock from SensorTimestamp, where both were read together.
     pub host: Option<Attempt>,
-    /// Whose Unix time `unix_from_sensor` leads to.
+    /// The host whose Unix time `unix_from_sensor` maps to.
     pub reference: Reference,
-    /// The map that was taken.
+    /// The map used.
     pub unix_from_sensor: ClockEstimate,
-    /// What the Pi's wall clock shows more than the host's in the middle of the session, where both
-    /// are known by two-sided readings.
+    /// Difference of the Pi's wall clock to the host's in the middle of the session, where both are
+    /// known by two-sided readings.
     pub wall_minus_host: Option<Span>,
-    /// Methods whose intervals do not meet that of the best map to the same clock.
+    /// Methods whose intervals are disjoint from that of the best map to the same clock.
     pub disagreements: Vec<Disagreement<PiSensor>>,
     /// The events' clock.
     pub events: EventsClock,
-    /// The motion that both cameras saw, where there are tracks.
+    /// The motion fit, where there are tracks.
     pub motion: Option<MotionAttempt>,
-    /// The map from SensorTimestamp to the events' stamps: what puts frames beside events.
+    /// Map from SensorTimestamp to the events' stamps.
     pub davis_from_sensor: ClockEstimate<Davis, PiSensor>,
-    /// Streams of the Pi whose stamps are not those of their own light.
+    /// Streams of the Pi with delayed exposures.
     #[serde(default)]
     pub late: Vec<LateStream>,
 }
 
-/// A reading of the host's clock against the Pi's boot clock from a question and its answer.
+/// Reading of the host's clock against the Pi's boot clock from a request and its reply.
 ///
-/// The Pi read its clock between `asked` and `answered`, and showed `first` at the beginning and
-/// `last` at the end of its own reading. At the host's instant half-way the boot clock showed half
-/// the round trip more than `first` at most, and half of it less than `last` at least.
+/// The Pi read its clock between `asked` and `answered`, with `first` at the beginning and `last`
+/// at the end of its own reading. At the middle of the round trip the boot clock was at most half
+/// the round trip after `first`, and at most half of it before `last`.
 #[must_use]
 pub fn host_reading(
     group: u64,
@@ -121,27 +121,28 @@ pub fn host_reading(
     ClockReading { group, before: last - half, real: asked + half, after: first + half }
 }
 
-/// Residuals larger than this against what the tracks state, chi-squared a degree of freedom, are
-/// looked at: they are the tracks' own, stated too small, or the tracks do not show one motion.
+/// Greatest chi-squared per degree of freedom without a further check: larger residuals mean either
+/// that the tracks state too small errors or that they show different motions.
 const MAX_CHI2_PER_DOF: f64 = 4.0;
-/// The larger ones are not one motion when they leave over more than this of it: a hundredth of the
-/// way, squared. The estimate's error holds them otherwise.
+/// Greatest unexplained share of the motion where the residuals are larger: a hundredth of the
+/// amplitude, squared.
 const MAX_UNEXPLAINED: f64 = 1e-4;
-/// A map that runs by more than this off the one before is not of clocks: quartz keeps to a hundred
-/// parts in a million, and a fit that lost its way does not.
+/// Greatest correction of the rate, ppm: quartz clocks agree to a hundred, larger values are failed
+/// fits.
 const MAX_SKEW_PPM: f64 = 5_000.0;
-/// A motion in which more than this share of a track's samples had to be left out is not one.
+/// Greatest share of a track's samples left out as outliers.
 const MAX_LEFT_OUT: f64 = 0.25;
-/// Stamps this much before their arrival are what a link and its buffers take.
+/// Longest delay of a link and its buffers from stamp to arrival.
 const MAX_TRANSPORT: Span = Span::from_micros(1_000_000);
-/// Two clocks of one host are steered alike; what is left is rounding, ppm.
+/// Rate difference of two clocks of one host, ppm: rounding alone.
 const SAME_HOST_PPM: f64 = 1.0;
-/// What a method without an interval of its own may differ by.
+/// Tolerance of a method without an interval of its own.
 const SLACK: Span = Span::from_micros(3_000);
 
-/// Runs every method the evidence allows.
+/// Runs every applicable method.
 ///
 /// # Errors
+///
 /// When no method gives a map: the reason of the best one.
 pub fn synchronise(evidence: &Evidence) -> Result<SessionClocks, ClockError> {
     let wall = wall_attempts(evidence);
@@ -181,10 +182,10 @@ pub fn synchronise(evidence: &Evidence) -> Result<SessionClocks, ClockError> {
 }
 
 impl SessionClocks {
-    /// Lets the motion that both cameras saw decide where the Pi's frames lie among the events.
+    /// Maps the Pi's frames to the events by the motion that both cameras saw.
     ///
-    /// It becomes the map when it has an answer and the two tracks show one motion; else the reason
-    /// is kept beside the map that stood before.
+    /// The fit is used when it is accepted and both tracks show one motion; otherwise the reason is
+    /// stored beside the previous map.
     pub fn refine(
         &mut self,
         names: [&str; 2],
@@ -214,12 +215,11 @@ impl SessionClocks {
     }
 }
 
-/// Why what was found is no motion that two cameras with clocks saw; none where it may be one. `n` are
-/// the samples of the two tracks.
+/// Why a fit is rejected; None if it is accepted. `n` are the samples of the two tracks.
 fn no_motion(found: &MotionEstimate<Davis, PiSensor>, n: [usize; 2]) -> Option<String> {
     let is_rough = found.chi2_per_dof > MAX_CHI2_PER_DOF && found.unexplained > MAX_UNEXPLAINED;
     let skew_ppm = found.skew_ppm.map_or(0.0, |skew| skew.value);
-    // Not a number is no answer either.
+    // False for NaN, too.
     let is_of_clocks = skew_ppm.abs() <= MAX_SKEW_PPM;
     let left_out = [0, 1].map(|track| found.n_outliers[track] as f64 / n[track].max(1) as f64);
     let is_torn = left_out.iter().any(|share| *share > MAX_LEFT_OUT);
@@ -245,7 +245,7 @@ fn attempt<A: Clock, B: Clock>(
     }
 }
 
-/// Every method on the Pi's own two clocks.
+/// Every method on the Pi's two clocks.
 fn wall_attempts(evidence: &Evidence) -> Vec<Attempt> {
     let mut attempts = Vec::new();
     if !evidence.wall_readings.is_empty() {
@@ -273,7 +273,7 @@ fn wall_attempts(evidence: &Evidence) -> Vec<Attempt> {
     attempts
 }
 
-/// Readings from both sides before the smallest latency; nothing else claims a calibrated interval.
+/// Two-sided readings before minimum latency; no other method has a calibrated interval.
 fn best(attempts: &[Attempt]) -> Option<ClockEstimate> {
     let of = |method| {
         let mut found = attempts.iter().filter(move |attempt| attempt.method == method);
@@ -297,7 +297,7 @@ fn wall_minus_host(wall: &[Attempt], host: Option<&Attempt>) -> Option<Span> {
     Some(wall.map(middle)? - host.map(middle)?)
 }
 
-/// The events' clock: Unix time as stamped, unless the arrivals say that it cannot be.
+/// The events' clock: Unix time as stamped, unless the arrivals contradict it.
 fn events_clock(arrivals: &[FramePair<Unix, Davis>]) -> EventsClock {
     let as_stamped = ClockMap::from_anchor(Stamp::from_nanos(0), Stamp::from_nanos(0));
     if arrivals.is_empty() {
@@ -322,7 +322,7 @@ fn events_clock(arrivals: &[FramePair<Unix, Davis>]) -> EventsClock {
             "the camera's recorder stamps Unix time; the arrivals say nothing".into(),
         ),
         Some(segment) => {
-            // A busy host takes packets later, never earlier: the quickest one tells.
+            // Packets are delayed, never early: the fastest one bounds the offset.
             let after = arrivals.iter().map(|pair| pair.real - as_stamped.map(pair.sensor));
             let late = after.min().unwrap_or(Span::ZERO);
             if (Span::ZERO..=MAX_TRANSPORT).contains(&late) {
@@ -343,7 +343,7 @@ fn events_clock(arrivals: &[FramePair<Unix, Davis>]) -> EventsClock {
     EventsClock { is_as_stamped, unix_from_davis: map, arrivals: Some(attempt), because }
 }
 
-/// A map to Unix time carried on to the events' clock.
+/// Composes a map to Unix time with the map to the events' clock.
 fn compose(
     unix_from_sensor: &ClockEstimate,
     davis_from_unix: ClockMap<Davis, Unix>,
@@ -355,7 +355,7 @@ fn compose(
         map: ClockMap {
             a0: davis_from_unix.map(segment.map.a0),
             b0: segment.map.b0,
-            // Kept apart from one, so that parts per billion survive.
+            // Added in this form so that parts per billion survive.
             skew: segment.map.skew + davis_from_unix.skew * (1.0 + segment.map.skew),
         },
         skew_ppm: segment.skew_ppm,

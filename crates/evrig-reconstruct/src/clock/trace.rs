@@ -1,4 +1,4 @@
-//! Pairs as numbers a fit can work with, near zero whatever the clocks show.
+//! Frame pairs as numbers relative to the first, for the fits.
 
 use super::estimate::{Diagnostics, Segment, SegmentError, SegmentStart};
 use super::input::FramePair;
@@ -6,8 +6,7 @@ use evrig_core::stats::{Estimate, quantile_sorted};
 use evrig_core::time::{Clock, ClockMap, Span, Stamp};
 use std::ops::Range;
 
-/// Pairs relative to the first: seconds since it, and how much later RealTime is than the
-/// sensor's clock alone would say, in microseconds.
+/// Pairs relative to the first: seconds since it, and RealTime minus sensor time, µs.
 #[derive(Debug)]
 pub(super) struct Trace<'a, A: Clock, B: Clock> {
     pub(super) pairs: &'a [FramePair<A, B>],
@@ -62,7 +61,7 @@ impl<'a, A: Clock, B: Clock> Trace<'a, A, B> {
         self.pairs[0].sensor + Span::from_secs_f64(x_s)
     }
 
-    /// The map a line means, anchored at `x_s`, with `latency` subtracted.
+    /// The map of a line, anchored at `x_s`, with `latency` subtracted.
     pub(super) fn map(&self, line: Line, x_s: f64, latency: Span) -> ClockMap<A, B> {
         let b0 = self.stamp(x_s);
         let offset = Span::from_secs_f64(line.at(x_s) * 1e-6);
@@ -92,7 +91,7 @@ impl<'a, A: Clock, B: Clock> Trace<'a, A, B> {
         }
     }
 
-    /// Latency quantiles and stalls, given what the map says at each frame (µs, as `y_us`).
+    /// Latency quantiles and stalls, given the map at each frame (µs, as `y_us`).
     pub(super) fn diagnostics(&self, map_us: impl Fn(usize) -> f64) -> Diagnostics {
         let mut latency: Vec<f64> =
             self.y_us.iter().enumerate().map(|(index, y)| y - map_us(index)).collect();

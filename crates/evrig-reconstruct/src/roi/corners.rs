@@ -1,13 +1,11 @@
-//! Corners to a fraction of a pixel: the tag's black square, blurred, is fitted to the grey image.
+//! Subpixel corners: a blurred black square is fitted to the grey image.
 //!
-//! The square is black ink on white paper. Seen through a blur of standard deviation `s`, its
-//! inside has the share `f = product over the four edges of Phi(-d/s)`, `d` being the signed
-//! distance from an edge's line; a pixel shows `white - (white - black) f`. The four lines (as
-//! their eight corner coordinates), both levels and the blur are fitted together by least squares
-//! to the pixels of a band along the outline, so that every pixel counts by how steep the edge is
-//! there, and the blur is that of this frame, motion included. The band ends half a cell inside,
-//! before the tag's own pattern begins. The noise is taken from the residuals, the covariance from
-//! the normal equations.
+//! The square is black ink on white paper. Under a Gaussian blur of standard deviation `s` its
+//! coverage is `f = product over the four edges of Phi(-d/s)`, with `d` the signed distance from an
+//! edge's line; a pixel reads `white - (white - black) f`. Eight corner coordinates, both levels
+//! and the blur are fitted jointly by least squares to the pixels of a band along the outline. The
+//! band ends half a cell inside, before the tag's pattern begins. The noise is estimated from the
+//! residuals, the covariance from the normal equations.
 
 use super::grey::Grey;
 use nalgebra::{SMatrix, SVector};
@@ -19,10 +17,9 @@ const N: usize = 11;
 /// Cells along the side of the black border of tag36h11.
 const CELLS: f64 = 8.0;
 
-/// The fit is given up after so many steps.
 const MAX_STEPS: usize = 25;
 
-/// A step so small ends the fit, in pixels.
+/// Convergence threshold of a step, pixels.
 const SETTLED_PX: f64 = 1e-4;
 
 /// Corners of a tag in the frame's pixels with their error.
@@ -30,13 +27,13 @@ const SETTLED_PX: f64 = 1e-4;
 pub(super) struct Corners {
     /// Bottom left, bottom right, top right, top left.
     pub(super) points: [[f64; 2]; 4],
-    /// Covariance of x and y of each in turn.
+    /// Covariance of x and y of each corner in turn.
     pub(super) covariance: SMatrix<f64, 8, 8>,
-    /// Standard deviation of the blur, in pixels, the pixel's own area included.
+    /// Standard deviation of the blur, pixels; it includes the pixel's own area.
     pub(super) blur_px: f64,
 }
 
-/// What the fit varies.
+/// Fitted parameters.
 #[derive(Debug, Clone, Copy)]
 struct Square {
     points: [[f64; 2]; 4],
@@ -45,7 +42,6 @@ struct Square {
     log_blur: f64,
 }
 
-/// An edge's line.
 #[derive(Debug, Clone, Copy)]
 struct Edge {
     start: [f64; 2],
@@ -53,7 +49,6 @@ struct Edge {
     length: f64,
 }
 
-/// Normal equations of one step.
 struct Step {
     information: SMatrix<f64, N, N>,
     gradient: SVector<f64, N>,
@@ -68,12 +63,12 @@ impl Edge {
         Self { start, along: [dx / length, dy / length], length }
     }
 
-    /// Outward: to the right hand of who walks bottom left, bottom right, ... with rows downwards.
+    /// Outward normal; the corners run counter-clockwise as seen on screen.
     fn normal(&self) -> [f64; 2] {
         [-self.along[1], self.along[0]]
     }
 
-    /// Signed distance outwards, and how far along the edge as a share of its length.
+    /// Signed distance outwards, and the position along the edge as a share of its length.
     fn place(&self, [x, y]: [f64; 2]) -> (f64, f64) {
         let [dx, dy] = [x - self.start[0], y - self.start[1]];
         let normal = self.normal();
@@ -82,8 +77,8 @@ impl Edge {
     }
 }
 
-/// Fits the outline that begins near `guess`. None when the square is not wholly in the image, the
-/// fit does not settle near the guess, or there is no contrast.
+/// Fits the outline from a start at `guess`. None when the square is not wholly in the image, the
+/// fit does not converge near the guess, or there is no contrast.
 pub(super) fn refine(grey: &Grey, guess: [[f64; 2]; 4]) -> Option<Corners> {
     let scale = grey.scale as f64;
     let guess = guess.map(|point| point.map(|part| part / scale));
@@ -115,7 +110,7 @@ pub(super) fn refine(grey: &Grey, guess: [[f64; 2]; 4]) -> Option<Corners> {
     square.accepted(&guess, &step, scale)
 }
 
-/// Pixels of the band around the guessed outline: centre and value. None when it leaves the image.
+/// Pixels of the band around the outline: centre and value. None when it leaves the image.
 fn band(grey: &Grey, guess: &[[f64; 2]; 4]) -> Option<Vec<([f64; 2], f64)>> {
     let edges = edges(guess);
     let side = edges.iter().map(|edge| edge.length).sum::<f64>() / 4.0;
@@ -123,7 +118,7 @@ fn band(grey: &Grey, guess: &[[f64; 2]; 4]) -> Option<Vec<([f64; 2], f64)>> {
     if !(cell >= 1.0 && side.is_finite()) {
         return None;
     }
-    // Half a cell on each side, and not less than the blur of a good lens needs.
+    // Half a cell on each side, and at least the width of a blurred edge.
     let (inside, outside) = (0.5 * cell, (0.85 * cell).max(1.5));
     let bounds = |axis: usize| {
         let parts = guess.iter().map(|point| point[axis]);
@@ -154,7 +149,7 @@ fn edges(points: &[[f64; 2]; 4]) -> [Edge; 4] {
     [0, 1, 2, 3].map(|i| Edge::between(points[i], points[(i + 1) % 4]))
 }
 
-/// The guess with levels from the band's darker and lighter halves.
+/// The guess with levels from quantiles of the band.
 fn first_square(points: [[f64; 2]; 4], pixels: &[([f64; 2], f64)]) -> Option<Square> {
     let mut sorted: Vec<f64> = pixels.iter().map(|pixel| pixel.1).collect();
     sorted.sort_by(f64::total_cmp);
@@ -172,12 +167,12 @@ impl Square {
         }
         square.white += change[8];
         square.black += change[9];
-        // A blur that leaps leaves the range in which the linearised edge means anything.
+        // Larger steps of the blur leave the range in which the edge is linear.
         square.log_blur = (square.log_blur + change[10].clamp(-0.5, 0.5)).clamp(-1.6, 1.6);
         square
     }
 
-    /// The result, if it is near the guess and the edge stands out of the noise.
+    /// The result, if it is near the guess and the contrast exceeds the noise.
     fn accepted(&self, guess: &[[f64; 2]; 4], step: &Step, scale: f64) -> Option<Corners> {
         let side = Edge::between(guess[0], guess[1]).length;
         let allowed = (0.5 * side / CELLS).max(1.0);
@@ -219,7 +214,7 @@ impl Step {
     }
 }
 
-/// What a pixel shows, and how that changes with each of what is fitted.
+/// Expected value of a pixel and its derivatives by the parameters.
 fn expectation(
     square: &Square,
     edges: &[Edge; 4],
@@ -235,7 +230,7 @@ fn expectation(
         let others: f64 = (0..4).filter(|&j| j != i).map(|j| shares[j]).product();
         let z = distance / blur;
         let density = (-0.5 * z * z).exp() / (2.0 * std::f64::consts::PI).sqrt() / blur;
-        // The value rises by this when the pixel moves outwards by one, or the edge inwards.
+        // Change of the value per pixel of outward motion.
         let steepness = contrast * density * others;
         let normal = edges[i].normal();
         let next = (i + 1) % 4;
@@ -250,7 +245,7 @@ fn expectation(
     (square.white - contrast * inside, slope)
 }
 
-/// Share of the normal law below `z`.
+/// Standard normal distribution function.
 fn normal_cdf(z: f64) -> f64 {
     0.5 * erfc(-z * std::f64::consts::FRAC_1_SQRT_2)
 }

@@ -1,4 +1,4 @@
-//! Finding the tag: the AprilTag library on an image or on a window of it.
+//! Tag detection by the AprilTag library, on an image or a window of it.
 
 use super::grey::{Grey, Window};
 use apriltag::families::{
@@ -6,27 +6,26 @@ use apriltag::families::{
 };
 use apriltag::{Detector, Family, Image};
 
-/// Families the rig may name.
+/// Supported tag families.
 pub(super) const FAMILIES: [&str; 6] =
     ["tag36h11", "tag25h9", "tag16h5", "tagCircle21h7", "tagCircle49h12", "tagStandard41h12"];
 
-/// Bits that may be read wrongly: with one, tag36h11 still keeps a distance of nine to any other.
+/// Corrected bit errors: with one, tag36h11 still keeps a distance of nine to any other code.
 const BITS_CORRECTED: usize = 1;
 
-/// Standard deviation of the blur before the last look, in pixels.
+/// Standard deviation of the blur of the last attempt, pixels.
 const LAST_LOOK_BLUR: f32 = 0.8;
 
-/// Tags found in one look at an image.
+/// Result of one search.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Look {
-    /// Corners of the tag that was looked for, in the frame's pixels: bottom left, bottom right,
-    /// top right, top left.
+    /// Corners of the requested tag, in the frame's pixels: bottom left, bottom right, top right,
+    /// top left.
     pub(super) corners: Option<[[f64; 2]; 4]>,
-    /// Numbers of other tags of the family.
+    /// Ids of other tags of the family.
     pub(super) others: Vec<usize>,
 }
 
-/// Looks for one tag of one family.
 pub(super) struct TagDetector {
     detector: Detector,
     id: usize,
@@ -50,12 +49,12 @@ impl TagDetector {
         Some(Self { detector, id: id as usize })
     }
 
-    /// Looks in a window; `decimation` halves (2.0) or keeps (1.0) the resolution in which edges
-    /// are sought.
+    /// Searches a window; `decimation` halves (2.0) or keeps (1.0) the resolution of the edge
+    /// search.
     pub(super) fn look(&mut self, grey: &Grey, window: Window, decimation: f32) -> Look {
         let Some(image) = to_8_bits(grey, window) else { return Look::default() };
-        // A blurred and noisy tag is often whole at half the resolution, or after a blur. The blur
-        // is done in place, so it comes last.
+        // A blurred and noisy tag is often found at half the resolution, or after smoothing.
+        // Smoothing works in place, so it comes last.
         let mut best = Look::default();
         for (decimation, blur) in [(decimation, 0.0), (2.0, 0.0), (decimation, LAST_LOOK_BLUR)] {
             self.detector.set_decimation(decimation);
@@ -89,9 +88,9 @@ impl TagDetector {
     }
 }
 
-/// The window in 8 bits. Values that fit are taken as they are; darker or deeper ones are scaled so
-/// that the brightest block of paper comes to 200. None without light, or if the library has no
-/// memory. (Quantiles of single pixels would not do: a tag covers a hundredth of a frame.)
+/// The window in 8 bits. Values in range are kept; others are scaled so that the brightest block
+/// becomes 200. None without light, or if the library has no memory. (Pixel quantiles would not do:
+/// a tag covers a hundredth of a frame.)
 fn to_8_bits(grey: &Grey, window: Window) -> Option<Image> {
     let [_, paper] = grey.block_range(window);
     if !(paper.is_finite() && paper > 0.0) {

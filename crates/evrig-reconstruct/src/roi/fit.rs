@@ -1,53 +1,53 @@
-//! From sightings to a path: densities, outliers, starts, error.
+//! Fit of a path to detections: process noise densities, outliers, gaps, error.
 
 use super::smooth::{Belief, Corners, Jerk, Observation, Smoother};
 use super::state::{Chart, State};
 use evrig_core::stats::quantile_sorted;
 
-/// A sighting is an outlier when its squared residual is so many times what is usual: chance does
-/// it once in ten million (chi-square of eight degrees of freedom).
+/// A detection is an outlier when its squared residual exceeds the median by this factor over
+/// [`MEDIAN_CHI2`]: probability 1e-7 (chi-squared, eight degrees of freedom).
 const OUTLIER: f64 = 47.0;
 
-/// The median of that law.
+/// Median of chi-squared with eight degrees of freedom.
 const USUAL: f64 = 7.344;
 
-/// A stretch of path needs so many sightings.
+/// Fewest detections of a path segment.
 const MIN_SIGHTINGS: usize = 4;
 
-/// Densities are sought in these steps: a factor.
+/// Step factor of the search for densities.
 const DENSITY_STEP: f64 = 4.0;
 
-/// Variance that the shape gains in a second: a thousandth in foreshortening, a tilt of 0.06 degrees.
+/// Process noise of the shape per second: a thousandth in foreshortening, a tilt of 0.06 degrees.
 const SHAPE_PER_S: f64 = 1e-6;
 
-/// A path through sightings.
+/// A path fitted to detections.
 pub(super) struct Fitted {
-    /// Sightings that carry it, as indices into what was given.
+    /// Indices of the detections used.
     pub(super) used: Vec<usize>,
-    /// Sightings off the path.
+    /// Indices of outliers.
     pub(super) outliers: Vec<usize>,
-    /// Sightings with too few others around them.
+    /// Indices of detections with too few neighbours.
     pub(super) isolated: Vec<usize>,
-    /// States at the used sightings, with covariances that the residuals agree with.
+    /// States at the used detections, with covariances scaled to the residuals.
     pub(super) beliefs: Vec<Belief>,
-    /// Whether a stretch of path begins at a used sighting.
+    /// Whether a path segment begins at a used detection.
     pub(super) starts: Vec<bool>,
     pub(super) residuals: Vec<Corners>,
     pub(super) jerk: Jerk,
-    /// The corners' covariances were too small by this factor.
+    /// Factor by which the corners' covariances were too small.
     pub(super) factor: f64,
 }
 
-/// What all fits of one track share.
+/// Common parameters of all fits of one track.
 pub(super) struct Fitter {
     pub(super) chart: Chart,
     pub(super) corners_mm: [[f64; 2]; 4],
-    /// Longest stretch without sightings that a path leads across, seconds.
+    /// Longest gap between detections that is interpolated, seconds.
     pub(super) max_gap_s: f64,
 }
 
 impl Fitter {
-    /// Fits a path; None when no stretch has enough sightings or the numbers fail.
+    /// Fits a path; None when no segment has enough detections or the numbers fail.
     pub(super) fn fit(&self, observations: &[Observation]) -> Option<Fitted> {
         let mut used: Vec<usize> = (0..observations.len()).collect();
         let mut isolated = self.drop_isolated(observations, &mut used);
@@ -92,7 +92,7 @@ impl Fitter {
         Smoother { chart: self.chart, corners_mm: self.corners_mm, observations }
     }
 
-    /// The used observations with their starts marked; None when there is none.
+    /// The used observations with segment starts marked; None when there is none.
     fn choose(
         &self,
         observations: &[Observation],
@@ -106,7 +106,7 @@ impl Fitter {
         (!chosen.is_empty()).then_some((chosen, starts))
     }
 
-    /// Takes out stretches too short for a path and returns them.
+    /// Removes segments that are too short and returns them.
     fn drop_isolated(&self, observations: &[Observation], used: &mut Vec<usize>) -> Vec<usize> {
         let joins =
             |a: &usize, b: &usize| observations[*b].at_s - observations[*a].at_s <= self.max_gap_s;
@@ -118,7 +118,7 @@ impl Fitter {
     }
 }
 
-/// The densities of greatest likelihood, each climbed in turn by factors.
+/// Maximum-likelihood densities by coordinate-wise search.
 fn climb(smoother: &Smoother<'_>, guess: &[State], first: Jerk, is_wary: bool) -> Option<Jerk> {
     let value = |jerk: Jerk| Some(smoother.likelihood(guess, jerk, is_wary)?.0);
     let mut best = (value(first)?, first);
@@ -129,7 +129,7 @@ fn climb(smoother: &Smoother<'_>, guess: &[State], first: Jerk, is_wary: bool) -
     ];
     for scaled in scale {
         for by in [DENSITY_STEP, 1.0 / DENSITY_STEP] {
-            // 40 factors of 4 span any motion from a creeping clock hand to a shaken camera.
+            // 40 factors of 4 cover any motion.
             for _ in 0..40 {
                 let jerk = scaled(best.1, by);
                 let is_in_range = (1e-6..1e18).contains(&jerk.turn.min(jerk.shift));

@@ -1,18 +1,17 @@
-//! Grey images for the search and for the corners, from each kind of frame.
+//! Grey images for search and corner fit, from each kind of frame.
 
 use evrig_core::frame::{Channels, Frame, Samples};
 use evrig_core::time::Clock;
 
-/// What a frame's samples are, as far as the frame itself does not say.
+/// Meaning of a frame's samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Light {
     /// Brightness or colour: APS and RGB frames.
     Brightness,
-    /// A Bayer mosaic of 2 x 2 cells with green on one diagonal, the Pi's raw frames. Which corner
-    /// is red does not matter here: the four places of a cell are balanced by what they show of the
-    /// tag, which has no colour.
+    /// Bayer mosaic of 2 x 2 cells with green on one diagonal: raw frames of the Pi. The colour
+    /// order does not matter: the four sites are balanced on the tag, which is grey.
     Mosaic {
-        /// What a sample shows in the dark, in its own digital units.
+        /// Reading without light, DN.
         black_level_dn: f64,
     },
 }
@@ -23,7 +22,7 @@ pub(super) struct Grey {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) values: Vec<f32>,
-    /// Pixels of the frame that one pixel here is wide.
+    /// Frame pixels per grid pixel.
     pub(super) scale: usize,
 }
 
@@ -37,15 +36,14 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// Number of pixels in it.
     pub(super) fn n_pixels(&self) -> usize {
         (self.x1 - self.x0) * (self.y1 - self.y0)
     }
 }
 
 impl Grey {
-    /// The image to search: brightness, or the mean of each 2 x 2 cell of a mosaic above black.
-    /// None when the frame holds too few samples for its size.
+    /// Image for the search: brightness, or the mean of each 2 x 2 cell above black. None when the
+    /// frame holds too few samples for its size.
     pub(super) fn to_search<C: Clock>(frame: &Frame<C>, light: Light) -> Option<Self> {
         let (width, height) = (usize::from(frame.size.width), usize::from(frame.size.height));
         let is_whole = frame.samples.len() >= width * height * frame.channels.count();
@@ -68,8 +66,8 @@ impl Grey {
         }
     }
 
-    /// The mosaic at full resolution within a window of the frame, each of the four places of a
-    /// cell scaled so that all have the same mean there. Elsewhere it is zero.
+    /// The mosaic at full resolution within a window, with the four Bayer sites scaled to equal
+    /// means; zero elsewhere.
     pub(super) fn balanced<C: Clock>(frame: &Frame<C>, black_dn: f64, window: Window) -> Self {
         let (width, height) = (usize::from(frame.size.width), usize::from(frame.size.height));
         let sample = |i: usize| match &frame.samples {
@@ -93,14 +91,13 @@ impl Grey {
         let mean = means.iter().sum::<f64>() / 4.0;
         for (x, y) in pixels() {
             let own = means[place(x, y)];
-            // A place that saw nothing at all cannot be scaled up; it stays dark.
+            // A site without signal is not scaled.
             let gain = if own > 1e-3 * mean.abs() { mean / own } else { 1.0 };
             values[y * width + x] *= gain as f32;
         }
         Self { width, height, values, scale: 1 }
     }
 
-    /// All of it.
     pub(super) fn whole(&self) -> Window {
         Window { x0: 0, y0: 0, x1: self.width, y1: self.height }
     }
@@ -123,7 +120,7 @@ impl Grey {
         Some(Window { x0, y0, x1, y1 })
     }
 
-    /// Least and largest mean over the window's blocks of 8 x 8 pixels: the range without noise.
+    /// Smallest and largest mean over the window's blocks of 8 x 8 pixels: a range robust to noise.
     pub(super) fn block_range(&self, window: Window) -> [f32; 2] {
         let [mut low, mut high] = [f32::INFINITY, f32::NEG_INFINITY];
         for y in (window.y0..window.y1.saturating_sub(7)).step_by(8) {
@@ -137,7 +134,7 @@ impl Grey {
         [low, high]
     }
 
-    /// How far the means of its blocks lie apart; zero when there are none.
+    /// Range of the block means; zero without blocks.
     pub(super) fn contrast(&self) -> f32 {
         let [low, high] = self.block_range(self.whole());
         (high - low).max(0.0)

@@ -1,4 +1,4 @@
-//! The lens: from sensor pixels to those of an ideal pinhole and back.
+//! Lens model: sensor pixels to ideal pinhole pixels and back.
 
 use evrig_session::rig::CameraDescription;
 use kornia_imgproc::calibration::CameraIntrinsic;
@@ -8,15 +8,15 @@ use kornia_imgproc::calibration::distortion::{
 use nalgebra::Matrix2;
 use serde::{Deserialize, Serialize};
 
-/// A pinhole with Brown's distortion, as the rig describes it.
+/// Pinhole camera with Brown's distortion, as in the rig description.
 ///
 /// Pixel coordinates are continuous: pixel `i` covers `i..i + 1`. *Ideal* pixels are those of the
-/// same camera with a perfect lens; homographies are straight only there.
+/// same camera without distortion; homographies hold only there.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Lens {
     /// Focal length in pixels.
     pub focal_px: f64,
-    /// Where the optical axis meets the sensor.
+    /// Principal point.
     pub centre_px: [f64; 2],
     /// k1, k2, p1, p2, k3.
     pub distortion: [f64; 5],
@@ -46,7 +46,7 @@ impl Lens {
         let found = undistort_normalized_point_iter(x, y, u, v, &self.pinhole(), &brown, criteria);
         let ideal = [cx + self.focal_px * found.x, cy + self.focal_px * found.y];
         let back = self.distort(ideal);
-        // The solver's own verdict asks for its tolerance; a thousandth of a pixel is enough here.
+        // A thousandth of a pixel suffices, whatever the solver reports.
         ((back[0] - u).hypot(back[1] - v) < 1e-3).then_some(ideal)
     }
 
@@ -57,7 +57,7 @@ impl Lens {
         [u, v]
     }
 
-    /// How the ideal pixel moves when the sensor pixel moves.
+    /// Derivative of the ideal pixel by the sensor pixel.
     pub(super) fn undistort_jacobian(&self, sensor: [f64; 2]) -> Option<Matrix2<f64>> {
         if self.distortion == [0.0; 5] {
             return Some(Matrix2::identity());

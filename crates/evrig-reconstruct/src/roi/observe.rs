@@ -1,4 +1,4 @@
-//! From corners in a frame to a sighting in time, and through the lens to an observation.
+//! Corners in a frame to a detection in time, and to an observation in ideal pixels.
 
 use super::corners::Corners;
 use super::lens::Lens;
@@ -11,12 +11,12 @@ use evrig_core::geometry::Homography;
 use evrig_core::time::{Clock, Span, Stamp};
 use nalgebra::{SMatrix, SVector};
 
-/// When a row coordinate of a frame saw light, after its first row.
+/// Delay of a row coordinate's exposure after that of the first row.
 fn row_delay(row_time: Span, y: f64) -> Span {
     Span::from_secs_f64(row_time.as_secs_f64() * (y - 0.5).max(0.0))
 }
 
-/// The sighting that corners make, with the time of each corner's row.
+/// The detection of fitted corners, with the time of each corner's row.
 pub(super) fn sighting<C: Clock>(frame: &Frame<C>, number: u64, corners: &Corners) -> Sighting<C> {
     let row_time = frame.timing.row_time;
     let middle = corners.points.iter().map(|point| point[1]).sum::<f64>() / 4.0;
@@ -32,7 +32,7 @@ pub(super) fn sighting<C: Clock>(frame: &Frame<C>, number: u64, corners: &Corner
     }
 }
 
-/// A sighting through a perfect lens; None when the lens or the corners make no sense.
+/// A detection in ideal pixels; None when lens or corners are degenerate.
 pub(super) fn observe<C: Clock>(
     sighting: &Sighting<C>,
     zero: Stamp<C>,

@@ -1,30 +1,30 @@
-//! What became of each frame: a sighting of the tag, or the reason why there is none.
+//! Result for each frame: a detection of the tag, or the reason for its absence.
 
 use evrig_core::time::{Clock, Span, Stamp};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Why a frame gives no sighting.
+/// Why a frame has no usable detection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Lost {
-    /// The frame holds fewer samples than its size needs, or colours where a mosaic was stated.
+    /// The frame has fewer samples than its size needs, or colours where a mosaic was stated.
     Unreadable,
-    /// The frame does not come after the one before it.
+    /// The frame is not after the one before it.
     OutOfOrder,
-    /// The frame is of one brightness.
+    /// The frame has no contrast.
     NoContrast,
-    /// Nothing like a tag of the family is in the frame.
+    /// No tag of the family was detected.
     NotFound,
-    /// Tags of the family are in the frame, but none with the number looked for.
+    /// Only tags of the family with other ids were detected.
     OtherId,
-    /// A corner is so near the frame's border that its surroundings are cut off.
+    /// A corner is too close to the frame's border.
     AtBorder,
-    /// The outline does not stand out clearly enough for corners.
+    /// The outline has too little contrast for a corner fit.
     Unclear,
-    /// The corners do not lie on the path that all the others follow.
+    /// The corners are an outlier of the path.
     Outlier,
-    /// Too few sightings around it for a path.
+    /// Too few neighbouring detections for a path.
     Isolated,
 }
 
@@ -46,13 +46,13 @@ impl Lost {
     }
 }
 
-/// The tag in one frame.
+/// Detection of the tag in one frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Sighting<C: Clock> {
-    /// Number of the frame among those shown to the tracker, from 0.
+    /// Index of the frame among those given to the tracker, from 0.
     pub frame: u64,
-    /// Mid-exposure of the row of the tag's middle.
+    /// Mid-exposure of the row of the tag's centre.
     pub time: Stamp<C>,
     /// Sensor pixels of the tag's corners: bottom left, bottom right, top right, top left.
     pub corners_px: [[f64; 2]; 4],
@@ -60,29 +60,29 @@ pub struct Sighting<C: Clock> {
     pub corner_delays: [Span; 4],
     /// Covariance of x and y of each corner in turn, row-major, square sensor pixels.
     pub covariance_px2: [[f64; 8]; 8],
-    /// Standard deviation of the blur across the outline, in sensor pixels.
+    /// Standard deviation of the blur across the outline, sensor pixels.
     pub blur_px: f64,
 }
 
-/// How many frames were seen and what became of them: seen = used + all lost.
+/// Frame counts: seen = used + lost for all reasons.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct TrackTally {
-    /// Frames shown.
+    /// Frames given.
     pub seen: u64,
-    /// Frames whose sightings carry the path.
+    /// Frames whose detections are part of the path.
     pub used: u64,
-    /// The others, by reason; a reason that lost none is absent.
+    /// The other frames by reason; reasons with no frame are absent.
     pub lost: BTreeMap<Lost, u64>,
-    /// Looks at whole frames and at windows, and the pixels searched in each kind.
+    /// Search effort.
     pub searched: Searched,
 }
 
-/// What the search has cost.
+/// Search effort.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Searched {
     /// Frames searched as a whole.
     pub whole_frames: u64,
-    /// Windows searched where the tag was expected.
+    /// Windows searched around predicted positions.
     pub windows: u64,
     /// Pixels in those windows together.
     pub window_pixels: u64,
@@ -93,7 +93,7 @@ impl TrackTally {
         *self.lost.entry(reason).or_default() += 1;
     }
 
-    /// A frame that was used is not any more.
+    /// Moves a used frame to the lost ones.
     pub(super) fn withdraw(&mut self, reason: Lost) {
         self.used -= 1;
         self.lose(reason);
@@ -105,13 +105,13 @@ impl TrackTally {
         self.lost.values().sum()
     }
 
-    /// Whether every frame is accounted for.
+    /// Whether every frame is counted.
     #[must_use]
     pub fn balances(&self) -> bool {
         self.seen == self.used + self.n_lost()
     }
 
-    /// The reasons with their counts in words, the most frequent first.
+    /// The reasons with their counts, the most frequent first.
     #[must_use]
     pub fn reasons(&self) -> String {
         let mut lost: Vec<_> = self.lost.iter().collect();

@@ -1,11 +1,11 @@
-//! Smoothing: from sightings with noise to the most probable path and its error.
+//! Kalman smoother of the target's path.
 //!
-//! Each of the similarity's four numbers moves with white jerk (its third derivative is white noise
-//! of a density that is estimated), so the path between two knots is a polynomial of fifth degree
-//! with continuous acceleration. Each corner is observed at its own time. An extended Kalman filter
-//! runs forwards and a Rauch-Tung-Striebel smoother backwards (Särkkä, "Bayesian Filtering and
-//! Smoothing", 2013, sections 5.2 and 9.1); repeated about its own result, this is the Gauss-Newton
-//! solution of the whole path. The densities are those of greatest likelihood.
+//! Each of the similarity's four parameters follows a white-jerk model (its third derivative is
+//! white noise with an estimated density), so that the path between two knots is a quintic
+//! polynomial with continuous acceleration. Each corner is observed at its own time. An extended
+//! Kalman filter runs forwards and a Rauch-Tung-Striebel smoother backwards (Särkkä, "Bayesian
+//! Filtering and Smoothing", 2013, sections 5.2 and 9.1); iterated, this is the Gauss-Newton
+//! solution of the whole path. The densities are maximum-likelihood estimates.
 
 use super::state::{Chart, Covariance, M, N, Numbers, SHAPE, State, numbers_after};
 use nalgebra::{SMatrix, SVector};
@@ -15,52 +15,52 @@ pub(super) type Corners = SVector<f64, 8>;
 /// Their covariance.
 pub(super) type CornersCovariance = SMatrix<f64, 8, 8>;
 
-/// One sighting in ideal pixels.
+/// One detection in ideal pixels.
 #[derive(Debug, Clone)]
 pub(super) struct Observation {
     /// Seconds since the track's zero.
     pub(super) at_s: f64,
-    /// Of each corner after `at_s`.
+    /// Delay of each corner after `at_s`.
     pub(super) delays_s: [f64; 4],
     pub(super) corners: Corners,
     pub(super) covariance: CornersCovariance,
-    /// The eight numbers of its own four corners.
+    /// The eight parameters of its own corners.
     pub(super) numbers: Numbers,
-    /// No path leads here from the one before.
+    /// Whether a new segment begins here.
     pub(super) is_start: bool,
 }
 
-/// Strength of what moves the path.
+/// Process noise densities.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Jerk {
-    /// Density of the jerk of scale and turn (of the tag's half side), px^2/s^5.
+    /// Density of the jerk of scale and rotation (of the tag's half side), px^2/s^5.
     pub(super) turn: f64,
-    /// Density of the jerk of the shift, px^2/s^5.
+    /// Density of the jerk of the translation, px^2/s^5.
     pub(super) shift: f64,
-    /// Variance that the shape gains in a second.
+    /// Growth of the shape's variance per second.
     pub(super) shape_per_s: f64,
 }
 
-/// A state with its error.
+/// State estimate and covariance.
 #[derive(Debug, Clone)]
 pub(super) struct Belief {
     pub(super) mean: State,
     pub(super) covariance: Covariance,
 }
 
-/// One run forwards.
+/// Result of the forward filter.
 struct Forward {
     predicted: Vec<Belief>,
     filtered: Vec<Belief>,
-    /// Squared innovation of each sighting in its own standard deviations; expected: 8.
+    /// Squared normalised innovation of each detection; expected: 8.
     squares: Vec<f64>,
     /// Logarithm of the determinant of each innovation's covariance.
     log_determinants: Vec<f64>,
-    /// By how much each sighting counted, 1 at most.
+    /// Weight of each detection, at most 1.
     weights: Vec<f64>,
 }
 
-/// The model that sightings are explained by.
+/// The smoother and its data.
 pub(super) struct Smoother<'a> {
     pub(super) chart: Chart,
     pub(super) corners_mm: [[f64; 2]; 4],
@@ -70,22 +70,20 @@ pub(super) struct Smoother<'a> {
 /// A smoothed path.
 pub(super) struct Smoothed {
     pub(super) beliefs: Vec<Belief>,
-    /// Squared distance of each sighting from where all the others expect it, in standard
-    /// deviations of that; expected: 8.
+    /// Squared normalised leave-one-out residual of each detection; expected: 8.
     pub(super) squares: Vec<f64>,
     pub(super) residuals: Vec<Corners>,
 }
 
-/// Degrees of freedom of the heavy-tailed law by which sightings are weighed while outliers may
-/// still be among them.
+/// Degrees of freedom of the Student-t weights used while outliers may be present.
 const TAIL: f64 = 4.0;
 
-/// Standard deviations of what is not known at a start: places, speeds, accelerations in px and s,
-/// then foreshortening and tilt.
+/// Initial standard deviations: position, speed, acceleration in px and s, then foreshortening and
+/// tilt.
 const START: [f64; 5] = [300.0, 3000.0, 1e5, 0.3, 0.6];
 
 impl Smoother<'_> {
-    /// States at the sightings' own numbers, standing still: where the first run is linearised.
+    /// States at the detections' own parameters at rest: the first linearisation point.
     pub(super) fn first_guess(&self) -> Vec<State> {
         let mut shape = SVector::<f64, 4>::zeros();
         for observation in self.observations {
@@ -101,7 +99,7 @@ impl Smoother<'_> {
         self.observations.iter().map(state).collect()
     }
 
-    /// The path about `guess`; sightings far off count less when `is_wary`.
+    /// The path linearised about `guess`; Student-t weights when `is_robust`.
     pub(super) fn smooth(&self, guess: &[State], jerk: Jerk, is_wary: bool) -> Option<Smoothed> {
         let forward = self.forward(guess, jerk, is_wary)?;
         let mut beliefs = forward.filtered.clone();
@@ -131,10 +129,10 @@ impl Smoother<'_> {
         Some(smoothed)
     }
 
-    /// Log-likelihood of the sightings, and the factor by which their covariances are too small.
+    /// Log-likelihood of the detections, and the factor by which their covariances are too small.
     ///
-    /// When wary, a heavy-tailed law with the covariances as they are; else the normal law with all
-    /// covariances, the jerk's included, multiplied by the factor that suits best.
+    /// Student-t with the covariances as given when robust; otherwise normal with all covariances,
+    /// including the jerk, scaled by the factor of greatest likelihood.
     pub(super) fn likelihood(
         &self,
         guess: &[State],
@@ -142,7 +140,8 @@ impl Smoother<'_> {
         is_wary: bool,
     ) -> Option<(f64, f64)> {
         let forward = self.forward(guess, jerk, is_wary)?;
-        // The first sightings of a stretch say nothing about its jerk: three numbers a component.
+        // The first detections of a segment carry no information on its jerk: three parameters per
+        // component.
         let mut since_start = 0;
         let counted: Vec<usize> = (0..forward.squares.len())
             .filter(|&k| {
@@ -220,7 +219,7 @@ impl Smoother<'_> {
         Belief { mean, covariance }
     }
 
-    /// From the state before sighting `k` to the one at it; what moves starts afresh at a start.
+    /// Transition from the state before detection `k`; identity at a segment start.
     fn transition(&self, k: usize) -> Covariance {
         let mut step = Covariance::identity();
         if self.observations[k].is_start {
@@ -239,7 +238,7 @@ impl Smoother<'_> {
         step
     }
 
-    /// The corners a state shows at their times, and how they depend on it.
+    /// Expected corners of a state at their times, and their derivatives.
     fn expect(&self, state: &State, observation: &Observation) -> (Corners, SMatrix<f64, 8, N>) {
         let mut corners = Corners::zeros();
         let mut slope = SMatrix::<f64, 8, N>::zeros();
@@ -255,11 +254,11 @@ impl Smoother<'_> {
     }
 }
 
-/// Squared distance of a sighting from where the others expect it, from its residual against the
-/// path in which it took part with a weight, and that path's covariance there.
+/// Squared leave-one-out residual of a detection, from its residual against the path it is part of
+/// with a weight, and the path's covariance there.
 ///
-/// With `W` the weighed noise and `P` the spread, the others alone are off by `W (W - P)^-1 r`,
-/// with the covariance `W (W - P)^-1 W - W` of their own.
+/// With `W` the weighted noise and `P` the path's covariance, the leave-one-out residual is `W (W -
+/// P)^-1 r` with covariance `W (W - P)^-1 W - W` from the others.
 fn square_without(
     residual: &Corners,
     spread: &CornersCovariance,
@@ -267,7 +266,7 @@ fn square_without(
     weight: f64,
 ) -> Option<f64> {
     let weighed = noise / weight;
-    // Where the sighting alone carries the path, nothing is left to compare it with.
+    // A detection that alone determines the path has no leave-one-out residual.
     let Some(rest) = (weighed - spread).cholesky() else { return Some(0.0) };
     let miss = weighed * rest.solve(residual);
     let own = weighed * rest.solve(&weighed) - weighed;

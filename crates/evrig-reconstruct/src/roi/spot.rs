@@ -1,14 +1,14 @@
-//! One tag in one frame, without a track: for a look at what a camera sees now.
+//! Tag detection in single frames, without a track, for live views.
 
 use super::detect::TagDetector;
 use super::grey::{Grey, Light};
 use evrig_core::frame::Frame;
 use evrig_core::time::Clock;
 
-/// Half the resolution in which edges are sought, for speed.
+/// Decimation of the edge search.
 const DECIMATION: f32 = 2.0;
 
-/// Finds one tag in frames that have nothing to do with each other.
+/// Detects one tag in unrelated frames.
 pub struct Spotter {
     detector: TagDetector,
     light: Light,
@@ -27,8 +27,8 @@ impl Spotter {
         Some(Self { detector: TagDetector::new(family, id)?, light })
     }
 
-    /// The tag's corners as the library finds them, in the frame's pixels: bottom left, bottom
-    /// right, top right, top left. None where it is not seen.
+    /// The tag's corners from the library, in the frame's pixels: bottom left, bottom right, top
+    /// right, top left. None where it is not detected.
     #[must_use]
     pub fn look<C: Clock>(&mut self, frame: &Frame<C>) -> Option<[[f64; 2]; 4]> {
         let grey = Grey::to_search(frame, self.light)?;

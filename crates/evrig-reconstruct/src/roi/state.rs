@@ -1,29 +1,29 @@
-//! The path's state and how it shows in the image.
+//! State of the target's path and its projection.
 //!
-//! From the target plane to ideal pixels the path is `image = shape o similarity(t)`: a similarity
-//! of the plane that moves, then a map that does not. This is exact for a camera that translates in
-//! any direction, and for one that also turns about an axis perpendicular to the target: an
-//! arm whose wrist stays upright over a flat target. The shape (two numbers for the foreshortening,
-//! two for the tilt) may drift slowly, so that a bent mount or lens is followed, not denied.
+//! From the target plane to ideal pixels the model is `image = shape o similarity(t)`: a similarity
+//! that moves, followed by a map that does not. It is exact for a camera that translates in any
+//! direction, and for one that also rotates about an axis perpendicular to the target, as an arm
+//! with an upright wrist over a flat target does. The shape (two parameters of foreshortening, two
+//! of tilt) may drift slowly.
 
 use super::lens::Lens;
 use super::target::TargetPlane;
 use evrig_core::geometry::{Homography, UncertainHomography};
 use nalgebra::{Matrix3, SMatrix, SVector};
 
-/// Similarity: four places, four speeds, four accelerations; then four of the shape.
+/// Similarity: four positions, four speeds, four accelerations; then four of the shape.
 pub(super) const N: usize = 16;
-/// What a homography depends on: the four places and the shape.
+/// Parameters of a homography: similarity and shape.
 pub(super) const M: usize = 8;
-/// Where the shape begins in the state.
+/// Index of the shape in the state.
 pub(super) const SHAPE: usize = 12;
 
 pub(super) type State = SVector<f64, N>;
 pub(super) type Covariance = SMatrix<f64, N, N>;
 
-/// The fixed frame in which states are written.
+/// Parametrisation of the states.
 ///
-/// Places are in pixels: `[a, b, x, y]` takes a plane point `p` (from the tag's middle, in half
+/// Positions are in pixels: `[a, b, x, y]` maps a plane point `p` (from the tag's centre, in half
 /// sides of the tag) to `(a p.x - b p.y + x, b p.x + a p.y + y)`, from the optical axis. The shape
 /// `[s, c, u, v]` then gives `((1+s) q.x + c q.y, c q.x + (1-s) q.y) / (1 + (u q.x + v q.y) / f)`.
 #[derive(Debug, Clone, Copy)]
@@ -34,7 +34,7 @@ pub(super) struct Chart {
     half_mm: f64,
 }
 
-/// The eight numbers of a homography and how it depends on them.
+/// The eight parameters of a homography.
 pub(super) type Numbers = SVector<f64, M>;
 
 impl Chart {
@@ -47,7 +47,7 @@ impl Chart {
         }
     }
 
-    /// Ideal pixel of a plane point, and its derivatives by the eight numbers.
+    /// Ideal pixel of a plane point, and its derivatives by the eight parameters.
     pub(super) fn project(
         &self,
         numbers: &Numbers,
@@ -101,8 +101,7 @@ impl Chart {
         Homography::from_matrix(shift * shape * similarity * plane)
     }
 
-    /// The homography with its error. It is linear in neither the scale nor the tilt, so its
-    /// elements' covariance follows by small steps of the eight numbers.
+    /// The homography with the covariance of its elements, by numerical derivatives.
     pub(super) fn uncertain(
         &self,
         numbers: &Numbers,
@@ -125,7 +124,7 @@ impl Chart {
         UncertainHomography { homography, covariance: slope * covariance * slope.transpose() }
     }
 
-    /// The eight numbers of a homography; None for one that shows the plane from behind or edge on.
+    /// The eight parameters of a homography; None for a plane seen from behind or edge-on.
     pub(super) fn numbers(&self, homography: &Homography) -> Option<Numbers> {
         let [cx, cy] = self.centre_px;
         let [mx, my] = self.middle_mm;
@@ -133,16 +132,17 @@ impl Chart {
         let h = self.half_mm;
         let from_half_sides = Matrix3::new(h, 0.0, mx, 0.0, h, my, 0.0, 0.0, 1.0);
         let matrix = unshift * homography.matrix() * from_half_sides;
-        // The plane point that the optical axis meets, in half sides.
+        // The plane point on the optical axis, in half sides.
         let axis = matrix.try_inverse()? * nalgebra::Vector3::z();
         let [px, py] = [axis.x / axis.z, axis.y / axis.z];
         let weight = matrix[(2, 0)] * px + matrix[(2, 1)] * py + matrix[(2, 2)];
         let m = matrix / weight;
-        // Around it, linear part (symmetric of trace two) times (scaled turn), and the tilt.
+        // Around it, a symmetric linear part of trace two times a scaled rotation, and the tilt.
         let (m00, m01, m10, m11) = (m[(0, 0)], m[(0, 1)], m[(1, 0)], m[(1, 1)]);
         let determinant = m00 * m11 - m01 * m10;
         let size = (m00 * m00 + m01 * m01 + m10 * m10 + m11 * m11 + 2.0 * determinant).sqrt();
-        // Polar decomposition of a 2 x 2 matrix: turn along (m00 + m11, m10 - m01), trace `size`.
+        // Polar decomposition of a 2 x 2 matrix: rotation along (m00 + m11, m10 - m01), trace
+        // `size`.
         let (cos, sin) = ((m00 + m11) / size, (m10 - m01) / size);
         let scale = size / 2.0;
         let (a, b) = (scale * cos, scale * sin);
@@ -164,7 +164,7 @@ impl Chart {
     }
 }
 
-/// The state's eight numbers `delay` seconds later, and how they depend on the state.
+/// The eight parameters `delay` seconds after the state, and their derivatives by the state.
 pub(super) fn numbers_after(state: &State, delay: f64) -> (Numbers, SMatrix<f64, M, N>) {
     let mut slope = SMatrix::<f64, M, N>::zeros();
     for i in 0..4 {

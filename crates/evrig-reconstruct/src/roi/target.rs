@@ -1,18 +1,18 @@
-//! The target plane: where tag and picture lie on the print.
+//! Target plane: positions of the tag and the target image.
 
 use evrig_session::rig::TargetDescription;
 use serde::{Deserialize, Serialize};
 
-/// Tag and picture in the target plane: millimetres to the right and down from the middle of
-/// picture and tag together. The picture lies to the left of the tag, bottoms aligned; its
-/// bottom-right corner is one gap to the left of the tag's bottom-left corner.
+/// Tag and target image in the target plane: millimetres to the right and down from the centre of
+/// both together. The image lies to the left of the tag, bottoms aligned; its bottom-right corner
+/// is one gap to the left of the tag's bottom-left corner.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TargetPlane {
     /// Side of the tag's black border.
     pub tag_side_mm: f64,
-    /// Side of the picture.
+    /// Side of the target image.
     pub picture_side_mm: f64,
-    /// From the picture's right edge to the tag's left edge.
+    /// From the image's right edge to the tag's left edge.
     pub gap_mm: f64,
 }
 
@@ -34,14 +34,14 @@ impl TargetPlane {
         square([right - self.tag_side_mm, bottom], self.tag_side_mm)
     }
 
-    /// Middle of the tag.
+    /// Centre of the tag.
     #[must_use]
     pub fn tag_centre_mm(&self) -> [f64; 2] {
         let [right, bottom] = self.bottom_right();
         [right - self.tag_side_mm / 2.0, bottom - self.tag_side_mm / 2.0]
     }
 
-    /// The picture's corners: bottom left, bottom right, top right, top left.
+    /// The target image's corners: bottom left, bottom right, top right, top left.
     #[must_use]
     pub fn picture_corners_mm(&self) -> [[f64; 2]; 4] {
         let [right, bottom] = self.bottom_right();
@@ -49,7 +49,7 @@ impl TargetPlane {
         square([left, bottom], self.picture_side_mm)
     }
 
-    /// Middle of the picture.
+    /// Centre of the target image.
     #[must_use]
     pub fn picture_centre_mm(&self) -> [f64; 2] {
         let [a, _, c, _] = self.picture_corners_mm();

@@ -1,4 +1,4 @@
-//! The track: where the target is at any time, with its error.
+//! Track: pose of the target at any time, with its error.
 
 use super::lens::Lens;
 use super::sighting::{Lost, Sighting, TrackTally};
@@ -12,35 +12,35 @@ use evrig_core::units::{Degrees, Pixels};
 use nalgebra::{Matrix2, SMatrix};
 use serde::{Deserialize, Serialize};
 
-/// The target's path through a camera's picture.
+/// Path of the target through a camera's images.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Track<C: Clock> {
-    /// Family and number of the tag.
+    /// Family and id of the tag.
     pub tag: String,
-    /// Where tag and picture lie on the print.
+    /// Geometry of the target.
     pub plane: TargetPlane,
     /// The camera's lens.
     pub lens: Lens,
     /// Frames seen, used, and lost by reason.
     pub tally: TrackTally,
-    /// Every frame that was lost, in the order seen.
+    /// Every lost frame, in order.
     pub losses: Vec<Loss<C>>,
-    /// Stretches between sightings that are too long for a path to lead across.
+    /// Gaps between detections that are not interpolated.
     pub gaps: Vec<Gap<C>>,
-    /// The sightings that carry the path, one for each knot.
+    /// The detections of the path, one for each knot.
     pub sightings: Vec<Sighting<C>>,
-    /// The path at the sightings' times, ascending.
+    /// The path at the detections' times, ascending.
     pub knots: Vec<Knot<C>>,
-    /// How well the path describes the sightings.
+    /// Goodness of fit.
     pub quality: Quality,
 }
 
-/// A frame without a sighting.
+/// A frame without a usable detection.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Loss<C: Clock> {
-    /// Number of the frame among those shown, from 0.
+    /// Index of the frame among those given, from 0.
     pub frame: u64,
     /// Its time.
     pub time: Stamp<C>,
@@ -48,24 +48,24 @@ pub struct Loss<C: Clock> {
     pub reason: Lost,
 }
 
-/// A stretch across which no path leads.
+/// A gap that is not interpolated.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Gap<C: Clock> {
-    /// The last sighting before it.
+    /// The last detection before it.
     pub from: Stamp<C>,
     /// The first after it.
     pub to: Stamp<C>,
 }
 
-/// The path at one time. Its numbers are those of `roi::state`: a similarity from the tag's half
-/// sides to pixels, with its speed and acceleration, and the shape that is put on top.
+/// The path at one time, in the parameters of `roi::state`: a similarity from the tag's half sides
+/// to pixels with speed and acceleration, and the shape applied after it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Knot<C: Clock> {
     /// When.
     pub time: Stamp<C>,
-    /// Turned scale and shift; per second; per second squared. Pixels.
+    /// Scaled rotation and translation; per second; per second squared. Pixels.
     pub similarity: [[f64; 4]; 3],
     /// Foreshortening and tilt.
     pub shape: [f64; 4],
@@ -73,40 +73,40 @@ pub struct Knot<C: Clock> {
     pub covariance: [[f64; 8]; 8],
 }
 
-/// How well the path describes the sightings.
+/// Goodness of fit of a path.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
-    /// Distance of the seen corners from the path's, root mean square, in ideal pixels.
+    /// Root-mean-square distance of the detected corners from the path, ideal pixels.
     pub corner_rms_px: f64,
-    /// The corners' stated variances were too small by this factor; the path's error has it in.
+    /// Factor by which the corners' stated variances were too small; the path's error includes it.
     pub variance_factor: f64,
-    /// Density of the jerk of the tag's scale and turn, px^2/s^5.
+    /// Density of the jerk of the tag's scale and rotation, px^2/s^5.
     pub turn_jerk: f64,
-    /// Density of the jerk of the tag's shift, px^2/s^5.
+    /// Density of the jerk of the tag's translation, px^2/s^5.
     pub shift_jerk: f64,
-    /// Longest stretch that the path leads across.
+    /// Longest gap that is interpolated.
     pub max_gap: Span,
 }
 
-/// The target at one time.
+/// Pose of the target at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
-    /// From millimetres on the print to ideal pixels, with its error.
+    /// From millimetres on the target to ideal pixels, with its error.
     pub ideal_from_plane: UncertainHomography,
     lens: Lens,
     plane: TargetPlane,
 }
 
-/// The picture's region at one time, in sensor pixels.
+/// Region of the target image at one time, in sensor pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Roi {
-    /// Bottom left, bottom right, top right and top left of the picture as it stands upright.
+    /// Bottom left, bottom right, top right and top left of the upright target image.
     pub polygon: [[f64; 2]; 4],
     /// Standard errors of the polygon's corners along x and y.
     pub polygon_errors: [[f64; 2]; 4],
-    /// Image of the picture's middle.
+    /// Sensor pixel of the image's centre.
     pub centre: [f64; 2],
-    /// Lengths of the middle lines: from left to right and from top to bottom.
+    /// Lengths of the centre lines: from left to right and from top to bottom.
     pub size: [Pixels; 2],
     /// Direction of the bottom edge from left to right: 0 is along the rows, positive is clockwise.
     pub angle: Degrees,
@@ -114,19 +114,19 @@ pub struct Roi {
     pub angle_error: Degrees,
 }
 
-/// Why there is no path at a time.
+/// Why there is no pose at a time.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum NoPath {
-    /// Before the first or after the last sighting.
+    /// Before the first or after the last detection.
     #[error(
         "the track runs from {from_us} to {to_us} us of its clock; there is no path at {at_us} us"
     )]
     Outside {
-        /// The time asked for.
+        /// The requested time.
         at_us: i64,
-        /// The first sighting.
+        /// The first detection.
         from_us: i64,
-        /// The last sighting.
+        /// The last detection.
         to_us: i64,
     },
     /// In a gap.
@@ -134,24 +134,25 @@ pub enum NoPath {
         "the tag was not seen from {from_us} to {to_us} us, longer than the {limit} a path may lead across; there is no path at {at_us} us"
     )]
     Gap {
-        /// The time asked for.
+        /// The requested time.
         at_us: i64,
-        /// The last sighting before it.
+        /// The last detection before it.
         from_us: i64,
         /// The first after it.
         to_us: i64,
-        /// Longest stretch that the path leads across.
+        /// Longest gap that is interpolated.
         limit: Span,
     },
-    /// The numbers stored are no path.
+    /// The stored parameters are no valid path.
     #[error("the track's numbers at {0} us are no homography; was the file changed?")]
     Broken(i64),
 }
 
 impl<C: Clock> Track<C> {
-    /// The target at a time. It may lie up to one frame's rows outside the first and last sighting.
+    /// The pose at a time, up to one frame's rows outside the first and last detection.
     ///
     /// # Errors
+    ///
     /// When the time lies outside the track or in a gap.
     pub fn at(&self, time: Stamp<C>) -> Result<View, NoPath> {
         let at_us = time.as_micros();
@@ -180,13 +181,13 @@ impl<C: Clock> Track<C> {
         is_sound.then_some(view).ok_or(NoPath::Broken(at_us))
     }
 
-    /// First and last time at which there is a path.
+    /// First and last time of the path.
     #[must_use]
     pub fn span(&self) -> Option<[Stamp<C>; 2]> {
         Some([self.knots.first()?.time, self.knots.last()?.time])
     }
 
-    /// Mean distance of the seen corners from the path with the number of corners.
+    /// Root-mean-square distance of the detected corners from the path, with the number of corners.
     #[must_use]
     pub fn corner_rms(&self) -> Estimate {
         let n = 4 * self.sightings.len() as u64;
@@ -220,9 +221,9 @@ impl<C: Clock> Knot<C> {
 
 /// The path between two knots.
 ///
-/// The mean is exact: under white jerk it is the polynomial of fifth degree that has place, speed
-/// and acceleration of both. The covariance is that of the knots, interpolated, with what the jerk
-/// adds between two known states: density T^5 (s (1 - s))^5 / 20.
+/// The mean is exact: under white jerk it is the quintic Hermite polynomial of position, speed and
+/// acceleration at both ends. The covariance is interpolated between the knots, plus the variance
+/// of the jerk between two known states: density T^5 (s (1 - s))^5 / 20.
 fn between<C: Clock>(
     before: &Knot<C>,
     after: &Knot<C>,
@@ -233,7 +234,7 @@ fn between<C: Clock>(
     let s = (time - before.time).as_secs_f64() / length;
     let ((mut numbers, start), (end_numbers, end)) = (before.here(), after.here());
     let r = 1.0 - s;
-    // Hermite's basis of fifth degree for place, speed and acceleration at one end.
+    // Quintic Hermite basis for position, speed and acceleration at one end.
     let basis = |near: f64, far: f64| {
         [
             far.powi(3) * (1.0 + 3.0 * near + 6.0 * near * near),
@@ -245,7 +246,7 @@ fn between<C: Clock>(
     for i in 0..4 {
         numbers[i] = (0..3)
             .map(|order| {
-                // Speed runs against the far end's own direction.
+                // Speed changes sign with the direction of time.
                 let sign = if order == 1 { -1.0 } else { 1.0 };
                 left[order] * before.similarity[order][i]
                     + sign * right[order] * after.similarity[order][i]
@@ -263,32 +264,32 @@ fn between<C: Clock>(
 }
 
 impl View {
-    /// From millimetres on the print to ideal pixels.
+    /// From millimetres on the target to ideal pixels.
     #[must_use]
     pub fn homography(&self) -> &Homography {
         &self.ideal_from_plane.homography
     }
 
-    /// Sensor pixel of a place on the print.
+    /// Sensor pixel of a target position in millimetres.
     #[must_use]
     pub fn pixel(&self, place_mm: [f64; 2]) -> [f64; 2] {
         self.lens.distort(self.homography().apply(place_mm))
     }
 
-    /// Ideal pixel of a place on the print, with its covariance.
+    /// Ideal pixel of a target position, with its covariance.
     #[must_use]
     pub fn ideal_pixel(&self, place_mm: [f64; 2]) -> ([f64; 2], Matrix2<f64>) {
         self.ideal_from_plane.apply(place_mm)
     }
 
-    /// Place on the print of a sensor pixel; None beyond the horizon or the lens.
+    /// Target position of a sensor pixel, millimetres; None beyond the horizon or the lens.
     #[must_use]
     pub fn place_mm(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
         let place = self.homography().inverse()?.apply(self.lens.undistort(pixel)?);
         place.iter().all(|part| part.is_finite()).then_some(place)
     }
 
-    /// The picture's region.
+    /// The region of the target image.
     #[must_use]
     pub fn roi(&self) -> Roi {
         let corners = self.plane.picture_corners_mm();
@@ -314,7 +315,7 @@ impl View {
         }
     }
 
-    /// Standard error of the direction from one place to another, radians.
+    /// Standard error of the direction between two target positions, radians.
     fn angle_error(&self, from_mm: [f64; 2], to_mm: [f64; 2]) -> f64 {
         let direction = |h: &Homography| {
             let [a, b] = [h.apply(from_mm), h.apply(to_mm)];
@@ -322,7 +323,7 @@ impl View {
         };
         let here = direction(self.homography());
         let elements: [[f64; 3]; 3] = (*self.homography()).into();
-        // By small steps of the nine elements, each in proportion to its own error.
+        // Numerical derivatives by the nine elements, each with a step in proportion to its error.
         let gradient = nalgebra::SVector::<f64, 9>::from_fn(|i, _| {
             let step = 1e-3 * self.ideal_from_plane.covariance[(i, i)].max(0.0).sqrt();
             if step == 0.0 {

@@ -1,32 +1,31 @@
-//! Why there is no track.
 
 use super::detect::FAMILIES;
 
 /// Why there is no track.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TrackError {
-    /// The rig names a family that the detector does not have.
+    /// The rig names an unsupported tag family.
     #[error("tag family `{0}` is not known; expected one of {known}", known = FAMILIES.join(", "))]
     UnknownFamily(String),
-    /// A tag or a picture without size, a lens without focal length.
+    /// A tag or target image without size, or a lens without focal length.
     #[error("the rig states {what}; a track needs a positive number")]
     BadRig {
-        /// What is wrong.
+        /// Name and value.
         what: String,
     },
-    /// No frame was shown.
+    /// No frame was given.
     #[error("there are no frames to track the tag in")]
     NoFrames,
-    /// No frame has a usable sighting, or too few are near each other for a path.
+    /// No frame has a usable detection, or too few are close enough for a path.
     #[error("{tag} makes no track in {seen} frames: {reasons}{also}")]
     NoTag {
-        /// Family and number that were looked for.
+        /// Family and id of the tag.
         tag: String,
-        /// Frames shown.
+        /// Frames given.
         seen: u64,
         /// Frames by reason, in words.
         reasons: String,
-        /// What was seen instead, in words; empty if nothing.
+        /// What was detected instead, in words; empty if nothing.
         also: String,
     },
 }

@@ -1,4 +1,4 @@
-//! The tracker: frames in, one after another; a track out.
+//! Tracker of one tag through the frames of one camera.
 
 use super::corners::{Corners, refine};
 use super::detect::{FAMILIES, Look, TagDetector};
@@ -18,27 +18,27 @@ use evrig_session::rig::{CameraDescription, TargetDescription};
 use nalgebra::SVector;
 use std::collections::BTreeMap;
 
-/// How to track.
+/// Options of a tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackOptions {
-    /// What the frames' samples are.
+    /// Meaning of the frames' samples.
     pub light: Light,
-    /// Longest time without a sighting that the path leads across.
+    /// Longest gap between detections that is interpolated.
     pub max_gap: Span,
-    /// A tag with a corner nearer to the frame's border than this is not used: what lies beyond
-    /// would pull its outline.
+    /// Least distance of a corner from the frame's border; a cut-off surrounding biases the outline
+    /// fit.
     pub border: Pixels,
 }
 
 impl TrackOptions {
-    /// The usual: a path across at most 150 ms, corners at least 6 px from the border.
+    /// Defaults: gaps of at most 150 ms, corners at least 6 px from the border.
     #[must_use]
     pub fn new(light: Light) -> Self {
         Self { light, max_gap: Span::from_micros(150_000), border: Pixels(6.0) }
     }
 }
 
-/// Follows one tag through the frames of one camera.
+/// Tracks one tag through the frames of one camera.
 pub struct Tracker<C: Clock> {
     detector: TagDetector,
     target: TargetDescription,
@@ -50,27 +50,28 @@ pub struct Tracker<C: Clock> {
     losses: Vec<Loss<C>>,
     sightings: Vec<Sighting<C>>,
     last_time: Option<Stamp<C>>,
-    /// Numbers of other tags of the family, and of tags of other families, with counts of frames.
+    /// Ids of other tags of the family, and of tags of other families, with counts of frames.
     others: BTreeMap<(String, usize), u64>,
-    /// Frames in which other families were looked for.
+    /// Frames in which other families were searched.
     n_doubted: u64,
 }
 
-/// While nothing was found yet, other families are looked for in so many frames.
+/// Most frames in which other families are searched, while nothing was detected.
 const MAX_DOUBTED: u64 = 8;
 
-/// A tag at least so wide is sought at half resolution: faster, and found as often
+/// Least width of a tag that is searched at half resolution: faster, with the same detection rate
 /// (C detector: 40 px at blur 1 px).
 const WIDE_TAG_PX: f64 = 40.0;
 
-/// A frame whose block means differ by less than this share of the full range shows nothing.
+/// Least contrast of a frame, as a share of the full range.
 const NO_CONTRAST: f32 = 0.02;
 
 impl<C: Clock> Tracker<C> {
     /// A tracker for the rig's tag in one of its cameras.
     ///
     /// # Errors
-    /// When the rig's numbers make no sense or its family is not known.
+    ///
+    /// When the rig's numbers are invalid or its tag family is unknown.
     pub fn new(
         target: &TargetDescription,
         camera: &CameraDescription,
@@ -107,12 +108,15 @@ impl<C: Clock> Tracker<C> {
         })
     }
 
-    /// Looks for the tag in the next frame. A sighting may still be found off the path in the end.
+    /// Detects the tag in the next frame. A detection may still be rejected as an outlier in
+    /// [`Self::finish`].
     ///
-    /// The frame's `timing.row_time` tells when each row saw light.
+    /// The frame's `timing.row_time` gives the exposure time of each row.
     ///
     /// # Errors
-    /// The reason when the frame gives no sighting; it is counted, and the next frame may follow.
+    ///
+    /// The reason when the frame has no usable detection; it is counted, and the next frame may
+    /// follow.
     pub fn see(&mut self, frame: &Frame<C>) -> Result<&Sighting<C>, Lost> {
         let number = self.tally.seen;
         self.tally.seen += 1;
@@ -157,7 +161,7 @@ impl<C: Clock> Tracker<C> {
         Ok(sighting(frame, number, &corners))
     }
 
-    /// The tag where it is expected, else anywhere.
+    /// Searches the predicted window, then the whole frame.
     fn find(&mut self, grey: &Grey, time: Stamp<C>) -> Look {
         if let Some((expected, margin)) = self.expected(time)
             && let Some(window) = grey.window(&expected, margin)
@@ -173,8 +177,8 @@ impl<C: Clock> Tracker<C> {
         self.detector.look(grey, grey.whole(), self.decimation)
     }
 
-    /// Corners and the margin around them in which the tag should be found, from the last two
-    /// sightings; None when those are too long ago.
+    /// Predicted corners and the margin of the search window, from the last two detections; None
+    /// when those are too old.
     fn expected(&self, time: Stamp<C>) -> Option<([[f64; 2]; 4], f64)> {
         let last = self.sightings.last()?;
         let since = (time - last.time).as_secs_f64();
@@ -183,7 +187,7 @@ impl<C: Clock> Tracker<C> {
         }
         let side = distance(last.corners_px[0], last.corners_px[1])
             .max(distance(last.corners_px[1], last.corners_px[2]));
-        // A cell and a half of quiet paper around the tag, and what its speed may change by.
+        // The tag's white margin of a cell and a half, and the change of its speed.
         let quiet = 0.2 * side + 4.0;
         let before = self.sightings.len().checked_sub(2).map(|i| &self.sightings[i]);
         let Some(before) = before.filter(|b| last.time - b.time < self.options.max_gap) else {
@@ -204,7 +208,7 @@ impl<C: Clock> Tracker<C> {
         let Light::Mosaic { black_level_dn } = self.options.light else {
             return refine(grey, guess);
         };
-        // Half the resolution first: the guess must be within half a cell.
+        // Half resolution first: the fit needs a start within half a cell.
         let coarse = refine(grey, guess).map_or(guess, |corners| corners.points);
         let full = Grey {
             width: usize::from(frame.size.width),
@@ -217,11 +221,11 @@ impl<C: Clock> Tracker<C> {
         refine(&Grey::balanced(frame, black_level_dn, window), coarse)
     }
 
-    /// Why a frame shows no tag.
+    /// Why a frame has no tag.
     fn explain(&mut self, frame: &Frame<C>, grey: &Grey, look: &Look) -> Lost {
         let full = match frame.samples.bits() {
             8 => 255.0,
-            // Ten bits, unless the samples say that they use more.
+            // Ten bits, unless the samples exceed them.
             _ => grey.values.iter().fold(1023.0_f32, |high, value| high.max(*value)),
         };
         if grey.contrast() < NO_CONTRAST * full {
@@ -237,10 +241,10 @@ impl<C: Clock> Tracker<C> {
         if look.others.is_empty() { Lost::NotFound } else { Lost::OtherId }
     }
 
-    /// Counts the tags of other families, of any number.
+    /// Counts the tags of other families, of any id.
     fn look_for_other_families(&mut self, grey: &Grey) {
         for family in FAMILIES.iter().filter(|family| **family != self.target.tag_family) {
-            // No tag has the number that is looked for, so all come back as others.
+            // No tag has this id, so that all are returned as others.
             let Some(mut detector) = TagDetector::new(family, u32::MAX) else { continue };
             for id in detector.look(grey, grey.whole(), self.decimation).others {
                 *self.others.entry(((*family).to_owned(), id)).or_default() += 1;
@@ -248,10 +252,11 @@ impl<C: Clock> Tracker<C> {
         }
     }
 
-    /// The path through all sightings.
+    /// Fits the path to all detections.
     ///
     /// # Errors
-    /// When there were no frames, or no stretch of sightings that makes a path.
+    ///
+    /// When there were no frames, or no segment has enough detections.
     pub fn finish(mut self) -> Result<Track<C>, TrackError> {
         if self.tally.seen == 0 {
             return Err(TrackError::NoFrames);
@@ -333,7 +338,7 @@ impl<C: Clock> Tracker<C> {
 
     fn no_tag(&self) -> TrackError {
         let mut others: Vec<_> = self.others.iter().collect();
-        // Of equally many, the family whose code is least likely to be met by chance.
+        // Ties are resolved by the family with the lowest false-positive rate.
         let rank = |family: &str| FAMILIES.iter().position(|known| *known == family);
         others.sort_by_key(|((family, _), n)| (std::cmp::Reverse(**n), rank(family)));
         let named: Vec<_> = others

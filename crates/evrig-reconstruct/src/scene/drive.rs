@@ -1,30 +1,29 @@
-//! The drive from the map and the path.
+//! Log-intensity signal from the map and the path.
 
-use super::blur::{PointSpread, blurred, logarithm};
-use super::davis::DavisTie;
-use super::head::Head;
+use super::davis_alignment::DavisAlignment;
+use super::head::HeadGeometry;
 use super::map::{MapGrid, RadianceMap};
-use super::moving_light::MovingLight;
+use super::moving_illumination::MovingIllumination;
 use super::path::HeadPath;
+use super::point_spread::{PointSpread, blur_map, log_map};
 use super::raster::Raster;
-use super::register::Registration;
-use super::survey::Survey;
+use super::reconstruction::Reconstruction;
+use super::registration::Registration;
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::geometry::Size;
 use evrig_core::time::{Davis, Stamp};
 use nalgebra::Matrix3;
 use std::sync::{Arc, PoisonError, RwLock};
 
-/// Darker than this share of white nothing is told apart.
-const LEAST_SHARE: f64 = 1e-3;
+/// Darkest radiance that is resolved, as a share of white.
+const MIN_WHITE_SHARE: f64 = 1e-3;
 
-/// Instants along the path at which an error is judged.
-const ERROR_LOOKS: usize = 24;
+/// Instants along the path at which the error is evaluated.
+const ERROR_INSTANTS: usize = 24;
 
-/// The light signal of event pixels over a mapped print.
+/// Log-intensity signal of event pixels that view the mapped target.
 ///
-/// What it takes for granted of the event camera can be changed cheaply: its optics, its clock, its
-/// place. The map, the path and the print's geometry are shared among such variants.
+/// Variants with other optics, clock or position share the map, the path and the geometry.
 #[derive(Debug)]
 pub struct SceneDrive {
     size: Size,
@@ -32,73 +31,72 @@ pub struct SceneDrive {
     white_dn: f64,
     map: Arc<RadianceMap>,
     path: Arc<HeadPath>,
-    head: Head,
-    tie: DavisTie,
+    head: HeadGeometry,
+    alignment: DavisAlignment,
     pixel_mm: f64,
     spread: PointSpread,
     offset_us: f64,
     skew: f64,
     shift_px: [f64; 2],
-    /// The map as the pixels see it: logarithm over white, and its standard error.
-    seen: Arc<Seen>,
-    /// Light that moves over the print.
-    moving: Option<Arc<MovingLight>>,
-    /// Displacement of the path and of the event camera's place that may be left, DAVIS pixels.
+    /// The map blurred by the pixels' optics.
+    blurred: Arc<BlurredMap>,
+    illumination: Option<Arc<MovingIllumination>>,
+    /// Standard error of position from path and registration, DAVIS pixels.
     place_error_px: f64,
-    /// What the map is wrong by in the light of places, share.
+    /// Relative error of the map's radiance, as a share of it.
     light_error: f64,
-    poses: RwLock<Option<Arc<Poses>>>,
+    poses: RwLock<Option<Arc<PoseTable>>>,
 }
 
 #[derive(Debug)]
-struct Seen {
+struct BlurredMap {
     grid: MapGrid,
     log: Raster,
     /// Standard error of the logarithm, row-major.
     errors: Vec<f32>,
 }
 
-/// The geometry at the instants of one grid.
+/// Geometry at the instants of one time grid.
 #[derive(Debug)]
-struct Poses {
+struct PoseTable {
     grid: TimeGrid,
-    /// From rays to columns and rows of the map, the last element one; None off the path.
+    /// Homography from rays to map columns and rows with its last element one; None off the path.
     cell_from_ray: Vec<Option<[f64; 8]>>,
-    /// Logarithm of the light's level.
+    /// Logarithm of the illumination level.
     ln_light: Vec<f32>,
-    /// Seconds of the path.
     times_s: Vec<f64>,
 }
 
 impl SceneDrive {
-    /// The drive of an event camera of `size` that is tied to a survey.
+    /// The drive of an event camera of `size` aligned to a reconstruction.
     #[must_use]
-    pub fn new(size: Size, survey: &Survey, registration: &Registration) -> Self {
-        let tie = registration.tie;
-        let path = &survey.path;
+    pub fn new(size: Size, reconstruction: &Reconstruction, registration: &Registration) -> Self {
+        let alignment = registration.alignment;
+        let path = &reconstruction.path;
         let span_us = path.span_s().map_or([0, 0], |[from, to]| {
-            [tie.stamp(path, from).as_micros() + 1, tie.stamp(path, to).as_micros() - 1]
+            [alignment.stamp(path, from).as_micros() + 1, alignment.stamp(path, to).as_micros() - 1]
         });
-        let map = Arc::new(survey.map.clone());
+        let map = Arc::new(reconstruction.map.clone());
         let spread = registration.spread;
-        let seen = Arc::new(Seen::new(&map, survey.white_dn, spread, registration.pixel_mm));
+        let blurred =
+            Arc::new(BlurredMap::new(&map, reconstruction.white_dn, spread, registration.pixel_mm));
         Self {
             size,
             span_us,
-            white_dn: survey.white_dn,
+            white_dn: reconstruction.white_dn,
             map,
             path: Arc::new(path.clone()),
-            head: survey.head,
-            tie,
+            head: reconstruction.head,
+            alignment,
             pixel_mm: registration.pixel_mm,
             spread,
             offset_us: 0.0,
             skew: 0.0,
             shift_px: [0.0; 2],
-            seen,
-            moving: survey.moving_light.clone().map(Arc::new),
+            blurred,
+            illumination: reconstruction.moving_illumination.clone().map(Arc::new),
             place_error_px: registration
-                .left_px
+                .residual_px
                 .hypot(path.place_error_mm() / registration.pixel_mm),
             light_error: registration.light_error,
             poses: RwLock::new(None),
@@ -109,53 +107,52 @@ impl SceneDrive {
         Self {
             map: Arc::clone(&self.map),
             path: Arc::clone(&self.path),
-            seen: Arc::clone(&self.seen),
-            moving: self.moving.clone(),
+            blurred: Arc::clone(&self.blurred),
+            illumination: self.illumination.clone(),
             poses: RwLock::new(None),
             ..*self
         }
     }
 
-    /// The same scene seen through other optics: on top of the Pi's, in DAVIS pixels.
+    /// The same scene with another point-spread function.
     #[must_use]
     pub fn with_spread(&self, spread: PointSpread) -> Self {
-        let seen = Arc::new(Seen::new(&self.map, self.white_dn, spread, self.pixel_mm));
-        Self { spread, seen, ..self.variant() }
+        let blurred = Arc::new(BlurredMap::new(&self.map, self.white_dn, spread, self.pixel_mm));
+        Self { spread, blurred, ..self.variant() }
     }
 
-    /// The same scene, the DAVIS's stamps being late by so many microseconds more (positive: a stamp
-    /// shows light that was there before).
+    /// The same scene with DAVIS stamps late by so many more microseconds (positive: a stamp is
+    /// later than the light it shows).
     #[must_use]
     pub fn with_offset_us(&self, offset_us: f64) -> Self {
         Self { offset_us, ..self.variant() }
     }
 
-    /// The same scene, the DAVIS's clock running faster by this share; it agrees in the span's middle.
+    /// The same scene with a DAVIS clock faster by this share; it agrees at the middle of the span.
     #[must_use]
     pub fn with_skew(&self, skew: f64) -> Self {
         Self { skew, ..self.variant() }
     }
 
-    /// The same scene moved over the sensor: what was expected at a place appears so many columns
-    /// and rows farther.
+    /// The same scene shifted on the sensor by so many columns and rows.
     #[must_use]
     pub fn with_shift_px(&self, shift_px: [f64; 2]) -> Self {
         Self { shift_px, ..self.variant() }
     }
 
-    /// What blurs the map to what the event pixels see.
+    /// Point-spread function from the map to the event pixels.
     #[must_use]
     pub fn spread(&self) -> PointSpread {
         self.spread
     }
 
-    /// Where the cells of the map lie.
+    /// Grid of the map.
     #[must_use]
     pub fn grid(&self) -> MapGrid {
         self.map.grid
     }
 
-    /// Millimetres on the print that a place of the sensor looks at; None off the path.
+    /// Target position in millimetres seen at a sensor position in pixels; None off the path.
     #[must_use]
     pub fn place_mm(&self, place: [f64; 2], t_us: f64) -> Option<[f64; 2]> {
         let [u, v] = self.ray(place)?;
@@ -165,30 +162,30 @@ impl SceneDrive {
     }
 
     fn ray(&self, [u, v]: [f64; 2]) -> Option<[f64; 2]> {
-        self.tie.mount.ray([u - self.shift_px[0], v - self.shift_px[1]])
+        self.alignment.mount.ray([u - self.shift_px[0], v - self.shift_px[1]])
     }
 
-    /// Seconds of the path at a stamp.
+    /// Path time of a stamp, seconds.
     fn path_s(&self, t_us: f64) -> f64 {
         let middle_us = (self.span_us[0] + self.span_us[1]) as f64 / 2.0;
         let true_us = t_us - self.offset_us - self.skew * (t_us - middle_us);
-        // Whole microseconds go through the clocks, the rest stays apart.
+        // Clock maps take whole microseconds; the fraction is added afterwards.
         let whole = true_us.floor();
-        let mapped = self.tie.mapped_s(&self.path, Stamp::<Davis>::from_micros(whole as i64));
-        self.tie.path_s(mapped + (true_us - whole) * 1e-6)
+        let mapped = self.alignment.mapped_s(&self.path, Stamp::<Davis>::from_micros(whole as i64));
+        self.alignment.path_s(mapped + (true_us - whole) * 1e-6)
     }
 
     fn plane_from_ray(&self, t_us: f64) -> Option<Matrix3<f64>> {
-        self.tie.plane_from_ray(&self.head, &self.path, self.path_s(t_us))
+        self.alignment.plane_from_ray(&self.head, &self.path, self.path_s(t_us))
     }
 
-    /// The geometry of a grid; that of the last grid asked for is kept.
-    fn poses(&self, grid: TimeGrid) -> Arc<Poses> {
+    /// Geometry at the instants of a grid; the last one is cached.
+    fn poses(&self, grid: TimeGrid) -> Arc<PoseTable> {
         let kept = self.poses.read().unwrap_or_else(PoisonError::into_inner).clone();
         if let Some(poses) = kept.filter(|poses| poses.grid == grid) {
             return poses;
         }
-        let cells = self.seen.grid.cell_from_plane();
+        let cells = self.blurred.grid.cell_from_plane();
         let mut ln_light = Vec::with_capacity(grid.n);
         let mut cell_from_ray = Vec::with_capacity(grid.n);
         let mut times_s = Vec::with_capacity(grid.n);
@@ -201,19 +198,19 @@ impl SceneDrive {
                 std::array::from_fn(|k| m[(k / 3, k % 3)] / m[(2, 2)])
             }));
         }
-        let poses = Arc::new(Poses { grid, cell_from_ray, ln_light, times_s });
+        let poses = Arc::new(PoseTable { grid, cell_from_ray, ln_light, times_s });
         *self.poses.write().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&poses));
         poses
     }
 }
 
-impl Seen {
+impl BlurredMap {
     fn new(map: &RadianceMap, white_dn: f64, spread: PointSpread, pixel_mm: f64) -> Self {
-        let seen = blurred(map, spread, pixel_mm);
-        let least_dn = LEAST_SHARE * white_dn;
+        let blurred = blur_map(map, spread, pixel_mm);
+        let least_dn = MIN_WHITE_SHARE * white_dn;
         let error = |(error, value): (&f32, &f32)| error / value.max(least_dn as f32);
-        let errors = seen.errors().iter().zip(seen.values()).map(error).collect();
-        Self { grid: map.grid, log: logarithm(&seen, white_dn, least_dn), errors }
+        let errors = blurred.errors().iter().zip(blurred.values()).map(error).collect();
+        Self { grid: map.grid, log: log_map(&blurred, white_dn, least_dn), errors }
     }
 }
 
@@ -247,11 +244,11 @@ impl Drive for SceneDrive {
         for (out, ((matrix, ln_light), time_s)) in out.iter_mut().zip(instants) {
             let Some(matrix) = matrix else { continue };
             let [x, y] = cell(matrix, ray);
-            let passing = self.moving.as_ref().map_or(0.0, |moving| {
-                let grid = &self.seen.grid;
-                moving.ln_at(grid.place_of([x, y]), *time_s) as f32
+            let ln_illumination = self.illumination.as_ref().map_or(0.0, |illumination| {
+                let grid = &self.blurred.grid;
+                illumination.ln_at(grid.place_of([x, y]), *time_s) as f32
             });
-            *out = self.seen.log.sample(x, y) + ln_light + passing;
+            *out = self.blurred.log.sample(x, y) + ln_light + ln_illumination;
             any |= !out.is_nan();
         }
         any
@@ -259,7 +256,7 @@ impl Drive for SceneDrive {
 
     fn jumps_us(&self) -> Vec<[i64; 2]> {
         let [from, to] = self.span_us;
-        let stamp = |s: f64| self.tie.stamp(&self.path, s).as_micros();
+        let stamp = |s: f64| self.alignment.stamp(&self.path, s).as_micros();
         let late = self.offset_us.round() as i64;
         let jumps = self.path.jumps_s().into_iter();
         jumps.map(|ends| ends.map(|s| (stamp(s) + late).clamp(from, to))).collect()
@@ -268,22 +265,22 @@ impl Drive for SceneDrive {
     fn error(&self, place: [f64; 2]) -> f32 {
         let Some(ray) = self.ray(place) else { return f32::NAN };
         let [from, to] = self.span_us;
-        let step_us = ((to - from) / ERROR_LOOKS as i64).clamp(1, i64::from(u32::MAX)) as u32;
+        let step_us = ((to - from) / ERROR_INSTANTS as i64).clamp(1, i64::from(u32::MAX)) as u32;
         let (mut sum, mut n) = (0.0_f64, 0);
-        for i in 0..ERROR_LOOKS {
+        for i in 0..ERROR_INSTANTS {
             let t_us = (from + i as i64 * i64::from(step_us)) as f64;
             let Some(plane) = self.plane_from_ray(t_us) else { continue };
-            let m = self.seen.grid.cell_from_plane() * plane;
+            let m = self.blurred.grid.cell_from_plane() * plane;
             let [x, y] = cell(&std::array::from_fn(|k| m[(k / 3, k % 3)] / m[(2, 2)]), ray);
-            let [value, dx, dy] = self.seen.log.sample_with_slopes(x, y);
+            let [value, dx, dy] = self.blurred.log.sample_with_slopes(x, y);
             if !value.is_finite() {
                 continue;
             }
-            let at = (y as usize) * self.seen.grid.width + x as usize;
-            let cells_per_px = self.pixel_mm / self.seen.grid.cell_mm;
+            let at = (y as usize) * self.blurred.grid.width + x as usize;
+            let cells_per_px = self.pixel_mm / self.blurred.grid.cell_mm;
             let slope = f64::from(dx.hypot(dy)) * cells_per_px * self.place_error_px;
-            // A change has two ends, and what is wrong in place differs between them.
-            let noise = f64::from(self.seen.errors[at]);
+            // A difference of two samples has the variance of both.
+            let noise = f64::from(self.blurred.errors[at]);
             sum += 2.0 * (noise.powi(2) + self.light_error.powi(2) + slope.powi(2));
             n += 1;
         }

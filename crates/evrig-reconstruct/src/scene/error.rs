@@ -1,14 +1,14 @@
-//! Why no scene could be made.
-
 use evrig_core::geometry::Size;
 
-/// Why no scene could be made.
+/// Why no scene was reconstructed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SceneError {
-    /// A frame is not the raw mosaic that the camera was said to give.
-    #[error("Pi frame {index} is {got} of another kind; expected raw mosaic frames of {expected}")]
+    /// A frame is not of the raw Bayer format that the camera states.
+    #[error(
+        "Pi frame {index} is not raw or has the wrong size ({got}); expected raw Bayer frames of {expected}"
+    )]
     NotRaw {
-        /// Number of the frame, from 0.
+        /// Index of the frame, from 0.
         index: usize,
         /// Its size.
         got: Size,
@@ -17,55 +17,55 @@ pub enum SceneError {
     },
     /// The tag's track covers too few frames.
     #[error(
-        "the tag was tracked in {found} of {n} Pi frames; at least {needed} are needed to map the print"
+        "the tag was tracked in {found} of {n} Pi frames; at least {needed} are needed to map the target"
     )]
     TooFewFrames {
-        /// Frames at which the tag's track is known.
+        /// Frames covered by the tag's track.
         found: usize,
         /// All frames.
         n: usize,
-        /// At least so many.
+        /// Fewest frames needed.
         needed: usize,
     },
-    /// Nothing on the print stands out.
+    /// The target has no texture to align to.
     #[error(
-        "the map of the print has nothing that tells of motion; is the print in the picture and in focus?"
+        "the map of the target has no texture to align to: check that the target is in view and in focus"
     )]
     NoTexture,
-    /// The map would be larger than a print can be.
+    /// The map exceeds the largest supported size.
     #[error(
-        "the map of the print would have {cells} cells; the limit is {limit}: is the path of the tag right?"
+        "the map of the target would have {cells} cells, the limit is {limit}: check the track of the tag"
     )]
     TooLarge {
-        /// Cells it would have.
+        /// Cells needed.
         cells: f64,
-        /// Most it may have.
+        /// Most cells.
         limit: usize,
     },
-    /// The event camera does not see what the Pi saw.
+    /// Too few usable observations of the event camera.
     #[error("the DAVIS's {what}: {found} of {n} are usable, at least {needed} are needed")]
     NoDavis {
-        /// Which observations.
+        /// Kind of observation.
         what: &'static str,
         /// Usable ones.
         found: usize,
         /// All.
         n: usize,
-        /// At least so many.
+        /// Fewest needed.
         needed: usize,
     },
-    /// The event camera's frames do not lie on the map.
+    /// The event camera's frames do not match the map.
     #[error(
-        "the DAVIS's frames lie {left_px:.1} px off the map of the print (root mean square; at most {most_px} px): \
-         do both cameras' clocks hold for this recording (`evrig sync`), and does the rig state where they sit?"
+        "the DAVIS frames are displaced {residual_px:.1} px from the map of the target (root mean square; at most \
+         {max_px} px): check the clocks (`evrig sync`) and the camera mounts in the rig description"
     )]
     OffTheMap {
-        /// How far, root mean square, pixels.
-        left_px: f64,
-        /// At most so far.
-        most_px: f64,
+        /// Root-mean-square displacement, pixels.
+        residual_px: f64,
+        /// Greatest accepted displacement, pixels.
+        max_px: f64,
     },
-    /// The equations have no solution.
-    #[error("{0} does not converge: the pictures do not fit the geometry that the rig states")]
+    /// The normal equations have no solution.
+    #[error("{0} does not converge: the frames do not match the geometry in the rig description")]
     NoFit(&'static str),
 }

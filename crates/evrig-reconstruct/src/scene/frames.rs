@@ -1,10 +1,10 @@
-//! The drive from frames on the event pixels' own grid: straight in log intensity from frame to frame, or led
-//! along with what moves.
+//! Log-intensity signal from frames on the event pixels' own grid: linear between frames, or
+//! motion-compensated.
 
-use super::corners::Corners;
-use super::frame_noise::FrameNoise;
-use super::motion::{Motion, Shot, ends, taken};
-use super::steady::steady;
+use super::bilinear::BilinearWeights;
+use super::optical_flow::{FrameFlow, FrameView, best_shift, flow_ends};
+use super::pixel_noise::PixelNoise;
+use super::temporal_denoising::denoise;
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
@@ -12,32 +12,32 @@ use rayon::prelude::*;
 use std::borrow::Borrow;
 use std::sync::OnceLock;
 
-/// Frames cannot serve as a light signal.
+/// Why frames cannot serve as a log-intensity signal.
 #[derive(Debug, thiserror::Error)]
 pub enum FramesError {
-    /// A single instant says nothing of change.
-    #[error("{n} frames; a light signal takes at least two")]
+    /// One frame has no temporal change.
+    #[error("{n} frames; a log-intensity signal needs at least two")]
     TooFew {
         /// Frames given.
         n: usize,
     },
-    /// Time must ascend and the size stay.
+    /// Frames must ascend in time and share one size.
     #[error(
         "frame {index} at {t_us} us is {size}; expected a later time than {before_us} us and {expected}"
     )]
     Order {
-        /// Number of the frame, from 0.
+        /// Index of the frame, from 0.
         index: usize,
         /// Its time.
         t_us: i64,
         /// Its size.
         size: Size,
-        /// The time before it.
+        /// Time of the frame before.
         before_us: i64,
-        /// The first frame's size.
+        /// Size of the first frame.
         expected: Size,
     },
-    /// Nothing stands out of the black.
+    /// No pixel exceeds the black level.
     #[error("no pixel of the frames is brighter than the black level of {black_dn} DN")]
     Dark {
         /// The black level subtracted.
@@ -45,28 +45,28 @@ pub enum FramesError {
     },
 }
 
-/// The share of pixel values that are darker than what counts as white.
+/// Quantile of pixel values that counts as white.
 const WHITE_QUANTILE: f64 = 0.995;
 
-/// The least intensity above black that has a logarithm here, in digital units: half a step.
+/// Least intensity above black whose logarithm is taken, DN: half a quantization step.
 const FLOOR_DN: f64 = 0.5;
 
-/// Frames at which the error of a place is judged, about.
-const ERROR_FRAMES: usize = 256;
+/// Frames at which the error is evaluated, approximately.
+const MAX_ERROR_FRAMES: usize = 256;
 
-/// A share of all values that is the greatest there is has reached the end of the range.
-const PILED_UP: f64 = 1e-4;
+/// Least share of values at the maximum that marks saturation.
+const MIN_SATURATED_SHARE: f64 = 1e-4;
 
-/// Instants from frame to frame at which light is led, the ends included; it is straight in between.
-const LED: usize = 17;
+/// Instants of the motion-compensated curve between two frames, both ends included; linear in
+/// between.
+const FLOW_INSTANTS: usize = 17;
 
-/// Points that are followed from frames to the next, in all, and from one: a long recording of a moving
-/// camera has fewer in each.
-const ALL_POINTS: usize = 300_000;
-const POINTS: [usize; 2] = [150, 1_500];
+/// Tracked points in total, and the range per frame pair: a long recording has fewer in each pair.
+const MAX_TRACKED_POINTS: usize = 300_000;
+const POINTS_PER_PAIR: [usize; 2] = [150, 1_500];
 
-/// A light signal from frames: straight in log intensity from one to the next, at each pixel by itself or
-/// along the way of what moved.
+/// Log-intensity signal from frames: linear between frames at each pixel, or interpolated along
+/// optical flow.
 #[derive(Debug, Clone)]
 pub struct FramesDrive {
     size: Size,
@@ -75,100 +75,102 @@ pub struct FramesDrive {
     white_dn: f64,
     /// Frame after frame, row-major intensities over white.
     values: Vec<f32>,
-    /// What moved from each frame to the next; empty where that was not asked.
-    motions: Vec<Motion>,
-    /// The intensity at which the frames end, where the light beyond is not to be taken for it.
-    clipped: f32,
-    noise: OnceLock<FrameNoise>,
+    /// Motion from each frame to the next; empty without motion compensation.
+    flows: Vec<FrameFlow>,
+    /// Saturated intensity; infinite where saturated values are used as they are.
+    saturated: f32,
+    noise: OnceLock<PixelNoise>,
 }
 
 impl FramesDrive {
-    /// From frames at mid-exposure of their first row; row `y` saw its light `y * row_us` later.
-    /// `black_dn` is what a frame reads without light, in its own digital units.
+    /// From frames stamped at mid-exposure of their first row; row `y` is `y * row_us` later.
+    /// `black_dn` is the reading without light, DN.
     ///
     /// # Errors
-    /// With fewer than two frames, frames out of order or of changing size, or no light at all.
+    ///
+    /// With fewer than two frames, frames out of order or of different sizes, or no light at all.
     pub fn new<F: Borrow<Luminance>>(
         frames: impl IntoIterator<Item = F>,
         black_dn: f64,
         row_us: f64,
     ) -> Result<Self, FramesError> {
-        // Frames come and go one by one, so that a long recording is not held twice.
+        // Frames are consumed one by one, so that a long recording is not held twice.
         let (mut times_us, mut values) = (Vec::new(), Vec::new());
         let mut expected = None;
         for frame in frames {
             let frame = frame.borrow();
-            in_order(&times_us, frame, *expected.get_or_insert(frame.size))?;
+            check_order(&times_us, frame, *expected.get_or_insert(frame.size))?;
             times_us.push(frame.t_us);
             values.extend_from_slice(&frame.values);
         }
         let n = times_us.len();
         let size = expected.filter(|_| n > 1).ok_or(FramesError::TooFew { n })?;
-        let white_dn = white_of(&values, size.n_pixels()) - black_dn;
+        let white_dn = white_level(&values, size.n_pixels()) - black_dn;
         if white_dn.is_nan() || white_dn <= FLOOR_DN {
             return Err(FramesError::Dark { black_dn });
         }
-        let light = |value: f32| (f64::from(value) - black_dn).max(FLOOR_DN) / white_dn;
-        values.iter_mut().for_each(|value| *value = light(*value) as f32);
-        let (motions, clipped, noise) = (Vec::new(), f32::INFINITY, OnceLock::new());
-        Ok(Self { size, times_us, row_us, white_dn, values, motions, clipped, noise })
+        let log_intensity = |value: f32| (f64::from(value) - black_dn).max(FLOOR_DN) / white_dn;
+        values.iter_mut().for_each(|value| *value = log_intensity(*value) as f32);
+        let (flows, saturated, noise) = (Vec::new(), f32::INFINITY, OnceLock::new());
+        Ok(Self { size, times_us, row_us, white_dn, values, flows, saturated, noise })
     }
 
-    /// The same light, and none where a frame has reached the end of its range: how bright it is there
-    /// nobody knows.
+    /// Leaves saturated values out: the signal is `NaN` where a frame reached the end of its range.
     #[must_use]
-    pub fn without_clipped(mut self) -> Self {
+    pub fn without_saturated(mut self) -> Self {
         let most = self.values.iter().copied().fold(0.0, f32::max);
         let n_most = self.values.iter().filter(|value| **value >= most).count();
-        // The brightest of a few pixels is no end.
-        if n_most as f64 >= PILED_UP * self.values.len() as f64 {
-            self.clipped = most;
+        // The maximum of a few pixels is no saturation.
+        if n_most as f64 >= MIN_SATURATED_SHARE * self.values.len() as f64 {
+            self.saturated = most;
         }
         self
     }
 
-    /// The same light without the noise of single frames where it rests. What moves is to be told before.
-    /// [`Drive::noise`] stays that of single frames, as which it remains where little rests.
+    /// Temporal denoising of static regions. Motion must be estimated before. [`Drive::noise`]
+    /// stays that of single frames, since regions that change keep it.
     #[must_use]
-    pub fn steadied(mut self) -> Self {
+    pub fn denoised(mut self) -> Self {
         let noise = self.frame_noise().clone();
-        steady(&mut self.values, self.size.n_pixels(), &noise, self.clipped);
+        denoise(&mut self.values, self.size.n_pixels(), &noise, self.saturated);
         self
     }
 
-    /// The same light, led along with what moves from frame to frame. Where nothing that can be followed
-    /// moves it is straight, as before.
+    /// Motion-compensated (optical-flow) interpolation between frames. It stays linear where no
+    /// motion is tracked.
     #[must_use]
-    pub fn led_by_motion(mut self) -> Self {
+    pub fn motion_compensated(mut self) -> Self {
         let n = self.times_us.len() - 1;
-        let most = (ALL_POINTS / n).clamp(POINTS[0], POINTS[1]);
+        let most = (MAX_TRACKED_POINTS / n).clamp(POINTS_PER_PAIR[0], POINTS_PER_PAIR[1]);
         let noise = self.frame_noise();
         let pairs = (0..n).into_par_iter();
-        self.motions =
-            pairs.map(|k| Motion::between(self.shot(k), self.shot(k + 1), noise, most)).collect();
+        self.flows = pairs
+            .map(|k| FrameFlow::estimate(self.view(k), self.view(k + 1), noise, most))
+            .collect();
         self
     }
 
-    fn shot(&self, frame: usize) -> Shot<'_> {
+    fn view(&self, frame: usize) -> FrameView<'_> {
         let n = self.size.n_pixels();
-        Shot { size: self.size, values: &self.values[frame * n..(frame + 1) * n] }
+        FrameView { size: self.size, values: &self.values[frame * n..(frame + 1) * n] }
     }
 
-    /// The light at a place between two frames, at evenly spaced instants from the one to the other; none
+    /// Logarithm of the intensity at a position at evenly spaced instants between two frames; None
     /// where nothing moves.
-    fn led(&self, frame: usize, place: [f64; 2]) -> Option<[f32; LED]> {
-        let motion = self.motions.get(frame)?;
+    fn flow_curve(&self, frame: usize, place: [f64; 2]) -> Option<[f32; FLOW_INSTANTS]> {
+        let flow = self.flows.get(frame)?;
         let place = [place[0] - 0.5, place[1] - 0.5].map(|p| p as f32);
-        let shifts = motion.about(place);
+        let shifts = flow.candidates(place);
         shifts.clone().next()?;
-        let shots = [self.shot(frame), self.shot(frame + 1)];
-        let noise = self.frame_noise().at(shots[0].at(place));
+        let views = [self.view(frame), self.view(frame + 1)];
+        let noise = self.frame_noise().at(views[0].at(place));
         Some(std::array::from_fn(|i| {
-            let share = i as f32 / (LED - 1) as f32;
-            let shift = taken(shots, place, share, shifts.clone(), noise);
-            let [from, to] = ends(place, share, shift);
-            let light = |k: usize, end| self.light(frame + k, &shots[k].corners(end));
-            let [before, after] = [light(0, from), light(1, to)];
+            let share = i as f32 / (FLOW_INSTANTS - 1) as f32;
+            let shift = best_shift(views, place, share, shifts.clone(), noise);
+            let [from, to] = flow_ends(place, share, shift);
+            let log_intensity =
+                |k: usize, end| self.log_intensity(frame + k, &views[k].corners(end));
+            let [before, after] = [log_intensity(0, from), log_intensity(1, to)];
             before + (after - before) * share
         }))
     }
@@ -179,39 +181,41 @@ impl FramesDrive {
         &self.times_us
     }
 
-    /// The four pixels about a place; none outside the outermost middles.
-    fn corners(&self, place: [f64; 2]) -> Option<Corners> {
+    /// Bilinear weights at a position; None outside the outermost pixel centres.
+    fn corners(&self, place: [f64; 2]) -> Option<BilinearWeights> {
         let [x, y] = place.map(|p| p - 0.5);
         let [right, bottom] = [self.size.width, self.size.height].map(|n| f64::from(n) - 1.0);
         let is_inside = (0.0..=right).contains(&x) && (0.0..=bottom).contains(&y);
-        is_inside.then(|| self.shot(0).corners([x as f32, y as f32]))
+        is_inside.then(|| self.view(0).corners([x as f32, y as f32]))
     }
 
-    /// The logarithm of the intensity between four pixels of a frame, where all of them are known.
-    fn light(&self, frame: usize, corners: &Corners) -> f32 {
-        let values = self.shot(frame).values;
-        if corners.most(values) >= self.clipped { f32::NAN } else { corners.value(values).ln() }
+    /// Interpolated log intensity of a frame; `NaN` where a neighbour is saturated.
+    fn log_intensity(&self, frame: usize, corners: &BilinearWeights) -> f32 {
+        let values = self.view(frame).values;
+        if corners.max_value(values) >= self.saturated {
+            f32::NAN
+        } else {
+            corners.value(values).ln()
+        }
     }
 
-    /// How much pixels of the frames scatter.
-    fn frame_noise(&self) -> &FrameNoise {
+    fn frame_noise(&self) -> &PixelNoise {
         self.noise.get_or_init(|| {
-            // Half a step of a camera of eight bits, where the frames are without noise.
+            // Half a step of eight bits bounds the noise of noise-free frames.
             let least = FLOOR_DN / self.white_dn.max(255.0);
-            FrameNoise::of(&self.values, self.size.n_pixels(), least as f32)
+            PixelNoise::estimate(&self.values, self.size.n_pixels(), least as f32)
         })
     }
 }
 
-/// Straight between evenly spaced values.
-fn between(values: &[f32; LED], share: f32) -> f32 {
-    let at = share * (LED - 1) as f32;
-    let i = (at as usize).min(LED - 2);
+/// Linear between evenly spaced values.
+fn interpolate(values: &[f32; FLOW_INSTANTS], share: f32) -> f32 {
+    let at = share * (FLOW_INSTANTS - 1) as f32;
+    let i = (at as usize).min(FLOW_INSTANTS - 2);
     values[i] + (values[i + 1] - values[i]) * (at - i as f32)
 }
 
-/// Whether a frame is later than those before it and has the expected size.
-fn in_order(before_us: &[i64], frame: &Luminance, expected: Size) -> Result<(), FramesError> {
+fn check_order(before_us: &[i64], frame: &Luminance, expected: Size) -> Result<(), FramesError> {
     let (index, t_us, size) = (before_us.len(), frame.t_us, frame.size);
     match before_us.last() {
         Some(&before_us) if t_us <= before_us || size != expected => {
@@ -221,8 +225,8 @@ fn in_order(before_us: &[i64], frame: &Luminance, expected: Size) -> Result<(), 
     }
 }
 
-/// What the brightest paper reads: a high quantile over some of the frames of `n_pixels` values each.
-fn white_of(values: &[f32], n_pixels: usize) -> f64 {
+/// White level: a high quantile over a subset of the frames.
+fn white_level(values: &[f32], n_pixels: usize) -> f64 {
     let frames = values.chunks(n_pixels.max(1));
     let step = frames.len().div_ceil(16);
     let mut values: Vec<f32> = frames.step_by(step).flatten().copied().collect();
@@ -248,22 +252,25 @@ impl Drive for FramesDrive {
     fn sample(&self, place: [f64; 2], grid: TimeGrid, out: &mut [f32]) -> bool {
         out.fill(f32::NAN);
         let Some(corners) = self.corners(place) else { return false };
-        let late_us = self.row_us * (place[1] - 0.5);
+        let row_delay_us = self.row_us * (place[1] - 0.5);
         let last = self.times_us.len() - 1;
         let (mut frame, mut any) = (0, false);
-        let (mut before, mut after) = (self.light(0, &corners), self.light(1, &corners));
-        let mut led = self.led(0, place);
+        let (mut before, mut after) =
+            (self.log_intensity(0, &corners), self.log_intensity(1, &corners));
+        let mut flow_curve = self.flow_curve(0, place);
         for (i, out) in out.iter_mut().enumerate().take(grid.n) {
-            let t_us = grid.at(i) as f64 - late_us;
+            let t_us = grid.at(i) as f64 - row_delay_us;
             while frame + 1 < last && t_us >= self.times_us[frame + 1] as f64 {
                 frame += 1;
-                (before, after) = (after, self.light(frame + 1, &corners));
-                led = self.led(frame, place);
+                (before, after) = (after, self.log_intensity(frame + 1, &corners));
+                flow_curve = self.flow_curve(frame, place);
             }
             let (t0, t1) = (self.times_us[frame] as f64, self.times_us[frame + 1] as f64);
             if (t0..=t1).contains(&t_us) {
                 let share = ((t_us - t0) / (t1 - t0)) as f32;
-                *out = led.map_or(before + (after - before) * share, |led| between(&led, share));
+                *out = flow_curve.map_or(before + (after - before) * share, |flow_curve| {
+                    interpolate(&flow_curve, share)
+                });
                 any |= out.is_finite();
             }
         }
@@ -271,23 +278,25 @@ impl Drive for FramesDrive {
     }
 
     fn noise(&self, place: [f64; 2]) -> f32 {
-        let light = self.corners(place).map(|corners| self.light(0, &corners).exp());
-        let light = light.filter(|light| light.is_finite()).unwrap_or(1.0);
-        self.frame_noise().at(light) / light
+        let log_intensity =
+            self.corners(place).map(|corners| self.log_intensity(0, &corners).exp());
+        let log_intensity =
+            log_intensity.filter(|log_intensity| log_intensity.is_finite()).unwrap_or(1.0);
+        self.frame_noise().at(log_intensity) / log_intensity
     }
 
-    /// From what each frame shows where the line between its neighbours leads past: an upper bound.
-    /// Were all of it the frames' own noise, the signal's change would have 0.94 of it (2/3 of the
-    /// noise's variance between frames, twice, of the 3/2 seen here); of a bend between frames it has
-    /// a quarter.
+    /// From the deviation of each frame from the line between its neighbours: an upper bound. If
+    /// all of it is noise, the difference of two linearly interpolated values has 0.94 of its
+    /// standard deviation (twice 2/3 of a frame's variance, against the 3/2 measured here). Of a
+    /// true curvature between frames it has a quarter.
     fn error(&self, place: [f64; 2]) -> f32 {
         let Some(corners) = self.corners(place) else { return f32::NAN };
         let inner = 1..self.times_us.len().saturating_sub(1);
-        let step = inner.len().div_ceil(ERROR_FRAMES).max(1);
+        let step = inner.len().div_ceil(MAX_ERROR_FRAMES).max(1);
         let (mut sum, mut n) = (0.0_f32, 0);
         for frame in inner.step_by(step) {
             let [a, b, c] = [frame - 1, frame, frame + 1].map(|k| self.times_us[k] as f64);
-            let [x, y, z] = [frame - 1, frame, frame + 1].map(|k| self.light(k, &corners));
+            let [x, y, z] = [frame - 1, frame, frame + 1].map(|k| self.log_intensity(k, &corners));
             let beside = y - x - (z - x) * ((b - a) / (c - a)) as f32;
             if beside.is_finite() {
                 sum += beside.powi(2);
@@ -317,7 +326,7 @@ mod tests {
         let lower = drive.curve(1, 1, grid).unwrap();
         assert!((upper.values()[5] + 0.5 * 2.0_f32.ln()).abs() < 1e-6);
         assert!((upper.values()[20] + 1.5 * 2.0_f32.ln()).abs() < 1e-6);
-        assert!(lower.values()[0].is_nan(), "the second row saw its first light 100 us later");
+        assert!(lower.values()[0].is_nan(), "the second row is exposed 100 us later");
         assert!((lower.values()[6] - upper.values()[5]).abs() < 1e-6);
         assert!(upper.values()[31].is_nan(), "nothing is known behind the last frame");
         assert_eq!(drive.span_us(), [100, 3_000]);
@@ -327,7 +336,7 @@ mod tests {
     fn a_frame_at_the_end_of_its_range_says_nothing_of_the_light() {
         let frames =
             [frame(0, [40.0, 255.0, 255.0, 60.0]), frame(1_000, [30.0, 255.0, 80.0, 255.0])];
-        let drive = FramesDrive::new(&frames, 0.0, 0.0).unwrap().without_clipped();
+        let drive = FramesDrive::new(&frames, 0.0, 0.0).unwrap().without_saturated();
         let grid = TimeGrid { start_us: 0, step_us: 250, n: 5 };
         let known = |x, y| {
             drive
@@ -335,9 +344,9 @@ mod tests {
                 .map(|curve| curve.values().iter().filter(|value| value.is_finite()).count())
         };
         assert_eq!(known(0, 0), Some(5));
-        assert_eq!([known(1, 0), known(0, 1), known(1, 1)], [None; 3], "clipped before or behind");
-        let between = FramesDrive::new(&frames, 0.0, 0.0).unwrap();
-        assert!(between.curve(1, 0, grid).is_some(), "who asks for all gets the end of the range");
+        assert_eq!([known(1, 0), known(0, 1), known(1, 1)], [None; 3], "saturated before or after");
+        let interpolate = FramesDrive::new(&frames, 0.0, 0.0).unwrap();
+        assert!(interpolate.curve(1, 0, grid).is_some(), "saturated values are kept by default");
     }
 
     #[test]

@@ -1,58 +1,58 @@
-//! The geometry of the head: where the print lies in each camera at a pose of the head.
+//! Geometry of the camera head: where the target lies in each camera at a pose.
 
 use crate::roi::Lens;
 use evrig_session::rig::{Mount, Pose};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Degrees of freedom of the arm's hand: three of place and the turn of the wrist.
-pub(super) const POSE: usize = 4;
+/// Degrees of freedom of the arm's end effector: position and wrist rotation.
+pub(super) const POSE_DOF: usize = 4;
 
-/// Where the head is over the print: x and y of the Pi camera's optical centre along the head's own
-/// axes at turn zero, its distance from the print's origin along them, millimetres, and the turn
-/// of the wrist, radians.
-pub(super) type HeadPose = [f64; POSE];
+/// Pose over the target: x and y of the Pi camera's optical centre along the head's axes at
+/// rotation zero, distance from the target's origin, millimetres, and the wrist rotation, radians.
+pub(super) type HeadPose = [f64; POSE_DOF];
 
-/// What does not change while the head moves: how the print lies to it, and what it turns about.
+/// Constants of the camera head: orientation of the target and axis of the wrist.
 ///
 /// The head's axes are those of the Pi camera: right, down, forward.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Head {
-    /// Turn of the print about the Pi's optical axis when the wrist's turn is zero, radians.
+pub struct HeadGeometry {
+    /// Rotation of the target about the Pi's optical axis at wrist rotation zero, radians.
     pub roll_rad: f64,
-    /// Tilt of the print about the Pi's right and down axes, radians.
+    /// Tilt of the target about the Pi's right and down axes, radians.
     pub tilt_rad: [f64; 2],
-    /// The axis of the wrist in the Pi camera's axes, length one.
+    /// Axis of the wrist in the Pi camera's axes, length one.
     pub axis: [f64; 3],
-    /// How much that axis is tilted against what the rig states, about right and down, radians.
+    /// Tilt of that axis against the rig description, about right and down, radians.
     pub axis_tilt_rad: [f64; 2],
 }
 
-/// Constants of the head that can be fitted: both tilts.
-pub(super) const HEAD: usize = 4;
+/// Fitted constants of the head: both tilts.
+pub(super) const HEAD_DOF: usize = 4;
 
-/// How the event camera sits beside the Pi camera, and its lens.
+/// Pose of the event camera relative to the Pi camera, and its lens.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DavisMount {
-    /// Stated turn from the Pi's axes to the DAVIS's, row by row.
+    /// Nominal rotation from the Pi's axes to the DAVIS's, row-major.
     pub stated_turn: [[f64; 3]; 3],
-    /// Turn on top of the stated one: a rotation vector in the DAVIS's axes, radians.
+    /// Rotation on top of the nominal one: a rotation vector in the DAVIS's axes, radians.
     pub turn_rad: [f64; 3],
     /// Optical centre of the DAVIS in the Pi's axes, millimetres.
     pub offset_mm: [f64; 3],
-    /// The lens as the rig states it.
+    /// Nominal lens of the rig description.
     pub lens: Lens,
-    /// Logarithm of the true focal length over the stated one.
+    /// Logarithm of the true focal length over the nominal one.
     pub ln_focal: f64,
-    /// Radial distortion on top of the stated lens: a ray is longer by this times its square.
+    /// Radial distortion on top of the nominal lens: relative lengthening of a ray per its squared
+    /// length.
     pub radial: f64,
 }
 
-/// Constants of the mount that act on the matrix: turn and offset.
-pub(super) const MOUNT: usize = 6;
+/// Parameters of the mount's rigid motion: rotation and offset.
+pub(super) const MOUNT_DOF: usize = 6;
 
-impl Head {
-    /// The head of a rig whose print is square to the Pi camera.
+impl HeadGeometry {
+    /// The head of a rig whose target is perpendicular to the Pi camera's optical axis.
     #[must_use]
     pub fn stated(mount: &Mount) -> Self {
         let frame = mount.pi.frame(Pose::default());
@@ -61,7 +61,7 @@ impl Head {
         Self { roll_rad: 0.0, tilt_rad: [0.0; 2], axis, axis_tilt_rad: [0.0; 2] }
     }
 
-    /// From millimetres on the print to rays of the Pi camera, homogeneous.
+    /// Homography from millimetres on the target to rays of the Pi camera.
     pub(super) fn pi_from_plane(&self, pose: &HeadPose) -> Matrix3<f64> {
         let [x, y, distance, turn] = *pose;
         let tilt = |[a, b]: [f64; 2]| Rotation3::new(Vector3::new(a, b, 0.0));
@@ -74,13 +74,12 @@ impl Head {
         Matrix3::from_columns(&[axes.column(0).into(), axes.column(1).into(), to_print])
     }
 
-    /// From rays of the Pi camera to millimetres on the print; None where the view is edge-on.
+    /// Its inverse; None for an edge-on view.
     pub(super) fn plane_from_pi(&self, pose: &HeadPose) -> Option<Matrix3<f64>> {
         self.pi_from_plane(pose).try_inverse()
     }
 
-    /// The same head with its constants changed.
-    pub(super) fn moved(&self, by: &[f64; HEAD]) -> Self {
+    pub(super) fn moved(&self, by: &[f64; HEAD_DOF]) -> Self {
         let [a, b, c, d] = *by;
         Self {
             tilt_rad: [self.tilt_rad[0] + a, self.tilt_rad[1] + b],
@@ -91,7 +90,7 @@ impl Head {
 }
 
 impl DavisMount {
-    /// The mount as a rig states it.
+    /// The mount of a rig description.
     #[must_use]
     pub fn stated(mount: &Mount, lens: Lens) -> Self {
         let (pi, davis) = (mount.pi.frame(Pose::default()), mount.davis.frame(Pose::default()));
@@ -110,7 +109,7 @@ impl DavisMount {
         }
     }
 
-    /// From millimetres on the print to rays of the DAVIS, given those of the Pi.
+    /// Homography from millimetres on the target to rays of the DAVIS, given that of the Pi.
     pub(super) fn davis_from_plane(&self, pi_from_plane: &Matrix3<f64>) -> Matrix3<f64> {
         let stated = Matrix3::from_fn(|i, j| self.stated_turn[i][j]);
         let turn = Rotation3::new(Vector3::from(self.turn_rad)).into_inner() * stated;
@@ -120,18 +119,18 @@ impl DavisMount {
         turn * moved
     }
 
-    /// The ray through a sensor place; None where the stated distortion has no inverse.
+    /// Ray through a sensor position; None where the distortion has no inverse.
     pub(super) fn ray(&self, place: [f64; 2]) -> Option<[f64; 2]> {
         let [u, v] = stated_ray(&self.lens, place)?;
         let longer = (1.0 + self.radial * (u * u + v * v)) / self.ln_focal.exp();
         Some([u * longer, v * longer])
     }
 
-    /// Where a ray meets the sensor.
+    /// Sensor position of a ray.
     pub(super) fn place(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let [a, b] = [u, v].map(|part| part * self.ln_focal.exp());
         let mut stated = [a, b];
-        // The correction is small: a few rounds leave nothing.
+        // Fixed-point iteration; the correction is small.
         for _ in 0..6 {
             let longer = 1.0 + self.radial * (stated[0].powi(2) + stated[1].powi(2));
             stated = [a / longer, b / longer];
@@ -141,8 +140,7 @@ impl DavisMount {
             .distort([cx + self.lens.focal_px * stated[0], cy + self.lens.focal_px * stated[1]])
     }
 
-    /// The same mount, turn and offset changed.
-    pub(super) fn moved(&self, by: &[f64; MOUNT]) -> Self {
+    pub(super) fn moved(&self, by: &[f64; MOUNT_DOF]) -> Self {
         Self {
             turn_rad: std::array::from_fn(|i| self.turn_rad[i] + by[i]),
             offset_mm: std::array::from_fn(|i| self.offset_mm[i] + by[3 + i]),
@@ -151,14 +149,14 @@ impl DavisMount {
     }
 }
 
-/// The ray through a place of a lens: right and down over forward.
+/// Ray through a sensor position behind a lens: right and down over forward.
 pub(super) fn stated_ray(lens: &Lens, place: [f64; 2]) -> Option<[f64; 2]> {
     let [x, y] = lens.undistort(place)?;
     let [cx, cy] = lens.centre_px;
     Some([(x - cx) / lens.focal_px, (y - cy) / lens.focal_px])
 }
 
-/// Where a ray meets the sensor behind a lens.
+/// Sensor position of a ray behind a lens.
 pub(super) fn stated_place(lens: &Lens, [u, v]: [f64; 2]) -> [f64; 2] {
     let [cx, cy] = lens.centre_px;
     lens.distort([cx + lens.focal_px * u, cy + lens.focal_px * v])
@@ -172,7 +170,7 @@ mod tests {
     #[test]
     fn the_stated_mount_puts_the_same_place_where_the_rig_does() {
         let rig = Rig::simulated().unwrap();
-        let head = Head::stated(&rig.mount);
+        let head = HeadGeometry::stated(&rig.mount);
         let mount = DavisMount::stated(&rig.mount, Lens::of(&rig.davis.camera));
         // The tool at two poses; the print square below, its origin at a known base point.
         for tool in [[270.0, 0.0, 100.0, 90.0], [262.0, 3.0, 101.0, 72.0]] {

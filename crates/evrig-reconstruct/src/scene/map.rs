@@ -1,15 +1,15 @@
-//! The map: the print's radiance as the Pi camera sees it.
+//! Radiance map of the target as seen by the Pi camera.
 
 use super::raster::Raster;
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
-/// Where the cells of a map lie on the print.
+/// Grid of a map on the target.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MapGrid {
-    /// Middle of the first cell, millimetres right and down from the print's origin.
+    /// Middle of the first cell, millimetres right and down from the target's origin.
     pub origin_mm: [f64; 2],
-    /// Side of a cell.
+    /// Side of a cell, millimetres.
     pub cell_mm: f64,
     /// Columns of cells.
     pub width: usize,
@@ -17,49 +17,47 @@ pub struct MapGrid {
     pub height: usize,
 }
 
-/// Radiance of the print in the Pi's digital units above black, by cell.
+/// Radiance of the target by cell, in the Pi's DN above black.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RadianceMap {
-    /// Where the cells lie.
+    /// Grid of the cells.
     pub grid: MapGrid,
-    /// Radiance; `NaN` where no frame looked.
+    /// Radiance; `NaN` where unobserved.
     pub(super) radiance: Raster,
-    /// Standard errors, row-major; `NaN` where not known.
+    /// Standard errors, row-major; `NaN` where unknown.
     pub(super) errors: Vec<f32>,
 }
 
-/// A cell whose surroundings tell of motion.
+/// A cell with a high image gradient, which constrains motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Mark {
-    /// Its middle on the print.
+pub(super) struct MapFeature {
     pub(super) place_mm: [f64; 2],
 }
 
-/// Cells along the side of a tile from which a share of the marks is taken.
+/// Side of a tile with an equal quota of features, cells.
 const TILE: usize = 32;
 
 impl MapGrid {
-    /// From millimetres on the print to columns and rows; whole at the middle of a cell.
+    /// From millimetres on the target to columns and rows; whole numbers at cell middles.
     pub(super) fn cell_from_plane(&self) -> Matrix3<f64> {
         let k = 1.0 / self.cell_mm;
         let [x, y] = self.origin_mm;
         Matrix3::new(k, 0.0, -k * x, 0.0, k, -k * y, 0.0, 0.0, 1.0)
     }
 
-    /// Column and row of a place.
     #[inline]
     pub(super) fn cell(&self, [x, y]: [f64; 2]) -> [f32; 2] {
         let [left, top] = self.origin_mm;
         [((x - left) / self.cell_mm) as f32, ((y - top) / self.cell_mm) as f32]
     }
 
-    /// The middle of a cell.
+    /// Middle of a cell.
     pub(super) fn place_mm(&self, column: usize, row: usize) -> [f64; 2] {
         let [left, top] = self.origin_mm;
         [left + column as f64 * self.cell_mm, top + row as f64 * self.cell_mm]
     }
 
-    /// Millimetres on the print at a column and row.
+    /// Position of a column and row, millimetres.
     #[inline]
     pub(super) fn place_of(&self, [x, y]: [f32; 2]) -> [f64; 2] {
         let [left, top] = self.origin_mm;
@@ -74,13 +72,12 @@ impl MapGrid {
 }
 
 impl RadianceMap {
-    /// A map from its cells, row-major.
     pub(super) fn new(grid: MapGrid, values: Vec<f32>, errors: Vec<f32>) -> Self {
         let radiance = Raster { width: grid.width, height: grid.height, values };
         Self { grid, radiance, errors }
     }
 
-    /// Radiance of the cells, row-major, DN above black; `NaN` where no frame looked.
+    /// Radiance of the cells, row-major, DN above black; `NaN` where unobserved.
     #[must_use]
     pub fn values(&self) -> &[f32] {
         &self.radiance.values
@@ -92,7 +89,7 @@ impl RadianceMap {
         &self.errors
     }
 
-    /// Radiance at a place of the print, and its slopes a millimetre.
+    /// Radiance at a position and its gradient per millimetre.
     #[inline]
     pub(super) fn sample(&self, place_mm: [f64; 2]) -> [f64; 3] {
         let [x, y] = self.grid.cell(place_mm);
@@ -101,7 +98,7 @@ impl RadianceMap {
         [f64::from(value), f64::from(dx) * over, f64::from(dy) * over]
     }
 
-    /// Radiance of the brightest paper: a high quantile of the known cells.
+    /// White level: a high quantile of the known cells.
     pub(super) fn white_dn(&self) -> Option<f64> {
         let mut known: Vec<f32> =
             self.values().iter().copied().filter(|value| value.is_finite()).collect();
@@ -111,8 +108,8 @@ impl RadianceMap {
         (*white > 0.0).then(|| f64::from(*white))
     }
 
-    /// Up to about `n` cells that tell most of motion, spread over the map.
-    pub(super) fn marks(&self, n: usize, white_dn: f64) -> Vec<Mark> {
+    /// Up to about `n` cells with the highest gradients, spread over the map.
+    pub(super) fn features(&self, n: usize, white_dn: f64) -> Vec<MapFeature> {
         let MapGrid { width, height, .. } = self.grid;
         let noise_floor = 0.02 * white_dn as f32;
         let values = self.values();
@@ -133,7 +130,7 @@ impl RadianceMap {
                     .push(scored.filter(|(score, ..)| score.is_finite() && *score > 0.0).collect());
             }
         }
-        // What is worth taking is decided over the whole map, how much of it tile by tile.
+        // One threshold for the whole map, one quota for each tile.
         let mut all: Vec<f32> = tiles.iter().flatten().map(|(score, ..)| *score).collect();
         if all.is_empty() {
             return Vec::new();
@@ -144,16 +141,17 @@ impl RadianceMap {
         tiles.iter_mut().for_each(|tile| tile.retain(|(score, ..)| *score >= least));
         let n_rough = tiles.iter().filter(|tile| !tile.is_empty()).count().max(1);
         let share = (n / n_rough).max(8);
-        let mark = |(_, x, y): (f32, usize, usize)| Mark { place_mm: self.grid.place_mm(x, y) };
-        let mut marks = Vec::new();
+        let feature =
+            |(_, x, y): (f32, usize, usize)| MapFeature { place_mm: self.grid.place_mm(x, y) };
+        let mut features = Vec::new();
         for mut tile in tiles {
             tile.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
             tile.truncate(share);
-            // In the order of rows, so that looking them up stays near in memory.
+            // Row order keeps look-ups local in memory.
             tile.sort_by_key(|(_, x, y)| (*y, *x));
-            marks.extend(tile.into_iter().map(mark));
+            features.extend(tile.into_iter().map(feature));
         }
-        marks
+        features
     }
 }
 
@@ -182,14 +180,14 @@ mod tests {
 
     #[test]
     fn marks_are_on_edges_alone() {
-        let marks = map().marks(100, 700.0);
-        assert!(marks.len() > 50, "{}", marks.len());
-        for Mark { place_mm: [x, y] } in marks {
+        let features = map().features(100, 700.0);
+        assert!(features.len() > 50, "{}", features.len());
+        for MapFeature { place_mm: [x, y] } in features {
             let edge = |p: f64, from: f64, to: f64| (p - from).abs() < 0.5 || (p - to).abs() < 0.5;
             assert!(edge(x, -2.0, 2.0) || edge(y, -1.0, 3.0), "{x} {y}");
         }
         let blank = MapGrid { origin_mm: [0.0; 2], cell_mm: 1.0, width: 50, height: 50 };
         let blank = RadianceMap::new(blank, vec![f32::NAN; 2_500], vec![f32::NAN; 2_500]);
-        assert!(blank.marks(10, 1.0).is_empty() && blank.white_dn().is_none());
+        assert!(blank.features(10, 1.0).is_empty() && blank.white_dn().is_none());
     }
 }

@@ -1,56 +1,56 @@
-//! The path of the head over the print.
+//! Path of the camera head over the target.
 
-use super::head::{HeadPose, POSE};
+use super::head::{HeadPose, POSE_DOF};
 use evrig_core::stats::upper_median;
 use evrig_core::time::{PiSensor, Span, Stamp};
 use serde::{Deserialize, Serialize};
 
-/// Least change of the light's logarithm between two frames that is a jump: a fraction of any event
-/// camera's threshold.
-const LEAST_JUMP: f64 = 0.05;
+/// Least change of the log level between two frames that counts as a jump: below any event
+/// threshold.
+const MIN_JUMP: f64 = 0.05;
 
-/// A jump is so many times what the light changes from frame to frame in the median: mains light
-/// that flickers changes by much all the time, and the frames follow it.
-const COMMON_STEPS: f64 = 8.0;
+/// A jump exceeds the median change between frames by this factor, so that mains flicker is no
+/// jump.
+const JUMP_FACTOR: f64 = 8.0;
 
-/// Standard deviation of the time over which the light's level is smoothed, seconds. Mains light
-/// pulsates faster than frames follow: what they make of it, 20 Hz out of 100 Hz at 120 frames a
-/// second, is in no pixel's light. Slower changes than some five a second stay.
-const LEVEL_OVER_S: f64 = 0.02;
+/// Standard deviation of the Gaussian that smooths the illumination level, seconds. Frames alias
+/// mains flicker (100 Hz appears as 20 Hz at 120 frames per second); changes slower than about 5 Hz
+/// remain.
+const LEVEL_SIGMA_S: f64 = 0.02;
 
-/// The path as the Pi's frames tell it, with a knot a frame.
+/// Path from the Pi's frames, with one knot per frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeadPath {
-    /// The instant that the knots' times count from.
+    /// Origin of the knots' times.
     pub zero: Stamp<PiSensor>,
     /// In ascending time.
     pub knots: Vec<PathKnot>,
-    /// Longest stretch between knots that the path leads across.
+    /// Longest gap between knots that is interpolated.
     pub max_gap: Span,
-    /// How the pose changes a second at each knot.
+    /// Derivative of the pose at each knot, per second.
     slopes: Vec<HeadPose>,
-    /// Logarithm of the light's level at each knot, but for what frames cannot follow.
+    /// Smoothed log illumination level at each knot.
     levels: Vec<f64>,
 }
 
-/// Where the head was while one frame saw light.
+/// Pose of the head at one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PathKnot {
     /// Mid-exposure of the frame's middle row, seconds from the path's zero.
     pub time_s: f64,
-    /// Place of the Pi camera along the head's axes, distance from the print, millimetres; turn of
-    /// the wrist, radians.
-    pub pose: [f64; POSE],
+    /// Position of the Pi camera along the head's axes and distance from the target, millimetres;
+    /// wrist rotation, radians.
+    pub pose: [f64; POSE_DOF],
     /// Standard errors of the pose.
-    pub pose_error: [f64; POSE],
+    pub pose_error: [f64; POSE_DOF],
     /// Logarithm of the frame's brightness over the map's.
     pub ln_gain: f64,
-    /// Root mean square of what the map leaves unexplained, over the frame's own noise.
+    /// Root-mean-square residual against the map, over the frame's own noise.
     pub misfit: f64,
 }
 
-/// The stretch of the path about a time: its ends and where in it the time lies.
-struct Stretch {
+/// The knot interval that contains a time.
+struct KnotInterval {
     left: usize,
     length_s: f64,
     /// From 0 at the left knot to 1 at the right.
@@ -68,41 +68,40 @@ impl HeadPath {
         path
     }
 
-    /// First and last time of the path, seconds from its zero.
+    /// First and last time, seconds from the path's zero.
     #[must_use]
     pub fn span_s(&self) -> Option<[f64; 2]> {
         Some([self.knots.first()?.time_s, self.knots.last()?.time_s])
     }
 
-    /// By how long the path may be early or late as a whole: its error along the way over the way a
-    /// second, root mean squares. None where nothing moves.
+    /// Standard error of a common time shift: position error over speed, both root mean squares.
+    /// None where nothing moves.
     pub(super) fn time_error_s(&self) -> Option<f64> {
         let square = |of: [f64; 2]| of[0].powi(2) + of[1].powi(2);
         let errors: f64 =
             self.knots.iter().map(|k| square([k.pose_error[0], k.pose_error[1]])).sum();
         let ways: f64 = self.slopes.iter().map(|slope| square([slope[0], slope[1]])).sum();
-        // Along one of two directions.
         (ways > 0.0).then(|| (errors / 2.0 / ways).sqrt())
     }
 
-    /// The path's standard error along one axis, millimetres, root mean square over its knots.
+    /// Standard error of position along one axis, millimetres, root mean square over the knots.
     pub(super) fn place_error_mm(&self) -> f64 {
         let square = |k: &PathKnot| (k.pose_error[0].powi(2) + k.pose_error[1].powi(2)) / 2.0;
         (self.knots.iter().map(square).sum::<f64>() / self.knots.len().max(1) as f64).sqrt()
     }
 
-    fn stretch(&self, time_s: f64) -> Option<Stretch> {
+    fn interval(&self, time_s: f64) -> Option<KnotInterval> {
         let after = self.knots.partition_point(|knot| knot.time_s <= time_s);
         let left = after.checked_sub(1)?.min(self.knots.len().checked_sub(2)?);
         let (from, to) = (self.knots[left].time_s, self.knots[left + 1].time_s);
         let length_s = to - from;
         let is_known = time_s <= to && length_s <= self.max_gap.as_secs_f64();
-        is_known.then(|| Stretch { left, length_s, part: (time_s - from) / length_s })
+        is_known.then(|| KnotInterval { left, length_s, part: (time_s - from) / length_s })
     }
 
-    /// The pose at a time; None outside the path and in a gap.
+    /// Pose at a time; None outside the path and in a gap.
     pub(super) fn pose(&self, time_s: f64) -> Option<HeadPose> {
-        let Stretch { left, length_s, part: s } = self.stretch(time_s)?;
+        let KnotInterval { left, length_s, part: s } = self.interval(time_s)?;
         let (a, b) = (&self.knots[left].pose, &self.knots[left + 1].pose);
         let (m, n) = (&self.slopes[left], &self.slopes[left + 1]);
         let (s2, s3) = (s * s, s * s * s);
@@ -115,7 +114,7 @@ impl HeadPath {
         Some(std::array::from_fn(at))
     }
 
-    /// How the pose changes a second at a time; zero where it is not known.
+    /// Derivative of the pose per second; zero where unknown.
     pub(super) fn speed(&self, time_s: f64) -> HeadPose {
         let step = 1e-4;
         let side = |by: f64| self.pose(time_s + by);
@@ -124,18 +123,17 @@ impl HeadPath {
             (None, Some(a), Some(b)) | (Some(a), Some(b), None) => {
                 std::array::from_fn(|i| (b[i] - a[i]) / step)
             }
-            _ => [0.0; POSE],
+            _ => [0.0; POSE_DOF],
         }
     }
 
-    /// Stretches in which the light's level jumps between two knots by far more than it commonly
-    /// changes, seconds, ascending and apart. A frame may have seen a part of the jump, so the
-    /// neighbouring stretches belong to it.
+    /// Intervals with a jump of the illumination level, seconds, ascending and disjoint. A frame
+    /// may have integrated part of a jump, so the neighbouring intervals are included.
     pub(super) fn jumps_s(&self) -> Vec<[f64; 2]> {
         let steps: Vec<f64> =
             self.knots.windows(2).map(|pair| (pair[1].ln_gain - pair[0].ln_gain).abs()).collect();
         let Some(common) = upper_median(&mut steps.clone()) else { return Vec::new() };
-        let least = LEAST_JUMP.max(COMMON_STEPS * common);
+        let least = MIN_JUMP.max(JUMP_FACTOR * common);
         let last = self.knots.len() - 1;
         let mut all: Vec<[f64; 2]> = Vec::new();
         for at in (0..steps.len()).filter(|&at| steps[at] > least) {
@@ -149,29 +147,27 @@ impl HeadPath {
         all
     }
 
-    /// Logarithm of the light's level at a time over that of the map, straight between knots; what
-    /// changes too fast for the frames is smoothed away.
+    /// Log illumination level relative to the map, linear between knots.
     pub(super) fn ln_light(&self, time_s: f64) -> f64 {
-        let Some(Stretch { left, part, .. }) = self.stretch(time_s) else { return f64::NAN };
+        let Some(KnotInterval { left, part, .. }) = self.interval(time_s) else { return f64::NAN };
         let (a, b) = (self.levels[left], self.levels[left + 1]);
         a + (b - a) * part
     }
 
-    /// Smooths the levels between jumps and gaps: there a straight line is fitted about each knot, so
-    /// that ends do not lag.
+    /// Local linear smoothing between jumps and gaps; local lines have no boundary bias.
     fn smooth_levels(&mut self) {
         let jumps = self.jumps_s();
-        let is_torn = |a: f64, b: f64| {
+        let is_separate = |a: f64, b: f64| {
             b - a > self.max_gap.as_secs_f64()
                 || jumps.iter().any(|[from, to]| a < *to && *from < b)
         };
         let mut begin = 0;
         for end in 1..=self.knots.len() {
             let goes_on = end < self.knots.len()
-                && !is_torn(self.knots[end - 1].time_s, self.knots[end].time_s);
+                && !is_separate(self.knots[end - 1].time_s, self.knots[end].time_s);
             if !goes_on {
                 let smooth: Vec<f64> = (begin..end)
-                    .map(|at| line_about(&self.knots[begin..end], at - begin))
+                    .map(|at| local_line(&self.knots[begin..end], at - begin))
                     .collect();
                 self.levels[begin..end].copy_from_slice(&smooth);
                 begin = end;
@@ -180,14 +176,14 @@ impl HeadPath {
     }
 }
 
-/// The level at knot `at` by the straight line through those around it.
-fn line_about(knots: &[PathKnot], at: usize) -> f64 {
+/// Gaussian-weighted line through the neighbours, evaluated at knot `at`.
+fn local_line(knots: &[PathKnot], at: usize) -> f64 {
     let now = knots[at].time_s;
-    let reach = 4.0 * LEVEL_OVER_S;
+    let reach = 4.0 * LEVEL_SIGMA_S;
     let first = knots.partition_point(|knot| knot.time_s < now - reach);
     let (mut n, mut t, mut tt, mut y, mut ty) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for knot in knots[first..].iter().take_while(|knot| knot.time_s <= now + reach) {
-        let by = (knot.time_s - now) / LEVEL_OVER_S;
+        let by = (knot.time_s - now) / LEVEL_SIGMA_S;
         let weight = (-0.5 * by * by).exp();
         n += weight;
         t += weight * by;
@@ -199,22 +195,22 @@ fn line_about(knots: &[PathKnot], at: usize) -> f64 {
     if spread > 1e-9 * n * n { (tt * y - t * ty) / spread } else { y / n }
 }
 
-/// Slopes of the natural cubic splines through each stretch of knots without a gap.
+/// Slopes of natural cubic splines through each run of knots without a gap.
 fn slopes(knots: &[PathKnot], max_gap_s: f64) -> Vec<HeadPose> {
-    let mut all = vec![[0.0; POSE]; knots.len()];
+    let mut all = vec![[0.0; POSE_DOF]; knots.len()];
     let mut begin = 0;
     for end in 1..=knots.len() {
         let cut = end == knots.len() || knots[end].time_s - knots[end - 1].time_s > max_gap_s;
         if cut {
-            natural(&knots[begin..end], &mut all[begin..end]);
+            natural_spline_slopes(&knots[begin..end], &mut all[begin..end]);
             begin = end;
         }
     }
     all
 }
 
-/// Solves for the slopes at which the second derivative is continuous and zero at both ends.
-fn natural(knots: &[PathKnot], slopes: &mut [HeadPose]) {
+/// Natural cubic spline slopes by the Thomas algorithm.
+fn natural_spline_slopes(knots: &[PathKnot], slopes: &mut [HeadPose]) {
     let n = knots.len();
     if n < 2 {
         return;
@@ -223,7 +219,7 @@ fn natural(knots: &[PathKnot], slopes: &mut [HeadPose]) {
     let rise = |i: usize, axis: usize| {
         3.0 * (knots[i + 1].pose[axis] - knots[i].pose[axis]) * over(i) * over(i)
     };
-    // Thomas's elimination of the tridiagonal equations; `upper` is what is left of the upper band.
+    // `upper` is the remaining upper band.
     let mut upper = vec![0.0; n];
     for i in 0..n {
         let left = if i > 0 { over(i - 1) } else { 0.0 };
@@ -231,7 +227,7 @@ fn natural(knots: &[PathKnot], slopes: &mut [HeadPose]) {
         let before = if i > 0 { upper[i - 1] } else { 0.0 };
         let pivot = 2.0 * (left + right) - left * before;
         upper[i] = right / pivot;
-        let last = if i > 0 { slopes[i - 1] } else { [0.0; POSE] };
+        let last = if i > 0 { slopes[i - 1] } else { [0.0; POSE_DOF] };
         slopes[i] = std::array::from_fn(|axis| {
             let behind = if i > 0 { rise(i - 1, axis) - left * last[axis] } else { 0.0 };
             let ahead = if i + 1 < n { rise(i, axis) } else { 0.0 };
@@ -250,7 +246,7 @@ mod tests {
 
     fn knot(time_s: f64) -> PathKnot {
         let pose = [20.0 * (3.0 * time_s).sin(), 5.0 * time_s, 225.0, 0.1 * (2.0 * time_s).cos()];
-        PathKnot { time_s, pose, pose_error: [0.0; POSE], ln_gain: time_s, misfit: 1.0 }
+        PathKnot { time_s, pose, pose_error: [0.0; POSE_DOF], ln_gain: time_s, misfit: 1.0 }
     }
 
     fn path(times: impl Iterator<Item = f64>) -> HeadPath {
@@ -264,7 +260,7 @@ mod tests {
         for i in 30..1_900 {
             let time_s = f64::from(i) * 1e-3;
             let (got, truth) = (all.pose(time_s).unwrap(), knot(time_s).pose);
-            for axis in 0..POSE {
+            for axis in 0..POSE_DOF {
                 assert!(
                     (got[axis] - truth[axis]).abs() < 2e-6 + 2e-5 * f64::from(u8::from(axis == 0))
                 );

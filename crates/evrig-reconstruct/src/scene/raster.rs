@@ -1,9 +1,9 @@
-//! Values on a regular grid, smooth in between.
+//! Smooth interpolation on a regular grid.
 
-/// Values at the nodes of a grid, row-major; `NaN` where nothing is known.
+/// Values at the nodes of a grid, row-major; `NaN` where unknown.
 ///
-/// Between nodes it is the cubic of Catmull and Rom along rows and columns, whose slope is
-/// continuous and which a gap makes `NaN` up to two nodes around it.
+/// Catmull-Rom cubic along rows and columns, with a continuous gradient; an unknown node makes
+/// `NaN` up to two nodes around it.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Raster {
     pub(super) width: usize,
@@ -12,7 +12,6 @@ pub(super) struct Raster {
 }
 
 impl Raster {
-    /// The value at columns and rows, `NaN` outside the known.
     #[inline]
     pub(super) fn sample(&self, x: f32, y: f32) -> f32 {
         let Some((at, u, v)) = self.cell(x, y) else { return f32::NAN };
@@ -25,7 +24,7 @@ impl Raster {
         sum
     }
 
-    /// The value and its slopes along columns and rows, per node.
+    /// Value and gradient per node.
     #[inline]
     pub(super) fn sample_with_slopes(&self, x: f32, y: f32) -> [f32; 3] {
         let Some((at, u, v)) = self.cell(x, y) else { return [f32::NAN; 3] };
@@ -42,7 +41,8 @@ impl Raster {
         sums
     }
 
-    /// First of the four by four nodes around a place, and the place in their middle cell.
+    /// Index of the first of the four by four surrounding nodes, and the position in their middle
+    /// cell.
     #[inline]
     fn cell(&self, x: f32, y: f32) -> Option<(usize, f32, f32)> {
         let inside =

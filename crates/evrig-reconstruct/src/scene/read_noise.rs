@@ -1,46 +1,50 @@
-//! What scatters in a pixel of the Pi's frames that light does not: the noise of its readout.
+//! Readout noise of the Pi camera: the part of the variance that does not depend on light.
 
-use super::looks::looks;
+use super::accumulate::{Keyframe, MapOptics};
 use super::map::RadianceMap;
-use super::splat::{Key, Optics};
+use super::map_samples::visit_map_samples;
 use evrig_core::stats::upper_median;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-/// Every so many pixels of every so many rows are looked at, in at most so many frames.
-const STEP: usize = 9;
-const FRAMES: usize = 40;
+/// Pixel step in both axes, and most frames.
+const PIXEL_STEP: usize = 9;
+const MAX_FRAMES: usize = 40;
 
-/// Classes of signal, and the fewest pixels of one.
-const CLASSES: usize = 16;
-const LEAST: usize = 400;
+/// Signal classes, and the fewest pixels of one.
+const SIGNAL_CLASSES: usize = 16;
+const MIN_CLASS_PIXELS: usize = 400;
 
-/// Where the map changes by more than this share of its light from pixel to pixel, a misplaced frame
-/// scatters more than its noise.
-const SMOOTH: f64 = 0.02;
+/// Greatest relative change of the map per pixel: above it, registration errors exceed the noise.
+const MAX_GRADIENT: f64 = 0.02;
 
-/// A median of absolute values, in standard deviations of a normal law, and the share of pixels that
-/// tell as much by their squares.
-const MEDIAN_AT: f64 = 0.674_49;
-const TELLING: f64 = 0.37;
+/// Median absolute deviation of a standard normal variable, and the efficiency of the median
+/// absolute deviation as a scale estimate.
+const MAD_OF_NORMAL: f64 = 0.674_49;
+const MAD_EFFICIENCY: f64 = 0.37;
 
-/// Standard deviation of the readout's noise in DN, and its standard error; none where the frames show
-/// too little that is smooth.
+/// Standard deviation of the readout noise in DN, and its standard error; None with too few smooth
+/// samples.
 ///
-/// Of the variance one part does not depend on light, one (photons) goes with it, one (gains that
-/// differ from pixel to pixel) with its square.
-pub(super) fn read_noise(optics: &Optics, map: &RadianceMap, keys: &[Key]) -> Option<[f64; 2]> {
-    let chosen: Vec<&Key> = keys.iter().step_by(keys.len().div_ceil(FRAMES).max(1)).collect();
-    let of_key = |key: &&Key| smooth(optics, map, key).unwrap_or_default();
-    let all: Vec<Vec<Seen>> = chosen.par_iter().map(of_key).collect();
-    let mut all: Vec<Seen> = all.into_iter().flatten().collect();
+/// The variance is modelled as a constant, a term proportional to the signal (shot noise) and one
+/// proportional to its square (pixel gain spread).
+pub(super) fn read_noise(
+    optics: &MapOptics,
+    map: &RadianceMap,
+    keys: &[Keyframe],
+) -> Option<[f64; 2]> {
+    let chosen: Vec<&Keyframe> =
+        keys.iter().step_by(keys.len().div_ceil(MAX_FRAMES).max(1)).collect();
+    let of_key = |key: &&Keyframe| smooth_pixels(optics, map, key).unwrap_or_default();
+    let all: Vec<Vec<SmoothPixel>> = chosen.par_iter().map(of_key).collect();
+    let mut all: Vec<SmoothPixel> = all.into_iter().flatten().collect();
     all.sort_by(|a, b| a.signal.total_cmp(&b.signal));
-    let size = all.len().div_ceil(CLASSES).max(LEAST);
+    let size = all.len().div_ceil(SIGNAL_CLASSES).max(MIN_CLASS_PIXELS);
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-    let classes: Vec<[f64; 3]> = all.chunks_exact(size).filter_map(class).collect();
+    let classes: Vec<[f64; 3]> = all.chunks_exact(size).filter_map(class_variance).collect();
     for [signal, variance, n] in &classes {
         let row = Vector3::new(1.0, signal / 100.0, (signal / 100.0).powi(2));
-        let precision = TELLING * n / (2.0 * variance * variance);
+        let precision = MAD_EFFICIENCY * n / (2.0 * variance * variance);
         normal += precision * row * row.transpose();
         right += precision * *variance * row;
     }
@@ -48,8 +52,8 @@ pub(super) fn read_noise(optics: &Optics, map: &RadianceMap, keys: &[Key]) -> Op
     let fit = inverse * right;
     let misfit = |[signal, variance, n]: &[f64; 3]| {
         let at = signal / 100.0;
-        let left = variance - fit[0] - at * (fit[1] + at * fit[2]);
-        left * left * TELLING * n / (2.0 * variance * variance)
+        let residual = variance - fit[0] - at * (fit[1] + at * fit[2]);
+        residual * residual * MAD_EFFICIENCY * n / (2.0 * variance * variance)
     };
     let freedom = (classes.len() - 3) as f64;
     let scale = (classes.iter().map(misfit).sum::<f64>() / freedom).max(1.0);
@@ -57,50 +61,52 @@ pub(super) fn read_noise(optics: &Optics, map: &RadianceMap, keys: &[Key]) -> Op
     Some([noise, 0.5 * (scale * inverse[(0, 0)]).sqrt() / noise])
 }
 
-/// A pixel that looks at a smooth place.
 #[derive(Debug, Clone, Copy)]
-struct Seen {
-    /// Expected signal and what the pixel reads beside it, DN.
+struct SmoothPixel {
+    /// Expected signal and residual, DN.
     signal: f64,
-    beside: f64,
-    /// Place in the mosaic.
+    residual: f64,
+    /// Bayer site.
     site: usize,
 }
 
-/// What pixels read that look at smooth places.
-fn smooth(optics: &Optics, map: &RadianceMap, key: &Key) -> Option<Vec<Seen>> {
+/// Pixels that view smooth points.
+fn smooth_pixels(
+    optics: &MapOptics,
+    map: &RadianceMap,
+    key: &Keyframe,
+) -> Option<Vec<SmoothPixel>> {
     let camera = &optics.camera;
     let pixel_mm = key.pose[2].abs() / camera.lens.focal_px;
     let level = key.ln_gain.exp();
     let mut found = Vec::new();
-    looks(optics, map, key, STEP, |look| {
-        let [value, dx, dy] = look.mapped;
-        if dx.hypot(dy) * pixel_mm < SMOOTH * value {
+    visit_map_samples(optics, map, key, PIXEL_STEP, |sample| {
+        let [value, dx, dy] = sample.mapped;
+        if dx.hypot(dy) * pixel_mm < MAX_GRADIENT * value {
             let expected = level * value;
-            let signal = |light| camera.signal(light, look.x, look.y);
-            let (signal, beside) = (signal(expected), signal(look.light - expected));
-            found.push(Seen { signal, beside, site: look.y % 2 * 2 + look.x % 2 });
+            let signal = |light| camera.signal(light, sample.x, sample.y);
+            let (signal, residual) = (signal(expected), signal(sample.light - expected));
+            found.push(SmoothPixel { signal, residual, site: sample.y % 2 * 2 + sample.x % 2 });
         }
     })?;
     Some(found)
 }
 
-/// Middle signal, variance and number of pixels of a class.
+/// Median signal, variance and size of a class.
 ///
-/// What all pixels of one place in the mosaic lie beside the map is no noise: a pedestal that is not the stated one
-/// does not go with the gains of these places, so that each has its own.
-fn class(pixels: &[Seen]) -> Option<[f64; 3]> {
+/// The median residual of each Bayer site is removed: an error of the black level is not noise.
+fn class_variance(pixels: &[SmoothPixel]) -> Option<[f64; 3]> {
     let n = pixels.len();
-    let beside = |site: usize| -> Vec<f64> {
+    let residual = |site: usize| -> Vec<f64> {
         let of_site = pixels.iter().filter(|pixel| pixel.site == site);
-        of_site.map(|pixel| pixel.beside).collect()
+        of_site.map(|pixel| pixel.residual).collect()
     };
     let mut sizes: Vec<f64> = (0..4)
-        .map(beside)
+        .map(residual)
         .filter_map(|all| Some((upper_median(&mut all.clone())?, all)))
-        .flat_map(|(middle, all)| all.into_iter().map(move |beside| (beside - middle).abs()))
+        .flat_map(|(middle, all)| all.into_iter().map(move |residual| (residual - middle).abs()))
         .collect();
-    let deviation = upper_median(&mut sizes)? / MEDIAN_AT;
+    let deviation = upper_median(&mut sizes)? / MAD_OF_NORMAL;
     (deviation > 0.0).then_some([pixels[n / 2].signal, deviation * deviation, n as f64])
 }
 
@@ -113,12 +119,12 @@ mod tests {
         let pixel = |i: u32| {
             let site = (i % 4) as usize;
             let even = f64::from(i.wrapping_mul(2_654_435_761) >> 16) / 65_536.0 - 0.5;
-            Seen { signal: 30.0, beside: [9.0, 0.0, -4.0, 6.0][site] + even, site }
+            SmoothPixel { signal: 30.0, residual: [9.0, 0.0, -4.0, 6.0][site] + even, site }
         };
-        let pixels: Vec<Seen> = (0..4_000).map(pixel).collect();
-        let [signal, variance, n] = class(&pixels).unwrap();
+        let pixels: Vec<SmoothPixel> = (0..4_000).map(pixel).collect();
+        let [signal, variance, n] = class_variance(&pixels).unwrap();
         // Of even values within a half half lie within a quarter.
-        let expected = (0.25 / MEDIAN_AT).powi(2);
+        let expected = (0.25 / MAD_OF_NORMAL).powi(2);
         assert!((variance / expected - 1.0).abs() < 0.1, "{variance} for {expected}");
         assert_eq!([signal, n], [30.0, 4_000.0]);
     }

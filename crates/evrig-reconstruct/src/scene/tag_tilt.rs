@@ -1,86 +1,83 @@
-//! How the print lies to the head, by the tag's perspective.
+//! Tilts of the target and of the wrist's axis from the tag's perspective.
 //!
-//! Held against a map that was made from the same frames, a tilt of the print hardly shows: the map
-//! tilts along, a distance that changes with the place makes up for most of what is left, and a late
-//! row for the rest. The tag's own shape knows nothing of the map. Beside the optical axis a tilt makes
-//! it narrower: a hundredth of a pixel is a milliradian, and over a track those errors that follow from
-//! how the corners fall on the pixels come out of the mean. A lens that is not what the rig states
-//! looks like a tilt here.
+//! The map cannot show a tilt of the target: the map made from the same frames tilts along, and a
+//! distance that changes with position, or the row time, absorbs the rest. The shape of the tag
+//! does not depend on the map. A tilt changes it by about a hundredth of a pixel per milliradian
+//! off the optical axis; errors from the pixel phase of the corners average out over a track. A
+//! lens that differs from the rig description has the same effect as a tilt.
 
-use super::head::{HEAD, Head};
-use super::robust::clustered;
-use super::start::{Corners, TagPath, TagSquare};
+use super::clustered_covariance::clustered_covariance;
+use super::head::{HEAD_DOF, HeadGeometry};
+use super::tag_pose::{TagCorners, TagPath, TagSquare};
 use nalgebra::{SMatrix, SVector};
 
-/// Instants of the track that are looked at.
-const LOOKS: usize = 240;
+/// Instants sampled from the track.
+const INSTANTS: usize = 240;
 
-/// Fewer say nothing.
-const LEAST: usize = 12;
+/// Fewest observations.
+const MIN_OBSERVATIONS: usize = 12;
 
-/// Rounds of Gauss and Newton; the second one is already nearly exact.
-const ROUNDS: usize = 6;
+/// Gauss-Newton iterations.
+const ITERATIONS: usize = 6;
 
-/// Standard deviation of the tilts of print and wrist's axis before anything is seen, radians.
+/// Prior standard deviation of the tilts, radians.
 const TILT_RAD: f64 = 0.02;
 
-/// What the tag's perspective is wrong by as such, radians: a lens not quite as stated, corners that err
-/// alike at all places.
+/// Systematic error of the tag's perspective, radians: lens model and common corner errors.
 const FLOOR_RAD: f64 = 1e-3;
 
-/// Step by which the head is moved to get slopes.
+/// Step of the numerical derivatives.
 const HEAD_STEP: f64 = 1e-5;
 
-/// The head's constants as the tag shows them, and how well.
+/// Tilts estimated from the tag, with their information matrix.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Lie {
-    pub(super) head: Head,
-    /// Inverse of the covariance of its tilts, in the order of [`Head::moved`].
-    pub(super) information: SMatrix<f64, HEAD, HEAD>,
+pub(super) struct TagTilt {
+    pub(super) head: HeadGeometry,
+    /// Inverse covariance, in the order of [`HeadGeometry::moved`].
+    pub(super) information: SMatrix<f64, HEAD_DOF, HEAD_DOF>,
 }
 
-/// Equations for the head's constants, the poses taken out.
-struct Sums {
-    normal: SMatrix<f64, HEAD, HEAD>,
-    right: SVector<f64, HEAD>,
-    /// The right side, look by look.
-    scores: Vec<SVector<f64, HEAD>>,
+/// Equations for the tilts with the poses eliminated.
+struct TiltEquations {
+    normal: SMatrix<f64, HEAD_DOF, HEAD_DOF>,
+    right: SVector<f64, HEAD_DOF>,
+    /// Right side of each observation.
+    scores: Vec<SVector<f64, HEAD_DOF>>,
     squares: f64,
 }
 
-impl Lie {
-    /// As the tag of this path shows it.
+impl TagTilt {
     pub(super) fn by(tag: &TagPath<'_>) -> Self {
-        Self::of(tag.square(), tag.head, &tag.looks(LOOKS))
+        Self::of(tag.square(), tag.head, &tag.views(INSTANTS))
     }
 
-    /// As looks at the tag show it, for a head that is stated to lie so.
-    fn of(square: TagSquare, stated: Head, looks: &[Corners]) -> Self {
-        let before = SMatrix::<f64, HEAD, HEAD>::identity() * TILT_RAD.powi(-2);
+    /// From observations of the tag, for a nominal head.
+    fn of(square: TagSquare, stated: HeadGeometry, views: &[TagCorners]) -> Self {
+        let before = SMatrix::<f64, HEAD_DOF, HEAD_DOF>::identity() * TILT_RAD.powi(-2);
         let unknown = Self { head: stated, information: before };
-        let mut lie = unknown;
-        for round in 0..ROUNDS {
-            let sums = Sums::over(square, &lie.head, looks);
-            let n = sums.scores.len();
-            if n < LEAST {
+        let mut estimate = unknown;
+        for round in 0..ITERATIONS {
+            let equations = TiltEquations::over(square, &estimate.head, views);
+            let n = equations.scores.len();
+            if n < MIN_OBSERVATIONS {
                 return unknown;
             }
-            let variance = (sums.squares / (4 * n - HEAD) as f64).max(f64::MIN_POSITIVE);
-            let (normal, right) = (sums.normal / variance, sums.right / variance);
+            let variance = (equations.squares / (4 * n - HEAD_DOF) as f64).max(f64::MIN_POSITIVE);
+            let (normal, right) = (equations.normal / variance, equations.right / variance);
             let Some(inverse) = (normal + before).try_inverse() else { return unknown };
-            let change = inverse * (right - before * apart(&lie.head, &stated));
-            lie.head = lie.head.moved(&change.into());
-            if round + 1 == ROUNDS {
-                lie.information = information(&normal, &inverse, &sums.scores, variance, &before);
+            let change = inverse * (right - before * tilt_difference(&estimate.head, &stated));
+            estimate.head = estimate.head.moved(&change.into());
+            if round + 1 == ITERATIONS {
+                estimate.information =
+                    information(&normal, &inverse, &equations.scores, variance, &before);
             }
         }
-        let is_sound = lie.information.iter().all(|part| part.is_finite());
-        if is_sound { lie } else { unknown }
+        let is_sound = estimate.information.iter().all(|part| part.is_finite());
+        if is_sound { estimate } else { unknown }
     }
 }
 
-/// The tilts of a head beyond those of another.
-pub(super) fn apart(head: &Head, other: &Head) -> SVector<f64, HEAD> {
+pub(super) fn tilt_difference(head: &HeadGeometry, other: &HeadGeometry) -> SVector<f64, HEAD_DOF> {
     SVector::from([
         head.tilt_rad[0] - other.tilt_rad[0],
         head.tilt_rad[1] - other.tilt_rad[1],
@@ -89,54 +86,53 @@ pub(super) fn apart(head: &Head, other: &Head) -> SVector<f64, HEAD> {
     ])
 }
 
-/// What is known in the end: less than the equations say by as much as neighbouring looks err
-/// together, and never better than [`FLOOR_RAD`].
+/// Information after clustering of neighbouring observations, bounded by [`FLOOR_RAD`].
 fn information(
-    normal: &SMatrix<f64, HEAD, HEAD>,
-    inverse: &SMatrix<f64, HEAD, HEAD>,
-    scores: &[SVector<f64, HEAD>],
+    normal: &SMatrix<f64, HEAD_DOF, HEAD_DOF>,
+    inverse: &SMatrix<f64, HEAD_DOF, HEAD_DOF>,
+    scores: &[SVector<f64, HEAD_DOF>],
     variance: f64,
-    before: &SMatrix<f64, HEAD, HEAD>,
-) -> SMatrix<f64, HEAD, HEAD> {
+    before: &SMatrix<f64, HEAD_DOF, HEAD_DOF>,
+) -> SMatrix<f64, HEAD_DOF, HEAD_DOF> {
     let scores: Vec<_> = scores.iter().map(|score| score / variance).collect();
-    let together = clustered(inverse, &scores);
-    let factor = (0..HEAD).map(|i| together[(i, i)] / inverse[(i, i)]).fold(1.0, f64::max);
-    let floor = SMatrix::<f64, HEAD, HEAD>::identity() * FLOOR_RAD.powi(2);
+    let together = clustered_covariance(inverse, &scores);
+    let factor = (0..HEAD_DOF).map(|i| together[(i, i)] / inverse[(i, i)]).fold(1.0, f64::max);
+    let floor = SMatrix::<f64, HEAD_DOF, HEAD_DOF>::identity() * FLOOR_RAD.powi(2);
     let covariance = (normal / factor + before).try_inverse().map(|own| own + floor);
     covariance.and_then(|covariance| covariance.try_inverse()).unwrap_or(*before)
 }
 
-impl Sums {
-    fn over(square: TagSquare, head: &Head, looks: &[Corners]) -> Self {
+impl TiltEquations {
+    fn over(square: TagSquare, head: &HeadGeometry, views: &[TagCorners]) -> Self {
         let (normal, right) = (SMatrix::zeros(), SVector::zeros());
-        let mut sums = Self { normal, right, scores: Vec::new(), squares: 0.0 };
-        for look in looks {
-            // A look that no pose of the head can have is left out.
-            let _ = sums.add(square, head, look);
+        let mut equations = Self { normal, right, scores: Vec::new(), squares: 0.0 };
+        for view in views {
+            // Observations without a valid pose are skipped.
+            let _ = equations.add(square, head, view);
         }
-        sums
+        equations
     }
 
-    fn add(&mut self, square: TagSquare, head: &Head, look: &Corners) -> Option<()> {
-        let pose = square.pose(head, look)?;
+    fn add(&mut self, square: TagSquare, head: &HeadGeometry, view: &TagCorners) -> Option<()> {
+        let pose = square.pose(head, view)?;
         let here = square.rays(head, &pose);
-        let left = SVector::<f64, 8>::from_fn(|i, _| look[i / 2][i % 2]) - here;
-        let mut shared = SMatrix::<f64, 8, HEAD>::zeros();
-        for i in 0..HEAD {
-            let mut by = [0.0; HEAD];
+        let residual = SVector::<f64, 8>::from_fn(|i, _| view[i / 2][i % 2]) - here;
+        let mut shared = SMatrix::<f64, 8, HEAD_DOF>::zeros();
+        for i in 0..HEAD_DOF {
+            let mut by = [0.0; HEAD_DOF];
             by[i] = HEAD_STEP;
             shared.set_column(i, &((square.rays(&head.moved(&by), &pose) - here) / HEAD_STEP));
         }
-        // What the pose can make up for says nothing of the head.
-        let own = square.by_pose(head, &pose);
+        // Projects out what the pose can absorb.
+        let own = square.pose_derivatives(head, &pose);
         let onto_pose = (own.transpose() * own).try_inverse()? * own.transpose();
-        let left = left - own * (onto_pose * left);
+        let residual = residual - own * (onto_pose * residual);
         let shared = shared - own * (onto_pose * shared);
-        let score = shared.transpose() * left;
+        let score = shared.transpose() * residual;
         self.normal += shared.transpose() * shared;
         self.right += score;
         self.scores.push(score);
-        self.squares += left.norm_squared();
+        self.squares += residual.norm_squared();
         Some(())
     }
 }
@@ -145,15 +141,15 @@ impl Sums {
 mod tests {
     use super::*;
 
-    const CORNERS: Corners = [[-7.0, 7.0], [7.0, 7.0], [7.0, -7.0], [-7.0, -7.0]];
+    const CORNERS: TagCorners = [[-7.0, 7.0], [7.0, 7.0], [7.0, -7.0], [-7.0, -7.0]];
 
-    fn head(tilt_rad: [f64; 2], axis_tilt_rad: [f64; 2]) -> Head {
-        Head { roll_rad: 0.3, tilt_rad, axis: [0.0, 0.0, 1.0], axis_tilt_rad }
+    fn head(tilt_rad: [f64; 2], axis_tilt_rad: [f64; 2]) -> HeadGeometry {
+        HeadGeometry { roll_rad: 0.3, tilt_rad, axis: [0.0, 0.0, 1.0], axis_tilt_rad }
     }
 
     /// Looks from a circle on which the wrist swings by `turn` radians, each coordinate off by up to
     /// `wrong` one way or the other.
-    fn looks(truth: &Head, turn: f64, wrong: f64) -> Vec<Corners> {
+    fn views(truth: &HeadGeometry, turn: f64, wrong: f64) -> Vec<TagCorners> {
         let square = TagSquare(CORNERS);
         (0..200_u32)
             .map(|k| {
@@ -176,7 +172,7 @@ mod tests {
         let truth = head([0.015, -0.008], [0.0; 2]);
         // Two hundredths of a pixel of 1700 to the radian.
         let found =
-            Lie::of(TagSquare(CORNERS), head([0.0; 2], [0.0; 2]), &looks(&truth, 0.0, 1.2e-5));
+            TagTilt::of(TagSquare(CORNERS), head([0.0; 2], [0.0; 2]), &views(&truth, 0.0, 1.2e-5));
         let covariance = found.information.try_inverse().unwrap();
         for i in 0..2 {
             let (off, error) =
@@ -191,7 +187,7 @@ mod tests {
     fn a_wrist_that_swings_shows_its_axis_too() {
         let truth = head([0.004, 0.011], [-0.006, 0.009]);
         let found =
-            Lie::of(TagSquare(CORNERS), head([0.0; 2], [0.0; 2]), &looks(&truth, 0.3, 1e-7));
+            TagTilt::of(TagSquare(CORNERS), head([0.0; 2], [0.0; 2]), &views(&truth, 0.3, 1e-7));
         for i in 0..2 {
             assert!((found.head.tilt_rad[i] - truth.tilt_rad[i]).abs() < 1e-3, "{found:?}");
             assert!(
@@ -204,8 +200,8 @@ mod tests {
     #[test]
     fn too_few_looks_leave_what_is_stated() {
         let truth = head([0.015, -0.008], [0.0; 2]);
-        let few = &looks(&truth, 0.0, 0.0)[..LEAST - 1];
-        let found = Lie::of(TagSquare(CORNERS), head([0.0; 2], [0.0; 2]), few);
+        let few = &views(&truth, 0.0, 0.0)[..MIN_OBSERVATIONS - 1];
+        let found = TagTilt::of(TagSquare(CORNERS), head([0.0; 2], [0.0; 2]), few);
         assert_eq!(found.head.tilt_rad, [0.0; 2]);
     }
 }

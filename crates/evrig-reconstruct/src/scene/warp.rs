@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 
-/// From rays to places, and how places move with each of `N` parameters.
+/// Homography from rays to positions with derivatives by `N` parameters.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Warp<const N: usize> {
     matrix: [f64; 9],
@@ -10,7 +10,7 @@ pub(super) struct Warp<const N: usize> {
 }
 
 impl<const N: usize> Warp<N> {
-    /// The matrix that `of` gives at no change, and its slopes by steps; None where one is missing.
+    /// The homography `of` at zero and its central differences; None where one is missing.
     pub(super) fn new(
         steps: &[f64; N],
         of: impl Fn(&[f64; N]) -> Option<Matrix3<f64>>,
@@ -28,7 +28,7 @@ impl<const N: usize> Warp<N> {
         Some(Self { matrix: row_major(&here), slopes })
     }
 
-    /// The homography a part of the way to another that is near.
+    /// Linear interpolation towards a nearby homography.
     #[inline]
     pub(super) fn blend(&self, other: &Self, part: f64) -> Self {
         let mix = |a: &[f64; 9], b: &[f64; 9]| std::array::from_fn(|i| a[i] + (b[i] - a[i]) * part);
@@ -38,7 +38,7 @@ impl<const N: usize> Warp<N> {
         }
     }
 
-    /// The place of a ray, and how it moves with each parameter.
+    /// Position of a ray and its derivatives by each parameter.
     #[inline]
     pub(super) fn slopes(&self, ray: [f64; 2]) -> ([f64; 2], [[f64; 2]; N]) {
         let [a, b, w] = product(&self.matrix, ray);
@@ -51,7 +51,7 @@ impl<const N: usize> Warp<N> {
         (place, moved)
     }
 
-    /// How the place of a ray moves with the ray: by its first and by its second part.
+    /// Derivatives of the position by both components of the ray.
     #[inline]
     pub(super) fn by_ray(&self, ray: [f64; 2]) -> [[f64; 2]; 2] {
         let [a, b, w] = product(&self.matrix, ray);
@@ -61,7 +61,6 @@ impl<const N: usize> Warp<N> {
     }
 }
 
-/// The elements row by row.
 pub(super) fn row_major(matrix: &Matrix3<f64>) -> [f64; 9] {
     std::array::from_fn(|i| matrix[(i / 3, i % 3)])
 }

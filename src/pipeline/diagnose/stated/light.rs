@@ -3,7 +3,7 @@
 use super::SURE;
 use evrig_analysis::diagnose::Departure;
 use evrig_core::effect_id::EffectId;
-use evrig_reconstruct::scene::{MovingLight, Scene, Tone};
+use evrig_reconstruct::scene::{MovingIllumination, Scene, ToneFit};
 use evrig_session::rig::Rig;
 
 /// Share of the light that any lens may lose in its corners.
@@ -16,9 +16,9 @@ const SAME_NOISE: f64 = 0.2;
 const ROUNDING: f64 = 1.0 / 12.0;
 
 /// Light that moves over the print.
-pub(super) fn shadow(moving: &MovingLight) -> Departure {
+pub(super) fn shadow(moving: &MovingIllumination) -> Departure {
     let [depth, error] = moving.depth;
-    let MovingLight { speed_mm_per_s, direction_deg, .. } = moving;
+    let MovingIllumination { speed_mm_per_s, direction_deg, .. } = moving;
     Departure {
         id: EffectId::MovingShadow,
         parameters: vec![("depth", moving.depth)],
@@ -35,8 +35,8 @@ pub(super) fn shadow(moving: &MovingLight) -> Departure {
 }
 
 /// Frames of the Pi that are not linear in light where those of the event camera are.
-pub(super) fn curve(tone: &Tone) -> Option<Departure> {
-    let z = tone.curved()?;
+pub(super) fn curve(tone: &ToneFit) -> Option<Departure> {
+    let z = tone.nonlinear_sigmas()?;
     let says = format!(
         "raw frames read light to the power of {:.3} where the event camera's own frames read it as it is",
         tone.gamma[0]
@@ -48,7 +48,7 @@ pub(super) fn curve(tone: &Tone) -> Option<Departure> {
 /// A lens that loses light towards the corners: of both cameras the one that surely loses more.
 pub(super) fn corners(scene: &Scene) -> Option<Departure> {
     let davis = scene.registration.tone.map(|tone| ("event camera", tone.corner_loss));
-    let pi = scene.survey.corner_loss.map(|loss| ("Pi", loss));
+    let pi = scene.reconstruction.corner_loss.map(|loss| ("Pi", loss));
     let lossy = |(_, [loss, error]): &(&str, [f64; 2])| *loss > LEAST_LOSS && loss / error > SURE;
     let both = [pi, davis].into_iter().flatten().filter(lossy);
     let (camera, corner_loss) = both.max_by(|a, b| a.1[0].total_cmp(&b.1[0]))?;
@@ -65,8 +65,8 @@ pub(super) fn corners(scene: &Scene) -> Option<Departure> {
 /// Whether the frames tell the noise of their readout: of frames that are not linear in light it goes
 /// with light otherwise than is taken for granted.
 pub(super) fn noise_is_known(scene: &Scene) -> bool {
-    let is_curved = scene.registration.tone.is_some_and(|tone| tone.curved().is_some());
-    scene.survey.read_noise_dn.is_some() && !is_curved
+    let is_curved = scene.registration.tone.is_some_and(|tone| tone.nonlinear_sigmas().is_some());
+    scene.reconstruction.read_noise_dn.is_some() && !is_curved
 }
 
 /// Raw frames whose readout is noisier than stated.
@@ -74,7 +74,7 @@ pub(super) fn noise(scene: &Scene, rig: &Rig) -> Option<Departure> {
     if !noise_is_known(scene) {
         return None;
     }
-    more_noise(scene.survey.read_noise_dn?, rig.pi.camera.read_noise_dn?)
+    more_noise(scene.reconstruction.read_noise_dn?, rig.pi.camera.read_noise_dn?)
 }
 
 /// The noise on top of the stated one, from the found one with its standard error, DN.
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn frames_that_are_all_but_linear_are_linear() {
-        let tone = |gamma, error| Tone { gamma: [gamma, error], corner_loss: [0.0, 0.01] };
+        let tone = |gamma, error| ToneFit { gamma: [gamma, error], corner_loss: [0.0, 0.01] };
         assert!(curve(&tone(1.02, 0.002)).is_none());
         assert!(curve(&tone(0.9, 0.05)).is_none());
         assert!(curve(&tone(0.9, 0.01)).is_some_and(|found| found.z > 5.0));

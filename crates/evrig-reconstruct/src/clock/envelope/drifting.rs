@@ -1,10 +1,9 @@
-//! The lower envelope of a clock that drifts: lines about knots.
+//! Lower envelope of a drifting clock: lines around knots.
 //!
-//! A crystal bends slowly with temperature and sharply when a host slews its clock. About
-//! each knot the window grows as long as its line agrees with what the shortest windows say
-//! at every knot within it (after the intersection of confidence intervals; Goldenshluger and
-//! Nemirovski, Mathematical Methods of Statistics 6, 1997): long where the clock runs
-//! straight, short near a bend.
+//! The rate of a crystal changes slowly with temperature and abruptly when a host slews its clock.
+//! Around each knot the window grows (intersection of confidence intervals; Goldenshluger and
+//! Nemirovski, Mathematical Methods of Statistics 6, 1997) while its line agrees with the shortest windows; between knots
+//! the map is linear.
 
 use super::super::estimate::{MinimumLatency, SegmentError, SegmentStart};
 use super::super::hull::{LineFit, fit};
@@ -14,16 +13,16 @@ use evrig_core::stats::Estimate;
 use evrig_core::time::Clock;
 use std::ops::Range;
 
-/// Distance of the knots, seconds.
+/// Knot spacing, seconds.
 const KNOT_S: f64 = 2.5;
-/// Windows tried about each knot, seconds.
+/// Window lengths tried around each knot, seconds.
 const WINDOWS_S: [f64; 6] = [2.5, 5.0, 10.0, 20.0, 40.0, 60.0];
-/// Frames below which a window says nothing.
+/// Fewest frames of a window.
 const MIN_WINDOW: usize = 60;
-/// How many 95 % margins a line may lie below a local knot: there are many knots, and one that
-/// strays must not shorten the windows about it.
+/// Greatest distance of a line below a local knot in 95 % margins: with many knots one outlier must
+/// not shorten the windows.
 const AGREEMENT: f64 = 2.0;
-/// Change of rate that every window must allow for, ppm a second (a crystal in a warming case).
+/// Change of rate allowed in every window, ppm per second (a crystal in a warming case).
 const WANDER_PPM_PER_S: f64 = 0.02;
 
 /// The envelope at one instant.
@@ -31,9 +30,9 @@ const WANDER_PPM_PER_S: f64 = 0.02;
 pub(super) struct Knot {
     x_s: f64,
     offset_us: f64,
-    /// How far the truth may lie below and above, 95 %.
+    /// 95 % margins below and above.
     margin95: [f64; 2],
-    /// The same with 90 %.
+    /// The same for 90 %.
     margin90: [f64; 2],
     slope_error_ppm: f64,
     tail_index: f64,
@@ -89,7 +88,7 @@ fn piece<A: Clock, B: Clock>(
     Piece { segment, frames, line, tail_index }
 }
 
-/// The envelope at `x_s` over the shortest window that says anything.
+/// The envelope at `x_s` over the shortest window with enough frames.
 fn shortest<A: Clock, B: Clock>(trace: &Trace<'_, A, B>, range: &Range<usize>, x_s: f64) -> Knot {
     let frames = WINDOWS_S
         .into_iter()
@@ -115,7 +114,8 @@ fn longest<A: Clock, B: Clock>(
         }
         let fit = fit(&trace.x_s, &trace.y_us, &frames);
         let covered = trace.x_s[frames.start]..=trace.x_s[frames.end - 1];
-        // The line lies below all points; too far below some of them means it is not straight there.
+        // The line is below all points; too far below some of them means that the envelope is
+        // curved there.
         let agrees =
             |knot: &Knot| fit.line.at(knot.x_s) >= knot.offset_us - AGREEMENT * knot.margin95[0];
         if !local.iter().filter(|knot| covered.contains(&knot.x_s)).all(agrees) {
@@ -127,7 +127,7 @@ fn longest<A: Clock, B: Clock>(
     best
 }
 
-/// Frames within a window of `length_s`, about `x_s` where the range allows, within it always.
+/// Frames within a window of `length_s` around `x_s`, moved into the range.
 fn window(x: &[f64], range: &Range<usize>, x_s: f64, length_s: f64) -> Range<usize> {
     let own = &x[range.clone()];
     let (first, last) = (own[0], own[own.len() - 1]);
@@ -137,13 +137,13 @@ fn window(x: &[f64], range: &Range<usize>, x_s: f64, length_s: f64) -> Range<usi
     range.start + start..range.start + end.max(start + 1)
 }
 
-/// What a fitted line says at `x_s`.
+/// Value and error of a fitted line at `x_s`.
 fn within(fit: &LineFit, x_s: f64) -> Knot {
     let reach =
         if fit.half_span_s > 0.0 { (x_s - fit.mean_s).abs() / fit.half_span_s } else { 0.0 };
     let bend = 0.5 * WANDER_PPM_PER_S * (fit.half_span_s * (1.0 + reach)).powi(2) * 0.5;
     let margin = |below: f64| {
-        // Off the middle the line's slope matters, and it errs to either side.
+        // Away from the middle the error of the slope adds on both sides.
         let tilt = reach * below;
         [below + tilt + bend + RESOLUTION_US, tilt + bend + RESOLUTION_US]
     };

@@ -36,8 +36,8 @@ impl Banded {
         self.rows.iter().map(|row| row[0]).sum::<f64>() / self.rows.len() as f64
     }
 
-    /// Factor by Cholesky's method. A pivot that is not positive is taken as that of an
-    /// entry nothing is known of; the penalty on bends keeps it from happening.
+    /// Cholesky factor. A pivot that is not positive is replaced by that of an undetermined entry;
+    /// the curvature penalty prevents it.
     pub(super) fn factor(&self) -> Factor {
         let mut rows = vec![[0.0; 4]; self.rows.len()];
         for i in 0..rows.len() {

@@ -1,4 +1,4 @@
-//! A first offset: the best of a grid, unless another fits as well.
+//! Initial offset by a grid search, with a test for ambiguity.
 
 use super::Point;
 use super::path::Path;
@@ -7,25 +7,25 @@ use crate::clock::error::ClockError;
 use evrig_core::stats::Estimate;
 use evrig_core::time::Span;
 
-/// Distance of the grid's offsets, seconds.
+/// Grid spacing, seconds.
 const STEP_S: f64 = 0.005;
-/// Samples looked at; more do not sharpen the grid.
+/// Most samples used; more do not improve the grid search.
 const MAX_SAMPLES: usize = 1_500;
-/// Difference in chi-squared below which two offsets fit alike.
+/// Difference in chi-squared below which two offsets are indistinguishable.
 const ALIKE: f64 = 25.0;
 
-/// Chi-squared that a common motion must explain: below it there is none to speak of.
+/// Least chi-squared that a common motion must explain.
 const MIN_EXPLAINED: f64 = 200.0;
 
-/// Where the fit starts.
+/// Start of the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Start {
     pub(super) tau_s: f64,
-    /// Another offset that fits about as well, with worse ones between.
+    /// Another offset that fits about as well, separated by worse ones.
     pub(super) rival_s: Option<f64>,
     pub(super) ln_scale: f64,
     pub(super) roll: f64,
-    /// The other camera's picture of the reference's mean position.
+    /// Position in the other camera of the reference's mean position.
     pub(super) shift: [f64; 2],
     /// Mean position in the reference.
     pub(super) centre: [f64; 2],
@@ -47,7 +47,7 @@ pub(super) fn search(
         .collect();
     let costs: Vec<f64> = grid.iter().map(|(cost, ..)| *cost).collect();
     let best = (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).unwrap_or(0);
-    // Where the model itself misfits, costs differ by more than noise would make them.
+    // Where the model misfits, differences of chi-squared are scaled by the misfit.
     let unit = (costs[best] / (2 * sample.len()) as f64).max(1.0);
     let is_rival = |&at: &usize| {
         let between = if at < best { &costs[at..=best] } else { &costs[best..=at] };

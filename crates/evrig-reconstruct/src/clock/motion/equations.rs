@@ -1,8 +1,8 @@
-//! The normal equations of path, geometry and time, and the path's elimination from them.
+//! Normal equations of path, geometry and time, and elimination of the path.
 //!
-//! The path's many coefficients couple only to their neighbours and to six numbers; they are
-//! eliminated (the Schur complement), and what is left is the Fisher information of the six
-//! with the path unknown.
+//! The path's coefficients couple only to their neighbours and to six parameters. They are
+//! eliminated (Schur complement), which leaves the Fisher information of the six with the path
+//! unknown.
 
 use super::banded::{Banded, Factor};
 use super::path::{Basis, Path, add_gap_penalty, bends};
@@ -24,7 +24,6 @@ pub(super) struct State {
     pub(super) centre: [f64; 2],
 }
 
-/// The normal equations about one state.
 pub(super) struct Equations {
     normal: Banded,
     right: [Vec<f64>; 2],
@@ -33,7 +32,7 @@ pub(super) struct Equations {
     pub(super) corner_right: SVector<f64, N>,
 }
 
-/// What is left after the path is eliminated.
+/// The equations with the path eliminated.
 pub(super) struct Reduced {
     pub(super) factor: Factor,
     pub(super) information: Information,
@@ -44,11 +43,11 @@ pub(super) struct Reduced {
     path_step: [Vec<f64>; 2],
 }
 
-/// How the other camera's sight of the tag at one time depends on what is fitted.
+/// Derivatives of the tag's position in the other camera.
 pub(super) struct Look {
-    /// Derivatives of x and y by the six.
+    /// Derivatives of x and y by the six parameters.
     pub(super) by: [SVector<f64, N>; 2],
-    /// The linear part of the way from path to picture.
+    /// Linear part of the map from path to image.
     pub(super) matrix: [[f64; 2]; 2],
 }
 
@@ -67,7 +66,7 @@ impl Look {
 }
 
 impl Reduced {
-    /// What a pull on the path at one place is to the six, once the path has given way.
+    /// Score of the six parameters for a residual on the path, with the path eliminated.
     pub(super) fn score(&self, basis: &Basis, pull: [f64; 2]) -> SVector<f64, N> {
         let mut score = SVector::zeros();
         for (leverage, pull) in self.leverage.iter().zip(pull) {
@@ -80,7 +79,7 @@ impl Reduced {
 }
 
 impl State {
-    /// The linear part of the way from path to picture, and its derivative by the roll.
+    /// Linear part of the map from path to image.
     pub(super) fn matrix(&self) -> [[f64; 2]; 2] {
         let scale = self.theta[LN_SCALE].exp();
         let (sin, cos) = self.theta[ROLL].sin_cos();
@@ -145,7 +144,7 @@ impl Equations {
         }
     }
 
-    /// Holds one of the six where it is.
+    /// Keeps one of the six parameters constant.
     pub(super) fn fix(&mut self, index: usize) {
         self.border.iter_mut().flatten().for_each(|border| border[index] = 0.0);
         self.corner.row_mut(index).fill(0.0);

@@ -7,7 +7,7 @@ use super::banded::Banded;
 const KNOTS_S: [f64; 7] = [1.6, 0.8, 0.4, 0.2, 0.1, 0.05, 0.025];
 /// Samples a knot must have on average.
 const SAMPLES_PER_KNOT: f64 = 3.0;
-/// Penalty on bends between coefficients, relative to the mean weight of one: only gaps feel it.
+/// Curvature penalty relative to the mean weight of a coefficient; it matters only in gaps.
 const GAP_PENALTY: f64 = 1e-7;
 
 /// Two coordinates over time.
@@ -29,7 +29,7 @@ pub(super) struct Basis {
 }
 
 impl Path {
-    /// Fits a track by itself; the knot distance is the best by Akaike's criterion, error unknown.
+    /// Fits one track; the knot spacing minimises Akaike's criterion with unknown error.
     pub(super) fn fit(points: &[Point]) -> Self {
         let span = points[points.len() - 1].t_s - points[0].t_s;
         let most = points.len() as f64 / SAMPLES_PER_KNOT;
@@ -44,8 +44,7 @@ impl Path {
             .map_or_else(|| Self::with_knots(points, coarsest), |(_, path)| path)
     }
 
-    /// The same path with its knots half as far apart, from the same points; none where `n` samples
-    /// over its time are too few for so many.
+    /// The path refitted with half the knot spacing; None where `n` samples are too few.
     pub(super) fn finer(&self, points: &[Point], n: usize) -> Option<Self> {
         let knot_s = self.knot_s / 2.0;
         let span = points[points.len() - 1].t_s - points[0].t_s;
@@ -96,7 +95,7 @@ impl Path {
         self.c[0].len()
     }
 
-    /// The basis at `t_s`, held at the ends of the path.
+    /// The basis at `t_s`, clamped to the path.
     pub(super) fn basis(&self, t_s: f64) -> Basis {
         let place = ((t_s - self.begin_s) / self.knot_s).clamp(0.0, (self.n() - 3) as f64);
         let first = (place as usize).min(self.n() - 4);
@@ -128,7 +127,7 @@ impl Path {
     }
 }
 
-/// Weight of the penalty on bends, as added.
+/// Adds the curvature penalty and returns its weight.
 pub(super) fn add_gap_penalty(normal: &mut Banded) -> f64 {
     let weight = GAP_PENALTY * normal.mean_diagonal();
     for (first, bend) in bends(normal.n()) {
@@ -139,7 +138,7 @@ pub(super) fn add_gap_penalty(normal: &mut Banded) -> f64 {
 
 /// The second differences of neighbouring coefficients.
 pub(super) fn bends(n: usize) -> impl Iterator<Item = (usize, [f64; 4])> {
-    // The last one is written from one entry further left, since four must fit.
+    // The last one starts one entry further left, since four must fit.
     (0..n - 3).map(|first| (first, [1.0, -2.0, 1.0, 0.0])).chain([(n - 4, [0.0, 1.0, -2.0, 1.0])])
 }
 

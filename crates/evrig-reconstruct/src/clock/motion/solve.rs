@@ -1,7 +1,7 @@
-//! Path, geometry and time fitted together by Gauss and Newton's method.
+//! Joint Gauss-Newton fit of path, geometry and time.
 //!
-//! Samples far from the fit count less, then nothing. In the end the information left for the
-//! offset is judged: how much unknown geometry takes, and how much the path's noise feigns.
+//! Residuals are weighted by Huber's rule, and outliers are dropped. The information on the offset
+//! is then assessed: the loss to unknown geometry and the part due to noise of the path.
 
 use super::banded::Factor;
 use super::coarse::Start;
@@ -16,16 +16,16 @@ use evrig_core::stats::Estimate;
 use nalgebra::SVector;
 
 pub(super) const MAX_STEPS: usize = 40;
-/// Residuals beyond this many errors count less (Huber).
+/// Huber threshold in standard errors.
 const HUBER: f64 = 3.0;
-/// Residuals beyond this many errors are not of the tag.
+/// Outlier threshold in standard errors.
 const OUTLIER: f64 = 8.0;
-/// Errors are taken for common to so many seconds at most.
+/// Time over which errors are clustered, seconds.
 const COMMON_S: f64 = 0.25;
-/// Steps after which outliers are left out rather than weighed less.
+/// Steps before outliers are dropped instead of down-weighted.
 const SETTLED: usize = 4;
 
-/// The data and what is known beforehand.
+/// Data and priors.
 pub(super) struct Solver<'a> {
     reference: &'a [Point],
     other: &'a [Point],
@@ -35,7 +35,7 @@ pub(super) struct Solver<'a> {
     middle_s: f64,
 }
 
-/// What the fit found; times in seconds, roll in radians.
+/// Result of the fit; times in seconds, roll in radians.
 #[derive(Debug, Clone)]
 pub(super) struct Fit {
     pub(super) tau_s: f64,
@@ -49,16 +49,16 @@ pub(super) struct Fit {
     pub(super) limit_s: f64,
     pub(super) limit_known_s: f64,
     pub(super) ratio: f64,
-    /// The ratio with three standard deviations of the path's noise taken off the information.
+    /// The ratio with the information reduced by three standard deviations of the path's noise.
     pub(super) ratio_at_least: f64,
     pub(super) chi2_per_dof: f64,
-    /// Mean square of the residuals over that of the other's positions about their middle.
+    /// Mean squared residual over the variance of the other's positions.
     pub(super) unexplained: f64,
     pub(super) knot_s: f64,
     pub(super) middle_s: f64,
     /// Of the reference's samples, then the other's.
     pub(super) is_outlier: Vec<bool>,
-    /// Whether the offset stood still in the end.
+    /// Whether the offset converged.
     pub(super) is_settled: bool,
 }
 
@@ -70,11 +70,11 @@ impl<'a> Solver<'a> {
         Self { reference, other, fits_skew: options.fits_skew, roll, middle_s }
     }
 
-    /// Fits from `start`, with the knots that both tracks together ask for.
+    /// Fits from `start` with the knot spacing suited to both tracks.
     ///
-    /// The reference alone chose `path`'s. The other track may be the better one of the two, and
-    /// then a path too stiff for it would show as residuals: knots are set closer for as long as
-    /// Akaike's criterion says that it pays.
+    /// `path`'s spacing was chosen for the reference alone. The other track may be more precise,
+    /// and then too stiff a path leaves residuals: the spacing is halved while Akaike's criterion
+    /// improves.
     pub(super) fn run(&self, path: Path, start: Start) -> Result<Fit, ClockError> {
         let [x, y] = start.shift;
         let theta = SVector::from([start.tau_s, 0.0, start.ln_scale, start.roll, x, y]);
@@ -95,8 +95,8 @@ impl<'a> Solver<'a> {
         Ok(Fit { is_settled, ..self.finish(&state) })
     }
 
-    /// Iterates until the offset stands still, as it never does where the motion says nothing of
-    /// it: judge the fit's information first.
+    /// Iterates until the offset converges. It does not where the motion carries no information on
+    /// it: check the information first.
     fn settle(&self, mut state: State) -> Result<(State, bool), ClockError> {
         for step in 0..MAX_STEPS {
             let residuals = self.residuals(&state);
@@ -116,8 +116,7 @@ impl<'a> Solver<'a> {
         Ok((state, false))
     }
 
-    /// Akaike's criterion of a settled state, the samples' error unknown; outliers count with what
-    /// the weights leave of them.
+    /// Akaike's criterion with unknown error; outliers count with their weights.
     fn criterion(&self, state: &State) -> f64 {
         let residuals = self.residuals(state);
         let weights = self.weights(&residuals, SETTLED);
@@ -141,7 +140,7 @@ impl<'a> Solver<'a> {
         own.chain(other).collect()
     }
 
-    /// Weight of each sample: its inverse variance, less for outliers.
+    /// Weight of each sample: its inverse variance, reduced for outliers.
     fn weights(&self, residuals: &[[f64; 2]], step: usize) -> Vec<f64> {
         let points = self.reference.iter().chain(self.other);
         let sizes: Vec<f64> =
@@ -199,14 +198,14 @@ impl<'a> Solver<'a> {
         let inflation = (chi2 / dof).max(1.0).sqrt();
         let in_common =
             self.variances_in_common(state, &residuals, &weights, &reduced, &covariance);
-        // Neither may claim more than the other allows.
+        // The larger of both estimates.
         let sigma = |index: usize| {
             (inflation * covariance[(index, index)].sqrt()).max(in_common[index].sqrt())
         };
         let limit_s = covariance[(TAU, TAU)].sqrt();
         let limit_known_s = reduced.information[(TAU, TAU)].sqrt().recip();
-        // Share of the offset's information that survives unknown geometry, and the share
-        // that the noise of the path's velocity feigns.
+        // Share of the offset's information left with unknown geometry, and the share due to noise
+        // of the path's velocity.
         let share = (limit_known_s / limit_s).powi(2);
         let feigned = self.feigned_share(state, &reduced.factor);
         let scatter = 3.0 * feigned / (state.path.n() as f64).sqrt();
@@ -227,11 +226,10 @@ impl<'a> Solver<'a> {
         }
     }
 
-    /// Variances of what is fitted if residuals err in common for [`COMMON_S`]: a corner's error
-    /// follows from where it falls among the pixels, and the tag takes a while to cross one.
+    /// Variances with residuals clustered over [`CLUSTER_S`]: a corner's error depends on its
+    /// position among the pixels, and the tag takes a while to cross one.
     ///
-    /// Each stretch's pull on the result is summed before it is squared (the sandwich of White and
-    /// of Liang and Zeger, with their correction for few stretches).
+    /// Sandwich estimator (White; Liang and Zeger) with the correction for few clusters.
     fn variances_in_common(
         &self,
         state: &State,
@@ -265,7 +263,7 @@ impl<'a> Solver<'a> {
         if n > 2.0 { squares * (n / (n - 1.0)) } else { squares }
     }
 
-    /// Share of the other's motion that the fit leaves over, outliers apart.
+    /// Unexplained share of the other's motion, without outliers.
     fn unexplained(&self, residuals: &[[f64; 2]], weights: &[f64]) -> f64 {
         let used = self.other.iter().zip(residuals).zip(&weights[self.reference.len()..]);
         let used: Vec<_> = used.filter(|(_, w)| **w > 0.0).map(|(pair, _)| pair).collect();
@@ -295,7 +293,7 @@ impl<'a> Solver<'a> {
         if square > 0.0 { variance / square } else { f64::INFINITY }
     }
 
-    /// The state with errors that say nothing is known.
+    /// The state with infinite errors.
     fn singular(&self, state: &State) -> Fit {
         Fit {
             tau_s: state.theta[TAU],

@@ -1,53 +1,54 @@
-//! How much a pixel of a frame scatters by itself, by how bright it is.
+//! Temporal noise of a frame's pixels as a function of intensity.
 
-/// Classes of brightness.
-const CLASSES: usize = 8;
+/// Intensity classes.
+const INTENSITY_CLASSES: usize = 8;
 
-/// Pixels that are looked at, about, over all frames.
-const LOOKS: usize = 1 << 17;
+/// Pixels sampled over all frames, approximately.
+const MAX_SAMPLES: usize = 1 << 17;
 
-/// A value at which so many of a class are less is not of what moves, unless most of the picture does.
-const QUIET: f64 = 0.4;
+/// Quantile of the absolute differences that estimates the noise: moving content affects the values
+/// above it.
+const NOISE_QUANTILE: f64 = 0.4;
 
-/// That quantile of the absolute value of a normal number, in standard deviations.
-const QUIET_AT: f64 = 0.524_4;
+/// The same quantile of the absolute standard normal distribution.
+const NORMAL_QUANTILE: f64 = 0.524_4;
 
-/// Standard deviations of the noise by intensity.
+/// Standard deviation of the noise by intensity.
 #[derive(Debug, Clone, Default)]
-pub(super) struct FrameNoise {
-    /// Upper ends of the classes of intensity, ascending, and what scatters there.
+pub(super) struct PixelNoise {
+    /// Upper intensity of each class, ascending, and its standard deviation.
     classes: Vec<(f32, f32)>,
 }
 
-impl FrameNoise {
-    /// From frames of `n_pixels` intensities each, one behind the other: by how much a frame lies beside
-    /// the middle of those before and after it. `least` is what a step of the values leaves at least.
-    pub(super) fn of(values: &[f32], n_pixels: usize, least: f32) -> Self {
+impl PixelNoise {
+    /// From consecutive frames of `n_pixels` intensities each: differences from the mean of the two
+    /// neighbouring frames. `least` is the quantization limit.
+    pub(super) fn estimate(values: &[f32], n_pixels: usize, least: f32) -> Self {
         let inner = values.len().saturating_sub(2 * n_pixels);
-        let step = inner.div_ceil(LOOKS).max(1);
-        let mut looks: Vec<(f32, f32)> = (0..inner)
+        let step = inner.div_ceil(MAX_SAMPLES).max(1);
+        let mut samples: Vec<(f32, f32)> = (0..inner)
             .step_by(step)
             .map(|i| {
                 let [a, b, c] = [0, 1, 2].map(|k| values[i + k * n_pixels]);
                 (b, (b - 0.5 * (a + c)).abs())
             })
             .collect();
-        looks.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let size = looks.len().div_ceil(CLASSES).max(1);
-        let classes = looks
+        samples.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let size = samples.len().div_ceil(INTENSITY_CLASSES).max(1);
+        let classes = samples
             .chunks_mut(size)
             .map(|class| {
                 let end = class[class.len() - 1].0;
                 class.sort_by(|a, b| a.1.total_cmp(&b.1));
-                let quiet = f64::from(class[(class.len() as f64 * QUIET) as usize].1);
-                // The middle of two has half a frame's variance besides.
-                (end, least.max((quiet / QUIET_AT / 1.5_f64.sqrt()) as f32))
+                let quiet = f64::from(class[(class.len() as f64 * NOISE_QUANTILE) as usize].1);
+                // The mean of two neighbours adds half a frame's variance.
+                (end, least.max((quiet / NORMAL_QUANTILE / 1.5_f64.sqrt()) as f32))
             })
             .collect();
         Self { classes }
     }
 
-    /// At an intensity; that of the brightest class beyond it.
+    /// At an intensity; beyond the brightest class, that class's value.
     pub(super) fn at(&self, intensity: f32) -> f32 {
         let class = self.classes.partition_point(|(end, _)| *end < intensity);
         self.classes.get(class).or(self.classes.last()).map_or(0.0, |(_, noise)| *noise)
@@ -74,11 +75,11 @@ mod tests {
                 light + 0.02 * light.sqrt() * random.normal() as f32
             })
             .collect();
-        let noise = FrameNoise::of(&values, n_pixels, 1e-4);
+        let noise = PixelNoise::estimate(&values, n_pixels, 1e-4);
         for light in [0.2_f32, 0.5, 0.85] {
             let is = noise.at(light) / (0.02 * light.sqrt());
             assert!((0.8..1.9).contains(&is), "{is} of the noise at {light}");
         }
-        assert!(FrameNoise::of(&[], 4, 0.1).at(0.5).abs() < 1e-9);
+        assert!(PixelNoise::estimate(&[], 4, 0.1).at(0.5).abs() < 1e-9);
     }
 }

@@ -1,6 +1,4 @@
-//! The Pi's pixels: their rays, and light from raw samples.
-//!
-//! A lens lets less light through to the corners of its picture: `1 - loss (r / r_corner)^2`.
+//! The Pi camera's pixels: rays, Bayer gains and vignetting (`1 - loss (r / r_corner)^2`).
 
 use super::error::SceneError;
 use super::head::stated_ray;
@@ -10,33 +8,32 @@ use evrig_core::geometry::Size;
 use evrig_core::time::PiSensor;
 use serde::{Deserialize, Serialize};
 
-/// What raw samples mean.
+/// Levels of raw samples.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct RawLight {
-    /// What a pixel without light reads, DN.
+pub struct RawLevels {
+    /// Reading without light, DN.
     pub black_dn: f64,
-    /// The highest reading; samples there are cut off and not used.
+    /// Saturated reading; such samples are excluded.
     pub full_dn: u16,
 }
 
-/// The Pi camera: its pixels' rays and the gains of its mosaic.
 #[derive(Debug, Clone)]
 pub(super) struct PiCamera {
     pub(super) size: Size,
     pub(super) lens: Lens,
-    raw: RawLight,
-    /// One over the gain of each of the mosaic's four places, by row and column parity.
+    raw: RawLevels,
+    /// Inverse gains of the four Bayer sites, by row and column parity.
     over_gain: [f32; 4],
-    /// Share of the light that the lens loses in the corners.
+    /// Vignetting at the corners, as a share of the light.
     corner_loss: f64,
-    /// One over the share that it lets through, row-major.
+    /// Inverse transmission of each pixel, row-major.
     over_passed: Vec<f32>,
-    /// Rays of the pixels' middles, row-major; `NaN` where the distortion has no inverse.
+    /// Rays of the pixel centres, row-major; `NaN` where the distortion has no inverse.
     rays: Vec<[f32; 2]>,
 }
 
 impl PiCamera {
-    pub(super) fn new(size: Size, lens: Lens, raw: RawLight) -> Self {
+    pub(super) fn new(size: Size, lens: Lens, raw: RawLevels) -> Self {
         let width = usize::from(size.width);
         let ray = |i: usize| {
             let middle = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
@@ -47,25 +44,23 @@ impl PiCamera {
         Self { size, lens, raw, over_gain: [1.0; 4], corner_loss: 0.0, over_passed, rays }
     }
 
-    /// Share of the light that the lens is taken to lose in the corners.
     pub(super) fn corner_loss(&self) -> f64 {
         self.corner_loss
     }
 
-    /// Takes another share for lost in the corners.
     pub(super) fn set_corner_loss(&mut self, loss: f64) {
         self.corner_loss = loss;
         let width = usize::from(self.size.width);
-        let passed = |i: usize| 1.0 - loss * self.off_middle(i % width, i / width);
+        let passed = |i: usize| 1.0 - loss * self.squared_radius(i % width, i / width);
         self.over_passed = (0..self.size.n_pixels()).map(|i| (1.0 / passed(i)) as f32).collect();
     }
 
-    /// Square of a pixel's distance from the picture's middle over that of its corners.
-    pub(super) fn off_middle(&self, x: usize, y: usize) -> f64 {
-        off_middle(self.size, [x as f64 + 0.5, y as f64 + 0.5])
+    /// Squared distance of a pixel from the image centre over that of the corners.
+    pub(super) fn squared_radius(&self, x: usize, y: usize) -> f64 {
+        squared_radius(self.size, [x as f64 + 0.5, y as f64 + 0.5])
     }
 
-    /// The samples of a frame of this camera.
+    /// The samples of a frame, checked against the camera's format.
     pub(super) fn samples(
         &self,
         index: usize,
@@ -82,12 +77,11 @@ impl PiCamera {
         }
     }
 
-    /// The row of the frame whose time stands for the whole.
     pub(super) fn middle_row(&self) -> f64 {
         (f64::from(self.size.height) - 1.0) / 2.0
     }
 
-    /// Light on a pixel in DN of green above black; None where it is cut off.
+    /// Light of a pixel in DN of green above black; None where saturated.
     #[inline]
     pub(super) fn light(&self, samples: &[u16], x: usize, y: usize) -> Option<f32> {
         let at = y * usize::from(self.size.width) + x;
@@ -95,35 +89,35 @@ impl PiCamera {
         (samples[at] < self.raw.full_dn).then(|| signal * self.scale(x, y, at))
     }
 
-    /// Light over the signal of a pixel, the `at`-th of all.
+    /// Light per signal of the pixel at index `at`.
     #[inline]
     fn scale(&self, x: usize, y: usize, at: usize) -> f32 {
         self.over_gain[y % 2 * 2 + x % 2] * self.over_passed[at]
     }
 
-    /// The signal above black, DN, that a pixel has of a light.
+    /// Signal above black, DN, of a given light.
     pub(super) fn signal(&self, light: f64, x: usize, y: usize) -> f64 {
         light / f64::from(self.scale(x, y, y * usize::from(self.size.width) + x))
     }
 
-    /// The ray of a pixel's middle.
+    /// Ray of a pixel's centre.
     #[inline]
     pub(super) fn ray(&self, x: usize, y: usize) -> [f64; 2] {
         self.rays[y * usize::from(self.size.width) + x].map(f64::from)
     }
 
-    /// How a pixel's light weighs among those of other gains: noise grows as the gain falls.
+    /// Relative precision of a pixel's light: noise grows as the gain falls.
     #[inline]
     pub(super) fn weight(&self, x: usize, y: usize) -> f32 {
         1.0 / self.over_gain[y % 2 * 2 + x % 2]
     }
 
-    /// Gains of the four places of the mosaic, the larger green being one.
+    /// Gains of the four Bayer sites; the larger green is one.
     pub(super) fn gains(&self) -> [f64; 4] {
         self.over_gain.map(|over| 1.0 / f64::from(over))
     }
 
-    /// Sets the gains from what the four places read on white: the high quantile of each.
+    /// Sets the gains from a high quantile of each Bayer site.
     pub(super) fn balance<'a>(&mut self, frames: impl Iterator<Item = &'a [u16]>) {
         let width = usize::from(self.size.width);
         let mut counts = vec![[0_u64; 4]; usize::from(self.raw.full_dn) + 1];
@@ -151,7 +145,7 @@ impl PiCamera {
         self.over_gain = whites.map(|white| (most / white) as f32);
     }
 
-    /// Refines the gains: each place's readings were `ratios` times those of the map.
+    /// Divides out the ratio of each site's readings to the map.
     pub(super) fn rebalance(&mut self, ratios: [f64; 4]) {
         for (over, ratio) in self.over_gain.iter_mut().zip(ratios) {
             if ratio.is_finite() && ratio > 0.2 {
@@ -161,8 +155,8 @@ impl PiCamera {
     }
 }
 
-/// Square of a place's distance from the middle of a picture over that of its corners.
-pub(super) fn off_middle(size: Size, [x, y]: [f64; 2]) -> f64 {
+/// Squared distance from the image centre over that of the corners.
+pub(super) fn squared_radius(size: Size, [x, y]: [f64; 2]) -> f64 {
     let half = [f64::from(size.width) / 2.0, f64::from(size.height) / 2.0];
     ((x - half[0]).powi(2) + (y - half[1]).powi(2)) / (half[0].powi(2) + half[1].powi(2))
 }
@@ -174,10 +168,10 @@ mod tests {
     #[test]
     fn what_a_lens_loses_towards_the_corners_is_made_good() {
         let lens = Lens { focal_px: 100.0, centre_px: [8.0, 8.0], distortion: [0.0; 5] };
-        let raw = RawLight { black_dn: 64.0, full_dn: 1023 };
+        let raw = RawLevels { black_dn: 64.0, full_dn: 1023 };
         let mut camera = PiCamera::new(Size::new(16, 16), lens, raw);
         camera.set_corner_loss(0.4);
-        let white = |i: usize| 64.0 + 500.0 * (1.0 - 0.4 * camera.off_middle(i % 16, i / 16));
+        let white = |i: usize| 64.0 + 500.0 * (1.0 - 0.4 * camera.squared_radius(i % 16, i / 16));
         let samples: Vec<u16> = (0..256).map(|i| white(i).round() as u16).collect();
         for (x, y) in [(0, 0), (8, 8), (15, 3)] {
             assert!((camera.light(&samples, x, y).unwrap() - 500.0).abs() < 1.5);
@@ -188,7 +182,7 @@ mod tests {
     #[test]
     fn the_places_of_the_mosaic_are_balanced_on_white_and_cut_off_light_is_none() {
         let lens = Lens { focal_px: 100.0, centre_px: [8.0, 8.0], distortion: [0.0; 5] };
-        let raw = RawLight { black_dn: 64.0, full_dn: 1023 };
+        let raw = RawLevels { black_dn: 64.0, full_dn: 1023 };
         let mut camera = PiCamera::new(Size::new(16, 16), lens, raw);
         let whites = [360_u16, 600, 600, 420];
         let sample = |i: usize| {

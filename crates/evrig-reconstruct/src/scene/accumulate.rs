@@ -1,64 +1,60 @@
-//! Frames laid onto the map.
+//! Accumulation of frames on the map.
 
-use super::corners::Corners;
+use super::bilinear::BilinearWeights;
 use super::error::SceneError;
-use super::head::{Head, HeadPose, POSE};
+use super::head::{HeadGeometry, HeadPose, POSE_DOF};
 use super::map::{MapGrid, RadianceMap};
-use super::mosaic::PiCamera;
+use super::pi_camera::PiCamera;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// A frame held in memory while the map is made.
+/// A frame held in memory while the map is estimated.
 #[derive(Debug, Clone)]
-pub(super) struct Key {
+pub(super) struct Keyframe {
     pub(super) samples: Arc<Vec<u16>>,
     /// Mid-exposure of the first row, seconds from the path's zero.
     pub(super) first_s: f64,
-    /// How long a row sees light, seconds.
     pub(super) exposure_s: f64,
     /// At the middle row.
     pub(super) pose: HeadPose,
-    /// Change of the pose a second.
+    /// Derivative of the pose per second.
     pub(super) speed: HeadPose,
     pub(super) ln_gain: f64,
 }
 
-/// The camera, how the print lies to it, and how late each row is after the one before.
+/// The camera, the head's geometry, and the row time.
 #[derive(Debug, Clone)]
-pub(super) struct Optics {
+pub(super) struct MapOptics {
     pub(super) camera: PiCamera,
-    pub(super) head: Head,
+    pub(super) head: HeadGeometry,
     pub(super) row_s: f64,
 }
 
 /// Side of a cell in Pi pixels.
 const CELL_PX: f64 = 0.8;
 
-/// Most cells of a map.
 const MAX_CELLS: usize = 6_000_000;
 
-/// Frames are laid in so many heaps, added up in order: the same sums on any number of threads.
-const HEAPS: usize = 4;
+/// Partial sums, added in order: the result does not depend on the number of threads.
+const PARTIAL_SUMS: usize = 4;
 
-/// A cell with less than so many pixels of full weight is not known.
-const LEAST_WEIGHT: f32 = 1.5;
+/// Least weight of a known cell, in pixels.
+const MIN_WEIGHT_PX: f32 = 1.5;
 
-/// Every so many pairs of columns are looked at for the gains of the mosaic's places.
-const SITE_STEP: usize = 23;
+/// Column pairs between samples for the Bayer gains.
+const SITE_STEP_COLUMNS: usize = 23;
 
-/// What fell on a cell: weights, weighted light, squared weights, weighted squares of what the map
-/// before left unexplained.
-type Heap = Vec<[f32; 4]>;
+/// Sums of a cell: weights, weighted light, squared weights, weighted squared residuals against the
+/// previous map.
+type MapSums = Vec<[f32; 4]>;
 
-/// A pixel and its light brought to the map's level: column, row, light.
 type Pixel = (usize, usize, f32);
 
-impl Optics {
-    /// The pose as a row saw it.
-    pub(super) fn pose_of_row(&self, key: &Key, row: f64) -> HeadPose {
+impl MapOptics {
+    pub(super) fn pose_of_row(&self, key: &Keyframe, row: f64) -> HeadPose {
         let late_s = (row - self.camera.middle_row()) * self.row_s;
-        std::array::from_fn::<f64, POSE, _>(|i| key.pose[i] + key.speed[i] * late_s)
+        std::array::from_fn::<f64, POSE_DOF, _>(|i| key.pose[i] + key.speed[i] * late_s)
     }
 
     /// Mid-exposure of the middle row.
@@ -66,15 +62,15 @@ impl Optics {
         first_s + self.camera.middle_row() * self.row_s
     }
 
-    /// Way of the picture within a row's exposure, in Pi pixels.
-    fn blur_px(&self, key: &Key) -> f64 {
+    /// Image motion within a row's exposure, Pi pixels.
+    fn blur_px(&self, key: &Keyframe) -> f64 {
         let along = key.speed[0].hypot(key.speed[1]) * key.exposure_s;
         along * self.camera.lens.focal_px / key.pose[2].abs().max(1.0)
     }
 }
 
-/// The grid that covers what the frames saw.
-pub(super) fn covering(optics: &Optics, keys: &[Key]) -> Result<MapGrid, SceneError> {
+/// The grid that covers all frames.
+pub(super) fn grid_covering(optics: &MapOptics, keys: &[Keyframe]) -> Result<MapGrid, SceneError> {
     let camera = &optics.camera;
     let (right, bottom) = (usize::from(camera.size.width) - 1, usize::from(camera.size.height) - 1);
     let mut low = [f64::INFINITY; 2];
@@ -102,44 +98,50 @@ pub(super) fn covering(optics: &Optics, keys: &[Key]) -> Result<MapGrid, SceneEr
     Ok(MapGrid { origin_mm, cell_mm, width: side(0) as usize, height: side(1) as usize })
 }
 
-/// The map that the frames make; errors are known where `before` is given.
-pub(super) fn splat(
+/// Weighted mean of the frames on the grid; errors are estimated where `before` is given.
+pub(super) fn accumulate(
     grid: MapGrid,
-    optics: &Optics,
-    keys: &[Key],
+    optics: &MapOptics,
+    keys: &[Keyframe],
     before: Option<&RadianceMap>,
 ) -> RadianceMap {
-    let share = keys.len().div_ceil(HEAPS).max(1);
-    let heaps: Vec<Heap> = keys
+    let share = keys.len().div_ceil(PARTIAL_SUMS).max(1);
+    let partial_sums: Vec<MapSums> = keys
         .par_chunks(share)
         .map(|keys| {
-            let mut heap = vec![[0.0; 4]; grid.n_cells()];
-            keys.iter().for_each(|key| lay(&mut heap, grid, optics, key, before));
-            heap
+            let mut sums = vec![[0.0; 4]; grid.n_cells()];
+            keys.iter().for_each(|key| add_frame(&mut sums, grid, optics, key, before));
+            sums
         })
         .collect();
     let mut values = vec![f32::NAN; grid.n_cells()];
     let mut errors = vec![f32::NAN; grid.n_cells()];
     values.par_iter_mut().zip(&mut errors).enumerate().for_each(|(i, (value, error))| {
         let mut sum = [0.0_f32; 4];
-        for heap in &heaps {
-            (0..4).for_each(|part| sum[part] += heap[i][part]);
+        for sums in &partial_sums {
+            (0..4).for_each(|part| sum[part] += sums[i][part]);
         }
-        let [weight, light, squares, left] = sum;
-        if weight >= LEAST_WEIGHT {
+        let [weight, light, squares, residual] = sum;
+        if weight >= MIN_WEIGHT_PX {
             *value = light / weight;
             let n = weight * weight / squares;
-            *error = if before.is_some() { (left / weight / n).sqrt() } else { f32::NAN };
+            *error = if before.is_some() { (residual / weight / n).sqrt() } else { f32::NAN };
         }
     });
     RadianceMap::new(grid, values, errors)
 }
 
-fn lay(heap: &mut Heap, grid: MapGrid, optics: &Optics, key: &Key, before: Option<&RadianceMap>) {
+fn add_frame(
+    sums: &mut MapSums,
+    grid: MapGrid,
+    optics: &MapOptics,
+    key: &Keyframe,
+    before: Option<&RadianceMap>,
+) {
     let (width, height) =
         (usize::from(optics.camera.size.width), usize::from(optics.camera.size.height));
-    // Frames that are blurred by motion say less of the print.
-    let trust = (1.0 / (1.0 + optics.blur_px(key).powi(2))) as f32;
+    // Motion-blurred frames weigh less.
+    let blur_weight = (1.0 / (1.0 + optics.blur_px(key).powi(2))) as f32;
     let over_level = (-key.ln_gain).exp() as f32;
     for y in 0..height {
         let pose = optics.pose_of_row(key, y as f64);
@@ -151,16 +153,16 @@ fn lay(heap: &mut Heap, grid: MapGrid, optics: &Optics, key: &Key, before: Optio
             let over = 1.0 / (m[(2, 0)] * u + m[(2, 1)] * v + m[(2, 2)]);
             let column = (m[(0, 0)] * u + m[(0, 1)] * v + m[(0, 2)]) * over;
             let row = (m[(1, 0)] * u + m[(1, 1)] * v + m[(1, 2)]) * over;
-            let weight = trust * optics.camera.weight(x, y);
-            add(heap, grid, [column, row], light * over_level, weight, before);
+            let weight = blur_weight * optics.camera.weight(x, y);
+            add(sums, grid, [column, row], light * over_level, weight, before);
         }
     }
 }
 
-/// Adds a pixel's light to the four cells around its place.
+/// Adds a pixel's light to its four neighbouring cells.
 #[inline]
 fn add(
-    heap: &mut Heap,
+    sums: &mut MapSums,
     grid: MapGrid,
     [column, row]: [f32; 2],
     light: f32,
@@ -174,33 +176,32 @@ fn add(
     if !is_inside {
         return;
     }
-    let corners = Corners::about([grid.width, grid.height], [column, row]);
-    let left = before.map_or(0.0, |map| {
-        let left = light - corners.value(map.values());
-        if left.is_finite() { left * left } else { 0.0 }
+    let corners = BilinearWeights::at([grid.width, grid.height], [column, row]);
+    let residual = before.map_or(0.0, |map| {
+        let residual = light - corners.value(map.values());
+        if residual.is_finite() { residual * residual } else { 0.0 }
     });
     for (cell, share) in corners.0 {
         let w = weight * share;
-        let sums = &mut heap[cell];
+        let sums = &mut sums[cell];
         sums[0] += w;
         sums[1] += w * light;
         sums[2] += w * w;
-        sums[3] += w * left;
+        sums[3] += w * residual;
     }
 }
 
-/// What the four places of the mosaic read over what the map expects of them.
-pub(super) fn site_ratios(optics: &Optics, keys: &[Key], map: &RadianceMap) -> [f64; 4] {
+/// Ratios of the four Bayer sites' readings to the map.
+pub(super) fn site_ratios(optics: &MapOptics, keys: &[Keyframe], map: &RadianceMap) -> [f64; 4] {
     let camera = &optics.camera;
     let (width, height) = (usize::from(camera.size.width), usize::from(camera.size.height));
-    let of_key = |key: &Key| {
+    let of_key = |key: &Keyframe| {
         let mut sums = [[0.0_f64; 2]; 4];
         for y in 0..height {
-            // A few pixels of each row, both columns of the mosaic's cells.
             let Some(plane) = optics.head.plane_from_pi(&optics.pose_of_row(key, y as f64)) else {
                 continue;
             };
-            for cell in (0..width / 2).step_by(SITE_STEP) {
+            for cell in (0..width / 2).step_by(SITE_STEP_COLUMNS) {
                 for x in [2 * cell, 2 * cell + 1] {
                     let (x, y, light): Pixel = match camera.light(&key.samples, x, y) {
                         Some(light) => (x, y, light),

@@ -1,28 +1,28 @@
-//! Where to start: the head's pose from the tag as the Pi camera sees it.
+//! Start poses of the head from the tag in the Pi's frames.
 
-use super::head::{Head, HeadPose, POSE};
+use super::head::{HeadGeometry, HeadPose, POSE_DOF};
 use crate::roi::Track;
 use evrig_core::time::{PiSensor, Span, Stamp};
 use nalgebra::{SMatrix, SVector, Vector3};
 
-/// The tag on the print: its corners in millimetres.
+/// Corners of the tag, millimetres on the target.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct TagSquare(pub(super) Corners);
+pub(super) struct TagSquare(pub(super) TagCorners);
 
-/// The head's path by the tag alone.
+/// Path of the head from the tag alone.
 pub(super) struct TagPath<'a> {
     track: &'a Track<PiSensor>,
     zero: Stamp<PiSensor>,
     square: TagSquare,
-    pub(super) head: Head,
+    pub(super) head: HeadGeometry,
 }
 
-/// Four corners: millimetres on the print, or rays of the camera.
-pub(super) type Corners = [[f64; 2]; 4];
+/// Four corners: millimetres on the target, or rays of the camera.
+pub(super) type TagCorners = [[f64; 2]; 4];
 
 impl<'a> TagPath<'a> {
-    /// The path that a track tells, for a head whose turn is zero at the track's first sighting.
-    pub(super) fn new(track: &'a Track<PiSensor>, stated: Head) -> Option<Self> {
+    /// The path of a track, with wrist rotation zero at its first detection.
+    pub(super) fn new(track: &'a Track<PiSensor>, stated: HeadGeometry) -> Option<Self> {
         let zero = track.span()?[0];
         let square = TagSquare(track.plane.tag_corners_mm());
         let mut path = Self { track, zero, square, head: stated };
@@ -30,30 +30,27 @@ impl<'a> TagPath<'a> {
         Some(path)
     }
 
-    /// The tag.
     pub(super) fn square(&self) -> TagSquare {
         self.square
     }
 
-    /// The corners as they are seen at `n` instants spread over the track, where it leads.
-    pub(super) fn looks(&self, n: usize) -> Vec<Corners> {
+    /// Rays to the corners at `n` instants spread over the track, where it is known.
+    pub(super) fn views(&self, n: usize) -> Vec<TagCorners> {
         let [from, to] = self.span_s();
         let time_s = |i: usize| from + (to - from) * (i as f64 + 0.5) / n as f64;
         let rays = |i: usize| self.rays(self.zero + Span::from_secs_f64(time_s(i)));
         (0..n).filter_map(rays).collect()
     }
 
-    /// The instant from which seconds are counted.
     pub(super) fn zero(&self) -> Stamp<PiSensor> {
         self.zero
     }
 
-    /// First and last second of the track.
     pub(super) fn span_s(&self) -> [f64; 2] {
         self.track.span().map_or([0.0; 2], |span| span.map(|at| (at - self.zero).as_secs_f64()))
     }
 
-    /// The pose at a time and how it changes a second; None where the track knows no path.
+    /// Pose and its derivative at a time; None where the track has a gap.
     pub(super) fn pose(&self, time_s: f64) -> Option<(HeadPose, HeadPose)> {
         let step_s = 2e-3;
         let here = self.pose_at(time_s)?;
@@ -65,7 +62,7 @@ impl<'a> TagPath<'a> {
             (Some(a), Some(b)) => change(a, b, 2.0 * step_s),
             (Some(a), None) => change(a, here, step_s),
             (None, Some(b)) => change(here, b, step_s),
-            (None, None) => [0.0; POSE],
+            (None, None) => [0.0; POSE_DOF],
         };
         Some((here, speed))
     }
@@ -75,7 +72,7 @@ impl<'a> TagPath<'a> {
         self.square.pose(&self.head, &rays)
     }
 
-    fn rays(&self, time: Stamp<PiSensor>) -> Option<Corners> {
+    fn rays(&self, time: Stamp<PiSensor>) -> Option<TagCorners> {
         let view = self.track.at(time).ok()?;
         let lens = &self.track.lens;
         let [cx, cy] = lens.centre_px;
@@ -87,11 +84,11 @@ impl<'a> TagPath<'a> {
 }
 
 impl TagSquare {
-    /// The pose of a head whose rays to the corners are nearest to those seen.
-    pub(super) fn pose(&self, head: &Head, seen: &Corners) -> Option<HeadPose> {
+    /// The pose with the least reprojection error.
+    pub(super) fn pose(&self, head: &HeadGeometry, seen: &TagCorners) -> Option<HeadPose> {
         let (scale, angle, shift) = similarity(&self.0, seen);
         let distance = 1.0 / scale;
-        // Of a wrist that turns about the optical axis the turn can be read off at once.
+        // A wrist axis parallel to the optical axis gives the rotation directly.
         let forward = head.axis[2];
         let apart = wrapped(head.roll_rad - angle);
         let turn = if forward.abs() > 0.5 { apart / forward } else { 0.0 };
@@ -100,17 +97,17 @@ impl TagSquare {
         let mut pose = [-back[0] * distance, -back[1] * distance, distance, turn];
         let target = SVector::<f64, 8>::from_fn(|i, _| seen[i / 2][i % 2]);
         for _ in 0..6 {
-            let slopes = self.by_pose(head, &pose);
+            let slopes = self.pose_derivatives(head, &pose);
             let normal = slopes.transpose() * slopes;
             let left = target - self.rays(head, &pose);
             let change = normal.cholesky()?.solve(&(slopes.transpose() * left));
-            (0..POSE).for_each(|i| pose[i] += change[i]);
+            (0..POSE_DOF).for_each(|i| pose[i] += change[i]);
         }
         (pose.iter().all(|part| part.is_finite()) && pose[2] > 0.0).then_some(pose)
     }
 
-    /// The rays to the corners from a pose of a head: right and down of each in turn.
-    pub(super) fn rays(&self, head: &Head, pose: &HeadPose) -> SVector<f64, 8> {
+    /// Rays to the corners, right and down of each in turn.
+    pub(super) fn rays(&self, head: &HeadGeometry, pose: &HeadPose) -> SVector<f64, 8> {
         let matrix = head.pi_from_plane(pose);
         SVector::from_fn(|i, _| {
             let q = matrix * Vector3::new(self.0[i / 2][0], self.0[i / 2][1], 1.0);
@@ -118,11 +115,15 @@ impl TagSquare {
         })
     }
 
-    /// How these rays move with the pose.
-    pub(super) fn by_pose(&self, head: &Head, pose: &HeadPose) -> SMatrix<f64, 8, POSE> {
+    /// Their derivatives by the pose.
+    pub(super) fn pose_derivatives(
+        &self,
+        head: &HeadGeometry,
+        pose: &HeadPose,
+    ) -> SMatrix<f64, 8, POSE_DOF> {
         let steps = [1e-3, 1e-3, 1e-2, 1e-6];
         let here = self.rays(head, pose);
-        let mut slopes = SMatrix::<f64, 8, POSE>::zeros();
+        let mut slopes = SMatrix::<f64, 8, POSE_DOF>::zeros();
         for (i, step) in steps.into_iter().enumerate() {
             let mut moved = *pose;
             moved[i] += step;
@@ -132,10 +133,10 @@ impl TagSquare {
     }
 }
 
-/// The similarity from places to rays: scale, angle, shift.
-fn similarity(places: &Corners, rays: &Corners) -> (f64, f64, [f64; 2]) {
+/// Least-squares similarity from positions to rays: scale, angle, shift.
+fn similarity(places: &TagCorners, rays: &TagCorners) -> (f64, f64, [f64; 2]) {
     let mean =
-        |points: &Corners| [0, 1].map(|axis| points.iter().map(|p| p[axis]).sum::<f64>() / 4.0);
+        |points: &TagCorners| [0, 1].map(|axis| points.iter().map(|p| p[axis]).sum::<f64>() / 4.0);
     let (p0, r0) = (mean(places), mean(rays));
     let (mut along, mut across, mut square) = (0.0, 0.0, 0.0);
     for (place, ray) in places.iter().zip(rays) {
@@ -150,7 +151,7 @@ fn similarity(places: &Corners, rays: &Corners) -> (f64, f64, [f64; 2]) {
     (a.hypot(b), b.atan2(a), shift)
 }
 
-/// An angle brought between minus and plus half a turn.
+/// An angle wrapped to ±π.
 fn wrapped(angle: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
     (angle + PI).rem_euclid(TAU) - PI

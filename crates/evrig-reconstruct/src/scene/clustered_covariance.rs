@@ -1,19 +1,18 @@
-//! Errors of a fit whose residuals go together.
+//! Cluster-robust covariance.
 
 use nalgebra::{SMatrix, SVector};
 
-/// Frames next to each other, and marks next to each other, are wrong together: they are counted as so
-/// many groups.
-const GROUPS: usize = 24;
+/// Number of clusters of neighbouring frames or features.
+const CLUSTERS: usize = 24;
 
-/// Covariance of a fit from the inverse of its normal equations and the scores at the solution, frame
-/// by frame in order of time or part by part of the map. It holds whatever the residuals have in common within a group (Liang and
-/// Zeger's estimate, enlarged for the freedom that the fit took from the groups).
-pub(super) fn clustered<const N: usize>(
+/// Cluster-robust covariance of a fit from the inverse of its normal equations and the scores at
+/// the solution, ordered in time or over the map (Liang and Zeger, 1986, with a correction for the
+/// degrees of freedom).
+pub(super) fn clustered_covariance<const N: usize>(
     inverse: &SMatrix<f64, N, N>,
     scores: &[SVector<f64, N>],
 ) -> SMatrix<f64, N, N> {
-    let share = scores.len().div_ceil(GROUPS).max(1);
+    let share = scores.len().div_ceil(CLUSTERS).max(1);
     let mut sum = SMatrix::<f64, N, N>::zeros();
     let mut n_groups = 0;
     for group in scores.chunks(share) {
@@ -22,7 +21,7 @@ pub(super) fn clustered<const N: usize>(
         n_groups += 1;
     }
     let n = n_groups as f64;
-    // As many groups as unknowns can be met exactly; there is nothing to learn from them.
+    // With as many clusters as unknowns the scores carry no information.
     let freedom = (n - N as f64).max(1.0);
     inverse * sum * inverse * (n / freedom)
 }
@@ -40,7 +39,7 @@ mod tests {
         let mean = values.iter().sum::<f64>() / 240.0;
         let scores: Vec<_> = values.iter().map(|v| SVector::<f64, 1>::new(v - mean)).collect();
         let inverse = SMatrix::<f64, 1, 1>::new(1.0 / 240.0);
-        let found = clustered(&inverse, &scores)[(0, 0)];
+        let found = clustered_covariance(&inverse, &scores)[(0, 0)];
         let spread = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 240.0;
         assert!((found / (spread / 23.0) - 1.0).abs() < 1e-9, "{found} {spread}");
     }

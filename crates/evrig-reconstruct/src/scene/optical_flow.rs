@@ -1,12 +1,11 @@
-//! What moved between two frames, so that light is led along with it instead of fading across.
+//! Optical flow between two frames for motion-compensated interpolation.
 //!
-//! Points of the places that changed are followed from either frame to the other (Lucas and Kanade with
-//! pyramids; Bouguet, 2000). Their displacements, alike ones taken together, are what anything near them
-//! may have done; which of them a place did at an instant is what its surroundings in both frames agree
-//! on best, standing still among them.
+//! Points near changed pixels are tracked in both directions (pyramidal Lucas-Kanade; Bouguet,
+//! 2000). Their displacements are clustered into candidates for each neighbourhood. At a position
+//! and instant the candidate, or no motion, whose patches agree best in both frames is used.
 
-use super::corners::Corners;
-use super::frame_noise::FrameNoise;
+use super::bilinear::BilinearWeights;
+use super::pixel_noise::PixelNoise;
 use evrig_core::geometry::Size;
 use kornia_image::{Image, ImageError, ImageSize};
 use kornia_imgproc::optical_flow_pyr_lk::{
@@ -15,45 +14,44 @@ use kornia_imgproc::optical_flow_pyr_lk::{
 };
 use std::collections::BTreeMap;
 
-/// A pixel has changed that differs by so many standard deviations of the frames' noise.
-const CHANGED: f32 = 6.0;
+/// A pixel has changed when it differs by so many standard deviations of the noise.
+const CHANGE_SIGMAS: f32 = 6.0;
 
-/// How far about what changed something may have moved, pixels.
-const REACH: usize = 10;
+/// Neighbourhood of a changed pixel in which motion is possible, pixels.
+const REACH_PX: usize = 10;
 
-/// Points are at least so many pixels apart.
-const APART: usize = 3;
+/// Spacing of tracked points, pixels.
+const POINT_SPACING_PX: usize = 3;
 
-/// Displacements of less, and of more, are none, pixels.
-const LEAST_PX: f32 = 0.3;
-const MOST_PX: f32 = 40.0;
+/// Range of accepted displacements, pixels.
+const MIN_SHIFT_PX: f32 = 0.3;
+const MAX_SHIFT_PX: f32 = 40.0;
 
-/// Displacements that differ by less are one, pixels.
-const ALIKE_PX: f32 = 0.5;
+/// Displacements that differ by less are merged, pixels.
+const MERGE_PX: f32 = 0.5;
 
-/// Most different displacements that are kept.
-const MOST_SHIFTS: usize = 255;
+/// Most candidate displacements; indices are one byte.
+const MAX_SHIFTS: usize = 255;
 
-/// Side of a cell that has one list of displacements, pixels.
+/// Side of a cell with its own list of candidates, pixels.
 const CELL_PX: usize = 16;
 
-/// Half the side of the surroundings that are compared, pixels.
-const HALF_PX: isize = 2;
+/// Half the side of a compared patch, pixels.
+const PATCH_HALF_PX: isize = 2;
 
-/// Levels of a pyramid, where the frame is large enough.
-const MOST_LEVELS: usize = 3;
+const MAX_LEVELS: usize = 3;
 
-/// The side of the window in which a point is followed; no level of a pyramid is smaller.
+/// Side of the tracking window; no pyramid level is smaller.
 const WINDOW_PX: usize = 21;
 
-/// An image of intensities, row-major.
+/// A frame's intensities, row-major.
 #[derive(Clone, Copy)]
-pub(super) struct Shot<'a> {
+pub(super) struct FrameView<'a> {
     pub(super) size: Size,
     pub(super) values: &'a [f32],
 }
 
-impl Shot<'_> {
+impl FrameView<'_> {
     const fn width(&self) -> usize {
         self.size.width as usize
     }
@@ -62,12 +60,11 @@ impl Shot<'_> {
         self.size.height as usize
     }
 
-    /// The four pixels about a place, in pixels from the middle of the first.
-    pub(super) fn corners(&self, place: [f32; 2]) -> Corners {
-        Corners::about([self.width(), self.height()], place)
+    /// Bilinear weights at a position in pixels from the centre of the first.
+    pub(super) fn corners(&self, place: [f32; 2]) -> BilinearWeights {
+        BilinearWeights::at([self.width(), self.height()], place)
     }
 
-    /// The value between the four pixels about a place.
     pub(super) fn at(&self, place: [f32; 2]) -> f32 {
         self.corners(place).value(self.values)
     }
@@ -77,73 +74,73 @@ impl Shot<'_> {
     }
 }
 
-/// The displacements that things took between two frames, and where.
+/// Candidate displacements between two frames.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Motion {
-    /// Different displacements from the earlier frame to the later, pixels.
+pub(super) struct FrameFlow {
+    /// Displacements from the earlier frame to the later, pixels.
     shifts: Vec<[f32; 2]>,
-    /// For each cell, which of them passed it; none at all where nothing moved.
+    /// Candidates of each cell; empty where nothing moved.
     cells: Vec<Vec<u8>>,
     cells_across: usize,
 }
 
-impl Motion {
-    /// Between two frames of one size with noise, by so many points from each at most. Nothing moves in
-    /// frames that are too small to follow anything.
-    pub(super) fn between(
-        before: Shot<'_>,
-        after: Shot<'_>,
-        noise: &FrameNoise,
-        most_points: usize,
+impl FrameFlow {
+    /// Tracks at most `most_points` points from each frame. Frames too small to track have no
+    /// motion.
+    pub(super) fn estimate(
+        before: FrameView<'_>,
+        after: FrameView<'_>,
+        noise: &PixelNoise,
+        max_points: usize,
     ) -> Self {
         if before.width().min(before.height()) < 2 * WINDOW_PX {
             return Self::default();
         }
-        let mut points = points(before, after, noise);
-        let step = points.len().div_ceil(most_points).max(1);
+        let mut points = changed_points(before, after, noise);
+        let step = points.len().div_ceil(max_points).max(1);
         points = points.into_iter().step_by(step).collect();
         if points.is_empty() {
             return Self::default();
         }
-        let tracks = tracks(before, after, &points).unwrap_or_default();
-        Self::of(&tracks, before.size)
+        let tracks = track_points(before, after, &points).unwrap_or_default();
+        Self::from_tracks(&tracks, before.size)
     }
 
-    /// Alike displacements together, each in the cells that its tracks come near to.
-    fn of(tracks: &[[[f32; 2]; 2]], size: Size) -> Self {
-        let mut alike: BTreeMap<[i32; 2], Vec<[[f32; 2]; 2]>> = BTreeMap::new();
+    /// Merges similar displacements and enters each in the cells near its tracks.
+    fn from_tracks(tracks: &[[[f32; 2]; 2]], size: Size) -> Self {
+        let mut clusters: BTreeMap<[i32; 2], Vec<[[f32; 2]; 2]>> = BTreeMap::new();
         for &[from, to] in tracks {
-            let class = [to[0] - from[0], to[1] - from[1]].map(|d| (d / ALIKE_PX).round() as i32);
-            alike.entry(class).or_default().push([from, to]);
+            let class = [to[0] - from[0], to[1] - from[1]].map(|d| (d / MERGE_PX).round() as i32);
+            clusters.entry(class).or_default().push([from, to]);
         }
-        let mut alike: Vec<_> = alike.into_iter().collect();
-        alike.sort_by(|a, b| b.1.len().cmp(&a.1.len()).then(a.0.cmp(&b.0)));
-        alike.truncate(MOST_SHIFTS);
+        let mut clusters: Vec<_> = clusters.into_iter().collect();
+        clusters.sort_by(|a, b| b.1.len().cmp(&a.1.len()).then(a.0.cmp(&b.0)));
+        clusters.truncate(MAX_SHIFTS);
         let cells_across = usize::from(size.width).div_ceil(CELL_PX);
         let cells_down = usize::from(size.height).div_ceil(CELL_PX);
-        let mut motion = Self {
+        let mut flow = Self {
             shifts: Vec::new(),
             cells: vec![Vec::new(); cells_across * cells_down],
             cells_across,
         };
-        for (id, (_, tracks)) in alike.iter().enumerate() {
+        for (id, (_, tracks)) in clusters.iter().enumerate() {
             let mean = |axis: usize| {
                 let moved = tracks.iter().map(|[from, to]| to[axis] - from[axis]);
                 moved.sum::<f32>() / tracks.len() as f32
             };
-            motion.shifts.push([mean(0), mean(1)]);
+            flow.shifts.push([mean(0), mean(1)]);
             for track in tracks {
-                motion.pass(id as u8, *track, [cells_across, cells_down]);
+                flow.enter(id as u8, *track, [cells_across, cells_down]);
             }
         }
-        motion
+        flow
     }
 
-    /// Enters a displacement in the cells near the way from one point to another.
-    fn pass(&mut self, id: u8, [from, to]: [[f32; 2]; 2], n_cells: [usize; 2]) {
+    /// Enters a displacement in the cells near the segment between two points.
+    fn enter(&mut self, id: u8, [from, to]: [[f32; 2]; 2], n_cells: [usize; 2]) {
         let range = |axis: usize| {
             let (low, high) = (from[axis].min(to[axis]), from[axis].max(to[axis]));
-            let reach = REACH as f32;
+            let reach = REACH_PX as f32;
             let cell = |at: f32| ((at.max(0.0) as usize) / CELL_PX).min(n_cells[axis] - 1);
             cell(low - reach)..=cell(high + reach)
         };
@@ -157,8 +154,11 @@ impl Motion {
         }
     }
 
-    /// The displacements that may have been taken at a pixel.
-    pub(super) fn about(&self, [x, y]: [f32; 2]) -> impl Iterator<Item = [f32; 2]> + Clone + '_ {
+    /// Candidates at a pixel.
+    pub(super) fn candidates(
+        &self,
+        [x, y]: [f32; 2],
+    ) -> impl Iterator<Item = [f32; 2]> + Clone + '_ {
         let cell = |at: f32| at.max(0.0) as usize / CELL_PX;
         let index = cell(y) * self.cells_across + cell(x);
         let ids = self.cells.get(index).map_or(&[][..], Vec::as_slice);
@@ -166,42 +166,47 @@ impl Motion {
     }
 }
 
-/// The displacement, of some and of none, on which two frames agree best about a place that is so far from
-/// the earlier frame's time to the later's. One that agrees better by less than the frames' noise is
-/// none.
-pub(super) fn taken(
-    [before, after]: [Shot<'_>; 2],
+/// The candidate displacement with the best agreement of both frames at a position, `share` of the
+/// way from the earlier frame to the later. Zero unless a candidate agrees better by more than the
+/// noise.
+pub(super) fn best_shift(
+    [before, after]: [FrameView<'_>; 2],
     place: [f32; 2],
     share: f32,
     shifts: impl Iterator<Item = [f32; 2]>,
     noise: f32,
 ) -> [f32; 2] {
-    let unmoved = apart(before, after, [place; 2], f32::INFINITY);
+    let unmoved = patch_difference(before, after, [place; 2], f32::INFINITY);
     let mut best = ([0.0; 2], unmoved.unwrap_or(f32::INFINITY));
     for shift in shifts {
-        let ends = ends(place, share, shift);
-        if let Some(cost) = apart(before, after, ends, best.1 - noise) {
+        let flow_ends = flow_ends(place, share, shift);
+        if let Some(cost) = patch_difference(before, after, flow_ends, best.1 - noise) {
             best = (shift, cost + noise);
         }
     }
     best.0
 }
 
-/// Where what is at a place was in the earlier frame, and will be in the later.
-pub(super) fn ends(place: [f32; 2], share: f32, shift: [f32; 2]) -> [[f32; 2]; 2] {
+/// Positions in the earlier and later frame of what is at `place` between them.
+pub(super) fn flow_ends(place: [f32; 2], share: f32, shift: [f32; 2]) -> [[f32; 2]; 2] {
     [
         [place[0] - share * shift[0], place[1] - share * shift[1]],
         [place[0] + (1.0 - share) * shift[0], place[1] + (1.0 - share) * shift[1]],
     ]
 }
 
-/// Mean difference of the surroundings of a place in one frame from those of a place in another, if it is
-/// below `most`. Most places are no match, and the first rows tell.
-fn apart(before: Shot<'_>, after: Shot<'_>, [from, to]: [[f32; 2]; 2], most: f32) -> Option<f32> {
-    let n = (2 * HALF_PX + 1) * (2 * HALF_PX + 1);
+/// Mean absolute difference of two patches if it is below `most`; most candidates are rejected
+/// after the first rows.
+fn patch_difference(
+    before: FrameView<'_>,
+    after: FrameView<'_>,
+    [from, to]: [[f32; 2]; 2],
+    most: f32,
+) -> Option<f32> {
+    let n = (2 * PATCH_HALF_PX + 1) * (2 * PATCH_HALF_PX + 1);
     let mut sum = 0.0;
-    for dy in -HALF_PX..=HALF_PX {
-        for dx in -HALF_PX..=HALF_PX {
+    for dy in -PATCH_HALF_PX..=PATCH_HALF_PX {
+        for dx in -PATCH_HALF_PX..=PATCH_HALF_PX {
             let near = |[x, y]: [f32; 2]| [x + dx as f32, y + dy as f32];
             sum += (before.at(near(from)) - after.at(near(to))).abs();
         }
@@ -212,22 +217,28 @@ fn apart(before: Shot<'_>, after: Shot<'_>, [from, to]: [[f32; 2]; 2], most: f32
     Some(sum / n as f32)
 }
 
-/// Points on a grid near what differs between two frames, in pixels.
-fn points(before: Shot<'_>, after: Shot<'_>, noise: &FrameNoise) -> Vec<[f32; 2]> {
+/// Grid points near pixels that differ between two frames.
+fn changed_points(
+    before: FrameView<'_>,
+    after: FrameView<'_>,
+    noise: &PixelNoise,
+) -> Vec<[f32; 2]> {
     let (width, height) = (before.width(), before.height());
     let has_changed: Vec<bool> = before
         .values
         .iter()
         .zip(after.values)
-        .map(|(a, b)| (b - a).abs() > CHANGED * noise.at(a.max(*b)))
+        .map(|(a, b)| (b - a).abs() > CHANGE_SIGMAS * noise.at(a.max(*b)))
         .collect();
-    let n_cells = [width.div_ceil(APART), height.div_ceil(APART)];
+    let n_cells = [width.div_ceil(POINT_SPACING_PX), height.div_ceil(POINT_SPACING_PX)];
     let mut is_near = vec![false; n_cells[0] * n_cells[1]];
-    let around =
-        |at: usize, n: usize| at.saturating_sub(REACH) / APART..=(at + REACH).min(n - 1) / APART;
+    let around = |at: usize, n: usize| {
+        at.saturating_sub(REACH_PX) / POINT_SPACING_PX
+            ..=(at + REACH_PX).min(n - 1) / POINT_SPACING_PX
+    };
     for y in 0..height.saturating_sub(1) {
         for x in 0..width.saturating_sub(1) {
-            // A single pixel is the noise of one, or a hot one.
+            // A single changed pixel is noise or a hot pixel.
             let at = |dx: usize, dy: usize| has_changed[(y + dy) * width + x + dx];
             if at(0, 0) && (at(1, 0) || at(0, 1)) {
                 for j in around(y, height) {
@@ -240,18 +251,18 @@ fn points(before: Shot<'_>, after: Shot<'_>, noise: &FrameNoise) -> Vec<[f32; 2]
     }
     (0..is_near.len())
         .filter(|i| is_near[*i])
-        .map(|i| [i % n_cells[0], i / n_cells[0]].map(|cell| (cell * APART) as f32))
+        .map(|i| [i % n_cells[0], i / n_cells[0]].map(|cell| (cell * POINT_SPACING_PX) as f32))
         .collect()
 }
 
-/// Ways of points from the earlier frame to the later, followed from either.
-fn tracks(
-    before: Shot<'_>,
-    after: Shot<'_>,
+/// Tracks of the points, followed in both directions.
+fn track_points(
+    before: FrameView<'_>,
+    after: FrameView<'_>,
     points: &[[f32; 2]],
 ) -> Result<Vec<[[f32; 2]; 2]>, PyrLKError> {
     let least = before.width().min(before.height());
-    let max_level = (1..=MOST_LEVELS).take_while(|level| least >> level > WINDOW_PX).count();
+    let max_level = (1..=MAX_LEVELS).take_while(|level| least >> level > WINDOW_PX).count();
     let parameters = PyrLKParams { max_level, min_eigen_threshold: 1e-5, ..PyrLKParams::default() };
     let [before, after] = [before.image()?, after.image()?];
     let follow = |from: &Image<f32, 1>, to: &Image<f32, 1>| {
@@ -265,7 +276,7 @@ fn tracks(
     let forwards = follow(&before, &after)?;
     let backwards = follow(&after, &before)?.into_iter().map(|[from, to]| [to, from]);
     let is_one = |[from, to]: &[[f32; 2]; 2]| {
-        (LEAST_PX..=MOST_PX).contains(&(to[0] - from[0]).hypot(to[1] - from[1]))
+        (MIN_SHIFT_PX..=MAX_SHIFT_PX).contains(&(to[0] - from[0]).hypot(to[1] - from[1]))
     };
     Ok(forwards.into_iter().chain(backwards).filter(is_one).collect())
 }
@@ -277,7 +288,7 @@ mod tests {
     const SIZE: Size = Size { width: 96, height: 80 };
 
     /// A square with texture on it at a place, before a textured wall that stands still.
-    fn shot(left: f32) -> Vec<f32> {
+    fn view(left: f32) -> Vec<f32> {
         let wall = |x: f32, y: f32| 0.3 + 0.1 * (0.4 * x).sin() * (0.3 * y).cos();
         let square = |x: f32, y: f32| 0.7 + 0.2 * (0.5 * x).cos() * (0.6 * y).sin();
         let value = |i: usize| {
@@ -288,21 +299,23 @@ mod tests {
         (0..SIZE.n_pixels()).map(value).collect()
     }
 
-    fn shot_of(values: &[f32]) -> Shot<'_> {
-        Shot { size: SIZE, values }
+    fn view_of(values: &[f32]) -> FrameView<'_> {
+        FrameView { size: SIZE, values }
     }
 
     /// Noise of 0.002 at any light.
-    fn still() -> FrameNoise {
-        FrameNoise::of(&[0.5; 3], 1, 0.002)
+    fn constant_noise() -> PixelNoise {
+        PixelNoise::estimate(&[0.5; 3], 1, 0.002)
     }
 
     #[test]
     fn what_moves_is_led_along_and_what_stands_stays() {
-        let [first, between, last] = [30.0, 32.0, 38.0].map(shot);
-        let [before, after] = [shot_of(&first), shot_of(&last)];
-        let motion = Motion::between(before, after, &still(), 1_500);
-        let at = |place: [f32; 2]| taken([before, after], place, 0.25, motion.about(place), 0.002);
+        let [first, estimate, last] = [30.0, 32.0, 38.0].map(view);
+        let [before, after] = [view_of(&first), view_of(&last)];
+        let flow = FrameFlow::estimate(before, after, &constant_noise(), 1_500);
+        let at = |place: [f32; 2]| {
+            best_shift([before, after], place, 0.25, flow.candidates(place), 0.002)
+        };
         let inside = at([42.0, 35.0]);
         assert!((inside[0] - 8.0).abs() < 0.2 && inside[1].abs() < 0.2, "{inside:?}");
         assert_eq!(at([80.0, 70.0]), [0.0; 2]);
@@ -311,14 +324,14 @@ mod tests {
             for y in 22..48 {
                 for x in 28..64 {
                     let place = [x as f32, y as f32];
-                    sum += (guess(place) - between[y * 96 + x]).powi(2);
+                    sum += (guess(place) - estimate[y * 96 + x]).powi(2);
                     n += 1;
                 }
             }
             (sum / n as f32).sqrt()
         };
         let led = error(&|place| {
-            let [from, to] = ends(place, 0.25, at(place));
+            let [from, to] = flow_ends(place, 0.25, at(place));
             0.75 * before.at(from) + 0.25 * after.at(to)
         });
         let faded = error(&|place| 0.75 * before.at(place) + 0.25 * after.at(place));
@@ -328,19 +341,20 @@ mod tests {
 
     #[test]
     fn nothing_moves_in_noise_or_in_frames_too_small() {
-        let first = shot(30.0);
+        let first = view(30.0);
         let noisy: Vec<f32> = first
             .iter()
             .enumerate()
             .map(|(i, v)| v + 0.004 * ((i * 7919 % 13) as f32 - 6.0) / 6.0)
             .collect();
         assert_eq!(
-            Motion::between(shot_of(&first), shot_of(&noisy), &still(), 1_500),
-            Motion::default()
+            FrameFlow::estimate(view_of(&first), view_of(&noisy), &constant_noise(), 1_500),
+            FrameFlow::default()
         );
         let size = Size { width: 2, height: 2 };
-        let small = |values| Shot { size, values };
-        let motion = Motion::between(small(&[0.0; 4]), small(&[1.0; 4]), &still(), 1_500);
-        assert_eq!(motion.about([0.0, 0.0]).count(), 0);
+        let small = |values| FrameView { size, values };
+        let flow =
+            FrameFlow::estimate(small(&[0.0; 4]), small(&[1.0; 4]), &constant_noise(), 1_500);
+        assert_eq!(flow.candidates([0.0, 0.0]).count(), 0);
     }
 }

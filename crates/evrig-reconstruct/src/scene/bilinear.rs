@@ -1,16 +1,16 @@
-//! The four pixels about a place between them.
+//! Bilinear interpolation on an image.
 
-/// The pixels whose middles are about a place, by number in an image of rows, with their weights.
+/// Indices of the four neighbouring pixels in a row-major image, with their weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Corners(pub(super) [(usize, f32); 4]);
+pub(super) struct BilinearWeights(pub(super) [(usize, f32); 4]);
 
-impl Corners {
-    /// About a place in pixels from the middle of the first of an image of so many columns and rows; what
-    /// lies beyond the border is as the border.
+impl BilinearWeights {
+    /// At a position in pixels from the middle of the first pixel; positions beyond the border are
+    /// clamped.
     #[inline]
-    pub(super) fn about([width, height]: [usize; 2], [x, y]: [f32; 2]) -> Self {
-        let ([x0, x1], u) = between(x, width);
-        let ([y0, y1], v) = between(y, height);
+    pub(super) fn at([width, height]: [usize; 2], [x, y]: [f32; 2]) -> Self {
+        let ([x0, x1], u) = neighbours(x, width);
+        let ([y0, y1], v) = neighbours(y, height);
         let [y0, y1] = [y0 * width, y1 * width];
         Self([
             (y0 + x0, (1.0 - u) * (1.0 - v)),
@@ -20,24 +20,23 @@ impl Corners {
         ])
     }
 
-    /// The value between them, linear along rows and columns.
     #[inline]
     pub(super) fn value(&self, values: &[f32]) -> f32 {
         self.0.iter().map(|(pixel, weight)| values[*pixel] * weight).sum()
     }
 
-    /// The greatest of them that weighs anything.
-    pub(super) fn most(&self, values: &[f32]) -> f32 {
+    /// The greatest of the neighbours with a positive weight.
+    pub(super) fn max_value(&self, values: &[f32]) -> f32 {
         let seen = self.0.iter().filter(|(_, weight)| *weight > 0.0);
         seen.map(|(pixel, _)| values[*pixel]).fold(f32::NEG_INFINITY, f32::max)
     }
 }
 
-/// The two of `n` middles about a place, and how far it is from the first to the second.
+/// The two neighbours among `n` pixels, and the distance from the first.
 #[inline]
-fn between(at: f32, n: usize) -> ([usize; 2], f32) {
+fn neighbours(at: f32, n: usize) -> ([usize; 2], f32) {
     let inside = at.clamp(0.0, (n - 1) as f32);
-    // Rounding down by a conversion: without it every look-up would call a function.
+    // A cast truncates inline; `floor` would be a function call for every look-up.
     let first = inside as usize;
     ([first, (first + 1).min(n - 1)], inside - first as f32)
 }
@@ -49,7 +48,7 @@ mod tests {
     #[test]
     fn a_plane_is_read_back_inside_and_the_border_goes_on_beyond() {
         let values: Vec<f32> = (0..12).map(|i| (i % 4) as f32 + 10.0 * (i / 4) as f32).collect();
-        let at = |place| Corners::about([4, 3], place).value(&values);
+        let at = |place| BilinearWeights::at([4, 3], place).value(&values);
         for (place, expected) in
             [([1.25, 0.5], 6.25), ([3.0, 2.0], 23.0), ([-5.0, 1.0], 10.0), ([9.0, 9.5], 23.0)]
         {
@@ -60,7 +59,7 @@ mod tests {
     #[test]
     fn the_greatest_is_of_those_that_weigh() {
         let values = [1.0, 9.0, 2.0, 9.0];
-        let most = |place| Corners::about([2, 2], place).most(&values);
-        assert_eq!([[0.0, 0.5], [0.1, 0.5]].map(most), [2.0, 9.0]);
+        let max_value = |place| BilinearWeights::at([2, 2], place).max_value(&values);
+        assert_eq!([[0.0, 0.5], [0.1, 0.5]].map(max_value), [2.0, 9.0]);
     }
 }

@@ -1,29 +1,29 @@
-//! A frame's pixels held against the map, some of them all over the frame.
+//! Pixels of a frame compared with the map on a regular subset.
 
+use super::accumulate::{Keyframe, MapOptics};
 use super::map::RadianceMap;
-use super::splat::{Key, Optics};
 use nalgebra::Vector3;
 
-/// A pixel, and what the map has at the place that it looks at.
+/// A pixel and the map at the point it views.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Look {
+pub(super) struct MapSample {
     pub(super) x: usize,
     pub(super) y: usize,
     pub(super) place_mm: [f64; 2],
     /// Light of the pixel, DN of green above black.
     pub(super) light: f64,
-    /// Radiance of the map there, and how it changes a millimetre.
+    /// Radiance of the map and its gradient per millimetre.
     pub(super) mapped: [f64; 3],
 }
 
-/// Shows every `step`-th pixel of every `step`-th row whose place is on the map. An odd step gives all
-/// places of the mosaic their turn.
-pub(super) fn looks(
-    optics: &Optics,
+/// Visits every `step`-th pixel of every `step`-th row that views the map. An odd step covers all
+/// Bayer sites.
+pub(super) fn visit_map_samples(
+    optics: &MapOptics,
     map: &RadianceMap,
-    key: &Key,
+    key: &Keyframe,
     step: usize,
-    mut see: impl FnMut(&Look),
+    mut visit: impl FnMut(&MapSample),
 ) -> Option<()> {
     let camera = &optics.camera;
     let (width, height) = (usize::from(camera.size.width), usize::from(camera.size.height));
@@ -36,7 +36,7 @@ pub(super) fn looks(
             let place_mm = [place.x / place.z, place.y / place.z];
             let mapped = map.sample(place_mm);
             if mapped[0].is_finite() {
-                see(&Look { x, y, place_mm, light: f64::from(light), mapped });
+                visit(&MapSample { x, y, place_mm, light: f64::from(light), mapped });
             }
         }
     }

@@ -1,64 +1,63 @@
-//! Frames without the part of their noise that time tells: where nothing changes, neighbouring frames are
-//! looks at one light.
+//! Temporal denoising of static regions.
 
-use super::frame_noise::FrameNoise;
+use super::pixel_noise::PixelNoise;
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
-/// Frames before, and behind, that are taken together with one at most.
-const WINDOW: usize = 8;
+/// Most frames before, and after, that are averaged.
+const MAX_SIDE_FRAMES: usize = 8;
 
-/// Half the width of a mean's interval, in its standard errors.
-const INTERVAL: f32 = 1.3;
+/// Half width of a confidence interval, in standard errors.
+const INTERVAL_SIGMAS: f32 = 1.3;
 
-/// Where frames to one side only are taken, fewer than so many may as well lie on a slope.
-const FLAT: usize = 3;
+/// Fewest frames of a one-sided mean; fewer may lie on a slope.
+const MIN_ONE_SIDED: usize = 3;
 
-/// Puts for each value of frames of `n_pixels`, one behind the other, the mean of the frames about it that
-/// show the same light; values from `end` on are left as they are, and out of every mean. To either side a
-/// frame is taken as long as the intervals of all means so far have a light in common (the intersection of
-/// confidence intervals; Goldenshluger and Nemirovski, 1997), so that a mean is off by what changed no more
-/// than by its noise; where the sides differ, as on a slope, as many of either.
-pub(super) fn steady(values: &mut [f32], n_pixels: usize, noise: &FrameNoise, end: f32) {
-    let mut before: VecDeque<Vec<f32>> = VecDeque::with_capacity(WINDOW + 1);
+/// Replaces each value of consecutive frames of `n_pixels` by the mean of the neighbouring frames
+/// with the same intensity. Values of at least `end` are kept and excluded from every mean. The
+/// window grows on either side while the confidence intervals of all its means intersect
+/// (Goldenshluger and Nemirovski, 1997), which bounds the bias by the noise. Where both sides
+/// differ, as on a slope, it is symmetric.
+pub(super) fn denoise(values: &mut [f32], n_pixels: usize, noise: &PixelNoise, end: f32) {
+    let mut before: VecDeque<Vec<f32>> = VecDeque::with_capacity(MAX_SIDE_FRAMES + 1);
     for start in (0..values.len()).step_by(n_pixels.max(1)) {
         let (own, behind) = values[start..].split_at_mut(n_pixels);
-        before.truncate(WINDOW);
-        let seen = own.to_vec();
+        before.truncate(MAX_SIDE_FRAMES);
+        let original = own.to_vec();
         own.par_iter_mut().enumerate().filter(|(_, value)| **value < end).for_each(|(i, value)| {
             let earlier = before.iter().map(|frame| frame[i]);
-            let later = behind.iter().skip(i).step_by(n_pixels).take(WINDOW).copied();
-            let interval = INTERVAL * noise.at(*value);
-            let is_known = |look: &f32| *look < end;
+            let later = behind.iter().skip(i).step_by(n_pixels).take(MAX_SIDE_FRAMES).copied();
+            let interval = INTERVAL_SIGMAS * noise.at(*value);
+            let is_valid = |value: &f32| *value < end;
             let sides = [
-                alike(*value, earlier.take_while(is_known), interval),
-                alike(*value, later.take_while(is_known), interval),
+                consistent_side(*value, earlier.take_while(is_valid), interval),
+                consistent_side(*value, later.take_while(is_valid), interval),
             ];
             *value = mean(*value, sides, interval);
         });
-        before.push_front(seen);
+        before.push_front(original);
     }
 }
 
-/// Looks to one side that show the light of a first: their sum, and how many there are.
+/// Cumulative sums of the frames on one side, and how many are used.
 #[derive(Debug, Clone, Copy, Default)]
-struct Side {
-    sums: [f32; WINDOW + 1],
+struct OneSidedSums {
+    sums: [f32; MAX_SIDE_FRAMES + 1],
     n: usize,
 }
 
-impl Side {
+impl OneSidedSums {
     fn mean(&self) -> f32 {
         self.sums[self.n] / self.n as f32
     }
 }
 
-/// Of the next looks those that show the light of the first.
-fn alike(first: f32, next: impl Iterator<Item = f32>, interval: f32) -> Side {
+/// Extends one side while the intervals intersect.
+fn consistent_side(first: f32, next: impl Iterator<Item = f32>, interval: f32) -> OneSidedSums {
     let (mut low, mut high) = (first - interval, first + interval);
-    let mut side = Side::default();
-    for look in next {
-        let sum = side.sums[side.n] + look;
+    let mut side = OneSidedSums::default();
+    for value in next {
+        let sum = side.sums[side.n] + value;
         let n = side.n as f32 + 2.0;
         let (mean, half) = ((first + sum) / n, interval / n.sqrt());
         (low, high) = (low.max(mean - half), high.min(mean + half));
@@ -71,11 +70,11 @@ fn alike(first: f32, next: impl Iterator<Item = f32>, interval: f32) -> Side {
     side
 }
 
-/// The mean of a value and both its sides; of as much of either where they lie on a slope.
-fn mean(value: f32, [mut before, mut behind]: [Side; 2], interval: f32) -> f32 {
+/// Mean of a value and both sides; symmetric on a slope.
+fn mean(value: f32, [mut before, mut behind]: [OneSidedSums; 2], interval: f32) -> f32 {
     let (fewest, most) = (before.n.min(behind.n), before.n.max(behind.n));
     let is_slope = if fewest == 0 {
-        most < FLAT
+        most < MIN_ONE_SIDED
     } else {
         let error = (1.0 / before.n as f32 + 1.0 / behind.n as f32).sqrt();
         (before.mean() - behind.mean()).abs() > interval * error
@@ -108,8 +107,8 @@ mod tests {
         let mut values: Vec<f32> =
             truth.iter().map(|light| light + 0.01 * random.normal() as f32).collect();
         let raw = values.clone();
-        let noise = FrameNoise::of(&[0.5; 3], 1, 0.01);
-        steady(&mut values, n_pixels, &noise, f32::INFINITY);
+        let noise = PixelNoise::estimate(&[0.5; 3], 1, 0.01);
+        denoise(&mut values, n_pixels, &noise, f32::INFINITY);
         let rms = |values: &[f32], kind: usize| {
             let own = values.iter().zip(&truth).enumerate().filter(|(k, _)| k % 3 == kind);
             let (sum, n) =
@@ -125,8 +124,8 @@ mod tests {
     #[test]
     fn the_end_of_the_range_is_no_light_to_be_averaged() {
         let mut values = [0.97, 0.99, 0.98, 0.98, 1.0, 0.98, 1.0];
-        let noise = FrameNoise::of(&[0.5; 3], 1, 0.05);
-        steady(&mut values, 1, &noise, 1.0);
+        let noise = PixelNoise::estimate(&[0.5; 3], 1, 0.05);
+        denoise(&mut values, 1, &noise, 1.0);
         assert!((values[0] - 0.98).abs() < 1e-6, "{values:?}");
         assert_eq!([values[4], values[5], values[6]], [1.0, 0.98, 1.0]);
     }

@@ -1,4 +1,4 @@
-//! What a pixel's optics do to the map.
+//! Optics of an event pixel applied to the map.
 
 use super::map::{MapGrid, RadianceMap};
 use super::raster::Raster;
@@ -6,25 +6,25 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use statrs::function::erf::erf;
 
-/// What blurs the map to the picture of the event camera: a square aperture and a Gaussian, both in
-/// DAVIS pixels. The map is blurred already by the Pi's own optics; the Gaussian is what comes on
-/// top of that.
+/// Point-spread function of the event camera relative to the map: a square aperture convolved with
+/// a Gaussian, both in DAVIS pixels. The Gaussian adds to the blur of the Pi's optics that the map
+/// already has.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PointSpread {
-    /// Side of the aperture.
+    /// Side of the aperture, pixels.
     pub aperture_px: f64,
-    /// Standard deviation of the Gaussian.
+    /// Standard deviation of the Gaussian, pixels.
     pub sigma_px: f64,
 }
 
 impl PointSpread {
-    /// A Gaussian behind an aperture as wide as the pixel.
+    /// A Gaussian with an aperture of one pixel.
     #[must_use]
     pub const fn of_sigma(sigma_px: f64) -> Self {
         Self { aperture_px: 1.0, sigma_px }
     }
 
-    /// Weights at whole cells when a pixel is `cells` cells wide, of sum one.
+    /// Weights at whole cells for a pixel that is `cells` cells wide; their sum is one.
     fn kernel(self, cells: f64) -> Vec<f32> {
         let (half, sigma) = (self.aperture_px.max(0.0) * cells / 2.0, self.sigma_px.abs() * cells);
         let sigma = sigma.max(0.05);
@@ -44,11 +44,11 @@ impl PointSpread {
     }
 }
 
-/// Of the light that a pixel gathers at least this share must come from known cells.
-const LEAST_KNOWN: f32 = 0.995;
+/// Least share of a pixel's weight that must fall on known cells.
+const MIN_KNOWN: f32 = 0.995;
 
-/// The map as pixels of the given width see it; `NaN` where too much of the light is not known.
-pub(super) fn blurred(map: &RadianceMap, spread: PointSpread, pixel_mm: f64) -> RadianceMap {
+/// The map as pixels of the given width see it; `NaN` where less than [`MIN_KNOWN`] is known.
+pub(super) fn blur_map(map: &RadianceMap, spread: PointSpread, pixel_mm: f64) -> RadianceMap {
     let kernel = spread.kernel(pixel_mm / map.grid.cell_mm);
     let known: Vec<f32> =
         map.values().iter().map(|value| f32::from(u8::from(value.is_finite()))).collect();
@@ -58,18 +58,18 @@ pub(super) fn blurred(map: &RadianceMap, spread: PointSpread, pixel_mm: f64) -> 
         map.errors().iter().map(|e| if e.is_finite() { e * e } else { 0.0 }).collect();
     let squares: Vec<f32> = kernel.iter().map(|weight| weight * weight).collect();
     let grid = map.grid;
-    let light = convolved(&values, grid, &kernel);
-    let share = convolved(&known, grid, &kernel);
-    let variance = convolved(&variances, grid, &squares);
+    let light = convolve(&values, grid, &kernel);
+    let share = convolve(&known, grid, &kernel);
+    let variance = convolve(&variances, grid, &squares);
     let value = |(light, share): (&f32, &f32)| {
-        if *share >= LEAST_KNOWN { light / share } else { f32::NAN }
+        if *share >= MIN_KNOWN { light / share } else { f32::NAN }
     };
     let values = light.iter().zip(&share).map(value).collect();
     RadianceMap::new(grid, values, variance.iter().map(|v| v.max(0.0).sqrt()).collect())
 }
 
-/// The natural logarithm of a map over white, `least_dn` standing for what is darker.
-pub(super) fn logarithm(map: &RadianceMap, white_dn: f64, least_dn: f64) -> Raster {
+/// Natural logarithm of a map relative to white; darker cells are clamped to `least_dn`.
+pub(super) fn log_map(map: &RadianceMap, white_dn: f64, least_dn: f64) -> Raster {
     let (white, least) = (white_dn as f32, least_dn as f32);
     let log = |value: &f32| {
         if value.is_nan() { f32::NAN } else { (value.max(least) / white).ln() }
@@ -78,8 +78,8 @@ pub(super) fn logarithm(map: &RadianceMap, white_dn: f64, least_dn: f64) -> Rast
     Raster { width: map.grid.width, height: map.grid.height, values }
 }
 
-/// Rows and columns convolved with a symmetric kernel; nothing lies beyond the borders.
-fn convolved(values: &[f32], grid: MapGrid, kernel: &[f32]) -> Vec<f32> {
+/// Separable convolution with a symmetric kernel; zero beyond the borders.
+fn convolve(values: &[f32], grid: MapGrid, kernel: &[f32]) -> Vec<f32> {
     let (width, reach) = (grid.width, kernel.len() / 2);
     let mut across = vec![0.0_f32; values.len()];
     across.par_chunks_mut(width).zip(values.par_chunks(width)).for_each(|(to, from)| {
@@ -116,7 +116,7 @@ mod tests {
         let values = (0..grid.n_cells()).map(value).collect();
         let map = RadianceMap::new(grid, values, vec![2.0; grid.n_cells()]);
         // A pixel of 4 cells, and a Gaussian of 2 cells.
-        let seen = blurred(&map, PointSpread::of_sigma(0.5), 0.4);
+        let seen = blur_map(&map, PointSpread::of_sigma(0.5), 0.4);
         let at = |x: usize| seen.values()[30 * 80 + x];
         assert!((at(20) - 100.0).abs() < 1e-2 && (at(59) - 700.0).abs() < 0.5);
         assert!((at(39) + at(40) - 800.0).abs() < 1.0);
