@@ -1,8 +1,15 @@
 //! What a diagnosis looks at: some pixels with their events, light and its surroundings.
 
-use super::around::Around;
-use super::choose::chosen;
-use super::{Facts, Options};
+pub(crate) mod event_context;
+pub(crate) mod pixel_selection;
+pub(crate) mod refractory_peaks;
+pub(crate) mod session_facts;
+pub(crate) mod spectral_lines;
+pub(crate) mod stamp_grid;
+
+use crate::diagnose::evidence::event_context::Around;
+use crate::diagnose::evidence::pixel_selection::chosen;
+use crate::diagnose::{Facts, Options};
 use crate::predict::{Bends, Blocks, ByPixel, Light, Spike};
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::geometry::Rectangle;
@@ -62,7 +69,7 @@ pub struct PixelEvidence {
     /// Its events.
     pub spikes: Vec<Spike>,
     /// Log intensity over white at every instant.
-    pub(super) light: Vec<f32>,
+    pub(crate) light: Vec<f32>,
     /// Change of log intensity per pixel to the right, and downwards; empty where not needed.
     pub gradient: [Vec<f32>; 2],
     /// Laplacian of intensity over intensity, per square pixel; empty where not needed.
@@ -73,7 +80,7 @@ pub struct PixelEvidence {
 
 impl PixelEvidence {
     /// Where the light bends, as it is known.
-    pub(super) fn bends(&self) -> &Bends {
+    pub(crate) fn bends(&self) -> &Bends {
         self.bends.get_or_init(|| {
             let (signal, level) = (&self.light, &self.light);
             Bends::of(Light { start_us: 0.0, step_us: 1.0, signal, level, bends: None })
@@ -81,7 +88,7 @@ impl PixelEvidence {
     }
 
     /// The light, to be changed.
-    pub(super) fn light_mut(&mut self) -> &mut [f32] {
+    pub(crate) fn light_mut(&mut self) -> &mut [f32] {
         self.bends = OnceLock::new();
         &mut self.light
     }
@@ -113,15 +120,15 @@ pub struct Evidence {
     /// Number of tiles.
     pub n_tiles: usize,
     /// Tiles across and down.
-    pub(super) tiles: [usize; 2],
+    pub(crate) tiles: [usize; 2],
     /// Side of a tile, pixels.
-    pub(super) tile_px: u16,
+    pub(crate) tile_px: u16,
     /// Middle of the sensor.
     pub middle: [f64; 2],
     /// On minus Off events of all pixels, and On plus Off, in each instant.
     pub rates: [Vec<f32>; 2],
     /// All events of the sensor.
-    pub(super) around: Arc<Around>,
+    pub(crate) around: Arc<Around>,
     /// The rest.
     pub facts: Facts,
 }
@@ -207,21 +214,21 @@ impl Evidence {
     }
 
     /// Only the pixels of some tiles.
-    pub(super) fn with_tiles(&self, is_taken: impl Fn(usize) -> bool) -> Self {
+    pub(crate) fn with_tiles(&self, is_taken: impl Fn(usize) -> bool) -> Self {
         let mut other = self.clone();
         other.pixels.retain(|pixel| is_taken(pixel.tile));
         other
     }
 
     /// Only the pixels of a region.
-    pub(super) fn within(&self, region: Rectangle) -> Self {
+    pub(crate) fn within(&self, region: Rectangle) -> Self {
         let mut other = self.clone();
         other.pixels.retain(|pixel| region.contains(pixel.x, pixel.y));
         other
     }
 
     /// Only a part of the time, in shares of the light: what is outside is not known.
-    pub(super) fn between(&self, from: f64, to: f64) -> Self {
+    pub(crate) fn between(&self, from: f64, to: f64) -> Self {
         let n = self.n_instants() as f64;
         let kept = (from * n) as usize..(to * n) as usize;
         self.clone().known_at(|i| kept.contains(&i))
@@ -278,7 +285,7 @@ impl Evidence {
     }
 
     /// Events a second of all pixels in the three instants before a time.
-    pub(super) fn rate_hz(&self, t_us: i64) -> f64 {
+    pub(crate) fn rate_hz(&self, t_us: i64) -> f64 {
         let at = (t_us as f64 - self.start_us) / self.step_us;
         let i = (at.max(0.0) as usize).min(self.rates[1].len().saturating_sub(1));
         let recent = &self.rates[1][i.saturating_sub(3)..i];
@@ -298,7 +305,7 @@ impl Evidence {
     }
 
     /// Whether a tile, by its middle, lies in a region.
-    pub(super) fn tile_is_in(&self, tile: usize, region: Rectangle) -> bool {
+    pub(crate) fn tile_is_in(&self, tile: usize, region: Rectangle) -> bool {
         let middle = |n: usize| (n as u16) * self.tile_px + self.tile_px / 2;
         region.contains(middle(tile % self.tiles[0]), middle(tile / self.tiles[0]))
     }

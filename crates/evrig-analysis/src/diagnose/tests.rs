@@ -1,16 +1,31 @@
 //! Effects are planted with the model's own sampler and demanded back.
 
-mod camera;
+mod clock_delay;
 mod dead_pixels;
-mod dead_times;
-mod kinds;
-mod late;
-mod leaks;
-mod light;
-mod loss;
-mod strengths;
-mod summit;
+mod fitted_camera;
+mod laplace;
+mod leak_near_prior_bound;
+mod pixel_strata;
+mod random_loss;
+mod refractory_peaks;
+mod strengths_by_stratum;
+mod unchanged_light;
 
+use super::checks::acceptance;
+use super::checks::accepted_effect;
+use super::checks::effect_review;
+use super::checks::null_distribution;
+use super::checks::split_half;
+use super::checks::strength_constancy;
+use super::checks::two_sample_test;
+use super::fit::bound_escape;
+use super::fit::effect_scan;
+use super::fit::fitted;
+use super::fit::gauss_newton;
+use super::fit::multistart;
+use super::fit::spatial_region;
+use super::fit::standard_errors;
+use super::model::library;
 use super::*;
 use crate::predict::ByPixel;
 use evrig_core::drive::{Drive, TimeGrid};
@@ -127,13 +142,13 @@ fn empty() -> Evidence {
     Evidence::new(&filled(), &Texture, facts(), &options()).unwrap()
 }
 
-fn library(id: EffectId) -> &'static candidate::Candidate {
+fn library(id: EffectId) -> &'static library::Candidate {
     LIBRARY.iter().find(|c| c.id == id).unwrap()
 }
 
 /// What judges a model of the evidence where nothing else is known of it.
-fn judging<'a>(evidence: &'a Evidence, baseline: &'a fit::Fitted) -> judge::Judge<'a> {
-    judge::Judge {
+fn judging<'a>(evidence: &'a Evidence, baseline: &'a fitted::Fitted) -> effect_review::Judge<'a> {
+    effect_review::Judge {
         evidence,
         baseline,
         before: None,
@@ -145,8 +160,8 @@ fn judging<'a>(evidence: &'a Evidence, baseline: &'a fit::Fitted) -> judge::Judg
 }
 
 /// One effect that was taken, for a gain that is sure.
-fn one_taken() -> Vec<select::Taken> {
-    vec![select::Taken { gain: 0.5, error: 0.05, rivals: Vec::new(), equals: Vec::new() }]
+fn one_taken() -> Vec<accepted_effect::Taken> {
+    vec![accepted_effect::Taken { gain: 0.5, error: 0.05, rivals: Vec::new(), equals: Vec::new() }]
 }
 
 fn plant(id: Option<EffectId>, start: &[f64]) -> Evidence {
@@ -160,7 +175,7 @@ fn plant_in(region: Option<Rectangle>, id: Option<EffectId>, start: &[f64]) -> E
         let candidate = library(id);
         hypothesis = hypothesis.with_in(candidate, start, region);
     }
-    null::draw(&evidence, &hypothesis, 17)
+    null_distribution::draw(&evidence, &hypothesis, 17)
 }
 
 fn found(id: EffectId, start: &[f64]) -> Diagnosis {
@@ -180,7 +195,7 @@ fn a_parameter_at_an_end_of_its_range_is_told_by_its_key_and_hidden_ones_are_not
     let at_an_end = |id: EffectId, start: &[f64]| {
         let candidate = library(id);
         let hypothesis = Hypothesis::baseline(&evidence).with(candidate, start);
-        naming::at_an_end(&hypothesis, 0).map(|parameter| parameter.key)
+        acceptance::at_an_end(&hypothesis, 0).map(|parameter| parameter.key)
     };
     assert_eq!(at_an_end(EffectId::Adaptation, &[0.05_f64.ln(), 0.3]), Some("time_constant_s"));
     assert_eq!(at_an_end(EffectId::Adaptation, &[0.5_f64.ln(), 0.98]), Some("fraction"));
@@ -195,7 +210,7 @@ fn a_nuisance_near_the_end_of_its_range_is_led_back() {
     let candidate = library(EffectId::PhotocurrentLeak);
     let ordinary = Hypothesis::baseline(&evidence).with(candidate, &[0.6]);
     let led_back = |hz| -> Vec<f64> {
-        let elsewhere = ends::off_the_ends(&ordinary.with_nuisance(Nuisance::LeakHz, hz));
+        let elsewhere = bound_escape::off_the_ends(&ordinary.with_nuisance(Nuisance::LeakHz, hz));
         elsewhere.iter().map(|h| (h.nuisance(Nuisance::LeakHz) * 1e4).round() * 1e-4).collect()
     };
     assert!(led_back(0.15).is_empty() && led_back(0.0).is_empty());
@@ -249,12 +264,15 @@ fn what_is_in_a_part_of_the_sensor_is_fitted_in_its_place() {
     ];
     for (id, hidden, begun, expected) in cases {
         let planted = plant_in(Some(region), Some(id), hidden);
-        let without = fit::fit(&planted, Hypothesis::baseline(&planted), 12, 1e-5);
+        let without = gauss_newton::fit(&planted, Hypothesis::baseline(&planted), 12, 1e-5);
         let candidate = library(id);
-        let start = fit::as_it_is(&planted, without.hypothesis.with(candidate, begun));
-        let start = region::begun_in_a_part(&planted, &without, &start).unwrap_or(start);
-        let fitted =
-            region::settled(&planted, &without, fit::fit(&planted, start.hypothesis, 10, 1e-5));
+        let start = gauss_newton::as_it_is(&planted, without.hypothesis.with(candidate, begun));
+        let start = spatial_region::begun_in_a_part(&planted, &without, &start).unwrap_or(start);
+        let fitted = spatial_region::settled(
+            &planted,
+            &without,
+            gauss_newton::fit(&planted, start.hypothesis, 10, 1e-5),
+        );
         assert_eq!(fitted.hypothesis.regions, [Some(region)], "{id}");
         let found = fitted.hypothesis.parameters_of(0)[0];
         assert!((found / expected - 1.0).abs() < 0.05, "{id}: {found}");
@@ -313,14 +331,14 @@ fn too_few_events_and_a_light_of_another_time_are_refused_with_what_to_do() {
 #[test]
 fn every_effect_is_judged_or_said_to_be_beyond_judging() {
     let evidence = empty();
-    let cannot = scan::cannot_judge(&evidence, false);
+    let cannot = effect_scan::cannot_judge(&evidence, false);
     for &id in EffectId::ALL {
         let is_judged = LIBRARY.iter().any(|c| c.id == id || c.same.contains(&id))
-            || census::judge(&evidence, id).is_ok();
+            || sensor_wide::judge(&evidence, id).is_ok();
         assert!(is_judged || cannot.iter().any(|c| c.id == id), "{id}");
     }
     // Of a readout that is never free only what the readout itself shows.
-    let cannot = scan::cannot_judge(&evidence, true);
+    let cannot = effect_scan::cannot_judge(&evidence, true);
     let is_listed = |id: EffectId| cannot.iter().any(|c| c.id == id);
     assert!(LIBRARY.iter().all(|candidate| is_listed(candidate.id)));
     assert!(!is_listed(EffectId::RowReadout) && !is_listed(EffectId::ReadoutSaturation));
@@ -367,10 +385,10 @@ fn a_strength_is_held_aside_as_far_as_its_range_goes() {
     };
     let hypothesis = drop(0.2);
     let at = hypothesis.offset_of(0);
-    let aside = naming::strength_aside(&hypothesis, 0).unwrap();
+    let aside = acceptance::strength_aside(&hypothesis, 0).unwrap();
     let held = aside.each_ref().map(|aside| (aside.values[at], aside.ranges[at]));
     assert!((held[0].0 - 0.2 / 3.0).abs() < 1e-12 && (held[1].0 - 0.6).abs() < 1e-12);
     assert!(held.iter().all(|(value, range)| *range == [*value; 2]));
     // At an end of its range nothing lies beyond.
-    assert!(naming::strength_aside(&drop(0.9), 0).is_none());
+    assert!(acceptance::strength_aside(&drop(0.9), 0).is_none());
 }

@@ -1,0 +1,85 @@
+//! Refractory period, in the pixel or behind it.
+
+use super::{Candidate, EffectId, Evidence, PLAIN, Parameter};
+use crate::diagnose::PixelEvidence;
+use crate::diagnose::evidence::refractory_peaks::dead_times_us;
+use evrig_core::stats::quantile_sorted;
+
+/// Shares of the intervals that may be shorter than a dead time, by chance events.
+const SHORTEST: [f64; 2] = [0.002, 0.02];
+
+/// The longest interval that a search begins at, microseconds.
+const LONGEST_US: f64 = 100_000.0;
+
+fn intervals_us(evidence: &Evidence) -> impl Iterator<Item = f64> + '_ {
+    evidence.pixels.iter().flat_map(intervals_of)
+}
+
+fn intervals_of(pixel: &PixelEvidence) -> impl Iterator<Item = f64> + '_ {
+    pixel.spikes.windows(2).map(|pair| (pair[1].t_us - pair[0].t_us) as f64)
+}
+
+/// Intervals than which few are shorter, of the whole sensor and of its left, right, upper and lower
+/// half: a dead time leaves none shorter than its own, and one that is begun with too long has every
+/// event against it.
+fn shortest_us(evidence: &Evidence) -> Vec<f64> {
+    let shortest = |is_in: &dyn Fn(&PixelEvidence) -> bool, share: f64| {
+        let own = evidence.pixels.iter().filter(|pixel| is_in(pixel));
+        let mut all: Vec<f64> = own.flat_map(intervals_of).collect();
+        all.push(LONGEST_US);
+        all.sort_by(f64::total_cmp);
+        quantile_sorted(&all, share).clamp(30.0, LONGEST_US)
+    };
+    let [x, y] = evidence.middle;
+    let halves: [&dyn Fn(&PixelEvidence) -> bool; 4] = [
+        &|pixel| f64::from(pixel.x) < x,
+        &|pixel| f64::from(pixel.x) >= x,
+        &|pixel| f64::from(pixel.y) < y,
+        &|pixel| f64::from(pixel.y) >= y,
+    ];
+    let whole = SHORTEST.map(|share| shortest(&|_| true, share));
+    whole.into_iter().chain(halves.map(|half| shortest(half, SHORTEST[1]))).collect()
+}
+
+pub(super) const CANDIDATE: Candidate = Candidate {
+    id: EffectId::RefractoryPeriod,
+    equation: "no event in (t_i, t_i + t_r); x_mem = x(t_i + t_r), or the pixel fires on unheard",
+    source: "Lichtsteiner, Posch and Delbruck, IEEE JSSC 43, 2008; Joubert et al., Front. Neurosci. 15, 2021",
+    parameters: &[
+        Parameter::log("refractory_us", [20.0, 200_000.0]),
+        // Whether the pixel fires and memorises meanwhile, as behind a filter of events.
+        Parameter::fixed("compares_on", [0.0, 1.0]).hidden(),
+    ],
+    starts: |evidence| {
+        let in_pixel = [300.0_f64, 1_000.0, 3_000.0, 8_000.0, 25_000.0].map(|us| [us, 0.0]);
+        let shortest = shortest_us(evidence).into_iter().flat_map(|us| [[us, 0.0], [us, 1.0]]);
+        let told = dead_times_us(evidence).into_iter().map(|us| [us, 0.0]);
+        let all = in_pixel.into_iter().chain(shortest).chain(told);
+        all.map(|[us, mode]| vec![us.ln(), mode]).collect()
+    },
+    act: |values, _, view| {
+        let dead_s = values[0] * 1e-6;
+        if values[1] < 0.5 {
+            view.law.blind_s = dead_s;
+        } else {
+            view.law.masked_s = dead_s;
+        }
+    },
+    derived: |_, values| vec![("compares_on", values[1])],
+    rivals: &[EffectId::PhotoreceptorBandwidth, EffectId::EventDrop, EffectId::ReadoutSaturation],
+    splitter: "a second, faster pass: a dead time takes a fixed time, a filter a fixed share of the contrast",
+    agrees: |evidence, values| {
+        // Intervals within the dead time are the few that noise and background make.
+        let within = intervals_us(evidence).filter(|us| *us < 0.9 * values[0]).count();
+        within * 25 < intervals_us(evidence).count()
+    },
+    says: |values| {
+        let then = if values[1] < 0.5 {
+            "the pixel sees nothing and then takes the light anew"
+        } else {
+            "a pixel's events are lost, while it goes on comparing and memorising"
+        };
+        format!("for {:.0} us after an event {then}", values[0])
+    },
+    ..PLAIN
+};

@@ -1,0 +1,20 @@
+//! One strength in every stratum: what is drawn from a model shows it.
+
+use super::*;
+
+#[test]
+fn background_is_told_by_events_of_either_polarity() {
+    let evidence = empty();
+    let background = [1.5_f64.ln(), 1.5_f64.ln(), 1.0];
+    let model =
+        Hypothesis::baseline(&evidence).with(library(EffectId::BackgroundActivity), &background);
+    let [real, drawn] = [3, 4].map(|seed| null_distribution::draw(&evidence, &model, seed));
+    let model = gauss_newton::as_it_is(&real, model);
+    let all = strength_constancy::strengths(&real, &drawn, &model, 0);
+    assert!(acceptance::inconstant(&all).is_none());
+    let told: Vec<_> = all.iter().filter(|s| s.covariate == "polarity_on").collect();
+    assert_eq!(told.len(), 2, "events of each polarity: {told:?}");
+    for stratum in told {
+        assert!(stratum.error < 0.3, "{stratum:?}");
+    }
+}
