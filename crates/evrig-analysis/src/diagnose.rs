@@ -17,26 +17,32 @@ mod report;
 mod search;
 mod sensor_wide;
 
-pub use evidence::session_facts::{Facts, TiedClocks};
+pub use evidence::session_facts::{ClockTie, SessionFacts};
 pub use evidence::stamp_grid::StampGrid;
 pub use evidence::{DiagnoseError, Evidence, PixelEvidence};
-pub use fit::effect_scan::Gain;
-pub use model::hypothesis::{Hypothesis, View};
-pub use model::image_pose::Placing;
-pub use model::library::{Candidate, Derived, Freed, LIBRARY, Parameter, Stage};
+pub use fit::effect_scan::EffectGain;
+pub use model::hypothesis::{Hypothesis, PredictedPixel};
+pub use model::image_pose::ImagePose;
+pub use model::library::{
+    CandidateEffect, DerivedParameters, EffectParameter, FreedNuisance, LIBRARY, SignalStage,
+};
 pub use model::nuisance::Nuisance;
-pub use model::pixel_mixture::{Kind, Mixture};
-pub use model::registration::{Seen, Tuned};
-pub use options::Options;
+pub use model::pixel_mixture::{PixelMixture, PixelStratum};
+pub use model::registration::{FittedRegistration, RegisteredDrive};
+pub use options::DiagnosisOptions;
 pub use report::departure::Departure;
 pub use report::diagnosis_report::{
-    CannotJudge, Diagnosis, FitReport, FittedEffect, Half, HeldOut, Interval, Leftover, Mismatch,
-    NullReport, ProposedTerm, Rival, StructureLeft, StructureReport, Suspect, Verdict, Where,
+    BaselineMismatch, CompetingHypothesis, ConfidenceInterval, Diagnosis, DiagnosisVerdict,
+    FitReport, FittedEffect, HeldOutScores, MisfitStratum, NullReport, ProposedTerm,
+    RejectedEffect, ResidualMismatch, ResidualStructure, ResidualStructureReport, SplitHalfFit,
+    UntestableEffect,
 };
 pub use report::fitted_camera::{FittedCamera, surroundings};
-pub use report::forward_simulation::{BeforeAfter, FreeRun, beside_free_run, free_run};
+pub use report::forward_simulation::{
+    ForwardSimulation, ModelComparison, events_on_patch, simulate_forward,
+};
 pub use report::heat_map::{HeatMap, HeatValue};
-pub use search::{Diagnosed, diagnose};
+pub use search::{DiagnosisResult, diagnose};
 
 #[cfg(test)]
 mod tests;

@@ -1,12 +1,12 @@
 //! An effect in the model.
 
-use crate::diagnose::Rival;
+use crate::diagnose::CompetingHypothesis;
 use evrig_core::effect_id::EffectId;
 
 /// An effect that was taken, with what it was measured against.
-pub(crate) struct Taken {
+pub(crate) struct AcceptedEffect {
     pub(crate) gain: f64,
     pub(crate) error: f64,
-    pub(crate) rivals: Vec<Rival>,
-    pub(crate) equals: Vec<EffectId>,
+    pub(crate) competing_hypotheses: Vec<CompetingHypothesis>,
+    pub(crate) indistinguishable: Vec<EffectId>,
 }

@@ -5,31 +5,28 @@
 //! logistic loss (Friedman, Ann. Stat. 29, 2001); what they gain over the coin on folds left out
 //! is a lower bound on the Jensen-Shannon divergence of the two samples, in nats an example.
 
-/// Bins of a feature; one more holds values that are not known.
-const BINS: usize = 32;
+/// Bins per feature; one more holds unknown values.
+const N_BINS: usize = 32;
 
-/// Quantiles that cut a feature into bins: finer towards both ends, where few events can tell much.
-const CUTS: [f64; BINS - 1] = [
+/// Quantiles between bins, finer towards both ends.
+const BIN_QUANTILES: [f64; N_BINS - 1] = [
     0.001, 0.002, 0.005, 0.01, 0.02, 0.035, 0.055, 0.08, 0.11, 0.15, 0.19, 0.235, 0.285, 0.335,
     0.385, 0.5, 0.615, 0.665, 0.715, 0.765, 0.81, 0.85, 0.89, 0.92, 0.945, 0.965, 0.98, 0.99,
     0.995, 0.998, 0.999,
 ];
 
-/// Trees.
-const ROUNDS: usize = 70;
+const N_TREES: usize = 70;
 
-/// Share of a tree's step that is taken.
-const SHRINKAGE: f64 = 0.15;
+const LEARNING_RATE: f64 = 0.15;
 
-/// Added to the curvature of a leaf, so that few examples move little.
-const RIDGE: f64 = 6.0;
+/// L2 penalty of a leaf, added to its curvature.
+const LEAF_REGULARIZATION: f64 = 6.0;
 
-/// Least number of examples on either side of a split.
-const LEAST: f64 = 25.0;
+const MIN_EXAMPLES_PER_LEAF: f64 = 25.0;
 
 /// Examples: their features, what they are, and the fold that leaves them out.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Examples {
+pub(crate) struct LabelledEvents {
     pub(crate) n_features: usize,
     /// Example after example, `n_features` each; `NaN` where not known.
     pub(crate) features: Vec<f32>,
@@ -41,7 +38,7 @@ pub(crate) struct Examples {
 
 /// How well examples are told apart that the trees have not seen.
 #[derive(Debug, Clone)]
-pub(crate) struct Told {
+pub(crate) struct ClassifierResult {
     /// What is gained over a coin, nats an example, both kinds weighing alike.
     pub(crate) nats: f64,
     /// Its standard error, from the scatter over cells.
@@ -54,17 +51,17 @@ pub(crate) struct Told {
     pub(crate) share: Vec<f64>,
 }
 
-/// Folds that are left out in turn.
-pub(crate) const FOLDS: u8 = 3;
+/// Cross-validation folds.
+pub(crate) const N_FOLDS: u8 = 3;
 
 #[derive(Debug, Clone, Copy, Default)]
-struct Sum {
+struct GradientSum {
     gradient: f64,
     curvature: f64,
     n: f64,
 }
 
-impl Sum {
+impl GradientSum {
     fn add(&mut self, gradient: f64, curvature: f64) {
         self.gradient += gradient;
         self.curvature += curvature;
@@ -77,24 +74,24 @@ impl Sum {
             n: self.n - other.n,
         }
     }
-    fn worth(self) -> f64 {
-        self.gradient * self.gradient / (self.curvature + RIDGE)
+    fn split_score(self) -> f64 {
+        self.gradient * self.gradient / (self.curvature + LEAF_REGULARIZATION)
     }
     fn step(self) -> f64 {
-        SHRINKAGE * self.gradient / (self.curvature + RIDGE)
+        LEARNING_RATE * self.gradient / (self.curvature + LEAF_REGULARIZATION)
     }
 }
 
 /// A feature and the last bin of the left side.
-type Split = (usize, u8);
+type TreeSplit = (usize, u8);
 
-struct Tree {
-    root: Split,
+struct BoostedTree {
+    root: TreeSplit,
     /// The split of either side, if any, with the steps of its two leaves.
-    sides: [(Option<Split>, [f64; 2]); 2],
+    sides: [(Option<TreeSplit>, [f64; 2]); 2],
 }
 
-impl Tree {
+impl BoostedTree {
     fn step(&self, bins: &[u8]) -> f64 {
         let side = usize::from(bins[self.root.0] > self.root.1);
         let (split, steps) = &self.sides[side];
@@ -109,13 +106,15 @@ impl Tree {
 fn edges(values: impl Iterator<Item = f32>) -> Vec<f32> {
     let mut all: Vec<f32> = values.filter(|v| v.is_finite()).collect();
     all.sort_by(f32::total_cmp);
-    let mut edges: Vec<f32> =
-        CUTS.iter().filter_map(|cut| all.get((cut * all.len() as f64) as usize).copied()).collect();
+    let mut edges: Vec<f32> = BIN_QUANTILES
+        .iter()
+        .filter_map(|cut| all.get((cut * all.len() as f64) as usize).copied())
+        .collect();
     edges.dedup();
     edges
 }
 
-fn binned(examples: &Examples) -> Vec<u8> {
+fn binned(examples: &LabelledEvents) -> Vec<u8> {
     let f = examples.n_features;
     let mut bins = vec![0; examples.features.len()];
     for feature in 0..f {
@@ -125,7 +124,7 @@ fn binned(examples: &Examples) -> Vec<u8> {
             *bin = if value.is_finite() {
                 edges.partition_point(|edge| *edge <= value) as u8
             } else {
-                BINS as u8
+                N_BINS as u8
             };
         }
     }
@@ -139,32 +138,32 @@ fn splits(
     slopes: &[(f64, f64)],
     chosen: &[usize],
     of: impl Fn(&[u8]) -> usize,
-) -> [(Sum, Option<(Split, f64)>); 2] {
-    let mut sums = vec![Sum::default(); 2 * f * (BINS + 1)];
-    let mut all = [Sum::default(); 2];
+) -> [(GradientSum, Option<(TreeSplit, f64)>); 2] {
+    let mut sums = vec![GradientSum::default(); 2 * f * (N_BINS + 1)];
+    let mut all = [GradientSum::default(); 2];
     for &i in chosen {
         let own = &bins[i * f..(i + 1) * f];
         let side = of(own);
         let (g, h) = slopes[i];
         all[side].add(g, h);
         for (feature, bin) in own.iter().enumerate() {
-            sums[(side * f + feature) * (BINS + 1) + usize::from(*bin)].add(g, h);
+            sums[(side * f + feature) * (N_BINS + 1) + usize::from(*bin)].add(g, h);
         }
     }
     std::array::from_fn(|side| {
-        let mut best: Option<(Split, f64)> = None;
+        let mut best: Option<(TreeSplit, f64)> = None;
         for feature in 0..f {
-            let mut left = Sum::default();
-            for bin in 0..BINS {
-                let here = sums[(side * f + feature) * (BINS + 1) + bin];
+            let mut left = GradientSum::default();
+            for bin in 0..N_BINS {
+                let here = sums[(side * f + feature) * (N_BINS + 1) + bin];
                 left.gradient += here.gradient;
                 left.curvature += here.curvature;
                 left.n += here.n;
                 let right = all[side].less(left);
-                if left.n < LEAST || right.n < LEAST {
+                if left.n < MIN_EXAMPLES_PER_LEAF || right.n < MIN_EXAMPLES_PER_LEAF {
                     continue;
                 }
-                let gain = left.worth() + right.worth() - all[side].worth();
+                let gain = left.split_score() + right.split_score() - all[side].split_score();
                 if gain > best.map_or(0.0, |b| b.1) {
                     best = Some(((feature, bin as u8), gain));
                 }
@@ -181,32 +180,32 @@ fn grow(
     slopes: &[(f64, f64)],
     chosen: &[usize],
     share: &mut [f64],
-) -> Option<Tree> {
+) -> Option<BoostedTree> {
     let [(_, root), _] = splits(bins, f, slopes, chosen, |_| 0);
     let (root, gain) = root?;
     share[root.0] += gain;
     let side_of = |own: &[u8]| usize::from(own[root.0] > root.1);
     let below = splits(bins, f, slopes, chosen, side_of);
-    let mut halves = [[Sum::default(); 2]; 2];
+    let mut split_half = [[GradientSum::default(); 2]; 2];
     for &i in chosen {
         let own = &bins[i * f..(i + 1) * f];
         let side = side_of(own);
         if let Some(((feature, bin), _)) = below[side].1 {
             let (g, h) = slopes[i];
-            halves[side][usize::from(own[feature] > bin)].add(g, h);
+            split_half[side][usize::from(own[feature] > bin)].add(g, h);
         }
     }
     let sides = std::array::from_fn(|side| match below[side].1 {
         Some((split, gain)) => {
             share[split.0] += gain;
-            (Some(split), halves[side].map(Sum::step))
+            (Some(split), split_half[side].map(GradientSum::step))
         }
         None => (None, [below[side].0.step(); 2]),
     });
-    Some(Tree { root, sides })
+    Some(BoostedTree { root, sides })
 }
 
-impl Told {
+impl ClassifierResult {
     /// What more is gained than by `other` on the same examples, and its standard error.
     pub(crate) fn more_than(&self, other: &Self) -> (f64, f64) {
         let n = self.cells.iter().map(|c| c.1).sum::<f64>().max(1e-300);
@@ -219,12 +218,15 @@ impl Told {
 
 /// Tells real examples from others, each by trees that have not seen its fold. `None` where one
 /// kind or fold is missing.
-pub(crate) fn told_apart(examples: &Examples) -> Option<Told> {
-    told_apart_by(examples, |_| true)
+pub(crate) fn classify(examples: &LabelledEvents) -> Option<ClassifierResult> {
+    classify_with(examples, |_| true)
 }
 
 /// The same by some of the features alone.
-pub(crate) fn told_apart_by(examples: &Examples, uses: impl Fn(usize) -> bool) -> Option<Told> {
+pub(crate) fn classify_with(
+    examples: &LabelledEvents,
+    uses: impl Fn(usize) -> bool,
+) -> Option<ClassifierResult> {
     let n = examples.is_real.len();
     let n_real = examples.is_real.iter().filter(|real| **real).count();
     if n_real < 100 || n - n_real < 100 {
@@ -239,7 +241,7 @@ pub(crate) fn told_apart_by(examples: &Examples, uses: impl Fn(usize) -> bool) -
     let weight = |real: bool| 0.5 * n as f64 / (if real { n_real } else { n - n_real }) as f64;
     let mut margins = vec![0.0; n];
     let mut share = vec![0.0; f];
-    for fold in 0..FOLDS {
+    for fold in 0..N_FOLDS {
         let chosen: Vec<usize> = (0..n).filter(|&i| examples.fold[i] != fold).collect();
         if chosen.len() == n {
             continue;
@@ -247,7 +249,7 @@ pub(crate) fn told_apart_by(examples: &Examples, uses: impl Fn(usize) -> bool) -
         // All examples are led through every tree: those chosen to learn, the others to be judged.
         let mut here = vec![0.0; n];
         let mut slopes = vec![(0.0, 0.0); n];
-        for _ in 0..ROUNDS {
+        for _ in 0..N_TREES {
             for &i in &chosen {
                 let p = 1.0 / (1.0 + f64::exp(-here[i]));
                 let w = weight(examples.is_real[i]);
@@ -265,15 +267,15 @@ pub(crate) fn told_apart_by(examples: &Examples, uses: impl Fn(usize) -> bool) -
     }
     let all = share.iter().sum::<f64>().max(1e-300);
     share.iter_mut().for_each(|s| *s /= all);
-    Some(judged(examples, &margins, weight, share))
+    Some(summarise(examples, &margins, weight, share))
 }
 
-fn judged(
-    examples: &Examples,
+fn summarise(
+    examples: &LabelledEvents,
     margins: &[f64],
     weight: impl Fn(bool) -> f64,
     share: Vec<f64>,
-) -> Told {
+) -> ClassifierResult {
     let n = margins.len() as f64;
     let n_cells = examples.cell.iter().max().map_or(0, |c| *c as usize + 1);
     let mut by_cell = vec![(0.0, 0.0); n_cells];
@@ -296,7 +298,7 @@ fn judged(
     }
     let nats = by_cell.iter().map(|c| c.0).sum::<f64>() / n;
     let square: f64 = by_cell.iter().map(|c| (c.0 - nats * c.1).powi(2)).sum();
-    Told { nats, error: square.sqrt() / n, accuracy: right / n, cells: by_cell, share }
+    ClassifierResult { nats, error: square.sqrt() / n, accuracy: right / n, cells: by_cell, share }
 }
 
 #[cfg(test)]
@@ -305,9 +307,9 @@ mod tests {
     use evrig_core::stats::SplitMix;
 
     /// Two features; real examples have `shift` more of the product of the two.
-    fn examples(shift: f64) -> Examples {
+    fn examples(shift: f64) -> LabelledEvents {
         let mut random = SplitMix::new(5, 9);
-        let mut all = Examples { n_features: 2, ..Examples::default() };
+        let mut all = LabelledEvents { n_features: 2, ..LabelledEvents::default() };
         for i in 0..6_000_u32 {
             let is_real = i % 2 == 0;
             let (a, b) = (random.uniform() - 0.5, random.uniform() - 0.5);
@@ -322,15 +324,15 @@ mod tests {
 
     #[test]
     fn samples_of_one_law_are_not_told_apart() {
-        let told = told_apart(&examples(0.0)).unwrap();
-        assert!(told.nats < 3.0 * told.error, "{told:?}");
-        assert!((told.accuracy - 0.5).abs() < 0.02, "{told:?}");
+        let result = classify(&examples(0.0)).unwrap();
+        assert!(result.nats < 3.0 * result.error, "{result:?}");
+        assert!((result.accuracy - 0.5).abs() < 0.02, "{result:?}");
     }
 
     #[test]
     fn a_law_that_differs_only_in_how_two_features_go_together_is_seen() {
-        let told = told_apart(&examples(0.6)).unwrap();
+        let result = classify(&examples(0.6)).unwrap();
         // Six in ten lie on the half of the plane that takes only half of the others.
-        assert!(told.nats > 5.0 * told.error && told.accuracy > 0.6, "{told:?}");
+        assert!(result.nats > 5.0 * result.error && result.accuracy > 0.6, "{result:?}");
     }
 }

@@ -3,9 +3,9 @@
 //! Events are drawn from the fitted model itself, on the same pixels under the same light, and go
 //! through the same fits: what the library buys there is chance and the search's own bias.
 
-use super::two_sample_test::structure;
-use crate::diagnose::fit::effect_scan::scan;
-use crate::diagnose::fit::fitted::Fitted;
+use super::two_sample_test::test_structure;
+use crate::diagnose::fit::effect_scan::scan_library;
+use crate::diagnose::fit::fitted::FittedModel;
 use crate::diagnose::fit::gauss_newton::fit;
 use crate::diagnose::{Evidence, Hypothesis};
 use crate::predict::{Spike, sample};
@@ -13,24 +13,24 @@ use evrig_core::stats::SplitMix;
 use rayon::prelude::*;
 
 /// Draws the events of every pixel from a hypothesis.
-pub(crate) fn draw(evidence: &Evidence, hypothesis: &Hypothesis, seed: u64) -> Evidence {
-    let kinds = hypothesis.kinds().tabled();
+pub(crate) fn draw_recording(evidence: &Evidence, hypothesis: &Hypothesis, seed: u64) -> Evidence {
+    let mixture = hypothesis.pixel_mixture().tabulated();
     let spikes: Vec<Vec<Spike>> = evidence
         .pixels
         .par_iter()
         .enumerate()
         .map(|(number, pixel)| {
             let mut random = SplitMix::new(seed, number as u64);
-            let kind = kinds.drawn(random.uniform());
-            let view = hypothesis.view(evidence, pixel, kind, Vec::new());
+            let stratum = mixture.draw(random.uniform());
+            let view = hypothesis.view(evidence, pixel, stratum, Vec::new());
             sample(&view.law, view.light(), evidence.blocks.length_us(), &mut random)
         })
         .collect();
-    evidence.with_spikes(spikes)
+    evidence.with_events(spikes)
 }
 
 /// What recordings drawn from a model show, one value a recording.
-pub(crate) struct Drawn {
+pub(crate) struct NullDraws {
     /// The greatest held-out gain of any effect.
     pub(crate) gains: Vec<f64>,
     /// The structure that the model leaves in what was drawn from it, nats an event.
@@ -38,23 +38,23 @@ pub(crate) struct Drawn {
 }
 
 /// Draws `n` recordings from the model and puts them through the same fits.
-pub(crate) fn drawn(
+pub(crate) fn null_draws(
     evidence: &Evidence,
     few: &Evidence,
-    model: &Fitted,
+    model: &FittedModel,
     n: usize,
     seed: u64,
     progress: &mut dyn FnMut(&str),
-) -> Drawn {
+) -> NullDraws {
     let every = evidence.pixels.len().div_ceil(few.pixels.len().max(1)).max(1);
-    let mut found = Drawn { gains: Vec::new(), structures: Vec::new() };
+    let mut found = NullDraws { gains: Vec::new(), structures: Vec::new() };
     for number in 0..n as u64 {
         let own_seed = seed.wrapping_add(1 + number);
-        let drawn = draw(evidence, &model.hypothesis, own_seed);
+        let drawn = draw_recording(evidence, &model.hypothesis, own_seed);
         let refitted = fit(&drawn, model.hypothesis.clone(), 3, 1e-4);
-        let left = structure(&drawn, &refitted, own_seed);
+        let left = test_structure(&drawn, &refitted, own_seed);
         found.structures.extend(left.map(|left| left.nats));
-        let tried = scan(&drawn, &drawn.thinned(every), &refitted, progress);
+        let tried = scan_library(&drawn, &drawn.thinned(every), &refitted, progress);
         found.gains.push(tried.iter().map(|tried| tried.gain.held_out).fold(0.0, f64::max));
     }
     found

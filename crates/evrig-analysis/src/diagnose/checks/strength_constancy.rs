@@ -8,33 +8,30 @@
 //! change the strength. An effect that stands for another one shows strengths that differ by
 //! factors; one that is right does not, however many events there are.
 
-use crate::diagnose::fit::fitted::Fitted;
-use crate::diagnose::fit::pixel_strata::kinds_of_pixels;
-use crate::diagnose::model::library::{Candidate, Parameter};
+use crate::diagnose::fit::fitted::FittedModel;
+use crate::diagnose::fit::pixel_strata::strata_of_pixels;
+use crate::diagnose::model::library::{CandidateEffect, EffectParameter};
 use crate::diagnose::{Evidence, Hypothesis};
 use crate::predict::{Residual, residuals};
 use evrig_core::geometry::Rectangle;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Strata of a covariate.
-const STRATA: usize = 5;
+/// Strata per covariate.
+const N_STRATA: usize = 5;
 
-/// Least events in a stratum.
-const LEAST: usize = 150;
+const MIN_EVENTS_PER_STRATUM: usize = 150;
 
-/// Least events of a stratum, drawn from the model, that the strength is told by. Where an effect has hardly
-/// a part in what happens, that none of its few events came means nothing.
-const LEAST_TELLING: f64 = 25.0;
+/// Effective number of simulated events that a stratum needs.
+const MIN_EFFECTIVE_EVENTS: f64 = 25.0;
 
-/// Share of what all events tell of the strength that a stratum has to hold. What hardly depends on the
-/// effect shows the light's own error as a great change of it: a leak does next to nothing within a
-/// millisecond.
-const LEAST_SHARE: f64 = 0.02;
+/// Share of the Fisher information that a stratum needs. Below it a light error of 0.1 % looks like
+/// a large change of strength.
+const MIN_INFORMATION_SHARE: f64 = 0.02;
 
 /// The strength that a stratum alone would have.
 #[derive(Debug, Clone)]
-pub(crate) struct Stratum {
+pub(crate) struct StratumStrength {
     pub(crate) covariate: &'static str,
     pub(crate) range: [f64; 2],
     /// By what share it would differ from the whole's; -1: the effect is not there.
@@ -60,7 +57,7 @@ const COVARIATES: [&str; 11] = [
 
 /// The answers, in the order of [`COVARIATES`].
 fn covariates(evidence: &Evidence, r: &Residual) -> [f64; COVARIATES.len()] {
-    let (near_us, n_near) = evidence.around.neighbours(r.x, r.y, r.t_us, 5_000);
+    let (near_us, n_near) = evidence.event_context.neighbours(r.x, r.y, r.t_us, 5_000);
     [
         r.slope_per_s,
         r.level,
@@ -72,20 +69,20 @@ fn covariates(evidence: &Evidence, r: &Residual) -> [f64; COVARIATES.len()] {
         near_us,
         n_near,
         evidence.rate_hz(r.t_us),
-        evidence.around.since_frame_us(r.t_us),
+        evidence.event_context.since_frame_us(r.t_us),
     ]
 }
 
 /// The strengths of an effect of the model, stratum by stratum, against `drawn`, the same pixels
 /// with events drawn from the model. Empty for an effect without a strength to speak of.
-pub(crate) fn strengths(
+pub(crate) fn strengths_by_stratum(
     evidence: &Evidence,
     drawn: &Evidence,
-    model: &Fitted,
+    model: &FittedModel,
     index: usize,
-) -> Vec<Stratum> {
+) -> Vec<StratumStrength> {
     let hypothesis = &model.hypothesis;
-    let Some(strength) = Strength::of(hypothesis, index) else { return Vec::new() };
+    let Some(strength) = StrengthParameters::of(hypothesis, index) else { return Vec::new() };
     let moved = |sign: f64| {
         let mut other = hypothesis.clone();
         strength.at.iter().for_each(|at| other.values[*at] += sign * strength.step);
@@ -94,7 +91,7 @@ pub(crate) fn strengths(
     let two = [moved(-1.0), moved(1.0)];
     let region = hypothesis.regions[index];
     let [real, drawn] = [evidence, drawn].map(|evidence| events(evidence, &two, &strength, region));
-    let asked = |events: &[Told]| -> Vec<[f64; COVARIATES.len()]> {
+    let asked = |events: &[EventScore]| -> Vec<[f64; COVARIATES.len()]> {
         events.par_iter().map(|event| covariates(evidence, &event.residual)).collect()
     };
     let (of_real, of_drawn) = (asked(&real), asked(&drawn));
@@ -108,18 +105,18 @@ pub(crate) fn strengths(
 }
 
 /// Which values are a strength, and how it is counted.
-struct Strength {
+struct StrengthParameters {
     at: Vec<usize>,
     step: f64,
     /// What a change of the value is divided by to be one of the strength's logarithm.
     unit: f64,
 }
 
-impl Strength {
+impl StrengthParameters {
     fn of(hypothesis: &Hypothesis, index: usize) -> Option<Self> {
-        let effect: &Candidate = hypothesis.effects[index];
-        if let Some(freed) = effect.frees.first() {
-            let places = hypothesis.places_of(index);
+        let effect: &CandidateEffect = hypothesis.effects[index];
+        if let Some(freed) = effect.freed.first() {
+            let places = hypothesis.value_indices(index);
             let first = *places.first()?;
             let (from, step) = (freed.nuisance.neutral(), hypothesis.steps[first]);
             if from.is_finite() {
@@ -127,11 +124,11 @@ impl Strength {
                 return (unit != 0.0).then(|| Self { at: vec![first], step, unit });
             }
             // A rate of On events and one of Off events are as many times as much together.
-            let rates = effect.frees.iter().zip(places);
+            let rates = effect.freed.iter().zip(places);
             let rates = rates.filter(|(freed, _)| !freed.nuisance.neutral().is_finite());
             return Some(Self { at: rates.map(|(_, at)| at).collect(), step, unit: 1.0 });
         }
-        let is_free = |p: &&Parameter| !p.is_fixed;
+        let is_free = |p: &&EffectParameter| !p.is_fixed;
         let own = || effect.parameters.iter().filter(is_free);
         let chosen = own().find(|p| p.is_log && !p.is_hidden).or_else(|| own().find(|p| p.is_log));
         let chosen = chosen.or_else(|| own().find(|p| !p.is_hidden))?;
@@ -144,7 +141,7 @@ impl Strength {
 
 /// An event with the slope of its log-likelihood and that of the silence before it, in the
 /// strength's logarithm.
-struct Told {
+struct EventScore {
     residual: Residual,
     slope: f64,
     cell: usize,
@@ -154,20 +151,20 @@ struct Told {
 fn events(
     evidence: &Evidence,
     two: &[Hypothesis; 2],
-    strength: &Strength,
+    strength: &StrengthParameters,
     region: Option<Rectangle>,
-) -> Vec<Told> {
-    let kinds = kinds_of_pixels(evidence, &two[0]);
+) -> Vec<EventScore> {
+    let mixture = strata_of_pixels(evidence, &two[0]);
     let unit = strength.unit / (2.0 * strength.step);
     evidence
         .pixels
         .par_iter()
-        .zip(kinds)
+        .zip(mixture)
         .filter(|(pixel, _)| region.is_none_or(|region| region.contains(pixel.x, pixel.y)))
-        .flat_map_iter(|(pixel, kind)| {
+        .flat_map_iter(|(pixel, stratum)| {
             let place = (pixel.x, pixel.y);
             let [less, more] = two.each_ref().map(|hypothesis| {
-                let view = hypothesis.view(evidence, pixel, kind, Vec::new());
+                let view = hypothesis.view(evidence, pixel, stratum, Vec::new());
                 residuals(&view.law, view.light(), place, &pixel.spikes, &evidence.blocks).0
             });
             let log = |r: &Residual| r.log_hazard - r.spent;
@@ -175,20 +172,21 @@ fn events(
             let all = less.into_iter().zip(more).filter(move |_| same);
             all.filter(|(less, _)| less.previous.is_some()).map(move |(less, more)| {
                 // One event alone may say so much and no more: outliers are not what differs.
-                let slope = ((log(&more) - log(&less)) * unit).clamp(-FARTHEST, FARTHEST);
+                let slope =
+                    ((log(&more) - log(&less)) * unit).clamp(-MAX_EVENT_SCORE, MAX_EVENT_SCORE);
                 let block = evidence.blocks.of(less.t_us as f64);
-                Told { cell: evidence.cell(pixel, block), residual: less, slope }
+                EventScore { cell: evidence.cell(pixel, block), residual: less, slope }
             })
         })
         .collect()
 }
 
-/// Bound on what one event says of a strength's logarithm.
-const FARTHEST: f64 = 30.0;
+/// Bound on one event's score, against outliers.
+const MAX_EVENT_SCORE: f64 = 30.0;
 
 /// Slopes of a stratum's events.
 #[derive(Default)]
-struct Sums {
+struct ScoreSums {
     n: f64,
     slope: f64,
     square: f64,
@@ -196,7 +194,7 @@ struct Sums {
     by_cell: BTreeMap<usize, (f64, f64)>,
 }
 
-impl Sums {
+impl ScoreSums {
     fn mean(&self) -> f64 {
         self.slope / self.n.max(1.0)
     }
@@ -216,16 +214,16 @@ impl Sums {
 
 fn of_covariate(
     key: &'static str,
-    real: (&[Told], &[f64]),
-    drawn: (&[Told], &[f64]),
-) -> Vec<Stratum> {
+    real: (&[EventScore], &[f64]),
+    drawn: (&[EventScore], &[f64]),
+) -> Vec<StratumStrength> {
     let mut sorted: Vec<f64> = real.1.iter().copied().filter(|v| v.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
     let mut edges: Vec<f64> =
-        (1..STRATA).filter_map(|i| sorted.get(i * sorted.len() / STRATA).copied()).collect();
+        (1..N_STRATA).filter_map(|i| sorted.get(i * sorted.len() / N_STRATA).copied()).collect();
     edges.dedup();
-    let sums = |(events, values): (&[Told], &[f64])| {
-        let mut strata: Vec<Sums> = (0..=edges.len()).map(|_| Sums::default()).collect();
+    let sums = |(events, values): (&[EventScore], &[f64])| {
+        let mut strata: Vec<ScoreSums> = (0..=edges.len()).map(|_| ScoreSums::default()).collect();
         for (event, &value) in events.iter().zip(values).filter(|(_, v)| v.is_finite()) {
             let sums = &mut strata[edges.partition_point(|edge| *edge <= value)];
             sums.n += 1.0;
@@ -238,8 +236,9 @@ fn of_covariate(
         }
         strata
     };
-    let overall =
-        |events: &[Told]| events.iter().map(|e| e.slope).sum::<f64>() / events.len().max(1) as f64;
+    let overall = |events: &[EventScore]| {
+        events.iter().map(|e| e.slope).sum::<f64>() / events.len().max(1) as f64
+    };
     // The whole's slope is not nothing where the fit saw other cells, or stopped early.
     let whole = overall(real.0) - overall(drawn.0);
     let ends = |s: usize| {
@@ -248,14 +247,14 @@ fn of_covariate(
         [s.checked_sub(1).and_then(at).unwrap_or(low), at(s).unwrap_or(high)]
     };
     let drawn = sums(drawn);
-    let told: f64 = drawn.iter().map(|sums| sums.square).sum();
+    let all_square: f64 = drawn.iter().map(|sums| sums.square).sum();
     let strata = sums(real).into_iter().zip(drawn).enumerate();
     strata
-        .filter(|(_, (_, drawn))| drawn.square >= LEAST_SHARE * told)
-        .filter(|(_, (real, drawn))| real.n.min(drawn.n) >= LEAST as f64)
+        .filter(|(_, (_, drawn))| drawn.square >= MIN_INFORMATION_SHARE * all_square)
+        .filter(|(_, (real, drawn))| real.n.min(drawn.n) >= MIN_EVENTS_PER_STRATUM as f64)
         .filter_map(|(s, (real, drawn))| {
             let known = drawn.square / drawn.n;
-            (known > 0.0 && drawn.n_telling() >= LEAST_TELLING).then(|| Stratum {
+            (known > 0.0 && drawn.n_telling() >= MIN_EFFECTIVE_EVENTS).then(|| StratumStrength {
                 covariate: key,
                 range: ends(s),
                 change: (real.mean() - drawn.mean() - whole) / known,

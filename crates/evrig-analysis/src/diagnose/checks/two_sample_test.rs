@@ -6,113 +6,123 @@
 //! of its neighbours, its row, of all pixels, the camera's own frames. Trees that have not seen
 //! them tell them apart as well as they can; what they gain over a coin is the structure left.
 
-use super::boosted_trees::{Examples, FOLDS, Told, told_apart, told_apart_by};
-use crate::diagnose::fit::fitted::Fitted;
-use crate::diagnose::fit::pixel_strata::kinds_of_pixels;
-use crate::diagnose::{Evidence, PixelEvidence, ProposedTerm, Where};
+use super::boosted_trees::{ClassifierResult, LabelledEvents, N_FOLDS, classify, classify_with};
+use crate::diagnose::fit::fitted::FittedModel;
+use crate::diagnose::fit::pixel_strata::strata_of_pixels;
+use crate::diagnose::{Evidence, MisfitStratum, PixelEvidence, ProposedTerm};
 use crate::predict::{Moment, Spike, followed};
 use evrig_core::stats::SplitMix;
 use rayon::prelude::*;
 
-/// Most events that are looked at, so that a long recording takes no longer.
-const MOST: usize = 30_000;
+/// Events per sample (work budget).
+const MAX_EVENTS: usize = 30_000;
 
-/// A threshold is not told finer than this share of it: below lies the error of the light.
-const FINEST: f64 = 0.2;
+/// Resolution of the innovation, thresholds: the error of the light lies below.
+const INNOVATION_STEP: f64 = 0.2;
 
-/// How far back neighbours' events are counted, microseconds.
-const NEAR_US: i64 = 5_000;
+/// Window in which neighbours' events are counted.
+const NEIGHBOUR_WINDOW_US: i64 = 5_000;
 
-/// How far back the pixel's own events are counted, microseconds.
-const RECENT_US: i64 = 150_000;
+/// Window in which the pixel's own events are counted.
+const OWN_WINDOW_US: i64 = 150_000;
 
 /// What a feature is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Of {
+enum FeatureSource {
     /// The pixel's place, its own past, the time.
     Own,
     /// Its light.
     Light,
     /// Its neighbours, which see what it sees a little earlier or later.
-    Around,
+    EventContext,
     /// The sensor as a whole.
     Sensor,
 }
 
-impl Of {
+impl FeatureSource {
     /// Whether it is beside what a pixel's own light and past hold.
     const fn is_other(self) -> bool {
-        matches!(self, Self::Around | Self::Sensor)
+        matches!(self, Self::EventContext | Self::Sensor)
     }
 
     /// Whether an error of the light shows in it: where an edge comes later than it was taken to come, the
     /// neighbours have fired already.
-    const fn is_by_light(self) -> bool {
-        matches!(self, Self::Light | Self::Around)
+    const fn reflects_light_error(self) -> bool {
+        matches!(self, Self::Light | Self::EventContext)
     }
 }
 
 /// What an event is looked at by.
-struct Feature {
+struct EventFeature {
     key: &'static str,
-    of: Of,
+    of: FeatureSource,
     /// How a range of it is said.
-    says: fn([f64; 2]) -> String,
+    describe: fn([f64; 2]) -> String,
 }
 
-const fn feature(key: &'static str, of: Of, says: fn([f64; 2]) -> String) -> Feature {
-    Feature { key, of, says }
+const fn feature(
+    key: &'static str,
+    of: FeatureSource,
+    describe: fn([f64; 2]) -> String,
+) -> EventFeature {
+    EventFeature { key, of, describe }
 }
 
-const FEATURES: [Feature; 16] = [
-    feature("interval_us", Of::Own, |[a, b]| {
+const FEATURES: [EventFeature; 16] = [
+    feature("interval_us", FeatureSource::Own, |[a, b]| {
         format!("{a:.0} to {b:.0} us after the pixel's last event")
     }),
-    feature("polarity_turned", Of::Own, |[a, _]| {
+    feature("polarity_turned", FeatureSource::Own, |[a, _]| {
         format!(
             "of {} polarity to the pixel's last one",
             if a >= 0.5 { "opposite" } else { "equal" }
         )
     }),
-    feature("polarity_on", Of::Own, |[a, _]| if a >= 0.5 { "On".into() } else { "Off".into() }),
-    feature("innovation", Of::Light, |[a, b]| {
+    feature(
+        "polarity_on",
+        FeatureSource::Own,
+        |[a, _]| if a >= 0.5 { "On".into() } else { "Off".into() },
+    ),
+    feature("innovation", FeatureSource::Light, |[a, b]| {
         format!("where the light has changed by {:.2} to {:.2} thresholds", a + 1.0, b + 1.0)
     }),
-    feature("contrast_rate_per_s", Of::Light, |[a, b]| {
+    feature("contrast_rate_per_s", FeatureSource::Light, |[a, b]| {
         format!("where log intensity changes by {a:.1} to {b:.1} a second")
     }),
-    feature("log_intensity", Of::Light, |[a, b]| {
+    feature("log_intensity", FeatureSource::Light, |[a, b]| {
         format!("where the light is {:.0} to {:.0} % of white", a.exp() * 100.0, b.exp() * 100.0)
     }),
-    feature("column", Of::Own, |[a, b]| format!("in columns {a:.0} to {b:.0}")),
-    feature("row", Of::Own, |[a, b]| format!("in rows {a:.0} to {b:.0}")),
-    feature("time_s", Of::Own, |[a, b]| format!("between {a:.2} and {b:.2} s of the recording")),
-    feature("neighbour_us", Of::Around, |[a, b]| {
+    feature("column", FeatureSource::Own, |[a, b]| format!("in columns {a:.0} to {b:.0}")),
+    feature("row", FeatureSource::Own, |[a, b]| format!("in rows {a:.0} to {b:.0}")),
+    feature("time_s", FeatureSource::Own, |[a, b]| {
+        format!("between {a:.2} and {b:.2} s of the recording")
+    }),
+    feature("neighbour_us", FeatureSource::EventContext, |[a, b]| {
         format!("{a:.0} to {b:.0} us after the last event of the eight pixels around")
     }),
-    feature("neighbours", Of::Around, |[a, b]| {
+    feature("neighbours", FeatureSource::EventContext, |[a, b]| {
         format!("with {a:.0} to {b:.0} events of the eight pixels around in the 5 ms before")
     }),
-    feature("neighbour_next_us", Of::Around, |[a, b]| {
+    feature("neighbour_next_us", FeatureSource::EventContext, |[a, b]| {
         format!("{a:.0} to {b:.0} us before the next event of the eight pixels around")
     }),
-    feature("own_events", Of::Own, |[a, b]| {
+    feature("own_events", FeatureSource::Own, |[a, b]| {
         format!("with {a:.0} to {b:.0} events of the same pixel in the 150 ms before")
     }),
-    feature("sensor_rate_hz", Of::Sensor, |[a, b]| {
+    feature("sensor_rate_hz", FeatureSource::Sensor, |[a, b]| {
         format!("while all pixels together make {a:.0} to {b:.0} events a second")
     }),
-    feature("row_us", Of::Sensor, |[a, b]| {
+    feature("row_us", FeatureSource::Sensor, |[a, b]| {
         format!("{a:.0} to {b:.0} us from another event of their row")
     }),
-    feature("since_frame_us", Of::Sensor, |[a, b]| {
+    feature("since_frame_us", FeatureSource::Sensor, |[a, b]| {
         format!("{a:.0} to {b:.0} us after a frame's exposure began")
     }),
 ];
 
 /// What a model leaves.
 #[derive(Debug, Clone)]
-pub(crate) struct Structure {
+pub(crate) struct StructureTest {
     /// What trees gain over a coin, nats an event.
     pub(crate) nats: f64,
     /// Its standard error.
@@ -121,49 +131,49 @@ pub(crate) struct Structure {
     pub(crate) accuracy: f64,
     /// What they gain by nothing that an error of the light shows in; only where the light between frames is
     /// guessed.
-    pub(crate) apart_from_light: Option<f64>,
+    pub(crate) without_light_features: Option<f64>,
     /// What of that takes the rest of the sensor, beyond the pixel's own light and past, and its
     /// standard error.
     pub(crate) others: [f64; 2],
     /// By what they are told apart, the most telling first, with its share.
     pub(crate) by: Vec<(&'static str, f64)>,
     /// Where real events are more or fewer than the model's, the most telling first.
-    pub(crate) places: Vec<Where>,
+    pub(crate) misfit_ranges: Vec<MisfitStratum>,
 }
 
 #[cfg(test)]
-impl Structure {
+impl StructureTest {
     /// So much is left, nats an event, and nothing is known of where.
     pub(crate) fn of(nats: f64) -> Self {
         Self {
             nats,
             error: 0.001,
             accuracy: 0.5,
-            apart_from_light: None,
+            without_light_features: None,
             others: [0.0; 2],
             by: Vec::new(),
-            places: Vec::new(),
+            misfit_ranges: Vec::new(),
         }
     }
 }
 
-impl Structure {
+impl StructureTest {
     /// The hazard's dependence on what the pixel's own light and past do not hold, where that tells
     /// most: the logarithm of real events over the model's in each range of it.
-    pub(crate) fn term(&self) -> Option<ProposedTerm> {
+    pub(crate) fn hazard_term(&self) -> Option<ProposedTerm> {
         let is_other = |key: &str| FEATURES.iter().any(|f| f.of.is_other() && f.key == key);
         let most = self.by.iter().find(|(key, _)| is_other(key))?.0;
-        let mut places: Vec<&Where> =
-            self.places.iter().filter(|place| place.covariate == most).collect();
-        places.sort_by(|a, b| a.range[0].total_cmp(&b.range[0]));
-        let point = |place: &&Where| {
+        let mut misfit_ranges: Vec<&MisfitStratum> =
+            self.misfit_ranges.iter().filter(|place| place.covariate == most).collect();
+        misfit_ranges.sort_by(|a, b| a.range[0].total_cmp(&b.range[0]));
+        let point = |place: &&MisfitStratum| {
             let ratio = place.ratio?;
             let error = 1.645 / (place.n_events.max(1) as f64).sqrt();
             let middle = 0.5 * (place.range[0] + place.range[1]);
             let log = ratio.max(1e-6).ln();
             Some([middle, log, log - error, log + error])
         };
-        let curve: Vec<[f64; 4]> = places.iter().filter_map(point).collect();
+        let curve: Vec<[f64; 4]> = misfit_ranges.iter().filter_map(point).collect();
         (!curve.is_empty()).then(|| ProposedTerm {
             enters: "hazard".into(),
             depends_on: most.into(),
@@ -174,36 +184,47 @@ impl Structure {
 }
 
 /// The structure that a model leaves in the evidence. The seed decides the events drawn.
-pub(crate) fn structure(evidence: &Evidence, model: &Fitted, seed: u64) -> Option<Structure> {
+pub(crate) fn test_structure(
+    evidence: &Evidence,
+    model: &FittedModel,
+    seed: u64,
+) -> Option<StructureTest> {
     let examples = examples(evidence, model, seed);
-    let told = told_apart(&examples)?;
-    let own = told_apart_by(&examples, |feature| !FEATURES[feature].of.is_other())?;
-    let others = told.more_than(&own);
-    let by_others = || told_apart_by(&examples, |feature| !FEATURES[feature].of.is_by_light());
-    let apart_from_light = evidence.facts.is_led.then(by_others).flatten().map(|told| told.nats);
-    let Told { nats, error, accuracy, ref share, .. } = told;
+    let result = classify(&examples)?;
+    let own = classify_with(&examples, |feature| !FEATURES[feature].of.is_other())?;
+    let others = result.more_than(&own);
+    let by_other_features =
+        || classify_with(&examples, |feature| !FEATURES[feature].of.reflects_light_error());
+    let without_light_features = evidence
+        .facts
+        .is_motion_compensated
+        .then(by_other_features)
+        .flatten()
+        .map(|result| result.nats);
+    let ClassifierResult { nats, error, accuracy, ref share, .. } = result;
     let mut by: Vec<(&'static str, f64)> =
         FEATURES.iter().zip(share).map(|(f, s)| (f.key, *s)).collect();
     by.sort_by(|a, b| b.1.total_cmp(&a.1));
     let others = [others.0, others.1];
-    let places = places(&examples);
-    Some(Structure { nats, error, accuracy, apart_from_light, others, by, places })
+    let misfit_ranges = misfit_ranges(&examples);
+    Some(StructureTest { nats, error, accuracy, without_light_features, others, by, misfit_ranges })
 }
 
-fn examples(evidence: &Evidence, model: &Fitted, seed: u64) -> Examples {
-    let kinds = kinds_of_pixels(evidence, &model.hypothesis);
-    let every = evidence.n_events().div_ceil(MOST).max(1);
-    let parts: Vec<Examples> = evidence
+fn examples(evidence: &Evidence, model: &FittedModel, seed: u64) -> LabelledEvents {
+    let mixture = strata_of_pixels(evidence, &model.hypothesis);
+    let every = evidence.n_events().div_ceil(MAX_EVENTS).max(1);
+    let parts: Vec<LabelledEvents> = evidence
         .pixels
         .par_iter()
-        .zip(kinds)
+        .zip(mixture)
         .enumerate()
-        .map(|(number, (pixel, kind))| {
-            let view = model.hypothesis.view(evidence, pixel, kind, Vec::new());
+        .map(|(number, (pixel, stratum))| {
+            let view = model.hypothesis.view(evidence, pixel, stratum, Vec::new());
             let mut random = SplitMix::new(seed ^ 0x6e65_7874, number as u64);
             let end = evidence.blocks.length_us();
             let all = followed(&view.law, view.light(), &pixel.spikes, end, &mut random);
-            let mut part = Examples { n_features: FEATURES.len(), ..Examples::default() };
+            let mut part =
+                LabelledEvents { n_features: FEATURES.len(), ..LabelledEvents::default() };
             for one in all.iter().skip(number % every).step_by(every) {
                 let past = &pixel.spikes[..=one.before];
                 for (moment, is_real) in [(one.real, true), (one.drawn, false)] {
@@ -219,7 +240,7 @@ fn examples(evidence: &Evidence, model: &Fitted, seed: u64) -> Examples {
             part
         })
         .collect();
-    let mut all = Examples { n_features: FEATURES.len(), ..Examples::default() };
+    let mut all = LabelledEvents { n_features: FEATURES.len(), ..LabelledEvents::default() };
     for part in parts {
         all.features.extend(part.features);
         all.is_real.extend(part.is_real);
@@ -231,7 +252,7 @@ fn examples(evidence: &Evidence, model: &Fitted, seed: u64) -> Examples {
 
 /// The fold of a cell; the third of them that a fit holds out is one.
 fn fold(evidence: &Evidence, tile: usize, block: usize) -> u8 {
-    (0..FOLDS)
+    (0..N_FOLDS)
         .find(|fold| evidence.is_held_out(tile, block + usize::from(*fold)))
         .unwrap_or_default()
 }
@@ -244,15 +265,15 @@ fn features(
     theta: f64,
 ) -> [f32; FEATURES.len()] {
     let Spike { t_us, on } = moment.spike;
-    let around = &evidence.around;
+    let around = &evidence.event_context;
     let before = past.last().copied().unwrap_or(moment.spike);
-    let (near_us, n_near) = around.neighbours(pixel.x, pixel.y, t_us, NEAR_US);
-    let own = past.iter().rev().take_while(|s| t_us - s.t_us < RECENT_US).count();
+    let (near_us, n_near) = around.neighbours(pixel.x, pixel.y, t_us, NEIGHBOUR_WINDOW_US);
+    let own = past.iter().rev().take_while(|s| t_us - s.t_us < OWN_WINDOW_US).count();
     [
         (t_us - before.t_us) as f32,
         f32::from(u8::from(on != before.on)),
         f32::from(u8::from(on)),
-        (((moment.change / theta - 1.0) / FINEST).round() * FINEST) as f32,
+        (((moment.change / theta - 1.0) / INNOVATION_STEP).round() * INNOVATION_STEP) as f32,
         moment.slope_per_s as f32,
         moment.level as f32,
         f32::from(pixel.x),
@@ -268,12 +289,11 @@ fn features(
     ]
 }
 
-/// Parts of a feature's range.
-const PARTS: usize = 8;
+const N_FEATURE_RANGES: usize = 8;
 
 /// Ranges of single features in which real events and the model's differ in number, by what that
 /// difference is worth in nats an event; the most telling first.
-fn places(examples: &Examples) -> Vec<Where> {
+fn misfit_ranges(examples: &LabelledEvents) -> Vec<MisfitStratum> {
     let mut found = Vec::new();
     let n_real = examples.is_real.iter().filter(|real| **real).count().max(1) as f64;
     let n_drawn = (examples.is_real.len() as f64 - n_real).max(1.0);
@@ -289,8 +309,9 @@ fn places(examples: &Examples) -> Vec<Where> {
             .collect();
         let mut sorted: Vec<f64> = values.iter().map(|v| v.0).collect();
         sorted.sort_by(f64::total_cmp);
-        let mut edges: Vec<f64> =
-            (1..PARTS).filter_map(|i| sorted.get(i * sorted.len() / PARTS).copied()).collect();
+        let mut edges: Vec<f64> = (1..N_FEATURE_RANGES)
+            .filter_map(|i| sorted.get(i * sorted.len() / N_FEATURE_RANGES).copied())
+            .collect();
         edges.dedup();
         let mut counts = vec![[0.0, 0.0]; edges.len() + 1];
         let mut ends = vec![[f64::INFINITY, f64::NEG_INFINITY]; edges.len() + 1];
@@ -308,19 +329,19 @@ fn places(examples: &Examples) -> Vec<Where> {
             let surprise = (p - q).abs() / (p / n_real + q / n_drawn).max(1e-300).sqrt();
             if surprise > 4.0 && nats > 0.0 {
                 let ratio = p / q.max(0.5 / n_drawn);
-                let says = format!(
+                let description = format!(
                     "{:.2} real events for each of the model's {}",
                     ratio,
-                    (feature.says)(range)
+                    (feature.describe)(range)
                 );
-                found.push(Where {
+                found.push(MisfitStratum {
                     covariate: feature.key.into(),
                     range,
                     excess_nats_per_event: nats,
                     innovation_thresholds: None,
                     ratio: Some(ratio),
                     n_events: real as u64,
-                    says,
+                    description,
                 });
             }
         }

@@ -3,12 +3,12 @@
 use crate::predict::{ByPixel, Spike};
 use evrig_core::geometry::Size;
 
-/// Longest time that is told apart from never, microseconds.
-const LONGEST_US: i64 = 1_000_000;
+/// Longest time that is distinguished from never.
+const MAX_LAG_US: i64 = 1_000_000;
 
 /// All events of a recording, so that one can be asked about any place and time.
 #[derive(Debug)]
-pub(crate) struct Around {
+pub(crate) struct EventContext {
     recording: ByPixel,
     /// Times of all events of each row, ascending, microseconds since the window's start.
     rows: Vec<Vec<i64>>,
@@ -16,7 +16,7 @@ pub(crate) struct Around {
     aps_us: Vec<i64>,
 }
 
-impl Around {
+impl EventContext {
     pub(crate) fn new(recording: ByPixel, aps_us: &[i64]) -> Self {
         let size = recording.size();
         let rows = (0..size.height)
@@ -38,7 +38,7 @@ impl Around {
     }
 
     /// Times of all events with their rows, ascending, microseconds since the window's start.
-    pub(crate) fn in_order(&self) -> Vec<(i64, u16)> {
+    pub(crate) fn stamps_in_order(&self) -> Vec<(i64, u16)> {
         let rows = (0_u16..).zip(&self.rows);
         let mut all: Vec<_> =
             rows.flat_map(|(y, times)| times.iter().map(move |t| (*t, y))).collect();
@@ -53,15 +53,21 @@ impl Around {
 
     /// The eight pixels about one: time since the last event of any before `t_us`, at most a second,
     /// and how many events they had in the `within_us` before it.
-    pub(crate) fn neighbours(&self, x: u16, y: u16, t_us: i64, within_us: i64) -> (f64, f64) {
-        let (mut since, mut count) = (LONGEST_US, 0);
+    pub(crate) fn neighbours(
+        &self,
+        x: u16,
+        y: u16,
+        t_us: i64,
+        statement_bound_us: i64,
+    ) -> (f64, f64) {
+        let (mut since, mut count) = (MAX_LAG_US, 0);
         for spikes in self.eight(x, y) {
             let end = spikes.partition_point(|s| s.t_us < t_us);
             if let Some(last) = end.checked_sub(1) {
                 since = since.min(t_us - spikes[last].t_us);
             }
             let before = spikes[..end].iter().rev();
-            count += before.take_while(|s| t_us - s.t_us <= within_us).count();
+            count += before.take_while(|s| t_us - s.t_us <= statement_bound_us).count();
         }
         (since as f64, count as f64)
     }
@@ -74,13 +80,13 @@ impl Around {
             match spikes.get(first) {
                 Some(spike) if spike.t_us == t_us => (0, 0),
                 next => {
-                    let before = first.checked_sub(1).map_or(LONGEST_US, |i| t_us - spikes[i].t_us);
-                    let behind = next.map_or(LONGEST_US, |spike| spike.t_us - t_us);
+                    let before = first.checked_sub(1).map_or(MAX_LAG_US, |i| t_us - spikes[i].t_us);
+                    let behind = next.map_or(MAX_LAG_US, |spike| spike.t_us - t_us);
                     (since.min(before), until.min(behind))
                 }
             }
         };
-        self.eight(x, y).fold((LONGEST_US, LONGEST_US), one)
+        self.eight(x, y).fold((MAX_LAG_US, MAX_LAG_US), one)
     }
 
     /// Time from an instant to the next event of the eight pixels about one, at most a second.
@@ -89,7 +95,7 @@ impl Around {
             let at = spikes.partition_point(|s| s.t_us <= t_us);
             spikes.get(at).map(|spike| spike.t_us - t_us)
         });
-        later.fold(LONGEST_US, i64::min) as f64
+        later.fold(MAX_LAG_US, i64::min) as f64
     }
 
     /// The events of each of the eight pixels about one; of fewer at the border.
@@ -116,7 +122,7 @@ impl Around {
         let at = times.partition_point(|t| *t < t_us);
         let later = times[at..].iter().take(8).copied().find(|t| *t != t_us || !is_own(*t));
         let earlier = times[..at].iter().rev().take(8).copied().find(|t| !is_own(*t));
-        let gap = |t: Option<i64>| t.map_or(LONGEST_US, |t| (t - t_us).abs().min(LONGEST_US));
+        let gap = |t: Option<i64>| t.map_or(MAX_LAG_US, |t| (t - t_us).abs().min(MAX_LAG_US));
         gap(later).min(gap(earlier)) as f64
     }
 
@@ -138,11 +144,11 @@ mod tests {
         let list = [(100, 1, 1), (140, 2, 1), (150, 0, 0), (400, 9, 1), (500, 1, 1)];
         let events: Events = list.iter().map(|&(t, x, y)| Event { t, x, y, on: true }).collect();
         let by_pixel = ByPixel::new(events.as_slice(), Size::new(10, 3), [0, 1_000]);
-        let around = Around::new(by_pixel, &[120, 420]);
+        let around = EventContext::new(by_pixel, &[120, 420]);
         assert_eq!(around.neighbours(1, 1, 500, 360), (350.0, 2.0));
         assert_eq!(around.neighbours(1, 1, 500, 355), (350.0, 1.0));
-        assert_eq!(around.neighbours(5, 1, 500, 355), (LONGEST_US as f64, 0.0));
-        assert_eq!(around.gaps_us(1, 1, 100), (LONGEST_US, 40));
+        assert_eq!(around.neighbours(5, 1, 500, 355), (MAX_LAG_US as f64, 0.0));
+        assert_eq!(around.gaps_us(1, 1, 100), (MAX_LAG_US, 40));
         assert_eq!(around.gaps_us(1, 1, 150), (0, 0), "what has its stamp was together with it");
         assert_eq!(around.row_us(1, 1, 500), 100.0, "its own events are not counted");
         assert_eq!(around.row_us(3, 1, 400), 0.0);

@@ -1,34 +1,34 @@
 //! Which pixels are looked at.
 
-use crate::diagnose::Options;
+use crate::diagnose::DiagnosisOptions;
 use crate::predict::ByPixel;
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::geometry::Size;
 use evrig_core::stats::SplitMix;
 use rayon::prelude::*;
 
-/// So many pixels stay, however many events they have.
-const LEAST_PIXELS: usize = 60;
+/// Pixels that are kept however many events they have.
+const MIN_PIXELS: usize = 60;
 
-/// Light is looked at so often, microseconds, to see whether it moves, and at so many instants at most.
-const COARSE_US: u32 = 40_000;
-const MOST_COARSE: usize = 500;
+/// Sampling step for the variation of the signal.
+const MIN_COARSE_STEP_US: u32 = 40_000;
+const MAX_COARSE_INSTANTS: usize = 500;
 
-/// Light that changes by so many standard deviations of its own noise has not moved.
-const NOISY: f32 = 5.0;
+/// Changes below this many standard deviations of the signal's noise do not count.
+const NOISE_STANDARD_DEVIATIONS: f32 = 5.0;
 
-/// For each pixel that is wanted so many are looked at, and so many where light moves at few of these.
-const FEW: usize = 8;
-const MANY: usize = 48;
+/// Candidates per wanted pixel; more where the signal varies at few of them.
+const CANDIDATES_PER_PIXEL: usize = 8;
+const MAX_CANDIDATES_PER_PIXEL: usize = 48;
 
 /// Pixels whose light moves, as many as are wanted and no more events than are.
-pub(crate) fn chosen(
+pub(crate) fn select_pixels(
     recording: &ByPixel,
     drive: &dyn Drive,
     grid: TimeGrid,
-    options: &Options,
+    options: &DiagnosisOptions,
 ) -> Vec<(u16, u16)> {
-    let mut chosen = choose_enough(recording, drive, grid, options);
+    let mut chosen = select_enough(recording, drive, grid, options);
     thin(&mut chosen, recording, options.n_events);
     chosen
 }
@@ -38,11 +38,11 @@ fn n_events_of(recording: &ByPixel, pixels: &[(u16, u16)]) -> usize {
 }
 
 /// As many pixels as are wanted; more where these have few events.
-fn choose_enough(
+fn select_enough(
     recording: &ByPixel,
     drive: &dyn Drive,
     grid: TimeGrid,
-    options: &Options,
+    options: &DiagnosisOptions,
 ) -> Vec<(u16, u16)> {
     let most = (options.n_instants / grid.n).max(16);
     let mut n_pixels = options.n_pixels.clamp(16, most);
@@ -66,19 +66,23 @@ fn choose(
 ) -> Vec<(u16, u16)> {
     let wanted = n_pixels * 3 / 4;
     let among = |n: usize, noisy: f32| {
-        let all =
-            by_restlessness(drive, grid, &candidates(recording.size(), n * n_pixels, seed), noisy);
+        let all = by_light_variation(
+            drive,
+            grid,
+            &candidates(recording.size(), n * n_pixels, seed),
+            noisy,
+        );
         let n_restless = all.partition_point(|(moves, _)| *moves > 0.0);
         (all, n_restless)
     };
-    let (mut all, mut n_restless) = among(FEW, NOISY);
+    let (mut all, mut n_restless) = among(CANDIDATES_PER_PIXEL, NOISE_STANDARD_DEVIATIONS);
     if n_restless < wanted {
         // Little moves: it is looked for at more places.
-        (all, n_restless) = among(MANY, NOISY);
+        (all, n_restless) = among(MAX_CANDIDATES_PER_PIXEL, NOISE_STANDARD_DEVIATIONS);
     }
     if n_restless < wanted / 4 {
         // Where all moves all the time the noise cannot be told from it.
-        (all, n_restless) = among(FEW, 0.0);
+        (all, n_restless) = among(CANDIDATES_PER_PIXEL, 0.0);
     }
     let n_best = wanted.min(n_restless);
     // Of the most restless half every so many-th, so that they come from everywhere.
@@ -108,13 +112,14 @@ fn candidates(size: Size, n: usize, seed: u64) -> Vec<(u16, u16)> {
 
 /// Those of some pixels whose light is known, with by how much it moves in all beyond so many standard
 /// deviations of its noise, the most restless first.
-fn by_restlessness(
+fn by_light_variation(
     drive: &dyn Drive,
     grid: TimeGrid,
     candidates: &[(u16, u16)],
     noisy: f32,
 ) -> Vec<(f32, (u16, u16))> {
-    let every = (COARSE_US / grid.step_us).max(grid.n.div_ceil(MOST_COARSE) as u32).max(1);
+    let every =
+        (MIN_COARSE_STEP_US / grid.step_us).max(grid.n.div_ceil(MAX_COARSE_INSTANTS) as u32).max(1);
     let coarse =
         TimeGrid { step_us: grid.step_us * every, n: grid.n.div_ceil(every as usize), ..grid };
     let mut all: Vec<(f32, (u16, u16))> = candidates
@@ -135,7 +140,7 @@ fn by_restlessness(
 /// Keeps every so many-th pixel, so that all have about `n_events` at most.
 fn thin(chosen: &mut Vec<(u16, u16)>, recording: &ByPixel, n_events: usize) {
     let all = n_events_of(recording, chosen).max(1);
-    let n_kept = (chosen.len() * n_events / all).max(LEAST_PIXELS);
+    let n_kept = (chosen.len() * n_events / all).max(MIN_PIXELS);
     if n_kept < chosen.len() {
         *chosen = (0..n_kept).map(|i| chosen[i * chosen.len() / n_kept]).collect();
     }

@@ -8,83 +8,83 @@
 use crate::diagnose::{Evidence, PixelEvidence};
 use crate::predict::Spike;
 
-/// Times that are looked at: the first, the next over the one before, and how many; microseconds.
-const FIRST_US: f64 = 100.0;
-const RATIO: f64 = 1.01;
-const N_TIMES: usize = 695;
+/// Shortest trial period, ratio of the next to the last one, and their number.
+const SHORTEST_US: f64 = 100.0;
+const STEP_RATIO: f64 = 1.01;
+const N_PERIODS: usize = 695;
 
-/// Times within so many of these steps are compared with each other.
-const NEAR: usize = 20;
+/// Steps to either side against which a peak is measured.
+const NEIGHBOUR_STEPS: usize = 20;
 
-/// A time is looked at once more this closely.
-const CLOSER: f64 = 1.001;
-const N_CLOSER: i32 = 10;
+/// Step ratio and number of steps to either side of the refinement.
+const FINE_STEP_RATIO: f64 = 1.001;
+const N_FINE_STEPS: i32 = 10;
 
-/// Changes are alike within a bin and its neighbour; this many natural logarithms wide, from the least one on.
-const BIN: f64 = 0.025;
-const LEAST_LOG: f64 = -4.0;
+/// Bins of the logarithm of the change: width, lower end, number.
+const BIN_LOG_WIDTH: f64 = 0.025;
+const FIRST_BIN_LOG: f64 = -4.0;
 const N_BINS: usize = 220;
 
-/// Intervals looked at, at the most and at the least.
-const MOST_PAIRS: usize = 2_000;
-const LEAST_PAIRS: usize = 50;
+/// Intervals that are used, at most and at least.
+const MAX_PAIRS: usize = 2_000;
+const MIN_PAIRS: usize = 50;
 
-/// A time counts where so many more of the changes are alike than beside it, as a share of all.
-const STANDS_OUT: f64 = 0.03;
+/// Height of a peak over its surroundings, as a share of all intervals.
+const MIN_PROMINENCE: f64 = 0.03;
 
-/// Times that are given.
-const N_GIVEN: usize = 3;
+const MAX_PEAKS: usize = 3;
 
 /// Two events of one pixel, one behind the other.
-struct Pair<'a> {
+struct EventPair<'a> {
     pixel: &'a PixelEvidence,
     from_us: f64,
     to: Spike,
 }
 
 /// Dead times, microseconds, at which changes are more alike than at those beside them, clearest first.
-pub(crate) fn dead_times_us(evidence: &Evidence) -> Vec<f64> {
+pub(crate) fn refractory_peaks_us(evidence: &Evidence) -> Vec<f64> {
     let pairs = pairs(evidence);
-    if pairs.len() < LEAST_PAIRS {
+    if pairs.len() < MIN_PAIRS {
         return Vec::new();
     }
-    let times: Vec<f64> = (0..N_TIMES).map(|i| FIRST_US * RATIO.powi(i as i32)).collect();
+    let times: Vec<f64> = (0..N_PERIODS).map(|i| SHORTEST_US * STEP_RATIO.powi(i as i32)).collect();
     let alike: Vec<f64> = times.iter().map(|us| share_alike(evidence, &pairs, *us)).collect();
-    let mut peaks: Vec<(f64, f64)> = (NEAR..N_TIMES - NEAR)
+    let mut peaks: Vec<(f64, f64)> = (NEIGHBOUR_STEPS..N_PERIODS - NEIGHBOUR_STEPS)
         .filter_map(|i| {
-            let [before, behind] = [&alike[i - NEAR..i], &alike[i + 1..=i + NEAR]];
+            let [before, behind] =
+                [&alike[i - NEIGHBOUR_STEPS..i], &alike[i + 1..=i + NEIGHBOUR_STEPS]];
             let is_peak = before.iter().all(|other| *other < alike[i])
                 && behind.iter().all(|other| *other <= alike[i]);
             // What changes are alike at any time near is no sign of this one.
             let least = |side: &[f64]| side.iter().copied().fold(f64::INFINITY, f64::min);
             let stands_out = alike[i] - least(before).max(least(behind));
-            (is_peak && stands_out > STANDS_OUT).then_some((stands_out, times[i]))
+            (is_peak && stands_out > MIN_PROMINENCE).then_some((stands_out, times[i]))
         })
         .collect();
     peaks.sort_by(|a, b| b.0.total_cmp(&a.0));
-    peaks.truncate(N_GIVEN);
+    peaks.truncate(MAX_PEAKS);
     peaks.into_iter().map(|(_, us)| closer(evidence, &pairs, us)).collect()
 }
 
 /// The best of the times that lie close about one.
-fn closer(evidence: &Evidence, pairs: &[Pair<'_>], us: f64) -> f64 {
-    let about = (-N_CLOSER..=N_CLOSER).map(|i| us * CLOSER.powi(i));
+fn closer(evidence: &Evidence, pairs: &[EventPair<'_>], us: f64) -> f64 {
+    let about = (-N_FINE_STEPS..=N_FINE_STEPS).map(|i| us * FINE_STEP_RATIO.powi(i));
     let scored = about.map(|us| (share_alike(evidence, pairs, us), us));
     scored.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(us, |best| best.1)
 }
 
 /// Intervals, spread over all pixels.
-fn pairs(evidence: &Evidence) -> Vec<Pair<'_>> {
-    let every = evidence.n_events().div_ceil(MOST_PAIRS).max(1);
+fn pairs(evidence: &Evidence) -> Vec<EventPair<'_>> {
+    let every = evidence.n_events().div_ceil(MAX_PAIRS).max(1);
     let all = evidence.pixels.iter().flat_map(|pixel| {
         let pairs = pixel.spikes.windows(2);
-        pairs.map(move |pair| Pair { pixel, from_us: pair[0].t_us as f64, to: pair[1] })
+        pairs.map(move |pair| EventPair { pixel, from_us: pair[0].t_us as f64, to: pair[1] })
     });
     all.step_by(every).collect()
 }
 
 /// Share of the intervals with the commonest change of light between a time behind the first event and the second.
-fn share_alike(evidence: &Evidence, pairs: &[Pair<'_>], dead_us: f64) -> f64 {
+fn share_alike(evidence: &Evidence, pairs: &[EventPair<'_>], dead_us: f64) -> f64 {
     let mut bins = [0_u32; N_BINS];
     for pair in pairs {
         let to_us = pair.to.t_us as f64;
@@ -94,7 +94,7 @@ fn share_alike(evidence: &Evidence, pairs: &[Pair<'_>], dead_us: f64) -> f64 {
         }
         let [begin, end] = [begin_us, to_us].map(|us| level(evidence, pair.pixel, us));
         let change = if pair.to.on { end - begin } else { begin - end };
-        let bin = (change.ln() - LEAST_LOG) / BIN;
+        let bin = (change.ln() - FIRST_BIN_LOG) / BIN_LOG_WIDTH;
         // A change the wrong way, or of unknown light, has no logarithm.
         if bin >= 0.0 && bin < N_BINS as f64 {
             bins[bin as usize] += 1;

@@ -3,29 +3,28 @@
 use crate::diagnose::Evidence;
 use std::f64::consts::TAU;
 
-/// At most so much of a recording is looked at.
-const SECONDS: f64 = 8.0;
+const MAX_DURATION_S: f64 = 8.0;
 
-/// Below this the print's own motion is all that shows.
-const LOWEST_HZ: f64 = 4.0;
+/// Below lies the motion of the target.
+const MIN_FREQUENCY_HZ: f64 = 4.0;
 
-/// Lines nearer to each other are one, hertz.
-const APART_HZ: f64 = 1.0;
+const MIN_LINE_SPACING_HZ: f64 = 1.0;
 
 /// The `n` frequencies that stand out most from their surroundings, the clearest first. Pixels fire
 /// in bursts, so that a multiple of the light's own frequency may be the clearest of all.
 pub(crate) fn lines(evidence: &Evidence, n: usize) -> Vec<f64> {
     let step_s = evidence.step_us * 1e-6;
     let net = &evidence.rates[0];
-    let net = &net[..net.len().min((SECONDS / step_s) as usize)];
+    let net = &net[..net.len().min((MAX_DURATION_S / step_s) as usize)];
     if net.len() < 64 {
         return Vec::new();
     }
     let resolution = 0.5 / (net.len() as f64 * step_s);
     let highest = (0.49 / step_s).min(490.0);
-    let n_lines = ((highest - LOWEST_HZ) / resolution) as usize;
-    let power: Vec<f64> =
-        (0..n_lines).map(|i| power(net, (LOWEST_HZ + i as f64 * resolution) * step_s)).collect();
+    let n_lines = ((highest - MIN_FREQUENCY_HZ) / resolution) as usize;
+    let power: Vec<f64> = (0..n_lines)
+        .map(|i| power(net, (MIN_FREQUENCY_HZ + i as f64 * resolution) * step_s))
+        .collect();
     let around = 60;
     let mut clear: Vec<(f64, usize)> = (0..n_lines)
         .map(|i| {
@@ -36,8 +35,8 @@ pub(crate) fn lines(evidence: &Evidence, n: usize) -> Vec<f64> {
         .collect();
     clear.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut lines: Vec<f64> = Vec::new();
-    for hz in clear.into_iter().map(|(_, i)| LOWEST_HZ + i as f64 * resolution) {
-        if lines.iter().all(|line| (line - hz).abs() > APART_HZ) {
+    for hz in clear.into_iter().map(|(_, i)| MIN_FREQUENCY_HZ + i as f64 * resolution) {
+        if lines.iter().all(|line| (line - hz).abs() > MIN_LINE_SPACING_HZ) {
             lines.push(hz);
         }
         if lines.len() == n {

@@ -7,31 +7,29 @@ use evrig_core::event::{Event, EventSlice, Events};
 use evrig_core::stats::{MeanDirection, SplitMix};
 use std::f64::consts::TAU;
 
-/// Steps that are looked for, microseconds: below, stamps are fine enough for every effect; above,
-/// they say too little for spreading to help.
-const STEPS_US: [f64; 2] = [20.0, 5_000.0];
+/// Steps that are searched. Below, stamps are fine enough for every effect; above, spreading them
+/// does not help.
+const STEP_RANGE_US: [f64; 2] = [20.0, 5_000.0];
 
-/// Length of the mean unit vector of the stamps' phases from which they lie on a grid: a normal
-/// spread of less than a twelfth of the step.
-const LEAST_ORDER: f64 = 0.88;
+/// Mean resultant length of the stamps' phases on a grid: a normal scatter of less than 1/12 step.
+const MIN_MEAN_VECTOR_LENGTH: f64 = 0.88;
 
-/// Fewest stamps that show a grid, and the most that are looked at in one stretch.
-const LEAST: usize = 500;
-const MOST: usize = 4_000;
+/// Fewest stamps that show a grid, and the most used per stretch.
+const MIN_STAMPS: usize = 500;
+const MAX_STAMPS: usize = 4_000;
 
-/// Half of the first stretch that is looked at, microseconds: the shorter it is the fewer steps need be
-/// tried. One of sparse stamps is longer; beyond the longest there would be steps to try without end.
-const HALF_US: f64 = 20_000.0;
-const LONGEST_HALF_US: f64 = 640_000.0;
+/// Half width of the first stretch, doubled until it holds enough stamps. Long stretches need many
+/// trial frequencies.
+const FIRST_HALF_WIDTH_US: f64 = 20_000.0;
+const MAX_FIRST_HALF_WIDTH_US: f64 = 640_000.0;
 
-/// Of neighbouring events with one stamp so many are of one row where rows are read in turn; those of a
-/// simulator's step are from anywhere.
-const OF_ONE_ROW: f64 = 0.9;
+/// Share of pairs with equal stamps that lie in one row under row readout.
+const MIN_SAME_ROW_SHARE: f64 = 0.9;
 
-/// Share of neighbouring events with one stamp below which a step serves one event, and share of them one
-/// step apart from which nothing else is served.
-const ALONE: f64 = 0.01;
-const SERVED: f64 = 0.3;
+/// Share of pairs with equal stamps below which one event is read per step, and least share of
+/// pairs one step apart then.
+const MAX_SERIAL_TIE_SHARE: f64 = 0.01;
+const MIN_SERIAL_STEP_SHARE: f64 = 0.3;
 
 /// A grid of stamps.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,11 +46,11 @@ impl StampGrid {
     #[must_use]
     pub fn of_events(events: EventSlice<'_>) -> Option<Self> {
         let grid = Self::of(events.t)?;
-        (!grid.is_of_a_readout(events)).then_some(grid)
+        (!grid.is_readout_beat(events)).then_some(grid)
     }
 
     /// Whether rows, or single events, are served one a step.
-    fn is_of_a_readout(self, events: EventSlice<'_>) -> bool {
+    fn is_readout_beat(self, events: EventSlice<'_>) -> bool {
         let (mut n_together, mut n_of_one_row, mut n_next) = (0_usize, 0_usize, 0_usize);
         for (t, y) in events.t.windows(2).zip(events.y.windows(2)) {
             match ((t[1] - t[0]) as f64 / self.step_us).round() as i64 {
@@ -65,44 +63,44 @@ impl StampGrid {
             }
         }
         let all = events.t.len() as f64;
-        if n_together as f64 > ALONE * all {
-            is_of_rows(n_of_one_row, n_together)
+        if n_together as f64 > MAX_SERIAL_TIE_SHARE * all {
+            is_row_readout(n_of_one_row, n_together)
         } else {
-            n_next as f64 >= SERVED * all
+            n_next as f64 >= MIN_SERIAL_STEP_SHARE * all
         }
     }
 
     /// The grid on which stamps in ascending order lie, if they do.
     fn of(stamps: &[i64]) -> Option<Self> {
-        if stamps.len() < LEAST {
+        if stamps.len() < MIN_STAMPS {
             return None;
         }
         let (first, last) = (stamps[0], stamps[stamps.len() - 1]);
         let middle = stamps[stamps.len() / 2];
-        let mut half_us = HALF_US;
+        let mut half_us = FIRST_HALF_WIDTH_US;
         let within = |half_us: f64| {
             let from = stamps.partition_point(|t| ((t - middle) as f64) < -half_us);
             let to = stamps.partition_point(|t| ((t - middle) as f64) <= half_us);
             &stamps[from..to]
         };
-        while within(half_us).len() < LEAST {
+        while within(half_us).len() < MIN_STAMPS {
             half_us *= 2.0;
-            if half_us > LONGEST_HALF_US {
+            if half_us > MAX_FIRST_HALF_WIDTH_US {
                 return None;
             }
         }
-        let phases = Phases::of(within(half_us), middle);
-        let mut hz = phases.lowest([1e6 / STEPS_US[1], 1e6 / STEPS_US[0]], half_us)?;
+        let phases = StampPhases::of(within(half_us), middle);
+        let mut hz = phases.lowest([1e6 / STEP_RANGE_US[1], 1e6 / STEP_RANGE_US[0]], half_us)?;
         // Each longer stretch tells the step better, until it is all of them.
         let all_us = (last - middle).max(middle - first) as f64;
         while half_us < all_us {
             half_us *= 2.0;
-            hz = Phases::of(within(half_us), middle).best_about(hz, half_us);
+            hz = StampPhases::of(within(half_us), middle).best_about(hz, half_us);
         }
-        let mean = Phases::of(stamps, middle).mean(hz);
+        let mean = StampPhases::of(stamps, middle).mean(hz);
         let step_us = 1e6 / hz;
         let zero_us = middle as f64 + mean.angle() / TAU * step_us;
-        (mean.length() >= LEAST_ORDER).then_some(Self { step_us, zero_us })
+        (mean.length() >= MIN_MEAN_VECTOR_LENGTH).then_some(Self { step_us, zero_us })
     }
 
     /// The events spread evenly over the steps that their stamps stand for, in ascending time. Those
@@ -123,16 +121,16 @@ impl StampGrid {
 
 /// Whether pairs of neighbouring events with one stamp, so many of them of one row, are of rows that are read
 /// in turn.
-pub(crate) fn is_of_rows(n_of_one_row: usize, n_together: usize) -> bool {
-    n_of_one_row as f64 >= OF_ONE_ROW * n_together as f64
+pub(crate) fn is_row_readout(n_of_one_row: usize, n_together: usize) -> bool {
+    n_of_one_row as f64 >= MIN_SAME_ROW_SHARE * n_together as f64
 }
 
 /// Times about an instant, seconds.
-struct Phases(Vec<f64>);
+struct StampPhases(Vec<f64>);
 
-impl Phases {
+impl StampPhases {
     fn of(stamps: &[i64], middle: i64) -> Self {
-        let every = stamps.len().div_ceil(MOST).max(1);
+        let every = stamps.len().div_ceil(MAX_STAMPS).max(1);
         Self(stamps.iter().step_by(every).map(|t| (t - middle) as f64 * 1e-6).collect())
     }
 
@@ -147,7 +145,7 @@ impl Phases {
         let n = ((to - from) / step) as usize;
         let mut tries = (0..n).map(|i| from + i as f64 * step);
         // Between two tries a little order is lost.
-        let hz = tries.find(|hz| self.mean(*hz).length() >= 0.95 * LEAST_ORDER)?;
+        let hz = tries.find(|hz| self.mean(*hz).length() >= 0.95 * MIN_MEAN_VECTOR_LENGTH)?;
         Some(self.best_about(hz, half_us))
     }
 

@@ -1,35 +1,33 @@
 //! What a hypothesis scores, cell by cell: a cell is a tile of pixels during a block of time.
 
-use super::pixel_strata::Seen;
-use crate::diagnose::{Evidence, Hypothesis, Mixture, PixelEvidence};
+use super::pixel_strata::PixelScorer;
+use crate::diagnose::{Evidence, Hypothesis, PixelEvidence, PixelMixture};
 use crate::predict::BlockScore;
 use rayon::prelude::*;
 
-/// An effect has to buy this much, nats an event, whatever the null says: below it the shape of
-/// the noise, which the model has only nearly, speaks as loudly.
-pub(crate) const LEAST_GAIN: f64 = 0.02;
+/// Least gain of a named effect: the shape of the noise model matters as much below.
+pub(crate) const MIN_GAIN_NATS_PER_EVENT: f64 = 0.02;
 
-/// An effect's gain has to be so many of its standard errors.
-pub(crate) const LEAST_ERRORS: f64 = 4.0;
+/// Significance level for a gain.
+pub(crate) const MIN_GAIN_STANDARD_ERRORS: f64 = 4.0;
 
-/// An effect that buys more than this, nats an event, and so many of its standard errors, and is not named
-/// for want of more, is suspected.
-const UNSURE_GAIN: f64 = 0.06;
-const UNSURE_ERRORS: f64 = 3.0;
+/// A gain that is above these and not significant is reported as a rejected effect.
+const SUGGESTIVE_GAIN_NATS_PER_EVENT: f64 = 0.06;
+const SUGGESTIVE_GAIN_STANDARD_ERRORS: f64 = 3.0;
 
 /// Whether a gain on held-out cells, with its error, is one to speak of.
-pub(crate) fn is_enough(gain: f64, error: f64) -> bool {
-    gain >= LEAST_GAIN && gain >= LEAST_ERRORS * error
+pub(crate) fn is_significant(gain: f64, error: f64) -> bool {
+    gain >= MIN_GAIN_NATS_PER_EVENT && gain >= MIN_GAIN_STANDARD_ERRORS * error
 }
 
 /// Whether it is much, sure or not.
-pub(crate) fn is_suspicious(gain: f64, error: f64) -> bool {
-    gain > UNSURE_GAIN && gain > UNSURE_ERRORS * error
+pub(crate) fn is_suggestive(gain: f64, error: f64) -> bool {
+    gain > SUGGESTIVE_GAIN_NATS_PER_EVENT && gain > SUGGESTIVE_GAIN_STANDARD_ERRORS * error
 }
 
 /// Log-likelihoods and events of all cells.
 #[derive(Debug, Clone)]
-pub(crate) struct Cells {
+pub(crate) struct CellScores {
     /// Log-likelihood by cell.
     pub(crate) log_likelihood: Vec<f64>,
     /// Events by cell.
@@ -39,44 +37,44 @@ pub(crate) struct Cells {
 
 /// Which cells a sum is over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Part {
+pub(crate) enum CellSet {
     Training,
     HeldOut,
 }
 
-impl Cells {
+impl CellScores {
     /// Cells of one part.
-    pub(crate) fn of(&self, part: Part) -> impl Iterator<Item = usize> + '_ {
-        let wanted = part == Part::HeldOut;
+    pub(crate) fn of(&self, part: CellSet) -> impl Iterator<Item = usize> + '_ {
+        let wanted = part == CellSet::HeldOut;
         (0..self.held_out.len()).filter(move |&cell| self.held_out[cell] == wanted)
     }
 
     /// Nats an event over one part.
-    pub(crate) fn nats(&self, part: Part) -> f64 {
+    pub(crate) fn nats(&self, part: CellSet) -> f64 {
         self.total(part) / self.events(part).max(1.0)
     }
 
     /// Log-likelihood of one part, nats.
-    pub(crate) fn total(&self, part: Part) -> f64 {
+    pub(crate) fn total(&self, part: CellSet) -> f64 {
         self.of(part).fold(0.0, |sum, cell| sum + self.log_likelihood[cell])
     }
 
     /// Events of one part.
-    pub(crate) fn events(&self, part: Part) -> f64 {
+    pub(crate) fn events(&self, part: CellSet) -> f64 {
         self.of(part).fold(0.0, |sum, cell| sum + self.n_events[cell])
     }
 
     /// How much better than `other` on one part, nats an event, with its error from the scatter
     /// over cells.
-    pub(crate) fn gain(&self, other: &Self, part: Part) -> (f64, f64) {
-        self.gain_by_strata(other, part, |_| true)
+    pub(crate) fn gain(&self, other: &Self, part: CellSet) -> (f64, f64) {
+        self.stratified_gain(other, part, |_| true)
     }
 
     /// The same where some cells are bound to gain otherwise than the rest, which is no scatter.
-    pub(crate) fn gain_by_strata(
+    pub(crate) fn stratified_gain(
         &self,
         other: &Self,
-        part: Part,
+        part: CellSet,
         is_first: impl Fn(usize) -> bool,
     ) -> (f64, f64) {
         let used = self.of(part).filter(|&c| self.is_used(c) || other.is_used(c));
@@ -100,7 +98,12 @@ impl Cells {
     }
 
     /// How much better than `other` in those tiles of one part that are any better, nats an event of all.
-    pub(crate) fn gain_where_any(&self, other: &Self, part: Part, n_blocks: usize) -> f64 {
+    pub(crate) fn gain_over_improved_tiles(
+        &self,
+        other: &Self,
+        part: CellSet,
+        n_blocks: usize,
+    ) -> f64 {
         let mut tiles = vec![0.0_f64; self.log_likelihood.len().div_ceil(n_blocks)];
         for cell in self.of(part) {
             tiles[cell / n_blocks] += self.log_likelihood[cell] - other.log_likelihood[cell];
@@ -109,7 +112,7 @@ impl Cells {
     }
 
     /// These cells where `is_here`, by the tile, and `other`'s elsewhere.
-    pub(crate) fn only(
+    pub(crate) fn restricted_to(
         mut self,
         other: &Self,
         n_blocks: usize,
@@ -130,22 +133,25 @@ impl Cells {
 
 /// Scores the evidence under a hypothesis. A pixel of a mixture is of the kind that its own
 /// training blocks speak for; those held out are predicted with what they say.
-pub(crate) fn cells(evidence: &Evidence, hypothesis: &Hypothesis) -> Cells {
-    cells_of_each(evidence, &[hypothesis]).remove(0)
+pub(crate) fn score_cells(evidence: &Evidence, hypothesis: &Hypothesis) -> CellScores {
+    score_cells_of_each(evidence, &[hypothesis]).remove(0)
 }
 
 /// The same for several hypotheses at once: pixel by pixel, so that those which leave a pixel's
 /// signal alike share it.
-pub(crate) fn cells_of_each(evidence: &Evidence, hypotheses: &[&Hypothesis]) -> Vec<Cells> {
-    let kinds: Vec<Mixture> = hypotheses.iter().map(|h| h.kinds()).collect();
+pub(crate) fn score_cells_of_each(
+    evidence: &Evidence,
+    hypotheses: &[&Hypothesis],
+) -> Vec<CellScores> {
+    let mixture: Vec<PixelMixture> = hypotheses.iter().map(|h| h.pixel_mixture()).collect();
     let scores: Vec<Vec<Vec<BlockScore>>> = evidence
         .pixels
         .par_iter()
         .map_init(Vec::new, |scratch, pixel| {
-            let mut seen = Seen::new(evidence, pixel, std::mem::take(scratch));
-            let of_each = hypotheses.iter().zip(&kinds);
-            let scores = of_each.map(|(h, kinds)| seen.scores(h, kinds)).collect();
-            *scratch = seen.into_signal();
+            let mut scorer = PixelScorer::new(evidence, pixel, std::mem::take(scratch));
+            let of_each = hypotheses.iter().zip(&mixture);
+            let scores = of_each.map(|(h, mixture)| scorer.scores(h, mixture)).collect();
+            *scratch = scorer.into_signal();
             scores
         })
         .collect();
@@ -157,7 +163,7 @@ pub(crate) fn cells_of_each(evidence: &Evidence, hypotheses: &[&Hypothesis]) -> 
         .map(|number| {
             let held_out = held_out.clone();
             let mut cells =
-                Cells { log_likelihood: vec![0.0; n], n_events: vec![0.0; n], held_out };
+                CellScores { log_likelihood: vec![0.0; n], n_events: vec![0.0; n], held_out };
             for (pixel, scores) in evidence.pixels.iter().zip(&scores) {
                 for (block, score) in scores[number].iter().enumerate() {
                     let cell = evidence.cell(pixel, block);
@@ -176,15 +182,15 @@ pub(crate) fn pixel_gains(
     without: &Hypothesis,
     with: &Hypothesis,
 ) -> Vec<f64> {
-    let both = [without, with].map(|hypothesis| (hypothesis, hypothesis.kinds()));
+    let both = [without, with].map(|hypothesis| (hypothesis, hypothesis.pixel_mixture()));
     let of = |scratch: &mut Vec<f32>, pixel: &PixelEvidence| {
-        let mut seen = Seen::new(evidence, pixel, std::mem::take(scratch));
-        let [without, with] = both.each_ref().map(|(hypothesis, kinds)| {
-            let scores = seen.scores(hypothesis, kinds).into_iter().enumerate();
+        let mut scorer = PixelScorer::new(evidence, pixel, std::mem::take(scratch));
+        let [without, with] = both.each_ref().map(|(hypothesis, mixture)| {
+            let scores = scorer.scores(hypothesis, mixture).into_iter().enumerate();
             let training = scores.filter(|(block, _)| !evidence.is_held_out(pixel.tile, *block));
             training.map(|(_, score)| score.log_likelihood()).sum::<f64>()
         });
-        *scratch = seen.into_signal();
+        *scratch = scorer.into_signal();
         with - without
     };
     evidence.pixels.par_iter().map_init(Vec::new, of).collect()

@@ -1,19 +1,19 @@
 //! A fitted hypothesis with its scores and standard errors.
 
-use super::cell_scores::{Cells, Part};
-use super::laplace::Summit;
+use super::cell_scores::{CellScores, CellSet};
+use super::laplace::LaplaceApproximation;
 use crate::diagnose::Hypothesis;
 use std::sync::Arc;
 
 /// Standard errors, and the summit that they are taken on.
 #[derive(Debug)]
-pub(crate) struct Errors {
-    pub(crate) summit: Summit,
+pub(crate) struct StandardErrors {
+    pub(crate) laplace: LaplaceApproximation,
     /// By the numbers of the values.
     pub(crate) of: Vec<(usize, f64)>,
 }
 
-impl Errors {
+impl StandardErrors {
     /// That of a value; NaN when it was not free.
     pub(crate) fn of(&self, index: usize) -> f64 {
         self.of.iter().find(|(number, _)| *number == index).map_or(f64::NAN, |(_, error)| *error)
@@ -22,32 +22,32 @@ impl Errors {
 
 /// A fitted hypothesis.
 #[derive(Debug, Clone)]
-pub(crate) struct Fitted {
+pub(crate) struct FittedModel {
     pub(crate) hypothesis: Hypothesis,
-    pub(crate) cells: Cells,
+    pub(crate) cells: CellScores,
     /// Standard errors of the values; none before `with_errors`.
-    pub(crate) errors: Option<Arc<Errors>>,
+    pub(crate) errors: Option<Arc<StandardErrors>>,
 }
 
-impl Fitted {
+impl FittedModel {
     /// Score on the training cells, nats an event.
     pub(crate) fn training(&self) -> f64 {
-        self.cells.nats(Part::Training)
+        self.cells.nats(CellSet::Training)
     }
 
     /// Score on the held-out cells, nats an event.
     pub(crate) fn held_out(&self) -> f64 {
-        self.cells.nats(Part::HeldOut)
+        self.cells.nats(CellSet::HeldOut)
     }
 
     /// The same, of which all that is made is scored finely, or not.
-    pub(crate) fn made_fine(mut self, is_fine: bool) -> Self {
-        self.hypothesis.is_fine = is_fine;
+    pub(crate) fn with_fine_grid(mut self, uses_fine_grid: bool) -> Self {
+        self.hypothesis.uses_fine_grid = uses_fine_grid;
         self
     }
 
     /// This, or another that scores better.
-    pub(crate) fn or_better(self, other: Self) -> Self {
+    pub(crate) fn better_of(self, other: Self) -> Self {
         if other.training() > self.training() { other } else { self }
     }
 

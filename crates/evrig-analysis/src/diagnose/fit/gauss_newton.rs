@@ -5,48 +5,53 @@
 //! the parameters' ranges. The gradients are taken about their mean an event: far from the optimum,
 //! where all cells pull the same way, their plain product would make every step far too short.
 
-use super::cell_scores::{Part, cells, cells_of_each};
-use super::fitted::Fitted;
+use super::cell_scores::{CellSet, score_cells, score_cells_of_each};
+use super::fitted::FittedModel;
 use crate::diagnose::{Evidence, Hypothesis};
 use nalgebra::{DMatrix, DVector};
 
-/// A step of all values that gains less than this, nats an event, is followed by steps of single ones, so many
-/// times as far as their own slopes and curvatures tell.
-const TOO_LITTLE: f64 = 5e-3;
-const SHARES: [f64; 3] = [4.0, 1.0, 0.25];
+/// Below this gain, nats per event, of a joint step single parameters are stepped, by these
+/// multiples of their Newton steps.
+const MIN_JOINT_STEP_GAIN: f64 = 5e-3;
+const SINGLE_STEP_MULTIPLES: [f64; 3] = [4.0, 1.0, 0.25];
 
-/// What these have to gain, nats an event, for a fit to go on whose steps of all values gain nothing.
-const WORTH_MORE: f64 = 1e-3;
+/// Gain, nats per event, of single steps for which a fit goes on.
+const MIN_SINGLE_STEP_GAIN: f64 = 1e-3;
 
 /// Scores a hypothesis as it is.
-pub(crate) fn as_it_is(evidence: &Evidence, hypothesis: Hypothesis) -> Fitted {
-    let cells = cells(evidence, &hypothesis);
-    Fitted { hypothesis, cells, errors: None }
+pub(crate) fn score_model(evidence: &Evidence, hypothesis: Hypothesis) -> FittedModel {
+    let cells = score_cells(evidence, &hypothesis);
+    FittedModel { hypothesis, cells, errors: None }
 }
 
 /// Scores some hypotheses as they are, those at once that share a pixel's signal.
-pub(crate) fn each_as_it_is(evidence: &Evidence, hypotheses: Vec<Hypothesis>) -> Vec<Fitted> {
-    let cells = cells_of_each(evidence, &hypotheses.iter().collect::<Vec<_>>());
+pub(crate) fn score_models(evidence: &Evidence, hypotheses: Vec<Hypothesis>) -> Vec<FittedModel> {
+    let cells = score_cells_of_each(evidence, &hypotheses.iter().collect::<Vec<_>>());
     let scored = hypotheses.into_iter().zip(cells);
-    scored.map(|(hypothesis, cells)| Fitted { hypothesis, cells, errors: None }).collect()
+    scored.map(|(hypothesis, cells)| FittedModel { hypothesis, cells, errors: None }).collect()
 }
 
 /// Improves a hypothesis by at most `n_steps` steps, or until a step gains less than `enough`
 /// nats an event.
-pub(crate) fn fit(evidence: &Evidence, start: Hypothesis, n_steps: usize, enough: f64) -> Fitted {
-    improved(evidence, as_it_is(evidence, start), n_steps, enough)
+pub(crate) fn fit(
+    evidence: &Evidence,
+    start: Hypothesis,
+    n_steps: usize,
+    enough: f64,
+) -> FittedModel {
+    improve(evidence, score_model(evidence, start), n_steps, enough)
 }
 
 /// The same from a hypothesis that is scored already.
-pub(crate) fn improved(
+pub(crate) fn improve(
     evidence: &Evidence,
-    mut best: Fitted,
+    mut best: FittedModel,
     n_steps: usize,
     enough: f64,
-) -> Fitted {
+) -> FittedModel {
     let mut damping = 1e-2;
     for _ in 0..n_steps {
-        let here = best.held(evidence);
+        let here = best.with_shared_grid(evidence);
         let (free, gradients) = gradients(evidence, &here);
         if free.is_empty() {
             break;
@@ -55,11 +60,13 @@ pub(crate) fn improved(
         if let Some(better) = step(evidence, [&best, &here], &free, &gradients, &mut damping) {
             best = better;
         }
-        let of_all = best.training() - before;
-        if of_all < TOO_LITTLE {
-            best = alone(evidence, best, &here, &free, &gradients);
+        let objection_to_all = best.training() - before;
+        if objection_to_all < MIN_JOINT_STEP_GAIN {
+            best = step_each_parameter(evidence, best, &here, &free, &gradients);
         }
-        if of_all < enough && best.training() - before - of_all < WORTH_MORE {
+        if objection_to_all < enough
+            && best.training() - before - objection_to_all < MIN_SINGLE_STEP_GAIN
+        {
             break;
         }
     }
@@ -72,15 +79,15 @@ pub(crate) fn improved(
 /// A likelihood as sharp as an ideal camera's makes the slopes of all that moves a crossing a matter of
 /// chance, and with them a step of all values together: it gains next to nothing where an effect's own value
 /// has far to go.
-fn alone(
+fn step_each_parameter(
     evidence: &Evidence,
-    best: Fitted,
-    at: &Fitted,
+    best: FittedModel,
+    at: &FittedModel,
     free: &[usize],
     gradients: &DMatrix<f64>,
-) -> Fitted {
+) -> FittedModel {
     let Some(last) = best.hypothesis.effects.len().checked_sub(1) else { return best };
-    let (outer, places) = (scatter(at, gradients), best.hypothesis.places_of(last));
+    let (outer, places) = (scatter(at, gradients), best.hypothesis.value_indices(last));
     let moved = |(i, f): (usize, usize), share: f64| {
         let mut moved = best.hypothesis.clone();
         let [low, high] = moved.ranges[f];
@@ -89,12 +96,12 @@ fn alone(
         moved
     };
     let own = free.iter().copied().enumerate().filter(|(_, f)| places.contains(f));
-    let asked = own.flat_map(|own| SHARES.map(|share| moved(own, share))).collect();
-    each_as_it_is(evidence, asked).into_iter().fold(best, Fitted::or_better)
+    let asked = own.flat_map(|own| SINGLE_STEP_MULTIPLES.map(|share| moved(own, share))).collect();
+    score_models(evidence, asked).into_iter().fold(best, FittedModel::better_of)
 }
 
 /// Gradient of each training cell's log-likelihood in every value that may move. `at` is a held one.
-pub(crate) fn gradients(evidence: &Evidence, at: &Fitted) -> (Vec<usize>, DMatrix<f64>) {
+pub(crate) fn gradients(evidence: &Evidence, at: &FittedModel) -> (Vec<usize>, DMatrix<f64>) {
     let hypothesis = &at.hypothesis;
     let free: Vec<usize> = (0..hypothesis.values.len())
         .filter(|&i| {
@@ -102,11 +109,11 @@ pub(crate) fn gradients(evidence: &Evidence, at: &Fitted) -> (Vec<usize>, DMatri
             hypothesis.steps[i] > 0.0 && high > low
         })
         .collect();
-    let training: Vec<usize> = at.cells.of(Part::Training).collect();
+    let training: Vec<usize> = at.cells.of(CellSet::Training).collect();
     let mut gradients = DMatrix::zeros(training.len(), free.len());
     let moved: Vec<(Hypothesis, f64)> = free.iter().map(|&i| aside(hypothesis, i)).collect();
     let each: Vec<&Hypothesis> = moved.iter().map(|(moved, _)| moved).collect();
-    let there = cells_of_each(evidence, &each);
+    let there = score_cells_of_each(evidence, &each);
     for (column, (there, (_, step))) in there.iter().zip(&moved).enumerate() {
         for (row, &cell) in training.iter().enumerate() {
             let change = there.log_likelihood[cell] - at.cells.log_likelihood[cell];
@@ -129,9 +136,9 @@ fn aside(hypothesis: &Hypothesis, i: usize) -> (Hypothesis, f64) {
 }
 
 /// The gradients' outer product over training cells, about their mean an event.
-pub(crate) fn scatter(at: &Fitted, gradients: &DMatrix<f64>) -> DMatrix<f64> {
+pub(crate) fn scatter(at: &FittedModel, gradients: &DMatrix<f64>) -> DMatrix<f64> {
     let n_events: Vec<f64> =
-        at.cells.of(Part::Training).map(|cell| at.cells.n_events[cell]).collect();
+        at.cells.of(CellSet::Training).map(|cell| at.cells.n_events[cell]).collect();
     let all = n_events.iter().sum::<f64>().max(1.0);
     let mut centred = gradients.clone();
     for mut column in centred.column_iter_mut() {
@@ -146,11 +153,11 @@ pub(crate) fn scatter(at: &Fitted, gradients: &DMatrix<f64>) -> DMatrix<f64> {
 /// the values at which it is scored may pass for a gain: it must be one without being held too.
 fn step(
     evidence: &Evidence,
-    [own, at]: [&Fitted; 2],
+    [own, at]: [&FittedModel; 2],
     free: &[usize],
     gradients: &DMatrix<f64>,
     damping: &mut f64,
-) -> Option<Fitted> {
+) -> Option<FittedModel> {
     let outer = scatter(at, gradients);
     let total: DVector<f64> = gradients.row_sum().transpose();
     for _ in 0..7 {
@@ -176,14 +183,14 @@ fn step(
             *damping *= 10.0;
             continue;
         };
-        let mut moved = at.hypothesis.clone().leaving();
+        let mut moved = at.hypothesis.clone().off_shared_grid();
         for (i, &f) in free.iter().enumerate() {
             let [low, high] = moved.ranges[f];
             moved.values[f] = (moved.values[f] + change[i]).clamp(low, high);
         }
-        let there = as_it_is(evidence, moved);
+        let there = score_model(evidence, moved);
         if there.training() > at.training() {
-            let there = there.released(evidence);
+            let there = there.rescored(evidence);
             if there.training() > own.training() {
                 *damping = (*damping * 0.2).max(1e-4);
                 return Some(there);

@@ -5,25 +5,25 @@
 //! log-likelihood falls, and a second one, along the directions that the first has found, how it falls where
 //! it has fallen by a few nats: nearer it is rough, farther it is no parabola.
 
-use super::cell_scores::{Cells, Part};
-use super::curvature_probes::{Four, curvatures};
+use super::cell_scores::{CellScores, CellSet};
+use super::curvature_probes::{CellProbes, curvatures};
 use nalgebra::{DMatrix, DVector};
 
-/// Least curvature in any direction, where that of each value alone is one, and where that of each of the
-/// directions that this leads to is one: below it small steps speak, not the data.
-const LEAST_CURVATURE: f64 = 3e-3;
-const LEAST_OF_MIXED: f64 = 0.2;
+/// Least eigenvalue of a scaled curvature, along coordinates and along conjugate directions:
+/// numerical noise dominates below.
+const MIN_SCALED_EIGENVALUE: f64 = 3e-3;
+const MIN_CONJUGATE_EIGENVALUE: f64 = 0.2;
 
-/// Curvature in units of what the fall along a direction stands for, below which that direction is taken to have this.
-const LEAST_OF_FALL: f64 = 0.02;
+/// Least curvature of a direction, as a share of its drop target.
+const MIN_CURVATURE_SHARE: f64 = 0.02;
 
 /// Slopes and curvature.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Summit {
+pub(crate) struct LaplaceApproximation {
     /// Which values the events tell.
     pub(crate) free: Vec<usize>,
     /// Those that lie nearer to an end of their range than they are told, with their standard errors.
-    pub(crate) untold: Vec<(usize, f64)>,
+    pub(crate) bound_limited: Vec<(usize, f64)>,
     /// Directions, column by column, in units of the values.
     pub(crate) directions: DMatrix<f64>,
     /// Slope of each training cell along each.
@@ -33,23 +33,23 @@ pub(crate) struct Summit {
     /// Its inverse.
     pub(crate) inverse: DMatrix<f64>,
     /// Variance of each slope for the likelihood's small steps.
-    pub(crate) rough: Vec<f64>,
+    pub(crate) roughness: Vec<f64>,
     /// What the log-likelihood falls by along each, about.
-    pub(crate) falls: Vec<f64>,
+    pub(crate) drop_targets: Vec<f64>,
 }
 
-impl Summit {
+impl LaplaceApproximation {
     /// The same directions with what is seen along each; `None` where that is nothing to go by.
-    pub(crate) fn with(mut self, four: &Four) -> Option<Self> {
-        self.minus.set_diagonal(&DVector::from_vec(curvatures(&four.even)));
-        self.inverse = inverse(&self.minus, &self.falls)?;
-        (self.slopes, self.rough) = (four.slopes(), four.rough());
+    pub(crate) fn with_probes(mut self, probes: &CellProbes) -> Option<Self> {
+        self.minus.set_diagonal(&DVector::from_vec(curvatures(&probes.even)));
+        self.inverse = inverse(&self.minus, &self.drop_targets)?;
+        (self.slopes, self.roughness) = (probes.slopes(), probes.rough());
         Some(self)
     }
 
     /// How far the parabola's top is away along the directions, no farther than these go, and how much
     /// higher it is.
-    pub(crate) fn top(&self) -> (DVector<f64>, f64) {
+    pub(crate) fn newton_step(&self) -> (DVector<f64>, f64) {
         let slope: DVector<f64> = self.slopes.row_sum().transpose();
         let change = &self.inverse * &slope;
         let gain = 0.5 * slope.dot(&change);
@@ -59,17 +59,22 @@ impl Summit {
 
     /// Standard errors of the values that may move, by their numbers, when slopes are alike within tiles and
     /// within blocks.
-    pub(crate) fn errors(&self, cells: &Cells, n_blocks: usize) -> Vec<(usize, f64)> {
-        let training: Vec<usize> = cells.of(Part::Training).collect();
+    pub(crate) fn errors(&self, cells: &CellScores, n_blocks: usize) -> Vec<(usize, f64)> {
+        let training: Vec<usize> = cells.of(CellSet::Training).collect();
         let by = |cluster: &dyn Fn(usize) -> usize| {
             self.variances(training.iter().map(|&cell| cluster(cell)))
         };
         let tiles = by(&|cell| cell / n_blocks);
         let blocks = by(&|cell| cell % n_blocks);
         let cells = by(&|cell| cell);
-        let told = (0..self.free.len())
+        let identified = (0..self.free.len())
             .map(|i| (tiles[i] + blocks[i] - cells[i]).max(tiles[i]).max(cells[i]).sqrt());
-        self.free.iter().copied().zip(told).chain(self.untold.iter().copied()).collect()
+        self.free
+            .iter()
+            .copied()
+            .zip(identified)
+            .chain(self.bound_limited.iter().copied())
+            .collect()
     }
 
     /// Variance of each value when slopes are alike within a cluster of cells.
@@ -86,7 +91,7 @@ impl Summit {
         let mut product = DMatrix::zeros(p, p);
         sums.values().for_each(|sum| product += sum * sum.transpose() * (n / (n - 1.0)));
         // The small steps are in the scatter already, as far as clusters are enough to show it.
-        (0..p).for_each(|i| product[(i, i)] = product[(i, i)].max(self.rough[i]));
+        (0..p).for_each(|i| product[(i, i)] = product[(i, i)].max(self.roughness[i]));
         let root = &self.directions * &self.inverse;
         let sandwich = &root * product * root.transpose();
         (0..p).map(|i| sandwich[(i, i)].max(0.0)).collect()
@@ -94,12 +99,12 @@ impl Summit {
 }
 
 /// Square roots of the curvatures along the directions themselves, of which none is next to nothing.
-fn scales(minus: &DMatrix<f64>, falls: &[f64]) -> Vec<f64> {
-    let own = |(i, fall): (usize, &f64)| minus[(i, i)].max(LEAST_OF_FALL * fall).sqrt();
-    falls.iter().enumerate().map(own).collect()
+fn scales(minus: &DMatrix<f64>, drop_targets: &[f64]) -> Vec<f64> {
+    let own = |(i, fall): (usize, &f64)| minus[(i, i)].max(MIN_CURVATURE_SHARE * fall).sqrt();
+    drop_targets.iter().enumerate().map(own).collect()
 }
 
-fn scaled(
+fn scaled_eigen(
     minus: &DMatrix<f64>,
     scales: &[f64],
 ) -> Option<nalgebra::SymmetricEigen<f64, nalgebra::Dyn>> {
@@ -109,18 +114,22 @@ fn scaled(
 }
 
 /// Inverse of a curvature, brought to the same scale in all directions so that they compare.
-fn inverse(minus: &DMatrix<f64>, falls: &[f64]) -> Option<DMatrix<f64>> {
-    let (p, scales) = (minus.nrows(), scales(minus, falls));
-    let mut eigen = scaled(minus, &scales)?;
-    eigen.eigenvalues.iter_mut().for_each(|v| *v = v.max(LEAST_OF_MIXED).recip());
+fn inverse(minus: &DMatrix<f64>, drop_targets: &[f64]) -> Option<DMatrix<f64>> {
+    let (p, scales) = (minus.nrows(), scales(minus, drop_targets));
+    let mut eigen = scaled_eigen(minus, &scales)?;
+    eigen.eigenvalues.iter_mut().for_each(|v| *v = v.max(MIN_CONJUGATE_EIGENVALUE).recip());
     let inverse = eigen.recompose();
     Some(DMatrix::from_fn(p, p, |i, j| inverse[(i, j)] / (scales[i] * scales[j])))
 }
 
 /// Columns that do not mix, each as long as makes the log-likelihood fall as its own place in `falls` says.
-pub(crate) fn apart(minus: &DMatrix<f64>, falls: &[f64]) -> Option<DMatrix<f64>> {
-    let (p, scales) = (falls.len(), scales(minus, falls));
-    let eigen = scaled(minus, &scales)?;
-    let far = |k: usize| (2.0 * falls[k] / eigen.eigenvalues[k].max(LEAST_CURVATURE)).sqrt();
+pub(crate) fn conjugate_directions(
+    minus: &DMatrix<f64>,
+    drop_targets: &[f64],
+) -> Option<DMatrix<f64>> {
+    let (p, scales) = (drop_targets.len(), scales(minus, drop_targets));
+    let eigen = scaled_eigen(minus, &scales)?;
+    let far =
+        |k: usize| (2.0 * drop_targets[k] / eigen.eigenvalues[k].max(MIN_SCALED_EIGENVALUE)).sqrt();
     Some(DMatrix::from_fn(p, p, |l, k| eigen.eigenvectors[(l, k)] * far(k) / scales[l]))
 }

@@ -1,25 +1,25 @@
 //! What pixels of several kinds score, of which it is not known which is which.
 
-use crate::diagnose::model::likelihood_profile::{Curve, scored};
-use crate::diagnose::model::score_grid::Place;
-use crate::diagnose::{Evidence, Hypothesis, Kind, Mixture, PixelEvidence};
+use crate::diagnose::model::likelihood_profile::{LikelihoodProfile, score_profile};
+use crate::diagnose::model::score_grid::PixelScoreGrid;
+use crate::diagnose::{Evidence, Hypothesis, PixelEvidence, PixelMixture, PixelStratum};
 use crate::predict::{Bends, BlockScore, Light, score_pixel};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// The kind of each pixel that its training blocks speak for most.
-pub(crate) fn kinds_of_pixels(evidence: &Evidence, hypothesis: &Hypothesis) -> Vec<Kind> {
-    let kinds = hypothesis.kinds();
+pub(crate) fn strata_of_pixels(evidence: &Evidence, hypothesis: &Hypothesis) -> Vec<PixelStratum> {
+    let mixture = hypothesis.pixel_mixture();
     let of = |pixel: &PixelEvidence| {
-        if let Some(known) = hypothesis.known_kind(pixel, &kinds) {
+        if let Some(known) = hypothesis.known_stratum(pixel, &mixture) {
             return known;
         }
-        let mut seen = Seen::new(evidence, pixel, Vec::new());
-        let mut by_value = seen.by_value(hypothesis, &kinds);
+        let mut scorer = PixelScorer::new(evidence, pixel, Vec::new());
+        let mut by_value = scorer.profile_scores(hypothesis, &mixture);
         for block in (0..evidence.blocks.n()).filter(|b| !evidence.is_held_out(pixel.tile, *b)) {
             by_value.add(block);
         }
-        kinds.best(&by_value.logs())
+        mixture.most_likely(&by_value.logs())
     };
     evidence.pixels.par_iter().map(of).collect()
 }
@@ -28,25 +28,25 @@ impl Hypothesis {
     /// The kinds of pixel that a mixture effect tells apart; one kind without such, and where each pixel is taken
     /// to be of a known one.
     #[must_use]
-    pub fn kinds(&self) -> Mixture {
-        if self.pinned.is_some() {
-            return Mixture::alike();
+    pub fn pixel_mixture(&self) -> PixelMixture {
+        if self.pinned_strata.is_some() {
+            return PixelMixture::single_stratum();
         }
         let mut effects = self.effects.iter().enumerate();
         match effects.find_map(|(index, effect)| Some((index, effect.mixture?))) {
             Some((index, mixture)) => mixture(self, index),
-            None => Mixture::alike(),
+            None => PixelMixture::single_stratum(),
         }
     }
 
     /// The kind of a pixel, where that is no question.
-    fn known_kind(&self, pixel: &PixelEvidence, kinds: &Mixture) -> Option<Kind> {
-        self.pinned_kind(pixel).or_else(|| kinds.only())
+    fn known_stratum(&self, pixel: &PixelEvidence, mixture: &PixelMixture) -> Option<PixelStratum> {
+        self.pinned_stratum(pixel).or_else(|| mixture.single())
     }
 }
 
 /// A pixel with the signal that the last hypothesis made of it.
-pub(crate) struct Seen<'a> {
+pub(crate) struct PixelScorer<'a> {
     evidence: &'a Evidence,
     pixel: &'a PixelEvidence,
     signal: Vec<f32>,
@@ -54,7 +54,7 @@ pub(crate) struct Seen<'a> {
     of: Option<Hypothesis>,
 }
 
-impl<'a> Seen<'a> {
+impl<'a> PixelScorer<'a> {
     /// `signal` is memory to use.
     pub(crate) fn new(evidence: &'a Evidence, pixel: &'a PixelEvidence, signal: Vec<f32>) -> Self {
         Self { evidence, pixel, signal, bends: Bends::default(), of: None }
@@ -66,53 +66,68 @@ impl<'a> Seen<'a> {
     }
 
     /// The pixel's scores, whatever its kind.
-    pub(crate) fn scores(&mut self, hypothesis: &Hypothesis, kinds: &Mixture) -> Vec<BlockScore> {
-        if let Some(known) = hypothesis.known_kind(self.pixel, kinds) {
-            return self.of_kind(hypothesis, known);
+    pub(crate) fn scores(
+        &mut self,
+        hypothesis: &Hypothesis,
+        mixture: &PixelMixture,
+    ) -> Vec<BlockScore> {
+        if let Some(known) = hypothesis.known_stratum(self.pixel, mixture) {
+            return self.score_stratum(hypothesis, known);
         }
-        let by_value = self.by_value(hypothesis, kinds);
+        let by_value = self.profile_scores(hypothesis, mixture);
         let tile = self.pixel.tile;
-        mix(kinds, by_value, |block| self.evidence.is_held_out(tile, block))
+        mix(mixture, by_value, |block| self.evidence.is_held_out(tile, block))
     }
 
     /// The scores by the value that is given for both polarities.
-    fn by_value<'k>(&mut self, hypothesis: &'k Hypothesis, kinds: &'k Mixture) -> ByValue<'k> {
-        let held = hypothesis.held.as_ref();
-        let held = held.and_then(|held| Some((held.is_near, held.place(self.pixel)?)));
-        let mut score = |i: usize| self.of_kind(hypothesis, kinds.at(i));
+    fn profile_scores<'k>(
+        &mut self,
+        hypothesis: &'k Hypothesis,
+        mixture: &'k PixelMixture,
+    ) -> ProfileScores<'k> {
+        let held = hypothesis.shared_grid.as_ref();
+        let held = held.and_then(|held| Some((held.is_near, held.grid_of(self.pixel)?)));
+        let mut score = |i: usize| self.score_stratum(hypothesis, mixture.at(i));
         if let Some((is_near, place)) = held {
             let kept = |i: usize| is_near.then(|| place.far[i].clone()).flatten();
-            let scored = place.curve.scored().iter().enumerate();
+            let scored = place.profile.scored().iter().enumerate();
             let scores = scored.map(|(i, value)| kept(i).unwrap_or_else(|| score(*value)));
-            return ByValue::new(Cow::Borrowed(&place.curve), scores.collect());
+            return ProfileScores::new(Cow::Borrowed(&place.profile), scores.collect());
         }
-        if kinds.is_even() && hypothesis.is_fine {
-            let (curve, scores) = scored(kinds.n(), score);
-            return ByValue::new(Cow::Owned(curve), scores);
+        if mixture.is_continuous() && hypothesis.uses_fine_grid {
+            let (profile, scores) = score_profile(mixture.n(), score);
+            return ProfileScores::new(Cow::Owned(profile), scores);
         }
-        let curve = kinds.coarse();
-        ByValue::new(Cow::Borrowed(curve), curve.scored().iter().copied().map(score).collect())
+        let profile = mixture.coarse_profile();
+        ProfileScores::new(
+            Cow::Borrowed(profile),
+            profile.scored().iter().copied().map(score).collect(),
+        )
     }
 
     /// Where a hypothesis scores the pixel.
-    pub(crate) fn place(&mut self, hypothesis: &Hypothesis, kinds: &Mixture) -> Place {
-        let ByValue { curve, scores, .. } = self.by_value(hypothesis, kinds);
-        Place::new(curve.into_owned(), scores)
+    pub(crate) fn score_grid(
+        &mut self,
+        hypothesis: &Hypothesis,
+        mixture: &PixelMixture,
+    ) -> PixelScoreGrid {
+        let ProfileScores { profile, scores, .. } = self.profile_scores(hypothesis, mixture);
+        PixelScoreGrid::new(profile.into_owned(), scores)
     }
 
-    fn of_kind(&mut self, hypothesis: &Hypothesis, kind: Kind) -> Vec<BlockScore> {
-        if hypothesis.leaves_light(self.pixel) {
-            let view = hypothesis.view_with(self.evidence, self.pixel, kind, Vec::new());
+    fn score_stratum(&mut self, hypothesis: &Hypothesis, stratum: PixelStratum) -> Vec<BlockScore> {
+        if hypothesis.leaves_light_unchanged(self.pixel) {
+            let view = hypothesis.view_with(self.evidence, self.pixel, stratum, Vec::new());
             let (signal, bends) = (&self.pixel.light, Some(self.pixel.bends()));
             let light = Light { signal, bends, ..view.light() };
             return score_pixel(&view.law, light, &self.pixel.spikes, &self.evidence.blocks);
         }
         let signal = std::mem::take(&mut self.signal);
-        let view = if self.of.as_ref().is_some_and(|of| of.has_signal_of(hypothesis)) {
-            hypothesis.view_with(self.evidence, self.pixel, kind, signal)
+        let view = if self.of.as_ref().is_some_and(|of| of.has_same_signal(hypothesis)) {
+            hypothesis.view_with(self.evidence, self.pixel, stratum, signal)
         } else {
             self.of = Some(hypothesis.clone());
-            let view = hypothesis.view(self.evidence, self.pixel, kind, signal);
+            let view = hypothesis.view(self.evidence, self.pixel, stratum, signal);
             self.bends.set(view.light());
             view
         };
@@ -124,18 +139,18 @@ impl<'a> Seen<'a> {
 }
 
 /// What a pixel scores by its value, added up over some blocks.
-struct ByValue<'a> {
-    curve: Cow<'a, Curve>,
+struct ProfileScores<'a> {
+    profile: Cow<'a, LikelihoodProfile>,
     /// Of each value that was scored, by block.
     scores: Vec<Vec<BlockScore>>,
     /// Sums over blocks, On and Off, of each value that was scored.
     sums: [Vec<f64>; 2],
 }
 
-impl<'a> ByValue<'a> {
-    fn new(curve: Cow<'a, Curve>, scores: Vec<Vec<BlockScore>>) -> Self {
+impl<'a> ProfileScores<'a> {
+    fn new(profile: Cow<'a, LikelihoodProfile>, scores: Vec<Vec<BlockScore>>) -> Self {
         let sums = [vec![0.0; scores.len()], vec![0.0; scores.len()]];
-        Self { curve, scores, sums }
+        Self { profile, scores, sums }
     }
 
     fn add(&mut self, block: usize) {
@@ -148,24 +163,24 @@ impl<'a> ByValue<'a> {
 
     /// Of every value what was added up, On and Off.
     fn logs(&self) -> [Vec<f64>; 2] {
-        self.sums.each_ref().map(|sums| self.curve.at_all(sums))
+        self.sums.each_ref().map(|sums| self.profile.interpolate(sums))
     }
 }
 
 /// The scores of a pixel of unknown kind: its training blocks weigh the kinds, one after another,
 /// and the held-out blocks are then predicted with those weights. They stand as scores of On.
 fn mix(
-    kinds: &Mixture,
-    mut by_value: ByValue<'_>,
+    mixture: &PixelMixture,
+    mut by_value: ProfileScores<'_>,
     is_held_out: impl Fn(usize) -> bool,
 ) -> Vec<BlockScore> {
     let n_blocks = by_value.scores.first().map_or(0, Vec::len);
-    let mut before = kinds.ln_likelihood(&by_value.logs());
+    let mut before = mixture.ln_likelihood(&by_value.logs());
     let mut mixed = vec![BlockScore::default(); n_blocks];
     for held_out in [false, true] {
         for block in (0..n_blocks).filter(|&block| is_held_out(block) == held_out) {
             by_value.add(block);
-            let now = kinds.ln_likelihood(&by_value.logs());
+            let now = mixture.ln_likelihood(&by_value.logs());
             let n_events = by_value.scores[0][block].n_events;
             mixed[block] = BlockScore { on_off: [now - before, 0.0], n_events };
             before = now;
@@ -185,8 +200,11 @@ mod tests {
         let by_value =
             vec![vec![score(0.0, 4.0); 2], vec![score(1.0, 1.0); 2], vec![score(4.0, 0.0); 2]];
         for (is_one, best) in [(true, 3.891), (false, 7.787)] {
-            let by_value = ByValue::new(Cow::Owned(Curve::of(3, 1)), by_value.clone());
-            let mixed = mix(&Mixture::of_three(is_one), by_value, |block| block == 1);
+            let by_value = ProfileScores::new(
+                Cow::Owned(LikelihoodProfile::every_nth(3, 1)),
+                by_value.clone(),
+            );
+            let mixed = mix(&PixelMixture::of_three(is_one), by_value, |block| block == 1);
             assert!(mixed[0].log_likelihood() < mixed[1].log_likelihood(), "{mixed:?}");
             assert!((mixed[1].log_likelihood() - best).abs() < 0.01, "{is_one}: {mixed:?}");
         }

@@ -1,17 +1,17 @@
 //! A model of the recording: nuisances and effects with their values, and what it makes of a pixel.
 
-use super::image_pose::Placing;
-use super::library::{Candidate, Freed, Parameter, Stage};
+use super::image_pose::ImagePose;
+use super::library::{CandidateEffect, EffectParameter, FreedNuisance, SignalStage};
 use super::nuisance::{N_NUISANCES, Nuisance};
-use super::sampled_sine::height_for_lines;
-use super::score_grid::{Held, Pinned};
-use crate::diagnose::{Evidence, Kind, PixelEvidence};
+use super::sampled_sine::interpolation_gain;
+use super::score_grid::{HeldGrid, PinnedStrata};
+use crate::diagnose::{Evidence, PixelEvidence, PixelStratum};
 use crate::predict::{Light, PixelLaw};
 use evrig_core::geometry::Rectangle;
 
 /// What a hypothesis makes of one pixel: its light after all that filters it, its law, its clock.
 #[derive(Debug)]
-pub struct View<'a> {
+pub struct PredictedPixel<'a> {
     /// All that is looked at.
     pub evidence: &'a Evidence,
     /// The pixel.
@@ -26,7 +26,7 @@ pub struct View<'a> {
     pub step_us: f64,
 }
 
-impl View<'_> {
+impl PredictedPixel<'_> {
     /// The light as the predictor takes it.
     #[must_use]
     pub fn light(&self) -> Light<'_> {
@@ -39,7 +39,7 @@ impl View<'_> {
     /// swing by one. Counted from the middle, the phase hardly depends on the frequency.
     pub fn swing(&self, hz: f64, phase: f64) -> impl Iterator<Item = f64> + use<> {
         let turn = std::f64::consts::TAU * hz * self.step_s();
-        let (n, height) = (self.signal.len(), height_for_lines(turn));
+        let (n, height) = (self.signal.len(), interpolation_gain(turn));
         (0..n).map(move |i| height * (turn * (i as f64 - 0.5 * n as f64) + phase).sin())
     }
 
@@ -50,13 +50,13 @@ impl View<'_> {
     }
 
     /// The light from where it really comes.
-    pub(crate) fn displace(&mut self, placing: Placing) {
-        if placing == Placing::default() {
+    pub(crate) fn displace(&mut self, pose: ImagePose) {
+        if pose == ImagePose::default() {
             return;
         }
         let pixel = self.pixel;
         let place = [f64::from(pixel.x) + 0.5, f64::from(pixel.y) + 0.5];
-        let seen = placing.seen_at(place, self.evidence.middle);
+        let seen = pose.source_of(place, self.evidence.middle);
         let [dx, dy] = [0, 1].map(|i| (seen[i] - place[i]) as f32);
         let [gx, gy] = &pixel.gradient;
         for ((signal, gx), gy) in self.signal.iter_mut().zip(gx).zip(gy) {
@@ -81,7 +81,7 @@ impl View<'_> {
 #[derive(Debug, Clone)]
 pub struct Hypothesis {
     /// Effects beyond the baseline, in the order in which they were taken.
-    pub effects: Vec<&'static Candidate>,
+    pub effects: Vec<&'static CandidateEffect>,
     /// Where each effect acts; everywhere without a region.
     pub regions: Vec<Option<Rectangle>>,
     /// The nuisances' values, then those of each effect's own parameters, as they are fitted.
@@ -92,41 +92,41 @@ pub struct Hypothesis {
     pub steps: Vec<f64>,
     /// Whether a pixel's own threshold is scored as finely as its events tell it. A search goes by the
     /// coarse score, which is smooth: slopes lead to its summit.
-    pub is_fine: bool,
+    pub uses_fine_grid: bool,
     /// Where pixels of unknown kind are scored; by its own values without.
-    pub(crate) held: Option<Held>,
+    pub(crate) shared_grid: Option<HeldGrid>,
     /// The kinds that pixels of unknown kind are taken to be, where they are.
-    pub(crate) pinned: Option<Pinned>,
+    pub(crate) pinned_strata: Option<PinnedStrata>,
 }
 
 impl Hypothesis {
     /// Nuisances alone, at their ordinary values.
     #[must_use]
     pub fn baseline(evidence: &Evidence) -> Self {
-        let ordinary = Nuisance::ALL.map(|nuisance| nuisance.ordinary(&evidence.facts));
+        let prior = Nuisance::ALL.map(|nuisance| nuisance.prior(&evidence.facts));
         Self {
             effects: Vec::new(),
             regions: Vec::new(),
-            values: ordinary.iter().map(|o| o.start).collect(),
-            ranges: ordinary.iter().map(|o| o.range).collect(),
-            steps: ordinary.iter().map(|o| o.step).collect(),
-            is_fine: false,
-            held: None,
-            pinned: None,
+            values: prior.iter().map(|o| o.start).collect(),
+            ranges: prior.iter().map(|o| o.range).collect(),
+            steps: prior.iter().map(|o| o.step).collect(),
+            uses_fine_grid: false,
+            shared_grid: None,
+            pinned_strata: None,
         }
     }
 
     /// With one more effect, whose own parameters start at `start`, in their fitted coordinates.
     /// An effect that is a nuisance out of range frees the nuisance instead.
     #[must_use]
-    pub fn with(&self, effect: &'static Candidate, start: &[f64]) -> Self {
+    pub fn with(&self, effect: &'static CandidateEffect, start: &[f64]) -> Self {
         let mut other = self.clone();
-        for (freed, value) in effect.frees.iter().zip(start) {
+        for (freed, value) in effect.freed.iter().zip(start) {
             let index = freed.nuisance as usize;
             other.ranges[index] = freed.range;
             other.values[index] = *value;
         }
-        if effect.frees.is_empty() {
+        if effect.freed.is_empty() {
             for (parameter, value) in effect.parameters.iter().zip(start) {
                 other.values.push(*value);
                 other.ranges.push(parameter.fitted_range());
@@ -141,17 +141,17 @@ impl Hypothesis {
     /// With one more effect that acts in a region only. A nuisance that the effect frees stays ordinary
     /// elsewhere; in the region its own value takes the place.
     #[must_use]
-    pub(crate) fn with_in(
+    pub(crate) fn with_effect_in(
         &self,
-        effect: &'static Candidate,
+        effect: &'static CandidateEffect,
         start: &[f64],
         region: Option<Rectangle>,
     ) -> Self {
         let mut other = self.with(effect, start);
-        if region.is_some() && !effect.frees.is_empty() {
+        if region.is_some() && !effect.freed.is_empty() {
             other.values = self.values.iter().chain(start).copied().collect();
             other.ranges.clone_from(&self.ranges);
-            for freed in effect.frees {
+            for freed in effect.freed {
                 other.ranges.push(freed.range);
                 other.steps.push(self.steps[freed.nuisance as usize]);
             }
@@ -164,10 +164,14 @@ impl Hypothesis {
 
     /// An effect's parameters by key, with what follows from them.
     #[must_use]
-    pub(crate) fn told(&self, evidence: &Evidence, index: usize) -> Vec<(&'static str, f64)> {
+    pub(crate) fn named_parameters(
+        &self,
+        evidence: &Evidence,
+        index: usize,
+    ) -> Vec<(&'static str, f64)> {
         let (effect, values) = (self.effects[index], self.parameters_of(index));
-        if effect.frees.is_empty() {
-            effect.told(evidence, &values)
+        if effect.freed.is_empty() {
+            effect.named_parameters(evidence, &values)
         } else {
             effect.id.parameters().iter().copied().zip(values).collect()
         }
@@ -176,14 +180,14 @@ impl Hypothesis {
     /// The fitted values of an effect's parameters, or of the nuisances that it frees.
     #[must_use]
     pub(crate) fn fitted_values(&self, index: usize) -> Vec<f64> {
-        self.places_of(index).into_iter().map(|at| self.values[at]).collect()
+        self.value_indices(index).into_iter().map(|at| self.values[at]).collect()
     }
 
     /// Where these values are.
     #[must_use]
-    pub(crate) fn places_of(&self, index: usize) -> Vec<usize> {
+    pub(crate) fn value_indices(&self, index: usize) -> Vec<usize> {
         match self.n_own(index) {
-            0 => self.effects[index].frees.iter().map(|freed| freed.nuisance as usize).collect(),
+            0 => self.effects[index].freed.iter().map(|freed| freed.nuisance as usize).collect(),
             n => (self.offset_of(index)..).take(n).collect(),
         }
     }
@@ -191,7 +195,7 @@ impl Hypothesis {
     /// How many values an effect has of its own.
     fn n_own(&self, index: usize) -> usize {
         let effect = self.effects[index];
-        match effect.frees.len() {
+        match effect.freed.len() {
             0 => effect.parameters.len(),
             n if self.regions[index].is_some() => n,
             _ => 0,
@@ -200,9 +204,9 @@ impl Hypothesis {
 
     /// Nuisances as they are where an effect acts, out of a hypothesis's values.
     #[must_use]
-    pub(crate) fn nuisances_under(&self, index: usize, values: &[f64]) -> Vec<f64> {
+    pub(crate) fn nuisances_with(&self, index: usize, values: &[f64]) -> Vec<f64> {
         let mut there = values[..N_NUISANCES].to_vec();
-        for (freed, at) in self.effects[index].frees.iter().zip(self.places_of(index)) {
+        for (freed, at) in self.effects[index].freed.iter().zip(self.value_indices(index)) {
             there[freed.nuisance as usize] = values[at];
         }
         there
@@ -213,7 +217,7 @@ impl Hypothesis {
         let mut there = self.values[..N_NUISANCES].to_vec();
         for (index, effect) in self.effects.iter().enumerate() {
             if self.regions[index].is_some_and(|region| region.contains(x, y)) {
-                for (freed, at) in effect.frees.iter().zip(self.places_of(index)) {
+                for (freed, at) in effect.freed.iter().zip(self.value_indices(index)) {
                     there[freed.nuisance as usize] = self.values[at];
                 }
             }
@@ -231,7 +235,7 @@ impl Hypothesis {
 
     /// The same hypothesis with a parameter so many times as large, within its range.
     #[must_use]
-    pub(crate) fn scaled(&self, at: usize, parameter: &Parameter, times: f64) -> Self {
+    pub(crate) fn scaled(&self, at: usize, parameter: &EffectParameter, times: f64) -> Self {
         let mut other = self.clone();
         let [low, high] = other.ranges[at];
         let there = times * parameter.from_fitted(other.values[at]);
@@ -272,12 +276,12 @@ impl Hypothesis {
     #[must_use]
     pub fn parameters_of(&self, index: usize) -> Vec<f64> {
         let effect = self.effects[index];
-        if effect.frees.is_empty() {
+        if effect.freed.is_empty() {
             let at = self.offset_of(index);
             let own = effect.parameters.iter().zip(&self.values[at..]);
             own.map(|(parameter, value)| parameter.from_fitted(*value)).collect()
         } else {
-            (effect.report)(&self.nuisances_under(index, &self.values))
+            (effect.report_freed)(&self.nuisances_with(index, &self.values))
         }
     }
 
@@ -293,16 +297,16 @@ impl Hypothesis {
         &self,
         evidence: &'a Evidence,
         pixel: &'a PixelEvidence,
-        kind: Kind,
+        stratum: PixelStratum,
         mut signal: Vec<f32>,
-    ) -> View<'a> {
+    ) -> PredictedPixel<'a> {
         signal.clear();
         signal.extend_from_slice(&pixel.light);
         let mut view = self.bare(evidence, pixel, signal);
         let nuisances = self.nuisances_at(pixel.x, pixel.y);
         view.blur(nuisances[Nuisance::BlurPx2 as usize]);
-        view.displace(Placing::of(&nuisances));
-        self.act(&mut view, kind, &Stage::ALL);
+        view.displace(ImagePose::of(&nuisances));
+        self.apply(&mut view, stratum, &SignalStage::ALL);
         view
     }
 
@@ -311,27 +315,28 @@ impl Hypothesis {
         &self,
         evidence: &'a Evidence,
         pixel: &'a PixelEvidence,
-        kind: Kind,
+        stratum: PixelStratum,
         signal: Vec<f32>,
-    ) -> View<'a> {
+    ) -> PredictedPixel<'a> {
         let mut view = self.bare(evidence, pixel, signal);
-        self.act(&mut view, kind, &Stage::BEHIND_SIGNAL);
+        self.apply(&mut view, stratum, &SignalStage::AFTER_SIGNAL);
         view
     }
 
     /// Whether a pixel compares its light as it is, whatever its law and its clock.
-    pub(crate) fn leaves_light(&self, pixel: &PixelEvidence) -> bool {
-        let is_behind = |effect: &&Candidate| Stage::BEHIND_SIGNAL.contains(&effect.stage);
+    pub(crate) fn leaves_light_unchanged(&self, pixel: &PixelEvidence) -> bool {
+        let is_behind =
+            |effect: &&CandidateEffect| SignalStage::AFTER_SIGNAL.contains(&effect.stage);
         self.effects.iter().all(is_behind) && {
             let nuisances = self.nuisances_at(pixel.x, pixel.y);
             nuisances[Nuisance::BlurPx2 as usize] == 0.0
-                && Placing::of(&nuisances) == Placing::default()
+                && ImagePose::of(&nuisances) == ImagePose::default()
         }
     }
 
     /// Whether another hypothesis makes the same signal of every pixel; their laws and clocks may
     /// differ.
-    pub(crate) fn has_signal_of(&self, other: &Self) -> bool {
+    pub(crate) fn has_same_signal(&self, other: &Self) -> bool {
         let is_same_set = self.effects.len() == other.effects.len()
             && self.regions == other.regions
             && self.effects.iter().zip(&other.effects).all(|(a, b)| std::ptr::eq(*a, *b));
@@ -339,23 +344,23 @@ impl Hypothesis {
             return false;
         }
         let same = |i: usize| self.values[i] == other.values[i];
-        let sees = |nuisance: &Nuisance| {
-            *nuisance == Nuisance::BlurPx2 || Placing::NUISANCES.contains(nuisance)
+        let affects_signal = |nuisance: &Nuisance| {
+            *nuisance == Nuisance::BlurPx2 || ImagePose::NUISANCES.contains(nuisance)
         };
-        let mut seeing = Nuisance::ALL.into_iter().filter(sees);
+        let mut seeing = Nuisance::ALL.into_iter().filter(affects_signal);
         if !seeing.all(|n| same(n as usize)) {
             return false;
         }
         // A drift is counted in thresholds.
-        let drifts = self.effects.iter().any(|effect| effect.stage == Stage::Drift);
+        let drifts = self.effects.iter().any(|effect| effect.stage == SignalStage::Drift);
         if drifts && !(same(Nuisance::LogTheta as usize) && same(Nuisance::LogRatio as usize)) {
             return false;
         }
         self.effects.iter().enumerate().all(|(index, effect)| {
-            let frees_sight = |freed: &Freed| sees(&freed.nuisance);
-            let is_behind = Stage::BEHIND_SIGNAL.contains(&effect.stage);
-            let is_behind = is_behind && !drifts && !effect.frees.iter().any(frees_sight);
-            is_behind || self.places_of(index).into_iter().all(same)
+            let frees_it = |freed: &FreedNuisance| affects_signal(&freed.nuisance);
+            let is_behind = SignalStage::AFTER_SIGNAL.contains(&effect.stage);
+            let is_behind = is_behind && !drifts && !effect.freed.iter().any(frees_it);
+            is_behind || self.value_indices(index).into_iter().all(same)
         })
     }
 
@@ -364,12 +369,12 @@ impl Hypothesis {
         evidence: &'a Evidence,
         pixel: &'a PixelEvidence,
         signal: Vec<f32>,
-    ) -> View<'a> {
+    ) -> PredictedPixel<'a> {
         let own = [evidence.start_us, evidence.step_us];
-        let stated = evidence.facts.clocks.map(|tied| tied.as_stated(own, evidence.seconds()));
+        let stated = evidence.facts.clock_tie.map(|tied| tied.as_stated(own, evidence.seconds()));
         let [start_us, step_us] = stated.unwrap_or(own);
         let nuisances = self.nuisances_at(pixel.x, pixel.y);
-        View {
+        PredictedPixel {
             evidence,
             pixel,
             // Stamps that were spread over a grid's steps scatter evenly over one.
@@ -383,13 +388,13 @@ impl Hypothesis {
         }
     }
 
-    fn act(&self, view: &mut View<'_>, kind: Kind, stages: &[Stage]) {
+    fn apply(&self, view: &mut PredictedPixel<'_>, stratum: PixelStratum, stages: &[SignalStage]) {
         for stage in stages {
             for (index, effect) in self.effects.iter().enumerate() {
                 let place = (view.pixel.x, view.pixel.y);
                 let is_here = self.regions[index].is_none_or(|r| r.contains(place.0, place.1));
-                if is_here && effect.stage == *stage && effect.frees.is_empty() {
-                    (effect.act)(&self.parameters_of(index), kind, view);
+                if is_here && effect.stage == *stage && effect.freed.is_empty() {
+                    (effect.apply)(&self.parameters_of(index), stratum, view);
                 }
             }
         }
@@ -414,8 +419,8 @@ fn law(values: &[f64]) -> PixelLaw {
         shot_speed_per_s: 0.0,
         background_on_hz: value(Nuisance::LogBackgroundOn).exp(),
         background_off_hz: value(Nuisance::LogBackgroundOff).exp(),
-        background_memorised: value(Nuisance::BackgroundMemorised),
-        noise_memorised: value(Nuisance::NoiseMemorised),
+        background_memorised: value(Nuisance::BackgroundResetsReference),
+        noise_memorised: value(Nuisance::NoiseInReference),
         blind_s: 0.0,
         masked_s: 0.0,
         drop_fraction: 0.0,

@@ -33,12 +33,12 @@ mod vibration;
 mod vignetting;
 
 use super::nuisance::Nuisance;
-use crate::diagnose::{Evidence, Hypothesis, Kind, Mixture, View};
+use crate::diagnose::{Evidence, Hypothesis, PixelMixture, PixelStratum, PredictedPixel};
 use evrig_core::effect_id::EffectId;
 
 /// Where in the chain an effect acts; earlier stages act first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
+pub enum SignalStage {
     /// On the light before the pixel.
     Light,
     /// In the photoreceptor.
@@ -51,17 +51,17 @@ pub enum Stage {
     Clock,
 }
 
-impl Stage {
+impl SignalStage {
     pub(crate) const ALL: [Self; 5] =
         [Self::Light, Self::Receptor, Self::Drift, Self::Law, Self::Clock];
 
     /// Those that leave the signal as it is.
-    pub(crate) const BEHIND_SIGNAL: [Self; 2] = [Self::Law, Self::Clock];
+    pub(crate) const AFTER_SIGNAL: [Self; 2] = [Self::Law, Self::Clock];
 }
 
 /// A parameter of an effect.
 #[derive(Debug, Clone, Copy)]
-pub struct Parameter {
+pub struct EffectParameter {
     /// Its key, with the unit in it.
     pub key: &'static str,
     /// Least and greatest value.
@@ -76,7 +76,7 @@ pub struct Parameter {
     pub step: f64,
 }
 
-impl Parameter {
+impl EffectParameter {
     const fn log(key: &'static str, range: [f64; 2]) -> Self {
         Self { key, range, is_log: true, is_fixed: false, is_hidden: false, step: 0.02 }
     }
@@ -120,7 +120,7 @@ impl Parameter {
 
 /// A nuisance that an effect lets out of its ordinary range.
 #[derive(Debug, Clone, Copy)]
-pub struct Freed {
+pub struct FreedNuisance {
     /// Which.
     pub nuisance: Nuisance,
     /// The range it gets, in its fitted coordinate.
@@ -128,11 +128,11 @@ pub struct Freed {
 }
 
 /// Parameters by key that follow from an effect's own.
-pub type Derived = fn(&Evidence, &[f64]) -> Vec<(&'static str, f64)>;
+pub type DerivedParameters = fn(&Evidence, &[f64]) -> Vec<(&'static str, f64)>;
 
 /// An effect of the library: its equation, what it does to a prediction, what it is taken for.
 #[derive(Debug)]
-pub struct Candidate {
+pub struct CandidateEffect {
     /// Its name everywhere.
     pub id: EffectId,
     /// Its governing equation.
@@ -140,55 +140,59 @@ pub struct Candidate {
     /// Where the equation stands.
     pub source: &'static str,
     /// Where it acts.
-    pub stage: Stage,
+    pub stage: SignalStage,
     /// Its own parameters; those of a freed nuisance are only reported.
-    pub parameters: &'static [Parameter],
+    pub parameters: &'static [EffectParameter],
     /// The nuisances it lets out of their ordinary range.
-    pub frees: &'static [Freed],
+    pub freed: &'static [FreedNuisance],
     /// Values of its parameters (or freed nuisances, in fitted coordinates) to start a fit from.
-    pub starts: fn(&Evidence) -> Vec<Vec<f64>>,
+    pub starting_points: fn(&Evidence) -> Vec<Vec<f64>>,
     /// What it does to a pixel, given its parameters and the pixel's kind.
-    pub act: fn(&[f64], Kind, &mut View<'_>),
+    pub apply: fn(&[f64], PixelStratum, &mut PredictedPixel<'_>),
     /// The kinds of pixel it tells apart, given its number in a hypothesis.
-    pub mixture: Option<fn(&Hypothesis, usize) -> Mixture>,
+    pub mixture: Option<fn(&Hypothesis, usize) -> PixelMixture>,
     /// Its parameters out of a hypothesis's values, for an effect that frees nuisances.
-    pub report: fn(&[f64]) -> Vec<f64>,
+    pub report_freed: fn(&[f64]) -> Vec<f64>,
     /// Parameters that follow from its own, by key: what is fitted is not always what is asked.
-    pub derived: Derived,
+    pub derived: DerivedParameters,
     /// Effects it is taken for.
-    pub rivals: &'static [EffectId],
+    pub competing: &'static [EffectId],
     /// Effects that no events alone can tell from it.
-    pub same: &'static [EffectId],
+    pub inseparable: &'static [EffectId],
     /// Effects whose law is the very same for some of their values.
-    pub twins: &'static [EffectId],
+    pub same_law: &'static [EffectId],
     /// Whether it shows in pixels that have no events only: what is judged behind events does not see it.
-    pub is_silent: bool,
+    pub acts_on_silent_pixels: bool,
     /// What separates it from its rivals: what to record.
-    pub splitter: &'static str,
+    pub separating_recording: &'static str,
     /// Why it cannot be judged from this evidence.
-    pub needs: fn(&Evidence) -> Result<(), String>,
+    pub requires: fn(&Evidence) -> Result<(), String>,
     /// Where the clocks' offset lies when the effect has these parameters and the tie of the clocks
     /// holds in the middle; none where the effect is no matter of them.
     pub offset_us: fn(&Evidence, &[f64]) -> Option<f64>,
     /// Nuisances that may have stood in for it, and where they begin beside it, in their fitted coordinates.
-    pub stand_ins: &'static [(Nuisance, f64)],
+    pub nuisance_resets: &'static [(Nuisance, f64)],
     /// By how much greater the logarithm of the thresholds begins beside it where those do not stand in: what
     /// makes a pixel fire by itself is taken for thresholds that are low.
-    pub raises: &'static [f64],
+    pub theta_raises: &'static [f64],
     /// Standard error of what its first parameter is measured against, in the parameter's unit: what a
     /// session states of its clocks is known no better.
-    pub against: fn(&Evidence) -> f64,
+    pub reference_error: fn(&Evidence) -> f64,
     /// Whether the signature that belongs to it is in the events, given its parameters; a gain
     /// without it does not name the effect.
-    pub agrees: fn(&Evidence, &[f64]) -> bool,
+    pub has_signature: fn(&Evidence, &[f64]) -> bool,
     /// One sentence on what was found.
-    pub says: fn(&[f64]) -> String,
+    pub describe: fn(&[f64]) -> String,
 }
 
-impl Candidate {
+impl CandidateEffect {
     /// Its parameters as they are reported, by key, for values of its own.
     #[must_use]
-    pub fn told(&self, evidence: &Evidence, values: &[f64]) -> Vec<(&'static str, f64)> {
+    pub fn named_parameters(
+        &self,
+        evidence: &Evidence,
+        values: &[f64],
+    ) -> Vec<(&'static str, f64)> {
         let own = self.parameters.iter().zip(values).filter(|(p, _)| !p.is_hidden);
         let own = own.map(|(p, value)| (p.key, *value));
         own.chain((self.derived)(evidence, values)).collect()
@@ -196,35 +200,35 @@ impl Candidate {
 }
 
 /// Fills what most effects leave as it is.
-const PLAIN: Candidate = Candidate {
+const PLAIN: CandidateEffect = CandidateEffect {
     id: EffectId::RefractoryPeriod,
     equation: "",
     source: "",
-    stage: Stage::Law,
+    stage: SignalStage::Law,
     parameters: &[],
-    frees: &[],
-    starts: |_| Vec::new(),
-    act: |_, _, _| {},
+    freed: &[],
+    starting_points: |_| Vec::new(),
+    apply: |_, _, _| {},
     mixture: None,
-    report: |_| Vec::new(),
+    report_freed: |_| Vec::new(),
     derived: |_, _| Vec::new(),
-    rivals: &[],
-    same: &[],
-    twins: &[],
-    is_silent: false,
-    splitter: "",
-    needs: |_| Ok(()),
-    against: |_| 0.0,
-    agrees: |_, _| true,
+    competing: &[],
+    inseparable: &[],
+    same_law: &[],
+    acts_on_silent_pixels: false,
+    separating_recording: "",
+    requires: |_| Ok(()),
+    reference_error: |_| 0.0,
+    has_signature: |_, _| true,
     offset_us: |_, _| None,
-    stand_ins: &[],
-    raises: &[0.0],
-    says: |_| String::new(),
+    nuisance_resets: &[],
+    theta_raises: &[0.0],
+    describe: |_| String::new(),
 };
 
 /// Every effect that can be named but those that a census of the whole sensor counts. The last four are
 /// in no pixel's law: frames show them or nothing does.
-pub static LIBRARY: [&Candidate; 31] = [
+pub static LIBRARY: [&CandidateEffect; 31] = [
     &photoreceptor_bandwidth::CANDIDATE,
     &fixed_pole::CANDIDATE,
     &refractory_period::CANDIDATE,
@@ -272,7 +276,7 @@ fn needs_surroundings(evidence: &Evidence) -> Result<(), String> {
 }
 
 fn needs_shown(evidence: &Evidence, id: EffectId, because: &str) -> Result<(), String> {
-    if evidence.facts.frames_show.contains(&id) { Ok(()) } else { Err(because.to_owned()) }
+    if evidence.facts.testable_from_frames.contains(&id) { Ok(()) } else { Err(because.to_owned()) }
 }
 
 fn needs_span(evidence: &Evidence, seconds: f64) -> Result<(), String> {

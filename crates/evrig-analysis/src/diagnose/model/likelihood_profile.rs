@@ -6,26 +6,26 @@
 
 use crate::predict::BlockScore;
 
-/// Gaps between the values that are scored at the begin.
-const FIRST_GAPS: usize = 8;
+/// Gaps between the first scored values.
+const N_FIRST_GAPS: usize = 8;
 
-/// A log-likelihood that was foretold this well, nats, is known.
-const KNOWN: f64 = 0.1;
+/// A gap whose midpoint is predicted this well is not halved.
+const MAX_PREDICTION_ERROR_NATS: f64 = 0.1;
 
-/// A likelihood so many nats below the greatest need not be known.
-const NEGLIGIBLE: f64 = 8.0;
+/// Values this far below the maximum need no refinement.
+const NEGLIGIBLE_NATS: f64 = 8.0;
 
 /// What the score at each of some values at even steps is made of.
 #[derive(Debug, Clone)]
-pub(crate) struct Curve {
+pub(crate) struct LikelihoodProfile {
     /// Values that are scored.
     scored: Vec<usize>,
     parts: Vec<[(usize, f64); 4]>,
 }
 
-impl Curve {
+impl LikelihoodProfile {
     /// Of `n` values every so many-th of which is scored, the first and the last among them.
-    pub(crate) fn of(n: usize, every: usize) -> Self {
+    pub(crate) fn every_nth(n: usize, every: usize) -> Self {
         let scored: Vec<usize> = (0..n).step_by(every).collect();
         Self::through(&scored, &vec![true; scored.len() - 1])
     }
@@ -54,14 +54,14 @@ impl Curve {
     }
 
     /// Scores of every value, given those of the scored ones.
-    pub(crate) fn at_all(&self, scored: &[f64]) -> Vec<f64> {
+    pub(crate) fn interpolate(&self, scored: &[f64]) -> Vec<f64> {
         let sum = |part: &[(usize, f64); 4]| part.iter().map(|(i, share)| scored[*i] * share).sum();
         self.parts.iter().map(sum).collect()
     }
 }
 
 /// A value that was scored.
-struct Point {
+struct ProfilePoint {
     value: usize,
     blocks: Vec<BlockScore>,
     /// Over all blocks, On and Off.
@@ -70,7 +70,7 @@ struct Point {
     is_known: bool,
 }
 
-impl Point {
+impl ProfilePoint {
     fn new(value: usize, blocks: Vec<BlockScore>) -> Self {
         Self { value, total: total(&blocks), blocks, is_known: false }
     }
@@ -90,12 +90,12 @@ pub(crate) fn likely(totals: &[[f64; 2]], nats: f64) -> Vec<[bool; 2]> {
 
 /// Scores as many of `n` values as both polarities' courses need, which is one more than a multiple of the
 /// gaps at the begin.
-pub(crate) fn scored(
+pub(crate) fn score_profile(
     n: usize,
     mut score: impl FnMut(usize) -> Vec<BlockScore>,
-) -> (Curve, Vec<Vec<BlockScore>>) {
-    let mut point = |value: usize| Point::new(value, score(value));
-    let mut points: Vec<Point> = (0..n).step_by(n / FIRST_GAPS).map(&mut point).collect();
+) -> (LikelihoodProfile, Vec<Vec<BlockScore>>) {
+    let mut point = |value: usize| ProfilePoint::new(value, score(value));
+    let mut points: Vec<ProfilePoint> = (0..n).step_by(n / N_FIRST_GAPS).map(&mut point).collect();
     while let Some((gap, matters)) = to_halve(&points) {
         let values: Vec<usize> = points.iter().map(|point| point.value).collect();
         let middle = usize::midpoint(values[gap], values[gap + 1]);
@@ -103,7 +103,7 @@ pub(crate) fn scored(
         let parts = cubic(&values, gap, middle);
         let is_foretold = |side: usize| {
             let foretold: f64 = parts.iter().map(|(i, share)| points[*i].total[side] * share).sum();
-            (foretold - found.total[side]).abs() < KNOWN
+            (foretold - found.total[side]).abs() < MAX_PREDICTION_ERROR_NATS
         };
         found.is_known = [0, 1].into_iter().all(|side| !matters[side] || is_foretold(side));
         points[gap].is_known = found.is_known;
@@ -111,14 +111,17 @@ pub(crate) fn scored(
     }
     let (values, is_known): (Vec<usize>, Vec<bool>) =
         points.iter().map(|point| (point.value, point.is_known)).unzip();
-    (Curve::through(&values, &is_known), points.into_iter().map(|point| point.blocks).collect())
+    (
+        LikelihoodProfile::through(&values, &is_known),
+        points.into_iter().map(|point| point.blocks).collect(),
+    )
 }
 
 /// The first gap that is not known and in which either polarity's likelihood has its greatest values, or
 /// some that are not much less; and which of them have.
-fn to_halve(points: &[Point]) -> Option<(usize, [bool; 2])> {
+fn to_halve(points: &[ProfilePoint]) -> Option<(usize, [bool; 2])> {
     let totals: Vec<[f64; 2]> = points.iter().map(|point| point.total).collect();
-    let likely = likely(&totals, NEGLIGIBLE);
+    let likely = likely(&totals, NEGLIGIBLE_NATS);
     let is_open =
         |gap: &usize| !points[*gap].is_known && points[gap + 1].value > points[*gap].value + 1;
     (0..points.len() - 1)
@@ -168,13 +171,13 @@ mod tests {
     fn what_matters_of_a_likelihood_is_known_however_sharp_it_is() {
         for width in [2.0, 5.0, 12.0, 40.0, 160.0, 1e4] {
             let exact = peaked(width);
-            let (curve, scores) = scored(257, &exact);
+            let (curve, scores) = score_profile(257, &exact);
             let n_scored = scores.len();
             for side in [0, 1] {
                 let given: Vec<f64> = scores.iter().map(|blocks| blocks[0].on_off[side]).collect();
                 let expected: Vec<f64> = (0..257).map(|i| exact(i)[0].on_off[side]).collect();
                 let sum = |logs: &[f64]| logs.iter().map(|log| log.exp()).sum::<f64>().ln();
-                let (got, expected) = (sum(&curve.at_all(&given)), sum(&expected));
+                let (got, expected) = (sum(&curve.interpolate(&given)), sum(&expected));
                 assert!((got - expected).abs() < 0.03, "{width} {side}: {got} {expected}");
             }
             assert!(n_scored <= if width > 1e3 { 17 } else { 36 }, "{width}: {n_scored}");
@@ -186,10 +189,14 @@ mod tests {
         let value = |x: f64| 3.0 - 2.0 * x + 0.7 * x * x - 0.01 * x * x * x;
         let scored = [0, 2, 3, 8, 16];
         let given: Vec<f64> = scored.iter().map(|&x| value(f64::from(x))).collect();
-        let all = Curve::through(&scored.map(|x| x as usize), &[true; 4]).at_all(&given);
+        let all =
+            LikelihoodProfile::through(&scored.map(|x| x as usize), &[true; 4]).interpolate(&given);
         for (x, got) in all.iter().enumerate() {
             assert!((got - value(x as f64)).abs() < 1e-9, "{x}: {got}");
         }
-        assert_eq!(Curve::of(3, 1).at_all(&[1.0, 5.0, 2.0]), [1.0, 5.0, 2.0]);
+        assert_eq!(
+            LikelihoodProfile::every_nth(3, 1).interpolate(&[1.0, 5.0, 2.0]),
+            [1.0, 5.0, 2.0]
+        );
     }
 }

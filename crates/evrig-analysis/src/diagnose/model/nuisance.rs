@@ -1,6 +1,6 @@
 //! What every recording has and every fit has to allow for.
 
-use crate::diagnose::Facts;
+use crate::diagnose::SessionFacts;
 
 /// A quantity that is always fitted, within its ordinary range; outside, it is a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,13 +21,13 @@ pub enum Nuisance {
     /// Logarithm of how often a second the noise moves by its own scale.
     LogNoiseHz,
     /// How much of the noise that set off an event the pixel memorises with the light.
-    NoiseMemorised,
+    NoiseInReference,
     /// Logarithm of the rate of background On events, a second and pixel.
     LogBackgroundOn,
     /// Logarithm of the rate of background Off events, a second and pixel.
     LogBackgroundOff,
     /// Share of the background events at which the pixel memorises the light.
-    BackgroundMemorised,
+    BackgroundResetsReference,
     /// By how much the event camera's stamps are late against the light, microseconds.
     OffsetUs,
     /// Variance by which the event camera sees more blurred than the light's map, square pixels.
@@ -39,14 +39,14 @@ pub enum Nuisance {
     /// Real minus predicted rotation about the sensor's middle, degrees.
     RotationDeg,
     /// Real over predicted size, less one.
-    Growth,
+    ScaleChange,
 }
 
 /// How many there are.
 pub(crate) const N_NUISANCES: usize = 17;
 
 /// Start, ordinary range and step of a difference quotient.
-pub(crate) struct Ordinary {
+pub(crate) struct PriorRange {
     pub(crate) start: f64,
     pub(crate) range: [f64; 2],
     pub(crate) step: f64,
@@ -62,16 +62,16 @@ impl Nuisance {
         Self::NoiseExponent,
         Self::LogNoiseAtRest,
         Self::LogNoiseHz,
-        Self::NoiseMemorised,
+        Self::NoiseInReference,
         Self::LogBackgroundOn,
         Self::LogBackgroundOff,
-        Self::BackgroundMemorised,
+        Self::BackgroundResetsReference,
         Self::OffsetUs,
         Self::BlurPx2,
         Self::ShiftX,
         Self::ShiftY,
         Self::RotationDeg,
-        Self::Growth,
+        Self::ScaleChange,
     ];
 
     /// The key under which it is reported.
@@ -85,16 +85,16 @@ impl Nuisance {
             Self::NoiseExponent => "noise_exponent",
             Self::LogNoiseAtRest => "noise_at_rest",
             Self::LogNoiseHz => "noise_movement_hz",
-            Self::NoiseMemorised => "noise_memorised",
+            Self::NoiseInReference => "noise_memorised",
             Self::LogBackgroundOn => "background_on_hz",
             Self::LogBackgroundOff => "background_off_hz",
-            Self::BackgroundMemorised => "background_memorised",
+            Self::BackgroundResetsReference => "background_memorised",
             Self::OffsetUs => "clock_offset_us",
             Self::BlurPx2 => "blur_px2",
             Self::ShiftX => "shift_x_px",
             Self::ShiftY => "shift_y_px",
             Self::RotationDeg => "rotation_deg",
-            Self::Growth => "scale",
+            Self::ScaleChange => "scale",
         }
     }
 
@@ -109,7 +109,7 @@ impl Nuisance {
             | Self::LogNoiseHz
             | Self::LogBackgroundOn
             | Self::LogBackgroundOff => value.exp(),
-            Self::Growth => 1.0 + value,
+            Self::ScaleChange => 1.0 + value,
             _ => value,
         }
     }
@@ -122,17 +122,17 @@ impl Nuisance {
                 f64::NEG_INFINITY
             }
             Self::LogTheta => 0.25_f64.ln(),
-            Self::BackgroundMemorised => 1.0,
+            Self::BackgroundResetsReference => 1.0,
             _ => 0.0,
         }
     }
 
     /// What an ordinary recording has: a camera in order, its clocks as stated, its lens in focus.
     /// A light from frames of the same sensor sees from the same place through the same lens.
-    pub(crate) fn ordinary(self, facts: &Facts) -> Ordinary {
-        let of = |start: f64, range: [f64; 2], step: f64| Ordinary { start, range, step };
+    pub(crate) fn prior(self, facts: &SessionFacts) -> PriorRange {
+        let of = |start: f64, range: [f64; 2], step: f64| PriorRange { start, range, step };
         let surroundings = if facts.from_scene { 1.0 } else { 0.0 };
-        let within = facts.offset_within_us;
+        let within = facts.offset_bound_us;
         // What happens between frames is noise to whoever only has the frames.
         let (most_noise, most_hz, most_background) = if facts.is_light_dense() {
             (0.2_f64, 200.0_f64, 0.1_f64)
@@ -147,8 +147,8 @@ impl Nuisance {
             Self::NoiseExponent => of(0.3, [0.0, 1.0], 0.02),
             Self::LogNoiseAtRest => of(0.4_f64.ln(), [0.03_f64.ln(), 0.0], 0.05),
             Self::LogNoiseHz => of(60.0_f64.ln(), [1.0_f64.ln(), most_hz.ln()], 0.05),
-            Self::NoiseMemorised => of(0.0, [0.0, 1.0], 0.05),
-            Self::BackgroundMemorised => of(1.0, [1.0, 1.0], 0.05),
+            Self::NoiseInReference => of(0.0, [0.0, 1.0], 0.05),
+            Self::BackgroundResetsReference => of(1.0, [1.0, 1.0], 0.05),
             Self::LogBackgroundOn | Self::LogBackgroundOff => {
                 of(0.01_f64.ln(), [1e-4_f64.ln(), most_background.ln()], 0.05)
             }
@@ -159,7 +159,7 @@ impl Nuisance {
             }
             // As much again in the corners of a DAVIS346.
             Self::RotationDeg => of(0.0, [-0.04 * surroundings, 0.04 * surroundings], 3e-3),
-            Self::Growth => of(0.0, [-7e-4 * surroundings, 7e-4 * surroundings], 5e-5),
+            Self::ScaleChange => of(0.0, [-7e-4 * surroundings, 7e-4 * surroundings], 5e-5),
         }
     }
 }

@@ -4,10 +4,10 @@
 //! already and no event misses it. Against what the session states it is a departure all the same,
 //! and is named as one. What it buys is seen from the same events in the light as stated.
 
-use crate::diagnose::fit::cell_scores::Part;
-use crate::diagnose::fit::fitted::Fitted;
-use crate::diagnose::fit::local_refinement::fitted_and_polished;
-use crate::diagnose::{Evidence, FittedEffect, Hypothesis, Interval, LIBRARY};
+use crate::diagnose::fit::cell_scores::CellSet;
+use crate::diagnose::fit::fitted::FittedModel;
+use crate::diagnose::fit::local_refinement::fit_and_refine;
+use crate::diagnose::{ConfidenceInterval, Evidence, FittedEffect, Hypothesis, LIBRARY};
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::effect_id::EffectId;
 use evrig_core::stats::Z90;
@@ -15,8 +15,7 @@ use rayon::prelude::*;
 use statrs::function::erf::erfc;
 use std::collections::BTreeMap;
 
-/// Steps of the fit in the light as stated.
-const STEPS: usize = 12;
+const MAX_STEPS: usize = 12;
 
 /// A departure of the frames from what the session states.
 #[derive(Debug, Clone)]
@@ -26,7 +25,7 @@ pub struct Departure {
     /// Its parameters by key, each with its standard error.
     pub parameters: Vec<(&'static str, [f64; 2])>,
     /// What was found, in a sentence.
-    pub says: String,
+    pub description: String,
     /// How far it is from what is stated, in standard errors.
     pub z: f64,
     /// The evidence in a light that has neither this departure nor those behind it in the list; none
@@ -37,7 +36,7 @@ pub struct Departure {
 impl Evidence {
     /// The same events in another light.
     #[must_use]
-    pub fn in_light_of(&self, drive: &dyn Drive) -> Self {
+    pub fn with_light_of(&self, drive: &dyn Drive) -> Self {
         let mut other = self.clone();
         let n = self.pixels.first().map_or(0, |pixel| pixel.light.len());
         let start_us = self.window_us[0] + self.start_us as i64;
@@ -59,8 +58,8 @@ impl Evidence {
 pub(crate) fn as_effects<'a>(
     evidence: &Evidence,
     departures: impl Iterator<Item = &'a Departure>,
-    baseline: &Fitted,
-) -> (Vec<FittedEffect>, Option<Fitted>) {
+    baseline: &FittedModel,
+) -> (Vec<FittedEffect>, Option<FittedModel>) {
     let departures: Vec<&Departure> = departures.collect();
     let refitted = |without: &Evidence| {
         let mut without = without.clone();
@@ -68,12 +67,12 @@ pub(crate) fn as_effects<'a>(
         without.pixels.retain(|pixel| is_left(pixel.x, pixel.y));
         refitted(&without, baseline)
     };
-    let mut lights: Vec<Option<Fitted>> =
+    let mut lights: Vec<Option<FittedModel>> =
         departures.iter().map(|departure| departure.without.as_ref().map(refitted)).collect();
     let effects = (0..departures.len())
         .map(|i| {
             let with = lights[i + 1..].iter().flatten().next().unwrap_or(baseline);
-            let gained = lights[i].as_ref().map(|w| with.cells.gain(&w.cells, Part::HeldOut));
+            let gained = lights[i].as_ref().map(|w| with.cells.gain(&w.cells, CellSet::HeldOut));
             effect(departures[i], gained.unwrap_or_default())
         })
         .collect();
@@ -82,32 +81,32 @@ pub(crate) fn as_effects<'a>(
 }
 
 /// Chance of a standard normal value above `z`.
-pub(crate) fn above(z: f64) -> f64 {
+pub(crate) fn upper_tail_probability(z: f64) -> f64 {
     0.5 * erfc(z / std::f64::consts::SQRT_2)
 }
 
-fn refitted(evidence: &Evidence, baseline: &Fitted) -> Fitted {
+fn refitted(evidence: &Evidence, baseline: &FittedModel) -> FittedModel {
     let start = Hypothesis::baseline(evidence).at_values_of(&baseline.hypothesis);
-    fitted_and_polished(evidence, start, STEPS)
+    fit_and_refine(evidence, start, MAX_STEPS)
 }
 
 fn effect(departure: &Departure, (gain, error): (f64, f64)) -> FittedEffect {
     let interval = |&(key, [value, error]): &(&'static str, [f64; 2])| {
         let ci90 = [Some(value - Z90 * error), Some(value + Z90 * error)];
-        (key.to_owned(), Interval { value, ci90 })
+        (key.to_owned(), ConfidenceInterval { value, ci90 })
     };
     let equation = LIBRARY.iter().find(|c| c.id == departure.id).map_or("", |c| c.equation);
     FittedEffect {
         id: departure.id,
         name: departure.id.name().into(),
         equation: equation.into(),
-        says: departure.says.clone(),
+        description: departure.description.clone(),
         parameters: departure.parameters.iter().map(interval).collect::<BTreeMap<_, _>>(),
         heldout_gain_nats_per_event: gain,
         heldout_gain_error: error,
-        p_value: above(departure.z),
+        p_value: upper_tail_probability(departure.z),
         region: None,
-        equivalent: Vec::new(),
-        rivals: Vec::new(),
+        indistinguishable: Vec::new(),
+        competing_hypotheses: Vec::new(),
     }
 }

@@ -1,230 +1,246 @@
-//! The result: `diagnosis.json`.
+//! The result of a diagnosis, as it is written to `diagnosis.json`.
+//!
+//! Scores are log-likelihoods in nats per event on held-out cells (a tile of pixels during a block
+//! of time). Keys of schema `evrig.diagnosis/1` are read as aliases.
 
-use crate::diagnose::BeforeAfter;
+use super::forward_simulation::ModelComparison;
 use evrig_core::effect_id::EffectId;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What was found.
+/// Schema of `diagnosis.json`.
+pub(crate) const DIAGNOSIS_SCHEMA: &str = "evrig.diagnosis/2";
+
+/// Conclusion of a diagnosis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// The model holds.
+pub enum DiagnosisVerdict {
+    /// The baseline model is adequate.
     NoMismatch,
-    /// Named effects remove at least half of the excess.
+    /// The named effects remove at least half of the excess.
     Explained,
-    /// Named effects remove a good part of the excess.
+    /// The named effects remove at least a quarter of the excess.
     PartlyExplained,
-    /// Nothing in the library removes a good part of the excess.
+    /// The library's effects remove less than a quarter of the excess.
     Unexplained,
 }
 
-/// A value with the interval that covers the truth in 90 % of repetitions.
+/// An estimate with its 90 % confidence interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Interval {
-    /// The value.
+pub struct ConfidenceInterval {
+    /// The estimate.
     pub value: f64,
-    /// Its interval; `null` ends where it is not known.
+    /// Ends of the interval; `null` where unknown.
     pub ci90: [Option<f64>; 2],
 }
 
-/// A stratum in which the model is wrong.
+/// A stratum of events in which the model misfits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Where {
-    /// What the stratum is by.
+pub struct MisfitStratum {
+    /// The covariate that defines the stratum.
     pub covariate: String,
-    /// Its range.
+    /// Range of the covariate.
     pub range: [f64; 2],
-    /// What a recalibration in it would buy, nats an event of all.
+    /// Log-likelihood gain of a recalibration within the stratum, nats per event of all events.
     pub excess_nats_per_event: f64,
-    /// Mean of what the light had changed beyond the threshold, in thresholds: late above 0; none
-    /// where numbers of events are compared.
+    /// Mean change of the signal beyond the threshold, in thresholds: positive for late events.
+    /// `null` where numbers of events are compared.
     pub innovation_thresholds: Option<f64>,
-    /// Real events for each of the model's, where numbers of events are compared.
+    /// Recorded over simulated events, where numbers of events are compared.
     #[serde(default)]
     pub ratio: Option<f64>,
-    /// Events in it.
+    /// Number of events in the stratum.
     pub n_events: u64,
-    /// In words.
-    pub says: String,
+    /// The finding in a sentence.
+    #[serde(alias = "says")]
+    pub description: String,
 }
 
-/// Whether the baseline falls short.
+/// Misfit of the baseline.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Mismatch {
-    /// Ceiling minus baseline.
+pub struct BaselineMismatch {
+    /// Upper bound minus baseline.
     pub excess_nats_per_event: f64,
-    /// Chance of as much without any mismatch, by the scatter over cells.
+    /// Chance of such a gain without a mismatch, from the scatter over cells.
     pub p_value: f64,
-    /// Where, the worst first.
+    /// Strata with a misfit, largest excess first.
     #[serde(rename = "where")]
-    pub places: Vec<Where>,
+    pub strata: Vec<MisfitStratum>,
 }
 
-/// Another effect in the same place.
+/// Another effect that was fitted in place of a named one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Rival {
-    /// Its id.
+pub struct CompetingHypothesis {
+    /// The effect.
     pub id: EffectId,
-    /// What it would have bought instead.
+    /// Its gain in place of the named effect.
     pub heldout_gain_nats_per_event: f64,
 }
 
-/// An effect that was named.
+/// A named effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FittedEffect {
-    /// Its id.
+    /// The effect.
     pub id: EffectId,
     /// Its name.
     pub name: String,
     /// Its equation.
     pub equation: String,
-    /// What was found, in a sentence.
-    pub says: String,
-    /// Its parameters.
-    pub parameters: BTreeMap<String, Interval>,
-    /// What it buys on held-out cells on top of the effects above it.
+    /// The finding in a sentence.
+    #[serde(alias = "says")]
+    pub description: String,
+    /// Parameters by key.
+    pub parameters: BTreeMap<String, ConfidenceInterval>,
+    /// Gain over the model with the effects before it.
     pub heldout_gain_nats_per_event: f64,
-    /// Standard error of that gain.
+    /// Standard error of the gain.
     pub heldout_gain_error: f64,
-    /// Chance of such a gain anywhere in the library without the effect.
+    /// Chance of such a gain without the effect, Bonferroni-corrected for the size of the library.
     pub p_value: f64,
-    /// Pixels or times it is limited to; `null` for everywhere.
+    /// Part of the sensor to which the effect is limited; `null` for the whole sensor.
     pub region: Option<serde_json::Value>,
-    /// Effects whose score is below this one's by less than a name takes, or that no events tell apart.
-    pub equivalent: Vec<EffectId>,
-    /// What else was tried in its place, the best first.
-    pub rivals: Vec<Rival>,
+    /// Effects that are not significantly worse in its place, or that events alone cannot separate.
+    #[serde(alias = "equivalent")]
+    pub indistinguishable: Vec<EffectId>,
+    /// Effects tried in its place, best first.
+    #[serde(alias = "rivals")]
+    pub competing_hypotheses: Vec<CompetingHypothesis>,
 }
 
 impl FittedEffect {
-    /// Whether no predicted event depends on it: a census or the frames show it, and the score is the same
-    /// with and without.
+    /// Whether the likelihood does not depend on the effect: it was found in sensor-wide event
+    /// statistics or in the frames.
     #[must_use]
     pub fn is_beside_the_score(&self) -> bool {
         self.heldout_gain_nats_per_event == 0.0 && self.heldout_gain_error == 0.0
     }
 }
 
-/// Scores on held-out cells, nats an event.
+/// Held-out log-likelihoods, nats per event.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct HeldOut {
+pub struct HeldOutScores {
     /// Nuisances alone.
     pub baseline: f64,
     /// With the named effects.
     pub r#final: f64,
-    /// The best that was reached in any way.
-    pub ceiling: f64,
-    /// What reached it.
-    pub ceiling_is: String,
+    /// Upper bound by hazard recalibration.
+    #[serde(alias = "ceiling")]
+    pub upper_bound: f64,
+    /// How the upper bound was obtained.
+    #[serde(alias = "ceiling_is")]
+    pub upper_bound_source: String,
 }
 
-/// How much better the model has become.
+/// Improvement of the model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FitReport {
-    /// Scores.
-    pub heldout_nats_per_event: HeldOut,
-    /// Final minus baseline over ceiling minus baseline; `null` without an excess.
+    /// Scores of baseline, final model and upper bound.
+    pub heldout_nats_per_event: HeldOutScores,
+    /// (final - baseline) / (upper bound - baseline); `null` without an excess.
     pub share_of_excess_removed: Option<f64>,
-    /// The generator let run by itself, against the camera; empty where it was not.
-    pub forward: BTreeMap<String, BeforeAfter>,
+    /// Measures of the forward simulation against the recording; empty where there is none.
+    #[serde(alias = "forward")]
+    pub forward_simulation: BTreeMap<String, ModelComparison>,
 }
 
-/// What the named effects leave.
+/// Misfit of the final model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Leftover {
-    /// Ceiling minus final.
+pub struct ResidualMismatch {
+    /// Upper bound minus final.
     pub excess_nats_per_event: f64,
-    /// Chance of as much without any mismatch.
+    /// Chance of such a gain without a mismatch.
     pub p_value: f64,
-    /// Where.
+    /// Strata with a misfit, largest excess first.
     #[serde(rename = "where")]
-    pub places: Vec<Where>,
+    pub strata: Vec<MisfitStratum>,
 }
 
-/// What the search finds where there is nothing; that is not asked behind a model that leaves nearly all that was to be
-/// explained.
+/// The search applied to recordings simulated from the final model. It is skipped for a model that
+/// leaves nearly all of the mismatch.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct NullReport {
-    /// Recordings drawn from the final model.
+    /// Number of simulated recordings.
     pub n: usize,
-    /// The greatest held-out gain of any effect in each.
+    /// Largest held-out gain of any effect, per recording.
     pub greatest_gains: Vec<f64>,
-    /// The gain an effect has to beat to be named.
-    pub bar_nats_per_event: f64,
-    /// What trees tell a model's events by in recordings drawn from it, nats an event.
-    #[serde(default)]
-    pub structures_nats_per_event: Vec<f64>,
+    /// Gain that an effect needs to be named.
+    #[serde(alias = "bar_nats_per_event")]
+    pub threshold_nats_per_event: f64,
+    /// Classifier gain between simulated recordings and their own model, per recording.
+    #[serde(default, alias = "structures_nats_per_event")]
+    pub residual_structure_nats_per_event: Vec<f64>,
 }
 
-/// What is left to tell a model's events from the camera's, each behind the same past.
+/// Result of the classifier two-sample test between recorded and simulated next events.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct StructureLeft {
-    /// What trees that have not seen them gain over a coin, nats an event; 0.69 at most.
+pub struct ResidualStructure {
+    /// Log-loss gain of boosted trees over chance, nats per event; at most ln 2.
     pub nats_per_event: f64,
     /// Its standard error.
     pub error: f64,
-    /// What they gain by nothing that an error of the light shows in (neither the light nor the neighbours), where
-    /// the light between frames is guessed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub nats_apart_from_light: Option<f64>,
-    /// Share they tell rightly; a half where nothing is left.
+    /// Gain without the features that an error of the light changes (light and neighbours); only
+    /// where the light between frames is interpolated.
+    #[serde(default, skip_serializing_if = "Option::is_none", alias = "nats_apart_from_light")]
+    pub nats_without_light_features: Option<f64>,
+    /// Balanced accuracy; 0.5 without residual structure.
     pub accuracy: f64,
-    /// By what, the most telling first.
-    pub told_by: Vec<String>,
+    /// Features by importance, largest first.
+    #[serde(alias = "told_by")]
+    pub top_features: Vec<String>,
 }
 
-/// An effect that fits and does not hold.
+/// An effect with a gain that failed a test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Suspect {
-    /// Its id.
+pub struct RejectedEffect {
+    /// The effect.
     pub id: EffectId,
-    /// What it would buy on held-out cells.
+    /// Its gain on held-out cells.
     pub heldout_gain_nats_per_event: f64,
-    /// Why it is not named.
+    /// Which test it failed.
     pub because: String,
 }
 
-/// The structure that two models leave.
+/// Residual structure of both models.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct StructureReport {
+pub struct ResidualStructureReport {
     /// Nuisances alone.
-    pub baseline: StructureLeft,
-    /// With all effects that were taken, named or not.
-    pub r#final: StructureLeft,
+    pub baseline: ResidualStructure,
+    /// With all effects that were found, named or not.
+    pub r#final: ResidualStructure,
 }
 
-/// The named effects on a half of the recording.
+/// The named effects refitted on half of the recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Half {
+pub struct SplitHalfFit {
     /// Which half.
-    pub of: String,
-    /// Events in it.
+    #[serde(alias = "of")]
+    pub subset: String,
+    /// Number of its events.
     pub n_events: usize,
-    /// What the effects together buy there on held-out cells.
+    /// Gain of the effects together on its held-out cells.
     pub heldout_gain_nats_per_event: f64,
-    /// Its standard error.
+    /// Standard error of the gain.
     pub heldout_gain_error: f64,
-    /// Their parameters, `effect.key`.
+    /// Parameters by `effect.key`.
     pub parameters: BTreeMap<String, f64>,
 }
 
-/// A term outside the library.
+/// A term outside the library that would reduce the residual mismatch.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ProposedTerm {
-    /// `drive`, `drift`, `threshold`, `time_stamp` or `hazard`.
+    /// Point of entry: `threshold`, `time_stamp` or `hazard`.
     pub enters: String,
-    /// The covariate it depends on.
+    /// The covariate on which it depends.
     pub depends_on: String,
     /// Covariate, mean innovation in thresholds, low and high end of its 90 % band.
     pub curve: Vec<[f64; 4]>,
-    /// What a hazard recalibrated by that covariate buys on held-out cells.
+    /// Held-out gain of a hazard recalibrated by that covariate.
     pub heldout_gain_nats_per_event: f64,
 }
 
-/// An effect that this session says nothing about.
+/// An effect that this session cannot test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct CannotJudge {
+pub struct UntestableEffect {
     /// The effect.
     pub id: EffectId,
     /// Why.
@@ -234,64 +250,109 @@ pub struct CannotJudge {
 /// `diagnosis.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Diagnosis {
-    /// `evrig.diagnosis/1`.
+    /// `evrig.diagnosis/2`.
     pub schema: String,
-    /// In a word.
-    pub verdict: Verdict,
-    /// Whether and where the baseline falls short.
-    pub mismatch: Mismatch,
-    /// Named effects in the order of importance.
+    /// The conclusion.
+    pub verdict: DiagnosisVerdict,
+    /// Misfit of the baseline.
+    pub mismatch: BaselineMismatch,
+    /// Named effects in the order in which they were accepted.
     pub effects: Vec<FittedEffect>,
-    /// Nuisances of the final model.
-    pub nuisances: BTreeMap<String, Interval>,
-    /// How much better the model has become.
+    /// Nuisances of the final model by key.
+    pub nuisances: BTreeMap<String, ConfidenceInterval>,
+    /// Improvement of the model.
     pub fit: FitReport,
-    /// What is left.
-    pub leftover: Leftover,
-    /// A term that would help where nothing in the library does.
+    /// Misfit of the final model.
+    #[serde(alias = "leftover")]
+    pub residual_mismatch: ResidualMismatch,
+    /// A term that would help where no effect of the library does.
     pub proposed_term: Option<ProposedTerm>,
-    /// What to record to tell equivalent effects apart.
+    /// A recording that would separate indistinguishable effects.
     pub next_recording: Option<String>,
-    /// Effects this session says nothing about.
-    pub cannot_judge: Vec<CannotJudge>,
-    /// Effects that fit better than nothing, and whose model yet leaves what it should have removed:
-    /// not named.
-    #[serde(default)]
-    pub suspects: Vec<Suspect>,
-    /// Agreement of halves of the pixels and of the time.
-    #[serde(default)]
-    pub halves: Vec<Half>,
-    /// Where the recording's stamps lie on a coarse grid: its step, microseconds. Events were spread
-    /// evenly over it, and nothing finer can be told.
+    /// Effects that this session cannot test.
+    pub cannot_judge: Vec<UntestableEffect>,
+    /// Effects with a gain that failed a test.
+    #[serde(default, alias = "suspects")]
+    pub rejected_effects: Vec<RejectedEffect>,
+    /// Fits to halves of the pixels and of the time.
+    #[serde(default, alias = "halves")]
+    pub split_half: Vec<SplitHalfFit>,
+    /// Step of the grid on which the recording's time stamps lie, microseconds; `null` without a
+    /// grid. Events were spread uniformly over a step, which bounds the temporal resolution.
     #[serde(default)]
     pub stamp_step_us: Option<f64>,
-    /// What baseline and final model leave to be told apart; `null` with too few events.
+    /// Classifier two-sample test of both models; `null` with too few events.
     #[serde(default)]
-    pub structure: Option<StructureReport>,
-    /// The search's own noise.
+    pub structure: Option<ResidualStructureReport>,
+    /// The search applied to recordings without further effects.
     pub null: NullReport,
-    /// Pixels and events looked at.
+    /// Number of pixels analysed.
     pub n_pixels: usize,
-    /// Events of those pixels.
+    /// Number of their events.
     pub n_events: usize,
 }
 
 impl Diagnosis {
-    /// The share of the excess that named effects remove; none where nothing is named that a predicted event
-    /// depends on, since what the final model then gains or loses is no effect's.
+    /// Share of the excess that the named effects remove; `None` where the likelihood depends on
+    /// none of them.
     #[must_use]
     pub fn share_removed(&self) -> Option<f64> {
         let is_scored = !self.effects.iter().all(FittedEffect::is_beside_the_score);
         self.fit.share_of_excess_removed.filter(|_| is_scored)
     }
 
-    /// What coarse stamps mean for the diagnosis, in a sentence.
+    /// What a grid of time stamps implies, in a sentence; `None` without a grid.
     #[must_use]
     pub fn coarse_stamps(&self) -> Option<String> {
         let step_us = self.stamp_step_us?;
         Some(format!(
-            "The events' stamps lie on a grid of {step_us:.1} us, as a simulator that works in steps \
-             gives them. They were spread evenly over it; nothing finer can be told."
+            "The time stamps lie on a grid of {step_us:.1} us, as from a simulator with that time \
+             step. Events were spread uniformly over a step, which bounds the temporal resolution."
         ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_diagnosis_of_schema_1_is_read() {
+        let place = r#"{"covariate": "row", "range": [0, 9], "excess_nats_per_event": 0.1,
+            "innovation_thresholds": null, "n_events": 70, "says": "in rows 0 to 9"}"#;
+        let left = r#"{"nats_per_event": 0.1, "error": 0.01, "nats_apart_from_light": 0.05,
+            "accuracy": 0.6, "told_by": ["row"]}"#;
+        let old = format!(
+            r#"{{"schema": "evrig.diagnosis/1", "verdict": "explained",
+            "mismatch": {{"excess_nats_per_event": 0.2, "p_value": 0.0, "where": [{place}]}},
+            "effects": [{{"id": "flicker", "name": "Flicker", "equation": "", "says": "at 100 Hz",
+                "parameters": {{}}, "heldout_gain_nats_per_event": 0.1, "heldout_gain_error": 0.01,
+                "p_value": 0.0, "region": null, "equivalent": ["vibration"],
+                "rivals": [{{"id": "vibration", "heldout_gain_nats_per_event": 0.05}}]}}],
+            "nuisances": {{}},
+            "fit": {{"heldout_nats_per_event": {{"baseline": 0.0, "final": 0.1, "ceiling": 0.2,
+                "ceiling_is": "flexible_fit"}}, "share_of_excess_removed": 0.5,
+                "forward": {{"count_ratio": {{"baseline": 2.0, "final": 1.0}}}}}},
+            "leftover": {{"excess_nats_per_event": 0.1, "p_value": 0.1, "where": []}},
+            "proposed_term": null, "next_recording": null, "cannot_judge": [],
+            "suspects": [{{"id": "defocus", "heldout_gain_nats_per_event": 0.1, "because": "x"}}],
+            "halves": [{{"of": "even tiles", "n_events": 7, "heldout_gain_nats_per_event": 0.1,
+                "heldout_gain_error": 0.1, "parameters": {{}}}}],
+            "structure": {{"baseline": {left}, "final": {left}}},
+            "null": {{"n": 1, "greatest_gains": [0.0], "bar_nats_per_event": 0.02,
+                "structures_nats_per_event": [0.01]}}, "n_pixels": 3, "n_events": 70}}"#
+        );
+        let read: Diagnosis = serde_json::from_str(&old).unwrap();
+        assert_eq!(read.mismatch.strata[0].description, "in rows 0 to 9");
+        assert_eq!(read.effects[0].indistinguishable, [EffectId::Vibration]);
+        assert_eq!(read.effects[0].competing_hypotheses[0].id, EffectId::Vibration);
+        assert_eq!(read.fit.heldout_nats_per_event.upper_bound, 0.2);
+        assert_eq!(read.fit.forward_simulation["count_ratio"].baseline, Some(2.0));
+        assert_eq!(read.split_half[0].subset, "even tiles");
+        assert_eq!(read.rejected_effects[0].because, "x");
+        assert_eq!(read.null.threshold_nats_per_event, 0.02);
+        let structure = read.structure.unwrap();
+        assert_eq!(structure.baseline.top_features, ["row"]);
+        assert_eq!(structure.r#final.nats_without_light_features, Some(0.05));
     }
 }

@@ -1,23 +1,20 @@
 //! Heat maps of where a model is wrong: over the sensor, over time and rows, and over how long ago
 //! the pixel's last event was and how fast the light changes.
 
-use crate::diagnose::checks::event_strata::{quantiles_of, walked};
-use crate::diagnose::fit::fitted::Fitted;
+use crate::diagnose::checks::event_strata::{quantiles_of, residuals_by_pixel};
+use crate::diagnose::fit::fitted::FittedModel;
 use crate::diagnose::{Evidence, PixelEvidence};
 use crate::predict::{Residual, Silence};
 use serde::{Deserialize, Serialize};
 
-/// Cells along either side of the sensor, at most.
-const ACROSS: usize = 10;
+const MAX_CELLS_PER_SIDE: usize = 10;
 
-/// Bands of rows.
-const BANDS: usize = 6;
+const N_ROW_BANDS: usize = 6;
 
-/// Parts of an interval's or a contrast rate's range.
-const PARTS: usize = 6;
+const N_QUANTILE_CELLS: usize = 6;
 
-/// Expected and real events that a cell has to have together to be shown.
-const LEAST: f64 = 12.0;
+/// Expected plus recorded events that a cell needs.
+const MIN_CELL_EVENTS: f64 = 12.0;
 
 /// What a cell's value is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -48,26 +45,26 @@ pub struct HeatMap {
 }
 
 /// What pixels show under a model: each one's events, and its counts in each block of time.
-type Seen = Vec<(Vec<Residual>, Vec<Silence>)>;
+type ModelResiduals = Vec<(Vec<Residual>, Vec<Silence>)>;
 
 /// The maps of a baseline and of a model on the same evidence.
-pub(crate) fn heat_maps(evidence: &Evidence, models: [&Fitted; 2]) -> Vec<HeatMap> {
-    let seen = models.map(|model| walked(evidence, model));
+pub(crate) fn heat_maps(evidence: &Evidence, models: [&FittedModel; 2]) -> Vec<HeatMap> {
+    let residuals = models.map(|model| residuals_by_pixel(evidence, model));
     let [width, height] = evidence.middle.map(|middle| 2.0 * middle);
-    let cell = width.max(height) / ACROSS as f64;
+    let cell = width.max(height) / MAX_CELLS_PER_SIDE as f64;
     let sensor = [even(width, (width / cell).ceil()), even(height, (height / cell).ceil())];
     let blocks = evidence.blocks;
     let seconds = blocks.length_us() as f64 * 1e-6;
-    let rows = [even(seconds, blocks.n() as f64), even(height, BANDS as f64)];
+    let rows = [even(seconds, blocks.n() as f64), even(height, N_ROW_BANDS as f64)];
     let half_s = 0.5 * seconds / blocks.n() as f64;
-    let all: Vec<&Residual> = seen[0].iter().flat_map(|(events, _)| events).collect();
+    let all: Vec<&Residual> = residuals[0].iter().flat_map(|(events, _)| events).collect();
     let interval = |r: &Residual| r.previous.map_or(f64::NAN, |p| p.ago_s * 1e6);
     let rate = |r: &Residual| r.slope_per_s;
     let parts = |of: &dyn Fn(&Residual) -> f64| spanning(all.iter().map(|r| of(r)).collect());
     let past = [parts(&interval), parts(&rate)];
     let surplus = |axes, edges, at: &dyn Fn(&PixelEvidence, usize) -> [f64; 2]| {
-        map(axes, edges, HeatValue::Surplus, &seen, &|seen, add| {
-            for (pixel, (_, counts)) in evidence.pixels.iter().zip(seen) {
+        map(axes, edges, HeatValue::Surplus, &residuals, &|residuals, add| {
+            for (pixel, (_, counts)) in evidence.pixels.iter().zip(residuals) {
                 for (block, one) in counts.iter().enumerate() {
                     let real = f64::from(one.on + one.off);
                     add(at(pixel, block), [real, one.expected_on + one.expected_off]);
@@ -76,8 +73,8 @@ pub(crate) fn heat_maps(evidence: &Evidence, models: [&Fitted; 2]) -> Vec<HeatMa
         })
     };
     let innovation = |axes, edges, at: &dyn Fn(&Residual) -> [f64; 2]| {
-        map(axes, edges, HeatValue::Innovation, &seen, &|seen, add| {
-            for event in seen.iter().flat_map(|(events, _)| events) {
+        map(axes, edges, HeatValue::Innovation, &residuals, &|residuals, add| {
+            for event in residuals.iter().flat_map(|(events, _)| events) {
                 event.innovation.into_iter().for_each(|late| add(at(event), [1.0, late]));
             }
         })
@@ -105,7 +102,7 @@ fn spanning(mut values: Vec<f64>) -> Vec<f64> {
     values.sort_by(f64::total_cmp);
     let (Some(&first), Some(&last)) = (values.first(), values.last()) else { return Vec::new() };
     let mut edges = vec![first];
-    edges.extend(quantiles_of(&values, PARTS));
+    edges.extend(quantiles_of(&values, N_QUANTILE_CELLS));
     edges.push(last);
     edges.dedup();
     edges
@@ -124,20 +121,20 @@ fn place(edges: &[Vec<f64>; 2], at: [f64; 2]) -> Option<usize> {
 }
 
 /// Takes what lies at a place: its events, and what the model expected or by how much they were late.
-type Add<'a> = &'a mut dyn FnMut([f64; 2], [f64; 2]);
+type CellSink<'a> = &'a mut dyn FnMut([f64; 2], [f64; 2]);
 
 /// A map of what `sum` hands over of each model; none of a single cell.
 fn map(
     axes: [&str; 2],
     edges: [Vec<f64>; 2],
     value: HeatValue,
-    seen: &[Seen; 2],
-    sum: &dyn Fn(&Seen, Add<'_>),
+    residuals: &[ModelResiduals; 2],
+    sum: &dyn Fn(&ModelResiduals, CellSink<'_>),
 ) -> Option<HeatMap> {
     let n: usize = edges.iter().map(|edges| edges.len().saturating_sub(1)).product();
-    let [before, after] = seen.each_ref().map(|seen| {
+    let [before, after] = residuals.each_ref().map(|residuals| {
         let mut sums = vec![[0.0; 2]; n];
-        sum(seen, &mut |at, [events, other]| {
+        sum(residuals, &mut |at, [events, other]| {
             if let Some(cell) = place(&edges, at) {
                 sums[cell][0] += events;
                 sums[cell][1] += other;
@@ -145,16 +142,16 @@ fn map(
         });
         sums
     });
-    let told = |&[events, other]: &[f64; 2]| match value {
+    let value_of = |&[events, other]: &[f64; 2]| match value {
         HeatValue::Surplus => {
-            (events + other >= LEAST).then(|| (events - other) / other.max(1.0).sqrt())
+            (events + other >= MIN_CELL_EVENTS).then(|| (events - other) / other.max(1.0).sqrt())
         }
-        HeatValue::Innovation => (events >= LEAST).then(|| other / events),
+        HeatValue::Innovation => (events >= MIN_CELL_EVENTS).then(|| other / events),
     };
     (n > 1).then(|| HeatMap {
         axes: axes.map(str::to_owned),
         value,
-        values: [&before, &after].map(|sums| sums.iter().map(told).collect()),
+        values: [&before, &after].map(|sums| sums.iter().map(value_of).collect()),
         n_events: before.iter().map(|[events, _]| *events as u64).collect(),
         edges,
     })

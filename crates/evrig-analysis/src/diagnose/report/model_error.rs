@@ -1,27 +1,27 @@
 //! Errors of a parameter that no scatter shows: of the law, the light and the clock.
 
-use crate::diagnose::Interval;
-use crate::diagnose::model::sampled_sine::crest_error;
+use crate::diagnose::ConfidenceInterval;
+use crate::diagnose::model::sampled_sine::interpolation_error;
 use evrig_core::stats::Z90;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// What the law and the light in between are wrong by, as a share of a value: a standard error that no scatter
-/// shows. By two to four thousandths dead times, leaks and cutoffs of simulated recordings lie beside the truth, our own and
-/// another hand's, where errors by scatter are far smaller (docs/PROOF.md).
-const OF_THE_LAW: f64 = 2e-3;
+/// Standard error of the law and of the interpolated light, as a share of a value: refractory
+/// periods, leaks and cutoffs of simulated recordings, our own and third-party, are off by 0.2 to
+/// 0.4 % where the scatter is far smaller.
+const MODEL_ERROR_SHARE: f64 = 2e-3;
 
-/// What a frequency is wrong by as a share of it: it is counted, by a clock whose crystal is as good as this.
-const OF_A_CLOCK: f64 = 5e-5;
+/// Tolerance of a clock's crystal, which limits a frequency.
+const CLOCK_ERROR_SHARE: f64 = 5e-5;
 
 /// Intervals of an effect's parameters made to hold that, too, and what straight lines from instant to instant, so many
 /// microseconds apart, are wrong by about a swing. A ratio of one is none.
-pub(crate) fn hold_the_law(told: &mut BTreeMap<String, Interval>, step_us: f64) {
+pub(crate) fn widen_by_model_error(told: &mut BTreeMap<String, ConfidenceInterval>, step_us: f64) {
     let hz = told.get("frequency_hz").map_or(0.0, |frequency| frequency.value);
-    let of_all = OF_THE_LAW.hypot(crest_error(TAU * hz * step_us * 1e-6));
-    for (key, Interval { value, ci90 }) in told.iter_mut() {
+    let objection_to_all = MODEL_ERROR_SHARE.hypot(interpolation_error(TAU * hz * step_us * 1e-6));
+    for (key, ConfidenceInterval { value, ci90 }) in told.iter_mut() {
         let none = if key == "on_off_ratio" { 1.0 } else { 0.0 };
-        let share = if key == "frequency_hz" { OF_A_CLOCK } else { of_all };
+        let share = if key == "frequency_hz" { CLOCK_ERROR_SHARE } else { objection_to_all };
         let more = Z90 * share * (*value - none).abs();
         let is_given = ci90[0] == ci90[1];
         for end in ci90.iter_mut().flatten().filter(|_| !is_given) {
@@ -40,8 +40,9 @@ mod tests {
     #[test]
     fn an_interval_holds_what_the_law_is_wrong_by() {
         let told = |key: &str, value: f64, ci90: [f64; 2]| {
-            let mut all = [(key.to_owned(), Interval { value, ci90: ci90.map(Some) })].into();
-            hold_the_law(&mut all, 1_000.0);
+            let mut all =
+                [(key.to_owned(), ConfidenceInterval { value, ci90: ci90.map(Some) })].into();
+            widen_by_model_error(&mut all, 1_000.0);
             all[key].ci90.map(Option::unwrap)
         };
         // 16.4 us of the law beside 12.3 us of scatter: 20.6.
@@ -58,16 +59,16 @@ mod tests {
     #[test]
     fn a_swing_of_few_instants_is_told_no_better_than_straight_lines_follow_it() {
         let within = |hz: f64| {
-            let depth = Interval { value: 0.05, ci90: [Some(0.05), Some(0.0500001)] };
-            let frequency = Interval { value: hz, ci90: [Some(hz), Some(hz)] };
+            let depth = ConfidenceInterval { value: 0.05, ci90: [Some(0.05), Some(0.0500001)] };
+            let frequency = ConfidenceInterval { value: hz, ci90: [Some(hz), Some(hz)] };
             let mut all = [("depth", depth), ("frequency_hz", frequency)]
                 .map(|(key, interval)| (key.to_owned(), interval))
                 .into();
-            hold_the_law(&mut all, 1_000.0);
+            widen_by_model_error(&mut all, 1_000.0);
             (all["depth"].ci90[1].unwrap() / 0.05 - 1.0) / Z90
         };
         // Ten instants a swing: a crest from 0.983 to 1.034.
         assert!((within(100.0) - 0.0147).abs() < 3e-4, "{}", within(100.0));
-        assert!((within(5.0) - OF_THE_LAW).abs() < 2e-5, "{}", within(5.0));
+        assert!((within(5.0) - MODEL_ERROR_SHARE).abs() < 2e-5, "{}", within(5.0));
     }
 }

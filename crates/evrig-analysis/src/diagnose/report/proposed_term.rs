@@ -1,29 +1,29 @@
 //! A term for what no effect of the library explains: the residual's own curve.
 
-use crate::diagnose::checks::event_strata::{Covariate, Placed, covariates, placed, stratum};
-use crate::diagnose::checks::upper_bound::one_covariate;
-use crate::diagnose::fit::fitted::Fitted;
+use crate::diagnose::checks::event_strata::{
+    LocatedResidual, StratumCovariate, covariates, locate_residuals, stratum_of,
+};
+use crate::diagnose::checks::upper_bound::gain_of_one_covariate;
+use crate::diagnose::fit::fitted::FittedModel;
 use crate::diagnose::{Evidence, ProposedTerm};
 use evrig_core::stats::{Moments, Z90};
 
-/// Least held-out gain, nats an event, of a term that is worth proposing.
-const LEAST_GAIN: f64 = 0.01;
+const MIN_TERM_GAIN_NATS_PER_EVENT: f64 = 0.01;
 
-/// Least number of events at a point of the curve.
-const LEAST: u64 = 30;
+const MIN_EVENTS_PER_POINT: u64 = 30;
 
 /// The covariate on which a recalibrated hazard gains most, with the curve of the innovation.
-pub(crate) fn propose(evidence: &Evidence, model: &Fitted) -> Option<ProposedTerm> {
-    let events = placed(evidence, model);
+pub(crate) fn propose_term(evidence: &Evidence, model: &FittedModel) -> Option<ProposedTerm> {
+    let events = locate_residuals(evidence, model);
     let all = covariates(&events);
     let known = all.iter().filter(|c| c.is_known_before);
-    let gains = known.map(|c| (c, one_covariate(evidence, &events, &c.edges, c.value)));
+    let gains = known.map(|c| (c, gain_of_one_covariate(evidence, &events, &c.edges, c.value)));
     let (best, gain) = gains.max_by(|a, b| a.1.total_cmp(&b.1))?;
-    if gain < LEAST_GAIN {
+    if gain < MIN_TERM_GAIN_NATS_PER_EVENT {
         return None;
     }
     Some(ProposedTerm {
-        enters: enters(&events).into(),
+        enters: point_of_entry(&events).into(),
         depends_on: best.key.into(),
         curve: curve(&events, best),
         heldout_gain_nats_per_event: gain,
@@ -32,18 +32,19 @@ pub(crate) fn propose(evidence: &Evidence, model: &Fitted) -> Option<ProposedTer
 
 /// Mean innovation of the training events, in thresholds, in each stratum of a covariate: value of
 /// the covariate, innovation, and its 90 % band.
-fn curve(events: &[Placed], covariate: &Covariate) -> Vec<[f64; 4]> {
+fn curve(events: &[LocatedResidual], covariate: &StratumCovariate) -> Vec<[f64; 4]> {
     let n = covariate.edges.len() + 1;
     let mut values = vec![Moments::default(); n];
     let mut innovations = vec![Moments::default(); n];
     for event in events.iter().filter(|event| !event.held_out) {
         let value = (covariate.value)(event);
-        if let (Some(s), Some(r)) = (stratum(&covariate.edges, value), event.residual.innovation) {
+        if let (Some(s), Some(r)) = (stratum_of(&covariate.edges, value), event.residual.innovation)
+        {
             values[s].push(value);
             innovations[s].push(r.clamp(-1.0, 1.0));
         }
     }
-    let points = values.iter().zip(&innovations).filter(|(_, r)| r.count() >= LEAST);
+    let points = values.iter().zip(&innovations).filter(|(_, r)| r.count() >= MIN_EVENTS_PER_POINT);
     points
         .map(|(value, r)| {
             let half = Z90 * r.standard_error();
@@ -54,7 +55,7 @@ fn curve(events: &[Placed], covariate: &Covariate) -> Vec<[f64; 4]> {
 
 /// Where a term would enter: an error of time makes innovations grow with the light's slope, one of
 /// the threshold leaves them alike at all slopes.
-fn enters(events: &[Placed]) -> &'static str {
+fn point_of_entry(events: &[LocatedResidual]) -> &'static str {
     let pairs: Vec<(f64, f64)> = events
         .iter()
         .filter(|e| e.residual.slope_per_s > 0.0)

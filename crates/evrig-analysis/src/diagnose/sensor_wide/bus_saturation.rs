@@ -3,17 +3,16 @@
 use super::Departure;
 use evrig_core::effect_id::EffectId;
 
-/// Longest time of service that is looked for, microseconds; a slower bus carries nothing.
-const LONGEST_US: usize = 2_000;
+/// Range of service times, microseconds. Stamps resolve none below.
+const MAX_SERVICE_US: usize = 2_000;
 
-/// Shortest that whole microseconds still show.
-const SHORTEST_US: usize = 3;
+const MIN_SERVICE_US: usize = 3;
 
-/// Share of all gaps that are the bus's own where it is busy.
-const BUSY: f64 = 0.3;
+/// Share of gaps equal to the service time on a saturated bus.
+const MIN_BUSY_SHARE: f64 = 0.3;
 
-/// Share that may be shorter: a stamp is rounded.
-const SHORTER: f64 = 0.01;
+/// Share that may be shorter, from rounding.
+const MAX_SHORTER_SHARE: f64 = 0.01;
 
 /// A bus at its limit: no two events come nearer to each other than it takes to serve one, and many
 /// come just so far apart. `times` are those of all events, ascending.
@@ -22,7 +21,9 @@ pub(super) fn saturation(times: &[i64]) -> Option<Departure> {
     Some(Departure {
         id: EffectId::ReadoutSaturation,
         parameters: vec![("max_events_per_s", [rate, error])],
-        says: format!("no more than {rate:.0} events a second come through; the others wait"),
+        description: format!(
+            "no more than {rate:.0} events a second come through; the others wait"
+        ),
         z: rate / error,
         without: None,
     })
@@ -30,13 +31,13 @@ pub(super) fn saturation(times: &[i64]) -> Option<Departure> {
 
 /// Events a second of a busy bus, with the error of that.
 fn served(times: &[i64]) -> Option<[f64; 2]> {
-    let gap = shortest_gap(times).filter(Gap::is_busy)?;
+    let gap = shortest_gap(times).filter(ServiceGap::is_busy)?;
     let rate = 1e6 / gap.us;
     Some([rate, rate * (gap.error_us / gap.us).max(1e-3)])
 }
 
 /// What comes after the one before as soon as it can.
-pub(super) struct Gap {
+pub(super) struct ServiceGap {
     /// How soon that is, microseconds.
     pub(super) us: f64,
     pub(super) error_us: f64,
@@ -44,32 +45,32 @@ pub(super) struct Gap {
     pub(super) share: f64,
 }
 
-impl Gap {
+impl ServiceGap {
     /// Whether a bus with this gap decides when events come.
     pub(super) fn is_busy(&self) -> bool {
-        self.share >= BUSY
+        self.share >= MIN_BUSY_SHARE
     }
 }
 
 /// The gap that is the commonest of all and that hardly any is shorter than, if there is one. `times` ascend.
-pub(super) fn shortest_gap(times: &[i64]) -> Option<Gap> {
-    let mut counts = vec![0_u64; LONGEST_US + 2];
+pub(super) fn shortest_gap(times: &[i64]) -> Option<ServiceGap> {
+    let mut counts = vec![0_u64; MAX_SERVICE_US + 2];
     for pair in times.windows(2) {
-        counts[((pair[1] - pair[0]) as usize).min(LONGEST_US + 1)] += 1;
+        counts[((pair[1] - pair[0]) as usize).min(MAX_SERVICE_US + 1)] += 1;
     }
     let all = times.len().checked_sub(1).filter(|n| *n > 1_000)? as f64;
-    let common = (0..=LONGEST_US).max_by_key(|gap| counts[*gap])?;
+    let common = (0..=MAX_SERVICE_US).max_by_key(|gap| counts[*gap])?;
     // A time of service between two whole microseconds shows as both.
     let [low, high] = [common.saturating_sub(1), common + 1];
     let shorter: u64 = counts[..low].iter().sum();
     let own: u64 = counts[low..=high].iter().sum();
-    if common < SHORTEST_US || shorter as f64 > SHORTER * all {
+    if common < MIN_SERVICE_US || shorter as f64 > MAX_SHORTER_SHARE * all {
         return None;
     }
     let sum: f64 = (low..=high).map(|gap| gap as f64 * counts[gap] as f64).sum();
     // Gaps of a free bus are among them.
     let free = counts[high + 1].max(1) as f64 / own as f64;
-    Some(Gap { us: sum / own as f64, error_us: free, share: own as f64 / all })
+    Some(ServiceGap { us: sum / own as f64, error_us: free, share: own as f64 / all })
 }
 
 #[cfg(test)]

@@ -1,35 +1,33 @@
 //! Pixels that fire far more than those about them.
 
 use super::{Departure, Evidence};
-use crate::diagnose::evidence::event_context::Around;
+use crate::diagnose::evidence::event_context::EventContext;
 use crate::predict::Spike;
 use evrig_core::effect_id::EffectId;
 use evrig_core::geometry::Size;
 use std::collections::BTreeSet;
 
-/// Events a second that a hot pixel fires at least beyond its neighbours.
-const LEAST_HZ: f64 = 8.0;
+/// Rate of a hot pixel over its neighbours': at least, and as a multiple.
+const MIN_EXCESS_HZ: f64 = 8.0;
 
-/// And so many times as often as they.
-const TIMES: f64 = 4.0;
+const MIN_RATE_RATIO: f64 = 4.0;
 
-/// Of the neighbours so many may be hot as well.
-const HOT_ABOUT: usize = 2;
+/// Neighbours that may be hot as well.
+const MAX_HOT_NEIGHBOURS: usize = 2;
 
-/// Fewest hot pixels that are said to be a share of all.
-const LEAST: usize = 4;
+/// Fewest hot pixels, and least share of all events from them.
+const MIN_HOT_PIXELS: usize = 4;
 
-/// Share of all events that they have to fire.
-const LEAST_SHARE: f64 = 0.003;
+const MIN_EVENT_SHARE: f64 = 0.003;
 
-/// Share of a pixel's events that turn the polarity of the one before, from which on its own noise sets
-/// them off: where its threshold is low it fires often, and each time the noise comes back.
-const TURNED: f64 = 0.7;
+/// Share of polarity alternations above which the pixel's own noise, at a low threshold, makes the
+/// events.
+const MIN_NOISE_ALTERNATION: f64 = 0.7;
 
 /// Hot pixels of the sensor, if there are enough to matter, and where they are.
 pub(super) fn pixels(evidence: &Evidence) -> Option<(Departure, BTreeSet<(u16, u16)>)> {
     let seconds = evidence.blocks.length_us() as f64 * 1e-6;
-    let recording = evidence.around.recording();
+    let recording = evidence.event_context.recording();
     let Size { width, height } = recording.size();
     let all = recording.len() as f64;
     let (mut hot, mut beyond, mut turned) = (BTreeSet::new(), Vec::new(), 0.0);
@@ -38,7 +36,7 @@ pub(super) fn pixels(evidence: &Evidence) -> Option<(Departure, BTreeSet<(u16, u
         for x in 0..width {
             let spikes = recording.of(x, y);
             let own = spikes.len() as f64;
-            let common = common(&evidence.around, x, y)?;
+            let common = common(&evidence.event_context, x, y)?;
             commons.push(common);
             if is_hot(own - common, common, seconds) {
                 hot.insert((x, y));
@@ -54,25 +52,26 @@ pub(super) fn pixels(evidence: &Evidence) -> Option<(Departure, BTreeSet<(u16, u
     let departure = Departure {
         id: EffectId::HotPixels,
         parameters: vec![("fraction", fraction)],
-        says: format!(
+        description: format!(
             "{n_hot} pixels fire over four times as often as those about them, {:.1} % of all events",
             100.0 * events / all
         ),
-        z: (n_hot as f64).sqrt() * TIMES,
+        z: (n_hot as f64).sqrt() * MIN_RATE_RATIO,
         without: None,
     };
-    let is_noise = turned > TURNED * n_hot as f64;
-    (n_hot >= LEAST && events > LEAST_SHARE * all && !is_noise).then_some((departure, hot))
+    let is_noise = turned > MIN_NOISE_ALTERNATION * n_hot as f64;
+    (n_hot >= MIN_HOT_PIXELS && events > MIN_EVENT_SHARE * all && !is_noise)
+        .then_some((departure, hot))
 }
 
 /// Events that pixels about one commonly have; `None` without neighbours.
-fn common(around: &Around, x: u16, y: u16) -> Option<f64> {
+fn common(around: &EventContext, x: u16, y: u16) -> Option<f64> {
     let among = |reach: u16| {
         let about = around.within(x, y, reach);
         let mut others: Vec<usize> = about.map(<[Spike]>::len).collect();
         others.sort_by(|a, b| b.cmp(a));
         // Beside dead pixels the middle one of the neighbours says little of the light there.
-        others.get(HOT_ABOUT).or(others.last()).copied()
+        others.get(MAX_HOT_NEIGHBOURS).or(others.last()).copied()
     };
     // Where nearly all that touch it are dead those a step away still say something.
     let common = among(1).filter(|common| *common > 0).or_else(|| among(2));
@@ -81,7 +80,7 @@ fn common(around: &Around, x: u16, y: u16) -> Option<f64> {
 
 /// Whether a pixel that fires so often beyond the others about it stands out there.
 fn is_hot(beyond: f64, common: f64, seconds: f64) -> bool {
-    beyond + common > TIMES * (common + 2.0) && beyond > LEAST_HZ * seconds
+    beyond + common > MIN_RATE_RATIO * (common + 2.0) && beyond > MIN_EXCESS_HZ * seconds
 }
 
 /// Share of all pixels that are hot, with its standard error, by those found: one that fires so often
@@ -91,7 +90,7 @@ fn share(beyond: &[f64], commons: &[f64]) -> [f64; 2] {
     let n = commons.len() as f64;
     let weight = |beyond: &f64| {
         // As `is_hot` has it.
-        let most = (beyond - TIMES * 2.0) / (TIMES - 1.0);
+        let most = (beyond - MIN_RATE_RATIO * 2.0) / (MIN_RATE_RATIO - 1.0);
         n / (commons.partition_point(|common| *common < most) as f64).max(1.0)
     };
     let weights: Vec<f64> = beyond.iter().map(weight).collect();
@@ -150,7 +149,7 @@ mod tests {
                 }
             }
         }
-        let around = Around::new(ByPixel::new(events.as_slice(), size, [0, 40_000]), &[]);
+        let around = EventContext::new(ByPixel::new(events.as_slice(), size, [0, 40_000]), &[]);
         assert_eq!([common(&around, 2, 2), common(&around, 1, 2)], [Some(40.0), Some(40.0)]);
         assert_eq!(common(&around, 8, 8), Some(0.0));
     }

@@ -6,31 +6,30 @@
 //! abruptly, but then as abruptly before as behind; a filter knows only what has been, so the time to the *next*
 //! event of the same neighbours has less of a step, by those alone that the filter took.
 
-use crate::diagnose::evidence::event_context::Around;
-use crate::diagnose::{Evidence, ProposedTerm, Where};
+use crate::diagnose::evidence::event_context::EventContext;
+use crate::diagnose::{Evidence, MisfitStratum, ProposedTerm};
 use evrig_core::stats::Z90;
 use rayon::prelude::*;
 
-/// Events that are looked at, at most: pixels are passed over in longer recordings.
-const MOST: usize = 2_000_000;
+/// Events that are used; pixels are skipped in longer recordings (work budget).
+const MAX_EVENTS: usize = 2_000_000;
 
-/// Shortest and longest time that is looked at, microseconds, and the stamps' steps that the shortest has to hold: over
-/// coarse ones events are spread evenly, which makes a step of the number a slope two stamps long.
-const RANGE_US: [f64; 2] = [100.0, 1e6];
-const STAMPS: f64 = 20.0;
+/// Range of lags, and shortest lag in stamp steps: events are spread uniformly over a coarse step,
+/// which blurs an edge.
+const LAG_RANGE_US: [f64; 2] = [100.0, 1e6];
+const MIN_LAG_STAMP_STEPS: f64 = 20.0;
 
-/// Width of a bin, natural logarithm of the time, and bins of which a side of a step is made.
-const BIN: f64 = 0.03;
-const SIDE: usize = 4;
+/// Width of a bin of the log lag, and bins per side of an edge.
+const BIN_LOG_WIDTH: f64 = 0.03;
+const N_SIDE_BINS: usize = 4;
 
-/// What a step has to be, natural logarithm, beyond the change on either side of it and that to the next event; and in
-/// standard errors.
-const LEAST: f64 = std::f64::consts::LN_2;
-const SURE: f64 = 5.0;
+/// Least drop of the log rate beyond its changes near by, and significance level.
+const MIN_LOG_DROP: f64 = std::f64::consts::LN_2;
+const MIN_DROP_STANDARD_ERRORS: f64 = 5.0;
 
 /// A step in the number of events by the time since their neighbours' last one.
 #[derive(Debug, Clone, Copy)]
-struct Step {
+struct RateStep {
     /// Where it ends, microseconds.
     us: f64,
     /// Events just before it, those that were to be expected just behind it, and those that came there.
@@ -42,21 +41,21 @@ struct Step {
 }
 
 /// That what is alone does not come: where, and the term that would say so.
-pub(crate) struct Alone {
-    pub(crate) place: Where,
+pub(crate) struct IsolatedEventDeficit {
+    pub(crate) place: MisfitStratum,
     pub(crate) term: ProposedTerm,
 }
 
 /// Whether events without a neighbour's shortly before are missing.
-pub(super) fn missing(evidence: &Evidence) -> Option<Alone> {
+pub(super) fn missing(evidence: &Evidence) -> Option<IsolatedEventDeficit> {
     let stamp_us = evidence.facts.stamp_step_us.unwrap_or(1.0);
-    let shortest_us = RANGE_US[0].max(STAMPS * stamp_us);
-    let (step, n_events) = found(&evidence.around, shortest_us)?;
-    Some(step.told(n_events))
+    let shortest_us = LAG_RANGE_US[0].max(MIN_LAG_STAMP_STEPS * stamp_us);
+    let (step, n_events) = found(&evidence.event_context, shortest_us)?;
+    Some(step.report(n_events))
 }
 
 /// A sure step, with the number of events that were looked at.
-fn found(around: &Around, shortest_us: f64) -> Option<(Step, usize)> {
+fn found(around: &EventContext, shortest_us: f64) -> Option<(RateStep, usize)> {
     let (since, until) = gaps(around);
     let step = step(&counts(&since, shortest_us), &counts(&until, shortest_us), shortest_us)?;
     Some((step, since.len()))
@@ -64,10 +63,10 @@ fn found(around: &Around, shortest_us: f64) -> Option<(Step, usize)> {
 
 /// Time since the last event of the eight pixels around and until the next one, microseconds, of all events or of
 /// those of enough pixels. What has the same stamp was together.
-fn gaps(around: &Around) -> (Vec<i64>, Vec<i64>) {
+fn gaps(around: &EventContext) -> (Vec<i64>, Vec<i64>) {
     let recording = around.recording();
     let size = recording.size();
-    let every = recording.len().div_ceil(MOST).max(1);
+    let every = recording.len().div_ceil(MAX_EVENTS).max(1);
     let of_pixel = |number: usize| {
         let (x, y) = ((number % size.width as usize) as u16, (number / size.width as usize) as u16);
         let own = recording.of(x, y).iter();
@@ -79,10 +78,10 @@ fn gaps(around: &Around) -> (Vec<i64>, Vec<i64>) {
 
 /// How many of the times are in each bin.
 fn counts(gaps: &[i64], shortest_us: f64) -> Vec<f64> {
-    let n_bins = ((RANGE_US[1] / shortest_us).ln() / BIN) as usize;
+    let n_bins = ((LAG_RANGE_US[1] / shortest_us).ln() / BIN_LOG_WIDTH) as usize;
     let mut counts = vec![0.0; n_bins];
     for gap in gaps.iter().filter(|gap| **gap as f64 >= shortest_us) {
-        let bin = ((*gap as f64 / shortest_us).ln() / BIN) as usize;
+        let bin = ((*gap as f64 / shortest_us).ln() / BIN_LOG_WIDTH) as usize;
         if let Some(count) = counts.get_mut(bin) {
             *count += 1.0;
         }
@@ -91,57 +90,60 @@ fn counts(gaps: &[i64], shortest_us: f64) -> Vec<f64> {
 }
 
 /// The surest step down, if there is one that is sure. A bin between its sides is left out: it ends somewhere there.
-fn step(since: &[f64], until: &[f64], shortest_us: f64) -> Option<Step> {
+fn step(since: &[f64], until: &[f64], shortest_us: f64) -> Option<RateStep> {
     let side = |counts: &[f64], first: usize| -> f64 {
-        0.5 + counts[first..first + SIDE].iter().sum::<f64>()
+        0.5 + counts[first..first + N_SIDE_BINS].iter().sum::<f64>()
     };
-    let last = since.len().checked_sub(2 * SIDE)?;
-    let steps = (3 * SIDE..last).map(|at| {
-        let [before_that, earlier] = [3, 2].map(|sides| side(since, at - sides * SIDE));
-        let (before, behind) = (side(since, at - SIDE), side(since, at + 1));
-        let later = side(since, at + 1 + SIDE);
-        let mirrored = [side(until, at - SIDE), side(until, at + 1)];
+    let last = since.len().checked_sub(2 * N_SIDE_BINS)?;
+    let steps = (3 * N_SIDE_BINS..last).map(|at| {
+        let [before_that, earlier] = [3, 2].map(|sides| side(since, at - sides * N_SIDE_BINS));
+        let (before, behind) = (side(since, at - N_SIDE_BINS), side(since, at + 1));
+        let later = side(since, at + 1 + N_SIDE_BINS);
+        let mirrored = [side(until, at - N_SIDE_BINS), side(until, at + 1)];
         // A peak rises as fast as it falls.
         let changes =
             [before_that / earlier, earlier / before, behind / later, mirrored[0] / mirrored[1]];
         let fall = changes.into_iter().map(|ratio| ratio.ln().abs()).fold(0.0, f64::max);
         let all = [before_that, earlier, before, behind, later, mirrored[0], mirrored[1]];
-        let us = shortest_us * (BIN * (at as f64 + 0.5)).exp();
+        let us = shortest_us * (BIN_LOG_WIDTH * (at as f64 + 0.5)).exp();
         let error = all.iter().map(|n| 1.0 / n).sum::<f64>().sqrt();
-        Step { us, before, expected: before * (-fall).exp(), behind, error }
+        RateStep { us, before, expected: before * (-fall).exp(), behind, error }
     });
-    let sure = steps.filter(|step| step.size() > LEAST && step.size() > SURE * step.error);
+    let sure = steps.filter(|step| {
+        step.size() > MIN_LOG_DROP && step.size() > MIN_DROP_STANDARD_ERRORS * step.error
+    });
     sure.max_by(|a, b| (a.size() / a.error).total_cmp(&(b.size() / b.error)))
 }
 
-impl Step {
+impl RateStep {
     /// The step itself, natural logarithm.
     fn size(&self) -> f64 {
         (self.expected / self.behind).ln()
     }
 
-    fn told(self, n_events: usize) -> Alone {
+    fn report(self, n_events: usize) -> IsolatedEventDeficit {
         let Self { us, before, expected, behind, error } = self;
         let ratio = behind / expected;
-        let end = us * (BIN * (SIDE as f64 + 0.5)).exp();
+        let end = us * (BIN_LOG_WIDTH * (N_SIDE_BINS as f64 + 0.5)).exp();
         // What Poisson counts gain by the right mean, over all events.
         let nats = (expected - behind - behind * (expected / behind).ln()) / n_events as f64;
-        let says = format!(
+        let description = format!(
             "{ratio:.2} events for each that would be expected {us:.0} to {end:.0} us after the last event of the \
              eight pixels around: what comes alone is missing, as behind a filter that asks for neighbours"
         );
-        let point =
-            |at_us: f64, log: f64, error: f64| [at_us, log, log - Z90 * error, log + Z90 * error];
-        let half = (-0.5 * BIN * SIDE as f64).exp();
-        Alone {
-            place: Where {
+        let point = |reference_us: f64, log: f64, error: f64| {
+            [reference_us, log, log - Z90 * error, log + Z90 * error]
+        };
+        let half = (-0.5 * BIN_LOG_WIDTH * N_SIDE_BINS as f64).exp();
+        IsolatedEventDeficit {
+            place: MisfitStratum {
                 covariate: "neighbour_us".into(),
                 range: [us, end],
                 excess_nats_per_event: nats,
                 innovation_thresholds: None,
                 ratio: Some(ratio),
                 n_events: behind as u64,
-                says,
+                description,
             },
             term: ProposedTerm {
                 enters: "hazard".into(),
@@ -191,9 +193,9 @@ mod tests {
 
     const SIZE: Size = Size::new(SIDE_PX, SIDE_PX);
 
-    fn step_in(events: &Events, shortest_us: f64) -> Option<Step> {
+    fn step_in(events: &Events, shortest_us: f64) -> Option<RateStep> {
         let recording = ByPixel::new(events.as_slice(), SIZE, [0, LENGTH_US]);
-        found(&Around::new(recording, &[]), shortest_us).map(|(step, _)| step)
+        found(&EventContext::new(recording, &[]), shortest_us).map(|(step, _)| step)
     }
 
     #[test]
@@ -201,10 +203,13 @@ mod tests {
         let seen = seen();
         for window_us in [6_000, 12_000] {
             let filtered = background::filter(seen.as_slice(), SIZE, window_us).unwrap();
-            let step = step_in(&filtered.events, RANGE_US[0]).unwrap();
-            assert!((step.us / window_us as f64).ln().abs() < BIN, "{window_us} us: {step:?}");
+            let step = step_in(&filtered.events, LAG_RANGE_US[0]).unwrap();
+            assert!(
+                (step.us / window_us as f64).ln().abs() < BIN_LOG_WIDTH,
+                "{window_us} us: {step:?}"
+            );
         }
-        assert!(step_in(&seen, RANGE_US[0]).is_none());
+        assert!(step_in(&seen, LAG_RANGE_US[0]).is_none());
     }
 
     #[test]
@@ -214,8 +219,8 @@ mod tests {
         let in_steps: Events = in_steps.collect();
         let grid = StampGrid::of_events(in_steps.as_slice()).unwrap();
         let spread = grid.spread(in_steps.as_slice());
-        let step = step_in(&spread, STAMPS * grid.step_us).unwrap();
-        assert!((step.us / 9_000.0).ln().abs() < 2.0 * BIN, "{step:?}");
+        let step = step_in(&spread, MIN_LAG_STAMP_STEPS * grid.step_us).unwrap();
+        assert!((step.us / 9_000.0).ln().abs() < 2.0 * BIN_LOG_WIDTH, "{step:?}");
     }
 
     #[test]
@@ -241,16 +246,21 @@ mod tests {
             Event { t, x: pixel % SIDE_PX, y: pixel / SIDE_PX, on: true }
         });
         let all: Events = noise.chain(beats).collect();
-        assert!(step_in(&all, RANGE_US[0]).is_none());
+        assert!(step_in(&all, LAG_RANGE_US[0]).is_none());
     }
 
     #[test]
     fn it_is_told_with_its_place_and_a_term() {
-        let step =
-            Step { us: 10_000.0, before: 1_200.0, expected: 1_000.0, behind: 200.0, error: 0.1 };
-        let Alone { place, term } = step.told(1_000_000);
+        let step = RateStep {
+            us: 10_000.0,
+            before: 1_200.0,
+            expected: 1_000.0,
+            behind: 200.0,
+            error: 0.1,
+        };
+        let IsolatedEventDeficit { place, term } = step.report(1_000_000);
         assert_eq!((place.ratio, place.n_events), (Some(0.2), 200));
-        assert!(place.says.starts_with("0.20 events for each"), "{}", place.says);
+        assert!(place.description.starts_with("0.20 events for each"), "{}", place.description);
         let nats = (800.0 - 200.0 * 5.0_f64.ln()) * 1e-6;
         assert!((term.heldout_gain_nats_per_event - nats).abs() < 1e-12);
         assert!((term.curve[1][1] - 0.2_f64.ln()).abs() < 1e-12 && term.curve[0][0] < 10_000.0);

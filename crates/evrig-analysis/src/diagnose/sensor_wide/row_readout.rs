@@ -1,18 +1,17 @@
 //! Rows that are read one after another: all that waits in a row is stamped at once.
 
 use super::Departure;
-use super::bus_saturation::{Gap, shortest_gap};
-use crate::diagnose::evidence::stamp_grid::is_of_rows;
+use super::bus_saturation::{ServiceGap, shortest_gap};
+use crate::diagnose::evidence::stamp_grid::is_row_readout;
 use evrig_core::effect_id::EffectId;
 
-/// Share of the events that has to have the stamp of the one before.
-const TOGETHER: f64 = 0.005;
+/// Share and number of events with the stamp of the one before.
+const MIN_TIE_SHARE: f64 = 0.005;
 
-/// And fewest of them.
-const LEAST: usize = 200;
+const MIN_TIES: usize = 200;
 
-/// Least share of the turns that follow each other as soon as they can.
-const FOLLOW: f64 = 0.02;
+/// Share of row readouts that follow each other without a pause.
+const MIN_BACK_TO_BACK_SHARE: f64 = 0.02;
 
 /// Row after row, if events show it, and whether it decides when events come; `events` are stamps and rows,
 /// ascending.
@@ -21,7 +20,7 @@ pub(super) fn readout(events: &[(i64, u16)]) -> Option<(Departure, bool)> {
     let departure = Departure {
         id: EffectId::RowReadout,
         parameters: vec![("row_us", [turn.us, turn.error_us])],
-        says: format!(
+        description: format!(
             "what waits in a row is read at once and stamped alike, a row every {:.1} us at most",
             turn.us
         ),
@@ -36,8 +35,8 @@ fn turns(events: &[(i64, u16)]) -> Option<Vec<i64>> {
     let together = || events.windows(2).filter(|pair| pair[0].0 == pair[1].0);
     let (n, n_of_one) =
         (together().count(), together().filter(|pair| pair[0].1 == pair[1].1).count());
-    let is_enough = n >= LEAST && n as f64 >= TOGETHER * events.len() as f64;
-    if !is_enough || !is_of_rows(n_of_one, n) {
+    let is_significant = n >= MIN_TIES && n as f64 >= MIN_TIE_SHARE * events.len() as f64;
+    if !is_significant || !is_row_readout(n_of_one, n) {
         return None;
     }
     let mut turns: Vec<i64> = events.iter().map(|event| event.0).collect();
@@ -46,10 +45,10 @@ fn turns(events: &[(i64, u16)]) -> Option<Vec<i64>> {
 }
 
 /// How long a row's turn takes, if enough follow each other as soon as they can.
-fn turn(turns: &[i64]) -> Option<Gap> {
-    let gap = shortest_gap(turns).filter(|gap| gap.share >= FOLLOW)?;
+fn turn(turns: &[i64]) -> Option<ServiceGap> {
+    let gap = shortest_gap(turns).filter(|gap| gap.share >= MIN_BACK_TO_BACK_SHARE)?;
     // Stamps are whole microseconds.
-    Some(Gap { error_us: gap.error_us.clamp(0.1, 0.5), ..gap })
+    Some(ServiceGap { error_us: gap.error_us.clamp(0.1, 0.5), ..gap })
 }
 
 #[cfg(test)]

@@ -12,14 +12,14 @@ fn named(id: EffectId, parameters: &[(&str, f64)]) -> FittedEffect {
         "id": id,
         "name": id.as_str(),
         "equation": "",
-        "says": "",
+        "description": "",
         "parameters": parameters,
         "heldout_gain_nats_per_event": 0.0,
         "heldout_gain_error": 0.0,
         "p_value": 1e-6,
         "region": null,
-        "equivalent": [],
-        "rivals": [],
+        "indistinguishable": [],
+        "competing_hypotheses": [],
     }))
     .unwrap()
 }
@@ -32,7 +32,7 @@ fn told(camera: &FittedCamera) -> serde_json::Value {
 fn what_is_fitted_and_what_a_census_names_is_told_and_what_is_in_the_light_is_not() {
     let evidence = empty();
     let left = Rectangle { x_px: [0, 30], y_px: [0, 60] };
-    let model = Hypothesis::baseline(&evidence).with_in(
+    let model = Hypothesis::baseline(&evidence).with_effect_in(
         library(EffectId::RefractoryPeriod),
         &[1_200_f64.ln(), 0.0],
         Some(left),
@@ -102,9 +102,10 @@ fn what_the_generator_cannot_be_told_is_said() {
 #[test]
 fn a_light_that_is_seen_late_begins_and_ends_late() {
     let evidence = empty();
-    let mut seen = Seen::of(&evidence, &Hypothesis::baseline(&evidence));
-    (seen.late_us, seen.skew, seen.at_us) = (-2_000.0, 1e-3, 1_000_000.0);
-    let tuned = Tuned::new(&Texture, seen);
+    let mut registration = FittedRegistration::of(&evidence, &Hypothesis::baseline(&evidence));
+    (registration.event_to_light_us, registration.skew, registration.reference_us) =
+        (-2_000.0, 1e-3, 1_000_000.0);
+    let tuned = RegisteredDrive::new(&Texture, registration);
     // An event's time less 2 ms is the light's in the middle, and less 3 ms at the start.
     let [first, last] = tuned.span_us();
     assert!((first - 2_998).abs() <= 1 && (last - 3_000_000).abs() <= 1, "{first} {last}");
@@ -113,4 +114,24 @@ fn a_light_that_is_seen_late_begins_and_ends_late() {
     assert!(tuned.sample([20.5, 20.5], grid, &mut late));
     Texture.sample([20.5, 20.5], TimeGrid { start_us: 998_000, ..grid }, &mut light);
     assert!((late[0] - light[0]).abs() < 1e-4, "{late:?} {light:?}");
+}
+
+#[test]
+fn a_camera_with_the_keys_of_schema_1_is_read() {
+    let evidence = empty();
+    let camera = FittedCamera::of(&evidence, &Hypothesis::baseline(&evidence), &[]).unwrap();
+    let mut text = serde_json::to_string(&camera).unwrap();
+    for (new, old) in [
+        ("registration", "seen"),
+        ("pose", "placing"),
+        ("scale_change", "growth"),
+        ("center_px", "middle_px"),
+        ("event_to_light_us", "late_us"),
+        ("reference_us", "at_us"),
+    ] {
+        let (new, old) = (format!("\"{new}\":"), format!("\"{old}\":"));
+        assert!(text.contains(&new), "{new}");
+        text = text.replace(&new, &old);
+    }
+    assert_eq!(serde_json::from_str::<FittedCamera>(&text).unwrap(), camera);
 }

@@ -1,13 +1,13 @@
 //! Where a fit ends, how sure it claims to be, and what either half of the pixels says by itself.
 
 use super::*;
-use fit::fitted::Fitted;
-use fit::gauss_newton::as_it_is;
+use fit::fitted::FittedModel;
+use fit::gauss_newton::score_model;
 
 /// A fit of the model that the events were drawn from, with its errors.
-fn fitted(evidence: &Evidence, truth: &Hypothesis, seed: u64) -> Fitted {
-    let drawn = null_distribution::draw(evidence, truth, seed);
-    standard_errors::with_errors(&drawn, as_it_is(&drawn, truth.clone()))
+fn fitted(evidence: &Evidence, truth: &Hypothesis, seed: u64) -> FittedModel {
+    let drawn = null_distribution::draw_recording(evidence, truth, seed);
+    standard_errors::with_standard_errors(&drawn, score_model(&drawn, truth.clone()))
 }
 
 #[test]
@@ -46,16 +46,17 @@ fn halves_that_are_not_alike_say_so() {
         Hypothesis::baseline(&evidence).with(asymmetry, &[ratio.ln()])
     };
     // Even tiles have one ratio, odd ones another.
-    let drawn = [1.1, 1.2].map(|ratio| null_distribution::draw(&evidence, &with(ratio), 5));
+    let drawn =
+        [1.1, 1.2].map(|ratio| null_distribution::draw_recording(&evidence, &with(ratio), 5));
     let spikes = evidence.pixels.iter().enumerate().map(|(i, pixel)| {
         let of = &drawn[pixel.tile % 2];
         of.pixels[i].spikes.clone()
     });
-    let both = evidence.with_spikes(spikes.collect());
-    let baseline = as_it_is(&both, Hypothesis::baseline(&both));
-    let model = standard_errors::with_errors(&both, as_it_is(&both, with(1.15)));
-    let halves = split_half::halves(&both, &baseline, &model);
-    let said = |i: usize| halves[i].parameters["threshold_asymmetry.on_off_ratio"];
+    let both = evidence.with_events(spikes.collect());
+    let baseline = score_model(&both, Hypothesis::baseline(&both));
+    let model = standard_errors::with_standard_errors(&both, score_model(&both, with(1.15)));
+    let split_half = split_half::split_half_fits(&both, &baseline, &model);
+    let said = |i: usize| split_half[i].parameters["threshold_asymmetry.on_off_ratio"];
     assert!((said(0) - 1.1).abs() < 0.015, "even tiles: {}", said(0));
     assert!((said(1) - 1.2).abs() < 0.015, "odd tiles: {}", said(1));
     for time in [said(2), said(3)] {

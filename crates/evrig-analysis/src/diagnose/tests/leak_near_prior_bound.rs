@@ -10,7 +10,7 @@ fn leaking() -> (Hypothesis, Evidence) {
         .into_iter()
         .fold(sharp, |sharp, rate| sharp.with_nuisance(rate, -9.0));
     let leaking = sharp.with(library(EffectId::JunctionLeak), &[0.41]);
-    let real = null_distribution::draw(&evidence, &leaking, 9);
+    let real = null_distribution::draw_recording(&evidence, &leaking, 9);
     (sharp, real)
 }
 
@@ -18,7 +18,7 @@ fn leaking() -> (Hypothesis, Evidence) {
 fn an_all_but_ideal_camera_tells_a_leak_that_is_a_third_beyond_an_ordinary_one() {
     let (sharp, real) = leaking();
     // The ordinary range ends at 0.3 Hz.
-    let held = gauss_newton::as_it_is(&real, sharp.with_nuisance(Nuisance::LeakHz, 0.3));
+    let held = gauss_newton::score_model(&real, sharp.with_nuisance(Nuisance::LeakHz, 0.3));
     let leak = library(EffectId::JunctionLeak);
     let first = effect_scan::first_step(&real, &real, &held, leak, std::iter::empty()).unwrap();
     let gain = first.training() - held.training();
@@ -43,8 +43,10 @@ fn a_photocurrents_leak_is_found_to_a_hundredth_beside_a_junctions_that_is_led_b
     // Of the junction's there is none; it had stood at the end of its range, and the two on their ridge.
     let back = sharp.with_nuisance(Nuisance::LeakHz, 0.0);
     let leak = library(EffectId::PhotocurrentLeak);
-    let real = null_distribution::draw(&empty(), &back.with(leak, &[0.6]), 9);
-    let rate = bound_escape::beside(&real, &back.with(leak, &[0.4])).hypothesis.parameters_of(0)[0];
+    let real = null_distribution::draw_recording(&empty(), &back.with(leak, &[0.6]), 9);
+    let rate = bound_escape::scan_first_parameter(&real, &back.with(leak, &[0.4]))
+        .hypothesis
+        .parameters_of(0)[0];
     // Steps of an eighth alone come to 0.617, by which the ridge is left.
     assert!((rate / 0.6 - 1.0).abs() < 0.008, "{rate} Hz");
 }

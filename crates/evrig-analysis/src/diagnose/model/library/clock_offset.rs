@@ -1,15 +1,15 @@
 //! The clocks' offset, when it is not what the session states.
 
-use super::{Candidate, EffectId, Freed, Nuisance, PLAIN};
+use super::{CandidateEffect, EffectId, FreedNuisance, Nuisance, PLAIN};
 
-pub(super) const CANDIDATE: Candidate = Candidate {
+pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::ClockOffset,
     equation: "t_DAVIS = t + d",
     source: "clock map of the session",
-    frees: &[Freed { nuisance: Nuisance::OffsetUs, range: [-120_000.0, 120_000.0] }],
-    starts: |evidence| {
+    freed: &[FreedNuisance { nuisance: Nuisance::OffsetUs, range: [-120_000.0, 120_000.0] }],
+    starting_points: |evidence| {
         // Where the camera's own frames are on time a delay of its events is the pixels' own.
-        match evidence.facts.clocks {
+        match evidence.facts.clock_tie {
             Some(tied) if tied.is_off() => return vec![vec![tied.offset_us[0]]],
             Some(_) => return Vec::new(),
             None => {}
@@ -20,8 +20,8 @@ pub(super) const CANDIDATE: Candidate = Candidate {
         let ms = near.iter().chain(&far).flat_map(|ms| [*ms, -*ms]);
         ms.map(|ms| vec![ms * 1e3]).collect()
     },
-    report: |values| vec![values[Nuisance::OffsetUs as usize]],
-    rivals: &[
+    report_freed: |values| vec![values[Nuisance::OffsetUs as usize]],
+    competing: &[
         EffectId::FixedPole,
         EffectId::PhotoreceptorBandwidth,
         EffectId::RollingShutter,
@@ -29,10 +29,10 @@ pub(super) const CANDIDATE: Candidate = Candidate {
     ],
     // A delay that is the same for all pixels at all times is one number, wherever it arises,
     // unless the camera's own frames say whether they are late too.
-    same: &[EffectId::PixelLatency],
-    against: |evidence| evidence.facts.clock_error_us()[0],
-    splitter: "a flash that both cameras see",
-    says: |values| {
+    inseparable: &[EffectId::PixelLatency],
+    reference_error: |evidence| evidence.facts.clock_error_us()[0],
+    separating_recording: "a flash that both cameras see",
+    describe: |values| {
         let way = if values[0] > 0.0 { "late" } else { "early" };
         format!("the event camera's stamps are {:.0} us {way} against the light", values[0].abs())
     },

@@ -1,21 +1,20 @@
 //! Events lost on the way.
 
-use super::{Candidate, EffectId, PLAIN, Parameter};
+use super::{CandidateEffect, EffectId, EffectParameter, PLAIN};
 
-/// A smaller share of lost events is taken for whatever makes a few events impossible: noise that a pixel
-/// does not memorise fits as well.
-const LEAST: f64 = 0.03;
+/// Smaller losses are confused with noise that does not change the reference level.
+const MIN_FRACTION: f64 = 0.03;
 
-pub(super) const CANDIDATE: Candidate = Candidate {
+pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::EventDrop,
     equation: "each event is lost with chance q after the pixel was reset",
     source: "inivation: DropDVSOnTransferStall",
-    parameters: &[Parameter::linear("fraction", [LEAST, 0.9], 0.005)],
-    starts: |_| vec![vec![0.05], vec![0.12], vec![0.35]],
-    act: |values, _, view| view.law.drop_fraction = values[0],
-    rivals: &[EffectId::RefractoryPeriod, EffectId::ReadoutSaturation],
-    splitter: "a slower pass: losses on the bus grow with the rate of all pixels",
-    says: |values| {
+    parameters: &[EffectParameter::linear("fraction", [MIN_FRACTION, 0.9], 0.005)],
+    starting_points: |_| vec![vec![0.05], vec![0.12], vec![0.35]],
+    apply: |values, _, view| view.law.drop_fraction = values[0],
+    competing: &[EffectId::RefractoryPeriod, EffectId::ReadoutSaturation],
+    separating_recording: "a slower pass: losses on the bus grow with the rate of all pixels",
+    describe: |values| {
         format!("{:.0} % of the events are lost after the pixel has fired", values[0] * 100.0)
     },
     ..PLAIN

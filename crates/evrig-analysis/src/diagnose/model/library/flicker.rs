@@ -1,23 +1,23 @@
 //! Light that pulsates.
 
-use super::{Candidate, EffectId, PLAIN, Parameter, Stage, needs_span};
+use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, needs_span};
 use crate::diagnose::evidence::spectral_lines;
 use std::f64::consts::TAU;
 
-/// Share of the light that stays, however much of it pulsates.
-const LEAST_LIGHT: f64 = 1e-3;
+/// Least share of the light at the trough.
+const MIN_LIGHT_SHARE: f64 = 1e-3;
 
-pub(super) const CANDIDATE: Candidate = Candidate {
+pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::Flicker,
     equation: "L (1 + m sin(2 pi f t + p))",
     source: "IEEE Std 1789-2015",
-    stage: Stage::Light,
+    stage: SignalStage::Light,
     parameters: &[
-        Parameter::linear("frequency_hz", [1.0, 500.0], 0.005),
-        Parameter::log("depth", [1e-3, 0.95]),
-        Parameter::linear("phase", [-20.0, 20.0], 0.05).hidden(),
+        EffectParameter::linear("frequency_hz", [1.0, 500.0], 0.005),
+        EffectParameter::log("depth", [1e-3, 0.95]),
+        EffectParameter::linear("phase", [-20.0, 20.0], 0.05).hidden(),
     ],
-    starts: |evidence| {
+    starting_points: |evidence| {
         spectral_lines::lines(evidence, 4)
             .into_iter()
             .flat_map(|hz| {
@@ -25,16 +25,16 @@ pub(super) const CANDIDATE: Candidate = Candidate {
             })
             .collect()
     },
-    act: |values, _, view| {
+    apply: |values, _, view| {
         let swing = view.swing(values[0], values[2]);
         for (signal, swing) in view.signal.iter_mut().zip(swing) {
-            *signal += (1.0 + (values[1] * swing).max(LEAST_LIGHT - 1.0)).ln() as f32;
+            *signal += (1.0 + (values[1] * swing).max(MIN_LIGHT_SHARE - 1.0)).ln() as f32;
         }
     },
-    rivals: &[EffectId::Vibration, EffectId::ApsCoupling],
-    splitter: "a static segment: flicker stays, vibration goes; and one with the camera's frames off",
-    needs: |evidence| needs_span(evidence, 0.5),
-    says: |values| {
+    competing: &[EffectId::Vibration, EffectId::ApsCoupling],
+    separating_recording: "a static segment: flicker stays, vibration goes; and one with the camera's frames off",
+    requires: |evidence| needs_span(evidence, 0.5),
+    describe: |values| {
         format!("the light pulsates at {:.1} Hz by {:.0} %", values[0], values[1] * 100.0)
     },
     ..PLAIN

@@ -1,19 +1,21 @@
 //! What happens between two frames is not a straight line.
 
-use super::{Candidate, EffectId, Evidence, PLAIN, Parameter, Stage, View};
+use super::{
+    CandidateEffect, EffectId, EffectParameter, Evidence, PLAIN, PredictedPixel, SignalStage,
+};
 
-pub(super) const CANDIDATE: Candidate = Candidate {
+pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::FrameInterpolation,
     equation: "x = x_linear + s (x_cubic - x_linear) between frames",
     source: "Catmull and Rom, 1974; Hu, Liu and Delbruck, v2e, CVPRW 2021 (why frames are interpolated)",
-    stage: Stage::Light,
-    parameters: &[Parameter::linear("share", [-0.5, 2.5], 0.02)],
-    starts: |_| vec![vec![0.5], vec![1.0]],
-    act: |values, _, view| bend(values[0], view),
-    rivals: &[EffectId::ExposureBlur, EffectId::ShotNoise, EffectId::FrameNoise],
-    splitter: "frames twice as often, or a pass at half the speed",
-    needs: needs_frames,
-    says: |values| {
+    stage: SignalStage::Light,
+    parameters: &[EffectParameter::linear("share", [-0.5, 2.5], 0.02)],
+    starting_points: |_| vec![vec![0.5], vec![1.0]],
+    apply: |values, _, view| bend(values[0], view),
+    competing: &[EffectId::ExposureBlur, EffectId::ShotNoise, EffectId::FrameNoise],
+    separating_recording: "frames twice as often, or a pass at half the speed",
+    requires: needs_frames,
+    describe: |values| {
         format!(
             "between frames the light does not go straight: {:.2} of a cubic's bend fits better",
             values[0]
@@ -25,7 +27,7 @@ pub(super) const CANDIDATE: Candidate = Candidate {
 fn needs_frames(evidence: &Evidence) -> Result<(), String> {
     if evidence.facts.from_scene {
         Err("the light comes from a map of the print, not from frames".into())
-    } else if evidence.facts.is_led {
+    } else if evidence.facts.is_motion_compensated {
         Err("between frames the light is led along with what moves".into())
     } else if evidence.facts.frame_us < 3.0 * evidence.step_us {
         Err("frames follow each other as fast as the light is sampled".into())
@@ -35,7 +37,7 @@ fn needs_frames(evidence: &Evidence) -> Result<(), String> {
 }
 
 /// Adds a share of what the cubic through four frames has over the straight line between two.
-fn bend(share: f64, view: &mut View<'_>) {
+fn bend(share: f64, view: &mut PredictedPixel<'_>) {
     let evidence = view.evidence;
     let at = |t_us: i64| {
         let since = (t_us - evidence.window_us[0]) as f64 - evidence.start_us;

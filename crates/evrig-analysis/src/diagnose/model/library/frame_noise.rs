@@ -1,14 +1,14 @@
 //! Frames that are noisier than stated.
 
-use super::{Candidate, EffectId, PLAIN, needs_shown};
+use super::{CandidateEffect, EffectId, PLAIN, needs_shown};
 
-pub(super) const CANDIDATE: Candidate = Candidate {
+pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::FrameNoise,
     equation: "var s = r^2 + a s + p s^2, r^2 = stated^2 + sigma^2",
     source: "EMVA standard 1288: photon transfer",
-    rivals: &[EffectId::ShotNoise, EffectId::StampJitter],
-    splitter: "frames with the lens cap on",
-    needs: |evidence| {
+    competing: &[EffectId::ShotNoise, EffectId::StampJitter],
+    separating_recording: "frames with the lens cap on",
+    requires: |evidence| {
         needs_shown(
             evidence,
             EffectId::FrameNoise,

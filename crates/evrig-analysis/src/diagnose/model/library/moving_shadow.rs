@@ -1,14 +1,14 @@
 //! A shadow that crosses the print.
 
-use super::{Candidate, EffectId, PLAIN, needs_shown};
+use super::{CandidateEffect, EffectId, PLAIN, needs_shown};
 
-pub(super) const CANDIDATE: Candidate = Candidate {
+pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::MovingShadow,
     equation: "L (1 - d f(x cos a + y sin a - v t))",
     source: "what stands between lamp and print moves",
-    rivals: &[EffectId::Vignetting, EffectId::Flicker, EffectId::Adaptation],
-    splitter: "a static segment: a shadow moves on while the print stays",
-    needs: |evidence| {
+    competing: &[EffectId::Vignetting, EffectId::Flicker, EffectId::Adaptation],
+    separating_recording: "a static segment: a shadow moves on while the print stays",
+    requires: |evidence| {
         needs_shown(
             evidence,
             EffectId::MovingShadow,

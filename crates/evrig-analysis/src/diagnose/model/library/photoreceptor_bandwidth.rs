@@ -1,42 +1,42 @@
 //! Photoreceptor bandwidth that goes with intensity.
 
-use super::{Candidate, EffectId, PLAIN, Parameter, Stage, View};
+use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, PredictedPixel, SignalStage};
 use std::f64::consts::TAU;
 
-pub(super) const CANDIDATE: Candidate = Candidate {
+pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::PhotoreceptorBandwidth,
     equation: "tau(L) y' = x - y, 1 / (2 pi tau) = f_white L / L_white (order times)",
     source: "Lichtsteiner, Posch and Delbruck, IEEE JSSC 43, 2008; Graca and Delbruck, arXiv 2109.08640",
-    stage: Stage::Receptor,
+    stage: SignalStage::Receptor,
     parameters: &[
-        Parameter::log("cutoff_hz_at_white", [0.5, 3_000.0]),
-        Parameter::fixed("order", [1.0, 2.0]),
+        EffectParameter::log("cutoff_hz_at_white", [0.5, 3_000.0]),
+        EffectParameter::fixed("order", [1.0, 2.0]),
         // In the dark the cutoff does not fall to nothing: dark current keeps a floor.
-        Parameter::log("floor", [1e-3, 0.3]).hidden(),
+        EffectParameter::log("floor", [1e-3, 0.3]).hidden(),
     ],
-    starts: |_| {
+    starting_points: |_| {
         let start = |&(hz, order): &(f64, f64)| vec![f64::ln(hz), order, 0.02_f64.ln()];
         [(10.0, 1.0), (30.0, 1.0), (100.0, 1.0), (300.0, 1.0), (30.0, 2.0), (120.0, 2.0)]
             .iter()
             .map(start)
             .collect()
     },
-    act: |values, _, view| {
+    apply: |values, _, view| {
         let (white, order, floor) = (values[0], values[1], values[2]);
         let step_s = view.step_s();
         for _ in 0..(order.round() as usize).clamp(1, 2) {
             let hz = |level: f32| white * (f64::from(level.exp()) + floor) / (1.0 + floor);
-            filter(view, |level| Pole::new(hz(level), step_s));
+            filter(view, |level| FirstOrderPole::new(hz(level), step_s));
         }
     },
-    rivals: &[
+    competing: &[
         EffectId::FixedPole,
         EffectId::ClockOffset,
         EffectId::Defocus,
         EffectId::RefractoryPeriod,
     ],
-    splitter: "the same path in light five times weaker: this cutoff falls with the light, the others stay",
-    says: |values| {
+    separating_recording: "the same path in light five times weaker: this cutoff falls with the light, the others stay",
+    describe: |values| {
         format!(
             "the photoreceptor follows light only up to {:.0} Hz at white, and less in proportion in the dark",
             values[0]
@@ -47,14 +47,14 @@ pub(super) const CANDIDATE: Candidate = Candidate {
 
 /// A first-order low-pass on its way from one instant to the next.
 #[derive(Clone, Copy)]
-pub(super) struct Pole {
+pub(super) struct FirstOrderPole {
     /// Its time constant, instants.
     tau: f64,
     /// What is left of a departure an instant later.
     kept: f64,
 }
 
-impl Pole {
+impl FirstOrderPole {
     pub(super) fn new(cutoff_hz: f64, step_s: f64) -> Self {
         let per_step = TAU * cutoff_hz.max(1e-3) * step_s;
         // A signal is known to single precision; so is its exponential.
@@ -64,7 +64,7 @@ impl Pole {
 
 /// Passes the signal through a low-pass that goes by log intensity over white. Between instants the light is
 /// straight, which is met exactly.
-pub(super) fn filter(view: &mut View<'_>, pole: impl Fn(f32) -> Pole) {
+pub(super) fn filter(view: &mut PredictedPixel<'_>, pole: impl Fn(f32) -> FirstOrderPole) {
     let level = &view.pixel.light;
     let mut state: Option<(f64, f64)> = None;
     for (signal, level) in view.signal.iter_mut().zip(level) {
@@ -76,7 +76,7 @@ pub(super) fn filter(view: &mut View<'_>, pole: impl Fn(f32) -> Pole) {
         let y = match state {
             None => x,
             Some((y, before)) => {
-                let Pole { tau, kept } = pole(*level);
+                let FirstOrderPole { tau, kept } = pole(*level);
                 let lag = (x - before) * tau;
                 x - lag + (y - before + lag) * kept
             }

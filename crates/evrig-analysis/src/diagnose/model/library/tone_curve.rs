@@ -1,14 +1,14 @@
 //! Frames that are not linear in light.
 
-use super::{Candidate, EffectId, PLAIN, needs_shown};
+use super::{CandidateEffect, EffectId, PLAIN, needs_shown};
 
-pub(super) const CANDIDATE: Candidate = Candidate {
+pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::ToneCurve,
     equation: "s = s_full (L / L_full)^g",
     source: "IEC 61966-2-1; picamera2: raw frames are linear, processed ones are not",
-    rivals: &[EffectId::BlackLevel, EffectId::DarkCurrent],
-    splitter: "a step wedge, or frames of two cameras of the same grey",
-    needs: |evidence| {
+    competing: &[EffectId::BlackLevel, EffectId::DarkCurrent],
+    separating_recording: "a step wedge, or frames of two cameras of the same grey",
+    requires: |evidence| {
         needs_shown(
             evidence,
             EffectId::ToneCurve,

@@ -1,14 +1,14 @@
 //! A picture that darkens towards its corners.
 
-use super::{Candidate, EffectId, PLAIN, needs_shown};
+use super::{CandidateEffect, EffectId, PLAIN, needs_shown};
 
-pub(super) const CANDIDATE: Candidate = Candidate {
+pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::Vignetting,
     equation: "L (1 - c (r / r_corner)^2)",
     source: "Goldman, IEEE PAMI 32, 2010",
-    rivals: &[EffectId::ThresholdMismatch, EffectId::MovingShadow],
-    splitter: "a path that leads the same paper from the middle to a corner",
-    needs: |evidence| {
+    competing: &[EffectId::ThresholdMismatch, EffectId::MovingShadow],
+    separating_recording: "a path that leads the same paper from the middle to a corner",
+    requires: |evidence| {
         needs_shown(
             evidence,
             EffectId::Vignetting,

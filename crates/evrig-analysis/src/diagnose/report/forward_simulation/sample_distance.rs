@@ -1,20 +1,20 @@
 //! What two samples of events differ by.
 
-use crate::diagnose::checks::boosted_trees::{Examples, FOLDS, told_apart};
-use crate::diagnose::evidence::event_context::Around;
+use crate::diagnose::checks::boosted_trees::{LabelledEvents, N_FOLDS, classify};
+use crate::diagnose::evidence::event_context::EventContext;
 use crate::predict::{ByPixel, Spike};
 use evrig_core::event::Events;
 use evrig_core::geometry::Size;
 use evrig_core::stats::SplitMix;
 
-/// Most events of a sample that are told apart.
-const MOST: usize = 20_000;
+/// Events per sample (work budget).
+const MAX_EVENTS: usize = 20_000;
 
-/// Directions along which clouds of events are held together.
-const DIRECTIONS: usize = 24;
+/// Projections of the sliced distance.
+const N_DIRECTIONS: usize = 24;
 
-/// As far apart in a cloud as one pixel, microseconds.
-const PX_US: f64 = 5_000.0;
+/// Time that counts as a distance of one pixel.
+const MICROSECONDS_PER_PIXEL: f64 = 5_000.0;
 
 /// Events a pixel, row by row.
 pub(super) fn counts(events: &Events, size: Size) -> Vec<u32> {
@@ -43,7 +43,10 @@ pub(super) fn transport_px(
 ) -> Option<f64> {
     let cloud = |events: &Events, on: bool| -> Vec<[f64; 3]> {
         let own = events.as_slice().iter().filter(move |e| e.on == on);
-        own.map(|e| [f64::from(e.x), f64::from(e.y), (e.t - start_us) as f64 / PX_US]).collect()
+        own.map(|e| {
+            [f64::from(e.x), f64::from(e.y), (e.t - start_us) as f64 / MICROSECONDS_PER_PIXEL]
+        })
+        .collect()
     };
     let (mut sum, mut weight) = (0.0, 0.0);
     for on in [true, false] {
@@ -53,7 +56,7 @@ pub(super) fn transport_px(
         }
         let mut random = SplitMix::new(seed, 0x736c_6963);
         let mut distance = 0.0;
-        for _ in 0..DIRECTIONS {
+        for _ in 0..N_DIRECTIONS {
             let d: [f64; 3] = std::array::from_fn(|_| random.normal());
             let length = d.iter().map(|v| v * v).sum::<f64>().sqrt();
             let along = |cloud: &[[f64; 3]]| {
@@ -69,7 +72,7 @@ pub(super) fn transport_px(
             distance +=
                 (0..200).map(|i| (quantile(&p, i) - quantile(&q, i)).abs()).sum::<f64>() / 200.0;
         }
-        sum += distance / DIRECTIONS as f64 * a.len() as f64;
+        sum += distance / N_DIRECTIONS as f64 * a.len() as f64;
         weight += a.len() as f64;
     }
     (weight > 0.0).then_some(sum / weight)
@@ -77,18 +80,18 @@ pub(super) fn transport_px(
 
 /// Accuracy with which trees that have not seen them tell the camera's events from the model's; a
 /// half where they cannot (Lopez-Paz and Oquab, ICLR 2017).
-pub(super) fn told(
+pub(super) fn c2st_accuracy(
     real: &Events,
     simulated: &Events,
     size: Size,
     window_us: [i64; 2],
 ) -> Option<f64> {
     const FEATURES: usize = 10;
-    let mut examples = Examples { n_features: FEATURES, ..Examples::default() };
+    let mut examples = LabelledEvents { n_features: FEATURES, ..LabelledEvents::default() };
     for (events, is_real) in [(real, true), (simulated, false)] {
         let by_pixel = ByPixel::new(events.as_slice(), size, window_us);
-        let around = Around::new(by_pixel.clone(), &[]);
-        let every = events.len().div_ceil(MOST).max(1);
+        let around = EventContext::new(by_pixel.clone(), &[]);
+        let every = events.len().div_ceil(MAX_EVENTS).max(1);
         let mut number = 0;
         for y in 0..size.height {
             for x in 0..size.width {
@@ -120,12 +123,12 @@ pub(super) fn told(
                     ]);
                     examples.is_real.push(is_real);
                     examples.cell.push(tile);
-                    examples.fold.push(((tile + block) % u32::from(FOLDS)) as u8);
+                    examples.fold.push(((tile + block) % u32::from(N_FOLDS)) as u8);
                 }
             }
         }
     }
-    told_apart(&examples).map(|told| told.accuracy)
+    classify(&examples).map(|result| result.accuracy)
 }
 
 /// Share of a pixel's intervals in each bin.

@@ -22,7 +22,7 @@ pub(super) fn shadow(moving: &MovingLight) -> Departure {
     Departure {
         id: EffectId::MovingShadow,
         parameters: vec![("depth", moving.depth)],
-        says: format!(
+        description: format!(
             "a shadow that takes {:.0} % of the light moves over the print at {:.0} mm/s towards {:.0} deg",
             100.0 * depth,
             speed_mm_per_s.abs(),
@@ -37,12 +37,12 @@ pub(super) fn shadow(moving: &MovingLight) -> Departure {
 /// Frames of the Pi that are not linear in light where those of the event camera are.
 pub(super) fn curve(tone: &Tone) -> Option<Departure> {
     let z = tone.curved()?;
-    let says = format!(
+    let description = format!(
         "raw frames read light to the power of {:.3} where the event camera's own frames read it as it is",
         tone.gamma[0]
     );
     let parameters = vec![("gamma", tone.gamma)];
-    Some(Departure { id: EffectId::ToneCurve, parameters, says, z, without: None })
+    Some(Departure { id: EffectId::ToneCurve, parameters, description, z, without: None })
 }
 
 /// A lens that loses light towards the corners: of both cameras the one that surely loses more.
@@ -56,7 +56,10 @@ pub(super) fn corners(scene: &Scene) -> Option<Departure> {
     Some(Departure {
         id: EffectId::Vignetting,
         parameters: vec![("corner_loss", corner_loss)],
-        says: format!("frames of the {camera} are {:.0} % darker in the corners", 100.0 * loss),
+        description: format!(
+            "frames of the {camera} are {:.0} % darker in the corners",
+            100.0 * loss
+        ),
         z: loss / error.max(1e-9),
         without: None,
     })
@@ -86,7 +89,7 @@ fn more_noise([found, error]: [f64; 2], stated: f64) -> Option<Departure> {
     (z > SURE && beyond > expected).then(|| Departure {
         id: EffectId::FrameNoise,
         parameters: vec![("sigma_dn", [more, 0.5 * of_beyond / more])],
-        says: format!(
+        description: format!(
             "raw frames scatter by {found:.1} DN in the dark, not by the {stated:.1} DN stated"
         ),
         z,

@@ -1,6 +1,6 @@
 //! What the scene found of lenses, rows and path, against what the session's rig states.
 
-mod light;
+mod luminance;
 
 use evrig_analysis::diagnose::{Departure, Evidence};
 use evrig_core::effect_id::EffectId;
@@ -28,7 +28,7 @@ pub(super) fn departures(scene: &Scene, rig: &Rig, evidence: &Evidence) -> Vec<D
     let mut bare = scene.clone();
     let mut all = Vec::new();
     let mut add = |bare: &Scene, found: Departure| {
-        let without = Some(evidence.in_light_of(&bare.drive()));
+        let without = Some(evidence.with_light_of(&bare.drive()));
         all.push(Departure { without, ..found });
     };
     let shake = scene.survey.path.shake();
@@ -42,17 +42,19 @@ pub(super) fn departures(scene: &Scene, rig: &Rig, evidence: &Evidence) -> Vec<D
         add(&bare, found);
     }
     if let Some(moving) = bare.survey.moving_light.take() {
-        add(&bare, light::shadow(&moving));
+        add(&bare, luminance::shadow(&moving));
     }
-    if let Some((tone, found)) = bare.registration.tone.and_then(|t| Some((t, light::curve(&t)?))) {
+    if let Some((tone, found)) =
+        bare.registration.tone.and_then(|t| Some((t, luminance::curve(&t)?)))
+    {
         bare.survey = bare.survey.raised(1.0 / tone.power());
         add(&bare, found);
     }
     // What no event tells has no light of its own.
     let row_us = scene.survey.row_s.map(|s| s * 1e6);
     let stated_us = rig.pi.camera.row_time.as_secs_f64() * 1e6;
-    all.extend(light::noise(scene, rig));
-    all.extend(light::corners(scene));
+    all.extend(luminance::noise(scene, rig));
+    all.extend(luminance::corners(scene));
     all.extend(rows(row_us, stated_us));
     all.reverse();
     all
@@ -63,7 +65,7 @@ pub(super) fn shown(scene: &Scene, rig: Option<&Rig>) -> Vec<EffectId> {
     let tone = scene.registration.tone;
     let corners = scene.survey.corner_loss.is_some() || tone.is_some();
     let noise = rig.is_some_and(|rig| rig.pi.camera.read_noise_dn.is_some())
-        && light::noise_is_known(scene);
+        && luminance::noise_is_known(scene);
     [
         (EffectId::MovingShadow, true),
         (EffectId::ToneCurve, tone.is_some()),
@@ -77,7 +79,7 @@ pub(super) fn shown(scene: &Scene, rig: Option<&Rig>) -> Vec<EffectId> {
 
 /// By how much later than stated the rows of the Pi's frames saw light because those above them, which
 /// are not in the crop, take longer than stated; microseconds.
-pub(super) fn later_us(scene: &Scene, rig: &Rig) -> f64 {
+pub(super) fn row_delay_us(scene: &Scene, rig: &Rig) -> f64 {
     let found_us = scene.survey.row_s.map(|s| s * 1e6);
     let stated_us = rig.pi.camera.row_time.as_secs_f64() * 1e6;
     let above = f64::from(rig.pi.crop_origin_px[1]);
@@ -91,7 +93,7 @@ fn rows([found, error]: [f64; 2], stated: f64) -> Option<Departure> {
     (z > SURE && (found - stated).abs() > SAME_ROWS * stated).then(|| Departure {
         id: EffectId::RollingShutter,
         parameters: vec![("row_us", [found, error])],
-        says: format!(
+        description: format!(
             "rows of the Pi's frames follow each other every {found:.2} us, not the {stated:.2} us stated"
         ),
         z,
@@ -123,7 +125,9 @@ fn out_of_focus([sigma, error]: [f64; 2], [davis, pi]: [f64; 2]) -> Option<(Depa
     let departure = || Departure {
         id: EffectId::Defocus,
         parameters: vec![("sigma_px", [more, 0.5 * error / more])],
-        says: format!("the event camera sees the print blurred by {more:.2} px more than stated"),
+        description: format!(
+            "the event camera sees the print blurred by {more:.2} px more than stated"
+        ),
         z,
         without: None,
     };
@@ -139,7 +143,7 @@ fn swing(shake: &Shake) -> Departure {
             ("frequency_hz", shake.frequency_hz),
             ("amplitude_mm", shake.amplitude_mm),
         ],
-        says: format!(
+        description: format!(
             "the head swings on its path {hz:.1} times a second by {mm:.3} mm, which the arm was not told to"
         ),
         z: shake.clearness,
@@ -168,6 +172,6 @@ mod tests {
         assert!((left.hypot(0.153) - 0.5).abs() < 1e-12);
         let found = rows([18.0, 0.3], 9.21).unwrap();
         assert_eq!(found.parameters, [("row_us", [18.0, 0.3])]);
-        assert!(found.says.contains("not the 9.21 us"), "{}", found.says);
+        assert!(found.description.contains("not the 9.21 us"), "{}", found.description);
     }
 }

@@ -1,6 +1,6 @@
 //! What the session states of its clocks, against what ties the event camera to the light.
 
-use evrig_analysis::diagnose::TiedClocks;
+use evrig_analysis::diagnose::ClockTie;
 use evrig_core::time::{Davis, Span, Stamp, Unix};
 use evrig_reconstruct::clock::{Reference, SessionClocks};
 use evrig_reconstruct::scene::Scene;
@@ -19,11 +19,11 @@ const MOST_LATE_US: f64 = 1e6;
 /// clocks themselves were read to show is the statement.
 ///
 /// `later_us` is by how much later than its frames state the light of the path was.
-pub(super) fn tied_clocks(
+pub(super) fn clock_tie(
     scene: &Scene,
     clocks: &SessionClocks,
-    later_us: f64,
-) -> Option<TiedClocks> {
+    row_delay_us: f64,
+) -> Option<ClockTie> {
     if clocks.reference != Reference::Host {
         return None;
     }
@@ -44,12 +44,12 @@ pub(super) fn tied_clocks(
     let middle = path.zero + Span::from_secs_f64(0.5 * (from_s + to_s));
     let ends = clocks.unix_from_sensor.absolute95(middle);
     let within = ends.into_iter().map(|end| end.map(|e| e.as_nanos().abs() as f64 * 1e-3));
-    let within_us = within.collect::<Option<Vec<f64>>>()?.into_iter().fold(0.0, f64::max);
+    let statement_bound_us = within.collect::<Option<Vec<f64>>>()?.into_iter().fold(0.0, f64::max);
     // Stamps that are seconds off were never meant for Unix time.
     let is_meant = begin.abs().max(end.abs()) < MOST_LATE_US;
-    (within_us < LEAST_SURE_US && is_meant).then_some(TiedClocks {
-        offset_us: [0.5 * (begin + end) - later_us, registration.tie_error[8] * 1e6],
+    (statement_bound_us < LEAST_SURE_US && is_meant).then_some(ClockTie {
+        offset_us: [0.5 * (begin + end) - row_delay_us, registration.tie_error[8] * 1e6],
         skew_ppm: [(end - begin) / (to_s - from_s).max(1e-3), registration.tie_error[9] * 1e6],
-        within_us,
+        statement_bound_us,
     })
 }
