@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release --example diagnosis_figure -- diagnosis.json OUT.svg`
 
-use evrig::diagnose::{Diagnosis, ProposedTerm, Where};
+use evrig::diagnose::{Diagnosis, MisfitStratum, ProposedTerm};
 use evrig::stats::read_back;
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -26,8 +26,8 @@ fn main() -> Drawn {
     {
         let canvas = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
         canvas.fill(&WHITE).map_err(|e| e.to_string())?;
-        let places = &diagnosis.mismatch.places;
-        let places = &places[..places.len().min(N_PLACES)];
+        let places = &diagnosis.mismatch.strata;
+        let places = &places[..strata.len().min(N_PLACES)];
         if let Some(term) = &diagnosis.proposed_term {
             let (left, right) = canvas.split_horizontally(510);
             places_of(&left, places)?;
@@ -42,7 +42,7 @@ fn main() -> Drawn {
 }
 
 /// What a recalibration in each stratum would buy.
-fn places_of(area: &Canvas<'_>, places: &[Where]) -> Drawn {
+fn places_of(area: &Canvas<'_>, places: &[MisfitStratum]) -> Drawn {
     let most = places.first().map_or(1.0, |place| place.excess_nats_per_event);
     let n = places.len() as f64;
     let mut chart = ChartBuilder::on(area)
@@ -62,7 +62,7 @@ fn places_of(area: &Canvas<'_>, places: &[Where]) -> Drawn {
         let bar = [(0.0, row + 0.1), (place.excess_nats_per_event, row + 0.45)];
         chart.draw_series([Rectangle::new(bar, BAR.filled())])?;
         chart.draw_series([Text::new(
-            place.says.clone(),
+            place.description.clone(),
             (0.0, row + 0.85),
             ("sans-serif", 12),
         )])?;

@@ -54,7 +54,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     if let Some(diagnosis) = read_diagnosis(&session)? {
         for effect in &diagnosis.effects {
-            println!("{}: {}", effect.name, effect.says);
+            println!("{}: {}", effect.name, effect.description);
         }
     }
     Ok(())

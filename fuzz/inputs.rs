@@ -184,7 +184,7 @@ const RESULTS: [&str; 8] = [
     "calibrate-frames/k.json",
     "compare-simulated/comparison.json",
     "diagnose/diagnosis.json",
-    "diagnose/free_run.json",
+    "diagnose/forward_simulation.json",
     "diagnose/heat.json",
 ];
 

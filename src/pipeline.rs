@@ -25,7 +25,7 @@ pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration
 pub use compare::{CompareRequest, Reference, compare, compare_with, read_comparison};
 pub use diagnose::{
     Baseline, DiagnoseRequest, DiagnosedCamera, default_baseline, diagnose, read_camera,
-    read_diagnosis, read_free_run, read_heat,
+    read_diagnosis, read_forward_simulation, read_heat,
 };
 pub use filter::{
     FilterRequest, FilterSettings, FilterTally, FilteredStream, filter, picture_events,

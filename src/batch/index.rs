@@ -73,7 +73,7 @@ pub struct IndexedSession {
     /// What the recording lost.
     pub losses: Vec<Loss>,
     /// The diagnosis's word: `no_mismatch`, `explained`, ...; none if it was not diagnosed.
-    pub diagnosis: Option<diagnose::Verdict>,
+    pub diagnosis: Option<diagnose::DiagnosisVerdict>,
     /// The effects it named.
     pub effects: Vec<NamedEffect>,
     /// How its last processing went; none if there was none.

@@ -84,7 +84,7 @@ fn findings(recording: &Value, processed: &Value) -> anyhow::Result<String> {
         let verdict = diagnosis["verdict"].as_str().unwrap_or("none").replace('_', " ");
         writeln!(text, "diagnosis: {verdict}")?;
         let effects = diagnosis["effects"].as_array().map(Vec::as_slice).unwrap_or_default();
-        for effect in effects.iter().filter_map(|effect| effect["says"].as_str()) {
+        for effect in effects.iter().filter_map(|effect| effect["description"].as_str()) {
             writeln!(text, "  {effect}")?;
         }
     }

@@ -3,7 +3,7 @@
 use super::{Ending, Output};
 use crate::cli::{BaselineChoice, DiagnoseArgs, ProcessArgs};
 use crate::pipeline::{self, Baseline, DiagnoseRequest, PipelineError};
-use evrig_analysis::diagnose::{Diagnosis, Options, Verdict};
+use evrig_analysis::diagnose::{Diagnosis, DiagnosisOptions, DiagnosisVerdict};
 use evrig_session::Session;
 use serde_json::{Value, json};
 use std::time::Instant;
@@ -11,11 +11,11 @@ use std::time::Instant;
 pub(super) fn run(args: &DiagnoseArgs, output: &Output) -> anyhow::Result<Ending> {
     let session = Session::open(&args.session)?;
     let baseline = baseline(args, &session)?;
-    let defaults = Options::default();
+    let defaults = DiagnosisOptions::default();
     let request = DiagnoseRequest {
         real: args.real.clone(),
         baseline,
-        options: Options {
+        options: DiagnosisOptions {
             n_pixels: args.pixels.unwrap_or(defaults.n_pixels),
             n_null: args.null.unwrap_or(defaults.n_null),
             seed: args.seed,
@@ -77,7 +77,7 @@ pub(super) fn stage(
     let request = DiagnoseRequest {
         real: "real".into(),
         baseline,
-        options: Options { seed: args.choice.seed, ..Options::brief() },
+        options: DiagnosisOptions { seed: args.choice.seed, ..DiagnosisOptions::brief() },
         force: args.force,
     };
     let diagnosis = diagnose(session, &request, output)?;
@@ -88,21 +88,23 @@ pub(super) fn stage(
 pub(super) fn text(diagnosis: &Diagnosis) -> String {
     let scores = &diagnosis.fit.heldout_nats_per_event;
     let mut text = match diagnosis.verdict {
-        Verdict::NoMismatch => "no mismatch: the model holds".to_owned(),
-        Verdict::Explained => "explained".to_owned(),
-        Verdict::PartlyExplained => "partly explained".to_owned(),
-        Verdict::Unexplained => "unexplained: nothing in the library accounts for it".to_owned(),
+        DiagnosisVerdict::NoMismatch => "no mismatch: the model holds".to_owned(),
+        DiagnosisVerdict::Explained => "explained".to_owned(),
+        DiagnosisVerdict::PartlyExplained => "partly explained".to_owned(),
+        DiagnosisVerdict::Unexplained => {
+            "unexplained: nothing in the library accounts for it".to_owned()
+        }
     };
     text += &format!(
         "\nheld-out score, nats per event: baseline {:.3}, final {:.3}, ceiling {:.3}",
-        scores.baseline, scores.r#final, scores.ceiling
+        scores.baseline, scores.r#final, scores.upper_bound
     );
     if let Some(share) = diagnosis.share_removed() {
         text += &format!("; {:.0} % of the excess removed", share * 100.0);
     }
     for effect in &diagnosis.effects {
         let gain = effect.heldout_gain_nats_per_event;
-        text += &format!("\n{}: {}", effect.name, effect.says);
+        text += &format!("\n{}: {}", effect.name, effect.description);
         text += &if effect.is_beside_the_score() {
             " (seen in the frames or over the whole sensor)".to_owned()
         } else {
@@ -115,20 +117,22 @@ pub(super) fn text(diagnosis: &Diagnosis) -> String {
                 text += &format!(" (90 % interval {low:.4} to {high:.4})");
             }
         }
-        if !effect.equivalent.is_empty() {
-            let ids: Vec<&str> = effect.equivalent.iter().map(|id| id.as_str()).collect();
+        if !effect.indistinguishable.is_empty() {
+            let ids: Vec<&str> = effect.indistinguishable.iter().map(|id| id.as_str()).collect();
             text += &format!("\n  fits as well: {}", ids.join(", "));
         }
     }
-    for suspect in &diagnosis.suspects {
+    for suspect in &diagnosis.rejected_effects {
         text += &format!(
             "\nnot named: {} would gain {:.3} nats per event, but {}",
             suspect.id, suspect.heldout_gain_nats_per_event, suspect.because
         );
     }
-    for place in diagnosis.mismatch.places.iter().take(3) {
-        text +=
-            &format!("\nwhere: {} ({:.3} nats per event)", place.says, place.excess_nats_per_event);
+    for place in diagnosis.mismatch.strata.iter().take(3) {
+        text += &format!(
+            "\nwhere: {} ({:.3} nats per event)",
+            place.description, place.excess_nats_per_event
+        );
     }
     if let Some(says) = diagnosis.coarse_stamps() {
         text += &format!("\n{says}");

@@ -7,7 +7,7 @@ use crate::prove::{
     settle, sha256,
 };
 use anyhow::Context;
-use evrig_analysis::diagnose::Options;
+use evrig_analysis::diagnose::DiagnosisOptions;
 use evrig_core::time::Span;
 use serde_json::json;
 use std::time::Duration;
@@ -76,8 +76,8 @@ fn plan(args: &ProveArgs) -> anyhow::Result<Run> {
     let deadline = Duration::try_from_secs_f64(deadline_s)
         .map_err(|error| WrongUse(format!("--deadline {deadline_s}: {error}")))?;
     let (mix, trials) = trials(args, seconds)?;
-    let brief = Options::brief();
-    let options = Options {
+    let brief = DiagnosisOptions::brief();
+    let options = DiagnosisOptions {
         seed: args.seed,
         n_pixels: args.pixels.unwrap_or(brief.n_pixels),
         n_null: args.null.unwrap_or(brief.n_null),
@@ -154,7 +154,7 @@ fn prove(args: &ProveArgs, run: &Run, output: &Output) -> anyhow::Result<Proof> 
 }
 
 fn heading(plan: &Plan) -> String {
-    let Options { n_pixels, n_null, .. } = plan.options;
+    let DiagnosisOptions { n_pixels, n_null, .. } = plan.options;
     let seconds = plan.seconds.map_or(String::new(), |s| format!(", {s} s a session"));
     format!(
         "Family `{}`, seed {}{seconds}, {n_pixels} pixels, {n_null} null recordings",

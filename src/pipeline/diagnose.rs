@@ -2,8 +2,8 @@
 
 mod baseline;
 mod camera;
-mod stated;
-mod tied;
+mod clock_tie;
+mod departures;
 
 use super::{Freshness, PipelineError, clear, fresh_record, inputs, read_json};
 use baseline::BaselineLight;
@@ -11,7 +11,8 @@ pub use baseline::{Baseline, default_baseline};
 use camera::{CAMERA, CAMERA_SCHEMA};
 pub use camera::{DiagnosedCamera, read_camera};
 use evrig_analysis::diagnose::{
-    self, Departure, Diagnosis, Evidence, FittedCamera, FreeRun, HeatMap, Options, StampGrid,
+    self, Departure, Diagnosis, DiagnosisOptions, Evidence, FittedCamera, ForwardSimulation,
+    HeatMap, StampGrid,
 };
 use evrig_analysis::predict::ByPixel;
 use evrig_core::drive::Drive;
@@ -28,7 +29,7 @@ pub struct DiagnoseRequest {
     /// What the light comes from.
     pub baseline: Baseline,
     /// How hard to look.
-    pub options: Options,
+    pub options: DiagnosisOptions,
     /// Run even when the result is fresh.
     pub force: bool,
 }
@@ -59,20 +60,21 @@ pub fn diagnose(
     {
         return Ok((diagnosis, Freshness::Fresh));
     }
-    let Looked { evidence, drive, events, departures, most_at_rest_hz } = look(session, request)?;
+    let DiagnosisInput { evidence, drive, events, departures, most_at_rest_hz } =
+        prepare(session, request)?;
     let found = diagnose::diagnose(&evidence, &departures, &request.options, progress);
     let mut diagnosis = found.diagnosis;
-    progress("free run");
+    progress("forward simulation");
     let seed = request.options.seed;
     let baseline = FittedCamera::of(&evidence, &found.baseline, &[]);
     let camera = FittedCamera::of(&evidence, &found.model, &diagnosis.effects);
     let both = baseline.as_ref().zip(camera.as_ref());
     let run = both.and_then(|(baseline, camera)| {
         let real = events.as_slice();
-        diagnose::free_run(&evidence, drive.as_ref(), real, [baseline, camera], seed)
+        diagnose::simulate_forward(&evidence, drive.as_ref(), real, [baseline, camera], seed)
     });
     if let Some(run) = &run {
-        diagnosis.fit.forward = run.measures.clone();
+        diagnosis.fit.forward_simulation = run.measures.clone();
     }
     clear(&directory)?;
     let write = |name: &str, text: String| {
@@ -80,9 +82,9 @@ pub fn diagnose(
         std::fs::write(&path, text).map_err(|source| PipelineError::Io { path, source })
     };
     write("diagnosis.json", serde_json::to_string_pretty(&diagnosis).unwrap_or_default())?;
-    write(FREE_RUN, serde_json::to_string(&run).unwrap_or_default())?;
+    write(FORWARD_SIMULATION, serde_json::to_string(&run).unwrap_or_default())?;
     write(HEAT, serde_json::to_string(&found.heat).unwrap_or_default())?;
-    let mut outputs = vec!["diagnosis.json", FREE_RUN, HEAT];
+    let mut outputs = vec!["diagnosis.json", FORWARD_SIMULATION, HEAT];
     if let Some(fitted) = camera {
         let made = DiagnosedCamera {
             schema: CAMERA_SCHEMA.to_owned(),
@@ -100,7 +102,7 @@ pub fn diagnose(
 }
 
 /// The file of the free run beside the diagnosis.
-const FREE_RUN: &str = "free_run.json";
+const FORWARD_SIMULATION: &str = "forward_simulation.json";
 
 /// The heat maps beside the diagnosis.
 const HEAT: &str = "heat.json";
@@ -109,8 +111,12 @@ const HEAT: &str = "heat.json";
 ///
 /// # Errors
 /// When the file is there and cannot be read.
-pub fn read_free_run(session: &Session) -> Result<Option<FreeRun>, PipelineError> {
-    Ok(read_json(result(session, FREE_RUN))?.flatten())
+pub fn read_forward_simulation(
+    session: &Session,
+) -> Result<Option<ForwardSimulation>, PipelineError> {
+    let path = result(session, FORWARD_SIMULATION);
+    let path = if path.exists() { path } else { result(session, "free_run.json") };
+    Ok(read_json(path)?.flatten())
 }
 
 /// The heat maps of the diagnosis that a session holds.
@@ -134,7 +140,7 @@ fn result(session: &Session, name: &str) -> PathBuf {
 }
 
 /// What a diagnosis looks at, with what it was drawn from.
-struct Looked {
+struct DiagnosisInput {
     evidence: Evidence,
     drive: Box<dyn Drive>,
     /// Those beside which the generator runs free.
@@ -144,7 +150,7 @@ struct Looked {
     most_at_rest_hz: f64,
 }
 
-fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, PipelineError> {
+fn prepare(session: &Session, request: &DiagnoseRequest) -> Result<DiagnosisInput, PipelineError> {
     let rig = session.rig()?;
     let BaselineLight { drive, mut facts, scene } = request.baseline.light(session)?;
     let (mut events, _) = session.events(&request.real)?;
@@ -163,10 +169,10 @@ fn look(session: &Session, request: &DiagnoseRequest) -> Result<Looked, Pipeline
         .map_err(|source| PipelineError::Diagnose { session: session.root().to_owned(), source })?;
     let most_at_rest_hz = recording.most_at_rest_hz();
     // A long recording is held pixel by pixel from here on, not twice.
-    let events = diagnose::beside_free_run(&evidence, drive.size(), events.as_slice());
+    let events = diagnose::events_on_patch(&evidence, drive.size(), events.as_slice());
     let departures = match (scene, rig) {
-        (Some(scene), Some(rig)) => stated::departures(&scene, &rig, &evidence),
+        (Some(scene), Some(rig)) => departures::departures(&scene, &rig, &evidence),
         _ => Vec::new(),
     };
-    Ok(Looked { evidence, drive, events, departures, most_at_rest_hz })
+    Ok(DiagnosisInput { evidence, drive, events, departures, most_at_rest_hz })
 }

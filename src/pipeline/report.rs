@@ -5,7 +5,7 @@ mod target;
 
 use super::generate::{SCENE, is_scene};
 use super::{PipelineError, filter, read_calibration, read_comparison, read_diagnosis};
-use super::{read_free_run, read_heat};
+use super::{read_forward_simulation, read_heat};
 use evrig_analysis::compare::Comparison;
 use evrig_core::event::Events;
 use evrig_core::frame::Luminance;
@@ -69,7 +69,7 @@ pub fn report(session: &Session) -> Result<String, PipelineError> {
             0,
             evrig_report::diagnosis::section(
                 &diagnosis,
-                read_free_run(session)?.as_ref(),
+                read_forward_simulation(session)?.as_ref(),
                 &read_heat(session)?,
             ),
         );

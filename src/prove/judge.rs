@@ -62,8 +62,8 @@ pub struct Named {
     #[serde(default)]
     pub region: Option<serde_json::Value>,
     /// Effects that fit as well.
-    #[serde(default)]
-    pub equivalent: Vec<String>,
+    #[serde(default, alias = "equivalent")]
+    pub indistinguishable: Vec<String>,
     /// What it adds, nats per held-out event.
     #[serde(default)]
     pub heldout_gain_nats_per_event: Option<f64>,
@@ -156,7 +156,7 @@ pub fn judge(record: &Record, answer: &Answer, known: &BTreeSet<String>) -> Judg
         .filter(|named| is_hidden(truth, &named.id) || !known.contains(&named.id))
         .collect();
     let names =
-        |named: &Named, id: &str| named.id == id || named.equivalent.iter().any(|e| e == id);
+        |named: &Named, id: &str| named.id == id || named.indistinguishable.iter().any(|e| e == id);
     let hits = |named: &&&Named| truth.effects.iter().any(|c| names(named, &c.id));
     let right = counted.iter().filter(hits).count();
     let missed =
@@ -279,7 +279,7 @@ mod tests {
     #[test]
     fn a_stated_equivalent_counts_apart_from_the_first_name() {
         let answer = answer(
-            r#"{"verdict":"explained","effects":[{"id":"clock_offset","equivalent":["fixed_pole"]}]}"#,
+            r#"{"verdict":"explained","effects":[{"id":"clock_offset","indistinguishable":["fixed_pole"]}]}"#,
         );
         let judged = judge(&truth(&[("fixed_pole", "cutoff_hz", 20.0)]), &answer, &BTreeSet::new());
         assert!(!judged.is_top1 && judged.is_top1_or_equivalent);

@@ -1,7 +1,7 @@
 //! What a run leaves on disk while it goes on: its plan, and each trial as soon as it was judged.
 
 use super::{Answer, Family, Mix, Truth};
-use evrig_analysis::diagnose::Options;
+use evrig_analysis::diagnose::DiagnosisOptions;
 use evrig_core::stats::read_back;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use serde_json::Value;
@@ -66,7 +66,7 @@ pub struct Plan {
     /// Seconds of a simulated session.
     pub seconds: Option<f64>,
     /// How hard the diagnosis looks.
-    pub options: Options,
+    pub options: DiagnosisOptions,
     /// SHA-256 of the drawn trials: another version may draw others from the same seed.
     pub trials_sha256: String,
 }
@@ -207,7 +207,7 @@ mod tests {
             mix: None,
             seed,
             seconds: Some(2.6),
-            options: Options::brief(),
+            options: DiagnosisOptions::brief(),
             trials_sha256: "s".into(),
         }
     }

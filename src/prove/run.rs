@@ -132,7 +132,7 @@ impl Bench<'_> {
             };
             let record = self.settle(&self.job(maker, &plain), &mut |what| progress(what, 0))?;
             for named in answer(&record)?.effects {
-                known.extend(std::iter::once(named.id).chain(named.equivalent));
+                known.extend(std::iter::once(named.id).chain(named.indistinguishable));
             }
         }
         let jobs: Vec<Job<'_>> = trials.iter().map(|trial| self.job(maker, trial)).collect();

@@ -8,73 +8,41 @@
 //! same search finds in events drawn from the model itself, and more than a hundredth of the excess.
 //! What no effect explains is said to be unexplained.
 
-mod around;
-mod boost;
-mod camera;
-mod candidate;
-mod ceiling;
-mod census;
-mod check;
-mod choose;
-mod coarse;
-mod conclude;
-mod constancy;
-mod curve;
-mod dead_times;
-mod ends;
-mod errors;
+mod checks;
 mod evidence;
-mod facts;
 mod fit;
-mod free_run;
-mod halves;
-mod heat;
-mod hypothesis;
-mod judge;
-mod kinds;
-mod mixture;
-mod naming;
-mod nuisance;
-mod null;
+mod model;
 mod options;
-mod places;
-mod placing;
-mod polish;
-mod propose;
-mod prune;
-mod region;
-mod scan;
-mod score;
-mod select;
-mod spectrum;
-mod star;
-mod starts;
-mod stated;
-mod strata;
-mod summit;
-mod tuned;
-mod verdict;
+mod report;
+mod search;
+mod sensor_wide;
 
-pub use camera::{FittedCamera, surroundings};
-pub use candidate::{Candidate, Derived, Freed, LIBRARY, Parameter, Stage};
-pub use coarse::StampGrid;
+pub use evidence::session_facts::{ClockTie, SessionFacts};
+pub use evidence::stamp_grid::StampGrid;
 pub use evidence::{DiagnoseError, Evidence, PixelEvidence};
-pub use facts::{Facts, TiedClocks};
-pub use free_run::{BeforeAfter, FreeRun, beside_free_run, free_run};
-pub use heat::{HeatMap, HeatValue};
-pub use hypothesis::{Hypothesis, View};
-pub use mixture::{Kind, Mixture};
-pub use nuisance::Nuisance;
-pub use options::Options;
-pub use placing::Placing;
-pub use scan::Gain;
-pub use select::{Diagnosed, diagnose};
-pub use stated::Departure;
-pub use tuned::{Seen, Tuned};
-pub use verdict::{
-    CannotJudge, Diagnosis, FitReport, FittedEffect, Half, HeldOut, Interval, Leftover, Mismatch,
-    NullReport, ProposedTerm, Rival, StructureLeft, StructureReport, Suspect, Verdict, Where,
+pub use fit::effect_scan::EffectGain;
+pub use model::hypothesis::{Hypothesis, PredictedPixel};
+pub use model::image_pose::ImagePose;
+pub use model::library::{
+    CandidateEffect, DerivedParameters, EffectParameter, FreedNuisance, LIBRARY, SignalStage,
 };
+pub use model::nuisance::Nuisance;
+pub use model::pixel_mixture::{PixelMixture, PixelStratum};
+pub use model::registration::{FittedRegistration, RegisteredDrive};
+pub use options::DiagnosisOptions;
+pub use report::departure::Departure;
+pub use report::diagnosis_report::{
+    BaselineMismatch, CompetingHypothesis, ConfidenceInterval, Diagnosis, DiagnosisVerdict,
+    FitReport, FittedEffect, HeldOutScores, MisfitStratum, NullReport, ProposedTerm,
+    RejectedEffect, ResidualMismatch, ResidualStructure, ResidualStructureReport, SplitHalfFit,
+    UntestableEffect,
+};
+pub use report::fitted_camera::{FittedCamera, surroundings};
+pub use report::forward_simulation::{
+    ForwardSimulation, ModelComparison, events_on_patch, simulate_forward,
+};
+pub use report::heat_map::{HeatMap, HeatValue};
+pub use search::{DiagnosisResult, diagnose};
 
 #[cfg(test)]
 mod tests;

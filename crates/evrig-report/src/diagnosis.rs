@@ -10,40 +10,47 @@ use super::plot::Ink;
 use super::plot::chart::{Axis, Chart, Layer};
 use super::table::{Cell, Column, Table};
 use evrig_analysis::diagnose::{
-    CannotJudge, Diagnosis, FittedEffect, FreeRun, Half, HeatMap, Interval, ProposedTerm, Suspect,
-    Verdict, Where,
+    ConfidenceInterval, Diagnosis, DiagnosisVerdict, FittedEffect, ForwardSimulation, HeatMap,
+    MisfitStratum, ProposedTerm, RejectedEffect, SplitHalfFit, UntestableEffect,
 };
 
 /// The section of a diagnosis, with the generator's free run and the heat maps where there are any.
 #[must_use]
-pub fn section(diagnosis: &Diagnosis, run: Option<&FreeRun>, maps: &[HeatMap]) -> Section {
+pub fn section(
+    diagnosis: &Diagnosis,
+    run: Option<&ForwardSimulation>,
+    maps: &[HeatMap],
+) -> Section {
     let link = || Link::beside("derived/diagnose/diagnosis.json");
     let mut blocks = vec![Block::Facts(facts(diagnosis))];
     if !diagnosis.effects.is_empty() {
         blocks.push(Block::Table(effects(&diagnosis.effects)));
         blocks.extend(diagnosis.effects.iter().map(|effect| {
             let equation = if effect.equation.is_empty() { "" } else { " Equation: " };
-            Block::Text(format!("{}: {}.{equation}{}", effect.name, effect.says, effect.equation))
+            Block::Text(format!(
+                "{}: {}.{equation}{}",
+                effect.name, effect.description, effect.equation
+            ))
         }));
     }
-    if !diagnosis.suspects.is_empty() {
-        blocks.push(Block::Table(suspects(&diagnosis.suspects)));
+    if !diagnosis.rejected_effects.is_empty() {
+        blocks.push(Block::Table(suspects(&diagnosis.rejected_effects)));
     }
     blocks.extend(
         run.into_iter().flat_map(|run| free_run::blocks(run, !diagnosis.effects.is_empty())),
     );
-    if !diagnosis.halves.is_empty() {
-        blocks.push(Block::Table(halves(&diagnosis.halves, &diagnosis.effects)));
+    if !diagnosis.split_half.is_empty() {
+        blocks.push(Block::Table(halves(&diagnosis.split_half, &diagnosis.effects)));
     }
     let title = match diagnosis.verdict {
-        Verdict::NoMismatch => "Where the most is left, below what matters",
+        DiagnosisVerdict::NoMismatch => "Where the most is left, below what matters",
         _ => "Where the baseline is wrong",
     };
-    let mut places = vec![(title, &diagnosis.mismatch.places)];
+    let mut places = vec![(title, &diagnosis.mismatch.strata)];
     if !diagnosis.effects.is_empty() {
         places.push((
             "Where the model with those effects is still wrong",
-            &diagnosis.leftover.places,
+            &diagnosis.residual_mismatch.strata,
         ));
     }
     for (title, places) in places.into_iter().filter(|(_, places)| !places.is_empty()) {
@@ -67,7 +74,7 @@ pub fn section(diagnosis: &Diagnosis, run: Option<&FreeRun>, maps: &[HeatMap]) -
 /// Effects that the session cannot judge, those with the same reason together.
 fn not_judged(diagnosis: &Diagnosis) -> String {
     let mut by_reason: Vec<(&str, Vec<&str>)> = Vec::new();
-    for CannotJudge { id, because } in &diagnosis.cannot_judge {
+    for UntestableEffect { id, because } in &diagnosis.cannot_judge {
         match by_reason.iter_mut().find(|(reason, _)| reason == because) {
             Some((_, ids)) => ids.push(id.as_str()),
             None => by_reason.push((because, vec![id.as_str()])),
@@ -81,10 +88,14 @@ fn not_judged(diagnosis: &Diagnosis) -> String {
 fn lead(diagnosis: &Diagnosis) -> String {
     let names: Vec<&str> = diagnosis.effects.iter().map(|effect| effect.name.as_str()).collect();
     let verdict = match diagnosis.verdict {
-        Verdict::NoMismatch => "The model holds: no effect of the library matters here".to_owned(),
-        Verdict::Explained => format!("Explained by {}", names.join(" and ")),
-        Verdict::PartlyExplained => format!("Explained in part by {}", names.join(" and ")),
-        Verdict::Unexplained => {
+        DiagnosisVerdict::NoMismatch => {
+            "The model holds: no effect of the library matters here".to_owned()
+        }
+        DiagnosisVerdict::Explained => format!("Explained by {}", names.join(" and ")),
+        DiagnosisVerdict::PartlyExplained => {
+            format!("Explained in part by {}", names.join(" and "))
+        }
+        DiagnosisVerdict::Unexplained => {
             "There is a mismatch that no effect of the library accounts for".to_owned()
         }
     };
@@ -98,11 +109,14 @@ fn lead(diagnosis: &Diagnosis) -> String {
 
 fn facts(diagnosis: &Diagnosis) -> Vec<Fact> {
     let scores = &diagnosis.fit.heldout_nats_per_event;
-    let ceiling_is = scores.ceiling_is.replace('_', " ");
+    let upper_bound_source = scores.upper_bound_source.replace('_', " ");
     let mut facts = vec![
         Fact::new("held-out score of the baseline", significant(scores.baseline, 4)),
         Fact::new("of the final model", significant(scores.r#final, 4)),
-        Fact::new(&format!("ceiling ({ceiling_is})"), significant(scores.ceiling, 4)),
+        Fact::new(
+            &format!("upper bound ({upper_bound_source})"),
+            significant(scores.upper_bound, 4),
+        ),
     ];
     if let Some(share) = diagnosis.share_removed() {
         let value = format!("{} %", significant(100.0 * share, 3));
@@ -110,7 +124,7 @@ fn facts(diagnosis: &Diagnosis) -> Vec<Fact> {
     }
     let bar = format!(
         "{} nats an event; recordings drawn from the fitted model: {}",
-        significant(diagnosis.null.bar_nats_per_event, 2),
+        significant(diagnosis.null.threshold_nats_per_event, 2),
         diagnosis.null.n
     );
     facts.push(Fact::new("least gain that is named", bar));
@@ -129,7 +143,7 @@ fn facts(diagnosis: &Diagnosis) -> Vec<Fact> {
 }
 
 /// A value with its 90 % interval, where it is known.
-fn with_interval(interval: &Interval) -> String {
+fn with_interval(interval: &ConfidenceInterval) -> String {
     let value = significant(interval.value, 4);
     match interval.ci90 {
         [Some(low), Some(high)] => {
@@ -147,12 +161,12 @@ fn effects(effects: &[FittedEffect]) -> Table {
             .map(|(key, value)| format!("{key} = {}", with_interval(value)))
             .collect();
         let rivals: Vec<String> = effect
-            .rivals
+            .competing_hypotheses
             .iter()
             .take(3)
             .map(|r| format!("{} {}", r.id, significant(r.heldout_gain_nats_per_event, 2)))
             .collect();
-        let equivalent: Vec<&str> = effect.equivalent.iter().map(|id| id.as_str()).collect();
+        let equivalent: Vec<&str> = effect.indistinguishable.iter().map(|id| id.as_str()).collect();
         let (gain, error) = if effect.is_beside_the_score() {
             (Cell::text("not scored"), String::new())
         } else {
@@ -188,8 +202,8 @@ fn effects(effects: &[FittedEffect]) -> Table {
     }
 }
 
-fn suspects(suspects: &[Suspect]) -> Table {
-    let row = |suspect: &Suspect| {
+fn suspects(suspects: &[RejectedEffect]) -> Table {
+    let row = |suspect: &RejectedEffect| {
         vec![
             Cell::text(suspect.id.name()),
             Cell::number(suspect.heldout_gain_nats_per_event),
@@ -210,14 +224,14 @@ fn suspects(suspects: &[Suspect]) -> Table {
     }
 }
 
-fn halves(halves: &[Half], effects: &[FittedEffect]) -> Table {
+fn halves(halves: &[SplitHalfFit], effects: &[FittedEffect]) -> Table {
     let keys: Vec<String> = effects
         .iter()
         .flat_map(|e| e.parameters.keys().map(move |key| format!("{}.{key}", e.id)))
         .collect();
-    let row = |half: &Half| {
+    let row = |half: &SplitHalfFit| {
         let mut row = vec![
-            Cell::text(&half.of),
+            Cell::text(&half.subset),
             Cell::count(half.n_events as u64),
             Cell::number(half.heldout_gain_nats_per_event),
         ];
@@ -239,11 +253,11 @@ fn halves(halves: &[Half], effects: &[FittedEffect]) -> Table {
     }
 }
 
-fn wheres(title: &str, places: &[Where]) -> Table {
-    let row = |place: &Where| {
+fn wheres(title: &str, places: &[MisfitStratum]) -> Table {
+    let row = |place: &MisfitStratum| {
         let [low, high] = place.range.map(|end| significant(end, 3));
         vec![
-            Cell::text(&place.says),
+            Cell::text(&place.description),
             Cell::text(&place.covariate),
             Cell::text(&format!("{low} to {high}")),
             Cell::number(place.excess_nats_per_event),

@@ -1,10 +1,10 @@
 //! The light of the event pixels that a diagnosis starts from, and what is known of it.
 
-use super::{stated, tied};
+use super::{clock_tie, departures};
 use crate::pipeline::generate::{SCENE, aps_starts, scene_inputs};
 use crate::pipeline::sync::{missing, read_clocks};
 use crate::pipeline::{PipelineError, default_light, inputs, read_scene};
-use evrig_analysis::diagnose::Facts;
+use evrig_analysis::diagnose::SessionFacts;
 use evrig_core::drive::Drive;
 use evrig_reconstruct::scene::{FramesDrive, Scene};
 use evrig_session::{Session, StreamKind, read_stage};
@@ -72,8 +72,8 @@ impl Baseline {
             }
             Self::Motion(light) => {
                 let (mut drive, mut facts) = of_frames(session, light)?;
-                facts.is_led = !facts.is_light_dense();
-                if facts.is_led {
+                facts.is_motion_compensated = !facts.is_light_dense();
+                if facts.is_motion_compensated {
                     drive = drive.without_saturated().motion_compensated().denoised();
                 }
                 Ok(BaselineLight { drive: Box::new(drive), facts, scene: None })
@@ -87,7 +87,7 @@ pub(in crate::pipeline) struct BaselineLight {
     /// The light at any time.
     pub(in crate::pipeline) drive: Box<dyn Drive>,
     /// What is known of it.
-    pub(in crate::pipeline) facts: Facts,
+    pub(in crate::pipeline) facts: SessionFacts,
     /// The scene that it is of.
     pub(in crate::pipeline) scene: Option<Scene>,
 }
@@ -108,20 +108,20 @@ fn of_scene(session: &Session) -> Result<BaselineLight, PipelineError> {
     let none = || missing(session, "it holds no scene; run `evrig scene` first".into());
     let scene = read_scene(session)?.ok_or_else(none)?;
     let drive = scene.drive();
-    let later_us = rig.as_ref().map_or(0.0, |rig| stated::later_us(&scene, rig));
+    let row_delay_us = rig.as_ref().map_or(0.0, |rig| departures::row_delay_us(&scene, rig));
     let clocks = read_clocks(session)?;
-    let clocks = clocks.and_then(|clocks| tied::tied_clocks(&scene, &clocks, later_us));
-    let facts = Facts {
+    let clocks = clocks.and_then(|clocks| clock_tie::clock_tie(&scene, &clocks, row_delay_us));
+    let facts = SessionFacts {
         from_scene: true,
-        is_led: false,
+        is_motion_compensated: false,
         aps_us: aps_starts(session)?,
         frame_us: 0.0,
         white_dn: drive.white_dn(),
         light_per_pedestal: light_per_pedestal(&scene),
-        offset_within_us: if clocks.is_some() { STATED_US } else { TIED_US },
-        clocks,
+        offset_bound_us: if clocks.is_some() { STATED_US } else { TIED_US },
+        clock_tie: clocks,
         pixel_mm: Some(scene.registration.pixel_mm),
-        frames_show: stated::shown(&scene, rig.as_ref()),
+        testable_from_frames: departures::shown(&scene, rig.as_ref()),
         stamp_step_us: None,
     };
     Ok(BaselineLight { drive: Box::new(drive), facts, scene: Some(scene) })
@@ -134,7 +134,7 @@ fn light_per_pedestal(scene: &Scene) -> f64 {
 }
 
 /// The drive from frames of the event camera itself.
-fn of_frames(session: &Session, light: &str) -> Result<(FramesDrive, Facts), PipelineError> {
+fn of_frames(session: &Session, light: &str) -> Result<(FramesDrive, SessionFacts), PipelineError> {
     let size =
         session.size().ok_or_else(|| missing(session, "no stream states its pixel grid".into()))?;
     let mut unreadable = None;
@@ -150,17 +150,17 @@ fn of_frames(session: &Session, light: &str) -> Result<(FramesDrive, Facts), Pip
         return Err(missing(session, what));
     }
     let times = drive.times_us();
-    let facts = Facts {
+    let facts = SessionFacts {
         from_scene: false,
-        is_led: false,
+        is_motion_compensated: false,
         aps_us: times.to_vec(),
         frame_us: (times[times.len() - 1] - times[0]) as f64 / (times.len() - 1).max(1) as f64,
         white_dn: drive.white_dn(),
         light_per_pedestal: 1.0,
-        offset_within_us: SAME_CAMERA_US,
-        clocks: None,
+        offset_bound_us: SAME_CAMERA_US,
+        clock_tie: None,
         pixel_mm: None,
-        frames_show: Vec::new(),
+        testable_from_frames: Vec::new(),
         stamp_step_us: None,
     };
     Ok((drive, facts))

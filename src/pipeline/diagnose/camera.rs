@@ -3,7 +3,7 @@
 use super::{Baseline, result};
 use crate::pipeline::sync::missing;
 use crate::pipeline::{PipelineError, read_json};
-use evrig_analysis::diagnose::{FittedCamera, Verdict};
+use evrig_analysis::diagnose::{DiagnosisVerdict, FittedCamera};
 use evrig_session::Session;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -12,16 +12,19 @@ use std::path::Path;
 pub(super) const CAMERA: &str = "camera.json";
 
 /// What the file says of itself.
-pub(super) const CAMERA_SCHEMA: &str = "evrig.camera/1";
+pub(super) const CAMERA_SCHEMA: &str = "evrig.camera/2";
+
+/// The schema before, whose keys are read as aliases.
+const OLD_CAMERA_SCHEMA: &str = "evrig.camera/1";
 
 /// The camera of a diagnosis, and the light that it was found in.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DiagnosedCamera {
-    /// `evrig.camera/1`.
+    /// `evrig.camera/2`.
     pub schema: String,
     /// What the diagnosis said.
-    pub verdict: Verdict,
+    pub verdict: DiagnosisVerdict,
     /// The light of its recording.
     pub baseline: Baseline,
     /// The camera.
@@ -33,9 +36,13 @@ impl DiagnosedCamera {
     #[must_use]
     pub fn cautions(&self) -> Vec<String> {
         let verdict = match self.verdict {
-            Verdict::NoMismatch | Verdict::Explained => None,
-            Verdict::PartlyExplained => Some("its recording shows more than the named effects"),
-            Verdict::Unexplained => Some("its recording is not explained: events come otherwise"),
+            DiagnosisVerdict::NoMismatch | DiagnosisVerdict::Explained => None,
+            DiagnosisVerdict::PartlyExplained => {
+                Some("its recording shows more than the named effects")
+            }
+            DiagnosisVerdict::Unexplained => {
+                Some("its recording is not explained: events come otherwise")
+            }
         };
         let left_out = self.fitted.left_out.iter().map(|what| format!("left out: {what}"));
         verdict.map(str::to_owned).into_iter().chain(left_out).collect()
@@ -58,7 +65,7 @@ impl DiagnosedCamera {
             path: path.to_owned(),
             source: std::io::Error::new(std::io::ErrorKind::InvalidData, what),
         };
-        if camera.schema != CAMERA_SCHEMA {
+        if ![CAMERA_SCHEMA, OLD_CAMERA_SCHEMA].contains(&camera.schema.as_str()) {
             return Err(wrong(format!(
                 "its schema is `{}`; expected {CAMERA_SCHEMA}",
                 camera.schema

@@ -5,7 +5,7 @@ use super::{GenerateTally, Generated, open, refuse_recorded, stage};
 use crate::pipeline::PipelineError;
 use crate::pipeline::diagnose::{Baseline, DiagnosedCamera, default_baseline, read_camera};
 use crate::pipeline::sync::missing;
-use evrig_analysis::diagnose::{Seen, Tuned, surroundings};
+use evrig_analysis::diagnose::{FittedRegistration, RegisteredDrive, surroundings};
 use evrig_core::drive::Drive;
 use evrig_session::{Session, StreamName};
 use serde_json::json;
@@ -39,7 +39,7 @@ pub enum By {
 struct Setting {
     camera: DiagnosedCamera,
     baseline: Baseline,
-    seen: Option<Seen>,
+    registration: Option<FittedRegistration>,
 }
 
 /// Runs the stage, unless its result is fresh. With the result comes what keeps the events from being
@@ -60,7 +60,7 @@ pub fn generate_diagnosed(
         "is_straight": matches!(setting.baseline, Baseline::Frames(_)),
         "named": setting.camera.fitted.named,
         "camera": setting.camera.fitted.camera,
-        "seen": setting.seen,
+        "seen": setting.registration,
         "seed": request.seed,
     });
     let inputs = setting.baseline.inputs(session)?;
@@ -73,8 +73,9 @@ fn setting(session: &Session, by: &By) -> Result<Setting, PipelineError> {
     match by {
         By::Own => {
             let camera = read_camera(session)?;
-            let (baseline, seen) = (camera.baseline.clone(), Some(camera.fitted.seen.clone()));
-            Ok(Setting { camera, baseline, seen })
+            let (baseline, registration) =
+                (camera.baseline.clone(), Some(camera.fitted.registration.clone()));
+            Ok(Setting { camera, baseline, registration })
         }
         By::Other(file, light) => {
             let camera = DiagnosedCamera::read(file)?;
@@ -84,7 +85,7 @@ fn setting(session: &Session, by: &By) -> Result<Setting, PipelineError> {
                 missing(session, what.into())
             };
             let baseline = light.clone().or_else(|| default_baseline(session)).ok_or_else(none)?;
-            Ok(Setting { camera, baseline, seen: None })
+            Ok(Setting { camera, baseline, registration: None })
         }
     }
 }
@@ -95,7 +96,9 @@ fn run(
     setting: Setting,
 ) -> Result<(GenerateTally, Duration), PipelineError> {
     let light = setting.baseline.light(session)?;
-    let tuned = setting.seen.map(|seen| Tuned::new(light.drive.as_ref(), seen));
+    let tuned = setting
+        .registration
+        .map(|registration| RegisteredDrive::new(light.drive.as_ref(), registration));
     let drive = tuned.as_ref().map_or(light.drive.as_ref(), |tuned| tuned as &dyn Drive);
     let camera = setting.camera.fitted.camera;
     let (size, [first_us, last_us]) = (drive.size(), drive.span_us());

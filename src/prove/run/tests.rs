@@ -169,7 +169,7 @@ fn a_plan_says_nothing_of_what_is_hidden() {
         mix: Some(Mix { single: 1, ..Mix::none(Family::Plasmode) }),
         seed: 5,
         seconds: None,
-        options: evrig_analysis::diagnose::Options::brief(),
+        options: evrig_analysis::diagnose::DiagnosisOptions::brief(),
         trials_sha256: super::super::sha256(&serde_json::to_vec(&trials(1)).unwrap()),
     };
     let text = serde_json::to_string(&plan).unwrap();

@@ -1,8 +1,15 @@
 //! What a diagnosis looks at: some pixels with their events, light and its surroundings.
 
-use super::around::Around;
-use super::choose::chosen;
-use super::{Facts, Options};
+pub(crate) mod event_context;
+pub(crate) mod pixel_selection;
+pub(crate) mod refractory_peaks;
+pub(crate) mod session_facts;
+pub(crate) mod spectral_lines;
+pub(crate) mod stamp_grid;
+
+use crate::diagnose::evidence::event_context::EventContext;
+use crate::diagnose::evidence::pixel_selection::select_pixels;
+use crate::diagnose::{DiagnosisOptions, SessionFacts};
 use crate::predict::{Bends, Blocks, ByPixel, Light, Spike};
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::geometry::Rectangle;
@@ -11,12 +18,11 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-/// Least number of events with known light that can be judged.
-const LEAST_EVENTS: usize = 300;
+/// Fewest events with a known signal from which a diagnosis is possible.
+const MIN_EVENTS: usize = 300;
 
-/// Where the least number of pixels hold more than so many times the events that are wanted, part of the
-/// time is left out.
-const MOST_EVENTS: usize = 2;
+/// A recording with more than this many times the wanted events is subsampled in time.
+const MAX_EVENT_EXCESS: usize = 2;
 
 /// Why nothing can be diagnosed.
 #[derive(Debug, thiserror::Error)]
@@ -24,7 +30,7 @@ pub enum DiagnoseError {
     /// Too little to look at.
     #[error(
         "{n} events have a known light in {n_pixels} pixels; a diagnosis takes at least \
-         {LEAST_EVENTS}: record for longer, nearer, with more texture, or with a shorter exposure \
+         {MIN_EVENTS}: record for longer, nearer, with more texture, or with a shorter exposure \
          where frames are clipped"
     )]
     TooFew {
@@ -62,7 +68,7 @@ pub struct PixelEvidence {
     /// Its events.
     pub spikes: Vec<Spike>,
     /// Log intensity over white at every instant.
-    pub(super) light: Vec<f32>,
+    pub(crate) light: Vec<f32>,
     /// Change of log intensity per pixel to the right, and downwards; empty where not needed.
     pub gradient: [Vec<f32>; 2],
     /// Laplacian of intensity over intensity, per square pixel; empty where not needed.
@@ -73,7 +79,7 @@ pub struct PixelEvidence {
 
 impl PixelEvidence {
     /// Where the light bends, as it is known.
-    pub(super) fn bends(&self) -> &Bends {
+    pub(crate) fn bends(&self) -> &Bends {
         self.bends.get_or_init(|| {
             let (signal, level) = (&self.light, &self.light);
             Bends::of(Light { start_us: 0.0, step_us: 1.0, signal, level, bends: None })
@@ -81,13 +87,13 @@ impl PixelEvidence {
     }
 
     /// The light, to be changed.
-    pub(super) fn light_mut(&mut self) -> &mut [f32] {
+    pub(crate) fn light_mut(&mut self) -> &mut [f32] {
         self.bends = OnceLock::new();
         &mut self.light
     }
 
     /// Number of its events between two instants at which its light is known.
-    fn n_lit(&self, start_us: f64, step_us: f64) -> usize {
+    fn n_with_known_light(&self, start_us: f64, step_us: f64) -> usize {
         let is_known = |i: usize| self.light.get(i).is_some_and(|level| level.is_finite());
         let is_lit = |spike: &&Spike| {
             let at = (spike.t_us as f64 - start_us) / step_us;
@@ -113,17 +119,17 @@ pub struct Evidence {
     /// Number of tiles.
     pub n_tiles: usize,
     /// Tiles across and down.
-    pub(super) tiles: [usize; 2],
+    pub(crate) tiles: [usize; 2],
     /// Side of a tile, pixels.
-    pub(super) tile_px: u16,
+    pub(crate) tile_px: u16,
     /// Middle of the sensor.
     pub middle: [f64; 2],
     /// On minus Off events of all pixels, and On plus Off, in each instant.
     pub rates: [Vec<f32>; 2],
     /// All events of the sensor.
-    pub(super) around: Arc<Around>,
+    pub(crate) event_context: Arc<EventContext>,
     /// The rest.
-    pub facts: Facts,
+    pub facts: SessionFacts,
 }
 
 impl Evidence {
@@ -134,8 +140,8 @@ impl Evidence {
     pub fn new(
         recording: &ByPixel,
         drive: &dyn Drive,
-        facts: Facts,
-        options: &Options,
+        facts: SessionFacts,
+        options: &DiagnosisOptions,
     ) -> Result<Self, DiagnoseError> {
         let window = recording.window_us();
         let [from, to] = drive.span_us();
@@ -152,7 +158,7 @@ impl Evidence {
         while grid.at(grid.n - 1) > span[1] && grid.n > 2 {
             grid.n -= 1;
         }
-        let chosen = chosen(recording, drive, grid, options);
+        let chosen = select_pixels(recording, drive, grid, options);
         let size = recording.size();
         let n_across = usize::from(size.width.div_ceil(options.tile_px));
         let n_down = usize::from(size.height.div_ceil(options.tile_px));
@@ -167,8 +173,11 @@ impl Evidence {
             })
             .collect();
         let start_us = (grid.start_us - window[0]) as f64;
-        let n = pixels.iter().map(|pixel| pixel.n_lit(start_us, f64::from(grid.step_us))).sum();
-        if n < LEAST_EVENTS {
+        let n = pixels
+            .iter()
+            .map(|pixel| pixel.n_with_known_light(start_us, f64::from(grid.step_us)))
+            .sum();
+        if n < MIN_EVENTS {
             return Err(DiagnoseError::TooFew { n, n_pixels: pixels.len() });
         }
         let evidence = Self {
@@ -182,15 +191,15 @@ impl Evidence {
             tile_px: options.tile_px,
             middle: [f64::from(size.width) / 2.0, f64::from(size.height) / 2.0],
             rates: rates(recording, grid, start_us),
-            around: Arc::new(Around::new(recording.clone(), &facts.aps_us)),
+            event_context: Arc::new(EventContext::new(recording.clone(), &facts.aps_us)),
             facts,
         };
-        Ok(evidence.shortened(MOST_EVENTS * options.n_events, options.seed))
+        Ok(evidence.subsample_time(MAX_EVENT_EXCESS * options.n_events, options.seed))
     }
 
     /// The same evidence with other events, pixel by pixel.
     #[must_use]
-    pub fn with_spikes(&self, spikes: Vec<Vec<Spike>>) -> Self {
+    pub fn with_events(&self, spikes: Vec<Vec<Spike>>) -> Self {
         let mut other = self.clone();
         for (pixel, own) in other.pixels.iter_mut().zip(spikes) {
             pixel.spikes = own;
@@ -207,29 +216,29 @@ impl Evidence {
     }
 
     /// Only the pixels of some tiles.
-    pub(super) fn with_tiles(&self, is_taken: impl Fn(usize) -> bool) -> Self {
+    pub(crate) fn with_tiles(&self, is_taken: impl Fn(usize) -> bool) -> Self {
         let mut other = self.clone();
         other.pixels.retain(|pixel| is_taken(pixel.tile));
         other
     }
 
     /// Only the pixels of a region.
-    pub(super) fn within(&self, region: Rectangle) -> Self {
+    pub(crate) fn within_region(&self, region: Rectangle) -> Self {
         let mut other = self.clone();
         other.pixels.retain(|pixel| region.contains(pixel.x, pixel.y));
         other
     }
 
     /// Only a part of the time, in shares of the light: what is outside is not known.
-    pub(super) fn between(&self, from: f64, to: f64) -> Self {
+    pub(crate) fn within_time(&self, from: f64, to: f64) -> Self {
         let n = self.n_instants() as f64;
         let kept = (from * n) as usize..(to * n) as usize;
-        self.clone().known_at(|i| kept.contains(&i))
+        self.clone().masked_to(|i| kept.contains(&i))
     }
 
     /// Of every block a stretch that begins somewhere in it, all as long, so that about so many events
     /// are left.
-    fn shortened(self, n_events: usize, seed: u64) -> Self {
+    fn subsample_time(self, n_events: usize, seed: u64) -> Self {
         let share = n_events as f64 / self.n_events().max(1) as f64;
         if share >= 1.0 {
             return self;
@@ -239,7 +248,7 @@ impl Evidence {
         let from: Vec<f64> = (0..n_blocks).map(|_| (1.0 - share) * random.uniform()).collect();
         let (start_us, step_us, blocks) = (self.start_us, self.step_us, self.blocks);
         let block_us = blocks.length_us() as f64 / n_blocks as f64;
-        self.known_at(|i| {
+        self.masked_to(|i| {
             let us = start_us + i as f64 * step_us;
             let block = blocks.of(us);
             let passed = us / block_us - block as f64;
@@ -248,7 +257,7 @@ impl Evidence {
     }
 
     /// Only some instants, by their number: what lies between others is not known.
-    fn known_at(mut self, is_known: impl Fn(usize) -> bool) -> Self {
+    fn masked_to(mut self, is_known: impl Fn(usize) -> bool) -> Self {
         let is_known: Vec<bool> = (0..self.n_instants()).map(is_known).collect();
         for pixel in &mut self.pixels {
             let dark =
@@ -278,7 +287,7 @@ impl Evidence {
     }
 
     /// Events a second of all pixels in the three instants before a time.
-    pub(super) fn rate_hz(&self, t_us: i64) -> f64 {
+    pub(crate) fn rate_hz(&self, t_us: i64) -> f64 {
         let at = (t_us as f64 - self.start_us) / self.step_us;
         let i = (at.max(0.0) as usize).min(self.rates[1].len().saturating_sub(1));
         let recent = &self.rates[1][i.saturating_sub(3)..i];
@@ -298,7 +307,7 @@ impl Evidence {
     }
 
     /// Whether a tile, by its middle, lies in a region.
-    pub(super) fn tile_is_in(&self, tile: usize, region: Rectangle) -> bool {
+    pub(crate) fn tile_is_in(&self, tile: usize, region: Rectangle) -> bool {
         let middle = |n: usize| (n as u16) * self.tile_px + self.tile_px / 2;
         region.contains(middle(tile % self.tiles[0]), middle(tile / self.tiles[0]))
     }

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// How hard to look.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Options {
+pub struct DiagnosisOptions {
     /// Pixels looked at, at most where they have events enough; they are drawn over the whole
     /// sensor, textured ones first.
     pub n_pixels: usize,
@@ -31,7 +31,7 @@ pub struct Options {
     pub seed: u64,
 }
 
-impl Options {
+impl DiagnosisOptions {
     /// A short look, for a run over every stage: fewer pixels and one drawn recording.
     #[must_use]
     pub fn brief() -> Self {
@@ -39,7 +39,7 @@ impl Options {
     }
 }
 
-impl Default for Options {
+impl Default for DiagnosisOptions {
     fn default() -> Self {
         Self {
             n_pixels: 600,

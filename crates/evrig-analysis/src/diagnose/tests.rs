@@ -1,16 +1,31 @@
 //! Effects are planted with the model's own sampler and demanded back.
 
-mod camera;
+mod clock_delay;
 mod dead_pixels;
-mod dead_times;
-mod kinds;
-mod late;
-mod leaks;
-mod light;
-mod loss;
-mod strengths;
-mod summit;
+mod fitted_camera;
+mod laplace;
+mod leak_near_prior_bound;
+mod pixel_strata;
+mod random_loss;
+mod refractory_peaks;
+mod strengths_by_stratum;
+mod unchanged_light;
 
+use super::checks::acceptance;
+use super::checks::accepted_effect;
+use super::checks::effect_review;
+use super::checks::null_distribution;
+use super::checks::split_half;
+use super::checks::strength_constancy;
+use super::checks::two_sample_test;
+use super::fit::bound_escape;
+use super::fit::effect_scan;
+use super::fit::fitted;
+use super::fit::gauss_newton;
+use super::fit::multistart;
+use super::fit::spatial_region;
+use super::fit::standard_errors;
+use super::model::library;
 use super::*;
 use crate::predict::ByPixel;
 use evrig_core::drive::{Drive, TimeGrid};
@@ -63,30 +78,30 @@ impl Drive for Texture {
     }
 }
 
-fn facts() -> Facts {
-    Facts {
+fn facts() -> SessionFacts {
+    SessionFacts {
         from_scene: true,
-        is_led: false,
+        is_motion_compensated: false,
         aps_us: Vec::new(),
         frame_us: 25_000.0,
         white_dn: 200.0,
         light_per_pedestal: 1.0,
-        offset_within_us: 1_000.0,
-        clocks: None,
+        offset_bound_us: 1_000.0,
+        clock_tie: None,
         pixel_mm: None,
-        frames_show: Vec::new(),
+        testable_from_frames: Vec::new(),
         stamp_step_us: None,
     }
 }
 
-fn options() -> Options {
-    Options {
+fn options() -> DiagnosisOptions {
+    DiagnosisOptions {
         n_pixels: 60,
         few_events: 750,
         step_us: 2_000,
         n_null: 0,
         max_effects: 1,
-        ..Options::default()
+        ..DiagnosisOptions::default()
     }
 }
 
@@ -127,26 +142,34 @@ fn empty() -> Evidence {
     Evidence::new(&filled(), &Texture, facts(), &options()).unwrap()
 }
 
-fn library(id: EffectId) -> &'static candidate::Candidate {
+fn library(id: EffectId) -> &'static library::CandidateEffect {
     LIBRARY.iter().find(|c| c.id == id).unwrap()
 }
 
 /// What judges a model of the evidence where nothing else is known of it.
-fn judging<'a>(evidence: &'a Evidence, baseline: &'a fit::Fitted) -> judge::Judge<'a> {
-    judge::Judge {
+fn judging<'a>(
+    evidence: &'a Evidence,
+    baseline: &'a fitted::FittedModel,
+) -> effect_review::EffectReview<'a> {
+    effect_review::EffectReview {
         evidence,
         baseline,
         before: None,
         null: &[],
-        is_more_suspected: false,
-        is_filtered: false,
+        has_suggestive_effect: false,
+        misses_isolated_events: false,
         seed: 3,
     }
 }
 
 /// One effect that was taken, for a gain that is sure.
-fn one_taken() -> Vec<select::Taken> {
-    vec![select::Taken { gain: 0.5, error: 0.05, rivals: Vec::new(), equals: Vec::new() }]
+fn one_taken() -> Vec<accepted_effect::AcceptedEffect> {
+    vec![accepted_effect::AcceptedEffect {
+        gain: 0.5,
+        error: 0.05,
+        competing_hypotheses: Vec::new(),
+        indistinguishable: Vec::new(),
+    }]
 }
 
 fn plant(id: Option<EffectId>, start: &[f64]) -> Evidence {
@@ -158,9 +181,9 @@ fn plant_in(region: Option<Rectangle>, id: Option<EffectId>, start: &[f64]) -> E
     let mut hypothesis = Hypothesis::baseline(&evidence);
     if let Some(id) = id {
         let candidate = library(id);
-        hypothesis = hypothesis.with_in(candidate, start, region);
+        hypothesis = hypothesis.with_effect_in(candidate, start, region);
     }
-    null::draw(&evidence, &hypothesis, 17)
+    null_distribution::draw_recording(&evidence, &hypothesis, 17)
 }
 
 fn found(id: EffectId, start: &[f64]) -> Diagnosis {
@@ -177,16 +200,19 @@ fn value(diagnosis: &Diagnosis, key: &str) -> f64 {
 #[test]
 fn a_parameter_at_an_end_of_its_range_is_told_by_its_key_and_hidden_ones_are_not() {
     let evidence = empty();
-    let at_an_end = |id: EffectId, start: &[f64]| {
+    let parameter_at_bound = |id: EffectId, start: &[f64]| {
         let candidate = library(id);
         let hypothesis = Hypothesis::baseline(&evidence).with(candidate, start);
-        naming::at_an_end(&hypothesis, 0).map(|parameter| parameter.key)
+        acceptance::parameter_at_bound(&hypothesis, 0).map(|parameter| parameter.key)
     };
-    assert_eq!(at_an_end(EffectId::Adaptation, &[0.05_f64.ln(), 0.3]), Some("time_constant_s"));
-    assert_eq!(at_an_end(EffectId::Adaptation, &[0.5_f64.ln(), 0.98]), Some("fraction"));
-    assert_eq!(at_an_end(EffectId::Adaptation, &[0.5_f64.ln(), 0.3]), None);
+    assert_eq!(
+        parameter_at_bound(EffectId::Adaptation, &[0.05_f64.ln(), 0.3]),
+        Some("time_constant_s")
+    );
+    assert_eq!(parameter_at_bound(EffectId::Adaptation, &[0.5_f64.ln(), 0.98]), Some("fraction"));
+    assert_eq!(parameter_at_bound(EffectId::Adaptation, &[0.5_f64.ln(), 0.3]), None);
     // One and the same correlation is no limit of the law.
-    assert_eq!(at_an_end(EffectId::ThresholdMismatch, &[0.1_f64.ln(), 0.9]), None);
+    assert_eq!(parameter_at_bound(EffectId::ThresholdMismatch, &[0.1_f64.ln(), 0.9]), None);
 }
 
 #[test]
@@ -195,7 +221,8 @@ fn a_nuisance_near_the_end_of_its_range_is_led_back() {
     let candidate = library(EffectId::PhotocurrentLeak);
     let ordinary = Hypothesis::baseline(&evidence).with(candidate, &[0.6]);
     let led_back = |hz| -> Vec<f64> {
-        let elsewhere = ends::off_the_ends(&ordinary.with_nuisance(Nuisance::LeakHz, hz));
+        let elsewhere =
+            bound_escape::moved_off_bounds(&ordinary.with_nuisance(Nuisance::LeakHz, hz));
         elsewhere.iter().map(|h| (h.nuisance(Nuisance::LeakHz) * 1e4).round() * 1e-4).collect()
     };
     assert!(led_back(0.15).is_empty() && led_back(0.0).is_empty());
@@ -206,16 +233,18 @@ fn a_nuisance_near_the_end_of_its_range_is_led_back() {
 #[test]
 fn nothing_is_named_where_nothing_is_hidden() {
     let diagnosis = diagnose(&plant(None, &[]), &[], &options(), &mut |_| {}).diagnosis;
-    assert_eq!(diagnosis.verdict, Verdict::NoMismatch, "{diagnosis:#?}");
+    assert_eq!(diagnosis.verdict, DiagnosisVerdict::NoMismatch, "{diagnosis:#?}");
     assert!(diagnosis.effects.is_empty());
     assert_eq!(diagnosis.share_removed(), None, "nothing is named that could remove any");
     assert!((diagnosis.nuisances["theta"].value / 0.25 - 1.0).abs() < 0.01);
     let json = serde_json::to_value(&diagnosis).unwrap();
-    assert_eq!(json["schema"], "evrig.diagnosis/1");
+    assert_eq!(json["schema"], "evrig.diagnosis/2");
     assert_eq!(json["verdict"], "no_mismatch");
     let scores = &json["fit"]["heldout_nats_per_event"];
-    assert!(["baseline", "final", "ceiling"].iter().all(|key| scores[key].is_number()));
-    for key in ["mismatch", "effects", "nuisances", "leftover", "proposed_term", "cannot_judge"] {
+    assert!(["baseline", "final", "upper_bound"].iter().all(|key| scores[key].is_number()));
+    for key in
+        ["mismatch", "effects", "nuisances", "residual_mismatch", "proposed_term", "cannot_judge"]
+    {
         assert!(json.get(key).is_some(), "{key} is missing");
     }
 }
@@ -225,7 +254,7 @@ fn a_dead_time_is_named_with_its_length() {
     let diagnosis = found(EffectId::RefractoryPeriod, &[4_000.0_f64.ln(), 0.0]);
     let us = value(&diagnosis, "refractory_us");
     assert!((us / 4_000.0 - 1.0).abs() < 0.05, "{us}");
-    assert_eq!(diagnosis.verdict, Verdict::Explained);
+    assert_eq!(diagnosis.verdict, DiagnosisVerdict::Explained);
     assert_eq!(value(&diagnosis, "compares_on"), 0.0);
     assert!(diagnosis.share_removed().is_some_and(|share| share > 0.8));
 }
@@ -249,12 +278,15 @@ fn what_is_in_a_part_of_the_sensor_is_fitted_in_its_place() {
     ];
     for (id, hidden, begun, expected) in cases {
         let planted = plant_in(Some(region), Some(id), hidden);
-        let without = fit::fit(&planted, Hypothesis::baseline(&planted), 12, 1e-5);
+        let without = gauss_newton::fit(&planted, Hypothesis::baseline(&planted), 12, 1e-5);
         let candidate = library(id);
-        let start = fit::as_it_is(&planted, without.hypothesis.with(candidate, begun));
-        let start = region::begun_in_a_part(&planted, &without, &start).unwrap_or(start);
-        let fitted =
-            region::settled(&planted, &without, fit::fit(&planted, start.hypothesis, 10, 1e-5));
+        let start = gauss_newton::score_model(&planted, without.hypothesis.with(candidate, begun));
+        let start = spatial_region::start_in_region(&planted, &without, &start).unwrap_or(start);
+        let fitted = spatial_region::choose_region(
+            &planted,
+            &without,
+            gauss_newton::fit(&planted, start.hypothesis, 10, 1e-5),
+        );
         assert_eq!(fitted.hypothesis.regions, [Some(region)], "{id}");
         let found = fitted.hypothesis.parameters_of(0)[0];
         assert!((found / expected - 1.0).abs() < 0.05, "{id}: {found}");
@@ -277,7 +309,7 @@ fn a_clock_that_is_off_is_told_from_a_pole() {
     let diagnosis = found(EffectId::ClockOffset, &[6_000.0]);
     let us = value(&diagnosis, "offset_us");
     assert!((us - 6_000.0).abs() < 300.0, "{us}");
-    assert_eq!(diagnosis.effects[0].equivalent, [EffectId::PixelLatency]);
+    assert_eq!(diagnosis.effects[0].indistinguishable, [EffectId::PixelLatency]);
     let pole = found(EffectId::FixedPole, &[12.0_f64.ln()]);
     let hz = value(&pole, "cutoff_hz");
     assert!((hz / 12.0 - 1.0).abs() < 0.1, "{hz}");
@@ -313,20 +345,24 @@ fn too_few_events_and_a_light_of_another_time_are_refused_with_what_to_do() {
 #[test]
 fn every_effect_is_judged_or_said_to_be_beyond_judging() {
     let evidence = empty();
-    let cannot = scan::cannot_judge(&evidence, false);
+    let cannot = effect_scan::cannot_judge(&evidence, false);
     for &id in EffectId::ALL {
-        let is_judged = LIBRARY.iter().any(|c| c.id == id || c.same.contains(&id))
-            || census::judge(&evidence, id).is_ok();
+        let is_judged = LIBRARY.iter().any(|c| c.id == id || c.inseparable.contains(&id))
+            || sensor_wide::testable(&evidence, id).is_ok();
         assert!(is_judged || cannot.iter().any(|c| c.id == id), "{id}");
     }
     // Of a readout that is never free only what the readout itself shows.
-    let cannot = scan::cannot_judge(&evidence, true);
+    let cannot = effect_scan::cannot_judge(&evidence, true);
     let is_listed = |id: EffectId| cannot.iter().any(|c| c.id == id);
     assert!(LIBRARY.iter().all(|candidate| is_listed(candidate.id)));
     assert!(!is_listed(EffectId::RowReadout) && !is_listed(EffectId::ReadoutSaturation));
     for candidate in LIBRARY {
         assert!(!candidate.equation.is_empty() && !candidate.source.is_empty(), "{}", candidate.id);
-        assert!(!candidate.rivals.is_empty() && !candidate.splitter.is_empty(), "{}", candidate.id);
+        assert!(
+            !candidate.competing.is_empty() && !candidate.separating_recording.is_empty(),
+            "{}",
+            candidate.id
+        );
         for parameter in candidate.parameters.iter().filter(|p| !p.is_hidden) {
             assert!(candidate.id.parameters().contains(&parameter.key), "{}", parameter.key);
         }
@@ -343,7 +379,7 @@ fn of_a_long_recording_part_of_every_block_is_looked_at() {
     };
     let events: Events = (0..40 * 3_600).map(event).collect();
     let recording = ByPixel::new(events.as_slice(), Size::new(60, 60), [0, END_US]);
-    let options = Options { n_events: 400, ..options() };
+    let options = DiagnosisOptions { n_events: 400, ..options() };
     let evidence = Evidence::new(&recording, &Texture, facts(), &options).unwrap();
     assert_eq!(evidence.pixels.len(), 60);
     assert!((700..900).contains(&evidence.n_events()), "{} of 2400", evidence.n_events());
@@ -367,10 +403,10 @@ fn a_strength_is_held_aside_as_far_as_its_range_goes() {
     };
     let hypothesis = drop(0.2);
     let at = hypothesis.offset_of(0);
-    let aside = naming::strength_aside(&hypothesis, 0).unwrap();
+    let aside = acceptance::with_strength_fixed_aside(&hypothesis, 0).unwrap();
     let held = aside.each_ref().map(|aside| (aside.values[at], aside.ranges[at]));
     assert!((held[0].0 - 0.2 / 3.0).abs() < 1e-12 && (held[1].0 - 0.6).abs() < 1e-12);
     assert!(held.iter().all(|(value, range)| *range == [*value; 2]));
     // At an end of its range nothing lies beyond.
-    assert!(naming::strength_aside(&drop(0.9), 0).is_none());
+    assert!(acceptance::with_strength_fixed_aside(&drop(0.9), 0).is_none());
 }

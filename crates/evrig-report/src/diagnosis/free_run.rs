@@ -6,7 +6,7 @@ use crate::plot::Ink;
 use crate::plot::chart::{Axis, Chart, Layer};
 use crate::plot::heat::counts_panels;
 use crate::table::{Cell, Column, Table};
-use evrig_analysis::diagnose::{BeforeAfter, FreeRun};
+use evrig_analysis::diagnose::{ForwardSimulation, ModelComparison};
 use evrig_core::geometry::Size;
 
 /// What the measures are: key, words, and the value of a model that is right.
@@ -21,8 +21,8 @@ const MEASURES: [(&str, &str, &str); 7] = [
 ];
 
 /// Tables and figures of a free run.
-pub(super) fn blocks(run: &FreeRun, is_corrected: bool) -> Vec<Block> {
-    let link = || Link::beside("derived/diagnose/free_run.json");
+pub(super) fn blocks(run: &ForwardSimulation, is_corrected: bool) -> Vec<Block> {
+    let link = || Link::beside("derived/diagnose/forward_simulation.json");
     let mut blocks = vec![Block::Table(measures(run, is_corrected))];
     if let Some(maps) = maps(run, is_corrected) {
         blocks.push(Block::Figure(maps.with_data(link())));
@@ -35,10 +35,10 @@ pub(super) fn blocks(run: &FreeRun, is_corrected: bool) -> Vec<Block> {
     blocks
 }
 
-fn measures(run: &FreeRun, is_corrected: bool) -> Table {
+fn measures(run: &ForwardSimulation, is_corrected: bool) -> Table {
     let cell = |value: Option<f64>| value.map_or_else(|| Cell::text(""), Cell::number);
     let row = |(key, words, right): &(&str, &str, &str)| {
-        let BeforeAfter { baseline, r#final } = run.measures.get(*key)?;
+        let ModelComparison { baseline, r#final } = run.measures.get(*key)?;
         let mut row = vec![Cell::text(words), cell(*baseline)];
         if is_corrected {
             row.push(cell(*r#final));
@@ -63,7 +63,7 @@ fn measures(run: &FreeRun, is_corrected: bool) -> Table {
     }
 }
 
-fn maps(run: &FreeRun, is_corrected: bool) -> Option<Figure> {
+fn maps(run: &ForwardSimulation, is_corrected: bool) -> Option<Figure> {
     let [_, _, w, h] = run.patch_px;
     let titles = ["Real", "Baseline", "Corrected"];
     let n = if is_corrected { 3 } else { 2 };
@@ -82,7 +82,7 @@ fn maps(run: &FreeRun, is_corrected: bool) -> Option<Figure> {
     })
 }
 
-fn intervals(run: &FreeRun, is_corrected: bool) -> Figure {
+fn intervals(run: &ForwardSimulation, is_corrected: bool) -> Figure {
     let inks = [(Ink::Real, "real"), (Ink::Simulated, "baseline"), (Ink::Corrected, "corrected")];
     let n = if is_corrected { 3 } else { 2 };
     let edges: Vec<f64> =

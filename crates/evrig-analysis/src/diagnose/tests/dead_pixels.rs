@@ -6,18 +6,23 @@ fn with_dead() -> (Evidence, Hypothesis) {
     let evidence = empty();
     let dead = library(EffectId::DeadPixels);
     let truth = Hypothesis::baseline(&evidence).with(dead, &[0.25_f64.ln()]);
-    (null::draw(&evidence, &truth, 7), truth)
+    (null_distribution::draw_recording(&evidence, &truth, 7), truth)
 }
 
 #[test]
 fn their_share_is_asked_for_though_only_their_number_is_reported() {
     let (_, truth) = with_dead();
     let at = truth.offset_of(0);
-    let shares = naming::strength_aside(&truth, 0).unwrap().map(|aside| aside.values[at].exp());
+    let shares = acceptance::with_strength_fixed_aside(&truth, 0)
+        .unwrap()
+        .map(|aside| aside.values[at].exp());
     assert!((shares[0] - 0.25 / 3.0).abs() < 1e-9 && shares[1] == 0.5, "{shares:?}");
-    assert!(naming::at_an_end(&truth, 0).is_none());
+    assert!(acceptance::parameter_at_bound(&truth, 0).is_none());
     let half = Hypothesis::baseline(&empty()).with(truth.effects[0], &[0.5_f64.ln()]);
-    assert!(naming::at_an_end(&half, 0).is_some_and(|parameter| parameter.key == "fraction"));
+    assert!(
+        acceptance::parameter_at_bound(&half, 0)
+            .is_some_and(|parameter| parameter.key == "fraction")
+    );
 }
 
 #[test]
@@ -26,13 +31,13 @@ fn their_name_stands_on_a_light_that_is_late_and_another_does_not() {
     for pixel in &mut real.pixels {
         pixel.light.rotate_right(10);
     }
-    let little = check::Structure::of(0.01);
+    let little = two_sample_test::StructureTest::of(0.01);
     let plain = Hypothesis::baseline(&real);
-    let baseline = fit::as_it_is(&real, plain.clone());
+    let baseline = gauss_newton::score_model(&real, plain.clone());
     let before = Some(&little);
-    let judge = judge::Judge { before, ..judging(&real, &baseline) };
+    let judge = effect_review::EffectReview { before, ..judging(&real, &baseline) };
     let named = |hypothesis: Hypothesis| {
-        let judged = judge.judged(fit::as_it_is(&real, hypothesis), one_taken());
+        let judged = judge.review(gauss_newton::score_model(&real, hypothesis), one_taken());
         assert!(judged.after.unwrap().nats > 0.05, "what is late is seen");
         judged.taken.len()
     };

@@ -1,0 +1,55 @@
+//! Does a half of the pixels, or a half of the time, say the same?
+
+use crate::diagnose::fit::cell_scores::CellSet;
+use crate::diagnose::fit::fitted::FittedModel;
+use crate::diagnose::fit::gauss_newton::{fit, score_model};
+use crate::diagnose::{Evidence, SplitHalfFit};
+use std::collections::BTreeMap;
+
+const MAX_STEPS: usize = 12;
+
+/// The named effects refitted on either half of the pixels and of the time, each along the directions of
+/// the whole's summit; the model comes with its errors.
+pub(crate) fn split_half_fits(
+    evidence: &Evidence,
+    baseline: &FittedModel,
+    model: &FittedModel,
+) -> Vec<SplitHalfFit> {
+    let parts = [
+        ("even tiles", evidence.with_tiles(|tile| tile.is_multiple_of(2))),
+        ("odd tiles", evidence.with_tiles(|tile| !tile.is_multiple_of(2))),
+        ("first half of the time", evidence.within_time(0.0, 0.5)),
+        ("second half of the time", evidence.within_time(0.5, 1.0)),
+    ];
+    let of = |(name, part): (&str, Evidence)| {
+        // Slopes lead far, and end on the flank: only from the top do two halves compare.
+        let near = fit(&part, model.hypothesis.clone(), MAX_STEPS, 1e-4);
+        let whole = model.errors.as_ref().map(|errors| &errors.laplace);
+        let there = whole.and_then(|whole| whole.of_part(&part, &near));
+        let own = match there {
+            Some(mut there) => there.climb(&part, near).0,
+            None => near,
+        };
+        let without = score_model(&part, baseline.hypothesis.clone());
+        let (gain, gain_error) = own.cells.gain(&without.cells, CellSet::HeldOut);
+        let parameters: BTreeMap<String, f64> = own
+            .hypothesis
+            .effects
+            .iter()
+            .enumerate()
+            .flat_map(|(index, effect)| {
+                let parameters = own.hypothesis.named_parameters(evidence, index);
+                let key = |key: &str| format!("{}.{key}", effect.id);
+                parameters.into_iter().map(|(k, v)| (key(k), v)).collect::<Vec<_>>()
+            })
+            .collect();
+        SplitHalfFit {
+            subset: name.to_owned(),
+            n_events: part.n_events(),
+            heldout_gain_nats_per_event: gain,
+            heldout_gain_error: gain_error,
+            parameters,
+        }
+    };
+    parts.into_iter().map(of).collect()
+}

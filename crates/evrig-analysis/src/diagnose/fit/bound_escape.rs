@@ -1,0 +1,122 @@
+//! Nuisances at the ends of their ranges, led back.
+//!
+//! A nuisance that has as much as is ordinary may stand there in the place of an effect that is much like it: a
+//! junction's leak in that of a photocurrent's, of which it is the same where the light is as bright as most. Both
+//! lie on a ridge that is too narrow to be followed by slopes: where one is a tenth less the other is a tenth
+//! more, to a hundredth. So the nuisance is put elsewhere in its range, and the effect is sought beside it.
+
+use super::fitted::FittedModel;
+use super::gauss_newton::{score_model, score_models};
+use super::local_refinement::{refine_locally, subset_stride};
+use crate::diagnose::model::library::EffectParameter;
+use crate::diagnose::{Evidence, Hypothesis, Nuisance};
+
+/// Nuisances that a library effect can be confused with.
+const COMPETING_NUISANCES: [Nuisance; 10] = [
+    Nuisance::LogRatio,
+    Nuisance::LeakHz,
+    Nuisance::LogBackgroundOn,
+    Nuisance::LogBackgroundOff,
+    Nuisance::OffsetUs,
+    Nuisance::BlurPx2,
+    Nuisance::ShiftX,
+    Nuisance::ShiftY,
+    Nuisance::RotationDeg,
+    Nuisance::ScaleChange,
+];
+
+/// Share of its range within which a nuisance counts as at its prior bound.
+const BOUND_SHARE: f64 = 0.02;
+
+/// Share within which it is moved back, to this many places.
+const NEAR_BOUND_SHARE: f64 = 0.1;
+const N_PLACES: u32 = 4;
+
+/// Grid of the first parameter: one octave to either side, then halvings of the step.
+const STEPS_PER_OCTAVE: i32 = 8;
+const N_HALVINGS: u32 = 4;
+
+/// A polished fit whose last effect may have a rival among the nuisances, off the ends of their ranges where it is
+/// better there.
+pub(crate) fn refine_off_bounds(evidence: &Evidence, fitted: FittedModel) -> FittedModel {
+    let fitted = refine_locally(evidence, fitted);
+    let best_of = |part: &Evidence| {
+        let elsewhere = moved_off_bounds(&fitted.hypothesis);
+        elsewhere
+            .into_iter()
+            .map(|back| scan_first_parameter(part, &back))
+            .reduce(FittedModel::better_of)
+    };
+    let best = match subset_stride(evidence, &fitted.hypothesis) {
+        1 => best_of(evidence),
+        subset_stride => best_of(&evidence.thinned(subset_stride))
+            .map(|best| score_model(evidence, best.hypothesis)),
+    };
+    match best.filter(|best| best.training() > fitted.training()) {
+        Some(better) => refine_locally(evidence, better),
+        None => fitted,
+    }
+}
+
+/// A hypothesis with a nuisance that stands near the end of its range led back through it: once for each nuisance
+/// and each part.
+pub(crate) fn moved_off_bounds(hypothesis: &Hypothesis) -> Vec<Hypothesis> {
+    if first_parameter(hypothesis).is_none() {
+        return Vec::new();
+    }
+    let near_end = COMPETING_NUISANCES
+        .into_iter()
+        .filter(|rival| is_within(hypothesis, *rival, NEAR_BOUND_SHARE));
+    let led_back = |rival: Nuisance| {
+        let [low, high] = hypothesis.ranges[rival as usize];
+        (0..N_PLACES).map(move |part| {
+            let share = (f64::from(part) + 0.5) / f64::from(N_PLACES);
+            hypothesis.with_nuisance(rival, low + (high - low) * share)
+        })
+    };
+    near_end.flat_map(led_back).collect()
+}
+
+/// The best first parameter of the last effect, all else as it is.
+pub(crate) fn scan_first_parameter(evidence: &Evidence, back: &Hypothesis) -> FittedModel {
+    let eighth = |n: i32| f64::from(n) / f64::from(STEPS_PER_OCTAVE);
+    let all = (-STEPS_PER_OCTAVE..=STEPS_PER_OCTAVE).map(|n| scaled(back, eighth(n))).collect();
+    let best = score_models(evidence, all).into_iter().reduce(FittedModel::better_of);
+    let begun = best.unwrap_or_else(|| score_model(evidence, back.clone()));
+    (1..=N_HALVINGS).fold(begun, |best, halving| {
+        let by = eighth(1) * 0.5_f64.powi(halving as i32);
+        let nearer = [-by, by].map(|by| scaled(&best.hypothesis, by)).into();
+        score_models(evidence, nearer).into_iter().fold(best, FittedModel::better_of)
+    })
+}
+
+/// A hypothesis with that parameter doubled so many times, within its range.
+fn scaled(hypothesis: &Hypothesis, doublings: f64) -> Hypothesis {
+    let first_parameter = first_parameter(hypothesis);
+    let moved =
+        first_parameter.map(|(at, parameter)| hypothesis.scaled(at, parameter, doublings.exp2()));
+    moved.unwrap_or_else(|| hypothesis.clone())
+}
+
+/// The first parameter of the last effect and the number of its value; what frees a nuisance has none of its own.
+fn first_parameter(hypothesis: &Hypothesis) -> Option<(usize, &'static EffectParameter)> {
+    let last = hypothesis.effects.len().checked_sub(1)?;
+    let effect = hypothesis.effects[last];
+    let parameter = effect.parameters.first().filter(|_| effect.freed.is_empty())?;
+    Some((hypothesis.offset_of(last), parameter))
+}
+
+/// Whether a nuisance has as much as an ordinary recording may have of it.
+pub(crate) fn is_at_prior_bound(hypothesis: &Hypothesis, nuisance: Nuisance) -> bool {
+    is_within(hypothesis, nuisance, BOUND_SHARE)
+}
+
+/// Whether a nuisance has as much, within this share of its range.
+fn is_within(hypothesis: &Hypothesis, nuisance: Nuisance, share: f64) -> bool {
+    let at = nuisance as usize;
+    let [low, high] = hypothesis.ranges[at];
+    // None of it is an end too, and says nothing.
+    let is_none =
+        (hypothesis.values[at] - nuisance.neutral().max(low)).abs() <= share * (high - low);
+    hypothesis.steps[at] > 0.0 && !is_none && hypothesis.is_at_end(at, share)
+}

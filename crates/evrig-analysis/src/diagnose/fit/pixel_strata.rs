@@ -1,0 +1,212 @@
+//! What pixels of several kinds score, of which it is not known which is which.
+
+use crate::diagnose::model::likelihood_profile::{LikelihoodProfile, score_profile};
+use crate::diagnose::model::score_grid::PixelScoreGrid;
+use crate::diagnose::{Evidence, Hypothesis, PixelEvidence, PixelMixture, PixelStratum};
+use crate::predict::{Bends, BlockScore, Light, score_pixel};
+use rayon::prelude::*;
+use std::borrow::Cow;
+
+/// The kind of each pixel that its training blocks speak for most.
+pub(crate) fn strata_of_pixels(evidence: &Evidence, hypothesis: &Hypothesis) -> Vec<PixelStratum> {
+    let mixture = hypothesis.pixel_mixture();
+    let of = |pixel: &PixelEvidence| {
+        if let Some(known) = hypothesis.known_stratum(pixel, &mixture) {
+            return known;
+        }
+        let mut scorer = PixelScorer::new(evidence, pixel, Vec::new());
+        let mut by_value = scorer.profile_scores(hypothesis, &mixture);
+        for block in (0..evidence.blocks.n()).filter(|b| !evidence.is_held_out(pixel.tile, *b)) {
+            by_value.add(block);
+        }
+        mixture.most_likely(&by_value.logs())
+    };
+    evidence.pixels.par_iter().map(of).collect()
+}
+
+impl Hypothesis {
+    /// The kinds of pixel that a mixture effect tells apart; one kind without such, and where each pixel is taken
+    /// to be of a known one.
+    #[must_use]
+    pub fn pixel_mixture(&self) -> PixelMixture {
+        if self.pinned_strata.is_some() {
+            return PixelMixture::single_stratum();
+        }
+        let mut effects = self.effects.iter().enumerate();
+        match effects.find_map(|(index, effect)| Some((index, effect.mixture?))) {
+            Some((index, mixture)) => mixture(self, index),
+            None => PixelMixture::single_stratum(),
+        }
+    }
+
+    /// The kind of a pixel, where that is no question.
+    fn known_stratum(&self, pixel: &PixelEvidence, mixture: &PixelMixture) -> Option<PixelStratum> {
+        self.pinned_stratum(pixel).or_else(|| mixture.single())
+    }
+}
+
+/// A pixel with the signal that the last hypothesis made of it.
+pub(crate) struct PixelScorer<'a> {
+    evidence: &'a Evidence,
+    pixel: &'a PixelEvidence,
+    signal: Vec<f32>,
+    bends: Bends,
+    of: Option<Hypothesis>,
+}
+
+impl<'a> PixelScorer<'a> {
+    /// `signal` is memory to use.
+    pub(crate) fn new(evidence: &'a Evidence, pixel: &'a PixelEvidence, signal: Vec<f32>) -> Self {
+        Self { evidence, pixel, signal, bends: Bends::default(), of: None }
+    }
+
+    /// The memory again.
+    pub(crate) fn into_signal(self) -> Vec<f32> {
+        self.signal
+    }
+
+    /// The pixel's scores, whatever its kind.
+    pub(crate) fn scores(
+        &mut self,
+        hypothesis: &Hypothesis,
+        mixture: &PixelMixture,
+    ) -> Vec<BlockScore> {
+        if let Some(known) = hypothesis.known_stratum(self.pixel, mixture) {
+            return self.score_stratum(hypothesis, known);
+        }
+        let by_value = self.profile_scores(hypothesis, mixture);
+        let tile = self.pixel.tile;
+        mix(mixture, by_value, |block| self.evidence.is_held_out(tile, block))
+    }
+
+    /// The scores by the value that is given for both polarities.
+    fn profile_scores<'k>(
+        &mut self,
+        hypothesis: &'k Hypothesis,
+        mixture: &'k PixelMixture,
+    ) -> ProfileScores<'k> {
+        let held = hypothesis.shared_grid.as_ref();
+        let held = held.and_then(|held| Some((held.is_near, held.grid_of(self.pixel)?)));
+        let mut score = |i: usize| self.score_stratum(hypothesis, mixture.at(i));
+        if let Some((is_near, place)) = held {
+            let kept = |i: usize| is_near.then(|| place.far[i].clone()).flatten();
+            let scored = place.profile.scored().iter().enumerate();
+            let scores = scored.map(|(i, value)| kept(i).unwrap_or_else(|| score(*value)));
+            return ProfileScores::new(Cow::Borrowed(&place.profile), scores.collect());
+        }
+        if mixture.is_continuous() && hypothesis.uses_fine_grid {
+            let (profile, scores) = score_profile(mixture.n(), score);
+            return ProfileScores::new(Cow::Owned(profile), scores);
+        }
+        let profile = mixture.coarse_profile();
+        ProfileScores::new(
+            Cow::Borrowed(profile),
+            profile.scored().iter().copied().map(score).collect(),
+        )
+    }
+
+    /// Where a hypothesis scores the pixel.
+    pub(crate) fn score_grid(
+        &mut self,
+        hypothesis: &Hypothesis,
+        mixture: &PixelMixture,
+    ) -> PixelScoreGrid {
+        let ProfileScores { profile, scores, .. } = self.profile_scores(hypothesis, mixture);
+        PixelScoreGrid::new(profile.into_owned(), scores)
+    }
+
+    fn score_stratum(&mut self, hypothesis: &Hypothesis, stratum: PixelStratum) -> Vec<BlockScore> {
+        if hypothesis.leaves_light_unchanged(self.pixel) {
+            let view = hypothesis.view_with(self.evidence, self.pixel, stratum, Vec::new());
+            let (signal, bends) = (&self.pixel.light, Some(self.pixel.bends()));
+            let light = Light { signal, bends, ..view.light() };
+            return score_pixel(&view.law, light, &self.pixel.spikes, &self.evidence.blocks);
+        }
+        let signal = std::mem::take(&mut self.signal);
+        let view = if self.of.as_ref().is_some_and(|of| of.has_same_signal(hypothesis)) {
+            hypothesis.view_with(self.evidence, self.pixel, stratum, signal)
+        } else {
+            self.of = Some(hypothesis.clone());
+            let view = hypothesis.view(self.evidence, self.pixel, stratum, signal);
+            self.bends.set(view.light());
+            view
+        };
+        let light = Light { bends: Some(&self.bends), ..view.light() };
+        let scores = score_pixel(&view.law, light, &self.pixel.spikes, &self.evidence.blocks);
+        self.signal = view.signal;
+        scores
+    }
+}
+
+/// What a pixel scores by its value, added up over some blocks.
+struct ProfileScores<'a> {
+    profile: Cow<'a, LikelihoodProfile>,
+    /// Of each value that was scored, by block.
+    scores: Vec<Vec<BlockScore>>,
+    /// Sums over blocks, On and Off, of each value that was scored.
+    sums: [Vec<f64>; 2],
+}
+
+impl<'a> ProfileScores<'a> {
+    fn new(profile: Cow<'a, LikelihoodProfile>, scores: Vec<Vec<BlockScore>>) -> Self {
+        let sums = [vec![0.0; scores.len()], vec![0.0; scores.len()]];
+        Self { profile, scores, sums }
+    }
+
+    fn add(&mut self, block: usize) {
+        for (polarity, sums) in self.sums.iter_mut().enumerate() {
+            for (sum, scores) in sums.iter_mut().zip(&self.scores) {
+                *sum += scores[block].on_off[polarity];
+            }
+        }
+    }
+
+    /// Of every value what was added up, On and Off.
+    fn logs(&self) -> [Vec<f64>; 2] {
+        self.sums.each_ref().map(|sums| self.profile.interpolate(sums))
+    }
+}
+
+/// The scores of a pixel of unknown kind: its training blocks weigh the kinds, one after another,
+/// and the held-out blocks are then predicted with those weights. They stand as scores of On.
+fn mix(
+    mixture: &PixelMixture,
+    mut by_value: ProfileScores<'_>,
+    is_held_out: impl Fn(usize) -> bool,
+) -> Vec<BlockScore> {
+    let n_blocks = by_value.scores.first().map_or(0, Vec::len);
+    let mut before = mixture.ln_likelihood(&by_value.logs());
+    let mut mixed = vec![BlockScore::default(); n_blocks];
+    for held_out in [false, true] {
+        for block in (0..n_blocks).filter(|&block| is_held_out(block) == held_out) {
+            by_value.add(block);
+            let now = mixture.ln_likelihood(&by_value.logs());
+            let n_events = by_value.scores[0][block].n_events;
+            mixed[block] = BlockScore { on_off: [now - before, 0.0], n_events };
+            before = now;
+        }
+    }
+    mixed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_training_says_of_a_pixel_predicts_the_rest() {
+        let score = |on: f64, off: f64| BlockScore { on_off: [on, off], n_events: 1 };
+        // On events speak for the third value, Off events for the first.
+        let by_value =
+            vec![vec![score(0.0, 4.0); 2], vec![score(1.0, 1.0); 2], vec![score(4.0, 0.0); 2]];
+        for (is_one, best) in [(true, 3.891), (false, 7.787)] {
+            let by_value = ProfileScores::new(
+                Cow::Owned(LikelihoodProfile::every_nth(3, 1)),
+                by_value.clone(),
+            );
+            let mixed = mix(&PixelMixture::of_three(is_one), by_value, |block| block == 1);
+            assert!(mixed[0].log_likelihood() < mixed[1].log_likelihood(), "{mixed:?}");
+            assert!((mixed[1].log_likelihood() - best).abs() < 0.01, "{is_one}: {mixed:?}");
+        }
+    }
+}

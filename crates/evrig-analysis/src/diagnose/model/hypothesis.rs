@@ -1,0 +1,430 @@
+//! A model of the recording: nuisances and effects with their values, and what it makes of a pixel.
+
+use super::image_pose::ImagePose;
+use super::library::{CandidateEffect, EffectParameter, FreedNuisance, SignalStage};
+use super::nuisance::{N_NUISANCES, Nuisance};
+use super::sampled_sine::interpolation_gain;
+use super::score_grid::{HeldGrid, PinnedStrata};
+use crate::diagnose::{Evidence, PixelEvidence, PixelStratum};
+use crate::predict::{Light, PixelLaw};
+use evrig_core::geometry::Rectangle;
+
+/// What a hypothesis makes of one pixel: its light after all that filters it, its law, its clock.
+#[derive(Debug)]
+pub struct PredictedPixel<'a> {
+    /// All that is looked at.
+    pub evidence: &'a Evidence,
+    /// The pixel.
+    pub pixel: &'a PixelEvidence,
+    /// Its law.
+    pub law: PixelLaw,
+    /// What it compares, at every instant.
+    pub signal: Vec<f32>,
+    /// Time of the first instant on the events' clock, microseconds since the window's start.
+    pub start_us: f64,
+    /// From one instant to the next on the events' clock, microseconds.
+    pub step_us: f64,
+}
+
+impl PredictedPixel<'_> {
+    /// The light as the predictor takes it.
+    #[must_use]
+    pub fn light(&self) -> Light<'_> {
+        let (start_us, step_us) = (self.start_us, self.step_us);
+        let (signal, level) = (&self.signal, &self.pixel.light);
+        Light { start_us, step_us, signal, level, bends: None }
+    }
+
+    /// A swing of a frequency and phase at every instant, high enough for straight lines between these to
+    /// swing by one. Counted from the middle, the phase hardly depends on the frequency.
+    pub fn swing(&self, hz: f64, phase: f64) -> impl Iterator<Item = f64> + use<> {
+        let turn = std::f64::consts::TAU * hz * self.step_s();
+        let (n, height) = (self.signal.len(), interpolation_gain(turn));
+        (0..n).map(move |i| height * (turn * (i as f64 - 0.5 * n as f64) + phase).sin())
+    }
+
+    /// From one instant to the next, seconds.
+    #[must_use]
+    pub fn step_s(&self) -> f64 {
+        self.evidence.step_us * 1e-6
+    }
+
+    /// The light from where it really comes.
+    pub(crate) fn displace(&mut self, pose: ImagePose) {
+        if pose == ImagePose::default() {
+            return;
+        }
+        let pixel = self.pixel;
+        let place = [f64::from(pixel.x) + 0.5, f64::from(pixel.y) + 0.5];
+        let seen = pose.source_of(place, self.evidence.middle);
+        let [dx, dy] = [0, 1].map(|i| (seen[i] - place[i]) as f32);
+        let [gx, gy] = &pixel.gradient;
+        for ((signal, gx), gy) in self.signal.iter_mut().zip(gx).zip(gy) {
+            *signal += dx * gx + dy * gy;
+        }
+    }
+
+    /// The light as a lens shows it that blurs by so much more variance than the map, square pixels.
+    pub(crate) fn blur(&mut self, px2: f64) {
+        if px2 == 0.0 {
+            return;
+        }
+        let half = 0.5 * px2 as f32;
+        for (signal, laplacian) in self.signal.iter_mut().zip(&self.pixel.laplacian) {
+            // Beyond a few tenths the light's logarithm would leave what first order can tell.
+            *signal += (half * laplacian).clamp(-0.7, 0.7);
+        }
+    }
+}
+
+/// Nuisances and effects with their values.
+#[derive(Debug, Clone)]
+pub struct Hypothesis {
+    /// Effects beyond the baseline, in the order in which they were taken.
+    pub effects: Vec<&'static CandidateEffect>,
+    /// Where each effect acts; everywhere without a region.
+    pub regions: Vec<Option<Rectangle>>,
+    /// The nuisances' values, then those of each effect's own parameters, as they are fitted.
+    pub values: Vec<f64>,
+    /// Range of each value.
+    pub ranges: Vec<[f64; 2]>,
+    /// Step of each value's difference quotient.
+    pub steps: Vec<f64>,
+    /// Whether a pixel's own threshold is scored as finely as its events tell it. A search goes by the
+    /// coarse score, which is smooth: slopes lead to its summit.
+    pub uses_fine_grid: bool,
+    /// Where pixels of unknown kind are scored; by its own values without.
+    pub(crate) shared_grid: Option<HeldGrid>,
+    /// The kinds that pixels of unknown kind are taken to be, where they are.
+    pub(crate) pinned_strata: Option<PinnedStrata>,
+}
+
+impl Hypothesis {
+    /// Nuisances alone, at their ordinary values.
+    #[must_use]
+    pub fn baseline(evidence: &Evidence) -> Self {
+        let prior = Nuisance::ALL.map(|nuisance| nuisance.prior(&evidence.facts));
+        Self {
+            effects: Vec::new(),
+            regions: Vec::new(),
+            values: prior.iter().map(|o| o.start).collect(),
+            ranges: prior.iter().map(|o| o.range).collect(),
+            steps: prior.iter().map(|o| o.step).collect(),
+            uses_fine_grid: false,
+            shared_grid: None,
+            pinned_strata: None,
+        }
+    }
+
+    /// With one more effect, whose own parameters start at `start`, in their fitted coordinates.
+    /// An effect that is a nuisance out of range frees the nuisance instead.
+    #[must_use]
+    pub fn with(&self, effect: &'static CandidateEffect, start: &[f64]) -> Self {
+        let mut other = self.clone();
+        for (freed, value) in effect.freed.iter().zip(start) {
+            let index = freed.nuisance as usize;
+            other.ranges[index] = freed.range;
+            other.values[index] = *value;
+        }
+        if effect.freed.is_empty() {
+            for (parameter, value) in effect.parameters.iter().zip(start) {
+                other.values.push(*value);
+                other.ranges.push(parameter.fitted_range());
+                other.steps.push(if parameter.is_fixed { 0.0 } else { parameter.fitted_step() });
+            }
+        }
+        other.effects.push(effect);
+        other.regions.push(None);
+        other
+    }
+
+    /// With one more effect that acts in a region only. A nuisance that the effect frees stays ordinary
+    /// elsewhere; in the region its own value takes the place.
+    #[must_use]
+    pub(crate) fn with_effect_in(
+        &self,
+        effect: &'static CandidateEffect,
+        start: &[f64],
+        region: Option<Rectangle>,
+    ) -> Self {
+        let mut other = self.with(effect, start);
+        if region.is_some() && !effect.freed.is_empty() {
+            other.values = self.values.iter().chain(start).copied().collect();
+            other.ranges.clone_from(&self.ranges);
+            for freed in effect.freed {
+                other.ranges.push(freed.range);
+                other.steps.push(self.steps[freed.nuisance as usize]);
+            }
+        }
+        if let Some(last) = other.regions.last_mut() {
+            *last = region;
+        }
+        other
+    }
+
+    /// An effect's parameters by key, with what follows from them.
+    #[must_use]
+    pub(crate) fn named_parameters(
+        &self,
+        evidence: &Evidence,
+        index: usize,
+    ) -> Vec<(&'static str, f64)> {
+        let (effect, values) = (self.effects[index], self.parameters_of(index));
+        if effect.freed.is_empty() {
+            effect.named_parameters(evidence, &values)
+        } else {
+            effect.id.parameters().iter().copied().zip(values).collect()
+        }
+    }
+
+    /// The fitted values of an effect's parameters, or of the nuisances that it frees.
+    #[must_use]
+    pub(crate) fn fitted_values(&self, index: usize) -> Vec<f64> {
+        self.value_indices(index).into_iter().map(|at| self.values[at]).collect()
+    }
+
+    /// Where these values are.
+    #[must_use]
+    pub(crate) fn value_indices(&self, index: usize) -> Vec<usize> {
+        match self.n_own(index) {
+            0 => self.effects[index].freed.iter().map(|freed| freed.nuisance as usize).collect(),
+            n => (self.offset_of(index)..).take(n).collect(),
+        }
+    }
+
+    /// How many values an effect has of its own.
+    fn n_own(&self, index: usize) -> usize {
+        let effect = self.effects[index];
+        match effect.freed.len() {
+            0 => effect.parameters.len(),
+            n if self.regions[index].is_some() => n,
+            _ => 0,
+        }
+    }
+
+    /// Nuisances as they are where an effect acts, out of a hypothesis's values.
+    #[must_use]
+    pub(crate) fn nuisances_with(&self, index: usize, values: &[f64]) -> Vec<f64> {
+        let mut there = values[..N_NUISANCES].to_vec();
+        for (freed, at) in self.effects[index].freed.iter().zip(self.value_indices(index)) {
+            there[freed.nuisance as usize] = values[at];
+        }
+        there
+    }
+
+    /// Nuisances at a pixel.
+    fn nuisances_at(&self, x: u16, y: u16) -> Vec<f64> {
+        let mut there = self.values[..N_NUISANCES].to_vec();
+        for (index, effect) in self.effects.iter().enumerate() {
+            if self.regions[index].is_some_and(|region| region.contains(x, y)) {
+                for (freed, at) in effect.freed.iter().zip(self.value_indices(index)) {
+                    there[freed.nuisance as usize] = self.values[at];
+                }
+            }
+        }
+        there
+    }
+
+    /// The same hypothesis with a nuisance at a value, within its range.
+    pub(crate) fn with_nuisance(&self, nuisance: Nuisance, value: f64) -> Self {
+        let mut other = self.clone();
+        let [low, high] = other.ranges[nuisance as usize];
+        other.values[nuisance as usize] = value.clamp(low, high);
+        other
+    }
+
+    /// The same hypothesis with a parameter so many times as large, within its range.
+    #[must_use]
+    pub(crate) fn scaled(&self, at: usize, parameter: &EffectParameter, times: f64) -> Self {
+        let mut other = self.clone();
+        let [low, high] = other.ranges[at];
+        let there = times * parameter.from_fitted(other.values[at]);
+        other.values[at] = parameter.to_fitted(there).clamp(low, high);
+        other
+    }
+
+    /// The same hypothesis with the values that a longer one, made from it, has for its own, each
+    /// within its range here.
+    #[must_use]
+    pub(crate) fn at_values_of(&self, longer: &Self) -> Self {
+        let mut other = self.clone();
+        let own = other.values.iter_mut().zip(&self.ranges).zip(&longer.values);
+        own.for_each(|((value, [low, high]), there)| *value = there.clamp(*low, *high));
+        other
+    }
+
+    /// Whether a value stands at an end of its range, within this share of it.
+    #[must_use]
+    pub(crate) fn is_at_end(&self, at: usize, share: f64) -> bool {
+        let ([low, high], value) = (self.ranges[at], self.values[at]);
+        (value - low).min(high - value) <= share * (high - low)
+    }
+
+    /// A nuisance's value in its fitted coordinate.
+    #[must_use]
+    pub fn nuisance(&self, nuisance: Nuisance) -> f64 {
+        self.values[nuisance as usize]
+    }
+
+    /// Where an effect's own values begin.
+    #[must_use]
+    pub fn offset_of(&self, index: usize) -> usize {
+        N_NUISANCES + (0..index).map(|before| self.n_own(before)).sum::<usize>()
+    }
+
+    /// An effect's parameters as they are reported.
+    #[must_use]
+    pub fn parameters_of(&self, index: usize) -> Vec<f64> {
+        let effect = self.effects[index];
+        if effect.freed.is_empty() {
+            let at = self.offset_of(index);
+            let own = effect.parameters.iter().zip(&self.values[at..]);
+            own.map(|(parameter, value)| parameter.from_fitted(*value)).collect()
+        } else {
+            (effect.report_freed)(&self.nuisances_with(index, &self.values))
+        }
+    }
+
+    /// The law of the pixels before any effect has its say, outside of any region.
+    #[must_use]
+    pub fn law(&self) -> PixelLaw {
+        law(&self.values)
+    }
+
+    /// What the model makes of a pixel, if it is of the kind `kind`. `signal` is memory to use.
+    #[must_use]
+    pub fn view<'a>(
+        &self,
+        evidence: &'a Evidence,
+        pixel: &'a PixelEvidence,
+        stratum: PixelStratum,
+        mut signal: Vec<f32>,
+    ) -> PredictedPixel<'a> {
+        signal.clear();
+        signal.extend_from_slice(&pixel.light);
+        let mut view = self.bare(evidence, pixel, signal);
+        let nuisances = self.nuisances_at(pixel.x, pixel.y);
+        view.blur(nuisances[Nuisance::BlurPx2 as usize]);
+        view.displace(ImagePose::of(&nuisances));
+        self.apply(&mut view, stratum, &SignalStage::ALL);
+        view
+    }
+
+    /// The same where `signal` is already what a hypothesis of the same signal made of the pixel.
+    pub(crate) fn view_with<'a>(
+        &self,
+        evidence: &'a Evidence,
+        pixel: &'a PixelEvidence,
+        stratum: PixelStratum,
+        signal: Vec<f32>,
+    ) -> PredictedPixel<'a> {
+        let mut view = self.bare(evidence, pixel, signal);
+        self.apply(&mut view, stratum, &SignalStage::AFTER_SIGNAL);
+        view
+    }
+
+    /// Whether a pixel compares its light as it is, whatever its law and its clock.
+    pub(crate) fn leaves_light_unchanged(&self, pixel: &PixelEvidence) -> bool {
+        let is_behind =
+            |effect: &&CandidateEffect| SignalStage::AFTER_SIGNAL.contains(&effect.stage);
+        self.effects.iter().all(is_behind) && {
+            let nuisances = self.nuisances_at(pixel.x, pixel.y);
+            nuisances[Nuisance::BlurPx2 as usize] == 0.0
+                && ImagePose::of(&nuisances) == ImagePose::default()
+        }
+    }
+
+    /// Whether another hypothesis makes the same signal of every pixel; their laws and clocks may
+    /// differ.
+    pub(crate) fn has_same_signal(&self, other: &Self) -> bool {
+        let is_same_set = self.effects.len() == other.effects.len()
+            && self.regions == other.regions
+            && self.effects.iter().zip(&other.effects).all(|(a, b)| std::ptr::eq(*a, *b));
+        if !is_same_set {
+            return false;
+        }
+        let same = |i: usize| self.values[i] == other.values[i];
+        let affects_signal = |nuisance: &Nuisance| {
+            *nuisance == Nuisance::BlurPx2 || ImagePose::NUISANCES.contains(nuisance)
+        };
+        let mut seeing = Nuisance::ALL.into_iter().filter(affects_signal);
+        if !seeing.all(|n| same(n as usize)) {
+            return false;
+        }
+        // A drift is counted in thresholds.
+        let drifts = self.effects.iter().any(|effect| effect.stage == SignalStage::Drift);
+        if drifts && !(same(Nuisance::LogTheta as usize) && same(Nuisance::LogRatio as usize)) {
+            return false;
+        }
+        self.effects.iter().enumerate().all(|(index, effect)| {
+            let frees_it = |freed: &FreedNuisance| affects_signal(&freed.nuisance);
+            let is_behind = SignalStage::AFTER_SIGNAL.contains(&effect.stage);
+            let is_behind = is_behind && !drifts && !effect.freed.iter().any(frees_it);
+            is_behind || self.value_indices(index).into_iter().all(same)
+        })
+    }
+
+    fn bare<'a>(
+        &self,
+        evidence: &'a Evidence,
+        pixel: &'a PixelEvidence,
+        signal: Vec<f32>,
+    ) -> PredictedPixel<'a> {
+        let own = [evidence.start_us, evidence.step_us];
+        let stated = evidence.facts.clock_tie.map(|tied| tied.as_stated(own, evidence.seconds()));
+        let [start_us, step_us] = stated.unwrap_or(own);
+        let nuisances = self.nuisances_at(pixel.x, pixel.y);
+        PredictedPixel {
+            evidence,
+            pixel,
+            // Stamps that were spread over a grid's steps scatter evenly over one.
+            law: PixelLaw {
+                jitter_s: evidence.facts.stamp_step_us.unwrap_or(0.0) * 1e-6 / 12.0_f64.sqrt(),
+                ..law(&nuisances)
+            },
+            signal,
+            start_us: start_us + nuisances[Nuisance::OffsetUs as usize],
+            step_us,
+        }
+    }
+
+    fn apply(&self, view: &mut PredictedPixel<'_>, stratum: PixelStratum, stages: &[SignalStage]) {
+        for stage in stages {
+            for (index, effect) in self.effects.iter().enumerate() {
+                let place = (view.pixel.x, view.pixel.y);
+                let is_here = self.regions[index].is_none_or(|r| r.contains(place.0, place.1));
+                if is_here && effect.stage == *stage && effect.freed.is_empty() {
+                    (effect.apply)(&self.parameters_of(index), stratum, view);
+                }
+            }
+        }
+    }
+}
+
+/// A pixel's law out of the values of the nuisances.
+fn law(values: &[f64]) -> PixelLaw {
+    let value = |nuisance: Nuisance| values[nuisance as usize];
+    let (theta, half) = (value(Nuisance::LogTheta).exp(), (0.5 * value(Nuisance::LogRatio)).exp());
+    let noise = theta * value(Nuisance::LogNoise).exp();
+    PixelLaw {
+        theta_on: theta * half,
+        theta_off: theta / half,
+        // Counted in thresholds for On, which it sets off.
+        leak_per_s: theta * half * value(Nuisance::LeakHz),
+        noise_at_white: noise,
+        noise_exponent: value(Nuisance::NoiseExponent),
+        noise_at_rest: value(Nuisance::LogNoiseAtRest).exp(),
+        noise_speed_per_s: noise * value(Nuisance::LogNoiseHz).exp(),
+        shot_at_white: 0.0,
+        shot_speed_per_s: 0.0,
+        background_on_hz: value(Nuisance::LogBackgroundOn).exp(),
+        background_off_hz: value(Nuisance::LogBackgroundOff).exp(),
+        background_memorised: value(Nuisance::BackgroundResetsReference),
+        noise_memorised: value(Nuisance::NoiseInReference),
+        blind_s: 0.0,
+        masked_s: 0.0,
+        drop_fraction: 0.0,
+        jitter_s: 0.0,
+        stamps_are_weighed: false,
+    }
+}

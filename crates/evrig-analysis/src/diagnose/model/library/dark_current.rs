@@ -1,0 +1,27 @@
+//! Dark current of the event pixels.
+
+use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, logs};
+
+pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
+    id: EffectId::DarkCurrent,
+    equation: "x = ln(L / L_white + d)",
+    source: "Nozaki and Delbruck, IEEE Trans. Electron Devices 64, 2017",
+    stage: SignalStage::Light,
+    parameters: &[EffectParameter::log("fraction_of_white", [1e-4, 1.0])],
+    starting_points: |_| logs(&[0.005, 0.03, 0.15]),
+    apply: |values, _, view| {
+        let dark = values[0] as f32;
+        view.signal.iter_mut().for_each(|signal| *signal = (signal.exp() + dark).ln());
+    },
+    // Frames whose pedestal is less than stated.
+    same_law: &[EffectId::BlackLevel],
+    competing: &[EffectId::BlackLevel, EffectId::ToneCurve, EffectId::PhotoreceptorBandwidth],
+    separating_recording: "frames with the lens cap on state the frames' pedestal; light five times stronger makes dark current small",
+    describe: |values| {
+        format!(
+            "in the dark the event pixels see less contrast, as with a current of {:.1} % of white",
+            values[0] * 100.0
+        )
+    },
+    ..PLAIN
+};

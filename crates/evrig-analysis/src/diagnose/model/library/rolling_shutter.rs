@@ -1,0 +1,19 @@
+//! Rows of a frame follow each other otherwise than stated.
+
+use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage};
+
+pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
+    id: EffectId::RollingShutter,
+    equation: "t_row = t_frame + y t_row",
+    source: "Linux driver imx708.c: line length over pixel rate",
+    stage: SignalStage::Clock,
+    parameters: &[EffectParameter::linear("row_us", [-200.0, 200.0], 0.5)],
+    starting_points: |_| vec![vec![3.0], vec![-3.0], vec![15.0], vec![-15.0]],
+    apply: |values, _, view| {
+        view.start_us += values[0] * (f64::from(view.pixel.y) + 0.5 - view.evidence.middle[1]);
+    },
+    competing: &[EffectId::ClockOffset, EffectId::RowReadout, EffectId::Misregistration],
+    separating_recording: "one camera turned upside down",
+    describe: |values| format!("each row of the light is {:.1} us later than stated", values[0]),
+    ..PLAIN
+};

@@ -1,0 +1,55 @@
+//! Band-limited noise of the photoreceptor.
+
+use super::{CandidateEffect, EffectId, EffectParameter, Nuisance, PLAIN};
+use crate::predict::SHOT_SPEED;
+use std::f64::consts::TAU;
+
+pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
+    id: EffectId::ShotNoise,
+    equation: "event when |V + n - n_mem| > theta, n band-limited",
+    source: "Rice, Bell Syst. Tech. J. 24, 1945; Graca, Paredes-Valles and Delbruck, arXiv 2304.04019",
+    parameters: &[
+        EffectParameter::log("rms_thresholds", [0.02, 1.5]),
+        EffectParameter::log("bandwidth_hz", [1.0, 5_000.0]),
+    ],
+    starting_points: |_| {
+        // Its rate is so steep in both that slopes crawl along a narrow ridge: begun with is close by.
+        let sizes = [0.1_f64, 0.15, 0.2, 0.25, 0.3, 0.4];
+        let paces = [30.0_f64, 75.0, 190.0, 480.0, 1200.0];
+        sizes.into_iter().flat_map(|rms| paces.map(|hz| vec![rms.ln(), hz.ln()])).collect()
+    },
+    // What was taken for thresholds that scatter was the signal's noise.
+    nuisance_resets: &[(Nuisance::LogNoise, -3.5), (Nuisance::LogNoiseHz, 0.0)],
+    theta_raises: &[0.0, 0.2, 0.4],
+    apply: |values, _, view| {
+        let law = &mut view.law;
+        law.shot_at_white = values[0] * 0.5 * (law.theta_on + law.theta_off);
+        law.shot_speed_per_s = law.shot_at_white * SHOT_SPEED * TAU * values[1];
+    },
+    competing: &[EffectId::BackgroundActivity, EffectId::FrameNoise, EffectId::StampJitter],
+    separating_recording: "a static segment: polarities of noise alternate, more than three in four",
+    requires: |evidence| {
+        if evidence.facts.from_scene {
+            Ok(())
+        } else {
+            Err("what happens between frames cannot be told from noise without a map".into())
+        }
+    },
+    has_signature: |evidence, values| {
+        // Pairs within a few of the noise's own times are in turns On and Off.
+        let near_us = 5e6 / values[1].max(1e-3);
+        let pairs = evidence.pixels.iter().flat_map(|pixel| pixel.spikes.windows(2));
+        let near = pairs.filter(|pair| ((pair[1].t_us - pair[0].t_us) as f64) < near_us);
+        let (n, turned) = near.fold((0, 0), |(n, turned), pair| {
+            (n + 1, turned + usize::from(pair[0].on != pair[1].on))
+        });
+        n > 100 && turned * 10 > n * 3
+    },
+    describe: |values| {
+        format!(
+            "noise of {:.2} thresholds makes pixels fire by themselves, in turns On and Off",
+            values[0]
+        )
+    },
+    ..PLAIN
+};

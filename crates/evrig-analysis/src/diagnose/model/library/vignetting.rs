@@ -1,0 +1,20 @@
+//! A picture that darkens towards its corners.
+
+use super::{CandidateEffect, EffectId, PLAIN, needs_shown};
+
+pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
+    id: EffectId::Vignetting,
+    equation: "L (1 - c (r / r_corner)^2)",
+    source: "Goldman, IEEE PAMI 32, 2010",
+    competing: &[EffectId::ThresholdMismatch, EffectId::MovingShadow],
+    separating_recording: "a path that leads the same paper from the middle to a corner",
+    requires: |evidence| {
+        needs_shown(
+            evidence,
+            EffectId::Vignetting,
+            "what does not change with time cancels in the logarithm; it takes a path that leads the \
+             same paper from the middle to a corner",
+        )
+    },
+    ..PLAIN
+};

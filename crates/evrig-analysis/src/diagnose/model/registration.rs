@@ -1,0 +1,131 @@
+//! The light as a fitted hypothesis has the event camera see it: its clock, its place, its blur.
+
+use super::image_pose::ImagePose;
+use crate::diagnose::{Evidence, Hypothesis, Nuisance};
+use evrig_core::drive::{Drive, TimeGrid};
+use evrig_core::geometry::Size;
+use serde::{Deserialize, Serialize};
+
+/// How an event camera sees a light: where its picture lies in it, how blurred, how late.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FittedRegistration {
+    /// Where the real picture lies against the predicted one.
+    #[serde(alias = "placing")]
+    pub pose: ImagePose,
+    /// About which place of the sensor it turns and grows, pixels.
+    #[serde(alias = "middle_px")]
+    pub center_px: [f64; 2],
+    /// Variance of blur beyond the light's, square pixels; less where it is sharper.
+    pub blur_px2: f64,
+    /// What is added to an event's time to find the light's, microseconds.
+    #[serde(alias = "late_us")]
+    pub event_to_light_us: f64,
+    /// What is added more a microsecond since `at_us`.
+    pub skew: f64,
+    /// Where the events' clock is late by `late_us`, microseconds of it.
+    #[serde(alias = "at_us")]
+    pub reference_us: f64,
+}
+
+impl FittedRegistration {
+    /// As a hypothesis has it.
+    #[must_use]
+    pub fn of(evidence: &Evidence, hypothesis: &Hypothesis) -> Self {
+        let value = |nuisance| hypothesis.nuisance(nuisance);
+        let tied = evidence.facts.clock_tie;
+        let middle = evidence.start_us + 0.5e6 * evidence.seconds();
+        Self {
+            pose: ImagePose::of(&hypothesis.values),
+            center_px: evidence.middle,
+            blur_px2: value(Nuisance::BlurPx2),
+            event_to_light_us: tied.map_or(0.0, |t| t.offset_us[0]) - value(Nuisance::OffsetUs),
+            skew: tied.map_or(0.0, |t| t.skew_ppm[0] * 1e-6),
+            reference_us: evidence.window_us[0] as f64 + middle,
+        }
+    }
+
+    /// The light's time at an event's.
+    fn light_us(&self, t_us: f64) -> f64 {
+        t_us + self.event_to_light_us + self.skew * (t_us - self.reference_us)
+    }
+
+    /// An event's time at the light's.
+    fn event_us(&self, light_us: f64) -> f64 {
+        (light_us - self.event_to_light_us + self.skew * self.reference_us) / (1.0 + self.skew)
+    }
+}
+
+/// A drive as the event camera sees it, on the events' clock.
+pub struct RegisteredDrive<'a> {
+    drive: &'a dyn Drive,
+    registration: FittedRegistration,
+}
+
+impl<'a> RegisteredDrive<'a> {
+    /// The drive, seen so.
+    #[must_use]
+    pub const fn new(drive: &'a dyn Drive, registration: FittedRegistration) -> Self {
+        Self { drive, registration }
+    }
+
+    /// The light on its own clock, its blur in it.
+    fn blurred(&self, place: [f64; 2], grid: TimeGrid, out: &mut [f32]) -> bool {
+        let is_known = self.drive.sample(place, grid, out);
+        let half_blur = 0.5 * self.registration.blur_px2 as f32;
+        if half_blur == 0.0 || !is_known {
+            return is_known;
+        }
+        let mut bend = vec![-4.0; grid.n];
+        let mut side = vec![f32::NAN; grid.n];
+        for [dx, dy] in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
+            self.drive.sample([place[0] + dx, place[1] + dy], grid, &mut side);
+            for ((bend, side), here) in bend.iter_mut().zip(&side).zip(&*out) {
+                *bend += (side - here).exp();
+            }
+        }
+        for (value, bend) in out.iter_mut().zip(bend) {
+            *value += (half_blur * bend).clamp(-0.7, 0.7);
+        }
+        true
+    }
+}
+
+impl Drive for RegisteredDrive<'_> {
+    fn size(&self) -> Size {
+        self.drive.size()
+    }
+
+    fn span_us(&self) -> [i64; 2] {
+        let [first, last] = self.drive.span_us().map(|t| self.registration.event_us(t as f64));
+        [first.ceil() as i64, last.floor() as i64]
+    }
+
+    fn white_dn(&self) -> f64 {
+        self.drive.white_dn()
+    }
+
+    fn sample(&self, place: [f64; 2], grid: TimeGrid, out: &mut [f32]) -> bool {
+        let place = self.registration.pose.source_of(place, self.registration.center_px);
+        let [first, last] = [grid.at(0), grid.at(grid.n.saturating_sub(1))]
+            .map(|t| self.registration.light_us(t as f64));
+        let own = TimeGrid::covering([first.floor() as i64, last.ceil() as i64], grid.step_us);
+        let mut values = vec![f32::NAN; own.n];
+        if !self.blurred(place, own, &mut values) {
+            return false;
+        }
+        let mut is_known = false;
+        for (i, out) in out.iter_mut().enumerate() {
+            let position = own.position(self.registration.light_us(grid.at(i) as f64)).max(0.0);
+            let left = (position as usize).min(own.n.saturating_sub(2));
+            let (a, b) = (values[left], values.get(left + 1).copied().unwrap_or(f32::NAN));
+            *out = a + (b - a) * (position - left as f64) as f32;
+            is_known |= out.is_finite();
+        }
+        is_known
+    }
+
+    fn error(&self, place: [f64; 2]) -> f32 {
+        self.drive.error(place)
+    }
+}

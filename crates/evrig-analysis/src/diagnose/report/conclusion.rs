@@ -1,0 +1,417 @@
+//! From a fitted model to what is said of it.
+
+use super::departure::upper_tail_probability;
+use super::diagnosis_report::DIAGNOSIS_SCHEMA;
+use super::model_error::widen_by_model_error;
+use super::proposed_term::propose_term;
+use crate::diagnose::checks::acceptance::Adequacy;
+use crate::diagnose::checks::accepted_effect::AcceptedEffect;
+use crate::diagnose::checks::event_strata::misfit_strata;
+use crate::diagnose::checks::two_sample_test::StructureTest;
+use crate::diagnose::checks::upper_bound::recalibration_gain;
+use crate::diagnose::fit::cell_scores::CellSet;
+use crate::diagnose::fit::effect_scan::cannot_judge;
+use crate::diagnose::fit::fitted::FittedModel;
+use crate::diagnose::model::nuisance::Nuisance;
+use crate::diagnose::sensor_wide::IsolatedEventDeficit;
+use crate::diagnose::{
+    BaselineMismatch, ConfidenceInterval, Diagnosis, DiagnosisVerdict, Evidence, FitReport,
+    FittedEffect, HeldOutScores, Hypothesis, LIBRARY, NullReport, ProposedTerm, RejectedEffect,
+    ResidualMismatch, ResidualStructureReport, SplitHalfFit,
+};
+use evrig_core::stats::Z90;
+use std::collections::BTreeMap;
+
+/// A smaller excess is no mismatch.
+const MIN_EXCESS_NATS_PER_EVENT: f64 = 0.06;
+
+/// What the search has come to.
+pub(crate) struct SearchOutcome {
+    pub(crate) taken: Vec<AcceptedEffect>,
+    pub(crate) adequacy: Adequacy,
+    /// What the baseline leaves, and the model with all that was taken.
+    pub(crate) before: Option<StructureTest>,
+    pub(crate) after: Option<StructureTest>,
+    /// What the model with all that was taken reaches, recalibrated, nats an event.
+    pub(crate) reach: f64,
+    pub(crate) rejected_effects: Vec<RejectedEffect>,
+    pub(crate) split_half: Vec<SplitHalfFit>,
+    pub(crate) null: NullReport,
+    /// Whether events wait for a readout that is never free, so that no effect on single pixels was looked for.
+    pub(crate) is_saturated: bool,
+    /// Events that are missing since no neighbour's came before.
+    pub(crate) isolated_events: Option<IsolatedEventDeficit>,
+    /// What the frames show otherwise than stated, and the fit in the light as stated.
+    pub(crate) departed: (Vec<FittedEffect>, Option<FittedModel>),
+}
+
+/// Chance that a gain comes out as large where there is none; 1 where nothing was there to measure it by.
+fn gain_p_value(gain: f64, error: f64) -> f64 {
+    let z = gain / error;
+    if z.is_nan() { 1.0 } else { upper_tail_probability(z) }
+}
+
+/// What a model reaches on held-out cells when its hazard is recalibrated, nats an event.
+pub(crate) fn upper_bound_score(evidence: &Evidence, model: &FittedModel) -> f64 {
+    model.held_out() + recalibration_gain(evidence, model).gain.max(0.0)
+}
+
+/// Ceiling minus baseline, nats an event.
+pub(crate) fn excess(evidence: &Evidence, baseline: &FittedModel, model: &FittedModel) -> f64 {
+    upper_bound_score(evidence, model).max(upper_bound_score(evidence, baseline))
+        - baseline.held_out()
+}
+
+pub(crate) fn conclude(
+    evidence: &Evidence,
+    baseline: &FittedModel,
+    model: &FittedModel,
+    reached: SearchOutcome,
+) -> Diagnosis {
+    let SearchOutcome { taken, adequacy, rejected_effects, split_half, null, reach, .. } = reached;
+    let (departures, as_stated) = reached.departed;
+    let (left_before, left_after) = (reached.before, reached.after);
+    let (missing, term) =
+        reached.isolated_events.map(|IsolatedEventDeficit { place, term }| (place, term)).unzip();
+    let are_missing = missing.is_some();
+    // What decides the verdict comes first.
+    let found = |model: &FittedModel, left: Option<&StructureTest>, least: f64| {
+        let own = missing.iter().cloned().chain(misfit_strata(evidence, model, least));
+        with_structure(own.collect(), left, least)
+    };
+    let (before, after) =
+        (recalibration_gain(evidence, baseline), recalibration_gain(evidence, model));
+    let (low, high) = (baseline.held_out(), model.held_out());
+    let upper_bound = (low + before.gain).max(high + after.gain.max(0.0)).max(reach);
+    let (excess, share) = removed([low, high, upper_bound]);
+    let verdict = verdict(taken.is_empty(), excess, share, adequacy).combined_with(
+        !rejected_effects.is_empty(),
+        are_missing,
+        !departures.is_empty(),
+    );
+    // With the light as stated for a beginning, what the frames show is a part of what is explained.
+    let low = as_stated.as_ref().map_or(low, FittedModel::held_out);
+    let (excess, share) = removed([low, high, upper_bound]);
+    let (gain, error) = match taken.as_slice() {
+        [] => (before.gain, before.error),
+        _ => model.cells.gain(&baseline.cells, CellSet::HeldOut),
+    };
+    let is_named =
+        matches!(verdict, DiagnosisVerdict::Explained | DiagnosisVerdict::PartlyExplained);
+    let named = if is_named { effects(evidence, model, &taken) } else { Vec::new() };
+    let effects = merge_effects(departures, named);
+    let next_recording = next_recording(&effects);
+    let least = (0.02 * excess).max(0.002);
+    Diagnosis {
+        schema: DIAGNOSIS_SCHEMA.into(),
+        verdict,
+        mismatch: BaselineMismatch {
+            excess_nats_per_event: excess,
+            p_value: gain_p_value(gain, error),
+            strata: found(baseline, left_before.as_ref(), least),
+        },
+        effects,
+        nuisances: nuisances(model),
+        fit: scores([low, high, upper_bound], share),
+        residual_mismatch: ResidualMismatch {
+            excess_nats_per_event: upper_bound - high,
+            p_value: gain_p_value(after.gain, after.error),
+            strata: found(
+                model,
+                if taken.is_empty() { left_before.as_ref() } else { left_after.as_ref() },
+                least,
+            ),
+        },
+        proposed_term: term.or_else(|| propose_for(evidence, model, verdict, left_before.as_ref())),
+        next_recording,
+        cannot_judge: cannot_judge(evidence, reached.is_saturated),
+        rejected_effects,
+        split_half,
+        stamp_step_us: evidence.facts.stamp_step_us,
+        structure: left_before.zip(left_after).map(of_both),
+        null,
+        n_pixels: evidence.pixels.len(),
+        n_events: evidence.n_events(),
+    }
+}
+
+/// What there is to explain, and the share of it that is removed.
+fn removed([low, high, upper_bound]: [f64; 3]) -> (f64, Option<f64>) {
+    let excess = upper_bound - low;
+    (excess, (excess > 0.0).then(|| (high - low) / excess))
+}
+
+/// What frames and a census show, then what the predicted pixels do; what both show is theirs.
+fn merge_effects(mut others: Vec<FittedEffect>, named: Vec<FittedEffect>) -> Vec<FittedEffect> {
+    others.retain(|other| named.iter().all(|own| own.id != other.id));
+    others.extend(named);
+    others
+}
+
+/// The recording that would tell the first effect with equals from them.
+fn next_recording(effects: &[FittedEffect]) -> Option<String> {
+    let unsure = effects.iter().find(|effect| !effect.indistinguishable.is_empty())?;
+    LIBRARY.iter().find(|c| c.id == unsure.id).map(|c| c.separating_recording.to_owned())
+}
+
+impl DiagnosisVerdict {
+    /// The verdict where an effect bought something and did not hold, where events are missing by no law of a pixel,
+    /// and where frames or a census show something beside what the predicted pixels do.
+    fn combined_with(
+        self,
+        is_suspected: bool,
+        are_missing: bool,
+        testable_from_frames: bool,
+    ) -> Self {
+        let own = match self {
+            Self::NoMismatch if is_suspected || are_missing => Self::Unexplained,
+            Self::Explained if are_missing => Self::PartlyExplained,
+            verdict => verdict,
+        };
+        match own {
+            Self::NoMismatch if testable_from_frames => Self::Explained,
+            Self::Unexplained if testable_from_frames => Self::PartlyExplained,
+            verdict => verdict,
+        }
+    }
+}
+
+fn scores([baseline, r#final, upper_bound]: [f64; 3], share: Option<f64>) -> FitReport {
+    let upper_bound_source = "hazard_recalibration".into();
+    FitReport {
+        heldout_nats_per_event: HeldOutScores {
+            baseline,
+            r#final,
+            upper_bound,
+            upper_bound_source,
+        },
+        share_of_excess_removed: share,
+        forward_simulation: BTreeMap::new(),
+    }
+}
+
+fn verdict(
+    names_nothing: bool,
+    excess: f64,
+    share: Option<f64>,
+    adequacy: Adequacy,
+) -> DiagnosisVerdict {
+    match (names_nothing, share, adequacy) {
+        (true, _, Adequacy::Adequate) if excess < MIN_EXCESS_NATS_PER_EVENT => {
+            DiagnosisVerdict::NoMismatch
+        }
+        (true, ..) => DiagnosisVerdict::Unexplained,
+        (false, Some(share), Adequacy::Adequate) if share >= 0.5 => DiagnosisVerdict::Explained,
+        (false, Some(share), _) if share >= 0.25 => DiagnosisVerdict::PartlyExplained,
+        (false, ..) => DiagnosisVerdict::Unexplained,
+    }
+}
+
+/// Strata where a score is wrong, and ranges of what else happened on the sensor, which no score of
+/// one pixel sees, where real events and the model's differ in number.
+fn with_structure(
+    mut places: Vec<crate::diagnose::MisfitStratum>,
+    left: Option<&StructureTest>,
+    least: f64,
+) -> Vec<crate::diagnose::MisfitStratum> {
+    let around = left.into_iter().flat_map(|left| left.misfit_ranges.iter().cloned());
+    places.extend(around.filter(|place| place.excess_nats_per_event > least));
+    places
+}
+
+fn of_both((before, after): (StructureTest, StructureTest)) -> ResidualStructureReport {
+    ResidualStructureReport { baseline: left(&before), r#final: left(&after) }
+}
+
+fn left(structure: &StructureTest) -> crate::diagnose::ResidualStructure {
+    crate::diagnose::ResidualStructure {
+        nats_per_event: structure.nats,
+        error: structure.error,
+        nats_without_light_features: structure.without_light_features,
+        accuracy: structure.accuracy,
+        top_features: structure.by.iter().take(4).map(|(key, _)| (*key).to_owned()).collect(),
+    }
+}
+
+/// A term for what is left, where the named effects leave much.
+fn propose_for(
+    evidence: &Evidence,
+    model: &FittedModel,
+    verdict: DiagnosisVerdict,
+    left: Option<&StructureTest>,
+) -> Option<ProposedTerm> {
+    let is_wanted =
+        matches!(verdict, DiagnosisVerdict::Unexplained | DiagnosisVerdict::PartlyExplained);
+    let of_own = is_wanted.then(|| propose_term(evidence, model)).flatten();
+    // Where what tells most is no matter of the pixel's own light and past, the hazard depends on it.
+    let of_others = || left.and_then(|left| left.hazard_term());
+    match of_own {
+        Some(own) => match of_others() {
+            Some(other) if other.heldout_gain_nats_per_event > own.heldout_gain_nats_per_event => {
+                Some(other)
+            }
+            _ => Some(own),
+        },
+        None => is_wanted.then(of_others).flatten(),
+    }
+}
+
+/// A fitted value as it is reported, its interval within the range it was fitted in.
+fn interval(
+    value: f64,
+    error: f64,
+    [low, high]: [f64; 2],
+    reported: impl Fn(f64) -> f64,
+) -> ConfidenceInterval {
+    let end = |z: f64| {
+        let end = (value + z * error).clamp(low, high);
+        Some(reported(end)).filter(|v| v.is_finite())
+    };
+    let mut ci90 = if error.is_finite() { [end(-Z90), end(Z90)] } else { [None, None] };
+    if let [Some(a), Some(b)] = ci90
+        && a > b
+    {
+        ci90 = [Some(b), Some(a)];
+    }
+    ConfidenceInterval { value: reported(value), ci90 }
+}
+
+fn nuisances(model: &FittedModel) -> BTreeMap<String, ConfidenceInterval> {
+    let hypothesis = &model.hypothesis;
+    Nuisance::ALL
+        .iter()
+        .filter(|n| hypothesis.ranges[**n as usize][0] < hypothesis.ranges[**n as usize][1])
+        .map(|&n| {
+            let error = model.error_of(n as usize);
+            let range = hypothesis.ranges[n as usize];
+            let value = hypothesis.nuisance(n);
+            (n.key().to_owned(), interval(value, error, range, |v| n.reported(v)))
+        })
+        .collect()
+}
+
+fn effects(
+    evidence: &Evidence,
+    model: &FittedModel,
+    taken: &[AcceptedEffect],
+) -> Vec<FittedEffect> {
+    let hypothesis = &model.hypothesis;
+    taken
+        .iter()
+        .enumerate()
+        .map(|(index, taken)| {
+            let candidate = hypothesis.effects[index];
+            let mut indistinguishable = taken.indistinguishable.clone();
+            let same_law =
+                candidate.same_law.iter().filter(|twin| !taken.indistinguishable.contains(twin));
+            indistinguishable.extend(same_law);
+            if evidence.facts.clock_tie.is_none() {
+                indistinguishable.extend(candidate.inseparable);
+            }
+            let p_value = (gain_p_value(taken.gain, taken.error) * LIBRARY.len() as f64).min(1.0);
+            FittedEffect {
+                id: candidate.id,
+                name: candidate.id.name().into(),
+                equation: candidate.equation.into(),
+                description: (candidate.describe)(&hypothesis.parameters_of(index)),
+                parameters: parameters(evidence, model, index),
+                heldout_gain_nats_per_event: taken.gain,
+                heldout_gain_error: taken.error,
+                p_value,
+                region: hypothesis.regions[index].and_then(|r| serde_json::to_value(r).ok()),
+                indistinguishable,
+                competing_hypotheses: taken.competing_hypotheses.clone(),
+            }
+        })
+        .collect()
+}
+
+pub(crate) fn parameters(
+    evidence: &Evidence,
+    model: &FittedModel,
+    index: usize,
+) -> BTreeMap<String, ConfidenceInterval> {
+    let hypothesis = &model.hypothesis;
+    let candidate = hypothesis.effects[index];
+    let mut intervals = BTreeMap::new();
+    if candidate.freed.is_empty() {
+        let at = hypothesis.offset_of(index);
+        for (i, p) in candidate.parameters.iter().enumerate().filter(|(_, p)| !p.is_hidden) {
+            let (value, error) = (hypothesis.values[at + i], model.error_of(at + i));
+            let range = hypothesis.ranges[at + i];
+            intervals.insert(p.key.to_owned(), interval(value, error, range, |v| p.from_fitted(v)));
+        }
+        let derived = |values: &[f64]| {
+            let own: Vec<f64> =
+                candidate.parameters.iter().zip(values).map(|(p, v)| p.from_fitted(*v)).collect();
+            (candidate.derived)(evidence, &own)
+        };
+        let own: Vec<usize> = (at..at + candidate.parameters.len()).collect();
+        let of = |values: &[f64]| derived(&values[at..]);
+        intervals.extend(derived_intervals(model, &own, of));
+    } else {
+        let keys = candidate.id.parameters();
+        let of = |values: &[f64]| {
+            let there = hypothesis.nuisances_with(index, values);
+            keys.iter().copied().zip((candidate.report_freed)(&there)).collect()
+        };
+        intervals.extend(derived_intervals(model, &hypothesis.value_indices(index), of));
+    }
+    let first = candidate.id.parameters().first().and_then(|key| intervals.get_mut(*key));
+    if let Some(ConfidenceInterval { value, ci90: [Some(low), Some(high)] }) = first {
+        let more = Z90 * (candidate.reference_error)(evidence);
+        *low = *value - (*value - *low).hypot(more);
+        *high = *value + (*high - *value).hypot(more);
+    }
+    widen_by_model_error(&mut intervals, evidence.step_us);
+    intervals
+}
+
+/// Quantities that follow from fitted values: one value at a time is moved by its error to either side, as far
+/// as its range goes.
+fn derived_intervals(
+    model: &FittedModel,
+    moving: &[usize],
+    of: impl Fn(&[f64]) -> Vec<(&'static str, f64)>,
+) -> Vec<(String, ConfidenceInterval)> {
+    let Hypothesis { values, ranges, steps, .. } = &model.hypothesis;
+    let here = of(values);
+    let mut spread = vec![[0.0_f64; 2]; here.len()];
+    for &i in moving {
+        let error = model.error_of(i);
+        let mut beside = values.clone();
+        beside[i] += steps[i];
+        if steps[i] <= 0.0 || of(&beside) == here {
+            continue;
+        }
+        let [down, up] = [-Z90, Z90].map(|z| {
+            let mut moved = values.clone();
+            moved[i] = (values[i] + z * error).clamp(ranges[i][0], ranges[i][1]);
+            of(&moved)
+        });
+        for (n, [low, high]) in spread.iter_mut().enumerate() {
+            let by = [down[n].1 - here[n].1, up[n].1 - here[n].1];
+            let wide = |change: f64| if error.is_finite() { change } else { f64::NAN };
+            *low = low.hypot(wide(by[0].min(by[1]).min(0.0)));
+            *high = high.hypot(wide(by[0].max(by[1]).max(0.0)));
+        }
+    }
+    let end = |e: f64| Some(e).filter(|e| e.is_finite());
+    here.into_iter()
+        .zip(spread)
+        .map(|((key, v), [low, high])| {
+            (key.to_owned(), ConfidenceInterval { value: v, ci90: [end(v - low), end(v + high)] })
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gain_that_nothing_measured_is_no_sign_and_one_without_scatter_is_a_sure_one() {
+        assert_eq!([gain_p_value(0.0, 0.0), gain_p_value(1.0, 0.0)], [1.0, 0.0]);
+        assert!((gain_p_value(1.644_853_6, 1.0) - 0.05).abs() < 1e-6);
+    }
+}

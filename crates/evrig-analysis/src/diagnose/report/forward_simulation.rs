@@ -1,0 +1,179 @@
+//! A fitted camera let run by itself beside the real one.
+//!
+//! A score is teacher-forced: every event is predicted from the events before it that really came.
+//! Whether a model makes events like the camera's is another question. Here the generator
+//! [`evrig_generate::forward`] runs free over a patch of the sensor, from the same light, once as
+//! the baseline and once with the named effects, each effect by the generator's own account of it,
+//! which shares no code with the one that the fit used.
+
+mod sample_distance;
+
+use super::fitted_camera::{FittedCamera, surroundings};
+use crate::compare::{Comparison, MeasureId, Setup, compare};
+use crate::diagnose::Evidence;
+use crate::diagnose::model::registration::RegisteredDrive;
+use evrig_core::drive::Drive;
+use evrig_core::event::{Event, EventSlice, Events};
+use evrig_core::geometry::Size;
+use sample_distance::{c2st_accuracy, counts, interval_shares, rmse, transport_px};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+const PATCH_SIDE_PX: u16 = 80;
+
+const MAX_DURATION_US: i64 = 6_000_000;
+
+/// A measure of baseline and final model against the camera.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ModelComparison {
+    /// Of the nuisances alone; `null` where it is not known.
+    pub baseline: Option<f64>,
+    /// With the named effects.
+    pub r#final: Option<f64>,
+}
+
+/// The free run: what was run, its measures, and maps of counts to look at.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ForwardSimulation {
+    /// First column and row of the patch, and its width and height.
+    pub patch_px: [u16; 4],
+    /// Start and end, microseconds of the events' clock.
+    pub window_us: [i64; 2],
+    /// Measures by name.
+    pub measures: BTreeMap<String, ModelComparison>,
+    /// Events a pixel, row by row: of the camera, the baseline, the final model.
+    pub counts: [Vec<u32>; 3],
+    /// Edges of intervals in decades of microseconds, and the share in each of the three.
+    pub interval_edges_log10_us: Vec<f64>,
+    /// Shares of intervals: camera, baseline, final.
+    pub interval_shares: [Vec<f64>; 3],
+    /// What the generator could not be told.
+    pub left_out: Vec<String>,
+}
+
+/// What a free run takes of the camera's events: those of its patch and its time.
+#[must_use]
+pub fn events_on_patch(evidence: &Evidence, size: Size, real: EventSlice<'_>) -> Events {
+    let ([from, to], patch) = (window(evidence), patch(evidence, size));
+    real.between(from, to).iter().filter(|e| is_inside(patch, e)).collect()
+}
+
+/// Lets the cameras of baseline and model run. `None` where the generator refuses or nothing fires on the patch.
+#[must_use]
+pub fn simulate_forward(
+    evidence: &Evidence,
+    drive: &dyn Drive,
+    real: EventSlice<'_>,
+    [baseline, model]: [&FittedCamera; 2],
+    seed: u64,
+) -> Option<ForwardSimulation> {
+    let window_us = window(evidence);
+    let patch = patch(evidence, drive.size());
+    let real = events_on_patch(evidence, drive.size(), real);
+    let mut left_out = Vec::new();
+    let mut run = |fitted: &FittedCamera| {
+        generated(evidence, drive, fitted, patch, window_us, seed, &mut left_out)
+    };
+    let before = run(baseline)?;
+    let after = run(model)?;
+    left_out.dedup();
+    let all = [&real, &before, &after];
+    let size = Size::new(patch[2], patch[3]);
+    let local: [Events; 3] = all.map(|events| {
+        let moved = |e: Event| Event { x: e.x - patch[0], y: e.y - patch[1], ..e };
+        events.as_slice().iter().map(moved).collect()
+    });
+    let setup = Setup { size, window: window_us, region: None, seed, n_bootstrap: 0, frames: None };
+    let against =
+        |simulated: &Events| compare(local[0].as_slice(), simulated.as_slice(), &setup).ok();
+    let (first, second) = (against(&local[1])?, against(&local[2])?);
+    let mut measures = BTreeMap::new();
+    let mut put = |key: &str, baseline: Option<f64>, r#final: Option<f64>| {
+        let known = |v: Option<f64>| v.filter(|v| v.is_finite());
+        let pair = ModelComparison { baseline: known(baseline), r#final: known(r#final) };
+        measures.insert(key.to_owned(), pair);
+    };
+    for (key, id) in [
+        ("count_ratio", MeasureId::CountRatio),
+        ("polarity_delta", MeasureId::PolarityDelta),
+        ("interval_tv", MeasureId::IntervalTv),
+        ("spatial_emd", MeasureId::SpatialEmd),
+    ] {
+        let of = |comparison: &Comparison| comparison.measure(id).map(|m| m.estimate.value);
+        put(key, of(&first), of(&second));
+    }
+    let counts: [Vec<u32>; 3] = std::array::from_fn(|i| counts(&local[i], size));
+    put("rate_map_rmse", rmse(&counts[0], &counts[1]), rmse(&counts[0], &counts[2]));
+    let cloud = |i: usize| transport_px(&local[0], &local[i], window_us[0], seed);
+    put("transport_px", cloud(1), cloud(2));
+    let accuracy = |i: usize| c2st_accuracy(&local[0], &local[i], size, window_us);
+    put("c2st_accuracy", accuracy(1), accuracy(2));
+    let interval_edges_log10_us: Vec<f64> = (0..=40).map(|i| 1.5 + f64::from(i) * 0.125).collect();
+    let shares = |i: usize| interval_shares(&local[i], size, window_us, &interval_edges_log10_us);
+    let interval_shares = [shares(0), shares(1), shares(2)];
+    Some(ForwardSimulation {
+        patch_px: patch,
+        window_us,
+        measures,
+        counts,
+        interval_edges_log10_us,
+        interval_shares,
+        left_out,
+    })
+}
+
+/// The middle of the light, as long as is allowed.
+fn window(evidence: &Evidence) -> [i64; 2] {
+    let start = evidence.window_us[0] + evidence.start_us as i64;
+    let length = (evidence.seconds() * 1e6) as i64;
+    let taken = length.min(MAX_DURATION_US);
+    let from = start + (length - taken) / 2;
+    [from, from + taken]
+}
+
+/// The square in which the pixels looked at are densest: there the light is known and changes.
+fn patch(evidence: &Evidence, size: Size) -> [u16; 4] {
+    let (w, h) = (PATCH_SIDE_PX.min(size.width), PATCH_SIDE_PX.min(size.height));
+    let mut best = ([0, 0, w, h], 0);
+    for y in (0..=size.height - h).step_by(10) {
+        for x in (0..=size.width - w).step_by(10) {
+            let within = |p: &&crate::diagnose::PixelEvidence| {
+                (x..x + w).contains(&p.x) && (y..y + h).contains(&p.y)
+            };
+            let n: usize =
+                evidence.pixels.iter().filter(within).map(|pixel| pixel.spikes.len()).sum();
+            if n > best.1 {
+                best = ([x, y, w, h], n);
+            }
+        }
+    }
+    best.0
+}
+
+fn is_inside([x, y, w, h]: [u16; 4], event: &Event) -> bool {
+    (x..x + w).contains(&event.x) && (y..y + h).contains(&event.y)
+}
+
+/// Events of the generator on the patch.
+fn generated(
+    evidence: &Evidence,
+    drive: &dyn Drive,
+    fitted: &FittedCamera,
+    [x0, y0, w, h]: [u16; 4],
+    window_us: [i64; 2],
+    seed: u64,
+    left_out: &mut Vec<String>,
+) -> Option<Events> {
+    left_out.extend(fitted.left_out.iter().cloned());
+    let pixels: Vec<(u16, u16)> =
+        (y0..y0 + h).flat_map(|y| (x0..x0 + w).map(move |x| (x, y))).collect();
+    let tuned = RegisteredDrive::new(drive, fitted.registration.clone());
+    let surroundings = surroundings(&evidence.facts);
+    match fitted.camera.events(&tuned, &pixels, window_us, surroundings, seed) {
+        Ok(run) => Some(run.events),
+        Err(error) => {
+            left_out.push(error.to_string());
+            None
+        }
+    }
+}

@@ -1,0 +1,268 @@
+//! Events that come alone, or that do not: a filter behind the camera passes only what a neighbour supports.
+//!
+//! Such a filter takes away what no neighbour has come before within its window, so that the time since the last
+//! event of the eight pixels around falls off as a step: of what comes just behind the window there is little. No
+//! light and no pixel's own law makes a step there. What beats (a lamp, rows, frames) may end its bursts as
+//! abruptly, but then as abruptly before as behind; a filter knows only what has been, so the time to the *next*
+//! event of the same neighbours has less of a step, by those alone that the filter took.
+
+use crate::diagnose::evidence::event_context::EventContext;
+use crate::diagnose::{Evidence, MisfitStratum, ProposedTerm};
+use evrig_core::stats::Z90;
+use rayon::prelude::*;
+
+/// Events that are used; pixels are skipped in longer recordings (work budget).
+const MAX_EVENTS: usize = 2_000_000;
+
+/// Range of lags, and shortest lag in stamp steps: events are spread uniformly over a coarse step,
+/// which blurs an edge.
+const LAG_RANGE_US: [f64; 2] = [100.0, 1e6];
+const MIN_LAG_STAMP_STEPS: f64 = 20.0;
+
+/// Width of a bin of the log lag, and bins per side of an edge.
+const BIN_LOG_WIDTH: f64 = 0.03;
+const N_SIDE_BINS: usize = 4;
+
+/// Least drop of the log rate beyond its changes near by, and significance level.
+const MIN_LOG_DROP: f64 = std::f64::consts::LN_2;
+const MIN_DROP_STANDARD_ERRORS: f64 = 5.0;
+
+/// A step in the number of events by the time since their neighbours' last one.
+#[derive(Debug, Clone, Copy)]
+struct RateStep {
+    /// Where it ends, microseconds.
+    us: f64,
+    /// Events just before it, those that were to be expected just behind it, and those that came there.
+    before: f64,
+    expected: f64,
+    behind: f64,
+    /// Standard error of the logarithm of those that came over those expected.
+    error: f64,
+}
+
+/// That what is alone does not come: where, and the term that would say so.
+pub(crate) struct IsolatedEventDeficit {
+    pub(crate) place: MisfitStratum,
+    pub(crate) term: ProposedTerm,
+}
+
+/// Whether events without a neighbour's shortly before are missing.
+pub(super) fn missing(evidence: &Evidence) -> Option<IsolatedEventDeficit> {
+    let stamp_us = evidence.facts.stamp_step_us.unwrap_or(1.0);
+    let shortest_us = LAG_RANGE_US[0].max(MIN_LAG_STAMP_STEPS * stamp_us);
+    let (step, n_events) = found(&evidence.event_context, shortest_us)?;
+    Some(step.report(n_events))
+}
+
+/// A sure step, with the number of events that were looked at.
+fn found(around: &EventContext, shortest_us: f64) -> Option<(RateStep, usize)> {
+    let (since, until) = gaps(around);
+    let step = step(&counts(&since, shortest_us), &counts(&until, shortest_us), shortest_us)?;
+    Some((step, since.len()))
+}
+
+/// Time since the last event of the eight pixels around and until the next one, microseconds, of all events or of
+/// those of enough pixels. What has the same stamp was together.
+fn gaps(around: &EventContext) -> (Vec<i64>, Vec<i64>) {
+    let recording = around.recording();
+    let size = recording.size();
+    let every = recording.len().div_ceil(MAX_EVENTS).max(1);
+    let of_pixel = |number: usize| {
+        let (x, y) = ((number % size.width as usize) as u16, (number / size.width as usize) as u16);
+        let own = recording.of(x, y).iter();
+        own.map(move |spike| around.gaps_us(x, y, spike.t_us)).collect::<Vec<_>>()
+    };
+    let numbers = (0..size.n_pixels()).into_par_iter().step_by(every);
+    numbers.flat_map_iter(of_pixel).unzip()
+}
+
+/// How many of the times are in each bin.
+fn counts(gaps: &[i64], shortest_us: f64) -> Vec<f64> {
+    let n_bins = ((LAG_RANGE_US[1] / shortest_us).ln() / BIN_LOG_WIDTH) as usize;
+    let mut counts = vec![0.0; n_bins];
+    for gap in gaps.iter().filter(|gap| **gap as f64 >= shortest_us) {
+        let bin = ((*gap as f64 / shortest_us).ln() / BIN_LOG_WIDTH) as usize;
+        if let Some(count) = counts.get_mut(bin) {
+            *count += 1.0;
+        }
+    }
+    counts
+}
+
+/// The surest step down, if there is one that is sure. A bin between its sides is left out: it ends somewhere there.
+fn step(since: &[f64], until: &[f64], shortest_us: f64) -> Option<RateStep> {
+    let side = |counts: &[f64], first: usize| -> f64 {
+        0.5 + counts[first..first + N_SIDE_BINS].iter().sum::<f64>()
+    };
+    let last = since.len().checked_sub(2 * N_SIDE_BINS)?;
+    let steps = (3 * N_SIDE_BINS..last).map(|at| {
+        let [before_that, earlier] = [3, 2].map(|sides| side(since, at - sides * N_SIDE_BINS));
+        let (before, behind) = (side(since, at - N_SIDE_BINS), side(since, at + 1));
+        let later = side(since, at + 1 + N_SIDE_BINS);
+        let mirrored = [side(until, at - N_SIDE_BINS), side(until, at + 1)];
+        // A peak rises as fast as it falls.
+        let changes =
+            [before_that / earlier, earlier / before, behind / later, mirrored[0] / mirrored[1]];
+        let fall = changes.into_iter().map(|ratio| ratio.ln().abs()).fold(0.0, f64::max);
+        let all = [before_that, earlier, before, behind, later, mirrored[0], mirrored[1]];
+        let us = shortest_us * (BIN_LOG_WIDTH * (at as f64 + 0.5)).exp();
+        let error = all.iter().map(|n| 1.0 / n).sum::<f64>().sqrt();
+        RateStep { us, before, expected: before * (-fall).exp(), behind, error }
+    });
+    let sure = steps.filter(|step| {
+        step.size() > MIN_LOG_DROP && step.size() > MIN_DROP_STANDARD_ERRORS * step.error
+    });
+    sure.max_by(|a, b| (a.size() / a.error).total_cmp(&(b.size() / b.error)))
+}
+
+impl RateStep {
+    /// The step itself, natural logarithm.
+    fn size(&self) -> f64 {
+        (self.expected / self.behind).ln()
+    }
+
+    fn report(self, n_events: usize) -> IsolatedEventDeficit {
+        let Self { us, before, expected, behind, error } = self;
+        let ratio = behind / expected;
+        let end = us * (BIN_LOG_WIDTH * (N_SIDE_BINS as f64 + 0.5)).exp();
+        // What Poisson counts gain by the right mean, over all events.
+        let nats = (expected - behind - behind * (expected / behind).ln()) / n_events as f64;
+        let description = format!(
+            "{ratio:.2} events for each that would be expected {us:.0} to {end:.0} us after the last event of the \
+             eight pixels around: what comes alone is missing, as behind a filter that asks for neighbours"
+        );
+        let point = |reference_us: f64, log: f64, error: f64| {
+            [reference_us, log, log - Z90 * error, log + Z90 * error]
+        };
+        let half = (-0.5 * BIN_LOG_WIDTH * N_SIDE_BINS as f64).exp();
+        IsolatedEventDeficit {
+            place: MisfitStratum {
+                covariate: "neighbour_us".into(),
+                range: [us, end],
+                excess_nats_per_event: nats,
+                innovation_thresholds: None,
+                ratio: Some(ratio),
+                n_events: behind as u64,
+                description,
+            },
+            term: ProposedTerm {
+                enters: "hazard".into(),
+                depends_on: "neighbour_us".into(),
+                curve: vec![
+                    point(us * half, 0.0, before.sqrt().recip()),
+                    point(us / half, ratio.ln(), error),
+                ],
+                heldout_gain_nats_per_event: nats,
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::StampGrid;
+    use crate::filter::background;
+    use crate::predict::ByPixel;
+    use evrig_core::event::{Event, Events};
+    use evrig_core::geometry::Size;
+    use evrig_core::stats::SplitMix;
+
+    const SIDE_PX: u16 = 64;
+    const LENGTH_US: i64 = 8_000_000;
+
+    /// Edges that pass ten times a second, and noise of 3 Hz; in the order of time.
+    fn seen() -> Events {
+        let mut random = SplitMix::new(7, 7);
+        let mut events = Vec::new();
+        for pixel in 0..SIDE_PX * SIDE_PX {
+            let (x, y) = (pixel % SIDE_PX, pixel / SIDE_PX);
+            for pass in 0..80 {
+                let at = f64::from(pass) * 1e5 + f64::from(x) * 1_500.0;
+                events.push((at + 1_500.0 * random.exponential(), x, y));
+            }
+            let mut at = 0.0;
+            while at < LENGTH_US as f64 {
+                at += 1e6 / 3.0 * random.exponential();
+                events.push((at, x, y));
+            }
+        }
+        events.sort_by(|a, b| a.0.total_cmp(&b.0));
+        events.into_iter().map(|(t, x, y)| Event { t: t as i64, x, y, on: true }).collect()
+    }
+
+    const SIZE: Size = Size::new(SIDE_PX, SIDE_PX);
+
+    fn step_in(events: &Events, shortest_us: f64) -> Option<RateStep> {
+        let recording = ByPixel::new(events.as_slice(), SIZE, [0, LENGTH_US]);
+        found(&EventContext::new(recording, &[]), shortest_us).map(|(step, _)| step)
+    }
+
+    #[test]
+    fn what_comes_alone_is_missed_behind_a_filter_and_nowhere_else() {
+        let seen = seen();
+        for window_us in [6_000, 12_000] {
+            let filtered = background::filter(seen.as_slice(), SIZE, window_us).unwrap();
+            let step = step_in(&filtered.events, LAG_RANGE_US[0]).unwrap();
+            assert!(
+                (step.us / window_us as f64).ln().abs() < BIN_LOG_WIDTH,
+                "{window_us} us: {step:?}"
+            );
+        }
+        assert!(step_in(&seen, LAG_RANGE_US[0]).is_none());
+    }
+
+    #[test]
+    fn a_filter_shows_through_stamps_of_a_simulators_steps() {
+        let filtered = background::filter(seen().as_slice(), SIZE, 9_000).unwrap();
+        let in_steps = filtered.events.as_slice().iter().map(|e| Event { t: e.t / 250 * 250, ..e });
+        let in_steps: Events = in_steps.collect();
+        let grid = StampGrid::of_events(in_steps.as_slice()).unwrap();
+        let spread = grid.spread(in_steps.as_slice());
+        let step = step_in(&spread, MIN_LAG_STAMP_STEPS * grid.step_us).unwrap();
+        assert!((step.us / 9_000.0).ln().abs() < 2.0 * BIN_LOG_WIDTH, "{step:?}");
+    }
+
+    #[test]
+    fn a_step_that_is_there_before_as_behind_or_that_is_a_peaks_flank_is_none() {
+        let counts = |of: fn(usize) -> f64| (0..40).map(of).collect::<Vec<_>>();
+        let flat = counts(|_| 200.0);
+        let falls = counts(|bin| if bin < 20 { 200.0 } else { 20.0 });
+        let peak = counts(|bin| if (16..20).contains(&bin) { 200.0 } else { 20.0 });
+        assert!(step(&falls, &flat, 100.0).is_some());
+        assert!(step(&falls, &falls, 100.0).is_none());
+        assert!(step(&peak, &flat, 100.0).is_none());
+    }
+
+    #[test]
+    fn bursts_that_end_abruptly_are_no_filter() {
+        // All pixels within 4 ms of every hundredth of a second, and noise in between.
+        let seen = seen();
+        let noise = seen.as_slice().iter().step_by(9);
+        let mut random = SplitMix::new(8, 8);
+        let lit = (0..SIDE_PX * SIDE_PX).flat_map(|pixel| (0..800).map(move |beat| (pixel, beat)));
+        let beats = lit.filter(|(pixel, beat)| (pixel + 7 * beat) % 5 == 0).map(|(pixel, beat)| {
+            let t = i64::from(beat) * 10_000 + random.below(4_000) as i64;
+            Event { t, x: pixel % SIDE_PX, y: pixel / SIDE_PX, on: true }
+        });
+        let all: Events = noise.chain(beats).collect();
+        assert!(step_in(&all, LAG_RANGE_US[0]).is_none());
+    }
+
+    #[test]
+    fn it_is_told_with_its_place_and_a_term() {
+        let step = RateStep {
+            us: 10_000.0,
+            before: 1_200.0,
+            expected: 1_000.0,
+            behind: 200.0,
+            error: 0.1,
+        };
+        let IsolatedEventDeficit { place, term } = step.report(1_000_000);
+        assert_eq!((place.ratio, place.n_events), (Some(0.2), 200));
+        assert!(place.description.starts_with("0.20 events for each"), "{}", place.description);
+        let nats = (800.0 - 200.0 * 5.0_f64.ln()) * 1e-6;
+        assert!((term.heldout_gain_nats_per_event - nats).abs() < 1e-12);
+        assert!((term.curve[1][1] - 0.2_f64.ln()).abs() < 1e-12 && term.curve[0][0] < 10_000.0);
+    }
+}

@@ -1,0 +1,86 @@
+//! Where a fit ends, how sure it claims to be, and what either half of the pixels says by itself.
+
+use super::*;
+use fit::fitted::FittedModel;
+use fit::gauss_newton::score_model;
+
+/// A fit of the model that the events were drawn from, with its errors.
+fn fitted(evidence: &Evidence, truth: &Hypothesis, seed: u64) -> FittedModel {
+    let drawn = null_distribution::draw_recording(evidence, truth, seed);
+    standard_errors::with_standard_errors(&drawn, score_model(&drawn, truth.clone()))
+}
+
+#[test]
+fn values_are_off_by_about_what_their_errors_claim() {
+    let evidence = empty().thinned(2);
+    let truth = Hypothesis::baseline(&evidence)
+        .with(library(EffectId::RefractoryPeriod), &[3_000.0_f64.ln(), 0.0]);
+    let asked = [
+        Nuisance::LogTheta as usize,
+        Nuisance::LogRatio as usize,
+        Nuisance::OffsetUs as usize,
+        truth.offset_of(0),
+    ];
+    let mut squares = [0.0; 4];
+    let n = 6;
+    for seed in 0..n {
+        let model = fitted(&evidence, &truth, seed);
+        for (square, &at) in squares.iter_mut().zip(&asked) {
+            let off = model.hypothesis.values[at] - truth.values[at];
+            *square += (off / model.error_of(at)).powi(2) / n as f64;
+        }
+    }
+    // Chi-squared of four times six lies within 0.4 and 2 but once in five hundred.
+    let mean = squares.iter().sum::<f64>() / 4.0;
+    assert!((0.4..2.0).contains(&mean), "{squares:?}");
+    for square in squares {
+        assert!((0.1..4.0).contains(&square), "{squares:?}");
+    }
+}
+
+#[test]
+fn halves_that_are_not_alike_say_so() {
+    let evidence = empty();
+    let with = |ratio: f64| {
+        let asymmetry = library(EffectId::ThresholdAsymmetry);
+        Hypothesis::baseline(&evidence).with(asymmetry, &[ratio.ln()])
+    };
+    // Even tiles have one ratio, odd ones another.
+    let drawn =
+        [1.1, 1.2].map(|ratio| null_distribution::draw_recording(&evidence, &with(ratio), 5));
+    let spikes = evidence.pixels.iter().enumerate().map(|(i, pixel)| {
+        let of = &drawn[pixel.tile % 2];
+        of.pixels[i].spikes.clone()
+    });
+    let both = evidence.with_events(spikes.collect());
+    let baseline = score_model(&both, Hypothesis::baseline(&both));
+    let model = standard_errors::with_standard_errors(&both, score_model(&both, with(1.15)));
+    let split_half = split_half::split_half_fits(&both, &baseline, &model);
+    let said = |i: usize| split_half[i].parameters["threshold_asymmetry.on_off_ratio"];
+    assert!((said(0) - 1.1).abs() < 0.015, "even tiles: {}", said(0));
+    assert!((said(1) - 1.2).abs() < 0.015, "odd tiles: {}", said(1));
+    for time in [said(2), said(3)] {
+        assert!((time - 1.15).abs() < 0.02, "either half of the time: {time}");
+    }
+}
+
+#[test]
+fn a_swing_between_instants_is_as_high_as_it_says() {
+    let evidence = empty();
+    let baseline = Hypothesis::baseline(&evidence);
+    let view = baseline.view(&evidence, &evidence.pixels[0], [0.0; 2], Vec::new());
+    // Ten instants a swing; its share in straight lines from one to the next, finely summed.
+    let hz = 0.1 / view.step_s();
+    let at: Vec<f64> = view.swing(hz, 0.3).take(1001).collect();
+    let middle = 0.5 * view.signal.len() as f64;
+    let (fine, mut sum) = (50, 0.0);
+    for (i, pair) in at.windows(2).enumerate() {
+        for k in 0..fine {
+            let part = (f64::from(k) + 0.5) / f64::from(fine);
+            let turn = std::f64::consts::TAU * 0.1 * (i as f64 + part - middle) + 0.3;
+            sum += (pair[0] + part * (pair[1] - pair[0])) * turn.sin();
+        }
+    }
+    let height = 2.0 * sum / (1000.0 * f64::from(fine));
+    assert!((height - 1.0).abs() < 2e-3, "{height}");
+}

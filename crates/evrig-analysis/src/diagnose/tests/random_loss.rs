@@ -1,0 +1,22 @@
+//! A loss of events at random, and one that is none.
+
+use super::*;
+
+#[test]
+fn a_loss_has_no_name_where_what_comes_alone_is_missing() {
+    let plain = Hypothesis::baseline(&empty());
+    let truth = plain.with(library(EffectId::EventDrop), &[0.25]);
+    let real = null_distribution::draw_recording(&empty(), &truth, 7);
+    let baseline = gauss_newton::score_model(&real, plain);
+    let judged = |misses_isolated_events: bool| {
+        let judge =
+            effect_review::EffectReview { misses_isolated_events, ..judging(&real, &baseline) };
+        judge.review(gauss_newton::score_model(&real, truth.clone()), one_taken())
+    };
+    assert_eq!(judged(false).taken.len(), 1);
+    let beside_a_filter = judged(true);
+    assert!(beside_a_filter.taken.is_empty());
+    assert!(
+        beside_a_filter.rejected_effects[0].because.contains("no neighbour's event came before")
+    );
+}

@@ -1,0 +1,177 @@
+//! What the scene found of lenses, rows and path, against what the session's rig states.
+
+mod luminance;
+
+use evrig_analysis::diagnose::{Departure, Evidence};
+use evrig_core::effect_id::EffectId;
+use evrig_reconstruct::scene::{HeadVibration, PointSpread, Scene};
+use evrig_session::rig::{CameraDescription, Rig};
+
+/// A row time within this share of the stated one is the stated one: the scene goes by it as well.
+const SAME_ROWS: f64 = 0.15;
+
+/// Variance of blur, square pixels, that a lens in focus may have more than stated.
+const IN_FOCUS_PX2: f64 = 0.2;
+
+/// Share of the stated variance by which the fitted one may be off all the same: apertures and lenses
+/// are not quite what both are taken for.
+const SHAPE: f64 = 0.1;
+
+/// Amplitude of a swing, pixels, below which no event tells it.
+const LEAST_SWING_PX: f64 = 0.02;
+
+/// Standard errors from the statement that a departure has to be.
+const SURE: f64 = 5.0;
+
+/// The departures, each with the light as it would be without it and without those behind it.
+pub(super) fn departures(scene: &Scene, rig: &Rig, evidence: &Evidence) -> Vec<Departure> {
+    let mut bare = scene.clone();
+    let mut all = Vec::new();
+    let mut add = |bare: &Scene, found: Departure| {
+        let without = Some(evidence.with_light_of(&bare.drive()));
+        all.push(Departure { without, ..found });
+    };
+    let shake = scene.reconstruction.path.vibration();
+    let least_mm = LEAST_SWING_PX * scene.registration.pixel_mm;
+    if let Some(shake) = shake.filter(|shake| shake.amplitude_mm[0] > least_mm) {
+        bare.reconstruction.path = bare.reconstruction.path.without_vibration(&shake);
+        add(&bare, swing(&shake));
+    }
+    if let Some((found, spread)) = blur(scene, rig) {
+        bare.registration.spread = spread;
+        add(&bare, found);
+    }
+    if let Some(moving) = bare.reconstruction.moving_illumination.take() {
+        add(&bare, luminance::shadow(&moving));
+    }
+    if let Some((tone, found)) =
+        bare.registration.tone.and_then(|t| Some((t, luminance::curve(&t)?)))
+    {
+        bare.reconstruction = bare.reconstruction.to_power(1.0 / tone.power());
+        add(&bare, found);
+    }
+    // What no event tells has no light of its own.
+    let row_us = scene.reconstruction.row_s.map(|s| s * 1e6);
+    let stated_us = rig.pi.camera.row_time.as_secs_f64() * 1e6;
+    all.extend(luminance::noise(scene, rig));
+    all.extend(luminance::corners(scene));
+    all.extend(rows(row_us, stated_us));
+    all.reverse();
+    all
+}
+
+/// What the frames of a session would show of such things.
+pub(super) fn shown(scene: &Scene, rig: Option<&Rig>) -> Vec<EffectId> {
+    let tone = scene.registration.tone;
+    let corners = scene.reconstruction.corner_loss.is_some() || tone.is_some();
+    let noise = rig.is_some_and(|rig| rig.pi.camera.read_noise_dn.is_some())
+        && luminance::noise_is_known(scene);
+    [
+        (EffectId::MovingShadow, true),
+        (EffectId::ToneCurve, tone.is_some()),
+        (EffectId::Vignetting, corners),
+        (EffectId::FrameNoise, noise),
+    ]
+    .into_iter()
+    .filter_map(|(id, is_shown)| is_shown.then_some(id))
+    .collect()
+}
+
+/// By how much later than stated the rows of the Pi's frames saw light because those above them, which
+/// are not in the crop, take longer than stated; microseconds.
+pub(super) fn row_delay_us(scene: &Scene, rig: &Rig) -> f64 {
+    let found_us = scene.reconstruction.row_s.map(|s| s * 1e6);
+    let stated_us = rig.pi.camera.row_time.as_secs_f64() * 1e6;
+    let above = f64::from(rig.pi.crop_origin_px[1]);
+    rows(found_us, stated_us).map_or(0.0, |_| above * (found_us[0] - stated_us))
+}
+
+/// Rows of the Pi's frames that follow each other otherwise than stated; microseconds, the found ones
+/// with their error.
+fn rows([found, error]: [f64; 2], stated: f64) -> Option<Departure> {
+    let z = (found - stated).abs() / error.max(1e-9);
+    (z > SURE && (found - stated).abs() > SAME_ROWS * stated).then(|| Departure {
+        id: EffectId::RollingShutter,
+        parameters: vec![("row_us", [found, error])],
+        description: format!(
+            "rows of the Pi's frames follow each other every {found:.2} us, not the {stated:.2} us stated"
+        ),
+        z,
+        without: None,
+    })
+}
+
+/// The event camera's blur beyond what its lens and the Pi's are stated to have; with the spread that
+/// they would have.
+fn blur(scene: &Scene, rig: &Rig) -> Option<(Departure, PointSpread)> {
+    let angle =
+        |camera: &CameraDescription| camera.pixel_pitch.value() / camera.focal_length.value();
+    let (davis, pi) = (&rig.davis.camera, &rig.pi.camera);
+    let stated = [davis.psf_sigma_px?, pi.psf_sigma_px? * angle(pi) / angle(davis)];
+    let fitted = scene.registration.spread;
+    let found = [fitted.sigma_px, scene.registration.sigma_error_px];
+    let (departure, sigma_px) = out_of_focus(found, stated)?;
+    Some((departure, PointSpread { sigma_px, ..fitted }))
+}
+
+/// The departure of a fitted Gaussian (its standard deviation and error) from what the lenses of the
+/// event camera and of the Pi, all in pixels of the event camera, leave for it; with what they leave.
+fn out_of_focus([sigma, error]: [f64; 2], [davis, pi]: [f64; 2]) -> Option<(Departure, f64)> {
+    // The map is blurred by the Pi's lens already.
+    let stated = (davis.powi(2) - pi.powi(2)).max(0.0);
+    let beyond = sigma.powi(2) - stated;
+    let error = (2.0 * sigma * error).hypot(SHAPE * stated);
+    let (z, more) = (beyond / error.max(1e-9), beyond.max(0.0).sqrt());
+    let departure = || Departure {
+        id: EffectId::Defocus,
+        parameters: vec![("sigma_px", [more, 0.5 * error / more])],
+        description: format!(
+            "the event camera sees the print blurred by {more:.2} px more than stated"
+        ),
+        z,
+        without: None,
+    };
+    (z > SURE && beyond > IN_FOCUS_PX2).then(|| (departure(), stated.sqrt()))
+}
+
+/// A head that swings on its path.
+fn swing(shake: &HeadVibration) -> Departure {
+    let ([hz, _], [mm, _]) = (shake.frequency_hz, shake.amplitude_mm);
+    Departure {
+        id: EffectId::Vibration,
+        parameters: vec![
+            ("frequency_hz", shake.frequency_hz),
+            ("amplitude_mm", shake.amplitude_mm),
+        ],
+        description: format!(
+            "the head swings on its path {hz:.1} times a second by {mm:.3} mm, which the arm was not told to"
+        ),
+        z: shake.peak_ratio,
+        without: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lens_in_focus_and_rows_as_stated_are_no_departure() {
+        // As fitted on the simulated rig in order: 0.4637 where the lenses leave 0.476.
+        assert!(out_of_focus([0.4637, 0.0007], [0.5, 0.153]).is_none());
+        assert!(rows([9.40, 0.24], 9.21).is_none());
+        // Far and yet not sure.
+        assert!(rows([14.0, 2.0], 9.21).is_none());
+    }
+
+    #[test]
+    fn what_is_far_from_the_statement_is_named_with_what_lies_between() {
+        let (found, left) = out_of_focus([0.9, 0.001], [0.5, 0.153]).unwrap();
+        let expected = (0.9_f64.powi(2) - 0.5_f64.powi(2) + 0.153_f64.powi(2)).sqrt();
+        assert!((found.parameters[0].1[0] - expected).abs() < 1e-12);
+        assert!((left.hypot(0.153) - 0.5).abs() < 1e-12);
+        let found = rows([18.0, 0.3], 9.21).unwrap();
+        assert_eq!(found.parameters, [("row_us", [18.0, 0.3])]);
+        assert!(found.description.contains("not the 9.21 us"), "{}", found.description);
+    }
+}
