@@ -10,7 +10,7 @@ use super::boost::{Examples, FOLDS, Told, told_apart, told_apart_by};
 use super::fit::Fitted;
 use super::kinds::kinds_of_pixels;
 use super::{Evidence, PixelEvidence, ProposedTerm, Where};
-use crate::predict::{Moment, Spike, followed};
+use crate::predict::{Spike, SpikeContext, next_events};
 use evrig_core::stats::SplitMix;
 use rayon::prelude::*;
 
@@ -202,7 +202,7 @@ fn examples(evidence: &Evidence, model: &Fitted, seed: u64) -> Examples {
             let view = model.hypothesis.view(evidence, pixel, kind, Vec::new());
             let mut random = SplitMix::new(seed ^ 0x6e65_7874, number as u64);
             let end = evidence.blocks.length_us();
-            let all = followed(&view.law, view.light(), &pixel.spikes, end, &mut random);
+            let all = next_events(&view.law, view.light(), &pixel.spikes, end, &mut random);
             let mut part = Examples { n_features: FEATURES.len(), ..Examples::default() };
             for one in all.iter().skip(number % every).step_by(every) {
                 let past = &pixel.spikes[..=one.before];
@@ -240,7 +240,7 @@ fn features(
     evidence: &Evidence,
     pixel: &PixelEvidence,
     past: &[Spike],
-    moment: &Moment,
+    moment: &SpikeContext,
     theta: f64,
 ) -> [f32; FEATURES.len()] {
     let Spike { t_us, on } = moment.spike;

@@ -4,7 +4,7 @@
 use super::fit::Fitted;
 use super::strata::{quantiles_of, walked};
 use super::{Evidence, PixelEvidence};
-use crate::predict::{Residual, Silence};
+use crate::predict::{BlockCounts, Residual};
 use serde::{Deserialize, Serialize};
 
 /// Cells along either side of the sensor, at most.
@@ -48,7 +48,7 @@ pub struct HeatMap {
 }
 
 /// What pixels show under a model: each one's events, and its counts in each block of time.
-type Seen = Vec<(Vec<Residual>, Vec<Silence>)>;
+type Seen = Vec<(Vec<Residual>, Vec<BlockCounts>)>;
 
 /// The maps of a baseline and of a model on the same evidence.
 pub(super) fn heat_maps(evidence: &Evidence, models: [&Fitted; 2]) -> Vec<HeatMap> {

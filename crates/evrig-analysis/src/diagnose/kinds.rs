@@ -3,7 +3,7 @@
 use super::curve::{Curve, scored};
 use super::places::Place;
 use super::{Evidence, Hypothesis, Kind, Mixture, PixelEvidence};
-use crate::predict::{Bends, BlockScore, Light, score_pixel};
+use crate::predict::{BlockScore, PixelSignal, SignalKnots, score_pixel};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -50,14 +50,14 @@ pub(super) struct Seen<'a> {
     evidence: &'a Evidence,
     pixel: &'a PixelEvidence,
     signal: Vec<f32>,
-    bends: Bends,
+    bends: SignalKnots,
     of: Option<Hypothesis>,
 }
 
 impl<'a> Seen<'a> {
     /// `signal` is memory to use.
     pub(super) fn new(evidence: &'a Evidence, pixel: &'a PixelEvidence, signal: Vec<f32>) -> Self {
-        Self { evidence, pixel, signal, bends: Bends::default(), of: None }
+        Self { evidence, pixel, signal, bends: SignalKnots::default(), of: None }
     }
 
     /// The memory again.
@@ -104,7 +104,7 @@ impl<'a> Seen<'a> {
         if hypothesis.leaves_light(self.pixel) {
             let view = hypothesis.view_with(self.evidence, self.pixel, kind, Vec::new());
             let (signal, bends) = (&self.pixel.light, Some(self.pixel.bends()));
-            let light = Light { signal, bends, ..view.light() };
+            let light = PixelSignal { signal, knots: bends, ..view.light() };
             return score_pixel(&view.law, light, &self.pixel.spikes, &self.evidence.blocks);
         }
         let signal = std::mem::take(&mut self.signal);
@@ -116,7 +116,7 @@ impl<'a> Seen<'a> {
             self.bends.set(view.light());
             view
         };
-        let light = Light { bends: Some(&self.bends), ..view.light() };
+        let light = PixelSignal { knots: Some(&self.bends), ..view.light() };
         let scores = score_pixel(&view.law, light, &self.pixel.spikes, &self.evidence.blocks);
         self.signal = view.signal;
         scores

@@ -126,7 +126,7 @@ fn work(evidence: &Evidence, hypothesis: &Hypothesis) -> usize {
     let of = |pixel: &PixelEvidence| pixel.light.len() + EVENT_WORK * pixel.spikes.len();
     let once: usize = evidence.pixels.iter().map(of).sum();
     let law = |pixel| hypothesis.view(evidence, pixel, [0.0; 2], Vec::new()).law;
-    let n_memories = evidence.pixels.first().map_or(1, |pixel| law(pixel).n_memories());
+    let n_memories = evidence.pixels.first().map_or(1, |pixel| law(pixel).max_reference_states());
     once * hypothesis.kinds().n_scored() * n_memories
 }
 

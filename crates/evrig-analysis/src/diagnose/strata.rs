@@ -7,7 +7,7 @@
 use super::fit::Fitted;
 use super::kinds::kinds_of_pixels;
 use super::{Evidence, Kind, PixelEvidence, Where};
-use crate::predict::{Residual, Silence, residuals};
+use crate::predict::{BlockCounts, Residual, residuals};
 use rayon::prelude::*;
 
 /// Cells of the histogram of `u`.
@@ -26,7 +26,7 @@ pub(super) struct Placed {
 impl Placed {
     /// Uniform under a true model.
     pub(super) fn u(&self) -> f64 {
-        1.0 - (-self.residual.spent).exp()
+        1.0 - (-self.residual.compensator).exp()
     }
 }
 
@@ -56,7 +56,10 @@ pub(super) fn placed(evidence: &Evidence, model: &Fitted) -> Vec<Placed> {
 }
 
 /// The residuals of each pixel's events under a model, and its counts in each block of time.
-pub(super) fn walked(evidence: &Evidence, model: &Fitted) -> Vec<(Vec<Residual>, Vec<Silence>)> {
+pub(super) fn walked(
+    evidence: &Evidence,
+    model: &Fitted,
+) -> Vec<(Vec<Residual>, Vec<BlockCounts>)> {
     let kinds = kinds_of_pixels(evidence, &model.hypothesis);
     let of_pixel = |(pixel, kind): (&PixelEvidence, Kind)| {
         let view = model.hypothesis.view(evidence, pixel, kind, Vec::new());

@@ -1,87 +1,84 @@
-//! Events that the pixel fired and nobody saw.
+//! Events that the pixel fired and that were lost before they were recorded.
 //!
-//! Behind a lost event the pixel compares with another value, On and Off: where it turns back it fires
-//! sooner. While the signal goes on past a threshold both ways stay open as one case; once one of them is
-//! all but certain, or the signal has turned and they differ, they part.
+//! A lost event changes the reference level, so the pixel fires sooner where the signal turns back.
+//! While the signal keeps moving past a threshold, "fired" and "not fired" share one state. The state
+//! is split when one of the two is nearly certain, or when the signal has turned and they differ.
 
-use super::course::{Course, Reach};
-use super::memory::{Case, LEAST_WEIGHT, Memory, gather};
+use super::leaky_signal::{LeakySignal, SignalRange};
+use super::reference_state::{MIN_WEIGHT, ReferenceState, merge_into};
 
-/// Ways less likely than this come to nothing, however many are gathered.
-const NOTHING: f64 = LEAST_WEIGHT * LEAST_WEIGHT;
+/// A state less likely than this is dropped even where several could be merged.
+const NEGLIGIBLE_WEIGHT: f64 = MIN_WEIGHT * MIN_WEIGHT;
+/// From this probability on, a lost event is taken as certain.
+const CERTAIN_LOSS: f64 = 0.98;
+/// Below this probability, a lost event is ignored.
+const POSSIBLE_LOSS: f64 = 0.02;
+/// Share of a threshold by which the signal must fall back to count as turned.
+const MIN_TURN: f64 = 0.15;
+/// Lost events widen the scatter of the reference level by at most this factor.
+const MAX_WIDENING: f64 = 2.5;
 
-/// A case that is this sure to have fired unseen is followed as such.
-const SURE: f64 = 0.98;
-
-/// A chance this small to have fired unseen does not matter.
-const MAY_BE: f64 = 0.02;
-
-/// By this share of a threshold the signal has turned.
-const TURNED: f64 = 0.15;
-
-/// Lost events blur what the pixel compares with, but by no more than this many times.
-const MOST_BLUR: f64 = 2.5;
-
-impl Memory {
-    /// Whether a case is to be parted, the signal having come to a height.
-    pub(super) fn is_to_part(&self, reach: Reach, height: f64) -> bool {
-        self.cases().iter().any(|case| {
-            let gone = case.gone(reach);
-            (0..2).any(|side| {
-                let threshold = case.thresholds[side];
-                if !threshold.may_have_fired(gone[side]) {
-                    return false;
-                }
-                let fired = threshold.fired_unseen(case.begin[side], gone[side]);
-                let back = gone[side] - case.change(height, side == 0);
-                fired >= SURE || fired >= MAY_BE && back >= TURNED * threshold.theta()
-            })
+/// Whether a state must be split now that the signal is at `value`.
+pub(super) fn is_split_due(states: &[ReferenceState], range: SignalRange, value: f64) -> bool {
+    states.iter().any(|state| {
+        let extremes = state.extremes(range);
+        (0..2).any(|side| {
+            let threshold = state.thresholds[side];
+            if !threshold.may_have_fired(extremes[side]) {
+                return false;
+            }
+            let fired = threshold.lost_probability(state.begin[side], extremes[side]);
+            let turn = extremes[side] - state.change(value, side == 0);
+            fired >= CERTAIN_LOSS || fired >= POSSIBLE_LOSS && turn >= MIN_TURN * threshold.theta()
         })
-    }
-
-    /// Parts every case into one that has not fired and those that have, unseen. Cases weighed; the
-    /// signal counts from `position` on.
-    pub(super) fn part(&mut self, course: &Course<'_>, reach: Reach, position: f64) {
-        let height = course.height(position);
-        let noise = course.noise(position);
-        let cases = self.take();
-        let ways = cases.iter().flat_map(|case| {
-            let gone = case.gone(reach);
-            let fired =
-                [0, 1].map(|side| case.thresholds[side].fired_unseen(case.begin[side], gone[side]));
-            let waits = Case {
-                weight: case.weight * (1.0 - fired[0]) * (1.0 - fired[1]),
-                ..case.begun_at(gone)
-            };
-            let unseen = [0, 1].map(|side| Case {
-                weight: case.weight * fired[side] * (1.0 - fired[1 - side]),
-                ..behind(course, case, side, gone[side], height, noise)
-            });
-            [waits].into_iter().chain(unseen)
-        });
-        let mut parted = Vec::new();
-        for way in ways.filter(|way| way.weight >= NOTHING) {
-            gather(&mut parted, way);
-        }
-        self.set(parted);
-    }
+    })
 }
 
-/// How a pixel stands that has fired on one side unseen, the signal having gone so far on that side and
-/// being at `height` now.
-fn behind(
-    course: &Course<'_>,
-    case: &Case,
+/// Splits weighted states into those that have not fired and those whose event was lost. From
+/// `position` on, the signal range is counted anew.
+pub(super) fn split(
+    states: &[ReferenceState],
+    signal: &LeakySignal<'_>,
+    range: SignalRange,
+    position: f64,
+) -> Vec<ReferenceState> {
+    let value = signal.value(position);
+    let noise = signal.noise(position);
+    let all = states.iter().flat_map(|state| {
+        let extremes = state.extremes(range);
+        let lost = [0, 1]
+            .map(|side| state.thresholds[side].lost_probability(state.begin[side], extremes[side]));
+        let silent = ReferenceState {
+            weight: state.weight * (1.0 - lost[0]) * (1.0 - lost[1]),
+            ..state.restarted_at(extremes)
+        };
+        let fired = [0, 1].map(|side| ReferenceState {
+            weight: state.weight * lost[side] * (1.0 - lost[1 - side]),
+            ..after_loss(signal, state, side, extremes[side], [value, noise])
+        });
+        [silent].into_iter().chain(fired)
+    });
+    let mut merged = Vec::new();
+    for state in all.filter(|state| state.weight >= NEGLIGIBLE_WEIGHT) {
+        merge_into(&mut merged, state);
+    }
+    merged
+}
+
+/// The state after a lost event on one side, given the extreme change there and the signal's present
+/// value and noise.
+fn after_loss(
+    signal: &LeakySignal<'_>,
+    state: &ReferenceState,
     side: usize,
-    gone: f64,
-    height: f64,
-    noise: f64,
-) -> Case {
-    let theta = case.thresholds[side].theta();
-    let value = if side == 0 { case.value + theta } else { case.value - theta };
-    let blurred = case.noise.hypot(noise).min(MOST_BLUR * noise);
-    let mut fired = Case::new(course, value, blurred);
-    fired.gone[side] = (gone - theta).max(0.0);
-    fired.gone[1 - side] = fired.change(height, side != 0).max(0.0);
+    extreme: f64,
+    [value, noise]: [f64; 2],
+) -> ReferenceState {
+    let theta = state.thresholds[side].theta();
+    let reference = if side == 0 { state.reference + theta } else { state.reference - theta };
+    let widened = state.noise.hypot(noise).min(MAX_WIDENING * noise);
+    let mut fired = ReferenceState::new(signal, reference, widened);
+    fired.extremes[side] = (extreme - theta).max(0.0);
+    fired.extremes[1 - side] = fired.change(value, side != 0).max(0.0);
     fired
 }

@@ -1,182 +1,182 @@
-//! The signal of one pixel with its leak, over a known stretch of its light.
+//! The signal of one pixel with its leak, over an interval in which the light is known.
 
-use super::law::LONGEST_PATH;
-use super::{Bends, Light, PixelLaw};
+use super::pixel_law::{LONGEST_PATH, PixelLaw};
+use super::pixel_signal::PixelSignal;
+use super::signal_knots::SignalKnots;
 
-/// A pixel's signal on its way. Positions count the light's instants, heights are the signal's log
-/// intensity with all that the leak has added since the first instant.
+/// Knots up to which the next threshold crossing is searched for.
+const MAX_KNOTS_AHEAD: usize = 2_000;
+
+/// A pixel's signal plus leak. Positions count samples; values are log intensity including the leak
+/// accumulated since the first sample.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Course<'a> {
+pub(super) struct LeakySignal<'a> {
     pub(super) law: &'a PixelLaw,
-    light: Light<'a>,
+    signal: PixelSignal<'a>,
     run: [usize; 2],
     leak_per_step: f64,
 }
 
-/// Bends up to which a threshold is looked for.
-const MOST_AHEAD: usize = 2_000;
-
-/// How far the signal has gone, both ways.
+/// Lowest and highest value of a signal.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Reach {
+pub(super) struct SignalRange {
     pub(super) high: f64,
     pub(super) low: f64,
 }
 
-impl Reach {
-    pub(super) fn at(height: f64) -> Self {
-        Self { high: height, low: height }
+impl SignalRange {
+    pub(super) fn at(value: f64) -> Self {
+        Self { high: value, low: value }
     }
 
-    pub(super) fn add(&mut self, height: f64) {
-        (self.high, self.low) = (self.high.max(height), self.low.min(height));
+    pub(super) fn add(&mut self, value: f64) {
+        (self.high, self.low) = (self.high.max(value), self.low.min(value));
     }
 }
 
-/// What lies ahead of a pixel that has just memorised the light.
-struct Ahead {
-    /// How far the light goes, there and back, thresholds.
+/// The signal that follows a reset of the reference level.
+struct Lookahead {
+    /// Total variation of the light up to the next crossing, in thresholds.
     path: f64,
-    /// Where it will have come as far as a threshold.
+    /// Position at which the signal will have changed by a threshold.
     crossing: Option<f64>,
 }
 
-impl<'a> Course<'a> {
-    pub(super) fn new(law: &'a PixelLaw, light: Light<'a>, run: [usize; 2]) -> Self {
-        Self { law, light, run, leak_per_step: law.leak_per_s * light.step_us * 1e-6 }
+impl<'a> LeakySignal<'a> {
+    pub(super) fn new(law: &'a PixelLaw, signal: PixelSignal<'a>, run: [usize; 2]) -> Self {
+        Self { law, signal, run, leak_per_step: law.leak_per_s * signal.step_us * 1e-6 }
     }
 
-    /// From one instant to the next, seconds.
     pub(super) fn step_s(&self) -> f64 {
-        self.light.step_us * 1e-6
+        self.signal.step_us * 1e-6
     }
 
     pub(super) fn position(&self, t_us: f64) -> f64 {
-        (t_us - self.light.start_us) / self.light.step_us
+        (t_us - self.signal.start_us) / self.signal.step_us
     }
 
     pub(super) fn time_us(&self, position: f64) -> f64 {
-        self.light.start_us + position * self.light.step_us
+        self.signal.start_us + position * self.signal.step_us
     }
 
-    /// Log intensity over white.
+    /// Log intensity relative to white.
     pub(super) fn level(&self, position: f64) -> f64 {
         let i = (position.max(0.0) as usize).clamp(self.run[0], self.run[1]);
-        f64::from(self.light.level[i])
+        f64::from(self.signal.level[i])
     }
 
-    /// Rate of change of the signal and its leak, log intensity a second.
+    /// Rate of change including the leak, log intensity per second.
     pub(super) fn slope(&self, position: f64) -> f64 {
-        self.light.slope(position, self.run) + self.law.leak_per_s
+        self.signal.slope(position, self.run) + self.law.leak_per_s
     }
 
-    pub(super) fn height(&self, position: f64) -> f64 {
-        self.light.at(position, self.run) + self.leak_per_step * position
+    pub(super) fn value(&self, position: f64) -> f64 {
+        self.signal.at(position, self.run) + self.leak_per_step * position
     }
 
-    /// Scale of the scatter of a threshold from a position on, of whose light nothing but the stamp is known.
+    /// Scale of the threshold's scatter after a reset of which only the time stamp is known.
     pub(super) fn noise(&self, position: f64) -> f64 {
-        self.noise_behind(position, self.scatter_of_stamp(position))
+        self.noise_after_reset(position, self.stamp_scatter(position))
     }
 
-    /// The same where what was memorised there is known but for so much scatter.
-    pub(super) fn noise_behind(&self, position: f64, memory: f64) -> f64 {
+    /// Scale of the threshold's scatter after a reset whose reference level scatters by
+    /// `reference_scatter`.
+    pub(super) fn noise_after_reset(&self, position: f64, reference_scatter: f64) -> f64 {
         let noise = self.law.noise(self.level(position));
-        let [rests, scatters] = [self.law.rests(), self.law.jitter_s > 0.0];
-        if !rests && !scatters {
+        let [is_path_dependent, has_jitter] =
+            [self.law.is_noise_path_dependent(), self.law.jitter_s > 0.0];
+        if !is_path_dependent && !has_jitter {
             return noise;
         }
-        let ahead = self.ahead(position, scatters);
-        let noise = if rests { noise * self.law.share_of_noise(ahead.path) } else { noise };
-        if !scatters {
+        let ahead = self.look_ahead(position, has_jitter);
+        let noise =
+            if is_path_dependent { noise * self.law.noise_share(ahead.path) } else { noise };
+        if !has_jitter {
             return noise;
         }
-        // Stamps scatter about where the light will set the pixel off as well.
-        let next = ahead.crossing.map_or(0.0, |position| self.scatter_of_stamp(position));
-        noise.hypot(memory).hypot(next)
+        // The stamp of the next event scatters as well.
+        let next = ahead.crossing.map_or(0.0, |position| self.stamp_scatter(position));
+        noise.hypot(reference_scatter).hypot(next)
     }
 
-    /// How the light goes from a position to where it passes a threshold. A leak that passes it alone, the light at
-    /// rest, is counted from one error of the light to the same. The walk ends where the path grows too long to
-    /// matter, unless where it ends is asked for.
-    fn ahead(&self, position: f64, to_the_end: bool) -> Ahead {
+    /// Follows the signal to its next threshold crossing; with `to_crossing` false only until the
+    /// path is so long that more of it has no effect.
+    fn look_ahead(&self, position: f64, to_crossing: bool) -> Lookahead {
         let law = self.law;
-        let [signal, level] = [self.light.signal, self.light.level];
-        let begin = self.height(position);
+        let [signal, level] = [self.signal.signal, self.signal.level];
+        let begin = self.value(position);
         let [high, low] = [begin + law.theta_on, begin - law.theta_off];
         let theta = law.theta_on.min(law.theta_off) as f32;
         let (first, longest) = (position.max(0.0) as usize, LONGEST_PATH as f32 * theta);
         let (mut path, mut before) = (0.0, level[first.clamp(self.run[0], self.run[1])]);
         let (mut last, mut crossing) = ((position, begin), None);
-        // Asked at every event: nothing but what it needs.
-        let mut goes_on = |i: usize| {
+        let mut advance = |i: usize| {
             path += (level[i] - before).abs();
             before = level[i];
             let at = i as f64;
-            let height = f64::from(signal[i]) + self.leak_per_step * at;
-            if !(low..high).contains(&height) {
-                let limit = if height >= high { high } else { low };
-                crossing = Some(last.0 + (limit - last.1) / (height - last.1) * (at - last.0));
+            let value = f64::from(signal[i]) + self.leak_per_step * at;
+            if !(low..high).contains(&value) {
+                let limit = if value >= high { high } else { low };
+                crossing = Some(last.0 + (limit - last.1) / (value - last.1) * (at - last.0));
                 return false;
             }
-            last = (at, height);
-            to_the_end || path < longest
+            last = (at, value);
+            to_crossing || path < longest
         };
-        match self.light.bends.map(Bends::at) {
-            None => (first + 1..=self.run[1]).take(MOST_AHEAD).all(goes_on),
-            Some(bends) => {
-                let at = |instant: usize| bends.partition_point(|&bend| bend as usize <= instant);
-                let ahead = &bends[at(first)..at(self.run[1])];
-                ahead.iter().take(MOST_AHEAD).all(|&bend| goes_on(bend as usize))
+        match self.signal.knots.map(SignalKnots::positions) {
+            None => (first + 1..=self.run[1]).take(MAX_KNOTS_AHEAD).all(advance),
+            Some(knots) => {
+                let at = |sample: usize| knots.partition_point(|&knot| knot as usize <= sample);
+                let ahead = &knots[at(first)..at(self.run[1])];
+                ahead.iter().take(MAX_KNOTS_AHEAD).all(|&knot| advance(knot as usize))
             }
         };
-        Ahead { path: f64::from(path / theta), crossing }
+        Lookahead { path: f64::from(path / theta), crossing }
     }
 
-    /// By how much the light at a stamp differs from that at the event, as the scale of a logistic number.
-    pub(super) fn scatter_of_stamp(&self, position: f64) -> f64 {
+    /// Scatter of the signal between stamp and event, as the scale of a logistic distribution.
+    pub(super) fn stamp_scatter(&self, position: f64) -> f64 {
         if self.law.jitter_s > 0.0 {
-            self.law.scatter_of_stamps(self.steepness(position))
+            self.law.stamp_scatter(self.mean_steepness(position))
         } else {
             0.0
         }
     }
 
-    /// How steep the signal is about a position, log intensity a second: the mean size of its changes
-    /// within the time by which stamps scatter, to both sides.
-    fn steepness(&self, position: f64) -> f64 {
+    /// Mean absolute slope within one standard deviation of the stamps to both sides, log intensity
+    /// per second.
+    fn mean_steepness(&self, position: f64) -> f64 {
         let [first, last] = self.run.map(|end| end as f64);
-        let reach = self.law.jitter_s / self.step_s();
-        let [from, to] = [(position - reach).max(first), (position + reach).min(last)];
+        let half_width = self.law.jitter_s / self.step_s();
+        let [from, to] = [(position - half_width).max(first), (position + half_width).min(last)];
         if to - from < 1.0 {
             return self.slope(position).abs();
         }
-        let at = self.height(position);
-        let gone = (at - self.height(from)).abs() + (self.height(to) - at).abs();
-        gone / ((to - from) * self.step_s())
+        let at = self.value(position);
+        let variation = (at - self.value(from)).abs() + (self.value(to) - at).abs();
+        variation / ((to - from) * self.step_s())
     }
 
-    /// The instants behind one position up to another at which the signal may bend, with their
-    /// heights.
-    pub(super) fn instants(
+    /// Samples after `from` up to `to` at which the slope may change: position and value.
+    pub(super) fn samples(
         &self,
         from: f64,
         to: f64,
     ) -> impl Iterator<Item = (f64, f64)> + Clone + '_ {
         let first = from.floor() as usize + 1;
         let end = (to.floor().max(0.0) as usize).min(self.run[1]) + 1;
-        let bends = self.light.bends.map(Bends::at);
-        let numbers = match bends {
+        let knots = self.signal.knots.map(SignalKnots::positions);
+        let numbers = match knots {
             None => first..end,
-            Some(bends) => {
-                let at = |instant: usize| bends.partition_point(|&bend| (bend as usize) < instant);
+            Some(knots) => {
+                let at = |sample: usize| knots.partition_point(|&knot| (knot as usize) < sample);
                 at(first)..at(end)
             }
         };
         numbers.map(move |number| {
-            let instant = bends.map_or(number, |bends| bends[number] as usize);
-            let position = instant as f64;
-            (position, f64::from(self.light.signal[instant]) + self.leak_per_step * position)
+            let sample = knots.map_or(number, |knots| knots[number] as usize);
+            let position = sample as f64;
+            (position, f64::from(self.signal.signal[sample]) + self.leak_per_step * position)
         })
     }
 }
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn where_the_light_rests_a_leak_meets_the_noise_of_the_pixel_alone() {
+    fn under_constant_light_a_leak_meets_only_the_noise_of_the_pixel() {
         let (rising, resting) = (triangle(), vec![0.0; 81]);
         let law = PixelLaw {
             theta_on: 0.25,
@@ -203,9 +203,14 @@ mod tests {
             ..PixelLaw::default()
         };
         let noise = |law: &PixelLaw, light: &[f32], at: f64| {
-            let light =
-                Light { start_us: 0.0, step_us: 1_000.0, signal: light, level: light, bends: None };
-            Course::new(law, light, [0, 80]).noise(at)
+            let light = PixelSignal {
+                start_us: 0.0,
+                step_us: 1_000.0,
+                signal: light,
+                level: light,
+                knots: None,
+            };
+            LeakySignal::new(law, light, [0, 80]).noise(at)
         };
         assert!((noise(&law, &resting, 3.0) - 0.002).abs() < 1e-12);
         // The light itself rises twice as fast as the leak: two thirds of a threshold.
@@ -216,11 +221,16 @@ mod tests {
     }
 
     #[test]
-    fn stamps_scatter_by_how_the_light_goes_at_either_end() {
+    fn stamp_scatter_depends_on_the_slope_at_both_events() {
         let signal = triangle();
         let level = vec![0.0; signal.len()];
-        let light =
-            Light { start_us: 0.0, step_us: 1_000.0, signal: &signal, level: &level, bends: None };
+        let light = PixelSignal {
+            start_us: 0.0,
+            step_us: 1_000.0,
+            signal: &signal,
+            level: &level,
+            knots: None,
+        };
         let law = PixelLaw {
             theta_on: 0.25,
             theta_off: 0.25,
@@ -229,13 +239,13 @@ mod tests {
             jitter_s: 4e-3,
             ..PixelLaw::default()
         };
-        let course = Course::new(&law, light, [0, 80]);
-        let alone = law.scatter_of_stamps(10.0);
+        let leaky = LeakySignal::new(&law, light, [0, 80]);
+        let alone = law.stamp_scatter(10.0);
         // From the foot of the flank to where it has risen by the threshold, as steep.
-        assert!((course.noise(6.0) / (alone * 2.0_f64.sqrt()) - 1.0).abs() < 1e-4);
+        assert!((leaky.noise(6.0) / (alone * 2.0_f64.sqrt()) - 1.0).abs() < 1e-4);
         // Near the end nothing is crossed any more.
-        assert!((course.noise(60.0) / alone - 1.0).abs() < 1e-4);
-        let crossing = |at| course.ahead(at, true).crossing;
+        assert!((leaky.noise(60.0) / alone - 1.0).abs() < 1e-4);
+        let crossing = |at| leaky.look_ahead(at, true).crossing;
         assert!((crossing(30.0).unwrap() - 75.0).abs() < 1e-4);
         assert!(crossing(60.0).is_none());
     }

@@ -1,76 +1,73 @@
-//! Crossings by the noise's own movement.
+//! Threshold crossings caused by noise.
 //!
-//! A noisy signal crosses a level at the density of the noise there times the mean of its upward
-//! speed (Rice, Bell Syst. Tech. J. 24, 1945). Of a threshold's scatter the signal's own upward speed is
-//! booked to the running maximum; what is left is the part by which noise makes the mean upward speed
-//! greater. Noise of the signal itself is booked here as a whole.
+//! A noisy signal crosses a level at the noise density there times the mean upward speed (Rice, Bell
+//! Syst. Tech. J. 24, 1945). For threshold scatter, the signal's own upward speed is already accounted
+//! for by its running maximum, so only the increase of the mean upward speed by noise counts here.
+//! Signal noise is accounted for here as a whole.
 
+use super::normal;
+use super::pixel_law::PixelLaw;
 use super::softplus::{logistic, softplus};
-use super::{PixelLaw, normal};
 
-/// Over a passage this narrow, in scales of the noise, the middle's value stands for the mean of the
-/// hazard: it is off by less than a ten thousandth of it, and no digits cancel.
+/// Change over a segment, in noise scales, below which the hazard at its middle stands for the mean:
+/// the relative error is below 1e-4, and no digits cancel.
 const NARROW: f64 = 0.1;
 
-/// Where one straight passage ends and the next begins.
+/// End of a linear segment.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Corner {
-    /// Change of the signal.
+pub(super) struct SegmentEnd {
     change: f64,
-    /// Integral of the law's hazard up to there, On and Off; not a number where no passage needed it.
-    risen: [f64; 2],
+    /// Cumulative hazard there, ON and OFF; NaN where it was not needed.
+    hazard: [f64; 2],
 }
 
-impl Corner {
+impl SegmentEnd {
     pub(super) fn at(change: f64) -> Self {
-        Self { change, risen: [f64::NAN; 2] }
+        Self { change, hazard: [f64::NAN; 2] }
     }
 }
 
-/// The law of the noise: how often it is beyond a level, and how fast it comes there.
 #[derive(Debug, Clone, Copy)]
-enum Tail {
-    /// Of thresholds, which scatter by a logistic law, and move a little. What the light's own rise brings
-    /// to them is booked to its running maximum.
-    Logistic,
-    /// Of the signal: normal and fast, so that it comes to a level anew and anew, also with the light's
-    /// rise.
-    Normal,
+enum NoiseKind {
+    /// Scatter of the thresholds, which drift slowly.
+    Threshold,
+    /// Noise of the signal: normal and fast, so that it approaches a level again and again.
+    Signal,
 }
 
-impl Tail {
-    /// Where the signal is too far below the threshold to count, in scales of the noise: there the
-    /// hazard is below a twenty thousandth of that at the threshold.
-    fn out_of_reach(self) -> f64 {
+impl NoiseKind {
+    /// Distance below the threshold, in noise scales, beyond which the hazard is negligible: less than
+    /// 1/20 000 of that at the threshold.
+    fn cutoff(self) -> f64 {
         match self {
-            Self::Logistic => 10.0,
-            Self::Normal => 5.0,
+            Self::Threshold => 10.0,
+            Self::Signal => 5.0,
         }
     }
 
     fn hazard(self, z: f64) -> f64 {
         match self {
-            Self::Logistic => logistic(z),
-            Self::Normal => normal::hazard(z),
+            Self::Threshold => logistic(z),
+            Self::Signal => normal::hazard(z),
         }
     }
 
-    /// Integral of the hazard up to `z`.
-    fn spent(self, z: f64) -> f64 {
+    fn cumulative_hazard(self, z: f64) -> f64 {
         match self {
-            Self::Logistic => softplus(z),
-            Self::Normal => normal::spent(z),
+            Self::Threshold => softplus(z),
+            Self::Signal => normal::cumulative_hazard(z),
         }
     }
 
-    /// Mean upward speed of a signal that rises by `speed` with noise that moves by `own` and does `share`
-    /// of what it can, as far as it is booked here.
-    fn upward(self, speed: f64, own: f64, share: f64) -> f64 {
+    /// Mean upward speed that counts here, of a signal of slope `speed` with noise of rms speed
+    /// `noise_speed`, of which `share` is active.
+    fn upward_speed(self, speed: f64, noise_speed: f64, share: f64) -> f64 {
         match self {
-            Self::Logistic => share * 0.5 * ((speed * speed + own * own).sqrt() - speed.abs()),
-            Self::Normal => {
-                let all = own * normal::loss(speed / own);
-                // The light rises whatever the noise does.
+            Self::Threshold => {
+                share * 0.5 * ((speed * speed + noise_speed * noise_speed).sqrt() - speed.abs())
+            }
+            Self::Signal => {
+                let all = noise_speed * normal::linear_loss(speed / noise_speed);
                 let rise = speed.max(0.0);
                 rise + share * (all - rise)
             }
@@ -78,97 +75,97 @@ impl Tail {
     }
 }
 
-/// The noise of one pixel during one interval.
+/// The noise of one pixel during one interval between events.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Movement {
-    tail: Tail,
-    /// Scales of the noise for each unit of log intensity.
+pub(super) struct NoiseCrossing {
+    kind: NoiseKind,
+    /// Reciprocal of the noise scale, per log intensity.
     per_noise: f64,
-    /// Speed of the noise, log intensity a second.
-    own: f64,
+    /// Rms speed of the noise, log intensity per second.
+    noise_speed: f64,
     theta: [f64; 2],
 }
 
-impl Movement {
-    /// Of a pixel whose threshold scatters by `noise`; `None` where the noise does not move.
+impl NoiseCrossing {
+    /// For a threshold scatter of scale `noise`; `None` for noise without speed.
     pub(super) fn new(law: &PixelLaw, noise: f64) -> Option<Self> {
         let theta = [law.theta_on, law.theta_off];
-        // The noise's speed grows as its size does.
-        let grown = noise / law.noise_at_white;
-        if law.shot_at_white > 0.0 {
-            let (noise, own) = (law.shot(noise), law.shot_speed_per_s * grown);
-            return (own > 0.0).then_some(Self::of(Tail::Normal, noise, own, theta));
-        }
-        let own = law.noise_speed_per_s * grown;
-        (own > 0.0).then_some(Self::of(Tail::Logistic, noise, own, theta))
+        // The noise's speed is proportional to its scale.
+        let growth = noise / law.noise_at_white;
+        let (kind, noise, noise_speed) = if law.shot_at_white > 0.0 {
+            (NoiseKind::Signal, law.shot(noise), law.shot_speed_per_s * growth)
+        } else {
+            (NoiseKind::Threshold, noise, law.noise_speed_per_s * growth)
+        };
+        (noise_speed > 0.0).then_some(Self { kind, per_noise: noise.recip(), noise_speed, theta })
     }
 
-    fn of(tail: Tail, noise: f64, own: f64, theta: [f64; 2]) -> Self {
-        Self { tail, per_noise: noise.recip(), own, theta }
-    }
-
-    /// Whether changes this far, towards On and towards Off, come near enough to a threshold to count.
+    /// Whether changes towards ON and OFF come near enough to a threshold to count.
     pub(super) fn is_within_reach(&self, [up, down]: [f64; 2]) -> bool {
-        let far = -self.tail.out_of_reach();
+        let far = -self.kind.cutoff();
         (up - self.theta[0]) * self.per_noise > far || (down - self.theta[1]) * self.per_noise > far
     }
 
-    /// Hazard, a second, where the change towards the threshold is `y` and moves at `speed`, the noise
-    /// doing `share` of what it can.
+    /// Hazard per second at a change `y` towards the threshold and a slope `speed` of the signal, of
+    /// which noise `share` is active.
     pub(super) fn hazard(&self, y: f64, speed: f64, on: bool, share: f64) -> f64 {
         let z = (y - self.theta[usize::from(!on)]) * self.per_noise;
-        if z < -self.tail.out_of_reach() {
+        if z < -self.kind.cutoff() {
             return 0.0;
         }
         let speed = if on { speed } else { -speed };
-        self.tail.upward(speed, self.own, share) * self.tail.hazard(z) * self.per_noise
+        self.kind.upward_speed(speed, self.noise_speed, share)
+            * self.kind.hazard(z)
+            * self.per_noise
     }
 
-    /// Adds what a straight passage to `change` spends, On and Off, while the noise does `share` of what
-    /// it can, and gives where it ends.
+    /// Adds the compensator of a linear segment to `change`, ON and OFF, and returns its end. The
+    /// segment is given by its seconds and the active share of the noise.
     #[inline]
-    pub(super) fn pass(
+    pub(super) fn integrate(
         &self,
-        from: Corner,
+        from: SegmentEnd,
         change: f64,
-        passage: [f64; 2],
-        spent: &mut [f64; 2],
-    ) -> Corner {
-        let furthest = [from.change.max(change), -from.change.min(change)];
+        segment: [f64; 2],
+        compensator: &mut [f64; 2],
+    ) -> SegmentEnd {
+        let extremes = [from.change.max(change), -from.change.min(change)];
         // Most of a silence is too far from either threshold.
-        if passage[0] > 0.0 && self.is_within_reach(furthest) {
-            self.pass_near(from, change, passage, spent)
+        if segment[0] > 0.0 && self.is_within_reach(extremes) {
+            self.integrate_near(from, change, segment, compensator)
         } else {
-            Corner::at(change)
+            SegmentEnd::at(change)
         }
     }
 
-    fn pass_near(
+    fn integrate_near(
         &self,
-        from: Corner,
+        from: SegmentEnd,
         change: f64,
         [seconds, share]: [f64; 2],
-        spent: &mut [f64; 2],
-    ) -> Corner {
-        let mut to = Corner::at(change);
-        let tail = self.tail;
+        compensator: &mut [f64; 2],
+    ) -> SegmentEnd {
+        let mut to = SegmentEnd::at(change);
+        let kind = self.kind;
         let speed = (change - from.change) / seconds;
-        for (side, spent) in spent.iter_mut().enumerate() {
-            let towards = if side == 0 { 1.0 } else { -1.0 };
-            let z = |change: f64| (towards * change - self.theta[side]) * self.per_noise;
+        for (side, compensator) in compensator.iter_mut().enumerate() {
+            let sign = if side == 0 { 1.0 } else { -1.0 };
+            let z = |change: f64| (sign * change - self.theta[side]) * self.per_noise;
             let (begin, end) = (z(from.change), z(change));
-            if begin.max(end) > -tail.out_of_reach() {
+            if begin.max(end) > -kind.cutoff() {
                 let width = end - begin;
                 let mean = if width.abs() < NARROW {
-                    tail.hazard(0.5 * (begin + end))
+                    kind.hazard(0.5 * (begin + end))
                 } else {
-                    let risen = tail.spent(end);
-                    to.risen[side] = risen;
-                    let known = from.risen[side];
-                    (risen - if known.is_nan() { tail.spent(begin) } else { known }) / width
+                    let at_end = kind.cumulative_hazard(end);
+                    to.hazard[side] = at_end;
+                    let known = from.hazard[side];
+                    let at_begin =
+                        if known.is_nan() { kind.cumulative_hazard(begin) } else { known };
+                    (at_end - at_begin) / width
                 };
-                let upward = tail.upward(towards * speed, self.own, share);
-                *spent += upward * seconds * self.per_noise * mean;
+                let upward = kind.upward_speed(sign * speed, self.noise_speed, share);
+                *compensator += upward * seconds * self.per_noise * mean;
             }
         }
         to
@@ -180,19 +177,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_straight_passage_spends_what_its_parts_spend() {
+    fn the_compensator_of_a_segment_is_the_sum_of_its_parts() {
         let plain =
             PixelLaw { noise_at_white: 0.03, noise_speed_per_s: 0.6, ..PixelLaw::default() };
         let shot = PixelLaw { shot_at_white: 0.07, shot_speed_per_s: 40.0, ..plain };
         for law in [plain, shot] {
-            let movement = Movement::new(&law, 0.03).unwrap();
+            let noise = NoiseCrossing::new(&law, 0.03).unwrap();
             for [before, after] in [[0.0, 0.3], [0.2, -0.4], [0.22, 0.221], [0.1, 0.1]] {
                 let (mut whole, mut parts) = ([0.0; 2], [0.0; 2]);
-                movement.pass(Corner::at(before), after, [0.4, 1.0], &mut whole);
+                noise.integrate(SegmentEnd::at(before), after, [0.4, 1.0], &mut whole);
                 let at = |i: i32| before + (after - before) * f64::from(i) / 1000.0;
-                let mut corner = Corner::at(before);
+                let mut end = SegmentEnd::at(before);
                 for i in 0..1000 {
-                    corner = movement.pass(corner, at(i + 1), [0.4e-3, 1.0], &mut parts);
+                    end = noise.integrate(end, at(i + 1), [0.4e-3, 1.0], &mut parts);
                 }
                 for (whole, parts) in whole.iter().zip(parts) {
                     assert!((whole - parts).abs() < 3e-4 * parts + 2e-5, "{whole} {parts}");
@@ -201,9 +198,9 @@ mod tests {
         }
     }
 
-    /// Noise behind two low passes, at the threshold of a pixel that goes back to nothing at each event.
+    /// Noise behind two low passes against one threshold.
     #[test]
-    fn noise_crosses_as_often_as_a_simulation_of_it_does() {
+    fn the_crossing_rate_agrees_with_a_simulation() {
         let (rms, tau) = (0.3_f64, 1e-3_f64);
         let (dt, follower) = (1e-5, 3.0);
         // Variance of the second state, and that of its slope, with poles at 1 and 3 over tau.
@@ -236,13 +233,17 @@ mod tests {
                 shot_speed_per_s: rms * follower.sqrt() / tau,
                 ..PixelLaw::default()
             };
-            let movement = Movement::new(&law, law.noise_at_white).unwrap();
-            let mut spent = [0.0; 2];
-            movement.pass(Corner::at(change), change + speed * seconds, [seconds, 1.0], &mut spent);
+            let noise = NoiseCrossing::new(&law, law.noise_at_white).unwrap();
+            let mut compensator = [0.0; 2];
+            noise.integrate(
+                SegmentEnd::at(change),
+                change + speed * seconds,
+                [seconds, 1.0],
+                &mut compensator,
+            );
             let share = f64::from(silent as u32) / f64::from(n_runs);
-            let expected = (-spent[0]).exp();
-            // What is beyond the threshold at the begin does not count here, and crossings that come in
-            // groups count one by one, which makes silence some hundredths less likely than it is.
+            let expected = (-compensator[0]).exp();
+            // Rice's rate counts clustered crossings separately, which lowers the silence probability.
             assert!((share - expected).abs() < 0.06, "{change} {speed}: {share} {expected}");
         }
     }

@@ -1,91 +1,71 @@
-//! The law of one pixel: thresholds, leak, noise, background, dead time, losses.
+//! Parameters of one pixel: thresholds, leak, noise, background, refractory period, losses.
 
-use super::memory::{MOST_CARRIED, MOST_CASES};
-use serde::{Deserialize, Serialize};
+/// Scale of a logistic distribution over its standard deviation: sqrt(3) / pi.
+const LOGISTIC_SCALE: f64 = 0.551_328_895_421_792;
 
-/// Scale of a logistic law over its standard deviation: the root of three over pi.
-const LOGISTIC: f64 = 0.551_328_895_421_792;
+/// Rms speed of signal noise over its standard deviation, in cycles of its bandwidth: sqrt(3) for two
+/// low passes of which the second (the source follower's) has three times the corner frequency. Noise
+/// behind a single low pass has no finite speed.
+pub const SHOT_NOISE_RMS_SPEED: f64 = 1.732_050_807_568_877_2;
 
-/// Root mean square speed of the signal's own noise over its size, in turns of its bandwidth: behind two
-/// low passes of which the second, the follower's, lies at three times the first, the root of three.
-/// Noise behind one alone would have no speed. It is also the time in which the noise forgets over that
-/// in which it passes its own size.
-pub const SHOT_SPEED: f64 = 1.732_050_807_568_877_2;
+/// Time after an event, in correlation times of the noise, from which its crossing rate is full.
+const FULL_RECOVERY: f64 = 2.8;
+/// Path of the light, in thresholds, over which the error of the interpolated signal decorrelates.
+const ERROR_CORRELATION_PATH: f64 = 2.0;
+/// Path beyond which the error is fully decorrelated.
+pub(super) const LONGEST_PATH: f64 = 2.5 * ERROR_CORRELATION_PATH;
+/// Reference levels propagated side by side.
+pub(super) const MAX_REFERENCE_STATES: usize = 4;
 
-/// From so many times that time on it has rested.
-const RESTED: f64 = 2.8;
-
-/// A path of the light, in thresholds, over which its error comes to be another one: of 0.1 to 4 that by which one
-/// recording of the simulated rig was foretold best.
-const OTHER_ERROR: f64 = 2.0;
-
-/// From a path so long on it is.
-pub(super) const LONGEST_PATH: f64 = 2.5 * OTHER_ERROR;
-
-fn all() -> f64 {
-    1.0
-}
-
-/// What decides when a pixel fires. Contrast is in natural logarithms of intensity, time in seconds.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// When a pixel fires. Contrast is in natural logarithms of intensity, time in seconds.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PixelLaw {
-    /// Rise of log intensity at which an On event comes, in the median; above 0.
+    /// Median threshold of ON events, log intensity; above 0.
     pub theta_on: f64,
-    /// Fall of log intensity at which an Off event comes, in the median; above 0.
+    /// Median threshold of OFF events, log intensity; above 0.
     pub theta_off: f64,
-    /// Drift of the signal towards On, log intensity a second.
+    /// Drift of the signal towards ON, log intensity per second.
     pub leak_per_s: f64,
-    /// Scale of the threshold's scatter at white, log intensity: that of a logistic law, whose
-    /// standard deviation is 1.81 times as much.
+    /// Scale of the thresholds' logistic scatter at white, log intensity; the standard deviation is
+    /// 1.81 times as large.
     pub noise_at_white: f64,
-    /// How the scatter grows towards the dark: it goes as intensity to the power of minus this.
+    /// The scatter is proportional to intensity to the power of minus this.
     pub noise_exponent: f64,
-    /// Share of that scatter which there is where the light stays as it was memorised, 0 to 1: the pixel's
-    /// own. The rest is the error of the light that is known, which shows as the light changes; the whole is that
-    /// of a change by one threshold.
-    #[serde(default = "all")]
+    /// Share of the scatter that remains under constant light, 0 to 1: the pixel's own noise. The rest
+    /// is error of the known signal, which grows with the path of the light; `noise_at_white` holds for
+    /// a path of one threshold.
     pub noise_at_rest: f64,
-    /// Speed at which the noise itself moves the signal, log intensity a second.
+    /// Rms speed of threshold noise, log intensity per second.
     pub noise_speed_per_s: f64,
-    /// Standard deviation at white of the signal's own noise, log intensity; it grows towards the dark as
-    /// the scatter does.
-    #[serde(default)]
+    /// Standard deviation of signal (shot) noise at white, log intensity; it scales with the scatter.
     pub shot_at_white: f64,
-    /// Root mean square speed of that noise at white, log intensity a second.
-    #[serde(default)]
+    /// Rms speed of signal noise at white, log intensity per second.
     pub shot_speed_per_s: f64,
-    /// Rate of On events that have nothing to do with light, a second and pixel.
+    /// Rate of ON background events, Hz per pixel.
     pub background_on_hz: f64,
-    /// Rate of Off events that have nothing to do with light, a second and pixel.
+    /// Rate of OFF background events, Hz per pixel.
     pub background_off_hz: f64,
-    /// For how long a pixel is blind after an event, seconds.
-    pub blind_s: f64,
-    /// For how long after an event the pixel's others are taken out behind it, while it goes on
-    /// firing and memorising, seconds.
-    #[serde(default)]
-    pub masked_s: f64,
-    /// Share of the background events at which the pixel memorises the light; at the others, which
-    /// come about behind it, it does not.
-    #[serde(default = "all")]
-    pub background_memorised: f64,
-    /// How much of the noise that set off an event the pixel memorises with the light: 1 for noise of
-    /// the signal, 0 for that of the comparison.
-    #[serde(default)]
-    pub noise_memorised: f64,
+    /// Refractory period after an event, seconds.
+    pub refractory_s: f64,
+    /// Period after an event in which a filter removes the pixel's events, seconds; the pixel keeps
+    /// firing and resetting its reference level.
+    pub filter_refractory_s: f64,
+    /// Share of the background events that reset the reference level.
+    pub background_reset: f64,
+    /// Share of the noise that caused an event that is stored in the reference level: 1 for signal
+    /// noise, 0 for comparator noise.
+    pub noise_carry: f64,
     /// Share of the events that are lost after the pixel has fired.
     pub drop_fraction: f64,
-    /// Standard deviation of the stamps about the instant of the event, seconds.
-    #[serde(default)]
+    /// Standard deviation of the time stamps, seconds.
     pub jitter_s: f64,
-    /// Whether what a pixel memorised is weighed between a stamp that scatters and the threshold. For the
-    /// scatter of a coarse clock alone it is not: thresholds that are a little off would add up.
-    #[serde(default)]
-    pub stamps_are_weighed: bool,
+    /// Whether the reference level is corrected for the scatter of its stamp. Not for quantised stamps:
+    /// errors of the thresholds would accumulate.
+    pub corrects_stamps: bool,
 }
 
 impl Default for PixelLaw {
-    /// A DAVIS346 in good light: thresholds of a quarter, a leak of 0.1 events a second.
+    /// A DAVIS346 in good light: thresholds of 0.25, a leak rate of 0.1 Hz.
     fn default() -> Self {
         Self {
             theta_on: 0.25,
@@ -99,151 +79,111 @@ impl Default for PixelLaw {
             shot_speed_per_s: 0.0,
             background_on_hz: 0.01,
             background_off_hz: 0.01,
-            blind_s: 0.0,
-            masked_s: 0.0,
-            background_memorised: 1.0,
-            noise_memorised: 0.0,
+            refractory_s: 0.0,
+            filter_refractory_s: 0.0,
+            background_reset: 1.0,
+            noise_carry: 0.0,
             drop_fraction: 0.0,
             jitter_s: 0.0,
-            stamps_are_weighed: false,
+            corrects_stamps: false,
         }
     }
-}
-
-/// A law that no pixel can have.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("a pixel's {key} is {got}; expected {expected}")]
-pub struct LawError {
-    key: &'static str,
-    got: f64,
-    expected: &'static str,
 }
 
 impl PixelLaw {
-    /// Whether every quantity lies in its range.
-    ///
-    /// # Errors
-    /// Names the first that does not.
-    pub fn check(&self) -> Result<(), LawError> {
-        let positive = |v: f64| v > 0.0 && v < 1e3;
-        let rate = |v: f64| (0.0..1e7).contains(&v);
-        let share = |v: f64| (0.0..=1.0).contains(&v);
-        let rows: [(&'static str, f64, bool, &'static str); 17] = [
-            ("theta_on", self.theta_on, positive(self.theta_on), "0 to 1000, above 0"),
-            ("theta_off", self.theta_off, positive(self.theta_off), "0 to 1000, above 0"),
-            ("leak_per_s", self.leak_per_s, self.leak_per_s.abs() < 1e4, "a size below 10 000"),
-            ("noise_at_white", self.noise_at_white, positive(self.noise_at_white), "above 0"),
-            ("noise_exponent", self.noise_exponent, self.noise_exponent.abs() <= 3.0, "-3 to 3"),
-            ("noise_at_rest", self.noise_at_rest, share(self.noise_at_rest), "0 to 1"),
-            (
-                "noise_speed_per_s",
-                self.noise_speed_per_s,
-                rate(self.noise_speed_per_s),
-                "0 or more",
-            ),
-            ("shot_at_white", self.shot_at_white, rate(self.shot_at_white), "0 or more"),
-            ("shot_speed_per_s", self.shot_speed_per_s, rate(self.shot_speed_per_s), "0 or more"),
-            ("background_on_hz", self.background_on_hz, rate(self.background_on_hz), "0 to 1e7"),
-            ("background_off_hz", self.background_off_hz, rate(self.background_off_hz), "0 to 1e7"),
-            ("jitter_s", self.jitter_s, (0.0..10.0).contains(&self.jitter_s), "0 to 10"),
-            ("blind_s", self.blind_s, (0.0..3600.0).contains(&self.blind_s), "0 to 3600"),
-            ("masked_s", self.masked_s, (0.0..3600.0).contains(&self.masked_s), "0 to 3600"),
-            (
-                "background_memorised",
-                self.background_memorised,
-                share(self.background_memorised),
-                "0 to 1",
-            ),
-            ("noise_memorised", self.noise_memorised, share(self.noise_memorised), "0 to 1"),
-            (
-                "drop_fraction",
-                self.drop_fraction,
-                (0.0..1.0).contains(&self.drop_fraction),
-                "0 to below 1",
-            ),
+    /// Whether every parameter is finite and in its range.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        let positive = [self.theta_on, self.theta_off, self.noise_at_white];
+        let rates = [
+            self.noise_speed_per_s,
+            self.shot_at_white,
+            self.shot_speed_per_s,
+            self.background_on_hz,
+            self.background_off_hz,
         ];
-        match rows.into_iter().find(|row| !row.2) {
-            Some((key, got, _, expected)) => Err(LawError { key, got, expected }),
-            None => Ok(()),
-        }
+        let shares = [self.noise_at_rest, self.background_reset, self.noise_carry];
+        positive.iter().all(|&v| v > 0.0 && v < 1e3)
+            && rates.iter().all(|v| (0.0..1e7).contains(v))
+            && shares.iter().all(|v| (0.0..=1.0).contains(v))
+            && [self.refractory_s, self.filter_refractory_s]
+                .iter()
+                .all(|v| (0.0..3600.0).contains(v))
+            && self.leak_per_s.abs() < 1e4
+            && self.noise_exponent.abs() <= 3.0
+            && (0.0..10.0).contains(&self.jitter_s)
+            && (0.0..1.0).contains(&self.drop_fraction)
     }
 
-    /// Scale of the threshold's scatter where the light, in log intensity over white, is `level`.
+    /// Scale of the thresholds' scatter at a log intensity relative to white.
     #[must_use]
     pub fn noise(&self, level: f64) -> f64 {
         self.noise_at_white * (-self.noise_exponent * level.clamp(-12.0, 3.0)).exp()
     }
 
-    /// Whether there is less noise where the light rests. Noise of the signal itself is there whatever the light does.
-    pub(super) fn rests(&self) -> bool {
+    /// Whether the scatter depends on the path of the light. Signal noise does not.
+    pub(super) fn is_noise_path_dependent(&self) -> bool {
         self.noise_at_rest < 1.0 && self.shot_at_white <= 0.0
     }
 
-    /// How much of the noise there is where the light has gone a path of so many thresholds: more than all of it
-    /// on a long one.
-    pub(super) fn share_of_noise(&self, path: f64) -> f64 {
-        let shown = |path: f64| -(-(path / OTHER_ERROR).powi(2)).exp_m1();
+    /// Scatter after a path of the light, in thresholds, over that after a path of 1.
+    pub(super) fn noise_share(&self, path: f64) -> f64 {
+        let decorrelated = |path: f64| -(-(path / ERROR_CORRELATION_PATH).powi(2)).exp_m1();
         let at_rest = self.noise_at_rest * self.noise_at_rest;
-        (at_rest + (1.0 - at_rest) * shown(path) / shown(1.0)).sqrt()
+        (at_rest + (1.0 - at_rest) * decorrelated(path) / decorrelated(1.0)).sqrt()
     }
 
-    /// Standard deviation of the signal's own noise where the scale of the threshold's scatter is
-    /// `noise`: noise of all kinds grows alike towards the dark.
+    /// Standard deviation of signal noise where the thresholds scatter by `noise`.
     #[must_use]
     pub fn shot(&self, noise: f64) -> f64 {
         self.shot_at_white * noise / self.noise_at_white
     }
 
-    /// Scale of the scatter that stamps have where the light goes so fast, log intensity a second. A change is
-    /// from stamp to stamp, while the pixel itself went from instant to instant: both ends scatter.
+    /// Scale of the scatter, log intensity, that jittered stamps cause at a slope.
     #[must_use]
-    pub fn scatter_of_stamps(&self, slope_per_s: f64) -> f64 {
-        LOGISTIC * self.jitter_s * slope_per_s
+    pub fn stamp_scatter(&self, slope_per_s: f64) -> f64 {
+        LOGISTIC_SCALE * self.jitter_s * slope_per_s
     }
 
-    /// For how long nothing more is heard of a pixel after an event, seconds.
+    /// Period after an event without recorded events of the pixel, seconds.
     #[must_use]
-    pub fn deaf_s(&self) -> f64 {
-        self.blind_s.max(self.masked_s)
+    pub fn dead_s(&self) -> f64 {
+        self.refractory_s.max(self.filter_refractory_s)
     }
 
-    /// By how much of its rate the signal's own noise sets off events in the mean between two times behind
-    /// an event, seconds: the noise that set off the one has first to be gone. As simulations have it, it
-    /// sets off nothing for the time in which it forgets, and all from nearly three times that on.
-    pub(super) fn rested(&self, [from_s, to_s]: [f64; 2]) -> f64 {
+    /// Mean crossing rate of signal noise between two times after an event, seconds, over its
+    /// stationary value: the noise that caused the event has to decorrelate first. By simulation the
+    /// rate is 0 up to the correlation time and rises linearly to 1 at [`FULL_RECOVERY`] times that.
+    pub(super) fn recovery(&self, [from_s, to_s]: [f64; 2]) -> f64 {
         if self.shot_speed_per_s <= 0.0 {
             return 1.0;
         }
-        let forgets_s = SHOT_SPEED * self.shot_at_white / self.shot_speed_per_s;
-        let ramp = |at_s: f64| ((at_s / forgets_s - 1.0) / (RESTED - 1.0)).max(0.0);
-        // Integral of the ramp in units of its length; it goes on as one.
-        let whole = |ramp: f64| if ramp < 1.0 { 0.5 * ramp * ramp } else { ramp - 0.5 };
+        let correlation_s = SHOT_NOISE_RMS_SPEED * self.shot_at_white / self.shot_speed_per_s;
+        let ramp = |at_s: f64| ((at_s / correlation_s - 1.0) / (FULL_RECOVERY - 1.0)).max(0.0);
+        // Integral of the ramp, which stays at 1, in units of its length.
+        let integral = |ramp: f64| if ramp < 1.0 { 0.5 * ramp * ramp } else { ramp - 0.5 };
         let [a, b] = [ramp(from_s), ramp(to_s)];
-        let length = (to_s - from_s) / (forgets_s * (RESTED - 1.0));
-        if length > 1e-9 { (whole(b) - whole(a)) / length } else { a.min(1.0) }
+        let length = (to_s - from_s) / (correlation_s * (FULL_RECOVERY - 1.0));
+        if length > 1e-9 { (integral(b) - integral(a)) / length } else { a.min(1.0) }
     }
 
-    /// What it compares with that is followed side by side, at most.
+    /// Number of reference levels that have to be propagated side by side.
     #[must_use]
-    pub fn n_memories(&self) -> usize {
-        let is_open =
-            self.masked_s > 0.0 || self.drop_fraction > 0.0 || self.background_memorised < 1.0;
-        match self.shot_at_white {
-            shot if shot > 0.0 => MOST_CARRIED,
-            _ if is_open => MOST_CASES,
-            _ => 1,
-        }
+    pub fn max_reference_states(&self) -> usize {
+        let is_ambiguous = self.shot_at_white > 0.0
+            || self.filter_refractory_s > 0.0
+            || self.drop_fraction > 0.0
+            || self.background_reset < 1.0;
+        if is_ambiguous { MAX_REFERENCE_STATES } else { 1 }
     }
 
-    /// The threshold of one polarity.
+    /// The median threshold of one polarity.
     #[must_use]
     pub fn theta(&self, on: bool) -> f64 {
         if on { self.theta_on } else { self.theta_off }
     }
 
-    /// The background rate of one polarity, a second.
-    #[must_use]
-    pub fn background_hz(&self, on: bool) -> f64 {
+    pub(super) fn background_hz(&self, on: bool) -> f64 {
         if on { self.background_on_hz } else { self.background_off_hz }
     }
 }
@@ -253,32 +193,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_impossible_law_is_refused_by_the_name_of_what_is_wrong() {
-        assert_eq!(PixelLaw::default().check(), Ok(()));
-        let law = PixelLaw { theta_off: 0.0, ..PixelLaw::default() };
-        assert!(law.check().unwrap_err().to_string().contains("theta_off is 0"));
-        let law = PixelLaw { blind_s: f64::NAN, ..PixelLaw::default() };
-        assert!(law.check().unwrap_err().to_string().contains("blind_s"));
+    fn values_out_of_range_are_invalid() {
+        assert!(PixelLaw::default().is_valid());
+        assert!(!PixelLaw { theta_off: 0.0, ..PixelLaw::default() }.is_valid());
+        assert!(!PixelLaw { refractory_s: f64::NAN, ..PixelLaw::default() }.is_valid());
     }
 
     #[test]
-    fn stamps_scatter_as_a_normal_number_of_that_deviation_does() {
+    fn stamp_scatter_has_the_variance_of_the_jitter() {
         let law = PixelLaw { jitter_s: 1e-3, ..PixelLaw::default() };
-        // The logistic scale of as much variance.
         let expected = 1e-3 * 5.0 * 3.0_f64.sqrt() / std::f64::consts::PI;
-        assert!((law.scatter_of_stamps(5.0) / expected - 1.0).abs() < 1e-3);
+        assert!((law.stamp_scatter(5.0) / expected - 1.0).abs() < 1e-3);
     }
 
     #[test]
-    fn the_error_of_the_light_shows_with_its_path() {
+    fn the_signal_error_grows_with_the_path_of_the_light() {
         let law = PixelLaw { noise_at_rest: 0.2, ..PixelLaw::default() };
-        let shares = [0.0, 0.3, 1.0, 3.0].map(|path| law.share_of_noise(path));
+        let shares = [0.0, 0.3, 1.0, 3.0].map(|path| law.noise_share(path));
         assert!((shares[0] - 0.2).abs() < 1e-12 && (shares[2] - 1.0).abs() < 1e-12);
         assert!(shares.is_sorted() && shares[3] < 2.2, "{shares:?}");
         let even = PixelLaw { noise_at_rest: 1.0, ..law };
-        assert!(
-            [0.0, 0.3, 3.0].iter().all(|path| (even.share_of_noise(*path) - 1.0).abs() < 1e-12)
-        );
+        assert!([0.0, 0.3, 3.0].iter().all(|path| (even.noise_share(*path) - 1.0).abs() < 1e-12));
     }
 
     #[test]

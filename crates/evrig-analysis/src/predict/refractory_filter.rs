@@ -1,76 +1,73 @@
-//! A dead time behind the pixel: a filter takes out events too soon after one that it let through,
-//! while the pixel goes on firing and memorising.
+//! A refractory filter behind the pixel: it removes events within a fixed time after an event that it
+//! passed, while the pixel keeps firing and resetting its reference level.
 
-use super::course::Course;
-use super::memory::Case;
+use super::leaky_signal::LeakySignal;
+use super::reference_state::ReferenceState;
 
-/// More unseen events than these blur what the pixel compares with no further.
-const MOST_BLUR: u32 = 6;
+/// Unrecorded events beyond this number widen the reference level no further.
+const MAX_WIDENING_EVENTS: u32 = 6;
 
-/// How a pixel stands: what it compares with, how far the signal has gone from there.
 #[derive(Debug, Clone, Copy)]
-struct Standing {
-    value: f64,
-    gone: [f64; 2],
+struct UnrecordedReference {
+    reference: f64,
+    extremes: [f64; 2],
 }
 
-impl Standing {
-    fn follow(&mut self, height: f64) {
-        let change = height - self.value;
-        self.gone = [self.gone[0].max(change), self.gone[1].max(-change)];
+impl UnrecordedReference {
+    fn follow(&mut self, value: f64) {
+        let change = value - self.reference;
+        self.extremes = [self.extremes[0].max(change), self.extremes[1].max(-change)];
     }
 
-    /// Behind an event of one side, On or Off, the signal being at `height`.
-    fn behind(self, side: usize, theta: [f64; 2], height: f64) -> Self {
-        let by = if side == 0 { theta[0] } else { -theta[1] };
-        let mut next = Self { value: self.value + by, gone: [0.0; 2] };
-        next.follow(height);
+    /// After an event of one side, with the signal at `value`.
+    fn fired(self, side: usize, theta: [f64; 2], value: f64) -> Self {
+        let step = if side == 0 { theta[0] } else { -theta[1] };
+        let mut next = Self { reference: self.reference + step, extremes: [0.0; 2] };
+        next.follow(value);
         next
     }
 }
 
-/// The ways in which a pixel may stand at `to` that stood as `case` at `from`, events in between
-/// not being seen. It fires at its thresholds; whether the last of these firings has come yet, and
-/// whether one more has, the scatter of the thresholds leaves open. They are put behind `cases`.
-pub(super) fn behind_mask(
-    course: &Course<'_>,
-    case: &Case,
+/// Adds to `states` the possible states at `to` of a pixel that was in `state` at `from`, with events
+/// in between not recorded. The pixel fires at its median thresholds; by their scatter, the last of
+/// these events may not have occurred yet, or one more may have.
+pub(super) fn propagate(
+    signal: &LeakySignal<'_>,
+    state: &ReferenceState,
     [from, to]: [f64; 2],
-    cases: &mut Vec<Case>,
+    states: &mut Vec<ReferenceState>,
 ) {
-    let theta = [course.law.theta_on, course.law.theta_off];
-    let mut now = Standing { value: case.value, gone: case.gone };
-    let (mut before, mut n) = (None::<Standing>, 0_u32);
-    let end = course.height(to);
-    for height in course.instants(from, to).map(|(_, height)| height).chain([end]) {
+    let theta = [signal.law.theta_on, signal.law.theta_off];
+    let mut now = UnrecordedReference { reference: state.reference, extremes: state.extremes };
+    let (mut before, mut n) = (None::<UnrecordedReference>, 0_u32);
+    let end = signal.value(to);
+    for value in signal.samples(from, to).map(|(_, value)| value).chain([end]) {
         if let Some(before) = &mut before {
-            before.follow(height);
+            before.follow(value);
         }
-        now.follow(height);
-        while let Some(side) = (0..2).find(|&side| now.gone[side] >= theta[side]) {
+        now.follow(value);
+        while let Some(side) = (0..2).find(|&side| now.extremes[side] >= theta[side]) {
             before = Some(now);
-            now = now.behind(side, theta, height);
+            now = now.fired(side, theta, value);
             n += 1;
         }
     }
-    let blurred = |n: u32| {
-        let noise = course.noise(to) * f64::from(1 + n.min(MOST_BLUR)).sqrt();
-        Case::new(course, 0.0, noise)
+    let at = |found: UnrecordedReference, n: u32, weight: f64| {
+        let noise = signal.noise(to) * f64::from(1 + n.min(MAX_WIDENING_EVENTS)).sqrt();
+        ReferenceState {
+            weight: state.weight * weight,
+            ..ReferenceState::new(signal, found.reference, noise).restarted_at(found.extremes)
+        }
     };
-    let at = |standing: Standing, n: u32, weight: f64| Case {
-        weight: case.weight * weight,
-        value: standing.value,
-        ..blurred(n).begun_at(standing.gone)
-    };
-    let silent = |standing: Standing, n: u32| {
-        let case = at(standing, n, 1.0);
-        (-case.spent_before(0) - case.spent_before(1)).exp()
+    let silent = |found: UnrecordedReference, n: u32| {
+        let state = at(found, n, 1.0);
+        (-state.hazard_before(0) - state.hazard_before(1)).exp()
     };
     let not_yet = before.map_or(0.0, |before| silent(before, n.saturating_sub(1)));
     let no_more = silent(now, n);
-    cases.push(at(now, n, (1.0 - not_yet) * no_more));
-    cases.extend(before.map(|before| at(before, n.saturating_sub(1), not_yet)));
-    let side = usize::from(now.gone[1] / theta[1] > now.gone[0] / theta[0]);
-    let more = now.behind(side, theta, end);
-    cases.push(at(more, n + 1, (1.0 - not_yet) * (1.0 - no_more)));
+    states.push(at(now, n, (1.0 - not_yet) * no_more));
+    states.extend(before.map(|before| at(before, n.saturating_sub(1), not_yet)));
+    let side = usize::from(now.extremes[1] / theta[1] > now.extremes[0] / theta[0]);
+    let more = now.fired(side, theta, end);
+    states.push(at(more, n + 1, (1.0 - not_yet) * (1.0 - no_more)));
 }

@@ -1,246 +1,261 @@
-//! Drawing events from a pixel's law: the model turned round, for tests and for the null.
+//! Events drawn from a pixel's model, for tests and for null distributions.
 
-use super::course::{Course, Reach};
-use super::memory::{Case, Fired, Memory, Unknown, fresh};
-use super::movement::Movement;
-use super::walk::Pass;
-use super::{Blocks, EventTerm, Light, PixelLaw, Spike, Stretch, Witness};
+use super::leaky_signal::{LeakySignal, SignalRange};
+use super::likelihood::{EventTerm, LikelihoodPass, LikelihoodVisitor, SilentInterval};
+use super::noise_crossing::NoiseCrossing;
+use super::pixel_events::Spike;
+use super::pixel_law::PixelLaw;
+use super::pixel_signal::PixelSignal;
+use super::reference_mixture::ReferenceMixture;
+use super::reference_reset::{FiredEvent, reset};
+use super::reference_state::ReferenceState;
+use super::time_blocks::TimeBlocks;
+use super::unknown_reference::UnknownReference;
 use evrig_core::stats::SplitMix;
 
-/// The most events a pixel may make in a second, so that an absurd law ends.
-const MAX_PER_S: f64 = 20_000.0;
+/// Bound on a pixel's event rate, so that extreme parameters end.
+const MAX_RATE_HZ: f64 = 20_000.0;
 
-/// Events of one pixel drawn from its law, from the window's start to `end_us` where the light is
-/// known. The same sequence of random numbers gives the same events.
+/// Events of one pixel drawn from its model, where the signal is known between the window's start and
+/// `end_us`. The same random sequence gives the same events.
 #[must_use]
-pub fn sample(law: &PixelLaw, light: Light<'_>, end_us: i64, random: &mut SplitMix) -> Vec<Spike> {
+pub fn sample(
+    law: &PixelLaw,
+    signal: PixelSignal<'_>,
+    end_us: i64,
+    random: &mut SplitMix,
+) -> Vec<Spike> {
     let mut spikes = Vec::new();
-    for (run, [from, to]) in light.stretches(end_us) {
-        let most = (MAX_PER_S * (to - from).max(0.0) * 1e-6) as usize + 1;
-        let mut source = Source::new(law, light, run, to, &mut *random);
-        let mut start = source.first(from);
-        let mut heard_us = from;
-        for _ in 0..most {
-            let Some(drawn) = source.next(&start) else { break };
+    for (run, [from, to]) in signal.known_intervals(end_us) {
+        let max_events = (MAX_RATE_HZ * (to - from).max(0.0) * 1e-6) as usize + 1;
+        let mut sampler = EventSampler::new(law, signal, run, to, &mut *random);
+        let mut start = sampler.first(from);
+        let mut recorded_from_us = from;
+        for _ in 0..max_events {
+            let Some(drawn) = sampler.next(&start) else { break };
             let t_us = drawn.spike.t_us as f64;
-            if t_us >= heard_us && !source.is_lost() {
+            if t_us >= recorded_from_us && !sampler.is_lost() {
                 spikes.push(drawn.spike);
-                heard_us = t_us + law.masked_s * 1e6;
+                recorded_from_us = t_us + law.filter_refractory_s * 1e6;
             }
-            start = source.behind(&start, drawn);
+            start = sampler.after(&start, drawn);
         }
     }
     spikes
 }
 
-/// An event and what the light had done by then.
+/// An event and the signal at that time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Moment {
+pub struct SpikeContext {
     /// The event.
     pub spike: Spike,
-    /// Change of the light since the event before, in this one's own direction, log intensity.
+    /// Change of the signal since the event before towards the event's polarity, log intensity.
     pub change: f64,
-    /// Speed of the light in the event's direction, log intensity a second.
+    /// Slope of the signal towards the event's polarity, log intensity per second.
     pub slope_per_s: f64,
-    /// Log intensity over white.
+    /// Log intensity relative to white.
     pub level: f64,
 }
 
-/// What followed an event, and what the law would have had follow it.
+/// The events that followed, and would have followed, an event.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Followed {
+pub struct NextEventPair {
     /// Number of the event that both follow.
     pub before: usize,
-    /// The event that came next; none when the known light ended first.
-    pub real: Option<Moment>,
-    /// One drawn from the law behind the same past.
-    pub drawn: Option<Moment>,
+    /// The recorded next event; none at the end of the known signal.
+    pub real: Option<SpikeContext>,
+    /// One drawn from the model with the same past.
+    pub drawn: Option<SpikeContext>,
 }
 
-/// For each event, what came next and a next event drawn from the law. If the law is true the two
-/// are alike, whatever one looks at that is known without the pixel's later events.
+/// For each event, the recorded next event and one drawn from the model. Under the true parameters
+/// both have the same distribution, given any covariate known without the pixel's later events.
 #[must_use]
-pub fn followed(
+pub fn next_events(
     law: &PixelLaw,
-    light: Light<'_>,
+    pixel_signal: PixelSignal<'_>,
     spikes: &[Spike],
     end_us: i64,
     random: &mut SplitMix,
-) -> Vec<Followed> {
+) -> Vec<NextEventPair> {
     let mut all = Vec::new();
-    let blocks = Blocks::new(end_us, 1);
-    for (run, [from, to]) in light.stretches(end_us) {
+    let blocks = TimeBlocks::new(end_us, 1);
+    for (run, [from, to]) in pixel_signal.known_intervals(end_us) {
         let first = spikes.partition_point(|spike| (spike.t_us as f64) < from);
         let last = spikes.partition_point(|spike| spike.t_us as f64 <= to);
-        let course = Course::new(law, light, run);
-        let mut source = Source::new(law, light, run, to, &mut *random);
-        let mut pass = Pass::new(course, from, &blocks);
+        let signal = LeakySignal::new(law, pixel_signal, run);
+        let mut sampler = EventSampler::new(law, pixel_signal, run, to, &mut *random);
+        let mut pass = LikelihoodPass::new(signal, from, &blocks);
         for before in first..last {
-            pass.take(before, spikes[before], to, &mut Nobody);
-            let (memory, awake_us) = pass.memory();
+            pass.advance_past(before, spikes[before], to, &mut NoVisitor);
+            let (references, awake_us) = pass.references();
             let real = (before + 1 < last).then(|| spikes[before + 1]);
-            let drawn = source.heard(memory, spikes[before], awake_us);
-            // Against what the pixel most likely compares with, whatever it was drawn to.
-            let Some(known) = memory.cases().first() else { continue };
-            let moment = |spike| moment(&course, known, spike);
-            let (real, drawn) = (real.map(moment), drawn.map(moment));
-            all.push(Followed { before, real, drawn });
+            let drawn = sampler.next_recorded(references, spikes[before], awake_us);
+            // Both relative to the likeliest reference level, whichever was drawn from.
+            let Some(likeliest) = references.states().first() else { continue };
+            let context = |spike| context(&signal, likeliest, spike);
+            let (real, drawn) = (real.map(context), drawn.map(context));
+            all.push(NextEventPair { before, real, drawn });
         }
     }
     all
 }
 
-struct Nobody;
+struct NoVisitor;
 
-impl Witness for Nobody {
-    fn silence(&mut self, _: &Stretch) {}
+impl LikelihoodVisitor for NoVisitor {
+    fn silence(&mut self, _: &SilentInterval) {}
     fn event(&mut self, _: &EventTerm) {}
 }
 
-/// What the light has done by the time of an event, in the event's own direction.
-fn moment(course: &Course<'_>, case: &Case, spike: Spike) -> Moment {
-    let position = course.position(spike.t_us as f64);
-    let slope = course.slope(position);
-    Moment {
+fn context(signal: &LeakySignal<'_>, state: &ReferenceState, spike: Spike) -> SpikeContext {
+    let position = signal.position(spike.t_us as f64);
+    let slope = signal.slope(position);
+    SpikeContext {
         spike,
-        change: case.change(course.height(position), spike.on),
+        change: state.change(signal.value(position), spike.on),
         slope_per_s: if spike.on { slope } else { -slope },
-        level: course.level(position),
+        level: signal.level(position),
     }
 }
 
-struct Source<'a> {
-    course: Course<'a>,
-    /// End of the known light, microseconds.
+struct EventSampler<'a> {
+    signal: LeakySignal<'a>,
+    /// End of the known signal, microseconds.
     to: f64,
     random: &'a mut SplitMix,
 }
 
-/// Where the pixel stands at the start of a silence.
-struct Start {
-    /// What it compares with; none while nothing is known of it.
-    case: Option<Case>,
-    /// When the light sets off the next event, and when background does, whatever the light does.
+/// The beginning of a silence.
+struct SilenceStart {
+    /// None before the first event.
+    state: Option<ReferenceState>,
+    /// Next event by signal or noise.
     crossing: Option<Spike>,
+    /// Next background event.
     background: Spike,
 }
 
-/// An event that was drawn.
 #[derive(Clone, Copy)]
-struct Drawn {
+struct DrawnEvent {
     spike: Spike,
     is_background: bool,
 }
 
-/// Where the light would set off an event.
-struct Limits {
+/// Where the signal causes the next event.
+struct CrossingLimits {
     from_us: f64,
-    value: f64,
-    /// Distances at which the pixel fires, On and Off.
-    at: [f64; 2],
-    /// While the memory is not known one store serves both sides: the sum of the extremes.
-    shared: Option<f64>,
-    /// The noise's own movement; none while the memory is not known.
-    moves: Option<Movement>,
+    reference: f64,
+    /// Thresholds, ON and OFF.
+    thresholds: [f64; 2],
+    /// Limit of the span of both extremes, while the reference level is unknown.
+    span: Option<f64>,
+    noise: Option<NoiseCrossing>,
 }
 
-impl<'a> Source<'a> {
-    /// Noise may set off an event anywhere on a straight piece, so that it looks at every instant.
+impl<'a> EventSampler<'a> {
+    /// Noise can cause an event anywhere, so every sample is visited.
     fn new(
         law: &'a PixelLaw,
-        light: Light<'a>,
+        signal: PixelSignal<'a>,
         run: [usize; 2],
         to: f64,
         random: &'a mut SplitMix,
     ) -> Self {
-        Self { course: Course::new(law, Light { bends: None, ..light }, run), to, random }
+        let signal = LeakySignal::new(law, PixelSignal { knots: None, ..signal }, run);
+        Self { signal, to, random }
     }
 
-    /// Where a pixel stands at first, when nothing is known of its memory.
-    fn first(&mut self, from_us: f64) -> Start {
-        let position = self.course.position(from_us);
-        let unknown = Unknown::new(&self.course, position);
-        let shared = Some(unknown.span_at(self.random.uniform()));
-        let at = [f64::INFINITY; 2];
-        let limits = Limits { from_us, value: unknown.value, at, shared, moves: None };
+    /// The silence before the first event.
+    fn first(&mut self, from_us: f64) -> SilenceStart {
+        let unknown = UnknownReference::new(&self.signal, self.signal.position(from_us));
+        let span = Some(unknown.span_at(self.random.uniform()));
+        let thresholds = [f64::INFINITY; 2];
+        let reference = unknown.begin;
+        let limits = CrossingLimits { from_us, reference, thresholds, span, noise: None };
         let crossing = self.crossing(&limits);
-        Start { case: None, crossing, background: self.background(from_us) }
+        SilenceStart { state: None, crossing, background: self.background(from_us) }
     }
 
-    /// Where it stands when it compares as `case` says from `awake_us` on, having fired at `t_us`.
-    fn start(&mut self, case: Case, t_us: i64, awake_us: f64) -> Start {
+    /// The silence after an event at `t_us` that left the pixel in `state`.
+    fn start(&mut self, state: ReferenceState, t_us: i64, awake_us: f64) -> SilenceStart {
         let mut draw = |side: usize| {
-            let spent = case.spent_before(side) + self.random.exponential();
-            case.thresholds[side].at_spent(spent)
+            let hazard = state.hazard_before(side) + self.random.exponential();
+            state.thresholds[side].maximum_at(hazard)
         };
-        let at = [draw(0), draw(1)];
-        let moves = case.movement(&self.course);
-        let limits = Limits { from_us: awake_us, value: case.value, at, shared: None, moves };
+        let thresholds = [draw(0), draw(1)];
+        let noise = NoiseCrossing::new(self.signal.law, state.noise);
+        let (from_us, reference) = (awake_us, state.reference);
+        let limits = CrossingLimits { from_us, reference, thresholds, span: None, noise };
         let crossing = self.crossing(&limits);
         let crossing = crossing.map(|spike| Spike { t_us: spike.t_us.max(t_us + 1), ..spike });
-        Start { case: Some(case), crossing, background: self.background(t_us as f64) }
+        SilenceStart { state: Some(state), crossing, background: self.background(t_us as f64) }
     }
 
-    /// Where it stands behind an event that was drawn from where it stood before.
-    fn behind(&mut self, before: &Start, drawn: Drawn) -> Start {
+    /// The silence after a drawn event.
+    fn after(&mut self, before: &SilenceStart, drawn: DrawnEvent) -> SilenceStart {
         let Spike { t_us, on } = drawn.spike;
-        let law = self.course.law;
-        let passes_by = drawn.is_background
-            && law.background_memorised < 1.0
-            && self.random.uniform() >= law.background_memorised;
-        if passes_by {
+        let law = self.signal.law;
+        let is_without_reset = drawn.is_background
+            && law.background_reset < 1.0
+            && self.random.uniform() >= law.background_reset;
+        if is_without_reset {
             let background = self.background(t_us as f64);
-            return Start { background, ..*before };
+            return SilenceStart { background, ..*before };
         }
-        let height = self.course.height(self.course.position(t_us as f64));
-        let change = before.case.map(|case| case.change(height, on));
+        let value = self.signal.value(self.signal.position(t_us as f64));
+        let change = before.state.map(|state| state.change(value, on));
         let background_share = f64::from(u8::from(drawn.is_background));
-        let fired = Fired { t_us: t_us as f64, on, background_share };
-        let case = fresh(&self.course, fired, change, self.to);
-        self.start(case, t_us, t_us as f64 + law.blind_s * 1e6)
+        let event = FiredEvent { t_us: t_us as f64, on, background_share };
+        let state = reset(&self.signal, event, change, self.to);
+        self.start(state, t_us, t_us as f64 + law.refractory_s * 1e6)
     }
 
-    /// The next event that is heard behind one of the recording.
-    fn heard(&mut self, memory: &Memory, behind: Spike, awake_us: f64) -> Option<Spike> {
+    /// The next event that is not lost, after a recorded one.
+    fn next_recorded(
+        &mut self,
+        references: &ReferenceMixture,
+        after: Spike,
+        awake_us: f64,
+    ) -> Option<Spike> {
         let mut left = self.random.uniform();
-        let (first, others) = memory.cases().split_first()?;
-        let mut case = *first;
+        let (first, others) = references.states().split_first()?;
+        let mut state = *first;
         for other in others {
-            left -= case.weight;
+            left -= state.weight;
             if left < 0.0 {
                 break;
             }
-            case = *other;
+            state = *other;
         }
-        let mut start = self.start(case, behind.t_us, awake_us);
+        let mut start = self.start(state, after.t_us, awake_us);
         let mut drawn = self.next(&start)?;
         while self.is_lost() {
-            start = self.behind(&start, drawn);
+            start = self.after(&start, drawn);
             drawn = self.next(&start)?;
         }
         Some(drawn.spike)
     }
 
-    /// Whether an event that the pixel fired is lost.
     fn is_lost(&mut self) -> bool {
-        let share = self.course.law.drop_fraction;
+        let share = self.signal.law.drop_fraction;
         share > 0.0 && self.random.uniform() < share
     }
 
     fn background(&mut self, from_us: f64) -> Spike {
-        let law = self.course.law;
+        let law = self.signal.law;
         let [on, off] = [law.background_on_hz, law.background_off_hz];
         let wait_s = self.random.exponential() / (on + off).max(1e-12);
         let is_on = self.random.uniform() * (on + off) < on;
         let t_us = (from_us + wait_s * 1e6).min(9e15).ceil() as i64;
-        // Stamps are whole microseconds, and each later than the one before it.
+        // Stamps are whole microseconds and strictly ascend.
         Spike { t_us: t_us.max(from_us as i64 + 1), on: is_on }
     }
 
-    /// The event that comes first; `None` when none comes before the light ends.
-    fn next(&self, start: &Start) -> Option<Drawn> {
+    /// The earlier of the next events; `None` when both come after the end of the signal.
+    fn next(&self, start: &SilenceStart) -> Option<DrawnEvent> {
         let background = Some(start.background).filter(|spike| (spike.t_us as f64) < self.to);
-        let drawn = |spike, is_background| Drawn { spike, is_background };
+        let drawn = |spike, is_background| DrawnEvent { spike, is_background };
         match (start.crossing, background) {
             (Some(a), Some(b)) if b.t_us < a.t_us => Some(drawn(b, true)),
             (Some(a), _) => Some(drawn(a, false)),
@@ -248,42 +263,43 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// The first event that the light sets off.
-    fn crossing(&mut self, limits: &Limits) -> Option<Spike> {
+    /// The first event by signal or noise.
+    fn crossing(&mut self, limits: &CrossingLimits) -> Option<Spike> {
         if limits.from_us >= self.to {
             return None;
         }
-        let course = self.course;
-        let (mut at, end) = (course.position(limits.from_us), course.position(self.to));
-        let mut before = course.height(at) - limits.value;
-        let mut reach = Reach::at(before);
-        reach.add(0.0);
-        let mut stores = [self.random.exponential(), self.random.exponential()];
-        for (next, height) in course.instants(at, end).chain([(end, course.height(end))]) {
-            let after = height - limits.value;
-            let seconds = (next - at) * course.step_s();
-            let behind = [at, next].map(|p| (course.time_us(p) - limits.from_us) * 1e-6);
-            let times = [seconds, course.law.rested(behind)];
-            if let Some((share, on)) = limits.passed([before, after], reach, times, &mut stores) {
-                let t_us = course.time_us(at + share * (next - at));
+        let signal = self.signal;
+        let (mut at, end) = (signal.position(limits.from_us), signal.position(self.to));
+        let mut before = signal.value(at) - limits.reference;
+        let mut range = SignalRange::at(before);
+        range.add(0.0);
+        let mut hazards_left = [self.random.exponential(), self.random.exponential()];
+        for (next, value) in signal.samples(at, end).chain([(end, signal.value(end))]) {
+            let after = value - limits.reference;
+            let seconds = (next - at) * signal.step_s();
+            let since_s = [at, next].map(|p| (signal.time_us(p) - limits.from_us) * 1e-6);
+            let segment = [seconds, signal.law.recovery(since_s)];
+            let first = limits.first_in([before, after], range, segment, &mut hazards_left);
+            if let Some((share, on)) = first {
+                let t_us = signal.time_us(at + share * (next - at));
                 return Some(Spike { t_us: t_us.round() as i64, on });
             }
-            reach.add(after);
+            range.add(after);
             (before, at) = (after, next);
         }
         None
     }
 }
 
-impl Limits {
-    /// Where on a straight passage the first event comes, as a share of it, and which. The passage takes so
-    /// many seconds, in which noise has so much of its rate.
-    fn passed(
+impl CrossingLimits {
+    /// The first event on a linear segment: its position as a share of the segment, and its polarity.
+    /// The segment takes some seconds, in which signal noise has recovered a share of its rate.
+    fn first_in(
         &self,
         [before, after]: [f64; 2],
-        reach: Reach,
-        [seconds, rested]: [f64; 2],
-        stores: &mut [f64; 2],
+        range: SignalRange,
+        [seconds, recovered]: [f64; 2],
+        hazards_left: &mut [f64; 2],
     ) -> Option<(f64, bool)> {
         let mut first: Option<(f64, bool)> = None;
         let mut offer = |share: f64, on: bool| {
@@ -291,24 +307,24 @@ impl Limits {
                 first = Some((share, on));
             }
         };
-        let extremes = [reach.high, -reach.low];
+        let extremes = [range.high, -range.low];
         for (side, on) in [(0, true), (1, false)] {
             let sign = if on { 1.0 } else { -1.0 };
             let (a, b) = (sign * before, sign * after);
-            let limit = self.shared.map_or(self.at[side], |sum| sum - extremes[1 - side]);
+            let limit = self.span.map_or(self.thresholds[side], |sum| sum - extremes[1 - side]);
             if b >= limit && b > a && b > extremes[side] {
                 offer(((limit - a) / (b - a)).clamp(0.0, 1.0), on);
             }
         }
-        if let Some(moves) = self.moves.filter(|_| seconds > 0.0) {
-            let speed = (after - before) / seconds;
+        if let Some(noise) = self.noise.filter(|_| seconds > 0.0) {
+            let slope = (after - before) / seconds;
             let middle = 0.5 * (before + after);
-            for (store, (on, y)) in stores.iter_mut().zip([(true, middle), (false, -middle)]) {
-                let hazard = moves.hazard(y, speed, on, rested) * seconds;
-                if hazard > *store {
-                    offer(*store / hazard, on);
+            for (left, (on, y)) in hazards_left.iter_mut().zip([(true, middle), (false, -middle)]) {
+                let hazard = noise.hazard(y, slope, on, recovered) * seconds;
+                if hazard > *left {
+                    offer(*left / hazard, on);
                 }
-                *store -= hazard;
+                *left -= hazard;
             }
         }
         first
