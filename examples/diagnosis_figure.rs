@@ -3,99 +3,69 @@
 //! `cargo run --release --example diagnosis_figure -- diagnosis.json OUT.svg`
 
 use evrig::diagnose::{Diagnosis, MisfitStratum, ProposedTerm};
+use evrig::report::plot::Ink;
+use evrig::report::plot::chart::{Axis, Chart, Layer, Stroke};
+use evrig::report::plot::sheet::Sheet;
+use evrig::report::plot::svg::{Anchor, Area};
 use evrig::stats::read_back;
-use plotters::coord::Shift;
-use plotters::prelude::*;
 use std::error::Error;
 
-type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Drawn = Result<(), Box<dyn Error>>;
-
 const USAGE: &str = "usage: diagnosis_figure diagnosis.json OUT.svg";
-const SIZE: (u32, u32) = (900, 340);
-const BAR: RGBColor = RGBColor(0, 114, 178);
-const CURVE: RGBColor = RGBColor(213, 94, 0);
-/// As many places as can be read in the picture.
+/// Places that can be read in the picture.
 const N_PLACES: usize = 8;
 
-fn main() -> Drawn {
+fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [from, to] = arguments.as_slice() else { return Err(USAGE.into()) };
     let diagnosis: Diagnosis = read_back(&std::fs::read_to_string(from)?)?;
-    let mut text = String::new();
-    {
-        let canvas = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
-        canvas.fill(&WHITE).map_err(|e| e.to_string())?;
-        let places = &diagnosis.mismatch.strata;
-        let places = &places[..strata.len().min(N_PLACES)];
-        if let Some(term) = &diagnosis.proposed_term {
-            let (left, right) = canvas.split_horizontally(510);
-            places_of(&left, places)?;
-            curve_of(&right, term)?;
-        } else {
-            places_of(&canvas, places)?;
-        }
-        canvas.present().map_err(|e| e.to_string())?;
+    let mut sheet = Sheet::new(900.0, 340.0);
+    let strata = &diagnosis.mismatch.strata;
+    let strata = &strata[..strata.len().min(N_PLACES)];
+    let area = |x: f64, w: f64| Area { x, y: 10.0, w, h: 320.0 };
+    if let Some(term) = &diagnosis.proposed_term {
+        draw_places(&mut sheet, area(10.0, 490.0), strata);
+        draw_term(&mut sheet, area(520.0, 370.0), term);
+    } else {
+        draw_places(&mut sheet, area(10.0, 880.0), strata);
     }
-    std::fs::write(to, text)?;
+    std::fs::write(to, sheet.finish())?;
     Ok(())
 }
 
-/// What a recalibration in each stratum would buy.
-fn places_of(area: &Canvas<'_>, places: &[MisfitStratum]) -> Drawn {
-    let most = places.first().map_or(1.0, |place| place.excess_nats_per_event);
-    let n = places.len() as f64;
-    let mut chart = ChartBuilder::on(area)
-        .caption("where the model is wrong", ("sans-serif", 16))
-        .margin(10)
-        .x_label_area_size(36)
-        .build_cartesian_2d(0.0..1.1 * most, 0.0..n.max(1.0))?;
-    chart
-        .configure_mesh()
-        .disable_y_mesh()
-        .disable_y_axis()
-        .light_line_style(WHITE)
-        .x_desc("excess, nats an event")
-        .draw()?;
+/// A bar for what a recalibration in each stratum would gain.
+fn draw_places(sheet: &mut Sheet, area: Area, places: &[MisfitStratum]) {
+    let greatest = places.first().map_or(1.0, |place| place.excess_nats_per_event);
+    sheet.title([area.x, area.y + 14.0], "where the model is wrong: excess, nats per event");
+    let row = (area.h - 24.0) / places.len().max(1) as f64;
     for (i, place) in places.iter().enumerate() {
-        let row = n - 1.0 - i as f64;
-        let bar = [(0.0, row + 0.1), (place.excess_nats_per_event, row + 0.45)];
-        chart.draw_series([Rectangle::new(bar, BAR.filled())])?;
-        chart.draw_series([Text::new(
-            place.description.clone(),
-            (0.0, row + 0.85),
-            ("sans-serif", 12),
-        )])?;
+        let y = area.y + 24.0 + row * i as f64;
+        let excess = place.excess_nats_per_event;
+        let bar = Area {
+            x: area.x,
+            y: y + 0.5 * row,
+            w: 0.85 * area.w * excess / greatest,
+            h: 0.35 * row,
+        };
+        let canvas = sheet.canvas();
+        canvas.text("legend", [area.x, y + 0.38 * row], Anchor::Start, &place.description);
+        canvas.rect("bar ink-series-0", bar);
+        let end = [bar.right() + 6.0, bar.y + 0.5 * bar.h + 4.0];
+        canvas.text("tick-label", end, Anchor::Start, &format!("{excess:.3}"));
     }
-    Ok(())
 }
 
 /// The proposed term over its covariate, with its 90 % band.
-fn curve_of(area: &Canvas<'_>, term: &ProposedTerm) -> Drawn {
-    let ends = |column: usize| {
-        let all = term.curve.iter().map(|point| point[column]);
-        (all.clone().fold(f64::INFINITY, f64::min), all.fold(f64::NEG_INFINITY, f64::max))
+fn draw_term(sheet: &mut Sheet, area: Area, term: &ProposedTerm) {
+    let ink = Ink::Series(1);
+    let band = term.curve.iter().map(|p| [p[0], p[2], p[3]]).collect();
+    let points = term.curve.iter().map(|p| [p[0], p[1]]).collect();
+    let chart = Chart {
+        x: Axis::linear(&term.depends_on),
+        y: Axis::from_zero("innovation, thresholds"),
+        layers: vec![
+            Layer::Band { ink, points: band },
+            Layer::Line { ink, stroke: Stroke::Solid, points },
+        ],
     };
-    let (across, low, high) = (ends(0), ends(2).0.min(0.0), ends(3).1.max(0.0));
-    if across.0 >= across.1 {
-        return Ok(());
-    }
-    let mut chart = ChartBuilder::on(area)
-        .caption(format!("proposed: enters {}", term.enters), ("sans-serif", 16))
-        .margin(10)
-        .x_label_area_size(36)
-        .y_label_area_size(50)
-        .build_cartesian_2d(across.0..across.1, low..high)?;
-    chart
-        .configure_mesh()
-        .light_line_style(WHITE)
-        .x_desc(&term.depends_on)
-        .y_desc("innovation, thresholds")
-        .draw()?;
-    let upper = term.curve.iter().map(|p| (p[0], p[3]));
-    let lower = term.curve.iter().rev().map(|p| (p[0], p[2]));
-    let band: Vec<(f64, f64)> = upper.chain(lower).collect();
-    chart.draw_series([Polygon::new(band, CURVE.mix(0.2))])?;
-    chart.draw_series(LineSeries::new(term.curve.iter().map(|p| (p[0], p[1])), CURVE))?;
-    Ok(())
+    sheet.chart(area, &format!("proposed: enters {}", term.enters), &[], &chart);
 }

@@ -16,8 +16,7 @@ pub(super) fn plan(args: &PlanArgs, output: &Output) -> anyhow::Result<Ending> {
     let plan = Plan::new(&trajectory, &rig, optional)
         .map_err(|error| WrongUse(format!("{} on rig {}: {error}", args.trajectory, args.rig)))?;
     if let Some(file) = &args.plot {
-        let svg = plot::svg(&plan, &rig).context("cannot draw the plan")?;
-        std::fs::write(file, svg)
+        std::fs::write(file, plot::svg(&plan, &rig))
             .with_context(|| format!("cannot write the plot {}", file.display()))?;
         output.say(format_args!("the plot is in {}", file.display()));
     }

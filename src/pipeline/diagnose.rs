@@ -14,7 +14,7 @@ use evrig_analysis::diagnose::{
     self, Departure, Diagnosis, DiagnosisOptions, Evidence, FittedCamera, ForwardSimulation,
     HeatMap, StampGrid,
 };
-use evrig_analysis::predict::ByPixel;
+use evrig_analysis::predict::EventsByPixel;
 use evrig_core::drive::Drive;
 use evrig_core::event::Events;
 use evrig_session::{Session, StageRecord, write_stage};
@@ -164,10 +164,11 @@ fn prepare(session: &Session, request: &DiagnoseRequest) -> Result<DiagnosisInpu
         (Some(&first), Some(&last)) => [from.max(first), to.min(last + 1)],
         _ => [from, to],
     };
-    let recording = ByPixel::new(real, drive.size(), [window[0], window[1].max(window[0] + 1)]);
+    let recording =
+        EventsByPixel::new(real, drive.size(), [window[0], window[1].max(window[0] + 1)]);
     let evidence = Evidence::new(&recording, drive.as_ref(), facts, &request.options)
         .map_err(|source| PipelineError::Diagnose { session: session.root().to_owned(), source })?;
-    let most_at_rest_hz = recording.most_at_rest_hz();
+    let most_at_rest_hz = recording.max_background_hz();
     // A long recording is held pixel by pixel from here on, not twice.
     let events = diagnose::events_on_patch(&evidence, drive.size(), events.as_slice());
     let departures = match (scene, rig) {

@@ -2,15 +2,10 @@
 //! interval holds the truth by its claimed level.
 
 use super::{Score, Share};
-use plotters::coord::Shift;
-use plotters::prelude::*;
-
-type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Drawn = Result<(), Box<dyn std::error::Error>>;
-
-const SIZE: (u32, u32) = (760, 330);
-const MEASURED: RGBColor = RGBColor(0, 114, 178);
-const EXPECTED: RGBColor = RGBColor(120, 120, 120);
+use evrig_report::plot::Ink;
+use evrig_report::plot::chart::{Axis, Chart, Layer, Stroke};
+use evrig_report::plot::sheet::Sheet;
+use evrig_report::plot::svg::Area;
 
 /// Middles of the bins of strength.
 const STRENGTHS: [f64; 4] = [1.19, 1.68, 2.38, 3.36];
@@ -18,73 +13,33 @@ const STRENGTHS: [f64; 4] = [1.19, 1.68, 2.38, 3.36];
 /// A score as one SVG picture; `None` where nothing was counted that could be drawn.
 #[must_use]
 pub fn figure(score: &Score) -> Option<String> {
-    let is_counted = |share: &Share| share.of > 0;
-    let calibration: Vec<&(f64, Share)> =
-        score.calibration.iter().filter(|(_, share)| is_counted(share)).collect();
-    if !score.by_strength.iter().any(is_counted) && calibration.is_empty() {
+    let points = |shares: &mut dyn Iterator<Item = (f64, Share)>| -> Vec<[f64; 4]> {
+        let counted = shares.filter(|(_, share)| share.of > 0);
+        counted.map(|(x, share)| [x, share.value(), share.ci95[0], share.ci95[1]]).collect()
+    };
+    let by_strength = points(&mut STRENGTHS.iter().copied().zip(score.by_strength.iter().copied()));
+    let calibration = points(&mut score.calibration.iter().copied());
+    if by_strength.is_empty() && calibration.is_empty() {
         return None;
     }
-    let mut text = String::new();
-    {
-        let canvas = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
-        // Drawing into a string fails only on a malformed chart, which would be this file's fault.
-        draw(&canvas, score, &calibration).ok()?;
-        canvas.present().ok()?;
-    }
-    Some(text)
-}
-
-fn draw(canvas: &Canvas<'_>, score: &Score, calibration: &[&(f64, Share)]) -> Drawn {
-    canvas.fill(&WHITE)?;
-    let (left, right) = canvas.split_horizontally(380);
-    let strengths = STRENGTHS.iter().zip(&score.by_strength);
-    let named: Vec<(f64, Share)> =
-        strengths.filter(|(_, share)| share.of > 0).map(|(&s, &share)| (s, share)).collect();
-    points(
-        &left,
-        ["one effect: named first", "strength, in least strengths", "share of trials"],
-        1.0..4.0,
-        &named,
-        None,
-    )?;
-    let held: Vec<(f64, Share)> = calibration.iter().map(|&&pair| pair).collect();
-    points(
-        &right,
-        ["intervals that hold the truth", "claimed level", "share of parameters"],
-        0.4..1.0,
-        &held,
-        Some([(0.4, 0.4), (1.0, 1.0)]),
-    )
-}
-
-/// Shares with their 95 % intervals over something, and a line that they should lie on.
-fn points(
-    area: &Canvas<'_>,
-    [title, across, up]: [&str; 3],
-    range: std::ops::Range<f64>,
-    shares: &[(f64, Share)],
-    expected: Option<[(f64, f64); 2]>,
-) -> Drawn {
-    let mut chart = ChartBuilder::on(area)
-        .caption(title, ("sans-serif", 16))
-        .margin(10)
-        .x_label_area_size(36)
-        .y_label_area_size(44)
-        .build_cartesian_2d(range, 0.0..1.0)?;
-    chart.configure_mesh().light_line_style(WHITE).x_desc(across).y_desc(up).draw()?;
-    if let Some(line) = expected {
-        chart.draw_series(LineSeries::new(line, EXPECTED))?;
-    }
-    for &(at, share) in shares {
-        let [low, high] = share.ci95;
-        chart.draw_series(std::iter::once(PathElement::new([(at, low), (at, high)], MEASURED)))?;
-        chart.draw_series(std::iter::once(Circle::new(
-            (at, share.value()),
-            4,
-            MEASURED.filled(),
-        )))?;
-    }
-    Ok(())
+    let mut sheet = Sheet::new(760.0, 330.0);
+    let area = |x: f64| Area { x, y: 10.0, w: 360.0, h: 310.0 };
+    let measured = |points| Layer::Errors { ink: Ink::Series(0), points };
+    let strengths = Chart {
+        x: Axis::linear("strength, in least strengths").over(1.0, 4.0),
+        y: Axis::linear("share of trials").over(0.0, 1.0),
+        layers: vec![measured(by_strength)],
+    };
+    sheet.chart(area(10.0), "one effect: named first", &[], &strengths);
+    let expected =
+        Layer::Line { ink: Ink::Guide, stroke: Stroke::Thin, points: vec![[0.4, 0.4], [1.0, 1.0]] };
+    let intervals = Chart {
+        x: Axis::linear("claimed level").over(0.4, 1.0),
+        y: Axis::linear("share of parameters").over(0.0, 1.0),
+        layers: vec![expected, measured(calibration)],
+    };
+    sheet.chart(area(390.0), "intervals that hold the truth", &[], &intervals);
+    Some(sheet.finish())
 }
 
 #[cfg(test)]
@@ -102,7 +57,7 @@ mod tests {
             ..Score::default()
         };
         let picture = figure(&score).unwrap();
-        assert_eq!(picture.matches("<circle").count(), 5, "{picture}");
+        assert_eq!(picture.matches("dots big").count(), 5, "{picture}");
         assert!(picture.contains("claimed level"));
     }
 }

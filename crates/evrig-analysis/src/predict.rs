@@ -1,49 +1,49 @@
-//! The teacher-forced predictor: how likely are the events that were seen, given the light?
+//! Teacher-forced likelihood of recorded events given the log-intensity signal of their pixels.
 //!
-//! Each pixel is a point process that depends on its own past. At an event, and after its blind
-//! time, the pixel memorises the light; from there on the signal `y` is the light's change since,
-//! in log intensity, with leak. On and Off each have a threshold that is drawn anew for every event
-//! about its mean (log-logistic, so that it is positive), and an event comes when the running
-//! maximum of `y`, or of `-y`, passes it. The compensator of a monotone stretch is therefore a
-//! difference of two values of one function: nothing is summed over a grid in time, however sharp
-//! the crossing. To this come two hazards that need no new maximum: the noise's own movement, which
-//! lets the signal cross while the light stands still (after Rice, Bell Syst. Tech. J. 24, 1945),
-//! and background events. What a pixel memorised before its first event is not known: it then lies
-//! anywhere between its two thresholds, so that silent pixels count too. Where something came about
-//! behind the pixel (a filter of events took some out, an event was added) it may have memorised one
-//! thing or another: a few cases are then followed side by side, each with its weight.
+//! Each pixel is a point process that depends on its own past. At an event, and after the refractory
+//! period, the pixel stores a reference level; the signal `y` is the change of log intensity since
+//! then, with leak. Each polarity has a threshold that is drawn anew for every event from a
+//! log-logistic distribution. An event occurs when the running maximum of `y` (ON) or of `-y` (OFF)
+//! exceeds it. The compensator of a monotone interval is therefore a difference of two values of one
+//! cumulative hazard, so that nothing is integrated over a time grid.
 //!
-//! The score is the log-likelihood of the process, events and silences, in nats per event with time
-//! in seconds. Pixels are independent of each other given the light: they are worked on in
-//! parallel and summed in a fixed order, so the result has the same bits on any number of threads.
+//! Two hazards come on top: level crossings by noise, which moves the signal while the light is
+//! constant (Rice, Bell Syst. Tech. J. 24, 1945), and background events. Before a pixel's first event
+//! its reference level is unknown and lies between the two thresholds, so that silent pixels count
+//! too. Where the reference level is ambiguous (events were removed by a filter or lost, or noise
+//! events did not reset it) a mixture of a few weighted reference levels is propagated.
+//!
+//! The score is the log-likelihood of the process, of events and of silences, with time in seconds.
+//! Pixels are conditionally independent given the signal.
 
-mod bends;
-mod blocks;
-mod by_pixel;
-mod course;
-mod law;
-mod light;
-mod lost;
-mod mask;
-mod memory;
-mod movement;
+mod event_loss;
+mod leaky_signal;
+mod likelihood;
+mod noise_crossing;
 mod normal;
+mod pixel_events;
+mod pixel_law;
+mod pixel_signal;
+mod reference_mixture;
+mod reference_reset;
+mod reference_state;
+mod refractory_filter;
 mod residual;
-mod sample;
-mod score;
+mod signal_knots;
+mod simulate;
 mod softplus;
 mod threshold;
-mod walk;
+mod time_blocks;
+mod unknown_reference;
 
-pub use bends::Bends;
-pub use blocks::{BlockScore, Blocks};
-pub use by_pixel::{ByPixel, Spike};
-pub use law::{LawError, PixelLaw, SHOT_SPEED};
-pub use light::{Light, Lights};
-pub use residual::{Previous, Residual, Silence, residuals};
-pub use sample::{Followed, Moment, followed, sample};
-pub use score::{Score, score, score_lights, score_pixel};
-pub use walk::{EventTerm, Stretch, Witness, walk};
+pub use likelihood::{EventTerm, LikelihoodVisitor, SilentInterval, score_pixel, visit};
+pub use pixel_events::{EventsByPixel, Spike};
+pub use pixel_law::{PixelLaw, SHOT_NOISE_RMS_SPEED};
+pub use pixel_signal::PixelSignal;
+pub use residual::{BlockCounts, PreviousEvent, Residual, residuals};
+pub use signal_knots::SignalKnots;
+pub use simulate::{NextEventPair, SpikeContext, next_events, sample};
+pub use time_blocks::{BlockScore, TimeBlocks};
 
 #[cfg(test)]
 mod tests;

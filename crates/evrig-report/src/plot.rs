@@ -16,6 +16,7 @@ pub mod picture;
 pub mod rate;
 pub mod ratio;
 pub mod scale;
+pub mod sheet;
 pub mod strip;
 pub mod svg;
 
@@ -78,6 +79,8 @@ pub enum Ink {
     On,
     /// Off events.
     Off,
+    /// One of several curves of a kind, numbered from 0; colours repeat after four.
+    Series(u8),
     /// Marks that guide the eye and are no data.
     Guide,
 }
@@ -92,6 +95,12 @@ impl Ink {
             Self::Corrected => "ink-fix",
             Self::On => "ink-on",
             Self::Off => "ink-off",
+            Self::Series(n) => match n % 4 {
+                0 => "ink-series-0",
+                1 => "ink-series-1",
+                2 => "ink-series-2",
+                _ => "ink-series-3",
+            },
             Self::Guide => "ink-guide",
         }
     }

@@ -49,7 +49,10 @@ pub(super) fn clock_tie(
     let is_meant = begin.abs().max(end.abs()) < MOST_LATE_US;
     (statement_bound_us < LEAST_SURE_US && is_meant).then_some(ClockTie {
         offset_us: [0.5 * (begin + end) - row_delay_us, registration.alignment_error[8] * 1e6],
-        skew_ppm: [(end - begin) / (to_s - from_s).max(1e-3), registration.alignment_error[9] * 1e6],
+        skew_ppm: [
+            (end - begin) / (to_s - from_s).max(1e-3),
+            registration.alignment_error[9] * 1e6,
+        ],
         statement_bound_us,
     })
 }

@@ -12,7 +12,7 @@
 use super::Light;
 use super::light::Part;
 use super::search::Objective;
-use crate::predict::{self, Blocks, ByPixel, PixelLaw};
+use crate::predict::{EventsByPixel, PixelLaw, PixelSignal, TimeBlocks, score_pixel};
 use evrig_core::event::EventSlice;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -27,7 +27,7 @@ const PER_FRAME: usize = 2;
 /// Real events by pixel, and the light they came from.
 pub struct ScoreObjective<'a> {
     light: &'a Light,
-    recording: Arc<ByPixel>,
+    recording: Arc<EventsByPixel>,
     slots: [Vec<u32>; 2],
     white_dn: f64,
     thinned: Option<Box<Self>>,
@@ -39,7 +39,7 @@ impl<'a> ScoreObjective<'a> {
     pub fn new(light: &'a Light, events: EventSlice<'_>, seed: u64) -> Self {
         let times = light.times_us();
         let [first, last] = [times.first(), times.last()].map(|t| t.copied().unwrap_or_default());
-        let recording = Arc::new(ByPixel::new(events, light.size(), [first, last]));
+        let recording = Arc::new(EventsByPixel::new(events, light.size(), [first, last]));
         let brightest = |slot: usize| light.series(slot).iter().copied().fold(0.0, f32::max);
         let white_dn = f64::from((0..light.pixels().len()).map(brightest).fold(1.0, f32::max));
         let of = |most: usize| {
@@ -56,10 +56,10 @@ impl<'a> ScoreObjective<'a> {
         let width = u32::from(self.light.size().width);
         let (x, y) = ((pixel % width) as u16, (pixel / width) as u16);
         let Signal { signal, level, step_us } = self.signal(slot, k);
-        let blocks = Blocks::new(self.recording.length_us(), 1);
-        let light =
-            predict::Light { start_us: 0.0, step_us, signal: &signal, level: &level, bends: None };
-        let scores = predict::score_pixel(law, light, self.recording.of(x, y), &blocks);
+        let blocks = TimeBlocks::new(self.recording.length_us(), 1);
+        let signal =
+            PixelSignal { start_us: 0.0, step_us, signal: &signal, level: &level, knots: None };
+        let scores = score_pixel(law, signal, self.recording.of(x, y), &blocks);
         scores.first().map_or((0.0, 0), |score| (score.log_likelihood(), score.n_events))
     }
 
@@ -135,7 +135,7 @@ impl Objective for ScoreObjective<'_> {
             background_off_hz: value(3),
             ..PixelLaw::default()
         };
-        if law.check().is_err() {
+        if !law.is_valid() {
             return f64::INFINITY;
         }
         let slots = &self.slots[usize::from(part == Part::HeldOut)];

@@ -10,7 +10,7 @@ pub(crate) mod stamp_grid;
 use crate::diagnose::evidence::event_context::EventContext;
 use crate::diagnose::evidence::pixel_selection::select_pixels;
 use crate::diagnose::{DiagnosisOptions, SessionFacts};
-use crate::predict::{Bends, Blocks, ByPixel, Light, Spike};
+use crate::predict::{EventsByPixel, PixelSignal, SignalKnots, Spike, TimeBlocks};
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::geometry::Rectangle;
 use evrig_core::stats::SplitMix;
@@ -74,15 +74,15 @@ pub struct PixelEvidence {
     /// Laplacian of intensity over intensity, per square pixel; empty where not needed.
     pub laplacian: Vec<f32>,
     /// Where the light bends, once that was asked.
-    bends: OnceLock<Bends>,
+    bends: OnceLock<SignalKnots>,
 }
 
 impl PixelEvidence {
     /// Where the light bends, as it is known.
-    pub(crate) fn bends(&self) -> &Bends {
+    pub(crate) fn bends(&self) -> &SignalKnots {
         self.bends.get_or_init(|| {
             let (signal, level) = (&self.light, &self.light);
-            Bends::of(Light { start_us: 0.0, step_us: 1.0, signal, level, bends: None })
+            SignalKnots::of(PixelSignal { start_us: 0.0, step_us: 1.0, signal, level, knots: None })
         })
     }
 
@@ -115,7 +115,7 @@ pub struct Evidence {
     /// From one instant to the next, microseconds.
     pub step_us: f64,
     /// Blocks of time.
-    pub blocks: Blocks,
+    pub blocks: TimeBlocks,
     /// Number of tiles.
     pub n_tiles: usize,
     /// Tiles across and down.
@@ -138,7 +138,7 @@ impl Evidence {
     /// # Errors
     /// When light and events do not overlap, or too few events have a light.
     pub fn new(
-        recording: &ByPixel,
+        recording: &EventsByPixel,
         drive: &dyn Drive,
         facts: SessionFacts,
         options: &DiagnosisOptions,
@@ -185,7 +185,7 @@ impl Evidence {
             window_us: window,
             start_us,
             step_us: f64::from(grid.step_us),
-            blocks: Blocks::new(recording.length_us(), options.n_blocks),
+            blocks: TimeBlocks::new(recording.length_us(), options.n_blocks),
             n_tiles,
             tiles: [n_across, n_down],
             tile_px: options.tile_px,
@@ -327,7 +327,7 @@ fn instants(stretches_us: &[[i64; 2]], grid: TimeGrid) -> Vec<Range<usize>> {
 }
 
 fn pixel(
-    recording: &ByPixel,
+    recording: &EventsByPixel,
     drive: &dyn Drive,
     grid: TimeGrid,
     jumps: &[Range<usize>],
@@ -368,7 +368,7 @@ fn pixel(
     Some(evidence)
 }
 
-fn rates(recording: &ByPixel, grid: TimeGrid, start_us: f64) -> [Vec<f32>; 2] {
+fn rates(recording: &EventsByPixel, grid: TimeGrid, start_us: f64) -> [Vec<f32>; 2] {
     let mut net = vec![0.0; grid.n];
     let mut all = vec![0.0; grid.n];
     for y in 0..recording.size().height {

@@ -27,7 +27,7 @@ use super::fit::spatial_region;
 use super::fit::standard_errors;
 use super::model::library;
 use super::*;
-use crate::predict::ByPixel;
+use crate::predict::EventsByPixel;
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::effect_id::EffectId;
 use evrig_core::event::Events;
@@ -129,12 +129,12 @@ impl Drive for Changed {
 }
 
 /// Six events in every pixel, all at the beginning.
-fn filled() -> ByPixel {
+fn filled() -> EventsByPixel {
     let filler: Events = (0..60_u16)
         .flat_map(|y| (0..60_u16).map(move |x| evrig_core::event::Event { t: 1, x, y, on: true }))
         .flat_map(|e| (0..6).map(move |i| evrig_core::event::Event { t: i, ..e }))
         .collect();
-    ByPixel::new(filler.as_slice(), Size::new(60, 60), [0, END_US])
+    EventsByPixel::new(filler.as_slice(), Size::new(60, 60), [0, END_US])
 }
 
 fn empty() -> Evidence {
@@ -329,10 +329,10 @@ fn too_few_events_and_a_light_of_another_time_are_refused_with_what_to_do() {
     let events: Events =
         (0..50).map(|i| evrig_core::event::Event { t: i * 1_000, x: 3, y: 4, on: true }).collect();
     let size = Size::new(60, 60);
-    let recording = ByPixel::new(events.as_slice(), size, [0, END_US]);
+    let recording = EventsByPixel::new(events.as_slice(), size, [0, END_US]);
     let error = Evidence::new(&recording, &Texture, facts(), &options()).unwrap_err();
     assert!(error.to_string().contains("record for longer"), "{error}");
-    let later = ByPixel::new(events.as_slice(), size, [10 * END_US, 11 * END_US]);
+    let later = EventsByPixel::new(events.as_slice(), size, [10 * END_US, 11 * END_US]);
     let error = Evidence::new(&later, &Texture, facts(), &options()).unwrap_err();
     assert!(error.to_string().contains("check the clocks"), "{error}");
     // As many as one could wish for, but all before the light is known.
@@ -378,7 +378,7 @@ fn of_a_long_recording_part_of_every_block_is_looked_at() {
         on: true,
     };
     let events: Events = (0..40 * 3_600).map(event).collect();
-    let recording = ByPixel::new(events.as_slice(), Size::new(60, 60), [0, END_US]);
+    let recording = EventsByPixel::new(events.as_slice(), Size::new(60, 60), [0, END_US]);
     let options = DiagnosisOptions { n_events: 400, ..options() };
     let evidence = Evidence::new(&recording, &Texture, facts(), &options).unwrap();
     assert_eq!(evidence.pixels.len(), 60);

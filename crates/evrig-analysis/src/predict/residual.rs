@@ -1,13 +1,15 @@
-//! What the prediction leaves over, event by event and silence by silence.
-//!
-//! This is the record that locating a mismatch works on: every event's innovation with what it may
-//! depend on, and the expected counts of every cell of time beside the counts that came.
+//! Residuals of the prediction: each event with its innovation and covariates, and expected and
+//! observed counts of each time block.
 
-use super::{Blocks, EventTerm, Light, PixelLaw, Spike, Stretch, Witness, walk};
+use super::likelihood::{EventTerm, LikelihoodVisitor, SilentInterval, visit};
+use super::pixel_events::Spike;
+use super::pixel_law::PixelLaw;
+use super::pixel_signal::PixelSignal;
+use super::time_blocks::TimeBlocks;
 
-/// A pixel's event before this one.
+/// The pixel's event before an event.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Previous {
+pub struct PreviousEvent {
     /// Time since it, seconds.
     pub ago_s: f64,
     /// Its polarity.
@@ -23,71 +25,72 @@ pub struct Residual {
     pub y: u16,
     /// Microseconds since the start of the window.
     pub t_us: i64,
-    /// Its polarity.
+    /// Polarity.
     pub on: bool,
-    /// By how much the light had changed beyond the threshold when it came, in thresholds:
-    /// above 0 the event is late, below 0 early. `None` for a first event.
+    /// Change of the signal beyond the threshold at the event, in thresholds: positive for a late
+    /// event, negative for an early one. `None` for a first event.
     pub innovation: Option<f64>,
-    /// Logarithm of its predicted hazard, a second.
+    /// Logarithm of the predicted hazard, per second.
     pub log_hazard: f64,
-    /// The part of that hazard which is background, 0 to 1.
+    /// Share of background in that hazard, 0 to 1.
     pub background_share: f64,
-    /// The compensator of the silence before it: exponential of mean one under a true law.
-    pub spent: f64,
-    /// Speed of the light in the event's direction, log intensity a second.
+    /// Compensator since the event before: exponential with mean 1 under the true parameters.
+    pub compensator: f64,
+    /// Slope of the signal towards the event's polarity, log intensity per second.
     pub slope_per_s: f64,
-    /// Log intensity over white.
+    /// Log intensity relative to white.
     pub level: f64,
-    /// The pixel's event before it, inside the window.
-    pub previous: Option<Previous>,
+    /// The pixel's event before, inside the window.
+    pub previous: Option<PreviousEvent>,
 }
 
-/// Counts of one pixel in one block of time.
+/// Counts of one pixel in one time block.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Silence {
-    /// Seconds of known light.
+pub struct BlockCounts {
+    /// Seconds of known signal.
     pub seconds: f64,
-    /// Expected On events.
+    /// Expected ON events.
     pub expected_on: f64,
-    /// Expected Off events.
+    /// Expected OFF events.
     pub expected_off: f64,
-    /// On events that came.
+    /// Observed ON events.
     pub on: u32,
-    /// Off events that came.
+    /// Observed OFF events.
     pub off: u32,
 }
 
-struct Recorder<'a> {
+struct ResidualRecorder<'a> {
     law: &'a PixelLaw,
-    place: (u16, u16),
+    pixel: (u16, u16),
     spikes: &'a [Spike],
     residuals: Vec<Residual>,
-    cells: Vec<Silence>,
+    counts: Vec<BlockCounts>,
 }
 
-impl Witness for Recorder<'_> {
-    fn silence(&mut self, stretch: &Stretch) {
-        let cell = &mut self.cells[stretch.block];
-        cell.seconds += (stretch.to_us - stretch.from_us) * 1e-6;
-        cell.expected_on += stretch.on;
-        cell.expected_off += stretch.off;
+impl LikelihoodVisitor for ResidualRecorder<'_> {
+    fn silence(&mut self, interval: &SilentInterval) {
+        let counts = &mut self.counts[interval.block];
+        counts.seconds += (interval.to_us - interval.from_us) * 1e-6;
+        counts.expected_on += interval.on;
+        counts.expected_off += interval.off;
     }
 
     fn event(&mut self, term: &EventTerm) {
         let Spike { t_us, on } = term.spike;
-        let cell = &mut self.cells[term.block];
-        *(if on { &mut cell.on } else { &mut cell.off }) += 1;
+        let counts = &mut self.counts[term.block];
+        *(if on { &mut counts.on } else { &mut counts.off }) += 1;
         let before = term.index.checked_sub(1).map(|index| self.spikes[index]);
-        let previous = before.map(|b| Previous { ago_s: (t_us - b.t_us) as f64 * 1e-6, on: b.on });
+        let previous =
+            before.map(|b| PreviousEvent { ago_s: (t_us - b.t_us) as f64 * 1e-6, on: b.on });
         self.residuals.push(Residual {
-            x: self.place.0,
-            y: self.place.1,
+            x: self.pixel.0,
+            y: self.pixel.1,
             t_us,
             on,
             innovation: term.change.map(|change| change / self.law.theta(on) - 1.0),
             log_hazard: term.log_hazard,
             background_share: term.background_share,
-            spent: term.spent,
+            compensator: term.compensator,
             slope_per_s: term.slope_per_s,
             level: term.level,
             previous,
@@ -95,17 +98,17 @@ impl Witness for Recorder<'_> {
     }
 }
 
-/// The residuals of one pixel's events in the order of time, and its counts in each block.
+/// Residuals of one pixel's events in order of time, and its counts in each block.
 #[must_use]
 pub fn residuals(
     law: &PixelLaw,
-    light: Light<'_>,
-    place: (u16, u16),
+    signal: PixelSignal<'_>,
+    pixel: (u16, u16),
     spikes: &[Spike],
-    blocks: &Blocks,
-) -> (Vec<Residual>, Vec<Silence>) {
-    let cells = vec![Silence::default(); blocks.n()];
-    let mut recorder = Recorder { law, place, spikes, residuals: Vec::new(), cells };
-    walk(law, light, spikes, blocks, &mut recorder);
-    (recorder.residuals, recorder.cells)
+    blocks: &TimeBlocks,
+) -> (Vec<Residual>, Vec<BlockCounts>) {
+    let counts = vec![BlockCounts::default(); blocks.n()];
+    let mut recorder = ResidualRecorder { law, pixel, spikes, residuals: Vec::new(), counts };
+    visit(law, signal, spikes, blocks, &mut recorder);
+    (recorder.residuals, recorder.counts)
 }

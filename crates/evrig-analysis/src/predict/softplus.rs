@@ -1,12 +1,12 @@
-//! The logistic function and its integral, from a table: a score asks for them hundreds of millions of
+//! The logistic function and its integral from a table; a fit evaluates them hundreds of millions of
 //! times.
 
 use std::sync::LazyLock;
 
-/// Values for each unit.
+/// Table entries per unit.
 const PER_UNIT: f64 = 32.0;
 
-/// From here on, and below minus this, double precision knows nothing but the asymptotes.
+/// Beyond this the asymptotes are exact in double precision.
 const FAR: f64 = 36.0;
 
 /// The integral and the function at `0`, `-1 / PER_UNIT`, and so on to `-FAR`.
@@ -16,19 +16,19 @@ static TABLE: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
     (0..n).map(at).map(|power| [power.ln_1p(), power / (1.0 + power)]).collect()
 });
 
-/// A place on the table near `-|z|`, and how far that lies beside it.
-fn near(z: f64) -> ([f64; 2], f64) {
+/// The table entry nearest to `-|z|` and the distance to it.
+fn nearest(z: f64) -> ([f64; 2], f64) {
     let units = z.abs() * PER_UNIT;
     let index = (units + 0.5) as usize;
     (TABLE[index], (index as f64 - units) / PER_UNIT)
 }
 
-/// `ln(1 + e^z)` without overflow; off by less than 1e-11 of it.
+/// `ln(1 + e^z)` without overflow; relative error below 1e-11.
 pub(super) fn softplus(z: f64) -> f64 {
     if z.abs() >= FAR {
         return if z > 0.0 { z } else { z.exp() };
     }
-    let ([value, s], d) = near(z);
+    let ([value, s], d) = nearest(z);
     // The derivatives of the logistic function are polynomials in itself.
     let p = s * (1.0 - s);
     let fourth = p * (1.0 - 6.0 * p) / 24.0;
@@ -36,12 +36,12 @@ pub(super) fn softplus(z: f64) -> f64 {
     value + d * (s + d * (0.5 * p + d * (third + d * fourth))) + z.max(0.0)
 }
 
-/// `1 / (1 + e^-z)`; off by less than 1e-10 of it.
+/// `1 / (1 + e^-z)`; relative error below 1e-10.
 pub(super) fn logistic(z: f64) -> f64 {
     if z.abs() >= FAR {
         return if z > 0.0 { 1.0 } else { z.exp() };
     }
-    let ([_, s], d) = near(z);
+    let ([_, s], d) = nearest(z);
     let p = s * (1.0 - s);
     let turn = p * (1.0 - 2.0 * s);
     let fourth = turn * (1.0 - 12.0 * p) / 24.0;
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_is_as_good_as_the_functions() {
+    fn the_table_agrees_with_the_functions() {
         for i in -80_000..=80_000 {
             let z = f64::from(i) * 5.003e-4;
             let exact = z.max(0.0) + (-z.abs()).exp().ln_1p();
@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_beyond_all_bounds_has_its_limit_and_no_number_none() {
+    fn infinities_have_limits_and_nan_stays_nan() {
         assert_eq!((softplus(f64::INFINITY), logistic(f64::INFINITY)), (f64::INFINITY, 1.0));
         assert_eq!((softplus(f64::NEG_INFINITY), logistic(f64::NEG_INFINITY)), (0.0, 0.0));
         assert!(softplus(f64::NAN).is_nan() && logistic(f64::NAN).is_nan());

@@ -2,7 +2,6 @@
 //! its entropy, and scores less under any other law.
 
 use super::*;
-use evrig_core::geometry::Size;
 use evrig_core::stats::{Moments, SplitMix};
 
 const END_US: i64 = 20_000_000;
@@ -23,22 +22,22 @@ fn wander(number: u64) -> Vec<f32> {
         .collect()
 }
 
-fn light(values: &[f32]) -> Light<'_> {
-    Light { start_us: 0.0, step_us: 1_000.0, signal: values, level: values, bends: None }
+fn signal_of(values: &[f32]) -> PixelSignal<'_> {
+    PixelSignal { start_us: 0.0, step_us: 1_000.0, signal: values, level: values, knots: None }
 }
 
 fn draw(law: &PixelLaw, values: &[Vec<f32>], seed: u64) -> Vec<Vec<Spike>> {
     let one = |(i, v): (usize, &Vec<f32>)| {
-        sample(law, light(v), END_US, &mut SplitMix::new(seed, i as u64))
+        sample(law, signal_of(v), END_US, &mut SplitMix::new(seed, i as u64))
     };
     values.iter().enumerate().map(one).collect()
 }
 
 fn total(law: &PixelLaw, values: &[Vec<f32>], spikes: &[Vec<Spike>]) -> f64 {
-    let blocks = Blocks::new(END_US, 7);
+    let blocks = TimeBlocks::new(END_US, 7);
     let (mut sum, mut n) = (0.0, 0);
     for (values, spikes) in values.iter().zip(spikes) {
-        for block in score_pixel(law, light(values), spikes, &blocks) {
+        for block in score_pixel(law, signal_of(values), spikes, &blocks) {
             sum += block.log_likelihood();
             n += block.n_events;
         }
@@ -51,10 +50,10 @@ fn laws() -> Vec<PixelLaw> {
     vec![
         plain,
         PixelLaw { noise_speed_per_s: 0.6, noise_at_white: 0.03, ..plain },
-        PixelLaw { blind_s: 0.02, theta_off: 0.3, background_on_hz: 0.5, ..plain },
-        PixelLaw { masked_s: 0.05, ..plain },
-        PixelLaw { background_memorised: 0.0, background_off_hz: 0.5, ..plain },
-        PixelLaw { noise_memorised: 0.8, noise_speed_per_s: 0.6, noise_at_white: 0.03, ..plain },
+        PixelLaw { refractory_s: 0.02, theta_off: 0.3, background_on_hz: 0.5, ..plain },
+        PixelLaw { filter_refractory_s: 0.05, ..plain },
+        PixelLaw { background_reset: 0.0, background_off_hz: 0.5, ..plain },
+        PixelLaw { noise_carry: 0.8, noise_speed_per_s: 0.6, noise_at_white: 0.03, ..plain },
         PixelLaw { drop_fraction: 0.3, ..plain },
         PixelLaw { noise_at_rest: 0.2, noise_speed_per_s: 0.6, noise_at_white: 0.03, ..plain },
     ]
@@ -63,7 +62,7 @@ fn laws() -> Vec<PixelLaw> {
 #[test]
 fn the_compensator_of_a_silence_is_exponential_under_the_true_law() {
     let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
-    let blocks = Blocks::new(END_US, 5);
+    let blocks = TimeBlocks::new(END_US, 5);
     for (number, law) in laws().into_iter().enumerate() {
         // Where several memories are possible a few are followed, not all.
         let most = if number < 3 { 0.15 } else { 0.25 };
@@ -71,8 +70,8 @@ fn the_compensator_of_a_silence_is_exponential_under_the_true_law() {
         let mut spent = Vec::new();
         let (mut expected, mut seen) = (0.0, 0.0);
         for (values, spikes) in values.iter().zip(&spikes) {
-            let (events, cells) = residuals(&law, light(values), (0, 0), spikes, &blocks);
-            spent.extend(events.iter().map(|event| event.spent));
+            let (events, cells) = residuals(&law, signal_of(values), (0, 0), spikes, &blocks);
+            spent.extend(events.iter().map(|event| event.compensator));
             expected += cells.iter().map(|c| c.expected_on + c.expected_off).sum::<f64>();
             seen += cells.iter().map(|c| f64::from(c.on + c.off)).sum::<f64>();
         }
@@ -130,7 +129,7 @@ fn every_other_law_scores_less_than_the_true_one() {
         PixelLaw { noise_exponent: 0.0, ..law },
         PixelLaw { noise_speed_per_s: 0.5, ..law },
         PixelLaw { background_on_hz: 1.0, ..law },
-        PixelLaw { blind_s: 0.0, ..law },
+        PixelLaw { refractory_s: 0.0, ..law },
         PixelLaw { drop_fraction: 0.05, ..law },
     ];
     for other in others {
@@ -140,7 +139,7 @@ fn every_other_law_scores_less_than_the_true_one() {
 }
 
 #[test]
-fn where_the_light_rests_noise_is_told_from_the_error_of_the_light() {
+fn constant_light_separates_pixel_noise_from_signal_error() {
     let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
     let plain = laws()[0];
     // Half of the pixels rest, and leak.
@@ -157,17 +156,24 @@ fn where_the_light_rests_noise_is_told_from_the_error_of_the_light() {
 }
 
 #[test]
-fn what_a_pixel_memorises_is_told_from_when_it_is_heard() {
+fn reset_and_refractory_parameters_are_identifiable() {
     let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
     let [masked, added, carried] = [laws()[3], laws()[4], laws()[5]];
     let cases = [
-        (masked, PixelLaw { blind_s: masked.masked_s, masked_s: 0.0, ..masked }),
-        (masked, PixelLaw { masked_s: 0.04, ..masked }),
-        (masked, PixelLaw { masked_s: 0.06, ..masked }),
-        (added, PixelLaw { background_memorised: 1.0, ..added }),
-        (added, PixelLaw { background_memorised: 0.5, ..added }),
-        (carried, PixelLaw { noise_memorised: 0.0, ..carried }),
-        (carried, PixelLaw { noise_memorised: 0.4, ..carried }),
+        (
+            masked,
+            PixelLaw {
+                refractory_s: masked.filter_refractory_s,
+                filter_refractory_s: 0.0,
+                ..masked
+            },
+        ),
+        (masked, PixelLaw { filter_refractory_s: 0.04, ..masked }),
+        (masked, PixelLaw { filter_refractory_s: 0.06, ..masked }),
+        (added, PixelLaw { background_reset: 1.0, ..added }),
+        (added, PixelLaw { background_reset: 0.5, ..added }),
+        (carried, PixelLaw { noise_carry: 0.0, ..carried }),
+        (carried, PixelLaw { noise_carry: 0.4, ..carried }),
     ];
     for (law, other) in cases {
         let spikes = draw(&law, &values, 9);
@@ -177,7 +183,7 @@ fn what_a_pixel_memorises_is_told_from_when_it_is_heard() {
 }
 
 #[test]
-fn a_filter_of_events_is_scored_as_what_it_left() {
+fn the_refractory_filter_is_identifiable() {
     let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
     let plain = laws()[0];
     let mut spikes = draw(&plain, &values, 4);
@@ -189,7 +195,9 @@ fn a_filter_of_events_is_scored_as_what_it_left() {
             is_kept
         });
     }
-    let at = |masked_s: f64| total(&PixelLaw { masked_s, ..plain }, &values, &spikes);
+    let at = |filter_refractory_s: f64| {
+        total(&PixelLaw { filter_refractory_s, ..plain }, &values, &spikes)
+    };
     let right = at(0.06);
     for wrong in [0.0, 0.05, 0.057, 0.063, 0.07] {
         assert!(at(wrong) < right - 0.003, "{wrong}: {} against {right}", at(wrong));
@@ -200,7 +208,7 @@ fn a_filter_of_events_is_scored_as_what_it_left() {
 }
 
 #[test]
-fn lost_events_are_told_from_a_larger_threshold() {
+fn lost_events_are_distinguished_from_a_larger_threshold() {
     let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
     let plain = laws()[0];
     let mut random = SplitMix::new(1, 1);
@@ -223,7 +231,7 @@ fn lost_events_are_told_from_a_larger_threshold() {
 }
 
 #[test]
-fn stamps_that_scatter_are_told_by_how_much_they_do() {
+fn stamp_jitter_is_identifiable() {
     let true_s = 0.01;
     let plain = PixelLaw { noise_speed_per_s: 0.0, noise_at_white: 0.005, ..PixelLaw::default() };
     let values: Vec<_> = (0..12).map(wander).collect();
@@ -240,7 +248,7 @@ fn stamps_that_scatter_are_told_by_how_much_they_do() {
     let shares = [0.6, 0.8, 1.0, 1.25, 1.6];
     let scores = shares.map(|share| {
         total(
-            &PixelLaw { jitter_s: share * true_s, stamps_are_weighed: true, ..plain },
+            &PixelLaw { jitter_s: share * true_s, corrects_stamps: true, ..plain },
             &values,
             &scattered,
         )
@@ -255,85 +263,29 @@ fn stamps_that_scatter_are_told_by_how_much_they_do() {
 }
 
 #[test]
-fn silent_pixels_speak_for_a_large_threshold() {
+fn silent_pixels_favour_a_large_threshold() {
     let values: Vec<Vec<f32>> = (0..20).map(wander).collect();
     let silent = vec![Vec::new(); values.len()];
-    let blocks = Blocks::new(END_US, 1);
+    let blocks = TimeBlocks::new(END_US, 1);
     let at = |theta: f64| {
         let law = PixelLaw { theta_on: theta, theta_off: theta, ..laws()[0] };
-        let one = |values: &Vec<f32>| score_pixel(&law, light(values), &silent[0], &blocks);
+        let one = |values: &Vec<f32>| score_pixel(&law, signal_of(values), &silent[0], &blocks);
         values.iter().map(|v| one(v)[0].log_likelihood()).sum::<f64>()
     };
     assert!(at(4.0) > at(2.0) && at(2.0) > at(0.5));
 }
 
 #[test]
-fn a_gap_in_the_light_is_left_out_and_the_memory_with_it() {
+fn a_gap_in_the_signal_is_left_out_with_the_reference_level() {
     let mut values = wander(1);
     let law = laws()[0];
     let spikes = draw(&law, &[values.clone()], 2).remove(0);
-    let blocks = Blocks::new(END_US, 1);
-    let whole = score_pixel(&law, light(&values), &spikes, &blocks)[0];
+    let blocks = TimeBlocks::new(END_US, 1);
+    let whole = score_pixel(&law, signal_of(&values), &spikes, &blocks)[0];
     values[8_000..9_000].fill(f32::NAN);
-    let parted = score_pixel(&law, light(&values), &spikes, &blocks)[0];
+    let parted = score_pixel(&law, signal_of(&values), &spikes, &blocks)[0];
     let gap = spikes.iter().filter(|s| s.t_us > 7_999_000 && s.t_us < 9_000_000).count();
     assert!(gap > 0, "the gap takes events away");
     assert_eq!(parted.n_events as usize + gap, whole.n_events as usize);
     assert!(parted.log_likelihood().is_finite());
-}
-
-/// A drive of wandering pixels, the same on every call.
-struct Wandering(Size);
-
-impl evrig_core::drive::Drive for Wandering {
-    fn size(&self) -> Size {
-        self.0
-    }
-    fn span_us(&self) -> [i64; 2] {
-        [0, END_US]
-    }
-    fn white_dn(&self) -> f64 {
-        200.0
-    }
-    fn sample(&self, [u, v]: [f64; 2], grid: evrig_core::drive::TimeGrid, out: &mut [f32]) -> bool {
-        let number = (v as u64) * u64::from(self.0.width) + u as u64;
-        let values = wander(number);
-        for (i, out) in out.iter_mut().enumerate() {
-            let index = grid.at(i) / 1_000;
-            *out = usize::try_from(index)
-                .ok()
-                .and_then(|i| values.get(i))
-                .copied()
-                .unwrap_or(f32::NAN);
-        }
-        true
-    }
-    fn error(&self, _place: [f64; 2]) -> f32 {
-        f32::NAN
-    }
-}
-
-#[test]
-fn the_score_has_the_same_bits_on_any_number_of_threads() {
-    let size = Size::new(6, 5);
-    let drive = Wandering(size);
-    let pixels: Vec<(u16, u16)> = (0..5).flat_map(|y| (0..6).map(move |x| (x, y))).collect();
-    let law = laws()[1];
-    let empty = ByPixel::new(evrig_core::event::Events::new().as_slice(), size, [0, END_US]);
-    let lights = Lights::new(&drive, &pixels, [0, END_US], 1_000);
-    let spikes: Vec<Vec<Spike>> = (0..pixels.len())
-        .map(|i| sample(&law, lights.light(i), END_US, &mut SplitMix::new(4, i as u64)))
-        .collect();
-    let recording = empty.with_events(&pixels, &spikes);
-    let with = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| score(&law, &drive, &recording, &pixels, 1_000))
-    };
-    let one = with(1);
-    assert_eq!(one.n_events as usize, recording.len());
-    assert_eq!(one.log_likelihood.to_bits(), with(3).log_likelihood.to_bits());
-    assert_eq!(
-        one.log_likelihood.to_bits(),
-        score_lights(&law, &lights, &recording).log_likelihood.to_bits()
-    );
 }

@@ -1,4 +1,3 @@
-
 use evrig_core::time::Span;
 use thiserror::Error;
 

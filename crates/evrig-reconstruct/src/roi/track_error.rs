@@ -1,4 +1,3 @@
-
 use super::detect::FAMILIES;
 
 /// Why there is no track.

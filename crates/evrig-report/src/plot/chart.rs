@@ -1,6 +1,6 @@
 //! The general plot: lines, bands, points, bars and rules over a pair of axes.
 
-use super::scale::{Kind, Scale};
+use super::scale::{Kind, Scale, Tick};
 use super::svg::{Anchor, Area, Canvas};
 use super::{Drawing, Ink};
 
@@ -82,6 +82,14 @@ pub enum Stroke {
     Solid,
     /// A second line of the same kind, thinner and broken: a fit, a prediction.
     Thin,
+}
+
+impl Stroke {
+    /// The classes of a line of this stroke and an ink.
+    pub(super) fn class(self, ink: Ink) -> String {
+        let style = if self == Self::Solid { "line" } else { "line thin" };
+        format!("{style} {}", ink.class())
+    }
 }
 
 /// A plot: two axes and what lies between them, drawn in the order given.
@@ -176,15 +184,57 @@ impl Chart {
         self.layers.iter().any(seen)
     }
 
-    fn svg(&self, [width, height]: [f64; 2]) -> String {
-        let mut canvas = Canvas::new(width, height);
-        let (top, bottom) = (26.0, height - 40.0);
-        let y = self.y.scale(self.layers.iter().flat_map(Layer::ys), [bottom, top]);
-        let y_ticks = y.ticks(if height > 280.0 { 6 } else { 5 });
-        let longest = y_ticks.iter().map(|t| t.label.chars().count()).max().unwrap_or(0);
+    fn svg(&self, [w, h]: [f64; 2]) -> String {
+        let mut canvas = Canvas::new(w, h);
+        self.draw_on(&mut canvas, Area { x: 0.0, y: 0.0, w, h });
+        canvas.finish()
+    }
+
+    /// The vertical scale, its ticks and the area between the axes, when drawn on `outer`.
+    fn layout(&self, outer: Area) -> (Scale, Vec<Tick>, Area) {
+        let (top, bottom) = (outer.y + 26.0, outer.bottom() - 40.0);
+        let y = self.y.scale(self.ys(), [bottom, top]);
+        let ticks = y.ticks(if outer.h > 280.0 { 6 } else { 5 });
+        let longest = ticks.iter().map(|t| t.label.chars().count()).max().unwrap_or(0);
         let left = 10.0 + FIGURE_WIDTH * longest as f64;
-        let area = Area { x: left, y: top, w: width - left - 18.0, h: bottom - top };
-        let x = self.x.scale(self.layers.iter().flat_map(Layer::xs), [area.x, area.right()]);
+        let w = outer.w - left - 18.0;
+        (y, ticks, Area { x: outer.x + left, y: top, w, h: bottom - top })
+    }
+
+    fn xs(&self) -> impl Iterator<Item = f64> {
+        self.layers.iter().flat_map(Layer::xs)
+    }
+
+    fn ys(&self) -> impl Iterator<Item = f64> {
+        self.layers.iter().flat_map(Layer::ys)
+    }
+
+    /// The same chart with both ranges widened about their middles until a unit is as long on the
+    /// horizontal axis as on the vertical one, when drawn on `outer`.
+    #[must_use]
+    pub fn with_equal_scales(mut self, outer: Area) -> Self {
+        let data = [(&self.x, self.x.fit(self.xs())), (&self.y, self.y.fit(self.ys()))]
+            .map(|(axis, fitted)| Scale::new(axis.kind, axis.range.unwrap_or(fitted), [0.0, 1.0]))
+            .map(|scale| scale.data());
+        // Tick labels change with the range, and the area with them: the second pass settles it.
+        for _ in 0..2 {
+            let (_, _, area) = self.layout(outer);
+            let sides = [area.w, area.h];
+            let per_unit = [0, 1].map(|i| (data[i][1] - data[i][0]) / sides[i]);
+            let per_unit = per_unit[0].max(per_unit[1]);
+            let [x, y] = [0, 1].map(|i| {
+                let (middle, half) = (0.5 * (data[i][0] + data[i][1]), 0.5 * per_unit * sides[i]);
+                Some([middle - half, middle + half])
+            });
+            (self.x.range, self.y.range) = (x, y);
+        }
+        self
+    }
+
+    /// Draws axes, labels and marks on an area of a canvas.
+    pub(super) fn draw_on(&self, canvas: &mut Canvas, outer: Area) {
+        let (y, y_ticks, area) = self.layout(outer);
+        let x = self.x.scale(self.xs(), [area.x, area.right()]);
         let x_ticks = x.ticks((area.w / 62.0) as usize);
 
         for tick in &y_ticks {
@@ -201,19 +251,19 @@ impl Chart {
             let is_minor = tick.label.is_empty();
             let reach = if is_minor { 3.0 } else { 5.0 };
             canvas.line("tick", [at, area.bottom()], [at, area.bottom() + reach]);
-            if is_minor {
-                continue;
+            if !is_minor {
+                let below = [at, area.bottom() + 18.0];
+                canvas.text("tick-label num", below, Anchor::Middle, &tick.label);
             }
-            let below = [at, area.bottom() + 18.0];
-            canvas.text("tick-label num", below, Anchor::Middle, &tick.label);
         }
         canvas.line("axis", [area.x, area.bottom()], [area.right(), area.bottom()]);
-        canvas.text("axis-label", [0.0, 12.0], Anchor::Start, &self.y.label);
-        canvas.text("axis-label", [area.right(), height - 5.0], Anchor::End, &self.x.label);
+        canvas.text("axis-label", [outer.x, outer.y + 12.0], Anchor::Start, &self.y.label);
+        let right = [area.right(), outer.bottom() - 5.0];
+        canvas.text("axis-label", right, Anchor::End, &self.x.label);
 
         canvas.clip(area);
         for layer in &self.layers {
-            layer.draw(&mut canvas, &x, &y, area);
+            layer.draw(canvas, &x, &y, area);
         }
         canvas.unclip();
         if !self.has_data() {
@@ -221,7 +271,6 @@ impl Chart {
             canvas.text("nothing", middle, Anchor::Middle, "no data");
         }
         canvas.read_out(area, &x.describe(), &y.describe());
-        canvas.finish()
     }
 }
 
@@ -256,9 +305,7 @@ impl Layer {
         let at = |p: [f64; 2]| [x.position(p[0]), y.position(p[1])];
         match self {
             Self::Line { ink, stroke, points } => {
-                let style = if *stroke == Stroke::Solid { "line" } else { "line thin" };
-                let class = format!("{style} {}", ink.class());
-                canvas.polyline(&class, points.iter().map(|p| at(*p)));
+                canvas.polyline(&stroke.class(*ink), points.iter().map(|p| at(*p)));
             }
             Self::Band { ink, points } => draw_band(canvas, *ink, points, x, y),
             Self::Points { ink, points } => {

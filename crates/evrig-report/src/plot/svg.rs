@@ -228,6 +228,21 @@ impl Canvas {
     }
 }
 
+impl Canvas {
+    /// The finished drawing as a file of its own, with a style sheet inside.
+    pub(super) fn finish_file(mut self, style: &str) -> String {
+        while self.depth > 0 {
+            self.unclip();
+        }
+        let [width, height] = [self.width, self.height].map(length);
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+             viewBox=\"0 0 {width} {height}\">\n<style>\n{style}</style>\n{}</svg>\n",
+            self.body
+        )
+    }
+}
+
 fn path_data(points: impl IntoIterator<Item = [f64; 2]>) -> String {
     let mut data = String::new();
     let mut pen = 'M';

@@ -7,7 +7,7 @@
 use crate::diagnose::fit::fitted::FittedModel;
 use crate::diagnose::fit::pixel_strata::strata_of_pixels;
 use crate::diagnose::{Evidence, MisfitStratum, PixelEvidence, PixelStratum};
-use crate::predict::{Residual, Silence, residuals};
+use crate::predict::{BlockCounts, Residual, residuals};
 use rayon::prelude::*;
 
 /// Bins of the histogram of `u`.
@@ -25,7 +25,7 @@ pub(crate) struct LocatedResidual {
 impl LocatedResidual {
     /// Uniform under a true model.
     pub(crate) fn u(&self) -> f64 {
-        1.0 - (-self.residual.spent).exp()
+        1.0 - (-self.residual.compensator).exp()
     }
 }
 
@@ -58,7 +58,7 @@ pub(crate) fn locate_residuals(evidence: &Evidence, model: &FittedModel) -> Vec<
 pub(crate) fn residuals_by_pixel(
     evidence: &Evidence,
     model: &FittedModel,
-) -> Vec<(Vec<Residual>, Vec<Silence>)> {
+) -> Vec<(Vec<Residual>, Vec<BlockCounts>)> {
     let mixture = strata_of_pixels(evidence, &model.hypothesis);
     let of_pixel = |(pixel, stratum): (&PixelEvidence, PixelStratum)| {
         let view = model.hypothesis.view(evidence, pixel, stratum, Vec::new());

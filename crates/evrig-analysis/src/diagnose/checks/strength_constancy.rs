@@ -167,7 +167,7 @@ fn events(
                 let view = hypothesis.view(evidence, pixel, stratum, Vec::new());
                 residuals(&view.law, view.light(), place, &pixel.spikes, &evidence.blocks).0
             });
-            let log = |r: &Residual| r.log_hazard - r.spent;
+            let log = |r: &Residual| r.log_hazard - r.compensator;
             let same = less.len() == more.len();
             let all = less.into_iter().zip(more).filter(move |_| same);
             all.filter(|(less, _)| less.previous.is_some()).map(move |(less, more)| {

@@ -10,7 +10,7 @@ use super::boosted_trees::{ClassifierResult, LabelledEvents, N_FOLDS, classify, 
 use crate::diagnose::fit::fitted::FittedModel;
 use crate::diagnose::fit::pixel_strata::strata_of_pixels;
 use crate::diagnose::{Evidence, MisfitStratum, PixelEvidence, ProposedTerm};
-use crate::predict::{Moment, Spike, followed};
+use crate::predict::{Spike, SpikeContext, next_events};
 use evrig_core::stats::SplitMix;
 use rayon::prelude::*;
 
@@ -222,7 +222,7 @@ fn examples(evidence: &Evidence, model: &FittedModel, seed: u64) -> LabelledEven
             let view = model.hypothesis.view(evidence, pixel, stratum, Vec::new());
             let mut random = SplitMix::new(seed ^ 0x6e65_7874, number as u64);
             let end = evidence.blocks.length_us();
-            let all = followed(&view.law, view.light(), &pixel.spikes, end, &mut random);
+            let all = next_events(&view.law, view.light(), &pixel.spikes, end, &mut random);
             let mut part =
                 LabelledEvents { n_features: FEATURES.len(), ..LabelledEvents::default() };
             for one in all.iter().skip(number % every).step_by(every) {
@@ -261,7 +261,7 @@ fn features(
     evidence: &Evidence,
     pixel: &PixelEvidence,
     past: &[Spike],
-    moment: &Moment,
+    moment: &SpikeContext,
     theta: f64,
 ) -> [f32; FEATURES.len()] {
     let Spike { t_us, on } = moment.spike;

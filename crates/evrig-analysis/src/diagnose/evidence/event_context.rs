@@ -1,6 +1,6 @@
 //! What else happened on the sensor about an event: neighbours, row, all pixels, own frames.
 
-use crate::predict::{ByPixel, Spike};
+use crate::predict::{EventsByPixel, Spike};
 use evrig_core::geometry::Size;
 
 /// Longest time that is distinguished from never.
@@ -9,7 +9,7 @@ const MAX_LAG_US: i64 = 1_000_000;
 /// All events of a recording, so that one can be asked about any place and time.
 #[derive(Debug)]
 pub(crate) struct EventContext {
-    recording: ByPixel,
+    recording: EventsByPixel,
     /// Times of all events of each row, ascending, microseconds since the window's start.
     rows: Vec<Vec<i64>>,
     /// Starts of exposure of the camera's own frames, microseconds since the window's start.
@@ -17,7 +17,7 @@ pub(crate) struct EventContext {
 }
 
 impl EventContext {
-    pub(crate) fn new(recording: ByPixel, aps_us: &[i64]) -> Self {
+    pub(crate) fn new(recording: EventsByPixel, aps_us: &[i64]) -> Self {
         let size = recording.size();
         let rows = (0..size.height)
             .map(|y| {
@@ -33,7 +33,7 @@ impl EventContext {
     }
 
     /// All events.
-    pub(crate) fn recording(&self) -> &ByPixel {
+    pub(crate) fn recording(&self) -> &EventsByPixel {
         &self.recording
     }
 
@@ -143,7 +143,7 @@ mod tests {
     fn neighbours_rows_and_frames_are_found_about_an_instant() {
         let list = [(100, 1, 1), (140, 2, 1), (150, 0, 0), (400, 9, 1), (500, 1, 1)];
         let events: Events = list.iter().map(|&(t, x, y)| Event { t, x, y, on: true }).collect();
-        let by_pixel = ByPixel::new(events.as_slice(), Size::new(10, 3), [0, 1_000]);
+        let by_pixel = EventsByPixel::new(events.as_slice(), Size::new(10, 3), [0, 1_000]);
         let around = EventContext::new(by_pixel, &[120, 420]);
         assert_eq!(around.neighbours(1, 1, 500, 360), (350.0, 2.0));
         assert_eq!(around.neighbours(1, 1, 500, 355), (350.0, 1.0));

@@ -1,7 +1,7 @@
 //! Which pixels are looked at.
 
 use crate::diagnose::DiagnosisOptions;
-use crate::predict::ByPixel;
+use crate::predict::EventsByPixel;
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::geometry::Size;
 use evrig_core::stats::SplitMix;
@@ -23,7 +23,7 @@ const MAX_CANDIDATES_PER_PIXEL: usize = 48;
 
 /// Pixels whose light moves, as many as are wanted and no more events than are.
 pub(crate) fn select_pixels(
-    recording: &ByPixel,
+    recording: &EventsByPixel,
     drive: &dyn Drive,
     grid: TimeGrid,
     options: &DiagnosisOptions,
@@ -33,13 +33,13 @@ pub(crate) fn select_pixels(
     chosen
 }
 
-fn n_events_of(recording: &ByPixel, pixels: &[(u16, u16)]) -> usize {
+fn n_events_of(recording: &EventsByPixel, pixels: &[(u16, u16)]) -> usize {
     pixels.iter().map(|&(x, y)| recording.of(x, y).len()).sum()
 }
 
 /// As many pixels as are wanted; more where these have few events.
 fn select_enough(
-    recording: &ByPixel,
+    recording: &EventsByPixel,
     drive: &dyn Drive,
     grid: TimeGrid,
     options: &DiagnosisOptions,
@@ -58,7 +58,7 @@ fn select_enough(
 /// Pixels by the restlessness of their light, not by their events: three quarters among the most
 /// restless, the rest from anywhere.
 fn choose(
-    recording: &ByPixel,
+    recording: &EventsByPixel,
     drive: &dyn Drive,
     grid: TimeGrid,
     n_pixels: usize,
@@ -138,7 +138,7 @@ fn by_light_variation(
 }
 
 /// Keeps every so many-th pixel, so that all have about `n_events` at most.
-fn thin(chosen: &mut Vec<(u16, u16)>, recording: &ByPixel, n_events: usize) {
+fn thin(chosen: &mut Vec<(u16, u16)>, recording: &EventsByPixel, n_events: usize) {
     let all = n_events_of(recording, chosen).max(1);
     let n_kept = (chosen.len() * n_events / all).max(MIN_PIXELS);
     if n_kept < chosen.len() {

@@ -139,8 +139,9 @@ fn work(evidence: &Evidence, hypothesis: &Hypothesis) -> usize {
     let of = |pixel: &PixelEvidence| pixel.light.len() + WORK_PER_EVENT * pixel.spikes.len();
     let once: usize = evidence.pixels.iter().map(of).sum();
     let law = |pixel| hypothesis.view(evidence, pixel, [0.0; 2], Vec::new()).law;
-    let n_memories = evidence.pixels.first().map_or(1, |pixel| law(pixel).n_memories());
-    once * hypothesis.pixel_mixture().n_scored() * n_memories
+    let max_reference_states =
+        evidence.pixels.first().map_or(1, |pixel| law(pixel).max_reference_states());
+    once * hypothesis.pixel_mixture().n_scored() * max_reference_states
 }
 
 /// How many evaluations for each value a search goes on for without a gain.

@@ -3,7 +3,7 @@
 use crate::diagnose::model::likelihood_profile::{LikelihoodProfile, score_profile};
 use crate::diagnose::model::score_grid::PixelScoreGrid;
 use crate::diagnose::{Evidence, Hypothesis, PixelEvidence, PixelMixture, PixelStratum};
-use crate::predict::{Bends, BlockScore, Light, score_pixel};
+use crate::predict::{BlockScore, PixelSignal, SignalKnots, score_pixel};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -50,14 +50,14 @@ pub(crate) struct PixelScorer<'a> {
     evidence: &'a Evidence,
     pixel: &'a PixelEvidence,
     signal: Vec<f32>,
-    bends: Bends,
+    bends: SignalKnots,
     of: Option<Hypothesis>,
 }
 
 impl<'a> PixelScorer<'a> {
     /// `signal` is memory to use.
     pub(crate) fn new(evidence: &'a Evidence, pixel: &'a PixelEvidence, signal: Vec<f32>) -> Self {
-        Self { evidence, pixel, signal, bends: Bends::default(), of: None }
+        Self { evidence, pixel, signal, bends: SignalKnots::default(), of: None }
     }
 
     /// The memory again.
@@ -119,7 +119,7 @@ impl<'a> PixelScorer<'a> {
         if hypothesis.leaves_light_unchanged(self.pixel) {
             let view = hypothesis.view_with(self.evidence, self.pixel, stratum, Vec::new());
             let (signal, bends) = (&self.pixel.light, Some(self.pixel.bends()));
-            let light = Light { signal, bends, ..view.light() };
+            let light = PixelSignal { signal, knots: bends, ..view.light() };
             return score_pixel(&view.law, light, &self.pixel.spikes, &self.evidence.blocks);
         }
         let signal = std::mem::take(&mut self.signal);
@@ -131,7 +131,7 @@ impl<'a> PixelScorer<'a> {
             self.bends.set(view.light());
             view
         };
-        let light = Light { bends: Some(&self.bends), ..view.light() };
+        let light = PixelSignal { knots: Some(&self.bends), ..view.light() };
         let scores = score_pixel(&view.law, light, &self.pixel.spikes, &self.evidence.blocks);
         self.signal = view.signal;
         scores

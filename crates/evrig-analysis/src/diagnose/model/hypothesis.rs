@@ -6,7 +6,7 @@ use super::nuisance::{N_NUISANCES, Nuisance};
 use super::sampled_sine::interpolation_gain;
 use super::score_grid::{HeldGrid, PinnedStrata};
 use crate::diagnose::{Evidence, PixelEvidence, PixelStratum};
-use crate::predict::{Light, PixelLaw};
+use crate::predict::{PixelLaw, PixelSignal};
 use evrig_core::geometry::Rectangle;
 
 /// What a hypothesis makes of one pixel: its light after all that filters it, its law, its clock.
@@ -29,10 +29,10 @@ pub struct PredictedPixel<'a> {
 impl PredictedPixel<'_> {
     /// The light as the predictor takes it.
     #[must_use]
-    pub fn light(&self) -> Light<'_> {
+    pub fn light(&self) -> PixelSignal<'_> {
         let (start_us, step_us) = (self.start_us, self.step_us);
         let (signal, level) = (&self.signal, &self.pixel.light);
-        Light { start_us, step_us, signal, level, bends: None }
+        PixelSignal { start_us, step_us, signal, level, knots: None }
     }
 
     /// A swing of a frequency and phase at every instant, high enough for straight lines between these to
@@ -419,12 +419,12 @@ fn law(values: &[f64]) -> PixelLaw {
         shot_speed_per_s: 0.0,
         background_on_hz: value(Nuisance::LogBackgroundOn).exp(),
         background_off_hz: value(Nuisance::LogBackgroundOff).exp(),
-        background_memorised: value(Nuisance::BackgroundResetsReference),
-        noise_memorised: value(Nuisance::NoiseInReference),
-        blind_s: 0.0,
-        masked_s: 0.0,
+        background_reset: value(Nuisance::BackgroundResetsReference),
+        noise_carry: value(Nuisance::NoiseInReference),
+        refractory_s: 0.0,
+        filter_refractory_s: 0.0,
         drop_fraction: 0.0,
         jitter_s: 0.0,
-        stamps_are_weighed: false,
+        corrects_stamps: false,
     }
 }

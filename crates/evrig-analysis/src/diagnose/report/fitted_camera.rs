@@ -157,10 +157,10 @@ fn noise(hypothesis: &Hypothesis, theta: f64) -> (BandNoise, Scatter) {
     let hz = hypothesis.nuisance(Nuisance::LogNoiseHz).exp();
     let (scale, light_exponent) = (law.noise_at_white / theta, law.noise_exponent);
     // A logistic law's standard deviation; a change has the signal's noise twice.
-    let rms = 1.813_8 * scale * (0.5 * law.noise_memorised).sqrt();
+    let rms = 1.813_8 * scale * (0.5 * law.noise_carry).sqrt();
     let bandwidth_hz = (hz / std::f64::consts::TAU).clamp(20.0, 1_000.0);
     let scatter = Scatter {
-        scale: scale * (1.0 - law.noise_memorised).sqrt(),
+        scale: scale * (1.0 - law.noise_carry).sqrt(),
         light_exponent,
         // At rest the law's hazard is this rate times the share of the noise beyond the threshold.
         redrawn_hz: 0.5 * hz,

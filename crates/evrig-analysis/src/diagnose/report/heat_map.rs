@@ -4,7 +4,7 @@
 use crate::diagnose::checks::event_strata::{quantiles_of, residuals_by_pixel};
 use crate::diagnose::fit::fitted::FittedModel;
 use crate::diagnose::{Evidence, PixelEvidence};
-use crate::predict::{Residual, Silence};
+use crate::predict::{BlockCounts, Residual};
 use serde::{Deserialize, Serialize};
 
 const MAX_CELLS_PER_SIDE: usize = 10;
@@ -45,7 +45,7 @@ pub struct HeatMap {
 }
 
 /// What pixels show under a model: each one's events, and its counts in each block of time.
-type ModelResiduals = Vec<(Vec<Residual>, Vec<Silence>)>;
+type ModelResiduals = Vec<(Vec<Residual>, Vec<BlockCounts>)>;
 
 /// The maps of a baseline and of a model on the same evidence.
 pub(crate) fn heat_maps(evidence: &Evidence, models: [&FittedModel; 2]) -> Vec<HeatMap> {

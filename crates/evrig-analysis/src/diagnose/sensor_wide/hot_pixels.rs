@@ -107,7 +107,7 @@ fn turns(spikes: &[Spike]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::predict::ByPixel;
+    use crate::predict::EventsByPixel;
     use evrig_core::event::{Event, Events};
     use evrig_core::stats::SplitMix;
 
@@ -149,7 +149,8 @@ mod tests {
                 }
             }
         }
-        let around = EventContext::new(ByPixel::new(events.as_slice(), size, [0, 40_000]), &[]);
+        let around =
+            EventContext::new(EventsByPixel::new(events.as_slice(), size, [0, 40_000]), &[]);
         assert_eq!([common(&around, 2, 2), common(&around, 1, 2)], [Some(40.0), Some(40.0)]);
         assert_eq!(common(&around, 8, 8), Some(0.0));
     }

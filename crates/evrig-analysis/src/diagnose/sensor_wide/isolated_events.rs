@@ -163,7 +163,7 @@ mod tests {
     use super::*;
     use crate::diagnose::StampGrid;
     use crate::filter::background;
-    use crate::predict::ByPixel;
+    use crate::predict::EventsByPixel;
     use evrig_core::event::{Event, Events};
     use evrig_core::geometry::Size;
     use evrig_core::stats::SplitMix;
@@ -194,7 +194,7 @@ mod tests {
     const SIZE: Size = Size::new(SIDE_PX, SIDE_PX);
 
     fn step_in(events: &Events, shortest_us: f64) -> Option<RateStep> {
-        let recording = ByPixel::new(events.as_slice(), SIZE, [0, LENGTH_US]);
+        let recording = EventsByPixel::new(events.as_slice(), SIZE, [0, LENGTH_US]);
         found(&EventContext::new(recording, &[]), shortest_us).map(|(step, _)| step)
     }
 

@@ -74,11 +74,11 @@ fn the_whole_sensor_has_no_more_background_than_its_silent_pixels_allow() {
     let spikes = |y: u16| (0..60).map(move |x| evrig_core::event::Event { t: 1, x, y, on: true });
     let events: Events = (1..60).flat_map(spikes).collect();
     let by_pixel =
-        |events: &Events| ByPixel::new(events.as_slice(), Size::new(60, 60), [0, END_US]);
-    let most_hz = by_pixel(&events).most_at_rest_hz();
+        |events: &Events| EventsByPixel::new(events.as_slice(), Size::new(60, 60), [0, END_US]);
+    let most_hz = by_pixel(&events).max_background_hz();
     assert!((most_hz - 60_f64.ln() / 3.0).abs() < 1e-12, "{most_hz}");
-    assert_eq!(filled().most_at_rest_hz(), f64::INFINITY);
-    assert_eq!(by_pixel(&Events::new()).most_at_rest_hz(), 0.0);
+    assert_eq!(filled().max_background_hz(), f64::INFINITY);
+    assert_eq!(by_pixel(&Events::new()).max_background_hz(), 0.0);
     let evidence = empty();
     let noisy =
         Hypothesis::baseline(&evidence).with_nuisance(Nuisance::LogBackgroundOn, 2_f64.ln());

@@ -63,9 +63,9 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     apply: |values, _, view| {
         let dead_s = values[0] * 1e-6;
         if values[1] < 0.5 {
-            view.law.blind_s = dead_s;
+            view.law.refractory_s = dead_s;
         } else {
-            view.law.masked_s = dead_s;
+            view.law.filter_refractory_s = dead_s;
         }
     },
     derived: |_, values| vec![("compares_on", values[1])],

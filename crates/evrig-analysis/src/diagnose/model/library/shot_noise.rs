@@ -1,7 +1,7 @@
 //! Band-limited noise of the photoreceptor.
 
 use super::{CandidateEffect, EffectId, EffectParameter, Nuisance, PLAIN};
-use crate::predict::SHOT_SPEED;
+use crate::predict::SHOT_NOISE_RMS_SPEED;
 use std::f64::consts::TAU;
 
 pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
@@ -24,7 +24,7 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     apply: |values, _, view| {
         let law = &mut view.law;
         law.shot_at_white = values[0] * 0.5 * (law.theta_on + law.theta_off);
-        law.shot_speed_per_s = law.shot_at_white * SHOT_SPEED * TAU * values[1];
+        law.shot_speed_per_s = law.shot_at_white * SHOT_NOISE_RMS_SPEED * TAU * values[1];
     },
     competing: &[EffectId::BackgroundActivity, EffectId::FrameNoise, EffectId::StampJitter],
     separating_recording: "a static segment: polarities of noise alternate, more than three in four",

@@ -12,7 +12,7 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     nuisance_resets: &[(Nuisance::LogNoise, -3.5), (Nuisance::LogNoiseHz, 0.0)],
     apply: |values, _, view| {
         view.law.jitter_s = view.law.jitter_s.hypot(values[0] * 1e-6);
-        view.law.stamps_are_weighed = true;
+        view.law.corrects_stamps = true;
     },
     competing: &[EffectId::ShotNoise, EffectId::FrameNoise],
     separating_recording: "two speeds: scatter in time grows with the slope of the light, scatter of thresholds does not",

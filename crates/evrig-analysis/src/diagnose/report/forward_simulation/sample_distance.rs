@@ -2,7 +2,7 @@
 
 use crate::diagnose::checks::boosted_trees::{LabelledEvents, N_FOLDS, classify};
 use crate::diagnose::evidence::event_context::EventContext;
-use crate::predict::{ByPixel, Spike};
+use crate::predict::{EventsByPixel, Spike};
 use evrig_core::event::Events;
 use evrig_core::geometry::Size;
 use evrig_core::stats::SplitMix;
@@ -89,7 +89,7 @@ pub(super) fn c2st_accuracy(
     const FEATURES: usize = 10;
     let mut examples = LabelledEvents { n_features: FEATURES, ..LabelledEvents::default() };
     for (events, is_real) in [(real, true), (simulated, false)] {
-        let by_pixel = ByPixel::new(events.as_slice(), size, window_us);
+        let by_pixel = EventsByPixel::new(events.as_slice(), size, window_us);
         let around = EventContext::new(by_pixel.clone(), &[]);
         let every = events.len().div_ceil(MAX_EVENTS).max(1);
         let mut number = 0;
@@ -138,7 +138,7 @@ pub(super) fn interval_shares(
     window_us: [i64; 2],
     edges: &[f64],
 ) -> Vec<f64> {
-    let by_pixel = ByPixel::new(events.as_slice(), size, window_us);
+    let by_pixel = EventsByPixel::new(events.as_slice(), size, window_us);
     let mut counts = vec![0.0; edges.len().saturating_sub(1)];
     let mut n = 0.0_f64;
     for y in 0..size.height {

@@ -1,8 +1,8 @@
-//! A window of time cut into equal blocks, and what each of them scores.
+//! Equal blocks of a time window, and the log-likelihood in each.
 
-/// Equal stretches of a window of time.
+/// A time window divided into equal blocks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Blocks {
+pub struct TimeBlocks {
     length_us: i64,
     n: usize,
 }
@@ -10,9 +10,9 @@ pub struct Blocks {
 /// A pixel's share of the log-likelihood in one block of time.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct BlockScore {
-    /// Log-likelihood of its On events and of their absence, and the same of Off; time in seconds.
+    /// Log-likelihood of ON events and ON silences, and the same of OFF; time in seconds.
     pub on_off: [f64; 2],
-    /// Events in it.
+    /// Events in the block.
     pub n_events: u32,
 }
 
@@ -24,7 +24,7 @@ impl BlockScore {
     }
 }
 
-impl Blocks {
+impl TimeBlocks {
     /// `n` blocks, at least one, of a window of `length_us`.
     #[must_use]
     pub fn new(length_us: i64, n: usize) -> Self {
@@ -44,7 +44,7 @@ impl Blocks {
         self.length_us
     }
 
-    /// The block that a time since the window's start lies in; the first or last outside.
+    /// The block of a time since the window's start; the nearest one outside the window.
     #[must_use]
     pub fn of(&self, t_us: f64) -> usize {
         let position = t_us / self.length_us as f64 * self.n as f64;
@@ -64,7 +64,7 @@ mod tests {
 
     #[test]
     fn every_instant_lies_in_the_block_that_ends_next() {
-        let blocks = Blocks::new(1_000, 3);
+        let blocks = TimeBlocks::new(1_000, 3);
         for t in 0..1_000 {
             let t = f64::from(t);
             let block = blocks.of(t);

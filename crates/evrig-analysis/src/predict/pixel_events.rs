@@ -1,6 +1,6 @@
-//! A recording's events, pixel by pixel.
+//! The events of a recording, grouped by pixel.
 
-use evrig_core::event::{Event, EventSlice, Events};
+use evrig_core::event::{Event, EventSlice};
 use evrig_core::geometry::Size;
 use std::sync::Arc;
 
@@ -9,21 +9,21 @@ use std::sync::Arc;
 pub struct Spike {
     /// Microseconds since the start of the window.
     pub t_us: i64,
-    /// `true`: On, brightness rose.
+    /// `true`: ON (brightness rose).
     pub on: bool,
 }
 
-/// The events of a window of time, sorted by pixel and within a pixel by time; a clone shares them.
+/// The events of a time window, sorted by pixel and then by time; clones share them.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ByPixel {
+pub struct EventsByPixel {
     size: Size,
     window_us: [i64; 2],
-    /// Where each pixel's events begin; one more than there are pixels.
+    /// First event of each pixel, and the number of events at the end.
     starts: Vec<u32>,
     spikes: Arc<Vec<Spike>>,
 }
 
-impl ByPixel {
+impl EventsByPixel {
     /// The events of `window_us` (end excluded) that lie on the grid; all others are left out.
     /// Events of one pixel keep their order in time, those of one microsecond that of the slice.
     #[must_use]
@@ -84,10 +84,10 @@ impl ByPixel {
         self.spikes.is_empty()
     }
 
-    /// The greatest rate, Hz, of events without a cause that all pixels can have in common, for as many of
-    /// them as had no event at all; infinite where every one had some.
+    /// Upper estimate of a background rate common to all pixels, Hz: that at which as many pixels stay
+    /// silent as did; infinite where none was silent.
     #[must_use]
-    pub fn most_at_rest_hz(&self) -> f64 {
+    pub fn max_background_hz(&self) -> f64 {
         let n_silent = self.starts.windows(2).filter(|own| own[0] == own[1]).count();
         let seconds = self.length_us() as f64 * 1e-6;
         (self.size.n_pixels() as f64 / n_silent as f64).ln() / seconds
@@ -102,30 +102,19 @@ impl ByPixel {
         let pixel = self.size.index(x, y);
         &self.spikes[self.starts[pixel] as usize..self.starts[pixel + 1] as usize]
     }
-
-    /// The same window with other events: those of the given pixels, all other pixels silent.
-    /// Pixels off the grid are left out.
-    #[must_use]
-    pub fn with_events(&self, pixels: &[(u16, u16)], spikes: &[Vec<Spike>]) -> Self {
-        let start = self.window_us[0];
-        let mut events = Events::new();
-        for (&(x, y), own) in pixels.iter().zip(spikes) {
-            own.iter().for_each(|s| events.push(Event { t: start + s.t_us, x, y, on: s.on }));
-        }
-        Self::new(events.as_slice(), self.size, self.window_us)
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use evrig_core::event::Events;
 
     #[test]
     fn events_are_found_again_by_pixel_and_counted_from_the_windows_start() {
         let size = Size::new(3, 2);
         let list = [(5, 2, 1, true), (12, 0, 0, false), (10, 2, 1, false), (99, 2, 1, true)];
         let events: Events = list.iter().map(|&(t, x, y, on)| Event { t, x, y, on }).collect();
-        let by_pixel = ByPixel::new(events.as_slice(), size, [4, 99]);
+        let by_pixel = EventsByPixel::new(events.as_slice(), size, [4, 99]);
         let spike = |t_us, on| Spike { t_us, on };
         assert_eq!(by_pixel.of(2, 1), &[spike(1, true), spike(6, false)]);
         assert_eq!(by_pixel.of(0, 0), &[spike(8, false)]);
@@ -136,7 +125,7 @@ mod tests {
     #[test]
     fn disorder_within_a_pixel_is_put_right() {
         let events: Events = [7, 3, 5].iter().map(|&t| Event { t, x: 0, y: 0, on: true }).collect();
-        let by_pixel = ByPixel::new(events.as_slice(), Size::new(1, 1), [0, 10]);
+        let by_pixel = EventsByPixel::new(events.as_slice(), Size::new(1, 1), [0, 10]);
         let times: Vec<i64> = by_pixel.of(0, 0).iter().map(|s| s.t_us).collect();
         assert_eq!(times, [3, 5, 7]);
     }
