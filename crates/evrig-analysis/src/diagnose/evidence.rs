@@ -1,4 +1,4 @@
-//! What a diagnosis looks at: some pixels with their events, light and its surroundings.
+//! The data of a diagnosis: selected pixels with their events, log-intensity signal and context.
 
 pub(crate) mod event_context;
 pub(crate) mod pixel_selection;
@@ -24,30 +24,30 @@ const MIN_EVENTS: usize = 300;
 /// A recording with more than this many times the wanted events is subsampled in time.
 const MAX_EVENT_EXCESS: usize = 2;
 
-/// Why nothing can be diagnosed.
+/// Why a session cannot be diagnosed.
 #[derive(Debug, thiserror::Error)]
 pub enum DiagnoseError {
-    /// Too little to look at.
+    /// Too few events with a known signal.
     #[error(
         "{n} events have a known light in {n_pixels} pixels; a diagnosis takes at least \
          {MIN_EVENTS}: record for longer, nearer, with more texture, or with a shorter exposure \
          where frames are clipped"
     )]
     TooFew {
-        /// Events with light.
+        /// Events with a known signal.
         n: usize,
-        /// Pixels with light.
+        /// Pixels with a known signal.
         n_pixels: usize,
     },
-    /// The light does not overlap the events.
+    /// Signal and events do not overlap in time.
     #[error(
         "the light is known from {light_from_us} to {light_to_us} us, the events lie from \
          {events_from_us} to {events_to_us} us: they do not overlap; check the clocks"
     )]
     NoOverlap {
-        /// Start of the light.
+        /// Start of the signal.
         light_from_us: i64,
-        /// End of the light.
+        /// End of the signal.
         light_to_us: i64,
         /// Start of the events' window.
         events_from_us: i64,
@@ -56,29 +56,30 @@ pub enum DiagnoseError {
     },
 }
 
-/// One pixel.
+/// A selected pixel.
 #[derive(Debug, Clone)]
 pub struct PixelEvidence {
     /// Column.
     pub x: u16,
     /// Row.
     pub y: u16,
-    /// Number of its tile.
+    /// Index of its tile.
     pub tile: usize,
     /// Its events.
     pub spikes: Vec<Spike>,
-    /// Log intensity over white at every instant.
+    /// Log intensity over white at every instant; NaN where unknown.
     pub(crate) light: Vec<f32>,
-    /// Change of log intensity per pixel to the right, and downwards; empty where not needed.
+    /// Change of log intensity per pixel to the right and downwards; empty for frames of the same
+    /// sensor.
     pub gradient: [Vec<f32>; 2],
-    /// Laplacian of intensity over intensity, per square pixel; empty where not needed.
+    /// Laplacian of intensity over intensity, per square pixel; empty for frames of the same
+    /// sensor.
     pub laplacian: Vec<f32>,
-    /// Where the light bends, once that was asked.
+    /// Bends of the signal, computed at first use.
     bends: OnceLock<SignalKnots>,
 }
 
 impl PixelEvidence {
-    /// Where the light bends, as it is known.
     pub(crate) fn bends(&self) -> &SignalKnots {
         self.bends.get_or_init(|| {
             let (signal, level) = (&self.light, &self.light);
@@ -86,13 +87,13 @@ impl PixelEvidence {
         })
     }
 
-    /// The light, to be changed.
+    /// The signal, to be changed.
     pub(crate) fn light_mut(&mut self) -> &mut [f32] {
         self.bends = OnceLock::new();
         &mut self.light
     }
 
-    /// Number of its events between two instants at which its light is known.
+    /// Number of events between two instants at which the signal is known.
     fn n_with_known_light(&self, start_us: f64, step_us: f64) -> usize {
         let is_known = |i: usize| self.light.get(i).is_some_and(|level| level.is_finite());
         let is_lit = |spike: &&Spike| {
@@ -103,40 +104,41 @@ impl PixelEvidence {
     }
 }
 
-/// All that a diagnosis looks at.
+/// The data of a diagnosis.
 #[derive(Debug, Clone)]
 pub struct Evidence {
-    /// Pixels, in the order of rows.
+    /// Pixels in row-major order.
     pub pixels: Vec<PixelEvidence>,
-    /// Start of the events' window, microseconds of their clock.
+    /// Window of the events, microseconds of their clock.
     pub window_us: [i64; 2],
     /// First instant, microseconds since the window's start.
     pub start_us: f64,
-    /// From one instant to the next, microseconds.
+    /// Step between instants, microseconds.
     pub step_us: f64,
-    /// Blocks of time.
+    /// Time blocks.
     pub blocks: TimeBlocks,
     /// Number of tiles.
     pub n_tiles: usize,
-    /// Tiles across and down.
+    /// Tiles per row and column.
     pub(crate) tiles: [usize; 2],
     /// Side of a tile, pixels.
     pub(crate) tile_px: u16,
-    /// Middle of the sensor.
+    /// Center of the sensor, pixels.
     pub middle: [f64; 2],
-    /// On minus Off events of all pixels, and On plus Off, in each instant.
+    /// ON minus OFF events of all pixels, and ON plus OFF, per instant.
     pub rates: [Vec<f32>; 2],
     /// All events of the sensor.
     pub(crate) event_context: Arc<EventContext>,
-    /// The rest.
+    /// What the session states.
     pub facts: SessionFacts,
 }
 
 impl Evidence {
-    /// Draws pixels whose light is known and changes, and samples it.
+    /// Selects pixels with a known, varying signal and samples it.
     ///
     /// # Errors
-    /// When light and events do not overlap, or too few events have a light.
+    ///
+    /// When signal and events do not overlap, or too few events have a known signal.
     pub fn new(
         recording: &EventsByPixel,
         drive: &dyn Drive,
@@ -197,7 +199,7 @@ impl Evidence {
         Ok(evidence.subsample_time(MAX_EVENT_EXCESS * options.n_events, options.seed))
     }
 
-    /// The same evidence with other events, pixel by pixel.
+    /// The same pixels with other events.
     #[must_use]
     pub fn with_events(&self, spikes: Vec<Vec<Spike>>) -> Self {
         let mut other = self.clone();
@@ -207,7 +209,7 @@ impl Evidence {
         other
     }
 
-    /// Only every `n`-th pixel.
+    /// Every `n`-th pixel.
     #[must_use]
     pub fn thinned(&self, n: usize) -> Self {
         let mut other = self.clone();
@@ -215,29 +217,29 @@ impl Evidence {
         other
     }
 
-    /// Only the pixels of some tiles.
+    /// The pixels of some tiles.
     pub(crate) fn with_tiles(&self, is_taken: impl Fn(usize) -> bool) -> Self {
         let mut other = self.clone();
         other.pixels.retain(|pixel| is_taken(pixel.tile));
         other
     }
 
-    /// Only the pixels of a region.
+    /// The pixels of a region.
     pub(crate) fn within_region(&self, region: Rectangle) -> Self {
         let mut other = self.clone();
         other.pixels.retain(|pixel| region.contains(pixel.x, pixel.y));
         other
     }
 
-    /// Only a part of the time, in shares of the light: what is outside is not known.
+    /// Part of the time, in shares of the signal's span; the signal is unknown outside.
     pub(crate) fn within_time(&self, from: f64, to: f64) -> Self {
         let n = self.n_instants() as f64;
         let kept = (from * n) as usize..(to * n) as usize;
         self.clone().masked_to(|i| kept.contains(&i))
     }
 
-    /// Of every block a stretch that begins somewhere in it, all as long, so that about so many events
-    /// are left.
+    /// Keeps about `n_events` events: in every block one stretch of equal length at a random
+    /// place.
     fn subsample_time(self, n_events: usize, seed: u64) -> Self {
         let share = n_events as f64 / self.n_events().max(1) as f64;
         if share >= 1.0 {
@@ -256,7 +258,7 @@ impl Evidence {
         })
     }
 
-    /// Only some instants, by their number: what lies between others is not known.
+    /// Keeps some instants; the signal is unknown at the others.
     fn masked_to(mut self, is_known: impl Fn(usize) -> bool) -> Self {
         let is_known: Vec<bool> = (0..self.n_instants()).map(is_known).collect();
         for pixel in &mut self.pixels {
@@ -280,13 +282,13 @@ impl Evidence {
         self.pixels.iter().map(|pixel| pixel.spikes.len()).sum()
     }
 
-    /// Seconds of light.
+    /// Duration of the signal, seconds.
     #[must_use]
     pub fn seconds(&self) -> f64 {
         self.n_instants() as f64 * self.step_us * 1e-6
     }
 
-    /// Events a second of all pixels in the three instants before a time.
+    /// Event rate of the whole sensor over the three instants before a time.
     pub(crate) fn rate_hz(&self, t_us: i64) -> f64 {
         let at = (t_us as f64 - self.start_us) / self.step_us;
         let i = (at.max(0.0) as usize).min(self.rates[1].len().saturating_sub(1));
@@ -300,19 +302,19 @@ impl Evidence {
         4.0 * self.middle[0] * self.middle[1]
     }
 
-    /// Number of a cell: a tile of pixels during a block of time.
+    /// Index of a cell: a tile of pixels during a time block.
     #[must_use]
     pub fn cell(&self, pixel: &PixelEvidence, block: usize) -> usize {
         pixel.tile * self.blocks.n() + block
     }
 
-    /// Whether a tile, by its middle, lies in a region.
+    /// Whether the center of a tile lies in a region.
     pub(crate) fn tile_is_in(&self, tile: usize, region: Rectangle) -> bool {
         let middle = |n: usize| (n as u16) * self.tile_px + self.tile_px / 2;
         region.contains(middle(tile % self.tiles[0]), middle(tile / self.tiles[0]))
     }
 
-    /// Whether a tile during a block is held out: a third of all, spread like a chequerboard.
+    /// Whether a tile is held out during a block: a third of all cells.
     #[must_use]
     pub fn is_held_out(&self, tile: usize, block: usize) -> bool {
         let mut random = SplitMix::new(0x7469_6c65, tile as u64);
@@ -320,7 +322,7 @@ impl Evidence {
     }
 }
 
-/// The instants of a grid that lie in stretches of time.
+/// Ranges of instants that lie in some stretches of time.
 fn instants(stretches_us: &[[i64; 2]], grid: TimeGrid) -> Vec<Range<usize>> {
     let at = |us: i64| (grid.position(us as f64).max(0.0) as usize).min(grid.n);
     stretches_us.iter().map(|[from, to]| at(*from)..(at(*to) + 1).min(grid.n)).collect()

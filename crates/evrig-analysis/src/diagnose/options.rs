@@ -1,38 +1,35 @@
-//! How much work a diagnosis is.
+//! Work and resolution of a diagnosis.
 
 use serde::{Deserialize, Serialize};
 
-/// How hard to look.
+/// Work and resolution of a diagnosis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DiagnosisOptions {
-    /// Pixels looked at, at most where they have events enough; they are drawn over the whole
-    /// sensor, textured ones first.
+    /// Pixels, at most, where they have enough events; drawn over the whole sensor, textured ones
+    /// first.
     pub n_pixels: usize,
-    /// With fewer events than these in them, more pixels are looked at, as long as there are
-    /// instants.
+    /// With fewer events than this, more pixels are used, up to `n_instants`.
     pub few_events: usize,
-    /// Events of the pixels looked at, at most, as long as a few tens of pixels are left; where these still
-    /// hold more than twice as many, parts of the time are looked at: more say little more and take as much
-    /// longer.
+    /// Events, at most; pixels are thinned down to a minimum, then the time is subsampled.
     pub n_events: usize,
-    /// Instants of light, over all pixels, at most.
+    /// Instants of the signal over all pixels, at most.
     pub n_instants: usize,
-    /// From one instant of the light to the next.
+    /// Step between instants of the signal, microseconds.
     pub step_us: u32,
-    /// Blocks of time.
+    /// Time blocks.
     pub n_blocks: usize,
-    /// Side of a tile of pixels that is trained on or held out as one.
+    /// Side of a tile of pixels, the spatial unit of cross-validation.
     pub tile_px: u16,
-    /// Most effects named.
+    /// Effects that can be named, at most.
     pub max_effects: usize,
-    /// Recordings drawn from the fitted model that go through the same search.
+    /// Recordings simulated from the final model for the null distribution.
     pub n_null: usize,
-    /// Seed of all draws.
+    /// Seed of all random draws.
     pub seed: u64,
 }
 
 impl DiagnosisOptions {
-    /// A short look, for a run over every stage: fewer pixels and one drawn recording.
+    /// Reduced work, for a run over every stage: fewer pixels and one simulated recording.
     #[must_use]
     pub fn brief() -> Self {
         Self { n_pixels: 120, n_null: 1, ..Self::default() }

@@ -1,4 +1,4 @@
-//! The search as a whole: baseline, effects one by one, null, structure left, verdict.
+//! The forward selection of effects: baseline, one effect at a time, null distribution, tests.
 
 use crate::diagnose::checks::accepted_effect::AcceptedEffect;
 use crate::diagnose::checks::effect_review::{EffectReview, ReviewedModel};
@@ -44,23 +44,23 @@ const SUBSET_EVENTS: usize = 6_000;
 /// Starting clock offsets to either side of zero.
 const N_OFFSET_STARTS: i32 = 5;
 
-/// A diagnosis with the models behind it.
+/// A diagnosis with its models.
 #[derive(Debug, Clone)]
 pub struct DiagnosisResult {
-    /// What is said.
+    /// The result.
     pub diagnosis: Diagnosis,
     /// Nuisances alone.
     pub baseline: Hypothesis,
     /// With the named effects; the baseline where none is named.
     pub model: Hypothesis,
-    /// Where either is wrong, to look at.
+    /// Maps of the misfit of both models.
     pub heat: Vec<HeatMap>,
 }
 
-/// Diagnoses: which effects of the library does the recording show beyond the baseline?
+/// Runs the diagnosis: which effects of the library does the recording show beyond the baseline?
 ///
-/// `departures` are what its frames show otherwise than stated; the evidence's light has them.
-/// `progress` is told what is being looked at.
+/// `departures` are differences between frames and statement that the evidence's signal includes.
+/// `progress` receives the name of each step.
 #[must_use]
 pub fn diagnose(
     evidence: &Evidence,
@@ -77,7 +77,7 @@ pub fn diagnose(
     let baseline = fit_baseline(evidence, &few);
     let (baseline, model, taken, unsure) =
         accept_effects(evidence, &few, baseline, max_effects, progress);
-    // What is made of either from here on is fine as well, but for what leaves out the idle.
+    // All later fits use the fine grid, but for the removal of replaced effects.
     let baseline = baseline.with_fine_grid(true);
     progress("structure left");
     let before = test_structure(evidence, &baseline, options.seed);
@@ -123,15 +123,14 @@ pub fn diagnose(
     }
 }
 
-/// What stands of what was found.
 struct ReviewOutcome {
     reviewed: ReviewedModel,
     reach: f64,
     null: NullReport,
 }
 
-/// Leaves out of a model what is idle, what chance buys as well, what fits at any strength, and judges the rest; all
-/// of that takes as long as the search, and is not asked of a model that is lost.
+/// Removes replaced, chance-level and unidentified effects and tests the others. A model that
+/// explains nothing is rejected at once, since these tests take as long as the search.
 fn review_found(
     review: &EffectReview<'_>,
     few: &Evidence,
@@ -160,7 +159,7 @@ fn review_found(
     let model = refine_on_fine_grid(evidence, model);
     let review = EffectReview { null: &null.residual_structure_nats_per_event, ..*review };
     progress("errors");
-    // What no name may stand on needs none.
+    // A model that will be rejected needs no standard errors.
     let (model, taken) = if review.is_inadequate(&model) {
         (model, taken)
     } else {
@@ -170,7 +169,7 @@ fn review_found(
     ReviewOutcome { reviewed: review.review(model, taken), reach, null }
 }
 
-/// The model without what buys no more than chance does, which is asked before what stands is looked at finely.
+/// Removes effects whose gain is at chance level, before the fine grid is used.
 fn remove_chance_effects(
     evidence: &Evidence,
     few: &Evidence,
@@ -202,8 +201,8 @@ fn remove_chance_effects(
     (model, taken, null)
 }
 
-/// Nuisances alone, fitted. Light between frames is rough in time, so that slopes lead to the next best
-/// offset of the clocks: some all over its range are begun with.
+/// The fitted baseline. Interpolated light makes the likelihood multimodal in the clock offset:
+/// several offsets are tried.
 fn fit_baseline(evidence: &Evidence, few: &Evidence) -> FittedModel {
     let mut begun = fit(few, Hypothesis::baseline(evidence), 12, 1e-4);
     if evidence.facts.is_motion_compensated {
@@ -217,9 +216,9 @@ fn fit_baseline(evidence: &Evidence, few: &Evidence) -> FittedModel {
     fit_and_refine(evidence, begun.hypothesis, 12)
 }
 
-/// Takes effects one by one while they buy enough. A fit with an effect may come by better
-/// nuisances than the fit without had found; the model then takes them over before it is compared,
-/// so that they are not booked to the effect.
+/// Adds effects while their gain is significant. A fit with an effect may find better nuisances
+/// than the fit without; the model adopts them first, so that the effect is not credited with
+/// them.
 fn accept_effects(
     evidence: &Evidence,
     few: &Evidence,
@@ -276,9 +275,8 @@ fn accept_effects(
     (baseline, model, taken, unsure)
 }
 
-/// Whether the fine score of pixels with thresholds of their own leaves an effect the name or the suspicion that the
-/// coarse one gives it. Between thresholds that the coarse one looks at it goes along slopes, and a camera that is all
-/// but ideal scores less there than they promise.
+/// Whether a threshold mismatch remains significant (or suggestive) on the fine grid. The coarse
+/// grid overestimates the likelihood of a nearly noise-free camera between its values.
 pub(crate) fn holds_on_fine_grid(
     evidence: &Evidence,
     model: &FittedModel,
@@ -300,7 +298,7 @@ pub(crate) fn holds_on_fine_grid(
     holds(&fine) || holds(&improve(evidence, fine, MAX_STEPS_ON_FINE_GRID, 1e-4))
 }
 
-/// An effect that buys much and not surely: the model without it is not said to hold.
+/// A large gain that is not significant.
 fn suggestive_effect(gain: EffectGain) -> Option<RejectedEffect> {
     let errors = gain.held_out / gain.error;
     is_suggestive(gain.held_out, gain.error).then(|| RejectedEffect {
@@ -313,10 +311,9 @@ fn suggestive_effect(gain: EffectGain) -> Option<RejectedEffect> {
     })
 }
 
-/// Finishes the fits of those that come near to the best, the best among them: a pole and a late clock,
-/// half fitted, may stand in the wrong order. So may, however little it buys so far, one that physics knows for the
-/// best one's rival, and where nothing buys much one of whose nuisance there is as much as is ordinary: a leak
-/// that an all but ideal camera tells finely is behind a ridge until then.
+/// Fits the best effects to convergence, since incomplete fits may be ranked wrongly: those close
+/// to the best, known competitors of the best, and, where all gains are low, effects limited by a
+/// prior bound.
 fn converge_competitors(
     evidence: &Evidence,
     model: &FittedModel,
@@ -345,8 +342,7 @@ fn converge_competitors(
     sort_by_gain(tried);
 }
 
-/// Whether what belongs to the effect that was tried last is in the events of its region, or of what
-/// `inner` makes of that.
+/// Whether the events of the last effect's region (as changed by `inner`) show its signature.
 fn has_signature(
     evidence: &Evidence,
     tried: &TrialFit,
@@ -360,7 +356,7 @@ fn has_signature(
     (hypothesis.effects[last].has_signature)(there, &hypothesis.parameters_of(last))
 }
 
-/// A region that is made of whole tiles, without those at its edges: part of them may lie outside.
+/// A region of whole tiles without its outermost tiles, which may lie partly outside.
 fn inner_tiles(evidence: &Evidence, region: Rectangle) -> Rectangle {
     let tile = evidence.tile_px;
     let inner = |[low, high]: [u16; 2]| {
@@ -378,18 +374,18 @@ fn competing_hypotheses(tried: &[TrialFit]) -> Vec<CompetingHypothesis> {
     .collect()
 }
 
-/// Those whose score is below the best's by less than a name takes: that is too little for a choice, too.
+/// Effects whose gain is not significantly below the best.
 fn indistinguishable(tried: &[TrialFit]) -> Vec<evrig_core::effect_id::EffectId> {
     let Some(best) = tried.first() else { return Vec::new() };
     let close = |t: &&TrialFit| {
         let (gain, error) = best.fitted.cells.gain(&t.fitted.cells, CellSet::HeldOut);
         !is_significant(gain, error)
     };
-    // A first fit on some of the pixels does not compare.
+    // Fits on a subset of the pixels are not comparable.
     tried.iter().skip(1).filter(|t| t.uses_all_pixels).filter(close).map(|t| t.gain.id).collect()
 }
 
-/// A model found by the coarse score of pixels whose thresholds are their own, by the fine one.
+/// The model refitted on the fine grid.
 fn refine_on_fine_grid(evidence: &Evidence, model: FittedModel) -> FittedModel {
     if !model.hypothesis.pixel_mixture().is_continuous() {
         return model;

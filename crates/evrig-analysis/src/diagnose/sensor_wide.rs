@@ -1,6 +1,5 @@
-//! What all events of the sensor show by their mere number and time, beyond the few pixels that are
-//! predicted: hot pixels, events that come with the camera's own frames, a bus that is never free, rows that are
-//! read in turn, events that a filter took away.
+//! Sensor-wide event statistics: hot pixels, coupling to the camera's own frames, bus saturation,
+//! row readout, missing isolated events.
 
 mod aps_coupling;
 mod bus_saturation;
@@ -13,18 +12,17 @@ use evrig_core::effect_id::EffectId;
 
 pub(crate) use isolated_events::IsolatedEventDeficit;
 
-/// What a census shows, and the evidence without what that explains already.
+/// Findings of the sensor-wide statistics, and the evidence without what they explain.
 pub(crate) struct SensorWideStatistics {
     pub(crate) departures: Vec<Departure>,
-    /// Without the hot pixels, where there are any.
+    /// Without hot pixels; `None` where there are none.
     pub(crate) rest: Option<Evidence>,
-    /// Whether the bus decides when events come, so that no pixel's own law can be read off them.
+    /// Whether the readout determines event times, so that no pixel law can be inferred.
     pub(crate) is_saturated: bool,
-    /// Whether events are missing that no neighbour's came before: no effect of the library does that.
+    /// Whether isolated events are missing, which no effect of the library explains.
     pub(crate) isolated_events: Option<IsolatedEventDeficit>,
 }
 
-/// Counts what the whole sensor did.
 pub(crate) fn sensor_wide_statistics(evidence: &Evidence) -> SensorWideStatistics {
     let (hot, rest) = match hot_pixels::pixels(evidence) {
         Some((departure, hot)) => {
@@ -36,7 +34,7 @@ pub(crate) fn sensor_wide_statistics(evidence: &Evidence) -> SensorWideStatistic
     };
     let events = evidence.event_context.stamps_in_order();
     let (rows, is_held_up) = row_readout::readout(&events).unzip();
-    // The stamps take the events' own memory: of a long recording both would be a gigabyte.
+    // The times reuse the events' memory: a copy of a long recording takes a gigabyte.
     let times: Vec<i64> = events.into_iter().map(|event| event.0).collect();
     let bus = bus_saturation::saturation(&times);
     let is_saturated = bus.is_some() || is_held_up == Some(true);
@@ -49,7 +47,7 @@ pub(crate) fn sensor_wide_statistics(evidence: &Evidence) -> SensorWideStatistic
     }
 }
 
-/// Whether a census tells an effect that no predicted pixel does, or why not.
+/// Whether an effect outside the library can be tested by these statistics, or why not.
 pub(crate) fn testable(evidence: &Evidence, id: EffectId) -> Result<(), String> {
     match id {
         EffectId::ReadoutSaturation | EffectId::RowReadout => Ok(()),

@@ -1,9 +1,9 @@
-//! May a name stand? Only on a model that leaves no structure to speak of.
+//! Acceptance criteria for named effects.
 //!
-//! A wrong name can buy much: an effect that takes events away fits like any other that takes
-//! events away. What gives it away is what it leaves: the events it removes are not those that are
-//! missing. So the structure left, as trees see it ([`super::check`]), is held against what they
-//! see in recordings drawn from the model itself, and against what the baseline left.
+//! A wrong effect can gain much: effects that remove events fit each other's data. They leave
+//! residual structure, since they remove the wrong events. The residual structure of the
+//! two-sample test ([`super::two_sample_test`]) is compared with that of simulated recordings and
+//! with that of the baseline.
 
 use super::strength_constancy::StratumStrength;
 use super::two_sample_test::StructureTest;
@@ -45,19 +45,19 @@ const MAX_LOG_HALF_WIDTH: f64 = 1.1;
 /// Distance from zero of an identified signed parameter, standard errors.
 const MIN_STANDARD_ERRORS_FROM_ZERO: f64 = 3.0;
 
-/// How a model stands.
+/// Adequacy of a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Adequacy {
-    /// What is left is what the model itself shows, or next to it.
+    /// The residual structure is at the level of simulated recordings.
     Adequate,
-    /// It explains a part, and something else is left.
+    /// The model explains a part.
     Partial,
-    /// It leaves most of what was to be explained.
+    /// Most of the structure is left.
     Inadequate,
 }
 
-/// Judges a model by what it leaves; `null` are the structures in recordings drawn from it. A model
-/// that names something which shows behind events is measured by the baseline, another by itself.
+/// Adequacy by residual structure; `null` are the values of simulated recordings. A model with an
+/// effect that events can show is compared with the baseline.
 pub(crate) fn assess_adequacy(
     before: Option<&StructureTest>,
     after: Option<&StructureTest>,
@@ -78,7 +78,6 @@ pub(crate) fn assess_adequacy(
     }
 }
 
-/// Whether a model leaves so much that nothing which is made of it could stand.
 pub(crate) fn explains_nothing(
     before: Option<&StructureTest>,
     after: Option<&StructureTest>,
@@ -91,14 +90,13 @@ pub(crate) fn explains_nothing(
     })
 }
 
-/// Whether a model leaves much of what there was to explain to a recalibration of its hazard, which knows no physics: what the
-/// library does not have may be half explained by a name, by which trees then tell little.
+/// Whether a recalibrated hazard, which knows no physics, still gains much: an effect outside the
+/// library may be half explained by a named one without structure that the classifier sees.
 pub(crate) fn leaves_recalibration_gain(removed: f64, left: RecalibrationGain) -> bool {
     is_suggestive(left.gain, left.error)
         && left.gain > MAX_LEFT_SHARE_PARTIAL * (removed.max(0.0) + left.gain)
 }
 
-/// Whether most of the structure is gone.
 fn removes_most_structure(before: &StructureTest, after: &StructureTest) -> bool {
     match before.without_light_features.zip(after.without_light_features) {
         Some((apart, left)) => {
@@ -109,8 +107,8 @@ fn removes_most_structure(before: &StructureTest, after: &StructureTest) -> bool
     }
 }
 
-/// The stratum in which an effect's strength differs most from its strength elsewhere, if by more
-/// than any right name's would.
+/// The stratum with the most significant difference of strength, if larger than under a true
+/// model.
 pub(crate) fn most_inconstant_stratum(strengths: &[StratumStrength]) -> Option<&StratumStrength> {
     let beyond = |s: &StratumStrength| s.change.abs() - 2.0 * s.error;
     let far =
@@ -119,14 +117,13 @@ pub(crate) fn most_inconstant_stratum(strengths: &[StratumStrength]) -> Option<&
         .max_by(|a, b| (a.change.abs() / a.error).total_cmp(&(b.change.abs() / b.error)))
 }
 
-/// Whether the events tell none of an effect's parameters: what fits at any strength stands in for
-/// something else. The model comes with its errors.
+/// Whether the data identify none of an effect's parameters. Needs standard errors.
 pub(crate) fn is_unidentified(model: &FittedModel, index: usize) -> bool {
     let hypothesis = &model.hypothesis;
     hypothesis.effects[index].freed.is_empty()
         && fitted_parameters(hypothesis, index).all(|(at, p)| {
             let (value, error) = (hypothesis.values[at], model.error_of(at));
-            // A value that the range holds has no error: the events ask for more of it than there is.
+            // A value at a bound has no standard error.
             let is_told = if p.is_log {
                 Z90 * error <= MAX_LOG_HALF_WIDTH
             } else {
@@ -136,8 +133,8 @@ pub(crate) fn is_unidentified(model: &FittedModel, index: usize) -> bool {
         })
 }
 
-/// The hypothesis with an effect's first parameter that events are asked for held at a third of its value,
-/// and at three times as much, as far as its range goes; `None` where it has no room to either side.
+/// The hypothesis with an effect's first fitted parameter fixed at a third and at three times its
+/// value, within its range; `None` without room to either side.
 pub(crate) fn with_strength_fixed_aside(
     hypothesis: &Hypothesis,
     index: usize,
@@ -151,8 +148,8 @@ pub(crate) fn with_strength_fixed_aside(
     aside.iter().all(|moved| moved.values[at] != hypothesis.values[at]).then_some(aside)
 }
 
-/// Parameters of an effect that the events are asked for and that are reported, each with the number of its
-/// value; where what is reported only follows from them, all of them.
+/// Fitted and reported parameters of an effect with their value indices; all of them where the
+/// reported ones are derived.
 fn fitted_parameters(
     hypothesis: &Hypothesis,
     index: usize,
@@ -166,8 +163,7 @@ fn fitted_parameters(
 /// Share of its range within which a value counts as at a bound.
 const BOUND_TOLERANCE: f64 = 1e-3;
 
-/// What stands at an end of its range, if something does: the events ask for more of it than there is, so
-/// that the effect stands in for something else.
+/// A fitted parameter at a bound of its range, if any: the data ask for more than the law allows.
 pub(crate) fn parameter_at_bound(
     hypothesis: &Hypothesis,
     index: usize,
@@ -227,7 +223,7 @@ mod tests {
         let adequacy = |before: StructureTest, after: StructureTest| {
             assess_adequacy(Some(&before), Some(&after), &[0.002], true)
         };
-        // Of 0.19 nats 0.07 are left, which the light's errors alone leave.
+        // Of 0.19 nats 0.07 are left, as from light errors alone.
         assert_eq!(adequacy(of(0.19, 0.15), of(0.07, 0.03)), Adequacy::Partial);
         assert_eq!(adequacy(of(0.19, 0.15), of(0.07, 0.06)), Adequacy::Inadequate);
         assert_eq!(adequacy(of(0.19, 0.15), of(0.12, 0.03)), Adequacy::Inadequate);
@@ -241,7 +237,7 @@ mod tests {
             change,
             error,
         };
-        // Surely different, yet by a tenth: the light's own error does that.
+        // Significant, but a difference of a tenth is within light errors.
         assert!(most_inconstant_stratum(&[stratum(0.1, 0.005), stratum(-0.9, 0.6)]).is_none());
         let all = [stratum(0.1, 0.005), stratum(-0.95, 0.08)];
         assert!(most_inconstant_stratum(&all).is_some_and(|found| found.change < -0.9));

@@ -3,7 +3,7 @@
 use crate::diagnose::CompetingHypothesis;
 use evrig_core::effect_id::EffectId;
 
-/// An effect that was taken, with what it was measured against.
+/// An effect of the model, with its gain and its competitors.
 pub(crate) struct AcceptedEffect {
     pub(crate) gain: f64,
     pub(crate) error: f64,

@@ -1,9 +1,9 @@
-//! Telling two samples apart: boosted trees of two levels over binned features.
+//! Classifier for two samples: boosted trees of depth two over binned features.
 //!
-//! Lopez-Paz and Oquab (ICLR 2017): two samples are of one law exactly when no classifier does
-//! better than a coin on examples it has not seen. The trees are grown by Newton's steps on the
-//! logistic loss (Friedman, Ann. Stat. 29, 2001); what they gain over the coin on folds left out
-//! is a lower bound on the Jensen-Shannon divergence of the two samples, in nats an example.
+//! Two samples have the same distribution if and only if no classifier is better than chance
+//! (Lopez-Paz and Oquab, ICLR 2017). Trees are grown by Newton steps on the logistic loss
+//! (Friedman, Ann. Stat. 29, 2001). The held-out log-loss gain over chance is a lower bound on the
+//! Jensen-Shannon divergence, in nats per example.
 
 /// Bins per feature; one more holds unknown values.
 const N_BINS: usize = 32;
@@ -24,30 +24,30 @@ const LEAF_REGULARIZATION: f64 = 6.0;
 
 const MIN_EXAMPLES_PER_LEAF: f64 = 25.0;
 
-/// Examples: their features, what they are, and the fold that leaves them out.
+/// Examples with features, labels and cross-validation folds.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct LabelledEvents {
     pub(crate) n_features: usize,
-    /// Example after example, `n_features` each; `NaN` where not known.
+    /// Row-major, `n_features` per example; NaN where unknown.
     pub(crate) features: Vec<f32>,
     pub(crate) is_real: Vec<bool>,
     pub(crate) fold: Vec<u8>,
-    /// What an example is alike with: its cell of pixels and time.
+    /// Cluster of the example: its cell of pixels and time.
     pub(crate) cell: Vec<u32>,
 }
 
-/// How well examples are told apart that the trees have not seen.
+/// Cross-validated result.
 #[derive(Debug, Clone)]
 pub(crate) struct ClassifierResult {
-    /// What is gained over a coin, nats an example, both kinds weighing alike.
+    /// Log-loss gain over chance, nats per example, classes balanced.
     pub(crate) nats: f64,
     /// Its standard error, from the scatter over cells.
     pub(crate) error: f64,
-    /// Share told rightly, both kinds weighing alike.
+    /// Balanced accuracy.
     pub(crate) accuracy: f64,
-    /// By cell: what is gained there, and the weight of its examples.
+    /// Per cell: gain and total weight.
     pub(crate) cells: Vec<(f64, f64)>,
-    /// How much each feature has bettered the trees' own loss, as a share of all.
+    /// Share of each feature in the training gain.
     pub(crate) share: Vec<f64>,
 }
 
@@ -87,7 +87,7 @@ type TreeSplit = (usize, u8);
 
 struct BoostedTree {
     root: TreeSplit,
-    /// The split of either side, if any, with the steps of its two leaves.
+    /// The split of each side, if any, with the steps of its leaves.
     sides: [(Option<TreeSplit>, [f64; 2]); 2],
 }
 
@@ -102,7 +102,7 @@ impl BoostedTree {
     }
 }
 
-/// Edges that cut a feature's known values into bins, where ties allow.
+/// Bin edges of a feature's known values.
 fn edges(values: impl Iterator<Item = f32>) -> Vec<f32> {
     let mut all: Vec<f32> = values.filter(|v| v.is_finite()).collect();
     all.sort_by(f32::total_cmp);
@@ -131,7 +131,7 @@ fn binned(examples: &LabelledEvents) -> Vec<u8> {
     bins
 }
 
-/// The best split of the examples that `of` sends to each side, one result a side.
+/// The best split of the examples that `of` sends to each side.
 fn splits(
     bins: &[u8],
     f: usize,
@@ -173,7 +173,7 @@ fn splits(
     })
 }
 
-/// One tree on the examples chosen; its gains are booked to its features.
+/// One tree on the chosen examples.
 fn grow(
     bins: &[u8],
     f: usize,
@@ -206,7 +206,7 @@ fn grow(
 }
 
 impl ClassifierResult {
-    /// What more is gained than by `other` on the same examples, and its standard error.
+    /// Gain over `other` on the same examples, and its standard error.
     pub(crate) fn more_than(&self, other: &Self) -> (f64, f64) {
         let n = self.cells.iter().map(|c| c.1).sum::<f64>().max(1e-300);
         let more = self.nats - other.nats;
@@ -216,13 +216,12 @@ impl ClassifierResult {
     }
 }
 
-/// Tells real examples from others, each by trees that have not seen its fold. `None` where one
-/// kind or fold is missing.
+/// Cross-validated classification of recorded against simulated examples; `None` with too few.
 pub(crate) fn classify(examples: &LabelledEvents) -> Option<ClassifierResult> {
     classify_with(examples, |_| true)
 }
 
-/// The same by some of the features alone.
+/// The same with some of the features.
 pub(crate) fn classify_with(
     examples: &LabelledEvents,
     uses: impl Fn(usize) -> bool,
@@ -235,7 +234,7 @@ pub(crate) fn classify_with(
     let f = examples.n_features;
     let mut bins = binned(examples);
     for feature in (0..f).filter(|feature| !uses(*feature)) {
-        // A feature of one value cannot be split.
+        // A constant feature cannot be split.
         bins.iter_mut().skip(feature).step_by(f).for_each(|bin| *bin = 0);
     }
     let weight = |real: bool| 0.5 * n as f64 / (if real { n_real } else { n - n_real }) as f64;
@@ -246,7 +245,7 @@ pub(crate) fn classify_with(
         if chosen.len() == n {
             continue;
         }
-        // All examples are led through every tree: those chosen to learn, the others to be judged.
+        // Held-out examples pass through the trees as well.
         let mut here = vec![0.0; n];
         let mut slopes = vec![(0.0, 0.0); n];
         for _ in 0..N_TREES {
@@ -283,7 +282,7 @@ fn summarise(
     for (i, &margin) in margins.iter().enumerate() {
         let real = examples.is_real[i];
         let towards = if real { margin } else { -margin };
-        // ln 2 and the log of the chance given to what it was.
+        // ln 2 plus the log probability of the true class.
         let gained = std::f64::consts::LN_2 - (-towards).exp().ln_1p();
         let w = weight(real);
         by_cell[examples.cell[i] as usize].0 += w * gained;
@@ -306,7 +305,7 @@ mod tests {
     use super::*;
     use evrig_core::stats::SplitMix;
 
-    /// Two features; real examples have `shift` more of the product of the two.
+    /// Two features; `shift` of the recorded examples have a positive product.
     fn examples(shift: f64) -> LabelledEvents {
         let mut random = SplitMix::new(5, 9);
         let mut all = LabelledEvents { n_features: 2, ..LabelledEvents::default() };
@@ -332,7 +331,6 @@ mod tests {
     #[test]
     fn a_law_that_differs_only_in_how_two_features_go_together_is_seen() {
         let result = classify(&examples(0.6)).unwrap();
-        // Six in ten lie on the half of the plane that takes only half of the others.
         assert!(result.nats > 5.0 * result.error && result.accuracy > 0.6, "{result:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! Which of the effects that were taken may be named.
+//! Tests that every accepted effect has to pass.
 
 use super::acceptance::{
     Adequacy, assess_adequacy, explains_nothing, leaves_recalibration_gain,
@@ -14,38 +14,38 @@ use crate::diagnose::fit::fitted::FittedModel;
 use crate::diagnose::{Evidence, RejectedEffect};
 use evrig_core::effect_id::EffectId;
 
-/// A model of which every effect may be named, and what may not.
+/// The model with the effects that passed, and the rejected ones.
 pub(crate) struct ReviewedModel {
     pub(crate) model: FittedModel,
     pub(crate) taken: Vec<AcceptedEffect>,
     pub(crate) adequacy: Adequacy,
-    /// What the model leaves; where nothing may be named, what that with all that was taken left.
+    /// Residual structure of the model; where all are rejected, that of the full model.
     pub(crate) after: Option<StructureTest>,
     pub(crate) rejected_effects: Vec<RejectedEffect>,
 }
 
-/// What names are judged by.
+/// What the tests use.
 pub(crate) struct EffectReview<'a> {
     pub(crate) evidence: &'a Evidence,
     pub(crate) baseline: &'a FittedModel,
-    /// What the baseline leaves.
+    /// Residual structure of the baseline.
     pub(crate) before: Option<&'a StructureTest>,
-    /// The structures in recordings drawn from the model.
+    /// Residual structures of simulated recordings.
     pub(crate) null: &'a [f64],
-    /// Whether something of the library gains on what is left, and not enough for a name.
+    /// Whether a further effect has a suggestive gain.
     pub(crate) has_suggestive_effect: bool,
-    /// Whether events are missing that no neighbour's came before.
+    /// Whether isolated events are missing.
     pub(crate) misses_isolated_events: bool,
     pub(crate) seed: u64,
 }
 
-/// How a model looks.
+/// Test results of a model.
 struct ModelReview {
     after: Option<StructureTest>,
     adequacy: Adequacy,
-    /// Why each effect may not be named.
+    /// Per effect: why it is rejected.
     objections: Vec<Option<String>>,
-    /// Why none of them may.
+    /// Why all are rejected.
     objection_to_all: Option<String>,
 }
 
@@ -56,9 +56,9 @@ impl ModelReview {
 }
 
 impl EffectReview<'_> {
-    /// Takes back what does not hold: effects that have not one strength, and all of them where the
-    /// model leaves what it should have removed. What stands in for one effect has moved the others,
-    /// so those that are left are fitted and judged anew.
+    /// Rejects effects with inconstant strength, and all effects of a model that leaves too much
+    /// structure. A rejected effect has biased the others, so the rest is refitted and tested
+    /// again.
     pub(crate) fn review(&self, model: FittedModel, taken: Vec<AcceptedEffect>) -> ReviewedModel {
         let review = self.review_model(&model, self.assess(&model));
         if review.holds() {
@@ -81,7 +81,7 @@ impl EffectReview<'_> {
         self.reject_all(review, rejected_effects)
     }
 
-    /// Takes back all of a model that is lost: it leaves nearly all that was to be explained, and that is much.
+    /// Rejects all effects of a model that leaves nearly all of a large structure.
     pub(crate) fn reject_if_unexplained(
         &self,
         model: &FittedModel,
@@ -113,12 +113,11 @@ impl EffectReview<'_> {
         }
     }
 
-    /// Whether a model leaves most of what was to be explained.
+    /// Whether a model leaves most of the structure.
     pub(crate) fn is_inadequate(&self, model: &FittedModel) -> bool {
         self.assess(model).1 == Adequacy::Inadequate
     }
 
-    /// What a model leaves, and how it stands by that.
     fn assess(&self, model: &FittedModel) -> (Option<StructureTest>, Adequacy) {
         let after = test_structure(self.evidence, model, self.seed);
         let adequacy = assess_adequacy(
@@ -130,8 +129,8 @@ impl EffectReview<'_> {
         (after, adequacy)
     }
 
-    /// What a model leaves to no effect of the library, in words, if it is so much that no name may stand on it. Errors of
-    /// a light that is guessed between frames are left by any model.
+    /// Why a recalibrated hazard rules out the model, if it does. Interpolated light always leaves
+    /// such a gain.
     fn unexplained_remainder(&self, model: &FittedModel) -> Option<String> {
         if self.has_suggestive_effect
             || !self.evidence.facts.is_light_dense()
@@ -149,7 +148,8 @@ impl EffectReview<'_> {
         })
     }
 
-    /// Why an effect of the model only stands in for a filter, if it does: such a filter does not take any share at random.
+    /// Why an effect only imitates a neighbour filter, if it does: such a filter does not remove
+    /// events at random.
     fn filter_objection(&self, model: &FittedModel, index: usize) -> Option<String> {
         let is_loss = model.hypothesis.effects[index].id == EffectId::EventDrop;
         (self.misses_isolated_events && is_loss)
@@ -177,13 +177,12 @@ impl EffectReview<'_> {
     }
 }
 
-/// Whether a model has an effect that shows behind events: what takes all events of a pixel leaves none behind which one
-/// could look.
+/// Whether an effect of the model shows in events; dead pixels have none.
 fn has_effect_seen_in_events(model: &FittedModel) -> bool {
     model.hypothesis.effects.iter().any(|effect| !effect.acts_on_silent_pixels)
 }
 
-/// What belongs to the effects whose doubts are as asked.
+/// The items whose objection satisfies a predicate.
 fn of<T>(
     all: Vec<T>,
     objections: &[Option<String>],
@@ -193,8 +192,7 @@ fn of<T>(
     own.map(|(each, _)| each).collect()
 }
 
-/// What an effect of the model asks for that it cannot have, or where it has another strength than
-/// elsewhere, in words.
+/// Why an effect is rejected: a parameter at a bound, or inconstant strength.
 fn objection(
     evidence: &Evidence,
     drawn: &Evidence,
@@ -216,7 +214,6 @@ fn objection(
     Some(format!("with {} from {low:.4} to {high:.4} {how}", worst.covariate))
 }
 
-/// All effects of a model that does not hold, each with the reason.
 fn rejected_effects(
     model: &FittedModel,
     taken: &[AcceptedEffect],

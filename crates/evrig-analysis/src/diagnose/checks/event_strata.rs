@@ -1,8 +1,8 @@
-//! Where a model is wrong: strata of the events by what they may depend on.
+//! Strata of events in which the model misfits.
 //!
-//! The compensator of a silence is exponential under a true model, so `u = 1 - e^-spent` is
-//! uniform. How far `u` is from uniform in a stratum, as Kullback and Leibler's divergence of a
-//! histogram, is what a recalibration of the hazard in that stratum would buy, in nats an event.
+//! Under a true model the compensator of an interval is exponential, so that `u = 1 - exp(-spent)`
+//! is uniform (time rescaling). The Kullback-Leibler divergence of its histogram from uniform is
+//! the log-likelihood gain of a recalibrated hazard in the stratum, in nats per event.
 
 use crate::diagnose::fit::fitted::FittedModel;
 use crate::diagnose::fit::pixel_strata::strata_of_pixels;
@@ -15,7 +15,7 @@ pub(crate) const N_HISTOGRAM_BINS: usize = 10;
 
 const MIN_EVENTS_PER_STRATUM: usize = 60;
 
-/// One event with where it lies.
+/// A residual with its cell.
 pub(crate) struct LocatedResidual {
     pub(crate) residual: Residual,
     pub(crate) cell: usize,
@@ -29,18 +29,17 @@ impl LocatedResidual {
     }
 }
 
-/// What a stratum is by.
+/// A covariate that defines strata.
 pub(crate) struct StratumCovariate {
     pub(crate) key: &'static str,
     /// Ascending edges between strata.
     pub(crate) edges: Vec<f64>,
     pub(crate) value: fn(&LocatedResidual) -> f64,
-    /// Whether it is known before the event, so that a model may depend on it.
+    /// Whether it is known before the event, so that a hazard may depend on it.
     pub(crate) is_known_before: bool,
     describe: fn([f64; 2], f64) -> String,
 }
 
-/// The residuals of every event under a model.
 pub(crate) fn locate_residuals(evidence: &Evidence, model: &FittedModel) -> Vec<LocatedResidual> {
     let of_pixels = evidence.pixels.iter().zip(residuals_by_pixel(evidence, model));
     of_pixels
@@ -54,7 +53,7 @@ pub(crate) fn locate_residuals(evidence: &Evidence, model: &FittedModel) -> Vec<
         .collect()
 }
 
-/// The residuals of each pixel's events under a model, and its counts in each block of time.
+/// Residuals of each pixel's events, and its counts per time block.
 pub(crate) fn residuals_by_pixel(
     evidence: &Evidence,
     model: &FittedModel,
@@ -72,14 +71,14 @@ fn lateness(late: f64) -> &'static str {
     if late > 0.0 { "late" } else { "early" }
 }
 
-/// Edges that part the events into `n` equally many, where ties allow.
+/// Quantiles that divide the events into `n` equal parts, where ties allow.
 fn quantiles(events: &[LocatedResidual], value: fn(&LocatedResidual) -> f64, n: usize) -> Vec<f64> {
     let mut all: Vec<f64> = events.iter().map(value).filter(|v| v.is_finite()).collect();
     all.sort_by(f64::total_cmp);
     quantiles_of(&all, n)
 }
 
-/// Edges that part ascending values into `n` equally many, where ties allow.
+/// Quantiles of ascending values.
 pub(crate) fn quantiles_of(sorted: &[f64], n: usize) -> Vec<f64> {
     let mut edges: Vec<f64> = (1..n)
         .map(|i| evrig_core::stats::quantile_sorted(sorted, i as f64 / n as f64))
@@ -89,7 +88,6 @@ pub(crate) fn quantiles_of(sorted: &[f64], n: usize) -> Vec<f64> {
     edges
 }
 
-/// Quantities that events are parted by.
 pub(crate) fn covariates(events: &[LocatedResidual]) -> Vec<StratumCovariate> {
     let mut all = light_covariates(events);
     all.extend(place_and_time_covariates(events));
@@ -97,7 +95,6 @@ pub(crate) fn covariates(events: &[LocatedResidual]) -> Vec<StratumCovariate> {
     all
 }
 
-/// What the light and the pixel's own past were.
 fn light_covariates(events: &[LocatedResidual]) -> Vec<StratumCovariate> {
     let interval = |p: &LocatedResidual| p.residual.previous.map_or(f64::NAN, |q| q.ago_s * 1e6);
     let level = |p: &LocatedResidual| p.residual.level;
@@ -145,7 +142,6 @@ fn light_covariates(events: &[LocatedResidual]) -> Vec<StratumCovariate> {
     ]
 }
 
-/// Where on the sensor and when.
 fn place_and_time_covariates(events: &[LocatedResidual]) -> Vec<StratumCovariate> {
     let row = |p: &LocatedResidual| f64::from(p.residual.y);
     let column = |p: &LocatedResidual| f64::from(p.residual.x);
@@ -179,7 +175,6 @@ fn place_and_time_covariates(events: &[LocatedResidual]) -> Vec<StratumCovariate
     ]
 }
 
-/// Which way the light went.
 fn polarity_covariates() -> Vec<StratumCovariate> {
     let polarity = |p: &LocatedResidual| f64::from(u8::from(p.residual.on));
     let turned = |p: &LocatedResidual| {
@@ -209,12 +204,11 @@ fn polarity_covariates() -> Vec<StratumCovariate> {
     ]
 }
 
-/// The stratum a value lies in.
 pub(crate) fn stratum_of(edges: &[f64], value: f64) -> Option<usize> {
     value.is_finite().then(|| edges.partition_point(|edge| *edge <= value))
 }
 
-/// Divergence of a histogram from uniform, nats an event, less what chance alone makes of it.
+/// Divergence from uniform, nats per event, less its expectation under uniformity.
 fn divergence(counts: &[f64; N_HISTOGRAM_BINS]) -> f64 {
     let n: f64 = counts.iter().sum();
     let nats =
@@ -222,8 +216,7 @@ fn divergence(counts: &[f64; N_HISTOGRAM_BINS]) -> f64 {
     counts.iter().map(nats).sum::<f64>() - (N_HISTOGRAM_BINS - 1) as f64 / (2.0 * n)
 }
 
-/// Strata of the held-out events in which the model is wrong by more than `least` nats an event of
-/// all, the worst first.
+/// Strata of held-out events with an excess above `least` nats per event of all, largest first.
 pub(crate) fn misfit_strata(
     evidence: &Evidence,
     model: &FittedModel,

@@ -1,7 +1,7 @@
-//! What the search finds where there is nothing to find.
+//! Null distribution of the search.
 //!
-//! Events are drawn from the fitted model itself, on the same pixels under the same light, and go
-//! through the same fits: what the library buys there is chance and the search's own bias.
+//! Recordings simulated from the fitted model, on the same pixels and signal, pass through the
+//! same fits: the library's gains there are chance and selection bias.
 
 use super::two_sample_test::test_structure;
 use crate::diagnose::fit::effect_scan::scan_library;
@@ -12,7 +12,7 @@ use crate::predict::{Spike, sample};
 use evrig_core::stats::SplitMix;
 use rayon::prelude::*;
 
-/// Draws the events of every pixel from a hypothesis.
+/// A simulated recording of a hypothesis.
 pub(crate) fn draw_recording(evidence: &Evidence, hypothesis: &Hypothesis, seed: u64) -> Evidence {
     let mixture = hypothesis.pixel_mixture().tabulated();
     let spikes: Vec<Vec<Spike>> = evidence
@@ -29,15 +29,15 @@ pub(crate) fn draw_recording(evidence: &Evidence, hypothesis: &Hypothesis, seed:
     evidence.with_events(spikes)
 }
 
-/// What recordings drawn from a model show, one value a recording.
+/// Results on simulated recordings, one value each.
 pub(crate) struct NullDraws {
-    /// The greatest held-out gain of any effect.
+    /// Largest held-out gain of any effect.
     pub(crate) gains: Vec<f64>,
-    /// The structure that the model leaves in what was drawn from it, nats an event.
+    /// Residual structure, nats per event.
     pub(crate) structures: Vec<f64>,
 }
 
-/// Draws `n` recordings from the model and puts them through the same fits.
+/// Simulates `n` recordings and applies the same fits.
 pub(crate) fn null_draws(
     evidence: &Evidence,
     few: &Evidence,

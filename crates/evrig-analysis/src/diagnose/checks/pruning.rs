@@ -1,4 +1,5 @@
-//! What is left out of a model again: what later effects replace, what fits at any strength, what buys too little.
+//! Backward elimination: effects that later ones replace, that are unidentified, or whose gain is
+//! at chance level.
 
 use super::acceptance::{is_unidentified, with_strength_fixed_aside};
 use super::accepted_effect::AcceptedEffect;
@@ -16,9 +17,8 @@ const MAX_UNIDENTIFIED_GAIN: f64 = 0.5;
 
 const MAX_STEPS_AT_FIXED_STRENGTH: usize = 12;
 
-/// Leaves out what has become idle: an effect that was taken early and that later ones replace. What the `few` pixels
-/// of a first fit miss badly is not fitted on all without it: that takes long where pixels are of several kinds. The
-/// last one was taken for what it buys beside all the others.
+/// Removes effects that later ones have replaced. Effects that the pixel subset misses clearly are
+/// not refitted on all pixels. The last effect was tested beside all others already.
 pub(crate) fn remove_replaced_effects(
     evidence: &Evidence,
     few: &Evidence,
@@ -44,7 +44,7 @@ pub(crate) fn remove_replaced_effects(
     (model, taken)
 }
 
-/// The model without an effect, where that is not missed.
+/// The model without an effect, if the loss is not significant.
 fn without_idle(
     evidence: &Evidence,
     few: &Evidence,
@@ -60,7 +60,7 @@ fn without_idle(
     (!is_significant(loss, error)).then_some(without)
 }
 
-/// Whether these pixels are foretold worse without an effect, fitted anew to them alone, by twice what a name takes.
+/// Whether the subset loses twice a significant gain without the effect.
 fn is_missed(few: &Evidence, baseline: &FittedModel, model: &FittedModel, index: usize) -> bool {
     let here = score_model(few, model.hypothesis.clone());
     let without = refit_without(few, baseline, model, index);
@@ -68,8 +68,7 @@ fn is_missed(few: &Evidence, baseline: &FittedModel, model: &FittedModel, index:
     is_significant(0.5 * loss, error)
 }
 
-/// Leaves out effects that buy something at any strength, the last taken first; the model comes back with its errors.
-/// What buys very much is left to the judgement by structure.
+/// Removes unidentified effects, last accepted first; the model comes back with standard errors.
 pub(crate) fn remove_unidentified_effects(
     evidence: &Evidence,
     baseline: &FittedModel,
@@ -91,7 +90,7 @@ pub(crate) fn remove_unidentified_effects(
     }
 }
 
-/// Leaves out, from the last taken on, what buys less than `bar`, nats an event.
+/// Removes effects with a gain below `bar`, nats per event, from the last accepted on.
 pub(crate) fn remove_effects_below(
     evidence: &Evidence,
     baseline: &FittedModel,
@@ -106,9 +105,8 @@ pub(crate) fn remove_effects_below(
     (model, taken)
 }
 
-/// Whether the recording is foretold worse with an effect much weaker and with it much stronger, all else
-/// fitted anew. Errors claim less where a likelihood as sharp as an ideal camera's makes the curvature
-/// between two values a matter of chance.
+/// Whether a much weaker and a much stronger effect both fit significantly worse, all else
+/// refitted. For a nearly noise-free camera the local curvature is unreliable.
 fn strength_is_identified(evidence: &Evidence, model: &FittedModel, index: usize) -> bool {
     with_strength_fixed_aside(&model.hypothesis, index).is_some_and(|aside| {
         aside.into_iter().all(|hypothesis| {
@@ -119,7 +117,6 @@ fn strength_is_identified(evidence: &Evidence, model: &FittedModel, index: usize
     })
 }
 
-/// The model without one of its effects.
 fn refit_without(
     evidence: &Evidence,
     baseline: &FittedModel,
@@ -131,7 +128,6 @@ fn refit_without(
     refit_with(evidence, baseline, model, &rest)
 }
 
-/// The model with only some of its effects.
 pub(crate) fn refit_with(
     evidence: &Evidence,
     baseline: &FittedModel,

@@ -1,4 +1,4 @@
-//! Does a half of the pixels, or a half of the time, say the same?
+//! Split-half check: the effects refitted on half of the pixels or of the time.
 
 use crate::diagnose::fit::cell_scores::CellSet;
 use crate::diagnose::fit::fitted::FittedModel;
@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 
 const MAX_STEPS: usize = 12;
 
-/// The named effects refitted on either half of the pixels and of the time, each along the directions of
-/// the whole's summit; the model comes with its errors.
+/// The named effects refitted on each half, along the directions of the full fit's Laplace
+/// approximation. Needs standard errors.
 pub(crate) fn split_half_fits(
     evidence: &Evidence,
     baseline: &FittedModel,
@@ -22,7 +22,7 @@ pub(crate) fn split_half_fits(
         ("second half of the time", evidence.within_time(0.5, 1.0)),
     ];
     let of = |(name, part): (&str, Evidence)| {
-        // Slopes lead far, and end on the flank: only from the top do two halves compare.
+        // Gradient steps stop short of the maximum: halves are comparable only there.
         let near = fit(&part, model.hypothesis.clone(), MAX_STEPS, 1e-4);
         let whole = model.errors.as_ref().map(|errors| &errors.laplace);
         let there = whole.and_then(|whole| whole.of_part(&part, &near));

@@ -1,12 +1,10 @@
-//! An effect has one strength. Is it the same wherever it acts?
+//! Is an effect's strength the same in all strata?
 //!
-//! At the optimum the log-likelihood's slope in a strength is nothing over all events. If the
-//! effect's law is right, the events of any stratum (of one brightness, one contrast rate, behind
-//! one interval, with neighbours that fired or did not) have the slope that those drawn from the
-//! model have there (fluctuation tests, Zeileis and Hornik, Stat. Neerl. 61, 2007). Where they have
-//! not, the difference over the slope's mean square says by what share that stratum alone would
-//! change the strength. An effect that stands for another one shows strengths that differ by
-//! factors; one that is right does not, however many events there are.
+//! At the optimum the total score (derivative of the log-likelihood) of a strength is zero. Under
+//! the right law the events of each stratum have the same score as events simulated from the model
+//! (fluctuation tests, Zeileis and Hornik, Stat. Neerl. 61, 2007). The difference over the mean
+//! squared score is the relative change of strength that the stratum asks for. A wrong effect asks
+//! for changes by factors.
 
 use crate::diagnose::fit::fitted::FittedModel;
 use crate::diagnose::fit::pixel_strata::strata_of_pixels;
@@ -29,18 +27,17 @@ const MIN_EFFECTIVE_EVENTS: f64 = 25.0;
 /// a large change of strength.
 const MIN_INFORMATION_SHARE: f64 = 0.02;
 
-/// The strength that a stratum alone would have.
+/// The strength that a stratum asks for.
 #[derive(Debug, Clone)]
 pub(crate) struct StratumStrength {
     pub(crate) covariate: &'static str,
     pub(crate) range: [f64; 2],
-    /// By what share it would differ from the whole's; -1: the effect is not there.
+    /// Relative change from the overall strength; -1: the effect is absent.
     pub(crate) change: f64,
-    /// Standard error of that.
+    /// Standard error of the change.
     pub(crate) error: f64,
 }
 
-/// What is asked about an event.
 const COVARIATES: [&str; 11] = [
     "contrast_rate_per_s",
     "log_intensity",
@@ -55,7 +52,7 @@ const COVARIATES: [&str; 11] = [
     "since_frame_us",
 ];
 
-/// The answers, in the order of [`COVARIATES`].
+/// Values in the order of [`COVARIATES`].
 fn covariates(evidence: &Evidence, r: &Residual) -> [f64; COVARIATES.len()] {
     let (near_us, n_near) = evidence.event_context.neighbours(r.x, r.y, r.t_us, 5_000);
     [
@@ -73,8 +70,8 @@ fn covariates(evidence: &Evidence, r: &Residual) -> [f64; COVARIATES.len()] {
     ]
 }
 
-/// The strengths of an effect of the model, stratum by stratum, against `drawn`, the same pixels
-/// with events drawn from the model. Empty for an effect without a strength to speak of.
+/// Strengths of an effect by stratum, against `drawn`: the same pixels with events simulated from
+/// the model. Empty for an effect without a strength.
 pub(crate) fn strengths_by_stratum(
     evidence: &Evidence,
     drawn: &Evidence,
@@ -104,11 +101,11 @@ pub(crate) fn strengths_by_stratum(
     found
 }
 
-/// Which values are a strength, and how it is counted.
+/// The values that are a strength.
 struct StrengthParameters {
     at: Vec<usize>,
     step: f64,
-    /// What a change of the value is divided by to be one of the strength's logarithm.
+    /// Change of the value per change of the strength's logarithm.
     unit: f64,
 }
 
@@ -123,7 +120,7 @@ impl StrengthParameters {
                 let unit = hypothesis.values[first] - from;
                 return (unit != 0.0).then(|| Self { at: vec![first], step, unit });
             }
-            // A rate of On events and one of Off events are as many times as much together.
+            // ON and OFF rates change by the same factor.
             let rates = effect.freed.iter().zip(places);
             let rates = rates.filter(|(freed, _)| !freed.nuisance.neutral().is_finite());
             return Some(Self { at: rates.map(|(_, at)| at).collect(), step, unit: 1.0 });
@@ -139,15 +136,14 @@ impl StrengthParameters {
     }
 }
 
-/// An event with the slope of its log-likelihood and that of the silence before it, in the
-/// strength's logarithm.
+/// An event with its score (including the silence before it) in the strength's logarithm.
 struct EventScore {
     residual: Residual,
     slope: f64,
     cell: usize,
 }
 
-/// Those of the pixels in the effect's region.
+/// Scores of the events in the effect's region.
 fn events(
     evidence: &Evidence,
     two: &[Hypothesis; 2],
@@ -171,7 +167,6 @@ fn events(
             let same = less.len() == more.len();
             let all = less.into_iter().zip(more).filter(move |_| same);
             all.filter(|(less, _)| less.previous.is_some()).map(move |(less, more)| {
-                // One event alone may say so much and no more: outliers are not what differs.
                 let slope =
                     ((log(&more) - log(&less)) * unit).clamp(-MAX_EVENT_SCORE, MAX_EVENT_SCORE);
                 let block = evidence.blocks.of(less.t_us as f64);
@@ -184,7 +179,7 @@ fn events(
 /// Bound on one event's score, against outliers.
 const MAX_EVENT_SCORE: f64 = 30.0;
 
-/// Slopes of a stratum's events.
+/// Scores of a stratum.
 #[derive(Default)]
 struct ScoreSums {
     n: f64,
@@ -199,7 +194,7 @@ impl ScoreSums {
         self.slope / self.n.max(1.0)
     }
 
-    /// By how many events the slope is told: fewer than there are where a few say most.
+    /// Effective number of events: fewer than there are where few dominate.
     fn n_telling(&self) -> f64 {
         self.square.powi(2) / self.fourth.max(f64::MIN_POSITIVE)
     }
@@ -239,7 +234,7 @@ fn of_covariate(
     let overall = |events: &[EventScore]| {
         events.iter().map(|e| e.slope).sum::<f64>() / events.len().max(1) as f64
     };
-    // The whole's slope is not nothing where the fit saw other cells, or stopped early.
+    // The total score is not zero where the fit used other cells, or stopped early.
     let whole = overall(real.0) - overall(drawn.0);
     let ends = |s: usize| {
         let at = |i: usize| edges.get(i).copied();

@@ -1,10 +1,10 @@
-//! Does a model leave structure? Every event beside one that the model would have had there.
+//! Classifier two-sample test (C2ST) of recorded against simulated next events.
 //!
-//! Behind each event of the recording one next event is drawn from the model, given the same light
-//! and the pixel's same past. If the model is true the drawn one and the one that came are of one
-//! law, whatever is known without the pixel's later events: the light, the pixel's past, the events
-//! of its neighbours, its row, of all pixels, the camera's own frames. Trees that have not seen
-//! them tell them apart as well as they can; what they gain over a coin is the structure left.
+//! After each recorded event a next event is simulated from the model, given the same signal and
+//! the same past of the pixel. Under a true model the simulated and the recorded next event have
+//! the same distribution given anything but the pixel's later events: the signal, the past, events
+//! of neighbours, the row, the sensor, the camera's frames. The cross-validated log-loss gain of
+//! boosted trees is the residual structure.
 
 use super::boosted_trees::{ClassifierResult, LabelledEvents, N_FOLDS, classify, classify_with};
 use crate::diagnose::fit::fitted::FittedModel;
@@ -26,37 +26,36 @@ const NEIGHBOUR_WINDOW_US: i64 = 5_000;
 /// Window in which the pixel's own events are counted.
 const OWN_WINDOW_US: i64 = 150_000;
 
-/// What a feature is of.
+/// What a feature depends on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum FeatureSource {
     /// The pixel's place, its own past, the time.
     Own,
-    /// Its light.
+    /// Its signal.
     Light,
-    /// Its neighbours, which see what it sees a little earlier or later.
+    /// Its neighbours, which receive the same light slightly earlier or later.
     EventContext,
     /// The sensor as a whole.
     Sensor,
 }
 
 impl FeatureSource {
-    /// Whether it is beside what a pixel's own light and past hold.
+    /// Whether it goes beyond the pixel's own signal and past.
     const fn is_other(self) -> bool {
         matches!(self, Self::EventContext | Self::Sensor)
     }
 
-    /// Whether an error of the light shows in it: where an edge comes later than it was taken to come, the
-    /// neighbours have fired already.
+    /// Whether a light error changes it: the neighbours of a late edge have fired already.
     const fn reflects_light_error(self) -> bool {
         matches!(self, Self::Light | Self::EventContext)
     }
 }
 
-/// What an event is looked at by.
+/// A feature of an event.
 struct EventFeature {
     key: &'static str,
     of: FeatureSource,
-    /// How a range of it is said.
+    /// Describes a range of its values.
     describe: fn([f64; 2]) -> String,
 }
 
@@ -120,30 +119,27 @@ const FEATURES: [EventFeature; 16] = [
     }),
 ];
 
-/// What a model leaves.
+/// Residual structure of a model.
 #[derive(Debug, Clone)]
 pub(crate) struct StructureTest {
-    /// What trees gain over a coin, nats an event.
+    /// Log-loss gain over chance, nats per event.
     pub(crate) nats: f64,
     /// Its standard error.
     pub(crate) error: f64,
-    /// Share of events told rightly.
+    /// Balanced accuracy.
     pub(crate) accuracy: f64,
-    /// What they gain by nothing that an error of the light shows in; only where the light between frames is
-    /// guessed.
+    /// Gain without the features that a light error changes; only with interpolated light.
     pub(crate) without_light_features: Option<f64>,
-    /// What of that takes the rest of the sensor, beyond the pixel's own light and past, and its
-    /// standard error.
+    /// Gain from features beyond the pixel's own signal and past, and its standard error.
     pub(crate) others: [f64; 2],
-    /// By what they are told apart, the most telling first, with its share.
+    /// Features by importance, largest first.
     pub(crate) by: Vec<(&'static str, f64)>,
-    /// Where real events are more or fewer than the model's, the most telling first.
+    /// Ranges in which recorded and simulated events differ in number, most significant first.
     pub(crate) misfit_ranges: Vec<MisfitStratum>,
 }
 
 #[cfg(test)]
 impl StructureTest {
-    /// So much is left, nats an event, and nothing is known of where.
     pub(crate) fn of(nats: f64) -> Self {
         Self {
             nats,
@@ -158,8 +154,8 @@ impl StructureTest {
 }
 
 impl StructureTest {
-    /// The hazard's dependence on what the pixel's own light and past do not hold, where that tells
-    /// most: the logarithm of real events over the model's in each range of it.
+    /// A hazard term by the most important feature beyond the pixel's own signal and past: log
+    /// ratio of recorded to simulated events per range.
     pub(crate) fn hazard_term(&self) -> Option<ProposedTerm> {
         let is_other = |key: &str| FEATURES.iter().any(|f| f.of.is_other() && f.key == key);
         let most = self.by.iter().find(|(key, _)| is_other(key))?.0;
@@ -183,7 +179,7 @@ impl StructureTest {
     }
 }
 
-/// The structure that a model leaves in the evidence. The seed decides the events drawn.
+/// Residual structure of a model; `seed` decides the simulated events.
 pub(crate) fn test_structure(
     evidence: &Evidence,
     model: &FittedModel,
@@ -250,7 +246,7 @@ fn examples(evidence: &Evidence, model: &FittedModel, seed: u64) -> LabelledEven
     all
 }
 
-/// The fold of a cell; the third of them that a fit holds out is one.
+/// The fold of a cell; the held-out third of a fit is one.
 fn fold(evidence: &Evidence, tile: usize, block: usize) -> u8 {
     (0..N_FOLDS)
         .find(|fold| evidence.is_held_out(tile, block + usize::from(*fold)))
@@ -291,8 +287,8 @@ fn features(
 
 const N_FEATURE_RANGES: usize = 8;
 
-/// Ranges of single features in which real events and the model's differ in number, by what that
-/// difference is worth in nats an event; the most telling first.
+/// Ranges of single features with different numbers of recorded and simulated events, by their
+/// share of the divergence, largest first.
 fn misfit_ranges(examples: &LabelledEvents) -> Vec<MisfitStratum> {
     let mut found = Vec::new();
     let n_real = examples.is_real.iter().filter(|real| **real).count().max(1) as f64;
@@ -324,7 +320,7 @@ fn misfit_ranges(examples: &LabelledEvents) -> Vec<MisfitStratum> {
             let (p, q) = (real / n_real, drawn / n_drawn);
             let middle = 0.5 * (p + q);
             let part = |x: f64| if x > 0.0 { 0.5 * x * (x / middle).ln() } else { 0.0 };
-            // Its share of the two samples' divergence, less what chance makes of as many events.
+            // Share of the divergence less its expectation under equal distributions.
             let nats = part(p) + part(q) - 0.125 * (1.0 / n_real + 1.0 / n_drawn) * (1.0 - middle);
             let surprise = (p - q).abs() / (p / n_real + q / n_drawn).max(1e-300).sqrt();
             if surprise > 4.0 && nats > 0.0 {

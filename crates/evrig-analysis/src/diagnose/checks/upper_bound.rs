@@ -1,9 +1,9 @@
-//! How much better a flexible fit could do: the hazard recalibrated by covariates.
+//! Upper bound on the log-likelihood by hazard recalibration.
 //!
-//! In each stratum of a covariate that is known before the event the histogram of
-//! `u = 1 - e^-spent`, learnt on training cells, replaces the uniform density; covariates follow
-//! each other, each on the `u` that the one before it left. A covariate is taken when it gains on
-//! the training cells more than its freedom costs.
+//! In each stratum of a covariate that is known before the event, the histogram of `u = 1 -
+//! exp(-spent)` on training cells replaces the uniform density. Covariates follow each other, each
+//! on the recalibrated `u`. A covariate is used if its training gain exceeds its degrees of
+//! freedom.
 
 use super::event_strata::{
     LocatedResidual, N_HISTOGRAM_BINS, covariates, locate_residuals, stratum_of,
@@ -12,10 +12,10 @@ use crate::diagnose::Evidence;
 use crate::diagnose::fit::fitted::FittedModel;
 use crate::predict::Residual;
 
-/// What a recalibration buys on held-out cells.
+/// Held-out gain of a recalibration.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RecalibrationGain {
-    /// Nats an event.
+    /// Nats per event.
     pub(crate) gain: f64,
     /// Its standard error, from the scatter over cells.
     pub(crate) error: f64,
@@ -24,7 +24,6 @@ pub(crate) struct RecalibrationGain {
 /// Pseudo-count per histogram bin.
 const PRIOR_COUNT: f64 = 1.0;
 
-/// Recalibrates a model's hazard and says what that buys.
 pub(crate) fn recalibration_gain(evidence: &Evidence, model: &FittedModel) -> RecalibrationGain {
     let events = locate_residuals(evidence, model);
     let mut u: Vec<f64> = events.iter().map(LocatedResidual::u).collect();
@@ -37,7 +36,7 @@ pub(crate) fn recalibration_gain(evidence: &Evidence, model: &FittedModel) -> Re
     held_out(evidence, &events, &gains)
 }
 
-/// What a hazard recalibrated by one covariate alone buys on held-out cells, nats an event.
+/// Held-out gain of a recalibration by one covariate, nats per event.
 pub(crate) fn gain_of_one_covariate(
     evidence: &Evidence,
     events: &[LocatedResidual],
@@ -64,7 +63,7 @@ fn held_out(evidence: &Evidence, events: &[LocatedResidual], gains: &[f64]) -> R
     RecalibrationGain { gain, error: square.sqrt() / n }
 }
 
-/// 0 after an Off event, 1 after an On event, 2 at the first.
+/// 0 after an OFF event, 1 after an ON event, 2 for the first event.
 fn previous(residual: &Residual) -> f64 {
     residual.previous.map_or(2.0, |p| f64::from(u8::from(p.on)))
 }

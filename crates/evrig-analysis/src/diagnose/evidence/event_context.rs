@@ -1,4 +1,4 @@
-//! What else happened on the sensor about an event: neighbours, row, all pixels, own frames.
+//! Other events around an event: neighbours, row, own frames.
 
 use crate::predict::{EventsByPixel, Spike};
 use evrig_core::geometry::Size;
@@ -6,13 +6,13 @@ use evrig_core::geometry::Size;
 /// Longest time that is distinguished from never.
 const MAX_LAG_US: i64 = 1_000_000;
 
-/// All events of a recording, so that one can be asked about any place and time.
+/// All events of a recording, indexed by place and time.
 #[derive(Debug)]
 pub(crate) struct EventContext {
     recording: EventsByPixel,
     /// Times of all events of each row, ascending, microseconds since the window's start.
     rows: Vec<Vec<i64>>,
-    /// Starts of exposure of the camera's own frames, microseconds since the window's start.
+    /// Exposure starts of the camera's own frames, microseconds since the window's start.
     aps_us: Vec<i64>,
 }
 
@@ -32,12 +32,11 @@ impl EventContext {
         Self { recording, rows, aps_us }
     }
 
-    /// All events.
     pub(crate) fn recording(&self) -> &EventsByPixel {
         &self.recording
     }
 
-    /// Times of all events with their rows, ascending, microseconds since the window's start.
+    /// Times and rows of all events, ascending.
     pub(crate) fn stamps_in_order(&self) -> Vec<(i64, u16)> {
         let rows = (0_u16..).zip(&self.rows);
         let mut all: Vec<_> =
@@ -46,13 +45,13 @@ impl EventContext {
         all
     }
 
-    /// Starts of exposure of the camera's own frames, microseconds since the window's start.
+    /// Exposure starts of the camera's own frames, microseconds since the window's start.
     pub(crate) fn frames_us(&self) -> &[i64] {
         &self.aps_us
     }
 
-    /// The eight pixels about one: time since the last event of any before `t_us`, at most a second,
-    /// and how many events they had in the `within_us` before it.
+    /// Time since the last event of the eight neighbours before `t_us` (at most a second), and
+    /// their number of events in the `within_us` before.
     pub(crate) fn neighbours(
         &self,
         x: u16,
@@ -72,8 +71,8 @@ impl EventContext {
         (since as f64, count as f64)
     }
 
-    /// Time to an event since the last of the eight pixels about it and until their next, at most a second; what has
-    /// its stamp was together with it.
+    /// Time since the last and until the next event of the eight neighbours, at most a second;
+    /// zero for an event with the same stamp.
     pub(crate) fn gaps_us(&self, x: u16, y: u16, t_us: i64) -> (i64, i64) {
         let one = |(since, until): (i64, i64), spikes: &[Spike]| {
             let first = spikes.partition_point(|s| s.t_us < t_us);
@@ -89,7 +88,7 @@ impl EventContext {
         self.eight(x, y).fold((MAX_LAG_US, MAX_LAG_US), one)
     }
 
-    /// Time from an instant to the next event of the eight pixels about one, at most a second.
+    /// Time until the next event of the eight neighbours, at most a second.
     pub(crate) fn next_us(&self, x: u16, y: u16, t_us: i64) -> f64 {
         let later = self.eight(x, y).filter_map(|spikes| {
             let at = spikes.partition_point(|s| s.t_us <= t_us);
@@ -98,12 +97,12 @@ impl EventContext {
         later.fold(MAX_LAG_US, i64::min) as f64
     }
 
-    /// The events of each of the eight pixels about one; of fewer at the border.
+    /// Events of each of the eight neighbours, fewer at the border.
     pub(crate) fn eight(&self, x: u16, y: u16) -> impl Iterator<Item = &[Spike]> {
         self.within(x, y, 1)
     }
 
-    /// The events of each other pixel at most so many columns and rows away.
+    /// Events of each other pixel within `reach` columns and rows.
     pub(crate) fn within(&self, x: u16, y: u16, reach: u16) -> impl Iterator<Item = &[Spike]> {
         let about = move |at: u16, end: u16| {
             at.saturating_sub(reach)..end.min(at.saturating_add(reach + 1))
@@ -113,8 +112,7 @@ impl EventContext {
         all.filter(move |other| *other != (x, y)).map(|(nx, ny)| self.recording.of(nx, ny))
     }
 
-    /// Time from an instant to the nearest event of its row that is not one of the pixel's own,
-    /// before or behind it, microseconds.
+    /// Time to the nearest event of the row from another pixel, microseconds.
     pub(crate) fn row_us(&self, x: u16, y: u16, t_us: i64) -> f64 {
         let Some(times) = self.rows.get(usize::from(y)) else { return f64::NAN };
         let own = self.recording.of(x, y);
@@ -126,8 +124,8 @@ impl EventContext {
         gap(later).min(gap(earlier)) as f64
     }
 
-    /// Time since the last start of exposure of the camera's own frames, microseconds; not a number
-    /// where there is none.
+    /// Time since the last exposure start of the camera's own frames, microseconds; NaN without
+    /// one.
     pub(crate) fn since_frame_us(&self, t_us: i64) -> f64 {
         let at = self.aps_us.partition_point(|t| *t <= t_us);
         at.checked_sub(1).map_or(f64::NAN, |last| (t_us - self.aps_us[last]) as f64)

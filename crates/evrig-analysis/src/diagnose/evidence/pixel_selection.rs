@@ -1,4 +1,4 @@
-//! Which pixels are looked at.
+//! Selection of the pixels of a diagnosis.
 
 use crate::diagnose::DiagnosisOptions;
 use crate::predict::EventsByPixel;
@@ -21,7 +21,7 @@ const NOISE_STANDARD_DEVIATIONS: f32 = 5.0;
 const CANDIDATES_PER_PIXEL: usize = 8;
 const MAX_CANDIDATES_PER_PIXEL: usize = 48;
 
-/// Pixels whose light moves, as many as are wanted and no more events than are.
+/// Pixels with a varying signal, as many as wanted and with no more events than wanted.
 pub(crate) fn select_pixels(
     recording: &EventsByPixel,
     drive: &dyn Drive,
@@ -37,7 +37,7 @@ fn n_events_of(recording: &EventsByPixel, pixels: &[(u16, u16)]) -> usize {
     pixels.iter().map(|&(x, y)| recording.of(x, y).len()).sum()
 }
 
-/// As many pixels as are wanted; more where these have few events.
+/// More pixels where these have few events.
 fn select_enough(
     recording: &EventsByPixel,
     drive: &dyn Drive,
@@ -55,8 +55,8 @@ fn select_enough(
     }
 }
 
-/// Pixels by the restlessness of their light, not by their events: three quarters among the most
-/// restless, the rest from anywhere.
+/// Pixels by the variation of their signal, not by their events: three quarters among the most
+/// varying, the rest from anywhere.
 fn choose(
     recording: &EventsByPixel,
     drive: &dyn Drive,
@@ -77,15 +77,14 @@ fn choose(
     };
     let (mut all, mut n_restless) = among(CANDIDATES_PER_PIXEL, NOISE_STANDARD_DEVIATIONS);
     if n_restless < wanted {
-        // Little moves: it is looked for at more places.
         (all, n_restless) = among(MAX_CANDIDATES_PER_PIXEL, NOISE_STANDARD_DEVIATIONS);
     }
     if n_restless < wanted / 4 {
-        // Where all moves all the time the noise cannot be told from it.
+        // With variation everywhere the noise estimate is inflated: ignore it.
         (all, n_restless) = among(CANDIDATES_PER_PIXEL, 0.0);
     }
     let n_best = wanted.min(n_restless);
-    // Of the most restless half every so many-th, so that they come from everywhere.
+    // Evenly spaced ranks of the upper half, so that the pixels cover the sensor.
     let half = (n_restless / 2).max(n_best).max(1);
     let mut chosen: Vec<(u16, u16)> =
         (0..n_best).map(|i| all[i * half / n_best.max(1)].1).collect();
@@ -97,7 +96,7 @@ fn choose(
     chosen
 }
 
-/// So many pixels of a sensor, evenly spread but for chance.
+/// A jittered regular grid of `n` pixels.
 fn candidates(size: Size, n: usize, seed: u64) -> Vec<(u16, u16)> {
     let stride = (size.n_pixels() / n.max(1)).max(1);
     let mut random = SplitMix::new(seed, 0x7069_7865);
@@ -110,8 +109,7 @@ fn candidates(size: Size, n: usize, seed: u64) -> Vec<(u16, u16)> {
         .collect()
 }
 
-/// Those of some pixels whose light is known, with by how much it moves in all beyond so many standard
-/// deviations of its noise, the most restless first.
+/// Pixels with a known signal and its total variation beyond the noise, largest first.
 fn by_light_variation(
     drive: &dyn Drive,
     grid: TimeGrid,
@@ -137,7 +135,7 @@ fn by_light_variation(
     all
 }
 
-/// Keeps every so many-th pixel, so that all have about `n_events` at most.
+/// Keeps every so many-th pixel, down to about `n_events` events.
 fn thin(chosen: &mut Vec<(u16, u16)>, recording: &EventsByPixel, n_events: usize) {
     let all = n_events_of(recording, chosen).max(1);
     let n_kept = (chosen.len() * n_events / all).max(MIN_PIXELS);

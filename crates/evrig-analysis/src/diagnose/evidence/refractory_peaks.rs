@@ -1,9 +1,10 @@
-//! Dead times that would make the changes of light before events alike.
+//! Candidate refractory periods from the distribution of signal changes.
 //!
-//! Behind a dead time a pixel takes the light anew, and fires when that has changed by the threshold.
-//! Counted from the end of the right time changes are all as large; from any other instant they are only
-//! where the light hardly moves. A search that begins some percent off stands where every event on a steep
-//! edge contradicts it: so it begins here. Pixels without the dead time do not blur the time of the others.
+//! After a refractory period the pixel stores the signal anew and fires when it has changed by the
+//! threshold. Measured from the end of the true period, all changes are equal; measured from
+//! another time they scatter where the signal changes fast. The likelihood is narrow in the
+//! period, so that fits start at the peaks of this criterion. Pixels without the effect do not
+//! blur the peak.
 
 use crate::diagnose::{Evidence, PixelEvidence};
 use crate::predict::Spike;
@@ -34,14 +35,15 @@ const MIN_PROMINENCE: f64 = 0.03;
 
 const MAX_PEAKS: usize = 3;
 
-/// Two events of one pixel, one behind the other.
+/// Two successive events of one pixel.
 struct EventPair<'a> {
     pixel: &'a PixelEvidence,
     from_us: f64,
     to: Spike,
 }
 
-/// Dead times, microseconds, at which changes are more alike than at those beside them, clearest first.
+/// Periods, microseconds, at which changes agree better than at neighbouring periods, most
+/// prominent first.
 pub(crate) fn refractory_peaks_us(evidence: &Evidence) -> Vec<f64> {
     let pairs = pairs(evidence);
     if pairs.len() < MIN_PAIRS {
@@ -55,7 +57,7 @@ pub(crate) fn refractory_peaks_us(evidence: &Evidence) -> Vec<f64> {
                 [&alike[i - NEIGHBOUR_STEPS..i], &alike[i + 1..=i + NEIGHBOUR_STEPS]];
             let is_peak = before.iter().all(|other| *other < alike[i])
                 && behind.iter().all(|other| *other <= alike[i]);
-            // What changes are alike at any time near is no sign of this one.
+            // A plateau of agreeing changes is no peak.
             let least = |side: &[f64]| side.iter().copied().fold(f64::INFINITY, f64::min);
             let stands_out = alike[i] - least(before).max(least(behind));
             (is_peak && stands_out > MIN_PROMINENCE).then_some((stands_out, times[i]))
@@ -66,7 +68,7 @@ pub(crate) fn refractory_peaks_us(evidence: &Evidence) -> Vec<f64> {
     peaks.into_iter().map(|(_, us)| closer(evidence, &pairs, us)).collect()
 }
 
-/// The best of the times that lie close about one.
+/// The best period near one.
 fn closer(evidence: &Evidence, pairs: &[EventPair<'_>], us: f64) -> f64 {
     let about = (-N_FINE_STEPS..=N_FINE_STEPS).map(|i| us * FINE_STEP_RATIO.powi(i));
     let scored = about.map(|us| (share_alike(evidence, pairs, us), us));
@@ -83,7 +85,7 @@ fn pairs(evidence: &Evidence) -> Vec<EventPair<'_>> {
     all.step_by(every).collect()
 }
 
-/// Share of the intervals with the commonest change of light between a time behind the first event and the second.
+/// Share of the intervals in the most common bin of the signal change after a period.
 fn share_alike(evidence: &Evidence, pairs: &[EventPair<'_>], dead_us: f64) -> f64 {
     let mut bins = [0_u32; N_BINS];
     for pair in pairs {
@@ -95,7 +97,7 @@ fn share_alike(evidence: &Evidence, pairs: &[EventPair<'_>], dead_us: f64) -> f6
         let [begin, end] = [begin_us, to_us].map(|us| level(evidence, pair.pixel, us));
         let change = if pair.to.on { end - begin } else { begin - end };
         let bin = (change.ln() - FIRST_BIN_LOG) / BIN_LOG_WIDTH;
-        // A change the wrong way, or of unknown light, has no logarithm.
+        // Changes of the wrong sign or of an unknown signal have no logarithm.
         if bin >= 0.0 && bin < N_BINS as f64 {
             bins[bin as usize] += 1;
         }
@@ -104,7 +106,7 @@ fn share_alike(evidence: &Evidence, pairs: &[EventPair<'_>], dead_us: f64) -> f6
     f64::from(most) / pairs.len() as f64
 }
 
-/// Log intensity at a time; `NaN` where it is not known.
+/// Log intensity at a time; NaN where unknown.
 fn level(evidence: &Evidence, pixel: &PixelEvidence, us: f64) -> f64 {
     let at = (us - evidence.start_us) / evidence.step_us;
     let i = at.max(0.0) as usize;

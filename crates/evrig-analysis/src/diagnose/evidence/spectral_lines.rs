@@ -1,4 +1,4 @@
-//! Lines in the spectrum of On minus Off events: where a periodic light or motion would show.
+//! Spectral lines of the net event rate: where a periodic light or motion shows.
 
 use crate::diagnose::Evidence;
 use std::f64::consts::TAU;
@@ -10,8 +10,8 @@ const MIN_FREQUENCY_HZ: f64 = 4.0;
 
 const MIN_LINE_SPACING_HZ: f64 = 1.0;
 
-/// The `n` frequencies that stand out most from their surroundings, the clearest first. Pixels fire
-/// in bursts, so that a multiple of the light's own frequency may be the clearest of all.
+/// The `n` most prominent frequencies. Pixels fire in bursts, so that a harmonic may be the
+/// strongest.
 pub(crate) fn lines(evidence: &Evidence, n: usize) -> Vec<f64> {
     let step_s = evidence.step_us * 1e-6;
     let net = &evidence.rates[0];
@@ -46,7 +46,7 @@ pub(crate) fn lines(evidence: &Evidence, n: usize) -> Vec<f64> {
     lines
 }
 
-/// Power at a frequency in cycles a sample, under a window that falls to nothing at both ends.
+/// Power at a frequency in cycles per sample, under a sine window.
 fn power(samples: &[f32], frequency: f64) -> f64 {
     let (turn_cos, turn_sin) = ((TAU * frequency).cos(), (TAU * frequency).sin());
     let (mut c, mut s) = (1.0, 0.0);

@@ -1,7 +1,7 @@
-//! Stamps that lie on a coarse grid, as those of simulators that work in steps.
+//! Time stamps on a coarse grid, as from simulators with a fixed time step.
 //!
-//! Such a stamp tells an event's time no better than to a step. A law in continuous time would take
-//! the beat for physics, so events are spread evenly over their step before anything looks at them.
+//! A law in continuous time would explain the grid as physics, so events are spread uniformly over
+//! their step first.
 
 use evrig_core::event::{Event, EventSlice, Events};
 use evrig_core::stats::{MeanDirection, SplitMix};
@@ -31,25 +31,25 @@ const MIN_SAME_ROW_SHARE: f64 = 0.9;
 const MAX_SERIAL_TIE_SHARE: f64 = 0.01;
 const MIN_SERIAL_STEP_SHARE: f64 = 0.3;
 
-/// A grid of stamps.
+/// A grid of time stamps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StampGrid {
-    /// From one stamp to the next, microseconds.
+    /// Step, microseconds.
     pub step_us: f64,
-    /// A stamp of the grid, microseconds.
+    /// One stamp of the grid, microseconds.
     zero_us: f64,
 }
 
 impl StampGrid {
-    /// The grid of a recording's stamps, which ascend, if they lie on one and no busy readout is what makes
-    /// them follow each other in beats.
+    /// The grid of a recording's ascending stamps; `None` without a grid, or where a busy readout
+    /// makes it.
     #[must_use]
     pub fn of_events(events: EventSlice<'_>) -> Option<Self> {
         let grid = Self::of(events.t)?;
         (!grid.is_readout_beat(events)).then_some(grid)
     }
 
-    /// Whether rows, or single events, are served one a step.
+    /// Whether rows, or single events, are read one per step.
     fn is_readout_beat(self, events: EventSlice<'_>) -> bool {
         let (mut n_together, mut n_of_one_row, mut n_next) = (0_usize, 0_usize, 0_usize);
         for (t, y) in events.t.windows(2).zip(events.y.windows(2)) {
@@ -70,7 +70,6 @@ impl StampGrid {
         }
     }
 
-    /// The grid on which stamps in ascending order lie, if they do.
     fn of(stamps: &[i64]) -> Option<Self> {
         if stamps.len() < MIN_STAMPS {
             return None;
@@ -91,7 +90,7 @@ impl StampGrid {
         }
         let phases = StampPhases::of(within(half_us), middle);
         let mut hz = phases.lowest([1e6 / STEP_RANGE_US[1], 1e6 / STEP_RANGE_US[0]], half_us)?;
-        // Each longer stretch tells the step better, until it is all of them.
+        // Longer stretches determine the step better.
         let all_us = (last - middle).max(middle - first) as f64;
         while half_us < all_us {
             half_us *= 2.0;
@@ -103,8 +102,8 @@ impl StampGrid {
         (mean.length() >= MIN_MEAN_VECTOR_LENGTH).then_some(Self { step_us, zero_us })
     }
 
-    /// The events spread evenly over the steps that their stamps stand for, in ascending time. Those
-    /// of one pixel and step stay as they are to one another.
+    /// The events spread uniformly over their steps, in ascending time. Events of one pixel and
+    /// step keep their order and distance.
     #[must_use]
     pub fn spread(self, events: EventSlice<'_>) -> Events {
         let moved = |event: Event| {
@@ -119,13 +118,12 @@ impl StampGrid {
     }
 }
 
-/// Whether pairs of neighbouring events with one stamp, so many of them of one row, are of rows that are read
-/// in turn.
+/// Whether pairs with equal stamps are explained by row readout.
 pub(crate) fn is_row_readout(n_of_one_row: usize, n_together: usize) -> bool {
     n_of_one_row as f64 >= MIN_SAME_ROW_SHARE * n_together as f64
 }
 
-/// Times about an instant, seconds.
+/// Times relative to an instant, seconds.
 struct StampPhases(Vec<f64>);
 
 impl StampPhases {
@@ -134,22 +132,22 @@ impl StampPhases {
         Self(stamps.iter().step_by(every).map(|t| (t - middle) as f64 * 1e-6).collect())
     }
 
-    /// The phases' mean at a frequency.
+    /// Mean direction of the phases at a frequency.
     fn mean(&self, hz: f64) -> MeanDirection {
         self.0.iter().map(|t| TAU * hz * t).collect()
     }
 
-    /// The lowest frequency at which stamps are in order. Those of a grid are so at its multiples too.
+    /// The lowest frequency at which the stamps are coherent; multiples are coherent too.
     fn lowest(&self, [from, to]: [f64; 2], half_us: f64) -> Option<f64> {
         let step = Self::resolution(half_us);
         let n = ((to - from) / step) as usize;
         let mut tries = (0..n).map(|i| from + i as f64 * step);
-        // Between two tries a little order is lost.
+        // Between two trial frequencies some coherence is lost.
         let hz = tries.find(|hz| self.mean(*hz).length() >= 0.95 * MIN_MEAN_VECTOR_LENGTH)?;
         Some(self.best_about(hz, half_us))
     }
 
-    /// The frequency of most order near one.
+    /// The most coherent frequency near one.
     fn best_about(&self, hz: f64, half_us: f64) -> f64 {
         let step = Self::resolution(half_us);
         let tries = (-16..=16).map(|i| hz + 0.25 * f64::from(i) * step);
@@ -157,7 +155,7 @@ impl StampPhases {
         tries.max_by(|a, b| order(*a).total_cmp(&order(*b))).unwrap_or(hz)
     }
 
-    /// Frequencies that a stretch hardly tells apart.
+    /// Frequency resolution of a stretch.
     fn resolution(half_us: f64) -> f64 {
         0.1 / (half_us * 1e-6)
     }
@@ -167,7 +165,7 @@ impl StampPhases {
 mod tests {
     use super::*;
 
-    /// Stamps of events at random times, rounded up to a step and scattered by a few microseconds.
+    /// Stamps of random events, rounded up to a step and scattered by microseconds.
     fn stamps(step_us: f64, scatter_us: f64, seconds: f64) -> Vec<i64> {
         let mut random = SplitMix::new(9, step_us as u64);
         let n = (20_000.0 * seconds) as usize;

@@ -1,9 +1,9 @@
-//! Nuisances at the ends of their ranges, led back.
+//! Escape from local maxima with a nuisance at its prior bound.
 //!
-//! A nuisance that has as much as is ordinary may stand there in the place of an effect that is much like it: a
-//! junction's leak in that of a photocurrent's, of which it is the same where the light is as bright as most. Both
-//! lie on a ridge that is too narrow to be followed by slopes: where one is a tenth less the other is a tenth
-//! more, to a hundredth. So the nuisance is put elsewhere in its range, and the effect is sought beside it.
+//! A nuisance at its bound may stand in for a similar effect: a junction leak for a photocurrent
+//! leak, which is equal where the light has its typical level. The two are nearly collinear, a
+//! ridge that gradient steps do not follow. So the nuisance is moved back and the effect's first
+//! parameter is scanned.
 
 use super::fitted::FittedModel;
 use super::gauss_newton::{score_model, score_models};
@@ -36,8 +36,7 @@ const N_PLACES: u32 = 4;
 const STEPS_PER_OCTAVE: i32 = 8;
 const N_HALVINGS: u32 = 4;
 
-/// A polished fit whose last effect may have a rival among the nuisances, off the ends of their ranges where it is
-/// better there.
+/// A refined fit, moved off prior bounds where that is better.
 pub(crate) fn refine_off_bounds(evidence: &Evidence, fitted: FittedModel) -> FittedModel {
     let fitted = refine_locally(evidence, fitted);
     let best_of = |part: &Evidence| {
@@ -58,8 +57,7 @@ pub(crate) fn refine_off_bounds(evidence: &Evidence, fitted: FittedModel) -> Fit
     }
 }
 
-/// A hypothesis with a nuisance that stands near the end of its range led back through it: once for each nuisance
-/// and each part.
+/// The hypothesis with each nuisance near its bound moved to several places of its range.
 pub(crate) fn moved_off_bounds(hypothesis: &Hypothesis) -> Vec<Hypothesis> {
     if first_parameter(hypothesis).is_none() {
         return Vec::new();
@@ -77,7 +75,7 @@ pub(crate) fn moved_off_bounds(hypothesis: &Hypothesis) -> Vec<Hypothesis> {
     near_end.flat_map(led_back).collect()
 }
 
-/// The best first parameter of the last effect, all else as it is.
+/// The best value of the last effect's first parameter, all else fixed.
 pub(crate) fn scan_first_parameter(evidence: &Evidence, back: &Hypothesis) -> FittedModel {
     let eighth = |n: i32| f64::from(n) / f64::from(STEPS_PER_OCTAVE);
     let all = (-STEPS_PER_OCTAVE..=STEPS_PER_OCTAVE).map(|n| scaled(back, eighth(n))).collect();
@@ -90,7 +88,7 @@ pub(crate) fn scan_first_parameter(evidence: &Evidence, back: &Hypothesis) -> Fi
     })
 }
 
-/// A hypothesis with that parameter doubled so many times, within its range.
+/// That parameter multiplied by a power of two, within its range.
 fn scaled(hypothesis: &Hypothesis, doublings: f64) -> Hypothesis {
     let first_parameter = first_parameter(hypothesis);
     let moved =
@@ -98,7 +96,8 @@ fn scaled(hypothesis: &Hypothesis, doublings: f64) -> Hypothesis {
     moved.unwrap_or_else(|| hypothesis.clone())
 }
 
-/// The first parameter of the last effect and the number of its value; what frees a nuisance has none of its own.
+/// The last effect's first parameter with its value index; `None` for an effect that frees
+/// nuisances.
 fn first_parameter(hypothesis: &Hypothesis) -> Option<(usize, &'static EffectParameter)> {
     let last = hypothesis.effects.len().checked_sub(1)?;
     let effect = hypothesis.effects[last];
@@ -106,16 +105,15 @@ fn first_parameter(hypothesis: &Hypothesis) -> Option<(usize, &'static EffectPar
     Some((hypothesis.offset_of(last), parameter))
 }
 
-/// Whether a nuisance has as much as an ordinary recording may have of it.
+/// Whether a nuisance lies at its prior bound.
 pub(crate) fn is_at_prior_bound(hypothesis: &Hypothesis, nuisance: Nuisance) -> bool {
     is_within(hypothesis, nuisance, BOUND_SHARE)
 }
 
-/// Whether a nuisance has as much, within this share of its range.
 fn is_within(hypothesis: &Hypothesis, nuisance: Nuisance, share: f64) -> bool {
     let at = nuisance as usize;
     let [low, high] = hypothesis.ranges[at];
-    // None of it is an end too, and says nothing.
+    // Absence of the nuisance is a bound too, but no sign.
     let is_none =
         (hypothesis.values[at] - nuisance.neutral().max(low)).abs() <= share * (high - low);
     hypothesis.steps[at] > 0.0 && !is_none && hypothesis.is_at_end(at, share)

@@ -1,4 +1,4 @@
-//! What a hypothesis scores, cell by cell: a cell is a tile of pixels during a block of time.
+//! Log-likelihoods by cell: a tile of pixels during a time block.
 
 use super::pixel_strata::PixelScorer;
 use crate::diagnose::{Evidence, Hypothesis, PixelEvidence, PixelMixture};
@@ -15,27 +15,25 @@ pub(crate) const MIN_GAIN_STANDARD_ERRORS: f64 = 4.0;
 const SUGGESTIVE_GAIN_NATS_PER_EVENT: f64 = 0.06;
 const SUGGESTIVE_GAIN_STANDARD_ERRORS: f64 = 3.0;
 
-/// Whether a gain on held-out cells, with its error, is one to speak of.
+/// Whether a held-out gain is significant.
 pub(crate) fn is_significant(gain: f64, error: f64) -> bool {
     gain >= MIN_GAIN_NATS_PER_EVENT && gain >= MIN_GAIN_STANDARD_ERRORS * error
 }
 
-/// Whether it is much, sure or not.
+/// Whether it is large though not significant.
 pub(crate) fn is_suggestive(gain: f64, error: f64) -> bool {
     gain > SUGGESTIVE_GAIN_NATS_PER_EVENT && gain > SUGGESTIVE_GAIN_STANDARD_ERRORS * error
 }
 
-/// Log-likelihoods and events of all cells.
+/// Log-likelihood and number of events per cell.
 #[derive(Debug, Clone)]
 pub(crate) struct CellScores {
-    /// Log-likelihood by cell.
     pub(crate) log_likelihood: Vec<f64>,
-    /// Events by cell.
     pub(crate) n_events: Vec<f64>,
     held_out: Vec<bool>,
 }
 
-/// Which cells a sum is over.
+/// Cross-validation set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum CellSet {
     Training,
@@ -43,34 +41,31 @@ pub(crate) enum CellSet {
 }
 
 impl CellScores {
-    /// Cells of one part.
     pub(crate) fn of(&self, part: CellSet) -> impl Iterator<Item = usize> + '_ {
         let wanted = part == CellSet::HeldOut;
         (0..self.held_out.len()).filter(move |&cell| self.held_out[cell] == wanted)
     }
 
-    /// Nats an event over one part.
+    /// Log-likelihood per event, nats.
     pub(crate) fn nats(&self, part: CellSet) -> f64 {
         self.total(part) / self.events(part).max(1.0)
     }
 
-    /// Log-likelihood of one part, nats.
+    /// Log-likelihood, nats.
     pub(crate) fn total(&self, part: CellSet) -> f64 {
         self.of(part).fold(0.0, |sum, cell| sum + self.log_likelihood[cell])
     }
 
-    /// Events of one part.
     pub(crate) fn events(&self, part: CellSet) -> f64 {
         self.of(part).fold(0.0, |sum, cell| sum + self.n_events[cell])
     }
 
-    /// How much better than `other` on one part, nats an event, with its error from the scatter
-    /// over cells.
+    /// Gain over `other`, nats per event, with its standard error from the scatter over cells.
     pub(crate) fn gain(&self, other: &Self, part: CellSet) -> (f64, f64) {
         self.stratified_gain(other, part, |_| true)
     }
 
-    /// The same where some cells are bound to gain otherwise than the rest, which is no scatter.
+    /// The same where two strata of cells differ in their expected gain.
     pub(crate) fn stratified_gain(
         &self,
         other: &Self,
@@ -97,7 +92,7 @@ impl CellScores {
         (gain / n, square.sqrt() / n)
     }
 
-    /// How much better than `other` in those tiles of one part that are any better, nats an event of all.
+    /// Gain over `other` in the tiles that improve, nats per event of all.
     pub(crate) fn gain_over_improved_tiles(
         &self,
         other: &Self,
@@ -111,7 +106,7 @@ impl CellScores {
         tiles.into_iter().filter(|gain| *gain > 0.0).sum::<f64>() / self.events(part).max(1.0)
     }
 
-    /// These cells where `is_here`, by the tile, and `other`'s elsewhere.
+    /// These scores in some tiles, and `other`'s elsewhere.
     pub(crate) fn restricted_to(
         mut self,
         other: &Self,
@@ -131,14 +126,13 @@ impl CellScores {
     }
 }
 
-/// Scores the evidence under a hypothesis. A pixel of a mixture is of the kind that its own
-/// training blocks speak for; those held out are predicted with what they say.
+/// Scores a hypothesis. The stratum of a pixel is inferred from its training blocks; held-out
+/// blocks are predicted from its posterior.
 pub(crate) fn score_cells(evidence: &Evidence, hypothesis: &Hypothesis) -> CellScores {
     score_cells_of_each(evidence, &[hypothesis]).remove(0)
 }
 
-/// The same for several hypotheses at once: pixel by pixel, so that those which leave a pixel's
-/// signal alike share it.
+/// Scores several hypotheses, pixel by pixel, so that hypotheses with the same signal share it.
 pub(crate) fn score_cells_of_each(
     evidence: &Evidence,
     hypotheses: &[&Hypothesis],
@@ -176,7 +170,7 @@ pub(crate) fn score_cells_of_each(
         .collect()
 }
 
-/// How much better each pixel's training blocks are under one hypothesis than under another, nats.
+/// Training gain of each pixel, nats.
 pub(crate) fn pixel_gains(
     evidence: &Evidence,
     without: &Hypothesis,

@@ -1,4 +1,4 @@
-//! Evaluations about a fit, along directions that are as long as matters.
+//! Log-likelihood probes around a fit, along directions of suitable length.
 
 use super::cell_scores::{CellScores, CellSet, score_cells_of_each};
 use crate::diagnose::{Evidence, Hypothesis};
@@ -43,25 +43,25 @@ const OUTLIER_RATIO: f64 = 9.0 / 0.455;
 /// Share of the distance to the nearer bound that a direction may use.
 const USED_MARGIN_SHARE: f64 = 0.9;
 
-/// What is about a fit, seen in some of the pixels.
+/// Probes around a fit, on a subset of the pixels.
 pub(crate) struct CurvatureProbes<'a> {
     few: &'a Evidence,
     at: &'a Hypothesis,
     free: &'a [usize],
-    /// Room of each value to the nearer end of its range.
+    /// Distance of each value to its nearer bound.
     margin: Vec<f64>,
-    /// Events of all pixels for each of these.
+    /// Events of all pixels over those of the subset.
     scale: f64,
-    /// Log-likelihood at the fit itself.
+    /// Log-likelihood at the fit.
     nats: f64,
-    /// Height of the log-likelihood's small steps along each value, nats.
+    /// Numerical noise floor along each value, nats.
     noise_steps: Vec<f64>,
-    /// By how much it is to fall along each direction.
+    /// Target drop of the log-likelihood along each direction.
     pub(crate) drop_targets: Vec<f64>,
 }
 
 impl<'a> CurvatureProbes<'a> {
-    /// `cells` are those of all pixels.
+    /// `cells` are the scores on all pixels.
     pub(crate) fn of(
         few: &'a Evidence,
         at: &'a Hypothesis,
@@ -88,7 +88,7 @@ impl<'a> CurvatureProbes<'a> {
         }
     }
 
-    /// The same about some of the values, by their places among these.
+    /// The probes of some values.
     pub(crate) fn of_some(&self, places: &[usize], free: &'a [usize]) -> Self {
         let some = |of: &[f64]| places.iter().map(|&i| of[i]).collect();
         let (margin, noise_steps, drop_targets) =
@@ -96,7 +96,7 @@ impl<'a> CurvatureProbes<'a> {
         Self { free, margin, noise_steps, drop_targets, ..*self }
     }
 
-    /// Log-likelihood so many directions away.
+    /// Log-likelihood at points in units of the directions.
     fn at(&self, directions: &DMatrix<f64>, points: &[DVector<f64>]) -> Vec<f64> {
         let there = |point: &DVector<f64>| moved(self.at, self.free, &(directions * point));
         let asked: Vec<Hypothesis> = points.iter().map(there).collect();
@@ -104,7 +104,7 @@ impl<'a> CurvatureProbes<'a> {
         cells.iter().map(|cells| self.scale * cells.total(CellSet::Training)).collect()
     }
 
-    /// Log-likelihood a whole of each direction away and a half, in the mean of the two sides.
+    /// Log-likelihood at both distances, mean of the two sides.
     fn mean_sides(&self, directions: &DMatrix<f64>) -> [Vec<f64>; 2] {
         let p = directions.ncols();
         let ends = |far: f64| (0..p).flat_map(move |i| [far, -far].map(|by| point(p, &[(i, by)])));
@@ -113,12 +113,12 @@ impl<'a> CurvatureProbes<'a> {
         [means[..p].to_vec(), means[p..].to_vec()]
     }
 
-    /// How far the log-likelihood falls along each direction.
+    /// Drop of the log-likelihood along each direction, from the curvature.
     fn drops(&self, directions: &DMatrix<f64>) -> Vec<f64> {
         curvatures(&self.mean_sides(directions)).into_iter().map(|own| 0.5 * own).collect()
     }
 
-    /// Height of the small steps along each direction, root mean square.
+    /// Root mean square residual of a polynomial along each direction.
     fn noise_floors(&self, directions: &DMatrix<f64>) -> Vec<f64> {
         let p = self.free.len();
         let ways: Vec<f64> = (1..=N_NOISE_PROBES)
@@ -138,17 +138,17 @@ impl<'a> CurvatureProbes<'a> {
         nats.chunks(ways.len()).map(height).collect()
     }
 
-    /// Whether the log-likelihood is rough along a value: its small steps are higher than it falls by elsewhere.
+    /// Whether numerical noise dominates along a value.
     pub(crate) fn is_rough(&self, i: usize) -> bool {
         self.drop_targets[i] > MIN_DROP_NATS
     }
 
-    /// Whether a value's own direction goes as far as its range lets it.
+    /// Whether a value's direction is limited by its range.
     pub(crate) fn is_bound_limited(&self, star: &DMatrix<f64>, i: usize) -> bool {
         star[(i, i)] >= 0.99 * self.margin[i]
     }
 
-    /// Which of the values the events tell, along these directions of their own, and which they do not.
+    /// Indices of the identified values, and of those that their range limits.
     pub(crate) fn split_by_identifiability(&self, star: &DMatrix<f64>) -> (Vec<usize>, Vec<usize>) {
         let drops = self.drops(star);
         let least = |i: usize| {
@@ -159,8 +159,8 @@ impl<'a> CurvatureProbes<'a> {
         all.partition(|&i| !self.is_bound_limited(star, i) || drops[i] > least(i))
     }
 
-    /// Standard errors of values that the room to the nearer end of their range does not tell: how far each by itself
-    /// may go the other way, or to the ends where nothing holds it.
+    /// Standard errors of range-limited values: from the drop in the wider direction, or the
+    /// distance to the bound.
     pub(crate) fn bound_limited_errors(&self, untold: &[usize]) -> Vec<f64> {
         let p = self.free.len();
         let own = DMatrix::identity(p, p);
@@ -181,7 +181,7 @@ impl<'a> CurvatureProbes<'a> {
         untold.iter().map(wider).collect()
     }
 
-    /// Each value by itself, farther where the log-likelihood is rough along it.
+    /// One direction per value, longer where numerical noise dominates.
     pub(crate) fn coordinate_directions(&mut self) -> DMatrix<f64> {
         let step = |i: usize| self.at.steps[self.free[i]].min(self.margin[i]);
         let noise_steps = DVector::from_fn(self.free.len(), |i, _| step(i));
@@ -189,14 +189,13 @@ impl<'a> CurvatureProbes<'a> {
         self.noise_steps = self.noise_floors(&star);
         let drop_targets = self.noise_steps.iter().map(|height| DROP_IN_NOISE_FLOORS * height);
         let most = drop_targets.clone().fold(MIN_DROP_NATS, f64::max).min(MAX_DROP_NATS);
-        // What is rough will mix: it goes as far as the roughest asks for.
+        // Noisy values will be mixed: all use the largest target.
         self.drop_targets = drop_targets
             .map(|fall| if fall > MIN_DROP_NATS { most } else { MIN_DROP_NATS })
             .collect();
         if most > MIN_DROP_NATS { self.scaled_to_drop(star) } else { star }
     }
 
-    /// Shorter where a direction would leave a value's range.
     fn clipped_to_ranges(&self, mut directions: DMatrix<f64>) -> DMatrix<f64> {
         for mut direction in directions.column_iter_mut() {
             let shares =
@@ -207,7 +206,7 @@ impl<'a> CurvatureProbes<'a> {
         directions
     }
 
-    /// The same directions, as long as makes the log-likelihood fall by about what it is to, if there is room.
+    /// Directions scaled to their target drop, within the ranges.
     pub(crate) fn scaled_to_drop(&self, directions: DMatrix<f64>) -> DMatrix<f64> {
         let mut directions = self.clipped_to_ranges(directions);
         let mut open: Vec<usize> = (0..directions.ncols()).collect();
@@ -219,7 +218,7 @@ impl<'a> CurvatureProbes<'a> {
             let factors: Vec<(usize, f64)> = open.iter().zip(drops).map(factor).collect();
             factors.iter().for_each(|&(i, factor)| directions.column_mut(i).scale_mut(factor));
             directions = self.clipped_to_ranges(directions);
-            // One that was nearly right is right now, and one that fills its room stays as it is.
+            // Directions that were nearly right, or that fill their range, are done.
             let change = |i: usize| (directions.column(i) - before.column(i)).norm();
             let is_open = |&(i, factor): &(usize, f64)| {
                 !ACCEPTED_FACTORS.contains(&factor)
@@ -233,16 +232,15 @@ impl<'a> CurvatureProbes<'a> {
         directions
     }
 
-    /// Minus the second derivative along directions, in units of them.
+    /// Negative Hessian along directions.
     pub(crate) fn curvature(&self, directions: &DMatrix<f64>) -> Option<DMatrix<f64>> {
         let mut minus = self.cross_terms(directions)?;
         minus.set_diagonal(&DVector::from_vec(curvatures(&self.mean_sides(directions))));
         minus.iter().all(|m| m.is_finite()).then_some(minus)
     }
 
-    /// What is mixed of it, nothing on the diagonal, as far as it stands out of the small steps along both directions:
-    /// they alone would let a rough one, whose slopes scatter by hundreds of nats, into the error of every other. Where
-    /// no value is rough all of it counts.
+    /// Off-diagonal terms of the negative Hessian. Terms below the numerical noise floor of both
+    /// directions are dropped: they would spread the noise to all standard errors.
     pub(crate) fn significant_cross_terms(
         &self,
         directions: &DMatrix<f64>,
@@ -252,13 +250,13 @@ impl<'a> CurvatureProbes<'a> {
             return Some(minus);
         }
         let noise_floors = self.noise_floors(directions);
-        // Four corners, of each a quarter: that is two of its standard deviations.
+        // Four corners with weight 1/4: two standard deviations.
         let known_to = |i: usize, j: usize| noise_floors[i].hypot(noise_floors[j]);
         let significant = |i, j| above_noise(minus[(i, j)], known_to(i, j));
         Some(DMatrix::from_fn(minus.nrows(), minus.ncols(), significant))
     }
 
-    /// Only what is mixed of it: nothing on the diagonal.
+    /// Off-diagonal terms of the negative Hessian.
     fn cross_terms(&self, directions: &DMatrix<f64>) -> Option<DMatrix<f64>> {
         let p = self.free.len();
         let pairs: Vec<(usize, usize)> = (0..p).flat_map(|i| (0..i).map(move |j| (i, j))).collect();
@@ -277,7 +275,7 @@ impl<'a> CurvatureProbes<'a> {
     }
 }
 
-/// How many times as long a direction is to be along which the log-likelihood falls by this share of what it is to.
+/// Length factor for a direction whose drop is this share of its target.
 fn length_factor(share: f64) -> f64 {
     if share * MAX_RESCALING_FACTOR * MAX_RESCALING_FACTOR > 1.0 {
         share.sqrt().recip().max(MAX_RESCALING_FACTOR.recip())
@@ -286,19 +284,18 @@ fn length_factor(share: f64) -> f64 {
     }
 }
 
-/// A value that is known to so much, without the part of its square that this makes.
+/// Removes the expected noise from a value's square.
 fn above_noise(value: f64, known_to: f64) -> f64 {
     if value.abs() <= known_to { 0.0 } else { value - known_to * known_to / value }
 }
 
-/// A point so far along some of `p` directions.
 fn point(p: usize, by: &[(usize, f64)]) -> DVector<f64> {
     let mut point = DVector::zeros(p);
     by.iter().for_each(|&(i, far)| point[i] = far);
     point
 }
 
-/// A hypothesis with these values changed, within their ranges.
+/// The hypothesis with changed values, within their ranges.
 pub(crate) fn moved(at: &Hypothesis, free: &[usize], change: &DVector<f64>) -> Hypothesis {
     let mut other = at.clone();
     for (&i, by) in free.iter().zip(change) {
@@ -308,23 +305,22 @@ pub(crate) fn moved(at: &Hypothesis, free: &[usize], change: &DVector<f64>) -> H
     other
 }
 
-/// Means of what stands side by side.
 fn means(nats: &[f64]) -> Vec<f64> {
     nats.chunks(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect()
 }
 
-/// Minus the second derivatives by the log-likelihood at the two distances of [`PROBE_DISTANCES`]. Where a search has
-/// stayed, a small step may stand out of all that is about it.
+/// Negative second derivatives from the two distances of [`PROBE_DISTANCES`]; the fit itself is
+/// excluded, since a search ends on a noise peak.
 pub(crate) fn curvatures([whole, half]: &[Vec<f64>; 2]) -> Vec<f64> {
     let squares = PROBE_DISTANCES[0] * PROBE_DISTANCES[0] - PROBE_DISTANCES[1] * PROBE_DISTANCES[1];
     whole.iter().zip(half).map(|(whole, half)| 2.0 * (half - whole) / squares).collect()
 }
 
-/// Every cell at four places along each direction: a half and a whole of it to either side.
+/// Scores of every cell at four points per direction.
 pub(crate) struct CellProbes {
-    /// Half the difference of the two sides, a training cell a row: at the whole, and at the half.
+    /// Half differences of the two sides, one row per training cell, at both distances.
     odd: [DMatrix<f64>; 2],
-    /// Mean of the two sides over all cells.
+    /// Means of the two sides over all cells, at both distances.
     pub(crate) even: [Vec<f64>; 2],
 }
 
@@ -353,25 +349,24 @@ impl CellProbes {
         Self { odd: [whole, half], even: [of_whole, of_half] }
     }
 
-    /// The line through both, least squares.
+    /// Slopes by least squares through both distances.
     pub(crate) fn slopes(&self) -> DMatrix<f64> {
         let squares: f64 = PROBE_DISTANCES.iter().map(|far| far * far).sum();
         (&self.odd[0] * PROBE_DISTANCES[0] + &self.odd[1] * PROBE_DISTANCES[1]) / squares
     }
 
-    /// Variance of each slope, by what the line leaves over all directions. Those along which it leaves much more do
-    /// not count for the others: a likelihood as sharp as an ideal camera's makes the threshold's slope a matter of
-    /// chance, and not that of a rate.
+    /// Noise variance of each slope, from the residuals over all directions. Outlying directions
+    /// do not count for the others: for a nearly noise-free camera the threshold's slope is noisy
+    /// while that of a rate is not.
     pub(crate) fn rough(&self) -> Vec<f64> {
         let [whole, half] = self.odd.each_ref().map(|odd| odd.row_sum());
         let left = whole - half * (PROBE_DISTANCES[0] / PROBE_DISTANCES[1]);
-        // An error e of a place's nats is e / sqrt(2) of half a difference; the line's slope then has
-        // 0.4 of its variance, what it leaves 2.5.
+        // Variances: 0.4 of a probe's for the slope, 2.5 for the residual.
         let own: Vec<f64> = left.iter().map(|left| 0.4 / 2.5 * left * left).collect();
         let much = OUTLIER_RATIO * upper_median(&mut own.clone()).unwrap_or_default();
         let mean =
             |most: f64| own.iter().map(|own| own.min(most)).sum::<f64>() / own.len().max(1) as f64;
-        // What is left along one of these may be a bent line's: it counts as one among all at the most.
+        // An outlier may come from a bent line: it counts as the mean of all at most.
         let (common, objection_to_all) = (mean(much), mean(f64::INFINITY));
         own.iter().map(|own| if *own > much { own.min(objection_to_all) } else { common }).collect()
     }
@@ -384,7 +379,7 @@ mod tests {
     #[test]
     fn what_chance_may_have_made_is_not_told() {
         assert_eq!([-3.0, 0.0, 2.9, 3.0].map(|value| above_noise(value, 3.0)), [0.0; 4]);
-        // A square of 100 is 9 of chance and 91 of something else.
+        // A square of 100 is 9 of noise and 91 of signal.
         assert!((above_noise(-10.0, 3.0) + 9.1).abs() < 1e-12);
         assert_eq!(above_noise(0.5, 0.0), 0.5, "no steps, nothing taken off");
         assert_eq!(above_noise(0.0, 0.0), 0.0);
@@ -392,14 +387,14 @@ mod tests {
 
     #[test]
     fn a_direction_becomes_as_long_as_its_fall_asks_for_within_bounds() {
-        // The fall grows with the square of the length; what is not a number is no fall.
+        // The drop grows with the square of the length; NaN is no drop.
         let shares = [1.0, 4.0, 0.25, 1e9, 1e-9, -3.0, f64::NAN];
         assert_eq!(shares.map(length_factor), [1.0, 0.5, 2.0, 0.2, 5.0, 5.0, 5.0]);
     }
 
     #[test]
     fn one_direction_that_jumps_does_not_blur_the_others() {
-        // What the line through half and whole leaves: 1 nat to either sign, and 300 along the fourth.
+        // Residuals of 1 nat of either sign, and 300 along the fourth direction.
         let left = [1.0, -1.0, 1.0, 300.0, -1.0, 1.0];
         let row = |values: Vec<f64>| DMatrix::from_row_slice(1, 6, &values);
         let whole = row(left.iter().map(|left| 8.0 + left).collect());

@@ -1,4 +1,4 @@
-//! One round of the search: every effect of the library refitted on top of what is known.
+//! One round of the search: every library effect fitted on top of a model.
 
 use super::bound_escape::{is_at_prior_bound, refine_off_bounds};
 use super::cell_scores::CellSet;
@@ -36,32 +36,32 @@ const MAX_FITTED_ON_ALL: usize = 4;
 const NOISE_REDUCTIONS_LOG: [f64; 2] = [0.8, 1.6];
 const MIN_REGION_GAIN: f64 = 0.1;
 
-/// What an effect buys on top of a model.
+/// Gain of an effect over a model.
 #[derive(Debug, Clone, Copy)]
 pub struct EffectGain {
     /// The effect.
     pub id: EffectId,
-    /// Nats an event on training cells.
+    /// On training cells, nats per event.
     pub training: f64,
-    /// Nats an event on held-out cells.
+    /// On held-out cells, nats per event.
     pub held_out: f64,
-    /// Standard error of the held-out gain, from its scatter over cells.
+    /// Standard error of the held-out gain, from the scatter over cells.
     pub error: f64,
 }
 
-/// An effect's gain and the model with it.
+/// A model with one more effect.
 #[derive(Debug, Clone)]
 pub(crate) struct TrialFit {
     pub(crate) gain: EffectGain,
     pub(crate) fitted: FittedModel,
-    /// Whether it was fitted on all pixels, and not on few.
+    /// Whether it was fitted on all pixels.
     pub(crate) uses_all_pixels: bool,
-    /// Whether its fit was gone on with until it stood still.
+    /// Whether it was fitted to convergence.
     pub(crate) has_converged: bool,
 }
 
 impl TrialFit {
-    /// The fit gone on with until it stands still.
+    /// The same effect fitted to convergence.
     pub(crate) fn converged(self, evidence: &Evidence, model: &FittedModel) -> Self {
         let has_own_values = model.hypothesis.pixel_mixture().is_continuous();
         let converge = if has_own_values { converge_with_pinned_strata } else { converge };
@@ -70,8 +70,7 @@ impl TrialFit {
             .measured_against(evidence, model)
     }
 
-    /// Whether the effect frees a nuisance of which `model`, without it, has as much as is ordinary: it may ask for
-    /// more, and be none of the model's nuisances but a finding.
+    /// Whether the effect frees a nuisance that lies at its prior bound in `model`.
     pub(crate) fn is_limited_by_prior(&self, model: &Hypothesis) -> bool {
         let effect = self.fitted.hypothesis.effects.last();
         effect.into_iter().flat_map(|effect| effect.freed).any(|freed| {
@@ -80,8 +79,8 @@ impl TrialFit {
         })
     }
 
-    /// The same fit measured against a better model without the effect. A first fit on some of the
-    /// pixels does not compare and keeps its gain.
+    /// The gain over a better model without the effect. First fits on a subset are not comparable
+    /// and keep their gain.
     pub(crate) fn measured_against(mut self, evidence: &Evidence, model: &FittedModel) -> Self {
         if self.uses_all_pixels {
             self.gain.training = self.fitted.cells.gain(&model.cells, CellSet::Training).0;
@@ -93,7 +92,8 @@ impl TrialFit {
     }
 }
 
-/// Why an effect is not in the question. Where the readout `is_saturated` none is that acts on single pixels.
+/// Effects that cannot be tested. Under a saturated readout these include all effects on single
+/// pixels.
 pub(crate) fn cannot_judge(evidence: &Evidence, is_saturated: bool) -> Vec<UntestableEffect> {
     let held_up = || is_saturated.then(|| SATURATED_READOUT.to_owned());
     let because = |id: EffectId| match LIBRARY.iter().find(|candidate| candidate.id == id) {
@@ -105,12 +105,12 @@ pub(crate) fn cannot_judge(evidence: &Evidence, is_saturated: bool) -> Vec<Untes
     all.filter_map(|id| because(id).map(|because| UntestableEffect { id, because })).collect()
 }
 
-/// Tries every effect that is not in `model` and can be judged. `few` is the same evidence with
-/// fewer pixels. Effects come sorted by what they buy on held-out cells.
+/// Fits every testable effect that is not in `model`; `few` is a subset of the pixels. Results are
+/// sorted by held-out gain.
 ///
-/// All starts of all effects are scored first, on few pixels; the best of each effect are moved one
-/// step together with the nuisances; those that then promise most are fitted on few pixels, and the
-/// best of these on all.
+/// All starting points of all effects are scored on the subset. The best of each effect are moved
+/// by a step together with the nuisances; the most promising effects are fitted on the subset, and
+/// the best of these on all pixels.
 pub(crate) fn scan_library(
     evidence: &Evidence,
     few: &Evidence,
@@ -163,8 +163,8 @@ pub(crate) fn scan_library(
     all
 }
 
-/// An effect that promised much on few pixels, fitted on all. None where it buys nothing there with pixels of unknown
-/// kind taken to be as in `known`: scoring them for all kinds is many times the work.
+/// An effect fitted on all pixels; `None` if it gains nothing there with the pixel strata of
+/// `known`, which is much less work than unknown strata.
 fn fit_on_all_pixels(
     evidence: &Evidence,
     model: &FittedModel,
@@ -182,7 +182,7 @@ fn fit_on_all_pixels(
     Some(improve(evidence, there, MAX_STEPS_ON_ALL_PIXELS, MIN_STEP_GAIN))
 }
 
-/// A fit with one more effect than `model` gone on with until it stands still.
+/// Fits the last effect to convergence.
 fn converge(evidence: &Evidence, model: &FittedModel, begun: FittedModel) -> FittedModel {
     let fresh = refit_from_prior(evidence, &begun.hypothesis);
     let start = restart_last_effect(evidence, begun).hypothesis;
@@ -191,8 +191,7 @@ fn converge(evidence: &Evidence, model: &FittedModel, begun: FittedModel) -> Fit
     choose_region(evidence, model, there)
 }
 
-/// The same where pixels have each a value of their own: with each taken to have its likeliest, which is scored once
-/// where all are many times the work, and then once more with values that are not known again.
+/// The same with pinned pixel strata, which is much less work, and then with unknown strata again.
 fn converge_with_pinned_strata(
     evidence: &Evidence,
     model: &FittedModel,
@@ -206,7 +205,7 @@ fn converge_with_pinned_strata(
     refine_locally(evidence, improve(evidence, begun.better_of(there), MAX_FINAL_STEPS, 1e-4))
 }
 
-/// Sorts by what is bought on held-out cells, fits on all pixels first: what was fitted on few is none to take.
+/// Sorts by held-out gain, fits on all pixels first.
 pub(crate) fn sort_by_gain(tried: &mut [TrialFit]) {
     tried.sort_by(|a, b| {
         let objection_to_all = b.uses_all_pixels.cmp(&a.uses_all_pixels);
@@ -214,8 +213,8 @@ pub(crate) fn sort_by_gain(tried: &mut [TrialFit]) {
     });
 }
 
-/// The model on few pixels, those of unknown kind taken to be of their likeliest. For kinds that are known the
-/// best values are others: what they gain is no effect's, so that they are looked for to the end.
+/// The model on the subset with pinned pixel strata. The optimum then differs and is fitted first,
+/// so that effects are not credited with it.
 fn with_pinned_strata(few: &Evidence, model: &FittedModel) -> FittedModel {
     let here = score_model(few, model.hypothesis.clone().pin_strata(few));
     if here.hypothesis.pinned_strata.is_some() {
@@ -225,8 +224,8 @@ fn with_pinned_strata(few: &Evidence, model: &FittedModel) -> FittedModel {
     }
 }
 
-/// The model with less noise, where that foretells a part of the pixels much better: an effect in the other
-/// part has passed for noise everywhere.
+/// The model with less noise, if that improves part of the tiles clearly: an effect in the other
+/// part was fitted as noise everywhere.
 fn with_less_noise(few: &Evidence, model: &FittedModel) -> Option<FittedModel> {
     let noise = model.hypothesis.nuisance(Nuisance::LogNoise);
     let less = NOISE_REDUCTIONS_LOG
@@ -241,7 +240,7 @@ fn with_less_noise(few: &Evidence, model: &FittedModel) -> Option<FittedModel> {
     best.filter(|(gain, _)| *gain > MIN_REGION_GAIN).map(|(_, sharp)| sharp)
 }
 
-/// An effect's starts in the part of the picture that a model with less noise foretells worse for want of it.
+/// Starting points in the region that a model with less noise predicts worse.
 fn starts_with_less_noise(
     evidence: &Evidence,
     few: &Evidence,
@@ -254,7 +253,7 @@ fn starts_with_less_noise(
     begun.iter().filter_map(|start| start_in_region(few, sharp, start)).collect()
 }
 
-/// Effects that the model has not and that can be judged.
+/// Effects that can be tested and are not in the model.
 fn testable_candidates(evidence: &Evidence, model: &FittedModel) -> Vec<&'static CandidateEffect> {
     let effects = &model.hypothesis.effects;
     let has_mixture = effects.iter().any(|effect| effect.mixture.is_some());
@@ -266,8 +265,8 @@ fn testable_candidates(evidence: &Evidence, model: &FittedModel) -> Vec<&'static
         .collect()
 }
 
-/// The best of an effect's starts behind one step; `model` is scored on few pixels. `None` for an effect
-/// without any.
+/// The best starting point of an effect after a step, on the subset; `None` for an effect without
+/// one.
 pub(crate) fn first_step(
     evidence: &Evidence,
     few: &Evidence,
@@ -276,7 +275,7 @@ pub(crate) fn first_step(
     sharp: impl Iterator<Item = FittedModel>,
 ) -> Option<FittedModel> {
     let mut begun = score_models(few, starting_points_on(evidence, &model.hypothesis, candidate));
-    // Tile by tile a gain is the effect's where nothing else has changed.
+    // A gain per tile belongs to the effect only if nothing else has changed.
     let same_nuisances = |start: &&FittedModel| {
         let is_freed = |i: usize| candidate.freed.iter().any(|freed| freed.nuisance as usize == i);
         let pairs = start.hypothesis.values.iter().zip(&model.hypothesis.values);
@@ -289,8 +288,8 @@ pub(crate) fn first_step(
         .collect();
     begun.extend(in_parts.into_iter().chain(sharp));
     begun.sort_by(|a, b| b.training().total_cmp(&a.training()));
-    // A parameter that keeps the value it starts with parts the starts: the best of each part. So does
-    // whether nuisances begin elsewhere: what that buys shows only behind the step.
+    // The best starts are kept per value of a fixed parameter, and with and without changed
+    // nuisances, which show their gain only after the step.
     let own = model.hypothesis.values.len();
     let part = |fitted: &FittedModel| -> (bool, Vec<u64>) {
         let values = fitted.hypothesis.values.iter().zip(&fitted.hypothesis.steps).skip(own);

@@ -1,9 +1,9 @@
-//! Fitting a hypothesis to the training cells.
+//! Maximum-likelihood fit on the training cells.
 //!
-//! Steps are Gauss and Newton's with the outer product of the cells' gradients for a Hessian
-//! (Berndt, Hall, Hall and Hausman, 1974), damped after Levenberg and Marquardt, inside the box of
-//! the parameters' ranges. The gradients are taken about their mean an event: far from the optimum,
-//! where all cells pull the same way, their plain product would make every step far too short.
+//! Gauss-Newton steps with the outer product of the cells' gradients as Hessian (Berndt, Hall,
+//! Hall and Hausman, 1974), Levenberg-Marquardt damping, within the box of the parameters' ranges.
+//! Gradients are centred on their mean per event: far from the optimum all cells have the same
+//! sign, and the plain product would make steps too short.
 
 use super::cell_scores::{CellSet, score_cells, score_cells_of_each};
 use super::fitted::FittedModel;
@@ -18,21 +18,20 @@ const SINGLE_STEP_MULTIPLES: [f64; 3] = [4.0, 1.0, 0.25];
 /// Gain, nats per event, of single steps for which a fit goes on.
 const MIN_SINGLE_STEP_GAIN: f64 = 1e-3;
 
-/// Scores a hypothesis as it is.
+/// Scores a hypothesis.
 pub(crate) fn score_model(evidence: &Evidence, hypothesis: Hypothesis) -> FittedModel {
     let cells = score_cells(evidence, &hypothesis);
     FittedModel { hypothesis, cells, errors: None }
 }
 
-/// Scores some hypotheses as they are, those at once that share a pixel's signal.
+/// Scores several hypotheses; those with the same signal share it.
 pub(crate) fn score_models(evidence: &Evidence, hypotheses: Vec<Hypothesis>) -> Vec<FittedModel> {
     let cells = score_cells_of_each(evidence, &hypotheses.iter().collect::<Vec<_>>());
     let scored = hypotheses.into_iter().zip(cells);
     scored.map(|(hypothesis, cells)| FittedModel { hypothesis, cells, errors: None }).collect()
 }
 
-/// Improves a hypothesis by at most `n_steps` steps, or until a step gains less than `enough`
-/// nats an event.
+/// Fits by at most `n_steps` steps, until a step gains less than `enough` nats per event.
 pub(crate) fn fit(
     evidence: &Evidence,
     start: Hypothesis,
@@ -42,7 +41,7 @@ pub(crate) fn fit(
     improve(evidence, score_model(evidence, start), n_steps, enough)
 }
 
-/// The same from a hypothesis that is scored already.
+/// The same from a scored hypothesis.
 pub(crate) fn improve(
     evidence: &Evidence,
     mut best: FittedModel,
@@ -73,12 +72,11 @@ pub(crate) fn improve(
     best
 }
 
-/// The best of a fit and steps of each of the last effect's values alone, as far as its own slopes tell.
-/// `at` is where these were taken.
+/// The best of a fit and of Newton steps of single parameters of the last effect; `at` is where
+/// the gradients were taken.
 ///
-/// A likelihood as sharp as an ideal camera's makes the slopes of all that moves a crossing a matter of
-/// chance, and with them a step of all values together: it gains next to nothing where an effect's own value
-/// has far to go.
+/// For a nearly noise-free camera the gradients of the thresholds are unreliable, and with them a
+/// joint step.
 fn step_each_parameter(
     evidence: &Evidence,
     best: FittedModel,
@@ -100,7 +98,7 @@ fn step_each_parameter(
     score_models(evidence, asked).into_iter().fold(best, FittedModel::better_of)
 }
 
-/// Gradient of each training cell's log-likelihood in every value that may move. `at` is a held one.
+/// Gradients of the training cells' log-likelihoods in every free value. `at` uses a shared grid.
 pub(crate) fn gradients(evidence: &Evidence, at: &FittedModel) -> (Vec<usize>, DMatrix<f64>) {
     let hypothesis = &at.hypothesis;
     let free: Vec<usize> = (0..hypothesis.values.len())
@@ -123,7 +121,7 @@ pub(crate) fn gradients(evidence: &Evidence, at: &FittedModel) -> (Vec<usize>, D
     (free, gradients)
 }
 
-/// The hypothesis with one value moved by its step, inwards at the upper end of its range.
+/// The hypothesis with one value moved by its finite-difference step, inwards at the upper bound.
 fn aside(hypothesis: &Hypothesis, i: usize) -> (Hypothesis, f64) {
     let [low, high] = hypothesis.ranges[i];
     let mut step = hypothesis.steps[i].min(0.5 * (high - low));
@@ -135,7 +133,7 @@ fn aside(hypothesis: &Hypothesis, i: usize) -> (Hypothesis, f64) {
     (moved, step)
 }
 
-/// The gradients' outer product over training cells, about their mean an event.
+/// Outer product of the gradients, centred on their mean per event.
 pub(crate) fn scatter(at: &FittedModel, gradients: &DMatrix<f64>) -> DMatrix<f64> {
     let n_events: Vec<f64> =
         at.cells.of(CellSet::Training).map(|cell| at.cells.n_events[cell]).collect();
@@ -148,9 +146,8 @@ pub(crate) fn scatter(at: &FittedModel, gradients: &DMatrix<f64>) -> DMatrix<f64
     centred.transpose() * centred
 }
 
-/// One damped step inside the box that gains; `None` when none does. `at` is the held one of
-/// `own`. So far away that a pixel's likelihood is much sharper than where it is held, what lies between
-/// the values at which it is scored may pass for a gain: it must be one without being held too.
+/// One damped step that improves the score, if any; `at` is `own` on a shared grid. After a long
+/// step the grid may be too coarse: the step must improve the score without it too.
 fn step(
     evidence: &Evidence,
     [own, at]: [&FittedModel; 2],
@@ -165,7 +162,7 @@ fn step(
         for i in 0..free.len() {
             damped[(i, i)] += *damping * outer[(i, i)].max(1e-9) + 1e-9;
         }
-        // Values at an end of their range that would leave it stay where they are.
+        // Values at a bound that would leave their range stay.
         let mut wanted = total.clone();
         for (i, &f) in free.iter().enumerate() {
             let [low, high] = at.hypothesis.ranges[f];

@@ -1,9 +1,9 @@
-//! The likelihood about a fit: its slopes and its curvature, taken as far away as matters.
+//! Laplace approximation of the likelihood around a fit.
 //!
-//! What one value may be changed by is orders of magnitude more than what another may, and some are told
-//! only together. So a first star of evaluations along the values themselves finds about how the
-//! log-likelihood falls, and a second one, along the directions that the first has found, how it falls where
-//! it has fallen by a few nats: nearer it is rough, farther it is no parabola.
+//! Parameters differ by orders of magnitude in scale, and some are identified only jointly. A
+//! first set of probes along single parameters finds the scales; a second set, along decorrelated
+//! directions, measures the curvature where the log-likelihood has dropped by a few nats. Nearer,
+//! numerical noise dominates; farther, it is not quadratic.
 
 use super::cell_scores::{CellScores, CellSet};
 use super::curvature_probes::{CellProbes, curvatures};
@@ -17,29 +17,29 @@ const MIN_CONJUGATE_EIGENVALUE: f64 = 0.2;
 /// Least curvature of a direction, as a share of its drop target.
 const MIN_CURVATURE_SHARE: f64 = 0.02;
 
-/// Slopes and curvature.
+/// Gradients and curvature along a set of directions.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct LaplaceApproximation {
-    /// Which values the events tell.
+    /// Indices of the identified values.
     pub(crate) free: Vec<usize>,
-    /// Those that lie nearer to an end of their range than they are told, with their standard errors.
+    /// Values that their range limits, with standard errors.
     pub(crate) bound_limited: Vec<(usize, f64)>,
-    /// Directions, column by column, in units of the values.
+    /// Directions, one per column.
     pub(crate) directions: DMatrix<f64>,
-    /// Slope of each training cell along each.
+    /// Slopes, one row per training cell.
     pub(crate) slopes: DMatrix<f64>,
-    /// Minus the second derivative along them.
+    /// Negative Hessian.
     pub(crate) minus: DMatrix<f64>,
     /// Its inverse.
     pub(crate) inverse: DMatrix<f64>,
-    /// Variance of each slope for the likelihood's small steps.
+    /// Numerical noise variance of each slope.
     pub(crate) roughness: Vec<f64>,
-    /// What the log-likelihood falls by along each, about.
+    /// Target drop along each direction.
     pub(crate) drop_targets: Vec<f64>,
 }
 
 impl LaplaceApproximation {
-    /// The same directions with what is seen along each; `None` where that is nothing to go by.
+    /// The same directions with new probes; `None` without a valid curvature.
     pub(crate) fn with_probes(mut self, probes: &CellProbes) -> Option<Self> {
         self.minus.set_diagonal(&DVector::from_vec(curvatures(&probes.even)));
         self.inverse = inverse(&self.minus, &self.drop_targets)?;
@@ -47,8 +47,7 @@ impl LaplaceApproximation {
         Some(self)
     }
 
-    /// How far the parabola's top is away along the directions, no farther than these go, and how much
-    /// higher it is.
+    /// Newton step in units of the directions, clipped to their length, and its gain.
     pub(crate) fn newton_step(&self) -> (DVector<f64>, f64) {
         let slope: DVector<f64> = self.slopes.row_sum().transpose();
         let change = &self.inverse * &slope;
@@ -57,8 +56,7 @@ impl LaplaceApproximation {
         (change / longest, gain)
     }
 
-    /// Standard errors of the values that may move, by their numbers, when slopes are alike within tiles and
-    /// within blocks.
+    /// Standard errors of the free values by index, clustered by tile and by block.
     pub(crate) fn errors(&self, cells: &CellScores, n_blocks: usize) -> Vec<(usize, f64)> {
         let training: Vec<usize> = cells.of(CellSet::Training).collect();
         let by = |cluster: &dyn Fn(usize) -> usize| {
@@ -77,7 +75,7 @@ impl LaplaceApproximation {
             .collect()
     }
 
-    /// Variance of each value when slopes are alike within a cluster of cells.
+    /// Variances of the values with scores clustered by cell groups (sandwich estimator).
     fn variances(&self, clusters: impl Iterator<Item = usize>) -> Vec<f64> {
         let p = self.free.len();
         let mut sums = std::collections::BTreeMap::new();
@@ -86,11 +84,11 @@ impl LaplaceApproximation {
             *sum += self.slopes.row(row).transpose();
         }
         sums.retain(|_, sum: &mut DVector<f64>| sum.iter().any(|s| *s != 0.0));
-        // Few clusters seem to scatter less than they do.
+        // Small-sample correction for few clusters.
         let n = sums.len().max(2) as f64;
         let mut product = DMatrix::zeros(p, p);
         sums.values().for_each(|sum| product += sum * sum.transpose() * (n / (n - 1.0)));
-        // The small steps are in the scatter already, as far as clusters are enough to show it.
+        // The scatter includes numerical noise only if clusters are enough to show it.
         (0..p).for_each(|i| product[(i, i)] = product[(i, i)].max(self.roughness[i]));
         let root = &self.directions * &self.inverse;
         let sandwich = &root * product * root.transpose();
@@ -98,7 +96,7 @@ impl LaplaceApproximation {
     }
 }
 
-/// Square roots of the curvatures along the directions themselves, of which none is next to nothing.
+/// Square roots of the diagonal curvatures, bounded below.
 fn scales(minus: &DMatrix<f64>, drop_targets: &[f64]) -> Vec<f64> {
     let own = |(i, fall): (usize, &f64)| minus[(i, i)].max(MIN_CURVATURE_SHARE * fall).sqrt();
     drop_targets.iter().enumerate().map(own).collect()
@@ -113,7 +111,7 @@ fn scaled_eigen(
     scaled.iter().all(|v| v.is_finite()).then(|| scaled.symmetric_eigen())
 }
 
-/// Inverse of a curvature, brought to the same scale in all directions so that they compare.
+/// Inverse of a curvature, scaled to a unit diagonal.
 fn inverse(minus: &DMatrix<f64>, drop_targets: &[f64]) -> Option<DMatrix<f64>> {
     let (p, scales) = (minus.nrows(), scales(minus, drop_targets));
     let mut eigen = scaled_eigen(minus, &scales)?;
@@ -122,7 +120,7 @@ fn inverse(minus: &DMatrix<f64>, drop_targets: &[f64]) -> Option<DMatrix<f64>> {
     Some(DMatrix::from_fn(p, p, |i, j| inverse[(i, j)] / (scales[i] * scales[j])))
 }
 
-/// Columns that do not mix, each as long as makes the log-likelihood fall as its own place in `falls` says.
+/// Conjugate directions with their target drops.
 pub(crate) fn conjugate_directions(
     minus: &DMatrix<f64>,
     drop_targets: &[f64],

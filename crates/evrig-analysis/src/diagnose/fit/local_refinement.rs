@@ -1,10 +1,9 @@
-//! The last steps of a fit, which slopes do not show.
+//! Refinement of a fit without gradients.
 //!
-//! An event that comes just before or just behind the crest of its pixel's light changes its
-//! log-likelihood by several nats, so the whole is a ridge full of small steps: Gauss and Newton's
-//! method stops on its flank, a tenth of a nat an event below the crest and several standard errors
-//! beside it. An evolution strategy (CMA-ES, Hansen and Ostermeier, 2001) needs no slopes. It begins
-//! with the scatter that the gradients claim.
+//! An event just before or after an extremum of its pixel's signal changes the log-likelihood by
+//! several nats, so that the surface is rough: Gauss-Newton stops about 0.1 nats per event below
+//! the maximum, several standard errors away. An evolution strategy (CMA-ES, Hansen and
+//! Ostermeier, 2001) continues, starting with the covariance from the gradients.
 
 use super::fitted::FittedModel;
 use super::gauss_newton::{fit, gradients, improve, scatter, score_model};
@@ -56,7 +55,7 @@ const INVALID_OBJECTIVE: f64 = 1e12;
 /// Steps of a final fit: clock skew and offset are correlated, which takes many short steps.
 pub(crate) const MAX_FINAL_STEPS: usize = 40;
 
-/// A hypothesis fitted by so many steps at the most, and gone on with from there.
+/// Fits and refines a hypothesis.
 pub(crate) fn fit_and_refine(
     evidence: &Evidence,
     start: Hypothesis,
@@ -65,8 +64,7 @@ pub(crate) fn fit_and_refine(
     refine_locally(evidence, fit_coarse_to_fine(evidence, start, n_steps, 1e-5))
 }
 
-/// A hypothesis fitted by so many steps at the most. Where pixels have each a value of their own, so that each
-/// evaluation is much work, the way is gone with a few of them, and all say where it ends.
+/// Fits a hypothesis; for a continuous mixture first on a subset of the pixels, then on all.
 pub(crate) fn fit_coarse_to_fine(
     evidence: &Evidence,
     start: Hypothesis,
@@ -81,7 +79,7 @@ pub(crate) fn fit_coarse_to_fine(
     improve(evidence, here.better_of(there), n_steps.min(MAX_STEPS_ON_ALL_PIXELS), enough)
 }
 
-/// The pixels with which a way is gone, where they have each a value of their own and are too many for that.
+/// A subset of the pixels for a continuous mixture; `None` if all are few enough.
 pub(crate) fn pixel_subset(evidence: &Evidence, hypothesis: &Hypothesis) -> Option<Evidence> {
     let every = if hypothesis.pixel_mixture().is_continuous() {
         subset_stride(evidence, hypothesis)
@@ -91,7 +89,7 @@ pub(crate) fn pixel_subset(evidence: &Evidence, hypothesis: &Hypothesis) -> Opti
     (every > 1).then(|| evidence.thinned(every))
 }
 
-/// A fit gone on with where slopes have left it; never worse than it was.
+/// Refines a fit; never worse than it was.
 pub(crate) fn refine_locally(evidence: &Evidence, fitted: FittedModel) -> FittedModel {
     let work = work(evidence, &fitted.hypothesis);
     let every = subset_stride(evidence, &fitted.hypothesis);
@@ -101,7 +99,7 @@ pub(crate) fn refine_locally(evidence: &Evidence, fitted: FittedModel) -> Fitted
     let few = evidence.thinned(every);
     let start = score_model(&few, fitted.hypothesis.clone());
     let rough = run_searches(&few, start, &STEP_SIZES, MAX_FAILED_SEARCHES, patience(work / every));
-    // What is best for few may not be for all.
+    // The optimum of the subset may not be better on all pixels.
     let start = fitted.better_of(score_model(evidence, rough.hypothesis));
     if start.hypothesis.pixel_mixture().is_continuous() {
         return improve(evidence, start, MAX_STEPS_ON_ALL_PIXELS, 1e-5);
@@ -115,14 +113,14 @@ pub(crate) fn refine_locally(evidence: &Evidence, fitted: FittedModel) -> Fitted
     )
 }
 
-/// Every so many-th pixel is looked at.
+/// Stride between the pixels of a subset.
 pub(crate) fn subset_stride(evidence: &Evidence, hypothesis: &Hypothesis) -> usize {
     let wanted =
         pixels_within_work(evidence, hypothesis, SUBSET_WORK, [MIN_SUBSET_PIXELS, usize::MAX]);
     (evidence.pixels.len() / wanted).max(1)
 }
 
-/// How many pixels may be looked at for an evaluation to be so much work, in instants of light; within bounds.
+/// Number of pixels for an evaluation of bounded work, within bounds.
 pub(crate) fn pixels_within_work(
     evidence: &Evidence,
     hypothesis: &Hypothesis,
@@ -133,8 +131,8 @@ pub(crate) fn pixels_within_work(
     (most_work / of_one.max(1)).clamp(least, most)
 }
 
-/// How much an evaluation is, in instants of light: pixels of several kinds are scored several times, and what
-/// a pixel may compare with is followed side by side.
+/// Work of an evaluation, in instants of light: mixtures and laws with several reference levels
+/// multiply it.
 fn work(evidence: &Evidence, hypothesis: &Hypothesis) -> usize {
     let of = |pixel: &PixelEvidence| pixel.light.len() + WORK_PER_EVENT * pixel.spikes.len();
     let once: usize = evidence.pixels.iter().map(of).sum();
@@ -144,13 +142,13 @@ fn work(evidence: &Evidence, hypothesis: &Hypothesis) -> usize {
     once * hypothesis.pixel_mixture().n_scored() * max_reference_states
 }
 
-/// How many evaluations for each value a search goes on for without a gain.
+/// Evaluations per value without a gain after which a search stops.
 fn patience(work: usize) -> usize {
     (MAX_EVALUATIONS_PER_PARAMETER * FULL_PATIENCE_WORK / work.max(1))
         .clamp(MAX_EVALUATIONS_PER_PARAMETER / 5, MAX_EVALUATIONS_PER_PARAMETER)
 }
 
-/// Searches one behind the other, with these first steps, until so many in a row are in vain.
+/// Successive searches with these initial step sizes, until several in a row fail.
 fn run_searches(
     evidence: &Evidence,
     mut fitted: FittedModel,
@@ -175,9 +173,8 @@ fn run_searches(
     fitted
 }
 
-/// The same where pixels have each a value of their own: with each taken to have its likeliest, which is scored once
-/// where all are many times the work. A sum over all of them smooths the ridge: from what is better under that too,
-/// slopes lead along it.
+/// A search with pinned pixel strata, which is much less work, followed by gradient steps with
+/// unknown strata, whose sum smooths the surface.
 fn search_with_pinned_strata(
     evidence: &Evidence,
     fitted: FittedModel,
@@ -215,7 +212,7 @@ fn search_cma_es(
         moved
     };
     let mut best = held;
-    // The best so far, behind every evaluation.
+    // Best score after every evaluation.
     let course = RefCell::new(Vec::new());
     let evaluate = |point: &DVector<f64>| {
         let there = score_model(evidence, at(point.as_slice()));
@@ -231,7 +228,7 @@ fn search_cma_es(
             MAX_EVALUATIONS_PER_PARAMETER.min(MAX_PATIENCES * patience) * free.len(),
         )
         .seed(seed);
-    // Options are wrong only for no coordinates at all; then the start is the answer.
+    // Options are invalid only without free values.
     if let Ok(mut state) = options.build(evaluate) {
         let least = CONVERGENCE_NATS / evidence.n_events().max(1) as f64;
         let enough = if patience < MAX_EVALUATIONS_PER_PARAMETER {
@@ -252,13 +249,13 @@ fn search_cma_es(
     fitted.better_of(best.rescored(evidence))
 }
 
-/// Whether the last evaluations have gained no more than `enough`.
+/// Whether the last evaluations gained no more than `enough`.
 fn has_come_to_rest(course: &[f64], n_last: usize, enough: f64) -> bool {
     let before = course.len().checked_sub(n_last + 1).map(|at| course[at]);
     before.zip(course.last()).is_some_and(|(before, last)| last - before <= enough)
 }
 
-/// A root of the covariance that the gradients claim.
+/// Cholesky root of the covariance from the gradients.
 fn covariance_root(
     fitted: &FittedModel,
     free: &[usize],
@@ -266,7 +263,7 @@ fn covariance_root(
 ) -> Option<DMatrix<f64>> {
     let mut outer = scatter(fitted, gradients);
     for (i, &f) in free.iter().enumerate() {
-        // What the events do not tell stays within its range.
+        // Prior variance for unidentified values.
         let [low, high] = fitted.hypothesis.ranges[f];
         outer[(i, i)] += (0.2 * (high - low)).powi(-2);
     }

@@ -1,8 +1,8 @@
-//! Where fits with one more effect begin.
+//! Starting points of fits with one more effect.
 //!
-//! A nuisance may have taken upon itself what an effect does: a threshold of twice its size, or noise that no
-//! camera has. From there a search goes down into another valley, and a start that is right looks wrong. So some
-//! begin with what has stood in out of the way, and some with nuisances as they ordinarily are.
+//! Nuisances may have absorbed an effect: a threshold of twice its size, or implausible noise.
+//! From there a search finds another local maximum. So some starts reset such nuisances, and some
+//! put all nuisances at their prior values.
 
 use super::fitted::FittedModel;
 use super::gauss_newton::{improve, score_models};
@@ -25,7 +25,7 @@ const BOUND_TOLERANCE: f64 = 1e-6;
 const START_THRESHOLDS: [f64; 3] = [0.2, 0.4, 0.8];
 const START_NOISE: f64 = 0.2;
 
-/// Starts of an effect on top of a model.
+/// Starting points of an effect on top of a model.
 pub(crate) fn starting_points_on(
     evidence: &Evidence,
     model: &Hypothesis,
@@ -43,7 +43,7 @@ pub(crate) fn starting_points_on(
     starts
 }
 
-/// A start on top of a model as it is, and with what may have stood in for the effect out of the way.
+/// A start on the model as it is, and with nuisances reset that can imitate the effect.
 fn starts_on_model(
     evidence: &Evidence,
     model: &Hypothesis,
@@ -52,7 +52,7 @@ fn starts_on_model(
 ) -> impl Iterator<Item = Hypothesis> {
     let plain = model.with(candidate, start);
     let offset_us = (candidate.offset_us)(evidence, start);
-    // Without the effect the clocks may have had to stand in for it; with it they need not.
+    // Without the effect the clock offset may have stood in for it.
     let us = offset_us.unwrap_or(0.0);
     let is_elsewhere = (us - plain.nuisance(Nuisance::OffsetUs)).abs() > OFFSET_TOLERANCE_US;
     let stated = is_elsewhere && candidate.freed.is_empty();
@@ -63,9 +63,9 @@ fn starts_on_model(
         .chain(with_nuisance_resets(plain, candidate))
 }
 
-/// A model with nuisances as they are at first, at some thresholds. Where the light is led from frame to frame so much
-/// of it is unknown that noise and threshold may be nearly anything: events that are a frame late pass for those of a
-/// pixel that hardly sees.
+/// Models with prior nuisances and several thresholds. Motion-compensated interpolation leaves so
+/// much unknown that noise and threshold may be far off: events delayed by a frame imitate an
+/// insensitive pixel.
 fn with_prior_nuisances(evidence: &Evidence, model: &Hypothesis) -> Vec<Hypothesis> {
     if !evidence.facts.is_motion_compensated {
         return Vec::new();
@@ -75,7 +75,7 @@ fn with_prior_nuisances(evidence: &Evidence, model: &Hypothesis) -> Vec<Hypothes
     START_THRESHOLDS.map(|theta| begun.with_nuisance(Nuisance::LogTheta, theta.ln())).to_vec()
 }
 
-/// A hypothesis with its nuisances as they are at first, but those that one of its first effects has freed.
+/// A hypothesis with nuisances at their prior values, but for those that the first effects free.
 fn nuisances_at_prior(
     evidence: &Evidence,
     hypothesis: &Hypothesis,
@@ -89,7 +89,7 @@ fn nuisances_at_prior(
     })
 }
 
-/// A start with what may have stood in for the effect out of its way; none where nothing may have.
+/// A start with competing nuisances reset.
 fn with_nuisance_resets(
     start: Hypothesis,
     candidate: &'static CandidateEffect,
@@ -106,16 +106,15 @@ fn with_nuisance_resets(
     })
 }
 
-/// Where nuisances stand that an effect frees, if the end of an ordinary range holds one of them: a camera that is all
-/// but ideal tells its leak so finely that no other start is near enough.
+/// The model's values of the nuisances that an effect frees, if one lies at its prior bound: for a
+/// nearly noise-free camera no other start is near enough.
 fn start_at_prior_bound(model: &Hypothesis, candidate: &CandidateEffect) -> Option<Vec<f64>> {
     let freed = || candidate.freed.iter().map(|freed| freed.nuisance);
     let is_held = freed().any(|nuisance| model.is_at_end(nuisance as usize, BOUND_TOLERANCE));
     is_held.then(|| freed().map(|nuisance| model.nuisance(nuisance)).collect())
 }
 
-/// The best of a fit as it is and with the values that its last effect may start from: beside nuisances
-/// that are fitted, one of them may lie behind a ridge that the fit has not come over.
+/// The best of a fit and of restarts of its last effect's parameters.
 pub(crate) fn restart_last_effect(evidence: &Evidence, fitted: FittedModel) -> FittedModel {
     let Some(last) = fitted.hypothesis.effects.len().checked_sub(1) else { return fitted };
     let effect = fitted.hypothesis.effects[last];
@@ -126,7 +125,7 @@ pub(crate) fn restart_last_effect(evidence: &Evidence, fitted: FittedModel) -> F
     begun.into_iter().fold(fitted, FittedModel::better_of)
 }
 
-/// A hypothesis with an effect's own parameters at each of the values that they may start from.
+/// A hypothesis with an effect's parameters at each starting point.
 fn at_starting_points(
     evidence: &Evidence,
     hypothesis: &Hypothesis,
@@ -141,9 +140,9 @@ fn at_starting_points(
     (hypothesis.effects[index].starting_points)(evidence).into_iter().map(begun).collect()
 }
 
-/// The same model fitted from where all of it began: nuisances at their ordinary values, the last effect where it
-/// may start. Without the effect they have taken what it does upon themselves, all together, and from there a
-/// search may go down into another valley with it. `None` where the last effect is a nuisance out of its range.
+/// The same model fitted from prior nuisances and the last effect's starting points, since
+/// nuisances fitted without the effect may lead to another local maximum. `None` where the last
+/// effect frees nuisances.
 pub(crate) fn refit_from_prior(
     evidence: &Evidence,
     hypothesis: &Hypothesis,

@@ -1,4 +1,4 @@
-//! What pixels of several kinds score, of which it is not known which is which.
+//! Scores of pixels whose stratum is unknown.
 
 use crate::diagnose::model::likelihood_profile::{LikelihoodProfile, score_profile};
 use crate::diagnose::model::score_grid::PixelScoreGrid;
@@ -7,7 +7,7 @@ use crate::predict::{BlockScore, PixelSignal, SignalKnots, score_pixel};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// The kind of each pixel that its training blocks speak for most.
+/// The most likely stratum of each pixel given its training blocks.
 pub(crate) fn strata_of_pixels(evidence: &Evidence, hypothesis: &Hypothesis) -> Vec<PixelStratum> {
     let mixture = hypothesis.pixel_mixture();
     let of = |pixel: &PixelEvidence| {
@@ -25,8 +25,8 @@ pub(crate) fn strata_of_pixels(evidence: &Evidence, hypothesis: &Hypothesis) -> 
 }
 
 impl Hypothesis {
-    /// The kinds of pixel that a mixture effect tells apart; one kind without such, and where each pixel is taken
-    /// to be of a known one.
+    /// The mixture of pixel strata; a single stratum without a mixture effect or with pinned
+    /// strata.
     #[must_use]
     pub fn pixel_mixture(&self) -> PixelMixture {
         if self.pinned_strata.is_some() {
@@ -39,13 +39,13 @@ impl Hypothesis {
         }
     }
 
-    /// The kind of a pixel, where that is no question.
+    /// A pixel's stratum, if known.
     fn known_stratum(&self, pixel: &PixelEvidence, mixture: &PixelMixture) -> Option<PixelStratum> {
         self.pinned_stratum(pixel).or_else(|| mixture.single())
     }
 }
 
-/// A pixel with the signal that the last hypothesis made of it.
+/// A pixel with the signal of the last hypothesis.
 pub(crate) struct PixelScorer<'a> {
     evidence: &'a Evidence,
     pixel: &'a PixelEvidence,
@@ -55,17 +55,17 @@ pub(crate) struct PixelScorer<'a> {
 }
 
 impl<'a> PixelScorer<'a> {
-    /// `signal` is memory to use.
+    /// `signal` is reused memory.
     pub(crate) fn new(evidence: &'a Evidence, pixel: &'a PixelEvidence, signal: Vec<f32>) -> Self {
         Self { evidence, pixel, signal, bends: SignalKnots::default(), of: None }
     }
 
-    /// The memory again.
+    /// Returns the memory.
     pub(crate) fn into_signal(self) -> Vec<f32> {
         self.signal
     }
 
-    /// The pixel's scores, whatever its kind.
+    /// The pixel's scores by block.
     pub(crate) fn scores(
         &mut self,
         hypothesis: &Hypothesis,
@@ -79,7 +79,7 @@ impl<'a> PixelScorer<'a> {
         mix(mixture, by_value, |block| self.evidence.is_held_out(tile, block))
     }
 
-    /// The scores by the value that is given for both polarities.
+    /// Scores by value, for both polarities.
     fn profile_scores<'k>(
         &mut self,
         hypothesis: &'k Hypothesis,
@@ -105,7 +105,7 @@ impl<'a> PixelScorer<'a> {
         )
     }
 
-    /// Where a hypothesis scores the pixel.
+    /// The grid at which a hypothesis evaluates the pixel.
     pub(crate) fn score_grid(
         &mut self,
         hypothesis: &Hypothesis,
@@ -138,12 +138,12 @@ impl<'a> PixelScorer<'a> {
     }
 }
 
-/// What a pixel scores by its value, added up over some blocks.
+/// Scores by value, summed over some blocks.
 struct ProfileScores<'a> {
     profile: Cow<'a, LikelihoodProfile>,
-    /// Of each value that was scored, by block.
+    /// Per evaluated value, by block.
     scores: Vec<Vec<BlockScore>>,
-    /// Sums over blocks, On and Off, of each value that was scored.
+    /// Sums over blocks per evaluated value, ON and OFF.
     sums: [Vec<f64>; 2],
 }
 
@@ -161,14 +161,14 @@ impl<'a> ProfileScores<'a> {
         }
     }
 
-    /// Of every value what was added up, On and Off.
+    /// Summed log-likelihoods of all values, ON and OFF.
     fn logs(&self) -> [Vec<f64>; 2] {
         self.sums.each_ref().map(|sums| self.profile.interpolate(sums))
     }
 }
 
-/// The scores of a pixel of unknown kind: its training blocks weigh the kinds, one after another,
-/// and the held-out blocks are then predicted with those weights. They stand as scores of On.
+/// Sequential marginal likelihoods over strata: training blocks first, then held-out blocks
+/// predicted from the posterior. Stored as ON scores.
 fn mix(
     mixture: &PixelMixture,
     mut by_value: ProfileScores<'_>,
@@ -196,7 +196,7 @@ mod tests {
     #[test]
     fn what_training_says_of_a_pixel_predicts_the_rest() {
         let score = |on: f64, off: f64| BlockScore { on_off: [on, off], n_events: 1 };
-        // On events speak for the third value, Off events for the first.
+        // ON events prefer the third value, OFF events the first.
         let by_value =
             vec![vec![score(0.0, 4.0); 2], vec![score(1.0, 1.0); 2], vec![score(4.0, 0.0); 2]];
         for (is_one, best) in [(true, 3.891), (false, 7.787)] {

@@ -1,4 +1,4 @@
-//! Scores of several hypotheses at the same values of the pixels' own parameters.
+//! Pinned strata and shared grids for comparable scores of several hypotheses.
 
 use super::fitted::FittedModel;
 use super::gauss_newton::score_model;
@@ -21,8 +21,8 @@ impl ScoreGrids {
 }
 
 impl Hypothesis {
-    /// The same with every pixel of the kind that its training blocks speak for most, and with the shares of
-    /// kinds as they are: what another effect would buy shows with one scoring of a pixel for all kinds.
+    /// Pins every pixel to its most likely stratum, with the weights of the strata unchanged: a
+    /// new effect's gain then takes one evaluation per pixel.
     pub(crate) fn pin_strata(self, evidence: &Evidence) -> Self {
         let mixture = strata_of_pixels(evidence, &self);
         let pixels = evidence.pixels.iter().map(|pixel| (pixel.x, pixel.y));
@@ -31,7 +31,7 @@ impl Hypothesis {
 }
 
 impl FittedModel {
-    /// The same, from which hypotheses that are made of it are scored where it is.
+    /// The same fit; hypotheses made from it share its grid.
     pub(crate) fn with_shared_grid(&self, evidence: &Evidence) -> Self {
         let mut held = self.clone();
         let mixture = self.hypothesis.pixel_mixture();
@@ -42,7 +42,7 @@ impl FittedModel {
         held
     }
 
-    /// What was found beside a held one, scored by itself.
+    /// The score without a shared grid.
     pub(crate) fn rescored(mut self, evidence: &Evidence) -> Self {
         match self.hypothesis.shared_grid.take() {
             Some(_) => score_model(evidence, self.hypothesis),

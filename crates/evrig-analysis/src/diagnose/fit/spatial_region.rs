@@ -1,9 +1,8 @@
-//! Is an effect limited to a part of the sensor?
+//! Effects limited to a rectangle of the sensor.
 //!
-//! An effect that is in one part only is fitted too weak over all, and costs where it is not: half of
-//! the pixels may contradict it so plainly that it is never begun. So a search also begins with what
-//! an effect would buy in the rectangle of tiles that gain most by it. What is fitted there stays
-//! limited only where that buys more on held-out cells than the effect everywhere.
+//! An effect in one part only is underestimated over the whole sensor, or rejected by the rest. So
+//! a search also starts from the rectangle of tiles with the largest gain. The region is kept only
+//! if it gains more on held-out cells than the effect everywhere.
 
 use super::cell_scores::{
     CellScores, CellSet, MIN_GAIN_NATS_PER_EVENT, is_significant, pixel_gains,
@@ -28,8 +27,8 @@ const MIN_EDGE_LOSS_NATS: f64 = 3.0;
 
 const MAX_STEPS: usize = 10;
 
-/// The start of a search as it would be limited to where it buys most, if that is much more than it
-/// buys everywhere. Both are scored on the same `evidence`, with the same nuisances.
+/// A starting point limited to its best rectangle, if that gains much more. Both are scored on the
+/// same `evidence` with the same nuisances.
 pub(crate) fn start_in_region(
     evidence: &Evidence,
     without: &FittedModel,
@@ -39,7 +38,7 @@ pub(crate) fn start_in_region(
     let region = best_rectangle(evidence, &without.cells, &start.cells)?;
     let mut limited = start.clone();
     limited.hypothesis = with_last_effect_in(without, start, Some(region));
-    // The region is made of whole tiles.
+    // The region consists of whole tiles.
     let n_blocks = evidence.blocks.n();
     limited.cells = limited
         .cells
@@ -48,7 +47,7 @@ pub(crate) fn start_in_region(
     (gain > MIN_GAIN_NATS_PER_EVENT).then_some(limited)
 }
 
-/// A finished fit with its last effect where it acts: in a region, or everywhere where that is as good.
+/// A converged fit with its last effect in its best region, or everywhere if that is as good.
 pub(crate) fn choose_region(
     evidence: &Evidence,
     without: &FittedModel,
@@ -68,7 +67,7 @@ pub(crate) fn choose_region(
         let Some(in_part) = in_part.filter(is_better) else { return model };
         (model, in_part)
     };
-    // What it is in its region says better where that ends.
+    // The fitted values inside locate the edges better.
     let same = score_model(evidence, without.hypothesis.at_values_of(&in_part.hypothesis));
     let spread = score_model(evidence, with_last_effect_in(without, &in_part, None));
     let moved = region_by_gain(evidence, &same, &spread)
@@ -76,14 +75,14 @@ pub(crate) fn choose_region(
         .map(|region| in_region(evidence, without, &in_part, region));
     let nats = |a: &FittedModel| a.training();
     let in_part = match moved {
-        // Where pixels do not tell the two apart its edges are those that they were drawn to.
+        // Without pixels near an edge the edge is that of the tiles.
         Some(moved) if nats(&moved) > nats(&in_part) - EQUAL_NATS_PER_EVENT => {
             refine_locally(evidence, moved)
         }
         _ if is_begun_in_part => in_part,
         _ => refine_locally(evidence, in_part),
     };
-    // A fit in the part may have come over a ridge that the one everywhere has not.
+    // The fit in the region may have left a local maximum of the other.
     let spread = score_model(evidence, with_last_effect_in(without, &in_part, None));
     if spread.training() > everywhere.training() {
         everywhere = fit_and_refine(evidence, spread.hypothesis, MAX_STEPS);
@@ -100,7 +99,7 @@ fn in_region(
     fit(evidence, with_last_effect_in(without, model, Some(region)), MAX_STEPS, 1e-5)
 }
 
-/// The part of the sensor that gains by a model, to the pixel.
+/// The rectangle with the largest gain, to the pixel.
 fn region_by_gain(
     evidence: &Evidence,
     without: &FittedModel,
@@ -110,7 +109,7 @@ fn region_by_gain(
     Some(refine_edges_to_pixels(evidence, &without.hypothesis, &with.hypothesis, region))
 }
 
-/// Whether the last effect is one that a region can be given. All pixels have one clock.
+/// Whether the last effect can have a region: mixtures and clocks cannot.
 fn can_have_region(model: &FittedModel) -> bool {
     let last = model.hypothesis.effects.last();
     last.is_some_and(|effect| effect.mixture.is_none() && effect.id.group() != EffectGroup::Clocks)
@@ -126,7 +125,7 @@ fn with_last_effect_in(
     let effect = model.hypothesis.effects[last];
     let mut same = without.hypothesis.at_values_of(&model.hypothesis);
     if model.hypothesis.regions[last].is_none() {
-        // What it freed is the effect's value, not that of the rest.
+        // A freed nuisance belongs to the effect, not to the rest.
         for freed in effect.freed.iter().map(|freed| freed.nuisance as usize) {
             same.values[freed] = without.hypothesis.values[freed];
         }
@@ -134,8 +133,8 @@ fn with_last_effect_in(
     same.with_effect_in(effect, &model.hypothesis.fitted_values(last), region)
 }
 
-/// What a model buys more than another that lacks its effect of this number, on held-out cells, with its
-/// error. Inside and outside of the effect's region it is bound to differ.
+/// Held-out gain over a model without the effect of this index, with its standard error,
+/// stratified by the effect's region.
 pub(crate) fn effect_gain(
     evidence: &Evidence,
     model: &FittedModel,
@@ -150,8 +149,8 @@ pub(crate) fn effect_gain(
     }
 }
 
-/// Whether a model limited to a region buys enough more than the same effect everywhere, or enough where
-/// that one does not: what half of the pixels contradict scatters too much to be believed.
+/// Whether a region is significantly better than no region, or significant where the effect
+/// everywhere is not.
 fn is_better(
     evidence: &Evidence,
     without: &FittedModel,
@@ -166,8 +165,8 @@ fn is_better(
     is_gain(limited, everywhere) || (is_gain(limited, without) && !is_gain(everywhere, without))
 }
 
-/// The run of neighbours with the greatest sum, and that sum; empty where all lose (Bentley, Comm. ACM 27,
-/// 1984).
+/// The contiguous range with the largest sum (Bentley, Comm. ACM 27, 1984); empty if all are
+/// negative.
 fn max_subarray(gains: impl Iterator<Item = f64>) -> (f64, Range<usize>) {
     let (mut sum, mut first, mut best) = (0.0, 0, (0.0, 0..0));
     for (i, gain) in gains.enumerate() {
@@ -182,7 +181,7 @@ fn max_subarray(gains: impl Iterator<Item = f64>) -> (f64, Range<usize>) {
     best
 }
 
-/// The rectangle of tiles over which the training cells gain most. None where it leaves hardly any events
+/// The rectangle of tiles with the largest training gain; `None` if it leaves hardly any events
 /// outside.
 fn best_rectangle(
     evidence: &Evidence,
@@ -223,8 +222,7 @@ fn best_rectangle(
     (best.0 > 0.0 && is_part).then_some(region)
 }
 
-/// A region made of tiles with its edges moved to between the pixels whose training blocks gain and those
-/// that do not.
+/// Moves the edges of a rectangle to between pixels that gain and pixels that lose.
 fn refine_edges_to_pixels(
     evidence: &Evidence,
     without: &Hypothesis,
@@ -254,13 +252,12 @@ fn refine_edges_to_pixels(
     region
 }
 
-/// The range of places, from 0 to `n`, over which most is gained. It ends half-way to the next place, or
-/// with the sensor where there is none.
+/// The range with the largest gain. It ends midway to the next pixel, or with the sensor.
 fn best_range(gains: &BTreeMap<u16, f64>, n: u16) -> Option<[u16; 2]> {
     let places: Vec<(u16, f64)> = gains.iter().map(|(at, gain)| (*at, *gain)).collect();
     let (_, Range { start, end }) = max_subarray(places.iter().map(|place| place.1));
     let between = |i: usize| (places[i - 1].0 + places[i].0).div_ceil(2);
-    // An edge that what lies beyond hardly tells is none.
+    // An edge needs a loss beyond it.
     let is_told = |beyond: &[(u16, f64)]| {
         beyond.iter().map(|place| place.1).sum::<f64>() < -MIN_EDGE_LOSS_NATS
     };

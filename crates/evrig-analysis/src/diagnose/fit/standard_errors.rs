@@ -1,10 +1,9 @@
-//! Errors of a fitted hypothesis that hold although the model is not the truth.
+//! Standard errors under model misspecification.
 //!
-//! The curvature of the log-likelihood says how far a value moves when the slope does; how much
-//! the slope scatters is seen from the data, between tiles of pixels and between blocks of time
-//! (Huber, 1967; White, Econometrica 50, 1982; two ways of clustering after Cameron, Gelbach and
-//! Miller, J. Bus. Econ. Stat. 29, 2011). The slopes' own product in place of the curvature
-//! would claim to know the more, the less the model fits.
+//! Sandwich estimator: the curvature of the log-likelihood and the scatter of its gradient over
+//! tiles and over blocks (Huber, 1967; White, Econometrica 50, 1982; two-way clustering after
+//! Cameron, Gelbach and Miller, J. Bus. Econ. Stat. 29, 2011). The inverse curvature alone would
+//! be too small for a model that does not fit.
 
 use super::cell_scores::CellSet;
 use super::curvature_probes::{CellProbes, CurvatureProbes, moved};
@@ -35,7 +34,7 @@ const MIN_CURVATURE_PIXELS: usize = 40;
 /// Distance, in lengths of the directions, beyond which the directions are computed anew.
 const MAX_STEP_LENGTH: f64 = 1.0;
 
-/// The fit at its summit, with the standard errors of all values inside their ranges.
+/// The fit at its maximum, with standard errors.
 pub(crate) fn with_standard_errors(evidence: &Evidence, fitted: FittedModel) -> FittedModel {
     let (fitted, laplace) = climb_to_maximum(evidence, fitted);
     let Some(laplace) = laplace else { return fitted };
@@ -43,7 +42,7 @@ pub(crate) fn with_standard_errors(evidence: &Evidence, fitted: FittedModel) -> 
     FittedModel { errors: Some(Arc::new(StandardErrors { laplace, of })), ..fitted }
 }
 
-/// A fit gone to the top of the parabola about it, and what is there; `None` where nothing may move.
+/// Newton steps to the maximum, and the Laplace approximation there; `None` without free values.
 pub(crate) fn climb_to_maximum(
     evidence: &Evidence,
     fitted: FittedModel,
@@ -89,7 +88,7 @@ impl LaplaceApproximation {
             .with_probes(&cells)
     }
 
-    /// The same directions as they are seen by a part of the evidence, from a fit to it.
+    /// The same directions probed on part of the evidence.
     pub(crate) fn of_part(&self, part: &Evidence, fitted: &FittedModel) -> Option<Self> {
         self.clone().with_probes(&self.probe_cells(part, fitted))
     }
@@ -103,7 +102,7 @@ impl LaplaceApproximation {
         )
     }
 
-    /// A fit gone to the top, along the same directions all the way, and how many of their lengths it was.
+    /// Newton steps along fixed directions, and their total length.
     pub(crate) fn climb(
         &mut self,
         evidence: &Evidence,
@@ -133,12 +132,11 @@ impl LaplaceApproximation {
     }
 }
 
-/// Log-likelihood of the training cells.
 fn nats(fitted: &FittedModel) -> f64 {
     fitted.cells.total(CellSet::Training)
 }
 
-/// The values that may move: one at an end of its range is held there by it.
+/// Indices of the values inside their ranges.
 fn free_inside_range(hypothesis: &Hypothesis) -> Vec<usize> {
     let is_inside = |&i: &usize| {
         let ([low, high], value) = (hypothesis.ranges[i], hypothesis.values[i]);
@@ -148,10 +146,8 @@ fn free_inside_range(hypothesis: &Hypothesis) -> Vec<usize> {
     (0..hypothesis.values.len()).filter(is_inside).collect()
 }
 
-/// Directions along which the curvature is the same and which do not mix where `star`, each value by itself,
-/// has been. A value with little room stays a direction of its own, or it would leave the others none either. Values
-/// along which the log-likelihood is rough mix among themselves: a little of them in every direction would make all
-/// of these as rough.
+/// Decorrelated directions with equal curvature. A range-limited value stays a direction of its
+/// own, since it would shorten the others. Values with numerical noise mix among themselves only.
 fn decorrelated_directions(
     probes: &CurvatureProbes<'_>,
     coordinates: &DMatrix<f64>,

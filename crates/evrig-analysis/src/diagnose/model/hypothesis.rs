@@ -1,4 +1,5 @@
-//! A model of the recording: nuisances and effects with their values, and what it makes of a pixel.
+//! A model of the recording: nuisances and effects with their values, and its prediction for a
+//! pixel.
 
 use super::image_pose::ImagePose;
 use super::library::{CandidateEffect, EffectParameter, FreedNuisance, SignalStage};
@@ -9,16 +10,16 @@ use crate::diagnose::{Evidence, PixelEvidence, PixelStratum};
 use crate::predict::{PixelLaw, PixelSignal};
 use evrig_core::geometry::Rectangle;
 
-/// What a hypothesis makes of one pixel: its light after all that filters it, its law, its clock.
+/// A hypothesis applied to one pixel: filtered signal, law and clock.
 #[derive(Debug)]
 pub struct PredictedPixel<'a> {
-    /// All that is looked at.
+    /// All data.
     pub evidence: &'a Evidence,
     /// The pixel.
     pub pixel: &'a PixelEvidence,
     /// Its law.
     pub law: PixelLaw,
-    /// What it compares, at every instant.
+    /// The signal that it compares, at every instant.
     pub signal: Vec<f32>,
     /// Time of the first instant on the events' clock, microseconds since the window's start.
     pub start_us: f64,
@@ -27,7 +28,7 @@ pub struct PredictedPixel<'a> {
 }
 
 impl PredictedPixel<'_> {
-    /// The light as the predictor takes it.
+    /// The signal as the likelihood takes it.
     #[must_use]
     pub fn light(&self) -> PixelSignal<'_> {
         let (start_us, step_us) = (self.start_us, self.step_us);
@@ -35,21 +36,21 @@ impl PredictedPixel<'_> {
         PixelSignal { start_us, step_us, signal, level, knots: None }
     }
 
-    /// A swing of a frequency and phase at every instant, high enough for straight lines between these to
-    /// swing by one. Counted from the middle, the phase hardly depends on the frequency.
+    /// A sinusoid at every instant, amplified so that its linear interpolation has unit amplitude.
+    /// The phase refers to the middle of the signal, where it hardly depends on the frequency.
     pub fn swing(&self, hz: f64, phase: f64) -> impl Iterator<Item = f64> + use<> {
         let turn = std::f64::consts::TAU * hz * self.step_s();
         let (n, height) = (self.signal.len(), interpolation_gain(turn));
         (0..n).map(move |i| height * (turn * (i as f64 - 0.5 * n as f64) + phase).sin())
     }
 
-    /// From one instant to the next, seconds.
+    /// Step between instants, seconds.
     #[must_use]
     pub fn step_s(&self) -> f64 {
         self.evidence.step_us * 1e-6
     }
 
-    /// The light from where it really comes.
+    /// Displaces the image, to first order.
     pub(crate) fn displace(&mut self, pose: ImagePose) {
         if pose == ImagePose::default() {
             return;
@@ -64,14 +65,14 @@ impl PredictedPixel<'_> {
         }
     }
 
-    /// The light as a lens shows it that blurs by so much more variance than the map, square pixels.
+    /// Blurs the image by a variance beyond that of the map, square pixels, to first order.
     pub(crate) fn blur(&mut self, px2: f64) {
         if px2 == 0.0 {
             return;
         }
         let half = 0.5 * px2 as f32;
         for (signal, laplacian) in self.signal.iter_mut().zip(&self.pixel.laplacian) {
-            // Beyond a few tenths the light's logarithm would leave what first order can tell.
+            // First order holds for a few tenths of log intensity only.
             *signal += (half * laplacian).clamp(-0.7, 0.7);
         }
     }
@@ -80,27 +81,27 @@ impl PredictedPixel<'_> {
 /// Nuisances and effects with their values.
 #[derive(Debug, Clone)]
 pub struct Hypothesis {
-    /// Effects beyond the baseline, in the order in which they were taken.
+    /// Effects beyond the baseline, in the order of acceptance.
     pub effects: Vec<&'static CandidateEffect>,
-    /// Where each effect acts; everywhere without a region.
+    /// The region of each effect; the whole sensor without one.
     pub regions: Vec<Option<Rectangle>>,
-    /// The nuisances' values, then those of each effect's own parameters, as they are fitted.
+    /// The nuisances' values, then those of each effect, in fitted coordinates.
     pub values: Vec<f64>,
     /// Range of each value.
     pub ranges: Vec<[f64; 2]>,
-    /// Step of each value's difference quotient.
+    /// Finite-difference step of each value.
     pub steps: Vec<f64>,
-    /// Whether a pixel's own threshold is scored as finely as its events tell it. A search goes by the
-    /// coarse score, which is smooth: slopes lead to its summit.
+    /// Whether pixels' own thresholds are scored as finely as their events resolve them. The
+    /// search uses the coarse grid, whose score is smooth.
     pub uses_fine_grid: bool,
-    /// Where pixels of unknown kind are scored; by its own values without.
+    /// Another hypothesis whose grid of pixel values is used.
     pub(crate) shared_grid: Option<HeldGrid>,
-    /// The kinds that pixels of unknown kind are taken to be, where they are.
+    /// Pixel strata that are taken as known.
     pub(crate) pinned_strata: Option<PinnedStrata>,
 }
 
 impl Hypothesis {
-    /// Nuisances alone, at their ordinary values.
+    /// Nuisances alone, at their prior values.
     #[must_use]
     pub fn baseline(evidence: &Evidence) -> Self {
         let prior = Nuisance::ALL.map(|nuisance| nuisance.prior(&evidence.facts));
@@ -116,8 +117,8 @@ impl Hypothesis {
         }
     }
 
-    /// With one more effect, whose own parameters start at `start`, in their fitted coordinates.
-    /// An effect that is a nuisance out of range frees the nuisance instead.
+    /// Adds an effect, its parameters at `start` in fitted coordinates. An effect that is a
+    /// nuisance beyond its prior range frees the nuisance instead.
     #[must_use]
     pub fn with(&self, effect: &'static CandidateEffect, start: &[f64]) -> Self {
         let mut other = self.clone();
@@ -138,8 +139,8 @@ impl Hypothesis {
         other
     }
 
-    /// With one more effect that acts in a region only. A nuisance that the effect frees stays ordinary
-    /// elsewhere; in the region its own value takes the place.
+    /// Adds an effect, limited to a region if there is one. A freed nuisance keeps its prior
+    /// outside the region and has its own value inside.
     #[must_use]
     pub(crate) fn with_effect_in(
         &self,
@@ -162,7 +163,7 @@ impl Hypothesis {
         other
     }
 
-    /// An effect's parameters by key, with what follows from them.
+    /// An effect's parameters and derived ones, by key.
     #[must_use]
     pub(crate) fn named_parameters(
         &self,
@@ -177,13 +178,13 @@ impl Hypothesis {
         }
     }
 
-    /// The fitted values of an effect's parameters, or of the nuisances that it frees.
+    /// Fitted values of an effect's parameters, or of the nuisances that it frees.
     #[must_use]
     pub(crate) fn fitted_values(&self, index: usize) -> Vec<f64> {
         self.value_indices(index).into_iter().map(|at| self.values[at]).collect()
     }
 
-    /// Where these values are.
+    /// Indices of these values.
     #[must_use]
     pub(crate) fn value_indices(&self, index: usize) -> Vec<usize> {
         match self.n_own(index) {
@@ -192,7 +193,7 @@ impl Hypothesis {
         }
     }
 
-    /// How many values an effect has of its own.
+    /// Number of values of its own.
     fn n_own(&self, index: usize) -> usize {
         let effect = self.effects[index];
         match effect.freed.len() {
@@ -202,7 +203,7 @@ impl Hypothesis {
         }
     }
 
-    /// Nuisances as they are where an effect acts, out of a hypothesis's values.
+    /// Nuisances where an effect acts, from a hypothesis's values.
     #[must_use]
     pub(crate) fn nuisances_with(&self, index: usize, values: &[f64]) -> Vec<f64> {
         let mut there = values[..N_NUISANCES].to_vec();
@@ -212,7 +213,6 @@ impl Hypothesis {
         there
     }
 
-    /// Nuisances at a pixel.
     fn nuisances_at(&self, x: u16, y: u16) -> Vec<f64> {
         let mut there = self.values[..N_NUISANCES].to_vec();
         for (index, effect) in self.effects.iter().enumerate() {
@@ -225,7 +225,7 @@ impl Hypothesis {
         there
     }
 
-    /// The same hypothesis with a nuisance at a value, within its range.
+    /// With a nuisance at a value, within its range.
     pub(crate) fn with_nuisance(&self, nuisance: Nuisance, value: f64) -> Self {
         let mut other = self.clone();
         let [low, high] = other.ranges[nuisance as usize];
@@ -233,7 +233,7 @@ impl Hypothesis {
         other
     }
 
-    /// The same hypothesis with a parameter so many times as large, within its range.
+    /// With a parameter multiplied by a factor, within its range.
     #[must_use]
     pub(crate) fn scaled(&self, at: usize, parameter: &EffectParameter, times: f64) -> Self {
         let mut other = self.clone();
@@ -243,8 +243,7 @@ impl Hypothesis {
         other
     }
 
-    /// The same hypothesis with the values that a longer one, made from it, has for its own, each
-    /// within its range here.
+    /// With the values of a longer hypothesis made from this one, within the ranges here.
     #[must_use]
     pub(crate) fn at_values_of(&self, longer: &Self) -> Self {
         let mut other = self.clone();
@@ -253,7 +252,7 @@ impl Hypothesis {
         other
     }
 
-    /// Whether a value stands at an end of its range, within this share of it.
+    /// Whether a value lies at a bound, within this share of its range.
     #[must_use]
     pub(crate) fn is_at_end(&self, at: usize, share: f64) -> bool {
         let ([low, high], value) = (self.ranges[at], self.values[at]);
@@ -266,13 +265,13 @@ impl Hypothesis {
         self.values[nuisance as usize]
     }
 
-    /// Where an effect's own values begin.
+    /// Index of the first value of an effect.
     #[must_use]
     pub fn offset_of(&self, index: usize) -> usize {
         N_NUISANCES + (0..index).map(|before| self.n_own(before)).sum::<usize>()
     }
 
-    /// An effect's parameters as they are reported.
+    /// An effect's parameters in reported units.
     #[must_use]
     pub fn parameters_of(&self, index: usize) -> Vec<f64> {
         let effect = self.effects[index];
@@ -285,13 +284,13 @@ impl Hypothesis {
         }
     }
 
-    /// The law of the pixels before any effect has its say, outside of any region.
+    /// The law of the pixels from the nuisances, outside any region.
     #[must_use]
     pub fn law(&self) -> PixelLaw {
         law(&self.values)
     }
 
-    /// What the model makes of a pixel, if it is of the kind `kind`. `signal` is memory to use.
+    /// Applies the model to a pixel of a stratum. `signal` is reused memory.
     #[must_use]
     pub fn view<'a>(
         &self,
@@ -310,7 +309,7 @@ impl Hypothesis {
         view
     }
 
-    /// The same where `signal` is already what a hypothesis of the same signal made of the pixel.
+    /// The same where `signal` is that of a hypothesis with the same signal.
     pub(crate) fn view_with<'a>(
         &self,
         evidence: &'a Evidence,
@@ -323,7 +322,7 @@ impl Hypothesis {
         view
     }
 
-    /// Whether a pixel compares its light as it is, whatever its law and its clock.
+    /// Whether a pixel's signal is the unchanged light.
     pub(crate) fn leaves_light_unchanged(&self, pixel: &PixelEvidence) -> bool {
         let is_behind =
             |effect: &&CandidateEffect| SignalStage::AFTER_SIGNAL.contains(&effect.stage);
@@ -334,8 +333,7 @@ impl Hypothesis {
         }
     }
 
-    /// Whether another hypothesis makes the same signal of every pixel; their laws and clocks may
-    /// differ.
+    /// Whether another hypothesis has the same signal in every pixel; laws and clocks may differ.
     pub(crate) fn has_same_signal(&self, other: &Self) -> bool {
         let is_same_set = self.effects.len() == other.effects.len()
             && self.regions == other.regions
@@ -351,7 +349,7 @@ impl Hypothesis {
         if !seeing.all(|n| same(n as usize)) {
             return false;
         }
-        // A drift is counted in thresholds.
+        // A drift is measured in thresholds.
         let drifts = self.effects.iter().any(|effect| effect.stage == SignalStage::Drift);
         if drifts && !(same(Nuisance::LogTheta as usize) && same(Nuisance::LogRatio as usize)) {
             return false;
@@ -377,7 +375,7 @@ impl Hypothesis {
         PredictedPixel {
             evidence,
             pixel,
-            // Stamps that were spread over a grid's steps scatter evenly over one.
+            // Stamps that were spread over a grid step have a uniform error.
             law: PixelLaw {
                 jitter_s: evidence.facts.stamp_step_us.unwrap_or(0.0) * 1e-6 / 12.0_f64.sqrt(),
                 ..law(&nuisances)
@@ -401,7 +399,7 @@ impl Hypothesis {
     }
 }
 
-/// A pixel's law out of the values of the nuisances.
+/// A pixel law from the nuisances' values.
 fn law(values: &[f64]) -> PixelLaw {
     let value = |nuisance: Nuisance| values[nuisance as usize];
     let (theta, half) = (value(Nuisance::LogTheta).exp(), (0.5 * value(Nuisance::LogRatio)).exp());
@@ -409,7 +407,7 @@ fn law(values: &[f64]) -> PixelLaw {
     PixelLaw {
         theta_on: theta * half,
         theta_off: theta / half,
-        // Counted in thresholds for On, which it sets off.
+        // In ON thresholds: the leak causes ON events.
         leak_per_s: theta * half * value(Nuisance::LeakHz),
         noise_at_white: noise,
         noise_exponent: value(Nuisance::NoiseExponent),

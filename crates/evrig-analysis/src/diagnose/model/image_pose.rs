@@ -1,34 +1,32 @@
-//! The event camera's picture against the map's: where it lies and how blurred it is, to first order.
+//! Pose of the event camera's image against the predicted one.
 
 use crate::diagnose::Nuisance;
 use serde::{Deserialize, Serialize};
 
-/// By how much the real picture lies elsewhere than the predicted one.
+/// Difference between recorded and predicted image.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ImagePose {
-    /// Real minus predicted place of the sensor's middle, pixels.
+    /// Recorded minus predicted position of the sensor's center, pixels.
     pub shift_px: [f64; 2],
-    /// Real minus predicted rotation about it, degrees.
+    /// Recorded minus predicted rotation about the center, degrees.
     pub rotation_deg: f64,
-    /// Real over predicted size, less one.
+    /// Recorded over predicted scale, minus one.
     #[serde(alias = "growth")]
     pub scale_change: f64,
 }
 
 impl ImagePose {
-    /// The nuisances that it consists of.
     pub(crate) const NUISANCES: [Nuisance; 4] =
         [Nuisance::ShiftX, Nuisance::ShiftY, Nuisance::RotationDeg, Nuisance::ScaleChange];
 
-    /// Out of the values of the nuisances.
+    /// From the nuisances' values.
     pub(crate) fn of(values: &[f64]) -> Self {
         let [x, y, rotation_deg, scale_change] = Self::NUISANCES.map(|n| values[n as usize]);
         Self { shift_px: [x, y], rotation_deg, scale_change }
     }
 
-    /// The place in the predicted picture that is seen at a place of the sensor. What is seen lies opposite
-    /// to where the picture has gone.
+    /// Point of the predicted image that is seen at a point of the sensor, to first order.
     pub(crate) fn source_of(self, place: [f64; 2], middle: [f64; 2]) -> [f64; 2] {
         let [x, y] = [place[0] - middle[0], place[1] - middle[1]];
         let angle = self.rotation_deg.to_radians();
@@ -49,7 +47,7 @@ mod tests {
         let was = [300.0, 40.0];
         let angle = 0.05_f64.to_radians();
         let [x, y] = [was[0] - middle[0], was[1] - middle[1]];
-        // The picture turned about the middle, then moved, exactly.
+        // The exact rotation, scaling and shift.
         let now = [
             middle[0] + 1.001 * (x * angle.cos() - y * angle.sin()) + 0.5,
             middle[1] + 1.001 * (x * angle.sin() + y * angle.cos()) - 0.25,

@@ -1,4 +1,4 @@
-//! The library of effects, as they show in a prediction: one effect a file.
+//! The library of effects, one per file.
 
 mod adaptation;
 mod background_activity;
@@ -36,18 +36,18 @@ use super::nuisance::Nuisance;
 use crate::diagnose::{Evidence, Hypothesis, PixelMixture, PixelStratum, PredictedPixel};
 use evrig_core::effect_id::EffectId;
 
-/// Where in the chain an effect acts; earlier stages act first.
+/// Where in the signal chain an effect acts; earlier stages first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SignalStage {
-    /// On the light before the pixel.
+    /// The light in front of the pixel.
     Light,
-    /// In the photoreceptor.
+    /// The photoreceptor.
     Receptor,
-    /// On the signal as a slow drift.
+    /// A slow drift of the signal.
     Drift,
-    /// In the pixel's law.
+    /// The pixel law.
     Law,
-    /// On the clock.
+    /// The clock.
     Clock,
 }
 
@@ -55,24 +55,24 @@ impl SignalStage {
     pub(crate) const ALL: [Self; 5] =
         [Self::Light, Self::Receptor, Self::Drift, Self::Law, Self::Clock];
 
-    /// Those that leave the signal as it is.
+    /// Stages that do not change the signal.
     pub(crate) const AFTER_SIGNAL: [Self; 2] = [Self::Law, Self::Clock];
 }
 
 /// A parameter of an effect.
 #[derive(Debug, Clone, Copy)]
 pub struct EffectParameter {
-    /// Its key, with the unit in it.
+    /// Key with unit.
     pub key: &'static str,
-    /// Least and greatest value.
+    /// Lower and upper bound.
     pub range: [f64; 2],
-    /// Whether it is fitted as its logarithm.
+    /// Whether its logarithm is fitted.
     pub is_log: bool,
-    /// Whether it keeps the value it starts with.
+    /// Whether it keeps its starting value.
     pub is_fixed: bool,
-    /// Whether it is left out of the result: it serves the fit alone.
+    /// Whether it is not reported.
     pub is_hidden: bool,
-    /// Step of a difference quotient, in the fitted coordinate.
+    /// Finite-difference step in the fitted coordinate.
     pub step: f64,
 }
 
@@ -93,100 +93,99 @@ impl EffectParameter {
         Self { is_hidden: true, ..self }
     }
 
-    /// From the number that is reported to the coordinate that is fitted.
+    /// From reported to fitted coordinate.
     #[must_use]
     pub fn to_fitted(&self, value: f64) -> f64 {
         if self.is_log { value.ln() } else { value }
     }
 
-    /// From the coordinate that is fitted to the number that is reported.
+    /// From fitted to reported coordinate.
     #[must_use]
     pub fn from_fitted(&self, value: f64) -> f64 {
         if self.is_log { value.exp() } else { value }
     }
 
-    /// Its range in the fitted coordinate.
+    /// Range in the fitted coordinate.
     #[must_use]
     pub fn fitted_range(&self) -> [f64; 2] {
         self.range.map(|end| self.to_fitted(end))
     }
 
-    /// Its step in the fitted coordinate.
+    /// Finite-difference step in the fitted coordinate.
     #[must_use]
     pub const fn fitted_step(&self) -> f64 {
         self.step
     }
 }
 
-/// A nuisance that an effect lets out of its ordinary range.
+/// A nuisance that an effect takes beyond its prior range.
 #[derive(Debug, Clone, Copy)]
 pub struct FreedNuisance {
-    /// Which.
+    /// The nuisance.
     pub nuisance: Nuisance,
-    /// The range it gets, in its fitted coordinate.
+    /// Its range, in the fitted coordinate.
     pub range: [f64; 2],
 }
 
-/// Parameters by key that follow from an effect's own.
+/// Derived parameters by key, from an effect's own.
 pub type DerivedParameters = fn(&Evidence, &[f64]) -> Vec<(&'static str, f64)>;
 
-/// An effect of the library: its equation, what it does to a prediction, what it is taken for.
+/// An effect of the library: equation, action on a prediction, competitors.
 #[derive(Debug)]
 pub struct CandidateEffect {
-    /// Its name everywhere.
+    /// The effect's id.
     pub id: EffectId,
     /// Its governing equation.
     pub equation: &'static str,
-    /// Where the equation stands.
+    /// Source of the equation.
     pub source: &'static str,
     /// Where it acts.
     pub stage: SignalStage,
-    /// Its own parameters; those of a freed nuisance are only reported.
+    /// Its own parameters; none for an effect that frees nuisances.
     pub parameters: &'static [EffectParameter],
-    /// The nuisances it lets out of their ordinary range.
+    /// Nuisances that it takes beyond their prior range.
     pub freed: &'static [FreedNuisance],
-    /// Values of its parameters (or freed nuisances, in fitted coordinates) to start a fit from.
+    /// Starting values of its parameters or freed nuisances, in fitted coordinates.
     pub starting_points: fn(&Evidence) -> Vec<Vec<f64>>,
-    /// What it does to a pixel, given its parameters and the pixel's kind.
+    /// Applies its parameters to a pixel of a stratum.
     pub apply: fn(&[f64], PixelStratum, &mut PredictedPixel<'_>),
-    /// The kinds of pixel it tells apart, given its number in a hypothesis.
+    /// The mixture of pixel strata, for an effect that differs between pixels; by its index in a
+    /// hypothesis.
     pub mixture: Option<fn(&Hypothesis, usize) -> PixelMixture>,
-    /// Its parameters out of a hypothesis's values, for an effect that frees nuisances.
+    /// Reported parameters of an effect that frees nuisances, from a hypothesis's values.
     pub report_freed: fn(&[f64]) -> Vec<f64>,
-    /// Parameters that follow from its own, by key: what is fitted is not always what is asked.
+    /// Derived parameters by key.
     pub derived: DerivedParameters,
-    /// Effects it is taken for.
+    /// Effects that it can be confused with.
     pub competing: &'static [EffectId],
-    /// Effects that no events alone can tell from it.
+    /// Effects that no events can separate from it.
     pub inseparable: &'static [EffectId],
-    /// Effects whose law is the very same for some of their values.
+    /// Effects with the same law for some of their values.
     pub same_law: &'static [EffectId],
-    /// Whether it shows in pixels that have no events only: what is judged behind events does not see it.
+    /// Whether it shows only in pixels without events, which tests of events do not see.
     pub acts_on_silent_pixels: bool,
-    /// What separates it from its rivals: what to record.
+    /// A recording that separates it from its competitors.
     pub separating_recording: &'static str,
-    /// Why it cannot be judged from this evidence.
+    /// Why this evidence cannot test it.
     pub requires: fn(&Evidence) -> Result<(), String>,
-    /// Where the clocks' offset lies when the effect has these parameters and the tie of the clocks
-    /// holds in the middle; none where the effect is no matter of them.
+    /// The clock offset that goes with its parameters if the clock tie holds in the middle; `None`
+    /// for effects without relation to clocks.
     pub offset_us: fn(&Evidence, &[f64]) -> Option<f64>,
-    /// Nuisances that may have stood in for it, and where they begin beside it, in their fitted coordinates.
+    /// Nuisances that can imitate it, with the values from which a fit restarts, in fitted
+    /// coordinates.
     pub nuisance_resets: &'static [(Nuisance, f64)],
-    /// By how much greater the logarithm of the thresholds begins beside it where those do not stand in: what
-    /// makes a pixel fire by itself is taken for thresholds that are low.
+    /// Increases of log threshold for these restarts: noise events are imitated by low thresholds.
     pub theta_raises: &'static [f64],
-    /// Standard error of what its first parameter is measured against, in the parameter's unit: what a
-    /// session states of its clocks is known no better.
+    /// Standard error of the reference of its first parameter, in the parameter's unit.
     pub reference_error: fn(&Evidence) -> f64,
-    /// Whether the signature that belongs to it is in the events, given its parameters; a gain
-    /// without it does not name the effect.
+    /// Whether the events show its signature, given its parameters; required of a named effect.
     pub has_signature: fn(&Evidence, &[f64]) -> bool,
-    /// One sentence on what was found.
+    /// The finding in a sentence.
     pub describe: fn(&[f64]) -> String,
 }
 
 impl CandidateEffect {
-    /// Its parameters as they are reported, by key, for values of its own.
+    /// Its parameters in reported units by key, from values of its own.
     #[must_use]
     pub fn named_parameters(
         &self,
@@ -199,7 +198,7 @@ impl CandidateEffect {
     }
 }
 
-/// Fills what most effects leave as it is.
+/// Defaults.
 const PLAIN: CandidateEffect = CandidateEffect {
     id: EffectId::RefractoryPeriod,
     equation: "",
@@ -226,8 +225,8 @@ const PLAIN: CandidateEffect = CandidateEffect {
     describe: |_| String::new(),
 };
 
-/// Every effect that can be named but those that a census of the whole sensor counts. The last four are
-/// in no pixel's law: frames show them or nothing does.
+/// Every effect that can be named, but for those of the sensor-wide statistics. The last four are
+/// in no pixel law: only frames can show them.
 pub static LIBRARY: [&CandidateEffect; 31] = [
     &photoreceptor_bandwidth::CANDIDATE,
     &fixed_pole::CANDIDATE,
@@ -262,7 +261,7 @@ pub static LIBRARY: [&CandidateEffect; 31] = [
     &moving_shadow::CANDIDATE,
 ];
 
-/// One start a value, for an effect of one parameter that is fitted as its logarithm.
+/// Starting points of one log-fitted parameter.
 fn logs(values: &[f64]) -> Vec<Vec<f64>> {
     values.iter().map(|v| vec![v.ln()]).collect()
 }

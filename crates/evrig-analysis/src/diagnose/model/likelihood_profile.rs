@@ -1,8 +1,8 @@
-//! What a pixel scores as a function of a value of its own, from as few scorings as its course needs.
+//! A pixel's likelihood as a function of its own parameter value, from few evaluations.
 //!
-//! Where thresholds are sharp, a pixel's events tell its own within a fraction of what the thresholds of
-//! all scatter by, so that no even step fits all pixels: the gaps about the greatest likelihood are
-//! halved until a cubic foretells what the next halving finds.
+//! For sharp thresholds a pixel's events resolve its own value much better than the spread over
+//! pixels, so that no uniform grid fits all pixels. Gaps around the maximum are halved until cubic
+//! interpolation predicts the next evaluation.
 
 use crate::predict::BlockScore;
 
@@ -15,23 +15,22 @@ const MAX_PREDICTION_ERROR_NATS: f64 = 0.1;
 /// Values this far below the maximum need no refinement.
 const NEGLIGIBLE_NATS: f64 = 8.0;
 
-/// What the score at each of some values at even steps is made of.
+/// Interpolation weights for each value of a uniform grid.
 #[derive(Debug, Clone)]
 pub(crate) struct LikelihoodProfile {
-    /// Values that are scored.
     scored: Vec<usize>,
     parts: Vec<[(usize, f64); 4]>,
 }
 
 impl LikelihoodProfile {
-    /// Of `n` values every so many-th of which is scored, the first and the last among them.
+    /// Every `every`-th of `n` values, the first and the last among them.
     pub(crate) fn every_nth(n: usize, every: usize) -> Self {
         let scored: Vec<usize> = (0..n).step_by(every).collect();
         Self::through(&scored, &vec![true; scored.len() - 1])
     }
 
-    /// Of values some of which were scored. Between these lies a cubic where that is known to be near,
-    /// else a straight line, which lies below a likelihood that has but one summit.
+    /// Through some values. Gaps that are known use a cubic, others a straight line, which lies
+    /// below a unimodal likelihood.
     fn through(scored: &[usize], is_known: &[bool]) -> Self {
         let mut parts = Vec::new();
         for (gap, ends) in scored.windows(2).enumerate() {
@@ -48,25 +47,24 @@ impl LikelihoodProfile {
         Self { scored: scored.to_vec(), parts }
     }
 
-    /// Values that are scored, ascending.
+    /// Evaluated values, ascending.
     pub(crate) fn scored(&self) -> &[usize] {
         &self.scored
     }
 
-    /// Scores of every value, given those of the scored ones.
+    /// Scores of all values from those of the evaluated ones.
     pub(crate) fn interpolate(&self, scored: &[f64]) -> Vec<f64> {
         let sum = |part: &[(usize, f64); 4]| part.iter().map(|(i, share)| scored[*i] * share).sum();
         self.parts.iter().map(sum).collect()
     }
 }
 
-/// A value that was scored.
 struct ProfilePoint {
     value: usize,
     blocks: Vec<BlockScore>,
-    /// Over all blocks, On and Off.
+    /// Over all blocks, ON and OFF.
     total: [f64; 2],
-    /// Whether what lies between it and the next is known.
+    /// Whether the gap to the next point is predicted well.
     is_known: bool,
 }
 
@@ -76,20 +74,20 @@ impl ProfilePoint {
     }
 }
 
-/// A value's score over all blocks, On and Off.
+/// A value's score over all blocks, ON and OFF.
 pub(crate) fn total(blocks: &[BlockScore]) -> [f64; 2] {
     [0, 1].map(|side| blocks.iter().map(|block| block.on_off[side]).sum())
 }
 
-/// Of each value whether the likelihood of On, and that of Off, is less than so many nats below its greatest.
+/// Per value: whether the ON and the OFF likelihood lie less than `nats` below their maxima.
 pub(crate) fn likely(totals: &[[f64; 2]], nats: f64) -> Vec<[bool; 2]> {
     let of = |side: usize| totals.iter().map(move |total| total[side]);
     let most = [0, 1].map(|side| of(side).fold(f64::NEG_INFINITY, f64::max));
     totals.iter().map(|total| [0, 1].map(|side| total[side] > most[side] - nats)).collect()
 }
 
-/// Scores as many of `n` values as both polarities' courses need, which is one more than a multiple of the
-/// gaps at the begin.
+/// Evaluates as many of `n` values as both polarities need; `n` is one more than a multiple of the
+/// first gaps.
 pub(crate) fn score_profile(
     n: usize,
     mut score: impl FnMut(usize) -> Vec<BlockScore>,
@@ -117,8 +115,7 @@ pub(crate) fn score_profile(
     )
 }
 
-/// The first gap that is not known and in which either polarity's likelihood has its greatest values, or
-/// some that are not much less; and which of them have.
+/// The first unknown gap near the maximum of either polarity, and which polarities need it.
 fn to_halve(points: &[ProfilePoint]) -> Option<(usize, [bool; 2])> {
     let totals: Vec<[f64; 2]> = points.iter().map(|point| point.total).collect();
     let likely = likely(&totals, NEGLIGIBLE_NATS);
@@ -140,7 +137,7 @@ fn straight(scored: &[usize], gap: usize, value: usize) -> [(usize, f64); 4] {
     [(gap, 1.0 - share), (gap + 1, share), (gap, 0.0), (gap, 0.0)]
 }
 
-/// By the cubic through the two scored values on either side; at the ends through the nearest four.
+/// Cubic through the two evaluated values on either side; at the ends through the nearest four.
 fn cubic(scored: &[usize], gap: usize, value: usize) -> [(usize, f64); 4] {
     let first = gap.saturating_sub(1).min(scored.len() - 4);
     let at = |i: usize| scored[first + i] as f64;
@@ -155,8 +152,7 @@ fn cubic(scored: &[usize], gap: usize, value: usize) -> [(usize, f64); 4] {
 mod tests {
     use super::*;
 
-    /// Scores of one block whose polarities have their summits at two values, each falling off over
-    /// `width` as the logarithm of a logistic law does.
+    /// Scores of one block whose polarities peak at two values, with logistic tails of `width`.
     fn peaked(width: f64) -> impl Fn(usize) -> Vec<BlockScore> {
         move |value| {
             let log = |summit: f64| {

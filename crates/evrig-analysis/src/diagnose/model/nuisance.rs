@@ -1,51 +1,50 @@
-//! What every recording has and every fit has to allow for.
+//! Nuisance parameters: always fitted, within their prior ranges.
 
 use crate::diagnose::SessionFacts;
 
-/// A quantity that is always fitted, within its ordinary range; outside, it is a finding.
+/// A parameter that is always fitted within its prior range; a value beyond is a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Nuisance {
-    /// Logarithm of the mean threshold in log intensity: the contrast gain turned round.
+    /// Log of the geometric mean threshold in log intensity.
     LogTheta,
-    /// Logarithm of On threshold over Off threshold.
+    /// Log of the ON over the OFF threshold.
     LogRatio,
-    /// Leak, On events a second and pixel.
+    /// Leak, ON events per second and pixel.
     LeakHz,
-    /// Logarithm of the threshold's scatter at white, in thresholds.
+    /// Log of the threshold noise at white, in thresholds.
     LogNoise,
-    /// How the scatter grows towards the dark.
+    /// Exponent of the noise's growth towards the dark.
     NoiseExponent,
-    /// Logarithm of the share of the scatter that there is where the light stays.
+    /// Log of the share of the noise under constant light.
     LogNoiseAtRest,
-    /// Logarithm of how often a second the noise moves by its own scale.
+    /// Log of the rate at which the noise moves by its own scale, per second.
     LogNoiseHz,
-    /// How much of the noise that set off an event the pixel memorises with the light.
+    /// Share of the noise that enters the reference level stored at an event.
     NoiseInReference,
-    /// Logarithm of the rate of background On events, a second and pixel.
+    /// Log of the rate of ON background events, per second and pixel.
     LogBackgroundOn,
-    /// Logarithm of the rate of background Off events, a second and pixel.
+    /// Log of the rate of OFF background events, per second and pixel.
     LogBackgroundOff,
-    /// Share of the background events at which the pixel memorises the light.
+    /// Share of background events that reset the reference level.
     BackgroundResetsReference,
-    /// By how much the event camera's stamps are late against the light, microseconds.
+    /// Delay of the event camera's stamps against the light, microseconds.
     OffsetUs,
-    /// Variance by which the event camera sees more blurred than the light's map, square pixels.
+    /// Variance of the event camera's blur beyond that of the map, square pixels.
     BlurPx2,
-    /// Real minus predicted place, to the right, pixels.
+    /// Recorded minus predicted position to the right, pixels.
     ShiftX,
-    /// Real minus predicted place, downwards, pixels.
+    /// Recorded minus predicted position downwards, pixels.
     ShiftY,
-    /// Real minus predicted rotation about the sensor's middle, degrees.
+    /// Recorded minus predicted rotation about the center, degrees.
     RotationDeg,
-    /// Real over predicted size, less one.
+    /// Recorded over predicted scale, minus one.
     ScaleChange,
 }
 
-/// How many there are.
 pub(crate) const N_NUISANCES: usize = 17;
 
-/// Start, ordinary range and step of a difference quotient.
+/// Start, prior range and finite-difference step.
 pub(crate) struct PriorRange {
     pub(crate) start: f64,
     pub(crate) range: [f64; 2],
@@ -53,7 +52,7 @@ pub(crate) struct PriorRange {
 }
 
 impl Nuisance {
-    /// All of them, in the order of a hypothesis's values.
+    /// All nuisances in the order of a hypothesis's values.
     pub const ALL: [Self; N_NUISANCES] = [
         Self::LogTheta,
         Self::LogRatio,
@@ -74,7 +73,7 @@ impl Nuisance {
         Self::ScaleChange,
     ];
 
-    /// The key under which it is reported.
+    /// Key in reports.
     #[must_use]
     pub const fn key(self) -> &'static str {
         match self {
@@ -98,7 +97,7 @@ impl Nuisance {
         }
     }
 
-    /// From the fitted coordinate to the number that is reported.
+    /// From fitted coordinate to reported value.
     #[must_use]
     pub fn reported(self, value: f64) -> f64 {
         match self {
@@ -114,10 +113,10 @@ impl Nuisance {
         }
     }
 
-    /// Its value where there is nothing of it, in the fitted coordinate.
+    /// The value without the nuisance's effect, in the fitted coordinate.
     pub(crate) fn neutral(self) -> f64 {
         match self {
-            // A rate or a scatter has none on a logarithmic scale: there a change counts as it is.
+            // A log rate has no zero: changes count as they are.
             Self::LogNoise | Self::LogNoiseHz | Self::LogBackgroundOn | Self::LogBackgroundOff => {
                 f64::NEG_INFINITY
             }
@@ -127,13 +126,13 @@ impl Nuisance {
         }
     }
 
-    /// What an ordinary recording has: a camera in order, its clocks as stated, its lens in focus.
-    /// A light from frames of the same sensor sees from the same place through the same lens.
+    /// Prior of a working camera: clocks as stated, lens in focus. Frames of the same sensor share
+    /// its pose and lens.
     pub(crate) fn prior(self, facts: &SessionFacts) -> PriorRange {
         let of = |start: f64, range: [f64; 2], step: f64| PriorRange { start, range, step };
         let surroundings = if facts.from_scene { 1.0 } else { 0.0 };
         let within = facts.offset_bound_us;
-        // What happens between frames is noise to whoever only has the frames.
+        // Without dense frames, changes between frames act as noise.
         let (most_noise, most_hz, most_background) = if facts.is_light_dense() {
             (0.2_f64, 200.0_f64, 0.1_f64)
         } else {
@@ -157,7 +156,7 @@ impl Nuisance {
             Self::ShiftX | Self::ShiftY => {
                 of(0.0, [-0.15 * surroundings, 0.15 * surroundings], 0.01)
             }
-            // As much again in the corners of a DAVIS346.
+            // Shifts the corners of a DAVIS346 by as much as the bound above.
             Self::RotationDeg => of(0.0, [-0.04 * surroundings, 0.04 * surroundings], 3e-3),
             Self::ScaleChange => of(0.0, [-7e-4 * surroundings, 7e-4 * surroundings], 5e-5),
         }

@@ -1,10 +1,11 @@
-//! Pixels of several kinds: which there are, and how likely each.
+//! Mixture of pixel strata: the possible values of a pixel's own parameter and their prior
+//! weights.
 
 use super::likelihood_profile::LikelihoodProfile;
 use std::iter::StepBy;
 use std::ops::Range;
 
-/// What a pixel is given for its On events and for its Off events, where pixels are of several kinds.
+/// A pixel's own value for ON and for OFF events.
 pub type PixelStratum = [f64; 2];
 
 /// Scored values to either side of the centre on the coarse grid.
@@ -27,69 +28,68 @@ const NEGLIGIBLE_NATS: f64 = 36.0;
 const MIN_NODES: usize = 17;
 const MIN_GRID_NODES: usize = 64;
 
-/// Even steps of a continuous value about its middle.
+/// A uniform grid of a continuous value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct GridSpacing {
     pub(crate) middle: f64,
     pub(crate) step: f64,
 }
 
-/// Share of each value for On with each for Off.
+/// Joint prior weights of ON and OFF values.
 #[derive(Debug, Clone)]
 enum StratumWeights {
-    /// One row for each for On.
+    /// One row per ON value.
     Table(Vec<f64>),
-    /// Those of a normal law, worked out where they are asked for: of so many values hardly any pair is.
+    /// Weights of a normal law, computed on demand: few pairs are used.
     CorrelatedNormal {
         law: CorrelatedNormal,
-        /// One over what the densities add up to.
+        /// Inverse sum of the densities.
         per: f64,
     },
 }
 
-/// A normal law of two dimensions, of which both scatter by 1.
+/// A bivariate normal law with unit variances.
 #[derive(Debug, Clone, Copy)]
 struct CorrelatedNormal {
     correlation: f64,
-    /// The greatest logarithm of its density among the values.
+    /// Largest log density on the grid.
     greatest: f64,
 }
 
 impl CorrelatedNormal {
-    /// Density of that logarithm, over the greatest.
+    /// Density relative to the largest.
     fn density_of(&self, log: f64) -> f64 {
         (log - self.greatest).exp().max(MIN_RELATIVE_WEIGHT)
     }
 
-    /// Logarithm of the density, of any size.
+    /// Log density without normalization.
     fn log(&self, [a, b]: PixelStratum) -> f64 {
         let r = self.correlation;
         -(a * a - 2.0 * r * a * b + b * b) / (2.0 * (1.0 - r * r))
     }
 }
 
-/// The kinds of pixel that there are. What a pixel is given for On does not touch its Off events given
-/// what it memorised, so that each value is scored once, whatever it is paired with.
+/// The strata with their weights. Given the reference level, a pixel's ON value does not affect
+/// its OFF events, so that each value is scored once and not per pair.
 #[derive(Debug, Clone)]
 pub struct PixelMixture {
-    /// Values that a pixel may be given, ascending, as many for On as for Off.
+    /// Values for ON and OFF, ascending, equally many.
     values: [Vec<f64>; 2],
     weights: StratumWeights,
-    /// From one value to the next that a coarse score takes: more than 1 where the values are even steps of
-    /// a continuous one.
+    /// Stride of the coarse grid; above 1 for a continuous value.
     every: usize,
-    /// The course of a coarse score.
+    /// Profile of the coarse grid.
     profile: LikelihoodProfile,
 }
 
 impl PixelMixture {
-    /// All pixels are alike: they are given 0.
+    /// One stratum with value 0.
     #[must_use]
     pub fn single_stratum() -> Self {
         Self::new([vec![0.0], vec![0.0]], vec![1.0], 1)
     }
 
-    /// A share of the pixels is given 1, the rest 0.
+    /// A share of the pixels has value 1, the rest 0.
     #[must_use]
     pub fn two_strata(share: f64) -> Self {
         let weights = [1.0 - share, share].map(|share| share.max(MIN_RELATIVE_WEIGHT));
@@ -101,9 +101,8 @@ impl PixelMixture {
         Self { values, weights: StratumWeights::Table(weights), every, profile }
     }
 
-    /// As many even steps to either side of a middle, of a normal law in which both polarities correlate. The sums
-    /// over them are by the trapezoidal rule, in which the ends count half: it bears that values are passed
-    /// over.
+    /// A uniform grid of a bivariate normal law. Sums use the trapezoidal rule, ends with half
+    /// weight, so that values can be skipped.
     pub(crate) fn normal_grid(steps: [GridSpacing; 2], n_side: usize, correlation: f64) -> Self {
         debug_assert!(n_side.is_multiple_of(N_COARSE_SIDE), "{n_side}");
         let n = 2 * n_side + 1;
@@ -113,7 +112,7 @@ impl PixelMixture {
         let values: [Vec<f64>; 2] = steps.map(along);
         let (every, profile) =
             (n_side / N_COARSE_SIDE, LikelihoodProfile::every_nth(n, n_side / N_COARSE_SIDE));
-        // What all add up to, and which is the greatest, some of them say as well.
+        // Normalization and maximum from a subset of the values.
         let by = (n_side / MAX_SUMMED_SIDE).max(1);
         let some = || {
             let columns = move |row: usize| (0..n).step_by(by).map(move |column| (row, column));
@@ -136,7 +135,7 @@ impl PixelMixture {
         Self { values, weights, every, profile }
     }
 
-    /// The same with all shares worked out.
+    /// With all weights computed.
     pub(crate) fn tabulated(mut self) -> Self {
         if let StratumWeights::CorrelatedNormal { .. } = self.weights {
             self.weights = StratumWeights::Table(self.strata().map(|(share, _)| share).collect());
@@ -144,7 +143,7 @@ impl PixelMixture {
         self
     }
 
-    /// Share of a value for On with one for Off.
+    /// Weight of an ON with an OFF value.
     fn weight(&self, row: usize, column: usize) -> f64 {
         let n = self.n();
         match &self.weights {
@@ -156,39 +155,38 @@ impl PixelMixture {
         }
     }
 
-    /// How many values a pixel may be given for either polarity.
+    /// Number of values per polarity.
     pub(crate) fn n(&self) -> usize {
         self.values[0].len()
     }
 
-    /// Those of a number, for On and for Off.
+    /// The ON and the OFF value of an index.
     pub(crate) fn at(&self, i: usize) -> PixelStratum {
         self.values.each_ref().map(|values| values[i])
     }
 
-    /// Whether the values are even steps of a continuous one.
+    /// Whether the values form a grid of a continuous one.
     pub(crate) fn is_continuous(&self) -> bool {
         self.every > 1
     }
 
-    /// The course of a coarse score.
     pub(crate) const fn coarse_profile(&self) -> &LikelihoodProfile {
         &self.profile
     }
 
-    /// The kind of all pixels, where they are alike.
+    /// The value of all pixels, if there is one stratum.
     pub(crate) fn single(&self) -> Option<PixelStratum> {
         (self.n() == 1).then(|| self.at(0))
     }
 
-    /// Kinds with their shares.
+    /// Strata with their weights.
     pub fn strata(&self) -> impl Iterator<Item = (f64, PixelStratum)> + '_ {
         let n = self.n();
         let stratum = move |i: usize| [self.values[0][i / n], self.values[1][i % n]];
         (0..n * n).map(move |i| (self.weight(i / n, i % n), stratum(i)))
     }
 
-    /// The kind that a number of 0 to 1 draws.
+    /// The stratum at a quantile in 0..1.
     #[must_use]
     pub fn draw(&self, mut uniform: f64) -> PixelStratum {
         let is_last = |(share, _): &(f64, PixelStratum)| {
@@ -198,12 +196,12 @@ impl PixelMixture {
         self.strata().find(is_last).map_or(self.at(0), |(_, stratum)| stratum)
     }
 
-    /// About how many times a pixel is scored.
+    /// Typical number of evaluations per pixel.
     pub(crate) fn n_scored(&self) -> usize {
         if self.is_continuous() { TYPICAL_N_SCORED } else { self.n() }
     }
 
-    /// Logarithm of a pixel's likelihood, given those of its On and its Off events for each value.
+    /// Log-likelihood of a pixel from the ON and OFF log-likelihoods per value.
     pub(crate) fn ln_likelihood(&self, logs: &[Vec<f64>; 2]) -> f64 {
         let [on, off] =
             logs.each_ref().map(|logs| PolarityLikelihood::of(logs, self.is_continuous()));
@@ -215,12 +213,12 @@ impl PixelMixture {
         on.most + off.most + sum.max(f64::MIN_POSITIVE).ln()
     }
 
-    /// The kind that those speak for most.
+    /// The stratum with the largest posterior.
     pub(crate) fn most_likely(&self, [on, off]: &[Vec<f64>; 2]) -> PixelStratum {
         let (mut best, mut most) = ([0, 0], f64::NEG_INFINITY);
         let greatest = off.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         for (row, on) in on.iter().enumerate() {
-            // A share is less than one: its logarithm makes none greater, and most rows need no look.
+            // Log weights are negative: most rows can be skipped.
             if on + greatest < most {
                 continue;
             }
@@ -238,25 +236,25 @@ impl PixelMixture {
     }
 }
 
-/// What a value of `n` counts in a sum by the trapezoidal rule.
+/// Weight of a node in the trapezoidal rule.
 const fn end(i: usize, n: usize) -> f64 {
     if i == 0 || i == n - 1 { 0.5 } else { 1.0 }
 }
 
-/// What the events of one polarity say of a pixel's value.
+/// Likelihood of one polarity over the values.
 struct PolarityLikelihood {
-    /// Logarithm of the greatest likelihood.
+    /// Maximum log-likelihood.
     most: f64,
-    /// Values that an integral over all of them needs.
+    /// Nodes of the integral.
     at: StepBy<Range<usize>>,
-    /// Likelihood of each over the greatest, times the values that it stands for.
+    /// Likelihood relative to the maximum, times the step.
     weights: Vec<f64>,
 }
 
 impl PolarityLikelihood {
-    /// Likelihoods that bend smoothly are bells, of which the trapezoidal rule needs but a value a
-    /// standard deviation. Values that are scored one by one are needed each: what On events rule out may
-    /// be all that Off events leave.
+    /// A smooth likelihood is near Gaussian: the trapezoidal rule needs one node per standard
+    /// deviation. Discrete values are all needed, since one polarity may exclude what the other
+    /// leaves.
     fn of(logs: &[f64], is_continuous: bool) -> Self {
         let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let counts = |log: &f64| !is_continuous || *log > most - NEGLIGIBLE_NATS;
@@ -268,7 +266,7 @@ impl PolarityLikelihood {
             1
         };
         let step = 1 << widest.max(1).ilog2();
-        // Steps count from the first value, so that both ends are among them.
+        // Aligned to the first value, so that both ends are among the nodes.
         let at = (first.next_multiple_of(step)..end).step_by(step);
         let weights = at.clone().map(|i| (logs[i] - most).exp() * step as f64).collect();
         Self { most, at, weights }
@@ -305,7 +303,7 @@ mod tests {
     }
 
     impl PixelMixture {
-        /// Kinds of three values, a quarter, a half and a quarter, alike or apart for both polarities.
+        /// Three values with weights 1/4, 1/2, 1/4, equal or independent for both polarities.
         pub(crate) fn of_three(is_one: bool) -> Self {
             let own = [0.25, 0.5, 0.25];
             let share = |on: usize, off: usize| match (is_one, on == off) {

@@ -1,4 +1,4 @@
-//! The light as a fitted hypothesis has the event camera see it: its clock, its place, its blur.
+//! The signal registered to the event camera: pose, blur and clock as fitted.
 
 use super::image_pose::ImagePose;
 use crate::diagnose::{Evidence, Hypothesis, Nuisance};
@@ -6,30 +6,30 @@ use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::geometry::Size;
 use serde::{Deserialize, Serialize};
 
-/// How an event camera sees a light: where its picture lies in it, how blurred, how late.
+/// Registration of a signal to an event camera.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FittedRegistration {
-    /// Where the real picture lies against the predicted one.
+    /// Pose of the recorded against the predicted image.
     #[serde(alias = "placing")]
     pub pose: ImagePose,
-    /// About which place of the sensor it turns and grows, pixels.
+    /// Center of rotation and scaling, pixels.
     #[serde(alias = "middle_px")]
     pub center_px: [f64; 2],
-    /// Variance of blur beyond the light's, square pixels; less where it is sharper.
+    /// Variance of blur beyond the signal's, square pixels; negative where it is sharper.
     pub blur_px2: f64,
-    /// What is added to an event's time to find the light's, microseconds.
+    /// Added to an event's time at `reference_us` to obtain the signal's, microseconds.
     #[serde(alias = "late_us")]
     pub event_to_light_us: f64,
-    /// What is added more a microsecond since `at_us`.
+    /// Further addition per microsecond since `reference_us`.
     pub skew: f64,
-    /// Where the events' clock is late by `late_us`, microseconds of it.
+    /// Reference time, microseconds of the events' clock.
     #[serde(alias = "at_us")]
     pub reference_us: f64,
 }
 
 impl FittedRegistration {
-    /// As a hypothesis has it.
+    /// From a hypothesis.
     #[must_use]
     pub fn of(evidence: &Evidence, hypothesis: &Hypothesis) -> Self {
         let value = |nuisance| hypothesis.nuisance(nuisance);
@@ -45,31 +45,29 @@ impl FittedRegistration {
         }
     }
 
-    /// The light's time at an event's.
     fn light_us(&self, t_us: f64) -> f64 {
         t_us + self.event_to_light_us + self.skew * (t_us - self.reference_us)
     }
 
-    /// An event's time at the light's.
     fn event_us(&self, light_us: f64) -> f64 {
         (light_us - self.event_to_light_us + self.skew * self.reference_us) / (1.0 + self.skew)
     }
 }
 
-/// A drive as the event camera sees it, on the events' clock.
+/// A drive as the event camera receives it, on the events' clock.
 pub struct RegisteredDrive<'a> {
     drive: &'a dyn Drive,
     registration: FittedRegistration,
 }
 
 impl<'a> RegisteredDrive<'a> {
-    /// The drive, seen so.
+    /// Applies a registration to a drive.
     #[must_use]
     pub const fn new(drive: &'a dyn Drive, registration: FittedRegistration) -> Self {
         Self { drive, registration }
     }
 
-    /// The light on its own clock, its blur in it.
+    /// The blurred signal on its own clock.
     fn blurred(&self, place: [f64; 2], grid: TimeGrid, out: &mut [f32]) -> bool {
         let is_known = self.drive.sample(place, grid, out);
         let half_blur = 0.5 * self.registration.blur_px2 as f32;

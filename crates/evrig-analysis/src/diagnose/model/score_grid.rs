@@ -1,9 +1,8 @@
-//! Where the own values of pixels are scored, kept from one hypothesis to the next.
+//! Shared grids of pixel values for hypotheses that are compared.
 //!
-//! A pixel's own threshold is scored at as many values as its events need, and which these are changes from
-//! one hypothesis to the next. What that does to a score is little, but more than a step of a fit or of a
-//! difference quotient does: hypotheses that are compared with one another are scored at the same thresholds,
-//! and but at those that a pixel may have.
+//! Each pixel's own threshold is evaluated at values that depend on the hypothesis. The change of
+//! grid between two hypotheses changes the score by more than a step of a fit, so that compared
+//! hypotheses share one grid, without values that are negligible for the pixel.
 
 use super::likelihood_profile::{LikelihoodProfile, likely, total};
 use crate::diagnose::{Hypothesis, PixelEvidence, PixelStratum};
@@ -17,16 +16,16 @@ const NEGLIGIBLE_NATS: f64 = 16.0;
 /// Scored values to either side that the interpolating cubic uses.
 const CUBIC_REACH: usize = 2;
 
-/// What keeps a hypothesis to the kinds at which another is scored.
+/// Keeps a hypothesis to the grid of another.
 #[derive(Debug, Clone)]
 pub(crate) struct HeldGrid {
     pub(crate) grids: Arc<ScoreGrids>,
-    /// Whether it is so near to the other that what is far from likely for that is so for it.
+    /// Whether it is near enough for the other's negligible values to stay negligible.
     pub(crate) is_near: bool,
 }
 
 impl HeldGrid {
-    /// The other.
+    /// The other hypothesis.
     pub(crate) fn other(&self) -> &Hypothesis {
         &self.grids.hypothesis
     }
@@ -36,19 +35,18 @@ impl HeldGrid {
     }
 }
 
-/// The kinds at which a hypothesis has its pixels scored.
+/// Grids of all pixels.
 #[derive(Debug)]
 pub(crate) struct ScoreGrids {
     pub(crate) hypothesis: Hypothesis,
     pub(crate) of_pixel: HashMap<(u16, u16), PixelScoreGrid>,
 }
 
-/// The kinds at which a pixel is scored.
+/// Grid of a pixel.
 #[derive(Debug)]
 pub(crate) struct PixelScoreGrid {
     pub(crate) profile: LikelihoodProfile,
-    /// Of each value that was scored what it scores, if that is far from what the likeliest does: there it
-    /// is not scored again.
+    /// Scores of negligible values, which are not evaluated again.
     pub(crate) far: Vec<Option<Vec<BlockScore>>>,
 }
 
@@ -65,11 +63,11 @@ impl PixelScoreGrid {
     }
 }
 
-/// Pixels by their place, each with the kind that it is taken to be.
+/// Known strata by pixel.
 pub(crate) type PinnedStrata = Arc<HashMap<(u16, u16), PixelStratum>>;
 
 impl Hypothesis {
-    /// The same with every pixel of the kind that it has in another hypothesis, if its kind is known there.
+    /// Takes the known strata of another hypothesis, if there are any.
     pub(crate) fn pin_strata_as(self, other: &Self) -> Self {
         self.pin_strata_to(other.pinned_strata.clone())
     }
@@ -85,7 +83,7 @@ impl Hypothesis {
         self
     }
 
-    /// The same with kinds that are not known again; `model` is what it was made from.
+    /// Makes strata unknown again; `model` is what the hypothesis was made from.
     pub(crate) fn unpin_strata(mut self, model: &Self) -> Self {
         if self.pinned_strata.take().is_some() {
             self.steps[..model.steps.len()].copy_from_slice(&model.steps);
@@ -93,12 +91,11 @@ impl Hypothesis {
         self
     }
 
-    /// The kind that a pixel is taken to be.
     pub(crate) fn pinned_stratum(&self, pixel: &PixelEvidence) -> Option<PixelStratum> {
         self.pinned_strata.as_ref().and_then(|pinned| pinned.get(&(pixel.x, pixel.y)).copied())
     }
 
-    /// The same to make one of that lies further away from the one that it is held to.
+    /// Marks the hypothesis as far from its grid's.
     pub(crate) fn off_shared_grid(mut self) -> Self {
         if let Some(held) = &mut self.shared_grid {
             held.is_near = false;

@@ -1,4 +1,4 @@
-//! Events that come at one time after each of the camera's own frames.
+//! Events at a fixed delay after the exposure starts of the camera's own frames.
 
 use super::{Departure, Evidence};
 use evrig_core::effect_id::EffectId;
@@ -24,14 +24,14 @@ const MIN_EVENT_SHARE: f64 = 0.005;
 
 const MIN_FRAMES: usize = 8;
 
-/// Events of one class, and the sum of their times since the frame.
+/// Events of a delay bin, and the sum of their delays.
 #[derive(Clone, Copy, Default)]
 struct DelayBin {
     n: f64,
     sum_us: f64,
 }
 
-/// A band's peak.
+/// The peak of a row band.
 struct DelayPeak {
     row: f64,
     delay_us: f64,
@@ -39,7 +39,7 @@ struct DelayPeak {
     z: f64,
 }
 
-/// Why it cannot be told.
+/// Why the effect cannot be tested.
 pub(super) fn needs(evidence: &Evidence) -> Result<(), String> {
     let n = evidence.event_context.frames_us().len();
     if n < MIN_FRAMES {
@@ -48,7 +48,7 @@ pub(super) fn needs(evidence: &Evidence) -> Result<(), String> {
     Ok(())
 }
 
-/// Events that the camera's frames set off, if there are enough to matter.
+/// Events triggered by the camera's frames, if significant.
 pub(super) fn coupling(evidence: &Evidence, times: &[i64]) -> Option<Departure> {
     needs(evidence).ok()?;
     let starts = evidence.event_context.frames_us();
@@ -82,7 +82,7 @@ pub(super) fn coupling(evidence: &Evidence, times: &[i64]) -> Option<Departure> 
     }
     let excess: f64 = peaks.iter().map(|peak| peak.excess).sum();
     let (delay_us, row_us, scatter) = line(&peaks);
-    // Peaks of four bands that lie on no line are of the light, not of the frames.
+    // Peaks that lie on no line come from the light.
     if scatter > 5.0 * BIN_US as f64 || excess < MIN_EVENT_SHARE * all {
         return None;
     }
@@ -94,7 +94,7 @@ pub(super) fn coupling(evidence: &Evidence, times: &[i64]) -> Option<Departure> 
     let chances = starts.len() as f64 * f64::from(width) * f64::from(height);
     let fraction = excess / chances;
     let noise = peaks.iter().map(|peak| (peak.excess / peak.z).powi(2)).sum::<f64>().sqrt();
-    // Stamps and starts of exposure are whole microseconds, and the camera has its own ways.
+    // Stamps and exposure starts are whole microseconds.
     let bin = 0.25 * BIN_US as f64;
     Some(Departure {
         id: EffectId::ApsCoupling,
@@ -112,8 +112,7 @@ pub(super) fn coupling(evidence: &Evidence, times: &[i64]) -> Option<Departure> 
     })
 }
 
-/// Whether the events of a window behind each frame's start stand out in most frames: a flash fires all
-/// pixels behind the few frames in which it came.
+/// Whether most frames have the excess: a flash affects all pixels after few frames.
 fn is_common(times: &[i64], starts: &[i64], [middle_us, half_us]: [f64; 2]) -> bool {
     let count = |from_us: f64, to_us: f64| {
         let before = |us: f64| times.partition_point(|t| (*t as f64) < us);
@@ -128,7 +127,7 @@ fn is_common(times: &[i64], starts: &[i64], [middle_us, half_us]: [f64; 2]) -> b
     2 * starts.iter().filter(stands_out).count() > starts.len()
 }
 
-/// The clearest peak of one band, no wider than its own classes.
+/// The most prominent peak of a band.
 fn peak(classes: &[DelayBin], row: f64) -> Option<DelayPeak> {
     let counts: Vec<f64> = classes.iter().map(|class| class.n).collect();
     let n = counts.len();
@@ -141,8 +140,8 @@ fn peak(classes: &[DelayBin], row: f64) -> Option<DelayPeak> {
     let surroundings: Vec<f64> = (0..n).map(median_near).collect::<Option<_>>()?;
     let stands_out = |at: usize| counts[at] - surroundings[at];
     let best = (0..n).max_by(|&a, &b| stands_out(a).total_cmp(&stands_out(b)))?;
-    // Events that come in beats all the time, as those of a simulator that works in steps, are not of
-    // the frames: a frame sets off one burst, or one at either end of its exposure.
+    // A frame triggers one burst, or one at either end of the exposure; a periodic pattern comes
+    // from stamps in steps.
     let height = stands_out(best);
     let like = |at: &usize| {
         at.abs_diff(best) > N_PEAK_BINS && stands_out(*at) > MIN_SIMILAR_PEAK_SHARE * height
@@ -154,21 +153,21 @@ fn peak(classes: &[DelayBin], row: f64) -> Option<DelayPeak> {
     let (mut excess, mut moment, mut noise) = (0.0, 0.0, 0.0);
     for i in best.saturating_sub(N_PEAK_BINS)..n.min(best + N_PEAK_BINS + 1) {
         let over = counts[i] - common;
-        // Classes that are no part of the peak only add noise to its middle.
+        // Bins without an excess only add noise to the mean delay.
         if over > 3.0 * common.max(1.0).sqrt() {
             excess += over;
-            // Those that would have come anyway lie evenly in the class.
+            // Background events are uniform within the bin.
             moment += classes[i].sum_us - common * (i as f64 + 0.5) * BIN_US as f64;
         }
         noise += common.max(1.0);
     }
-    // Surroundings change by more than chance where the light moves.
+    // Moving light makes the background vary by more than counting noise.
     let mut swings: Vec<f64> = near(best).map(|i| (counts[i] - common).abs()).collect();
     let noise = noise.sqrt().max(1.5 * upper_median(&mut swings)? * (N_PEAK_BINS as f64).sqrt());
     (excess > 0.0).then(|| DelayPeak { row, delay_us: moment / excess, excess, z: excess / noise })
 }
 
-/// Delay at the first row, delay from row to row, and what the bands scatter about that.
+/// Delay at the first row, delay per row, and the largest residual.
 fn line(peaks: &[DelayPeak]) -> (f64, f64, f64) {
     let n = peaks.len() as f64;
     let mean = |of: &dyn Fn(&DelayPeak) -> f64| peaks.iter().map(of).sum::<f64>() / n;

@@ -1,4 +1,4 @@
-//! A bus that serves one event after another and is never free.
+//! A saturated bus that reads one event after another.
 
 use super::Departure;
 use evrig_core::effect_id::EffectId;
@@ -14,8 +14,8 @@ const MIN_BUSY_SHARE: f64 = 0.3;
 /// Share that may be shorter, from rounding.
 const MAX_SHORTER_SHARE: f64 = 0.01;
 
-/// A bus at its limit: no two events come nearer to each other than it takes to serve one, and many
-/// come just so far apart. `times` are those of all events, ascending.
+/// A saturated bus: no gap is shorter than the service time, and many are equal to it. `times`
+/// ascend.
 pub(super) fn saturation(times: &[i64]) -> Option<Departure> {
     let [rate, error] = served(times)?;
     Some(Departure {
@@ -29,30 +29,30 @@ pub(super) fn saturation(times: &[i64]) -> Option<Departure> {
     })
 }
 
-/// Events a second of a busy bus, with the error of that.
+/// Events per second of a saturated bus, with the standard error.
 fn served(times: &[i64]) -> Option<[f64; 2]> {
     let gap = shortest_gap(times).filter(ServiceGap::is_busy)?;
     let rate = 1e6 / gap.us;
     Some([rate, rate * (gap.error_us / gap.us).max(1e-3)])
 }
 
-/// What comes after the one before as soon as it can.
+/// The service time of the readout.
 pub(super) struct ServiceGap {
-    /// How soon that is, microseconds.
+    /// Service time, microseconds.
     pub(super) us: f64,
     pub(super) error_us: f64,
-    /// Share of all gaps that are no longer.
+    /// Share of gaps equal to it.
     pub(super) share: f64,
 }
 
 impl ServiceGap {
-    /// Whether a bus with this gap decides when events come.
+    /// Whether the readout determines event times.
     pub(super) fn is_busy(&self) -> bool {
         self.share >= MIN_BUSY_SHARE
     }
 }
 
-/// The gap that is the commonest of all and that hardly any is shorter than, if there is one. `times` ascend.
+/// The most common gap, if hardly any is shorter. `times` ascend.
 pub(super) fn shortest_gap(times: &[i64]) -> Option<ServiceGap> {
     let mut counts = vec![0_u64; MAX_SERVICE_US + 2];
     for pair in times.windows(2) {
@@ -60,7 +60,7 @@ pub(super) fn shortest_gap(times: &[i64]) -> Option<ServiceGap> {
     }
     let all = times.len().checked_sub(1).filter(|n| *n > 1_000)? as f64;
     let common = (0..=MAX_SERVICE_US).max_by_key(|gap| counts[*gap])?;
-    // A time of service between two whole microseconds shows as both.
+    // A service time between two whole microseconds shows as both.
     let [low, high] = [common.saturating_sub(1), common + 1];
     let shorter: u64 = counts[..low].iter().sum();
     let own: u64 = counts[low..=high].iter().sum();
@@ -68,7 +68,7 @@ pub(super) fn shortest_gap(times: &[i64]) -> Option<ServiceGap> {
         return None;
     }
     let sum: f64 = (low..=high).map(|gap| gap as f64 * counts[gap] as f64).sum();
-    // Gaps of a free bus are among them.
+    // Some of the gaps come from an idle bus.
     let free = counts[high + 1].max(1) as f64 / own as f64;
     Some(ServiceGap { us: sum / own as f64, error_us: free, share: own as f64 / all })
 }

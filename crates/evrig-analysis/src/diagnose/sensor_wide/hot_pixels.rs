@@ -1,4 +1,4 @@
-//! Pixels that fire far more than those about them.
+//! Pixels with a much higher rate than their neighbours.
 
 use super::{Departure, Evidence};
 use crate::diagnose::evidence::event_context::EventContext;
@@ -24,7 +24,7 @@ const MIN_EVENT_SHARE: f64 = 0.003;
 /// events.
 const MIN_NOISE_ALTERNATION: f64 = 0.7;
 
-/// Hot pixels of the sensor, if there are enough to matter, and where they are.
+/// The hot pixels of the sensor, if significant.
 pub(super) fn pixels(evidence: &Evidence) -> Option<(Departure, BTreeSet<(u16, u16)>)> {
     let seconds = evidence.blocks.length_us() as f64 * 1e-6;
     let recording = evidence.event_context.recording();
@@ -64,32 +64,31 @@ pub(super) fn pixels(evidence: &Evidence) -> Option<(Departure, BTreeSet<(u16, u
         .then_some((departure, hot))
 }
 
-/// Events that pixels about one commonly have; `None` without neighbours.
+/// Typical event count of the neighbours; `None` without neighbours.
 fn common(around: &EventContext, x: u16, y: u16) -> Option<f64> {
     let among = |reach: u16| {
         let about = around.within(x, y, reach);
         let mut others: Vec<usize> = about.map(<[Spike]>::len).collect();
         others.sort_by(|a, b| b.cmp(a));
-        // Beside dead pixels the middle one of the neighbours says little of the light there.
+        // Beside dead pixels the median is not representative.
         others.get(MAX_HOT_NEIGHBOURS).or(others.last()).copied()
     };
-    // Where nearly all that touch it are dead those a step away still say something.
+    // Where the direct neighbours are dead the next ring is used.
     let common = among(1).filter(|common| *common > 0).or_else(|| among(2));
     common.map(|common| common as f64)
 }
 
-/// Whether a pixel that fires so often beyond the others about it stands out there.
 fn is_hot(beyond: f64, common: f64, seconds: f64) -> bool {
     beyond + common > MIN_RATE_RATIO * (common + 2.0) && beyond > MIN_EXCESS_HZ * seconds
 }
 
-/// Share of all pixels that are hot, with its standard error, by those found: one that fires so often
-/// beyond the others stands for all those like it, which stand out only where little else fires.
-/// `commons` are the events of what lies about each pixel of the sensor, in order.
+/// Share of hot pixels with its standard error. A hot pixel can be detected only among quieter
+/// neighbours: each detection is weighted by the inverse of that probability (Horvitz and
+/// Thompson, 1952). `commons` are the neighbours' counts of all pixels, ascending.
 fn share(beyond: &[f64], commons: &[f64]) -> [f64; 2] {
     let n = commons.len() as f64;
     let weight = |beyond: &f64| {
-        // As `is_hot` has it.
+        // The criterion of `is_hot`.
         let most = (beyond - MIN_RATE_RATIO * 2.0) / (MIN_RATE_RATIO - 1.0);
         n / (commons.partition_point(|common| *common < most) as f64).max(1.0)
     };
@@ -98,7 +97,7 @@ fn share(beyond: &[f64], commons: &[f64]) -> [f64; 2] {
     [weights.iter().sum::<f64>() / n, square.sqrt() / n]
 }
 
-/// Share of the events that turn the polarity of the one before.
+/// Share of the events with the polarity opposite to the one before.
 fn turns(spikes: &[Spike]) -> f64 {
     let turned = spikes.windows(2).filter(|pair| pair[0].on != pair[1].on).count();
     turned as f64 / (spikes.len() - 1).max(1) as f64
@@ -138,8 +137,7 @@ mod tests {
     #[test]
     fn a_lone_pixel_among_dead_ones_is_not_hot() {
         let size = Size::new(9, 9);
-        // Where every second pixel of every second row lives the next are two steps away;
-        // one in a dark corner of its own fires for itself.
+        // Every second pixel of every second row is alive, and one in a dead corner.
         let lives = |x: u16, y: u16| x < 6 && x.is_multiple_of(2) && y.is_multiple_of(2);
         let mut events = Events::new();
         for t in 0..40 {

@@ -1,10 +1,9 @@
-//! Events that come alone, or that do not: a filter behind the camera passes only what a neighbour supports.
+//! Missing isolated events: a filter behind the camera passes only events with neighbours.
 //!
-//! Such a filter takes away what no neighbour has come before within its window, so that the time since the last
-//! event of the eight pixels around falls off as a step: of what comes just behind the window there is little. No
-//! light and no pixel's own law makes a step there. What beats (a lamp, rows, frames) may end its bursts as
-//! abruptly, but then as abruptly before as behind; a filter knows only what has been, so the time to the *next*
-//! event of the same neighbours has less of a step, by those alone that the filter took.
+//! Such a filter removes events without a neighbour's event within its window, so that the density
+//! of the lag to the neighbours' last event drops at the window. No light and no pixel law has
+//! such an edge. Periodic bursts (lamp, rows, frames) may end as sharply, but equally in the lag
+//! to the neighbours' *next* event, which the filter does not know.
 
 use crate::diagnose::evidence::event_context::EventContext;
 use crate::diagnose::{Evidence, MisfitStratum, ProposedTerm};
@@ -27,26 +26,25 @@ const N_SIDE_BINS: usize = 4;
 const MIN_LOG_DROP: f64 = std::f64::consts::LN_2;
 const MIN_DROP_STANDARD_ERRORS: f64 = 5.0;
 
-/// A step in the number of events by the time since their neighbours' last one.
+/// An edge in the density of the lag to the neighbours' last event.
 #[derive(Debug, Clone, Copy)]
 struct RateStep {
-    /// Where it ends, microseconds.
+    /// Upper end of the edge, microseconds.
     us: f64,
-    /// Events just before it, those that were to be expected just behind it, and those that came there.
+    /// Events before the edge, expected behind it, and observed behind it.
     before: f64,
     expected: f64,
     behind: f64,
-    /// Standard error of the logarithm of those that came over those expected.
+    /// Standard error of the log ratio of observed to expected.
     error: f64,
 }
 
-/// That what is alone does not come: where, and the term that would say so.
+/// A deficit of isolated events: its stratum, and the term that describes it.
 pub(crate) struct IsolatedEventDeficit {
     pub(crate) place: MisfitStratum,
     pub(crate) term: ProposedTerm,
 }
 
-/// Whether events without a neighbour's shortly before are missing.
 pub(super) fn missing(evidence: &Evidence) -> Option<IsolatedEventDeficit> {
     let stamp_us = evidence.facts.stamp_step_us.unwrap_or(1.0);
     let shortest_us = LAG_RANGE_US[0].max(MIN_LAG_STAMP_STEPS * stamp_us);
@@ -54,15 +52,15 @@ pub(super) fn missing(evidence: &Evidence) -> Option<IsolatedEventDeficit> {
     Some(step.report(n_events))
 }
 
-/// A sure step, with the number of events that were looked at.
+/// The edge, if significant, with the number of events used.
 fn found(around: &EventContext, shortest_us: f64) -> Option<(RateStep, usize)> {
     let (since, until) = gaps(around);
     let step = step(&counts(&since, shortest_us), &counts(&until, shortest_us), shortest_us)?;
     Some((step, since.len()))
 }
 
-/// Time since the last event of the eight pixels around and until the next one, microseconds, of all events or of
-/// those of enough pixels. What has the same stamp was together.
+/// Lags to the last and the next event of the eight neighbours, microseconds; zero for equal
+/// stamps.
 fn gaps(around: &EventContext) -> (Vec<i64>, Vec<i64>) {
     let recording = around.recording();
     let size = recording.size();
@@ -76,7 +74,6 @@ fn gaps(around: &EventContext) -> (Vec<i64>, Vec<i64>) {
     numbers.flat_map_iter(of_pixel).unzip()
 }
 
-/// How many of the times are in each bin.
 fn counts(gaps: &[i64], shortest_us: f64) -> Vec<f64> {
     let n_bins = ((LAG_RANGE_US[1] / shortest_us).ln() / BIN_LOG_WIDTH) as usize;
     let mut counts = vec![0.0; n_bins];
@@ -89,7 +86,7 @@ fn counts(gaps: &[i64], shortest_us: f64) -> Vec<f64> {
     counts
 }
 
-/// The surest step down, if there is one that is sure. A bin between its sides is left out: it ends somewhere there.
+/// The most significant downward edge. The bin between its sides is skipped: the edge lies within.
 fn step(since: &[f64], until: &[f64], shortest_us: f64) -> Option<RateStep> {
     let side = |counts: &[f64], first: usize| -> f64 {
         0.5 + counts[first..first + N_SIDE_BINS].iter().sum::<f64>()
@@ -116,7 +113,7 @@ fn step(since: &[f64], until: &[f64], shortest_us: f64) -> Option<RateStep> {
 }
 
 impl RateStep {
-    /// The step itself, natural logarithm.
+    /// Log ratio of expected to observed.
     fn size(&self) -> f64 {
         (self.expected / self.behind).ln()
     }
@@ -125,7 +122,7 @@ impl RateStep {
         let Self { us, before, expected, behind, error } = self;
         let ratio = behind / expected;
         let end = us * (BIN_LOG_WIDTH * (N_SIDE_BINS as f64 + 0.5)).exp();
-        // What Poisson counts gain by the right mean, over all events.
+        // Poisson log-likelihood gain of the observed mean, per event.
         let nats = (expected - behind - behind * (expected / behind).ln()) / n_events as f64;
         let description = format!(
             "{ratio:.2} events for each that would be expected {us:.0} to {end:.0} us after the last event of the \
@@ -171,7 +168,7 @@ mod tests {
     const SIDE_PX: u16 = 64;
     const LENGTH_US: i64 = 8_000_000;
 
-    /// Edges that pass ten times a second, and noise of 3 Hz; in the order of time.
+    /// Edges passing ten times a second, and noise of 3 Hz, in ascending time.
     fn seen() -> Events {
         let mut random = SplitMix::new(7, 7);
         let mut events = Vec::new();
@@ -236,7 +233,7 @@ mod tests {
 
     #[test]
     fn bursts_that_end_abruptly_are_no_filter() {
-        // All pixels within 4 ms of every hundredth of a second, and noise in between.
+        // All pixels fire within 4 ms of every 10 ms, with noise in between.
         let seen = seen();
         let noise = seen.as_slice().iter().step_by(9);
         let mut random = SplitMix::new(8, 8);

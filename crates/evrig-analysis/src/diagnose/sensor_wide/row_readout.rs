@@ -1,4 +1,4 @@
-//! Rows that are read one after another: all that waits in a row is stamped at once.
+//! Row readout: all waiting events of a row get one time stamp.
 
 use super::Departure;
 use super::bus_saturation::{ServiceGap, shortest_gap};
@@ -13,8 +13,8 @@ const MIN_TIES: usize = 200;
 /// Share of row readouts that follow each other without a pause.
 const MIN_BACK_TO_BACK_SHARE: f64 = 0.02;
 
-/// Row after row, if events show it, and whether it decides when events come; `events` are stamps and rows,
-/// ascending.
+/// Row readout, if the events show it, and whether it is saturated. `events` are ascending times
+/// with rows.
 pub(super) fn readout(events: &[(i64, u16)]) -> Option<(Departure, bool)> {
     let turn = turn(&turns(events)?)?;
     let departure = Departure {
@@ -30,7 +30,7 @@ pub(super) fn readout(events: &[(i64, u16)]) -> Option<(Departure, bool)> {
     Some((departure, turn.is_busy()))
 }
 
-/// The stamps of the turns, if what is stamped alike is of one row; `events` are stamps and rows, ascending.
+/// Readout times, if equal stamps lie in one row.
 fn turns(events: &[(i64, u16)]) -> Option<Vec<i64>> {
     let together = || events.windows(2).filter(|pair| pair[0].0 == pair[1].0);
     let (n, n_of_one) =
@@ -44,7 +44,7 @@ fn turns(events: &[(i64, u16)]) -> Option<Vec<i64>> {
     Some(turns)
 }
 
-/// How long a row's turn takes, if enough follow each other as soon as they can.
+/// Readout time of a row, if enough rows follow without a pause.
 fn turn(turns: &[i64]) -> Option<ServiceGap> {
     let gap = shortest_gap(turns).filter(|gap| gap.share >= MIN_BACK_TO_BACK_SHARE)?;
     // Stamps are whole microseconds.
@@ -56,7 +56,7 @@ mod tests {
     use super::*;
     use evrig_core::stats::SplitMix;
 
-    /// Requests at random, 60 thousand a second in 100 rows, and as rows of 17.4 us read them.
+    /// Random requests, 60 000 per second in 100 rows, and the same read row by row in 17.4 us.
     fn requests() -> [Vec<(i64, u16)>; 2] {
         let mut random = SplitMix::new(5, 1);
         let mut t = 0.0;
