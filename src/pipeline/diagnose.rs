@@ -1,4 +1,4 @@
-//! The stage `diagnose`: which physics does the model leave out in this session?
+//! The stage `diagnose`: which physical effects does the model of this session lack?
 
 mod baseline;
 mod camera;
@@ -21,24 +21,25 @@ use evrig_session::{Session, StageRecord, write_stage};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// What to diagnose.
+/// Request for a diagnosis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DiagnoseRequest {
-    /// The events to explain.
+    /// Name of the event stream.
     pub real: String,
-    /// What the light comes from.
+    /// Source of the signal.
     pub baseline: Baseline,
-    /// How hard to look.
+    /// Work and resolution.
     pub options: DiagnosisOptions,
     /// Run even when the result is fresh.
     pub force: bool,
 }
 
-/// Runs the stage, unless its result is fresh. `progress` is told what is being looked at.
+/// Runs the stage, unless its result is fresh. `progress` receives the name of each step.
 ///
 /// # Errors
-/// When a stream is missing, light and events do not overlap, there are too few events, or the
-/// disk refuses.
+///
+/// When a stream is missing, signal and events do not overlap, there are too few events, or a file
+/// cannot be written.
 pub fn diagnose(
     session: &Session,
     request: &DiagnoseRequest,
@@ -90,7 +91,7 @@ pub fn diagnose(
             schema: CAMERA_SCHEMA.to_owned(),
             verdict: diagnosis.verdict,
             baseline: request.baseline.clone(),
-            // The whole sensor is generated, not the pixels that were looked at.
+            // The camera is for the whole sensor, not only for the selected pixels.
             fitted: fitted.with_background_up_to(most_at_rest_hz),
         };
         write(CAMERA, serde_json::to_string_pretty(&made).unwrap_or_default())?;
@@ -101,16 +102,17 @@ pub fn diagnose(
     Ok((diagnosis, Freshness::Ran))
 }
 
-/// The file of the free run beside the diagnosis.
+/// File of the forward simulation.
 const FORWARD_SIMULATION: &str = "forward_simulation.json";
 
-/// The heat maps beside the diagnosis.
+/// File of the heat maps.
 const HEAT: &str = "heat.json";
 
-/// The free run of the diagnosis that a session holds; none where the generator was not run.
+/// The forward simulation of a session's diagnosis; `None` where the generator was not run.
 ///
 /// # Errors
-/// When the file is there and cannot be read.
+///
+/// When the file cannot be read.
 pub fn read_forward_simulation(
     session: &Session,
 ) -> Result<Option<ForwardSimulation>, PipelineError> {
@@ -119,18 +121,20 @@ pub fn read_forward_simulation(
     Ok(read_json(path)?.flatten())
 }
 
-/// The heat maps of the diagnosis that a session holds.
+/// The heat maps of a session's diagnosis.
 ///
 /// # Errors
-/// When the file is there and cannot be read.
+///
+/// When the file cannot be read.
 pub fn read_heat(session: &Session) -> Result<Vec<HeatMap>, PipelineError> {
     Ok(read_json(result(session, HEAT))?.unwrap_or_default())
 }
 
-/// The diagnosis that a session holds.
+/// A session's diagnosis.
 ///
 /// # Errors
-/// When the file is there and cannot be read.
+///
+/// When the file cannot be read.
 pub fn read_diagnosis(session: &Session) -> Result<Option<Diagnosis>, PipelineError> {
     read_json(result(session, "diagnosis.json"))
 }
@@ -139,14 +143,14 @@ fn result(session: &Session, name: &str) -> PathBuf {
     session.layout().derived("diagnose", None).join(name)
 }
 
-/// What a diagnosis looks at, with what it was drawn from.
+/// The data of a diagnosis and their sources.
 struct DiagnosisInput {
     evidence: Evidence,
     drive: Box<dyn Drive>,
-    /// Those beside which the generator runs free.
+    /// Recorded events for the forward simulation.
     events: Events,
     departures: Vec<Departure>,
-    /// The most background that the pixels without an event allow, Hz.
+    /// Upper bound on the background rate from silent pixels, Hz.
     most_at_rest_hz: f64,
 }
 
@@ -169,7 +173,7 @@ fn prepare(session: &Session, request: &DiagnoseRequest) -> Result<DiagnosisInpu
     let evidence = Evidence::new(&recording, drive.as_ref(), facts, &request.options)
         .map_err(|source| PipelineError::Diagnose { session: session.root().to_owned(), source })?;
     let most_at_rest_hz = recording.max_background_hz();
-    // A long recording is held pixel by pixel from here on, not twice.
+    // A long recording is kept in one copy, by pixel.
     let events = diagnose::events_on_patch(&evidence, drive.size(), events.as_slice());
     let departures = match (scene, rig) {
         (Some(scene), Some(rig)) => departures::departures(&scene, &rig, &evidence),

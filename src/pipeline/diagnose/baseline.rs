@@ -1,4 +1,4 @@
-//! The light of the event pixels that a diagnosis starts from, and what is known of it.
+//! The log-intensity signal that a diagnosis starts from.
 
 use super::{clock_tie, departures};
 use crate::pipeline::generate::{SCENE, aps_starts, scene_inputs};
@@ -10,19 +10,19 @@ use evrig_reconstruct::scene::{FramesDrive, Scene};
 use evrig_session::{Session, StreamKind, read_stage};
 use serde::{Deserialize, Serialize};
 
-/// What the light of the event pixels comes from.
+/// Source of the signal.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Baseline {
-    /// The map of the print and the head's path over it.
+    /// The map of the target and the head's path over it.
     Scene,
-    /// A frame stream on the events' pixel grid, led along with what moves in between.
+    /// A frame stream on the events' pixel grid, interpolated along optical flow.
     Motion(String),
-    /// The same, straight in between: the plain generator from frames.
+    /// The same, interpolated linearly.
     Frames(String),
 }
 
-/// The scene where the session holds one, else the frames that a generation would start from.
+/// The scene if the session has one, else the frames that a generation would use.
 #[must_use]
 pub fn default_baseline(session: &Session) -> Option<Baseline> {
     if read_stage(&session.layout().derived("scene", None)).is_some() {
@@ -36,7 +36,7 @@ pub fn default_baseline(session: &Session) -> Option<Baseline> {
 }
 
 impl Baseline {
-    /// Name of the light: that of the frame stream, or `scene`.
+    /// Name of the frame stream, or `scene`.
     #[must_use]
     pub fn from(&self) -> &str {
         match self {
@@ -45,7 +45,7 @@ impl Baseline {
         }
     }
 
-    /// Checksums of the files behind it.
+    /// Checksums of its files.
     pub(in crate::pipeline) fn inputs(
         &self,
         session: &Session,
@@ -59,7 +59,7 @@ impl Baseline {
         }
     }
 
-    /// Reads it.
+    /// Reads the signal.
     pub(in crate::pipeline) fn light(
         &self,
         session: &Session,
@@ -82,25 +82,24 @@ impl Baseline {
     }
 }
 
-/// A light that was read.
+/// A signal with what the session states.
 pub(in crate::pipeline) struct BaselineLight {
-    /// The light at any time.
+    /// The signal.
     pub(in crate::pipeline) drive: Box<dyn Drive>,
-    /// What is known of it.
+    /// What the session states.
     pub(in crate::pipeline) facts: SessionFacts,
-    /// The scene that it is of.
+    /// The scene, if it is the source.
     pub(in crate::pipeline) scene: Option<Scene>,
 }
 
-/// By how much the clock of the camera's own frames may be off against its events: half an
-/// exposure that a writer put elsewhere.
+/// Bound on the clock error of the camera's own frames: half an exposure.
 const SAME_CAMERA_US: f64 = 1_500.0;
 
-/// By how much the scene's tie of the clocks may be off: the DAVIS's frames and events differ by
-/// half an exposure at worst, and noise makes crossings early.
+/// Bound on the error of the scene's clock tie: half an exposure of the DAVIS, and noise makes
+/// crossings early.
 const TIED_US: f64 = 1_500.0;
 
-/// By how much events may come beside what the clocks themselves state: noise makes crossings early.
+/// Bound on the delay of events against the stated clocks: noise makes crossings early.
 const STATED_US: f64 = 800.0;
 
 fn of_scene(session: &Session) -> Result<BaselineLight, PipelineError> {
@@ -127,8 +126,8 @@ fn of_scene(session: &Session) -> Result<BaselineLight, PipelineError> {
     Ok(BaselineLight { drive: Box::new(drive), facts, scene: Some(scene) })
 }
 
-/// What a pedestal of one digital unit adds to the map, in which each place of the mosaic is scaled to
-/// the brightest and weighs by its gain.
+/// Map units per digital unit of pedestal: every colour site is scaled to the brightest and
+/// weighted by its gain.
 fn light_per_pedestal(scene: &Scene) -> f64 {
     4.0 / scene.reconstruction.site_gains.iter().sum::<f64>()
 }

@@ -1,4 +1,4 @@
-//! The camera that a diagnosis found, kept beside it for whoever generates with it.
+//! The diagnosed camera, for generation.
 
 use super::{Baseline, result};
 use crate::pipeline::sync::missing;
@@ -8,31 +8,31 @@ use evrig_session::Session;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Its file beside the diagnosis.
+/// Its file name.
 pub(super) const CAMERA: &str = "camera.json";
 
-/// What the file says of itself.
+/// Its schema.
 pub(super) const CAMERA_SCHEMA: &str = "evrig.camera/2";
 
-/// The schema before, whose keys are read as aliases.
+/// The previous schema, whose keys are read as aliases.
 const OLD_CAMERA_SCHEMA: &str = "evrig.camera/1";
 
-/// The camera of a diagnosis, and the light that it was found in.
+/// The camera of a diagnosis, and the source of its signal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DiagnosedCamera {
     /// `evrig.camera/2`.
     pub schema: String,
-    /// What the diagnosis said.
+    /// The verdict of the diagnosis.
     pub verdict: DiagnosisVerdict,
-    /// The light of its recording.
+    /// Source of the signal of its recording.
     pub baseline: Baseline,
     /// The camera.
     pub fitted: FittedCamera,
 }
 
 impl DiagnosedCamera {
-    /// What keeps its events from being those of the real camera, a sentence each.
+    /// Why its events differ from those of the real camera, a sentence each.
     #[must_use]
     pub fn cautions(&self) -> Vec<String> {
         let verdict = match self.verdict {
@@ -48,10 +48,11 @@ impl DiagnosedCamera {
         verdict.map(str::to_owned).into_iter().chain(left_out).collect()
     }
 
-    /// Reads one from a file.
+    /// Reads a file.
     ///
     /// # Errors
-    /// When the file is not there, cannot be read or is none.
+    ///
+    /// When the file does not exist, cannot be read or is no camera.
     pub fn read(path: &Path) -> Result<Self, PipelineError> {
         let none = || PipelineError::Io {
             path: path.to_owned(),
@@ -76,15 +77,16 @@ impl DiagnosedCamera {
     }
 }
 
-/// The camera of the diagnosis that a session holds.
+/// The camera of a session's diagnosis.
 ///
 /// # Errors
+///
 /// When there is none, or the file cannot be read.
 pub fn read_camera(session: &Session) -> Result<DiagnosedCamera, PipelineError> {
     let path = result(session, CAMERA);
     if !path.exists() {
         let root = session.root().display();
-        // One of a version that kept none is fresh all the same.
+        // A diagnosis of a version without this file is fresh all the same.
         let again = if result(session, "diagnosis.json").exists() { " --force" } else { "" };
         let what =
             format!("it holds no diagnosed camera; run `evrig diagnose {root}{again}` first");

@@ -1,24 +1,24 @@
-//! What the session states of its clocks, against what ties the event camera to the light.
+//! The stated clock map against the tie of the event camera to the light.
 
 use evrig_analysis::diagnose::ClockTie;
 use evrig_core::time::{Davis, Span, Stamp, Unix};
 use evrig_reconstruct::clock::{Reference, SessionClocks};
 use evrig_reconstruct::scene::Scene;
 
-/// Where nothing bounds the statement, it is not one.
+/// Largest bound of a clock statement that counts as one.
 const LEAST_SURE_US: f64 = 5_000.0;
 
-/// Farther from Unix time stamps are of a clock of their own.
+/// Stamps farther from Unix time belong to another clock.
 const MOST_LATE_US: f64 = 1e6;
 
-/// The tie of a scene against the session's own map of its clocks; `None` where the session states
-/// no more than a guess.
+/// The scene's clock tie against the session's clock map; `None` where the session states no
+/// bounded map.
 ///
-/// The stage `sync` lets the motion that both cameras saw correct the map, and the scene's tie
-/// corrects it by the light: both would take a late event camera for an error of the map. What the
-/// clocks themselves were read to show is the statement.
+/// The stage `sync` corrects the map by motion, and the scene's tie corrects it by light: both
+/// would absorb a delay of the event camera. The statement is the uncorrected reading of the
+/// clocks.
 ///
-/// `later_us` is by how much later than its frames state the light of the path was.
+/// `later_us` is the delay of the path's light against its frames' stamps.
 pub(super) fn clock_tie(
     scene: &Scene,
     clocks: &SessionClocks,
@@ -36,7 +36,7 @@ pub(super) fn clock_tie(
         let pi = |s: f64| path.zero + Span::from_secs_f64(s);
         let tied: Stamp<Davis> = tie.pi_from_davis.inverse().map(pi(mapped_s));
         let unix: Stamp<Unix> = clocks.unix_from_sensor.map(pi(path_s))?;
-        // The recorder stamps Unix time; arrivals that say otherwise are a part of what is asked.
+        // The recorder stamps Unix time; a deviation is part of the question.
         let stated: Stamp<Davis> = Stamp::from_nanos(unix.as_nanos());
         Some((tied - stated).as_nanos() as f64 * 1e-3)
     };
@@ -45,7 +45,7 @@ pub(super) fn clock_tie(
     let ends = clocks.unix_from_sensor.absolute95(middle);
     let within = ends.into_iter().map(|end| end.map(|e| e.as_nanos().abs() as f64 * 1e-3));
     let statement_bound_us = within.collect::<Option<Vec<f64>>>()?.into_iter().fold(0.0, f64::max);
-    // Stamps that are seconds off were never meant for Unix time.
+    // Stamps that are seconds off are not Unix time.
     let is_meant = begin.abs().max(end.abs()) < MOST_LATE_US;
     (statement_bound_us < LEAST_SURE_US && is_meant).then_some(ClockTie {
         offset_us: [0.5 * (begin + end) - row_delay_us, registration.alignment_error[8] * 1e6],

@@ -1,4 +1,4 @@
-//! What the scene found of lenses, rows and path, against what the session's rig states.
+//! Lenses, rows and path found by the scene, against the statement of the rig.
 
 mod luminance;
 
@@ -7,23 +7,22 @@ use evrig_core::effect_id::EffectId;
 use evrig_reconstruct::scene::{HeadVibration, PointSpread, Scene};
 use evrig_session::rig::{CameraDescription, Rig};
 
-/// A row time within this share of the stated one is the stated one: the scene goes by it as well.
+/// Relative tolerance of the row time, which the scene shares.
 const SAME_ROWS: f64 = 0.15;
 
-/// Variance of blur, square pixels, that a lens in focus may have more than stated.
+/// Excess blur variance of a lens in focus, square pixels.
 const IN_FOCUS_PX2: f64 = 0.2;
 
-/// Share of the stated variance by which the fitted one may be off all the same: apertures and lenses
-/// are not quite what both are taken for.
+/// Relative error of the stated blur variance.
 const SHAPE: f64 = 0.1;
 
-/// Amplitude of a swing, pixels, below which no event tells it.
+/// Amplitude below which events show no vibration, pixels.
 const LEAST_SWING_PX: f64 = 0.02;
 
-/// Standard errors from the statement that a departure has to be.
+/// Significance level of a departure, standard errors.
 const SURE: f64 = 5.0;
 
-/// The departures, each with the light as it would be without it and without those behind it.
+/// The departures, each with the signal without it and without those after it.
 pub(super) fn departures(scene: &Scene, rig: &Rig, evidence: &Evidence) -> Vec<Departure> {
     let mut bare = scene.clone();
     let mut all = Vec::new();
@@ -50,7 +49,7 @@ pub(super) fn departures(scene: &Scene, rig: &Rig, evidence: &Evidence) -> Vec<D
         bare.reconstruction = bare.reconstruction.to_power(1.0 / tone.power());
         add(&bare, found);
     }
-    // What no event tells has no light of its own.
+    // These do not change the signal.
     let row_us = scene.reconstruction.row_s.map(|s| s * 1e6);
     let stated_us = rig.pi.camera.row_time.as_secs_f64() * 1e6;
     all.extend(luminance::noise(scene, rig));
@@ -60,7 +59,7 @@ pub(super) fn departures(scene: &Scene, rig: &Rig, evidence: &Evidence) -> Vec<D
     all
 }
 
-/// What the frames of a session would show of such things.
+/// Effects that the frames of a session can show.
 pub(super) fn shown(scene: &Scene, rig: Option<&Rig>) -> Vec<EffectId> {
     let tone = scene.registration.tone;
     let corners = scene.reconstruction.corner_loss.is_some() || tone.is_some();
@@ -77,8 +76,8 @@ pub(super) fn shown(scene: &Scene, rig: Option<&Rig>) -> Vec<EffectId> {
     .collect()
 }
 
-/// By how much later than stated the rows of the Pi's frames saw light because those above them, which
-/// are not in the crop, take longer than stated; microseconds.
+/// Delay of the Pi's cropped rows against the statement, since the rows above take longer,
+/// microseconds.
 pub(super) fn row_delay_us(scene: &Scene, rig: &Rig) -> f64 {
     let found_us = scene.reconstruction.row_s.map(|s| s * 1e6);
     let stated_us = rig.pi.camera.row_time.as_secs_f64() * 1e6;
@@ -86,8 +85,7 @@ pub(super) fn row_delay_us(scene: &Scene, rig: &Rig) -> f64 {
     rows(found_us, stated_us).map_or(0.0, |_| above * (found_us[0] - stated_us))
 }
 
-/// Rows of the Pi's frames that follow each other otherwise than stated; microseconds, the found ones
-/// with their error.
+/// A departure of the Pi's row time (with its standard error) from the stated one, microseconds.
 fn rows([found, error]: [f64; 2], stated: f64) -> Option<Departure> {
     let z = (found - stated).abs() / error.max(1e-9);
     (z > SURE && (found - stated).abs() > SAME_ROWS * stated).then(|| Departure {
@@ -101,8 +99,7 @@ fn rows([found, error]: [f64; 2], stated: f64) -> Option<Departure> {
     })
 }
 
-/// The event camera's blur beyond what its lens and the Pi's are stated to have; with the spread that
-/// they would have.
+/// The event camera's blur beyond the statement, and the stated spread.
 fn blur(scene: &Scene, rig: &Rig) -> Option<(Departure, PointSpread)> {
     let angle =
         |camera: &CameraDescription| camera.pixel_pitch.value() / camera.focal_length.value();
@@ -114,10 +111,10 @@ fn blur(scene: &Scene, rig: &Rig) -> Option<(Departure, PointSpread)> {
     Some((departure, PointSpread { sigma_px, ..fitted }))
 }
 
-/// The departure of a fitted Gaussian (its standard deviation and error) from what the lenses of the
-/// event camera and of the Pi, all in pixels of the event camera, leave for it; with what they leave.
+/// A departure of the fitted blur (standard deviation and error) from the stated ones of event
+/// camera and Pi, in event pixels; with the stated blur.
 fn out_of_focus([sigma, error]: [f64; 2], [davis, pi]: [f64; 2]) -> Option<(Departure, f64)> {
-    // The map is blurred by the Pi's lens already.
+    // The map includes the blur of the Pi's lens.
     let stated = (davis.powi(2) - pi.powi(2)).max(0.0);
     let beyond = sigma.powi(2) - stated;
     let error = (2.0 * sigma * error).hypot(SHAPE * stated);
@@ -134,7 +131,7 @@ fn out_of_focus([sigma, error]: [f64; 2], [davis, pi]: [f64; 2]) -> Option<(Depa
     (z > SURE && beyond > IN_FOCUS_PX2).then(|| (departure(), stated.sqrt()))
 }
 
-/// A head that swings on its path.
+/// A vibration of the head.
 fn swing(shake: &HeadVibration) -> Departure {
     let ([hz, _], [mm, _]) = (shake.frequency_hz, shake.amplitude_mm);
     Departure {
@@ -157,10 +154,10 @@ mod tests {
 
     #[test]
     fn a_lens_in_focus_and_rows_as_stated_are_no_departure() {
-        // As fitted on the simulated rig in order: 0.4637 where the lenses leave 0.476.
+        // A fit to the simulated rig: 0.4637, where the lenses give 0.476.
         assert!(out_of_focus([0.4637, 0.0007], [0.5, 0.153]).is_none());
         assert!(rows([9.40, 0.24], 9.21).is_none());
-        // Far and yet not sure.
+        // Large, but not significant.
         assert!(rows([14.0, 2.0], 9.21).is_none());
     }
 

@@ -1,4 +1,4 @@
-//! Generation by a diagnosed camera: its law, its noise and the named effects, on the whole sensor.
+//! Generation with a diagnosed camera: its law, noise and named effects on the whole sensor.
 
 use super::affected::all_pixels;
 use super::{GenerateTally, Generated, open, refuse_recorded, stage};
@@ -12,41 +12,42 @@ use serde_json::json;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// What to generate by a diagnosed camera.
+/// Request for a generation with a diagnosed camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraRequest {
-    /// The camera, and the light that it looks at.
+    /// The camera and its signal.
     pub by: By,
-    /// Name of the stream to make.
+    /// Name of the new stream.
     pub name: StreamName,
-    /// Seed of all draws.
+    /// Seed of all random draws.
     pub seed: u64,
     /// Run even when the result is fresh.
     pub force: bool,
 }
 
-/// Whose camera looks at which light.
+/// Source of camera and signal.
 #[derive(Debug, Clone, PartialEq)]
 pub enum By {
-    /// That of the session's own diagnosis, at the light that it was found in and as it was seen.
+    /// The session's own diagnosis, with its signal and registration.
     Own,
-    /// That of another session's: its `camera.json`, and the light; without one what a diagnosis would
-    /// start from. It is taken to see that light in its place and in its time.
+    /// Another session's `camera.json` with a signal of this session; the default baseline without
+    /// one. The signal is taken as registered.
     Other(PathBuf, Option<Baseline>),
 }
 
-/// A camera before a light.
+/// A camera with its signal.
 struct Setting {
     camera: DiagnosedCamera,
     baseline: Baseline,
     registration: Option<FittedRegistration>,
 }
 
-/// Runs the stage, unless its result is fresh. With the result comes what keeps the events from being
-/// those of the real camera, a sentence each.
+/// Runs the stage, unless its result is fresh. Returns also why the events differ from those of
+/// the real camera, a sentence each.
 ///
 /// # Errors
-/// When there is no such camera or light, an effect lacks what it acts on, or the disk refuses.
+///
+/// When camera or signal are missing, an effect lacks its input, or a file cannot be written.
 pub fn generate_diagnosed(
     session: &Session,
     request: &CameraRequest,

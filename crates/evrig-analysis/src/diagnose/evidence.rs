@@ -29,9 +29,9 @@ const MAX_EVENT_EXCESS: usize = 2;
 pub enum DiagnoseError {
     /// Too few events with a known signal.
     #[error(
-        "{n} events have a known light in {n_pixels} pixels; a diagnosis takes at least \
-         {MIN_EVENTS}: record for longer, nearer, with more texture, or with a shorter exposure \
-         where frames are clipped"
+        "{n} events have a known light in {n_pixels} pixels; a diagnosis needs at least \
+         {MIN_EVENTS}: record for longer, from nearer, with more texture, or with a shorter \
+         exposure where frames are clipped"
     )]
     TooFew {
         /// Events with a known signal.

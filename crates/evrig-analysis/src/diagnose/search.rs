@@ -79,7 +79,7 @@ pub fn diagnose(
         accept_effects(evidence, &few, baseline, max_effects, progress);
     // All later fits use the fine grid, but for the removal of replaced effects.
     let baseline = baseline.with_fine_grid(true);
-    progress("structure left");
+    progress("two-sample test");
     let before = test_structure(evidence, &baseline, options.seed);
     let review = EffectReview {
         evidence,
@@ -149,13 +149,13 @@ fn review_found(
         };
         return ReviewOutcome { reach: reach(&model), reviewed, null };
     }
-    progress("idle effects");
+    progress("replaced effects");
     let coarse = baseline.clone().with_fine_grid(false);
     let (model, taken) = remove_replaced_effects(evidence, few, &coarse, model, taken);
     let found = (model.with_fine_grid(true), taken);
     let (model, taken, null) =
         remove_chance_effects(evidence, few, baseline, found, options, progress);
-    progress("fine score");
+    progress("fine grid");
     let model = refine_on_fine_grid(evidence, model);
     let review = EffectReview { null: &null.residual_structure_nats_per_event, ..*review };
     progress("errors");
@@ -263,7 +263,7 @@ fn accept_effects(
             unsure = suggestive_effect(gain);
             break;
         }
-        progress(&format!("{} is taken", gain.id));
+        progress(&format!("{} is accepted", gain.id));
         taken.push(AcceptedEffect {
             gain: gain.held_out,
             error: gain.error,
@@ -305,8 +305,8 @@ fn suggestive_effect(gain: EffectGain) -> Option<RejectedEffect> {
         id: gain.id,
         heldout_gain_nats_per_event: gain.held_out,
         because: format!(
-            "what it gains is {errors:.2} of its standard errors, and a name takes {MIN_GAIN_STANDARD_ERRORS:.0}: more \
-             pixels (--pixels) or a longer recording may tell"
+            "its gain is {errors:.2} standard errors, below the {MIN_GAIN_STANDARD_ERRORS:.0} \
+             required: use more pixels (--pixels) or a longer recording"
         ),
     })
 }
@@ -335,7 +335,7 @@ fn converge_competitors(
         if i >= n_finished || rival.has_converged {
             return rival;
         }
-        progress(&format!("{} to the end", rival.gain.id));
+        progress(&format!("{} to convergence", rival.gain.id));
         rival.converged(evidence, model)
     }));
     tried.extend(rest);

@@ -52,6 +52,6 @@ pub(crate) fn testable(evidence: &Evidence, id: EffectId) -> Result<(), String> 
     match id {
         EffectId::ReadoutSaturation | EffectId::RowReadout => Ok(()),
         EffectId::ApsCoupling => aps_coupling::needs(evidence),
-        _ => Err("it has no place in the library".to_owned()),
+        _ => Err("it is not in the library".to_owned()),
     }
 }

@@ -1,4 +1,4 @@
-//! Effects are planted with the model's own sampler and demanded back.
+//! Recovery of effects simulated with the model's own sampler.
 
 mod clock_delay;
 mod dead_pixels;
@@ -36,7 +36,7 @@ use evrig_core::stats::SplitMix;
 
 const END_US: i64 = 3_000_000;
 
-/// A texture that runs across the sensor on a circle: waves in two directions.
+/// A texture of plane waves on a circular path.
 struct Texture;
 
 impl Texture {
@@ -105,7 +105,7 @@ fn options() -> DiagnosisOptions {
     }
 }
 
-/// The same light with something done to it.
+/// The same signal, changed.
 struct Changed(fn(&mut [f32]));
 
 impl Drive for Changed {
@@ -138,7 +138,7 @@ fn filled() -> EventsByPixel {
 }
 
 fn empty() -> Evidence {
-    // The pixels are chosen by their light, so that events can be planted in them afterwards.
+    // Pixels are selected by their signal, so that events can be simulated in them afterwards.
     Evidence::new(&filled(), &Texture, facts(), &options()).unwrap()
 }
 
@@ -146,7 +146,7 @@ fn library(id: EffectId) -> &'static library::CandidateEffect {
     LIBRARY.iter().find(|c| c.id == id).unwrap()
 }
 
-/// What judges a model of the evidence where nothing else is known of it.
+/// A review without other information.
 fn judging<'a>(
     evidence: &'a Evidence,
     baseline: &'a fitted::FittedModel,
@@ -162,7 +162,7 @@ fn judging<'a>(
     }
 }
 
-/// One effect that was taken, for a gain that is sure.
+/// An accepted effect with a significant gain.
 fn one_taken() -> Vec<accepted_effect::AcceptedEffect> {
     vec![accepted_effect::AcceptedEffect {
         gain: 0.5,
@@ -211,7 +211,7 @@ fn a_parameter_at_an_end_of_its_range_is_told_by_its_key_and_hidden_ones_are_not
     );
     assert_eq!(parameter_at_bound(EffectId::Adaptation, &[0.5_f64.ln(), 0.98]), Some("fraction"));
     assert_eq!(parameter_at_bound(EffectId::Adaptation, &[0.5_f64.ln(), 0.3]), None);
-    // One and the same correlation is no limit of the law.
+    // An equal correlation is no bound of the law.
     assert_eq!(parameter_at_bound(EffectId::ThresholdMismatch, &[0.1_f64.ln(), 0.9]), None);
 }
 
@@ -271,7 +271,7 @@ fn a_dead_time_behind_the_pixel_is_told_from_one_in_it() {
 #[test]
 fn what_is_in_a_part_of_the_sensor_is_fitted_in_its_place() {
     let region = Rectangle { x_px: [0, 60], y_px: [0, 40] };
-    // The nuisance that an asymmetry frees keeps its ordinary value elsewhere.
+    // A freed nuisance keeps its prior elsewhere.
     let cases: [(EffectId, &[f64], &[f64], f64); 2] = [
         (EffectId::RefractoryPeriod, &[9.1, 0.0], &[9.09, 0.0], 9.1_f64.exp()),
         (EffectId::ThresholdAsymmetry, &[0.3], &[0.2], 0.3_f64.exp()),
@@ -299,7 +299,7 @@ fn a_bandwidth_is_named_with_its_cutoff() {
     let start = [20.0_f64.ln(), 1.0, 0.02_f64.ln()];
     let diagnosis = found(EffectId::PhotoreceptorBandwidth, &start);
     let hz = value(&diagnosis, "cutoff_hz_at_white");
-    // Its floor in the dark, which is fitted too, trades with the cutoff at white.
+    // The fitted floor is correlated with the cutoff at white.
     assert!((hz / 20.0 - 1.0).abs() < 0.15, "{hz}");
 }
 
@@ -335,7 +335,7 @@ fn too_few_events_and_a_light_of_another_time_are_refused_with_what_to_do() {
     let later = EventsByPixel::new(events.as_slice(), size, [10 * END_US, 11 * END_US]);
     let error = Evidence::new(&later, &Texture, facts(), &options()).unwrap_err();
     assert!(error.to_string().contains("check the clocks"), "{error}");
-    // As many as one could wish for, but all before the light is known.
+    // Enough events, but all before the signal is known.
     assert!(empty().n_events() > 300);
     let later = Changed(|light| light[..10].fill(f32::NAN));
     let error = Evidence::new(&filled(), &later, facts(), &options()).unwrap_err();
@@ -351,7 +351,7 @@ fn every_effect_is_judged_or_said_to_be_beyond_judging() {
             || sensor_wide::testable(&evidence, id).is_ok();
         assert!(is_judged || cannot.iter().any(|c| c.id == id), "{id}");
     }
-    // Of a readout that is never free only what the readout itself shows.
+    // A saturated readout shows only effects of the readout.
     let cannot = effect_scan::cannot_judge(&evidence, true);
     let is_listed = |id: EffectId| cannot.iter().any(|c| c.id == id);
     assert!(LIBRARY.iter().all(|candidate| is_listed(candidate.id)));
@@ -407,6 +407,6 @@ fn a_strength_is_held_aside_as_far_as_its_range_goes() {
     let held = aside.each_ref().map(|aside| (aside.values[at], aside.ranges[at]));
     assert!((held[0].0 - 0.2 / 3.0).abs() < 1e-12 && (held[1].0 - 0.6).abs() < 1e-12);
     assert!(held.iter().all(|(value, range)| *range == [*value; 2]));
-    // At an end of its range nothing lies beyond.
+    // At a bound there is no value beyond.
     assert!(acceptance::with_strength_fixed_aside(&drop(0.9), 0).is_none());
 }

@@ -1,4 +1,4 @@
-//! What the frames show of the light and of what the cameras make of it.
+//! Departures of the light and of the cameras' response to it.
 
 use super::SURE;
 use evrig_analysis::diagnose::Departure;
@@ -6,16 +6,16 @@ use evrig_core::effect_id::EffectId;
 use evrig_reconstruct::scene::{MovingIllumination, Scene, ToneFit};
 use evrig_session::rig::Rig;
 
-/// Share of the light that any lens may lose in its corners.
+/// Ordinary light loss of a lens in its corners.
 const LEAST_LOSS: f64 = 0.05;
 
-/// Share of the stated variance by which that of the readout may be off all the same.
+/// Relative error of the stated read-noise variance.
 const SAME_NOISE: f64 = 0.2;
 
-/// Variance of whole numbers.
+/// Variance of rounding to integers.
 const ROUNDING: f64 = 1.0 / 12.0;
 
-/// Light that moves over the print.
+/// A moving shadow.
 pub(super) fn shadow(moving: &MovingIllumination) -> Departure {
     let [depth, error] = moving.depth;
     let MovingIllumination { speed_mm_per_s, direction_deg, .. } = moving;
@@ -34,7 +34,7 @@ pub(super) fn shadow(moving: &MovingIllumination) -> Departure {
     }
 }
 
-/// Frames of the Pi that are not linear in light where those of the event camera are.
+/// Frames of the Pi that are not linear in light, unlike those of the event camera.
 pub(super) fn curve(tone: &ToneFit) -> Option<Departure> {
     let z = tone.nonlinear_sigmas()?;
     let description = format!(
@@ -45,7 +45,7 @@ pub(super) fn curve(tone: &ToneFit) -> Option<Departure> {
     Some(Departure { id: EffectId::ToneCurve, parameters, description, z, without: None })
 }
 
-/// A lens that loses light towards the corners: of both cameras the one that surely loses more.
+/// Vignetting, by the camera with the larger loss.
 pub(super) fn corners(scene: &Scene) -> Option<Departure> {
     let davis = scene.registration.tone.map(|tone| ("event camera", tone.corner_loss));
     let pi = scene.reconstruction.corner_loss.map(|loss| ("Pi", loss));
@@ -65,14 +65,13 @@ pub(super) fn corners(scene: &Scene) -> Option<Departure> {
     })
 }
 
-/// Whether the frames tell the noise of their readout: of frames that are not linear in light it goes
-/// with light otherwise than is taken for granted.
+/// Whether the frames determine their read noise, which takes linear frames.
 pub(super) fn noise_is_known(scene: &Scene) -> bool {
     let is_curved = scene.registration.tone.is_some_and(|tone| tone.nonlinear_sigmas().is_some());
     scene.reconstruction.read_noise_dn.is_some() && !is_curved
 }
 
-/// Raw frames whose readout is noisier than stated.
+/// Raw frames with more read noise than stated.
 pub(super) fn noise(scene: &Scene, rig: &Rig) -> Option<Departure> {
     if !noise_is_known(scene) {
         return None;
@@ -80,7 +79,7 @@ pub(super) fn noise(scene: &Scene, rig: &Rig) -> Option<Departure> {
     more_noise(scene.reconstruction.read_noise_dn?, rig.pi.camera.read_noise_dn?)
 }
 
-/// The noise on top of the stated one, from the found one with its standard error, DN.
+/// The excess noise from the found noise (with its standard error), DN.
 fn more_noise([found, error]: [f64; 2], stated: f64) -> Option<Departure> {
     let expected = stated.powi(2) + ROUNDING;
     let beyond = found.powi(2) - expected;

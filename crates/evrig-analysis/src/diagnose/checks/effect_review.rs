@@ -142,7 +142,8 @@ impl EffectReview<'_> {
         let removed = model.held_out() - self.baseline.held_out();
         leaves_recalibration_gain(removed, left).then(|| {
             format!(
-                "it removes {removed:.2} nats an event, and leaves {:.2} that nothing in the library explains",
+                "it gains {removed:.2} nats per event, and a recalibrated hazard gains another \
+                 {:.2} that no effect of the library explains",
                 left.gain
             )
         })
@@ -152,8 +153,9 @@ impl EffectReview<'_> {
     /// events at random.
     fn filter_objection(&self, model: &FittedModel, index: usize) -> Option<String> {
         let is_loss = model.hypothesis.effects[index].id == EffectId::EventDrop;
-        (self.misses_isolated_events && is_loss)
-            .then(|| "what is missing is what no neighbour's event came before".to_owned())
+        (self.misses_isolated_events && is_loss).then(|| {
+            "the missing events are those that no neighbour's event came before".to_owned()
+        })
     }
 
     fn review_model(
@@ -164,7 +166,7 @@ impl EffectReview<'_> {
         let n = model.hypothesis.effects.len();
         let objection_to_all = match adequacy {
             Adequacy::Inadequate => {
-                Some("events drawn with it are still told from the camera's".to_owned())
+                Some("a classifier still separates simulated from recorded events".to_owned())
             }
             Adequacy::Adequate | Adequacy::Partial => self.unexplained_remainder(model),
         };
@@ -201,17 +203,17 @@ fn objection(
 ) -> Option<String> {
     if let Some(parameter) = parameter_at_bound(&model.hypothesis, index) {
         let [low, high] = parameter.range;
-        return Some(format!("{} is at an end of its range, {low} to {high}", parameter.key));
+        return Some(format!("{} is at a bound of its range, {low} to {high}", parameter.key));
     }
     let strengths = strengths_by_stratum(evidence, drawn, model, index);
     let worst = most_inconstant_stratum(&strengths)?;
     let [low, high] = worst.range;
     let how = match worst.change {
-        less if less < -0.8 => "it is as good as absent",
+        less if less < -0.8 => "it is nearly absent",
         less if less < 0.0 => "it is much weaker",
         _ => "it is much stronger",
     };
-    Some(format!("with {} from {low:.4} to {high:.4} {how}", worst.covariate))
+    Some(format!("for {} from {low:.4} to {high:.4} {how}", worst.covariate))
 }
 
 fn rejected_effects(
@@ -220,7 +222,7 @@ fn rejected_effects(
     review: &ModelReview,
 ) -> Vec<RejectedEffect> {
     let effects = model.hypothesis.effects.iter().zip(taken).zip(&review.objections);
-    let together = || "it was found together with one that does not hold".to_owned();
+    let together = || "it was found together with an effect that was rejected".to_owned();
     effects
         .map(|((effect, taken), objection)| RejectedEffect {
             id: effect.id,

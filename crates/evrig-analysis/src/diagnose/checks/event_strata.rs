@@ -120,7 +120,7 @@ fn light_covariates(events: &[LocatedResidual]) -> Vec<StratumCovariate> {
             describe: |[a, b], r| {
                 let percent = |v: f64| v.exp() * 100.0;
                 format!(
-                    "where the light is {:.0} to {:.0} % of white events come {}",
+                    "where the signal is {:.0} to {:.0} % of white events come {}",
                     percent(a),
                     percent(b),
                     lateness(r)
@@ -134,7 +134,7 @@ fn light_covariates(events: &[LocatedResidual]) -> Vec<StratumCovariate> {
             is_known_before: false,
             describe: |[a, b], r| {
                 format!(
-                    "where log intensity changes by {a:.1} to {b:.1} a second events come {}",
+                    "where log intensity changes by {a:.1} to {b:.1} per second events come {}",
                     lateness(r)
                 )
             },
@@ -187,7 +187,7 @@ fn polarity_covariates() -> Vec<StratumCovariate> {
             value: polarity,
             is_known_before: false,
             describe: |[a, _], r| {
-                let polarity = if a >= 0.5 { "On" } else { "Off" };
+                let polarity = if a >= 0.5 { "ON" } else { "OFF" };
                 format!("{polarity} events come {}", lateness(r))
             },
         },

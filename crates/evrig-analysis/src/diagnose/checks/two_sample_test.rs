@@ -80,16 +80,16 @@ const FEATURES: [EventFeature; 16] = [
     feature(
         "polarity_on",
         FeatureSource::Own,
-        |[a, _]| if a >= 0.5 { "On".into() } else { "Off".into() },
+        |[a, _]| if a >= 0.5 { "ON".into() } else { "OFF".into() },
     ),
     feature("innovation", FeatureSource::Light, |[a, b]| {
-        format!("where the light has changed by {:.2} to {:.2} thresholds", a + 1.0, b + 1.0)
+        format!("where the signal has changed by {:.2} to {:.2} thresholds", a + 1.0, b + 1.0)
     }),
     feature("contrast_rate_per_s", FeatureSource::Light, |[a, b]| {
-        format!("where log intensity changes by {a:.1} to {b:.1} a second")
+        format!("where log intensity changes by {a:.1} to {b:.1} per second")
     }),
     feature("log_intensity", FeatureSource::Light, |[a, b]| {
-        format!("where the light is {:.0} to {:.0} % of white", a.exp() * 100.0, b.exp() * 100.0)
+        format!("where the signal is {:.0} to {:.0} % of white", a.exp() * 100.0, b.exp() * 100.0)
     }),
     feature("column", FeatureSource::Own, |[a, b]| format!("in columns {a:.0} to {b:.0}")),
     feature("row", FeatureSource::Own, |[a, b]| format!("in rows {a:.0} to {b:.0}")),
@@ -97,19 +97,19 @@ const FEATURES: [EventFeature; 16] = [
         format!("between {a:.2} and {b:.2} s of the recording")
     }),
     feature("neighbour_us", FeatureSource::EventContext, |[a, b]| {
-        format!("{a:.0} to {b:.0} us after the last event of the eight pixels around")
+        format!("{a:.0} to {b:.0} us after the last event of the eight neighbours")
     }),
     feature("neighbours", FeatureSource::EventContext, |[a, b]| {
-        format!("with {a:.0} to {b:.0} events of the eight pixels around in the 5 ms before")
+        format!("with {a:.0} to {b:.0} events of the eight neighbours in the 5 ms before")
     }),
     feature("neighbour_next_us", FeatureSource::EventContext, |[a, b]| {
-        format!("{a:.0} to {b:.0} us before the next event of the eight pixels around")
+        format!("{a:.0} to {b:.0} us before the next event of the eight neighbours")
     }),
     feature("own_events", FeatureSource::Own, |[a, b]| {
         format!("with {a:.0} to {b:.0} events of the same pixel in the 150 ms before")
     }),
     feature("sensor_rate_hz", FeatureSource::Sensor, |[a, b]| {
-        format!("while all pixels together make {a:.0} to {b:.0} events a second")
+        format!("at {a:.0} to {b:.0} events per second over the whole sensor")
     }),
     feature("row_us", FeatureSource::Sensor, |[a, b]| {
         format!("{a:.0} to {b:.0} us from another event of their row")
@@ -326,7 +326,7 @@ fn misfit_ranges(examples: &LabelledEvents) -> Vec<MisfitStratum> {
             if surprise > 4.0 && nats > 0.0 {
                 let ratio = p / q.max(0.5 / n_drawn);
                 let description = format!(
-                    "{:.2} real events for each of the model's {}",
+                    "{:.2} recorded events per simulated event {}",
                     ratio,
                     (feature.describe)(range)
                 );

@@ -21,7 +21,8 @@ const MIN_STEP_GAIN: f64 = 0.01;
 const MAX_EXTRA_STEPS: usize = 12;
 
 /// Why single pixels cannot be tested under a saturated readout.
-const SATURATED_READOUT: &str = "events wait for a readout that is never free: record fewer at a time, with slower motion or a plainer target";
+const SATURATED_READOUT: &str = "the readout is saturated: record fewer events per second, with \
+     slower motion or less texture";
 
 /// Training gain, nats per event, below which an effect is not fitted further.
 const MIN_TRAINING_GAIN: f64 = 0.01;

@@ -283,6 +283,6 @@ fn needs_span(evidence: &Evidence, seconds: f64) -> Result<(), String> {
     if has >= seconds {
         Ok(())
     } else {
-        Err(format!("{has:.1} s were recorded; it takes {seconds} s"))
+        Err(format!("{has:.1} s were recorded; at least {seconds} s are needed"))
     }
 }

@@ -1,4 +1,4 @@
-//! From a fitted model to what is said of it.
+//! From the fitted models to the reported diagnosis.
 
 use super::departure::upper_tail_probability;
 use super::diagnosis_report::DIAGNOSIS_SCHEMA;
@@ -25,38 +25,38 @@ use std::collections::BTreeMap;
 /// A smaller excess is no mismatch.
 const MIN_EXCESS_NATS_PER_EVENT: f64 = 0.06;
 
-/// What the search has come to.
+/// Results of the search.
 pub(crate) struct SearchOutcome {
     pub(crate) taken: Vec<AcceptedEffect>,
     pub(crate) adequacy: Adequacy,
-    /// What the baseline leaves, and the model with all that was taken.
+    /// Residual structure of the baseline and of the model with all found effects.
     pub(crate) before: Option<StructureTest>,
     pub(crate) after: Option<StructureTest>,
-    /// What the model with all that was taken reaches, recalibrated, nats an event.
+    /// Upper bound from the model with all found effects, nats per event.
     pub(crate) reach: f64,
     pub(crate) rejected_effects: Vec<RejectedEffect>,
     pub(crate) split_half: Vec<SplitHalfFit>,
     pub(crate) null: NullReport,
-    /// Whether events wait for a readout that is never free, so that no effect on single pixels was looked for.
+    /// Whether the readout is saturated, so that effects on single pixels were not searched.
     pub(crate) is_saturated: bool,
-    /// Events that are missing since no neighbour's came before.
+    /// A deficit of isolated events.
     pub(crate) isolated_events: Option<IsolatedEventDeficit>,
-    /// What the frames show otherwise than stated, and the fit in the light as stated.
+    /// Departures of the frames from the statement, and the fit to the signal as stated.
     pub(crate) departed: (Vec<FittedEffect>, Option<FittedModel>),
 }
 
-/// Chance that a gain comes out as large where there is none; 1 where nothing was there to measure it by.
+/// One-sided p-value of a gain; 1 without a measurement.
 fn gain_p_value(gain: f64, error: f64) -> f64 {
     let z = gain / error;
     if z.is_nan() { 1.0 } else { upper_tail_probability(z) }
 }
 
-/// What a model reaches on held-out cells when its hazard is recalibrated, nats an event.
+/// Held-out score of a model with recalibrated hazard, nats per event.
 pub(crate) fn upper_bound_score(evidence: &Evidence, model: &FittedModel) -> f64 {
     model.held_out() + recalibration_gain(evidence, model).gain.max(0.0)
 }
 
-/// Ceiling minus baseline, nats an event.
+/// Upper bound minus baseline, nats per event.
 pub(crate) fn excess(evidence: &Evidence, baseline: &FittedModel, model: &FittedModel) -> f64 {
     upper_bound_score(evidence, model).max(upper_bound_score(evidence, baseline))
         - baseline.held_out()
@@ -74,7 +74,7 @@ pub(crate) fn conclude(
     let (missing, term) =
         reached.isolated_events.map(|IsolatedEventDeficit { place, term }| (place, term)).unzip();
     let are_missing = missing.is_some();
-    // What decides the verdict comes first.
+    // Covariates that decide the verdict come first.
     let found = |model: &FittedModel, left: Option<&StructureTest>, least: f64| {
         let own = missing.iter().cloned().chain(misfit_strata(evidence, model, least));
         with_structure(own.collect(), left, least)
@@ -89,7 +89,7 @@ pub(crate) fn conclude(
         are_missing,
         !departures.is_empty(),
     );
-    // With the light as stated for a beginning, what the frames show is a part of what is explained.
+    // Relative to the signal as stated, departures of the frames are part of what is explained.
     let low = as_stated.as_ref().map_or(low, FittedModel::held_out);
     let (excess, share) = removed([low, high, upper_bound]);
     let (gain, error) = match taken.as_slice() {
@@ -135,28 +135,28 @@ pub(crate) fn conclude(
     }
 }
 
-/// What there is to explain, and the share of it that is removed.
+/// The excess, and the share of it that is removed.
 fn removed([low, high, upper_bound]: [f64; 3]) -> (f64, Option<f64>) {
     let excess = upper_bound - low;
     (excess, (excess > 0.0).then(|| (high - low) / excess))
 }
 
-/// What frames and a census show, then what the predicted pixels do; what both show is theirs.
+/// Effects from frames and sensor-wide statistics, then fitted ones, which take precedence.
 fn merge_effects(mut others: Vec<FittedEffect>, named: Vec<FittedEffect>) -> Vec<FittedEffect> {
     others.retain(|other| named.iter().all(|own| own.id != other.id));
     others.extend(named);
     others
 }
 
-/// The recording that would tell the first effect with equals from them.
+/// The recording that separates the first effect from those indistinguishable from it.
 fn next_recording(effects: &[FittedEffect]) -> Option<String> {
     let unsure = effects.iter().find(|effect| !effect.indistinguishable.is_empty())?;
     LIBRARY.iter().find(|c| c.id == unsure.id).map(|c| c.separating_recording.to_owned())
 }
 
 impl DiagnosisVerdict {
-    /// The verdict where an effect bought something and did not hold, where events are missing by no law of a pixel,
-    /// and where frames or a census show something beside what the predicted pixels do.
+    /// Combines the verdict with rejected effects, missing isolated events, and departures of the
+    /// frames or the sensor-wide statistics.
     fn combined_with(
         self,
         is_suspected: bool,
@@ -207,8 +207,7 @@ fn verdict(
     }
 }
 
-/// Strata where a score is wrong, and ranges of what else happened on the sensor, which no score of
-/// one pixel sees, where real events and the model's differ in number.
+/// Adds ranges of the two-sample test to strata of the recalibration.
 fn with_structure(
     mut places: Vec<crate::diagnose::MisfitStratum>,
     left: Option<&StructureTest>,
@@ -233,7 +232,7 @@ fn left(structure: &StructureTest) -> crate::diagnose::ResidualStructure {
     }
 }
 
-/// A term for what is left, where the named effects leave much.
+/// A term for the residual mismatch.
 fn propose_for(
     evidence: &Evidence,
     model: &FittedModel,
@@ -243,7 +242,6 @@ fn propose_for(
     let is_wanted =
         matches!(verdict, DiagnosisVerdict::Unexplained | DiagnosisVerdict::PartlyExplained);
     let of_own = is_wanted.then(|| propose_term(evidence, model)).flatten();
-    // Where what tells most is no matter of the pixel's own light and past, the hazard depends on it.
     let of_others = || left.and_then(|left| left.hazard_term());
     match of_own {
         Some(own) => match of_others() {
@@ -256,7 +254,7 @@ fn propose_for(
     }
 }
 
-/// A fitted value as it is reported, its interval within the range it was fitted in.
+/// A fitted value in reported units, its interval within the fitted range.
 fn interval(
     value: f64,
     error: f64,
@@ -367,8 +365,8 @@ pub(crate) fn parameters(
     intervals
 }
 
-/// Quantities that follow from fitted values: one value at a time is moved by its error to either side, as far
-/// as its range goes.
+/// Intervals of derived quantities: each value is moved by its error to either side, within its
+/// range.
 fn derived_intervals(
     model: &FittedModel,
     moving: &[usize],

@@ -1,8 +1,8 @@
-//! What the frames themselves show otherwise than the session states it.
+//! Departures of the frames from what the session states.
 //!
-//! The scene fits its cameras' lenses, rows and path to the frames, so the light has such a thing in it
-//! already and no event misses it. Against what the session states it is a departure all the same,
-//! and is named as one. What it buys is seen from the same events in the light as stated.
+//! The scene fits lenses, rows and path to the frames, so that the signal includes such departures
+//! and the events show none. They are effects all the same. Their gain is measured against the
+//! signal as stated.
 
 use crate::diagnose::fit::cell_scores::CellSet;
 use crate::diagnose::fit::fitted::FittedModel;
@@ -20,21 +20,21 @@ const MAX_STEPS: usize = 12;
 /// A departure of the frames from what the session states.
 #[derive(Debug, Clone)]
 pub struct Departure {
-    /// The effect that it is.
+    /// The effect.
     pub id: EffectId,
-    /// Its parameters by key, each with its standard error.
+    /// Parameters by key, each with its standard error.
     pub parameters: Vec<(&'static str, [f64; 2])>,
-    /// What was found, in a sentence.
+    /// The finding in a sentence.
     pub description: String,
-    /// How far it is from what is stated, in standard errors.
+    /// Distance from the statement, standard errors.
     pub z: f64,
-    /// The evidence in a light that has neither this departure nor those behind it in the list; none
-    /// where the light would be the same.
+    /// The evidence with a signal without this departure and those after it in the list; `None`
+    /// where the signal does not depend on it.
     pub without: Option<Evidence>,
 }
 
 impl Evidence {
-    /// The same events in another light.
+    /// The same events with another signal.
     #[must_use]
     pub fn with_light_of(&self, drive: &dyn Drive) -> Self {
         let mut other = self.clone();
@@ -53,8 +53,8 @@ impl Evidence {
     }
 }
 
-/// The departures as effects, and the score of the light as stated; none where there is no such light.
-/// They are scored on the pixels of `evidence`, which a census may have left fewer of.
+/// Departures as effects, and the fit to the signal as stated, if that differs. Scored on the
+/// pixels of `evidence`, which may lack hot pixels.
 pub(crate) fn as_effects<'a>(
     evidence: &Evidence,
     departures: impl Iterator<Item = &'a Departure>,
@@ -80,7 +80,7 @@ pub(crate) fn as_effects<'a>(
     (effects, first)
 }
 
-/// Chance of a standard normal value above `z`.
+/// Upper tail probability of a standard normal variable.
 pub(crate) fn upper_tail_probability(z: f64) -> f64 {
     0.5 * erfc(z / std::f64::consts::SQRT_2)
 }

@@ -1,4 +1,4 @@
-//! A fitted hypothesis as a camera that makes events by itself.
+//! A fitted hypothesis as a camera for event generation.
 
 use crate::diagnose::model::registration::FittedRegistration;
 use crate::diagnose::{Evidence, FittedEffect, Hypothesis, Nuisance, SessionFacts};
@@ -10,24 +10,24 @@ use serde::{Deserialize, Serialize};
 
 const SIGNAL_STEP_US: u32 = 1_000;
 
-/// What a hypothesis makes of the event camera, each effect by the generator's own account of it.
+/// The event camera of a hypothesis; each effect is the generator's own implementation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FittedCamera {
-    /// The camera, for any light.
+    /// The camera, for any signal.
     pub camera: Camera,
-    /// How it saw the light of its recording.
+    /// Registration to the signal of its recording.
     #[serde(alias = "seen")]
     pub registration: FittedRegistration,
-    /// What was named, be it in the camera's effects, in its law or in the light.
+    /// Named effects: in the camera's effects, in its law or in the signal.
     pub named: Vec<EffectId>,
-    /// What the generator could not be told.
+    /// What the generator cannot represent.
     pub left_out: Vec<String>,
 }
 
 impl FittedCamera {
-    /// The camera of a hypothesis, with what was `named` beside it of pixels and readout; `None` where
-    /// its law is none that a generator knows.
+    /// The camera of a hypothesis, with `named` effects of pixels and readout; `None` where the
+    /// generator cannot represent its law.
     #[must_use]
     pub fn of(
         evidence: &Evidence,
@@ -65,8 +65,8 @@ impl FittedCamera {
         })
     }
 
-    /// With no more background than `most_hz`, Hz. A fit looks at pixels that fire; what it cannot place
-    /// there is background to it, of which the others may have none.
+    /// Bounds the background rate by `most_hz`. A fit uses active pixels, whose unexplained events
+    /// count as background; silent pixels bound it.
     #[must_use]
     pub fn with_background_up_to(mut self, most_hz: f64) -> Self {
         self.camera.background_hz = self.camera.background_hz.min(most_hz);
@@ -74,13 +74,13 @@ impl FittedCamera {
     }
 }
 
-/// What effects of readout and frames go by in a recording.
+/// What effects of readout and frames depend on in a recording.
 #[must_use]
 pub fn surroundings(facts: &SessionFacts) -> Surroundings {
     Surroundings { aps_starts_us: facts.aps_us.clone(), frame_times_us: facts.aps_us.clone() }
 }
 
-/// An effect for the generator, or why it cannot be told of it.
+/// An effect for the generator, or why it cannot be represented.
 type EffectResult = Result<Applied, String>;
 
 fn effect_result(id: EffectId, parameters: &[(&str, f64)], region: Option<Region>) -> EffectResult {
@@ -88,13 +88,12 @@ fn effect_result(id: EffectId, parameters: &[(&str, f64)], region: Option<Region
     Ok(Applied { effect, region })
 }
 
-/// The effects of a hypothesis beyond its law and its light.
+/// Effects of a hypothesis beyond its law and its signal.
 fn fitted_effects(
     evidence: &Evidence,
     hypothesis: &Hypothesis,
 ) -> impl Iterator<Item = EffectResult> {
-    // A nuisance that an effect let out of its range is in the law and the light already; in a region
-    // they have what is ordinary elsewhere.
+    // A freed nuisance is in the law and the signal already; in a region the prior holds outside.
     let is_told = |index: &usize| {
         hypothesis.effects[*index].freed.is_empty() || hypothesis.regions[*index].is_some()
     };
@@ -110,8 +109,7 @@ fn fitted_effects(
     })
 }
 
-/// What a census of all events named, of which no pixel's score knows. Frames and optics that depart
-/// from their statement are in the light.
+/// Effects from sensor-wide statistics. Departures of frames and optics are in the signal.
 fn sensor_wide_effects(
     hypothesis: &Hypothesis,
     named: &[FittedEffect],
@@ -126,8 +124,7 @@ fn sensor_wide_effects(
     })
 }
 
-/// An effect's parameters, those of a nuisance that it frees in a region against what the nuisance is
-/// elsewhere.
+/// An effect's parameters; those of a nuisance freed in a region relative to the prior outside.
 fn excess_over_prior(
     evidence: &Evidence,
     hypothesis: &Hypothesis,
@@ -150,19 +147,19 @@ fn excess_over_prior(
     values
 }
 
-/// The law's noise: the part that the pixel memorises with the light as a signal's, the other as that of its
-/// thresholds.
+/// The noise of the law: the part that enters the reference level as signal noise, the rest as
+/// threshold noise.
 fn noise(hypothesis: &Hypothesis, theta: f64) -> (BandNoise, Scatter) {
     let law = hypothesis.law();
     let hz = hypothesis.nuisance(Nuisance::LogNoiseHz).exp();
     let (scale, light_exponent) = (law.noise_at_white / theta, law.noise_exponent);
-    // A logistic law's standard deviation; a change has the signal's noise twice.
+    // Standard deviation of a logistic law; a change has the signal's noise twice.
     let rms = 1.813_8 * scale * (0.5 * law.noise_carry).sqrt();
     let bandwidth_hz = (hz / std::f64::consts::TAU).clamp(20.0, 1_000.0);
     let scatter = Scatter {
         scale: scale * (1.0 - law.noise_carry).sqrt(),
         light_exponent,
-        // At rest the law's hazard is this rate times the share of the noise beyond the threshold.
+        // The law's hazard at rest is this rate times the share of the noise beyond the threshold.
         redrawn_hz: 0.5 * hz,
     };
     (BandNoise { rms, bandwidth_hz, light_exponent }, scatter)

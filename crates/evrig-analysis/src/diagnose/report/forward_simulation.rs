@@ -1,10 +1,9 @@
-//! A fitted camera let run by itself beside the real one.
+//! Forward simulation of the fitted camera against the recording.
 //!
-//! A score is teacher-forced: every event is predicted from the events before it that really came.
-//! Whether a model makes events like the camera's is another question. Here the generator
-//! [`evrig_generate::forward`] runs free over a patch of the sensor, from the same light, once as
-//! the baseline and once with the named effects, each effect by the generator's own account of it,
-//! which shares no code with the one that the fit used.
+//! The likelihood predicts each event from the recorded past. A forward simulation generates all
+//! events from the signal alone: here [`evrig_generate::forward`] on a patch of the sensor, once
+//! with the baseline and once with the named effects. The generator's effects share no code with
+//! those of the fit.
 
 mod sample_distance;
 
@@ -23,42 +22,43 @@ const PATCH_SIDE_PX: u16 = 80;
 
 const MAX_DURATION_US: i64 = 6_000_000;
 
-/// A measure of baseline and final model against the camera.
+/// A measure of baseline and final model against the recording.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ModelComparison {
-    /// Of the nuisances alone; `null` where it is not known.
+    /// Nuisances alone; `null` where unknown.
     pub baseline: Option<f64>,
     /// With the named effects.
     pub r#final: Option<f64>,
 }
 
-/// The free run: what was run, its measures, and maps of counts to look at.
+/// The forward simulation with its measures and histograms.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ForwardSimulation {
-    /// First column and row of the patch, and its width and height.
+    /// First column and row of the patch, its width and height.
     pub patch_px: [u16; 4],
     /// Start and end, microseconds of the events' clock.
     pub window_us: [i64; 2],
     /// Measures by name.
     pub measures: BTreeMap<String, ModelComparison>,
-    /// Events a pixel, row by row: of the camera, the baseline, the final model.
+    /// Events per pixel in row-major order: recording, baseline, final model.
     pub counts: [Vec<u32>; 3],
-    /// Edges of intervals in decades of microseconds, and the share in each of the three.
+    /// Bin edges of the intervals, log10 of microseconds.
     pub interval_edges_log10_us: Vec<f64>,
-    /// Shares of intervals: camera, baseline, final.
+    /// Shares of intervals per bin: recording, baseline, final model.
     pub interval_shares: [Vec<f64>; 3],
-    /// What the generator could not be told.
+    /// What the generator cannot represent.
     pub left_out: Vec<String>,
 }
 
-/// What a free run takes of the camera's events: those of its patch and its time.
+/// Recorded events within patch and window of the simulation.
 #[must_use]
 pub fn events_on_patch(evidence: &Evidence, size: Size, real: EventSlice<'_>) -> Events {
     let ([from, to], patch) = (window(evidence), patch(evidence, size));
     real.between(from, to).iter().filter(|e| is_inside(patch, e)).collect()
 }
 
-/// Lets the cameras of baseline and model run. `None` where the generator refuses or nothing fires on the patch.
+/// Simulates baseline and final model. `None` where the generator refuses or the patch has no
+/// events.
 #[must_use]
 pub fn simulate_forward(
     evidence: &Evidence,
@@ -122,7 +122,7 @@ pub fn simulate_forward(
     })
 }
 
-/// The middle of the light, as long as is allowed.
+/// The middle of the signal, up to the maximum duration.
 fn window(evidence: &Evidence) -> [i64; 2] {
     let start = evidence.window_us[0] + evidence.start_us as i64;
     let length = (evidence.seconds() * 1e6) as i64;
@@ -131,7 +131,7 @@ fn window(evidence: &Evidence) -> [i64; 2] {
     [from, from + taken]
 }
 
-/// The square in which the pixels looked at are densest: there the light is known and changes.
+/// The square with the most events of selected pixels.
 fn patch(evidence: &Evidence, size: Size) -> [u16; 4] {
     let (w, h) = (PATCH_SIDE_PX.min(size.width), PATCH_SIDE_PX.min(size.height));
     let mut best = ([0, 0, w, h], 0);
@@ -154,7 +154,7 @@ fn is_inside([x, y, w, h]: [u16; 4], event: &Event) -> bool {
     (x..x + w).contains(&event.x) && (y..y + h).contains(&event.y)
 }
 
-/// Events of the generator on the patch.
+/// Simulated events on the patch.
 fn generated(
     evidence: &Evidence,
     drive: &dyn Drive,

@@ -1,5 +1,5 @@
-//! Heat maps of where a model is wrong: over the sensor, over time and rows, and over how long ago
-//! the pixel's last event was and how fast the light changes.
+//! Maps of the misfit: over the sensor, over time and rows, and over the interval and the contrast
+//! rate.
 
 use crate::diagnose::checks::event_strata::{quantiles_of, residuals_by_pixel};
 use crate::diagnose::fit::fitted::FittedModel;
@@ -16,38 +16,36 @@ const N_QUANTILE_CELLS: usize = 6;
 /// Expected plus recorded events that a cell needs.
 const MIN_CELL_EVENTS: f64 = 12.0;
 
-/// What a cell's value is.
+/// The quantity of a map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum HeatValue {
-    /// Real events that came beyond those the model expected, the past being known, over the root of
-    /// the expected: beyond 3 of either sign it is hardly chance.
+    /// Recorded minus expected events over the root of the expected number; beyond 3 of either
+    /// sign it is significant.
     Surplus,
-    /// Mean of what the light had changed beyond the threshold when events came, in thresholds:
-    /// late above 0, early below.
+    /// Mean change of the signal beyond the threshold, in thresholds: positive for late events.
     Innovation,
 }
 
-/// One heat map, of the baseline and of the model with the named effects.
+/// A map of the baseline and of the final model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct HeatMap {
-    /// What lies along the map, and upwards: covariates of `mismatch.where`.
+    /// Horizontal and vertical covariate, as in `mismatch.where`.
     pub axes: [String; 2],
-    /// Ascending edges of the cells along either axis, one more than cells.
+    /// Ascending cell edges of both axes, one more than cells.
     pub edges: [Vec<f64>; 2],
-    /// What the values are.
+    /// The quantity.
     pub value: HeatValue,
-    /// Values row by row, the lowest first: baseline, then with the named effects; `null` in cells
+    /// Values in row-major order from the lowest row: baseline, then final model; `null` in cells
     /// with too few events.
     pub values: [Vec<Option<f64>>; 2],
-    /// Events in each cell.
+    /// Number of events per cell.
     pub n_events: Vec<u64>,
 }
 
-/// What pixels show under a model: each one's events, and its counts in each block of time.
+/// Residuals of each pixel's events, and its counts per time block.
 type ModelResiduals = Vec<(Vec<Residual>, Vec<BlockCounts>)>;
 
-/// The maps of a baseline and of a model on the same evidence.
 pub(crate) fn heat_maps(evidence: &Evidence, models: [&FittedModel; 2]) -> Vec<HeatMap> {
     let residuals = models.map(|model| residuals_by_pixel(evidence, model));
     let [width, height] = evidence.middle.map(|middle| 2.0 * middle);
@@ -91,12 +89,11 @@ pub(crate) fn heat_maps(evidence: &Evidence, models: [&FittedModel; 2]) -> Vec<H
     .collect()
 }
 
-/// Edges of `n` equal cells from 0 to `length`.
 fn even(length: f64, n: f64) -> Vec<f64> {
     (0..=n as usize).map(|i| length * i as f64 / n).collect()
 }
 
-/// Edges of cells that hold about equally many of the values, the least and the greatest included.
+/// Edges of cells with equally many values.
 fn spanning(mut values: Vec<f64>) -> Vec<f64> {
     values.retain(|v| v.is_finite());
     values.sort_by(f64::total_cmp);
@@ -108,7 +105,7 @@ fn spanning(mut values: Vec<f64>) -> Vec<f64> {
     edges
 }
 
-/// The cell that a value lies in; the last edge belongs to the last cell.
+/// The cell of a value; the last edge belongs to the last cell.
 fn cell_of(edges: &[f64], value: f64) -> Option<usize> {
     let n = edges.len().checked_sub(1).filter(|n| *n > 0)?;
     let is_inside = value >= edges[0] && value <= edges[n];
@@ -120,10 +117,10 @@ fn place(edges: &[Vec<f64>; 2], at: [f64; 2]) -> Option<usize> {
     Some(y * (edges[0].len() - 1) + x)
 }
 
-/// Takes what lies at a place: its events, and what the model expected or by how much they were late.
+/// Receives coordinates, and an event count with the expected count or the innovation.
 type CellSink<'a> = &'a mut dyn FnMut([f64; 2], [f64; 2]);
 
-/// A map of what `sum` hands over of each model; none of a single cell.
+/// A map of the sums per cell; `None` for a single cell.
 fn map(
     axes: [&str; 2],
     edges: [Vec<f64>; 2],

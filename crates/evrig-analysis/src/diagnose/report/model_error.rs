@@ -14,8 +14,8 @@ const MODEL_ERROR_SHARE: f64 = 2e-3;
 /// Tolerance of a clock's crystal, which limits a frequency.
 const CLOCK_ERROR_SHARE: f64 = 5e-5;
 
-/// Intervals of an effect's parameters made to hold that, too, and what straight lines from instant to instant, so many
-/// microseconds apart, are wrong by about a swing. A ratio of one is none.
+/// Widens the intervals of an effect's parameters by these errors, and by that of a sinusoid
+/// interpolated between instants `step_us` apart. A ratio of one is absence of the effect.
 pub(crate) fn widen_by_model_error(told: &mut BTreeMap<String, ConfidenceInterval>, step_us: f64) {
     let hz = told.get("frequency_hz").map_or(0.0, |frequency| frequency.value);
     let objection_to_all = MODEL_ERROR_SHARE.hypot(interpolation_error(TAU * hz * step_us * 1e-6));
@@ -27,7 +27,7 @@ pub(crate) fn widen_by_model_error(told: &mut BTreeMap<String, ConfidenceInterva
         for end in ci90.iter_mut().flatten().filter(|_| !is_given) {
             let own = *end - *value;
             let wider = *value + own.signum() * own.hypot(more);
-            // An interval that ends where there is none of an effect goes no farther.
+            // An interval bounded by zero stays so.
             *end = if *end >= 0.0 { wider.max(0.0) } else { wider };
         }
     }
@@ -45,7 +45,7 @@ mod tests {
             widen_by_model_error(&mut all, 1_000.0);
             all[key].ci90.map(Option::unwrap)
         };
-        // 16.4 us of the law beside 12.3 us of scatter: 20.6.
+        // 16.4 us of the model and 12.3 us of scatter: 20.6 us.
         let [low, high] = told("refractory_us", 5_000.0, [4_987.7, 5_012.3]);
         assert!((low - 4_979.43).abs() < 0.1 && (high - 5_020.57).abs() < 0.1, "{low} {high}");
         let [low, high] = told("frequency_hz", 100.0, [99.9999, 100.0001]);
@@ -67,7 +67,7 @@ mod tests {
             widen_by_model_error(&mut all, 1_000.0);
             (all["depth"].ci90[1].unwrap() / 0.05 - 1.0) / Z90
         };
-        // Ten instants a swing: a crest from 0.983 to 1.034.
+        // Ten samples per period: a crest from 0.983 to 1.034.
         assert!((within(100.0) - 0.0147).abs() < 3e-4, "{}", within(100.0));
         assert!((within(5.0) - MODEL_ERROR_SHARE).abs() < 2e-5, "{}", within(5.0));
     }

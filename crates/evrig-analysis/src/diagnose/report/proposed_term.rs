@@ -1,4 +1,4 @@
-//! A term for what no effect of the library explains: the residual's own curve.
+//! A term outside the library: the residual as a function of a covariate.
 
 use crate::diagnose::checks::event_strata::{
     LocatedResidual, StratumCovariate, covariates, locate_residuals, stratum_of,
@@ -12,7 +12,7 @@ const MIN_TERM_GAIN_NATS_PER_EVENT: f64 = 0.01;
 
 const MIN_EVENTS_PER_POINT: u64 = 30;
 
-/// The covariate on which a recalibrated hazard gains most, with the curve of the innovation.
+/// The covariate with the largest recalibration gain, with the mean innovation as a curve.
 pub(crate) fn propose_term(evidence: &Evidence, model: &FittedModel) -> Option<ProposedTerm> {
     let events = locate_residuals(evidence, model);
     let all = covariates(&events);
@@ -30,8 +30,8 @@ pub(crate) fn propose_term(evidence: &Evidence, model: &FittedModel) -> Option<P
     })
 }
 
-/// Mean innovation of the training events, in thresholds, in each stratum of a covariate: value of
-/// the covariate, innovation, and its 90 % band.
+/// Per stratum: covariate, mean innovation of the training events in thresholds, and its 90 %
+/// band.
 fn curve(events: &[LocatedResidual], covariate: &StratumCovariate) -> Vec<[f64; 4]> {
     let n = covariate.edges.len() + 1;
     let mut values = vec![Moments::default(); n];
@@ -53,8 +53,8 @@ fn curve(events: &[LocatedResidual], covariate: &StratumCovariate) -> Vec<[f64; 
         .collect()
 }
 
-/// Where a term would enter: an error of time makes innovations grow with the light's slope, one of
-/// the threshold leaves them alike at all slopes.
+/// Point of entry of a term: under a timing error the innovation grows with the contrast rate,
+/// under a threshold error it does not.
 fn point_of_entry(events: &[LocatedResidual]) -> &'static str {
     let pairs: Vec<(f64, f64)> = events
         .iter()
@@ -64,7 +64,7 @@ fn point_of_entry(events: &[LocatedResidual]) -> &'static str {
         .collect();
     let early = events.iter().filter(|e| e.residual.innovation.is_some_and(|r| r < -0.7)).count();
     if early * 3 > events.len() {
-        // A third of the events come where the light has not moved at all.
+        // A third of the events come without a change of the signal.
         return "hazard";
     }
     let slope: Moments = pairs.iter().map(|p| p.0).collect();

@@ -43,7 +43,7 @@ struct DelayPeak {
 pub(super) fn needs(evidence: &Evidence) -> Result<(), String> {
     let n = evidence.event_context.frames_us().len();
     if n < MIN_FRAMES {
-        return Err(format!("the camera took {n} frames; it takes {MIN_FRAMES}"));
+        return Err(format!("the camera took {n} frames; at least {MIN_FRAMES} are needed"));
     }
     Ok(())
 }

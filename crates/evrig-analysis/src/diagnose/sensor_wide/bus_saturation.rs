@@ -21,9 +21,7 @@ pub(super) fn saturation(times: &[i64]) -> Option<Departure> {
     Some(Departure {
         id: EffectId::ReadoutSaturation,
         parameters: vec![("max_events_per_s", [rate, error])],
-        description: format!(
-            "no more than {rate:.0} events a second come through; the others wait"
-        ),
+        description: format!("the bus is saturated at {rate:.0} events per second"),
         z: rate / error,
         without: None,
     })

@@ -53,7 +53,8 @@ pub(super) fn pixels(evidence: &Evidence) -> Option<(Departure, BTreeSet<(u16, u
         id: EffectId::HotPixels,
         parameters: vec![("fraction", fraction)],
         description: format!(
-            "{n_hot} pixels fire over four times as often as those about them, {:.1} % of all events",
+            "{n_hot} pixels have more than four times the rate of their neighbours, {:.1} % of \
+             all events",
             100.0 * events / all
         ),
         z: (n_hot as f64).sqrt() * MIN_RATE_RATIO,

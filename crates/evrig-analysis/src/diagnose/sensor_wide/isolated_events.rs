@@ -125,8 +125,8 @@ impl RateStep {
         // Poisson log-likelihood gain of the observed mean, per event.
         let nats = (expected - behind - behind * (expected / behind).ln()) / n_events as f64;
         let description = format!(
-            "{ratio:.2} events for each that would be expected {us:.0} to {end:.0} us after the last event of the \
-             eight pixels around: what comes alone is missing, as behind a filter that asks for neighbours"
+            "{ratio:.2} events per expected event {us:.0} to {end:.0} us after the last event of \
+             the eight neighbours: isolated events are missing, as behind a neighbour filter"
         );
         let point = |reference_us: f64, log: f64, error: f64| {
             [reference_us, log, log - Z90 * error, log + Z90 * error]
@@ -257,7 +257,7 @@ mod tests {
         };
         let IsolatedEventDeficit { place, term } = step.report(1_000_000);
         assert_eq!((place.ratio, place.n_events), (Some(0.2), 200));
-        assert!(place.description.starts_with("0.20 events for each"), "{}", place.description);
+        assert!(place.description.starts_with("0.20 events per expected event"), "{}", place.description);
         let nats = (800.0 - 200.0 * 5.0_f64.ln()) * 1e-6;
         assert!((term.heldout_gain_nats_per_event - nats).abs() < 1e-12);
         assert!((term.curve[1][1] - 0.2_f64.ln()).abs() < 1e-12 && term.curve[0][0] < 10_000.0);

@@ -21,7 +21,8 @@ pub(super) fn readout(events: &[(i64, u16)]) -> Option<(Departure, bool)> {
         id: EffectId::RowReadout,
         parameters: vec![("row_us", [turn.us, turn.error_us])],
         description: format!(
-            "what waits in a row is read at once and stamped alike, a row every {:.1} us at most",
+            "waiting events of a row are read together with one time stamp, a row every {:.1} us \
+             at most",
             turn.us
         ),
         z: turn.us / turn.error_us,

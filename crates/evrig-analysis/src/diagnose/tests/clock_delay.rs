@@ -1,4 +1,4 @@
-//! A clock that is late by more than an ordinary one may be, and nuisances that have taken it upon themselves.
+//! A clock delay beyond the prior, absorbed by nuisances.
 
 use super::*;
 
@@ -12,7 +12,7 @@ fn a_late_clock_is_begun_with_where_threshold_and_noise_stand_in_for_it() {
     let truth = Hypothesis::baseline(&evidence).with(late, &[LATE_US]);
     let real = null_distribution::draw_recording(&evidence, &truth, 5);
     let best = gauss_newton::score_model(&real, truth.clone());
-    // As pixels seem that hardly see, and see something else.
+    // Nuisances of insensitive pixels.
     let blurred = [(Nuisance::LogTheta, 1.1_f64.ln()), (Nuisance::LogNoise, 1.1_f64.ln())];
     let model = blurred
         .into_iter()
@@ -21,7 +21,7 @@ fn a_late_clock_is_begun_with_where_threshold_and_noise_stand_in_for_it() {
     let first = effect_scan::first_step(&real, &real, &model, late, std::iter::empty()).unwrap();
     let us = first.hypothesis.nuisance(Nuisance::OffsetUs);
     assert!((us - LATE_US).abs() < 1_000.0, "{us} us");
-    // Steps of all values together have far to go to the truth's threshold and noise, and go most of the way.
+    // A joint step goes most of the way to the true threshold and noise.
     let [begun, found, all] = [&model, &first, &best].map(fitted::FittedModel::training);
     assert!(found - begun > 0.5 * (all - begun), "{begun} {found} {all}");
 }

@@ -1,4 +1,4 @@
-//! Pixels that never fire: what the trees look at, the events, does not tell of them.
+//! Dead pixels have no events, so that tests of events do not see them.
 
 use super::*;
 

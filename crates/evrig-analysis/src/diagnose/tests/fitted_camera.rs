@@ -1,4 +1,4 @@
-//! A fitted model becomes a camera: each of its parts is told to the generator once.
+//! A fitted model as a camera: each part is given to the generator once.
 
 use super::*;
 use serde_json::json;
@@ -70,7 +70,7 @@ fn what_the_law_holds_already_is_in_the_thresholds_and_is_not_told_again() {
 
 #[test]
 fn the_whole_sensor_has_no_more_background_than_its_silent_pixels_allow() {
-    // An event in every pixel but the first row's: of sixty rows one is silent, for three seconds.
+    // One event in every pixel but those of the first of sixty rows, over three seconds.
     let spikes = |y: u16| (0..60).map(move |x| evrig_core::event::Event { t: 1, x, y, on: true });
     let events: Events = (1..60).flat_map(spikes).collect();
     let by_pixel =
@@ -106,7 +106,7 @@ fn a_light_that_is_seen_late_begins_and_ends_late() {
     (registration.event_to_light_us, registration.skew, registration.reference_us) =
         (-2_000.0, 1e-3, 1_000_000.0);
     let tuned = RegisteredDrive::new(&Texture, registration);
-    // An event's time less 2 ms is the light's in the middle, and less 3 ms at the start.
+    // The signal's time is 2 ms before an event's in the middle, and 3 ms at the start.
     let [first, last] = tuned.span_us();
     assert!((first - 2_998).abs() <= 1 && (last - 3_000_000).abs() <= 1, "{first} {last}");
     let grid = TimeGrid { start_us: 1_000_000, step_us: 1_000, n: 3 };

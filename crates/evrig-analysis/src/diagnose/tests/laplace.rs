@@ -1,10 +1,10 @@
-//! Where a fit ends, how sure it claims to be, and what either half of the pixels says by itself.
+//! Maximum, standard errors and split-half fits.
 
 use super::*;
 use fit::fitted::FittedModel;
 use fit::gauss_newton::score_model;
 
-/// A fit of the model that the events were drawn from, with its errors.
+/// A fit, with standard errors, of the model that generated the events.
 fn fitted(evidence: &Evidence, truth: &Hypothesis, seed: u64) -> FittedModel {
     let drawn = null_distribution::draw_recording(evidence, truth, seed);
     standard_errors::with_standard_errors(&drawn, score_model(&drawn, truth.clone()))
@@ -30,7 +30,7 @@ fn values_are_off_by_about_what_their_errors_claim() {
             *square += (off / model.error_of(at)).powi(2) / n as f64;
         }
     }
-    // Chi-squared of four times six lies within 0.4 and 2 but once in five hundred.
+    // 99.8 % interval of a chi-squared variable with 24 degrees of freedom over 24.
     let mean = squares.iter().sum::<f64>() / 4.0;
     assert!((0.4..2.0).contains(&mean), "{squares:?}");
     for square in squares {
@@ -45,7 +45,7 @@ fn halves_that_are_not_alike_say_so() {
         let asymmetry = library(EffectId::ThresholdAsymmetry);
         Hypothesis::baseline(&evidence).with(asymmetry, &[ratio.ln()])
     };
-    // Even tiles have one ratio, odd ones another.
+    // Even and odd tiles have different ratios.
     let drawn =
         [1.1, 1.2].map(|ratio| null_distribution::draw_recording(&evidence, &with(ratio), 5));
     let spikes = evidence.pixels.iter().enumerate().map(|(i, pixel)| {
@@ -69,7 +69,7 @@ fn a_swing_between_instants_is_as_high_as_it_says() {
     let evidence = empty();
     let baseline = Hypothesis::baseline(&evidence);
     let view = baseline.view(&evidence, &evidence.pixels[0], [0.0; 2], Vec::new());
-    // Ten instants a swing; its share in straight lines from one to the next, finely summed.
+    // Ten samples per period; amplitude of the linear interpolation, finely summed.
     let hz = 0.1 / view.step_s();
     let at: Vec<f64> = view.swing(hz, 0.3).take(1001).collect();
     let middle = 0.5 * view.signal.len() as f64;

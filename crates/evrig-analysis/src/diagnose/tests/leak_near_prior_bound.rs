@@ -1,8 +1,8 @@
-//! A leak a little beyond what every camera has.
+//! A leak slightly above the prior bound.
 
 use super::*;
 
-/// An all but ideal camera, and a recording of it with a leak of 0.41 Hz.
+/// A nearly noise-free camera, and a recording with a leak of 0.41 Hz.
 fn leaking() -> (Hypothesis, Evidence) {
     let evidence = empty();
     let sharp = Hypothesis::baseline(&evidence).with_nuisance(Nuisance::LogNoise, -6.0);
@@ -17,13 +17,13 @@ fn leaking() -> (Hypothesis, Evidence) {
 #[test]
 fn an_all_but_ideal_camera_tells_a_leak_that_is_a_third_beyond_an_ordinary_one() {
     let (sharp, real) = leaking();
-    // The ordinary range ends at 0.3 Hz.
+    // The prior bound is 0.3 Hz.
     let held = gauss_newton::score_model(&real, sharp.with_nuisance(Nuisance::LeakHz, 0.3));
     let leak = library(EffectId::JunctionLeak);
     let first = effect_scan::first_step(&real, &real, &held, leak, std::iter::empty()).unwrap();
     let gain = first.training() - held.training();
     let hz = first.hypothesis.nuisance(Nuisance::LeakHz);
-    // From 0.6 Hz, the least that is begun with elsewhere, one step does not come as near as this.
+    // A start at 0.6 Hz, the smallest of the library, ends farther away after one step.
     assert!(gain > 0.0 && (0.3..0.5).contains(&hz), "{hz} Hz gains {gain} nats an event");
 }
 
@@ -32,7 +32,7 @@ fn a_value_that_has_far_to_go_goes_alone_where_steps_of_all_go_nowhere() {
     let (sharp, real) = leaking();
     let fitted =
         gauss_newton::fit(&real, sharp.with(library(EffectId::JunctionLeak), &[0.3]), 6, 1e-9);
-    // Steps of all values alone had come to rest at 0.312 Hz, where six of these gain 0.07 nats an event less.
+    // Joint steps alone stop at 0.312 Hz, 0.07 nats per event lower.
     let hz = fitted.hypothesis.nuisance(Nuisance::LeakHz);
     assert!((0.37..0.45).contains(&hz), "{hz} Hz");
 }
@@ -40,13 +40,13 @@ fn a_value_that_has_far_to_go_goes_alone_where_steps_of_all_go_nowhere() {
 #[test]
 fn a_photocurrents_leak_is_found_to_a_hundredth_beside_a_junctions_that_is_led_back() {
     let (sharp, _) = leaking();
-    // Of the junction's there is none; it had stood at the end of its range, and the two on their ridge.
+    // Without a junction leak, which was at its bound.
     let back = sharp.with_nuisance(Nuisance::LeakHz, 0.0);
     let leak = library(EffectId::PhotocurrentLeak);
     let real = null_distribution::draw_recording(&empty(), &back.with(leak, &[0.6]), 9);
     let rate = bound_escape::scan_first_parameter(&real, &back.with(leak, &[0.4]))
         .hypothesis
         .parameters_of(0)[0];
-    // Steps of an eighth alone come to 0.617, by which the ridge is left.
+    // Steps of an eighth alone end at 0.617 Hz.
     assert!((rate / 0.6 - 1.0).abs() < 0.008, "{rate} Hz");
 }

@@ -1,14 +1,14 @@
-//! Pixels of unknown threshold: theirs are planted and demanded back.
+//! Recovery of pixels' own thresholds.
 
 use super::*;
 
-/// Thresholds that scatter by 0.11, and are sharp: each pixel's own is told within a twentieth of that.
+/// Thresholds with a spread of 0.11, each resolved within a twentieth of that.
 fn planted_thresholds() -> (Evidence, Vec<PixelStratum>, Hypothesis) {
     planted(0.11, 0.013)
 }
 
-/// Thresholds that scatter by `spread`, where noise is a share `noise` of one. With what the pixels were
-/// given, and a model that is fine and has all but the thresholds.
+/// Thresholds with a spread `spread` and relative noise `noise`; with the true strata and a
+/// fine-grid model without mismatch.
 fn planted(spread: f64, noise: f64) -> (Evidence, Vec<PixelStratum>, Hypothesis) {
     let evidence = empty().thinned(4);
     let fine = Hypothesis { uses_fine_grid: true, ..Hypothesis::baseline(&evidence) };
@@ -27,7 +27,7 @@ fn planted(spread: f64, noise: f64) -> (Evidence, Vec<PixelStratum>, Hypothesis)
 
 #[test]
 fn thresholds_come_out_as_far_apart_as_they_are() {
-    // The second camera is all but free of noise: a pixel's thresholds are told that much more sharply.
+    // The second camera is nearly noise-free, so that thresholds are resolved more finely.
     for (own, noise) in [(0.11, 0.013), (0.2, 0.002)] {
         let (planted, kinds, sharp) = planted(own, noise);
         let n = kinds.len() as f64;
@@ -57,7 +57,7 @@ fn a_spread_is_taken_that_the_fine_score_sees_and_none_that_only_the_coarse_one_
         let coarse =
             gauss_newton::score_model(&evidence, Hypothesis { uses_fine_grid: false, ..apart });
         let model = gauss_newton::score_model(&evidence, sharp.clone());
-        // What would be named by it, and what suspected.
+        // Significant, and suggestive.
         for error in [0.02, 0.04] {
             let gain = effect_scan::EffectGain { id, training: 0.13, held_out: 0.13, error };
             let fitted = coarse.clone();
@@ -77,7 +77,7 @@ fn beside_a_held_hypothesis_scores_change_smoothly() {
     );
     let held = own.with_shared_grid(&planted);
     assert_eq!(held.clone().rescored(&planted).cells.log_likelihood, own.cells.log_likelihood);
-    // How much a step along a value differs from the next, at the most.
+    // Largest change of slope between successive steps along a value.
     let rough = |hypothesis: &Hypothesis| -> f64 {
         let bend = |i: usize| {
             let at = |k: i32| {
@@ -106,7 +106,7 @@ fn pixels_are_pinned_to_the_kind_that_was_planted_and_let_go_again() {
     let mut off: Vec<f64> = off.collect();
     off.sort_by(f64::total_cmp);
     assert!(off[off.len() / 2] < 0.15, "{off:?}");
-    // The scatter of known thresholds would be fitted to nothing.
+    // The spread of known thresholds is not fitted.
     let own = pinned.offset_of(0)..;
     assert_eq!(pinned.steps[own.clone()], [0.0; 2]);
     let again = pinned.unpin_strata(&model);
@@ -129,14 +129,14 @@ fn a_dead_time_beside_a_spread_of_thresholds_is_found_where_it_was_planted() {
     let gain = effect_scan::EffectGain { id: dead.id, training: 0.0, held_out: 0.0, error: 0.0 };
     let begun = effect_scan::TrialFit { gain, fitted, uses_all_pixels: true, has_converged: false };
     let found = begun.converged(&planted, &model);
-    // Fifteen pixels tell it no better than a fit does that begins where it is.
+    // Fifteen pixels resolve it no better than a fit that starts at the truth.
     let there = gauss_newton::fit(&planted, hidden.clone(), 12, 1e-5);
     let [us, own] = [&found.fitted, &there].map(|fitted| fitted.hypothesis.parameters_of(1)[0]);
     assert!((us / own - 1.0).abs() < 0.05, "{us} for {own}");
     let [found_nats, own] = [&found.fitted, &there].map(|fitted| fitted.training());
     assert!(found_nats > own - 0.01, "{found_nats} for {own}");
     assert!(found.gain.held_out > 4.0 * found.gain.error, "{:?}", found.gain);
-    // Thresholds are unknown again, and their scatter may be fitted.
+    // Strata are unknown again, and their spread is free.
     assert!(found.fitted.hypothesis.pixel_mixture().is_continuous());
     assert!(found.fitted.hypothesis.steps.iter().zip(&hidden.steps).all(|(a, b)| a == b));
 }

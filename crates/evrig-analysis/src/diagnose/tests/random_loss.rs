@@ -1,4 +1,4 @@
-//! A loss of events at random, and one that is none.
+//! Random loss of events, and a filter that imitates it.
 
 use super::*;
 

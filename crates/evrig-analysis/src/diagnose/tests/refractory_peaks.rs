@@ -1,9 +1,9 @@
-//! A dead time is found before anything is fitted.
+//! The refractory period is found before any fit.
 
 use super::*;
 use crate::diagnose::evidence::refractory_peaks::refractory_peaks_us;
 
-/// What an all but ideal camera sees, dead for a time left of the column 33.
+/// Events of a nearly noise-free camera with a refractory period left of column 33.
 fn drawn(dead_us: Option<f64>) -> Evidence {
     let evidence = empty();
     let mut model = Hypothesis::baseline(&evidence)

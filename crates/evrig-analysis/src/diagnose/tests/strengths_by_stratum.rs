@@ -1,4 +1,4 @@
-//! One strength in every stratum: what is drawn from a model shows it.
+//! Events simulated from the model have equal strength in every stratum.
 
 use super::*;
 

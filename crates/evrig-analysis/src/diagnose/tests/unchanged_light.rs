@@ -1,4 +1,4 @@
-//! A light that nothing changes is scored as it is, without a copy.
+//! An unchanged signal is scored without a copy.
 
 use super::*;
 
@@ -6,7 +6,7 @@ use super::*;
 fn a_light_that_nothing_changes_scores_as_its_copy_does() {
     let real = plant(None, &[]);
     let plain = Hypothesis::baseline(&real);
-    // A leak of nothing adds nothing, to a copy.
+    // A leak of zero copies the signal.
     let copied = plain.with(library(EffectId::PhotocurrentLeak), &[0.0]);
     let is_plain = |hypothesis: &Hypothesis| hypothesis.leaves_light_unchanged(&real.pixels[0]);
     assert!(is_plain(&plain) && !is_plain(&copied));
@@ -17,7 +17,7 @@ fn a_light_that_nothing_changes_scores_as_its_copy_does() {
     };
     let [own, of_copy] = scores(&real);
     assert_eq!(own, of_copy);
-    // Where the light bends was asked by now: one of half the contrast bends elsewhere.
+    // The bends were computed before: a signal of half the contrast bends elsewhere.
     let pale = |light: &mut [f32]| light.iter_mut().for_each(|level| *level *= 0.5);
     let [pale, of_copy] = scores(&real.with_light_of(&Changed(pale)));
     assert_eq!(pale, of_copy);

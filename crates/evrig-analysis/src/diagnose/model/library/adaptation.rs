@@ -29,10 +29,14 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         }
     },
     competing: &[EffectId::JunctionLeak, EffectId::TemperatureDrift],
-    separating_recording: "a slower pass: what is forgotten grows with the time it takes",
+    separating_recording: "a slower pass: adaptation grows with its duration",
     requires: |evidence| needs_span(evidence, 1.0),
     describe: |values| {
-        format!("{:.0} % of a change is forgotten within {:.2} s", values[1] * 100.0, values[0])
+        format!(
+            "the photoreceptor adapts to {:.0} % of a change within {:.2} s",
+            values[1] * 100.0,
+            values[0]
+        )
     },
     ..PLAIN
 };

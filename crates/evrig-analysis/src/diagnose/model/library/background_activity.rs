@@ -1,4 +1,4 @@
-//! Events that come at random.
+//! Random events.
 
 use super::{CandidateEffect, EffectId, FreedNuisance, Nuisance, PLAIN};
 
@@ -11,7 +11,7 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     freed: &[
         FreedNuisance { nuisance: Nuisance::LogBackgroundOn, range: [-9.0, MAX_LOG_RATE_HZ] },
         FreedNuisance { nuisance: Nuisance::LogBackgroundOff, range: [-9.0, MAX_LOG_RATE_HZ] },
-        // What is added to events behind the pixel, it does not memorise.
+        // Events added behind the pixel do not reset its reference level.
         FreedNuisance { nuisance: Nuisance::BackgroundResetsReference, range: [0.0, 1.0] },
     ],
     starting_points: |_| {
@@ -24,8 +24,6 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     },
     competing: &[EffectId::ShotNoise, EffectId::JunctionLeak, EffectId::HotPixels],
     separating_recording: "a static segment: noise alternates in polarity, background does not",
-    describe: |values| {
-        format!("every pixel fires {:.2} times a second for no reason in the light", values[0])
-    },
+    describe: |values| format!("every pixel has {:.2} background events per second", values[0]),
     ..PLAIN
 };

@@ -1,4 +1,4 @@
-//! The clocks' offset, when it is not what the session states.
+//! A clock offset that differs from the stated one.
 
 use super::{CandidateEffect, EffectId, FreedNuisance, Nuisance, PLAIN};
 
@@ -8,13 +8,13 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     source: "clock map of the session",
     freed: &[FreedNuisance { nuisance: Nuisance::OffsetUs, range: [-120_000.0, 120_000.0] }],
     starting_points: |evidence| {
-        // Where the camera's own frames are on time a delay of its events is the pixels' own.
+        // With the camera's own frames on time, a delay of its events is a pixel latency.
         match evidence.facts.clock_tie {
             Some(tied) if tied.is_off() => return vec![vec![tied.offset_us[0]]],
             Some(_) => return Vec::new(),
             None => {}
         }
-        // Between frames that are led along a start some ms off is behind another ridge.
+        // A start that is milliseconds off lies in another local maximum.
         let near = [2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0, 60.0];
         let far = [70.0, 80.0, 90.0, 100.0, 110.0];
         let ms = near.iter().chain(&far).flat_map(|ms| [*ms, -*ms]);
@@ -27,14 +27,17 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         EffectId::RollingShutter,
         EffectId::Misregistration,
     ],
-    // A delay that is the same for all pixels at all times is one number, wherever it arises,
-    // unless the camera's own frames say whether they are late too.
+    // A constant delay is one number wherever it arises, unless the camera's own frames show
+    // whether they are delayed too.
     inseparable: &[EffectId::PixelLatency],
     reference_error: |evidence| evidence.facts.clock_error_us()[0],
     separating_recording: "a flash that both cameras see",
     describe: |values| {
         let way = if values[0] > 0.0 { "late" } else { "early" };
-        format!("the event camera's stamps are {:.0} us {way} against the light", values[0].abs())
+        format!(
+            "the event camera's stamps are {:.0} us {way} relative to the light",
+            values[0].abs()
+        )
     },
     ..PLAIN
 };

@@ -12,7 +12,7 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     equation: "t_DAVIS = (1 + e) t",
     source: "Olson, IROS 2010",
     stage: SignalStage::Clock,
-    // Pictures of 24 a second that are stamped as 25 run 42 000 parts in a million fast.
+    // 24 frames per second stamped as 25 are 42 000 ppm fast.
     parameters: &[EffectParameter::linear("skew_ppm", [-50_000.0, 50_000.0], 20.0)],
     starting_points: |evidence| {
         let tied = evidence.facts.clock_tie.map(|tied| tied.skew_ppm[0]);
@@ -22,12 +22,12 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         tied.into_iter().chain(both).map(|ppm| vec![ppm]).collect()
     },
     apply: |values, _, view| {
-        // A clock that was set at the start goes off from there.
+        // The clock was set at the start.
         let fast = 1.0 + values[0] * 1e-6;
         view.start_us *= fast;
         view.step_us *= fast;
     },
-    // Skew and offset lie along a ridge; the tie says where on it.
+    // Skew and offset are correlated; the clock tie fixes the combination.
     offset_us: |evidence, values| {
         let tied = evidence.facts.clock_tie?;
         let middle_us = evidence.start_us + 0.5e6 * evidence.seconds();
@@ -38,13 +38,13 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         evidence.facts.clock_error_us()[1] / half_s
     },
     competing: &[EffectId::ClockOffset, EffectId::TemperatureDrift],
-    separating_recording: "a longer recording: a skew grows with it",
+    separating_recording: "a longer recording: the effect of a skew grows with it",
     requires: |evidence| needs_span(evidence, 1.0),
     has_signature: |evidence, values| {
-        // The camera's own frames run on the clock of its events: where they tell it, they agree.
+        // The camera's own frames share the clock of its events.
         let half = |tied: f64| tied * values[0].signum() > 0.5 * values[0].abs();
         evidence.facts.clock_tie.is_none_or(|tied| half(tied.skew_ppm[0]))
     },
-    describe: |values| format!("the event camera's clock gains {:.0} us a second", values[0]),
+    describe: |values| format!("the event camera's clock gains {:.0} us per second", values[0]),
     ..PLAIN
 };

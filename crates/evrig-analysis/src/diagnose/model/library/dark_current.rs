@@ -13,13 +13,14 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         let dark = values[0] as f32;
         view.signal.iter_mut().for_each(|signal| *signal = (signal.exp() + dark).ln());
     },
-    // Frames whose pedestal is less than stated.
+    // A pedestal below the stated one has the same law.
     same_law: &[EffectId::BlackLevel],
     competing: &[EffectId::BlackLevel, EffectId::ToneCurve, EffectId::PhotoreceptorBandwidth],
-    separating_recording: "frames with the lens cap on state the frames' pedestal; light five times stronger makes dark current small",
+    separating_recording: "dark frames with the lens cap on give the pedestal; five times more \
+         light makes dark current negligible",
     describe: |values| {
         format!(
-            "in the dark the event pixels see less contrast, as with a current of {:.1} % of white",
+            "dark current of {:.1} % of white reduces the contrast of dark pixels",
             values[0] * 100.0
         )
     },

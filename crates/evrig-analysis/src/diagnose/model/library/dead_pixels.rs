@@ -9,7 +9,7 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::DeadPixels,
     equation: "a share of the pixels has no events",
     source: "Joubert et al., Front. Neurosci. 15, 2021",
-    // The share is what the likelihood knows; the count on the sensor follows from it.
+    // The likelihood depends on the share; the count on the sensor is derived.
     parameters: &[EffectParameter::log("fraction", [1e-4, 0.5]).hidden()],
     starting_points: |_| vec![vec![0.02_f64.ln()]],
     mixture: Some(|hypothesis, index| PixelMixture::two_strata(hypothesis.parameters_of(index)[0])),

@@ -13,10 +13,10 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         vec![variance.abs().sqrt() * variance.signum()]
     },
     competing: &[EffectId::PhotoreceptorBandwidth, EffectId::FixedPole, EffectId::ExposureBlur],
-    separating_recording: "two speeds: a blurred lens takes the same detail at both",
+    separating_recording: "two speeds: defocus is the same at both",
     requires: needs_surroundings,
     describe: |values| {
-        format!("the event camera sees the print blurred by {:.2} px more than the map", values[0])
+        format!("the event camera's image is blurred by {:.2} px more than the map", values[0])
     },
     ..PLAIN
 };

@@ -13,9 +13,9 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     starting_points: |_| vec![vec![0.05], vec![0.12], vec![0.35]],
     apply: |values, _, view| view.law.drop_fraction = values[0],
     competing: &[EffectId::RefractoryPeriod, EffectId::ReadoutSaturation],
-    separating_recording: "a slower pass: losses on the bus grow with the rate of all pixels",
+    separating_recording: "a slower pass: losses on the bus grow with the event rate",
     describe: |values| {
-        format!("{:.0} % of the events are lost after the pixel has fired", values[0] * 100.0)
+        format!("{:.0} % of the events are lost behind the pixel", values[0] * 100.0)
     },
     ..PLAIN
 };

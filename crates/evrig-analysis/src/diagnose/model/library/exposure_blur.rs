@@ -1,4 +1,4 @@
-//! Frames that saw light for longer than stated.
+//! Frames with a longer exposure than stated.
 
 use super::{
     CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, logs, needs_surroundings,
@@ -12,7 +12,7 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     parameters: &[EffectParameter::log("exposure_us", [1_000.0, 60_000.0])],
     starting_points: |_| logs(&[5_000.0, 15_000.0]),
     apply: |values, _, view| {
-        // To second order a mean over T adds T^2 / 24 of the curvature; here it is taken off.
+        // To second order a mean over T adds T^2 / 24 of the curvature, which is subtracted.
         let half = ((0.5 * values[0] / view.step_us).round() as usize).max(1);
         let blurred = view.signal.clone();
         for i in half..blurred.len().saturating_sub(half) {

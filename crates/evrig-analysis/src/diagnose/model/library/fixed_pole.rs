@@ -1,4 +1,4 @@
-//! A pole behind the photoreceptor that does not depend on light.
+//! A pole behind the photoreceptor with constant bandwidth.
 
 use super::photoreceptor_bandwidth::{FirstOrderPole, filter};
 use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, logs};
@@ -20,12 +20,10 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         EffectId::PixelLatency,
         EffectId::Defocus,
     ],
-    separating_recording: "a faster pass: a pole also weakens what is fast, an offset of the clock does not",
+    separating_recording: "a faster pass: a pole also attenuates fast changes, a clock offset \
+         does not",
     describe: |values| {
-        format!(
-            "the pixel follows light only up to {:.0} Hz, in bright and in dark alike",
-            values[0]
-        )
+        format!("the pixel's bandwidth is {:.0} Hz, independent of intensity", values[0])
     },
     ..PLAIN
 };

@@ -1,4 +1,4 @@
-//! Light that pulsates.
+//! Periodic light.
 
 use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, needs_span};
 use crate::diagnose::evidence::spectral_lines;
@@ -32,10 +32,15 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         }
     },
     competing: &[EffectId::Vibration, EffectId::ApsCoupling],
-    separating_recording: "a static segment: flicker stays, vibration goes; and one with the camera's frames off",
+    separating_recording: "a static segment: flicker remains, vibration does not; and one with \
+         the camera's frames off",
     requires: |evidence| needs_span(evidence, 0.5),
     describe: |values| {
-        format!("the light pulsates at {:.1} Hz by {:.0} %", values[0], values[1] * 100.0)
+        format!(
+            "the light flickers at {:.1} Hz with a depth of {:.0} %",
+            values[0],
+            values[1] * 100.0
+        )
     },
     ..PLAIN
 };

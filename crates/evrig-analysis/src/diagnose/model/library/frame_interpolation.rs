@@ -1,4 +1,4 @@
-//! What happens between two frames is not a straight line.
+//! A signal between frames that is not linear.
 
 use super::{
     CandidateEffect, EffectId, EffectParameter, Evidence, PLAIN, PredictedPixel, SignalStage,
@@ -17,7 +17,8 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     requires: needs_frames,
     describe: |values| {
         format!(
-            "between frames the light does not go straight: {:.2} of a cubic's bend fits better",
+            "between frames the signal is not linear: {:.2} of the difference to a cubic fits \
+             better",
             values[0]
         )
     },
@@ -26,17 +27,17 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
 
 fn needs_frames(evidence: &Evidence) -> Result<(), String> {
     if evidence.facts.from_scene {
-        Err("the light comes from a map of the print, not from frames".into())
+        Err("the signal comes from a map of the target, not from frames".into())
     } else if evidence.facts.is_motion_compensated {
-        Err("between frames the light is led along with what moves".into())
+        Err("between frames the signal is interpolated along optical flow".into())
     } else if evidence.facts.frame_us < 3.0 * evidence.step_us {
-        Err("frames follow each other as fast as the light is sampled".into())
+        Err("the frame rate is as high as the sampling rate of the signal".into())
     } else {
         Ok(())
     }
 }
 
-/// Adds a share of what the cubic through four frames has over the straight line between two.
+/// Adds a share of the difference between cubic and linear interpolation.
 fn bend(share: f64, view: &mut PredictedPixel<'_>) {
     let evidence = view.evidence;
     let at = |t_us: i64| {

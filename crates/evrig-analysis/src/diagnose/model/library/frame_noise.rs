@@ -12,7 +12,8 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         needs_shown(
             evidence,
             EffectId::FrameNoise,
-            "it takes raw frames of a print, and a rig that states `read_noise_dn` of the frame camera",
+            "it needs raw frames of a printed target, and a rig that states `read_noise_dn` of \
+             the frame camera",
         )
     },
     ..PLAIN

@@ -1,4 +1,4 @@
-//! Pixels that fire by themselves.
+//! Pixels with a high background rate.
 
 use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, PixelMixture};
 

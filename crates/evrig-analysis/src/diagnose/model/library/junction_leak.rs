@@ -1,4 +1,4 @@
-//! Leak that does not depend on light.
+//! Leak independent of light.
 
 use super::{CandidateEffect, EffectId, FreedNuisance, Nuisance, PLAIN, needs_span};
 
@@ -14,11 +14,12 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         EffectId::BackgroundActivity,
         EffectId::ThresholdAsymmetry,
     ],
-    separating_recording: "a static segment in the dark: there a junction's leak stays and a photocurrent's goes",
+    separating_recording: "a static segment in the dark: a junction leak remains there, a \
+         photocurrent leak does not",
     requires: |evidence| needs_span(evidence, 1.0),
     describe: |values| {
         format!(
-            "every pixel drifts towards On by {:.2} thresholds a second, in any light",
+            "every pixel drifts towards ON by {:.2} thresholds per second, independent of light",
             values[0]
         )
     },

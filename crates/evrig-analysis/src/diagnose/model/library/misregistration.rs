@@ -1,4 +1,4 @@
-//! The event camera looks elsewhere than stated.
+//! A pose of the event camera that differs from the stated one.
 
 use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, needs_surroundings};
 use crate::diagnose::model::image_pose::ImagePose;
@@ -26,11 +26,12 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         });
     },
     competing: &[EffectId::ClockOffset, EffectId::RollingShutter],
-    separating_recording: "the circle run the other way round: a shift keeps its side, a delay changes it",
+    separating_recording: "the circle in the opposite direction: a shift keeps its sign, a delay \
+         changes it",
     requires: needs_surroundings,
     describe: |values| {
         format!(
-            "the event camera looks ({:.2}, {:.2}) px beside where the map has it",
+            "the event camera's image is shifted by ({:.2}, {:.2}) px against the map",
             values[0], values[1]
         )
     },

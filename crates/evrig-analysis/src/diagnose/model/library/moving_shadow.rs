@@ -1,19 +1,18 @@
-//! A shadow that crosses the print.
+//! A shadow that moves over the target.
 
 use super::{CandidateEffect, EffectId, PLAIN, needs_shown};
 
 pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::MovingShadow,
     equation: "L (1 - d f(x cos a + y sin a - v t))",
-    source: "what stands between lamp and print moves",
+    source: "an object moves between lamp and target",
     competing: &[EffectId::Vignetting, EffectId::Flicker, EffectId::Adaptation],
-    separating_recording: "a static segment: a shadow moves on while the print stays",
+    separating_recording: "a static segment: the shadow moves on while the target rests",
     requires: |evidence| {
         needs_shown(
             evidence,
             EffectId::MovingShadow,
-            "light that moves over the print is told from the print by many frames of it from a second \
-             camera",
+            "separating moving light from the target takes many frames of a second camera",
         )
     },
     ..PLAIN

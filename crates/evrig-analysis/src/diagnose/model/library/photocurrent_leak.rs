@@ -1,4 +1,4 @@
-//! Leak in proportion to light.
+//! Leak proportional to light.
 
 use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, needs_span};
 
@@ -22,7 +22,8 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     requires: |evidence| needs_span(evidence, 1.0),
     describe: |values| {
         format!(
-            "white pixels drift towards On by {:.2} thresholds a second, dark ones less",
+            "white pixels drift towards ON by {:.2} thresholds per second, others in proportion \
+             to their light",
             values[0]
         )
     },

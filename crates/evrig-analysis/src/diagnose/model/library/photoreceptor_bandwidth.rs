@@ -1,4 +1,4 @@
-//! Photoreceptor bandwidth that goes with intensity.
+//! Photoreceptor bandwidth proportional to intensity.
 
 use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, PredictedPixel, SignalStage};
 use std::f64::consts::TAU;
@@ -11,7 +11,7 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     parameters: &[
         EffectParameter::log("cutoff_hz_at_white", [0.5, 3_000.0]),
         EffectParameter::fixed("order", [1.0, 2.0]),
-        // In the dark the cutoff does not fall to nothing: dark current keeps a floor.
+        // Dark current keeps the cutoff above zero.
         EffectParameter::log("floor", [1e-3, 0.3]).hidden(),
     ],
     starting_points: |_| {
@@ -35,35 +35,36 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         EffectId::Defocus,
         EffectId::RefractoryPeriod,
     ],
-    separating_recording: "the same path in light five times weaker: this cutoff falls with the light, the others stay",
+    separating_recording: "the same path in five times less light: this cutoff falls with the \
+         light, the others do not",
     describe: |values| {
         format!(
-            "the photoreceptor follows light only up to {:.0} Hz at white, and less in proportion in the dark",
+            "the photoreceptor's bandwidth is {:.0} Hz at white, proportional to intensity",
             values[0]
         )
     },
     ..PLAIN
 };
 
-/// A first-order low-pass on its way from one instant to the next.
+/// A first-order low-pass filter with a fixed time step.
 #[derive(Clone, Copy)]
 pub(super) struct FirstOrderPole {
-    /// Its time constant, instants.
+    /// Time constant, instants.
     tau: f64,
-    /// What is left of a departure an instant later.
+    /// Decay factor per instant.
     kept: f64,
 }
 
 impl FirstOrderPole {
     pub(super) fn new(cutoff_hz: f64, step_s: f64) -> Self {
         let per_step = TAU * cutoff_hz.max(1e-3) * step_s;
-        // A signal is known to single precision; so is its exponential.
+        // The signal has single precision.
         Self { tau: per_step.recip(), kept: f64::from((-per_step as f32).exp()) }
     }
 }
 
-/// Passes the signal through a low-pass that goes by log intensity over white. Between instants the light is
-/// straight, which is met exactly.
+/// Low-pass filter with a cutoff that depends on log intensity; exact for a piecewise linear
+/// signal.
 pub(super) fn filter(view: &mut PredictedPixel<'_>, pole: impl Fn(f32) -> FirstOrderPole) {
     let level = &view.pixel.light;
     let mut state: Option<(f64, f64)> = None;

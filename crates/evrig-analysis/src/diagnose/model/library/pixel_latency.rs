@@ -1,4 +1,4 @@
-//! From the crossing to the request: events are late, the camera's own frames are not.
+//! Delay from threshold crossing to event; the camera's own frames are on time.
 
 use super::{CandidateEffect, EffectId, FreedNuisance, Nuisance, PLAIN};
 
@@ -15,15 +15,18 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     },
     report_freed: |values| vec![values[Nuisance::OffsetUs as usize]],
     competing: &[EffectId::FixedPole, EffectId::PhotoreceptorBandwidth, EffectId::ClockOffset],
-    separating_recording: "a light step: a latency moves its events, a pole spreads them",
+    separating_recording: "a light step: a latency shifts its events, a pole spreads them",
     requires: |evidence| match evidence.facts.clock_tie {
         Some(_) => Ok(()),
-        None => Err("nothing ties the events' clock to the light's but the events themselves: a \
-                     late clock and a late pixel are one number"
+        None => Err("only the events themselves tie their clock to the light's: a clock offset \
+             and a latency cannot be separated"
             .into()),
     },
     describe: |values| {
-        format!("events come {:.0} us behind their crossing; the frames are on time", values[0])
+        format!(
+            "events come {:.0} us after the threshold crossing; the frames are on time",
+            values[0]
+        )
     },
     ..PLAIN
 };

@@ -1,4 +1,4 @@
-//! Refractory period, in the pixel or behind it.
+//! Refractory period in the pixel, or a filter behind it.
 
 use super::{CandidateEffect, EffectId, EffectParameter, Evidence, PLAIN};
 use crate::diagnose::PixelEvidence;
@@ -19,9 +19,8 @@ fn intervals_of(pixel: &PixelEvidence) -> impl Iterator<Item = f64> + '_ {
     pixel.spikes.windows(2).map(|pair| (pair[1].t_us - pair[0].t_us) as f64)
 }
 
-/// Intervals than which few are shorter, of the whole sensor and of its left, right, upper and lower
-/// half: a dead time leaves none shorter than its own, and one that is begun with too long has every
-/// event against it.
+/// Short quantiles of the intervals, of the whole sensor and of each half: no interval is shorter
+/// than the period, and a longer one is excluded by every event.
 fn shortest_us(evidence: &Evidence) -> Vec<f64> {
     let shortest = |is_in: &dyn Fn(&PixelEvidence) -> bool, share: f64| {
         let own = evidence.pixels.iter().filter(|pixel| is_in(pixel));
@@ -46,11 +45,12 @@ fn shortest_us(evidence: &Evidence) -> Vec<f64> {
 
 pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::RefractoryPeriod,
-    equation: "no event in (t_i, t_i + t_r); x_mem = x(t_i + t_r), or the pixel fires on unheard",
+    equation: "no event in (t_i, t_i + t_r); x_mem = x(t_i + t_r), or events are discarded \
+         meanwhile",
     source: "Lichtsteiner, Posch and Delbruck, IEEE JSSC 43, 2008; Joubert et al., Front. Neurosci. 15, 2021",
     parameters: &[
         EffectParameter::log("refractory_us", [20.0, 200_000.0]),
-        // Whether the pixel fires and memorises meanwhile, as behind a filter of events.
+        // Whether the pixel goes on comparing meanwhile, as in front of a filter.
         EffectParameter::fixed("compares_on", [0.0, 1.0]).hidden(),
     ],
     starting_points: |evidence| {
@@ -74,17 +74,19 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         EffectId::EventDrop,
         EffectId::ReadoutSaturation,
     ],
-    separating_recording: "a second, faster pass: a dead time takes a fixed time, a filter a fixed share of the contrast",
+    separating_recording: "a second, faster pass: a refractory period is a fixed time, a low-pass \
+         a fixed share of the contrast",
     has_signature: |evidence, values| {
-        // Intervals within the dead time are the few that noise and background make.
+        // Noise and background make few intervals within the period.
         let within = intervals_us(evidence).filter(|us| *us < 0.9 * values[0]).count();
         within * 25 < intervals_us(evidence).count()
     },
     describe: |values| {
         let then = if values[1] < 0.5 {
-            "the pixel sees nothing and then takes the light anew"
+            "the pixel is blind and then stores a new reference level"
         } else {
-            "a pixel's events are lost, while it goes on comparing and memorising"
+            "a pixel's events are discarded, while it goes on comparing and storing reference \
+             levels"
         };
         format!("for {:.0} us after an event {then}", values[0])
     },

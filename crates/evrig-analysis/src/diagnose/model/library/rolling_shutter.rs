@@ -1,4 +1,4 @@
-//! Rows of a frame follow each other otherwise than stated.
+//! A row time of the frames that differs from the stated one.
 
 use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage};
 
@@ -13,7 +13,7 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         view.start_us += values[0] * (f64::from(view.pixel.y) + 0.5 - view.evidence.middle[1]);
     },
     competing: &[EffectId::ClockOffset, EffectId::RowReadout, EffectId::Misregistration],
-    separating_recording: "one camera turned upside down",
-    describe: |values| format!("each row of the light is {:.1} us later than stated", values[0]),
+    separating_recording: "one camera rotated by 180 degrees",
+    describe: |values| format!("each row of the frames is {:.1} us later than stated", values[0]),
     ..PLAIN
 };

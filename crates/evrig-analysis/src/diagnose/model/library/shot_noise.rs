@@ -13,12 +13,13 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         EffectParameter::log("bandwidth_hz", [1.0, 5_000.0]),
     ],
     starting_points: |_| {
-        // Its rate is so steep in both that slopes crawl along a narrow ridge: begun with is close by.
+        // The event rate is steep in both parameters: gradient steps are slow, so starts are
+        // dense.
         let sizes = [0.1_f64, 0.15, 0.2, 0.25, 0.3, 0.4];
         let paces = [30.0_f64, 75.0, 190.0, 480.0, 1200.0];
         sizes.into_iter().flat_map(|rms| paces.map(|hz| vec![rms.ln(), hz.ln()])).collect()
     },
-    // What was taken for thresholds that scatter was the signal's noise.
+    // Signal noise may have been fitted as threshold noise.
     nuisance_resets: &[(Nuisance::LogNoise, -3.5), (Nuisance::LogNoiseHz, 0.0)],
     theta_raises: &[0.0, 0.2, 0.4],
     apply: |values, _, view| {
@@ -27,16 +28,17 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         law.shot_speed_per_s = law.shot_at_white * SHOT_NOISE_RMS_SPEED * TAU * values[1];
     },
     competing: &[EffectId::BackgroundActivity, EffectId::FrameNoise, EffectId::StampJitter],
-    separating_recording: "a static segment: polarities of noise alternate, more than three in four",
+    separating_recording: "a static segment: more than 3/4 of the noise events alternate in \
+         polarity",
     requires: |evidence| {
         if evidence.facts.from_scene {
             Ok(())
         } else {
-            Err("what happens between frames cannot be told from noise without a map".into())
+            Err("without a map, changes between frames cannot be separated from noise".into())
         }
     },
     has_signature: |evidence, values| {
-        // Pairs within a few of the noise's own times are in turns On and Off.
+        // Events within a few correlation times alternate in polarity.
         let near_us = 5e6 / values[1].max(1e-3);
         let pairs = evidence.pixels.iter().flat_map(|pixel| pixel.spikes.windows(2));
         let near = pairs.filter(|pair| ((pair[1].t_us - pair[0].t_us) as f64) < near_us);
@@ -46,10 +48,7 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         n > 100 && turned * 10 > n * 3
     },
     describe: |values| {
-        format!(
-            "noise of {:.2} thresholds makes pixels fire by themselves, in turns On and Off",
-            values[0]
-        )
+        format!("noise of {:.2} thresholds causes events of alternating polarity", values[0])
     },
     ..PLAIN
 };

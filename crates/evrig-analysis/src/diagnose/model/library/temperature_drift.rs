@@ -1,4 +1,4 @@
-//! A leak that grows while the chip warms.
+//! A leak that grows as the chip warms up.
 
 use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, needs_span};
 
@@ -20,8 +20,6 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     competing: &[EffectId::JunctionLeak, EffectId::ClockSkew],
     separating_recording: "static segments at the start and at the end of a long recording",
     requires: |evidence| needs_span(evidence, 2.0),
-    describe: |values| {
-        format!("the leak grows by {:.2} events a second in every second", values[0])
-    },
+    describe: |values| format!("the leak grows by {:.2} events per second every second", values[0]),
     ..PLAIN
 };

@@ -1,4 +1,4 @@
-//! On and Off thresholds that differ.
+//! ON and OFF thresholds that differ.
 
 use super::{CandidateEffect, EffectId, FreedNuisance, Nuisance, PLAIN};
 
@@ -12,7 +12,7 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     competing: &[EffectId::JunctionLeak, EffectId::PhotocurrentLeak],
     separating_recording: "two speeds: an asymmetry is the same per cycle, a leak per second",
     describe: |values| {
-        format!("an On event takes {:.2} times the contrast of an Off event", values[0])
+        format!("an ON event takes {:.2} times the contrast of an OFF event", values[0])
     },
     ..PLAIN
 };

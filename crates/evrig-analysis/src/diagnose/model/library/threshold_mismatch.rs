@@ -1,4 +1,4 @@
-//! Thresholds that differ from pixel to pixel.
+//! Thresholds that differ between pixels.
 
 use super::{CandidateEffect, EffectId, EffectParameter, Hypothesis, PLAIN, PixelMixture};
 use crate::diagnose::Nuisance;
@@ -19,7 +19,7 @@ const GRID_STEP_IN_NOISE: f64 = 0.5;
 /// Largest ON-OFF correlation that the grid resolves.
 const MAX_CORRELATION: f64 = 0.9;
 
-/// How many values on either side of the middle are sharp enough, where the score is to be fine.
+/// Grid values to either side of the center.
 fn n_side(hypothesis: &Hypothesis, index: usize) -> usize {
     let [least, most] = N_SIDE_RANGE;
     if !hypothesis.uses_fine_grid {
@@ -30,9 +30,8 @@ fn n_side(hypothesis: &Hypothesis, index: usize) -> usize {
     (wanted.min(most as f64) as usize).next_power_of_two().clamp(least, most)
 }
 
-/// Thresholds in standard deviations from the middle of their law: those at which the hypothesis is held to
-/// be scored, else its own. The law is a normal one of two dimensions: a pixel's own comparators set its thresholds
-/// for On and Off apart, what they share together.
+/// Thresholds in standard deviations from the center, on the shared grid or an own one. The law is
+/// bivariate normal: comparators set ON and OFF thresholds, with a common part.
 fn mixture(hypothesis: &Hypothesis, index: usize) -> PixelMixture {
     let law_of = |hypothesis: &Hypothesis| {
         let law = hypothesis.law();
@@ -50,7 +49,7 @@ fn mixture(hypothesis: &Hypothesis, index: usize) -> PixelMixture {
 
 pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::ThresholdMismatch,
-    equation: "theta_p = theta exp(s e_p), e_p normal, fixed for each pixel; On and Off correlate",
+    equation: "theta_p = theta exp(s e_p), e_p normal, fixed for each pixel; ON and OFF correlate",
     source: "Lichtsteiner, Posch and Delbruck, IEEE JSSC 43, 2008 (2.1 % contrast)",
     parameters: &[
         EffectParameter::log("sigma_relative", [0.005, 1.0]),
@@ -60,7 +59,7 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     starting_points: |_| vec![vec![0.05_f64.ln(), 0.3], vec![0.15_f64.ln(), 0.3]],
     mixture: Some(mixture),
     apply: |values, [on, off], view| {
-        // What a leak alone would tell of a threshold is finer than the steps between those that are scored.
+        // A leak would resolve thresholds more finely than the grid.
         view.law.noise_at_rest = 1.0;
         view.law.theta_on *= (values[0] * on).exp();
         view.law.theta_off *= (values[0] * off).exp();
@@ -69,7 +68,10 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     competing: &[EffectId::HotPixels, EffectId::Vignetting, EffectId::ShotNoise],
     separating_recording: "the same path twice: a pixel's own threshold is the same in both",
     describe: |values| {
-        format!("thresholds differ from pixel to pixel by {:.0} %", values[0] * 100.0)
+        format!(
+            "thresholds differ between pixels with a standard deviation of {:.0} %",
+            values[0] * 100.0
+        )
     },
     ..PLAIN
 };
@@ -82,7 +84,7 @@ mod tests {
     #[test]
     fn kinds_have_the_law_that_was_asked_for() {
         let correlations = [-0.5, 0.0, 0.4, 0.9];
-        // Of the finer ones every other tells the sum of all.
+        // On finer grids half of the values are summed.
         let sizes = [(128, 1e-12), (256, 1e-6)];
         for (correlation, (n_side, sure)) in correlations.map(|c| sizes.map(|s| (c, s))).concat() {
             let own = GridSpacing { middle: 0.0, step: GRID_REACH / n_side as f64 };

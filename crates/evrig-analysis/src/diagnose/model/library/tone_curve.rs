@@ -12,8 +12,8 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         needs_shown(
             evidence,
             EffectId::ToneCurve,
-            "a power law of the frames is one number with the threshold; it takes frames of two cameras \
-             of the same print",
+            "a power law of the frames cannot be separated from the threshold; it takes frames of \
+             two cameras of the same target",
         )
     },
     ..PLAIN

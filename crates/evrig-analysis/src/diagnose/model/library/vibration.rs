@@ -1,4 +1,4 @@
-//! An arm that shakes.
+//! Vibration of the arm.
 
 use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, needs_surroundings};
 use crate::diagnose::evidence::spectral_lines;
@@ -38,8 +38,8 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
         evidence.facts.pixel_mm.map(|mm| ("amplitude_mm", px * mm)).into_iter().collect()
     },
     competing: &[EffectId::Flicker, EffectId::Misregistration],
-    separating_recording: "a static segment: vibration goes with the motors, flicker stays",
+    separating_recording: "a static segment: vibration stops with the motors, flicker remains",
     requires: needs_surroundings,
-    describe: |values| format!("the head shakes at {:.1} Hz", values[0]),
+    describe: |values| format!("the head vibrates at {:.1} Hz", values[0]),
     ..PLAIN
 };

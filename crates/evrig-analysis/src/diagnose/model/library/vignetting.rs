@@ -1,4 +1,4 @@
-//! A picture that darkens towards its corners.
+//! Light loss towards the image corners.
 
 use super::{CandidateEffect, EffectId, PLAIN, needs_shown};
 
@@ -7,13 +7,13 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     equation: "L (1 - c (r / r_corner)^2)",
     source: "Goldman, IEEE PAMI 32, 2010",
     competing: &[EffectId::ThresholdMismatch, EffectId::MovingShadow],
-    separating_recording: "a path that leads the same paper from the middle to a corner",
+    separating_recording: "a path that moves the same texture from the center to a corner",
     requires: |evidence| {
         needs_shown(
             evidence,
             EffectId::Vignetting,
-            "what does not change with time cancels in the logarithm; it takes a path that leads the \
-             same paper from the middle to a corner",
+            "a constant factor cancels in the logarithm; it takes a path that moves the same \
+             texture from the center to a corner",
         )
     },
     ..PLAIN

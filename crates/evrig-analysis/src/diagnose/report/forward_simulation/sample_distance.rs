@@ -1,4 +1,4 @@
-//! What two samples of events differ by.
+//! Distances between two samples of events.
 
 use crate::diagnose::checks::boosted_trees::{LabelledEvents, N_FOLDS, classify};
 use crate::diagnose::evidence::event_context::EventContext;
@@ -16,14 +16,14 @@ const N_DIRECTIONS: usize = 24;
 /// Time that counts as a distance of one pixel.
 const MICROSECONDS_PER_PIXEL: f64 = 5_000.0;
 
-/// Events a pixel, row by row.
+/// Events per pixel in row-major order.
 pub(super) fn counts(events: &Events, size: Size) -> Vec<u32> {
     let mut counts = vec![0; size.n_pixels()];
     events.as_slice().iter().for_each(|e| counts[size.index(e.x, e.y)] += 1);
     counts
 }
 
-/// Root mean square difference of counts a pixel, over the mean count of the camera.
+/// Root mean square difference of counts per pixel, over the recorded mean.
 pub(super) fn rmse(real: &[u32], simulated: &[u32]) -> Option<f64> {
     let n = real.len() as f64;
     let mean = real.iter().map(|c| f64::from(*c)).sum::<f64>() / n;
@@ -32,9 +32,8 @@ pub(super) fn rmse(real: &[u32], simulated: &[u32]) -> Option<f64> {
     (mean > 0.0).then(|| (square / n).sqrt() / mean)
 }
 
-/// How far two clouds of events lie apart, pixels: the mean over directions in space and time of
-/// the distance of their projections (Bonneel et al., J. Math. Imaging Vis. 51, 2015), On and Off
-/// each by itself, in proportion to the camera's.
+/// Sliced Wasserstein distance of two event clouds in space and time, pixels (Bonneel et al., J.
+/// Math. Imaging Vis. 51, 2015), averaged over polarities by recorded counts.
 pub(super) fn transport_px(
     real: &Events,
     simulated: &Events,
@@ -78,8 +77,8 @@ pub(super) fn transport_px(
     (weight > 0.0).then_some(sum / weight)
 }
 
-/// Accuracy with which trees that have not seen them tell the camera's events from the model's; a
-/// half where they cannot (Lopez-Paz and Oquab, ICLR 2017).
+/// Accuracy of a classifier two-sample test; 0.5 for equal distributions (Lopez-Paz and Oquab,
+/// ICLR 2017).
 pub(super) fn c2st_accuracy(
     real: &Events,
     simulated: &Events,
@@ -131,7 +130,7 @@ pub(super) fn c2st_accuracy(
     classify(&examples).map(|result| result.accuracy)
 }
 
-/// Share of a pixel's intervals in each bin.
+/// Share of the intervals in each bin.
 pub(super) fn interval_shares(
     events: &Events,
     size: Size,
