@@ -2,7 +2,7 @@
 
 use evrig_analysis::diagnose::TiedClocks;
 use evrig_core::time::{Davis, Span, Stamp, Unix};
-use evrig_reconstruct::clock::{Reference, SessionClocks};
+use evrig_reconstruct::clock::{SessionClocks, TimeReference};
 use evrig_reconstruct::scene::Scene;
 
 /// Where nothing bounds the statement, it is not one.
@@ -24,7 +24,7 @@ pub(super) fn tied_clocks(
     clocks: &SessionClocks,
     later_us: f64,
 ) -> Option<TiedClocks> {
-    if clocks.reference != Reference::Host {
+    if clocks.reference != TimeReference::Host {
         return None;
     }
     let path = &scene.reconstruction.path;
@@ -49,7 +49,10 @@ pub(super) fn tied_clocks(
     let is_meant = begin.abs().max(end.abs()) < MOST_LATE_US;
     (within_us < LEAST_SURE_US && is_meant).then_some(TiedClocks {
         offset_us: [0.5 * (begin + end) - later_us, registration.alignment_error[8] * 1e6],
-        skew_ppm: [(end - begin) / (to_s - from_s).max(1e-3), registration.alignment_error[9] * 1e6],
+        skew_ppm: [
+            (end - begin) / (to_s - from_s).max(1e-3),
+            registration.alignment_error[9] * 1e6,
+        ],
         within_us,
     })
 }
