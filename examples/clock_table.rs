@@ -7,9 +7,9 @@
 #![allow(clippy::print_stdout)]
 
 use evrig::clock::{
-    ClockError, ClockEstimate, ClockReading, EnvelopeOptions, FramePair, FramePairs,
-    MinimumLatency, PairOptions, PaperUnit, RateModel, clock_pair, envelope, hull, olson2,
-    paper_interval, paper_window,
+    ClockError, ClockEstimate, EnvelopeOptions, FramePair, FramePairs, MinimumLatency, PairOptions,
+    PaperUnit, RateModel, TwoSidedReading, clock_pair, envelope, hull, olson2, paper_interval,
+    paper_window,
 };
 use evrig::clock::{MotionOptions, RowTiming, TrackSample, motion};
 use evrig::time::{ClockMap, Davis, PiSensor, Span, Stamp, Unix};

@@ -11,7 +11,7 @@ use evrig::drive::{Drive, TimeGrid};
 use evrig::frame::Frame;
 use evrig::geometry::Homography;
 use evrig::rig::{Pose, Rig};
-use evrig::roi::{Lens, Light, Track, TrackOptions, Tracker};
+use evrig::roi::{Lens, SampleFormat, Track, TrackOptions, Tracker};
 use evrig::scene::{
     DavisInputs, PiInputs, RawLevels, Reconstruction, Registration, SceneDrive, align_davis,
     reconstruct_target,
@@ -158,10 +158,10 @@ fn run(case: &Case) -> Result<(), Box<dyn Error>> {
     );
 
     let begun = Instant::now();
-    let mosaic = Light::Mosaic { black_level_dn: rig.pi.camera.black_level_dn };
+    let mosaic = SampleFormat::Mosaic { black_level_dn: rig.pi.camera.black_level_dn };
     let pi_tracker = Tracker::new(&rig.target, &rig.pi.camera, TrackOptions::new(mosaic))?;
     let pi_track = tracked(pi_tracker, &raw)?;
-    let options = TrackOptions::new(Light::Brightness);
+    let options = TrackOptions::new(SampleFormat::Brightness);
     let davis_tracker = Tracker::new(&rig.target, &rig.davis.camera, options)?;
     let davis_track = tracked(davis_tracker, &aps)?;
     println!(

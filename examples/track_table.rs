@@ -10,9 +10,9 @@ mod render;
 use evrig::frame::{Frame, FrameTiming, Samples};
 use evrig::geometry::{Homography, Size};
 use evrig::rig::Rig;
-use evrig::roi::{Light, TrackOptions, Tracker};
+use evrig::roi::{SampleFormat, TrackOptions, Tracker};
 use evrig::time::{Davis, Stamp};
-use render::{Cells, Dice, Taking, random_corners, to_8_bits};
+use render::{TagCells, Taking, TestRandom, random_corners, to_8_bits};
 use std::error::Error;
 use std::time::{Duration, Instant};
 
@@ -72,18 +72,18 @@ fn frame(t_us: i64, bytes: Vec<u8>) -> Frame<Davis> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let rig = Rig::simulated()?;
-    let options = TrackOptions::new(Light::Brightness);
+    let options = TrackOptions::new(SampleFormat::Brightness);
     let n = 300;
     for (blur, noise) in [(1.0, 6.0), (1.5, 10.0)] {
         println!("346 x 260, tag 28..30 px, blur {blur} px, noise {noise} of 255, {n} frames");
-        let (mut dice, taking) = (Dice(1), Taking::davis346(blur));
+        let (mut dice, taking) = (TestRandom(1), Taking::davis346(blur));
         let [mut ours, mut whole, mut half] = [Row::default(), Row::default(), Row::default()];
         let (mut whole_frame, mut window) = (Duration::ZERO, Duration::ZERO);
         let mut n_timed = 0_u32;
         for _ in 0..n {
             let corners = random_corners(dice.between(28.0, 30.0), &taking, &mut dice);
             let map = Homography::fit(&[0, 1, 2, 3].map(|i| (corners[i], UNIT[i])))?;
-            let picture = taking.render(&Cells::tag36h11(0), &corners, |p| map.apply(p));
+            let picture = taking.render(&TagCells::tag36h11(0), &corners, |p| map.apply(p));
             let bytes = to_8_bits(&picture, noise, &mut dice);
             if let Some(found) = bare(&bytes, 1.0)? {
                 whole.take(&found, &corners);

@@ -4,7 +4,7 @@ use super::{Ending, Output};
 use crate::cli::SyncArgs;
 use crate::pipeline::{self, Freshness, Synced};
 use evrig_core::time::Span;
-use evrig_reconstruct::clock::{Attempt, LateStream, Reference, SessionClocks};
+use evrig_reconstruct::clock::{MethodResult, SessionClocks, StreamDelay, TimeReference};
 use evrig_session::Session;
 use serde_json::json;
 
@@ -31,8 +31,8 @@ pub(super) fn text(synced: &Synced) -> String {
     let clocks = &synced.clocks;
     let (tally, map) = (&synced.tally, &clocks.unix_from_sensor);
     let whose = match clocks.reference {
-        Reference::Host => "the host's Unix time",
-        Reference::PiWall => "the Pi's wall clock, taken for Unix time",
+        TimeReference::Host => "the host's Unix time",
+        TimeReference::PiWall => "the Pi's wall clock, taken for Unix time",
     };
     let mut lines = vec![format!(
         "SensorTimestamp to {whose} by {}: {} segments, {} steps, from {} frames and {} readings",
@@ -65,9 +65,9 @@ pub(super) fn text(synced: &Synced) -> String {
     if let Some(ahead) = clocks.wall_minus_host {
         lines.push(format!("  the Pi's wall clock is {ahead} ahead of the host's"));
     }
-    lines.push(format!("events: {}", clocks.events.because));
+    lines.push(format!("events: {}", clocks.events.reason));
     lines.push(motion(clocks));
-    lines.extend(clocks.late.iter().map(late));
+    lines.extend(clocks.stream_delays.iter().map(late));
     for (n, what) in
         [(tally.n_duplicate, "stamped twice"), (tally.n_missing, "missing between others")]
     {
@@ -98,9 +98,9 @@ fn motion(clocks: &SessionClocks) -> String {
 }
 
 /// How late a stream is whose stamps are not those of its own light.
-fn late(late: &LateStream) -> String {
-    let LateStream { stream, against, late_us, refused } = late;
-    match (late_us, refused) {
+fn late(late: &StreamDelay) -> String {
+    let StreamDelay { stream, against, delay_us, refused } = late;
+    match (delay_us, refused) {
         (Some(us), _) => format!(
             "`{stream}` shows light {} us +- {} later than its stamps, which are those of `{against}`; \
              corrected",
@@ -123,7 +123,7 @@ fn method(method: evrig_reconstruct::clock::Method) -> String {
     json.as_str().unwrap_or_default().to_owned()
 }
 
-fn refusal(attempt: &Attempt) -> Option<String> {
+fn refusal(attempt: &MethodResult) -> Option<String> {
     let because = attempt.refused.as_ref()?;
     Some(format!("  {} says nothing: {because}", method(attempt.method)))
 }

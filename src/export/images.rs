@@ -6,7 +6,7 @@ use evrig_core::time::{Clock, Davis, PiSensor, Stamp};
 use evrig_format::hdf5::{SideColumn, SideGroup};
 use evrig_format::npy::Column;
 use evrig_reconstruct::clock::ClockEstimate;
-use evrig_reconstruct::roi::{Track, View};
+use evrig_reconstruct::roi::{TargetView, Track};
 use evrig_session::{Picture, Session, SessionError, StreamKind};
 
 /// One image stream, a row an image.
@@ -91,7 +91,7 @@ fn rows<C: Clock>(
     let mut times = Vec::new();
     let mut own = Vec::new();
     let mut exposures: Option<[Vec<i64>; 2]> = Some([Vec::new(), Vec::new()]);
-    let mut views: Vec<Option<View>> = Vec::new();
+    let mut views: Vec<Option<TargetView>> = Vec::new();
     let mut residuals = Vec::new();
     for (shown, picture) in pictures.enumerate() {
         let picture = picture?;
@@ -136,19 +136,19 @@ fn rows<C: Clock>(
 /// Distance of the tag's corners in a frame from where the path puts them, root mean square over the
 /// four; none where the tag was not seen, or the path ends between its rows.
 fn residual_px<C: Clock>(track: &Track<C>, shown: u64) -> Option<f64> {
-    let at = track.sightings.binary_search_by_key(&shown, |sighting| sighting.frame).ok()?;
-    let sighting = &track.sightings[at];
+    let at = track.detections.binary_search_by_key(&shown, |detection| detection.frame).ok()?;
+    let detection = &track.detections[at];
     let mut squares = 0.0;
     for (i, place_mm) in track.plane.tag_corners_mm().into_iter().enumerate() {
-        let view = track.at(sighting.time + sighting.corner_delays[i]).ok()?;
-        let ([u, v], [x, y]) = (view.pixel(place_mm), sighting.corners_px[i]);
+        let view = track.at(detection.time + detection.corner_delays[i]).ok()?;
+        let ([u, v], [x, y]) = (view.pixel(place_mm), detection.corners_px[i]);
         squares += (x - u).powi(2) + (y - v).powi(2);
     }
     Some((squares / 4.0).sqrt())
 }
 
 /// Homographies and the picture's outline with its errors, NaN where there is no path.
-fn picture_columns(views: &[Option<View>], columns: &mut Vec<SideColumn>) -> Vec<[f64; 8]> {
+fn picture_columns(views: &[Option<TargetView>], columns: &mut Vec<SideColumn>) -> Vec<[f64; 8]> {
     let nowhere = [f64::NAN; 8];
     let flat =
         |corners: [[f64; 2]; 4]| -> [f64; 8] { std::array::from_fn(|i| corners[i / 2][i % 2]) };
@@ -159,7 +159,7 @@ fn picture_columns(views: &[Option<View>], columns: &mut Vec<SideColumn>) -> Vec
         })
     });
     let homographies = homographies.collect();
-    let rois: Vec<_> = views.iter().map(|view| view.as_ref().map(View::roi)).collect();
+    let rois: Vec<_> = views.iter().map(|view| view.as_ref().map(TargetView::roi)).collect();
     let corners: Vec<[f64; 8]> =
         rois.iter().map(|roi| roi.map_or(nowhere, |roi| flat(roi.polygon))).collect();
     let errors = rois.iter().flat_map(|roi| roi.map_or(nowhere, |roi| flat(roi.polygon_errors)));

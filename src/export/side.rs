@@ -43,7 +43,7 @@ impl Side {
         let clocks = pipeline::read_clocks(session)?.map(|clocks| {
             json!({ "davis_from_sensor": clocks.davis_from_sensor,
                     "unix_from_davis": clocks.events.unix_from_davis,
-                    "unix_from_davis_because": clocks.events.because })
+                    "unix_from_davis_because": clocks.events.reason })
         });
         let heading = json!({
             "schema": "evrig.export/1",

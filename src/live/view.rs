@@ -6,7 +6,7 @@ use evrig_core::frame::Frame;
 use evrig_core::geometry::Size;
 use evrig_core::time::{Davis, HostMonotonic, Span, Stamp};
 use evrig_format::aedat4::Content;
-use evrig_reconstruct::roi::{Light, Spotter};
+use evrig_reconstruct::roi::{SampleFormat, SingleFrameDetector};
 use evrig_record::host_clock;
 use evrig_record::recorder::Sample;
 use evrig_session::HostTime;
@@ -30,7 +30,7 @@ pub struct View {
     size: Size,
     /// On minus Off events of each pixel.
     balance: Vec<i16>,
-    spotter: Spotter,
+    spotter: SingleFrameDetector,
     looked: Option<Stamp<HostMonotonic>>,
     tag_px: Option<[[f64; 2]; 4]>,
     began: Option<Stamp<HostMonotonic>>,
@@ -49,7 +49,7 @@ struct Counts {
 
 impl View {
     pub(super) fn new(size: Size, (family, id): (&str, u32)) -> Result<Self, LiveError> {
-        let spotter = Spotter::new(family, id, Light::Brightness);
+        let spotter = SingleFrameDetector::new(family, id, SampleFormat::Brightness);
         Ok(Self {
             size,
             balance: vec![0; size.n_pixels()],
@@ -108,7 +108,7 @@ impl View {
         let now = host_clock::now();
         if self.looked.is_none_or(|looked| now - looked >= BETWEEN_LOOKS) {
             self.looked = Some(now);
-            self.tag_px = self.spotter.look(frame);
+            self.tag_px = self.spotter.search(frame);
         }
         self.tag_px
     }

@@ -8,7 +8,7 @@ use evrig_core::time::{ClockMap, Davis, PiSensor};
 use evrig_format::npy::{ArrayReader, ArrayWriter, Column, Element};
 use evrig_reconstruct::roi::Lens;
 use evrig_reconstruct::scene::{
-    DavisInputs, FrameSource, FrameVisitor, PATH_COLUMNS, PiInputs, RawLevels, Scene,
+    DavisInputs, FrameVisitor, PATH_COLUMNS, PiInputs, RawFrames, RawLevels, Scene,
     SceneParameters, align_davis, reconstruct_target,
 };
 use evrig_session::rig::{CameraDescription, Mount};
@@ -39,7 +39,7 @@ struct Recorded<'a> {
     n_all: u64,
 }
 
-impl FrameSource for Recorded<'_> {
+impl RawFrames for Recorded<'_> {
     type Error = PipelineError;
 
     fn replay(&mut self, see: &mut FrameVisitor<'_>) -> Result<(), PipelineError> {

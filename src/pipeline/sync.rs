@@ -6,8 +6,8 @@ use evrig_core::time::{Clock, PiSensor, Span, Unix};
 use evrig_core::units::Pixels;
 use evrig_format::npy::NpzWriter;
 use evrig_reconstruct::clock::{
-    Evidence, FramePair, MotionOptions, Reference, SessionClocks, TrackSample, host_reading,
-    synchronise,
+    ClockObservations, FramePair, MotionOptions, SessionClocks, TimeReference, TrackSample,
+    host_reading, synchronise,
 };
 use evrig_reconstruct::roi::Track;
 use evrig_session::rig::Rig;
@@ -97,14 +97,18 @@ pub fn sync(session: &Session, force: bool) -> Result<Synced, PipelineError> {
     if let Some([(davis, AnyTrack::Davis(real)), (pi, AnyTrack::Pi(seen))]) = &tracks {
         // Two clocks read side by side are nearly right; else the offset may be anywhere in a second.
         let search = match clocks.reference {
-            Reference::Host => Span::from_micros(50_000),
-            Reference::PiWall => Span::from_micros(500_000),
+            TimeReference::Host => Span::from_micros(50_000),
+            TimeReference::PiWall => Span::from_micros(500_000),
         };
         let options = MotionOptions { search, ..MotionOptions::default() };
         clocks.refine([davis, pi], &samples(real), &samples(seen), &options);
     }
     if let Some([rgb, raw]) = &late {
-        clocks.late.push(evrig_reconstruct::clock::late(RGB_AND_RAW, &samples(rgb), &samples(raw)));
+        clocks.stream_delays.push(evrig_reconstruct::clock::estimate_stream_delay(
+            RGB_AND_RAW,
+            &samples(rgb),
+            &samples(raw),
+        ));
     }
     clear(&directory)?;
     write_clocks(session, &clocks)?;
@@ -136,7 +140,7 @@ fn write_clocks(session: &Session, clocks: &SessionClocks) -> Result<(), Pipelin
 /// Each frame's stamps as they were recorded, and beside them what the maps make of them.
 fn write_frames(
     session: &Session,
-    evidence: &Evidence,
+    evidence: &ClockObservations,
     clocks: &SessionClocks,
 ) -> Result<(), PipelineError> {
     let path = session.layout().derived("sync", None).join("frames.npz");
@@ -157,7 +161,7 @@ fn write_frames(
 }
 
 /// What the session's files say of its clocks.
-fn evidence(session: &Session) -> Result<(Evidence, SyncTally), PipelineError> {
+fn evidence(session: &Session) -> Result<(ClockObservations, SyncTally), PipelineError> {
     let notes = session.rig_notes()?;
     let rig = session.rig()?;
     let stamps = if notes.metadata.is_empty() {
@@ -172,7 +176,7 @@ fn evidence(session: &Session) -> Result<(Evidence, SyncTally), PipelineError> {
         .collect();
     let sensor_ns: Vec<i64> = stamps.iter().map(|(sensor, _)| sensor.as_nanos()).collect();
     let (n_duplicate, n_missing) = doubt(&sensor_ns);
-    let evidence = Evidence {
+    let evidence = ClockObservations {
         wall_readings: wall_readings(&notes),
         host_readings: host_readings(&notes),
         arrivals: arrivals(session, &notes),
@@ -212,11 +216,11 @@ fn readout(rig: &Rig) -> Span {
     Span::from_nanos(rig.pi.camera.row_time.as_nanos().saturating_mul(rows))
 }
 
-fn wall_readings(notes: &RigNotes) -> Vec<evrig_reconstruct::clock::ClockReading> {
+fn wall_readings(notes: &RigNotes) -> Vec<evrig_reconstruct::clock::TwoSidedReading> {
     let numbered = notes.exchanges.iter().zip(0..);
     let reading = |(exchange, group): (&evrig_session::ClockExchange, u64)| {
         let pi = exchange.pi;
-        evrig_reconstruct::clock::ClockReading {
+        evrig_reconstruct::clock::TwoSidedReading {
             group,
             before: pi.boottime_before,
             real: pi.realtime,
@@ -226,7 +230,7 @@ fn wall_readings(notes: &RigNotes) -> Vec<evrig_reconstruct::clock::ClockReading
     numbered.map(reading).collect()
 }
 
-fn host_readings(notes: &RigNotes) -> Vec<evrig_reconstruct::clock::ClockReading> {
+fn host_readings(notes: &RigNotes) -> Vec<evrig_reconstruct::clock::TwoSidedReading> {
     let numbered = notes.exchanges.iter().zip(0..);
     let reading = |(exchange, group): (&evrig_session::ClockExchange, u64)| {
         let inside = [exchange.pi.boottime_before, exchange.pi.boottime_after];
@@ -291,21 +295,22 @@ fn rgb_and_raw(session: &Session) -> Result<Option<[Track<PiSensor>; 2]>, Pipeli
 /// as stated.
 const COMMON_PX: f64 = 0.003;
 
-/// The middle of the tag in each sighting as a perfect lens would show it.
+/// The middle of the tag in each detection as a perfect lens would show it.
 fn samples<C: Clock>(track: &Track<C>) -> Vec<TrackSample<C>> {
-    let sightings = track.sightings.iter();
-    sightings
-        .filter_map(|sighting| {
-            let mean = |axis: usize| sighting.corners_px.iter().map(|c| c[axis]).sum::<f64>() / 4.0;
+    let detections = track.detections.iter();
+    detections
+        .filter_map(|detection| {
+            let mean =
+                |axis: usize| detection.corners_px.iter().map(|c| c[axis]).sum::<f64>() / 4.0;
             let [x, y] = track.lens.undistort([0, 1].map(mean))?;
             // The variance of the mean of four corners along x and y, correlations in it.
             let sum = |axis: usize| -> f64 {
                 let places = (0..4).flat_map(|a| (0..4).map(move |b| (2 * a + axis, 2 * b + axis)));
-                places.map(|(i, j)| sighting.covariance_px2[i][j]).sum()
+                places.map(|(i, j)| detection.covariance_px2[i][j]).sum()
             };
             let variance = track.quality.variance_factor * (sum(0) + sum(1)) / 2.0 / 16.0;
             Some(TrackSample {
-                at: sighting.time,
+                at: detection.time,
                 x: Pixels(x),
                 y: Pixels(y),
                 error: Pixels(variance.max(0.0).sqrt().hypot(COMMON_PX)),

@@ -3,7 +3,7 @@
 use super::{Freshness, PipelineError, clear, fresh_record, inputs, read_json, sync::missing};
 use evrig_core::frame::Frame;
 use evrig_core::time::{Clock, Davis, PiSensor};
-use evrig_reconstruct::roi::{Light, Track, TrackOptions, Tracker};
+use evrig_reconstruct::roi::{SampleFormat, Track, TrackOptions, Tracker};
 use evrig_session::rig::{CameraDescription, Rig};
 use evrig_session::{
     Origin, Picture, Session, SessionError, StageRecord, StreamKind, StreamName, read_stage,
@@ -234,13 +234,13 @@ impl Follow<'_> {
 }
 
 /// What the tracker must know of the samples.
-fn light<C: Clock>(picture: &Picture<C>) -> Light {
+fn light<C: Clock>(picture: &Picture<C>) -> SampleFormat {
     match picture.facts.bayer {
         Some(_) => {
             let black: f32 = picture.facts.black_dn.iter().sum::<f32>() / 4.0;
-            Light::Mosaic { black_level_dn: f64::from(black) }
+            SampleFormat::Mosaic { black_level_dn: f64::from(black) }
         }
-        None => Light::Brightness,
+        None => SampleFormat::Brightness,
     }
 }
 

@@ -153,7 +153,7 @@ fn a_published_recording_with_its_faults_comes_to_one_clock_and_one_target() {
 /// In this second of motion the tracks may be too short to tell; a number must then not be claimed.
 fn rgb_is_late_or_why_not_is_said(imported: &Path) {
     let clocks = read_clocks(&Session::open(imported).unwrap()).unwrap().unwrap();
-    match (clocks.late[0].late_us, &clocks.late[0].refused) {
+    match (clocks.stream_delays[0].delay_us, &clocks.stream_delays[0].refused) {
         (Some(late), None) => {
             let wrong = late.value - FRAME_US as f64;
             assert!(wrong.abs() < 4.0 * late.standard_error, "{late:?}");

@@ -4,7 +4,7 @@ use crate::small_rig::small_rig;
 use evrig::drive::{Drive, TimeGrid};
 use evrig::frame::Frame;
 use evrig::rig::{Pose, Rig};
-use evrig::roi::{Lens, Light, Track, TrackOptions, Tracker};
+use evrig::roi::{Lens, SampleFormat, Track, TrackOptions, Tracker};
 use evrig::scene::{
     DavisInputs, PiInputs, PointSpread, RawLevels, Scene, SceneError, align_davis,
     reconstruct_target,
@@ -73,9 +73,9 @@ fn seen_in(description: &WorldDescription) -> Seen {
     let raw: Vec<_> = shown.into_iter().filter_map(|frame| frame.raw).collect();
     let aps = DavisTwin::new(Arc::clone(&world), Span::ZERO).advance_to(until).frames;
     let black_level_dn = rig.pi.camera.black_level_dn;
-    let mosaic = TrackOptions::new(Light::Mosaic { black_level_dn });
+    let mosaic = TrackOptions::new(SampleFormat::Mosaic { black_level_dn });
     let pi_track = tracked(Tracker::new(&rig.target, &rig.pi.camera, mosaic).unwrap(), &raw);
-    let grey = TrackOptions::new(Light::Brightness);
+    let grey = TrackOptions::new(SampleFormat::Brightness);
     let davis_track = tracked(Tracker::new(&rig.target, &rig.davis.camera, grey).unwrap(), &aps);
     let known = PiInputs {
         size: rig.pi.camera.size,
@@ -220,7 +220,7 @@ fn frames_of_another_size_are_refused_with_their_number() {
         .frames_until(Span::from_micros(150_000));
     let raw: Vec<_> = shown.into_iter().filter_map(|frame| frame.raw).collect();
     let black_level_dn = rig.pi.camera.black_level_dn;
-    let mosaic = TrackOptions::new(Light::Mosaic { black_level_dn });
+    let mosaic = TrackOptions::new(SampleFormat::Mosaic { black_level_dn });
     let track = tracked(Tracker::new(&rig.target, &rig.pi.camera, mosaic).unwrap(), &raw);
     let known = PiInputs {
         size: evrig::geometry::Size::new(100, 100),

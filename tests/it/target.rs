@@ -3,7 +3,7 @@
 
 use crate::small_rig;
 
-use evrig::clock::Reference;
+use evrig::clock::TimeReference;
 use evrig::generate::{Choice, GenerateParameters};
 use evrig::pipeline::{
     AnyTrack, CompareRequest, FilterRequest, FilterSettings, Freshness, GenerateRequest,
@@ -52,7 +52,7 @@ fn tracked(session: &Session, stream: &str) -> evrig::pipeline::Tracked {
 fn the_pis_frames_come_to_lie_where_the_world_took_them() {
     let session = session();
     let clocks = read_clocks(&session).unwrap().unwrap();
-    assert_eq!(clocks.reference, Reference::Host);
+    assert_eq!(clocks.reference, TimeReference::Host);
     let at_ns = 500_000_000;
     // The Pi's crystal gains 10 us a second on the world.
     let sensor = Stamp::<PiSensor>::from_nanos(PI_BOOT_NS + at_ns + at_ns / 100_000);

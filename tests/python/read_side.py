@@ -39,7 +39,7 @@ def on_events_clock(stream, stamps_ns):
     """The Pi's stamps by the clock that `evrig sync` left."""
     clock = json.loads((session / "derived/sync/clock.json").read_text())
     segments = clock["davis_from_sensor"]["segments"]
-    late = {one["stream"]: (one["late_us"] or {}).get("value", 0.0) for one in clock.get("late", [])}
+    late = {one["stream"]: (one["delay_us"] or {}).get("value", 0.0) for one in clock.get("stream_delays", [])}
     mapped = []
     for stamp in stamps_ns:
         inside = [s for s in segments if stamp <= s["last"]] or [segments[-1]]
@@ -82,7 +82,7 @@ def check_tracks(side):
         assert image["corner_rms_px"] == track["quality"]["corner_rms_px"]
         homographies = column(side, number, "ideal_px_from_target_mm")
         residuals = column(side, number, "corner_residual_px")
-        sightings = {one["frame"]: one for one in track["sightings"]}
+        sightings = {one["frame"]: one for one in track["detections"]}
         own = []
         for row, (h, residual) in enumerate(zip(homographies, residuals)):
             if row not in sightings:

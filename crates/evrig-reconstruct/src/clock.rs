@@ -24,14 +24,14 @@ mod error;
 mod estimate;
 mod hull;
 mod input;
-mod late;
 mod motion;
 mod olson2;
 mod order;
 mod paper_interval;
 mod paper_window;
-mod rows;
+mod row_timing;
 mod steps;
+mod stream_delay;
 mod synchronise;
 mod trace;
 
@@ -43,20 +43,18 @@ pub use clock_pair::{PairOptions, clock_pair};
 pub use envelope::{EnvelopeOptions, RateModel, envelope};
 pub use error::ClockError;
 pub use estimate::{
-    ClockEstimate, Diagnostics, Method, MinimumLatency, PaperChoice, Segment, SegmentError,
+    ClockEstimate, ClockSegment, Diagnostics, Method, MinimumLatency, PaperChoice, SegmentError,
     SegmentStart,
 };
 pub use hull::hull;
-pub use input::{
-    ClockReading, FramePair, FramePairs, PairTally, SensorStamps, SensorUnit, sensor_stamps,
-};
-pub use late::{LateStream, late};
+pub use input::{FramePair, FramePairs, PairTally, TwoSidedReading};
 pub use motion::{MotionEstimate, MotionOptions, TrackSample, motion};
 pub use olson2::olson2;
 pub use paper_interval::{PaperUnit, paper_interval};
 pub use paper_window::paper_window;
-pub use rows::{ExposureSign, RowTiming};
+pub use row_timing::{ExposureSign, RowTiming};
+pub use stream_delay::{StreamDelay, estimate_stream_delay};
 pub use synchronise::{
-    Attempt, EventsClock, Evidence, MotionAttempt, Reference, SessionClocks, host_reading,
-    synchronise,
+    ClockObservations, EventsClock, MethodResult, MotionResult, SessionClocks, TimeReference,
+    host_reading, synchronise,
 };

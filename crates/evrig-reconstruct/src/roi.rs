@@ -10,7 +10,6 @@
 //! resolution with the four Bayer sites balanced on the tag.
 //!
 //! # Errors on rendered frames
-//!
 //! Side 28 to 30 px at 346 x 260, any rotation, each corner moved by up to 8 % of the side, 300
 //! frames per row; root-mean-square distance of the corners (`cargo run --release --example
 //! track_table`):
@@ -20,16 +19,16 @@
 //! | 1.0 px, 6 of 255 | this module | 100 % | 0.058 px |
 //! | | the AprilTag library alone | 100 % | 0.140 px |
 
-mod corners;
-mod detect;
-mod fit;
-mod grey;
+mod corner_fit;
+mod detection;
+mod grey_image;
 mod lens;
 mod observe;
-mod sighting;
-mod smooth;
-mod spot;
-mod state;
+mod path_fit;
+mod path_state;
+mod single_frame;
+mod smoother;
+mod tag_detector;
 mod target;
 mod track;
 mod track_error;
@@ -38,12 +37,14 @@ mod tracker;
 #[cfg(test)]
 mod render;
 
-pub use grey::Light;
+pub use detection::{LossReason, Searched, TagDetection, TrackTally};
+pub use grey_image::SampleFormat;
 pub use lens::Lens;
-pub use sighting::{Lost, Searched, Sighting, TrackTally};
-pub use spot::Spotter;
+pub use single_frame::SingleFrameDetector;
 pub use target::TargetPlane;
-pub use track::{Gap, Knot, Loss, NoPath, Quality, Roi, Track, View};
+pub use track::{
+    LostFrame, Roi, TargetView, Track, TrackGap, TrackKnot, TrackQuality, TrackTimeError,
+};
 pub use track_error::TrackError;
 pub use tracker::{TrackOptions, Tracker};
 

@@ -59,7 +59,7 @@ pub use moving_illumination::MovingIllumination;
 pub use path::{HeadPath, PathKnot};
 pub use pi_camera::RawLevels;
 pub use point_spread::PointSpread;
-pub use reconstruction::{FrameSource, FrameVisitor, PiInputs, Reconstruction, reconstruct_target};
+pub use reconstruction::{FrameVisitor, PiInputs, RawFrames, Reconstruction, reconstruct_target};
 pub use registration::Registration;
 pub use store::{PATH_COLUMNS, Scene, SceneParameters};
 pub use tone::ToneFit;

@@ -8,7 +8,7 @@ use super::plot::chart::{Axis, Chart, Layer, Stroke};
 use super::table::{Cell, Column, Table};
 use evrig_analysis::filter::Tally;
 use evrig_core::time::Span;
-use evrig_reconstruct::clock::{Attempt, Method, Reference, SessionClocks};
+use evrig_reconstruct::clock::{Method, MethodResult, SessionClocks, TimeReference};
 
 /// Time from each frame to the next on both clocks of the Pi.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,8 +67,8 @@ pub fn clock_section(clocks: &SessionClocks, intervals: &[FrameInterval]) -> Sec
 
 fn clock_facts(clocks: &SessionClocks) -> Vec<Fact> {
     let reference = match clocks.reference {
-        Reference::Host => "the host's clock",
-        Reference::PiWall => "the Pi's wall clock, taken for the host's",
+        TimeReference::Host => "the host's clock",
+        TimeReference::PiWall => "the Pi's wall clock, taken for the host's",
     };
     let mut facts = vec![Fact::new("Unix time is", reference)];
     let map = &clocks.davis_from_sensor;
@@ -82,7 +82,7 @@ fn clock_facts(clocks: &SessionClocks) -> Vec<Fact> {
         let [low, high] = error.absolute95.map(end);
         facts.push(Fact::new("truth minus map, absolute, 95\u{a0}%", format!("{low} to {high}")));
     }
-    facts.push(Fact::new("events", clocks.events.because.clone()));
+    facts.push(Fact::new("events", clocks.events.reason.clone()));
     if let Some(motion) = &clocks.motion {
         let words = match (&motion.estimate, &motion.refused) {
             (_, Some(because)) => format!("not used: {because}"),
@@ -94,8 +94,8 @@ fn clock_facts(clocks: &SessionClocks) -> Vec<Fact> {
         };
         facts.push(Fact::new("motion seen by both cameras", words));
     }
-    for late in &clocks.late {
-        let words = match (&late.late_us, &late.refused) {
+    for late in &clocks.stream_delays {
+        let words = match (&late.delay_us, &late.refused) {
             (Some(us), _) => format!(
                 "its light is {:.0} ± {:.0} µs later than its stamps, which are those of {}",
                 us.value, us.standard_error, late.against
@@ -128,7 +128,7 @@ fn methods(clocks: &SessionClocks) -> Table {
         let at = first.as_nanos().midpoint(last.as_nanos());
         Some((best, evrig_core::time::Stamp::from_nanos(at)))
     });
-    let row = |attempt: &Attempt| {
+    let row = |attempt: &MethodResult| {
         let estimate = attempt.estimate.as_ref();
         let difference = middle.zip(estimate).and_then(|((best, at), other)| {
             Some((other.map(at)? - best.map(at)?).as_nanos() as f64 * 1e-3)

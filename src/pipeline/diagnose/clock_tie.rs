@@ -2,7 +2,7 @@
 
 use evrig_analysis::diagnose::ClockTie;
 use evrig_core::time::{Davis, Span, Stamp, Unix};
-use evrig_reconstruct::clock::{Reference, SessionClocks};
+use evrig_reconstruct::clock::{SessionClocks, TimeReference};
 use evrig_reconstruct::scene::Scene;
 
 /// Largest bound of a clock statement that counts as one.
@@ -24,7 +24,7 @@ pub(super) fn clock_tie(
     clocks: &SessionClocks,
     row_delay_us: f64,
 ) -> Option<ClockTie> {
-    if clocks.reference != Reference::Host {
+    if clocks.reference != TimeReference::Host {
         return None;
     }
     let path = &scene.reconstruction.path;

@@ -6,9 +6,9 @@
 
 use super::error::ClockError;
 use super::estimate::{
-    ClockEstimate, Diagnostics, Method, MinimumLatency, Segment, SegmentError, SegmentStart,
+    ClockEstimate, ClockSegment, Diagnostics, Method, MinimumLatency, SegmentError, SegmentStart,
 };
-use super::input::{ClockReading, PairTally};
+use super::input::{PairTally, TwoSidedReading};
 use evrig_core::stats::quantile_sorted;
 use evrig_core::time::{Clock, ClockMap, Span, Stamp};
 use std::collections::BTreeMap;
@@ -35,7 +35,7 @@ impl Default for PairOptions {
 /// # Errors
 /// No usable reading.
 pub fn clock_pair<A: Clock, B: Clock>(
-    readings: &[ClockReading<A, B>],
+    readings: &[TwoSidedReading<A, B>],
     options: &PairOptions,
 ) -> Result<ClockEstimate<A, B>, ClockError> {
     let narrowest = narrowest_of_groups(readings);
@@ -43,8 +43,10 @@ pub fn clock_pair<A: Clock, B: Clock>(
         let n_reversed = readings.iter().filter(|reading| reading.after < reading.before).count();
         return Err(ClockError::NoReadings { n_seen: readings.len(), n_reversed });
     };
-    let bounds: Vec<Bounds<B>> =
-        narrowest.iter().map(|reading| Bounds::of(reading, first, options.resolution)).collect();
+    let bounds: Vec<OffsetBounds<B>> = narrowest
+        .iter()
+        .map(|reading| OffsetBounds::of(reading, first, options.resolution))
+        .collect();
     let (runs, n_rejected) = runs(&bounds, options.tolerance.as_nanos());
     let segments = segments(&runs, first);
     let doubtful = runs.windows(2).map(|pair| [pair[0].last, pair[1].first]).collect();
@@ -74,7 +76,7 @@ pub fn clock_pair<A: Clock, B: Clock>(
 
 /// Offset bounds of one reading, ns relative to the first reading.
 #[derive(Debug, Clone, Copy)]
-struct Bounds<B: Clock> {
+struct OffsetBounds<B: Clock> {
     from: Stamp<B>,
     to: Stamp<B>,
     low: i64,
@@ -83,7 +85,7 @@ struct Bounds<B: Clock> {
 
 /// Consistent readings between two steps.
 #[derive(Debug, Clone, Copy)]
-struct Run<B: Clock> {
+struct ReadingRun<B: Clock> {
     first: Stamp<B>,
     last: Stamp<B>,
     low: i64,
@@ -91,10 +93,10 @@ struct Run<B: Clock> {
     n: u64,
 }
 
-impl<B: Clock> Bounds<B> {
+impl<B: Clock> OffsetBounds<B> {
     fn of<A: Clock>(
-        reading: &ClockReading<A, B>,
-        origin: ClockReading<A, B>,
+        reading: &TwoSidedReading<A, B>,
+        origin: TwoSidedReading<A, B>,
         resolution: Span,
     ) -> Self {
         let real = reading.real - origin.real;
@@ -106,18 +108,18 @@ impl<B: Clock> Bounds<B> {
         }
     }
 
-    fn contradicts(&self, run: &Run<B>, tolerance: i64) -> bool {
+    fn contradicts(&self, run: &ReadingRun<B>, tolerance: i64) -> bool {
         self.low > run.high.saturating_add(tolerance)
             || self.high < run.low.saturating_sub(tolerance)
     }
 }
 
-impl<B: Clock> Run<B> {
-    fn begin(bounds: &Bounds<B>) -> Self {
+impl<B: Clock> ReadingRun<B> {
+    fn begin(bounds: &OffsetBounds<B>) -> Self {
         Self { first: bounds.from, last: bounds.to, low: bounds.low, high: bounds.high, n: 1 }
     }
 
-    fn take(&mut self, bounds: &Bounds<B>) {
+    fn take(&mut self, bounds: &OffsetBounds<B>) {
         self.last = self.last.max(bounds.to);
         self.low = self.low.max(bounds.low);
         self.high = self.high.min(bounds.high);
@@ -126,9 +128,9 @@ impl<B: Clock> Run<B> {
 }
 
 fn narrowest_of_groups<A: Clock, B: Clock>(
-    readings: &[ClockReading<A, B>],
-) -> Vec<ClockReading<A, B>> {
-    let mut groups: BTreeMap<u64, ClockReading<A, B>> = BTreeMap::new();
+    readings: &[TwoSidedReading<A, B>],
+) -> Vec<TwoSidedReading<A, B>> {
+    let mut groups: BTreeMap<u64, TwoSidedReading<A, B>> = BTreeMap::new();
     for reading in readings.iter().filter(|reading| reading.after >= reading.before) {
         let best = groups.entry(reading.group).or_insert(*reading);
         if reading.after - reading.before < best.after - best.before {
@@ -141,12 +143,12 @@ fn narrowest_of_groups<A: Clock, B: Clock>(
 }
 
 /// Runs between steps, and the number of readings that contradict both neighbours.
-fn runs<B: Clock>(bounds: &[Bounds<B>], tolerance: i64) -> (Vec<Run<B>>, u64) {
-    let mut runs: Vec<Run<B>> = Vec::new();
+fn runs<B: Clock>(bounds: &[OffsetBounds<B>], tolerance: i64) -> (Vec<ReadingRun<B>>, u64) {
+    let mut runs: Vec<ReadingRun<B>> = Vec::new();
     let mut n_rejected = 0;
     for (index, own) in bounds.iter().enumerate() {
         let Some(run) = runs.last_mut() else {
-            runs.push(Run::begin(own));
+            runs.push(ReadingRun::begin(own));
             continue;
         };
         if !own.contradicts(run, tolerance) {
@@ -154,13 +156,16 @@ fn runs<B: Clock>(bounds: &[Bounds<B>], tolerance: i64) -> (Vec<Run<B>>, u64) {
         } else if bounds.get(index + 1).is_some_and(|next| !next.contradicts(run, tolerance)) {
             n_rejected += 1;
         } else {
-            runs.push(Run::begin(own));
+            runs.push(ReadingRun::begin(own));
         }
     }
     (runs, n_rejected)
 }
 
-fn segments<A: Clock, B: Clock>(runs: &[Run<B>], origin: ClockReading<A, B>) -> Vec<Segment<A, B>> {
+fn segments<A: Clock, B: Clock>(
+    runs: &[ReadingRun<B>],
+    origin: TwoSidedReading<A, B>,
+) -> Vec<ClockSegment<A, B>> {
     let mut segments = Vec::with_capacity(runs.len());
     let mut before: Option<i64> = None;
     for run in runs {
@@ -173,7 +178,7 @@ fn segments<A: Clock, B: Clock>(runs: &[Run<B>], origin: ClockReading<A, B>) -> 
         let start = before.map_or(SegmentStart::Beginning, |before| SegmentStart::Step {
             by: Span::from_nanos(offset - before),
         });
-        segments.push(Segment {
+        segments.push(ClockSegment {
             first: run.first,
             last: run.last,
             start,

@@ -6,9 +6,8 @@
 //! profiled over `k`, gives the interval. The smallest sample is the point estimate: its variance
 //! is smaller than that of the profile's maximum.
 
-/// Distances below the smallest sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Endpoint {
+pub(super) struct LowerEndpoint {
     /// Width of the 95 % interval below the smallest sample.
     pub(super) below95: f64,
     /// The same for 90 %.
@@ -19,16 +18,16 @@ pub(super) struct Endpoint {
 
 /// Log-likelihood drop of the 95 % interval, calibrated by simulation. The regular value of 1.92
 /// does not hold at an endpoint: it covers 72 to 95 %.
-const DROP95: f64 = 3.5;
+const LIKELIHOOD_DROP95: f64 = 3.5;
 /// The same for 90 %, in the ratio of the chi-squared quantiles.
-const DROP90: f64 = 3.5 * 2.706 / 3.841;
+const LIKELIHOOD_DROP90: f64 = 3.5 * 2.706 / 3.841;
 /// Range of tail exponents.
-const TAIL_INDEX: std::ops::RangeInclusive<f64> = 1.0..=12.0;
+const TAIL_INDEX_RANGE: std::ops::RangeInclusive<f64> = 1.0..=12.0;
 /// Grid points in ln(distance).
-const GRID: usize = 240;
+const GRID_POINTS: usize = 240;
 
 /// Profile likelihood of the lower endpoint of `samples`; None below eight samples.
-pub(super) fn lower_endpoint(samples: &[f64]) -> Option<Endpoint> {
+pub(super) fn lower_endpoint(samples: &[f64]) -> Option<LowerEndpoint> {
     let n = samples.len();
     if n < 8 {
         return None;
@@ -41,12 +40,17 @@ pub(super) fn lower_endpoint(samples: &[f64]) -> Option<Endpoint> {
     let above: Vec<f64> = below.iter().map(|sample| sample - smallest).collect();
     if scale.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
         // All ties: the error is the resolution of the samples.
-        return Some(Endpoint { below95: 0.0, below90: 0.0, tail_index: *TAIL_INDEX.start() });
+        return Some(LowerEndpoint {
+            below95: 0.0,
+            below90: 0.0,
+            tail_index: *TAIL_INDEX_RANGE.start(),
+        });
     }
     // From a ten-thousandth to a hundred times the width of the tail.
-    let distance =
-        |step: usize| scale * (1e-4_f64.ln() + 1e6_f64.ln() * step as f64 / GRID as f64).exp();
-    let profile: Vec<(f64, f64, f64)> = (0..=GRID)
+    let distance = |step: usize| {
+        scale * (1e-4_f64.ln() + 1e6_f64.ln() * step as f64 / GRID_POINTS as f64).exp()
+    };
+    let profile: Vec<(f64, f64, f64)> = (0..=GRID_POINTS)
         .map(|step| {
             let (likelihood, k) = log_likelihood(&above, scale, distance(step));
             (distance(step), likelihood, k)
@@ -56,7 +60,11 @@ pub(super) fn lower_endpoint(samples: &[f64]) -> Option<Endpoint> {
     let farthest = |drop: f64| {
         profile.iter().rev().find(|(_, likelihood, _)| *likelihood >= best.1 - drop).map(|at| at.0)
     };
-    Some(Endpoint { below95: farthest(DROP95)?, below90: farthest(DROP90)?, tail_index: best.2 })
+    Some(LowerEndpoint {
+        below95: farthest(LIKELIHOOD_DROP95)?,
+        below90: farthest(LIKELIHOOD_DROP90)?,
+        tail_index: best.2,
+    })
 }
 
 /// Log-likelihood of an endpoint `distance` below the smallest sample, and the exponent that
@@ -65,6 +73,6 @@ fn log_likelihood(above: &[f64], scale: f64, distance: f64) -> (f64, f64) {
     let m = above.len() as f64;
     let logs: f64 = above.iter().map(|sample| (sample + distance).ln()).sum();
     let log_scale = (scale + distance).ln();
-    let k = (m / (m * log_scale - logs)).clamp(*TAIL_INDEX.start(), *TAIL_INDEX.end());
+    let k = (m / (m * log_scale - logs)).clamp(*TAIL_INDEX_RANGE.start(), *TAIL_INDEX_RANGE.end());
     (m * k.ln() + (k - 1.0) * logs - m * k * log_scale, k)
 }

@@ -7,9 +7,11 @@
 
 use super::endpoint::lower_endpoint;
 use super::error::ClockError;
-use super::estimate::{ClockEstimate, Method, MinimumLatency, Segment, SegmentError, SegmentStart};
+use super::estimate::{
+    ClockEstimate, ClockSegment, Method, MinimumLatency, SegmentError, SegmentStart,
+};
 use super::input::FramePairs;
-use super::trace::{Line, Trace};
+use super::trace::{OffsetLine, PairTrace};
 use evrig_core::time::{Clock, Span, Stamp};
 use std::ops::Range;
 
@@ -52,16 +54,15 @@ impl Default for EnvelopeOptions {
 /// Offset between steps from the minimum latency, with a calibrated interval.
 ///
 /// # Errors
-///
 /// None for checked pairs; the signature is that of every method.
 pub fn envelope<A: Clock, B: Clock>(
     pairs: &FramePairs<A, B>,
     options: &EnvelopeOptions,
 ) -> Result<ClockEstimate<A, B>, ClockError> {
-    let trace = Trace::new(pairs.pairs());
+    let trace = PairTrace::new(pairs.pairs());
     let threshold_us = options.step_threshold.as_nanos() as f64 * 1e-3;
     let ranges = super::steps::between_steps(&trace.x_s, &trace.y_us, threshold_us);
-    let mut segments: Vec<Segment<A, B>> = Vec::new();
+    let mut segments: Vec<ClockSegment<A, B>> = Vec::new();
     let mut offsets_us = Vec::with_capacity(trace.x_s.len());
     let mut tail_index = None;
     for (number, range) in ranges.iter().enumerate() {
@@ -97,21 +98,20 @@ pub fn envelope<A: Clock, B: Clock>(
     })
 }
 
-/// A segment and its frames.
-struct Piece<A: Clock, B: Clock> {
-    segment: Segment<A, B>,
+struct EnvelopePiece<A: Clock, B: Clock> {
+    segment: ClockSegment<A, B>,
     frames: Range<usize>,
-    line: Line,
+    line: OffsetLine,
     tail_index: Option<f64>,
 }
 
 fn constant<A: Clock, B: Clock>(
-    trace: &Trace<'_, A, B>,
+    trace: &PairTrace<'_, A, B>,
     range: &Range<usize>,
     latency: MinimumLatency,
-) -> Piece<A, B> {
+) -> EnvelopePiece<A, B> {
     let y = &trace.y_us[range.clone()];
-    let line = Line::constant(y.iter().copied().fold(f64::INFINITY, f64::min));
+    let line = OffsetLine::constant(y.iter().copied().fold(f64::INFINITY, f64::min));
     let endpoint = lower_endpoint(y);
     let error = endpoint.map(|end| {
         SegmentError::one_sided(
@@ -125,13 +125,13 @@ fn constant<A: Clock, B: Clock>(
     let segment =
         trace.segment(range, SegmentStart::Beginning, line, latency.subtracted()).with_error(error);
     let tail_index = endpoint.map(|end| end.tail_index);
-    Piece { segment, frames: range.clone(), line, tail_index }
+    EnvelopePiece { segment, frames: range.clone(), line, tail_index }
 }
 
 /// Appends the segments of one range; the first of them starts with a step from the previous one.
 fn join<A: Clock, B: Clock>(
-    segments: &mut Vec<Segment<A, B>>,
-    pieces: impl Iterator<Item = Segment<A, B>>,
+    segments: &mut Vec<ClockSegment<A, B>>,
+    pieces: impl Iterator<Item = ClockSegment<A, B>>,
 ) {
     for mut piece in pieces {
         if let (Some(before), SegmentStart::Beginning) = (segments.last(), piece.start) {
@@ -147,7 +147,7 @@ fn join<A: Clock, B: Clock>(
 /// RealTime is read with a latency, so that frames up to one latency before the step already show
 /// the new time.
 fn instant_of_step<A: Clock, B: Clock>(
-    trace: &Trace<'_, A, B>,
+    trace: &PairTrace<'_, A, B>,
     offsets_us: &[f64],
     first_new: usize,
     latency: MinimumLatency,
@@ -163,7 +163,7 @@ fn instant_of_step<A: Clock, B: Clock>(
 /// Frames around a step that may belong to its other side: two on each, and adjacent delayed
 /// frames, which may have been read after a step they precede.
 fn about<A: Clock, B: Clock>(
-    trace: &Trace<'_, A, B>,
+    trace: &PairTrace<'_, A, B>,
     [before, after]: [&Range<usize>; 2],
     threshold_us: f64,
 ) -> [Stamp<B>; 2] {

@@ -14,14 +14,6 @@ pub enum ClockError {
         /// Frames the method needs.
         needed: usize,
     },
-    /// Two columns with one row per frame differ in length.
-    #[error("{sensor} SensorTimestamps but {real} RealTimes: the metadata are cut or misread")]
-    LengthMismatch {
-        /// Number of SensorTimestamps.
-        sensor: usize,
-        /// Number of RealTimes.
-        real: usize,
-    },
     /// The sensor's clock runs backwards too often for a few lost frames.
     #[error(
         "SensorTimestamp goes back at frame {frame} (from {before_ns} to {after_ns} ns), and {n_bad} of \
@@ -51,17 +43,6 @@ pub enum ClockError {
         real: Span,
         /// The unit that would explain it.
         looks_like: &'static str,
-    },
-    /// No unit of time is plausible for the SensorTimestamps.
-    #[error(
-        "SensorTimestamps are {interval} apart in the median: as nanoseconds, microseconds, \
-         milliseconds or seconds that is no frame interval that RealTime ({real}) agrees with"
-    )]
-    UnknownUnit {
-        /// Median difference of neighbouring numbers, in the file's unit.
-        interval: f64,
-        /// Median interval by RealTime.
-        real: Span,
     },
     /// RealTime does not advance.
     #[error("RealTime shows the same instant on all {n} frames: it was not read per frame")]

@@ -114,7 +114,7 @@ pub struct SegmentError {
 /// A time interval with one linear map.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
-pub struct Segment<A: Clock = Unix, B: Clock = PiSensor> {
+pub struct ClockSegment<A: Clock = Unix, B: Clock = PiSensor> {
     /// First instant of the segment.
     pub first: Stamp<B>,
     /// Last instant of the segment.
@@ -168,7 +168,7 @@ pub struct ClockEstimate<A: Clock = Unix, B: Clock = PiSensor> {
     /// How it was found.
     pub method: Method,
     /// Maps in order of time; never empty.
-    pub segments: Vec<Segment<A, B>>,
+    pub segments: Vec<ClockSegment<A, B>>,
     /// How offset and minimum latency are separated.
     pub minimum_latency: MinimumLatency,
     /// Intervals around the steps in which a stamp may belong to either side.
@@ -182,7 +182,7 @@ pub struct ClockEstimate<A: Clock = Unix, B: Clock = PiSensor> {
 impl<A: Clock, B: Clock> ClockEstimate<A, B> {
     /// The segment at `at`; the first before all, the last after all.
     #[must_use]
-    pub fn segment_at(&self, at: Stamp<B>) -> Option<&Segment<A, B>> {
+    pub fn segment_at(&self, at: Stamp<B>) -> Option<&ClockSegment<A, B>> {
         let begun = self.segments.partition_point(|segment| segment.first <= at);
         self.segments.get(begun.saturating_sub(1))
     }
@@ -197,7 +197,7 @@ impl<A: Clock, B: Clock> ClockEstimate<A, B> {
     /// `A` was set back an instant has two, of which the later is returned.
     #[must_use]
     pub fn inverse_map(&self, at: Stamp<A>) -> Option<Stamp<B>> {
-        let begun = |segment: &&Segment<A, B>| segment.map.map(segment.first) <= at;
+        let begun = |segment: &&ClockSegment<A, B>| segment.map.map(segment.first) <= at;
         let segment = self.segments.iter().rev().find(begun).or_else(|| self.segments.first())?;
         Some(segment.map.inverse().map(at))
     }
@@ -224,7 +224,8 @@ impl<A: Clock, B: Clock> ClockEstimate<A, B> {
     /// Number of steps.
     #[must_use]
     pub fn n_steps(&self) -> usize {
-        let is_step = |segment: &&Segment<A, B>| matches!(segment.start, SegmentStart::Step { .. });
+        let is_step =
+            |segment: &&ClockSegment<A, B>| matches!(segment.start, SegmentStart::Step { .. });
         self.segments.iter().filter(is_step).count()
     }
 }

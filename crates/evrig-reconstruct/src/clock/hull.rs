@@ -8,7 +8,7 @@ use super::endpoint::lower_endpoint;
 use super::error::ClockError;
 use super::estimate::{ClockEstimate, Method, MinimumLatency, SegmentError, SegmentStart};
 use super::input::FramePairs;
-use super::trace::{Line, Trace};
+use super::trace::{OffsetLine, PairTrace};
 use evrig_core::stats::Estimate;
 use evrig_core::time::Clock;
 use std::ops::Range;
@@ -16,13 +16,12 @@ use std::ops::Range;
 /// One line over the whole recording; its interval holds at the middle.
 ///
 /// # Errors
-///
 /// None for checked pairs; the signature is that of every method.
 pub fn hull<A: Clock, B: Clock>(
     pairs: &FramePairs<A, B>,
     latency: MinimumLatency,
 ) -> Result<ClockEstimate<A, B>, ClockError> {
-    let trace = Trace::new(pairs.pairs());
+    let trace = PairTrace::new(pairs.pairs());
     let all = 0..trace.x_s.len();
     let fit = fit(&trace.x_s, &trace.y_us, &all);
     let error = SegmentError::one_sided(
@@ -51,15 +50,14 @@ pub fn hull<A: Clock, B: Clock>(
 
 /// Error of a fitted line over that of a constant, by simulation: the line is farther from the
 /// truth than a minimum, and uses two samples.
-const LINE_FACTOR: f64 = 1.6;
+const LINE_ERROR_FACTOR: f64 = 1.6;
 
 /// The hull's line over a range of frames, with its error.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LineFit {
-    pub(super) line: Line,
+    pub(super) line: OffsetLine,
     /// Mean time of the points, where the line's error is one-sided.
     pub(super) mean_s: f64,
-    /// Half the time the points span.
     pub(super) half_span_s: f64,
     pub(super) below95: f64,
     pub(super) below90: f64,
@@ -80,7 +78,7 @@ pub(super) fn fit(x_s: &[f64], y_us: &[f64], range: &Range<usize>) -> LineFit {
     let line = edge_at(x, y, mean_s);
     let residuals: Vec<f64> = x.iter().zip(y).map(|(x, y)| y - line.at(*x)).collect();
     let endpoint = lower_endpoint(&residuals);
-    let below = |gap: Option<f64>| gap.map_or(f64::INFINITY, |gap| LINE_FACTOR * gap);
+    let below = |gap: Option<f64>| gap.map_or(f64::INFINITY, |gap| LINE_ERROR_FACTOR * gap);
     LineFit {
         line,
         mean_s,
@@ -92,7 +90,7 @@ pub(super) fn fit(x_s: &[f64], y_us: &[f64], range: &Range<usize>) -> LineFit {
 }
 
 /// Edge of the lower convex hull at `at`; `x` increases strictly.
-fn edge_at(x: &[f64], y: &[f64], at: f64) -> Line {
+fn edge_at(x: &[f64], y: &[f64], at: f64) -> OffsetLine {
     let mut hull: Vec<usize> = Vec::new();
     for next in 0..x.len() {
         while let [.., before, last] = hull[..] {
@@ -107,8 +105,8 @@ fn edge_at(x: &[f64], y: &[f64], at: f64) -> Line {
     }
     let right = hull.partition_point(|&vertex| x[vertex] < at).clamp(1, hull.len().max(2) - 1);
     match (hull.get(right - 1), hull.get(right)) {
-        (Some(&a), Some(&b)) => Line::through([x[a], y[a]], [x[b], y[b]]),
-        (Some(&a), None) => Line { x_s: x[a], offset_us: y[a], slope_ppm: 0.0 },
-        _ => Line::constant(0.0),
+        (Some(&a), Some(&b)) => OffsetLine::through([x[a], y[a]], [x[b], y[b]]),
+        (Some(&a), None) => OffsetLine { x_s: x[a], offset_us: y[a], slope_ppm: 0.0 },
+        _ => OffsetLine::constant(0.0),
     }
 }

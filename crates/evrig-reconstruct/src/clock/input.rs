@@ -21,7 +21,7 @@ pub struct FramePair<A: Clock = Unix, B: Clock = PiSensor> {
 
 /// A reading of one clock between two readings of the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ClockReading<A: Clock = Unix, B: Clock = PiSensor> {
+pub struct TwoSidedReading<A: Clock = Unix, B: Clock = PiSensor> {
     /// Readings of one burst share a number; only the narrowest of a group is used.
     pub group: u64,
     /// The source clock before.
@@ -49,31 +49,6 @@ pub struct PairTally {
     pub n_not_finite: u64,
 }
 
-/// Detected unit of SensorTimestamp.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SensorUnit {
-    /// Nanoseconds, as libcamera gives them.
-    Nanoseconds,
-    /// Microseconds, as one of the paper's recorders writes them.
-    Microseconds,
-    /// Milliseconds.
-    Milliseconds,
-    /// Seconds.
-    Seconds,
-}
-
-/// SensorTimestamps read from numbers of a detected unit.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SensorStamps {
-    /// One per number; absent where it is not finite or out of range.
-    pub stamps: Vec<Option<Stamp<PiSensor>>>,
-    /// The unit found.
-    pub unit: SensorUnit,
-    /// Numbers without a stamp.
-    pub n_not_finite: u64,
-}
-
 /// Pairs in strictly increasing sensor order, with the count of those left out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FramePairs<A: Clock = Unix, B: Clock = PiSensor> {
@@ -92,68 +67,11 @@ const MAX_MISREAD_RUN: usize = 3;
 /// Least lead of a misread RealTime over all neighbours, µs.
 const MISREAD_US: f64 = 3_000.0;
 
-impl SensorUnit {
-    const ALL: [Self; 4] =
-        [Self::Nanoseconds, Self::Microseconds, Self::Milliseconds, Self::Seconds];
-
-    /// Nanoseconds in one unit.
-    #[must_use]
-    pub const fn nanoseconds(self) -> f64 {
-        match self {
-            Self::Nanoseconds => 1.0,
-            Self::Microseconds => 1e3,
-            Self::Milliseconds => 1e6,
-            Self::Seconds => 1e9,
-        }
-    }
-
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Nanoseconds => "nanoseconds",
-            Self::Microseconds => "microseconds",
-            Self::Milliseconds => "milliseconds",
-            Self::Seconds => "seconds",
-        }
-    }
-}
-
-/// Reads SensorTimestamps without a stated unit: the unit whose frame interval is nearest to
-/// RealTime's, within a factor of five.
-///
-/// Where RealTime is unusable the interval alone decides: frames are 1 ms to 1 s apart.
-///
-/// # Errors
-///
-/// When the columns differ in length, hold fewer than two finite frames, or fit no unit.
-pub fn sensor_stamps(numbers: &[f64], real: &[Stamp<Unix>]) -> Result<SensorStamps, ClockError> {
-    if numbers.len() != real.len() {
-        return Err(ClockError::LengthMismatch { sensor: numbers.len(), real: real.len() });
-    }
-    let finite: Vec<f64> = numbers.iter().copied().filter(|number| number.is_finite()).collect();
-    let interval = median(finite.windows(2).map(|pair| pair[1] - pair[0]).filter(|d| *d > 0.0))
-        .ok_or(ClockError::TooFewFrames { found: finite.len(), needed: MIN_FRAMES })?;
-    let real_ns = median_interval_ns(real).unwrap_or(0.0);
-    let expected = if real_ns > 0.0 { real_ns..=real_ns } else { 1e6..=1e9 };
-    let distance = |unit: &SensorUnit| {
-        let ns = interval * unit.nanoseconds();
-        (ns / ns.clamp(*expected.start(), *expected.end())).ln().abs()
-    };
-    let unit = SensorUnit::ALL
-        .into_iter()
-        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
-        .filter(|unit| distance(unit) <= MAX_INTERVAL_RATIO.ln())
-        .ok_or(ClockError::UnknownUnit { interval, real: Span::from_nanos(real_ns as i64) })?;
-    let stamp = |number: &f64| {
-        let ns = (number * unit.nanoseconds()).round();
-        (ns.is_finite() && ns.abs() < 9e18).then(|| Stamp::from_nanos(ns as i64))
-    };
-    let stamps: Vec<_> = numbers.iter().map(stamp).collect();
-    let n_not_finite = stamps.iter().filter(|stamp| stamp.is_none()).count() as u64;
-    Ok(SensorStamps { stamps, unit, n_not_finite })
-}
-
 /// Greatest ratio of the clocks' median intervals for one unit.
 const MAX_INTERVAL_RATIO: f64 = 5.0;
+/// Units of a timestamp column, in nanoseconds.
+const UNITS_NS: [(&str, f64); 4] =
+    [("nanoseconds", 1.0), ("microseconds", 1e3), ("milliseconds", 1e6), ("seconds", 1e9)];
 
 impl<A: Clock, B: Clock> FramePairs<A, B> {
     /// Checks pairs in the order of recording.
@@ -161,7 +79,6 @@ impl<A: Clock, B: Clock> FramePairs<A, B> {
     /// Duplicates, frames out of order and misread RealTimes are left out and counted.
     ///
     /// # Errors
-    ///
     /// Too few frames, a restarted sensor clock, a wrong unit, a constant RealTime.
     pub fn check(pairs: &[FramePair<A, B>]) -> Result<Self, ClockError> {
         let mut tally = PairTally { n_seen: pairs.len() as u64, ..PairTally::default() };
@@ -177,28 +94,6 @@ impl<A: Clock, B: Clock> FramePairs<A, B> {
         Ok(Self { pairs: kept, tally })
     }
 
-    /// As [`Self::check`] for columns in which some stamps are missing.
-    ///
-    /// # Errors
-    /// As [`Self::check`], and when the columns differ in length.
-    pub fn from_columns(
-        sensor: &[Option<Stamp<B>>],
-        real: &[Stamp<A>],
-    ) -> Result<Self, ClockError> {
-        if sensor.len() != real.len() {
-            return Err(ClockError::LengthMismatch { sensor: sensor.len(), real: real.len() });
-        }
-        let pairs: Vec<_> = sensor
-            .iter()
-            .zip(real)
-            .filter_map(|(sensor, real)| sensor.map(|sensor| FramePair::new(sensor, *real)))
-            .collect();
-        let mut checked = Self::check(&pairs)?;
-        checked.tally.n_seen = sensor.len() as u64;
-        checked.tally.n_not_finite = (sensor.len() - pairs.len()) as u64;
-        Ok(checked)
-    }
-
     /// The pairs kept, sensor stamps strictly increasing.
     #[must_use]
     pub fn pairs(&self) -> &[FramePair<A, B>] {
@@ -209,16 +104,6 @@ impl<A: Clock, B: Clock> FramePairs<A, B> {
     #[must_use]
     pub fn tally(&self) -> PairTally {
         self.tally
-    }
-
-    /// For each frame but the first: its stamp, and the interval to the frame before by
-    /// SensorTimestamp and by RealTime (the paper's figure of interval convergence).
-    #[must_use]
-    pub fn intervals(&self) -> Vec<(Stamp<B>, Span, Span)> {
-        let interval = |pair: &[FramePair<A, B>]| {
-            (pair[1].sensor, pair[1].sensor - pair[0].sensor, pair[1].real - pair[0].real)
-        };
-        self.pairs.windows(2).map(interval).collect()
     }
 }
 
@@ -285,14 +170,14 @@ fn require_one_unit<A: Clock, B: Clock>(pairs: &[FramePair<A, B>]) -> Result<(),
     if real <= 0.0 || (1.0 / MAX_INTERVAL_RATIO..=MAX_INTERVAL_RATIO).contains(&ratio) {
         return Ok(());
     }
-    let distance = |unit: &SensorUnit| (ratio / unit.nanoseconds()).ln().abs();
-    let nearest = SensorUnit::ALL.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    let distance = |unit: &&(&str, f64)| (ratio / unit.1).ln().abs();
+    let nearest = UNITS_NS.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
     Err(ClockError::IntervalMismatch {
         sensor: Span::from_nanos(sensor as i64),
         real: Span::from_nanos(real as i64),
         looks_like: nearest
             .filter(|unit| distance(unit) <= MAX_INTERVAL_RATIO.ln())
-            .map_or("no unit of time", SensorUnit::name),
+            .map_or("no unit of time", |unit| unit.0),
     })
 }
 

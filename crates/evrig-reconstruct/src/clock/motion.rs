@@ -15,16 +15,16 @@
 
 use super::error::ClockError;
 use super::estimate::{
-    ClockEstimate, Diagnostics, Method, MinimumLatency, Segment, SegmentError, SegmentStart,
+    ClockEstimate, ClockSegment, Diagnostics, Method, MinimumLatency, SegmentError, SegmentStart,
 };
 use super::input::PairTally;
 use super::order::longest_increasing;
-use coarse::Start;
+use coarse::CoarseStart;
 use evrig_core::stats::Estimate;
 use evrig_core::time::{Clock, ClockMap, Span, Stamp};
 use evrig_core::units::Pixels;
 use serde::{Deserialize, Serialize};
-use solve::{Fit, Solver};
+use solve::{MotionFit, Solver};
 
 mod banded;
 mod coarse;
@@ -109,17 +109,15 @@ pub struct MotionEstimate<A: Clock, B: Clock> {
 
 /// Fewest samples of a track.
 const MIN_SAMPLES: usize = 24;
-
 /// Distance of the other's samples from the ends of the path, seconds; it exceeds the change of the
 /// offset in the fit.
-const EDGE_S: f64 = 0.03;
+const EDGE_MARGIN_S: f64 = 0.03;
 
 /// Fits the offset of `other` against `reference`, starting from `initial`.
 ///
 /// The tracks must overlap by more than twice the search range.
 ///
 /// # Errors
-///
 /// Too few samples, a motion that does not determine the offset, two equally good offsets, or a fit
 /// that leaves the search range.
 pub fn motion<A: Clock, B: Clock>(
@@ -143,38 +141,42 @@ pub fn motion<A: Clock, B: Clock>(
     let other = points(other, |at| initial.map(at) - origin);
     let within = |early_s: f64, late_s: f64| {
         let inside =
-            move |point: &&Point| first + early_s <= point.t_s && point.t_s <= last - late_s;
-        other.iter().filter(inside).copied().collect::<Vec<Point>>()
+            move |point: &&TrackPoint| first + early_s <= point.t_s && point.t_s <= last - late_s;
+        other.iter().filter(inside).copied().collect::<Vec<TrackPoint>>()
     };
     // The grid compares all offsets on the same samples; the fit uses all that the best offset
     // reaches.
     let common = within(search_s, search_s);
     require("other", common.len())?;
-    let path = path::Path::fit(&reference);
+    let path = path::PathSpline::fit(&reference);
     let start = coarse::search(&path, &common, search_s, options.roll_deg)?;
-    let other = within(EDGE_S - start.tau_s, EDGE_S + start.tau_s);
+    let other = within(EDGE_MARGIN_S - start.tau_s, EDGE_MARGIN_S + start.tau_s);
     require("other", other.len())?;
     let solver = Solver::new(&reference, &other, options);
     let fit = solver.run(path, start)?;
-    judge(&fit, start, options)?;
+    check_fit(&fit, start, options)?;
     Ok(report(&fit, origin, initial, [&reference, &other], n_seen, options))
 }
 
 /// Accepts or rejects the fit; its information first, since without any it does not converge.
-fn judge(fit: &Fit, start: Start, options: &MotionOptions) -> Result<(), ClockError> {
+fn check_fit(
+    fit: &MotionFit,
+    start: CoarseStart,
+    options: &MotionOptions,
+) -> Result<(), ClockError> {
     let (search, limit) = (options.search, options.max_ratio);
     if fit.ratio_at_least > limit {
         return Err(ClockError::DegenerateMotion { ratio: fit.ratio, limit });
     }
-    if let Some(rival_s) = start.rival_s {
-        let [first, second] = [start.tau_s, rival_s].map(Span::from_secs_f64);
+    if let Some(alternative_s) = start.alternative_s {
+        let [first, second] = [start.tau_s, alternative_s].map(Span::from_secs_f64);
         return Err(ClockError::AmbiguousOffset { first, second });
     }
     let error = Span::from_secs_f64(1.96 * fit.sigma_tau_s);
     if error > search {
         return Err(ClockError::WeakMotion { error, search });
     }
-    if !fit.is_settled {
+    if !fit.is_converged {
         return Err(ClockError::NotConverged { steps: solve::MAX_STEPS });
     }
     if fit.tau_s.abs() > search.as_secs_f64() {
@@ -185,14 +187,16 @@ fn judge(fit: &Fit, start: Start, options: &MotionOptions) -> Result<(), ClockEr
 
 /// A sample as numbers: seconds since the reference's first, pixels.
 #[derive(Debug, Clone, Copy)]
-struct Point {
+struct TrackPoint {
     t_s: f64,
     p: [f64; 2],
     error: f64,
 }
 
-/// Finite samples in order of time.
-fn points<C: Clock>(samples: &[TrackSample<C>], since: impl Fn(Stamp<C>) -> Span) -> Vec<Point> {
+fn points<C: Clock>(
+    samples: &[TrackSample<C>],
+    since: impl Fn(Stamp<C>) -> Span,
+) -> Vec<TrackPoint> {
     let is_sound = |sample: &&TrackSample<C>| {
         let error = sample.error.value();
         sample.x.value().is_finite()
@@ -204,7 +208,7 @@ fn points<C: Clock>(samples: &[TrackSample<C>], since: impl Fn(Stamp<C>) -> Span
     let stamps: Vec<i64> = sound.iter().map(|sample| sample.at.as_nanos()).collect();
     let in_order = longest_increasing(&stamps);
     let kept = sound.into_iter().zip(in_order).filter(|(_, is_kept)| *is_kept);
-    kept.map(|(sample, _)| Point {
+    kept.map(|(sample, _)| TrackPoint {
         t_s: since(sample.at).as_secs_f64(),
         p: [sample.x.value(), sample.y.value()],
         error: sample.error.value(),
@@ -219,10 +223,10 @@ fn require(track: &'static str, found: usize) -> Result<(), ClockError> {
 }
 
 fn report<A: Clock, B: Clock>(
-    fit: &Fit,
+    fit: &MotionFit,
     origin: Stamp<A>,
     initial: ClockMap<A, B>,
-    [reference, other]: [&[Point]; 2],
+    [reference, other]: [&[TrackPoint]; 2],
     n_seen: usize,
     options: &MotionOptions,
 ) -> MotionEstimate<A, B> {
@@ -245,7 +249,7 @@ fn report<A: Clock, B: Clock>(
     };
     let skew_ppm =
         options.fits_skew.then(|| Estimate::normal(fit.kappa * 1e6, fit.sigma_kappa * 1e6, n));
-    let segment = Segment {
+    let segment = ClockSegment {
         first: stamp(other[0].t_s),
         last: stamp(other[other.len() - 1].t_s),
         start: SegmentStart::Beginning,

@@ -7,7 +7,7 @@
 use super::error::ClockError;
 use super::estimate::{ClockEstimate, Method, MinimumLatency, SegmentStart};
 use super::input::FramePairs;
-use super::trace::{Line, Trace};
+use super::trace::{OffsetLine, PairTrace};
 use evrig_core::time::Clock;
 
 /// The envelope of cones; `drift_ppm` bounds the difference of the rates (50 for two crystals).
@@ -19,7 +19,7 @@ pub fn olson2<A: Clock, B: Clock>(
     drift_ppm: f64,
     latency: MinimumLatency,
 ) -> Result<ClockEstimate<A, B>, ClockError> {
-    let trace = Trace::new(pairs.pairs());
+    let trace = PairTrace::new(pairs.pairs());
     let floor = floor(&trace.x_s, &trace.y_us, drift_ppm);
     let corners = corners(&trace.x_s, &trace.y_us, &floor, drift_ppm);
     let n = trace.x_s.len();
@@ -33,7 +33,7 @@ pub fn olson2<A: Clock, B: Clock>(
             continue;
         }
         let start = if begin == 0 { SegmentStart::Beginning } else { SegmentStart::Bend };
-        let line = Line::through(pair[0], pair[1]);
+        let line = OffsetLine::through(pair[0], pair[1]);
         segments.push(trace.segment(&(begin..end), start, line, latency.subtracted()));
         begin = end;
     }
@@ -47,7 +47,6 @@ pub fn olson2<A: Clock, B: Clock>(
     })
 }
 
-/// The envelope at each frame.
 fn floor(x_s: &[f64], y_us: &[f64], drift_ppm: f64) -> Vec<f64> {
     let mut floor = y_us.to_vec();
     for at in 1..floor.len() {

@@ -20,7 +20,7 @@ use super::estimate::{
     ClockEstimate, Diagnostics, Method, MinimumLatency, PaperChoice, SegmentStart,
 };
 use super::input::{FramePair, PairTally};
-use super::trace::{Line, Trace};
+use super::trace::{OffsetLine, PairTrace};
 use evrig_core::time::{Clock, ClockMap, Span, Stamp};
 
 /// The unit in which SensorTimestamp reaches the published function.
@@ -90,9 +90,10 @@ pub(super) fn whole_recording<A: Clock, B: Clock>(
     map: ClockMap<A, B>,
     choice: PaperChoice,
 ) -> ClockEstimate<A, B> {
-    let trace = Trace::new(pairs);
+    let trace = PairTrace::new(pairs);
     let all = 0..pairs.len();
-    let mut segment = trace.segment(&all, SegmentStart::Beginning, Line::constant(0.0), Span::ZERO);
+    let mut segment =
+        trace.segment(&all, SegmentStart::Beginning, OffsetLine::constant(0.0), Span::ZERO);
     segment.map = map;
     let first = pairs[0];
     let offset_us = (map.map(first.sensor) - first.real).as_nanos() as f64 * 1e-3;

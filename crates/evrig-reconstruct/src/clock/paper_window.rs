@@ -9,7 +9,7 @@ use super::error::ClockError;
 use super::estimate::{ClockEstimate, Method, PaperChoice};
 use super::input::FramePairs;
 use super::paper_interval::whole_recording;
-use super::trace::{Line, Trace};
+use super::trace::{OffsetLine, PairTrace};
 use evrig_core::time::{Clock, Span};
 
 /// Length of a window, seconds.
@@ -18,12 +18,11 @@ const WINDOW_S: f64 = 1.0;
 /// The median difference of the best window, without an error.
 ///
 /// # Errors
-///
 /// A recording shorter than a window.
 pub fn paper_window<A: Clock, B: Clock>(
     pairs: &FramePairs<A, B>,
 ) -> Result<ClockEstimate<A, B>, ClockError> {
-    let trace = Trace::new(pairs.pairs());
+    let trace = PairTrace::new(pairs.pairs());
     let (x, y) = (&trace.x_s, &trace.y_us);
     // Relative difference of the mean intervals between frames `from` and `to`.
     let mismatch = |from: usize, to: usize| (y[to] - y[from]).abs() / (x[to] - x[from]);
@@ -49,7 +48,7 @@ pub fn paper_window<A: Clock, B: Clock>(
     let mut window = y[from..=to].to_vec();
     let middle = window.len() / 2;
     let offset_us = *window.select_nth_unstable_by(middle, f64::total_cmp).1;
-    let map = trace.map(Line::constant(offset_us), x[from], Span::ZERO);
+    let map = trace.map(OffsetLine::constant(offset_us), x[from], Span::ZERO);
     let choice = PaperChoice {
         frame: from as u64,
         ratio: Some(1.0 / (1.0 + mismatch_ppm * 1e-6)),

@@ -9,23 +9,23 @@
 use super::clock_pair::{PairOptions, clock_pair};
 use super::envelope::{EnvelopeOptions, RateModel, envelope};
 use super::error::ClockError;
-use super::estimate::{ClockEstimate, Method, MinimumLatency, Segment};
-use super::input::{ClockReading, FramePair, FramePairs};
-use super::late::LateStream;
+use super::estimate::{ClockEstimate, ClockSegment, Method, MinimumLatency};
+use super::input::{FramePair, FramePairs, TwoSidedReading};
 use super::motion::{MotionEstimate, MotionOptions, TrackSample, motion};
+use super::stream_delay::StreamDelay;
 use super::{Disagreement, PaperUnit, cross_check, hull, olson2, paper_interval, paper_window};
 use evrig_core::time::{Clock, ClockMap, Davis, PiSensor, Span, Stamp, Unix};
 use serde::{Deserialize, Serialize};
 
 /// Clock observations of a session.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Evidence {
+pub struct ClockObservations {
     /// SensorTimestamp and RealTime of each frame, in the order of recording.
     pub frames: Vec<FramePair>,
     /// The Pi's wall clock between two readings of its boot clock.
-    pub wall_readings: Vec<ClockReading>,
+    pub wall_readings: Vec<TwoSidedReading>,
     /// The host's clock between bounds of the Pi's boot clock; see [`host_reading`].
-    pub host_readings: Vec<ClockReading>,
+    pub host_readings: Vec<TwoSidedReading>,
     /// Last stamp of each packet of events, and the host's clock when it was complete.
     pub arrivals: Vec<FramePair<Unix, Davis>>,
     /// Least time from SensorTimestamp to RealTime: readout of all rows.
@@ -35,7 +35,7 @@ pub struct Evidence {
 /// Result of one method.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
-pub struct Attempt<A: Clock = Unix, B: Clock = PiSensor> {
+pub struct MethodResult<A: Clock = Unix, B: Clock = PiSensor> {
     /// The method.
     pub method: Method,
     /// Its estimate.
@@ -47,7 +47,7 @@ pub struct Attempt<A: Clock = Unix, B: Clock = PiSensor> {
 /// The host whose Unix time is used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Reference {
+pub enum TimeReference {
     /// The host's.
     Host,
     /// The Pi's wall clock in place of the host's: at best both were set by a time server.
@@ -62,14 +62,15 @@ pub struct EventsClock {
     /// The map.
     pub unix_from_davis: ClockMap<Unix, Davis>,
     /// Minimum time from stamp to arrival, with its method; a stamp cannot be later than that.
-    pub arrivals: Option<Attempt<Unix, Davis>>,
+    pub arrivals: Option<MethodResult<Unix, Davis>>,
     /// Reason in words.
-    pub because: String,
+    #[serde(alias = "because")]
+    pub reason: String,
 }
 
 /// Result of the motion fit between both cameras.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct MotionAttempt {
+pub struct MotionResult {
     /// Names of the two tracks: of the DAVIS and of the Pi.
     pub tracks: [String; 2],
     /// The estimate.
@@ -82,11 +83,11 @@ pub struct MotionAttempt {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SessionClocks {
     /// The Pi's wall clock from SensorTimestamp by every applicable method.
-    pub wall: Vec<Attempt>,
+    pub wall: Vec<MethodResult>,
     /// The host's clock from SensorTimestamp, where both were read together.
-    pub host: Option<Attempt>,
+    pub host: Option<MethodResult>,
     /// The host whose Unix time `unix_from_sensor` maps to.
-    pub reference: Reference,
+    pub reference: TimeReference,
     /// The map used.
     pub unix_from_sensor: ClockEstimate,
     /// Difference of the Pi's wall clock to the host's in the middle of the session, where both are
@@ -97,12 +98,12 @@ pub struct SessionClocks {
     /// The events' clock.
     pub events: EventsClock,
     /// The motion fit, where there are tracks.
-    pub motion: Option<MotionAttempt>,
+    pub motion: Option<MotionResult>,
     /// Map from SensorTimestamp to the events' stamps.
     pub davis_from_sensor: ClockEstimate<Davis, PiSensor>,
     /// Streams of the Pi with delayed exposures.
-    #[serde(default)]
-    pub late: Vec<LateStream>,
+    #[serde(default, alias = "late")]
+    pub stream_delays: Vec<StreamDelay>,
 }
 
 /// Reading of the host's clock against the Pi's boot clock from a request and its reply.
@@ -116,9 +117,9 @@ pub fn host_reading(
     asked: Stamp<Unix>,
     [first, last]: [Stamp<PiSensor>; 2],
     answered: Stamp<Unix>,
-) -> ClockReading {
+) -> TwoSidedReading {
     let half = Span::from_nanos((answered - asked).as_nanos() / 2);
-    ClockReading { group, before: last - half, real: asked + half, after: first + half }
+    TwoSidedReading { group, before: last - half, real: asked + half, after: first + half }
 }
 
 /// Greatest chi-squared per degree of freedom without a further check: larger residuals mean either
@@ -131,41 +132,40 @@ const MAX_UNEXPLAINED: f64 = 1e-4;
 /// fits.
 const MAX_SKEW_PPM: f64 = 5_000.0;
 /// Greatest share of a track's samples left out as outliers.
-const MAX_LEFT_OUT: f64 = 0.25;
+const MAX_OUTLIER_SHARE: f64 = 0.25;
 /// Longest delay of a link and its buffers from stamp to arrival.
 const MAX_TRANSPORT: Span = Span::from_micros(1_000_000);
 /// Rate difference of two clocks of one host, ppm: rounding alone.
 const SAME_HOST_PPM: f64 = 1.0;
 /// Tolerance of a method without an interval of its own.
-const SLACK: Span = Span::from_micros(3_000);
+const NO_INTERVAL_TOLERANCE: Span = Span::from_micros(3_000);
 
 /// Runs every applicable method.
 ///
 /// # Errors
-///
 /// When no method gives a map: the reason of the best one.
-pub fn synchronise(evidence: &Evidence) -> Result<SessionClocks, ClockError> {
-    let wall = wall_attempts(evidence);
-    let host = (!evidence.host_readings.is_empty()).then(|| {
-        attempt(Method::ClockPair, clock_pair(&evidence.host_readings, &PairOptions::default()))
+pub fn synchronise(observations: &ClockObservations) -> Result<SessionClocks, ClockError> {
+    let wall = wall_attempts(observations);
+    let host = (!observations.host_readings.is_empty()).then(|| {
+        attempt(Method::ClockPair, clock_pair(&observations.host_readings, &PairOptions::default()))
     });
-    let best_wall = best(&wall);
+    let best_wall = best_estimate(&wall);
     let best_host = host.as_ref().and_then(|host| host.estimate.clone());
     let (reference, chosen) = match (best_host, &best_wall) {
-        (Some(host), _) => (Reference::Host, host),
-        (None, Some(wall)) => (Reference::PiWall, wall.clone()),
-        (None, None) => return Err(no_map(evidence)),
+        (Some(host), _) => (TimeReference::Host, host),
+        (None, Some(wall)) => (TimeReference::PiWall, wall.clone()),
+        (None, None) => return Err(no_map(observations)),
     };
     let disagreements = best_wall
         .iter()
-        .flat_map(|best| {
+        .flat_map(|best_estimate| {
             let others = wall.iter().filter_map(|attempt| attempt.estimate.as_ref());
-            let others = others.filter(|other| other.method != best.method);
-            others.filter_map(|other| cross_check(best, other, SLACK))
+            let others = others.filter(|other| other.method != best_estimate.method);
+            others.filter_map(|other| cross_check(best_estimate, other, NO_INTERVAL_TOLERANCE))
         })
         .collect();
     let wall_minus_host = wall_minus_host(&wall, host.as_ref());
-    let events = events_clock(&evidence.arrivals);
+    let events = events_clock(&observations.arrivals);
     let davis_from_sensor = compose(&chosen, events.unix_from_davis.inverse());
     Ok(SessionClocks {
         wall,
@@ -177,7 +177,7 @@ pub fn synchronise(evidence: &Evidence) -> Result<SessionClocks, ClockError> {
         events,
         motion: None,
         davis_from_sensor,
-        late: Vec::new(),
+        stream_delays: Vec::new(),
     })
 }
 
@@ -202,33 +202,32 @@ impl SessionClocks {
         };
         self.motion = Some(match found {
             Ok(estimate) => {
-                let refused = no_motion(&estimate, [davis.len(), pi.len()]);
+                let refused = rejection(&estimate, [davis.len(), pi.len()]);
                 if refused.is_none() {
                     self.davis_from_sensor = estimate.clock.clone();
                 }
-                MotionAttempt { tracks, estimate: Some(estimate), refused }
+                MotionResult { tracks, estimate: Some(estimate), refused }
             }
-            Err(error) => {
-                MotionAttempt { tracks, estimate: None, refused: Some(error.to_string()) }
-            }
+            Err(error) => MotionResult { tracks, estimate: None, refused: Some(error.to_string()) },
         });
     }
 }
 
 /// Why a fit is rejected; None if it is accepted. `n` are the samples of the two tracks.
-fn no_motion(found: &MotionEstimate<Davis, PiSensor>, n: [usize; 2]) -> Option<String> {
-    let is_rough = found.chi2_per_dof > MAX_CHI2_PER_DOF && found.unexplained > MAX_UNEXPLAINED;
+fn rejection(found: &MotionEstimate<Davis, PiSensor>, n: [usize; 2]) -> Option<String> {
+    let has_large_residuals =
+        found.chi2_per_dof > MAX_CHI2_PER_DOF && found.unexplained > MAX_UNEXPLAINED;
     let skew_ppm = found.skew_ppm.map_or(0.0, |skew| skew.value);
     // False for NaN, too.
-    let is_of_clocks = skew_ppm.abs() <= MAX_SKEW_PPM;
+    let is_plausible_rate = skew_ppm.abs() <= MAX_SKEW_PPM;
     let left_out = [0, 1].map(|track| found.n_outliers[track] as f64 / n[track].max(1) as f64);
-    let is_torn = left_out.iter().any(|share| *share > MAX_LEFT_OUT);
+    let has_many_outliers = left_out.iter().any(|share| *share > MAX_OUTLIER_SHARE);
     let [davis, pi] = left_out.map(|share| 1e2 * share);
-    (is_rough || !is_of_clocks || is_torn).then(|| {
+    (has_large_residuals || !is_plausible_rate || has_many_outliers).then(|| {
         format!(
-            "the residuals are {:.1} times what the tracks state and {:.1} % of the way, {davis:.0} and \
-             {pi:.0} % of the samples do not fit at all, and the clocks would go {skew_ppm:.0} ppm apart: \
-             they do not show one motion, turned, scaled and late",
+            "the residuals are {:.1} times the stated errors and {:.1} % of the motion, {davis:.0} and \
+             {pi:.0} % of the samples are outliers, and the clocks would differ by {skew_ppm:.0} ppm: the \
+             tracks do not show one motion",
             found.chi2_per_dof.sqrt(),
             1e2 * found.unexplained.sqrt(),
         )
@@ -238,28 +237,27 @@ fn no_motion(found: &MotionEstimate<Davis, PiSensor>, n: [usize; 2]) -> Option<S
 fn attempt<A: Clock, B: Clock>(
     method: Method,
     found: Result<ClockEstimate<A, B>, ClockError>,
-) -> Attempt<A, B> {
+) -> MethodResult<A, B> {
     match found {
-        Ok(estimate) => Attempt { method, estimate: Some(estimate), refused: None },
-        Err(error) => Attempt { method, estimate: None, refused: Some(error.to_string()) },
+        Ok(estimate) => MethodResult { method, estimate: Some(estimate), refused: None },
+        Err(error) => MethodResult { method, estimate: None, refused: Some(error.to_string()) },
     }
 }
 
-/// Every method on the Pi's two clocks.
-fn wall_attempts(evidence: &Evidence) -> Vec<Attempt> {
+fn wall_attempts(observations: &ClockObservations) -> Vec<MethodResult> {
     let mut attempts = Vec::new();
-    if !evidence.wall_readings.is_empty() {
-        let readings = &evidence.wall_readings;
+    if !observations.wall_readings.is_empty() {
+        let readings = &observations.wall_readings;
         attempts.push(attempt(Method::ClockPair, clock_pair(readings, &PairOptions::default())));
     }
-    if evidence.frames.is_empty() {
+    if observations.frames.is_empty() {
         return attempts;
     }
-    let latency = evidence
+    let latency = observations
         .readout
         .map_or(MinimumLatency::Unknown, |floor| MinimumLatency::ReadoutFloor { floor });
     let options = EnvelopeOptions { latency, ..EnvelopeOptions::default() };
-    let checked = FramePairs::check(&evidence.frames);
+    let checked = FramePairs::check(&observations.frames);
     let checked = checked.as_ref().map_err(Clone::clone);
     attempts.push(attempt(Method::Envelope, checked.clone().and_then(|p| envelope(p, &options))));
     attempts.push(attempt(Method::Hull, checked.clone().and_then(|p| hull(p, latency))));
@@ -268,13 +266,13 @@ fn wall_attempts(evidence: &Evidence) -> Vec<Attempt> {
         checked.clone().and_then(|p| olson2(p, SAME_HOST_PPM, latency)),
     ));
     attempts.push(attempt(Method::PaperWindow, checked.and_then(paper_window)));
-    let published = paper_interval(&evidence.frames, PaperUnit::Microseconds);
+    let published = paper_interval(&observations.frames, PaperUnit::Microseconds);
     attempts.push(attempt(Method::PaperInterval, published));
     attempts
 }
 
 /// Two-sided readings before minimum latency; no other method has a calibrated interval.
-fn best(attempts: &[Attempt]) -> Option<ClockEstimate> {
+fn best_estimate(attempts: &[MethodResult]) -> Option<ClockEstimate> {
     let of = |method| {
         let mut found = attempts.iter().filter(move |attempt| attempt.method == method);
         found.find_map(|attempt| attempt.estimate.clone())
@@ -282,14 +280,14 @@ fn best(attempts: &[Attempt]) -> Option<ClockEstimate> {
     of(Method::ClockPair).or_else(|| of(Method::Envelope))
 }
 
-fn no_map(evidence: &Evidence) -> ClockError {
-    match FramePairs::check(&evidence.frames) {
+fn no_map(observations: &ClockObservations) -> ClockError {
+    match FramePairs::check(&observations.frames) {
         Err(error) => error,
-        Ok(_) => ClockError::NoReadings { n_seen: evidence.wall_readings.len(), n_reversed: 0 },
+        Ok(_) => ClockError::NoReadings { n_seen: observations.wall_readings.len(), n_reversed: 0 },
     }
 }
 
-fn wall_minus_host(wall: &[Attempt], host: Option<&Attempt>) -> Option<Span> {
+fn wall_minus_host(wall: &[MethodResult], host: Option<&MethodResult>) -> Option<Span> {
     let pair = wall.iter().find(|attempt| attempt.method == Method::ClockPair)?;
     let (wall, host) = (pair.estimate.as_ref()?, host?.estimate.as_ref()?);
     let (first, last) = (host.segments.first()?.first, host.segments.last()?.last);
@@ -305,9 +303,8 @@ fn events_clock(arrivals: &[FramePair<Unix, Davis>]) -> EventsClock {
             is_as_stamped: true,
             unix_from_davis: as_stamped,
             arrivals: None,
-            because:
-                "the camera's recorder stamps Unix time; no arrivals were recorded to check it"
-                    .into(),
+            reason: "the camera's recorder stamps Unix time; no arrivals were recorded to check it"
+                .into(),
         };
     }
     let options = EnvelopeOptions { rate: RateModel::Device, ..EnvelopeOptions::default() };
@@ -315,11 +312,11 @@ fn events_clock(arrivals: &[FramePair<Unix, Davis>]) -> EventsClock {
     let attempt = attempt(Method::Envelope, found);
     let middle = arrivals[arrivals.len() / 2].sensor;
     let segment = attempt.estimate.as_ref().and_then(|estimate| estimate.segment_at(middle));
-    let (is_as_stamped, map, because) = match segment {
+    let (is_as_stamped, map, reason) = match segment {
         None => (
             true,
             as_stamped,
-            "the camera's recorder stamps Unix time; the arrivals say nothing".into(),
+            "the camera's recorder stamps Unix time; the arrivals give no estimate".into(),
         ),
         Some(segment) => {
             // Packets are delayed, never early: the fastest one bounds the offset.
@@ -329,18 +326,18 @@ fn events_clock(arrivals: &[FramePair<Unix, Davis>]) -> EventsClock {
                 (
                     true,
                     as_stamped,
-                    format!("Unix time as stamped: the quickest packets arrive {late} after it"),
+                    format!("Unix time as stamped: the fastest packets arrive {late} later"),
                 )
             } else {
-                let because = format!(
-                    "the stamps are no Unix time of the host: the quickest packets arrive {late} after \
-                     them; mapped by their arrivals, late by an unknown transport"
+                let reason = format!(
+                    "the stamps are not the host's Unix time: the fastest packets arrive {late} after \
+                     them; mapped by their arrivals, with an unknown transport delay"
                 );
-                (false, segment.map, because)
+                (false, segment.map, reason)
             }
         }
     };
-    EventsClock { is_as_stamped, unix_from_davis: map, arrivals: Some(attempt), because }
+    EventsClock { is_as_stamped, unix_from_davis: map, arrivals: Some(attempt), reason }
 }
 
 /// Composes a map to Unix time with the map to the events' clock.
@@ -348,7 +345,7 @@ fn compose(
     unix_from_sensor: &ClockEstimate,
     davis_from_unix: ClockMap<Davis, Unix>,
 ) -> ClockEstimate<Davis, PiSensor> {
-    let segment = |segment: &Segment| Segment {
+    let segment = |segment: &ClockSegment| ClockSegment {
         first: segment.first,
         last: segment.last,
         start: segment.start,

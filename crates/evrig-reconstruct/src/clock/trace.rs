@@ -1,6 +1,6 @@
 //! Frame pairs as numbers relative to the first, for the fits.
 
-use super::estimate::{Diagnostics, Segment, SegmentError, SegmentStart};
+use super::estimate::{ClockSegment, Diagnostics, SegmentError, SegmentStart};
 use super::input::FramePair;
 use evrig_core::stats::{Estimate, quantile_sorted};
 use evrig_core::time::{Clock, ClockMap, Span, Stamp};
@@ -8,7 +8,7 @@ use std::ops::Range;
 
 /// Pairs relative to the first: seconds since it, and RealTime minus sensor time, µs.
 #[derive(Debug)]
-pub(super) struct Trace<'a, A: Clock, B: Clock> {
+pub(super) struct PairTrace<'a, A: Clock, B: Clock> {
     pub(super) pairs: &'a [FramePair<A, B>],
     pub(super) x_s: Vec<f64>,
     pub(super) y_us: Vec<f64>,
@@ -16,13 +16,13 @@ pub(super) struct Trace<'a, A: Clock, B: Clock> {
 
 /// A line in the coordinates of a trace: `offset_us` at `x_s`, `slope_ppm` µs a second.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Line {
+pub(super) struct OffsetLine {
     pub(super) x_s: f64,
     pub(super) offset_us: f64,
     pub(super) slope_ppm: f64,
 }
 
-impl Line {
+impl OffsetLine {
     pub(super) fn constant(offset_us: f64) -> Self {
         Self { x_s: 0.0, offset_us, slope_ppm: 0.0 }
     }
@@ -31,7 +31,6 @@ impl Line {
         self.offset_us + (x_s - self.x_s) * self.slope_ppm
     }
 
-    /// The line through two points.
     pub(super) fn through(a: [f64; 2], b: [f64; 2]) -> Self {
         let run = b[0] - a[0];
         let slope_ppm = if run > 0.0 { (b[1] - a[1]) / run } else { 0.0 };
@@ -39,7 +38,7 @@ impl Line {
     }
 }
 
-impl<'a, A: Clock, B: Clock> Trace<'a, A, B> {
+impl<'a, A: Clock, B: Clock> PairTrace<'a, A, B> {
     /// The trace of pairs, of which there must be one at least.
     pub(super) fn new(pairs: &'a [FramePair<A, B>]) -> Self {
         let since = |pair: &FramePair<A, B>| pair.sensor - pairs[0].sensor;
@@ -51,18 +50,16 @@ impl<'a, A: Clock, B: Clock> Trace<'a, A, B> {
         }
     }
 
-    /// Seconds from the first to the last frame.
     pub(super) fn duration_s(&self) -> f64 {
         self.x_s.last().copied().unwrap_or(0.0)
     }
 
-    /// The stamp `x_s` seconds after the first frame.
     pub(super) fn stamp(&self, x_s: f64) -> Stamp<B> {
         self.pairs[0].sensor + Span::from_secs_f64(x_s)
     }
 
     /// The map of a line, anchored at `x_s`, with `latency` subtracted.
-    pub(super) fn map(&self, line: Line, x_s: f64, latency: Span) -> ClockMap<A, B> {
+    pub(super) fn map(&self, line: OffsetLine, x_s: f64, latency: Span) -> ClockMap<A, B> {
         let b0 = self.stamp(x_s);
         let offset = Span::from_secs_f64(line.at(x_s) * 1e-6);
         let since = b0 - self.pairs[0].sensor;
@@ -75,12 +72,12 @@ impl<'a, A: Clock, B: Clock> Trace<'a, A, B> {
         &self,
         range: &Range<usize>,
         start: SegmentStart,
-        line: Line,
+        line: OffsetLine,
         latency: Span,
-    ) -> Segment<A, B> {
+    ) -> ClockSegment<A, B> {
         let (first, last) = (range.start, range.end - 1);
         let middle = self.x_s[first].midpoint(self.x_s[last]);
-        Segment {
+        ClockSegment {
             first: self.pairs[first].sensor,
             last: self.pairs[last].sensor,
             start,
@@ -104,7 +101,7 @@ impl<'a, A: Clock, B: Clock> Trace<'a, A, B> {
     }
 }
 
-impl<A: Clock, B: Clock> Segment<A, B> {
+impl<A: Clock, B: Clock> ClockSegment<A, B> {
     pub(super) fn with_error(mut self, error: Option<SegmentError>) -> Self {
         self.error = error;
         self

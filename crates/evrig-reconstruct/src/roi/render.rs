@@ -1,9 +1,9 @@
 //! Frames of a tag with known truth, for tests and the table of the tracker's errors.
 
 /// Random numbers: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).
-pub(super) struct Dice(pub(super) u64);
+pub(super) struct TestRandom(pub(super) u64);
 
-impl Dice {
+impl TestRandom {
     /// Even in 0..1.
     pub(super) fn even(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
@@ -26,14 +26,14 @@ impl Dice {
 }
 
 /// A tag's cells: `true` is black, row by row from the top, the black border included.
-pub(super) struct Cells {
+pub(super) struct TagCells {
     /// Cells along a side.
     pub(super) side: usize,
     /// All of them.
     pub(super) black: Vec<bool>,
 }
 
-impl Cells {
+impl TagCells {
     /// A tag from its code word. Its bits run clockwise along each ring of cells, from outside in:
     /// each quarter of the word covers one side, given here for the upper side.
     fn of(code: u64, side: usize, upper: &[(usize, usize)], centre: bool) -> Self {
@@ -102,7 +102,7 @@ impl Taking {
     /// right and down); `corners` say where in the frame it is worth looking. The rest is paper.
     pub(super) fn render(
         &self,
-        cells: &Cells,
+        cells: &TagCells,
         corners: &[[f64; 2]; 4],
         tag_from_pixel: impl Fn([f64; 2]) -> [f64; 2],
     ) -> Vec<f64> {
@@ -124,7 +124,7 @@ impl Taking {
         // half a cell all along.
         let reach = (4.0 * self.blur_px * FINE as f64).ceil() as usize;
         let (n_x, n_y) = ((x1 - x0) * FINE + 2 * reach, (y1 - y0) * FINE + 2 * reach);
-        let mut dice = Dice(17);
+        let mut dice = TestRandom(17);
         let mut place = |i: usize, from: usize| {
             from as f64 + (i as f64 + dice.even() - reach as f64) / FINE as f64
         };
@@ -176,14 +176,14 @@ fn gather(
 }
 
 /// Samples of 8 bits with noise.
-pub(super) fn to_8_bits(frame: &[f64], noise: f64, dice: &mut Dice) -> Vec<u8> {
+pub(super) fn to_8_bits(frame: &[f64], noise: f64, dice: &mut TestRandom) -> Vec<u8> {
     frame.iter().map(|v| (v + noise * dice.normal()).round().clamp(0.0, 255.0) as u8).collect()
 }
 
 /// A tag of the given side somewhere in the frame, turned at will, tilted mildly: its corners
 /// (bottom left, bottom right, top right, top left). The tilt moves each corner by up to 8 % of
 /// the side.
-pub(super) fn random_corners(side: f64, taking: &Taking, dice: &mut Dice) -> [[f64; 2]; 4] {
+pub(super) fn random_corners(side: f64, taking: &Taking, dice: &mut TestRandom) -> [[f64; 2]; 4] {
     let turn = dice.between(0.0, 2.0 * std::f64::consts::PI);
     let (sin, cos) = turn.sin_cos();
     let reach = 0.72 * side * 1.1 + 10.0;

@@ -1,6 +1,6 @@
 //! The tracker on rendered frames with known truth.
 
-use super::render::{Cells, Dice, Taking, random_corners, to_8_bits};
+use super::render::{TagCells, Taking, TestRandom, random_corners, to_8_bits};
 use super::*;
 use evrig_core::frame::{Frame, FrameTiming, Samples};
 use evrig_core::geometry::{Homography, Size};
@@ -15,7 +15,7 @@ fn rig() -> Rig {
 }
 
 fn options() -> TrackOptions {
-    TrackOptions::new(Light::Brightness)
+    TrackOptions::new(SampleFormat::Brightness)
 }
 
 fn gray(t_us: i64, bytes: Vec<u8>) -> Frame<Davis> {
@@ -63,7 +63,7 @@ impl Flight {
     }
 
     /// A frame whose row 0 sees light at `t_s`, row after row.
-    fn frame(&self, cells: &Cells, t_s: f64, noise: f64, dice: &mut Dice) -> Frame<Davis> {
+    fn frame(&self, cells: &TagCells, t_s: f64, noise: f64, dice: &mut TestRandom) -> Frame<Davis> {
         let taking = Taking::davis346(1.0);
         let lens = Lens::of(&self.camera);
         let plane = TargetPlane::of(&self.target);
@@ -93,21 +93,21 @@ fn seconds(t_s: f64) -> Stamp<Davis> {
 
 #[test]
 fn the_tag_is_found_and_its_corners_are_within_a_tenth_of_a_pixel() {
-    let (rig, mut dice, taking) = (rig(), Dice(7), Taking::davis346(1.0));
+    let (rig, mut dice, taking) = (rig(), TestRandom(7), Taking::davis346(1.0));
     let (mut n_found, mut square, mut chi_square) = (0, 0.0, 0.0);
     let n = 40;
     for _ in 0..n {
         let corners = random_corners(dice.between(28.0, 30.0), &taking, &mut dice);
         let map = Homography::fit(&[0, 1, 2, 3].map(|i| (corners[i], UNIT[i]))).unwrap();
-        let frame = taking.render(&Cells::tag36h11(0), &corners, |p| map.apply(p));
+        let frame = taking.render(&TagCells::tag36h11(0), &corners, |p| map.apply(p));
         let frame = gray(0, to_8_bits(&frame, 6.0, &mut dice));
         let mut tracker = tracker(&rig);
-        let Ok(sighting) = tracker.see(&frame) else { continue };
+        let Ok(detection) = tracker.see(&frame) else { continue };
         n_found += 1;
         let error = nalgebra::SVector::<f64, 8>::from_fn(|i, _| {
-            sighting.corners_px[i / 2][i % 2] - corners[i / 2][i % 2]
+            detection.corners_px[i / 2][i % 2] - corners[i / 2][i % 2]
         });
-        let stated = nalgebra::SMatrix::<f64, 8, 8>::from_fn(|i, j| sighting.covariance_px2[i][j]);
+        let stated = nalgebra::SMatrix::<f64, 8, 8>::from_fn(|i, j| detection.covariance_px2[i][j]);
         square += error.norm_squared() / 4.0;
         chi_square += error.dot(&(stated.try_inverse().unwrap() * error)) / 8.0;
     }
@@ -123,10 +123,10 @@ fn a_camera_that_circles_and_turns_is_followed_through_lens_and_rolling_shutter(
     let mut rig = rig();
     rig.davis.camera.distortion = [-0.12, 0.05, 0.001, -0.001, 0.0];
     let flight = Flight::new(&rig);
-    let (mut dice, mut tracker) = (Dice(3), tracker(&rig));
+    let (mut dice, mut tracker) = (TestRandom(3), tracker(&rig));
     let n = 40;
     for i in 0..n {
-        let frame = flight.frame(&Cells::tag36h11(0), 0.02 * f64::from(i), 6.0, &mut dice);
+        let frame = flight.frame(&TagCells::tag36h11(0), 0.02 * f64::from(i), 6.0, &mut dice);
         tracker.see(&frame).unwrap();
     }
     let track = tracker.finish().unwrap();
@@ -182,7 +182,7 @@ fn a_camera_that_circles_and_turns_is_followed_through_lens_and_rolling_shutter(
 fn a_second_without_the_tag_is_a_gap_and_a_short_loss_is_bridged() {
     let rig = rig();
     let flight = Flight::new(&rig);
-    let (mut dice, mut tracker) = (Dice(5), tracker(&rig));
+    let (mut dice, mut tracker) = (TestRandom(5), tracker(&rig));
     let empty = vec![210; 346 * 260];
     for i in 0..76 {
         let t_s = 0.02 * f64::from(i);
@@ -195,20 +195,20 @@ fn a_second_without_the_tag_is_a_gap_and_a_short_loss_is_bridged() {
             }
             frame
         } else {
-            flight.frame(&Cells::tag36h11(0), t_s, 3.0, &mut dice)
+            flight.frame(&TagCells::tag36h11(0), t_s, 3.0, &mut dice)
         };
         assert_eq!(tracker.see(&frame).is_err(), is_hidden, "frame {i}");
     }
     let track = tracker.finish().unwrap();
     assert!(track.tally.balances());
-    assert_eq!(track.tally.lost, [(Lost::NotFound, 52)].into());
+    assert_eq!(track.tally.lost, [(LossReason::NotFound, 52)].into());
     assert_eq!(track.losses.len(), 52);
     assert_eq!(track.gaps.len(), 1);
     assert!(track.at(seconds(0.115)).is_ok(), "40 ms are bridged");
     let refused = track.at(seconds(0.8)).unwrap_err();
-    assert!(matches!(refused, NoPath::Gap { .. }));
+    assert!(matches!(refused, TrackTimeError::TrackGap { .. }));
     assert!(refused.to_string().contains("150.000 ms"), "{refused}");
-    assert!(matches!(track.at(seconds(9.0)), Err(NoPath::Outside { .. })));
+    assert!(matches!(track.at(seconds(9.0)), Err(TrackTimeError::Outside { .. })));
     let before = track.at(seconds(0.25)).unwrap().ideal_pixel(track.plane.tag_centre_mm()).1;
     assert!(before.trace().sqrt() < 0.2);
 }
@@ -217,21 +217,21 @@ fn a_second_without_the_tag_is_a_gap_and_a_short_loss_is_bridged() {
 fn sightings_off_the_path_are_named_and_left_out() {
     let rig = rig();
     let flight = Flight::new(&rig);
-    let (mut dice, mut tracker) = (Dice(11), tracker(&rig));
+    let (mut dice, mut tracker) = (TestRandom(11), tracker(&rig));
     for i in 0..24 {
         // Frame 12 is a stale one: it shows the scene of 60 ms before under a new stamp.
         let shown = if i == 12 { 9 } else { i };
-        let cells = Cells::tag36h11(0);
+        let cells = TagCells::tag36h11(0);
         let mut frame = flight.frame(&cells, 0.02 * f64::from(shown), 3.0, &mut dice);
         frame.timing.stamp = Stamp::from_micros(20_000 * i64::from(i));
         let _ = tracker.see(&frame);
         if i == 20 {
-            assert_eq!(tracker.see(&frame).unwrap_err(), Lost::OutOfOrder, "a duplicate");
+            assert_eq!(tracker.see(&frame).unwrap_err(), LossReason::OutOfOrder, "a duplicate");
         }
     }
     let track = tracker.finish().unwrap();
     let named: Vec<_> = track.losses.iter().map(|loss| (loss.frame, loss.reason)).collect();
-    assert_eq!(named, [(12, Lost::Outlier), (21, Lost::OutOfOrder)]);
+    assert_eq!(named, [(12, LossReason::Outlier), (21, LossReason::OutOfOrder)]);
     assert_eq!((track.tally.seen, track.tally.used), (25, 23));
     assert!(track.tally.balances());
     let truth = flight.homography(0.24).apply(track.plane.tag_centre_mm());
@@ -241,30 +241,30 @@ fn sightings_off_the_path_are_named_and_left_out() {
 }
 
 /// Five frames with one and the same picture.
-fn show(rig: &Rig, bytes: &[u8]) -> (Vec<Option<Lost>>, Result<Track<Davis>, TrackError>) {
+fn show(rig: &Rig, bytes: &[u8]) -> (Vec<Option<LossReason>>, Result<Track<Davis>, TrackError>) {
     let mut tracker = tracker(rig);
     let fates = (0..5).map(|i| tracker.see(&gray(20_000 * i, bytes.to_vec())).err()).collect();
     (fates, tracker.finish())
 }
 
-fn still(cells: &Cells, centre: [f64; 2]) -> Vec<u8> {
+fn still(cells: &TagCells, centre: [f64; 2]) -> Vec<u8> {
     let side = 29.0;
     let [left, top] = centre.map(|part| part - side / 2.0);
     let corners = UNIT.map(|[x, y]| [left + side * x, top + side * y]);
     let map = |[x, y]: [f64; 2]| [(x - left) / side, (y - top) / side];
     let frame = Taking::davis346(1.0).render(cells, &corners, map);
-    to_8_bits(&frame, 3.0, &mut Dice(1))
+    to_8_bits(&frame, 3.0, &mut TestRandom(1))
 }
 
 #[test]
 fn a_rig_that_names_the_wrong_tag_is_told_which_one_is_there() {
-    let (fates, result) = show(&rig(), &still(&Cells::tag36h11(1), [170.3, 120.8]));
-    assert_eq!(fates, [Some(Lost::OtherId); 5]);
+    let (fates, result) = show(&rig(), &still(&TagCells::tag36h11(1), [170.3, 120.8]));
+    assert_eq!(fates, [Some(LossReason::OtherId); 5]);
     let message = result.unwrap_err().to_string();
     assert!(message.contains("tag36h11 id 0 makes no track in 5 frames"), "{message}");
     assert!(message.contains("seen instead: tag36h11 id 1 in 5"), "{message}");
-    let (fates, result) = show(&rig(), &still(&Cells::tag25h9(), [170.3, 120.8]));
-    assert_eq!(fates, [Some(Lost::NotFound); 5]);
+    let (fates, result) = show(&rig(), &still(&TagCells::tag25h9(), [170.3, 120.8]));
+    assert_eq!(fates, [Some(LossReason::NotFound); 5]);
     let message = result.unwrap_err().to_string();
     assert!(message.contains("seen instead: tag25h9 id 0 in 5"), "{message}");
     let mut unknown = rig();
@@ -276,12 +276,12 @@ fn a_rig_that_names_the_wrong_tag_is_told_which_one_is_there() {
 #[test]
 fn frames_that_show_nothing_are_counted_by_what_is_wrong_with_them() {
     let (fates, result) = show(&rig(), &vec![90; 346 * 260]);
-    assert_eq!(fates, [Some(Lost::NoContrast); 5]);
+    assert_eq!(fates, [Some(LossReason::NoContrast); 5]);
     assert!(result.unwrap_err().to_string().contains("5 no contrast"));
-    let (fates, _) = show(&rig(), &still(&Cells::tag36h11(0), [20.0, 120.0]));
-    assert_eq!(fates, [Some(Lost::AtBorder); 5], "its quiet zone is cut off");
+    let (fates, _) = show(&rig(), &still(&TagCells::tag36h11(0), [20.0, 120.0]));
+    assert_eq!(fates, [Some(LossReason::AtBorder); 5], "its quiet zone is cut off");
     let (fates, _) = show(&rig(), &[0; 100]);
-    assert_eq!(fates, [Some(Lost::Unreadable); 5]);
+    assert_eq!(fates, [Some(LossReason::Unreadable); 5]);
     let empty = tracker(&rig()).finish();
     assert_eq!(empty, Err(TrackError::NoFrames));
 }
@@ -289,8 +289,8 @@ fn frames_that_show_nothing_are_counted_by_what_is_wrong_with_them() {
 #[test]
 fn a_raw_mosaic_gives_its_corners_at_full_resolution() {
     let rig = rig();
-    let mut dice = Dice(21);
-    let options = TrackOptions::new(Light::Mosaic { black_level_dn: 64.0 });
+    let mut dice = TestRandom(21);
+    let options = TrackOptions::new(SampleFormat::Mosaic { black_level_dn: 64.0 });
     let mut square = 0.0;
     let n = 6;
     for _ in 0..n {
@@ -298,7 +298,7 @@ fn a_raw_mosaic_gives_its_corners_at_full_resolution() {
         let taking = Taking { width: 692, height: 520, blur_px: 1.6, levels };
         let corners = random_corners(dice.between(50.0, 58.0), &taking, &mut dice);
         let map = Homography::fit(&[0, 1, 2, 3].map(|i| (corners[i], UNIT[i]))).unwrap();
-        let picture = taking.render(&Cells::tag36h11(0), &corners, |p| map.apply(p));
+        let picture = taking.render(&TagCells::tag36h11(0), &corners, |p| map.apply(p));
         let gains = [[0.55, 1.0], [1.0, 0.7]];
         let sample = |(i, value): (usize, &f64)| {
             let gain = gains[i / 692 % 2][i % 2];
@@ -311,8 +311,8 @@ fn a_raw_mosaic_gives_its_corners_at_full_resolution() {
             Samples::U16(samples),
         );
         let mut tracker = Tracker::new(&rig.target, &rig.pi.camera, options).unwrap();
-        let sighting = tracker.see(&frame).unwrap();
-        for (seen, real) in sighting.corners_px.iter().zip(corners) {
+        let detection = tracker.see(&frame).unwrap();
+        for (seen, real) in detection.corners_px.iter().zip(corners) {
             square += (seen[0] - real[0]).powi(2) + (seen[1] - real[1]).powi(2);
         }
     }

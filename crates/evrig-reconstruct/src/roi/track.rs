@@ -1,12 +1,11 @@
 //! Track: pose of the target at any time, with its error.
 
+use super::detection::{LossReason, TagDetection, TrackTally};
 use super::lens::Lens;
-use super::sighting::{Lost, Sighting, TrackTally};
-use super::smooth::Belief;
-use super::state::{Chart, M, Numbers, SHAPE};
+use super::path_state::{M, Numbers, PathChart, SHAPE};
+use super::smoother::StateEstimate;
 use super::target::TargetPlane;
 use evrig_core::geometry::{Homography, UncertainHomography};
-use evrig_core::stats::Estimate;
 use evrig_core::time::{Clock, Span, Stamp};
 use evrig_core::units::{Degrees, Pixels};
 use nalgebra::{Matrix2, SMatrix};
@@ -25,33 +24,34 @@ pub struct Track<C: Clock> {
     /// Frames seen, used, and lost by reason.
     pub tally: TrackTally,
     /// Every lost frame, in order.
-    pub losses: Vec<Loss<C>>,
+    pub losses: Vec<LostFrame<C>>,
     /// Gaps between detections that are not interpolated.
-    pub gaps: Vec<Gap<C>>,
+    pub gaps: Vec<TrackGap<C>>,
     /// The detections of the path, one for each knot.
-    pub sightings: Vec<Sighting<C>>,
+    #[serde(alias = "sightings")]
+    pub detections: Vec<TagDetection<C>>,
     /// The path at the detections' times, ascending.
-    pub knots: Vec<Knot<C>>,
+    pub knots: Vec<TrackKnot<C>>,
     /// Goodness of fit.
-    pub quality: Quality,
+    pub quality: TrackQuality,
 }
 
 /// A frame without a usable detection.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
-pub struct Loss<C: Clock> {
+pub struct LostFrame<C: Clock> {
     /// Index of the frame among those given, from 0.
     pub frame: u64,
     /// Its time.
     pub time: Stamp<C>,
     /// Why.
-    pub reason: Lost,
+    pub reason: LossReason,
 }
 
 /// A gap that is not interpolated.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
-pub struct Gap<C: Clock> {
+pub struct TrackGap<C: Clock> {
     /// The last detection before it.
     pub from: Stamp<C>,
     /// The first after it.
@@ -62,7 +62,7 @@ pub struct Gap<C: Clock> {
 /// to pixels with speed and acceleration, and the shape applied after it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
-pub struct Knot<C: Clock> {
+pub struct TrackKnot<C: Clock> {
     /// When.
     pub time: Stamp<C>,
     /// Scaled rotation and translation; per second; per second squared. Pixels.
@@ -75,7 +75,7 @@ pub struct Knot<C: Clock> {
 
 /// Goodness of fit of a path.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Quality {
+pub struct TrackQuality {
     /// Root-mean-square distance of the detected corners from the path, ideal pixels.
     pub corner_rms_px: f64,
     /// Factor by which the corners' stated variances were too small; the path's error includes it.
@@ -90,7 +90,7 @@ pub struct Quality {
 
 /// Pose of the target at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct View {
+pub struct TargetView {
     /// From millimetres on the target to ideal pixels, with its error.
     pub ideal_from_plane: UncertainHomography,
     lens: Lens,
@@ -116,10 +116,10 @@ pub struct Roi {
 
 /// Why there is no pose at a time.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum NoPath {
+pub enum TrackTimeError {
     /// Before the first or after the last detection.
     #[error(
-        "the track runs from {from_us} to {to_us} us of its clock; there is no path at {at_us} us"
+        "the track runs from {from_us} to {to_us} us of its clock; it has no pose at {at_us} us"
     )]
     Outside {
         /// The requested time.
@@ -131,9 +131,9 @@ pub enum NoPath {
     },
     /// In a gap.
     #[error(
-        "the tag was not seen from {from_us} to {to_us} us, longer than the {limit} a path may lead across; there is no path at {at_us} us"
+        "no detection of the tag from {from_us} to {to_us} us, longer than the maximum gap of {limit}; the track has no pose at {at_us} us"
     )]
-    Gap {
+    TrackGap {
         /// The requested time.
         at_us: i64,
         /// The last detection before it.
@@ -144,7 +144,9 @@ pub enum NoPath {
         limit: Span,
     },
     /// The stored parameters are no valid path.
-    #[error("the track's numbers at {0} us are no homography; was the file changed?")]
+    #[error(
+        "the track has no valid homography at {0} us: the file may be damaged, run `evrig track` again"
+    )]
     Broken(i64),
 }
 
@@ -152,12 +154,11 @@ impl<C: Clock> Track<C> {
     /// The pose at a time, up to one frame's rows outside the first and last detection.
     ///
     /// # Errors
-    ///
     /// When the time lies outside the track or in a gap.
-    pub fn at(&self, time: Stamp<C>) -> Result<View, NoPath> {
+    pub fn at(&self, time: Stamp<C>) -> Result<TargetView, TrackTimeError> {
         let at_us = time.as_micros();
         let (Some(first), Some(last)) = (self.knots.first(), self.knots.last()) else {
-            return Err(NoPath::Outside { at_us, from_us: 0, to_us: 0 });
+            return Err(TrackTimeError::Outside { at_us, from_us: 0, to_us: 0 });
         };
         let (from_us, to_us) = (first.time.as_micros(), last.time.as_micros());
         let after = self.knots.partition_point(|knot| knot.time < time);
@@ -168,17 +169,17 @@ impl<C: Clock> Track<C> {
                 if knot.time - previous.time > self.quality.max_gap {
                     let (from_us, to_us) = (previous.time.as_micros(), knot.time.as_micros());
                     let limit = self.quality.max_gap;
-                    return Err(NoPath::Gap { at_us, from_us, to_us, limit });
+                    return Err(TrackTimeError::TrackGap { at_us, from_us, to_us, limit });
                 }
-                between(previous, knot, time, &self.quality)
+                interpolate(previous, knot, time, &self.quality)
             }
-            _ => return Err(NoPath::Outside { at_us, from_us, to_us }),
+            _ => return Err(TrackTimeError::Outside { at_us, from_us, to_us }),
         };
-        let chart = Chart::new(&self.lens, &self.plane);
+        let chart = PathChart::new(&self.lens, &self.plane);
         let ideal_from_plane = chart.uncertain(&numbers, &covariance);
         let is_sound = ideal_from_plane.homography.inverse().is_some();
-        let view = View { ideal_from_plane, lens: self.lens, plane: self.plane };
-        is_sound.then_some(view).ok_or(NoPath::Broken(at_us))
+        let view = TargetView { ideal_from_plane, lens: self.lens, plane: self.plane };
+        is_sound.then_some(view).ok_or(TrackTimeError::Broken(at_us))
     }
 
     /// First and last time of the path.
@@ -186,21 +187,13 @@ impl<C: Clock> Track<C> {
     pub fn span(&self) -> Option<[Stamp<C>; 2]> {
         Some([self.knots.first()?.time, self.knots.last()?.time])
     }
-
-    /// Root-mean-square distance of the detected corners from the path, with the number of corners.
-    #[must_use]
-    pub fn corner_rms(&self) -> Estimate {
-        let n = 4 * self.sightings.len() as u64;
-        let rms = self.quality.corner_rms_px;
-        Estimate::normal(rms, rms / (4.0 * n as f64).sqrt(), n)
-    }
 }
 
-impl<C: Clock> Knot<C> {
-    pub(super) fn of(time: Stamp<C>, belief: &Belief) -> Self {
-        let mean = &belief.mean;
+impl<C: Clock> TrackKnot<C> {
+    pub(super) fn of(time: Stamp<C>, estimate: &StateEstimate) -> Self {
+        let mean = &estimate.mean;
         let place = |i: usize| if i < 4 { i } else { SHAPE + i - 4 };
-        let covariance = |i, j| belief.covariance[(place(i), place(j))];
+        let covariance = |i, j| estimate.covariance[(place(i), place(j))];
         Self {
             time,
             similarity: std::array::from_fn(|order| std::array::from_fn(|i| mean[4 * order + i])),
@@ -224,11 +217,11 @@ impl<C: Clock> Knot<C> {
 /// The mean is exact: under white jerk it is the quintic Hermite polynomial of position, speed and
 /// acceleration at both ends. The covariance is interpolated between the knots, plus the variance
 /// of the jerk between two known states: density T^5 (s (1 - s))^5 / 20.
-fn between<C: Clock>(
-    before: &Knot<C>,
-    after: &Knot<C>,
+fn interpolate<C: Clock>(
+    before: &TrackKnot<C>,
+    after: &TrackKnot<C>,
     time: Stamp<C>,
-    quality: &Quality,
+    quality: &TrackQuality,
 ) -> (Numbers, SMatrix<f64, M, M>) {
     let length = (after.time - before.time).as_secs_f64();
     let s = (time - before.time).as_secs_f64() / length;
@@ -263,7 +256,7 @@ fn between<C: Clock>(
     (numbers, covariance)
 }
 
-impl View {
+impl TargetView {
     /// From millimetres on the target to ideal pixels.
     #[must_use]
     pub fn homography(&self) -> &Homography {

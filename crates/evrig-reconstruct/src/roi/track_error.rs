@@ -1,4 +1,4 @@
-use super::detect::FAMILIES;
+use super::tag_detector::FAMILIES;
 
 /// Why there is no track.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -7,7 +7,7 @@ pub enum TrackError {
     #[error("tag family `{0}` is not known; expected one of {known}", known = FAMILIES.join(", "))]
     UnknownFamily(String),
     /// A tag or target image without size, or a lens without focal length.
-    #[error("the rig states {what}; a track needs a positive number")]
+    #[error("the rig description has {what}; a track needs a positive number")]
     BadRig {
         /// Name and value.
         what: String,
@@ -16,7 +16,7 @@ pub enum TrackError {
     #[error("there are no frames to track the tag in")]
     NoFrames,
     /// No frame has a usable detection, or too few are close enough for a path.
-    #[error("{tag} makes no track in {seen} frames: {reasons}{also}")]
+    #[error("{tag} cannot be tracked in {seen} frames: {reasons}{also}")]
     NoTag {
         /// Family and id of the tag.
         tag: String,

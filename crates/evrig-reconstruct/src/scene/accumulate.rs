@@ -33,15 +33,11 @@ pub(super) struct MapOptics {
 
 /// Side of a cell in Pi pixels.
 const CELL_PX: f64 = 0.8;
-
 const MAX_CELLS: usize = 6_000_000;
-
 /// Partial sums, added in order: the result does not depend on the number of threads.
 const PARTIAL_SUMS: usize = 4;
-
 /// Least weight of a known cell, in pixels.
 const MIN_WEIGHT_PX: f32 = 1.5;
-
 /// Column pairs between samples for the Bayer gains.
 const SITE_STEP_COLUMNS: usize = 23;
 
@@ -69,7 +65,6 @@ impl MapOptics {
     }
 }
 
-/// The grid that covers all frames.
 pub(super) fn grid_covering(optics: &MapOptics, keys: &[Keyframe]) -> Result<MapGrid, SceneError> {
     let camera = &optics.camera;
     let (right, bottom) = (usize::from(camera.size.width) - 1, usize::from(camera.size.height) - 1);

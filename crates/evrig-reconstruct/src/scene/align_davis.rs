@@ -31,38 +31,36 @@ pub struct DavisInputs<'a> {
 /// linear in light, the reconstruction is linearised.
 ///
 /// # Errors
-///
 /// When too few frames show the tag or fall on the map, or they do not fit.
 pub fn align_davis(
-    reconstruction: &mut Reconstruction,
+    target: &mut Reconstruction,
     known: &DavisInputs<'_>,
     frames: &[Frame<Davis>],
 ) -> Result<Registration, SceneError> {
-    let first = align_once(reconstruction, known, frames)?;
+    let first = align_once(target, known, frames)?;
     let Some(tone) = first.tone.filter(|tone| tone.nonlinear_sigmas().is_some()) else {
         return Ok(first);
     };
-    let mut linear = reconstruction.clone().to_power(tone.power());
+    let mut linear = target.clone().to_power(tone.power());
     let again = align_once(&linear, known, frames)?;
-    std::mem::swap(reconstruction, &mut linear);
+    std::mem::swap(target, &mut linear);
     Ok(Registration { tone: Some(tone), ..again })
 }
 
 fn align_once(
-    reconstruction: &Reconstruction,
+    target: &Reconstruction,
     known: &DavisInputs<'_>,
     frames: &[Frame<Davis>],
 ) -> Result<Registration, SceneError> {
     let stated = DavisMount::stated(&known.mount, known.lens);
-    let (sightings, plane) = (&known.track.sightings, &known.track.plane);
-    let head = &reconstruction.head;
+    let (detections, plane) = (&known.track.detections, &known.track.plane);
+    let head = &target.head;
     // The path counts wrist rotation from the tag's first detection. Both cameras rotate together,
     // so the mount does not change.
     let prior = AlignmentPrior {
         stated,
         sigma: if known.is_measured { MEASURED_SIGMA } else { NOMINAL_SIGMA },
     };
-    let by_tag =
-        align_by_tag(head, &reconstruction.path, &prior, known.pi_from_davis, sightings, plane)?;
-    register(reconstruction, by_tag, &prior, frames)
+    let by_tag = align_by_tag(head, &target.path, &prior, known.pi_from_davis, detections, plane)?;
+    register(target, by_tag, &prior, frames)
 }

@@ -15,22 +15,16 @@ use nalgebra::Vector3;
 
 /// Shared unknowns: the alignment and the Gaussian's width.
 pub(super) const REGISTRATION_UNKNOWNS: usize = ALIGNMENT_DOF + 1;
-
 /// Map features used per frame.
 const MAX_FEATURES: usize = 24_000;
-
 /// Instants within an exposure.
 const EXPOSURE_INSTANTS: usize = 4;
-
 /// Step of the derivative by the Gaussian's width, pixels.
 const SIGMA_STEP: f64 = 0.02;
-
 /// Pixel step in both axes for smooth samples.
 const SMOOTH_STEP_PX: usize = 3;
-
 /// A point is smooth where the map changes by less than this share per pixel.
 const MAX_SMOOTH_GRADIENT: f64 = 0.04;
-
 /// Least brightness of a smooth sample, as a share of white.
 const MIN_WHITE_SHARE: f64 = 0.03;
 
@@ -49,13 +43,11 @@ pub(super) struct PredictedMap {
     pub(super) features: Vec<MapFeature>,
 }
 
-/// One pixel's equation: value, expected light and derivatives.
 pub(super) struct PixelEquation {
     pub(super) value: f64,
     pub(super) light: f64,
     pub(super) slopes: [f64; REGISTRATION_UNKNOWNS],
     pub(super) by_place: [f64; 2],
-    /// Target position of its feature.
     pub(super) place_mm: [f64; 2],
 }
 
@@ -68,22 +60,22 @@ impl PixelEquation {
 }
 
 impl PredictedMap {
-    pub(super) fn new(reconstruction: &Reconstruction, spread: PointSpread, pixel_mm: f64) -> Self {
+    pub(super) fn new(target: &Reconstruction, spread: PointSpread, pixel_mm: f64) -> Self {
         let wider = PointSpread { sigma_px: spread.sigma_px + SIGMA_STEP, ..spread };
-        let here = blur_map(&reconstruction.map, spread, pixel_mm);
-        let beyond = blur_map(&reconstruction.map, wider, pixel_mm);
-        let features = here.features(MAX_FEATURES, reconstruction.white_dn);
+        let here = blur_map(&target.map, spread, pixel_mm);
+        let beyond = blur_map(&target.map, wider, pixel_mm);
+        let features = here.features(MAX_FEATURES, target.white_dn);
         Self { here, beyond, features }
     }
 }
 
 impl DavisImage {
     pub(super) fn new(
-        reconstruction: &Reconstruction,
+        target: &Reconstruction,
         alignment: &DavisAlignment,
         frame: &Frame<Davis>,
     ) -> Self {
-        let mapped = |stamp| alignment.mapped_s(&reconstruction.path, stamp);
+        let mapped = |stamp| alignment.mapped_s(&target.path, stamp);
         let middle = frame.timing.mid_exposure(0);
         let [start, end] = frame.timing.exposure.unwrap_or([middle; 2]).map(mapped);
         let look = |i: usize| start + (end - start) * (i as f64 + 0.5) / EXPOSURE_INSTANTS as f64;
@@ -95,22 +87,21 @@ impl DavisImage {
         }
     }
 
-    /// Equations of the pixels that view features.
     pub(super) fn equations(
         &self,
-        reconstruction: &Reconstruction,
+        target: &Reconstruction,
         alignment: &DavisAlignment,
         predicted: &PredictedMap,
     ) -> Option<Vec<PixelEquation>> {
         let times = self.instants_s.map(|mapped_s| alignment.path_s(mapped_s));
         let mut warps = Vec::with_capacity(EXPOSURE_INSTANTS);
         for time_s in times {
-            warps.push(alignment.warp(&reconstruction.head, &reconstruction.path, time_s)?);
+            warps.push(alignment.warp(&target.head, &target.path, time_s)?);
         }
         let middle_s = (times[0] + times[EXPOSURE_INSTANTS - 1]) / 2.0;
         let since = middle_s - alignment.lag_at_s;
-        let pose = reconstruction.path.pose(middle_s)?;
-        let forward = alignment.mount.davis_from_plane(&reconstruction.head.pi_from_plane(&pose));
+        let pose = target.path.pose(middle_s)?;
+        let forward = alignment.mount.davis_from_plane(&target.head.pi_from_plane(&pose));
         let mut is_taken = vec![false; self.width * self.height];
         let mut equations = Vec::new();
         for feature in &predicted.features {
@@ -127,7 +118,7 @@ impl DavisImage {
             if let Some(equation) =
                 equation([x, y], f64::from(self.values[at]), alignment, &warps, predicted, since)
             {
-                let illumination = reconstruction.illumination(feature.place_mm, middle_s);
+                let illumination = target.illumination(feature.place_mm, middle_s);
                 equations.push(PixelEquation {
                     place_mm: feature.place_mm,
                     ..equation.attenuated(illumination)
@@ -140,7 +131,7 @@ impl DavisImage {
     /// Samples of pixels that view smooth points, at mid-exposure.
     pub(super) fn smooth_samples(
         &self,
-        reconstruction: &Reconstruction,
+        target: &Reconstruction,
         alignment: &DavisAlignment,
         predicted: &PredictedMap,
         pixel_mm: f64,
@@ -148,8 +139,7 @@ impl DavisImage {
         let size = Size::new(self.width as u16, self.height as u16);
         let middle_s =
             alignment.path_s(0.5 * (self.instants_s[0] + self.instants_s[EXPOSURE_INSTANTS - 1]));
-        let plane =
-            alignment.plane_from_ray(&reconstruction.head, &reconstruction.path, middle_s)?;
+        let plane = alignment.plane_from_ray(&target.head, &target.path, middle_s)?;
         let mut samples = Vec::new();
         for y in (0..self.height).step_by(SMOOTH_STEP_PX) {
             for x in (0..self.width).step_by(SMOOTH_STEP_PX) {
@@ -161,10 +151,10 @@ impl DavisImage {
                 let [light, dx, dy] = predicted.here.sample(place_mm);
                 let is_smooth = dx.hypot(dy) * pixel_mm < MAX_SMOOTH_GRADIENT * light;
                 let value = f64::from(self.values[y * self.width + x]);
-                let mapped = light / reconstruction.white_dn;
+                let mapped = light / target.white_dn;
                 // Excludes the ends of the eight-bit range.
                 if is_smooth && mapped > MIN_WHITE_SHARE && (1.0..254.0).contains(&value) {
-                    let mapped = mapped * reconstruction.illumination(place_mm, middle_s);
+                    let mapped = mapped * target.illumination(place_mm, middle_s);
                     samples.push(ToneSample::new(size, [x, y], value, mapped, place_mm));
                 }
             }

@@ -17,7 +17,6 @@ use std::sync::{Arc, PoisonError, RwLock};
 
 /// Darkest radiance that is resolved, as a share of white.
 const MIN_WHITE_SHARE: f64 = 1e-3;
-
 /// Instants along the path at which the error is evaluated.
 const ERROR_INSTANTS: usize = 24;
 
@@ -36,9 +35,7 @@ pub struct SceneDrive {
     pixel_mm: f64,
     spread: PointSpread,
     offset_us: f64,
-    skew: f64,
     shift_px: [f64; 2],
-    /// The map blurred by the pixels' optics.
     blurred: Arc<BlurredMap>,
     illumination: Option<Arc<MovingIllumination>>,
     /// Standard error of position from path and registration, DAVIS pixels.
@@ -52,17 +49,14 @@ pub struct SceneDrive {
 struct BlurredMap {
     grid: MapGrid,
     log: Raster,
-    /// Standard error of the logarithm, row-major.
     errors: Vec<f32>,
 }
 
-/// Geometry at the instants of one time grid.
 #[derive(Debug)]
 struct PoseTable {
     grid: TimeGrid,
     /// Homography from rays to map columns and rows with its last element one; None off the path.
     cell_from_ray: Vec<Option<[f64; 8]>>,
-    /// Logarithm of the illumination level.
     ln_light: Vec<f32>,
     times_s: Vec<f64>,
 }
@@ -91,7 +85,6 @@ impl SceneDrive {
             pixel_mm: registration.pixel_mm,
             spread,
             offset_us: 0.0,
-            skew: 0.0,
             shift_px: [0.0; 2],
             blurred,
             illumination: reconstruction.moving_illumination.clone().map(Arc::new),
@@ -128,12 +121,6 @@ impl SceneDrive {
         Self { offset_us, ..self.variant() }
     }
 
-    /// The same scene with a DAVIS clock faster by this share; it agrees at the middle of the span.
-    #[must_use]
-    pub fn with_skew(&self, skew: f64) -> Self {
-        Self { skew, ..self.variant() }
-    }
-
     /// The same scene shifted on the sensor by so many columns and rows.
     #[must_use]
     pub fn with_shift_px(&self, shift_px: [f64; 2]) -> Self {
@@ -165,10 +152,8 @@ impl SceneDrive {
         self.alignment.mount.ray([u - self.shift_px[0], v - self.shift_px[1]])
     }
 
-    /// Path time of a stamp, seconds.
     fn path_s(&self, t_us: f64) -> f64 {
-        let middle_us = (self.span_us[0] + self.span_us[1]) as f64 / 2.0;
-        let true_us = t_us - self.offset_us - self.skew * (t_us - middle_us);
+        let true_us = t_us - self.offset_us;
         // Clock maps take whole microseconds; the fraction is added afterwards.
         let whole = true_us.floor();
         let mapped = self.alignment.mapped_s(&self.path, Stamp::<Davis>::from_micros(whole as i64));

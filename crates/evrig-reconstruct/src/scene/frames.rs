@@ -47,20 +47,15 @@ pub enum FramesError {
 
 /// Quantile of pixel values that counts as white.
 const WHITE_QUANTILE: f64 = 0.995;
-
 /// Least intensity above black whose logarithm is taken, DN: half a quantization step.
 const FLOOR_DN: f64 = 0.5;
-
 /// Frames at which the error is evaluated, approximately.
 const MAX_ERROR_FRAMES: usize = 256;
-
 /// Least share of values at the maximum that marks saturation.
 const MIN_SATURATED_SHARE: f64 = 1e-4;
-
 /// Instants of the motion-compensated curve between two frames, both ends included; linear in
 /// between.
 const FLOW_INSTANTS: usize = 17;
-
 /// Tracked points in total, and the range per frame pair: a long recording has fewer in each pair.
 const MAX_TRACKED_POINTS: usize = 300_000;
 const POINTS_PER_PAIR: [usize; 2] = [150, 1_500];
@@ -87,7 +82,6 @@ impl FramesDrive {
     /// `black_dn` is the reading without light, DN.
     ///
     /// # Errors
-    ///
     /// With fewer than two frames, frames out of order or of different sizes, or no light at all.
     pub fn new<F: Borrow<Luminance>>(
         frames: impl IntoIterator<Item = F>,

@@ -126,7 +126,6 @@ impl DavisMount {
         Some([u * longer, v * longer])
     }
 
-    /// Sensor position of a ray.
     pub(super) fn place(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let [a, b] = [u, v].map(|part| part * self.ln_focal.exp());
         let mut stated = [a, b];

@@ -11,7 +11,6 @@ use nalgebra::{SMatrix, SVector};
 /// Convergence threshold of a step, pixels. Steps shrink by a factor of five or more, so that a
 /// fifth of it remains.
 const CONVERGED_PX: f64 = 0.01;
-
 const MAX_STEPS: usize = 12;
 
 /// A located frame with its visible features and those that agree with the map.

@@ -51,13 +51,11 @@ impl MapGrid {
         [((x - left) / self.cell_mm) as f32, ((y - top) / self.cell_mm) as f32]
     }
 
-    /// Middle of a cell.
     pub(super) fn place_mm(&self, column: usize, row: usize) -> [f64; 2] {
         let [left, top] = self.origin_mm;
         [left + column as f64 * self.cell_mm, top + row as f64 * self.cell_mm]
     }
 
-    /// Position of a column and row, millimetres.
     #[inline]
     pub(super) fn place_of(&self, [x, y]: [f32; 2]) -> [f64; 2] {
         let [left, top] = self.origin_mm;

@@ -9,11 +9,13 @@ use super::locate::{ReducedEquations, eliminate_pose};
 use super::map::RadianceMap;
 use super::moving_illumination::{CellRatios, IlluminationFit};
 use super::path::{HeadPath, PathKnot};
-use super::photometric::{ALL_UNKNOWNS, FrameEquations, MapReference, SHARED_UNKNOWNS, ShotNoise};
+use super::photometric::{
+    ALL_UNKNOWNS, FrameEquations, MapReference, PhotometricNoise, SHARED_UNKNOWNS,
+};
 use super::pi_camera::PiCamera;
 use super::pose_tracking::{PendingFrame, PoseTracker};
 use super::read_noise::read_noise;
-use super::reconstruction::{FrameSource, PiInputs};
+use super::reconstruction::{PiInputs, RawFrames};
 use super::tag_pose::TagPath;
 use super::tag_row_time::row_time_by_tag;
 use super::tag_tilt::{TagTilt, tilt_difference};
@@ -27,37 +29,27 @@ use std::sync::Arc;
 
 /// Most frames from which the map is estimated.
 const MAX_KEYFRAMES: usize = 150;
-
 /// Fewest frames for a map.
 const MIN_KEYFRAMES: usize = 12;
-
 /// Map features for the joint estimation, and for the pose of each frame. With more of them the
 /// map's own error dominates.
 const MAP_FEATURES: usize = 24_000;
 const POSE_FEATURES: usize = 12_000;
-
 /// Longest gap between frames that is interpolated.
 const MAX_GAP: Span = Span::from_micros(50_000);
-
 /// Greatest deviation of a keyframe's log brightness from the median.
 const MAX_LOG_GAIN_DEVIATION: f64 = 0.03;
-
 /// The tag's row time is used when its error is below this share of the nominal one. The estimate
 /// from the map is a few percent too long.
 const MAX_TAG_ROW_ERROR: f64 = 0.1;
-
 /// Prior standard deviation of the row time, as a share of the nominal one.
 const ROW_PRIOR_SHARE: f64 = 0.2;
-
 /// The nominal row time is kept when the measured one differs by a smaller share.
 const ROW_TOLERANCE: f64 = 0.15;
-
 /// Greatest accepted vignetting.
 const MAX_CORNER_LOSS: f64 = 0.9;
-
 /// Index of the row time in the shared unknowns.
 const ROW_TIME: usize = SHARED_UNKNOWNS - 1;
-
 /// Number of pixels with common errors: so many count as one against the prior. On one circle the
 /// row time, a tilt and a changing distance are nearly collinear.
 const CORRELATED_PIXELS: f64 = 1_000.0;
@@ -68,21 +60,17 @@ fn accepted_row_time(found_s: f64, stated_s: f64) -> f64 {
 
 pub(super) struct MapBuilder<'a> {
     tag: TagPath<'a>,
-    /// Tilts from the tag's perspective.
     tilts: TagTilt,
-    /// The path of a previous map.
-    inputs: Option<HeadPath>,
+    previous_path: Option<HeadPath>,
     optics: MapOptics,
     stated_row_s: f64,
     /// Row time from the tag with its standard error; None where it is too uncertain.
     row_by_tag_s: Option<[f64; 2]>,
-    /// Measured row time.
     measured_row_s: f64,
     keyframes: Vec<Keyframe>,
-    noise: ShotNoise,
+    noise: PhotometricNoise,
 }
 
-/// A map and the parameters estimated with it.
 pub(super) struct BuiltMap {
     pub(super) map: RadianceMap,
     pub(super) white_dn: f64,
@@ -91,7 +79,6 @@ pub(super) struct BuiltMap {
     pub(super) read_noise_dn: Option<[f64; 2]>,
 }
 
-/// Poses of all frames.
 pub(super) struct FramePoses {
     pub(super) path: HeadPath,
     /// All frames, and those without a pose.
@@ -109,17 +96,16 @@ impl<'a> MapBuilder<'a> {
         tag.head = tilts.head;
         let camera = PiCamera::new(inputs.size, inputs.lens, inputs.raw);
         let stated_row_s = inputs.row_time.as_secs_f64();
-        let is_precise =
-            |row_time_by_tag: &[f64; 2]| row_time_by_tag[1] < MAX_TAG_ROW_ERROR * stated_row_s;
+        let is_precise = |[_, error_s]: &[f64; 2]| *error_s < MAX_TAG_ROW_ERROR * stated_row_s;
         let row_by_tag_s = row_time_by_tag(inputs.track, stated_row_s).filter(is_precise);
         let measured_row_s = row_by_tag_s.map_or(stated_row_s, |[row_s, _]| row_s);
         let row_s = accepted_row_time(measured_row_s, stated_row_s);
         let optics = MapOptics { camera, head: tag.head, row_s };
-        let noise = ShotNoise { variance_per_dn: 1.0, floor_dn: 10.0 };
+        let noise = PhotometricNoise { variance_per_dn: 1.0, floor_dn: 10.0 };
         Ok(Self {
             tag,
             tilts,
-            inputs: None,
+            previous_path: None,
             optics,
             stated_row_s,
             row_by_tag_s,
@@ -143,13 +129,13 @@ impl<'a> MapBuilder<'a> {
 
     /// Start poses come from this path where it is known, and from the tag elsewhere.
     pub(super) fn start_from(&mut self, path: HeadPath) {
-        self.inputs = Some(path);
+        self.previous_path = Some(path);
     }
 
     /// Start pose and its derivative, where known.
     fn start(&self, time_s: f64) -> Option<(HeadPose, HeadPose)> {
-        let inputs = self.inputs.as_ref();
-        let by_path = inputs.and_then(|path| Some((path.pose(time_s)?, path.speed(time_s))));
+        let previous = self.previous_path.as_ref();
+        let by_path = previous.and_then(|path| Some((path.pose(time_s)?, path.speed(time_s))));
         by_path.or_else(|| self.tag.pose(time_s))
     }
 
@@ -176,11 +162,11 @@ impl<'a> MapBuilder<'a> {
     }
 
     /// Selects keyframes at equal steps of time.
-    pub(super) fn select_keyframes<F: FrameSource>(
+    pub(super) fn select_keyframes<F: RawFrames>(
         &mut self,
         source: &mut F,
     ) -> Result<(), F::Error> {
-        let by_path = self.inputs.as_ref().and_then(HeadPath::span_s);
+        let by_path = self.previous_path.as_ref().and_then(HeadPath::span_s);
         let [from, to] = by_path.unwrap_or_else(|| self.tag.span_s());
         let step_s = ((to - from) / MAX_KEYFRAMES as f64).max(1e-6);
         let mut next_s = from;
@@ -204,7 +190,6 @@ impl<'a> MapBuilder<'a> {
         Ok(())
     }
 
-    /// Alternates between the map and the poses.
     pub(super) fn build_map(&mut self, n_rounds: usize) -> Result<BuiltMap, SceneError> {
         self.optics.camera.balance(self.keyframes.iter().map(|key| key.samples.as_slice()));
         let grid = grid_covering(&self.optics, &self.keyframes)?;
@@ -360,8 +345,7 @@ impl<'a> MapBuilder<'a> {
         self.keyframes.iter_mut().for_each(|key| key.ln_gain -= mean);
     }
 
-    /// Estimates the pose of every frame.
-    pub(super) fn locate_frames<F: FrameSource>(
+    pub(super) fn locate_frames<F: RawFrames>(
         &self,
         source: &mut F,
         built: &BuiltMap,

@@ -12,37 +12,28 @@ use serde::{Deserialize, Serialize};
 
 /// Step of the profile, millimetres.
 const STEP_MM: f64 = 2.0;
-
 /// Least root-mean-square change of the illumination beyond noise; smaller changes are below an
 /// event threshold.
 const MIN_RMS: f64 = 0.01;
-
 /// Least share of the variance explained by the moving profile.
 const MIN_EXPLAINED: f64 = 0.6;
-
 /// Least distance travelled during the recording, millimetres.
 const MIN_TRAVEL_MM: f64 = 10.0;
-
 /// Search range and steps: speed (mm/s), direction, and duration of the first interval.
 const MAX_SPEED_MM_PER_S: f64 = 150.0;
 const SPEED_STEP_MM_PER_S: f64 = 4.0;
 const DIRECTION_STEP_DEG: f64 = 6.0;
 const FIRST_INTERVAL_S: f64 = 2.0;
-
 /// Observations used to score one velocity, approximately.
 const SCORED_OBSERVATIONS: usize = 30_000;
-
 /// Least number of observations of a profile step, as a share of the maximum.
 const MIN_COVERAGE: f64 = 0.05;
-
 /// Quantile of the profile that defines the level beside a shadow, and the bound of the slope that
 /// is removed (logarithm per millimetre).
 const LEVEL_QUANTILE: f64 = 0.75;
 const MAX_SLOPE_PER_MM: f64 = 0.1;
-
 /// Alternating rounds of frame, cell and profile terms.
 const ROUNDS: usize = 3;
-
 /// Share of the depth lost to the resolution of grid and profile, and the number of neighbouring
 /// cells with common errors.
 const RESOLUTION_ERROR: f64 = 0.02;
@@ -66,7 +57,6 @@ pub struct MovingIllumination {
 }
 
 impl MovingIllumination {
-    /// The profile of light raised to a power.
     pub(super) fn to_power(mut self, power: f64) -> Self {
         self.ln_light.iter_mut().for_each(|ln| *ln *= power);
         let [depth, error] = self.depth;
@@ -102,7 +92,6 @@ impl ProfileMotion {
     }
 }
 
-/// Log ratio of one cell in one frame.
 #[derive(Debug, Clone, Copy)]
 struct CellRatio {
     frame: usize,
@@ -112,19 +101,17 @@ struct CellRatio {
 
 /// Log ratios of all frames on the coarse grid.
 pub(super) struct CellRatios<'a> {
-    cells: CoarseGrid,
+    grid: CoarseGrid,
     times_s: Vec<f64>,
     levels: Vec<&'a [f32]>,
 }
 
-/// Terms of frames, cells and profile.
 struct IlluminationTerms {
     frames: Vec<f64>,
     cells: Vec<f64>,
     along: Vec<f64>,
     n_along: Vec<f64>,
     from_mm: f64,
-    /// Residual variance.
     residual: f64,
 }
 
@@ -139,14 +126,13 @@ pub(super) struct IlluminationFit {
 
 impl<'a> CellRatios<'a> {
     pub(super) fn new(
-        cells: CoarseGrid,
+        grid: CoarseGrid,
         frames: impl Iterator<Item = (&'a PathKnot, &'a [f32])>,
     ) -> Self {
         let (times_s, levels) = frames.map(|(knot, levels)| (knot.time_s, levels)).unzip();
-        Self { cells, times_s, levels }
+        Self { grid, times_s, levels }
     }
 
-    /// The moving illumination, if there is one.
     pub(super) fn fit(&self) -> Option<IlluminationFit> {
         let length_s = self.times_s.last()? - self.times_s.first()?;
         let all = self.observations([f64::NEG_INFINITY, f64::INFINITY], usize::MAX);
@@ -199,7 +185,7 @@ impl<'a> CellRatios<'a> {
     ) -> IlluminationTerms {
         let position_mm = |one: &CellRatio| {
             course.map_or(0.0, |course| {
-                course.position_mm(self.cells.middle_mm(one.cell), self.times_s[one.frame])
+                course.position_mm(self.grid.middle_mm(one.cell), self.times_s[one.frame])
             })
         };
         let positions: Vec<f64> = observations.iter().map(position_mm).collect();
@@ -210,7 +196,7 @@ impl<'a> CellRatios<'a> {
             .collect();
         let mut along = vec![0.0; at.iter().max().map_or(1, |most| most + 1)];
         let mut frames = vec![0.0; self.times_s.len()];
-        let mut cells = vec![0.0; self.cells.width * self.cells.height];
+        let mut cells = vec![0.0; self.grid.width * self.grid.height];
         let all = || observations.iter().zip(at.iter().copied());
         let mut counts = Vec::new();
         for _ in 0..ROUNDS {
@@ -303,7 +289,7 @@ impl<'a> CellRatios<'a> {
         let slope = level_slope(&points);
         along.iter_mut().enumerate().for_each(|(i, ln)| *ln -= slope * position_mm(i));
         for (cell, ln) in cells.iter_mut().enumerate() {
-            *ln += slope * course.position_mm(self.cells.middle_mm(cell), 0.0);
+            *ln += slope * course.position_mm(self.grid.middle_mm(cell), 0.0);
         }
         let trend = |time_s: f64| -slope * course.speed * time_s;
         let frames: Vec<f64> =
@@ -336,7 +322,7 @@ impl<'a> CellRatios<'a> {
             share,
         };
         let ln_lamps = frames.iter().map(|ln| ln + top).collect();
-        IlluminationFit { light, ln_lamps, grid: self.cells, ln_cells: cells }
+        IlluminationFit { light, ln_lamps, grid: self.grid, ln_cells: cells }
     }
 }
 
@@ -439,7 +425,7 @@ mod tests {
 
     fn moving((times_s, all): &(Vec<f64>, Vec<Vec<f32>>)) -> Option<IlluminationFit> {
         let levels = all.iter().map(Vec::as_slice).collect();
-        CellRatios { cells: SQUARES, times_s: times_s.clone(), levels }.fit()
+        CellRatios { grid: SQUARES, times_s: times_s.clone(), levels }.fit()
     }
 
     #[test]

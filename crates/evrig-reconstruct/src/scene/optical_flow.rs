@@ -16,31 +16,22 @@ use std::collections::BTreeMap;
 
 /// A pixel has changed when it differs by so many standard deviations of the noise.
 const CHANGE_SIGMAS: f32 = 6.0;
-
 /// Neighbourhood of a changed pixel in which motion is possible, pixels.
 const REACH_PX: usize = 10;
-
 /// Spacing of tracked points, pixels.
 const POINT_SPACING_PX: usize = 3;
-
 /// Range of accepted displacements, pixels.
 const MIN_SHIFT_PX: f32 = 0.3;
 const MAX_SHIFT_PX: f32 = 40.0;
-
 /// Displacements that differ by less are merged, pixels.
 const MERGE_PX: f32 = 0.5;
-
 /// Most candidate displacements; indices are one byte.
 const MAX_SHIFTS: usize = 255;
-
 /// Side of a cell with its own list of candidates, pixels.
 const CELL_PX: usize = 16;
-
 /// Half the side of a compared patch, pixels.
 const PATCH_HALF_PX: isize = 2;
-
 const MAX_LEVELS: usize = 3;
-
 /// Side of the tracking window; no pyramid level is smaller.
 const WINDOW_PX: usize = 21;
 
@@ -154,7 +145,6 @@ impl FrameFlow {
         }
     }
 
-    /// Candidates at a pixel.
     pub(super) fn candidates(
         &self,
         [x, y]: [f32; 2],

@@ -8,11 +8,9 @@ use serde::{Deserialize, Serialize};
 /// Least change of the log level between two frames that counts as a jump: below any event
 /// threshold.
 const MIN_JUMP: f64 = 0.05;
-
 /// A jump exceeds the median change between frames by this factor, so that mains flicker is no
 /// jump.
 const JUMP_FACTOR: f64 = 8.0;
-
 /// Standard deviation of the Gaussian that smooths the illumination level, seconds. Frames alias
 /// mains flicker (100 Hz appears as 20 Hz at 120 frames per second); changes slower than about 5 Hz
 /// remain.
@@ -49,7 +47,6 @@ pub struct PathKnot {
     pub misfit: f64,
 }
 
-/// The knot interval that contains a time.
 struct KnotInterval {
     left: usize,
     length_s: f64,

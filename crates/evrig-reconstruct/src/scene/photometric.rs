@@ -9,10 +9,8 @@ use super::warp::Warp;
 use nalgebra::{SMatrix, SVector, Vector3};
 
 pub(super) const FRAME_UNKNOWNS: usize = POSE_DOF + 1;
-
 /// Unknowns shared by all frames: the head's constants and the row time.
 pub(super) const SHARED_UNKNOWNS: usize = HEAD_DOF + 1;
-
 /// All unknowns, the frame's own first.
 pub(super) const ALL_UNKNOWNS: usize = FRAME_UNKNOWNS + SHARED_UNKNOWNS;
 
@@ -32,41 +30,35 @@ pub(super) struct FrameEquations<const N: usize> {
 /// Steps of the numerical derivatives.
 const POSE_STEPS: [f64; POSE_DOF] = [1e-3, 1e-3, 1e-2, 1e-6];
 const HEAD_STEPS: [f64; HEAD_DOF] = [1e-5; HEAD_DOF];
-
 /// Huber threshold in standard deviations.
 const HUBER_SIGMAS: f64 = 2.5;
-
 /// Parts of the map for the clustered covariance, each of neighbouring features.
 const MAP_PARTS: usize = 32;
-
 /// Rows at which the geometry is evaluated exactly; linear in between.
 const ANCHOR_ROWS: usize = 9;
-
 /// Pixel step in both axes for a frame's brightness level; odd, so that all Bayer sites contribute.
 pub(super) const LEVEL_STEP: usize = 7;
-
 /// Fewest pixels for a brightness level.
 const MIN_LEVEL_PIXELS: usize = 200;
 
 /// Shot noise: the variance is proportional to the signal above a floor, both in DN.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct ShotNoise {
+pub(super) struct PhotometricNoise {
     pub(super) variance_per_dn: f64,
     pub(super) floor_dn: f64,
 }
 
-impl ShotNoise {
+impl PhotometricNoise {
     fn variance(&self, light_dn: f64) -> f64 {
         self.variance_per_dn * (light_dn.max(0.0) + self.floor_dn)
     }
 }
 
-/// What frames are aligned to.
 pub(super) struct MapReference<'a> {
     pub(super) optics: &'a MapOptics,
     pub(super) map: &'a RadianceMap,
     pub(super) features: &'a [MapFeature],
-    pub(super) noise: ShotNoise,
+    pub(super) noise: PhotometricNoise,
 }
 
 impl MapReference<'_> {
@@ -83,7 +75,6 @@ impl MapReference<'_> {
         is_known.then(|| (measured / expected).ln())
     }
 
-    /// Equations for pose and brightness.
     pub(super) fn frame_equations(&self, key: &Keyframe) -> Option<FrameEquations<FRAME_UNKNOWNS>> {
         self.equations::<POSE_DOF, FRAME_UNKNOWNS>(key, &POSE_STEPS)
     }
@@ -178,7 +169,6 @@ impl MapReference<'_> {
         })
     }
 
-    /// The frame's geometry at each row.
     fn warps_of_rows<const W: usize>(
         &self,
         key: &Keyframe,

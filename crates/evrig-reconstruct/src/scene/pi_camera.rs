@@ -95,12 +95,10 @@ impl PiCamera {
         self.over_gain[y % 2 * 2 + x % 2] * self.over_passed[at]
     }
 
-    /// Signal above black, DN, of a given light.
     pub(super) fn signal(&self, light: f64, x: usize, y: usize) -> f64 {
         light / f64::from(self.scale(x, y, y * usize::from(self.size.width) + x))
     }
 
-    /// Ray of a pixel's centre.
     #[inline]
     pub(super) fn ray(&self, x: usize, y: usize) -> [f64; 2] {
         self.rays[y * usize::from(self.size.width) + x].map(f64::from)

@@ -2,18 +2,14 @@
 
 /// Intensity classes.
 const INTENSITY_CLASSES: usize = 8;
-
 /// Pixels sampled over all frames, approximately.
 const MAX_SAMPLES: usize = 1 << 17;
-
 /// Quantile of the absolute differences that estimates the noise: moving content affects the values
 /// above it.
 const NOISE_QUANTILE: f64 = 0.4;
-
 /// The same quantile of the absolute standard normal distribution.
 const NORMAL_QUANTILE: f64 = 0.524_4;
 
-/// Standard deviation of the noise by intensity.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PixelNoise {
     /// Upper intensity of each class, ascending, and its standard deviation.

@@ -13,17 +13,13 @@ use rayon::prelude::*;
 
 /// Frames located in one batch.
 const BATCH_FRAMES: usize = 64;
-
 /// Longest time over which a pose is extrapolated, seconds.
 const MAX_EXTRAPOLATION_S: f64 = 0.05;
-
 /// Least share of the visible features that agree with the map in a frame without the tag (an
 /// occluder of the tag may hide features).
 const MIN_AGREEING_SHARE: f64 = 0.5;
-
 /// Greatest distance from the extrapolated position, pixels.
 const MAX_SHIFT_PX: f64 = 3.0;
-
 /// Least number of agreeing features relative to that of the neighbouring frame.
 const MIN_NEIGHBOUR_SHARE: f64 = 0.25;
 
@@ -31,18 +27,14 @@ pub(super) struct PendingFrame {
     pub(super) key: Keyframe,
     /// Mid-exposure of the middle row, seconds of the path.
     pub(super) time_s: f64,
-    /// Whether a start pose is known.
     pub(super) has_start: bool,
-    /// Whether the tag's track covers it.
     pub(super) has_tag: bool,
 }
 
-/// Aligns frames in ascending time.
 pub(super) struct PoseTracker<'a> {
     reference: &'a MapReference<'a>,
     pending: Vec<PendingFrame>,
     found: Vec<LocatedFrame>,
-    /// Frames located without the tag.
     n_bridged: usize,
 }
 

@@ -10,14 +10,11 @@ use rayon::prelude::*;
 /// Pixel step in both axes, and most frames.
 const PIXEL_STEP: usize = 9;
 const MAX_FRAMES: usize = 40;
-
 /// Signal classes, and the fewest pixels of one.
 const SIGNAL_CLASSES: usize = 16;
 const MIN_CLASS_PIXELS: usize = 400;
-
 /// Greatest relative change of the map per pixel: above it, registration errors exceed the noise.
 const MAX_GRADIENT: f64 = 0.02;
-
 /// Median absolute deviation of a standard normal variable, and the efficiency of the median
 /// absolute deviation as a scale estimate.
 const MAD_OF_NORMAL: f64 = 0.674_49;
@@ -66,11 +63,9 @@ struct SmoothPixel {
     /// Expected signal and residual, DN.
     signal: f64,
     residual: f64,
-    /// Bayer site.
     site: usize,
 }
 
-/// Pixels that view smooth points.
 fn smooth_pixels(
     optics: &MapOptics,
     map: &RadianceMap,

@@ -18,19 +18,18 @@ use nalgebra::Vector3;
 pub type FrameVisitor<'a> = dyn FnMut(usize, &Frame<PiSensor>) -> Result<(), SceneError> + 'a;
 
 /// The Pi's raw frames, which can be read more than once.
-pub trait FrameSource {
+pub trait RawFrames {
     /// Why a frame cannot be read.
     type Error: From<SceneError>;
 
     /// Visits every frame in order of time with its index from 0.
     ///
     /// # Errors
-    ///
     /// When a frame cannot be read, or `visit` rejects one.
     fn replay(&mut self, visit: &mut FrameVisitor<'_>) -> Result<(), Self::Error>;
 }
 
-impl FrameSource for &[Frame<PiSensor>] {
+impl RawFrames for &[Frame<PiSensor>] {
     type Error = SceneError;
 
     fn replay(&mut self, visit: &mut FrameVisitor<'_>) -> Result<(), SceneError> {
@@ -122,19 +121,16 @@ impl Reconstruction {
 /// Alternating rounds of map, poses and shared constants, at first and after the map was extended.
 const MAP_ROUNDS: usize = 4;
 const EXTENSION_ROUNDS: usize = 2;
-
 /// Most extensions of the map by frames without the tag.
 const MAX_EXTENSIONS: usize = 5;
-
 /// Least share of all frames for another extension.
 const MIN_EXTENSION_SHARE: f64 = 0.02;
 
 /// Reconstructs the radiance map of the target and the head's path over it.
 ///
 /// # Errors
-///
 /// When frames cannot be read, too few show the tag, or the target has no texture.
-pub fn reconstruct_target<F: FrameSource>(
+pub fn reconstruct_target<F: RawFrames>(
     inputs: &PiInputs<'_>,
     source: &mut F,
 ) -> Result<Reconstruction, F::Error> {

@@ -50,25 +50,18 @@ pub struct Registration {
 /// Most and fewest frames.
 const MAX_FRAMES: usize = 60;
 const MIN_FRAMES: usize = 3;
-
 /// Greatest accepted residual displacement, pixels; a vibrating head leaves about one pixel.
 const MAX_RESIDUAL_PX: f64 = 5.0;
-
 /// Prior standard deviation of the Gaussian's width, pixels.
 const SIGMA_PRIOR_PX: f64 = 0.5;
-
 /// Number of neighbouring pixels with common errors: so many count as one against the prior.
 const CORRELATED_PIXELS: f64 = 100.0;
-
 /// Index of the lag in the alignment's parameters.
 const LAG: usize = 8;
-
 /// Lower bound of the expected light in relative residuals, as a share of white.
 const MIN_WHITE_SHARE: f64 = 0.1;
-
 /// Share trimmed at either end of a mean over cells.
 const TRIM_SHARE: f64 = 0.15;
-
 /// Huber threshold in standard deviations.
 const HUBER_SIGMAS: f64 = 2.5;
 
@@ -85,32 +78,29 @@ struct ReducedFrame {
 /// Refines an alignment photometrically.
 ///
 /// # Errors
-///
 /// When too few frames fall on the path and the map, or they do not fit.
 pub(super) fn register(
-    reconstruction: &Reconstruction,
+    target: &Reconstruction,
     start: DavisAlignment,
     prior: &AlignmentPrior,
     frames: &[Frame<Davis>],
 ) -> Result<Registration, SceneError> {
-    let images: Vec<DavisImage> = select_frames(reconstruction, &start, frames);
+    let images: Vec<DavisImage> = select_frames(target, &start, frames);
     if images.len() < MIN_FRAMES {
         let (what, found, needed) = ("frames on the path", images.len(), MIN_FRAMES);
         return Err(SceneError::NoDavis { what, found, n: frames.len(), needed });
     }
-    let mut result = refine(reconstruction, start, prior, (&images, frames.len()))?;
+    let mut result = refine(target, start, prior, (&images, frames.len()))?;
     check_residual(result.residual_px)?;
     let pixel_mm = result.pixel_mm;
-    let predicted = PredictedMap::new(reconstruction, result.spread, pixel_mm);
-    result.light_error =
-        light_error(reconstruction, &result.alignment, &predicted, &images, pixel_mm);
-    let smooth_samples = |image: &DavisImage| {
-        image.smooth_samples(reconstruction, &result.alignment, &predicted, pixel_mm)
-    };
+    let predicted = PredictedMap::new(target, result.spread, pixel_mm);
+    result.light_error = light_error(target, &result.alignment, &predicted, &images, pixel_mm);
+    let smooth_samples =
+        |image: &DavisImage| image.smooth_samples(target, &result.alignment, &predicted, pixel_mm);
     let samples: Vec<Vec<ToneSample>> = images.par_iter().filter_map(smooth_samples).collect();
     result.tone = fit_tone(&samples);
     let lag = &mut result.alignment_error[LAG];
-    *lag = lag.hypot(reconstruction.path.time_error_s().unwrap_or(0.0));
+    *lag = lag.hypot(target.path.time_error_s().unwrap_or(0.0));
     Ok(result)
 }
 
@@ -123,21 +113,21 @@ fn check_residual(residual_px: f64) -> Result<(), SceneError> {
 
 /// Alignment and blur with the least residual over the images, of `n` frames.
 fn refine(
-    reconstruction: &Reconstruction,
+    target: &Reconstruction,
     start: DavisAlignment,
     prior: &AlignmentPrior,
     (images, n): (&[DavisImage], usize),
 ) -> Result<Registration, SceneError> {
-    let pixel_mm = pixel_mm(reconstruction, &start);
+    let pixel_mm = pixel_mm(target, &start);
     let mut alignment = start;
     let mut spread = PointSpread::of_sigma(0.5);
     let mut noise = 25.0;
     let mut result = None;
     for round in 0..8 {
-        let predicted = PredictedMap::new(reconstruction, spread, pixel_mm);
+        let predicted = PredictedMap::new(target, spread, pixel_mm);
         let parts: Vec<ReducedFrame> = images
             .par_iter()
-            .filter_map(|image| image.part(reconstruction, &alignment, &predicted, noise))
+            .filter_map(|image| image.part(target, &alignment, &predicted, noise))
             .collect();
         if parts.len() < MIN_FRAMES {
             let (what, found, needed) = ("frames on the map", parts.len(), MIN_FRAMES);
@@ -186,21 +176,20 @@ fn refine(
 /// Relative error of the map's radiance: variance of the cells' mean residuals over frames, less
 /// the noise variance of those means.
 fn light_error(
-    reconstruction: &Reconstruction,
+    target: &Reconstruction,
     alignment: &DavisAlignment,
     predicted: &PredictedMap,
     images: &[DavisImage],
     pixel_mm: f64,
 ) -> f64 {
     let mut places: BTreeMap<[i64; 2], [f64; 3]> = BTreeMap::new();
-    for equations in
-        images.iter().filter_map(|image| image.equations(reconstruction, alignment, predicted))
+    for equations in images.iter().filter_map(|image| image.equations(target, alignment, predicted))
     {
         let Some((gain, offset)) = gain_and_offset(&equations) else { continue };
         for equation in equations {
             let expected = gain * equation.light;
             let residual = (equation.value - offset - expected)
-                / expected.max(gain * MIN_WHITE_SHARE * reconstruction.white_dn);
+                / expected.max(gain * MIN_WHITE_SHARE * target.white_dn);
             let sums =
                 places.entry(equation.place_mm.map(|mm| (mm / pixel_mm) as i64)).or_default();
             [sums[0], sums[1], sums[2]] =
@@ -220,20 +209,19 @@ fn light_error(
 }
 
 /// Width of a DAVIS pixel on the target at the middle of the path.
-fn pixel_mm(reconstruction: &Reconstruction, alignment: &DavisAlignment) -> f64 {
-    let knots = &reconstruction.path.knots;
+fn pixel_mm(target: &Reconstruction, alignment: &DavisAlignment) -> f64 {
+    let knots = &target.path.knots;
     let distance = knots.get(knots.len() / 2).map_or(1.0, |knot| knot.pose[2]);
     let lens = &alignment.mount.lens;
     (distance - alignment.mount.offset_mm[2]) / (lens.focal_px * alignment.mount.ln_focal.exp())
 }
 
-/// Frames evenly spread over the path.
 fn select_frames(
-    reconstruction: &Reconstruction,
+    target: &Reconstruction,
     alignment: &DavisAlignment,
     frames: &[Frame<Davis>],
 ) -> Vec<DavisImage> {
-    let path = &reconstruction.path;
+    let path = &target.path;
     let on_path: Vec<&Frame<Davis>> = frames
         .iter()
         .filter(|frame| {
@@ -244,7 +232,7 @@ fn select_frames(
     let step = (on_path.len() as f64 / MAX_FRAMES as f64).max(1.0);
     let n = (on_path.len() as f64 / step) as usize;
     (0..n)
-        .map(|i| DavisImage::new(reconstruction, alignment, on_path[(i as f64 * step) as usize]))
+        .map(|i| DavisImage::new(target, alignment, on_path[(i as f64 * step) as usize]))
         .collect()
 }
 
@@ -268,12 +256,12 @@ fn prior_equations(
 impl DavisImage {
     fn part(
         &self,
-        reconstruction: &Reconstruction,
+        target: &Reconstruction,
         alignment: &DavisAlignment,
         predicted: &PredictedMap,
         noise: f64,
     ) -> Option<ReducedFrame> {
-        let equations = self.equations(reconstruction, alignment, predicted)?;
+        let equations = self.equations(target, alignment, predicted)?;
         if equations.len() < 200 {
             return None;
         }
@@ -313,7 +301,6 @@ impl DavisImage {
     }
 }
 
-/// Gain and offset by least squares.
 fn gain_and_offset(equations: &[PixelEquation]) -> Option<(f64, f64)> {
     let n = equations.len() as f64;
     let mean = |of: &dyn Fn(&PixelEquation) -> f64| equations.iter().map(of).sum::<f64>() / n;

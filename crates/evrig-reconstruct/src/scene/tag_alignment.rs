@@ -4,7 +4,7 @@ use super::davis_alignment::DavisAlignment;
 use super::error::SceneError;
 use super::head::{DavisMount, HeadGeometry};
 use super::path::HeadPath;
-use crate::roi::{Sighting, TargetPlane};
+use crate::roi::{TagDetection, TargetPlane};
 use evrig_core::time::{ClockMap, Davis, PiSensor};
 use nalgebra::{SMatrix, SVector, Vector3};
 
@@ -23,7 +23,6 @@ pub(super) const NOMINAL_SIGMA: [f64; ALIGNMENT_DOF] =
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AlignmentPrior {
     pub(super) stated: DavisMount,
-    /// Prior standard deviations of the parameters.
     pub(super) sigma: [f64; ALIGNMENT_DOF],
 }
 
@@ -33,10 +32,8 @@ const DERIVATIVE_STEPS: [f64; ALIGNMENT_DOF] =
 
 /// Fewest detections.
 const MIN_DETECTIONS: usize = 8;
-
 /// Huber threshold of a corner residual, pixels.
 const HUBER_PX: f64 = 0.2;
-
 /// Standard deviation of a corner position, pixels.
 const CORNER_PX: f64 = 0.05;
 
@@ -76,14 +73,13 @@ pub(super) fn updated(
 /// Alignment with the least reprojection error of the tag's corners.
 ///
 /// # Errors
-///
 /// With too few detections on the path, or when they do not fit.
 pub(super) fn align_by_tag(
     head: &HeadGeometry,
     path: &HeadPath,
     &AlignmentPrior { stated, sigma }: &AlignmentPrior,
     pi_from_davis: ClockMap<PiSensor, Davis>,
-    sightings: &[Sighting<Davis>],
+    detections: &[TagDetection<Davis>],
     plane: &TargetPlane,
 ) -> Result<DavisAlignment, SceneError> {
     let span = path.span_s().unwrap_or_default();
@@ -100,17 +96,17 @@ pub(super) fn align_by_tag(
             right[i] -= list[i] * sigma[i].powi(-2);
         }
         let mut n = 0;
-        for sighting in sightings {
-            let Some(here) = predict_corners(&alignment, head, path, sighting, plane) else {
+        for detection in detections {
+            let Some(here) = predict_corners(&alignment, head, path, detection, plane) else {
                 continue;
             };
             let Some(corner_derivatives) =
-                corner_derivatives(&alignment, head, path, sighting, plane)
+                corner_derivatives(&alignment, head, path, detection, plane)
             else {
                 continue;
             };
             let residual =
-                SVector::<f64, 8>::from_fn(|i, _| sighting.corners_px[i / 2][i % 2]) - here;
+                SVector::<f64, 8>::from_fn(|i, _| detection.corners_px[i / 2][i % 2]) - here;
             let far = residual.norm() / 8.0_f64.sqrt();
             let weight = CORNER_PX.powi(-2) * if far > HUBER_PX { HUBER_PX / far } else { 1.0 };
             normal += weight * corner_derivatives.transpose() * corner_derivatives;
@@ -119,7 +115,7 @@ pub(super) fn align_by_tag(
         }
         if n < MIN_DETECTIONS {
             let (what, found, needed) = ("detections of the tag", n, MIN_DETECTIONS);
-            return Err(SceneError::NoDavis { what, found, n: sightings.len(), needed });
+            return Err(SceneError::NoDavis { what, found, n: detections.len(), needed });
         }
         let change = normal.cholesky().ok_or_else(|| no_fit.clone())?.solve(&right);
         alignment = updated(&alignment, &change);
@@ -130,18 +126,17 @@ pub(super) fn align_by_tag(
     Ok(alignment)
 }
 
-/// Predicted corners of a detection.
 fn predict_corners(
     alignment: &DavisAlignment,
     head: &HeadGeometry,
     path: &HeadPath,
-    sighting: &Sighting<Davis>,
+    detection: &TagDetection<Davis>,
     plane: &TargetPlane,
 ) -> Option<SVector<f64, 8>> {
     let mut predicted = SVector::<f64, 8>::zeros();
-    let predict_corners = plane.tag_corners_mm().into_iter().zip(sighting.corner_delays);
+    let predict_corners = plane.tag_corners_mm().into_iter().zip(detection.corner_delays);
     for (i, (corner, delay)) in predict_corners.enumerate() {
-        let time_s = alignment.path_s(alignment.mapped_s(path, sighting.time + delay));
+        let time_s = alignment.path_s(alignment.mapped_s(path, detection.time + delay));
         let matrix = alignment.mount.davis_from_plane(&head.pi_from_plane(&path.pose(time_s)?));
         let q = matrix * Vector3::new(corner[0], corner[1], 1.0);
         let place = alignment.mount.place([q.x / q.z, q.y / q.z]);
@@ -155,7 +150,7 @@ fn corner_derivatives(
     alignment: &DavisAlignment,
     head: &HeadGeometry,
     path: &HeadPath,
-    sighting: &Sighting<Davis>,
+    detection: &TagDetection<Davis>,
     plane: &TargetPlane,
 ) -> Option<SMatrix<f64, 8, ALIGNMENT_DOF>> {
     let mut corner_derivatives = SMatrix::<f64, 8, ALIGNMENT_DOF>::zeros();
@@ -163,7 +158,7 @@ fn corner_derivatives(
         let side = |by: f64| {
             let mut list = SVector::<f64, ALIGNMENT_DOF>::zeros();
             list[i] = by;
-            predict_corners(&updated(alignment, &list), head, path, sighting, plane)
+            predict_corners(&updated(alignment, &list), head, path, detection, plane)
         };
         corner_derivatives.set_column(i, &((side(step)? - side(-step)?) / (2.0 * step)));
     }

@@ -9,7 +9,6 @@ use nalgebra::{SMatrix, SVector, Vector3};
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TagSquare(pub(super) TagCorners);
 
-/// Path of the head from the tag alone.
 pub(super) struct TagPath<'a> {
     track: &'a Track<PiSensor>,
     zero: Stamp<PiSensor>,
@@ -115,7 +114,6 @@ impl TagSquare {
         })
     }
 
-    /// Their derivatives by the pose.
     pub(super) fn pose_derivatives(
         &self,
         head: &HeadGeometry,

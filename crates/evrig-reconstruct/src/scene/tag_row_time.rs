@@ -7,43 +7,37 @@
 //! in the tag's position.
 
 use super::clustered_covariance::clustered_covariance;
-use crate::roi::{Sighting, Track};
+use crate::roi::{TagDetection, Track};
 use evrig_core::time::PiSensor;
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 /// The row time, then level and slopes of either strain by position.
 const UNKNOWNS: usize = 7;
-
 /// Fewest observations of a moving tag.
 const MIN_OBSERVATIONS: usize = 24;
-
 /// Longest time between frames that give a velocity, seconds.
 const MAX_NEIGHBOUR_S: f64 = 0.05;
-
 /// Systematic error of the distance of blurred edges, as a share of the row time: 0.1 to 0.4 % too
 /// small in recordings of the simulated rig.
 const EDGE_ERROR: f64 = 0.004;
-
 /// Iterations: velocities depend on the row time.
 const ITERATIONS: usize = 3;
 
 type StrainRow = SVector<f64, UNKNOWNS>;
 
-/// The tag in one frame.
 struct TagShape {
     /// Mid-exposure of the frame's first row, seconds.
     first_s: f64,
-    /// Pixels of its centre.
     middle: Vector2<f64>,
     /// Half sides of the tag, right and down, in pixels.
     sides: Matrix2<f64>,
 }
 
 impl TagShape {
-    fn of(sighting: &Sighting<PiSensor>, stated_row_s: f64, track: &Track<PiSensor>) -> Self {
-        let [bl, br, tr, tl] = sighting.corners_px.map(Vector2::from);
+    fn of(detection: &TagDetection<PiSensor>, stated_row_s: f64, track: &Track<PiSensor>) -> Self {
+        let [bl, br, tr, tl] = detection.corners_px.map(Vector2::from);
         let middle = (bl + br + tr + tl) / 4.0;
-        let seconds = (sighting.time - track.sightings[0].time).as_secs_f64();
+        let seconds = (detection.time - track.detections[0].time).as_secs_f64();
         Self {
             first_s: seconds - middle.y * stated_row_s,
             middle,
@@ -54,8 +48,8 @@ impl TagShape {
 
 /// Row time in seconds with its standard error.
 pub(super) fn row_time_by_tag(track: &Track<PiSensor>, stated_row_s: f64) -> Option<[f64; 2]> {
-    let shape = |sighting| TagShape::of(sighting, stated_row_s, track);
-    let shapes: Vec<TagShape> = track.sightings.iter().map(shape).collect();
+    let shape = |detection| TagShape::of(detection, stated_row_s, track);
+    let shapes: Vec<TagShape> = track.detections.iter().map(shape).collect();
     (0..ITERATIONS).try_fold([stated_row_s, 0.0], |[row_s, _], _| solve(&shapes, row_s))
 }
 

@@ -13,19 +13,14 @@ use nalgebra::{SMatrix, SVector};
 
 /// Instants sampled from the track.
 const INSTANTS: usize = 240;
-
 /// Fewest observations.
 const MIN_OBSERVATIONS: usize = 12;
-
 /// Gauss-Newton iterations.
 const ITERATIONS: usize = 6;
-
 /// Prior standard deviation of the tilts, radians.
 const TILT_RAD: f64 = 0.02;
-
 /// Systematic error of the tag's perspective, radians: lens model and common corner errors.
 const FLOOR_RAD: f64 = 1e-3;
-
 /// Step of the numerical derivatives.
 const HEAD_STEP: f64 = 1e-5;
 
@@ -41,7 +36,6 @@ pub(super) struct TagTilt {
 struct TiltEquations {
     normal: SMatrix<f64, HEAD_DOF, HEAD_DOF>,
     right: SVector<f64, HEAD_DOF>,
-    /// Right side of each observation.
     scores: Vec<SVector<f64, HEAD_DOF>>,
     squares: f64,
 }

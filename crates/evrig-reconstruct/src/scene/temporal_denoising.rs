@@ -6,10 +6,8 @@ use std::collections::VecDeque;
 
 /// Most frames before, and after, that are averaged.
 const MAX_SIDE_FRAMES: usize = 8;
-
 /// Half width of a confidence interval, in standard errors.
 const INTERVAL_SIGMAS: f32 = 1.3;
-
 /// Fewest frames of a one-sided mean; fewer may lie on a slope.
 const MIN_ONE_SIDED: usize = 3;
 

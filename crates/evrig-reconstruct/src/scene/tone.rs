@@ -12,21 +12,15 @@ use serde::{Deserialize, Serialize};
 
 /// Unknowns of all frames: `q`, `o` and `c`.
 const TONE_UNKNOWNS: usize = 3;
-
 const ITERATIONS: usize = 12;
-
 /// Huber threshold in standard deviations.
 const HUBER_SIGMAS: f64 = 2.5;
-
 /// Clusters of target positions.
 const CLUSTERS: usize = 24;
-
 /// Side of a cluster's cell on the target, millimetres.
 const CLUSTER_MM: f64 = 6.0;
-
 /// Fewest samples.
 const MIN_SAMPLES: usize = 2_000;
-
 /// Systematic model error of the exponent and of the corner loss.
 const MODEL_ERROR: [f64; 2] = [0.01, 0.005];
 
@@ -65,11 +59,9 @@ impl ToneFit {
 pub(super) struct ToneSample {
     /// Reading, DN.
     pub(super) value: f64,
-    /// Map over white.
     pub(super) mapped: f64,
     /// Squared distance from the image centre over that of the corners.
     pub(super) squared_radius: f64,
-    /// Target position.
     pub(super) place_mm: [f64; 2],
 }
 

@@ -9,23 +9,17 @@ use std::f64::consts::{PI, TAU};
 
 /// Standard deviation of the Gaussian high-pass filter, seconds.
 const HIGH_PASS_SIGMA_S: f64 = 0.03;
-
 /// Below this the arm's own motion dominates.
 const MIN_HZ: f64 = 5.0;
-
 /// Highest frequency, as a share of the frame rate.
 const MAX_RATE_SHARE: f64 = 0.45;
-
 /// Least power of a line over its background.
 const MIN_POWER_RATIO: f64 = 40.0;
-
 /// Spectral lines on either side that form the background, and those next to the peak that do not.
 const BACKGROUND_LINES: usize = 40;
 const PEAK_LINES: usize = 4;
-
 /// Cycles about an instant from which the amplitude is fitted.
 const FIT_CYCLES: f64 = 2.0;
-
 /// Fewest frames for a spectrum.
 const MIN_KNOTS: usize = 120;
 
@@ -42,7 +36,6 @@ pub struct HeadVibration {
     displacements: Vec<[f64; 2]>,
 }
 
-/// The high-pass filtered path.
 struct HighPassPath {
     times: Vec<f64>,
     places: Vec<[f64; 2]>,

@@ -14,10 +14,8 @@ use std::collections::BTreeMap;
 
 /// Pixel step in both axes.
 const PIXEL_STEP: usize = 11;
-
 /// Side of a cell of the target, millimetres.
 const CELL_MM: f64 = 1.2;
-
 /// Departure of real lenses and lamps from the quadratic fall-off, as a share of the light.
 const MODEL_ERROR: f64 = 0.003;
 
@@ -32,7 +30,6 @@ pub(super) struct MapRatio {
     pub(super) weight: f64,
 }
 
-/// Weighted sums of one cell.
 #[derive(Clone, Copy, Default)]
 struct CellSums {
     weight: f64,

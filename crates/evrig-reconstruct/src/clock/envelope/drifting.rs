@@ -1,14 +1,14 @@
 //! Lower envelope of a drifting clock: lines around knots.
 //!
 //! The rate of a crystal changes slowly with temperature and abruptly when a host slews its clock.
-//! Around each knot the window grows (intersection of confidence intervals; Goldenshluger and
-//! Nemirovski, Mathematical Methods of Statistics 6, 1997) while its line agrees with the shortest windows; between knots
-//! the map is linear.
+//! Around each knot the window grows while its line agrees with the shortest windows (intersection
+//! of confidence intervals; Goldenshluger and Nemirovski, Mathematical Methods of Statistics 6,
+//! 1997); between knots the map is linear.
 
 use super::super::estimate::{MinimumLatency, SegmentError, SegmentStart};
 use super::super::hull::{LineFit, fit};
-use super::super::trace::{Line, Trace};
-use super::{Piece, RESOLUTION_US};
+use super::super::trace::{OffsetLine, PairTrace};
+use super::{EnvelopePiece, RESOLUTION_US};
 use evrig_core::stats::Estimate;
 use evrig_core::time::Clock;
 use std::ops::Range;
@@ -18,16 +18,15 @@ const KNOT_S: f64 = 2.5;
 /// Window lengths tried around each knot, seconds.
 const WINDOWS_S: [f64; 6] = [2.5, 5.0, 10.0, 20.0, 40.0, 60.0];
 /// Fewest frames of a window.
-const MIN_WINDOW: usize = 60;
+const MIN_WINDOW_FRAMES: usize = 60;
 /// Greatest distance of a line below a local knot in 95 % margins: with many knots one outlier must
 /// not shorten the windows.
-const AGREEMENT: f64 = 2.0;
+const MAX_MARGINS_BELOW: f64 = 2.0;
 /// Change of rate allowed in every window, ppm per second (a crystal in a warming case).
-const WANDER_PPM_PER_S: f64 = 0.02;
+const RATE_DRIFT_PPM_PER_S: f64 = 0.02;
 
-/// The envelope at one instant.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Knot {
+pub(super) struct EnvelopeKnot {
     x_s: f64,
     offset_us: f64,
     /// 95 % margins below and above.
@@ -40,16 +39,17 @@ pub(super) struct Knot {
 
 /// Linear pieces over a range of frames without a step.
 pub(super) fn pieces<A: Clock, B: Clock>(
-    trace: &Trace<'_, A, B>,
+    trace: &PairTrace<'_, A, B>,
     range: &Range<usize>,
     latency: MinimumLatency,
-) -> Vec<Piece<A, B>> {
+) -> Vec<EnvelopePiece<A, B>> {
     let (from, to) = (trace.x_s[range.start], trace.x_s[range.end - 1]);
     let n_pieces = ((to - from) / KNOT_S).round().max(1.0);
     let place = |number: usize| from + (to - from) * number as f64 / n_pieces;
     let places: Vec<f64> = (0..=n_pieces as usize).map(place).collect();
-    let local: Vec<Knot> = places.iter().map(|&x_s| shortest(trace, range, x_s)).collect();
-    let knots: Vec<Knot> = places.iter().map(|&x_s| longest(trace, range, x_s, &local)).collect();
+    let local: Vec<EnvelopeKnot> = places.iter().map(|&x_s| shortest(trace, range, x_s)).collect();
+    let knots: Vec<EnvelopeKnot> =
+        places.iter().map(|&x_s| longest(trace, range, x_s, &local)).collect();
     let mut begin = range.start;
     let mut pieces = Vec::with_capacity(knots.len());
     for (number, pair) in knots.windows(2).enumerate() {
@@ -68,12 +68,12 @@ pub(super) fn pieces<A: Clock, B: Clock>(
 }
 
 fn piece<A: Clock, B: Clock>(
-    trace: &Trace<'_, A, B>,
+    trace: &PairTrace<'_, A, B>,
     frames: Range<usize>,
-    [left, right]: [Knot; 2],
+    [left, right]: [EnvelopeKnot; 2],
     latency: MinimumLatency,
-) -> Piece<A, B> {
-    let line = Line::through([left.x_s, left.offset_us], [right.x_s, right.offset_us]);
+) -> EnvelopePiece<A, B> {
+    let line = OffsetLine::through([left.x_s, left.offset_us], [right.x_s, right.offset_us]);
     let larger = |a: [f64; 2], b: [f64; 2]| [a[0].max(b[0]), a[1].max(b[1])];
     let margin95 = larger(left.margin95, right.margin95);
     let margin90 = larger(left.margin90, right.margin90);
@@ -85,39 +85,44 @@ fn piece<A: Clock, B: Clock>(
         .with_error(Some(error))
         .with_skew(Estimate::normal(line.slope_ppm, slope_error, n));
     let tail_index = left.tail_index.is_finite().then_some(left.tail_index);
-    Piece { segment, frames, line, tail_index }
+    EnvelopePiece { segment, frames, line, tail_index }
 }
 
 /// The envelope at `x_s` over the shortest window with enough frames.
-fn shortest<A: Clock, B: Clock>(trace: &Trace<'_, A, B>, range: &Range<usize>, x_s: f64) -> Knot {
+fn shortest<A: Clock, B: Clock>(
+    trace: &PairTrace<'_, A, B>,
+    range: &Range<usize>,
+    x_s: f64,
+) -> EnvelopeKnot {
     let frames = WINDOWS_S
         .into_iter()
         .map(|length| window(&trace.x_s, range, x_s, length))
-        .find(|frames| frames.len() >= MIN_WINDOW)
+        .find(|frames| frames.len() >= MIN_WINDOW_FRAMES)
         .unwrap_or_else(|| range.clone());
     within(&fit(&trace.x_s, &trace.y_us, &frames), x_s)
 }
 
 /// The envelope at `x_s` over the longest window whose line agrees with all local knots.
 fn longest<A: Clock, B: Clock>(
-    trace: &Trace<'_, A, B>,
+    trace: &PairTrace<'_, A, B>,
     range: &Range<usize>,
     x_s: f64,
-    local: &[Knot],
-) -> Knot {
+    local: &[EnvelopeKnot],
+) -> EnvelopeKnot {
     let mut best = shortest(trace, range, x_s);
     let mut before = 0..0;
     for length in WINDOWS_S {
         let frames = window(&trace.x_s, range, x_s, length);
-        if frames == before || frames.len() < MIN_WINDOW {
+        if frames == before || frames.len() < MIN_WINDOW_FRAMES {
             continue;
         }
         let fit = fit(&trace.x_s, &trace.y_us, &frames);
         let covered = trace.x_s[frames.start]..=trace.x_s[frames.end - 1];
         // The line is below all points; too far below some of them means that the envelope is
         // curved there.
-        let agrees =
-            |knot: &Knot| fit.line.at(knot.x_s) >= knot.offset_us - AGREEMENT * knot.margin95[0];
+        let agrees = |knot: &EnvelopeKnot| {
+            fit.line.at(knot.x_s) >= knot.offset_us - MAX_MARGINS_BELOW * knot.margin95[0]
+        };
         if !local.iter().filter(|knot| covered.contains(&knot.x_s)).all(agrees) {
             break;
         }
@@ -138,16 +143,16 @@ fn window(x: &[f64], range: &Range<usize>, x_s: f64, length_s: f64) -> Range<usi
 }
 
 /// Value and error of a fitted line at `x_s`.
-fn within(fit: &LineFit, x_s: f64) -> Knot {
+fn within(fit: &LineFit, x_s: f64) -> EnvelopeKnot {
     let reach =
         if fit.half_span_s > 0.0 { (x_s - fit.mean_s).abs() / fit.half_span_s } else { 0.0 };
-    let bend = 0.5 * WANDER_PPM_PER_S * (fit.half_span_s * (1.0 + reach)).powi(2) * 0.5;
+    let bend = 0.5 * RATE_DRIFT_PPM_PER_S * (fit.half_span_s * (1.0 + reach)).powi(2) * 0.5;
     let margin = |below: f64| {
         // Away from the middle the error of the slope adds on both sides.
         let tilt = reach * below;
         [below + tilt + bend + RESOLUTION_US, tilt + bend + RESOLUTION_US]
     };
-    Knot {
+    EnvelopeKnot {
         x_s,
         offset_us: fit.line.at(x_s),
         margin95: margin(fit.below95),

@@ -26,12 +26,10 @@ impl Banded {
         }
     }
 
-    /// Number of rows.
     pub(super) fn n(&self) -> usize {
         self.rows.len()
     }
 
-    /// Mean of the diagonal.
     pub(super) fn mean_diagonal(&self) -> f64 {
         self.rows.iter().map(|row| row[0]).sum::<f64>() / self.rows.len() as f64
     }
@@ -56,7 +54,6 @@ impl Banded {
 }
 
 impl Factor {
-    /// Solves in place.
     pub(super) fn solve(&self, right: &mut [f64]) {
         let n = self.rows.len();
         for i in 0..n {

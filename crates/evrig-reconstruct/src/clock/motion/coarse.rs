@@ -1,7 +1,7 @@
 //! Initial offset by a grid search, with a test for ambiguity.
 
-use super::Point;
-use super::path::Path;
+use super::TrackPoint;
+use super::path::PathSpline;
 use crate::clock::error::ClockError;
 
 use evrig_core::stats::Estimate;
@@ -12,36 +12,33 @@ const STEP_S: f64 = 0.005;
 /// Most samples used; more do not improve the grid search.
 const MAX_SAMPLES: usize = 1_500;
 /// Difference in chi-squared below which two offsets are indistinguishable.
-const ALIKE: f64 = 25.0;
-
+const AMBIGUITY_CHI2: f64 = 25.0;
 /// Least chi-squared that a common motion must explain.
 const MIN_EXPLAINED: f64 = 200.0;
 
-/// Start of the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Start {
+pub(super) struct CoarseStart {
     pub(super) tau_s: f64,
     /// Another offset that fits about as well, separated by worse ones.
-    pub(super) rival_s: Option<f64>,
+    pub(super) alternative_s: Option<f64>,
     pub(super) ln_scale: f64,
     pub(super) roll: f64,
     /// Position in the other camera of the reference's mean position.
     pub(super) shift: [f64; 2],
-    /// Mean position in the reference.
     pub(super) centre: [f64; 2],
 }
 
 /// The best offset of the grid, with the geometry that goes with it.
 pub(super) fn search(
-    path: &Path,
-    other: &[Point],
+    path: &PathSpline,
+    other: &[TrackPoint],
     search_s: f64,
     roll_deg: Option<Estimate>,
-) -> Result<Start, ClockError> {
+) -> Result<CoarseStart, ClockError> {
     let stride = other.len().div_ceil(MAX_SAMPLES);
-    let sample: Vec<Point> = other.iter().copied().step_by(stride).collect();
+    let sample: Vec<TrackPoint> = other.iter().copied().step_by(stride).collect();
     let n_steps = (search_s / STEP_S).ceil() as i64;
-    let grid: Vec<(f64, Start, f64)> = (-n_steps..=n_steps)
+    let grid: Vec<(f64, CoarseStart, f64)> = (-n_steps..=n_steps)
         .map(|step| (step as f64 * STEP_S).clamp(-search_s, search_s))
         .map(|tau_s| similarity(path, &sample, tau_s, roll_deg))
         .collect();
@@ -49,28 +46,31 @@ pub(super) fn search(
     let best = (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).unwrap_or(0);
     // Where the model misfits, differences of chi-squared are scaled by the misfit.
     let unit = (costs[best] / (2 * sample.len()) as f64).max(1.0);
-    let is_rival = |&at: &usize| {
+    let is_alternative = |&at: &usize| {
         let between = if at < best { &costs[at..=best] } else { &costs[best..=at] };
         let barrier = between.iter().copied().fold(0.0, f64::max);
-        let alike = ALIKE * unit;
-        costs[at] - costs[best] < alike && barrier - costs[at] > alike
+        let threshold = AMBIGUITY_CHI2 * unit;
+        costs[at] - costs[best] < threshold && barrier - costs[at] > threshold
     };
-    let rival = (0..costs.len()).find(is_rival);
+    let alternative = (0..costs.len()).find(is_alternative);
     if grid[best].2 < MIN_EXPLAINED * unit {
         let search = Span::from_secs_f64(search_s);
         return Err(ClockError::WeakMotion { error: search, search });
     }
-    Ok(Start { rival_s: rival.map(|rival| grid[rival].1.tau_s), ..grid[best].1 })
+    Ok(CoarseStart {
+        alternative_s: alternative.map(|alternative| grid[alternative].1.tau_s),
+        ..grid[best].1
+    })
 }
 
 /// The similarity that fits best at one offset, in closed form, with the chi-squared it
 /// leaves and the chi-squared it explains.
 fn similarity(
-    path: &Path,
-    other: &[Point],
+    path: &PathSpline,
+    other: &[TrackPoint],
     tau_s: f64,
     roll_deg: Option<Estimate>,
-) -> (f64, Start, f64) {
+) -> (f64, CoarseStart, f64) {
     let seen: Vec<[f64; 2]> =
         other.iter().map(|point| path.position(&path.basis(point.t_s + tau_s))).collect();
     let weights: Vec<f64> = other.iter().map(|point| point.error.powi(-2)).collect();
@@ -99,5 +99,5 @@ fn similarity(
     let explained = scale * scale * size;
     let cost = spread - explained + prior;
     let ln_scale = scale.max(1e-9).ln();
-    (cost, Start { tau_s, rival_s: None, ln_scale, roll, shift, centre }, explained)
+    (cost, CoarseStart { tau_s, alternative_s: None, ln_scale, roll, shift, centre }, explained)
 }

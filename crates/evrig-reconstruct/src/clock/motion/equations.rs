@@ -5,7 +5,7 @@
 //! unknown.
 
 use super::banded::{Banded, Factor};
-use super::path::{Basis, Path, add_gap_penalty, bends};
+use super::path::{Basis, PathSpline, add_gap_penalty, bends};
 use nalgebra::{SMatrix, SVector};
 
 /// tau, kappa, ln(scale), roll, shift x, shift y.
@@ -18,13 +18,13 @@ pub(super) const ROLL: usize = 3;
 pub(super) type Information = SMatrix<f64, N, N>;
 
 #[derive(Debug, Clone)]
-pub(super) struct State {
-    pub(super) path: Path,
+pub(super) struct MotionState {
+    pub(super) path: PathSpline,
     pub(super) theta: SVector<f64, N>,
     pub(super) centre: [f64; 2],
 }
 
-pub(super) struct Equations {
+pub(super) struct MotionEquations {
     normal: Banded,
     right: [Vec<f64>; 2],
     border: [Vec<SVector<f64, N>>; 2],
@@ -32,8 +32,7 @@ pub(super) struct Equations {
     pub(super) corner_right: SVector<f64, N>,
 }
 
-/// The equations with the path eliminated.
-pub(super) struct Reduced {
+pub(super) struct ReducedMotion {
     pub(super) factor: Factor,
     pub(super) information: Information,
     pub(super) right: SVector<f64, N>,
@@ -44,15 +43,15 @@ pub(super) struct Reduced {
 }
 
 /// Derivatives of the tag's position in the other camera.
-pub(super) struct Look {
+pub(super) struct ImageJacobian {
     /// Derivatives of x and y by the six parameters.
     pub(super) by: [SVector<f64, N>; 2],
     /// Linear part of the map from path to image.
     pub(super) matrix: [[f64; 2]; 2],
 }
 
-impl Look {
-    pub(super) fn new(state: &State, since_s: f64, basis: &Basis) -> Self {
+impl ImageJacobian {
+    pub(super) fn new(state: &MotionState, since_s: f64, basis: &Basis) -> Self {
         let m = state.matrix();
         let q = state.path.position(basis);
         let seen = apply(m, [q[0] - state.centre[0], q[1] - state.centre[1]]);
@@ -65,7 +64,7 @@ impl Look {
     }
 }
 
-impl Reduced {
+impl ReducedMotion {
     /// Score of the six parameters for a residual on the path, with the path eliminated.
     pub(super) fn score(&self, basis: &Basis, pull: [f64; 2]) -> SVector<f64, N> {
         let mut score = SVector::zeros();
@@ -78,7 +77,7 @@ impl Reduced {
     }
 }
 
-impl State {
+impl MotionState {
     /// Linear part of the map from path to image.
     pub(super) fn matrix(&self) -> [[f64; 2]; 2] {
         let scale = self.theta[LN_SCALE].exp();
@@ -95,7 +94,7 @@ pub(super) fn apply(m: [[f64; 2]; 2], v: [f64; 2]) -> [f64; 2] {
     [m[0][0] * v[0] + m[0][1] * v[1], m[1][0] * v[0] + m[1][1] * v[1]]
 }
 
-impl Equations {
+impl MotionEquations {
     pub(super) fn new(n: usize) -> Self {
         Self {
             normal: Banded::zeros(n),
@@ -115,8 +114,14 @@ impl Equations {
         }
     }
 
-    pub(super) fn add_other(&mut self, look: &Look, basis: &Basis, r: [f64; 2], w: f64) {
-        let Look { by, matrix: m } = look;
+    pub(super) fn add_other(
+        &mut self,
+        jacobian: &ImageJacobian,
+        basis: &Basis,
+        r: [f64; 2],
+        w: f64,
+    ) {
+        let ImageJacobian { by, matrix: m } = jacobian;
         let scale2 = m[0][0] * m[0][0] + m[1][0] * m[1][0];
         self.normal.add_outer(basis.first, basis.value, w * scale2);
         for axis in [0, 1] {
@@ -132,7 +137,7 @@ impl Equations {
         }
     }
 
-    pub(super) fn add_penalty(&mut self, path: &Path) {
+    pub(super) fn add_penalty(&mut self, path: &PathSpline) {
         let weight = add_gap_penalty(&mut self.normal);
         for (right, c) in self.right.iter_mut().zip(&path.c) {
             for (first, bend) in bends(c.len()) {
@@ -144,7 +149,6 @@ impl Equations {
         }
     }
 
-    /// Keeps one of the six parameters constant.
     pub(super) fn fix(&mut self, index: usize) {
         self.border.iter_mut().flatten().for_each(|border| border[index] = 0.0);
         self.corner.row_mut(index).fill(0.0);
@@ -153,7 +157,7 @@ impl Equations {
         self.corner_right[index] = 0.0;
     }
 
-    pub(super) fn reduce(self) -> Reduced {
+    pub(super) fn reduce(self) -> ReducedMotion {
         let factor = self.normal.factor();
         let (mut information, mut right) = (self.corner, self.corner_right);
         let mut path_step = self.right.clone();
@@ -172,11 +176,11 @@ impl Equations {
                 right -= border * path_step[axis][j];
             }
         }
-        Reduced { factor, information, right, leverage, path_step }
+        ReducedMotion { factor, information, right, leverage, path_step }
     }
 }
 
-pub(super) fn advance(state: &mut State, reduced: &Reduced, change: &SVector<f64, N>) {
+pub(super) fn advance(state: &mut MotionState, reduced: &ReducedMotion, change: &SVector<f64, N>) {
     for axis in [0, 1] {
         for (j, c) in state.path.c[axis].iter_mut().enumerate() {
             *c += reduced.path_step[axis][j] - reduced.leverage[axis][j].dot(change);

@@ -1,6 +1,6 @@
 //! The common path as a cubic spline with even knots.
 
-use super::Point;
+use super::TrackPoint;
 use super::banded::Banded;
 
 /// Knot distances tried, seconds.
@@ -10,12 +10,10 @@ const SAMPLES_PER_KNOT: f64 = 3.0;
 /// Curvature penalty relative to the mean weight of a coefficient; it matters only in gaps.
 const GAP_PENALTY: f64 = 1e-7;
 
-/// Two coordinates over time.
 #[derive(Debug, Clone)]
-pub(super) struct Path {
+pub(super) struct PathSpline {
     pub(super) begin_s: f64,
     pub(super) knot_s: f64,
-    /// Coefficients of the two coordinates.
     pub(super) c: [Vec<f64>; 2],
 }
 
@@ -28,9 +26,9 @@ pub(super) struct Basis {
     pub(super) slope: [f64; 4],
 }
 
-impl Path {
+impl PathSpline {
     /// Fits one track; the knot spacing minimises Akaike's criterion with unknown error.
-    pub(super) fn fit(points: &[Point]) -> Self {
+    pub(super) fn fit(points: &[TrackPoint]) -> Self {
         let span = points[points.len() - 1].t_s - points[0].t_s;
         let most = points.len() as f64 / SAMPLES_PER_KNOT;
         let tried = KNOTS_S.iter().filter(|knot| span / **knot <= most);
@@ -45,20 +43,20 @@ impl Path {
     }
 
     /// The path refitted with half the knot spacing; None where `n` samples are too few.
-    pub(super) fn finer(&self, points: &[Point], n: usize) -> Option<Self> {
+    pub(super) fn finer(&self, points: &[TrackPoint], n: usize) -> Option<Self> {
         let knot_s = self.knot_s / 2.0;
         let span = points[points.len() - 1].t_s - points[0].t_s;
         (span / knot_s <= n as f64 / SAMPLES_PER_KNOT).then(|| Self::with_knots(points, knot_s))
     }
 
     /// A path of zeros over the time of the points.
-    fn flat(points: &[Point], knot_s: f64) -> Self {
+    fn flat(points: &[TrackPoint], knot_s: f64) -> Self {
         let begin_s = points[0].t_s;
         let n = ((points[points.len() - 1].t_s - begin_s) / knot_s).ceil().max(1.0) as usize + 3;
         Self { begin_s, knot_s, c: [vec![0.0; n], vec![0.0; n]] }
     }
 
-    fn with_knots(points: &[Point], knot_s: f64) -> Self {
+    fn with_knots(points: &[TrackPoint], knot_s: f64) -> Self {
         let mut path = Self::flat(points, knot_s);
         let mut normal = Banded::zeros(path.n());
         for point in points {
@@ -78,7 +76,7 @@ impl Path {
     }
 
     /// Akaike's criterion with the samples' error unknown.
-    fn criterion(&self, points: &[Point]) -> f64 {
+    fn criterion(&self, points: &[TrackPoint]) -> f64 {
         let squares: f64 = points
             .iter()
             .map(|point| {
@@ -115,7 +113,6 @@ impl Path {
         self.combine(basis.first, basis.value)
     }
 
-    /// Pixels per second.
     pub(super) fn velocity(&self, basis: &Basis) -> [f64; 2] {
         self.combine(basis.first, basis.slope)
     }
@@ -149,11 +146,11 @@ mod tests {
     #[test]
     fn a_spline_follows_a_circle_and_its_velocity() {
         let circle = |t: f64| [20.0 * (3.0 * t).cos(), 20.0 * (3.0 * t).sin()];
-        let points: Vec<Point> = (0..600)
+        let points: Vec<TrackPoint> = (0..600)
             .map(|i| f64::from(i) / 120.0)
-            .map(|t| Point { t_s: t, p: circle(t), error: 0.1 })
+            .map(|t| TrackPoint { t_s: t, p: circle(t), error: 0.1 })
             .collect();
-        let path = Path::fit(&points);
+        let path = PathSpline::fit(&points);
         for t in [0.3, 1.7, 4.2] {
             let basis = path.basis(t);
             let (q, v) = (path.position(&basis), path.velocity(&basis));

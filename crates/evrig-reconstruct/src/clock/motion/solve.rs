@@ -4,31 +4,30 @@
 //! is then assessed: the loss to unknown geometry and the part due to noise of the path.
 
 use super::banded::Factor;
-use super::coarse::Start;
+use super::coarse::CoarseStart;
 use super::equations::{
-    Equations, Information, KAPPA, LN_SCALE, Look, N, ROLL, Reduced, State, TAU, advance, apply,
-    invert, solve,
+    ImageJacobian, Information, KAPPA, LN_SCALE, MotionEquations, MotionState, N, ROLL,
+    ReducedMotion, TAU, advance, apply, invert, solve,
 };
-use super::path::Path;
-use super::{MotionOptions, Point};
+use super::path::PathSpline;
+use super::{MotionOptions, TrackPoint};
 use crate::clock::error::ClockError;
 use evrig_core::stats::Estimate;
 use nalgebra::SVector;
 
 pub(super) const MAX_STEPS: usize = 40;
 /// Huber threshold in standard errors.
-const HUBER: f64 = 3.0;
+const HUBER_ERRORS: f64 = 3.0;
 /// Outlier threshold in standard errors.
-const OUTLIER: f64 = 8.0;
+const OUTLIER_ERRORS: f64 = 8.0;
 /// Time over which errors are clustered, seconds.
-const COMMON_S: f64 = 0.25;
+const CLUSTER_S: f64 = 0.25;
 /// Steps before outliers are dropped instead of down-weighted.
-const SETTLED: usize = 4;
+const OUTLIER_STEPS: usize = 4;
 
-/// Data and priors.
 pub(super) struct Solver<'a> {
-    reference: &'a [Point],
-    other: &'a [Point],
+    reference: &'a [TrackPoint],
+    other: &'a [TrackPoint],
     fits_skew: bool,
     /// Roll and its standard error in radians.
     roll: Option<[f64; 2]>,
@@ -37,7 +36,7 @@ pub(super) struct Solver<'a> {
 
 /// Result of the fit; times in seconds, roll in radians.
 #[derive(Debug, Clone)]
-pub(super) struct Fit {
+pub(super) struct MotionFit {
     pub(super) tau_s: f64,
     pub(super) kappa: f64,
     pub(super) ln_scale: f64,
@@ -58,12 +57,15 @@ pub(super) struct Fit {
     pub(super) middle_s: f64,
     /// Of the reference's samples, then the other's.
     pub(super) is_outlier: Vec<bool>,
-    /// Whether the offset converged.
-    pub(super) is_settled: bool,
+    pub(super) is_converged: bool,
 }
 
 impl<'a> Solver<'a> {
-    pub(super) fn new(reference: &'a [Point], other: &'a [Point], options: &MotionOptions) -> Self {
+    pub(super) fn new(
+        reference: &'a [TrackPoint],
+        other: &'a [TrackPoint],
+        options: &MotionOptions,
+    ) -> Self {
         let radians = |prior: Estimate| [prior.value, prior.standard_error].map(f64::to_radians);
         let middle_s = other.iter().map(|point| point.t_s).sum::<f64>() / other.len() as f64;
         let roll = options.roll_deg.map(radians);
@@ -75,29 +77,35 @@ impl<'a> Solver<'a> {
     /// `path`'s spacing was chosen for the reference alone. The other track may be more precise,
     /// and then too stiff a path leaves residuals: the spacing is halved while Akaike's criterion
     /// improves.
-    pub(super) fn run(&self, path: Path, start: Start) -> Result<Fit, ClockError> {
+    pub(super) fn run(
+        &self,
+        path: PathSpline,
+        start: CoarseStart,
+    ) -> Result<MotionFit, ClockError> {
         let [x, y] = start.shift;
         let theta = SVector::from([start.tau_s, 0.0, start.ln_scale, start.roll, x, y]);
-        let (mut state, mut is_settled) =
-            self.settle(State { path, theta, centre: start.centre })?;
+        let (mut state, mut is_converged) =
+            self.iterate(MotionState { path, theta, centre: start.centre })?;
         let mut best = self.criterion(&state);
         let n = self.reference.len().max(self.other.len());
         while let Some(path) = state.path.finer(self.reference, n) {
-            let Ok((finer, is_finer_settled)) = self.settle(State { path, ..state.clone() }) else {
+            let Ok((finer, is_finer_converged)) =
+                self.iterate(MotionState { path, ..state.clone() })
+            else {
                 break;
             };
             let criterion = self.criterion(&finer);
             if criterion >= best {
                 break;
             }
-            (state, is_settled, best) = (finer, is_finer_settled, criterion);
+            (state, is_converged, best) = (finer, is_finer_converged, criterion);
         }
-        Ok(Fit { is_settled, ..self.finish(&state) })
+        Ok(MotionFit { is_converged, ..self.finish(&state) })
     }
 
     /// Iterates until the offset converges. It does not where the motion carries no information on
     /// it: check the information first.
-    fn settle(&self, mut state: State) -> Result<(State, bool), ClockError> {
+    fn iterate(&self, mut state: MotionState) -> Result<(MotionState, bool), ClockError> {
         for step in 0..MAX_STEPS {
             let residuals = self.residuals(&state);
             let weights = self.weights(&residuals, step);
@@ -109,7 +117,7 @@ impl<'a> Solver<'a> {
             if !state.theta.iter().all(|value| value.is_finite()) {
                 return Err(ClockError::NotConverged { steps: step + 1 });
             }
-            if step > SETTLED && change[TAU].abs() < 1e-8 {
+            if step > OUTLIER_STEPS && change[TAU].abs() < 1e-8 {
                 return Ok((state, true));
             }
         }
@@ -117,16 +125,16 @@ impl<'a> Solver<'a> {
     }
 
     /// Akaike's criterion with unknown error; outliers count with their weights.
-    fn criterion(&self, state: &State) -> f64 {
+    fn criterion(&self, state: &MotionState) -> f64 {
         let residuals = self.residuals(state);
-        let weights = self.weights(&residuals, SETTLED);
+        let weights = self.weights(&residuals, OUTLIER_STEPS);
         let chi2 = sum_of_squares(&residuals, &weights);
         let n = 2.0 * residuals.len() as f64;
         n * (chi2 / n).max(1e-12).ln() + 4.0 * state.path.n() as f64
     }
 
     /// Measured minus expected, reference first.
-    fn residuals(&self, state: &State) -> Vec<[f64; 2]> {
+    fn residuals(&self, state: &MotionState) -> Vec<[f64; 2]> {
         let m = state.matrix();
         let own = self.reference.iter().map(|point| {
             let q = state.path.position(&state.path.basis(point.t_s));
@@ -150,10 +158,10 @@ impl<'a> Solver<'a> {
         let middle = sorted.len() / 2;
         let median = *sorted.select_nth_unstable_by(middle, f64::total_cmp).1;
         let scale = (median / (2.0 * std::f64::consts::LN_2).sqrt()).max(1.0);
-        let weight = |(point, size): (&Point, &f64)| {
+        let weight = |(point, size): (&TrackPoint, &f64)| {
             let factor = match size / scale {
-                far if far > OUTLIER && step >= SETTLED => 0.0,
-                far if far > HUBER => HUBER / far,
+                far if far > OUTLIER_ERRORS && step >= OUTLIER_STEPS => 0.0,
+                far if far > HUBER_ERRORS => HUBER_ERRORS / far,
                 _ => 1.0,
             };
             factor / (point.error * point.error)
@@ -161,8 +169,13 @@ impl<'a> Solver<'a> {
         points.zip(&sizes).map(weight).collect()
     }
 
-    fn equations(&self, state: &State, residuals: &[[f64; 2]], weights: &[f64]) -> Equations {
-        let mut equations = Equations::new(state.path.n());
+    fn equations(
+        &self,
+        state: &MotionState,
+        residuals: &[[f64; 2]],
+        weights: &[f64],
+    ) -> MotionEquations {
+        let mut equations = MotionEquations::new(state.path.n());
         let (own, others) = residuals.split_at(self.reference.len());
         let (own_weights, other_weights) = weights.split_at(self.reference.len());
         for ((point, r), w) in self.reference.iter().zip(own).zip(own_weights) {
@@ -170,8 +183,8 @@ impl<'a> Solver<'a> {
         }
         for ((point, r), w) in self.other.iter().zip(others).zip(other_weights) {
             let basis = state.place(point.t_s, self.middle_s);
-            let look = Look::new(state, point.t_s - self.middle_s, &basis);
-            equations.add_other(&look, &basis, *r, *w);
+            let jacobian = ImageJacobian::new(state, point.t_s - self.middle_s, &basis);
+            equations.add_other(&jacobian, &basis, *r, *w);
         }
         equations.add_penalty(&state.path);
         if let Some([roll, error]) = self.roll {
@@ -187,38 +200,38 @@ impl<'a> Solver<'a> {
         equations
     }
 
-    fn finish(&self, state: &State) -> Fit {
+    fn finish(&self, state: &MotionState) -> MotionFit {
         let residuals = self.residuals(state);
-        let weights = self.weights(&residuals, SETTLED);
+        let weights = self.weights(&residuals, OUTLIER_STEPS);
         let reduced = self.equations(state, &residuals, &weights).reduce();
         let Some(covariance) = invert(&reduced.information) else { return self.singular(state) };
         let chi2 = sum_of_squares(&residuals, &weights);
         let n_used = weights.iter().filter(|weight| **weight > 0.0).count();
         let dof = (2.0 * n_used as f64 - 2.0 * state.path.n() as f64 - N as f64).max(1.0);
         let inflation = (chi2 / dof).max(1.0).sqrt();
-        let in_common =
-            self.variances_in_common(state, &residuals, &weights, &reduced, &covariance);
+        let clustered =
+            self.clustered_variances(state, &residuals, &weights, &reduced, &covariance);
         // The larger of both estimates.
         let sigma = |index: usize| {
-            (inflation * covariance[(index, index)].sqrt()).max(in_common[index].sqrt())
+            (inflation * covariance[(index, index)].sqrt()).max(clustered[index].sqrt())
         };
         let limit_s = covariance[(TAU, TAU)].sqrt();
         let limit_known_s = reduced.information[(TAU, TAU)].sqrt().recip();
         // Share of the offset's information left with unknown geometry, and the share due to noise
         // of the path's velocity.
         let share = (limit_known_s / limit_s).powi(2);
-        let feigned = self.feigned_share(state, &reduced.factor);
-        let scatter = 3.0 * feigned / (state.path.n() as f64).sqrt();
+        let noise = self.noise_share(state, &reduced.factor);
+        let scatter = 3.0 * noise / (state.path.n() as f64).sqrt();
         let ratio = |share: f64| if share > 0.0 { share.sqrt().recip() } else { f64::INFINITY };
-        Fit {
+        MotionFit {
             sigma_tau_s: sigma(TAU),
             sigma_kappa: sigma(KAPPA),
             sigma_ln_scale: sigma(LN_SCALE),
             sigma_roll: sigma(ROLL),
             limit_s,
             limit_known_s,
-            ratio: ratio(share - feigned),
-            ratio_at_least: ratio(share - feigned - scatter),
+            ratio: ratio(share - noise),
+            ratio_at_least: ratio(share - noise - scatter),
             chi2_per_dof: chi2 / dof,
             unexplained: self.unexplained(&residuals[self.reference.len()..], &weights),
             is_outlier: weights.iter().map(|weight| *weight == 0.0).collect(),
@@ -230,36 +243,37 @@ impl<'a> Solver<'a> {
     /// position among the pixels, and the tag takes a while to cross one.
     ///
     /// Sandwich estimator (White; Liang and Zeger) with the correction for few clusters.
-    fn variances_in_common(
+    fn clustered_variances(
         &self,
-        state: &State,
+        state: &MotionState,
         residuals: &[[f64; 2]],
         weights: &[f64],
-        reduced: &Reduced,
+        reduced: &ReducedMotion,
         covariance: &Information,
     ) -> SVector<f64, N> {
         let begin_s = self.reference[0].t_s;
-        let mut stretches = std::collections::BTreeMap::new();
-        let mut pull = |t_s: f64, score: SVector<f64, N>| {
-            let stretch = ((t_s - begin_s) / COMMON_S).floor() as i64;
-            *stretches.entry(stretch).or_insert_with(SVector::zeros) += covariance * score;
+        let mut clusters = std::collections::BTreeMap::new();
+        let mut add = |t_s: f64, score: SVector<f64, N>| {
+            let cluster = ((t_s - begin_s) / CLUSTER_S).floor() as i64;
+            *clusters.entry(cluster).or_insert_with(SVector::zeros) += covariance * score;
         };
         let (own, others) = residuals.split_at(self.reference.len());
         let (own_weights, other_weights) = weights.split_at(self.reference.len());
         for ((point, r), w) in self.reference.iter().zip(own).zip(own_weights) {
             let basis = state.path.basis(point.t_s);
-            pull(point.t_s, reduced.score(&basis, [w * r[0], w * r[1]]));
+            add(point.t_s, reduced.score(&basis, [w * r[0], w * r[1]]));
         }
         for ((point, r), w) in self.other.iter().zip(others).zip(other_weights) {
             let basis = state.place(point.t_s, self.middle_s);
-            let look = Look::new(state, point.t_s - self.middle_s, &basis);
-            let own = look.by[0] * (w * r[0]) + look.by[1] * (w * r[1]);
-            let onto_path =
-                [0, 1].map(|axis| w * (look.matrix[0][axis] * r[0] + look.matrix[1][axis] * r[1]));
-            pull(point.t_s, own + reduced.score(&basis, onto_path));
+            let jacobian = ImageJacobian::new(state, point.t_s - self.middle_s, &basis);
+            let own = jacobian.by[0] * (w * r[0]) + jacobian.by[1] * (w * r[1]);
+            let onto_path = [0, 1].map(|axis| {
+                w * (jacobian.matrix[0][axis] * r[0] + jacobian.matrix[1][axis] * r[1])
+            });
+            add(point.t_s, own + reduced.score(&basis, onto_path));
         }
-        let n = stretches.len() as f64;
-        let squares: SVector<f64, N> = stretches.values().map(|p| p.component_mul(p)).sum();
+        let n = clusters.len() as f64;
+        let squares: SVector<f64, N> = clusters.values().map(|p| p.component_mul(p)).sum();
         if n > 2.0 { squares * (n / (n - 1.0)) } else { squares }
     }
 
@@ -276,7 +290,7 @@ impl<'a> Solver<'a> {
     }
 
     /// Variance of the path's velocity over its mean square, at some of the other's samples.
-    fn feigned_share(&self, state: &State, factor: &Factor) -> f64 {
+    fn noise_share(&self, state: &MotionState, factor: &Factor) -> f64 {
         const PLACES: usize = 64;
         let stride = self.other.len().div_ceil(PLACES);
         let (mut variance, mut square) = (0.0, 0.0);
@@ -294,8 +308,8 @@ impl<'a> Solver<'a> {
     }
 
     /// The state with infinite errors.
-    fn singular(&self, state: &State) -> Fit {
-        Fit {
+    fn singular(&self, state: &MotionState) -> MotionFit {
+        MotionFit {
             tau_s: state.theta[TAU],
             kappa: state.theta[KAPPA],
             ln_scale: state.theta[LN_SCALE],
@@ -313,7 +327,7 @@ impl<'a> Solver<'a> {
             knot_s: state.path.knot_s,
             middle_s: self.middle_s,
             is_outlier: vec![false; self.reference.len() + self.other.len()],
-            is_settled: true,
+            is_converged: true,
         }
     }
 }

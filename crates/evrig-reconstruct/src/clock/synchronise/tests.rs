@@ -40,10 +40,10 @@ fn frames(dice: &mut StdRng) -> Vec<FramePair> {
 }
 
 /// Both kinds of readings, ten times a second: 2 us inside the Pi, 0.2 to 3 ms over the network.
-fn readings(dice: &mut StdRng) -> (Vec<ClockReading>, Vec<ClockReading>) {
+fn readings(dice: &mut StdRng) -> (Vec<TwoSidedReading>, Vec<TwoSidedReading>) {
     let each = (0..FRAMES).step_by(12).map(|k| {
         let at = sensor(k);
-        let wall_reading = ClockReading {
+        let wall_reading = TwoSidedReading {
             group: k as u64,
             before: at - Span::from_micros(1),
             real: wall(at),
@@ -70,10 +70,15 @@ fn readings_on_both_sides_give_the_hosts_clock_within_their_bounds() {
     let frames = frames(&mut dice);
     let (wall_readings, host_readings) = readings(&mut dice);
     let readout = Some(Span::from_nanos(READOUT_NS));
-    let evidence =
-        Evidence { frames, wall_readings, host_readings, readout, ..Evidence::default() };
+    let evidence = ClockObservations {
+        frames,
+        wall_readings,
+        host_readings,
+        readout,
+        ..ClockObservations::default()
+    };
     let clocks = synchronise(&evidence).unwrap();
-    assert_eq!(clocks.reference, Reference::Host);
+    assert_eq!(clocks.reference, TimeReference::Host);
     let at = sensor(FRAMES / 2);
     let wrong = error(&clocks.davis_from_sensor, host(at), at);
     let [low, high] = clocks.davis_from_sensor.absolute95(at).map(|end| end.unwrap().as_nanos());
@@ -89,9 +94,10 @@ fn readings_on_both_sides_give_the_hosts_clock_within_their_bounds() {
 fn frames_alone_give_the_pis_wall_clock_and_say_so() {
     let mut dice = StdRng::seed_from_u64(2);
     let readout = Some(Span::from_nanos(READOUT_NS));
-    let evidence = Evidence { frames: frames(&mut dice), readout, ..Evidence::default() };
+    let evidence =
+        ClockObservations { frames: frames(&mut dice), readout, ..ClockObservations::default() };
     let clocks = synchronise(&evidence).unwrap();
-    assert_eq!(clocks.reference, Reference::PiWall);
+    assert_eq!(clocks.reference, TimeReference::PiWall);
     assert_eq!(clocks.unix_from_sensor.method, Method::Envelope);
     let at = sensor(FRAMES / 2);
     let wrong = error(&clocks.davis_from_sensor, wall(at), at);
@@ -113,7 +119,7 @@ fn a_host_too_busy_to_take_packets_does_not_make_their_stamps_wrong() {
         })
         .collect();
     let clock = events_clock(&arrivals);
-    assert!(clock.is_as_stamped, "{}", clock.because);
+    assert!(clock.is_as_stamped, "{}", clock.reason);
 }
 
 #[test]
@@ -130,8 +136,8 @@ fn events_that_arrive_before_their_stamps_are_on_another_clock() {
             .collect()
     };
     let (honest, wrong) = (events_clock(&arrivals(Span::ZERO)), events_clock(&arrivals(ahead)));
-    assert!(honest.is_as_stamped, "{}", honest.because);
-    assert!(!wrong.is_as_stamped, "{}", wrong.because);
+    assert!(honest.is_as_stamped, "{}", honest.reason);
+    assert!(!wrong.is_as_stamped, "{}", wrong.reason);
     let at = host(sensor(250));
     let mapped = wrong.unix_from_davis.map(Stamp::from_nanos((at + ahead).as_nanos()));
     assert!((mapped - at).as_nanos() < 1_200_000, "within the quickest transport: {}", mapped - at);
@@ -139,7 +145,7 @@ fn events_that_arrive_before_their_stamps_are_on_another_clock() {
 
 #[test]
 fn a_session_without_any_usable_stamp_is_refused_with_the_reason() {
-    let error = synchronise(&Evidence::default()).unwrap_err().to_string();
+    let error = synchronise(&ClockObservations::default()).unwrap_err().to_string();
     assert!(error.contains("0 usable frames"), "{error}");
 }
 
@@ -174,7 +180,8 @@ fn refined(late_us: i64, stray_px: f64) -> SessionClocks {
     let mut dice = StdRng::seed_from_u64(5);
     let frames = frames(&mut dice);
     let (wall_readings, host_readings) = readings(&mut dice);
-    let evidence = Evidence { frames, wall_readings, host_readings, ..Evidence::default() };
+    let evidence =
+        ClockObservations { frames, wall_readings, host_readings, ..ClockObservations::default() };
     let mut clocks = synchronise(&evidence).unwrap();
     let (davis, pi) = figures(late_us, stray_px);
     let options = MotionOptions { search: Span::from_micros(50_000), ..MotionOptions::default() };

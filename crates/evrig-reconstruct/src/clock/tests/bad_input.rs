@@ -57,50 +57,6 @@ fn microseconds_taken_for_nanoseconds_are_an_error_that_says_so() {
 }
 
 #[test]
-fn the_unit_of_bare_numbers_is_found_from_their_interval() {
-    let pairs = good(100);
-    let real: Vec<Stamp<Unix>> = pairs.iter().map(|pair| pair.real).collect();
-    for (unit, ns) in [
-        (SensorUnit::Nanoseconds, 1.0),
-        (SensorUnit::Microseconds, 1e3),
-        (SensorUnit::Milliseconds, 1e6),
-        (SensorUnit::Seconds, 1e9),
-    ] {
-        let mut numbers: Vec<f64> = pairs
-            .iter()
-            .map(|pair| (pair.sensor - pairs[0].sensor).as_nanos() as f64 / ns)
-            .collect();
-        numbers[17] = f64::NAN;
-        let found = sensor_stamps(&numbers, &real).unwrap();
-        assert_eq!((found.unit, found.n_not_finite), (unit, 1));
-        let checked = FramePairs::from_columns(&found.stamps, &real).unwrap();
-        assert_eq!((checked.tally().n_not_finite, checked.tally().n_kept), (1, 99));
-    }
-}
-
-#[test]
-fn without_a_usable_real_time_the_interval_alone_tells_the_unit() {
-    let stuck = vec![Stamp::<Unix>::from_nanos(5); 50];
-    let numbers: Vec<f64> = (0..50).map(|i| f64::from(i) * 8_333.0).collect();
-    assert_eq!(sensor_stamps(&numbers, &stuck).unwrap().unit, SensorUnit::Microseconds);
-    let found = FramePairs::from_columns(&sensor_stamps(&numbers, &stuck).unwrap().stamps, &stuck);
-    assert_eq!(found.unwrap_err(), ClockError::RealTimeStuck { n: 50 });
-}
-
-#[test]
-fn numbers_that_fit_no_unit_are_an_error() {
-    let real: Vec<Stamp<Unix>> = (0..50).map(|i| Stamp::from_nanos(i * 8_333_000)).collect();
-    let numbers: Vec<f64> = (0..50).map(|i| f64::from(i) * 2.5e5).collect();
-    let found = sensor_stamps(&numbers, &real).unwrap_err();
-    assert!(matches!(found, ClockError::UnknownUnit { .. }), "{found}");
-    assert!(sensor_stamps(&[f64::NAN; 50], &real).is_err());
-    assert!(matches!(
-        sensor_stamps(&numbers[..9], &real),
-        Err(ClockError::LengthMismatch { sensor: 9, real: 50 })
-    ));
-}
-
-#[test]
 fn a_misread_real_time_does_not_become_the_smallest_latency() {
     let mut pairs = good(400);
     pairs[150].real = pairs[150].real - Span::from_secs_f64(86_400.0);

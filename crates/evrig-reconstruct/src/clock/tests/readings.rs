@@ -5,9 +5,9 @@ use super::*;
 
 const OFFSET_NS: i64 = 1_700_000_000_000_000_000;
 
-fn reading(group: u64, at_ms: i64, width_ns: i64, offset_ns: i64) -> ClockReading {
+fn reading(group: u64, at_ms: i64, width_ns: i64, offset_ns: i64) -> TwoSidedReading {
     let before = at_ms * 1_000_000;
-    ClockReading {
+    TwoSidedReading {
         group,
         before: Stamp::from_nanos(before),
         real: Stamp::from_nanos(before + width_ns / 3 + OFFSET_NS + offset_ns),
@@ -45,7 +45,7 @@ fn a_step_begins_a_segment_and_one_strange_reading_does_not() {
 
 #[test]
 fn readings_that_end_before_they_begin_are_counted_and_alone_are_an_error() {
-    let reversed = ClockReading { after: Stamp::from_nanos(-5), ..reading(0, 0, 300, 0) };
+    let reversed = TwoSidedReading { after: Stamp::from_nanos(-5), ..reading(0, 0, 300, 0) };
     assert_eq!(
         clock_pair(&[reversed], &PairOptions::default()).unwrap_err(),
         ClockError::NoReadings { n_seen: 1, n_reversed: 1 }

@@ -4,7 +4,7 @@
 //! of 50 to 500 ms behind which six frames wait and the rest are lost, 1 % of frames lost at
 //! random, stamps in whole microseconds, an interrupt 1 us late.
 
-use super::{ClockReading, FramePair, PiSensor, Stamp, Unix};
+use super::{FramePair, PiSensor, Stamp, TwoSidedReading, Unix};
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 use rand_distr::{Exp1, StandardNormal};
@@ -47,7 +47,7 @@ pub(super) struct Recording {
     /// RealTime that each frame would have had with the smallest latency, by the true clocks.
     pub(super) truth: Vec<Stamp<Unix>>,
     /// Five sandwiches a frame.
-    pub(super) readings: Vec<ClockReading>,
+    pub(super) readings: Vec<TwoSidedReading>,
 }
 
 /// The smallest latency, seconds.
@@ -148,7 +148,7 @@ pub(super) fn record(scenario: Scenario, seed: u64) -> Recording {
     Recording { pairs, truth: truths, readings }
 }
 
-fn readings(scenario: Scenario, truth: &Truth, rng: &mut StdRng) -> Vec<ClockReading> {
+fn readings(scenario: Scenario, truth: &Truth, rng: &mut StdRng) -> Vec<TwoSidedReading> {
     let mut readings = Vec::new();
     for group in 0..(scenario.duration_s * scenario.fps) as u64 {
         for sandwich in 0..5 {
@@ -158,7 +158,7 @@ fn readings(scenario: Scenario, truth: &Truth, rng: &mut StdRng) -> Vec<ClockRea
                 + 50e-9 * rng.sample::<f64, _>(Exp1)
                 + if rng.random_bool(0.02) { 30e-6 } else { 0.0 };
             let at = t + width * rng.random_range(0.0..1.0);
-            readings.push(ClockReading {
+            readings.push(TwoSidedReading {
                 group,
                 before: Stamp::from_nanos(BOOT_NS + (t * 1e9) as i64),
                 real: Stamp::from_nanos(truth.real(at)),

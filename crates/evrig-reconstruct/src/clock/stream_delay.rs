@@ -13,59 +13,57 @@ use serde::{Deserialize, Serialize};
 
 /// A stream whose frames are exposed later than stamped.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct LateStream {
+pub struct StreamDelay {
     /// Name of the stream.
     pub stream: String,
     /// The stream of the same camera with correct stamps.
     pub against: String,
     /// Delay of the exposure after the stamp, µs; None where the motion does not determine it.
-    pub late_us: Option<Estimate>,
+    #[serde(alias = "late_us")]
+    pub delay_us: Option<Estimate>,
     /// Why the delay is unknown and not corrected.
     pub refused: Option<String>,
 }
 
 /// Search range: a dozen frames of a slow camera,
-const SEARCH: Span = Span::from_micros(200_000);
-
+const MAX_SEARCH: Span = Span::from_micros(200_000);
 /// reduced in a short recording to this part of it, since both streams must overlap at every delay,
-const SEARCH_PART: i64 = 10;
-
+const SEARCH_DIVISOR: i64 = 10;
 /// but at least three frames of a camera at 60 frames per second.
-const LEAST_SEARCH: Span = Span::from_micros(50_000);
-
+const MIN_SEARCH: Span = Span::from_micros(50_000);
 /// Prior standard deviation of the roll between two streams of one camera, degrees.
-const ROLL_DEG: f64 = 1e-3;
+const ROLL_SIGMA_DEG: f64 = 1e-3;
 
 /// Delay of `own`, the track of `stream`, against the track of another stream of its camera.
 #[must_use]
-pub fn late(
+pub fn estimate_stream_delay(
     [stream, against]: [&str; 2],
     own: &[TrackSample<PiSensor>],
     reference: &[TrackSample<PiSensor>],
-) -> LateStream {
+) -> StreamDelay {
     let zero = Stamp::from_nanos(0);
     let part = match reference {
-        [first, .., last] => Span::from_nanos((last.at - first.at).as_nanos() / SEARCH_PART),
+        [first, .., last] => Span::from_nanos((last.at - first.at).as_nanos() / SEARCH_DIVISOR),
         _ => Span::ZERO,
     };
     let options = MotionOptions {
-        search: part.clamp(LEAST_SEARCH, SEARCH),
+        search: part.clamp(MIN_SEARCH, MAX_SEARCH),
         fits_skew: false,
-        roll_deg: Some(Estimate::normal(0.0, ROLL_DEG, 1)),
+        roll_deg: Some(Estimate::normal(0.0, ROLL_SIGMA_DEG, 1)),
         ..MotionOptions::default()
     };
     let found = motion(reference, own, ClockMap::from_anchor(zero, zero), &options);
-    let (late_us, refused) = match found {
+    let (delay_us, refused) = match found {
         Ok(found) => (Some(found.correction_us), None),
         Err(error) => (None, Some(error.to_string())),
     };
-    LateStream { stream: stream.into(), against: against.into(), late_us, refused }
+    StreamDelay { stream: stream.into(), against: against.into(), delay_us, refused }
 }
 
 impl<A: Clock, B: Clock> ClockEstimate<A, B> {
     /// The map with every result later by `by`.
     #[must_use]
-    pub fn later(mut self, by: Span) -> Self {
+    pub fn delayed(mut self, by: Span) -> Self {
         self.segments.iter_mut().for_each(|segment| segment.map.a0 = segment.map.a0 + by);
         self
     }
@@ -76,9 +74,9 @@ impl SessionClocks {
     /// delay.
     #[must_use]
     pub fn davis_from(&self, stream: &str) -> ClockEstimate<Davis, PiSensor> {
-        let of_stream = self.late.iter().find(|late| late.stream == stream);
-        let late_us = of_stream.and_then(|late| late.late_us).map_or(0.0, |late| late.value);
-        self.davis_from_sensor.clone().later(Span::from_secs_f64(late_us * 1e-6))
+        let of_stream = self.stream_delays.iter().find(|delay| delay.stream == stream);
+        let delay_us = of_stream.and_then(|delay| delay.delay_us).map_or(0.0, |delay| delay.value);
+        self.davis_from_sensor.clone().delayed(Span::from_secs_f64(delay_us * 1e-6))
     }
 }
 
@@ -119,10 +117,10 @@ mod tests {
     #[test]
     fn a_stream_that_is_a_frame_late_is_found_late_by_a_frame_even_on_one_circle() {
         let (raw, rgb) = (seen(0.0, 1.0 / 60.0, 0.4), seen(0.00833, 1.0 / 60.0, 0.4));
-        let found = late(["rgb", "raw"], &rgb, &raw);
-        let late_us = found.late_us.unwrap();
-        assert!((late_us.value - 8_330.0).abs() < 4.0 * late_us.standard_error, "{late_us:?}");
-        assert!(late_us.standard_error < 100.0, "{late_us:?}");
+        let found = estimate_stream_delay(["rgb", "raw"], &rgb, &raw);
+        let delay_us = found.delay_us.unwrap();
+        assert!((delay_us.value - 8_330.0).abs() < 4.0 * delay_us.standard_error, "{delay_us:?}");
+        assert!(delay_us.standard_error < 100.0, "{delay_us:?}");
     }
 
     #[test]
@@ -130,16 +128,19 @@ mod tests {
         for (seconds, period_s) in [(1.0, 1.0 / 60.0), (0.6, 1.0 / 120.0)] {
             let (raw, rgb) =
                 (seen_for(seconds, 0.0, period_s, 0.4), seen_for(seconds, 0.00833, period_s, 0.4));
-            let late_us = late(["rgb", "raw"], &rgb, &raw).late_us.unwrap();
-            assert!((late_us.value - 8_330.0).abs() < 4.0 * late_us.standard_error, "{late_us:?}");
-            assert!(late_us.standard_error < 300.0, "{late_us:?}");
+            let delay_us = estimate_stream_delay(["rgb", "raw"], &rgb, &raw).delay_us.unwrap();
+            assert!(
+                (delay_us.value - 8_330.0).abs() < 4.0 * delay_us.standard_error,
+                "{delay_us:?}"
+            );
+            assert!(delay_us.standard_error < 300.0, "{delay_us:?}");
         }
     }
 
     #[test]
     fn a_head_at_rest_tells_nothing_and_that_is_said() {
         let still = seen(0.0, 1.0 / 60.0, 0.0);
-        let found = late(["rgb", "raw"], &still, &still);
-        assert!(found.late_us.is_none() && found.refused.is_some(), "{found:?}");
+        let found = estimate_stream_delay(["rgb", "raw"], &still, &still);
+        assert!(found.delay_us.is_none() && found.refused.is_some(), "{found:?}");
     }
 }

@@ -18,7 +18,7 @@ pub(super) const M: usize = 8;
 /// Index of the shape in the state.
 pub(super) const SHAPE: usize = 12;
 
-pub(super) type State = SVector<f64, N>;
+pub(super) type PathState = SVector<f64, N>;
 pub(super) type Covariance = SMatrix<f64, N, N>;
 
 /// Parametrisation of the states.
@@ -27,7 +27,7 @@ pub(super) type Covariance = SMatrix<f64, N, N>;
 /// sides of the tag) to `(a p.x - b p.y + x, b p.x + a p.y + y)`, from the optical axis. The shape
 /// `[s, c, u, v]` then gives `((1+s) q.x + c q.y, c q.x + (1-s) q.y) / (1 + (u q.x + v q.y) / f)`.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Chart {
+pub(super) struct PathChart {
     centre_px: [f64; 2],
     focal_px: f64,
     middle_mm: [f64; 2],
@@ -37,7 +37,7 @@ pub(super) struct Chart {
 /// The eight parameters of a homography.
 pub(super) type Numbers = SVector<f64, M>;
 
-impl Chart {
+impl PathChart {
     pub(super) fn new(lens: &Lens, plane: &TargetPlane) -> Self {
         Self {
             centre_px: lens.centre_px,
@@ -165,7 +165,7 @@ impl Chart {
 }
 
 /// The eight parameters `delay` seconds after the state, and their derivatives by the state.
-pub(super) fn numbers_after(state: &State, delay: f64) -> (Numbers, SMatrix<f64, M, N>) {
+pub(super) fn numbers_after(state: &PathState, delay: f64) -> (Numbers, SMatrix<f64, M, N>) {
     let mut slope = SMatrix::<f64, M, N>::zeros();
     for i in 0..4 {
         slope[(i, i)] = 1.0;
@@ -180,10 +180,10 @@ pub(super) fn numbers_after(state: &State, delay: f64) -> (Numbers, SMatrix<f64,
 mod tests {
     use super::*;
 
-    fn chart() -> Chart {
+    fn chart() -> PathChart {
         let lens = Lens { focal_px: 432.0, centre_px: [173.0, 130.0], distortion: [0.0; 5] };
         let plane = TargetPlane { tag_side_mm: 14.35, picture_side_mm: 43.05, gap_mm: 4.1 };
-        Chart::new(&lens, &plane)
+        PathChart::new(&lens, &plane)
     }
 
     const NUMBERS: [f64; 8] = [10.0, -9.0, 60.0, -30.0, 0.03, -0.02, 0.1, -0.15];

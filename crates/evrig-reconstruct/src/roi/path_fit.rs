@@ -1,71 +1,66 @@
 //! Fit of a path to detections: process noise densities, outliers, gaps, error.
 
-use super::smooth::{Belief, Corners, Jerk, Observation, Smoother};
-use super::state::{Chart, State};
+use super::path_state::{PathChart, PathState};
+use super::smoother::{CornerVector, JerkDensity, Observation, Smoother, StateEstimate};
 use evrig_core::stats::quantile_sorted;
 
 /// A detection is an outlier when its squared residual exceeds the median by this factor over
 /// [`MEDIAN_CHI2`]: probability 1e-7 (chi-squared, eight degrees of freedom).
-const OUTLIER: f64 = 47.0;
-
+const OUTLIER_CHI2: f64 = 47.0;
 /// Median of chi-squared with eight degrees of freedom.
-const USUAL: f64 = 7.344;
-
+const MEDIAN_CHI2: f64 = 7.344;
 /// Fewest detections of a path segment.
-const MIN_SIGHTINGS: usize = 4;
-
+const MIN_DETECTIONS: usize = 4;
 /// Step factor of the search for densities.
 const DENSITY_STEP: f64 = 4.0;
-
 /// Process noise of the shape per second: a thousandth in foreshortening, a tilt of 0.06 degrees.
 const SHAPE_PER_S: f64 = 1e-6;
 
-/// A path fitted to detections.
-pub(super) struct Fitted {
+pub(super) struct FittedPath {
     /// Indices of the detections used.
     pub(super) used: Vec<usize>,
-    /// Indices of outliers.
     pub(super) outliers: Vec<usize>,
     /// Indices of detections with too few neighbours.
     pub(super) isolated: Vec<usize>,
     /// States at the used detections, with covariances scaled to the residuals.
-    pub(super) beliefs: Vec<Belief>,
+    pub(super) estimates: Vec<StateEstimate>,
     /// Whether a path segment begins at a used detection.
     pub(super) starts: Vec<bool>,
-    pub(super) residuals: Vec<Corners>,
-    pub(super) jerk: Jerk,
+    pub(super) residuals: Vec<CornerVector>,
+    pub(super) jerk: JerkDensity,
     /// Factor by which the corners' covariances were too small.
     pub(super) factor: f64,
 }
 
 /// Common parameters of all fits of one track.
-pub(super) struct Fitter {
-    pub(super) chart: Chart,
+pub(super) struct PathFitter {
+    pub(super) chart: PathChart,
     pub(super) corners_mm: [[f64; 2]; 4],
     /// Longest gap between detections that is interpolated, seconds.
     pub(super) max_gap_s: f64,
 }
 
-impl Fitter {
+impl PathFitter {
     /// Fits a path; None when no segment has enough detections or the numbers fail.
-    pub(super) fn fit(&self, observations: &[Observation]) -> Option<Fitted> {
+    pub(super) fn fit(&self, observations: &[Observation]) -> Option<FittedPath> {
         let mut used: Vec<usize> = (0..observations.len()).collect();
         let mut isolated = self.drop_isolated(observations, &mut used);
         let (mut chosen, mut starts) = self.choose(observations, &used)?;
-        let first = Jerk { turn: 1e4, shift: 1e6, shape_per_s: SHAPE_PER_S };
+        let first = JerkDensity { turn: 1e4, shift: 1e6, shape_per_s: SHAPE_PER_S };
         let smoother = self.smoother(&chosen);
         let mut guess = smoother.first_guess();
-        let mut jerk = climb(&smoother, &guess, first, true)?;
+        let mut jerk = maximise_likelihood(&smoother, &guess, first, true)?;
         let mut smoothed = smoother.smooth(&guess, jerk, true)?;
-        guess = smoothed.beliefs.iter().map(|belief| belief.mean).collect();
+        guess = smoothed.estimates.iter().map(|estimate| estimate.mean).collect();
         smoothed = smoother.smooth(&guess, jerk, true)?;
         let mut sorted = smoothed.squares.clone();
         sorted.sort_by(f64::total_cmp);
-        let usual = (quantile_sorted(&sorted, 0.5) / USUAL).max(0.5);
-        let is_outlier = |k: usize| smoothed.squares[k] > OUTLIER * usual;
+        let misfit = (quantile_sorted(&sorted, 0.5) / MEDIAN_CHI2).max(0.5);
+        let is_outlier = |k: usize| smoothed.squares[k] > OUTLIER_CHI2 * misfit;
         let outliers: Vec<usize> =
             used.iter().enumerate().filter(|(k, _)| is_outlier(*k)).map(|(_, &i)| i).collect();
-        let mut guess: Vec<State> = smoothed.beliefs.iter().map(|belief| belief.mean).collect();
+        let mut guess: Vec<PathState> =
+            smoothed.estimates.iter().map(|estimate| estimate.mean).collect();
         if !outliers.is_empty() {
             used.retain(|i| !outliers.contains(i));
             let more = self.drop_isolated(observations, &mut used);
@@ -74,18 +69,18 @@ impl Fitter {
             guess = self.smoother(&chosen).first_guess();
         }
         let smoother = self.smoother(&chosen);
-        jerk = climb(&smoother, &guess, jerk, false)?;
+        jerk = maximise_likelihood(&smoother, &guess, jerk, false)?;
         for _ in 0..2 {
             smoothed = smoother.smooth(&guess, jerk, false)?;
-            guess = smoothed.beliefs.iter().map(|belief| belief.mean).collect();
+            guess = smoothed.estimates.iter().map(|estimate| estimate.mean).collect();
         }
         let (_, factor) = smoother.likelihood(&guess, jerk, false)?;
-        for belief in &mut smoothed.beliefs {
-            belief.covariance *= factor;
+        for estimate in &mut smoothed.estimates {
+            estimate.covariance *= factor;
         }
-        let jerk = Jerk { turn: jerk.turn * factor, shift: jerk.shift * factor, ..jerk };
-        let (beliefs, residuals) = (smoothed.beliefs, smoothed.residuals);
-        Some(Fitted { used, outliers, isolated, beliefs, starts, residuals, jerk, factor })
+        let jerk = JerkDensity { turn: jerk.turn * factor, shift: jerk.shift * factor, ..jerk };
+        let (estimates, residuals) = (smoothed.estimates, smoothed.residuals);
+        Some(FittedPath { used, outliers, isolated, estimates, starts, residuals, jerk, factor })
     }
 
     fn smoother<'a>(&self, observations: &'a [Observation]) -> Smoother<'a> {
@@ -112,20 +107,25 @@ impl Fitter {
             |a: &usize, b: &usize| observations[*b].at_s - observations[*a].at_s <= self.max_gap_s;
         let stretches = used.chunk_by(joins);
         let isolated: Vec<usize> =
-            stretches.filter(|s| s.len() < MIN_SIGHTINGS).flatten().copied().collect();
+            stretches.filter(|s| s.len() < MIN_DETECTIONS).flatten().copied().collect();
         used.retain(|i| isolated.binary_search(i).is_err());
         isolated
     }
 }
 
 /// Maximum-likelihood densities by coordinate-wise search.
-fn climb(smoother: &Smoother<'_>, guess: &[State], first: Jerk, is_wary: bool) -> Option<Jerk> {
-    let value = |jerk: Jerk| Some(smoother.likelihood(guess, jerk, is_wary)?.0);
+fn maximise_likelihood(
+    smoother: &Smoother<'_>,
+    guess: &[PathState],
+    first: JerkDensity,
+    is_robust: bool,
+) -> Option<JerkDensity> {
+    let value = |jerk: JerkDensity| Some(smoother.likelihood(guess, jerk, is_robust)?.0);
     let mut best = (value(first)?, first);
-    let scale: [fn(Jerk, f64) -> Jerk; 3] = [
-        |jerk, by| Jerk { turn: jerk.turn * by, shift: jerk.shift * by, ..jerk },
-        |jerk, by| Jerk { shift: jerk.shift * by, ..jerk },
-        |jerk, by| Jerk { turn: jerk.turn * by, ..jerk },
+    let scale: [fn(JerkDensity, f64) -> JerkDensity; 3] = [
+        |jerk, by| JerkDensity { turn: jerk.turn * by, shift: jerk.shift * by, ..jerk },
+        |jerk, by| JerkDensity { shift: jerk.shift * by, ..jerk },
+        |jerk, by| JerkDensity { turn: jerk.turn * by, ..jerk },
     ];
     for scaled in scale {
         for by in [DENSITY_STEP, 1.0 / DENSITY_STEP] {

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 /// Why a frame has no usable detection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Lost {
+pub enum LossReason {
     /// The frame has fewer samples than its size needs, or colours where a mosaic was stated.
     Unreadable,
     /// The frame is not after the one before it.
@@ -28,20 +28,20 @@ pub enum Lost {
     Isolated,
 }
 
-impl Lost {
+impl LossReason {
     /// The reason in words.
     #[must_use]
-    pub const fn says(self) -> &'static str {
+    pub const fn description(self) -> &'static str {
         match self {
-            Self::Unreadable => "fewer samples than the size needs",
-            Self::OutOfOrder => "not after the frame before it",
+            Self::Unreadable => "too few samples for the size",
+            Self::OutOfOrder => "not after the previous frame",
             Self::NoContrast => "no contrast",
-            Self::NotFound => "no tag found",
-            Self::OtherId => "only tags of other numbers",
+            Self::NotFound => "no tag detected",
+            Self::OtherId => "only tags with other ids",
             Self::AtBorder => "tag at the border",
-            Self::Unclear => "outline unclear",
-            Self::Outlier => "off the path",
-            Self::Isolated => "too few sightings around it",
+            Self::Unclear => "low contrast of the outline",
+            Self::Outlier => "outlier of the path",
+            Self::Isolated => "too few neighbouring detections",
         }
     }
 }
@@ -49,7 +49,7 @@ impl Lost {
 /// Detection of the tag in one frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
-pub struct Sighting<C: Clock> {
+pub struct TagDetection<C: Clock> {
     /// Index of the frame among those given to the tracker, from 0.
     pub frame: u64,
     /// Mid-exposure of the row of the tag's centre.
@@ -72,7 +72,7 @@ pub struct TrackTally {
     /// Frames whose detections are part of the path.
     pub used: u64,
     /// The other frames by reason; reasons with no frame are absent.
-    pub lost: BTreeMap<Lost, u64>,
+    pub lost: BTreeMap<LossReason, u64>,
     /// Search effort.
     pub searched: Searched,
 }
@@ -89,12 +89,12 @@ pub struct Searched {
 }
 
 impl TrackTally {
-    pub(super) fn lose(&mut self, reason: Lost) {
+    pub(super) fn lose(&mut self, reason: LossReason) {
         *self.lost.entry(reason).or_default() += 1;
     }
 
     /// Moves a used frame to the lost ones.
-    pub(super) fn withdraw(&mut self, reason: Lost) {
+    pub(super) fn withdraw(&mut self, reason: LossReason) {
         self.used -= 1;
         self.lose(reason);
     }
@@ -116,7 +116,8 @@ impl TrackTally {
     pub fn reasons(&self) -> String {
         let mut lost: Vec<_> = self.lost.iter().collect();
         lost.sort_by_key(|(_, n)| std::cmp::Reverse(**n));
-        let parts: Vec<_> = lost.iter().map(|(why, n)| format!("{n} {}", why.says())).collect();
+        let parts: Vec<_> =
+            lost.iter().map(|(why, n)| format!("{n} {}", why.description())).collect();
         parts.join(", ")
     }
 }

@@ -7,24 +7,21 @@
 //! band ends half a cell inside, before the tag's pattern begins. The noise is estimated from the
 //! residuals, the covariance from the normal equations.
 
-use super::grey::Grey;
+use super::grey_image::GreyImage;
 use nalgebra::{SMatrix, SVector};
 use statrs::function::erf::erfc;
 
 /// Corner coordinates, two levels and the logarithm of the blur.
-const N: usize = 11;
-
+const PARAMETERS: usize = 11;
 /// Cells along the side of the black border of tag36h11.
-const CELLS: f64 = 8.0;
-
+const TAG_CELLS: f64 = 8.0;
 const MAX_STEPS: usize = 25;
-
 /// Convergence threshold of a step, pixels.
-const SETTLED_PX: f64 = 1e-4;
+const CONVERGED_PX: f64 = 1e-4;
 
 /// Corners of a tag in the frame's pixels with their error.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Corners {
+pub(super) struct FittedCorners {
     /// Bottom left, bottom right, top right, top left.
     pub(super) points: [[f64; 2]; 4],
     /// Covariance of x and y of each corner in turn.
@@ -33,9 +30,8 @@ pub(super) struct Corners {
     pub(super) blur_px: f64,
 }
 
-/// Fitted parameters.
 #[derive(Debug, Clone, Copy)]
-struct Square {
+struct SquareModel {
     points: [[f64; 2]; 4],
     white: f64,
     black: f64,
@@ -43,20 +39,20 @@ struct Square {
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Edge {
+struct SquareEdge {
     start: [f64; 2],
     along: [f64; 2],
     length: f64,
 }
 
-struct Step {
-    information: SMatrix<f64, N, N>,
-    gradient: SVector<f64, N>,
+struct CornerEquations {
+    information: SMatrix<f64, PARAMETERS, PARAMETERS>,
+    gradient: SVector<f64, PARAMETERS>,
     square_sum: f64,
     n_pixels: usize,
 }
 
-impl Edge {
+impl SquareEdge {
     fn between(start: [f64; 2], end: [f64; 2]) -> Self {
         let [dx, dy] = [end[0] - start[0], end[1] - start[1]];
         let length = dx.hypot(dy);
@@ -79,23 +75,23 @@ impl Edge {
 
 /// Fits the outline from a start at `guess`. None when the square is not wholly in the image, the
 /// fit does not converge near the guess, or there is no contrast.
-pub(super) fn refine(grey: &Grey, guess: [[f64; 2]; 4]) -> Option<Corners> {
+pub(super) fn fit_corners(grey: &GreyImage, guess: [[f64; 2]; 4]) -> Option<FittedCorners> {
     let scale = grey.scale as f64;
     let guess = guess.map(|point| point.map(|part| part / scale));
     let pixels = band(grey, &guess)?;
-    let mut square = first_square(guess, &pixels)?;
-    let mut step = Step::at(&square, &pixels);
+    let mut square = initial_square(guess, &pixels)?;
+    let mut step = CornerEquations::at(&square, &pixels);
     let mut damping = 1e-3;
     for _ in 0..MAX_STEPS {
         let mut damped = step.information;
-        for i in 0..N {
+        for i in 0..PARAMETERS {
             damped[(i, i)] *= 1.0 + damping;
         }
         let change = damped.cholesky()?.solve(&step.gradient);
-        let moved = square.changed(&change);
-        let next = Step::at(&moved, &pixels);
+        let moved = square.updated(&change);
+        let next = CornerEquations::at(&moved, &pixels);
         if next.square_sum <= step.square_sum {
-            let is_settled = change.rows(0, 8).amax() < SETTLED_PX;
+            let is_settled = change.rows(0, 8).amax() < CONVERGED_PX;
             (square, step, damping) = (moved, next, damping * 0.2);
             if is_settled {
                 break;
@@ -111,10 +107,10 @@ pub(super) fn refine(grey: &Grey, guess: [[f64; 2]; 4]) -> Option<Corners> {
 }
 
 /// Pixels of the band around the outline: centre and value. None when it leaves the image.
-fn band(grey: &Grey, guess: &[[f64; 2]; 4]) -> Option<Vec<([f64; 2], f64)>> {
+fn band(grey: &GreyImage, guess: &[[f64; 2]; 4]) -> Option<Vec<([f64; 2], f64)>> {
     let edges = edges(guess);
     let side = edges.iter().map(|edge| edge.length).sum::<f64>() / 4.0;
-    let cell = side / CELLS;
+    let cell = side / TAG_CELLS;
     if !(cell >= 1.0 && side.is_finite()) {
         return None;
     }
@@ -142,24 +138,24 @@ fn band(grey: &Grey, guess: &[[f64; 2]; 4]) -> Option<Vec<([f64; 2], f64)>> {
             }
         }
     }
-    (pixels.len() > 4 * N).then_some(pixels)
+    (pixels.len() > 4 * PARAMETERS).then_some(pixels)
 }
 
-fn edges(points: &[[f64; 2]; 4]) -> [Edge; 4] {
-    [0, 1, 2, 3].map(|i| Edge::between(points[i], points[(i + 1) % 4]))
+fn edges(points: &[[f64; 2]; 4]) -> [SquareEdge; 4] {
+    [0, 1, 2, 3].map(|i| SquareEdge::between(points[i], points[(i + 1) % 4]))
 }
 
 /// The guess with levels from quantiles of the band.
-fn first_square(points: [[f64; 2]; 4], pixels: &[([f64; 2], f64)]) -> Option<Square> {
+fn initial_square(points: [[f64; 2]; 4], pixels: &[([f64; 2], f64)]) -> Option<SquareModel> {
     let mut sorted: Vec<f64> = pixels.iter().map(|pixel| pixel.1).collect();
     sorted.sort_by(f64::total_cmp);
     let black = evrig_core::stats::quantile_sorted(&sorted, 0.1);
     let white = evrig_core::stats::quantile_sorted(&sorted, 0.9);
-    (white > black).then_some(Square { points, white, black, log_blur: 0.0 })
+    (white > black).then_some(SquareModel { points, white, black, log_blur: 0.0 })
 }
 
-impl Square {
-    fn changed(&self, change: &SVector<f64, N>) -> Self {
+impl SquareModel {
+    fn updated(&self, change: &SVector<f64, PARAMETERS>) -> Self {
         let mut square = *self;
         for (i, point) in square.points.iter_mut().enumerate() {
             point[0] += change[2 * i];
@@ -173,19 +169,24 @@ impl Square {
     }
 
     /// The result, if it is near the guess and the contrast exceeds the noise.
-    fn accepted(&self, guess: &[[f64; 2]; 4], step: &Step, scale: f64) -> Option<Corners> {
-        let side = Edge::between(guess[0], guess[1]).length;
-        let allowed = (0.5 * side / CELLS).max(1.0);
+    fn accepted(
+        &self,
+        guess: &[[f64; 2]; 4],
+        step: &CornerEquations,
+        scale: f64,
+    ) -> Option<FittedCorners> {
+        let side = SquareEdge::between(guess[0], guess[1]).length;
+        let allowed = (0.5 * side / TAG_CELLS).max(1.0);
         let moved =
             |i: usize| (self.points[i][0] - guess[i][0]).hypot(self.points[i][1] - guess[i][1]);
-        let variance = step.square_sum / (step.n_pixels - N) as f64;
+        let variance = step.square_sum / (step.n_pixels - PARAMETERS) as f64;
         let stands_out = self.white - self.black > 3.0 * variance.sqrt();
         if !stands_out || !(0..4).all(|i| moved(i) <= allowed) {
             return None;
         }
         let inverse = step.information.cholesky()?.inverse() * variance;
         let covariance = inverse.fixed_view::<8, 8>(0, 0).into_owned() * (scale * scale);
-        Some(Corners {
+        Some(FittedCorners {
             points: self.points.map(|point| point.map(|part| part * scale)),
             covariance,
             blur_px: self.log_blur.exp() * scale,
@@ -193,8 +194,8 @@ impl Square {
     }
 }
 
-impl Step {
-    fn at(square: &Square, pixels: &[([f64; 2], f64)]) -> Self {
+impl CornerEquations {
+    fn at(square: &SquareModel, pixels: &[([f64; 2], f64)]) -> Self {
         let edges = edges(&square.points);
         let blur = square.log_blur.exp();
         let mut step = Self {
@@ -216,11 +217,11 @@ impl Step {
 
 /// Expected value of a pixel and its derivatives by the parameters.
 fn expectation(
-    square: &Square,
-    edges: &[Edge; 4],
+    square: &SquareModel,
+    edges: &[SquareEdge; 4],
     blur: f64,
     centre: [f64; 2],
-) -> (f64, SVector<f64, N>) {
+) -> (f64, SVector<f64, PARAMETERS>) {
     let places = edges.map(|edge| edge.place(centre));
     let shares = places.map(|(distance, _)| normal_cdf(-distance / blur));
     let inside = shares.iter().product::<f64>();
@@ -245,7 +246,6 @@ fn expectation(
     (square.white - contrast * inside, slope)
 }
 
-/// Standard normal distribution function.
 fn normal_cdf(z: f64) -> f64 {
     0.5 * erfc(-z * std::f64::consts::FRAC_1_SQRT_2)
 }

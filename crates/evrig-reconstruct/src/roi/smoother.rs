@@ -7,32 +7,27 @@
 //! Filtering and Smoothing", 2013, sections 5.2 and 9.1); iterated, this is the Gauss-Newton
 //! solution of the whole path. The densities are maximum-likelihood estimates.
 
-use super::state::{Chart, Covariance, M, N, Numbers, SHAPE, State, numbers_after};
+use super::path_state::{Covariance, M, N, Numbers, PathChart, PathState, SHAPE, numbers_after};
 use nalgebra::{SMatrix, SVector};
 
-/// Coordinates of four corners.
-pub(super) type Corners = SVector<f64, 8>;
-/// Their covariance.
-pub(super) type CornersCovariance = SMatrix<f64, 8, 8>;
+pub(super) type CornerVector = SVector<f64, 8>;
+pub(super) type CornerCovariance = SMatrix<f64, 8, 8>;
 
-/// One detection in ideal pixels.
 #[derive(Debug, Clone)]
 pub(super) struct Observation {
     /// Seconds since the track's zero.
     pub(super) at_s: f64,
     /// Delay of each corner after `at_s`.
     pub(super) delays_s: [f64; 4],
-    pub(super) corners: Corners,
-    pub(super) covariance: CornersCovariance,
+    pub(super) corners: CornerVector,
+    pub(super) covariance: CornerCovariance,
     /// The eight parameters of its own corners.
     pub(super) numbers: Numbers,
-    /// Whether a new segment begins here.
     pub(super) is_start: bool,
 }
 
-/// Process noise densities.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Jerk {
+pub(super) struct JerkDensity {
     /// Density of the jerk of scale and rotation (of the tag's half side), px^2/s^5.
     pub(super) turn: f64,
     /// Density of the jerk of the translation, px^2/s^5.
@@ -41,57 +36,50 @@ pub(super) struct Jerk {
     pub(super) shape_per_s: f64,
 }
 
-/// State estimate and covariance.
 #[derive(Debug, Clone)]
-pub(super) struct Belief {
-    pub(super) mean: State,
+pub(super) struct StateEstimate {
+    pub(super) mean: PathState,
     pub(super) covariance: Covariance,
 }
 
-/// Result of the forward filter.
-struct Forward {
-    predicted: Vec<Belief>,
-    filtered: Vec<Belief>,
+struct ForwardFilter {
+    predicted: Vec<StateEstimate>,
+    filtered: Vec<StateEstimate>,
     /// Squared normalised innovation of each detection; expected: 8.
     squares: Vec<f64>,
-    /// Logarithm of the determinant of each innovation's covariance.
     log_determinants: Vec<f64>,
-    /// Weight of each detection, at most 1.
     weights: Vec<f64>,
 }
 
-/// The smoother and its data.
 pub(super) struct Smoother<'a> {
-    pub(super) chart: Chart,
+    pub(super) chart: PathChart,
     pub(super) corners_mm: [[f64; 2]; 4],
     pub(super) observations: &'a [Observation],
 }
 
-/// A smoothed path.
 pub(super) struct Smoothed {
-    pub(super) beliefs: Vec<Belief>,
+    pub(super) estimates: Vec<StateEstimate>,
     /// Squared normalised leave-one-out residual of each detection; expected: 8.
     pub(super) squares: Vec<f64>,
-    pub(super) residuals: Vec<Corners>,
+    pub(super) residuals: Vec<CornerVector>,
 }
 
 /// Degrees of freedom of the Student-t weights used while outliers may be present.
-const TAIL: f64 = 4.0;
-
+const STUDENT_DOF: f64 = 4.0;
 /// Initial standard deviations: position, speed, acceleration in px and s, then foreshortening and
 /// tilt.
-const START: [f64; 5] = [300.0, 3000.0, 1e5, 0.3, 0.6];
+const INITIAL_SIGMAS: [f64; 5] = [300.0, 3000.0, 1e5, 0.3, 0.6];
 
 impl Smoother<'_> {
     /// States at the detections' own parameters at rest: the first linearisation point.
-    pub(super) fn first_guess(&self) -> Vec<State> {
+    pub(super) fn first_guess(&self) -> Vec<PathState> {
         let mut shape = SVector::<f64, 4>::zeros();
         for observation in self.observations {
             shape += observation.numbers.rows(4, 4);
         }
         shape /= self.observations.len().max(1) as f64;
         let state = |observation: &Observation| {
-            let mut state = State::zeros();
+            let mut state = PathState::zeros();
             state.rows_mut(0, 4).copy_from(&observation.numbers.rows(0, 4));
             state.rows_mut(SHAPE, 4).copy_from(&shape);
             state
@@ -100,27 +88,32 @@ impl Smoother<'_> {
     }
 
     /// The path linearised about `guess`; Student-t weights when `is_robust`.
-    pub(super) fn smooth(&self, guess: &[State], jerk: Jerk, is_wary: bool) -> Option<Smoothed> {
-        let forward = self.forward(guess, jerk, is_wary)?;
-        let mut beliefs = forward.filtered.clone();
-        for k in (0..beliefs.len().saturating_sub(1)).rev() {
+    pub(super) fn smooth(
+        &self,
+        guess: &[PathState],
+        jerk: JerkDensity,
+        is_robust: bool,
+    ) -> Option<Smoothed> {
+        let forward = self.forward(guess, jerk, is_robust)?;
+        let mut estimates = forward.filtered.clone();
+        for k in (0..estimates.len().saturating_sub(1)).rev() {
             let step = self.transition(k + 1);
             let predicted = &forward.predicted[k + 1];
             let inverse = predicted.covariance.cholesky()?.inverse();
             let gain = forward.filtered[k].covariance * step.transpose() * inverse;
-            let next = beliefs[k + 1].clone();
-            let belief = &mut beliefs[k];
-            belief.mean += gain * (next.mean - predicted.mean);
+            let next = estimates[k + 1].clone();
+            let estimate = &mut estimates[k];
+            estimate.mean += gain * (next.mean - predicted.mean);
             let change = next.covariance - predicted.covariance;
-            belief.covariance += gain * change * gain.transpose();
-            symmetrise(&mut belief.covariance);
+            estimate.covariance += gain * change * gain.transpose();
+            symmetrise(&mut estimate.covariance);
         }
-        let mut smoothed = Smoothed { beliefs, squares: Vec::new(), residuals: Vec::new() };
+        let mut smoothed = Smoothed { estimates, squares: Vec::new(), residuals: Vec::new() };
         for (k, observation) in self.observations.iter().enumerate() {
-            let belief = &smoothed.beliefs[k];
-            let (expected, slope) = self.expect(&belief.mean, observation);
+            let estimate = &smoothed.estimates[k];
+            let (expected, slope) = self.expect(&estimate.mean, observation);
             let residual = observation.corners - expected;
-            let spread = slope * belief.covariance * slope.transpose();
+            let spread = slope * estimate.covariance * slope.transpose();
             let weight = forward.weights[k];
             let square = square_without(&residual, &spread, &observation.covariance, weight)?;
             smoothed.squares.push(square);
@@ -135,11 +128,11 @@ impl Smoother<'_> {
     /// including the jerk, scaled by the factor of greatest likelihood.
     pub(super) fn likelihood(
         &self,
-        guess: &[State],
-        jerk: Jerk,
-        is_wary: bool,
+        guess: &[PathState],
+        jerk: JerkDensity,
+        is_robust: bool,
     ) -> Option<(f64, f64)> {
-        let forward = self.forward(guess, jerk, is_wary)?;
+        let forward = self.forward(guess, jerk, is_robust)?;
         // The first detections of a segment carry no information on its jerk: three parameters per
         // component.
         let mut since_start = 0;
@@ -156,17 +149,22 @@ impl Smoother<'_> {
         let determinants: f64 = counted.iter().map(|&k| forward.log_determinants[k]).sum();
         let squares = counted.iter().map(|&k| forward.squares[k]);
         let factor = squares.clone().sum::<f64>() / (8.0 * n);
-        let misfit: f64 = if is_wary {
-            squares.map(|square| (TAIL + 8.0) * (square / TAIL).ln_1p()).sum()
+        let misfit: f64 = if is_robust {
+            squares.map(|square| (STUDENT_DOF + 8.0) * (square / STUDENT_DOF).ln_1p()).sum()
         } else {
             8.0 * n * factor.ln()
         };
         Some((-0.5 * (determinants + misfit), factor))
     }
 
-    fn forward(&self, guess: &[State], jerk: Jerk, is_wary: bool) -> Option<Forward> {
+    fn forward(
+        &self,
+        guess: &[PathState],
+        jerk: JerkDensity,
+        is_robust: bool,
+    ) -> Option<ForwardFilter> {
         let n = self.observations.len();
-        let mut forward = Forward {
+        let mut forward = ForwardFilter {
             predicted: Vec::with_capacity(n),
             filtered: Vec::with_capacity(n),
             squares: Vec::with_capacity(n),
@@ -180,7 +178,11 @@ impl Smoother<'_> {
             let spread = slope * predicted.covariance * slope.transpose();
             let total = (spread + observation.covariance).cholesky()?;
             let square = residual.dot(&total.solve(&residual));
-            let weight = if is_wary { ((TAIL + 8.0) / (TAIL + square)).min(1.0) } else { 1.0 };
+            let weight = if is_robust {
+                ((STUDENT_DOF + 8.0) / (STUDENT_DOF + square)).min(1.0)
+            } else {
+                1.0
+            };
             let noise = observation.covariance / weight;
             let weighed = (spread + noise).cholesky()?;
             let gain = weighed.solve(&(slope * predicted.covariance)).transpose();
@@ -193,12 +195,18 @@ impl Smoother<'_> {
             forward.weights.push(weight);
             forward.log_determinants.push(2.0 * total.l().diagonal().map(f64::ln).sum());
             forward.predicted.push(predicted);
-            forward.filtered.push(Belief { mean, covariance });
+            forward.filtered.push(StateEstimate { mean, covariance });
         }
         Some(forward)
     }
 
-    fn predict(&self, k: usize, guess: &[State], last: Option<&Belief>, jerk: Jerk) -> Belief {
+    fn predict(
+        &self,
+        k: usize,
+        guess: &[PathState],
+        last: Option<&StateEstimate>,
+        jerk: JerkDensity,
+    ) -> StateEstimate {
         let Some(last) = last else { return start(&guess[k]) };
         let step = self.transition(k);
         let mut mean = step * last.mean;
@@ -216,7 +224,7 @@ impl Smoother<'_> {
         for i in SHAPE..N {
             covariance[(i, i)] += jerk.shape_per_s * dt;
         }
-        Belief { mean, covariance }
+        StateEstimate { mean, covariance }
     }
 
     /// Transition from the state before detection `k`; identity at a segment start.
@@ -239,8 +247,12 @@ impl Smoother<'_> {
     }
 
     /// Expected corners of a state at their times, and their derivatives.
-    fn expect(&self, state: &State, observation: &Observation) -> (Corners, SMatrix<f64, 8, N>) {
-        let mut corners = Corners::zeros();
+    fn expect(
+        &self,
+        state: &PathState,
+        observation: &Observation,
+    ) -> (CornerVector, SMatrix<f64, 8, N>) {
+        let mut corners = CornerVector::zeros();
         let mut slope = SMatrix::<f64, 8, N>::zeros();
         for (i, point) in self.corners_mm.iter().enumerate() {
             let (numbers, by_state) = numbers_after(state, observation.delays_s[i]);
@@ -260,9 +272,9 @@ impl Smoother<'_> {
 /// With `W` the weighted noise and `P` the path's covariance, the leave-one-out residual is `W (W -
 /// P)^-1 r` with covariance `W (W - P)^-1 W - W` from the others.
 fn square_without(
-    residual: &Corners,
-    spread: &CornersCovariance,
-    noise: &CornersCovariance,
+    residual: &CornerVector,
+    spread: &CornerCovariance,
+    noise: &CornerCovariance,
     weight: f64,
 ) -> Option<f64> {
     let weighed = noise / weight;
@@ -274,17 +286,17 @@ fn square_without(
     Some(miss.dot(&total.solve(&miss)))
 }
 
-fn start(guess: &State) -> Belief {
+fn start(guess: &PathState) -> StateEstimate {
     let variance = |i: usize| match i {
-        0..SHAPE => START[i / 4].powi(2),
-        12 | 13 => START[3].powi(2),
-        _ => START[4].powi(2),
+        0..SHAPE => INITIAL_SIGMAS[i / 4].powi(2),
+        12 | 13 => INITIAL_SIGMAS[3].powi(2),
+        _ => INITIAL_SIGMAS[4].powi(2),
     };
-    let diagonal = State::from_fn(|i, _| variance(i));
-    Belief { mean: *guess, covariance: Covariance::from_diagonal(&diagonal) }
+    let diagonal = PathState::from_fn(|i, _| variance(i));
+    StateEstimate { mean: *guess, covariance: Covariance::from_diagonal(&diagonal) }
 }
 
-fn add_jerk(covariance: &mut Covariance, dt: f64, jerk: Jerk) {
+fn add_jerk(covariance: &mut Covariance, dt: f64, jerk: JerkDensity) {
     let powers = [
         [dt.powi(5) / 20.0, dt.powi(4) / 8.0, dt.powi(3) / 6.0],
         [dt.powi(4) / 8.0, dt.powi(3) / 3.0, dt.powi(2) / 2.0],

@@ -1,6 +1,6 @@
 //! Tag detection by the AprilTag library, on an image or a window of it.
 
-use super::grey::{Grey, Window};
+use super::grey_image::{GreyImage, PixelWindow};
 use apriltag::families::{
     Tag16h5, Tag25h9, Tag36h11, TagCircle21h7, TagCircle49h12, TagStandard41h12,
 };
@@ -12,13 +12,11 @@ pub(super) const FAMILIES: [&str; 6] =
 
 /// Corrected bit errors: with one, tag36h11 still keeps a distance of nine to any other code.
 const BITS_CORRECTED: usize = 1;
-
 /// Standard deviation of the blur of the last attempt, pixels.
 const LAST_LOOK_BLUR: f32 = 0.8;
 
-/// Result of one search.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Look {
+pub(super) struct TagSearch {
     /// Corners of the requested tag, in the frame's pixels: bottom left, bottom right, top right,
     /// top left.
     pub(super) corners: Option<[[f64; 2]; 4]>,
@@ -51,47 +49,52 @@ impl TagDetector {
 
     /// Searches a window; `decimation` halves (2.0) or keeps (1.0) the resolution of the edge
     /// search.
-    pub(super) fn look(&mut self, grey: &Grey, window: Window, decimation: f32) -> Look {
-        let Some(image) = to_8_bits(grey, window) else { return Look::default() };
+    pub(super) fn search(
+        &mut self,
+        grey: &GreyImage,
+        window: PixelWindow,
+        decimation: f32,
+    ) -> TagSearch {
+        let Some(image) = to_8_bits(grey, window) else { return TagSearch::default() };
         // A blurred and noisy tag is often found at half the resolution, or after smoothing.
         // Smoothing works in place, so it comes last.
-        let mut best = Look::default();
+        let mut best = TagSearch::default();
         for (decimation, blur) in [(decimation, 0.0), (2.0, 0.0), (decimation, LAST_LOOK_BLUR)] {
             self.detector.set_decimation(decimation);
             self.detector.set_sigma(blur);
-            let look = self.search(&image, grey, window);
-            if look.corners.is_some() {
-                return look;
+            let search = self.detect(&image, grey, window);
+            if search.corners.is_some() {
+                return search;
             }
-            if look.others.len() > best.others.len() {
-                best = look;
+            if search.others.len() > best.others.len() {
+                best = search;
             }
         }
         best
     }
 
-    fn search(&mut self, image: &Image, grey: &Grey, window: Window) -> Look {
-        let mut look = Look::default();
+    fn detect(&mut self, image: &Image, grey: &GreyImage, window: PixelWindow) -> TagSearch {
+        let mut search = TagSearch::default();
         let mut best = f32::NEG_INFINITY;
         for detection in self.detector.detect(image) {
             if detection.id() != self.id {
-                look.others.push(detection.id());
+                search.others.push(detection.id());
             } else if detection.decision_margin() > best {
                 best = detection.decision_margin();
                 let [dx, dy] = [window.x0 as f64, window.y0 as f64];
                 let scale = grey.scale as f64;
                 let corners = detection.corners();
-                look.corners = Some(corners.map(|[x, y]| [(x + dx) * scale, (y + dy) * scale]));
+                search.corners = Some(corners.map(|[x, y]| [(x + dx) * scale, (y + dy) * scale]));
             }
         }
-        look
+        search
     }
 }
 
 /// The window in 8 bits. Values in range are kept; others are scaled so that the brightest block
 /// becomes 200. None without light, or if the library has no memory. (Pixel quantiles would not do:
 /// a tag covers a hundredth of a frame.)
-fn to_8_bits(grey: &Grey, window: Window) -> Option<Image> {
+fn to_8_bits(grey: &GreyImage, window: PixelWindow) -> Option<Image> {
     let [_, paper] = grey.block_range(window);
     if !(paper.is_finite() && paper > 0.0) {
         return None;

@@ -5,7 +5,7 @@ use evrig_core::time::Clock;
 
 /// Meaning of a frame's samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Light {
+pub enum SampleFormat {
     /// Brightness or colour: APS and RGB frames.
     Brightness,
     /// Bayer mosaic of 2 x 2 cells with green on one diagonal: raw frames of the Pi. The colour
@@ -16,43 +16,43 @@ pub enum Light {
     },
 }
 
-/// Brightness on a grid, row-major.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Grey {
+pub(super) struct GreyImage {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) values: Vec<f32>,
-    /// Frame pixels per grid pixel.
     pub(super) scale: usize,
 }
 
 /// Columns `x0..x1` and rows `y0..y1` of a grey image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Window {
+pub(super) struct PixelWindow {
     pub(super) x0: usize,
     pub(super) y0: usize,
     pub(super) x1: usize,
     pub(super) y1: usize,
 }
 
-impl Window {
+impl PixelWindow {
     pub(super) fn n_pixels(&self) -> usize {
         (self.x1 - self.x0) * (self.y1 - self.y0)
     }
 }
 
-impl Grey {
+impl GreyImage {
     /// Image for the search: brightness, or the mean of each 2 x 2 cell above black. None when the
     /// frame holds too few samples for its size.
-    pub(super) fn to_search<C: Clock>(frame: &Frame<C>, light: Light) -> Option<Self> {
+    pub(super) fn to_search<C: Clock>(frame: &Frame<C>, format: SampleFormat) -> Option<Self> {
         let (width, height) = (usize::from(frame.size.width), usize::from(frame.size.height));
         let is_whole = frame.samples.len() >= width * height * frame.channels.count();
         if width < 2 || height < 2 || !is_whole {
             return None;
         }
-        match light {
-            Light::Brightness => Some(Self { width, height, values: frame.brightness(), scale: 1 }),
-            Light::Mosaic { black_level_dn } => {
+        match format {
+            SampleFormat::Brightness => {
+                Some(Self { width, height, values: frame.brightness(), scale: 1 })
+            }
+            SampleFormat::Mosaic { black_level_dn } => {
                 if frame.channels != Channels::Gray {
                     return None;
                 }
@@ -68,7 +68,7 @@ impl Grey {
 
     /// The mosaic at full resolution within a window, with the four Bayer sites scaled to equal
     /// means; zero elsewhere.
-    pub(super) fn balanced<C: Clock>(frame: &Frame<C>, black_dn: f64, window: Window) -> Self {
+    pub(super) fn balanced<C: Clock>(frame: &Frame<C>, black_dn: f64, window: PixelWindow) -> Self {
         let (width, height) = (usize::from(frame.size.width), usize::from(frame.size.height));
         let sample = |i: usize| match &frame.samples {
             Samples::U8(samples) => f32::from(samples[i]),
@@ -98,13 +98,13 @@ impl Grey {
         Self { width, height, values, scale: 1 }
     }
 
-    pub(super) fn whole(&self) -> Window {
-        Window { x0: 0, y0: 0, x1: self.width, y1: self.height }
+    pub(super) fn whole(&self) -> PixelWindow {
+        PixelWindow { x0: 0, y0: 0, x1: self.width, y1: self.height }
     }
 
     /// The pixels around points (in the frame's pixels) with a margin, at least 32 on a side where
     /// the image allows; None when the points lie outside.
-    pub(super) fn window(&self, points: &[[f64; 2]], margin: f64) -> Option<Window> {
+    pub(super) fn window(&self, points: &[[f64; 2]], margin: f64) -> Option<PixelWindow> {
         let scale = self.scale as f64;
         let span = |axis: usize, length: usize| {
             let parts = points.iter().map(|point| point[axis] / scale);
@@ -117,11 +117,11 @@ impl Grey {
         };
         let (x0, x1) = span(0, self.width)?;
         let (y0, y1) = span(1, self.height)?;
-        Some(Window { x0, y0, x1, y1 })
+        Some(PixelWindow { x0, y0, x1, y1 })
     }
 
     /// Smallest and largest mean over the window's blocks of 8 x 8 pixels: a range robust to noise.
-    pub(super) fn block_range(&self, window: Window) -> [f32; 2] {
+    pub(super) fn block_range(&self, window: PixelWindow) -> [f32; 2] {
         let [mut low, mut high] = [f32::INFINITY, f32::NEG_INFINITY];
         for y in (window.y0..window.y1.saturating_sub(7)).step_by(8) {
             for x in (window.x0..window.x1.saturating_sub(7)).step_by(8) {
@@ -176,8 +176,8 @@ mod tests {
 
     #[test]
     fn a_mosaic_is_searched_at_half_its_resolution_above_black() {
-        let light = Light::Mosaic { black_level_dn: 64.0 };
-        let grey = Grey::to_search(&mosaic(), light).unwrap();
+        let format = SampleFormat::Mosaic { black_level_dn: 64.0 };
+        let grey = GreyImage::to_search(&mosaic(), format).unwrap();
         assert_eq!((grey.width, grey.height, grey.scale), (2, 2, 2));
         let share = (0.5 + 1.0 + 1.0 + 0.25) / 4.0;
         assert!((grey.values[0] - 100.0 * share).abs() < 0.5);
@@ -186,8 +186,8 @@ mod tests {
 
     #[test]
     fn a_balanced_mosaic_shows_no_colour() {
-        let window = Window { x0: 0, y0: 0, x1: 4, y1: 4 };
-        let grey = Grey::balanced(&mosaic(), 64.0, window);
+        let window = PixelWindow { x0: 0, y0: 0, x1: 4, y1: 4 };
+        let grey = GreyImage::balanced(&mosaic(), 64.0, window);
         let cell = [grey.values[0], grey.values[1], grey.values[5], grey.values[6]];
         assert!(cell.iter().all(|v| (v - cell[0]).abs() < 1.0), "{cell:?}");
     }
@@ -196,6 +196,6 @@ mod tests {
     fn a_frame_with_too_few_samples_is_no_image() {
         let mut frame = mosaic();
         frame.samples = Samples::U16(vec![0; 19]);
-        assert_eq!(Grey::to_search(&frame, Light::Brightness), None);
+        assert_eq!(GreyImage::to_search(&frame, SampleFormat::Brightness), None);
     }
 }
