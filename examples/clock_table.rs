@@ -1,4 +1,4 @@
-//! The clock methods against each other on simulated recordings; the tables are in
+//! Comparison of the clock methods on simulated recordings; the tables are in
 //! `docs/reference/clock-accuracy.md`.
 //!
 //! `cargo run --release --example clock_table [TRIALS]` (60 s recordings; twice as many of
@@ -105,8 +105,7 @@ fn estimates(recording: &Recording, clocks: Clocks) -> Vec<Result<ClockEstimate,
     ]
 }
 
-/// What may be known of the smallest latency beforehand: the sensor's readout of 864 rows, which is a
-/// floor; the latency itself, calibrated on the rig.
+/// Knowledge of the minimum latency: the readout of 864 rows as a lower bound, or a calibration.
 fn known_latencies() -> [(&'static str, MinimumLatency); 2] {
     let smallest = Span::from_secs_f64(SMALLEST_S);
     [
@@ -115,7 +114,7 @@ fn known_latencies() -> [(&'static str, MinimumLatency); 2] {
     ]
 }
 
-/// The envelope about a step, when something is known of the latency: where the step then lies.
+/// The envelope with a known latency, which places the instant of a step.
 fn run_known(scenario: Scenario, trials: u64, paper_rms_us: f64) {
     for (name, latency) in known_latencies() {
         let mut score = Score::default();
@@ -137,7 +136,7 @@ fn run(scenario: Scenario, trials: u64) {
     for trial in 0..trials {
         let recording = record(scenario, 1_000 + trial);
         for (number, estimate) in estimates(&recording, scenario.clocks).into_iter().enumerate() {
-            // Two-sided readings have no smallest latency in them.
+            // Two-sided readings do not contain the minimum latency.
             let is_two_sided = METHODS[number] == "clock-pair";
             let smallest = Span::from_secs_f64(if is_two_sided { SMALLEST_S } else { 0.0 });
             match estimate {

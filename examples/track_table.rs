@@ -18,15 +18,15 @@ use std::time::{Duration, Instant};
 
 const UNIT: [[f64; 2]; 4] = [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]];
 
-/// Errors of one way to find corners.
+/// Corner errors of one method.
 #[derive(Default)]
-struct Row {
+struct CornerErrors {
     n_found: u32,
     square_px2: f64,
     bias_px: [f64; 2],
 }
 
-impl Row {
+impl CornerErrors {
     fn take(&mut self, found: &[[f64; 2]; 4], truth: &[[f64; 2]; 4]) {
         self.n_found += 1;
         for (a, b) in found.iter().zip(truth) {
@@ -48,8 +48,11 @@ impl Row {
     }
 }
 
-/// The C library alone on the frame's own bytes.
-fn bare(bytes: &[u8], decimation: f32) -> Result<Option<[[f64; 2]; 4]>, Box<dyn Error>> {
+/// The AprilTag library alone.
+fn detect_by_library(
+    bytes: &[u8],
+    decimation: f32,
+) -> Result<Option<[[f64; 2]; 4]>, Box<dyn Error>> {
     let family = apriltag::families::Tag36h11::default();
     let mut detector = apriltag::Detector::builder().add_family_bits(family, 1).build()?;
     detector.set_decimation(decimation);
@@ -77,7 +80,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (blur, noise) in [(1.0, 6.0), (1.5, 10.0)] {
         println!("346 x 260, tag 28..30 px, blur {blur} px, noise {noise} of 255, {n} frames");
         let (mut dice, taking) = (TestRandom(1), Taking::davis346(blur));
-        let [mut ours, mut whole, mut half] = [Row::default(), Row::default(), Row::default()];
+        let [mut ours, mut whole, mut half] =
+            [CornerErrors::default(), CornerErrors::default(), CornerErrors::default()];
         let (mut whole_frame, mut window) = (Duration::ZERO, Duration::ZERO);
         let mut n_timed = 0_u32;
         for _ in 0..n {
@@ -85,19 +89,19 @@ fn main() -> Result<(), Box<dyn Error>> {
             let map = Homography::fit(&[0, 1, 2, 3].map(|i| (corners[i], UNIT[i])))?;
             let picture = taking.render(&TagCells::tag36h11(0), &corners, |p| map.apply(p));
             let bytes = to_8_bits(&picture, noise, &mut dice);
-            if let Some(found) = bare(&bytes, 1.0)? {
+            if let Some(found) = detect_by_library(&bytes, 1.0)? {
                 whole.take(&found, &corners);
             }
-            if let Some(found) = bare(&bytes, 2.0)? {
+            if let Some(found) = detect_by_library(&bytes, 2.0)? {
                 half.take(&found, &corners);
             }
             let mut tracker = Tracker::new(&rig.target, &rig.davis.camera, options)?;
             let first = Instant::now();
-            let sighting = tracker.see(&frame(0, bytes.clone()));
+            let detection = tracker.see(&frame(0, bytes.clone()));
             let first = first.elapsed();
-            let Ok(sighting) = sighting else { continue };
-            ours.take(&sighting.corners_px, &corners);
-            // The same picture again is found in its window.
+            let Ok(detection) = detection else { continue };
+            ours.take(&detection.corners_px, &corners);
+            // The same image again is found in the predicted window.
             let again = frame(20_000, bytes);
             let second = Instant::now();
             if tracker.see(&again).is_ok() {

@@ -11,14 +11,13 @@ use super::estimate::{
     ClockEstimate, ClockSegment, Method, MinimumLatency, SegmentError, SegmentStart,
 };
 use super::input::FramePairs;
-use super::trace::{OffsetLine, PairTrace};
+use super::trace::{OffsetLine, PairTrace, RESOLUTION_US};
 use evrig_core::time::{Clock, Span, Stamp};
+use piece::EnvelopePiece;
 use std::ops::Range;
 
 mod drifting;
-
-/// Error of a stamp, µs: microsecond resolution on both sides and interrupt latency.
-pub(super) const RESOLUTION_US: f64 = 3.0;
+mod piece;
 
 /// Relative rate of the two clocks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -96,13 +95,6 @@ pub fn envelope<A: Clock, B: Clock>(
         tally: pairs.tally(),
         diagnostics,
     })
-}
-
-struct EnvelopePiece<A: Clock, B: Clock> {
-    segment: ClockSegment<A, B>,
-    frames: Range<usize>,
-    line: OffsetLine,
-    tail_index: Option<f64>,
 }
 
 fn constant<A: Clock, B: Clock>(

@@ -8,7 +8,7 @@ use super::endpoint::lower_endpoint;
 use super::error::ClockError;
 use super::estimate::{ClockEstimate, Method, MinimumLatency, SegmentError, SegmentStart};
 use super::input::FramePairs;
-use super::trace::{OffsetLine, PairTrace};
+use super::trace::{OffsetLine, PairTrace, RESOLUTION_US};
 use evrig_core::stats::Estimate;
 use evrig_core::time::Clock;
 use std::ops::Range;
@@ -24,13 +24,8 @@ pub fn hull<A: Clock, B: Clock>(
     let trace = PairTrace::new(pairs.pairs());
     let all = 0..trace.x_s.len();
     let fit = fit(&trace.x_s, &trace.y_us, &all);
-    let error = SegmentError::one_sided(
-        fit.below90,
-        fit.below95,
-        super::envelope::RESOLUTION_US,
-        latency,
-        all.len() as u64,
-    );
+    let error =
+        SegmentError::one_sided(fit.below90, fit.below95, RESOLUTION_US, latency, all.len() as u64);
     let skew = Estimate::normal(fit.line.slope_ppm, fit.slope_error_ppm(), all.len() as u64);
     let segment = trace
         .segment(&all, SegmentStart::Beginning, fit.line, latency.subtracted())

@@ -6,9 +6,8 @@
 
 use super::estimate::ClockEstimate;
 use super::motion::{MotionOptions, TrackSample, motion};
-use super::synchronise::SessionClocks;
 use evrig_core::stats::Estimate;
-use evrig_core::time::{Clock, ClockMap, Davis, PiSensor, Span, Stamp};
+use evrig_core::time::{Clock, ClockMap, PiSensor, Span, Stamp};
 use serde::{Deserialize, Serialize};
 
 /// A stream whose frames are exposed later than stamped.
@@ -66,17 +65,6 @@ impl<A: Clock, B: Clock> ClockEstimate<A, B> {
     pub fn delayed(mut self, by: Span) -> Self {
         self.segments.iter_mut().for_each(|segment| segment.map.a0 = segment.map.a0 + by);
         self
-    }
-}
-
-impl SessionClocks {
-    /// Map from the stamps of a stream of the Pi to the events' clock, corrected for the stream's
-    /// delay.
-    #[must_use]
-    pub fn davis_from(&self, stream: &str) -> ClockEstimate<Davis, PiSensor> {
-        let of_stream = self.stream_delays.iter().find(|delay| delay.stream == stream);
-        let delay_us = of_stream.and_then(|delay| delay.delay_us).map_or(0.0, |delay| delay.value);
-        self.davis_from_sensor.clone().delayed(Span::from_secs_f64(delay_us * 1e-6))
     }
 }
 

@@ -6,14 +6,18 @@
 //! rejected when packets arrive before their own stamps or a second late. [`motion`] maps the Pi's
 //! clock to the events' without Unix time.
 
+use super::agreement::{Disagreement, cross_check};
 use super::clock_pair::{PairOptions, clock_pair};
 use super::envelope::{EnvelopeOptions, RateModel, envelope};
 use super::error::ClockError;
 use super::estimate::{ClockEstimate, ClockSegment, Method, MinimumLatency};
+use super::hull::hull;
 use super::input::{FramePair, FramePairs, TwoSidedReading};
 use super::motion::{MotionEstimate, MotionOptions, TrackSample, motion};
+use super::olson2::olson2;
+use super::paper_interval::{PaperUnit, paper_interval};
+use super::paper_window::paper_window;
 use super::stream_delay::StreamDelay;
-use super::{Disagreement, PaperUnit, cross_check, hull, olson2, paper_interval, paper_window};
 use evrig_core::time::{Clock, ClockMap, Davis, PiSensor, Span, Stamp, Unix};
 use serde::{Deserialize, Serialize};
 
@@ -182,6 +186,15 @@ pub fn synchronise(observations: &ClockObservations) -> Result<SessionClocks, Cl
 }
 
 impl SessionClocks {
+    /// Map from the stamps of a stream of the Pi to the events' clock, corrected for the stream's
+    /// delay.
+    #[must_use]
+    pub fn davis_from(&self, stream: &str) -> ClockEstimate<Davis, PiSensor> {
+        let of_stream = self.stream_delays.iter().find(|delay| delay.stream == stream);
+        let delay_us = of_stream.and_then(|delay| delay.delay_us).map_or(0.0, |delay| delay.value);
+        self.davis_from_sensor.clone().delayed(Span::from_secs_f64(delay_us * 1e-6))
+    }
+
     /// Maps the Pi's frames to the events by the motion that both cameras saw.
     ///
     /// The fit is used when it is accepted and both tracks show one motion; otherwise the reason is

@@ -6,6 +6,9 @@ use evrig_core::stats::{Estimate, quantile_sorted};
 use evrig_core::time::{Clock, ClockMap, Span, Stamp};
 use std::ops::Range;
 
+/// Error of a stamp, µs: microsecond resolution on both sides and interrupt latency.
+pub(super) const RESOLUTION_US: f64 = 3.0;
+
 /// Pairs relative to the first: seconds since it, and RealTime minus sensor time, µs.
 #[derive(Debug)]
 pub(super) struct PairTrace<'a, A: Clock, B: Clock> {

@@ -170,9 +170,11 @@ fn a_camera_that_circles_and_turns_is_followed_through_lens_and_rolling_shutter(
     assert!(roi.angle_error.0 < 0.3 && roi.angle_error.0 > 0.0);
     let back = view.place_mm(view.pixel([3.0, -4.0])).unwrap();
     assert!((back[0] - 3.0).hypot(back[1] + 4.0) < 1e-3);
-    // What is stored is what is read.
+    // Stored tracks are read back, also those with the former key of the detections.
     let json = serde_json::to_string(&track).unwrap();
+    let former = json.replace("\"detections\":", "\"sightings\":");
     let again: Track<Davis> = serde_json::from_str(&json).unwrap();
+    assert_eq!(serde_json::from_str::<Track<Davis>>(&former).unwrap(), again);
     assert_eq!((&again.tally, again.knots.len()), (&track.tally, 40));
     let [one, other] = [&track, &again].map(|t| t.at(seconds(0.391)).unwrap().roi().polygon[3]);
     assert!((one[0] - other[0]).hypot(one[1] - other[1]) < 1e-9);

@@ -78,12 +78,13 @@ impl DavisImage {
         let mapped = |stamp| alignment.mapped_s(&target.path, stamp);
         let middle = frame.timing.mid_exposure(0);
         let [start, end] = frame.timing.exposure.unwrap_or([middle; 2]).map(mapped);
-        let look = |i: usize| start + (end - start) * (i as f64 + 0.5) / EXPOSURE_INSTANTS as f64;
+        let instant =
+            |i: usize| start + (end - start) * (i as f64 + 0.5) / EXPOSURE_INSTANTS as f64;
         Self {
             width: usize::from(frame.size.width),
             height: usize::from(frame.size.height),
             values: frame.brightness(),
-            instants_s: std::array::from_fn(look),
+            instants_s: std::array::from_fn(instant),
         }
     }
 

@@ -171,7 +171,7 @@ mod tests {
         let rig = Rig::simulated().unwrap();
         let head = HeadGeometry::stated(&rig.mount);
         let mount = DavisMount::stated(&rig.mount, Lens::of(&rig.davis.camera));
-        // The tool at two poses; the print square below, its origin at a known base point.
+        // The tool at two poses; the target perpendicular below, its origin at a known base point.
         for tool in [[270.0, 0.0, 100.0, 90.0], [262.0, 3.0, 101.0, 72.0]] {
             let tool = Pose::from_mm_deg(tool);
             let origin = Vector3::new(270.0, 0.0, -138.0);

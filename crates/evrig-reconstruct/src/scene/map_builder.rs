@@ -13,9 +13,9 @@ use super::photometric::{
     ALL_UNKNOWNS, FrameEquations, MapReference, PhotometricNoise, SHARED_UNKNOWNS,
 };
 use super::pi_camera::PiCamera;
+use super::pi_inputs::{PiInputs, RawFrames};
 use super::pose_tracking::{PendingFrame, PoseTracker};
 use super::read_noise::read_noise;
-use super::reconstruction::{PiInputs, RawFrames};
 use super::tag_pose::TagPath;
 use super::tag_row_time::row_time_by_tag;
 use super::tag_tilt::{TagTilt, tilt_difference};
@@ -61,12 +61,13 @@ fn accepted_row_time(found_s: f64, stated_s: f64) -> f64 {
 pub(super) struct MapBuilder<'a> {
     tag: TagPath<'a>,
     tilts: TagTilt,
-    previous_path: Option<HeadPath>,
-    optics: MapOptics,
+    /// Start poses come from this path where it is known, and from the tag elsewhere.
+    pub(super) previous_path: Option<HeadPath>,
+    pub(super) optics: MapOptics,
     stated_row_s: f64,
     /// Row time from the tag with its standard error; None where it is too uncertain.
     row_by_tag_s: Option<[f64; 2]>,
-    measured_row_s: f64,
+    pub(super) measured_row_s: f64,
     keyframes: Vec<Keyframe>,
     noise: PhotometricNoise,
 }
@@ -115,23 +116,6 @@ impl<'a> MapBuilder<'a> {
         })
     }
 
-    pub(super) fn head(&self) -> HeadGeometry {
-        self.optics.head
-    }
-
-    pub(super) fn site_gains(&self) -> [f64; 4] {
-        self.optics.camera.gains()
-    }
-
-    pub(super) fn measured_row_s(&self) -> f64 {
-        self.measured_row_s
-    }
-
-    /// Start poses come from this path where it is known, and from the tag elsewhere.
-    pub(super) fn start_from(&mut self, path: HeadPath) {
-        self.previous_path = Some(path);
-    }
-
     /// Start pose and its derivative, where known.
     fn start(&self, time_s: f64) -> Option<(HeadPose, HeadPose)> {
         let previous = self.previous_path.as_ref();
@@ -158,7 +142,7 @@ impl<'a> MapBuilder<'a> {
     }
 
     fn first_s(&self, frame: &Frame<PiSensor>) -> f64 {
-        (frame.timing.mid_exposure(0) - self.tag.zero()).as_secs_f64()
+        (frame.timing.mid_exposure(0) - self.tag.zero).as_secs_f64()
     }
 
     /// Selects keyframes at equal steps of time.
@@ -318,7 +302,7 @@ impl<'a> MapBuilder<'a> {
             misfit: 1.0,
         };
         let knots = self.keyframes.iter().map(knot).collect();
-        let path = HeadPath::new(self.tag.zero(), knots, MAX_GAP);
+        let path = HeadPath::new(self.tag.zero, knots, MAX_GAP);
         for key in &mut self.keyframes {
             let time_s = self.optics.middle_s(key.first_s);
             if path.pose(time_s + 1e-3).is_some() || path.pose(time_s - 1e-3).is_some() {
@@ -380,7 +364,7 @@ impl<'a> MapBuilder<'a> {
             lamps.for_each(|(knot, ln_lamps)| knot.ln_gain = *ln_lamps);
         }
         let n_frames = [n, n - knots.len()];
-        let path = HeadPath::new(self.tag.zero(), knots, MAX_GAP);
+        let path = HeadPath::new(self.tag.zero, knots, MAX_GAP);
         Ok(FramePoses { path, n_frames, n_bridged, illumination })
     }
 }

@@ -396,7 +396,7 @@ mod tests {
 
     const SQUARES: CoarseGrid = CoarseGrid { origin_mm: [-50.0, -40.0], width: 34, height: 27 };
 
-    /// What frames would show of a band of shadow, 8 mm wide, every 100 mm; the map has its mean.
+    /// Log ratios of a band of shadow, 8 mm wide, every 100 mm; the map has its mean.
     fn levels(depth: f64, direction_deg: f64, speed: f64, noise: f64) -> (Vec<f64>, Vec<Vec<f32>>) {
         let course = ProfileMotion { direction_deg, speed };
         let mut random = SplitMix::new(3, 3);
@@ -438,7 +438,7 @@ mod tests {
             assert!((speed_mm_per_s - speed).abs() < 1.5, "{speed_mm_per_s} for {speed}");
             let turned = (found.light.direction_deg - direction).rem_euclid(360.0);
             assert!(turned.min(360.0 - turned) < 3.0, "{} deg", found.light.direction_deg);
-            // Deep in the shadow and beside it.
+            // In the middle of the shadow and beside it.
             let course = ProfileMotion { direction_deg: direction, speed };
             let at = |position_mm: f64| {
                 let (sin, cos) = direction.to_radians().sin_cos();

@@ -277,7 +277,7 @@ mod tests {
 
     const SIZE: Size = Size { width: 96, height: 80 };
 
-    /// A square with texture on it at a place, before a textured wall that stands still.
+    /// A textured square at a column in front of a static textured wall.
     fn view(left: f32) -> Vec<f32> {
         let wall = |x: f32, y: f32| 0.3 + 0.1 * (0.4 * x).sin() * (0.3 * y).cos();
         let square = |x: f32, y: f32| 0.7 + 0.2 * (0.5 * x).cos() * (0.6 * y).sin();
@@ -293,7 +293,7 @@ mod tests {
         FrameView { size: SIZE, values }
     }
 
-    /// Noise of 0.002 at any light.
+    /// Noise of 0.002 at any intensity.
     fn constant_noise() -> PixelNoise {
         PixelNoise::estimate(&[0.5; 3], 1, 0.002)
     }

@@ -62,7 +62,7 @@ mod tests {
         let n_pixels = 2_000;
         let light = |frame: usize, i: usize| {
             let still = 0.1 + 0.8 * (i as f32 / n_pixels as f32);
-            // A third of the picture turns over in every frame.
+            // A third of the pixels is inverted in every frame.
             if i.is_multiple_of(3) && frame.is_multiple_of(2) { 1.0 - still } else { still }
         };
         let values: Vec<f32> = (0..40 * n_pixels)

@@ -118,7 +118,7 @@ mod tests {
         };
         let pixels: Vec<SmoothPixel> = (0..4_000).map(pixel).collect();
         let [signal, variance, n] = class_variance(&pixels).unwrap();
-        // Of even values within a half half lie within a quarter.
+        // Half of the values uniform in ±1/2 lie within ±1/4.
         let expected = (0.25 / MAD_OF_NORMAL).powi(2);
         assert!((variance / expected - 1.0).abs() < 0.1, "{variance} for {expected}");
         assert_eq!([signal, n], [30.0, 4_000.0]);

@@ -1,58 +1,12 @@
 //! Reconstruction of the target and the head's path from the Pi's raw frames and the tag's track.
 
-use super::error::SceneError;
 use super::head::HeadGeometry;
 use super::map::RadianceMap;
 use super::map_builder::MapBuilder;
 use super::moving_illumination::MovingIllumination;
 use super::path::HeadPath;
-use super::pi_camera::RawLevels;
-use crate::roi::{Lens, Track};
-use evrig_core::frame::Frame;
-use evrig_core::geometry::Size;
-use evrig_core::time::{PiSensor, Span};
-use evrig_session::rig::Mount;
+use super::pi_inputs::{PiInputs, RawFrames};
 use nalgebra::Vector3;
-
-/// Callback for every frame with its index.
-pub type FrameVisitor<'a> = dyn FnMut(usize, &Frame<PiSensor>) -> Result<(), SceneError> + 'a;
-
-/// The Pi's raw frames, which can be read more than once.
-pub trait RawFrames {
-    /// Why a frame cannot be read.
-    type Error: From<SceneError>;
-
-    /// Visits every frame in order of time with its index from 0.
-    ///
-    /// # Errors
-    /// When a frame cannot be read, or `visit` rejects one.
-    fn replay(&mut self, visit: &mut FrameVisitor<'_>) -> Result<(), Self::Error>;
-}
-
-impl RawFrames for &[Frame<PiSensor>] {
-    type Error = SceneError;
-
-    fn replay(&mut self, visit: &mut FrameVisitor<'_>) -> Result<(), SceneError> {
-        self.iter().enumerate().try_for_each(|(index, frame)| visit(index, frame))
-    }
-}
-
-/// Known inputs of the reconstruction.
-#[derive(Debug, Clone, Copy)]
-pub struct PiInputs<'a> {
-    /// Size of the frames.
-    pub size: Size,
-    /// Lens of the camera.
-    pub lens: Lens,
-    /// Levels of its raw samples.
-    pub raw: RawLevels,
-    /// Nominal row time.
-    pub row_time: Span,
-    /// Mount of both cameras.
-    pub mount: Mount,
-    /// Track of the tag in the frames.
-    pub track: &'a Track<PiSensor>,
-}
 
 /// Target and path reconstructed from the Pi's frames.
 #[derive(Debug, Clone)]
@@ -144,7 +98,7 @@ pub fn reconstruct_target<F: RawFrames>(
             break;
         }
         let n_known = located.path.knots.len();
-        builder.start_from(located.path);
+        builder.previous_path = Some(located.path);
         builder.select_keyframes(source)?;
         built = builder.build_map(EXTENSION_ROUNDS)?;
         located = builder.locate_frames(source, &built)?;
@@ -157,10 +111,10 @@ pub fn reconstruct_target<F: RawFrames>(
         illumination.remove_from(&mut map);
     }
     Ok(Reconstruction {
-        head: builder.head(),
+        head: builder.optics.head,
         path: located.path,
-        row_s: [builder.measured_row_s(), built.row_error_s],
-        site_gains: builder.site_gains(),
+        row_s: [builder.measured_row_s, built.row_error_s],
+        site_gains: builder.optics.camera.gains(),
         white_dn: built.white_dn,
         corner_loss: built.corner_loss,
         read_noise_dn: built.read_noise_dn,

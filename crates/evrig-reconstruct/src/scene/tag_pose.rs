@@ -11,8 +11,8 @@ pub(super) struct TagSquare(pub(super) TagCorners);
 
 pub(super) struct TagPath<'a> {
     track: &'a Track<PiSensor>,
-    zero: Stamp<PiSensor>,
-    square: TagSquare,
+    pub(super) zero: Stamp<PiSensor>,
+    pub(super) square: TagSquare,
     pub(super) head: HeadGeometry,
 }
 
@@ -29,20 +29,12 @@ impl<'a> TagPath<'a> {
         Some(path)
     }
 
-    pub(super) fn square(&self) -> TagSquare {
-        self.square
-    }
-
     /// Rays to the corners at `n` instants spread over the track, where it is known.
     pub(super) fn views(&self, n: usize) -> Vec<TagCorners> {
         let [from, to] = self.span_s();
         let time_s = |i: usize| from + (to - from) * (i as f64 + 0.5) / n as f64;
         let rays = |i: usize| self.rays(self.zero + Span::from_secs_f64(time_s(i)));
         (0..n).filter_map(rays).collect()
-    }
-
-    pub(super) fn zero(&self) -> Stamp<PiSensor> {
-        self.zero
     }
 
     pub(super) fn span_s(&self) -> [f64; 2] {

@@ -107,14 +107,14 @@ fn rows(shapes: &[TagShape], row_s: f64) -> Option<Vec<[(StrainRow, f64); 2]>> {
 mod tests {
     use super::*;
 
-    /// Looks at a tag on a figure of eight that turns by up to `turn` and sinks a little, rows late by `row_s`.
+    /// A tag on a figure of eight, rotated by up to `turn`, of varying scale, with row time `row_s`.
     fn shapes(row_s: f64, turn: f64) -> Vec<TagShape> {
         let place =
             |t: f64| Vector2::new(400.0 + 60.0 * (3.0 * t).sin(), 350.0 + 40.0 * (6.0 * t).sin());
         (0..240)
             .map(|frame| {
                 let first_s = f64::from(frame) / 120.0;
-                // The row at which the moving middle is met.
+                // The row on which the moving centre is imaged.
                 let t = (0..20).fold(first_s, |t, _| first_s + place(t).y * row_s);
                 let speed = (place(t + 1e-5) - place(t - 1e-5)) / 2e-5;
                 let (sin, cos) = (turn * t.sin()).sin_cos();

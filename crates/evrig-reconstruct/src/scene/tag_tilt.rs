@@ -42,7 +42,7 @@ struct TiltEquations {
 
 impl TagTilt {
     pub(super) fn by(tag: &TagPath<'_>) -> Self {
-        Self::of(tag.square(), tag.head, &tag.views(INSTANTS))
+        Self::of(tag.square, tag.head, &tag.views(INSTANTS))
     }
 
     /// From observations of the tag, for a nominal head.
@@ -141,8 +141,8 @@ mod tests {
         HeadGeometry { roll_rad: 0.3, tilt_rad, axis: [0.0, 0.0, 1.0], axis_tilt_rad }
     }
 
-    /// Looks from a circle on which the wrist swings by `turn` radians, each coordinate off by up to
-    /// `wrong` one way or the other.
+    /// Views from a circle on which the wrist rotates by `turn` radians, with an error of each
+    /// coordinate within ±`wrong`.
     fn views(truth: &HeadGeometry, turn: f64, wrong: f64) -> Vec<TagCorners> {
         let square = TagSquare(CORNERS);
         (0..200_u32)
@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn a_planted_tilt_of_the_print_comes_back_within_its_error() {
         let truth = head([0.015, -0.008], [0.0; 2]);
-        // Two hundredths of a pixel of 1700 to the radian.
+        // Two hundredths of a pixel at 1700 pixels per radian.
         let found =
             TagTilt::of(TagSquare(CORNERS), head([0.0; 2], [0.0; 2]), &views(&truth, 0.0, 1.2e-5));
         let covariance = found.information.try_inverse().unwrap();
@@ -172,7 +172,7 @@ mod tests {
             let (off, error) =
                 (found.head.tilt_rad[i] - truth.tilt_rad[i], covariance[(i, i)].sqrt());
             assert!(off.abs() < 3.0 * error && error < 2e-3, "{off} {error}");
-            // A wrist that does not turn says nothing of its axis.
+            // A wrist at rest does not determine its axis.
             assert!(covariance[(2 + i, 2 + i)].sqrt() > 0.9 * TILT_RAD);
         }
     }

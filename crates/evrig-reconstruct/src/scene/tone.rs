@@ -196,7 +196,7 @@ mod tests {
     use evrig_core::geometry::Size;
     use evrig_core::stats::SplitMix;
 
-    /// Frames of a linear camera whose lens loses `loss`, over a map of light to the power `gamma`.
+    /// Frames of a linear camera with vignetting `loss`, over a map with `gamma`.
     fn frames(gamma: f64, pedestal: f64, loss: f64) -> Vec<Vec<ToneSample>> {
         let mut random = SplitMix::new(2, 6);
         let size = Size::new(346, 260);

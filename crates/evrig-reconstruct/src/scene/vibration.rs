@@ -179,7 +179,7 @@ mod tests {
     use super::*;
     use evrig_core::time::{Span, Stamp};
 
-    /// Two turns of a circle between two rests, with a swing while it moves.
+    /// Two turns of a circle between two rests, with a vibration during the motion.
     fn path(swing_mm: f64, hz: f64, noise_mm: f64) -> HeadPath {
         let mut random = evrig_core::stats::SplitMix::new(4, 4);
         let knots = (0..600).map(|i| {

@@ -111,7 +111,7 @@ mod tests {
     use super::*;
     use evrig_core::stats::SplitMix;
 
-    /// Glances of a head that goes to and fro over a print, whose map is wrong from place to place.
+    /// Ratios of a head that moves over a target whose map has errors in each cell.
     fn ratios(loss: f64, way_mm: f64) -> Vec<MapRatio> {
         let mut random = SplitMix::new(8, 1);
         (0..20_000)

@@ -7,8 +7,8 @@
 
 use super::super::estimate::{MinimumLatency, SegmentError, SegmentStart};
 use super::super::hull::{LineFit, fit};
-use super::super::trace::{OffsetLine, PairTrace};
-use super::{EnvelopePiece, RESOLUTION_US};
+use super::super::trace::{OffsetLine, PairTrace, RESOLUTION_US};
+use super::piece::EnvelopePiece;
 use evrig_core::stats::Estimate;
 use evrig_core::time::Clock;
 use std::ops::Range;

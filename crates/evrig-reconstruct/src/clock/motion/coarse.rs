@@ -1,7 +1,7 @@
 //! Initial offset by a grid search, with a test for ambiguity.
 
-use super::TrackPoint;
 use super::path::PathSpline;
+use super::samples::TrackPoint;
 use crate::clock::error::ClockError;
 
 use evrig_core::stats::Estimate;

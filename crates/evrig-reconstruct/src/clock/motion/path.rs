@@ -1,7 +1,7 @@
 //! The common path as a cubic spline with even knots.
 
-use super::TrackPoint;
 use super::banded::Banded;
+use super::samples::TrackPoint;
 
 /// Knot distances tried, seconds.
 const KNOTS_S: [f64; 7] = [1.6, 0.8, 0.4, 0.2, 0.1, 0.05, 0.025];

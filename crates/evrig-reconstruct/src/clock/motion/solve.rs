@@ -10,7 +10,7 @@ use super::equations::{
     ReducedMotion, TAU, advance, apply, invert, solve,
 };
 use super::path::PathSpline;
-use super::{MotionOptions, TrackPoint};
+use super::samples::{MotionOptions, TrackPoint};
 use crate::clock::error::ClockError;
 use evrig_core::stats::Estimate;
 use nalgebra::SVector;

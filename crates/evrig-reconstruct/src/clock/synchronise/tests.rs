@@ -87,6 +87,14 @@ fn readings_on_both_sides_give_the_hosts_clock_within_their_bounds() {
     let ahead = clocks.wall_minus_host.unwrap().as_nanos();
     assert!((ahead - WALL_AHEAD_NS).abs() < 300_000, "{ahead}");
     assert_eq!(clocks.wall.len(), 6, "every method was run");
+    // Files with the former keys are still read.
+    let mut former = serde_json::to_value(&clocks).unwrap();
+    former["late"] = serde_json::json!([{ "stream": "rgb", "against": "raw", "late_us": null, "refused": null }]);
+    former["events"]["because"] = former["events"]["reason"].take();
+    former.as_object_mut().unwrap().remove("stream_delays");
+    former["events"].as_object_mut().unwrap().remove("reason");
+    let back: SessionClocks = serde_json::from_value(former).unwrap();
+    assert_eq!((back.stream_delays.len(), back.events.reason), (1, clocks.events.reason.clone()));
     assert!(clocks.wall.iter().all(|attempt| attempt.estimate.is_some()));
 }
 
