@@ -10,8 +10,8 @@
 
 use evrig::drive::{Drive, TimeGrid};
 use evrig::frame::Luminance;
-use evrig::generate::effect::{Effects, Surroundings};
-use evrig::generate::forward::{Forward, ForwardParameters};
+use evrig::generate::effect::{EffectSet, RecordingContext};
+use evrig::generate::forward::{ForwardSimulator, ForwardParameters};
 use evrig::generate::voltmeter::Coefficients;
 use evrig::geometry::Size;
 use evrig::scene::FramesDrive;
@@ -60,8 +60,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let lamp = SwingingLamp { inner: &wall, hz: 5.0, depth: 0.3 };
 
     let parameters =
-        ForwardParameters { k: Coefficients::DVS346, effects: Effects::default(), step_us: 1_000 };
-    let forward = Forward::new(parameters, Surroundings::default())?;
+        ForwardParameters { k: Coefficients::DVS346, effects: EffectSet::default(), step_us: 1_000 };
+    let forward = ForwardSimulator::new(parameters, RecordingContext::default())?;
     let pixels: Vec<(u16, u16)> = (0..12).flat_map(|y| (0..16).map(move |x| (x, y))).collect();
     for (name, drive) in [("steady", &wall as &dyn Drive), ("swinging", &lamp)] {
         let made = forward.run(drive, &pixels, drive.span_us(), 1)?;

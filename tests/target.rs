@@ -6,7 +6,7 @@
 mod small_rig;
 
 use evrig::clock::Reference;
-use evrig::generate::{Choice, GenerateParameters};
+use evrig::generate::{GeneratorChoice, GenerateParameters};
 use evrig::pipeline::{
     AnyTrack, CompareRequest, FilterRequest, FilterSettings, Freshness, GenerateRequest,
     PipelineError, TrackRequest, compare, filter, generate, read_clocks, report, sync, track,
@@ -104,7 +104,7 @@ fn the_tag_is_found_in_every_frame_of_every_stream_and_stands_upright() {
 }
 
 fn generated(session: &Session, light: &str, preset: &str) -> StreamName {
-    let choice = Choice {
+    let choice = GeneratorChoice {
         model: None,
         law: None,
         preset: Some(preset),

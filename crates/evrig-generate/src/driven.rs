@@ -17,7 +17,7 @@ use rayon::prelude::*;
 pub const DRIVE_STEP_US: u32 = 1_000;
 
 /// Instants that are taken at once.
-const BLOCK: usize = 32;
+const INSTANTS_PER_BLOCK: usize = 32;
 
 /// A drive as frames at even instants.
 pub struct DriveFrames<'a> {
@@ -65,11 +65,11 @@ impl<'a> DriveFrames<'a> {
         if self.next >= self.grid.n {
             return None;
         }
-        let at = self.next % BLOCK;
+        let at = self.next % INSTANTS_PER_BLOCK;
         if at == 0 {
             self.sample();
         }
-        let n = BLOCK.min(self.grid.n - (self.next - at));
+        let n = INSTANTS_PER_BLOCK.min(self.grid.n - (self.next - at));
         let light = self.block.chunks_exact(n).map(|light| light[at]);
         self.frame.values.iter_mut().zip(light).for_each(|(value, light)| *value = light);
         self.frame.t_us = self.grid.at(self.next);
@@ -78,7 +78,7 @@ impl<'a> DriveFrames<'a> {
     }
 
     fn sample(&mut self) {
-        let n = BLOCK.min(self.grid.n - self.next);
+        let n = INSTANTS_PER_BLOCK.min(self.grid.n - self.next);
         let grid = TimeGrid { start_us: self.grid.at(self.next), n, ..self.grid };
         let (drive, size) = (self.drive, self.frame.size);
         let white_dn = drive.white_dn() as f32;

@@ -1,6 +1,6 @@
 //! Physical effects: how each acts in a generator, one a file.
 //!
-//! An effect enters somewhere on the way from light to file ([`Enters`]). Those before the
+//! An effect enters somewhere on the way from light to file ([`SignalStage`]). Those before the
 //! comparator change the light signal of a pixel; those of the comparator change its
 //! [`PixelModel`]; those behind it change the events. Effects of the frame camera are what the
 //! frames got wrong, so here they are taken out of the drive again: a generator with
@@ -19,12 +19,12 @@ mod trial;
 
 pub use error::EffectError;
 pub use region::Region;
-pub use set::{Applied, Effects};
+pub use set::{AppliedEffect, EffectSet};
 use site::stream_of;
-pub use site::{Light, Site, Surroundings};
+pub use site::{PixelSignal, PixelSite, RecordingContext};
 
 use super::forward::PixelModel;
-use crate::random::{Draws, Source};
+use crate::random::{CounterRng, RandomSource};
 use evrig_core::effect_id::EffectId;
 use evrig_core::event::{Event, Events};
 use evrig_core::geometry::Size;
@@ -33,11 +33,11 @@ use serde::{Deserialize, Serialize};
 /// Where an effect enters on the way from light to file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Enters {
+pub enum SignalStage {
     /// What the frames got wrong of the light.
     Frames,
     /// The light that falls on the print.
-    Light,
+    PixelSignal,
     /// Where and how sharply the pixel looks.
     Optics,
     /// From light to current.
@@ -62,7 +62,7 @@ pub enum Enters {
 
 /// A parameter's value and the range in which the effect is defined.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Parameter {
+pub struct EffectParameter {
     /// Its key, with the unit.
     pub key: &'static str,
     /// Its value.
@@ -74,29 +74,29 @@ pub struct Parameter {
 }
 
 /// A parameter in its range.
-const fn parameter(key: &'static str, value: f64, low: f64, high: f64) -> Parameter {
-    Parameter { key, value, low, high }
+const fn parameter(key: &'static str, value: f64, low: f64, high: f64) -> EffectParameter {
+    EffectParameter { key, value, low, high }
 }
 
 /// What the readout of a whole camera works with.
 #[derive(Debug, Clone, Copy)]
-pub struct Bench<'a> {
+pub struct ReadoutContext<'a> {
     /// Columns and rows.
     pub size: Size,
     /// First and last instant of the light, µs.
     pub window_us: [i64; 2],
     /// The recording.
-    pub surroundings: &'a Surroundings,
+    pub surroundings: &'a RecordingContext,
     /// The pixels that the effect acts on.
     pub region: Region,
     /// The pixels that were run.
     pub pixels: &'a [(u16, u16)],
-    pub(crate) source: Source,
+    pub(crate) source: RandomSource,
 }
 
-impl Bench<'_> {
+impl ReadoutContext<'_> {
     /// The draws of an effect for one event: its own, whatever else happens.
-    fn draws(&self, id: EffectId, event: Event) -> Draws {
+    fn draws(&self, id: EffectId, event: Event) -> CounterRng {
         let time = (event.t as u64).wrapping_mul(TIME_SPREAD);
         self.source.draws(self.size.index(event.x, event.y) as u32, stream_of(id) ^ (time >> 1))
     }
@@ -122,39 +122,39 @@ impl Bench<'_> {
 const TIME_SPREAD: u64 = 0x9E37_79B9_7F4A_7C15;
 
 /// How an effect acts. A hook does nothing unless the effect enters there.
-pub trait Acts {
+pub trait EffectModel {
     /// Where it enters.
-    fn enters(&self) -> Enters;
+    fn enters(&self) -> SignalStage;
 
     /// The law, as a reader of a report sees it.
     fn equation(&self) -> &'static str;
 
     /// Its parameters with their ranges; first those of [`EffectId::parameters`].
-    fn parameters(&self) -> Vec<Parameter>;
+    fn parameters(&self) -> Vec<EffectParameter>;
 
     /// What it cannot do without in the recording, if that is missing.
-    fn lacks(&self, _surroundings: &Surroundings) -> Option<&'static str> {
+    fn lacks(&self, _surroundings: &RecordingContext) -> Option<&'static str> {
         None
     }
 
     /// Where a pixel looks that was said to look at `place`.
-    fn look(&self, _site: &Site<'_>, place: [f64; 2]) -> [f64; 2] {
+    fn look(&self, _site: &PixelSite<'_>, place: [f64; 2]) -> [f64; 2] {
         place
     }
 
     /// How much later than the drive says the pixel sees its light, µs.
-    fn lag_us(&self, _site: &Site<'_>) -> f64 {
+    fn lag_us(&self, _site: &PixelSite<'_>) -> f64 {
         0.0
     }
 
     /// Changes the light signal.
-    fn light(&self, _site: &Site<'_>, _light: &mut Light<'_>) {}
+    fn light(&self, _site: &PixelSite<'_>, _light: &mut PixelSignal<'_>) {}
 
     /// Changes the pixel.
-    fn pixel(&self, _site: &Site<'_>, _pixel: &mut PixelModel) {}
+    fn pixel(&self, _site: &PixelSite<'_>, _pixel: &mut PixelModel) {}
 
     /// Changes the events of the camera, in ascending time before and after.
-    fn readout(&self, _bench: &Bench<'_>, _events: &mut Events) {}
+    fn readout(&self, _bench: &ReadoutContext<'_>, _events: &mut Events) {}
 }
 
 macro_rules! effects {
@@ -182,7 +182,7 @@ macro_rules! effects {
 
             /// How it acts.
             #[must_use]
-            pub const fn acts(&self) -> &dyn Acts {
+            pub const fn acts(&self) -> &dyn EffectModel {
                 match self { $(Self::$name(effect) => effect,)* }
             }
         }
@@ -234,7 +234,7 @@ impl Effect {
     pub fn from_parameters(id: EffectId, parameters: &[(&str, f64)]) -> Result<Self, EffectError> {
         let settings: Vec<String> =
             parameters.iter().map(|(key, value)| format!("{key}={value:?}")).collect();
-        let effects = Effects::from_words(&[format!("{id}:{}", settings.join(","))])?;
+        let effects = EffectSet::from_words(&[format!("{id}:{}", settings.join(","))])?;
         let unreadable = || EffectError::Unreadable { id, reason: "no parameters".to_owned() };
         effects.iter().next().map(|applied| applied.effect).ok_or_else(unreadable)
     }
@@ -244,7 +244,7 @@ impl Effect {
     /// # Errors
     /// The first that is out of range.
     pub fn check(&self) -> Result<(), EffectError> {
-        for Parameter { key, value, low, high } in self.acts().parameters() {
+        for EffectParameter { key, value, low, high } in self.acts().parameters() {
             if !(low..=high).contains(&value) {
                 return Err(EffectError::OutOfRange { id: self.id(), key, value, low, high });
             }

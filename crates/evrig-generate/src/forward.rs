@@ -13,15 +13,15 @@ mod quiet;
 mod tests;
 
 pub use camera::Camera;
-pub use pixel::{BandNoise, PixelModel, Scatter};
+pub use pixel::{BandNoise, PixelModel, ThresholdScatter};
 
-use super::effect::{Bench, EffectError, Effects, Light, Region, Site, Surroundings};
-use super::random::Source;
+use super::effect::{ReadoutContext, EffectError, EffectSet, PixelSignal, Region, PixelSite, RecordingContext};
+use super::random::RandomSource;
 use super::voltmeter::Coefficients;
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::event::{Event, Events};
 use evrig_core::geometry::Size;
-use potential::Potential;
+use potential::ComparatorInput;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -33,7 +33,7 @@ pub struct ForwardParameters {
     pub k: Coefficients,
     /// What acts beside them.
     #[serde(default, skip_serializing_if = "Effects::is_empty")]
-    pub effects: Effects,
+    pub effects: EffectSet,
     /// From one instant of the light to the next, µs.
     #[serde(default = "default_step_us")]
     pub step_us: u32,
@@ -115,21 +115,21 @@ pub enum ForwardError {
 }
 
 /// The most instants of a window: at these a pixel's light takes 64 MB.
-const MOST_STEPS: i128 = 1 << 24;
+const MAX_STEPS: i128 = 1 << 24;
 
 /// The most events a pixel may fire a second, on average over a window.
-const MOST_HZ: u32 = 20_000;
+const MAX_EVENT_RATE_HZ: u32 = 20_000;
 
 /// Pixels that one thread takes at a time. Results do not depend on it.
-const BLOCK: usize = 64;
+const PIXELS_PER_TASK: usize = 64;
 
 /// Streams of draws beside those of the effects, which are in the upper half.
-const WALK: u64 = 1 << 62;
-const SPONTANEOUS: u64 = (1 << 62) + 1;
+const COMPARATOR_STREAM: u64 = 1 << 62;
+const SPONTANEOUS_STREAM: u64 = (1 << 62) + 1;
 
 /// What a run gave.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Forwarded {
+pub struct SimulatedEvents {
     /// The events, in ascending time, within a microsecond by row and column.
     pub events: Events,
     /// Pixels of which any light is known.
@@ -138,19 +138,19 @@ pub struct Forwarded {
 
 /// The generator from a drive.
 #[derive(Debug, Clone)]
-pub struct Forward {
+pub struct ForwardSimulator {
     parameters: ForwardParameters,
-    surroundings: Surroundings,
+    surroundings: RecordingContext,
 }
 
-impl Forward {
+impl ForwardSimulator {
     /// The generator that the parameters describe, in a recording with these surroundings.
     ///
     /// # Errors
     /// A parameter out of range, or an effect that lacks what it acts on.
     pub fn new(
         parameters: ForwardParameters,
-        surroundings: Surroundings,
+        surroundings: RecordingContext,
     ) -> Result<Self, ForwardError> {
         let step_us = parameters.step_us;
         if !(10..=100_000).contains(&step_us) {
@@ -182,15 +182,15 @@ impl Forward {
         pixels: &[(u16, u16)],
         window_us: [i64; 2],
         seed: u64,
-    ) -> Result<Forwarded, ForwardError> {
+    ) -> Result<SimulatedEvents, ForwardError> {
         self.run_with(drive, pixels, window_us, seed, &|_, _, _| {})
     }
 
-    /// As [`Forward::run`], with `adjust` called for each pixel (column, row) behind the effects,
+    /// As [`ForwardSimulator::run`], with `adjust` called for each pixel (column, row) behind the effects,
     /// for what is known of single pixels.
     ///
     /// # Errors
-    /// As [`Forward::run`].
+    /// As [`ForwardSimulator::run`].
     pub fn run_with(
         &self,
         drive: &dyn Drive,
@@ -198,13 +198,13 @@ impl Forward {
         window_us: [i64; 2],
         seed: u64,
         adjust: &(dyn Fn(u16, u16, &mut PixelModel) + Sync),
-    ) -> Result<Forwarded, ForwardError> {
-        let run = Run {
+    ) -> Result<SimulatedEvents, ForwardError> {
+        let run = ForwardRun {
             forward: self,
             drive,
             grid: self.grid(window_us)?,
             window_us,
-            source: Source::new(seed),
+            source: RandomSource::new(seed),
             adjust,
         };
         let (size, white_dn) = (drive.size(), drive.white_dn());
@@ -214,9 +214,9 @@ impl Forward {
         if let Some(&(x, y)) = pixels.iter().find(|(x, y)| !size.contains(*x, *y)) {
             return Err(ForwardError::Pixel { x, y, size });
         }
-        let blocks: Result<Vec<Block>, ForwardError> = pixels
-            .par_chunks(BLOCK)
-            .map_init(Room::default, |room, block| run.block(room, block))
+        let blocks: Result<Vec<BlockEvents>, ForwardError> = pixels
+            .par_chunks(PIXELS_PER_TASK)
+            .map_init(WorkBuffers::default, |buffers, block| run.block(buffers, block))
             .collect();
         let blocks = blocks?;
         let n_lit = blocks.iter().map(|block| block.n_lit).sum();
@@ -224,7 +224,7 @@ impl Forward {
         events.par_sort_by_key(|event| (event.t, event.y, event.x));
         let mut events: Events = events.into_iter().collect();
         self.readout(&mut events, drive.size(), pixels, window_us, seed);
-        Ok(Forwarded { events, n_lit })
+        Ok(SimulatedEvents { events, n_lit })
     }
 
     /// The light of a pixel as its comparator gets it: log intensity over white behind all effects
@@ -232,8 +232,8 @@ impl Forward {
     #[must_use]
     pub fn light(&self, drive: &dyn Drive, x: u16, y: u16, grid: TimeGrid) -> Option<Vec<f32>> {
         let mut values = vec![f32::NAN; grid.n];
-        let site = self.site(drive, x, y, Source::new(0));
-        self.fill_light(drive, &site, grid, &mut values).then_some(values)
+        let site = self.site(drive, x, y, RandomSource::new(0));
+        self.fill_signal(drive, &site, grid, &mut values).then_some(values)
     }
 
     /// Applies the effects of readout and stamps to events of any model that are in ascending time,
@@ -247,10 +247,10 @@ impl Forward {
         seed: u64,
     ) {
         let surroundings = &self.surroundings;
-        let source = Source::new(seed);
+        let source = RandomSource::new(seed);
         for applied in self.parameters.effects.iter() {
             let region = applied.region.unwrap_or_default();
-            let bench = Bench { size, pixels, window_us, surroundings, region, source };
+            let bench = ReadoutContext { size, pixels, window_us, surroundings, region, source };
             applied.effect.acts().readout(&bench, events);
         }
     }
@@ -259,28 +259,28 @@ impl Forward {
         let step_us = self.parameters.step_us;
         let span = i128::from(window_us[1]) - i128::from(window_us[0]);
         let n_steps = span / i128::from(step_us);
-        if span <= 0 || n_steps > MOST_STEPS {
-            return Err(ForwardError::Window { window_us, step_us, n_steps, limit: MOST_STEPS });
+        if span <= 0 || n_steps > MAX_STEPS {
+            return Err(ForwardError::Window { window_us, step_us, n_steps, limit: MAX_STEPS });
         }
         Ok(TimeGrid::covering(window_us, step_us))
     }
 
-    fn site<'a>(&'a self, drive: &dyn Drive, x: u16, y: u16, source: Source) -> Site<'a> {
+    fn site<'a>(&'a self, drive: &dyn Drive, x: u16, y: u16, source: RandomSource) -> PixelSite<'a> {
         let (size, white_dn) = (drive.size(), drive.white_dn());
-        Site { x, y, size, white_dn, surroundings: &self.surroundings, source }
+        PixelSite { x, y, size, white_dn, surroundings: &self.surroundings, source }
     }
 
     /// The effects that act on a pixel.
-    fn acting(&self, site: &Site<'_>) -> impl Iterator<Item = &super::effect::Effect> {
+    fn acting(&self, site: &PixelSite<'_>) -> impl Iterator<Item = &super::effect::Effect> {
         let (x, y) = (site.x, site.y);
         let here = move |region: &Option<Region>| region.is_none_or(|r| r.contains(x, y));
         self.parameters.effects.iter().filter(move |a| here(&a.region)).map(|a| &a.effect)
     }
 
-    fn fill_light(
+    fn fill_signal(
         &self,
         drive: &dyn Drive,
-        site: &Site<'_>,
+        site: &PixelSite<'_>,
         grid: TimeGrid,
         values: &mut [f32],
     ) -> bool {
@@ -288,12 +288,12 @@ impl Forward {
         let place = self.acting(site).fold(middle, |place, e| e.acts().look(site, place));
         let lag_us: f64 = self.acting(site).map(|e| e.acts().lag_us(site)).sum();
         let grid = TimeGrid { start_us: grid.start_us - lag_us.round() as i64, ..grid };
-        let Some(mut light) = Light::sample(drive, place, grid, values) else { return false };
+        let Some(mut light) = PixelSignal::sample(drive, place, grid, values) else { return false };
         self.acting(site).for_each(|effect| effect.acts().light(site, &mut light));
         true
     }
 
-    fn pixel(&self, site: &Site<'_>) -> PixelModel {
+    fn pixel(&self, site: &PixelSite<'_>) -> PixelModel {
         let mut pixel = PixelModel::from_k(self.parameters.k, site.white_dn);
         self.acting(site).for_each(|effect| effect.acts().pixel(site, &mut pixel));
         pixel
@@ -301,32 +301,32 @@ impl Forward {
 }
 
 /// One run of a generator.
-struct Run<'a> {
-    forward: &'a Forward,
+struct ForwardRun<'a> {
+    forward: &'a ForwardSimulator,
     drive: &'a dyn Drive,
     grid: TimeGrid,
     window_us: [i64; 2],
-    source: Source,
+    source: RandomSource,
     adjust: &'a (dyn Fn(u16, u16, &mut PixelModel) + Sync),
 }
 
 /// Memory of a thread, used again from pixel to pixel.
 #[derive(Default)]
-struct Room {
+struct WorkBuffers {
     light: Vec<f32>,
-    potential: Potential,
+    potential: ComparatorInput,
 }
 
-struct Block {
+struct BlockEvents {
     events: Vec<Event>,
     n_lit: usize,
 }
 
-impl Run<'_> {
-    fn block(&self, room: &mut Room, pixels: &[(u16, u16)]) -> Result<Block, ForwardError> {
-        let mut block = Block { events: Vec::new(), n_lit: 0 };
+impl ForwardRun<'_> {
+    fn block(&self, buffers: &mut WorkBuffers, pixels: &[(u16, u16)]) -> Result<BlockEvents, ForwardError> {
+        let mut block = BlockEvents { events: Vec::new(), n_lit: 0 };
         for &(x, y) in pixels {
-            block.n_lit += usize::from(self.pixel(room, x, y, &mut block.events)?);
+            block.n_lit += usize::from(self.pixel(buffers, x, y, &mut block.events)?);
         }
         Ok(block)
     }
@@ -334,14 +334,14 @@ impl Run<'_> {
     /// Appends the events of a pixel; whether any light is known of it.
     fn pixel(
         &self,
-        room: &mut Room,
+        buffers: &mut WorkBuffers,
         x: u16,
         y: u16,
         events: &mut Vec<Event>,
     ) -> Result<bool, ForwardError> {
         let site = self.forward.site(self.drive, x, y, self.source);
-        room.light.resize(self.grid.n, f32::NAN);
-        if !self.forward.fill_light(self.drive, &site, self.grid, &mut room.light) {
+        buffers.light.resize(self.grid.n, f32::NAN);
+        if !self.forward.fill_signal(self.drive, &site, self.grid, &mut buffers.light) {
             return Ok(false);
         }
         let mut pixel = self.forward.pixel(&site);
@@ -351,7 +351,7 @@ impl Run<'_> {
         }
         let step_us = f64::from(self.grid.step_us);
         let seconds = (self.grid.n as f64 * step_us * 1e-6).max(1.0);
-        let limit = (seconds * f64::from(MOST_HZ)) as usize;
+        let limit = (seconds * f64::from(MAX_EVENT_RATE_HZ)) as usize;
         let (first, mut n) = (events.len(), 0);
         let mut fire = |steps: f64, on: bool| {
             let t = self.grid.start_us + (steps * step_us).ceil() as i64;
@@ -361,16 +361,16 @@ impl Run<'_> {
             }
             n <= limit
         };
-        room.potential.fill(&pixel, &room.light, step_us * 1e-6);
+        buffers.potential.fill(&pixel, &buffers.light, step_us * 1e-6);
         if pixel.is_quiet() {
-            quiet::walk(&room.potential.volts, &pixel, step_us, &mut fire);
+            quiet::walk(&buffers.potential.volts, &pixel, step_us, &mut fire);
         } else {
-            let mut draws = self.source.draws(site.number(), WALK);
-            noisy::walk(&room.potential, &pixel, step_us, &mut draws, &mut fire);
+            let mut draws = self.source.draws(site.number(), COMPARATOR_STREAM);
+            noisy::walk(&buffers.potential, &pixel, step_us, &mut draws, &mut fire);
         }
         self.spontaneous(&site, &pixel, &mut fire);
         if n > limit {
-            return Err(ForwardError::TooManyEvents { x, y, limit: MOST_HZ });
+            return Err(ForwardError::TooManyEvents { x, y, limit: MAX_EVENT_RATE_HZ });
         }
         events[first..].sort_by_key(|event| event.t);
         Ok(true)
@@ -379,7 +379,7 @@ impl Run<'_> {
     /// Events that come without a crossing: a Poisson process.
     fn spontaneous(
         &self,
-        site: &Site<'_>,
+        site: &PixelSite<'_>,
         pixel: &PixelModel,
         fire: &mut dyn FnMut(f64, bool) -> bool,
     ) {
@@ -387,7 +387,7 @@ impl Run<'_> {
         if per_step <= 0.0 {
             return;
         }
-        let mut draws = self.source.draws(site.number(), SPONTANEOUS);
+        let mut draws = self.source.draws(site.number(), SPONTANEOUS_STREAM);
         let mut at = 0.0;
         loop {
             at -= draws.uniform().ln() / per_step;

@@ -53,7 +53,7 @@ impl FromStr for Colour {
 /// How pictures become brightness.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Preparation {
+pub struct FramePreparation {
     /// Which light.
     #[serde(default)]
     pub colour: Colour,
@@ -68,7 +68,7 @@ pub struct Preparation {
 
 /// A picture as a camera gave it.
 #[derive(Debug, Clone, Copy)]
-pub struct Pictured<'a> {
+pub struct SourceFrame<'a> {
     /// Columns and rows.
     pub size: Size,
     /// Samples of a mosaic, and its order; none for grey and colour pictures.
@@ -81,24 +81,24 @@ pub struct Pictured<'a> {
 
 /// Prepares the pictures of one stream, one after another.
 #[derive(Debug, Clone, Default)]
-pub struct Preparer {
-    preparation: Preparation,
+pub struct FramePreparer {
+    preparation: FramePreparation,
     /// Exposure time and gain of the first picture, to which the others are brought.
     first: Option<f64>,
 }
 
-impl Preparer {
+impl FramePreparer {
     /// For a new stream.
     #[must_use]
-    pub const fn new(preparation: Preparation) -> Self {
+    pub const fn new(preparation: FramePreparation) -> Self {
         Self { preparation, first: None }
     }
 
     /// Brightness of the picture at `t_us`; `plain` is that of grey and colour pictures, and of a
     /// mosaic that stays as it is. Exposure is divided out of what is above the black level, so that
     /// the values stay in the first picture's digital units.
-    pub fn prepare(&mut self, t_us: i64, picture: &Pictured<'_>, plain: Vec<f32>) -> Luminance {
-        let Preparation { colour, subtract_black, divide_exposure } = self.preparation;
+    pub fn prepare(&mut self, t_us: i64, picture: &SourceFrame<'_>, plain: Vec<f32>) -> Luminance {
+        let FramePreparation { colour, subtract_black, divide_exposure } = self.preparation;
         let (size, mut values) = match (colour, picture.mosaic) {
             (Colour::Luma, Some((mosaic, _))) => {
                 (picture.size, bayer_brightness(mosaic, picture.size))
@@ -190,11 +190,11 @@ mod tests {
         [row(100.0, 200.0), row(210.0, 50.0)].concat()
     }
 
-    fn prepared(preparation: Preparation, gains: &[f32]) -> Vec<Vec<f32>> {
-        let mut preparer = Preparer::new(preparation);
+    fn prepared(preparation: FramePreparation, gains: &[f32]) -> Vec<Vec<f32>> {
+        let mut preparer = FramePreparer::new(preparation);
         let one = |gain: &f32| {
             let samples = mosaic(*gain);
-            let picture = Pictured {
+            let picture = SourceFrame {
                 size: SIZE,
                 mosaic: Some((&samples, BayerOrder::Rggb)),
                 black_dn: [64.0; 4],
@@ -210,7 +210,7 @@ mod tests {
     fn a_camera_that_adapts_its_exposure_gives_the_same_brightness() {
         for colour in Colour::ALL {
             for subtract_black in [true, false] {
-                let preparation = Preparation { colour, subtract_black, divide_exposure: true };
+                let preparation = FramePreparation { colour, subtract_black, divide_exposure: true };
                 let found = prepared(preparation, &[1.0, 2.0, 0.5]);
                 for later in &found[1..] {
                     for (a, b) in found[0].iter().zip(later) {
@@ -219,14 +219,14 @@ mod tests {
                 }
             }
         }
-        let kept = prepared(Preparation::default(), &[1.0, 2.0]);
+        let kept = prepared(FramePreparation::default(), &[1.0, 2.0]);
         assert!((kept[1][0] - 264.0).abs() < 1e-6 && (kept[0][0] - 164.0).abs() < 1e-6);
     }
 
     #[test]
     fn each_colour_is_its_own_pixels_above_black() {
         let of = |colour| {
-            let preparation = Preparation { colour, subtract_black: true, divide_exposure: false };
+            let preparation = FramePreparation { colour, subtract_black: true, divide_exposure: false };
             prepared(preparation, &[1.0]).remove(0)
         };
         assert_eq!(of(Colour::Red), [100.0, 100.0]);

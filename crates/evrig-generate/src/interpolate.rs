@@ -57,7 +57,7 @@ impl Interpolator {
 }
 
 /// What is put between frames.
-pub enum Between {
+pub enum FrameUpsampling {
     /// Nothing: frames as they are.
     Nothing,
     /// Frames in which every pixel is straight in log brightness.
@@ -66,7 +66,7 @@ pub enum Between {
     Plane(Box<PlaneInterpolator>),
 }
 
-impl Between {
+impl FrameUpsampling {
     /// Rows of the frames to come saw their light at these times.
     pub fn set_rows(&mut self, rows: RowTimes) {
         if let Self::Plane(between) = self {

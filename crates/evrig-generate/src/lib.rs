@@ -30,13 +30,13 @@ pub mod voltmeter;
 
 pub use driven::{DRIVE_STEP_US, DriveFrames, DriveRun};
 pub use esim::EsimParameters;
-pub use interpolate::{Between, Interpolator};
+pub use interpolate::{FrameUpsampling, Interpolator};
 pub use knobs::{Knob, KnobDescription, KnobSetting};
 pub use parameter_error::ParameterError;
-pub use parameters::{Choice, GenerateParameters, Law, Model, ModelParameters, build};
-pub use plane::{PlaneCarrier, PlaneInterpolator, PlanePath};
+pub use parameters::{GeneratorChoice, GenerateParameters, VoltmeterLaw, GeneratorModel, ModelParameters, build};
+pub use plane::{PlaneWarper, PlaneInterpolator, PlanePath};
 pub use preset::Preset;
-pub use rhythm::Rhythm;
+pub use rhythm::PhaseLocking;
 pub use rows::{RowShift, RowTimes};
 pub use v2e::V2eParameters;
 

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 /// What became of the frames.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct LiveTally {
+pub struct LiveCounts {
     /// Frames that arrived; `seen = taken + late + refused`.
     pub n_seen: u64,
     /// Frames that events were made of.
@@ -28,7 +28,7 @@ pub struct LiveTally {
 
 /// What became of a frame.
 #[derive(Debug)]
-pub enum Fate {
+pub enum FrameOutcome {
     /// Events were made up to its time.
     Taken,
     /// It came too late and was left out.
@@ -45,7 +45,7 @@ pub struct LiveGenerator {
     rows: RowTimes,
     shift: RowShift,
     made: Events,
-    tally: LiveTally,
+    tally: LiveCounts,
 }
 
 impl LiveGenerator {
@@ -66,7 +66,7 @@ impl LiveGenerator {
             rows,
             shift: RowShift::default(),
             made: Events::new(),
-            tally: LiveTally::default(),
+            tally: LiveCounts::default(),
         }
     }
 
@@ -77,12 +77,12 @@ impl LiveGenerator {
         frame: Luminance,
         now_us: &mut dyn FnMut() -> i64,
         out: &mut Events,
-    ) -> Fate {
+    ) -> FrameOutcome {
         self.tally.n_seen += 1;
         let taken_us = frame.t_us;
         if now_us().saturating_sub(taken_us) > self.bound_us {
             self.tally.n_late += 1;
-            return Fate::Late;
+            return FrameOutcome::Late;
         }
         let size = frame.size;
         let Self { generator, made, .. } = self;
@@ -95,12 +95,12 @@ impl LiveGenerator {
         self.shift.push(self.rows, size, taken_us, made, out);
         if let Err(error) = pushed {
             self.tally.n_refused += 1;
-            return Fate::Refused(error);
+            return FrameOutcome::Refused(error);
         }
         self.tally.n_taken += 1;
         let latency_us = now_us().saturating_sub(taken_us);
         self.tally.worst_latency_us = self.tally.worst_latency_us.max(latency_us);
-        Fate::Taken
+        FrameOutcome::Taken
     }
 
     /// Appends the events that still wait for a later frame.
@@ -110,7 +110,7 @@ impl LiveGenerator {
 
     /// What became of the frames so far.
     #[must_use]
-    pub const fn tally(&self) -> LiveTally {
+    pub const fn tally(&self) -> LiveCounts {
         self.tally
     }
 }
@@ -143,7 +143,7 @@ mod tests {
         for (i, delay) in delays.into_iter().enumerate() {
             let t_us = i as i64 * 8_333;
             let fate = live.push(frame(t_us), &mut || t_us + delay, &mut out);
-            assert_eq!(matches!(fate, Fate::Late), delay > 20_000, "{fate:?}");
+            assert_eq!(matches!(fate, FrameOutcome::Late), delay > 20_000, "{fate:?}");
         }
         let tally = live.tally();
         assert_eq!((tally.n_seen, tally.n_taken, tally.n_late, tally.n_refused), (8, 6, 2, 0));
@@ -185,8 +185,8 @@ mod tests {
         let mut out = Events::new();
         let _ = live.push(frame(5_000), &mut || 0, &mut out);
         let fate = live.push(frame(5_000), &mut || 0, &mut out);
-        assert!(matches!(fate, Fate::Refused(GenerateError::TimeNotAscending { .. })));
-        assert!(matches!(live.push(frame(9_000), &mut || 0, &mut out), Fate::Taken));
+        assert!(matches!(fate, FrameOutcome::Refused(GenerateError::TimeNotAscending { .. })));
+        assert!(matches!(live.push(frame(9_000), &mut || 0, &mut out), FrameOutcome::Taken));
         assert_eq!((live.tally().n_refused, live.tally().n_taken), (1, 2));
     }
 }

@@ -1,7 +1,7 @@
 //! What a generation is made of, as a stage record keeps it, and the generator it gives.
 
 use super::esim::Esim;
-use super::grid::Grid;
+use super::grid::PixelGrid;
 use super::v2e::V2e;
 use super::voltmeter::{Coefficients, LazyVoltmeter, ScalarVoltmeter};
 use super::{EsimParameters, Generator, KnobSetting, ParameterError, Preset, V2eParameters};
@@ -11,12 +11,12 @@ use std::num::NonZeroUsize;
 use std::str::FromStr;
 
 /// White of an 8-bit frame, DN.
-pub(super) const FULL_SCALE_8_BIT: f64 = 255.0;
+pub(super) const FULL_SCALE_8_BIT_DN: f64 = 255.0;
 
 /// A model that makes events from frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Model {
+pub enum GeneratorModel {
     /// Drifting Brownian motion between two barriers (DVS-Voltmeter, Raw2Event).
     #[default]
     Voltmeter,
@@ -29,7 +29,7 @@ pub enum Model {
 /// How the voltmeter's law is drawn from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Law {
+pub enum VoltmeterLaw {
     /// The stated equation, exactly.
     #[default]
     Exact,
@@ -44,7 +44,7 @@ pub enum ModelParameters {
     /// The paper's event model.
     Voltmeter {
         /// How its law is drawn from.
-        law: Law,
+        law: VoltmeterLaw,
         /// k1 to k6.
         k: Coefficients,
     },
@@ -73,7 +73,7 @@ pub struct GenerateParameters {
 
 /// What a user says about a generation; the rest follows from it.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Choice<'a> {
+pub struct GeneratorChoice<'a> {
     /// Model name; when not given, the preset's, or `voltmeter`.
     pub model: Option<&'a str>,
     /// Law name, for the voltmeter; `exact` when not given.
@@ -90,7 +90,7 @@ pub struct Choice<'a> {
     pub seed: u64,
 }
 
-impl Model {
+impl GeneratorModel {
     /// All models.
     pub const ALL: [Self; 3] = [Self::Voltmeter, Self::Esim, Self::V2e];
 
@@ -105,7 +105,7 @@ impl Model {
     }
 }
 
-impl Law {
+impl VoltmeterLaw {
     /// All laws.
     pub const ALL: [Self; 2] = [Self::Exact, Self::Reference];
 
@@ -122,11 +122,11 @@ impl Law {
 impl ModelParameters {
     /// Which model it is.
     #[must_use]
-    pub const fn model(&self) -> Model {
+    pub const fn model(&self) -> GeneratorModel {
         match self {
-            Self::Voltmeter { .. } => Model::Voltmeter,
-            Self::Esim(_) => Model::Esim,
-            Self::V2e(_) => Model::V2e,
+            Self::Voltmeter { .. } => GeneratorModel::Voltmeter,
+            Self::Esim(_) => GeneratorModel::Esim,
+            Self::V2e(_) => GeneratorModel::V2e,
         }
     }
 
@@ -153,7 +153,7 @@ impl GenerateParameters {
     /// The paper's event model with k of its own and the exact law.
     #[must_use]
     pub const fn from_k(k: Coefficients, seed: u64) -> Self {
-        let model = ModelParameters::Voltmeter { law: Law::Exact, k };
+        let model = ModelParameters::Voltmeter { law: VoltmeterLaw::Exact, k };
         Self { model, preset: None, knobs: Vec::new(), seed }
     }
 
@@ -161,11 +161,11 @@ impl GenerateParameters {
     ///
     /// # Errors
     /// A name nothing has, a value out of range, or settings that do not go together.
-    pub fn from_choice(choice: &Choice<'_>) -> Result<Self, ParameterError> {
+    pub fn from_choice(choice: &GeneratorChoice<'_>) -> Result<Self, ParameterError> {
         let (preset, mut model) = choice.start()?;
         match &mut model {
             ModelParameters::Voltmeter { law, k } => {
-                *law = choice.law.map_or(Ok(Law::Exact), str::parse)?;
+                *law = choice.law.map_or(Ok(VoltmeterLaw::Exact), str::parse)?;
                 for setting in choice.knobs {
                     *k = setting.knob.turn(*k, setting.value)?;
                 }
@@ -181,19 +181,19 @@ impl GenerateParameters {
     }
 }
 
-impl Choice<'_> {
+impl GeneratorChoice<'_> {
     /// Where the knobs start: the k given, the preset given, or the model's first preset.
     fn start(&self) -> Result<(Option<Preset>, ModelParameters), ParameterError> {
-        let model: Option<Model> = self.model.map(str::parse).transpose()?;
-        let not_for = |given: String, model: Model| ParameterError::NotForModel {
+        let model: Option<GeneratorModel> = self.model.map(str::parse).transpose()?;
+        let not_for = |given: String, model: GeneratorModel| ParameterError::NotForModel {
             given,
             model: model.name(),
         };
         match (self.preset, self.k) {
             (Some(_), Some(_)) => Err(ParameterError::PresetAndK),
             (None, Some(k)) => match model.unwrap_or_default() {
-                Model::Voltmeter => {
-                    Ok((None, ModelParameters::Voltmeter { law: Law::Exact, k: k.parse()? }))
+                GeneratorModel::Voltmeter => {
+                    Ok((None, ModelParameters::Voltmeter { law: VoltmeterLaw::Exact, k: k.parse()? }))
                 }
                 other => Err(not_for("k".into(), other)),
             },
@@ -209,16 +209,16 @@ impl Choice<'_> {
             }
             (None, None) => {
                 let preset = match model.unwrap_or_default() {
-                    Model::Voltmeter => Preset::Dvs346,
-                    Model::Esim => Preset::Esim,
-                    Model::V2e => Preset::V2eClean,
+                    GeneratorModel::Voltmeter => Preset::Dvs346,
+                    GeneratorModel::Esim => Preset::Esim,
+                    GeneratorModel::V2e => Preset::V2eClean,
                 };
                 Ok((Some(preset), preset.parameters()))
             }
         }
     }
 
-    fn refuse_voltmeter_settings(&self, model: Model) -> Result<(), ParameterError> {
+    fn refuse_voltmeter_settings(&self, model: GeneratorModel) -> Result<(), ParameterError> {
         let law = self.law.map(|law| format!("the law {law}"));
         let knob = self.knobs.first().map(|setting| format!("the knob {}", setting.knob));
         match law.or(knob) {
@@ -240,17 +240,17 @@ pub fn build(
     parameters.model.check()?;
     let seed = parameters.seed;
     Ok(match parameters.model {
-        ModelParameters::Voltmeter { law: Law::Exact, k } => {
-            Box::new(Grid::new(LazyVoltmeter::new(k, seed), threads)?)
+        ModelParameters::Voltmeter { law: VoltmeterLaw::Exact, k } => {
+            Box::new(PixelGrid::new(LazyVoltmeter::new(k, seed), threads)?)
         }
-        ModelParameters::Voltmeter { law: law @ Law::Reference, k } => {
-            Box::new(Grid::new(ScalarVoltmeter::new(k, law, seed), threads)?)
+        ModelParameters::Voltmeter { law: law @ VoltmeterLaw::Reference, k } => {
+            Box::new(PixelGrid::new(ScalarVoltmeter::new(k, law, seed), threads)?)
         }
         ModelParameters::Esim(parameters) => {
-            Box::new(Grid::new(Esim::new(parameters, seed), threads)?)
+            Box::new(PixelGrid::new(Esim::new(parameters, seed), threads)?)
         }
         ModelParameters::V2e(parameters) => {
-            Box::new(Grid::new(V2e::new(parameters, seed), threads)?)
+            Box::new(PixelGrid::new(V2e::new(parameters, seed), threads)?)
         }
     })
 }
@@ -274,8 +274,8 @@ macro_rules! named {
     };
 }
 
-named!(Model, "model");
-named!(Law, "law");
+named!(GeneratorModel, "model");
+named!(VoltmeterLaw, "law");
 
 #[cfg(test)]
 mod tests {
@@ -288,9 +288,9 @@ mod tests {
     #[test]
     fn a_record_of_parameters_is_read_back_as_written() {
         let knobs = [KnobSetting { knob: Knob::EventSensitivity, value: 3.0 }];
-        let turned = Choice { preset: Some("raw2dvs346"), knobs: &knobs, ..Choice::default() };
-        let v2e = Choice { preset: Some("v2e-noisy"), seed: 7, ..Choice::default() };
-        let esim = Choice { model: Some("esim"), full_scale_dn: Some(1023.0), ..Choice::default() };
+        let turned = GeneratorChoice { preset: Some("raw2dvs346"), knobs: &knobs, ..Choice::default() };
+        let v2e = GeneratorChoice { preset: Some("v2e-noisy"), seed: 7, ..Choice::default() };
+        let esim = GeneratorChoice { model: Some("esim"), full_scale_dn: Some(1023.0), ..Choice::default() };
         for (choice, name) in [(turned, "voltmeter"), (v2e, "v2e"), (esim, "esim")] {
             let parameters = GenerateParameters::from_choice(&choice).unwrap();
             let json = serde_json::to_string(&parameters).unwrap();
@@ -325,16 +325,16 @@ mod tests {
     #[test]
     fn wrong_choices_say_what_would_be_right() {
         let error = |choice| GenerateParameters::from_choice(&choice).unwrap_err().to_string();
-        let base = Choice::default();
-        assert!(error(Choice { model: Some("voltmetre"), ..base }).contains("`voltmeter`"));
-        assert!(error(Choice { law: Some("exakt"), ..base }).contains("`exact`"));
+        let base = GeneratorChoice::default();
+        assert!(error(GeneratorChoice { model: Some("voltmetre"), ..base }).contains("`voltmeter`"));
+        assert!(error(GeneratorChoice { law: Some("exakt"), ..base }).contains("`exact`"));
         let k = Some("1,1,0,0,0,0");
-        assert!(error(Choice { preset: Some("DVS346"), k, ..base }).contains("one of the two"));
-        assert!(error(Choice { model: Some("esim"), k, ..base }).contains("k does not go"));
+        assert!(error(GeneratorChoice { preset: Some("DVS346"), k, ..base }).contains("one of the two"));
+        assert!(error(GeneratorChoice { model: Some("esim"), k, ..base }).contains("k does not go"));
         let model = Some("v2e");
-        assert!(error(Choice { model, preset: Some("DVS346"), ..base }).contains("preset DVS346"));
-        assert!(error(Choice { model, law: Some("exact"), ..base }).contains("law exact"));
-        let white = Choice { model, full_scale_dn: Some(0.0), ..base };
+        assert!(error(GeneratorChoice { model, preset: Some("DVS346"), ..base }).contains("preset DVS346"));
+        assert!(error(GeneratorChoice { model, law: Some("exact"), ..base }).contains("law exact"));
+        let white = GeneratorChoice { model, full_scale_dn: Some(0.0), ..base };
         assert!(error(white).contains("full_scale_dn"));
     }
 }

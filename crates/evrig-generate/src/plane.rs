@@ -13,16 +13,16 @@ mod carry;
 mod mesh;
 mod sample;
 
-pub use carry::PlaneCarrier;
+pub use carry::PlaneWarper;
 
 use super::interpolate::{Interpolator, between};
 use super::parameter_error::check;
 use super::{ParameterError, RowTimes};
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::{Homography, Size};
-use mesh::{Mesh, STEP};
+use mesh::{PixelMesh, NODE_SPACING_PX};
 use rayon::prelude::*;
-use sample::Picture;
+use sample::CubicSampler;
 
 /// The way of a plane through the picture of a camera.
 ///
@@ -43,16 +43,16 @@ pub trait PlanePath: Send + Sync {
     }
 
     /// Whether the lens bends, so that ideal pixels are not the sensor's.
-    fn bends(&self) -> bool {
+    fn has_distortion(&self) -> bool {
         false
     }
 }
 
 /// Puts frames between frames so densely that the plane moves by no more than this between two.
-const MOST_PX: f64 = 0.25;
+const MAX_STEP_PX: f64 = 0.25;
 
 /// Rows that one thread takes at least.
-const ROWS: usize = 16;
+const MIN_ROWS_PER_TASK: usize = 16;
 
 /// Puts frames between frames along a plane's way.
 pub struct PlaneInterpolator {
@@ -66,13 +66,13 @@ pub struct PlaneInterpolator {
 }
 
 /// Where the plane lay while the rows of one frame saw their light.
-struct Shot<'a> {
+struct FramePose<'a> {
     frame: &'a Luminance,
     /// At the time of the first, the stated and the last row.
     rows: [Homography; 3],
 }
 
-impl<'a> Shot<'a> {
+impl<'a> FramePose<'a> {
     fn new(path: &dyn PlanePath, frame: &'a Luminance, times: RowTimes) -> Option<Self> {
         let at = |row: f64| path.pixel_from_plane(frame.t_us as f64 + times.after_us(row));
         let stated = at(times.at_row)?;
@@ -158,7 +158,7 @@ impl PlaneInterpolator {
             return take(&self.alone(after));
         };
         let most = (span_us + self.finest_us - 1) / self.finest_us;
-        let n = ((moved_px(&first, &last) / MOST_PX).ceil() as i64).clamp(1, most);
+        let n = ((moved_px(&first, &last) / MAX_STEP_PX).ceil() as i64).clamp(1, most);
         for i in 1..n {
             let (t_us, share) = (before.t_us + span_us * i / n, i as f32 / n as f32);
             if let Some(frame) = self.made(&first, &last, share, t_us) {
@@ -168,8 +168,8 @@ impl PlaneInterpolator {
         take(&self.alone(after))
     }
 
-    fn shot<'a>(&self, frame: &'a Luminance) -> Option<Shot<'a>> {
-        Shot::new(self.path.as_ref(), frame, self.rows)
+    fn shot<'a>(&self, frame: &'a Luminance) -> Option<FramePose<'a>> {
+        FramePose::new(self.path.as_ref(), frame, self.rows)
     }
 
     fn straighten(&mut self, size: Size) {
@@ -177,30 +177,30 @@ impl PlaneInterpolator {
             return;
         }
         let path = &self.path;
-        let ideal = |pixel: [f64; 2]| match path.bends() {
+        let ideal = |pixel: [f64; 2]| match path.has_distortion() {
             true => path.undistort(pixel).unwrap_or([f64::NAN; 2]),
             false => pixel,
         };
-        self.nodes = Some((size, Mesh::pixels(size).map(ideal).collect()));
+        self.nodes = Some((size, PixelMesh::pixels(size).map(ideal).collect()));
     }
 
     /// What the camera would have seen at one instant; none where the plane's place is not known.
-    fn made(&self, first: &Shot<'_>, last: &Shot<'_>, share: f32, t_us: i64) -> Option<Luminance> {
+    fn made(&self, first: &FramePose<'_>, last: &FramePose<'_>, share: f32, t_us: i64) -> Option<Luminance> {
         let plane_from_pixel = self.path.pixel_from_plane(t_us as f64)?.inverse()?;
         let size = first.frame.size;
         let (_, nodes) = self.nodes.as_ref().filter(|(known, _)| *known == size)?;
-        let ways = [first, last].map(|shot| Way::new(&plane_from_pixel, shot, self.rows.at_row));
+        let ways = [first, last].map(|shot| FrameMapping::new(&plane_from_pixel, shot, self.rows.at_row));
         let meshes = [&ways[0], &ways[1]].map(|way| {
             let find = |ideal: &[f64; 2]| {
                 let found = way.find(*ideal);
-                if self.path.bends() { self.path.distort(found) } else { found }
+                if self.path.has_distortion() { self.path.distort(found) } else { found }
             };
-            Mesh::new(size, nodes.iter().map(find))
+            PixelMesh::new(size, nodes.iter().map(find))
         });
         let mut values = vec![0.0; size.n_pixels()];
         let width = usize::from(size.width).max(1);
-        values.par_chunks_mut(width).with_min_len(ROWS).enumerate().for_each(|(y, row)| {
-            for (cell, part) in row.chunks_mut(STEP).enumerate() {
+        values.par_chunks_mut(width).with_min_len(MIN_ROWS_PER_TASK).enumerate().for_each(|(y, row)| {
+            for (cell, part) in row.chunks_mut(NODE_SPACING_PX).enumerate() {
                 let lines = [meshes[0].line(cell, y), meshes[1].line(cell, y)];
                 for (k, value) in part.iter_mut().enumerate() {
                     let look = |way: usize| ways[way].picture.at(lines[way].at(k));
@@ -208,7 +208,7 @@ impl PlaneInterpolator {
                         (Some(a), Some(b)) => a + (b - a) * share,
                         (Some(one), None) | (None, Some(one)) => one,
                         (None, None) => {
-                            let i = y * width + cell * STEP + k;
+                            let i = y * width + cell * NODE_SPACING_PX + k;
                             let [a, b] = [first, last].map(|shot| shot.frame.values[i]);
                             a + (b - a) * share
                         }
@@ -221,8 +221,8 @@ impl PlaneInterpolator {
 }
 
 /// From ideal pixels at one instant to those of a frame, row-true.
-struct Way<'a> {
-    picture: Picture<'a>,
+struct FrameMapping<'a> {
+    picture: CubicSampler<'a>,
     /// By the time of the first, the stated and the last row.
     rows: [Homography; 3],
     at_row: f64,
@@ -230,10 +230,10 @@ struct Way<'a> {
     is_rolling: bool,
 }
 
-impl<'a> Way<'a> {
-    fn new(plane_from_pixel: &Homography, shot: &Shot<'a>, at_row: f64) -> Self {
+impl<'a> FrameMapping<'a> {
+    fn new(plane_from_pixel: &Homography, shot: &FramePose<'a>, at_row: f64) -> Self {
         Self {
-            picture: Picture::new(shot.frame),
+            picture: CubicSampler::new(shot.frame),
             rows: [0, 1, 2].map(|i| plane_from_pixel.then(&shot.rows[i])),
             at_row,
             height: f64::from(shot.frame.size.height),
@@ -258,7 +258,7 @@ impl<'a> Way<'a> {
 }
 
 /// How far the plane moves at most between two shots, pixels: judged at corners and middle.
-fn moved_px(first: &Shot<'_>, last: &Shot<'_>) -> f64 {
+fn moved_px(first: &FramePose<'_>, last: &FramePose<'_>) -> f64 {
     let [width, height] = [first.frame.size.width, first.frame.size.height].map(f64::from);
     let places = [[0.5, 0.5], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
     let Some(back) = first.rows[1].inverse() else { return f64::INFINITY };

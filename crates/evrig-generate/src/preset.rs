@@ -1,7 +1,7 @@
 //! Published parameters, by name.
 
 use super::voltmeter::Coefficients;
-use super::{EsimParameters, Law, ModelParameters, ParameterError, V2eParameters};
+use super::{EsimParameters, VoltmeterLaw, ModelParameters, ParameterError, V2eParameters};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -88,7 +88,7 @@ impl Preset {
 }
 
 const fn exact(k: Coefficients) -> ModelParameters {
-    ModelParameters::Voltmeter { law: Law::Exact, k }
+    ModelParameters::Voltmeter { law: VoltmeterLaw::Exact, k }
 }
 
 impl FromStr for Preset {

@@ -10,9 +10,9 @@ use evrig_core::stats::MeanDirection;
 /// trace, 1 when all events come at one phase. By chance alone, n independent events have about
 /// 0.9 / sqrt(n).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Rhythm(MeanDirection);
+pub struct PhaseLocking(MeanDirection);
 
-impl Rhythm {
+impl PhaseLocking {
     /// Adds the events of one frame interval, which begins at `start_us` and lasts `span_us`.
     pub fn add(&mut self, events: EventSlice<'_>, start_us: i64, span_us: i64) {
         let per_us = std::f64::consts::TAU / span_us.max(1) as f64;
@@ -57,13 +57,13 @@ mod tests {
         };
         let frames: Vec<i64> = (0..=400).map(|i| 1_000 * i).collect();
         let strength = |events: &Events| {
-            let mut rhythm = Rhythm::default();
+            let mut rhythm = PhaseLocking::default();
             rhythm.add_between(events.as_slice(), &frames);
             (rhythm.strength(), rhythm.n_events())
         };
         assert!((strength(&at(|_| 250)).0 - 1.0).abs() < 1e-9);
         let (even, n) = strength(&at(|i| 1 + 100 * (i % 10)));
         assert!(even < 1e-9 && n == 4_000, "{even}");
-        assert!(Rhythm::default().strength().is_nan());
+        assert!(PhaseLocking::default().strength().is_nan());
     }
 }

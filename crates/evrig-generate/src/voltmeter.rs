@@ -21,7 +21,7 @@ mod lazy_tests;
 #[cfg(test)]
 mod tests;
 
-pub use coefficients::{Coefficients, Motion};
+pub use coefficients::{Coefficients, DriftDiffusion};
 pub(super) use lazy::LazyVoltmeter;
 #[cfg(test)]
 use lazy::Voltages;

@@ -3,8 +3,8 @@
 use super::tuned::Seen;
 use super::{Evidence, Facts, FittedEffect, Hypothesis, Nuisance};
 use evrig_core::effect_id::EffectId;
-use evrig_generate::effect::{Applied, Effect, Effects, Enters, Region, Surroundings};
-use evrig_generate::forward::{BandNoise, Camera, ForwardParameters, Scatter};
+use evrig_generate::effect::{AppliedEffect, Effect, EffectSet, SignalStage, Region, RecordingContext};
+use evrig_generate::forward::{BandNoise, Camera, ForwardParameters, ThresholdScatter};
 use evrig_generate::voltmeter::Coefficients;
 use serde::{Deserialize, Serialize};
 
@@ -45,7 +45,7 @@ impl FittedCamera {
                 Err(why) => left_out.push(why),
             }
         }
-        let effects = Effects::new(applied).ok()?;
+        let effects = EffectSet::new(applied).ok()?;
         let (noise, scatter) = noise(hypothesis, theta);
         let camera = Camera {
             generator: ForwardParameters { k, effects, step_us: STEP_US },
@@ -69,16 +69,16 @@ impl FittedCamera {
 
 /// What effects of readout and frames go by in a recording.
 #[must_use]
-pub fn surroundings(facts: &Facts) -> Surroundings {
-    Surroundings { aps_starts_us: facts.aps_us.clone(), frame_times_us: facts.aps_us.clone() }
+pub fn surroundings(facts: &Facts) -> RecordingContext {
+    RecordingContext { aps_starts_us: facts.aps_us.clone(), frame_times_us: facts.aps_us.clone() }
 }
 
 /// An effect for the generator, or why it cannot be told of it.
-type Told = Result<Applied, String>;
+type Told = Result<AppliedEffect, String>;
 
 fn told(id: EffectId, parameters: &[(&str, f64)], region: Option<Region>) -> Told {
     let effect = Effect::from_parameters(id, parameters).map_err(|e| format!("{id}: {e}"))?;
-    Ok(Applied { effect, region })
+    Ok(AppliedEffect { effect, region })
 }
 
 /// The effects of a hypothesis beyond its law and its light.
@@ -104,7 +104,7 @@ fn beside(hypothesis: &Hypothesis, named: &[FittedEffect]) -> impl Iterator<Item
         let values: Vec<(&str, f64)> =
             effect.parameters.iter().map(|(key, p)| (key.as_str(), p.value)).collect();
         let told = told(effect.id, &values, None);
-        let is_in_light = |told: &Applied| told.effect.acts().enters() < Enters::Memory;
+        let is_in_light = |told: &AppliedEffect| told.effect.acts().enters() < SignalStage::Memory;
         (!told.as_ref().is_ok_and(is_in_light)).then_some(told)
     })
 }
@@ -135,14 +135,14 @@ fn beyond_ordinary(
 
 /// The law's noise: the part that the pixel memorises with the light as a signal's, the other as that of its
 /// thresholds.
-fn noise(hypothesis: &Hypothesis, theta: f64) -> (BandNoise, Scatter) {
+fn noise(hypothesis: &Hypothesis, theta: f64) -> (BandNoise, ThresholdScatter) {
     let law = hypothesis.law();
     let hz = hypothesis.nuisance(Nuisance::LogNoiseHz).exp();
     let (scale, light_exponent) = (law.noise_at_white / theta, law.noise_exponent);
     // A logistic law's standard deviation; a change has the signal's noise twice.
     let rms = 1.813_8 * scale * (0.5 * law.noise_memorised).sqrt();
     let bandwidth_hz = (hz / std::f64::consts::TAU).clamp(20.0, 1_000.0);
-    let scatter = Scatter {
+    let scatter = ThresholdScatter {
         scale: scale * (1.0 - law.noise_memorised).sqrt(),
         light_exponent,
         // At rest the law's hazard is this rate times the share of the noise beyond the threshold.

@@ -5,7 +5,7 @@
 //! change gives fewer events than fast, and a pixel fires back after a lasting step.
 
 use super::low_pass::low_pass;
-use super::{Acts, Enters, Light, Parameter, Site, parameter};
+use super::{EffectModel, SignalStage, PixelSignal, EffectParameter, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 
 /// A share of the signal is high-passed.
@@ -18,23 +18,23 @@ pub struct Adaptation {
     pub fraction: f64,
 }
 
-impl Acts for Adaptation {
-    fn enters(&self) -> Enters {
-        Enters::Photoreceptor
+impl EffectModel for Adaptation {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Photoreceptor
     }
 
     fn equation(&self) -> &'static str {
         "y = x - a z, T dz/dt = x - z"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![
             parameter("time_constant_s", self.time_constant_s, 0.001, 10000.0),
             parameter("fraction", self.fraction, 0.0, 1.0),
         ]
     }
 
-    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &PixelSite<'_>, light: &mut PixelSignal<'_>) {
         let mut forgotten = light.values.to_vec();
         let tau = self.time_constant_s / light.step_s();
         low_pass(&mut forgotten, |_| tau);
@@ -48,7 +48,7 @@ mod tests {
     use super::super::trial::*;
     #[test]
     fn after_a_step_the_pixel_fires_back_while_it_forgets() {
-        let step = made(|_, t| if t < 0.5 { -2.0 } else { -0.5 });
+        let step = synthetic(|_, t| if t < 0.5 { -2.0 } else { -0.5 });
         let all = events(&step, 3.0, &["adaptation:time_constant_s=0.3,fraction=0.6"]);
         let n =
             |on: bool| all.iter().filter(|e| e.on == on).count() as f64 / SIZE.n_pixels() as f64;

@@ -4,7 +4,7 @@
 //! (DAVIS; Brandli et al., JSSC 2014): a burst of events a fixed time after each start of
 //! exposure, row by row where the readout is. Signature: event rate locked to the frames' phase.
 
-use super::{Acts, Bench, Enters, Parameter, Surroundings, parameter, stream_of};
+use super::{EffectModel, ReadoutContext, SignalStage, EffectParameter, RecordingContext, parameter, stream_of};
 use evrig_core::effect_id::EffectId;
 use evrig_core::event::{Event, Events};
 use serde::{Deserialize, Serialize};
@@ -21,16 +21,16 @@ pub struct ApsCoupling {
     pub row_us: f64,
 }
 
-impl Acts for ApsCoupling {
-    fn enters(&self) -> Enters {
-        Enters::Readout
+impl EffectModel for ApsCoupling {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Readout
     }
 
     fn equation(&self) -> &'static str {
         "n extra events at t_start + delay + y T_row in pixels at random, sides at random"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![
             parameter("events_fraction", self.events_fraction, 0.0, 0.95),
             parameter("delay_us", self.delay_us, -1000000.0, 1000000.0),
@@ -38,13 +38,13 @@ impl Acts for ApsCoupling {
         ]
     }
 
-    fn lacks(&self, surroundings: &Surroundings) -> Option<&'static str> {
+    fn lacks(&self, surroundings: &RecordingContext) -> Option<&'static str> {
         surroundings.aps_starts_us.is_empty().then_some(
             "the starts of exposure of the event camera's own frames; the recording has none",
         )
     }
 
-    fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
+    fn readout(&self, bench: &ReadoutContext<'_>, events: &mut Events) {
         let [from, to] = bench.window_us;
         let starts = bench.surroundings.aps_starts_us.iter();
         let starts: Vec<i64> = starts.copied().filter(|t| (from..to).contains(t)).collect();
@@ -74,13 +74,13 @@ impl Acts for ApsCoupling {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Surroundings;
+    use super::super::RecordingContext;
     use super::super::trial::*;
 
     #[test]
     fn the_stated_share_of_events_comes_at_the_stated_time_after_each_start() {
         let starts: Vec<i64> = (0..40).map(|i| 10_000 + 25_000 * i).collect();
-        let around = Surroundings { aps_starts_us: starts, ..Surroundings::default() };
+        let around = RecordingContext { aps_starts_us: starts, ..Surroundings::default() };
         let light = passing(4.0, -1.0);
         let n_plain = events(&light, 1.0, &[]).len();
         let words = ["aps_coupling:events_fraction=0.2,delay_us=500,row_us=10"];

@@ -4,7 +4,7 @@
 //! leaves the pixel's reference alone (Hu et al., v2e, 2021, "shot noise" of its first release).
 //! Signature: exponential intervals, alternation one half, whatever the light.
 
-use super::{Acts, Enters, Parameter, PixelModel, Site, parameter};
+use super::{EffectModel, SignalStage, EffectParameter, PixelModel, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 
 /// A Poisson process in each pixel.
@@ -15,20 +15,20 @@ pub struct BackgroundActivity {
     pub rate_hz: f64,
 }
 
-impl Acts for BackgroundActivity {
-    fn enters(&self) -> Enters {
-        Enters::Noise
+impl EffectModel for BackgroundActivity {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Noise
     }
 
     fn equation(&self) -> &'static str {
         "events at rate R, On with probability 1/2"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("rate_hz", self.rate_hz, 0.0, 10000.0)]
     }
 
-    fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, _site: &PixelSite<'_>, pixel: &mut PixelModel) {
         pixel.spontaneous_hz += self.rate_hz;
     }
 }

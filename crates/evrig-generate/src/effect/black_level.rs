@@ -4,7 +4,7 @@
 //! high by the difference; the generator takes it off. Signature: the drive's contrast is too small
 //! in the dark, equal for both sides.
 
-use super::{Acts, Enters, Light, Parameter, Site, parameter};
+use super::{EffectModel, SignalStage, PixelSignal, EffectParameter, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 
 /// True pedestal less the stated one.
@@ -18,20 +18,20 @@ pub struct BlackLevel {
 /// The least intensity above black that has a logarithm here, digital units: half a step.
 const FLOOR_DN: f64 = 0.5;
 
-impl Acts for BlackLevel {
-    fn enters(&self) -> Enters {
-        Enters::Frames
+impl EffectModel for BlackLevel {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Frames
     }
 
     fn equation(&self) -> &'static str {
         "I_true = I - b / white"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("offset_dn", self.offset_dn, -10000.0, 10000.0)]
     }
 
-    fn light(&self, site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, site: &PixelSite<'_>, light: &mut PixelSignal<'_>) {
         let offset = (self.offset_dn / site.white_dn) as f32;
         let floor = (FLOOR_DN / site.white_dn) as f32;
         light.values.iter_mut().filter(|x| x.is_finite()).for_each(|x| {
@@ -48,8 +48,8 @@ mod tests {
     #[test]
     fn frames_with_a_pedestal_give_the_events_of_the_light() {
         let wave = |x: f64, t: f64| 0.5 * (TAU * (2.0 * t + x / 16.0)).sin() - 3.0;
-        let light = made(move |[x, _], t| wave(x, t));
-        let raised = made(move |[x, _], t| (wave(x, t).exp() + 10.0 / 200.0).ln());
+        let light = synthetic(move |[x, _], t| wave(x, t));
+        let raised = synthetic(move |[x, _], t| (wave(x, t).exp() + 10.0 / 200.0).ln());
         let truth = events(&light, 1.0, &[]);
         assert!(events(&raised, 1.0, &[]).len() < truth.len() * 3 / 4);
         let corrected = events(&raised, 1.0, &["black_level:offset_dn=10"]);

@@ -2,7 +2,7 @@
 //!
 //! Signature: a lag that neither speed, light, row nor direction changes.
 
-use super::{Acts, Bench, Enters, Parameter, parameter};
+use super::{EffectModel, ReadoutContext, SignalStage, EffectParameter, parameter};
 use evrig_core::event::Events;
 use serde::{Deserialize, Serialize};
 
@@ -14,20 +14,20 @@ pub struct ClockOffset {
     pub offset_us: f64,
 }
 
-impl Acts for ClockOffset {
-    fn enters(&self) -> Enters {
-        Enters::Stamps
+impl EffectModel for ClockOffset {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Stamps
     }
 
     fn equation(&self) -> &'static str {
         "t_stamp = t + offset"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("offset_us", self.offset_us, -1000000000.0, 1000000000.0)]
     }
 
-    fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
+    fn readout(&self, bench: &ReadoutContext<'_>, events: &mut Events) {
         bench.change(events, |mut events| {
             events.iter_mut().for_each(|event| event.t += self.offset_us.round() as i64);
             events

@@ -2,7 +2,7 @@
 //!
 //! Signature: a lag that grows with time and with nothing else.
 
-use super::{Acts, Bench, Enters, Parameter, parameter};
+use super::{EffectModel, ReadoutContext, SignalStage, EffectParameter, parameter};
 use evrig_core::event::Events;
 use serde::{Deserialize, Serialize};
 
@@ -14,20 +14,20 @@ pub struct ClockSkew {
     pub skew_ppm: f64,
 }
 
-impl Acts for ClockSkew {
-    fn enters(&self) -> Enters {
-        Enters::Stamps
+impl EffectModel for ClockSkew {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Stamps
     }
 
     fn equation(&self) -> &'static str {
         "t_stamp = t + skew (t - t_start)"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("skew_ppm", self.skew_ppm, -100000.0, 100000.0)]
     }
 
-    fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
+    fn readout(&self, bench: &ReadoutContext<'_>, events: &mut Events) {
         let start_us = bench.window_us[0];
         bench.change(events, |mut events| {
             for event in &mut events {

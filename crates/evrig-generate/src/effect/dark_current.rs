@@ -3,7 +3,7 @@
 //! The photodiode's leakage adds a constant to the intensity inside the logarithm (Lichtsteiner et
 //! al. 2008). Signature: contrast is compressed in the dark, by I/(I + d).
 
-use super::{Acts, Enters, Light, Parameter, Site, parameter};
+use super::{EffectModel, SignalStage, PixelSignal, EffectParameter, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 
 /// A constant beside the photocurrent.
@@ -14,20 +14,20 @@ pub struct DarkCurrent {
     pub fraction_of_white: f64,
 }
 
-impl Acts for DarkCurrent {
-    fn enters(&self) -> Enters {
-        Enters::Photodiode
+impl EffectModel for DarkCurrent {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Photodiode
     }
 
     fn equation(&self) -> &'static str {
         "x = ln(I + d), I and d over white"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("fraction_of_white", self.fraction_of_white, 0.0, 10.0)]
     }
 
-    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &PixelSite<'_>, light: &mut PixelSignal<'_>) {
         let dark = self.fraction_of_white as f32;
         light.values.iter_mut().for_each(|x| *x = (x.exp() + dark).ln());
     }

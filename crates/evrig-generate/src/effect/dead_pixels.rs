@@ -2,7 +2,7 @@
 //!
 //! Signature: no event where neighbours fire in every segment.
 
-use super::{Acts, Enters, Parameter, PixelModel, Site, parameter, stream_of};
+use super::{EffectModel, SignalStage, EffectParameter, PixelModel, PixelSite, parameter, stream_of};
 use evrig_core::effect_id::EffectId;
 use serde::{Deserialize, Serialize};
 
@@ -14,20 +14,20 @@ pub struct DeadPixels {
     pub count: f64,
 }
 
-impl Acts for DeadPixels {
-    fn enters(&self) -> Enters {
-        Enters::Emission
+impl EffectModel for DeadPixels {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Emission
     }
 
     fn equation(&self) -> &'static str {
         "no event from the pixels of a fixed set"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("count", self.count, 0.0, 1000000.0)]
     }
 
-    fn pixel(&self, site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, site: &PixelSite<'_>, pixel: &mut PixelModel) {
         let n_pixels = site.size.n_pixels() as u32;
         let place = shuffled(site.number(), n_pixels, |half, round| {
             site.source.draws(half, stream_of(EffectId::DeadPixels) ^ (round << 32)).bits()

@@ -4,7 +4,7 @@
 //! light of up to the fifth power of place (Gauss and Hermite). Signature: fewer events at fine
 //! structure, the same at every speed.
 
-use super::{Acts, Enters, Light, Parameter, Site, parameter};
+use super::{EffectModel, SignalStage, PixelSignal, EffectParameter, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 
 /// A Gaussian blur of the light in front of the pixel.
@@ -18,20 +18,20 @@ pub struct Defocus {
 /// Weights of Gauss-Hermite's three places in one direction.
 const SHARES: [f32; 3] = [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0];
 
-impl Acts for Defocus {
-    fn enters(&self) -> Enters {
-        Enters::Optics
+impl EffectModel for Defocus {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Optics
     }
 
     fn equation(&self) -> &'static str {
         "I_seen = I * Gaussian of sigma"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("sigma_px", self.sigma_px, 0.0, 20.0)]
     }
 
-    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &PixelSite<'_>, light: &mut PixelSignal<'_>) {
         let far = 3.0_f64.sqrt() * self.sigma_px;
         let places = [-far, 0.0, far];
         let offsets: [[f64; 2]; 9] = std::array::from_fn(|i| [places[i % 3], places[i / 3]]);
@@ -50,7 +50,7 @@ mod tests {
     #[test]
     fn fine_stripes_lose_contrast_as_a_gaussian_says_at_any_speed() {
         let stripes = |amplitude: f64, hz: f64| {
-            made(move |[x, _], t| {
+            synthetic(move |[x, _], t| {
                 (0.3 * (1.0 + amplitude * (TAU * (hz * t + x / 12.0)).sin())).ln()
             })
         };

@@ -3,7 +3,7 @@
 //! Each is lost by itself, as on an overrun of a small buffer; the pixel was reset all the same.
 //! Signature: innovations at whole numbers, and fewer events by the same share everywhere.
 
-use super::{Acts, Bench, Enters, Parameter, parameter};
+use super::{EffectModel, ReadoutContext, SignalStage, EffectParameter, parameter};
 use evrig_core::effect_id::EffectId;
 use evrig_core::event::Events;
 use serde::{Deserialize, Serialize};
@@ -16,20 +16,20 @@ pub struct EventDrop {
     pub fraction: f64,
 }
 
-impl Acts for EventDrop {
-    fn enters(&self) -> Enters {
-        Enters::Readout
+impl EffectModel for EventDrop {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Readout
     }
 
     fn equation(&self) -> &'static str {
         "each event is lost with probability f"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("fraction", self.fraction, 0.0, 1.0)]
     }
 
-    fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
+    fn readout(&self, bench: &ReadoutContext<'_>, events: &mut Events) {
         bench.change(events, |mut events| {
             events.retain(|event| {
                 bench.draws(EffectId::EventDrop, *event).uniform() >= self.fraction

@@ -4,7 +4,7 @@
 //! sinc(f T), that is by (pi f T)^2/6 to first order. The generator puts back what the exposure
 //! beyond the stated one took. Signature: real events outnumber simulated ones the faster it goes.
 
-use super::{Acts, Enters, Light, Parameter, Site, parameter};
+use super::{EffectModel, SignalStage, PixelSignal, EffectParameter, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 
 /// What an exposure beyond the stated one took is put back.
@@ -15,20 +15,20 @@ pub struct ExposureBlur {
     pub exposure_us: f64,
 }
 
-impl Acts for ExposureBlur {
-    fn enters(&self) -> Enters {
-        Enters::Frames
+impl EffectModel for ExposureBlur {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Frames
     }
 
     fn equation(&self) -> &'static str {
         "x_true = x - (T^2/24) d2x/dt2"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("exposure_us", self.exposure_us, 0.0, 100000.0)]
     }
 
-    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &PixelSite<'_>, light: &mut PixelSignal<'_>) {
         let steps = self.exposure_us * 1e-6 / light.step_s();
         let apart = (0.5 * steps).round().max(1.0);
         add_curvature(light.values, apart as usize, -steps * steps / 24.0 / (apart * apart));
@@ -56,7 +56,7 @@ mod tests {
         let blur =
             (std::f64::consts::PI * hz * exposure).sin() / (std::f64::consts::PI * hz * exposure);
         let sine = |amplitude: f64| {
-            made(move |[x, _], t| {
+            synthetic(move |[x, _], t| {
                 amplitude * (std::f64::consts::TAU * (hz * t + x / 16.0)).sin() - 1.0
             })
         };

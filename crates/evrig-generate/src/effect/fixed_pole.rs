@@ -5,7 +5,7 @@
 //! fewer events the faster the light changes.
 
 use super::low_pass::{low_pass, tau_steps};
-use super::{Acts, Enters, Light, Parameter, Site, parameter};
+use super::{EffectModel, SignalStage, PixelSignal, EffectParameter, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 
 /// One pole at a constant cut-off.
@@ -16,20 +16,20 @@ pub struct FixedPole {
     pub cutoff_hz: f64,
 }
 
-impl Acts for FixedPole {
-    fn enters(&self) -> Enters {
-        Enters::Photoreceptor
+impl EffectModel for FixedPole {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Photoreceptor
     }
 
     fn equation(&self) -> &'static str {
         "tau dy/dt = x - y, tau = 1/(2 pi f)"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("cutoff_hz", self.cutoff_hz, 0.1, 1000000.0)]
     }
 
-    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &PixelSite<'_>, light: &mut PixelSignal<'_>) {
         let tau = tau_steps(self.cutoff_hz, light.step_s());
         low_pass(light.values, |_| tau);
     }

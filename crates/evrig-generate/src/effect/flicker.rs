@@ -3,7 +3,7 @@
 //! Lamps on alternating current, or dimmed by pulses, modulate all light alike. Signature: a line
 //! in the spectrum of events that all pixels share in phase.
 
-use super::{Acts, Enters, Light, Parameter, Site, parameter};
+use super::{EffectModel, SignalStage, PixelSignal, EffectParameter, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
@@ -23,16 +23,16 @@ pub struct Flicker {
     pub phase_at_us: f64,
 }
 
-impl Acts for Flicker {
-    fn enters(&self) -> Enters {
-        Enters::Light
+impl EffectModel for Flicker {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Light
     }
 
     fn equation(&self) -> &'static str {
         "I_seen = I (1 + m sin(2 pi f (t - t_0) + phi))"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![
             parameter("frequency_hz", self.frequency_hz, 0.01, 100000.0),
             parameter("depth", self.depth, 0.0, 0.99),
@@ -41,7 +41,7 @@ impl Acts for Flicker {
         ]
     }
 
-    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &PixelSite<'_>, light: &mut PixelSignal<'_>) {
         let grid = light.grid();
         for (i, x) in light.values.iter_mut().enumerate() {
             let t_s = (grid.at(i) as f64 - self.phase_at_us) * 1e-6;

@@ -4,7 +4,7 @@
 //! nearer the cubic through four frames (Catmull and Rom 1974). Signature: residuals locked to the
 //! phase between frames, stronger the faster the light changes.
 
-use super::{Acts, Enters, Light, Parameter, Site, Surroundings, parameter};
+use super::{EffectModel, SignalStage, PixelSignal, EffectParameter, PixelSite, RecordingContext, parameter};
 use serde::{Deserialize, Serialize};
 
 /// A share of the way from straight lines to cubics between frames.
@@ -15,24 +15,24 @@ pub struct FrameInterpolation {
     pub share: f64,
 }
 
-impl Acts for FrameInterpolation {
-    fn enters(&self) -> Enters {
-        Enters::Frames
+impl EffectModel for FrameInterpolation {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Frames
     }
 
     fn equation(&self) -> &'static str {
         "x = (1 - s) line + s cubic between frames"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("share", self.share, 0.0, 1.0)]
     }
 
-    fn lacks(&self, surroundings: &Surroundings) -> Option<&'static str> {
+    fn lacks(&self, surroundings: &RecordingContext) -> Option<&'static str> {
         (surroundings.frame_times_us.len() < 4).then_some("the times of at least four frames")
     }
 
-    fn light(&self, site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, site: &PixelSite<'_>, light: &mut PixelSignal<'_>) {
         let grid = light.grid();
         let knots: Vec<f64> =
             site.surroundings.frame_times_us.iter().map(|&t| grid.position(t as f64)).collect();
@@ -63,7 +63,7 @@ impl Acts for FrameInterpolation {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Surroundings;
+    use super::super::RecordingContext;
     use super::super::trial::*;
 
     #[test]
@@ -71,19 +71,19 @@ mod tests {
         let interval = 0.025;
         let wave =
             |x: f64, t: f64| 0.9 * (std::f64::consts::TAU * (4.0 * t + x / 16.0)).sin() - 1.0;
-        let smooth = made(move |[x, _], t| wave(x, t));
-        let sampled = made(move |[x, _], t: f64| {
+        let smooth = synthetic(move |[x, _], t| wave(x, t));
+        let sampled = synthetic(move |[x, _], t: f64| {
             let frame = (t / interval).floor();
             let u = t / interval - frame;
             (1.0 - u) * wave(x, frame * interval) + u * wave(x, (frame + 1.0) * interval)
         });
-        let around = Surroundings {
+        let around = RecordingContext {
             frame_times_us: (-4..60).map(|i| 25_000 * i).collect(),
             ..Surroundings::default()
         };
-        let truth = light_of(&smooth, &[], around.clone());
+        let truth = signal_behind(&smooth, &[], around.clone());
         let error = |share: &str| {
-            let found = light_of(
+            let found = signal_behind(
                 &sampled,
                 &[&format!("frame_interpolation:share={share}")],
                 around.clone(),

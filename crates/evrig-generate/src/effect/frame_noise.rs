@@ -5,7 +5,7 @@
 //! by their mean, the best estimate for light that is straight over them; where it is larger, in
 //! part. Signature: simulated events of still pixels at the frames' rhythm that the camera lacks.
 
-use super::{Acts, Enters, Light, Parameter, Site, Surroundings, parameter};
+use super::{EffectModel, SignalStage, PixelSignal, EffectParameter, PixelSite, RecordingContext, parameter};
 use serde::{Deserialize, Serialize};
 
 /// Noise of that size is smoothed out of the frames.
@@ -16,24 +16,24 @@ pub struct FrameNoise {
     pub sigma_dn: f64,
 }
 
-impl Acts for FrameNoise {
-    fn enters(&self) -> Enters {
-        Enters::Frames
+impl EffectModel for FrameNoise {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Frames
     }
 
     fn equation(&self) -> &'static str {
         "x_true = x + w (x_before - 2 x + x_after)/3, w = min(1, 6 (sigma/L)^2 / second difference squared)"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("sigma_dn", self.sigma_dn, 0.0, 10000.0)]
     }
 
-    fn lacks(&self, surroundings: &Surroundings) -> Option<&'static str> {
+    fn lacks(&self, surroundings: &RecordingContext) -> Option<&'static str> {
         (surroundings.frame_times_us.len() < 3).then_some("the times of at least three frames")
     }
 
-    fn light(&self, site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, site: &PixelSite<'_>, light: &mut PixelSignal<'_>) {
         let times = &site.surroundings.frame_times_us;
         let span = times.last().zip(times.first()).map_or(0, |(last, first)| last - first);
         let interval_us = span as f64 / (times.len() - 1).max(1) as f64;
@@ -53,12 +53,12 @@ impl Acts for FrameNoise {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Surroundings;
+    use super::super::RecordingContext;
     use super::super::trial::*;
 
     #[test]
     fn noise_of_frames_makes_fewer_events_and_motion_keeps_its_own() {
-        let around = Surroundings {
+        let around = RecordingContext {
             frame_times_us: (0..101).map(|i| 10_000 * i).collect(),
             ..Surroundings::default()
         };
@@ -69,7 +69,7 @@ mod tests {
                 .fract();
             0.1 * hash * 3.0_f64.sqrt()
         };
-        let still = made(move |place, t: f64| {
+        let still = synthetic(move |place, t: f64| {
             let (frame, u) = ((t / 0.01).floor(), (t / 0.01).fract());
             -1.2 + (1.0 - u) * noise(place, frame) + u * noise(place, frame + 1.0)
         });

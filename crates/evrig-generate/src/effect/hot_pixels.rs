@@ -4,7 +4,7 @@
 //! it fires On steadily. Rates spread over two decades about `rate_hz`. Signature: a second mode
 //! far out in the pixels' rates while nothing moves.
 
-use super::{Acts, Enters, Parameter, PixelModel, Site, parameter};
+use super::{EffectModel, SignalStage, EffectParameter, PixelModel, PixelSite, parameter};
 use evrig_core::effect_id::EffectId;
 use serde::{Deserialize, Serialize};
 
@@ -23,23 +23,23 @@ const fn rate_hz() -> f64 {
     100.0
 }
 
-impl Acts for HotPixels {
-    fn enters(&self) -> Enters {
-        Enters::Drift
+impl EffectModel for HotPixels {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Drift
     }
 
     fn equation(&self) -> &'static str {
         "dV = R_p dt in a share of the pixels, log10 R_p uniform over 2 decades"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![
             parameter("fraction", self.fraction, 0.0, 1.0),
             parameter("rate_hz", self.rate_hz, 0.1, 10000.0),
         ]
     }
 
-    fn pixel(&self, site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, site: &PixelSite<'_>, pixel: &mut PixelModel) {
         let mut draws = site.draws(EffectId::HotPixels);
         if draws.uniform() < self.fraction {
             pixel.leak_hz += self.rate_hz * 10_f64.powf(2.0 * draws.uniform() - 1.0);

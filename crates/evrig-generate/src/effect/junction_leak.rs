@@ -4,7 +4,7 @@
 //! seen from the comparator the light seems to rise (Nozaki and Delbruck, IEEE T-ED 2017).
 //! Signature: near-periodic On events at a rate that light does not change, also in the dark.
 
-use super::{Acts, Enters, Parameter, PixelModel, Site, parameter};
+use super::{EffectModel, SignalStage, EffectParameter, PixelModel, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 
 /// On events at a constant rate.
@@ -15,20 +15,20 @@ pub struct JunctionLeak {
     pub rate_hz: f64,
 }
 
-impl Acts for JunctionLeak {
-    fn enters(&self) -> Enters {
-        Enters::Drift
+impl EffectModel for JunctionLeak {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Drift
     }
 
     fn equation(&self) -> &'static str {
         "dV = R dt"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("rate_hz", self.rate_hz, 0.0, 1000.0)]
     }
 
-    fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, _site: &PixelSite<'_>, pixel: &mut PixelModel) {
         pixel.leak_hz += self.rate_hz;
     }
 }

@@ -4,7 +4,7 @@
 //! sensor and scaled. Signature: a lag of shift over velocity that turns its sign with the
 //! direction of motion.
 
-use super::{Acts, Enters, Parameter, Site, parameter};
+use super::{EffectModel, SignalStage, EffectParameter, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 
 /// A similarity between predicted and real places.
@@ -21,16 +21,16 @@ pub struct Misregistration {
     pub scale: f64,
 }
 
-impl Acts for Misregistration {
-    fn enters(&self) -> Enters {
-        Enters::Optics
+impl EffectModel for Misregistration {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Optics
     }
 
     fn equation(&self) -> &'static str {
         "p_real = middle + s R (p - middle) + shift"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![
             parameter("shift_x_px", self.shift_x_px, -200.0, 200.0),
             parameter("shift_y_px", self.shift_y_px, -200.0, 200.0),
@@ -39,7 +39,7 @@ impl Acts for Misregistration {
         ]
     }
 
-    fn look(&self, site: &Site<'_>, place: [f64; 2]) -> [f64; 2] {
+    fn look(&self, site: &PixelSite<'_>, place: [f64; 2]) -> [f64; 2] {
         let middle = [site.size.width, site.size.height].map(|n| 0.5 * f64::from(n));
         let (sin, cos) = self.rotation_deg.to_radians().sin_cos();
         let x = place[0] - middle[0] - self.shift_x_px;
@@ -56,10 +56,10 @@ mod tests {
 
     #[test]
     fn a_pixel_sees_what_was_predicted_for_the_place_that_was_moved_onto_it() {
-        let surroundings = crate::effect::Surroundings::default();
-        let source = crate::random::Source::new(0);
+        let surroundings = crate::effect::RecordingContext::default();
+        let source = crate::random::RandomSource::new(0);
         let site =
-            Site { x: 40, y: 10, size: SIZE, white_dn: 1.0, surroundings: &surroundings, source };
+            PixelSite { x: 40, y: 10, size: SIZE, white_dn: 1.0, surroundings: &surroundings, source };
         let moved =
             Misregistration { shift_x_px: 2.0, shift_y_px: -1.0, rotation_deg: 30.0, scale: 1.1 };
         let [x, y] = moved.look(&site, [40.5, 10.5]);
@@ -75,7 +75,7 @@ mod tests {
     fn the_lag_turns_with_the_direction_of_motion() {
         let words = ["misregistration:shift_x_px=0.8,shift_y_px=0,rotation_deg=0,scale=1"];
         for px_per_s in [32.0, -32.0] {
-            let light = made(move |[x, _], t| {
+            let light = synthetic(move |[x, _], t| {
                 0.5 * (std::f64::consts::TAU * (x - px_per_s * t) / 16.0).sin() - 1.0
             });
             let found = phase_lag(&events(&light, 4.0, &[]), &events(&light, 4.0, &words), 2.0);

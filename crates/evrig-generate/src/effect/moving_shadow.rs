@@ -4,7 +4,7 @@
 //! left. Its width and speed are not among the stable parameters and have defaults. Signature:
 //! Off events, then On events, in a band that does not move with the picture.
 
-use super::{Acts, Enters, Light, Parameter, Site, parameter};
+use super::{EffectModel, SignalStage, PixelSignal, EffectParameter, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 
 /// A band of shadow of Gaussian shape.
@@ -32,16 +32,16 @@ const fn speed_px_per_s() -> f64 {
     100.0
 }
 
-impl Acts for MovingShadow {
-    fn enters(&self) -> Enters {
-        Enters::Light
+impl EffectModel for MovingShadow {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Light
     }
 
     fn equation(&self) -> &'static str {
         "I_seen = I (1 - m exp(-(x - v t)^2 / (2 w^2)))"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![
             parameter("depth", self.depth, 0.0, 0.99),
             parameter("width_px", self.width_px, 0.5, 10000.0),
@@ -50,7 +50,7 @@ impl Acts for MovingShadow {
         ]
     }
 
-    fn light(&self, site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, site: &PixelSite<'_>, light: &mut PixelSignal<'_>) {
         let way_px = f64::from(site.size.width) + 6.0 * self.width_px;
         let (grid, x_px) = (light.grid(), f64::from(site.x) + 0.5 + 3.0 * self.width_px);
         for (i, x) in light.values.iter_mut().enumerate() {

@@ -4,7 +4,7 @@
 //! (Nozaki and Delbruck, "Temperature and parasitic photocurrent effects in dynamic vision
 //! sensors", IEEE T-ED 2017). Signature: On events of still pixels at a rate linear in light.
 
-use super::{Acts, Enters, Parameter, PixelModel, Site, parameter};
+use super::{EffectModel, SignalStage, EffectParameter, PixelModel, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 
 /// On events at a rate proportional to light.
@@ -15,20 +15,20 @@ pub struct PhotocurrentLeak {
     pub rate_hz_at_white: f64,
 }
 
-impl Acts for PhotocurrentLeak {
-    fn enters(&self) -> Enters {
-        Enters::Drift
+impl EffectModel for PhotocurrentLeak {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Drift
     }
 
     fn equation(&self) -> &'static str {
         "dV = R_white (I / I_white) dt"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("rate_hz_at_white", self.rate_hz_at_white, 0.0, 1000.0)]
     }
 
-    fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, _site: &PixelSite<'_>, pixel: &mut PixelModel) {
         pixel.leak_hz_at_white += self.rate_hz_at_white;
     }
 }

@@ -5,7 +5,7 @@
 //! 2021, 2025). Signature: lag proportional to 1/I, and fewer events the faster and darker.
 
 use super::low_pass::{low_pass, tau_steps};
-use super::{Acts, Enters, Light, Parameter, Site, parameter};
+use super::{EffectModel, SignalStage, PixelSignal, EffectParameter, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 
 /// Poles whose cut-off is proportional to light.
@@ -19,29 +19,29 @@ pub struct PhotoreceptorBandwidth {
 }
 
 /// Log intensity over white below which the pole gets no slower: dark current keeps it going.
-const DARKEST: f32 = -9.0;
+const MIN_LOG_INTENSITY: f32 = -9.0;
 
-impl Acts for PhotoreceptorBandwidth {
-    fn enters(&self) -> Enters {
-        Enters::Photoreceptor
+impl EffectModel for PhotoreceptorBandwidth {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Photoreceptor
     }
 
     fn equation(&self) -> &'static str {
         "tau(I) dy/dt = ln I - y, tau = 1/(2 pi f_white I), I over white"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![
             parameter("cutoff_hz_at_white", self.cutoff_hz_at_white, 0.1, 1000000.0),
             parameter("order", self.order, 1.0, 4.0),
         ]
     }
 
-    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &PixelSite<'_>, light: &mut PixelSignal<'_>) {
         let tau_at_white = tau_steps(self.cutoff_hz_at_white, light.step_s());
         for _ in 0..self.order.round() as usize {
             // The pole follows the light itself, of which the filtered signal is a fair account.
-            low_pass(light.values, |x| tau_at_white / f64::from(x.max(DARKEST)).exp());
+            low_pass(light.values, |x| tau_at_white / f64::from(x.max(MIN_LOG_INTENSITY)).exp());
         }
     }
 }
@@ -57,7 +57,7 @@ mod tests {
             |order: u32| format!("photoreceptor_bandwidth:cutoff_hz_at_white=40,order={order}");
         // Slow and small, so that the pole hardly moves: a stripe of 1 Hz.
         for (level, order) in [(0.0, 1), (-1.0, 1), (0.0, 2)] {
-            let light = made(move |[x, _], t| level + 0.25 * (TAU * (t + x / 16.0)).sin());
+            let light = synthetic(move |[x, _], t| level + 0.25 * (TAU * (t + x / 16.0)).sin());
             let plain = events(&light, 2.0, &[]);
             let slow = events(&light, 2.0, &[&words(order)]);
             let expected = f64::from(order) * 1e6 / (TAU * 40.0 * level.exp());

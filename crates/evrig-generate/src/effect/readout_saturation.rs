@@ -5,7 +5,7 @@
 //! pixels run, the bus serves them their share. Signature: lag that grows with the load of the
 //! whole camera; above the limit counts are cut.
 
-use super::{Acts, Bench, Enters, Parameter, parameter};
+use super::{EffectModel, ReadoutContext, SignalStage, EffectParameter, parameter};
 use evrig_core::event::Events;
 use serde::{Deserialize, Serialize};
 
@@ -17,20 +17,20 @@ pub struct ReadoutSaturation {
     pub max_events_per_s: f64,
 }
 
-impl Acts for ReadoutSaturation {
-    fn enters(&self) -> Enters {
-        Enters::Readout
+impl EffectModel for ReadoutSaturation {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Readout
     }
 
     fn equation(&self) -> &'static str {
         "t_out = max(t_request, t_out of the one before) + 1/R; one request a pixel"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("max_events_per_s", self.max_events_per_s, 1.0, 1000000000.0)]
     }
 
-    fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
+    fn readout(&self, bench: &ReadoutContext<'_>, events: &mut Events) {
         let service_us = 1e6 / (self.max_events_per_s * bench.share());
         let mut free_us = f64::MIN;
         let mut busy_until = vec![i64::MIN; bench.size.n_pixels()];
@@ -55,7 +55,7 @@ mod tests {
     use super::super::trial::*;
     #[test]
     fn no_second_carries_more_and_a_light_load_passes_untouched() {
-        let light = made(|_, t| 2.0 * (std::f64::consts::TAU * t).sin() - 3.0);
+        let light = synthetic(|_, t| 2.0 * (std::f64::consts::TAU * t).sin() - 3.0);
         let free = events(&light, 1.0, &[]);
         assert!(free.len() > 80_000);
         let cut = events(&light, 1.0, &["readout_saturation:max_events_per_s=20000"]);

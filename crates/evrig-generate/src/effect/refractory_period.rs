@@ -7,7 +7,7 @@
 //! Filters of events and some simulators have another one: the pixel goes on firing and memorising,
 //! and what comes too soon behind an event that was let through is taken out.
 
-use super::{Acts, Bench, Enters, Parameter, PixelModel, Site, parameter};
+use super::{EffectModel, ReadoutContext, SignalStage, EffectParameter, PixelModel, PixelSite, parameter};
 use evrig_core::event::{DeadTime, Events};
 use serde::{Deserialize, Serialize};
 
@@ -28,9 +28,9 @@ impl RefractoryPeriod {
     }
 }
 
-impl Acts for RefractoryPeriod {
-    fn enters(&self) -> Enters {
-        Enters::Memory
+impl EffectModel for RefractoryPeriod {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Memory
     }
 
     fn equation(&self) -> &'static str {
@@ -41,20 +41,20 @@ impl Acts for RefractoryPeriod {
         }
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![
             parameter("refractory_us", self.refractory_us, 0.0, 1000000.0),
             parameter("compares_on", self.compares_on, 0.0, 1.0),
         ]
     }
 
-    fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, _site: &PixelSite<'_>, pixel: &mut PixelModel) {
         if !self.is_behind_the_pixel() {
             pixel.refractory_us += self.refractory_us;
         }
     }
 
-    fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
+    fn readout(&self, bench: &ReadoutContext<'_>, events: &mut Events) {
         if !self.is_behind_the_pixel() {
             return;
         }

@@ -3,7 +3,7 @@
 //! Row y shows light `y * row_us` later than the frame's record says, so the pixel sees it later than
 //! the drive says. Rows are counted on the event camera. Signature: a lag linear in the row.
 
-use super::{Acts, Enters, Parameter, Site, parameter};
+use super::{EffectModel, SignalStage, EffectParameter, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 
 /// A delay from row to row beyond the stated one.
@@ -14,20 +14,20 @@ pub struct RollingShutter {
     pub row_us: f64,
 }
 
-impl Acts for RollingShutter {
-    fn enters(&self) -> Enters {
-        Enters::Frames
+impl EffectModel for RollingShutter {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Frames
     }
 
     fn equation(&self) -> &'static str {
         "t_row = t_0 + y (T_stated + T)"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("row_us", self.row_us, -1000.0, 1000.0)]
     }
 
-    fn lag_us(&self, site: &Site<'_>) -> f64 {
+    fn lag_us(&self, site: &PixelSite<'_>) -> f64 {
         self.row_us * f64::from(site.y)
     }
 }

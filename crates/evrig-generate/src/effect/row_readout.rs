@@ -4,7 +4,7 @@
 //! longest; a row takes `row_us` (as in column-parallel DAVIS readout; Joubert et al., IEBCS, 2021).
 //! Signature: events of one row with one stamp, far more than chance.
 
-use super::{Acts, Bench, Enters, Parameter, parameter};
+use super::{EffectModel, ReadoutContext, SignalStage, EffectParameter, parameter};
 use evrig_core::event::{Event, Events};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -17,20 +17,20 @@ pub struct RowReadout {
     pub row_us: f64,
 }
 
-impl Acts for RowReadout {
-    fn enters(&self) -> Enters {
-        Enters::Readout
+impl EffectModel for RowReadout {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Readout
     }
 
     fn equation(&self) -> &'static str {
         "t_out = start of the row's turn + T_row, the same for all its requests"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("row_us", self.row_us, 0.0, 100000.0)]
     }
 
-    fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
+    fn readout(&self, bench: &ReadoutContext<'_>, events: &mut Events) {
         let n_rows = usize::from(bench.size.height);
         bench.change(events, |requests| read_rows(&requests, n_rows, self.row_us));
     }
@@ -74,7 +74,7 @@ mod tests {
 
     #[test]
     fn events_of_a_row_share_stamps_and_rows_keep_their_distance() {
-        let flash = made(|[x, y], t| if t < 0.1 + 1e-5 * (x + 3.0 * y) { -3.0 } else { -2.5 });
+        let flash = synthetic(|[x, y], t| if t < 0.1 + 1e-5 * (x + 3.0 * y) { -3.0 } else { -2.5 });
         let plain = events(&flash, 0.3, &[]);
         let read = events(&flash, 0.3, &["row_readout:row_us=40"]);
         let mut stamps = BTreeMap::<i64, Vec<Event>>::new();

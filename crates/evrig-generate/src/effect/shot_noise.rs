@@ -5,7 +5,7 @@
 //! v2e, 2021; Graca, McReynolds, Delbruck 2023). Signature: still pixels fire pairs of opposite
 //! side, so alternation is far above one half, and falls as noise nears the threshold.
 
-use super::{Acts, Enters, Parameter, PixelModel, Site, parameter};
+use super::{EffectModel, SignalStage, EffectParameter, PixelModel, PixelSite, parameter};
 use crate::forward::BandNoise;
 use serde::{Deserialize, Serialize};
 
@@ -22,16 +22,16 @@ pub struct ShotNoise {
     pub light_exponent: f64,
 }
 
-impl Acts for ShotNoise {
-    fn enters(&self) -> Enters {
-        Enters::Noise
+impl EffectModel for ShotNoise {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Noise
     }
 
     fn equation(&self) -> &'static str {
         "V + n - n_reset, dn = -n dt/tau + rms sqrt(2/tau) dW, tau = 1/(2 pi f)"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![
             parameter("rms_thresholds", self.rms_thresholds, 0.0, 3.0),
             parameter("bandwidth_hz", self.bandwidth_hz, 0.1, 100000.0),
@@ -39,7 +39,7 @@ impl Acts for ShotNoise {
         ]
     }
 
-    fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, _site: &PixelSite<'_>, pixel: &mut PixelModel) {
         pixel.band = Some(BandNoise {
             rms: self.rms_thresholds,
             bandwidth_hz: self.bandwidth_hz,
@@ -60,7 +60,7 @@ mod tests {
         // Resets lie on a lattice about the first of them, so many first ones are tried.
         let (n_pixels, n_steps) = (2_000, 10_000);
         for pixel in 0..n_pixels {
-            let mut draws = crate::random::Source::new(seed).draws(pixel, 0);
+            let mut draws = crate::random::RandomSource::new(seed).draws(pixel, 0);
             let mut n = draws.normal();
             let (mut reset, mut last) = (n, None);
             for _ in 0..n_steps {

@@ -1,13 +1,13 @@
 //! What an effect gets to see of the pixel it acts on, and of its light.
 
-use crate::random::{Draws, Source};
+use crate::random::{CounterRng, RandomSource};
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::effect_id::EffectId;
 use evrig_core::geometry::Size;
 
 /// What effects need to know of the recording beside the light.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Surroundings {
+pub struct RecordingContext {
     /// Starts of exposure of the event camera's own frames, µs, ascending.
     pub aps_starts_us: Vec<i64>,
     /// Times of the frames that the drive was made of, µs, ascending.
@@ -16,7 +16,7 @@ pub struct Surroundings {
 
 /// One event pixel.
 #[derive(Debug, Clone, Copy)]
-pub struct Site<'a> {
+pub struct PixelSite<'a> {
     /// Column.
     pub x: u16,
     /// Row.
@@ -26,11 +26,11 @@ pub struct Site<'a> {
     /// What white paper reads in the frames, digital units above black.
     pub white_dn: f64,
     /// The recording.
-    pub surroundings: &'a Surroundings,
-    pub(crate) source: Source,
+    pub surroundings: &'a RecordingContext,
+    pub(crate) source: RandomSource,
 }
 
-impl Site<'_> {
+impl PixelSite<'_> {
     /// Row-major number of the pixel.
     #[must_use]
     pub fn number(&self) -> u32 {
@@ -45,7 +45,7 @@ impl Site<'_> {
     }
 
     /// The draws of an effect at this pixel, the same in every run of one seed.
-    pub(crate) fn draws(&self, id: EffectId) -> Draws {
+    pub(crate) fn draws(&self, id: EffectId) -> CounterRng {
         self.source.draws(self.number(), stream_of(id))
     }
 }
@@ -56,7 +56,7 @@ pub(crate) fn stream_of(id: EffectId) -> u64 {
 }
 
 /// The light of one pixel: natural logarithm of intensity over white at the instants of a grid.
-pub struct Light<'a> {
+pub struct PixelSignal<'a> {
     drive: &'a dyn Drive,
     place: [f64; 2],
     grid: TimeGrid,
@@ -66,7 +66,7 @@ pub struct Light<'a> {
     own: Vec<f32>,
 }
 
-impl<'a> Light<'a> {
+impl<'a> PixelSignal<'a> {
     /// The drive at a place, on the grid; none where nothing is known of it.
     pub(crate) fn sample(
         drive: &'a dyn Drive,

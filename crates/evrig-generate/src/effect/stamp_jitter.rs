@@ -3,7 +3,7 @@
 //! Signature: intervals scatter by the same time at every slope, so innovations scatter in
 //! proportion to the slope.
 
-use super::{Acts, Bench, Enters, Parameter, parameter};
+use super::{EffectModel, ReadoutContext, SignalStage, EffectParameter, parameter};
 use evrig_core::effect_id::EffectId;
 use evrig_core::event::Events;
 use serde::{Deserialize, Serialize};
@@ -16,20 +16,20 @@ pub struct StampJitter {
     pub sigma_us: f64,
 }
 
-impl Acts for StampJitter {
-    fn enters(&self) -> Enters {
-        Enters::Stamps
+impl EffectModel for StampJitter {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Stamps
     }
 
     fn equation(&self) -> &'static str {
         "t_stamp = t + sigma z, z standard normal"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("sigma_us", self.sigma_us, 0.0, 100000.0)]
     }
 
-    fn readout(&self, bench: &Bench<'_>, events: &mut Events) {
+    fn readout(&self, bench: &ReadoutContext<'_>, events: &mut Events) {
         bench.change(events, |mut events| {
             for event in &mut events {
                 let z = bench.draws(EffectId::StampJitter, *event).normal();

@@ -3,7 +3,7 @@
 //! Junction leakage doubles about every 8 degrees, and a camera warms for many minutes (Nozaki and
 //! Delbruck 2017). Signature: the rate of On events of still pixels rises with time.
 
-use super::{Acts, Enters, Parameter, PixelModel, Site, parameter};
+use super::{EffectModel, SignalStage, EffectParameter, PixelModel, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 
 /// A leak that grows linearly from the start of the window.
@@ -14,20 +14,20 @@ pub struct TemperatureDrift {
     pub rate_hz_per_s: f64,
 }
 
-impl Acts for TemperatureDrift {
-    fn enters(&self) -> Enters {
-        Enters::Drift
+impl EffectModel for TemperatureDrift {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Drift
     }
 
     fn equation(&self) -> &'static str {
         "dV = a (t - t_start) dt"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("rate_hz_per_s", self.rate_hz_per_s, -100.0, 100.0)]
     }
 
-    fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, _site: &PixelSite<'_>, pixel: &mut PixelModel) {
         pixel.leak_hz_per_s += self.rate_hz_per_s;
     }
 }

@@ -4,7 +4,7 @@
 //! (Lichtsteiner et al. 2008; DAVIS346 data). Signature: the ratio of On to Off events a cycle,
 //! the same at every speed and brightness.
 
-use super::{Acts, Enters, Parameter, PixelModel, Site, parameter};
+use super::{EffectModel, SignalStage, EffectParameter, PixelModel, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 
 /// On threshold over Off threshold.
@@ -15,20 +15,20 @@ pub struct ThresholdAsymmetry {
     pub on_off_ratio: f64,
 }
 
-impl Acts for ThresholdAsymmetry {
-    fn enters(&self) -> Enters {
-        Enters::Thresholds
+impl EffectModel for ThresholdAsymmetry {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Thresholds
     }
 
     fn equation(&self) -> &'static str {
         "theta_on = theta sqrt(r), theta_off = theta / sqrt(r)"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("on_off_ratio", self.on_off_ratio, 0.05, 20.0)]
     }
 
-    fn pixel(&self, _site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, _site: &PixelSite<'_>, pixel: &mut PixelModel) {
         pixel.threshold_on *= self.on_off_ratio.sqrt();
         pixel.threshold_off /= self.on_off_ratio.sqrt();
     }

@@ -4,7 +4,7 @@
 //! ones, On and Off independently and for good (Lichtsteiner et al. 2008; Hu et al., v2e, 2021;
 //! Wang et al. 2020). Signature: counts differ from pixel to pixel and do so again in every segment.
 
-use super::{Acts, Enters, Parameter, PixelModel, Site, parameter};
+use super::{EffectModel, SignalStage, EffectParameter, PixelModel, PixelSite, parameter};
 use evrig_core::effect_id::EffectId;
 use serde::{Deserialize, Serialize};
 
@@ -17,24 +17,24 @@ pub struct ThresholdMismatch {
 }
 
 /// No threshold is less than this share of the nominal one.
-const LOWEST: f64 = 0.1;
+const MIN_THRESHOLD_RATIO: f64 = 0.1;
 
-impl Acts for ThresholdMismatch {
-    fn enters(&self) -> Enters {
-        Enters::Thresholds
+impl EffectModel for ThresholdMismatch {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Thresholds
     }
 
     fn equation(&self) -> &'static str {
         "theta_p = theta (1 + sigma z_p), z_p standard normal, On and Off drawn apart"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("sigma_relative", self.sigma_relative, 0.0, 1.0)]
     }
 
-    fn pixel(&self, site: &Site<'_>, pixel: &mut PixelModel) {
+    fn pixel(&self, site: &PixelSite<'_>, pixel: &mut PixelModel) {
         let mut draws = site.draws(EffectId::ThresholdMismatch);
-        let mut factor = || (1.0 + self.sigma_relative * draws.normal()).max(LOWEST);
+        let mut factor = || (1.0 + self.sigma_relative * draws.normal()).max(MIN_THRESHOLD_RATIO);
         pixel.threshold_on *= factor();
         pixel.threshold_off *= factor();
     }

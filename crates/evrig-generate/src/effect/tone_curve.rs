@@ -3,7 +3,7 @@
 //! An image processor's gamma raises the light to a power; the generator takes the root. Signature:
 //! a gain on all contrast of the frames that a brightness step reveals.
 
-use super::{Acts, Enters, Light, Parameter, Site, parameter};
+use super::{EffectModel, SignalStage, PixelSignal, EffectParameter, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 
 /// The frames are a power of the light.
@@ -14,20 +14,20 @@ pub struct ToneCurve {
     pub gamma: f64,
 }
 
-impl Acts for ToneCurve {
-    fn enters(&self) -> Enters {
-        Enters::Frames
+impl EffectModel for ToneCurve {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Frames
     }
 
     fn equation(&self) -> &'static str {
         "frame ~ I^gamma, so x_true = x / gamma"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("gamma", self.gamma, 0.1, 10.0)]
     }
 
-    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &PixelSite<'_>, light: &mut PixelSignal<'_>) {
         let gamma = self.gamma as f32;
         light.values.iter_mut().for_each(|x| *x /= gamma);
     }
@@ -39,8 +39,8 @@ mod tests {
     #[test]
     fn contrast_is_what_it_was_before_the_curve() {
         let wave = |x: f64, t: f64| 0.8 * (12.0 * t + x).sin() - 1.5;
-        let truth = events(&made(move |[x, _], t| wave(x, t)), 2.0, &[]).len() as f64;
-        let bent = made(move |[x, _], t| 0.45 * wave(x, t));
+        let truth = events(&synthetic(move |[x, _], t| wave(x, t)), 2.0, &[]).len() as f64;
+        let bent = synthetic(move |[x, _], t| 0.45 * wave(x, t));
         assert!((events(&bent, 2.0, &[]).len() as f64) < 0.6 * truth);
         let corrected = events(&bent, 2.0, &["tone_curve:gamma=0.45"]).len() as f64;
         assert!((corrected / truth - 1.0).abs() < 2e-3, "{corrected} {truth}");

@@ -1,7 +1,7 @@
 //! What the effects' tests share: a made light, and the events of a few pixels in it.
 
-use super::{Effects, Surroundings};
-use crate::forward::{Forward, ForwardParameters};
+use super::{EffectSet, RecordingContext};
+use crate::forward::{ForwardSimulator, ForwardParameters};
 use crate::voltmeter::Coefficients;
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::event::{Event, Events};
@@ -10,13 +10,13 @@ use evrig_core::geometry::Size;
 pub(super) const SIZE: Size = Size { width: 60, height: 40 };
 
 /// Log intensity over white by place (pixels) and time (seconds).
-pub(super) struct Made<F>(F);
+pub(super) struct SyntheticDrive<F>(F);
 
-pub(super) fn made<F: Fn([f64; 2], f64) -> f64 + Send + Sync>(f: F) -> Made<F> {
-    Made(f)
+pub(super) fn synthetic<F: Fn([f64; 2], f64) -> f64 + Send + Sync>(f: F) -> SyntheticDrive<F> {
+    SyntheticDrive(f)
 }
 
-impl<F: Fn([f64; 2], f64) -> f64 + Send + Sync> Drive for Made<F> {
+impl<F: Fn([f64; 2], f64) -> f64 + Send + Sync> Drive for SyntheticDrive<F> {
     fn size(&self) -> Size {
         SIZE
     }
@@ -42,31 +42,31 @@ impl<F: Fn([f64; 2], f64) -> f64 + Send + Sync> Drive for Made<F> {
 }
 
 /// A light that does not change.
-pub(super) fn still(level: f64) -> Made<impl Fn([f64; 2], f64) -> f64 + Send + Sync> {
-    made(move |_, _| level)
+pub(super) fn still(level: f64) -> SyntheticDrive<impl Fn([f64; 2], f64) -> f64 + Send + Sync> {
+    synthetic(move |_, _| level)
 }
 
 /// Stripes that pass at `hz`, of amplitude 0.5 in log intensity about a level.
-pub(super) fn passing(hz: f64, level: f64) -> Made<impl Fn([f64; 2], f64) -> f64 + Send + Sync> {
-    made(move |[x, _], t| level + 0.5 * (std::f64::consts::TAU * (hz * t + x / 16.0)).sin())
+pub(super) fn passing(hz: f64, level: f64) -> SyntheticDrive<impl Fn([f64; 2], f64) -> f64 + Send + Sync> {
+    synthetic(move |[x, _], t| level + 0.5 * (std::f64::consts::TAU * (hz * t + x / 16.0)).sin())
 }
 
 /// The events of the whole sensor in `seconds`, with five thresholds a unit of log intensity and
 /// no leak or noise but that of the effects.
 pub(super) fn events(light: &dyn Drive, seconds: f64, words: &[&str]) -> Vec<Event> {
-    events_in(light, seconds, words, Surroundings::default())
+    events_in(light, seconds, words, RecordingContext::default())
 }
 
 pub(super) fn events_in(
     light: &dyn Drive,
     seconds: f64,
     words: &[&str],
-    surroundings: Surroundings,
+    surroundings: RecordingContext,
 ) -> Vec<Event> {
     let k = Coefficients::new([5.0, 1e-9, 0.0, 0.0, 0.0, 0.0]).unwrap();
-    let effects = Effects::from_words(words).unwrap();
+    let effects = EffectSet::from_words(words).unwrap();
     let parameters = ForwardParameters { k, effects, step_us: 500 };
-    let forward = Forward::new(parameters, surroundings).unwrap();
+    let forward = ForwardSimulator::new(parameters, surroundings).unwrap();
     let pixels: Vec<(u16, u16)> =
         (0..SIZE.height).flat_map(|y| (0..SIZE.width).map(move |x| (x, y))).collect();
     let window = [0, (seconds * 1e6) as i64];
@@ -161,11 +161,11 @@ pub(super) fn phase_lag(early: &[Event], late: &[Event], hz: f64) -> f64 {
 }
 
 /// The light of a pixel behind effects.
-pub(super) fn light_of(light: &dyn Drive, words: &[&str], surroundings: Surroundings) -> Vec<f32> {
+pub(super) fn signal_behind(light: &dyn Drive, words: &[&str], surroundings: RecordingContext) -> Vec<f32> {
     let k = Coefficients::DVS346;
     let parameters =
-        ForwardParameters { k, effects: Effects::from_words(words).unwrap(), step_us: 500 };
-    let forward = Forward::new(parameters, surroundings).unwrap();
+        ForwardParameters { k, effects: EffectSet::from_words(words).unwrap(), step_us: 500 };
+    let forward = ForwardSimulator::new(parameters, surroundings).unwrap();
     let grid = TimeGrid { start_us: 0, step_us: 500, n: 2_000 };
     forward.light(light, 20, 10, grid).unwrap()
 }

@@ -6,7 +6,7 @@
 //! Signature: a line in the spectrum where the picture has edges across the direction, and none
 //! where it is flat.
 
-use super::{Acts, Enters, Light, Parameter, Site, parameter};
+use super::{EffectModel, SignalStage, PixelSignal, EffectParameter, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
@@ -36,16 +36,16 @@ const fn px_per_mm() -> f64 {
     1.0
 }
 
-impl Acts for Vibration {
-    fn enters(&self) -> Enters {
-        Enters::Optics
+impl EffectModel for Vibration {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Optics
     }
 
     fn equation(&self) -> &'static str {
         "p_seen = p + a sin(2 pi f (t - t_0) + phi)"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![
             parameter("frequency_hz", self.frequency_hz, 0.1, 10000.0),
             parameter("amplitude_mm", self.amplitude_mm, 0.0, 10.0),
@@ -56,7 +56,7 @@ impl Acts for Vibration {
         ]
     }
 
-    fn light(&self, _site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, _site: &PixelSite<'_>, light: &mut PixelSignal<'_>) {
         let swing = self.amplitude_mm * self.px_per_mm;
         if swing == 0.0 {
             return;
@@ -79,8 +79,8 @@ mod tests {
     #[test]
     fn edges_across_the_swing_fire_in_its_rhythm_and_edges_along_it_do_not() {
         let words = ["vibration:frequency_hz=40,amplitude_mm=1,px_per_mm=2"];
-        let across = made(|[x, _], _| (x * 0.3).sin() - 1.0);
-        let along = made(|[_, y], _| (y * 0.3).sin() - 1.0);
+        let across = synthetic(|[x, _], _| (x * 0.3).sin() - 1.0);
+        let along = synthetic(|[_, y], _| (y * 0.3).sin() - 1.0);
         let all = events(&across, 1.0, &words);
         assert!(all.len() > 10 * SIZE.n_pixels(), "{}", all.len());
         assert!(events(&along, 1.0, &words).is_empty());

@@ -4,7 +4,7 @@
 //! brightness: bandwidth, noise, leak, dark current (cos^4 law and lens stops). Signature: those
 //! effects grow with the distance from the middle.
 
-use super::{Acts, Enters, Light, Parameter, Site, parameter};
+use super::{EffectModel, SignalStage, PixelSignal, EffectParameter, PixelSite, parameter};
 use serde::{Deserialize, Serialize};
 
 /// Loss of light that grows with the square of the distance from the middle.
@@ -15,20 +15,20 @@ pub struct Vignetting {
     pub corner_loss: f64,
 }
 
-impl Acts for Vignetting {
-    fn enters(&self) -> Enters {
-        Enters::Optics
+impl EffectModel for Vignetting {
+    fn enters(&self) -> SignalStage {
+        SignalStage::Optics
     }
 
     fn equation(&self) -> &'static str {
         "I_seen = I (1 - loss (r / r_corner)^2)"
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn parameters(&self) -> Vec<EffectParameter> {
         vec![parameter("corner_loss", self.corner_loss, 0.0, 0.99)]
     }
 
-    fn light(&self, site: &Site<'_>, light: &mut Light<'_>) {
+    fn light(&self, site: &PixelSite<'_>, light: &mut PixelSignal<'_>) {
         let [x, y] = site.from_middle();
         let half = [site.size.width, site.size.height].map(|n| 0.5 * f64::from(n));
         let share = (x * x + y * y) / (half[0] * half[0] + half[1] * half[1]);

@@ -1,9 +1,9 @@
 //! An event camera as a recording showed it: what its generator is told, and what each pixel has beside.
 
 use super::{
-    BandNoise, Forward, ForwardError, ForwardParameters, Forwarded, MOST_HZ, PixelModel, Scatter,
+    BandNoise, ForwardSimulator, ForwardError, ForwardParameters, SimulatedEvents, MAX_EVENT_RATE_HZ, PixelModel, ThresholdScatter,
 };
-use crate::effect::Surroundings;
+use crate::effect::RecordingContext;
 use evrig_core::drive::Drive;
 use serde::{Deserialize, Serialize};
 
@@ -19,13 +19,13 @@ pub struct Camera {
     /// Noise that pixels memorise at their resets, where no effect says otherwise.
     pub noise: BandNoise,
     /// Noise that they do not, where no effect says otherwise.
-    pub scatter: Scatter,
+    pub scatter: ThresholdScatter,
     /// Events of a pixel without a crossing, both polarities, Hz; what effects add comes on top.
     pub background_hz: f64,
 }
 
 impl Camera {
-    /// The events of some pixels in a window of the drive's clock, as [`Forward::run`] gives them.
+    /// The events of some pixels in a window of the drive's clock, as [`ForwardSimulator::run`] gives them.
     ///
     /// # Errors
     /// A constant out of range, an effect that lacks what it acts on, a window or pixel that cannot be, or a pixel that fires
@@ -35,11 +35,11 @@ impl Camera {
         drive: &dyn Drive,
         pixels: &[(u16, u16)],
         window_us: [i64; 2],
-        surroundings: Surroundings,
+        surroundings: RecordingContext,
         seed: u64,
-    ) -> Result<Forwarded, ForwardError> {
+    ) -> Result<SimulatedEvents, ForwardError> {
         self.check()?;
-        let forward = Forward::new(self.generator.clone(), surroundings)?;
+        let forward = ForwardSimulator::new(self.generator.clone(), surroundings)?;
         let adjust = |_: u16, _: u16, pixel: &mut PixelModel| self.adjust(pixel);
         forward.run_with(drive, pixels, window_us, seed, &adjust)
     }
@@ -49,7 +49,7 @@ impl Camera {
     /// # Errors
     /// The first that is out of range.
     pub fn check(&self) -> Result<(), ForwardError> {
-        let most = f64::from(MOST_HZ);
+        let most = f64::from(MAX_EVENT_RATE_HZ);
         for (key, value, low, high) in [
             ("on_over_nominal", self.on_over_nominal, 0.01, 100.0),
             ("noise.rms", self.noise.rms, 0.0, 100.0),

@@ -31,7 +31,7 @@ pub struct PixelModel {
     /// Band-limited noise.
     pub band: Option<BandNoise>,
     /// Scatter of the thresholds.
-    pub scatter: Option<Scatter>,
+    pub scatter: Option<ThresholdScatter>,
     /// From the crossing to the request, at which the pixel is reset, µs.
     pub latency_us: f64,
     /// After the reset the pixel is held at it, µs.
@@ -58,7 +58,7 @@ pub struct BandNoise {
 /// comparison, which a pixel does not memorise.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Scatter {
+pub struct ThresholdScatter {
     /// Scale of their logistic law at white, nominal thresholds.
     pub scale: f64,
     /// The scale goes with the intensity to the power of minus this.

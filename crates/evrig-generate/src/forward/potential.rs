@@ -5,7 +5,7 @@ use wide::f32x8;
 
 /// What a pixel's comparator sees at the instants of a grid.
 #[derive(Debug, Default)]
-pub(super) struct Potential {
+pub(super) struct ComparatorInput {
     /// Signal and leak together, nominal thresholds from an arbitrary zero; `NaN` where the light
     /// is not known.
     pub(super) volts: Vec<f64>,
@@ -18,10 +18,10 @@ pub(super) struct Potential {
     intensity: Vec<f32>,
 }
 
-impl Potential {
+impl ComparatorInput {
     /// Fills in what the pixel makes of `light`, log intensity over white at a step of `step_s`.
     pub(super) fn fill(&mut self, pixel: &PixelModel, light: &[f32], step_s: f64) {
-        let has_floor = pixel.floor_of_white > FLOOR_THAT_MATTERS;
+        let has_floor = pixel.floor_of_white > MIN_FLOOR_OF_WHITE;
         let varies = pixel.band.is_some_and(|band| band.light_exponent != 0.0)
             || pixel.scatter.is_some_and(|scatter| scatter.light_exponent != 0.0);
         let needs_intensity =
@@ -83,7 +83,7 @@ impl Potential {
             if exponent == 0.0 {
                 out.resize(if white > 0.0 { n } else { 0 }, white);
             } else if white > 0.0 {
-                let there = |&i: &f32| white * f64::from(i).max(DARKEST).powf(-exponent);
+                let there = |&i: &f32| white * f64::from(i).max(MIN_NOISE_INTENSITY).powf(-exponent);
                 out.extend(self.intensity.iter().map(there));
             }
         };
@@ -95,10 +95,10 @@ impl Potential {
 }
 
 /// A floor inside the logarithm below this share of white changes nothing that a pixel sees.
-const FLOOR_THAT_MATTERS: f64 = 1e-6;
+const MIN_FLOOR_OF_WHITE: f64 = 1e-6;
 
 /// The least intensity of white at which noise is still taken to grow.
-const DARKEST: f64 = 1e-4;
+const MIN_NOISE_INTENSITY: f64 = 1e-4;
 
 /// e to the power of each value, eight at a time (relative error below 1e-6).
 fn exponentials(values: &[f32], out: &mut Vec<f32>) {
@@ -138,7 +138,7 @@ mod tests {
         let k = Coefficients::new([5.0, 20.0, 0.0, 1e-7, 5e-9, 0.0]).unwrap();
         let pixel = PixelModel { leak_hz_per_s: 0.3, ..PixelModel::from_k(k, 200.0) };
         let light = vec![-0.5_f32; 2001];
-        let mut potential = Potential::default();
+        let mut potential = ComparatorInput::default();
         potential.fill(&pixel, &light, 1e-3);
         let i = (-0.5_f64).exp();
         let expected = 2.0 * (0.1 + 1.0 * i + 0.5 * 0.3 * 2.0);

@@ -1,19 +1,19 @@
 //! Frames of one camera on the pixel grid of another that sees the same plane.
 
-use super::sample::Picture;
-use super::{PlanePath, Shot, Way, middle};
+use super::sample::CubicSampler;
+use super::{PlanePath, FramePose, FrameMapping, middle};
 use crate::RowTimes;
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
 use rayon::prelude::*;
 
 /// The most looks along each side of a pixel.
-const MOST_LOOKS: f64 = 8.0;
+const MAX_SAMPLES_PER_SIDE: f64 = 8.0;
 
 /// Carries frames over to another camera's pixels: what each of those saw at the frame's time.
 ///
 /// A pixel sees the mean over its square. Rows of a rolling shutter are found at their own times.
-pub struct PlaneCarrier {
+pub struct PlaneWarper {
     from: Box<dyn PlanePath>,
     to: Box<dyn PlanePath>,
     size: Size,
@@ -21,13 +21,13 @@ pub struct PlaneCarrier {
     ideal: Vec<[f64; 2]>,
 }
 
-impl PlaneCarrier {
+impl PlaneWarper {
     /// From the frames of one camera to a grid of `size` of another, on one clock.
     #[must_use]
     pub fn new(from: Box<dyn PlanePath>, to: Box<dyn PlanePath>, size: Size) -> Self {
         let ideal = |i: usize| {
             let pixel = middle(size, i);
-            if to.bends() { to.undistort(pixel).unwrap_or([f64::NAN; 2]) } else { pixel }
+            if to.has_distortion() { to.undistort(pixel).unwrap_or([f64::NAN; 2]) } else { pixel }
         };
         let ideal = (0..size.n_pixels()).map(ideal).collect();
         Self { from, to, size, ideal }
@@ -39,11 +39,11 @@ impl PlaneCarrier {
     pub fn carry(&self, frame: &Luminance, rows: RowTimes) -> Option<Luminance> {
         let t_us = frame.t_us as f64;
         let plane_from_pixel = self.to.pixel_from_plane(t_us)?.inverse()?;
-        let shot = Shot::new(self.from.as_ref(), frame, rows)?;
-        let way = Way::new(&plane_from_pixel, &shot, rows.at_row);
+        let shot = FramePose::new(self.from.as_ref(), frame, rows)?;
+        let way = FrameMapping::new(&plane_from_pixel, &shot, rows.at_row);
         let find = |ideal: [f64; 2]| {
             let found = way.find(ideal);
-            if self.from.bends() { self.from.distort(found) } else { found }
+            if self.from.has_distortion() { self.from.distort(found) } else { found }
         };
         let mut values = vec![f32::NAN; self.size.n_pixels()];
         values.par_iter_mut().zip(&self.ideal).with_min_len(1 << 12).for_each(|(value, &ideal)| {
@@ -59,8 +59,8 @@ impl PlaneCarrier {
 }
 
 /// The mean over the parallelogram about a place; `NaN` where any of it lies outside.
-fn mean(picture: Picture<'_>, at: [f64; 2], [right, down]: [[f64; 2]; 2]) -> f32 {
-    let looks = |side: [f64; 2]| side[0].hypot(side[1]).ceil().clamp(1.0, MOST_LOOKS);
+fn mean(picture: CubicSampler<'_>, at: [f64; 2], [right, down]: [[f64; 2]; 2]) -> f32 {
+    let looks = |side: [f64; 2]| side[0].hypot(side[1]).ceil().clamp(1.0, MAX_SAMPLES_PER_SIDE);
     let (n, m) = (looks(right), looks(down));
     let (mut sum, mut count) = (0.0, 0.0_f32);
     for i in 0..n as usize {
@@ -115,8 +115,8 @@ mod tests {
         };
         let values = (0..size.n_pixels()).map(value).collect();
         let frame = Luminance { t_us, size, values };
-        let carrier = PlaneCarrier::new(Box::new(fine()), Box::new(coarse()), small);
-        let seen = carrier.carry(&frame, rows).unwrap();
+        let carrier = PlaneWarper::new(Box::new(fine()), Box::new(coarse()), small);
+        let seen = carrier.warp(&frame, rows).unwrap();
         let back = coarse().pixel_from_plane(t_us as f64).unwrap().inverse().unwrap();
         let (mut n_known, mut squares) = (0_u32, 0.0);
         for (i, value) in seen.values.iter().enumerate().filter(|(_, value)| value.is_finite()) {
@@ -136,6 +136,6 @@ mod tests {
         }
         assert!((squares / f64::from(n_known)).sqrt() < 0.1, "{squares} {n_known}");
         assert!(n_known > 500 && (n_known as usize) < small.n_pixels(), "{n_known}");
-        assert!(carrier.carry(&Luminance { t_us: 1_000_000, ..frame }, rows).is_none());
+        assert!(carrier.warp(&Luminance { t_us: 1_000_000, ..frame }, rows).is_none());
     }
 }

@@ -145,7 +145,7 @@ fn the_frames_rhythm_leaves_the_events() {
     let plain = events((0..n).map(|i| shot(i * frame_us, RowTimes::default())));
     let along = events(between_frames(frame_us, n, RowTimes::default()));
     let rhythm = |events: &Events| {
-        let mut rhythm = crate::Rhythm::default();
+        let mut rhythm = crate::PhaseLocking::default();
         let frames: Vec<i64> = (0..n).map(|i| i * frame_us).collect();
         rhythm.add_between(events.as_slice(), &frames);
         rhythm.strength()

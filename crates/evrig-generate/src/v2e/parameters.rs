@@ -1,12 +1,12 @@
 //! The parameters of the v2e pixel and the authors' two sets of them.
 
 use crate::ParameterError;
-use crate::esim::LOWEST_THRESHOLD;
+use crate::esim::MIN_THRESHOLD;
 use crate::parameter_error::check;
-use crate::parameters::FULL_SCALE_8_BIT;
+use crate::parameters::FULL_SCALE_8_BIT_DN;
 use serde::{Deserialize, Serialize};
 
-/// Parameters of [`crate::Model::V2e`].
+/// Parameters of [`crate::GeneratorModel::V2e`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct V2eParameters {
@@ -50,7 +50,7 @@ impl V2eParameters {
         shot_noise_at_full_scale: 0.25,
         refractory_us: 0.0,
         linear_below: 20.0,
-        full_scale_dn: FULL_SCALE_8_BIT,
+        full_scale_dn: FULL_SCALE_8_BIT_DN,
     };
 
     /// The authors' "noisy" set: a dim scene.
@@ -69,8 +69,8 @@ impl V2eParameters {
     /// # Errors
     /// The first parameter out of range.
     pub fn check(&self) -> Result<(), ParameterError> {
-        check("threshold_on", self.threshold_on, LOWEST_THRESHOLD, 10.0)?;
-        check("threshold_off", self.threshold_off, LOWEST_THRESHOLD, 10.0)?;
+        check("threshold_on", self.threshold_on, MIN_THRESHOLD, 10.0)?;
+        check("threshold_off", self.threshold_off, MIN_THRESHOLD, 10.0)?;
         check("threshold_sd", self.threshold_sd, 0.0, 1.0)?;
         check("cutoff_hz", self.cutoff_hz, 0.0, 1e9)?;
         check("leak_rate_hz", self.leak_rate_hz, 0.0, 1e5)?;
