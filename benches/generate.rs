@@ -15,7 +15,7 @@ use criterion::{BenchmarkId, Criterion, Throughput};
 use eventcv_core::simulate::{Simulator, SimulatorConfig};
 use evrig::event::Events;
 use evrig::frame::Luminance;
-use evrig::generate::{GeneratorChoice, GenerateParameters, Generator, build};
+use evrig::generate::{GenerateParameters, Generator, GeneratorChoice, build};
 use evrig::geometry::Size;
 use std::f32::consts::TAU;
 use std::hint::black_box;
@@ -163,9 +163,12 @@ enum Made {
 }
 
 fn cases() -> Vec<Case> {
-    let voltmeter = GeneratorChoice { preset: Some("Raw2DVS346"), ..Choice::default() };
-    let of =
-        |preset| GeneratorChoice { preset: Some(preset), full_scale_dn: Some(1023.0), ..Choice::default() };
+    let voltmeter = GeneratorChoice { preset: Some("Raw2DVS346"), ..GeneratorChoice::default() };
+    let of = |preset| GeneratorChoice {
+        preset: Some(preset),
+        full_scale_dn: Some(1023.0),
+        ..GeneratorChoice::default()
+    };
     let own = |name, choice| Case { name, made: Made::Own(choice) };
     let clean = SimulatorConfig { sigma_thres: 0.02, ..SimulatorConfig::ideal() };
     let noisy = SimulatorConfig {

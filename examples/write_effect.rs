@@ -11,7 +11,7 @@
 use evrig::drive::{Drive, TimeGrid};
 use evrig::frame::Luminance;
 use evrig::generate::effect::{EffectSet, RecordingContext};
-use evrig::generate::forward::{ForwardSimulator, ForwardParameters};
+use evrig::generate::forward::{ForwardParameters, ForwardSimulator};
 use evrig::generate::voltmeter::Coefficients;
 use evrig::geometry::Size;
 use evrig::scene::FramesDrive;
@@ -59,8 +59,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let wall = FramesDrive::new(&[frame(0), frame(1_000_000)], 0.0, 0.0)?;
     let lamp = SwingingLamp { inner: &wall, hz: 5.0, depth: 0.3 };
 
-    let parameters =
-        ForwardParameters { k: Coefficients::DVS346, effects: EffectSet::default(), step_us: 1_000 };
+    let parameters = ForwardParameters {
+        k: Coefficients::DVS346,
+        effects: EffectSet::default(),
+        step_us: 1_000,
+    };
     let forward = ForwardSimulator::new(parameters, RecordingContext::default())?;
     let pixels: Vec<(u16, u16)> = (0..12).flat_map(|y| (0..16).map(move |x| (x, y))).collect();
     for (name, drive) in [("steady", &wall as &dyn Drive), ("swinging", &lamp)] {

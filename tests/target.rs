@@ -6,7 +6,7 @@
 mod small_rig;
 
 use evrig::clock::Reference;
-use evrig::generate::{GeneratorChoice, GenerateParameters};
+use evrig::generate::{GenerateParameters, GeneratorChoice};
 use evrig::pipeline::{
     AnyTrack, CompareRequest, FilterRequest, FilterSettings, Freshness, GenerateRequest,
     PipelineError, TrackRequest, compare, filter, generate, read_clocks, report, sync, track,

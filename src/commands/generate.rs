@@ -9,7 +9,7 @@ use anyhow::Context;
 use evrig_analysis::calibrate::Calibration;
 use evrig_generate::effect::EffectSet;
 use evrig_generate::input::{Colour, FramePreparation};
-use evrig_generate::{GeneratorChoice, GenerateParameters, KnobSetting, ParameterError};
+use evrig_generate::{GenerateParameters, GeneratorChoice, KnobSetting, ParameterError};
 use evrig_session::{Session, StreamName};
 use serde_json::json;
 

@@ -148,7 +148,7 @@ pub(super) fn generation_settings(
         size,
         parameters: super::generate::parameters(&choice)?,
         row_time: Span::ZERO,
-        preparation: FramePreparation { divide_exposure: true, ..Preparation::default() },
+        preparation: FramePreparation { divide_exposure: true, ..FramePreparation::default() },
         bound: Span::from_secs_f64(bound_ms * 1e-3),
         address,
     })

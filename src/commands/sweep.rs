@@ -132,7 +132,7 @@ fn turned(base: &GenerateRequest, axis: &Axis, value: f64) -> anyhow::Result<Gen
         Axis::Effect(id, key) => {
             // The effect's other parameters are those of the same effect on the command line.
             let given = request.conditions.effects.iter().find(|a| a.effect.id() == *id);
-            let given = given.map(|a| a.effect.acts().parameters()).unwrap_or_default();
+            let given = given.map(|a| a.effect.model().parameters()).unwrap_or_default();
             let mut all: Vec<(&str, f64)> = given.iter().map(|p| (p.key, p.value)).collect();
             all.retain(|(name, _)| name != key);
             all.push((key, value));

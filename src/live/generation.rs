@@ -13,8 +13,8 @@ use evrig_core::raw10;
 use evrig_core::time::{HostMonotonic, Span, Stamp};
 use evrig_device::davis::serve::{ServeError, StreamServer};
 use evrig_format::aedat4::{Compression, StreamSpec};
-use evrig_generate::input::{Colour, SourceFrame, FramePreparation, FramePreparer};
-use evrig_generate::live::{FrameOutcome, LiveGenerator, LiveCounts};
+use evrig_generate::input::{Colour, FramePreparation, FramePreparer, SourceFrame};
+use evrig_generate::live::{FrameOutcome, LiveCounts, LiveGenerator};
 use evrig_generate::{GenerateParameters, Generator, RowTimes, build};
 use evrig_record::host_clock;
 use serde::Serialize;
@@ -185,7 +185,9 @@ impl Worker {
             events.clear();
             let t_us = light.t_us;
             let mut now_us = || t_us + (host_clock::now() - born).as_micros();
-            if let FrameOutcome::Refused(error) = self.generator.push(light, &mut now_us, &mut events) {
+            if let FrameOutcome::Refused(error) =
+                self.generator.push(light, &mut now_us, &mut events)
+            {
                 self.tally.first_refusal.get_or_insert_with(|| error.to_string());
             }
             if !events.is_empty() {
@@ -298,7 +300,8 @@ mod tests {
     #[test]
     fn frames_older_than_the_bound_are_left_out_and_every_frame_has_a_fate() {
         let bound = Span::from_micros(60_000_000);
-        let mut generation = Generation::start(&settings(bound, FramePreparation::default())).unwrap();
+        let mut generation =
+            Generation::start(&settings(bound, FramePreparation::default())).unwrap();
         let mut camera = camera(60);
         for i in 0..60 {
             let frame = camera.next().unwrap().unwrap();
@@ -347,8 +350,11 @@ mod tests {
             frame
         };
         let n_events = |divide_exposure: bool| {
-            let preparation =
-                FramePreparation { divide_exposure, subtract_black: true, ..Preparation::default() };
+            let preparation = FramePreparation {
+                divide_exposure,
+                subtract_black: true,
+                ..FramePreparation::default()
+            };
             let far = Span::from_micros(i64::MAX / 4);
             let made = settings(far, preparation);
             let server = StreamServer::bind(

@@ -55,7 +55,7 @@ pub struct Conditions {
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub in_plane: bool,
     /// Physical effects.
-    #[serde(default, skip_serializing_if = "Effects::is_empty")]
+    #[serde(default, skip_serializing_if = "EffectSet::is_empty")]
     pub effects: EffectSet,
 }
 

@@ -6,7 +6,7 @@ use evrig_core::frame::{Frame, Luminance, Samples};
 use evrig_core::geometry::Size;
 use evrig_core::time::{Clock, Davis, PiSensor};
 use evrig_generate::RowTimes;
-use evrig_generate::input::{SourceFrame, FramePreparation, FramePreparer};
+use evrig_generate::input::{FramePreparation, FramePreparer, SourceFrame};
 use evrig_reconstruct::clock::ClockEstimate;
 use evrig_session::{
     Ascending, DavisPictures, PiPictures, Picture, Session, SessionError, StreamKind, read_stage,

@@ -5,12 +5,12 @@
 //! that a model's law between two frames holds between two instants. A pixel is silent where
 //! nothing is known of its light, and begins anew where it is known again.
 
-use super::parameter_error::check;
-use super::{GenerateError, Generator, ParameterError};
+use crate::generator::{GenerateError, Generator};
+use crate::grid::pixel_centre;
+use crate::parameter_error::{ParameterError, check};
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::event::{Event, Events};
 use evrig_core::frame::Luminance;
-use evrig_core::geometry::Size;
 use rayon::prelude::*;
 
 /// The step at which light is taken when nothing else is said, µs: an eighth of a 120 Hz frame.
@@ -84,7 +84,7 @@ impl<'a> DriveFrames<'a> {
         let white_dn = drive.white_dn() as f32;
         self.block.resize(size.n_pixels() * n, f32::NAN);
         self.block.par_chunks_exact_mut(n).enumerate().for_each(|(pixel, light)| {
-            drive.sample(middle(size, pixel), grid, light);
+            drive.sample(pixel_centre(size, pixel), grid, light);
             light.iter_mut().for_each(|value| *value = white_dn * value.exp());
         });
     }
@@ -117,12 +117,6 @@ impl<'a> DriveRun<'a> {
             returned: Vec::new(),
             made: Events::new(),
         }
-    }
-
-    /// Pixels of which anything is known at the instant taken last.
-    #[must_use]
-    pub fn n_lit(&self) -> usize {
-        self.is_known.iter().filter(|known| **known).count()
     }
 
     /// Hands the next instant to the generator and appends the events since the one before; `false`
@@ -161,17 +155,12 @@ impl<'a> DriveRun<'a> {
     }
 }
 
-/// The middle of a pixel, on the scale on which it covers `x..x + 1`.
-fn middle(size: Size, pixel: usize) -> [f64; 2] {
-    let width = usize::from(size.width).max(1);
-    [(pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::voltmeter::Coefficients;
     use crate::{EsimParameters, GenerateParameters, ModelParameters, build};
+    use evrig_core::geometry::Size;
     use evrig_core::stats::Moments;
 
     const SIZE: Size = Size { width: 40, height: 20 };

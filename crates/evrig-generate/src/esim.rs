@@ -5,17 +5,13 @@
 //! for each event of a pixel (the paper's section 4, "noise"). Within the refractory period after
 //! an event the pixel is silent; its reference moves on, as in the authors' program.
 
-use super::ParameterError;
-use super::grid::{PixelBlock, FramePixelModel};
+use super::grid::{FramePixelModel, PixelBlock};
+use super::limits::{FULL_SCALE_8_BIT_DN, MIN_THRESHOLD};
 use super::merge::Crossing;
-use super::parameter_error::check;
-use super::parameters::FULL_SCALE_8_BIT_DN;
+use super::parameter_error::{ParameterError, check};
 use super::random::RandomSource;
 use super::sequence::FrameInterval;
 use serde::{Deserialize, Serialize};
-
-/// No threshold falls below this, in log units, however it is drawn.
-pub(super) const MIN_THRESHOLD: f64 = 0.01;
 
 /// Parameters of [`crate::GeneratorModel::Esim`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -96,8 +92,7 @@ impl Esim {
             return [threshold_on, -threshold_off];
         }
         let mut draws = self.source.draws(pixel, n);
-        let mut about =
-            |nominal: f64| (nominal + threshold_sd * draws.normal()).max(MIN_THRESHOLD);
+        let mut about = |nominal: f64| (nominal + threshold_sd * draws.normal()).max(MIN_THRESHOLD);
         [about(threshold_on), -about(threshold_off)]
     }
 

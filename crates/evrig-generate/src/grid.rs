@@ -4,7 +4,8 @@
 use super::merge::{Crossing, EventMerger};
 use super::sequence::{FrameInterval, FrameSequence};
 use super::threads::Threads;
-use super::{GenerateError, Generator, ParameterError};
+use crate::generator::{GenerateError, Generator};
+use crate::parameter_error::ParameterError;
 use evrig_core::event::Events;
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
@@ -150,4 +151,10 @@ impl<M: FramePixelModel> Generator for PixelGrid<M> {
             }
         }
     }
+}
+
+/// Centre of the pixel of a row-major number; pixel `i` covers `i..i + 1`.
+pub(super) fn pixel_centre(size: Size, pixel: usize) -> [f64; 2] {
+    let width = usize::from(size.width).max(1);
+    [(pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5]
 }

@@ -1,6 +1,6 @@
 //! What is made of a camera's picture before a generator sees it.
 
-use super::ParameterError;
+use crate::parameter_error::ParameterError;
 use evrig_core::frame::{BayerOrder, BayerSite, Luminance, bayer_brightness};
 use evrig_core::geometry::Size;
 use serde::{Deserialize, Serialize};
@@ -210,7 +210,8 @@ mod tests {
     fn a_camera_that_adapts_its_exposure_gives_the_same_brightness() {
         for colour in Colour::ALL {
             for subtract_black in [true, false] {
-                let preparation = FramePreparation { colour, subtract_black, divide_exposure: true };
+                let preparation =
+                    FramePreparation { colour, subtract_black, divide_exposure: true };
                 let found = prepared(preparation, &[1.0, 2.0, 0.5]);
                 for later in &found[1..] {
                     for (a, b) in found[0].iter().zip(later) {
@@ -226,7 +227,8 @@ mod tests {
     #[test]
     fn each_colour_is_its_own_pixels_above_black() {
         let of = |colour| {
-            let preparation = FramePreparation { colour, subtract_black: true, divide_exposure: false };
+            let preparation =
+                FramePreparation { colour, subtract_black: true, divide_exposure: false };
             prepared(preparation, &[1.0]).remove(0)
         };
         assert_eq!(of(Colour::Red), [100.0, 100.0]);

@@ -3,8 +3,9 @@
 //! Who calls knows the time; nothing here looks at a clock, so a run with the same arrivals gives
 //! the same events.
 
-use super::interpolate::Interpolator;
-use super::{GenerateError, Generator, RowShift, RowTimes};
+use crate::generator::{GenerateError, Generator};
+use crate::interpolate::Interpolator;
+use crate::rows::{RowShift, RowTimes};
 use evrig_core::event::Events;
 use evrig_core::frame::Luminance;
 use serde::Serialize;

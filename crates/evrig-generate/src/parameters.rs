@@ -1,58 +1,16 @@
-//! What a generation is made of, as a stage record keeps it, and the generator it gives.
+//! What decides the events of a generation, and the generator it describes.
 
-use super::esim::Esim;
-use super::grid::PixelGrid;
-use super::v2e::V2e;
-use super::voltmeter::{Coefficients, LazyVoltmeter, ScalarVoltmeter};
-use super::{EsimParameters, Generator, KnobSetting, ParameterError, Preset, V2eParameters};
+use crate::esim::{Esim, EsimParameters};
+use crate::generator::Generator;
+use crate::grid::PixelGrid;
+use crate::knobs::KnobSetting;
+use crate::model::{GeneratorModel, ModelParameters, VoltmeterLaw};
+use crate::parameter_error::ParameterError;
+use crate::preset::Preset;
+use crate::v2e::{V2e, V2eParameters};
+use crate::voltmeter::{Coefficients, LazyVoltmeter, ScalarVoltmeter};
 use serde::{Deserialize, Serialize};
-use std::fmt;
 use std::num::NonZeroUsize;
-use std::str::FromStr;
-
-/// White of an 8-bit frame, DN.
-pub(super) const FULL_SCALE_8_BIT_DN: f64 = 255.0;
-
-/// A model that makes events from frames.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum GeneratorModel {
-    /// Drifting Brownian motion between two barriers (DVS-Voltmeter, Raw2Event).
-    #[default]
-    Voltmeter,
-    /// Log brightness on straight lines between frames (Rebecq et al. 2018).
-    Esim,
-    /// Lin-log photoreceptor with bandwidth, leak, noise and mismatch (Hu et al. 2021).
-    V2e,
-}
-
-/// How the voltmeter's law is drawn from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum VoltmeterLaw {
-    /// The stated equation, exactly.
-    #[default]
-    Exact,
-    /// The published program's shortcuts, for comparison with its output.
-    Reference,
-}
-
-/// A model with all its parameters.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "name", rename_all = "lowercase", deny_unknown_fields)]
-pub enum ModelParameters {
-    /// The paper's event model.
-    Voltmeter {
-        /// How its law is drawn from.
-        law: VoltmeterLaw,
-        /// k1 to k6.
-        k: Coefficients,
-    },
-    /// The ESIM pixel.
-    Esim(EsimParameters),
-    /// The v2e pixel.
-    V2e(V2eParameters),
-}
 
 /// All that decides which events a run of frames gives. Threads are not in it: they
 /// do not change the result.
@@ -88,59 +46,6 @@ pub struct GeneratorChoice<'a> {
     pub full_scale_dn: Option<f64>,
     /// Seed of all draws.
     pub seed: u64,
-}
-
-impl GeneratorModel {
-    /// All models.
-    pub const ALL: [Self; 3] = [Self::Voltmeter, Self::Esim, Self::V2e];
-
-    /// The name on the command line and in files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Voltmeter => "voltmeter",
-            Self::Esim => "esim",
-            Self::V2e => "v2e",
-        }
-    }
-}
-
-impl VoltmeterLaw {
-    /// All laws.
-    pub const ALL: [Self; 2] = [Self::Exact, Self::Reference];
-
-    /// The name on the command line and in files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Exact => "exact",
-            Self::Reference => "reference",
-        }
-    }
-}
-
-impl ModelParameters {
-    /// Which model it is.
-    #[must_use]
-    pub const fn model(&self) -> GeneratorModel {
-        match self {
-            Self::Voltmeter { .. } => GeneratorModel::Voltmeter,
-            Self::Esim(_) => GeneratorModel::Esim,
-            Self::V2e(_) => GeneratorModel::V2e,
-        }
-    }
-
-    /// Refuses what lies outside the ranges; a [`Coefficients`] cannot.
-    ///
-    /// # Errors
-    /// The first parameter out of range, by name.
-    pub fn check(&self) -> Result<(), ParameterError> {
-        match self {
-            Self::Voltmeter { .. } => Ok(()),
-            Self::Esim(parameters) => parameters.check(),
-            Self::V2e(parameters) => parameters.check(),
-        }
-    }
 }
 
 impl GenerateParameters {
@@ -192,9 +97,10 @@ impl GeneratorChoice<'_> {
         match (self.preset, self.k) {
             (Some(_), Some(_)) => Err(ParameterError::PresetAndK),
             (None, Some(k)) => match model.unwrap_or_default() {
-                GeneratorModel::Voltmeter => {
-                    Ok((None, ModelParameters::Voltmeter { law: VoltmeterLaw::Exact, k: k.parse()? }))
-                }
+                GeneratorModel::Voltmeter => Ok((
+                    None,
+                    ModelParameters::Voltmeter { law: VoltmeterLaw::Exact, k: k.parse()? },
+                )),
                 other => Err(not_for("k".into(), other)),
             },
             (Some(name), None) => {
@@ -255,28 +161,6 @@ pub fn build(
     })
 }
 
-macro_rules! named {
-    ($name:ident, $kind:literal) => {
-        impl FromStr for $name {
-            type Err = ParameterError;
-            fn from_str(text: &str) -> Result<Self, ParameterError> {
-                Self::ALL
-                    .into_iter()
-                    .find(|item| item.name().eq_ignore_ascii_case(text))
-                    .ok_or_else(|| ParameterError::unknown($kind, text, &Self::ALL.map(Self::name)))
-            }
-        }
-        impl fmt::Display for $name {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str(self.name())
-            }
-        }
-    };
-}
-
-named!(GeneratorModel, "model");
-named!(VoltmeterLaw, "law");
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -288,9 +172,18 @@ mod tests {
     #[test]
     fn a_record_of_parameters_is_read_back_as_written() {
         let knobs = [KnobSetting { knob: Knob::EventSensitivity, value: 3.0 }];
-        let turned = GeneratorChoice { preset: Some("raw2dvs346"), knobs: &knobs, ..Choice::default() };
-        let v2e = GeneratorChoice { preset: Some("v2e-noisy"), seed: 7, ..Choice::default() };
-        let esim = GeneratorChoice { model: Some("esim"), full_scale_dn: Some(1023.0), ..Choice::default() };
+        let turned = GeneratorChoice {
+            preset: Some("raw2dvs346"),
+            knobs: &knobs,
+            ..GeneratorChoice::default()
+        };
+        let v2e =
+            GeneratorChoice { preset: Some("v2e-noisy"), seed: 7, ..GeneratorChoice::default() };
+        let esim = GeneratorChoice {
+            model: Some("esim"),
+            full_scale_dn: Some(1023.0),
+            ..GeneratorChoice::default()
+        };
         for (choice, name) in [(turned, "voltmeter"), (v2e, "v2e"), (esim, "esim")] {
             let parameters = GenerateParameters::from_choice(&choice).unwrap();
             let json = serde_json::to_string(&parameters).unwrap();
@@ -326,13 +219,22 @@ mod tests {
     fn wrong_choices_say_what_would_be_right() {
         let error = |choice| GenerateParameters::from_choice(&choice).unwrap_err().to_string();
         let base = GeneratorChoice::default();
-        assert!(error(GeneratorChoice { model: Some("voltmetre"), ..base }).contains("`voltmeter`"));
+        assert!(
+            error(GeneratorChoice { model: Some("voltmetre"), ..base }).contains("`voltmeter`")
+        );
         assert!(error(GeneratorChoice { law: Some("exakt"), ..base }).contains("`exact`"));
         let k = Some("1,1,0,0,0,0");
-        assert!(error(GeneratorChoice { preset: Some("DVS346"), k, ..base }).contains("one of the two"));
-        assert!(error(GeneratorChoice { model: Some("esim"), k, ..base }).contains("k does not go"));
+        assert!(
+            error(GeneratorChoice { preset: Some("DVS346"), k, ..base }).contains("one of the two")
+        );
+        assert!(
+            error(GeneratorChoice { model: Some("esim"), k, ..base }).contains("k does not go")
+        );
         let model = Some("v2e");
-        assert!(error(GeneratorChoice { model, preset: Some("DVS346"), ..base }).contains("preset DVS346"));
+        assert!(
+            error(GeneratorChoice { model, preset: Some("DVS346"), ..base })
+                .contains("preset DVS346")
+        );
         assert!(error(GeneratorChoice { model, law: Some("exact"), ..base }).contains("law exact"));
         let white = GeneratorChoice { model, full_scale_dn: Some(0.0), ..base };
         assert!(error(white).contains("full_scale_dn"));

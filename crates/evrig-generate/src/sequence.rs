@@ -1,11 +1,9 @@
 //! The run of frames: each later than the one before, of one size, with finite brightness.
 
-use super::GenerateError;
+use crate::generator::GenerateError;
+use crate::limits::MAX_SPAN_US;
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
-
-/// The longest interval between two frames, µs (35 minutes): event times within it fit 31 bits.
-pub(super) const MAX_SPAN_US: i64 = (1 << 31) - 1;
 
 /// The interval between two frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,7 +58,10 @@ impl FrameSequence {
             span_us: (frame.t_us - last.t_us) as u32,
             brightest: brightest.max(last.brightest),
         });
-        Ok(CheckedFrame { interval, last: LastFrame { size: frame.size, t_us: frame.t_us, brightest } })
+        Ok(CheckedFrame {
+            interval,
+            last: LastFrame { size: frame.size, t_us: frame.t_us, brightest },
+        })
     }
 
     /// Takes in a frame that was checked.

@@ -32,7 +32,10 @@ pub(super) struct Seen {
 ///
 /// # Errors
 /// When the frames cannot be read.
-pub(super) fn preparation_of(session: &Session, from: &str) -> Result<FramePreparation, PipelineError> {
+pub(super) fn preparation_of(
+    session: &Session,
+    from: &str,
+) -> Result<FramePreparation, PipelineError> {
     if is_scene(session, from) || !session.is_from_pi(from)? {
         return Ok(FramePreparation::default());
     }

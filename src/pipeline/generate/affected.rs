@@ -9,10 +9,10 @@ use evrig_core::drive::{Curve, Drive, TimeGrid};
 use evrig_core::event::Events;
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
-use evrig_generate::effect::{EffectError, SignalStage, RecordingContext};
-use evrig_generate::forward::{ForwardSimulator, ForwardError, ForwardParameters};
+use evrig_generate::effect::{EffectError, RecordingContext, SignalStage};
+use evrig_generate::forward::{ForwardError, ForwardParameters, ForwardSimulator};
 use evrig_generate::voltmeter::Coefficients;
-use evrig_generate::{VoltmeterLaw, ModelParameters, RowTimes, build};
+use evrig_generate::{ModelParameters, RowTimes, VoltmeterLaw, build};
 use evrig_reconstruct::scene::FramesDrive;
 use evrig_session::Session;
 use std::time::{Duration, Instant};
@@ -123,7 +123,7 @@ pub(in crate::pipeline) fn with_effects(
         let pushed = between.push(frame, |frame| generator.push(frame, &mut events));
         pushed.map_err(|source| failed(session, request, source))?;
     }
-    forward.readout(&mut events, size, &pixels, window, seed);
+    forward.apply_readout(&mut events, size, &pixels, window, seed);
     Ok(events)
 }
 
@@ -145,7 +145,7 @@ fn surroundings(
 
 fn refuse_what_acts_inside(request: &GenerateRequest) -> Result<(), EffectError> {
     for applied in request.conditions.effects.iter() {
-        let enters = applied.effect.acts().enters();
+        let enters = applied.effect.model().stage();
         if (SignalStage::Memory..=SignalStage::Emission).contains(&enters) {
             let model = request.parameters.model.model().name();
             return Err(EffectError::NotForModel { id: applied.effect.id(), model });
@@ -159,7 +159,7 @@ fn relight(forward: &ForwardSimulator, drive: &FramesDrive, frames: &mut [Lumina
     let grid = TimeGrid::covering(drive.span_us(), STEP_US);
     let (size, white_dn) = (drive.size(), drive.white_dn());
     for (x, y) in all_pixels(size) {
-        let Some(values) = forward.light(drive, x, y, grid) else { continue };
+        let Some(values) = forward.comparator_signal(drive, x, y, grid) else { continue };
         let curve = Curve::new(grid, values);
         for frame in frames.iter_mut() {
             if let Some(log) = curve.at(frame.t_us as f64) {

@@ -9,9 +9,9 @@ use evrig_core::drive::Drive;
 use evrig_core::event::Events;
 use evrig_core::time::Davis;
 use evrig_generate::effect::{EffectError, RecordingContext};
-use evrig_generate::forward::{ForwardSimulator, ForwardParameters};
+use evrig_generate::forward::{ForwardParameters, ForwardSimulator};
 use evrig_generate::input::FramePreparation;
-use evrig_generate::{DRIVE_STEP_US, DriveFrames, DriveRun, VoltmeterLaw, ModelParameters, build};
+use evrig_generate::{DRIVE_STEP_US, DriveFrames, DriveRun, ModelParameters, VoltmeterLaw, build};
 use evrig_reconstruct::scene::SceneDrive;
 use evrig_session::{Picture, Session, SessionError, StreamKind, read_stage};
 use std::time::{Duration, Instant};
@@ -126,7 +126,8 @@ fn affected(
         source: Box::new(source),
     };
     let effects = request.conditions.effects.clone();
-    let ModelParameters::Voltmeter { law: VoltmeterLaw::Exact, k } = request.parameters.model else {
+    let ModelParameters::Voltmeter { law: VoltmeterLaw::Exact, k } = request.parameters.model
+    else {
         let model = request.parameters.model.model().name();
         let id = effects.iter().next().map(|applied| applied.effect.id());
         return Err(match id {
@@ -135,7 +136,7 @@ fn affected(
         });
     };
     let surroundings =
-        RecordingContext { aps_starts_us: aps_starts(session)?, ..Surroundings::default() };
+        RecordingContext { aps_starts_us: aps_starts(session)?, ..RecordingContext::default() };
     let forward = ForwardSimulator::new(ForwardParameters { k, effects, step_us }, surroundings);
     let forward = forward.map_err(wrong)?;
     let size = drive.size();

@@ -3,8 +3,10 @@
 use super::tuned::Seen;
 use super::{Evidence, Facts, FittedEffect, Hypothesis, Nuisance};
 use evrig_core::effect_id::EffectId;
-use evrig_generate::effect::{AppliedEffect, Effect, EffectSet, SignalStage, Region, RecordingContext};
-use evrig_generate::forward::{BandNoise, Camera, ForwardParameters, ThresholdScatter};
+use evrig_generate::effect::{
+    AppliedEffect, Effect, EffectSet, RecordingContext, Region, SignalStage,
+};
+use evrig_generate::forward::{BandNoise, DiagnosedCamera, ForwardParameters, ThresholdScatter};
 use evrig_generate::voltmeter::Coefficients;
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +18,7 @@ const STEP_US: u32 = 1_000;
 #[serde(deny_unknown_fields)]
 pub struct FittedCamera {
     /// The camera, for any light.
-    pub camera: Camera,
+    pub camera: DiagnosedCamera,
     /// How it saw the light of its recording.
     pub seen: Seen,
     /// What was named, be it in the camera's effects, in its law or in the light.
@@ -47,7 +49,7 @@ impl FittedCamera {
         }
         let effects = EffectSet::new(applied).ok()?;
         let (noise, scatter) = noise(hypothesis, theta);
-        let camera = Camera {
+        let camera = DiagnosedCamera {
             generator: ForwardParameters { k, effects, step_us: STEP_US },
             on_over_nominal: (0.5 * hypothesis.nuisance(Nuisance::LogRatio)).exp(),
             noise,
@@ -104,7 +106,7 @@ fn beside(hypothesis: &Hypothesis, named: &[FittedEffect]) -> impl Iterator<Item
         let values: Vec<(&str, f64)> =
             effect.parameters.iter().map(|(key, p)| (key.as_str(), p.value)).collect();
         let told = told(effect.id, &values, None);
-        let is_in_light = |told: &AppliedEffect| told.effect.acts().enters() < SignalStage::Memory;
+        let is_in_light = |told: &AppliedEffect| told.effect.model().stage() < SignalStage::Memory;
         (!told.as_ref().is_ok_and(is_in_light)).then_some(told)
     })
 }

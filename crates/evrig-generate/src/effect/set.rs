@@ -1,6 +1,8 @@
 //! A set of effects, as descriptions and command lines write it.
 
-use super::{Effect, EffectError, Region};
+use super::error::EffectError;
+use super::library::Effect;
+use super::region::Region;
 use evrig_core::effect_id::EffectId;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::{Map, Value};
@@ -40,7 +42,7 @@ impl EffectSet {
             applied.effect.check()?;
             applied.region.map_or(Ok(()), |region| region.check(applied.effect.id()))?;
         }
-        effects.sort_by_key(|applied| (applied.effect.acts().enters(), applied.effect.id()));
+        effects.sort_by_key(|applied| (applied.effect.model().stage(), applied.effect.id()));
         Ok(Self(effects))
     }
 
@@ -68,7 +70,7 @@ impl EffectSet {
     #[must_use]
     pub fn and(&self, more: &Self) -> Self {
         let mut effects = [self.0.as_slice(), more.0.as_slice()].concat();
-        effects.sort_by_key(|applied| (applied.effect.acts().enters(), applied.effect.id()));
+        effects.sort_by_key(|applied| (applied.effect.model().stage(), applied.effect.id()));
         Self(effects)
     }
 
@@ -108,7 +110,11 @@ fn one(word: &str) -> Result<AppliedEffect, EffectError> {
     applied(id, Value::Object(parameters), None)
 }
 
-fn applied(id: EffectId, value: Value, common: Option<&Value>) -> Result<AppliedEffect, EffectError> {
+fn applied(
+    id: EffectId,
+    value: Value,
+    common: Option<&Value>,
+) -> Result<AppliedEffect, EffectError> {
     let unreadable = |reason: String| EffectError::Unreadable { id, reason };
     let Value::Object(mut table) = value else {
         return Err(unreadable("expected a table of parameters".to_owned()));
@@ -116,9 +122,7 @@ fn applied(id: EffectId, value: Value, common: Option<&Value>) -> Result<Applied
     let region = table.remove("region").or_else(|| common.cloned());
     let region = region.map(serde_json::from_value).transpose();
     let region = region.map_err(|error| unreadable(format!("region: {error}")))?;
-    let tagged = Value::Object(Map::from_iter([(id.to_string(), Value::Object(table))]));
-    let effect = serde_json::from_value(tagged).map_err(|error| unreadable(error.to_string()))?;
-    Ok(AppliedEffect { effect, region })
+    Ok(AppliedEffect { effect: Effect::from_table(id, table)?, region })
 }
 
 impl Serialize for EffectSet {

@@ -1,9 +1,9 @@
 //! An event camera as a recording showed it: what its generator is told, and what each pixel has beside.
 
-use super::{
-    BandNoise, ForwardSimulator, ForwardError, ForwardParameters, SimulatedEvents, MAX_EVENT_RATE_HZ, PixelModel, ThresholdScatter,
-};
+use super::parameters::{ForwardError, ForwardParameters, MAX_EVENT_RATE_HZ};
+use super::simulator::{ForwardSimulator, SimulatedEvents};
 use crate::effect::RecordingContext;
+use crate::pixel_model::{BandNoise, PixelModel, ThresholdScatter};
 use evrig_core::drive::Drive;
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 /// sees any drive, of its own recording or of another.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Camera {
+pub struct DiagnosedCamera {
     /// Nominal thresholds, leak and effects.
     pub generator: ForwardParameters,
     /// The threshold of On over the nominal one; that of Off is its inverse. Above 0.
@@ -24,7 +24,7 @@ pub struct Camera {
     pub background_hz: f64,
 }
 
-impl Camera {
+impl DiagnosedCamera {
     /// The events of some pixels in a window of the drive's clock, as [`ForwardSimulator::run`] gives them.
     ///
     /// # Errors
@@ -35,11 +35,11 @@ impl Camera {
         drive: &dyn Drive,
         pixels: &[(u16, u16)],
         window_us: [i64; 2],
-        surroundings: RecordingContext,
+        context: RecordingContext,
         seed: u64,
     ) -> Result<SimulatedEvents, ForwardError> {
         self.check()?;
-        let forward = ForwardSimulator::new(self.generator.clone(), surroundings)?;
+        let forward = ForwardSimulator::new(self.generator.clone(), context)?;
         let adjust = |_: u16, _: u16, pixel: &mut PixelModel| self.adjust(pixel);
         forward.run_with(drive, pixels, window_us, seed, &adjust)
     }

@@ -7,9 +7,9 @@
 //! with the process's own variance at the middle of the step. While no barrier can be reached,
 //! nothing is drawn.
 
-use super::PixelModel;
-use super::potential::ComparatorInput;
+use super::comparator_input::ComparatorInput;
 use super::quiet::known_after;
+use crate::pixel_model::PixelModel;
 use crate::random::CounterRng;
 use crate::voltmeter::{bridge_crosses, crossing_share};
 use std::f64::consts::TAU;
@@ -32,29 +32,29 @@ const MAX_WITHIN_BARRIER: f64 = 1.0 - 1e-12;
 
 /// Calls `fire` with the time of each event (steps of the grid, from its start) and its side, until
 /// it says no.
-pub(super) fn walk(
-    potential: &ComparatorInput,
+pub(super) fn simulate(
+    input: &ComparatorInput,
     pixel: &PixelModel,
     step_us: f64,
     draws: &mut CounterRng,
     fire: &mut dyn FnMut(f64, bool) -> bool,
 ) {
-    let Some(start) = potential.volts.iter().position(|v| v.is_finite()) else { return };
-    let mut walk = NoisyPixel::new(potential, pixel, step_us, draws);
-    walk.scatter(start, true);
+    let Some(start) = input.volts.iter().position(|v| v.is_finite()) else { return };
+    let mut noisy = NoisyPixel::new(input, pixel, step_us, draws);
+    noisy.scatter(start, true);
     let mut i = start + 1;
-    while i < potential.volts.len() {
-        let rise = potential.volts[i] - potential.volts[i - 1];
+    while i < input.volts.len() {
+        let rise = input.volts[i] - input.volts[i - 1];
         if !rise.is_finite() {
-            let Some(known) = known_after(&potential.volts, i as f64) else { return };
-            walk.start_anew();
+            let Some(known) = known_after(&input.volts, i as f64) else { return };
+            noisy.start_anew();
             i = known + 1;
             continue;
         }
-        if !walk.redraws(i, fire) {
+        if !noisy.redraws(i, fire) {
             return;
         }
-        if !walk.skips(i, rise) && !walk.through(i, rise, fire) {
+        if !noisy.skips(i, rise) && !noisy.through(i, rise, fire) {
             return;
         }
         i += 1;
@@ -62,7 +62,7 @@ pub(super) fn walk(
 }
 
 struct NoisyPixel<'a> {
-    potential: &'a ComparatorInput,
+    input: &'a ComparatorInput,
     pixel: &'a PixelModel,
     draws: &'a mut CounterRng,
     step_us: f64,
@@ -87,7 +87,7 @@ struct NoisyPixel<'a> {
 
 impl<'a> NoisyPixel<'a> {
     fn new(
-        potential: &'a ComparatorInput,
+        input: &'a ComparatorInput,
         pixel: &'a PixelModel,
         step_us: f64,
         draws: &'a mut CounterRng,
@@ -97,7 +97,7 @@ impl<'a> NoisyPixel<'a> {
         let scatter = pixel.scatter.filter(|scatter| scatter.scale > 0.0);
         let redrawn_hz = scatter.map_or(0.0, |scatter| scatter.redrawn_hz);
         Self {
-            potential,
+            input,
             pixel,
             draws,
             step_us,
@@ -121,11 +121,11 @@ impl<'a> NoisyPixel<'a> {
     }
 
     fn has_band(&self) -> bool {
-        !self.potential.band_rms.is_empty()
+        !self.input.band_rms.is_empty()
     }
 
     fn variance_of(&self, i: usize) -> f64 {
-        self.potential.variance.get(i).copied().unwrap_or(0.0)
+        self.input.variance.get(i).copied().unwrap_or(0.0)
     }
 
     /// Whether no barrier can be reached in the step before instant `i`; the step is then taken
@@ -139,7 +139,7 @@ impl<'a> NoisyPixel<'a> {
         let (low, high) = (self.mean.min(mean), self.mean.max(mean));
         let mut reach = [REACH * variance.sqrt(); 2];
         if self.has_band() {
-            let most = BAND_REACH * self.rms.max(self.potential.band_rms[i]);
+            let most = BAND_REACH * self.rms.max(self.input.band_rms[i]);
             let now = self.band * self.rms;
             reach = [reach[0] + (most - now).max(0.0), reach[1] + (most + now).max(0.0)];
         }
@@ -162,7 +162,7 @@ impl<'a> NoisyPixel<'a> {
             (self.mean, self.variance, self.elapsed) = (0.0, 0.0, 0.0);
         }
         if self.has_band() {
-            let rms = self.potential.band_rms[i];
+            let rms = self.input.band_rms[i];
             // With the first value the noise is already there: it is no change.
             if self.rms > 0.0 {
                 self.volts += self.band * (rms - self.rms);
@@ -205,7 +205,7 @@ impl<'a> NoisyPixel<'a> {
 
     /// Draws thresholds anew; behind an event such as have not been passed already.
     fn scatter(&mut self, i: usize, is_fresh: bool) {
-        let Some(&scale) = self.potential.scatter.get(i) else { return };
+        let Some(&scale) = self.input.scatter.get(i) else { return };
         let nominal = [self.pixel.threshold_on, self.pixel.threshold_off];
         self.thresholds = nominal.map(|theta| {
             let passed = if is_fresh { 1.0 / (1.0 + (theta / scale).exp()) } else { 0.0 };

@@ -1,6 +1,11 @@
 use super::*;
 use crate::effect::EffectSet;
+use crate::effect::RecordingContext;
 use crate::ks;
+use crate::voltmeter::Coefficients;
+use evrig_core::drive::{Drive, TimeGrid};
+use evrig_core::event::Events;
+use evrig_core::geometry::Size;
 
 const SIZE: Size = Size { width: 40, height: 30 };
 
@@ -39,7 +44,8 @@ impl<F: Fn(f64, f64, f64) -> f64 + Send + Sync> Drive for SyntheticDrive<F> {
 fn forward(k: [f64; 6], words: &[&str], step_us: u32) -> ForwardSimulator {
     let k = Coefficients::new(k).unwrap();
     let effects = EffectSet::from_words(words).unwrap();
-    ForwardSimulator::new(ForwardParameters { k, effects, step_us }, RecordingContext::default()).unwrap()
+    ForwardSimulator::new(ForwardParameters { k, effects, step_us }, RecordingContext::default())
+        .unwrap()
 }
 
 fn all_pixels() -> Vec<(u16, u16)> {
@@ -77,7 +83,7 @@ fn a_pixels_events_do_not_depend_on_threads_or_on_which_other_pixels_run() {
     let pixels = all_pixels();
     let whole = pool(1).install(|| run(&pixels));
     assert_eq!(whole, pool(3).install(|| run(&pixels)));
-    assert_eq!(whole.n_lit, SIZE.n_pixels());
+    assert_eq!(whole.n_with_signal, SIZE.n_pixels());
     let some = [(7, 3), (39, 29), (0, 0)];
     let part = run(&some);
     let expected: Events =
@@ -191,7 +197,7 @@ fn light_behind_the_end_of_the_drive_gives_no_event_and_no_panic() {
         1,
     );
     let run = run.unwrap();
-    assert_eq!(run.n_lit, SIZE.n_pixels() / 2);
+    assert_eq!(run.n_with_signal, SIZE.n_pixels() / 2);
     let background = run.events.as_slice().iter().filter(|e| e.t > 501_000).count();
     assert!(background < SIZE.n_pixels(), "only what comes without light");
 }
@@ -222,10 +228,10 @@ fn what_cannot_be_run_is_refused_with_the_reason() {
 }
 
 /// A camera without noise of its own.
-fn camera(on_over_nominal: f64) -> Camera {
+fn camera(on_over_nominal: f64) -> DiagnosedCamera {
     let k = Coefficients::new([5.0, 1.0, 0.0, 1e-7, 0.0, 0.0]).unwrap();
     let effects = EffectSet::from_words(&["refractory_period:refractory_us=900"]).unwrap();
-    Camera {
+    DiagnosedCamera {
         generator: ForwardParameters { k, effects, step_us: 1_000 },
         on_over_nominal,
         noise: BandNoise { rms: 0.0, bandwidth_hz: 200.0, light_exponent: 0.0 },
@@ -234,7 +240,7 @@ fn camera(on_over_nominal: f64) -> Camera {
     }
 }
 
-fn seen_by(camera: &Camera) -> Events {
+fn seen_by(camera: &DiagnosedCamera) -> Events {
     let around = RecordingContext::default();
     camera.events(&wave(), &all_pixels(), [0, 1_000_000], around, 5).unwrap().events
 }
@@ -242,7 +248,8 @@ fn seen_by(camera: &Camera) -> Events {
 #[test]
 fn a_camera_makes_the_events_of_its_generator_with_its_own_thresholds() {
     let even = camera(1.0);
-    let forward = ForwardSimulator::new(even.generator.clone(), RecordingContext::default()).unwrap();
+    let forward =
+        ForwardSimulator::new(even.generator.clone(), RecordingContext::default()).unwrap();
     let plain = forward.run(&wave(), &all_pixels(), [0, 1_000_000], 5).unwrap().events;
     assert!(plain.len() > 10_000);
     assert_eq!(seen_by(&even), plain);
@@ -250,7 +257,7 @@ fn a_camera_makes_the_events_of_its_generator_with_its_own_thresholds() {
     let (uneven, n_on) = (seen_by(&camera(1.5)), plain.as_slice().count_on());
     assert!(uneven.as_slice().count_on() < n_on * 8 / 10);
     assert!(uneven.len() - uneven.as_slice().count_on() > (plain.len() - n_on) * 12 / 10);
-    let quiet = Camera { background_hz: 3.0, ..camera(1.0) };
+    let quiet = DiagnosedCamera { background_hz: 3.0, ..camera(1.0) };
     let more = seen_by(&quiet).len() as f64 - plain.len() as f64;
     // Events without a crossing delay those with one, by a few percent.
     let expected = 3.0 * SIZE.n_pixels() as f64;
@@ -261,11 +268,11 @@ fn a_camera_makes_the_events_of_its_generator_with_its_own_thresholds() {
 fn a_camera_is_read_as_it_was_written_and_refused_where_no_pixel_can_work() {
     let camera = camera(1.2);
     let text = serde_json::to_string(&camera).unwrap();
-    assert_eq!(serde_json::from_str::<Camera>(&text).unwrap(), camera);
+    assert_eq!(serde_json::from_str::<DiagnosedCamera>(&text).unwrap(), camera);
     for (key, value) in [("on_over_nominal", "0.0"), ("background_hz", "-1.0")] {
         let mut broken = serde_json::to_value(&camera).unwrap();
         broken[key] = value.parse::<f64>().unwrap().into();
-        let broken: Camera = serde_json::from_value(broken).unwrap();
+        let broken: DiagnosedCamera = serde_json::from_value(broken).unwrap();
         let around = RecordingContext::default();
         let refused = broken.events(&wave(), &[(0, 0)], [0, 1_000], around, 0).unwrap_err();
         assert!(refused.to_string().starts_with(key), "{refused}");

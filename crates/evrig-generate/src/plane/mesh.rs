@@ -64,7 +64,7 @@ fn n_nodes(side: u16) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plane::middle;
+    use crate::grid::pixel_centre;
 
     #[test]
     fn straight_between_nodes_is_near_the_bent_way_everywhere() {
@@ -86,9 +86,9 @@ mod tests {
         for i in 0..size.n_pixels() {
             let (x, y) = (i % 691, i / 691);
             let found = mesh.line(x / NODE_SPACING_PX, y).at(x % NODE_SPACING_PX).map(f64::from);
-            let truth = place(middle(size, i));
+            let truth = place(pixel_centre(size, i));
             worst = worst.max((found[0] - truth[0]).hypot(found[1] - truth[1]));
-            let straight = middle(size, i);
+            let straight = pixel_centre(size, i);
             let bent = bend(straight);
             moved = moved.max((bent[0] - straight[0]).hypot(bent[1] - straight[1]));
         }

@@ -1,9 +1,7 @@
 //! The parameters of the v2e pixel and the authors' two sets of them.
 
-use crate::ParameterError;
-use crate::esim::MIN_THRESHOLD;
-use crate::parameter_error::check;
-use crate::parameters::FULL_SCALE_8_BIT_DN;
+use crate::limits::{FULL_SCALE_8_BIT_DN, MIN_THRESHOLD};
+use crate::parameter_error::{ParameterError, check};
 use serde::{Deserialize, Serialize};
 
 /// Parameters of [`crate::GeneratorModel::V2e`].

@@ -1,10 +1,9 @@
 //! The v2e pixel itself.
 
-use super::V2eParameters;
-use crate::esim::MIN_THRESHOLD;
-use crate::grid::{PixelBlock, FramePixelModel};
+use super::parameters::V2eParameters;
+use crate::grid::{FramePixelModel, PixelBlock};
+use crate::limits::{FULL_SCALE_8_BIT_DN, MIN_THRESHOLD};
 use crate::merge::Crossing;
-use crate::parameters::FULL_SCALE_8_BIT_DN;
 use crate::random::{CounterRng, PERMANENT, RandomSource};
 use crate::sequence::FrameInterval;
 use std::f64::consts::{LN_10, TAU};

@@ -98,7 +98,11 @@ fn shot_noise_is_balanced_random_and_stronger_in_the_dark() {
     // 20 Hz times 1 − 0.75 (light + 20)/275.
     for relative_light in [0.0, 255.0] {
         let exact = 20.0 * (1.0 - 0.75 * (relative_light + 20.0) / 275.0);
-        assert!((rate(relative_light) / exact - 1.0).abs() < 0.03, "{} {exact}", rate(relative_light));
+        assert!(
+            (rate(relative_light) / exact - 1.0).abs() < 0.03,
+            "{} {exact}",
+            rate(relative_light)
+        );
     }
 }
 

@@ -5,7 +5,7 @@
 //! −1 (Off). With b = μ/σ² all laws depend on b, σ²t and v only. Source: Borodin and
 //! Salminen, Handbook of Brownian Motion, 2nd ed. 2002, part II, 2.3.0 and 2.1.8.
 
-use super::DriftDiffusion;
+use super::coefficients::DriftDiffusion;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 /// Probability that +1 is hit before −1 from `v`; without noise, the side of the drift, and

@@ -1,6 +1,6 @@
 //! The six k of the event model, their ranges, and what they make of two brightnesses.
 
-use crate::ParameterError;
+use crate::parameter_error::ParameterError;
 use crate::sequence::FrameInterval;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;

@@ -7,68 +7,27 @@
 //! A barrier counts as out of reach when it is 8 standard deviations away from the mean at
 //! both ends of the interval, as in [`super::passage`]: the neglected mass is below 2.5e-14.
 
-use super::Coefficients;
+use super::coefficients::Coefficients;
 use super::passage::{self, INSIDE, REACH};
-use crate::grid::{PixelBlock, FramePixelModel};
+use crate::grid::{FramePixelModel, PixelBlock};
 use crate::merge::Crossing;
 use crate::random::{CounterRng, RandomSource};
 use crate::sequence::FrameInterval;
-use std::ops::Range;
 
 mod drift;
 mod first;
+mod voltages;
 
-use drift::{VoltageColumns, LANES, IntervalCoefficients};
+use drift::{IntervalCoefficients, LANES};
 use first::{FirstEvent, FirstEvents, time_along_one};
+use voltages::VoltageMoments;
+pub(crate) use voltages::Voltages;
 
 /// The event model with lazily drawn noise.
 #[derive(Debug)]
 pub(crate) struct LazyVoltmeter {
     k: Coefficients,
     source: RandomSource,
-}
-
-/// The law of each pixel's voltage: normal with this mean and variance.
-#[derive(Debug)]
-pub(crate) struct Voltages {
-    mean: Vec<f32>,
-    /// What rounding added to the mean: many small moves add up without drift (Kahan).
-    excess: Vec<f32>,
-    /// Grows from 0 after each draw; f32 keeps it to n frames times 6e-8.
-    variance: Vec<f32>,
-}
-
-/// A voltage of which so much is known.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct VoltageMoments {
-    pub(super) mean: f64,
-    pub(super) variance: f64,
-}
-
-impl Voltages {
-    pub(super) fn belief(&self, i: usize) -> VoltageMoments {
-        let mean = f64::from(self.mean[i]) - f64::from(self.excess[i]);
-        VoltageMoments { mean, variance: f64::from(self.variance[i]) }
-    }
-
-    fn columns(&mut self, pixels: Range<usize>) -> VoltageColumns<'_> {
-        VoltageColumns {
-            mean: &mut self.mean[pixels.clone()],
-            excess: &mut self.excess[pixels.clone()],
-            variance: &mut self.variance[pixels],
-        }
-    }
-
-    fn set(&mut self, i: usize, belief: VoltageMoments) {
-        self.mean[i] = belief.mean as f32;
-        self.excess[i] = (f64::from(self.mean[i]) - belief.mean) as f32;
-        self.variance[i] = belief.variance as f32;
-    }
-
-    #[cfg(test)]
-    pub(super) fn beliefs(&self) -> Vec<VoltageMoments> {
-        (0..self.mean.len()).map(|i| self.belief(i)).collect()
-    }
 }
 
 impl LazyVoltmeter {
@@ -110,8 +69,8 @@ impl FramePixelModel for LazyVoltmeter {
                 let lane = flags.trailing_zeros() as usize;
                 flags &= flags - 1;
                 let pixel = *first + (start + lane) as u32;
-                let belief = state.belief(start + lane);
-                firsts.push(pixel, [before[lane], after[lane]], belief, self.source, interval);
+                let moments = state.moments(start + lane);
+                firsts.push(pixel, [before[lane], after[lane]], moments, self.source, interval);
             }
             firsts.draw(&self.k, span_us);
             for i in 0..firsts.len() {
@@ -136,15 +95,15 @@ const LONGEST_PAST_US: f64 = 1e12;
 /// drift dominates, and the end left undrawn when no barrier is within reach of it.
 #[inline]
 fn advance(first: FirstEvent<'_>, span_us: f64, mut fire: impl FnMut(f64, bool)) -> VoltageMoments {
-    let FirstEvent { mut belief, motion, draws, normal, mut past_us, mut time_us, .. } = first;
+    let FirstEvent { mut moments, motion, draws, normal, mut past_us, mut time_us, .. } = first;
     let (drift, on) = (motion.drift_per_us.abs(), motion.drift_per_us > 0.0);
     let rate = motion.sigma_per_sqrt_us * motion.sigma_per_sqrt_us;
     let mut elapsed = 0.0;
-    let mut towards = if on { belief.mean } else { -belief.mean };
+    let mut towards = if on { moments.mean } else { -moments.mean };
     // The mean keeps clear of the barrier behind by 8 standard deviations. Then the chance to
     // be hit there is largest for a voltage halfway, where it is exp(-b (1 + mean)).
-    if drift * (1.0 + towards) <= NEVER * rate || belief.variance > LONGEST_PAST_US * rate {
-        let v = (belief.mean + belief.variance.sqrt() * normal).clamp(-INSIDE, INSIDE);
+    if drift * (1.0 + towards) <= NEVER * rate || moments.variance > LONGEST_PAST_US * rate {
+        let v = (moments.mean + moments.variance.sqrt() * normal).clamp(-INSIDE, INSIDE);
         let end = passage::advance(v, motion, span_us, draws, &mut fire);
         return VoltageMoments { mean: end, variance: 0.0 };
     }
@@ -158,13 +117,13 @@ fn advance(first: FirstEvent<'_>, span_us: f64, mut fire: impl FnMut(f64, bool))
         }
         elapsed += time_us.max(0.0);
         fire(elapsed, on);
-        belief = VoltageMoments {
+        moments = VoltageMoments {
             mean: motion.drift_per_us * (span_us - elapsed),
             variance: rate * (span_us - elapsed),
         };
-        let room = 1.0 - belief.mean.abs();
-        if room > 0.0 && REACH * REACH * belief.variance < room * room {
-            return belief;
+        let room = 1.0 - moments.mean.abs();
+        if room > 0.0 && REACH * REACH * moments.variance < room * room {
+            return moments;
         }
         if drift <= NEVER * rate {
             let rest = span_us - elapsed;

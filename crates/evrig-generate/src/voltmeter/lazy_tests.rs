@@ -1,7 +1,7 @@
 //! The fast form against the law and against the plain form, through whole frames.
 
 use super::*;
-use crate::grid::{PixelGrid, FramePixelModel};
+use crate::grid::{FramePixelModel, PixelGrid};
 use crate::random::RandomSource;
 use crate::{Generator, VoltmeterLaw, ks};
 use evrig_core::event::Events;
@@ -122,8 +122,8 @@ fn the_fast_form_and_the_plain_form_do_the_same_to_swinging_brightness() {
         let drawn = std::cell::RefCell::new(move || draws.normal());
         let fast = swing(LazyVoltmeter::new(k, 8), |state| {
             let drawn = &mut *drawn.borrow_mut();
-            let beliefs = state.beliefs().into_iter();
-            beliefs.map(|belief| belief.mean + belief.variance.sqrt() * drawn()).collect()
+            let all = state.all_moments().into_iter();
+            all.map(|moments| moments.mean + moments.variance.sqrt() * drawn()).collect()
         });
         ks::assert_same_law(&plain.first_us, &fast.first_us);
         ks::assert_same_law(&plain.last_us, &fast.last_us);
@@ -153,10 +153,10 @@ fn a_pixel_that_does_not_fire_ends_where_the_law_given_no_event_says() {
         let mut draws = RandomSource::new(16).draws(0, 0);
         let ends: Vec<f64> = generator
             .states()
-            .flat_map(Voltages::beliefs)
+            .flat_map(Voltages::all_moments)
             .zip(&trains)
             .filter(|(_, train)| train.is_empty())
-            .map(|(belief, _)| belief.mean + belief.variance.sqrt() * draws.normal())
+            .map(|(moments, _)| moments.mean + moments.variance.sqrt() * draws.normal())
             .collect();
         let span_us = (n_intervals * SPAN_US) as f64;
         let alive = closed_form::survival(0.0, motion, span_us);

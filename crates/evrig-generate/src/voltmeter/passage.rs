@@ -8,7 +8,7 @@
 //! (Borodin and Salminen, Handbook of Brownian Motion, 2002). Not crossed, the end
 //! of the step is V's exact conditional law, and that is what the next frame starts from.
 
-use super::DriftDiffusion;
+use super::coefficients::DriftDiffusion;
 use crate::random::CounterRng;
 
 /// A barrier farther than this many standard deviations of a step (beyond its drift) counts

@@ -15,7 +15,7 @@
 //! Time, sorting and noise are evrig's own: the program's f32 clock, its i32 stamps and its
 //! global random state are faults of the program, not of the model.
 
-use super::DriftDiffusion;
+use super::coefficients::DriftDiffusion;
 use super::passage::INSIDE;
 use crate::random::CounterRng;
 

@@ -1,9 +1,10 @@
 //! The event model, one pixel after another in f64: the plain form of the law.
 
-use super::{Coefficients, passage, reference};
-use crate::VoltmeterLaw;
-use crate::grid::{PixelBlock, FramePixelModel};
+use super::coefficients::Coefficients;
+use super::{passage, reference};
+use crate::grid::{FramePixelModel, PixelBlock};
 use crate::merge::Crossing;
+use crate::model::VoltmeterLaw;
 use crate::random::RandomSource;
 use crate::sequence::FrameInterval;
 

@@ -138,7 +138,7 @@ fn dark_saturated_and_noise_free_pixels_give_finite_events() {
         push_levels(scalar(VoltmeterLaw::Exact), &levels, voltages);
         push_levels(scalar(VoltmeterLaw::Reference), &levels, voltages);
         push_levels(LazyVoltmeter::new(k, 3), &levels, |state| {
-            state.beliefs().into_iter().map(|belief| belief.mean).collect()
+            state.all_moments().into_iter().map(|moments| moments.mean).collect()
         });
     }
 }

@@ -66,7 +66,12 @@ impl IntervalCoefficients {
 
     /// Moves the pixels that cannot fire, up to [`LANES`] of them, and returns a bit for each
     /// that may.
-    pub(super) fn let_drift(&self, before: &[f32], after: &[f32], mut state: VoltageColumns<'_>) -> u64 {
+    pub(super) fn let_drift(
+        &self,
+        before: &[f32],
+        after: &[f32],
+        mut state: VoltageColumns<'_>,
+    ) -> u64 {
         let (before, before_rest) = before.as_chunks::<EIGHT>();
         let (after, after_rest) = after.as_chunks::<EIGHT>();
         let mut flags = 0;
@@ -133,8 +138,11 @@ mod tests {
                 let mut after = before.clone();
                 after[bright] = 40.0;
                 let [mut mean, mut excess, mut variance] = [(); 3].map(|()| vec![0.0; n]);
-                let state =
-                    VoltageColumns { mean: &mut mean, excess: &mut excess, variance: &mut variance };
+                let state = VoltageColumns {
+                    mean: &mut mean,
+                    excess: &mut excess,
+                    variance: &mut variance,
+                };
                 assert_eq!(moves.let_drift(&before, &after, state), 1 << bright, "{n} lanes");
             }
         }
@@ -147,7 +155,8 @@ mod tests {
         let moves = IntervalCoefficients::new(&k, 7);
         let (mut mean, mut excess, mut variance) = ([0.0_f32], [0.0_f32], [0.0_f32]);
         for _ in 0..1_000_000 {
-            let state = VoltageColumns { mean: &mut mean, excess: &mut excess, variance: &mut variance };
+            let state =
+                VoltageColumns { mean: &mut mean, excess: &mut excess, variance: &mut variance };
             assert_eq!(moves.let_drift(&[5.0], &[5.0], state), 0);
         }
         assert!((f64::from(mean[0]) - 0.7).abs() < 1e-6, "{}", mean[0]);

@@ -5,7 +5,8 @@
 //! barrier ahead on the way, or that would be within reach now. So the time of the first event
 //! is a single inverse Gaussian draw from there, less the past.
 
-use super::{VoltageMoments, LANES};
+use super::drift::LANES;
+use super::voltages::VoltageMoments;
 use crate::random::{CounterRng, RandomSource};
 use crate::sequence::FrameInterval;
 use crate::voltmeter::{Coefficients, DriftDiffusion};
@@ -40,7 +41,7 @@ pub(super) struct FirstEvents {
 pub(super) struct FirstEvent<'a> {
     /// Row-major number of the pixel.
     pub(super) pixel: u32,
-    pub(super) belief: VoltageMoments,
+    pub(super) moments: VoltageMoments,
     pub(super) motion: DriftDiffusion,
     /// What further draws come from.
     pub(super) draws: &'a mut CounterRng,
@@ -85,7 +86,7 @@ impl FirstEvents {
         &mut self,
         pixel: u32,
         brightness: [f32; 2],
-        belief: VoltageMoments,
+        moments: VoltageMoments,
         source: RandomSource,
         interval: FrameInterval,
     ) {
@@ -93,7 +94,7 @@ impl FirstEvents {
         let mut draws = source.draws(pixel, interval.index);
         self.pixel[i] = pixel;
         [self.before[i], self.after[i]] = brightness.map(f64::from);
-        (self.mean[i], self.variance[i]) = (belief.mean, belief.variance);
+        (self.mean[i], self.variance[i]) = (moments.mean, moments.variance);
         (self.normal[i], self.uniform[i]) = (draws.normal(), draws.uniform());
         self.draws.push(draws);
         self.n += 1;
@@ -141,8 +142,11 @@ impl FirstEvents {
     pub(super) fn at(&mut self, i: usize) -> FirstEvent<'_> {
         FirstEvent {
             pixel: self.pixel[i],
-            belief: VoltageMoments { mean: self.mean[i], variance: self.variance[i] },
-            motion: DriftDiffusion { drift_per_us: self.drift[i], sigma_per_sqrt_us: self.sigma[i] },
+            moments: VoltageMoments { mean: self.mean[i], variance: self.variance[i] },
+            motion: DriftDiffusion {
+                drift_per_us: self.drift[i],
+                sigma_per_sqrt_us: self.sigma[i],
+            },
             draws: &mut self.draws[i],
             normal: self.normal[i],
             past_us: self.past[i],
@@ -192,8 +196,8 @@ mod tests {
         let mut first = FirstEvents::new();
         let brightness = |i: u32| [100.0 + i as f32, 400.0 - 7.0 * i as f32];
         for i in 0..50 {
-            let belief = VoltageMoments { mean: 0.01 * f64::from(i), variance: 0.0 };
-            first.push(i, brightness(i), belief, source, interval);
+            let moments = VoltageMoments { mean: 0.01 * f64::from(i), variance: 0.0 };
+            first.push(i, brightness(i), moments, source, interval);
         }
         first.draw(&k, span_us);
         for i in 0..50 {
@@ -203,7 +207,7 @@ mod tests {
             let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
             assert!(close(found.motion.drift_per_us, exact.drift_per_us));
             assert!(close(found.motion.sigma_per_sqrt_us, exact.sigma_per_sqrt_us));
-            let towards = found.belief.mean * exact.drift_per_us.signum();
+            let towards = found.moments.mean * exact.drift_per_us.signum();
             let alone = time_along_one(1.0 - towards, exact, &mut source.draws(i, 3));
             assert!(close(found.time_us, alone), "{} {alone}", found.time_us);
         }

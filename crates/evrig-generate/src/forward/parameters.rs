@@ -1,0 +1,98 @@
+//! What decides the events of a forward simulation, and why one is refused.
+
+use crate::effect::{EffectError, EffectSet};
+use crate::voltmeter::Coefficients;
+use evrig_core::geometry::Size;
+use serde::{Deserialize, Serialize};
+
+/// What a forward generation is made of.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ForwardParameters {
+    /// The voltmeter's k, in the digital units of [`Drive::white_dn`].
+    pub k: Coefficients,
+    /// What acts beside them.
+    #[serde(default, skip_serializing_if = "EffectSet::is_empty")]
+    pub effects: EffectSet,
+    /// From one instant of the light to the next, µs.
+    #[serde(default = "default_step_us")]
+    pub step_us: u32,
+}
+
+/// The step at which light is taken when nothing else is said, µs.
+const fn default_step_us() -> u32 {
+    1_000
+}
+
+/// The most events a pixel may fire a second, on average over a window.
+pub(super) const MAX_EVENT_RATE_HZ: u32 = 20_000;
+
+/// Why a forward generation is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum ForwardError {
+    /// Its effects cannot act.
+    #[error(transparent)]
+    Effect(#[from] EffectError),
+    /// A step that resolves nothing or takes for ever.
+    #[error("the step is {step_us} us; expected 10 to 100000")]
+    Step {
+        /// What was given.
+        step_us: u32,
+    },
+    /// A window that ends before it begins or holds too many instants.
+    #[error(
+        "the window runs from {} to {} us, {n_steps} steps of {step_us} us; expected 1 to {limit} \
+         steps: generate in shorter windows or at a larger step", .window_us[0], .window_us[1]
+    )]
+    Window {
+        /// What was given.
+        window_us: [i64; 2],
+        /// The step.
+        step_us: u32,
+        /// How many of them.
+        n_steps: i128,
+        /// The most that are allowed.
+        limit: i128,
+    },
+    /// A camera that no pixel can work with.
+    #[error("{key} of the camera is {value}; expected {low} to {high}")]
+    Camera {
+        /// The constant.
+        key: &'static str,
+        /// Its value.
+        value: f64,
+        /// Lowest value.
+        low: f64,
+        /// Highest value.
+        high: f64,
+    },
+    /// A drive without a scale.
+    #[error("the drive's white is {white_dn} DN; expected a finite value above 0")]
+    White {
+        /// What the drive states.
+        white_dn: f64,
+    },
+    /// A pixel off the sensor.
+    #[error("pixel ({x}, {y}) is not on the sensor of {size}")]
+    Pixel {
+        /// Column.
+        x: u16,
+        /// Row.
+        y: u16,
+        /// The sensor.
+        size: Size,
+    },
+    /// Parameters that make a pixel fire without bound.
+    #[error(
+        "pixel ({x}, {y}) fires more than {limit} times in a second; check k, the effects and \
+         the unit of the drive"
+    )]
+    TooManyEvents {
+        /// Column.
+        x: u16,
+        /// Row.
+        y: u16,
+        /// The most that is allowed.
+        limit: u32,
+    },
+}
