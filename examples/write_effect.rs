@@ -1,4 +1,4 @@
-//! An effect of one's own: the lamp's light swings, and events are made of what the pixels then see.
+//! A custom effect: the lamp's intensity is modulated, and events are simulated from it.
 //!
 //! ```sh
 //! cargo run --example write_effect

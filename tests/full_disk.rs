@@ -13,7 +13,7 @@ use camera::{Camera, check_events};
 use evrig::pi::agent::Agent;
 use evrig::pi::source::Synthetic;
 use evrig::session::{Session, Status, verify};
-use evrig::sim::arm::{Clock, Emulator, Options};
+use evrig::sim::arm::{ArmClock, ArmEmulator, ArmOptions};
 use rig::rig_on;
 use std::path::PathBuf;
 use std::process::{Command, Output};
@@ -23,7 +23,7 @@ use std::process::{Command, Output};
 const MEMORY_KB: u64 = 3 << 20;
 
 struct Bench {
-    emulator: Emulator,
+    emulator: ArmEmulator,
     _agent: Agent,
     camera: Camera,
     folder: tempfile::TempDir,
@@ -31,11 +31,11 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        let options = Options { is_homed: true, ..Options::default() };
+        let options = ArmOptions { is_homed: true, ..ArmOptions::default() };
         let agent =
             Agent::serve("127.0.0.1:0".parse().unwrap(), Box::new(Synthetic::paced())).unwrap();
         let camera = Camera::start(2);
-        let emulator = Emulator::start(options, Clock::Scaled(1.0), Vec::new()).unwrap();
+        let emulator = ArmEmulator::start(options, ArmClock::Scaled(1.0), Vec::new()).unwrap();
         let bench = Self { emulator, _agent: agent, camera, folder: tempfile::tempdir().unwrap() };
         let pi = bench._agent.address();
         let text = rig_on(bench.emulator.port(), &bench.camera.address, pi);

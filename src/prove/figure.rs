@@ -1,7 +1,7 @@
 //! The score as pictures: how often an effect is named by its strength, and how often a stated
 //! interval holds the truth by its claimed level.
 
-use super::{Score, Share};
+use super::score::{CountedShare, ProofScore};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
@@ -17,9 +17,9 @@ const STRENGTHS: [f64; 4] = [1.19, 1.68, 2.38, 3.36];
 
 /// A score as one SVG picture; `None` where nothing was counted that could be drawn.
 #[must_use]
-pub fn figure(score: &Score) -> Option<String> {
-    let is_counted = |share: &Share| share.of > 0;
-    let calibration: Vec<&(f64, Share)> =
+pub fn figure(score: &ProofScore) -> Option<String> {
+    let is_counted = |share: &CountedShare| share.of > 0;
+    let calibration: Vec<&(f64, CountedShare)> =
         score.calibration.iter().filter(|(_, share)| is_counted(share)).collect();
     if !score.by_strength.iter().any(is_counted) && calibration.is_empty() {
         return None;
@@ -34,11 +34,11 @@ pub fn figure(score: &Score) -> Option<String> {
     Some(text)
 }
 
-fn draw(canvas: &Canvas<'_>, score: &Score, calibration: &[&(f64, Share)]) -> Drawn {
+fn draw(canvas: &Canvas<'_>, score: &ProofScore, calibration: &[&(f64, CountedShare)]) -> Drawn {
     canvas.fill(&WHITE)?;
     let (left, right) = canvas.split_horizontally(380);
     let strengths = STRENGTHS.iter().zip(&score.by_strength);
-    let named: Vec<(f64, Share)> =
+    let named: Vec<(f64, CountedShare)> =
         strengths.filter(|(_, share)| share.of > 0).map(|(&s, &share)| (s, share)).collect();
     points(
         &left,
@@ -47,7 +47,7 @@ fn draw(canvas: &Canvas<'_>, score: &Score, calibration: &[&(f64, Share)]) -> Dr
         &named,
         None,
     )?;
-    let held: Vec<(f64, Share)> = calibration.iter().map(|&&pair| pair).collect();
+    let held: Vec<(f64, CountedShare)> = calibration.iter().map(|&&pair| pair).collect();
     points(
         &right,
         ["intervals that hold the truth", "claimed level", "share of parameters"],
@@ -62,7 +62,7 @@ fn points(
     area: &Canvas<'_>,
     [title, across, up]: [&str; 3],
     range: std::ops::Range<f64>,
-    shares: &[(f64, Share)],
+    shares: &[(f64, CountedShare)],
     expected: Option<[(f64, f64); 2]>,
 ) -> Drawn {
     let mut chart = ChartBuilder::on(area)
@@ -94,12 +94,12 @@ mod tests {
 
     #[test]
     fn every_share_that_was_counted_is_a_point_and_nothing_is_no_picture() {
-        assert_eq!(figure(&Score::default()), None);
-        let share = |hits, of| Share { hits, of, ci95: wilson95(hits, of) };
-        let score = Score {
+        assert_eq!(figure(&ProofScore::default()), None);
+        let share = |hits, of| CountedShare { hits, of, ci95: wilson95(hits, of) };
+        let score = ProofScore {
             by_strength: [share(1, 4), share(0, 0), share(3, 4), share(4, 4)],
             calibration: vec![(0.5, share(2, 6)), (0.9, share(5, 6))],
-            ..Score::default()
+            ..ProofScore::default()
         };
         let picture = figure(&score).unwrap();
         assert_eq!(picture.matches("<circle").count(), 5, "{picture}");

@@ -1,9 +1,8 @@
-//! Any generator, driven by light that is known at any time: piecewise, in steps finer than the
-//! frames that the light was told from.
+//! Any frame-based generator on a drive, in steps finer than the frames the drive was made from.
 //!
-//! The light of every pixel is taken at even instants and handed to the generator as frames, so
-//! that a model's law between two frames holds between two instants. A pixel is silent where
-//! nothing is known of its light, and begins anew where it is known again.
+//! The log-intensity signal of every pixel is sampled at even instants and passed to the generator
+//! as frames, so a model's law between two frames holds between two instants. A pixel is silent
+//! where its signal is unknown, and restarts where it is known again.
 
 use crate::generator::{GenerateError, Generator};
 use crate::grid::pixel_centre;
@@ -13,10 +12,10 @@ use evrig_core::event::{Event, Events};
 use evrig_core::frame::Luminance;
 use rayon::prelude::*;
 
-/// The step at which light is taken when nothing else is said, µs: an eighth of a 120 Hz frame.
+/// Default sampling step of a drive, µs: an eighth of a 120 Hz frame.
 pub const DRIVE_STEP_US: u32 = 1_000;
 
-/// Instants that are taken at once.
+/// Instants sampled at once.
 const INSTANTS_PER_BLOCK: usize = 32;
 
 /// A drive as frames at even instants.
@@ -24,7 +23,7 @@ pub struct DriveFrames<'a> {
     drive: &'a dyn Drive,
     grid: TimeGrid,
     next: usize,
-    /// The light of the instants about the next, pixel by pixel, DN.
+    /// Intensity at the instants of the current block, pixel by pixel, DN.
     block: Vec<f32>,
     frame: Luminance,
 }
@@ -59,8 +58,8 @@ impl<'a> DriveFrames<'a> {
         self.grid
     }
 
-    /// What the pixels see at the next instant, DN above black, `NaN` where nothing is known of it;
-    /// none behind the last.
+    /// Intensity of the pixels at the next instant, DN above black, `NaN` where it is unknown; none
+    /// after the last.
     pub fn next_frame(&mut self) -> Option<&Luminance> {
         if self.next >= self.grid.n {
             return None;
@@ -93,7 +92,7 @@ impl<'a> DriveFrames<'a> {
 /// A generation from a drive, instant by instant.
 pub struct DriveRun<'a> {
     frames: DriveFrames<'a>,
-    /// What the generator saw last, and where that was known.
+    /// The frame the generator got last, and the pixels at which the signal is known.
     seen: Luminance,
     is_known: Vec<bool>,
     was_known: Vec<bool>,
@@ -106,7 +105,7 @@ impl<'a> DriveRun<'a> {
     #[must_use]
     pub fn new(frames: DriveFrames<'a>) -> Self {
         let size = frames.frame.size;
-        // A pixel of which nothing is known stands at white until something is.
+        // A pixel of unknown signal is white until its signal is known.
         let values = vec![frames.drive.white_dn() as f32; size.n_pixels()];
         let unknown = vec![false; size.n_pixels()];
         Self {
@@ -119,11 +118,11 @@ impl<'a> DriveRun<'a> {
         }
     }
 
-    /// Hands the next instant to the generator and appends the events since the one before; `false`
+    /// Passes the next instant to the generator and appends the events since the one before; `false`
     /// when there is none left.
     ///
     /// # Errors
-    /// What the generator refuses.
+    /// Errors of the generator.
     pub fn step(
         &mut self,
         generator: &mut dyn Generator,

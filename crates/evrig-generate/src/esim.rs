@@ -17,9 +17,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EsimParameters {
-    /// Rise of log brightness for an On event, 0.01..=10.
+    /// Rise of log brightness for an ON event, 0.01..=10.
     pub threshold_on: f64,
-    /// Fall of log brightness for an Off event, 0.01..=10.
+    /// Fall of log brightness for an OFF event, 0.01..=10.
     pub threshold_off: f64,
     /// Standard deviation of both from event to event, 0..=1.
     pub threshold_sd: f64,

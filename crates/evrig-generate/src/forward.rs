@@ -1,8 +1,9 @@
-//! Events from a drive: pixels driven by light at any time, with any set of effects.
+//! Forward simulation: events from a drive, with any set of effects.
 //!
-//! The light of each pixel is taken at a fixed step, changed by the effects before the
-//! comparator, and led through a [`PixelModel`] by the exact law between instants. Random numbers
-//! are counted by pixel, so that neither threads nor the choice of pixels changes a pixel's events.
+//! The log-intensity signal of each pixel is sampled at a fixed step, changed by the effects before
+//! the comparator, and passed through a [`PixelModel`] by the exact law between instants. Random
+//! numbers are counter-based per pixel, so neither threads nor the choice of pixels changes a
+//! pixel's events.
 
 mod camera;
 mod comparator_input;

@@ -20,8 +20,8 @@ pub trait Generator: Send {
     /// holds brightness that is not finite or negative.
     fn push(&mut self, frame: &Luminance, out: &mut Events) -> Result<(), GenerateError>;
 
-    /// Lets pixels (row-major numbers) begin anew with the last frame, as if it were their first:
-    /// for light that was not known before.
+    /// Restarts pixels (row-major numbers) with the last frame as their first: for a signal that was
+    /// not known before.
     fn restart(&mut self, pixels: &[u32]);
 }
 
@@ -55,7 +55,7 @@ pub enum GenerateError {
         /// Time of the frame before it.
         previous_us: i64,
     },
-    /// Parameters that make a pixel fire without bound.
+    /// Parameters that give an unbounded event rate.
     #[error(
         "in the {span_us} us before frame {index} a pixel may fire {expected:.0} times, more than \
          {limit}; check the unit of the time stamps and the generator's parameters"
@@ -103,7 +103,7 @@ pub enum GenerateError {
         x: u16,
         /// Pixel row.
         y: u16,
-        /// What stands there.
+        /// The value.
         value: f32,
     },
 }

@@ -1,4 +1,4 @@
-//! What is made of a camera's picture before a generator sees it.
+//! Preparation of camera frames for a generator: colour channel, black level, exposure.
 
 use crate::parameter_error::ParameterError;
 use evrig_core::frame::{BayerOrder, BayerSite, Luminance, bayer_brightness};
@@ -6,15 +6,15 @@ use evrig_core::geometry::Size;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
-/// Which light of a mosaic or a colour picture makes the events.
+/// Colour channel of a mosaic or colour frame from which events are made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Colour {
     /// A mosaic as it is, each pixel in its own colour, as the published generator takes it; the
-    /// luma of a colour picture.
+    /// luma of a colour frame.
     #[default]
     Mosaic,
-    /// Brightness (R + 2 G + B) / 4 of the surroundings in a mosaic.
+    /// Brightness (R + 2 G + B) / 4 of the neighbourhood in a mosaic.
     Luma,
     /// The red pixels alone, at half the width and height.
     Red,
@@ -50,28 +50,28 @@ impl FromStr for Colour {
     }
 }
 
-/// How pictures become brightness.
+/// How frames become brightness.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FramePreparation {
-    /// Which light.
+    /// Colour channel.
     #[serde(default)]
     pub colour: Colour,
-    /// Whether the stated pedestal is taken off; the published generator leaves it in.
+    /// Whether the stated black level is subtracted; the published generator keeps it.
     #[serde(default)]
     pub subtract_black: bool,
-    /// Whether exposure time and gain are divided out, so that a camera that adapts them makes no
-    /// events by that.
+    /// Whether values are divided by exposure time and gain, so that automatic exposure makes no
+    /// events.
     #[serde(default)]
     pub divide_exposure: bool,
 }
 
-/// A picture as a camera gave it.
+/// A frame as the camera gave it.
 #[derive(Debug, Clone, Copy)]
 pub struct SourceFrame<'a> {
     /// Columns and rows.
     pub size: Size,
-    /// Samples of a mosaic, and its order; none for grey and colour pictures.
+    /// Samples of a mosaic, and its order; none for grey and colour frames.
     pub mosaic: Option<(&'a [u16], BayerOrder)>,
     /// What a sample reads in the dark: R, green by R, green by B, B.
     pub black_dn: [f32; 4],
@@ -79,11 +79,11 @@ pub struct SourceFrame<'a> {
     pub exposure_gain: Option<f64>,
 }
 
-/// Prepares the pictures of one stream, one after another.
+/// Prepares the frames of one stream in order.
 #[derive(Debug, Clone, Default)]
 pub struct FramePreparer {
     preparation: FramePreparation,
-    /// Exposure time and gain of the first picture, to which the others are brought.
+    /// Exposure time times gain of the first frame, to which the others are normalised.
     first: Option<f64>,
 }
 
@@ -94,9 +94,9 @@ impl FramePreparer {
         Self { preparation, first: None }
     }
 
-    /// Brightness of the picture at `t_us`; `plain` is that of grey and colour pictures, and of a
-    /// mosaic that stays as it is. Exposure is divided out of what is above the black level, so that
-    /// the values stay in the first picture's digital units.
+    /// Brightness of the frame at `t_us`; `plain` is that of grey and colour frames, and of an
+    /// unchanged mosaic. The signal above the black level is divided by the exposure, so the values
+    /// stay in the first frame's digital units.
     pub fn prepare(&mut self, t_us: i64, picture: &SourceFrame<'_>, plain: Vec<f32>) -> Luminance {
         let FramePreparation { colour, subtract_black, divide_exposure } = self.preparation;
         let (size, mut values) = match (colour, picture.mosaic) {
@@ -144,7 +144,7 @@ fn site(order: BayerOrder, x: u16, y: u16) -> usize {
     }
 }
 
-/// The pedestal of one light.
+/// Black level of a colour channel.
 fn black_of(colour: Colour, [red, green_red, green_blue, blue]: [f32; 4]) -> f32 {
     match colour {
         Colour::Red => red,

@@ -1,7 +1,6 @@
-//! Generation while frames arrive: latency is bounded, and what it costs is counted.
+//! Generation while frames arrive, with bounded latency and counts of what was left out.
 //!
-//! Who calls knows the time; nothing here looks at a clock, so a run with the same arrivals gives
-//! the same events.
+//! The caller passes the time; no clock is read here, so the same arrivals give the same events.
 
 use crate::generator::{GenerateError, Generator};
 use crate::interpolate::Interpolator;
@@ -10,14 +9,14 @@ use evrig_core::event::Events;
 use evrig_core::frame::Luminance;
 use serde::Serialize;
 
-/// What became of the frames.
+/// Counts of the frames by outcome.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct LiveCounts {
     /// Frames that arrived; `seen = taken + late + refused`.
     pub n_seen: u64,
     /// Frames that events were made of.
     pub n_taken: u64,
-    /// Frames left out because they arrived behind the bound; the interval to the next is longer.
+    /// Frames left out because they arrived too late; the interval to the next is longer.
     pub n_late: u64,
     /// Frames that no generator can take: not later than the one before, of another size.
     pub n_refused: u64,
@@ -27,18 +26,18 @@ pub struct LiveCounts {
     pub worst_latency_us: i64,
 }
 
-/// What became of a frame.
+/// Outcome of one frame.
 #[derive(Debug)]
 pub enum FrameOutcome {
     /// Events were made up to its time.
     Taken,
-    /// It came too late and was left out.
+    /// It arrived too late and was left out.
     Late,
-    /// It cannot be used, and why.
+    /// It was refused by the generator.
     Refused(GenerateError),
 }
 
-/// A generator that keeps up.
+/// A generator with bounded latency.
 pub struct LiveGenerator {
     generator: Box<dyn Generator>,
     interpolator: Option<Interpolator>,
@@ -50,9 +49,9 @@ pub struct LiveGenerator {
 }
 
 impl LiveGenerator {
-    /// Frames whose age on arrival is above `bound_us` are left out: they wait for nobody, so the
-    /// generator works on the newest. Events are moved to the times of their `rows`, and those that a
-    /// row of the next frame may come before wait for it.
+    /// Frames older than `bound_us` on arrival are left out, so the generator works on the newest.
+    /// Events are shifted to the times of their `rows`; those that a row of the next frame may
+    /// precede are held back until then.
     #[must_use]
     pub fn new(
         generator: Box<dyn Generator>,
@@ -71,8 +70,8 @@ impl LiveGenerator {
         }
     }
 
-    /// Takes in a frame and appends the events since the last taken one to `out`. `now_us` tells the
-    /// time on the frames' clock, and is asked before and after.
+    /// Takes in a frame and appends the events since the last taken one to `out`. `now_us` gives the
+    /// time on the frames' clock; it is called before and after.
     pub fn push(
         &mut self,
         frame: Luminance,
@@ -104,12 +103,12 @@ impl LiveGenerator {
         FrameOutcome::Taken
     }
 
-    /// Appends the events that still wait for a later frame.
+    /// Appends the events that are still held back.
     pub fn finish(&mut self, out: &mut Events) {
         self.shift.finish(out);
     }
 
-    /// What became of the frames so far.
+    /// Counts so far.
     #[must_use]
     pub const fn tally(&self) -> LiveCounts {
         self.tally

@@ -7,7 +7,7 @@ use evrig_core::geometry::Size;
 /// A threshold crossing within an interval, eight bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Crossing {
-    /// µs after the interval's start, 1..=span, and in the lowest bit whether On.
+    /// µs after the interval's start, 1..=span, and in the lowest bit whether ON.
     time_and_side: u32,
     /// Row-major number of the pixel.
     pixel: u32,

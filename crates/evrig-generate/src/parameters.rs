@@ -12,8 +12,7 @@ use crate::voltmeter::{Coefficients, LazyVoltmeter, ScalarVoltmeter};
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroUsize;
 
-/// All that decides which events a run of frames gives. Threads are not in it: they
-/// do not change the result.
+/// Everything that decides which events a sequence of frames gives. The number of threads does not.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GenerateParameters {
@@ -22,14 +21,14 @@ pub struct GenerateParameters {
     /// The preset the parameters came from, if they did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<Preset>,
-    /// The knobs that were turned to get from there to the parameters.
+    /// The knobs applied to the preset.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub knobs: Vec<KnobSetting>,
     /// Seed of all draws.
     pub seed: u64,
 }
 
-/// What a user says about a generation; the rest follows from it.
+/// A user's choice of model and parameters; the rest has defaults.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct GeneratorChoice<'a> {
     /// Model name; when not given, the preset's, or `voltmeter`.
@@ -40,7 +39,7 @@ pub struct GeneratorChoice<'a> {
     pub preset: Option<&'a str>,
     /// `k1,...,k6`, for the voltmeter.
     pub k: Option<&'a str>,
-    /// Knobs turned from there, one after another, for the voltmeter.
+    /// Knobs applied in order, for the voltmeter.
     pub knobs: &'a [KnobSetting],
     /// Brightness of white in the frames (DN) for the models that need it; 255 when not given.
     pub full_scale_dn: Option<f64>,

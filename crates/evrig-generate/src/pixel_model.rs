@@ -1,22 +1,22 @@
-//! The model of an event pixel that is driven by light at any time.
+//! The model of an event pixel on a continuous log-intensity signal.
 
 use crate::voltmeter::Coefficients;
 use serde::{Deserialize, Serialize};
 
-/// What makes an event pixel fire. Its voltage is counted in nominal thresholds:
+/// Constants of an event pixel. Its voltage is in units of the nominal threshold:
 ///
 /// V(t) = gain (ln(I + floor) at t, less that at the last reset) + leak + noise
 ///
-/// with I the intensity over white. It fires On at `threshold_on`, Off at `-threshold_off`.
+/// with I the intensity over white. It fires ON at `threshold_on`, OFF at `-threshold_off`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PixelModel {
     /// Nominal thresholds a unit of log intensity.
     pub gain: f64,
-    /// What is added to the intensity inside the logarithm, of white.
+    /// Offset inside the logarithm, relative to white.
     pub floor_of_white: f64,
-    /// Rise that fires On, nominal thresholds; above 0.
+    /// Rise that fires ON, nominal thresholds; above 0.
     pub threshold_on: f64,
-    /// Fall that fires Off, nominal thresholds; above 0.
+    /// Fall that fires OFF, nominal thresholds; above 0.
     pub threshold_off: f64,
     /// Rise of the voltage whatever the light, thresholds a second.
     pub leak_hz: f64,
@@ -32,13 +32,13 @@ pub struct PixelModel {
     pub band: Option<BandNoise>,
     /// Scatter of the thresholds.
     pub scatter: Option<ThresholdScatter>,
-    /// From the crossing to the request, at which the pixel is reset, µs.
+    /// Delay from the crossing to the request, at which the pixel is reset, µs.
     pub latency_us: f64,
-    /// After the reset the pixel is held at it, µs.
+    /// Refractory period after the reset, µs.
     pub refractory_us: f64,
-    /// Events without a crossing, half of them On, Hz.
+    /// Events without a crossing, half of them ON, Hz.
     pub spontaneous_hz: f64,
-    /// Whether it never fires.
+    /// Whether it is dead (never fires).
     pub is_dead: bool,
 }
 
@@ -54,8 +54,8 @@ pub struct BandNoise {
     pub light_exponent: f64,
 }
 
-/// Thresholds that are drawn anew at every event, and at random instants between events: noise of the
-/// comparison, which a pixel does not memorise.
+/// Thresholds redrawn at every event, and at random instants between events: noise of the comparison
+/// that is not stored in the reference level.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ThresholdScatter {

@@ -1,13 +1,11 @@
-//! Frames between frames of a plane that moves through the picture.
+//! Motion-compensated frame interpolation and warping for a plane of known motion.
 //!
-//! What a pixel saw between two frames is not between what it saw in them: an edge moves on, it
-//! does not fade. Where the frames show a plane whose way through the picture is known, a pixel at
-//! any time is a place on the plane, and that place is found in the frame before and in the frame
-//! after. Both are taken there and faded into each other, so that nothing jumps when the next pair
-//! begins; the frames' own rhythm leaves the events. Rows that saw their light one after another
-//! (a rolling shutter) are found at their own times: what comes out is of one instant.
+//! Between two frames an edge moves; it does not fade. Where the frames show a plane whose motion
+//! in the image is known, a pixel at any time maps to a point of the plane, and that point is
+//! sampled in the frame before and in the frame after. The two samples are blended linearly in
+//! time. Rows of a rolling shutter are sampled at their own times, so the output is of one instant.
 //!
-//! Whatever does not lie in the plane is moved as if it did.
+//! Objects outside the plane are moved as if they lay in it.
 
 mod frame_mapping;
 mod interpolator;

@@ -5,40 +5,40 @@ use crate::plane::PlaneInterpolator;
 use crate::rows::RowTimes;
 use evrig_core::frame::Luminance;
 
-/// What is put between frames.
+/// Temporal upsampling of a frame stream.
 pub enum FrameUpsampling {
-    /// Nothing: frames as they are.
+    /// None: frames as they are.
     Nothing,
-    /// Frames in which every pixel is straight in log brightness.
+    /// Linear in log brightness, pixel by pixel.
     Pixels(Interpolator),
-    /// Frames in which the plane that is seen moves on.
+    /// Along the motion of a plane (motion-compensated interpolation).
     Plane(Box<PlaneInterpolator>),
 }
 
 impl FrameUpsampling {
-    /// Rows of the frames to come saw their light at these times.
+    /// Sets the exposure times of the rows of the following frames.
     pub fn set_rows(&mut self, rows: RowTimes) {
         if let Self::Plane(between) = self {
             between.set_rows(rows);
         }
     }
 
-    /// Whether what is handed on is of one instant, whatever the rows' times were.
+    /// Whether output frames are of one instant, whatever the row times of the input.
     #[must_use]
     pub const fn is_of_one_instant(&self) -> bool {
         matches!(self, Self::Plane(_))
     }
 
-    /// Intervals that were to be filled along the plane's way and were filled pixel by pixel.
+    /// Intervals filled pixel by pixel because the plane's motion was unknown.
     #[must_use]
     pub fn n_in_place(&self) -> u64 {
         if let Self::Plane(between) = self { between.n_in_place() } else { 0 }
     }
 
-    /// Hands on the frames after the previous one up to this one.
+    /// Passes the frames after the previous one up to this one to `take`.
     ///
     /// # Errors
-    /// What `take` refuses.
+    /// Errors of `take`.
     pub fn push<E>(
         &mut self,
         frame: Luminance,

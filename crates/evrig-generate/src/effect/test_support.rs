@@ -94,7 +94,7 @@ pub(super) fn intervals(events: &[Event]) -> Vec<i64> {
     found
 }
 
-/// Share of events that are On.
+/// Share of events that are ON.
 pub(super) fn share_on(events: &[Event]) -> f64 {
     events.iter().filter(|event| event.on).count() as f64 / events.len() as f64
 }
@@ -144,7 +144,7 @@ pub(super) fn mean_lag(early: &[Event], late: &[Event]) -> f64 {
 }
 
 /// By how much the events of `late` come behind those of `early` in light of frequency `hz`, from
-/// the phase of each pixel's On events, µs.
+/// the phase of each pixel's ON events, µs.
 pub(super) fn phase_lag(early: &[Event], late: &[Event], hz: f64) -> f64 {
     let phases = |events: &[Event]| {
         let mut all = vec![[0.0; 2]; SIZE.n_pixels()];

@@ -79,7 +79,7 @@ struct NoisyPixel<'a> {
     elapsed: f64,
     /// Until when the pixel is held at reset, steps of the grid.
     held_until: f64,
-    /// The thresholds as they are now, On and Off.
+    /// The thresholds as they are now, ON and OFF.
     thresholds: [f64; 2],
     /// Chance that they are drawn anew in a step.
     redrawn: f64,

@@ -5,21 +5,20 @@ use crate::voltmeter::Coefficients;
 use evrig_core::geometry::Size;
 use serde::{Deserialize, Serialize};
 
-/// What a forward generation is made of.
+/// Parameters of a forward simulation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ForwardParameters {
     /// The voltmeter's k, in the digital units of [`Drive::white_dn`].
     pub k: Coefficients,
-    /// What acts beside them.
+    /// Physical effects.
     #[serde(default, skip_serializing_if = "EffectSet::is_empty")]
     pub effects: EffectSet,
-    /// From one instant of the light to the next, µs.
+    /// Sampling step of the signal, µs, 10 to 100,000.
     #[serde(default = "default_step_us")]
     pub step_us: u32,
 }
 
-/// The step at which light is taken when nothing else is said, µs.
 const fn default_step_us() -> u32 {
     1_000
 }
@@ -27,19 +26,19 @@ const fn default_step_us() -> u32 {
 /// The most events a pixel may fire a second, on average over a window.
 pub(super) const MAX_EVENT_RATE_HZ: u32 = 20_000;
 
-/// Why a forward generation is refused.
+/// Why a forward simulation is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ForwardError {
-    /// Its effects cannot act.
+    /// An effect is out of range or lacks its input.
     #[error(transparent)]
     Effect(#[from] EffectError),
-    /// A step that resolves nothing or takes for ever.
+    /// A step out of range.
     #[error("the step is {step_us} us; expected 10 to 100000")]
     Step {
         /// What was given.
         step_us: u32,
     },
-    /// A window that ends before it begins or holds too many instants.
+    /// An empty window or one of too many instants.
     #[error(
         "the window runs from {} to {} us, {n_steps} steps of {step_us} us; expected 1 to {limit} \
          steps: generate in shorter windows or at a larger step", .window_us[0], .window_us[1]
@@ -54,7 +53,7 @@ pub enum ForwardError {
         /// The most that are allowed.
         limit: i128,
     },
-    /// A camera that no pixel can work with.
+    /// A constant of the camera out of range.
     #[error("{key} of the camera is {value}; expected {low} to {high}")]
     Camera {
         /// The constant.
@@ -66,7 +65,7 @@ pub enum ForwardError {
         /// Highest value.
         high: f64,
     },
-    /// A drive without a scale.
+    /// A drive whose white level is not a positive number.
     #[error("the drive's white is {white_dn} DN; expected a finite value above 0")]
     White {
         /// What the drive states.
@@ -82,7 +81,7 @@ pub enum ForwardError {
         /// The sensor.
         size: Size,
     },
-    /// Parameters that make a pixel fire without bound.
+    /// Parameters that give an unbounded event rate.
     #[error(
         "pixel ({x}, {y}) fires more than {limit} times in a second; check k, the effects and \
          the unit of the drive"

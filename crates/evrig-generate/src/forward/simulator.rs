@@ -23,16 +23,16 @@ const PIXELS_PER_TASK: usize = 64;
 const COMPARATOR_STREAM: u64 = 1 << 62;
 const SPONTANEOUS_STREAM: u64 = (1 << 62) + 1;
 
-/// What a run gave.
+/// Result of a forward simulation.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SimulatedEvents {
     /// The events, in ascending time, within a microsecond by row and column.
     pub events: Events,
-    /// Pixels of which any light is known.
+    /// Pixels with a known signal at any instant.
     pub n_with_signal: usize,
 }
 
-/// The generator from a drive.
+/// Simulates events of pixels of a camera from a drive.
 #[derive(Debug, Clone)]
 pub struct ForwardSimulator {
     parameters: ForwardParameters,
@@ -40,10 +40,10 @@ pub struct ForwardSimulator {
 }
 
 impl ForwardSimulator {
-    /// The generator that the parameters describe, for a recording.
+    /// A simulator with these parameters, for a recording.
     ///
     /// # Errors
-    /// A parameter out of range, or an effect that lacks what it acts on.
+    /// A parameter out of range, or an effect without its input.
     pub fn new(
         parameters: ForwardParameters,
         context: RecordingContext,
@@ -61,7 +61,7 @@ impl ForwardSimulator {
         Ok(Self { parameters, context })
     }
 
-    /// What it is made of.
+    /// Its parameters.
     #[must_use]
     pub const fn parameters(&self) -> &ForwardParameters {
         &self.parameters
@@ -71,7 +71,7 @@ impl ForwardSimulator {
     /// `window[0] < t <= window[1]`, before effects of readout and stamps move them.
     ///
     /// # Errors
-    /// A window or pixel that cannot be, or a pixel that fires without bound.
+    /// An invalid window or pixel, or an unbounded event rate.
     pub fn run(
         &self,
         drive: &dyn Drive,
@@ -82,8 +82,8 @@ impl ForwardSimulator {
         self.run_with(drive, pixels, window_us, seed, &|_, _, _| {})
     }
 
-    /// As [`ForwardSimulator::run`], with `adjust` called for each pixel (column, row) behind the effects,
-    /// for what is known of single pixels.
+    /// As [`ForwardSimulator::run`], with `adjust` called for each pixel (column, row) after the
+    /// effects.
     ///
     /// # Errors
     /// As [`ForwardSimulator::run`].
@@ -123,8 +123,8 @@ impl ForwardSimulator {
         Ok(SimulatedEvents { events, n_with_signal })
     }
 
-    /// The light of a pixel as its comparator gets it: log intensity over white behind all effects
-    /// before the comparator. `None` where nothing is known of it.
+    /// The signal at a pixel's comparator: log intensity over white after all effects before the
+    /// comparator. `None` where it is unknown.
     #[must_use]
     pub fn comparator_signal(
         &self,

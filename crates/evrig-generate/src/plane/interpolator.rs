@@ -10,26 +10,26 @@ use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
 use rayon::prelude::*;
 
-/// Puts frames between frames so densely that the plane moves by no more than this between two.
+/// Largest motion of the plane between two output frames, pixels.
 const MAX_STEP_PX: f64 = 0.25;
 
-/// Rows that one thread takes at least.
+/// Fewest rows of a parallel task.
 const MIN_ROWS_PER_TASK: usize = 16;
 
-/// Puts frames between frames along a plane's way.
+/// Inserts frames between frames along the motion of a plane.
 pub struct PlaneInterpolator {
     finest_us: i64,
     path: Box<dyn PlanePath>,
     rows: RowTimes,
-    /// Ideal pixels of the mesh's nodes in frames of this size; `NaN` where the lens has no way back.
+    /// Ideal pixels of the mesh's nodes in frames of this size; `NaN` where distortion has no inverse.
     nodes: Option<(Size, Vec<[f64; 2]>)>,
     before: Option<Luminance>,
     n_in_place: u64,
 }
 
 impl PlaneInterpolator {
-    /// Frames are put no closer than `finest_us`, 10 to 1,000,000, and no closer than the plane's
-    /// speed asks for: a quarter of a pixel.
+    /// Output frames are no closer than `finest_us`, 10 to 1,000,000, and no closer than a quarter of
+    /// a pixel of the plane's motion.
     ///
     /// # Errors
     /// A step out of range.
@@ -45,22 +45,22 @@ impl PlaneInterpolator {
         })
     }
 
-    /// Rows of the frames to come saw their light at these times.
+    /// Sets the exposure times of the rows of the following frames.
     pub fn set_rows(&mut self, rows: RowTimes) {
         self.rows = rows;
     }
 
-    /// Intervals that were filled pixel by pixel since nobody knew where the plane was.
+    /// Intervals filled pixel by pixel because the plane's motion was unknown.
     #[must_use]
     pub const fn n_in_place(&self) -> u64 {
         self.n_in_place
     }
 
-    /// Hands on the frames after the previous one up to this one, each of one instant. Where the
-    /// plane's place is not known, as [`Interpolator::push`].
+    /// Passes the frames after the previous one up to this one to `take`, each of one instant. Where
+    /// the plane's motion is unknown, as [`Interpolator::push`].
     ///
     /// # Errors
-    /// What `take` refuses.
+    /// Errors of `take`.
     pub fn push<E>(
         &mut self,
         frame: Luminance,
@@ -128,7 +128,7 @@ impl PlaneInterpolator {
         self.nodes = Some((size, PixelMesh::pixels(size).map(ideal).collect()));
     }
 
-    /// What the camera would have seen at one instant; none where the plane's place is not known.
+    /// The image at one instant; none where the plane's pose is unknown.
     fn made(
         &self,
         first: &FramePose<'_>,
@@ -173,7 +173,7 @@ impl PlaneInterpolator {
     }
 }
 
-/// How far the plane moves at most between two shots, pixels: judged at corners and middle.
+/// Largest motion of the plane between two frames at corners and centre, pixels.
 fn moved_px(first: &FramePose<'_>, last: &FramePose<'_>) -> f64 {
     let [width, height] = [first.frame.size.width, first.frame.size.height].map(f64::from);
     let places = [[0.5, 0.5], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];

@@ -9,17 +9,17 @@ use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
 use rayon::prelude::*;
 
-/// The most looks along each side of a pixel.
+/// Most samples along each side of a pixel.
 const MAX_SAMPLES_PER_SIDE: f64 = 8.0;
 
-/// Carries frames over to another camera's pixels: what each of those saw at the frame's time.
+/// Warps frames onto another camera's pixel grid at the frame's time.
 ///
-/// A pixel sees the mean over its square. Rows of a rolling shutter are found at their own times.
+/// A pixel gets the mean over its square. Rows of a rolling shutter are found at their own times.
 pub struct PlaneWarper {
     from: Box<dyn PlanePath>,
     to: Box<dyn PlanePath>,
     size: Size,
-    /// Ideal pixels of the middles of the other camera's; `NaN` where its lens has no way back.
+    /// Ideal pixels of the middles of the other camera's; `NaN` where distortion has no inverse.
     ideal: Vec<[f64; 2]>,
 }
 
@@ -35,8 +35,8 @@ impl PlaneWarper {
         Self { from, to, size, ideal }
     }
 
-    /// What the other camera's pixels saw; `NaN` where the frame does not reach or its pixels are
-    /// `NaN`. None where nobody knows where the plane was.
+    /// The frame on the other camera's grid; `NaN` outside the frame or where its pixels are `NaN`.
+    /// None where the plane's pose is unknown.
     #[must_use]
     pub fn warp(&self, frame: &Luminance, rows: RowTimes) -> Option<Luminance> {
         let t_us = frame.t_us as f64;

@@ -8,21 +8,21 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct V2eParameters {
-    /// Mean rise of log brightness for an On event, 0.01..=10.
+    /// Mean rise of log brightness for an ON event, 0.01..=10.
     pub threshold_on: f64,
-    /// Mean fall of log brightness for an Off event, 0.01..=10.
+    /// Mean fall of log brightness for an OFF event, 0.01..=10.
     pub threshold_off: f64,
     /// Standard deviation of both from pixel to pixel, 0..=1.
     pub threshold_sd: f64,
     /// Cut-off of the photoreceptor's low-pass at full scale, Hz; 0 for none.
     pub cutoff_hz: f64,
-    /// Rate of On events by the leak, Hz.
+    /// Rate of ON events by the leak, Hz.
     pub leak_rate_hz: f64,
     /// Relative standard deviation of the leak from frame to frame.
     pub leak_jitter: f64,
     /// Standard deviation of the leak from pixel to pixel, decades.
     pub leak_spread_decades: f64,
-    /// Rate of shot-noise events in the dark, half On and half Off, Hz.
+    /// Rate of shot-noise events in the dark, half ON and half OFF, Hz.
     pub shot_noise_rate_hz: f64,
     /// Share of that rate that is left at full scale.
     pub shot_noise_at_full_scale: f64,

@@ -34,7 +34,7 @@ pub(crate) struct V2ePixel {
     silent_us: f64,
 }
 
-/// An event of a pixel within an interval: after so many µs, On or Off, and by light or noise.
+/// An event of a pixel within an interval: after so many µs, ON or OFF, and by light or noise.
 #[derive(Debug, Clone, Copy)]
 struct CandidateEvent {
     after_us: f64,

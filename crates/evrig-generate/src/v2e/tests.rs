@@ -48,7 +48,7 @@ fn dark_brightness_counts_linearly() {
 #[test]
 fn the_low_pass_delays_more_in_the_dark() {
     let parameters = V2eParameters { cutoff_hz: 10.0, ..ideal() };
-    // The same contrast at two lights: time of the third On event after the step.
+    // The same contrast at two lights: time of the third ON event after the step.
     let third = |dark: f64| {
         let out = run(parameters, 400, |t| if t < 0.5e-3 { dark } else { dark * 2.2 });
         let times = out.as_slice().iter().filter(|e| (e.x, e.y) == (0, 0)).map(|e| e.t);

@@ -163,7 +163,7 @@ fn swing(frame: u32) -> f32 {
     100.0 + 60.0 * (0.9 * frame as f32).sin()
 }
 
-/// What one pixel does over ten frames of [`swing`]: first event, number of On and Off, last voltage.
+/// What one pixel does over ten frames of [`swing`]: first event, number of ON and OFF, last voltage.
 struct PassageOutcome {
     first_us: f64,
     n_on: f64,
@@ -241,7 +241,7 @@ fn a_swinging_pixel_does_what_a_fine_step_simulation_of_the_equation_does() {
 
 #[test]
 fn the_reference_law_departs_from_the_equation_where_the_published_program_does() {
-    // Figures of the published program itself, run frame by frame: share of On, mean (s) and CV.
+    // Figures of the published program itself, run frame by frame: share of ON, mean (s) and CV.
     let rows = [
         (scaled(1.0, 0.0083), 1.0, 0.3839, 0.1974, 8_000),
         (scaled(1.0, 1.0), 0.8746, 0.005_745, 0.6647, 40_000),

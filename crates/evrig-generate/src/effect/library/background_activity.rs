@@ -11,7 +11,7 @@ use crate::pixel_model::PixelModel;
 effect! {
     /// A Poisson process in each pixel.
     BackgroundActivity, Noise, "events at rate R, On with probability 1/2" {
-        /// Events a second and pixel, half of them On.
+        /// Events a second and pixel, half of them ON.
         rate_hz: 0.0 to 1e4,
     }
 }

@@ -1,7 +1,7 @@
 //! Hot pixels: a few pixels fire by themselves.
 //!
 //! A defect makes the reset switch of a pixel leak thousands of times more than its neighbours', so
-//! it fires On steadily. Rates spread over two decades about `rate_hz`. Signature: a second mode
+//! it fires ON steadily. Rates spread over two decades about `rate_hz`. Signature: a second mode
 //! far out in the pixels' rates while nothing moves.
 
 use crate::effect::model::EffectModel;

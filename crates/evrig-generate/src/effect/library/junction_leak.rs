@@ -2,16 +2,16 @@
 //!
 //! The junction of the reset transistor discharges the floating node of the differencing amplifier;
 //! seen from the comparator the light seems to rise (Nozaki and Delbruck, IEEE T-ED 2017).
-//! Signature: near-periodic On events at a rate that light does not change, also in the dark.
+//! Signature: near-periodic ON events at a rate that light does not change, also in the dark.
 
 use crate::effect::model::EffectModel;
 use crate::effect::pixel_site::PixelSite;
 use crate::pixel_model::PixelModel;
 
 effect! {
-    /// On events at a constant rate.
+    /// ON events at a constant rate.
     JunctionLeak, Drift, "dV = R dt" {
-        /// Nominal thresholds a second; one On event each.
+        /// Nominal thresholds a second; one ON event each.
         rate_hz: 0.0 to 1000.0,
     }
 }

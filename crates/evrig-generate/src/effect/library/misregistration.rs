@@ -1,7 +1,6 @@
-//! Misregistration: the event camera looks elsewhere than stated.
+//! Misregistration: the registration of the event camera is wrong.
 //!
-//! What the drive puts at one place, the real camera sees shifted, rotated about the middle of the
-//! sensor and scaled. Signature: a lag of shift over velocity that turns its sign with the
+//! The real image is shifted, rotated about the middle of the sensor and scaled against the drive. Signature: a lag of shift over velocity that turns its sign with the
 //! direction of motion.
 
 use crate::effect::model::EffectModel;

@@ -1,8 +1,8 @@
-//! Moving shadow: a shadow crosses the print.
+//! Moving shadow: a shadow crosses the target.
 //!
-//! A soft band of less light that runs over the picture from left to right, and again when it has
+//! A soft band of less light that runs over the image from left to right, and again when it has
 //! left. Its width and speed are not among the stable parameters and have defaults. Signature:
-//! Off events, then On events, in a band that does not move with the picture.
+//! OFF events, then ON events, in a band that does not move with the image.
 
 use crate::effect::model::EffectModel;
 use crate::effect::pixel_site::{PixelSignal, PixelSite};
@@ -15,10 +15,10 @@ effect! {
         /// Standard deviation of its shape, event pixels.
         #[serde(default = "width_px")]
         width_px: 0.5 to 1e4,
-        /// Speed across the picture, event pixels a second.
+        /// Speed across the image, event pixels a second.
         #[serde(default = "speed_px_per_s")]
         speed_px_per_s: 1.0 to 1e5,
-        /// An instant at which its middle is three widths left of the picture, µs.
+        /// An instant at which its middle is three widths left of the image, µs.
         #[serde(default)]
         enters_at_us: -1e18 to 1e18,
     }

@@ -2,14 +2,14 @@
 //!
 //! Parasitic photocurrent in the junction of the reset transistor grows with the light on the chip
 //! (Nozaki and Delbruck, "Temperature and parasitic photocurrent effects in dynamic vision
-//! sensors", IEEE T-ED 2017). Signature: On events of still pixels at a rate linear in light.
+//! sensors", IEEE T-ED 2017). Signature: ON events of still pixels at a rate linear in light.
 
 use crate::effect::model::EffectModel;
 use crate::effect::pixel_site::PixelSite;
 use crate::pixel_model::PixelModel;
 
 effect! {
-    /// On events at a rate proportional to light.
+    /// ON events at a rate proportional to light.
     PhotocurrentLeak, Drift, "dV = R_white (I / I_white) dt" {
         /// Nominal thresholds a second on white paper.
         rate_hz_at_white: 0.0 to 1000.0,

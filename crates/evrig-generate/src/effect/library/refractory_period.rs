@@ -1,11 +1,11 @@
-//! Refractory period: after the reset a pixel is held at it and sees nothing.
+//! Refractory period: after an event a pixel is held at reset.
 //!
-//! The reset switch of the differencing amplifier stays closed for the refractory time; what the
-//! light did meanwhile is lost, and the reference is that of its end (Lichtsteiner, Posch,
+//! The reset switch of the differencing amplifier stays closed for the refractory time; change of
+//! the signal meanwhile is lost, and the new reference level is that of its end (Lichtsteiner, Posch,
 //! Delbruck, JSSC 2008). Signature: no interval below it, and steep edges give fewer events.
 //!
-//! Filters of events and some simulators have another one: the pixel goes on firing and memorising,
-//! and what comes too soon behind an event that was let through is taken out.
+//! Event filters and some simulators implement another one: the pixel keeps firing and storing its
+//! reference level, and events too soon after one that passed are removed.
 
 use crate::effect::model::{EffectDescription, EffectModel, EffectParameter, ReadoutContext, SignalStage};
 use crate::effect::pixel_site::PixelSite;
@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 pub struct RefractoryPeriod {
     /// From an event until the pixel sees light again, µs.
     pub refractory_us: f64,
-    /// 1 where the pixel goes on comparing and events are taken out behind it, 0 where it does not.
+    /// 1 where the pixel keeps comparing and events are removed behind it, 0 where it is held.
     #[serde(default)]
     pub compares_on: f64,
 }

@@ -1,7 +1,7 @@
 //! Temperature drift: the leak grows while the chip warms.
 //!
 //! Junction leakage doubles about every 8 degrees, and a camera warms for many minutes (Nozaki and
-//! Delbruck 2017). Signature: the rate of On events of still pixels rises with time.
+//! Delbruck 2017). Signature: the rate of ON events of still pixels rises with time.
 
 use crate::effect::model::EffectModel;
 use crate::effect::pixel_site::PixelSite;

@@ -1,7 +1,7 @@
 //! Threshold asymmetry: rising and falling light take different changes to fire.
 //!
 //! The biases of the two comparators set the thresholds apart; their geometric mean stays nominal
-//! (Lichtsteiner et al. 2008; DAVIS346 data). Signature: the ratio of On to Off events a cycle,
+//! (Lichtsteiner et al. 2008; DAVIS346 data). Signature: the ratio of ON to OFF events a cycle,
 //! the same at every speed and brightness.
 
 use crate::effect::model::EffectModel;
@@ -9,9 +9,9 @@ use crate::effect::pixel_site::PixelSite;
 use crate::pixel_model::PixelModel;
 
 effect! {
-    /// On threshold over Off threshold.
+    /// ON threshold over OFF threshold.
     ThresholdAsymmetry, Thresholds, "theta_on = theta sqrt(r), theta_off = theta / sqrt(r)" {
-        /// On threshold over Off threshold; 1 for none.
+        /// ON threshold over OFF threshold; 1 for none.
         on_off_ratio: 0.05 to 20.0,
     }
 }

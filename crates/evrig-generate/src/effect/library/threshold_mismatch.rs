@@ -1,7 +1,7 @@
 //! Threshold mismatch: each pixel has thresholds of its own.
 //!
 //! Transistor mismatch in the comparators sets both thresholds of a pixel apart from the nominal
-//! ones, On and Off independently and for good (Lichtsteiner et al. 2008; Hu et al., v2e, 2021;
+//! ones, ON and OFF independently and for good (Lichtsteiner et al. 2008; Hu et al., v2e, 2021;
 //! Wang et al. 2020). Signature: counts differ from pixel to pixel and do so again in every segment.
 
 use crate::effect::model::EffectModel;

@@ -3,7 +3,7 @@
 //! The place that a pixel looks at swings along one direction; the light there is taken from the
 //! parabola through the place and the two ends of the swing, which is true as long as the
 //! picture is smooth over it. How many pixels a millimetre is, and in which direction, has a default.
-//! Signature: a line in the spectrum where the picture has edges across the direction, and none
+//! Signature: a line in the spectrum where the image has edges across the direction, and none
 //! where it is flat.
 
 use crate::effect::model::EffectModel;
@@ -15,9 +15,9 @@ effect! {
     Vibration, Optics, "p_seen = p + a sin(2 pi f (t - t_0) + phi)" {
         /// Frequency, Hz.
         frequency_hz: 0.1 to 1e4,
-        /// Amplitude on the print, mm.
+        /// Amplitude on the target, mm.
         amplitude_mm: 0.0 to 10.0,
-        /// Event pixels a millimetre on the print.
+        /// Event pixels a millimetre on the target.
         #[serde(default = "px_per_mm")]
         px_per_mm: 0.01 to 100.0,
         /// Direction of the swing, degrees from x towards y.

@@ -1,6 +1,6 @@
 //! The effects of light, optics and arm, as the event camera shows them.
 
-use crate::world::stage::{Stage, n_on};
+use crate::world::test_world::{TestWorld, n_on};
 use crate::world::{CameraName, DavisTwin};
 use evrig_core::frame::Samples;
 use evrig_core::time::Span;
@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 #[test]
 fn flicker_is_a_line_at_its_frequency_on_and_off_in_turn() {
     let lamp = "flicker = { frequency_hz = 100, depth = 0.3 }";
-    let events = Stage::still("plain").with(lamp).events(0.5);
+    let events = TestWorld::still("plain").with(lamp).events(0.5);
     assert!(events.len() > 10_000);
     let resultant = |on: bool| {
         let of_kind: Vec<_> = events.iter().filter(|event| event.on == on).collect();
@@ -29,7 +29,7 @@ fn flicker_is_a_line_at_its_frequency_on_and_off_in_turn() {
 fn a_shadow_wanders_over_a_still_scene() {
     let shadow =
         "moving_shadow = { depth = 0.5, speed_mm_per_s = 40, width_mm = 2, period_mm = 40 }";
-    let events = Stage::still("plain").with(shadow).events(1.0);
+    let events = TestWorld::still("plain").with(shadow).events(1.0);
     assert!(events.len() > 5_000, "{}", events.len());
     let on = n_on(&events) / events.len() as f64;
     assert!((on - 0.5).abs() < 0.05, "as much light comes back as went: {on}");
@@ -50,8 +50,8 @@ fn a_shadow_wanders_over_a_still_scene() {
 #[test]
 fn vibration_swings_a_moving_tool_and_spares_a_resting_one() {
     let shake = "vibration = { frequency_hz = 50, amplitude_mm = 0.2 }";
-    assert!(Stage::still("leaves-1").with(shake).events(0.3).is_empty());
-    let world = Stage::moving("leaves-1", 20.0).with(shake).world();
+    assert!(TestWorld::still("leaves-1").with(shake).events(0.3).is_empty());
+    let world = TestWorld::moving("leaves-1", 20.0).with(shake).world();
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for tick in 0..2_000 {
         let seconds = f64::from(tick) * 1e-4;
@@ -59,11 +59,11 @@ fn vibration_swings_a_moving_tool_and_spares_a_resting_one() {
         (low, high) = (low.min(off), high.max(off));
     }
     assert!((high - 0.2).abs() < 2e-3 && (low + 0.2).abs() < 2e-3, "{low} {high}");
-    let count = |effects: &str| Stage::moving("leaves-1", 20.0).with(effects).events(0.2).len();
+    let count = |effects: &str| TestWorld::moving("leaves-1", 20.0).with(effects).events(0.2).len();
     assert!(count(shake) > count(""), "a swing passes edges again and again");
 }
 
-fn picture(stage: &Stage) -> Vec<f64> {
+fn picture(stage: &TestWorld) -> Vec<f64> {
     let mut twin = DavisTwin::new(stage.world(), Span::ZERO);
     let frames = twin.advance_to(Span::from_micros(30_000)).frames;
     let Samples::U8(samples) = &frames[0].samples else { panic!("eight bits") };
@@ -72,10 +72,10 @@ fn picture(stage: &Stage) -> Vec<f64> {
 
 #[test]
 fn misregistration_moves_the_picture_by_what_it_says() {
-    let stated = Stage::still("leaves-1").world();
+    let stated = TestWorld::still("leaves-1").world();
     let moved =
         "misregistration = { shift_x_px = 2, shift_y_px = -1, rotation_deg = 90, scale = 1.1 }";
-    let moved = Stage::still("leaves-1").with(moved).world();
+    let moved = TestWorld::still("leaves-1").with(moved).world();
     let at = |world: &crate::world::World, place| {
         world.pixel_of_place(CameraName::Davis, place, Span::ZERO).unwrap()
     };
@@ -89,19 +89,19 @@ fn misregistration_moves_the_picture_by_what_it_says() {
 
 #[test]
 fn defocus_flattens_edges_and_a_vignette_darkens_corners() {
-    let sharpness = |stage: &Stage| {
+    let sharpness = |stage: &TestWorld| {
         let picture = picture(stage);
         picture.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>()
     };
-    let sharp = sharpness(&Stage::still("leaves-1"));
-    let soft = sharpness(&Stage::still("leaves-1").with("defocus = { sigma_px = 1.5 }"));
+    let sharp = sharpness(&TestWorld::still("leaves-1"));
+    let soft = sharpness(&TestWorld::still("leaves-1").with("defocus = { sigma_px = 1.5 }"));
     assert!(soft < 0.5 * sharp, "{soft} of {sharp}");
     let other = "defocus = { sigma_px = 1.5, camera = \"pi\" }";
-    let unchanged = sharpness(&Stage::still("leaves-1").with(other));
+    let unchanged = sharpness(&TestWorld::still("leaves-1").with(other));
     assert!((unchanged / sharp - 1.0).abs() < 1e-9, "the DAVIS's lens is in focus");
 
-    let bare = picture(&Stage::still("plain"));
-    let dark = picture(&Stage::still("plain").with("vignetting = { corner_loss = 0.4 }"));
+    let bare = picture(&TestWorld::still("plain"));
+    let dark = picture(&TestWorld::still("plain").with("vignetting = { corner_loss = 0.4 }"));
     let corner = |picture: &[f64]| (picture[0] + picture[1] + picture[48] + picture[49]) / 4.0;
     assert!((corner(&dark) / corner(&bare) - 0.62).abs() < 0.04);
     let middle = 16 * 48 + 20;

@@ -1,4 +1,4 @@
-//! Effects that no table names: what an honest diagnosis must call unexplained.
+//! Effects outside the library: a diagnosis must report them as unexplained.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,44 +1,44 @@
-//! The diagnosis asked as a user would ask it: by its commands, in processes of their own that are
-//! given the session's folder and nothing else, and a time by which they must have answered.
+//! Runs the diagnosis as a user would: by its commands, in separate processes that get the path of
+//! the session only, within a deadline.
 
-use super::Outcome;
+use super::record::DiagnosisOutcome;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-/// Stages that bring a session to where a diagnosis begins. That one of them finds nothing to do,
-/// or no tag, is a property of the session: the diagnosis says what it makes of it.
+/// Stages before the diagnosis. A failure of one of them, such as a missing tag, is a property of the
+/// session that the diagnosis reports.
 const BEFORE: &[&str] = &["track", "sync", "scene"];
 
-/// Who is asked, and how.
+/// The program that diagnoses, its arguments and its deadline.
 #[derive(Debug, Clone)]
-pub struct Ask {
+pub struct DiagnosisProcess {
     /// The program `evrig`.
     pub program: PathBuf,
     /// Arguments of `evrig diagnose` beside the session.
     pub arguments: Vec<String>,
-    /// For all stages of a session together.
+    /// Time limit of all stages of a session together.
     pub deadline: Duration,
 }
 
 /// How a process ended.
-enum End {
+enum ProcessEnd {
     Exited { is_success: bool, printed: Vec<u8>, said: String },
     Stopped,
     NotStarted(std::io::Error),
 }
 
-impl Ask {
-    /// Diagnoses a session. Every stage is made anew: what is stored in a session may be another build's.
+impl DiagnosisProcess {
+    /// Diagnoses a session. Every stage is recomputed: stored results may be of another build.
     #[must_use]
-    pub fn about(&self, session: &Path) -> Outcome {
+    pub fn diagnose(&self, session: &Path) -> DiagnosisOutcome {
         let begun = Instant::now();
-        let out_of_time = || Outcome::OutOfTime { after_s: self.deadline.as_secs_f64() };
+        let out_of_time = || DiagnosisOutcome::OutOfTime { after_s: self.deadline.as_secs_f64() };
         for stage in BEFORE {
             let end = self.run(&[*stage, "--force", "--quiet"], session, begun);
-            if matches!(end, End::Stopped) {
+            if matches!(end, ProcessEnd::Stopped) {
                 return out_of_time();
             }
         }
@@ -46,19 +46,21 @@ impl Ask {
         let arguments: Vec<&str> =
             ["diagnose", "--force", "--json"].into_iter().chain(given).collect();
         match self.run(&arguments, session, begun) {
-            End::Stopped => out_of_time(),
-            End::NotStarted(error) => {
-                Outcome::Failed { because: format!("{}: {error}", self.program.display()) }
+            ProcessEnd::Stopped => out_of_time(),
+            ProcessEnd::NotStarted(error) => {
+                DiagnosisOutcome::Failed { because: format!("{}: {error}", self.program.display()) }
             }
-            End::Exited { is_success: false, said, .. } => Outcome::Failed { because: said },
-            End::Exited { printed, .. } => match serde_json::from_slice(&printed) {
-                Ok(diagnosis) => Outcome::Answered { diagnosis },
-                Err(error) => Outcome::Failed { because: format!("no JSON: {error}") },
+            ProcessEnd::Exited { is_success: false, said, .. } => {
+                DiagnosisOutcome::Failed { because: said }
+            }
+            ProcessEnd::Exited { printed, .. } => match serde_json::from_slice(&printed) {
+                Ok(diagnosis) => DiagnosisOutcome::Answered { diagnosis },
+                Err(error) => DiagnosisOutcome::Failed { because: format!("no JSON: {error}") },
             },
         }
     }
 
-    fn run(&self, arguments: &[&str], session: &Path, begun: Instant) -> End {
+    fn run(&self, arguments: &[&str], session: &Path, begun: Instant) -> ProcessEnd {
         let child = Command::new(&self.program)
             .args(arguments)
             .arg(session)
@@ -68,7 +70,7 @@ impl Ask {
             .spawn();
         let mut child = match child {
             Ok(child) => child,
-            Err(error) => return End::NotStarted(error),
+            Err(error) => return ProcessEnd::NotStarted(error),
         };
         // Both ends are read at once: a full pipe would hold the process up.
         let (sender, receiver) = channel();
@@ -99,29 +101,29 @@ impl Ask {
         let is_success = child.wait().is_ok_and(|status| status.success());
         let [printed, said] = texts;
         let said = String::from_utf8_lossy(&said).trim().to_owned();
-        End::Exited { is_success, printed, said }
+        ProcessEnd::Exited { is_success, printed, said }
     }
 }
 
-fn stop(child: &mut Child) -> End {
-    // It may have ended meanwhile.
+fn stop(child: &mut Child) -> ProcessEnd {
+    // It may have exited already.
     let _ = child.kill();
     let _ = child.wait();
-    End::Stopped
+    ProcessEnd::Stopped
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn script(text: &str) -> (tempfile::TempDir, Ask) {
+    fn script(text: &str) -> (tempfile::TempDir, DiagnosisProcess) {
         use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().unwrap();
         let program = folder.path().join("program");
         std::fs::write(&program, format!("#!/bin/sh\n{text}\n")).unwrap();
         std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
         let arguments = vec!["--pixels".into(), "120".into()];
-        let ask = Ask { program, arguments, deadline: Duration::from_secs(60) };
+        let ask = DiagnosisProcess { program, arguments, deadline: Duration::from_secs(60) };
         (folder, ask)
     }
 
@@ -132,7 +134,7 @@ mod tests {
              [ \"$1\" = track ] && exit 1\n\
              [ \"$1\" = diagnose ] && echo \"{\\\"verdict\\\": \\\"$4 $5\\\"}\"\nexit 0",
         );
-        let outcome = ask.about(folder.path());
+        let outcome = ask.diagnose(folder.path());
         let answer = outcome.answer().unwrap();
         assert_eq!(answer.verdict, "--pixels 120", "{outcome:?}");
         let asked = std::fs::read_to_string(folder.path().join("asked")).unwrap();
@@ -142,8 +144,8 @@ mod tests {
     #[test]
     fn what_a_diagnosis_complains_of_is_kept() {
         let (folder, ask) = script("[ \"$1\" = diagnose ] && echo 'too few events' >&2 && exit 1");
-        let outcome = ask.about(folder.path());
-        assert_eq!(outcome, Outcome::Failed { because: "too few events".into() });
+        let outcome = ask.diagnose(folder.path());
+        assert_eq!(outcome, DiagnosisOutcome::Failed { because: "too few events".into() });
     }
 
     #[test]
@@ -151,14 +153,16 @@ mod tests {
         // `exec`: the process itself hangs, not a child that would keep the pipes open.
         let (folder, mut ask) = script("exec sleep 600");
         ask.deadline = Duration::from_millis(50);
-        assert_eq!(ask.about(folder.path()), Outcome::OutOfTime { after_s: 0.05 });
+        assert_eq!(ask.diagnose(folder.path()), DiagnosisOutcome::OutOfTime { after_s: 0.05 });
     }
 
     #[test]
     fn a_program_that_is_not_there_is_named() {
         let (folder, mut ask) = script("");
         ask.program = folder.path().join("missing");
-        let Outcome::Failed { because } = ask.about(folder.path()) else { panic!("it answered") };
+        let DiagnosisOutcome::Failed { because } = ask.diagnose(folder.path()) else {
+            panic!("it answered")
+        };
         assert!(because.contains("missing"), "{because}");
     }
 }

@@ -1,12 +1,11 @@
-//! Where the tool really is: the planner's pose plus what steppers, belts and
-//! brackets do to it.
+//! The true pose of the tool: the planner's pose with backlash, vibration and base offset.
 
 use evrig_core::units::{Degrees, Hertz};
 
-/// How the simulated arm departs from its planner. Zero everywhere is a perfect arm.
+/// Deviations of the simulated arm from its planner; all zero for an ideal arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Imperfections {
-    /// Play of the base joint: the arm lags behind by half of it in either direction.
+    /// Backlash of the base joint: the arm lags by half of it in either direction.
     pub backlash: Degrees,
     /// How far the tool swings per acceleration, mm per mm/s^2 (1 / omega^2 for a true spring);
     /// zero switches vibration off.
@@ -34,9 +33,9 @@ impl Default for Imperfections {
 /// Step of the simulation, seconds: well below the period of any swing of the arm.
 pub(super) const STEP_S: f64 = 1e-3;
 
-/// The state of play and swing, moved on in steps of [`STEP_S`].
+/// State of backlash and vibration, advanced in steps of [`STEP_S`].
 #[derive(Debug, Clone)]
-pub(super) struct Truth {
+pub(super) struct ToolDynamics {
     base_deg: f64,
     swing_mm: [f64; 3],
     swing_speed: [f64; 3],
@@ -44,7 +43,7 @@ pub(super) struct Truth {
     before: [[f64; 3]; 2],
 }
 
-impl Truth {
+impl ToolDynamics {
     /// At rest with the planner at `xyz` mm and the base at `base_deg`.
     #[must_use]
     pub(super) const fn at_rest(base_deg: f64, xyz: [f64; 3]) -> Self {
@@ -77,7 +76,7 @@ impl Truth {
         }
     }
 
-    /// Whether nothing swings any more.
+    /// Whether the vibration has decayed.
     #[must_use]
     pub(super) fn is_calm(&self) -> bool {
         self.swing_mm.iter().chain(&self.swing_speed).all(|value| value.abs() < 1e-6)
@@ -105,7 +104,7 @@ mod tests {
     #[test]
     fn the_base_lags_by_half_the_play_in_either_direction() {
         let like = Imperfections { backlash: Degrees(0.4), ..Imperfections::default() };
-        let mut truth = Truth::at_rest(0.0, [200.0, 0.0, 0.0]);
+        let mut truth = ToolDynamics::at_rest(0.0, [200.0, 0.0, 0.0]);
         for base_deg in [1.0, 2.0] {
             truth.step(&like, base_deg, [200.0, 0.0, 0.0]);
         }
@@ -124,7 +123,7 @@ mod tests {
             damping: 0.05,
             ..Imperfections::default()
         };
-        let mut truth = Truth::at_rest(0.0, [0.0; 3]);
+        let mut truth = ToolDynamics::at_rest(0.0, [0.0; 3]);
         // One step of speed 50 mm/s: an impulse of acceleration.
         let mut crossings = Vec::new();
         let mut previous = 0.0;

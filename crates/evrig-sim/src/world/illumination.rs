@@ -1,7 +1,7 @@
-//! The lamps: level, flashes, flicker, and a shadow that wanders over the print.
+//! The lamps: level, flashes, flicker, and a shadow that wanders over the target.
 
 use super::effects::{Flicker, MovingShadow};
-use super::schedule::Schedule;
+use super::schedule::SettingSchedule;
 use std::f64::consts::TAU;
 
 /// A dimmed lamp takes so long to reach its new level.
@@ -21,9 +21,9 @@ struct Flash {
 /// Pieces of a ramp at which the light is looked at.
 const PIECES_OF_RAMP: u32 = 10;
 
-/// Light on the print over world time, 1 at the rig's full light.
+/// Light on the target over world time, 1 at the rig's full light.
 #[derive(Debug, Clone)]
-pub(super) struct Light {
+pub(super) struct Illumination {
     /// Time in seconds and level, straight lines between.
     levels: Vec<[f64; 2]>,
     /// The same for what flashes add, in shares.
@@ -32,9 +32,9 @@ pub(super) struct Light {
     shadow: Option<MovingShadow>,
 }
 
-impl Light {
+impl Illumination {
     pub(super) fn new(
-        schedule: &Schedule,
+        schedule: &SettingSchedule,
         flicker: Option<Flicker>,
         shadow: Option<MovingShadow>,
     ) -> Self {
@@ -77,7 +77,7 @@ impl Light {
         between(&self.levels, time_s, 1.0)
     }
 
-    /// The share of the light that the shadow leaves at a place of the print (millimetres).
+    /// The share of the light that the shadow leaves at a place of the target (millimetres).
     pub(super) fn left_by_shadow(&self, x_mm: f64, y_mm: f64, time_s: f64) -> f64 {
         let Some(shadow) = self.shadow else { return 1.0 };
         let (sin, cos) = shadow.direction_deg.to_radians().sin_cos();
@@ -138,16 +138,16 @@ fn between(points: &[[f64; 2]], time: f64, otherwise: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::world::schedule::Setting;
+    use crate::world::schedule::RunSetting;
     use evrig_core::time::Span;
 
-    fn light(flicker: Option<Flicker>) -> Light {
+    fn light(flicker: Option<Flicker>) -> Illumination {
         let at = |s| Span::from_secs_f64(s);
         let settings = vec![
-            Setting { n_flashes: 2, ..Setting::nominal(at(0.0), true) },
-            Setting { light_level: 0.2, ..Setting::nominal(at(1.0), true) },
+            RunSetting { n_flashes: 2, ..RunSetting::nominal(at(0.0), true) },
+            RunSetting { light_level: 0.2, ..RunSetting::nominal(at(1.0), true) },
         ];
-        Light::new(&Schedule::new(settings), flicker, None)
+        Illumination::new(&SettingSchedule::new(settings), flicker, None)
     }
 
     #[test]

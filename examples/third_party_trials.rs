@@ -1,19 +1,19 @@
-//! Sealed sessions from another hand's simulator, for `evrig prove --sessions OUT`.
+//! Sealed sessions from a third-party simulator, for `evrig prove --sessions OUT`.
 //!
-//! `cargo run --release --example foreign_trials -- OUT SEED SINGLE CLEAN ALIEN`
+//! `cargo run --release --example third_party_trials -- OUT SEED SINGLE CLEAN ALIEN`
 //!
 //! The events are made by the crate `eventcv-core`, a port of v2e's pixel model that shares no line
-//! with this project: its thresholds, photoreceptor, leak, noise and dead time, its thinning, jitter
-//! and support filter. Ours are the moving picture it is shown and the names its settings go by
-//! here. Where its rule differs from the effect of that name the trial stays as hard as that makes
-//! it: its low-pass works once a picture, its noise falls with light.
+//! with this project: its thresholds, photoreceptor, leak, noise and refractory period, its thinning,
+//! jitter and support filter. Only the moving image and the mapping of parameters are this example's.
+//! Where its model differs from the effect of that name, the trial keeps the difference: its low-pass
+//! is updated once a frame, its noise falls with intensity.
 
 #![allow(clippy::print_stdout)]
 
 use eventcv_core::EventStream;
 use eventcv_core::simulate::{Simulator, SimulatorConfig, Upsample};
 use evrig::format::npy::{ArrayWriter, NpzWriter};
-use evrig::prove::{Concealed, Truth, seal};
+use evrig::prove::{ConcealedEffect, SealedTruth, seal};
 use evrig::session::StreamName;
 use evrig::session::import::{FrameTimes, ImportFrames, import_frames};
 use evrig::stats::SplitMix;
@@ -21,15 +21,15 @@ use std::error::Error;
 use std::f64::consts::TAU;
 use std::path::Path;
 
-const USAGE: &str = "usage: foreign_trials OUT SEED SINGLE CLEAN ALIEN";
+const USAGE: &str = "usage: third_party_trials OUT SEED SINGLE CLEAN ALIEN";
 
 const WIDTH: usize = 128;
 const HEIGHT: usize = 96;
 const DURATION_US: i64 = 4_000_000;
-/// The simulator is shown the picture this often and works in quarters of it. The session keeps every
-/// picture: what is not in the frames would be an effect of its own, in every session.
+/// Frame interval of the simulator, which interpolates to a quarter of it. The session keeps every
+/// frame: a lower rate would be an effect of its own, in every session.
 const STEP_US: i64 = 1_000;
-/// The picture's own grid, which repeats itself.
+/// Side of the image, which is periodic.
 const SIDE: usize = 256;
 
 /// The simulator's noise at white over that in the dark (v2e's law).
@@ -37,7 +37,7 @@ const NOISE_AT_WHITE: f64 = 0.25;
 
 /// What can be hidden: id, and the changing parameter with its value at strength one.
 const KNOWN: &[(&str, &str, f64)] = &[
-    // The picture's steepest edges take a pixel some 10 ms from event to event: a shorter dead time does nothing.
+    // The image's steepest edges take a pixel some 10 ms from event to event: a shorter refractory period does nothing.
     ("refractory_period", "refractory_us", 10_000.0),
     ("photoreceptor_bandwidth", "cutoff_hz_at_white", 60.0),
     ("threshold_mismatch", "sigma_relative", 0.06),
@@ -78,7 +78,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// A strength even in the logarithm from one to four, and the parameters it gives.
-fn truth(kind: Option<(&str, &str, f64)>, random: &mut SplitMix) -> Truth {
+fn truth(kind: Option<(&str, &str, f64)>, random: &mut SplitMix) -> SealedTruth {
     let strength = 4.0_f64.powf(random.uniform());
     let effects = kind.into_iter().map(|(id, key, at_one)| {
         let value = match key {
@@ -90,37 +90,37 @@ fn truth(kind: Option<(&str, &str, f64)>, random: &mut SplitMix) -> Truth {
         if key == "cutoff_hz_at_white" {
             parameters.insert("order".into(), 1.0);
         }
-        Concealed { id: id.into(), parameters, strength }
+        ConcealedEffect { id: id.into(), parameters, strength }
     });
     let effects = effects.collect();
     let nonce = format!("{:016x}{:016x}", random.bits(), random.bits());
-    Truth { effects, nonce, ..Truth::nothing() }
+    SealedTruth { effects, nonce, ..SealedTruth::nothing() }
 }
 
-fn parameter(truth: &Truth, id: &str) -> Option<f64> {
+fn parameter(truth: &SealedTruth, id: &str) -> Option<f64> {
     let concealed = truth.effects.iter().find(|concealed| concealed.id == id)?;
     concealed.parameters.iter().find(|(key, _)| *key != "order").map(|(_, &value)| value)
 }
 
 /// Makes one session; gives the number of its events.
-fn make(root: &Path, truth: &Truth, random: &mut SplitMix) -> Result<usize, Box<dyn Error>> {
+fn make(root: &Path, truth: &SealedTruth, random: &mut SplitMix) -> Result<usize, Box<dyn Error>> {
     let folder = tempfile::tempdir()?;
     let (frames_path, times_path, events_path) = (
         folder.path().join("frames.npy"),
         folder.path().join("times.npy"),
         folder.path().join("events.npz"),
     );
-    let picture = picture(random);
+    let image = image(random);
     let seed = random.bits();
     let n_steps = DURATION_US / STEP_US;
     let mut frames =
         ArrayWriter::<u16>::create(&frames_path, &[n_steps as u64, HEIGHT as u64, WIDTH as u64])?;
     let mut times = ArrayWriter::<i64>::create(&times_path, &[n_steps as u64])?;
-    let mut simulator = Simulator::new(WIDTH, HEIGHT, config(truth, seed, &picture));
+    let mut simulator = Simulator::new(WIDTH, HEIGHT, config(truth, seed, &image));
     let mut all = eventcv_core::EventStreamBuilder::new(WIDTH, HEIGHT, 1e-3);
     for step in 0..n_steps {
         let t_us = step * STEP_US;
-        let frame = seen(&picture, t_us as f64 * 1e-6);
+        let frame = view(&image, t_us as f64 * 1e-6);
         all.extend_from_stream(&simulator.push_frame(&frame, t_us));
         let values: Vec<u16> = frame.iter().map(|v| (v * 65_535.0).round() as u16).collect();
         frames.extend(&values)?;
@@ -143,10 +143,10 @@ fn make(root: &Path, truth: &Truth, random: &mut SplitMix) -> Result<usize, Box<
 }
 
 /// The simulator's own settings for what is hidden; without any, its ideal pixel.
-fn config(truth: &Truth, seed: u64, picture: &[f64]) -> SimulatorConfig {
+fn config(truth: &SealedTruth, seed: u64, image: &[f64]) -> SimulatorConfig {
     let of = |id: &str| parameter(truth, id);
     // Its noise is as frequent as it is told in the dark alone: the truth is the mean over all pixels.
-    let light = picture.iter().sum::<f64>() / picture.len() as f64;
+    let light = image.iter().sum::<f64>() / image.len() as f64;
     let lit = 1.0 - (1.0 - NOISE_AT_WHITE) * light;
     let ideal = SimulatorConfig::ideal();
     let ratio = of("threshold_asymmetry").unwrap_or(1.0).sqrt() as f32;
@@ -165,7 +165,7 @@ fn config(truth: &Truth, seed: u64, picture: &[f64]) -> SimulatorConfig {
 }
 
 /// What it does to events once they are made.
-fn afterwards(events: EventStream, truth: &Truth, seed: u64) -> EventStream {
+fn afterwards(events: EventStream, truth: &SealedTruth, seed: u64) -> EventStream {
     let of = |id: &str| parameter(truth, id);
     if let Some(fraction) = of("event_drop") {
         return events.event_drop(fraction, seed);
@@ -182,8 +182,8 @@ fn afterwards(events: EventStream, truth: &Truth, seed: u64) -> EventStream {
     events
 }
 
-/// A picture that repeats itself: blurred noise, in logarithms, from about a tenth of white up.
-fn picture(random: &mut SplitMix) -> Vec<f64> {
+/// A image that repeats itself: blurred noise, in logarithms, from about a tenth of white up.
+fn image(random: &mut SplitMix) -> Vec<f64> {
     let mut layer: Vec<f64> = (0..SIDE * SIDE).map(|_| random.normal()).collect();
     // Three passes of a box are close to a Gaussian; its deviation is two pixels.
     for _ in 0..3 {
@@ -206,14 +206,14 @@ fn boxed(layer: &[f64], stride: usize, across: usize) -> Vec<f64> {
     out
 }
 
-/// What the sensor sees at a time: the picture on a figure of eight, 19 to 84 pixels a second.
-fn seen(picture: &[f64], t_s: f64) -> Vec<f32> {
+/// What the sensor sees at a time: the image on a figure of eight, 19 to 84 pixels a second.
+fn view(image: &[f64], t_s: f64) -> Vec<f32> {
     let phase = TAU * t_s / 2.6;
     let (dx, dy) = (20.0 * phase.sin() + 64.0, 10.0 * (2.0 * phase).sin() + 64.0);
     let (left, top) = (dx.floor(), dy.floor());
     let (fx, fy) = (dx - left, dy - top);
     let (left, top) = (left as usize, top as usize);
-    let value = |x: usize, y: usize| picture[(y % SIDE) * SIDE + x % SIDE];
+    let value = |x: usize, y: usize| image[(y % SIDE) * SIDE + x % SIDE];
     let mut frame = Vec::with_capacity(WIDTH * HEIGHT);
     for y in 0..HEIGHT {
         for x in 0..WIDTH {

@@ -1,34 +1,34 @@
-//! The print: picture to the left, tag to the right, bottoms aligned, grey patches above the tag.
+//! The target: picture to the left, tag to the right, bottoms aligned, grey patches above the tag.
 
-use super::description::PrintDescription;
-use super::picture::Picture;
-use super::problem::WorldError;
+use super::description::PrintedTargetDescription;
+use super::error::WorldError;
+use super::target_image::TargetImage;
 use evrig_session::rig::TargetDescription;
 use evrig_session::rig::tag;
 
 /// Reflectances of the six patches as shares of white: steps of a factor of 1.74.
 const PATCHES: [f64; 6] = [0.80, 0.46, 0.264, 0.152, 0.0873, 0.0502];
 
-/// White paper around the print that is still sampled, so that blurred edges end in white.
+/// White paper around the target that is still sampled, so that blurred edges end in white.
 const MARGIN_MM: f64 = 4.0;
 
-/// Reflectance everywhere on the sheet. Coordinates are millimetres on the print, right and down
-/// from the middle of picture and tag together; beyond them the paper is white.
+/// Reflectance everywhere on the sheet. Coordinates are millimetres on the target, right and down
+/// from the middle of image and tag together; beyond them the paper is white.
 #[derive(Debug, Clone)]
-pub(super) struct Print {
-    picture: Picture,
+pub(super) struct PrintedTarget {
+    image: TargetImage,
     white: f64,
     black: f64,
     has_patches: bool,
-    picture_side: f64,
+    image_side: f64,
     tag_side: f64,
     gap: f64,
 }
 
-impl Print {
-    /// The print of a target.
+impl PrintedTarget {
+    /// The target of a target.
     pub(super) fn new(
-        description: &PrintDescription,
+        description: &PrintedTargetDescription,
         target: &TargetDescription,
     ) -> Result<Self, WorldError> {
         if target.tag_family != "tag36h11" || target.tag_id != 0 {
@@ -36,20 +36,20 @@ impl Print {
             return Err(WorldError::Tag { family, id });
         }
         Ok(Self {
-            picture: Picture::named(&description.picture)?,
+            image: TargetImage::named(&description.image)?,
             white: description.white,
             black: description.black,
             has_patches: description.patches,
-            picture_side: target.picture_side.0,
+            image_side: target.picture_side.0,
             tag_side: target.tag_side.0,
             gap: target.gap.0,
         })
     }
 
-    /// Half width and half height of picture and tag together.
+    /// Half width and half height of image and tag together.
     fn half(&self) -> [f64; 2] {
-        let width = self.picture_side + self.gap + self.tag_side;
-        [width / 2.0, self.picture_side.max(self.tag_side) / 2.0]
+        let width = self.image_side + self.gap + self.tag_side;
+        [width / 2.0, self.image_side.max(self.tag_side) / 2.0]
     }
 
     /// Left, top, right and bottom of what is not bare paper, with a margin.
@@ -74,15 +74,15 @@ impl Print {
     pub(super) fn reflectance(&self, x: f64, y: f64) -> f64 {
         let [half_width, half_height] = self.half();
         let (from_left, to_bottom) = (x + half_width, half_height - y);
-        let in_picture = (0.0..self.picture_side).contains(&from_left)
-            && (0.0..self.picture_side).contains(&to_bottom);
-        if in_picture {
-            let (right, up) = (from_left / self.picture_side, to_bottom / self.picture_side);
+        let in_image = (0.0..self.image_side).contains(&from_left)
+            && (0.0..self.image_side).contains(&to_bottom);
+        if in_image {
+            let (right, up) = (from_left / self.image_side, to_bottom / self.image_side);
             let down = 1.0 - up;
-            let ink = self.picture.reflectance(right, down, self.picture_side, self.black);
+            let ink = self.image.reflectance(right, down, self.image_side, self.black);
             return self.white * ink;
         }
-        let from_tag = from_left - self.picture_side - self.gap;
+        let from_tag = from_left - self.image_side - self.gap;
         if !(0.0..self.tag_side).contains(&from_tag) {
             return self.white;
         }
@@ -97,8 +97,8 @@ impl Print {
     /// Two columns of three patches over the tag, one gap above it.
     fn patch(&self, from_left: f64, up: f64) -> Option<f64> {
         let side = self.tag_side / 2.0;
-        let has_room = self.tag_side + self.gap + 3.0 * side <= self.picture_side;
-        if !self.has_patches || !has_room || !(0.0..3.0 * side).contains(&up) {
+        let fits = self.tag_side + self.gap + 3.0 * side <= self.image_side;
+        if !self.has_patches || !fits || !(0.0..3.0 * side).contains(&up) {
             return None;
         }
         let column = ((from_left / side) as usize).min(1);

@@ -1,19 +1,19 @@
-//! The picture on the print.
+//! The image on the target.
 
-use super::draws::{Draws, Purpose};
-use super::problem::WorldError;
+use super::draws::{RandomPurpose, WorldRandom};
+use super::error::WorldError;
 use std::f64::consts::TAU;
 use std::path::Path;
 
-/// Side of a bundled picture in samples: 0.042 mm on the default print, a third of the Pi's pixel.
+/// Side of a bundled image in samples: 0.042 mm on the default print, a third of the Pi's pixel.
 const SIDE: usize = 1024;
 
-/// Largest side of a picture file.
+/// Largest side of a image file.
 const MAX_SIDE: u32 = 8192;
 
-/// A square picture: ink from 0 (darkest) to 1 (paper), row by row.
+/// A square image: ink from 0 (darkest) to 1 (paper), row by row.
 #[derive(Debug, Clone)]
-pub(super) enum Picture {
+pub(super) enum TargetImage {
     /// Samples of equal spacing.
     Sampled { width: usize, height: usize, values: Vec<f32> },
     /// Bare paper.
@@ -22,10 +22,10 @@ pub(super) enum Picture {
     Stripes { period_mm: f64, angle_deg: f64 },
 }
 
-impl Picture {
-    /// The picture of this name.
+impl TargetImage {
+    /// The image of this name.
     pub(super) fn named(name: &str) -> Result<Self, WorldError> {
-        let unknown = || WorldError::UnknownPicture { got: name.to_owned() };
+        let unknown = || WorldError::UnknownImage { got: name.to_owned() };
         if name == "plain" {
             Ok(Self::Plain)
         } else if let Some(seed) = name.strip_prefix("leaves-") {
@@ -64,14 +64,14 @@ impl Picture {
 /// Dead leaves: opaque discs and polygons of random size, turn and grey over each other. Their
 /// radii's density falls as the cube, which gives the 1/f amplitude spectrum and the edges of every
 /// direction that natural pictures have (Lee, Mumford and Huang, IJCV 41:35, 2001).
-fn leaves(seed: u64) -> Picture {
-    let mut draws = Draws::new(seed, Purpose::Picture, 0, 0);
+fn leaves(seed: u64) -> TargetImage {
+    let mut draws = WorldRandom::new(seed, RandomPurpose::TargetImage, 0, 0);
     let mut values = vec![0.5_f32; SIDE * SIDE];
     for _ in 0..6_000 {
         let (smallest, largest) = (10.0_f64, 260.0_f64);
         let u = draws.uniform();
         let inverse = smallest.powi(-2) * (1.0 - u) + largest.powi(-2) * u;
-        let leaf = Leaf {
+        let leaf = LeafShape {
             centre: [draws.uniform(), draws.uniform()].map(|part| part * SIDE as f64),
             radius: inverse.powf(-0.5),
             corners: (draws.uniform() * 5.0) as u32 + 2,
@@ -80,10 +80,10 @@ fn leaves(seed: u64) -> Picture {
         };
         leaf.draw(&mut values, draws.uniform() as f32);
     }
-    Picture::Sampled { width: SIDE, height: SIDE, values }
+    TargetImage::Sampled { width: SIDE, height: SIDE, values }
 }
 
-struct Leaf {
+struct LeafShape {
     centre: [f64; 2],
     radius: f64,
     /// Below three: a disc.
@@ -92,7 +92,7 @@ struct Leaf {
     stretch: f64,
 }
 
-impl Leaf {
+impl LeafShape {
     fn draw(&self, values: &mut [f32], ink: f32) {
         let reach = self.radius * self.stretch.max(1.0 / self.stretch);
         let range = |centre: f64| {
@@ -123,8 +123,9 @@ impl Leaf {
     }
 }
 
-fn file(path: &Path) -> Result<Picture, WorldError> {
-    let failed = |reason: String| WorldError::Picture { path: path.display().to_string(), reason };
+fn file(path: &Path) -> Result<TargetImage, WorldError> {
+    let failed =
+        |reason: String| WorldError::ImageFile { path: path.display().to_string(), reason };
     let mut reader = image::ImageReader::open(path)
         .and_then(image::ImageReader::with_guessed_format)
         .map_err(|error| failed(error.to_string()))?;
@@ -132,8 +133,8 @@ fn file(path: &Path) -> Result<Picture, WorldError> {
     limits.max_image_width = Some(MAX_SIDE);
     limits.max_image_height = Some(MAX_SIDE);
     reader.limits(limits);
-    let picture = reader.decode().map_err(|error| failed(error.to_string()))?.to_luma16();
-    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let image = reader.decode().map_err(|error| failed(error.to_string()))?.to_luma16();
+    let (width, height) = (image.width() as usize, image.height() as usize);
     if width == 0 || height == 0 {
         return Err(failed("it has no pixels".to_owned()));
     }
@@ -142,8 +143,8 @@ fn file(path: &Path) -> Result<Picture, WorldError> {
         let v = f32::from(value) / 65535.0;
         if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
     };
-    let values = picture.as_raw().iter().map(|value| linear(*value)).collect();
-    Ok(Picture::Sampled { width, height, values })
+    let values = image.as_raw().iter().map(|value| linear(*value)).collect();
+    Ok(TargetImage::Sampled { width, height, values })
 }
 
 #[cfg(test)]
@@ -153,17 +154,17 @@ mod tests {
     #[test]
     fn a_name_that_is_no_picture_is_refused() {
         for name in ["", "leaves", "leaves-x", "stripes-3", "stripes-0-10", "cat.png"] {
-            let error = Picture::named(name).unwrap_err().to_string();
+            let error = TargetImage::named(name).unwrap_err().to_string();
             assert!(error.contains(name), "{error}");
         }
-        let error = Picture::named("file:/no/such/picture.png").unwrap_err().to_string();
-        assert!(error.contains("/no/such/picture.png"), "{error}");
+        let error = TargetImage::named("file:/no/such/image.png").unwrap_err().to_string();
+        assert!(error.contains("/no/such/image.png"), "{error}");
     }
 
     #[test]
     fn seeds_give_different_leaves_with_edges_in_every_direction() {
         let gradients = |seed| {
-            let Picture::Sampled { values, .. } = leaves(seed) else {
+            let TargetImage::Sampled { values, .. } = leaves(seed) else {
                 panic!("leaves are sampled")
             };
             // Means of blocks: the edge of a single sample has only eight directions.

@@ -1,21 +1,21 @@
 //! A small rig for tests: both cameras over the middle of a small print, near enough to be quick.
 
-use super::{Effects, Motion, Schedule, Setting, World, WorldDescription};
+use super::{RunSetting, SettingSchedule, ToolMotion, World, WorldDescription, WorldEffects};
 use evrig_core::event::Event;
 use evrig_core::time::Span;
 use evrig_session::rig::{Pose, Rig};
 use std::sync::Arc;
 
-/// Where the cameras are over the middle of the print.
+/// Where the cameras are over the middle of the target.
 pub(super) const MIDDLE: [f64; 4] = [270.0, 0.0, 100.0, 90.0];
 
-/// The tool goes straight to the right of the picture.
+/// The tool goes straight to the right of the image.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Glide {
     pub(super) speed_mm_per_s: f64,
 }
 
-impl Motion for Glide {
+impl ToolMotion for Glide {
     fn pose_at(&self, time: Span) -> Pose {
         let [x, y, z, r] = MIDDLE;
         Pose::from_mm_deg([x + self.speed_mm_per_s * time.as_secs_f64(), y, z, r])
@@ -23,22 +23,22 @@ impl Motion for Glide {
 }
 
 /// A world to be built: a picture, a speed, settings, effects.
-pub(super) struct Stage {
+pub(super) struct TestWorld {
     pub(super) description: WorldDescription,
     pub(super) speed_mm_per_s: f64,
-    pub(super) settings: Vec<Setting>,
+    pub(super) settings: Vec<RunSetting>,
     pub(super) rig_changes: Vec<(&'static str, &'static str)>,
 }
 
-impl Stage {
+impl TestWorld {
     /// Nothing moves, nothing is wrong.
     pub(super) fn still(picture: &str) -> Self {
         let mut description = WorldDescription::default();
-        description.print.picture = picture.to_owned();
+        description.target.image = picture.to_owned();
         Self {
             description,
             speed_mm_per_s: 0.0,
-            settings: vec![Setting::nominal(Span::ZERO, true)],
+            settings: vec![RunSetting::nominal(Span::ZERO, true)],
             rig_changes: Vec::new(),
         }
     }
@@ -50,7 +50,7 @@ impl Stage {
 
     /// With the effects of a description's table.
     pub(super) fn with(mut self, effects: &str) -> Self {
-        self.description.effects = toml::from_str::<Effects>(effects).unwrap();
+        self.description.effects = toml::from_str::<WorldEffects>(effects).unwrap();
         self
     }
 
@@ -58,7 +58,7 @@ impl Stage {
     pub(super) fn light(mut self, from_s: f64, light_level: f64) -> Self {
         let start = Span::from_secs_f64(from_s);
         self.settings.retain(|setting| setting.start != start);
-        self.settings.push(Setting { light_level, ..Setting::nominal(start, true) });
+        self.settings.push(RunSetting { light_level, ..RunSetting::nominal(start, true) });
         self
     }
 
@@ -83,7 +83,7 @@ impl Stage {
 
     pub(super) fn world(&self) -> Arc<World> {
         let motion = Arc::new(Glide { speed_mm_per_s: self.speed_mm_per_s });
-        let schedule = Schedule::new(self.settings.clone());
+        let schedule = SettingSchedule::new(self.settings.clone());
         Arc::new(World::new(&self.rig(), motion, schedule, &self.description, 11).unwrap())
     }
 
@@ -106,7 +106,7 @@ pub(super) fn by_pixel(events: &[Event]) -> Vec<Vec<Event>> {
     pixels.into_values().collect()
 }
 
-/// Number of On events.
+/// Number of ON events.
 pub(super) fn n_on(events: &[Event]) -> f64 {
     events.iter().filter(|event| event.on).count() as f64
 }

@@ -1,14 +1,14 @@
-//! Why a world cannot be.
+//! Why a world is refused.
 
-/// Why a world cannot be.
+/// Why a world is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum WorldError {
-    /// The text is no description.
+    /// The text is not a description.
     #[error("{file}: {what}")]
     Description {
         /// Its name.
         file: String,
-        /// What the parser said, with the line.
+        /// The parser's message, with the line.
         what: String,
     },
     /// A value is out of range.
@@ -21,17 +21,17 @@ pub enum WorldError {
         /// What it may be.
         expected: String,
     },
-    /// The picture's name is none.
+    /// The name of the target image is unknown.
     #[error(
-        "`{got}` is no picture; expected leaves-SEED, plain, stripes-PERIOD_MM-ANGLE_DEG or file:PATH"
+        "`{got}` is no target image; expected leaves-SEED, plain, stripes-PERIOD_MM-ANGLE_DEG or file:PATH"
     )]
-    UnknownPicture {
+    UnknownImage {
         /// What was asked for.
         got: String,
     },
-    /// The picture's file cannot be used.
-    #[error("cannot use the picture {path}: {reason}")]
-    Picture {
+    /// The image file cannot be read.
+    #[error("cannot read the target image {path}: {reason}")]
+    ImageFile {
         /// The file.
         path: String,
         /// What is wrong with it.
@@ -39,7 +39,7 @@ pub enum WorldError {
     },
     /// Only one tag can be printed.
     #[error(
-        "the simulated print has tag36h11 number 0; the rig's target asks for {family} number {id}"
+        "the simulated target has tag36h11 number 0; the rig's target asks for {family} number {id}"
     )]
     Tag {
         /// The family asked for.
@@ -47,9 +47,9 @@ pub enum WorldError {
         /// The number asked for.
         id: u32,
     },
-    /// The camera does not look at the print.
+    /// The target is not in front of the camera.
     #[error(
-        "the {camera} does not face the print at the beginning of the path (tool at {tool}): check mount.{camera}.axis and target.centre_mm"
+        "the {camera} does not face the target at the beginning of the path (tool at {tool}): check mount.{camera}.axis and target.centre_mm"
     )]
     LooksAway {
         /// Which.
@@ -57,9 +57,9 @@ pub enum WorldError {
         /// Where the tool is.
         tool: String,
     },
-    /// The print is too fine for this lens.
+    /// The target needs too many samples for this lens.
     #[error(
-        "the print would need {pixels} samples for the {camera}, more than {limit}: check focal_length_mm, pixel_pitch_um and the target's size"
+        "the target would need {pixels} samples for the {camera}, more than {limit}: check focal_length_mm, pixel_pitch_um and the target's size"
     )]
     TooFine {
         /// Which.
