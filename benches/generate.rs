@@ -15,7 +15,7 @@ use criterion::{BenchmarkId, Criterion, Throughput};
 use eventcv_core::simulate::{Simulator, SimulatorConfig};
 use evrig::event::Events;
 use evrig::frame::Luminance;
-use evrig::generate::{Choice, GenerateParameters, Generator, build};
+use evrig::generate::{GenerateParameters, Generator, GeneratorChoice, build};
 use evrig::geometry::Size;
 use std::f32::consts::TAU;
 use std::hint::black_box;
@@ -69,7 +69,7 @@ impl Engine {
     fn new(case: &Case, size: Size, threads: usize) -> Self {
         match &case.made {
             Made::Own(choice) => {
-                let choice = Choice { seed: 1, ..*choice };
+                let choice = GeneratorChoice { seed: 1, ..*choice };
                 let parameters = GenerateParameters::from_choice(&choice).unwrap();
                 Self::Own(build(&parameters, NonZeroUsize::new(threads)).unwrap())
             }
@@ -158,14 +158,17 @@ struct Case {
 }
 
 enum Made {
-    Own(Choice<'static>),
+    Own(GeneratorChoice<'static>),
     Peer(SimulatorConfig),
 }
 
 fn cases() -> Vec<Case> {
-    let voltmeter = Choice { preset: Some("Raw2DVS346"), ..Choice::default() };
-    let of =
-        |preset| Choice { preset: Some(preset), full_scale_dn: Some(1023.0), ..Choice::default() };
+    let voltmeter = GeneratorChoice { preset: Some("Raw2DVS346"), ..GeneratorChoice::default() };
+    let of = |preset| GeneratorChoice {
+        preset: Some(preset),
+        full_scale_dn: Some(1023.0),
+        ..GeneratorChoice::default()
+    };
     let own = |name, choice| Case { name, made: Made::Own(choice) };
     let clean = SimulatorConfig { sigma_thres: 0.02, ..SimulatorConfig::ideal() };
     let noisy = SimulatorConfig {
@@ -177,7 +180,7 @@ fn cases() -> Vec<Case> {
     };
     vec![
         own("voltmeter", voltmeter),
-        own("voltmeter-reference", Choice { law: Some("reference"), ..voltmeter }),
+        own("voltmeter-reference", GeneratorChoice { law: Some("reference"), ..voltmeter }),
         own("esim", of("ESIM")),
         own("v2e-clean", of("v2e-clean")),
         Case { name: "eventcv-core, clean", made: Made::Peer(clean) },

@@ -10,7 +10,7 @@
 use evrig::event::{Event, Events};
 use evrig::frame::{Frame, Samples};
 use evrig::geometry::Size;
-use evrig::prove::plasmode::Recording;
+use evrig::prove::plasmode::PlasmodeRecording;
 use evrig::time::Davis;
 use std::error::Error;
 use std::ops::Range;
@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [from, to, x0, x1, share0, share1] = arguments.as_slice() else {
         return Err(USAGE.into());
     };
-    let whole = Recording::read(Path::new(from))?;
+    let whole = PlasmodeRecording::read(Path::new(from))?;
     let columns: Range<u16> = x0.parse()?..x1.parse::<u16>()?.min(whole.size.width);
     if columns.is_empty() {
         return Err(USAGE.into());
@@ -38,14 +38,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn cut(whole: &Recording, columns: &Range<u16>, time: &Range<i64>) -> Recording {
+fn cut(whole: &PlasmodeRecording, columns: &Range<u16>, time: &Range<i64>) -> PlasmodeRecording {
     let kept = whole.events.as_slice().iter();
     let kept = kept.filter(|e| columns.contains(&e.x) && time.contains(&e.t));
     let events: Events = kept.map(|e| Event { x: e.x - columns.start, ..e }).collect();
     let within = |frame: &&Frame<Davis>| time.contains(&frame.timing.stamp.as_micros());
     let frames = whole.frames.iter().filter(within).map(|frame| narrow(frame, columns)).collect();
     let size = Size { width: columns.end - columns.start, ..whole.size };
-    Recording { size, events, frames }
+    PlasmodeRecording { size, events, frames }
 }
 
 fn narrow(frame: &Frame<Davis>, columns: &Range<u16>) -> Frame<Davis> {

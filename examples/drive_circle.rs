@@ -14,7 +14,7 @@ use evrig::device::dobot::guard::{GuardLink, serve};
 use evrig::device::dobot::{Client, Patience};
 use evrig::record::host_clock;
 use evrig::record::pose_log::{Pace, PoseTiming};
-use evrig::sim::arm::{Clock, Emulator, Options};
+use evrig::sim::arm::{ArmClock, ArmEmulator, ArmOptions};
 use evrig::time::Span;
 use evrig::units::Hertz;
 use std::error::Error;
@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let rate: f64 = args.get(1).map_or(Ok(50.0), |text| text.parse())?;
     let simulated = match args.first() {
         Some(_) => None,
-        None => Some(Emulator::start(Options::default(), Clock::Scaled(1.0), Vec::new())?),
+        None => Some(ArmEmulator::start(ArmOptions::default(), ArmClock::Scaled(1.0), Vec::new())?),
     };
     let port = match (&simulated, args.first()) {
         (Some(emulator), _) => emulator.port().to_owned(),

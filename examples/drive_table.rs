@@ -17,7 +17,7 @@ use evrig::scene::{
     reconstruct_target,
 };
 use evrig::sim::world::{
-    CameraName, DavisTwin, Motion, PiTwin, Schedule, Setting, World, WorldDescription,
+    CameraName, DavisTwin, PiTwin, RunSetting, SettingSchedule, ToolMotion, World, WorldDescription,
 };
 use evrig::time::{Clock, ClockMap, Davis, PiSensor, Span};
 use evrig::trajectory::{Optional, Trajectory};
@@ -37,7 +37,7 @@ struct Swinging {
     heave_mm: f64,
 }
 
-impl Motion for Swinging {
+impl ToolMotion for Swinging {
     fn pose_at(&self, time: Span) -> Pose {
         let phase = TAU * time.as_secs_f64() / self.period_s;
         let [x, y, z] = self.centre;
@@ -94,7 +94,7 @@ fn case(name: &str) -> Result<Case, Box<dyn Error>> {
     let true_rig = if name == "tilted" { Rig::parse("tilted rig", &tilted)? } else { rig.clone() };
     let (world, seconds) = match motion {
         Some(motion) => {
-            let schedule = Schedule::new(vec![Setting::nominal(Span::ZERO, true)]);
+            let schedule = SettingSchedule::new(vec![RunSetting::nominal(Span::ZERO, true)]);
             (World::new(&rig, Arc::new(motion), schedule, &description, 1)?, 5.0)
         }
         None => {

@@ -1,4 +1,4 @@
-//! Renders a trajectory in the simulated world, says how long that takes, and writes a few pictures.
+//! Renders a trajectory in the simulated world, prints the time it takes, and writes a few images.
 //!
 //! `cargo run --release --example look_at_world -- OUT_DIR [TRAJECTORY [WORLD.toml]]`
 

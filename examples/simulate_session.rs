@@ -2,8 +2,8 @@
 //!
 //! `cargo run --release --example simulate_session -- RIG TRAJECTORY WORLD.toml SEED OUT [--no-rgb] [--seconds S]`
 //!
-//! WORLD.toml says what no one who records a session knows (see `rig/world.toml`); `-` is the
-//! nominal world. It does not become a part of the session.
+//! WORLD.toml describes the world (see `rig/world.toml`); `-` is the nominal world. It is not stored
+//! in the session.
 
 #![allow(clippy::print_stdout)]
 

@@ -1,4 +1,4 @@
-//! An effect of one's own: the lamp's light swings, and events are made of what the pixels then see.
+//! A custom effect: the lamp's intensity is modulated, and events are simulated from it.
 //!
 //! ```sh
 //! cargo run --example write_effect
@@ -10,8 +10,8 @@
 
 use evrig::drive::{Drive, TimeGrid};
 use evrig::frame::Luminance;
-use evrig::generate::effect::{Effects, Surroundings};
-use evrig::generate::forward::{Forward, ForwardParameters};
+use evrig::generate::effect::{EffectSet, RecordingContext};
+use evrig::generate::forward::{ForwardParameters, ForwardSimulator};
 use evrig::generate::voltmeter::Coefficients;
 use evrig::geometry::Size;
 use evrig::scene::FramesDrive;
@@ -59,9 +59,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let wall = FramesDrive::new(&[frame(0), frame(1_000_000)], 0.0, 0.0)?;
     let lamp = SwingingLamp { inner: &wall, hz: 5.0, depth: 0.3 };
 
-    let parameters =
-        ForwardParameters { k: Coefficients::DVS346, effects: Effects::default(), step_us: 1_000 };
-    let forward = Forward::new(parameters, Surroundings::default())?;
+    let parameters = ForwardParameters {
+        k: Coefficients::DVS346,
+        effects: EffectSet::default(),
+        step_us: 1_000,
+    };
+    let forward = ForwardSimulator::new(parameters, RecordingContext::default())?;
     let pixels: Vec<(u16, u16)> = (0..12).flat_map(|y| (0..16).map(move |x| (x, y))).collect();
     for (name, drive) in [("steady", &wall as &dyn Drive), ("swinging", &lamp)] {
         let made = forward.run(drive, &pixels, drive.span_us(), 1)?;

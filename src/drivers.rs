@@ -11,7 +11,7 @@ use evrig_pi::order::{Delivery, Order, Settings};
 use evrig_record::Devices;
 use evrig_record::recorder::{Recorder, RecorderError};
 use evrig_session::rig::{ArmPort, Pose, Rig, Transport};
-use evrig_sim::arm::{Clock, Emulator, EmulatorError, Options};
+use evrig_sim::arm::{ArmClock, ArmEmulator, ArmOptions, EmulatorError};
 use evrig_sim::live::LiveWorld;
 use evrig_sim::recorder::SimulatedCamera;
 use evrig_sim::world::{WorldDescription, WorldError};
@@ -46,7 +46,7 @@ pub enum BenchError {
     Arm(#[from] ArmError),
     /// The simulated arm.
     #[error(transparent)]
-    Emulator(#[from] EmulatorError),
+    ArmEmulator(#[from] EmulatorError),
     /// The simulated world.
     #[error(transparent)]
     World(#[from] WorldError),
@@ -83,7 +83,7 @@ pub struct Bench {
     /// Halts the arm from any thread; none for a simulated one.
     pub stopper: Option<Stopper>,
     /// Dropped last: the arm's port is served by it.
-    _simulated: Option<Emulator>,
+    _simulated: Option<ArmEmulator>,
 }
 
 impl Bench {
@@ -95,13 +95,13 @@ impl Bench {
     pub fn open(rig: &Rig, opening: &Opening<'_>) -> Result<Self, BenchError> {
         let simulated = match rig.arm.port {
             ArmPort::Sim => {
-                let options = Options { homing: SIMULATED_HOMING, ..Options::default() };
-                Some(Emulator::start(options, Clock::Scaled(1.0), Vec::new())?)
+                let options = ArmOptions { homing: SIMULATED_HOMING, ..ArmOptions::default() };
+                Some(ArmEmulator::start(options, ArmClock::Scaled(1.0), Vec::new())?)
             }
             _ => None,
         };
         let recorders = cameras(rig, opening, simulated.as_ref())?;
-        let port = find_port(&rig.arm.port, simulated.as_ref().map(Emulator::port))
+        let port = find_port(&rig.arm.port, simulated.as_ref().map(ArmEmulator::port))
             .map_err(ArmError::from)?;
         let mut arm = open_arm(rig, &port, simulated.is_some())?;
         if opening.home || simulated.is_some() {
@@ -120,7 +120,7 @@ impl Bench {
 pub fn cameras(
     rig: &Rig,
     opening: &Opening<'_>,
-    arm: Option<&Emulator>,
+    arm: Option<&ArmEmulator>,
 ) -> Result<Vec<Box<dyn Recorder>>, BenchError> {
     let transports = [
         ("davis.transport", &rig.davis.camera.transport),

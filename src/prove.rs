@@ -1,21 +1,21 @@
-//! Concealed trials: does the diagnosis find what was hidden from it?
+//! Concealed trials: does the diagnosis find the effects that were concealed from it?
 //!
-//! A plan draws what to hide ([`draw()`]); a session is made with it; the truth is written apart
-//! and only its checksum stands beside the session before anyone looks ([`seal()`]); the diagnosis
-//! runs on the session alone; then the seal is opened and the answer judged ([`judge()`]) and all
-//! answers counted ([`Score`]).
+//! [`draw()`] draws the concealed effects of each trial from a seed. A session is made with them; the
+//! truth is written to a separate folder and only its checksum is stored with the session
+//! ([`seal()`]). The diagnosis runs on the session alone. Then the seal is opened, the answer judged
+//! ([`judge()`]) and all judgements counted ([`ProofScore`]).
 //!
-//! Every trial leaves a record as soon as it was judged, so that a run that was broken off goes on
-//! where it was; the diagnosis is asked in processes of its own ([`Ask`]), which have a time by which
-//! to answer and are given nothing but the session's folder.
+//! Every trial writes a record when it is judged, so an interrupted run can be resumed. The diagnosis
+//! runs in its own processes with a deadline ([`DiagnosisProcess`]) and gets only the session's path.
 //!
-//! Two families are made here. `world` sessions come from the simulated rig, whose physics is
-//! written apart from generators and diagnosis. `plasmode` sessions are a real recording to which
-//! one effect was applied ([`plasmode`](mod@plasmode)): they keep whatever a real camera does. A
-//! third, `foreign`, is made elsewhere, by other people's simulators, and comes as a folder of
-//! sealed sessions ([`Bench::run_ready`]).
+//! Two families are made here. `world` sessions come from the simulated rig, whose physics shares no
+//! code with generators and diagnosis. `plasmode` sessions are a real recording to which one effect
+//! was applied ([`plasmode`](mod@plasmode)), so all properties of the real camera remain. Sessions of
+//! the family `third_party` are made by a third-party simulator and are read from a folder of sealed
+//! sessions ([`ProofRun::run_prepared`]).
 
-mod ask;
+mod answer;
+mod diagnosis_process;
 mod draw;
 mod figure;
 mod judge;
@@ -31,16 +31,17 @@ mod strength;
 mod table;
 mod truth;
 
-pub use ask::Ask;
-pub use draw::{Mix, draw};
+pub use answer::{DiagnosisAnswer, NamedEffect};
+pub use diagnosis_process::DiagnosisProcess;
+pub use draw::{TrialMix, draw};
 pub use figure::figure;
-pub use judge::{Answer, Judgement, ParameterCheck, judge};
-pub use make::Maker;
-pub use quick::{complaints, quick};
-pub use record::{Outcome, Plan, Record, RecordError, settle};
-pub use run::{Bench, Proof, ProveError, Ready};
-pub use score::{PerEffect, Score, Share};
+pub use judge::{Judgement, ParameterCheck, judge};
+pub use make::SessionMaker;
+pub use quick::{quick, quick_failures};
+pub use record::{DiagnosisOutcome, ProofFolderError, ProofPlan, TrialRecord, claim_folder};
+pub use run::{PreparedTrials, Proof, ProofRun, ProveError};
+pub use score::{CountedShare, PerEffect, ProofScore};
 pub use seal::{Seal, SealError, open, seal, sha256};
-pub use strength::{Strength, strengths};
+pub use strength::{StrengthScale, strengths};
 pub use table::markdown;
-pub use truth::{Concealed, Family, Trial, Truth};
+pub use truth::{ConcealedEffect, ConcealedTrial, Family, SealedTruth};

@@ -10,7 +10,7 @@ use evrig_device::dobot::port;
 use evrig_record::{Finding, Verdict};
 use evrig_session::rig::{ArmPort, Pose, Rig};
 use evrig_session::trajectory::{Optional, Plan, Trajectory};
-use evrig_sim::arm::{Clock, Emulator, Options};
+use evrig_sim::arm::{ArmClock, ArmEmulator, ArmOptions};
 use evrig_sim::world::WorldDescription;
 use serde_json::json;
 use std::path::Path;
@@ -75,13 +75,13 @@ fn of_rig(name: &str, args: &CheckArgs, output: &Output) -> anyhow::Result<Vec<F
     // The simulated arm is switched on for the look; a real one is only asked.
     let simulated = if rig.arm.port == ArmPort::Sim {
         output.detail("starting the simulated arm");
-        let options = Options { is_homed: true, ..Options::default() };
-        Some(Emulator::start(options, Clock::Scaled(1.0), Vec::new())?)
+        let options = ArmOptions { is_homed: true, ..ArmOptions::default() };
+        Some(ArmEmulator::start(options, ArmClock::Scaled(1.0), Vec::new())?)
     } else {
         None
     };
     let program = std::env::current_exe()?;
-    let port = simulated.as_ref().map(Emulator::port);
+    let port = simulated.as_ref().map(ArmEmulator::port);
     let (arm, found) = open_and_look(&program, &rig.arm, port, path);
     drop(arm);
     findings.extend(found);
@@ -95,7 +95,7 @@ fn of_rig(name: &str, args: &CheckArgs, output: &Output) -> anyhow::Result<Vec<F
 }
 
 /// Both cameras, asked by the wire on which they would be recorded.
-fn cameras(rig: &Rig, start: Pose, arm: Option<&Emulator>) -> Vec<Finding> {
+fn cameras(rig: &Rig, start: Pose, arm: Option<&ArmEmulator>) -> Vec<Finding> {
     let world = WorldDescription::default();
     let opening = Opening { pace: Pace::Times(1.0), home: false, start, world: &world, seed: 1 };
     match drivers::cameras(rig, &opening, arm) {

@@ -9,7 +9,7 @@ use evrig_core::units::Degrees;
 use evrig_pi::agent::Agent;
 use evrig_session::trajectory::Optional;
 use evrig_sim::arm::fault::Fault;
-use evrig_sim::arm::{ArcSpeed, Clock, Emulator, Imperfections, OnAlarm, Options};
+use evrig_sim::arm::{AlarmPolicy, ArcSpeed, ArmClock, ArmEmulator, ArmOptions, Imperfections};
 use evrig_sim::davis::DavisServer;
 use evrig_sim::live::LiveWorld;
 use evrig_sim::pi::SimulatedSource;
@@ -51,9 +51,9 @@ fn arm(args: &EmulateArmArgs, output: &Output) -> anyhow::Result<Ending> {
         })
         .transpose()?
         .map(|file| Box::new(file) as Box<dyn Write + Send>);
-    let clock = Clock::Scaled(args.time_scale);
+    let clock = ArmClock::Scaled(args.time_scale);
     let mut signals = signals()?;
-    let mut emulator = Emulator::start_with_journal(options(args), clock, faults, journal)?;
+    let mut emulator = ArmEmulator::start_with_journal(options(args), clock, faults, journal)?;
     if let Some(link) = &args.link {
         emulator.link(link)?;
     }
@@ -102,14 +102,14 @@ fn signals() -> std::io::Result<signal_hook::iterator::Signals> {
     ])
 }
 
-fn options(args: &EmulateArmArgs) -> Options {
-    Options {
+fn options(args: &EmulateArmArgs) -> ArmOptions {
+    ArmOptions {
         queue_depth: args.queue_depth,
         has_circle: !args.no_circle,
         is_homed: args.homed,
         homing: Span::from_secs_f64(args.homing),
         reply_delay: Span::from_micros(i64::from(args.reply_delay) * 1_000),
-        on_alarm: if args.skip_on_alarm { OnAlarm::Skip } else { OnAlarm::Stall },
+        on_alarm: if args.skip_on_alarm { AlarmPolicy::Skip } else { AlarmPolicy::Stall },
         arc_speed: if args.arc_at_ptp_speed {
             ArcSpeed::PtpCoordinate
         } else {
@@ -120,6 +120,6 @@ fn options(args: &EmulateArmArgs) -> Options {
             vibration_gain: args.vibration,
             ..Imperfections::default()
         },
-        ..Options::default()
+        ..ArmOptions::default()
     }
 }

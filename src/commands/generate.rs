@@ -7,9 +7,9 @@ use crate::cli::{ConditionArgs, GenerateArgs, ModelArgs};
 use crate::pipeline::{self, Conditions, Freshness, GenerateRequest, Generated};
 use anyhow::Context;
 use evrig_analysis::calibrate::Calibration;
-use evrig_generate::effect::Effects;
-use evrig_generate::input::{Colour, Preparation};
-use evrig_generate::{Choice, GenerateParameters, KnobSetting, ParameterError};
+use evrig_generate::effect::EffectSet;
+use evrig_generate::input::{Colour, FramePreparation};
+use evrig_generate::{GenerateParameters, GeneratorChoice, KnobSetting, ParameterError};
 use evrig_session::{Session, StreamName};
 use serde_json::json;
 
@@ -52,16 +52,16 @@ fn stream_name(name: &str) -> Result<StreamName, WrongUse> {
 /// What is done to the light and what acts beside the model, from what the user said.
 pub(super) fn conditions(args: &ConditionArgs) -> anyhow::Result<Conditions> {
     let wrong_use = |error: &dyn std::fmt::Display| WrongUse(error.to_string());
-    let mut effects = Effects::from_words(&args.effects).map_err(|e| wrong_use(&e))?;
+    let mut effects = EffectSet::from_words(&args.effects).map_err(|e| wrong_use(&e))?;
     if let Some(path) = &args.effects_file {
         let text = std::fs::read_to_string(path)
             .with_context(|| format!("cannot read the effects in {}", path.display()))?;
-        let more: Effects =
+        let more: EffectSet =
             toml::from_str(&text).map_err(|e| WrongUse(format!("{}: {e}", path.display())))?;
         effects = effects.and(&more);
     }
     let colour = args.colour.as_deref().map_or(Ok(Colour::default()), str::parse);
-    let preparation = Preparation {
+    let preparation = FramePreparation {
         colour: colour.map_err(|e| wrong_use(&e))?,
         subtract_black: args.subtract_black,
         divide_exposure: args.divide_exposure,
@@ -103,7 +103,7 @@ pub(super) fn prepare_as_tuned(
     args: &ModelArgs,
     conditions: &mut Conditions,
 ) -> anyhow::Result<()> {
-    if asks_for_tuned(args) && conditions.preparation == Preparation::default() {
+    if asks_for_tuned(args) && conditions.preparation == FramePreparation::default() {
         conditions.preparation = calibration(session, light)?.preparation;
     }
     Ok(())
@@ -125,7 +125,7 @@ fn calibration(session: &Session, light: &str) -> anyhow::Result<Calibration> {
 pub(super) fn parameters(args: &ModelArgs) -> anyhow::Result<GenerateParameters> {
     let wrong_use = |error: ParameterError| WrongUse(error.to_string());
     let knobs: Result<Vec<KnobSetting>, _> = args.knobs.iter().map(|knob| knob.parse()).collect();
-    let choice = Choice {
+    let choice = GeneratorChoice {
         model: args.model.as_deref(),
         law: args.law.as_deref(),
         preset: args.preset.as_deref(),

@@ -6,7 +6,7 @@ use crate::cli::{LiveGenerationArgs, LiveLight, PairArgs, PiArgs, PiCamera};
 use crate::live::{Generation, GenerationSettings, GenerationTally, PiLight};
 use evrig_core::geometry::Size;
 use evrig_core::time::Span;
-use evrig_generate::input::Preparation;
+use evrig_generate::input::FramePreparation;
 use evrig_pi::agent::{Agent, AgentError, Service, Spool};
 use evrig_pi::keys::{self, Keys};
 use evrig_pi::order::Settings;
@@ -148,7 +148,7 @@ pub(super) fn generation_settings(
         size,
         parameters: super::generate::parameters(&choice)?,
         row_time: Span::ZERO,
-        preparation: Preparation { divide_exposure: true, ..Preparation::default() },
+        preparation: FramePreparation { divide_exposure: true, ..FramePreparation::default() },
         bound: Span::from_secs_f64(bound_ms * 1e-3),
         address,
     })

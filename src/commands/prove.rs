@@ -3,8 +3,8 @@
 use super::{Ending, Output, WrongUse};
 use crate::cli::ProveArgs;
 use crate::prove::{
-    Ask, Bench, Family, Maker, Mix, Plan, Proof, Ready, Trial, complaints, draw, markdown, quick,
-    settle, sha256,
+    ConcealedTrial, DiagnosisProcess, Family, PreparedTrials, Proof, ProofPlan, ProofRun,
+    SessionMaker, TrialMix, claim_folder, draw, markdown, quick, quick_failures, sha256,
 };
 use anyhow::Context;
 use evrig_analysis::diagnose::DiagnosisOptions;
@@ -20,31 +20,31 @@ const FULL_S: f64 = 5.0;
 const DEADLINE_S: f64 = 1_800.0;
 
 /// What is proved.
-struct Run {
-    plan: Plan,
-    trials: Trials,
+struct PlannedProof {
+    plan: ProofPlan,
+    trials: TrialSource,
     /// How long a diagnosis may take.
     deadline: Duration,
 }
 
 /// On what it is proved.
-enum Trials {
-    Made(Maker, Vec<Trial>),
-    Ready(Ready),
+enum TrialSource {
+    Made(SessionMaker, Vec<ConcealedTrial>),
+    Prepared(PreparedTrials),
 }
 
-impl Trials {
+impl TrialSource {
     fn count(&self) -> usize {
         match self {
             Self::Made(_, trials) => trials.len(),
-            Self::Ready(ready) => ready.count(),
+            Self::Prepared(ready) => ready.count(),
         }
     }
 
     fn family(&self) -> Family {
         match self {
             Self::Made(maker, _) => maker.family(),
-            Self::Ready(_) => Family::Foreign,
+            Self::Prepared(_) => Family::ThirdParty,
         }
     }
 }
@@ -53,21 +53,21 @@ pub(super) fn run(args: &ProveArgs, output: &Output) -> anyhow::Result<Ending> {
     let run = plan(args)?;
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("cannot make {}", args.out.display()))?;
-    settle(&args.out, &run.plan, args.resume)?;
+    claim_folder(&args.out, &run.plan, args.resume)?;
     let proof = prove(args, &run, output)?;
-    let unheld = if args.quick { complaints(&proof.judgements) } else { Vec::new() };
+    let unheld = if args.quick { quick_failures(&proof.judgements) } else { Vec::new() };
     let mut text = markdown(&heading(&run.plan), &proof.score, &proof.judgements);
     for complaint in &unheld {
         text += &format!("not held: {complaint}\n");
     }
-    let value = json!({ "schema": "evrig.prove/1", "out": args.out, "plan": run.plan,
+    let value = json!({ "schema": "evrig.prove/2", "out": args.out, "plan": run.plan,
         "not_held": unheld, "proof": proof });
     output.result(&value, text)?;
     Ok(if unheld.is_empty() { Ending::Done } else { Ending::Negative })
 }
 
 /// What was asked for. It is complete, and refused if it cannot be done, before anything is made.
-fn plan(args: &ProveArgs) -> anyhow::Result<Run> {
+fn plan(args: &ProveArgs) -> anyhow::Result<PlannedProof> {
     let seconds = args.seconds.unwrap_or(if args.quick { QUICK_S } else { FULL_S });
     if !(seconds.is_finite() && seconds > 0.0) {
         return Err(WrongUse(format!("--seconds {seconds}: expected more than 0")).into());
@@ -84,12 +84,12 @@ fn plan(args: &ProveArgs) -> anyhow::Result<Run> {
         ..brief
     };
     let family = trials.family();
-    let drawn: &[Trial] = match &trials {
-        Trials::Made(_, drawn) => drawn,
-        Trials::Ready(_) => &[],
+    let drawn: &[ConcealedTrial] = match &trials {
+        TrialSource::Made(_, drawn) => drawn,
+        TrialSource::Prepared(_) => &[],
     };
-    let plan = Plan {
-        schema: "evrig.proof-plan/1".into(),
+    let plan = ProofPlan {
+        schema: "evrig.proof-plan/2".into(),
         family,
         mix,
         seed: args.seed,
@@ -97,26 +97,26 @@ fn plan(args: &ProveArgs) -> anyhow::Result<Run> {
         options,
         trials_sha256: sha256(&serde_json::to_vec(drawn)?),
     };
-    Ok(Run { plan, trials, deadline })
+    Ok(PlannedProof { plan, trials, deadline })
 }
 
 /// The trials, and of how many kinds they were drawn.
-fn trials(args: &ProveArgs, seconds: f64) -> anyhow::Result<(Option<Mix>, Trials)> {
+fn trials(args: &ProveArgs, seconds: f64) -> anyhow::Result<(Option<TrialMix>, TrialSource)> {
     if let Some(sessions) = &args.sessions {
-        return Ok((None, Trials::Ready(Ready::find(sessions)?)));
+        return Ok((None, TrialSource::Prepared(PreparedTrials::find(sessions)?)));
     }
     let maker = match &args.recording {
-        Some(recording) => Maker::plasmode(recording)?,
-        None => Maker::world(Span::from_secs_f64(seconds))?,
+        Some(recording) => SessionMaker::plasmode(recording)?,
+        None => SessionMaker::world(Span::from_secs_f64(seconds))?,
     };
     if args.quick {
-        return Ok((None, Trials::Made(maker, quick(args.seed))));
+        return Ok((None, TrialSource::Made(maker, quick(args.seed))));
     }
     let mix = mix(args, maker.family());
-    Ok((Some(mix), Trials::Made(maker, draw(mix, args.seed))))
+    Ok((Some(mix), TrialSource::Made(maker, draw(mix, args.seed))))
 }
 
-fn prove(args: &ProveArgs, run: &Run, output: &Output) -> anyhow::Result<Proof> {
+fn prove(args: &ProveArgs, run: &PlannedProof, output: &Output) -> anyhow::Result<Proof> {
     let options = &run.plan.options;
     let numbers = [
         ("--pixels", options.n_pixels as u64),
@@ -127,15 +127,15 @@ fn prove(args: &ProveArgs, run: &Run, output: &Output) -> anyhow::Result<Proof> 
         Some(program) => program.clone(),
         None => std::env::current_exe().context("cannot find this program's own file")?,
     };
-    let ask = Ask {
+    let ask = DiagnosisProcess {
         program,
         arguments: numbers.iter().flat_map(|(k, v)| [(*k).to_owned(), v.to_string()]).collect(),
         deadline: run.deadline,
     };
     let heading = heading(&run.plan);
-    let bench = Bench {
+    let bench = ProofRun {
         out: &args.out,
-        ask: &|session| ask.about(session),
+        ask: &|session| ask.diagnose(session),
         is_tidy: !args.keep,
         heading: &heading,
     };
@@ -146,14 +146,14 @@ fn prove(args: &ProveArgs, run: &Run, output: &Output) -> anyhow::Result<Proof> 
         output.detail(what);
     };
     let proof = match &run.trials {
-        Trials::Made(maker, trials) => bench.run(maker, trials, &mut progress)?,
-        Trials::Ready(ready) => bench.run_ready(ready, &mut progress)?,
+        TrialSource::Made(maker, trials) => bench.run(maker, trials, &mut progress)?,
+        TrialSource::Prepared(ready) => bench.run_prepared(ready, &mut progress)?,
     };
     bar.finish_and_clear();
     Ok(proof)
 }
 
-fn heading(plan: &Plan) -> String {
+fn heading(plan: &ProofPlan) -> String {
     let DiagnosisOptions { n_pixels, n_null, .. } = plan.options;
     let seconds = plan.seconds.map_or(String::new(), |s| format!(", {s} s a session"));
     format!(
@@ -164,7 +164,7 @@ fn heading(plan: &Plan) -> String {
 }
 
 /// How many trials of each kind: what is asked for, else many.
-fn mix(args: &ProveArgs, family: Family) -> Mix {
+fn mix(args: &ProveArgs, family: Family) -> TrialMix {
     let usual = match family {
         Family::Plasmode => [24, 0, 2, 2, 0],
         _ => [48, 12, 20, 9, 10],
@@ -173,5 +173,5 @@ fn mix(args: &ProveArgs, family: Family) -> Mix {
     let is_asked = any.iter().any(Option::is_some);
     let count = |i: usize| any[i].unwrap_or(if is_asked { 0 } else { usual[i] });
     let [single, double, clean, alien, local] = [0, 1, 2, 3, 4].map(count);
-    Mix { family, single, double, clean, alien, local }
+    TrialMix { family, single, double, clean, alien, local }
 }

@@ -6,7 +6,7 @@ use crate::cli::{ModelArgs, SweepArgs};
 use crate::pipeline::{self, GenerateRequest, SweepRequest};
 use anyhow::Context;
 use evrig_core::effect_id::EffectId;
-use evrig_generate::effect::{Effect, Effects};
+use evrig_generate::effect::{Effect, EffectSet};
 use evrig_generate::{Knob, ModelParameters};
 use evrig_session::{Session, StreamName};
 use serde_json::json;
@@ -132,14 +132,14 @@ fn turned(base: &GenerateRequest, axis: &Axis, value: f64) -> anyhow::Result<Gen
         Axis::Effect(id, key) => {
             // The effect's other parameters are those of the same effect on the command line.
             let given = request.conditions.effects.iter().find(|a| a.effect.id() == *id);
-            let given = given.map(|a| a.effect.acts().parameters()).unwrap_or_default();
+            let given = given.map(|a| a.effect.model().parameters()).unwrap_or_default();
             let mut all: Vec<(&str, f64)> = given.iter().map(|p| (p.key, p.value)).collect();
             all.retain(|(name, _)| name != key);
             all.push((key, value));
             let effect = Effect::from_parameters(*id, &all).map_err(|e| wrong(&e))?;
             let others = request.conditions.effects.iter().filter(|a| a.effect.id() != *id);
             let all = others.copied().chain([effect.into()]);
-            request.conditions.effects = Effects::new(all).map_err(|e| wrong(&e))?;
+            request.conditions.effects = EffectSet::new(all).map_err(|e| wrong(&e))?;
         }
     }
     Ok(request)

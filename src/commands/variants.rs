@@ -11,7 +11,7 @@ use crate::pipeline::{
 };
 use anyhow::Context;
 use evrig_analysis::compare::Comparison;
-use evrig_generate::effect::Effects;
+use evrig_generate::effect::EffectSet;
 use evrig_report::number::quantity;
 use evrig_session::{Session, StreamKind, StreamName};
 use serde::Deserialize;
@@ -50,7 +50,7 @@ struct Variant {
     #[serde(default)]
     divide_exposure: bool,
     #[serde(default)]
-    effects: Effects,
+    effects: EffectSet,
 }
 
 /// What became of a variant.

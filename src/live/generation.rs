@@ -13,8 +13,8 @@ use evrig_core::raw10;
 use evrig_core::time::{HostMonotonic, Span, Stamp};
 use evrig_device::davis::serve::{ServeError, StreamServer};
 use evrig_format::aedat4::{Compression, StreamSpec};
-use evrig_generate::input::{Colour, Pictured, Preparation, Preparer};
-use evrig_generate::live::{Fate, LiveGenerator, LiveTally};
+use evrig_generate::input::{Colour, FramePreparation, FramePreparer, SourceFrame};
+use evrig_generate::live::{FrameOutcome, LiveCounts, LiveGenerator};
 use evrig_generate::{GenerateParameters, Generator, RowTimes, build};
 use evrig_record::host_clock;
 use serde::Serialize;
@@ -46,7 +46,7 @@ pub struct GenerationSettings {
     /// Delay from row to row of the camera's frames; zero where it is not known.
     pub row_time: Span,
     /// What is done to a picture first.
-    pub preparation: Preparation,
+    pub preparation: FramePreparation,
     /// Frames older than this are left out.
     pub bound: Span,
     /// Where the events are served as AEDAT4.
@@ -67,7 +67,7 @@ impl GenerationSettings {
 pub struct GenerationTally {
     /// What the generator did.
     #[serde(flatten)]
-    pub generator: LiveTally,
+    pub generator: LiveCounts,
     /// Frames left out because two were waiting.
     pub n_dropped: u64,
     /// Frames without the wanted picture, or with one that cannot be read.
@@ -149,7 +149,7 @@ impl Generation {
 /// The thread's side.
 struct Worker {
     light: PiLight,
-    preparer: Preparer,
+    preparer: FramePreparer,
     generator: LiveGenerator,
     server: StreamServer,
     tally: GenerationTally,
@@ -170,7 +170,7 @@ impl Worker {
         let bound_us = settings.bound.as_micros();
         Self {
             light: settings.light,
-            preparer: Preparer::new(settings.preparation),
+            preparer: FramePreparer::new(settings.preparation),
             generator: LiveGenerator::new(generator, None, bound_us, rows),
             server,
             tally: GenerationTally::default(),
@@ -185,7 +185,9 @@ impl Worker {
             events.clear();
             let t_us = light.t_us;
             let mut now_us = || t_us + (host_clock::now() - born).as_micros();
-            if let Fate::Refused(error) = self.generator.push(light, &mut now_us, &mut events) {
+            if let FrameOutcome::Refused(error) =
+                self.generator.push(light, &mut now_us, &mut events)
+            {
                 self.tally.first_refusal.get_or_insert_with(|| error.to_string());
             }
             if !events.is_empty() {
@@ -228,7 +230,7 @@ impl Worker {
         let samples = raw10::unpack(packed, size, row).map_err(|error| error.to_string())?;
         let order = metadata.bayer.parse().map_err(|error: UnknownOrder| error.to_string())?;
         let plain = samples.iter().map(|sample| f32::from(*sample)).collect();
-        let picture = Pictured {
+        let picture = SourceFrame {
             size,
             mosaic: Some((&samples, order)),
             black_dn: metadata.black_levels.map(f32::from),
@@ -245,7 +247,7 @@ impl Worker {
         }
         let pixels = rgb.as_chunks::<3>().0.iter();
         let plain = pixels.map(|rgb| luma(rgb.map(f32::from))).collect();
-        let picture = Pictured {
+        let picture = SourceFrame {
             size,
             mosaic: None,
             black_dn: [0.0; 4],
@@ -269,7 +271,7 @@ mod tests {
 
     const SIZE: Size = Size { width: 64, height: 32 };
 
-    fn settings(bound: Span, preparation: Preparation) -> GenerationSettings {
+    fn settings(bound: Span, preparation: FramePreparation) -> GenerationSettings {
         GenerationSettings {
             light: PiLight::Raw,
             size: SIZE,
@@ -298,7 +300,8 @@ mod tests {
     #[test]
     fn frames_older_than_the_bound_are_left_out_and_every_frame_has_a_fate() {
         let bound = Span::from_micros(60_000_000);
-        let mut generation = Generation::start(&settings(bound, Preparation::default())).unwrap();
+        let mut generation =
+            Generation::start(&settings(bound, FramePreparation::default())).unwrap();
         let mut camera = camera(60);
         for i in 0..60 {
             let frame = camera.next().unwrap().unwrap();
@@ -316,7 +319,7 @@ mod tests {
 
     #[test]
     fn no_more_frames_wait_than_may_and_those_dropped_are_counted() {
-        let settings = settings(Span::from_micros(i64::MAX / 4), Preparation::default());
+        let settings = settings(Span::from_micros(i64::MAX / 4), FramePreparation::default());
         let spec = StreamSpec::events(SIZE, "test");
         let server = StreamServer::bind(settings.address, &spec, Compression::Lz4).unwrap();
         let worker = Worker::new(&settings, build(&settings.parameters, None).unwrap(), server);
@@ -347,8 +350,11 @@ mod tests {
             frame
         };
         let n_events = |divide_exposure: bool| {
-            let preparation =
-                Preparation { divide_exposure, subtract_black: true, ..Preparation::default() };
+            let preparation = FramePreparation {
+                divide_exposure,
+                subtract_black: true,
+                ..FramePreparation::default()
+            };
             let far = Span::from_micros(i64::MAX / 4);
             let made = settings(far, preparation);
             let server = StreamServer::bind(

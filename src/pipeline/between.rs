@@ -6,8 +6,8 @@ use super::track::{AnyTrack, read_track};
 use super::{Light, PipelineError, light};
 use evrig_core::geometry::Homography;
 use evrig_core::time::{Clock, Davis, PiSensor, Stamp};
-use evrig_generate::input::{Colour, Preparation};
-use evrig_generate::{Between, Interpolator, PlaneInterpolator, PlanePath};
+use evrig_generate::input::{Colour, FramePreparation};
+use evrig_generate::{FrameUpsampling, Interpolator, PlaneInterpolator, PlanePath};
 use evrig_reconstruct::clock::ClockEstimate;
 use evrig_reconstruct::roi::{Lens, Track};
 use evrig_session::Session;
@@ -39,7 +39,7 @@ impl<C: Clock> PlanePath for OnTrack<C> {
         self.lens().undistort(pixel)
     }
 
-    fn bends(&self) -> bool {
+    fn has_distortion(&self) -> bool {
         self.lens().distortion != [0.0; 5]
     }
 }
@@ -86,15 +86,15 @@ pub(super) fn between(
     session: &Session,
     stream: &str,
     conditions: &Conditions,
-) -> Result<Between, PipelineError> {
+) -> Result<FrameUpsampling, PipelineError> {
     if conditions.in_plane {
         let finest_us = conditions.interpolate_us.unwrap_or(FINEST_US);
         let path = plane_path(session, stream)?;
-        return Ok(Between::Plane(Box::new(PlaneInterpolator::new(finest_us, path)?)));
+        return Ok(FrameUpsampling::Plane(Box::new(PlaneInterpolator::new(finest_us, path)?)));
     }
     Ok(match conditions.interpolate_us {
-        Some(step_us) => Between::Pixels(Interpolator::new(step_us)?),
-        None => Between::Nothing,
+        Some(step_us) => FrameUpsampling::Pixels(Interpolator::new(step_us)?),
+        None => FrameUpsampling::Nothing,
     })
 }
 
@@ -111,5 +111,5 @@ pub(super) fn light_under(
     let Conditions { preparation, in_plane, .. } = *conditions;
     let is_moved = in_plane && preparation.colour == Colour::Mosaic;
     let colour = if is_moved { Colour::Luma } else { preparation.colour };
-    Ok(light::light(session, stream)?.prepared(Preparation { colour, ..preparation }))
+    Ok(light::light(session, stream)?.prepared(FramePreparation { colour, ..preparation }))
 }

@@ -16,9 +16,9 @@ use evrig_core::event::Events;
 use evrig_core::geometry::Size;
 use evrig_core::time::{Clock, Davis};
 use evrig_format::aedat4::{Compression, StreamSpec, Writer};
-use evrig_generate::effect::Effects;
-use evrig_generate::input::Preparation;
-use evrig_generate::{GenerateError, GenerateParameters, Rhythm, RowShift, RowTimes, build};
+use evrig_generate::effect::EffectSet;
+use evrig_generate::input::FramePreparation;
+use evrig_generate::{GenerateError, GenerateParameters, PhaseLocking, RowShift, RowTimes, build};
 use evrig_session::{Session, StageRecord, StreamKind, StreamName, write_stage};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -47,7 +47,7 @@ pub struct GenerateRequest {
 pub struct Conditions {
     /// Colour, pedestal, exposure.
     #[serde(default)]
-    pub preparation: Preparation,
+    pub preparation: FramePreparation,
     /// Frames are put between frames until none are farther apart, µs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interpolate_us: Option<u32>,
@@ -55,8 +55,8 @@ pub struct Conditions {
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub in_plane: bool,
     /// Physical effects.
-    #[serde(default, skip_serializing_if = "Effects::is_empty")]
-    pub effects: Effects,
+    #[serde(default, skip_serializing_if = "EffectSet::is_empty")]
+    pub effects: EffectSet,
 }
 
 /// What was generated.
@@ -225,7 +225,7 @@ fn run(
     }
     let mut generator = build(&request.parameters, None)?;
     let mut between = between(session, &request.from, conditions)?;
-    let (mut shift, mut rhythm) = (RowShift::default(), Rhythm::default());
+    let (mut shift, mut rhythm) = (RowShift::default(), PhaseLocking::default());
     let mut writer = None;
     let mut tally = GenerateTally::default();
     let mut spent = Duration::ZERO;

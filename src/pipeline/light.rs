@@ -6,7 +6,7 @@ use evrig_core::frame::{Frame, Luminance, Samples};
 use evrig_core::geometry::Size;
 use evrig_core::time::{Clock, Davis, PiSensor};
 use evrig_generate::RowTimes;
-use evrig_generate::input::{Pictured, Preparation, Preparer};
+use evrig_generate::input::{FramePreparation, FramePreparer, SourceFrame};
 use evrig_reconstruct::clock::ClockEstimate;
 use evrig_session::{
     Ascending, DavisPictures, PiPictures, Picture, Session, SessionError, StreamKind, read_stage,
@@ -23,7 +23,7 @@ enum Source {
 /// and its pedestal, each pixel in its own colour, as the published generator takes it.
 pub struct Light {
     source: Source,
-    preparer: Preparer,
+    preparer: FramePreparer,
     ascending: Ascending,
     row_us: f64,
 }
@@ -43,7 +43,7 @@ pub fn light(session: &Session, name: &str) -> Result<Light, PipelineError> {
     } else {
         Source::Davis(session.davis_pictures(name)?)
     };
-    let (preparer, ascending) = (Preparer::default(), Ascending::default());
+    let (preparer, ascending) = (FramePreparer::default(), Ascending::default());
     Ok(Light { source, preparer, ascending, row_us: 0.0 })
 }
 
@@ -63,8 +63,8 @@ pub(super) fn inputs_of(session: &Session, name: &str) -> Result<inputs::Inputs,
 impl Light {
     /// The same light from pictures that are prepared in this way.
     #[must_use]
-    pub fn prepared(self, preparation: Preparation) -> Self {
-        Self { preparer: Preparer::new(preparation), ..self }
+    pub fn prepared(self, preparation: FramePreparation) -> Self {
+        Self { preparer: FramePreparer::new(preparation), ..self }
     }
 
     /// When the rows of a frame of this size saw their light, as the frame read last states it.
@@ -84,7 +84,7 @@ impl Source {
     /// The next frame, whenever it was.
     fn read(
         &mut self,
-        preparer: &mut Preparer,
+        preparer: &mut FramePreparer,
         row_us: &mut f64,
     ) -> Option<Result<Luminance, SessionError>> {
         match self {
@@ -118,7 +118,7 @@ fn row_time_us<C: Clock>(frame: &Frame<C>, light: &Luminance) -> f64 {
 }
 
 /// What preparing a picture needs of it.
-fn pictured<C: Clock>(picture: &Picture<C>) -> Pictured<'_> {
+fn pictured<C: Clock>(picture: &Picture<C>) -> SourceFrame<'_> {
     let facts = &picture.facts;
     let mosaic = match (&picture.frame.samples, facts.bayer) {
         (Samples::U16(samples), Some(order)) => Some((samples.as_slice(), order)),
@@ -128,7 +128,7 @@ fn pictured<C: Clock>(picture: &Picture<C>) -> Pictured<'_> {
         picture.frame.timing.exposure.map(|[start, end]| (end - start).as_nanos() as f64 * 1e-9);
     // A camera that states no gain keeps it.
     let exposure_gain = exposure_s.map(|seconds| seconds * facts.gain.unwrap_or(1.0));
-    Pictured { size: picture.frame.size, mosaic, black_dn: facts.black_dn, exposure_gain }
+    SourceFrame { size: picture.frame.size, mosaic, black_dn: facts.black_dn, exposure_gain }
 }
 
 impl Iterator for Light {

@@ -1,7 +1,7 @@
 //! The score as pictures: how often an effect is named by its strength, and how often a stated
 //! interval holds the truth by its claimed level.
 
-use super::{Score, Share};
+use super::score::{CountedShare, ProofScore};
 use evrig_report::plot::Ink;
 use evrig_report::plot::chart::{Axis, Chart, Layer, Stroke};
 use evrig_report::plot::sheet::Sheet;
@@ -12,8 +12,8 @@ const STRENGTHS: [f64; 4] = [1.19, 1.68, 2.38, 3.36];
 
 /// A score as one SVG picture; `None` where nothing was counted that could be drawn.
 #[must_use]
-pub fn figure(score: &Score) -> Option<String> {
-    let points = |shares: &mut dyn Iterator<Item = (f64, Share)>| -> Vec<[f64; 4]> {
+pub fn figure(score: &ProofScore) -> Option<String> {
+    let points = |shares: &mut dyn Iterator<Item = (f64, CountedShare)>| -> Vec<[f64; 4]> {
         let counted = shares.filter(|(_, share)| share.of > 0);
         counted.map(|(x, share)| [x, share.value(), share.ci95[0], share.ci95[1]]).collect()
     };
@@ -49,12 +49,12 @@ mod tests {
 
     #[test]
     fn every_share_that_was_counted_is_a_point_and_nothing_is_no_picture() {
-        assert_eq!(figure(&Score::default()), None);
-        let share = |hits, of| Share { hits, of, ci95: wilson95(hits, of) };
-        let score = Score {
+        assert_eq!(figure(&ProofScore::default()), None);
+        let share = |hits, of| CountedShare { hits, of, ci95: wilson95(hits, of) };
+        let score = ProofScore {
             by_strength: [share(1, 4), share(0, 0), share(3, 4), share(4, 4)],
             calibration: vec![(0.5, share(2, 6)), (0.9, share(5, 6))],
-            ..Score::default()
+            ..ProofScore::default()
         };
         let picture = figure(&score).unwrap();
         assert_eq!(picture.matches("dots big").count(), 5, "{picture}");

@@ -1,91 +1,11 @@
-//! An answer held against the truth.
+//! Comparison of an answer with the truth.
 
+use super::answer::{DiagnosisAnswer, NamedEffect};
+use super::record::TrialRecord;
 use super::region::{f1, pointed_at};
-use super::{Record, Truth};
+use super::truth::SealedTruth;
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, BTreeSet};
-
-/// What of a `diagnosis.json` is judged.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Answer {
-    /// `no_mismatch`, `explained`, `partly_explained` or `unexplained`.
-    pub verdict: String,
-    /// The effects named, in the order of importance.
-    #[serde(default)]
-    pub effects: Vec<Named>,
-    /// Where the model is wrong.
-    #[serde(default)]
-    pub mismatch: Mismatch,
-    /// How well the effects named describe held-out data.
-    #[serde(default)]
-    pub fit: Fit,
-    /// Effects of which the session is said to tell nothing.
-    #[serde(default)]
-    pub cannot_judge: Vec<NotJudged>,
-}
-
-/// The part of the mismatch that is judged.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Mismatch {
-    /// Places, the worst first.
-    #[serde(rename = "where", default)]
-    pub places: Vec<Place>,
-}
-
-/// A stratum in which the model is said to be wrong.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Place {
-    /// What the stratum is by.
-    pub covariate: String,
-    /// Its range.
-    pub range: [f64; 2],
-    /// By how much the model is wrong there.
-    pub excess_nats_per_event: f64,
-}
-
-/// An effect that an answer does not judge.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct NotJudged {
-    /// Its id.
-    pub id: String,
-}
-
-/// An effect as an answer names it.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Named {
-    /// Its id.
-    pub id: String,
-    /// Its parameters.
-    #[serde(default)]
-    pub parameters: BTreeMap<String, Parameter>,
-    /// Pixels or times to which it is limited.
-    #[serde(default)]
-    pub region: Option<serde_json::Value>,
-    /// Effects that fit as well.
-    #[serde(default, alias = "equivalent")]
-    pub indistinguishable: Vec<String>,
-    /// What it adds, nats per held-out event.
-    #[serde(default)]
-    pub heldout_gain_nats_per_event: Option<f64>,
-}
-
-/// A parameter as an answer states it.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Parameter {
-    /// The value.
-    pub value: Option<f64>,
-    /// Its 90 % interval.
-    #[serde(default)]
-    pub ci90: Option<[Option<f64>; 2]>,
-}
-
-/// The part of the fit that is judged.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Fit {
-    /// Share of the excess that the effects named removed.
-    #[serde(default)]
-    pub share_of_excess_removed: Option<f64>,
-}
+use std::collections::BTreeSet;
 
 /// One parameter of a rightly named effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -94,9 +14,9 @@ pub struct ParameterCheck {
     pub id: String,
     /// Its key.
     pub key: String,
-    /// What was hidden.
+    /// Concealed value.
     pub truth: f64,
-    /// What was answered.
+    /// Estimated value.
     pub value: f64,
     /// `|value - truth| / |truth|`.
     pub relative_error: f64,
@@ -106,14 +26,14 @@ pub struct ParameterCheck {
     pub error_in_intervals: Option<f64>,
 }
 
-/// How an answer did.
+/// Judgement of an answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Judgement {
     /// The trial's name.
     pub trial: String,
-    /// Ids hidden.
+    /// Ids of the concealed effects.
     pub hidden: Vec<String>,
-    /// Strengths hidden, in the same order.
+    /// Their strengths, in the same order.
     pub strengths: Vec<f64>,
     /// Ids named.
     pub named: Vec<String>,
@@ -137,10 +57,10 @@ pub struct Judgement {
     pub share_removed: Option<f64>,
     /// Nats per event the first name gains.
     pub first_gain: Option<f64>,
-    /// Whether something hidden is outside the library.
-    pub is_alien: bool,
-    /// Whether the answer itself says that it cannot judge something hidden from this session.
-    pub is_beyond: bool,
+    /// Whether a concealed effect is outside the library.
+    pub is_outside_library: bool,
+    /// Whether the answer states that a concealed effect cannot be judged from this session.
+    pub is_declared_undecidable: bool,
     /// Seconds the diagnosis took.
     pub diagnosed_s: f64,
 }
@@ -148,16 +68,20 @@ pub struct Judgement {
 /// Judges an answer. `known` are effects that the session is known to hold beside the hidden ones
 /// (a real recording's own); naming them is neither right nor wrong.
 #[must_use]
-pub fn judge(record: &Record, answer: &Answer, known: &BTreeSet<String>) -> Judgement {
+pub fn judge(
+    record: &TrialRecord,
+    answer: &DiagnosisAnswer,
+    known: &BTreeSet<String>,
+) -> Judgement {
     let truth = &record.truth;
-    let counted: Vec<&Named> = answer
+    let counted: Vec<&NamedEffect> = answer
         .effects
         .iter()
         .filter(|named| is_hidden(truth, &named.id) || !known.contains(&named.id))
         .collect();
     let names =
-        |named: &Named, id: &str| named.id == id || named.indistinguishable.iter().any(|e| e == id);
-    let hits = |named: &&&Named| truth.effects.iter().any(|c| names(named, &c.id));
+        |named: &NamedEffect, id: &str| named.id == id || named.indistinguishable.iter().any(|e| e == id);
+    let hits = |named: &&&NamedEffect| truth.effects.iter().any(|c| names(named, &c.id));
     let right = counted.iter().filter(hits).count();
     let missed =
         truth.effects.iter().filter(|c| !counted.iter().any(|named| names(named, &c.id))).count();
@@ -177,17 +101,17 @@ pub fn judge(record: &Record, answer: &Answer, known: &BTreeSet<String>) -> Judg
         region_f1: truth.region.map(|region| f1(&region, &pointed_at(answer, record.sensor_px))),
         share_removed: answer.fit.share_of_excess_removed,
         first_gain: first.and_then(|named| named.heldout_gain_nats_per_event),
-        is_alien: truth.is_alien(),
-        is_beyond: answer.cannot_judge.iter().any(|not| is_hidden(truth, &not.id)),
+        is_outside_library: truth.is_outside_library(),
+        is_declared_undecidable: answer.cannot_judge.iter().any(|not| is_hidden(truth, &not.id)),
         diagnosed_s: record.diagnosed_s,
     }
 }
 
-fn is_hidden(truth: &Truth, id: &str) -> bool {
+fn is_hidden(truth: &SealedTruth, id: &str) -> bool {
     truth.effects.iter().any(|concealed| concealed.id == id)
 }
 
-fn checks(truth: &Truth, named: &Named) -> Vec<ParameterCheck> {
+fn checks(truth: &SealedTruth, named: &NamedEffect) -> Vec<ParameterCheck> {
     let Some(concealed) = truth.effects.iter().find(|c| c.id == named.id) else {
         return Vec::new();
     };
@@ -221,17 +145,17 @@ fn checks(truth: &Truth, named: &Named) -> Vec<ParameterCheck> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Concealed, Outcome};
+    use super::super::{ConcealedEffect, DiagnosisOutcome};
     use super::*;
     use evrig_core::geometry::Rectangle;
 
-    fn truth(ids: &[(&str, &str, f64)]) -> Truth {
-        let effects = ids.iter().map(|&(id, key, value)| Concealed {
+    fn truth(ids: &[(&str, &str, f64)]) -> SealedTruth {
+        let effects = ids.iter().map(|&(id, key, value)| ConcealedEffect {
             id: id.into(),
             parameters: [(key.to_owned(), value)].into(),
             strength: 2.0,
         });
-        Truth {
+        SealedTruth {
             schema: "evrig.truth/1".into(),
             effects: effects.collect(),
             region: None,
@@ -239,8 +163,8 @@ mod tests {
         }
     }
 
-    fn judge(truth: &Truth, answer: &Answer, known: &BTreeSet<String>) -> Judgement {
-        let record = Record {
+    fn judge(truth: &SealedTruth, answer: &DiagnosisAnswer, known: &BTreeSet<String>) -> Judgement {
+        let record = TrialRecord {
             schema: "evrig.trial/1".into(),
             trial: "t".into(),
             truth: truth.clone(),
@@ -248,12 +172,12 @@ mod tests {
             sensor_px: [346, 260],
             made_s: 0.0,
             diagnosed_s: 7.5,
-            outcome: Outcome::Failed { because: String::new() },
+            outcome: DiagnosisOutcome::Failed { because: String::new() },
         };
         super::judge(&record, answer, known)
     }
 
-    fn answer(text: &str) -> Answer {
+    fn answer(text: &str) -> DiagnosisAnswer {
         serde_json::from_str(text).unwrap()
     }
 
@@ -322,7 +246,9 @@ mod tests {
     #[test]
     fn what_an_answer_says_it_cannot_judge_is_told_apart() {
         let text = r#"{"verdict":"no_mismatch","cannot_judge":[{"id":"refractory_period","because":"x"}]}"#;
-        assert!(judge(&truth(&[REFRACTORY]), &answer(text), &BTreeSet::new()).is_beyond);
-        assert!(!judge(&truth(&[]), &answer(text), &BTreeSet::new()).is_beyond);
+        assert!(
+            judge(&truth(&[REFRACTORY]), &answer(text), &BTreeSet::new()).is_declared_undecidable
+        );
+        assert!(!judge(&truth(&[]), &answer(text), &BTreeSet::new()).is_declared_undecidable);
     }
 }

@@ -1,7 +1,8 @@
 //! The sessions of trials.
 
-use super::plasmode::{PlasmodeError, Recording};
-use super::{Family, ProveError, Trial};
+use super::plasmode::{PlasmodeError, PlasmodeRecording};
+use super::run::ProveError;
+use super::truth::{ConcealedTrial, Family};
 use evrig_core::time::Span;
 use evrig_session::import::import_aedat4;
 use evrig_session::rig::Rig;
@@ -11,9 +12,9 @@ use evrig_sim::{Simulation, simulate};
 use serde_json::json;
 use std::path::Path;
 
-/// Where the sessions of a run come from.
+/// Makes the sessions of a run.
 #[derive(Debug, Clone)]
-pub enum Maker {
+pub enum SessionMaker {
     /// The simulated rig, so many seconds a session.
     World {
         /// The rig; its RGB path is off, which no diagnosis looks at.
@@ -22,10 +23,10 @@ pub enum Maker {
         duration: Span,
     },
     /// A real recording, read once.
-    Plasmode(Box<Recording>),
+    Plasmode(Box<PlasmodeRecording>),
 }
 
-impl Maker {
+impl SessionMaker {
     /// The simulated rig.
     ///
     /// # Errors
@@ -41,7 +42,7 @@ impl Maker {
     /// # Errors
     /// When it cannot be read, or has no events or no frames.
     pub fn plasmode(recording: &Path) -> Result<Self, PlasmodeError> {
-        Ok(Self::Plasmode(Box::new(Recording::read(recording)?)))
+        Ok(Self::Plasmode(Box::new(PlasmodeRecording::read(recording)?)))
     }
 
     /// Whose sessions these are.
@@ -57,12 +58,12 @@ impl Maker {
     ///
     /// # Errors
     /// When the trial asks for what cannot be hidden, or the disk refuses.
-    pub fn make(&self, trial: &Trial, root: &Path) -> Result<(), ProveError> {
+    pub fn make(&self, trial: &ConcealedTrial, root: &Path) -> Result<(), ProveError> {
         clear(root)?;
         match self {
             Self::World { rig, duration } => in_the_world(rig, *duration, trial, root),
             Self::Plasmode(recording) => {
-                let mut changed = Recording::clone(recording);
+                let mut changed = PlasmodeRecording::clone(recording);
                 for effect in &trial.truth.effects {
                     changed.apply(effect, trial.seed)?;
                 }
@@ -73,7 +74,7 @@ impl Maker {
 }
 
 /// Makes a session of a recording through the importer any other recording goes through.
-fn import(recording: &Recording, root: &Path) -> Result<(), ProveError> {
+fn import(recording: &PlasmodeRecording, root: &Path) -> Result<(), ProveError> {
     let file = root.with_extension("aedat4");
     let io = |source| ProveError::Io { path: file.clone(), source };
     if let Some(folder) = file.parent() {
@@ -84,7 +85,12 @@ fn import(recording: &Recording, root: &Path) -> Result<(), ProveError> {
     std::fs::remove_file(&file).map_err(io)
 }
 
-fn in_the_world(rig: &Rig, duration: Span, trial: &Trial, root: &Path) -> Result<(), ProveError> {
+fn in_the_world(
+    rig: &Rig,
+    duration: Span,
+    trial: &ConcealedTrial,
+    root: &Path,
+) -> Result<(), ProveError> {
     let name = trial.trajectory.as_str();
     let trajectory = Trajectory::find(name).map_err(|e| describe(name, &e))?;
     let path = trajectory.path(rig, Optional::LeftOut).map_err(|e| describe(name, &e))?;
@@ -103,14 +109,14 @@ fn in_the_world(rig: &Rig, duration: Span, trial: &Trial, root: &Path) -> Result
 }
 
 /// The world of a trial: nominal but for the picture and what is hidden.
-fn world(trial: &Trial) -> Result<WorldDescription, serde_json::Error> {
+fn world(trial: &ConcealedTrial) -> Result<WorldDescription, serde_json::Error> {
     let effects: serde_json::Map<String, serde_json::Value> =
         trial.truth.effects.iter().map(|c| (c.id.clone(), c.description())).collect();
     let mut effects = serde_json::Value::Object(effects);
     if let Some(region) = &trial.truth.region {
         effects["region"] = json!(region);
     }
-    serde_json::from_value(json!({ "print": { "picture": trial.picture }, "effects": effects }))
+    serde_json::from_value(json!({ "target": { "image": trial.image }, "effects": effects }))
 }
 
 fn describe(what: &str, error: &dyn std::fmt::Display) -> ProveError {
@@ -129,12 +135,12 @@ pub(super) fn clear(root: &Path) -> Result<(), ProveError> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Mix, draw};
+    use super::super::{TrialMix, draw};
     use super::*;
 
     #[test]
     fn what_is_hidden_in_a_part_of_the_picture_reaches_the_world_as_such() {
-        let mix = Mix { local: 3, ..Mix::none(Family::World) };
+        let mix = TrialMix { local: 3, ..TrialMix::none(Family::World) };
         for trial in draw(mix, 4) {
             let region = trial.truth.region.unwrap();
             let description = world(&trial).unwrap();

@@ -7,7 +7,7 @@
 mod events;
 mod frames;
 
-use super::Concealed;
+use super::truth::ConcealedEffect;
 use evrig_analysis::filter::FilterError;
 use evrig_core::event::Events;
 use evrig_core::frame::Frame;
@@ -74,7 +74,7 @@ pub const APPLICABLE: &[&str] = &[
 
 /// A recording in memory: its events and frames in ascending time.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Recording {
+pub struct PlasmodeRecording {
     /// The event camera's grid.
     pub size: Size,
     /// The events.
@@ -83,7 +83,7 @@ pub struct Recording {
     pub frames: Vec<Frame<Davis>>,
 }
 
-impl Recording {
+impl PlasmodeRecording {
     /// Reads events and frames of an AEDAT4 file; a cut file gives what stands before the cut.
     ///
     /// # Errors
@@ -136,7 +136,7 @@ impl Recording {
     ///
     /// # Errors
     /// When no way is known to apply it, or a parameter is missing.
-    pub fn apply(&mut self, effect: &Concealed, seed: u64) -> Result<(), PlasmodeError> {
+    pub fn apply(&mut self, effect: &ConcealedEffect, seed: u64) -> Result<(), PlasmodeError> {
         let id = effect.id.as_str();
         let number = |key: &'static str| {
             let value = effect.parameters.get(key).copied();
@@ -184,7 +184,7 @@ mod tests {
 
     const SIZE: Size = Size { width: 12, height: 8 };
 
-    fn recording() -> Recording {
+    fn recording() -> PlasmodeRecording {
         let mut random = SplitMix::new(1, 1);
         let mut events = Events::new();
         for i in 0..20_000_i64 {
@@ -198,18 +198,18 @@ mod tests {
                 Samples::U8((0..96).map(|p| if p % 12 < 6 { 40 } else { 160 }).collect()),
             )
         });
-        Recording { size: SIZE, events, frames: frames.collect() }
+        PlasmodeRecording { size: SIZE, events, frames: frames.collect() }
     }
 
-    fn applied(id: &str, parameters: &[(&str, f64)]) -> Recording {
+    fn applied(id: &str, parameters: &[(&str, f64)]) -> PlasmodeRecording {
         let parameters = parameters.iter().map(|&(key, value)| (key.to_owned(), value)).collect();
         let mut changed = recording();
-        changed.apply(&Concealed { id: id.into(), parameters, strength: 1.0 }, 7).unwrap();
+        changed.apply(&ConcealedEffect { id: id.into(), parameters, strength: 1.0 }, 7).unwrap();
         assert_eq!(changed.events.as_slice().first_disorder(), None, "{id}");
         changed
     }
 
-    fn shortest_interval(recording: &Recording) -> i64 {
+    fn shortest_interval(recording: &PlasmodeRecording) -> i64 {
         let mut last = [i64::MIN / 2; 96];
         let intervals = recording.events.as_slice().iter().map(|e| {
             let last = &mut last[usize::from(e.y) * 12 + usize::from(e.x)];
@@ -251,7 +251,9 @@ mod tests {
         let (before, late) = (recording(), applied("clock_offset", &[("offset_us", 1_234.0)]));
         assert_eq!(late.events.as_slice().t[0] - before.events.as_slice().t[0], 1_234);
         let fast = applied("clock_skew", &[("skew_ppm", 1_000.0)]);
-        let span = |r: &Recording| r.events.as_slice().t.last().unwrap() - r.events.as_slice().t[0];
+        let span = |r: &PlasmodeRecording| {
+            r.events.as_slice().t.last().unwrap() - r.events.as_slice().t[0]
+        };
         assert_eq!(span(&fast) - span(&before), 1_000);
     }
 
@@ -259,7 +261,7 @@ mod tests {
     fn frames_change_and_events_stay() {
         let pedestal = applied("black_level", &[("offset_dn", 10.0)]);
         assert_eq!(pedestal.events, recording().events);
-        let first = |r: &Recording| match &r.frames[0].samples {
+        let first = |r: &PlasmodeRecording| match &r.frames[0].samples {
             Samples::U8(samples) => samples.clone(),
             Samples::U16(_) => Vec::new(),
         };
@@ -278,7 +280,7 @@ mod tests {
         let path = folder.path().join("changed.aedat4");
         let changed = applied("stamp_jitter", &[("sigma_us", 300.0)]);
         changed.write(&path).unwrap();
-        let read = Recording::read(&path).unwrap();
+        let read = PlasmodeRecording::read(&path).unwrap();
         assert_eq!(read.events, changed.events);
         assert_eq!(read.frames.len(), 5);
         assert_eq!(read.frames[3].samples, changed.frames[3].samples);
@@ -287,7 +289,8 @@ mod tests {
     #[test]
     fn what_cannot_be_applied_is_refused_by_name() {
         let mut recording = recording();
-        let effect = |id: &str| Concealed { id: id.into(), parameters: [].into(), strength: 1.0 };
+        let effect =
+            |id: &str| ConcealedEffect { id: id.into(), parameters: [].into(), strength: 1.0 };
         let error = recording.apply(&effect("flicker"), 0).unwrap_err().to_string();
         assert!(error.contains("flicker") && error.contains("defocus"), "{error}");
         let error = recording.apply(&effect("defocus"), 0).unwrap_err().to_string();

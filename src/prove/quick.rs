@@ -1,7 +1,8 @@
 //! The short trials that every check runs, and what they must hold.
 
+use super::judge::Judgement;
 use super::strength::strengths;
-use super::{Concealed, Family, Judgement, Trial, Truth};
+use super::truth::{ConcealedEffect, ConcealedTrial, Family, SealedTruth};
 
 /// Hidden in the short trials: an effect that acts in every pixel and leaves a mark of its own in
 /// each, three times as strong as the least strength of the table; and nothing.
@@ -16,22 +17,22 @@ const LARGEST_ERROR: f64 = 0.15;
 
 /// The short trials: always the same, so that what they hold on one machine they hold on another.
 #[must_use]
-pub fn quick(seed: u64) -> Vec<Trial> {
+pub fn quick(seed: u64) -> Vec<ConcealedTrial> {
     let (known, _) = strengths(Family::World);
     let trial = |(number, hidden): (usize, &Option<&str>)| {
         let entry = known.iter().find(|entry| Some(entry.id) == *hidden);
-        let effects = entry.into_iter().map(|entry| Concealed {
+        let effects = entry.into_iter().map(|entry| ConcealedEffect {
             id: entry.id.into(),
             parameters: entry.parameters(STRENGTH),
             strength: STRENGTH,
         });
-        Trial {
+        ConcealedTrial {
             name: format!("quick-{number:03}"),
             family: Family::World,
-            picture: "leaves-1".into(),
+            image: "leaves-1".into(),
             trajectory: "circle".into(),
             seed: seed.wrapping_add(number as u64),
-            truth: Truth { effects: effects.collect(), ..Truth::nothing() },
+            truth: SealedTruth { effects: effects.collect(), ..SealedTruth::nothing() },
         }
     };
     HIDDEN.iter().enumerate().map(trial).collect()
@@ -39,7 +40,7 @@ pub fn quick(seed: u64) -> Vec<Trial> {
 
 /// What the short trials did not hold; nothing when all is well.
 #[must_use]
-pub fn complaints(judgements: &[Judgement]) -> Vec<String> {
+pub fn quick_failures(judgements: &[Judgement]) -> Vec<String> {
     judgements.iter().filter_map(complaint).collect()
 }
 
@@ -93,8 +94,8 @@ mod tests {
             region_f1: None,
             share_removed: None,
             first_gain: None,
-            is_alien: false,
-            is_beyond: false,
+            is_outside_library: false,
+            is_declared_undecidable: false,
             diagnosed_s: 1.0,
         }
     }
@@ -106,7 +107,7 @@ mod tests {
         let trials = quick(1);
         assert_eq!(trials, quick(1));
         assert_eq!(trials.iter().filter(|trial| trial.truth.is_clean()).count(), 1);
-        assert!(trials.iter().all(|trial| !trial.truth.is_alien()));
+        assert!(trials.iter().all(|trial| !trial.truth.is_outside_library()));
         assert_eq!(trials[0].truth.effects[0].parameters["refractory_us"], 4_500.0);
     }
 
@@ -116,7 +117,7 @@ mod tests {
             judgement(DEAD, &["refractory_period"], "explained"),
             judgement(None, &[], "no_mismatch"),
         ];
-        assert!(complaints(&right).is_empty(), "{:?}", complaints(&right));
+        assert!(quick_failures(&right).is_empty(), "{:?}", quick_failures(&right));
     }
 
     #[test]
@@ -133,7 +134,7 @@ mod tests {
             off,
         ];
         for judgement in wrong {
-            assert_eq!(complaints(std::slice::from_ref(&judgement)).len(), 1, "{judgement:?}");
+            assert_eq!(quick_failures(std::slice::from_ref(&judgement)).len(), 1, "{judgement:?}");
         }
     }
 }

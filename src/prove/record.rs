@@ -1,29 +1,31 @@
-//! What a run leaves on disk while it goes on: its plan, and each trial as soon as it was judged.
+//! Files of a run: its plan, and a record of each trial as soon as it is judged.
 
-use super::{Answer, Family, Mix, Truth};
+use super::answer::DiagnosisAnswer;
+use super::draw::TrialMix;
+use super::truth::{Family, SealedTruth};
 use evrig_analysis::diagnose::DiagnosisOptions;
 use evrig_core::stats::read_back;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Why a folder cannot take a run.
+/// Why a folder cannot be used for a run.
 #[derive(Debug, thiserror::Error)]
-pub enum RecordError {
-    /// Another run is there.
-    #[error("{}: a run is there already; --resume goes on with it, --out puts this one elsewhere", path.display())]
+pub enum ProofFolderError {
+    /// The folder holds another run.
+    #[error("{}: the folder holds a run already; resume it with --resume, or choose another folder with --out", path.display())]
     Taken {
         /// The plan that is there.
         path: PathBuf,
     },
-    /// Nothing is there to go on with.
-    #[error("{}: no run was begun there; leave --resume out to begin one", path.display())]
+    /// The folder holds no run to resume.
+    #[error("{}: the folder holds no run to resume; omit --resume to begin one", path.display())]
     Nothing {
         /// Where its plan would be.
         path: PathBuf,
     },
-    /// A run is there that was asked for otherwise.
-    #[error("{}: `{key}` is {there} there and {here} here; a run goes on only with the plan it began with", path.display())]
+    /// The folder holds a run with another plan.
+    #[error("{}: `{key}` is {there} in the folder and {here} in this call; a run is resumed only with its own plan", path.display())]
     OtherPlan {
         /// The plan that is there.
         path: PathBuf,
@@ -52,29 +54,29 @@ pub enum RecordError {
     },
 }
 
-/// What a run consists of. It says nothing of what is hidden.
+/// The plan of a run. It does not reveal what is concealed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Plan {
-    /// `evrig.proof-plan/1`.
+pub struct ProofPlan {
+    /// `evrig.proof-plan/2`.
     pub schema: String,
     /// Whose sessions.
     pub family: Family,
     /// How many trials of each kind; none when the sessions were made elsewhere.
-    pub mix: Option<Mix>,
+    pub mix: Option<TrialMix>,
     /// Seed of the plan.
     pub seed: u64,
     /// Seconds of a simulated session.
     pub seconds: Option<f64>,
-    /// How hard the diagnosis looks.
+    /// Options of the diagnosis.
     pub options: DiagnosisOptions,
     /// SHA-256 of the drawn trials: another version may draw others from the same seed.
     pub trials_sha256: String,
 }
 
-/// How a diagnosis ended.
+/// Outcome of a diagnosis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "ended", rename_all = "snake_case")]
-pub enum Outcome {
+pub enum DiagnosisOutcome {
     /// With an answer: `diagnosis.json` as it is.
     Answered {
         /// The document.
@@ -92,31 +94,34 @@ pub enum Outcome {
     },
 }
 
-impl Outcome {
+impl DiagnosisOutcome {
     /// What is judged: no answer names nothing, and its verdict says why.
     ///
     /// # Errors
     /// When the document is no diagnosis.
-    pub fn answer(&self) -> Result<Answer, serde_json::Error> {
-        let silent = |verdict: &str| Answer { verdict: verdict.into(), ..Answer::default() };
+    pub fn answer(&self) -> Result<DiagnosisAnswer, serde_json::Error> {
+        let silent = |verdict: &str| DiagnosisAnswer {
+            verdict: verdict.into(),
+            ..DiagnosisAnswer::default()
+        };
         match self {
-            Self::Answered { diagnosis } => Answer::deserialize(diagnosis),
+            Self::Answered { diagnosis } => DiagnosisAnswer::deserialize(diagnosis),
             Self::Failed { .. } => Ok(silent("failed")),
             Self::OutOfTime { .. } => Ok(silent("out_of_time")),
         }
     }
 }
 
-/// A trial after its seal was opened: enough to judge it again.
+/// A trial after its seal was opened, with all that its judgement needs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Record {
+pub struct TrialRecord {
     /// `evrig.trial/1`.
     pub schema: String,
     /// The trial's name.
     pub trial: String,
-    /// What was hidden.
-    pub truth: Truth,
-    /// What the seal said before the diagnosis.
+    /// What was concealed.
+    pub truth: SealedTruth,
+    /// SHA-256 of the truth, as sealed before the diagnosis.
     pub truth_sha256: String,
     /// The event camera's columns and rows.
     pub sensor_px: [u16; 2],
@@ -124,8 +129,8 @@ pub struct Record {
     pub made_s: f64,
     /// Seconds the diagnosis took, with the stages before it.
     pub diagnosed_s: f64,
-    /// What came out.
-    pub outcome: Outcome,
+    /// Outcome of the diagnosis.
+    pub outcome: DiagnosisOutcome,
 }
 
 /// Takes a folder for a run: a new one, or with `is_resumed` one in which this plan was begun.
@@ -133,12 +138,16 @@ pub struct Record {
 /// # Errors
 /// When a run is there and is not to be gone on with, or has another plan; when one is to be gone on with
 /// and there is none; when the disk refuses.
-pub fn settle(out: &Path, plan: &Plan, is_resumed: bool) -> Result<(), RecordError> {
+pub fn claim_folder(
+    out: &Path,
+    plan: &ProofPlan,
+    is_resumed: bool,
+) -> Result<(), ProofFolderError> {
     let path = out.join("plan.json");
     let there = match (read::<Value>(&path)?, is_resumed) {
         (None, false) => return write(&path, plan),
-        (None, true) => return Err(RecordError::Nothing { path }),
-        (Some(_), false) => return Err(RecordError::Taken { path }),
+        (None, true) => return Err(ProofFolderError::Nothing { path }),
+        (Some(_), false) => return Err(ProofFolderError::Taken { path }),
         (Some(there), true) => there,
     };
     let here = value(plan, &path)?;
@@ -147,7 +156,7 @@ pub fn settle(out: &Path, plan: &Plan, is_resumed: bool) -> Result<(), RecordErr
         let there = there.get(key).unwrap_or(&Value::Null);
         if there != here {
             let (key, there, here) = (key.clone(), there.to_string(), here.to_string());
-            return Err(RecordError::OtherPlan { path, key, there, here });
+            return Err(ProofFolderError::OtherPlan { path, key, there, here });
         }
     }
     Ok(())
@@ -157,22 +166,22 @@ pub fn settle(out: &Path, plan: &Plan, is_resumed: bool) -> Result<(), RecordErr
 ///
 /// # Errors
 /// When it is there and cannot be read.
-pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, RecordError> {
+pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, ProofFolderError> {
     let text = match std::fs::read_to_string(path) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        text => text.map_err(|source| RecordError::Io { path: path.to_owned(), source })?,
+        text => text.map_err(|source| ProofFolderError::Io { path: path.to_owned(), source })?,
     };
     let what = |error: serde_json::Error| error.to_string();
     read_back(&text)
         .map(Some)
-        .map_err(|e| RecordError::Format { path: path.to_owned(), what: what(e) })
+        .map_err(|e| ProofFolderError::Format { path: path.to_owned(), what: what(e) })
 }
 
 /// Writes a file of a run so that it is there whole or not at all.
 ///
 /// # Errors
 /// When the disk refuses.
-pub(super) fn write<T: Serialize>(path: &Path, content: &T) -> Result<(), RecordError> {
+pub(super) fn write<T: Serialize>(path: &Path, content: &T) -> Result<(), ProofFolderError> {
     let text = serde_json::to_string_pretty(&value(content, path)?).unwrap_or_default();
     write_text(path, &text)
 }
@@ -181,8 +190,8 @@ pub(super) fn write<T: Serialize>(path: &Path, content: &T) -> Result<(), Record
 ///
 /// # Errors
 /// When the disk refuses.
-pub(super) fn write_text(path: &Path, text: &str) -> Result<(), RecordError> {
-    let io = |source| RecordError::Io { path: path.to_owned(), source };
+pub(super) fn write_text(path: &Path, text: &str) -> Result<(), ProofFolderError> {
+    let io = |source| ProofFolderError::Io { path: path.to_owned(), source };
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(io)?;
     }
@@ -191,18 +200,18 @@ pub(super) fn write_text(path: &Path, text: &str) -> Result<(), RecordError> {
     std::fs::rename(&partial, path).map_err(io)
 }
 
-fn value<T: Serialize>(content: &T, path: &Path) -> Result<Value, RecordError> {
+fn value<T: Serialize>(content: &T, path: &Path) -> Result<Value, ProofFolderError> {
     serde_json::to_value(content)
-        .map_err(|e| RecordError::Format { path: path.to_owned(), what: e.to_string() })
+        .map_err(|e| ProofFolderError::Format { path: path.to_owned(), what: e.to_string() })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn plan(seed: u64) -> Plan {
-        Plan {
-            schema: "evrig.proof-plan/1".into(),
+    fn plan(seed: u64) -> ProofPlan {
+        ProofPlan {
+            schema: "evrig.proof-plan/2".into(),
             family: Family::World,
             mix: None,
             seed,
@@ -215,11 +224,11 @@ mod tests {
     #[test]
     fn a_run_goes_on_only_when_asked_to_and_only_with_its_own_plan() {
         let folder = tempfile::tempdir().unwrap();
-        settle(folder.path(), &plan(1), false).unwrap();
-        settle(folder.path(), &plan(1), true).unwrap();
-        let error = settle(folder.path(), &plan(1), false).unwrap_err();
-        assert!(matches!(error, RecordError::Taken { .. }), "{error}");
-        let error = settle(folder.path(), &plan(2), true).unwrap_err().to_string();
+        claim_folder(folder.path(), &plan(1), false).unwrap();
+        claim_folder(folder.path(), &plan(1), true).unwrap();
+        let error = claim_folder(folder.path(), &plan(1), false).unwrap_err();
+        assert!(matches!(error, ProofFolderError::Taken { .. }), "{error}");
+        let error = claim_folder(folder.path(), &plan(2), true).unwrap_err().to_string();
         assert!(error.contains("`seed` is 1 there and 2 here"), "{error}");
     }
 
@@ -227,19 +236,20 @@ mod tests {
     fn a_file_that_is_no_record_is_named_and_a_missing_one_is_none() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("trials/world-000.json");
-        assert_eq!(read::<Record>(&path).unwrap(), None);
+        assert_eq!(read::<TrialRecord>(&path).unwrap(), None);
         write_text(&path, "{\"schema\": \"evrig.tri").unwrap();
-        let error = read::<Record>(&path).unwrap_err().to_string();
+        let error = read::<TrialRecord>(&path).unwrap_err().to_string();
         assert!(error.contains("world-000.json") && error.contains("run again"), "{error}");
     }
 
     #[test]
     fn no_answer_names_nothing_and_says_why() {
-        let late = Outcome::OutOfTime { after_s: 60.0 }.answer().unwrap();
+        let late = DiagnosisOutcome::OutOfTime { after_s: 60.0 }.answer().unwrap();
         assert_eq!((late.verdict.as_str(), late.effects.len()), ("out_of_time", 0));
-        let refused = Outcome::Failed { because: "too few events".into() }.answer().unwrap();
+        let refused =
+            DiagnosisOutcome::Failed { because: "too few events".into() }.answer().unwrap();
         assert_eq!(refused.verdict, "failed");
-        let wrong = Outcome::Answered { diagnosis: serde_json::json!([1]) };
+        let wrong = DiagnosisOutcome::Answered { diagnosis: serde_json::json!([1]) };
         assert!(wrong.answer().is_err());
     }
 }

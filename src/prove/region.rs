@@ -1,13 +1,12 @@
 //! Where on the sensor an answer says that the model is wrong.
 
-use super::Answer;
-use super::judge::Place;
+use super::answer::{DiagnosisAnswer, MismatchStratum};
 use evrig_core::geometry::Rectangle;
 
 /// The pixels an answer points at: the region of its first effect; without one, the rows and the
 /// columns in which it says that the mismatch lies; without those, the whole sensor.
 #[must_use]
-pub(super) fn pointed_at(answer: &Answer, sensor_px: [u16; 2]) -> Rectangle {
+pub(super) fn pointed_at(answer: &DiagnosisAnswer, sensor_px: [u16; 2]) -> Rectangle {
     let stated = answer.effects.first().and_then(|named| named.region.as_ref());
     let stated = stated.and_then(|region| serde_json::from_value(region.clone()).ok());
     stated.unwrap_or_else(|| Rectangle {
@@ -17,7 +16,7 @@ pub(super) fn pointed_at(answer: &Answer, sensor_px: [u16; 2]) -> Rectangle {
 }
 
 /// The range over the strata that are wrong by at least half as much as the worst one.
-fn along(covariate: &str, places: &[Place], n: u16) -> [u16; 2] {
+fn along(covariate: &str, places: &[MismatchStratum], n: u16) -> [u16; 2] {
     let of_it = || places.iter().filter(|place| place.covariate == covariate);
     let worst = of_it().map(|place| place.excess_nats_per_event).fold(0.0, f64::max);
     let bad = of_it().filter(|place| place.excess_nats_per_event >= 0.5 * worst);
@@ -44,7 +43,7 @@ mod tests {
 
     const SENSOR: [u16; 2] = [346, 260];
 
-    fn answer(value: serde_json::Value) -> Answer {
+    fn answer(value: serde_json::Value) -> DiagnosisAnswer {
         serde_json::from_value(value).unwrap()
     }
 

@@ -1,10 +1,14 @@
-//! Trials made, diagnosed blind, opened and judged; each kept as soon as it was.
+//! Runs trials: make, seal, diagnose blind, open, judge, record.
 
-use super::make::{Maker, clear};
+use super::figure::figure;
+use super::judge::{Judgement, judge};
+use super::make::{SessionMaker, clear};
 use super::plasmode::PlasmodeError;
-use super::record::{self, Outcome, Record, RecordError};
+use super::record::{self, DiagnosisOutcome, ProofFolderError, TrialRecord};
+use super::score::ProofScore;
 use super::seal::{SealError, open, read_seal, seal};
-use super::{Family, Judgement, Score, Trial, Truth, figure, judge, markdown};
+use super::table::markdown;
+use super::truth::{ConcealedTrial, Family, SealedTruth};
 use evrig_session::{Session, SessionError};
 use evrig_sim::SimulateError;
 use serde::{Deserialize, Serialize};
@@ -29,7 +33,7 @@ pub enum ProveError {
     Session(#[from] SessionError),
     /// The run's own files cannot be written or read.
     #[error(transparent)]
-    Record(#[from] RecordError),
+    Record(#[from] ProofFolderError),
     /// An answer is no diagnosis.
     #[error("{trial}: the answer is no diagnosis: {source}")]
     Answer {
@@ -41,7 +45,7 @@ pub enum ProveError {
     /// A folder of ready sessions holds none.
     #[error(
         "{}: no sealed session in it; expected sessions/NAME/seal.json and truth/NAME.json, as the example \
-         foreign_trials makes them", path.display()
+         third_party_trials makes them", path.display()
     )]
     NoneReady {
         /// The folder.
@@ -65,47 +69,47 @@ pub enum ProveError {
     },
 }
 
-/// What all trials of a run have in common.
+/// A run of concealed trials.
 #[derive(Clone, Copy)]
-pub struct Bench<'a> {
+pub struct ProofRun<'a> {
     /// Where sessions, truths, records and the score go; truths in a folder apart from the sessions.
     pub out: &'a Path,
-    /// Diagnoses the session at a path, of which it is told nothing else.
-    pub ask: &'a dyn Fn(&Path) -> Outcome,
-    /// Whether a session is removed once it was judged.
+    /// Diagnoses the session at a path; it gets nothing else.
+    pub ask: &'a dyn Fn(&Path) -> DiagnosisOutcome,
+    /// Whether a session is removed after it is judged.
     pub is_tidy: bool,
-    /// Over the page of the score.
+    /// Heading of the score page.
     pub heading: &'a str,
 }
 
 /// All trials of a family, judged.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Proof {
-    /// `evrig.proof/1`.
+    /// `evrig.proof/2`.
     pub schema: String,
     /// Whose sessions.
     pub family: Family,
-    /// Effects that the recording shows before anything is hidden in it, which count neither way.
+    /// Effects found in the unmodified recording; they count neither as right nor as wrong.
     pub known: BTreeSet<String>,
     /// Everything counted.
-    pub score: Score,
+    pub score: ProofScore,
     /// Trial by trial.
     pub judgements: Vec<Judgement>,
 }
 
 /// A trial on disk.
-struct Job<'a> {
+struct TrialJob<'a> {
     name: String,
     session: PathBuf,
     truth: PathBuf,
     /// How its session is made; none when it is there.
-    make: Option<(&'a Maker, &'a Trial)>,
+    make: Option<(&'a SessionMaker, &'a ConcealedTrial)>,
 }
 
 /// The name of the recording without anything hidden in it.
 const AS_IT_IS: &str = "as-it-is";
 
-impl Bench<'_> {
+impl ProofRun<'_> {
     /// Runs trials of one family; `progress` is told what is being done, and how many are done.
     /// Trials that have a record are not run again but judged from it.
     ///
@@ -114,46 +118,47 @@ impl Bench<'_> {
     /// fails on its session, or does not end in time, is an answer: none.
     pub fn run(
         &self,
-        maker: &Maker,
-        trials: &[Trial],
+        maker: &SessionMaker,
+        trials: &[ConcealedTrial],
         progress: &mut dyn FnMut(&str, usize),
     ) -> Result<Proof, ProveError> {
         let family = maker.family();
         let mut known = BTreeSet::new();
         if family == Family::Plasmode {
             // Through the same writer as the changed ones, so that nothing but the effect differs.
-            let plain = Trial {
+            let plain = ConcealedTrial {
                 name: format!("{}-{AS_IT_IS}", family.as_str()),
                 family,
-                picture: String::new(),
+                image: String::new(),
                 trajectory: String::new(),
                 seed: 0,
-                truth: Truth::nothing(),
+                truth: SealedTruth::nothing(),
             };
-            let record = self.settle(&self.job(maker, &plain), &mut |what| progress(what, 0))?;
+            let record =
+                self.claim_folder(&self.job(maker, &plain), &mut |what| progress(what, 0))?;
             for named in answer(&record)?.effects {
                 known.extend(std::iter::once(named.id).chain(named.indistinguishable));
             }
         }
-        let jobs: Vec<Job<'_>> = trials.iter().map(|trial| self.job(maker, trial)).collect();
+        let jobs: Vec<TrialJob<'_>> = trials.iter().map(|trial| self.job(maker, trial)).collect();
         self.judge_all(family, known, &jobs, progress)
     }
 
-    /// Judges sessions that others made, which stay.
+    /// Judges sealed sessions that were made elsewhere; they are kept.
     ///
     /// # Errors
-    /// As [`Bench::run`].
-    pub fn run_ready(
+    /// As [`ProofRun::run`].
+    pub fn run_prepared(
         &self,
-        ready: &Ready,
+        ready: &PreparedTrials,
         progress: &mut dyn FnMut(&str, usize),
     ) -> Result<Proof, ProveError> {
         let kept = Self { is_tidy: false, ..*self };
-        kept.judge_all(Family::Foreign, BTreeSet::new(), &ready.0, progress)
+        kept.judge_all(Family::ThirdParty, BTreeSet::new(), &ready.0, progress)
     }
 
-    fn job<'a>(&self, maker: &'a Maker, trial: &'a Trial) -> Job<'a> {
-        Job {
+    fn job<'a>(&self, maker: &'a SessionMaker, trial: &'a ConcealedTrial) -> TrialJob<'a> {
+        TrialJob {
             name: trial.name.clone(),
             session: self.out.join("sessions").join(&trial.name),
             truth: self.out.join("truth").join(format!("{}.json", trial.name)),
@@ -165,28 +170,28 @@ impl Bench<'_> {
         &self,
         family: Family,
         known: BTreeSet<String>,
-        jobs: &[Job<'_>],
+        jobs: &[TrialJob<'_>],
         progress: &mut dyn FnMut(&str, usize),
     ) -> Result<Proof, ProveError> {
         let mut proof = Proof {
-            schema: "evrig.proof/1".into(),
+            schema: "evrig.proof/2".into(),
             family,
             known,
-            score: Score::default(),
+            score: ProofScore::default(),
             judgements: Vec::new(),
         };
         for (done, job) in jobs.iter().enumerate() {
-            let record = self.settle(job, &mut |what| progress(what, done))?;
+            let record = self.claim_folder(job, &mut |what| progress(what, done))?;
             let judgement = judge(&record, &answer(&record)?, &proof.known);
             proof.judgements.push(judgement);
-            proof.score = Score::of(&proof.judgements);
+            proof.score = ProofScore::of(&proof.judgements);
             self.write(&proof)?;
         }
         Ok(proof)
     }
 
     /// The score so far: a run that is broken off has lost the trial it was at and no other.
-    fn write(&self, proof: &Proof) -> Result<(), RecordError> {
+    fn write(&self, proof: &Proof) -> Result<(), ProofFolderError> {
         let path =
             |suffix: &str| self.out.join(format!("proof-{}.{suffix}", proof.family.as_str()));
         record::write(&path("json"), proof)?;
@@ -197,7 +202,11 @@ impl Bench<'_> {
     }
 
     /// A trial's record: the one that is there, or a new one.
-    fn settle(&self, job: &Job<'_>, progress: &mut dyn FnMut(&str)) -> Result<Record, ProveError> {
+    fn claim_folder(
+        &self,
+        job: &TrialJob<'_>,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<TrialRecord, ProveError> {
         let path = self.out.join("trials").join(format!("{}.json", job.name));
         if let Some(record) = record::read(&path)? {
             return Ok(record);
@@ -218,7 +227,7 @@ impl Bench<'_> {
         let diagnosed_s = begun.elapsed().as_secs_f64();
         // Only now is the truth looked at, and only if it is the one that was sealed.
         let truth = open(&job.truth, &seal_path)?;
-        let record = Record {
+        let record = TrialRecord {
             schema: "evrig.trial/1".into(),
             trial: job.name.clone(),
             truth,
@@ -236,15 +245,15 @@ impl Bench<'_> {
     }
 }
 
-fn answer(record: &Record) -> Result<super::Answer, ProveError> {
+fn answer(record: &TrialRecord) -> Result<super::answer::DiagnosisAnswer, ProveError> {
     let answer = record.outcome.answer();
     answer.map_err(|source| ProveError::Answer { trial: record.trial.clone(), source })
 }
 
-/// Sealed sessions that others made, by name; at least one.
-pub struct Ready(Vec<Job<'static>>);
+/// Sealed sessions made elsewhere, by name; at least one.
+pub struct PreparedTrials(Vec<TrialJob<'static>>);
 
-impl Ready {
+impl PreparedTrials {
     /// Those of a folder that holds `sessions/NAME` with a seal in each, and `truth/NAME.json`.
     ///
     /// # Errors
@@ -268,7 +277,7 @@ impl Ready {
         if names.is_empty() {
             return Err(none());
         }
-        let job = |name: String| Job {
+        let job = |name: String| TrialJob {
             session: sessions.join(&name),
             truth: folder.join("truth").join(format!("{name}.json")),
             make: None,

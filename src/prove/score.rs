@@ -1,13 +1,13 @@
-//! All judgements counted.
+//! Counts over all judgements.
 
-use super::Judgement;
+use super::judge::Judgement;
 use evrig_core::stats::{median, wilson95};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A share with its 95 % interval (Wilson).
+/// A proportion with its 95 % confidence interval (Wilson).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub struct Share {
+pub struct CountedShare {
     /// How many.
     pub hits: u64,
     /// Of how many.
@@ -16,7 +16,7 @@ pub struct Share {
     pub ci95: [f64; 2],
 }
 
-impl Share {
+impl CountedShare {
     fn count<T>(items: impl IntoIterator<Item = T>, is_hit: impl Fn(&T) -> bool) -> Self {
         let (mut hits, mut of) = (0, 0);
         for item in items {
@@ -33,7 +33,7 @@ impl Share {
     }
 }
 
-impl std::fmt::Display for Share {
+impl std::fmt::Display for CountedShare {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         if self.of == 0 {
             return write!(f, "none");
@@ -47,11 +47,11 @@ impl std::fmt::Display for Share {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct PerEffect {
     /// Named first.
-    pub top1: Share,
+    pub top1: CountedShare,
     /// Named first, stated equivalents counted.
-    pub top1_or_equivalent: Share,
+    pub top1_or_equivalent: CountedShare,
     /// Named first, among strengths below two and from two on.
-    pub by_strength: [Share; 2],
+    pub by_strength: [CountedShare; 2],
     /// What was named first instead, and how often; `nothing` when nothing was.
     pub instead: BTreeMap<String, u64>,
 }
@@ -63,38 +63,38 @@ const UNANSWERED: &[&str] = &["failed", "out_of_time"];
 const LEVELS: &[(f64, f64)] =
     &[(0.5, 0.4101), (0.68, 0.6046), (0.8, 0.7791), (0.9, 1.0), (0.95, 1.1916), (0.99, 1.5660)];
 
-/// How the diagnosis did over a set of trials.
+/// Score of the diagnosis over a set of trials.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Score {
+pub struct ProofScore {
     /// Trials judged.
     pub n: u64,
     /// Trials with one effect of the library: it was named first.
-    pub top1: Share,
+    pub top1: CountedShare,
     /// The same, stated equivalents counted.
-    pub top1_or_equivalent: Share,
+    pub top1_or_equivalent: CountedShare,
     /// The same for those at twice the least strength and above.
-    pub top1_from_strength_2: Share,
+    pub top1_from_strength_2: CountedShare,
     /// The same for those whose effect the answer does not say it cannot judge.
-    pub top1_of_judged: Share,
+    pub top1_of_judged: CountedShare,
     /// Named first by strength: below the square root of two, two, its double, and above.
-    pub by_strength: [Share; 4],
+    pub by_strength: [CountedShare; 4],
     /// What was named first, by what was hidden alone; `nothing` on either side is nothing.
     pub confusion: BTreeMap<String, BTreeMap<String, u64>>,
     /// F1 of the sets named, over trials with two effects or more; stated equivalents count.
     pub set_f1: Option<f64>,
     /// Clean trials in which something was named.
-    pub false_discovery: Share,
+    pub false_discovery: CountedShare,
     /// Trials with an effect outside the library that were called unexplained or partly explained
     /// and in which nothing was named.
-    pub abstained: Share,
+    pub abstained: CountedShare,
     /// Trials with effects of the library that were called unexplained.
-    pub false_abstention: Share,
+    pub false_abstention: CountedShare,
     /// Median of the parameters' relative errors.
     pub median_parameter_error: Option<f64>,
     /// Stated 90 % intervals that hold the truth.
-    pub coverage90: Share,
+    pub coverage90: CountedShare,
     /// Claimed level, and the share of intervals widened or narrowed to it that hold the truth.
-    pub calibration: Vec<(f64, Share)>,
+    pub calibration: Vec<(f64, CountedShare)>,
     /// Median share of the excess removed, in trials whose effects were all named.
     pub median_share_removed: Option<f64>,
     /// Mean overlap of regions.
@@ -107,12 +107,12 @@ pub struct Score {
     pub effects: BTreeMap<String, PerEffect>,
 }
 
-impl Score {
+impl ProofScore {
     /// Counts judgements.
     #[must_use]
     pub fn of(judgements: &[Judgement]) -> Self {
         let all = || judgements.iter();
-        let in_library = || all().filter(|j| !j.is_alien && !j.hidden.is_empty());
+        let in_library = || all().filter(|j| !j.is_outside_library && !j.hidden.is_empty());
         // An effect in a part of the picture is asked for its place, not counted among the others.
         let single = || in_library().filter(|j| j.hidden.len() == 1 && j.region_f1.is_none());
         let parameters = || all().flat_map(|j| &j.parameters);
@@ -121,31 +121,37 @@ impl Score {
         let n_regions = regions.len() as f64;
         Self {
             n: judgements.len() as u64,
-            top1: Share::count(single(), |j| j.is_top1),
-            top1_or_equivalent: Share::count(single(), |j| j.is_top1_or_equivalent),
-            top1_from_strength_2: Share::count(single().filter(|j| j.strengths[0] >= 2.0), |j| {
-                j.is_top1
-            }),
-            top1_of_judged: Share::count(single().filter(|j| !j.is_beyond), |j| j.is_top1),
+            top1: CountedShare::count(single(), |j| j.is_top1),
+            top1_or_equivalent: CountedShare::count(single(), |j| j.is_top1_or_equivalent),
+            top1_from_strength_2: CountedShare::count(
+                single().filter(|j| j.strengths[0] >= 2.0),
+                |j| j.is_top1,
+            ),
+            top1_of_judged: CountedShare::count(
+                single().filter(|j| !j.is_declared_undecidable),
+                |j| j.is_top1,
+            ),
             by_strength: [0, 1, 2, 3].map(|bin| {
                 let of_bin = |j: &&Judgement| strength_bin(j.strengths[0]) == bin;
-                Share::count(single().filter(of_bin), |j| j.is_top1)
+                CountedShare::count(single().filter(of_bin), |j| j.is_top1)
             }),
             confusion: confusion(all().filter(|j| j.hidden.len() < 2 && j.region_f1.is_none())),
             set_f1: set_f1(in_library().filter(|j| j.hidden.len() > 1)),
-            false_discovery: Share::count(all().filter(|j| j.hidden.is_empty()), |j| j.wrong > 0),
-            abstained: Share::count(all().filter(|j| j.is_alien), |j| {
+            false_discovery: CountedShare::count(all().filter(|j| j.hidden.is_empty()), |j| {
+                j.wrong > 0
+            }),
+            abstained: CountedShare::count(all().filter(|j| j.is_outside_library), |j| {
                 let seen = ["unexplained", "partly_explained"].contains(&j.verdict.as_str());
                 j.named.is_empty() && seen
             }),
-            false_abstention: Share::count(in_library(), |j| j.verdict == "unexplained"),
+            false_abstention: CountedShare::count(in_library(), |j| j.verdict == "unexplained"),
             median_parameter_error: median(parameters().map(|p| p.relative_error)),
-            coverage90: Share::count(parameters().filter_map(|p| p.is_covered), |&is| is),
+            coverage90: CountedShare::count(parameters().filter_map(|p| p.is_covered), |&is| is),
             calibration: LEVELS
                 .iter()
                 .map(|&(level, intervals)| {
                     let errors = parameters().filter_map(|p| p.error_in_intervals);
-                    (level, Share::count(errors, |&error| error <= intervals))
+                    (level, CountedShare::count(errors, |&error| error <= intervals))
                 })
                 .collect(),
             median_share_removed: median(removed),
@@ -203,11 +209,11 @@ fn per_effect(single: &[&Judgement]) -> BTreeMap<String, PerEffect> {
         }
         let split = |strong: bool| {
             let part = trials.iter().filter(|j| (j.strengths[0] >= 2.0) == strong);
-            Share::count(part, |j| j.is_top1)
+            CountedShare::count(part, |j| j.is_top1)
         };
         PerEffect {
-            top1: Share::count(&trials, |j| j.is_top1),
-            top1_or_equivalent: Share::count(&trials, |j| j.is_top1_or_equivalent),
+            top1: CountedShare::count(&trials, |j| j.is_top1),
+            top1_or_equivalent: CountedShare::count(&trials, |j| j.is_top1_or_equivalent),
             by_strength: [split(false), split(true)],
             instead,
         }
@@ -236,15 +242,15 @@ mod tests {
             region_f1: None,
             share_removed: None,
             first_gain: None,
-            is_alien: hidden.contains(&"alien"),
-            is_beyond: false,
+            is_outside_library: hidden.contains(&"alien"),
+            is_declared_undecidable: false,
             diagnosed_s: 3.0,
         }
     }
 
     #[test]
     fn kinds_of_trials_are_counted_apart() {
-        let score = Score::of(&[
+        let score = ProofScore::of(&[
             judgement(&["flicker"], &["flicker"], 3.0),
             judgement(&["flicker"], &["vibration"], 1.5),
             judgement(&["defocus"], &[], 1.2),
@@ -275,7 +281,7 @@ mod tests {
         let mut late = silent.clone();
         seen.verdict = "unexplained".into();
         late.verdict = "out_of_time".into();
-        let score = Score::of(&[seen, silent, late]);
+        let score = ProofScore::of(&[seen, silent, late]);
         assert_eq!((score.abstained.hits, score.abstained.of), (1, 3));
         assert_eq!(score.unanswered, 1);
     }
@@ -298,7 +304,7 @@ mod tests {
                     error_in_intervals: Some(check()),
                 })
                 .collect();
-            Score::of(&[judgement]).calibration
+            ProofScore::of(&[judgement]).calibration
         };
         for (level, share) in checked(1.0, &mut random) {
             // 2000 draws: five standard errors.
@@ -309,8 +315,8 @@ mod tests {
 
     #[test]
     fn a_share_is_shown_with_its_interval() {
-        let share = Share::count([true, true, true, false], |&hit| hit);
+        let share = CountedShare::count([true, true, true, false], |&hit| hit);
         assert_eq!(share.to_string(), "3/4 (75 %, 30..95)");
-        assert_eq!(Share::count([true; 0], |&hit| hit).to_string(), "none");
+        assert_eq!(CountedShare::count([true; 0], |&hit| hit).to_string(), "none");
     }
 }

@@ -1,12 +1,12 @@
-//! The seal: a truth is put away, and only its checksum is left beside the session.
+//! The seal: the truth is stored apart, and only its checksum is kept with the session.
 
-use super::Truth;
+use super::truth::SealedTruth;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// What stands beside a session before it is diagnosed.
+/// The file kept with a session before it is diagnosed.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Seal {
     /// `evrig.seal/1`.
@@ -35,7 +35,7 @@ pub enum SealError {
         what: String,
     },
     /// The truth is not the one that was sealed.
-    #[error("{}: its SHA-256 is {found}, the seal says {sealed}; this trial does not count", path.display())]
+    #[error("{}: its SHA-256 is {found}, the sealed one is {sealed}; this trial does not count", path.display())]
     Broken {
         /// The truth's file.
         path: PathBuf,
@@ -50,7 +50,7 @@ pub enum SealError {
 ///
 /// # Errors
 /// When the disk refuses.
-pub fn seal(truth: &Truth, truth_path: &Path, seal_path: &Path) -> Result<Seal, SealError> {
+pub fn seal(truth: &SealedTruth, truth_path: &Path, seal_path: &Path) -> Result<Seal, SealError> {
     let text = json(truth, truth_path)?;
     let seal = Seal { schema: "evrig.seal/1".into(), truth_sha256: sha256(text.as_bytes()) };
     write(truth_path, &text)?;
@@ -58,11 +58,11 @@ pub fn seal(truth: &Truth, truth_path: &Path, seal_path: &Path) -> Result<Seal, 
     Ok(seal)
 }
 
-/// Reads a truth back and holds it against its seal.
+/// Reads a truth and checks it against its seal.
 ///
 /// # Errors
 /// When a file is missing or no such file, or the truth is not the one that was sealed.
-pub fn open(truth_path: &Path, seal_path: &Path) -> Result<Truth, SealError> {
+pub fn open(truth_path: &Path, seal_path: &Path) -> Result<SealedTruth, SealError> {
     let seal = read_seal(seal_path)?;
     let text = read(truth_path)?;
     let (found, sealed) = (sha256(text.as_bytes()), seal.truth_sha256);
@@ -115,7 +115,7 @@ fn write(path: &Path, text: &str) -> Result<(), SealError> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Family, Mix, draw};
+    use super::super::{Family, TrialMix, draw};
     use super::*;
 
     #[test]
@@ -123,7 +123,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (truth_path, seal_path) =
             (folder.path().join("truth/a.json"), folder.path().join("a.seal.json"));
-        let mix = Mix { single: 1, ..Mix::none(Family::World) };
+        let mix = TrialMix { single: 1, ..TrialMix::none(Family::World) };
         let truth = draw(mix, 5).remove(0).truth;
         seal(&truth, &truth_path, &seal_path).unwrap();
         assert_eq!(open(&truth_path, &seal_path).unwrap(), truth);

@@ -1,4 +1,4 @@
-//! How strong hidden effects are: for each a least strength, and how its parameters follow.
+//! Strengths of concealed effects: parameters at strength 1 and their growth with strength.
 //!
 //! Strength 1 is about where an effect begins to matter at the speeds of the simulated rig
 //! (20 to 45 pixels a second, a threshold of 0.19), and beyond what every camera has of it (a leak of
@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 /// How one effect grows with strength.
 #[derive(Debug, Clone, Copy)]
-pub struct Strength {
+pub struct StrengthScale {
     /// The effect's id.
     pub id: &'static str,
     /// The parameter that grows, its value at strength 1, and how.
@@ -30,7 +30,7 @@ enum Growth {
     FromOne,
 }
 
-impl Strength {
+impl StrengthScale {
     /// The effect's parameters at a strength.
     #[must_use]
     pub fn parameters(&self, strength: f64) -> BTreeMap<String, f64> {
@@ -44,15 +44,15 @@ impl Strength {
     }
 }
 
-const fn up(id: &'static str, key: &'static str, at_one: f64) -> Strength {
-    Strength { id, key, at_one, growth: Growth::Up, fixed: &[] }
+const fn up(id: &'static str, key: &'static str, at_one: f64) -> StrengthScale {
+    StrengthScale { id, key, at_one, growth: Growth::Up, fixed: &[] }
 }
 
-const fn down(id: &'static str, key: &'static str, at_one: f64) -> Strength {
-    Strength { id, key, at_one, growth: Growth::Down, fixed: &[] }
+const fn down(id: &'static str, key: &'static str, at_one: f64) -> StrengthScale {
+    StrengthScale { id, key, at_one, growth: Growth::Down, fixed: &[] }
 }
 
-impl Strength {
+impl StrengthScale {
     const fn with(mut self, fixed: &'static [(&'static str, f64)]) -> Self {
         self.fixed = fixed;
         self
@@ -60,12 +60,12 @@ impl Strength {
 }
 
 /// Effects of the simulated world that the library knows.
-const WORLD: &[Strength] = &[
+const WORLD: &[StrengthScale] = &[
     down("photoreceptor_bandwidth", "cutoff_hz_at_white", 60.0).with(&[("order", 1.0)]),
     down("fixed_pole", "cutoff_hz", 40.0),
     up("refractory_period", "refractory_us", 1_500.0),
     up("threshold_mismatch", "sigma_relative", 0.05),
-    Strength {
+    StrengthScale {
         id: "threshold_asymmetry",
         key: "on_off_ratio",
         at_one: 1.06,
@@ -88,7 +88,13 @@ const WORLD: &[Strength] = &[
     up("clock_skew", "skew_ppm", 600.0),
     up("rolling_shutter", "row_us", 12.0),
     up("black_level", "offset_dn", 12.0),
-    Strength { id: "tone_curve", key: "gamma", at_one: 0.92, growth: Growth::FromOne, fixed: &[] },
+    StrengthScale {
+        id: "tone_curve",
+        key: "gamma",
+        at_one: 0.92,
+        growth: Growth::FromOne,
+        fixed: &[],
+    },
     up("frame_noise", "sigma_dn", 1.5),
     up("defocus", "sigma_px", 0.5),
     up("vignetting", "corner_loss", 0.1),
@@ -98,7 +104,7 @@ const WORLD: &[Strength] = &[
 ];
 
 /// Effects of the simulated world that no library names.
-const ALIEN: &[Strength] = &[
+const OUTSIDE_LIBRARY: &[StrengthScale] = &[
     down("support_filter", "window_us", 20_000.0),
     down("slew_limit", "per_s", 12.0),
     up("threshold_fatigue", "rise", 0.15).with(&[("recovery_s", 0.2)]),
@@ -106,7 +112,7 @@ const ALIEN: &[Strength] = &[
 
 /// Effects that can be applied to a recording that is there. They are far stronger than in the
 /// world: the recording at hand has one or two events in a pixel and a frame every 40 ms.
-const PLASMODE: &[Strength] = &[
+const PLASMODE: &[StrengthScale] = &[
     up("refractory_period", "refractory_us", 20_000.0),
     up("event_drop", "fraction", 0.2),
     up("dead_pixels", "count", 9_000.0),
@@ -117,27 +123,35 @@ const PLASMODE: &[Strength] = &[
     up("clock_offset", "offset_us", 15_000.0),
     up("clock_skew", "skew_ppm", 10_000.0),
     up("black_level", "offset_dn", 12.0),
-    Strength { id: "tone_curve", key: "gamma", at_one: 0.85, growth: Growth::FromOne, fixed: &[] },
+    StrengthScale {
+        id: "tone_curve",
+        key: "gamma",
+        at_one: 0.85,
+        growth: Growth::FromOne,
+        fixed: &[],
+    },
     up("defocus", "sigma_px", 1.0),
 ];
 
 /// Effects that can be applied to a recording and that no library names.
-const PLASMODE_ALIEN: &[Strength] =
+const PLASMODE_OUTSIDE_LIBRARY: &[StrengthScale] =
     &[up("burst_loss", "share", 0.15).with(&[("window_us", 30_000.0)])];
 
 /// The table of a family: effects the library knows, then those it does not.
 #[must_use]
-pub fn strengths(family: super::Family) -> (&'static [Strength], &'static [Strength]) {
+pub fn strengths(
+    family: super::truth::Family,
+) -> (&'static [StrengthScale], &'static [StrengthScale]) {
     match family {
-        super::Family::World => (WORLD, ALIEN),
-        super::Family::Plasmode => (PLASMODE, PLASMODE_ALIEN),
-        super::Family::Foreign => (&[], &[]),
+        super::truth::Family::World => (WORLD, OUTSIDE_LIBRARY),
+        super::truth::Family::Plasmode => (PLASMODE, PLASMODE_OUTSIDE_LIBRARY),
+        super::truth::Family::ThirdParty => (&[], &[]),
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Concealed, Family};
+    use super::super::{ConcealedEffect, Family};
     use super::*;
     use evrig_core::effect_id::EffectId;
     use evrig_sim::world::WorldDescription;
@@ -166,9 +180,9 @@ mod tests {
 
     #[test]
     fn the_world_takes_every_entry_of_its_table() {
-        for entry in WORLD.iter().chain(ALIEN) {
+        for entry in WORLD.iter().chain(OUTSIDE_LIBRARY) {
             let parameters = entry.parameters(2.0);
-            let concealed = Concealed { id: entry.id.into(), parameters, strength: 2.0 };
+            let concealed = ConcealedEffect { id: entry.id.into(), parameters, strength: 2.0 };
             let effects = serde_json::json!({ entry.id: concealed.description() });
             let description = serde_json::json!({ "effects": effects });
             let parsed = serde_json::from_value::<WorldDescription>(description);

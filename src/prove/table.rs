@@ -1,11 +1,12 @@
 //! The score as a page of Markdown: what a reader of docs/reference/proof.md sees.
 
-use super::{Judgement, Score};
+use super::judge::Judgement;
+use super::score::{CountedShare, ProofScore};
 use std::fmt::Write as _;
 
 /// The score and every trial as Markdown tables, under a heading.
 #[must_use]
-pub fn markdown(heading: &str, score: &Score, judgements: &[Judgement]) -> String {
+pub fn markdown(heading: &str, score: &ProofScore, judgements: &[Judgement]) -> String {
     let mut page = format!("## {heading}\n\n");
     summary(&mut page, score);
     effects(&mut page, score);
@@ -23,7 +24,7 @@ macro_rules! line {
     ($page:expr, $($text:tt)*) => { let _ = writeln!($page, $($text)*); };
 }
 
-fn summary(page: &mut String, score: &Score) {
+fn summary(page: &mut String, score: &ProofScore) {
     line!(page, "| over {} trials | |\n| --- | --- |", score.n);
     line!(page, "| one effect: named first | {} |", score.top1);
     line!(page, "| the same, stated equivalents counted | {} |", score.top1_or_equivalent);
@@ -34,7 +35,7 @@ fn summary(page: &mut String, score: &Score) {
     );
     line!(
         page,
-        "| the same where the answer does not say it cannot judge | {} |",
+        "| the same where the answer does not state that it cannot judge | {} |",
         score.top1_of_judged
     );
     let ranges = ["1..1.4", "1.4..2", "2..2.8", "2.8..4"];
@@ -43,7 +44,7 @@ fn summary(page: &mut String, score: &Score) {
     }
     line!(page, "| two effects: F1 of the sets | {} |", number(score.set_f1, 2));
     line!(page, "| clean: something named | {} |", score.false_discovery);
-    line!(page, "| outside the library: mismatch seen, nothing named | {} |", score.abstained);
+    line!(page, "| outside the library: mismatch reported, nothing named | {} |", score.abstained);
     line!(page, "| of the library, yet called unexplained | {} |", score.false_abstention);
     line!(
         page,
@@ -64,7 +65,7 @@ fn summary(page: &mut String, score: &Score) {
     line!(page, "| median seconds of a diagnosis | {} |\n", number(score.median_diagnosed_s, 0));
 }
 
-fn effects(page: &mut String, score: &Score) {
+fn effects(page: &mut String, score: &ProofScore) {
     if score.effects.is_empty() {
         return;
     }
@@ -77,7 +78,7 @@ fn effects(page: &mut String, score: &Score) {
         let instead: Vec<String> =
             one.instead.iter().map(|(name, n)| format!("{name} {n}")).collect();
         let [weak, strong] = &one.by_strength;
-        let share = |s: &super::Share| format!("{}/{}", s.hits, s.of);
+        let share = |s: &CountedShare| format!("{}/{}", s.hits, s.of);
         let (top1, weak, strong) = (share(&one.top1), share(weak), share(strong));
         line!(page, "| {id} | {top1} | {weak} | {strong} | {} |", instead.join(", "));
     }
@@ -85,8 +86,8 @@ fn effects(page: &mut String, score: &Score) {
 }
 
 /// Rows: what was hidden alone; then what was named first, and how often.
-fn confusion(page: &mut String, score: &Score) {
-    line!(page, "| hidden alone | named first, or the verdict without a name |\n| --- | --- |");
+fn confusion(page: &mut String, score: &ProofScore) {
+    line!(page, "| concealed alone | named first, or the verdict without a name |\n| --- | --- |");
     for (hidden, named) in &score.confusion {
         let named: Vec<String> = named.iter().map(|(name, n)| format!("{name} {n}")).collect();
         line!(page, "| {hidden} | {} |", named.join(", "));
@@ -97,7 +98,7 @@ fn confusion(page: &mut String, score: &Score) {
 fn trials(page: &mut String, judgements: &[Judgement]) {
     line!(
         page,
-        "| trial | hidden (strength) | verdict | named | gain, nats an event | parameters: truth, found |"
+        "| trial | concealed (strength) | verdict | named | gain, nats per event | parameters: truth, found |"
     );
     line!(page, "| --- | --- | --- | --- | --- | --- |");
     for j in judgements {
@@ -105,7 +106,7 @@ fn trials(page: &mut String, judgements: &[Judgement]) {
             j.hidden.iter().zip(&j.strengths).map(|(id, s)| format!("{id} ({s:.1})")).collect();
         let mut hidden = if hidden.is_empty() { "nothing".into() } else { hidden.join(", ") };
         if let Some(f1) = j.region_f1 {
-            hidden += &format!(" in a part; F1 of the place {f1:.2}");
+            hidden += &format!(" in a region; F1 of the region {f1:.2}");
         }
         let parameters: Vec<String> = j
             .parameters
@@ -140,12 +141,12 @@ mod tests {
             region_f1: None,
             share_removed: None,
             first_gain: Some(0.25),
-            is_alien: false,
-            is_beyond: false,
+            is_outside_library: false,
+            is_declared_undecidable: false,
             diagnosed_s: 12.0,
         };
         let judgements = [judgement];
-        let page = markdown("World", &Score::of(&judgements), &judgements);
+        let page = markdown("World", &ProofScore::of(&judgements), &judgements);
         let mut columns = 0;
         for line in page.lines().filter(|line| line.starts_with('|')) {
             let n = line.matches('|').count();

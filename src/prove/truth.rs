@@ -1,4 +1,4 @@
-//! What a trial hides.
+//! The concealed truth of a trial.
 
 use evrig_core::effect_id::EffectId;
 use evrig_core::geometry::Rectangle;
@@ -6,14 +6,15 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::collections::BTreeMap;
 
-/// Whose code or camera made a trial's session.
+/// Source of the sessions of trials.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Family {
     /// The simulated rig.
     World,
-    /// A simulator by other people.
-    Foreign,
+    /// A third-party simulator.
+    #[serde(alias = "foreign")]
+    ThirdParty,
     /// A real recording with an effect applied to it.
     Plasmode,
 }
@@ -24,7 +25,7 @@ impl Family {
     pub const fn as_str(self) -> &'static str {
         match self {
             Self::World => "world",
-            Self::Foreign => "foreign",
+            Self::ThirdParty => "third_party",
             Self::Plasmode => "plasmode",
         }
     }
@@ -32,7 +33,7 @@ impl Family {
 
 /// One hidden effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Concealed {
+pub struct ConcealedEffect {
     /// Its id, from [`EffectId`] or, when it is outside the library, the world's own name for it.
     pub id: String,
     /// Its parameters by key.
@@ -41,7 +42,7 @@ pub struct Concealed {
     pub strength: f64,
 }
 
-impl Concealed {
+impl ConcealedEffect {
     /// The library's name for it; `None` when the library does not know it.
     #[must_use]
     pub fn effect(&self) -> Option<EffectId> {
@@ -61,38 +62,38 @@ impl Concealed {
     }
 }
 
-/// What a trial is to be made of; everything but the truth may be known to whoever runs it.
+/// A trial to be made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Trial {
+pub struct ConcealedTrial {
     /// Its name, a folder's name.
     pub name: String,
     /// Whose session it is.
     pub family: Family,
-    /// The print's picture, in the world's spelling; empty where the family has none.
-    pub picture: String,
+    /// Name of the target image; empty where the family has none.
+    pub image: String,
     /// The trajectory's name; empty where the family has none.
     pub trajectory: String,
     /// Seed of the session.
     pub seed: u64,
     /// What is hidden in it.
-    pub truth: Truth,
+    pub truth: SealedTruth,
 }
 
 /// What is hidden in a trial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Truth {
+pub struct SealedTruth {
     /// `evrig.truth/1`.
     pub schema: String,
     /// The hidden effects, none in a clean session.
-    pub effects: Vec<Concealed>,
+    pub effects: Vec<ConcealedEffect>,
     /// The pixels to which they are limited; all when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub region: Option<Rectangle>,
-    /// Random letters that keep the truth from being guessed from its checksum.
+    /// Random digits, so that the truth cannot be guessed from its checksum.
     pub nonce: String,
 }
 
-impl Truth {
+impl SealedTruth {
     /// Nothing hidden, and no secret about it.
     #[must_use]
     pub fn nothing() -> Self {
@@ -108,7 +109,7 @@ impl Truth {
 
     /// Whether something is hidden that the library does not know.
     #[must_use]
-    pub fn is_alien(&self) -> bool {
+    pub fn is_outside_library(&self) -> bool {
         self.effects.iter().any(|concealed| concealed.effect().is_none())
     }
 }

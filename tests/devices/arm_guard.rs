@@ -8,8 +8,8 @@ use evrig::device::dobot::guard::GuardLink;
 use evrig::device::dobot::link::LinkError;
 use evrig::device::dobot::{Client, ClientError, Patience};
 use evrig::record::host_clock;
-use evrig::sim::arm::journal::Line;
-use evrig::sim::arm::{Clock, Emulator, Options};
+use evrig::sim::arm::journal::RequestRecord;
+use evrig::sim::arm::{ArmClock, ArmEmulator, ArmOptions};
 use evrig::time::Span;
 use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 use std::os::unix::process::CommandExt;
@@ -22,8 +22,8 @@ const EVRIG: &str = env!("CARGO_BIN_EXE_evrig");
 const PORT: &str = "EVRIG_TEST_HOST_PORT";
 const END: &str = "EVRIG_TEST_HOST_END";
 
-fn emulator() -> Emulator {
-    Emulator::start(Options::default(), Clock::Scaled(1.0), Vec::new()).unwrap()
+fn emulator() -> ArmEmulator {
+    ArmEmulator::start(ArmOptions::default(), ArmClock::Scaled(1.0), Vec::new()).unwrap()
 }
 
 fn client(port: &Path) -> (Client, evrig::device::dobot::guard::Stopper, u32) {
@@ -97,17 +97,17 @@ fn pid(child: &Child) -> Pid {
     Pid::from_raw(i32::try_from(child.id()).unwrap()).unwrap()
 }
 
-fn stop_at(lines: &[Line]) -> Option<usize> {
+fn stop_at(lines: &[RequestRecord]) -> Option<usize> {
     lines.iter().position(|line| line.name == "QUEUE_FORCE_STOP")
 }
 
 /// Whether force stop and clear came among `lines`, in this order.
-fn holds_a_stop(lines: &[Line]) -> bool {
+fn holds_a_stop(lines: &[RequestRecord]) -> bool {
     stop_at(lines).is_some_and(|at| lines[at..].iter().any(|line| line.name == "QUEUE_CLEAR"))
 }
 
 /// The arm stands, nothing waits, and nothing but reads comes behind the stop.
-fn assert_stopped(emulator: &Emulator, since: usize) {
+fn assert_stopped(emulator: &ArmEmulator, since: usize) {
     wait_until("force stop and clear arrive", || holds_a_stop(&emulator.journal()[since..]));
     let state = emulator.state();
     assert!(!state.is_busy && state.n_waiting == 0, "{state:?}");

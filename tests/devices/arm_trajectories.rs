@@ -5,13 +5,13 @@
 use evrig::device::dobot::{Client, Magician, Patience, port};
 use evrig::record::Arm;
 use evrig::rig::{Pose, Rig};
-use evrig::sim::arm::{Clock, Emulator, Options};
+use evrig::sim::arm::{ArmClock, ArmEmulator, ArmOptions};
 use evrig::time::Span;
 use evrig::trajectory::{Optional, Path, Plan, Trajectory};
 
-fn emulator() -> Emulator {
-    let options = Options { is_homed: true, ..Options::default() };
-    Emulator::start(options, Clock::Stepped(Span::from_micros(5_000)), Vec::new()).unwrap()
+fn emulator() -> ArmEmulator {
+    let options = ArmOptions { is_homed: true, ..ArmOptions::default() };
+    ArmEmulator::start(options, ArmClock::Stepped(Span::from_micros(5_000)), Vec::new()).unwrap()
 }
 
 /// Distance from a pose to the nearest place of the steps around `step`, mm.
@@ -64,7 +64,7 @@ fn every_bundled_trajectory_is_driven_as_planned() {
 }
 
 /// The arm's own time from the start of the queue to its last command.
-fn took(emulator: &Emulator) -> Span {
+fn took(emulator: &ArmEmulator) -> Span {
     let journal = emulator.journal();
     let start = journal.iter().rposition(|line| line.name == "QUEUE_START").unwrap();
     let end = journal.iter().rposition(|line| line.was_busy).unwrap();

@@ -13,7 +13,7 @@ use evrig::pi::source::{FrameSource, SourceError, Synthetic};
 use evrig::pi::wire::Settings;
 use evrig::pi_camera::PiFrame;
 use evrig::session::{Repair, Session, Status, StreamKind, repair, verify};
-use evrig::sim::arm::{Clock, Emulator, Options};
+use evrig::sim::arm::{ArmClock, ArmEmulator, ArmOptions};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
@@ -67,7 +67,7 @@ impl FrameSource for Counted {
 
 /// Everything that a recorder needs, on real wires.
 struct Bench {
-    emulator: Emulator,
+    emulator: ArmEmulator,
     agent: Agent,
     n_given: Arc<AtomicU64>,
     folder: tempfile::TempDir,
@@ -75,12 +75,12 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        let options = Options { is_homed: true, ..Options::default() };
+        let options = ArmOptions { is_homed: true, ..ArmOptions::default() };
         let local = "127.0.0.1:0".parse().unwrap();
         let n_given: Arc<AtomicU64> = Arc::default();
         let camera = Counted { camera: Synthetic::paced(), n_given: Arc::clone(&n_given) };
         Self {
-            emulator: Emulator::start(options, Clock::Scaled(1.0), Vec::new()).unwrap(),
+            emulator: ArmEmulator::start(options, ArmClock::Scaled(1.0), Vec::new()).unwrap(),
             agent: Agent::serve(local, Box::new(camera)).unwrap(),
             n_given,
             folder: tempfile::tempdir().unwrap(),

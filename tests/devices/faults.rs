@@ -22,7 +22,7 @@ use evrig::record::{Devices, Dwells, Outcome, Prompts, Request, State, StopToken
 use evrig::rig::Rig;
 use evrig::session::{Session, Status, verify};
 use evrig::sim::arm::fault::Fault as ArmFault;
-use evrig::sim::arm::{Clock, Emulator, Options};
+use evrig::sim::arm::{ArmClock, ArmEmulator, ArmOptions};
 use evrig::time::Span;
 use evrig::trajectory::{Optional, Trajectory};
 use evrig::units::Hertz;
@@ -57,7 +57,7 @@ const WIRE_FAULTS: [Fault; 5] =
 
 /// The wires of a rig, and what stands behind them.
 struct Bench {
-    emulator: Emulator,
+    emulator: ArmEmulator,
     _agent: Agent,
     _camera: Camera,
     davis: Wire,
@@ -67,13 +67,13 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        let options = Options { is_homed: true, ..Options::default() };
+        let options = ArmOptions { is_homed: true, ..ArmOptions::default() };
         let agent =
             Agent::serve("127.0.0.1:0".parse().unwrap(), Box::new(Synthetic::paced())).unwrap();
         // One connection for the preflight, one for the recording, and so long it is silent.
         let camera = Camera::start(2);
         Self {
-            emulator: Emulator::start(options, Clock::Stepped(ARM_STEP), Vec::new()).unwrap(),
+            emulator: ArmEmulator::start(options, ArmClock::Stepped(ARM_STEP), Vec::new()).unwrap(),
             davis: Wire::to(camera.address.parse().unwrap()),
             pi: Wire::to(agent.address()),
             _camera: camera,

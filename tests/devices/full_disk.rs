@@ -5,7 +5,7 @@ use crate::rig::rig_on;
 use evrig::pi::agent::Agent;
 use evrig::pi::source::Synthetic;
 use evrig::session::{Session, Status, verify};
-use evrig::sim::arm::{Clock, Emulator, Options};
+use evrig::sim::arm::{ArmClock, ArmEmulator, ArmOptions};
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
@@ -14,7 +14,7 @@ use std::process::{Command, Output};
 const MEMORY_KB: u64 = 3 << 20;
 
 struct Bench {
-    emulator: Emulator,
+    emulator: ArmEmulator,
     _agent: Agent,
     camera: Camera,
     folder: tempfile::TempDir,
@@ -22,11 +22,11 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        let options = Options { is_homed: true, ..Options::default() };
+        let options = ArmOptions { is_homed: true, ..ArmOptions::default() };
         let agent =
             Agent::serve("127.0.0.1:0".parse().unwrap(), Box::new(Synthetic::paced())).unwrap();
         let camera = Camera::start(2);
-        let emulator = Emulator::start(options, Clock::Scaled(1.0), Vec::new()).unwrap();
+        let emulator = ArmEmulator::start(options, ArmClock::Scaled(1.0), Vec::new()).unwrap();
         let bench = Self { emulator, _agent: agent, camera, folder: tempfile::tempdir().unwrap() };
         let pi = bench._agent.address();
         let text = rig_on(bench.emulator.port(), &bench.camera.address, pi);

@@ -18,7 +18,7 @@ use evrig::record::{
 };
 use evrig::rig::Rig;
 use evrig::session::{Session, Status, StreamKind, verify};
-use evrig::sim::arm::{Clock, Emulator, Options};
+use evrig::sim::arm::{ArmClock, ArmEmulator, ArmOptions};
 use evrig::time::Span;
 use evrig::trajectory::{Optional, Trajectory};
 use evrig::units::Hertz;
@@ -33,20 +33,20 @@ const NO_DWELLS: Dwells = Dwells { lead_in: Duration::ZERO, tail: Duration::ZERO
 struct Bench {
     rig: Rig,
     trajectory: Trajectory,
-    emulator: Emulator,
+    emulator: ArmEmulator,
     agent: Agent,
 }
 
 impl Bench {
     /// The arm's time passes by requests and the Pi's frames come as fast as they are taken.
     fn new(n_frames: u64) -> Self {
-        let options = Options { homing: Span::from_micros(100_000), ..Options::default() };
-        let clock = Clock::Stepped(Span::from_micros(4_000));
+        let options = ArmOptions { homing: Span::from_micros(100_000), ..ArmOptions::default() };
+        let clock = ArmClock::Stepped(Span::from_micros(4_000));
         let camera = Box::new(Synthetic::unpaced(n_frames));
         Self {
             rig: Rig::simulated().unwrap(),
             trajectory: Trajectory::find("circle").unwrap(),
-            emulator: Emulator::start(options, clock, Vec::new()).unwrap(),
+            emulator: ArmEmulator::start(options, clock, Vec::new()).unwrap(),
             agent: Agent::serve("127.0.0.1:0".parse().unwrap(), camera).unwrap(),
         }
     }

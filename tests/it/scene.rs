@@ -10,7 +10,7 @@ use evrig::scene::{
     reconstruct_target,
 };
 use evrig::sim::world::{
-    CameraName, DavisTwin, Motion, PiTwin, Schedule, Setting, World, WorldDescription,
+    CameraName, DavisTwin, PiTwin, RunSetting, SettingSchedule, ToolMotion, World, WorldDescription,
 };
 use evrig::time::{Clock, ClockMap, Davis, PiSensor, Span};
 use std::f64::consts::TAU;
@@ -34,7 +34,7 @@ fn rig() -> Rig {
 #[derive(Debug)]
 struct Circle;
 
-impl Motion for Circle {
+impl ToolMotion for Circle {
     fn pose_at(&self, time: Span) -> Pose {
         let phase = TAU * time.as_secs_f64() / 0.5;
         let turn = 2.0 * (0.7 * phase).sin();
@@ -65,7 +65,7 @@ fn seen() -> &'static Seen {
 /// The scene of one recording.
 fn seen_in(description: &WorldDescription) -> Seen {
     let rig = rig();
-    let schedule = Schedule::new(vec![Setting::nominal(Span::ZERO, true)]);
+    let schedule = SettingSchedule::new(vec![RunSetting::nominal(Span::ZERO, true)]);
     let world = World::new(&rig, Arc::new(Circle), schedule, description, 5).unwrap();
     let world = Arc::new(world);
     let until = Span::from_secs_f64(SECONDS);

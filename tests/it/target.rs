@@ -4,7 +4,7 @@
 use crate::small_rig;
 
 use evrig::clock::TimeReference;
-use evrig::generate::{Choice, GenerateParameters};
+use evrig::generate::{GenerateParameters, GeneratorChoice};
 use evrig::pipeline::{
     AnyTrack, CompareRequest, FilterRequest, FilterSettings, Freshness, GenerateRequest,
     PipelineError, TrackRequest, compare, filter, generate, read_clocks, report, sync, track,
@@ -102,7 +102,7 @@ fn the_tag_is_found_in_every_frame_of_every_stream_and_stands_upright() {
 }
 
 fn generated(session: &Session, light: &str, preset: &str) -> StreamName {
-    let choice = Choice {
+    let choice = GeneratorChoice {
         model: None,
         law: None,
         preset: Some(preset),

@@ -1,30 +1,29 @@
-//! Any generator, driven by light that is known at any time: piecewise, in steps finer than the
-//! frames that the light was told from.
+//! Any frame-based generator on a drive, in steps finer than the frames the drive was made from.
 //!
-//! The light of every pixel is taken at even instants and handed to the generator as frames, so
-//! that a model's law between two frames holds between two instants. A pixel is silent where
-//! nothing is known of its light, and begins anew where it is known again.
+//! The log-intensity signal of every pixel is sampled at even instants and passed to the generator
+//! as frames, so a model's law between two frames holds between two instants. A pixel is silent
+//! where its signal is unknown, and restarts where it is known again.
 
-use super::parameter_error::check;
-use super::{GenerateError, Generator, ParameterError};
+use crate::generator::{GenerateError, Generator};
+use crate::grid::pixel_centre;
+use crate::parameter_error::{ParameterError, check};
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::event::{Event, Events};
 use evrig_core::frame::Luminance;
-use evrig_core::geometry::Size;
 use rayon::prelude::*;
 
-/// The step at which light is taken when nothing else is said, µs: an eighth of a 120 Hz frame.
+/// Default sampling step of a drive, µs: an eighth of a 120 Hz frame.
 pub const DRIVE_STEP_US: u32 = 1_000;
 
-/// Instants that are taken at once.
-const BLOCK: usize = 32;
+/// Instants sampled at once.
+const INSTANTS_PER_BLOCK: usize = 32;
 
 /// A drive as frames at even instants.
 pub struct DriveFrames<'a> {
     drive: &'a dyn Drive,
     grid: TimeGrid,
     next: usize,
-    /// The light of the instants about the next, pixel by pixel, DN.
+    /// Intensity at the instants of the current block, pixel by pixel, DN.
     block: Vec<f32>,
     frame: Luminance,
 }
@@ -59,17 +58,17 @@ impl<'a> DriveFrames<'a> {
         self.grid
     }
 
-    /// What the pixels see at the next instant, DN above black, `NaN` where nothing is known of it;
-    /// none behind the last.
+    /// Intensity of the pixels at the next instant, DN above black, `NaN` where it is unknown; none
+    /// after the last.
     pub fn next_frame(&mut self) -> Option<&Luminance> {
         if self.next >= self.grid.n {
             return None;
         }
-        let at = self.next % BLOCK;
+        let at = self.next % INSTANTS_PER_BLOCK;
         if at == 0 {
             self.sample();
         }
-        let n = BLOCK.min(self.grid.n - (self.next - at));
+        let n = INSTANTS_PER_BLOCK.min(self.grid.n - (self.next - at));
         let light = self.block.chunks_exact(n).map(|light| light[at]);
         self.frame.values.iter_mut().zip(light).for_each(|(value, light)| *value = light);
         self.frame.t_us = self.grid.at(self.next);
@@ -78,13 +77,13 @@ impl<'a> DriveFrames<'a> {
     }
 
     fn sample(&mut self) {
-        let n = BLOCK.min(self.grid.n - self.next);
+        let n = INSTANTS_PER_BLOCK.min(self.grid.n - self.next);
         let grid = TimeGrid { start_us: self.grid.at(self.next), n, ..self.grid };
         let (drive, size) = (self.drive, self.frame.size);
         let white_dn = drive.white_dn() as f32;
         self.block.resize(size.n_pixels() * n, f32::NAN);
         self.block.par_chunks_exact_mut(n).enumerate().for_each(|(pixel, light)| {
-            drive.sample(middle(size, pixel), grid, light);
+            drive.sample(pixel_centre(size, pixel), grid, light);
             light.iter_mut().for_each(|value| *value = white_dn * value.exp());
         });
     }
@@ -93,7 +92,7 @@ impl<'a> DriveFrames<'a> {
 /// A generation from a drive, instant by instant.
 pub struct DriveRun<'a> {
     frames: DriveFrames<'a>,
-    /// What the generator saw last, and where that was known.
+    /// The frame the generator got last, and the pixels at which the signal is known.
     seen: Luminance,
     is_known: Vec<bool>,
     was_known: Vec<bool>,
@@ -106,7 +105,7 @@ impl<'a> DriveRun<'a> {
     #[must_use]
     pub fn new(frames: DriveFrames<'a>) -> Self {
         let size = frames.frame.size;
-        // A pixel of which nothing is known stands at white until something is.
+        // A pixel of unknown signal is white until its signal is known.
         let values = vec![frames.drive.white_dn() as f32; size.n_pixels()];
         let unknown = vec![false; size.n_pixels()];
         Self {
@@ -119,17 +118,11 @@ impl<'a> DriveRun<'a> {
         }
     }
 
-    /// Pixels of which anything is known at the instant taken last.
-    #[must_use]
-    pub fn n_lit(&self) -> usize {
-        self.is_known.iter().filter(|known| **known).count()
-    }
-
-    /// Hands the next instant to the generator and appends the events since the one before; `false`
+    /// Passes the next instant to the generator and appends the events since the one before; `false`
     /// when there is none left.
     ///
     /// # Errors
-    /// What the generator refuses.
+    /// Errors of the generator.
     pub fn step(
         &mut self,
         generator: &mut dyn Generator,
@@ -161,17 +154,12 @@ impl<'a> DriveRun<'a> {
     }
 }
 
-/// The middle of a pixel, on the scale on which it covers `x..x + 1`.
-fn middle(size: Size, pixel: usize) -> [f64; 2] {
-    let width = usize::from(size.width).max(1);
-    [(pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::voltmeter::Coefficients;
     use crate::{EsimParameters, GenerateParameters, ModelParameters, build};
+    use evrig_core::geometry::Size;
     use evrig_core::stats::Moments;
 
     const SIZE: Size = Size { width: 40, height: 20 };

@@ -5,25 +5,21 @@
 //! for each event of a pixel (the paper's section 4, "noise"). Within the refractory period after
 //! an event the pixel is silent; its reference moves on, as in the authors' program.
 
-use super::ParameterError;
-use super::grid::{Block, PixelModel};
-use super::merge::Hit;
-use super::parameter_error::check;
-use super::parameters::FULL_SCALE_8_BIT;
-use super::random::Source;
-use super::sequence::Interval;
+use super::grid::{FramePixelModel, PixelBlock};
+use super::limits::{FULL_SCALE_8_BIT_DN, MIN_THRESHOLD};
+use super::merge::Crossing;
+use super::parameter_error::{ParameterError, check};
+use super::random::RandomSource;
+use super::sequence::FrameInterval;
 use serde::{Deserialize, Serialize};
 
-/// No threshold falls below this, in log units, however it is drawn.
-pub(super) const LOWEST_THRESHOLD: f64 = 0.01;
-
-/// Parameters of [`crate::Model::Esim`].
+/// Parameters of [`crate::GeneratorModel::Esim`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EsimParameters {
-    /// Rise of log brightness for an On event, 0.01..=10.
+    /// Rise of log brightness for an ON event, 0.01..=10.
     pub threshold_on: f64,
-    /// Fall of log brightness for an Off event, 0.01..=10.
+    /// Fall of log brightness for an OFF event, 0.01..=10.
     pub threshold_off: f64,
     /// Standard deviation of both from event to event, 0..=1.
     pub threshold_sd: f64,
@@ -43,7 +39,7 @@ impl EsimParameters {
         threshold_sd: 0.0,
         refractory_us: 0.0,
         log_offset: 1e-3,
-        full_scale_dn: FULL_SCALE_8_BIT,
+        full_scale_dn: FULL_SCALE_8_BIT_DN,
     };
 
     /// Refuses what lies outside the ranges, by name.
@@ -51,8 +47,8 @@ impl EsimParameters {
     /// # Errors
     /// The first parameter out of range.
     pub fn check(&self) -> Result<(), ParameterError> {
-        check("threshold_on", self.threshold_on, LOWEST_THRESHOLD, 10.0)?;
-        check("threshold_off", self.threshold_off, LOWEST_THRESHOLD, 10.0)?;
+        check("threshold_on", self.threshold_on, MIN_THRESHOLD, 10.0)?;
+        check("threshold_off", self.threshold_off, MIN_THRESHOLD, 10.0)?;
         check("threshold_sd", self.threshold_sd, 0.0, 1.0)?;
         check("refractory_us", self.refractory_us, 0.0, 1e9)?;
         check("log_offset", self.log_offset, 1e-12, 1.0)?;
@@ -64,12 +60,12 @@ impl EsimParameters {
 #[derive(Debug)]
 pub(super) struct Esim {
     parameters: EsimParameters,
-    source: Source,
+    source: RandomSource,
 }
 
 /// What a pixel remembers.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Pixel {
+pub(super) struct EsimPixel {
     /// Log brightness in the frame before.
     level: f64,
     /// Log brightness at the last crossing.
@@ -82,7 +78,7 @@ pub(super) struct Pixel {
 
 impl Esim {
     pub(super) fn new(parameters: EsimParameters, seed: u64) -> Self {
-        Self { parameters, source: Source::new(seed) }
+        Self { parameters, source: RandomSource::new(seed) }
     }
 
     fn level(&self, brightness: f32) -> f64 {
@@ -96,15 +92,14 @@ impl Esim {
             return [threshold_on, -threshold_off];
         }
         let mut draws = self.source.draws(pixel, n);
-        let mut about =
-            |nominal: f64| (nominal + threshold_sd * draws.normal()).max(LOWEST_THRESHOLD);
+        let mut about = |nominal: f64| (nominal + threshold_sd * draws.normal()).max(MIN_THRESHOLD);
         [about(threshold_on), -about(threshold_off)]
     }
 
     fn cross(
         &self,
         pixel: u32,
-        state: &mut Pixel,
+        state: &mut EsimPixel,
         end: f64,
         span_us: f64,
         mut fire: impl FnMut(f64, bool),
@@ -131,33 +126,33 @@ impl Esim {
     }
 }
 
-impl PixelModel for Esim {
+impl FramePixelModel for Esim {
     const NAME: &'static str = "esim";
 
-    type State = Vec<Pixel>;
+    type State = Vec<EsimPixel>;
 
-    fn most_events(&self, interval: Interval) -> f64 {
+    fn max_mean_events(&self, interval: FrameInterval) -> f64 {
         let EsimParameters { threshold_on, threshold_off, threshold_sd, .. } = self.parameters;
         let range = self.level(interval.brightest) - self.level(0.0);
         let least = threshold_on.min(threshold_off) - 2.0 * threshold_sd;
-        range / least.max(LOWEST_THRESHOLD)
+        range / least.max(MIN_THRESHOLD)
     }
 
-    fn start(&self, _first: u32, brightness: &[f32]) -> Vec<Pixel> {
+    fn start(&self, _first: u32, brightness: &[f32]) -> Vec<EsimPixel> {
         let pixel = |&brightness: &f32| {
             let level = self.level(brightness);
-            Pixel { level, reference: level, n_crossings: 0, silent_us: 0.0 }
+            EsimPixel { level, reference: level, n_crossings: 0, silent_us: 0.0 }
         };
         brightness.iter().map(pixel).collect()
     }
 
-    fn restart(&self, block: &mut Block<Vec<Pixel>>, i: usize) {
+    fn restart(&self, block: &mut PixelBlock<Vec<EsimPixel>>, i: usize) {
         let level = self.level(block.before[i]);
         // The count of crossings goes on: thresholds already drawn are not drawn again.
-        block.state[i] = Pixel { level, reference: level, silent_us: 0.0, ..block.state[i] };
+        block.state[i] = EsimPixel { level, reference: level, silent_us: 0.0, ..block.state[i] };
     }
 
-    fn run(&self, block: &mut Block<Vec<Pixel>>, after: &[f32], interval: Interval) {
+    fn run(&self, block: &mut PixelBlock<Vec<EsimPixel>>, after: &[f32], interval: FrameInterval) {
         let span_us = f64::from(interval.span_us);
         for (i, (state, (&before, &after))) in
             block.state.iter_mut().zip(block.before.iter().zip(after)).enumerate()
@@ -165,7 +160,7 @@ impl PixelModel for Esim {
             let pixel = block.first + i as u32;
             let end = if before == after { state.level } else { self.level(after) };
             self.cross(pixel, state, end, span_us, |t, on| {
-                block.hits.push(Hit::new(pixel, t, interval.span_us, on));
+                block.hits.push(Crossing::new(pixel, t, interval.span_us, on));
             });
         }
     }
@@ -175,7 +170,7 @@ impl PixelModel for Esim {
 mod tests {
     use super::*;
     use crate::Generator;
-    use crate::grid::Grid;
+    use crate::grid::PixelGrid;
     use evrig_core::event::Events;
     use evrig_core::frame::Luminance;
     use evrig_core::geometry::Size;
@@ -185,7 +180,7 @@ mod tests {
 
     /// Pixels of one row, whose log brightness is given for each frame.
     fn run(parameters: EsimParameters, n_pixels: u16, log: &[f64]) -> Events {
-        let mut generator = Grid::new(Esim::new(parameters, 4), None).unwrap();
+        let mut generator = PixelGrid::new(Esim::new(parameters, 4), None).unwrap();
         let mut out = Events::new();
         for (i, log) in log.iter().enumerate() {
             let brightness = (log.exp() - parameters.log_offset) * parameters.full_scale_dn;

@@ -1,10 +1,11 @@
 //! What all generators share: frames are checked, pixels worked on in blocks by several
 //! threads, and their events put in order.
 
-use super::merge::{Hit, Merger};
-use super::sequence::{Interval, Sequence};
+use super::merge::{Crossing, EventMerger};
+use super::sequence::{FrameInterval, FrameSequence};
 use super::threads::Threads;
-use super::{GenerateError, Generator, ParameterError};
+use crate::generator::{GenerateError, Generator};
+use crate::parameter_error::ParameterError;
 use evrig_core::event::Events;
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
@@ -17,7 +18,7 @@ const BLOCK_PIXELS: usize = 4096;
 const MAX_EVENTS_PER_INTERVAL: f64 = 1_000.0;
 
 /// A model of a pixel that sees brightness at the ends of an interval.
-pub(super) trait PixelModel: Send + Sync {
+pub(super) trait FramePixelModel: Send + Sync {
     /// The model's name on the command line.
     const NAME: &'static str;
 
@@ -25,52 +26,52 @@ pub(super) trait PixelModel: Send + Sync {
     type State: Send;
 
     /// A number of events that no pixel's mean exceeds in an interval.
-    fn most_events(&self, interval: Interval) -> f64;
+    fn max_mean_events(&self, interval: FrameInterval) -> f64;
 
     /// The pixels from row-major number `first` on, which see `brightness` in the first frame.
     fn start(&self, first: u32, brightness: &[f32]) -> Self::State;
 
     /// Lets pixel number `i` of a block begin anew with what the last frame showed it.
-    fn restart(&self, block: &mut Block<Self::State>, i: usize);
+    fn restart(&self, block: &mut PixelBlock<Self::State>, i: usize);
 
     /// Moves a block's pixels through an interval.
-    fn run(&self, block: &mut Block<Self::State>, after: &[f32], interval: Interval);
+    fn run(&self, block: &mut PixelBlock<Self::State>, after: &[f32], interval: FrameInterval);
 }
 
 /// A run of pixels.
 #[derive(Debug)]
-pub(super) struct Block<S> {
+pub(super) struct PixelBlock<S> {
     /// Row-major number of the first.
     pub(super) first: u32,
     /// Brightness in the frame at the interval's start.
     pub(super) before: Vec<f32>,
     /// Where events of the interval go: pixel by pixel, each pixel's in ascending time.
-    pub(super) hits: Vec<Hit>,
+    pub(super) hits: Vec<Crossing>,
     /// What the model keeps.
     pub(super) state: S,
 }
 
 /// A generator that works pixel by pixel.
 #[derive(Debug)]
-pub(super) struct Grid<M: PixelModel> {
+pub(super) struct PixelGrid<M: FramePixelModel> {
     model: M,
     threads: Threads,
-    sequence: Sequence,
-    blocks: Vec<Block<M::State>>,
+    sequence: FrameSequence,
+    blocks: Vec<PixelBlock<M::State>>,
     block_pixels: usize,
-    merger: Merger,
+    merger: EventMerger,
 }
 
-impl<M: PixelModel> Grid<M> {
+impl<M: FramePixelModel> PixelGrid<M> {
     /// A generator for any number of pixels; the first frame sets the size.
     pub(super) fn new(model: M, threads: Option<NonZeroUsize>) -> Result<Self, ParameterError> {
         Ok(Self {
             model,
             threads: Threads::new(threads)?,
-            sequence: Sequence::default(),
+            sequence: FrameSequence::default(),
             blocks: Vec::new(),
             block_pixels: BLOCK_PIXELS,
-            merger: Merger::default(),
+            merger: EventMerger::default(),
         })
     }
 
@@ -91,15 +92,15 @@ impl<M: PixelModel> Grid<M> {
         let blocks = parts.map(|(number, part)| {
             let first = (number * self.block_pixels) as u32;
             let state = self.model.start(first, part);
-            Block { first, before: part.to_vec(), hits: Vec::new(), state }
+            PixelBlock { first, before: part.to_vec(), hits: Vec::new(), state }
         });
         self.blocks = blocks.collect();
     }
 
-    fn run(&mut self, interval: Interval, after: &[f32], size: Size, out: &mut Events) {
+    fn run(&mut self, interval: FrameInterval, after: &[f32], size: Size, out: &mut Events) {
         let parts = self.blocks.iter_mut().zip(after.chunks(self.block_pixels)).collect();
         let model = &self.model;
-        self.threads.for_each(parts, |(block, after): (&mut Block<M::State>, &[f32])| {
+        self.threads.for_each(parts, |(block, after): (&mut PixelBlock<M::State>, &[f32])| {
             block.hits.clear();
             model.run(block, after, interval);
             block.before.copy_from_slice(after);
@@ -108,12 +109,12 @@ impl<M: PixelModel> Grid<M> {
         self.merger.merge(hits, size, interval, out);
     }
 
-    fn check_rate(&self, interval: Interval) -> Result<(), GenerateError> {
-        let expected = self.model.most_events(interval);
+    fn check_rate(&self, interval: FrameInterval) -> Result<(), GenerateError> {
+        let expected = self.model.max_mean_events(interval);
         if expected <= MAX_EVENTS_PER_INTERVAL {
             return Ok(());
         }
-        let Interval { index, span_us, .. } = interval;
+        let FrameInterval { index, span_us, .. } = interval;
         Err(GenerateError::TooManyEvents {
             index,
             span_us,
@@ -123,7 +124,7 @@ impl<M: PixelModel> Grid<M> {
     }
 }
 
-impl<M: PixelModel> Generator for Grid<M> {
+impl<M: FramePixelModel> Generator for PixelGrid<M> {
     fn name(&self) -> &'static str {
         M::NAME
     }
@@ -150,4 +151,10 @@ impl<M: PixelModel> Generator for Grid<M> {
             }
         }
     }
+}
+
+/// Centre of the pixel of a row-major number; pixel `i` covers `i..i + 1`.
+pub(super) fn pixel_centre(size: Size, pixel: usize) -> [f64; 2] {
+    let width = usize::from(size.width).max(1);
+    [(pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5]
 }

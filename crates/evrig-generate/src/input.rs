@@ -1,20 +1,20 @@
-//! What is made of a camera's picture before a generator sees it.
+//! Preparation of camera frames for a generator: colour channel, black level, exposure.
 
-use super::ParameterError;
+use crate::parameter_error::ParameterError;
 use evrig_core::frame::{BayerOrder, BayerSite, Luminance, bayer_brightness};
 use evrig_core::geometry::Size;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
-/// Which light of a mosaic or a colour picture makes the events.
+/// Colour channel of a mosaic or colour frame from which events are made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Colour {
     /// A mosaic as it is, each pixel in its own colour, as the published generator takes it; the
-    /// luma of a colour picture.
+    /// luma of a colour frame.
     #[default]
     Mosaic,
-    /// Brightness (R + 2 G + B) / 4 of the surroundings in a mosaic.
+    /// Brightness (R + 2 G + B) / 4 of the neighbourhood in a mosaic.
     Luma,
     /// The red pixels alone, at half the width and height.
     Red,
@@ -50,28 +50,28 @@ impl FromStr for Colour {
     }
 }
 
-/// How pictures become brightness.
+/// How frames become brightness.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Preparation {
-    /// Which light.
+pub struct FramePreparation {
+    /// Colour channel.
     #[serde(default)]
     pub colour: Colour,
-    /// Whether the stated pedestal is taken off; the published generator leaves it in.
+    /// Whether the stated black level is subtracted; the published generator keeps it.
     #[serde(default)]
     pub subtract_black: bool,
-    /// Whether exposure time and gain are divided out, so that a camera that adapts them makes no
-    /// events by that.
+    /// Whether values are divided by exposure time and gain, so that automatic exposure makes no
+    /// events.
     #[serde(default)]
     pub divide_exposure: bool,
 }
 
-/// A picture as a camera gave it.
+/// A frame as the camera gave it.
 #[derive(Debug, Clone, Copy)]
-pub struct Pictured<'a> {
+pub struct SourceFrame<'a> {
     /// Columns and rows.
     pub size: Size,
-    /// Samples of a mosaic, and its order; none for grey and colour pictures.
+    /// Samples of a mosaic, and its order; none for grey and colour frames.
     pub mosaic: Option<(&'a [u16], BayerOrder)>,
     /// What a sample reads in the dark: R, green by R, green by B, B.
     pub black_dn: [f32; 4],
@@ -79,26 +79,26 @@ pub struct Pictured<'a> {
     pub exposure_gain: Option<f64>,
 }
 
-/// Prepares the pictures of one stream, one after another.
+/// Prepares the frames of one stream in order.
 #[derive(Debug, Clone, Default)]
-pub struct Preparer {
-    preparation: Preparation,
-    /// Exposure time and gain of the first picture, to which the others are brought.
+pub struct FramePreparer {
+    preparation: FramePreparation,
+    /// Exposure time times gain of the first frame, to which the others are normalised.
     first: Option<f64>,
 }
 
-impl Preparer {
+impl FramePreparer {
     /// For a new stream.
     #[must_use]
-    pub const fn new(preparation: Preparation) -> Self {
+    pub const fn new(preparation: FramePreparation) -> Self {
         Self { preparation, first: None }
     }
 
-    /// Brightness of the picture at `t_us`; `plain` is that of grey and colour pictures, and of a
-    /// mosaic that stays as it is. Exposure is divided out of what is above the black level, so that
-    /// the values stay in the first picture's digital units.
-    pub fn prepare(&mut self, t_us: i64, picture: &Pictured<'_>, plain: Vec<f32>) -> Luminance {
-        let Preparation { colour, subtract_black, divide_exposure } = self.preparation;
+    /// Brightness of the frame at `t_us`; `plain` is that of grey and colour frames, and of an
+    /// unchanged mosaic. The signal above the black level is divided by the exposure, so the values
+    /// stay in the first frame's digital units.
+    pub fn prepare(&mut self, t_us: i64, picture: &SourceFrame<'_>, plain: Vec<f32>) -> Luminance {
+        let FramePreparation { colour, subtract_black, divide_exposure } = self.preparation;
         let (size, mut values) = match (colour, picture.mosaic) {
             (Colour::Luma, Some((mosaic, _))) => {
                 (picture.size, bayer_brightness(mosaic, picture.size))
@@ -144,7 +144,7 @@ fn site(order: BayerOrder, x: u16, y: u16) -> usize {
     }
 }
 
-/// The pedestal of one light.
+/// Black level of a colour channel.
 fn black_of(colour: Colour, [red, green_red, green_blue, blue]: [f32; 4]) -> f32 {
     match colour {
         Colour::Red => red,
@@ -190,11 +190,11 @@ mod tests {
         [row(100.0, 200.0), row(210.0, 50.0)].concat()
     }
 
-    fn prepared(preparation: Preparation, gains: &[f32]) -> Vec<Vec<f32>> {
-        let mut preparer = Preparer::new(preparation);
+    fn prepared(preparation: FramePreparation, gains: &[f32]) -> Vec<Vec<f32>> {
+        let mut preparer = FramePreparer::new(preparation);
         let one = |gain: &f32| {
             let samples = mosaic(*gain);
-            let picture = Pictured {
+            let picture = SourceFrame {
                 size: SIZE,
                 mosaic: Some((&samples, BayerOrder::Rggb)),
                 black_dn: [64.0; 4],
@@ -210,7 +210,8 @@ mod tests {
     fn a_camera_that_adapts_its_exposure_gives_the_same_brightness() {
         for colour in Colour::ALL {
             for subtract_black in [true, false] {
-                let preparation = Preparation { colour, subtract_black, divide_exposure: true };
+                let preparation =
+                    FramePreparation { colour, subtract_black, divide_exposure: true };
                 let found = prepared(preparation, &[1.0, 2.0, 0.5]);
                 for later in &found[1..] {
                     for (a, b) in found[0].iter().zip(later) {
@@ -219,14 +220,15 @@ mod tests {
                 }
             }
         }
-        let kept = prepared(Preparation::default(), &[1.0, 2.0]);
+        let kept = prepared(FramePreparation::default(), &[1.0, 2.0]);
         assert!((kept[1][0] - 264.0).abs() < 1e-6 && (kept[0][0] - 164.0).abs() < 1e-6);
     }
 
     #[test]
     fn each_colour_is_its_own_pixels_above_black() {
         let of = |colour| {
-            let preparation = Preparation { colour, subtract_black: true, divide_exposure: false };
+            let preparation =
+                FramePreparation { colour, subtract_black: true, divide_exposure: false };
             prepared(preparation, &[1.0]).remove(0)
         };
         assert_eq!(of(Colour::Red), [100.0, 100.0]);

@@ -1,13 +1,12 @@
-//! Frames between frames, so that the frames' own rhythm leaves the events.
+//! Log-linear interpolation between frames, which reduces events locked to the frame rate.
 
-use super::parameter_error::check;
-use super::{ParameterError, PlaneInterpolator, RowTimes};
+use crate::parameter_error::{ParameterError, check};
 use evrig_core::frame::Luminance;
 
-/// Less brightness than this counts as this, DN: half a step of a frame's digital units.
+/// Lower bound of brightness, DN: half a digital step.
 const FLOOR_DN: f32 = 0.5;
 
-/// Puts frames between frames, straight in log brightness.
+/// Inserts frames between frames, linear in log brightness.
 #[derive(Debug, Clone)]
 pub struct Interpolator {
     step_us: i64,
@@ -15,10 +14,10 @@ pub struct Interpolator {
 }
 
 impl Interpolator {
-    /// A gap as long as this is a break, not motion to be filled in, µs.
+    /// Gaps of this length or more are not interpolated, µs.
     pub(super) const BREAK_US: i64 = 1_000_000;
 
-    /// No two frames handed on are farther apart than `step_us`, 10 to 1,000,000.
+    /// No two output frames are farther apart than `step_us`, 10 to 1,000,000.
     ///
     /// # Errors
     /// A step out of range.
@@ -27,11 +26,11 @@ impl Interpolator {
         Ok(Self { step_us: i64::from(step_us), before: None })
     }
 
-    /// Hands on the frames after the previous one up to this one, this one as it is. Frames that a
-    /// generator would refuse are handed on alone, so that it can name them.
+    /// Passes the frames after the previous one up to this one to `take`, this one unchanged. Frames
+    /// that a generator would refuse are passed alone, so that it reports them.
     ///
     /// # Errors
-    /// What `take` refuses.
+    /// Errors of `take`.
     pub fn push<E>(
         &mut self,
         frame: Luminance,
@@ -56,54 +55,7 @@ impl Interpolator {
     }
 }
 
-/// What is put between frames.
-pub enum Between {
-    /// Nothing: frames as they are.
-    Nothing,
-    /// Frames in which every pixel is straight in log brightness.
-    Pixels(Interpolator),
-    /// Frames in which the plane that is seen moves on.
-    Plane(Box<PlaneInterpolator>),
-}
-
-impl Between {
-    /// Rows of the frames to come saw their light at these times.
-    pub fn set_rows(&mut self, rows: RowTimes) {
-        if let Self::Plane(between) = self {
-            between.set_rows(rows);
-        }
-    }
-
-    /// Whether what is handed on is of one instant, whatever the rows' times were.
-    #[must_use]
-    pub const fn is_of_one_instant(&self) -> bool {
-        matches!(self, Self::Plane(_))
-    }
-
-    /// Intervals that were to be filled along the plane's way and were filled pixel by pixel.
-    #[must_use]
-    pub fn n_in_place(&self) -> u64 {
-        if let Self::Plane(between) = self { between.n_in_place() } else { 0 }
-    }
-
-    /// Hands on the frames after the previous one up to this one.
-    ///
-    /// # Errors
-    /// What `take` refuses.
-    pub fn push<E>(
-        &mut self,
-        frame: Luminance,
-        mut take: impl FnMut(&Luminance) -> Result<(), E>,
-    ) -> Result<(), E> {
-        match self {
-            Self::Nothing => take(&frame),
-            Self::Pixels(between) => between.push(frame, take),
-            Self::Plane(between) => between.push(frame, take),
-        }
-    }
-}
-
-/// The frame at a share of the way from one to the next, straight in log brightness.
+/// The frame at a fraction of the interval between two, linear in log brightness.
 pub(super) fn between(before: &Luminance, after: &Luminance, share: f32, t_us: i64) -> Luminance {
     let mix = |(a, b): (&f32, &f32)| {
         if a == b {

@@ -5,8 +5,8 @@
 //! pixel's threshold, which scales the signal (k1) and the dark leak (k4) alike; temporal
 //! jitter multiplies both sources of noise (k3 and k6).
 
-use super::ParameterError;
 use super::voltmeter::Coefficients;
+use crate::parameter_error::ParameterError;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;

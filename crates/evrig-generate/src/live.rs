@@ -1,22 +1,22 @@
-//! Generation while frames arrive: latency is bounded, and what it costs is counted.
+//! Generation while frames arrive, with bounded latency and counts of what was left out.
 //!
-//! Who calls knows the time; nothing here looks at a clock, so a run with the same arrivals gives
-//! the same events.
+//! The caller passes the time; no clock is read here, so the same arrivals give the same events.
 
-use super::interpolate::Interpolator;
-use super::{GenerateError, Generator, RowShift, RowTimes};
+use crate::generator::{GenerateError, Generator};
+use crate::interpolate::Interpolator;
+use crate::rows::{RowShift, RowTimes};
 use evrig_core::event::Events;
 use evrig_core::frame::Luminance;
 use serde::Serialize;
 
-/// What became of the frames.
+/// Counts of the frames by outcome.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct LiveTally {
+pub struct LiveCounts {
     /// Frames that arrived; `seen = taken + late + refused`.
     pub n_seen: u64,
     /// Frames that events were made of.
     pub n_taken: u64,
-    /// Frames left out because they arrived behind the bound; the interval to the next is longer.
+    /// Frames left out because they arrived too late; the interval to the next is longer.
     pub n_late: u64,
     /// Frames that no generator can take: not later than the one before, of another size.
     pub n_refused: u64,
@@ -26,18 +26,18 @@ pub struct LiveTally {
     pub worst_latency_us: i64,
 }
 
-/// What became of a frame.
+/// Outcome of one frame.
 #[derive(Debug)]
-pub enum Fate {
+pub enum FrameOutcome {
     /// Events were made up to its time.
     Taken,
-    /// It came too late and was left out.
+    /// It arrived too late and was left out.
     Late,
-    /// It cannot be used, and why.
+    /// It was refused by the generator.
     Refused(GenerateError),
 }
 
-/// A generator that keeps up.
+/// A generator with bounded latency.
 pub struct LiveGenerator {
     generator: Box<dyn Generator>,
     interpolator: Option<Interpolator>,
@@ -45,13 +45,13 @@ pub struct LiveGenerator {
     rows: RowTimes,
     shift: RowShift,
     made: Events,
-    tally: LiveTally,
+    tally: LiveCounts,
 }
 
 impl LiveGenerator {
-    /// Frames whose age on arrival is above `bound_us` are left out: they wait for nobody, so the
-    /// generator works on the newest. Events are moved to the times of their `rows`, and those that a
-    /// row of the next frame may come before wait for it.
+    /// Frames older than `bound_us` on arrival are left out, so the generator works on the newest.
+    /// Events are shifted to the times of their `rows`; those that a row of the next frame may
+    /// precede are held back until then.
     #[must_use]
     pub fn new(
         generator: Box<dyn Generator>,
@@ -66,23 +66,23 @@ impl LiveGenerator {
             rows,
             shift: RowShift::default(),
             made: Events::new(),
-            tally: LiveTally::default(),
+            tally: LiveCounts::default(),
         }
     }
 
-    /// Takes in a frame and appends the events since the last taken one to `out`. `now_us` tells the
-    /// time on the frames' clock, and is asked before and after.
+    /// Takes in a frame and appends the events since the last taken one to `out`. `now_us` gives the
+    /// time on the frames' clock; it is called before and after.
     pub fn push(
         &mut self,
         frame: Luminance,
         now_us: &mut dyn FnMut() -> i64,
         out: &mut Events,
-    ) -> Fate {
+    ) -> FrameOutcome {
         self.tally.n_seen += 1;
         let taken_us = frame.t_us;
         if now_us().saturating_sub(taken_us) > self.bound_us {
             self.tally.n_late += 1;
-            return Fate::Late;
+            return FrameOutcome::Late;
         }
         let size = frame.size;
         let Self { generator, made, .. } = self;
@@ -95,22 +95,22 @@ impl LiveGenerator {
         self.shift.push(self.rows, size, taken_us, made, out);
         if let Err(error) = pushed {
             self.tally.n_refused += 1;
-            return Fate::Refused(error);
+            return FrameOutcome::Refused(error);
         }
         self.tally.n_taken += 1;
         let latency_us = now_us().saturating_sub(taken_us);
         self.tally.worst_latency_us = self.tally.worst_latency_us.max(latency_us);
-        Fate::Taken
+        FrameOutcome::Taken
     }
 
-    /// Appends the events that still wait for a later frame.
+    /// Appends the events that are still held back.
     pub fn finish(&mut self, out: &mut Events) {
         self.shift.finish(out);
     }
 
-    /// What became of the frames so far.
+    /// Counts so far.
     #[must_use]
-    pub const fn tally(&self) -> LiveTally {
+    pub const fn tally(&self) -> LiveCounts {
         self.tally
     }
 }
@@ -143,7 +143,7 @@ mod tests {
         for (i, delay) in delays.into_iter().enumerate() {
             let t_us = i as i64 * 8_333;
             let fate = live.push(frame(t_us), &mut || t_us + delay, &mut out);
-            assert_eq!(matches!(fate, Fate::Late), delay > 20_000, "{fate:?}");
+            assert_eq!(matches!(fate, FrameOutcome::Late), delay > 20_000, "{fate:?}");
         }
         let tally = live.tally();
         assert_eq!((tally.n_seen, tally.n_taken, tally.n_late, tally.n_refused), (8, 6, 2, 0));
@@ -185,8 +185,8 @@ mod tests {
         let mut out = Events::new();
         let _ = live.push(frame(5_000), &mut || 0, &mut out);
         let fate = live.push(frame(5_000), &mut || 0, &mut out);
-        assert!(matches!(fate, Fate::Refused(GenerateError::TimeNotAscending { .. })));
-        assert!(matches!(live.push(frame(9_000), &mut || 0, &mut out), Fate::Taken));
+        assert!(matches!(fate, FrameOutcome::Refused(GenerateError::TimeNotAscending { .. })));
+        assert!(matches!(live.push(frame(9_000), &mut || 0, &mut out), FrameOutcome::Taken));
         assert_eq!((live.tally().n_refused, live.tally().n_taken), (1, 2));
     }
 }

@@ -1,19 +1,19 @@
 //! From hits in pixel order to events in time order.
 
-use super::sequence::Interval;
+use super::sequence::FrameInterval;
 use evrig_core::event::{EventSlice, Events};
 use evrig_core::geometry::Size;
 
 /// A threshold crossing within an interval, eight bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Hit {
-    /// µs after the interval's start, 1..=span, and in the lowest bit whether On.
+pub(super) struct Crossing {
+    /// µs after the interval's start, 1..=span, and in the lowest bit whether ON.
     time_and_side: u32,
     /// Row-major number of the pixel.
     pixel: u32,
 }
 
-impl Hit {
+impl Crossing {
     /// A crossing `offset_us` after the start of an interval of `span_us`. It carries the next
     /// whole microsecond, so that it lies after the interval's first frame and not after its last.
     #[inline]
@@ -34,51 +34,51 @@ const DIGIT_BITS: u32 = 16;
 
 /// Room for sorting, kept from interval to interval.
 #[derive(Debug, Default)]
-pub(super) struct Merger {
-    hits: Vec<Hit>,
-    spare: Vec<Hit>,
+pub(super) struct EventMerger {
+    hits: Vec<Crossing>,
+    spare: Vec<Crossing>,
     counts: Vec<u32>,
-    columns: Columns,
+    columns: EventColumns,
 }
 
 /// Events of an interval, a column each.
 #[derive(Debug, Default)]
-struct Columns {
+struct EventColumns {
     t: Vec<i64>,
     x: Vec<u16>,
     y: Vec<u16>,
     on: Vec<bool>,
 }
 
-impl Merger {
+impl EventMerger {
     /// Appends the hits of all blocks, given in pixel order, to `out` in ascending time;
     /// within a microsecond by row, then column, and within a pixel as they happened.
     pub(super) fn merge<'a>(
         &mut self,
-        blocks: impl Iterator<Item = &'a [Hit]> + Clone,
+        blocks: impl Iterator<Item = &'a [Crossing]> + Clone,
         size: Size,
-        interval: Interval,
+        interval: FrameInterval,
         out: &mut Events,
     ) {
         self.sort(blocks, interval.span_us);
         self.columns.fill(&self.hits, size, interval.start_us);
-        let Columns { t, x, y, on } = &self.columns;
+        let EventColumns { t, x, y, on } = &self.columns;
         out.extend_from_slice(EventSlice { t, x, y, on });
     }
 
     /// Stable sort by time: one counting pass for usual frame intervals, two for long ones.
-    fn sort<'a>(&mut self, blocks: impl Iterator<Item = &'a [Hit]> + Clone, span_us: u32) {
-        let n_hits = blocks.clone().map(<[Hit]>::len).sum();
+    fn sort<'a>(&mut self, blocks: impl Iterator<Item = &'a [Crossing]> + Clone, span_us: u32) {
+        let n_hits = blocks.clone().map(<[Crossing]>::len).sum();
         let n_counters = (span_us as usize + 1).min(1 << DIGIT_BITS);
         if n_hits < n_counters / 64 {
             self.hits.clear();
             blocks.for_each(|block| self.hits.extend_from_slice(block));
             return self.hits.sort_by_key(|hit| hit.offset_us());
         }
-        let low = Digit { n_counters, shift: 0 };
+        let low = RadixPass { n_counters, shift: 0 };
         low.sort(blocks, n_hits, &mut self.hits, &mut self.counts);
         if span_us >> DIGIT_BITS > 0 {
-            let high = Digit { n_counters: 1 << DIGIT_BITS, shift: DIGIT_BITS };
+            let high = RadixPass { n_counters: 1 << DIGIT_BITS, shift: DIGIT_BITS };
             let blocks = std::iter::once(self.hits.as_slice());
             high.sort(blocks, n_hits, &mut self.spare, &mut self.counts);
             std::mem::swap(&mut self.hits, &mut self.spare);
@@ -87,23 +87,23 @@ impl Merger {
 }
 
 /// The bits of the time that a counting pass looks at.
-struct Digit {
+struct RadixPass {
     n_counters: usize,
     shift: u32,
 }
 
-impl Digit {
+impl RadixPass {
     #[inline]
-    fn of(&self, hit: Hit) -> usize {
+    fn of(&self, hit: Crossing) -> usize {
         ((hit.offset_us() >> self.shift) & ((1 << DIGIT_BITS) - 1)) as usize
     }
 
     /// Puts the hits into the order of this digit; equal ones keep theirs.
     fn sort<'a>(
         &self,
-        blocks: impl Iterator<Item = &'a [Hit]> + Clone,
+        blocks: impl Iterator<Item = &'a [Crossing]> + Clone,
         n_hits: usize,
-        sorted: &mut Vec<Hit>,
+        sorted: &mut Vec<Crossing>,
         counts: &mut Vec<u32>,
     ) {
         counts.clear();
@@ -115,7 +115,7 @@ impl Digit {
         for count in counts.iter_mut() {
             place += std::mem::replace(count, place);
         }
-        sorted.resize(n_hits, Hit { time_and_side: 0, pixel: 0 });
+        sorted.resize(n_hits, Crossing { time_and_side: 0, pixel: 0 });
         for block in blocks {
             for &hit in block {
                 let place = &mut counts[self.of(hit)];
@@ -126,14 +126,14 @@ impl Digit {
     }
 }
 
-impl Columns {
+impl EventColumns {
     /// One column after another, so that each is filled several events at a time.
-    fn fill(&mut self, hits: &[Hit], size: Size, start_us: i64) {
+    fn fill(&mut self, hits: &[Crossing], size: Size, start_us: i64) {
         let width = u32::from(size.width);
         // The middle of a pixel over the width lies 1/2w from the next row: f64 cannot err, and
         // is faster than a division of integers.
         let per_width = 1.0 / f64::from(width);
-        let row = move |hit: &Hit| ((f64::from(hit.pixel) + 0.5) * per_width) as u32;
+        let row = move |hit: &Crossing| ((f64::from(hit.pixel) + 0.5) * per_width) as u32;
         self.t.clear();
         self.t.extend(hits.iter().map(|hit| start_us + i64::from(hit.offset_us())));
         self.y.clear();
@@ -149,11 +149,11 @@ impl Columns {
 mod tests {
     use super::*;
 
-    fn merged(hits: &[Hit], span_us: u32) -> Events {
+    fn merged(hits: &[Crossing], span_us: u32) -> Events {
         let mut out = Events::new();
         let interval =
-            Interval { index: 1, start_us: 1_700_000_000_000_000, span_us, brightest: 0.0 };
-        Merger::default().merge([hits].into_iter(), Size::new(100, 100), interval, &mut out);
+            FrameInterval { index: 1, start_us: 1_700_000_000_000_000, span_us, brightest: 0.0 };
+        EventMerger::default().merge([hits].into_iter(), Size::new(100, 100), interval, &mut out);
         out
     }
 
@@ -162,8 +162,8 @@ mod tests {
         for span_us in [1, 50, 8_333, 65_535, 65_536, 1_000_000, (1 << 31) - 1] {
             let n = 9_000;
             let time = |i: u32| 1.0 + f64::from(i.wrapping_mul(2_654_435_761) % span_us);
-            let hits: Vec<Hit> =
-                (0..n).map(|i| Hit::new(i, time(i) - 0.5, span_us, i % 3 == 0)).collect();
+            let hits: Vec<Crossing> =
+                (0..n).map(|i| Crossing::new(i, time(i) - 0.5, span_us, i % 3 == 0)).collect();
             let mut expected: Vec<u32> = (0..n).collect();
             expected.sort_by(|&a, &b| time(a).total_cmp(&time(b)));
             let out = merged(&hits, span_us);
@@ -184,11 +184,11 @@ mod tests {
             let n_pixels = size.n_pixels() as u64;
             let w = u64::from(width);
             let spots = (0..n_pixels / w).step_by(997).flat_map(|y| [y * w, y * w + w - 1]);
-            let hits: Vec<Hit> = spots
+            let hits: Vec<Crossing> = spots
                 .chain([n_pixels - 1])
-                .map(|pixel| Hit::new(pixel as u32, 1.0, 1, true))
+                .map(|pixel| Crossing::new(pixel as u32, 1.0, 1, true))
                 .collect();
-            let mut columns = Columns::default();
+            let mut columns = EventColumns::default();
             columns.fill(&hits, size, 0);
             for (i, hit) in hits.iter().enumerate() {
                 assert_eq!(size.index(columns.x[i], columns.y[i]), hit.pixel as usize);
@@ -199,8 +199,8 @@ mod tests {
 
     #[test]
     fn a_hit_carries_the_next_whole_microsecond_of_its_interval() {
-        let hits: Vec<Hit> =
-            [0.0, 0.3, 1.0, 7.2, 8.0, 8.4].iter().map(|&t| Hit::new(3, t, 8, true)).collect();
+        let hits: Vec<Crossing> =
+            [0.0, 0.3, 1.0, 7.2, 8.0, 8.4].iter().map(|&t| Crossing::new(3, t, 8, true)).collect();
         let out = merged(&hits, 8);
         let offsets: Vec<i64> =
             out.as_slice().t.iter().map(|t| t - 1_700_000_000_000_000).collect();

@@ -1,61 +1,18 @@
-//! What a generation is made of, as a stage record keeps it, and the generator it gives.
+//! What decides the events of a generation, and the generator it describes.
 
-use super::esim::Esim;
-use super::grid::Grid;
-use super::v2e::V2e;
-use super::voltmeter::{Coefficients, LazyVoltmeter, ScalarVoltmeter};
-use super::{EsimParameters, Generator, KnobSetting, ParameterError, Preset, V2eParameters};
+use crate::esim::{Esim, EsimParameters};
+use crate::generator::Generator;
+use crate::grid::PixelGrid;
+use crate::knobs::KnobSetting;
+use crate::model::{GeneratorModel, ModelParameters, VoltmeterLaw};
+use crate::parameter_error::ParameterError;
+use crate::preset::Preset;
+use crate::v2e::{V2e, V2eParameters};
+use crate::voltmeter::{Coefficients, LazyVoltmeter, ScalarVoltmeter};
 use serde::{Deserialize, Serialize};
-use std::fmt;
 use std::num::NonZeroUsize;
-use std::str::FromStr;
 
-/// White of an 8-bit frame, DN.
-pub(super) const FULL_SCALE_8_BIT: f64 = 255.0;
-
-/// A model that makes events from frames.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Model {
-    /// Drifting Brownian motion between two barriers (DVS-Voltmeter, Raw2Event).
-    #[default]
-    Voltmeter,
-    /// Log brightness on straight lines between frames (Rebecq et al. 2018).
-    Esim,
-    /// Lin-log photoreceptor with bandwidth, leak, noise and mismatch (Hu et al. 2021).
-    V2e,
-}
-
-/// How the voltmeter's law is drawn from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Law {
-    /// The stated equation, exactly.
-    #[default]
-    Exact,
-    /// The published program's shortcuts, for comparison with its output.
-    Reference,
-}
-
-/// A model with all its parameters.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "name", rename_all = "lowercase", deny_unknown_fields)]
-pub enum ModelParameters {
-    /// The paper's event model.
-    Voltmeter {
-        /// How its law is drawn from.
-        law: Law,
-        /// k1 to k6.
-        k: Coefficients,
-    },
-    /// The ESIM pixel.
-    Esim(EsimParameters),
-    /// The v2e pixel.
-    V2e(V2eParameters),
-}
-
-/// All that decides which events a run of frames gives. Threads are not in it: they
-/// do not change the result.
+/// Everything that decides which events a sequence of frames gives. The number of threads does not.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GenerateParameters {
@@ -64,16 +21,16 @@ pub struct GenerateParameters {
     /// The preset the parameters came from, if they did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<Preset>,
-    /// The knobs that were turned to get from there to the parameters.
+    /// The knobs applied to the preset.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub knobs: Vec<KnobSetting>,
     /// Seed of all draws.
     pub seed: u64,
 }
 
-/// What a user says about a generation; the rest follows from it.
+/// A user's choice of model and parameters; the rest has defaults.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Choice<'a> {
+pub struct GeneratorChoice<'a> {
     /// Model name; when not given, the preset's, or `voltmeter`.
     pub model: Option<&'a str>,
     /// Law name, for the voltmeter; `exact` when not given.
@@ -82,65 +39,12 @@ pub struct Choice<'a> {
     pub preset: Option<&'a str>,
     /// `k1,...,k6`, for the voltmeter.
     pub k: Option<&'a str>,
-    /// Knobs turned from there, one after another, for the voltmeter.
+    /// Knobs applied in order, for the voltmeter.
     pub knobs: &'a [KnobSetting],
     /// Brightness of white in the frames (DN) for the models that need it; 255 when not given.
     pub full_scale_dn: Option<f64>,
     /// Seed of all draws.
     pub seed: u64,
-}
-
-impl Model {
-    /// All models.
-    pub const ALL: [Self; 3] = [Self::Voltmeter, Self::Esim, Self::V2e];
-
-    /// The name on the command line and in files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Voltmeter => "voltmeter",
-            Self::Esim => "esim",
-            Self::V2e => "v2e",
-        }
-    }
-}
-
-impl Law {
-    /// All laws.
-    pub const ALL: [Self; 2] = [Self::Exact, Self::Reference];
-
-    /// The name on the command line and in files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Exact => "exact",
-            Self::Reference => "reference",
-        }
-    }
-}
-
-impl ModelParameters {
-    /// Which model it is.
-    #[must_use]
-    pub const fn model(&self) -> Model {
-        match self {
-            Self::Voltmeter { .. } => Model::Voltmeter,
-            Self::Esim(_) => Model::Esim,
-            Self::V2e(_) => Model::V2e,
-        }
-    }
-
-    /// Refuses what lies outside the ranges; a [`Coefficients`] cannot.
-    ///
-    /// # Errors
-    /// The first parameter out of range, by name.
-    pub fn check(&self) -> Result<(), ParameterError> {
-        match self {
-            Self::Voltmeter { .. } => Ok(()),
-            Self::Esim(parameters) => parameters.check(),
-            Self::V2e(parameters) => parameters.check(),
-        }
-    }
 }
 
 impl GenerateParameters {
@@ -153,7 +57,7 @@ impl GenerateParameters {
     /// The paper's event model with k of its own and the exact law.
     #[must_use]
     pub const fn from_k(k: Coefficients, seed: u64) -> Self {
-        let model = ModelParameters::Voltmeter { law: Law::Exact, k };
+        let model = ModelParameters::Voltmeter { law: VoltmeterLaw::Exact, k };
         Self { model, preset: None, knobs: Vec::new(), seed }
     }
 
@@ -161,11 +65,11 @@ impl GenerateParameters {
     ///
     /// # Errors
     /// A name nothing has, a value out of range, or settings that do not go together.
-    pub fn from_choice(choice: &Choice<'_>) -> Result<Self, ParameterError> {
+    pub fn from_choice(choice: &GeneratorChoice<'_>) -> Result<Self, ParameterError> {
         let (preset, mut model) = choice.start()?;
         match &mut model {
             ModelParameters::Voltmeter { law, k } => {
-                *law = choice.law.map_or(Ok(Law::Exact), str::parse)?;
+                *law = choice.law.map_or(Ok(VoltmeterLaw::Exact), str::parse)?;
                 for setting in choice.knobs {
                     *k = setting.knob.turn(*k, setting.value)?;
                 }
@@ -181,20 +85,21 @@ impl GenerateParameters {
     }
 }
 
-impl Choice<'_> {
+impl GeneratorChoice<'_> {
     /// Where the knobs start: the k given, the preset given, or the model's first preset.
     fn start(&self) -> Result<(Option<Preset>, ModelParameters), ParameterError> {
-        let model: Option<Model> = self.model.map(str::parse).transpose()?;
-        let not_for = |given: String, model: Model| ParameterError::NotForModel {
+        let model: Option<GeneratorModel> = self.model.map(str::parse).transpose()?;
+        let not_for = |given: String, model: GeneratorModel| ParameterError::NotForModel {
             given,
             model: model.name(),
         };
         match (self.preset, self.k) {
             (Some(_), Some(_)) => Err(ParameterError::PresetAndK),
             (None, Some(k)) => match model.unwrap_or_default() {
-                Model::Voltmeter => {
-                    Ok((None, ModelParameters::Voltmeter { law: Law::Exact, k: k.parse()? }))
-                }
+                GeneratorModel::Voltmeter => Ok((
+                    None,
+                    ModelParameters::Voltmeter { law: VoltmeterLaw::Exact, k: k.parse()? },
+                )),
                 other => Err(not_for("k".into(), other)),
             },
             (Some(name), None) => {
@@ -209,16 +114,16 @@ impl Choice<'_> {
             }
             (None, None) => {
                 let preset = match model.unwrap_or_default() {
-                    Model::Voltmeter => Preset::Dvs346,
-                    Model::Esim => Preset::Esim,
-                    Model::V2e => Preset::V2eClean,
+                    GeneratorModel::Voltmeter => Preset::Dvs346,
+                    GeneratorModel::Esim => Preset::Esim,
+                    GeneratorModel::V2e => Preset::V2eClean,
                 };
                 Ok((Some(preset), preset.parameters()))
             }
         }
     }
 
-    fn refuse_voltmeter_settings(&self, model: Model) -> Result<(), ParameterError> {
+    fn refuse_voltmeter_settings(&self, model: GeneratorModel) -> Result<(), ParameterError> {
         let law = self.law.map(|law| format!("the law {law}"));
         let knob = self.knobs.first().map(|setting| format!("the knob {}", setting.knob));
         match law.or(knob) {
@@ -240,42 +145,20 @@ pub fn build(
     parameters.model.check()?;
     let seed = parameters.seed;
     Ok(match parameters.model {
-        ModelParameters::Voltmeter { law: Law::Exact, k } => {
-            Box::new(Grid::new(LazyVoltmeter::new(k, seed), threads)?)
+        ModelParameters::Voltmeter { law: VoltmeterLaw::Exact, k } => {
+            Box::new(PixelGrid::new(LazyVoltmeter::new(k, seed), threads)?)
         }
-        ModelParameters::Voltmeter { law: law @ Law::Reference, k } => {
-            Box::new(Grid::new(ScalarVoltmeter::new(k, law, seed), threads)?)
+        ModelParameters::Voltmeter { law: law @ VoltmeterLaw::Reference, k } => {
+            Box::new(PixelGrid::new(ScalarVoltmeter::new(k, law, seed), threads)?)
         }
         ModelParameters::Esim(parameters) => {
-            Box::new(Grid::new(Esim::new(parameters, seed), threads)?)
+            Box::new(PixelGrid::new(Esim::new(parameters, seed), threads)?)
         }
         ModelParameters::V2e(parameters) => {
-            Box::new(Grid::new(V2e::new(parameters, seed), threads)?)
+            Box::new(PixelGrid::new(V2e::new(parameters, seed), threads)?)
         }
     })
 }
-
-macro_rules! named {
-    ($name:ident, $kind:literal) => {
-        impl FromStr for $name {
-            type Err = ParameterError;
-            fn from_str(text: &str) -> Result<Self, ParameterError> {
-                Self::ALL
-                    .into_iter()
-                    .find(|item| item.name().eq_ignore_ascii_case(text))
-                    .ok_or_else(|| ParameterError::unknown($kind, text, &Self::ALL.map(Self::name)))
-            }
-        }
-        impl fmt::Display for $name {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str(self.name())
-            }
-        }
-    };
-}
-
-named!(Model, "model");
-named!(Law, "law");
 
 #[cfg(test)]
 mod tests {
@@ -288,9 +171,18 @@ mod tests {
     #[test]
     fn a_record_of_parameters_is_read_back_as_written() {
         let knobs = [KnobSetting { knob: Knob::EventSensitivity, value: 3.0 }];
-        let turned = Choice { preset: Some("raw2dvs346"), knobs: &knobs, ..Choice::default() };
-        let v2e = Choice { preset: Some("v2e-noisy"), seed: 7, ..Choice::default() };
-        let esim = Choice { model: Some("esim"), full_scale_dn: Some(1023.0), ..Choice::default() };
+        let turned = GeneratorChoice {
+            preset: Some("raw2dvs346"),
+            knobs: &knobs,
+            ..GeneratorChoice::default()
+        };
+        let v2e =
+            GeneratorChoice { preset: Some("v2e-noisy"), seed: 7, ..GeneratorChoice::default() };
+        let esim = GeneratorChoice {
+            model: Some("esim"),
+            full_scale_dn: Some(1023.0),
+            ..GeneratorChoice::default()
+        };
         for (choice, name) in [(turned, "voltmeter"), (v2e, "v2e"), (esim, "esim")] {
             let parameters = GenerateParameters::from_choice(&choice).unwrap();
             let json = serde_json::to_string(&parameters).unwrap();
@@ -325,16 +217,25 @@ mod tests {
     #[test]
     fn wrong_choices_say_what_would_be_right() {
         let error = |choice| GenerateParameters::from_choice(&choice).unwrap_err().to_string();
-        let base = Choice::default();
-        assert!(error(Choice { model: Some("voltmetre"), ..base }).contains("`voltmeter`"));
-        assert!(error(Choice { law: Some("exakt"), ..base }).contains("`exact`"));
+        let base = GeneratorChoice::default();
+        assert!(
+            error(GeneratorChoice { model: Some("voltmetre"), ..base }).contains("`voltmeter`")
+        );
+        assert!(error(GeneratorChoice { law: Some("exakt"), ..base }).contains("`exact`"));
         let k = Some("1,1,0,0,0,0");
-        assert!(error(Choice { preset: Some("DVS346"), k, ..base }).contains("one of the two"));
-        assert!(error(Choice { model: Some("esim"), k, ..base }).contains("k does not go"));
+        assert!(
+            error(GeneratorChoice { preset: Some("DVS346"), k, ..base }).contains("one of the two")
+        );
+        assert!(
+            error(GeneratorChoice { model: Some("esim"), k, ..base }).contains("k does not go")
+        );
         let model = Some("v2e");
-        assert!(error(Choice { model, preset: Some("DVS346"), ..base }).contains("preset DVS346"));
-        assert!(error(Choice { model, law: Some("exact"), ..base }).contains("law exact"));
-        let white = Choice { model, full_scale_dn: Some(0.0), ..base };
+        assert!(
+            error(GeneratorChoice { model, preset: Some("DVS346"), ..base })
+                .contains("preset DVS346")
+        );
+        assert!(error(GeneratorChoice { model, law: Some("exact"), ..base }).contains("law exact"));
+        let white = GeneratorChoice { model, full_scale_dn: Some(0.0), ..base };
         assert!(error(white).contains("full_scale_dn"));
     }
 }

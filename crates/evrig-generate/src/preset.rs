@@ -1,7 +1,10 @@
 //! Published parameters, by name.
 
-use super::voltmeter::Coefficients;
-use super::{EsimParameters, Law, ModelParameters, ParameterError, V2eParameters};
+use crate::esim::EsimParameters;
+use crate::model::{ModelParameters, VoltmeterLaw};
+use crate::parameter_error::ParameterError;
+use crate::v2e::V2eParameters;
+use crate::voltmeter::Coefficients;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -88,7 +91,7 @@ impl Preset {
 }
 
 const fn exact(k: Coefficients) -> ModelParameters {
-    ModelParameters::Voltmeter { law: Law::Exact, k }
+    ModelParameters::Voltmeter { law: VoltmeterLaw::Exact, k }
 }
 
 impl FromStr for Preset {

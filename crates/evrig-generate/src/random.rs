@@ -24,19 +24,19 @@ fn philox(mut counter: [u64; 2], mut key: u64) -> [u64; 2] {
 }
 
 /// In place of an interval: what is fixed for a pixel for good, such as its threshold.
-pub(super) const FOR_GOOD: u64 = u64::MAX;
+pub(super) const PERMANENT: u64 = u64::MAX;
 
 /// The source of all draws of one generator: the seed and the tables.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Source {
+pub(super) struct RandomSource {
     seed: u64,
     ziggurat: &'static Ziggurat,
 }
 
 /// The draws of one pixel in one interval.
 #[derive(Debug, Clone)]
-pub(super) struct Draws {
-    source: Source,
+pub(super) struct CounterRng {
+    source: RandomSource,
     interval: u64,
     pixel: u32,
     /// Number of the next block.
@@ -46,22 +46,22 @@ pub(super) struct Draws {
     n_left: u8,
 }
 
-impl Source {
+impl RandomSource {
     /// All draws of one seed.
     pub(super) fn new(seed: u64) -> Self {
         Self { seed, ziggurat: Ziggurat::tables() }
     }
 
-    /// The draws of pixel number `pixel` (row-major) in one interval, or [`FOR_GOOD`]. The first
+    /// The draws of pixel number `pixel` (row-major) in one interval, or [`PERMANENT`]. The first
     /// two words are made at once.
     #[inline]
-    pub(super) fn draws(self, pixel: u32, interval: u64) -> Draws {
+    pub(super) fn draws(self, pixel: u32, interval: u64) -> CounterRng {
         let words = philox([u64::from(pixel) << 32, interval], self.seed);
-        Draws { source: self, interval, pixel, block: 1, words, n_left: 2 }
+        CounterRng { source: self, interval, pixel, block: 1, words, n_left: 2 }
     }
 }
 
-impl Draws {
+impl CounterRng {
     /// 64 random bits.
     #[inline]
     pub(super) fn bits(&mut self) -> u64 {
@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn uniform_draws_are_uniform_over_pixels_intervals_and_draws() {
-        let source = Source::new(1);
+        let source = RandomSource::new(1);
         let sample = |pixel, interval, skip| {
             let mut draws = source.draws(pixel, interval);
             for _ in 0..skip {
@@ -129,12 +129,12 @@ mod tests {
     #[test]
     fn normal_draws_follow_the_normal_law_far_into_the_tail() {
         let law = Normal::standard();
-        let mut draws = Source::new(2).draws(0, FOR_GOOD);
+        let mut draws = RandomSource::new(2).draws(0, PERMANENT);
         let sample: Vec<f64> = (0..400_000).map(|_| draws.normal()).collect();
         ks::assert_law(sample.iter().copied(), |z| law.cdf(z));
         // Beyond the outermost layer (3.654) the tail has its own sampler: its law is checked
         // given that it was entered.
-        let mut draws = Source::new(3).draws(0, FOR_GOOD);
+        let mut draws = RandomSource::new(3).draws(0, PERMANENT);
         let edge = 3.0;
         let tail = (0..2_000_000).map(|_| draws.normal().abs()).filter(|&z| z > edge);
         let outside = 1.0 - law.cdf(edge);

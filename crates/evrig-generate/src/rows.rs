@@ -1,13 +1,13 @@
-//! Rows that see their light one after another: a rolling shutter.
+//! Row times of a rolling shutter.
 //!
-//! The interval from one frame to the next is as long for every row, and lies earlier or later by
-//! what the row's light does. A pixel's law knows lengths only, so the events of a rolling frame
-//! are those of a frame of one instant, each moved by its own row's delay.
+//! The frame interval has the same length for every row and is shifted by the row's delay. A pixel
+//! law depends on interval lengths only, so the events of a rolling-shutter frame are those of a
+//! frame of one instant, each shifted by the delay of its row.
 
 use evrig_core::event::{Event, Events};
 use evrig_core::geometry::Size;
 
-/// When the rows of a frame saw their light.
+/// Exposure times of the rows of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct RowTimes {
     /// Delay from row to row, µs; 0 for a global shutter.
@@ -17,28 +17,28 @@ pub struct RowTimes {
 }
 
 impl RowTimes {
-    /// Rows a time apart in frames of `size` whose time is that of the middle row.
+    /// Rows `row_us` apart in frames of `size` whose time is that of the middle row.
     #[must_use]
     pub fn about_middle(row_us: f64, size: Size) -> Self {
         Self { row_us, at_row: f64::from(size.height / 2) }
     }
 
-    /// How much later than the frame's time row `y` saw its light, µs.
+    /// Delay of row `y` behind the frame's time, µs.
     #[must_use]
     pub fn after_us(&self, y: f64) -> f64 {
         (y - self.at_row) * self.row_us
     }
 }
 
-/// Moves events to their rows' times, interval by interval, in ascending time.
+/// Shifts events to their rows' times, interval by interval, in ascending time.
 #[derive(Debug, Default)]
 pub struct RowShift {
     waiting: Vec<Event>,
 }
 
 impl RowShift {
-    /// Takes in the events of the interval that ends at `end_us`, and appends those to `out` that no
-    /// later interval can come before.
+    /// Takes in the events of the interval that ends at `end_us`, and appends to `out` those that no
+    /// later interval can precede.
     pub fn push(
         &mut self,
         rows: RowTimes,
@@ -60,7 +60,7 @@ impl RowShift {
         self.waiting.drain(..n).for_each(|event| out.push(event));
     }
 
-    /// Appends what is left.
+    /// Appends the events still held back.
     pub fn finish(&mut self, out: &mut Events) {
         self.waiting.drain(..).for_each(|event| out.push(event));
     }

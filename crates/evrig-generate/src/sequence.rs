@@ -1,15 +1,13 @@
 //! The run of frames: each later than the one before, of one size, with finite brightness.
 
-use super::GenerateError;
+use crate::generator::GenerateError;
+use crate::limits::MAX_SPAN_US;
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
 
-/// The longest interval between two frames, µs (35 minutes): event times within it fit 31 bits.
-pub(super) const MAX_SPAN_US: i64 = (1 << 31) - 1;
-
 /// The interval between two frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Interval {
+pub(super) struct FrameInterval {
     /// Number of the frame at its end.
     pub(super) index: u64,
     /// Time of the frame at its start, µs.
@@ -22,14 +20,14 @@ pub(super) struct Interval {
 
 /// A frame that may follow.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Checked {
+pub(super) struct CheckedFrame {
     /// The interval it ends; none for the first frame.
-    pub(super) interval: Option<Interval>,
-    last: Last,
+    pub(super) interval: Option<FrameInterval>,
+    last: LastFrame,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Last {
+struct LastFrame {
     size: Size,
     t_us: i64,
     brightest: f32,
@@ -37,14 +35,14 @@ struct Last {
 
 /// What has been seen of a run of frames.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Sequence {
+pub(super) struct FrameSequence {
     n_frames: u64,
-    last: Option<Last>,
+    last: Option<LastFrame>,
 }
 
-impl Sequence {
+impl FrameSequence {
     /// Checks the next frame without taking it in.
-    pub(super) fn check(&self, frame: &Luminance) -> Result<Checked, GenerateError> {
+    pub(super) fn check(&self, frame: &Luminance) -> Result<CheckedFrame, GenerateError> {
         let index = self.n_frames;
         if let Some(last) = self.last {
             if last.size != frame.size {
@@ -54,17 +52,20 @@ impl Sequence {
             check_time(index, last.t_us, frame.t_us)?;
         }
         let brightest = check_pixels(index, frame)?;
-        let interval = self.last.map(|last| Interval {
+        let interval = self.last.map(|last| FrameInterval {
             index,
             start_us: last.t_us,
             span_us: (frame.t_us - last.t_us) as u32,
             brightest: brightest.max(last.brightest),
         });
-        Ok(Checked { interval, last: Last { size: frame.size, t_us: frame.t_us, brightest } })
+        Ok(CheckedFrame {
+            interval,
+            last: LastFrame { size: frame.size, t_us: frame.t_us, brightest },
+        })
     }
 
     /// Takes in a frame that was checked.
-    pub(super) fn accept(&mut self, checked: Checked) {
+    pub(super) fn accept(&mut self, checked: CheckedFrame) {
         self.n_frames += 1;
         self.last = Some(checked.last);
     }

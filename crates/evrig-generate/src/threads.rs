@@ -1,6 +1,6 @@
 //! Where the blocks of a frame are worked on.
 
-use super::ParameterError;
+use crate::parameter_error::ParameterError;
 use rayon::prelude::*;
 use std::num::NonZeroUsize;
 

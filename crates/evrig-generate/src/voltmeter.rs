@@ -2,7 +2,7 @@
 //! diffusion follow the brightness (Lin et al., DVS-Voltmeter, ECCV 2022; Raw2Event).
 //!
 //! Between two frames dV = μ dt + σ dW with [`Coefficients::motion`]'s μ and σ; V fires
-//! On at +1, Off at −1, restarts at 0 and is carried from frame to frame.
+//! On at +1, OFF at −1, restarts at 0 and is carried from frame to frame.
 //!
 //! Two forms draw from the same law: `scalar` is plain, `lazy` is fast and tested against it.
 //! The published program's shortcuts stand in `reference`.
@@ -21,7 +21,7 @@ mod lazy_tests;
 #[cfg(test)]
 mod tests;
 
-pub use coefficients::{Coefficients, Motion};
+pub use coefficients::{Coefficients, DriftDiffusion};
 pub(super) use lazy::LazyVoltmeter;
 #[cfg(test)]
 use lazy::Voltages;

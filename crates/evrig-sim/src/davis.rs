@@ -14,9 +14,9 @@ use std::time::Duration;
 
 /// The name of the camera in its streams.
 pub const SOURCE: &str = "DAVIS346_SIM";
-/// The twin asks for the speed a little beyond the time it works out.
+/// The twin needs the tool's speed slightly beyond the time it renders.
 const BEYOND: Span = Span::from_micros(2_000);
-/// Between two looks whether there is more to see.
+/// Polling interval.
 const TICK: Duration = Duration::from_millis(4);
 
 /// The streams of the simulated DAVIS: events, frames if the rig has them, inertial samples.
@@ -68,7 +68,7 @@ impl DavisServer {
         &self.addresses
     }
 
-    /// How far it has come.
+    /// Its progress.
     #[must_use]
     pub fn progress(&self) -> &TwinProgress {
         &self.progress

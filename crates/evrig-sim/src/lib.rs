@@ -1,7 +1,7 @@
-//! The simulated rig: devices that do not exist on wires that do.
+//! The simulated rig: simulated devices on real serial lines and sockets.
 //!
-//! What is here stands for reality in tests and trials, so it shares no model
-//! with the code that is proven on it: not the generators', not the checker's.
+//! It is the ground truth of tests and trials, so it shares no model with the code that is validated
+//! on it: neither with the generators nor with the path checker.
 
 pub mod arm;
 pub mod davis;

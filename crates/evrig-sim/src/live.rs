@@ -1,11 +1,11 @@
-//! The world in real time: it follows what the arm really did, and its twins may lag behind.
+//! The world in real time: it follows the arm's true motion, and its twins may lag behind.
 //!
-//! A twin works out what a camera sees no further than the motion is known, and it may take longer for
-//! that than the time it is about. So cameras that are to close do so at one moment for all
-//! ([`LiveWorld::close`]); what they saw before it is worked out afterwards.
+//! A twin renders its camera no further than the motion is known, and may be slower than real time.
+//! All cameras therefore close at one instant ([`LiveWorld::close`]); what precedes it is rendered
+//! afterwards.
 
-use super::arm::{Emulator, Follower};
-use super::world::{Motion, Schedule, Setting, World, WorldDescription, WorldError};
+use super::arm::{ArmEmulator, TraceFollower};
+use super::world::{RunSetting, SettingSchedule, ToolMotion, World, WorldDescription, WorldError};
 use evrig_core::time::{Span, Stamp, Unix};
 use evrig_pi::read_clocks;
 use evrig_session::rig::{Pose, Rig};
@@ -13,33 +13,33 @@ use evrig_session::trajectory::{Path, Settings};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
-/// A world that is lived through while it is looked at.
+/// A world rendered while its motion takes place.
 #[derive(Debug)]
 pub struct LiveWorld {
     world: Arc<World>,
-    source: Source,
+    source: MotionSource,
     closed_at: Mutex<Option<Span>>,
 }
 
-/// What moves the tool.
+/// Source of the tool's motion.
 #[derive(Debug)]
-enum Source {
-    Arm(Follower),
-    /// A path driven to and fro since an instant.
+enum MotionSource {
+    Arm(TraceFollower),
+    /// A path driven back and forth since an instant.
     Path(Instant),
 }
 
-impl Motion for Follower {
+impl ToolMotion for TraceFollower {
     fn pose_at(&self, time: Span) -> Pose {
         self.trace().pose_at(time)
     }
 }
 
-/// A path there and back, for ever.
+/// A path driven back and forth without end.
 #[derive(Debug)]
-struct ToAndFro(Path);
+struct BackAndForth(Path);
 
-impl Motion for ToAndFro {
+impl ToolMotion for BackAndForth {
     fn pose_at(&self, time: Span) -> Pose {
         let length = self.0.duration().as_nanos().max(1);
         let since = time.as_nanos().rem_euclid(2 * length);
@@ -48,13 +48,13 @@ impl Motion for ToAndFro {
 }
 
 impl LiveWorld {
-    /// The world in which a simulated arm moves the cameras; the print lies as they see it when the
-    /// tool is at `start`. World time is the arm's clock, and the clocks are this machine's.
+    /// The world in which a simulated arm moves the cameras; the target is placed for the tool at
+    /// `start`. World time is the arm's clock, and the clocks are this machine's.
     ///
     /// # Errors
-    /// When there is no such world, or it wants other clocks than this machine's.
+    /// When the description is invalid, or asks for other clocks than this machine's.
     pub fn moved_by(
-        arm: &Emulator,
+        arm: &ArmEmulator,
         rig: &Rig,
         start: Pose,
         description: &WorldDescription,
@@ -62,13 +62,13 @@ impl LiveWorld {
     ) -> Result<Arc<Self>, WorldError> {
         let follower = arm.follow();
         let description = on_this_machine(description, &|| follower.now())?;
-        let schedule = Schedule::new(vec![Setting::nominal(Span::ZERO, rig.davis.aps)]);
-        let motion: Arc<dyn Motion> = Arc::new(follower.clone());
+        let schedule = SettingSchedule::new(vec![RunSetting::nominal(Span::ZERO, rig.davis.aps)]);
+        let motion: Arc<dyn ToolMotion> = Arc::new(follower.clone());
         let world = World::over(rig, start, motion, schedule, &description, seed)?;
-        Ok(Self::new(world, Source::Arm(follower)))
+        Ok(Self::new(world, MotionSource::Arm(follower)))
     }
 
-    /// The world in which the cameras go along a path and back, for ever.
+    /// The world in which the cameras move along a path and back without end.
     ///
     /// # Errors
     /// As [`Self::moved_by`].
@@ -81,17 +81,17 @@ impl LiveWorld {
         let begun = Instant::now();
         let now = || Span::from_secs_f64(begun.elapsed().as_secs_f64());
         let description = on_this_machine(description, &now)?;
-        let schedule = Schedule::new(vec![Setting::nominal(Span::ZERO, rig.davis.aps)]);
-        let motion: Arc<dyn Motion> = Arc::new(ToAndFro(path.clone()));
+        let schedule = SettingSchedule::new(vec![RunSetting::nominal(Span::ZERO, rig.davis.aps)]);
+        let motion: Arc<dyn ToolMotion> = Arc::new(BackAndForth(path.clone()));
         let world = World::over(rig, path.start(), motion, schedule, &description, seed)?;
-        Ok(Self::new(world, Source::Path(begun)))
+        Ok(Self::new(world, MotionSource::Path(begun)))
     }
 
-    fn new(world: World, source: Source) -> Arc<Self> {
+    fn new(world: World, source: MotionSource) -> Arc<Self> {
         Arc::new(Self { world: Arc::new(world), source, closed_at: Mutex::new(None) })
     }
 
-    /// What the twins look at.
+    /// The world that the twins render.
     #[must_use]
     pub fn world(&self) -> &Arc<World> {
         &self.world
@@ -101,8 +101,8 @@ impl LiveWorld {
     #[must_use]
     pub fn known_until(&self) -> Span {
         match &self.source {
-            Source::Arm(follower) => follower.known_until(),
-            Source::Path(begun) => Span::from_secs_f64(begun.elapsed().as_secs_f64()),
+            MotionSource::Arm(follower) => follower.known_until(),
+            MotionSource::Path(begun) => Span::from_secs_f64(begun.elapsed().as_secs_f64()),
         }
     }
 
@@ -110,12 +110,12 @@ impl LiveWorld {
     #[must_use]
     pub fn now(&self) -> Span {
         match &self.source {
-            Source::Arm(follower) => follower.now(),
-            Source::Path(begun) => Span::from_secs_f64(begun.elapsed().as_secs_f64()),
+            MotionSource::Arm(follower) => follower.now(),
+            MotionSource::Path(begun) => Span::from_secs_f64(begun.elapsed().as_secs_f64()),
         }
     }
 
-    /// Closes all cameras now, unless they are closed; when that was.
+    /// Closes all cameras now, unless they are closed; gives the world time of closing.
     pub fn close(&self) -> Span {
         let mut closed_at = self.closed_at.lock().unwrap_or_else(PoisonError::into_inner);
         *closed_at.get_or_insert_with(|| self.now())
@@ -129,7 +129,7 @@ impl LiveWorld {
 
     /// Sets light and exposure from now on.
     pub fn set(&self, settings: &Settings) {
-        self.world.set(Setting {
+        self.world.set(RunSetting {
             start: self.now(),
             aps: settings.aps.unwrap_or(self.world.rig().davis.aps),
             exposure_scale: settings.exposure_scale.unwrap_or(1.0),

@@ -12,14 +12,14 @@ use evrig_pi::source::{FrameSource, SourceError};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// What the simulated camera calls itself.
+/// Model name of the simulated camera.
 pub const MODEL: &str = "simulated imx708";
 
 /// A request of `size` as the agent hands it over: raw samples packed, colours in the order R, G, B.
 ///
 /// # Errors
 /// When the rows cannot be packed: RAW10 has rows of a multiple of four samples.
-pub fn delivered(frame: world::PiFrame, size: Size) -> Result<PiFrame, Raw10Error> {
+pub fn delivered(frame: world::SimulatedPiFrame, size: Size) -> Result<PiFrame, Raw10Error> {
     let said = frame.metadata;
     let raw10 = match &frame.raw {
         Some(raw) => match &raw.samples {
@@ -61,13 +61,13 @@ pub struct SimulatedSource {
     progress: TwinProgress,
     settings: Option<Settings>,
     twin: Option<PiTwin>,
-    /// Worked out, but not yet handed over.
-    waiting: Option<world::PiFrame>,
+    /// Rendered, but not yet delivered.
+    waiting: Option<world::SimulatedPiFrame>,
 }
 
 /// The longest wait for a frame.
 const PATIENCE: Duration = Duration::from_millis(100);
-/// Between two looks whether there is more to see.
+/// Polling interval.
 const TICK: Duration = Duration::from_millis(2);
 
 impl SimulatedSource {
@@ -78,14 +78,14 @@ impl SimulatedSource {
         Self { live, progress, settings: None, twin: None, waiting: None }
     }
 
-    /// How far it has come.
+    /// Its progress.
     #[must_use]
     pub fn progress(&self) -> TwinProgress {
         self.progress.clone()
     }
 
-    /// The next frame if the world has come so far.
-    fn look(&mut self) -> Option<world::PiFrame> {
+    /// The next frame, if the motion is known that far.
+    fn look(&mut self) -> Option<world::SimulatedPiFrame> {
         let (live, begun) = (&self.live, self.progress.look().begun?);
         let twin = self.twin.get_or_insert_with(|| PiTwin::new(Arc::clone(live.world()), begun));
         let known = live.known_until();

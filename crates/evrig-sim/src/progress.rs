@@ -1,36 +1,36 @@
-//! How far a twin has come.
+//! Progress of a twin.
 
 use evrig_core::time::Span;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// What a twin's thread tells and is told.
+/// Progress of a twin, shared with its thread.
 #[derive(Debug, Clone, Default)]
-pub struct TwinProgress(Arc<Shared>);
+pub struct TwinProgress(Arc<SharedTwin>);
 
 #[derive(Debug, Default)]
-struct Shared {
-    state: Mutex<Twin>,
+struct SharedTwin {
+    state: Mutex<TwinState>,
     changed: Condvar,
 }
 
 /// A twin at one moment.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Twin {
+pub struct TwinState {
     /// World time at which its camera was switched on.
     pub begun: Option<Span>,
-    /// World time up to which what it saw was sent.
+    /// World time up to which its output was sent.
     pub position: Span,
     /// Packets sent.
     pub n_sent: u64,
-    /// Whether it has to end.
+    /// Whether it is to end.
     pub is_ending: bool,
 }
 
 impl TwinProgress {
     /// The twin now.
     #[must_use]
-    pub fn look(&self) -> Twin {
+    pub fn look(&self) -> TwinState {
         *self.lock()
     }
 
@@ -49,18 +49,18 @@ impl TwinProgress {
         self.change(|twin| twin.is_ending = true);
     }
 
-    pub(super) fn change(&self, change: impl FnOnce(&mut Twin)) {
+    pub(super) fn change(&self, change: impl FnOnce(&mut TwinState)) {
         change(&mut self.lock());
         self.0.changed.notify_all();
     }
 
     /// Waits until something changes, no longer than `patience`.
-    pub(super) fn wait(&self, patience: Duration) -> Twin {
+    pub(super) fn wait(&self, patience: Duration) -> TwinState {
         let waited = self.0.changed.wait_timeout(self.lock(), patience);
         *waited.unwrap_or_else(PoisonError::into_inner).0
     }
 
-    /// The share of what the camera saw before `closed_at` that was sent.
+    /// Fraction of the output before `closed_at` that was sent, 0 to 1.
     #[must_use]
     pub fn share(&self, closed_at: Span) -> f64 {
         let twin = self.look();
@@ -72,8 +72,8 @@ impl TwinProgress {
         ((twin.position - begun).as_secs_f64() / whole).clamp(0.0, 1.0)
     }
 
-    fn lock(&self) -> MutexGuard<'_, Twin> {
-        // Numbers: whole between any two statements.
+    fn lock(&self) -> MutexGuard<'_, TwinState> {
+        // Plain numbers: valid after a panic at any point.
         self.0.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

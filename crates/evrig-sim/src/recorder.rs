@@ -1,4 +1,4 @@
-//! A camera's client together with its simulated twin: the same wire, and patience for a world that lags.
+//! A camera's client together with its simulated twin: the same wire, with longer time-outs.
 
 use super::davis::DavisServer;
 use super::live::LiveWorld;
@@ -15,8 +15,8 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A twin that has sent all it saw is silent until the slower one has too; the engine notices when
-/// neither comes on.
+/// A twin that has sent everything is silent until the slower one has too; the engine notices when
+/// neither makes progress.
 const SILENCE: Duration = Duration::from_secs(600);
 
 /// A simulated camera, recorded over its real wire.
@@ -25,13 +25,13 @@ pub struct SimulatedCamera {
     client: Box<dyn Recorder>,
     live: Arc<LiveWorld>,
     progress: TwinProgress,
-    /// Whether all that was sent must have come before the wire may be closed.
+    /// Whether all packets sent must have arrived before the connection is closed.
     counts_packets: bool,
-    _server: Server,
+    _server: TwinServer,
 }
 
-/// What serves the twin; it only has to live.
-enum Server {
+/// The server of the twin, kept alive.
+enum TwinServer {
     Davis { _server: DavisServer },
     Pi { _agent: Agent },
 }
@@ -63,7 +63,7 @@ impl SimulatedCamera {
             live: Arc::clone(live),
             progress: server.progress().clone(),
             counts_packets: true,
-            _server: Server::Davis { _server: server },
+            _server: TwinServer::Davis { _server: server },
         })
     }
 
@@ -83,7 +83,7 @@ impl SimulatedCamera {
             live: Arc::clone(live),
             progress,
             counts_packets: false,
-            _server: Server::Pi { _agent: agent },
+            _server: TwinServer::Pi { _agent: agent },
         })
     }
 }

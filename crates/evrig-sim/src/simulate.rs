@@ -1,13 +1,13 @@
-//! A session of the simulated rig in virtual time: as fast as the world can be worked out.
+//! A session of the simulated rig in virtual time: as fast as the world can be rendered.
 //!
-//! The devices' twins are asked directly, without wires and without a wall clock, and what they
-//! give is written by the writers of the engine in the order in which the host would have had
-//! it. The same world and seed give the same recorded bytes, however many threads there are.
+//! The devices' twins are called directly, without wires and without a wall clock; the engine's
+//! writers write their output in the order in which the host would have received it. The same world and seed give the same recorded bytes, however many threads there are.
 
 use crate::davis;
 use crate::pi::{MODEL, delivered};
 use crate::world::{
-    DAVIS_STEP, DavisPacket, DavisTwin, PiFrame, PiTwin, World, WorldDescription, WorldError,
+    DAVIS_STEP, DavisPacket, DavisTwin, PiTwin, SimulatedPiFrame, World, WorldDescription,
+    WorldError,
 };
 use evrig_core::geometry::Size;
 use evrig_core::raw10::Raw10Error;
@@ -31,41 +31,41 @@ use std::sync::mpsc::{Receiver, SendError, SyncSender, sync_channel};
 /// What is to be simulated.
 #[derive(Debug, Clone, Copy)]
 pub struct Simulation<'a> {
-    /// The rig; its cameras are played whatever their transport.
+    /// The rig; its cameras are simulated whatever their transport.
     pub rig: &'a Rig,
     /// The trajectory, for the manifest.
     pub trajectory: &'a Trajectory,
     /// The trajectory on that rig.
     pub path: &'a Path,
-    /// What the rig does not say. None of it reaches the session but through what the devices see.
+    /// The world; it reaches the session only through the devices' output.
     pub world: &'a WorldDescription,
-    /// Of everything that is random in the world.
+    /// Seed of all random numbers of the world.
     pub seed: u64,
     /// The session's directory; it must be missing or empty.
     pub out: &'a std::path::Path,
-    /// How long the cameras run from the path's beginning; the path's own duration if not said.
+    /// How long the cameras run from the path's beginning; the path's own duration by default.
     pub duration: Option<Span>,
 }
 
-/// Why there is no simulated session.
+/// Why a session cannot be simulated.
 #[derive(Debug, thiserror::Error)]
 pub enum SimulateError {
-    /// There is no such world.
+    /// The description of the world is invalid.
     #[error(transparent)]
     World(#[from] WorldError),
     /// The Pi's frames cannot be packed.
     #[error("pi.size_px: {0}")]
     Raw(#[from] Raw10Error),
-    /// The files cannot be made or sealed.
+    /// The session's files cannot be written or closed.
     #[error(transparent)]
     Session(#[from] SessionError),
 }
 
 /// What the host writes at one moment.
-enum Entry {
+enum HostEntry {
     Sample(Sample),
     Pose(Topic, HostTime, Pose),
-    Said(HostTime, String),
+    Log(HostTime, String),
 }
 
 /// Slabs that may wait for the disk.
@@ -76,10 +76,10 @@ const BETWEEN_READINGS: Span = Span::from_micros(20_000);
 /// Between two readings while frames flow.
 const READING_PERIOD: Span = Span::from_micros(1_000_000);
 
-/// Makes a session in virtual time; `watch` is told how far it is, 0..=1.
+/// Simulates a session in virtual time; `watch` gets the progress, 0..=1.
 ///
 /// # Errors
-/// When the world cannot be, or the session's files cannot be made.
+/// When the world is invalid, or the session's files cannot be written.
 pub fn simulate(
     simulation: &Simulation<'_>,
     watch: &mut dyn FnMut(f64),
@@ -91,13 +91,16 @@ pub fn simulate(
     let begin = State::Trajectory.to_string();
     journal.note(&begin, &json!({"time": "virtual"}))?;
     let streams = davis::streams(rig);
-    let files = Files {
+    let files = SessionFiles {
         events: create_event_file(&layout, rig.davis.compression, &streams)?,
         log: Log::in_virtual_time(&layout)?,
         tally: [0; 2],
     };
-    let run =
-        Run { world: &world, path, until: simulation.duration.unwrap_or_else(|| path.duration()) };
+    let run = SessionRun {
+        world: &world,
+        path,
+        until: simulation.duration.unwrap_or_else(|| path.duration()),
+    };
     // The disk takes what came before while the world is worked out.
     let tally = std::thread::scope(|scope| -> Result<[u64; 2], SimulateError> {
         let (outlet, inlet) = sync_channel(WAITING);
@@ -157,20 +160,20 @@ fn seal(
 }
 
 /// What was worked out of a stretch of time, in the order in which the host writes it.
-type Batch = Vec<Entry>;
+type HostBatch = Vec<HostEntry>;
 
 /// The world on its way through the recording.
-struct Run<'a> {
+struct SessionRun<'a> {
     world: &'a Arc<World>,
     path: &'a Path,
     until: Span,
 }
 
-impl Run<'_> {
+impl SessionRun<'_> {
     /// Works the world out slab by slab and sends what the host gets of it.
     fn send_all(
         &self,
-        outlet: &SyncSender<Batch>,
+        outlet: &SyncSender<HostBatch>,
         watch: &mut dyn FnMut(f64),
     ) -> Result<(), SimulateError> {
         let mut davis = DavisTwin::new(Arc::clone(self.world), Span::ZERO);
@@ -201,16 +204,16 @@ impl Run<'_> {
             }
         }
         let (rest, _) = parted(waiting, Span::from_nanos(i64::MAX));
-        let _: Result<(), SendError<Batch>> = outlet.send(rest);
+        let _: Result<(), SendError<HostBatch>> = outlet.send(rest);
         Ok(())
     }
 
     /// Everything that does not come from a camera.
-    fn before(&self) -> Vec<(Span, Entry)> {
+    fn before(&self) -> Vec<(Span, HostEntry)> {
         let (world, until) = (self.world, self.until);
         let mut entries = Vec::new();
         let mut say = |at, text: String| {
-            entries.push((at, Entry::Said(world.host_time(at), text)));
+            entries.push((at, HostEntry::Log(world.host_time(at), text)));
         };
         say(Span::ZERO, State::Trajectory.to_string());
         say(until, State::Drain.to_string());
@@ -225,17 +228,17 @@ impl Run<'_> {
         let asked = around(Span::ZERO - lead).chain(while_running).chain(around(until));
         for (number, at) in asked.enumerate() {
             let (answered, reading) = world.clock_exchange(at, number as u64);
-            entries.push((answered, Entry::Sample(Sample::Clock(reading))));
+            entries.push((answered, HostEntry::Sample(Sample::Clock(reading))));
         }
         let step = Span::from_secs_f64(1.0 / world.rig().arm.pose_rate.0);
         let mut at = Span::ZERO;
         while at <= until {
             let (now, pose) = (world.host_time(at), self.path.pose_at(at));
             if at <= self.path.duration() {
-                entries.push((Span::ZERO, Entry::Pose(Topic::Commanded, now, pose)));
+                entries.push((Span::ZERO, HostEntry::Pose(Topic::Commanded, now, pose)));
             }
             // The planner is where the path is; what steppers and brackets add it does not know.
-            entries.push((at, Entry::Pose(Topic::ArmPose, now, pose)));
+            entries.push((at, HostEntry::Pose(Topic::ArmPose, now, pose)));
             at = at + step;
         }
         entries
@@ -246,28 +249,31 @@ impl Run<'_> {
         packet: DavisPacket,
         whole: Span,
         n_packets: &mut u64,
-        entries: &mut Vec<(Span, Entry)>,
+        entries: &mut Vec<(Span, HostEntry)>,
     ) {
         for (stream, content) in packet.contents(self.world.rig().davis.aps) {
             let at = self.world.packet_arrival(whole, *n_packets);
             *n_packets += 1;
             let arrived = self.world.host_time(at);
-            entries.push((at, Entry::Sample(Sample::Packet { stream, arrived, content })));
+            entries.push((at, HostEntry::Sample(Sample::Packet { stream, arrived, content })));
         }
     }
 
-    fn frame(&self, frame: PiFrame, size: Size) -> Result<(Span, Entry), Raw10Error> {
+    fn frame(&self, frame: SimulatedPiFrame, size: Size) -> Result<(Span, HostEntry), Raw10Error> {
         let handed_over = frame.handed_over;
         let frame = Box::new(delivered(frame, size)?);
         let sequence = frame.metadata.sequence;
         let at = self.world.frame_arrival(handed_over, frame.n_bytes(), sequence);
         let arrived = self.world.host_time(at);
-        Ok((at, Entry::Sample(Sample::Frame { arrived, frame })))
+        Ok((at, HostEntry::Sample(Sample::Frame { arrived, frame })))
     }
 }
 
 /// What is written before `until`, in order, and what is still to come.
-fn parted(mut entries: Vec<(Span, Entry)>, until: Span) -> (Vec<Entry>, Vec<(Span, Entry)>) {
+fn parted(
+    mut entries: Vec<(Span, HostEntry)>,
+    until: Span,
+) -> (Vec<HostEntry>, Vec<(Span, HostEntry)>) {
     entries.sort_by_key(|(at, _)| *at);
     let n = entries.partition_point(|(at, _)| *at < until);
     let later = entries.split_off(n);
@@ -275,18 +281,18 @@ fn parted(mut entries: Vec<(Span, Entry)>, until: Span) -> (Vec<Entry>, Vec<(Spa
 }
 
 /// The session's files under way.
-struct Files {
+struct SessionFiles {
     events: EventFile,
     log: Log,
     /// Samples of the DAVIS and of the Pi.
     tally: [u64; 2],
 }
 
-impl Files {
+impl SessionFiles {
     /// Writes everything, ends the files, and says how many samples there were.
     fn write_all(
         mut self,
-        inlet: Receiver<Batch>,
+        inlet: Receiver<HostBatch>,
         layout: &Layout,
     ) -> Result<[u64; 2], SessionError> {
         for entry in inlet.into_iter().flatten() {
@@ -297,11 +303,11 @@ impl Files {
         Ok(self.tally)
     }
 
-    fn write(&mut self, entry: Entry) -> Result<(), SessionError> {
+    fn write(&mut self, entry: HostEntry) -> Result<(), SessionError> {
         match entry {
-            Entry::Said(at, text) => self.log.write(|log| log.log(at, Severity::Info, &text)),
-            Entry::Pose(topic, at, pose) => self.log.write(|log| log.pose(topic, at, pose)),
-            Entry::Sample(sample) => {
+            HostEntry::Log(at, text) => self.log.write(|log| log.log(at, Severity::Info, &text)),
+            HostEntry::Pose(topic, at, pose) => self.log.write(|log| log.pose(topic, at, pose)),
+            HostEntry::Sample(sample) => {
                 match sample {
                     Sample::Packet { .. } => self.tally[0] += 1,
                     Sample::Frame { .. } => self.tally[1] += 1,

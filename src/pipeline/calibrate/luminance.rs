@@ -6,9 +6,9 @@ use super::super::sync::missing;
 use super::super::{PipelineError, light};
 use evrig_analysis::calibrate::{Light, LightBuilder};
 use evrig_core::frame::Luminance;
-use evrig_generate::input::{Colour, Preparation};
+use evrig_generate::input::{Colour, FramePreparation};
 use evrig_generate::voltmeter::Coefficients;
-use evrig_generate::{DriveFrames, PlaneCarrier};
+use evrig_generate::{DriveFrames, PlaneWarper};
 use evrig_session::{Session, StreamKind};
 
 /// The step at which the scene's light is taken, µs: no pixel of an arm's camera changes its light
@@ -24,7 +24,7 @@ pub(super) struct Seen {
     /// The constants published for such light.
     pub(super) published: Coefficients,
     /// How the frames have to be prepared for the constants to hold.
-    pub(super) preparation: Preparation,
+    pub(super) preparation: FramePreparation,
 }
 
 /// How the frames of a light are prepared to calibrate on: a mosaic as luma without its pedestal,
@@ -32,16 +32,19 @@ pub(super) struct Seen {
 ///
 /// # Errors
 /// When the frames cannot be read.
-pub(super) fn preparation_of(session: &Session, from: &str) -> Result<Preparation, PipelineError> {
+pub(super) fn preparation_of(
+    session: &Session,
+    from: &str,
+) -> Result<FramePreparation, PipelineError> {
     if is_scene(session, from) || !session.is_from_pi(from)? {
-        return Ok(Preparation::default());
+        return Ok(FramePreparation::default());
     }
     let first = session.pi_pictures(from)?.next().transpose()?;
     let is_mosaic = first.is_some_and(|picture| picture.facts.bayer.is_some());
     Ok(if is_mosaic {
-        Preparation { colour: Colour::Luma, subtract_black: true, divide_exposure: false }
+        FramePreparation { colour: Colour::Luma, subtract_black: true, divide_exposure: false }
     } else {
-        Preparation::default()
+        FramePreparation::default()
     })
 }
 
@@ -104,20 +107,20 @@ impl Gather<'_> {
 fn carried(
     session: &Session,
     from: &str,
-    preparation: Preparation,
+    preparation: FramePreparation,
     gather: &mut Gather<'_>,
 ) -> Result<(), PipelineError> {
     let own = own_frames(session)?;
     let size = session.stream(StreamKind::Events, "real").ok().and_then(|entry| entry.size);
     let size = size.or(session.size());
     let size = size.ok_or_else(|| missing(session, "no stream states its pixel grid".into()))?;
-    let carrier = PlaneCarrier::new(plane_path(session, from)?, plane_path(session, &own)?, size);
+    let carrier = PlaneWarper::new(plane_path(session, from)?, plane_path(session, &own)?, size);
     let mut frames = light::light(session, from)?.prepared(preparation);
     let mut n_on_path = 0_u64;
     while let Some(frame) = frames.next() {
         let frame = frame?;
         let rows = frames.rows(frame.size);
-        if let Some(frame) = carrier.carry(&frame, rows) {
+        if let Some(frame) = carrier.warp(&frame, rows) {
             n_on_path += 1;
             gather.push(&frame)?;
         }

@@ -9,10 +9,10 @@ use evrig_core::drive::{Curve, Drive, TimeGrid};
 use evrig_core::event::Events;
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
-use evrig_generate::effect::{EffectError, Enters, Surroundings};
-use evrig_generate::forward::{Forward, ForwardError, ForwardParameters};
+use evrig_generate::effect::{EffectError, RecordingContext, SignalStage};
+use evrig_generate::forward::{ForwardError, ForwardParameters, ForwardSimulator};
 use evrig_generate::voltmeter::Coefficients;
-use evrig_generate::{Law, ModelParameters, RowTimes, build};
+use evrig_generate::{ModelParameters, RowTimes, VoltmeterLaw, build};
 use evrig_reconstruct::scene::FramesDrive;
 use evrig_session::Session;
 use std::time::{Duration, Instant};
@@ -87,7 +87,7 @@ pub(in crate::pipeline) fn with_effects(
     };
     let surroundings = surroundings(session, request, &frames)?;
     let exact = match request.parameters.model {
-        ModelParameters::Voltmeter { law: Law::Exact, k } => Some(k),
+        ModelParameters::Voltmeter { law: VoltmeterLaw::Exact, k } => Some(k),
         _ => None,
     };
     let parameters = ForwardParameters {
@@ -95,7 +95,7 @@ pub(in crate::pipeline) fn with_effects(
         effects: request.conditions.effects.clone(),
         step_us: STEP_US,
     };
-    let forward = Forward::new(parameters, surroundings).map_err(wrong)?;
+    let forward = ForwardSimulator::new(parameters, surroundings).map_err(wrong)?;
     // The drive counts from the first row's time.
     let first_us = rows.after_us(0.0).round() as i64;
     frames.iter_mut().for_each(|frame| frame.t_us += first_us);
@@ -123,7 +123,7 @@ pub(in crate::pipeline) fn with_effects(
         let pushed = between.push(frame, |frame| generator.push(frame, &mut events));
         pushed.map_err(|source| failed(session, request, source))?;
     }
-    forward.readout(&mut events, size, &pixels, window, seed);
+    forward.apply_readout(&mut events, size, &pixels, window, seed);
     Ok(events)
 }
 
@@ -135,18 +135,18 @@ fn surroundings(
     session: &Session,
     request: &GenerateRequest,
     frames: &[Luminance],
-) -> Result<Surroundings, PipelineError> {
+) -> Result<RecordingContext, PipelineError> {
     let effects = &request.conditions.effects;
     let is_coupled = effects.iter().any(|applied| applied.effect.id().as_str() == "aps_coupling");
     let aps_starts_us = if is_coupled { driven::aps_starts(session)? } else { Vec::new() };
     let frame_times_us = frames.iter().map(|frame| frame.t_us).collect();
-    Ok(Surroundings { aps_starts_us, frame_times_us })
+    Ok(RecordingContext { aps_starts_us, frame_times_us })
 }
 
 fn refuse_what_acts_inside(request: &GenerateRequest) -> Result<(), EffectError> {
     for applied in request.conditions.effects.iter() {
-        let enters = applied.effect.acts().enters();
-        if (Enters::Memory..=Enters::Emission).contains(&enters) {
+        let enters = applied.effect.model().stage();
+        if (SignalStage::Memory..=SignalStage::Emission).contains(&enters) {
             let model = request.parameters.model.model().name();
             return Err(EffectError::NotForModel { id: applied.effect.id(), model });
         }
@@ -155,11 +155,11 @@ fn refuse_what_acts_inside(request: &GenerateRequest) -> Result<(), EffectError>
 }
 
 /// Puts the light behind the effects in place of the frames'.
-fn relight(forward: &Forward, drive: &FramesDrive, frames: &mut [Luminance]) {
+fn relight(forward: &ForwardSimulator, drive: &FramesDrive, frames: &mut [Luminance]) {
     let grid = TimeGrid::covering(drive.span_us(), STEP_US);
     let (size, white_dn) = (drive.size(), drive.white_dn());
     for (x, y) in all_pixels(size) {
-        let Some(values) = forward.light(drive, x, y, grid) else { continue };
+        let Some(values) = forward.comparator_signal(drive, x, y, grid) else { continue };
         let curve = Curve::new(grid, values);
         for frame in frames.iter_mut() {
             if let Some(log) = curve.at(frame.t_us as f64) {

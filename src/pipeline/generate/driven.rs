@@ -8,10 +8,10 @@ use crate::pipeline::{PipelineError, inputs, read_scene};
 use evrig_core::drive::Drive;
 use evrig_core::event::Events;
 use evrig_core::time::Davis;
-use evrig_generate::effect::{EffectError, Surroundings};
-use evrig_generate::forward::{Forward, ForwardParameters};
-use evrig_generate::input::Preparation;
-use evrig_generate::{DRIVE_STEP_US, DriveFrames, DriveRun, Law, ModelParameters, build};
+use evrig_generate::effect::{EffectError, RecordingContext};
+use evrig_generate::forward::{ForwardParameters, ForwardSimulator};
+use evrig_generate::input::FramePreparation;
+use evrig_generate::{DRIVE_STEP_US, DriveFrames, DriveRun, ModelParameters, VoltmeterLaw, build};
 use evrig_reconstruct::scene::SceneDrive;
 use evrig_session::{Picture, Session, SessionError, StreamKind, read_stage};
 use std::time::{Duration, Instant};
@@ -56,7 +56,7 @@ pub(super) fn run(
     request: &GenerateRequest,
     progress: &mut dyn FnMut(u64, u64),
 ) -> Result<(GenerateTally, Duration), PipelineError> {
-    if request.conditions.preparation != Preparation::default() {
+    if request.conditions.preparation != FramePreparation::default() {
         let what = "the scene has no pictures whose colour, pedestal or exposure could be chosen: \
                     it is free of all three; leave these options out";
         return Err(missing(session, what.into()));
@@ -126,7 +126,8 @@ fn affected(
         source: Box::new(source),
     };
     let effects = request.conditions.effects.clone();
-    let ModelParameters::Voltmeter { law: Law::Exact, k } = request.parameters.model else {
+    let ModelParameters::Voltmeter { law: VoltmeterLaw::Exact, k } = request.parameters.model
+    else {
         let model = request.parameters.model.model().name();
         let id = effects.iter().next().map(|applied| applied.effect.id());
         return Err(match id {
@@ -135,8 +136,8 @@ fn affected(
         });
     };
     let surroundings =
-        Surroundings { aps_starts_us: aps_starts(session)?, ..Surroundings::default() };
-    let forward = Forward::new(ForwardParameters { k, effects, step_us }, surroundings);
+        RecordingContext { aps_starts_us: aps_starts(session)?, ..RecordingContext::default() };
+    let forward = ForwardSimulator::new(ForwardParameters { k, effects, step_us }, surroundings);
     let forward = forward.map_err(wrong)?;
     let size = drive.size();
     let pixels = all_pixels(size);

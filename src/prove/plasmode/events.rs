@@ -1,25 +1,28 @@
 //! Effects of pixels, readout and clocks, applied to events.
 
-use super::Recording;
+use super::PlasmodeRecording;
 use evrig_analysis::filter::{FilterError, hot_pixel, refractory};
 use evrig_core::event::{Event, Events};
 use evrig_core::stats::SplitMix;
 
-/// A pixel that has fired is blind for a while.
-pub(super) fn refractory(recording: &mut Recording, period_us: f64) -> Result<(), FilterError> {
+/// A refractory period after each event of a pixel.
+pub(super) fn refractory(
+    recording: &mut PlasmodeRecording,
+    period_us: f64,
+) -> Result<(), FilterError> {
     let slice = recording.events.as_slice();
     recording.events = refractory::filter(slice, recording.size, period_us as i64)?.events;
     Ok(())
 }
 
 /// A share of the events is lost, each for itself.
-pub(super) fn drop_share(recording: &mut Recording, fraction: f64, random: &mut SplitMix) {
+pub(super) fn drop_share(recording: &mut PlasmodeRecording, fraction: f64, random: &mut SplitMix) {
     keep(recording, |_| random.uniform() >= fraction);
 }
 
 /// Some of the pixels never fire.
 pub(super) fn kill_pixels(
-    recording: &mut Recording,
+    recording: &mut PlasmodeRecording,
     count: f64,
     random: &mut SplitMix,
 ) -> Result<(), FilterError> {
@@ -35,8 +38,13 @@ pub(super) fn kill_pixels(
     Ok(())
 }
 
-/// `n` pixels fire at random besides, On or Off alike, each at a rate.
-pub(super) fn heat_pixels(recording: &mut Recording, n: f64, rate_hz: f64, random: &mut SplitMix) {
+/// `n` pixels fire at random besides, ON or OFF alike, each at a rate.
+pub(super) fn heat_pixels(
+    recording: &mut PlasmodeRecording,
+    n: f64,
+    rate_hz: f64,
+    random: &mut SplitMix,
+) {
     let slice = recording.events.as_slice();
     let (Some(&first), Some(&last)) = (slice.t.first(), slice.t.last()) else { return };
     let size = recording.size;
@@ -62,7 +70,7 @@ pub(super) fn heat_pixels(recording: &mut Recording, n: f64, rate_hz: f64, rando
 /// Every pixel fires in pairs of opposite polarity besides, as a comparator does that follows noise
 /// there and back; `rate_hz` counts events, a pair's second one comes `lag_us` later in the mean.
 pub(super) fn alternate(
-    recording: &mut Recording,
+    recording: &mut PlasmodeRecording,
     rate_hz: f64,
     lag_us: f64,
     random: &mut SplitMix,
@@ -89,7 +97,7 @@ pub(super) fn alternate(
 
 /// Everything is lost in windows that together are a share of the time.
 pub(super) fn drop_bursts(
-    recording: &mut Recording,
+    recording: &mut PlasmodeRecording,
     share: f64,
     window_us: f64,
     random: &mut SplitMix,
@@ -102,24 +110,24 @@ pub(super) fn drop_bursts(
 }
 
 /// Every stamp has a normal error of its own.
-pub(super) fn jitter(recording: &mut Recording, sigma_us: f64, random: &mut SplitMix) {
+pub(super) fn jitter(recording: &mut PlasmodeRecording, sigma_us: f64, random: &mut SplitMix) {
     stamp(recording, |t| t + (sigma_us * random.normal()).round() as i64);
 }
 
 /// The stamps are late by an offset that grows with a skew from the first event on.
-pub(super) fn retime(recording: &mut Recording, offset_us: f64, skew_ppm: f64) {
+pub(super) fn retime(recording: &mut PlasmodeRecording, offset_us: f64, skew_ppm: f64) {
     let Some(&first) = recording.events.as_slice().t.first() else { return };
     let late = |t: i64| offset_us + (t - first) as f64 * skew_ppm * 1e-6;
     stamp(recording, |t| t + late(t).round() as i64);
 }
 
-fn keep(recording: &mut Recording, mut is_kept: impl FnMut(Event) -> bool) {
+fn keep(recording: &mut PlasmodeRecording, mut is_kept: impl FnMut(Event) -> bool) {
     let mut kept = Events::with_capacity(recording.events.len());
     recording.events.as_slice().iter().filter(|&e| is_kept(e)).for_each(|e| kept.push(e));
     recording.events = kept;
 }
 
-fn stamp(recording: &mut Recording, mut new: impl FnMut(i64) -> i64) {
+fn stamp(recording: &mut PlasmodeRecording, mut new: impl FnMut(i64) -> i64) {
     let mut changed = Events::with_capacity(recording.events.len());
     recording.events.as_slice().iter().for_each(|e| changed.push(Event { t: new(e.t), ..e }));
     changed.sort_by_time();

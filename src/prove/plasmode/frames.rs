@@ -1,6 +1,6 @@
 //! Effects of the frame camera and its lens, applied to frames.
 
-use super::Recording;
+use super::PlasmodeRecording;
 use evrig_core::frame::Samples;
 
 /// A pedestal that no one stated.
@@ -14,7 +14,7 @@ pub(super) fn gamma(gamma: f64) -> impl Fn(f64, f64) -> f64 {
 }
 
 /// Changes every sample by a curve, which is told the sample and the full scale.
-pub(super) fn change(recording: &mut Recording, curve: impl Fn(f64, f64) -> f64) {
+pub(super) fn change(recording: &mut PlasmodeRecording, curve: impl Fn(f64, f64) -> f64) {
     for frame in &mut recording.frames {
         match &mut frame.samples {
             Samples::U8(samples) => {
@@ -34,7 +34,7 @@ pub(super) fn change(recording: &mut Recording, curve: impl Fn(f64, f64) -> f64)
 }
 
 /// Blurs every frame with a Gaussian; the border is repeated outwards.
-pub(super) fn blur(recording: &mut Recording, sigma_px: f64) {
+pub(super) fn blur(recording: &mut PlasmodeRecording, sigma_px: f64) {
     let radius = (4.0 * sigma_px).ceil().max(1.0) as usize;
     let weight = |i: usize| (-0.5 * ((i as f64 - radius as f64) / sigma_px).powi(2)).exp();
     let kernel: Vec<f64> = (0..=2 * radius).map(weight).collect();

@@ -1,7 +1,7 @@
-use super::super::record::Plan;
-use super::super::{Concealed, Mix, draw};
+use super::super::record::ProofPlan;
+use super::super::{ConcealedEffect, TrialMix, draw};
 use super::*;
-use crate::prove::plasmode::Recording;
+use crate::prove::plasmode::PlasmodeRecording;
 use evrig_core::event::{Event, Events};
 use evrig_core::frame::{Frame, FrameTiming, Samples};
 use evrig_core::geometry::Size;
@@ -11,7 +11,7 @@ use std::cell::{Cell, RefCell};
 
 const SIZE: Size = Size { width: 12, height: 8 };
 
-fn recording() -> Maker {
+fn recording() -> SessionMaker {
     let mut events = Events::new();
     for i in 0..400_i64 {
         events.push(Event { t: 1_000_000 + i * 2_000, x: (i % 12) as u16, y: 3, on: i % 3 == 0 });
@@ -24,21 +24,21 @@ fn recording() -> Maker {
         )
     };
     let frames = (0..9).map(frame).collect();
-    Maker::Plasmode(Box::new(Recording { size: SIZE, events, frames }))
+    SessionMaker::Plasmode(Box::new(PlasmodeRecording { size: SIZE, events, frames }))
 }
 
-fn trials(n: usize) -> Vec<Trial> {
-    draw(Mix { single: n, ..Mix::none(Family::Plasmode) }, 5)
+fn trials(n: usize) -> Vec<ConcealedTrial> {
+    draw(TrialMix { single: n, ..TrialMix::none(Family::Plasmode) }, 5)
 }
 
 /// An answer that names an effect.
-fn names(id: &str) -> Outcome {
+fn names(id: &str) -> DiagnosisOutcome {
     let diagnosis = json!({ "verdict": "explained", "effects": [{ "id": id }] });
-    Outcome::Answered { diagnosis }
+    DiagnosisOutcome::Answered { diagnosis }
 }
 
-fn bench<'a>(out: &'a Path, ask: &'a dyn Fn(&Path) -> Outcome) -> Bench<'a> {
-    Bench { out, ask, is_tidy: true, heading: "Trials" }
+fn bench<'a>(out: &'a Path, ask: &'a dyn Fn(&Path) -> DiagnosisOutcome) -> ProofRun<'a> {
+    ProofRun { out, ask, is_tidy: true, heading: "Trials" }
 }
 
 #[test]
@@ -95,7 +95,7 @@ fn a_session_that_was_sealed_is_not_made_again() {
         std::fs::write(session.join("left-behind"), "").unwrap();
         names("event_drop")
     };
-    let bench = Bench { is_tidy: false, ..bench(folder.path(), &ask) };
+    let bench = ProofRun { is_tidy: false, ..bench(folder.path(), &ask) };
     bench.run(&recording(), &trials, &mut |_, _| {}).unwrap();
     let session = folder.path().join("sessions").join(&trials[0].name);
     // As if it had been killed while it was diagnosed.
@@ -114,7 +114,7 @@ fn a_session_that_was_sealed_is_not_made_again() {
 #[test]
 fn a_trial_without_an_answer_is_a_miss_and_not_an_end() {
     let folder = tempfile::tempdir().unwrap();
-    let ask = |_: &Path| Outcome::OutOfTime { after_s: 1.0 };
+    let ask = |_: &Path| DiagnosisOutcome::OutOfTime { after_s: 1.0 };
     let proof = bench(folder.path(), &ask).run(&recording(), &trials(2), &mut |_, _| {}).unwrap();
     assert_eq!((proof.score.unanswered, proof.score.top1.hits, proof.score.top1.of), (2, 0, 2));
 }
@@ -140,7 +140,7 @@ fn sessions_made_elsewhere_are_judged_by_their_seals_and_stay() {
     let folder = tempfile::tempdir().unwrap();
     let maker = recording();
     let mut trial = trials(1).remove(0);
-    trial.truth.effects = vec![Concealed {
+    trial.truth.effects = vec![ConcealedEffect {
         id: "event_drop".into(),
         parameters: [("fraction".into(), 0.2)].into(),
         strength: 2.0,
@@ -152,21 +152,21 @@ fn sessions_made_elsewhere_are_judged_by_their_seals_and_stay() {
     let ask = |_: &Path| names("event_drop");
     let out = folder.path().join("out");
     let made = folder.path().join("made");
-    let ready = Ready::find(&made).unwrap();
+    let ready = PreparedTrials::find(&made).unwrap();
     assert_eq!(ready.count(), 1);
-    let proof = bench(&out, &ask).run_ready(&ready, &mut |_, _| {}).unwrap();
-    assert_eq!((proof.family, proof.score.top1.hits), (Family::Foreign, 1));
+    let proof = bench(&out, &ask).run_prepared(&ready, &mut |_, _| {}).unwrap();
+    assert_eq!((proof.family, proof.score.top1.hits), (Family::ThirdParty, 1));
     assert!(session.join("session.json").exists());
-    let none = Ready::find(folder.path());
+    let none = PreparedTrials::find(folder.path());
     assert!(matches!(none, Err(ProveError::NoneReady { .. })));
 }
 
 #[test]
 fn a_plan_says_nothing_of_what_is_hidden() {
-    let plan = Plan {
-        schema: "evrig.proof-plan/1".into(),
+    let plan = ProofPlan {
+        schema: "evrig.proof-plan/2".into(),
         family: Family::Plasmode,
-        mix: Some(Mix { single: 1, ..Mix::none(Family::Plasmode) }),
+        mix: Some(TrialMix { single: 1, ..TrialMix::none(Family::Plasmode) }),
         seed: 5,
         seconds: None,
         options: evrig_analysis::diagnose::DiagnosisOptions::brief(),

@@ -5,7 +5,7 @@ use super::regression::Regressions;
 use super::search::{NO_VALUE, Objective, search};
 use super::{CalibrateError, Light, Part, fit, regress};
 use evrig_core::event::EventSlice;
-use evrig_generate::input::Preparation;
+use evrig_generate::input::FramePreparation;
 use evrig_generate::voltmeter::Coefficients;
 use serde::{Deserialize, Serialize};
 
@@ -45,7 +45,7 @@ pub struct Calibration {
     pub without_regressions: Option<String>,
     /// How frames have to be prepared for the constants to hold.
     #[serde(default)]
-    pub preparation: Preparation,
+    pub preparation: FramePreparation,
 }
 
 /// Constants and how they did.
@@ -173,7 +173,7 @@ pub fn calibrate(
         passages,
         regressions,
         without_regressions,
-        preparation: Preparation::default(),
+        preparation: FramePreparation::default(),
     })
 }
 

@@ -353,15 +353,16 @@ mod tests {
     use evrig_record::pose_log::{Pace, PoseTiming, drive_to_end};
     use evrig_session::rig::Rig;
     use evrig_session::trajectory::{Curve, Rates, Settings};
-    use evrig_sim::arm::fault::{Fault, Kind};
-    use evrig_sim::arm::{Clock, Emulator, Options};
+    use evrig_sim::arm::fault::{Fault, FaultKind};
+    use evrig_sim::arm::{ArmClock, ArmEmulator, ArmOptions};
 
     /// The arm's time passes by requests, so nothing here waits for real motion.
-    fn emulator(options: Options) -> Emulator {
-        Emulator::start(options, Clock::Stepped(Span::from_micros(4_000)), Vec::new()).unwrap()
+    fn emulator(options: ArmOptions) -> ArmEmulator {
+        ArmEmulator::start(options, ArmClock::Stepped(Span::from_micros(4_000)), Vec::new())
+            .unwrap()
     }
 
-    fn magician(emulator: &Emulator) -> Magician {
+    fn magician(emulator: &ArmEmulator) -> Magician {
         let patience =
             Patience { reply: Span::from_micros(300_000), n_tries: 3, between_polls: Span::ZERO };
         let link = port::open(emulator.port()).unwrap();
@@ -369,7 +370,7 @@ mod tests {
         Magician::over(client, Rig::simulated().unwrap().arm)
     }
 
-    fn homed(emulator: &Emulator) -> Magician {
+    fn homed(emulator: &ArmEmulator) -> Magician {
         let mut arm = magician(emulator);
         arm.home(Span::from_micros(20_000_000)).unwrap();
         assert!(emulator.state().is_homed);
@@ -413,7 +414,7 @@ mod tests {
 
     #[test]
     fn a_path_is_driven_step_by_step_along_its_curve() {
-        let emulator = emulator(Options::default());
+        let emulator = emulator(ArmOptions::default());
         let mut arm = homed(&emulator);
         let path = path();
         assert!(arm.prepare(&path).unwrap().is_empty());
@@ -434,7 +435,7 @@ mod tests {
 
     #[test]
     fn a_firmware_without_circles_drives_arcs_and_says_so() {
-        let emulator = emulator(Options { has_circle: false, ..Options::default() });
+        let emulator = emulator(ArmOptions { has_circle: false, ..ArmOptions::default() });
         let mut arm = homed(&emulator);
         let path = path();
         let remarks = arm.prepare(&path).unwrap();
@@ -451,7 +452,7 @@ mod tests {
 
     #[test]
     fn a_path_longer_than_the_queue_is_fed_as_room_comes() {
-        let emulator = emulator(Options { queue_depth: 4, ..Options::default() });
+        let emulator = emulator(ArmOptions { queue_depth: 4, ..ArmOptions::default() });
         let mut arm = homed(&emulator);
         let poses: Vec<Pose> =
             (0..=40).map(|n| Pose::from_mm_deg([240.0, f64::from(n), 100.0, 90.0])).collect();
@@ -467,7 +468,7 @@ mod tests {
 
     #[test]
     fn an_arm_that_was_not_homed_is_not_moved() {
-        let emulator = emulator(Options::default());
+        let emulator = emulator(ArmOptions::default());
         let mut arm = magician(&emulator);
         let homed = arm.check(None).into_iter().find(|finding| finding.what == "homed").unwrap();
         assert_eq!(homed.verdict, Verdict::Bad);
@@ -477,7 +478,7 @@ mod tests {
 
     #[test]
     fn a_standing_alarm_is_explained_and_nothing_moves() {
-        let emulator = emulator(Options::default());
+        let emulator = emulator(ArmOptions::default());
         let mut arm = homed(&emulator);
         emulator.inject("alarm=0x45@POSE".parse::<Fault>().unwrap());
         arm.client().pose().unwrap();
@@ -492,7 +493,7 @@ mod tests {
 
     #[test]
     fn an_alarm_under_way_stops_the_arm_and_is_told() {
-        let emulator = emulator(Options::default());
+        let emulator = emulator(ArmOptions::default());
         let mut arm = homed(&emulator);
         arm.prepare(&path()).unwrap();
         emulator.inject("alarm=0x22@POSE#60".parse::<Fault>().unwrap());
@@ -511,7 +512,7 @@ mod tests {
 
     #[test]
     fn a_firmware_that_clamps_the_speed_is_found_out_before_anything_moves() {
-        let emulator = emulator(Options { clamps: true, ..Options::default() });
+        let emulator = emulator(ArmOptions { clamps: true, ..ArmOptions::default() });
         let mut arm = homed(&emulator);
         // A description that promises more than the firmware does.
         arm.description.speed.speed_mm_per_s = 1_000.0;
@@ -527,7 +528,7 @@ mod tests {
 
     #[test]
     fn a_path_out_of_reach_or_too_fast_is_named_and_nothing_moves() {
-        let emulator = emulator(Options::default());
+        let emulator = emulator(ArmOptions::default());
         let mut arm = homed(&emulator);
         let start = Pose::from_mm_deg([240.0, 0.0, 100.0, 90.0]);
         let n_before = emulator.journal().len();
@@ -550,7 +551,7 @@ mod tests {
 
     #[test]
     fn the_port_is_found_by_who_answers_and_held_by_one_program() {
-        let emulator = emulator(Options::default());
+        let emulator = emulator(ArmOptions::default());
         assert_eq!(check::answers(emulator.port()), Ok(()));
         let held = port::open(emulator.port()).unwrap();
         let error = port::open(emulator.port()).unwrap_err();
@@ -563,8 +564,8 @@ mod tests {
 
     #[test]
     fn lost_and_corrupt_replies_neither_lose_nor_repeat_a_command() {
-        for kind in [Kind::LostReply, Kind::LostRequest, Kind::CorruptReply] {
-            let emulator = emulator(Options::default());
+        for kind in [FaultKind::LostReply, FaultKind::LostRequest, FaultKind::CorruptReply] {
+            let emulator = emulator(ArmOptions::default());
             let mut arm = homed(&emulator);
             arm.prepare(&path()).unwrap();
             for (name, n) in [("WAIT", 2), ("CIRCLE", 1), ("ARC_PARAMS", 1), ("POSE", 9)] {
@@ -593,7 +594,7 @@ mod tests {
 
     #[test]
     fn a_late_reply_is_taken_for_what_it_is() {
-        let emulator = emulator(Options::default());
+        let emulator = emulator(ArmOptions::default());
         let mut arm = homed(&emulator);
         arm.prepare(&path()).unwrap();
         emulator.inject("late-reply=450ms@CIRCLE".parse::<Fault>().unwrap());
@@ -607,7 +608,7 @@ mod tests {
 
     #[test]
     fn replies_that_trickle_in_are_put_together() {
-        let emulator = emulator(Options::default());
+        let emulator = emulator(ArmOptions::default());
         let mut arm = homed(&emulator);
         emulator.inject("trickle".parse::<Fault>().unwrap());
         assert_eq!(arm.identify().unwrap().firmware, "3.7.0");
@@ -621,7 +622,7 @@ mod tests {
             ("wedge", "press its reset button"),
             ("unplug", "is gone"),
         ] {
-            let emulator = emulator(Options::default());
+            let emulator = emulator(ArmOptions::default());
             let mut arm = magician(&emulator);
             emulator.inject(fault.parse::<Fault>().unwrap());
             let findings = arm.check(None);
@@ -633,7 +634,7 @@ mod tests {
 
     #[test]
     fn a_power_cycle_under_way_is_noticed() {
-        let emulator = emulator(Options::default());
+        let emulator = emulator(ArmOptions::default());
         let mut arm = homed(&emulator);
         arm.prepare(&path()).unwrap();
         emulator.inject("power-cycle@POSE#40".parse::<Fault>().unwrap());
@@ -643,7 +644,7 @@ mod tests {
 
     #[test]
     fn the_tool_offset_of_the_rig_is_set_and_read_back() {
-        let emulator = emulator(Options::default());
+        let emulator = emulator(ArmOptions::default());
         let mut arm = homed(&emulator);
         arm.description.kinematics.tool_offset[0].0 = 61.0;
         let tool = |arm: &mut Magician| arm.check(None).into_iter().find(|f| f.what == "tool");
@@ -654,7 +655,7 @@ mod tests {
 
     #[test]
     fn poses_are_handed_over_while_the_arm_drives_until_the_listener_has_enough() {
-        let emulator = emulator(Options::default());
+        let emulator = emulator(ArmOptions::default());
         let mut arm = homed(&emulator);
         let arm: &mut dyn Arm = &mut arm;
         let mut pace = Pace::new(Hertz(1_000.0));
@@ -681,7 +682,7 @@ mod tests {
 
     #[test]
     fn steps_that_begin_elsewhere_are_refused() {
-        let emulator = emulator(Options::default());
+        let emulator = emulator(ArmOptions::default());
         let mut arm = homed(&emulator);
         assert!(matches!(arm.start(0..1), Err(ArmError::NotPrepared { n_steps: 0, .. })));
         arm.prepare(&path()).unwrap();
@@ -694,7 +695,7 @@ mod tests {
 
     #[test]
     fn a_marker_is_high_while_its_step_is_under_way() {
-        let emulator = emulator(Options::default());
+        let emulator = emulator(ArmOptions::default());
         let mut arm = homed(&emulator).with_marker(Marker { address: 14 });
         arm.prepare(&path()).unwrap();
         drive(&mut arm, 1..2).unwrap();

@@ -1,6 +1,6 @@
 //! Where an effect acts: everywhere, or in a rectangle of pixels.
 
-use super::EffectError;
+use super::error::EffectError;
 use evrig_core::effect_id::EffectId;
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;

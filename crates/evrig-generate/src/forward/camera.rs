@@ -1,55 +1,55 @@
-//! An event camera as a recording showed it: what its generator is told, and what each pixel has beside.
+//! An event camera with the constants that a diagnosis estimated.
 
-use super::{
-    BandNoise, Forward, ForwardError, ForwardParameters, Forwarded, MOST_HZ, PixelModel, Scatter,
-};
-use crate::effect::Surroundings;
+use super::parameters::{ForwardError, ForwardParameters, MAX_EVENT_RATE_HZ};
+use super::simulator::{ForwardSimulator, SimulatedEvents};
+use crate::effect::RecordingContext;
+use crate::pixel_model::{BandNoise, PixelModel, ThresholdScatter};
 use evrig_core::drive::Drive;
 use serde::{Deserialize, Serialize};
 
-/// A camera with all its constants. It counts light over white and time in microseconds, so that it
-/// sees any drive, of its own recording or of another.
+/// A camera with all its constants. Intensity is relative to white and time in microseconds, so it
+/// can be simulated on the drive of any recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Camera {
+pub struct DiagnosedCamera {
     /// Nominal thresholds, leak and effects.
     pub generator: ForwardParameters,
-    /// The threshold of On over the nominal one; that of Off is its inverse. Above 0.
+    /// The threshold of ON over the nominal one; that of OFF is its inverse. Above 0.
     pub on_over_nominal: f64,
-    /// Noise that pixels memorise at their resets, where no effect says otherwise.
+    /// Noise that is stored in the reference level, unless an effect sets it.
     pub noise: BandNoise,
-    /// Noise that they do not, where no effect says otherwise.
-    pub scatter: Scatter,
-    /// Events of a pixel without a crossing, both polarities, Hz; what effects add comes on top.
+    /// Noise of the comparison, which is not stored, unless an effect sets it.
+    pub scatter: ThresholdScatter,
+    /// Rate of events without a crossing, both polarities, Hz; effects add to it.
     pub background_hz: f64,
 }
 
-impl Camera {
-    /// The events of some pixels in a window of the drive's clock, as [`Forward::run`] gives them.
+impl DiagnosedCamera {
+    /// The events of some pixels in a window of the drive's clock, as [`ForwardSimulator::run`] gives them.
     ///
     /// # Errors
-    /// A constant out of range, an effect that lacks what it acts on, a window or pixel that cannot be, or a pixel that fires
-    /// without bound.
+    /// A constant out of range, an effect without its input, an invalid window or pixel, or an
+    /// unbounded event rate.
     pub fn events(
         &self,
         drive: &dyn Drive,
         pixels: &[(u16, u16)],
         window_us: [i64; 2],
-        surroundings: Surroundings,
+        context: RecordingContext,
         seed: u64,
-    ) -> Result<Forwarded, ForwardError> {
+    ) -> Result<SimulatedEvents, ForwardError> {
         self.check()?;
-        let forward = Forward::new(self.generator.clone(), surroundings)?;
+        let forward = ForwardSimulator::new(self.generator.clone(), context)?;
         let adjust = |_: u16, _: u16, pixel: &mut PixelModel| self.adjust(pixel);
         forward.run_with(drive, pixels, window_us, seed, &adjust)
     }
 
-    /// Refuses constants with which no pixel can work.
+    /// Checks the ranges of all constants.
     ///
     /// # Errors
     /// The first that is out of range.
     pub fn check(&self) -> Result<(), ForwardError> {
-        let most = f64::from(MOST_HZ);
+        let most = f64::from(MAX_EVENT_RATE_HZ);
         for (key, value, low, high) in [
             ("on_over_nominal", self.on_over_nominal, 0.01, 100.0),
             ("noise.rms", self.noise.rms, 0.0, 100.0),
@@ -71,7 +71,7 @@ impl Camera {
         let half = self.on_over_nominal;
         pixel.threshold_on *= half;
         pixel.threshold_off /= half;
-        // Leaks are stated in thresholds for On, the generator's in nominal ones.
+        // Leaks are stated in thresholds for ON, the generator's in nominal ones.
         pixel.leak_hz *= half;
         pixel.leak_hz_at_white *= half;
         pixel.leak_hz_per_s *= half;

@@ -7,10 +7,10 @@
 //! with the process's own variance at the middle of the step. While no barrier can be reached,
 //! nothing is drawn.
 
-use super::PixelModel;
-use super::potential::Potential;
+use super::comparator_input::ComparatorInput;
 use super::quiet::known_after;
-use crate::random::Draws;
+use crate::pixel_model::PixelModel;
+use crate::random::CounterRng;
 use crate::voltmeter::{bridge_crosses, crossing_share};
 use std::f64::consts::TAU;
 
@@ -22,49 +22,49 @@ const REACH: f64 = 8.0;
 const BAND_REACH: f64 = 7.0;
 
 /// The longest step, as a share of the band-limited noise's correlation time.
-const BAND_STEP: f64 = 0.4;
+const MAX_SUBSTEP_IN_TAU: f64 = 0.4;
 
 /// The shortest share of a grid step that is still cut in two.
-const SHORTEST: f64 = 1e-6;
+const MIN_SUBSTEP: f64 = 1e-6;
 
 /// The voltage stays this far inside the barriers, also after rounding.
-const INSIDE: f64 = 1.0 - 1e-12;
+const MAX_WITHIN_BARRIER: f64 = 1.0 - 1e-12;
 
 /// Calls `fire` with the time of each event (steps of the grid, from its start) and its side, until
 /// it says no.
-pub(super) fn walk(
-    potential: &Potential,
+pub(super) fn simulate(
+    input: &ComparatorInput,
     pixel: &PixelModel,
     step_us: f64,
-    draws: &mut Draws,
+    draws: &mut CounterRng,
     fire: &mut dyn FnMut(f64, bool) -> bool,
 ) {
-    let Some(start) = potential.volts.iter().position(|v| v.is_finite()) else { return };
-    let mut walk = Walk::new(potential, pixel, step_us, draws);
-    walk.scatter(start, true);
+    let Some(start) = input.volts.iter().position(|v| v.is_finite()) else { return };
+    let mut noisy = NoisyPixel::new(input, pixel, step_us, draws);
+    noisy.scatter(start, true);
     let mut i = start + 1;
-    while i < potential.volts.len() {
-        let rise = potential.volts[i] - potential.volts[i - 1];
+    while i < input.volts.len() {
+        let rise = input.volts[i] - input.volts[i - 1];
         if !rise.is_finite() {
-            let Some(known) = known_after(&potential.volts, i as f64) else { return };
-            walk.start_anew();
+            let Some(known) = known_after(&input.volts, i as f64) else { return };
+            noisy.start_anew();
             i = known + 1;
             continue;
         }
-        if !walk.redraws(i, fire) {
+        if !noisy.redraws(i, fire) {
             return;
         }
-        if !walk.skips(i, rise) && !walk.through(i, rise, fire) {
+        if !noisy.skips(i, rise) && !noisy.through(i, rise, fire) {
             return;
         }
         i += 1;
     }
 }
 
-struct Walk<'a> {
-    potential: &'a Potential,
+struct NoisyPixel<'a> {
+    input: &'a ComparatorInput,
     pixel: &'a PixelModel,
-    draws: &'a mut Draws,
+    draws: &'a mut CounterRng,
     step_us: f64,
     /// Correlation time of the band-limited noise, steps of the grid.
     tau: f64,
@@ -79,25 +79,25 @@ struct Walk<'a> {
     elapsed: f64,
     /// Until when the pixel is held at reset, steps of the grid.
     held_until: f64,
-    /// The thresholds as they are now, On and Off.
+    /// The thresholds as they are now, ON and OFF.
     thresholds: [f64; 2],
     /// Chance that they are drawn anew in a step.
     redrawn: f64,
 }
 
-impl<'a> Walk<'a> {
+impl<'a> NoisyPixel<'a> {
     fn new(
-        potential: &'a Potential,
+        input: &'a ComparatorInput,
         pixel: &'a PixelModel,
         step_us: f64,
-        draws: &'a mut Draws,
+        draws: &'a mut CounterRng,
     ) -> Self {
         let bandwidth_hz = pixel.band.map_or(f64::INFINITY, |band| band.bandwidth_hz);
         let band = draws.normal();
         let scatter = pixel.scatter.filter(|scatter| scatter.scale > 0.0);
         let redrawn_hz = scatter.map_or(0.0, |scatter| scatter.redrawn_hz);
         Self {
-            potential,
+            input,
             pixel,
             draws,
             step_us,
@@ -121,11 +121,11 @@ impl<'a> Walk<'a> {
     }
 
     fn has_band(&self) -> bool {
-        !self.potential.band_rms.is_empty()
+        !self.input.band_rms.is_empty()
     }
 
     fn variance_of(&self, i: usize) -> f64 {
-        self.potential.variance.get(i).copied().unwrap_or(0.0)
+        self.input.variance.get(i).copied().unwrap_or(0.0)
     }
 
     /// Whether no barrier can be reached in the step before instant `i`; the step is then taken
@@ -139,7 +139,7 @@ impl<'a> Walk<'a> {
         let (low, high) = (self.mean.min(mean), self.mean.max(mean));
         let mut reach = [REACH * variance.sqrt(); 2];
         if self.has_band() {
-            let most = BAND_REACH * self.rms.max(self.potential.band_rms[i]);
+            let most = BAND_REACH * self.rms.max(self.input.band_rms[i]);
             let now = self.band * self.rms;
             reach = [reach[0] + (most - now).max(0.0), reach[1] + (most + now).max(0.0)];
         }
@@ -162,7 +162,7 @@ impl<'a> Walk<'a> {
             (self.mean, self.variance, self.elapsed) = (0.0, 0.0, 0.0);
         }
         if self.has_band() {
-            let rms = self.potential.band_rms[i];
+            let rms = self.input.band_rms[i];
             // With the first value the noise is already there: it is no change.
             if self.rms > 0.0 {
                 self.volts += self.band * (rms - self.rms);
@@ -174,7 +174,7 @@ impl<'a> Walk<'a> {
 
     fn keep_inside(&mut self) {
         let [on, off] = self.thresholds;
-        self.volts = self.volts.clamp(-off * INSIDE, on * INSIDE);
+        self.volts = self.volts.clamp(-off * MAX_WITHIN_BARRIER, on * MAX_WITHIN_BARRIER);
     }
 
     /// Moves the band-limited noise by a time.
@@ -205,7 +205,7 @@ impl<'a> Walk<'a> {
 
     /// Draws thresholds anew; behind an event such as have not been passed already.
     fn scatter(&mut self, i: usize, is_fresh: bool) {
-        let Some(&scale) = self.potential.scatter.get(i) else { return };
+        let Some(&scale) = self.input.scatter.get(i) else { return };
         let nominal = [self.pixel.threshold_on, self.pixel.threshold_off];
         self.thresholds = nominal.map(|theta| {
             let passed = if is_fresh { 1.0 / (1.0 + (theta / scale).exp()) } else { 0.0 };
@@ -258,8 +258,8 @@ impl<'a> Walk<'a> {
     }
 
     /// The longest piece of the rest of a step in which at most one barrier can be reached.
-    fn piece(&self, rise: f64, variance: f64, rest: f64) -> Piece {
-        let mut span = if self.has_band() { rest.min(BAND_STEP * self.tau) } else { rest };
+    fn piece(&self, rise: f64, variance: f64, rest: f64) -> SubStep {
+        let mut span = if self.has_band() { rest.min(MAX_SUBSTEP_IN_TAU * self.tau) } else { rest };
         loop {
             let (mut pull, mut kept, mut band_variance) = (0.0, 1.0, 0.0);
             if self.has_band() {
@@ -274,7 +274,7 @@ impl<'a> Walk<'a> {
             let up = above <= REACH * sd + (mean + pull).max(0.0);
             let down = below <= REACH * sd + (-mean - pull).max(0.0);
             let near = match (up, down) {
-                (true, true) if span > SHORTEST => {
+                (true, true) if span > MIN_SUBSTEP => {
                     span *= 0.5;
                     continue;
                 }
@@ -282,12 +282,12 @@ impl<'a> Walk<'a> {
                 (false, true) => Some((below, false)),
                 (false, false) => None,
             };
-            return Piece { span, mean, white, kept, band_variance, sd, near };
+            return SubStep { span, mean, white, kept, band_variance, sd, near };
         }
     }
 
     /// Takes a piece; gives the share of it at which the pixel fires, and the side.
-    fn take(&mut self, piece: &Piece) -> Option<(f64, bool)> {
+    fn take(&mut self, piece: &SubStep) -> Option<(f64, bool)> {
         let mut by = piece.mean;
         if piece.white > 0.0 {
             by += piece.white.sqrt() * self.draws.normal();
@@ -314,7 +314,7 @@ impl<'a> Walk<'a> {
 
     /// What the band-limited noise is where the voltage has moved by `by` at a share of the piece:
     /// its part of what drift does not explain.
-    fn stop_at(&mut self, piece: &Piece, share: f64, by: f64) {
+    fn stop_at(&mut self, piece: &SubStep, share: f64, by: f64) {
         if piece.band_variance > 0.0 {
             let part = piece.band_variance / (piece.sd * piece.sd);
             self.band += part * (by - share * piece.mean) / self.rms;
@@ -323,7 +323,7 @@ impl<'a> Walk<'a> {
 }
 
 /// A stretch of a step in which at most one barrier can be reached.
-struct Piece {
+struct SubStep {
     /// Its length, steps of the grid.
     span: f64,
     /// Drift of signal and leak.

@@ -1,13 +1,13 @@
 //! A pixel without noise: its voltage is straight from instant to instant.
 
-use super::PixelModel;
+use crate::pixel_model::PixelModel;
 
 /// Calls `fire` with the time of each event (steps of the grid, from its start) and its side, until
 /// it says no.
 ///
 /// `volts` is the voltage at the instants, `NaN` where the light is not known: there the pixel
 /// keeps silent, and behind it starts anew.
-pub(super) fn walk(
+pub(super) fn simulate(
     volts: &[f64],
     pixel: &PixelModel,
     step_us: f64,
@@ -83,7 +83,7 @@ mod tests {
 
     fn events(volts: &[f64], pixel: &PixelModel) -> Vec<(f64, bool)> {
         let mut out = Vec::new();
-        walk(volts, pixel, 1000.0, &mut |t, on| {
+        simulate(volts, pixel, 1000.0, &mut |t, on| {
             out.push((t, on));
             true
         });

@@ -1,17 +1,22 @@
 use super::*;
-use crate::effect::Effects;
+use crate::effect::EffectSet;
+use crate::effect::RecordingContext;
 use crate::ks;
+use crate::voltmeter::Coefficients;
+use evrig_core::drive::{Drive, TimeGrid};
+use evrig_core::event::Events;
+use evrig_core::geometry::Size;
 
 const SIZE: Size = Size { width: 40, height: 30 };
 
 /// Log intensity over white as a function of column, row and seconds.
-struct Made<F>(F);
+struct SyntheticDrive<F>(F);
 
-fn made<F: Fn(f64, f64, f64) -> f64 + Send + Sync>(f: F) -> Made<F> {
-    Made(f)
+fn synthetic<F: Fn(f64, f64, f64) -> f64 + Send + Sync>(f: F) -> SyntheticDrive<F> {
+    SyntheticDrive(f)
 }
 
-impl<F: Fn(f64, f64, f64) -> f64 + Send + Sync> Drive for Made<F> {
+impl<F: Fn(f64, f64, f64) -> f64 + Send + Sync> Drive for SyntheticDrive<F> {
     fn size(&self) -> Size {
         SIZE
     }
@@ -36,18 +41,19 @@ impl<F: Fn(f64, f64, f64) -> f64 + Send + Sync> Drive for Made<F> {
     }
 }
 
-fn forward(k: [f64; 6], words: &[&str], step_us: u32) -> Forward {
+fn forward(k: [f64; 6], words: &[&str], step_us: u32) -> ForwardSimulator {
     let k = Coefficients::new(k).unwrap();
-    let effects = Effects::from_words(words).unwrap();
-    Forward::new(ForwardParameters { k, effects, step_us }, Surroundings::default()).unwrap()
+    let effects = EffectSet::from_words(words).unwrap();
+    ForwardSimulator::new(ForwardParameters { k, effects, step_us }, RecordingContext::default())
+        .unwrap()
 }
 
 fn all_pixels() -> Vec<(u16, u16)> {
     (0..SIZE.height).flat_map(|y| (0..SIZE.width).map(move |x| (x, y))).collect()
 }
 
-fn wave() -> Made<impl Fn(f64, f64, f64) -> f64 + Send + Sync> {
-    made(|x, y, t| 0.6 * (0.5 * x + 0.2 * y - 30.0 * t).sin() - 1.0)
+fn wave() -> SyntheticDrive<impl Fn(f64, f64, f64) -> f64 + Send + Sync> {
+    synthetic(|x, y, t| 0.6 * (0.5 * x + 0.2 * y - 30.0 * t).sin() - 1.0)
 }
 
 /// Times between events of one pixel, µs, and sides.
@@ -77,7 +83,7 @@ fn a_pixels_events_do_not_depend_on_threads_or_on_which_other_pixels_run() {
     let pixels = all_pixels();
     let whole = pool(1).install(|| run(&pixels));
     assert_eq!(whole, pool(3).install(|| run(&pixels)));
-    assert_eq!(whole.n_lit, SIZE.n_pixels());
+    assert_eq!(whole.n_with_signal, SIZE.n_pixels());
     let some = [(7, 3), (39, 29), (0, 0)];
     let part = run(&some);
     let expected: Events =
@@ -104,7 +110,7 @@ fn white_noise_gives_the_exact_intervals_at_any_step_of_the_grid() {
             let k = [1.0, 1e-9, 0.0, mu * 1e-6, 0.0, sigma * 1e-3];
             let seconds = 40.0;
             let run = forward(k, &[], step_us).run(
-                &made(|_, _, _| -1.0),
+                &synthetic(|_, _, _| -1.0),
                 &all_pixels(),
                 [0, (seconds * 1e6) as i64],
                 9,
@@ -130,7 +136,7 @@ fn noise_that_is_put_off_has_the_law_of_noise_that_is_drawn() {
     // The lazy path is taken while nothing can be reached; a large step is always drawn.
     let slope = |step_us| {
         let k = [1.0, 1e-9, 0.0, 0.0, 0.0, 1e-4];
-        let drive = made(|x: f64, y: f64, t: f64| 3.0 * t + 0.01 * x + 0.0031 * y);
+        let drive = synthetic(|x: f64, y: f64, t: f64| 3.0 * t + 0.01 * x + 0.0031 * y);
         let run = forward(k, &[], step_us).run(&drive, &all_pixels(), [0, 4_000_000], 3);
         intervals(&run.unwrap().events).into_iter().map(|(t, _)| t).collect::<Vec<f64>>()
     };
@@ -140,7 +146,7 @@ fn noise_that_is_put_off_has_the_law_of_noise_that_is_drawn() {
 
 #[test]
 fn band_limited_noise_scatters_the_events_of_a_slope_and_leaves_their_number() {
-    let drive = made(|x, _, t: f64| 4.0 * t + 0.01 * x);
+    let drive = synthetic(|x, _, t: f64| 4.0 * t + 0.01 * x);
     let run = |words: &[&str]| {
         let found = forward([5.0, 1e-9, 0.0, 0.0, 0.0, 0.0], words, 1_000)
             .run(&drive, &all_pixels(), [0, 3_000_000], 4)
@@ -160,22 +166,22 @@ fn band_limited_noise_scatters_the_events_of_a_slope_and_leaves_their_number() {
 #[test]
 fn scattered_thresholds_spread_a_slopes_events_and_fire_by_themselves_when_drawn_anew() {
     let pixels = all_pixels();
-    let run = |drive: &dyn Drive, scatter: Scatter| {
+    let run = |drive: &dyn Drive, scatter: ThresholdScatter| {
         let plain = forward([5.0, 1e-9, 0.0, 0.0, 0.0, 0.0], &[], 1_000);
         let adjust = |_: u16, _: u16, pixel: &mut PixelModel| pixel.scatter = Some(scatter);
         plain.run_with(drive, &pixels, [0, 3_000_000], 4, &adjust).unwrap().events
     };
     // Five thresholds a second and unit of the logarithm: twenty events a second.
-    let slope = made(|x, _, t: f64| 4.0 * t + 0.01 * x);
-    let drawn = run(&slope, Scatter { scale: 0.1, light_exponent: 0.0, redrawn_hz: 0.0 });
+    let slope = synthetic(|x, _, t: f64| 4.0 * t + 0.01 * x);
+    let drawn = run(&slope, ThresholdScatter { scale: 0.1, light_exponent: 0.0, redrawn_hz: 0.0 });
     let found: Vec<f64> = intervals(&drawn).iter().map(|(us, _)| us * 20e-6).collect();
     let n = found.len() as f64;
     let mean = found.iter().sum::<f64>() / n;
     let sd = (found.iter().map(|theta| (theta - mean).powi(2)).sum::<f64>() / n).sqrt();
     assert!((mean - 1.0).abs() < 0.01 && (sd / 0.181_4 - 1.0).abs() < 0.03, "{mean} {sd}");
     // At rest each draw passes either threshold by chance; the law is broader in the dark.
-    let rest = made(|_, _, _| -1.0);
-    let scatter = Scatter { scale: 0.2, light_exponent: 0.5, redrawn_hz: 20.0 };
+    let rest = synthetic(|_, _, _| -1.0);
+    let scatter = ThresholdScatter { scale: 0.2, light_exponent: 0.5, redrawn_hz: 20.0 };
     let by_itself = run(&rest, scatter).len() as f64 / (3.0 * SIZE.n_pixels() as f64);
     let chance = 1.0 / (1.0 + (1.0 / (0.2 * 0.5_f64.exp())).exp());
     assert!((by_itself / (2.0 * 20.0 * chance) - 1.0).abs() < 0.08, "{by_itself} {chance}");
@@ -183,7 +189,7 @@ fn scattered_thresholds_spread_a_slopes_events_and_fire_by_themselves_when_drawn
 
 #[test]
 fn light_behind_the_end_of_the_drive_gives_no_event_and_no_panic() {
-    let drive = made(|x, _, t| if t > 0.5 || x < 20.0 { f64::NAN } else { 10.0 * t });
+    let drive = synthetic(|x, _, t| if t > 0.5 || x < 20.0 { f64::NAN } else { 10.0 * t });
     let run = forward([5.0, 1.0, 1e-4, 1e-7, 1e-9, 1e-5], NOISY, 1_000).run(
         &drive,
         &all_pixels(),
@@ -191,7 +197,7 @@ fn light_behind_the_end_of_the_drive_gives_no_event_and_no_panic() {
         1,
     );
     let run = run.unwrap();
-    assert_eq!(run.n_lit, SIZE.n_pixels() / 2);
+    assert_eq!(run.n_with_signal, SIZE.n_pixels() / 2);
     let background = run.events.as_slice().iter().filter(|e| e.t > 501_000).count();
     assert!(background < SIZE.n_pixels(), "only what comes without light");
 }
@@ -206,43 +212,44 @@ fn what_cannot_be_run_is_refused_with_the_reason() {
     assert!(error(&[(0, 0)], [1000, 1000]).contains("window"));
     assert!(error(&[(0, 0)], [i64::MIN, i64::MAX]).contains("steps"));
     let hot = Coefficients::new([1e4, 1e-9, 0.0, 0.0, 0.0, 1.0]).unwrap();
-    let parameters = ForwardParameters { k: hot, effects: Effects::none(), step_us: 1_000 };
-    let hot = Forward::new(parameters.clone(), Surroundings::default()).unwrap();
+    let parameters = ForwardParameters { k: hot, effects: EffectSet::none(), step_us: 1_000 };
+    let hot = ForwardSimulator::new(parameters.clone(), RecordingContext::default()).unwrap();
     let error = hot.run(&wave(), &[(1, 2)], [0, 1_000_000], 0).unwrap_err();
     assert!(error.to_string().contains("(1, 2)"), "{error}");
-    let fine = Forward::new(
+    let fine = ForwardSimulator::new(
         ForwardParameters { step_us: 1, ..parameters.clone() },
-        Surroundings::default(),
+        RecordingContext::default(),
     );
     assert!(fine.unwrap_err().to_string().contains("1 us"));
-    let effects = Effects::from_words(&["aps_coupling:events_fraction=0.1,delay_us=0,row_us=0"]);
+    let effects = EffectSet::from_words(&["aps_coupling:events_fraction=0.1,delay_us=0,row_us=0"]);
     let parameters = ForwardParameters { effects: effects.unwrap(), ..parameters };
-    let error = Forward::new(parameters, Surroundings::default()).unwrap_err();
+    let error = ForwardSimulator::new(parameters, RecordingContext::default()).unwrap_err();
     assert!(error.to_string().contains("starts of exposure"), "{error}");
 }
 
 /// A camera without noise of its own.
-fn camera(on_over_nominal: f64) -> Camera {
+fn camera(on_over_nominal: f64) -> DiagnosedCamera {
     let k = Coefficients::new([5.0, 1.0, 0.0, 1e-7, 0.0, 0.0]).unwrap();
-    let effects = Effects::from_words(&["refractory_period:refractory_us=900"]).unwrap();
-    Camera {
+    let effects = EffectSet::from_words(&["refractory_period:refractory_us=900"]).unwrap();
+    DiagnosedCamera {
         generator: ForwardParameters { k, effects, step_us: 1_000 },
         on_over_nominal,
         noise: BandNoise { rms: 0.0, bandwidth_hz: 200.0, light_exponent: 0.0 },
-        scatter: Scatter { scale: 0.0, light_exponent: 0.0, redrawn_hz: 100.0 },
+        scatter: ThresholdScatter { scale: 0.0, light_exponent: 0.0, redrawn_hz: 100.0 },
         background_hz: 0.0,
     }
 }
 
-fn seen_by(camera: &Camera) -> Events {
-    let around = Surroundings::default();
+fn seen_by(camera: &DiagnosedCamera) -> Events {
+    let around = RecordingContext::default();
     camera.events(&wave(), &all_pixels(), [0, 1_000_000], around, 5).unwrap().events
 }
 
 #[test]
 fn a_camera_makes_the_events_of_its_generator_with_its_own_thresholds() {
     let even = camera(1.0);
-    let forward = Forward::new(even.generator.clone(), Surroundings::default()).unwrap();
+    let forward =
+        ForwardSimulator::new(even.generator.clone(), RecordingContext::default()).unwrap();
     let plain = forward.run(&wave(), &all_pixels(), [0, 1_000_000], 5).unwrap().events;
     assert!(plain.len() > 10_000);
     assert_eq!(seen_by(&even), plain);
@@ -250,7 +257,7 @@ fn a_camera_makes_the_events_of_its_generator_with_its_own_thresholds() {
     let (uneven, n_on) = (seen_by(&camera(1.5)), plain.as_slice().count_on());
     assert!(uneven.as_slice().count_on() < n_on * 8 / 10);
     assert!(uneven.len() - uneven.as_slice().count_on() > (plain.len() - n_on) * 12 / 10);
-    let quiet = Camera { background_hz: 3.0, ..camera(1.0) };
+    let quiet = DiagnosedCamera { background_hz: 3.0, ..camera(1.0) };
     let more = seen_by(&quiet).len() as f64 - plain.len() as f64;
     // Events without a crossing delay those with one, by a few percent.
     let expected = 3.0 * SIZE.n_pixels() as f64;
@@ -261,12 +268,12 @@ fn a_camera_makes_the_events_of_its_generator_with_its_own_thresholds() {
 fn a_camera_is_read_as_it_was_written_and_refused_where_no_pixel_can_work() {
     let camera = camera(1.2);
     let text = serde_json::to_string(&camera).unwrap();
-    assert_eq!(serde_json::from_str::<Camera>(&text).unwrap(), camera);
+    assert_eq!(serde_json::from_str::<DiagnosedCamera>(&text).unwrap(), camera);
     for (key, value) in [("on_over_nominal", "0.0"), ("background_hz", "-1.0")] {
         let mut broken = serde_json::to_value(&camera).unwrap();
         broken[key] = value.parse::<f64>().unwrap().into();
-        let broken: Camera = serde_json::from_value(broken).unwrap();
-        let around = Surroundings::default();
+        let broken: DiagnosedCamera = serde_json::from_value(broken).unwrap();
+        let around = RecordingContext::default();
         let refused = broken.events(&wave(), &[(0, 0)], [0, 1_000], around, 0).unwrap_err();
         assert!(refused.to_string().starts_with(key), "{refused}");
     }

@@ -3,29 +3,29 @@
 use evrig_core::geometry::Size;
 
 /// Pixels from node to node.
-pub(super) const STEP: usize = 8;
+pub(super) const NODE_SPACING_PX: usize = 8;
 
-/// Places in a frame, one for each pixel: exact at every [`STEP`]th pixel each way, straight between.
+/// Places in a frame, one for each pixel: exact at every [`NODE_SPACING_PX`]th pixel each way, straight between.
 ///
 /// What bends the way there, perspective, lens and rolling rows, bends it over the whole picture: with
 /// a lens that moves its corner by 30 px, straight between nodes is less than 0.02 px off.
-pub(super) struct Mesh {
+pub(super) struct PixelMesh {
     n_columns: usize,
     nodes: Vec<[f32; 2]>,
 }
 
 /// The places of the pixels of one row from a node up to the next.
 #[derive(Clone, Copy)]
-pub(super) struct Line {
+pub(super) struct MeshRow {
     start: [f32; 2],
     step: [f32; 2],
 }
 
-impl Mesh {
+impl PixelMesh {
     /// Middles of the pixels that are nodes of a grid, row by row; the last may lie beyond its edge.
     pub(super) fn pixels(size: Size) -> impl Iterator<Item = [f64; 2]> {
         let [columns, rows] = [size.width, size.height].map(n_nodes);
-        let at = |node: usize| (node * STEP) as f64 + 0.5;
+        let at = |node: usize| (node * NODE_SPACING_PX) as f64 + 0.5;
         (0..rows).flat_map(move |y| (0..columns).map(move |x| [at(x), at(y)]))
     }
 
@@ -36,19 +36,19 @@ impl Mesh {
     }
 
     /// The places of row `y` from the node number `cell` on.
-    pub(super) fn line(&self, cell: usize, y: usize) -> Line {
-        let above = y / STEP * self.n_columns + cell;
-        let share = (y % STEP) as f32 / STEP as f32;
+    pub(super) fn line(&self, cell: usize, y: usize) -> MeshRow {
+        let above = y / NODE_SPACING_PX * self.n_columns + cell;
+        let share = (y % NODE_SPACING_PX) as f32 / NODE_SPACING_PX as f32;
         let at = |node: usize| {
             let [a, b] = [self.nodes[node], self.nodes[node + self.n_columns]];
             [0, 1].map(|i| a[i] + (b[i] - a[i]) * share)
         };
         let [start, end] = [at(above), at(above + 1)];
-        Line { start, step: [0, 1].map(|i| (end[i] - start[i]) / STEP as f32) }
+        MeshRow { start, step: [0, 1].map(|i| (end[i] - start[i]) / NODE_SPACING_PX as f32) }
     }
 }
 
-impl Line {
+impl MeshRow {
     /// The place of the pixel `k` behind the node.
     #[inline]
     pub(super) fn at(&self, k: usize) -> [f32; 2] {
@@ -58,13 +58,13 @@ impl Line {
 
 /// Nodes along a side: one before each pixel or at it, and one behind.
 fn n_nodes(side: u16) -> usize {
-    usize::from(side).div_ceil(STEP) + 1
+    usize::from(side).div_ceil(NODE_SPACING_PX) + 1
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plane::middle;
+    use crate::grid::pixel_centre;
 
     #[test]
     fn straight_between_nodes_is_near_the_bent_way_everywhere() {
@@ -81,14 +81,14 @@ mod tests {
             let z = 1.0 + 1e-4 * u - 5e-5 * v;
             bend([(u + 0.03 * v + 2.0 - 0.005 * v) / z, (v - 0.02 * u + 1.0) / z])
         };
-        let mesh = Mesh::new(size, Mesh::pixels(size).map(place));
+        let mesh = PixelMesh::new(size, PixelMesh::pixels(size).map(place));
         let (mut worst, mut moved) = (0.0_f64, 0.0_f64);
         for i in 0..size.n_pixels() {
             let (x, y) = (i % 691, i / 691);
-            let found = mesh.line(x / STEP, y).at(x % STEP).map(f64::from);
-            let truth = place(middle(size, i));
+            let found = mesh.line(x / NODE_SPACING_PX, y).at(x % NODE_SPACING_PX).map(f64::from);
+            let truth = place(pixel_centre(size, i));
             worst = worst.max((found[0] - truth[0]).hypot(found[1] - truth[1]));
-            let straight = middle(size, i);
+            let straight = pixel_centre(size, i);
             let bent = bend(straight);
             moved = moved.max((bent[0] - straight[0]).hypot(bent[1] - straight[1]));
         }

@@ -7,13 +7,13 @@ use wide::f32x4;
 /// (Catmull and Rom): exact at the pixels' middles, and nearly as sharp between them, so that the
 /// contrast does not beat with the frames.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Picture<'a> {
+pub(super) struct CubicSampler<'a> {
     values: &'a [f32],
     width: usize,
     height: usize,
 }
 
-impl<'a> Picture<'a> {
+impl<'a> CubicSampler<'a> {
     pub(super) fn new(frame: &'a Luminance) -> Self {
         let [width, height] = [frame.size.width, frame.size.height].map(usize::from);
         Self { values: &frame.values, width, height }
@@ -85,7 +85,7 @@ mod tests {
         let size = Size::new(9, 7);
         let values = (0..63).map(|i| 3.0 + 2.0 * (i % 9) as f32 + 5.0 * (i / 9) as f32).collect();
         let frame = Luminance { t_us: 0, size, values };
-        let picture = Picture::new(&frame);
+        let picture = CubicSampler::new(&frame);
         for (u, v) in [(3.2, 2.9), (4.5, 3.5), (5.71, 4.33)] {
             let truth = 3.0 + 2.0 * (u - 0.5) + 5.0 * (v - 0.5);
             assert!((picture.at([u, v]).unwrap() - truth).abs() < 1e-4);

@@ -1,7 +1,12 @@
 use super::*;
+use crate::grid::pixel_centre;
+use crate::interpolate::between;
+use crate::rows::RowTimes;
 use crate::voltmeter::Coefficients;
 use crate::{EsimParameters, GenerateParameters, Generator, ModelParameters, build};
 use evrig_core::event::Events;
+use evrig_core::frame::Luminance;
+use evrig_core::geometry::{Homography, Size};
 
 const SIZE: Size = Size { width: 96, height: 64 };
 
@@ -43,7 +48,7 @@ fn print([x, y]: [f64; 2]) -> f64 {
 /// What the camera sees, each row at its own time.
 fn shot(t_us: i64, rows: RowTimes) -> Luminance {
     let value = |i: usize| {
-        let [u, v] = middle(SIZE, i);
+        let [u, v] = pixel_centre(SIZE, i);
         let at = t_us as f64 + rows.after_us(v - 0.5);
         let back = Homography::from(Circle::matrix(at)).inverse().unwrap();
         print(back.apply([u, v])) as f32
@@ -145,7 +150,7 @@ fn the_frames_rhythm_leaves_the_events() {
     let plain = events((0..n).map(|i| shot(i * frame_us, RowTimes::default())));
     let along = events(between_frames(frame_us, n, RowTimes::default()));
     let rhythm = |events: &Events| {
-        let mut rhythm = crate::Rhythm::default();
+        let mut rhythm = crate::PhaseLocking::default();
         let frames: Vec<i64> = (0..n).map(|i| i * frame_us).collect();
         rhythm.add_between(events.as_slice(), &frames);
         rhythm.strength()

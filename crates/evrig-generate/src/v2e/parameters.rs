@@ -1,30 +1,28 @@
 //! The parameters of the v2e pixel and the authors' two sets of them.
 
-use crate::ParameterError;
-use crate::esim::LOWEST_THRESHOLD;
-use crate::parameter_error::check;
-use crate::parameters::FULL_SCALE_8_BIT;
+use crate::limits::{FULL_SCALE_8_BIT_DN, MIN_THRESHOLD};
+use crate::parameter_error::{ParameterError, check};
 use serde::{Deserialize, Serialize};
 
-/// Parameters of [`crate::Model::V2e`].
+/// Parameters of [`crate::GeneratorModel::V2e`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct V2eParameters {
-    /// Mean rise of log brightness for an On event, 0.01..=10.
+    /// Mean rise of log brightness for an ON event, 0.01..=10.
     pub threshold_on: f64,
-    /// Mean fall of log brightness for an Off event, 0.01..=10.
+    /// Mean fall of log brightness for an OFF event, 0.01..=10.
     pub threshold_off: f64,
     /// Standard deviation of both from pixel to pixel, 0..=1.
     pub threshold_sd: f64,
     /// Cut-off of the photoreceptor's low-pass at full scale, Hz; 0 for none.
     pub cutoff_hz: f64,
-    /// Rate of On events by the leak, Hz.
+    /// Rate of ON events by the leak, Hz.
     pub leak_rate_hz: f64,
     /// Relative standard deviation of the leak from frame to frame.
     pub leak_jitter: f64,
     /// Standard deviation of the leak from pixel to pixel, decades.
     pub leak_spread_decades: f64,
-    /// Rate of shot-noise events in the dark, half On and half Off, Hz.
+    /// Rate of shot-noise events in the dark, half ON and half OFF, Hz.
     pub shot_noise_rate_hz: f64,
     /// Share of that rate that is left at full scale.
     pub shot_noise_at_full_scale: f64,
@@ -50,7 +48,7 @@ impl V2eParameters {
         shot_noise_at_full_scale: 0.25,
         refractory_us: 0.0,
         linear_below: 20.0,
-        full_scale_dn: FULL_SCALE_8_BIT,
+        full_scale_dn: FULL_SCALE_8_BIT_DN,
     };
 
     /// The authors' "noisy" set: a dim scene.
@@ -69,8 +67,8 @@ impl V2eParameters {
     /// # Errors
     /// The first parameter out of range.
     pub fn check(&self) -> Result<(), ParameterError> {
-        check("threshold_on", self.threshold_on, LOWEST_THRESHOLD, 10.0)?;
-        check("threshold_off", self.threshold_off, LOWEST_THRESHOLD, 10.0)?;
+        check("threshold_on", self.threshold_on, MIN_THRESHOLD, 10.0)?;
+        check("threshold_off", self.threshold_off, MIN_THRESHOLD, 10.0)?;
         check("threshold_sd", self.threshold_sd, 0.0, 1.0)?;
         check("cutoff_hz", self.cutoff_hz, 0.0, 1e9)?;
         check("leak_rate_hz", self.leak_rate_hz, 0.0, 1e5)?;

@@ -1,12 +1,11 @@
 //! The v2e pixel itself.
 
-use super::V2eParameters;
-use crate::esim::LOWEST_THRESHOLD;
-use crate::grid::{Block, PixelModel};
-use crate::merge::Hit;
-use crate::parameters::FULL_SCALE_8_BIT;
-use crate::random::{Draws, FOR_GOOD, Source};
-use crate::sequence::Interval;
+use super::parameters::V2eParameters;
+use crate::grid::{FramePixelModel, PixelBlock};
+use crate::limits::{FULL_SCALE_8_BIT_DN, MIN_THRESHOLD};
+use crate::merge::Crossing;
+use crate::random::{CounterRng, PERMANENT, RandomSource};
+use crate::sequence::FrameInterval;
 use std::f64::consts::{LN_10, TAU};
 
 /// The published program offsets brightness by this (of 255) where light sets a speed, so
@@ -17,12 +16,12 @@ const DARK_OFFSET: f64 = 20.0;
 #[derive(Debug)]
 pub(crate) struct V2e {
     parameters: V2eParameters,
-    source: Source,
+    source: RandomSource,
 }
 
 /// What a pixel is and remembers.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Pixel {
+pub(crate) struct V2ePixel {
     threshold_on: f64,
     threshold_off: f64,
     /// The pixel's own leak relative to the nominal one.
@@ -35,9 +34,9 @@ pub(crate) struct Pixel {
     silent_us: f64,
 }
 
-/// An event of a pixel within an interval: after so many µs, On or Off, and by light or noise.
+/// An event of a pixel within an interval: after so many µs, ON or OFF, and by light or noise.
 #[derive(Debug, Clone, Copy)]
-struct Candidate {
+struct CandidateEvent {
     after_us: f64,
     on: bool,
     by_light: bool,
@@ -45,12 +44,12 @@ struct Candidate {
 
 impl V2e {
     pub(crate) fn new(parameters: V2eParameters, seed: u64) -> Self {
-        Self { parameters, source: Source::new(seed) }
+        Self { parameters, source: RandomSource::new(seed) }
     }
 
     /// Brightness on a scale to 255.
     fn of_255(&self, brightness: f32) -> f64 {
-        f64::from(brightness) * (FULL_SCALE_8_BIT / self.parameters.full_scale_dn)
+        f64::from(brightness) * (FULL_SCALE_8_BIT_DN / self.parameters.full_scale_dn)
     }
 
     /// Linear in the dark, logarithmic above; continuous where the two meet.
@@ -60,30 +59,30 @@ impl V2e {
     }
 
     /// How much light there is for speed: 0.07 in the dark, 1 at full scale.
-    fn light(of_255: f64) -> f64 {
-        ((of_255 + DARK_OFFSET) / (FULL_SCALE_8_BIT + DARK_OFFSET)).min(1.0)
+    fn relative_light(of_255: f64) -> f64 {
+        ((of_255 + DARK_OFFSET) / (FULL_SCALE_8_BIT_DN + DARK_OFFSET)).min(1.0)
     }
 
-    fn start_pixel(&self, pixel: u32, brightness: f32) -> Pixel {
+    fn start_pixel(&self, pixel: u32, brightness: f32) -> V2ePixel {
         let p = &self.parameters;
-        let mut draws = self.source.draws(pixel, FOR_GOOD);
+        let mut draws = self.source.draws(pixel, PERMANENT);
         let mut about =
-            |nominal: f64| (nominal + p.threshold_sd * draws.normal()).max(LOWEST_THRESHOLD);
+            |nominal: f64| (nominal + p.threshold_sd * draws.normal()).max(MIN_THRESHOLD);
         let (threshold_on, threshold_off) = (about(p.threshold_on), about(p.threshold_off));
         let leak = (p.leak_spread_decades * LN_10 * draws.normal()).exp();
         let smooth = self.lin_log(self.of_255(brightness));
         // Where the leak stands at the start is drawn, or all pixels would fire at once.
         let stands = if p.leak_rate_hz > 0.0 { draws.uniform() * threshold_on } else { 0.0 };
         let memorised = smooth - stands;
-        Pixel { threshold_on, threshold_off, leak, smooth, memorised, silent_us: 0.0 }
+        V2ePixel { threshold_on, threshold_off, leak, smooth, memorised, silent_us: 0.0 }
     }
 
     /// Low-pass and leak over an interval.
-    fn follow(&self, pixel: &mut Pixel, of_255: f64, span_s: f64, draws: &mut Draws) {
+    fn follow(&self, pixel: &mut V2ePixel, of_255: f64, span_s: f64, draws: &mut CounterRng) {
         let p = &self.parameters;
         let level = self.lin_log(of_255);
         if p.cutoff_hz > 0.0 {
-            let step = (Self::light(of_255) * TAU * p.cutoff_hz * span_s).min(1.0);
+            let step = (Self::relative_light(of_255) * TAU * p.cutoff_hz * span_s).min(1.0);
             pixel.smooth += step * (level - pixel.smooth);
         } else {
             pixel.smooth = level;
@@ -97,14 +96,14 @@ impl V2e {
     }
 
     /// Events by the change of light, spread evenly over the interval.
-    fn by_light(pixel: &Pixel, span_us: f64, candidates: &mut Vec<Candidate>) {
+    fn by_light(pixel: &V2ePixel, span_us: f64, candidates: &mut Vec<CandidateEvent>) {
         let change = pixel.smooth - pixel.memorised;
         let on = change > 0.0;
         let threshold = if on { pixel.threshold_on } else { pixel.threshold_off };
         let n = (change.abs() / threshold).floor();
         for i in 1..=n as u32 {
             let after_us = span_us * f64::from(i) / n;
-            candidates.push(Candidate { after_us, on, by_light: true });
+            candidates.push(CandidateEvent { after_us, on, by_light: true });
         }
     }
 
@@ -112,14 +111,14 @@ impl V2e {
     /// one whose events fall to either side.
     fn by_noise(
         &self,
-        pixel: &Pixel,
+        pixel: &V2ePixel,
         of_255: f64,
         span_us: f64,
-        draws: &mut Draws,
-        candidates: &mut Vec<Candidate>,
+        draws: &mut CounterRng,
+        candidates: &mut Vec<CandidateEvent>,
     ) {
         let p = &self.parameters;
-        let dimmed = 1.0 - (1.0 - p.shot_noise_at_full_scale) * Self::light(of_255);
+        let dimmed = 1.0 - (1.0 - p.shot_noise_at_full_scale) * Self::relative_light(of_255);
         let per_us = 0.5e-6 * p.shot_noise_rate_hz * dimmed;
         let [on, off] =
             [p.threshold_on / pixel.threshold_on, p.threshold_off / pixel.threshold_off];
@@ -136,15 +135,15 @@ impl V2e {
                 break;
             }
             let on = draws.uniform() * (on + off) < on;
-            candidates.push(Candidate { after_us, on, by_light: false });
+            candidates.push(CandidateEvent { after_us, on, by_light: false });
         }
     }
 
     /// Lets the candidates through that do not fall into silence; resets by those of light.
     fn fire(
         &self,
-        pixel: &mut Pixel,
-        candidates: &mut [Candidate],
+        pixel: &mut V2ePixel,
+        candidates: &mut [CandidateEvent],
         mut fire: impl FnMut(f64, bool),
     ) {
         candidates.sort_by(|a, b| a.after_us.total_cmp(&b.after_us));
@@ -162,12 +161,12 @@ impl V2e {
     }
 }
 
-impl PixelModel for V2e {
+impl FramePixelModel for V2e {
     const NAME: &'static str = "v2e";
 
-    type State = Vec<Pixel>;
+    type State = Vec<V2ePixel>;
 
-    fn most_events(&self, interval: Interval) -> f64 {
+    fn max_mean_events(&self, interval: FrameInterval) -> f64 {
         let p = &self.parameters;
         let span_s = f64::from(interval.span_us) * 1e-6;
         let least = p.threshold_on.min(p.threshold_off) - 4.0 * p.threshold_sd;
@@ -175,19 +174,19 @@ impl PixelModel for V2e {
         let noise = p.shot_noise_rate_hz * p.shot_noise_at_full_scale.max(1.0) * span_s;
         // 4 standard deviations of the leak's spread and jitter.
         let leak = p.leak_rate_hz * (4.0 * p.leak_spread_decades * LN_10).exp() * span_s;
-        range / least.max(LOWEST_THRESHOLD) + noise + leak * (1.0 + 4.0 * p.leak_jitter)
+        range / least.max(MIN_THRESHOLD) + noise + leak * (1.0 + 4.0 * p.leak_jitter)
     }
 
-    fn start(&self, first: u32, brightness: &[f32]) -> Vec<Pixel> {
+    fn start(&self, first: u32, brightness: &[f32]) -> Vec<V2ePixel> {
         let pixels = brightness.iter().zip(first..);
         pixels.map(|(&brightness, pixel)| self.start_pixel(pixel, brightness)).collect()
     }
 
-    fn restart(&self, block: &mut Block<Vec<Pixel>>, i: usize) {
+    fn restart(&self, block: &mut PixelBlock<Vec<V2ePixel>>, i: usize) {
         block.state[i] = self.start_pixel(block.first + i as u32, block.before[i]);
     }
 
-    fn run(&self, block: &mut Block<Vec<Pixel>>, after: &[f32], interval: Interval) {
+    fn run(&self, block: &mut PixelBlock<Vec<V2ePixel>>, after: &[f32], interval: FrameInterval) {
         let span_us = f64::from(interval.span_us);
         let has_noise = self.parameters.shot_noise_rate_hz > 0.0;
         let mut candidates = Vec::new();
@@ -202,7 +201,7 @@ impl PixelModel for V2e {
                 self.by_noise(pixel, of_255, span_us, &mut draws, &mut candidates);
             }
             self.fire(pixel, &mut candidates, |t, on| {
-                block.hits.push(Hit::new(number, t, interval.span_us, on));
+                block.hits.push(Crossing::new(number, t, interval.span_us, on));
             });
             pixel.silent_us = (pixel.silent_us - span_us).max(0.0);
         }

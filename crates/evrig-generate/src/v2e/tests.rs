@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::Generator;
-use crate::grid::Grid;
+use crate::grid::PixelGrid;
 use evrig_core::event::Events;
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
@@ -12,7 +12,7 @@ const SIZE: Size = Size::new(100, 50);
 
 /// All pixels see `brightness(t)` at 1,000 frames a second for `n` frames.
 fn run(parameters: V2eParameters, n: u32, brightness: impl Fn(f64) -> f64) -> Events {
-    let mut generator = Grid::new(V2e::new(parameters, 9), None).unwrap();
+    let mut generator = PixelGrid::new(V2e::new(parameters, 9), None).unwrap();
     let mut out = Events::new();
     for i in 0..=n {
         let values = vec![brightness(f64::from(i) * 1e-3) as f32; SIZE.n_pixels()];
@@ -48,7 +48,7 @@ fn dark_brightness_counts_linearly() {
 #[test]
 fn the_low_pass_delays_more_in_the_dark() {
     let parameters = V2eParameters { cutoff_hz: 10.0, ..ideal() };
-    // The same contrast at two lights: time of the third On event after the step.
+    // The same contrast at two lights: time of the third ON event after the step.
     let third = |dark: f64| {
         let out = run(parameters, 400, |t| if t < 0.5e-3 { dark } else { dark * 2.2 });
         let times = out.as_slice().iter().filter(|e| (e.x, e.y) == (0, 0)).map(|e| e.t);
@@ -81,8 +81,8 @@ fn the_leak_fires_on_at_its_rate_and_not_all_pixels_at_once() {
 fn shot_noise_is_balanced_random_and_stronger_in_the_dark() {
     let parameters = V2eParameters { shot_noise_rate_hz: 20.0, ..ideal() };
     let seconds = 0.5;
-    let rate = |light: f64| {
-        let out = run(parameters, 500, |_| light);
+    let rate = |relative_light: f64| {
+        let out = run(parameters, 500, |_| relative_light);
         let n = out.len() as f64;
         let on = out.as_slice().count_on() as f64;
         assert!((on - 0.5 * n).abs() < 3.89 * 0.5 * n.sqrt(), "{on} On of {n}");
@@ -96,9 +96,13 @@ fn shot_noise_is_balanced_random_and_stronger_in_the_dark() {
         counts.mean() / seconds
     };
     // 20 Hz times 1 − 0.75 (light + 20)/275.
-    for light in [0.0, 255.0] {
-        let exact = 20.0 * (1.0 - 0.75 * (light + 20.0) / 275.0);
-        assert!((rate(light) / exact - 1.0).abs() < 0.03, "{} {exact}", rate(light));
+    for relative_light in [0.0, 255.0] {
+        let exact = 20.0 * (1.0 - 0.75 * (relative_light + 20.0) / 275.0);
+        assert!(
+            (rate(relative_light) / exact - 1.0).abs() < 0.03,
+            "{} {exact}",
+            rate(relative_light)
+        );
     }
 }
 

@@ -5,14 +5,14 @@
 //! −1 (Off). With b = μ/σ² all laws depend on b, σ²t and v only. Source: Borodin and
 //! Salminen, Handbook of Brownian Motion, 2nd ed. 2002, part II, 2.3.0 and 2.1.8.
 
-use super::Motion;
+use super::coefficients::DriftDiffusion;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 /// Probability that +1 is hit before −1 from `v`; without noise, the side of the drift, and
 /// 1/2 when nothing moves at all.
 #[must_use]
-pub fn probability_on(v: f64, motion: Motion) -> f64 {
-    let Motion { drift_per_us, sigma_per_sqrt_us } = motion;
+pub fn probability_on(v: f64, motion: DriftDiffusion) -> f64 {
+    let DriftDiffusion { drift_per_us, sigma_per_sqrt_us } = motion;
     let (above, below) = (1.0 - v, 1.0 + v);
     if drift_per_us == 0.0 {
         return 0.5 * below;
@@ -28,7 +28,7 @@ pub fn probability_on(v: f64, motion: Motion) -> f64 {
 
 /// Mean time from 0 to a barrier, µs.
 #[must_use]
-pub fn mean_interval_us(motion: Motion) -> f64 {
+pub fn mean_interval_us(motion: DriftDiffusion) -> f64 {
     let (b, rate) = scaled(motion);
     let tanh_over_b = if b.abs() < 1e-4 { 1.0 - b * b / 3.0 } else { b.tanh() / b };
     tanh_over_b / rate
@@ -36,7 +36,7 @@ pub fn mean_interval_us(motion: Motion) -> f64 {
 
 /// Standard deviation of the time from 0 to a barrier, µs.
 #[must_use]
-pub fn sd_interval_us(motion: Motion) -> f64 {
+pub fn sd_interval_us(motion: DriftDiffusion) -> f64 {
     let (b, rate) = scaled(motion);
     let variance = if b.abs() < 0.05 {
         // Series of (tanh b − b sech² b)/b³; the next term, 496/2835 b⁶, is below 1e-8 of it.
@@ -49,14 +49,14 @@ pub fn sd_interval_us(motion: Motion) -> f64 {
 }
 
 /// b = μ/σ² and σ² (1/µs).
-fn scaled(motion: Motion) -> (f64, f64) {
+fn scaled(motion: DriftDiffusion) -> (f64, f64) {
     let rate = motion.sigma_per_sqrt_us * motion.sigma_per_sqrt_us;
     (motion.drift_per_us / rate, rate)
 }
 
 /// Probability that neither barrier was hit by `t_us` from `v`.
 #[must_use]
-pub fn survival(v: f64, motion: Motion, t_us: f64) -> f64 {
+pub fn survival(v: f64, motion: DriftDiffusion, t_us: f64) -> f64 {
     residual_mass(v, motion, t_us, 1.0)
 }
 
@@ -64,7 +64,7 @@ pub fn survival(v: f64, motion: Motion, t_us: f64) -> f64 {
 ///
 /// Without noise the path is a line and the mass is 0 or 1.
 #[must_use]
-pub fn residual_mass(v: f64, motion: Motion, t_us: f64, z: f64) -> f64 {
+pub fn residual_mass(v: f64, motion: DriftDiffusion, t_us: f64, z: f64) -> f64 {
     let (b, rate) = scaled(motion);
     let s = rate * t_us;
     let mass = if s < f64::MIN_POSITIVE {
@@ -125,8 +125,8 @@ fn mass_by_modes(v: f64, b: f64, s: f64, z: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn motion(b: f64, rate: f64) -> Motion {
-        Motion { drift_per_us: b * rate, sigma_per_sqrt_us: rate.sqrt() }
+    fn motion(b: f64, rate: f64) -> DriftDiffusion {
+        DriftDiffusion { drift_per_us: b * rate, sigma_per_sqrt_us: rate.sqrt() }
     }
 
     #[test]
@@ -177,7 +177,7 @@ mod tests {
     #[test]
     fn the_side_has_its_limits_in_drift_and_noise() {
         let on = |v, drift_per_us, sigma_per_sqrt_us| {
-            probability_on(v, Motion { drift_per_us, sigma_per_sqrt_us })
+            probability_on(v, DriftDiffusion { drift_per_us, sigma_per_sqrt_us })
         };
         assert!((on(0.5, 0.0, 1.0) - 0.75).abs() < 1e-15);
         assert!((on(0.5, 1e-12, 1.0) - 0.75).abs() < 1e-9);

@@ -1,7 +1,7 @@
 //! The six k of the event model, their ranges, and what they make of two brightnesses.
 
-use crate::ParameterError;
-use crate::sequence::Interval;
+use crate::parameter_error::ParameterError;
+use crate::sequence::FrameInterval;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
@@ -26,7 +26,7 @@ const RANGES: [(f64, f64, &str); 6] = [
 
 /// Drift and diffusion of a pixel's voltage within an interval, both constant there.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Motion {
+pub struct DriftDiffusion {
     /// Drift μ, thresholds per µs.
     pub drift_per_us: f64,
     /// Diffusion σ, thresholds per √µs (a standard deviation, not a variance).
@@ -77,12 +77,12 @@ impl Coefficients {
     /// Drift and diffusion between two frames `span_us` apart that saw `before` and `after` (DN).
     #[must_use]
     #[inline]
-    pub fn motion(&self, before: f32, after: f32, span_us: f64) -> Motion {
+    pub fn motion(&self, before: f32, after: f32, span_us: f64) -> DriftDiffusion {
         let [k1, k2, k3, k4, k5, k6] = self.0;
         let (before, after) = (f64::from(before), f64::from(after));
         let mean = 0.5 * (before + after);
         let gain = 1.0 / (mean + k2);
-        Motion {
+        DriftDiffusion {
             drift_per_us: k1 * gain * (after - before) / span_us + k4 + k5 * mean,
             sigma_per_sqrt_us: k3 * gain * mean.sqrt() + k6,
         }
@@ -90,7 +90,7 @@ impl Coefficients {
 
     /// A number of events that no pixel's mean exceeds in an interval: a pixel fires at the
     /// rate μ/tanh(μ/σ²) <= |μ| + σ²; |ΔL| <= 2 L̄ and √L/(L + k2) <= 1/(2 √k2).
-    pub(super) fn most_events(&self, interval: Interval) -> f64 {
+    pub(super) fn max_mean_events(&self, interval: FrameInterval) -> f64 {
         let [k1, k2, k3, k4, k5, k6] = self.0;
         let sigma = k3 / (2.0 * k2.sqrt()) + k6;
         let leak = k4.abs() + k5.abs() * f64::from(interval.brightest);
@@ -168,8 +168,8 @@ mod tests {
             let motion = k.motion(before, after, 1.0);
             assert!(motion.drift_per_us.is_finite() && motion.sigma_per_sqrt_us.is_finite());
             let brightest = f32::max(before, after);
-            let interval = Interval { index: 1, start_us: 0, span_us: 1, brightest };
-            let most = k.most_events(interval);
+            let interval = FrameInterval { index: 1, start_us: 0, span_us: 1, brightest };
+            let most = k.max_mean_events(interval);
             assert!(motion.drift_per_us.abs() + motion.sigma_per_sqrt_us.powi(2) <= most);
         }
     }

@@ -2,28 +2,28 @@
 
 use super::*;
 use crate::ks;
-use crate::random::{Draws, Source};
+use crate::random::{CounterRng, RandomSource};
 use evrig_core::stats::Moments;
 
-type Advance = fn(f64, Motion, f64, &mut Draws, &mut dyn FnMut(f64, bool)) -> f64;
+type Advance = fn(f64, DriftDiffusion, f64, &mut CounterRng, &mut dyn FnMut(f64, bool)) -> f64;
 
 /// 120 frames a second.
 const SPAN_US: f64 = 1e6 / 120.0;
 
 /// A motion of given b = μ/σ² and s = σ²τ.
-fn scaled(b: f64, s: f64) -> Motion {
+fn scaled(b: f64, s: f64) -> DriftDiffusion {
     let rate = s / SPAN_US;
-    Motion { drift_per_us: b * rate, sigma_per_sqrt_us: rate.sqrt() }
+    DriftDiffusion { drift_per_us: b * rate, sigma_per_sqrt_us: rate.sqrt() }
 }
 
 /// Intervals between events in µs and their sides: `per_pixel` from each of `n_pixels`, frame by frame.
 fn intervals(
     advance: Advance,
-    motion: Motion,
+    motion: DriftDiffusion,
     n_pixels: u32,
     per_pixel: usize,
 ) -> Vec<(f64, bool)> {
-    let source = Source::new(11);
+    let source = RandomSource::new(11);
     let mut all = Vec::new();
     for pixel in 0..n_pixels {
         let (mut v, mut last, mut n) = (0.0, 0.0, 0);
@@ -53,7 +53,7 @@ fn cv(sample: &Moments) -> f64 {
 /// Mean within 3.89 standard errors (false alarm 1e-4) and CV within a bound of the same size:
 /// the errors of standard deviation and mean added, as if they never made up for each other.
 #[track_caller]
-fn assert_mean_and_cv(times: &[f64], motion: Motion) {
+fn assert_mean_and_cv(times: &[f64], motion: DriftDiffusion) {
     let sample: Moments = times.iter().copied().collect();
     let (mean, sd) = (closed_form::mean_interval_us(motion), closed_form::sd_interval_us(motion));
     let n = times.len() as f64;
@@ -89,7 +89,7 @@ fn intervals_follow_the_two_barrier_law_over_drift_noise_and_frame_rate() {
 
 #[test]
 fn the_residual_at_the_end_of_an_interval_follows_its_conditional_law() {
-    let source = Source::new(12);
+    let source = RandomSource::new(12);
     for b in [0.0, 2.0, -4.0] {
         for v in [0.0, 0.6, -0.7, 0.99] {
             for s in [0.02, 0.2, 1.0] {
@@ -163,8 +163,8 @@ fn swing(frame: u32) -> f32 {
     100.0 + 60.0 * (0.9 * frame as f32).sin()
 }
 
-/// What one pixel does over ten frames of [`swing`]: first event, number of On and Off, last voltage.
-struct Outcome {
+/// What one pixel does over ten frames of [`swing`]: first event, number of ON and OFF, last voltage.
+struct PassageOutcome {
     first_us: f64,
     n_on: f64,
     n_off: f64,
@@ -173,11 +173,11 @@ struct Outcome {
 
 fn outcome(
     pixel: u32,
-    mut move_on: impl FnMut(f64, Motion, &mut Draws, &mut dyn FnMut(f64, bool)) -> f64,
-) -> Outcome {
+    mut move_on: impl FnMut(f64, DriftDiffusion, &mut CounterRng, &mut dyn FnMut(f64, bool)) -> f64,
+) -> PassageOutcome {
     let k = Coefficients::new([1.5, 2.0, 4e-3, 1e-6, 1e-9, 1e-4]).unwrap();
-    let source = Source::new(13);
-    let mut outcome = Outcome { first_us: f64::INFINITY, n_on: 0.0, n_off: 0.0, end: 0.0 };
+    let source = RandomSource::new(13);
+    let mut outcome = PassageOutcome { first_us: f64::INFINITY, n_on: 0.0, n_off: 0.0, end: 0.0 };
     for frame in 0..10 {
         let motion = k.motion(swing(frame), swing(frame + 1), SPAN_US);
         let mut draws = source.draws(pixel, u64::from(frame));
@@ -197,8 +197,8 @@ fn outcome(
 /// 1997), up to an error of the order of dt.
 fn euler_maruyama(
     mut v: f64,
-    motion: Motion,
-    draws: &mut Draws,
+    motion: DriftDiffusion,
+    draws: &mut CounterRng,
     fire: &mut dyn FnMut(f64, bool),
 ) -> f64 {
     const N_STEPS: u32 = 1_000;
@@ -218,20 +218,20 @@ fn euler_maruyama(
 #[test]
 fn a_swinging_pixel_does_what_a_fine_step_simulation_of_the_equation_does() {
     let n = 2_500;
-    let fine: Vec<Outcome> = (0..n).map(|pixel| outcome(pixel, euler_maruyama)).collect();
-    let exact: Vec<Outcome> = (n..5 * n)
+    let fine: Vec<PassageOutcome> = (0..n).map(|pixel| outcome(pixel, euler_maruyama)).collect();
+    let exact: Vec<PassageOutcome> = (n..5 * n)
         .map(|pixel| {
             outcome(pixel, |v, motion, draws, fire| {
                 passage::advance(v, motion, SPAN_US, draws, fire)
             })
         })
         .collect();
-    for of in [|o: &Outcome| o.first_us, |o: &Outcome| o.end] {
-        let column = |outcomes: &[Outcome]| outcomes.iter().map(of).collect::<Vec<f64>>();
+    for of in [|o: &PassageOutcome| o.first_us, |o: &PassageOutcome| o.end] {
+        let column = |outcomes: &[PassageOutcome]| outcomes.iter().map(of).collect::<Vec<f64>>();
         ks::assert_same_law(&column(&fine), &column(&exact));
     }
-    for of in [|o: &Outcome| o.n_on, |o: &Outcome| o.n_off] {
-        let moments = |outcomes: &[Outcome]| outcomes.iter().map(of).collect::<Moments>();
+    for of in [|o: &PassageOutcome| o.n_on, |o: &PassageOutcome| o.n_off] {
+        let moments = |outcomes: &[PassageOutcome]| outcomes.iter().map(of).collect::<Moments>();
         let (fine, exact) = (moments(&fine), moments(&exact));
         let error = fine.standard_error().hypot(exact.standard_error());
         assert!(fine.mean() > 0.3, "the case is a weak one: {}", fine.mean());
@@ -241,7 +241,7 @@ fn a_swinging_pixel_does_what_a_fine_step_simulation_of_the_equation_does() {
 
 #[test]
 fn the_reference_law_departs_from_the_equation_where_the_published_program_does() {
-    // Figures of the published program itself, run frame by frame: share of On, mean (s) and CV.
+    // Figures of the published program itself, run frame by frame: share of ON, mean (s) and CV.
     let rows = [
         (scaled(1.0, 0.0083), 1.0, 0.3839, 0.1974, 8_000),
         (scaled(1.0, 1.0), 0.8746, 0.005_745, 0.6647, 40_000),

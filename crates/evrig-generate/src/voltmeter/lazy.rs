@@ -7,83 +7,42 @@
 //! A barrier counts as out of reach when it is 8 standard deviations away from the mean at
 //! both ends of the interval, as in [`super::passage`]: the neglected mass is below 2.5e-14.
 
-use super::Coefficients;
+use super::coefficients::Coefficients;
 use super::passage::{self, INSIDE, REACH};
-use crate::grid::{Block, PixelModel};
-use crate::merge::Hit;
-use crate::random::{Draws, Source};
-use crate::sequence::Interval;
-use std::ops::Range;
+use crate::grid::{FramePixelModel, PixelBlock};
+use crate::merge::Crossing;
+use crate::random::{CounterRng, RandomSource};
+use crate::sequence::FrameInterval;
 
 mod drift;
 mod first;
+mod voltages;
 
-use drift::{Columns, LANES, Moves};
+use drift::{IntervalCoefficients, LANES};
 use first::{FirstEvent, FirstEvents, time_along_one};
+use voltages::VoltageMoments;
+pub(crate) use voltages::Voltages;
 
 /// The event model with lazily drawn noise.
 #[derive(Debug)]
 pub(crate) struct LazyVoltmeter {
     k: Coefficients,
-    source: Source,
-}
-
-/// The law of each pixel's voltage: normal with this mean and variance.
-#[derive(Debug)]
-pub(crate) struct Voltages {
-    mean: Vec<f32>,
-    /// What rounding added to the mean: many small moves add up without drift (Kahan).
-    excess: Vec<f32>,
-    /// Grows from 0 after each draw; f32 keeps it to n frames times 6e-8.
-    variance: Vec<f32>,
-}
-
-/// A voltage of which so much is known.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Belief {
-    pub(super) mean: f64,
-    pub(super) variance: f64,
-}
-
-impl Voltages {
-    pub(super) fn belief(&self, i: usize) -> Belief {
-        let mean = f64::from(self.mean[i]) - f64::from(self.excess[i]);
-        Belief { mean, variance: f64::from(self.variance[i]) }
-    }
-
-    fn columns(&mut self, pixels: Range<usize>) -> Columns<'_> {
-        Columns {
-            mean: &mut self.mean[pixels.clone()],
-            excess: &mut self.excess[pixels.clone()],
-            variance: &mut self.variance[pixels],
-        }
-    }
-
-    fn set(&mut self, i: usize, belief: Belief) {
-        self.mean[i] = belief.mean as f32;
-        self.excess[i] = (f64::from(self.mean[i]) - belief.mean) as f32;
-        self.variance[i] = belief.variance as f32;
-    }
-
-    #[cfg(test)]
-    pub(super) fn beliefs(&self) -> Vec<Belief> {
-        (0..self.mean.len()).map(|i| self.belief(i)).collect()
-    }
+    source: RandomSource,
 }
 
 impl LazyVoltmeter {
     pub(crate) fn new(k: Coefficients, seed: u64) -> Self {
-        Self { k, source: Source::new(seed) }
+        Self { k, source: RandomSource::new(seed) }
     }
 }
 
-impl PixelModel for LazyVoltmeter {
+impl FramePixelModel for LazyVoltmeter {
     const NAME: &'static str = "voltmeter";
 
     type State = Voltages;
 
-    fn most_events(&self, interval: Interval) -> f64 {
-        self.k.most_events(interval)
+    fn max_mean_events(&self, interval: FrameInterval) -> f64 {
+        self.k.max_mean_events(interval)
     }
 
     fn start(&self, _first: u32, brightness: &[f32]) -> Voltages {
@@ -91,14 +50,14 @@ impl PixelModel for LazyVoltmeter {
         Voltages { mean: zeros.clone(), excess: zeros.clone(), variance: zeros }
     }
 
-    fn restart(&self, block: &mut Block<Voltages>, i: usize) {
-        block.state.set(i, Belief { mean: 0.0, variance: 0.0 });
+    fn restart(&self, block: &mut PixelBlock<Voltages>, i: usize) {
+        block.state.set(i, VoltageMoments { mean: 0.0, variance: 0.0 });
     }
 
-    fn run(&self, block: &mut Block<Voltages>, after: &[f32], interval: Interval) {
-        let Block { first, before, hits, state } = block;
+    fn run(&self, block: &mut PixelBlock<Voltages>, after: &[f32], interval: FrameInterval) {
+        let PixelBlock { first, before, hits, state } = block;
         let span_us = f64::from(interval.span_us);
-        let moves = Moves::new(&self.k, interval.span_us);
+        let moves = IntervalCoefficients::new(&self.k, interval.span_us);
         let mut firsts = FirstEvents::new();
         for start in (0..after.len()).step_by(LANES) {
             let lanes = start..after.len().min(start + LANES);
@@ -110,15 +69,15 @@ impl PixelModel for LazyVoltmeter {
                 let lane = flags.trailing_zeros() as usize;
                 flags &= flags - 1;
                 let pixel = *first + (start + lane) as u32;
-                let belief = state.belief(start + lane);
-                firsts.push(pixel, [before[lane], after[lane]], belief, self.source, interval);
+                let moments = state.moments(start + lane);
+                firsts.push(pixel, [before[lane], after[lane]], moments, self.source, interval);
             }
             firsts.draw(&self.k, span_us);
             for i in 0..firsts.len() {
                 let first_event = firsts.at(i);
                 let pixel = first_event.pixel;
                 let end = advance(first_event, span_us, |t, on| {
-                    hits.push(Hit::new(pixel, t, interval.span_us, on));
+                    hits.push(Crossing::new(pixel, t, interval.span_us, on));
                 });
                 state.set((pixel - *first) as usize, end);
             }
@@ -135,18 +94,18 @@ const LONGEST_PAST_US: f64 = 1e12;
 /// Moves a voltage through an interval; like [`passage::advance`], with less drawn where
 /// drift dominates, and the end left undrawn when no barrier is within reach of it.
 #[inline]
-fn advance(first: FirstEvent<'_>, span_us: f64, mut fire: impl FnMut(f64, bool)) -> Belief {
-    let FirstEvent { mut belief, motion, draws, normal, mut past_us, mut time_us, .. } = first;
+fn advance(first: FirstEvent<'_>, span_us: f64, mut fire: impl FnMut(f64, bool)) -> VoltageMoments {
+    let FirstEvent { mut moments, motion, draws, normal, mut past_us, mut time_us, .. } = first;
     let (drift, on) = (motion.drift_per_us.abs(), motion.drift_per_us > 0.0);
     let rate = motion.sigma_per_sqrt_us * motion.sigma_per_sqrt_us;
     let mut elapsed = 0.0;
-    let mut towards = if on { belief.mean } else { -belief.mean };
+    let mut towards = if on { moments.mean } else { -moments.mean };
     // The mean keeps clear of the barrier behind by 8 standard deviations. Then the chance to
     // be hit there is largest for a voltage halfway, where it is exp(-b (1 + mean)).
-    if drift * (1.0 + towards) <= NEVER * rate || belief.variance > LONGEST_PAST_US * rate {
-        let v = (belief.mean + belief.variance.sqrt() * normal).clamp(-INSIDE, INSIDE);
+    if drift * (1.0 + towards) <= NEVER * rate || moments.variance > LONGEST_PAST_US * rate {
+        let v = (moments.mean + moments.variance.sqrt() * normal).clamp(-INSIDE, INSIDE);
         let end = passage::advance(v, motion, span_us, draws, &mut fire);
-        return Belief { mean: end, variance: 0.0 };
+        return VoltageMoments { mean: end, variance: 0.0 };
     }
     loop {
         let rest = span_us - elapsed;
@@ -154,23 +113,23 @@ fn advance(first: FirstEvent<'_>, span_us: f64, mut fire: impl FnMut(f64, bool))
             let start = towards - drift * past_us;
             let by = move_below(1.0 - start, drift, rate, past_us + rest, draws);
             let end = if on { start + by } else { -(start + by) };
-            return Belief { mean: end.clamp(-INSIDE, INSIDE), variance: 0.0 };
+            return VoltageMoments { mean: end.clamp(-INSIDE, INSIDE), variance: 0.0 };
         }
         elapsed += time_us.max(0.0);
         fire(elapsed, on);
-        belief = Belief {
+        moments = VoltageMoments {
             mean: motion.drift_per_us * (span_us - elapsed),
             variance: rate * (span_us - elapsed),
         };
-        let room = 1.0 - belief.mean.abs();
-        if room > 0.0 && REACH * REACH * belief.variance < room * room {
-            return belief;
+        let room = 1.0 - moments.mean.abs();
+        if room > 0.0 && REACH * REACH * moments.variance < room * room {
+            return moments;
         }
         if drift <= NEVER * rate {
             let rest = span_us - elapsed;
             let end =
                 passage::advance(0.0, motion, rest, draws, &mut |t, on| fire(elapsed + t, on));
-            return Belief { mean: end, variance: 0.0 };
+            return VoltageMoments { mean: end, variance: 0.0 };
         }
         (towards, past_us) = (0.0, 0.0);
         time_us = time_along_one(1.0, motion, draws);
@@ -179,7 +138,7 @@ fn advance(first: FirstEvent<'_>, span_us: f64, mut fire: impl FnMut(f64, bool))
 
 /// A move over `span_us` along the drift given that it never reached `distance`.
 #[inline(never)]
-fn move_below(distance: f64, drift: f64, rate: f64, span_us: f64, draws: &mut Draws) -> f64 {
+fn move_below(distance: f64, drift: f64, rate: f64, span_us: f64, draws: &mut CounterRng) -> f64 {
     let (mean, variance) = (drift * span_us, rate * span_us);
     let sd = variance.sqrt();
     if sd < 1e-9 * distance {

@@ -1,9 +1,9 @@
 //! The fast form against the law and against the plain form, through whole frames.
 
 use super::*;
-use crate::grid::{Grid, PixelModel};
-use crate::random::Source;
-use crate::{Generator, Law, ks};
+use crate::grid::{FramePixelModel, PixelGrid};
+use crate::random::RandomSource;
+use crate::{Generator, VoltmeterLaw, ks};
 use evrig_core::event::Events;
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
@@ -53,7 +53,7 @@ fn the_fast_form_follows_the_two_barrier_law_over_drift_noise_and_frame_rate() {
     ] {
         let k = steady(b, s);
         let motion = k.motion(1.0, 1.0, SPAN_US as f64);
-        let mut generator = Grid::new(LazyVoltmeter::new(k, 5), None).unwrap();
+        let mut generator = PixelGrid::new(LazyVoltmeter::new(k, 5), None).unwrap();
         let mut trains = no_trains();
         let mut i = 0;
         // A fixed number of events from each pixel, and no window, leaves no length bias.
@@ -84,7 +84,7 @@ fn the_fast_form_follows_the_two_barrier_law_over_drift_noise_and_frame_rate() {
 }
 
 /// What pixels do while brightness swings from frame to frame.
-struct Swing {
+struct SwingCase {
     first_us: Vec<f64>,
     last_us: Vec<f64>,
     n_on: Vec<f64>,
@@ -92,8 +92,8 @@ struct Swing {
     end: Vec<f64>,
 }
 
-fn swing<M: PixelModel>(model: M, end: impl Fn(&M::State) -> Vec<f64>) -> Swing {
-    let mut generator = Grid::new(model, None).unwrap();
+fn swing<M: FramePixelModel>(model: M, end: impl Fn(&M::State) -> Vec<f64>) -> SwingCase {
+    let mut generator = PixelGrid::new(model, None).unwrap();
     let mut trains = no_trains();
     for i in 0..25 {
         let brightness = 400.0 + 250.0 * (0.8 * i as f32).sin();
@@ -104,7 +104,7 @@ fn swing<M: PixelModel>(model: M, end: impl Fn(&M::State) -> Vec<f64>) -> Swing 
         trains.iter().map(of).map(|n| n as f64).collect()
     };
     let time = |at: Option<&(i64, bool)>| at.map_or(0.0, |(t, _)| *t as f64);
-    Swing {
+    SwingCase {
         first_us: trains.iter().map(|train| time(train.first())).collect(),
         last_us: trains.iter().map(|train| time(train.last())).collect(),
         n_on: count(true),
@@ -117,13 +117,13 @@ fn swing<M: PixelModel>(model: M, end: impl Fn(&M::State) -> Vec<f64>) -> Swing 
 fn the_fast_form_and_the_plain_form_do_the_same_to_swinging_brightness() {
     let noisy = Coefficients::new([1.5, 2.0, 1e-2, 1e-6, 1e-9, 1e-4]).unwrap();
     for k in [Coefficients::RAW2DVS346, noisy] {
-        let plain = swing(ScalarVoltmeter::new(k, Law::Exact, 6), Vec::clone);
-        let mut draws = Source::new(7).draws(0, 0);
+        let plain = swing(ScalarVoltmeter::new(k, VoltmeterLaw::Exact, 6), Vec::clone);
+        let mut draws = RandomSource::new(7).draws(0, 0);
         let drawn = std::cell::RefCell::new(move || draws.normal());
         let fast = swing(LazyVoltmeter::new(k, 8), |state| {
             let drawn = &mut *drawn.borrow_mut();
-            let beliefs = state.beliefs().into_iter();
-            beliefs.map(|belief| belief.mean + belief.variance.sqrt() * drawn()).collect()
+            let all = state.all_moments().into_iter();
+            all.map(|moments| moments.mean + moments.variance.sqrt() * drawn()).collect()
         });
         ks::assert_same_law(&plain.first_us, &fast.first_us);
         ks::assert_same_law(&plain.last_us, &fast.last_us);
@@ -147,16 +147,16 @@ fn a_pixel_that_does_not_fire_ends_where_the_law_given_no_event_says() {
     {
         let k = steady(b, s);
         let motion = k.motion(1.0, 1.0, SPAN_US as f64);
-        let mut generator = Grid::new(LazyVoltmeter::new(k, 15), None).unwrap();
+        let mut generator = PixelGrid::new(LazyVoltmeter::new(k, 15), None).unwrap();
         let mut trains = no_trains();
         (0..=n_intervals).for_each(|i| push(&mut generator, i, 1.0, &mut trains));
-        let mut draws = Source::new(16).draws(0, 0);
+        let mut draws = RandomSource::new(16).draws(0, 0);
         let ends: Vec<f64> = generator
             .states()
-            .flat_map(Voltages::beliefs)
+            .flat_map(Voltages::all_moments)
             .zip(&trains)
             .filter(|(_, train)| train.is_empty())
-            .map(|(belief, _)| belief.mean + belief.variance.sqrt() * draws.normal())
+            .map(|(moments, _)| moments.mean + moments.variance.sqrt() * draws.normal())
             .collect();
         let span_us = (n_intervals * SPAN_US) as f64;
         let alive = closed_form::survival(0.0, motion, span_us);

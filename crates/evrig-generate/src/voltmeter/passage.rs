@@ -8,8 +8,8 @@
 //! (Borodin and Salminen, Handbook of Brownian Motion, 2002). Not crossed, the end
 //! of the step is V's exact conditional law, and that is what the next frame starts from.
 
-use super::Motion;
-use crate::random::Draws;
+use super::coefficients::DriftDiffusion;
+use crate::random::CounterRng;
 
 /// A barrier farther than this many standard deviations of a step (beyond its drift) counts
 /// as out of reach: the neglected mass is below 2 exp(-32) = 2.5e-14 a step.
@@ -22,21 +22,21 @@ pub(super) const INSIDE: f64 = 1.0 - f64::EPSILON;
 /// `fire` with the time after the start (µs, ascending, in 0..=span) and the side (On: +1).
 pub(super) fn advance(
     mut v: f64,
-    motion: Motion,
+    motion: DriftDiffusion,
     span_us: f64,
-    draws: &mut Draws,
+    draws: &mut CounterRng,
     fire: &mut dyn FnMut(f64, bool),
 ) -> f64 {
     let mut elapsed = 0.0;
     loop {
-        let step = Step::within(v, motion, span_us - elapsed);
+        let step = PassageStep::within(v, motion, span_us - elapsed);
         match step.take(draws) {
-            End::Fired { after_us, on } => {
+            StepEnd::Fired { after_us, on } => {
                 elapsed += after_us;
                 fire(elapsed, on);
                 v = 0.0;
             }
-            End::Moved { by } => {
+            StepEnd::Moved { by } => {
                 elapsed += step.span_us;
                 v = (v + by).clamp(-INSIDE, INSIDE);
             }
@@ -49,29 +49,29 @@ pub(super) fn advance(
 
 /// A stretch of time in which at most one barrier can be reached.
 #[derive(Debug, Clone, Copy)]
-struct Step {
+struct PassageStep {
     span_us: f64,
     /// Mean and standard deviation of the move.
     mean: f64,
     sd: f64,
-    within_reach: Reach,
+    within_reach: BarriersInReach,
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Reach {
+enum BarriersInReach {
     Neither,
     /// Distance to the barrier and its side.
     One(f64, bool),
 }
 
-enum End {
+enum StepEnd {
     Fired { after_us: f64, on: bool },
     Moved { by: f64 },
 }
 
-impl Step {
+impl PassageStep {
     /// The longest step of `rest_us`, a half of it, a quarter, ... that reaches one barrier at most.
-    fn within(v: f64, motion: Motion, rest_us: f64) -> Self {
+    fn within(v: f64, motion: DriftDiffusion, rest_us: f64) -> Self {
         let (above, below) = (1.0 - v, 1.0 + v);
         let mut span_us = rest_us;
         loop {
@@ -80,9 +80,9 @@ impl Step {
             let up = above <= REACH * sd + mean.max(0.0);
             let down = below <= REACH * sd + (-mean).max(0.0);
             let within_reach = match (up, down) {
-                (false, false) => Reach::Neither,
-                (true, false) => Reach::One(above, true),
-                (false, true) => Reach::One(below, false),
+                (false, false) => BarriersInReach::Neither,
+                (true, false) => BarriersInReach::One(above, true),
+                (false, true) => BarriersInReach::One(below, false),
                 (true, true) => {
                     span_us *= 0.5;
                     continue;
@@ -92,23 +92,23 @@ impl Step {
         }
     }
 
-    fn take(&self, draws: &mut Draws) -> End {
+    fn take(&self, draws: &mut CounterRng) -> StepEnd {
         let move_freely = self.mean + self.sd * draws.normal();
-        let Reach::One(distance, on) = self.within_reach else {
-            return End::Moved { by: move_freely };
+        let BarriersInReach::One(distance, on) = self.within_reach else {
+            return StepEnd::Moved { by: move_freely };
         };
         let towards = if on { move_freely } else { -move_freely };
         if towards >= distance || bridge_crosses(distance, towards, self.sd, draws) {
             let share = crossing_share(distance, towards, self.sd, draws);
-            return End::Fired { after_us: share * self.span_us, on };
+            return StepEnd::Fired { after_us: share * self.span_us, on };
         }
-        End::Moved { by: move_freely }
+        StepEnd::Moved { by: move_freely }
     }
 }
 
 /// Whether a Brownian bridge that ends at `towards` < `distance` was at `distance` before.
 #[inline]
-pub(crate) fn bridge_crosses(distance: f64, towards: f64, sd: f64, draws: &mut Draws) -> bool {
+pub(crate) fn bridge_crosses(distance: f64, towards: f64, sd: f64, draws: &mut CounterRng) -> bool {
     let exponent = 2.0 * distance * (distance - towards) / (sd * sd);
     // Below the smallest uniform draw the answer is known without one.
     exponent < 40.0 && draws.uniform() < (-exponent).exp()
@@ -121,7 +121,7 @@ pub(crate) fn bridge_crosses(distance: f64, towards: f64, sd: f64, draws: &mut D
 /// Michael, Schucany and Haas (Am. Stat. 30, 1976) do, with the roots written without
 /// cancellation and as reciprocals, so that sd = 0 and towards = distance need no case.
 #[inline]
-pub(crate) fn crossing_share(distance: f64, towards: f64, sd: f64, draws: &mut Draws) -> f64 {
+pub(crate) fn crossing_share(distance: f64, towards: f64, sd: f64, draws: &mut CounterRng) -> f64 {
     let delta = (towards - distance).abs() / distance;
     let scaled = sd * draws.normal() / distance;
     let r = 0.5 * scaled * scaled;

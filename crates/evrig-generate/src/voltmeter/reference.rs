@@ -15,16 +15,16 @@
 //! Time, sorting and noise are evrig's own: the program's f32 clock, its i32 stamps and its
 //! global random state are faults of the program, not of the model.
 
-use super::Motion;
+use super::coefficients::DriftDiffusion;
 use super::passage::INSIDE;
-use crate::random::Draws;
+use crate::random::CounterRng;
 
 /// Moves `v` through an interval as the published program does; like [`super::passage::advance`].
 pub(super) fn advance(
     mut v: f64,
-    motion: Motion,
+    motion: DriftDiffusion,
     span_us: f64,
-    draws: &mut Draws,
+    draws: &mut CounterRng,
     fire: &mut dyn FnMut(f64, bool),
 ) -> f64 {
     let mut elapsed = 0.0;
@@ -44,8 +44,8 @@ pub(super) fn advance(
 }
 
 /// The program's time to a barrier at `way` (signed) with nothing on the other side, µs.
-fn time_to(way: f64, motion: Motion, draws: &mut Draws) -> f64 {
-    let Motion { drift_per_us: drift, sigma_per_sqrt_us: sigma } = motion;
+fn time_to(way: f64, motion: DriftDiffusion, draws: &mut CounterRng) -> f64 {
+    let DriftDiffusion { drift_per_us: drift, sigma_per_sqrt_us: sigma } = motion;
     if sigma == 0.0 {
         return (way / drift).abs();
     }
@@ -63,7 +63,7 @@ fn time_to(way: f64, motion: Motion, draws: &mut Draws) -> f64 {
 }
 
 /// Inverse Gaussian by Michael, Schucany and Haas, written without cancellation.
-fn inverse_gaussian(mean: f64, shape: f64, draws: &mut Draws) -> f64 {
+fn inverse_gaussian(mean: f64, shape: f64, draws: &mut CounterRng) -> f64 {
     let z = draws.normal();
     let r = 0.5 * z * z / shape;
     let delta = 1.0 / mean;
@@ -72,7 +72,7 @@ fn inverse_gaussian(mean: f64, shape: f64, draws: &mut Draws) -> f64 {
 }
 
 /// The smaller root for a normal draw truncated to where the square has a root at all.
-fn against_drift(mean: f64, shape: f64, draws: &mut Draws) -> f64 {
+fn against_drift(mean: f64, shape: f64, draws: &mut CounterRng) -> f64 {
     let square = {
         let x = normal_beyond(2.0 * (shape / mean).sqrt(), draws);
         x * x
@@ -84,7 +84,7 @@ fn against_drift(mean: f64, shape: f64, draws: &mut Draws) -> f64 {
 }
 
 /// A normal draw given that it exceeds `edge` >= 0 (Robert, Stat. Comput. 5, 1995).
-fn normal_beyond(edge: f64, draws: &mut Draws) -> f64 {
+fn normal_beyond(edge: f64, draws: &mut CounterRng) -> f64 {
     let rate = 0.5 * (edge + (edge * edge + 4.0).sqrt());
     loop {
         let x = edge - draws.uniform().ln() / rate;

@@ -1,55 +1,56 @@
 //! The event model, one pixel after another in f64: the plain form of the law.
 
-use super::{Coefficients, passage, reference};
-use crate::Law;
-use crate::grid::{Block, PixelModel};
-use crate::merge::Hit;
-use crate::random::Source;
-use crate::sequence::Interval;
+use super::coefficients::Coefficients;
+use super::{passage, reference};
+use crate::grid::{FramePixelModel, PixelBlock};
+use crate::merge::Crossing;
+use crate::model::VoltmeterLaw;
+use crate::random::RandomSource;
+use crate::sequence::FrameInterval;
 
 /// The event model with every pixel's voltage drawn at every frame.
 #[derive(Debug)]
 pub(crate) struct ScalarVoltmeter {
     k: Coefficients,
-    law: Law,
-    source: Source,
+    law: VoltmeterLaw,
+    source: RandomSource,
 }
 
 impl ScalarVoltmeter {
-    pub(crate) fn new(k: Coefficients, law: Law, seed: u64) -> Self {
-        Self { k, law, source: Source::new(seed) }
+    pub(crate) fn new(k: Coefficients, law: VoltmeterLaw, seed: u64) -> Self {
+        Self { k, law, source: RandomSource::new(seed) }
     }
 }
 
-impl PixelModel for ScalarVoltmeter {
+impl FramePixelModel for ScalarVoltmeter {
     const NAME: &'static str = "voltmeter";
 
     /// Voltage of each pixel, in −1..1.
     type State = Vec<f64>;
 
-    fn most_events(&self, interval: Interval) -> f64 {
-        self.k.most_events(interval)
+    fn max_mean_events(&self, interval: FrameInterval) -> f64 {
+        self.k.max_mean_events(interval)
     }
 
     fn start(&self, _first: u32, brightness: &[f32]) -> Vec<f64> {
         vec![0.0; brightness.len()]
     }
 
-    fn restart(&self, block: &mut Block<Vec<f64>>, i: usize) {
+    fn restart(&self, block: &mut PixelBlock<Vec<f64>>, i: usize) {
         block.state[i] = 0.0;
     }
 
-    fn run(&self, block: &mut Block<Vec<f64>>, after: &[f32], interval: Interval) {
+    fn run(&self, block: &mut PixelBlock<Vec<f64>>, after: &[f32], interval: FrameInterval) {
         let advance = match self.law {
-            Law::Exact => passage::advance,
-            Law::Reference => reference::advance,
+            VoltmeterLaw::Exact => passage::advance,
+            VoltmeterLaw::Reference => reference::advance,
         };
         let span_us = f64::from(interval.span_us);
         for (i, (&before, &after)) in block.before.iter().zip(after).enumerate() {
             let pixel = block.first + i as u32;
             let motion = self.k.motion(before, after, span_us);
             let mut draws = self.source.draws(pixel, interval.index);
-            let mut fire = |t, on| block.hits.push(Hit::new(pixel, t, interval.span_us, on));
+            let mut fire = |t, on| block.hits.push(Crossing::new(pixel, t, interval.span_us, on));
             block.state[i] = advance(block.state[i], motion, span_us, &mut draws, &mut fire);
         }
     }

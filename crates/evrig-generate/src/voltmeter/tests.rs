@@ -1,8 +1,8 @@
 //! The event model as frames see it.
 
 use super::*;
-use crate::grid::Grid;
-use crate::{GenerateError, Generator, Law};
+use crate::grid::PixelGrid;
+use crate::{GenerateError, Generator, VoltmeterLaw};
 use evrig_core::event::Events;
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
@@ -29,16 +29,16 @@ const WAYS: [fn(u64, usize, usize) -> Made; 3] = [
         let model = LazyVoltmeter::new(Coefficients::RAW2DVS346, seed);
         made(model, threads, block)
     },
-    |seed, threads, block| made(raw_scalar(Law::Exact, seed), threads, block),
-    |seed, threads, block| made(raw_scalar(Law::Reference, seed), threads, block),
+    |seed, threads, block| made(raw_scalar(VoltmeterLaw::Exact, seed), threads, block),
+    |seed, threads, block| made(raw_scalar(VoltmeterLaw::Reference, seed), threads, block),
 ];
 
-fn raw_scalar(law: Law, seed: u64) -> ScalarVoltmeter {
+fn raw_scalar(law: VoltmeterLaw, seed: u64) -> ScalarVoltmeter {
     ScalarVoltmeter::new(Coefficients::RAW2DVS346, law, seed)
 }
 
-fn made<M: crate::grid::PixelModel + 'static>(model: M, threads: usize, block: usize) -> Made {
-    Box::new(Grid::new(model, NonZeroUsize::new(threads)).unwrap().with_block_pixels(block))
+fn made<M: crate::grid::FramePixelModel + 'static>(model: M, threads: usize, block: usize) -> Made {
+    Box::new(PixelGrid::new(model, NonZeroUsize::new(threads)).unwrap().with_block_pixels(block))
 }
 
 fn run(generator: &mut dyn Generator, frames: impl IntoIterator<Item = Luminance>) -> Events {
@@ -120,7 +120,7 @@ fn a_bad_frame_is_named_and_changes_nothing() {
 #[test]
 fn k_that_fire_without_bound_are_refused_before_memory_runs_out() {
     let k = Coefficients::new([1e4, 1e-9, 0.0, 0.0, 0.0, 1.0]).unwrap();
-    let mut generator = Grid::new(LazyVoltmeter::new(k, 0), None).unwrap();
+    let mut generator = PixelGrid::new(LazyVoltmeter::new(k, 0), None).unwrap();
     let mut out = Events::new();
     generator.push(&grating(0), &mut out).unwrap();
     let error = generator.push(&grating(1), &mut out).unwrap_err().to_string();
@@ -135,21 +135,21 @@ fn dark_saturated_and_noise_free_pixels_give_finite_events() {
     {
         let scalar = |law| ScalarVoltmeter::new(k, law, 3);
         let voltages = |state: &Vec<f64>| state.clone();
-        push_levels(scalar(Law::Exact), &levels, voltages);
-        push_levels(scalar(Law::Reference), &levels, voltages);
+        push_levels(scalar(VoltmeterLaw::Exact), &levels, voltages);
+        push_levels(scalar(VoltmeterLaw::Reference), &levels, voltages);
         push_levels(LazyVoltmeter::new(k, 3), &levels, |state| {
-            state.beliefs().into_iter().map(|belief| belief.mean).collect()
+            state.all_moments().into_iter().map(|moments| moments.mean).collect()
         });
     }
 }
 
 /// Every level after every other, then a microsecond later back, then still.
-fn push_levels<M: crate::grid::PixelModel>(
+fn push_levels<M: crate::grid::FramePixelModel>(
     model: M,
     levels: &[f32; 7],
     voltages: impl Fn(&M::State) -> Vec<f64>,
 ) {
-    let mut generator = Grid::new(model, None).unwrap();
+    let mut generator = PixelGrid::new(model, None).unwrap();
     let from = |t, x_wins: bool| {
         frame(t, Size::new(7, 7), |x, y| levels[usize::from(if x_wins { x } else { y })])
     };

@@ -1,7 +1,7 @@
 //! What the simulated arm answers, request by request.
 
-use super::queue::Task;
-use super::{SimulatedArm, VERSION};
+use super::queue::QueuedTask;
+use super::simulated::{SimulatedArm, VERSION};
 use evrig_core::time::Span;
 use evrig_device::dobot::alarm::Alarms;
 use evrig_device::dobot::command::Command;
@@ -59,21 +59,21 @@ impl SimulatedArm {
     }
 
     /// What a written frame stands for in the queue; `None` when the firmware does not know it.
-    fn task(&self, request: &Frame) -> Option<Task> {
+    fn task(&self, request: &Frame) -> Option<QueuedTask> {
         let id = request.id();
         if self.registers.knows(id) {
-            return Some(Task::Set { id, params: request.params().to_vec() });
+            return Some(QueuedTask::Set { id, params: request.params().to_vec() });
         }
         match Command::decode(request).ok().flatten() {
             Some(Command::Circle { .. }) if !self.options.has_circle => None,
-            Some(command) => Some(Task::Do(command)),
+            Some(command) => Some(QueuedTask::Do(command)),
             // Known to the documents, without effect on what is simulated here.
-            None => simplified(request).map(Task::Do),
+            None => simplified(request).map(QueuedTask::Do),
         }
     }
 
     fn do_at_once(&mut self, request: &Frame) -> Option<()> {
-        let Task::Do(command) = self.task(request)? else {
+        let QueuedTask::Do(command) = self.task(request)? else {
             self.write(request.id(), request.params());
             return Some(());
         };

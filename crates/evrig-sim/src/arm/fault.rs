@@ -1,13 +1,13 @@
-//! Faults on demand: what goes wrong on a real line, when it is asked for.
+//! Fault injection: faults of a real serial line, on demand.
 
 use evrig_core::time::Span;
 use evrig_device::dobot::alarm::Alarm;
 use evrig_device::dobot::id;
 use std::str::FromStr;
 
-/// What goes wrong.
+/// Kind of a fault.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Kind {
+pub enum FaultKind {
     /// The request never arrives (once).
     LostRequest,
     /// The request is done, its reply is lost (once).
@@ -32,29 +32,29 @@ pub enum Kind {
     PowerCycle,
 }
 
-/// When it goes wrong.
+/// The request at which a fault occurs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Moment {
+pub struct FaultTrigger {
     /// Counts requests of this id only; of every id otherwise.
     pub id: Option<u8>,
     /// At which request, from 1.
     pub n: u64,
 }
 
-/// A fault and its moment. As text: `KIND[=VALUE][@N | @NAME[#N]]`, for instance
+/// A fault and its trigger. As text: `KIND[=VALUE][@N | @NAME[#N]]`, for instance
 /// `lost-reply@3` (the third request), `late-reply=150ms@PTP#2` (the second PTP), `alarm=0x22@POSE`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fault {
     /// What.
-    pub kind: Kind,
+    pub kind: FaultKind,
     /// When.
-    pub moment: Moment,
+    pub moment: FaultTrigger,
 }
 
 /// A fault that cannot be read.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "`{text}` is no fault: {because}; write KIND[=VALUE][@N | @NAME[#N]] with KIND one of {KINDS}"
+    "`{text}` is not a fault: {because}; expected KIND[=VALUE][@N | @NAME[#N]] with KIND one of {KINDS}"
 )]
 pub struct FaultError {
     text: String,
@@ -67,8 +67,8 @@ const KINDS: &str = "lost-request, lost-reply, late-reply=MSms, corrupt-reply, t
 impl Fault {
     /// A fault at the `n`-th request (from 1) of `id`.
     #[must_use]
-    pub const fn at(kind: Kind, id: u8, n: u64) -> Self {
-        Self { kind, moment: Moment { id: Some(id), n } }
+    pub const fn at(kind: FaultKind, id: u8, n: u64) -> Self {
+        Self { kind, moment: FaultTrigger { id: Some(id), n } }
     }
 }
 
@@ -83,25 +83,27 @@ impl FromStr for Fault {
             None => (what, None),
         };
         let kind = match (kind, value) {
-            ("lost-request", None) => Kind::LostRequest,
-            ("lost-reply", None) => Kind::LostReply,
+            ("lost-request", None) => FaultKind::LostRequest,
+            ("lost-reply", None) => FaultKind::LostReply,
             ("late-reply", Some(value)) => {
                 let ms = value.strip_suffix("ms").and_then(|ms| ms.parse::<u32>().ok());
                 let ms = ms.ok_or_else(|| wrong("the delay is not like 150ms"))?;
-                Kind::LateReply(Span::from_micros(i64::from(ms) * 1_000))
+                FaultKind::LateReply(Span::from_micros(i64::from(ms) * 1_000))
             }
-            ("corrupt-reply", None) => Kind::CorruptReply,
-            ("trickle", None) => Kind::Trickle,
-            ("silence", None) => Kind::Silence,
-            ("garbage", None) => Kind::Garbage,
-            ("wedge", None) => Kind::Wedge,
-            ("unplug", None) => Kind::Unplug,
+            ("corrupt-reply", None) => FaultKind::CorruptReply,
+            ("trickle", None) => FaultKind::Trickle,
+            ("silence", None) => FaultKind::Silence,
+            ("garbage", None) => FaultKind::Garbage,
+            ("wedge", None) => FaultKind::Wedge,
+            ("unplug", None) => FaultKind::Unplug,
             ("alarm", Some(value)) => {
                 let hex = value.strip_prefix("0x").unwrap_or(value);
                 let code = u8::from_str_radix(hex, 16).ok().filter(|code| *code < 128);
-                Kind::Alarm(Alarm(code.ok_or_else(|| wrong("the alarm is not in 0x00..=0x7f"))?))
+                FaultKind::Alarm(Alarm(
+                    code.ok_or_else(|| wrong("the alarm is not in 0x00..=0x7f"))?,
+                ))
             }
-            ("power-cycle", None) => Kind::PowerCycle,
+            ("power-cycle", None) => FaultKind::PowerCycle,
             _ => return Err(wrong("the kind is unknown or its value is missing or too much")),
         };
         Ok(Self {
@@ -112,21 +114,21 @@ impl FromStr for Fault {
 }
 
 /// `3`, `PTP`, `PTP#2`.
-fn parse_moment(text: &str) -> Option<Moment> {
+fn parse_moment(text: &str) -> Option<FaultTrigger> {
     if let Ok(n) = text.parse() {
-        return (n > 0).then_some(Moment { id: None, n });
+        return (n > 0).then_some(FaultTrigger { id: None, n });
     }
     let (name, n) = text.split_once('#').unwrap_or((text, "1"));
     let id = (0..=u8::MAX).find(|id| id::name(*id) == Some(name))?;
     let n = n.parse().ok().filter(|n| *n > 0)?;
-    Some(Moment { id: Some(id), n })
+    Some(FaultTrigger { id: Some(id), n })
 }
 
-/// Which faults wait, which have struck, and how many requests came.
+/// Pending and lasting faults.
 #[derive(Debug, Default)]
 pub struct Faults {
     waiting: Vec<Fault>,
-    lasting: Vec<Kind>,
+    lasting: Vec<FaultKind>,
 }
 
 impl Faults {
@@ -141,8 +143,8 @@ impl Faults {
         self.waiting.push(fault);
     }
 
-    /// Counts a request of `id`: what goes wrong with it.
-    pub fn strike(&mut self, id: u8) -> Vec<Kind> {
+    /// Counts a request of `id` and gives the faults that occur at it.
+    pub fn strike(&mut self, id: u8) -> Vec<FaultKind> {
         let mut struck = Vec::new();
         for fault in &mut self.waiting {
             if fault.moment.id.is_none_or(|only| only == id) {
@@ -153,8 +155,11 @@ impl Faults {
             }
         }
         self.waiting.retain(|fault| fault.moment.n > 0);
-        let lasts = |kind: &Kind| {
-            matches!(kind, Kind::Trickle | Kind::Silence | Kind::Garbage | Kind::Wedge)
+        let lasts = |kind: &FaultKind| {
+            matches!(
+                kind,
+                FaultKind::Trickle | FaultKind::Silence | FaultKind::Garbage | FaultKind::Wedge
+            )
         };
         self.lasting.extend(struck.iter().filter(|kind| lasts(kind)));
         struck.retain(|kind| !lasts(kind));
@@ -169,16 +174,16 @@ mod tests {
 
     #[test]
     fn faults_read_as_documented() {
-        let moment = |id, n| Moment { id, n };
+        let moment = |id, n| FaultTrigger { id, n };
         let table = [
-            ("lost-reply@3", Kind::LostReply, moment(None, 3)),
+            ("lost-reply@3", FaultKind::LostReply, moment(None, 3)),
             (
                 "late-reply=150ms@PTP#2",
-                Kind::LateReply(Span::from_micros(150_000)),
+                FaultKind::LateReply(Span::from_micros(150_000)),
                 moment(Some(id::PTP), 2),
             ),
-            ("alarm=0x22@POSE", Kind::Alarm(Alarm(0x22)), moment(Some(id::POSE), 1)),
-            ("unplug", Kind::Unplug, moment(None, 1)),
+            ("alarm=0x22@POSE", FaultKind::Alarm(Alarm(0x22)), moment(Some(id::POSE), 1)),
+            ("unplug", FaultKind::Unplug, moment(None, 1)),
         ];
         for (text, kind, moment) in table {
             assert_eq!(text.parse(), Ok(Fault { kind, moment }), "{text}");
@@ -201,11 +206,11 @@ mod tests {
         let mut faults = Faults::new(vec!["lost-reply@PTP#2".parse().unwrap()]);
         assert!(faults.strike(id::PTP).is_empty());
         assert!(faults.strike(id::POSE).is_empty());
-        assert_eq!(faults.strike(id::PTP), [Kind::LostReply]);
+        assert_eq!(faults.strike(id::PTP), [FaultKind::LostReply]);
         assert!(faults.strike(id::PTP).is_empty());
         faults.add("silence@2".parse().unwrap());
         assert!(faults.strike(1).is_empty());
-        assert_eq!(faults.strike(1), [Kind::Silence]);
-        assert_eq!(faults.strike(1), [Kind::Silence]);
+        assert_eq!(faults.strike(1), [FaultKind::Silence]);
+        assert_eq!(faults.strike(1), [FaultKind::Silence]);
     }
 }

@@ -4,9 +4,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::io::Write;
 
-/// One request as the arm took it.
+/// One request as the arm received it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Line {
+pub struct RequestRecord {
     /// Host's monotonic clock, ns.
     pub host_ns: i64,
     /// The arm's own clock: ns since power-up.
@@ -21,19 +21,19 @@ pub struct Line {
     pub params: String,
     /// Whether the arm moved or waited when the request came.
     pub was_busy: bool,
-    /// Whether it does so behind it.
+    /// Whether it does so after it.
     pub is_busy: bool,
-    /// Commands waiting in the queue behind it.
+    /// Commands waiting in the queue after it.
     pub n_waiting: usize,
 }
 
 /// The last requests in memory, all of them in a file if there is one.
-pub struct Journal {
-    lines: VecDeque<Line>,
+pub struct RequestJournal {
+    lines: VecDeque<RequestRecord>,
     file: Option<Box<dyn Write + Send>>,
 }
 
-impl Journal {
+impl RequestJournal {
     /// Lines kept in memory.
     const KEPT: usize = 100_000;
 
@@ -43,8 +43,8 @@ impl Journal {
         Self { lines: VecDeque::new(), file }
     }
 
-    /// Notes a request. A file that cannot be written is given up, the line stays in memory.
-    pub fn note(&mut self, line: Line) {
+    /// Adds a request. After a write error the file is abandoned; the record stays in memory.
+    pub fn note(&mut self, line: RequestRecord) {
         if let (Some(file), Ok(json)) = (&mut self.file, serde_json::to_string(&line))
             && writeln!(file, "{json}").and_then(|()| file.flush()).is_err()
         {
@@ -58,12 +58,12 @@ impl Journal {
 
     /// The last requests, oldest first.
     #[must_use]
-    pub fn lines(&self) -> Vec<Line> {
+    pub fn lines(&self) -> Vec<RequestRecord> {
         self.lines.iter().cloned().collect()
     }
 }
 
-impl std::fmt::Debug for Journal {
+impl std::fmt::Debug for RequestJournal {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Journal of {} lines", self.lines.len())
     }

@@ -1,4 +1,4 @@
-//! Where the simulated arm's tool is: the parallelogram of a Magician.
+//! Kinematics of the simulated arm: the parallelogram of a Magician.
 //!
 //! Kept apart from the kinematics the path checker uses, so that each can be
 //! held against the other.
@@ -13,14 +13,14 @@ const FORE: f64 = 147.0;
 /// Limits of the simulated joints. Sources disagree; these are the widest
 /// of the user guides, with the parallelogram's limit of the vendor's virtual arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct JointLimits {
+pub struct SimulatedJointLimits {
     /// Lower and upper limit of base, rear arm, forearm, end, degrees.
     pub joints_deg: [(f64, f64); 4],
     /// Lower and upper limit of the angle between the arms, 90 + J2 - J3, degrees.
     pub between_arms_deg: (f64, f64),
 }
 
-impl Default for JointLimits {
+impl Default for SimulatedJointLimits {
     fn default() -> Self {
         Self {
             joints_deg: [(-125.0, 125.0), (-5.0, 90.0), (-15.0, 90.0), (-150.0, 150.0)],
@@ -29,7 +29,7 @@ impl Default for JointLimits {
     }
 }
 
-impl JointLimits {
+impl SimulatedJointLimits {
     /// Whether the joints can stand so.
     #[must_use]
     pub(super) fn allow(&self, joints: [f64; 4]) -> bool {
@@ -132,7 +132,7 @@ mod tests {
         ) {
             let bias = [60.0, by, -5.0];
             let joints = [base, rear, fore, end];
-            prop_assume!(JointLimits::default().allow(joints));
+            prop_assume!(SimulatedJointLimits::default().allow(joints));
             let xyzr = forward(joints, bias);
             prop_assume!(xyzr[0].hypot(xyzr[1]) > 100.0);
             let back = inverse(xyzr, bias).unwrap();

@@ -1,22 +1,22 @@
 //! A move under way: paths with their speeds, and where it breaks off.
 
-use super::kinematics::{self, JointLimits};
-use super::path::{Path, Point};
-use super::profile::Profile;
+use super::kinematics::{self, SimulatedJointLimits};
+use super::path::{ArmPoint, LegPath};
+use super::profile::SpeedProfile;
 use evrig_device::dobot::alarm::Alarm;
 
 /// One path at one profile.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Leg {
     /// Where it goes.
-    pub(super) path: Path,
+    pub(super) path: LegPath,
     /// How fast.
-    pub(super) profile: Profile,
+    pub(super) profile: SpeedProfile,
 }
 
 /// What the arm does for a while: legs one after the other, or standing still.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Motion {
+pub(super) struct ArmMotion {
     legs: Vec<Leg>,
     /// Standing still after the legs, seconds.
     rest_s: f64,
@@ -26,28 +26,28 @@ pub(super) struct Motion {
 
 /// What turns points into joints.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Body<'a> {
+pub(super) struct ArmGeometry<'a> {
     /// Tool offset from the flange, mm.
     pub(super) bias: [f64; 3],
     /// Limits of the joints.
-    pub(super) limits: &'a JointLimits,
+    pub(super) limits: &'a SimulatedJointLimits,
 }
 
-impl Body<'_> {
+impl ArmGeometry<'_> {
     /// The joints at a point.
     ///
     /// # Errors
     /// The planning alarm when the arm cannot stand there.
-    pub(super) fn joints(&self, point: Point) -> Result<[f64; 4], Alarm> {
+    pub(super) fn joints(&self, point: ArmPoint) -> Result<[f64; 4], Alarm> {
         let joints = match point {
-            Point::Joints(joints) => joints,
-            Point::Xyzr(xyzr) => kinematics::inverse(xyzr, self.bias)?,
+            ArmPoint::Joints(joints) => joints,
+            ArmPoint::Xyzr(xyzr) => kinematics::inverse(xyzr, self.bias)?,
         };
         if self.limits.allow(joints) { Ok(joints) } else { Err(Alarm::PLAN_JOINT_LIMIT) }
     }
 }
 
-impl Motion {
+impl ArmMotion {
     /// Standing still.
     #[must_use]
     pub(super) const fn rest(seconds: f64) -> Self {
@@ -59,7 +59,7 @@ impl Motion {
     ///
     /// # Errors
     /// The planning alarm of an end the arm cannot stand at.
-    pub(super) fn along(legs: Vec<Leg>, body: Body<'_>) -> Result<Self, Alarm> {
+    pub(super) fn along(legs: Vec<Leg>, body: ArmGeometry<'_>) -> Result<Self, Alarm> {
         /// Places looked at on a leg; a leg of 300 mm is seen every 5 mm.
         const N_SAMPLES: u32 = 64;
         let mut breaks = None;
@@ -110,7 +110,7 @@ impl Motion {
 
     /// The point `t_s` seconds after the start; `None` when the motion is standing still.
     #[must_use]
-    pub(super) fn at(&self, t_s: f64) -> Option<Point> {
+    pub(super) fn at(&self, t_s: f64) -> Option<ArmPoint> {
         let mut t_s = t_s.min(self.duration_s());
         let last = self.legs.len().checked_sub(1)?;
         for (n, leg) in self.legs.iter().enumerate() {

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 
 /// Where the tool is on its way: by joints or by place.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Point {
+pub(super) enum ArmPoint {
     /// Four joint angles, deg.
     Joints([f64; 4]),
     /// x, y, z (mm), r (deg).
@@ -14,7 +14,7 @@ pub(super) enum Point {
 
 /// A way from here to there, by the share of its length that is covered.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Path {
+pub(super) enum LegPath {
     /// Straight in joint space.
     Joint {
         /// Joints at the start.
@@ -30,12 +30,12 @@ pub(super) enum Path {
         to: [f64; 4],
     },
     /// Around a centre.
-    Arc(Arc),
+    Arc(CircularArc),
 }
 
 /// A piece of a circle, or several turns of it.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Arc {
+pub(super) struct CircularArc {
     centre: Vector3<f64>,
     /// From the centre to the start.
     out: Vector3<f64>,
@@ -46,7 +46,7 @@ pub(super) struct Arc {
     r_to: f64,
 }
 
-impl Arc {
+impl CircularArc {
     /// The arc from `from` through `via` to `to`, and on around for `turns` whole turns when
     /// given (it then ends where it started).
     ///
@@ -96,7 +96,7 @@ impl Arc {
     }
 }
 
-impl Path {
+impl LegPath {
     /// Length of the tool's way, mm; zero for a joint path, which has no length.
     #[must_use]
     pub(super) fn length(&self) -> f64 {
@@ -121,14 +121,14 @@ impl Path {
 
     /// The point at a share of the length, 0..=1.
     #[must_use]
-    pub(super) fn at(&self, fraction: f64) -> Point {
+    pub(super) fn at(&self, fraction: f64) -> ArmPoint {
         let between = |from: &[f64; 4], to: &[f64; 4]| {
             std::array::from_fn(|axis| from[axis] + (to[axis] - from[axis]) * fraction)
         };
         match self {
-            Self::Joint { from, to } => Point::Joints(between(from, to)),
-            Self::Line { from, to } => Point::Xyzr(between(from, to)),
-            Self::Arc(arc) => Point::Xyzr(arc.at(fraction)),
+            Self::Joint { from, to } => ArmPoint::Joints(between(from, to)),
+            Self::Line { from, to } => ArmPoint::Xyzr(between(from, to)),
+            Self::Arc(arc) => ArmPoint::Xyzr(arc.at(fraction)),
         }
     }
 }
@@ -143,33 +143,33 @@ mod tests {
 
     #[test]
     fn the_papers_circle_lies_around_252_0_100_and_closes() {
-        let arc = Arc::through(START, VIA, OPPOSITE, Some(1)).unwrap();
-        let path = Path::Arc(arc);
+        let arc = CircularArc::through(START, VIA, OPPOSITE, Some(1)).unwrap();
+        let path = LegPath::Arc(arc);
         assert!((path.length() - std::f64::consts::TAU * 12.0).abs() < 1e-9);
         for step in 0..=16 {
-            let Point::Xyzr([x, y, z, r]) = path.at(f64::from(step) / 16.0) else { panic!() };
+            let ArmPoint::Xyzr([x, y, z, r]) = path.at(f64::from(step) / 16.0) else { panic!() };
             assert!(((x - 252.0).hypot(y) - 12.0).abs() < 1e-9);
             assert!((z - 100.0).abs() < 1e-9 && (r - 90.0).abs() < 1e-9);
         }
-        let Point::Xyzr(quarter) = path.at(0.25) else { panic!() };
+        let ArmPoint::Xyzr(quarter) = path.at(0.25) else { panic!() };
         assert!((quarter[0] - 252.0).abs() < 1e-9 && (quarter[1] - 12.0).abs() < 1e-9);
-        let Point::Xyzr(end) = path.at(1.0) else { panic!() };
+        let ArmPoint::Xyzr(end) = path.at(1.0) else { panic!() };
         assert!((end[0] - 240.0).abs() < 1e-9 && end[1].abs() < 1e-9);
     }
 
     #[test]
     fn an_arc_goes_through_its_points_the_way_they_are_given() {
         let below = [252.0, -12.0, 100.0, 90.0];
-        let path = Path::Arc(Arc::through(START, VIA, below, None).unwrap());
+        let path = LegPath::Arc(CircularArc::through(START, VIA, below, None).unwrap());
         assert!((path.length() - std::f64::consts::TAU * 12.0 * 0.75).abs() < 1e-9);
-        let Point::Xyzr(end) = path.at(1.0) else { panic!() };
+        let ArmPoint::Xyzr(end) = path.at(1.0) else { panic!() };
         assert!((end[1] + 12.0).abs() < 1e-9);
     }
 
     #[test]
     fn points_that_make_no_circle_raise_the_firmwares_alarms() {
         let middle = [252.0, 0.0, 100.0, 90.0];
-        assert_eq!(Arc::through(START, START, VIA, None), Err(Alarm::PLAN_REPEATED_POINT));
-        assert_eq!(Arc::through(START, middle, OPPOSITE, None), Err(Alarm::PLAN_ARC_INPUT));
+        assert_eq!(CircularArc::through(START, START, VIA, None), Err(Alarm::PLAN_REPEATED_POINT));
+        assert_eq!(CircularArc::through(START, middle, OPPOSITE, None), Err(Alarm::PLAN_ARC_INPUT));
     }
 }

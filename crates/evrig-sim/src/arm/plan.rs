@@ -5,11 +5,11 @@
 //! continuous-path moves cruise at the junction speed, the documents calling the
 //! speed in the command reserved.
 
-use super::ArcSpeed;
-use super::motion::{Body, Leg, Motion};
-use super::path::{Arc, Path, Point};
-use super::profile::Profile;
-use super::registers::Registers;
+use super::motion::{ArmGeometry, ArmMotion, Leg};
+use super::options::ArcSpeed;
+use super::path::{ArmPoint, CircularArc, LegPath};
+use super::profile::SpeedProfile;
+use super::registers::ArmRegisters;
 use evrig_device::dobot::alarm::Alarm;
 use evrig_device::dobot::command::{Command, PtpMode};
 use evrig_device::dobot::id;
@@ -18,9 +18,9 @@ use evrig_device::dobot::id;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Planner<'a> {
     /// Tool and limits.
-    pub(super) body: Body<'a>,
+    pub(super) body: ArmGeometry<'a>,
     /// Speeds.
-    pub(super) registers: &'a Registers,
+    pub(super) registers: &'a ArmRegisters,
     /// What rules the speed of an arc.
     pub(super) arc_speed: ArcSpeed,
     /// Joints at the start, deg.
@@ -33,7 +33,7 @@ pub(super) struct Planner<'a> {
 
 /// Speeds and accelerations along the path and of r.
 #[derive(Debug, Clone, Copy)]
-struct Speeds {
+struct PathSpeeds {
     xyz: (f64, f64),
     r: (f64, f64),
 }
@@ -47,31 +47,31 @@ impl Planner<'_> {
         &self,
         command: &Command,
         next: &[Command],
-    ) -> Result<Option<Motion>, Alarm> {
+    ) -> Result<Option<ArmMotion>, Alarm> {
         Ok(Some(match command {
             Command::Ptp { mode, target } => self.ptp(*mode, wide(*target))?,
             Command::Arc { via, to } => self.arc(wide(*via), wide(*to), None)?,
             Command::Circle { via, to, turns } => self.arc(wide(*via), wide(*to), Some(*turns))?,
             Command::Cp { .. } => self.cp(command, next)?,
             Command::Jog { is_joint, key: key @ 1..=8 } => self.jog(*is_joint, *key),
-            Command::Wait(milliseconds) => Motion::rest(f64::from(*milliseconds) * 1e-3),
+            Command::Wait(milliseconds) => ArmMotion::rest(f64::from(*milliseconds) * 1e-3),
             _ => return Ok(None),
         }))
     }
 
-    fn ptp(&self, mode: PtpMode, target: [f64; 4]) -> Result<Motion, Alarm> {
+    fn ptp(&self, mode: PtpMode, target: [f64; 4]) -> Result<ArmMotion, Alarm> {
         let sum = |a: [f64; 4], b: [f64; 4]| std::array::from_fn(|axis| a[axis] + b[axis]);
         let target = match mode {
             PtpMode::JumpXyz
             | PtpMode::MoveJointXyz
             | PtpMode::MoveLineXyz
-            | PtpMode::JumpLineXyz => Point::Xyzr(target),
+            | PtpMode::JumpLineXyz => ArmPoint::Xyzr(target),
             PtpMode::JumpAngle | PtpMode::MoveJointAngle | PtpMode::MoveLineAngle => {
-                Point::Joints(target)
+                ArmPoint::Joints(target)
             }
-            PtpMode::MoveJointIncrement => Point::Joints(sum(self.joints, target)),
+            PtpMode::MoveJointIncrement => ArmPoint::Joints(sum(self.joints, target)),
             PtpMode::MoveLineIncrement | PtpMode::MoveJointXyzIncrement => {
-                Point::Xyzr(sum(self.xyzr, target))
+                ArmPoint::Xyzr(sum(self.xyzr, target))
             }
         };
         let legs = match mode {
@@ -82,11 +82,11 @@ impl Planner<'_> {
             }
             _ => vec![self.joint(self.joints, self.body.joints(target)?)],
         };
-        Motion::along(legs, self.body)
+        ArmMotion::along(legs, self.body)
     }
 
     /// Up, over, down.
-    fn jump(&self, target: Point, over_is_line: bool) -> Result<Vec<Leg>, Alarm> {
+    fn jump(&self, target: ArmPoint, over_is_line: bool) -> Result<Vec<Leg>, Alarm> {
         let [height, limit] = self.registers.floats(id::PTP_JUMP);
         let end = self.xyzr_at(target);
         let top = (self.xyzr[2].max(end[2]) + height).min(limit);
@@ -98,23 +98,23 @@ impl Planner<'_> {
         let over = if over_is_line {
             self.line(first, second)
         } else {
-            let joints = |xyzr| self.body.joints(Point::Xyzr(xyzr));
+            let joints = |xyzr| self.body.joints(ArmPoint::Xyzr(xyzr));
             self.joint(joints(first)?, joints(second)?)
         };
         Ok(vec![self.line(self.xyzr, first), over, self.line(second, end)])
     }
 
-    fn arc(&self, via: [f64; 4], to: [f64; 4], turns: Option<u32>) -> Result<Motion, Alarm> {
-        let path = Path::Arc(Arc::through(self.xyzr, via, to, turns)?);
+    fn arc(&self, via: [f64; 4], to: [f64; 4], turns: Option<u32>) -> Result<ArmMotion, Alarm> {
+        let path = LegPath::Arc(CircularArc::through(self.xyzr, via, to, turns)?);
         let speeds = match self.arc_speed {
             ArcSpeed::ArcParams => self.speeds(id::ARC_PARAMS, id::ARC_COMMON),
             ArcSpeed::PtpCoordinate => self.speeds(id::PTP_COORDINATE, id::PTP_COMMON),
         };
-        Motion::along(vec![speeds.leg(path)], self.body)
+        ArmMotion::along(vec![speeds.leg(path)], self.body)
     }
 
     /// One continuous-path move, fast enough at its end for those behind it in the queue.
-    fn cp(&self, command: &Command, next: &[Command]) -> Result<Motion, Alarm> {
+    fn cp(&self, command: &Command, next: &[Command]) -> Result<ArmMotion, Alarm> {
         let [planned, junction, actual] = self.registers.floats(id::CP_PARAMS);
         let acceleration = planned.min(actual);
         let mut here = self.xyzr;
@@ -127,21 +127,21 @@ impl Planner<'_> {
         // From the last known move backwards: each must be able to brake within its length.
         let mut exit = 0.0_f64;
         for pair in ways.windows(2).rev() {
-            let length = Path::Line { from: pair[1].0, to: pair[1].1 }.length();
+            let length = LegPath::Line { from: pair[1].0, to: pair[1].1 }.length();
             let brakable = (exit * exit + 2.0 * acceleration * length).sqrt();
             exit = brakable.min(junction * straightness(pair[0], pair[1]));
         }
-        let Some((from, to)) = ways.first().copied() else { return Ok(Motion::default()) };
-        let path = Path::Line { from, to };
+        let Some((from, to)) = ways.first().copied() else { return Ok(ArmMotion::default()) };
+        let path = LegPath::Line { from, to };
         let length = path.length();
         let reachable = (self.entry_speed.powi(2) + 2.0 * acceleration * length).sqrt();
         let exit = exit.min(reachable);
-        let profile = Profile::between(length, self.entry_speed, junction, exit, acceleration);
-        Motion::along(vec![Leg { path, profile }], self.body)
+        let profile = SpeedProfile::between(length, self.entry_speed, junction, exit, acceleration);
+        ArmMotion::along(vec![Leg { path, profile }], self.body)
     }
 
     /// On in one direction as far as the limits let it; the next jog breaks it off.
-    fn jog(&self, is_joint: bool, key: u8) -> Motion {
+    fn jog(&self, is_joint: bool, key: u8) -> ArmMotion {
         /// Looked at along the way, mm or deg.
         const STEP: f64 = 0.5;
         const N_STEPS: u32 = 1_000;
@@ -151,26 +151,26 @@ impl Planner<'_> {
         let after = |n: u32| {
             let mut point = from;
             point[axis] += sign * STEP * f64::from(n);
-            if is_joint { Point::Joints(point) } else { Point::Xyzr(point) }
+            if is_joint { ArmPoint::Joints(point) } else { ArmPoint::Xyzr(point) }
         };
         let n_steps = (1..=N_STEPS).take_while(|n| self.body.joints(after(*n)).is_ok()).count();
         let register = if is_joint { id::JOG_JOINT } else { id::JOG_COORDINATE };
         let values = self.registers.floats::<8>(register);
         let [speed, acceleration] = ratios(self.registers.floats(id::JOG_COMMON));
-        let profile = Profile::at_rest(
+        let profile = SpeedProfile::at_rest(
             STEP * n_steps as f64,
             values[axis] * speed,
             values[axis + 4] * acceleration,
         );
         let path = match after(n_steps as u32) {
-            Point::Joints(to) => Path::Joint { from, to },
-            Point::Xyzr(to) => Path::Line { from, to },
+            ArmPoint::Joints(to) => LegPath::Joint { from, to },
+            ArmPoint::Xyzr(to) => LegPath::Line { from, to },
         };
-        Motion::unchecked(vec![Leg { path, profile }])
+        ArmMotion::unchecked(vec![Leg { path, profile }])
     }
 
     fn line(&self, from: [f64; 4], to: [f64; 4]) -> Leg {
-        self.speeds(id::PTP_COORDINATE, id::PTP_COMMON).leg(Path::Line { from, to })
+        self.speeds(id::PTP_COORDINATE, id::PTP_COMMON).leg(LegPath::Line { from, to })
     }
 
     /// All joints arrive together; the slowest sets the pace.
@@ -179,42 +179,42 @@ impl Planner<'_> {
         let [speed, acceleration] = ratios(self.registers.floats(id::PTP_COMMON));
         let profiles = (0..4).map(|axis| {
             let way = (to[axis] - from[axis]).abs();
-            Profile::at_rest(way, values[axis] * speed, values[axis + 4] * acceleration)
+            SpeedProfile::at_rest(way, values[axis] * speed, values[axis + 4] * acceleration)
         });
         let profile = slowest(profiles);
-        Leg { path: Path::Joint { from, to }, profile }
+        Leg { path: LegPath::Joint { from, to }, profile }
     }
 
-    fn xyzr_at(&self, point: Point) -> [f64; 4] {
+    fn xyzr_at(&self, point: ArmPoint) -> [f64; 4] {
         match point {
-            Point::Xyzr(xyzr) => xyzr,
-            Point::Joints(joints) => super::kinematics::forward(joints, self.body.bias),
+            ArmPoint::Xyzr(xyzr) => xyzr,
+            ArmPoint::Joints(joints) => super::kinematics::forward(joints, self.body.bias),
         }
     }
 
-    fn speeds(&self, limits: u8, common: u8) -> Speeds {
+    fn speeds(&self, limits: u8, common: u8) -> PathSpeeds {
         let [xyz_speed, r_speed, xyz_acceleration, r_acceleration] = self.registers.floats(limits);
         let [speed, acceleration] = ratios(self.registers.floats(common));
-        Speeds {
+        PathSpeeds {
             xyz: (xyz_speed * speed, xyz_acceleration * acceleration),
             r: (r_speed * speed, r_acceleration * acceleration),
         }
     }
 }
 
-impl Speeds {
+impl PathSpeeds {
     /// The path at the pace of the slower of its length and its turn of r.
-    fn leg(self, path: Path) -> Leg {
-        let xyz = Profile::at_rest(path.length(), self.xyz.0, self.xyz.1);
-        let r = Profile::at_rest(path.turn(), self.r.0, self.r.1);
+    fn leg(self, path: LegPath) -> Leg {
+        let xyz = SpeedProfile::at_rest(path.length(), self.xyz.0, self.xyz.1);
+        let r = SpeedProfile::at_rest(path.turn(), self.r.0, self.r.1);
         Leg { path, profile: slowest([xyz, r].into_iter()) }
     }
 }
 
-fn slowest(profiles: impl Iterator<Item = Profile>) -> Profile {
+fn slowest(profiles: impl Iterator<Item = SpeedProfile>) -> SpeedProfile {
     profiles
         .max_by(|a, b| a.duration_s().total_cmp(&b.duration_s()))
-        .unwrap_or_else(|| Profile::at_rest(0.0, 1.0, 1.0))
+        .unwrap_or_else(|| SpeedProfile::at_rest(0.0, 1.0, 1.0))
 }
 
 /// Percent to shares; more than 100 counts as 100.

@@ -2,7 +2,7 @@
 
 /// Acceleration, cruise, braking along a length; any unit of length, seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Profile {
+pub(super) struct SpeedProfile {
     length: f64,
     entry: f64,
     cruise: f64,
@@ -13,7 +13,7 @@ pub(super) struct Profile {
     braking_s: f64,
 }
 
-impl Profile {
+impl SpeedProfile {
     /// From rest to rest.
     #[must_use]
     pub(super) fn at_rest(length: f64, speed: f64, acceleration: f64) -> Self {
@@ -91,14 +91,14 @@ mod tests {
     fn the_papers_circle_takes_two_and_a_half_seconds() {
         // 2 pi 12 mm at 50 mm/s and 50 mm/s^2: length / v + v / a.
         let length = std::f64::consts::TAU * 12.0;
-        let profile = Profile::at_rest(length, 50.0, 50.0);
+        let profile = SpeedProfile::at_rest(length, 50.0, 50.0);
         assert!((profile.duration_s() - (length / 50.0 + 1.0)).abs() < 1e-12);
         assert!((profile.fraction(profile.duration_s() / 2.0) - 0.5).abs() < 1e-12);
     }
 
     #[test]
     fn a_short_length_never_reaches_the_speed() {
-        let profile = Profile::at_rest(1.0, 50.0, 50.0);
+        let profile = SpeedProfile::at_rest(1.0, 50.0, 50.0);
         assert!((profile.duration_s() - 2.0 * (1.0_f64 / 50.0).sqrt()).abs() < 1e-12);
     }
 
@@ -107,7 +107,7 @@ mod tests {
         fn the_way_is_covered_forwards_without_jumps(
             length in 0.01..500.0_f64, speed in 1.0..300.0_f64, a in 10.0..500.0_f64,
         ) {
-            let profile = Profile::at_rest(length, speed, a);
+            let profile = SpeedProfile::at_rest(length, speed, a);
             let duration = profile.duration_s();
             let mut previous = 0.0;
             for step in 0..=200 {

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 
 /// Something that waits for its turn.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Task {
+pub(super) enum QueuedTask {
     /// A command that moves, waits or homes.
     Do(Command),
     /// A parameter or a pin that changes when its turn comes.
@@ -19,24 +19,24 @@ pub(super) enum Task {
 
 /// A task and its index.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Entry {
+pub(super) struct QueueEntry {
     /// Number of the command since power-up.
     pub(super) index: u64,
     /// What it is.
-    pub(super) task: Task,
+    pub(super) task: QueuedTask,
 }
 
 /// The queue. It holds `depth` commands at most, the running one not counted.
 #[derive(Debug, Clone)]
-pub(super) struct Queue {
-    waiting: VecDeque<Entry>,
+pub(super) struct CommandQueue {
+    waiting: VecDeque<QueueEntry>,
     depth: usize,
     last_given: u64,
     last_finished: u64,
     is_started: bool,
 }
 
-impl Queue {
+impl CommandQueue {
     /// An empty queue that is not started; the first command gets index `start` + 1.
     #[must_use]
     pub(super) const fn new(depth: usize, start: u64) -> Self {
@@ -50,25 +50,25 @@ impl Queue {
     }
 
     /// Takes a task in and gives it its index; `None` when the queue is full.
-    pub(super) fn push(&mut self, task: Task) -> Option<u64> {
+    pub(super) fn push(&mut self, task: QueuedTask) -> Option<u64> {
         if self.space() == 0 {
             return None;
         }
         self.last_given = self.last_given.wrapping_add(1);
-        self.waiting.push_back(Entry { index: self.last_given, task });
+        self.waiting.push_back(QueueEntry { index: self.last_given, task });
         Some(self.last_given)
     }
 
     /// The next task, when the queue runs.
-    pub(super) fn pop(&mut self) -> Option<Entry> {
+    pub(super) fn pop(&mut self) -> Option<QueueEntry> {
         if self.is_started { self.waiting.pop_front() } else { None }
     }
 
     /// The commands behind the current one, up to the first that is not one.
     pub(super) fn commands(&self) -> impl Iterator<Item = Command> {
         self.waiting.iter().map_while(|entry| match entry.task {
-            Task::Do(command) => Some(command),
-            Task::Set { .. } => None,
+            QueuedTask::Do(command) => Some(command),
+            QueuedTask::Set { .. } => None,
         })
     }
 

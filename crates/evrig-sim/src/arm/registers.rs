@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 /// Values by id, and by pin where the id has pins.
 #[derive(Debug, Clone)]
-pub(super) struct Registers {
+pub(super) struct ArmRegisters {
     values: BTreeMap<u8, Vec<u8>>,
     pins: BTreeMap<(u8, u8), Vec<u8>>,
 }
@@ -59,7 +59,7 @@ const PINS: &[(u8, usize)] = &[
     (id::MOTOR_STEPS, 9),
 ];
 
-impl Default for Registers {
+impl Default for ArmRegisters {
     fn default() -> Self {
         let mut values = BTreeMap::new();
         for (id, floats) in FLOATS {
@@ -77,7 +77,7 @@ impl Default for Registers {
     }
 }
 
-impl Registers {
+impl ArmRegisters {
     /// Whether `id` is remembered here.
     #[must_use]
     pub(super) fn knows(&self, id: u8) -> bool {
@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_back_pin_by_pin() {
-        let mut registers = Registers::default();
+        let mut registers = ArmRegisters::default();
         registers.write(id::IO_OUTPUT, &[2, 1]);
         assert_eq!(registers.read(id::IO_OUTPUT, &[2]), Some(vec![2, 1]));
         assert_eq!(registers.read(id::IO_OUTPUT, &[3]), Some(vec![3, 0]));
@@ -151,7 +151,7 @@ mod tests {
 
     #[test]
     fn a_short_value_changes_nothing() {
-        let mut registers = Registers::default();
+        let mut registers = ArmRegisters::default();
         let before = registers.read(id::ARC_PARAMS, &[]);
         registers.write(id::ARC_PARAMS, &[1, 2, 3]);
         assert_eq!(registers.read(id::ARC_PARAMS, &[]), before);

@@ -1,12 +1,15 @@
-//! The simulated arm at a pty, as any serial client finds it.
+//! The simulated arm on a pseudo-terminal, for any serial client.
 
 mod follower;
+mod shared;
 
-pub use follower::Follower;
+pub use follower::TraceFollower;
+pub use shared::ArmClock;
 
-use super::fault::{Fault, Faults, Kind};
-use super::journal::{Journal, Line};
-use super::{Options, SimulatedArm};
+use super::fault::{Fault, FaultKind, Faults};
+use super::journal::{RequestJournal, RequestRecord};
+use super::options::ArmOptions;
+use super::simulated::SimulatedArm;
 use evrig_core::time::Span;
 use evrig_device::dobot::alarm::Alarms;
 use evrig_device::dobot::frame::{Decoder, Frame};
@@ -19,24 +22,15 @@ use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
 use rustix::pty::OpenptFlags;
 use rustix::termios::{OptionalActions, ioctl_tiocnxcl, tcgetattr, tcsetattr};
+use shared::{ClockedArm, SharedArm, lock};
 use std::io::Write;
 use std::os::unix::ffi::OsStringExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// How the arm's time passes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Clock {
-    /// So many times as fast as the host's.
-    Scaled(f64),
-    /// That much with every request, whatever the host's clock does: the same requests give
-    /// the same motion on any machine, and nothing waits.
-    Stepped(Span),
-}
-
-/// Why the simulated arm cannot be served.
+/// Why the simulated arm cannot be started.
 #[derive(Debug, thiserror::Error)]
 pub enum EmulatorError {
     /// No pseudo-terminal.
@@ -52,39 +46,23 @@ pub enum EmulatorError {
     },
 }
 
-/// A simulated arm at a pty, served by a thread of its own until it is dropped.
+/// A simulated arm on a pseudo-terminal, served by its own thread until it is dropped.
 #[derive(Debug)]
-pub struct Emulator {
+pub struct ArmEmulator {
     port: PathBuf,
     link: Option<PathBuf>,
-    shared: Arc<Shared>,
+    shared: Arc<SharedArm>,
     thread: Option<std::thread::JoinHandle<()>>,
 }
 
-#[derive(Debug)]
-struct Shared {
-    arm: Mutex<Clocked>,
-    faults: Mutex<Faults>,
-    journal: Mutex<Journal>,
-    is_ending: AtomicBool,
-}
-
-#[derive(Debug)]
-struct Clocked {
-    arm: SimulatedArm,
-    options: Options,
-    clock: Clock,
-    powered_up: Instant,
-}
-
-/// The arm at one moment.
+/// State of the arm at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct State {
+pub struct ArmState {
     /// Time since power-up.
     pub arm_time: Span,
-    /// Where the planner believes the tool to be.
+    /// Pose of the tool by the planner.
     pub planner: Pose,
-    /// Where the tool is.
+    /// True pose of the tool.
     pub truth: Pose,
     /// Whether a motion or a wait is under way.
     pub is_busy: bool,
@@ -92,43 +70,21 @@ pub struct State {
     pub n_waiting: usize,
     /// Whether it was homed since power-up.
     pub is_homed: bool,
-    /// The alarms that stand.
+    /// The active alarms.
     pub alarms: Alarms,
 }
 
 /// Longest wait for a byte before the thread looks whether it is to end.
 const TICK: Timespec = Timespec { tv_sec: 0, tv_nsec: 20_000_000 };
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // What a panicking thread left behind is still a state an arm can be in.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-impl Clocked {
-    fn now(&self, is_request: bool) -> Span {
-        match self.clock {
-            Clock::Scaled(scale) => {
-                Span::from_secs_f64(self.powered_up.elapsed().as_secs_f64() * scale)
-            }
-            Clock::Stepped(step) if is_request => self.arm.now() + step,
-            Clock::Stepped(_) => self.arm.now(),
-        }
-    }
-
-    fn power_cycle(&mut self) {
-        self.arm = SimulatedArm::new(Options { is_homed: false, ..self.options.clone() });
-        self.powered_up = Instant::now();
-    }
-}
-
-impl Emulator {
+impl ArmEmulator {
     /// Opens a pty and serves a simulated arm on it.
     ///
     /// # Errors
     /// When the system gives no pty.
     pub fn start(
-        options: Options,
-        clock: Clock,
+        options: ArmOptions,
+        clock: ArmClock,
         faults: Vec<Fault>,
     ) -> Result<Self, EmulatorError> {
         Self::start_with_journal(options, clock, faults, None)
@@ -139,18 +95,18 @@ impl Emulator {
     /// # Errors
     /// When the system gives no pty.
     pub fn start_with_journal(
-        options: Options,
-        clock: Clock,
+        options: ArmOptions,
+        clock: ArmClock,
         faults: Vec<Fault>,
         journal: Option<Box<dyn Write + Send>>,
     ) -> Result<Self, EmulatorError> {
         let (line, port) = Pty::open().map_err(std::io::Error::from)?;
         let arm = SimulatedArm::new(options.clone());
-        let clocked = Clocked { arm, options, clock, powered_up: Instant::now() };
-        let shared = Arc::new(Shared {
+        let clocked = ClockedArm { arm, options, clock, powered_up: Instant::now() };
+        let shared = Arc::new(SharedArm {
             arm: Mutex::new(clocked),
             faults: Mutex::new(Faults::new(faults)),
-            journal: Mutex::new(Journal::new(journal)),
+            journal: Mutex::new(RequestJournal::new(journal)),
             is_ending: AtomicBool::new(false),
         });
         let served = Arc::clone(&shared);
@@ -182,12 +138,12 @@ impl Emulator {
 
     /// The arm as it is now.
     #[must_use]
-    pub fn state(&self) -> State {
+    pub fn state(&self) -> ArmState {
         let mut clocked = lock(&self.shared.arm);
         let now = clocked.now(false);
         clocked.arm.advance(now);
         let arm = &clocked.arm;
-        State {
+        ArmState {
             arm_time: arm.now(),
             planner: arm.planner_pose(),
             truth: arm.true_pose(),
@@ -198,25 +154,25 @@ impl Emulator {
         }
     }
 
-    /// Follows where the tool truly is, from now on.
+    /// Follows the true pose of the tool from now on.
     #[must_use]
-    pub fn follow(&self) -> Follower {
-        Follower::of(&self.shared)
+    pub fn follow(&self) -> TraceFollower {
+        TraceFollower::of(&self.shared)
     }
 
-    /// Lets something go wrong; its requests are counted from now.
+    /// Injects a fault; requests are counted from now.
     pub fn inject(&self, fault: Fault) {
         lock(&self.shared.faults).add(fault);
     }
 
-    /// What was received so far, the last hundred thousand requests.
+    /// The requests received so far, the last hundred thousand.
     #[must_use]
-    pub fn journal(&self) -> Vec<Line> {
+    pub fn journal(&self) -> Vec<RequestRecord> {
         lock(&self.shared.journal).lines()
     }
 }
 
-impl Drop for Emulator {
+impl Drop for ArmEmulator {
     fn drop(&mut self) {
         self.shared.is_ending.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
@@ -276,7 +232,7 @@ impl Pty {
     }
 }
 
-fn serve(line: Pty, shared: &Shared) {
+fn serve(line: Pty, shared: &SharedArm) {
     let mut decoder = Decoder::default();
     let mut buffer = [0; 512];
     while !shared.is_ending.load(Ordering::Relaxed) {
@@ -300,33 +256,34 @@ fn serve(line: Pty, shared: &Shared) {
 }
 
 /// Takes one request; false when the cable was pulled.
-fn take(line: &Pty, shared: &Shared, request: &Frame) -> bool {
+fn take(line: &Pty, shared: &SharedArm, request: &Frame) -> bool {
     let struck = lock(&shared.faults).strike(request.id());
-    let has = |kind: Kind| struck.contains(&kind);
-    if has(Kind::Unplug) {
+    let has = |kind: FaultKind| struck.contains(&kind);
+    if has(FaultKind::Unplug) {
         return false;
     }
-    if has(Kind::LostRequest) || has(Kind::Silence) {
+    if has(FaultKind::LostRequest) || has(FaultKind::Silence) {
         return true;
     }
-    if has(Kind::Garbage) || has(Kind::Wedge) {
-        let noise: &[u8] = if has(Kind::Wedge) { &[0xff] } else { b"AT+GMR\r\nOK\r\n\xaa\xaa\x7f" };
+    if has(FaultKind::Garbage) || has(FaultKind::Wedge) {
+        let noise: &[u8] =
+            if has(FaultKind::Wedge) { &[0xff] } else { b"AT+GMR\r\nOK\r\n\xaa\xaa\x7f" };
         line.write(noise);
         return true;
     }
     let (reply, delay) = answer(shared, request, &struck);
     std::thread::sleep(Duration::from_nanos(delay.as_nanos().max(0).unsigned_abs()));
     if let Some(delay) = struck.iter().find_map(|kind| match kind {
-        Kind::LateReply(delay) => Some(*delay),
+        FaultKind::LateReply(delay) => Some(*delay),
         _ => None,
     }) {
         std::thread::sleep(Duration::from_nanos(delay.as_nanos().unsigned_abs()));
     }
     if let Some(reply) = reply
-        && !has(Kind::LostReply)
-        && !has(Kind::PowerCycle)
+        && !has(FaultKind::LostReply)
+        && !has(FaultKind::PowerCycle)
     {
-        send(line, &reply, has(Kind::CorruptReply), has(Kind::Trickle));
+        send(line, &reply, has(FaultKind::CorruptReply), has(FaultKind::Trickle));
     }
     true
 }
@@ -347,21 +304,21 @@ fn send(line: &Pty, reply: &Frame, is_corrupt: bool, trickles: bool) {
 }
 
 /// Does the request and notes it; gives the reply and how long it takes.
-fn answer(shared: &Shared, request: &Frame, struck: &[Kind]) -> (Option<Frame>, Span) {
+fn answer(shared: &SharedArm, request: &Frame, struck: &[FaultKind]) -> (Option<Frame>, Span) {
     let mut clocked = lock(&shared.arm);
     let now = clocked.now(true);
     clocked.arm.advance(now);
     for kind in struck {
         match kind {
-            Kind::Alarm(alarm) => clocked.arm.raise(*alarm),
-            Kind::PowerCycle => clocked.power_cycle(),
+            FaultKind::Alarm(alarm) => clocked.arm.raise(*alarm),
+            FaultKind::PowerCycle => clocked.power_cycle(),
             _ => {}
         }
     }
     let was_busy = clocked.arm.is_busy();
     let now = clocked.arm.now();
     let reply = clocked.arm.answer(request, now);
-    let line = Line {
+    let line = RequestRecord {
         host_ns: host_clock::now().as_nanos(),
         arm_ns: now.as_nanos(),
         id: request.id(),

@@ -1,18 +1,17 @@
-//! Where the tool truly was, instant by instant.
+//! The true trajectory of the tool.
 
-use super::SimulatedArm;
 use evrig_core::time::Span;
 use evrig_session::rig::Pose;
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{PoisonError, RwLock};
 
-/// The way of a tool on the arm's clock, as far as it is known.
+/// The trajectory of a tool on the arm's clock, as far as it is known.
 #[derive(Debug, Default)]
-pub struct Trace {
+pub struct ToolTrace {
     /// In order of time; straight lines between.
     points: RwLock<Vec<(Span, [f64; 4])>>,
 }
 
-impl Trace {
+impl ToolTrace {
     /// Notes where the tool is; a time that is not later than all before is known already.
     pub(super) fn note(&self, at: Span, xyzr: [f64; 4]) {
         let mut points = self.points.write().unwrap_or_else(PoisonError::into_inner);
@@ -28,14 +27,14 @@ impl Trace {
         }
     }
 
-    /// Up to when the way is known.
+    /// Time up to which the trajectory is known.
     #[must_use]
     pub fn known_until(&self) -> Span {
         let points = self.points.read().unwrap_or_else(PoisonError::into_inner);
         points.last().map_or(Span::ZERO, |(at, _)| *at)
     }
 
-    /// Where the tool was; held before the first instant that is known and after the last.
+    /// Pose of the tool; constant before the first known instant and after the last.
     #[must_use]
     pub fn pose_at(&self, time: Span) -> Pose {
         let points = self.points.read().unwrap_or_else(PoisonError::into_inner);
@@ -52,28 +51,13 @@ impl Trace {
     }
 }
 
-impl SimulatedArm {
-    /// Keeps from now on where the tool truly is, for those who look at it later.
-    pub fn keep_trace(&mut self) -> Arc<Trace> {
-        let trace = Arc::clone(self.trace.get_or_insert_default());
-        trace.note(self.truth_at, self.true_xyzr(self.truth_at));
-        trace
-    }
-
-    pub(super) fn note_truth(&self) {
-        if let Some(trace) = &self.trace {
-            trace.note(self.truth_at, self.true_xyzr(self.truth_at));
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn a_way_is_straight_between_its_points_and_a_rest_costs_two() {
-        let trace = Trace::default();
+        let trace = ToolTrace::default();
         let ms = |n: i64| Span::from_micros(n * 1_000);
         for n in 0..1_000 {
             trace.note(ms(n), [1.0, 0.0, 0.0, 90.0]);

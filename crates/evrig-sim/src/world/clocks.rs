@@ -1,20 +1,20 @@
-//! What each clock shows at a world time.
+//! Readings of all clocks at a world time.
 
-use super::description::ClocksOfWorld;
+use super::description::ClocksDescription;
 use super::effects::{ClockOffset, ClockSkew};
 use evrig_core::time::{Davis, PiSensor, Span, Stamp, Unix};
 
 /// The clocks of the world.
 #[derive(Debug, Clone)]
-pub struct Clocks {
-    description: ClocksOfWorld,
+pub struct WorldClocks {
+    description: ClocksDescription,
     davis_offset_us: f64,
     davis_skew: f64,
 }
 
-impl Clocks {
+impl WorldClocks {
     pub(super) fn new(
-        description: &ClocksOfWorld,
+        description: &ClocksDescription,
         offset: Option<ClockOffset>,
         skew: Option<ClockSkew>,
     ) -> Self {
@@ -74,7 +74,7 @@ mod tests {
 
     #[test]
     fn each_clock_shows_its_own_time() {
-        let description = ClocksOfWorld {
+        let description = ClocksDescription {
             unix_start_us: 1_000_000,
             pi_boot_ns: 5_000,
             pi_skew_ppm: 10.0,
@@ -82,7 +82,7 @@ mod tests {
             pi_wall_steps: vec![[2.0, -1000.0]],
         };
         let offset = Some(ClockOffset { offset_us: 250.0 });
-        let clocks = Clocks::new(&description, offset, Some(ClockSkew { skew_ppm: 50.0 }));
+        let clocks = WorldClocks::new(&description, offset, Some(ClockSkew { skew_ppm: 50.0 }));
         let second = Span::from_secs_f64(1.0);
         assert_eq!(clocks.unix(second).as_micros(), 2_000_000);
         assert_eq!(clocks.davis(second).as_micros(), 2_000_300);

@@ -4,14 +4,15 @@ mod aps;
 mod circuit;
 mod comparator;
 mod pixel;
+mod pixel_input;
 mod readout;
-mod sight;
 mod slab;
+mod slab_scene;
 mod spontaneous;
 mod traits;
 
-use super::World;
-use super::imu::Imu;
+use super::imu::SimulatedImu;
+use super::scene::World;
 use aps::Aps;
 use circuit::Circuit;
 use evrig_core::event::{Event, Events};
@@ -19,14 +20,15 @@ use evrig_core::frame::Frame;
 use evrig_core::imu::ImuSample;
 use evrig_core::time::{Davis, Span};
 use evrig_format::aedat4::Content;
-use pixel::{Request, Scene, Scratch, State, Traits};
+use pixel::{EventRequest, PixelState, PixelTraits};
 use rayon::prelude::*;
-use readout::Readout;
+use readout::DavisReadout;
 use slab::{SLAB, Slab};
+use slab_scene::{PixelBuffers, SlabScene};
 use spontaneous::Spontaneous;
 use std::sync::Arc;
 
-/// The twin works the world out in steps of this.
+/// Time step of the twin.
 pub const DAVIS_STEP: Span = SLAB;
 
 /// The event camera in a world. It gives packet after packet; what they hold does not depend on how
@@ -36,17 +38,17 @@ pub struct DavisTwin {
     world: Arc<World>,
     from: Span,
     n_slabs: u64,
-    states: Vec<State>,
-    traits: Vec<Traits>,
+    states: Vec<PixelState>,
+    traits: Vec<PixelTraits>,
     /// With the pixels' own effects, and without them (outside the region).
     circuits: [Circuit; 2],
     spontaneous: Spontaneous,
-    readout: Readout,
+    readout: DavisReadout,
     aps: Aps,
-    imu: Imu,
+    imu: SimulatedImu,
 }
 
-/// What the camera gives for a stretch of time.
+/// Output of the camera for one time step.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct DavisPacket {
     /// In ascending time, microseconds of the DAVIS's stamps.
@@ -58,8 +60,7 @@ pub struct DavisPacket {
 }
 
 impl DavisPacket {
-    /// What a camera sends of it, with the number of its stream: events, frames if it has them, inertial
-    /// samples.
+    /// Its content by stream number: events, frames if the camera has them, inertial samples.
     pub fn contents(self, has_frames: bool) -> impl Iterator<Item = (u32, Content)> {
         let events = (!self.events.is_empty()).then_some((0, Content::Events(self.events)));
         let frames = self.frames.into_iter().filter(move |_| has_frames);
@@ -78,22 +79,22 @@ impl DavisTwin {
         let threshold = world.description.davis.threshold;
         let size = world.davis.camera.size;
         let grid = [usize::from(size.width), usize::from(size.height)];
-        let unaffected = Circuit::new(&super::effects::Effects::default(), threshold);
+        let unaffected = Circuit::new(&super::effects::WorldEffects::default(), threshold);
         Self {
             from,
             n_slabs: 0,
-            states: vec![State::default(); size.n_pixels()],
+            states: vec![PixelState::default(); size.n_pixels()],
             traits: traits::all(&world.description, size, world.seed),
             circuits: [Circuit::new(effects, threshold), unaffected],
             spontaneous: Spontaneous::new(effects, world.seed),
-            readout: Readout::new(effects, grid, world.seed),
+            readout: DavisReadout::new(effects, grid, world.seed),
             aps: Aps::new(&world, from),
-            imu: Imu::new(&world, from),
+            imu: SimulatedImu::new(&world, from),
             world,
         }
     }
 
-    /// World time up to which events were worked out.
+    /// World time up to which events were simulated.
     #[must_use]
     pub fn position(&self) -> Span {
         self.from + Span::from_nanos(SLAB.as_nanos() * self.n_slabs as i64)
@@ -113,7 +114,7 @@ impl DavisTwin {
         let imu = self.imu.samples_until(&self.world, end);
         let width = u32::from(self.world.davis.camera.size.width);
         let clocks = &self.world.clocks;
-        let stamped = events.into_iter().map(|Request { at_ns, pixel, on }| Event {
+        let stamped = events.into_iter().map(|EventRequest { at_ns, pixel, on }| Event {
             t: clocks.davis(Span::from_nanos(at_ns)).as_micros(),
             x: (pixel % width) as u16,
             y: (pixel / width) as u16,
@@ -135,7 +136,7 @@ impl DavisTwin {
     }
 
     /// What all pixels ask for in a slab.
-    fn requests(&mut self, slab: &Slab) -> Vec<Request> {
+    fn requests(&mut self, slab: &Slab) -> Vec<EventRequest> {
         let world = &self.world;
         let size = world.davis.camera.size;
         let width = usize::from(size.width);
@@ -145,13 +146,13 @@ impl DavisTwin {
             slab.start - Span::from_secs_f64(reach[1]),
             slab.start + SLAB - Span::from_secs_f64(reach[0]),
         );
-        let white = world.print.white() as f32;
+        let white = world.target.white() as f32;
         let lamps = world.lamps();
         let scene =
-            Scene { view: &world.davis, light: &lamps.light, slab, seed: world.seed, white };
+            SlabScene { view: &world.davis, light: &lamps.light, slab, seed: world.seed, white };
         let (traits, circuits, spontaneous) = (&self.traits, &self.circuits, &self.spontaneous);
         let rows = self.states.par_chunks_mut(width).enumerate().map_init(
-            Scratch::default,
+            PixelBuffers::default,
             |scratch, (row, states)| {
                 let mut requests = Vec::new();
                 for (column, state) in states.iter_mut().enumerate() {

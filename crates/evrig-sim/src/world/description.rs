@@ -1,42 +1,43 @@
-//! The description of a world: everything about it that the rig file does not say.
+//! The description of a world: everything that is not in the rig file.
 
-use super::effects::Effects;
-use super::problem::WorldError;
+use super::effects::WorldEffects;
+use super::error::WorldError;
 use serde::{Deserialize, Serialize};
 
-/// A world: print, lens, sensors, clocks, and the effects that are on.
+/// A world: target, lenses, sensors, clocks, and the active effects.
 ///
-/// Every key has a default, so that an empty file is the nominal world. What is
-/// nominal: a print of the bundled picture, steady light, a DAVIS346 whose
-/// pixels are ideal threshold crossers, frames with shot and read noise.
+/// Every key has a default, so an empty file is the nominal world: a target with the bundled image,
+/// steady light, a DAVIS346 with ideal threshold-crossing pixels, frames with shot and read noise.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WorldDescription {
-    /// What is printed.
-    pub print: PrintDescription,
+    /// The printed target.
+    #[serde(alias = "print")]
+    pub target: PrintedTargetDescription,
     /// The event camera.
     pub davis: DavisSensor,
     /// The inertial unit in the event camera.
     pub imu: ImuSensor,
     /// The frame camera.
     pub pi: PiSensorDescription,
-    /// What the clocks show.
-    pub clocks: ClocksOfWorld,
+    /// The clocks.
+    pub clocks: ClocksDescription,
     /// The effects that are on.
-    pub effects: Effects,
+    pub effects: WorldEffects,
 }
 
-/// The print.
+/// The printed target.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct PrintDescription {
+pub struct PrintedTargetDescription {
     /// `leaves-SEED` (bundled, any seed), `file:PATH`, `plain`, or `stripes-PERIOD_MM-ANGLE_DEG`.
-    pub picture: String,
-    /// Reflectance of the paper, against which everything is measured: "white".
+    #[serde(alias = "picture")]
+    pub image: String,
+    /// Reflectance of the paper, the unit of all intensities: "white".
     pub white: f64,
     /// Reflectance of the darkest ink, as a share of white.
     pub black: f64,
-    /// Whether six grey patches stand above the tag.
+    /// Whether six grey patches are printed above the tag.
     pub patches: bool,
 }
 
@@ -48,7 +49,7 @@ pub struct DavisSensor {
     pub threshold: f64,
     /// Standard deviation of the lens's point spread, in pixels, on top of the pixel's own aperture.
     pub psf_sigma_px: f64,
-    /// What a frame shows of white at the rig's exposure and full light, in its own DN.
+    /// Value of white in a frame at the rig's exposure and full light, DN.
     pub aps_white_dn: f64,
     /// Read noise of a frame, in its DN.
     pub aps_read_noise_dn: f64,
@@ -62,11 +63,11 @@ pub struct DavisSensor {
 pub struct ImuSensor {
     /// Density of the gyroscope's noise, degrees a second in a bandwidth of one hertz.
     pub rotation_noise_deg_per_s_per_rthz: f64,
-    /// What it shows at rest is drawn within this, for each axis once.
+    /// Bound of the zero-rate offset, drawn for each axis, degrees per second.
     pub rotation_zero_deg_per_s: f64,
     /// Density of the accelerometer's noise, millionths of g in a bandwidth of one hertz.
     pub acceleration_noise_ug_per_rthz: f64,
-    /// What it shows of no acceleration is drawn within this, thousandths of g.
+    /// Bound of the zero-g offset, drawn for each axis, mg.
     pub acceleration_zero_mg: f64,
     /// Temperature of the chip.
     pub temperature_c: f64,
@@ -78,7 +79,7 @@ pub struct ImuSensor {
 pub struct PiSensorDescription {
     /// Standard deviation of the lens's point spread, in pixels, on top of the pixel's own aperture.
     pub psf_sigma_px: f64,
-    /// What a green pixel shows of white above the pedestal, at the rig's exposure and full light.
+    /// Value of white in a green pixel above the black level, at the rig's exposure and full light, DN.
     pub white_dn: f64,
     /// Read noise in DN.
     pub read_noise_dn: f64,
@@ -98,25 +99,25 @@ pub struct PiSensorDescription {
     pub drop_fraction: f64,
 }
 
-/// What the clocks show. World time zero is the beginning of the path.
+/// The clocks. World time zero is the beginning of the path.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct ClocksOfWorld {
+pub struct ClocksDescription {
     /// Unix time at world time zero, microseconds.
     pub unix_start_us: i64,
     /// The Pi's sensor clock at world time zero: nanoseconds since its boot.
     pub pi_boot_ns: i64,
-    /// The Pi's crystal and its wall clock run fast by so much.
+    /// Skew of the Pi's clocks against true time, ppm; positive when fast.
     pub pi_skew_ppm: f64,
-    /// The Pi's wall clock is ahead of Unix time by so much.
+    /// Offset of the Pi's wall clock from Unix time, µs.
     pub pi_wall_offset_us: f64,
     /// Steps of the Pi's wall clock: at world time `[0]` seconds by `[1]` microseconds.
     pub pi_wall_steps: Vec<[f64; 2]>,
 }
 
-impl Default for PrintDescription {
+impl Default for PrintedTargetDescription {
     fn default() -> Self {
-        Self { picture: "leaves-1".to_owned(), white: 1.0, black: 0.04, patches: true }
+        Self { image: "leaves-1".to_owned(), white: 1.0, black: 0.04, patches: true }
     }
 }
 
@@ -161,7 +162,7 @@ impl Default for PiSensorDescription {
     }
 }
 
-impl Default for ClocksOfWorld {
+impl Default for ClocksDescription {
     fn default() -> Self {
         Self {
             unix_start_us: 1_700_000_000_000_000,
@@ -196,14 +197,6 @@ impl WorldDescription {
             file: "the world".to_owned(),
             what: error.to_string(),
         })
-    }
-
-    /// Whether such a world can be.
-    ///
-    /// # Errors
-    /// Names the first key whose value is out of its range.
-    pub fn check(&self) -> Result<(), WorldError> {
-        super::range::check(self)
     }
 }
 

@@ -7,8 +7,8 @@ use std::sync::LazyLock;
 /// What draws are for; two purposes share nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u64)]
-pub(super) enum Purpose {
-    Picture = 1,
+pub(super) enum RandomPurpose {
+    TargetImage = 1,
     Thresholds,
     HotPixels,
     DeadPixels,
@@ -28,7 +28,7 @@ pub(super) enum Purpose {
 
 /// A run of draws: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014) from a keyed beginning.
 #[derive(Debug, Clone)]
-pub(super) struct Draws {
+pub(super) struct WorldRandom {
     state: u64,
 }
 
@@ -40,9 +40,9 @@ fn mix(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-impl Draws {
+impl WorldRandom {
     /// The run for one purpose and two numbers.
-    pub(super) fn new(seed: u64, purpose: Purpose, first: u64, second: u64) -> Self {
+    pub(super) fn new(seed: u64, purpose: RandomPurpose, first: u64, second: u64) -> Self {
         let key = mix(seed.wrapping_add(GOLDEN).wrapping_add((purpose as u64).rotate_left(48)));
         let key = mix(key ^ first.wrapping_mul(GOLDEN).wrapping_add(1));
         Self { state: mix(key ^ second.wrapping_mul(0xD1B5_4A32_D192_ED03).wrapping_add(2)) }
@@ -94,7 +94,7 @@ fn quantile(p: f64) -> f64 {
 }
 
 /// The mean of a Poisson number to a draw of it; exact below 64, rounded normal above.
-pub(super) fn poisson(draws: &mut Draws, mean: f64) -> u64 {
+pub(super) fn poisson(draws: &mut WorldRandom, mean: f64) -> u64 {
     if mean > 64.0 {
         return (mean + mean.sqrt() * f64::from(draws.normal())).round().max(0.0) as u64;
     }
@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn normal_numbers_have_the_moments_and_tails_of_a_normal_distribution() {
         let n = 200_000;
-        let mut draws = Draws::new(7, Purpose::PiNoise, 3, 4);
+        let mut draws = WorldRandom::new(7, RandomPurpose::PiNoise, 3, 4);
         let values: Vec<f64> = (0..n).map(|_| f64::from(draws.normal())).collect();
         let moment = |k: i32| values.iter().map(|v| v.powi(k)).sum::<f64>() / f64::from(n);
         assert!(moment(1).abs() < 0.01, "{}", moment(1));
@@ -127,7 +127,7 @@ mod tests {
 
     #[test]
     fn runs_of_different_keys_share_nothing() {
-        let first = |seed, a, b| Draws::new(seed, Purpose::Drop, a, b).bits();
+        let first = |seed, a, b| WorldRandom::new(seed, RandomPurpose::Drop, a, b).bits();
         let keys = [first(1, 2, 3), first(1, 3, 2), first(2, 2, 3), first(1, 2, 4)];
         for (i, a) in keys.iter().enumerate() {
             assert!(keys[i + 1..].iter().all(|b| a != b));
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn poisson_numbers_have_the_mean_asked_for() {
-        let mut draws = Draws::new(1, Purpose::Spontaneous, 0, 0);
+        let mut draws = WorldRandom::new(1, RandomPurpose::Spontaneous, 0, 0);
         for mean in [0.3, 5.0, 200.0] {
             let n = 4_000;
             let sum: u64 = (0..n).map(|_| poisson(&mut draws, mean)).sum();

@@ -1,13 +1,12 @@
-//! What can be wrong with the world: every effect off unless its table is there.
+//! Effects of the world; each is off unless its table is present.
 
-mod beyond;
 mod clocks;
 mod frames;
 mod mechanics;
 mod pixel;
 mod readout;
+mod unlisted;
 
-pub use beyond::{SlewLimit, SupportFilter, ThresholdFatigue};
 pub use clocks::{ClockOffset, ClockSkew};
 pub use frames::{
     BlackLevel, Defocus, ExposureBlur, Flicker, FrameNoise, Misregistration, MovingShadow,
@@ -20,6 +19,7 @@ pub use pixel::{
     TemperatureDrift, ThresholdAsymmetry, ThresholdMismatch,
 };
 pub use readout::{ApsCoupling, EventDrop, ReadoutSaturation, RowReadout, StampJitter};
+pub use unlisted::{SlewLimit, SupportFilter, ThresholdFatigue};
 
 use evrig_core::effect_id::EffectId;
 use evrig_core::geometry::Rectangle;
@@ -27,21 +27,21 @@ use serde::{Deserialize, Serialize};
 
 macro_rules! effects {
     ($($(#[$doc:meta])* $field:ident: $kind:ty,)*) => {
-        /// The effects that are on, each under its id; `None` is off.
+        /// The active effects, each under its id; `None` is off.
         #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
         #[serde(default, deny_unknown_fields)]
-        pub struct Effects {
+        pub struct WorldEffects {
             /// The rectangle of DAVIS pixels to which the pixels' own effects are limited.
             #[serde(skip_serializing_if = "Option::is_none")]
             pub region: Option<Rectangle>,
             $($(#[$doc])* #[serde(skip_serializing_if = "Option::is_none")] pub $field: Option<$kind>,)*
         }
 
-        impl Effects {
-            /// The keys under which effects stand in a description.
+        impl WorldEffects {
+            /// The keys of effects in a description.
             pub const KEYS: &'static [&'static str] = &[$(stringify!($field),)*];
 
-            /// The keys of those that are on.
+            /// The keys of the active effects.
             #[must_use]
             pub fn keys_on(&self) -> Vec<&'static str> {
                 let mut on = Vec::new();
@@ -119,22 +119,22 @@ effects! {
     moving_shadow: MovingShadow,
     /// See [`Vibration`].
     vibration: Vibration,
-    /// See [`SupportFilter`]; in no table.
+    /// See [`SupportFilter`]; not an [`EffectId`].
     support_filter: SupportFilter,
-    /// See [`SlewLimit`]; in no table.
+    /// See [`SlewLimit`]; not an [`EffectId`].
     slew_limit: SlewLimit,
-    /// See [`ThresholdFatigue`]; in no table.
+    /// See [`ThresholdFatigue`]; not an [`EffectId`].
     threshold_fatigue: ThresholdFatigue,
 }
 
-impl Effects {
-    /// The named effects that are on; those of no table are left out.
+impl WorldEffects {
+    /// The active effects that have an [`EffectId`].
     #[must_use]
     pub fn on(&self) -> Vec<EffectId> {
         self.keys_on().into_iter().filter_map(|key| key.parse().ok()).collect()
     }
 
-    /// Whether an effect is on that no table names.
+    /// Whether an effect without an [`EffectId`] is active.
     #[must_use]
     pub fn has_unnamed(&self) -> bool {
         self.keys_on().into_iter().any(|key| key.parse::<EffectId>().is_err())
@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn every_named_effect_that_a_camera_can_show_is_a_table_of_the_world() {
         for effect in EffectId::ALL {
-            let is_here = Effects::KEYS.contains(&effect.as_str());
+            let is_here = WorldEffects::KEYS.contains(&effect.as_str());
             assert_eq!(is_here, !NOT_PHYSICAL.contains(effect), "{effect}");
         }
     }
@@ -162,14 +162,15 @@ mod tests {
             let values: Vec<_> =
                 effect.parameters().iter().map(|key| format!("{key} = 1")).collect();
             let text = format!("{effect} = {{ {} }}", values.join(", "));
-            let effects: Effects = toml::from_str(&text).unwrap_or_else(|e| panic!("{text}: {e}"));
+            let effects: WorldEffects =
+                toml::from_str(&text).unwrap_or_else(|e| panic!("{text}: {e}"));
             assert_eq!(effects.on(), [*effect]);
         }
     }
 
     #[test]
     fn at_least_three_effects_are_in_no_table() {
-        let unnamed = Effects::KEYS.iter().filter(|key| key.parse::<EffectId>().is_err());
+        let unnamed = WorldEffects::KEYS.iter().filter(|key| key.parse::<EffectId>().is_err());
         assert!(unnamed.count() >= 3);
     }
 }

@@ -1,7 +1,7 @@
 //! The host: its clocks, and when it gets what the devices send.
 
-use super::World;
-use super::draws::{Draws, Purpose};
+use super::draws::{RandomPurpose, WorldRandom};
+use super::scene::World;
 use evrig_core::pi_camera::ClockSandwich;
 use evrig_core::time::{Span, Stamp};
 use evrig_session::{ClockExchange, HostTime};
@@ -20,7 +20,7 @@ const LINK_BYTES_PER_S: f64 = 2.5e9 / 8.0;
 /// What a delay belongs to; no two kinds share a draw.
 #[derive(Debug, Clone, Copy)]
 #[repr(u64)]
-enum Way {
+enum HostLink {
     Packet = 1,
     Frame,
     Exchange,
@@ -37,20 +37,20 @@ impl World {
     /// World time at which the host has packet number `number` of the DAVIS, whole at `sent`.
     #[must_use]
     pub fn packet_arrival(&self, sent: Span, number: u64) -> Span {
-        sent + delay(USB, &mut self.link(Way::Packet, number))
+        sent + delay(USB, &mut self.link(HostLink::Packet, number))
     }
 
     /// World time at which the host has `n_bytes` of the Pi's frame `sequence`, handed over at `sent`.
     #[must_use]
     pub fn frame_arrival(&self, sent: Span, n_bytes: usize, sequence: u64) -> Span {
         let transfer = Span::from_secs_f64(n_bytes as f64 / LINK_BYTES_PER_S);
-        sent + transfer + delay(NETWORK, &mut self.link(Way::Frame, sequence))
+        sent + transfer + delay(NETWORK, &mut self.link(HostLink::Frame, sequence))
     }
 
     /// The Pi's clocks as the host gets them when it asks at `asked`; world time of the answer.
     #[must_use]
     pub fn clock_exchange(&self, asked: Span, number: u64) -> (Span, ClockExchange) {
-        let mut draws = self.link(Way::Exchange, number);
+        let mut draws = self.link(HostLink::Exchange, number);
         let before = asked + delay(NETWORK, &mut draws);
         let middle = before + delay(READING, &mut draws);
         let after = middle + delay(READING, &mut draws);
@@ -64,23 +64,23 @@ impl World {
         (answered, ClockExchange { asked, pi, pi_raw: None, answered: received })
     }
 
-    fn link(&self, way: Way, number: u64) -> Draws {
-        Draws::new(self.seed, Purpose::HostLink, way as u64, number)
+    fn link(&self, way: HostLink, number: u64) -> WorldRandom {
+        WorldRandom::new(self.seed, RandomPurpose::HostLink, way as u64, number)
     }
 }
 
-fn delay([least, more]: [f64; 2], draws: &mut Draws) -> Span {
+fn delay([least, more]: [f64; 2], draws: &mut WorldRandom) -> Span {
     Span::from_secs_f64(least + more * draws.exponential())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::world::stage::Stage;
+    use crate::world::test_world::TestWorld;
 
     #[test]
     fn a_reading_of_the_pis_clock_lies_between_the_hosts_two() {
-        let mut stage = Stage::still("plain");
+        let mut stage = TestWorld::still("plain");
         stage.description.clocks.pi_wall_offset_us = 250.0;
         let world = stage.world();
         for number in 0..50_u32 {

@@ -2,12 +2,12 @@
 //!
 //! An InvenSense MPU-6500 (PS-MPU-6500A-01; the MPU-9250 of other cameras has the same gyroscope), set
 //! as the camera's drivers set it: a thousand samples a second, 500 degrees a second and 4 g at full
-//! scale, low-pass at 92 Hz. Axes are those of the picture: x to its right, y down, z along the view.
+//! scale, low-pass at 92 Hz. Axes are those of the image: x to its right, y down, z along the view.
 //! A unit at rest feels what holds it up, so one that looks at the floor shows -1 g along z. It sits
 //! where the optical centre is; a few millimetres beside it are not told apart at an arm's turns.
 
-use super::World;
-use super::draws::{Draws, Purpose};
+use super::draws::{RandomPurpose, WorldRandom};
+use super::scene::World;
 use evrig_core::imu::ImuSample;
 use evrig_core::time::{Span, Stamp};
 use evrig_session::rig::CameraFrame;
@@ -31,17 +31,17 @@ const ZERO_C: f64 = 21.0;
 
 /// Gives sample after sample.
 #[derive(Debug)]
-pub(super) struct Imu {
+pub(super) struct SimulatedImu {
     from: Span,
     next: u64,
     /// Its own zeros: acceleration in g, turning in degrees a second.
     zeros: [Vector3<f64>; 2],
 }
 
-impl Imu {
+impl SimulatedImu {
     pub(super) fn new(world: &World, from: Span) -> Self {
         let unit = &world.description.imu;
-        let mut draws = Draws::new(world.seed, Purpose::ImuZero, 0, 0);
+        let mut draws = WorldRandom::new(world.seed, RandomPurpose::ImuZero, 0, 0);
         let mut zero =
             |within: f64| Vector3::from_fn(|_, _| within * (2.0 * draws.uniform() - 1.0));
         let zeros = [zero(unit.acceleration_zero_mg * 1e-3), zero(unit.rotation_zero_deg_per_s)];
@@ -95,7 +95,7 @@ impl Imu {
         let white = (0.5 / PERIOD.as_secs_f64()).sqrt() / N_MEAN as f64;
         let mut sums = [Vector3::zeros(); 2];
         for number in self.next..self.next + N_MEAN {
-            let mut draws = Draws::new(world.seed, Purpose::ImuNoise, number, 0);
+            let mut draws = WorldRandom::new(world.seed, RandomPurpose::ImuNoise, number, 0);
             for sum in &mut sums {
                 *sum += Vector3::from_fn(|_, _| f64::from(draws.normal()) * white);
             }
@@ -128,8 +128,8 @@ fn stepped(value: f64, steps_per_unit: f64) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::world::stage::{MIDDLE, Stage};
-    use crate::world::{DavisTwin, Motion, Schedule};
+    use crate::world::test_world::{MIDDLE, TestWorld};
+    use crate::world::{DavisTwin, SettingSchedule, ToolMotion};
     use evrig_session::rig::Pose;
     use std::sync::Arc;
 
@@ -141,7 +141,7 @@ mod tests {
         frequency_hz: f64,
     }
 
-    impl Motion for Swaying {
+    impl ToolMotion for Swaying {
         fn pose_at(&self, time: Span) -> Pose {
             let [x, y, z, r] = MIDDLE;
             let phase = std::f64::consts::TAU * self.frequency_hz * time.as_secs_f64();
@@ -150,18 +150,24 @@ mod tests {
         }
     }
 
-    fn world(motion: Swaying, change: impl FnOnce(&mut Stage)) -> World {
-        let mut stage = Stage::still("plain");
+    fn world(motion: Swaying, change: impl FnOnce(&mut TestWorld)) -> World {
+        let mut stage = TestWorld::still("plain");
         change(&mut stage);
-        World::new(&stage.rig(), Arc::new(motion), Schedule::default(), &stage.description, 5)
-            .unwrap()
+        World::new(
+            &stage.rig(),
+            Arc::new(motion),
+            SettingSchedule::default(),
+            &stage.description,
+            5,
+        )
+        .unwrap()
     }
 
     fn samples(world: &World, until: Span) -> Vec<ImuSample> {
-        Imu::new(world, Span::ZERO).samples_until(world, until)
+        SimulatedImu::new(world, Span::ZERO).samples_until(world, until)
     }
 
-    fn perfect(stage: &mut Stage) {
+    fn perfect(stage: &mut TestWorld) {
         let unit = &mut stage.description.imu;
         unit.acceleration_zero_mg = 0.0;
         unit.rotation_zero_deg_per_s = 0.0;

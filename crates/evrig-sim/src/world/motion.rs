@@ -1,4 +1,4 @@
-//! Where the tool truly is, which is more than the arm knows.
+//! The true motion of the tool: the arm's path with vibration.
 
 use super::effects::Vibration;
 use evrig_core::time::Span;
@@ -8,9 +8,9 @@ use evrig_session::trajectory::Path;
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
-/// Where the arm takes the tool, by world time (zero is the beginning of the path).
-pub trait Motion: Send + Sync + std::fmt::Debug {
-    /// The pose at `time`; the same answer whenever it is asked.
+/// Pose of the tool over world time (zero is the beginning of the path).
+pub trait ToolMotion: Send + Sync + std::fmt::Debug {
+    /// The pose at `time`; a pure function of it.
     fn pose_at(&self, time: Span) -> Pose;
 
     /// Speed of the tool point at `time`, in mm/s.
@@ -21,7 +21,7 @@ pub trait Motion: Send + Sync + std::fmt::Debug {
     }
 }
 
-impl Motion for Path {
+impl ToolMotion for Path {
     fn pose_at(&self, time: Span) -> Pose {
         Self::pose_at(self, time)
     }
@@ -32,13 +32,13 @@ const FULL_SWING_MM_PER_S: f64 = 10.0;
 
 /// A vibration about the arm's path.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Swing {
+pub(super) struct ToolVibration {
     /// Amplitude and direction in the base frame, millimetres.
     way_mm: Vector3<f64>,
     frequency_hz: f64,
 }
 
-impl Swing {
+impl ToolVibration {
     /// `right` and `down` are those of the DAVIS's picture at the beginning.
     pub(super) fn new(vibration: Vibration, right: Vector3<f64>, down: Vector3<f64>) -> Self {
         let (sin, cos) = vibration.direction_deg.to_radians().sin_cos();

@@ -1,15 +1,15 @@
-//! A camera's geometry: from a pixel to a ray, from a ray to the print.
+//! A camera's geometry: from a pixel to a ray, from a ray to the target.
 
 use evrig_core::geometry::Size;
 use evrig_session::rig::{CameraDescription, CameraFrame, Mounting, Pose};
 use nalgebra::{Matrix3, Vector3};
 
-/// Where the print lies in the base frame.
+/// Where the target lies in the base frame.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Plane {
-    /// Middle of picture and tag together, millimetres.
+pub(super) struct TargetPlane {
+    /// Middle of image and tag together, millimetres.
     pub(super) centre: Vector3<f64>,
-    /// Towards the right of the print.
+    /// Towards the right of the target.
     pub(super) right: Vector3<f64>,
     /// Towards its bottom.
     pub(super) down: Vector3<f64>,
@@ -17,7 +17,7 @@ pub(super) struct Plane {
 
 /// A pinhole with Brown's distortion. Pixel coordinates are continuous: pixel `i` covers `i..i + 1`.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Lens {
+pub(super) struct DistortedPinhole {
     focal_px: f64,
     centre_px: [f64; 2],
     distortion: [f64; 5],
@@ -28,14 +28,14 @@ pub(super) struct Lens {
 
 /// A camera on the tool.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Camera {
+pub(super) struct ToolCamera {
     pub(super) mounting: Mounting,
-    pub(super) lens: Lens,
+    pub(super) lens: DistortedPinhole,
     pub(super) size: Size,
 }
 
-impl Plane {
-    /// From a ray of a camera (right and down over forward) to millimetres on the print, homogeneous.
+impl TargetPlane {
+    /// From a ray of a camera (right and down over forward) to millimetres on the target, homogeneous.
     pub(super) fn plane_from_ray(&self, camera: &CameraFrame) -> Matrix3<f64> {
         let axes = Matrix3::from_columns(&[camera.right, camera.down, camera.forward]);
         let normal = self.right.cross(&self.down);
@@ -48,7 +48,7 @@ impl Plane {
     }
 }
 
-impl Lens {
+impl DistortedPinhole {
     pub(super) fn new(camera: &CameraDescription) -> Self {
         Self {
             focal_px: camera.focal_length.0 / (camera.pixel_pitch.0 * 1e-3),
@@ -59,7 +59,7 @@ impl Lens {
         }
     }
 
-    /// The same lens, its picture moved by a similarity about the picture's centre.
+    /// The same lens, its picture moved by a similarity about the image's centre.
     pub(super) fn moved(self, shift_px: [f64; 2], rotation_deg: f64, scale: f64) -> Self {
         let (sin, cos) = rotation_deg.to_radians().sin_cos();
         Self { shift_px, turn: [scale * cos, scale * sin], ..self }
@@ -100,7 +100,7 @@ impl Lens {
     }
 }
 
-impl Camera {
+impl ToolCamera {
     /// The rays of all pixels' centres, row-major.
     pub(super) fn rays(&self) -> Vec<[f32; 2]> {
         let (width, height) = (usize::from(self.size.width), usize::from(self.size.height));
@@ -111,8 +111,8 @@ impl Camera {
         (0..width * height).map(ray).collect()
     }
 
-    /// From a ray to millimetres on the print when the tool is at `tool`.
-    pub(super) fn plane_from_ray(&self, plane: &Plane, tool: Pose) -> Matrix3<f64> {
+    /// From a ray to millimetres on the target when the tool is at `tool`.
+    pub(super) fn plane_from_ray(&self, plane: &TargetPlane, tool: Pose) -> Matrix3<f64> {
         plane.plane_from_ray(&self.mounting.frame(tool))
     }
 
@@ -133,7 +133,7 @@ mod tests {
     fn rays_and_pixels_undo_each_other_through_distortion_and_misregistration() {
         let mut description = Rig::simulated().unwrap().davis.camera;
         description.distortion = [-0.2, 0.05, 0.001, -0.002, 0.01];
-        let lens = Lens::new(&description).moved([1.5, -0.7], 3.0, 1.02);
+        let lens = DistortedPinhole::new(&description).moved([1.5, -0.7], 3.0, 1.02);
         for pixel in [[0.0, 0.0], [345.0, 3.0], [173.0, 130.0], [20.5, 259.0]] {
             let back = lens.pixel(lens.ray(pixel));
             assert!((back[0] - pixel[0]).abs() < 1e-6 && (back[1] - pixel[1]).abs() < 1e-6);
@@ -145,7 +145,7 @@ mod tests {
         let rig = Rig::simulated().unwrap();
         let tool = Pose::from_mm_deg([250.0, 5.0, 110.0, 80.0]);
         let frame = rig.mount.davis.frame(tool);
-        let plane = Plane {
+        let plane = TargetPlane {
             centre: Vector3::new(260.0, 3.0, -138.0),
             right: Vector3::new(1.0, 0.2, 0.1).normalize(),
             down: Vector3::new(0.2, -1.0, 0.0).normalize(),

@@ -3,8 +3,8 @@
 mod isp;
 mod sensor;
 
-use super::World;
-use super::draws::{Draws, Purpose};
+use super::draws::{RandomPurpose, WorldRandom};
+use super::scene::World;
 use evrig_core::frame::{Channels, Frame, FrameTiming, Samples};
 use evrig_core::time::{PiSensor, Span, Stamp, Unix};
 use std::sync::Arc;
@@ -17,26 +17,26 @@ pub struct PiTwin {
     from: Span,
     period: Span,
     next: u64,
-    sensor: sensor::Sensor,
+    sensor: sensor::RollingSensor,
     isp: isp::Isp,
 }
 
 /// One request of the camera: both frames come from the same exposure.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PiFrame {
-    /// World time at which it is handed over.
+pub struct SimulatedPiFrame {
+    /// World time at which it is delivered.
     pub handed_over: Span,
     /// Bayer RGGB, ten bits right-justified; where the rig asks for it.
     pub raw: Option<Frame<PiSensor>>,
     /// Blue, green, red; where the rig asks for it.
     pub rgb: Option<Frame<PiSensor>>,
-    /// What the camera says about it.
-    pub metadata: PiMetadata,
+    /// Its metadata.
+    pub metadata: SimulatedPiMetadata,
 }
 
-/// What the camera says about a frame; the names are libcamera's.
+/// Metadata of a frame; the names are libcamera's.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PiMetadata {
+pub struct SimulatedPiMetadata {
     /// Number of the frame; a gap is a frame that was lost.
     pub sequence: u64,
     /// End of the exposure of the sensor's first row (not the crop's), whole microseconds.
@@ -60,7 +60,7 @@ impl PiTwin {
     #[must_use]
     pub fn new(world: Arc<World>, from: Span) -> Self {
         let period = Span::from_secs_f64(1.0 / world.rig.pi.camera.frame_rate.0);
-        let (sensor, isp) = (sensor::Sensor::new(), isp::Isp::new(&world));
+        let (sensor, isp) = (sensor::RollingSensor::new(), isp::Isp::new(&world));
         Self { world, from, period, next: 0, sensor, isp }
     }
 
@@ -70,7 +70,7 @@ impl PiTwin {
         self.from + Span::from_nanos(self.period.as_nanos().saturating_mul(self.next as i64))
     }
 
-    /// World time by which a frame stamped `end` has seen all its light.
+    /// World time at which the exposure of a frame stamped `end` ends.
     #[must_use]
     pub fn seen_by(&self, end: Span) -> Span {
         let camera = &self.world.rig.pi.camera;
@@ -83,11 +83,12 @@ impl PiTwin {
     }
 
     /// The next frame that is not lost.
-    pub fn next_frame(&mut self) -> PiFrame {
+    pub fn next_frame(&mut self) -> SimulatedPiFrame {
         loop {
             let (number, end) = (self.next, self.position());
             self.next += 1;
-            let mut draws = Draws::new(self.world.seed, Purpose::PiInterface, number, 0);
+            let mut draws =
+                WorldRandom::new(self.world.seed, RandomPurpose::PiInterface, number, 0);
             // Not so often that nothing is left to wait for.
             let is_lost = draws.uniform() < self.world.description.pi.drop_fraction.min(0.999);
             if !is_lost {
@@ -97,7 +98,7 @@ impl PiTwin {
     }
 
     /// All frames whose SensorTimestamp lies before `until`.
-    pub fn frames_until(&mut self, until: Span) -> Vec<PiFrame> {
+    pub fn frames_until(&mut self, until: Span) -> Vec<SimulatedPiFrame> {
         let mut frames = Vec::new();
         while self.position() < until {
             frames.push(self.next_frame());
@@ -105,7 +106,7 @@ impl PiTwin {
         frames
     }
 
-    fn frame(&mut self, sequence: u64, end: Span, delay: f64) -> PiFrame {
+    fn frame(&mut self, sequence: u64, end: Span, delay: f64) -> SimulatedPiFrame {
         let world = &self.world;
         let (pi, sensor, clocks) = (&world.rig.pi, &world.description.pi, &world.clocks);
         let camera = &pi.camera;
@@ -140,11 +141,11 @@ impl PiTwin {
             channels,
             samples,
         };
-        PiFrame {
+        SimulatedPiFrame {
             handed_over,
             raw: pi.raw.then(|| frame(Channels::Gray, Samples::U16(raw))),
             rgb: rgb.map(|rgb| frame(Channels::Bgr, Samples::U8(rgb))),
-            metadata: PiMetadata {
+            metadata: SimulatedPiMetadata {
                 sequence,
                 sensor_timestamp: stamp,
                 frame_wall_clock: clocks.pi_wall(end),

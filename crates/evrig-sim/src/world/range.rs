@@ -1,7 +1,7 @@
 //! Which values a world can have.
 
 use super::description::WorldDescription;
-use super::problem::WorldError;
+use super::error::WorldError;
 use std::ops::RangeInclusive;
 
 const SHARE: RangeInclusive<f64> = 0.0..=1.0;
@@ -9,30 +9,35 @@ const POSITIVE: RangeInclusive<f64> = 1e-9..=1e12;
 const NOT_NEGATIVE: RangeInclusive<f64> = 0.0..=1e12;
 const ANY: RangeInclusive<f64> = -1e12..=1e12;
 
-/// The first value that is out of its range, as an error.
-pub(super) fn check(world: &WorldDescription) -> Result<(), WorldError> {
-    sensors(world)?;
-    // Effects share their units: what a key may be follows from its ending.
-    let effects = serde_json::to_value(&world.effects).unwrap_or_default();
-    for (effect, parameters) in effects.as_object().into_iter().flatten() {
-        for (key, value) in parameters.as_object().into_iter().flatten() {
-            let values = match value {
-                serde_json::Value::Array(list) => list.iter().collect(),
-                single => vec![single],
-            };
-            for value in values.iter().filter(|value| value.is_number() || value.is_null()) {
-                let number = value.as_f64().unwrap_or(f64::NAN);
-                within(&format!("effects.{effect}.{key}"), number, range_of(effect, key))?;
+impl WorldDescription {
+    /// Checks that every value is in its range.
+    ///
+    /// # Errors
+    /// Names the first key whose value is out of its range.
+    pub fn check(&self) -> Result<(), WorldError> {
+        sensors(self)?;
+        // Effects share their units: what a key may be follows from its ending.
+        let effects = serde_json::to_value(&self.effects).unwrap_or_default();
+        for (effect, parameters) in effects.as_object().into_iter().flatten() {
+            for (key, value) in parameters.as_object().into_iter().flatten() {
+                let values = match value {
+                    serde_json::Value::Array(list) => list.iter().collect(),
+                    single => vec![single],
+                };
+                for value in values.iter().filter(|value| value.is_number() || value.is_null()) {
+                    let number = value.as_f64().unwrap_or(f64::NAN);
+                    within(&format!("effects.{effect}.{key}"), number, range_of(effect, key))?;
+                }
             }
         }
+        Ok(())
     }
-    Ok(())
 }
 
 fn sensors(world: &WorldDescription) -> Result<(), WorldError> {
-    let (print, davis, pi) = (&world.print, &world.davis, &world.pi);
-    within("print.white", print.white, 0.01..=10.0)?;
-    within("print.black", print.black, 1e-4..=1.0)?;
+    let (target, davis, pi) = (&world.target, &world.davis, &world.pi);
+    within("target.white", target.white, 0.01..=10.0)?;
+    within("target.black", target.black, 1e-4..=1.0)?;
     within("davis.threshold", davis.threshold, 1e-3..=10.0)?;
     within("davis.psf_sigma_px", davis.psf_sigma_px, 0.0..=50.0)?;
     within("davis.aps_white_dn", davis.aps_white_dn, POSITIVE)?;

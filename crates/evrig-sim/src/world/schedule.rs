@@ -1,11 +1,11 @@
-//! What the run sets besides the motion: light, exposure, frames on and off, flashes.
+//! Settings of a run besides the motion: light, exposure, frames on and off, flashes.
 
 use evrig_core::time::Span;
 use evrig_session::trajectory::Path;
 
-/// What holds from `start` on.
+/// Settings from `start` on.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Setting {
+pub struct RunSetting {
     /// World time from which it holds.
     pub start: Span,
     /// Whether the DAVIS takes frames.
@@ -20,11 +20,11 @@ pub struct Setting {
 
 /// Settings in the order of their starts. Before the first and without any: full light, no flashes.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Schedule {
-    settings: Vec<Setting>,
+pub struct SettingSchedule {
+    settings: Vec<RunSetting>,
 }
 
-impl Setting {
+impl RunSetting {
     /// Full light, nominal exposure, no flashes.
     #[must_use]
     pub fn nominal(start: Span, aps: bool) -> Self {
@@ -32,20 +32,20 @@ impl Setting {
     }
 }
 
-impl Schedule {
+impl SettingSchedule {
     /// Settings in any order.
     #[must_use]
-    pub fn new(mut settings: Vec<Setting>) -> Self {
+    pub fn new(mut settings: Vec<RunSetting>) -> Self {
         settings.sort_by_key(|setting| setting.start);
         Self { settings }
     }
 
-    /// What the steps of a path set; `aps` is what holds where a step says nothing.
+    /// The settings of the steps of a path; `aps` where a step does not set it.
     #[must_use]
     pub fn of_path(path: &Path, aps: bool) -> Self {
         let setting = |step: &evrig_session::trajectory::Step| {
             let set = &step.settings;
-            Setting {
+            RunSetting {
                 start: step.start,
                 aps: set.aps.unwrap_or(aps),
                 exposure_scale: set.exposure_scale.unwrap_or(1.0),
@@ -58,15 +58,15 @@ impl Schedule {
 
     /// All of them.
     #[must_use]
-    pub fn settings(&self) -> &[Setting] {
+    pub fn settings(&self) -> &[RunSetting] {
         &self.settings
     }
 
-    /// What holds at `time`.
+    /// The setting at `time`.
     #[must_use]
-    pub fn at(&self, time: Span) -> Setting {
+    pub fn at(&self, time: Span) -> RunSetting {
         let after = self.settings.partition_point(|setting| setting.start <= time);
         let found = self.settings.get(after.saturating_sub(1)).copied();
-        found.unwrap_or_else(|| Setting::nominal(Span::ZERO, true))
+        found.unwrap_or_else(|| RunSetting::nominal(Span::ZERO, true))
     }
 }

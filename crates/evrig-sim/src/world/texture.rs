@@ -1,11 +1,11 @@
-//! The print as one camera's optics leave it: blurred by lens and pixel aperture before it is
+//! The target as one camera's optics leave it: blurred by lens and pixel aperture before it is
 //! sampled, so that motion over it makes no change that the camera could not see.
 
-use super::print::Print;
+use super::target::PrintedTarget;
 use rayon::prelude::*;
 use statrs::function::erf::erf;
 
-/// Samples on each axis of a texel when the print is rasterised.
+/// Samples on each axis of a texel when the target is rasterised.
 const SUPERSAMPLES: usize = 3;
 
 /// Texels along the side of a cell whose range of values is known.
@@ -16,7 +16,7 @@ const FLAT: f32 = 1e-5;
 
 /// Reflectance on a regular grid, texel (0, 0) centred at the coordinates (0, 0).
 #[derive(Debug)]
-pub(super) struct Texture {
+pub(super) struct TargetTexture {
     width: usize,
     height: usize,
     values: Vec<f32>,
@@ -24,7 +24,7 @@ pub(super) struct Texture {
     cells: Flatness,
     /// Texels a millimetre.
     pub(super) per_mm: f64,
-    /// Millimetres on the print of texel (0, 0).
+    /// Millimetres on the target of texel (0, 0).
     pub(super) origin_mm: [f64; 2],
 }
 
@@ -37,36 +37,36 @@ struct Flatness {
     rough_before: Vec<u32>,
 }
 
-/// What blurs a print: a box of the pixel's aperture and a Gaussian, both in texels.
+/// What blurs a target: a box of the pixel's aperture and a Gaussian, both in texels.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Blur {
+pub(super) struct TargetBlur {
     pub(super) aperture: f64,
     pub(super) sigma: f64,
 }
 
-impl Texture {
-    /// Number of texels the print has at this density, margins for the blur included.
-    pub(super) fn count(print: &Print, per_mm: f64, blur: Blur) -> usize {
-        let [left, top, right, bottom] = Self::frame(print, per_mm, blur);
+impl TargetTexture {
+    /// Number of texels the target has at this density, margins for the blur included.
+    pub(super) fn count(target: &PrintedTarget, per_mm: f64, blur: TargetBlur) -> usize {
+        let [left, top, right, bottom] = Self::frame(target, per_mm, blur);
         ((right - left) * per_mm) as usize * ((bottom - top) * per_mm) as usize
     }
 
-    fn frame(print: &Print, per_mm: f64, blur: Blur) -> [f64; 4] {
-        let [left, top, right, bottom] = print.bounds_mm();
+    fn frame(target: &PrintedTarget, per_mm: f64, blur: TargetBlur) -> [f64; 4] {
+        let [left, top, right, bottom] = target.bounds_mm();
         let margin = (blur.reach() as f64) / per_mm;
         [left - margin, top - margin, right + margin, bottom + margin]
     }
 
-    pub(super) fn new(print: &Print, per_mm: f64, blur: Blur) -> Self {
-        let [left, top, right, bottom] = Self::frame(print, per_mm, blur);
+    pub(super) fn new(target: &PrintedTarget, per_mm: f64, blur: TargetBlur) -> Self {
+        let [left, top, right, bottom] = Self::frame(target, per_mm, blur);
         let width = ((right - left) * per_mm).ceil() as usize;
         let height = ((bottom - top) * per_mm).ceil() as usize;
         let origin_mm = [left, top];
-        let sharp = rasterise(print, [width, height], per_mm, origin_mm);
+        let sharp = rasterise(target, [width, height], per_mm, origin_mm);
         let kernel = blur.kernel();
         let across = transposed(&blurred_rows(&sharp, width, &kernel), width);
         let values = transposed(&blurred_rows(&across, height, &kernel), height);
-        let outside = print.white() as f32;
+        let outside = target.white() as f32;
         let cells = Flatness::of(&values, width, height, FLAT * outside);
         Self { width, height, values, outside, cells, per_mm, origin_mm }
     }
@@ -151,7 +151,7 @@ impl Flatness {
     }
 }
 
-impl Blur {
+impl TargetBlur {
     /// Texels on either side that count.
     fn reach(self) -> usize {
         (self.aperture / 2.0 + 4.0 * self.sigma).ceil() as usize + 1
@@ -170,7 +170,7 @@ impl Blur {
 }
 
 fn rasterise(
-    print: &Print,
+    target: &PrintedTarget,
     [width, height]: [usize; 2],
     per_mm: f64,
     origin_mm: [f64; 2],
@@ -184,7 +184,7 @@ fn rasterise(
             for k in 0..n * n {
                 let x = (i as f64 + offset(k % n)) / per_mm + origin_mm[0];
                 let y = (j as f64 + offset(k / n)) / per_mm + origin_mm[1];
-                sum += print.reflectance(x, y);
+                sum += target.reflectance(x, y);
             }
             *value = (sum / (n * n) as f64) as f32;
         }
@@ -223,18 +223,20 @@ fn transposed(values: &[f32], width: usize) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::world::description::PrintDescription;
+    use crate::world::description::PrintedTargetDescription;
     use evrig_session::rig::Rig;
 
-    fn texture(picture: &str, per_mm: f64, blur: Blur) -> (Print, Texture) {
-        let description =
-            PrintDescription { picture: picture.to_owned(), ..PrintDescription::default() };
-        let print = Print::new(&description, &Rig::simulated().unwrap().target).unwrap();
-        let texture = Texture::new(&print, per_mm, blur);
-        (print, texture)
+    fn texture(picture: &str, per_mm: f64, blur: TargetBlur) -> (PrintedTarget, TargetTexture) {
+        let description = PrintedTargetDescription {
+            image: picture.to_owned(),
+            ..PrintedTargetDescription::default()
+        };
+        let target = PrintedTarget::new(&description, &Rig::simulated().unwrap().target).unwrap();
+        let texture = TargetTexture::new(&target, per_mm, blur);
+        (target, texture)
     }
 
-    fn at(texture: &Texture, x_mm: f64, y_mm: f64) -> f32 {
+    fn at(texture: &TargetTexture, x_mm: f64, y_mm: f64) -> f32 {
         let [left, top] = texture.origin_mm;
         let place = [(x_mm - left) * texture.per_mm, (y_mm - top) * texture.per_mm];
         texture.sample(place[0] as f32, place[1] as f32)
@@ -242,10 +244,10 @@ mod tests {
 
     #[test]
     fn a_straight_edge_becomes_the_integral_of_aperture_and_point_spread() {
-        let blur = Blur { aperture: 4.0, sigma: 3.0 };
-        let (print, texture) = texture("plain", 6.0, blur);
+        let blur = TargetBlur { aperture: 4.0, sigma: 3.0 };
+        let (target, texture) = texture("plain", 6.0, blur);
         // The left edge of the tag's border: white to the left, 0.04 to the right.
-        let [[left, top], _, [_, bottom], _] = print.tag_corners_mm();
+        let [[left, top], _, [_, bottom], _] = target.tag_corners_mm();
         for tenth in -15..=15 {
             let from_edge = f64::from(tenth) / 10.0;
             let got = at(&texture, left + from_edge, top + 0.03 * (bottom - top) + 2.5);
@@ -267,8 +269,8 @@ mod tests {
 
     #[test]
     fn paper_is_flat_and_the_picture_is_not() {
-        let (print, texture) = texture("leaves-1", 6.0, Blur { aperture: 4.0, sigma: 2.0 });
-        let [left, top, ..] = print.bounds_mm();
+        let (target, texture) = texture("leaves-1", 6.0, TargetBlur { aperture: 4.0, sigma: 2.0 });
+        let [left, top, ..] = target.bounds_mm();
         let texel = |mm: f64, from: f64| ((mm - from) * texture.per_mm) as f32;
         let [x0, y0] = texture.origin_mm;
         let rough = [texel(-20.0, x0), texel(0.0, y0), texel(-10.0, x0), texel(5.0, y0)];

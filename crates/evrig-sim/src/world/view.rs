@@ -1,36 +1,40 @@
-//! What one camera sees of the print: its geometry and its blurred copy of the print.
+//! What one camera sees of the target: its geometry and its blurred copy of the target.
 
-use super::optics::{Camera, Lens, Plane};
-use super::print::Print;
-use super::problem::WorldError;
-use super::texture::{Blur, Texture};
+use super::error::WorldError;
+use super::optics::{DistortedPinhole, TargetPlane, ToolCamera};
+use super::target::PrintedTarget;
+use super::texture::{TargetBlur, TargetTexture};
 use evrig_core::units::Millimetres;
 use evrig_session::rig::{CameraDescription, Mounting, Pose};
 use nalgebra::Matrix3;
 
+/// Texels along a DAVIS pixel: linear interpolation between them is then within 0.3 % of the light.
+pub(super) const DAVIS_TEXELS_PER_PX: f64 = 8.0;
+pub(super) const PI_TEXELS_PER_PX: f64 = 4.0;
+
 /// More texels than any rig needs: half a gigabyte.
 const MAX_TEXELS: usize = 120_000_000;
 
-/// A camera, the print as its optics leave it, and the light that its lens takes away.
+/// A camera, the target as its optics leave it, and the light that its lens takes away.
 #[derive(Debug)]
-pub(super) struct View {
-    pub(super) camera: Camera,
-    pub(super) texture: Texture,
+pub(super) struct CameraView {
+    pub(super) camera: ToolCamera,
+    pub(super) texture: TargetTexture,
     /// The ray of each pixel, row-major.
     pub(super) rays: Vec<[f32; 2]>,
     /// Share of the light that reaches each pixel.
     pub(super) gains: Vec<f32>,
-    /// The second derivative of what a pixel sees of the print is no more than this, in shares of
+    /// The second derivative of what a pixel sees of the target is no more than this, in shares of
     /// white per square pixel: a black edge behind box and Gaussian bends by the Gaussian's peak.
     pub(super) bend_per_px2: f32,
 }
 
 /// What a view is made of.
-pub(super) struct Making<'a> {
+pub(super) struct ViewOptions<'a> {
     pub(super) name: &'static str,
     pub(super) camera: &'a CameraDescription,
     pub(super) mounting: Mounting,
-    pub(super) lens: Lens,
+    pub(super) lens: DistortedPinhole,
     pub(super) psf_sigma_px: f64,
     pub(super) corner_loss: f64,
     pub(super) texels_per_px: f64,
@@ -41,18 +45,21 @@ pub(super) struct Making<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TexelFromRay([f32; 9]);
 
-impl View {
-    pub(super) fn new(print: &Print, making: &Making<'_>) -> Result<Self, WorldError> {
+impl CameraView {
+    pub(super) fn new(
+        target: &PrintedTarget,
+        making: &ViewOptions<'_>,
+    ) -> Result<Self, WorldError> {
         let camera =
-            Camera { mounting: making.mounting, lens: making.lens, size: making.camera.size };
+            ToolCamera { mounting: making.mounting, lens: making.lens, size: making.camera.size };
         let per_px = making.texels_per_px;
         let per_mm = making.camera.pixels_per_mm(making.stand_off) * per_px;
-        let blur = Blur { aperture: per_px, sigma: making.psf_sigma_px * per_px };
-        let pixels = Texture::count(print, per_mm, blur);
+        let blur = TargetBlur { aperture: per_px, sigma: making.psf_sigma_px * per_px };
+        let pixels = TargetTexture::count(target, per_mm, blur);
         if pixels > MAX_TEXELS {
             return Err(WorldError::TooFine { camera: making.name, pixels, limit: MAX_TEXELS });
         }
-        let texture = Texture::new(print, per_mm, blur);
+        let texture = TargetTexture::new(target, per_mm, blur);
         let width = usize::from(camera.size.width);
         let gain = |i| camera.vignette(making.corner_loss, i % width, i / width) as f32;
         let gains = (0..camera.size.n_pixels()).map(gain).collect();
@@ -61,7 +68,7 @@ impl View {
     }
 
     /// From a ray of this camera to its texels when the tool is at `tool`.
-    pub(super) fn texel_from_ray(&self, plane: &Plane, tool: Pose) -> TexelFromRay {
+    pub(super) fn texel_from_ray(&self, plane: &TargetPlane, tool: Pose) -> TexelFromRay {
         let [left, top] = self.texture.origin_mm;
         let k = self.texture.per_mm;
         let texel_from_mm = Matrix3::new(k, 0.0, -k * left, 0.0, k, -k * top, 0.0, 0.0, 1.0);
@@ -70,14 +77,14 @@ impl View {
         TexelFromRay(std::array::from_fn(|i| unit[(i / 3, i % 3)] as f32))
     }
 
-    /// Millimetres on the print of texel coordinates.
+    /// Millimetres on the target of texel coordinates.
     pub(super) fn mm_of_texel(&self, [x, y]: [f32; 2]) -> [f64; 2] {
         let [left, top] = self.texture.origin_mm;
         let k = self.texture.per_mm;
         [f64::from(x) / k + left, f64::from(y) / k + top]
     }
 
-    /// Rays of the picture's corners and its middle, to judge how far the picture moves.
+    /// Rays of the image's corners and its middle, to judge how far the image moves.
     pub(super) fn outermost_rays(&self) -> [[f32; 2]; 5] {
         let (width, n) = (usize::from(self.camera.size.width), self.rays.len());
         [0, width - 1, n - width, n - 1, n / 2 + width / 2].map(|i| self.rays[i.min(n - 1)])
@@ -85,7 +92,7 @@ impl View {
 }
 
 impl TexelFromRay {
-    /// Texel coordinates of a ray; far outside for one that never meets the print.
+    /// Texel coordinates of a ray; far outside for one that never meets the target.
     #[inline]
     pub(super) fn at(&self, [a, b]: [f32; 2]) -> [f32; 2] {
         let h = &self.0;

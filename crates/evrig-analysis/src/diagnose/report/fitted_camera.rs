@@ -3,8 +3,10 @@
 use crate::diagnose::model::registration::FittedRegistration;
 use crate::diagnose::{Evidence, FittedEffect, Hypothesis, Nuisance, SessionFacts};
 use evrig_core::effect_id::EffectId;
-use evrig_generate::effect::{Applied, Effect, Effects, Enters, Region, Surroundings};
-use evrig_generate::forward::{BandNoise, Camera, ForwardParameters, Scatter};
+use evrig_generate::effect::{
+    AppliedEffect, Effect, EffectSet, RecordingContext, Region, SignalStage,
+};
+use evrig_generate::forward::{BandNoise, DiagnosedCamera, ForwardParameters, ThresholdScatter};
 use evrig_generate::voltmeter::Coefficients;
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +17,7 @@ const SIGNAL_STEP_US: u32 = 1_000;
 #[serde(deny_unknown_fields)]
 pub struct FittedCamera {
     /// The camera, for any signal.
-    pub camera: Camera,
+    pub camera: DiagnosedCamera,
     /// Registration to the signal of its recording.
     #[serde(alias = "seen")]
     pub registration: FittedRegistration,
@@ -47,9 +49,9 @@ impl FittedCamera {
                 Err(why) => left_out.push(why),
             }
         }
-        let effects = Effects::new(applied).ok()?;
+        let effects = EffectSet::new(applied).ok()?;
         let (noise, scatter) = noise(hypothesis, theta);
-        let camera = Camera {
+        let camera = DiagnosedCamera {
             generator: ForwardParameters { k, effects, step_us: SIGNAL_STEP_US },
             on_over_nominal: (0.5 * hypothesis.nuisance(Nuisance::LogRatio)).exp(),
             noise,
@@ -76,16 +78,16 @@ impl FittedCamera {
 
 /// What effects of readout and frames depend on in a recording.
 #[must_use]
-pub fn surroundings(facts: &SessionFacts) -> Surroundings {
-    Surroundings { aps_starts_us: facts.aps_us.clone(), frame_times_us: facts.aps_us.clone() }
+pub fn surroundings(facts: &SessionFacts) -> RecordingContext {
+    RecordingContext { aps_starts_us: facts.aps_us.clone(), frame_times_us: facts.aps_us.clone() }
 }
 
 /// An effect for the generator, or why it cannot be represented.
-type EffectResult = Result<Applied, String>;
+type EffectResult = Result<AppliedEffect, String>;
 
 fn effect_result(id: EffectId, parameters: &[(&str, f64)], region: Option<Region>) -> EffectResult {
     let effect = Effect::from_parameters(id, parameters).map_err(|e| format!("{id}: {e}"))?;
-    Ok(Applied { effect, region })
+    Ok(AppliedEffect { effect, region })
 }
 
 /// Effects of a hypothesis beyond its law and its signal.
@@ -119,7 +121,7 @@ fn sensor_wide_effects(
         let values: Vec<(&str, f64)> =
             effect.parameters.iter().map(|(key, p)| (key.as_str(), p.value)).collect();
         let applied = effect_result(effect.id, &values, None);
-        let is_in_light = |applied: &Applied| applied.effect.acts().enters() < Enters::Memory;
+        let is_in_light = |applied: &AppliedEffect| applied.effect.model().stage() < SignalStage::Memory;
         (!applied.as_ref().is_ok_and(is_in_light)).then_some(applied)
     })
 }
@@ -149,14 +151,14 @@ fn excess_over_prior(
 
 /// The noise of the law: the part that enters the reference level as signal noise, the rest as
 /// threshold noise.
-fn noise(hypothesis: &Hypothesis, theta: f64) -> (BandNoise, Scatter) {
+fn noise(hypothesis: &Hypothesis, theta: f64) -> (BandNoise, ThresholdScatter) {
     let law = hypothesis.law();
     let hz = hypothesis.nuisance(Nuisance::LogNoiseHz).exp();
     let (scale, light_exponent) = (law.noise_at_white / theta, law.noise_exponent);
     // Standard deviation of a logistic law; a change has the signal's noise twice.
     let rms = 1.813_8 * scale * (0.5 * law.noise_carry).sqrt();
     let bandwidth_hz = (hz / std::f64::consts::TAU).clamp(20.0, 1_000.0);
-    let scatter = Scatter {
+    let scatter = ThresholdScatter {
         scale: scale * (1.0 - law.noise_carry).sqrt(),
         light_exponent,
         // The law's hazard at rest is this rate times the share of the noise beyond the threshold.

@@ -11,23 +11,23 @@ pub(super) const LANES: usize = 64;
 const EIGHT: usize = 8;
 
 /// The columns of some pixels' state.
-pub(super) struct Columns<'a> {
+pub(super) struct VoltageColumns<'a> {
     pub(super) mean: &'a mut [f32],
     pub(super) excess: &'a mut [f32],
     pub(super) variance: &'a mut [f32],
 }
 
-/// Eight pixels of [`Columns`].
-struct Eight<'a> {
+/// Eight pixels of [`VoltageColumns`].
+struct VoltageLanes<'a> {
     mean: &'a mut [f32; EIGHT],
     excess: &'a mut [f32; EIGHT],
     variance: &'a mut [f32; EIGHT],
 }
 
-impl Columns<'_> {
+impl VoltageColumns<'_> {
     #[inline]
-    fn eight(&mut self, i: usize) -> Eight<'_> {
-        Eight {
+    fn eight(&mut self, i: usize) -> VoltageLanes<'_> {
+        VoltageLanes {
             mean: &mut self.mean.as_chunks_mut().0[i],
             excess: &mut self.excess.as_chunks_mut().0[i],
             variance: &mut self.variance.as_chunks_mut().0[i],
@@ -38,7 +38,7 @@ impl Columns<'_> {
 /// The coefficients for one interval, in f32: a relative error of 3e-7 in drift and
 /// diffusion, for twice as many pixels a register.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Moves {
+pub(super) struct IntervalCoefficients {
     k1: f32,
     k2: f32,
     k3: f32,
@@ -49,7 +49,7 @@ pub(super) struct Moves {
     span_us: f32,
 }
 
-impl Moves {
+impl IntervalCoefficients {
     pub(super) fn new(k: &Coefficients, span_us: u32) -> Self {
         let [k1, k2, k3, k4, k5, k6] = k.k();
         let span = f64::from(span_us);
@@ -66,7 +66,12 @@ impl Moves {
 
     /// Moves the pixels that cannot fire, up to [`LANES`] of them, and returns a bit for each
     /// that may.
-    pub(super) fn let_drift(&self, before: &[f32], after: &[f32], mut state: Columns<'_>) -> u64 {
+    pub(super) fn let_drift(
+        &self,
+        before: &[f32],
+        after: &[f32],
+        mut state: VoltageColumns<'_>,
+    ) -> u64 {
         let (before, before_rest) = before.as_chunks::<EIGHT>();
         let (after, after_rest) = after.as_chunks::<EIGHT>();
         let mut flags = 0;
@@ -85,7 +90,7 @@ impl Moves {
         let done = EIGHT * before.len();
         let [mut mean, mut excess, mut variance] =
             [&state.mean, &state.excess, &state.variance].map(|column| pad(&column[done..]));
-        let eight = Eight { mean: &mut mean, excess: &mut excess, variance: &mut variance };
+        let eight = VoltageLanes { mean: &mut mean, excess: &mut excess, variance: &mut variance };
         let n = before_rest.len();
         let last = self.eight(&pad(before_rest), &pad(after_rest), eight) & ((1 << n) - 1);
         state.mean[done..].copy_from_slice(&mean[..n]);
@@ -96,7 +101,7 @@ impl Moves {
 
     /// Eight pixels in a register (or two).
     #[inline]
-    fn eight(&self, before: &[f32; EIGHT], after: &[f32; EIGHT], state: Eight<'_>) -> u64 {
+    fn eight(&self, before: &[f32; EIGHT], after: &[f32; EIGHT], state: VoltageLanes<'_>) -> u64 {
         let (before, after) = (f32x8::from(*before), f32x8::from(*after));
         let (mean, excess) = (f32x8::from(*state.mean), f32x8::from(*state.excess));
         let variance = f32x8::from(*state.variance);
@@ -126,15 +131,18 @@ mod tests {
     fn flags_stand_for_their_pixels_in_any_number_of_lanes() {
         // One event per log unit: a pixel may fire where brightness doubles and doubles again.
         let k = Coefficients::new([1.0, 1e-6, 0.0, 0.0, 0.0, 0.0]).unwrap();
-        let moves = Moves::new(&k, 1_000);
+        let moves = IntervalCoefficients::new(&k, 1_000);
         for n in [1, 7, 8, 9, 63, LANES] {
             for bright in 0..n {
                 let before = vec![10.0; n];
                 let mut after = before.clone();
                 after[bright] = 40.0;
                 let [mut mean, mut excess, mut variance] = [(); 3].map(|()| vec![0.0; n]);
-                let state =
-                    Columns { mean: &mut mean, excess: &mut excess, variance: &mut variance };
+                let state = VoltageColumns {
+                    mean: &mut mean,
+                    excess: &mut excess,
+                    variance: &mut variance,
+                };
                 assert_eq!(moves.let_drift(&before, &after, state), 1 << bright, "{n} lanes");
             }
         }
@@ -144,10 +152,11 @@ mod tests {
     fn a_million_small_moves_add_up_without_drift() {
         // 1e-7 a µs over intervals of 7 µs: each move is 7e-7, the sum 0.7.
         let k = Coefficients::new([0.0, 1.0, 0.0, 1e-7, 0.0, 0.0]).unwrap();
-        let moves = Moves::new(&k, 7);
+        let moves = IntervalCoefficients::new(&k, 7);
         let (mut mean, mut excess, mut variance) = ([0.0_f32], [0.0_f32], [0.0_f32]);
         for _ in 0..1_000_000 {
-            let state = Columns { mean: &mut mean, excess: &mut excess, variance: &mut variance };
+            let state =
+                VoltageColumns { mean: &mut mean, excess: &mut excess, variance: &mut variance };
             assert_eq!(moves.let_drift(&[5.0], &[5.0], state), 0);
         }
         assert!((f64::from(mean[0]) - 0.7).abs() < 1e-6, "{}", mean[0]);

@@ -5,34 +5,35 @@
 //! barrier ahead on the way, or that would be within reach now. So the time of the first event
 //! is a single inverse Gaussian draw from there, less the past.
 
-use super::{Belief, LANES};
-use crate::random::{Draws, Source};
-use crate::sequence::Interval;
-use crate::voltmeter::{Coefficients, Motion};
+use super::drift::LANES;
+use super::voltages::VoltageMoments;
+use crate::random::{CounterRng, RandomSource};
+use crate::sequence::FrameInterval;
+use crate::voltmeter::{Coefficients, DriftDiffusion};
 use std::hint::select_unpredictable;
 use wide::f64x4;
 
 /// Pixels of a register.
 const FOUR: usize = 4;
 
-type Column = [f64; LANES];
+type LaneColumn = [f64; LANES];
 
 /// The pixels of one pass that may fire, a column each for what is known of them.
 #[derive(Debug)]
 pub(super) struct FirstEvents {
     n: usize,
     pixel: [u32; LANES],
-    draws: Vec<Draws>,
-    before: Column,
-    after: Column,
-    mean: Column,
-    variance: Column,
-    normal: Column,
-    uniform: Column,
-    drift: Column,
-    sigma: Column,
-    past: Column,
-    time: Column,
+    draws: Vec<CounterRng>,
+    before: LaneColumn,
+    after: LaneColumn,
+    mean: LaneColumn,
+    variance: LaneColumn,
+    normal: LaneColumn,
+    uniform: LaneColumn,
+    drift: LaneColumn,
+    sigma: LaneColumn,
+    past: LaneColumn,
+    time: LaneColumn,
 }
 
 /// A pixel that may fire.
@@ -40,10 +41,10 @@ pub(super) struct FirstEvents {
 pub(super) struct FirstEvent<'a> {
     /// Row-major number of the pixel.
     pub(super) pixel: u32,
-    pub(super) belief: Belief,
-    pub(super) motion: Motion,
+    pub(super) moments: VoltageMoments,
+    pub(super) motion: DriftDiffusion,
     /// What further draws come from.
-    pub(super) draws: &'a mut Draws,
+    pub(super) draws: &'a mut CounterRng,
     /// The normal draw behind `time_us`.
     pub(super) normal: f64,
     /// How long ago the voltage was certain, µs.
@@ -85,15 +86,15 @@ impl FirstEvents {
         &mut self,
         pixel: u32,
         brightness: [f32; 2],
-        belief: Belief,
-        source: Source,
-        interval: Interval,
+        moments: VoltageMoments,
+        source: RandomSource,
+        interval: FrameInterval,
     ) {
         let i = self.n;
         let mut draws = source.draws(pixel, interval.index);
         self.pixel[i] = pixel;
         [self.before[i], self.after[i]] = brightness.map(f64::from);
-        (self.mean[i], self.variance[i]) = (belief.mean, belief.variance);
+        (self.mean[i], self.variance[i]) = (moments.mean, moments.variance);
         (self.normal[i], self.uniform[i]) = (draws.normal(), draws.uniform());
         self.draws.push(draws);
         self.n += 1;
@@ -109,7 +110,7 @@ impl FirstEvents {
     #[inline]
     fn draw_four(&mut self, four: usize, k: &Coefficients, per_span: f64) {
         let [k1, k2, k3, k4, k5, k6] = k.k().map(f64x4::splat);
-        let read = |column: &Column| f64x4::from(column.as_chunks::<FOUR>().0[four]);
+        let read = |column: &LaneColumn| f64x4::from(column.as_chunks::<FOUR>().0[four]);
         let (before, after) = (read(&self.before), read(&self.after));
         let middle = f64x4::splat(0.5) * (before + after);
         let gain = f64x4::ONE / (middle + k2);
@@ -122,7 +123,7 @@ impl FirstEvents {
         let speed = drift.abs();
         let distance = f64x4::ONE - towards + speed * past;
         let time = time_along(distance, speed, sigma, read(&self.normal), read(&self.uniform));
-        let write = |column: &mut Column, value: f64x4| {
+        let write = |column: &mut LaneColumn, value: f64x4| {
             column.as_chunks_mut::<FOUR>().0[four] = value.to_array();
         };
         write(&mut self.drift, drift);
@@ -141,8 +142,11 @@ impl FirstEvents {
     pub(super) fn at(&mut self, i: usize) -> FirstEvent<'_> {
         FirstEvent {
             pixel: self.pixel[i],
-            belief: Belief { mean: self.mean[i], variance: self.variance[i] },
-            motion: Motion { drift_per_us: self.drift[i], sigma_per_sqrt_us: self.sigma[i] },
+            moments: VoltageMoments { mean: self.mean[i], variance: self.variance[i] },
+            motion: DriftDiffusion {
+                drift_per_us: self.drift[i],
+                sigma_per_sqrt_us: self.sigma[i],
+            },
             draws: &mut self.draws[i],
             normal: self.normal[i],
             past_us: self.past[i],
@@ -168,7 +172,7 @@ fn time_along(distance: f64x4, drift: f64x4, sigma: f64x4, normal: f64x4, unifor
 
 /// The same for one pixel.
 #[inline]
-pub(super) fn time_along_one(distance: f64, motion: Motion, draws: &mut Draws) -> f64 {
+pub(super) fn time_along_one(distance: f64, motion: DriftDiffusion, draws: &mut CounterRng) -> f64 {
     let (drift, sigma) = (motion.drift_per_us.abs(), motion.sigma_per_sqrt_us);
     let per_distance = 1.0 / distance;
     let delta = drift * per_distance;
@@ -187,13 +191,13 @@ mod tests {
     #[test]
     fn four_pixels_at_once_get_the_motion_and_time_that_one_alone_gets() {
         let k = Coefficients::RAW2DVS346;
-        let (source, span_us) = (Source::new(5), 8_333.0);
-        let interval = Interval { index: 3, start_us: 0, span_us: 8_333, brightest: 1e3 };
+        let (source, span_us) = (RandomSource::new(5), 8_333.0);
+        let interval = FrameInterval { index: 3, start_us: 0, span_us: 8_333, brightest: 1e3 };
         let mut first = FirstEvents::new();
         let brightness = |i: u32| [100.0 + i as f32, 400.0 - 7.0 * i as f32];
         for i in 0..50 {
-            let belief = Belief { mean: 0.01 * f64::from(i), variance: 0.0 };
-            first.push(i, brightness(i), belief, source, interval);
+            let moments = VoltageMoments { mean: 0.01 * f64::from(i), variance: 0.0 };
+            first.push(i, brightness(i), moments, source, interval);
         }
         first.draw(&k, span_us);
         for i in 0..50 {
@@ -203,7 +207,7 @@ mod tests {
             let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
             assert!(close(found.motion.drift_per_us, exact.drift_per_us));
             assert!(close(found.motion.sigma_per_sqrt_us, exact.sigma_per_sqrt_us));
-            let towards = found.belief.mean * exact.drift_per_us.signum();
+            let towards = found.moments.mean * exact.drift_per_us.signum();
             let alone = time_along_one(1.0 - towards, exact, &mut source.draws(i, 3));
             assert!(close(found.time_us, alone), "{} {alone}", found.time_us);
         }

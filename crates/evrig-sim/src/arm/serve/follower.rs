@@ -1,24 +1,24 @@
-//! Where a simulated arm truly was, for those who look at it while it is served.
+//! The true trajectory of a simulated arm while it is served.
 
-use super::{Shared, lock};
-use crate::arm::Trace;
+use super::shared::{SharedArm, lock};
+use crate::arm::trace::ToolTrace;
 use evrig_core::time::Span;
 use std::sync::Arc;
 
-/// Looks where a simulated arm truly was; it may outlive the arm's wire.
+/// Follows the true pose of a simulated arm; it may outlive the arm's pseudo-terminal.
 #[derive(Debug, Clone)]
-pub struct Follower {
-    shared: Arc<Shared>,
-    trace: Arc<Trace>,
+pub struct TraceFollower {
+    shared: Arc<SharedArm>,
+    trace: Arc<ToolTrace>,
 }
 
-impl Follower {
-    pub(super) fn of(shared: &Arc<Shared>) -> Self {
+impl TraceFollower {
+    pub(super) fn of(shared: &Arc<SharedArm>) -> Self {
         let trace = lock(&shared.arm).arm.keep_trace();
         Self { shared: Arc::clone(shared), trace }
     }
 
-    /// Lets the arm's time pass up to now; until when its way is known then.
+    /// Advances the arm to now; gives the time up to which its trajectory is known.
     #[must_use]
     pub fn known_until(&self) -> Span {
         let mut clocked = lock(&self.shared.arm);
@@ -34,9 +34,9 @@ impl Follower {
         lock(&self.shared.arm).now(false)
     }
 
-    /// The way so far.
+    /// The trajectory so far.
     #[must_use]
-    pub fn trace(&self) -> &Trace {
+    pub fn trace(&self) -> &ToolTrace {
         &self.trace
     }
 }

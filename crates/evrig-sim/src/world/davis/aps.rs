@@ -1,8 +1,9 @@
 //! The DAVIS's own frames: global shutter, eight bits.
 
-use crate::world::draws::{Draws, Purpose};
-use crate::world::exposure::{Exposure, n_looks};
-use crate::world::{DAVIS_TEXELS_PER_PX, World};
+use crate::world::draws::{RandomPurpose, WorldRandom};
+use crate::world::exposure::{Exposure, n_samples};
+use crate::world::scene::World;
+use crate::world::view::DAVIS_TEXELS_PER_PX;
 use evrig_core::frame::{Frame, FrameTiming, Samples};
 use evrig_core::time::{Davis, Span, Stamp};
 use rayon::prelude::*;
@@ -64,7 +65,7 @@ fn frame(world: &World, number: u64, [start, end]: [Span; 2], scale: f64) -> Fra
     let view = &world.davis;
     let size = view.camera.size;
     let sensor = &world.description.davis;
-    let n = n_looks(world, view, DAVIS_TEXELS_PER_PX, start, end);
+    let n = n_samples(world, view, DAVIS_TEXELS_PER_PX, start, end);
     let exposure = Exposure::new(world, view, start, end, n);
     let black = world.rig.davis.camera.black_level_dn as f32;
     let white = (sensor.aps_white_dn * scale) as f32;
@@ -73,7 +74,7 @@ fn frame(world: &World, number: u64, [start, end]: [Span; 2], scale: f64) -> Fra
     let width = usize::from(size.width);
     let mut samples = vec![0_u8; size.n_pixels()];
     samples.par_chunks_mut(width).enumerate().for_each(|(row, samples)| {
-        let mut draws = Draws::new(world.seed, Purpose::ApsNoise, number, row as u64);
+        let mut draws = WorldRandom::new(world.seed, RandomPurpose::ApsNoise, number, row as u64);
         for (column, sample) in samples.iter_mut().enumerate() {
             let signal = white * exposure.mean(row * width + column);
             let sigma = (signal.max(0.0) * per_electron + read * read).sqrt();

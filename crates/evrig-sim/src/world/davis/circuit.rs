@@ -1,7 +1,7 @@
 //! A pixel's analogue chain: photocurrent, logarithm, poles, slow part, noise.
 
-use crate::world::draws::Draws;
-use crate::world::effects::Effects;
+use crate::world::draws::WorldRandom;
+use crate::world::effects::WorldEffects;
 use std::f64::consts::TAU;
 
 /// The follower's pole lies at this multiple of the noise's bandwidth.
@@ -18,13 +18,13 @@ pub(super) struct Circuit {
     adaptation: Option<(f64, f64)>,
     /// Highest rate of change a second.
     slew: Option<f64>,
-    noise: Option<Noise>,
+    noise: Option<CircuitNoise>,
     /// Share of the current at white.
     pub(super) dark: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Noise {
+struct CircuitNoise {
     /// Standard deviation of the log signal at white, over that of the second state.
     rms_of_state: f64,
     bandwidth_hz: f64,
@@ -33,7 +33,7 @@ struct Noise {
 
 /// What a pixel's chain remembers.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Memory {
+pub(super) struct CircuitState {
     receptor: [f64; 2],
     followed: f64,
     slewed: f64,
@@ -44,7 +44,7 @@ pub(super) struct Memory {
 }
 
 impl Circuit {
-    pub(super) fn new(effects: &Effects, threshold: f64) -> Self {
+    pub(super) fn new(effects: &WorldEffects, threshold: f64) -> Self {
         let noise = effects.shot_noise.filter(|noise| noise.rms_thresholds > 0.0);
         Self {
             photoreceptor: effects
@@ -53,7 +53,7 @@ impl Circuit {
             fixed_pole: effects.fixed_pole.map(|pole| 1.0 / (TAU * pole.cutoff_hz)),
             adaptation: effects.adaptation.map(|slow| (slow.time_constant_s, slow.fraction)),
             slew: effects.slew_limit.map(|slew| slew.per_s),
-            noise: noise.map(|noise| Noise {
+            noise: noise.map(|noise| CircuitNoise {
                 rms_of_state: noise.rms_thresholds
                     * threshold
                     * ((1.0 + FOLLOWER) / FOLLOWER).sqrt(),
@@ -86,10 +86,10 @@ impl Circuit {
     }
 
     /// At rest under a current.
-    pub(super) fn at_rest(&self, current: f64, draws: &mut Draws) -> Memory {
+    pub(super) fn at_rest(&self, current: f64, draws: &mut WorldRandom) -> CircuitState {
         let x = current.ln();
         let share = self.adaptation.map_or(0.0, |(_, share)| share);
-        let mut memory = Memory {
+        let mut memory = CircuitState {
             receptor: [x; 2],
             followed: x,
             slewed: x,
@@ -105,7 +105,7 @@ impl Circuit {
     }
 
     /// Whether nothing moves any more under a constant log current `x`.
-    pub(super) fn is_settled(&self, memory: &Memory, x: f64) -> bool {
+    pub(super) fn is_settled(&self, memory: &CircuitState, x: f64) -> bool {
         let share = self.adaptation.map_or(0.0, |(_, share)| share);
         self.noise.is_none()
             && (memory.output - (x - share * x)).abs() < 1e-7
@@ -113,32 +113,36 @@ impl Circuit {
     }
 
     /// What steps of `dt` seconds have in common.
-    pub(super) fn pace(&self, dt: f64) -> Pace {
-        let pole = |tau: f64| Pole { kept: (-dt / tau).exp(), lag: tau / dt.max(1e-12) };
+    pub(super) fn pace(&self, dt: f64) -> StepConstants {
+        let pole = |tau: f64| LowPassPole { kept: (-dt / tau).exp(), lag: tau / dt.max(1e-12) };
         let noise = self.noise.map(|noise| {
             let tau = 1.0 / (TAU * noise.bandwidth_hz);
             let kept = (-dt / tau).exp();
-            NoisePace { kept, fresh: (1.0 - kept * kept).sqrt(), follower: pole(tau / FOLLOWER) }
+            NoiseStepConstants {
+                kept,
+                fresh: (1.0 - kept * kept).sqrt(),
+                follower: pole(tau / FOLLOWER),
+            }
         });
         let adaptation = self.adaptation.map(|(tau, share)| (pole(tau), share));
-        Pace { dt, fixed: self.fixed_pole.map(pole), adaptation, noise }
+        StepConstants { dt, fixed: self.fixed_pole.map(pole), adaptation, noise }
     }
 
     /// Goes on by a step while the log current goes straight from `x[0]` to `x[1]`, its middle being
     /// `current`; the new output.
     pub(super) fn advance(
         &self,
-        memory: &mut Memory,
+        memory: &mut CircuitState,
         x: [f64; 2],
         current: f64,
-        pace: &Pace,
-        draws: &mut Draws,
+        pace: &StepConstants,
+        draws: &mut WorldRandom,
     ) -> f64 {
         let mut signal = x;
         if let Some((cutoff, order)) = self.photoreceptor {
             // The corner follows the current, so that rises are faster than falls.
             let decay = TAU * cutoff * current.max(1e-9) * pace.dt;
-            let pole = Pole { kept: decayed(decay), lag: 1.0 / decay.max(1e-12) };
+            let pole = LowPassPole { kept: decayed(decay), lag: 1.0 / decay.max(1e-12) };
             for state in memory.receptor.iter_mut().take(order as usize) {
                 signal = pole.pass(state, signal);
             }
@@ -170,31 +174,31 @@ impl Circuit {
 
 /// Constants of steps of one length.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Pace {
+pub(super) struct StepConstants {
     /// Seconds.
     pub(super) dt: f64,
-    fixed: Option<Pole>,
-    adaptation: Option<(Pole, f64)>,
-    noise: Option<NoisePace>,
+    fixed: Option<LowPassPole>,
+    adaptation: Option<(LowPassPole, f64)>,
+    noise: Option<NoiseStepConstants>,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct NoisePace {
+struct NoiseStepConstants {
     kept: f64,
     fresh: f64,
-    follower: Pole,
+    follower: LowPassPole,
 }
 
 /// A first-order low pass over a step.
 #[derive(Debug, Clone, Copy)]
-struct Pole {
+struct LowPassPole {
     /// What is left of a difference.
     kept: f64,
     /// Time constant in steps.
     lag: f64,
 }
 
-impl Pole {
+impl LowPassPole {
     /// The exact answer to an input that goes straight from one value to another.
     #[inline]
     fn pass(&self, state: &mut f64, input: [f64; 2]) -> [f64; 2] {
@@ -215,9 +219,9 @@ fn decayed(x: f64) -> f64 {
     (-x).exp()
 }
 
-impl NoisePace {
+impl NoiseStepConstants {
     #[inline]
-    fn advance(&self, memory: &mut Memory, draws: &mut Draws) {
+    fn advance(&self, memory: &mut CircuitState, draws: &mut WorldRandom) {
         let [first, second] = &mut memory.noise;
         let before = *first;
         *first = before * self.kept + f64::from(draws.normal()) * self.fresh;
@@ -225,9 +229,9 @@ impl NoisePace {
     }
 }
 
-impl Noise {
+impl CircuitNoise {
     /// A draw from the stationary distribution of both poles.
-    fn stationary(&self, draws: &mut Draws) -> [f64; 2] {
+    fn stationary(&self, draws: &mut WorldRandom) -> [f64; 2] {
         let [a, b] = [draws.normal(), draws.normal()].map(f64::from);
         // Variances and correlation of the two states, the first of variance one.
         let variance = FOLLOWER / (1.0 + FOLLOWER);
@@ -237,7 +241,7 @@ impl Noise {
 
     /// The noise on the log signal, scaled to its standard deviation under the log current `x`.
     #[inline]
-    fn output(&self, memory: &Memory, x: f64) -> f64 {
+    fn output(&self, memory: &CircuitState, x: f64) -> f64 {
         let scale = if self.exponent == 0.0 { 1.0 } else { (-self.exponent * x).exp() };
         self.rms_of_state * scale * memory.noise[1]
     }
@@ -246,13 +250,13 @@ impl Noise {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::world::draws::Purpose;
+    use crate::world::draws::RandomPurpose;
     use crate::world::effects::{PhotoreceptorBandwidth, ShotNoise};
 
     #[test]
     fn a_pole_answers_a_ramp_as_the_book_says() {
         let mut state = 0.0;
-        let pole = |tau: f64, dt: f64| Pole { kept: (-dt / tau).exp(), lag: tau / dt };
+        let pole = |tau: f64, dt: f64| LowPassPole { kept: (-dt / tau).exp(), lag: tau / dt };
         for _ in 0..7 {
             let last = state;
             pole(0.01, 0.001).pass(&mut state, [1.0, 1.0]);
@@ -273,15 +277,15 @@ mod tests {
 
     #[test]
     fn a_dark_pixel_is_slower_than_a_bright_one_in_proportion() {
-        let effects = Effects {
+        let effects = WorldEffects {
             photoreceptor_bandwidth: Some(PhotoreceptorBandwidth {
                 cutoff_hz_at_white: 100.0,
                 order: 1,
             }),
-            ..Effects::default()
+            ..WorldEffects::default()
         };
         let circuit = Circuit::new(&effects, 0.19);
-        let mut draws = Draws::new(0, Purpose::ShotNoise, 0, 0);
+        let mut draws = WorldRandom::new(0, RandomPurpose::ShotNoise, 0, 0);
         let mut time_to_settle = |current: f64| {
             let mut memory = circuit.at_rest(current, &mut draws);
             let goal = current.ln() + 0.01;
@@ -301,10 +305,10 @@ mod tests {
     fn noise_has_its_standard_deviation_whatever_the_step() {
         let noise =
             ShotNoise { rms_thresholds: 0.5, bandwidth_hz: 100.0, brightness_exponent: 0.0 };
-        let effects = Effects { shot_noise: Some(noise), ..Effects::default() };
+        let effects = WorldEffects { shot_noise: Some(noise), ..WorldEffects::default() };
         let circuit = Circuit::new(&effects, 0.2);
         for (dt, n) in [(1e-4, 200_000), (2.5e-4, 80_000)] {
-            let mut draws = Draws::new(5, Purpose::ShotNoise, 1, 2);
+            let mut draws = WorldRandom::new(5, RandomPurpose::ShotNoise, 1, 2);
             let mut memory = circuit.at_rest(1.0, &mut draws);
             let pace = circuit.pace(dt);
             let mut go = |_| circuit.advance(&mut memory, [0.0; 2], 1.0, &pace, &mut draws);

@@ -14,7 +14,7 @@ pub(super) struct Comparator {
 
 /// What a comparator remembers. Times are seconds of world time.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Held {
+pub(super) struct ComparatorState {
     /// The signal, leaks included, from which the thresholds count.
     pub(super) reference: f64,
     pub(super) blind_until: f64,
@@ -25,7 +25,7 @@ pub(super) struct Held {
 
 /// A straight piece of the signal, leaks included.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Piece {
+pub(super) struct SignalSegment {
     pub(super) from_s: f64,
     pub(super) to_s: f64,
     pub(super) from: f64,
@@ -35,7 +35,7 @@ pub(super) struct Piece {
 /// More events than any pixel fires within a piece of a signal.
 const MAX_EVENTS: usize = 10_000;
 
-impl Piece {
+impl SignalSegment {
     fn at(&self, time: f64) -> f64 {
         let length = self.to_s - self.from_s;
         if length <= 0.0 {
@@ -46,12 +46,12 @@ impl Piece {
 }
 
 impl Comparator {
-    /// Runs along a piece; `forced` are events that come by themselves (time, On), in order and
+    /// Runs along a piece; `forced` are events that come by themselves (time, ON), in order and
     /// within the piece. Each event is handed to `fire`.
     pub(super) fn run(
         &self,
-        held: &mut Held,
-        piece: Piece,
+        held: &mut ComparatorState,
+        piece: SignalSegment,
         forced: &[(f64, bool)],
         mut fire: impl FnMut(f64, bool),
     ) {
@@ -96,13 +96,13 @@ impl Comparator {
 
     /// Whether a straight signal that begins or ends at `signal` fires nothing there; a no may be hasty.
     #[inline]
-    pub(super) fn keeps_still(&self, held: &Held, signal: f64) -> bool {
+    pub(super) fn keeps_still(&self, held: &ComparatorState, signal: f64) -> bool {
         let away = signal - held.reference;
         // Tired thresholds are higher than these.
         !held.is_blind && away < self.on && away > -self.off
     }
 
-    fn reset(&self, held: &mut Held, time: f64, reference: f64) {
+    fn reset(&self, held: &mut ComparatorState, time: f64, reference: f64) {
         held.reference = reference;
         if self.refractory > 0.0 {
             held.is_blind = true;
@@ -116,7 +116,12 @@ impl Comparator {
     }
 
     /// The first time from `now` on at which the signal is a threshold away from the reference.
-    fn next_crossing(&self, held: &Held, piece: &Piece, now: f64) -> Option<(f64, bool)> {
+    fn next_crossing(
+        &self,
+        held: &ComparatorState,
+        piece: &SignalSegment,
+        now: f64,
+    ) -> Option<(f64, bool)> {
         // Tired thresholds recover slowly against a piece's length: taken at its middle.
         let tired = self.fatigue.map_or(1.0, |(_, recovery)| {
             let middle = 0.5 * (now + piece.to_s);
@@ -148,28 +153,33 @@ mod tests {
 
     const PLAIN: Comparator = Comparator { on: 0.2, off: 0.25, refractory: 0.0, fatigue: None };
 
-    fn run(comparator: Comparator, piece: Piece, forced: &[(f64, bool)]) -> Vec<(f64, bool)> {
+    fn run(
+        comparator: Comparator,
+        piece: SignalSegment,
+        forced: &[(f64, bool)],
+    ) -> Vec<(f64, bool)> {
         let mut events = Vec::new();
-        comparator.run(&mut Held::default(), piece, forced, |t, on| events.push((t, on)));
+        comparator
+            .run(&mut ComparatorState::default(), piece, forced, |t, on| events.push((t, on)));
         events
     }
 
     #[test]
     fn a_ramp_fires_at_every_threshold() {
-        let piece = Piece { from_s: 1.0, to_s: 2.0, from: 0.0, to: 1.01 };
+        let piece = SignalSegment { from_s: 1.0, to_s: 2.0, from: 0.0, to: 1.01 };
         let events = run(PLAIN, piece, &[]);
         assert_eq!(events.len(), 5);
         for (i, (time, on)) in events.iter().enumerate() {
             assert!(*on && (time - (1.0 + 0.2 * (i + 1) as f64 / 1.01)).abs() < 1e-12);
         }
-        let falling = run(PLAIN, Piece { to: -1.01, ..piece }, &[]);
+        let falling = run(PLAIN, SignalSegment { to: -1.01, ..piece }, &[]);
         assert!(falling.len() == 4 && falling.iter().all(|(_, on)| !on));
     }
 
     #[test]
     fn a_blind_pixel_loses_what_passes_and_starts_from_where_it_wakes() {
         let comparator = Comparator { refractory: 0.1, ..PLAIN };
-        let piece = Piece { from_s: 0.0, to_s: 1.0, from: 0.0, to: 1.0 };
+        let piece = SignalSegment { from_s: 0.0, to_s: 1.0, from: 0.0, to: 1.0 };
         let times: Vec<f64> = run(comparator, piece, &[]).iter().map(|(t, _)| *t).collect();
         for (got, expected) in times.iter().zip([0.2, 0.5, 0.8]) {
             assert!((got - expected).abs() < 1e-12, "{times:?}");
@@ -179,7 +189,7 @@ mod tests {
 
     #[test]
     fn an_event_that_comes_by_itself_resets_the_pixel() {
-        let piece = Piece { from_s: 0.0, to_s: 1.0, from: 0.0, to: 0.3 };
+        let piece = SignalSegment { from_s: 0.0, to_s: 1.0, from: 0.0, to: 0.3 };
         let events = run(PLAIN, piece, &[(0.5, false)]);
         assert_eq!(events.len(), 1, "half of the ramp was lost: {events:?}");
         assert_eq!(events[0], (0.5, false));
@@ -188,7 +198,7 @@ mod tests {
     #[test]
     fn a_tired_pixel_fires_less() {
         let comparator = Comparator { fatigue: Some((0.5, 1.0)), ..PLAIN };
-        let piece = Piece { from_s: 0.0, to_s: 0.1, from: 0.0, to: 2.01 };
+        let piece = SignalSegment { from_s: 0.0, to_s: 0.1, from: 0.0, to: 2.01 };
         assert!(run(comparator, piece, &[]).len() < run(PLAIN, piece, &[]).len());
     }
 }

@@ -1,18 +1,17 @@
 //! One event pixel through a slab of time.
 
-use super::circuit::{Circuit, Memory, Pace};
-use super::comparator::{Comparator, Held, Piece};
-use super::sight::{Sight, glimpse, sight};
+use super::circuit::{Circuit, CircuitState, StepConstants};
+use super::comparator::{Comparator, ComparatorState, SignalSegment};
+use super::pixel_input::{PixelInput, input_bounds, pixel_input};
 use super::slab::Slab;
-use crate::world::draws::{Draws, Purpose};
-use crate::world::light::Light;
-use crate::world::view::View;
+use super::slab_scene::{PixelBuffers, SlabScene};
+use crate::world::draws::{RandomPurpose, WorldRandom};
 
 /// What makes a pixel differ from its neighbours.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Traits {
+pub(super) struct PixelTraits {
     pub(super) comparator: Comparator,
-    /// Rates of the leak towards On in log units a second: constant, at white, growth a second.
+    /// Rates of the leak towards ON in log units a second: constant, at white, growth a second.
     pub(super) leak: [f64; 3],
     pub(super) is_dead: bool,
     /// Whether the pixels' own effects reach it.
@@ -22,9 +21,9 @@ pub(super) struct Traits {
 
 /// What a pixel remembers from slab to slab.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct State {
-    memory: Memory,
-    held: Held,
+pub(super) struct PixelState {
+    memory: CircuitState,
+    held: ComparatorState,
     /// What has leaked so far, in log units.
     leaked: f64,
     /// Reflectance times gain at the last look.
@@ -34,7 +33,7 @@ pub(super) struct State {
 
 /// A pixel's wish to send an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Request {
+pub(super) struct EventRequest {
     /// World time in nanoseconds.
     pub(super) at_ns: i64,
     /// Row-major number of the pixel.
@@ -42,37 +41,16 @@ pub(super) struct Request {
     pub(super) on: bool,
 }
 
-/// What all pixels of a slab need.
-pub(super) struct Scene<'a> {
-    pub(super) view: &'a View,
-    pub(super) light: &'a Light,
-    pub(super) slab: &'a Slab,
-    pub(super) seed: u64,
-    /// The share of reflectance that is called white.
-    pub(super) white: f32,
-}
-
-/// Buffers that a worker uses again and again.
-#[derive(Debug, Default)]
-pub(super) struct Scratch {
-    /// Reflectance times gain, in shares of white, at each look; one value where it is constant.
-    pub(super) seen: Vec<f32>,
-    /// Events that come by themselves: seconds of world time.
-    pub(super) forced: Vec<(f64, bool)>,
-    /// Of the steps that were needed last.
-    pace: Pace,
-}
-
-impl State {
+impl PixelState {
     /// Runs pixel number `pixel` through the slab; its requests go to `out`.
     pub(super) fn run(
         &mut self,
         pixel: usize,
-        traits: &Traits,
+        traits: &PixelTraits,
         circuit: &Circuit,
-        scene: &Scene<'_>,
-        scratch: &mut Scratch,
-        out: &mut Vec<Request>,
+        scene: &SlabScene<'_>,
+        scratch: &mut PixelBuffers,
+        out: &mut Vec<EventRequest>,
     ) {
         if traits.is_dead {
             return;
@@ -80,23 +58,24 @@ impl State {
         if self.is_quiet(pixel, traits, circuit, scene, &scratch.forced) {
             return;
         }
-        let sight = sight(pixel, scene, scratch);
-        let Scratch { seen, forced, pace } = scratch;
+        let pixel_input = pixel_input(pixel, scene, scratch);
+        let PixelBuffers { seen, forced, pace } = scratch;
         let slab = scene.slab;
-        let mut draws = Draws::new(scene.seed, Purpose::ShotNoise, pixel as u64, slab.number);
+        let mut draws =
+            WorldRandom::new(scene.seed, RandomPurpose::ShotNoise, pixel as u64, slab.number);
         let current = |seen: f32, light: f32| f64::from(seen * light) + circuit.dark;
         if !self.has_begun {
-            let first = match sight {
-                Sight::Same(value) => value,
-                Sight::Varies => seen[0],
+            let first = match pixel_input {
+                PixelInput::Same(value) => value,
+                PixelInput::Varies => seen[0],
             };
-            self.begin(pixel, traits, circuit, current(first, slab.looks[0].light), scene.seed);
+            self.begin(pixel, traits, circuit, current(first, slab.samples[0].light), scene.seed);
         }
         let mut fire = |time: f64, on: bool| {
             let at_ns = ((time + traits.latency) * 1e9).round() as i64;
-            out.push(Request { at_ns, pixel: pixel as u32, on });
+            out.push(EventRequest { at_ns, pixel: pixel as u32, on });
         };
-        let mut walk = Walk {
+        let mut walk = PixelRun {
             state: self,
             traits,
             circuit,
@@ -105,31 +84,31 @@ impl State {
             pace,
             fire: &mut fire,
         };
-        match sight {
-            Sight::Same(value) if slab.is_steady => {
-                let now = current(value, slab.looks[0].light);
+        match pixel_input {
+            PixelInput::Same(value) if slab.is_steady => {
+                let now = current(value, slab.samples[0].light);
                 walk.rest(now, slab, &mut draws);
             }
-            Sight::Same(value) => {
-                let mut before = current(value, slab.looks[0].light).ln();
-                for pair in slab.looks.windows(2) {
+            PixelInput::Same(value) => {
+                let mut before = current(value, slab.samples[0].light).ln();
+                for pair in slab.samples.windows(2) {
                     let after = current(value, pair[1].light).ln();
                     walk.go([pair[0].since, pair[1].since], [before, after], slab, &mut draws);
                     before = after;
                 }
             }
-            Sight::Varies => {
-                let mut before = current(seen[0], slab.looks[0].light).ln();
-                for (pair, seen) in slab.looks.windows(2).zip(&seen[1..]) {
+            PixelInput::Varies => {
+                let mut before = current(seen[0], slab.samples[0].light).ln();
+                for (pair, seen) in slab.samples.windows(2).zip(&seen[1..]) {
                     let after = current(*seen, pair[1].light).ln();
                     walk.go([pair[0].since, pair[1].since], [before, after], slab, &mut draws);
                     before = after;
                 }
             }
         }
-        self.seen = match sight {
-            Sight::Same(value) => value,
-            Sight::Varies => seen.last().copied().unwrap_or(self.seen),
+        self.seen = match pixel_input {
+            PixelInput::Same(value) => value,
+            PixelInput::Varies => seen.last().copied().unwrap_or(self.seen),
         };
     }
 
@@ -138,9 +117,9 @@ impl State {
     fn is_quiet(
         &mut self,
         pixel: usize,
-        traits: &Traits,
+        traits: &PixelTraits,
         circuit: &Circuit,
-        scene: &Scene<'_>,
+        scene: &SlabScene<'_>,
         forced: &[(f64, bool)],
     ) -> bool {
         let slab = scene.slab;
@@ -148,21 +127,28 @@ impl State {
         if !(self.has_begun && is_ideal && slab.is_steady) {
             return false;
         }
-        let Some(glimpse) = glimpse(pixel, scene) else { return false };
-        let signal = |seen: f32| (f64::from(seen * slab.looks[0].light) + circuit.dark).ln();
-        let is_quiet = [glimpse.low, glimpse.high]
+        let Some(input_bounds) = input_bounds(pixel, scene) else { return false };
+        let signal = |seen: f32| (f64::from(seen * slab.samples[0].light) + circuit.dark).ln();
+        let is_quiet = [input_bounds.low, input_bounds.high]
             .into_iter()
             .all(|seen| traits.comparator.keeps_still(&self.held, signal(seen) + self.leaked));
         if is_quiet {
-            self.memory.output = signal(glimpse.last);
-            self.seen = glimpse.last;
+            self.memory.output = signal(input_bounds.last);
+            self.seen = input_bounds.last;
         }
         is_quiet
     }
 
     /// At rest, the signal somewhere between the thresholds: pixels were not all reset at once.
-    fn begin(&mut self, pixel: usize, traits: &Traits, circuit: &Circuit, current: f64, seed: u64) {
-        let mut draws = Draws::new(seed, Purpose::Phase, pixel as u64, 0);
+    fn begin(
+        &mut self,
+        pixel: usize,
+        traits: &PixelTraits,
+        circuit: &Circuit,
+        current: f64,
+        seed: u64,
+    ) {
+        let mut draws = WorldRandom::new(seed, RandomPurpose::Phase, pixel as u64, 0);
         let phase = draws.uniform() - 0.5;
         self.memory = circuit.at_rest(current, &mut draws);
         let away = if phase > 0.0 { traits.comparator.on } else { traits.comparator.off };
@@ -172,20 +158,20 @@ impl State {
 }
 
 /// A pixel on its way through a slab.
-struct Walk<'a, F: FnMut(f64, bool)> {
-    state: &'a mut State,
-    traits: &'a Traits,
+struct PixelRun<'a, F: FnMut(f64, bool)> {
+    state: &'a mut PixelState,
+    traits: &'a PixelTraits,
     circuit: &'a Circuit,
     /// World time of the slab's beginning in seconds.
     begin: f64,
     forced: &'a [(f64, bool)],
-    pace: &'a mut Pace,
+    pace: &'a mut StepConstants,
     fire: &'a mut F,
 }
 
-impl<F: FnMut(f64, bool)> Walk<'_, F> {
+impl<F: FnMut(f64, bool)> PixelRun<'_, F> {
     /// Through a whole slab in which nothing changes.
-    fn rest(&mut self, current: f64, slab: &Slab, draws: &mut Draws) {
+    fn rest(&mut self, current: f64, slab: &Slab, draws: &mut WorldRandom) {
         let x = current.ln();
         let leaks = self.traits.leak != [0.0; 3];
         let is_settled = self.circuit.is_bare() || self.circuit.is_settled(&self.state.memory, x);
@@ -199,7 +185,7 @@ impl<F: FnMut(f64, bool)> Walk<'_, F> {
     }
 
     /// Between two looks, in as many steps as the circuit needs.
-    fn go(&mut self, since: [f64; 2], x: [f64; 2], slab: &Slab, draws: &mut Draws) {
+    fn go(&mut self, since: [f64; 2], x: [f64; 2], slab: &Slab, draws: &mut WorldRandom) {
         if self.circuit.is_bare() {
             self.state.memory.output = x[1];
             self.piece(since, x[0], x);
@@ -243,7 +229,7 @@ impl<F: FnMut(f64, bool)> Walk<'_, F> {
             self.state.leaked += rate * (since[1] - since[0]);
         }
         let times = since.map(|since| self.begin + since);
-        let piece = Piece {
+        let piece = SignalSegment {
             from_s: times[0],
             to_s: times[1],
             from: output[0] + leaked,

@@ -1,8 +1,8 @@
 //! Events that come by themselves: at random, and from the camera's own frames.
 
 use super::slab::Slab;
-use crate::world::draws::{Draws, Purpose, poisson};
-use crate::world::effects::{ApsCoupling, BackgroundActivity, Effects};
+use crate::world::draws::{RandomPurpose, WorldRandom, poisson};
+use crate::world::effects::{ApsCoupling, BackgroundActivity, WorldEffects};
 
 /// Sources of such events.
 #[derive(Debug, Clone)]
@@ -13,7 +13,7 @@ pub(super) struct Spontaneous {
 }
 
 impl Spontaneous {
-    pub(super) fn new(effects: &Effects, seed: u64) -> Self {
+    pub(super) fn new(effects: &WorldEffects, seed: u64) -> Self {
         Self {
             background: effects.background_activity.filter(|activity| activity.rate_hz > 0.0),
             coupling: effects.aps_coupling.filter(|coupling| coupling.events_fraction > 0.0),
@@ -48,7 +48,8 @@ impl Spontaneous {
         events.clear();
         let (begin, length) = (slab.begin(), slab.length());
         if let Some(background) = self.background.filter(|_| is_affected) {
-            let mut draws = Draws::new(self.seed, Purpose::Spontaneous, pixel as u64, slab.number);
+            let mut draws =
+                WorldRandom::new(self.seed, RandomPurpose::Spontaneous, pixel as u64, slab.number);
             for _ in 0..poisson(&mut draws, background.rate_hz * length) {
                 let time = begin + draws.uniform() * length;
                 events.push((time, draws.bits() & 1 == 1));
@@ -58,7 +59,8 @@ impl Spontaneous {
             for (frame, start) in exposures {
                 let after_us = coupling.delay_us + coupling.row_us * row as f64;
                 let time = start + after_us * 1e-6;
-                let mut draws = Draws::new(self.seed, Purpose::ApsCoupling, pixel as u64, *frame);
+                let mut draws =
+                    WorldRandom::new(self.seed, RandomPurpose::ApsCoupling, pixel as u64, *frame);
                 let is_within = (begin..begin + length).contains(&time);
                 if is_within && draws.uniform() < coupling.events_fraction {
                     events.push((time, draws.bits() & 1 == 1));

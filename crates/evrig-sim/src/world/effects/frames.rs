@@ -101,9 +101,9 @@ pub struct Misregistration {
     pub shift_x_px: f64,
     /// Down, in DAVIS pixels.
     pub shift_y_px: f64,
-    /// Clockwise in the picture.
+    /// Clockwise in the image.
     pub rotation_deg: f64,
-    /// Larger than one: the picture is larger.
+    /// Larger than one: the image is larger.
     pub scale: f64,
 }
 
@@ -123,13 +123,13 @@ pub struct Flicker {
     pub depth: f64,
 }
 
-/// A soft-edged band of shadow wanders over the print, again and again.
+/// A soft-edged band of shadow wanders over the target, again and again.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MovingShadow {
     /// Share of the light that it takes, 0..1.
     pub depth: f64,
-    /// Its way over the print.
+    /// Its way over the target.
     #[serde(default = "shadow_speed")]
     pub speed_mm_per_s: f64,
     /// Standard deviation of its profile across.
@@ -138,7 +138,7 @@ pub struct MovingShadow {
     /// From one pass to the next along its way.
     #[serde(default = "shadow_period")]
     pub period_mm: f64,
-    /// Its direction on the print, clockwise from the right.
+    /// Its direction on the target, clockwise from the right.
     #[serde(default)]
     pub direction_deg: f64,
 }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhotoreceptorBandwidth {
-    /// Corner where the print is white at full light, 10..10,000 Hz.
+    /// Corner where the target is white at full light, 10..10,000 Hz.
     pub cutoff_hz_at_white: f64,
     /// Equal poles in series, 1 or 2.
     #[serde(default = "one")]
@@ -36,32 +36,32 @@ pub struct RefractoryPeriod {
     pub refractory_us: f64,
 }
 
-/// Each pixel's On and Off thresholds are normal about the nominal ones (Wang et al., arXiv
+/// Each pixel's ON and OFF thresholds are normal about the nominal ones (Wang et al., arXiv
 /// 2012.09378: 0.1..0.25 relative).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ThresholdMismatch {
     /// Standard deviation of either threshold over its mean.
     pub sigma_relative: f64,
-    /// Correlation of a pixel's On and Off threshold.
+    /// Correlation of a pixel's ON and OFF threshold.
     #[serde(default = "half")]
     pub correlation: f64,
 }
 
-/// Thresholds `theta sqrt(ratio)` for On and `theta / sqrt(ratio)` for Off (biases onbn, offbn; 0.5..2).
+/// Thresholds `theta sqrt(ratio)` for ON and `theta / sqrt(ratio)` for OFF (biases onbn, offbn; 0.5..2).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ThresholdAsymmetry {
-    /// On threshold over Off threshold.
+    /// ON threshold over OFF threshold.
     pub on_off_ratio: f64,
 }
 
-/// The reset transistor's junction leaks: the comparator drifts towards On by `rate_hz` thresholds a
+/// The reset transistor's junction leaks: the comparator drifts towards ON by `rate_hz` thresholds a
 /// second (Nozaki and Delbruck 2017: 0.05..1 Hz).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JunctionLeak {
-    /// On events a second of a pixel that sees nothing change.
+    /// ON events a second of a pixel that sees nothing change.
     pub rate_hz: f64,
 }
 
@@ -70,7 +70,7 @@ pub struct JunctionLeak {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhotocurrentLeak {
-    /// On events a second where the print is white at full light.
+    /// ON events a second where the target is white at full light.
     pub rate_hz_at_white: f64,
 }
 

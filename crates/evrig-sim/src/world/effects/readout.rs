@@ -42,7 +42,7 @@ pub struct StampJitter {
 }
 
 /// Each frame of the camera kicks its event pixels: `delay_us` after the exposure starts, later by
-/// `row_us` a row, a pixel fires with probability `events_fraction`, On or Off alike.
+/// `row_us` a row, a pixel fires with probability `events_fraction`, ON or OFF alike.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ApsCoupling {

@@ -1,6 +1,6 @@
 //! The Pi's image processing: demosaic, white balance, tone curve, eight bits.
 
-use crate::world::World;
+use crate::world::scene::World;
 use evrig_core::geometry::Size;
 use rayon::prelude::*;
 

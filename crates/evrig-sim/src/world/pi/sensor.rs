@@ -1,21 +1,22 @@
 //! The Pi camera's sensor: rolling shutter, Bayer mosaic, shot and read noise, pedestal, ten bits.
 
-use crate::world::draws::{Draws, Purpose};
-use crate::world::exposure::{Exposure, n_looks};
-use crate::world::{PI_TEXELS_PER_PX, World};
+use crate::world::draws::{RandomPurpose, WorldRandom};
+use crate::world::exposure::{Exposure, n_samples};
+use crate::world::scene::World;
+use crate::world::view::PI_TEXELS_PER_PX;
 use evrig_core::time::Span;
 use evrig_session::rig::Pose;
 use rayon::prelude::*;
 
 /// The sensor. It remembers the last mean picture: while nothing moves, only the noise is new.
 #[derive(Debug)]
-pub(super) struct Sensor {
-    last: Option<Still>,
+pub(super) struct RollingSensor {
+    last: Option<StillImage>,
 }
 
 /// A picture of a scene in which nothing moved.
 #[derive(Debug)]
-struct Still {
+struct StillImage {
     pose: Pose,
     light: f64,
     /// Mean light on each pixel, 1 where white in full light.
@@ -23,7 +24,7 @@ struct Still {
 }
 
 /// What turns light into DN.
-struct Response {
+struct SensorResponse {
     /// DN of white above the pedestal for each of the mosaic's four places.
     white_dn: [f32; 4],
     variance_per_dn: f32,
@@ -35,7 +36,7 @@ struct Response {
     highest: f32,
 }
 
-impl Sensor {
+impl RollingSensor {
     pub(super) fn new() -> Self {
         Self { last: None }
     }
@@ -49,7 +50,7 @@ impl Sensor {
         exposure: Span,
         exposure_scale: f64,
     ) -> Vec<u16> {
-        let timing = Rows::new(world, end, exposure);
+        let timing = RowExposures::new(world, end, exposure);
         let pose = timing.constant_pose(world);
         let light = world.lamps().light.level(end.as_secs_f64());
         let is_known =
@@ -60,16 +61,16 @@ impl Sensor {
             (None, Some(last)) => last.light_on.as_slice(),
             (None, None) => &[],
         };
-        let raw = Response::new(world, exposure_scale).digitise(world, sequence, light_on);
+        let raw = SensorResponse::new(world, exposure_scale).digitise(world, sequence, light_on);
         if let Some(light_on) = fresh {
-            self.last = pose.map(|pose| Still { pose, light, light_on });
+            self.last = pose.map(|pose| StillImage { pose, light, light_on });
         }
         raw
     }
 }
 
 /// When the rows of one frame see light.
-struct Rows {
+struct RowExposures {
     /// End of the exposure of the crop's first row.
     first_end: Span,
     row_ns: f64,
@@ -77,7 +78,7 @@ struct Rows {
     n_rows: usize,
 }
 
-impl Rows {
+impl RowExposures {
     fn new(world: &World, end: Span, exposure: Span) -> Self {
         let stated_us = world.rig.pi.camera.row_time.as_secs_f64() * 1e6;
         let shutter = world.description.effects.rolling_shutter;
@@ -95,7 +96,7 @@ impl Rows {
         self.first_end + Span::from_nanos((row as f64 * self.row_ns).round() as i64)
     }
 
-    /// The one pose in which all rows see the print, if neither tool nor light changes.
+    /// The one pose in which all rows see the target, if neither tool nor light changes.
     fn constant_pose(&self, world: &World) -> Option<Pose> {
         let last = self.end_of(self.n_rows.saturating_sub(1));
         let begin = self.first_end.min(last) - self.exposure;
@@ -115,7 +116,7 @@ impl Rows {
         let view = &world.pi;
         let width = usize::from(view.camera.size.width);
         let middle = self.end_of(self.n_rows / 2);
-        let n = n_looks(world, view, PI_TEXELS_PER_PX, middle - self.exposure, middle);
+        let n = n_samples(world, view, PI_TEXELS_PER_PX, middle - self.exposure, middle);
         let mut light_on = vec![0.0_f32; view.rays.len()];
         light_on.par_chunks_mut(width).enumerate().for_each(|(row, values)| {
             let end = self.end_of(row);
@@ -128,7 +129,7 @@ impl Rows {
     }
 }
 
-impl Response {
+impl SensorResponse {
     fn new(world: &World, exposure_scale: f64) -> Self {
         let (sensor, effects) = (&world.description.pi, &world.description.effects);
         let camera = &world.rig.pi.camera;
@@ -153,7 +154,8 @@ impl Response {
         let mut raw = vec![0_u16; light_on.len()];
         let rows = raw.par_chunks_mut(width).zip(light_on.par_chunks(width)).enumerate();
         rows.for_each(|(row, (raw, light_on))| {
-            let mut draws = Draws::new(world.seed, Purpose::PiNoise, sequence, row as u64);
+            let mut draws =
+                WorldRandom::new(world.seed, RandomPurpose::PiNoise, sequence, row as u64);
             let whites = [self.white_dn[row % 2 * 2], self.white_dn[row % 2 * 2 + 1]];
             for (column, (value, light)) in raw.iter_mut().zip(light_on).enumerate() {
                 let signal = whites[column % 2] * light;
@@ -163,7 +165,7 @@ impl Response {
         raw
     }
 
-    fn sample(&self, signal: f32, draws: &mut Draws) -> u16 {
+    fn sample(&self, signal: f32, draws: &mut WorldRandom) -> u16 {
         let shot = self.variance_per_dn * signal.max(0.0);
         let dn = if self.gamma == 1.0 {
             signal + (shot + self.read_dn * self.read_dn).sqrt() * draws.normal()

@@ -1,7 +1,7 @@
 //! What the frame camera must show.
 
-use crate::world::stage::Stage;
-use crate::world::{CameraName, PiFrame, PiTwin};
+use crate::world::test_world::TestWorld;
+use crate::world::{CameraName, PiTwin, SimulatedPiFrame};
 use evrig_core::frame::Samples;
 use evrig_core::time::Span;
 use std::f64::consts::TAU;
@@ -9,12 +9,12 @@ use std::f64::consts::TAU;
 const WIDTH: usize = 120;
 const HEIGHT: usize = 80;
 
-fn frames(stage: &Stage, n: usize) -> Vec<PiFrame> {
+fn frames(stage: &TestWorld, n: usize) -> Vec<SimulatedPiFrame> {
     let mut twin = PiTwin::new(stage.world(), Span::ZERO);
     (0..n).map(|_| twin.next_frame()).collect()
 }
 
-fn raw(frame: &PiFrame) -> Vec<f64> {
+fn raw(frame: &SimulatedPiFrame) -> Vec<f64> {
     let Some(Samples::U16(samples)) = frame.raw.as_ref().map(|raw| &raw.samples) else {
         panic!("a raw frame")
     };
@@ -30,12 +30,12 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// The print moved out of sight: paper alone.
+/// The target moved out of sight: paper alone.
 const PAPER: (&str, &str) =
     ("centre_mm = [270.0, 0.0, -138.0]", "centre_mm = [370.0, 0.0, -138.0]");
 
-fn paper() -> Stage {
-    Stage { rig_changes: vec![PAPER], ..Stage::still("plain") }
+fn paper() -> TestWorld {
+    TestWorld { rig_changes: vec![PAPER], ..TestWorld::still("plain") }
 }
 
 /// Row time in microseconds, read off the bands that a flickering lamp draws on bare paper.
@@ -112,7 +112,7 @@ fn a_tone_curve_bends_and_does_not_move_black() {
 #[test]
 fn a_longer_exposure_blurs_what_moves_and_is_no_brighter() {
     let stripes = |effects: &str| {
-        let stage = Stage::moving("stripes-2-0", 60.0).with(effects);
+        let stage = TestWorld::moving("stripes-2-0", 60.0).with(effects);
         // Frames at 8.3 ms: the tool has gone 0.5 mm.
         let raw = raw(&frames(&stage, 2)[1]);
         let row = green_row(&raw, 40);
@@ -130,7 +130,7 @@ fn a_longer_exposure_blurs_what_moves_and_is_no_brighter() {
 
 #[test]
 fn the_picture_is_where_the_truth_says() {
-    let stage = Stage::still("plain");
+    let stage = TestWorld::still("plain");
     let world = stage.world();
     let [[left, top], ..] = world.tag_corners_mm();
     let raw = raw(&frames(&stage, 1)[0]);
@@ -160,7 +160,7 @@ fn white_paper_is_white_in_rgb() {
 
 #[test]
 fn the_camera_says_what_the_rig_states_and_when_it_handed_over() {
-    let mut stage = Stage::still("plain");
+    let mut stage = TestWorld::still("plain");
     stage.description.pi.drop_fraction = 0.3;
     stage.description.clocks.pi_wall_steps = vec![[0.25, 5_000.0]];
     let world = stage.world();

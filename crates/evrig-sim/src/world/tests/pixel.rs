@@ -1,6 +1,6 @@
 //! The effects inside the pixels.
 
-use crate::world::stage::{N_PIXELS, Stage, by_pixel, n_on};
+use crate::world::test_world::{N_PIXELS, TestWorld, by_pixel, n_on};
 use evrig_core::event::Event;
 use std::f64::consts::TAU;
 
@@ -9,12 +9,12 @@ fn contrast() -> f64 {
     -0.04_f64.ln()
 }
 
-/// Stripes of 4 mm over which the tool goes at 8 mm/s: two a second for each pixel in the picture.
-fn stripes() -> Stage {
-    Stage::moving("stripes-4-0", 8.0)
+/// Stripes of 4 mm over which the tool goes at 8 mm/s: two a second for each pixel in the image.
+fn stripes() -> TestWorld {
+    TestWorld::moving("stripes-4-0", 8.0)
 }
 
-/// What pixels in the picture's middle fire while one whole period of the stripes passes, after they
+/// What pixels in the image's middle fire while one whole period of the stripes passes, after they
 /// have found their rhythm.
 fn one_period(effects: &str) -> Vec<Event> {
     let events = stripes().with(effects).events(0.75);
@@ -47,20 +47,20 @@ fn a_pixel_fires_once_per_threshold_of_log_contrast_that_passes() {
 
 #[test]
 fn a_still_camera_under_steady_light_sees_nothing() {
-    assert!(Stage::still("leaves-1").events(1.0).is_empty());
+    assert!(TestWorld::still("leaves-1").events(1.0).is_empty());
 }
 
 #[test]
 fn a_refractory_period_leaves_a_hole_in_the_intervals() {
-    let shortest = |stage: Stage| {
+    let shortest = |stage: TestWorld| {
         let events = stage.events(0.3);
         let pixels = by_pixel(&events);
         let gaps = pixels.iter().flat_map(|p| p.windows(2).map(|w| w[1].t - w[0].t));
         (gaps.min().unwrap(), events.len())
     };
-    let (free, n_free) = shortest(Stage::moving("leaves-1", 30.0));
+    let (free, n_free) = shortest(TestWorld::moving("leaves-1", 30.0));
     let dead = "refractory_period = { refractory_us = 4000 }";
-    let (blind, n_blind) = shortest(Stage::moving("leaves-1", 30.0).with(dead));
+    let (blind, n_blind) = shortest(TestWorld::moving("leaves-1", 30.0).with(dead));
     assert!(free < 1_500, "{free}");
     assert!(blind >= 4_000, "{blind}");
     assert!(n_blind < n_free);
@@ -68,30 +68,31 @@ fn a_refractory_period_leaves_a_hole_in_the_intervals() {
 
 #[test]
 fn leaks_fire_on_events_at_their_rate_in_proportion_to_light_where_it_is_light_that_leaks() {
-    let rate = |stage: Stage| {
+    let rate = |stage: TestWorld| {
         let events = stage.events(2.0);
         assert_eq!(n_on(&events), events.len() as f64, "a leak fires On only");
         events.iter().filter(|event| event.t >= 1_000_000).count() as f64 / N_PIXELS
     };
     let junction = "junction_leak = { rate_hz = 5 }";
-    assert!((rate(Stage::still("plain").with(junction)) - 5.0).abs() < 0.1);
-    assert!((rate(Stage::still("plain").light(0.0, 0.2).with(junction)) - 5.0).abs() < 0.1);
+    assert!((rate(TestWorld::still("plain").with(junction)) - 5.0).abs() < 0.1);
+    assert!((rate(TestWorld::still("plain").light(0.0, 0.2).with(junction)) - 5.0).abs() < 0.1);
     let photo = "photocurrent_leak = { rate_hz_at_white = 5 }";
-    let bare = |stage: Stage| Stage { rig_changes: vec![NO_TAG], ..stage }.with(photo);
-    let (bright, dim) = (bare(Stage::still("plain")), bare(Stage::still("plain").light(0.0, 0.2)));
+    let bare = |stage: TestWorld| TestWorld { rig_changes: vec![NO_TAG], ..stage }.with(photo);
+    let (bright, dim) =
+        (bare(TestWorld::still("plain")), bare(TestWorld::still("plain").light(0.0, 0.2)));
     let (bright, dim) = (rate(bright), rate(dim));
     assert!((dim / bright - 0.2).abs() < 0.02, "{dim} over {bright}");
     assert!((bright - 5.0).abs() < 0.1, "{bright}");
 }
 
-/// The print moved out of sight: paper alone.
+/// The target moved out of sight: paper alone.
 const NO_TAG: (&str, &str) =
     ("centre_mm = [270.0, 0.0, -138.0]", "centre_mm = [370.0, 0.0, -138.0]");
 
 #[test]
 fn a_warming_chip_leaks_more_and_more() {
     let drift = "temperature_drift = { rate_hz_per_s = 4 }";
-    let events = Stage::still("plain").with(drift).events(2.0);
+    let events = TestWorld::still("plain").with(drift).events(2.0);
     let late = events.iter().filter(|event| event.t >= 1_000_000).count() as f64;
     let early = events.iter().filter(|event| (500_000..1_000_000).contains(&event.t)).count();
     // The integral of 4 t: 1.5 a pixel in the second half of the first second, 6 in the second.
@@ -108,16 +109,16 @@ fn alternation(events: &[Event]) -> f64 {
 #[test]
 fn band_limited_noise_alternates_in_polarity_and_random_activity_does_not() {
     let noise = "shot_noise = { rms_thresholds = 0.4, bandwidth_hz = 60 }";
-    let noisy = Stage::still("plain").with(noise).events(1.0);
+    let noisy = TestWorld::still("plain").with(noise).events(1.0);
     assert!(noisy.len() > 500, "{}", noisy.len());
     assert!(alternation(&noisy) > 0.75, "{}", alternation(&noisy));
     let random = "background_activity = { rate_hz = 5 }";
-    let random = Stage::still("plain").with(random).events(1.0);
+    let random = TestWorld::still("plain").with(random).events(1.0);
     assert!((random.len() as f64 / N_PIXELS - 5.0).abs() < 0.25);
     assert!((alternation(&random) - 0.5).abs() < 0.03);
 }
 
-/// Mean lag of On events behind those of the nominal world, in seconds, from their phase in the stripes.
+/// Mean lag of ON events behind those of the nominal world, in seconds, from their phase in the stripes.
 fn lag_s(effects: &str) -> f64 {
     let phase = |effects: &str| {
         let frequency = 2.0;
@@ -152,8 +153,9 @@ fn poles_and_latency_delay_events_by_what_they_say() {
 
 #[test]
 fn what_slows_a_pixel_costs_events_where_things_are_fast() {
-    let count =
-        |effects: &str| Stage::moving("stripes-2-0", 60.0).with(effects).events(0.05).len() as f64;
+    let count = |effects: &str| {
+        TestWorld::moving("stripes-2-0", 60.0).with(effects).events(0.05).len() as f64
+    };
     let base = count("");
     for slow in [
         "fixed_pole = { cutoff_hz = 20 }",
@@ -167,7 +169,7 @@ fn what_slows_a_pixel_costs_events_where_things_are_fast() {
 
 #[test]
 fn a_pixel_that_adapts_answers_a_step_of_light_with_the_opposite_later() {
-    let step = || Stage::still("plain").light(0.0, 0.3).light(0.2, 1.0);
+    let step = || TestWorld::still("plain").light(0.0, 0.3).light(0.2, 1.0);
     let plain = step().events(1.0);
     assert!(!plain.is_empty() && plain.iter().all(|event| event.on));
     let slow = "adaptation = { time_constant_s = 0.15, fraction = 0.8 }";
@@ -213,11 +215,11 @@ fn mismatched_thresholds_give_each_pixel_its_own_count() {
 #[test]
 fn hot_pixels_fire_at_rest_and_dead_ones_never() {
     let hot = "hot_pixels = { fraction = 0.02 }\ndead_pixels = { count = 40 }";
-    let resting = Stage::still("plain").with(hot).events(1.0);
+    let resting = TestWorld::still("plain").with(hot).events(1.0);
     let n_hot = by_pixel(&resting).len() as f64;
     assert!((n_hot - 0.02 * N_PIXELS).abs() < 18.0, "{n_hot}");
     assert!(by_pixel(&resting).iter().all(|pixel| (9..=301).contains(&pixel.len())));
-    let flash = || Stage::still("plain").light(0.0, 0.3).light(0.1, 1.0);
+    let flash = || TestWorld::still("plain").light(0.0, 0.3).light(0.1, 1.0);
     let alive = by_pixel(&flash().events(0.3)).len();
     let left = by_pixel(&flash().with("dead_pixels = { count = 40 }").events(0.3)).len();
     assert_eq!(alive - left, 40);
@@ -226,7 +228,7 @@ fn hot_pixels_fire_at_rest_and_dead_ones_never() {
 #[test]
 fn an_effect_limited_to_a_region_stays_in_it() {
     let leak = "junction_leak = { rate_hz = 10 }\nregion = { x_px = [5, 20], y_px = [0, 10] }";
-    let events = Stage::still("plain").with(leak).events(0.5);
+    let events = TestWorld::still("plain").with(leak).events(0.5);
     assert!(events.len() > 500);
     assert!(events.iter().all(|event| (5..20).contains(&event.x) && event.y < 10));
 }

@@ -1,11 +1,11 @@
 //! The effects behind the pixels, and the clocks.
 
-use crate::world::stage::{N_PIXELS, Stage};
+use crate::world::test_world::{N_PIXELS, TestWorld};
 use evrig_core::event::Event;
 
 /// A step of light that makes every pixel fire about six times within 20 ms.
-fn step() -> Stage {
-    Stage::still("plain").light(0.0, 0.3).light(0.05, 1.0)
+fn step() -> TestWorld {
+    TestWorld::still("plain").light(0.0, 0.3).light(0.05, 1.0)
 }
 
 fn with(effects: &str) -> Vec<Event> {
@@ -52,7 +52,7 @@ fn what_is_dropped_is_a_share_and_jitter_loses_nothing() {
 #[test]
 fn the_cameras_own_frames_kick_its_pixels_row_after_row() {
     let coupled = "aps_coupling = { events_fraction = 0.1, delay_us = 300, row_us = 50 }";
-    let events = Stage::still("plain").with(coupled).events(1.0);
+    let events = TestWorld::still("plain").with(coupled).events(1.0);
     // Forty frames a second.
     let rate = events.len() as f64 / N_PIXELS;
     assert!((rate - 4.0).abs() < 0.2, "{rate}");
@@ -60,7 +60,7 @@ fn the_cameras_own_frames_kick_its_pixels_row_after_row() {
         let since_frame = event.t.rem_euclid(25_000);
         assert_eq!(since_frame, 300 + 50 * i64::from(event.y));
     }
-    let mut without_frames = Stage::still("plain").with(coupled);
+    let mut without_frames = TestWorld::still("plain").with(coupled);
     without_frames.settings[0].aps = false;
     assert!(without_frames.events(1.0).is_empty());
 }
@@ -79,8 +79,8 @@ fn wrong_clocks_move_stamps_and_change_nothing_else() {
 #[test]
 fn lonely_events_do_not_pass_the_cameras_own_filter() {
     let activity = "background_activity = { rate_hz = 2 }";
-    let lonely = Stage::still("plain").with(activity).events(1.0).len();
+    let lonely = TestWorld::still("plain").with(activity).events(1.0).len();
     let filtered = format!("{activity}\nsupport_filter = {{ window_us = 2000 }}");
-    let passed = Stage::still("plain").with(&filtered).events(1.0).len();
+    let passed = TestWorld::still("plain").with(&filtered).events(1.0).len();
     assert!(passed < lonely / 8, "{passed} of {lonely}");
 }

@@ -1,7 +1,7 @@
 //! What holds for the world as a whole.
 
-use crate::world::effects::Effects;
-use crate::world::stage::Stage;
+use crate::world::effects::WorldEffects;
+use crate::world::test_world::TestWorld;
 use crate::world::{DavisTwin, PiTwin, World, WorldError};
 use evrig_core::event::Events;
 use evrig_core::time::Span;
@@ -20,8 +20,8 @@ row_readout = { row_us = 1 }
 aps_coupling = { events_fraction = 0.05, delay_us = 100, row_us = 10 }
 ";
 
-fn stage() -> Stage {
-    Stage::moving("leaves-3", 25.0).with(ALL)
+fn stage() -> TestWorld {
+    TestWorld::moving("leaves-3", 25.0).with(ALL)
 }
 
 #[test]
@@ -91,8 +91,8 @@ frame_noise = { sigma_dn = 0 }
 rolling_shutter = { row_us = 9.21 }
 exposure_blur = { exposure_us = 4000 }
 ";
-    let stage = |effects: &str| Stage::moving("leaves-3", 25.0).with(effects);
-    let n_on = toml::from_str::<Effects>(silent).unwrap().keys_on().len();
+    let stage = |effects: &str| TestWorld::moving("leaves-3", 25.0).with(effects);
+    let n_on = toml::from_str::<WorldEffects>(silent).unwrap().keys_on().len();
     assert!(n_on >= 29);
     assert_eq!(stage(silent).events(0.1), stage("").events(0.1));
     let frames = |effects: &str| {
@@ -103,7 +103,7 @@ exposure_blur = { exposure_us = 4000 }
 
 #[test]
 fn a_camera_that_looks_away_is_refused_by_name() {
-    let mut stage = Stage::still("plain");
+    let mut stage = TestWorld::still("plain");
     stage.rig_changes =
         vec![("centre_mm = [270.0, 0.0, -138.0]", "centre_mm = [270.0, 0.0, 400.0]")];
     let rig = stage.rig();
