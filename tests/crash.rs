@@ -222,7 +222,7 @@ fn kill_one(bench: &Bench, camera: &mut Camera, killed_in: &str, moment: u64) ->
         assert_eq!(manifest.status, Status::Recovered);
         assert!(manifest.losses[0].what.contains("cut off in state"), "{:?}", manifest.losses);
     }
-    assert!(manifest.recording.as_ref().unwrap().rig.contains("evrig.rig/1"));
+    assert!(manifest.recording.as_ref().unwrap().rig.contains("evrig.rig/2"));
     let n_kept = check_events(&session.layout().davis());
     let count = session.stream(StreamKind::Events, "real").map_or(0, |stream| stream.count);
     assert!(n_kept >= count as i64);

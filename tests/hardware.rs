@@ -57,7 +57,7 @@ fn is_whole(out: &Path, rig: &Rig) {
     );
     assert!(verify(&session).unwrap().holds());
     for device in &session.manifest().recording.as_ref().unwrap().devices {
-        assert_eq!(device.n_dropped, 0, "{}: {}", device.name, device.says);
+        assert_eq!(device.n_dropped, 0, "{}: {}", device.name, device.description);
     }
     let within = |rate: f64, wanted: f64| (rate / wanted - 1.0).abs() < 0.02;
     let raw = rate_hz(&session, StreamKind::Frames, "raw");

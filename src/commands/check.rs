@@ -23,18 +23,18 @@ pub(super) fn check(args: &CheckArgs, output: &Output) -> anyhow::Result<Ending>
         None => this_machine(&args.out),
         Some(rig) => of_rig(rig, args, output)?,
     };
-    let is_ready = findings.iter().all(|finding| finding.verdict != Verdict::Bad);
+    let is_ready = findings.iter().all(|finding| finding.holds());
     let line = |finding: &Finding| {
         let mark = match finding.verdict {
             Verdict::Good => "ok   ",
             Verdict::Doubt => "look ",
             Verdict::Bad => "FAIL ",
         };
-        format!("{mark} {:<9} {}\n", finding.what, finding.says)
+        format!("{mark} {:<9} {}\n", finding.subject, finding.description)
     };
     let mut text: String = findings.iter().map(line).collect();
     text += if is_ready { "ready" } else { "not ready: mend what failed" };
-    let value = json!({ "schema": "evrig.check/1", "ready": is_ready, "findings": findings });
+    let value = json!({ "schema": "evrig.check/2", "ready": is_ready, "findings": findings });
     output.result(&value, text)?;
     Ok(if is_ready { Ending::Done } else { Ending::Negative })
 }

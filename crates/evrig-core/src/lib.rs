@@ -5,6 +5,7 @@ pub mod delivery;
 pub mod drive;
 pub mod effect_id;
 pub mod event;
+pub mod finding;
 pub mod frame;
 pub mod geometry;
 pub mod imu;

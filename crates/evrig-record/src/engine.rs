@@ -67,7 +67,7 @@ pub struct Outcome {
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
     /// Something must be mended first; nothing moved, nothing was made.
-    #[error("not ready: {}", .0.iter().map(|f| format!("{}: {}", f.what, f.says)).collect::<Vec<_>>().join("; "))]
+    #[error("not ready: {}", .0.iter().map(|f| format!("{}: {}", f.subject, f.description)).collect::<Vec<_>>().join("; "))]
     NotReady(Vec<Finding>),
     /// The files cannot be made or sealed.
     #[error(transparent)]
@@ -166,7 +166,7 @@ impl Take<'_> {
         let mut prepared = Vec::new();
         for recorder in &mut self.devices.recorders {
             let found = recorder.prepare()?;
-            self.journal.note("device", &json!({"name": recorder.name(), "says": found.says}))?;
+            self.journal.note("device", &json!({"name": recorder.name(), "description": found.says}))?;
             prepared.push(found);
         }
         let remarks = self.devices.arm.prepare(self.request.path)?;
@@ -302,7 +302,7 @@ impl Take<'_> {
             }
             entries.push(DeviceEntry {
                 name: name.to_owned(),
-                says: running.prepared.says.clone(),
+                description: running.prepared.says.clone(),
                 n_samples: running.tally.n_samples,
                 n_dropped: running.tally.n_dropped,
                 lost: running.lost.clone(),

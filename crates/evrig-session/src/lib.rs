@@ -50,7 +50,7 @@ pub use rig_log::{
 };
 pub use rig_log::{picture_message, picture_schema};
 pub use stage::{StageRecord, read_stage, write_stage};
-pub use verify::{Finding, Verification, verify};
+pub use verify::{Verification, verify};
 
 use std::path::{Path, PathBuf};
 

@@ -8,8 +8,11 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 
-/// The manifest's schema; a reader refuses another major version.
-pub const SCHEMA: &str = "evrig.session/1";
+/// The manifest's schema; a reader refuses all but this and [`FORMER_SCHEMA`].
+pub const SCHEMA: &str = "evrig.session/2";
+
+/// The former schema, in which a device's `description` is called `says`.
+const FORMER_SCHEMA: &str = "evrig.session/1";
 
 /// What a session says of itself.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -62,8 +65,9 @@ pub struct Recording {
 pub struct DeviceEntry {
     /// Its part in the rig.
     pub name: String,
-    /// What it said of itself and read back: model, firmware, settings.
-    pub says: serde_json::Value,
+    /// Model, firmware and settings as the device reported and read them back.
+    #[serde(alias = "says")]
+    pub description: serde_json::Value,
     /// Samples that reached the files.
     pub n_samples: u64,
     /// Samples lost on the way because something was full.
@@ -228,12 +232,14 @@ impl Manifest {
         let value: serde_json::Value =
             serde_json::from_str(&text).map_err(|e| wrong(format!("not JSON: {e}")))?;
         let schema = value.get("schema").and_then(|schema| schema.as_str()).unwrap_or("none");
-        if schema != SCHEMA {
+        if ![SCHEMA, FORMER_SCHEMA].contains(&schema) {
             return Err(wrong(format!(
                 "schema is `{schema}`, this evrig reads `{SCHEMA}`; use the evrig that made it or a newer one"
             )));
         }
-        serde_json::from_value(value).map_err(|e| wrong(format!("not a manifest: {e}")))
+        let read: Self =
+            serde_json::from_value(value).map_err(|e| wrong(format!("not a manifest: {e}")))?;
+        Ok(Self { schema: SCHEMA.into(), ..read })
     }
 
     /// Seals the session: writes the manifest so that it is there whole or not at all.

@@ -36,8 +36,8 @@ use std::path::Path;
 pub struct Rig {
     /// Its name.
     pub name: String,
-    /// What it is, in a sentence.
-    pub says: Option<String>,
+    /// One sentence for people.
+    pub description: Option<String>,
     /// The arm.
     pub arm: ArmDescription,
     /// How the cameras sit on it.
@@ -65,8 +65,8 @@ const BUNDLED: &[(&str, &str, &str)] = &[
     ("magician", "rig/magician.toml", include_str!("../../../rig/magician.toml")),
 ];
 
-/// The only version of the vocabulary so far.
-const SCHEMA: &str = "evrig.rig/1";
+/// The current version of the keys, and the former one, which is still read.
+const SCHEMAS: [&str; 2] = ["evrig.rig/2", "evrig.rig/1"];
 
 impl Rig {
     /// The simulated rig.
@@ -114,10 +114,9 @@ impl Rig {
     /// With all the mistakes in the text.
     pub fn parse(file: &str, text: &str) -> Result<Self, DescriptionError> {
         read_description(file, text, |fields| {
-            fields.expect_schema(SCHEMA);
             Self {
+                description: fields.description(SCHEMAS),
                 name: fields.text("name"),
-                says: fields.optional_text("says"),
                 arm: fields.table("arm", |arm_fields| {
                     let arm = ArmDescription::read(arm_fields);
                     arm.check_home(arm_fields);

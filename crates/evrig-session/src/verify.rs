@@ -5,21 +5,11 @@ use super::rig_log::{self, RigLogCensus, stream_names};
 use super::{
     RigLogError, Session, SessionError, StreamEntry, StreamKind, census, read_stage, sha256_of_file,
 };
+use evrig_core::finding::Finding;
 use evrig_format::npy::ArrayReader;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
-
-/// One claim and whether it holds.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Finding {
-    /// The file or stream.
-    pub subject: String,
-    /// Whether the claim holds.
-    pub holds: bool,
-    /// What was checked, or what was expected and found.
-    pub says: String,
-}
 
 /// All claims of a session.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
@@ -32,15 +22,15 @@ impl Verification {
     /// Whether every claim holds.
     #[must_use]
     pub fn holds(&self) -> bool {
-        self.findings.iter().all(|finding| finding.holds)
+        self.findings.iter().all(Finding::holds)
     }
 
-    fn hold(&mut self, subject: &str, says: String) {
-        self.findings.push(Finding { subject: subject.into(), holds: true, says });
+    fn hold(&mut self, subject: &str, description: String) {
+        self.findings.push(Finding::good(subject, description));
     }
 
-    fn fail(&mut self, subject: &str, says: String) {
-        self.findings.push(Finding { subject: subject.into(), holds: false, says });
+    fn fail(&mut self, subject: &str, description: String) {
+        self.findings.push(Finding::bad(subject, description));
     }
 }
 

@@ -128,9 +128,9 @@ fn seal(
     let rig = simulation.rig;
     let kinds: Vec<_> = streams.iter().map(|stream| stream.kind.identifier()).collect();
     let pi = &rig.pi;
-    let device = |name: &str, says, n_samples| DeviceEntry {
+    let device = |name: &str, description, n_samples| DeviceEntry {
         name: name.to_owned(),
-        says,
+        description,
         n_samples,
         n_dropped: 0,
         lost: None,

@@ -469,7 +469,7 @@ mod tests {
     fn an_arm_that_was_not_homed_is_not_moved() {
         let emulator = emulator(Options::default());
         let mut arm = magician(&emulator);
-        let homed = arm.check(None).into_iter().find(|finding| finding.what == "homed").unwrap();
+        let homed = arm.check(None).into_iter().find(|finding| finding.subject == "homed").unwrap();
         assert_eq!(homed.verdict, Verdict::Bad);
         assert_eq!(arm.prepare(&path()), Err(ArmError::Client(ClientError::NotHomed)));
         assert!(emulator.journal().iter().all(|line| !line.is_busy), "it never moved");
@@ -481,9 +481,9 @@ mod tests {
         let mut arm = homed(&emulator);
         emulator.inject("alarm=0x45@POSE".parse::<Fault>().unwrap());
         arm.client().pose().unwrap();
-        let alarms = arm.check(None).into_iter().find(|finding| finding.what == "alarms").unwrap();
+        let alarms = arm.check(None).into_iter().find(|finding| finding.subject == "alarms").unwrap();
         assert_eq!(alarms.verdict, Verdict::Bad);
-        assert!(alarms.says.contains("joint 3 is at its lower limit"), "{}", alarms.says);
+        assert!(alarms.description.contains("joint 3 is at its lower limit"), "{}", alarms.description);
         let n_before = emulator.journal().len();
         let error = arm.prepare(&path()).unwrap_err();
         assert!(matches!(error, ArmError::Client(ClientError::Alarmed { .. })), "{error}");
@@ -539,12 +539,12 @@ mod tests {
             let curve = Curve::line(start, Pose::from_mm_deg(end));
             path.push("away", 0, curve, rates(speed), Settings::default());
             let finding = arm.check(Some(&path)).pop().unwrap();
-            assert_eq!((finding.what, finding.verdict), ("path", Verdict::Bad));
-            assert!(finding.says.contains(words), "{}", finding.says);
+            assert_eq!((finding.subject.as_str(), finding.verdict), ("path", Verdict::Bad));
+            assert!(finding.description.contains(words), "{}", finding.description);
             assert!(matches!(arm.prepare(&path), Err(ArmError::BeyondLimit(_))));
         }
         let fine = arm.check(Some(&path())).pop().unwrap();
-        assert_eq!((fine.what, fine.verdict), ("path", Verdict::Good), "{}", fine.says);
+        assert_eq!((fine.subject.as_str(), fine.verdict), ("path", Verdict::Good), "{}", fine.description);
         assert!(emulator.journal()[n_before..].iter().all(|line| !line.is_busy));
     }
 
@@ -626,7 +626,7 @@ mod tests {
             emulator.inject(fault.parse::<Fault>().unwrap());
             let findings = arm.check(None);
             assert_eq!(findings[0].verdict, Verdict::Bad);
-            assert!(findings[0].says.contains(words), "{fault}: {}", findings[0].says);
+            assert!(findings[0].description.contains(words), "{fault}: {}", findings[0].description);
             assert_eq!(findings.len(), 1, "what does not answer as an arm is asked nothing more");
         }
     }
@@ -646,7 +646,7 @@ mod tests {
         let emulator = emulator(Options::default());
         let mut arm = homed(&emulator);
         arm.description.kinematics.tool_offset[0].0 = 61.0;
-        let tool = |arm: &mut Magician| arm.check(None).into_iter().find(|f| f.what == "tool");
+        let tool = |arm: &mut Magician| arm.check(None).into_iter().find(|f| f.subject == "tool");
         assert_eq!(tool(&mut arm).unwrap().verdict, Verdict::Doubt);
         arm.prepare(&path()).unwrap();
         assert_eq!(tool(&mut arm).unwrap().verdict, Verdict::Good);

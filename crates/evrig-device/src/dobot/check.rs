@@ -29,7 +29,7 @@ pub fn open_and_look(
             findings.extend(self::findings(arm.client(), description, path));
             let is_arm = findings
                 .iter()
-                .all(|finding| finding.what != "identity" || finding.verdict == Verdict::Good);
+                .all(|finding| finding.subject != "identity" || finding.verdict == Verdict::Good);
             (is_arm.then_some(arm), findings)
         }
         Err(error) => {

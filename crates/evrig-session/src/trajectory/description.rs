@@ -9,8 +9,8 @@ use std::path::Path;
 pub struct Trajectory {
     /// Its name.
     pub name: String,
-    /// What it is for, in a sentence.
-    pub says: Option<String>,
+    /// One sentence for people.
+    pub description: Option<String>,
     /// Where it begins.
     pub start: Pose,
     /// Where its segments are drawn unless they say otherwise.
@@ -23,8 +23,8 @@ pub struct Trajectory {
     pub text: String,
 }
 
-/// The only version of the vocabulary so far.
-const SCHEMA: &str = "evrig.trajectory/1";
+/// The current version of the keys, and the former one, which is still read.
+const SCHEMAS: [&str; 2] = ["evrig.trajectory/2", "evrig.trajectory/1"];
 
 macro_rules! bundled {
     ($name:literal) => {{
@@ -72,7 +72,7 @@ impl Trajectory {
     /// With all the mistakes in the text.
     pub fn parse(file: &str, text: &str) -> Result<Self, DescriptionError> {
         read_description(file, text, |fields| {
-            fields.expect_schema(SCHEMA);
+            let description = fields.description(SCHEMAS);
             let mut labels = Vec::new();
             let segments = fields.tables("segment", |number, fields| {
                 let segment = Segment::read(fields, number, &labels);
@@ -84,7 +84,7 @@ impl Trajectory {
             }
             Self {
                 name: fields.text("name"),
-                says: fields.optional_text("says"),
+                description,
                 start: fields.table("start", Pose::read),
                 plane: fields.parsed("plane").unwrap_or(Plane::Image),
                 rates: fields.table("rates", |rates| {

@@ -14,12 +14,17 @@ impl Fields<'_, '_> {
         self.required(key).and_then(|value| self.as_text(key, value)).unwrap_or_default()
     }
 
-    /// Complains unless the table names this version of the vocabulary as its `schema`.
-    pub fn expect_schema(&self, expected: &str) {
+    /// The description, whose key depends on the version: `description`, or `says` where the table's
+    /// `schema` is the `former` one. Complains unless `schema` is one of the two.
+    pub fn description(&self, [current, former]: [&str; 2]) -> Option<String> {
         let schema = self.text("schema");
-        if !schema.is_empty() && schema != expected {
-            self.complain_about("schema", format!("`{schema}`: expected `{expected}`"));
+        if schema == former {
+            return self.optional_text("says");
         }
+        if !schema.is_empty() && schema != current {
+            self.complain_about("schema", format!("`{schema}`: expected `{current}`"));
+        }
+        self.optional_text("description")
     }
 
     /// Text, if the key is there.
