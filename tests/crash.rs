@@ -19,7 +19,7 @@ use evrig::pi::agent::Agent;
 use evrig::pi::source::{FrameSource, SourceError, Synthetic};
 use evrig::pi::wire::Settings;
 use evrig::pi_camera::PiFrame;
-use evrig::session::{Repair, Session, Status, StreamKind, repair, verify};
+use evrig::session::{Repair, Session, SessionStatus, StreamKind, repair, verify};
 use evrig::sim::arm::{Clock, Emulator, Options};
 use rig::rig_on;
 use std::path::PathBuf;
@@ -219,7 +219,7 @@ fn kill_one(bench: &Bench, camera: &mut Camera, killed_in: &str, moment: u64) ->
     assert!(verification.holds(), "after packet {moment}: {:#?}", verification.findings);
     let manifest = session.manifest();
     if !was_sealed {
-        assert_eq!(manifest.status, Status::Recovered);
+        assert_eq!(manifest.status, SessionStatus::Recovered);
         assert!(manifest.losses[0].what.contains("cut off in state"), "{:?}", manifest.losses);
     }
     assert!(manifest.recording.as_ref().unwrap().rig.contains("evrig.rig/2"));
@@ -286,7 +286,7 @@ fn a_recorder_killed_at_any_moment_loses_a_second_at_most_and_the_series_goes_on
                 let name = format!("circle-01-again-{trial}");
                 let again = Session::open(&bench.series().join(name)).unwrap();
                 assert!(verify(&again).unwrap().holds());
-                let is_complete = again.manifest().status == Status::Complete;
+                let is_complete = again.manifest().status == SessionStatus::Complete;
                 assert_eq!(is_complete, [Some(0), Some(3)].contains(&resumed.code()));
                 is_complete.then_some(())
             });

@@ -6,7 +6,7 @@
 #![allow(clippy::expect_used, clippy::unwrap_used, clippy::print_stderr)]
 
 use evrig::rig::Rig;
-use evrig::session::{Session, Status, StreamKind, verify};
+use evrig::session::{Session, SessionStatus, StreamKind, verify};
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -53,7 +53,7 @@ fn is_whole(out: &Path, rig: &Rig) {
     let session = Session::open(out).unwrap();
     assert_eq!(
         (session.manifest().status, &session.manifest().losses),
-        (Status::Complete, &vec![])
+        (SessionStatus::Complete, &vec![])
     );
     assert!(verify(&session).unwrap().holds());
     for device in &session.manifest().recording.as_ref().unwrap().devices {

@@ -9,7 +9,7 @@ use evrig_device::dobot::check::open_and_look;
 use evrig_device::dobot::port;
 use evrig_record::{Finding, Verdict};
 use evrig_session::rig::{ArmPort, Pose, Rig};
-use evrig_session::trajectory::{Optional, Plan, Trajectory};
+use evrig_session::trajectory::{OptionalSegments, Plan, Trajectory};
 use evrig_sim::arm::{Clock, Emulator, Options};
 use evrig_sim::world::WorldDescription;
 use serde_json::json;
@@ -63,7 +63,7 @@ fn of_rig(name: &str, args: &CheckArgs, output: &Output) -> anyhow::Result<Vec<F
         None => None,
         Some(trajectory) => {
             let described = Trajectory::find(trajectory).map_err(refused)?;
-            let plan = Plan::new(&described, &rig, Optional::Included)
+            let plan = Plan::new(&described, &rig, OptionalSegments::Included)
                 .map_err(|error| WrongUse(format!("{trajectory} on rig {name}: {error}")))?;
             Some(plan)
         }
@@ -86,7 +86,7 @@ fn of_rig(name: &str, args: &CheckArgs, output: &Output) -> anyhow::Result<Vec<F
     drop(arm);
     findings.extend(found);
     output.detail("asking the cameras, and how fast the network is");
-    let start = path.map_or(rig.arm.home, evrig_session::trajectory::Path::start);
+    let start = path.map_or(rig.arm.home, evrig_session::trajectory::ToolPath::start);
     findings.extend(cameras(&rig, start, simulated.as_ref()));
     let needed = plan.as_ref().map_or(SOME_SPACE, |plan| plan.disk_bytes);
     findings.push(disk(&args.out, needed));

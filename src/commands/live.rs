@@ -106,7 +106,7 @@ fn generation(
 fn open(args: &LiveArgs) -> anyhow::Result<Source> {
     let path = Path::new(&args.what);
     if path.is_dir() {
-        let davis = Layout::new(path).davis();
+        let davis = SessionLayout::new(path).davis();
         if !davis.exists() {
             return Err(WrongUse(format!("{} has no davis.aedat4", path.display())).into());
         }

@@ -1,8 +1,8 @@
 //! Events as columns.
 
-mod dead_time;
+mod refractory;
 
-pub use dead_time::DeadTime;
+pub use refractory::RefractoryFilter;
 
 use crate::geometry::Size;
 

@@ -28,6 +28,7 @@ mod error;
 mod framing;
 mod header;
 mod lz4_frame;
+mod memory;
 mod outgoing;
 mod overflow;
 mod reader;
@@ -35,9 +36,9 @@ mod table;
 mod writer;
 
 pub use compression::{Compression, UnknownCompression};
-pub use error::{Place, ReadError, WriteError};
+pub use error::{FilePosition, ReadError, WriteError};
 pub use reader::Reader;
-pub use writer::{Summary, Writer};
+pub use writer::{WriteSummary, Writer};
 
 use evrig_core::event::Events;
 use evrig_core::frame::Frame;
@@ -50,7 +51,7 @@ pub const MAX_PACKET_BYTES: usize = 1 << 28;
 
 /// What a stream carries.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub enum Kind {
+pub enum PayloadKind {
     /// Brightness changes.
     Events,
     /// Pictures.
@@ -63,7 +64,7 @@ pub enum Kind {
     Other(String),
 }
 
-impl Kind {
+impl PayloadKind {
     /// The four letters that stand in the file.
     #[must_use]
     pub fn identifier(&self) -> &str {
@@ -89,13 +90,13 @@ impl Kind {
 
 /// One stream of a file, as its header describes it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Stream {
+pub struct StreamInfo {
     /// The number that its packets carry.
     pub id: u32,
     /// The name of the output it was recorded from: `events`, `frames`, ...
     pub name: String,
     /// What it carries.
-    pub kind: Kind,
+    pub kind: PayloadKind,
     /// The pixel grid, where the header states one.
     pub size: Option<Size>,
     /// The camera's name, empty where the header states none.
@@ -108,7 +109,7 @@ pub struct StreamSpec {
     /// The name by which readers ask for it.
     pub name: String,
     /// What it will carry.
-    pub kind: Kind,
+    pub kind: PayloadKind,
     /// The pixel grid; events and frames need one.
     pub size: Option<Size>,
     /// The camera's name; dv-processing groups streams by it.
@@ -119,28 +120,28 @@ impl StreamSpec {
     /// Events of a camera, under the name that dv-processing looks for.
     #[must_use]
     pub fn events(size: Size, source: &str) -> Self {
-        Self::named("events", Kind::Events, Some(size), source)
+        Self::named("events", PayloadKind::Events, Some(size), source)
     }
 
     /// Frames of a camera, under the name that dv-processing looks for.
     #[must_use]
     pub fn frames(size: Size, source: &str) -> Self {
-        Self::named("frames", Kind::Frames, Some(size), source)
+        Self::named("frames", PayloadKind::Frames, Some(size), source)
     }
 
     /// Inertial samples of a camera, under the name that dv-processing looks for.
     #[must_use]
     pub fn imu(source: &str) -> Self {
-        Self::named("imu", Kind::Imu, None, source)
+        Self::named("imu", PayloadKind::Imu, None, source)
     }
 
     /// Triggers of a camera, under the name that dv-processing looks for.
     #[must_use]
     pub fn triggers(source: &str) -> Self {
-        Self::named("triggers", Kind::Triggers, None, source)
+        Self::named("triggers", PayloadKind::Triggers, None, source)
     }
 
-    fn named(name: &str, kind: Kind, size: Option<Size>, source: &str) -> Self {
+    fn named(name: &str, kind: PayloadKind, size: Option<Size>, source: &str) -> Self {
         Self { name: name.to_owned(), kind, size, source: source.to_owned() }
     }
 }
@@ -186,9 +187,9 @@ impl Content {
 /// One packet, with where it stood.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Packet {
-    /// Number of its stream, see [`Stream::id`].
+    /// Number of its stream, see [`StreamInfo::id`].
     pub stream: u32,
-    /// Place among all packets, from 0.
+    /// FilePosition among all packets, from 0.
     pub index: u64,
     /// Byte at which the packet begins.
     pub offset: u64,

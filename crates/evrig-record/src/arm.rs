@@ -8,7 +8,7 @@ pub use evrig_core::finding::{Finding, Verdict};
 
 use evrig_core::time::{HostMonotonic, Span, Stamp};
 use evrig_session::rig::{Joints, Pose};
-use evrig_session::trajectory::Path;
+use evrig_session::trajectory::ToolPath;
 use serde::Serialize;
 use std::ops::Range;
 
@@ -68,14 +68,14 @@ pub struct Progress {
 /// An arm that drives a path.
 pub trait Arm: Send {
     /// Looks at everything that must hold before `path` is driven. Nothing moves.
-    fn check(&mut self, path: Option<&Path>) -> Vec<Finding>;
+    fn check(&mut self, path: Option<&ToolPath>) -> Vec<Finding>;
 
     /// Sets the arm up for `path` and goes to its start. What it did otherwise than asked
     /// (a circle as arcs, say) comes back in words.
     ///
     /// # Errors
     /// Whatever keeps the arm from its start; it then stands.
-    fn prepare(&mut self, path: &Path) -> Result<Vec<String>, DeviceError>;
+    fn prepare(&mut self, path: &ToolPath) -> Result<Vec<String>, DeviceError>;
 
     /// Starts the given steps of the prepared path, which begin where the arm stands.
     ///

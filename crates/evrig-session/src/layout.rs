@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// Paths inside one session directory.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Layout {
+pub struct SessionLayout {
     root: PathBuf,
 }
 
@@ -40,7 +40,7 @@ impl std::fmt::Display for StreamName {
     }
 }
 
-impl Layout {
+impl SessionLayout {
     /// The layout of the session at `root`.
     #[must_use]
     pub fn new(root: &Path) -> Self {
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn a_manifest_cannot_point_outside_its_session() {
-        let layout = Layout::new(Path::new("/data/s"));
+        let layout = SessionLayout::new(Path::new("/data/s"));
         for bad in ["/etc/passwd", "../other/davis.aedat4", "a/../../b", ""] {
             assert!(layout.inside(bad).is_err(), "{bad:?}");
         }

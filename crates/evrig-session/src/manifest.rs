@@ -28,13 +28,13 @@ pub struct Manifest {
     /// Where it came from.
     pub origin: Origin,
     /// Whether everything that was to be recorded was.
-    pub status: Status,
+    pub status: SessionStatus,
     /// The streams, in the order of their names on the page.
     pub streams: Vec<StreamEntry>,
     /// Size and checksum of every recorded file, by path inside the session.
     pub files: BTreeMap<String, FileEntry>,
     /// Everything that was lost or is doubtful; empty when nothing is.
-    pub losses: Vec<Loss>,
+    pub losses: Vec<DataLoss>,
     /// What an import had to decide about the files it read, and known defects of their layout.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub decisions: Vec<String>,
@@ -115,7 +115,7 @@ pub enum Origin {
 /// Whether everything that was to be recorded was.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Status {
+pub enum SessionStatus {
     /// Nothing is missing.
     Complete,
     /// The recording was broken off by a person or a fault.
@@ -212,7 +212,7 @@ pub struct Damage {
 
 /// Something that was lost, dropped or is doubtful.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Loss {
+pub struct DataLoss {
     /// The stream, or the file where no stream can be told.
     pub stream: String,
     /// What happened, in words.

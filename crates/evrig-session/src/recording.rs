@@ -2,8 +2,8 @@
 
 use super::rig_log::{self, stream_names};
 use super::{
-    Census, Damage, FileEntry, Layout, Loss, Manifest, Origin, Recording, SCHEMA, SessionError,
-    Status, StreamEntry, census, sha256_of_file,
+    Damage, DataLoss, FileCounts, FileEntry, Manifest, Origin, Recording, SCHEMA, SessionError,
+    SessionLayout, SessionStatus, StreamEntry, count_file, sha256_of_file,
 };
 use evrig_core::time::{Clock, Unix};
 use evrig_format::aedat4::ReadError;
@@ -15,22 +15,22 @@ use std::path::Path;
 /// # Errors
 /// When a file cannot be read or the disk refuses the manifest.
 pub fn seal_recording(
-    layout: &Layout,
+    layout: &SessionLayout,
     origin: Origin,
-    status: Status,
+    status: SessionStatus,
     recording: Recording,
-    mut losses: Vec<Loss>,
+    mut losses: Vec<DataLoss>,
 ) -> Result<Manifest, SessionError> {
     let mut files = BTreeMap::new();
     let mut streams = Vec::new();
     if layout.davis().exists() {
-        let found = match census(&layout.davis(), &mut |_| {}) {
+        let found = match count_file(&layout.davis(), &mut |_| {}) {
             Ok(found) => found,
             // Cut within its header: it holds no stream, and the manifest says so.
             Err(SessionError::Aedat4Read(error @ ReadError::Malformed { .. })) => {
                 let file = format!("{}: ", layout.davis().display());
                 let damage = Some(error.to_string().replacen(&file, "", 1));
-                Census { damage, ..Census::default() }
+                FileCounts { damage, ..FileCounts::default() }
             }
             Err(error) => return Err(error),
         };
@@ -39,7 +39,7 @@ pub fn seal_recording(
         streams.extend(found.entries(&file));
     }
     if layout.rig_log().exists() {
-        let found = rig_log::census(&layout.rig_log())?;
+        let found = rig_log::count_log(&layout.rig_log())?;
         let file = add_file(&layout.rig_log(), found.damage.as_deref(), &mut files, &mut losses)?;
         streams.extend(found.topics.iter().map(|found| {
             let (name, kind) = stream_names(found.topic);
@@ -81,13 +81,13 @@ fn add_file(
     path: &Path,
     damage: Option<&str>,
     files: &mut BTreeMap<String, FileEntry>,
-    losses: &mut Vec<Loss>,
+    losses: &mut Vec<DataLoss>,
 ) -> Result<String, SessionError> {
     let (sha256, bytes) = sha256_of_file(path)?;
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let damage = damage.map(|what| Damage { what: what.to_owned() });
     if let Some(Damage { what }) = &damage {
-        losses.push(Loss { stream: name.clone(), what: what.clone(), count: 0 });
+        losses.push(DataLoss { stream: name.clone(), what: what.clone(), count: 0 });
     }
     files.insert(name.clone(), FileEntry { bytes, sha256, damage });
     Ok(name)

@@ -14,17 +14,17 @@ mod text;
 
 pub use arm::{ArmDescription, ArmPort};
 pub use camera::{
-    CameraDescription, DAVIS_BIASES, DavisDescription, PiDescription, Transport, UnknownTransport,
-    middle_crop_origin_px,
+    CameraDescription, CameraTransport, DAVIS_BIASES, DavisDescription, PiDescription,
+    UnknownTransport, middle_crop_origin_px,
 };
-pub use fields::{Fields, closest, read_description};
+pub use fields::{DescriptionFields, closest, read_description};
 pub use kinematics::{Kinematics, Unreachable};
 pub use limits::{Gauge, JointLimits, SpeedLimits, ToolRates, Workspace};
 pub use mount::{CameraFrame, Mount, Mounting};
 pub use pose::{Joints, Pose};
 pub use problems::{DescriptionError, Problem};
 pub use target::{
-    ClocksDescription, Discipline, LightDescription, TargetDescription, UnknownDiscipline,
+    ClockDiscipline, ClocksDescription, LightDescription, TargetDescription, UnknownDiscipline,
 };
 
 pub use text::{find_text, read_text};
@@ -113,23 +113,21 @@ impl Rig {
     /// # Errors
     /// With all the mistakes in the text.
     pub fn parse(file: &str, text: &str) -> Result<Self, DescriptionError> {
-        read_description(file, text, |fields| {
-            Self {
-                description: fields.description(SCHEMAS),
-                name: fields.text("name"),
-                arm: fields.table("arm", |arm_fields| {
-                    let arm = ArmDescription::read(arm_fields);
-                    arm.check_home(arm_fields);
-                    arm
-                }),
-                mount: fields.table("mount", Mount::read),
-                davis: fields.table("davis", DavisDescription::read),
-                pi: fields.table("pi", PiDescription::read),
-                target: fields.table("target", TargetDescription::read),
-                light: fields.table("light", LightDescription::read),
-                clocks: fields.table("clocks", ClocksDescription::read),
-                text: text.to_owned(),
-            }
+        read_description(file, text, |fields| Self {
+            description: fields.description(SCHEMAS),
+            name: fields.text("name"),
+            arm: fields.table("arm", |arm_fields| {
+                let arm = ArmDescription::read(arm_fields);
+                arm.check_home(arm_fields);
+                arm
+            }),
+            mount: fields.table("mount", Mount::read),
+            davis: fields.table("davis", DavisDescription::read),
+            pi: fields.table("pi", PiDescription::read),
+            target: fields.table("target", TargetDescription::read),
+            light: fields.table("light", LightDescription::read),
+            clocks: fields.table("clocks", ClocksDescription::read),
+            text: text.to_owned(),
         })
     }
 }

@@ -1,9 +1,10 @@
 //! Verification: everything a session claims is recomputed from its files.
 
-use super::census::{StreamCensus, names};
-use super::rig_log::{self, RigLogCensus, stream_names};
+use super::file_counts::{StreamCounts, stream_names};
+use super::rig_log::{self, RigLogCounts};
 use super::{
-    RigLogError, Session, SessionError, StreamEntry, StreamKind, census, read_stage, sha256_of_file,
+    RigLogError, Session, SessionError, StreamEntry, StreamKind, count_file, read_stage,
+    sha256_of_file,
 };
 use evrig_core::finding::Finding;
 use evrig_format::npy::ArrayReader;
@@ -59,7 +60,7 @@ pub fn verify(session: &Session) -> Result<Verification, SessionError> {
 }
 
 fn count_streams(session: &Session, verification: &mut Verification) -> Result<(), SessionError> {
-    let mut counted: BTreeMap<&str, Vec<StreamCensus>> = BTreeMap::new();
+    let mut counted: BTreeMap<&str, Vec<StreamCounts>> = BTreeMap::new();
     let mut logs = BTreeMap::new();
     for entry in &session.manifest().streams {
         let path = session.layout().inside(&entry.file)?;
@@ -68,12 +69,12 @@ fn count_streams(session: &Session, verification: &mut Verification) -> Result<(
             continue;
         }
         if entry.file.ends_with(".mcap") {
-            let held = logs.entry(entry.file.clone()).or_insert_with(|| rig_log::census(&path));
+            let held = logs.entry(entry.file.clone()).or_insert_with(|| rig_log::count_log(&path));
             compare_log(held, entry, verification);
             continue;
         }
         if !counted.contains_key(entry.file.as_str()) {
-            match census(&path, &mut |_| {}) {
+            match count_file(&path, &mut |_| {}) {
                 Ok(found) => {
                     counted.insert(&entry.file, found.streams);
                 }
@@ -85,7 +86,7 @@ fn count_streams(session: &Session, verification: &mut Verification) -> Result<(
         match found {
             Some(found) => compare_counts(entry, found, verification),
             None => {
-                let held = names(streams).join(", ");
+                let held = stream_names(streams).join(", ");
                 verification
                     .fail(&entry.name, format!("is not in {}, which holds: {held}", entry.file));
             }
@@ -95,7 +96,7 @@ fn count_streams(session: &Session, verification: &mut Verification) -> Result<(
 }
 
 fn compare_log(
-    held: &Result<RigLogCensus, RigLogError>,
+    held: &Result<RigLogCounts, RigLogError>,
     entry: &StreamEntry,
     verification: &mut Verification,
 ) {
@@ -103,7 +104,7 @@ fn compare_log(
         Ok(held) => held,
         Err(error) => return verification.fail(&entry.name, error.to_string()),
     };
-    let found = held.topics.iter().find(|found| stream_names(found.topic).0 == entry.name);
+    let found = held.topics.iter().find(|found| rig_log::stream_names(found.topic).0 == entry.name);
     let there = found.map(|found| (found.count, found.first_us, found.last_us));
     let recorded = (entry.count, entry.first_us, entry.last_us);
     match there {
@@ -118,7 +119,7 @@ fn compare_log(
     }
 }
 
-fn compare_counts(entry: &StreamEntry, found: &StreamCensus, verification: &mut Verification) {
+fn compare_counts(entry: &StreamEntry, found: &StreamCounts, verification: &mut Verification) {
     let recorded = (entry.count, entry.first_us, entry.last_us);
     let there = (found.count, found.first_us, found.last_us);
     if recorded == there {

@@ -47,7 +47,7 @@ pub use schedule::{Schedule, Setting};
 
 use evrig_core::time::Span;
 use evrig_session::rig::{Pose, Rig};
-use evrig_session::trajectory::Path;
+use evrig_session::trajectory::ToolPath;
 use lamps::Lamps;
 use motion::Swing;
 use nalgebra::{Matrix3, Vector3};
@@ -143,7 +143,7 @@ impl World {
     /// As [`Self::new`].
     pub fn along(
         rig: &Rig,
-        path: &Path,
+        path: &ToolPath,
         description: &WorldDescription,
         seed: u64,
     ) -> Result<Self, WorldError> {

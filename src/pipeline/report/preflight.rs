@@ -95,7 +95,8 @@ mod tests {
             "\n{\"what\":\"prefl",
         );
         assert_eq!(findings(journal), [["arm", "good", "none"].map(str::to_owned)]);
-        let former = r#"{"what":"preflight","findings":[{"what":"arm","verdict":"bad","says":"x"}]}"#;
+        let former =
+            r#"{"what":"preflight","findings":[{"what":"arm","verdict":"bad","says":"x"}]}"#;
         assert_eq!(findings(former), [["arm", "bad", "x"].map(str::to_owned)]);
         assert!(findings("").is_empty());
     }

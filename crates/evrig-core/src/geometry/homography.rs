@@ -32,7 +32,7 @@ pub enum HomographyError {
 }
 
 /// A point and its image.
-type Pair = ([f64; 2], [f64; 2]);
+type PointPair = ([f64; 2], [f64; 2]);
 
 impl From<[[f64; 3]; 3]> for Homography {
     fn from(rows: [[f64; 3]; 3]) -> Self {
@@ -65,7 +65,7 @@ impl Homography {
     ///
     /// # Errors
     /// When the points are too few or do not fix it.
-    pub fn fit(pairs: &[Pair]) -> Result<Self, HomographyError> {
+    pub fn fit(pairs: &[PointPair]) -> Result<Self, HomographyError> {
         if pairs.len() < 4 {
             return Err(HomographyError::TooFewPoints(pairs.len()));
         }
@@ -154,8 +154,8 @@ impl UncertainHomography {
     ///
     /// # Errors
     /// When the points are too few or do not fix it.
-    pub fn fit(pairs: &[(Pair, Matrix2<f64>)]) -> Result<Self, HomographyError> {
-        let points: Vec<Pair> = pairs.iter().map(|(pair, _)| *pair).collect();
+    pub fn fit(pairs: &[(PointPair, Matrix2<f64>)]) -> Result<Self, HomographyError> {
+        let points: Vec<PointPair> = pairs.iter().map(|(pair, _)| *pair).collect();
         let homography = Homography::fit(&points)?;
         let mut information = SMatrix::<f64, 9, 9>::zeros();
         for ((from, _), covariance) in pairs {

@@ -1,5 +1,6 @@
 //! Compression of packets.
 
+use super::memory::{DecompressFailure, grow};
 use super::{MAX_PACKET_BYTES, lz4_frame};
 use aedat::base::ioheader_generated::Compression as Code;
 use std::cell::RefCell;
@@ -68,24 +69,6 @@ impl FromStr for Compression {
     }
 }
 
-/// Why a payload could not be decompressed.
-#[derive(Debug)]
-pub(super) enum Undecodable {
-    /// It grows beyond the limit given.
-    TooLarge,
-    /// It is not what it should be, in words.
-    Damaged(String),
-}
-
-impl Undecodable {
-    pub(super) fn into_text(self) -> String {
-        match self {
-            Self::TooLarge => "more bytes than a packet may have".to_owned(),
-            Self::Damaged(found) => found,
-        }
-    }
-}
-
 thread_local! {
     /// Where a packet lies between decompression and decoding, or encoding and compression. Kept,
     /// because memory that the system hands out anew is cleared page by page, which costs more
@@ -120,7 +103,7 @@ pub(super) fn decompress<T>(
     raw: &[u8],
     limit: usize,
     pass_on: impl FnOnce(&[u8]) -> T,
-) -> Result<T, Undecodable> {
+) -> Result<T, DecompressFailure> {
     match how {
         Compression::None => Ok(pass_on(raw)),
         Compression::Lz4 => with_scratch(|plain| {
@@ -131,8 +114,8 @@ pub(super) fn decompress<T>(
             plain.clear();
             let n = zstd::stream::Decoder::with_buffer(raw)
                 .and_then(|decoder| decoder.take(limit as u64 + 1).read_to_end(plain))
-                .map_err(|error| Undecodable::Damaged(error.to_string()))?;
-            if n > limit { Err(Undecodable::TooLarge) } else { Ok(pass_on(plain)) }
+                .map_err(|error| DecompressFailure::Damaged(error.to_string()))?;
+            if n > limit { Err(DecompressFailure::TooLarge) } else { Ok(pass_on(plain)) }
         }),
     }
 }
@@ -166,13 +149,6 @@ pub(super) fn compress(
                 Ok(at + compressor.compress_to_buffer(plain, &mut out[at..])?)
             })
         }
-    }
-}
-
-/// Makes memory at least `n` bytes long.
-pub(super) fn grow(memory: &mut Vec<u8>, n: usize) {
-    if memory.len() < n {
-        memory.resize(n, 0);
     }
 }
 

@@ -1,6 +1,6 @@
 //! Values to payloads.
 
-use super::compression::grow;
+use super::memory::grow;
 use aedat::frame_generated::{self as frame, FrameFormat};
 use aedat::imus_generated as imus;
 use aedat::triggers_generated as triggers;

@@ -1,6 +1,6 @@
 //! The header: compression, position of the data table, description of the streams.
 
-use super::{Compression, Kind, Stream, StreamSpec, overflow};
+use super::{Compression, PayloadKind, StreamInfo, StreamSpec, overflow};
 use aedat::base::ioheader_generated::{self as generated, Ioheader, IoheaderArgs};
 use evrig_core::geometry::Size;
 use flatbuffers::FlatBufferBuilder;
@@ -20,7 +20,7 @@ pub(super) struct Header {
     pub(super) compression: Compression,
     /// Byte of the file at which the data table begins.
     pub(super) table_position: Option<u64>,
-    pub(super) streams: Vec<Stream>,
+    pub(super) streams: Vec<StreamInfo>,
 }
 
 /// Reads the flatbuffer behind the magic, its length (the size prefix) included; the error says what was found.
@@ -46,12 +46,12 @@ pub(super) fn one_line(error: &flatbuffers::InvalidFlatbuffer) -> String {
     format!("an invalid flatbuffer ({})", first.trim_end_matches('.'))
 }
 
-fn parse_description(xml: &str) -> Result<Vec<Stream>, String> {
+fn parse_description(xml: &str) -> Result<Vec<StreamInfo>, String> {
     let document = roxmltree::Document::parse(xml)
         .map_err(|error| format!("a description that is not XML ({error})"))?;
     let root = document.root_element();
     let outputs = child_node(root, "outInfo").ok_or("a description without the node outInfo")?;
-    let mut streams: Vec<Stream> = Vec::new();
+    let mut streams: Vec<StreamInfo> = Vec::new();
     for node in outputs.children().filter(|node| node.has_tag_name("node")) {
         let stream = parse_stream(node)?;
         if streams.iter().any(|other| other.id == stream.id) {
@@ -62,7 +62,7 @@ fn parse_description(xml: &str) -> Result<Vec<Stream>, String> {
     if streams.is_empty() { Err("a description without streams".to_owned()) } else { Ok(streams) }
 }
 
-fn parse_stream(node: roxmltree::Node<'_, '_>) -> Result<Stream, String> {
+fn parse_stream(node: roxmltree::Node<'_, '_>) -> Result<StreamInfo, String> {
     let name = node.attribute("name").unwrap_or_default();
     let id = name.parse().map_err(|_| format!("a stream numbered {name:?}"))?;
     let identifier = attribute(node, "typeIdentifier")
@@ -74,10 +74,10 @@ fn parse_stream(node: roxmltree::Node<'_, '_>) -> Result<Stream, String> {
         (Some(width), Some(height)) => Some(Size::new(width, height)),
         _ => None,
     };
-    Ok(Stream {
+    Ok(StreamInfo {
         id,
         name: attribute(node, "originalOutputName").unwrap_or_default().to_owned(),
-        kind: Kind::from_identifier(identifier),
+        kind: PayloadKind::from_identifier(identifier),
         size,
         source: from_info("source").unwrap_or_default().to_owned(),
     })
@@ -152,13 +152,13 @@ fn describe_stream(xml: &mut String, compression: Compression, id: usize, stream
     line(8, "</node>".to_owned());
 }
 
-fn meaning(kind: &Kind) -> &str {
+fn meaning(kind: &PayloadKind) -> &str {
     match kind {
-        Kind::Events => "Array of events (polarity ON/OFF).",
-        Kind::Frames => "Standard frame.",
-        Kind::Imu => "Inertial Measurement Unit data samples.",
-        Kind::Triggers => "External triggers and special signals.",
-        Kind::Other(_) => "Custom data.",
+        PayloadKind::Events => "Array of events (polarity ON/OFF).",
+        PayloadKind::Frames => "Standard frame.",
+        PayloadKind::Imu => "Inertial Measurement Unit data samples.",
+        PayloadKind::Triggers => "External triggers and special signals.",
+        PayloadKind::Other(_) => "Custom data.",
     }
 }
 
@@ -225,7 +225,7 @@ mod tests {
     fn a_kind_without_meaning_keeps_its_name() {
         let xml = r#"<dv><node name="outInfo"><node name="7"><attr key="typeIdentifier">POSE</attr></node></node></dv>"#;
         let streams = parse_description(xml).unwrap();
-        assert_eq!(streams[0].kind, Kind::Other("POSE".to_owned()));
+        assert_eq!(streams[0].kind, PayloadKind::Other("POSE".to_owned()));
         assert_eq!((streams[0].id, streams[0].size), (7, None));
     }
 

@@ -6,7 +6,7 @@
 //! written here have blocks that stand alone and a checksum of the content, so that a flipped bit
 //! is found when the file is read.
 
-use super::compression::{Undecodable, grow};
+use super::memory::{DecompressFailure, grow};
 use lz4::block::{CompressionMode, compress_bound, compress_to_buffer};
 use lz4_flex::block::{DecompressError, decompress_into_with_dict};
 use std::io;
@@ -46,7 +46,7 @@ pub(super) fn decompress(
     raw: &[u8],
     limit: usize,
     plain: &mut Vec<u8>,
-) -> Result<usize, Undecodable> {
+) -> Result<usize, DecompressFailure> {
     let mut rest = raw;
     let (flags, largest) = read_head(&mut rest)?;
     let mut n = 0;
@@ -68,7 +68,7 @@ pub(super) fn decompress(
 }
 
 /// Reads the head of a frame: flags and size of the largest block.
-fn read_head(rest: &mut &[u8]) -> Result<(u8, usize), Undecodable> {
+fn read_head(rest: &mut &[u8]) -> Result<(u8, usize), DecompressFailure> {
     if take(rest, 4)? != MAGIC {
         return Err(damaged("no LZ4 frame"));
     }
@@ -94,7 +94,7 @@ fn head_sum(descriptor: &[u8]) -> u8 {
     (XxHash32::oneshot(0, descriptor) >> 8) as u8
 }
 
-fn check_sum(bytes: &[u8], expected: u32) -> Result<(), Undecodable> {
+fn check_sum(bytes: &[u8], expected: u32) -> Result<(), DecompressFailure> {
     if XxHash32::oneshot(0, bytes) == expected {
         Ok(())
     } else {
@@ -110,13 +110,17 @@ fn decompress_block(
     n: usize,
     limit: usize,
     plain: &mut Vec<u8>,
-) -> Result<usize, Undecodable> {
+) -> Result<usize, DecompressFailure> {
     let room = largest.min(limit - n);
     grow(plain, n + room);
     let (before, after) = plain.split_at_mut(n);
     let target = &mut after[..room];
     let is_full = || {
-        if room < largest { Undecodable::TooLarge } else { damaged("an LZ4 block above its size") }
+        if room < largest {
+            DecompressFailure::TooLarge
+        } else {
+            damaged("an LZ4 block above its size")
+        }
     };
     if is_stored {
         let Some(target) = target.get_mut(..block.len()) else { return Err(is_full()) };
@@ -126,21 +130,21 @@ fn decompress_block(
     let reach = &before[n.saturating_sub(REACH)..];
     decompress_into_with_dict(block, target, reach).map_err(|error| match error {
         DecompressError::OutputTooSmall { .. } => is_full(),
-        error => Undecodable::Damaged(format!("an LZ4 block with an error ({error})")),
+        error => DecompressFailure::Damaged(format!("an LZ4 block with an error ({error})")),
     })
 }
 
-fn take_u32(rest: &mut &[u8]) -> Result<u32, Undecodable> {
+fn take_u32(rest: &mut &[u8]) -> Result<u32, DecompressFailure> {
     let bytes = take(rest, 4)?;
     Ok(bytes.iter().rev().fold(0, |value, &byte| value << 8 | u32::from(byte)))
 }
 
-fn take<'a>(rest: &mut &'a [u8], n: usize) -> Result<&'a [u8], Undecodable> {
+fn take<'a>(rest: &mut &'a [u8], n: usize) -> Result<&'a [u8], DecompressFailure> {
     rest.split_off(..n).ok_or_else(|| damaged("an LZ4 frame that ends early"))
 }
 
-fn damaged(found: &str) -> Undecodable {
-    Undecodable::Damaged(found.to_owned())
+fn damaged(found: &str) -> DecompressFailure {
+    DecompressFailure::Damaged(found.to_owned())
 }
 
 /// Compresses to a frame of blocks as large as can be, in `out` from the byte `at`, and says where
@@ -194,7 +198,7 @@ mod tests {
         (0..n).map(|i| if i % 16 < 5 { next() } else { (i % 16) as u8 }).collect()
     }
 
-    fn decompressed(raw: &[u8], limit: usize) -> Result<Vec<u8>, Undecodable> {
+    fn decompressed(raw: &[u8], limit: usize) -> Result<Vec<u8>, DecompressFailure> {
         let mut plain = vec![7; 10];
         let n = decompress(raw, limit, &mut plain)?;
         Ok(plain[..n].to_vec())
@@ -264,7 +268,7 @@ mod tests {
             let raw = c_frame(&plain, true, lz4::BlockSize::Max64KB, has_sums);
             for cut in (0..raw.len()).step_by(97).chain(raw.len() - 12..raw.len()) {
                 let outcome = decompressed(&raw[..cut], 1 << 20);
-                let is_damaged = matches!(outcome, Err(Undecodable::Damaged(_)));
+                let is_damaged = matches!(outcome, Err(DecompressFailure::Damaged(_)));
                 assert!(is_damaged, "cut at {cut} of {}", raw.len());
             }
         }
@@ -280,7 +284,7 @@ mod tests {
         ] {
             let mut space = Vec::new();
             let error = decompress(&raw, plain.len() - 1, &mut space).unwrap_err();
-            assert!(matches!(error, Undecodable::TooLarge), "{error:?}");
+            assert!(matches!(error, DecompressFailure::TooLarge), "{error:?}");
             assert!(space.len() <= plain.len());
         }
     }

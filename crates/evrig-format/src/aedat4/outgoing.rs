@@ -10,7 +10,7 @@ pub(super) const HEAD_BYTES: usize = 8;
 
 /// One packet, ready to be written.
 #[derive(Debug, Default)]
-pub(super) struct Outgoing {
+pub(super) struct PacketBuffer {
     /// Head and payload; may be longer than the packet, because growing clears memory.
     bytes: Vec<u8>,
     /// Bytes of the packet.
@@ -19,7 +19,7 @@ pub(super) struct Outgoing {
     pub(super) span_us: [i64; 2],
 }
 
-impl Outgoing {
+impl PacketBuffer {
     /// Takes a run of events; their coordinates must be below 32,768.
     pub(super) fn take_events(&mut self, how: Compression, run: EventSlice<'_>) -> io::Result<()> {
         self.n_bytes = match how {

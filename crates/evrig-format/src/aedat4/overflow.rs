@@ -59,8 +59,8 @@ fn i32_at(payload: &[u8], at: usize) -> Option<i32> {
 mod tests {
     use super::*;
     use crate::aedat4::decode::decode;
-    use crate::aedat4::table::{self, Entry};
-    use crate::aedat4::{Compression, Kind, StreamSpec, encode, header};
+    use crate::aedat4::table::{self, TableEntry};
+    use crate::aedat4::{Compression, PayloadKind, StreamSpec, encode, header};
     use evrig_core::event::{Event, Events};
     use evrig_core::frame::{Frame, FrameTiming, Samples};
     use evrig_core::geometry::Size;
@@ -99,14 +99,14 @@ mod tests {
         let mut event_packet = Vec::new();
         encode::events(events.as_slice(), &mut event_packet, 0);
         let packets = [
-            (Kind::Events, event_packet, 1),
-            (Kind::Frames, encode::frame(&frame), 1),
-            (Kind::Imu, encode::imu(&[sample; 3]), 4),
-            (Kind::Triggers, encode::triggers(&[mark; 3]), 4),
+            (PayloadKind::Events, event_packet, 1),
+            (PayloadKind::Frames, encode::frame(&frame), 1),
+            (PayloadKind::Imu, encode::imu(&[sample; 3]), 4),
+            (PayloadKind::Triggers, encode::triggers(&[mark; 3]), 4),
         ];
         for (kind, payload, n_tables) in packets {
             let read = |payload: &[u8]| drop(decode(&kind, payload, Events::new()));
-            let holds_tables = matches!(kind, Kind::Imu | Kind::Triggers);
+            let holds_tables = matches!(kind, PayloadKind::Imu | PayloadKind::Triggers);
             assert!(plant(&payload, holds_tables, read) >= n_tables, "{kind:?}");
             assert_eq!(check(&payload, holds_tables), Ok(()));
         }
@@ -117,7 +117,7 @@ mod tests {
         let streams = [StreamSpec::imu("camera")];
         let bytes = header::encode(Compression::None, Some(9), &streams);
         assert!(plant(&bytes, false, |bytes| drop(header::parse(bytes))) >= 1);
-        let entry = Entry {
+        let entry = TableEntry {
             payload_offset: 9,
             stream: 1,
             payload_bytes: 7,

@@ -1,9 +1,10 @@
 //! A plain DAVIS recording becomes a session.
 
-use super::{Site, file_name, name_and_now};
-use crate::census::{Census, census};
+use super::builder::{SessionBuilder, file_name, name_and_now};
+use crate::file_counts::{FileCounts, count_file};
 use crate::{
-    Damage, FileEntry, Journal, Loss, Manifest, Origin, SCHEMA, SessionError, Status, StreamEntry,
+    Damage, DataLoss, FileEntry, Journal, Manifest, Origin, SCHEMA, SessionError, SessionStatus,
+    StreamEntry,
 };
 use evrig_format::aedat4::Reader;
 use serde_json::json;
@@ -23,11 +24,11 @@ pub fn import_aedat4(
 ) -> Result<Manifest, SessionError> {
     // Refuse what is no AEDAT4 file before anything is made.
     drop(Reader::open(source)?);
-    let site = Site::take(root)?;
+    let site = SessionBuilder::take(root)?;
     let path = site.layout.davis();
     let n_bytes = std::fs::copy(source, &path).map_err(SessionError::io(source))?;
     progress(n_bytes);
-    let found = census(&path, &mut |offset| progress(n_bytes + offset))?;
+    let found = count_file(&path, &mut |offset| progress(n_bytes + offset))?;
     let n_read: u64 = found.streams.iter().map(|stream| stream.count).sum();
     if let (Some(damage), 0) = (&found.damage, n_read) {
         return Err(SessionError::import(source, format!("nothing can be read: {damage}")));
@@ -41,12 +42,12 @@ pub fn import_aedat4(
 }
 
 fn manifest(
-    site: &Site,
+    site: &SessionBuilder,
     source: &Path,
     path: &Path,
-    found: &Census,
+    found: &FileCounts,
 ) -> Result<Manifest, SessionError> {
-    let Described { streams, file, losses } = describe(site, path, found)?;
+    let DescribedFile { streams, file, losses } = describe(site, path, found)?;
     let (name, created) = name_and_now(site.layout.root());
     Ok(Manifest {
         schema: SCHEMA.into(),
@@ -54,7 +55,11 @@ fn manifest(
         evrig_version: env!("CARGO_PKG_VERSION").into(),
         created,
         origin: Origin::Aedat4 { file: file_name(source) },
-        status: if found.damage.is_some() { Status::Recovered } else { Status::Complete },
+        status: if found.damage.is_some() {
+            SessionStatus::Recovered
+        } else {
+            SessionStatus::Complete
+        },
         streams,
         files: [file].into(),
         losses,
@@ -64,25 +69,25 @@ fn manifest(
 }
 
 /// An AEDAT4 file as a manifest describes it.
-pub(super) struct Described {
+pub(super) struct DescribedFile {
     pub(super) streams: Vec<StreamEntry>,
     /// Its path inside the session, with length and checksum.
     pub(super) file: (String, FileEntry),
-    pub(super) losses: Vec<Loss>,
+    pub(super) losses: Vec<DataLoss>,
 }
 
 /// Describes a counted AEDAT4 file inside the session.
 pub(super) fn describe(
-    site: &Site,
+    site: &SessionBuilder,
     path: &Path,
-    found: &Census,
-) -> Result<Described, SessionError> {
+    found: &FileCounts,
+) -> Result<DescribedFile, SessionError> {
     let (file, mut entry) = site.file_entry(path)?;
     let mut losses = found.losses.clone();
     if let Some(what) = &found.damage {
         entry.damage = Some(Damage { what: what.clone() });
-        losses.push(Loss { stream: file.clone(), what: what.clone(), count: 0 });
+        losses.push(DataLoss { stream: file.clone(), what: what.clone(), count: 0 });
     }
     let streams = found.entries(&file);
-    Ok(Described { streams, file: (file, entry), losses })
+    Ok(DescribedFile { streams, file: (file, entry), losses })
 }

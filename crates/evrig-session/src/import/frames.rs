@@ -1,9 +1,10 @@
-//! Frames from an array or a folder, with events of the same grid if there are any.
+//! ImportedFrames from an array or a folder, with events of the same grid if there are any.
 
-use super::{Site, event_table, file_name, images, name_and_now};
+use super::builder::{SessionBuilder, file_name, name_and_now};
+use super::{event_table, images};
 use crate::{
-    Journal, Loss, Manifest, Origin, SCHEMA, SessionError, Status, StreamEntry, StreamKind,
-    StreamName,
+    DataLoss, Journal, Manifest, Origin, SCHEMA, SessionError, SessionStatus, StreamEntry,
+    StreamKind, StreamName,
 };
 use evrig_core::geometry::Size;
 use evrig_core::time::{Clock, Davis};
@@ -35,7 +36,7 @@ pub struct ImportFrames<'a> {
 }
 
 /// The frames' stream once its array is written.
-struct Frames {
+struct ImportedFrames {
     size: Size,
     times: Vec<i64>,
     bits: u8,
@@ -50,7 +51,7 @@ pub fn import_frames(request: &ImportFrames<'_>, root: &Path) -> Result<Manifest
     if !request.frames.exists() {
         return Err(SessionError::import(request.frames, "there is no such file or folder"));
     }
-    let site = Site::take(root)?;
+    let site = SessionBuilder::take(root)?;
     let directory = site.layout.frames();
     site.make_directory(&directory)?;
     let path = directory.join("frames.npy");
@@ -86,7 +87,7 @@ fn manifest(
     root: &Path,
     streams: Vec<StreamEntry>,
     files: Vec<(String, crate::FileEntry)>,
-    losses: Vec<Loss>,
+    losses: Vec<DataLoss>,
 ) -> Manifest {
     let (name, created) = name_and_now(root);
     Manifest {
@@ -102,7 +103,7 @@ fn manifest(
             },
             events: request.events.map(file_name),
         },
-        status: Status::Complete,
+        status: SessionStatus::Complete,
         streams,
         files: files.into_iter().collect(),
         losses,
@@ -111,7 +112,7 @@ fn manifest(
     }
 }
 
-fn frames_entry(frames: &Frames) -> StreamEntry {
+fn frames_entry(frames: &ImportedFrames) -> StreamEntry {
     StreamEntry {
         name: "frames".into(),
         kind: StreamKind::Frames,
@@ -126,7 +127,7 @@ fn frames_entry(frames: &Frames) -> StreamEntry {
     }
 }
 
-fn from_array(request: &ImportFrames<'_>, path: &Path) -> Result<Frames, SessionError> {
+fn from_array(request: &ImportFrames<'_>, path: &Path) -> Result<ImportedFrames, SessionError> {
     let wrong = |what: String| SessionError::import(request.frames, what);
     let mut reader = ArrayReader::open(request.frames)?;
     let &[n, height, width] = reader.shape() else {
@@ -161,7 +162,7 @@ fn from_array(request: &ImportFrames<'_>, path: &Path) -> Result<Frames, Session
             ));
         }
     };
-    Ok(Frames { size, times, bits })
+    Ok(ImportedFrames { size, times, bits })
 }
 
 fn copy_frames<T: Element>(
@@ -178,7 +179,7 @@ fn copy_frames<T: Element>(
     Ok(writer.finish()?)
 }
 
-fn from_folder(request: &ImportFrames<'_>, path: &Path) -> Result<Frames, SessionError> {
+fn from_folder(request: &ImportFrames<'_>, path: &Path) -> Result<ImportedFrames, SessionError> {
     let paths = images::list(request.frames)?;
     let times = frame_times(&request.times, paths.len() as u64)?;
     let (size, first) = images::read_gray(&paths[0])?;
@@ -192,7 +193,7 @@ fn from_folder(request: &ImportFrames<'_>, path: &Path) -> Result<Frames, Sessio
             16
         }
     };
-    Ok(Frames { size, times, bits })
+    Ok(ImportedFrames { size, times, bits })
 }
 
 /// Writes the images into one array; all must have the size and depth of the first.
@@ -273,11 +274,11 @@ fn times_from_text(path: &Path) -> Result<Vec<i64>, SessionError> {
 
 /// Converts the events into the session's own file.
 fn take_events(
-    site: &Site,
+    site: &SessionBuilder,
     request: &ImportFrames<'_>,
     events: &Path,
     size: Size,
-) -> Result<(StreamEntry, PathBuf, Vec<Loss>), SessionError> {
+) -> Result<(StreamEntry, PathBuf, Vec<DataLoss>), SessionError> {
     let name = &request.events_name;
     let table = event_table::read(events, name.as_str(), size)?;
     let directory = site.layout.stream(name);

@@ -38,7 +38,7 @@ pub(super) fn list(folder: &Path) -> Result<Vec<PathBuf>, SessionError> {
         let what = format!("holds no images ({})", ENDINGS.join(", "));
         return Err(SessionError::import(folder, what));
     }
-    paths.sort_by_cached_key(|path| natural_key(&super::file_name(path)));
+    paths.sort_by_cached_key(|path| natural_key(&super::builder::file_name(path)));
     Ok(paths)
 }
 

@@ -2,30 +2,19 @@
 
 mod files;
 mod pi_frames;
+mod request;
 
-use super::aedat4::{Described, describe};
-use super::{Site, file_name, name_and_now};
-use crate::census::census;
-use crate::{Journal, Manifest, Origin, SCHEMA, SessionError, Status};
-use evrig_core::geometry::Size;
+pub use request::ImportRaw2Event;
+
+use super::aedat4::{DescribedFile, describe};
+use super::builder::{SessionBuilder, file_name, name_and_now};
+use crate::file_counts::count_file;
+use crate::{Journal, Manifest, Origin, SCHEMA, SessionError, SessionStatus};
 use evrig_format::aedat4::Reader;
-use files::Files;
+use files::RecordingFiles;
 use pi_frames::PiFrames;
 use serde_json::json;
 use std::path::Path;
-
-/// What to import and how to read it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ImportRaw2Event<'a> {
-    /// The directory that holds the recordings.
-    pub directory: &'a Path,
-    /// Any part of the files' names that only this recording has.
-    pub id: &'a str,
-    /// Size of the Pi's frames.
-    pub size: Size,
-    /// What the Pi's wall clock showed.
-    pub zone: chrono_tz::Tz,
-}
 
 /// Makes a session of a DAVIS recording and the Pi's frames beside it.
 ///
@@ -37,14 +26,15 @@ pub fn import_raw2event(
     root: &Path,
     progress: &mut dyn FnMut(u64),
 ) -> Result<Manifest, SessionError> {
-    let files = Files::find(request.directory, request.id)?;
+    let files = RecordingFiles::find(request.directory, request.id)?;
     drop(Reader::open(&files.davis)?);
-    let site = Site::take(root)?;
+    let site = SessionBuilder::take(root)?;
     let davis = site.layout.davis();
     let mut n_done = std::fs::copy(&files.davis, &davis).map_err(SessionError::io(&davis))?;
     progress(n_done);
-    let found = census(&davis, &mut |_| {})?;
-    let Described { mut streams, file: davis_file, mut losses } = describe(&site, &davis, &found)?;
+    let found = count_file(&davis, &mut |_| {})?;
+    let DescribedFile { mut streams, file: davis_file, mut losses } =
+        describe(&site, &davis, &found)?;
     let pi = PiFrames::read(request, &files, &site, &mut |n| {
         n_done += n;
         progress(n_done);
@@ -65,7 +55,7 @@ pub fn import_raw2event(
         evrig_version: env!("CARGO_PKG_VERSION").into(),
         created,
         origin: Origin::Raw2Event { id: request.id.into(), davis: file_name(&files.davis) },
-        status: if is_cut { Status::Recovered } else { Status::Complete },
+        status: if is_cut { SessionStatus::Recovered } else { SessionStatus::Complete },
         streams,
         files: recorded.into_iter().collect(),
         losses,

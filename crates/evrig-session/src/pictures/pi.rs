@@ -1,6 +1,6 @@
 //! Frames of the Pi's camera, recorded or imported.
 
-use super::{Picture, PictureFacts, stated_size};
+use super::picture::{Picture, PictureFacts, stated_size};
 use crate::rig::middle_crop_origin_px;
 use crate::rig_log::{PictureReader, StoredPicture, Topic};
 use crate::{Session, SessionError, StreamEntry};
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// The IMX708's pedestal of ten bits, which imported recordings do not state.
 const PUBLISHED_BLACK_DN: f32 = 64.0;
 
-enum Source {
+enum PiSource {
     Log(Box<PictureReader>),
     Npy {
         reader: ArrayReader<BufReader<File>>,
@@ -32,7 +32,7 @@ enum Source {
 /// An import states neither exposure nor row time: its timing is the bare stamp, and its RGB frames
 /// show a later exposure than their stamp says, by one frame of the camera at least.
 pub struct PiPictures {
-    source: Source,
+    source: PiSource,
     path: PathBuf,
     is_raw: bool,
     row_time: Span,
@@ -51,7 +51,7 @@ impl PiPictures {
             open_npy(&path, size)?
         } else {
             let topic = if is_raw { Topic::Raw } else { Topic::Rgb };
-            Source::Log(Box::new(PictureReader::open(&path, topic)?))
+            PiSource::Log(Box::new(PictureReader::open(&path, topic)?))
         };
         let pi = session.rig()?.map(|rig| rig.pi);
         let pi = pi.as_ref();
@@ -70,8 +70,8 @@ impl PiPictures {
     #[must_use]
     pub fn n_unexplained(&self) -> u64 {
         match &self.source {
-            Source::Log(reader) => reader.n_unexplained(),
-            Source::Npy { .. } => 0,
+            PiSource::Log(reader) => reader.n_unexplained(),
+            PiSource::Npy { .. } => 0,
         }
     }
 
@@ -145,11 +145,11 @@ impl PiPictures {
 
     fn read(&mut self) -> Option<Result<Picture<PiSensor>, SessionError>> {
         match &mut self.source {
-            Source::Log(reader) => match reader.next()? {
+            PiSource::Log(reader) => match reader.next()? {
                 Ok(stored) => Some(self.recorded(stored)),
                 Err(error) => Some(Err(error.into())),
             },
-            Source::Npy { reader, stamps, size } => {
+            PiSource::Npy { reader, stamps, size } => {
                 let (stamp_ns, real_us) = stamps.next()?;
                 let size = *size;
                 let n = size.n_pixels();
@@ -179,7 +179,7 @@ impl Iterator for PiPictures {
     }
 }
 
-fn open_npy(path: &Path, size: Size) -> Result<Source, SessionError> {
+fn open_npy(path: &Path, size: Size) -> Result<PiSource, SessionError> {
     let sensor = read_column(&path.with_file_name("sensor_timestamp_ns.npy"))?;
     let real = read_column(&path.with_file_name("real_time_us.npy"))?;
     let reader = ArrayReader::open(path)?;
@@ -189,7 +189,7 @@ fn open_npy(path: &Path, size: Size) -> Result<Source, SessionError> {
     let [mut sensor, mut real] = [sensor, real];
     sensor.truncate(n);
     real.truncate(n);
-    Ok(Source::Npy { reader, stamps: sensor.into_iter().zip(real), size })
+    Ok(PiSource::Npy { reader, stamps: sensor.into_iter().zip(real), size })
 }
 
 /// The import wrote zero for a time that could not be read.

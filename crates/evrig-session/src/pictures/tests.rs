@@ -3,8 +3,8 @@
 use super::*;
 use crate::rig::Pose;
 use crate::{
-    ClockExchange, HostTime, Layout, Origin, Recording, RigLogWriter, Status, TimedPose, Topic,
-    seal_recording,
+    ClockExchange, HostTime, Origin, Recording, RigLogWriter, SessionLayout, SessionStatus,
+    TimedPose, Topic, seal_recording,
 };
 use evrig_core::frame::Channels;
 use evrig_core::pi_camera::{ClockSandwich, FrameMetadata, PiFrame};
@@ -65,13 +65,13 @@ fn write_log(path: &Path) {
 }
 
 fn recorded(root: &Path) -> Session {
-    let layout = Layout::new(root);
+    let layout = SessionLayout::new(root);
     write_log(&layout.rig_log());
     seal(&layout);
     Session::open(root).unwrap()
 }
 
-fn seal(layout: &Layout) {
+fn seal(layout: &SessionLayout) {
     let recording = Recording {
         rig: Rig::simulated().unwrap().text,
         trajectory: String::new(),
@@ -81,7 +81,7 @@ fn seal(layout: &Layout) {
         clocks: serde_json::Value::Null,
     };
     let origin = Origin::Recorded { rig: "sim".into(), trajectory: "none".into() };
-    seal_recording(layout, origin, Status::Complete, recording, Vec::new()).unwrap();
+    seal_recording(layout, origin, SessionStatus::Complete, recording, Vec::new()).unwrap();
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn poses_and_clock_readings_come_back() {
 #[test]
 fn a_log_that_was_cut_gives_the_frames_before_the_cut() {
     let dir = tempfile::tempdir().unwrap();
-    let layout = Layout::new(dir.path());
+    let layout = SessionLayout::new(dir.path());
     write_log(&layout.rig_log());
     let bytes = std::fs::read(layout.rig_log()).unwrap();
     // Behind the third frame's metadata and in front of the fourth's.

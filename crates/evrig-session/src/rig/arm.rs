@@ -1,6 +1,6 @@
 //! The arm's part of a rig description.
 
-use super::fields::{Fields, POSITIVE};
+use super::fields::{DescriptionFields, POSITIVE};
 use super::{JointLimits, Kinematics, Pose, SpeedLimits, Workspace};
 use evrig_core::units::{Hertz, Millimetres};
 use std::convert::Infallible;
@@ -53,14 +53,14 @@ const FAR_MM: std::ops::RangeInclusive<f64> = -2000.0..=2000.0;
 const ANGLE_DEG: std::ops::RangeInclusive<f64> = -360.0..=360.0;
 
 impl Pose {
-    pub(crate) fn read(fields: &Fields<'_, '_>) -> Self {
+    pub(crate) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let [x, y, z] = ["x_mm", "y_mm", "z_mm"].map(|key| fields.number(key, FAR_MM));
         Self::from_mm_deg([x, y, z, fields.number("r_deg", ANGLE_DEG)])
     }
 }
 
 impl ArmDescription {
-    pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
+    pub(super) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let length = |key| fields.optional_number(key, 1.0..=1000.0).map(Millimetres);
         let tool_offset = fields.numbers("tool_offset_mm", -300.0..=300.0).map(Millimetres);
         let magician = Kinematics::magician(tool_offset);
@@ -83,7 +83,7 @@ impl ArmDescription {
 
 impl ArmDescription {
     /// The arm is parked at home, so home must be where it may be.
-    pub(super) fn check_home(&self, fields: &Fields<'_, '_>) {
+    pub(super) fn check_home(&self, fields: &DescriptionFields<'_, '_>) {
         let (gauges, _) = self.gauge_pose(self.home);
         for gauge in gauges.iter().filter(|gauge| gauge.is_exceeded() && gauge.value.is_finite()) {
             fields.complain_about("home", gauge);
@@ -92,7 +92,7 @@ impl ArmDescription {
 }
 
 impl Workspace {
-    fn read(fields: &Fields<'_, '_>) -> Self {
+    fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         Self {
             radius_mm: fields.interval("radius_mm", 0.0..=2000.0),
             x_mm: fields.optional_interval("x_mm", FAR_MM),
@@ -103,7 +103,7 @@ impl Workspace {
 }
 
 impl JointLimits {
-    fn read(fields: &Fields<'_, '_>) -> Self {
+    fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         Self {
             j1_deg: fields.interval("j1_deg", ANGLE_DEG),
             j2_deg: fields.interval("j2_deg", ANGLE_DEG),
@@ -117,7 +117,7 @@ impl JointLimits {
 }
 
 impl SpeedLimits {
-    fn read(fields: &Fields<'_, '_>) -> Self {
+    fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         Self {
             speed_mm_per_s: fields.number("speed_mm_per_s", POSITIVE),
             acceleration_mm_per_s2: fields.number("acceleration_mm_per_s2", POSITIVE),

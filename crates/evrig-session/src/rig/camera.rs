@@ -1,6 +1,6 @@
 //! The two cameras of a rig description.
 
-use super::fields::{Fields, POSITIVE};
+use super::fields::{DescriptionFields, POSITIVE};
 use evrig_core::delivery::{Coding, Focus, RgbDelivery};
 use evrig_core::geometry::Size;
 use evrig_core::time::Span;
@@ -10,7 +10,7 @@ use std::str::FromStr;
 
 /// How a camera is reached.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Transport {
+pub enum CameraTransport {
     /// The simulated camera of this program.
     Sim,
     /// USB, the first camera of its kind.
@@ -27,7 +27,7 @@ pub enum Transport {
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraDescription {
     /// How it is reached.
-    pub transport: Transport,
+    pub transport: CameraTransport,
     /// Columns and rows.
     pub size: Size,
     /// From one pixel to the next.
@@ -138,7 +138,7 @@ pub const DAVIS_BIASES: &[&str] = &[
 )]
 pub struct UnknownTransport(String);
 
-impl FromStr for Transport {
+impl FromStr for CameraTransport {
     type Err = UnknownTransport;
 
     fn from_str(text: &str) -> Result<Self, UnknownTransport> {
@@ -188,7 +188,7 @@ impl CameraDescription {
         pixel.is_some_and(|[x, y]| (0.0..=width).contains(&x) && (0.0..=height).contains(&y))
     }
 
-    fn read(fields: &Fields<'_, '_>) -> Self {
+    fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let [width, height] = fields.numbers("size_px", 1.0..=8192.0);
         if width.fract() != 0.0 || height.fract() != 0.0 {
             fields.complain_about("size_px", "expected whole numbers of columns and rows");
@@ -200,7 +200,7 @@ impl CameraDescription {
         };
         fields.require("transport");
         Self {
-            transport: fields.parsed("transport").unwrap_or(Transport::Sim),
+            transport: fields.parsed("transport").unwrap_or(CameraTransport::Sim),
             size,
             pixel_pitch: Micrometres(fields.number("pixel_pitch_um", 0.1..=100.0)),
             focal_length: Millimetres(fields.number("focal_length_mm", 0.1..=1000.0)),
@@ -217,7 +217,7 @@ impl CameraDescription {
     }
 
     /// A frame cannot see light longer than until the next one begins.
-    fn check_exposure(&self, fields: &Fields<'_, '_>) {
+    fn check_exposure(&self, fields: &DescriptionFields<'_, '_>) {
         let period = Span::from_secs_f64(1.0 / self.frame_rate.0);
         if self.exposure > period {
             let what = format!("{} is longer than a frame's {period}", self.exposure);
@@ -227,7 +227,7 @@ impl CameraDescription {
 }
 
 impl DavisDescription {
-    pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
+    pub(super) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let camera = CameraDescription::read(fields);
         camera.check_exposure(fields);
         let biases = fields
@@ -242,7 +242,7 @@ impl DavisDescription {
 }
 
 impl PiDescription {
-    pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
+    pub(super) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let camera = CameraDescription::read(fields);
         camera.check_exposure(fields);
         let crop_origin_px = if fields.has("crop_origin_px") {
@@ -276,12 +276,12 @@ mod tests {
 
     #[test]
     fn transports_are_told_apart() {
-        assert_eq!("sim".parse(), Ok(Transport::Sim));
-        assert_eq!("tcp://pi:7777".parse(), Ok(Transport::Tcp("pi:7777".into())));
-        assert_eq!("file:a.aedat4".parse(), Ok(Transport::File("a.aedat4".into())));
-        assert_eq!("tls://pi:7766".parse(), Ok(Transport::Tls("pi:7766".into())));
+        assert_eq!("sim".parse(), Ok(CameraTransport::Sim));
+        assert_eq!("tcp://pi:7777".parse(), Ok(CameraTransport::Tcp("pi:7777".into())));
+        assert_eq!("file:a.aedat4".parse(), Ok(CameraTransport::File("a.aedat4".into())));
+        assert_eq!("tls://pi:7766".parse(), Ok(CameraTransport::Tls("pi:7766".into())));
         for wrong in ["", "usb2", "tls://pi", "tcp://pi", "tcp://:1", "tcp://pi:99999", "file:"] {
-            assert!(wrong.parse::<Transport>().is_err(), "{wrong}");
+            assert!(wrong.parse::<CameraTransport>().is_err(), "{wrong}");
         }
     }
 }

@@ -16,7 +16,7 @@ use toml::de::{DeTable, DeValue};
 type Value<'t> = Spanned<DeValue<'t>>;
 
 /// One table of a description, with the keys that were asked for so far.
-pub struct Fields<'a, 't> {
+pub struct DescriptionFields<'a, 't> {
     /// The table's name with its parents, as messages print it; empty for the file itself.
     name: String,
     /// None stands for a table that is absent: asking it adds no further complaint.
@@ -30,7 +30,7 @@ pub struct Fields<'a, 't> {
 pub fn read_description<T>(
     file: &str,
     text: &str,
-    read: impl FnOnce(&Fields<'_, '_>) -> T,
+    read: impl FnOnce(&DescriptionFields<'_, '_>) -> T,
 ) -> Result<T, DescriptionError> {
     let problems = Problems::new(file, text);
     let (table, mistakes) = DeTable::parse_recoverable(text);
@@ -38,7 +38,7 @@ pub fn read_description<T>(
         problems.add(mistake.span().unwrap_or(0..0), mistake.message());
     }
     if mistakes.is_empty() {
-        let fields = Fields {
+        let fields = DescriptionFields {
             name: String::new(),
             table: Some(table.get_ref()),
             at: 0..0,
@@ -53,7 +53,7 @@ pub fn read_description<T>(
     }
 }
 
-impl<'a, 't> Fields<'a, 't> {
+impl<'a, 't> DescriptionFields<'a, 't> {
     fn get(&self, key: &'static str) -> Option<&'a Value<'t>> {
         self.asked.borrow_mut().push(key);
         self.table?.get(key)
@@ -233,7 +233,11 @@ impl<'a, 't> Fields<'a, 't> {
     }
 
     /// Hands the sub-table `key` to `read`; when it is absent, one complaint and a table of nothing.
-    pub fn table<T>(&self, key: &'static str, read: impl FnOnce(&Fields<'_, 't>) -> T) -> T {
+    pub fn table<T>(
+        &self,
+        key: &'static str,
+        read: impl FnOnce(&DescriptionFields<'_, 't>) -> T,
+    ) -> T {
         self.descend(key, self.required(key), read)
     }
 
@@ -241,7 +245,7 @@ impl<'a, 't> Fields<'a, 't> {
     pub fn optional_table<T>(
         &self,
         key: &'static str,
-        read: impl FnOnce(&Fields<'_, 't>) -> T,
+        read: impl FnOnce(&DescriptionFields<'_, 't>) -> T,
     ) -> Option<T> {
         let value = self.get(key)?;
         Some(self.descend(key, Some(value), read))
@@ -251,7 +255,7 @@ impl<'a, 't> Fields<'a, 't> {
         &self,
         key: &str,
         value: Option<&Value<'t>>,
-        read: impl FnOnce(&Fields<'_, 't>) -> T,
+        read: impl FnOnce(&DescriptionFields<'_, 't>) -> T,
     ) -> T {
         let table = value.and_then(|value| value.get_ref().as_table());
         if let (Some(value), None) = (value, table) {
@@ -261,7 +265,8 @@ impl<'a, 't> Fields<'a, 't> {
         }
         let at = value.map_or(self.at.clone(), Spanned::span);
         let asked = RefCell::default();
-        let fields = Fields { name: self.full(key), table, at, asked, problems: self.problems };
+        let fields =
+            DescriptionFields { name: self.full(key), table, at, asked, problems: self.problems };
         let result = read(&fields);
         fields.name_unknown_keys();
         result
@@ -271,7 +276,7 @@ impl<'a, 't> Fields<'a, 't> {
     pub fn tables<T>(
         &self,
         key: &'static str,
-        mut read: impl FnMut(usize, &Fields<'_, 't>) -> T,
+        mut read: impl FnMut(usize, &DescriptionFields<'_, 't>) -> T,
     ) -> Vec<T> {
         let Some(value) = self.required(key) else { return Vec::new() };
         let Some(array) = value.get_ref().as_array() else {

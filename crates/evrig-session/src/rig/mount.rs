@@ -1,7 +1,7 @@
 //! How the cameras sit on the tool, and where they look.
 
 use super::Pose;
-use super::fields::Fields;
+use super::fields::DescriptionFields;
 use evrig_core::units::{Degrees, Millimetres};
 use nalgebra::{Rotation3, Unit, Vector3};
 
@@ -64,7 +64,7 @@ impl Mounting {
         }
     }
 
-    fn read(fields: &Fields<'_, '_>) -> Self {
+    fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let axis = fields.numbers("axis", -1.0..=1.0);
         let length = Vector3::from(axis).norm();
         if length < 1e-6 {
@@ -79,7 +79,7 @@ impl Mounting {
 }
 
 impl Mount {
-    pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
+    pub(super) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         Self {
             davis: fields.table("davis", Mounting::read),
             pi: fields.table("pi", Mounting::read),

@@ -1,6 +1,6 @@
 //! What the cameras look at: the target, its light; and the clocks of a rig description.
 
-use super::fields::Fields;
+use super::fields::DescriptionFields;
 use evrig_core::units::{Degrees, Hertz, Millimetres};
 use std::str::FromStr;
 
@@ -40,7 +40,7 @@ pub struct LightDescription {
 
 /// How a host's clock is kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Discipline {
+pub enum ClockDiscipline {
     /// The simulated clock of the simulated rig.
     Sim,
     /// chrony keeps it.
@@ -57,9 +57,9 @@ pub struct ClocksDescription {
     /// Which machine's clock the others are mapped to.
     pub reference: String,
     /// How the host's clock is kept.
-    pub host: Discipline,
+    pub host: ClockDiscipline,
     /// How the Pi's clock is kept.
-    pub pi: Discipline,
+    pub pi: ClockDiscipline,
     /// The time server, where there is one.
     pub ntp_server: Option<String>,
 }
@@ -69,7 +69,7 @@ pub struct ClocksDescription {
 #[error("`{0}` is no way to keep a clock; expected sim, chrony, timesyncd or none")]
 pub struct UnknownDiscipline(String);
 
-impl FromStr for Discipline {
+impl FromStr for ClockDiscipline {
     type Err = UnknownDiscipline;
 
     fn from_str(text: &str) -> Result<Self, UnknownDiscipline> {
@@ -94,7 +94,7 @@ impl TargetDescription {
         self.picture_side + self.gap + self.tag_side
     }
 
-    pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
+    pub(super) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let mm = |key, low: f64| Millimetres(fields.number(key, low..=5000.0));
         let tag_family = fields.text("tag_family");
         if !tag_family.is_empty() && !TAG_FAMILIES.contains(&tag_family.as_str()) {
@@ -119,7 +119,7 @@ impl TargetDescription {
 }
 
 impl LightDescription {
-    pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
+    pub(super) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         Self {
             source: fields.text("source"),
             illuminance_lx: fields.optional_number("illuminance_lx", 0.0..=200_000.0),
@@ -130,13 +130,13 @@ impl LightDescription {
 }
 
 impl ClocksDescription {
-    pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
+    pub(super) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         fields.require("host");
         fields.require("pi");
         Self {
             reference: fields.text("reference"),
-            host: fields.parsed("host").unwrap_or(Discipline::None),
-            pi: fields.parsed("pi").unwrap_or(Discipline::None),
+            host: fields.parsed("host").unwrap_or(ClockDiscipline::None),
+            pi: fields.parsed("pi").unwrap_or(ClockDiscipline::None),
             ntp_server: fields.optional_text("ntp_server"),
         }
     }

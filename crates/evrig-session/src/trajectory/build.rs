@@ -1,8 +1,8 @@
 //! From a description to a path: each segment begins where the last one ended.
 
 use super::path_error::PathError;
-use super::segment::{Direction, Kind, Plane, RatesOverride, Segment, Turns};
-use super::{Curve, Motion, Path, Rates, Settings, Trajectory, Trapezoid};
+use super::segment::{Direction, DrawingPlane, RatesOverride, Segment, SegmentKind, Turns};
+use super::{MotionCommand, Rates, StepSettings, ToolCurve, ToolPath, Trajectory, Trapezoid};
 use crate::rig::{Pose, Rig};
 use evrig_core::units::{
     DegreesPerSecond, DegreesPerSecond2, MillimetresPerSecond, MillimetresPerSecond2,
@@ -31,7 +31,7 @@ const TURN_RATES: [f64; 2] = [50.0, 50.0];
 
 /// Which segments become motions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Optional {
+pub enum OptionalSegments {
     /// All of them.
     Included,
     /// Without those that the description calls optional.
@@ -43,13 +43,13 @@ impl Trajectory {
     ///
     /// # Errors
     /// When a segment makes no curve. Reach and speed are not looked at here: see [`super::Plan`].
-    pub fn path(&self, rig: &Rig, optional: Optional) -> Result<Path, PathError> {
+    pub fn path(&self, rig: &Rig, optional: OptionalSegments) -> Result<ToolPath, PathError> {
         let camera = rig.mount.davis.frame(self.start);
         let mut builder = Builder {
             trajectory: self,
             picture: [camera.right, -camera.down],
             forward: camera.forward,
-            path: Path::new(self.start),
+            path: ToolPath::new(self.start),
             runs: vec![Vec::new(); self.segments.len()],
             n_points: 0,
             optional,
@@ -69,12 +69,12 @@ struct Builder<'t> {
     picture: [Vector3<f64>; 2],
     /// Its optical axis there.
     forward: Vector3<f64>,
-    path: Path,
+    path: ToolPath,
     /// The steps of each segment's last run.
     runs: Vec<Vec<usize>>,
     /// Points of drawn curves so far.
     n_points: usize,
-    optional: Optional,
+    optional: OptionalSegments,
 }
 
 /// As what a segment runs: as itself, or as part of a later one.
@@ -85,7 +85,7 @@ struct As {
     /// Repeats around it.
     depth: usize,
     rates: RatesOverride,
-    settings: Settings,
+    settings: StepSettings,
 }
 
 impl As {
@@ -123,7 +123,7 @@ impl As {
 
 impl Builder<'_> {
     fn leaves_out(&self, segment: &Segment) -> bool {
-        self.optional == Optional::LeftOut && segment.is_optional
+        self.optional == OptionalSegments::LeftOut && segment.is_optional
     }
 
     fn run(&mut self, number: usize, as_what: &As) -> Result<(), PathError> {
@@ -135,13 +135,13 @@ impl Builder<'_> {
         let first = self.path.steps().len();
         let mut around = as_what.clone();
         match &segment.kind {
-            Kind::Dwell { duration } => {
+            SegmentKind::Dwell { duration } => {
                 let rates = self.rates(as_what);
                 let settings = as_what.settings.clone();
                 self.path.push_hold(&as_what.label, as_what.number, *duration, rates, settings);
                 self.check_bounds(as_what)?;
             }
-            Kind::Repeat { of, times } => {
+            SegmentKind::Repeat { of, times } => {
                 for time in 1..=*times {
                     for &part in of {
                         if self.leaves_out(&segments[part]) {
@@ -155,12 +155,12 @@ impl Builder<'_> {
                     }
                 }
             }
-            Kind::Reverse { of } => {
+            SegmentKind::Reverse { of } => {
                 for &part in of.iter().rev() {
                     self.run_backwards(part, &mut around)?;
                 }
             }
-            Kind::Sweep { of, speeds_mm_per_s, alternate } => {
+            SegmentKind::Sweep { of, speeds_mm_per_s, alternate } => {
                 for (i, speed) in speeds_mm_per_s.iter().enumerate() {
                     let label = format!("{speed}mm/s");
                     let mut part = around.part(&label, &segments[*of]);
@@ -182,8 +182,8 @@ impl Builder<'_> {
         Ok(())
     }
 
-    fn push(&mut self, curve: Curve, as_what: &As) -> Result<(), PathError> {
-        if let Motion::Points(poses) = curve.motion() {
+    fn push(&mut self, curve: ToolCurve, as_what: &As) -> Result<(), PathError> {
+        if let MotionCommand::Points(poses) = curve.motion() {
             self.n_points += poses.len();
         }
         let rates = self.rates(as_what);
@@ -249,54 +249,54 @@ impl Builder<'_> {
     /// The axes (u, v) of a segment's plane in the base frame.
     fn plane(&self, segment: &Segment) -> [Vector3<f64>; 2] {
         match segment.plane.unwrap_or(self.trajectory.plane) {
-            Plane::Image => self.picture,
-            Plane::Xy => [Vector3::x(), Vector3::y()],
-            Plane::Xz => [Vector3::x(), Vector3::z()],
-            Plane::Yz => [Vector3::y(), Vector3::z()],
+            DrawingPlane::Image => self.picture,
+            DrawingPlane::Xy => [Vector3::x(), Vector3::y()],
+            DrawingPlane::Xz => [Vector3::x(), Vector3::z()],
+            DrawingPlane::Yz => [Vector3::y(), Vector3::z()],
         }
     }
 
-    fn curve(&self, segment: &Segment, as_what: &As) -> Result<Curve, PathError> {
+    fn curve(&self, segment: &Segment, as_what: &As) -> Result<ToolCurve, PathError> {
         let from = self.path.end();
         let [u, v] = self.plane(segment);
         let failed = |source| PathError::Curve { segment: as_what.label.clone(), source };
         match &segment.kind {
-            Kind::Line { to: Some(to), .. } => Ok(Curve::line(from, *to)),
-            Kind::Line { by_mm, turn_deg, to: None } => {
+            SegmentKind::Line { to: Some(to), .. } => Ok(ToolCurve::line(from, *to)),
+            SegmentKind::Line { by_mm, turn_deg, to: None } => {
                 let to = moved(from, by_mm[0] * u + by_mm[1] * v);
                 let r = evrig_core::units::Degrees(from.r.0 + turn_deg);
-                Ok(Curve::line(from, Pose { r, ..to }))
+                Ok(ToolCurve::line(from, Pose { r, ..to }))
             }
-            Kind::Arc { radius_mm, direction, start_deg, sweep_deg } => {
+            SegmentKind::Arc { radius_mm, direction, start_deg, sweep_deg } => {
                 let turn = self.sense(*direction, [u, v], as_what)? * sweep_deg;
                 let [via, to] = [0.5, 1.0].map(|part| {
                     moved(from, on_circle([u, v], *radius_mm, *start_deg, part * turn))
                 });
-                Curve::arc(from, via, to).map_err(failed)
+                ToolCurve::arc(from, via, to).map_err(failed)
             }
-            Kind::Circle { radius_mm, direction, start_deg, turns } => {
+            SegmentKind::Circle { radius_mm, direction, start_deg, turns } => {
                 let turn = self.sense(*direction, [u, v], as_what)? * 360.0;
                 let [via, opposite] = [0.25, 0.5].map(|part| {
                     moved(from, on_circle([u, v], *radius_mm, *start_deg, part * turn))
                 });
                 let n_turns = self.count(*turns, radius_mm * TAU, as_what);
-                Curve::circle(from, via, opposite, n_turns).map_err(failed)
+                ToolCurve::circle(from, via, opposite, n_turns).map_err(failed)
             }
-            Kind::Lissajous { amplitude_mm, cycles, phase_deg, turns } => {
+            SegmentKind::Lissajous { amplitude_mm, cycles, phase_deg, turns } => {
                 let figure = figure(from, [u, v], *amplitude_mm, *cycles, *phase_deg);
-                let once = Curve::points(figure.clone()).map_err(failed)?;
+                let once = ToolCurve::points(figure.clone()).map_err(failed)?;
                 let n_turns = self.count(*turns, once.length().0, as_what) as usize;
                 if n_turns.saturating_mul(figure.len()) > MAX_POINTS {
                     return Err(as_what.too_much("points of drawn curves", MAX_POINTS));
                 }
                 let again = figure.iter().skip(1).cycle().take((n_turns - 1) * (figure.len() - 1));
                 let all = figure.iter().chain(again).copied().collect();
-                Curve::points(all).map_err(failed)
+                ToolCurve::points(all).map_err(failed)
             }
-            Kind::Dwell { .. }
-            | Kind::Repeat { .. }
-            | Kind::Reverse { .. }
-            | Kind::Sweep { .. } => Ok(Curve::line(from, from)),
+            SegmentKind::Dwell { .. }
+            | SegmentKind::Repeat { .. }
+            | SegmentKind::Reverse { .. }
+            | SegmentKind::Sweep { .. } => Ok(ToolCurve::line(from, from)),
         }
     }
 
@@ -389,19 +389,19 @@ mod tests {
     const CIRCLE: &str = "[[segment]]\nkind = 'circle'\nlabel = 'c'\nradius_mm = 12\n\
         direction = 'clockwise'\nstart_deg = 180\nturns = 1\n";
 
-    fn path_on(rig: &Rig, segments: &str) -> Result<Path, PathError> {
+    fn path_on(rig: &Rig, segments: &str) -> Result<ToolPath, PathError> {
         let text = format!("{HEAD}{segments}");
         let trajectory = Trajectory::parse("t.toml", &text).unwrap_or_else(|e| panic!("{e}"));
-        trajectory.path(rig, Optional::Included)
+        trajectory.path(rig, OptionalSegments::Included)
     }
 
-    fn path(segments: &str) -> Result<Path, PathError> {
+    fn path(segments: &str) -> Result<ToolPath, PathError> {
         path_on(&Rig::simulated().unwrap(), segments)
     }
 
     /// Signed area of a path in the DAVIS's picture, columns to the right and rows down:
     /// positive when it runs clockwise as the camera sees it.
-    fn area_seen(path: &Path, rig: &Rig) -> f64 {
+    fn area_seen(path: &ToolPath, rig: &Rig) -> f64 {
         let camera = rig.mount.davis.frame(path.start());
         let n = 1000;
         let at = |i: i32| {
@@ -536,8 +536,8 @@ mod tests {
             let path = trajectory.path(&rig, optional).unwrap();
             path.steps().iter().map(|step| step.label.clone()).collect()
         };
-        assert_eq!(labels(Optional::LeftOut), ["c", "r/c#1", "r/c#2"]);
-        assert_eq!(labels(Optional::Included).len(), 6);
+        assert_eq!(labels(OptionalSegments::LeftOut), ["c", "r/c#1", "r/c#2"]);
+        assert_eq!(labels(OptionalSegments::Included).len(), 6);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! A trajectory file: what it says, not yet where that is on a given rig.
 
-use super::segment::{Plane, RatesOverride, Segment};
+use super::segment::{DrawingPlane, RatesOverride, Segment};
 use crate::rig::{DescriptionError, Pose, find_text, read_description, read_text};
 use std::path::Path;
 
@@ -14,7 +14,7 @@ pub struct Trajectory {
     /// Where it begins.
     pub start: Pose,
     /// Where its segments are drawn unless they say otherwise.
-    pub plane: Plane,
+    pub plane: DrawingPlane,
     /// How fast its segments are unless they say otherwise.
     pub rates: RatesOverride,
     /// What it does, in order.
@@ -86,7 +86,7 @@ impl Trajectory {
                 name: fields.text("name"),
                 description,
                 start: fields.table("start", Pose::read),
-                plane: fields.parsed("plane").unwrap_or(Plane::Image),
+                plane: fields.parsed("plane").unwrap_or(DrawingPlane::Image),
                 rates: fields.table("rates", |rates| {
                     rates.require("speed_mm_per_s");
                     rates.require("acceleration_mm_per_s2");

@@ -1,6 +1,6 @@
 //! How many bytes a recording will write, stream by stream, each with what it rests on.
 
-use super::Path;
+use super::ToolPath;
 use crate::rig::{CameraDescription, Rig};
 use serde::Serialize;
 
@@ -29,7 +29,7 @@ pub struct StreamSize {
 
 /// What the streams of a recording along `path` will need, uncompressed.
 #[must_use]
-pub(super) fn stream_sizes(path: &Path, rig: &Rig) -> Vec<StreamSize> {
+pub(super) fn stream_sizes(path: &ToolPath, rig: &Rig) -> Vec<StreamSize> {
     let seconds = path.duration().as_secs_f64();
     let resting: f64 = path
         .steps()

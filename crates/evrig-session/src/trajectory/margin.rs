@@ -1,6 +1,6 @@
 //! A path against the arm's limits, point by point.
 
-use super::{Path, Step};
+use super::{PathStep, ToolPath};
 use crate::rig::{ArmDescription, Gauge, Joints, Pose, ToolRates};
 use evrig_core::time::Span;
 use evrig_core::units::{
@@ -37,13 +37,13 @@ pub struct Margin {
 }
 
 /// A point of a walk.
-struct Place<'a> {
+struct CheckedPoint<'a> {
     segment: &'a str,
     time_s: f64,
     pose: Pose,
 }
 
-impl Place<'_> {
+impl CheckedPoint<'_> {
     fn margin(&self, gauge: Gauge) -> Margin {
         let &Self { segment, time_s, pose } = self;
         Margin { gauge, margin: gauge.margin(), segment: segment.to_owned(), time_s, pose }
@@ -60,22 +60,22 @@ impl fmt::Display for Margin {
 /// The first point of `path` beyond each limit of `arm` that it exceeds, in the order of time;
 /// empty for a path the arm may run.
 #[must_use]
-pub fn offences(path: &Path, arm: &ArmDescription) -> Vec<Margin> {
-    Walk::along(path, arm).offences
+pub fn violations(path: &ToolPath, arm: &ArmDescription) -> Vec<Margin> {
+    LimitScan::along(path, arm).violations
 }
 
 /// What a walk along a path found.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Walk {
+pub(super) struct LimitScan {
     /// The narrowest margin to every limit.
     pub(super) narrowest: Vec<Margin>,
     /// The first point beyond each limit that is exceeded, in the order of time.
-    pub(super) offences: Vec<Margin>,
+    pub(super) violations: Vec<Margin>,
 }
 
-impl Walk {
+impl LimitScan {
     /// Looks at the ways from and to home and at every step of the path.
-    pub(super) fn along(path: &Path, arm: &ArmDescription) -> Self {
+    pub(super) fn along(path: &ToolPath, arm: &ArmDescription) -> Self {
         let mut walk = Self::default();
         walk.joint_move("from home to the start", 0.0, [arm.home, path.start()], arm);
         let turns: f64 = path.steps().iter().map(|step| step.curve.turn().abs().0).sum();
@@ -89,8 +89,8 @@ impl Walk {
         walk
     }
 
-    fn step(&mut self, step: &Step, thinning: f64, arm: &ArmDescription) {
-        let place = |since: Span| Place {
+    fn step(&mut self, step: &PathStep, thinning: f64, arm: &ArmDescription) {
+        let place = |since: Span| CheckedPoint {
             segment: &step.label,
             time_s: (step.start + since).as_secs_f64(),
             pose: step.pose_at(since),
@@ -127,27 +127,27 @@ impl Walk {
             let share = f64::from(i) / f64::from(JOINT_MOVE_POINTS);
             let joints = std::array::from_fn(|j| from[j] + share * (to[j] - from[j]));
             let pose = arm.kinematics.forward(Joints::from_deg(joints));
-            let place = Place { segment, time_s, pose };
+            let place = CheckedPoint { segment, time_s, pose };
             let (gauges, _) = arm.gauge_pose(pose);
             gauges.into_iter().for_each(|gauge| self.note(gauge, &place));
         }
     }
 
-    fn note(&mut self, gauge: Gauge, place: &Place<'_>) {
+    fn note(&mut self, gauge: Gauge, place: &CheckedPoint<'_>) {
         match self.narrowest.iter_mut().find(|margin| margin.gauge.limit == gauge.limit) {
             Some(known) if gauge.margin() < known.margin => *known = place.margin(gauge),
             Some(_) => {}
             None => self.narrowest.push(place.margin(gauge)),
         }
-        let is_first = || self.offences.iter().all(|known| known.gauge.limit != gauge.limit);
+        let is_first = || self.violations.iter().all(|known| known.gauge.limit != gauge.limit);
         if gauge.is_exceeded() && is_first() {
-            self.offences.push(place.margin(gauge));
+            self.violations.push(place.margin(gauge));
         }
     }
 }
 
 /// What a step asks for. A speed that a short way never reaches counts: the arm is sent it.
-fn asked(step: &Step) -> ToolRates {
+fn asked(step: &PathStep) -> ToolRates {
     let mut rates = ToolRates::default();
     if step.curve.length() > Millimetres(0.0) {
         rates.speed = step.rates.speed;
@@ -164,7 +164,7 @@ fn asked(step: &Step) -> ToolRates {
     rates
 }
 
-fn points(step: &Step, thinning: f64) -> usize {
+fn points(step: &PathStep, thinning: f64) -> usize {
     let by_way = step.curve.length().0 / SPACING_MM;
     let by_turn = step.curve.turn().abs().0 / SPACING_DEG;
     let is_still = by_way == 0.0 && by_turn == 0.0;
@@ -172,7 +172,7 @@ fn points(step: &Step, thinning: f64) -> usize {
 }
 
 /// The largest rates over the whole path.
-pub(super) fn peaks(path: &Path) -> ToolRates {
+pub(super) fn peaks(path: &ToolPath) -> ToolRates {
     let zero = ToolRates::default();
     path.steps().iter().fold(zero, |most, step| {
         let asked = asked(step);
@@ -203,16 +203,16 @@ pub(super) fn peaks(path: &Path) -> ToolRates {
 mod tests {
     use super::*;
     use crate::rig::Rig;
-    use crate::trajectory::{Optional, Trajectory};
+    use crate::trajectory::{OptionalSegments, Trajectory};
 
-    fn walk(rig: &Rig, trajectory: &str, changes: &[(&str, &str)]) -> Walk {
+    fn walk(rig: &Rig, trajectory: &str, changes: &[(&str, &str)]) -> LimitScan {
         let mut text = Trajectory::find(trajectory).unwrap().text;
         for (from, to) in changes {
             assert!(text.contains(from), "no `{from}`");
             text = text.replace(from, to);
         }
         let trajectory = Trajectory::parse("changed.toml", &text).unwrap();
-        Walk::along(&trajectory.path(rig, Optional::Included).unwrap(), &rig.arm)
+        LimitScan::along(&trajectory.path(rig, OptionalSegments::Included).unwrap(), &rig.arm)
     }
 
     fn changed_rig(from: &str, to: &str) -> Rig {
@@ -224,12 +224,13 @@ mod tests {
     #[test]
     fn joint_speeds_on_the_published_circle_are_what_differences_of_the_joints_say() {
         let rig = Rig::simulated().unwrap();
-        let path = Trajectory::find("circle").unwrap().path(&rig, Optional::Included).unwrap();
+        let path =
+            Trajectory::find("circle").unwrap().path(&rig, OptionalSegments::Included).unwrap();
         let joints = |time_s: f64| {
             let pose = path.pose_at(Span::from_secs_f64(time_s));
             rig.arm.kinematics.inverse(pose).unwrap().to_deg()
         };
-        let walk = Walk::along(&path, &rig.arm);
+        let walk = LimitScan::along(&path, &rig.arm);
         for joint in 0..4 {
             let fastest = (0..35_000)
                 .map(|i| f64::from(i) * 1e-4)
@@ -246,7 +247,7 @@ mod tests {
         // At its far side the circle turns the base by 50 mm/s / 264 mm = 10.85 deg/s.
         let rig = changed_rig("speed_deg_per_s = [320.0,", "speed_deg_per_s = [10.8,");
         let walk = walk(&rig, "circle", &[]);
-        let [only] = walk.offences.as_slice() else { panic!("{:?}", walk.offences) };
+        let [only] = walk.violations.as_slice() else { panic!("{:?}", walk.violations) };
         assert_eq!(only.gauge.limit, "speed of joint J1");
         assert!(only.pose.x.0 > 263.0, "{only}");
     }
@@ -260,11 +261,11 @@ mod tests {
         let text = rig.text.replace(home, "home = { x_mm = 155.0, y_mm = -150.0,");
         let rig = Rig::parse("changed.toml", &text).unwrap();
         let free = walk(&rig, "circle", &there);
-        assert!(free.offences.is_empty(), "{:?}", free.offences);
+        assert!(free.violations.is_empty(), "{:?}", free.violations);
         let text = rig.text.replace("x_mm = [150.0, 330.0]", "x_mm = [150.0, 200.0]");
         let rig = Rig::parse("changed.toml", &text).unwrap();
         let walk = walk(&rig, "circle", &there);
-        let first = walk.offences.first().unwrap();
+        let first = walk.violations.first().unwrap();
         assert_eq!(
             (first.segment.as_str(), first.gauge.limit),
             ("from home to the start", "workspace x")

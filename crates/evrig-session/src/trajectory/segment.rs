@@ -1,7 +1,7 @@
 //! The segments of a trajectory description: what each kind of motion says.
 
-use super::Settings;
-use crate::rig::{DAVIS_BIASES, Fields, Pose};
+use super::StepSettings;
+use crate::rig::{DAVIS_BIASES, DescriptionFields, Pose};
 use evrig_core::time::Span;
 use std::collections::BTreeMap;
 use std::str::FromStr;
@@ -15,7 +15,7 @@ const SPAN_MM: std::ops::RangeInclusive<f64> = -1000.0..=1000.0;
 
 /// The plane in which a motion is drawn, with its first (u) and second (v) axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Plane {
+pub enum DrawingPlane {
     /// As the DAVIS sees it at the start pose: u to the right, v up in the picture.
     Image,
     /// u along the base's x, v along its y.
@@ -43,7 +43,7 @@ pub struct UnknownWord {
     known: &'static str,
 }
 
-impl FromStr for Plane {
+impl FromStr for DrawingPlane {
     type Err = UnknownWord;
     fn from_str(text: &str) -> Result<Self, UnknownWord> {
         match text {
@@ -87,7 +87,7 @@ pub struct RatesOverride {
 
 /// What a segment does; lengths in millimetres, angles in degrees.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Kind {
+pub enum SegmentKind {
     /// Stands still.
     Dwell {
         /// How long.
@@ -164,13 +164,13 @@ pub struct Segment {
     /// Its name, unique in the description.
     pub label: String,
     /// What it does.
-    pub kind: Kind,
+    pub kind: SegmentKind,
     /// Where it is drawn, if not in the trajectory's plane.
-    pub plane: Option<Plane>,
+    pub plane: Option<DrawingPlane>,
     /// How fast, where it differs from the trajectory.
     pub rates: RatesOverride,
     /// What else holds meanwhile.
-    pub settings: Settings,
+    pub settings: StepSettings,
     /// Whether it may be left out (a step that needs the operator's hands).
     pub is_optional: bool,
 }
@@ -180,7 +180,7 @@ const KINDS: &[&str] =
     &["dwell", "line", "arc", "circle", "lissajous", "repeat", "reverse", "sweep"];
 
 impl RatesOverride {
-    pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
+    pub(super) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let rate = |key| fields.optional_number(key, RATE);
         Self {
             speed_mm_per_s: rate("speed_mm_per_s"),
@@ -203,8 +203,8 @@ impl RatesOverride {
     }
 }
 
-impl Settings {
-    fn read(fields: &Fields<'_, '_>) -> Self {
+impl StepSettings {
+    fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let set = fields.optional_table("set", |set| Self {
             prompt: None,
             aps: set.optional_bool("aps"),
@@ -241,7 +241,11 @@ impl Settings {
 
 impl Segment {
     /// Reads segment number `number`; `earlier` are the labels it may refer to.
-    pub(super) fn read(fields: &Fields<'_, '_>, number: usize, earlier: &[String]) -> Self {
+    pub(super) fn read(
+        fields: &DescriptionFields<'_, '_>,
+        number: usize,
+        earlier: &[String],
+    ) -> Self {
         let word = fields.text("kind");
         let label =
             fields.optional_text("label").unwrap_or_else(|| format!("{word}-{}", number + 1));
@@ -249,18 +253,18 @@ impl Segment {
             fields.complain_about("label", format!("`{label}` is the name of an earlier segment"));
         }
         Self {
-            kind: Kind::read(fields, &word, earlier),
+            kind: SegmentKind::read(fields, &word, earlier),
             plane: fields.parsed("plane"),
             rates: RatesOverride::read(fields),
-            settings: Settings::read(fields),
+            settings: StepSettings::read(fields),
             is_optional: fields.optional_bool("optional").unwrap_or(false),
             label,
         }
     }
 }
 
-impl Kind {
-    fn read(fields: &Fields<'_, '_>, word: &str, earlier: &[String]) -> Self {
+impl SegmentKind {
+    fn read(fields: &DescriptionFields<'_, '_>, word: &str, earlier: &[String]) -> Self {
         match word {
             "line" => Self::read_line(fields),
             "arc" => Self::Arc {
@@ -300,7 +304,7 @@ impl Kind {
         }
     }
 
-    fn read_line(fields: &Fields<'_, '_>) -> Self {
+    fn read_line(fields: &DescriptionFields<'_, '_>) -> Self {
         let to = fields.optional_table("to", Pose::read);
         let by_mm = fields.has("by_mm").then(|| fields.numbers("by_mm", SPAN_MM));
         let turn_deg = fields.optional_number("turn_deg", -360.0..=360.0);
@@ -312,7 +316,7 @@ impl Kind {
         Self::Line { by_mm: by_mm.unwrap_or_default(), to, turn_deg: turn_deg.unwrap_or(0.0) }
     }
 
-    fn read_sweep(fields: &Fields<'_, '_>, earlier: &[String]) -> Self {
+    fn read_sweep(fields: &DescriptionFields<'_, '_>, earlier: &[String]) -> Self {
         let of = read_labels(fields, earlier);
         if of.len() > 1 {
             fields.complain_about("of", "a sweep runs one segment; name one");
@@ -330,7 +334,7 @@ impl Kind {
 }
 
 impl Turns {
-    fn read(fields: &Fields<'_, '_>) -> Self {
+    fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let count = fields.optional_integer("turns", 1.0..=MAX_TURNS);
         let seconds = fields.optional_number("duration_s", 0.001..=MAX_SECONDS);
         match (count, seconds) {
@@ -342,13 +346,13 @@ impl Turns {
     }
 }
 
-fn read_direction(fields: &Fields<'_, '_>) -> Direction {
+fn read_direction(fields: &DescriptionFields<'_, '_>) -> Direction {
     fields.require("direction");
     fields.parsed("direction").unwrap_or(Direction::Clockwise)
 }
 
 /// The numbers of the earlier segments that `of` names.
-fn read_labels(fields: &Fields<'_, '_>, earlier: &[String]) -> Vec<usize> {
+fn read_labels(fields: &DescriptionFields<'_, '_>, earlier: &[String]) -> Vec<usize> {
     let labels = fields.texts("of");
     if labels.is_empty() {
         fields.complain_about("of", "expected the labels of earlier segments");

@@ -1,6 +1,6 @@
 //! What each camera sees of the target along a path.
 
-use super::Path;
+use super::ToolPath;
 use crate::rig::{CameraDescription, Mounting, Pose, Rig};
 use evrig_core::time::Span;
 use nalgebra::Vector3;
@@ -13,7 +13,7 @@ const MAX_LOOKS: f64 = 20_000.0;
 
 /// One camera's view of the target.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct View {
+pub struct TargetVisibility {
     /// Which camera.
     pub camera: &'static str,
     /// Pixels a millimetre of the target at its stand-off.
@@ -31,22 +31,22 @@ pub struct View {
 /// What both cameras see; nothing when the rig does not state where the target is.
 ///
 /// The lens is taken as free of distortion, and the target as parallel to the sensor.
-pub(super) fn views(path: &Path, rig: &Rig) -> Vec<View> {
+pub(super) fn views(path: &ToolPath, rig: &Rig) -> Vec<TargetVisibility> {
     let Some(centre) = rig.target.centre else { return Vec::new() };
     let centre = Vector3::from(centre.map(|mm| mm.0));
-    let corners = Corners::of(rig, path.start(), centre);
+    let corners = TargetCorners::of(rig, path.start(), centre);
     [("davis", &rig.mount.davis, &rig.davis.camera), ("pi", &rig.mount.pi, &rig.pi.camera)]
         .map(|(name, mounting, camera)| view(name, mounting, camera, path, rig, &corners))
         .to_vec()
 }
 
-/// Corners of the tag and of the whole target in the base frame.
-struct Corners {
+/// TargetCorners of the tag and of the whole target in the base frame.
+struct TargetCorners {
     tag: [Vector3<f64>; 4],
     all: [Vector3<f64>; 4],
 }
 
-impl Corners {
+impl TargetCorners {
     /// The target stands upright in the DAVIS's picture at the start pose, but for its own rotation.
     fn of(rig: &Rig, start: Pose, centre: Vector3<f64>) -> Self {
         let camera = rig.mount.davis.frame(start);
@@ -71,10 +71,10 @@ fn view(
     name: &'static str,
     mounting: &Mounting,
     camera: &CameraDescription,
-    path: &Path,
+    path: &ToolPath,
     rig: &Rig,
-    corners: &Corners,
-) -> View {
+    corners: &TargetCorners,
+) -> TargetVisibility {
     let seconds = path.duration().as_secs_f64();
     let n_looks = (seconds / STEP_S).ceil().clamp(1.0, MAX_LOOKS);
     let (mut n_tag, mut n_all, mut fastest) = (0.0, 0.0, 0.0_f64);
@@ -92,7 +92,7 @@ fn view(
         }
     }
     let pixels_per_mm = camera.pixels_per_mm(rig.target.stand_off);
-    View {
+    TargetVisibility {
         camera: name,
         pixels_per_mm,
         tag_side_px: rig.target.tag_side.0 * pixels_per_mm,

@@ -1,12 +1,13 @@
 //! The Pi's frames and stamps: what they are is decided from the data, and said.
 
-use super::{Files, ImportRaw2Event};
-use crate::import::{Site, file_name};
-use crate::{Loss, SessionError, StreamEntry, StreamKind};
+use super::files::RecordingFiles;
+use super::request::ImportRaw2Event;
+use crate::import::builder::{SessionBuilder, file_name};
+use crate::{DataLoss, SessionError, StreamEntry, StreamKind};
 use evrig_core::time::{Clock, PiSensor};
 use evrig_format::npy::ArrayWriter;
 use evrig_format::raw2event::{
-    RawJustification, Record, SensorUnit, parse_metadata, raw_justification, sensor_unit,
+    MetadataRecord, RawJustification, SensorUnit, parse_metadata, raw_justification, sensor_unit,
 };
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -17,15 +18,15 @@ use std::path::{Path, PathBuf};
 pub(super) struct PiFrames {
     pub(super) streams: Vec<StreamEntry>,
     pub(super) files: Vec<PathBuf>,
-    pub(super) losses: Vec<Loss>,
+    pub(super) losses: Vec<DataLoss>,
     pub(super) decisions: Vec<String>,
 }
 
 impl PiFrames {
     pub(super) fn read(
         request: &ImportRaw2Event<'_>,
-        files: &Files,
-        site: &Site,
+        files: &RecordingFiles,
+        site: &SessionBuilder,
         progress: &mut dyn FnMut(u64),
     ) -> Result<Self, SessionError> {
         let directory = site.layout.frames();
@@ -113,7 +114,7 @@ impl PiFrames {
     }
 
     /// Counts what is doubtful in the stamps: duplicates, gaps, jumps of the wall clock, unreadable times.
-    fn doubt(&mut self, records: &[Record], to_ns: f64) {
+    fn doubt(&mut self, records: &[MetadataRecord], to_ns: f64) {
         let mut steps: Vec<f64> =
             records.windows(2).map(|p| (p[1].sensor - p[0].sensor) * to_ns).collect();
         let n_not_later = steps.iter().filter(|step| **step <= 0.0).count() as u64;
@@ -175,7 +176,7 @@ impl PiFrames {
         n: u64,
         progress: &mut dyn FnMut(u64),
     ) -> Result<(), SessionError> {
-        let mut frames = Frames::open(from, request.size.n_pixels() * 2)?;
+        let mut frames = FrameFile::open(from, request.size.n_pixels() * 2)?;
         let shape = [n, request.size.height.into(), request.size.width.into()];
         let mut writer = ArrayWriter::<u16>::create(to, &shape)?;
         let mut justification = None;
@@ -232,7 +233,7 @@ impl PiFrames {
     }
 
     fn lose(&mut self, stream: &str, count: u64, what: String) {
-        self.losses.push(Loss { stream: stream.into(), what, count });
+        self.losses.push(DataLoss { stream: stream.into(), what, count });
     }
 }
 
@@ -244,7 +245,7 @@ fn copy_rgb(
     n: u64,
     progress: &mut dyn FnMut(u64),
 ) -> Result<(), SessionError> {
-    let mut frames = Frames::open(from, request.size.n_pixels() * 4)?;
+    let mut frames = FrameFile::open(from, request.size.n_pixels() * 4)?;
     let shape = [n, request.size.height.into(), request.size.width.into(), 4];
     let mut writer = ArrayWriter::<u8>::create(to, &shape)?;
     for k in 0..n {
@@ -255,14 +256,14 @@ fn copy_rgb(
     Ok(writer.finish()?)
 }
 
-/// Frames of equal length, one after another.
-struct Frames {
+/// FrameFile of equal length, one after another.
+struct FrameFile {
     path: PathBuf,
     reader: BufReader<File>,
     frame: Vec<u8>,
 }
 
-impl Frames {
+impl FrameFile {
     fn open(path: &Path, frame_bytes: usize) -> Result<Self, SessionError> {
         let file = File::open(path).map_err(SessionError::io(path))?;
         Ok(Self {

@@ -1,6 +1,6 @@
 //! Keys whose values are texts.
 
-use super::{Fields, Value};
+use super::{DescriptionFields, Value};
 use std::fmt::Display;
 use std::str::FromStr;
 use toml::de::DeValue;
@@ -8,7 +8,7 @@ use toml::de::DeValue;
 /// Longer than any name or sentence of a description, in bytes.
 const MAX_TEXT: usize = 1000;
 
-impl Fields<'_, '_> {
+impl DescriptionFields<'_, '_> {
     /// Text; empty after a complaint.
     pub fn text(&self, key: &'static str) -> String {
         self.required(key).and_then(|value| self.as_text(key, value)).unwrap_or_default()

@@ -10,9 +10,9 @@ const AT_ONCE: usize = 1024;
 
 /// A sum over the columns of a stream of events.
 #[derive(Default)]
-pub struct EventSum([XxHash3_64; 4]);
+pub struct EventChecksum([XxHash3_64; 4]);
 
-impl EventSum {
+impl EventChecksum {
     /// Goes on by some events.
     pub fn take(&mut self, events: EventSlice<'_>) {
         let [t, x, y, on] = &mut self.0;
@@ -45,9 +45,9 @@ fn columns<T: Copy, const N: usize>(
 
 /// A sum over the bytes of pictures, one after another.
 #[derive(Default)]
-pub struct PictureSum(XxHash3_64);
+pub struct PictureChecksum(XxHash3_64);
 
-impl PictureSum {
+impl PictureChecksum {
     /// Goes on by a picture.
     pub fn take(&mut self, bytes: &[u8]) {
         self.0.write(bytes);
@@ -60,14 +60,14 @@ impl PictureSum {
     }
 }
 
-impl std::fmt::Debug for EventSum {
+impl std::fmt::Debug for EventChecksum {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "EventSum({:016x})", self.value())
+        write!(f, "EventChecksum({:016x})", self.value())
     }
 }
 
-impl std::fmt::Debug for PictureSum {
+impl std::fmt::Debug for PictureChecksum {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "PictureSum({:016x})", self.value())
+        write!(f, "PictureChecksum({:016x})", self.value())
     }
 }

@@ -5,13 +5,13 @@ use crate::geometry::Size;
 /// Lets an event of a pixel through when it comes at least a dead time behind the last one of that pixel,
 /// of either polarity, that was let through.
 #[derive(Debug, Clone)]
-pub struct DeadTime {
+pub struct RefractoryFilter {
     /// The first time at which a pixel may fire again.
     ready: Vec<i64>,
     us: i64,
 }
 
-impl DeadTime {
+impl RefractoryFilter {
     /// Of pixels that have not fired yet; 0 µs lets everything through.
     #[must_use]
     pub fn new(size: Size, us: i64) -> Self {
