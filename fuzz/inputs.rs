@@ -83,9 +83,9 @@ pub fn rig_log(bytes: &[u8]) {
         }
         let Ok(session) = Session::open(layout.root()) else { return };
         let _ = verify(&session);
-        let _ = session.rig_notes();
+        let _ = session.rig_log_contents();
         for name in ["raw", "rgb"] {
-            session.pi_pictures(name).into_iter().flatten().take(64).for_each(drop);
+            session.pi_frames(name).into_iter().flatten().take(64).for_each(drop);
         }
     });
 }
@@ -120,7 +120,7 @@ pub fn manifest(bytes: &[u8]) {
             let _ = session.rig();
             for stream in &session.manifest().streams {
                 let _ = session.events(&stream.name);
-                let _ = session.pi_pictures(&stream.name).map(Iterator::count);
+                let _ = session.pi_frames(&stream.name).map(Iterator::count);
             }
         }
         std::fs::write(layout.root().join("stage.json"), bytes).unwrap();

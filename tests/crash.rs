@@ -169,9 +169,9 @@ fn check_frames(session: &Session) -> u64 {
         return 0;
     }
     let sequences: Vec<_> =
-        session.rig_notes().unwrap().metadata.iter().map(|said| said.sequence).collect();
+        session.rig_log_contents().unwrap().metadata.iter().map(|said| said.sequence).collect();
     assert!(sequences.windows(2).all(|pair| pair[0] + 1 == pair[1]), "a frame is missing");
-    for (picture, sequence) in session.pi_pictures("raw").unwrap().zip(&sequences) {
+    for (picture, sequence) in session.pi_frames("raw").unwrap().zip(&sequences) {
         let frame = picture.unwrap().frame;
         let Samples::U16(samples) = frame.samples else { panic!("raw frames have 16 bits") };
         let width = usize::from(frame.size.width);
@@ -227,7 +227,7 @@ fn kill_one(bench: &Bench, camera: &mut Camera, killed_in: &str, moment: u64) ->
     let count = session.stream(StreamKind::Events, "real").map_or(0, |stream| stream.count);
     assert!(n_kept >= count as i64);
     let n_frames = check_frames(&session);
-    let n_poses = session.rig_notes().map_or(0, |notes| notes.poses.len() as i64);
+    let n_poses = session.rig_log_contents().map_or(0, |notes| notes.poses.len() as i64);
     // Behind the trajectory the cameras were told to end, and what they send on nobody wants.
     let still_records = !LATE_STATES.contains(&killed_in);
     let lost = |n: i64, each_us: i64| if still_records { n.max(0) * each_us } else { 0 };

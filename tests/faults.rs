@@ -454,7 +454,7 @@ fn a_clock_set_by_hours_both_ways_leaves_every_sample_and_the_time_that_passed()
     let session = verified(&bench.out(), "a clock set to and fro");
     let found = find_events(&session.layout().davis());
     assert_eq!((found.n_gaps, found.n_wrong), (0, 0), "{found:?}");
-    let arrivals = session.rig_notes().unwrap().arrivals;
+    let arrivals = session.rig_log_contents().unwrap().arrivals;
     assert_eq!(arrivals.len() as i64 * PACKET_EVENTS, found.next);
     let goes_back = |pair: &[evrig::session::PacketArrival]| {
         pair[1].arrived.monotonic < pair[0].arrived.monotonic

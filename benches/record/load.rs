@@ -10,7 +10,7 @@ use evrig::record::Finding;
 use evrig::record::recorder::{
     Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
 };
-use evrig::session::{EventChecksum, PictureChecksum};
+use evrig::session::{EventChecksum, ImageChecksum};
 use evrig::time::{Span, Stamp};
 use rustix::time::{ClockId, clock_gettime};
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
@@ -55,8 +55,8 @@ pub struct Made {
 #[derive(Default)]
 struct Sums {
     events: EventChecksum,
-    raw: PictureChecksum,
-    rgb: PictureChecksum,
+    raw: ImageChecksum,
+    rgb: ImageChecksum,
     made: Made,
 }
 

@@ -4,7 +4,7 @@ use super::{Ending, Output, run};
 use crate::cli::{Cli, DemoArgs};
 use anyhow::Context;
 use clap::Parser;
-use evrig_session::Layout;
+use evrig_session::SessionLayout;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

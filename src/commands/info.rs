@@ -117,7 +117,7 @@ impl StreamInfo {
     }
 
     /// Puts what the file really holds in place of what was said.
-    fn count_from(&mut self, found: &evrig_session::StreamCensus) {
+    fn count_from(&mut self, found: &evrig_session::StreamCounts) {
         self.width = found.size.map(|size| size.width);
         self.height = found.size.map(|size| size.height);
         self.count = found.count;

@@ -10,7 +10,7 @@ use evrig_core::geometry::Size;
 use evrig_core::time::Span;
 use evrig_device::davis::{Pace, ReplayDavis};
 use evrig_record::recorder::{Inlet, Recorder, Sample, Taken, channel, host_time};
-use evrig_session::Layout;
+use evrig_session::SessionLayout;
 use evrig_session::rig::Rig;
 use evrig_sim::world::WorldDescription;
 use serde_json::json;

@@ -1,5 +1,5 @@
-//! Vocabulary of evrig: units, clocks, estimates and geometry, and the data that flow between its
-//! parts. Nothing here performs I/O.
+//! Shared types of evrig: units, clocks, estimates and geometry, and the data that its
+//! crates exchange. Nothing here performs I/O.
 
 pub mod delivery;
 pub mod drive;
@@ -9,6 +9,7 @@ pub mod finding;
 pub mod frame;
 pub mod geometry;
 pub mod imu;
+pub mod keyword;
 pub mod pi_camera;
 pub mod raw10;
 pub mod stats;

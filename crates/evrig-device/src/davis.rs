@@ -15,10 +15,10 @@ pub use replay::{Pace, ReplayDavis};
 #[cfg(feature = "usb")]
 pub use usb::UsbDavis;
 
-use evrig_format::aedat4::{StreamInfo, StreamSpec};
+use evrig_format::aedat4::{StreamHeader, StreamSpec};
 
 /// The stream as it is written again.
-fn spec(stream: &StreamInfo) -> StreamSpec {
+fn spec(stream: &StreamHeader) -> StreamSpec {
     StreamSpec {
         name: stream.name.clone(),
         kind: stream.kind.clone(),

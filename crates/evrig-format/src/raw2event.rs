@@ -3,19 +3,19 @@
 //! Metadata are packed records of a little-endian f64, the SensorTimestamp, and 30 bytes of
 //! text, the wall clock, padded with zeros: `2025-06-01 17:04:06.123456` in local time,
 //! without the fraction when it is zero. Raw frames are u16 little-endian Bayer samples
-//! (RGGB), of 10 bits at the right end of the word (Pi 4) or at the left (Pi 5).
+//! (RGGB), of 10 bits, right-justified (Pi 4) or left-justified (Pi 5).
 
 use chrono::{NaiveDateTime, TimeZone};
 
 /// Bytes of one metadata record.
 pub const RECORD_BYTES: usize = 38;
 
-/// One metadata record as it stands in the file.
+/// One metadata record of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MetadataRecord {
     /// SensorTimestamp in the file's own unit.
     pub sensor: f64,
-    /// RealTime, Unix µs; `None` where the text is no time.
+    /// RealTime, Unix µs; `None` where the text is not a time.
     pub real_time_us: Option<i64>,
 }
 
@@ -28,12 +28,12 @@ pub enum SensorUnit {
     Microseconds,
 }
 
-/// Where the 10 bits of a raw sample stand in their word.
+/// Justification of a 10-bit raw sample in its 16-bit word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RawJustification {
-    /// At the right end: 0..=1023 (Pi 4).
+    /// Right-justified: 0..=1023 (Pi 4).
     Right,
-    /// At the left end: value << 6 (Pi 5).
+    /// Left-justified: value << 6 (Pi 5).
     Left,
 }
 
@@ -89,7 +89,7 @@ pub fn sensor_unit(records: &[MetadataRecord]) -> Option<SensorUnit> {
     }
 }
 
-/// Where the 10 bits stand, from the samples of a frame or more; `None` when they fit neither way.
+/// The justification, from the samples of at least one frame; `None` when neither fits.
 #[must_use]
 pub fn raw_justification(samples: &[u16]) -> Option<RawJustification> {
     let max = samples.iter().copied().max()?;

@@ -27,7 +27,7 @@ pub enum SessionError {
     NoSuchStream {
         /// The session.
         root: PathBuf,
-        /// What was looked for.
+        /// The kind asked for.
         kind: StreamKind,
         /// Its name.
         name: String,
@@ -60,7 +60,7 @@ pub enum SessionError {
     /// The disk took data and did not keep it.
     #[error("{what}; what was recorded may be lost when the power fails")]
     Unsynced {
-        /// Which file, and what the system says.
+        /// The file and the system's error.
         what: String,
     },
     /// A name that cannot be a directory.
@@ -88,7 +88,7 @@ pub enum SessionError {
     Io {
         /// Where.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
     /// An AEDAT4 file cannot be read.

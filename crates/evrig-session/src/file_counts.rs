@@ -1,30 +1,30 @@
-//! Counting: what an AEDAT4 file really holds, stream by stream.
+//! Counts the contents of an AEDAT4 file, stream by stream.
 
 use super::{DataLoss, SessionError, StreamEntry, StreamKind};
 use evrig_core::event::EventSlice;
 use evrig_core::geometry::Size;
 use evrig_core::time::{Clock, Davis};
-use evrig_format::aedat4::{Content, Losses, Packet, PayloadKind, Reader, StreamInfo};
+use evrig_format::aedat4::{Content, Losses, Packet, PayloadKind, Reader, StreamHeader};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What one pass over a file found.
+/// Counts of one file.
 #[derive(Debug, Clone, Default)]
 pub struct FileCounts {
     /// The known streams, in the file's order.
     pub streams: Vec<StreamCounts>,
-    /// Where reading had to stop, in words, if the file is cut or damaged.
+    /// Description of the damage at which reading stopped.
     pub damage: Option<String>,
     /// What was lost or is doubtful.
     pub losses: Vec<DataLoss>,
 }
 
-/// What one pass found of one stream.
+/// Counts of one stream.
 #[derive(Debug, Clone)]
 pub struct StreamCounts {
-    /// What the file's header says of it.
-    pub stream: StreamInfo,
-    /// What flows in it.
+    /// Its entry in the file's header.
+    pub stream: StreamHeader,
+    /// Kind of its data.
     pub kind: StreamKind,
     /// The pixel grid: the header's, or the first frame's.
     pub size: Option<Size>,
@@ -38,14 +38,14 @@ pub struct StreamCounts {
     pub n_disordered: u64,
     /// Events that are not on the sensor.
     pub n_outside: u64,
-    /// Number of On events.
+    /// Number of ON events.
     pub n_on: u64,
     /// Longest time between two neighbours, µs.
     pub longest_gap_us: i64,
 }
 
 impl StreamCounts {
-    fn new(stream: &StreamInfo) -> Option<Self> {
+    fn new(stream: &StreamHeader) -> Option<Self> {
         let kind = match stream.kind {
             PayloadKind::Events => StreamKind::Events,
             PayloadKind::Frames => StreamKind::Frames,
@@ -122,7 +122,7 @@ impl FileCounts {
 /// Counts everything in an AEDAT4 file.
 ///
 /// # Errors
-/// When the file cannot be opened or is no AEDAT4 file; damage behind its header is a finding.
+/// When the file cannot be opened or is not AEDAT4; damage after its header is in the result.
 pub fn count_file(path: &Path, progress: &mut dyn FnMut(u64)) -> Result<FileCounts, SessionError> {
     let mut reader = Reader::open(path)?;
     let mut streams: BTreeMap<u32, StreamCounts> = BTreeMap::new();
@@ -142,7 +142,7 @@ pub fn count_file(path: &Path, progress: &mut dyn FnMut(u64)) -> Result<FileCoun
                     add_packet(stream, &packet);
                 }
             }
-            // The place in the file counts, not where the file lies on this machine.
+            // The path is left out: the damage is described by its position in the file.
             Err(damage) => {
                 let file = format!("{}: ", path.display());
                 found.damage = Some(damage.to_string().replacen(&file, "", 1));
@@ -187,7 +187,7 @@ fn add_packet(stream: &mut StreamCounts, packet: &Packet) {
 }
 
 /// The streams' names in evrig: `real`, `aps`, `imu`, `triggers`, with the file's number
-/// behind it from the second of a kind on.
+/// appended from the second of a kind on.
 pub(super) fn stream_names(streams: &[StreamCounts]) -> Vec<String> {
     let mut taken: BTreeMap<StreamKind, u32> = BTreeMap::new();
     let name = |stream: &StreamCounts| {

@@ -1,4 +1,4 @@
-//! Taking in recordings that were made elsewhere.
+//! Import of recordings made by other programs.
 
 mod aedat4;
 mod builder;

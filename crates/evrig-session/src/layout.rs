@@ -1,4 +1,4 @@
-//! Where each file of a session lies.
+//! Paths of a session's files.
 
 use super::SessionError;
 use std::path::{Path, PathBuf};
@@ -65,7 +65,7 @@ impl SessionLayout {
         self.root.join("session.json")
     }
 
-    /// What happened, a JSON object a line.
+    /// The journal: one JSON object per line.
     #[must_use]
     pub fn journal(&self) -> PathBuf {
         self.root.join("journal.jsonl")
@@ -108,7 +108,7 @@ impl SessionLayout {
         self.root.join("report.html")
     }
 
-    /// The file named in a manifest, which must lie inside the session.
+    /// The file named in a manifest, which must be inside the session.
     ///
     /// # Errors
     /// When the name is absolute or climbs out of the directory.
@@ -121,7 +121,7 @@ impl SessionLayout {
         } else {
             Err(SessionError::Manifest {
                 path: self.manifest(),
-                what: format!("file `{}` would lie outside the session", file.escape_default()),
+                what: format!("file `{}` is outside the session", file.escape_default()),
             })
         }
     }

@@ -1,4 +1,4 @@
-//! The on-disk contract: one recording is one directory.
+//! Sessions: one recording is one directory.
 //!
 //! ```text
 //! <session>/
@@ -8,19 +8,19 @@
 //!   frames/          imported frames (npy) with their timestamps
 //!   streams/<name>/  imported events
 //!   journal.jsonl    what happened, when
-//!   derived/<stage>[-<stream>]/   results with the stage.json that tells how they came about
+//!   derived/<stage>[-<stream>]/   results, with inputs and parameters in stage.json
 //! ```
-//! Recorded files are never rewritten: whatever is wrong in them (a cut tail, events off
-//! the sensor, disorder) is counted when they are read and said in the manifest.
+//! Recorded files are never rewritten: defects (a truncated tail, events off
+//! the sensor, disorder) are counted when they are read and stated in the manifest.
 
 mod checksum;
 mod error;
 mod file_counts;
+mod frames;
 pub mod import;
 mod journal;
 mod layout;
 mod manifest;
-mod pictures;
 mod read;
 mod recording;
 mod recording_check;
@@ -35,6 +35,7 @@ mod verify;
 pub use checksum::{Sha256Hex, sha256_of_bytes, sha256_of_file};
 pub use error::SessionError;
 pub use file_counts::{FileCounts, StreamCounts, count_file};
+pub use frames::{DavisFrames, FrameProperties, PiCameraFrames, PiStamps, RecordedFrame};
 pub use journal::Journal;
 pub use layout::{SessionLayout, StreamName};
 pub use manifest::write_whole;
@@ -42,16 +43,15 @@ pub use manifest::{
     Damage, DataLoss, DeviceEntry, FileEntry, Manifest, Origin, Recording, SCHEMA, SessionStatus,
     StreamEntry, StreamKind,
 };
-pub use pictures::{DavisPictures, PiPictures, PiStamps, Picture, PictureFacts};
-pub use read::{Ascending, EventTally, LuminanceFrames};
+pub use read::{AscendingFrames, EventTally, LuminanceFrames};
 pub use recording::seal_recording;
-pub use recording_check::{EventChecksum, PictureChecksum, RecordingCheck};
+pub use recording_check::{EventChecksum, ImageChecksum, RecordingCheck};
 pub use repair::{Repair, repair};
 pub use rig_log::{
-    Arrival, ClockExchange, HostTime, PacketArrival, RigLogError, RigLogWriter, RigNotes, Severity,
-    TimedPose, Topic,
+    Arrival, ClockExchange, HostTime, PacketArrival, RigLogContents, RigLogError, RigLogWriter,
+    Severity, TimedPose, Topic,
 };
-pub use rig_log::{picture_message, picture_schema};
+pub use rig_log::{image_message, image_schema};
 pub use session::Session;
 pub use stage::{StageRecord, read_stage, write_stage};
 pub use verify::{Verification, verify};

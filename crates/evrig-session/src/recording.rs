@@ -1,8 +1,9 @@
 //! Sealing what was recorded: everything is counted from the files, then the manifest is written.
 
+use super::manifest::file_name;
 use super::rig_log::{self, stream_names};
 use super::{
-    Damage, DataLoss, FileCounts, FileEntry, Manifest, Origin, Recording, SCHEMA, SessionError,
+    Damage, DataLoss, FileCounts, FileEntry, Manifest, Origin, Recording, SessionError,
     SessionLayout, SessionStatus, StreamEntry, count_file, sha256_of_file,
 };
 use evrig_core::time::{Clock, Unix};
@@ -13,7 +14,7 @@ use std::path::Path;
 /// Counts the files of a recording that has ended and seals its manifest.
 ///
 /// # Errors
-/// When a file cannot be read or the disk refuses the manifest.
+/// When a file cannot be read or the manifest cannot be written.
 pub fn seal_recording(
     layout: &SessionLayout,
     origin: Origin,
@@ -26,7 +27,7 @@ pub fn seal_recording(
     if layout.davis().exists() {
         let found = match count_file(&layout.davis(), &mut |_| {}) {
             Ok(found) => found,
-            // Cut within its header: it holds no stream, and the manifest says so.
+            // Truncated within its header: it holds no stream.
             Err(SessionError::Aedat4Read(error @ ReadError::Malformed { .. })) => {
                 let file = format!("{}: ", layout.davis().display());
                 let damage = Some(error.to_string().replacen(&file, "", 1));
@@ -58,19 +59,9 @@ pub fn seal_recording(
             }
         }));
     }
-    let name = layout.root().file_name().map(|name| name.to_string_lossy().into_owned());
     let manifest = Manifest {
-        schema: SCHEMA.into(),
-        name: name.unwrap_or_default(),
-        evrig_version: env!("CARGO_PKG_VERSION").into(),
-        created: chrono::Utc::now().to_rfc3339_opts(chrono::SecondsFormat::Secs, true),
-        origin,
-        status,
-        streams,
-        files,
-        losses,
-        decisions: Vec::new(),
         recording: Some(Box::new(recording)),
+        ..Manifest::new(layout.root(), origin, status, streams, files, losses)
     };
     manifest.seal(&layout.manifest())?;
     Ok(manifest)
@@ -84,7 +75,7 @@ fn add_file(
     losses: &mut Vec<DataLoss>,
 ) -> Result<String, SessionError> {
     let (sha256, bytes) = sha256_of_file(path)?;
-    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = file_name(path);
     let damage = damage.map(|what| Damage { what: what.to_owned() });
     if let Some(Damage { what }) = &damage {
         losses.push(DataLoss { stream: name.clone(), what: what.clone(), count: 0 });

@@ -1,41 +1,41 @@
-//! Reading back what is recorded while it is recorded: it is decoded, counted, held to its order,
-//! summed up, and thrown away. Two pipes stand in the files' places.
+//! The recording check of a dry run: what is recorded is decoded, counted, checked for order,
+//! summed and discarded. Two pipes replace the files.
 
 mod checksum;
 
-pub use checksum::{EventChecksum, PictureChecksum};
+pub use checksum::{EventChecksum, ImageChecksum};
 
 use super::PacketArrival;
-use super::rig_log::{Topic, decode_picture, each_message_of};
+use super::rig_log::{Topic, decode_image, each_message_of};
 use evrig_core::event::EventSlice;
 use evrig_core::pi_camera::FrameMetadata;
 use evrig_format::aedat4::{Content, Reader};
 use std::io::Read;
 
-/// What came out of the two pipes.
+/// Counts and checksums of what was read from the two pipes.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct RecordingCheck {
-    /// Events, and the sum over their columns ([`EventChecksum`]).
+    /// Number of events.
     pub n_events: u64,
-    /// Their sum.
+    /// Checksum of the events' columns ([`EventChecksum`]).
     pub event_sum: u64,
     /// Frames, inertial samples and triggers of the event camera.
     pub n_others: u64,
-    /// Raw pictures.
+    /// Raw frames.
     pub n_raw: u64,
-    /// Sum over their samples, 16 bits little-endian ([`PictureChecksum`]).
+    /// Checksum of their samples, 16 bits little-endian ([`ImageChecksum`]).
     pub raw_sum: u64,
-    /// RGB pictures.
+    /// RGB frames.
     pub n_rgb: u64,
-    /// Sum over their bytes.
+    /// Checksum of their bytes.
     pub rgb_sum: u64,
     /// Bytes of both files.
     pub n_bytes: u64,
-    /// Whatever is not as it should be, in words; the first of each kind.
+    /// Problems found; the first of each kind.
     pub problems: Vec<String>,
 }
 
-/// Counts what is read of a pipe.
+/// Counts the bytes read.
 #[derive(Debug)]
 struct CountingReader<R> {
     source: R,
@@ -66,13 +66,13 @@ impl RecordingCheck {
                             Content::Events(events) => {
                                 check.take_events(events.as_slice(), &mut last_us);
                                 sum.take(events.as_slice());
-                                reader.give_back(events);
+                                reader.recycle(events);
                             }
                             Content::Frame(_) => check.n_others += 1,
                             Content::Imu(samples) => check.n_others += samples.len() as u64,
                             Content::Triggers(marks) => check.n_others += marks.len() as u64,
                             Content::Unknown { .. } => {
-                                check.note("a packet that nobody can read");
+                                check.note("a packet of an unknown kind");
                             }
                         },
                         Err(error) => check.note(&error.to_string()),
@@ -95,11 +95,11 @@ impl RecordingCheck {
     pub fn of_rig_log(pipe: impl Read) -> (Self, u64) {
         let mut check = Self::default();
         let mut counted = CountingReader { source: pipe, n_bytes: 0 };
-        let [mut raw, mut rgb] = [PictureChecksum::default(), PictureChecksum::default()];
+        let [mut raw, mut rgb] = [ImageChecksum::default(), ImageChecksum::default()];
         let mut n_arrived = 0;
         let mut next: Option<u64> = None;
         let read = each_message_of(&mut counted, &mut |topic, _, data| match topic {
-            Topic::Raw | Topic::Rgb => match decode_picture(data) {
+            Topic::Raw | Topic::Rgb => match decode_image(data) {
                 Some(picture) if topic == Topic::Raw => {
                     check.n_raw += 1;
                     raw.take(&picture);
@@ -108,7 +108,7 @@ impl RecordingCheck {
                     check.n_rgb += 1;
                     rgb.take(&picture);
                 }
-                None => check.note("rig.mcap: a message that is no picture"),
+                None => check.note("rig.mcap: a message that is not an image"),
             },
             Topic::FrameMetadata => match serde_json::from_slice::<FrameMetadata>(data) {
                 Ok(metadata) => {
@@ -134,7 +134,7 @@ impl RecordingCheck {
         (check, n_arrived)
     }
 
-    /// Both together.
+    /// The results of both files together.
     #[must_use]
     pub fn joined(davis: Self, (log, n_arrived): (Self, u64)) -> Self {
         let mut check = Self {
@@ -263,7 +263,7 @@ mod tests {
     #[test]
     fn pictures_are_heard_as_they_were_and_a_gap_between_them_is_told() {
         let (check, _) = log(&[4, 5], 0);
-        let mut sum = PictureChecksum::default();
+        let mut sum = ImageChecksum::default();
         sum.take(&[1, 0, 2, 0, 3, 0, 255, 3, 1, 0, 2, 0, 3, 0, 255, 3]);
         assert_eq!((check.n_raw, check.n_rgb, check.raw_sum), (2, 2, sum.value()));
         assert_eq!(check.problems, Vec::<String>::new());

@@ -1,7 +1,7 @@
-//! Repair: a recording that was cut off gets the manifest it could not write itself.
+//! Repair: writes the manifest of a recording that was interrupted.
 //!
 //! Recorded files stay as they are. They are counted up to where they can be read, and what the
-//! journal tells of rig, trajectory and devices goes into a manifest of status `recovered` whose
+//! journal states of rig, trajectory and devices goes into a manifest of status `recovered` whose
 //! losses name the cut.
 
 mod journal_summary;
@@ -24,7 +24,7 @@ pub enum Repair {
     Resealed(Box<Manifest>),
 }
 
-/// Seals a session whose recorder died before it could.
+/// Seals a session whose recorder died.
 ///
 /// # Errors
 /// When the directory holds no recording, is being recorded, is of a newer schema, or was sealed
@@ -38,8 +38,8 @@ pub fn repair(root: &Path) -> Result<Repair, SessionError> {
         }
         return Err(SessionError::Manifest {
             path: layout.manifest(),
-            what: "the session was sealed and its files have changed since (`evrig verify` says \
-                   which); a new seal would hide that, so restore them from a copy"
+            what: "the session was sealed and its files have changed since (see `evrig verify`); \
+                   a new seal would hide that, so restore them from a copy"
                 .into(),
         });
     }
@@ -89,7 +89,7 @@ fn is_sealed(layout: &SessionLayout) -> Result<bool, SessionError> {
     Manifest::read(&path).map(|_| true)
 }
 
-/// Removes a manifest that was never moved to its place; keeps one that cannot be read beside it.
+/// Removes an incomplete manifest; renames one that cannot be read.
 fn set_aside(layout: &SessionLayout) -> Result<Option<DataLoss>, SessionError> {
     let partial = layout.manifest().with_extension("partial");
     if partial.exists() {
@@ -105,13 +105,13 @@ fn set_aside(layout: &SessionLayout) -> Result<Option<DataLoss>, SessionError> {
     Ok(Some(DataLoss { stream: "session.json".into(), what, count: 0 }))
 }
 
-/// Events and samples of the event camera that the log saw arrive and its file does not hold.
+/// Events and samples of the event camera that are logged as arrived and missing from its file.
 fn arrived_but_missing(layout: &SessionLayout) -> Result<Vec<DataLoss>, SessionError> {
     if !layout.rig_log().exists() {
         return Ok(Vec::new());
     }
     let arrivals = rig_log::arrivals(&layout.rig_log())?;
-    // A file of which nothing can be read holds none of them.
+    // An unreadable file holds none of them.
     let held =
         count_file(&layout.davis(), &mut |_| {}).map(|found| found.streams).unwrap_or_default();
     let mut losses = Vec::new();
@@ -127,7 +127,7 @@ fn arrived_but_missing(layout: &SessionLayout) -> Result<Vec<DataLoss>, SessionE
     Ok(losses)
 }
 
-/// What the manifest says of the recording, as far as the journal tells it.
+/// The manifest's entry of the recording, as far as the journal states it.
 fn recording(layout: &SessionLayout, summary: JournalSummary) -> Result<Recording, SessionError> {
     let counts = match layout.rig_log().exists() {
         true => rig_log::count_log(&layout.rig_log())?.topics,

@@ -1,4 +1,4 @@
-//! The rig: what stands on the table, read from a description file, and what its arm can reach.
+//! The rig description: arm, mount, cameras, target, light and clocks, and the arm's kinematics.
 
 mod arm;
 mod camera;
@@ -15,7 +15,7 @@ mod text;
 pub use arm::{ArmDescription, ArmPort};
 pub use camera::{
     CameraDescription, CameraTransport, DAVIS_BIASES, DavisDescription, PiDescription,
-    UnknownTransport, middle_crop_origin_px,
+    middle_crop_origin_px,
 };
 pub use fields::{DescriptionFields, closest, read_description};
 pub use kinematics::{Kinematics, Unreachable};
@@ -23,9 +23,7 @@ pub use limits::{Gauge, JointLimits, SpeedLimits, ToolRates, Workspace};
 pub use mount::{CameraFrame, Mount, Mounting};
 pub use pose::{Joints, Pose};
 pub use problems::{DescriptionError, Problem};
-pub use target::{
-    ClockDiscipline, ClocksDescription, LightDescription, TargetDescription, UnknownDiscipline,
-};
+pub use target::{ClockDiscipline, ClocksDescription, LightDescription, TargetDescription};
 
 pub use text::{find_text, read_text};
 
@@ -40,17 +38,17 @@ pub struct Rig {
     pub description: Option<String>,
     /// The arm.
     pub arm: ArmDescription,
-    /// How the cameras sit on it.
+    /// Mounting of the cameras.
     pub mount: Mount,
     /// The event camera.
     pub davis: DavisDescription,
     /// The frame camera.
     pub pi: PiDescription,
-    /// What they look at.
+    /// The target.
     pub target: TargetDescription,
-    /// What lights it.
+    /// The light.
     pub light: LightDescription,
-    /// Which clocks there are.
+    /// The clocks.
     pub clocks: ClocksDescription,
     /// The description as it was read, for the manifest.
     pub text: String,
@@ -146,6 +144,13 @@ mod tests {
     }
 
     #[test]
+    fn a_rig_of_the_former_schema_is_read() {
+        let former = SIM.replace("evrig.rig/2", "evrig.rig/1").replace("description =", "says =");
+        let read = Rig::parse("sim.toml", &former).unwrap();
+        assert_eq!(Rig { text: SIM.to_owned(), ..read }, Rig::simulated().unwrap());
+    }
+
+    #[test]
     fn a_rig_is_found_by_file_or_by_name_and_else_a_name_is_suggested() {
         assert_eq!(Rig::find("rig/magician.toml").unwrap(), Rig::find("magician").unwrap());
         let error = Rig::find("no/such/sim.toml").unwrap_err().to_string();
@@ -177,7 +182,7 @@ mod tests {
             let tool = Pose::from_mm_deg([x, y, 100.0, 90.0]);
             for (mounting, camera) in &cameras {
                 let frame = mounting.frame(tool);
-                let [right, down, forward] = frame.look_at(centre.into());
+                let [right, down, forward] = frame.to_camera(centre.into());
                 assert!((forward - rig.target.stand_off.0).abs() < 1e-6, "stand-off {forward}");
                 let scale = camera.pixels_per_mm(rig.target.stand_off);
                 let half = [rig.target.width().0 / 2.0, rig.target.picture_side.0 / 2.0];

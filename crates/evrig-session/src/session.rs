@@ -44,7 +44,7 @@ impl Session {
         &self.layout
     }
 
-    /// What the session says of itself.
+    /// The manifest.
     #[must_use]
     pub fn manifest(&self) -> &Manifest {
         &self.manifest

@@ -1,6 +1,6 @@
 //! Trajectories: motion descriptions, and the timed poses they become.
 //!
-//! A description ([`Trajectory`]) is read from a file and says what to draw in
+//! A description ([`Trajectory`]) is read from a file and states the figures to draw in
 //! which plane. On a rig it becomes a [`ToolPath`]: motions from rest to rest, as
 //! the arm's own planner runs them (it stops at every corner between commands).
 
@@ -26,7 +26,5 @@ pub use path::{PathPoint, PathStep, Rates, StepSettings, ToolPath};
 pub use path_error::PathError;
 pub use plan::{Infeasible, Plan, ProfilePoint, SegmentPlan};
 pub use profile::Trapezoid;
-pub use segment::{
-    Direction, DrawingPlane, RatesOverride, Segment, SegmentKind, Turns, UnknownWord,
-};
+pub use segment::{Direction, DrawingPlane, RatesOverride, Segment, SegmentKind, Turns};
 pub use view::TargetVisibility;

@@ -1,4 +1,4 @@
-//! Verification: everything a session claims is recomputed from its files.
+//! Verification: checksums and counts of a session are recomputed from its files.
 
 use super::file_counts::{StreamCounts, stream_names};
 use super::rig_log::{self, RigLogCounts};
@@ -12,10 +12,10 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// All claims of a session.
+/// The findings of a session.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Verification {
-    /// One finding a claim.
+    /// One finding per claim.
     pub findings: Vec<Finding>,
 }
 
@@ -152,7 +152,7 @@ fn compare_array(path: &Path, entry: &StreamEntry, verification: &mut Verificati
 fn check_derived(session: &Session, verification: &mut Verification) {
     let derived = session.root().join("derived");
     let entries = std::fs::read_dir(&derived).into_iter().flatten().flatten();
-    // The lock of whoever processes the session stands beside the stages' folders.
+    // The lock file of a running `process` is next to the stages' directories.
     let mut directories: Vec<_> =
         entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect();
     directories.sort();

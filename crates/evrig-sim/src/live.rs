@@ -26,7 +26,7 @@ pub struct LiveWorld {
 enum Source {
     Arm(Follower),
     /// A path driven to and fro since an instant.
-    ToolPath(Instant),
+    Path(Instant),
 }
 
 impl Motion for Follower {

@@ -16,7 +16,7 @@ pub fn filter(events: EventSlice<'_>, size: Size, period_us: i64) -> Result<Filt
         return Err(FilterError::BadSetting { name: "period_us", found, expected: "0 or more" });
     }
     let mut dead = RefractoryFilter::new(size, period_us);
-    keep(events, size, Reason::Refractory, |t, pixel| dead.lets_through(t, pixel))
+    keep(events, size, Reason::Refractory, |t, pixel| dead.passes(t, pixel))
 }
 
 #[cfg(test)]

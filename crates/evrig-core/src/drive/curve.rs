@@ -1,11 +1,11 @@
-//! One pixel's light signal, sampled at a fixed step.
+//! One pixel's log-intensity signal, sampled at a fixed step.
 
 use super::grid::TimeGrid;
 
-/// A signal on a time grid, with values and slopes in between.
+/// A signal on a time grid, interpolated between its instants.
 ///
 /// Between instants it is the cubic through four neighbours (Catmull and Rom), whose slope is
-/// continuous; beside a gap and at the ends it is the straight line between two.
+/// continuous; next to a gap and at the ends it is linear between two.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SignalCurve {
     grid: TimeGrid,
@@ -44,7 +44,7 @@ impl SignalCurve {
         self.value_and_slope(t_us).map(|(value, _)| value)
     }
 
-    /// The value, and its change a second, at a time; `None` outside the grid and in a gap.
+    /// The value, and its derivative per second, at a time; `None` outside the grid and in a gap.
     #[must_use]
     pub fn value_and_slope(&self, t_us: f64) -> Option<(f64, f64)> {
         let position = self.grid.position(t_us);

@@ -5,7 +5,7 @@
 pub struct TimeGrid {
     /// The first instant.
     pub start_us: i64,
-    /// From one instant to the next; at least 1.
+    /// Interval between instants; at least 1.
     pub step_us: u32,
     /// Number of instants.
     pub n: usize,
@@ -13,7 +13,7 @@ pub struct TimeGrid {
 
 impl TimeGrid {
     /// The grid of the given step that covers `[first, last]`: it begins at `first`, and its last
-    /// instant is at or just behind `last`.
+    /// instant is at or just after `last`.
     #[must_use]
     pub fn covering([first, last]: [i64; 2], step_us: u32) -> Self {
         let step_us = step_us.max(1);
@@ -27,7 +27,7 @@ impl TimeGrid {
         self.start_us + index as i64 * self.step_us as i64
     }
 
-    /// Where `t_us` lies on the grid, in steps from its start; whole at an instant.
+    /// Position of `t_us` on the grid, in steps from its start; integral at an instant.
     #[must_use]
     pub fn position(&self, t_us: f64) -> f64 {
         (t_us - self.start_us as f64) / f64::from(self.step_us)

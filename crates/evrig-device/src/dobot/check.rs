@@ -7,7 +7,7 @@ use super::{ClientError, Patience, id};
 use evrig_record::{Finding, Verdict};
 use evrig_session::rig::{ArmDescription, ArmPort};
 use evrig_session::trajectory::{ToolPath, violations};
-use std::path::{PathBuf, ToolPath as FilePath};
+use std::path::{Path as FilePath, PathBuf};
 
 /// Opens the arm of a description behind its guard (`program` is this program) and looks at
 /// everything that must hold before it moves. The arm comes back when it can be spoken to.

@@ -16,7 +16,7 @@ use flatbuffers::VerifierOptions;
 /// Bytes of the size prefix and root offset before the identifier, and of the identifier.
 const IDENTIFIER_AT: std::ops::Range<usize> = 8..12;
 
-/// A payload's values, and what of it could not be represented.
+/// A payload's values, and what could not be represented.
 #[derive(Debug)]
 pub(super) struct Decoded {
     /// None for a frame that could not be represented.
@@ -33,7 +33,7 @@ impl Decoded {
     }
 }
 
-/// Reads a decompressed payload of a known kind, events into the memory of `spare`; the error says
+/// Decodes a decompressed payload of a known kind, events into the memory of `spare`; the error describes
 /// what was found instead.
 pub(super) fn decode(kind: &PayloadKind, payload: &[u8], spare: Events) -> Result<Decoded, String> {
     check_identifier(kind, payload)?;
@@ -167,7 +167,7 @@ fn represent_frame(table: &frame::Frame<'_>) -> Result<Frame<Davis>, String> {
     Ok(Frame { timing, size, origin, channels, samples })
 }
 
-/// Channels and bits a sample behind an OpenCV type code: depth in the lowest three bits, channels less one above.
+/// Channels and bits per sample of an OpenCV type code: depth in the lowest three bits, channels minus one above.
 fn layout(code: i8) -> Result<(Channels, usize), String> {
     let bits = match code & 7 {
         0 => 8,
@@ -183,7 +183,7 @@ fn layout(code: i8) -> Result<(Channels, usize), String> {
     Ok((channels, bits))
 }
 
-/// Zero stands for "not stated": flatbuffers leave fields of that value out.
+/// Zero means "not stated": flatbuffers omit fields of that value.
 fn interval(begin_us: i64, end_us: i64) -> Option<[Stamp<Davis>; 2]> {
     let is_stated = begin_us != 0 && end_us >= begin_us;
     is_stated.then(|| [Stamp::from_micros(begin_us), Stamp::from_micros(end_us)])

@@ -1,10 +1,10 @@
-//! What can go wrong, and where.
+//! Errors, and their position in the file.
 
 use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
-/// A place in a file or stream.
+/// A position in a file or stream.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FilePosition {
     /// The file's path or the stream's name.
@@ -77,7 +77,7 @@ impl ReadError {
 /// Why an AEDAT4 file could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    /// The file could not be made.
+    /// The file could not be created.
     #[error("{}: cannot be created: {source}; check the folder and its permissions", path.display())]
     Create {
         /// The path as given.
@@ -107,7 +107,7 @@ pub enum WriteError {
         /// What the stream carries.
         found: String,
     },
-    /// AEDAT4 has no way to say this.
+    /// AEDAT4 cannot represent this.
     #[error("{name}: stream {stream}: {found} cannot be written, AEDAT4 holds {limit}")]
     Unrepresentable {
         /// The file's path or the stream's name.

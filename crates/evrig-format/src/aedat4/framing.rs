@@ -39,7 +39,7 @@ pub(super) struct Framing<R> {
     n_bytes: Option<u64>,
     table_position: Option<u64>,
     compression: Compression,
-    /// Whether the header lies behind.
+    /// Whether the header was read.
     is_in_packets: bool,
 }
 
@@ -169,7 +169,7 @@ impl<R: Read> Framing<R> {
         Ok(())
     }
 
-    /// The data table must be whole: it is what tells a closed file from a cut one.
+    /// The data table must be complete: it distinguishes a closed file from a truncated one.
     fn check_table(&mut self) -> Result<(), ReadError> {
         let mut raw = Vec::new();
         self.read(MAX_PACKET_BYTES, &mut raw, None)?;

@@ -1,9 +1,9 @@
 //! LZ4 frames, block by block (LZ4 frame format 1.6.4).
 //!
 //! DV chains blocks of 64 KiB, each of which may refer to the one before. They are decoded in
-//! place behind one another, which spares the copies that a streaming decoder makes, and a frame
-//! that lacks its end is found out, which streaming decoders let pass at a block's end. Frames
-//! written here have blocks that stand alone and a checksum of the content, so that a flipped bit
+//! place one after another, which avoids the copies of a streaming decoder, and a frame
+//! without its end mark is detected, which streaming decoders accept at a block's end. Frames
+//! written here have independent blocks and a content checksum, so that a flipped bit
 //! is found when the file is read.
 
 use super::memory::{DecompressFailure, grow};
@@ -27,20 +27,20 @@ const HAS_CONTENT_SIZE: u8 = 0x08;
 /// Flag: a checksum of the content follows the end.
 const HAS_CONTENT_SUM: u8 = 0x04;
 
-/// Bytes of our frames beside their blocks: magic, descriptor and its sum; mark of the end and sum.
+/// Bytes of a written frame without its blocks: magic, descriptor and checksum; end mark and checksum.
 const HEAD_AND_END_BYTES: usize = 7 + 8;
 
-/// How far back a match may lie.
-const REACH: usize = 1 << 16;
+/// Largest offset of a match.
+const MAX_MATCH_OFFSET: usize = 1 << 16;
 
-/// Bit of a block's length that says it is stored as it is.
+/// Bit of a block's length for an uncompressed block.
 const IS_STORED: u32 = 1 << 31;
 
 /// Descriptor and largest block, smallest first.
 const BLOCK_SIZES: [(u8, usize); 4] =
     [(0x40, 1 << 16), (0x50, 1 << 18), (0x60, 1 << 20), (0x70, 1 << 22)];
 
-/// Decompresses into the first bytes of `plain` and says how many; `plain` grows as needed and is
+/// Decompresses into the first bytes of `plain` and returns their number; `plain` grows as needed and is
 /// never shrunk, because growing clears memory.
 pub(super) fn decompress(
     raw: &[u8],
@@ -102,7 +102,7 @@ fn check_sum(bytes: &[u8], expected: u32) -> Result<(), DecompressFailure> {
     }
 }
 
-/// Decompresses one block to `plain[n..]` and says how many bytes it gave.
+/// Decompresses one block to `plain[n..]` and returns the number of bytes.
 fn decompress_block(
     block: &[u8],
     is_stored: bool,
@@ -127,7 +127,7 @@ fn decompress_block(
         target.copy_from_slice(block);
         return Ok(block.len());
     }
-    let reach = &before[n.saturating_sub(REACH)..];
+    let reach = &before[n.saturating_sub(MAX_MATCH_OFFSET)..];
     decompress_into_with_dict(block, target, reach).map_err(|error| match error {
         DecompressError::OutputTooSmall { .. } => is_full(),
         error => DecompressFailure::Damaged(format!("an LZ4 block with an error ({error})")),
@@ -147,8 +147,8 @@ fn damaged(found: &str) -> DecompressFailure {
     DecompressFailure::Damaged(found.to_owned())
 }
 
-/// Compresses to a frame of blocks as large as can be, in `out` from the byte `at`, and says where
-/// it ends; `out` grows as needed and is never shrunk.
+/// Compresses to a frame of the largest blocks, in `out` from the byte `at`, and returns
+/// its end; `out` grows as needed and is never shrunk.
 pub(super) fn compress(plain: &[u8], out: &mut Vec<u8>, at: usize) -> io::Result<usize> {
     let fits = |(_, largest): &&(u8, usize)| plain.len() <= *largest;
     let (code, largest) = *BLOCK_SIZES.iter().find(fits).unwrap_or(&BLOCK_SIZES[3]);
@@ -159,7 +159,7 @@ pub(super) fn compress(plain: &[u8], out: &mut Vec<u8>, at: usize) -> io::Result
     put(out, &mut end, &descriptor);
     put(out, &mut end, &[head_sum(&descriptor)]);
     for block in plain.chunks(largest) {
-        // Room for the block behind its length, and for what follows the last block.
+        // Space for the block after its length, and for what follows the last block.
         grow(out, end + 4 + compress_bound(block.len())? + HEAD_AND_END_BYTES);
         let mode = Some(CompressionMode::FAST(1));
         let n = compress_to_buffer(block, mode, false, &mut out[end + 4..])?;
@@ -176,7 +176,7 @@ pub(super) fn compress(plain: &[u8], out: &mut Vec<u8>, at: usize) -> io::Result
     Ok(end)
 }
 
-/// Copies bytes to where `end` is and moves it behind them; there must be room.
+/// Copies bytes to `end` and advances it; `out` must be long enough.
 fn put(out: &mut [u8], end: &mut usize, bytes: &[u8]) {
     out[*end..*end + bytes.len()].copy_from_slice(bytes);
     *end += bytes.len();

@@ -5,7 +5,7 @@
 pub(super) enum DecompressFailure {
     /// It grows beyond the limit given.
     TooLarge,
-    /// It is not what it should be, in words.
+    /// Description of the damage.
     Damaged(String),
 }
 

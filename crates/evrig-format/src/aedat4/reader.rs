@@ -1,4 +1,4 @@
-//! The reader: raw packets in order, decoded side by side, delivered in order.
+//! The reader: raw packets are read in order, decoded in parallel, and delivered in order.
 
 use super::compression::decompress;
 use super::decode::{Decoded, decode};
@@ -6,7 +6,7 @@ use super::framing::{Framing, RawPacket};
 use super::header::Header;
 use super::memory::DecompressFailure;
 use super::{
-    Compression, Content, Losses, MAX_PACKET_BYTES, Packet, PayloadKind, ReadError, StreamInfo,
+    Compression, Content, Losses, MAX_PACKET_BYTES, Packet, PayloadKind, ReadError, StreamHeader,
 };
 use evrig_core::event::Events;
 use std::collections::VecDeque;
@@ -21,10 +21,10 @@ const READ_AHEAD_PACKETS: usize = 256;
 /// Bytes of the file after which no further packet is read ahead.
 const READ_AHEAD_BYTES: usize = 1 << 22;
 
-/// What a packet decoded beside others may grow to, at least and as a multiple of its bytes in the
+/// Largest size of a packet decoded in parallel, at least and as a multiple of its bytes in the
 /// file. One that needs more is decoded by itself, so that a hostile file cannot fill the memory.
-const SIDE_BY_SIDE_BYTES: usize = 1 << 20;
-const SIDE_BY_SIDE_RATIO: usize = 32;
+const PARALLEL_MIN_BYTES: usize = 1 << 20;
+const PARALLEL_MAX_RATIO: usize = 32;
 
 /// Parts into which a thread's share of the packets is cut, so that threads end together.
 const PARTS_PER_THREAD: usize = 4;
@@ -38,14 +38,14 @@ const PARTS_PER_THREAD: usize = 4;
 #[derive(Debug)]
 pub struct Reader<R> {
     framing: Framing<R>,
-    streams: Vec<StreamInfo>,
-    /// Packets decoded together; with one, nothing is read before it is asked for.
+    streams: Vec<StreamHeader>,
+    /// Packets decoded together; with one, packets are read on demand.
     window: usize,
     /// Read, not yet decoded.
     ahead: Vec<RawPacket>,
     /// Decoded, not yet delivered.
     ready: VecDeque<DecodeJob>,
-    /// What ends the reading once all before it was delivered.
+    /// The result after the last packet.
     ending: Option<Result<(), ReadError>>,
     is_over: bool,
     losses: Losses,
@@ -55,7 +55,7 @@ pub struct Reader<R> {
     spare_events: Vec<Events>,
 }
 
-/// A packet and what became of it.
+/// A packet and its decoding result.
 #[derive(Debug)]
 struct DecodeJob {
     packet: RawPacket,
@@ -69,7 +69,7 @@ impl DecodeJob {
         Self { packet, spare, decoded: Err(DecodeFailure::TooLarge) }
     }
 
-    fn decode(&mut self, streams: &[StreamInfo], compression: Compression, limit: usize) {
+    fn decode(&mut self, streams: &[StreamHeader], compression: Compression, limit: usize) {
         let spare = std::mem::take(&mut self.spare);
         self.decoded = decode_packet(&self.packet, streams, compression, limit, spare);
     }
@@ -102,7 +102,7 @@ impl Reader<BufReader<File>> {
 }
 
 impl<R: Read> Reader<R> {
-    /// Reads a file's bytes from anywhere; `name` stands for it in errors.
+    /// Reads a file's bytes from any source; `name` names it in errors.
     ///
     /// # Errors
     /// [`ReadError`] when the bytes do not begin as AEDAT4 does.
@@ -140,7 +140,7 @@ impl<R: Read> Reader<R> {
 
     /// The streams that the header describes.
     #[must_use]
-    pub fn streams(&self) -> &[StreamInfo] {
+    pub fn streams(&self) -> &[StreamHeader] {
         &self.streams
     }
 
@@ -156,9 +156,9 @@ impl<R: Read> Reader<R> {
         &self.losses
     }
 
-    /// Takes back events that are no longer needed, to read later ones into their memory. Never
-    /// needed, but faster: memory that the system hands out anew is cleared page by page.
-    pub fn give_back(&mut self, events: Events) {
+    /// Returns events whose memory can be used again. Never
+    /// required, but faster: newly allocated memory is cleared page by page.
+    pub fn recycle(&mut self, events: Events) {
         if self.spare_events.len() < READ_AHEAD_PACKETS {
             self.spare_events.push(events);
         }
@@ -178,11 +178,11 @@ impl<R: Read> Reader<R> {
         let streams = std::mem::take(&mut self.streams);
         let decode = |jobs: &mut [DecodeJob]| {
             for job in jobs {
-                let limit = job.packet.payload.len().saturating_mul(SIDE_BY_SIDE_RATIO);
+                let limit = job.packet.payload.len().saturating_mul(PARALLEL_MAX_RATIO);
                 job.decode(
                     &streams,
                     compression,
-                    limit.clamp(SIDE_BY_SIDE_BYTES, MAX_PACKET_BYTES),
+                    limit.clamp(PARALLEL_MIN_BYTES, MAX_PACKET_BYTES),
                 );
             }
         };
@@ -203,7 +203,7 @@ impl<R: Read> Reader<R> {
         self.ready = jobs;
     }
 
-    /// Reads the next window of packets, unless the end was seen.
+    /// Reads the next window of packets, unless the end was reached.
     fn read_ahead(&mut self) {
         let mut n_bytes = 0;
         while self.ending.is_none() && self.ahead.len() < self.window && n_bytes < READ_AHEAD_BYTES
@@ -218,7 +218,7 @@ impl<R: Read> Reader<R> {
         }
     }
 
-    /// Counts what was lost and hands the packet out; none for a packet that was lost whole.
+    /// Counts losses and returns the packet; none for a packet that was lost entirely.
     fn deliver(&mut self, packet: RawPacket, decoded: Decoded) -> Option<Packet> {
         let RawPacket { stream, index, offset, payload } = packet;
         self.spare.push(payload);
@@ -233,7 +233,7 @@ impl<R: Read> Reader<R> {
         Some(Packet { stream, index, offset, content })
     }
 
-    /// Gives up at a packet that cannot be decoded.
+    /// Ends reading at a packet that cannot be decoded.
     fn fail(&mut self, packet: &RawPacket, expected: String, found: String) -> ReadError {
         self.is_over = true;
         self.ready.clear();
@@ -284,7 +284,7 @@ impl<R: Read> Iterator for Reader<R> {
 
 fn decode_packet(
     packet: &RawPacket,
-    streams: &[StreamInfo],
+    streams: &[StreamHeader],
     compression: Compression,
     limit: usize,
     spare: Events,

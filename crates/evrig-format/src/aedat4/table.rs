@@ -32,7 +32,7 @@ pub(super) struct TableEntry {
     pub(super) span_us: [i64; 2],
 }
 
-/// StreamInfo and payload length, as the struct `PacketHeader` has them.
+/// StreamHeader and payload length, as the struct `PacketHeader` has them.
 #[derive(Clone, Copy)]
 struct PacketInfo(u32, u32);
 
@@ -67,7 +67,7 @@ pub(super) fn encode(entries: &[TableEntry]) -> Vec<u8> {
     builder.finished_data().to_vec()
 }
 
-/// Number of packets in a table; the error says what was found instead of one.
+/// Number of packets in a table; the error describes what was found instead.
 pub(super) fn count(payload: &[u8]) -> Result<usize, String> {
     if payload.get(8..12) != Some(IDENTIFIER.as_bytes()) {
         return Err("bytes without the identifier FTAB".to_owned());
@@ -81,7 +81,7 @@ pub(super) fn count(payload: &[u8]) -> Result<usize, String> {
 
 type Definitions<'a> = ForwardsUOffset<Vector<'a, ForwardsUOffset<TableDefinition<'a>>>>;
 
-/// The root table, behind its verification.
+/// The root table, after verification.
 struct Root<'a>(Table<'a>);
 
 impl<'a> Follow<'a> for Root<'a> {
@@ -99,7 +99,7 @@ impl Verifiable for Root<'_> {
     }
 }
 
-/// One definition; only its shape is checked, nothing here reads its fields.
+/// One definition; only its structure is verified, its fields are not read.
 struct TableDefinition<'a>(
     #[expect(dead_code, reason = "the shape of a followed table")] Table<'a>,
 );

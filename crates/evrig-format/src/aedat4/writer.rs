@@ -16,8 +16,8 @@ use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// Packets that are compressed side by side, while as many before them are written.
-const SIDE_BY_SIDE: usize = 16;
+/// Packets that are compressed in parallel, while as many previous ones are written.
+const PARALLEL_PACKETS: usize = 16;
 
 /// Small packets are gathered to this size; larger ones are written as they are, each at once.
 const GATHERED_BYTES: usize = 1 << 16;
@@ -39,7 +39,7 @@ pub struct WriteSummary {
     pub n_bytes: u64,
 }
 
-/// Puts the table's position into the header; only for destinations that can go back.
+/// Writes the table's position into the header; only for seekable destinations.
 type PatchHeader<W> = fn(&mut W, &[u8]) -> io::Result<()>;
 
 /// Writes AEDAT4 to a file, or to a socket in that one's framing.
@@ -91,9 +91,9 @@ impl Writer<BufWriter<Destination>> {
         compression: Compression,
         streams: &[StreamSpec],
     ) -> Result<Self, WriteError> {
-        let can_go_back = destination.can_go_back();
+        let can_seek = destination.can_seek();
         let buffered = BufWriter::with_capacity(GATHERED_BYTES, destination);
-        if can_go_back {
+        if can_seek {
             return Self::new(buffered, name, compression, streams);
         }
         let mut writer = Self::headless(buffered, name, compression, streams);
@@ -104,7 +104,7 @@ impl Writer<BufWriter<Destination>> {
 }
 
 impl<W: Write + Seek> Writer<W> {
-    /// Writes a file's bytes to anything that can go back to its start; `name` stands for it in errors.
+    /// Writes a file's bytes to a seekable destination; `name` names it in errors.
     ///
     /// # Errors
     /// [`WriteError`] when the header cannot be written.
@@ -185,9 +185,9 @@ impl<W: Write> Writer<W> {
         let cuts = cut_into_packets(events);
         let mut packets = std::mem::take(&mut self.packets);
         let written = if self.compression == Compression::None || cuts.len() == 1 {
-            self.write_in_turn(stream, events, &cuts, &mut packets[0])
+            self.write_sequential(stream, events, &cuts, &mut packets[0])
         } else {
-            self.write_side_by_side(stream, events, &cuts, &mut packets)
+            self.write_parallel(stream, events, &cuts, &mut packets)
         };
         self.packets = packets;
         written?;
@@ -195,7 +195,7 @@ impl<W: Write> Writer<W> {
     }
 
     /// Encodes and writes one packet after the other in the same memory, which stays in the cache.
-    fn write_in_turn(
+    fn write_sequential(
         &mut self,
         stream: u32,
         events: EventSlice<'_>,
@@ -212,8 +212,8 @@ impl<W: Write> Writer<W> {
         Ok(())
     }
 
-    /// Compresses some packets on all cores while those before them are written, in order.
-    fn write_side_by_side(
+    /// Compresses packets in parallel while the previous ones are written, in order.
+    fn write_parallel(
         &mut self,
         stream: u32,
         events: EventSlice<'_>,
@@ -222,8 +222,8 @@ impl<W: Write> Writer<W> {
     ) -> Result<(), WriteError> {
         let compression = self.compression;
         let mut n_ready = 0;
-        // At last nothing is compressed while the last packets are written.
-        for cuts in cuts.chunks(SIDE_BY_SIDE).chain(std::iter::once(&[][..])) {
+        // The last packets are written while nothing is compressed.
+        for cuts in cuts.chunks(PARALLEL_PACKETS).chain(std::iter::once(&[][..])) {
             next.resize_with(next.len().max(cuts.len()), PacketBuffer::default);
             let mut taken = Ok(());
             let written = rayon::in_place_scope(|scope| {
@@ -247,7 +247,7 @@ impl<W: Write> Writer<W> {
     /// Writes one frame.
     ///
     /// # Errors
-    /// [`WriteError`] when the stream carries no frames, the frame is not what its size says or
+    /// [`WriteError`] when the stream carries no frames, the samples do not match the frame's size or
     /// larger than AEDAT4 can hold, or writing fails.
     pub fn write_frame(&mut self, stream: u32, frame: &Frame<Davis>) -> Result<(), WriteError> {
         self.check_stream(stream, &PayloadKind::Frames, "frames")?;
@@ -290,7 +290,7 @@ impl<W: Write> Writer<W> {
         Ok(())
     }
 
-    /// Writes the data table (of a file), flushes, and says what was written.
+    /// Writes the data table (of a file), flushes, and returns counts of what was written.
     ///
     /// # Errors
     /// [`WriteError`] when writing fails; the packets are in the file all the same.
@@ -301,7 +301,7 @@ impl<W: Write> Writer<W> {
             let n = compress(self.compression, &table::encode(&self.entries), &mut table, 0)
                 .map_err(|source| self.failed(source))?;
             self.write_bytes(&table[..n])?;
-            // The table is on its way before the header says that there is one.
+            // The table is written before the header refers to it.
             self.flush()?;
             let header = header::encode(self.compression, Some(position), &self.streams);
             patch(&mut self.destination, &header).map_err(|source| self.failed(source))?;
@@ -354,12 +354,12 @@ impl<W: Write> Writer<W> {
         Ok(())
     }
 
-    /// On a socket, what was written leaves at once.
+    /// On a socket, flushes immediately.
     fn flush_stream(&mut self) -> Result<(), WriteError> {
         if self.patch_header.is_none() { self.flush() } else { Ok(()) }
     }
 
-    /// Hands everything written so far to the destination.
+    /// Flushes everything written so far.
     ///
     /// # Errors
     /// [`WriteError`] when writing fails.

@@ -95,7 +95,7 @@ impl ArrayReader<BufReader<File>> {
         let file = File::open(path).map_err(io)?;
         let mut array = Self::new(path.to_owned(), BufReader::with_capacity(1 << 20, file))?;
         let about = array.reader.get_ref().metadata().map_err(io)?;
-        // A pipe has no length; a file is looked at before anybody relies on what it announces.
+        // A pipe has no length; a file's length is checked against the announced data.
         if about.is_file() {
             let header = array.reader.stream_position().map_err(io)?;
             let announced = array.n_elements().checked_mul(array.element_bytes() as u64);
@@ -183,7 +183,7 @@ impl<R: Read> ArrayReader<R> {
     pub fn read_all(mut self) -> Result<Array, NpyError> {
         let row = self.element_bytes();
         let mut columns: Vec<Column> = self.fields.iter().map(Field::empty_column).collect();
-        // A header may announce more than there is: memory grows with what really arrives.
+        // A header may announce more than there is: memory grows with the data read.
         let mut left = self.n_elements();
         while left > 0 {
             let n_rows = left.min(1 << 16) as usize;

@@ -60,7 +60,7 @@ impl Acts for RefractoryPeriod {
         }
         let mut dead = RefractoryFilter::new(bench.size, self.refractory_us.round() as i64);
         bench.change(events, |mut events| {
-            events.retain(|e| dead.lets_through(e.t, bench.size.index(e.x, e.y)));
+            events.retain(|e| dead.passes(e.t, bench.size.index(e.x, e.y)));
             events
         });
     }

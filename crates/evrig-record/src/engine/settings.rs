@@ -2,7 +2,7 @@
 
 use super::{Cut, Take};
 use crate::{State, Stop};
-use evrig_session::Loss;
+use evrig_session::DataLoss;
 use evrig_session::trajectory::StepSettings;
 use serde_json::json;
 use std::time::{Duration, Instant};

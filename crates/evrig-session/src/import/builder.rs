@@ -48,7 +48,7 @@ impl Drop for SessionBuilder {
         if self.is_sealed {
             return;
         }
-        // A failed import leaves nothing behind; that the cleaning fails too changes nothing for the user.
+        // A failed import leaves no files; a failure to remove them is not reported.
         let entries: Vec<PathBuf> = std::fs::read_dir(self.layout.root())
             .into_iter()
             .flatten()
@@ -66,15 +66,4 @@ impl Drop for SessionBuilder {
             let _ = std::fs::remove_dir(self.layout.root());
         }
     }
-}
-
-/// The last part of a path, as text for the manifest.
-pub(super) fn file_name(path: &Path) -> String {
-    path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into())
-}
-
-/// The session's name and the time of its making.
-pub(super) fn name_and_now(root: &Path) -> (String, String) {
-    let now = chrono::Utc::now().to_rfc3339_opts(chrono::SecondsFormat::Secs, true);
-    (file_name(root), now)
 }

@@ -22,7 +22,7 @@ struct IntegerColumns {
     p: Vec<i64>,
 }
 
-/// Reads events of the pixel grid `size` from a file; its ending says how.
+/// Reads events of the pixel grid `size` from a file, by its extension.
 pub(super) fn read(path: &Path, stream: &str, size: Size) -> Result<ImportedEvents, SessionError> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     match ending.as_str() {
@@ -152,7 +152,7 @@ fn whole(path: &Path, name: &str, column: Column) -> Result<Vec<i64>, SessionErr
 }
 
 /// Text with one event a line, `t,x,y,p`; a heading may name the columns in another order,
-/// and blanks may stand for the commas.
+/// and blanks may replace the commas.
 fn from_csv(path: &Path) -> Result<IntegerColumns, SessionError> {
     let text = std::fs::read_to_string(path).map_err(SessionError::io(path))?;
     let delimiter = if text.lines().take(3).any(|line| line.contains(',')) { b',' } else { b' ' };

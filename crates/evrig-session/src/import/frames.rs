@@ -1,10 +1,11 @@
 //! ImportedFrames from an array or a folder, with events of the same grid if there are any.
 
-use super::builder::{SessionBuilder, file_name, name_and_now};
+use super::builder::SessionBuilder;
 use super::{event_table, images};
+use crate::manifest::file_name;
 use crate::{
-    DataLoss, Journal, Manifest, Origin, SCHEMA, SessionError, SessionStatus, StreamEntry,
-    StreamKind, StreamName,
+    DataLoss, Journal, Manifest, Origin, SessionError, SessionStatus, StreamEntry, StreamKind,
+    StreamName,
 };
 use evrig_core::geometry::Size;
 use evrig_core::time::{Clock, Davis};
@@ -46,14 +47,14 @@ struct ImportedFrames {
 ///
 /// # Errors
 /// When a file is not what it should be, the times do not ascend or are not as many as the
-/// frames, `root` is taken, or the disk refuses.
+/// frames, `root` is taken, or writing fails.
 pub fn import_frames(request: &ImportFrames<'_>, root: &Path) -> Result<Manifest, SessionError> {
     if !request.frames.exists() {
         return Err(SessionError::import(request.frames, "there is no such file or folder"));
     }
-    let site = SessionBuilder::take(root)?;
-    let directory = site.layout.frames();
-    site.make_directory(&directory)?;
+    let builder = SessionBuilder::take(root)?;
+    let directory = builder.layout.frames();
+    builder.make_directory(&directory)?;
     let path = directory.join("frames.npy");
     let frames = if request.frames.is_dir() {
         from_folder(request, &path)?
@@ -66,50 +67,28 @@ pub fn import_frames(request: &ImportFrames<'_>, root: &Path) -> Result<Manifest
     times.finish()?;
 
     let mut streams = vec![frames_entry(&frames)];
-    let mut files = vec![site.file_entry(&path)?, site.file_entry(&times_path)?];
+    let mut files = vec![builder.file_entry(&path)?, builder.file_entry(&times_path)?];
     let mut losses = Vec::new();
     if let Some(events) = request.events {
-        let (entry, events_path, lost) = take_events(&site, request, events, frames.size)?;
-        files.push(site.file_entry(&events_path)?);
+        let (entry, events_path, lost) = take_events(&builder, request, events, frames.size)?;
+        files.push(builder.file_entry(&events_path)?);
         streams.push(entry);
         losses = lost;
     }
-    let manifest = manifest(request, root, streams, files, losses);
-    let mut journal = Journal::open(&site.layout.journal())?;
+    let origin = Origin::Frames {
+        frames: file_name(request.frames),
+        timestamps: match &request.times {
+            FrameTimes::Fps(fps) => format!("{fps} frames per second from 0"),
+            FrameTimes::File(path) => file_name(path),
+        },
+        events: request.events.map(file_name),
+    };
+    let manifest = Manifest::new(root, origin, SessionStatus::Complete, streams, files, losses);
+    let mut journal = Journal::open(&builder.layout.journal())?;
     journal
         .note("import frames", &json!({"origin": manifest.origin, "losses": manifest.losses}))?;
-    site.seal(&manifest)?;
+    builder.seal(&manifest)?;
     Ok(manifest)
-}
-
-fn manifest(
-    request: &ImportFrames<'_>,
-    root: &Path,
-    streams: Vec<StreamEntry>,
-    files: Vec<(String, crate::FileEntry)>,
-    losses: Vec<DataLoss>,
-) -> Manifest {
-    let (name, created) = name_and_now(root);
-    Manifest {
-        schema: SCHEMA.into(),
-        name,
-        evrig_version: env!("CARGO_PKG_VERSION").into(),
-        created,
-        origin: Origin::Frames {
-            frames: file_name(request.frames),
-            timestamps: match &request.times {
-                FrameTimes::Fps(fps) => format!("{fps} frames per second from 0"),
-                FrameTimes::File(path) => file_name(path),
-            },
-            events: request.events.map(file_name),
-        },
-        status: SessionStatus::Complete,
-        streams,
-        files: files.into_iter().collect(),
-        losses,
-        decisions: Vec::new(),
-        recording: None,
-    }
 }
 
 fn frames_entry(frames: &ImportedFrames) -> StreamEntry {
@@ -132,7 +111,7 @@ fn from_array(request: &ImportFrames<'_>, path: &Path) -> Result<ImportedFrames,
     let mut reader = ArrayReader::open(request.frames)?;
     let &[n, height, width] = reader.shape() else {
         return Err(wrong(format!(
-            "has shape {:?}; expected N x H x W (brightness, one sample a pixel)",
+            "has shape {:?}; expected N x H x W (brightness, one sample per pixel)",
             reader.shape()
         )));
     };
@@ -274,15 +253,15 @@ fn times_from_text(path: &Path) -> Result<Vec<i64>, SessionError> {
 
 /// Converts the events into the session's own file.
 fn take_events(
-    site: &SessionBuilder,
+    builder: &SessionBuilder,
     request: &ImportFrames<'_>,
     events: &Path,
     size: Size,
 ) -> Result<(StreamEntry, PathBuf, Vec<DataLoss>), SessionError> {
     let name = &request.events_name;
     let table = event_table::read(events, name.as_str(), size)?;
-    let directory = site.layout.stream(name);
-    site.make_directory(&directory)?;
+    let directory = builder.layout.stream(name);
+    builder.make_directory(&directory)?;
     let path = directory.join("events.aedat4");
     let source = format!("imported from {}", file_name(events));
     let spec = StreamSpec::events(size, &source);

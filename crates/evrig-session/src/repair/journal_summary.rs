@@ -1,4 +1,4 @@
-//! What the journal of a recording tells.
+//! The state of a recording as its journal states it.
 
 use crate::{DataLoss, SessionError};
 use serde::Deserialize;
@@ -11,7 +11,7 @@ use std::path::Path;
 const MAX_LINE_BYTES: u64 = 16 << 20;
 
 /// The recorder's states, as its journal names them.
-const STATES: [&str; 8] =
+const RECORDER_STATES: [&str; 8] =
     ["preflight", "start pose", "cameras", "lead-in", "trajectory", "tail", "drain", "seal"];
 
 /// A description as it was used.
@@ -21,13 +21,13 @@ pub(super) struct DescriptionText {
     pub(super) text: String,
 }
 
-/// Everything the journal says of its recording.
+/// What the journal states of its recording.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct JournalSummary {
     pub(super) rig: DescriptionText,
     pub(super) trajectory: DescriptionText,
     pub(super) clocks: Value,
-    /// Devices that were set up, with what they said of themselves.
+    /// Devices that were set up, with their descriptions.
     pub(super) devices: Vec<(String, Value)>,
     /// Host time of the first step, ns of the Unix clock.
     pub(super) began_ns: Option<i64>,
@@ -91,7 +91,7 @@ impl JournalSummary {
                 self.devices.push((name, description.cloned().unwrap_or_default()));
             }
             "first step" => self.began_ns = entry["unix_ns"].as_i64(),
-            state if STATES.contains(&state) => self.state = state.to_owned(),
+            state if RECORDER_STATES.contains(&state) => self.state = state.to_owned(),
             _ => {}
         }
     }

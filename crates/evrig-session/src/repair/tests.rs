@@ -22,13 +22,14 @@ fn cut_off(folder: &Path) -> PathBuf {
     std::fs::create_dir(&root).unwrap();
     let layout = SessionLayout::new(&root);
     let mut journal = Journal::open(&layout.journal()).unwrap();
-    let journal_summary = json!({
+    let descriptions = json!({
         "rig": {"name": "sim", "text": "the rig's text"},
         "trajectory": {"name": "circle", "text": "the path's text"},
         "clocks": {"reference": "host"},
     });
-    journal.note("recording", &journal_summary).unwrap();
+    journal.note("recording", &descriptions).unwrap();
     journal.note("device", &json!({"name": "davis", "says": {"source": "here"}})).unwrap();
+    journal.note("device", &json!({"name": "pi", "description": {"source": "there"}})).unwrap();
     journal.note("trajectory", &json!({})).unwrap();
     journal.note("first step", &json!({"unix_ns": 1_700_000_000_000_000_123_i64})).unwrap();
     let specs = [StreamSpec::events(Size::DAVIS346, "DAVIS346_1")];
@@ -70,7 +71,8 @@ fn a_cut_off_recording_is_sealed_as_recovered_and_then_verifies() {
     assert_eq!(recording.rig, "the rig's text");
     assert_eq!(recording.trajectory, "the path's text");
     assert_eq!(recording.trajectory_began_ns, Some(1_700_000_000_000_000_123));
-    assert_eq!(recording.devices[0].description["source"], "here");
+    assert_eq!(recording.devices[0].description["source"], "here", "the former key");
+    assert_eq!(recording.devices[1].description["source"], "there");
     assert!(manifest.losses[0].what.contains("cut off in state trajectory"), "{manifest:?}");
     assert!(verify(&Session::open(&root).unwrap()).unwrap().holds());
     assert_eq!(repair(&root).unwrap(), Repair::NotNeeded);

@@ -6,12 +6,12 @@ use evrig_core::units::{Hertz, Millimetres};
 use std::convert::Infallible;
 use std::str::FromStr;
 
-/// How the arm is reached.
+/// Connection of the arm.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ArmPort {
     /// The simulated arm of this program.
     Sim,
-    /// The one port behind which a Magician answers.
+    /// The port at which a Magician answers.
     Auto,
     /// This serial port.
     Path(String),
@@ -20,7 +20,7 @@ pub enum ArmPort {
 /// The arm as the rig file states it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArmDescription {
-    /// How it is reached.
+    /// Connection.
     pub port: ArmPort,
     /// Where it goes to be homed and parked.
     pub home: Pose,
@@ -48,14 +48,14 @@ impl FromStr for ArmPort {
     }
 }
 
-/// Farther than any desktop arm reaches: a value beyond it is a slip of the unit.
-const FAR_MM: std::ops::RangeInclusive<f64> = -2000.0..=2000.0;
-const ANGLE_DEG: std::ops::RangeInclusive<f64> = -360.0..=360.0;
+/// Beyond the reach of any desktop arm: a value outside is a mistake of the unit.
+const POSITION_RANGE_MM: std::ops::RangeInclusive<f64> = -2000.0..=2000.0;
+const ANGLE_RANGE_DEG: std::ops::RangeInclusive<f64> = -360.0..=360.0;
 
 impl Pose {
     pub(crate) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
-        let [x, y, z] = ["x_mm", "y_mm", "z_mm"].map(|key| fields.number(key, FAR_MM));
-        Self::from_mm_deg([x, y, z, fields.number("r_deg", ANGLE_DEG)])
+        let [x, y, z] = ["x_mm", "y_mm", "z_mm"].map(|key| fields.number(key, POSITION_RANGE_MM));
+        Self::from_mm_deg([x, y, z, fields.number("r_deg", ANGLE_RANGE_DEG)])
     }
 }
 
@@ -95,9 +95,9 @@ impl Workspace {
     fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         Self {
             radius_mm: fields.interval("radius_mm", 0.0..=2000.0),
-            x_mm: fields.optional_interval("x_mm", FAR_MM),
-            y_mm: fields.optional_interval("y_mm", FAR_MM),
-            z_mm: fields.interval("z_mm", FAR_MM),
+            x_mm: fields.optional_interval("x_mm", POSITION_RANGE_MM),
+            y_mm: fields.optional_interval("y_mm", POSITION_RANGE_MM),
+            z_mm: fields.interval("z_mm", POSITION_RANGE_MM),
         }
     }
 }
@@ -105,12 +105,12 @@ impl Workspace {
 impl JointLimits {
     fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         Self {
-            j1_deg: fields.interval("j1_deg", ANGLE_DEG),
-            j2_deg: fields.interval("j2_deg", ANGLE_DEG),
-            j3_deg: fields.interval("j3_deg", ANGLE_DEG),
-            j4_deg: fields.interval("j4_deg", ANGLE_DEG),
+            j1_deg: fields.interval("j1_deg", ANGLE_RANGE_DEG),
+            j2_deg: fields.interval("j2_deg", ANGLE_RANGE_DEG),
+            j3_deg: fields.interval("j3_deg", ANGLE_RANGE_DEG),
+            j4_deg: fields.interval("j4_deg", ANGLE_RANGE_DEG),
             elbow_deg: fields.optional_interval("elbow_deg", 0.0..=180.0),
-            j3_rises_above_j2_deg: fields.optional_number("j3_rises_above_j2_deg", ANGLE_DEG),
+            j3_rises_above_j2_deg: fields.optional_number("j3_rises_above_j2_deg", ANGLE_RANGE_DEG),
             speed_deg_per_s: fields.numbers("speed_deg_per_s", POSITIVE),
         }
     }

@@ -3,12 +3,13 @@
 use super::fields::{DescriptionFields, POSITIVE};
 use evrig_core::delivery::{Coding, Focus, RgbDelivery};
 use evrig_core::geometry::Size;
+use evrig_core::keyword::UnknownKeyword;
 use evrig_core::time::Span;
 use evrig_core::units::{Hertz, Micrometres, Millimetres};
 use evrig_format::aedat4::Compression;
 use std::str::FromStr;
 
-/// How a camera is reached.
+/// Connection of a camera.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum CameraTransport {
     /// The simulated camera of this program.
@@ -17,16 +18,16 @@ pub enum CameraTransport {
     Usb,
     /// A server at `HOST:PORT`.
     Tcp(String),
-    /// A server at `HOST:PORT`, encrypted, each side proving itself.
+    /// A server at `HOST:PORT`, encrypted, with mutual authentication.
     Tls(String),
-    /// A recording that is played at its own pace.
+    /// A recording that is replayed in real time.
     File(String),
 }
 
 /// Sensor, lens and light path: what both cameras have.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraDescription {
-    /// How it is reached.
+    /// Connection.
     pub transport: CameraTransport,
     /// Columns and rows.
     pub size: Size,
@@ -40,17 +41,17 @@ pub struct CameraDescription {
     pub distortion: [f64; 5],
     /// From one row's exposure to the next row's; zero for a global shutter.
     pub row_time: Span,
-    /// How long a row of a frame sees light.
+    /// Exposure time of a row.
     pub exposure: Span,
-    /// Frames a second.
+    /// Frames per second.
     pub frame_rate: Hertz,
     /// Analogue gain.
     pub gain: f64,
-    /// What a frame shows in the dark, in its own digital units.
+    /// Black level of a frame, digital units.
     pub black_level_dn: f64,
     /// Standard deviation of the lens's blur where it was measured in focus, pixels.
     pub psf_sigma_px: Option<f64>,
-    /// Standard deviation of what a frame shows in the dark, in its own digital units, where it was
+    /// Read noise (standard deviation in the dark) of a frame, digital units, where it was
     /// measured.
     pub read_noise_dn: Option<f64>,
 }
@@ -60,7 +61,7 @@ pub struct CameraDescription {
 pub struct DavisDescription {
     /// Sensor, lens and its frames.
     pub camera: CameraDescription,
-    /// Whether it takes frames beside events.
+    /// Whether it records frames too.
     pub aps: bool,
     /// Biases that differ from the driver's own, in its names and units (0..=2040).
     pub biases: Vec<(&'static str, u16)>,
@@ -79,11 +80,11 @@ pub struct PiDescription {
     pub raw: bool,
     /// Whether RGB frames are recorded.
     pub rgb: bool,
-    /// What its lens does.
+    /// Focus control.
     pub focus: Focus,
-    /// How its pictures are coded on the way.
+    /// Coding of its frames in transmission.
     pub coding: Coding,
-    /// When its RGB frames travel.
+    /// When its RGB frames are transmitted.
     pub rgb_delivery: RgbDelivery,
     /// The directory with this machine's keys, for `tls://`; none for the user's own.
     pub keys: Option<String>,
@@ -131,18 +132,12 @@ pub const DAVIS_BIASES: &[&str] = &[
     "biasbuffer",
 ];
 
-/// A transport that is none.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "`{0}` is no way to reach a camera; expected sim, usb, tcp://HOST:PORT, tls://HOST:PORT or file:PATH"
-)]
-pub struct UnknownTransport(String);
-
 impl FromStr for CameraTransport {
-    type Err = UnknownTransport;
+    type Err = UnknownKeyword;
 
-    fn from_str(text: &str) -> Result<Self, UnknownTransport> {
-        let unknown = || UnknownTransport(text.to_owned());
+    fn from_str(text: &str) -> Result<Self, UnknownKeyword> {
+        let unknown =
+            || UnknownKeyword::new(text, "sim, usb, tcp://HOST:PORT, tls://HOST:PORT or file:PATH");
         match text {
             "sim" => Ok(Self::Sim),
             "usb" => Ok(Self::Usb),
@@ -165,7 +160,7 @@ impl FromStr for CameraTransport {
 }
 
 impl CameraDescription {
-    /// How many pixels a millimetre of a plane at distance `distance`, seen head on, is wide.
+    /// Pixels per millimetre of a fronto-parallel plane at `distance`.
     #[must_use]
     pub fn pixels_per_mm(&self, distance: Millimetres) -> f64 {
         self.focal_length.0 / (self.pixel_pitch.0 * 1e-3 * distance.0)
@@ -181,7 +176,7 @@ impl CameraDescription {
             .then(|| [self.centre_px[0] + right * scale, self.centre_px[1] + down * scale])
     }
 
-    /// Whether a column and row lie on the sensor.
+    /// Whether a column and row are on the sensor.
     #[must_use]
     pub fn sees(&self, pixel: Option<[f64; 2]>) -> bool {
         let [width, height] = [self.size.width, self.size.height].map(f64::from);
@@ -216,7 +211,7 @@ impl CameraDescription {
         }
     }
 
-    /// A frame cannot see light longer than until the next one begins.
+    /// The exposure cannot exceed the frame period.
     fn check_exposure(&self, fields: &DescriptionFields<'_, '_>) {
         let period = Span::from_secs_f64(1.0 / self.frame_rate.0);
         if self.exposure > period {

@@ -19,14 +19,14 @@ type Value<'t> = Spanned<DeValue<'t>>;
 pub struct DescriptionFields<'a, 't> {
     /// The table's name with its parents, as messages print it; empty for the file itself.
     name: String,
-    /// None stands for a table that is absent: asking it adds no further complaint.
+    /// None for an absent table: reading it reports no further mistakes.
     table: Option<&'a DeTable<'t>>,
     at: Range<usize>,
     asked: RefCell<Vec<&'static str>>,
     problems: &'a Problems,
 }
 
-/// Parses `text` and hands its top table to `read`; all mistakes found on the way are the error.
+/// Parses `text` and passes its top table to `read`; the error holds all mistakes found.
 pub fn read_description<T>(
     file: &str,
     text: &str,
@@ -71,7 +71,7 @@ impl<'a, 't> DescriptionFields<'a, 't> {
         value
     }
 
-    /// Complains when the key is absent; its value is read elsewhere.
+    /// Reports the key as missing when it is absent; its value is read elsewhere.
     pub fn require(&self, key: &'static str) {
         self.required(key);
     }
@@ -128,7 +128,7 @@ impl<'a, 't> DescriptionFields<'a, 't> {
         None
     }
 
-    /// A number within `range`; NaN after a complaint.
+    /// A number within `range`; NaN after a mistake.
     pub fn number(&self, key: &'static str, range: impl RangeBounds<f64>) -> f64 {
         self.required(key).and_then(|value| self.as_number(key, value, &range)).unwrap_or(f64::NAN)
     }
@@ -138,7 +138,7 @@ impl<'a, 't> DescriptionFields<'a, 't> {
         self.get(key).and_then(|value| self.as_number(key, value, &range))
     }
 
-    /// `N` numbers within `range` each; NaN after a complaint.
+    /// `N` numbers within `range` each; NaN after a mistake.
     pub fn numbers<const N: usize>(
         &self,
         key: &'static str,
@@ -190,7 +190,7 @@ impl<'a, 't> DescriptionFields<'a, 't> {
         self.has(key).then(|| self.interval(key, range))
     }
 
-    /// A whole number within `range`; the lowest value of its type after a complaint.
+    /// A whole number within `range`; the lowest value of its type after a mistake.
     pub fn integer<I>(&self, key: &'static str, range: impl RangeBounds<f64>) -> I
     where
         I: TryFrom<i64> + Default,
@@ -232,7 +232,7 @@ impl<'a, 't> DescriptionFields<'a, 't> {
         value.get_ref().as_bool()
     }
 
-    /// Hands the sub-table `key` to `read`; when it is absent, one complaint and a table of nothing.
+    /// Passes the sub-table `key` to `read`; when it is absent, one mistake and an empty table.
     pub fn table<T>(
         &self,
         key: &'static str,
@@ -241,7 +241,7 @@ impl<'a, 't> DescriptionFields<'a, 't> {
         self.descend(key, self.required(key), read)
     }
 
-    /// Hands the sub-table `key` to `read`, if it is there.
+    /// Passes the sub-table `key` to `read`, if it is there.
     pub fn optional_table<T>(
         &self,
         key: &'static str,
@@ -272,7 +272,7 @@ impl<'a, 't> DescriptionFields<'a, 't> {
         result
     }
 
-    /// Hands each table of the list `key` (`[[key]]`) to `read`, with its number from 0.
+    /// Passes each table of the list `key` (`[[key]]`) to `read`, with its number from 0.
     pub fn tables<T>(
         &self,
         key: &'static str,
@@ -316,7 +316,7 @@ impl<'a, 't> DescriptionFields<'a, 't> {
     }
 }
 
-/// The candidate most like `word`, if one is like it at all.
+/// The candidate most similar to `word`, by the Jaro-Winkler similarity, if that exceeds 0.8.
 pub fn closest<'c>(word: &str, candidates: impl IntoIterator<Item = &'c str>) -> Option<&'c str> {
     let likeness = |candidate: &str| strsim::jaro_winkler(word, candidate);
     candidates

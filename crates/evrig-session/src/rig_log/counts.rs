@@ -1,4 +1,4 @@
-//! Counting what the rig's log really holds.
+//! Counts the contents of the rig's log.
 
 use super::source::{ReadStep, RecordSource};
 use super::{PacketArrival, RigLogError, Topic, image};
@@ -86,7 +86,7 @@ pub(crate) fn count_log(path: &Path) -> Result<RigLogCounts, RigLogError> {
     Ok(RigLogCounts { topics, damage })
 }
 
-/// How many elements of each stream of the event camera the log saw arrive.
+/// Elements of each stream of the event camera that are logged as arrived.
 ///
 /// # Errors
 /// When the file cannot be opened or read.
@@ -102,7 +102,7 @@ pub(crate) fn arrivals(path: &Path) -> Result<BTreeMap<u32, u64>, RigLogError> {
     Ok(counts)
 }
 
-/// Hands out topic, log time (ns) and data of every message; what is wrong at the end, if anything.
+/// Passes topic, log time (ns) and data of every message to `visit`; returns the damage, if any.
 fn each_message(
     path: &Path,
     visit: &mut dyn FnMut(Topic, u64, &[u8]),
@@ -111,7 +111,7 @@ fn each_message(
     each_message_of(File::open(path).map_err(failed)?, visit).map_err(failed)
 }
 
-/// The same of any source.
+/// As [`each_message`], of any source.
 pub(crate) fn each_message_of(
     file: impl Read,
     visit: &mut dyn FnMut(Topic, u64, &[u8]),

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-/// What the system says where it is the system that says something.
+/// The system's error where there is one.
 fn reason(error: &mcap::McapError) -> String {
     match error {
         mcap::McapError::Io(system) => system.to_string(),
@@ -36,17 +36,17 @@ pub enum RigLogError {
     Encode {
         /// The file.
         path: PathBuf,
-        /// Where it was to go.
+        /// Its topic.
         topic: &'static str,
         /// Why not.
         because: String,
     },
-    /// A message is not what its topic says.
-    #[error("{}: message {message} of those read, on {topic}: {because}; `evrig verify` says whether the file is as it was sealed", path.display())]
+    /// A message is not of its topic's schema.
+    #[error("{}: message {message} of those read, on {topic}: {because}; `evrig verify` tests whether the file is as it was sealed", path.display())]
     Malformed {
         /// The file.
         path: PathBuf,
-        /// Where it stands.
+        /// Its topic.
         topic: &'static str,
         /// Its number among the messages read, from 1.
         message: u64,

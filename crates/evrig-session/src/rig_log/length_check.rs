@@ -1,14 +1,14 @@
-//! Holds the records of a chunk to the chunk's own length, before the library counts them off it.
+//! Checks the lengths of a chunk's records against the chunk's length, before the library subtracts them.
 //!
 //! mcap 0.26 subtracts the length that a record claims from what is left of its chunk without asking
-//! whether it fits; in a damaged file the difference is below zero. Here every length is looked at on
-//! its way from the file to the library, and the file ends where one does not fit.
+//! whether it fits; in a damaged file the difference is negative. Here every length is checked on
+//! its way from the file to the library; reading ends at the first that does not fit.
 
 use mcap::records::op;
 
 /// Opcode and length, before every record.
 const HEAD_BYTES: usize = 9;
-/// What a chunk says of itself before its records: two times, size, checksum, the name of its
+/// A chunk's header before its records: two times, size, checksum, the name of its
 /// compression (none: its length alone), size as stored.
 const CHUNK_HEAD_BYTES: usize = 40;
 
@@ -20,20 +20,20 @@ pub(super) struct Overrun {
     left: u64,
 }
 
-/// What is to be looked at next.
+/// What the next bytes are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Expected {
     /// The head of a record of the file.
     Head,
     /// The head of a chunk in a record of so many bytes.
     ChunkHead(u64),
-    /// The head of a record in a chunk that has `left` bytes, and `behind` them others.
+    /// The header of a record in a chunk with `left` bytes of records, and `behind` further bytes.
     Inner { left: u64, behind: u64 },
-    /// What the library refuses without counting: nothing more is looked at.
+    /// What the library refuses itself: no further checks.
     Refused,
 }
 
-/// Follows the lengths in a file whose bytes come in pieces.
+/// Checks the lengths in a file whose bytes come in pieces.
 #[derive(Debug)]
 pub(super) struct LengthCheck {
     part: Expected,
@@ -54,10 +54,10 @@ impl Default for LengthCheck {
 }
 
 impl LengthCheck {
-    /// Looks at the next bytes of the file.
+    /// Checks the next bytes of the file.
     ///
     /// # Errors
-    /// Of what these bytes are the first to show; the library must not see them.
+    /// When a length does not fit; the library must not get these bytes.
     pub(super) fn check(&mut self, mut bytes: &[u8]) -> Result<(), Overrun> {
         while !bytes.is_empty() {
             let n = match self.part {
@@ -86,7 +86,7 @@ impl LengthCheck {
         Ok(())
     }
 
-    /// What the gathered head says, and so what comes next.
+    /// Parses the collected header and returns what follows.
     fn advance(&mut self, part: Expected) -> Result<Expected, Overrun> {
         match part {
             Expected::Head => {
@@ -160,7 +160,7 @@ mod tests {
 
     fn passes(bytes: &[u8], piece: usize) -> Result<(), Overrun> {
         let mut fence = LengthCheck::default();
-        bytes.chunks(piece).try_for_each(|bytes| fence.pass(bytes))
+        bytes.chunks(piece).try_for_each(|bytes| fence.check(bytes))
     }
 
     /// Where the lengths of records in chunks stand.

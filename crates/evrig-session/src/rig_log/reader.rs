@@ -46,7 +46,7 @@ impl RigLogReader {
         })
     }
 
-    /// The error that names a message which is not what its topic says.
+    /// The error for a message that is not of its topic's schema.
     pub(super) fn malformed(&self, topic: Topic, because: impl Into<String>) -> RigLogError {
         RigLogError::Malformed {
             path: self.path.clone(),

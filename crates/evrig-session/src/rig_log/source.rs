@@ -8,11 +8,11 @@ use std::io::{self, Read};
 /// Records longer than this are damage: a chunk ends soon after 8 MiB, a frame has some megabytes.
 const MAX_RECORD_BYTES: usize = 1 << 28;
 
-/// Bytes that are read at once at most: a damaged head may announce a record that is not there, and memory
-/// is taken, and cleared, for what comes.
-const PIECE_BYTES: usize = 1 << 20;
+/// Bytes read at once at most: a damaged header may announce a record that is not there, and memory
+/// is allocated, and cleared, for what is read.
+const MAX_READ_BYTES: usize = 1 << 20;
 
-/// Reads a log; memory is taken for one record.
+/// Reads a log in memory for one record.
 pub(super) struct RecordSource<R> {
     from: R,
     reader: LinearReader,
@@ -21,13 +21,13 @@ pub(super) struct RecordSource<R> {
     n_wanted: usize,
 }
 
-/// What one step gave.
+/// The result of one step.
 pub(super) enum ReadStep<'a> {
-    /// A record, of a chunk or beside it.
+    /// A record, inside or outside a chunk.
     Record(Record<'a>),
-    /// Bytes that are no whole record yet.
+    /// No complete record yet.
     Nothing,
-    /// The file is cut or altered here, and there is nothing more to be had of it.
+    /// The file is truncated or damaged here; nothing after it can be read.
     Damage(String),
     /// The file's end.
     End,
@@ -42,13 +42,13 @@ impl<R: Read> RecordSource<R> {
         Self { from, reader, lengths: LengthCheck::default(), n_wanted: 0 }
     }
 
-    /// One step further.
+    /// Reads the next step.
     ///
     /// # Errors
     /// When the source cannot be read.
     pub(super) fn step(&mut self) -> io::Result<ReadStep<'_>> {
         if self.n_wanted > 0 {
-            let room = self.reader.insert(self.n_wanted.min(PIECE_BYTES));
+            let room = self.reader.insert(self.n_wanted.min(MAX_READ_BYTES));
             self.n_wanted = 0;
             let n = self.from.read(room)?;
             if let Err(overrun) = self.lengths.check(&room[..n]) {
@@ -62,7 +62,7 @@ impl<R: Read> RecordSource<R> {
                 self.n_wanted = n;
                 ReadStep::Nothing
             }
-            // No log of ours has attachments, and mcap 0.26 panics on one whose name leaves no room for its end.
+            // The log has no attachments, and mcap 0.26 panics on one whose name is too long for it.
             Some(Ok(LinearReadEvent::Record { opcode: op::ATTACHMENT, .. })) => ReadStep::Nothing,
             Some(Ok(LinearReadEvent::Record { data, opcode })) => {
                 match mcap::parse_record(opcode, data) {
@@ -124,6 +124,6 @@ mod tests {
             }
         };
         assert!(end.contains("in the middle of a record"), "{end}");
-        assert!(most <= PIECE_BYTES, "room for {most} bytes");
+        assert!(most <= MAX_READ_BYTES, "room for {most} bytes");
     }
 }

@@ -244,7 +244,7 @@ impl ToolCurve {
     }
 }
 
-/// Index of the point at the end of the leg in which `way` lies.
+/// Index of the point at the end of the leg that contains `way`.
 fn leg_at(way_mm: &[f64], way: f64) -> usize {
     way_mm.partition_point(|done| *done < way).clamp(1, way_mm.len() - 1)
 }

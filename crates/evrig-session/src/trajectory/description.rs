@@ -1,4 +1,4 @@
-//! A trajectory file: what it says, not yet where that is on a given rig.
+//! A trajectory file, independent of a rig.
 
 use super::segment::{DrawingPlane, RatesOverride, Segment};
 use crate::rig::{DescriptionError, Pose, find_text, read_description, read_text};
@@ -13,9 +13,9 @@ pub struct Trajectory {
     pub description: Option<String>,
     /// Where it begins.
     pub start: Pose,
-    /// Where its segments are drawn unless they say otherwise.
+    /// Default plane of its segments.
     pub plane: DrawingPlane,
-    /// How fast its segments are unless they say otherwise.
+    /// Default rates of its segments.
     pub rates: RatesOverride,
     /// What it does, in order.
     pub segments: Vec<Segment>,
@@ -104,6 +104,17 @@ mod tests {
     use super::*;
 
     const CIRCLE: &str = include_str!("../../../../trajectories/circle.toml");
+
+    #[test]
+    fn a_description_of_the_former_schema_is_read() {
+        let former = CIRCLE
+            .replace("evrig.trajectory/2", "evrig.trajectory/1")
+            .replace("description =", "says =");
+        let read = Trajectory::parse("mine.toml", &former).unwrap();
+        let current = Trajectory::find("circle").unwrap();
+        assert!(read.description.is_some());
+        assert_eq!(Trajectory { text: current.text.clone(), ..read }, current);
+    }
 
     #[test]
     fn every_bundled_description_parses_under_its_own_name() {

@@ -1,4 +1,4 @@
-//! A path against the arm's limits, point by point.
+//! Checks a path against the arm's limits, point by point.
 
 use super::{PathStep, ToolPath};
 use crate::rig::{ArmDescription, Gauge, Joints, Pose, ToolRates};
@@ -9,24 +9,24 @@ use evrig_core::units::{
 use serde::Serialize;
 use std::fmt;
 
-/// Points at which a step is looked at lie no farther apart than this, nor turn farther.
-const SPACING_MM: f64 = 0.25;
-const SPACING_DEG: f64 = 0.25;
+/// Largest distance and rotation between checked points of a step.
+const MAX_SPACING_MM: f64 = 0.25;
+const MAX_SPACING_DEG: f64 = 0.25;
 
-/// About so many points on the whole of a very long path; they lie wider apart then. It is prime,
+/// Number of checked points of a very long path, which are farther apart then. It is prime,
 /// so that on a circle of very many turns they do not fall on the same places turn after turn.
 const MAX_POINTS: f64 = 1_000_003.0;
 
-/// Points at which a move of the joints is looked at: less than three degrees apart.
+/// Checked points of a joint move: less than three degrees apart.
 const JOINT_MOVE_POINTS: u32 = 128;
 
-/// How near a path comes to one limit, and where.
+/// The margin of a path to one limit, and where it is smallest.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Margin {
     /// The quantity and its limits.
     #[serde(flatten)]
     pub gauge: Gauge,
-    /// Room to the nearer limit in the gauge's unit; negative beyond it.
+    /// Distance to the nearer limit in the gauge's unit; negative beyond it.
     pub margin: f64,
     /// Which step.
     pub segment: String,
@@ -36,7 +36,7 @@ pub struct Margin {
     pub pose: Pose,
 }
 
-/// A point of a walk.
+/// A checked point of a path.
 struct CheckedPoint<'a> {
     segment: &'a str,
     time_s: f64,
@@ -64,7 +64,7 @@ pub fn violations(path: &ToolPath, arm: &ArmDescription) -> Vec<Margin> {
     LimitScan::along(path, arm).violations
 }
 
-/// What a walk along a path found.
+/// Margins and violations along a path.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct LimitScan {
     /// The narrowest margin to every limit.
@@ -74,12 +74,12 @@ pub(super) struct LimitScan {
 }
 
 impl LimitScan {
-    /// Looks at the ways from and to home and at every step of the path.
+    /// Checks the moves from and to home and every step of the path.
     pub(super) fn along(path: &ToolPath, arm: &ArmDescription) -> Self {
         let mut walk = Self::default();
         walk.joint_move("from home to the start", 0.0, [arm.home, path.start()], arm);
         let turns: f64 = path.steps().iter().map(|step| step.curve.turn().abs().0).sum();
-        let n_wanted = path.length().0 / SPACING_MM + turns / SPACING_DEG;
+        let n_wanted = path.length().0 / MAX_SPACING_MM + turns / MAX_SPACING_DEG;
         let thinning = (n_wanted / MAX_POINTS).max(1.0);
         for step in path.steps() {
             walk.step(step, thinning, arm);
@@ -95,7 +95,7 @@ impl LimitScan {
             time_s: (step.start + since).as_secs_f64(),
             pose: step.pose_at(since),
         };
-        for gauge in arm.gauge_rates(&asked(step)) {
+        for gauge in arm.gauge_rates(&requested_rates(step)) {
             self.note(gauge, &place(Span::ZERO));
         }
         let n_points = points(step, thinning);
@@ -112,7 +112,7 @@ impl LimitScan {
         }
     }
 
-    /// Looks at a move in which all joints go evenly from one pose to the other, as the arm's MOVJ does.
+    /// Checks a move with linear interpolation of the joints, as the arm's MOVJ.
     fn joint_move(
         &mut self,
         segment: &str,
@@ -147,7 +147,7 @@ impl LimitScan {
 }
 
 /// What a step asks for. A speed that a short way never reaches counts: the arm is sent it.
-fn asked(step: &PathStep) -> ToolRates {
+fn requested_rates(step: &PathStep) -> ToolRates {
     let mut rates = ToolRates::default();
     if step.curve.length() > Millimetres(0.0) {
         rates.speed = step.rates.speed;
@@ -165,8 +165,8 @@ fn asked(step: &PathStep) -> ToolRates {
 }
 
 fn points(step: &PathStep, thinning: f64) -> usize {
-    let by_way = step.curve.length().0 / SPACING_MM;
-    let by_turn = step.curve.turn().abs().0 / SPACING_DEG;
+    let by_way = step.curve.length().0 / MAX_SPACING_MM;
+    let by_turn = step.curve.turn().abs().0 / MAX_SPACING_DEG;
     let is_still = by_way == 0.0 && by_turn == 0.0;
     if is_still { 0 } else { (by_way.max(by_turn) / thinning).ceil().max(32.0) as usize }
 }
@@ -175,7 +175,7 @@ fn points(step: &PathStep, thinning: f64) -> usize {
 pub(super) fn peaks(path: &ToolPath) -> ToolRates {
     let zero = ToolRates::default();
     path.steps().iter().fold(zero, |most, step| {
-        let asked = asked(step);
+        let requested_rates = requested_rates(step);
         let part = |turn: f64, all: f64| if all > 0.0 { turn / all } else { 0.0 };
         let turn_share = part(step.curve.turn().abs().0, step.curve.length().0);
         let turn_speed = if step.curve.length().0 > 0.0 {
@@ -189,11 +189,11 @@ pub(super) fn peaks(path: &ToolPath) -> ToolRates {
                 most.acceleration.0.max(step.ramp_acceleration().0),
             ),
             curve_acceleration: MillimetresPerSecond2(
-                most.curve_acceleration.0.max(asked.curve_acceleration.0),
+                most.curve_acceleration.0.max(requested_rates.curve_acceleration.0),
             ),
             turn_speed: DegreesPerSecond(most.turn_speed.0.max(turn_speed)),
             turn_acceleration: DegreesPerSecond2(
-                most.turn_acceleration.0.max(asked.turn_acceleration.0),
+                most.turn_acceleration.0.max(requested_rates.turn_acceleration.0),
             ),
         }
     })

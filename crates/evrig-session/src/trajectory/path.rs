@@ -37,7 +37,7 @@ pub struct StepSettings {
     pub exposure_scale: Option<f64>,
     /// The light, as a share (0..=1) of the rig's full light.
     pub light_level: Option<f64>,
-    /// Flashes of the light at the step's beginning: edges that every camera sees.
+    /// Flashes of the light at the step's beginning, visible to every camera.
     pub n_flashes: u32,
     /// Biases of the DAVIS that differ from the rig's, in the driver's names and units.
     pub biases: BTreeMap<String, u16>,

@@ -1,4 +1,4 @@
-//! A trajectory explained against a rig, before anything moves.
+//! The plan of a trajectory on a rig: margins, visibility, duration, data volume.
 
 use super::disk::{StreamSize, stream_sizes};
 use super::margin::{LimitScan, Margin, peaks};
@@ -12,14 +12,14 @@ use serde::Serialize;
 /// At most so many evenly spread points of the profile are kept; a screen shows no more.
 const PROFILE_POINTS: usize = 1000;
 
-/// What a trajectory will do on a rig.
+/// The plan of a trajectory on a rig.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Plan {
     /// The trajectory's name.
     pub trajectory: String,
     /// The rig's name.
     pub rig: String,
-    /// Whether nothing speaks against it: no limit is exceeded.
+    /// Whether no limit is exceeded.
     pub is_feasible: bool,
     /// The first point beyond each limit that is exceeded, in the order of time.
     pub violations: Vec<Margin>,
@@ -41,11 +41,11 @@ pub struct Plan {
     pub segments: Vec<SegmentPlan>,
     /// The narrowest margin to every limit.
     pub margins: Vec<Margin>,
-    /// What the cameras see of the target; empty when the rig does not state where it is.
+    /// Visibility of the target; empty when the rig does not state where it is.
     pub views: Vec<TargetVisibility>,
-    /// What the operator should know although no limit is exceeded.
+    /// Remarks for the operator.
     pub remarks: Vec<String>,
-    /// Bytes a stream.
+    /// Bytes per stream.
     pub disk: Vec<StreamSize>,
     /// Bytes of all streams.
     pub disk_bytes: u64,
@@ -59,7 +59,7 @@ pub struct Plan {
 /// One motion of a plan.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SegmentPlan {
-    /// Its name; parts of a repeat or a sweep behind a slash.
+    /// Its name; parts of a repeat or a sweep after a slash.
     pub label: String,
     /// When it begins.
     pub start_s: f64,
@@ -106,7 +106,7 @@ impl Plan {
     ///
     /// # Errors
     /// When a segment makes no curve, or asks for an exposure that a frame has no time for. A path
-    /// beyond a limit is no error here: its plan says so.
+    /// beyond a limit is not an error: see [`Plan::violations`].
     pub fn new(
         trajectory: &Trajectory,
         rig: &Rig,
@@ -246,7 +246,7 @@ mod tests {
     fn the_published_circle_is_the_one_of_the_published_program() {
         // Its circle command names these two points after a start at (240, 0, 100, 90).
         let path = plan("circle").path;
-        let crate::trajectory::Motion::Circle { via, opposite, turns } =
+        let crate::trajectory::MotionCommand::Circle { via, opposite, turns } =
             path.steps()[1].curve.motion()
         else {
             panic!("{:?}", path.steps()[1])

@@ -1,4 +1,4 @@
-//! What a plan should say although no limit is exceeded.
+//! Remarks of a plan, and limits of exposures.
 
 use super::{PathError, TargetVisibility, ToolPath};
 use crate::rig::{ArmPort, Rig};

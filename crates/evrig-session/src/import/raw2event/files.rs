@@ -1,7 +1,7 @@
 //! Which files belong together: by their tag, then by the nearest time.
 
 use crate::SessionError;
-use crate::import::builder::file_name;
+use crate::manifest::file_name;
 use chrono::NaiveDateTime;
 use std::path::{Path, PathBuf};
 
@@ -117,7 +117,7 @@ fn choose(
         several => {
             let names: Vec<String> = several.iter().map(|file| file_name(&file.path)).collect();
             let what =
-                format!("`{id}` stands in several names; give more of it: {}", names.join(", "));
+                format!("`{id}` matches several names; give a longer part: {}", names.join(", "));
             Err(SessionError::import(directory, what))
         }
     }

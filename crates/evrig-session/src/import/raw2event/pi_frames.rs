@@ -1,8 +1,9 @@
-//! The Pi's frames and stamps: what they are is decided from the data, and said.
+//! The Pi's frames and timestamps, whose format is detected and recorded as decisions.
 
 use super::files::RecordingFiles;
 use super::request::ImportRaw2Event;
-use crate::import::builder::{SessionBuilder, file_name};
+use crate::import::builder::SessionBuilder;
+use crate::manifest::file_name;
 use crate::{DataLoss, SessionError, StreamEntry, StreamKind};
 use evrig_core::time::{Clock, PiSensor};
 use evrig_format::npy::ArrayWriter;
@@ -15,22 +16,22 @@ use std::path::{Path, PathBuf};
 
 /// What was taken from the Pi's files.
 #[derive(Debug, Default)]
-pub(super) struct PiFrames {
+pub(super) struct ImportedPiFrames {
     pub(super) streams: Vec<StreamEntry>,
     pub(super) files: Vec<PathBuf>,
     pub(super) losses: Vec<DataLoss>,
     pub(super) decisions: Vec<String>,
 }
 
-impl PiFrames {
+impl ImportedPiFrames {
     pub(super) fn read(
         request: &ImportRaw2Event<'_>,
         files: &RecordingFiles,
-        site: &SessionBuilder,
+        builder: &SessionBuilder,
         progress: &mut dyn FnMut(u64),
     ) -> Result<Self, SessionError> {
-        let directory = site.layout.frames();
-        site.make_directory(&directory)?;
+        let directory = builder.layout.frames();
+        builder.make_directory(&directory)?;
         let mut pi = Self::default();
         let records = pi.stamps(&files.metadata, request)?;
         let streams = [("raw", &files.raw, 2), ("rgb", &files.rgb, 4)];
@@ -190,7 +191,7 @@ impl PiFrames {
                     format!("frame {k} is no 10-bit raw frame; is --size {} right?", request.size);
                 SessionError::import(from, what)
             })?;
-            // A black frame says Right whatever the camera; the first bright one decides.
+            // A black frame fits `Right` for every camera; the first bright one decides.
             if found == RawJustification::Left && justification.is_none() {
                 justification = Some(found);
                 if k > 0 {
@@ -237,7 +238,7 @@ impl PiFrames {
     }
 }
 
-/// RGB frames are stored as they are: R, G, B and one unused sample a pixel.
+/// RGB frames are stored as they are: R, G, B and one unused sample per pixel.
 fn copy_rgb(
     from: &Path,
     to: &Path,

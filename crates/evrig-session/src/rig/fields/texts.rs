@@ -5,11 +5,11 @@ use std::fmt::Display;
 use std::str::FromStr;
 use toml::de::DeValue;
 
-/// Longer than any name or sentence of a description, in bytes.
-const MAX_TEXT: usize = 1000;
+/// Longest text of a description.
+const MAX_TEXT_BYTES: usize = 1000;
 
 impl DescriptionFields<'_, '_> {
-    /// Text; empty after a complaint.
+    /// Text; empty after a mistake.
     pub fn text(&self, key: &'static str) -> String {
         self.required(key).and_then(|value| self.as_text(key, value)).unwrap_or_default()
     }
@@ -34,8 +34,8 @@ impl DescriptionFields<'_, '_> {
 
     fn as_text(&self, key: &str, value: &Value<'_>) -> Option<String> {
         let text = value.get_ref().as_str();
-        if text.is_some_and(|text| text.len() > MAX_TEXT) {
-            let what = format!("{}: more than {MAX_TEXT} bytes of text", self.full(key));
+        if text.is_some_and(|text| text.len() > MAX_TEXT_BYTES) {
+            let what = format!("{}: more than {MAX_TEXT_BYTES} bytes of text", self.full(key));
             self.problems.add(value.span(), what);
             return None;
         }
@@ -58,7 +58,7 @@ impl DescriptionFields<'_, '_> {
         }
     }
 
-    /// A text that [`FromStr`] understands; None after a complaint or when the key is absent.
+    /// A text that [`FromStr`] understands; None after a mistake or when the key is absent.
     pub fn parsed<P>(&self, key: &'static str) -> Option<P>
     where
         P: FromStr,

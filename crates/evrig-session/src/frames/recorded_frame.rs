@@ -5,40 +5,40 @@ use evrig_core::frame::{BayerOrder, Frame, Samples};
 use evrig_core::geometry::Size;
 use evrig_core::time::{Clock, Stamp, Unix};
 
-/// One frame and what is known of it beside its pixels.
+/// One frame with its properties.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Picture<C: Clock> {
+pub struct RecordedFrame<C: Clock> {
     /// Number in its stream, from 0, those that could not be used counted too.
     pub number: u64,
     /// Samples and timing. `frame.origin` is the place of the first pixel on the sensor.
     pub frame: Frame<C>,
-    /// What the samples mean.
-    pub facts: PictureFacts,
+    /// Properties of the samples.
+    pub properties: FrameProperties,
 }
 
-/// What the samples of a picture mean.
+/// Properties of a frame's samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PictureFacts {
+pub struct FrameProperties {
     /// Bits of a sample that are used: 8, or 10 for raw frames stored in 16.
     pub bits: u8,
-    /// The mosaic's colours; none for grey and colour pictures.
+    /// The mosaic's colours; none for grey and colour frames.
     pub bayer: Option<BayerOrder>,
-    /// What a sample reads in the dark, digital units: R, green by R, green by B, B of a mosaic,
+    /// Black level of a sample, digital units: R, green by R, green by B, B of a mosaic,
     /// else four times the same. Zero where nothing is stated.
     pub black_dn: [f32; 4],
     /// Analogue times digital gain, where it is stated.
     pub gain: Option<f64>,
-    /// The wall clock of the camera's computer when it had the frame; it may step and lags behind
-    /// the light by exposure, readout and queues.
+    /// The wall clock of the camera's computer when it received the frame; it may step and lags
+    /// the exposure by exposure time, readout and queues.
     pub real_time: Option<Stamp<Unix>>,
 }
 
-impl<C: Clock> Picture<C> {
+impl<C: Clock> RecordedFrame<C> {
     /// Brightness of each pixel in the frame's own digital units, pedestal in it: a mosaic's
     /// (R + 2 G + B) / 4, all bits kept; colour weighted as in BT.601; grey as it is.
     #[must_use]
     pub fn luma(&self) -> Vec<f32> {
-        match (&self.frame.samples, self.facts.bayer) {
+        match (&self.frame.samples, self.properties.bayer) {
             (Samples::U16(mosaic), Some(_)) => {
                 evrig_core::frame::bayer_brightness(mosaic, self.frame.size)
             }

@@ -1,6 +1,6 @@
 //! Frames on the events' clock: the DAVIS's own, and imported arrays.
 
-use super::picture::{Picture, PictureFacts, stated_size};
+use super::recorded_frame::{FrameProperties, RecordedFrame, stated_size};
 use crate::{Session, SessionError, StreamEntry};
 use evrig_core::frame::{Frame, FrameTiming, Samples};
 use evrig_core::geometry::Size;
@@ -24,15 +24,15 @@ enum DavisSource {
     },
 }
 
-/// Frames of a stream on the events' clock; a damaged file gives what stands before the damage.
-pub struct DavisPictures {
+/// Frames of a stream on the events' clock; a damaged file gives what precedes the damage.
+pub struct DavisFrames {
     source: DavisSource,
     black_dn: f32,
     gain: Option<f64>,
     next: u64,
 }
 
-impl DavisPictures {
+impl DavisFrames {
     pub(super) fn open(session: &Session, entry: &StreamEntry) -> Result<Self, SessionError> {
         let path = session.layout().inside(&entry.file)?;
         let source = if path.extension().is_some_and(|extension| extension == "npy") {
@@ -83,8 +83,8 @@ fn open_npy(path: &Path, size: Size) -> Result<DavisSource, SessionError> {
     Ok(DavisSource::Npy { reader, times: times.into_iter(), size, n_bytes })
 }
 
-impl Iterator for DavisPictures {
-    type Item = Result<Picture<Davis>, SessionError>;
+impl Iterator for DavisFrames {
+    type Item = Result<RecordedFrame<Davis>, SessionError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         let frame = match self.frame()? {
@@ -93,13 +93,13 @@ impl Iterator for DavisPictures {
         };
         let number = self.next;
         self.next += 1;
-        let facts = PictureFacts {
+        let properties = FrameProperties {
             bits: frame.samples.bits(),
             bayer: None,
             black_dn: [self.black_dn; 4],
             gain: self.gain,
             real_time: None,
         };
-        Some(Ok(Picture { number, frame, facts }))
+        Some(Ok(RecordedFrame { number, frame, properties }))
     }
 }

@@ -1,21 +1,21 @@
-//! Frames of any camera of a session as pictures with full timing, on their camera's own clock.
+//! Frames of a session's cameras with their timing, on their camera's own clock.
 //!
 //! | stream | clock | from |
 //! | --- | --- | --- |
 //! | `aps` | davis | `davis.aedat4` |
 //! | `frames` | davis | imported arrays |
-//! | `raw`, `rgb` of a recording | pi-sensor | `rig.mcap`, each picture beside its metadata |
-//! | `raw`, `rgb` of an import | pi-sensor | arrays beside `sensor_timestamp_ns` and `real_time_us` |
+//! | `raw`, `rgb` of a recording | pi-sensor | `rig.mcap`, each image with its metadata |
+//! | `raw`, `rgb` of an import | pi-sensor | arrays with `sensor_timestamp_ns` and `real_time_us` |
 
 mod davis;
 mod pi;
-mod picture;
+mod recorded_frame;
 
-pub use davis::DavisPictures;
-pub use pi::PiPictures;
-pub use picture::{Picture, PictureFacts};
+pub use davis::DavisFrames;
+pub use pi::PiCameraFrames;
+pub use recorded_frame::{FrameProperties, RecordedFrame};
 
-use super::{RigNotes, Session, SessionError, StreamEntry, StreamKind, rig_log};
+use super::{RigLogContents, Session, SessionError, StreamEntry, StreamKind, rig_log};
 use crate::rig::Rig;
 use evrig_core::time::{Clock, PiSensor, Stamp, Unix};
 
@@ -36,18 +36,22 @@ impl Session {
         })
     }
 
-    /// What the rig's log holds beside pictures: metadata, clocks, arrivals, arm poses, commanded
+    /// The rig's log without images: metadata, clocks, arrivals, arm poses, commanded
     /// path; empty where there is no log. One pass over the file.
     ///
     /// # Errors
-    /// When the log cannot be read or a message is not what its topic says.
-    pub fn rig_notes(&self) -> Result<RigNotes, SessionError> {
+    /// When the log cannot be read or a message is not of its topic's schema.
+    pub fn rig_log_contents(&self) -> Result<RigLogContents, SessionError> {
         let path = self.layout().rig_log();
-        if path.exists() { Ok(rig_log::read_notes(&path)?) } else { Ok(RigNotes::default()) }
+        if path.exists() {
+            Ok(rig_log::read_contents(&path)?)
+        } else {
+            Ok(RigLogContents::default())
+        }
     }
 
-    /// Whether a frame stream comes from the Pi's camera, so that [`Session::pi_pictures`] reads it;
-    /// [`Session::davis_pictures`] reads the others.
+    /// Whether a frame stream comes from the Pi's camera, so that [`Session::pi_frames`] reads it;
+    /// [`Session::davis_frames`] reads the others.
     ///
     /// # Errors
     /// When there is no such stream.
@@ -59,24 +63,24 @@ impl Session {
     ///
     /// # Errors
     /// When there is no such stream, it is not the Pi's, or its files cannot be opened.
-    pub fn pi_pictures(&self, name: &str) -> Result<PiPictures, SessionError> {
+    pub fn pi_frames(&self, name: &str) -> Result<PiCameraFrames, SessionError> {
         let entry = self.stream(StreamKind::Frames, name)?;
         if !is_from_pi(entry) {
             return Err(self.other_clock(entry));
         }
-        PiPictures::open(self, entry)
+        PiCameraFrames::open(self, entry)
     }
 
     /// The frames of a stream on the events' clock, in the order in which they came.
     ///
     /// # Errors
     /// When there is no such stream, it is on another clock, or its files cannot be opened.
-    pub fn davis_pictures(&self, name: &str) -> Result<DavisPictures, SessionError> {
+    pub fn davis_frames(&self, name: &str) -> Result<DavisFrames, SessionError> {
         let entry = self.stream(StreamKind::Frames, name)?;
         if is_from_pi(entry) {
             return Err(self.other_clock(entry));
         }
-        DavisPictures::open(self, entry)
+        DavisFrames::open(self, entry)
     }
 
     /// SensorTimestamp and RealTime of each frame of an import from the published layout, in the
