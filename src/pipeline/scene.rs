@@ -43,7 +43,7 @@ impl RawFrames for Recorded<'_> {
     type Error = PipelineError;
 
     fn replay(&mut self, see: &mut FrameVisitor<'_>) -> Result<(), PipelineError> {
-        for picture in self.session.pi_pictures(self.stream)? {
+        for picture in self.session.pi_frames(self.stream)? {
             let picture = picture?;
             see(picture.number as usize, &picture.frame)?;
             self.n_done += 1;
@@ -135,7 +135,7 @@ fn make(
     let mut footage = Recorded { session, stream: raw, progress, n_done: 0, n_all };
     let mut reconstruction = reconstruct_target(&known, &mut footage)?;
     let frames: Result<Vec<_>, SessionError> =
-        session.davis_pictures(aps)?.map(|picture| Ok(picture?.frame)).collect();
+        session.davis_frames(aps)?.map(|picture| Ok(picture?.frame)).collect();
     let pi_from_davis = pi_from_davis(session, &reconstruction.path)?;
     let known = DavisInputs {
         lens: Lens::of(&cameras.davis),
@@ -179,10 +179,10 @@ fn cameras(session: &Session, [raw, aps]: [&str; 2]) -> Result<Cameras, Pipeline
 /// What the samples of the raw stream mean, from its first frame.
 fn raw_light(session: &Session, raw: &str) -> Result<RawLevels, PipelineError> {
     let first: Picture<PiSensor> = session
-        .pi_pictures(raw)?
+        .pi_frames(raw)?
         .next()
         .ok_or_else(|| missing(session, format!("`{raw}` has no frames")))??;
-    let facts = first.facts;
+    let facts = first.properties;
     let black_dn = f64::from(facts.black_dn.iter().sum::<f32>() / 4.0);
     let full_dn = ((1_u32 << facts.bits.min(16)) - 1) as u16;
     Ok(RawLevels { black_dn, full_dn })

@@ -143,9 +143,9 @@ pub fn track(
     let told = &mut |done| progress(done, n);
     let follow = Follow { session, stream, rig: &rig, camera: &camera };
     let track = if is_from_pi {
-        AnyTrack::Pi(follow.run(session.pi_pictures(stream)?, told)?)
+        AnyTrack::Pi(follow.run(session.pi_frames(stream)?, told)?)
     } else {
-        AnyTrack::Davis(follow.run(session.davis_pictures(stream)?, told)?)
+        AnyTrack::Davis(follow.run(session.davis_frames(stream)?, told)?)
     };
     let summary = track.summary(&whose);
     clear(&directory)?;
@@ -235,9 +235,9 @@ impl Follow<'_> {
 
 /// What the tracker must know of the samples.
 fn light<C: Clock>(picture: &Picture<C>) -> SampleFormat {
-    match picture.facts.bayer {
+    match picture.properties.bayer {
         Some(_) => {
-            let black: f32 = picture.facts.black_dn.iter().sum::<f32>() / 4.0;
+            let black: f32 = picture.properties.black_dn.iter().sum::<f32>() / 4.0;
             SampleFormat::Mosaic { black_level_dn: f64::from(black) }
         }
         None => SampleFormat::Brightness,

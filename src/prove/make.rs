@@ -6,7 +6,7 @@ use super::truth::{ConcealedTrial, Family};
 use evrig_core::time::Span;
 use evrig_session::import::import_aedat4;
 use evrig_session::rig::Rig;
-use evrig_session::trajectory::{Optional, Trajectory};
+use evrig_session::trajectory::{OptionalSegments, Trajectory};
 use evrig_sim::world::WorldDescription;
 use evrig_sim::{Simulation, simulate};
 use serde_json::json;
@@ -93,7 +93,7 @@ fn in_the_world(
 ) -> Result<(), ProveError> {
     let name = trial.trajectory.as_str();
     let trajectory = Trajectory::find(name).map_err(|e| describe(name, &e))?;
-    let path = trajectory.path(rig, Optional::LeftOut).map_err(|e| describe(name, &e))?;
+    let path = trajectory.path(rig, OptionalSegments::LeftOut).map_err(|e| describe(name, &e))?;
     let world = world(trial).map_err(|e| describe(&trial.name, &e))?;
     let simulation = Simulation {
         rig,

@@ -7,7 +7,7 @@ use evrig::record::Arm;
 use evrig::rig::{Pose, Rig};
 use evrig::sim::arm::{ArmClock, ArmEmulator, ArmOptions};
 use evrig::time::Span;
-use evrig::trajectory::{Optional, Path, Plan, Trajectory};
+use evrig::trajectory::{OptionalSegments, Plan, ToolPath, Trajectory};
 
 fn emulator() -> ArmEmulator {
     let options = ArmOptions { is_homed: true, ..ArmOptions::default() };
@@ -15,7 +15,7 @@ fn emulator() -> ArmEmulator {
 }
 
 /// Distance from a pose to the nearest place of the steps around `step`, mm.
-fn off_path(path: &Path, step: usize, pose: Pose) -> f64 {
+fn off_path(path: &ToolPath, step: usize, pose: Pose) -> f64 {
     let around = &path.steps()[step.saturating_sub(1)..path.steps().len().min(step + 2)];
     let places = around
         .iter()
@@ -28,7 +28,7 @@ fn every_bundled_trajectory_is_driven_as_planned() {
     let rig = Rig::simulated().unwrap();
     for name in Trajectory::bundled_names() {
         let trajectory = Trajectory::find(name).unwrap();
-        let plan = Plan::new(&trajectory, &rig, Optional::LeftOut).unwrap();
+        let plan = Plan::new(&trajectory, &rig, OptionalSegments::LeftOut).unwrap();
         let path = plan.feasible_path().unwrap();
         let emulator = emulator();
         let link = port::open(emulator.port()).unwrap();

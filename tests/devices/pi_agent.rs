@@ -272,7 +272,7 @@ fn a_paired_host_records_over_tls() {
     let mut pi = bench.pi(&bench.host_keys());
     let findings = pi.check();
     assert!(findings.iter().all(|finding| finding.verdict == Verdict::Good), "{findings:?}");
-    assert!(findings[1].says.contains("Mbit/s"), "{findings:?}");
+    assert!(findings[1].description.contains("Mbit/s"), "{findings:?}");
     pi.prepare().unwrap();
     let (outlet, inlet) = channel(1 << 30);
     pi.start(outlet).unwrap();

@@ -15,7 +15,7 @@ impl fmt::Display for Table<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let plan = self.plan;
         writeln!(f, "{} on rig {}", plan.trajectory, plan.rig)?;
-        if let Some(says) = &self.trajectory.says {
+        if let Some(says) = &self.trajectory.description {
             writeln!(f, "  {says}")?;
         }
         writeln!(

@@ -39,8 +39,8 @@ pub(super) fn preparation_of(
     if is_scene(session, from) || !session.is_from_pi(from)? {
         return Ok(FramePreparation::default());
     }
-    let first = session.pi_pictures(from)?.next().transpose()?;
-    let is_mosaic = first.is_some_and(|picture| picture.facts.bayer.is_some());
+    let first = session.pi_frames(from)?.next().transpose()?;
+    let is_mosaic = first.is_some_and(|picture| picture.properties.bayer.is_some());
     Ok(if is_mosaic {
         FramePreparation { colour: Colour::Luma, subtract_black: true, divide_exposure: false }
     } else {

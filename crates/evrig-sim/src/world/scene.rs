@@ -11,7 +11,7 @@ use super::target::PrintedTarget;
 use super::view::{CameraView, DAVIS_TEXELS_PER_PX, PI_TEXELS_PER_PX, ViewOptions};
 use evrig_core::time::Span;
 use evrig_session::rig::{Pose, Rig};
-use evrig_session::trajectory::Path;
+use evrig_session::trajectory::ToolPath;
 use nalgebra::{Matrix3, Vector3};
 use std::sync::{Arc, PoisonError, RwLock};
 
@@ -98,7 +98,7 @@ impl World {
     /// As [`Self::new`].
     pub fn along(
         rig: &Rig,
-        path: &Path,
+        path: &ToolPath,
         description: &WorldDescription,
         seed: u64,
     ) -> Result<Self, WorldError> {

@@ -1,7 +1,7 @@
 //! Settings of a run besides the motion: light, exposure, frames on and off, flashes.
 
 use evrig_core::time::Span;
-use evrig_session::trajectory::Path;
+use evrig_session::trajectory::ToolPath;
 
 /// Settings from `start` on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,8 +42,8 @@ impl SettingSchedule {
 
     /// The settings of the steps of a path; `aps` where a step does not set it.
     #[must_use]
-    pub fn of_path(path: &Path, aps: bool) -> Self {
-        let setting = |step: &evrig_session::trajectory::Step| {
+    pub fn of_path(path: &ToolPath, aps: bool) -> Self {
+        let setting = |step: &evrig_session::trajectory::PathStep| {
             let set = &step.settings;
             RunSetting {
                 start: step.start,

@@ -10,7 +10,7 @@
 use crate::effect::model::{EffectDescription, EffectModel, EffectParameter, ReadoutContext, SignalStage};
 use crate::effect::pixel_site::PixelSite;
 use crate::pixel_model::PixelModel;
-use evrig_core::event::{DeadTime, Events};
+use evrig_core::event::{RefractoryFilter, Events};
 use serde::{Deserialize, Serialize};
 
 /// Held at the reset for a fixed time.
@@ -63,9 +63,9 @@ impl EffectModel for RefractoryPeriod {
         if !self.is_behind_the_pixel() {
             return;
         }
-        let mut dead = DeadTime::new(camera.size, self.refractory_us.round() as i64);
+        let mut dead = RefractoryFilter::new(camera.size, self.refractory_us.round() as i64);
         camera.change(events, |mut events| {
-            events.retain(|e| dead.lets_through(e.t, camera.size.index(e.x, e.y)));
+            events.retain(|e| dead.passes(e.t, camera.size.index(e.x, e.y)));
             events
         });
     }
