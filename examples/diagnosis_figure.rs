@@ -27,7 +27,7 @@ fn main() -> Drawn {
         let canvas = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
         canvas.fill(&WHITE).map_err(|e| e.to_string())?;
         let places = &diagnosis.mismatch.strata;
-        let places = &places[..strata.len().min(N_PLACES)];
+        let places = &places[..places.len().min(N_PLACES)];
         if let Some(term) = &diagnosis.proposed_term {
             let (left, right) = canvas.split_horizontally(510);
             places_of(&left, places)?;

@@ -21,13 +21,14 @@ pub use evidence::session_facts::{ClockTie, SessionFacts};
 pub use evidence::stamp_grid::StampGrid;
 pub use evidence::{DiagnoseError, Evidence, PixelEvidence};
 pub use fit::effect_scan::EffectGain;
-pub use model::hypothesis::{Hypothesis, PredictedPixel};
+pub use model::hypothesis::Hypothesis;
 pub use model::image_pose::ImagePose;
 pub use model::library::{
     CandidateEffect, DerivedParameters, EffectParameter, FreedNuisance, LIBRARY, SignalStage,
 };
 pub use model::nuisance::Nuisance;
 pub use model::pixel_mixture::{PixelMixture, PixelStratum};
+pub use model::predicted_pixel::PredictedPixel;
 pub use model::registration::{FittedRegistration, RegisteredDrive};
 pub use options::DiagnosisOptions;
 pub use report::departure::Departure;

@@ -257,7 +257,11 @@ mod tests {
         };
         let IsolatedEventDeficit { place, term } = step.report(1_000_000);
         assert_eq!((place.ratio, place.n_events), (Some(0.2), 200));
-        assert!(place.description.starts_with("0.20 events per expected event"), "{}", place.description);
+        assert!(
+            place.description.starts_with("0.20 events per expected event"),
+            "{}",
+            place.description
+        );
         let nats = (800.0 - 200.0 * 5.0_f64.ln()) * 1e-6;
         assert!((term.heldout_gain_nats_per_event - nats).abs() < 1e-12);
         assert!((term.curve[1][1] - 0.2_f64.ln()).abs() < 1e-12 && term.curve[0][0] < 10_000.0);
