@@ -1,4 +1,4 @@
-//! A `diagnosis.json` as one small SVG: where the model is wrong, and the term that is proposed.
+//! A `diagnosis.json` as one SVG: the strata with a misfit, and the proposed term.
 //!
 //! `cargo run --release --example diagnosis_figure -- diagnosis.json OUT.svg`
 
@@ -15,8 +15,8 @@ const USAGE: &str = "usage: diagnosis_figure diagnosis.json OUT.svg";
 const SIZE: (u32, u32) = (900, 340);
 const BAR: RGBColor = RGBColor(0, 114, 178);
 const CURVE: RGBColor = RGBColor(213, 94, 0);
-/// As many places as can be read in the picture.
-const N_PLACES: usize = 8;
+/// Strata that fit legibly into the figure.
+const MAX_STRATA: usize = 8;
 
 fn main() -> Drawn {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -27,7 +27,7 @@ fn main() -> Drawn {
         let canvas = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
         canvas.fill(&WHITE).map_err(|e| e.to_string())?;
         let places = &diagnosis.mismatch.strata;
-        let places = &places[..places.len().min(N_PLACES)];
+        let places = &places[..places.len().min(MAX_STRATA)];
         if let Some(term) = &diagnosis.proposed_term {
             let (left, right) = canvas.split_horizontally(510);
             places_of(&left, places)?;
@@ -41,12 +41,12 @@ fn main() -> Drawn {
     Ok(())
 }
 
-/// What a recalibration in each stratum would buy.
+/// Gain of a recalibration in each stratum.
 fn places_of(area: &Canvas<'_>, places: &[MisfitStratum]) -> Drawn {
     let most = places.first().map_or(1.0, |place| place.excess_nats_per_event);
     let n = places.len() as f64;
     let mut chart = ChartBuilder::on(area)
-        .caption("where the model is wrong", ("sans-serif", 16))
+        .caption("misfit by stratum", ("sans-serif", 16))
         .margin(10)
         .x_label_area_size(36)
         .build_cartesian_2d(0.0..1.1 * most, 0.0..n.max(1.0))?;
@@ -55,7 +55,7 @@ fn places_of(area: &Canvas<'_>, places: &[MisfitStratum]) -> Drawn {
         .disable_y_mesh()
         .disable_y_axis()
         .light_line_style(WHITE)
-        .x_desc("excess, nats an event")
+        .x_desc("excess, nats per event")
         .draw()?;
     for (i, place) in places.iter().enumerate() {
         let row = n - 1.0 - i as f64;

@@ -52,8 +52,8 @@ impl PredictedPixel<'_> {
         }
         let pixel = self.pixel;
         let place = [f64::from(pixel.x) + 0.5, f64::from(pixel.y) + 0.5];
-        let seen = pose.source_of(place, self.evidence.middle);
-        let [dx, dy] = [0, 1].map(|i| (seen[i] - place[i]) as f32);
+        let source = pose.source_of(place, self.evidence.middle);
+        let [dx, dy] = [0, 1].map(|i| (source[i] - place[i]) as f32);
         let [gx, gy] = &pixel.gradient;
         for ((signal, gx), gy) in self.signal.iter_mut().zip(gx).zip(gy) {
             *signal += dx * gx + dy * gy;

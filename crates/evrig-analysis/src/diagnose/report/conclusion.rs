@@ -294,7 +294,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_gain_that_nothing_measured_is_no_sign_and_one_without_scatter_is_a_sure_one() {
+    fn p_values_of_degenerate_gains() {
         assert_eq!([gain_p_value(0.0, 0.0), gain_p_value(1.0, 0.0)], [1.0, 0.0]);
         assert!((gain_p_value(1.644_853_6, 1.0) - 0.05).abs() < 1e-6);
     }
