@@ -13,7 +13,7 @@ use evrig_reconstruct::scene::{
 };
 use evrig_session::rig::{CameraDescription, Mount};
 use evrig_session::{
-    Picture, Session, SessionError, StageRecord, StreamKind, read_stage, write_stage,
+    RecordedFrame, Session, SessionError, StageRecord, StreamKind, read_stage, write_stage,
 };
 use serde_json::json;
 use std::path::Path;
@@ -178,7 +178,7 @@ fn cameras(session: &Session, [raw, aps]: [&str; 2]) -> Result<Cameras, Pipeline
 
 /// What the samples of the raw stream mean, from its first frame.
 fn raw_light(session: &Session, raw: &str) -> Result<RawLevels, PipelineError> {
-    let first: Picture<PiSensor> = session
+    let first: RecordedFrame<PiSensor> = session
         .pi_frames(raw)?
         .next()
         .ok_or_else(|| missing(session, format!("`{raw}` has no frames")))??;

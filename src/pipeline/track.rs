@@ -6,7 +6,7 @@ use evrig_core::time::{Clock, Davis, PiSensor};
 use evrig_reconstruct::roi::{SampleFormat, Track, TrackOptions, Tracker};
 use evrig_session::rig::{CameraDescription, Rig};
 use evrig_session::{
-    Origin, Picture, Session, SessionError, StageRecord, StreamKind, StreamName, read_stage,
+    Origin, RecordedFrame, Session, SessionError, StageRecord, StreamKind, StreamName, read_stage,
     write_stage,
 };
 use serde::{Deserialize, Serialize};
@@ -205,7 +205,7 @@ struct Follow<'a> {
 impl Follow<'_> {
     fn run<C: Clock>(
         &self,
-        pictures: impl Iterator<Item = Result<Picture<C>, SessionError>>,
+        pictures: impl Iterator<Item = Result<RecordedFrame<C>, SessionError>>,
         progress: &mut dyn FnMut(u64),
     ) -> Result<Track<C>, PipelineError> {
         let wrong = |source| PipelineError::Track {
@@ -234,7 +234,7 @@ impl Follow<'_> {
 }
 
 /// What the tracker must know of the samples.
-fn light<C: Clock>(picture: &Picture<C>) -> SampleFormat {
+fn light<C: Clock>(picture: &RecordedFrame<C>) -> SampleFormat {
     match picture.properties.bayer {
         Some(_) => {
             let black: f32 = picture.properties.black_dn.iter().sum::<f32>() / 4.0;

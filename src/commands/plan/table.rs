@@ -47,8 +47,8 @@ impl fmt::Display for Table<'_> {
         for remark in &plan.remarks {
             write!(f, "\nnote: {remark}")?;
         }
-        for offence in &plan.offences {
-            write!(f, "\nbeyond a limit: {offence}")?;
+        for violation in &plan.violations {
+            write!(f, "\nbeyond a limit: {violation}")?;
         }
         let verdict = if plan.is_feasible { "the arm can run it" } else { "the arm cannot run it" };
         write!(f, "\n{verdict}")

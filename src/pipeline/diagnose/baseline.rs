@@ -93,18 +93,18 @@ pub(in crate::pipeline) struct BaselineLight {
 }
 
 /// Bound on the clock error of the camera's own frames: half an exposure.
-const SAME_CAMERA_US: f64 = 1_500.0;
+const SAME_CAMERA_BOUND_US: f64 = 1_500.0;
 
 /// Bound on the error of the scene's clock tie: half an exposure of the DAVIS, and noise makes
 /// crossings early.
-const TIED_US: f64 = 1_500.0;
+const TIED_BOUND_US: f64 = 1_500.0;
 
 /// Bound on the delay of events against the stated clocks: noise makes crossings early.
-const STATED_US: f64 = 800.0;
+const STATED_BOUND_US: f64 = 800.0;
 
 fn of_scene(session: &Session) -> Result<BaselineLight, PipelineError> {
     let rig = session.rig()?;
-    let none = || missing(session, "it holds no scene; run `evrig scene` first".into());
+    let none = || missing(session, "it has no scene; run `evrig scene` first".into());
     let scene = read_scene(session)?.ok_or_else(none)?;
     let drive = scene.drive();
     let row_delay_us = rig.as_ref().map_or(0.0, |rig| departures::row_delay_us(&scene, rig));
@@ -117,10 +117,10 @@ fn of_scene(session: &Session) -> Result<BaselineLight, PipelineError> {
         frame_us: 0.0,
         white_dn: drive.white_dn(),
         light_per_pedestal: light_per_pedestal(&scene),
-        offset_bound_us: if clocks.is_some() { STATED_US } else { TIED_US },
+        offset_bound_us: if clocks.is_some() { STATED_BOUND_US } else { TIED_BOUND_US },
         clock_tie: clocks,
         pixel_mm: Some(scene.registration.pixel_mm),
-        testable_from_frames: departures::shown(&scene, rig.as_ref()),
+        testable_from_frames: departures::testable_from_frames(&scene, rig.as_ref()),
         stamp_step_us: None,
     };
     Ok(BaselineLight { drive: Box::new(drive), facts, scene: Some(scene) })
@@ -156,7 +156,7 @@ fn of_frames(session: &Session, light: &str) -> Result<(FramesDrive, SessionFact
         frame_us: (times[times.len() - 1] - times[0]) as f64 / (times.len() - 1).max(1) as f64,
         white_dn: drive.white_dn(),
         light_per_pedestal: 1.0,
-        offset_bound_us: SAME_CAMERA_US,
+        offset_bound_us: SAME_CAMERA_BOUND_US,
         clock_tie: None,
         pixel_mm: None,
         testable_from_frames: Vec::new(),

@@ -38,11 +38,9 @@ impl DiagnosedCamera {
         let verdict = match self.verdict {
             DiagnosisVerdict::NoMismatch | DiagnosisVerdict::Explained => None,
             DiagnosisVerdict::PartlyExplained => {
-                Some("its recording shows more than the named effects")
+                Some("the named effects explain its recording only in part")
             }
-            DiagnosisVerdict::Unexplained => {
-                Some("its recording is not explained: events come otherwise")
-            }
+            DiagnosisVerdict::Unexplained => Some("no effect explains its recording"),
         };
         let left_out = self.fitted.left_out.iter().map(|what| format!("left out: {what}"));
         verdict.map(str::to_owned).into_iter().chain(left_out).collect()
@@ -88,8 +86,7 @@ pub fn read_camera(session: &Session) -> Result<DiagnosedCamera, PipelineError> 
         let root = session.root().display();
         // A diagnosis of a version without this file is fresh all the same.
         let again = if result(session, "diagnosis.json").exists() { " --force" } else { "" };
-        let what =
-            format!("it holds no diagnosed camera; run `evrig diagnose {root}{again}` first");
+        let what = format!("it has no diagnosed camera; run `evrig diagnose {root}{again}` first");
         return Err(missing(session, what));
     }
     DiagnosedCamera::read(&path)
@@ -100,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_that_is_no_camera_is_refused_with_its_path_and_what_makes_one() {
+    fn a_file_that_is_no_camera_is_refused_with_advice() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("camera.json");
         let said = || DiagnosedCamera::read(&path).unwrap_err().to_string();

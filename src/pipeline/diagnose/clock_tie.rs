@@ -6,10 +6,10 @@ use evrig_reconstruct::clock::{SessionClocks, TimeReference};
 use evrig_reconstruct::scene::Scene;
 
 /// Largest bound of a clock statement that counts as one.
-const LEAST_SURE_US: f64 = 5_000.0;
+const MAX_STATED_BOUND_US: f64 = 5_000.0;
 
 /// Stamps farther from Unix time belong to another clock.
-const MOST_LATE_US: f64 = 1e6;
+const MAX_UNIX_OFFSET_US: f64 = 1e6;
 
 /// The scene's clock tie against the session's clock map; `None` where the session states no
 /// bounded map.
@@ -18,7 +18,7 @@ const MOST_LATE_US: f64 = 1e6;
 /// would absorb a delay of the event camera. The statement is the uncorrected reading of the
 /// clocks.
 ///
-/// `later_us` is the delay of the path's light against its frames' stamps.
+/// `row_delay_us` is the delay of the path's light against its frames' stamps.
 pub(super) fn clock_tie(
     scene: &Scene,
     clocks: &SessionClocks,
@@ -46,8 +46,8 @@ pub(super) fn clock_tie(
     let within = ends.into_iter().map(|end| end.map(|e| e.as_nanos().abs() as f64 * 1e-3));
     let statement_bound_us = within.collect::<Option<Vec<f64>>>()?.into_iter().fold(0.0, f64::max);
     // Stamps that are seconds off are not Unix time.
-    let is_meant = begin.abs().max(end.abs()) < MOST_LATE_US;
-    (statement_bound_us < LEAST_SURE_US && is_meant).then_some(ClockTie {
+    let is_meant = begin.abs().max(end.abs()) < MAX_UNIX_OFFSET_US;
+    (statement_bound_us < MAX_STATED_BOUND_US && is_meant).then_some(ClockTie {
         offset_us: [0.5 * (begin + end) - row_delay_us, registration.alignment_error[8] * 1e6],
         skew_ppm: [
             (end - begin) / (to_s - from_s).max(1e-3),

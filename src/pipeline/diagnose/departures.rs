@@ -8,19 +8,19 @@ use evrig_reconstruct::scene::{HeadVibration, PointSpread, Scene};
 use evrig_session::rig::{CameraDescription, Rig};
 
 /// Relative tolerance of the row time, which the scene shares.
-const SAME_ROWS: f64 = 0.15;
+const ROW_TIME_TOLERANCE: f64 = 0.15;
 
 /// Excess blur variance of a lens in focus, square pixels.
-const IN_FOCUS_PX2: f64 = 0.2;
+const MAX_EXCESS_BLUR_PX2: f64 = 0.2;
 
 /// Relative error of the stated blur variance.
-const SHAPE: f64 = 0.1;
+const STATED_VARIANCE_ERROR: f64 = 0.1;
 
 /// Amplitude below which events show no vibration, pixels.
-const LEAST_SWING_PX: f64 = 0.02;
+const MIN_AMPLITUDE_PX: f64 = 0.02;
 
 /// Significance level of a departure, standard errors.
-const SURE: f64 = 5.0;
+const MIN_STANDARD_ERRORS: f64 = 5.0;
 
 /// The departures, each with the signal without it and without those after it.
 pub(super) fn departures(scene: &Scene, rig: &Rig, evidence: &Evidence) -> Vec<Departure> {
@@ -31,10 +31,10 @@ pub(super) fn departures(scene: &Scene, rig: &Rig, evidence: &Evidence) -> Vec<D
         all.push(Departure { without, ..found });
     };
     let shake = scene.reconstruction.path.vibration();
-    let least_mm = LEAST_SWING_PX * scene.registration.pixel_mm;
+    let least_mm = MIN_AMPLITUDE_PX * scene.registration.pixel_mm;
     if let Some(shake) = shake.filter(|shake| shake.amplitude_mm[0] > least_mm) {
         bare.reconstruction.path = bare.reconstruction.path.without_vibration(&shake);
-        add(&bare, swing(&shake));
+        add(&bare, vibration(&shake));
     }
     if let Some((found, spread)) = blur(scene, rig) {
         bare.registration.spread = spread;
@@ -60,7 +60,7 @@ pub(super) fn departures(scene: &Scene, rig: &Rig, evidence: &Evidence) -> Vec<D
 }
 
 /// Effects that the frames of a session can show.
-pub(super) fn shown(scene: &Scene, rig: Option<&Rig>) -> Vec<EffectId> {
+pub(super) fn testable_from_frames(scene: &Scene, rig: Option<&Rig>) -> Vec<EffectId> {
     let tone = scene.registration.tone;
     let corners = scene.reconstruction.corner_loss.is_some() || tone.is_some();
     let noise = rig.is_some_and(|rig| rig.pi.camera.read_noise_dn.is_some())
@@ -88,7 +88,7 @@ pub(super) fn row_delay_us(scene: &Scene, rig: &Rig) -> f64 {
 /// A departure of the Pi's row time (with its standard error) from the stated one, microseconds.
 fn rows([found, error]: [f64; 2], stated: f64) -> Option<Departure> {
     let z = (found - stated).abs() / error.max(1e-9);
-    (z > SURE && (found - stated).abs() > SAME_ROWS * stated).then(|| Departure {
+    (z > MIN_STANDARD_ERRORS && (found - stated).abs() > ROW_TIME_TOLERANCE * stated).then(|| Departure {
         id: EffectId::RollingShutter,
         parameters: vec![("row_us", [found, error])],
         description: format!(
@@ -117,22 +117,22 @@ fn out_of_focus([sigma, error]: [f64; 2], [davis, pi]: [f64; 2]) -> Option<(Depa
     // The map includes the blur of the Pi's lens.
     let stated = (davis.powi(2) - pi.powi(2)).max(0.0);
     let beyond = sigma.powi(2) - stated;
-    let error = (2.0 * sigma * error).hypot(SHAPE * stated);
+    let error = (2.0 * sigma * error).hypot(STATED_VARIANCE_ERROR * stated);
     let (z, more) = (beyond / error.max(1e-9), beyond.max(0.0).sqrt());
     let departure = || Departure {
         id: EffectId::Defocus,
         parameters: vec![("sigma_px", [more, 0.5 * error / more])],
         description: format!(
-            "the event camera sees the print blurred by {more:.2} px more than stated"
+            "the event camera's image is blurred by {more:.2} px more than stated"
         ),
         z,
         without: None,
     };
-    (z > SURE && beyond > IN_FOCUS_PX2).then(|| (departure(), stated.sqrt()))
+    (z > MIN_STANDARD_ERRORS && beyond > MAX_EXCESS_BLUR_PX2).then(|| (departure(), stated.sqrt()))
 }
 
 /// A vibration of the head.
-fn swing(shake: &HeadVibration) -> Departure {
+fn vibration(shake: &HeadVibration) -> Departure {
     let ([hz, _], [mm, _]) = (shake.frequency_hz, shake.amplitude_mm);
     Departure {
         id: EffectId::Vibration,
@@ -141,7 +141,7 @@ fn swing(shake: &HeadVibration) -> Departure {
             ("amplitude_mm", shake.amplitude_mm),
         ],
         description: format!(
-            "the head swings on its path {hz:.1} times a second by {mm:.3} mm, which the arm was not told to"
+            "the head vibrates along its path at {hz:.1} Hz with an amplitude of {mm:.3} mm"
         ),
         z: shake.peak_ratio,
         without: None,
@@ -153,7 +153,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_lens_in_focus_and_rows_as_stated_are_no_departure() {
+    fn a_lens_in_focus_and_stated_rows_are_no_departure() {
         // A fit to the simulated rig: 0.4637, where the lenses give 0.476.
         assert!(out_of_focus([0.4637, 0.0007], [0.5, 0.153]).is_none());
         assert!(rows([9.40, 0.24], 9.21).is_none());
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_far_from_the_statement_is_named_with_what_lies_between() {
+    fn a_departure_is_measured_from_the_statement() {
         let (found, left) = out_of_focus([0.9, 0.001], [0.5, 0.153]).unwrap();
         let expected = (0.9_f64.powi(2) - 0.5_f64.powi(2) + 0.153_f64.powi(2)).sqrt();
         assert!((found.parameters[0].1[0] - expected).abs() < 1e-12);

@@ -61,7 +61,7 @@ pub fn generate_diagnosed(
         "is_straight": matches!(setting.baseline, Baseline::Frames(_)),
         "named": setting.camera.fitted.named,
         "camera": setting.camera.fitted.camera,
-        "seen": setting.registration,
+        "registration": setting.registration,
         "seed": request.seed,
     });
     let inputs = setting.baseline.inputs(session)?;
@@ -81,7 +81,7 @@ fn setting(session: &Session, by: &By) -> Result<Setting, PipelineError> {
         By::Other(file, light) => {
             let camera = DiagnosedCamera::read(file)?;
             let none = || {
-                let what = "it has neither a scene nor frames on the events' pixel grid to look at; \
+                let what = "it has neither a scene nor frames on the events' pixel grid to generate from; \
                             run `evrig scene`, or give --from";
                 missing(session, what.into())
             };

@@ -6,6 +6,7 @@ pub(crate) mod library;
 pub(crate) mod likelihood_profile;
 pub(crate) mod nuisance;
 pub(crate) mod pixel_mixture;
+pub(crate) mod predicted_pixel;
 pub(crate) mod registration;
 pub(crate) mod sampled_sine;
 pub(crate) mod score_grid;

@@ -7,4 +7,5 @@ pub(crate) mod fitted_camera;
 pub(crate) mod forward_simulation;
 pub(crate) mod heat_map;
 pub(crate) mod model_error;
+pub(crate) mod parameter_intervals;
 pub(crate) mod proposed_term;

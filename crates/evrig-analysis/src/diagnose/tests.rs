@@ -198,7 +198,7 @@ fn value(diagnosis: &Diagnosis, key: &str) -> f64 {
 }
 
 #[test]
-fn a_parameter_at_an_end_of_its_range_is_told_by_its_key_and_hidden_ones_are_not() {
+fn a_parameter_at_a_bound_is_reported_unless_it_is_hidden() {
     let evidence = empty();
     let parameter_at_bound = |id: EffectId, start: &[f64]| {
         let candidate = library(id);
@@ -216,7 +216,7 @@ fn a_parameter_at_an_end_of_its_range_is_told_by_its_key_and_hidden_ones_are_not
 }
 
 #[test]
-fn a_nuisance_near_the_end_of_its_range_is_led_back() {
+fn a_nuisance_near_its_bound_is_moved_back() {
     let evidence = empty();
     let candidate = library(EffectId::PhotocurrentLeak);
     let ordinary = Hypothesis::baseline(&evidence).with(candidate, &[0.6]);
@@ -231,7 +231,7 @@ fn a_nuisance_near_the_end_of_its_range_is_led_back() {
 }
 
 #[test]
-fn nothing_is_named_where_nothing_is_hidden() {
+fn no_effect_is_named_without_one() {
     let diagnosis = diagnose(&plant(None, &[]), &[], &options(), &mut |_| {}).diagnosis;
     assert_eq!(diagnosis.verdict, DiagnosisVerdict::NoMismatch, "{diagnosis:#?}");
     assert!(diagnosis.effects.is_empty());
@@ -250,7 +250,7 @@ fn nothing_is_named_where_nothing_is_hidden() {
 }
 
 #[test]
-fn a_dead_time_is_named_with_its_length() {
+fn a_refractory_period_is_recovered() {
     let diagnosis = found(EffectId::RefractoryPeriod, &[4_000.0_f64.ln(), 0.0]);
     let us = value(&diagnosis, "refractory_us");
     assert!((us / 4_000.0 - 1.0).abs() < 0.05, "{us}");
@@ -261,7 +261,7 @@ fn a_dead_time_is_named_with_its_length() {
 
 #[test]
 #[ignore = "takes minutes: .ci/long runs it"]
-fn a_dead_time_behind_the_pixel_is_told_from_one_in_it() {
+fn a_filter_behind_the_pixel_is_distinguished_from_a_refractory_period() {
     let diagnosis = found(EffectId::RefractoryPeriod, &[20_000.0_f64.ln(), 1.0]);
     let us = value(&diagnosis, "refractory_us");
     assert!((us / 20_000.0 - 1.0).abs() < 0.05, "{us}");
@@ -269,7 +269,7 @@ fn a_dead_time_behind_the_pixel_is_told_from_one_in_it() {
 }
 
 #[test]
-fn what_is_in_a_part_of_the_sensor_is_fitted_in_its_place() {
+fn an_effect_in_a_region_is_fitted_in_that_region() {
     let region = Rectangle { x_px: [0, 60], y_px: [0, 40] };
     // A freed nuisance keeps its prior elsewhere.
     let cases: [(EffectId, &[f64], &[f64], f64); 2] = [
@@ -295,7 +295,7 @@ fn what_is_in_a_part_of_the_sensor_is_fitted_in_its_place() {
 
 #[test]
 #[ignore = "takes minutes: .ci/long runs it"]
-fn a_bandwidth_is_named_with_its_cutoff() {
+fn a_bandwidth_is_recovered() {
     let start = [20.0_f64.ln(), 1.0, 0.02_f64.ln()];
     let diagnosis = found(EffectId::PhotoreceptorBandwidth, &start);
     let hz = value(&diagnosis, "cutoff_hz_at_white");
@@ -305,7 +305,7 @@ fn a_bandwidth_is_named_with_its_cutoff() {
 
 #[test]
 #[ignore = "takes minutes: .ci/long runs it"]
-fn a_clock_that_is_off_is_told_from_a_pole() {
+fn a_clock_offset_is_distinguished_from_a_pole() {
     let diagnosis = found(EffectId::ClockOffset, &[6_000.0]);
     let us = value(&diagnosis, "offset_us");
     assert!((us - 6_000.0).abs() < 300.0, "{us}");
@@ -317,7 +317,7 @@ fn a_clock_that_is_off_is_told_from_a_pole() {
 
 #[test]
 #[ignore = "takes minutes: .ci/long runs it"]
-fn unequal_thresholds_and_leak_are_told_apart() {
+fn threshold_asymmetry_and_leak_are_distinguished() {
     let ratio = value(&found(EffectId::ThresholdAsymmetry, &[0.3]), "on_off_ratio");
     assert!((ratio / 0.3_f64.exp() - 1.0).abs() < 0.03, "{ratio}");
     let leak = value(&found(EffectId::JunctionLeak, &[3.0]), "rate_hz");
@@ -325,7 +325,7 @@ fn unequal_thresholds_and_leak_are_told_apart() {
 }
 
 #[test]
-fn too_few_events_and_a_light_of_another_time_are_refused_with_what_to_do() {
+fn too_few_events_and_disjoint_times_are_refused_with_advice() {
     let events: Events =
         (0..50).map(|i| evrig_core::event::Event { t: i * 1_000, x: 3, y: 4, on: true }).collect();
     let size = Size::new(60, 60);
@@ -343,7 +343,7 @@ fn too_few_events_and_a_light_of_another_time_are_refused_with_what_to_do() {
 }
 
 #[test]
-fn every_effect_is_judged_or_said_to_be_beyond_judging() {
+fn every_effect_is_testable_or_listed_as_untestable() {
     let evidence = empty();
     let cannot = effect_scan::cannot_judge(&evidence, false);
     for &id in EffectId::ALL {
@@ -370,7 +370,7 @@ fn every_effect_is_judged_or_said_to_be_beyond_judging() {
 }
 
 #[test]
-fn of_a_long_recording_part_of_every_block_is_looked_at() {
+fn a_long_recording_is_subsampled_within_blocks() {
     let event = |i: i64| evrig_core::event::Event {
         t: 20 * (i % 3_600) + 75_000 * (i / 3_600),
         x: (i % 60) as u16,
@@ -397,7 +397,7 @@ fn of_a_long_recording_part_of_every_block_is_looked_at() {
 }
 
 #[test]
-fn a_strength_is_held_aside_as_far_as_its_range_goes() {
+fn a_strength_is_fixed_aside_within_its_range() {
     let drop = |fraction: f64| {
         Hypothesis::baseline(&empty()).with(library(EffectId::EventDrop), &[fraction])
     };

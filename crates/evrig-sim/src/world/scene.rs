@@ -182,7 +182,7 @@ impl World {
     fn check_target_is_in_view(&self, tool: Pose) -> Result<(), WorldError> {
         for (name, view) in [("davis", &self.davis), ("pi", &self.pi)] {
             let frame = view.camera.mounting.frame(tool);
-            let [_, _, forward] = frame.look_at(self.plane.centre);
+            let [_, _, forward] = frame.to_camera(self.plane.centre);
             let towards = frame.forward.dot(&self.plane.right.cross(&self.plane.down));
             if forward < 1.0 || towards < 0.1 {
                 return Err(WorldError::LooksAway { camera: name, tool: tool.to_string() });

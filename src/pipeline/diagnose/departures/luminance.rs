@@ -1,19 +1,19 @@
 //! Departures of the light and of the cameras' response to it.
 
-use super::SURE;
+use super::MIN_STANDARD_ERRORS;
 use evrig_analysis::diagnose::Departure;
 use evrig_core::effect_id::EffectId;
 use evrig_reconstruct::scene::{MovingIllumination, Scene, ToneFit};
 use evrig_session::rig::Rig;
 
 /// Ordinary light loss of a lens in its corners.
-const LEAST_LOSS: f64 = 0.05;
+const MAX_ORDINARY_LOSS: f64 = 0.05;
 
 /// Relative error of the stated read-noise variance.
-const SAME_NOISE: f64 = 0.2;
+const STATED_VARIANCE_ERROR: f64 = 0.2;
 
 /// Variance of rounding to integers.
-const ROUNDING: f64 = 1.0 / 12.0;
+const ROUNDING_VARIANCE: f64 = 1.0 / 12.0;
 
 /// A moving shadow.
 pub(super) fn shadow(moving: &MovingIllumination) -> Departure {
@@ -23,7 +23,7 @@ pub(super) fn shadow(moving: &MovingIllumination) -> Departure {
         id: EffectId::MovingShadow,
         parameters: vec![("depth", moving.depth)],
         description: format!(
-            "a shadow that takes {:.0} % of the light moves over the print at {:.0} mm/s towards {:.0} deg",
+            "a shadow of {:.0} % moves over the target at {:.0} mm/s towards {:.0} deg",
             100.0 * depth,
             speed_mm_per_s.abs(),
             if *speed_mm_per_s < 0.0 { direction_deg + 180.0 } else { *direction_deg }
@@ -38,7 +38,7 @@ pub(super) fn shadow(moving: &MovingIllumination) -> Departure {
 pub(super) fn curve(tone: &ToneFit) -> Option<Departure> {
     let z = tone.nonlinear_sigmas()?;
     let description = format!(
-        "raw frames read light to the power of {:.3} where the event camera's own frames read it as it is",
+        "raw frames follow a power law of exponent {:.3}, while the event camera's own frames are linear",
         tone.gamma[0]
     );
     let parameters = vec![("gamma", tone.gamma)];
@@ -49,7 +49,9 @@ pub(super) fn curve(tone: &ToneFit) -> Option<Departure> {
 pub(super) fn corners(scene: &Scene) -> Option<Departure> {
     let davis = scene.registration.tone.map(|tone| ("event camera", tone.corner_loss));
     let pi = scene.reconstruction.corner_loss.map(|loss| ("Pi", loss));
-    let lossy = |(_, [loss, error]): &(&str, [f64; 2])| *loss > LEAST_LOSS && loss / error > SURE;
+    let lossy = |(_, [loss, error]): &(&str, [f64; 2])| {
+        *loss > MAX_ORDINARY_LOSS && loss / error > MIN_STANDARD_ERRORS
+    };
     let both = [pi, davis].into_iter().flatten().filter(lossy);
     let (camera, corner_loss) = both.max_by(|a, b| a.1[0].total_cmp(&b.1[0]))?;
     let [loss, error] = corner_loss;
@@ -81,15 +83,15 @@ pub(super) fn noise(scene: &Scene, rig: &Rig) -> Option<Departure> {
 
 /// The excess noise from the found noise (with its standard error), DN.
 fn more_noise([found, error]: [f64; 2], stated: f64) -> Option<Departure> {
-    let expected = stated.powi(2) + ROUNDING;
+    let expected = stated.powi(2) + ROUNDING_VARIANCE;
     let beyond = found.powi(2) - expected;
-    let of_beyond = (2.0 * found * error).hypot(SAME_NOISE * expected);
+    let of_beyond = (2.0 * found * error).hypot(STATED_VARIANCE_ERROR * expected);
     let (z, more) = (beyond / of_beyond.max(1e-9), beyond.max(0.0).sqrt());
-    (z > SURE && beyond > expected).then(|| Departure {
+    (z > MIN_STANDARD_ERRORS && beyond > expected).then(|| Departure {
         id: EffectId::FrameNoise,
         parameters: vec![("sigma_dn", [more, 0.5 * of_beyond / more])],
         description: format!(
-            "raw frames scatter by {found:.1} DN in the dark, not by the {stated:.1} DN stated"
+            "raw frames have a read noise of {found:.1} DN, not the {stated:.1} DN stated"
         ),
         z,
         without: None,
@@ -101,16 +103,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn noise_as_stated_is_no_departure_and_more_of_it_is_what_comes_on_top() {
+    fn excess_noise_is_measured_above_the_statement() {
         assert!(more_noise([0.86, 0.02], 0.8).is_none());
-        assert!(more_noise([1.6, 0.5], 0.8).is_none(), "far and yet not sure");
+        assert!(more_noise([1.6, 0.5], 0.8).is_none(), "large, but not significant");
         let found = more_noise([3.0, 0.05], 0.8).unwrap();
         let [more, error] = found.parameters[0].1;
         assert!((more - (9.0 - 0.64 - 1.0 / 12.0_f64).sqrt()).abs() < 1e-9 && error < 0.1);
     }
 
     #[test]
-    fn frames_that_are_all_but_linear_are_linear() {
+    fn nearly_linear_frames_are_linear() {
         let tone = |gamma, error| ToneFit { gamma: [gamma, error], corner_loss: [0.0, 0.01] };
         assert!(curve(&tone(1.02, 0.002)).is_none());
         assert!(curve(&tone(0.9, 0.05)).is_none());

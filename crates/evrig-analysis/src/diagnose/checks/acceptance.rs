@@ -178,7 +178,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_name_stands_by_what_its_model_leaves() {
+    fn adequacy_depends_on_the_residual_structure() {
         let (much, some, little) =
             (StructureTest::of(0.3), StructureTest::of(0.08), StructureTest::of(0.01));
         let of = |after: &StructureTest| assess_adequacy(Some(&much), Some(after), &[0.002], true);
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn what_leaves_nearly_all_that_was_there_is_lost_where_that_was_much() {
+    fn a_model_that_leaves_a_large_structure_explains_nothing() {
         let lost = |before, after| {
             explains_nothing(Some(&StructureTest::of(before)), Some(&StructureTest::of(after)))
         };
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_recalibration_still_gains_is_much_if_it_is_sure_and_a_third_of_all() {
+    fn a_recalibration_gain_matters_if_significant_and_large() {
         let left = |gain, error| RecalibrationGain { gain, error };
         assert!(leaves_recalibration_gain(0.14, left(0.13, 0.03)));
         assert!(!leaves_recalibration_gain(0.14, left(0.13, 0.05)), "it is not sure");
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn where_light_is_guessed_a_name_stands_by_what_its_errors_do_not_show_in() {
+    fn interpolated_light_is_judged_without_light_features() {
         let of = |nats: f64, apart: f64| StructureTest {
             without_light_features: Some(apart),
             ..StructureTest::of(nats)
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn a_strength_that_differs_by_factors_is_not_one() {
+    fn a_strength_that_differs_by_factors_is_inconstant() {
         let stratum = |change: f64, error: f64| StratumStrength {
             covariate: "row",
             range: [0.0, 1.0],

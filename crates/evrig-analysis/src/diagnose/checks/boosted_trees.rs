@@ -322,14 +322,14 @@ mod tests {
     }
 
     #[test]
-    fn samples_of_one_law_are_not_told_apart() {
+    fn equal_samples_are_not_separated() {
         let result = classify(&examples(0.0)).unwrap();
         assert!(result.nats < 3.0 * result.error, "{result:?}");
         assert!((result.accuracy - 0.5).abs() < 0.02, "{result:?}");
     }
 
     #[test]
-    fn a_law_that_differs_only_in_how_two_features_go_together_is_seen() {
+    fn a_difference_in_correlation_is_found() {
         let result = classify(&examples(0.6)).unwrap();
         assert!(result.nats > 5.0 * result.error && result.accuracy > 0.6, "{result:?}");
     }

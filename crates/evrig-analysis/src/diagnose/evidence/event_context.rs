@@ -138,7 +138,7 @@ mod tests {
     use evrig_core::event::{Event, Events};
 
     #[test]
-    fn neighbours_rows_and_frames_are_found_about_an_instant() {
+    fn neighbours_rows_and_frames_are_found_at_an_instant() {
         let list = [(100, 1, 1), (140, 2, 1), (150, 0, 0), (400, 9, 1), (500, 1, 1)];
         let events: Events = list.iter().map(|&(t, x, y)| Event { t, x, y, on: true }).collect();
         let by_pixel = EventsByPixel::new(events.as_slice(), Size::new(10, 3), [0, 1_000]);

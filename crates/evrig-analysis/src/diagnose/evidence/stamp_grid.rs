@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_grid_is_found_whatever_its_step_and_random_times_have_none() {
+    fn a_stamp_grid_is_found_and_random_times_have_none() {
         for step_us in [25.0, 250.0, 1e6 / 960.0, 1_000.0, 4_166.7] {
             let grid = StampGrid::of(&stamps(step_us, 0.02 * step_us, 3.0)).unwrap();
             assert!((grid.step_us / step_us - 1.0).abs() < 1e-4, "{step_us}: {grid:?}");
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn the_beat_of_a_busy_readout_is_no_grid() {
+    fn a_saturated_readout_is_no_grid() {
         let of = |event: &dyn Fn(i64) -> Event| {
             let events: Events = (0..40_000).map(event).collect();
             assert!(StampGrid::of(events.as_slice().t).is_some(), "its stamps lie on one");
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn spread_events_have_no_beat_and_keep_their_step() {
+    fn spread_events_have_no_grid_and_keep_their_step() {
         let stamps = stamps(250.0, 5.0, 2.0);
         let event = |(i, t): (usize, &i64)| Event { t: *t, x: (i % 40) as u16, y: 3, on: true };
         let events: Events = stamps.iter().enumerate().map(event).collect();

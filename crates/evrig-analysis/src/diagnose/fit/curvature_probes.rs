@@ -377,7 +377,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_chance_may_have_made_is_not_told() {
+    fn terms_below_the_noise_floor_are_dropped() {
         assert_eq!([-3.0, 0.0, 2.9, 3.0].map(|value| above_noise(value, 3.0)), [0.0; 4]);
         // A square of 100 is 9 of noise and 91 of signal.
         assert!((above_noise(-10.0, 3.0) + 9.1).abs() < 1e-12);
@@ -386,14 +386,14 @@ mod tests {
     }
 
     #[test]
-    fn a_direction_becomes_as_long_as_its_fall_asks_for_within_bounds() {
+    fn a_direction_is_rescaled_to_its_drop_within_bounds() {
         // The drop grows with the square of the length; NaN is no drop.
         let shares = [1.0, 4.0, 0.25, 1e9, 1e-9, -3.0, f64::NAN];
         assert_eq!(shares.map(length_factor), [1.0, 0.5, 2.0, 0.2, 5.0, 5.0, 5.0]);
     }
 
     #[test]
-    fn one_direction_that_jumps_does_not_blur_the_others() {
+    fn an_outlying_direction_does_not_affect_the_others() {
         // Residuals of 1 nat of either sign, and 300 along the fourth direction.
         let left = [1.0, -1.0, 1.0, 300.0, -1.0, 1.0];
         let row = |values: Vec<f64>| DMatrix::from_row_slice(1, 6, &values);

@@ -297,16 +297,16 @@ pub(crate) fn first_step(
         let kept = values.filter(|(_, step)| **step == 0.0).map(|(value, _)| value.to_bits());
         (same_nuisances(&fitted), kept.collect())
     };
-    let mut seen: Vec<((bool, Vec<u64>), usize)> = Vec::new();
+    let mut counts: Vec<((bool, Vec<u64>), usize)> = Vec::new();
     begun.retain(|fitted| {
         let part = part(fitted);
-        match seen.iter_mut().find(|(known, _)| *known == part) {
+        match counts.iter_mut().find(|(known, _)| *known == part) {
             Some((_, n)) => {
                 *n += 1;
                 *n <= MAX_STARTS
             }
             None => {
-                seen.push((part, 1));
+                counts.push((part, 1));
                 true
             }
         }

@@ -194,7 +194,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_training_says_of_a_pixel_predicts_the_rest() {
+    fn training_blocks_predict_held_out_blocks() {
         let score = |on: f64, off: f64| BlockScore { on_off: [on, off], n_events: 1 };
         // ON events prefer the third value, OFF events the first.
         let by_value =

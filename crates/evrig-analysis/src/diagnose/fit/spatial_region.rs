@@ -271,7 +271,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_range_ends_between_what_gains_and_what_does_not() {
+    fn a_range_ends_between_gain_and_loss() {
         let at = |all: &[(u16, f64)]| best_range(&all.iter().copied().collect(), 60);
         assert_eq!(at(&[(3, 1.0), (9, -0.5), (20, 2.0), (31, -4.5), (40, 1.0)]), Some([0, 26]));
         assert_eq!(at(&[(3, -4.0), (9, 2.0), (40, 1.0)]), Some([6, 60]));

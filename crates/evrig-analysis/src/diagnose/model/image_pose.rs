@@ -26,7 +26,7 @@ impl ImagePose {
         Self { shift_px: [x, y], rotation_deg, scale_change }
     }
 
-    /// Point of the predicted image that is seen at a point of the sensor, to first order.
+    /// Point of the predicted image that is source at a point of the sensor, to first order.
     pub(crate) fn source_of(self, place: [f64; 2], middle: [f64; 2]) -> [f64; 2] {
         let [x, y] = [place[0] - middle[0], place[1] - middle[1]];
         let angle = self.rotation_deg.to_radians();
@@ -41,7 +41,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_picture_that_has_turned_and_grown_is_seen_where_it_was() {
+    fn source_of_inverts_a_small_rotation_and_scaling() {
         let pose = ImagePose { shift_px: [0.5, -0.25], rotation_deg: 0.05, scale_change: 1e-3 };
         let middle = [173.0, 130.0];
         let was = [300.0, 40.0];
@@ -52,7 +52,7 @@ mod tests {
             middle[0] + 1.001 * (x * angle.cos() - y * angle.sin()) + 0.5,
             middle[1] + 1.001 * (x * angle.sin() + y * angle.cos()) - 0.25,
         ];
-        let seen = pose.source_of(now, middle);
-        assert!((seen[0] - was[0]).hypot(seen[1] - was[1]) < 2e-3, "{seen:?}");
+        let source = pose.source_of(now, middle);
+        assert!((source[0] - was[0]).hypot(source[1] - was[1]) < 2e-3, "{source:?}");
     }
 }

@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn what_matters_of_a_likelihood_is_known_however_sharp_it_is() {
+    fn a_profile_integrates_correctly_for_any_width() {
         for width in [2.0, 5.0, 12.0, 40.0, 160.0, 1e4] {
             let exact = peaked(width);
             let (curve, scores) = score_profile(257, &exact);
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cubic_is_found_again_between_uneven_values() {
+    fn a_cubic_is_interpolated_exactly_between_uneven_values() {
         let value = |x: f64| 3.0 - 2.0 * x + 0.7 * x * x - 0.01 * x * x * x;
         let scored = [0, 2, 3, 8, 16];
         let given: Vec<f64> = scored.iter().map(|&x| value(f64::from(x))).collect();

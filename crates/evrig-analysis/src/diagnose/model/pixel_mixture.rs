@@ -278,7 +278,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_that_are_passed_over_change_nothing() {
+    fn skipped_nodes_do_not_change_the_integral() {
         let steps = GridSpacing { middle: 0.0, step: 1.0 / 32.0 };
         let kinds = PixelMixture::normal_grid([steps; 2], 128, 0.0);
         let bell = |w: f64, middle: f64| -> Vec<f64> {
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn the_best_kind_is_the_one_that_both_polarities_speak_for() {
+    fn the_most_likely_stratum_uses_both_polarities() {
         let logs = [vec![0.0, 2.0, 8.0], vec![8.0, 2.0, 0.0]];
         assert_eq!(PixelMixture::of_three(false).most_likely(&logs), [1.0, -1.0]);
         let [low, high] = [0.1, 0.9].map(|uniform| PixelMixture::of_three(true).draw(uniform));
@@ -325,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn kinds_of_which_each_polarity_rules_out_another_are_weighed_all_the_same() {
+    fn strata_excluded_by_one_polarity_are_still_weighted() {
         let sums = [vec![-60.0, -100.0, 0.0], vec![0.0, -100.0, -50.0]];
         let got = PixelMixture::of_three(true).ln_likelihood(&sums);
         assert!((got - (-50.0 + 0.25_f64.ln())).abs() < 1e-3, "{got}");

@@ -159,7 +159,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cells_take_their_lower_edge_and_the_last_its_upper_too() {
+    fn the_last_cell_includes_its_upper_edge() {
         let edges = [0.0, 1.0, 4.0];
         let of = |value| cell_of(&edges, value);
         assert_eq!([of(0.0), of(1.0), of(4.0)], [Some(0), Some(1), Some(1)]);

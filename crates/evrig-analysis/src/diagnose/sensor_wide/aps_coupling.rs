@@ -184,7 +184,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_peak_is_found_with_its_delay_and_a_slow_swing_is_none() {
+    fn a_peak_is_found_with_its_delay() {
         let swing = |i: usize| 400.0 + 100.0 * (i as f64 / 80.0).sin();
         let class = |i: usize| {
             let (n, middle_us) = (swing(i), (i as f64 + 0.5) * BIN_US as f64);
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flash_behind_few_frames_is_not_of_the_frames() {
+    fn a_flash_after_few_frames_is_no_coupling() {
         let starts: Vec<i64> = (0..100).map(|i| i * 25_000).collect();
         let even = (0..250_000).map(|i| i * 10);
         let burst = |every: usize| {
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_are_hit_one_after_another_lie_on_a_line() {
+    fn successive_rows_lie_on_a_line() {
         let at = |row: f64| DelayPeak { row, delay_us: 200.0 + 2.5 * row, excess: 10.0, z: 9.0 };
         let (delay, row_us, scatter) = line(&[32.0, 97.0, 162.0, 227.0].map(at));
         assert!((delay - 200.0).abs() < 1e-9 && (row_us - 2.5).abs() < 1e-12 && scatter < 1e-9);

@@ -77,7 +77,7 @@ mod tests {
     use evrig_core::stats::SplitMix;
 
     #[test]
-    fn a_busy_bus_is_told_with_its_rate_and_a_free_one_is_not() {
+    fn a_saturated_bus_is_found_with_its_rate() {
         let mut random = SplitMix::new(2, 3);
         let (mut t, mut asked) = (0.0_f64, Vec::new());
         for _ in 0..40_000 {

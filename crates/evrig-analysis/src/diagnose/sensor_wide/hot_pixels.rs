@@ -112,7 +112,7 @@ mod tests {
     use evrig_core::stats::SplitMix;
 
     #[test]
-    fn hot_pixels_that_busy_ones_hide_are_counted_by_those_that_they_do_not_hide() {
+    fn undetectable_hot_pixels_are_estimated_by_weighting() {
         let mut random = SplitMix::new(4, 7);
         let mut z = Vec::new();
         for _ in 0..40 {
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lone_pixel_among_dead_ones_is_not_hot() {
+    fn a_pixel_among_dead_ones_is_not_hot() {
         let size = Size::new(9, 9);
         // Every second pixel of every second row is alive, and one in a dead corner.
         let lives = |x: u16, y: u16| x < 6 && x.is_multiple_of(2) && y.is_multiple_of(2);
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn polarity_turns_with_noise_and_not_with_a_leak() {
+    fn polarity_alternates_with_noise_and_not_with_a_leak() {
         let spikes = |on: fn(i64) -> bool| (0..101).map(move |t_us| Spike { t_us, on: on(t_us) });
         let share = |on| turns(&spikes(on).collect::<Vec<_>>());
         assert!((share(|t| t % 2 == 0) - 1.0).abs() < 1e-12);

@@ -169,7 +169,7 @@ mod tests {
     const LENGTH_US: i64 = 8_000_000;
 
     /// Edges passing ten times a second, and noise of 3 Hz, in ascending time.
-    fn seen() -> Events {
+    fn unfiltered() -> Events {
         let mut random = SplitMix::new(7, 7);
         let mut events = Vec::new();
         for pixel in 0..SIDE_PX * SIDE_PX {
@@ -196,22 +196,22 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_alone_is_missed_behind_a_filter_and_nowhere_else() {
-        let seen = seen();
+    fn isolated_events_are_missing_only_behind_a_filter() {
+        let unfiltered = unfiltered();
         for window_us in [6_000, 12_000] {
-            let filtered = background::filter(seen.as_slice(), SIZE, window_us).unwrap();
+            let filtered = background::filter(unfiltered.as_slice(), SIZE, window_us).unwrap();
             let step = step_in(&filtered.events, LAG_RANGE_US[0]).unwrap();
             assert!(
                 (step.us / window_us as f64).ln().abs() < BIN_LOG_WIDTH,
                 "{window_us} us: {step:?}"
             );
         }
-        assert!(step_in(&seen, LAG_RANGE_US[0]).is_none());
+        assert!(step_in(&unfiltered, LAG_RANGE_US[0]).is_none());
     }
 
     #[test]
-    fn a_filter_shows_through_stamps_of_a_simulators_steps() {
-        let filtered = background::filter(seen().as_slice(), SIZE, 9_000).unwrap();
+    fn a_filter_is_found_with_coarse_stamps() {
+        let filtered = background::filter(unfiltered().as_slice(), SIZE, 9_000).unwrap();
         let in_steps = filtered.events.as_slice().iter().map(|e| Event { t: e.t / 250 * 250, ..e });
         let in_steps: Events = in_steps.collect();
         let grid = StampGrid::of_events(in_steps.as_slice()).unwrap();
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_that_is_there_before_as_behind_or_that_is_a_peaks_flank_is_none() {
+    fn a_symmetric_edge_or_a_peak_is_no_filter() {
         let counts = |of: fn(usize) -> f64| (0..40).map(of).collect::<Vec<_>>();
         let flat = counts(|_| 200.0);
         let falls = counts(|bin| if bin < 20 { 200.0 } else { 20.0 });
@@ -232,10 +232,10 @@ mod tests {
     }
 
     #[test]
-    fn bursts_that_end_abruptly_are_no_filter() {
+    fn abrupt_bursts_are_no_filter() {
         // All pixels fire within 4 ms of every 10 ms, with noise in between.
-        let seen = seen();
-        let noise = seen.as_slice().iter().step_by(9);
+        let unfiltered = unfiltered();
+        let noise = unfiltered.as_slice().iter().step_by(9);
         let mut random = SplitMix::new(8, 8);
         let lit = (0..SIDE_PX * SIDE_PX).flat_map(|pixel| (0..800).map(move |beat| (pixel, beat)));
         let beats = lit.filter(|(pixel, beat)| (pixel + 7 * beat) % 5 == 0).map(|(pixel, beat)| {
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_told_with_its_place_and_a_term() {
+    fn a_deficit_has_a_stratum_and_a_term() {
         let step = RateStep {
             us: 10_000.0,
             before: 1_200.0,
@@ -257,7 +257,11 @@ mod tests {
         };
         let IsolatedEventDeficit { place, term } = step.report(1_000_000);
         assert_eq!((place.ratio, place.n_events), (Some(0.2), 200));
-        assert!(place.description.starts_with("0.20 events per expected event"), "{}", place.description);
+        assert!(
+            place.description.starts_with("0.20 events per expected event"),
+            "{}",
+            place.description
+        );
         let nats = (800.0 - 200.0 * 5.0_f64.ln()) * 1e-6;
         assert!((term.heldout_gain_nats_per_event - nats).abs() < 1e-12);
         assert!((term.curve[1][1] - 0.2_f64.ln()).abs() < 1e-12 && term.curve[0][0] < 10_000.0);

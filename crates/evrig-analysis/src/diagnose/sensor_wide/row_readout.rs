@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_are_read_in_turn_are_told_with_their_time_and_a_free_bus_is_not() {
+    fn row_readout_is_found_with_its_time() {
         let [free, read] = requests();
         assert!(turns(&free).is_none());
         let turn = turn(&turns(&read).unwrap()).unwrap();

@@ -5,7 +5,7 @@ use super::*;
 const LATE_US: f64 = 45_000.0;
 
 #[test]
-fn a_late_clock_is_begun_with_where_threshold_and_noise_stand_in_for_it() {
+fn a_clock_delay_is_found_though_nuisances_absorbed_it() {
     let mut evidence = empty();
     evidence.facts.is_motion_compensated = true;
     let late = library(EffectId::ClockOffset);
@@ -27,7 +27,7 @@ fn a_late_clock_is_begun_with_where_threshold_and_noise_stand_in_for_it() {
 }
 
 #[test]
-fn only_between_frames_does_a_fit_begin_anew() {
+fn prior_starts_are_used_with_interpolated_light_only() {
     let mut evidence = empty();
     let leak = library(EffectId::JunctionLeak);
     let model = Hypothesis::baseline(&evidence).with(leak, &[2.0]);
@@ -46,7 +46,7 @@ fn only_between_frames_does_a_fit_begin_anew() {
 }
 
 #[test]
-fn between_frames_a_clock_is_told_no_better_than_events_may_lag() {
+fn sparse_frames_limit_the_clock_reference() {
     let mut evidence = empty();
     let errors = |evidence: &Evidence| {
         [EffectId::ClockOffset, EffectId::ClockSkew]

@@ -38,7 +38,7 @@ fn their_name_stands_on_a_light_that_is_late_and_another_does_not() {
     let judge = effect_review::EffectReview { before, ..judging(&real, &baseline) };
     let named = |hypothesis: Hypothesis| {
         let judged = judge.review(gauss_newton::score_model(&real, hypothesis), one_taken());
-        assert!(judged.after.unwrap().nats > 0.05, "what is late is seen");
+        assert!(judged.after.unwrap().nats > 0.05, "late events are found");
         judged.taken.len()
     };
     assert_eq!(named(truth), 1);

@@ -24,12 +24,12 @@ fn named(id: EffectId, parameters: &[(&str, f64)]) -> FittedEffect {
     .unwrap()
 }
 
-fn told(camera: &FittedCamera) -> serde_json::Value {
+fn effects_of(camera: &FittedCamera) -> serde_json::Value {
     serde_json::to_value(&camera.camera.generator.effects).unwrap()
 }
 
 #[test]
-fn what_is_fitted_and_what_a_census_names_is_told_and_what_is_in_the_light_is_not() {
+fn fitted_and_sensor_wide_effects_are_in_the_camera() {
     let evidence = empty();
     let left = Rectangle { x_px: [0, 30], y_px: [0, 60] };
     let model = Hypothesis::baseline(&evidence).with_effect_in(
@@ -43,24 +43,24 @@ fn what_is_fitted_and_what_a_census_names_is_told_and_what_is_in_the_light_is_no
         named(EffectId::Vibration, &[("frequency_hz", 40.0), ("amplitude_mm", 0.1)]),
     ];
     let camera = FittedCamera::of(&evidence, &model, &names).unwrap();
-    let told = told(&camera);
-    assert_eq!(told.as_object().unwrap().len(), 2, "{told}");
-    let dead_time = &told["refractory_period"];
-    assert!((dead_time["refractory_us"].as_f64().unwrap() - 1_200.0).abs() < 1e-6, "{told}");
+    let effects = effects_of(&camera);
+    assert_eq!(effects.as_object().unwrap().len(), 2, "{effects}");
+    let dead_time = &effects["refractory_period"];
+    assert!((dead_time["refractory_us"].as_f64().unwrap() - 1_200.0).abs() < 1e-6, "{effects}");
     assert_eq!(dead_time["region"]["x_px"], json!([0.0, 30.0]));
-    assert_eq!(told["row_readout"]["row_us"], json!(12.5));
+    assert_eq!(effects["row_readout"]["row_us"], json!(12.5));
     assert_eq!(camera.named, names.map(|name| name.id));
     assert!(camera.left_out.is_empty(), "{:?}", camera.left_out);
 }
 
 #[test]
-fn what_the_law_holds_already_is_in_the_thresholds_and_is_not_told_again() {
+fn an_effect_of_the_law_is_not_applied_twice() {
     let evidence = empty();
     let asymmetry = library(EffectId::ThresholdAsymmetry);
     let model = Hypothesis::baseline(&evidence).with(asymmetry, &[1.5_f64.ln()]);
     let names = [named(EffectId::ThresholdAsymmetry, &[("on_off_ratio", 1.5)])];
     let camera = FittedCamera::of(&evidence, &model, &names).unwrap();
-    assert_eq!(told(&camera), json!({}));
+    assert_eq!(effects_of(&camera), json!({}));
     let ratio = camera.camera.on_over_nominal.powi(2);
     assert!((ratio - 1.5).abs() < 1e-9, "{ratio}");
     let law = model.law();
@@ -69,7 +69,7 @@ fn what_the_law_holds_already_is_in_the_thresholds_and_is_not_told_again() {
 }
 
 #[test]
-fn the_whole_sensor_has_no_more_background_than_its_silent_pixels_allow() {
+fn silent_pixels_bound_the_background() {
     // One event in every pixel but those of the first of sixty rows, over three seconds.
     let spikes = |y: u16| (0..60).map(move |x| evrig_core::event::Event { t: 1, x, y, on: true });
     let events: Events = (1..60).flat_map(spikes).collect();
@@ -91,16 +91,16 @@ fn the_whole_sensor_has_no_more_background_than_its_silent_pixels_allow() {
 }
 
 #[test]
-fn what_the_generator_cannot_be_told_is_said() {
+fn unrepresentable_effects_are_listed() {
     let evidence = empty();
     let names = [named(EffectId::RowReadout, &[("row_us", -3.0)])];
     let camera = FittedCamera::of(&evidence, &Hypothesis::baseline(&evidence), &names).unwrap();
-    assert_eq!(told(&camera), json!({}));
+    assert_eq!(effects_of(&camera), json!({}));
     assert!(camera.left_out[0].starts_with("row_readout"), "{:?}", camera.left_out);
 }
 
 #[test]
-fn a_light_that_is_seen_late_begins_and_ends_late() {
+fn a_registered_drive_is_shifted_in_time() {
     let evidence = empty();
     let mut registration = FittedRegistration::of(&evidence, &Hypothesis::baseline(&evidence));
     (registration.event_to_light_us, registration.skew, registration.reference_us) =

@@ -11,7 +11,7 @@ fn fitted(evidence: &Evidence, truth: &Hypothesis, seed: u64) -> FittedModel {
 }
 
 #[test]
-fn values_are_off_by_about_what_their_errors_claim() {
+fn standard_errors_match_the_actual_errors() {
     let evidence = empty().thinned(2);
     let truth = Hypothesis::baseline(&evidence)
         .with(library(EffectId::RefractoryPeriod), &[3_000.0_f64.ln(), 0.0]);
@@ -39,7 +39,7 @@ fn values_are_off_by_about_what_their_errors_claim() {
 }
 
 #[test]
-fn halves_that_are_not_alike_say_so() {
+fn different_halves_have_different_fits() {
     let evidence = empty();
     let with = |ratio: f64| {
         let asymmetry = library(EffectId::ThresholdAsymmetry);
@@ -65,7 +65,7 @@ fn halves_that_are_not_alike_say_so() {
 }
 
 #[test]
-fn a_swing_between_instants_is_as_high_as_it_says() {
+fn an_interpolated_sinusoid_has_unit_amplitude() {
     let evidence = empty();
     let baseline = Hypothesis::baseline(&evidence);
     let view = baseline.view(&evidence, &evidence.pixels[0], [0.0; 2], Vec::new());

@@ -15,7 +15,7 @@ fn leaking() -> (Hypothesis, Evidence) {
 }
 
 #[test]
-fn an_all_but_ideal_camera_tells_a_leak_that_is_a_third_beyond_an_ordinary_one() {
+fn a_leak_a_third_above_the_prior_bound_is_found() {
     let (sharp, real) = leaking();
     // The prior bound is 0.3 Hz.
     let held = gauss_newton::score_model(&real, sharp.with_nuisance(Nuisance::LeakHz, 0.3));
@@ -28,7 +28,7 @@ fn an_all_but_ideal_camera_tells_a_leak_that_is_a_third_beyond_an_ordinary_one()
 }
 
 #[test]
-fn a_value_that_has_far_to_go_goes_alone_where_steps_of_all_go_nowhere() {
+fn single_steps_help_where_joint_steps_stall() {
     let (sharp, real) = leaking();
     let fitted =
         gauss_newton::fit(&real, sharp.with(library(EffectId::JunctionLeak), &[0.3]), 6, 1e-9);
@@ -38,7 +38,7 @@ fn a_value_that_has_far_to_go_goes_alone_where_steps_of_all_go_nowhere() {
 }
 
 #[test]
-fn a_photocurrents_leak_is_found_to_a_hundredth_beside_a_junctions_that_is_led_back() {
+fn a_photocurrent_leak_is_found_beside_a_reset_junction_leak() {
     let (sharp, _) = leaking();
     // Without a junction leak, which was at its bound.
     let back = sharp.with_nuisance(Nuisance::LeakHz, 0.0);

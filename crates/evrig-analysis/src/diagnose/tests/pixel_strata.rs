@@ -48,7 +48,7 @@ fn thresholds_come_out_as_far_apart_as_they_are() {
 }
 
 #[test]
-fn a_spread_is_taken_that_the_fine_score_sees_and_none_that_only_the_coarse_one_does() {
+fn a_mismatch_must_hold_on_the_fine_grid() {
     let id = EffectId::ThresholdMismatch;
     let (spread, _, sharp) = planted_thresholds();
     let alike = null_distribution::draw_recording(&spread, &sharp, 3);
@@ -95,7 +95,7 @@ fn beside_a_held_hypothesis_scores_change_smoothly() {
 }
 
 #[test]
-fn pixels_are_pinned_to_the_kind_that_was_planted_and_let_go_again() {
+fn pixels_are_pinned_to_their_true_stratum_and_unpinned() {
     let (planted, kinds, sharp) = planted_thresholds();
     let model = sharp.with(library(EffectId::ThresholdMismatch), &[0.11_f64.ln(), 0.0]);
     let pinned = model.clone().pin_strata(&planted);
@@ -117,7 +117,7 @@ fn pixels_are_pinned_to_the_kind_that_was_planted_and_let_go_again() {
 }
 
 #[test]
-fn a_dead_time_beside_a_spread_of_thresholds_is_found_where_it_was_planted() {
+fn a_refractory_period_is_recovered_with_threshold_mismatch() {
     let (evidence, dead) = (empty().thinned(4), library(EffectId::RefractoryPeriod));
     let spread = Hypothesis::baseline(&evidence)
         .with(library(EffectId::ThresholdMismatch), &[0.15_f64.ln(), 0.0]);

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn a_loss_has_no_name_where_what_comes_alone_is_missing() {
+fn a_random_loss_is_rejected_with_missing_isolated_events() {
     let plain = Hypothesis::baseline(&empty());
     let truth = plain.with(library(EffectId::EventDrop), &[0.25]);
     let real = null_distribution::draw_recording(&empty(), &truth, 7);

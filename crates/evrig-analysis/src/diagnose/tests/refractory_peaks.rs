@@ -18,7 +18,7 @@ fn drawn(dead_us: Option<f64>) -> Evidence {
 }
 
 #[test]
-fn a_dead_time_of_some_pixels_is_told_to_a_percent_and_none_where_there_is_none() {
+fn refractory_peaks_are_found_to_a_percent() {
     for us in [5_300.0, 21_000.0] {
         let found = refractory_peaks_us(&drawn(Some(us)));
         assert!((found[0] / us - 1.0).abs() < 0.01, "{us} us: {found:?}");

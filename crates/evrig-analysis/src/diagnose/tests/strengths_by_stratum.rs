@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn background_is_told_by_events_of_either_polarity() {
+fn background_strength_uses_both_polarities() {
     let evidence = empty();
     let background = [1.5_f64.ln(), 1.5_f64.ln(), 1.0];
     let model =
@@ -13,9 +13,9 @@ fn background_is_told_by_events_of_either_polarity() {
     let model = gauss_newton::score_model(&real, model);
     let all = strength_constancy::strengths_by_stratum(&real, &drawn, &model, 0);
     assert!(acceptance::most_inconstant_stratum(&all).is_none());
-    let told: Vec<_> = all.iter().filter(|s| s.covariate == "polarity_on").collect();
-    assert_eq!(told.len(), 2, "events of each polarity: {told:?}");
-    for stratum in told {
+    let by_polarity: Vec<_> = all.iter().filter(|s| s.covariate == "polarity_on").collect();
+    assert_eq!(by_polarity.len(), 2, "events of each polarity: {by_polarity:?}");
+    for stratum in by_polarity {
         assert!(stratum.error < 0.3, "{stratum:?}");
     }
 }

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn a_light_that_nothing_changes_scores_as_its_copy_does() {
+fn an_unchanged_signal_scores_as_its_copy() {
     let real = plant(None, &[]);
     let plain = Hypothesis::baseline(&real);
     // A leak of zero copies the signal.

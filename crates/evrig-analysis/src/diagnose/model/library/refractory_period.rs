@@ -56,8 +56,8 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     starting_points: |evidence| {
         let in_pixel = [300.0_f64, 1_000.0, 3_000.0, 8_000.0, 25_000.0].map(|us| [us, 0.0]);
         let shortest = shortest_us(evidence).into_iter().flat_map(|us| [[us, 0.0], [us, 1.0]]);
-        let told = refractory_peaks_us(evidence).into_iter().map(|us| [us, 0.0]);
-        let all = in_pixel.into_iter().chain(shortest).chain(told);
+        let peaks = refractory_peaks_us(evidence).into_iter().map(|us| [us, 0.0]);
+        let all = in_pixel.into_iter().chain(shortest).chain(peaks);
         all.map(|[us, mode]| vec![us.ln(), mode]).collect()
     },
     apply: |values, _, view| {

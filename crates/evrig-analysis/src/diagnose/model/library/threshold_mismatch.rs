@@ -25,8 +25,8 @@ fn n_side(hypothesis: &Hypothesis, index: usize) -> usize {
     if !hypothesis.uses_fine_grid {
         return least;
     }
-    let told = GRID_STEP_IN_NOISE * hypothesis.nuisance(Nuisance::LogNoise).exp();
-    let wanted = GRID_REACH * hypothesis.parameters_of(index)[0] / told;
+    let step = GRID_STEP_IN_NOISE * hypothesis.nuisance(Nuisance::LogNoise).exp();
+    let wanted = GRID_REACH * hypothesis.parameters_of(index)[0] / step;
     (wanted.min(most as f64) as usize).next_power_of_two().clamp(least, most)
 }
 
@@ -82,7 +82,7 @@ mod tests {
     use crate::diagnose::PixelStratum;
 
     #[test]
-    fn kinds_have_the_law_that_was_asked_for() {
+    fn strata_have_the_requested_moments() {
         let correlations = [-0.5, 0.0, 0.4, 0.9];
         // On finer grids half of the values are summed.
         let sizes = [(128, 1e-12), (256, 1e-6)];
