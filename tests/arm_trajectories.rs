@@ -5,7 +5,7 @@
 #![allow(clippy::expect_used, clippy::unwrap_used)]
 #![cfg(unix)]
 
-use evrig::device::dobot::{Client, Magician, Patience, port};
+use evrig::device::dobot::{ArmClient, ArmTimeouts, Magician, port};
 use evrig::record::Arm;
 use evrig::rig::{Pose, Rig};
 use evrig::sim::arm::{Clock, Emulator, Options};
@@ -35,8 +35,8 @@ fn every_bundled_trajectory_is_driven_as_planned() {
         let path = plan.feasible_path().unwrap();
         let emulator = emulator();
         let link = port::open(emulator.port()).unwrap();
-        let patience = Patience { between_polls: Span::ZERO, ..Patience::default() };
-        let client = Client::new(Box::new(link), patience);
+        let patience = ArmTimeouts { between_polls: Span::ZERO, ..ArmTimeouts::default() };
+        let client = ArmClient::new(Box::new(link), patience);
         let mut arm = Magician::over(client, rig.arm.clone());
         let remarks = arm.prepare(path).unwrap();
         assert!(remarks.is_empty(), "{name}: {remarks:?}");

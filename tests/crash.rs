@@ -16,8 +16,8 @@ use camera::{Camera, EVENT_US, PACKET_EVENTS, check_events};
 
 use evrig::frame::Samples;
 use evrig::pi::agent::Agent;
+use evrig::pi::order::CaptureSettings;
 use evrig::pi::source::{FrameSource, SourceError, Synthetic};
-use evrig::pi::wire::Settings;
 use evrig::pi_camera::PiFrame;
 use evrig::session::{Repair, Session, Status, StreamKind, repair, verify};
 use evrig::sim::arm::{Clock, Emulator, Options};
@@ -60,7 +60,7 @@ impl FrameSource for Counted {
         self.camera.describe()
     }
 
-    fn configure(&mut self, settings: &Settings) -> Result<Settings, SourceError> {
+    fn configure(&mut self, settings: &CaptureSettings) -> Result<CaptureSettings, SourceError> {
         self.camera.configure(settings)
     }
 

@@ -13,11 +13,12 @@ use evrig_core::geometry::Size;
 use evrig_core::raw10::Raw10Error;
 use evrig_core::time::Span;
 use evrig_format::aedat4::StreamSpec;
-use evrig_record::State;
+use evrig_record::RecordState;
 use evrig_record::files::{
-    EventFile, Log, create_event_file, finish_event_file, take_directory, write as write_sample,
+    EventFile, SharedRigLog, create_event_file, finish_event_file, take_directory,
+    write as write_sample,
 };
-use evrig_record::recorder::Sample;
+use evrig_record::recorder::RecorderSample;
 use evrig_session::rig::{Pose, Rig};
 use evrig_session::trajectory::{Path, Trajectory};
 use evrig_session::{
@@ -63,7 +64,7 @@ pub enum SimulateError {
 
 /// What the host writes at one moment.
 enum Entry {
-    Sample(Sample),
+    Sample(RecorderSample),
     Pose(Topic, HostTime, Pose),
     Said(HostTime, String),
 }
@@ -88,12 +89,12 @@ pub fn simulate(
     let world = Arc::new(World::along(rig, path, simulation.world, simulation.seed)?);
     let layout = take_directory(simulation.out)?;
     let mut journal = Journal::open(&layout.journal())?;
-    let begin = State::Trajectory.to_string();
+    let begin = RecordState::Trajectory.to_string();
     journal.note(&begin, &json!({"time": "virtual"}))?;
     let streams = davis::streams(rig);
     let files = Files {
         events: create_event_file(&layout, rig.davis.compression, &streams)?,
-        log: Log::in_virtual_time(&layout)?,
+        log: SharedRigLog::in_virtual_time(&layout)?,
         tally: [0; 2],
     };
     let run =
@@ -114,7 +115,7 @@ pub fn simulate(
         })?;
         worked.map(|()| tally)
     })?;
-    journal.note(&State::Seal.to_string(), &json!({}))?;
+    journal.note(&RecordState::Seal.to_string(), &json!({}))?;
     seal(simulation, &world, &layout, &streams, tally)
 }
 
@@ -212,8 +213,8 @@ impl Run<'_> {
         let mut say = |at, text: String| {
             entries.push((at, Entry::Said(world.host_time(at), text)));
         };
-        say(Span::ZERO, State::Trajectory.to_string());
-        say(until, State::Drain.to_string());
+        say(Span::ZERO, RecordState::Trajectory.to_string());
+        say(until, RecordState::Drain.to_string());
         let around = |beginning: Span| {
             (0..N_READINGS)
                 .map(move |n| beginning + Span::from_nanos(BETWEEN_READINGS.as_nanos() * n))
@@ -225,7 +226,7 @@ impl Run<'_> {
         let asked = around(Span::ZERO - lead).chain(while_running).chain(around(until));
         for (number, at) in asked.enumerate() {
             let (answered, reading) = world.clock_exchange(at, number as u64);
-            entries.push((answered, Entry::Sample(Sample::Clock(reading))));
+            entries.push((answered, Entry::Sample(RecorderSample::Clock(reading))));
         }
         let step = Span::from_secs_f64(1.0 / world.rig().arm.pose_rate.0);
         let mut at = Span::ZERO;
@@ -252,7 +253,7 @@ impl Run<'_> {
             let at = self.world.packet_arrival(whole, *n_packets);
             *n_packets += 1;
             let arrived = self.world.host_time(at);
-            entries.push((at, Entry::Sample(Sample::Packet { stream, arrived, content })));
+            entries.push((at, Entry::Sample(RecorderSample::Packet { stream, arrived, content })));
         }
     }
 
@@ -262,7 +263,7 @@ impl Run<'_> {
         let sequence = frame.metadata.sequence;
         let at = self.world.frame_arrival(handed_over, frame.n_bytes(), sequence);
         let arrived = self.world.host_time(at);
-        Ok((at, Entry::Sample(Sample::Frame { arrived, frame })))
+        Ok((at, Entry::Sample(RecorderSample::Frame { arrived, frame })))
     }
 }
 
@@ -277,7 +278,7 @@ fn parted(mut entries: Vec<(Span, Entry)>, until: Span) -> (Vec<Entry>, Vec<(Spa
 /// The session's files under way.
 struct Files {
     events: EventFile,
-    log: Log,
+    log: SharedRigLog,
     /// Samples of the DAVIS and of the Pi.
     tally: [u64; 2],
 }
@@ -303,9 +304,11 @@ impl Files {
             Entry::Pose(topic, at, pose) => self.log.write(|log| log.pose(topic, at, pose)),
             Entry::Sample(sample) => {
                 match sample {
-                    Sample::Packet { .. } => self.tally[0] += 1,
-                    Sample::Frame { .. } => self.tally[1] += 1,
-                    Sample::LateRgb { .. } | Sample::Clock(_) | Sample::Note { .. } => {}
+                    RecorderSample::Packet { .. } => self.tally[0] += 1,
+                    RecorderSample::Frame { .. } => self.tally[1] += 1,
+                    RecorderSample::LateRgb { .. }
+                    | RecorderSample::Clock(_)
+                    | RecorderSample::Note { .. } => {}
                 }
                 write_sample(sample, Some(&mut self.events), &self.log)
             }

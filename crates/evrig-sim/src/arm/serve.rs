@@ -9,7 +9,7 @@ use super::journal::{Journal, Line};
 use super::{Options, SimulatedArm};
 use evrig_core::time::Span;
 use evrig_device::dobot::alarm::Alarms;
-use evrig_device::dobot::frame::{Decoder, Frame};
+use evrig_device::dobot::frame::{ArmFrame, ArmFrameDecoder};
 use evrig_device::dobot::id;
 use evrig_record::host_clock;
 use evrig_session::rig::Pose;
@@ -277,7 +277,7 @@ impl Pty {
 }
 
 fn serve(line: Pty, shared: &Shared) {
-    let mut decoder = Decoder::default();
+    let mut decoder = ArmFrameDecoder::default();
     let mut buffer = [0; 512];
     while !shared.is_ending.load(Ordering::Relaxed) {
         let mut requests = Vec::new();
@@ -300,7 +300,7 @@ fn serve(line: Pty, shared: &Shared) {
 }
 
 /// Takes one request; false when the cable was pulled.
-fn take(line: &Pty, shared: &Shared, request: &Frame) -> bool {
+fn take(line: &Pty, shared: &Shared, request: &ArmFrame) -> bool {
     let struck = lock(&shared.faults).strike(request.id());
     let has = |kind: Kind| struck.contains(&kind);
     if has(Kind::Unplug) {
@@ -331,7 +331,7 @@ fn take(line: &Pty, shared: &Shared, request: &Frame) -> bool {
     true
 }
 
-fn send(line: &Pty, reply: &Frame, is_corrupt: bool, trickles: bool) {
+fn send(line: &Pty, reply: &ArmFrame, is_corrupt: bool, trickles: bool) {
     let mut bytes = reply.to_bytes();
     if is_corrupt && let Some(last) = bytes.last_mut() {
         *last ^= 0x10;
@@ -347,7 +347,7 @@ fn send(line: &Pty, reply: &Frame, is_corrupt: bool, trickles: bool) {
 }
 
 /// Does the request and notes it; gives the reply and how long it takes.
-fn answer(shared: &Shared, request: &Frame, struck: &[Kind]) -> (Option<Frame>, Span) {
+fn answer(shared: &Shared, request: &ArmFrame, struck: &[Kind]) -> (Option<ArmFrame>, Span) {
     let mut clocked = lock(&shared.arm);
     let now = clocked.now(true);
     clocked.arm.advance(now);
