@@ -32,7 +32,7 @@ use evrig::format::aedat4::Compression;
 use evrig::record::DeviceError;
 use evrig::record::PoseReading;
 use evrig::record::{Arm, Finding, Progress, host_clock};
-use evrig::record::{Devices, Dwells, Prompts, Rehearsal, Request, StopToken, record, rehearse};
+use evrig::record::{Devices, DryRun, Dwells, Prompts, RecordRequest, StopToken, dry_run, record};
 use evrig::rig::{Pose, Rig};
 use evrig::trajectory::{OptionalSegments, ToolPath as Trace, Trajectory};
 use load::{Load, Pace, cpu_ns};
@@ -122,7 +122,7 @@ fn to_disk(seconds: f64, folder: &Path, compression: Compression, copies: bool) 
     let arm = Resting { length, began: Instant::now(), pose: rig.arm.home };
     let mut devices = Devices { arm: Box::new(arm), recorders };
     let no_dwells = Dwells { lead_in: Duration::ZERO, tail: Duration::ZERO };
-    let request = Request {
+    let request = RecordRequest {
         rig: &rig,
         trajectory: &trajectory,
         path: &path,
@@ -134,7 +134,7 @@ fn to_disk(seconds: f64, folder: &Path, compression: Compression, copies: bool) 
     let mut ended: Option<(f64, f64, u64)> = None;
     let (began, before) = (Instant::now(), cpu_ns(ClockId::ProcessCPUTime));
     let mut watch = |state, _| {
-        if state == evrig::record::State::Seal {
+        if state == evrig::record::RecordState::Seal {
             let wall = began.elapsed().as_secs_f64();
             let peak = status_kb("VmHWM:");
             ended.get_or_insert_with(|| (wall, cores(&load, before, 0, wall), peak));
@@ -175,11 +175,11 @@ fn to_disk(seconds: f64, folder: &Path, compression: Compression, copies: bool) 
 
 fn to_sink(seconds: f64, compression: Compression) -> bool {
     let (load, mut recorders) = Load::new(Pace::Real);
-    let rehearsal = Rehearsal { compression, ..Rehearsal::of(Duration::from_secs_f64(seconds)) };
+    let rehearsal = DryRun { compression, ..DryRun::of(Duration::from_secs_f64(seconds)) };
     let (began, before) = (Instant::now(), cpu_ns(ClockId::ProcessCPUTime));
     let mut told = Duration::ZERO;
     let mut after_start_kb = None;
-    let mut watch = |since: Duration, tallies: &[evrig::record::recorder::Tally]| {
+    let mut watch = |since: Duration, tallies: &[evrig::record::recorder::RecorderTally]| {
         // Every queue and buffer has been used by then.
         if since.as_secs() >= 10 {
             after_start_kb.get_or_insert_with(|| status_kb("VmHWM:"));
@@ -192,7 +192,7 @@ fn to_sink(seconds: f64, compression: Compression) -> bool {
         }
     };
     let stop = StopToken::default();
-    let rehearsed = rehearse(&mut recorders, rehearsal, &stop, &mut watch).unwrap();
+    let rehearsed = dry_run(&mut recorders, rehearsal, &stop, &mut watch).unwrap();
     let wall = began.elapsed().as_secs_f64();
     let heard = &rehearsed.heard;
     let n_dropped: u64 = rehearsed.tallies.iter().map(|tally| tally.n_dropped).sum();

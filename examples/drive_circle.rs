@@ -9,11 +9,11 @@
 
 #![allow(clippy::print_stdout)]
 
-use evrig::device::dobot::command::{CartesianLimits, Command, PtpMode, Ratios};
+use evrig::device::dobot::command::{ArmCommand, CartesianLimits, PtpMode, Ratios};
 use evrig::device::dobot::guard::{GuardLink, serve};
-use evrig::device::dobot::{Client, Patience};
+use evrig::device::dobot::{ArmClient, ArmTimeouts};
 use evrig::record::host_clock;
-use evrig::record::pose_log::{Pace, PoseTiming};
+use evrig::record::pose_timing::{PoseTimer, PoseTiming};
 use evrig::sim::arm::{ArmClock, ArmEmulator, ArmOptions};
 use evrig::time::Span;
 use evrig::units::Hertz;
@@ -41,8 +41,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         (None, port) => PathBuf::from(port.cloned().unwrap_or_default()),
     };
     let link = GuardLink::start(&std::env::current_exe()?, &port)?;
-    let patience = Patience { between_polls: Span::ZERO, ..Patience::default() };
-    let mut client = Client::new(Box::new(link), patience);
+    let patience = ArmTimeouts { between_polls: Span::ZERO, ..ArmTimeouts::default() };
+    let mut client = ArmClient::new(Box::new(link), patience);
     println!("{:?}", client.identify()?);
     if simulated.is_some() {
         client.clear_alarms()?;
@@ -51,20 +51,20 @@ fn main() -> Result<(), Box<dyn Error>> {
     drive(&mut client, rate)
 }
 
-fn drive(client: &mut Client, rate: f64) -> Result<(), Box<dyn Error>> {
+fn drive(client: &mut ArmClient, rate: f64) -> Result<(), Box<dyn Error>> {
     let room = Span::from_micros(1_000_000);
     let minute = Span::from_micros(60_000_000);
     client.begin()?;
-    client.set(&Command::PtpCommon(Ratios { velocity: 100.0, acceleration: 100.0 }))?;
-    client.set(&Command::PtpCoordinate(CartesianLimits::uniform(25.0, 25.0)))?;
-    client.set(&Command::ArcParams(CartesianLimits::uniform(50.0, 50.0)))?;
+    client.set(&ArmCommand::PtpCommon(Ratios { velocity: 100.0, acceleration: 100.0 }))?;
+    client.set(&ArmCommand::PtpCoordinate(CartesianLimits::uniform(25.0, 25.0)))?;
+    client.set(&ArmCommand::ArcParams(CartesianLimits::uniform(50.0, 50.0)))?;
     let target = [240.0, 0.0, 100.0, 90.0];
-    let start = client.enqueue(&Command::Ptp { mode: PtpMode::MoveLineXyz, target }, room)?;
+    let start = client.enqueue(&ArmCommand::Ptp { mode: PtpMode::MoveLineXyz, target }, room)?;
     client.wait_for(start, minute, &mut |_| ())?;
     let (via, to) = ([252.0, 12.0, 100.0, 90.0], [264.0, 0.0, 100.0, 90.0]);
-    let circle = client.enqueue(&Command::Circle { via, to, turns: 1 }, room)?;
+    let circle = client.enqueue(&ArmCommand::Circle { via, to, turns: 1 }, room)?;
     let started = host_clock::now();
-    let (mut poses, mut pace) = (Vec::new(), Pace::new(Hertz(rate)));
+    let (mut poses, mut pace) = (Vec::new(), PoseTimer::new(Hertz(rate)));
     client.wait_for(circle, minute, &mut |pose| {
         poses.push(*pose);
         let rest = pace.until_next(host_clock::now());

@@ -6,13 +6,13 @@
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
 use evrig::delivery::{Coding, Focus, RgbDelivery};
-use evrig::device::pi::{NetworkPi, Patience, Reach};
+use evrig::device::pi::{AgentAddress, NetworkPi, PiTimeouts, pairing};
 use evrig::geometry::Size;
 use evrig::pi::agent::{Agent, Service};
-use evrig::pi::keys::{self, Keys};
-use evrig::pi::order::{Delivery, Order, Settings};
+use evrig::pi::keys::Keys;
+use evrig::pi::order::{CaptureOrder, CaptureSettings, Delivery};
 use evrig::pi::source::Synthetic;
-use evrig::record::recorder::{Recorder, Sample, Taken, channel};
+use evrig::record::recorder::{Received, Recorder, RecorderSample, channel};
 use evrig::time::Span;
 use evrig::units::Hertz;
 use std::time::{Duration, Instant};
@@ -21,14 +21,15 @@ const N_FRAMES: u32 = 600;
 
 fn main() {
     let folder = tempfile::tempdir().unwrap();
-    let pair = keys::pair(folder.path()).unwrap();
+    let pair = pairing::pair(folder.path()).unwrap();
     println!("coding    frames/s   MB/s of pictures   dropped");
     for coding in [Coding::Plain, Coding::Lossless] {
         let mut service = Service::local("127.0.0.1:0".parse().unwrap());
         service.keys = Some(Keys::read(&pair.agent).unwrap());
         let agent = Agent::open(service, Box::new(Synthetic::unpaced(u64::MAX))).unwrap();
-        let reach = Reach::Tls { address: agent.address().to_string(), keys: pair.host.clone() };
-        let settings = Settings {
+        let reach =
+            AgentAddress::Tls { address: agent.address().to_string(), keys: pair.host.clone() };
+        let settings = CaptureSettings {
             size: Size::new(692, 520),
             frame_rate: Hertz(120.0),
             exposure: Span::from_micros(4_000),
@@ -37,8 +38,8 @@ fn main() {
             rgb: true,
         };
         let delivery = Delivery { coding, rgb: RgbDelivery::Live };
-        let order = Order { settings, focus: Focus::Once, delivery };
-        let mut pi = NetworkPi::reached(reach, order, Patience::default());
+        let order = CaptureOrder { settings, focus: Focus::Once, delivery };
+        let mut pi = NetworkPi::new(reach, order, PiTimeouts::default());
         pi.prepare().unwrap();
         let (outlet, inlet) = channel(256 << 20);
         pi.start(outlet).unwrap();
@@ -46,13 +47,13 @@ fn main() {
         let began = Instant::now();
         while n < N_FRAMES {
             match inlet.take(Duration::from_secs(10)) {
-                Taken::Sample(Sample::Frame { frame, .. }) => {
+                Received::Sample(RecorderSample::Frame { frame, .. }) => {
                     n += 1;
                     n_bytes += frame.n_bytes();
                     n_dropped = frame.metadata.n_dropped;
                 }
-                Taken::Sample(_) => {}
-                Taken::Nothing | Taken::Closed => panic!("frames ceased"),
+                Received::Sample(_) => {}
+                Received::Nothing | Received::Closed => panic!("frames ceased"),
             }
         }
         let seconds = began.elapsed().as_secs_f64();

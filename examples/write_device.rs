@@ -15,7 +15,8 @@ use evrig::geometry::Size;
 use evrig::record::Finding;
 use evrig::record::host_clock;
 use evrig::record::recorder::{
-    Outlet, Prepared, Recorder, RecorderError, Sample, Taken, Tally, channel,
+    PreparedRecorder, Received, Recorder, RecorderError, RecorderSample, RecorderTally,
+    SampleSender, channel,
 };
 use evrig::session::HostTime;
 use evrig::time::Stamp;
@@ -27,8 +28,8 @@ const SIZE: Size = Size::new(64, 48);
 /// A spot that runs along the diagonal, a packet each time it is looked at.
 #[derive(Default)]
 struct Spot {
-    outlet: Option<Outlet>,
-    tally: Tally,
+    outlet: Option<SampleSender>,
+    tally: RecorderTally,
     n_packets: i64,
 }
 
@@ -44,7 +45,7 @@ impl Spot {
             .collect();
         let n = events.len() as u64;
         let content = Content::Events(events);
-        let sample = Sample::Packet { stream: 0, arrived: now(), content };
+        let sample = RecorderSample::Packet { stream: 0, arrived: now(), content };
         // A full queue is a loss to be counted, never one to wait for.
         if outlet.offer(sample) {
             self.tally.n_samples += n;
@@ -71,24 +72,24 @@ impl Recorder for Spot {
         vec![Finding::good("identity", "a spot on a diagonal, made by this program")]
     }
 
-    fn prepare(&mut self) -> Result<Prepared, RecorderError> {
+    fn prepare(&mut self) -> Result<PreparedRecorder, RecorderError> {
         let says =
             serde_json::json!({ "model": "spot", "columns": SIZE.width, "rows": SIZE.height });
-        Ok(Prepared { says, streams: vec![StreamSpec::events(SIZE, "spot")] })
+        Ok(PreparedRecorder { says, streams: vec![StreamSpec::events(SIZE, "spot")] })
     }
 
-    fn start(&mut self, outlet: Outlet) -> Result<(), RecorderError> {
+    fn start(&mut self, outlet: SampleSender) -> Result<(), RecorderError> {
         self.outlet = Some(outlet);
         self.deliver();
         Ok(())
     }
 
-    fn progress(&mut self) -> Result<Tally, RecorderError> {
+    fn progress(&mut self) -> Result<RecorderTally, RecorderError> {
         self.deliver();
         Ok(self.tally.clone())
     }
 
-    fn finish(&mut self) -> Result<Tally, RecorderError> {
+    fn finish(&mut self) -> Result<RecorderTally, RecorderError> {
         self.abort();
         Ok(self.tally.clone())
     }
@@ -113,7 +114,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let tally = spot.finish()?;
     let mut n = 0;
-    while let Taken::Sample(sample) = inlet.take(Duration::from_secs(1)) {
+    while let Received::Sample(sample) = inlet.take(Duration::from_secs(1)) {
         n += sample.n_events();
     }
     println!("{} events delivered, {} dropped, {n} taken", tally.n_samples, tally.n_dropped);

@@ -59,7 +59,7 @@ pub fn pi(bytes: &[u8]) {
         let _ = wire::check_preamble(preamble);
     }
     let piece = 1 + bytes.first().copied().map_or(0, usize::from);
-    let mut decoder = wire::Decoder::default();
+    let mut decoder = wire::MessageDecoder::default();
     for bytes in bytes.chunks(piece * 16) {
         decoder.push(bytes);
         loop {

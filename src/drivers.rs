@@ -1,215 +1,173 @@
-//! The devices that a rig file names, opened.
+//! The registry of drivers, and a rig's devices opened by them.
+//!
+//! A driver states which rig-file key and values choose it and opens its device; the device checks
+//! itself ([`Recorder::check`], [`ArmDriver::check`]) and each error says what to do.
 
-use evrig_core::time::Span;
-use evrig_device::davis::{NetworkDavis, Pace, Patience as DavisPatience, ReplayDavis};
-use evrig_device::dobot::check::find_port;
-use evrig_device::dobot::guard::Stopper;
-use evrig_device::dobot::{ArmError, Client, Magician, Patience as ArmPatience, port};
-use evrig_device::pi::{NetworkPi, Patience as PiPatience, Reach};
-use evrig_pi::keys;
-use evrig_pi::order::{Delivery, Order, Settings};
-use evrig_record::Devices;
-use evrig_record::recorder::{Recorder, RecorderError};
-use evrig_session::rig::{ArmPort, CameraTransport, Pose, Rig};
-use evrig_sim::arm::{ArmClock, ArmEmulator, ArmOptions, EmulatorError};
+mod davis;
+mod dobot;
+mod driver;
+mod pi;
+mod simulated;
+
+pub use driver::{ArmDriver, DriverError, OpenArm, OpenOptions, RecorderDriver};
+
+use evrig_record::recorder::Recorder;
+use evrig_record::{Devices, EmergencyStop, Finding};
+use evrig_session::rig::{ArmDescription, ArmPort, CameraTransport, Pose, Rig};
+use evrig_session::trajectory;
+use evrig_sim::arm::{ArmClock, ArmEmulator, ArmOptions};
 use evrig_sim::live::LiveWorld;
-use evrig_sim::recorder::SimulatedCamera;
-use evrig_sim::world::{WorldDescription, WorldError};
-use std::path::{Path, PathBuf};
+use evrig_sim::world::WorldDescription;
+use std::path::Path;
+use std::sync::Arc;
 
-/// How long homing may take; a Magician needs about fifteen seconds.
-const HOMING: Span = Span::from_micros(60_000_000);
+pub use dobot::serve_guard;
 
-/// And a simulated one, which nobody wants to wait for.
-const SIMULATED_HOMING: Span = Span::from_micros(500_000);
+/// Drivers of cameras; for each key the first that takes the rig's value opens the camera.
+static RECORDER_DRIVERS: [RecorderDriver; 6] =
+    [davis::USB, davis::TCP, davis::FILE, simulated::DAVIS, pi::AGENT, simulated::PI];
 
-/// What a rig file does not say of a recording.
-#[derive(Debug, Clone, Copy)]
-pub struct Opening<'a> {
-    /// How a recording in the DAVIS's place is played.
-    pub pace: Pace,
-    /// Whether the arm is homed first; a simulated one always is: it is new every time.
-    pub home: bool,
-    /// Where the path begins: simulated cameras see the print from there.
-    pub start: Pose,
-    /// The world of simulated cameras.
-    pub world: &'a WorldDescription,
-    /// Of everything that is random in it.
-    pub seed: u64,
-}
-
-/// Why a rig's devices cannot be opened.
-#[derive(Debug, thiserror::Error)]
-pub enum BenchError {
-    /// The arm.
-    #[error(transparent)]
-    Arm(#[from] ArmError),
-    /// The simulated arm.
-    #[error(transparent)]
-    ArmEmulator(#[from] EmulatorError),
-    /// The simulated world.
-    #[error(transparent)]
-    World(#[from] WorldError),
-    /// A simulated camera.
-    #[error(transparent)]
-    Camera(#[from] RecorderError),
-    /// Simulated cameras sit on the simulated arm.
-    #[error(
-        "rig: {key} = \"sim\" needs arm.port = \"sim\": a simulated camera sits on the simulated arm"
-    )]
-    NoSimulatedArm {
-        /// The key of the rig file.
-        key: &'static str,
-    },
-    /// This program cannot be found, and the arm's guard is this program.
-    #[error("cannot find this program to start the guard of the arm: {0}")]
-    Program(#[from] std::io::Error),
-    /// A camera is named in a way that this version cannot open.
-    #[error("rig: {key} = \"{found}\" cannot be recorded by this version; use {remedy}")]
-    CameraTransport {
-        /// The key of the rig file.
-        key: &'static str,
-        /// What stands there.
-        found: &'static str,
-        /// What can.
-        remedy: &'static str,
-    },
+/// The driver of an arm. Rig files name no make: all arms are of the one kind that has a driver.
+fn arm_driver(_description: &ArmDescription) -> &'static dyn ArmDriver {
+    &dobot::MagicianDriver
 }
 
 /// A rig's devices, and what must live as long as they do.
-pub struct Bench {
+pub struct OpenRig {
     /// What the engine gets.
     pub devices: Devices,
-    /// Halts the arm from any thread; none for a simulated one.
-    pub stopper: Option<Stopper>,
-    /// Dropped last: the arm's port is served by it.
+    /// Stops the arm from any thread; none for a simulated one.
+    pub emergency_stop: Option<Arc<dyn EmergencyStop>>,
+    /// Dropped last: it serves the arm's port.
     _simulated: Option<ArmEmulator>,
 }
 
-impl Bench {
-    /// Opens the arm, homes it if asked to, and names the cameras.
+impl OpenRig {
+    /// Opens the cameras and the arm, and homes the arm if asked to.
     ///
     /// # Errors
-    /// When the arm's port cannot be opened, there is no such world, or a camera's transport is not
-    /// of this version.
-    pub fn open(rig: &Rig, opening: &Opening<'_>) -> Result<Self, BenchError> {
-        let simulated = match rig.arm.port {
-            ArmPort::Sim => {
-                let options = ArmOptions { homing: SIMULATED_HOMING, ..ArmOptions::default() };
-                Some(ArmEmulator::start(options, ArmClock::Scaled(1.0), Vec::new())?)
-            }
-            _ => None,
-        };
-        let recorders = cameras(rig, opening, simulated.as_ref())?;
-        let port = find_port(&rig.arm.port, simulated.as_ref().map(ArmEmulator::port))
-            .map_err(ArmError::from)?;
-        let mut arm = open_arm(rig, &port, simulated.is_some())?;
-        if opening.home || simulated.is_some() {
-            arm.home(HOMING)?;
-        }
-        let stopper = arm.stopper();
-        let devices = Devices { arm: Box::new(arm), recorders };
-        Ok(Self { devices, stopper, _simulated: simulated })
+    /// When the arm's port cannot be opened, the simulated world is invalid, or no driver takes the
+    /// transport of a camera.
+    pub fn open(rig: &Rig, options: &OpenOptions<'_>) -> Result<Self, DriverError> {
+        let simulated = start_simulated_arm(rig, false)?;
+        let recorders = open_recorders(rig, options, simulated.as_ref())?;
+        let port = simulated.as_ref().map(ArmEmulator::port);
+        // A simulated arm is new every time.
+        let home = options.home || simulated.is_some();
+        let OpenArm { arm, emergency_stop } = arm_driver(&rig.arm).open(&rig.arm, port, home)?;
+        let devices = Devices { arm, recorders };
+        Ok(Self { devices, emergency_stop, _simulated: simulated })
     }
 }
 
-/// The cameras by their transports. Simulated ones look at one world, which the simulated arm moves.
+/// The simulated arm of a rig that names one, switched on.
 ///
 /// # Errors
-/// When there is no such world, or a transport is not of this version.
-pub fn cameras(
-    rig: &Rig,
-    opening: &Opening<'_>,
-    arm: Option<&ArmEmulator>,
-) -> Result<Vec<Box<dyn Recorder>>, BenchError> {
-    let transports = [
-        ("davis.transport", &rig.davis.camera.transport),
-        ("pi.transport", &rig.pi.camera.transport),
-    ];
-    let live =
-        match transports.into_iter().find(|(_, transport)| **transport == CameraTransport::Sim) {
-            Some((key, _)) => {
-                let arm = arm.ok_or(BenchError::NoSimulatedArm { key })?;
-                Some(LiveWorld::moved_by(arm, rig, opening.start, opening.world, opening.seed)?)
-            }
-            None => None,
-        };
-    let davis: Box<dyn Recorder> = match (&rig.davis.camera.transport, &live) {
-        (CameraTransport::Tcp(address), _) => {
-            Box::new(NetworkDavis::new(address, DavisPatience::default()))
-        }
-        (CameraTransport::File(path), _) => {
-            Box::new(ReplayDavis::new(Path::new(path), opening.pace))
-        }
-        (CameraTransport::Sim, Some(live)) => Box::new(SimulatedCamera::davis(live)?),
-        #[cfg(feature = "usb")]
-        (CameraTransport::Usb, _) => Box::new(evrig_device::davis::UsbDavis::new(&rig.davis)),
-        (other, _) => {
-            let remedy =
-                "usb (in an evrig built with `--features usb`), tcp://HOST:PORT or file:PATH";
-            return Err(refused("davis.transport", other, remedy));
-        }
-    };
-    let pi: Box<dyn Recorder> = match (&rig.pi.camera.transport, &live) {
-        (CameraTransport::Sim, Some(live)) => Box::new(SimulatedCamera::pi(live, order(rig))?),
-        (other, _) => match network_pi(rig) {
-            Some(pi) => Box::new(pi),
-            None => {
-                let remedy = "tls://HOST:PORT of an agent, or tcp://HOST:PORT on this machine";
-                return Err(refused("pi.transport", other, remedy));
-            }
-        },
-    };
-    Ok(vec![davis, pi])
-}
-
-/// The arm at a port: behind its guard, unless it is simulated in this process.
-fn open_arm(rig: &Rig, port: &Path, is_simulated: bool) -> Result<Magician, BenchError> {
-    let (description, patience) = (rig.arm.clone(), ArmPatience::default());
-    if is_simulated {
-        let link = port::open(port).map_err(ArmError::from)?;
-        return Ok(Magician::over(Client::new(Box::new(link), patience), description));
+/// When there is no pseudo-terminal for it.
+pub fn start_simulated_arm(rig: &Rig, is_homed: bool) -> Result<Option<ArmEmulator>, DriverError> {
+    if rig.arm.port != ArmPort::Sim {
+        return Ok(None);
     }
-    Ok(Magician::guarded(&std::env::current_exe()?, port, description, patience)?)
+    let options = ArmOptions { is_homed, homing: simulated::HOMING, ..ArmOptions::default() };
+    Ok(Some(ArmEmulator::start(options, ArmClock::Scaled(1.0), Vec::new())?))
 }
 
-/// The Pi's camera behind its agent; none when the rig names no agent.
-fn network_pi(rig: &Rig) -> Option<NetworkPi> {
-    let pi = &rig.pi;
-    let reach = match &pi.camera.transport {
-        CameraTransport::Tcp(address) => Reach::Local { address: address.clone() },
-        CameraTransport::Tls(address) => {
-            let own = || keys::default_directory().join("host");
-            let keys = pi.keys.as_ref().map_or_else(own, PathBuf::from);
-            Reach::Tls { address: address.clone(), keys }
+/// Opens the arm and checks what must hold before it drives `path`. Nothing moves.
+#[must_use]
+pub fn check_arm(
+    rig: &Rig,
+    simulated: Option<&ArmEmulator>,
+    path: Option<&trajectory::ToolPath>,
+) -> Vec<Finding> {
+    arm_driver(&rig.arm).check(&rig.arm, simulated.map(ArmEmulator::port), path)
+}
+
+/// Checks both cameras over the transports by which they would be recorded.
+#[must_use]
+pub fn check_recorders(rig: &Rig, start: Pose, simulated: Option<&ArmEmulator>) -> Vec<Finding> {
+    let world = WorldDescription::default();
+    let options =
+        OpenOptions { replay_speed: Some(1.0), home: false, start, world: &world, seed: 1 };
+    match open_recorders(rig, &options, simulated) {
+        Ok(mut recorders) => recorders.iter_mut().flat_map(|it| it.check()).collect(),
+        Err(error) => vec![Finding::bad("cameras", error.to_string())],
+    }
+}
+
+/// An event-camera recording, replayed `speed` times as fast as it was made.
+#[must_use]
+pub fn replay(path: &Path, speed: f64) -> Box<dyn Recorder> {
+    davis::replay(path, Some(speed))
+}
+
+/// The cameras by their transports. Simulated ones see one world, which the simulated arm moves.
+fn open_recorders(
+    rig: &Rig,
+    options: &OpenOptions<'_>,
+    simulated_arm: Option<&ArmEmulator>,
+) -> Result<Vec<Box<dyn Recorder>>, DriverError> {
+    let transports =
+        [(davis::KEY, &rig.davis.camera.transport), (pi::KEY, &rig.pi.camera.transport)];
+    let world = match transports.iter().find(|(_, transport)| **transport == CameraTransport::Sim) {
+        Some((key, _)) => {
+            let arm = simulated_arm.ok_or(DriverError::NoSimulatedArm { key })?;
+            let OpenOptions { start, world, seed, .. } = *options;
+            Some(LiveWorld::moved_by(arm, rig, start, world, seed)?)
         }
-        CameraTransport::Sim | CameraTransport::Usb | CameraTransport::File(_) => return None,
+        None => None,
     };
-    Some(NetworkPi::reached(reach, order(rig), PiPatience::default()))
+    let open = |(key, found): (&'static str, &CameraTransport)| {
+        let of_key = || RECORDER_DRIVERS.iter().filter(move |driver| driver.key == key);
+        let opened = of_key().find_map(|driver| (driver.open)(rig, options, world.as_ref()));
+        opened.unwrap_or_else(|| {
+            let values: Vec<_> = of_key().map(|driver| driver.values).collect();
+            let found = driver::name_of(found);
+            Err(DriverError::NoDriver { key, found, values: values.join(", ") })
+        })
+    };
+    transports.into_iter().map(open).collect()
 }
 
-/// What the rig file says of the Pi's frames.
-fn order(rig: &Rig) -> Order {
-    let pi = &rig.pi;
-    let settings = Settings {
-        size: pi.camera.size,
-        frame_rate: pi.camera.frame_rate,
-        exposure: pi.camera.exposure,
-        gain: pi.camera.gain,
-        raw: pi.raw,
-        rgb: pi.rgb,
-    };
-    let delivery = Delivery { coding: pi.coding, rgb: pi.rgb_delivery };
-    Order { settings, focus: pi.focus, delivery }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-fn refused(key: &'static str, found: &CameraTransport, remedy: &'static str) -> BenchError {
-    let found = match found {
-        CameraTransport::Sim => "sim",
-        CameraTransport::Usb => "usb",
-        CameraTransport::Tcp(_) => "tcp://",
-        CameraTransport::Tls(_) => "tls://",
-        CameraTransport::File(_) => "file:",
-    };
-    BenchError::Transport { key, found, remedy }
+    fn error_of(key: &str, value: &str) -> String {
+        let section = format!("[{key}]");
+        let text = Rig::simulated().unwrap().text;
+        let (before, after) = text.split_once(&section).unwrap();
+        let (line, value) = ("transport = \"sim\"", format!("transport = \"{value}\""));
+        let text = format!("{before}{section}{}", after.replacen(line, &value, 1));
+        let rig = Rig::parse("rig.toml", &text).unwrap();
+        let world = WorldDescription::default();
+        let options = OpenOptions {
+            replay_speed: None,
+            home: false,
+            start: rig.arm.home,
+            world: &world,
+            seed: 1,
+        };
+        let simulated = start_simulated_arm(&rig, true).unwrap();
+        let opened = open_recorders(&rig, &options, simulated.as_ref());
+        opened.err().map_or_else(String::new, |error| error.to_string())
+    }
+
+    #[test]
+    fn a_transport_without_a_driver_is_refused_with_those_that_have_one() {
+        let error = error_of("davis", "tls://pi:7766");
+        assert!(error.contains("davis.transport = \"tls://\" has no driver"), "{error}");
+        assert!(error.contains("tcp://HOST:PORT, file:PATH, sim"), "{error}");
+        let error = error_of("pi", "usb");
+        assert!(error.contains("pi.transport = \"usb\" has no driver; use tls://"), "{error}");
+    }
+
+    #[cfg(not(feature = "usb"))]
+    #[test]
+    fn usb_without_its_feature_names_the_feature() {
+        let error = error_of("davis", "usb");
+        assert_eq!(
+            error,
+            "rig: davis.transport = \"usb\" needs an evrig built with `--features usb`"
+        );
+    }
 }

@@ -16,10 +16,10 @@ pub use status::Status;
 pub use view::{EventImage, View};
 
 use evrig_core::geometry::Size;
-use evrig_device::davis::serve::{ServeError, StreamServer};
+use evrig_device::stream_server::{StreamServer, StreamServerError};
 use evrig_format::aedat4::{Compression, Content, StreamSpec};
 use evrig_generate::ParameterError;
-use evrig_record::recorder::Sample;
+use evrig_record::recorder::RecorderSample;
 use evrig_session::HostTime;
 use evrig_session::rig::Pose;
 use std::net::SocketAddr;
@@ -49,7 +49,7 @@ pub enum LiveError {
     Parameters(#[from] ParameterError),
     /// The AEDAT4 streams.
     #[error(transparent)]
-    Serve(#[from] ServeError),
+    Serve(#[from] StreamServerError),
     /// The tag's family.
     #[error("`{family}` is no family of tags that this version knows")]
     Tag {
@@ -142,13 +142,13 @@ impl Live {
     ///
     /// # Errors
     /// When it cannot be written as AEDAT4.
-    pub fn take(&mut self, sample: &Sample) -> Result<(), LiveError> {
+    pub fn take(&mut self, sample: &RecorderSample) -> Result<(), LiveError> {
         self.view.take(sample);
         match sample {
-            Sample::Packet { content: Content::Events(events), .. } => {
+            RecorderSample::Packet { content: Content::Events(events), .. } => {
                 self.events.send_events(events.as_slice())?;
             }
-            Sample::Packet { content: Content::Frame(frame), .. } => {
+            RecorderSample::Packet { content: Content::Frame(frame), .. } => {
                 self.frames.send_frame(frame)?;
                 let corners = self.view.look(frame);
                 #[cfg(feature = "foxglove")]
@@ -158,7 +158,7 @@ impl Live {
                 let _ = corners;
             }
             #[cfg(feature = "foxglove")]
-            Sample::Frame { frame, .. } => {
+            RecorderSample::Frame { frame, .. } => {
                 if let Some(foxglove) = &self.foxglove {
                     foxglove.pi_frame(frame);
                 }

@@ -8,8 +8,8 @@
 #[allow(dead_code)]
 mod load;
 
-use evrig::record::recorder::Tally;
-use evrig::record::{Rehearsal, Stop, StopToken, rehearse};
+use evrig::record::recorder::RecorderTally;
+use evrig::record::{DryRun, StopRequest, StopToken, dry_run};
 use load::{Load, Pace};
 use std::time::Duration;
 
@@ -35,13 +35,13 @@ fn cameras_that_outrun_the_writers_cost_drops_that_are_counted_and_no_more_memor
     // It ends when both cameras have.
     let stop = StopToken::default();
     let length = Duration::from_secs(3600);
-    let rehearsal = Rehearsal { queue_bytes: QUEUE_BYTES, ..Rehearsal::of(length) };
-    let mut watch = |_, _: &[Tally]| {
+    let rehearsal = DryRun { queue_bytes: QUEUE_BYTES, ..DryRun::of(length) };
+    let mut watch = |_, _: &[RecorderTally]| {
         if load.has_ended() {
-            stop.ask(Stop::AtOnce);
+            stop.request(StopRequest::AtOnce);
         }
     };
-    let rehearsed = rehearse(&mut recorders, rehearsal, &stop, &mut watch).unwrap();
+    let rehearsed = dry_run(&mut recorders, rehearsal, &stop, &mut watch).unwrap();
     for tally in &rehearsed.tallies {
         assert_eq!(tally.n_samples + tally.n_dropped, N_SAMPLES);
     }

@@ -8,7 +8,8 @@ use evrig::pi_camera::{FrameMetadata, PiFrame};
 use evrig::raw10;
 use evrig::record::Finding;
 use evrig::record::recorder::{
-    Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
+    PreparedRecorder, Recorder, RecorderError, RecorderSample, RecorderTally, SampleSender,
+    host_time,
 };
 use evrig::session::{EventChecksum, ImageChecksum};
 use evrig::time::{Span, Stamp};
@@ -99,7 +100,7 @@ impl Load {
 }
 
 /// A sample, and how it goes into the books once it is taken.
-type Make = dyn Fn(u64) -> (Sample, Box<dyn FnOnce(&mut Sums)>) + Send + Sync;
+type Make = dyn Fn(u64) -> (RecorderSample, Box<dyn FnOnce(&mut Sums)>) + Send + Sync;
 
 /// A device that makes one sample an interval from the number of the sample.
 struct Source {
@@ -116,9 +117,9 @@ struct Source {
 }
 
 impl Source {
-    fn tally(&self) -> Tally {
+    fn tally(&self) -> RecorderTally {
         let [n_samples, n_dropped] = [0, 1].map(|i: usize| self.counts[i].load(Ordering::Relaxed));
-        Tally { n_samples, n_dropped, ..Tally::default() }
+        RecorderTally { n_samples, n_dropped, ..RecorderTally::default() }
     }
 }
 
@@ -131,11 +132,11 @@ impl Recorder for Source {
         Vec::new()
     }
 
-    fn prepare(&mut self) -> Result<Prepared, RecorderError> {
-        Ok(Prepared { says: serde_json::json!({}), streams: self.streams.clone() })
+    fn prepare(&mut self) -> Result<PreparedRecorder, RecorderError> {
+        Ok(PreparedRecorder { says: serde_json::json!({}), streams: self.streams.clone() })
     }
 
-    fn start(&mut self, outlet: Outlet) -> Result<(), RecorderError> {
+    fn start(&mut self, outlet: SampleSender) -> Result<(), RecorderError> {
         let (make, interval, number) = (Arc::clone(&self.make), self.interval, self.number);
         let (is_ending, counts) = (Arc::clone(&self.is_ending), Arc::clone(&self.counts));
         let (load, pace) = (self.load.clone(), self.pace);
@@ -164,11 +165,11 @@ impl Recorder for Source {
         Ok(())
     }
 
-    fn progress(&mut self) -> Result<Tally, RecorderError> {
+    fn progress(&mut self) -> Result<RecorderTally, RecorderError> {
         Ok(self.tally())
     }
 
-    fn finish(&mut self) -> Result<Tally, RecorderError> {
+    fn finish(&mut self) -> Result<RecorderTally, RecorderError> {
         self.abort();
         Ok(self.tally())
     }
@@ -186,7 +187,7 @@ fn source(
     streams: Vec<StreamSpec>,
     interval: Duration,
     (load, pace): (&Load, Pace),
-    make: impl Fn(u64) -> (Sample, Box<dyn FnOnce(&mut Sums)>) + Send + Sync + 'static,
+    make: impl Fn(u64) -> (RecorderSample, Box<dyn FnOnce(&mut Sums)>) + Send + Sync + 'static,
 ) -> Box<Source> {
     Box::new(Source {
         name,
@@ -234,7 +235,7 @@ fn davis(load: &Load, pace: Pace) -> Box<Source> {
             sums.events.take(again.as_slice());
         };
         let content = Content::Events(events);
-        let sample = Sample::Packet { stream: 0, arrived: host_time(), content };
+        let sample = RecorderSample::Packet { stream: 0, arrived: host_time(), content };
         (sample, Box::new(enter) as Box<dyn FnOnce(&mut Sums)>)
     };
     source("davis", vec![StreamSpec::events(size, "bench")], PACKET, (load, pace), make)
@@ -265,7 +266,7 @@ fn pi(load: &Load, pace: Pace) -> Box<Source> {
             sums.made.n_raw += 1;
             sums.made.n_rgb += 1;
         };
-        let sample = Sample::Frame { arrived, frame: Box::new(frame) };
+        let sample = RecorderSample::Frame { arrived, frame: Box::new(frame) };
         (sample, Box::new(enter) as Box<dyn FnOnce(&mut Sums)>)
     };
     source("pi", Vec::new(), Duration::from_secs(1) / FRAMES_PER_S, (load, pace), make)

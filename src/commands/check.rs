@@ -1,21 +1,17 @@
-//! `check`: everything that must hold before a recording, looked at one by one.
+//! `check`: everything that must hold before a recording.
 
 use super::plan::refused;
 use super::{Ending, Output, WrongUse};
 use crate::cli::CheckArgs;
-use crate::drivers::{self, Opening};
-use evrig_device::davis::Pace;
-use evrig_device::dobot::check::open_and_look;
-use evrig_device::dobot::port;
+use crate::drivers::{check_arm, check_recorders, start_simulated_arm};
+use evrig_device::serial_port::{UsbSerialPort, usb_serial_ports};
 use evrig_record::{Finding, Verdict};
-use evrig_session::rig::{ArmPort, Pose, Rig};
+use evrig_session::rig::{ArmPort, Rig};
 use evrig_session::trajectory::{OptionalSegments, Plan, Trajectory};
-use evrig_sim::arm::{ArmClock, ArmEmulator, ArmOptions};
-use evrig_sim::world::WorldDescription;
 use serde_json::json;
 use std::path::Path;
 
-/// Free space that a machine should have for recordings when no trajectory says how much.
+/// Free space that a machine should have for recordings when no trajectory states how much.
 const SOME_SPACE: u64 = 10_000_000_000;
 
 pub(super) fn check(args: &CheckArgs, output: &Output) -> anyhow::Result<Ending> {
@@ -40,13 +36,13 @@ pub(super) fn check(args: &CheckArgs, output: &Output) -> anyhow::Result<Ending>
 }
 
 fn this_machine(out: &Path) -> Vec<Finding> {
-    let ports = port::usb_serial_ports(Path::new("/sys"));
+    let ports = usb_serial_ports(Path::new("/sys"));
     let port = match ports.as_slice() {
         [] => {
             Finding::doubt("port", "no USB serial port is plugged in; the simulated rig needs none")
         }
         some => {
-            let name = |port: &port::UsbPort| {
+            let name = |port: &UsbSerialPort| {
                 format!("{} ({:04x}:{:04x})", port.path.display(), port.usb_id.0, port.usb_id.1)
             };
             let names: Vec<String> = some.iter().map(name).collect();
@@ -72,36 +68,18 @@ fn of_rig(name: &str, args: &CheckArgs, output: &Output) -> anyhow::Result<Vec<F
     if let Some(Err(beyond)) = plan.as_ref().map(Plan::feasible_path) {
         findings.push(Finding::bad("path", beyond.to_string()));
     }
-    // The simulated arm is switched on for the look; a real one is only asked.
-    let simulated = if rig.arm.port == ArmPort::Sim {
+    if rig.arm.port == ArmPort::Sim {
         output.detail("starting the simulated arm");
-        let options = ArmOptions { is_homed: true, ..ArmOptions::default() };
-        Some(ArmEmulator::start(options, ArmClock::Scaled(1.0), Vec::new())?)
-    } else {
-        None
-    };
-    let program = std::env::current_exe()?;
-    let port = simulated.as_ref().map(ArmEmulator::port);
-    let (arm, found) = open_and_look(&program, &rig.arm, port, path);
-    drop(arm);
-    findings.extend(found);
+    }
+    let simulated = start_simulated_arm(&rig, true)?;
+    findings.extend(check_arm(&rig, simulated.as_ref(), path));
     output.detail("asking the cameras, and how fast the network is");
     let start = path.map_or(rig.arm.home, evrig_session::trajectory::ToolPath::start);
-    findings.extend(cameras(&rig, start, simulated.as_ref()));
+    findings.extend(check_recorders(&rig, start, simulated.as_ref()));
     let needed = plan.as_ref().map_or(SOME_SPACE, |plan| plan.disk_bytes);
     findings.push(disk(&args.out, needed));
     findings.push(clock());
     Ok(findings)
-}
-
-/// Both cameras, asked by the wire on which they would be recorded.
-fn cameras(rig: &Rig, start: Pose, arm: Option<&ArmEmulator>) -> Vec<Finding> {
-    let world = WorldDescription::default();
-    let opening = Opening { pace: Pace::Times(1.0), home: false, start, world: &world, seed: 1 };
-    match drivers::cameras(rig, &opening, arm) {
-        Ok(mut cameras) => cameras.iter_mut().flat_map(|camera| camera.check()).collect(),
-        Err(error) => vec![Finding::bad("cameras", error.to_string())],
-    }
 }
 
 /// Free space where the recording goes: half as much again as is needed is comfortable.

@@ -59,7 +59,7 @@ fn arm(args: &EmulateArmArgs, output: &Output) -> anyhow::Result<Ending> {
     }
     let port = args.link.clone().unwrap_or_else(|| emulator.port().to_owned());
     output.result(&Served { port: port.clone() }, port.display())?;
-    output.say("a simulated Dobot Magician answers there; Ctrl-C ends it");
+    output.say("a simulated arm answers there; Ctrl-C ends it");
     signals.forever().next();
     Ok(Ending::Done)
 }
@@ -71,7 +71,7 @@ fn davis(args: &EmulateCameraArgs, output: &Output) -> anyhow::Result<Ending> {
     server.progress().begin(live.now());
     let addresses: Vec<String> = server.addresses().iter().map(ToString::to_string).collect();
     output.result(&json!({ "addresses": addresses }), addresses.join(","))?;
-    output.say("a simulated DAVIS346 serves events and frames there; Ctrl-C ends it");
+    output.say("a simulated event camera serves events and frames there; Ctrl-C ends it");
     signals.forever().next();
     Ok(Ending::Done)
 }

@@ -2,7 +2,8 @@
 
 use super::{Ending, Output};
 use crate::cli::GuardArgs;
-use evrig_device::dobot::guard::{Ended, serve};
+use crate::drivers::serve_guard;
+use evrig_record::GuardEnd;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -13,10 +14,10 @@ pub(super) fn guard(args: &GuardArgs, output: &Output) -> anyhow::Result<Ending>
     for signal in [SIGINT, SIGTERM, SIGHUP, SIGQUIT] {
         signal_hook::flag::register(signal, Arc::clone(&is_signalled))?;
     }
-    match serve(&args.port, std::io::stdin(), std::io::stdout(), &is_signalled) {
-        Ended::NotBegun(_) => Ok(Ending::Failed),
-        Ended::HostGone => Ok(Ending::Done),
-        Ended::HeartbeatLate => {
+    match serve_guard(&args.port, &is_signalled) {
+        GuardEnd::NotBegun(_) => Ok(Ending::Failed),
+        GuardEnd::HostGone => Ok(Ending::Done),
+        GuardEnd::HeartbeatLate => {
             output.warn("evrig hangs or was suspended: the arm was stopped");
             Ok(Ending::Failed)
         }

@@ -1,15 +1,16 @@
-//! `live`: hands what devices or a session give to viewers, until Ctrl-C or the end.
+//! `live`: sends the samples of devices or of a session to viewers, until Ctrl-C or the end.
 
 use super::pi::{generation_settings, generation_words};
 use super::plan::refused;
 use super::{Ending, Output, WrongUse};
 use crate::cli::LiveArgs;
-use crate::drivers::{Bench, Opening};
+use crate::drivers::{OpenOptions, OpenRig, replay};
 use crate::live::{Addresses, Generation, GenerationSettings, Live, Status};
 use evrig_core::geometry::Size;
 use evrig_core::time::Span;
-use evrig_device::davis::{Pace, ReplayDavis};
-use evrig_record::recorder::{Inlet, Recorder, Sample, Taken, channel, host_time};
+use evrig_record::recorder::{
+    Received, Recorder, RecorderSample, SampleReceiver, channel, host_time,
+};
 use evrig_session::SessionLayout;
 use evrig_session::rig::Rig;
 use evrig_sim::world::WorldDescription;
@@ -23,18 +24,18 @@ use std::time::{Duration, Instant};
 /// Bytes that wait to be shown; what does not fit is dropped and counted.
 const QUEUE_BYTES: usize = 32 << 20;
 /// Between two event pictures.
-const PICTURE: Duration = Duration::from_millis(33);
+const PICTURE_INTERVAL: Duration = Duration::from_millis(33);
 /// Between two lines of rates.
-const TELL: Duration = Duration::from_secs(1);
+const STATUS_INTERVAL: Duration = Duration::from_secs(1);
 
-/// What is looked at, and what must live as long.
-struct Source {
+/// The recorders that are shown, and what must live as long.
+struct LiveSource {
     recorders: Vec<Box<dyn Recorder>>,
     tag: (String, u32),
     size: Size,
     /// Size of the Pi's frames and their delay from row to row; none where there are none.
     pi: Option<(Size, Span)>,
-    bench: Option<Bench>,
+    rig: Option<OpenRig>,
 }
 
 pub(super) fn live(args: &LiveArgs, output: &Output) -> anyhow::Result<Ending> {
@@ -85,7 +86,7 @@ pub(super) fn live(args: &LiveArgs, output: &Output) -> anyhow::Result<Ending> {
 /// Events from the Pi's frames, where the user wants them.
 fn generation(
     args: &LiveArgs,
-    source: &Source,
+    source: &LiveSource,
     output: &Output,
 ) -> anyhow::Result<Option<Generation>> {
     let Some(light) = args.generate else { return Ok(None) };
@@ -103,7 +104,7 @@ fn generation(
     Ok(Some(generation))
 }
 
-fn open(args: &LiveArgs) -> anyhow::Result<Source> {
+fn open(args: &LiveArgs) -> anyhow::Result<LiveSource> {
     let path = Path::new(&args.what);
     if path.is_dir() {
         let davis = SessionLayout::new(path).davis();
@@ -115,29 +116,28 @@ fn open(args: &LiveArgs) -> anyhow::Result<Source> {
             .iter()
             .find_map(|stream| stream.size)
             .unwrap_or(Size::DAVIS346);
-        let replay = ReplayDavis::new(&davis, Pace::Times(args.pace));
-        return Ok(Source {
-            recorders: vec![Box::new(replay)],
+        return Ok(LiveSource {
+            recorders: vec![replay(&davis, args.pace)],
             tag: ("tag36h11".to_owned(), 0),
             size,
             pi: None,
-            bench: None,
+            rig: None,
         });
     }
     let rig = Rig::find(&args.what).map_err(refused)?;
-    let opening = Opening {
-        pace: Pace::Times(args.pace),
+    let opening = OpenOptions {
+        replay_speed: Some(args.pace),
         home: false,
         start: rig.arm.home,
         world: &WorldDescription::default(),
         seed: 1,
     };
-    let mut bench = Bench::open(&rig, &opening)?;
-    let recorders = std::mem::take(&mut bench.devices.recorders);
+    let mut open = OpenRig::open(&rig, &opening)?;
+    let recorders = std::mem::take(&mut open.devices.recorders);
     let tag = (rig.target.tag_family.clone(), rig.target.tag_id);
     let (size, pi) = (rig.davis.camera.size, &rig.pi.camera);
     let pi = Some((pi.size, pi.row_time));
-    Ok(Source { recorders, tag, size, pi, bench: Some(bench) })
+    Ok(LiveSource { recorders, tag, size, pi, rig: Some(open) })
 }
 
 /// What there was in all.
@@ -150,14 +150,14 @@ struct Watched {
 /// Where samples come from and go to.
 struct Watching<'a> {
     live: Live,
-    inlet: Inlet,
+    inlet: SampleReceiver,
     generation: Option<&'a mut Generation>,
 }
 
 fn watch(
     args: &LiveArgs,
     Watching { live, inlet, generation }: &mut Watching<'_>,
-    source: &mut Source,
+    source: &mut LiveSource,
     is_ending: &AtomicBool,
     output: &Output,
 ) -> anyhow::Result<Watched> {
@@ -167,25 +167,25 @@ fn watch(
     let mut watched = Watched { status, n_samples: 0, n_events: 0 };
     let [mut shown, mut told] = [began; 2];
     while !is_ending.load(Ordering::Relaxed) && limit.is_none_or(|limit| began.elapsed() < limit) {
-        match inlet.take(PICTURE) {
-            Taken::Sample(sample) => {
+        match inlet.take(PICTURE_INTERVAL) {
+            Received::Sample(sample) => {
                 watched.n_samples += 1;
                 watched.n_events += sample.n_events();
                 live.take(&sample)?;
-                if let (Some(generation), Sample::Frame { arrived, frame }) =
+                if let (Some(generation), RecorderSample::Frame { arrived, frame }) =
                     (&mut *generation, sample)
                 {
                     generation.offer(frame, arrived.monotonic);
                 }
             }
-            Taken::Nothing => {}
-            Taken::Closed => break,
+            Received::Nothing => {}
+            Received::Closed => break,
         }
-        if shown.elapsed() >= PICTURE {
+        if shown.elapsed() >= PICTURE_INTERVAL {
             shown = Instant::now();
             live.show_events(host_time());
         }
-        if told.elapsed() >= TELL {
+        if told.elapsed() >= STATUS_INTERVAL {
             told = Instant::now();
             watched.status = tell(live, source)?;
             output.say(&watched.status);
@@ -196,13 +196,13 @@ fn watch(
     Ok(watched)
 }
 
-fn tell(live: &mut Live, source: &mut Source) -> anyhow::Result<Status> {
+fn tell(live: &mut Live, source: &mut LiveSource) -> anyhow::Result<Status> {
     let mut n_dropped = 0;
     for recorder in &mut source.recorders {
         n_dropped += recorder.progress()?.n_dropped;
     }
     // Without a motion under way an arm may have no pose to give.
-    let arm = source.bench.as_mut().map(|bench| &mut bench.devices.arm);
+    let arm = source.rig.as_mut().map(|rig| &mut rig.devices.arm);
     let pose = arm.and_then(|arm| arm.progress().ok()).map(|progress| progress.pose.pose);
     Ok(live.tell(host_time(), pose, n_dropped))
 }

@@ -6,12 +6,13 @@ use crate::cli::{LiveGenerationArgs, LiveLight, PairArgs, PiArgs, PiCamera};
 use crate::live::{Generation, GenerationSettings, GenerationTally, PiLight};
 use evrig_core::geometry::Size;
 use evrig_core::time::Span;
+use evrig_device::pi::pairing;
 use evrig_generate::input::FramePreparation;
-use evrig_pi::agent::{Agent, AgentError, Service, Spool};
-use evrig_pi::keys::{self, Keys};
-use evrig_pi::order::Settings;
+use evrig_pi::keys;
+use evrig_pi::order::CaptureSettings;
 use evrig_pi::picamera::Picamera;
 use evrig_pi::read_clocks;
+use evrig_pi::serve::{SERVING, ServeOptions, ServedCamera};
 use evrig_pi::source::{FrameSource, Synthetic};
 use evrig_record::host_clock;
 use evrig_session::rig::Rig;
@@ -23,47 +24,34 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 pub(super) fn pi(args: &PiArgs, output: &Output) -> anyhow::Result<Ending> {
-    if !(args.spool_gb > 0.0 && args.spool_gb <= 1e5) {
-        let text = format!("--spool-gb is {}; expected above 0, at most 100000", args.spool_gb);
-        return Err(WrongUse(text).into());
-    }
-    let mut camera: Box<dyn FrameSource> = match args.camera {
+    let camera: Box<dyn FrameSource> = match args.camera {
         PiCamera::Picamera2 => Box::new(Picamera::new(&args.python)),
         PiCamera::Synthetic => Box::new(Synthetic::paced()),
     };
     if let Some(address) = args.events {
         return generate_here(args, address, camera, output);
     }
-    let mut service = Service::local(args.listen);
-    service.keys = args.keys.as_deref().map(Keys::read).transpose()?;
-    if let Some(directory) = &args.spool {
-        if !directory.is_dir() {
-            let text = format!("--spool {} is no directory", directory.display());
-            return Err(WrongUse(text).into());
+    let PiArgs { listen, keys, spool, spool_gb, .. } = args;
+    let options = ServeOptions {
+        listen: *listen,
+        keys: keys.clone(),
+        spool: spool.clone(),
+        spool_gb: *spool_gb,
+    };
+    let served = ServedCamera::open(&options, camera).map_err(|error| {
+        if error.is_wrong_use() {
+            WrongUse(error.to_string()).into()
+        } else {
+            anyhow::Error::from(error)
         }
-        let limit_bytes = (args.spool_gb * 1e9) as u64;
-        service.room.spool = Some(Spool { directory: directory.clone(), limit_bytes });
-    }
-    // It can be plugged in later, and every host that connects asks again.
-    match camera.check() {
-        Ok(what) => output.say(format_args!("camera: {what}")),
+    })?;
+    match &served.camera {
+        Ok(camera) => output.say(format_args!("camera: {camera}")),
         Err(error) => output.warn(error),
     }
-    // Signals are taken over before the address is announced, so that none falls between.
-    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP])?;
-    let is_encrypted = service.keys.is_some();
-    let agent = match Agent::open(service, camera) {
-        Err(error @ AgentError::NotLoopback { .. }) => {
-            return Err(WrongUse(error.to_string()).into());
-        }
-        agent => agent?,
-    };
-    let scheme = if is_encrypted { "tls" } else { "tcp" };
-    let address = format!("{scheme}://{}", agent.address());
-    output.result(&json!({ "address": address }), &address)?;
-    output.say("serves the camera there to one recorder at a time; Ctrl-C ends it");
-    signals.forever().next();
-    drop(agent);
+    output.result(&json!({ "address": served.address }), &served.address)?;
+    output.say(SERVING);
+    served.wait();
     Ok(Ending::Done)
 }
 
@@ -77,7 +65,7 @@ fn generate_here(
     let limit = args.seconds.map(Duration::try_from_secs_f64).transpose()?;
     let pi = Rig::find(&args.rig).map_err(refused)?.pi;
     let is_raw = args.light == LiveLight::Raw;
-    let wanted = Settings {
+    let wanted = CaptureSettings {
         size: pi.camera.size,
         frame_rate: pi.camera.frame_rate,
         exposure: pi.camera.exposure,
@@ -122,7 +110,7 @@ fn generate_here(
     })
 }
 
-/// What live generation takes of the command line; the rows' delay is the rig's to say.
+/// The settings of live generation from the command line; the rig adds the rows' delay.
 pub(super) fn generation_settings(
     light: LiveLight,
     size: Size,
@@ -174,7 +162,7 @@ pub(super) fn generation_words(tally: &GenerationTally) -> String {
 
 pub(super) fn pair(args: &PairArgs, output: &Output) -> anyhow::Result<Ending> {
     let directory = args.out.clone().unwrap_or_else(keys::default_directory);
-    let made = keys::pair(&directory)?;
+    let made = pairing::pair(&directory)?;
     let (host, agent) = (made.host.display(), made.agent.display());
     let line = match &args.out {
         None => String::new(),

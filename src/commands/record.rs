@@ -6,12 +6,11 @@ mod prompt;
 use super::plan::refused;
 use super::{Ending, Output, WrongUse};
 use crate::cli::RecordArgs;
-use crate::drivers::{Bench, Opening};
-use evrig_device::davis::Pace;
-use evrig_device::dobot::guard::Stopper;
+use crate::drivers::{OpenOptions, OpenRig};
 use evrig_record::recorder::Recorder;
 use evrig_record::{
-    Dwells, Outcome, Prompts, RUNS_SCHEMA, Request, RunList, RunsError, State, Stop, StopToken,
+    Dwells, EmergencyStop, Prompts, RUNS_SCHEMA, RecordOutcome, RecordRequest, RecordState,
+    RunList, RunsError, StopRequest, StopToken,
 };
 use evrig_session::rig::{ArmPort, Rig};
 use evrig_session::trajectory::{OptionalSegments, Plan, ToolPath, Trajectory};
@@ -33,8 +32,8 @@ pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Endin
         if args.without_optional { OptionalSegments::LeftOut } else { OptionalSegments::Included };
     let (rig, trajectory, path) = described(&args.rig, &args.trajectory, optional)?;
     let world = world(args.world.as_deref())?;
-    let opening = Opening {
-        pace: Pace::Times(args.replay_pace),
+    let opening = OpenOptions {
+        replay_speed: Some(args.replay_pace),
         home: args.home,
         start: path.start(),
         world: &world,
@@ -71,7 +70,7 @@ struct Work<'a> {
     trajectory: &'a Trajectory,
     path: &'a ToolPath,
     operator: Operator,
-    /// Where the operator is asked; none when nobody is.
+    /// Where the operator is prompted; none without prompts.
     terminal: Option<prompt::Terminal>,
     output: &'a Output,
 }
@@ -85,8 +84,9 @@ struct Take {
 }
 
 impl Work<'_> {
-    /// Records what a series still lacks; what the operator ends, or what fails, ends the series too.
-    fn take_all(&self, mut list: RunList, opening: &Opening<'_>) -> anyhow::Result<Ending> {
+    /// Records what a series still lacks; what the operator ends, or what fails, ends the series
+    /// too.
+    fn take_all(&self, mut list: RunList, opening: &OpenOptions<'_>) -> anyhow::Result<Ending> {
         let mut ending = Ending::Done;
         let mut text = String::new();
         while let Some(run) = list.next_run() {
@@ -94,7 +94,7 @@ impl Work<'_> {
             let out = list.enter(run)?;
             // Each run draws its own noise, and the same when it is made again.
             let seed = opening.seed.wrapping_add(u64::from(run - 1));
-            let take = self.take(&out, &Opening { seed, ..*opening }, None)?;
+            let take = self.take(&out, &OpenOptions { seed, ..*opening }, None)?;
             list.close(take.status)?;
             let _ = writeln!(text, "{}", take.text);
             match take.ending {
@@ -114,39 +114,39 @@ impl Work<'_> {
         Ok(ending)
     }
 
-    /// Asks the operator before a real arm moves for the first time; false when the answer is Ctrl-C.
-    /// The runs of a series follow by themselves: they are left alone overnight.
+    /// Asks the operator before a real arm moves for the first time; false when the answer is
+    /// Ctrl-C. The runs of a series follow by themselves: they are left alone overnight.
     fn may_move(&self) -> bool {
         let stop = &self.operator.stop;
         if let Some(terminal) = self.terminal.as_ref().filter(|_| self.rig.arm.port != ArmPort::Sim)
         {
             let text =
                 format!("The arm will move along `{}`. Is its way free?", self.trajectory.name);
-            while stop.wish() == Stop::No && !terminal.is_answered(&text) {
-                stop.rest(prompt::LOOK);
+            while stop.requested() == StopRequest::No && !terminal.is_answered(&text) {
+                stop.wait(prompt::POLL_INTERVAL);
             }
         }
-        stop.wish() == Stop::No
+        stop.requested() == StopRequest::No
     }
 
     /// Records one session; `beside` is a recorder that the rig does not name.
     fn take(
         &self,
         out: &std::path::Path,
-        opening: &Opening<'_>,
+        opening: &OpenOptions<'_>,
         beside: Option<Box<dyn Recorder>>,
     ) -> anyhow::Result<Take> {
         let output = self.output;
-        let mut bench = Bench::open(self.rig, opening)?;
-        bench.devices.recorders.extend(beside);
-        self.operator.can_halt(bench.stopper.clone());
+        let mut open = OpenRig::open(self.rig, opening)?;
+        open.devices.recorders.extend(beside);
+        self.operator.can_halt(open.emergency_stop.clone());
         let bar = output.progress("recording", 1000);
         let ask = |text: &str| self.terminal.as_ref().is_none_or(|them| them.is_answered(text));
         let prompts = match self.terminal {
             Some(_) => Prompts::to(&ask),
             None => Prompts::default(),
         };
-        let request = Request {
+        let request = RecordRequest {
             rig: self.rig,
             trajectory: self.trajectory,
             path: self.path,
@@ -155,7 +155,7 @@ impl Work<'_> {
             prompts,
         };
         let mut said = None;
-        let mut watch = |state: State, share: f64| {
+        let mut watch = |state: RecordState, share: f64| {
             bar.set_position((share * 1000.0) as u64);
             if said != Some(state) {
                 said = Some(state);
@@ -164,7 +164,7 @@ impl Work<'_> {
             }
         };
         let outcome =
-            evrig_record::record(request, &mut bench.devices, &self.operator.stop, &mut watch)?;
+            evrig_record::record(request, &mut open.devices, &self.operator.stop, &mut watch)?;
         bar.finish_and_clear();
         let holds = verify(&Session::open(out)?)?.holds();
         Ok(told(out, &outcome, holds, output))
@@ -172,7 +172,7 @@ impl Work<'_> {
 }
 
 /// How a recording went, in words and as a value.
-fn told(out: &std::path::Path, outcome: &Outcome, holds: bool, output: &Output) -> Take {
+fn told(out: &std::path::Path, outcome: &RecordOutcome, holds: bool, output: &Output) -> Take {
     let manifest = &outcome.manifest;
     let mut text = String::new();
     for stream in &manifest.streams {
@@ -197,12 +197,12 @@ fn told(out: &std::path::Path, outcome: &Outcome, holds: bool, output: &Output) 
     Take { ending, status: manifest.status, value, text }
 }
 
-/// Who may end a recording: Ctrl-C and every other wish to end stand the arm at once; SIGUSR1 ends
+/// Signals that end a recording: SIGINT, SIGTERM and SIGHUP stop the arm immediately, SIGUSR1 ends
 /// at the next corner.
 struct Operator {
     stop: StopToken,
     /// Halts the arm of the run under way.
-    stopper: Arc<Mutex<Option<Stopper>>>,
+    emergency_stop: Arc<Mutex<Option<Arc<dyn EmergencyStop>>>>,
     /// Nothing is recorded any more: signals do again what they do to any program.
     is_over: Arc<AtomicBool>,
 }
@@ -216,9 +216,12 @@ impl Drop for Operator {
 impl Operator {
     fn listen() -> std::io::Result<Self> {
         let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP, SIGUSR1])?;
-        let operator =
-            Self { stop: StopToken::default(), stopper: Arc::default(), is_over: Arc::default() };
-        let (stop, stopper) = (operator.stop.clone(), Arc::clone(&operator.stopper));
+        let operator = Self {
+            stop: StopToken::default(),
+            emergency_stop: Arc::default(),
+            is_over: Arc::default(),
+        };
+        let (stop, emergency_stop) = (operator.stop.clone(), Arc::clone(&operator.emergency_stop));
         let is_over = Arc::clone(&operator.is_over);
         std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
             for signal in signals.forever() {
@@ -228,23 +231,24 @@ impl Operator {
                     continue;
                 }
                 if signal == SIGUSR1 {
-                    stop.ask(Stop::AfterStep);
+                    stop.request(StopRequest::AfterStep);
                     continue;
                 }
                 // Held for a store or a load only, never while the arm is spoken to.
-                let stopper = stopper.lock().unwrap_or_else(PoisonError::into_inner).clone();
-                if let Some(stopper) = stopper {
+                let emergency_stop =
+                    emergency_stop.lock().unwrap_or_else(PoisonError::into_inner).clone();
+                if let Some(emergency_stop) = emergency_stop {
                     // A guard that is gone has stopped the arm already.
-                    let _ = stopper.halt();
+                    let _ = emergency_stop.halt();
                 }
-                stop.ask(Stop::AtOnce);
+                stop.request(StopRequest::AtOnce);
             }
         })?;
         Ok(operator)
     }
 
-    fn can_halt(&self, stopper: Option<Stopper>) {
-        *self.stopper.lock().unwrap_or_else(PoisonError::into_inner) = stopper;
+    fn can_halt(&self, emergency_stop: Option<Arc<dyn EmergencyStop>>) {
+        *self.emergency_stop.lock().unwrap_or_else(PoisonError::into_inner) = emergency_stop;
     }
 }
 

@@ -12,7 +12,7 @@ use evrig_core::keyword::UnknownKeyword;
 use evrig_core::pi_camera::{FrameMetadata, PiFrame};
 use evrig_core::raw10;
 use evrig_core::time::{HostMonotonic, Span, Stamp};
-use evrig_device::davis::serve::{ServeError, StreamServer};
+use evrig_device::stream_server::{StreamServer, StreamServerError};
 use evrig_format::aedat4::{Compression, StreamSpec};
 use evrig_generate::input::{Colour, FramePreparation, FramePreparer, SourceFrame};
 use evrig_generate::live::{FrameOutcome, LiveCounts, LiveGenerator};
@@ -88,7 +88,7 @@ struct Job {
 pub struct Generation {
     address: SocketAddr,
     jobs: Option<SyncSender<Job>>,
-    worker: Option<JoinHandle<Result<GenerationTally, ServeError>>>,
+    worker: Option<JoinHandle<Result<GenerationTally, StreamServerError>>>,
     n_dropped: u64,
 }
 
@@ -109,7 +109,7 @@ impl Generation {
         let address = server.address();
         let (jobs, queue) = sync_channel(N_WAITING);
         let worker = Worker::new(settings, generator, server);
-        let failed = |source| ServeError::Listen { address: address.to_string(), source };
+        let failed = |source| StreamServerError::Listen { address: address.to_string(), source };
         let worker = std::thread::Builder::new()
             .name("generation".to_owned())
             .spawn(move || worker.run(&queue))
@@ -179,7 +179,7 @@ impl Worker {
         }
     }
 
-    fn run(mut self, queue: &Receiver<Job>) -> Result<GenerationTally, ServeError> {
+    fn run(mut self, queue: &Receiver<Job>) -> Result<GenerationTally, StreamServerError> {
         let mut events = Events::new();
         for Job { frame, born } in queue {
             let Some(light) = self.prepare(&frame) else { continue };
@@ -267,7 +267,7 @@ mod tests {
     use super::*;
     use evrig_core::units::Hertz;
     use evrig_generate::Preset;
-    use evrig_pi::order::Settings;
+    use evrig_pi::order::CaptureSettings;
     use evrig_pi::source::{FrameSource, Synthetic};
 
     const SIZE: Size = Size { width: 64, height: 32 };
@@ -286,7 +286,7 @@ mod tests {
 
     fn camera(n_frames: u64) -> Synthetic {
         let mut camera = Synthetic::unpaced(n_frames);
-        let settings = Settings {
+        let settings = CaptureSettings {
             size: SIZE,
             frame_rate: Hertz(120.0),
             exposure: Span::from_micros(2_000),

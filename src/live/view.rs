@@ -8,7 +8,7 @@ use evrig_core::time::{Davis, HostMonotonic, Span, Stamp};
 use evrig_format::aedat4::Content;
 use evrig_reconstruct::roi::{SampleFormat, SingleFrameDetector};
 use evrig_record::host_clock;
-use evrig_record::recorder::Sample;
+use evrig_record::recorder::RecorderSample;
 use evrig_session::HostTime;
 use evrig_session::rig::Pose;
 
@@ -63,9 +63,9 @@ impl View {
     }
 
     /// Counts a sample.
-    pub(super) fn take(&mut self, sample: &Sample) {
+    pub(super) fn take(&mut self, sample: &RecorderSample) {
         match sample {
-            Sample::Packet { content, arrived, .. } => {
+            RecorderSample::Packet { content, arrived, .. } => {
                 self.see_delay(*arrived);
                 match content {
                     Content::Events(events) => self.see_events(events.as_slice()),
@@ -73,18 +73,18 @@ impl View {
                     _ => {}
                 }
             }
-            Sample::Frame { arrived, .. } => {
+            RecorderSample::Frame { arrived, .. } => {
                 self.see_delay(*arrived);
                 self.counts.n_pi_frames += 1;
             }
-            Sample::Clock(exchange) => {
+            RecorderSample::Clock(exchange) => {
                 let round = (exchange.answered.monotonic - exchange.asked.monotonic).as_nanos();
                 let middle = exchange.asked.unix + Span::from_nanos(round / 2);
                 let offset = (exchange.pi.realtime - middle).as_nanos();
                 self.clock = Some([offset as f64 * 1e-3, round as f64 * 0.5e-3]);
             }
             // A picture that comes after the take, and remarks for the log, are nothing to look at.
-            Sample::LateRgb { .. } | Sample::Note { .. } => {}
+            RecorderSample::LateRgb { .. } | RecorderSample::Note { .. } => {}
         }
     }
 
@@ -171,9 +171,9 @@ mod tests {
         View::new(Size::new(4, 2), ("tag36h11", 0)).unwrap()
     }
 
-    fn packet(events: &[(u16, u16, bool)]) -> Sample {
+    fn packet(events: &[(u16, u16, bool)]) -> RecorderSample {
         let events: Events = events.iter().map(|&(x, y, on)| Event { t: 0, x, y, on }).collect();
-        Sample::Packet { stream: 0, arrived: at(0), content: Content::Events(events) }
+        RecorderSample::Packet { stream: 0, arrived: at(0), content: Content::Events(events) }
     }
 
     #[test]
@@ -206,7 +206,7 @@ mod tests {
             realtime: Stamp::from_micros(1_250_000),
             boottime_after: Stamp::from_micros(0),
         };
-        view.take(&Sample::Clock(ClockExchange {
+        view.take(&RecorderSample::Clock(ClockExchange {
             asked: at(1_000),
             pi,
             pi_raw: None,

@@ -79,8 +79,9 @@ pub fn judge(
         .iter()
         .filter(|named| is_hidden(truth, &named.id) || !known.contains(&named.id))
         .collect();
-    let names =
-        |named: &NamedEffect, id: &str| named.id == id || named.indistinguishable.iter().any(|e| e == id);
+    let names = |named: &NamedEffect, id: &str| {
+        named.id == id || named.indistinguishable.iter().any(|e| e == id)
+    };
     let hits = |named: &&&NamedEffect| truth.effects.iter().any(|c| names(named, &c.id));
     let right = counted.iter().filter(hits).count();
     let missed =

@@ -3,11 +3,11 @@
 //! Each test starts a host process (this test binary again) that drives circles on a simulated
 //! arm through the guard, and makes it end in some way.
 
-use evrig::device::dobot::command::{CartesianLimits, Command as Tell, PtpMode};
+use evrig::device::dobot::command::{ArmCommand as Tell, CartesianLimits, PtpMode};
 use evrig::device::dobot::guard::GuardLink;
 use evrig::device::dobot::link::LinkError;
-use evrig::device::dobot::{Client, ClientError, Patience};
-use evrig::record::host_clock;
+use evrig::device::dobot::{ArmClient, ArmClientError, ArmTimeouts};
+use evrig::record::{EmergencyStop, host_clock};
 use evrig::sim::arm::journal::RequestRecord;
 use evrig::sim::arm::{ArmClock, ArmEmulator, ArmOptions};
 use evrig::time::Span;
@@ -26,15 +26,16 @@ fn emulator() -> ArmEmulator {
     ArmEmulator::start(ArmOptions::default(), ArmClock::Scaled(1.0), Vec::new()).unwrap()
 }
 
-fn client(port: &Path) -> (Client, evrig::device::dobot::guard::Stopper, u32) {
+fn client(port: &Path) -> (ArmClient, evrig::device::dobot::guard::GuardStop, u32) {
     let link = GuardLink::start(Path::new(EVRIG), port).unwrap();
     let (stopper, id) = (link.stopper().unwrap(), link.id());
-    let patience = Patience { between_polls: Span::from_micros(2_000), ..Patience::default() };
-    (Client::new(Box::new(link), patience), stopper, id)
+    let patience =
+        ArmTimeouts { between_polls: Span::from_micros(2_000), ..ArmTimeouts::default() };
+    (ArmClient::new(Box::new(link), patience), stopper, id)
 }
 
 /// Queues an hour of circles and sets them going; gives the index of the last.
-fn circle_on(client: &mut Client) -> Result<u64, ClientError> {
+fn circle_on(client: &mut ArmClient) -> Result<u64, ArmClientError> {
     let room = Span::from_micros(1_000_000);
     client.clear_alarms()?;
     client.begin()?;
@@ -66,9 +67,9 @@ fn host_process() {
     if end == "panic elsewhere" {
         // What it asks then must not move the arm again.
         let again = circle_on(&mut client);
-        assert_eq!(again, Err(ClientError::Link(LinkError::Stopped)));
+        assert_eq!(again, Err(ArmClientError::Link(LinkError::Stopped)));
     }
-    assert_eq!(waited, Err(ClientError::Link(LinkError::Stopped)));
+    assert_eq!(waited, Err(ArmClientError::Link(LinkError::Stopped)));
 }
 
 fn start_host(port: &Path, end: &str) -> Child {
@@ -223,9 +224,9 @@ fn signals_to_the_guard_stop_the_arm_and_do_not_kill_the_guard() {
         kill_process(Pid::from_raw(i32::try_from(guard).unwrap()).unwrap(), signal).unwrap();
         assert_stopped(&emulator, since);
         // It tells of the stop, still answers reads, and moves the arm no more.
-        assert_eq!(client.pose().unwrap_err(), ClientError::Link(LinkError::Stopped));
+        assert_eq!(client.pose().unwrap_err(), ArmClientError::Link(LinkError::Stopped));
         client.pose().unwrap();
-        assert_eq!(circle_on(&mut client), Err(ClientError::Link(LinkError::Stopped)));
+        assert_eq!(circle_on(&mut client), Err(ArmClientError::Link(LinkError::Stopped)));
     }
 }
 
@@ -256,7 +257,7 @@ fn a_halt_from_another_thread_stops_the_arm_for_good() {
     let since = emulator.journal().len();
     std::thread::spawn(move || stopper.halt().unwrap()).join().unwrap();
     assert_stopped(&emulator, since);
-    assert_eq!(circle_on(&mut client), Err(ClientError::Link(LinkError::Stopped)));
+    assert_eq!(circle_on(&mut client), Err(ArmClientError::Link(LinkError::Stopped)));
     client.stop().unwrap();
 }
 
@@ -285,7 +286,7 @@ fn an_arm_that_was_unplugged_is_stopped_when_it_is_plugged_in_again() {
     wait_until("the arm moves", || before.state().is_busy);
     before.inject("unplug".parse().unwrap());
     let error = client.pose().unwrap_err();
-    assert!(matches!(error, ClientError::Link(LinkError::Gone { .. })), "{error}");
+    assert!(matches!(error, ArmClientError::Link(LinkError::Gone { .. })), "{error}");
     drop(client);
     // The same name leads to a port again, as under /dev/serial/by-id.
     let mut again = emulator();

@@ -2,7 +2,7 @@
 //!
 //! The planner and the simulated arm share no geometry, no kinematics and no speed profile.
 
-use evrig::device::dobot::{Client, Magician, Patience, port};
+use evrig::device::dobot::{ArmClient, ArmTimeouts, Magician, port};
 use evrig::record::Arm;
 use evrig::rig::{Pose, Rig};
 use evrig::sim::arm::{ArmClock, ArmEmulator, ArmOptions};
@@ -32,8 +32,8 @@ fn every_bundled_trajectory_is_driven_as_planned() {
         let path = plan.feasible_path().unwrap();
         let emulator = emulator();
         let link = port::open(emulator.port()).unwrap();
-        let patience = Patience { between_polls: Span::ZERO, ..Patience::default() };
-        let client = Client::new(Box::new(link), patience);
+        let patience = ArmTimeouts { between_polls: Span::ZERO, ..ArmTimeouts::default() };
+        let client = ArmClient::new(Box::new(link), patience);
         let mut arm = Magician::over(client, rig.arm.clone());
         let remarks = arm.prepare(path).unwrap();
         assert!(remarks.is_empty(), "{name}: {remarks:?}");

@@ -9,8 +9,8 @@ use crate::camera::{Camera, EVENT_US, PACKET_EVENTS, check_events};
 use crate::rig::rig_on;
 use evrig::frame::Samples;
 use evrig::pi::agent::Agent;
+use evrig::pi::order::CaptureSettings;
 use evrig::pi::source::{FrameSource, SourceError, Synthetic};
-use evrig::pi::wire::Settings;
 use evrig::pi_camera::PiFrame;
 use evrig::session::{Repair, Session, SessionStatus, StreamKind, repair, verify};
 use evrig::sim::arm::{ArmClock, ArmEmulator, ArmOptions};
@@ -52,7 +52,7 @@ impl FrameSource for Counted {
         self.camera.describe()
     }
 
-    fn configure(&mut self, settings: &Settings) -> Result<Settings, SourceError> {
+    fn configure(&mut self, settings: &CaptureSettings) -> Result<CaptureSettings, SourceError> {
         self.camera.configure(settings)
     }
 

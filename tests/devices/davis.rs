@@ -1,19 +1,19 @@
 //! The event camera over TCP and from a recording: whole, interrupted, silent, absent.
 
-use evrig::device::davis::serve::StreamServer;
-use evrig::device::davis::{NetworkDavis, Pace, Patience, ReplayDavis};
+use evrig::device::davis::{NetworkDavis, NetworkDavisTimeouts, ReplayDavis, ReplaySpeed};
+use evrig::device::stream_server::StreamServer;
 use evrig::event::{Event, Events};
 use evrig::format::aedat4::{Compression, Content, Reader, StreamSpec};
 use evrig::geometry::Size;
 use evrig::record::Verdict;
-use evrig::record::recorder::{Inlet, Recorder, Sample, Taken, channel};
+use evrig::record::recorder::{Received, Recorder, RecorderSample, SampleReceiver, channel};
 use std::net::TcpListener;
 use std::path::Path;
 use std::time::Duration;
 
 const STREET: &str = "tests/data/davis346-street.aedat4";
 const PATIENCE: Duration = Duration::from_secs(30);
-const QUICK: Patience = Patience {
+const QUICK: NetworkDavisTimeouts = NetworkDavisTimeouts {
     connect: Duration::from_millis(500),
     silence: Duration::from_millis(300),
     reconnect: Duration::from_secs(20),
@@ -24,9 +24,9 @@ fn run(first: i64, n: i64) -> Events {
     (first..first + n).map(|t| Event { t, x: 3, y: 4, on: true }).collect()
 }
 
-fn next_events(inlet: &Inlet) -> Events {
+fn next_events(inlet: &SampleReceiver) -> Events {
     match inlet.take(PATIENCE) {
-        Taken::Sample(Sample::Packet { content: Content::Events(events), .. }) => events,
+        Received::Sample(RecorderSample::Packet { content: Content::Events(events), .. }) => events,
         other => panic!("{other:?}"),
     }
 }
@@ -38,15 +38,17 @@ fn server(port: u16) -> StreamServer {
 
 #[test]
 fn a_recording_is_played_to_its_last_packet() {
-    let mut davis = ReplayDavis::new(Path::new(STREET), Pace::Unpaced);
+    let mut davis = ReplayDavis::new(Path::new(STREET), ReplaySpeed::Unpaced);
     let prepared = davis.prepare().unwrap();
     let (outlet, inlet) = channel(1 << 20);
     davis.start(outlet).unwrap();
     let mut played = Vec::new();
     loop {
         match inlet.take(PATIENCE) {
-            Taken::Sample(Sample::Packet { stream, content, .. }) => played.push((stream, content)),
-            Taken::Closed => break,
+            Received::Sample(RecorderSample::Packet { stream, content, .. }) => {
+                played.push((stream, content))
+            }
+            Received::Closed => break,
             other => panic!("{other:?}"),
         }
     }
@@ -100,7 +102,7 @@ fn a_half_open_connection_is_made_anew() {
 #[test]
 fn a_server_that_stays_away_is_one_clear_error() {
     let mut source = server(0);
-    let patience = Patience { reconnect: Duration::ZERO, ..QUICK };
+    let patience = NetworkDavisTimeouts { reconnect: Duration::ZERO, ..QUICK };
     let mut davis = NetworkDavis::new(&source.address().to_string(), patience);
     davis.prepare().unwrap();
     assert!(source.wait_for_clients(1, PATIENCE));
@@ -108,8 +110,8 @@ fn a_server_that_stays_away_is_one_clear_error() {
     let (outlet, inlet) = channel(1 << 20);
     davis.start(outlet).unwrap();
     drop(source);
-    assert!(matches!(inlet.take(PATIENCE), Taken::Sample(_)));
-    assert!(matches!(inlet.take(PATIENCE), Taken::Closed));
+    assert!(matches!(inlet.take(PATIENCE), Received::Sample(_)));
+    assert!(matches!(inlet.take(PATIENCE), Received::Closed));
     let said = davis.progress().unwrap_err().to_string();
     assert!(said.contains("tcp://127.0.0.1") && said.contains("emulate davis"), "{said}");
     davis.abort();

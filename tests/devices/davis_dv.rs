@@ -3,13 +3,13 @@
 //! Needs a Python with `dv-processing` and `numpy`, named by `EVRIG_PYTHON`; says so and passes
 //! when that is unset.
 
-use evrig::device::davis::serve::StreamServer;
-use evrig::device::davis::{NetworkDavis, Patience};
+use evrig::device::davis::{NetworkDavis, NetworkDavisTimeouts};
+use evrig::device::stream_server::StreamServer;
 use evrig::event::{Event, Events};
 use evrig::format::aedat4::{Compression, Content, StreamSpec};
 use evrig::frame::{Frame, FrameTiming, Samples};
 use evrig::geometry::Size;
-use evrig::record::recorder::{Recorder, Sample, Taken, channel};
+use evrig::record::recorder::{Received, Recorder, RecorderSample, channel};
 use evrig::time::{Davis, Stamp};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Write};
@@ -60,7 +60,8 @@ fn what_dv_processing_serves_is_recorded_event_by_event_and_frame_by_frame() {
             return;
         };
         assert_eq!(line(&mut said), "listening");
-        let mut davis = NetworkDavis::new(&format!("127.0.0.1:{port}"), Patience::default());
+        let mut davis =
+            NetworkDavis::new(&format!("127.0.0.1:{port}"), NetworkDavisTimeouts::default());
         let prepared = davis.prepare().unwrap();
         assert_eq!(prepared.streams[0].size, Some(Size::DAVIS346));
         assert_eq!(prepared.streams[0].source, CAMERA);
@@ -70,10 +71,14 @@ fn what_dv_processing_serves_is_recorded_event_by_event_and_frame_by_frame() {
         let mut frames = Vec::new();
         while events.len() < 40_000 && frames.len() < 40 {
             match inlet.take(PATIENCE) {
-                Taken::Sample(Sample::Packet { content: Content::Events(more), .. }) => {
+                Received::Sample(RecorderSample::Packet {
+                    content: Content::Events(more), ..
+                }) => {
                     events.extend_from_slice(more.as_slice());
                 }
-                Taken::Sample(Sample::Packet { content: Content::Frame(frame), .. }) => {
+                Received::Sample(RecorderSample::Packet {
+                    content: Content::Frame(frame), ..
+                }) => {
                     frames.push(frame);
                 }
                 other => panic!("{kind} {compression}: {other:?}"),

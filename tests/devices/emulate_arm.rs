@@ -1,7 +1,7 @@
 //! `evrig emulate arm` as a user meets it.
 
 use assert_cmd::Command as Tool;
-use evrig::device::dobot::{Client, Patience, port};
+use evrig::device::dobot::{ArmClient, ArmTimeouts, port};
 use rustix::process::{Pid, Signal, kill_process};
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -29,7 +29,7 @@ fn it_answers_under_its_link_until_ctrl_c_and_leaves_nothing_behind() {
     BufReader::new(child.stdout.take().unwrap()).read_line(&mut said).unwrap();
     assert_eq!(Path::new(said.trim()), link);
     let serial = port::open(&link).unwrap();
-    let mut client = Client::new(Box::new(serial), Patience::default());
+    let mut client = ArmClient::new(Box::new(serial), ArmTimeouts::default());
     assert_eq!(client.identify().unwrap().firmware, "3.7.0");
     kill_process(Pid::from_raw(i32::try_from(child.id()).unwrap()).unwrap(), Signal::INT).unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(0));

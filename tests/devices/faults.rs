@@ -7,18 +7,22 @@ use crate::camera;
 
 use crate::wire::{Fault, Wire};
 use camera::{Camera, PACKET_EVENTS, find_events};
-use evrig::device::davis::{NetworkDavis, Patience as DavisPatience};
-use evrig::device::dobot::{Client, Magician, Patience as ArmPatience, port};
-use evrig::device::pi::{NetworkPi, Patience as PiPatience};
+use evrig::device::davis::{NetworkDavis, NetworkDavisTimeouts};
+use evrig::device::dobot::{ArmClient, ArmTimeouts, Magician, port};
+use evrig::device::pi::{NetworkPi, PiTimeouts};
 use evrig::event::Events;
 use evrig::format::aedat4::{Content, StreamSpec};
 use evrig::geometry::Size;
 use evrig::pi::agent::Agent;
+use evrig::pi::order::CaptureSettings;
 use evrig::pi::source::Synthetic;
-use evrig::pi::wire::Settings;
 use evrig::record::Finding;
-use evrig::record::recorder::{Prepared, Recorder, RecorderError, Sample, Tally, host_time};
-use evrig::record::{Devices, Dwells, Outcome, Prompts, Request, State, StopToken, record};
+use evrig::record::recorder::{
+    PreparedRecorder, Recorder, RecorderError, RecorderSample, RecorderTally, host_time,
+};
+use evrig::record::{
+    Devices, Dwells, Prompts, RecordOutcome, RecordRequest, RecordState, StopToken, record,
+};
 use evrig::rig::Rig;
 use evrig::session::{Session, SessionStatus, verify};
 use evrig::sim::arm::fault::Fault as ArmFault;
@@ -39,13 +43,13 @@ const LOOKS: f64 = 60.0;
 const PASSING: u32 = 15;
 /// No recording of two seconds takes so long, whatever fails.
 const DEADLINE: Duration = Duration::from_secs(120);
-const DAVIS_PATIENCE: DavisPatience = DavisPatience {
+const DAVIS_PATIENCE: NetworkDavisTimeouts = NetworkDavisTimeouts {
     connect: Duration::from_secs(2),
     silence: Duration::from_millis(300),
     reconnect: Duration::from_millis(500),
     drain: Duration::from_millis(100),
 };
-const PI_PATIENCE: PiPatience = PiPatience {
+const PI_PATIENCE: PiTimeouts = PiTimeouts {
     answer: Duration::from_secs(5),
     silence: Duration::from_millis(500),
     configure: Duration::from_secs(20),
@@ -86,9 +90,9 @@ impl Bench {
         let link = port::open(self.emulator.port()).unwrap();
         // A busy machine answers late, and that is no fault.
         let reply = Span::from_micros(2_000_000);
-        let patience = ArmPatience { reply, ..ArmPatience::default() };
-        let arm = Magician::over(Client::new(Box::new(link), patience), rig.arm.clone());
-        let settings = Settings {
+        let patience = ArmTimeouts { reply, ..ArmTimeouts::default() };
+        let arm = Magician::over(ArmClient::new(Box::new(link), patience), rig.arm.clone());
+        let settings = CaptureSettings {
             size: Size::new(48, 32),
             frame_rate: Hertz(120.0),
             exposure: Span::from_micros(4_000),
@@ -97,17 +101,21 @@ impl Bench {
             rgb: false,
         };
         let davis = NetworkDavis::new(&self.davis.address(), DAVIS_PATIENCE);
-        let pi = NetworkPi::new(&self.pi.address(), settings, PI_PATIENCE);
+        let pi = NetworkPi::local(&self.pi.address(), settings, PI_PATIENCE);
         Devices { arm: Box::new(arm), recorders: vec![Box::new(davis), Box::new(pi)] }
     }
 
     /// Records a circle with these devices.
-    fn record_with(&self, devices: &mut Devices, watch: &mut dyn FnMut(State, f64)) -> Outcome {
+    fn record_with(
+        &self,
+        devices: &mut Devices,
+        watch: &mut dyn FnMut(RecordState, f64),
+    ) -> RecordOutcome {
         let rig = Rig::simulated().unwrap();
         let trajectory = Trajectory::find("circle").unwrap();
         let path = trajectory.path(&rig, OptionalSegments::Included).unwrap();
         let rest = Duration::from_millis(50);
-        let request = Request {
+        let request = RecordRequest {
             rig: &rig,
             trajectory: &trajectory,
             path: &path,
@@ -119,10 +127,10 @@ impl Bench {
     }
 
     /// Records; `fail` is told how many looks at the arm there were.
-    fn record(&self, fail: &mut dyn FnMut(u32)) -> Outcome {
+    fn record(&self, fail: &mut dyn FnMut(u32)) -> RecordOutcome {
         let mut n_looks = 0;
         let mut watch = |state, _| {
-            if state == State::Trajectory {
+            if state == RecordState::Trajectory {
                 fail(n_looks);
                 n_looks += 1;
             }
@@ -198,7 +206,9 @@ fn with_longest_stall<T>(run: impl FnOnce() -> T) -> (T, Duration) {
 
 /// Records anew when the simulated arm, which has no fault that lasts, did not answer because the
 /// machine stood still. A stop has its own, shorter patience, which a busy one may exceed anyway.
-fn unless_the_machine_stands_still(record: impl Fn() -> (Bench, Outcome)) -> (Bench, Outcome) {
+fn unless_the_machine_stands_still(
+    record: impl Fn() -> (Bench, RecordOutcome),
+) -> (Bench, RecordOutcome) {
     for _ in 0..TRIALS {
         let ((bench, outcome), stall) = with_longest_stall(&record);
         let why = outcome.cut_short.as_deref().unwrap_or_default();
@@ -239,7 +249,7 @@ fn try_wire(name: &'static str, wire: fn(&Bench) -> &Wire) {
     }
 }
 
-fn check_session(bench: &Bench, outcome: &Outcome, fault: Fault, name: &str, what: &str) {
+fn check_session(bench: &Bench, outcome: &RecordOutcome, fault: Fault, name: &str, what: &str) {
     let session = verified(&bench.out(), what);
     let manifest = session.manifest();
     let told = manifest.losses.iter().map(|loss| format!("{}: {}", loss.stream, loss.what));
@@ -339,7 +349,7 @@ fn try_network() {
 }
 
 /// Records while the arm has a fault.
-fn strike(fault: &str) -> (Bench, Outcome) {
+fn strike(fault: &str) -> (Bench, RecordOutcome) {
     let text = fault.to_owned();
     within_the_deadline(text.clone(), move || {
         let bench = Bench::new();
@@ -391,7 +401,7 @@ fn an_arm_that_fails_leaves_a_session_that_says_so() {
 /// An event camera whose packets arrive while the host's wall clock is set to and fro by hours.
 struct Unsettled {
     n_sent: u64,
-    outlet: Option<evrig::record::recorder::Outlet>,
+    outlet: Option<evrig::record::recorder::SampleSender>,
 }
 
 impl Unsettled {
@@ -403,7 +413,7 @@ impl Unsettled {
         let events: Events = (first..first + PACKET_EVENTS).map(camera::event).collect();
         let content = Content::Events(events);
         let outlet = self.outlet.as_ref().expect("it was started");
-        assert!(outlet.offer(Sample::Packet { stream: 0, arrived, content }));
+        assert!(outlet.offer(RecorderSample::Packet { stream: 0, arrived, content }));
         self.n_sent += 1;
     }
 }
@@ -415,22 +425,25 @@ impl Recorder for Unsettled {
     fn check(&mut self) -> Vec<Finding> {
         Vec::new()
     }
-    fn prepare(&mut self) -> Result<Prepared, RecorderError> {
+    fn prepare(&mut self) -> Result<PreparedRecorder, RecorderError> {
         let streams = vec![StreamSpec::events(Size::DAVIS346, "DAVIS346_1")];
-        Ok(Prepared { says: serde_json::json!({}), streams })
+        Ok(PreparedRecorder { says: serde_json::json!({}), streams })
     }
-    fn start(&mut self, outlet: evrig::record::recorder::Outlet) -> Result<(), RecorderError> {
+    fn start(
+        &mut self,
+        outlet: evrig::record::recorder::SampleSender,
+    ) -> Result<(), RecorderError> {
         self.outlet = Some(outlet);
         self.send();
         Ok(())
     }
-    fn progress(&mut self) -> Result<Tally, RecorderError> {
+    fn progress(&mut self) -> Result<RecorderTally, RecorderError> {
         self.send();
-        Ok(Tally { n_samples: self.n_sent, ..Tally::default() })
+        Ok(RecorderTally { n_samples: self.n_sent, ..RecorderTally::default() })
     }
-    fn finish(&mut self) -> Result<Tally, RecorderError> {
+    fn finish(&mut self) -> Result<RecorderTally, RecorderError> {
         self.outlet = None;
-        Ok(Tally { n_samples: self.n_sent, ..Tally::default() })
+        Ok(RecorderTally { n_samples: self.n_sent, ..RecorderTally::default() })
     }
     fn abort(&mut self) {
         self.outlet = None;

@@ -2,12 +2,12 @@
 //!
 //! Needs for dv-processing a Python named by `EVRIG_PYTHON`; says so when that is unset.
 
-use evrig::device::davis::{NetworkDavis, Patience};
+use evrig::device::davis::{NetworkDavis, NetworkDavisTimeouts};
 use evrig::event::Events;
 use evrig::format::aedat4::{Content, Reader};
 use evrig::geometry::Size;
 use evrig::live::{Addresses, Live, LiveError};
-use evrig::record::recorder::{Recorder, Sample, Taken, channel, host_time};
+use evrig::record::recorder::{Received, Recorder, RecorderSample, channel, host_time};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
@@ -28,17 +28,17 @@ fn serve(addresses: Addresses) -> Live {
 const QUEUE: usize = 250;
 
 /// The beginning of the recording as a camera delivers it, and its events.
-fn samples() -> (Vec<Sample>, Events) {
+fn samples() -> (Vec<RecorderSample>, Events) {
     let packets = Reader::open(STREET).unwrap().map(Result::unwrap);
-    let sample = |packet: evrig::format::aedat4::Packet| Sample::Packet {
+    let sample = |packet: evrig::format::aedat4::Packet| RecorderSample::Packet {
         stream: packet.stream,
         arrived: host_time(),
         content: packet.content,
     };
-    let samples: Vec<Sample> = packets.take(QUEUE).map(sample).collect();
+    let samples: Vec<RecorderSample> = packets.take(QUEUE).map(sample).collect();
     let mut truth = Events::new();
     for sample in &samples {
-        if let Sample::Packet { content: Content::Events(events), .. } = sample {
+        if let RecorderSample::Packet { content: Content::Events(events), .. } = sample {
             truth.extend_from_slice(events.as_slice());
         }
     }
@@ -48,7 +48,8 @@ fn samples() -> (Vec<Sample>, Events) {
 #[test]
 fn a_viewer_gets_every_event_and_the_status_counts_them() {
     let mut live = serve(addresses());
-    let mut viewer = NetworkDavis::new(&live.events().address().to_string(), Patience::default());
+    let mut viewer =
+        NetworkDavis::new(&live.events().address().to_string(), NetworkDavisTimeouts::default());
     viewer.prepare().unwrap();
     assert!(live.events().wait_for_clients(1, PATIENCE));
     live.tell(host_time(), None, 0);
@@ -65,7 +66,9 @@ fn a_viewer_gets_every_event_and_the_status_counts_them() {
     let mut got = Events::new();
     while got.len() < truth.len() {
         match inlet.take(PATIENCE) {
-            Taken::Sample(Sample::Packet { content: Content::Events(events), .. }) => {
+            Received::Sample(RecorderSample::Packet {
+                content: Content::Events(events), ..
+            }) => {
                 got.extend_from_slice(events.as_slice());
             }
             other => panic!("{other:?}"),

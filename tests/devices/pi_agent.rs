@@ -1,16 +1,16 @@
 //! The agent of the Pi's camera and its host: keys, strangers, bounds, and frames that must not be lost.
 
 use evrig::delivery::{Coding, Focus, RgbDelivery};
-use evrig::device::pi::{NetworkPi, Patience, Reach};
+use evrig::device::pi::{AgentAddress, NetworkPi, PiTimeouts, pairing};
 use evrig::geometry::Size;
-use evrig::pi::agent::{Agent, AgentError, Room, Service, Spool};
-use evrig::pi::keys::{self, Keys};
-use evrig::pi::order::{Delivery, Order, Settings};
+use evrig::pi::agent::{Agent, AgentError, BacklogLimits, Service, Spool};
+use evrig::pi::keys::Keys;
+use evrig::pi::order::{CaptureOrder, CaptureSettings, Delivery};
 use evrig::pi::source::{FrameSource, SourceError, Synthetic};
-use evrig::pi::wire::{self, Decoder, Message};
+use evrig::pi::wire::{self, Message, MessageDecoder};
 use evrig::pi_camera::PiFrame;
 use evrig::record::Verdict;
-use evrig::record::recorder::{Inlet, Recorder, Sample, Taken, channel};
+use evrig::record::recorder::{Received, Recorder, RecorderSample, SampleReceiver, channel};
 use evrig::time::Span;
 use evrig::units::Hertz;
 use std::io::{Read, Write};
@@ -25,8 +25,8 @@ use std::time::Duration;
 const DEADLINE: Duration = Duration::from_secs(60);
 const LOCAL: &str = "127.0.0.1:0";
 
-fn settings() -> Settings {
-    Settings {
+fn settings() -> CaptureSettings {
+    CaptureSettings {
         size: Size::new(64, 48),
         frame_rate: Hertz(120.0),
         exposure: Span::from_micros(4_000),
@@ -36,12 +36,12 @@ fn settings() -> Settings {
     }
 }
 
-fn order(coding: Coding, rgb: RgbDelivery) -> Order {
-    Order { settings: settings(), focus: Focus::Once, delivery: Delivery { coding, rgb } }
+fn order(coding: Coding, rgb: RgbDelivery) -> CaptureOrder {
+    CaptureOrder { settings: settings(), focus: Focus::Once, delivery: Delivery { coding, rgb } }
 }
 
-fn local(agent: &Agent) -> Reach {
-    Reach::Local { address: agent.address().to_string() }
+fn local(agent: &Agent) -> AgentAddress {
+    AgentAddress::Local { address: agent.address().to_string() }
 }
 
 /// A camera whose takes end after so many frames; it says when the last one was taken.
@@ -61,7 +61,7 @@ impl FrameSource for Counted {
         self.inner.describe()
     }
 
-    fn configure(&mut self, settings: &Settings) -> Result<Settings, SourceError> {
+    fn configure(&mut self, settings: &CaptureSettings) -> Result<CaptureSettings, SourceError> {
         self.inner.configure(settings)
     }
 
@@ -77,19 +77,22 @@ impl FrameSource for Counted {
     }
 }
 
-fn take_all(inlet: &Inlet) -> Vec<Sample> {
+fn take_all(inlet: &SampleReceiver) -> Vec<RecorderSample> {
     let mut samples = Vec::new();
     loop {
         match inlet.take(DEADLINE) {
-            Taken::Sample(sample) => samples.push(sample),
-            Taken::Nothing => panic!("the recorder neither delivered nor ended"),
-            Taken::Closed => return samples,
+            Received::Sample(sample) => samples.push(sample),
+            Received::Nothing => panic!("the recorder neither delivered nor ended"),
+            Received::Closed => return samples,
         }
     }
 }
 
 /// Records until the camera has no more frames; every sample comes back, and the recorder's tally.
-fn record(pi: &mut NetworkPi, end: &Receiver<()>) -> (Vec<Sample>, evrig::record::recorder::Tally) {
+fn record(
+    pi: &mut NetworkPi,
+    end: &Receiver<()>,
+) -> (Vec<RecorderSample>, evrig::record::recorder::RecorderTally) {
     let (outlet, inlet) = channel(1 << 30);
     pi.prepare().unwrap();
     pi.start(outlet).unwrap();
@@ -115,21 +118,21 @@ fn assert_pictures(frame: &PiFrame, has_raw: bool, has_rgb: bool) {
     }
 }
 
-fn frames(samples: &[Sample]) -> Vec<&PiFrame> {
+fn frames(samples: &[RecorderSample]) -> Vec<&PiFrame> {
     let frames = samples.iter().filter_map(|sample| match sample {
-        Sample::Frame { frame, .. } => Some(&**frame),
+        RecorderSample::Frame { frame, .. } => Some(&**frame),
         _ => None,
     });
     frames.collect()
 }
 
-fn spool(folder: &Path, memory_bytes: usize) -> Room {
+fn spool(folder: &Path, memory_bytes: usize) -> BacklogLimits {
     let spool = Spool { directory: folder.to_owned(), limit_bytes: 1 << 30 };
-    Room { memory_bytes, spool: Some(spool) }
+    BacklogLimits { memory_bytes, spool: Some(spool) }
 }
 
-fn serve(room: Room, camera: Box<dyn FrameSource>) -> Agent {
-    let service = Service { room, ..Service::local(LOCAL.parse().unwrap()) };
+fn serve(limits: BacklogLimits, camera: Box<dyn FrameSource>) -> Agent {
+    let service = Service { limits, ..Service::local(LOCAL.parse().unwrap()) };
     Agent::open(service, camera).unwrap()
 }
 
@@ -138,10 +141,10 @@ fn with_a_spool_no_frame_is_lost_however_slow_the_network_is() {
     let folder = tempfile::tempdir().unwrap();
     let (camera, end) = counted(500);
     let agent = serve(spool(folder.path(), 1), camera);
-    let mut pi = NetworkPi::reached(
+    let mut pi = NetworkPi::new(
         local(&agent),
         order(Coding::Lossless, RgbDelivery::Live),
-        Patience::default(),
+        PiTimeouts::default(),
     );
     let (samples, tally) = record(&mut pi, &end);
     let frames = frames(&samples);
@@ -160,7 +163,7 @@ fn rgb_after_the_take_comes_late_and_whole() {
     let agent = serve(spool(folder.path(), 1 << 20), camera);
     for coding in [Coding::Plain, Coding::Lossless] {
         let order = order(coding, RgbDelivery::AfterTake);
-        let mut pi = NetworkPi::reached(local(&agent), order, Patience::default());
+        let mut pi = NetworkPi::new(local(&agent), order, PiTimeouts::default());
         if coding == Coding::Lossless {
             // The camera has given all its frames to the first take.
             assert!(pi.prepare().is_ok());
@@ -170,13 +173,15 @@ fn rgb_after_the_take_comes_late_and_whole() {
         let live = frames(&samples);
         assert_eq!(live.len(), 100);
         live.iter().for_each(|frame| assert_pictures(frame, true, false));
-        let first_late =
-            samples.iter().position(|sample| matches!(sample, Sample::LateRgb { .. })).unwrap();
-        let is_live = |sample: &Sample| matches!(sample, Sample::Frame { .. });
+        let first_late = samples
+            .iter()
+            .position(|sample| matches!(sample, RecorderSample::LateRgb { .. }))
+            .unwrap();
+        let is_live = |sample: &RecorderSample| matches!(sample, RecorderSample::Frame { .. });
         assert!(!samples[first_late..].iter().any(is_live), "late ones come after the live ones");
         let mut n_late = 0;
         for sample in &samples[first_late..] {
-            if let Sample::LateRgb { frame, .. } = sample {
+            if let RecorderSample::LateRgb { frame, .. } = sample {
                 assert_pictures(frame, false, true);
                 assert_eq!(frame.metadata.sequence, n_late);
                 n_late += 1;
@@ -190,7 +195,7 @@ fn rgb_after_the_take_comes_late_and_whole() {
 fn rgb_after_the_take_without_a_spool_is_refused_with_the_remedy() {
     let agent = Agent::serve(LOCAL.parse().unwrap(), Box::new(Synthetic::unpaced(9))).unwrap();
     let order = order(Coding::Lossless, RgbDelivery::AfterTake);
-    let mut pi = NetworkPi::reached(local(&agent), order, Patience::default());
+    let mut pi = NetworkPi::new(local(&agent), order, PiTimeouts::default());
     pi.prepare().unwrap();
     let (outlet, _inlet) = channel(1 << 20);
     let said = pi.start(outlet).unwrap_err().to_string();
@@ -200,9 +205,9 @@ fn rgb_after_the_take_without_a_spool_is_refused_with_the_remedy() {
 #[test]
 fn every_nth_rgb_picture_comes_with_its_raw_one() {
     let (camera, end) = counted(50);
-    let agent = serve(Room { memory_bytes: 1 << 28, spool: None }, camera);
+    let agent = serve(BacklogLimits { memory_bytes: 1 << 28, spool: None }, camera);
     let order = order(Coding::Lossless, RgbDelivery::Every(4));
-    let mut pi = NetworkPi::reached(local(&agent), order, Patience::default());
+    let mut pi = NetworkPi::new(local(&agent), order, PiTimeouts::default());
     let (samples, _) = record(&mut pi, &end);
     let frames = frames(&samples);
     assert_eq!(frames.len(), 50);
@@ -214,12 +219,12 @@ fn every_nth_rgb_picture_comes_with_its_raw_one() {
 #[test]
 fn clocks_are_read_before_during_and_after_on_both_of_the_pis_clocks() {
     let (camera, end) = counted(20);
-    let agent = serve(Room { memory_bytes: 1 << 28, spool: None }, camera);
-    let mut pi = NetworkPi::new(&agent.address().to_string(), settings(), Patience::default());
+    let agent = serve(BacklogLimits { memory_bytes: 1 << 28, spool: None }, camera);
+    let mut pi = NetworkPi::local(&agent.address().to_string(), settings(), PiTimeouts::default());
     let (samples, _) = record(&mut pi, &end);
     let mut n = 0;
     for sample in &samples {
-        if let Sample::Clock(reading) = sample {
+        if let RecorderSample::Clock(reading) = sample {
             let raw = reading.pi_raw.unwrap();
             assert!(reading.pi.boottime_before <= reading.pi.boottime_after);
             assert!(raw.monotonic_raw_before <= raw.monotonic_raw_after);
@@ -228,7 +233,7 @@ fn clocks_are_read_before_during_and_after_on_both_of_the_pis_clocks() {
         }
     }
     assert!(n >= 10, "{n}");
-    let is_note = |sample: &Sample| matches!(sample, Sample::Note { text, .. } if text.contains("clock after the take"));
+    let is_note = |sample: &RecorderSample| matches!(sample, RecorderSample::Note { text, .. } if text.contains("clock after the take"));
     assert!(samples.iter().any(is_note));
 }
 
@@ -244,7 +249,7 @@ impl Encrypted {
 
     fn with(camera: Box<dyn FrameSource>) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let pair = keys::pair(folder.path()).unwrap();
+        let pair = pairing::pair(folder.path()).unwrap();
         let keys = Some(Keys::read(&pair.agent).unwrap());
         let service = Service { keys, ..Service::local("0.0.0.0:0".parse().unwrap()) };
         let agent = Agent::open(service, camera).unwrap();
@@ -256,9 +261,10 @@ impl Encrypted {
     }
 
     fn pi(&self, keys: &Path) -> NetworkPi {
-        let reach = Reach::Tls { address: self.address().to_string(), keys: keys.to_owned() };
+        let reach =
+            AgentAddress::Tls { address: self.address().to_string(), keys: keys.to_owned() };
         let order = order(Coding::Lossless, RgbDelivery::Live);
-        NetworkPi::reached(reach, order, Patience::default())
+        NetworkPi::new(reach, order, PiTimeouts::default())
     }
 
     fn host_keys(&self) -> std::path::PathBuf {
@@ -277,7 +283,7 @@ fn a_paired_host_records_over_tls() {
     let (outlet, inlet) = channel(1 << 30);
     pi.start(outlet).unwrap();
     for _ in 0..20 {
-        assert!(matches!(inlet.take(DEADLINE), Taken::Sample(_)));
+        assert!(matches!(inlet.take(DEADLINE), Received::Sample(_)));
     }
     assert!(pi.finish().unwrap().n_samples > 0);
 }
@@ -286,7 +292,7 @@ fn a_paired_host_records_over_tls() {
 fn strangers_get_nothing_and_cannot_keep_the_paired_host_out() {
     let bench = Encrypted::new();
     let others = tempfile::tempdir().unwrap();
-    let other = keys::pair(others.path()).unwrap();
+    let other = pairing::pair(others.path()).unwrap();
     let said = bench.pi(&other.host).check()[0].says.clone();
     assert!(said.contains("of another pair"), "{said}");
     // Without TLS at all, and with noise: not a byte of the camera comes back.
@@ -337,7 +343,7 @@ impl FrameSource for SetUp {
         self.0.describe()
     }
 
-    fn configure(&mut self, settings: &Settings) -> Result<Settings, SourceError> {
+    fn configure(&mut self, settings: &CaptureSettings) -> Result<CaptureSettings, SourceError> {
         self.1.fetch_add(1, Ordering::SeqCst);
         self.0.configure(settings)
     }
@@ -353,9 +359,9 @@ fn words_that_were_overheard_and_said_again_move_nothing() {
     let camera = SetUp(Synthetic::unpaced(u64::MAX), Arc::clone(&n_set_up));
     let bench = Encrypted::with(Box::new(camera));
     let (address, tap) = tapped(bench.address());
-    let reach = Reach::Tls { address: address.to_string(), keys: bench.host_keys() };
+    let reach = AgentAddress::Tls { address: address.to_string(), keys: bench.host_keys() };
     let order = order(Coding::Lossless, RgbDelivery::Live);
-    let mut pi = NetworkPi::reached(reach, order, Patience::default());
+    let mut pi = NetworkPi::new(reach, order, PiTimeouts::default());
     pi.prepare().unwrap();
     drop(pi);
     let words = tap.join().unwrap();
@@ -407,7 +413,7 @@ fn an_older_tls_is_refused_by_name() {
 fn who_fails_again_and_again_is_shut_out_before_any_handshake() {
     let bench = Encrypted::new();
     let others = tempfile::tempdir().unwrap();
-    let other = keys::pair(others.path()).unwrap();
+    let other = pairing::pair(others.path()).unwrap();
     let mut pi = bench.pi(&other.host);
     let said: Vec<String> = (0..20).map(|_| pi.check()[0].says.clone()).collect();
     // The agent's certificate is seen at first, and in the end not even that.
@@ -421,9 +427,9 @@ fn the_agent_listens_beyond_this_machine_only_with_keys() {
     let said = open.unwrap_err();
     assert!(matches!(said, AgentError::NotLoopback { .. }));
     assert!(said.to_string().contains("evrig pair"), "{said}");
-    let reach = Reach::Local { address: "192.0.2.1:7766".to_owned() };
+    let reach = AgentAddress::Local { address: "192.0.2.1:7766".to_owned() };
     let mut pi =
-        NetworkPi::reached(reach, order(Coding::Plain, RgbDelivery::Live), Patience::default());
+        NetworkPi::new(reach, order(Coding::Plain, RgbDelivery::Live), PiTimeouts::default());
     let said = pi.check()[0].says.clone();
     assert!(said.contains("not encrypted"), "{said}");
 }
@@ -441,7 +447,7 @@ fn speak(agent: &Agent, words: &[u8]) -> (TcpStream, Vec<u8>) {
 fn last_message(mut line: TcpStream) -> Option<Message> {
     let mut bytes = Vec::new();
     let _ = line.read_to_end(&mut bytes);
-    let mut decoder = Decoder::default();
+    let mut decoder = MessageDecoder::default();
     decoder.push(&bytes);
     let mut last = None;
     while let Ok(Some(message)) = decoder.take() {
@@ -467,7 +473,7 @@ fn a_host_of_another_version_says_what_to_do() {
         line.write_all(b"EVRIGPI\0\x07\0\0\0").unwrap();
         let _ = line.read_to_end(&mut Vec::new());
     });
-    let mut pi = NetworkPi::new(&address, settings(), Patience::default());
+    let mut pi = NetworkPi::local(&address, settings(), PiTimeouts::default());
     let said = pi.check()[0].says.clone();
     assert!(said.contains("version 7") && said.contains("same evrig"), "{said}");
     agent.join().unwrap();
@@ -486,7 +492,7 @@ fn oversize_and_senseless_messages_are_refused_and_the_camera_is_free_again() {
     }
     let (line, _) = speak(&agent, &wire::preamble());
     drop(line);
-    let mut pi = NetworkPi::new(&agent.address().to_string(), settings(), Patience::default());
+    let mut pi = NetworkPi::local(&agent.address().to_string(), settings(), PiTimeouts::default());
     assert_eq!(pi.check()[0].verdict, Verdict::Good, "the next host waits for the last to leave");
 }
 
@@ -494,12 +500,14 @@ fn oversize_and_senseless_messages_are_refused_and_the_camera_is_free_again() {
 fn an_agent_that_is_mute_costs_the_host_its_patience_and_no_more() {
     let listener = std::net::TcpListener::bind(LOCAL).unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    let patience = Patience { answer: Duration::from_millis(200), ..Patience::default() };
+    let patience = PiTimeouts { answer: Duration::from_millis(200), ..PiTimeouts::default() };
     let folder = tempfile::tempdir().unwrap();
-    let keys = keys::pair(folder.path()).unwrap().host;
-    for reach in [Reach::Local { address: address.clone() }, Reach::Tls { address, keys }] {
+    let keys = pairing::pair(folder.path()).unwrap().host;
+    for reach in
+        [AgentAddress::Local { address: address.clone() }, AgentAddress::Tls { address, keys }]
+    {
         let order = order(Coding::Plain, RgbDelivery::Live);
-        let mut pi = NetworkPi::reached(reach, order, patience);
+        let mut pi = NetworkPi::new(reach, order, patience);
         assert_eq!(pi.check()[0].verdict, Verdict::Bad);
     }
 }

@@ -4,9 +4,9 @@
 
 use evrig::delivery::Focus;
 use evrig::geometry::Size;
+use evrig::pi::order::CaptureSettings;
 use evrig::pi::picamera::Picamera;
 use evrig::pi::source::{FrameSource, SourceError};
-use evrig::pi::wire::Settings;
 use evrig::pi_camera::PiFrame;
 use evrig::raw10;
 use evrig::time::Span;
@@ -17,8 +17,8 @@ const SIZE: Size = Size::new(692, 520);
 /// Where the crop begins in the sensor's mode of 1536 x 864.
 const OFFSET: [usize; 2] = [420, 172];
 
-fn settings() -> Settings {
-    Settings {
+fn settings() -> CaptureSettings {
+    CaptureSettings {
         size: SIZE,
         frame_rate: Hertz(120.0),
         exposure: Span::from_micros(4_000),
@@ -129,7 +129,7 @@ fn raw_alone_and_rgb_alone_come_alone() {
     let folder = tempfile::tempdir().unwrap();
     let Some(mut camera) = camera(&folder, "") else { return };
     for (raw, rgb) in [(true, false), (false, true)] {
-        camera.configure(&Settings { raw, rgb, ..settings() }).unwrap();
+        camera.configure(&CaptureSettings { raw, rgb, ..settings() }).unwrap();
         camera.start().unwrap();
         let frame = take(&mut camera, 1).unwrap().remove(0);
         assert_eq!((frame.raw10.is_some(), frame.rgb.is_some()), (raw, rgb));
@@ -142,9 +142,9 @@ fn every_failure_says_what_to_do() {
     let table = [
         ("STANDIN_ABSENT=1", settings(), "cable"),
         ("STANDIN_BLIND=1", settings(), "dioptres"),
-        ("", Settings { size: Size::new(694, 520), ..settings() }, "multiple of 4"),
-        ("", Settings { frame_rate: Hertz(200.0), ..settings() }, "1536 x 864 at 120"),
-        ("", Settings { raw: false, rgb: false, ..settings() }, "pi.rgb"),
+        ("", CaptureSettings { size: Size::new(694, 520), ..settings() }, "multiple of 4"),
+        ("", CaptureSettings { frame_rate: Hertz(200.0), ..settings() }, "1536 x 864 at 120"),
+        ("", CaptureSettings { raw: false, rgb: false, ..settings() }, "pi.rgb"),
     ];
     for (variables, settings, expected) in table {
         let folder = tempfile::tempdir().unwrap();

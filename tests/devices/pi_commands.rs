@@ -1,9 +1,9 @@
 //! The verbs of the Pi: `evrig pair` makes keys with which `evrig pi` serves a host.
 
 use evrig::delivery::Focus;
-use evrig::device::pi::{NetworkPi, Patience, Reach};
+use evrig::device::pi::{AgentAddress, NetworkPi, PiTimeouts};
 use evrig::geometry::Size;
-use evrig::pi::order::{Delivery, Order, Settings};
+use evrig::pi::order::{CaptureOrder, CaptureSettings, Delivery};
 use evrig::record::Verdict;
 use evrig::record::recorder::Recorder;
 use evrig::time::Span;
@@ -33,8 +33,8 @@ impl Drop for Agent {
     }
 }
 
-fn order() -> Order {
-    let settings = Settings {
+fn order() -> CaptureOrder {
+    let settings = CaptureSettings {
         size: Size::new(64, 48),
         frame_rate: Hertz(120.0),
         exposure: Span::from_micros(4_000),
@@ -42,7 +42,7 @@ fn order() -> Order {
         raw: true,
         rgb: true,
     };
-    Order { settings, focus: Focus::Once, delivery: Delivery::default() }
+    CaptureOrder { settings, focus: Focus::Once, delivery: Delivery::default() }
 }
 
 #[test]
@@ -63,8 +63,8 @@ fn what_pair_makes_lets_a_host_talk_to_the_agent_and_ctrl_c_ends_it() {
     let agent = Agent(child);
     let port = line.trim().rsplit_once(':').unwrap().1;
     assert!(line.starts_with("tls://"), "{line}");
-    let reach = Reach::Tls { address: format!("localhost:{port}"), keys: out.join("host") };
-    let mut pi = NetworkPi::reached(reach, order(), Patience::default());
+    let reach = AgentAddress::Tls { address: format!("localhost:{port}"), keys: out.join("host") };
+    let mut pi = NetworkPi::new(reach, order(), PiTimeouts::default());
     let findings = pi.check();
     assert!(findings.iter().all(|finding| finding.verdict == Verdict::Good), "{findings:?}");
     drop(pi);

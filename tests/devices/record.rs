@@ -1,20 +1,21 @@
 //! A whole recording: arm on a pty, event camera from a recording or a server, frame camera over TCP.
 
 use evrig::delivery::{Focus, RgbDelivery};
-use evrig::device::davis::serve::StreamServer;
-use evrig::device::davis::{NetworkDavis, Pace, Patience as DavisPatience, ReplayDavis};
-use evrig::device::dobot::{Client, Magician, Patience as ArmPatience, port};
-use evrig::device::pi::{NetworkPi, Patience, Reach};
+use evrig::device::davis::{NetworkDavis, NetworkDavisTimeouts, ReplayDavis, ReplaySpeed};
+use evrig::device::dobot::{ArmClient, ArmTimeouts, Magician, port};
+use evrig::device::pi::{AgentAddress, NetworkPi, PiTimeouts};
+use evrig::device::stream_server::StreamServer;
 use evrig::event::Event;
 use evrig::format::aedat4::{Compression, StreamSpec};
 use evrig::geometry::Size;
-use evrig::pi::agent::{Agent, AgentError, Room, Service, Spool};
-use evrig::pi::order::{Delivery, Order};
+use evrig::pi::agent::{Agent, AgentError, BacklogLimits, Service, Spool};
+use evrig::pi::order::CaptureSettings;
+use evrig::pi::order::{CaptureOrder, Delivery};
 use evrig::pi::source::Synthetic;
-use evrig::pi::wire::Settings;
 use evrig::record::recorder::Recorder;
 use evrig::record::{
-    Devices, Dwells, Outcome, Prompts, RecordError, Request, State, Stop, StopToken, record,
+    Devices, Dwells, Prompts, RecordError, RecordOutcome, RecordRequest, RecordState, StopRequest,
+    StopToken, record,
 };
 use evrig::rig::Rig;
 use evrig::session::{Session, SessionStatus, StreamKind, verify};
@@ -52,16 +53,16 @@ impl Bench {
     }
 
     fn devices(&self, davis: Box<dyn Recorder>) -> Devices {
-        let patience = ArmPatience {
+        let patience = ArmTimeouts {
             reply: Span::from_micros(200_000),
             n_tries: 3,
             between_polls: Span::ZERO,
         };
-        let client = Client::new(Box::new(port::open(self.emulator.port()).unwrap()), patience);
+        let client = ArmClient::new(Box::new(port::open(self.emulator.port()).unwrap()), patience);
         let mut arm = Magician::over(client, self.rig.arm.clone());
         arm.home(Span::from_micros(20_000_000)).unwrap();
         let address = self.agent.address().to_string();
-        let pi = NetworkPi::new(&address, settings(), Patience::default());
+        let pi = NetworkPi::local(&address, settings(), PiTimeouts::default());
         Devices { arm: Box::new(arm), recorders: vec![davis, Box::new(pi)] }
     }
 
@@ -70,11 +71,11 @@ impl Bench {
         out: &Path,
         davis: Box<dyn Recorder>,
         stop: &StopToken,
-        watch: &mut dyn FnMut(State, f64),
-    ) -> Result<Outcome, RecordError> {
+        watch: &mut dyn FnMut(RecordState, f64),
+    ) -> Result<RecordOutcome, RecordError> {
         let path = self.trajectory.path(&self.rig, OptionalSegments::Included).unwrap();
         let (rig, trajectory) = (&self.rig, &self.trajectory);
-        let request = Request {
+        let request = RecordRequest {
             rig,
             trajectory,
             path: &path,
@@ -86,8 +87,8 @@ impl Bench {
     }
 }
 
-fn settings() -> Settings {
-    Settings {
+fn settings() -> CaptureSettings {
+    CaptureSettings {
         size: Size::new(48, 32),
         frame_rate: Hertz(120.0),
         exposure: Span::from_micros(4_000),
@@ -98,7 +99,7 @@ fn settings() -> Settings {
 }
 
 fn replay() -> Box<dyn Recorder> {
-    Box::new(ReplayDavis::new(Path::new(STREET), Pace::Unpaced))
+    Box::new(ReplayDavis::new(Path::new(STREET), ReplaySpeed::Unpaced))
 }
 
 fn count(session: &Session, name: &str, kind: StreamKind) -> u64 {
@@ -124,14 +125,14 @@ fn a_session_comes_out_whole_and_verifies() {
     let outcome = bench.record(&out, replay(), &StopToken::default(), &mut watch).unwrap();
     assert_eq!(outcome.cut_short, None);
     let expected = [
-        State::Preflight,
-        State::StartPose,
-        State::Cameras,
-        State::LeadIn,
-        State::Trajectory,
-        State::Tail,
-        State::Drain,
-        State::Seal,
+        RecordState::Preflight,
+        RecordState::StartPose,
+        RecordState::Cameras,
+        RecordState::LeadIn,
+        RecordState::Trajectory,
+        RecordState::Tail,
+        RecordState::Drain,
+        RecordState::Seal,
     ];
     assert_eq!(states, expected);
     let session = Session::open(&out).unwrap();
@@ -207,7 +208,8 @@ fn an_event_camera_that_is_unplugged_ends_in_a_sealed_marked_session() {
     let out = folder.path().join("session");
     let spec = StreamSpec::events(Size::DAVIS346, "DAVIS346_1");
     let mut server = StreamServer::bind("127.0.0.1:0", &spec, Compression::None).unwrap();
-    let patience = DavisPatience { reconnect: Duration::ZERO, ..DavisPatience::default() };
+    let patience =
+        NetworkDavisTimeouts { reconnect: Duration::ZERO, ..NetworkDavisTimeouts::default() };
     let davis = NetworkDavis::new(&server.address().to_string(), patience);
     // One connection for the preflight, one for the recording.
     let plug = std::thread::spawn(move || {
@@ -234,13 +236,13 @@ fn an_event_camera_that_is_unplugged_ends_in_a_sealed_marked_session() {
 #[test]
 fn the_operators_stop_stands_the_arm_and_seals() {
     let bench = Bench::new(u64::MAX);
-    for (wish, is_home) in [(Stop::AtOnce, false), (Stop::Park, true)] {
+    for (wish, is_home) in [(StopRequest::AtOnce, false), (StopRequest::Park, true)] {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("session");
         let stop = StopToken::default();
         let mut watch = |state, _| {
-            if state == State::Trajectory {
-                stop.ask(wish);
+            if state == RecordState::Trajectory {
+                stop.request(wish);
             }
         };
         let outcome = bench.record(&out, replay(), &stop, &mut watch).unwrap();
@@ -263,12 +265,12 @@ fn an_absent_agent_is_told_before_anything_moves_or_is_made() {
         Agent::serve("127.0.0.1:0".parse().unwrap(), Box::new(Synthetic::unpaced(1))).unwrap();
     let mut devices = bench.devices(replay());
     devices.recorders[1] =
-        Box::new(NetworkPi::new(&address.to_string(), settings(), Patience::default()));
+        Box::new(NetworkPi::local(&address.to_string(), settings(), PiTimeouts::default()));
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("session");
     let path = bench.trajectory.path(&bench.rig, OptionalSegments::Included).unwrap();
     let (rig, trajectory) = (&bench.rig, &bench.trajectory);
-    let request = Request {
+    let request = RecordRequest {
         rig,
         trajectory,
         path: &path,
@@ -285,9 +287,9 @@ fn an_absent_agent_is_told_before_anything_moves_or_is_made() {
 fn two_recorders_cannot_have_one_camera() {
     let bench = Bench::new(u64::MAX);
     let address = bench.agent.address().to_string();
-    let mut first = NetworkPi::new(&address, settings(), Patience::default());
+    let mut first = NetworkPi::local(&address, settings(), PiTimeouts::default());
     first.prepare().unwrap();
-    let mut second = NetworkPi::new(&address, settings(), Patience::default());
+    let mut second = NetworkPi::local(&address, settings(), PiTimeouts::default());
     let said = second.prepare().unwrap_err().to_string();
     assert!(said.contains("another recorder"), "{said}");
 }
@@ -297,18 +299,18 @@ fn rgb_pictures_fetched_after_the_take_are_in_the_session_beside_their_raw_ones(
     let mut bench = Bench::new(1);
     let folder = tempfile::tempdir().unwrap();
     let spool = Spool { directory: folder.path().to_owned(), limit_bytes: 1 << 30 };
-    let room = Room { memory_bytes: 1 << 20, spool: Some(spool) };
-    let service = Service { room, ..Service::local("127.0.0.1:0".parse().unwrap()) };
+    let limits = BacklogLimits { memory_bytes: 1 << 20, spool: Some(spool) };
+    let service = Service { limits, ..Service::local("127.0.0.1:0".parse().unwrap()) };
     bench.agent = Agent::open(service, Box::new(Synthetic::unpaced(100))).unwrap();
-    let reach = Reach::Local { address: bench.agent.address().to_string() };
+    let reach = AgentAddress::Local { address: bench.agent.address().to_string() };
     let delivery = Delivery { rgb: RgbDelivery::AfterTake, ..Delivery::default() };
-    let order = Order { settings: settings(), focus: Focus::Once, delivery };
+    let order = CaptureOrder { settings: settings(), focus: Focus::Once, delivery };
     let mut devices = bench.devices(replay());
-    devices.recorders[1] = Box::new(NetworkPi::reached(reach, order, Patience::default()));
+    devices.recorders[1] = Box::new(NetworkPi::new(reach, order, PiTimeouts::default()));
     let out = folder.path().join("session");
     let path = bench.trajectory.path(&bench.rig, OptionalSegments::Included).unwrap();
     let (rig, trajectory) = (&bench.rig, &bench.trajectory);
-    let request = Request {
+    let request = RecordRequest {
         rig,
         trajectory,
         path: &path,

@@ -2,12 +2,13 @@
 
 use crate::small_rig;
 
-use evrig::device::davis::Pace;
-use evrig::drivers::{Bench, BenchError, Opening};
+use evrig::drivers::{DriverError, OpenOptions, OpenRig};
 use evrig::format::aedat4::{Content, Reader};
 use evrig::imu::ImuSample;
 use evrig::pi_camera::FrameMetadata;
-use evrig::record::{Dwells, Outcome, Prompts, Request, State, StopToken, record};
+use evrig::record::{
+    Dwells, Prompts, RecordOutcome, RecordRequest, RecordState, StopToken, record,
+};
 use evrig::rig::Rig;
 use evrig::session::{ClockExchange, Manifest, Session, SessionStatus, StreamKind, verify};
 use evrig::sim::world::WorldDescription;
@@ -63,17 +64,17 @@ fn trajectory() -> Trajectory {
     Trajectory::parse("nudge.toml", TRAJECTORY).unwrap()
 }
 
-fn opening<'a>(world: &'a WorldDescription, rig: &Rig) -> Opening<'a> {
+fn opening<'a>(world: &'a WorldDescription, rig: &Rig) -> OpenOptions<'a> {
     let start = trajectory().path(rig, OptionalSegments::Included).unwrap().start();
-    Opening { pace: Pace::Unpaced, home: false, start, world, seed: 3 }
+    OpenOptions { replay_speed: None, home: false, start, world, seed: 3 }
 }
 
-fn record_to(out: &Path) -> (Outcome, Vec<State>) {
+fn record_to(out: &Path) -> (RecordOutcome, Vec<RecordState>) {
     let (rig, trajectory, world) = (rig(), trajectory(), WorldDescription::default());
     let path = trajectory.path(&rig, OptionalSegments::Included).unwrap();
-    let mut bench = Bench::open(&rig, &opening(&world, &rig)).unwrap();
+    let mut bench = OpenRig::open(&rig, &opening(&world, &rig)).unwrap();
     let dwells = Dwells { lead_in: Duration::from_millis(100), tail: Duration::from_millis(100) };
-    let request = Request {
+    let request = RecordRequest {
         rig: &rig,
         trajectory: &trajectory,
         path: &path,
@@ -132,7 +133,10 @@ fn a_recorded_world_moves_when_and_only_when_the_arm_does() {
     let (outcome, states) = record_to(&out);
     assert_eq!(outcome.cut_short, None, "{:?}", outcome.manifest.losses);
     assert_eq!(outcome.manifest.losses, []);
-    assert!(states.ends_with(&[State::Tail, State::Drain, State::Seal]), "{states:?}");
+    assert!(
+        states.ends_with(&[RecordState::Tail, RecordState::Drain, RecordState::Seal]),
+        "{states:?}"
+    );
     let session = Session::open(&out).unwrap();
     assert_verifies(&session);
     let [begun, ended] = moved_between(&session);
@@ -221,8 +225,8 @@ fn a_simulated_camera_cannot_sit_on_a_real_arm() {
     let text = rig().text.replacen("\nport = \"sim\"", "\nport = \"/dev/ttyUSB0\"", 1);
     let rig = Rig::parse("mixed.toml", &text).unwrap();
     let world = WorldDescription::default();
-    let error = Bench::open(&rig, &opening(&world, &rig)).err().unwrap();
-    assert!(matches!(error, BenchError::NoSimulatedArm { key: "davis.transport" }), "{error}");
+    let error = OpenRig::open(&rig, &opening(&world, &rig)).err().unwrap();
+    assert!(matches!(error, DriverError::NoSimulatedArm { key: "davis.transport" }), "{error}");
     assert!(error.to_string().contains("arm.port"), "{error}");
 }
 

@@ -1,7 +1,7 @@
 //! An event camera on a wire whose events tell their own number, so that any that is missing, altered
 //! or out of place is found.
 
-use evrig::device::davis::serve::StreamServer;
+use evrig::device::stream_server::StreamServer;
 use evrig::event::{Event, Events};
 use evrig::format::aedat4::{Compression, Content, Reader, StreamSpec};
 use evrig::geometry::Size;

@@ -2,10 +2,11 @@
 
 pub mod alarm;
 pub mod arm;
-pub mod check;
+mod check;
 pub mod client;
 pub mod command;
 pub mod fields;
+pub mod find;
 pub mod frame;
 pub mod guard;
 pub mod id;
@@ -18,4 +19,4 @@ pub mod reply;
 mod steps;
 
 pub use arm::{ArmError, Magician, Marker};
-pub use client::{Client, ClientError, Identity, Patience};
+pub use client::{ArmClient, ArmClientError, ArmTimeouts, Identity};

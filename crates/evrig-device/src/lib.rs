@@ -3,4 +3,6 @@
 pub mod davis;
 pub mod dobot;
 pub mod pi;
+pub mod serial_port;
 pub mod stimulus;
+pub mod stream_server;

@@ -2,7 +2,8 @@
 
 mod budget;
 mod client;
-mod line;
+mod connection;
+pub mod pairing;
 
-pub use client::{NetworkPi, Patience};
-pub use line::Reach;
+pub use client::{NetworkPi, PiTimeouts};
+pub use connection::AgentAddress;

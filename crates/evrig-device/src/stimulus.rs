@@ -1,10 +1,10 @@
 //! The target on a screen: picture and tag to scale, full-screen in a browser, one picture after
 //! another.
 //!
-//! A page on loopback asks for the state, shows it, and says so once it is on the screen; a picture
-//! that was not confirmed is not recorded. The scale is pixels of the screen a millimetre: given, or
-//! found by laying a bank card on the page. [`Screen`] is the page as a recorder without samples,
-//! so that what was shown stands in the manifest among the devices.
+//! A page on loopback polls the state, shows it, and confirms once it is on the screen; a picture
+//! that was not confirmed is not recorded. The scale is pixels of the screen a millimetre: given,
+//! or found by laying a bank card on the page. [`Screen`] is the page as a recorder without
+//! samples, so that the manifest states what was shown.
 
 mod images;
 mod request;
@@ -58,7 +58,7 @@ pub enum StimulusError {
         /// Where it was to listen.
         address: SocketAddr,
     },
-    /// Nobody looks.
+    /// No page confirmed the picture.
     #[error(
         "no page confirmed picture {index} ({label}) within {seconds} s; open {url} in a browser on \
          the screen, calibrate it, and press f for full screen"
@@ -150,16 +150,16 @@ impl Stimulus {
         &self.images
     }
 
-    /// How it stands.
+    /// The current state.
     #[must_use]
     pub fn state(&self) -> StimulusState {
         self.state.borrow().clone()
     }
 
-    /// Shows a picture and waits until the page says that it is on the screen.
+    /// Shows a picture and waits until the page confirms that it is on the screen.
     ///
     /// # Errors
-    /// When no page says so in time, or the screen is too small.
+    /// When no page confirms in time, or the screen is too small.
     pub fn show(&self, index: usize, patience: Duration) -> Result<Shown, StimulusError> {
         let mut seen = self.state.subscribe();
         self.state.send_modify(|state| state.turn_to(index, true));
@@ -187,7 +187,8 @@ impl Stimulus {
         })
     }
 
-    /// Waits until a page is open, calibrated and not paused; false when it is not within `patience`.
+    /// Waits until a page is open, calibrated and not paused; false when it is not within
+    /// `patience`.
     #[must_use]
     pub fn wait_until_ready(&self, patience: Duration) -> bool {
         let mut seen = self.state.subscribe();

@@ -5,33 +5,35 @@
 //! long each may take, and how often one address may fail.
 
 mod backlog;
-mod conversation;
+mod connection;
+mod frame_stream;
 mod gate;
-mod take;
+mod writer;
 
-pub use backlog::{Room, Spool};
+pub use backlog::{BacklogLimits, Spool};
 
 use super::keys::Keys;
 use super::source::FrameSource;
-use conversation::{Camera, Lost, Shared};
+use connection::AgentState;
 use gate::Gate;
 use rustls::ServerConfig;
 use std::io;
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::runtime::Runtime;
 use tokio::sync::Semaphore;
 use tokio_rustls::TlsAcceptor;
+use writer::{AgentStream, ConnectionError, SharedCamera};
 
 /// Bytes that wait for the network in memory, before the spool or the drop.
 const MEMORY_BYTES: usize = 64 << 20;
-/// How long a stranger may take to prove that it is none.
+/// For the TLS handshake and the preamble.
 const HANDSHAKE: Duration = Duration::from_secs(5);
-/// Connections that may be at their proof at a time; the next wait in the system's queue.
+/// Connections that may be in their handshake at a time; further ones wait in the system's queue.
 const N_HANDSHAKES: usize = 8;
-/// What is under way gets so long when the agent ends.
+/// For the tasks under way when the agent ends.
 const ENDING: Duration = Duration::from_secs(2);
 
 /// Why the agent does not serve.
@@ -65,16 +67,16 @@ pub struct Service {
     pub address: SocketAddr,
     /// What it proves itself with, and lets only the other half in.
     pub keys: Option<Keys>,
-    /// What waits for a network that is slower than the camera.
-    pub room: Room,
+    /// What may wait for a network that is slower than the camera.
+    pub limits: BacklogLimits,
 }
 
 impl Service {
     /// On the loopback interface: without keys, without a spool.
     #[must_use]
     pub const fn local(address: SocketAddr) -> Self {
-        let room = Room { memory_bytes: MEMORY_BYTES, spool: None };
-        Self { address, keys: None, room }
+        let limits = BacklogLimits { memory_bytes: MEMORY_BYTES, spool: None };
+        Self { address, keys: None, limits }
     }
 }
 
@@ -113,8 +115,8 @@ impl Agent {
             .map_err(failed)?;
         let listener = runtime.block_on(TcpListener::bind(address)).map_err(failed)?;
         let bound = listener.local_addr().map_err(failed)?;
-        let camera: Camera = Arc::new(Mutex::new(camera));
-        let shared = Arc::new(Shared::new(camera, service.room));
+        let camera: SharedCamera = Arc::new(Mutex::new(camera));
+        let shared = Arc::new(AgentState::new(camera, service.limits));
         runtime.spawn(accept(listener, tls, shared));
         Ok(Self { address: bound, runtime: Some(runtime) })
     }
@@ -134,12 +136,7 @@ impl Drop for Agent {
     }
 }
 
-fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // What is locked here is whole between any two statements.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-async fn accept(listener: TcpListener, tls: Option<Arc<ServerConfig>>, shared: Arc<Shared>) {
+async fn accept(listener: TcpListener, tls: Option<Arc<ServerConfig>>, shared: Arc<AgentState>) {
     let gate = Arc::new(Gate::default());
     let places = Arc::new(Semaphore::new(N_HANDSHAKES));
     loop {
@@ -165,17 +162,16 @@ async fn accept(listener: TcpListener, tls: Option<Arc<ServerConfig>>, shared: A
     }
 }
 
-/// Either kind of line.
-trait Stream: tokio::io::AsyncRead + tokio::io::AsyncWrite + Send + Unpin {}
-impl<T: tokio::io::AsyncRead + tokio::io::AsyncWrite + Send + Unpin> Stream for T {}
-
 /// Proves who is who, where that is asked for, and compares versions.
-async fn greet(socket: TcpStream, tls: Option<Arc<ServerConfig>>) -> Result<Box<dyn Stream>, Lost> {
+async fn greet(
+    socket: TcpStream,
+    tls: Option<Arc<ServerConfig>>,
+) -> Result<Box<dyn AgentStream>, ConnectionError> {
     socket.set_nodelay(true)?;
-    let mut line: Box<dyn Stream> = match tls {
+    let mut line: Box<dyn AgentStream> = match tls {
         None => Box::new(socket),
         Some(config) => Box::new(TlsAcceptor::from(config).accept(socket).await?),
     };
-    conversation::exchange_preambles(&mut line).await?;
+    connection::exchange_preambles(&mut line).await?;
     Ok(line)
 }

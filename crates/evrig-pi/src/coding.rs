@@ -7,7 +7,8 @@
 //! two columns and two rows away. RGB becomes green and two differences to green first. A picture
 //! is cut into bands that know nothing of each other, so that all cores work on it.
 //!
-//! A coded picture is, for each band in order, a little-endian `u32` of bytes and a Zstandard frame.
+//! A coded picture is, for each band in order, a little-endian `u32` of bytes and a Zstandard
+//! frame.
 
 use evrig_core::geometry::Size;
 use evrig_core::raw10::{self, Raw10Error};

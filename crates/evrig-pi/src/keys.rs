@@ -1,30 +1,29 @@
-//! The keys by which host and agent know each other: mutual TLS 1.3 under an authority of one's own.
+//! The keys by which host and agent know each other: mutual TLS 1.3 under an authority of one's
+//! own.
 //!
-//! Pairing makes an authority, signs one certificate for the agent and one for the host, and throws
-//! the authority's key away: nobody can be added later, a new pair is made instead. Each side gets a
-//! directory with three PEM files: `authority.pem`, `certificate.pem` and `key.pem`.
+//! `evrig pair` makes the authority, signs a certificate for each side and discards the authority's
+//! key. Each side gets a directory with three PEM files.
 
-use rcgen::{
-    BasicConstraints, CertificateParams, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair,
-    KeyUsagePurpose,
-};
 use rustls::crypto::CryptoProvider;
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer, ServerName};
 use rustls::server::WebPkiClientVerifier;
 use rustls::{ClientConfig, RootCertStore, ServerConfig};
 use std::fs;
-use std::io::{self, Write};
-use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt};
+use std::io;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The name in every agent's certificate: who an agent is follows from its key, not from where it is.
-const AGENT_NAME: &str = "agent.evrig";
-const HOST_NAME: &str = "host.evrig";
-const AUTHORITY: &str = "authority.pem";
-const CERTIFICATE: &str = "certificate.pem";
-const KEY: &str = "key.pem";
+/// The name in every agent's certificate: who an agent is follows from its key, not from where it
+/// is.
+pub const AGENT_NAME: &str = "agent.evrig";
+/// The certificate of the authority that signed both sides' certificates.
+pub const AUTHORITY_FILE: &str = "authority.pem";
+/// A side's certificate.
+pub const CERTIFICATE_FILE: &str = "certificate.pem";
+/// A side's private key.
+pub const KEY_FILE: &str = "key.pem";
 
 /// Why there are no usable keys.
 #[derive(Debug, thiserror::Error)]
@@ -37,12 +36,6 @@ pub enum KeysError {
         /// The system's reason.
         source: io::Error,
     },
-    /// Keys are there already.
-    #[error("{} is there already; remove it, or pair into another directory", path.display())]
-    Exists {
-        /// What is there.
-        path: PathBuf,
-    },
     /// A private key that others can read.
     #[error("{} can be read by others (mode {mode:03o}, expected 600); run `chmod 600` on it, or better pair anew", path.display())]
     Open {
@@ -51,7 +44,7 @@ pub enum KeysError {
         /// Its permissions.
         mode: u32,
     },
-    /// A file is not what its name says.
+    /// A file does not hold what its name states.
     #[error("{}: {because}; pair anew with `evrig pair`", path.display())]
     Invalid {
         /// The file.
@@ -59,66 +52,6 @@ pub enum KeysError {
         /// Expected and found.
         because: String,
     },
-    /// Making keys failed.
-    #[error("keys cannot be made: {0}")]
-    Making(#[from] rcgen::Error),
-}
-
-/// What pairing made.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Pair {
-    /// Stays on the host.
-    pub host: PathBuf,
-    /// Goes to the Pi.
-    pub agent: PathBuf,
-}
-
-/// Makes a pair of key directories, `host` and `agent`, below `directory`; files are for the owner only.
-///
-/// # Errors
-/// When one is there already or cannot be written.
-pub fn pair(directory: &Path) -> Result<Pair, KeysError> {
-    let pair = Pair { host: directory.join("host"), agent: directory.join("agent") };
-    for path in [&pair.host, &pair.agent] {
-        if path.exists() {
-            return Err(KeysError::Exists { path: path.clone() });
-        }
-    }
-    let mut params = CertificateParams::new(Vec::new())?;
-    params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
-    params.key_usages = vec![KeyUsagePurpose::KeyCertSign];
-    params.distinguished_name.push(DnType::CommonName, "evrig pair");
-    let key = KeyPair::generate()?;
-    let authority = params.self_signed(&key)?;
-    let issuer = Issuer::new(params, key);
-    let sides = [
-        (&pair.agent, AGENT_NAME, ExtendedKeyUsagePurpose::ServerAuth),
-        (&pair.host, HOST_NAME, ExtendedKeyUsagePurpose::ClientAuth),
-    ];
-    for (path, name, usage) in sides {
-        let mut params = CertificateParams::new(vec![name.to_owned()])?;
-        params.distinguished_name.push(DnType::CommonName, name);
-        params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
-        params.extended_key_usages = vec![usage];
-        params.use_authority_key_identifier_extension = true;
-        let key = KeyPair::generate()?;
-        let certificate = params.signed_by(&key, &issuer)?;
-        let made = fs::DirBuilder::new().recursive(true).mode(0o700).create(path);
-        made.map_err(|source| KeysError::Io { path: path.clone(), source })?;
-        write_private(&path.join(AUTHORITY), &authority.pem())?;
-        write_private(&path.join(CERTIFICATE), &certificate.pem())?;
-        write_private(&path.join(KEY), &key.serialize_pem())?;
-    }
-    Ok(pair)
-}
-
-fn write_private(path: &Path, text: &str) -> Result<(), KeysError> {
-    let file = fs::OpenOptions::new().write(true).create_new(true).mode(0o600).open(path);
-    file.and_then(|mut file| {
-        file.write_all(text.as_bytes())?;
-        file.sync_all()
-    })
-    .map_err(|source| KeysError::Io { path: path.to_owned(), source })
 }
 
 /// One side's keys, read and checked.
@@ -132,12 +65,12 @@ pub struct Keys {
 }
 
 impl Keys {
-    /// Reads a directory that [`pair`] made.
+    /// Reads a directory that `evrig pair` made.
     ///
     /// # Errors
     /// When a file is missing or wrong, or the private key can be read by others.
     pub fn read(directory: &Path) -> Result<Self, KeysError> {
-        let key_path = directory.join(KEY);
+        let key_path = directory.join(KEY_FILE);
         let metadata = fs::metadata(&key_path)
             .map_err(|source| KeysError::Io { path: key_path.clone(), source })?;
         let mode = metadata.permissions().mode() & 0o777;
@@ -146,13 +79,13 @@ impl Keys {
         }
         let key = PrivateKeyDer::from_pem_slice(&read(&key_path)?)
             .map_err(|error| wrong(&key_path, &error))?;
-        let path = directory.join(AUTHORITY);
+        let path = directory.join(AUTHORITY_FILE);
         let mut authority = RootCertStore::empty();
         for certificate in CertificateDer::pem_slice_iter(&read(&path)?) {
             let certificate = certificate.map_err(|error| wrong(&path, &error))?;
             authority.add(certificate).map_err(|error| wrong(&path, &error))?;
         }
-        let path = directory.join(CERTIFICATE);
+        let path = directory.join(CERTIFICATE_FILE);
         let certificates: Result<Vec<_>, _> =
             CertificateDer::pem_slice_iter(&read(&path)?).collect();
         Ok(Self {
@@ -202,11 +135,12 @@ impl Keys {
 
 fn read(path: &Path) -> Result<Vec<u8>, KeysError> {
     /// A file of keys has a kilobyte or two.
-    const MOST: u64 = 1 << 16;
+    const MAX_KEY_FILE_BYTES: u64 = 1 << 16;
     let io = |source| KeysError::Io { path: path.to_owned(), source };
     let found = fs::metadata(path).map_err(io)?.len();
-    if found > MOST {
-        let because = format!("expected PEM text of at most {MOST} bytes, found {found}");
+    if found > MAX_KEY_FILE_BYTES {
+        let because =
+            format!("expected PEM text of at most {MAX_KEY_FILE_BYTES} bytes, found {found}");
         return Err(KeysError::Invalid { path: path.to_owned(), because });
     }
     fs::read(path).map_err(io)
@@ -216,49 +150,11 @@ fn wrong(path: &Path, error: &dyn std::fmt::Display) -> KeysError {
     KeysError::Invalid { path: path.to_owned(), because: error.to_string() }
 }
 
-/// Where a host looks for its keys unless the rig says otherwise: `$XDG_CONFIG_HOME/evrig/keys/host`,
-/// or `~/.config/evrig/keys/host`; the agent, `.../keys/agent`.
+/// Where a host looks for its keys unless the rig states a directory:
+/// `$XDG_CONFIG_HOME/evrig/keys/host`, or `~/.config/evrig/keys/host`; the agent, `.../keys/agent`.
 #[must_use]
 pub fn default_directory() -> PathBuf {
     let home = || std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".config"));
     let config = std::env::var_os("XDG_CONFIG_HOME").map(PathBuf::from).or_else(home);
     config.unwrap_or_default().join("evrig/keys")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_pair_is_for_its_owner_only_and_works_on_either_end() {
-        let folder = tempfile::tempdir().unwrap();
-        let made = pair(&folder.path().join("keys")).unwrap();
-        for side in [&made.host, &made.agent] {
-            assert_eq!(fs::metadata(side).unwrap().permissions().mode() & 0o777, 0o700);
-            for file in [AUTHORITY, CERTIFICATE, KEY] {
-                let mode = fs::metadata(side.join(file)).unwrap().permissions().mode();
-                assert_eq!(mode & 0o777, 0o600, "{file}");
-            }
-        }
-        Keys::read(&made.agent).unwrap().server().unwrap();
-        Keys::read(&made.host).unwrap().client().unwrap();
-        assert!(matches!(pair(&folder.path().join("keys")), Err(KeysError::Exists { .. })));
-    }
-
-    #[test]
-    fn keys_that_others_can_read_or_that_do_not_belong_together_are_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let made = pair(folder.path()).unwrap();
-        let key = made.host.join(KEY);
-        fs::set_permissions(&key, fs::Permissions::from_mode(0o644)).unwrap();
-        let said = Keys::read(&made.host).unwrap_err().to_string();
-        assert!(said.contains("644") && said.contains("chmod"), "{said}");
-        fs::set_permissions(&key, fs::Permissions::from_mode(0o600)).unwrap();
-        fs::copy(made.agent.join(KEY), &key).unwrap();
-        assert!(matches!(Keys::read(&made.host).unwrap().client(), Err(KeysError::Invalid { .. })));
-        fs::write(&key, "no key").unwrap();
-        assert!(matches!(Keys::read(&made.host), Err(KeysError::Invalid { .. })));
-        let said = Keys::read(&folder.path().join("absent")).unwrap_err().to_string();
-        assert!(said.contains("evrig pair"), "{said}");
-    }
 }

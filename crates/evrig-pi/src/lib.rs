@@ -1,11 +1,11 @@
-//! The Pi's camera: the agent on the Pi, the client on the host, and the wire between them.
+//! The agent that serves a Raspberry Pi's camera, and its wire protocol.
 //!
 //! # The wire
 //! One TCP connection. Both sides first send twelve bytes: `EVRIGPI` and a zero, then the protocol's
-//! version as a little-endian `u32`; this never changes, so that versions can always tell each
-//! other apart. Then messages: a `u32` of bytes that follow, a `u32` length of the head, the head as
-//! JSON, and the pictures as they are. The host asks (configure, start, clock, stop), the agent
-//! answers, and between start and stop it sends frames.
+//! version as a little-endian `u32`; this never changes, so that any two versions recognise each
+//! other. Then messages: a `u32` of bytes that follow, a `u32` length of the head, the head as JSON,
+//! and the images. The host requests (configure, start, clock, stop), the agent answers, and between
+//! start and stop it sends frames.
 //!
 //! Beyond one machine the connection is TLS 1.3 and each side proves that it has its half of a pair
 //! of keys (`evrig pair`); without keys the agent listens on the loopback interface only.
@@ -16,6 +16,7 @@ pub mod discipline;
 pub mod keys;
 pub mod order;
 pub mod picamera;
+pub mod serve;
 pub mod source;
 pub mod wire;
 
@@ -40,8 +41,8 @@ pub fn read_clocks() -> ClockSandwich {
 
 /// The same, and once more between two readings of the clock that nothing steers.
 #[must_use]
-pub fn read_all_clocks() -> wire::ClockReading {
-    wire::ClockReading {
+pub fn read_all_clocks() -> wire::PiClockReading {
+    wire::PiClockReading {
         boot: read_clocks(),
         raw: RawClockSandwich {
             monotonic_raw_before: Span::from_nanos(read_clock(ClockId::MonotonicRaw)),

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// How frames are to be taken; the agent answers with what it read back.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Settings {
+pub struct CaptureSettings {
     /// Columns and rows.
     pub size: Size,
     /// Frames a second.
@@ -37,9 +37,9 @@ pub struct Delivery {
 
 /// All that a host orders before a take.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Order {
+pub struct CaptureOrder {
     /// How frames are taken.
-    pub settings: Settings,
+    pub settings: CaptureSettings,
     /// What the lens does.
     pub focus: Focus,
     /// How frames travel.

@@ -1,19 +1,19 @@
 //! The camera of a real Pi, through picamera2.
 //!
 //! picamera2 is what users of Raspberry Pi OS can install (`apt install python3-picamera2`), and it
-//! is Python; so the agent starts a small Python program, `helper.py`, which this crate carries, and
-//! takes frames from it over a pipe. The helper crops; everything about formats is done here.
+//! is Python; so the agent starts a small Python program, `helper.py`, which this crate carries,
+//! and takes frames from it over a pipe. The helper crops; everything about formats is done here.
 
 mod formats;
 mod pipe;
 
+use super::order::CaptureSettings;
 use super::order::Focus;
 use super::source::{FrameSource, SourceError};
-use super::wire::Settings;
 use evrig_core::pi_camera::{FrameMetadata, PiFrame};
 use evrig_core::time::{PiSensor, Span, Stamp, Unix};
 use formats::{RawFormat, RgbOrder};
-use pipe::{Configured, FrameHead, Head, Helper, Packet};
+use pipe::{Configured, FrameHead, Helper, HelperHead, HelperPacket};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -25,7 +25,7 @@ const CONFIGURING: Duration = Duration::from_secs(18);
 /// Frames under way in the pipe when the camera stops.
 const STOPPING: Duration = Duration::from_secs(3);
 /// A frame is waited for no longer; see [`FrameSource::next`].
-const TICK: Duration = Duration::from_millis(250);
+const POLL_INTERVAL: Duration = Duration::from_millis(250);
 /// Without a frame for so long, the camera counts as failed.
 const SILENCE: Duration = Duration::from_secs(3);
 /// libcamera states black levels for 16-bit samples, whatever the sensor's bits are.
@@ -39,13 +39,13 @@ pub struct Picamera {
     python: PathBuf,
     focus: Focus,
     helper: Option<Helper>,
-    held: Option<Held>,
+    held: Option<ConfiguredCamera>,
 }
 
 /// What was set up.
 #[derive(Debug)]
-struct Held {
-    settings: Settings,
+struct ConfiguredCamera {
+    settings: CaptureSettings,
     raw: RawFormat,
     rgb: RgbOrder,
     frame_duration: Span,
@@ -70,7 +70,7 @@ impl Picamera {
         if self.helper.is_none() {
             self.helper = Some(Helper::start(&self.python)?);
         }
-        self.helper.as_mut().ok_or_else(|| failed("its helper is gone"))
+        self.helper.as_mut().ok_or_else(|| SourceError::new("its helper is gone"))
     }
 }
 
@@ -82,19 +82,19 @@ impl FrameSource for Picamera {
 
     fn check(&mut self) -> Result<String, SourceError> {
         let helper = self.helper()?;
-        helper.say(&json!({ "do": "identify" }))?;
+        helper.send(&json!({ "do": "identify" }))?;
         let deadline = Instant::now() + IDENTIFYING;
         loop {
-            match helper.hear(deadline)?.head {
-                Head::Identified { model, picamera2 } => {
+            match helper.receive(deadline)?.head {
+                HelperHead::Identified { model, picamera2 } => {
                     let version = picamera2.unwrap_or_default();
                     return Ok(format!("{model} through picamera2 {version}")
                         .trim_end()
                         .to_owned());
                 }
                 // Of a take before this.
-                Head::Frame(_) | Head::Stopped { .. } | Head::Configured(_) => {}
-                Head::Error { because } => return Err(failed(&because)),
+                HelperHead::Frame(_) | HelperHead::Stopped { .. } | HelperHead::Configured(_) => {}
+                HelperHead::Error { because } => return Err(SourceError::new(because)),
             }
         }
     }
@@ -108,12 +108,12 @@ impl FrameSource for Picamera {
         self.held.as_ref().map_or(Value::Null, |held| held.says.clone())
     }
 
-    fn configure(&mut self, settings: &Settings) -> Result<Settings, SourceError> {
+    fn configure(&mut self, settings: &CaptureSettings) -> Result<CaptureSettings, SourceError> {
         check(settings)?;
         self.held = None;
         let focus = self.focus;
         let helper = self.helper()?;
-        helper.say(&json!({
+        helper.send(&json!({
             "do": "configure",
             "width": settings.size.width,
             "height": settings.size.height,
@@ -126,32 +126,34 @@ impl FrameSource for Picamera {
         }))?;
         let deadline = Instant::now() + CONFIGURING;
         let configured = loop {
-            match helper.hear(deadline)?.head {
-                Head::Configured(configured) => break *configured,
+            match helper.receive(deadline)?.head {
+                HelperHead::Configured(configured) => break *configured,
                 // Of a take before this.
-                Head::Frame(_) | Head::Stopped { .. } | Head::Identified { .. } => {}
-                Head::Error { because } => return Err(failed(&because)),
+                HelperHead::Frame(_)
+                | HelperHead::Stopped { .. }
+                | HelperHead::Identified { .. } => {}
+                HelperHead::Error { because } => return Err(SourceError::new(because)),
             }
         };
-        let held = Held::new(settings, configured)?;
+        let held = ConfiguredCamera::new(settings, configured)?;
         let settings = held.settings.clone();
         self.held = Some(held);
         Ok(settings)
     }
 
     fn start(&mut self) -> Result<(), SourceError> {
-        let held = self.held.as_mut().ok_or_else(|| failed("it was not configured"))?;
+        let held = self.held.as_mut().ok_or_else(|| SourceError::new("it was not configured"))?;
         (held.sequence, held.last, held.heard) = (0, None, Instant::now());
-        self.helper()?.say(&json!({ "do": "start" }))
+        self.helper()?.send(&json!({ "do": "start" }))
     }
 
     fn stop(&mut self) {
         let Some(helper) = &mut self.helper else { return };
         let deadline = Instant::now() + STOPPING;
-        let mut end = helper.say(&json!({ "do": "stop" }));
+        let mut end = helper.send(&json!({ "do": "stop" }));
         while end.is_ok() {
-            match helper.hear(deadline) {
-                Ok(Packet { head: Head::Stopped { .. }, .. }) => return,
+            match helper.receive(deadline) {
+                Ok(HelperPacket { head: HelperHead::Stopped { .. }, .. }) => return,
                 Ok(_) => {}
                 Err(error) => end = Err(error),
             }
@@ -162,47 +164,51 @@ impl FrameSource for Picamera {
 
     fn next(&mut self) -> Result<Option<PiFrame>, SourceError> {
         let (Some(helper), Some(held)) = (&mut self.helper, &mut self.held) else {
-            return Err(failed("it was not configured"));
+            return Err(SourceError::new("it was not configured"));
         };
-        let Some(packet) = helper.look(TICK)? else {
+        let Some(packet) = helper.poll(POLL_INTERVAL)? else {
             return if held.heard.elapsed() < SILENCE {
                 Ok(None)
             } else {
-                Err(failed(&format!("no frame came for {SILENCE:?}; look at its cable")))
+                Err(SourceError::new(format!("no frame came for {SILENCE:?}; look at its cable")))
             };
         };
         held.heard = Instant::now();
         match packet.head {
-            Head::Frame(head) => held.frame(*head, &packet.pictures).map(Some),
-            Head::Error { because } => Err(failed(&because)),
-            Head::Configured(_) | Head::Stopped { .. } | Head::Identified { .. } => Ok(None),
+            HelperHead::Frame(head) => held.frame(*head, &packet.pictures).map(Some),
+            HelperHead::Error { because } => Err(SourceError::new(because)),
+            HelperHead::Configured(_)
+            | HelperHead::Stopped { .. }
+            | HelperHead::Identified { .. } => Ok(None),
         }
     }
 }
 
-fn check(settings: &Settings) -> Result<(), SourceError> {
+fn check(settings: &CaptureSettings) -> Result<(), SourceError> {
     let size = settings.size;
     if !size.width.is_multiple_of(4) || !size.height.is_multiple_of(2) || size.n_pixels() == 0 {
-        return Err(failed(&format!(
+        return Err(SourceError::new(format!(
             "it takes pictures whose width is a multiple of 4 and height of 2, not {size}; correct pi.size_px"
         )));
     }
     if !(settings.raw || settings.rgb) {
-        return Err(failed("neither raw nor RGB frames are asked for; set pi.raw or pi.rgb"));
+        return Err(SourceError::new(
+            "neither raw nor RGB frames are asked for; set pi.raw or pi.rgb",
+        ));
     }
     Ok(())
 }
 
-impl Held {
-    fn new(asked: &Settings, configured: Configured) -> Result<Self, SourceError> {
-        let settings = Settings {
+impl ConfiguredCamera {
+    fn new(asked: &CaptureSettings, configured: Configured) -> Result<Self, SourceError> {
+        let settings = CaptureSettings {
             exposure: Span::from_nanos((configured.exposure_us * 1e3).round() as i64),
             gain: configured.gain,
             ..asked.clone()
         };
         let frame_duration = Span::from_secs_f64(configured.frame_duration_us * 1e-6);
         if frame_duration <= Span::ZERO {
-            return Err(failed("it states a frame duration of zero"));
+            return Err(SourceError::new("it states a frame duration of zero"));
         }
         Ok(Self {
             raw: RawFormat::parse(&configured.raw_format)?,
@@ -223,7 +229,7 @@ impl Held {
         self.count_up_to(stamp);
         let n_raw = head.n_raw.unwrap_or(0);
         let Some((raw, rgb)) = pictures.split_at_checked(n_raw) else {
-            return Err(failed("a frame is shorter than its raw picture"));
+            return Err(SourceError::new("a frame is shorter than its raw picture"));
         };
         let raw10 = head.n_raw.map(|_| self.raw.to_raw10(raw, size)).transpose()?;
         let rgb = head.n_rgb.map(|_| self.rgb.to_rgb(rgb, size)).transpose()?;
@@ -248,8 +254,8 @@ impl Held {
         })
     }
 
-    /// A frame's number follows from its stamp, so that frames which the sensor took and nobody saw
-    /// leave a gap in the numbers. A stamp that does not rise still gets a number of its own.
+    /// A frame's number follows from its stamp, so that frames which the sensor took and the host
+    /// lost leave a gap in the numbers. A stamp that does not rise still gets a number of its own.
     fn count_up_to(&mut self, stamp: Stamp<PiSensor>) {
         if let Some(last) = self.last {
             let steps = (stamp - last).as_secs_f64() / self.frame_duration.as_secs_f64();
@@ -262,10 +268,6 @@ impl Held {
 /// libcamera of mid-2025 gave microseconds where nanoseconds are documented.
 fn wall_clock(value: i64) -> Stamp<Unix> {
     if value < FIRST_NANOS { Stamp::from_micros(value) } else { Stamp::from_nanos(value) }
-}
-
-fn failed(because: &str) -> SourceError {
-    SourceError { because: because.to_owned() }
 }
 
 #[cfg(test)]

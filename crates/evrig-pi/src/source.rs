@@ -1,8 +1,8 @@
 //! Where the agent's frames come from.
 
+use super::order::CaptureSettings;
 use super::order::Focus;
 use super::read_clocks;
-use super::wire::Settings;
 use evrig_core::pi_camera::{FrameMetadata, PiFrame};
 use evrig_core::raw10;
 use evrig_core::time::{PiSensor, Span, Stamp};
@@ -14,6 +14,13 @@ use std::time::Duration;
 pub struct SourceError {
     /// What happened and what to do.
     pub because: String,
+}
+
+impl SourceError {
+    /// With what happened and what to do.
+    pub fn new(because: impl ToString) -> Self {
+        Self { because: because.to_string() }
+    }
 }
 
 /// A camera on the agent's side.
@@ -33,7 +40,7 @@ pub trait FrameSource: Send {
     ///
     /// # Errors
     /// When the settings are impossible for it.
-    fn configure(&mut self, settings: &Settings) -> Result<Settings, SourceError>;
+    fn configure(&mut self, settings: &CaptureSettings) -> Result<CaptureSettings, SourceError>;
 
     /// What the lens is to do; asked for before [`Self::configure`]. A camera without a lens that
     /// moves has nothing to do.
@@ -67,13 +74,13 @@ pub trait FrameSource: Send {
     fn next(&mut self) -> Result<Option<PiFrame>, SourceError>;
 }
 
-/// A camera that sees a pattern which tells frame, column and row apart: raw sample
+/// A test pattern that identifies frame, column and row: raw sample
 /// (column + 7 row + 13 frame) mod 1024, and the upper eight bits of it as R, G and B.
 #[derive(Debug, Clone)]
 pub struct Synthetic {
     is_paced: bool,
     n_left: u64,
-    settings: Option<Settings>,
+    settings: Option<CaptureSettings>,
     sequence: u64,
     began: Option<Stamp<PiSensor>>,
 }
@@ -103,12 +110,11 @@ impl FrameSource for Synthetic {
         "synthetic pattern".to_owned()
     }
 
-    fn configure(&mut self, settings: &Settings) -> Result<Settings, SourceError> {
-        raw10::row_bytes(settings.size.width)
-            .map_err(|error| SourceError { because: error.to_string() })?;
+    fn configure(&mut self, settings: &CaptureSettings) -> Result<CaptureSettings, SourceError> {
+        raw10::row_bytes(settings.size.width).map_err(SourceError::new)?;
         if !(settings.frame_rate.0 > 0.0 && settings.frame_rate.0 <= 1000.0) {
             let because = format!("{} frames a second; expected 0 to 1000", settings.frame_rate.0);
-            return Err(SourceError { because });
+            return Err(SourceError::new(because));
         }
         self.settings = Some(settings.clone());
         Ok(settings.clone())
@@ -116,7 +122,7 @@ impl FrameSource for Synthetic {
 
     fn next(&mut self) -> Result<Option<PiFrame>, SourceError> {
         let Some(settings) = &self.settings else {
-            return Err(SourceError { because: "it was not configured".to_owned() });
+            return Err(SourceError::new("it was not configured"));
         };
         if self.n_left == 0 {
             std::thread::sleep(Duration::from_millis(1));
@@ -135,7 +141,7 @@ impl FrameSource for Synthetic {
         let samples: Vec<u16> =
             cells.map(|(column, row)| Self::sample(sequence, column, row)).collect();
         let packed = settings.raw.then(|| raw10::pack(&samples, size)).transpose();
-        let raw10 = packed.map_err(|error| SourceError { because: error.to_string() })?;
+        let raw10 = packed.map_err(SourceError::new)?;
         let grey = samples.iter().map(|sample| (sample >> 2) as u8);
         let rgb = settings.rgb.then(|| grey.flat_map(|value| [value; 3]).collect());
         let metadata = FrameMetadata {

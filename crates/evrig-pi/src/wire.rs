@@ -1,24 +1,21 @@
 //! The codec: bytes to messages and back, without I/O.
 
-pub use super::order::Settings;
-
 mod pictures;
 
 use super::coding::{self, CodingError};
-use super::discipline::Discipline;
-use super::order::{Coding, Order};
+use super::discipline::ClockDiscipline;
+use super::order::{CaptureOrder, CaptureSettings, Coding};
 use evrig_core::pi_camera::{ClockSandwich, FrameMetadata, PiFrame, RawClockSandwich};
-use pictures::{Picture, frame};
+pub use pictures::MAX_MESSAGE_BYTES;
+use pictures::{PictureHead, frame};
 use serde::{Deserialize, Serialize};
 
-/// The version of the protocol spoken here.
+/// The version of the protocol.
 pub const VERSION: u32 = 2;
 /// What both sides send first, before the version.
 const MAGIC: &[u8; 8] = b"EVRIGPI\0";
 /// Bytes of magic and version.
 pub const PREAMBLE_BYTES: usize = 12;
-/// The longest message: a full 12-megapixel frame, raw and RGB, and room.
-pub const MAX_MESSAGE_BYTES: usize = 64 << 20;
 /// The most that a probe of the link may ask for.
 pub const MAX_PROBE_BYTES: usize = 32 << 20;
 /// The longest head; real ones have some hundred bytes.
@@ -26,7 +23,7 @@ const MAX_HEAD_BYTES: usize = 1 << 16;
 
 /// The Pi's clocks, read in one go.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ClockReading {
+pub struct PiClockReading {
     /// The wall clock between two readings of the boot clock.
     pub boot: ClockSandwich,
     /// The wall clock between two readings of the clock that nothing steers.
@@ -38,17 +35,17 @@ pub struct ClockReading {
 pub struct TakeTally {
     /// Frames that were sent while they came.
     pub n_sent: u64,
-    /// Frames for which there was no room, neither in memory nor in the spool.
+    /// Frames that fitted neither memory nor spool.
     pub n_dropped: u64,
     /// Frames that had to wait on the Pi's disk because the network was slower than the camera.
     pub n_spooled: u64,
     /// RGB pictures sent after the take.
     pub n_late: u64,
-    /// RGB pictures for which the spool had no room.
+    /// RGB images that did not fit the spool.
     pub n_late_dropped: u64,
 }
 
-/// What the two sides say to each other.
+/// A message of either side.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Message {
     /// Agent: what camera there is.
@@ -57,12 +54,12 @@ pub enum Message {
         camera: String,
     },
     /// Host: this is how, please.
-    Configure(Order),
+    Configure(CaptureOrder),
     /// Agent: this holds.
     Configured {
         /// What the camera read back.
-        settings: Settings,
-        /// What else it says of itself, for the manifest.
+        settings: CaptureSettings,
+        /// The camera's description of itself, for the manifest.
         says: serde_json::Value,
     },
     /// Host: let frames come.
@@ -74,11 +71,11 @@ pub enum Message {
     /// Host: read your clocks.
     AskClock,
     /// Agent: the clocks.
-    Clock(ClockReading),
+    Clock(PiClockReading),
     /// Host: what keeps your clock right?
     AskDiscipline,
     /// Agent: this.
-    Discipline(Discipline),
+    Discipline(ClockDiscipline),
     /// Host: send so many bytes, to measure the link.
     Probe {
         /// How many, at most [`MAX_PROBE_BYTES`].
@@ -106,17 +103,17 @@ pub enum Message {
 
 #[derive(Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
-enum Head {
+enum MessageHead {
     Hello { camera: String },
-    Configure { order: Order },
-    Configured { settings: Settings, says: serde_json::Value },
+    Configure { order: CaptureOrder },
+    Configured { settings: CaptureSettings, says: serde_json::Value },
     Start,
-    Frame { metadata: FrameMetadata, raw: Option<Picture>, rgb: Option<Picture> },
-    LateRgb { metadata: FrameMetadata, rgb: Option<Picture> },
+    Frame { metadata: FrameMetadata, raw: Option<PictureHead>, rgb: Option<PictureHead> },
+    LateRgb { metadata: FrameMetadata, rgb: Option<PictureHead> },
     AskClock,
-    Clock { reading: ClockReading },
+    Clock { reading: PiClockReading },
     AskDiscipline,
-    Discipline { discipline: Discipline },
+    Discipline { discipline: ClockDiscipline },
     Probe { n_bytes: usize },
     Filler { n_bytes: usize },
     Stop,
@@ -196,25 +193,27 @@ pub fn encode(message: &Message) -> Vec<u8> {
         Message::Frame(frame) => return plain(frame, false),
         Message::LateRgb(frame) => return plain(frame, true),
         Message::Filler(bytes) => {
-            return assemble(&Head::Filler { n_bytes: bytes.len() }, &[bytes]);
+            return assemble(&MessageHead::Filler { n_bytes: bytes.len() }, &[bytes]);
         }
-        Message::Hello { camera } => Head::Hello { camera: camera.clone() },
-        Message::Configure(order) => Head::Configure { order: order.clone() },
+        Message::Hello { camera } => MessageHead::Hello { camera: camera.clone() },
+        Message::Configure(order) => MessageHead::Configure { order: order.clone() },
         Message::Configured { settings, says } => {
-            Head::Configured { settings: settings.clone(), says: says.clone() }
+            MessageHead::Configured { settings: settings.clone(), says: says.clone() }
         }
-        Message::Start => Head::Start,
-        Message::AskClock => Head::AskClock,
-        Message::Clock(reading) => Head::Clock { reading: *reading },
-        Message::AskDiscipline => Head::AskDiscipline,
-        Message::Discipline(discipline) => Head::Discipline { discipline: discipline.clone() },
-        Message::Probe { n_bytes } => Head::Probe { n_bytes: *n_bytes },
-        Message::Stop => Head::Stop,
+        Message::Start => MessageHead::Start,
+        Message::AskClock => MessageHead::AskClock,
+        Message::Clock(reading) => MessageHead::Clock { reading: *reading },
+        Message::AskDiscipline => MessageHead::AskDiscipline,
+        Message::Discipline(discipline) => {
+            MessageHead::Discipline { discipline: discipline.clone() }
+        }
+        Message::Probe { n_bytes } => MessageHead::Probe { n_bytes: *n_bytes },
+        Message::Stop => MessageHead::Stop,
         Message::Draining { n_messages, n_bytes } => {
-            Head::Draining { n_messages: *n_messages, n_bytes: *n_bytes }
+            MessageHead::Draining { n_messages: *n_messages, n_bytes: *n_bytes }
         }
-        Message::Stopped(tally) => Head::Stopped { tally: *tally },
-        Message::Refused { because } => Head::Refused { because: because.clone() },
+        Message::Stopped(tally) => MessageHead::Stopped { tally: *tally },
+        Message::Refused { because } => MessageHead::Refused { because: because.clone() },
     };
     assemble(&head, &[])
 }
@@ -222,7 +221,7 @@ pub fn encode(message: &Message) -> Vec<u8> {
 /// A frame as bytes, its pictures coded; late ones travel alone.
 ///
 /// # Errors
-/// When a picture is not what the frame's size says.
+/// When an image does not have the frame's size.
 pub fn encode_frame(
     frame: &PiFrame,
     coding: Coding,
@@ -252,15 +251,18 @@ fn with_pictures(
     is_late: bool,
 ) -> Vec<u8> {
     let [raw, rgb] =
-        pictures.map(|bytes| bytes.map(|bytes| Picture { n_bytes: bytes.len(), coding }));
+        pictures.map(|bytes| bytes.map(|bytes| PictureHead { n_bytes: bytes.len(), coding }));
     let metadata = metadata.clone();
-    let head =
-        if is_late { Head::LateRgb { metadata, rgb } } else { Head::Frame { metadata, raw, rgb } };
+    let head = if is_late {
+        MessageHead::LateRgb { metadata, rgb }
+    } else {
+        MessageHead::Frame { metadata, raw, rgb }
+    };
     let pictures: Vec<&[u8]> = pictures.into_iter().flatten().collect();
     assemble(&head, &pictures)
 }
 
-fn assemble(head: &Head, pictures: &[&[u8]]) -> Vec<u8> {
+fn assemble(head: &MessageHead, pictures: &[&[u8]]) -> Vec<u8> {
     // These heads are plain values: JSON can always hold them.
     let head = serde_json::to_vec(head).unwrap_or_default();
     let n_pictures: usize = pictures.iter().map(|picture| picture.len()).sum();
@@ -274,12 +276,12 @@ fn assemble(head: &Head, pictures: &[&[u8]]) -> Vec<u8> {
 
 /// Puts messages together from bytes as they come.
 #[derive(Debug, Default)]
-pub struct Decoder {
+pub struct MessageDecoder {
     bytes: Vec<u8>,
     n_messages: u64,
 }
 
-impl Decoder {
+impl MessageDecoder {
     /// Takes bytes in.
     pub fn push(&mut self, bytes: &[u8]) {
         self.bytes.extend_from_slice(bytes);
@@ -316,33 +318,33 @@ impl Decoder {
 }
 
 fn parse(head: &[u8], pictures: &[u8]) -> Result<Message, String> {
-    let head: Head = serde_json::from_slice(head).map_err(|error| error.to_string())?;
+    let head: MessageHead = serde_json::from_slice(head).map_err(|error| error.to_string())?;
     let message = match head {
-        Head::Frame { metadata, raw, rgb } => {
+        MessageHead::Frame { metadata, raw, rgb } => {
             return Ok(Message::Frame(Box::new(frame(metadata, raw, rgb, pictures)?)));
         }
-        Head::LateRgb { metadata, rgb } => {
+        MessageHead::LateRgb { metadata, rgb } => {
             return Ok(Message::LateRgb(Box::new(frame(metadata, None, rgb, pictures)?)));
         }
-        Head::Filler { n_bytes } if n_bytes == pictures.len() => {
+        MessageHead::Filler { n_bytes } if n_bytes == pictures.len() => {
             return Ok(Message::Filler(pictures.to_vec()));
         }
-        Head::Filler { n_bytes } => {
+        MessageHead::Filler { n_bytes } => {
             return Err(format!("{n_bytes} bytes of filler, found {}", pictures.len()));
         }
-        Head::Hello { camera } => Message::Hello { camera },
-        Head::Configure { order } => Message::Configure(order),
-        Head::Configured { settings, says } => Message::Configured { settings, says },
-        Head::Start => Message::Start,
-        Head::AskClock => Message::AskClock,
-        Head::Clock { reading } => Message::Clock(reading),
-        Head::AskDiscipline => Message::AskDiscipline,
-        Head::Discipline { discipline } => Message::Discipline(discipline),
-        Head::Probe { n_bytes } => Message::Probe { n_bytes },
-        Head::Stop => Message::Stop,
-        Head::Draining { n_messages, n_bytes } => Message::Draining { n_messages, n_bytes },
-        Head::Stopped { tally } => Message::Stopped(tally),
-        Head::Refused { because } => Message::Refused { because },
+        MessageHead::Hello { camera } => Message::Hello { camera },
+        MessageHead::Configure { order } => Message::Configure(order),
+        MessageHead::Configured { settings, says } => Message::Configured { settings, says },
+        MessageHead::Start => Message::Start,
+        MessageHead::AskClock => Message::AskClock,
+        MessageHead::Clock { reading } => Message::Clock(reading),
+        MessageHead::AskDiscipline => Message::AskDiscipline,
+        MessageHead::Discipline { discipline } => Message::Discipline(discipline),
+        MessageHead::Probe { n_bytes } => Message::Probe { n_bytes },
+        MessageHead::Stop => Message::Stop,
+        MessageHead::Draining { n_messages, n_bytes } => Message::Draining { n_messages, n_bytes },
+        MessageHead::Stopped { tally } => Message::Stopped(tally),
+        MessageHead::Refused { because } => Message::Refused { because },
     };
     if pictures.is_empty() {
         Ok(message)
@@ -361,8 +363,8 @@ mod tests {
     use evrig_core::units::Hertz;
     use proptest::prelude::*;
 
-    fn settings() -> Settings {
-        Settings {
+    fn settings() -> CaptureSettings {
+        CaptureSettings {
             size: Size::new(8, 4),
             frame_rate: Hertz(120.0),
             exposure: Span::from_micros(4_000),
@@ -385,8 +387,11 @@ mod tests {
 
     fn messages() -> Vec<Message> {
         let reading = crate::read_all_clocks();
-        let order =
-            Order { settings: settings(), focus: Focus::Once, delivery: Delivery::default() };
+        let order = CaptureOrder {
+            settings: settings(),
+            focus: Focus::Once,
+            delivery: Delivery::default(),
+        };
         let says = serde_json::json!({"lens": 1});
         vec![
             Message::Hello { camera: "imx708".into() },
@@ -396,7 +401,7 @@ mod tests {
             frame(),
             late(),
             Message::AskDiscipline,
-            Message::Discipline(Discipline::Unknown { because: "none".into() }),
+            Message::Discipline(ClockDiscipline::Unknown { because: "none".into() }),
             Message::Probe { n_bytes: 7 },
             Message::Filler(vec![3; 7]),
             Message::Draining { n_messages: 2, n_bytes: 9 },
@@ -435,7 +440,7 @@ mod tests {
     #[test]
     fn lengths_beyond_measure_are_refused_before_anything_is_kept() {
         for bytes in [[0xff; 8], [9, 0, 0, 0, 6, 0, 0, 0], [0xff, 0xff, 0, 1, 1, 0, 2, 0]] {
-            let mut decoder = Decoder::default();
+            let mut decoder = MessageDecoder::default();
             decoder.push(&bytes);
             assert!(matches!(decoder.take(), Err(WireError::Oversize { .. })), "{bytes:?}");
         }
@@ -457,7 +462,7 @@ mod tests {
         let late = PiFrame { raw10: None, ..*sent.clone() };
         let expected = [Message::Frame(sent.clone()), Message::LateRgb(Box::new(late))];
         for (is_late, expected) in [false, true].into_iter().zip(expected) {
-            let mut decoder = Decoder::default();
+            let mut decoder = MessageDecoder::default();
             decoder.push(&encode_frame(&sent, Coding::Lossless, is_late).unwrap());
             assert_eq!(decoder.take().unwrap(), Some(expected));
         }
@@ -467,7 +472,7 @@ mod tests {
     fn a_size_beyond_measure_is_refused_before_it_is_unpacked() {
         let Message::Frame(mut sent) = frame() else { panic!("a frame") };
         sent.metadata.size = Size::new(65_532, 65_535);
-        let mut decoder = Decoder::default();
+        let mut decoder = MessageDecoder::default();
         decoder.push(&plain(&sent, false));
         let error = decoder.take().unwrap_err().to_string();
         assert!(error.contains("larger than a message"), "{error}");
@@ -478,7 +483,7 @@ mod tests {
         fn messages_come_back_however_the_bytes_are_cut(cuts in prop::collection::vec(1_usize..200, 1..40)) {
             let sent = messages();
             let bytes: Vec<u8> = sent.iter().flat_map(encode).collect();
-            let (mut decoder, mut found) = (Decoder::default(), Vec::new());
+            let (mut decoder, mut found) = (MessageDecoder::default(), Vec::new());
             let mut rest = bytes.as_slice();
             for cut in cuts.iter().cycle() {
                 let (now, later) = rest.split_at((*cut).min(rest.len()));
@@ -501,7 +506,7 @@ mod tests {
             let mut bytes = encode(&messages()[which]);
             let at = at.index(bytes.len());
             bytes[at] = value;
-            let mut decoder = Decoder::default();
+            let mut decoder = MessageDecoder::default();
             decoder.push(&bytes);
             let _ = decoder.take();
         }

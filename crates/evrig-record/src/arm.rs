@@ -1,8 +1,7 @@
-//! The devices of the rig, and their simulated twins.
+//! The trait of an arm, which the simulated arm implements as well.
 //!
-//! A device is a small trait of lifecycle verbs; each verb ends within a time
-//! it is given or states, and `abort` works at once, in any state, as often as
-//! it is called.
+//! Each method ends within a time that it is given or states; `abort` works in any state and
+//! repeatedly.
 
 pub use evrig_core::finding::{Finding, Verdict};
 
@@ -67,24 +66,24 @@ pub struct Progress {
 
 /// An arm that drives a path.
 pub trait Arm: Send {
-    /// Looks at everything that must hold before `path` is driven. Nothing moves.
+    /// Checks everything that must hold before `path` is driven. Nothing moves.
     fn check(&mut self, path: Option<&ToolPath>) -> Vec<Finding>;
 
     /// Sets the arm up for `path` and goes to its start. What it did otherwise than asked
-    /// (a circle as arcs, say) comes back in words.
+    /// (for instance a circle as arcs) is returned as remarks.
     ///
     /// # Errors
-    /// Whatever keeps the arm from its start; it then stands.
+    /// Whatever keeps the arm from its start; it is then stopped.
     fn prepare(&mut self, path: &ToolPath) -> Result<Vec<String>, DeviceError>;
 
-    /// Starts the given steps of the prepared path, which begin where the arm stands.
+    /// Starts the given steps of the prepared path, which begin at the arm's pose.
     ///
     /// # Errors
-    /// Whatever keeps the arm from moving; it then stands.
+    /// Whatever keeps the arm from moving; it is then stopped.
     fn start(&mut self, steps: Range<usize>) -> Result<(), DeviceError>;
 
-    /// Looks once how far the motion is, and feeds the arm with what it has room for. To be
-    /// called at the rate at which poses are wanted.
+    /// Reads how far the motion is, and fills the arm's command queue. To be called at the rate at
+    /// which poses are wanted.
     ///
     /// # Errors
     /// An alarm, silence, a motion that does not end in time; the arm is stopped before.

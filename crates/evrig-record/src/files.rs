@@ -1,8 +1,9 @@
 //! The files of a recording while it runs: a thread a recorder takes samples and writes them.
 
-use super::Rehearsal;
-use super::durable::Durability;
-use crate::recorder::{Inlet, Outlet, Prepared, Sample, Taken, channel};
+use super::disk_sync::DiskSync;
+use crate::recorder::{
+    PreparedRecorder, Received, RecorderSample, SampleReceiver, SampleSender, channel,
+};
 use evrig_core::time::Span;
 use evrig_core::units::Hertz;
 use evrig_format::Destination;
@@ -21,9 +22,9 @@ use std::time::{Duration, Instant};
 
 /// Bytes that wait for the disk at most, for each recorder.
 pub(super) const QUEUE_BYTES: usize = 512 << 20;
-/// A writer looks up so often when nothing comes.
-const TICK: Duration = Duration::from_millis(100);
-/// What was taken is handed to the system so often at least.
+/// Between two checks of an idle writer.
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
+/// Between two flushes of a file of packets.
 const BETWEEN_FLUSHES: Duration = Duration::from_millis(200);
 
 /// The AEDAT4 file of a session under way.
@@ -72,26 +73,26 @@ fn event_file(
     Ok(Writer::as_recorded(destination, &name, compression, streams)?)
 }
 
-/// Ends the file of packets and sees it to the disk.
+/// Ends the file of packets and syncs it to the disk.
 pub fn finish_event_file(file: EventFile, path: &Path) -> Result<(), SessionError> {
     file.finish()?;
     let synced = File::open(path).and_then(|file| file.sync_all());
     synced.map_err(|source| SessionError::Io { path: path.to_owned(), source })
 }
 
-/// The rig's log, written by every thread.
+/// The rig's log, shared by all threads.
 #[derive(Debug, Clone)]
-pub struct Log {
+pub struct SharedRigLog {
     writer: Arc<Mutex<Option<RigLogWriter>>>,
-    durability: Arc<Mutex<Durability>>,
+    disk_sync: Arc<Mutex<DiskSync>>,
 }
 
-impl Log {
+impl SharedRigLog {
     pub(super) fn create(layout: &SessionLayout) -> Result<Self, SessionError> {
         Self::flushed_by(layout, flush)
     }
 
-    /// A log in virtual time, whose chunks end where its own time says and nowhere else: the same
+    /// A log in virtual time, whose chunks end by its own time only: the same
     /// bytes whatever the pace.
     pub fn in_virtual_time(layout: &SessionLayout) -> Result<Self, SessionError> {
         Self::flushed_by(layout, |log| log.strong_count() > 0)
@@ -106,7 +107,7 @@ impl Log {
         Self::over(writer, &path, flush)
     }
 
-    /// A log that goes into a pipe and is handed on as often as one that goes to a disk.
+    /// A log into a pipe, flushed as often as one on a disk.
     pub(super) fn to_pipe(pipe: Box<dyn Write + Send>) -> Result<Self, SessionError> {
         let path = SessionLayout::new(Path::new("")).rig_log();
         Self::over(RigLogWriter::to_pipe(pipe, &path)?, &path, flush)
@@ -121,11 +122,11 @@ impl Log {
         let handle = writer.handle()?;
         let writer = Arc::new(Mutex::new(Some(writer)));
         let flushed = Arc::downgrade(&writer);
-        let durability = Durability::start(move || flush(&flushed)).map_err(io)?;
+        let disk_sync = DiskSync::start(move || flush(&flushed)).map_err(io)?;
         if let Some(handle) = handle {
-            durability.keep(path, handle).map_err(io)?;
+            disk_sync.keep(path, handle).map_err(io)?;
         }
-        Ok(Self { writer, durability: Arc::new(Mutex::new(durability)) })
+        Ok(Self { writer, disk_sync: Arc::new(Mutex::new(disk_sync)) })
     }
 
     fn lock(&self) -> MutexGuard<'_, Option<RigLogWriter>> {
@@ -134,8 +135,8 @@ impl Log {
 
     /// Syncs another file beside the log's.
     fn keep(&self, path: &Path, file: File) -> Result<(), SessionError> {
-        let durability = self.durability.lock().unwrap_or_else(PoisonError::into_inner);
-        durability
+        let disk_sync = self.disk_sync.lock().unwrap_or_else(PoisonError::into_inner);
+        disk_sync
             .keep(path, file)
             .map_err(|source| SessionError::Io { path: path.to_owned(), source })
     }
@@ -148,7 +149,7 @@ impl Log {
         self.lock().as_mut().map_or(Ok(()), |log| write(log).map_err(Into::into))
     }
 
-    /// A part of the path, `from` to `to` on it, as the trajectory says it, at the rate of the poses;
+    /// The commanded poses of a part of the path, `from` to `to`, at the rate of the poses;
     /// it was begun at `began`.
     pub fn commanded(
         &self,
@@ -171,7 +172,7 @@ impl Log {
     pub fn finish(&self) -> Result<(), SessionError> {
         let writer = self.lock().take();
         let finished = writer.map_or(Ok(()), |log| log.finish().map_err(Into::into));
-        let unsynced = self.durability.lock().unwrap_or_else(PoisonError::into_inner).finish();
+        let unsynced = self.disk_sync.lock().unwrap_or_else(PoisonError::into_inner).finish();
         match unsynced {
             Some(what) => finished.and(Err(SessionError::Unsynced { what })),
             None => finished,
@@ -198,38 +199,38 @@ impl SampleWriter {
     pub(super) fn start(
         layout: &SessionLayout,
         compression: Compression,
-        prepared: &Prepared,
-        log: &Log,
-    ) -> Result<(Self, Outlet), SessionError> {
+        prepared: &PreparedRecorder,
+        log: &SharedRigLog,
+    ) -> Result<(Self, SampleSender), SessionError> {
         if prepared.streams.is_empty() {
             return Self::take_from(QUEUE_BYTES, None, log);
         }
         let path = layout.davis();
         let (file, beside) = create_synced_event_file(layout, compression, &prepared.streams)?;
         log.keep(&path, beside)?;
-        Self::take_from(QUEUE_BYTES, Some((file, End::Synced(path))), log)
+        Self::take_from(QUEUE_BYTES, Some((file, FileEnd::Synced(path))), log)
     }
 
     /// The same into a pipe.
     pub(super) fn into_pipe(
         pipe: Box<dyn Write + Send>,
-        prepared: &Prepared,
-        log: &Log,
-        Rehearsal { queue_bytes, compression, .. }: Rehearsal,
-    ) -> Result<(Self, Outlet), SessionError> {
+        prepared: &PreparedRecorder,
+        log: &SharedRigLog,
+        (queue_bytes, compression): (usize, Compression),
+    ) -> Result<(Self, SampleSender), SessionError> {
         if prepared.streams.is_empty() {
             return Self::take_from(queue_bytes, None, log);
         }
         let path = SessionLayout::new(Path::new("")).davis();
         let file = event_file(Destination::pipe(pipe), &path, compression, &prepared.streams)?;
-        Self::take_from(queue_bytes, Some((file, End::Flushed)), log)
+        Self::take_from(queue_bytes, Some((file, FileEnd::Flushed)), log)
     }
 
     fn take_from(
         queue_bytes: usize,
-        file: Option<(EventFile, End)>,
-        log: &Log,
-    ) -> Result<(Self, Outlet), SessionError> {
+        file: Option<(EventFile, FileEnd)>,
+        log: &SharedRigLog,
+    ) -> Result<(Self, SampleSender), SessionError> {
         let (outlet, inlet) = channel(queue_bytes);
         let log = log.clone();
         let thread = std::thread::Builder::new()
@@ -256,21 +257,25 @@ impl SampleWriter {
 
 /// How a file of packets ends.
 #[derive(Debug)]
-enum End {
+enum FileEnd {
     /// With its data table, on the disk at this place.
     Synced(PathBuf),
-    /// With its last packet, handed on.
+    /// With its last packet, flushed.
     Flushed,
 }
 
-fn take_all(inlet: &Inlet, file: Option<(EventFile, End)>, log: &Log) -> Result<(), SessionError> {
+fn take_all(
+    inlet: &SampleReceiver,
+    file: Option<(EventFile, FileEnd)>,
+    log: &SharedRigLog,
+) -> Result<(), SessionError> {
     let (mut file, end) = file.unzip();
     let mut flushed = Instant::now();
     loop {
-        match inlet.take(TICK) {
-            Taken::Sample(sample) => write(sample, file.as_mut(), log)?,
-            Taken::Nothing => {}
-            Taken::Closed => break,
+        match inlet.take(POLL_INTERVAL) {
+            Received::Sample(sample) => write(sample, file.as_mut(), log)?,
+            Received::Nothing => {}
+            Received::Closed => break,
         }
         // In a quiet scene a buffer fills slowly, and what is in it dies with the program.
         if let Some(file) = file.as_mut().filter(|_| flushed.elapsed() >= BETWEEN_FLUSHES) {
@@ -279,20 +284,26 @@ fn take_all(inlet: &Inlet, file: Option<(EventFile, End)>, log: &Log) -> Result<
         }
     }
     match (file, end) {
-        (Some(file), Some(End::Synced(path))) => finish_event_file(file, &path),
-        (Some(mut file), Some(End::Flushed)) => Ok(file.flush()?),
+        (Some(file), Some(FileEnd::Synced(path))) => finish_event_file(file, &path),
+        (Some(mut file), Some(FileEnd::Flushed)) => Ok(file.flush()?),
         _ => Ok(()),
     }
 }
 
 /// Writes one sample where it belongs.
-pub fn write(sample: Sample, file: Option<&mut EventFile>, log: &Log) -> Result<(), SessionError> {
+pub fn write(
+    sample: RecorderSample,
+    file: Option<&mut EventFile>,
+    log: &SharedRigLog,
+) -> Result<(), SessionError> {
     match sample {
-        Sample::Clock(reading) => log.write(|log| log.clock(&reading)),
-        Sample::Frame { arrived, frame } => log.write(|log| log.frame(&frame, arrived)),
-        Sample::LateRgb { arrived, frame } => log.write(|log| log.late_rgb(&frame, arrived)),
-        Sample::Note { at, text } => log.write(|log| log.log(at, Severity::Info, &text)),
-        Sample::Packet { stream, arrived, content } => {
+        RecorderSample::Clock(reading) => log.write(|log| log.clock(&reading)),
+        RecorderSample::Frame { arrived, frame } => log.write(|log| log.frame(&frame, arrived)),
+        RecorderSample::LateRgb { arrived, frame } => {
+            log.write(|log| log.late_rgb(&frame, arrived))
+        }
+        RecorderSample::Note { at, text } => log.write(|log| log.log(at, Severity::Info, &text)),
+        RecorderSample::Packet { stream, arrived, content } => {
             if let Some(file) = file {
                 content.write(file, stream)?;
             }

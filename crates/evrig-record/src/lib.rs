@@ -1,73 +1,37 @@
-//! The recording engine: from the first look at the devices to a sealed session.
+//! Device traits and the recording engine: from the preflight check to a sealed session.
 //!
-//! It knows an [`Arm`] and some [`Recorder`]s and nothing else; the simulated rig and a dry run are
-//! other devices behind the same traits. Its states follow one another ([`State`]); whatever goes
-//! wrong in any of them ends in the same way: the arm stands, the cameras end, the files are
-//! counted and sealed, and the manifest says what happened.
+//! The engine drives an [`Arm`] and [`Recorder`]s and knows no driver; the simulated rig and a dry
+//! run are other devices behind the same traits. Its states follow one another ([`RecordState`]).
+//! After any failure the arm stops, the cameras end, the files are counted and sealed, and the
+//! manifest states what happened.
 
 mod arm;
-mod durable;
+mod disk_sync;
+mod dry_run;
 mod engine;
 pub mod files;
 pub mod host_clock;
-pub mod pose_log;
+pub mod manifest_entries;
+pub mod pose_timing;
 pub mod recorder;
-mod rehearse;
 mod runs;
+mod state;
 mod stop;
-pub mod told;
 mod wall_clock;
 
 pub use arm::{Arm, DeviceError, Finding, PoseReading, Progress, Verdict};
-pub use engine::{Dwells, Outcome, Prompts, RecordError, Request, preflight, record};
-pub use rehearse::{Rehearsal, RehearsalError, Rehearsed, rehearse};
-pub use runs::{Attempt, RUNS_SCHEMA, RunList, RunsError};
-pub use stop::{Stop, StopToken};
+pub use dry_run::{DryRun, DryRunError, DryRunResult, dry_run};
+pub use engine::{Dwells, Prompts, RecordError, RecordOutcome, RecordRequest, preflight, record};
+pub use runs::{RUNS_SCHEMA, RunAttempt, RunList, RunsError};
+pub use state::RecordState;
+pub use stop::{EmergencyStop, GuardEnd, StopRequest, StopToken};
 
 use crate::recorder::Recorder;
-use serde::Serialize;
 
 /// The devices of a rig.
 pub struct Devices {
-    /// What moves.
+    /// Drives the path.
     pub arm: Box<dyn Arm>,
-    /// What looks.
+    /// Cameras and other sources of samples.
     pub recorders: Vec<Box<dyn Recorder>>,
-}
-
-/// Where a recording is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum State {
-    /// Everything is looked at; nothing moves.
-    Preflight,
-    /// Cameras are set up, and the arm goes to its start.
-    StartPose,
-    /// Cameras run; their first samples are waited for.
-    Cameras,
-    /// They run while the arm rests.
-    LeadIn,
-    /// The arm moves.
-    Trajectory,
-    /// They run while the arm rests again.
-    Tail,
-    /// What is under way is taken.
-    Drain,
-    /// The files are counted and the manifest is written.
-    Seal,
-}
-
-impl std::fmt::Display for State {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Preflight => "preflight",
-            Self::StartPose => "start pose",
-            Self::Cameras => "cameras",
-            Self::LeadIn => "lead-in",
-            Self::Trajectory => "trajectory",
-            Self::Tail => "tail",
-            Self::Drain => "drain",
-            Self::Seal => "seal",
-        })
-    }
 }

@@ -26,12 +26,12 @@ pub enum RunsError {
     None {
         /// The list.
         path: PathBuf,
-        /// What the system or the parser says.
+        /// The system's or the parser's reason.
         because: String,
     },
     /// There is one already.
     #[error("{} is there already; go on with --resume, or choose another --out", path.display())]
-    Taken {
+    Received {
         /// The list.
         path: PathBuf,
     },
@@ -58,24 +58,24 @@ pub enum RunsError {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RunList {
     path: PathBuf,
-    told: Told,
+    told: RunListFile,
 }
 
-/// What stands in the file.
+/// The contents of the file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-struct Told {
+struct RunListFile {
     schema: String,
     rig: String,
     rig_sha256: Sha256Hex,
     trajectory: String,
     trajectory_sha256: Sha256Hex,
     n_runs: u32,
-    attempts: Vec<Attempt>,
+    attempts: Vec<RunAttempt>,
 }
 
 /// One recording of a series.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Attempt {
+pub struct RunAttempt {
     /// Which run, from 1.
     pub run: u32,
     /// Its directory beside the list.
@@ -100,10 +100,10 @@ impl RunList {
         }
         let path = directory.join("runs.json");
         if path.exists() {
-            return Err(RunsError::Taken { path });
+            return Err(RunsError::Received { path });
         }
         std::fs::create_dir_all(directory).map_err(SessionError::io(directory))?;
-        let told = Told {
+        let told = RunListFile {
             schema: RUNS_SCHEMA.to_owned(),
             rig: rig.name.clone(),
             rig_sha256: sha256_of_bytes(rig.text.as_bytes()),
@@ -125,7 +125,8 @@ impl RunList {
         let path = directory.join("runs.json");
         let none = |because: String| RunsError::None { path: path.clone(), because };
         let text = std::fs::read_to_string(&path).map_err(|error| none(error.to_string()))?;
-        let told: Told = serde_json::from_str(&text).map_err(|error| none(error.to_string()))?;
+        let told: RunListFile =
+            serde_json::from_str(&text).map_err(|error| none(error.to_string()))?;
         if told.schema != RUNS_SCHEMA {
             return Err(none(format!("schema is `{}`, expected `{RUNS_SCHEMA}`", told.schema)));
         }
@@ -157,7 +158,7 @@ impl RunList {
 
     /// All recordings so far.
     #[must_use]
-    pub fn attempts(&self) -> &[Attempt] {
+    pub fn attempts(&self) -> &[RunAttempt] {
         &self.told.attempts
     }
 
@@ -186,7 +187,7 @@ impl RunList {
             attempt => format!("{stem}-again-{attempt}"),
         });
         let name = names.into_iter().find(|name| !root.join(name).exists()).unwrap_or(stem.clone());
-        self.told.attempts.push(Attempt { run, directory: name.clone(), status: None });
+        self.told.attempts.push(RunAttempt { run, directory: name.clone(), status: None });
         self.write()?;
         Ok(root.join(name))
     }

@@ -1,63 +1,85 @@
-//! How an operator ends a recording before its end.
+//! How a recording is ended early, and the arm stopped at once.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
-/// What the operator wants; a stronger wish is never replaced by a weaker one.
+/// How the operator wants a recording to end; a stronger request is never replaced by a weaker one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
-pub enum Stop {
+pub enum StopRequest {
     /// Go on.
     No = 0,
     /// End at the next corner of the path, with the tail that belongs to a recording.
     AfterStep = 1,
-    /// Stand at once, then go home.
+    /// Stop the arm immediately, then drive it home.
     Park = 2,
-    /// Stand at once.
+    /// Stop the arm immediately.
     AtOnce = 3,
 }
 
-/// Carries the wish from any thread to the engine.
+/// Stops an arm immediately from any thread, without a lock or an allocation.
+pub trait EmergencyStop: Send + Sync + std::fmt::Debug {
+    /// Stops the arm; nothing moves it afterwards. May be called repeatedly.
+    ///
+    /// # Errors
+    /// When the arm's guard is gone, which stopped the arm before it ended.
+    fn halt(&self) -> std::io::Result<()>;
+}
+
+/// Why the guard process of an arm ended. The arm was told to stop in every case but the first.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum GuardEnd {
+    /// The port could not be opened.
+    NotBegun(String),
+    /// The host process closed the pipe or died.
+    HostGone,
+    /// The host process hangs or was suspended.
+    HeartbeatLate,
+}
+
+/// Carries the request from any thread to the engine.
 #[derive(Debug, Clone, Default)]
 pub struct StopToken {
-    shared: Arc<Shared>,
+    shared: Arc<StopMonitor>,
 }
 
 #[derive(Debug, Default)]
-struct Shared {
-    wish: AtomicU8,
+struct StopMonitor {
+    request: AtomicU8,
     lock: Mutex<()>,
     changed: Condvar,
 }
 
 impl StopToken {
-    /// Asks for an end.
-    pub fn ask(&self, stop: Stop) {
-        self.shared.wish.fetch_max(stop as u8, Ordering::SeqCst);
-        // The lock orders this before a wait that looked just now.
+    /// Requests an end.
+    pub fn request(&self, stop: StopRequest) {
+        self.shared.request.fetch_max(stop as u8, Ordering::SeqCst);
+        // A wait that has just read the request is woken: the lock orders the two.
         drop(self.shared.lock.lock().unwrap_or_else(PoisonError::into_inner));
         self.shared.changed.notify_all();
     }
 
-    /// What was asked for.
+    /// The strongest request so far.
     #[must_use]
-    pub fn wish(&self) -> Stop {
-        match self.shared.wish.load(Ordering::SeqCst) {
-            0 => Stop::No,
-            1 => Stop::AfterStep,
-            2 => Stop::Park,
-            _ => Stop::AtOnce,
+    pub fn requested(&self) -> StopRequest {
+        match self.shared.request.load(Ordering::SeqCst) {
+            0 => StopRequest::No,
+            1 => StopRequest::AfterStep,
+            2 => StopRequest::Park,
+            _ => StopRequest::AtOnce,
         }
     }
 
-    /// Rests for `time`, or until more than [`Stop::AfterStep`] is asked for.
-    pub fn rest(&self, time: Duration) -> Stop {
+    /// Waits for `time`, or until more than [`StopRequest::AfterStep`] is requested.
+    pub fn wait(&self, time: Duration) -> StopRequest {
         let guard = self.shared.lock.lock().unwrap_or_else(PoisonError::into_inner);
-        let waited =
-            self.shared.changed.wait_timeout_while(guard, time, |()| self.wish() < Stop::Park);
+        let waited = self
+            .shared
+            .changed
+            .wait_timeout_while(guard, time, |()| self.requested() < StopRequest::Park);
         drop(waited);
-        self.wish()
+        self.requested()
     }
 }
 
@@ -66,12 +88,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_stronger_wish_stays() {
+    fn a_stronger_request_stays() {
         let token = StopToken::default();
-        token.ask(Stop::AtOnce);
-        token.clone().ask(Stop::AfterStep);
-        assert_eq!(token.wish(), Stop::AtOnce);
+        token.request(StopRequest::AtOnce);
+        token.clone().request(StopRequest::AfterStep);
+        assert_eq!(token.requested(), StopRequest::AtOnce);
         // Returns at once, or this test never ends.
-        assert_eq!(token.rest(Duration::from_secs(3600)), Stop::AtOnce);
+        assert_eq!(token.wait(Duration::from_secs(3600)), StopRequest::AtOnce);
     }
 }

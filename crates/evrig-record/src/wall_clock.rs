@@ -1,10 +1,10 @@
-//! Watching the host's wall clock: nobody should set it while something is recorded.
+//! Detects that the host's wall clock was set during a recording.
 
 use evrig_core::time::Span;
 use evrig_session::HostTime;
 
-/// A clock that is steered moves by less than this between two looks; one that is set moves by more.
-const STEP: Span = Span::from_micros(5_000);
+/// A disciplined clock moves by less than this between two readings; one that is set moves by more.
+const MAX_DISCIPLINED_STEP: Span = Span::from_micros(5_000);
 /// A thread that is put aside between its readings of two clocks sees a step that was none; it is
 /// not put aside so many times in a row.
 const N_READINGS: usize = 5;
@@ -17,7 +17,7 @@ pub(super) struct WallClock {
 }
 
 impl WallClock {
-    /// By how much the wall clock was set since the last look, if it was.
+    /// By how much the wall clock was set since the last call, if it was.
     pub(super) fn look(&mut self, read: impl Fn() -> HostTime) -> Option<Span> {
         let offset = |now: HostTime| now.unix.as_nanos().wrapping_sub(now.monotonic.as_nanos());
         let Some(known) = self.offset_ns else {
@@ -27,7 +27,7 @@ impl WallClock {
         let mut moved: Option<i64> = None;
         for _ in 0..N_READINGS {
             let now = offset(read()).wrapping_sub(known);
-            if now.unsigned_abs() <= STEP.as_nanos().unsigned_abs() {
+            if now.unsigned_abs() <= MAX_DISCIPLINED_STEP.as_nanos().unsigned_abs() {
                 // What steering moves is followed, so that it does not add up.
                 self.offset_ns = Some(known.wrapping_add(now));
                 return None;

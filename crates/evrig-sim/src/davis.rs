@@ -4,7 +4,7 @@ use super::live::LiveWorld;
 use super::progress::TwinProgress;
 use super::world::{DAVIS_STEP, DavisPacket, DavisTwin};
 use evrig_core::time::Span;
-use evrig_device::davis::serve::{ServeError, StreamServer};
+use evrig_device::stream_server::{StreamServer, StreamServerError};
 use evrig_format::aedat4::{Compression, StreamSpec};
 use evrig_session::rig::Rig;
 use std::net::SocketAddr;
@@ -42,7 +42,7 @@ impl DavisServer {
     ///
     /// # Errors
     /// When an address is taken.
-    pub fn serve(live: Arc<LiveWorld>, address: SocketAddr) -> Result<Self, ServeError> {
+    pub fn serve(live: Arc<LiveWorld>, address: SocketAddr) -> Result<Self, StreamServerError> {
         let streams = streams(live.world().rig());
         let mut servers = Vec::new();
         for (number, stream) in streams.iter().enumerate() {
@@ -58,7 +58,7 @@ impl DavisServer {
         let thread = std::thread::Builder::new()
             .name("simulated davis".to_owned())
             .spawn(move || run(&live, &mut servers, &its))
-            .map_err(|source| ServeError::Listen { address: address.to_string(), source })?;
+            .map_err(|source| StreamServerError::Listen { address: address.to_string(), source })?;
         Ok(Self { addresses, progress, thread: Some(thread) })
     }
 
@@ -118,7 +118,7 @@ fn send(
     servers: &mut [StreamServer],
     packet: DavisPacket,
     has_frames: bool,
-) -> Result<(), ServeError> {
+) -> Result<(), StreamServerError> {
     for (stream, content) in packet.contents(has_frames) {
         if let Some(server) = servers.get_mut(stream as usize) {
             server.send(&content)?;

@@ -7,7 +7,7 @@ use evrig_core::frame::Samples;
 use evrig_core::geometry::Size;
 use evrig_core::pi_camera::{FrameMetadata, PiFrame};
 use evrig_core::raw10::{self, Raw10Error};
-use evrig_pi::order::Settings;
+use evrig_pi::order::CaptureSettings;
 use evrig_pi::source::{FrameSource, SourceError};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -59,7 +59,7 @@ pub fn delivered(frame: world::SimulatedPiFrame, size: Size) -> Result<PiFrame, 
 pub struct SimulatedSource {
     live: Arc<LiveWorld>,
     progress: TwinProgress,
-    settings: Option<Settings>,
+    settings: Option<CaptureSettings>,
     twin: Option<PiTwin>,
     /// Rendered, but not yet delivered.
     waiting: Option<world::SimulatedPiFrame>,
@@ -105,7 +105,7 @@ impl FrameSource for SimulatedSource {
         MODEL.to_owned()
     }
 
-    fn configure(&mut self, settings: &Settings) -> Result<Settings, SourceError> {
+    fn configure(&mut self, settings: &CaptureSettings) -> Result<CaptureSettings, SourceError> {
         let pi = &self.live.world().rig().pi;
         let asked = [
             ("size", settings.size == pi.camera.size),

@@ -4,12 +4,14 @@ use super::davis::DavisServer;
 use super::live::LiveWorld;
 use super::pi::SimulatedSource;
 use super::progress::TwinProgress;
-use evrig_device::davis::{NetworkDavis, Patience as DavisPatience};
-use evrig_device::pi::{NetworkPi, Patience as PiPatience, Reach};
+use evrig_device::davis::{NetworkDavis, NetworkDavisTimeouts};
+use evrig_device::pi::{AgentAddress, NetworkPi, PiTimeouts};
 use evrig_pi::agent::Agent;
-use evrig_pi::order::Order;
+use evrig_pi::order::CaptureOrder;
 use evrig_record::Finding;
-use evrig_record::recorder::{Outlet, Prepared, Recorder, RecorderError, Tally};
+use evrig_record::recorder::{
+    PreparedRecorder, Recorder, RecorderError, RecorderTally, SampleSender,
+};
 use evrig_session::trajectory::StepSettings;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
@@ -57,7 +59,7 @@ impl SimulatedCamera {
         let server = DavisServer::serve(Arc::clone(live), loopback())
             .map_err(|error| failed("the simulated davis", error))?;
         let addresses: Vec<_> = server.addresses().iter().map(ToString::to_string).collect();
-        let patience = DavisPatience { silence: SILENCE, ..DavisPatience::default() };
+        let patience = NetworkDavisTimeouts { silence: SILENCE, ..NetworkDavisTimeouts::default() };
         Ok(Self {
             client: Box::new(NetworkDavis::new(&addresses.join(","), patience)),
             live: Arc::clone(live),
@@ -71,15 +73,15 @@ impl SimulatedCamera {
     ///
     /// # Errors
     /// When it cannot be served on the loopback interface.
-    pub fn pi(live: &Arc<LiveWorld>, order: Order) -> Result<Self, RecorderError> {
+    pub fn pi(live: &Arc<LiveWorld>, order: CaptureOrder) -> Result<Self, RecorderError> {
         let source = SimulatedSource::new(Arc::clone(live));
         let progress = source.progress();
         let agent = Agent::serve(loopback(), Box::new(source))
             .map_err(|error| failed("the simulated pi", error))?;
-        let reach = Reach::Local { address: agent.address().to_string() };
-        let patience = PiPatience { silence: SILENCE, ..PiPatience::default() };
+        let reach = AgentAddress::Local { address: agent.address().to_string() };
+        let patience = PiTimeouts { silence: SILENCE, ..PiTimeouts::default() };
         Ok(Self {
-            client: Box::new(NetworkPi::reached(reach, order, patience)),
+            client: Box::new(NetworkPi::new(reach, order, patience)),
             live: Arc::clone(live),
             progress,
             counts_packets: false,
@@ -97,7 +99,7 @@ impl Recorder for SimulatedCamera {
         self.client.check()
     }
 
-    fn prepare(&mut self) -> Result<Prepared, RecorderError> {
+    fn prepare(&mut self) -> Result<PreparedRecorder, RecorderError> {
         let mut prepared = self.client.prepare()?;
         if let Some(says) = prepared.says.as_object_mut() {
             says.insert("is_simulated".to_owned(), true.into());
@@ -105,7 +107,7 @@ impl Recorder for SimulatedCamera {
         Ok(prepared)
     }
 
-    fn start(&mut self, outlet: Outlet) -> Result<(), RecorderError> {
+    fn start(&mut self, outlet: SampleSender) -> Result<(), RecorderError> {
         self.progress.begin(self.live.now());
         self.client.start(outlet)
     }
@@ -118,7 +120,7 @@ impl Recorder for SimulatedCamera {
         Vec::new()
     }
 
-    fn progress(&mut self) -> Result<Tally, RecorderError> {
+    fn progress(&mut self) -> Result<RecorderTally, RecorderError> {
         self.client.progress()
     }
 
@@ -132,7 +134,7 @@ impl Recorder for SimulatedCamera {
         Ok(if n_came >= n_sent { 1.0 } else { 0.999 })
     }
 
-    fn finish(&mut self) -> Result<Tally, RecorderError> {
+    fn finish(&mut self) -> Result<RecorderTally, RecorderError> {
         self.client.finish()
     }
 

@@ -13,11 +13,12 @@ use evrig_core::geometry::Size;
 use evrig_core::raw10::Raw10Error;
 use evrig_core::time::Span;
 use evrig_format::aedat4::StreamSpec;
-use evrig_record::State;
+use evrig_record::RecordState;
 use evrig_record::files::{
-    EventFile, Log, create_event_file, finish_event_file, take_directory, write as write_sample,
+    EventFile, SharedRigLog, create_event_file, finish_event_file, take_directory,
+    write as write_sample,
 };
-use evrig_record::recorder::Sample;
+use evrig_record::recorder::RecorderSample;
 use evrig_session::rig::{Pose, Rig};
 use evrig_session::trajectory::{ToolPath, Trajectory};
 use evrig_session::{
@@ -63,7 +64,7 @@ pub enum SimulateError {
 
 /// What the host writes at one moment.
 enum HostEntry {
-    Sample(Sample),
+    Sample(RecorderSample),
     Pose(Topic, HostTime, Pose),
     Log(HostTime, String),
 }
@@ -88,12 +89,12 @@ pub fn simulate(
     let world = Arc::new(World::along(rig, path, simulation.world, simulation.seed)?);
     let layout = take_directory(simulation.out)?;
     let mut journal = Journal::open(&layout.journal())?;
-    let begin = State::Trajectory.to_string();
+    let begin = RecordState::Trajectory.to_string();
     journal.note(&begin, &json!({"time": "virtual"}))?;
     let streams = davis::streams(rig);
     let files = SessionFiles {
         events: create_event_file(&layout, rig.davis.compression, &streams)?,
-        log: Log::in_virtual_time(&layout)?,
+        log: SharedRigLog::in_virtual_time(&layout)?,
         tally: [0; 2],
     };
     let run = SessionRun {
@@ -117,7 +118,7 @@ pub fn simulate(
         })?;
         worked.map(|()| tally)
     })?;
-    journal.note(&State::Seal.to_string(), &json!({}))?;
+    journal.note(&RecordState::Seal.to_string(), &json!({}))?;
     seal(simulation, &world, &layout, &streams, tally)
 }
 
@@ -215,8 +216,8 @@ impl SessionRun<'_> {
         let mut say = |at, text: String| {
             entries.push((at, HostEntry::Log(world.host_time(at), text)));
         };
-        say(Span::ZERO, State::Trajectory.to_string());
-        say(until, State::Drain.to_string());
+        say(Span::ZERO, RecordState::Trajectory.to_string());
+        say(until, RecordState::Drain.to_string());
         let around = |beginning: Span| {
             (0..N_READINGS)
                 .map(move |n| beginning + Span::from_nanos(BETWEEN_READINGS.as_nanos() * n))
@@ -228,7 +229,7 @@ impl SessionRun<'_> {
         let asked = around(Span::ZERO - lead).chain(while_running).chain(around(until));
         for (number, at) in asked.enumerate() {
             let (answered, reading) = world.clock_exchange(at, number as u64);
-            entries.push((answered, HostEntry::Sample(Sample::Clock(reading))));
+            entries.push((answered, HostEntry::Sample(RecorderSample::Clock(reading))));
         }
         let step = Span::from_secs_f64(1.0 / world.rig().arm.pose_rate.0);
         let mut at = Span::ZERO;
@@ -255,7 +256,8 @@ impl SessionRun<'_> {
             let at = self.world.packet_arrival(whole, *n_packets);
             *n_packets += 1;
             let arrived = self.world.host_time(at);
-            entries.push((at, HostEntry::Sample(Sample::Packet { stream, arrived, content })));
+            entries
+                .push((at, HostEntry::Sample(RecorderSample::Packet { stream, arrived, content })));
         }
     }
 
@@ -265,7 +267,7 @@ impl SessionRun<'_> {
         let sequence = frame.metadata.sequence;
         let at = self.world.frame_arrival(handed_over, frame.n_bytes(), sequence);
         let arrived = self.world.host_time(at);
-        Ok((at, HostEntry::Sample(Sample::Frame { arrived, frame })))
+        Ok((at, HostEntry::Sample(RecorderSample::Frame { arrived, frame })))
     }
 }
 
@@ -283,7 +285,7 @@ fn parted(
 /// The session's files under way.
 struct SessionFiles {
     events: EventFile,
-    log: Log,
+    log: SharedRigLog,
     /// Samples of the DAVIS and of the Pi.
     tally: [u64; 2],
 }
@@ -309,9 +311,11 @@ impl SessionFiles {
             HostEntry::Pose(topic, at, pose) => self.log.write(|log| log.pose(topic, at, pose)),
             HostEntry::Sample(sample) => {
                 match sample {
-                    Sample::Packet { .. } => self.tally[0] += 1,
-                    Sample::Frame { .. } => self.tally[1] += 1,
-                    Sample::LateRgb { .. } | Sample::Clock(_) | Sample::Note { .. } => {}
+                    RecorderSample::Packet { .. } => self.tally[0] += 1,
+                    RecorderSample::Frame { .. } => self.tally[1] += 1,
+                    RecorderSample::LateRgb { .. }
+                    | RecorderSample::Clock(_)
+                    | RecorderSample::Note { .. } => {}
                 }
                 write_sample(sample, Some(&mut self.events), &self.log)
             }

@@ -3,10 +3,10 @@
 use super::{Take, Work};
 use crate::cli::RecordArgs;
 use crate::commands::{Ending, Output, WrongUse};
-use crate::drivers::Opening;
+use crate::drivers::OpenOptions;
 use anyhow::Context;
 use evrig_device::stimulus::{ImageList, Screen, Stimulus};
-use evrig_record::{Stop, StopToken};
+use evrig_record::{StopRequest, StopToken};
 use evrig_session::{Manifest, SessionLayout, SessionStatus};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -14,14 +14,14 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
 use std::time::Duration;
 
-/// Between two looks for Ctrl-C while the page is closed or paused.
-const LOOK: Duration = Duration::from_millis(200);
+/// Between two polls of Ctrl-C while the page is closed or paused.
+const POLL_INTERVAL: Duration = Duration::from_millis(200);
 
 pub(super) fn record(
     work: &Work<'_>,
     list: &Path,
     args: &RecordArgs,
-    opening: &Opening<'_>,
+    opening: &OpenOptions<'_>,
 ) -> anyhow::Result<Ending> {
     let output = work.output;
     let images = ImageList::read(list).map_err(|error| WrongUse(error.to_string()))?;
@@ -96,10 +96,10 @@ fn place(out: &Path, index: usize, label: &str) -> anyhow::Result<Option<PathBuf
 fn wait_for_page(stimulus: &Stimulus, stop: &StopToken, output: &Output) -> bool {
     let mut is_told = false;
     loop {
-        if stop.wish() != Stop::No {
+        if stop.requested() != StopRequest::No {
             return false;
         }
-        if stimulus.wait_until_ready(LOOK) {
+        if stimulus.wait_until_ready(POLL_INTERVAL) {
             return true;
         }
         if !is_told {

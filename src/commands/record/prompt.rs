@@ -5,8 +5,8 @@ use std::cell::RefCell;
 use std::io::{IsTerminal, Write};
 use std::time::Duration;
 
-/// Between two looks whether Enter was pressed.
-pub(super) const LOOK: Duration = Duration::from_millis(100);
+/// Between two polls of the Enter key.
+pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// A terminal with somebody before it.
 #[derive(Debug, Default)]
@@ -16,7 +16,7 @@ pub(super) struct Terminal {
 }
 
 impl Terminal {
-    /// This program's, unless nothing is to be asked or nobody sits there.
+    /// This program's, unless it asks nothing or is not interactive.
     pub(super) fn here(asks_nothing: bool) -> Option<Self> {
         let has_somebody = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
         (has_somebody && !asks_nothing).then(Self::default)
@@ -42,7 +42,7 @@ impl Terminal {
     }
 }
 
-/// Whether a line waits; terminals hand out whole ones.
+/// Whether a line is available; terminals deliver whole ones.
 fn has_line() -> bool {
     let stdin = std::io::stdin();
     let mut fds = [PollFd::new(&stdin, PollFlags::IN)];

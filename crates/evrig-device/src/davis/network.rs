@@ -1,10 +1,11 @@
 //! A camera behind TCP: one connection a stream, each with its deadlines, each taken up again.
 
-use super::{says, spec};
+use super::streams::{describe, spec};
 use evrig_format::aedat4::{PayloadKind, ReadError, Reader, StreamSpec};
 use evrig_record::Finding;
 use evrig_record::recorder::{
-    Account, Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
+    PreparedRecorder, Recorder, RecorderError, RecorderMonitor, RecorderSample, RecorderTally,
+    SampleSender, host_time,
 };
 use std::io::{ErrorKind, Read};
 use std::net::{Shutdown, TcpStream, ToSocketAddrs};
@@ -14,7 +15,7 @@ use std::time::{Duration, Instant};
 
 /// How long is waited for what.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Patience {
+pub struct NetworkDavisTimeouts {
     /// For a connection and its header.
     pub connect: Duration,
     /// Without a byte, after which a connection counts as half-open and is made anew.
@@ -25,7 +26,7 @@ pub struct Patience {
     pub drain: Duration,
 }
 
-impl Default for Patience {
+impl Default for NetworkDavisTimeouts {
     fn default() -> Self {
         Self {
             connect: Duration::from_secs(3),
@@ -41,12 +42,12 @@ const BETWEEN_ATTEMPTS: Duration = Duration::from_millis(100);
 
 type Connection = (Reader<TcpStream>, TcpStream, StreamSpec);
 
-/// A DAVIS346 that a server hands out.
+/// A DAVIS346 behind a server.
 #[derive(Debug)]
 pub struct NetworkDavis {
     addresses: Vec<String>,
-    patience: Patience,
-    account: Arc<Account>,
+    patience: NetworkDavisTimeouts,
+    monitor: Arc<RecorderMonitor>,
     /// Connections made while preparing, in the order of the addresses.
     ready: Vec<Connection>,
     /// The sockets in use, to break them off.
@@ -56,22 +57,22 @@ pub struct NetworkDavis {
 
 /// One stream's place in the whole.
 #[derive(Debug, Clone)]
-struct Line {
+struct StreamConnection {
     address: String,
     number: u32,
     spec: StreamSpec,
-    patience: Patience,
+    patience: NetworkDavisTimeouts,
     sockets: Arc<Mutex<Vec<Option<TcpStream>>>>,
 }
 
 impl NetworkDavis {
     /// Will connect to `HOST:PORT`, or several with commas between them, one a stream.
     #[must_use]
-    pub fn new(addresses: &str, patience: Patience) -> Self {
+    pub fn new(addresses: &str, patience: NetworkDavisTimeouts) -> Self {
         Self {
             addresses: addresses.split(',').map(|address| address.trim().to_owned()).collect(),
             patience,
-            account: Arc::default(),
+            monitor: Arc::default(),
             ready: Vec::new(),
             sockets: Arc::default(),
             threads: Vec::new(),
@@ -79,7 +80,7 @@ impl NetworkDavis {
     }
 
     fn stop(&mut self) {
-        self.account.end();
+        self.monitor.end();
         let sockets = self.sockets.lock().unwrap_or_else(PoisonError::into_inner);
         for socket in sockets.iter().flatten() {
             // It may be closed from the other side already.
@@ -110,16 +111,16 @@ impl Recorder for NetworkDavis {
         self.addresses.iter().map(look).collect()
     }
 
-    fn prepare(&mut self) -> Result<Prepared, RecorderError> {
+    fn prepare(&mut self) -> Result<PreparedRecorder, RecorderError> {
         self.ready.clear();
         for address in &self.addresses {
             self.ready.push(connect(address, self.patience)?);
         }
         let streams: Vec<_> = self.ready.iter().map(|(_, _, spec)| spec.clone()).collect();
-        Ok(Prepared { says: says(&self.addresses.join(","), &streams), streams })
+        Ok(PreparedRecorder { says: describe(&self.addresses.join(","), &streams), streams })
     }
 
-    fn start(&mut self, outlet: Outlet) -> Result<(), RecorderError> {
+    fn start(&mut self, outlet: SampleSender) -> Result<(), RecorderError> {
         let ready = std::mem::take(&mut self.ready);
         if ready.is_empty() {
             return Err(failed(&self.addresses.join(","), "it was not prepared"));
@@ -128,7 +129,7 @@ impl Recorder for NetworkDavis {
         *sockets = ready.iter().map(|(_, socket, _)| socket.try_clone().ok()).collect();
         drop(sockets);
         for (number, (reader, _, spec)) in ready.into_iter().enumerate() {
-            let line = Line {
+            let line = StreamConnection {
                 address: self.addresses[number].clone(),
                 number: number as u32,
                 spec,
@@ -136,29 +137,31 @@ impl Recorder for NetworkDavis {
                 sockets: Arc::clone(&self.sockets),
             };
             let address = line.address.clone();
-            let work =
-                move |outlet: &Outlet, account: &Account| line.record(reader, outlet, account);
-            let thread = self.account.spawn("davis", outlet.clone(), work);
+            let work = move |outlet: &SampleSender, monitor: &RecorderMonitor| {
+                line.record(reader, outlet, monitor)
+            };
+            let thread = self.monitor.spawn("davis", outlet.clone(), work);
             self.threads.push(thread.map_err(|error| failed(&address, error))?);
         }
         let patience = self.patience.silence;
-        if self.account.wait_for_first(patience)? {
+        if self.monitor.wait_for_first(patience)? {
             return Ok(());
         }
         let because = format!("connected, but no packet came within {patience:?}");
         Err(failed(&self.addresses.join(","), because))
     }
 
-    fn progress(&mut self) -> Result<Tally, RecorderError> {
-        self.account.progress()
+    fn progress(&mut self) -> Result<RecorderTally, RecorderError> {
+        self.monitor.progress()
     }
 
-    fn finish(&mut self) -> Result<Tally, RecorderError> {
-        // What the server has sent by now arrives within the time to drain; it never ends by itself.
+    fn finish(&mut self) -> Result<RecorderTally, RecorderError> {
+        // What the server has sent by now arrives within the time to drain; it never ends by
+        // itself.
         let n_lines = self.threads.len();
-        self.account.wait(self.patience.drain, |state| state.n_running == n_lines);
+        self.monitor.wait(self.patience.drain, |state| state.n_running == n_lines);
         self.stop();
-        self.account.progress()
+        self.monitor.progress()
     }
 
     fn abort(&mut self) {
@@ -172,13 +175,13 @@ impl Drop for NetworkDavis {
     }
 }
 
-impl Line {
+impl StreamConnection {
     /// Reads until the recording ends or the server stays away.
     fn record(
         &self,
         mut reader: Reader<TcpStream>,
-        outlet: &Outlet,
-        account: &Account,
+        outlet: &SampleSender,
+        monitor: &RecorderMonitor,
     ) -> Result<(), RecorderError> {
         let mut heard = Instant::now();
         loop {
@@ -188,7 +191,7 @@ impl Line {
                         heard = Instant::now();
                         let (stream, arrived) = (self.number, host_time());
                         let content = packet.content;
-                        account.offer(outlet, Sample::Packet { stream, arrived, content });
+                        monitor.offer(outlet, RecorderSample::Packet { stream, arrived, content });
                     }
                     Some(Err(ReadError::Io { source, .. })) if is_silence(&source) => {
                         break format!("not a byte within {:?}", self.patience.silence);
@@ -200,41 +203,44 @@ impl Line {
             let lost = reader.losses();
             if !lost.is_none() {
                 let text = format!("{}: {lost:?}", self.address);
-                account.change(|state| state.tally.gaps.push(text));
+                monitor.change(|state| state.tally.gaps.push(text));
             }
-            if account.is_ending() {
-                self.tell_of_silence(heard, account);
+            if monitor.is_ending() {
+                self.tell_of_silence(heard, monitor);
                 return Ok(());
             }
             let since = Instant::now();
-            let again = self.reconnect(account).map_err(|error| {
+            let again = self.reconnect(monitor).map_err(|error| {
                 let because = format!("{why}, and then: {}", error.because);
                 RecorderError { because, ..error }
             })?;
             let Some(again) = again else { return Ok(()) };
             let away_s = since.elapsed().as_secs_f64();
             let gap = format!("{}: away for {away_s:.3} s ({why})", self.address);
-            account.change(|state| state.tally.gaps.push(gap));
+            monitor.change(|state| state.tally.gaps.push(gap));
             reader = again;
         }
     }
 
-    /// A wire that died shortly before the end is not yet known to be dead. A scene in which nothing
-    /// happens looks the same, and so it is told and no more.
-    fn tell_of_silence(&self, heard: Instant, account: &Account) {
+    /// A wire that died shortly before the end is not yet known to be dead. A scene in which
+    /// nothing happens looks the same, so this is reported and nothing more.
+    fn tell_of_silence(&self, heard: Instant, monitor: &RecorderMonitor) {
         let silence = heard.elapsed();
         if silence > self.patience.silence / 2 + self.patience.drain {
             let seconds = silence.as_secs_f64();
             let text = format!("{}: nothing came in the last {seconds:.1} s", self.address);
-            account.change(|state| state.tally.gaps.push(text));
+            monitor.change(|state| state.tally.gaps.push(text));
         }
     }
 
     /// Tries until the server is back with the same stream; none when the recording ends meanwhile.
-    fn reconnect(&self, account: &Account) -> Result<Option<Reader<TcpStream>>, RecorderError> {
+    fn reconnect(
+        &self,
+        monitor: &RecorderMonitor,
+    ) -> Result<Option<Reader<TcpStream>>, RecorderError> {
         let deadline = Instant::now() + self.patience.reconnect;
         loop {
-            if account.is_ending() {
+            if monitor.is_ending() {
                 return Ok(None);
             }
             let again = connect(&self.address, self.patience).and_then(|(reader, socket, spec)| {
@@ -251,7 +257,7 @@ impl Line {
                     return Ok(Some(reader));
                 }
                 Err(error) if Instant::now() >= deadline => return Err(error),
-                Err(_) => account.wait(BETWEEN_ATTEMPTS, |_| !account.is_ending()),
+                Err(_) => monitor.wait(BETWEEN_ATTEMPTS, |_| !monitor.is_ending()),
             }
         }
     }
@@ -263,7 +269,7 @@ fn is_silence(error: &std::io::Error) -> bool {
 }
 
 /// Connects and reads the header.
-fn connect(address: &str, patience: Patience) -> Result<Connection, RecorderError> {
+fn connect(address: &str, patience: NetworkDavisTimeouts) -> Result<Connection, RecorderError> {
     let fail = |because: String| failed(address, because);
     let resolved = address.to_socket_addrs().map_err(|error| fail(error.to_string()))?;
     let mut refused = "the name has no address".to_owned();
@@ -279,7 +285,7 @@ fn connect(address: &str, patience: Patience) -> Result<Connection, RecorderErro
 fn begin(
     address: &str,
     socket: TcpStream,
-    patience: Patience,
+    patience: NetworkDavisTimeouts,
 ) -> Result<Connection, RecorderError> {
     let fail = |error: std::io::Error| failed(address, error);
     socket.set_read_timeout(Some(patience.connect)).map_err(fail)?;

@@ -1,10 +1,11 @@
 //! A recording, played as if its camera were here.
 
-use super::{says, spec};
+use super::streams::{describe, spec};
 use evrig_format::aedat4::{Content, Packet, PayloadKind, ReadError, Reader};
 use evrig_record::Finding;
 use evrig_record::recorder::{
-    Account, Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
+    PreparedRecorder, Recorder, RecorderError, RecorderMonitor, RecorderSample, RecorderTally,
+    SampleSender, host_time,
 };
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -13,8 +14,8 @@ use std::time::{Duration, Instant};
 
 /// How fast a recording is played.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Pace {
-    /// So many times as fast as it was recorded; packets for which there is no room are dropped.
+pub enum ReplaySpeed {
+    /// So many times as fast as it was recorded; packets that do not fit the queue are dropped.
     Times(f64),
     /// As fast as it is taken; nothing is dropped.
     Unpaced,
@@ -27,16 +28,16 @@ const PATIENCE: Duration = Duration::from_secs(10);
 #[derive(Debug)]
 pub struct ReplayDavis {
     path: PathBuf,
-    pace: Pace,
-    account: Arc<Account>,
+    pace: ReplaySpeed,
+    monitor: Arc<RecorderMonitor>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl ReplayDavis {
     /// Will play a file.
     #[must_use]
-    pub fn new(path: &Path, pace: Pace) -> Self {
-        Self { path: path.to_owned(), pace, account: Arc::default(), thread: None }
+    pub fn new(path: &Path, pace: ReplaySpeed) -> Self {
+        Self { path: path.to_owned(), pace, monitor: Arc::default(), thread: None }
     }
 
     fn failed(&self, because: impl ToString) -> RecorderError {
@@ -44,7 +45,7 @@ impl ReplayDavis {
     }
 
     fn stop(&mut self) {
-        self.account.end();
+        self.monitor.end();
         if let Some(thread) = self.thread.take() {
             // A panic there was reported by its own hook.
             let _ = thread.join();
@@ -67,33 +68,33 @@ impl Recorder for ReplayDavis {
         }]
     }
 
-    fn prepare(&mut self) -> Result<Prepared, RecorderError> {
+    fn prepare(&mut self) -> Result<PreparedRecorder, RecorderError> {
         let reader = Reader::open(&self.path).map_err(|error| self.failed(error))?;
         let streams: Vec<_> = reader.streams().iter().map(spec).collect();
-        Ok(Prepared { says: says(&self.path.display().to_string(), &streams), streams })
+        Ok(PreparedRecorder { says: describe(&self.path.display().to_string(), &streams), streams })
     }
 
-    fn start(&mut self, outlet: Outlet) -> Result<(), RecorderError> {
+    fn start(&mut self, outlet: SampleSender) -> Result<(), RecorderError> {
         let reader = Reader::open(&self.path).map_err(|error| self.failed(error))?;
         let (path, pace) = (self.path.clone(), self.pace);
-        let work = move |outlet: &Outlet, account: &Account| {
-            play(reader, pace, outlet, account).map_err(|error| failed(&path, error))
+        let work = move |outlet: &SampleSender, monitor: &RecorderMonitor| {
+            play(reader, pace, outlet, monitor).map_err(|error| failed(&path, error))
         };
-        let thread = self.account.spawn("davis", outlet, work);
+        let thread = self.monitor.spawn("davis", outlet, work);
         self.thread = Some(thread.map_err(|error| self.failed(error))?);
-        if self.account.wait_for_first(PATIENCE)? {
+        if self.monitor.wait_for_first(PATIENCE)? {
             return Ok(());
         }
         Err(self.failed("no packet came out of it"))
     }
 
-    fn progress(&mut self) -> Result<Tally, RecorderError> {
-        self.account.progress()
+    fn progress(&mut self) -> Result<RecorderTally, RecorderError> {
+        self.monitor.progress()
     }
 
-    fn finish(&mut self) -> Result<Tally, RecorderError> {
+    fn finish(&mut self) -> Result<RecorderTally, RecorderError> {
         self.stop();
-        self.account.progress()
+        self.monitor.progress()
     }
 
     fn abort(&mut self) {
@@ -117,9 +118,9 @@ fn failed(path: &Path, because: impl ToString) -> RecorderError {
 
 fn play<R: std::io::Read>(
     reader: Reader<R>,
-    pace: Pace,
-    outlet: &Outlet,
-    account: &Account,
+    pace: ReplaySpeed,
+    outlet: &SampleSender,
+    monitor: &RecorderMonitor,
 ) -> Result<(), ReadError> {
     let ids: Vec<u32> = reader.streams().iter().map(|stream| stream.id).collect();
     let is_known: Vec<bool> = reader
@@ -130,31 +131,31 @@ fn play<R: std::io::Read>(
     let mut began: Option<(Instant, i64)> = None;
     for packet in reader {
         let packet = packet?;
-        if account.is_ending() {
+        if monitor.is_ending() {
             return Ok(());
         }
         let Some(stream) = ids.iter().position(|id| *id == packet.stream) else { continue };
         if !is_known[stream] {
             continue;
         }
-        if let (Pace::Times(times), Some(t_us)) = (pace, last_us(&packet)) {
+        if let (ReplaySpeed::Times(times), Some(t_us)) = (pace, last_us(&packet)) {
             let (instant, first_us) = *began.get_or_insert((Instant::now(), t_us));
             let since_us = t_us.saturating_sub(first_us).max(0) as f64 / times.max(1e-6);
             let due = Duration::from_micros(since_us as u64);
             // Woken early when the recording is to end.
-            account.wait(due.saturating_sub(instant.elapsed()), |_| !account.is_ending());
-            if account.is_ending() {
+            monitor.wait(due.saturating_sub(instant.elapsed()), |_| !monitor.is_ending());
+            if monitor.is_ending() {
                 return Ok(());
             }
         }
         let (stream, arrived, content) = (stream as u32, host_time(), packet.content);
-        let sample = Sample::Packet { stream, arrived, content };
+        let sample = RecorderSample::Packet { stream, arrived, content };
         match pace {
-            Pace::Unpaced => account.put(outlet, sample),
-            Pace::Times(_) => account.offer(outlet, sample),
+            ReplaySpeed::Unpaced => monitor.put(outlet, sample),
+            ReplaySpeed::Times(_) => monitor.offer(outlet, sample),
         }
     }
-    account.change(|state| state.tally.is_over = true);
+    monitor.change(|state| state.tally.is_over = true);
     Ok(())
 }
 

@@ -1,29 +1,30 @@
 //! A DAVIS346 on USB, through the crate `neuromorphic-drivers` (libusb).
 //!
 //! Set before anything flows: biases, exposure, frame rate, APS on or off, and the camera's own
-//! filters off, so that every event it makes is recorded. What the registers then hold is read back.
-//! Stamps in the file are the camera's microseconds plus one constant, `unix_minus_device_us` in the
-//! manifest, taken once from the first packet's arrival; nothing is corrected, so the camera's drift
-//! stays in the data and the arrivals in the log show it.
+//! filters off, so that every event it makes is recorded. What the registers then hold is read
+//! back. Stamps in the file are the camera's microseconds plus one constant, `unix_minus_device_us`
+//! in the manifest, taken once from the first packet's arrival; nothing is corrected, so the
+//! camera's drift stays in the data and the arrivals in the log show it.
 
 mod convert;
 mod registers;
 mod settings;
 
-use super::says;
+use super::streams::describe;
 use convert::Converter;
 use evrig_core::geometry::Size;
 use evrig_core::time::Span;
 use evrig_format::aedat4::StreamSpec;
 use evrig_record::Finding;
 use evrig_record::recorder::{
-    Account, Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
+    PreparedRecorder, Recorder, RecorderError, RecorderMonitor, RecorderSample, RecorderTally,
+    SampleSender, host_time,
 };
 use evrig_session::HostTime;
 use evrig_session::rig::DavisDescription;
 use neuromorphic_drivers::inivation_davis346 as driver;
 use neuromorphic_drivers::{Flag, GenericDevice, Identifier, UsbDevice, UsbOverflow};
-use registers::{Opened, Registers};
+use registers::{DavisRegisters, Opened};
 use serde_json::json;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -36,12 +37,12 @@ const POLL: Duration = Duration::from_millis(50);
 /// For what is still in the driver's buffers when a recording ends.
 const DRAIN: Duration = Duration::from_millis(300);
 
-type Faults = Flag<driver::Error, UsbOverflow>;
+type UsbFaults = Flag<driver::Error, UsbOverflow>;
 
 /// The camera, open, with everything that its thread needs.
-struct Camera {
+struct OpenCamera {
     device: driver::Device,
-    faults: Faults,
+    faults: UsbFaults,
     converter: Converter,
     registers: Option<Opened>,
     has_frames: bool,
@@ -50,9 +51,9 @@ struct Camera {
 /// The first DAVIS346 on USB.
 pub struct UsbDavis {
     description: DavisDescription,
-    account: Arc<Account>,
+    monitor: Arc<RecorderMonitor>,
     /// Where packets go; they are thrown away until a recording has begun.
-    outlet: Arc<Mutex<Option<Outlet>>>,
+    outlet: Arc<Mutex<Option<SampleSender>>>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -62,14 +63,14 @@ impl UsbDavis {
     pub fn new(description: &DavisDescription) -> Self {
         Self {
             description: description.clone(),
-            account: Arc::default(),
+            monitor: Arc::default(),
             outlet: Arc::default(),
             thread: None,
         }
     }
 
     fn stop(&mut self) {
-        self.account.end();
+        self.monitor.end();
         if let Some(thread) = self.thread.take() {
             // A panic there was reported by its own hook.
             let _ = thread.join();
@@ -89,44 +90,44 @@ impl Recorder for UsbDavis {
         }]
     }
 
-    fn prepare(&mut self) -> Result<Prepared, RecorderError> {
+    fn prepare(&mut self) -> Result<PreparedRecorder, RecorderError> {
         self.stop();
-        self.account = Arc::default();
+        self.monitor = Arc::default();
         let (mut camera, mut told) = open(&self.description)?;
         let offset_us = wait_for_clock(&mut camera)?;
         told["unix_minus_device_us"] = json!(offset_us);
         let streams = streams(&camera);
-        let mut says = says(&format!("usb {}", camera.device.serial()), &streams);
+        let mut says = describe(&format!("usb {}", camera.device.serial()), &streams);
         says["camera"] = told;
         let outlet = Arc::clone(&self.outlet);
         *outlet.lock().unwrap_or_else(PoisonError::into_inner) = None;
-        let work = move |outlet: &Arc<Mutex<Option<Outlet>>>, account: &Account| {
-            run(camera, outlet, account)
+        let work = move |outlet: &Arc<Mutex<Option<SampleSender>>>, monitor: &RecorderMonitor| {
+            run(camera, outlet, monitor)
         };
-        let thread = self.account.spawn("davis", outlet, work);
+        let thread = self.monitor.spawn("davis", outlet, work);
         self.thread = Some(thread.map_err(failed)?);
-        Ok(Prepared { says, streams })
+        Ok(PreparedRecorder { says, streams })
     }
 
-    fn start(&mut self, outlet: Outlet) -> Result<(), RecorderError> {
+    fn start(&mut self, outlet: SampleSender) -> Result<(), RecorderError> {
         if self.thread.is_none() {
             return Err(failed("it was not prepared"));
         }
         *self.outlet.lock().unwrap_or_else(PoisonError::into_inner) = Some(outlet);
-        if self.account.wait_for_first(FIRST_PACKET)? {
+        if self.monitor.wait_for_first(FIRST_PACKET)? {
             return Ok(());
         }
         Err(failed(format!("no packet came within {FIRST_PACKET:?}")))
     }
 
-    fn progress(&mut self) -> Result<Tally, RecorderError> {
-        self.account.progress()
+    fn progress(&mut self) -> Result<RecorderTally, RecorderError> {
+        self.monitor.progress()
     }
 
-    fn finish(&mut self) -> Result<Tally, RecorderError> {
-        self.account.wait(DRAIN, |state| state.n_running > 0);
+    fn finish(&mut self) -> Result<RecorderTally, RecorderError> {
+        self.monitor.wait(DRAIN, |state| state.n_running > 0);
         self.stop();
-        self.account.progress()
+        self.monitor.progress()
     }
 
     fn abort(&mut self) {
@@ -149,10 +150,10 @@ fn failed(because: impl ToString) -> RecorderError {
     }
 }
 
-/// Opens and sets the camera; what its registers say comes back.
-fn open(description: &DavisDescription) -> Result<(Camera, serde_json::Value), RecorderError> {
+/// Opens and sets the camera; returns what its registers read back.
+fn open(description: &DavisDescription) -> Result<(OpenCamera, serde_json::Value), RecorderError> {
     let configuration = settings::configuration(description).map_err(failed)?;
-    let faults: Faults = Flag::new();
+    let faults: UsbFaults = Flag::new();
     let event_loop =
         neuromorphic_drivers::UsbEventLoop::new(Duration::from_millis(100), faults.clone());
     let device = driver::Device::open(
@@ -185,11 +186,12 @@ fn open(description: &DavisDescription) -> Result<(Camera, serde_json::Value), R
     };
     let converter = Converter::new(device.create_adapter());
     let has_frames = description.aps;
-    Ok((Camera { device, faults, converter, registers, has_frames }, told))
+    Ok((OpenCamera { device, faults, converter, registers, has_frames }, told))
 }
 
-/// Waits for the first packet and takes the camera's clock from it, µs of Unix minus µs of the camera.
-fn wait_for_clock(camera: &mut Camera) -> Result<i64, RecorderError> {
+/// Waits for the first packet and takes the camera's clock from it, µs of Unix minus µs of the
+/// camera.
+fn wait_for_clock(camera: &mut OpenCamera) -> Result<i64, RecorderError> {
     let began = Instant::now();
     while began.elapsed() < FIRST_PACKET {
         camera.faults.load_error().map_err(failed)?;
@@ -203,7 +205,7 @@ fn wait_for_clock(camera: &mut Camera) -> Result<i64, RecorderError> {
     Err(failed(format!("it was set up, but no packet came within {FIRST_PACKET:?}")))
 }
 
-fn streams(camera: &Camera) -> Vec<StreamSpec> {
+fn streams(camera: &OpenCamera) -> Vec<StreamSpec> {
     let source = format!("DAVIS346_{}", camera.device.serial());
     let mut streams = vec![StreamSpec::events(Size::DAVIS346, &source)];
     streams.extend(camera.has_frames.then(|| StreamSpec::frames(Size::DAVIS346, &source)));
@@ -220,13 +222,13 @@ fn arrival(now: HostTime, delay: Duration) -> HostTime {
 
 /// Takes packets until the recording ends or the camera is gone.
 fn run(
-    mut camera: Camera,
-    outlet: &Mutex<Option<Outlet>>,
-    account: &Account,
+    mut camera: OpenCamera,
+    outlet: &Mutex<Option<SampleSender>>,
+    monitor: &RecorderMonitor,
 ) -> Result<(), RecorderError> {
     let mut ended = Ok(());
     let [n_early, n_early_in_camera] = [camera.device.dropped_packets(), n_dropped_within(&camera)];
-    while !account.is_ending() {
+    while !monitor.is_ending() {
         if let Err(error) = camera.faults.load_error() {
             ended = Err(failed(format!("it was lost: {error}")));
             break;
@@ -239,16 +241,16 @@ fn run(
         let Some(outlet) = outlet.as_ref() else { continue };
         let n_resets = batch.n_resets;
         for (stream, content) in batch.contents(camera.has_frames) {
-            account.offer(outlet, Sample::Packet { stream, arrived, content });
+            monitor.offer(outlet, RecorderSample::Packet { stream, arrived, content });
         }
         if n_resets > 0 {
             let text = format!("the camera set its clock back {n_resets} times in one packet");
-            account.change(|state| state.tally.gaps.push(text));
+            monitor.change(|state| state.tally.gaps.push(text));
         }
     }
     let n_dropped = camera.device.dropped_packets().saturating_sub(n_early);
     let n_within = n_dropped_within(&camera).saturating_sub(n_early_in_camera);
-    account.change(|state| {
+    monitor.change(|state| {
         state.tally.n_dropped += n_dropped;
         if n_dropped > 0 {
             let text = format!("{n_dropped} USB packets dropped because the host was too slow");
@@ -266,7 +268,7 @@ fn run(
 }
 
 /// Events that the camera dropped itself, where it counts them.
-fn n_dropped_within(camera: &Camera) -> u64 {
+fn n_dropped_within(camera: &OpenCamera) -> u64 {
     camera.registers.as_ref().and_then(|registers| registers.n_dropped().ok()).unwrap_or(0)
 }
 

@@ -40,7 +40,7 @@ impl Alarms {
         (1..128).filter(move |code| self.bits >> code & 1 != 0).map(Alarm)
     }
 
-    /// Whether any alarm but the power-up bit stands.
+    /// Whether any alarm but the power-up bit is set.
     #[must_use]
     pub const fn has_fault(self) -> bool {
         self.bits & !1 != 0
@@ -89,7 +89,7 @@ impl Alarm {
     /// On its way the arm came to a joint limit.
     pub const MOVE_JOINT_LIMIT: Self = Self(0x22);
 
-    /// What the alarm says and what to do about it.
+    /// What the alarm means and what to do about it.
     #[must_use]
     pub fn explain(self) -> Explanation {
         let code = self.0;
@@ -155,7 +155,7 @@ const NOT_STRAIGHT: &str = "give three different points that do not lie on a lin
 const SERVICE: &str = "switch the arm off for ten seconds; if it comes back, flash the firmware";
 const SLOWER: &str = "lower the speed or shorten the path, then clear";
 
-/// Code, what it says, what to do.
+/// Code, meaning, remedy.
 const SINGLE: &[(u8, &str, &str)] = &[
     (0x00, "the arm was powered up", "nothing: this is not a fault"),
     (0x01, "the firmware does not know a command it was sent", "update the firmware, then clear"),

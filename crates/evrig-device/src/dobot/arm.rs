@@ -1,9 +1,9 @@
 //! The Magician as an [`Arm`]: paths in, motion and poses out.
 
 use super::check;
-use super::client::{Client, ClientError, Identity};
-use super::command::Command;
-use super::guard::{GuardLink, Stopper};
+use super::client::{ArmClient, ArmClientError, Identity};
+use super::command::ArmCommand;
+use super::guard::{GuardLink, GuardStop};
 use super::link::LinkError;
 use super::port::PortError;
 use super::steps::{self, CircleAs};
@@ -20,9 +20,9 @@ pub enum ArmError {
     /// Its port cannot be used.
     #[error(transparent)]
     Port(#[from] PortError),
-    /// It does not answer, stands with an alarm, or does not do what it is told.
+    /// It does not answer, has an alarm, or does not obey a command.
     #[error(transparent)]
-    Client(#[from] ClientError),
+    Client(#[from] ArmClientError),
     /// The path leaves what the arm may do.
     #[error("the arm may not drive this path: {0}")]
     BeyondLimit(Box<Margin>),
@@ -37,9 +37,9 @@ pub enum ArmError {
     /// The tool is not where a motion begins.
     #[error("the arm stands at {found}, the step begins at {expected}; prepare the path again")]
     NotAtStart {
-        /// Where it stands.
+        /// Its pose.
         found: Pose,
-        /// Where it should.
+        /// The pose expected.
         expected: Pose,
     },
 }
@@ -62,20 +62,20 @@ pub struct Marker {
 /// The Magician.
 #[derive(Debug)]
 pub struct Magician {
-    pub(super) client: Client,
-    stopper: Option<Stopper>,
+    pub(super) client: ArmClient,
+    stopper: Option<GuardStop>,
     pub(super) description: ArmDescription,
     pub(super) marker: Option<Marker>,
     pub(super) circle: CircleAs,
     pub(super) path: Option<ToolPath>,
-    run: Option<Run>,
+    run: Option<QueuedSteps>,
 }
 
 /// Steps under way.
 #[derive(Debug)]
-struct Run {
+struct QueuedSteps {
     /// What still has to go into the queue, with its step.
-    waiting: VecDeque<(Command, usize)>,
+    waiting: VecDeque<(ArmCommand, usize)>,
     /// Last queued index of each step that is wholly queued.
     ends: Vec<(usize, u64)>,
     started: Stamp<HostMonotonic>,
@@ -84,16 +84,16 @@ struct Run {
     is_going: bool,
     /// How often the queue was found empty between continuous moves.
     n_dry: u32,
-    /// Looks so far.
-    n_looks: u32,
+    /// Polls so far.
+    n_polls: u32,
 }
 
-/// Commands fed between two looks: at some 5 ms each they leave room for 20 looks a second.
-const MEAL: usize = 6;
-/// Every so many looks the alarms are read; an alarm stops the arm without our help.
-const ALARM_LOOKS: u32 = 4;
-/// How long a reply about room in the queue may keep a full queue waiting while preparing.
-pub(super) const ROOM: Span = Span::from_micros(5_000_000);
+/// Commands queued between two polls: at some 5 ms each they leave time for 20 polls a second.
+const MAX_QUEUED_PER_POLL: usize = 6;
+/// Alarms are read at every so many polls; an alarm stops the arm by itself.
+const POLLS_PER_ALARM_CHECK: u32 = 4;
+/// How long a full queue is waited for while preparing.
+pub(super) const QUEUE_TIMEOUT: Span = Span::from_micros(5_000_000);
 /// The arm's repeatability is 0.2 mm; its planner is exact.
 const AT_START_MM: f64 = 0.5;
 
@@ -106,18 +106,18 @@ impl Magician {
         program: &std::path::Path,
         port: &std::path::Path,
         description: ArmDescription,
-        patience: super::Patience,
+        patience: super::ArmTimeouts,
     ) -> Result<Self, ArmError> {
         let link = GuardLink::start(program, port)?;
         let stopper = link.stopper();
-        let mut arm = Self::over(Client::new(Box::new(link), patience), description);
+        let mut arm = Self::over(ArmClient::new(Box::new(link), patience), description);
         arm.stopper = stopper;
         Ok(arm)
     }
 
     /// Speaks over any client; without a guard nothing stops the arm when this process dies.
     #[must_use]
-    pub fn over(client: Client, description: ArmDescription) -> Self {
+    pub fn over(client: ArmClient, description: ArmDescription) -> Self {
         Self {
             client,
             stopper: None,
@@ -138,7 +138,7 @@ impl Magician {
 
     /// What halts the arm from other threads; none without a guard.
     #[must_use]
-    pub fn stopper(&self) -> Option<Stopper> {
+    pub fn stopper(&self) -> Option<GuardStop> {
         self.stopper.clone()
     }
 
@@ -159,29 +159,29 @@ impl Magician {
         Ok(self.client.home(self.description.home, deadline)?)
     }
 
-    /// The client, for what a path does not say.
-    pub const fn client(&mut self) -> &mut Client {
+    /// The client, for what is no part of a path.
+    pub const fn client(&mut self) -> &mut ArmClient {
         &mut self.client
     }
 
-    /// Puts into the queue what it has room for, [`MEAL`] commands at most, so that a long path
-    /// never keeps the arm from being looked at. Gives how many went in.
+    /// Fills the queue, [`MAX_QUEUED_PER_POLL`] commands at most, so that a long path does not
+    /// delay the next poll. Returns how many were queued.
     fn feed(&mut self) -> Result<usize, ArmError> {
         let Some(run) = &mut self.run else { return Ok(0) };
         let mut n_fed = 0;
         let mut has_asked = false;
         while let Some((command, step)) = run.waiting.front().copied()
-            && n_fed < MEAL
+            && n_fed < MAX_QUEUED_PER_POLL
         {
             if !self.client.knows_of_room() {
                 if has_asked || !self.client.has_room()? {
                     break;
                 }
                 has_asked = true;
-                let is_continuous = matches!(command, Command::Cp { .. });
+                let is_continuous = matches!(command, ArmCommand::Cp { .. });
                 run.n_dry += u32::from(run.is_going && is_continuous && self.client.is_empty());
             }
-            let index = self.client.enqueue(&command, ROOM)?;
+            let index = self.client.enqueue(&command, QUEUE_TIMEOUT)?;
             run.waiting.pop_front();
             n_fed += 1;
             if run.waiting.front().is_none_or(|(_, next)| *next != step) {
@@ -204,7 +204,7 @@ impl Magician {
         for (step, number) in chosen.iter().zip(steps) {
             duration = duration + step.duration;
             let edge = |is_high| {
-                self.marker.map(|Marker { address }| Command::Output { address, is_high })
+                self.marker.map(|Marker { address }| ArmCommand::Output { address, is_high })
             };
             let motion = steps::commands(step, self.circle);
             let commands = edge(true).into_iter().chain(motion).chain(edge(false));
@@ -216,19 +216,19 @@ impl Magician {
         }
         // The queue is filled while it stands, so that continuous moves can look ahead.
         self.client.stop()?;
-        let deadline = duration + duration + ROOM + ROOM;
+        let deadline = duration + duration + QUEUE_TIMEOUT + QUEUE_TIMEOUT;
         let started = host_clock::now();
-        self.run = Some(Run {
+        self.run = Some(QueuedSteps {
             waiting,
             ends: Vec::new(),
             started,
             deadline,
             is_going: false,
             n_dry: 0,
-            n_looks: 0,
+            n_polls: 0,
         });
         while self.feed()? > 0 {}
-        self.client.set(&Command::StartQueue)?;
+        self.client.set(&ArmCommand::StartQueue)?;
         if let Some(run) = &mut self.run {
             run.is_going = true;
         }
@@ -238,15 +238,15 @@ impl Magician {
     fn look(&mut self) -> Result<Progress, ArmError> {
         let pose = self.client.pose()?;
         let current = self.client.finished_index()?;
-        let n_looks = self.run.as_ref().map_or(0, |run| run.n_looks);
-        if n_looks.is_multiple_of(ALARM_LOOKS) {
+        let n_polls = self.run.as_ref().map_or(0, |run| run.n_polls);
+        if n_polls.is_multiple_of(POLLS_PER_ALARM_CHECK) {
             self.client.refuse_alarms()?;
         }
         self.feed()?;
         let Some(run) = &mut self.run else {
             return Ok(Progress { pose, step: 0, is_done: true, n_dry: 0 });
         };
-        run.n_looks += 1;
+        run.n_polls += 1;
         let n_dry = run.n_dry;
         let under_way = run.ends.iter().find(|(_, end)| !super::client::has_reached(current, *end));
         let last = run.ends.last().map_or(0, |(step, _)| *step);
@@ -255,7 +255,7 @@ impl Magician {
         let waited = host_clock::now() - run.started;
         if let (Some(_), true) = (step, waited > run.deadline) {
             let index = under_way.map_or(current, |(_, end)| *end);
-            return Err(ClientError::Late { index, current, waited }.into());
+            return Err(ArmClientError::Late { index, current, waited }.into());
         }
         Ok(Progress { pose, step: step.unwrap_or(last), is_done: step.is_none(), n_dry })
     }
@@ -345,12 +345,12 @@ impl Arm for Magician {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dobot::{Patience, id, port};
+    use crate::dobot::{ArmTimeouts, id, port};
     use evrig_core::units::{
         DegreesPerSecond, DegreesPerSecond2, Hertz, MillimetresPerSecond, MillimetresPerSecond2,
     };
     use evrig_record::Verdict;
-    use evrig_record::pose_log::{Pace, PoseTiming, drive_to_end};
+    use evrig_record::pose_timing::{PoseTimer, PoseTiming, drive_to_end};
     use evrig_session::rig::Rig;
     use evrig_session::trajectory::{Rates, StepSettings, ToolCurve};
     use evrig_sim::arm::fault::{Fault, FaultKind};
@@ -363,10 +363,13 @@ mod tests {
     }
 
     fn magician(emulator: &ArmEmulator) -> Magician {
-        let patience =
-            Patience { reply: Span::from_micros(300_000), n_tries: 3, between_polls: Span::ZERO };
+        let patience = ArmTimeouts {
+            reply: Span::from_micros(300_000),
+            n_tries: 3,
+            between_polls: Span::ZERO,
+        };
         let link = port::open(emulator.port()).unwrap();
-        let client = Client::new(Box::new(link), patience);
+        let client = ArmClient::new(Box::new(link), patience);
         Magician::over(client, Rig::simulated().unwrap().arm)
     }
 
@@ -478,7 +481,7 @@ mod tests {
         let mut arm = magician(&emulator);
         let homed = arm.check(None).into_iter().find(|finding| finding.subject == "homed").unwrap();
         assert_eq!(homed.verdict, Verdict::Bad);
-        assert_eq!(arm.prepare(&path()), Err(ArmError::Client(ClientError::NotHomed)));
+        assert_eq!(arm.prepare(&path()), Err(ArmError::Client(ArmClientError::NotHomed)));
         assert!(emulator.journal().iter().all(|line| !line.is_busy), "it never moved");
     }
 
@@ -498,7 +501,7 @@ mod tests {
         );
         let n_before = emulator.journal().len();
         let error = arm.prepare(&path()).unwrap_err();
-        assert!(matches!(error, ArmError::Client(ClientError::Alarmed { .. })), "{error}");
+        assert!(matches!(error, ArmError::Client(ArmClientError::Alarmed { .. })), "{error}");
         assert!(emulator.journal()[n_before..].iter().all(|line| !line.is_busy));
     }
 
@@ -533,7 +536,7 @@ mod tests {
         path.push("fast", 0, ToolCurve::line(start, end), rates(500.0), StepSettings::default());
         let n_before = emulator.journal().len();
         let error = arm.prepare(&path).unwrap_err();
-        assert!(matches!(error, ArmError::Client(ClientError::ReadBack { .. })), "{error}");
+        assert!(matches!(error, ArmError::Client(ArmClientError::ReadBack { .. })), "{error}");
         assert!(emulator.journal()[n_before..].iter().all(|line| !line.is_busy));
     }
 
@@ -568,13 +571,13 @@ mod tests {
     #[test]
     fn the_port_is_found_by_who_answers_and_held_by_one_program() {
         let emulator = emulator(ArmOptions::default());
-        assert_eq!(check::answers(emulator.port()), Ok(()));
+        assert_eq!(super::super::find::answers(emulator.port()), Ok(()));
         let held = port::open(emulator.port()).unwrap();
         let error = port::open(emulator.port()).unwrap_err();
         assert!(matches!(error, PortError::Busy { .. }), "{error}");
         drop(held);
         emulator.inject("garbage".parse::<Fault>().unwrap());
-        let because = check::answers(emulator.port()).unwrap_err();
+        let because = super::super::find::answers(emulator.port()).unwrap_err();
         assert!(because.contains("something else"), "{because}");
     }
 
@@ -659,7 +662,7 @@ mod tests {
         arm.prepare(&path()).unwrap();
         emulator.inject("power-cycle@POSE#40".parse::<Fault>().unwrap());
         let error = drive(&mut arm, 0..3).unwrap_err();
-        assert!(matches!(error, ArmError::Client(ClientError::NotHomed)), "{error}");
+        assert!(matches!(error, ArmError::Client(ArmClientError::NotHomed)), "{error}");
     }
 
     #[test]
@@ -678,7 +681,7 @@ mod tests {
         let emulator = emulator(ArmOptions::default());
         let mut arm = homed(&emulator);
         let arm: &mut dyn Arm = &mut arm;
-        let mut pace = Pace::new(Hertz(1_000.0));
+        let mut pace = PoseTimer::new(Hertz(1_000.0));
         arm.prepare(&path()).unwrap();
         arm.start(0..3).unwrap();
         let mut poses = Vec::new();

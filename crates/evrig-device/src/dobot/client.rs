@@ -1,10 +1,10 @@
 //! The client: what evrig asks of the arm, one request at a time, every wait with an end.
 
 use super::alarm::Alarms;
-use super::command::{Command, read};
+use super::command::{ArmCommand, read};
 use super::fields::Malformed;
-use super::frame::{Ctrl, Frame};
-use super::link::{Exchange, Link, LinkError};
+use super::frame::{ArmFrame, Ctrl};
+use super::link::{ArmLink, Exchange, LinkError};
 use super::{id, reply};
 use evrig_core::time::Span;
 use evrig_record::PoseReading;
@@ -14,14 +14,14 @@ use serde::Serialize;
 
 /// Why the arm did not do what was asked.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum ClientError {
+pub enum ArmClientError {
     /// No answer, or no device.
     #[error(transparent)]
     Link(#[from] LinkError),
     /// An answer that does not fit the question.
     #[error("the arm's answer makes no sense: {0}; is this a Magician?")]
     Malformed(#[from] Malformed),
-    /// Alarms stand or came up.
+    /// Alarms are set.
     #[error("the arm stands with {alarms}")]
     Alarmed {
         /// Which.
@@ -30,15 +30,15 @@ pub enum ClientError {
     /// The arm does not know where its base is.
     #[error("the arm was switched on and not homed since; clear the table and home it")]
     NotHomed,
-    /// The queue took no command although it had room, or never got room.
+    /// The queue refused a command although it had a free place, or never had one.
     #[error("the arm's queue did not take `{command}` ({because})")]
     Rejected {
         /// Which.
         command: &'static str,
-        /// How it was said.
+        /// The reason.
         because: &'static str,
     },
-    /// It cannot be told whether a command was queued; the arm was stopped.
+    /// Whether a command was queued is unknown; the arm was stopped.
     #[error(
         "replies to `{command}` and to what was sent to find it again were lost; whether it was \
          queued is unknown, so the arm was stopped: check the cable"
@@ -77,7 +77,7 @@ pub enum ClientError {
 pub struct Identity {
     /// Its name.
     pub name: String,
-    /// Its serial number; empty when the firmware tells none.
+    /// Its serial number; empty when the firmware returns none.
     pub serial: String,
     /// Its firmware.
     pub firmware: String,
@@ -85,16 +85,16 @@ pub struct Identity {
 
 /// How long things may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Patience {
+pub struct ArmTimeouts {
     /// A reply.
     pub reply: Span,
     /// Reads and settings that change nothing when repeated: how often they are tried.
     pub n_tries: u32,
-    /// Between two looks at whether a command has ended.
+    /// Between two polls of a command's end.
     pub between_polls: Span,
 }
 
-impl Default for Patience {
+impl Default for ArmTimeouts {
     fn default() -> Self {
         Self {
             reply: Span::from_micros(400_000),
@@ -104,35 +104,35 @@ impl Default for Patience {
     }
 }
 
-/// The arm as evrig speaks to it.
-pub struct Client {
-    pub(super) link: Box<dyn Link>,
-    pub(super) patience: Patience,
+/// The arm's request-reply protocol over a link.
+pub struct ArmClient {
+    pub(super) link: Box<dyn ArmLink>,
+    pub(super) patience: ArmTimeouts,
     /// Free places in the queue, as far as is known.
     pub(super) space: u64,
     /// The most free places ever seen.
     pub(super) depth: u64,
     /// Index of the command queued last.
     pub(super) last_index: Option<u64>,
-    /// Whether the power-up bit goes away when alarms are cleared, so that it says something.
+    /// Whether clearing alarms clears the power-up bit, which is then meaningful.
     is_reset_telling: bool,
 }
 
-impl Client {
+impl ArmClient {
     /// Speaks over a link.
     #[must_use]
-    pub fn new(link: Box<dyn Link>, patience: Patience) -> Self {
+    pub fn new(link: Box<dyn ArmLink>, patience: ArmTimeouts) -> Self {
         Self { link, patience, space: 0, depth: 0, last_index: None, is_reset_telling: true }
     }
 
     /// How long things may take.
     #[must_use]
-    pub const fn patience(&self) -> Patience {
+    pub const fn patience(&self) -> ArmTimeouts {
         self.patience
     }
 
     /// Asks what may be asked twice.
-    pub(super) fn ask(&mut self, request: &Frame) -> Result<Exchange, ClientError> {
+    pub(super) fn ask(&mut self, request: &ArmFrame) -> Result<Exchange, ArmClientError> {
         let mut tries = 1;
         loop {
             match self.link.exchange(request, self.patience.reply) {
@@ -143,7 +143,7 @@ impl Client {
         }
     }
 
-    pub(super) fn value(&mut self, id: u8) -> Result<Frame, ClientError> {
+    pub(super) fn value(&mut self, id: u8) -> Result<ArmFrame, ArmClientError> {
         Ok(self.ask(&read(id))?.reply)
     }
 
@@ -151,7 +151,7 @@ impl Client {
     ///
     /// # Errors
     /// No answer, or a short one.
-    pub fn floats<const N: usize>(&mut self, id: u8) -> Result<[f32; N], ClientError> {
+    pub fn floats<const N: usize>(&mut self, id: u8) -> Result<[f32; N], ArmClientError> {
         Ok(reply::floats(&self.value(id)?)?)
     }
 
@@ -159,20 +159,20 @@ impl Client {
     ///
     /// # Errors
     /// No answer.
-    pub fn set(&mut self, command: &Command) -> Result<(), ClientError> {
+    pub fn set(&mut self, command: &ArmCommand) -> Result<(), ArmClientError> {
         self.ask(&command.frame(Ctrl::WRITE)).map(|_| ())
     }
 
     /// Name, serial number, firmware.
     ///
     /// # Errors
-    /// No answer to name or version. A firmware that tells no serial number has none.
-    pub fn identify(&mut self) -> Result<Identity, ClientError> {
+    /// No answer to name or version. A firmware without a serial number is no error.
+    pub fn identify(&mut self) -> Result<Identity, ArmClientError> {
         let firmware = reply::version(&self.value(id::DEVICE_VERSION)?)?.to_string();
         let name = reply::text(&self.value(id::DEVICE_NAME)?);
         let serial = match self.value(id::DEVICE_SERIAL) {
             Ok(reply) => reply::text(&reply),
-            Err(ClientError::Link(LinkError::Silent { .. })) => String::new(),
+            Err(ArmClientError::Link(LinkError::Silent { .. })) => String::new(),
             Err(error) => return Err(error),
         };
         Ok(Identity { name, serial, firmware })
@@ -182,7 +182,7 @@ impl Client {
     ///
     /// # Errors
     /// No answer, or a short one.
-    pub fn device_time(&mut self) -> Result<(u32, Exchange), ClientError> {
+    pub fn device_time(&mut self) -> Result<(u32, Exchange), ArmClientError> {
         let exchange = self.ask(&read(id::DEVICE_TIME))?;
         Ok((reply::device_time_ms(&exchange.reply)?, exchange))
     }
@@ -191,7 +191,7 @@ impl Client {
     ///
     /// # Errors
     /// No answer, or a short one.
-    pub fn pose(&mut self) -> Result<PoseReading, ClientError> {
+    pub fn pose(&mut self) -> Result<PoseReading, ArmClientError> {
         let exchange = self.ask(&read(id::POSE))?;
         let values = reply::pose(&exchange.reply)?;
         Ok(PoseReading {
@@ -202,20 +202,20 @@ impl Client {
         })
     }
 
-    /// The alarms that stand.
+    /// The alarms that are set.
     ///
     /// # Errors
     /// No answer, or a short one.
-    pub fn alarms(&mut self) -> Result<Alarms, ClientError> {
+    pub fn alarms(&mut self) -> Result<Alarms, ArmClientError> {
         Ok(reply::alarms(&self.value(id::ALARMS)?)?)
     }
 
-    /// Clears the alarms and looks what is left of them; some firmwares do not answer the clearing.
+    /// Clears the alarms and reads those left; some firmwares do not answer the clearing.
     ///
     /// # Errors
     /// No answer to the second question, or alarms that came back.
-    pub fn clear_alarms(&mut self) -> Result<(), ClientError> {
-        let clear = Command::ClearAlarms.frame(Ctrl::WRITE);
+    pub fn clear_alarms(&mut self) -> Result<(), ArmClientError> {
+        let clear = ArmCommand::ClearAlarms.frame(Ctrl::WRITE);
         match self.link.exchange(&clear, self.patience.reply) {
             Ok(_) | Err(LinkError::Silent { .. }) => {}
             Err(error) => return Err(error.into()),
@@ -228,17 +228,17 @@ impl Client {
     /// Looks for anything that keeps the arm from moving well.
     ///
     /// # Errors
-    /// No answer, alarms that stand, or an arm that was switched on and not homed since.
-    pub fn refuse_alarms(&mut self) -> Result<(), ClientError> {
+    /// No answer, alarms that are set, or an arm that was switched on and not homed since.
+    pub fn refuse_alarms(&mut self) -> Result<(), ArmClientError> {
         let alarms = self.alarms()?;
         self.refuse(alarms)
     }
 
-    fn refuse(&self, alarms: Alarms) -> Result<(), ClientError> {
+    fn refuse(&self, alarms: Alarms) -> Result<(), ArmClientError> {
         if alarms.has_fault() {
-            Err(ClientError::Alarmed { alarms })
+            Err(ArmClientError::Alarmed { alarms })
         } else if alarms.is_fresh_from_power_up() && self.is_reset_telling {
-            Err(ClientError::NotHomed)
+            Err(ArmClientError::NotHomed)
         } else {
             Ok(())
         }
@@ -248,7 +248,7 @@ impl Client {
     ///
     /// # Errors
     /// When the arm did not confirm.
-    pub fn stop(&mut self) -> Result<(), ClientError> {
+    pub fn stop(&mut self) -> Result<(), ArmClientError> {
         self.space = 0;
         self.last_index = None;
         Ok(self.link.stop()?)
@@ -258,11 +258,11 @@ impl Client {
     ///
     /// # Errors
     /// No answer, or a short one.
-    pub fn finished_index(&mut self) -> Result<u64, ClientError> {
+    pub fn finished_index(&mut self) -> Result<u64, ArmClientError> {
         Ok(reply::index(&self.value(id::QUEUE_INDEX)?)?)
     }
 
-    /// Waits until the command `index` has ended, asking for the pose at every look and
+    /// Waits until the command `index` has ended, asking for the pose at every poll and
     /// handing it to `seen`.
     ///
     /// # Errors
@@ -272,7 +272,7 @@ impl Client {
         index: u64,
         deadline: Span,
         seen: &mut dyn FnMut(&PoseReading),
-    ) -> Result<(), ClientError> {
+    ) -> Result<(), ArmClientError> {
         let started = host_clock::now();
         loop {
             seen(&self.pose()?);
@@ -283,13 +283,13 @@ impl Client {
             self.refuse_alarms()?;
             let waited = host_clock::now() - started;
             if waited >= deadline {
-                return Err(ClientError::Late { index, current, waited });
+                return Err(ArmClientError::Late { index, current, waited });
             }
             self.pause();
         }
     }
 
-    /// Sleeps until the next look.
+    /// Sleeps until the next poll.
     pub(super) fn pause(&self) {
         let nanos = self.patience.between_polls.as_nanos().max(0).unsigned_abs();
         std::thread::sleep(std::time::Duration::from_nanos(nanos));
@@ -299,10 +299,10 @@ impl Client {
     ///
     /// # Errors
     /// Alarms, silence, or `deadline` passed.
-    pub fn home(&mut self, home: Pose, deadline: Span) -> Result<(), ClientError> {
+    pub fn home(&mut self, home: Pose, deadline: Span) -> Result<(), ArmClientError> {
         self.begin()?;
-        self.set(&Command::HomeParams(home.to_mm_deg().map(|value| value as f32)))?;
-        let index = self.enqueue(&Command::Home, deadline)?;
+        self.set(&ArmCommand::HomeParams(home.to_mm_deg().map(|value| value as f32)))?;
+        let index = self.enqueue(&ArmCommand::Home, deadline)?;
         self.wait_for(index, deadline, &mut |_| ())
     }
 }
@@ -313,8 +313,8 @@ pub(super) fn has_reached(current: u64, index: u64) -> bool {
     current.wrapping_sub(index) < 1 << 63
 }
 
-impl std::fmt::Debug for Client {
+impl std::fmt::Debug for ArmClient {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Client with queue index {:?} and {} places", self.last_index, self.space)
+        write!(f, "ArmClient with queue index {:?} and {} places", self.last_index, self.space)
     }
 }

@@ -1,17 +1,17 @@
-//! What evrig tells the arm, typed; each command to its bytes and back.
+//! The arm's commands and their encoding.
 //!
 //! Everything here is a write. Reads carry no parameters but a pin's address,
 //! see [`read`]. All numbers are little-endian, floats IEEE 754 single.
 
-use super::fields::{Fields, Malformed};
-use super::frame::{Ctrl, Frame};
+use super::fields::{Malformed, PayloadFields};
+use super::frame::{ArmFrame, Ctrl};
 use super::id;
 
 pub use super::params::{CartesianLimits, CpLimits, PtpMode, Ratios, XyzR};
 
 /// A write: what to set or to do.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Command {
+pub enum ArmCommand {
     /// Clears all alarms whose cause is gone.
     ClearAlarms,
     /// Where homing ends.
@@ -78,7 +78,7 @@ pub enum Command {
     ArcCommon(Ratios),
     /// Waits in the queue, milliseconds.
     Wait(u32),
-    /// What a pin is used for; [`Command::PIN_IS_OUTPUT`] makes it a digital output.
+    /// What a pin is used for; [`ArmCommand::PIN_IS_OUTPUT`] makes it a digital output.
     Multiplex {
         /// Pin 1..=20.
         address: u8,
@@ -102,7 +102,7 @@ pub enum Command {
     ClearQueue,
 }
 
-impl Command {
+impl ArmCommand {
     /// The function of a pin that makes it a digital output.
     pub const PIN_IS_OUTPUT: u8 = 1;
 
@@ -137,10 +137,10 @@ impl Command {
 
     /// The frame that does it at once ([`Ctrl::WRITE`]) or in its turn ([`Ctrl::QUEUED`]).
     #[must_use]
-    pub fn frame(&self, ctrl: Ctrl) -> Frame {
+    pub fn frame(&self, ctrl: Ctrl) -> ArmFrame {
         // The longest command has 36 parameter bytes, so a frame always holds it.
-        Frame::new(self.id(), ctrl, self.params())
-            .unwrap_or_else(|| Frame::bare(id::QUEUE_FORCE_STOP, Ctrl::WRITE))
+        ArmFrame::new(self.id(), ctrl, self.params())
+            .unwrap_or_else(|| ArmFrame::bare(id::QUEUE_FORCE_STOP, Ctrl::WRITE))
     }
 
     fn params(&self) -> Vec<u8> {
@@ -207,18 +207,18 @@ impl Command {
     ///
     /// # Errors
     /// When the parameters are too short or hold a mode that does not exist.
-    pub fn decode(frame: &Frame) -> Result<Option<Self>, Malformed> {
+    pub fn decode(frame: &ArmFrame) -> Result<Option<Self>, Malformed> {
         if !frame.ctrl().is_write() {
             return Ok(None);
         }
-        let mut fields = Fields::new(frame.id(), frame.params());
+        let mut fields = PayloadFields::new(frame.id(), frame.params());
         Self::decode_motion(&mut fields)
             .transpose()
             .or_else(|| Self::decode_rest(&mut fields).transpose())
             .transpose()
     }
 
-    fn decode_motion(fields: &mut Fields<'_>) -> Result<Option<Self>, Malformed> {
+    fn decode_motion(fields: &mut PayloadFields<'_>) -> Result<Option<Self>, Malformed> {
         Ok(Some(match fields.id() {
             id::HOME => Self::Home,
             id::PTP => {
@@ -244,7 +244,7 @@ impl Command {
         }))
     }
 
-    fn decode_rest(fields: &mut Fields<'_>) -> Result<Option<Self>, Malformed> {
+    fn decode_rest(fields: &mut PayloadFields<'_>) -> Result<Option<Self>, Malformed> {
         Ok(Some(match fields.id() {
             id::ALARMS => Self::ClearAlarms,
             id::HOME_PARAMS => Self::HomeParams(fields.floats()?),
@@ -272,8 +272,8 @@ impl Command {
 
 /// The request for a value that needs no parameter.
 #[must_use]
-pub const fn read(id: u8) -> Frame {
-    Frame::bare(id, Ctrl::READ)
+pub const fn read(id: u8) -> ArmFrame {
+    ArmFrame::bare(id, Ctrl::READ)
 }
 
 /// Force stop, ready to be written: nothing is computed when it counts.
@@ -283,7 +283,7 @@ pub const CLEAR_QUEUE_BYTES: [u8; 6] = [0xaa, 0xaa, 0x02, id::QUEUE_CLEAR, 0x01,
 
 #[cfg(test)]
 mod tests {
-    use super::super::frame::Decoder;
+    use super::super::frame::ArmFrameDecoder;
     use super::*;
     use proptest::prelude::*;
 
@@ -296,37 +296,37 @@ mod tests {
     }
 
     /// Settings and orders as clients in use send them, byte by byte.
-    fn settings() -> Vec<(Command, Ctrl, &'static str)> {
+    fn settings() -> Vec<(ArmCommand, Ctrl, &'static str)> {
         vec![
-            (Command::StartQueue, Ctrl::WRITE, "aa aa 02 f0 01 0f"),
-            (Command::ClearQueue, Ctrl::WRITE, "aa aa 02 f5 01 0a"),
-            (Command::ForceStop, Ctrl::WRITE, "aa aa 02 f2 01 0d"),
-            (Command::ClearAlarms, Ctrl::WRITE, "aa aa 02 14 01 eb"),
-            (Command::Home, Ctrl::QUEUED, "aa aa 06 1f 03 00 00 00 00 de"),
-            (Command::Wait(200), Ctrl::QUEUED, "aa aa 06 6e 03 c8 00 00 00 c7"),
+            (ArmCommand::StartQueue, Ctrl::WRITE, "aa aa 02 f0 01 0f"),
+            (ArmCommand::ClearQueue, Ctrl::WRITE, "aa aa 02 f5 01 0a"),
+            (ArmCommand::ForceStop, Ctrl::WRITE, "aa aa 02 f2 01 0d"),
+            (ArmCommand::ClearAlarms, Ctrl::WRITE, "aa aa 02 14 01 eb"),
+            (ArmCommand::Home, Ctrl::QUEUED, "aa aa 06 1f 03 00 00 00 00 de"),
+            (ArmCommand::Wait(200), Ctrl::QUEUED, "aa aa 06 6e 03 c8 00 00 00 c7"),
             (
-                Command::PtpJoint { velocity: [200.0; 4], acceleration: [200.0; 4] },
+                ArmCommand::PtpJoint { velocity: [200.0; 4], acceleration: [200.0; 4] },
                 Ctrl::QUEUED,
                 "aa aa 22 50 03 00 00 48 43 00 00 48 43 00 00 48 43 00 00 48 43 \
                  00 00 48 43 00 00 48 43 00 00 48 43 00 00 48 43 55",
             ),
             (
-                Command::PtpCoordinate(limits(200.0)),
+                ArmCommand::PtpCoordinate(limits(200.0)),
                 Ctrl::QUEUED,
                 "aa aa 12 51 03 00 00 48 43 00 00 48 43 00 00 48 43 00 00 48 43 80",
             ),
             (
-                Command::PtpCommon(Ratios { velocity: 100.0, acceleration: 100.0 }),
+                ArmCommand::PtpCommon(Ratios { velocity: 100.0, acceleration: 100.0 }),
                 Ctrl::QUEUED,
                 "aa aa 0a 53 03 00 00 c8 42 00 00 c8 42 96",
             ),
             (
-                Command::PtpCommon(Ratios { velocity: 15.0, acceleration: 15.0 }),
+                ArmCommand::PtpCommon(Ratios { velocity: 15.0, acceleration: 15.0 }),
                 Ctrl::WRITE,
                 "aa aa 0a 53 01 00 00 70 41 00 00 70 41 4a",
             ),
             (
-                Command::ArcParams(limits(50.0)),
+                ArmCommand::ArcParams(limits(50.0)),
                 Ctrl::WRITE,
                 "aa aa 12 64 01 00 00 48 42 00 00 48 42 00 00 48 42 00 00 48 42 73",
             ),
@@ -334,7 +334,7 @@ mod tests {
     }
 
     /// Motions as clients in use send them, byte by byte.
-    fn motions() -> Vec<(Command, Ctrl, &'static str)> {
+    fn motions() -> Vec<(ArmCommand, Ctrl, &'static str)> {
         let via = [252.0, 12.0, 100.0, 90.0];
         let to = [264.0, 0.0, 100.0, 90.0];
         let start = [240.0, 0.0, 100.0, 90.0];
@@ -342,28 +342,28 @@ mod tests {
         let mode = PtpMode::MoveJointXyz;
         vec![
             (
-                Command::Ptp { mode: PtpMode::MoveLineXyz, target: line },
+                ArmCommand::Ptp { mode: PtpMode::MoveLineXyz, target: line },
                 Ctrl::QUEUED,
                 "aa aa 13 54 03 02 a8 1a 6f 43 00 00 00 00 4a 3c 38 41 00 00 00 00 34",
             ),
             (
-                Command::Ptp { mode, target: start },
+                ArmCommand::Ptp { mode, target: start },
                 Ctrl::QUEUED,
                 "aa aa 13 54 03 01 00 00 70 43 00 00 00 00 00 00 c8 42 00 00 b4 42 f5",
             ),
             (
-                Command::Ptp { mode, target: [250.0, 0.0, 0.0, 0.0] },
+                ArmCommand::Ptp { mode, target: [250.0, 0.0, 0.0, 0.0] },
                 Ctrl::QUEUED,
                 "aa aa 13 54 03 01 00 00 7a 43 00 00 00 00 00 00 00 00 00 00 00 00 eb",
             ),
             (
-                Command::Arc { via, to },
+                ArmCommand::Arc { via, to },
                 Ctrl::QUEUED,
                 "aa aa 22 65 03 00 00 7c 43 00 00 40 41 00 00 c8 42 00 00 b4 42 \
                  00 00 84 43 00 00 00 00 00 00 c8 42 00 00 b4 42 91",
             ),
             (
-                Command::Circle { via, to, turns: 1 },
+                ArmCommand::Circle { via, to, turns: 1 },
                 Ctrl::QUEUED,
                 "aa aa 26 66 03 00 00 7c 43 00 00 40 41 00 00 c8 42 00 00 b4 42 \
                  00 00 84 43 00 00 00 00 00 00 c8 42 00 00 b4 42 01 00 00 00 8f",
@@ -382,17 +382,17 @@ mod tests {
     fn the_bytes_clients_in_use_send_decode_to_commands() {
         for (command, ctrl, bytes) in settings().into_iter().chain(motions()) {
             let mut frames = Vec::new();
-            Decoder::default().push(&hex(bytes), |frame| frames.push(frame));
+            ArmFrameDecoder::default().push(&hex(bytes), |frame| frames.push(frame));
             assert_eq!(frames.len(), 1, "{command:?}");
             assert_eq!(frames[0].ctrl(), ctrl);
-            assert_eq!(Command::decode(&frames[0]).unwrap(), Some(command));
+            assert_eq!(ArmCommand::decode(&frames[0]).unwrap(), Some(command));
         }
     }
 
     #[test]
     fn the_ready_made_stop_is_the_encoded_one() {
-        assert_eq!(Command::ForceStop.frame(Ctrl::WRITE).to_bytes(), FORCE_STOP_BYTES);
-        assert_eq!(Command::ClearQueue.frame(Ctrl::WRITE).to_bytes(), CLEAR_QUEUE_BYTES);
+        assert_eq!(ArmCommand::ForceStop.frame(Ctrl::WRITE).to_bytes(), FORCE_STOP_BYTES);
+        assert_eq!(ArmCommand::ClearQueue.frame(Ctrl::WRITE).to_bytes(), CLEAR_QUEUE_BYTES);
     }
 
     #[test]
@@ -411,65 +411,70 @@ mod tests {
 
     #[test]
     fn malformed_commands_that_clients_send_are_understood() {
-        let short_home = Frame::new(id::HOME, Ctrl::WRITE, vec![0]).unwrap();
-        assert_eq!(Command::decode(&short_home), Ok(Some(Command::Home)));
+        let short_home = ArmFrame::new(id::HOME, Ctrl::WRITE, vec![0]).unwrap();
+        assert_eq!(ArmCommand::decode(&short_home), Ok(Some(ArmCommand::Home)));
         let cp = hex("aa aa 10 5b 03 01 00 00 48 43 00 00 00 00 00 00 00 00 00 16");
         let mut frames = Vec::new();
-        Decoder::default().push(&cp, |frame| frames.push(frame));
-        let expected = Command::Cp { is_absolute: true, xyz: [200.0, 0.0, 0.0], velocity: 0.0 };
-        assert_eq!(Command::decode(&frames[0]), Ok(Some(expected)));
-        let circle = Frame::new(id::CIRCLE, Ctrl::QUEUED, vec![0; 32]).unwrap();
-        assert!(matches!(Command::decode(&circle), Ok(Some(Command::Circle { turns: 1, .. }))));
+        ArmFrameDecoder::default().push(&cp, |frame| frames.push(frame));
+        let expected = ArmCommand::Cp { is_absolute: true, xyz: [200.0, 0.0, 0.0], velocity: 0.0 };
+        assert_eq!(ArmCommand::decode(&frames[0]), Ok(Some(expected)));
+        let circle = ArmFrame::new(id::CIRCLE, Ctrl::QUEUED, vec![0; 32]).unwrap();
+        assert!(matches!(
+            ArmCommand::decode(&circle),
+            Ok(Some(ArmCommand::Circle { turns: 1, .. }))
+        ));
     }
 
     #[test]
     fn too_few_bytes_are_named() {
-        let frame = Frame::new(id::ARC, Ctrl::QUEUED, vec![0; 31]).unwrap();
-        let error = Command::decode(&frame).unwrap_err().to_string();
+        let frame = ArmFrame::new(id::ARC, Ctrl::QUEUED, vec![0; 31]).unwrap();
+        let error = ArmCommand::decode(&frame).unwrap_err().to_string();
         assert!(error.contains("ARC") && error.contains("31"), "{error}");
-        let frame = Frame::new(id::PTP, Ctrl::QUEUED, vec![10; 17]).unwrap();
-        let error = Command::decode(&frame).unwrap_err().to_string();
+        let frame = ArmFrame::new(id::PTP, Ctrl::QUEUED, vec![10; 17]).unwrap();
+        let error = ArmCommand::decode(&frame).unwrap_err().to_string();
         assert!(error.contains("mode 0..=9") && error.contains("10"), "{error}");
     }
 
-    fn any_command() -> impl Strategy<Value = Command> {
+    fn any_command() -> impl Strategy<Value = ArmCommand> {
         let number = || -1e4_f32..1e4;
         let pose = || [number(), number(), number(), number()];
         let three = || [number(), number(), number()];
         prop_oneof![
-            pose().prop_map(Command::HomeParams),
-            three().prop_map(Command::EndEffector),
-            (pose(), pose())
-                .prop_map(|(velocity, acceleration)| Command::PtpJoint { velocity, acceleration }),
-            (number(), number())
-                .prop_map(|(v, a)| Command::ArcParams(CartesianLimits::uniform(v, a))),
-            (number(), number()).prop_map(|(velocity, acceleration)| Command::ArcCommon(Ratios {
+            pose().prop_map(ArmCommand::HomeParams),
+            three().prop_map(ArmCommand::EndEffector),
+            (pose(), pose()).prop_map(|(velocity, acceleration)| ArmCommand::PtpJoint {
                 velocity,
                 acceleration
-            })),
+            }),
+            (number(), number())
+                .prop_map(|(v, a)| ArmCommand::ArcParams(CartesianLimits::uniform(v, a))),
+            (number(), number()).prop_map(|(velocity, acceleration)| ArmCommand::ArcCommon(
+                Ratios { velocity, acceleration }
+            )),
             (prop::sample::select(PtpMode::ALL.to_vec()), pose())
-                .prop_map(|(mode, target)| Command::Ptp { mode, target }),
-            (three(), any::<bool>()).prop_map(|(v, is_real_time)| Command::CpParams(CpLimits {
+                .prop_map(|(mode, target)| ArmCommand::Ptp { mode, target }),
+            (three(), any::<bool>()).prop_map(|(v, is_real_time)| ArmCommand::CpParams(CpLimits {
                 plan_acceleration: v[0],
                 junction_velocity: v[1],
                 acceleration: v[2],
                 is_real_time,
             })),
             (any::<bool>(), three(), number()).prop_map(|(is_absolute, xyz, velocity)| {
-                Command::Cp { is_absolute, xyz, velocity }
+                ArmCommand::Cp { is_absolute, xyz, velocity }
             }),
-            (pose(), pose()).prop_map(|(via, to)| Command::Arc { via, to }),
-            (pose(), pose(), any::<u32>()).prop_map(|(via, to, turns)| Command::Circle {
+            (pose(), pose()).prop_map(|(via, to)| ArmCommand::Arc { via, to }),
+            (pose(), pose(), any::<u32>()).prop_map(|(via, to, turns)| ArmCommand::Circle {
                 via,
                 to,
                 turns
             }),
-            any::<u32>().prop_map(Command::Wait),
-            (any::<bool>(), any::<u8>()).prop_map(|(is_joint, key)| Command::Jog { is_joint, key }),
+            any::<u32>().prop_map(ArmCommand::Wait),
+            (any::<bool>(), any::<u8>())
+                .prop_map(|(is_joint, key)| ArmCommand::Jog { is_joint, key }),
             (any::<u8>(), any::<u8>())
-                .prop_map(|(address, function)| Command::Multiplex { address, function }),
+                .prop_map(|(address, function)| ArmCommand::Multiplex { address, function }),
             (any::<u8>(), any::<bool>())
-                .prop_map(|(address, is_high)| Command::Output { address, is_high }),
+                .prop_map(|(address, is_high)| ArmCommand::Output { address, is_high }),
         ]
     }
 
@@ -478,9 +483,9 @@ mod tests {
         fn a_command_comes_back_from_the_wire_unchanged(command in any_command()) {
             let bytes = command.frame(Ctrl::QUEUED).to_bytes();
             let mut frames = Vec::new();
-            Decoder::default().push(&bytes, |frame| frames.push(frame));
+            ArmFrameDecoder::default().push(&bytes, |frame| frames.push(frame));
             prop_assert_eq!(frames.len(), 1);
-            prop_assert_eq!(Command::decode(&frames[0]), Ok(Some(command)));
+            prop_assert_eq!(ArmCommand::decode(&frames[0]), Ok(Some(command)));
         }
     }
 }

@@ -20,9 +20,9 @@ pub enum Malformed {
     Value {
         /// The command.
         id: u8,
-        /// What can stand there.
+        /// What is allowed.
         expected: &'static str,
-        /// What stands there.
+        /// What was found.
         found: u8,
     },
 }
@@ -34,13 +34,13 @@ fn named(number: u8) -> String {
 
 /// A reader of little-endian fields.
 #[derive(Debug)]
-pub struct Fields<'a> {
+pub struct PayloadFields<'a> {
     id: u8,
     params: &'a [u8],
     at: usize,
 }
 
-impl<'a> Fields<'a> {
+impl<'a> PayloadFields<'a> {
     /// Reads the parameters of command `id` from the front.
     #[must_use]
     pub const fn new(id: u8, params: &'a [u8]) -> Self {

@@ -46,14 +46,14 @@ impl Ctrl {
 
 /// One request or reply.
 #[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "Parts", into = "Parts")]
-pub struct Frame {
+#[serde(try_from = "FrameParts", into = "FrameParts")]
+pub struct ArmFrame {
     id: u8,
     ctrl: Ctrl,
     params: Vec<u8>,
 }
 
-impl Frame {
+impl ArmFrame {
     /// A frame, or `None` when `params` holds more than [`MAX_PARAMS`] bytes.
     #[must_use]
     pub fn new(id: u8, ctrl: Ctrl, params: Vec<u8>) -> Option<Self> {
@@ -104,23 +104,23 @@ impl Frame {
 
 /// A frame as it goes through the pipe to the guard: id, ctrl, parameters.
 #[derive(Serialize, Deserialize)]
-struct Parts(u8, u8, Vec<u8>);
+struct FrameParts(u8, u8, Vec<u8>);
 
-impl From<Frame> for Parts {
-    fn from(frame: Frame) -> Self {
+impl From<ArmFrame> for FrameParts {
+    fn from(frame: ArmFrame) -> Self {
         Self(frame.id, frame.ctrl.0, frame.params)
     }
 }
 
-impl TryFrom<Parts> for Frame {
+impl TryFrom<FrameParts> for ArmFrame {
     type Error = &'static str;
 
-    fn try_from(Parts(id, ctrl, params): Parts) -> Result<Self, Self::Error> {
+    fn try_from(FrameParts(id, ctrl, params): FrameParts) -> Result<Self, Self::Error> {
         Self::new(id, Ctrl(ctrl), params).ok_or("a frame has 248 parameter bytes at most")
     }
 }
 
-impl fmt::Debug for Frame {
+impl fmt::Debug for ArmFrame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "id {} ctrl {:02x} params", self.id, self.ctrl.0)?;
         self.params.iter().try_for_each(|byte| write!(f, " {byte:02x}"))
@@ -134,14 +134,14 @@ fn checksum(covered: &[u8]) -> u8 {
 
 /// Finds frames in a stream of bytes; holds less than one frame.
 #[derive(Debug, Default)]
-pub struct Decoder {
+pub struct ArmFrameDecoder {
     held: Vec<u8>,
     n_skipped: u64,
 }
 
-impl Decoder {
-    /// Takes in bytes and hands every whole frame to `found`, in order.
-    pub fn push(&mut self, bytes: &[u8], mut found: impl FnMut(Frame)) {
+impl ArmFrameDecoder {
+    /// Takes bytes and passes every whole frame to `found`, in order.
+    pub fn push(&mut self, bytes: &[u8], mut found: impl FnMut(ArmFrame)) {
         for &byte in bytes {
             self.held.push(byte);
             self.settle(&mut found);
@@ -151,7 +151,7 @@ impl Decoder {
     /// Gives up on the frame that is only partly here and looks for others behind its
     /// first byte. To be called when the line has fallen silent: a corrupted `len`
     /// would otherwise swallow the frames that follow.
-    pub fn give_up(&mut self, mut found: impl FnMut(Frame)) {
+    pub fn give_up(&mut self, mut found: impl FnMut(ArmFrame)) {
         while !self.held.is_empty() {
             self.skip(1);
             self.settle(&mut found);
@@ -165,12 +165,12 @@ impl Decoder {
     }
 
     /// Takes frames off the front until more bytes are needed.
-    fn settle(&mut self, found: &mut impl FnMut(Frame)) {
+    fn settle(&mut self, found: &mut impl FnMut(ArmFrame)) {
         while let Some(step) = self.front() {
             match step {
                 Front::Noise => self.skip(1),
                 Front::Whole(total) => {
-                    let frame = Frame {
+                    let frame = ArmFrame {
                         id: self.held[3],
                         ctrl: Ctrl(self.held[4]),
                         params: self.held[5..total - 1].to_vec(),
@@ -182,7 +182,7 @@ impl Decoder {
         }
     }
 
-    /// What the held bytes begin with; `None` when that cannot be said yet.
+    /// What the held bytes begin with; `None` when that is not decided yet.
     fn front(&self) -> Option<Front> {
         let header = self.held.iter().take(2);
         if header.into_iter().any(|byte| *byte != HEADER) {
@@ -215,7 +215,7 @@ enum Front {
 /// # Panics
 /// When that is not so.
 pub fn fuzz(bytes: &[u8]) {
-    let mut decoder = Decoder::default();
+    let mut decoder = ArmFrameDecoder::default();
     let mut frames = Vec::new();
     decoder.push(bytes, |frame| frames.push(frame));
     assert!(decoder.held.len() < MAX_LEN + OVERHEAD, "less than one frame is held");
@@ -225,7 +225,7 @@ pub fn fuzz(bytes: &[u8]) {
         let encoded = frame.to_bytes();
         assert!(bytes.windows(encoded.len()).any(|window| window == encoded), "{frame:?}");
         n_in_frames += encoded.len() as u64;
-        let _ = super::command::Command::decode(frame);
+        let _ = super::command::ArmCommand::decode(frame);
     }
     assert_eq!(n_in_frames + decoder.n_skipped(), bytes.len() as u64, "no byte is lost");
 }
@@ -235,9 +235,9 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn decode(bytes: &[u8]) -> Vec<Frame> {
+    fn decode(bytes: &[u8]) -> Vec<ArmFrame> {
         let mut frames = Vec::new();
-        let mut decoder = Decoder::default();
+        let mut decoder = ArmFrameDecoder::default();
         decoder.push(bytes, |frame| frames.push(frame));
         frames
     }
@@ -245,9 +245,9 @@ mod tests {
     #[test]
     fn the_checksum_of_a_sum_of_zero_is_zero() {
         // A popular Python client sends FF here (modulo 255) and its frame is dropped.
-        assert_eq!(Frame::bare(0xff, Ctrl::WRITE).to_bytes().last(), Some(&0x00));
-        assert_eq!(Frame::bare(0xfe, Ctrl::WRITE).to_bytes().last(), Some(&0x01));
-        assert_eq!(Frame::bare(0x00, Ctrl::WRITE).to_bytes().last(), Some(&0xff));
+        assert_eq!(ArmFrame::bare(0xff, Ctrl::WRITE).to_bytes().last(), Some(&0x00));
+        assert_eq!(ArmFrame::bare(0xfe, Ctrl::WRITE).to_bytes().last(), Some(&0x01));
+        assert_eq!(ArmFrame::bare(0x00, Ctrl::WRITE).to_bytes().last(), Some(&0xff));
     }
 
     #[test]
@@ -262,26 +262,26 @@ mod tests {
 
     #[test]
     fn a_header_inside_the_parameters_does_not_end_the_frame() {
-        let frame = Frame::new(1, Ctrl::WRITE, vec![0xaa, 0xaa, 0x02, 0x0a]).unwrap();
+        let frame = ArmFrame::new(1, Ctrl::WRITE, vec![0xaa, 0xaa, 0x02, 0x0a]).unwrap();
         assert_eq!(decode(&frame.to_bytes()), [frame]);
     }
 
     #[test]
     fn a_length_outside_the_firmwares_range_is_noise() {
-        let good = Frame::bare(10, Ctrl::READ).to_bytes();
+        let good = ArmFrame::bare(10, Ctrl::READ).to_bytes();
         for len in [0, 1, 251, 255] {
             let bytes = [&[0xaa, 0xaa, len][..], &good].concat();
             assert_eq!(decode(&bytes).len(), 1, "len {len}");
         }
-        assert!(Frame::new(1, Ctrl::WRITE, vec![0; MAX_PARAMS + 1]).is_none());
+        assert!(ArmFrame::new(1, Ctrl::WRITE, vec![0; MAX_PARAMS + 1]).is_none());
     }
 
     #[test]
     fn a_corrupted_length_costs_its_own_frame_only() {
-        let frame = Frame::bare(10, Ctrl::READ);
+        let frame = ArmFrame::bare(10, Ctrl::READ);
         let mut first = frame.to_bytes();
         first[2] = 200;
-        let mut decoder = Decoder::default();
+        let mut decoder = ArmFrameDecoder::default();
         let mut frames = Vec::new();
         decoder.push(&[first, frame.to_bytes()].concat(), |frame| frames.push(frame));
         assert!(frames.is_empty(), "the decoder still waits for 200 bytes");
@@ -292,8 +292,8 @@ mod tests {
     prop_compose! {
         fn any_frame()(
             id: u8, ctrl in 0_u8..4, params in prop::collection::vec(any::<u8>(), 0..=MAX_PARAMS),
-        ) -> Frame {
-            Frame::new(id, Ctrl(ctrl), params).unwrap()
+        ) -> ArmFrame {
+            ArmFrame::new(id, Ctrl(ctrl), params).unwrap()
         }
     }
 
@@ -302,9 +302,9 @@ mod tests {
         fn what_is_encoded_is_decoded_however_it_is_cut(
             frames in prop::collection::vec(any_frame(), 1..5), chunk in 1_usize..40,
         ) {
-            let bytes: Vec<u8> = frames.iter().flat_map(Frame::to_bytes).collect();
+            let bytes: Vec<u8> = frames.iter().flat_map(ArmFrame::to_bytes).collect();
             let mut found = Vec::new();
-            let mut decoder = Decoder::default();
+            let mut decoder = ArmFrameDecoder::default();
             for part in bytes.chunks(chunk) {
                 decoder.push(part, |frame| found.push(frame));
             }
@@ -316,9 +316,10 @@ mod tests {
         fn a_frame_behind_garbage_is_found(
             garbage in prop::collection::vec(any::<u8>(), 0..300), frame in any_frame(),
         ) {
-            // Garbage that happens to hold a header may swallow what follows, until the line is silent.
+            // Garbage that happens to hold a header may swallow what follows, until the line is
+            // silent.
             let mut found = Vec::new();
-            let mut decoder = Decoder::default();
+            let mut decoder = ArmFrameDecoder::default();
             decoder.push(&garbage, |_| ());
             decoder.give_up(|_| ());
             decoder.push(&frame.to_bytes(), |frame| found.push(frame));

@@ -1,7 +1,7 @@
 //! One request, one reply: the way to the arm, direct or through the guard.
 
-use super::command::{CLEAR_QUEUE_BYTES, Command, FORCE_STOP_BYTES};
-use super::frame::{Ctrl, Decoder, Frame};
+use super::command::{ArmCommand, CLEAR_QUEUE_BYTES, FORCE_STOP_BYTES};
+use super::frame::{ArmFrame, ArmFrameDecoder, Ctrl};
 use evrig_core::time::{HostMonotonic, Span, Stamp};
 use evrig_record::host_clock;
 use serde::{Deserialize, Serialize};
@@ -13,13 +13,13 @@ use std::time::Duration;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Exchange {
     /// What the arm answered.
-    pub reply: Frame,
+    pub reply: ArmFrame,
     /// Before the request was written.
     pub sent: Stamp<HostMonotonic>,
     /// After the reply was complete.
     pub received: Stamp<HostMonotonic>,
     /// Frames that came meanwhile and answer something else: replies given up on earlier.
-    pub stale: Vec<Frame>,
+    pub stale: Vec<ArmFrame>,
 }
 
 /// Why a request has no reply.
@@ -43,16 +43,16 @@ pub enum LinkError {
         "the port of the arm is gone ({because}); is the cable plugged in and the arm switched on?"
     )]
     Gone {
-        /// What the system says.
+        /// The system's reason.
         because: String,
     },
-    /// A stop came in between; the arm stands.
+    /// A stop came in between.
     #[error("the arm was stopped while it was being asked")]
     Stopped,
     /// The guard cannot go on.
     #[error("the process that guards the arm failed: {because}")]
     Guard {
-        /// What it says.
+        /// Its text.
         because: String,
     },
 }
@@ -69,24 +69,24 @@ fn silence_remedy(n_noise: u64) -> &'static str {
 impl LinkError {
     /// Silence after a request, named.
     #[must_use]
-    pub fn silent(request: &Frame, waited: Span, n_noise: u64) -> Self {
+    pub fn silent(request: &ArmFrame, waited: Span, n_noise: u64) -> Self {
         let name = super::id::name(request.id()).unwrap_or("UNKNOWN");
         Self::Silent { request: format!("{name} ({})", request.id()), waited, n_noise }
     }
 }
 
 /// The way to the arm. One request is under way at a time.
-pub trait Link: Send {
+pub trait ArmLink: Send {
     /// Sends a request and waits for its reply, `patience` at most.
     ///
     /// # Errors
     /// Silence, a device that is gone, a stop that came in between.
-    fn exchange(&mut self, request: &Frame, patience: Span) -> Result<Exchange, LinkError>;
+    fn exchange(&mut self, request: &ArmFrame, patience: Span) -> Result<Exchange, LinkError>;
 
     /// Force stop, then an empty queue. Can be called in any state, as often as one likes.
     ///
     /// # Errors
-    /// When the arm did not confirm; it was told nevertheless, unless the device is gone.
+    /// When the arm did not confirm; the command was sent nevertheless, unless the device is gone.
     fn stop(&mut self) -> Result<(), LinkError>;
 }
 
@@ -96,10 +96,10 @@ pub const STOP_PATIENCE: Span = Span::from_micros(400_000);
 /// A serial port opened in this process.
 pub struct SerialLink {
     port: Box<dyn SerialPort>,
-    decoder: Decoder,
+    decoder: ArmFrameDecoder,
 }
 
-/// The longest wait between two looks at whether to break off: short against a round trip
+/// The longest wait between two polls of the break-off condition: short against a round trip
 /// that takes some 4 ms.
 const SLICE: Duration = Duration::from_millis(2);
 
@@ -110,17 +110,17 @@ impl SerialLink {
     /// When the port takes no time-out, so that a read could hang.
     pub fn new(mut port: Box<dyn SerialPort>) -> Result<Self, LinkError> {
         port.set_timeout(SLICE).map_err(|error| LinkError::Gone { because: error.to_string() })?;
-        Ok(Self { port, decoder: Decoder::default() })
+        Ok(Self { port, decoder: ArmFrameDecoder::default() })
     }
 
-    /// Like [`Link::exchange`], but ends with [`LinkError::Stopped`] as soon as `is_stopped`
-    /// says so, which is asked every two milliseconds.
+    /// Like [`ArmLink::exchange`], but ends with [`LinkError::Stopped`] as soon as `is_stopped`
+    /// returns true, which is polled every two milliseconds.
     ///
     /// # Errors
-    /// As [`Link::exchange`].
+    /// As [`ArmLink::exchange`].
     pub fn exchange_unless(
         &mut self,
-        request: &Frame,
+        request: &ArmFrame,
         patience: Span,
         mut is_stopped: impl FnMut() -> bool,
     ) -> Result<Exchange, LinkError> {
@@ -154,7 +154,7 @@ impl SerialLink {
     }
 
     /// Takes in what arrived unasked: late replies and noise.
-    fn drain(&mut self) -> Result<Vec<Frame>, LinkError> {
+    fn drain(&mut self) -> Result<Vec<ArmFrame>, LinkError> {
         /// More than a port buffers; a device that talks without end is not waited for.
         const N_READS: usize = 16;
         let mut stale = Vec::new();
@@ -194,7 +194,7 @@ impl SerialLink {
     }
 
     /// Reads what comes within a slice.
-    fn read(&mut self, found: impl FnMut(Frame)) -> Result<(), LinkError> {
+    fn read(&mut self, found: impl FnMut(ArmFrame)) -> Result<(), LinkError> {
         let mut buffer = [0; 256];
         match self.port.read(&mut buffer) {
             Ok(0) => Err(LinkError::Gone { because: "end of file".to_owned() }),
@@ -216,8 +216,8 @@ fn gone(error: &std::io::Error) -> LinkError {
     LinkError::Gone { because: error.to_string() }
 }
 
-impl Link for SerialLink {
-    fn exchange(&mut self, request: &Frame, patience: Span) -> Result<Exchange, LinkError> {
+impl ArmLink for SerialLink {
+    fn exchange(&mut self, request: &ArmFrame, patience: Span) -> Result<Exchange, LinkError> {
         self.exchange_unless(request, patience, || false)
     }
 
@@ -225,7 +225,7 @@ impl Link for SerialLink {
         // Both are told before either is waited for; then each is asked again until it confirms,
         // which it may do twice. A lost stop is worse than a double one.
         self.write_stop()?;
-        for command in [Command::ForceStop, Command::ClearQueue] {
+        for command in [ArmCommand::ForceStop, ArmCommand::ClearQueue] {
             let request = command.frame(Ctrl::WRITE);
             if self.exchange(&request, STOP_PATIENCE).is_err() {
                 self.exchange(&request, STOP_PATIENCE)?;

@@ -1,6 +1,6 @@
 //! The numbers that commands carry, and replies give back.
 
-use super::fields::{Fields, Malformed};
+use super::fields::{Malformed, PayloadFields};
 
 /// x, y, z in millimetres and r in degrees, as on the wire.
 pub type XyzR = [f32; 4];
@@ -36,7 +36,7 @@ pub struct CpLimits {
     pub junction_velocity: f32,
     /// Largest actual acceleration, mm/s^2; with `is_real_time` a period instead.
     pub acceleration: f32,
-    /// Run while commands still arrive, instead of after all were sent.
+    /// QueuedSteps while commands still arrive, instead of after all were sent.
     pub is_real_time: bool,
 }
 
@@ -98,7 +98,7 @@ impl CartesianLimits {
     ///
     /// # Errors
     /// When there are fewer.
-    pub fn read(fields: &mut Fields<'_>) -> Result<Self, Malformed> {
+    pub fn read(fields: &mut PayloadFields<'_>) -> Result<Self, Malformed> {
         let [xyz_velocity, r_velocity, xyz_acceleration, r_acceleration] = fields.floats()?;
         Ok(Self { xyz_velocity, r_velocity, xyz_acceleration, r_acceleration })
     }
@@ -109,7 +109,7 @@ impl Ratios {
     ///
     /// # Errors
     /// When there are fewer.
-    pub fn read(fields: &mut Fields<'_>) -> Result<Self, Malformed> {
+    pub fn read(fields: &mut PayloadFields<'_>) -> Result<Self, Malformed> {
         let [velocity, acceleration] = fields.floats()?;
         Ok(Self { velocity, acceleration })
     }
@@ -120,7 +120,7 @@ impl CpLimits {
     ///
     /// # Errors
     /// When there are fewer.
-    pub fn read(fields: &mut Fields<'_>) -> Result<Self, Malformed> {
+    pub fn read(fields: &mut PayloadFields<'_>) -> Result<Self, Malformed> {
         let [plan_acceleration, junction_velocity, acceleration] = fields.floats()?;
         let is_real_time = fields.byte()? != 0;
         Ok(Self { plan_acceleration, junction_velocity, acceleration, is_real_time })

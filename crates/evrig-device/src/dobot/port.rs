@@ -1,6 +1,7 @@
 //! Finding and opening the arm's serial port.
 
 use super::link::SerialLink;
+use crate::serial_port::usb_serial_ports;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -45,7 +46,7 @@ pub enum PortError {
     NotSerial {
         /// The path.
         path: PathBuf,
-        /// What the system says.
+        /// The system's reason.
         because: String,
     },
     /// `auto` found no bridge.
@@ -119,7 +120,7 @@ fn explain(path: &Path, error: &serialport::Error) -> PortError {
     }
 }
 
-/// The group a device file belongs to; `dialout`, the usual one, when that cannot be said.
+/// The group a device file belongs to; `dialout`, the usual one, when that is unknown.
 fn group_of(path: &Path) -> String {
     use std::os::unix::fs::MetadataExt;
     let name = || {
@@ -132,50 +133,12 @@ fn group_of(path: &Path) -> String {
     name().filter(|group| group != "root").unwrap_or_else(|| "dialout".to_owned())
 }
 
-/// A serial port behind USB.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct UsbPort {
-    /// Its device file.
-    pub path: PathBuf,
-    /// USB vendor and product.
-    pub usb_id: (u16, u16),
-}
-
-/// The USB serial ports that `sys` (`/sys`) knows, sorted by name.
-#[must_use]
-pub fn usb_serial_ports(sys: &Path) -> Vec<UsbPort> {
-    let Ok(entries) = std::fs::read_dir(sys.join("class/tty")) else { return Vec::new() };
-    let mut ports: Vec<UsbPort> = entries
-        .flatten()
-        .filter_map(|entry| {
-            let usb_id = usb_id(&entry.path().join("device"))?;
-            Some(UsbPort { path: Path::new("/dev").join(entry.file_name()), usb_id })
-        })
-        .collect();
-    ports.sort();
-    ports
-}
-
-/// The ids of the USB device above a tty's device in the tree.
-fn usb_id(device: &Path) -> Option<(u16, u16)> {
-    /// A port hangs at most a few levels below its USB device.
-    const N_LEVELS: usize = 4;
-    let device = device.canonicalize().ok()?;
-    let number = |directory: &Path, name| {
-        let text = std::fs::read_to_string(directory.join(name)).ok()?;
-        u16::from_str_radix(text.trim(), 16).ok()
-    };
-    device.ancestors().take(N_LEVELS).find_map(|directory| {
-        Some((number(directory, "idVendor")?, number(directory, "idProduct")?))
-    })
-}
-
 fn usb_ports() -> Vec<PathBuf> {
     usb_serial_ports(Path::new("/sys")).into_iter().map(|port| port.path).collect()
 }
 
 /// Finds the arm: by the USB ids of its bridge, then by who answers as a Magician does.
-/// `answers` opens a candidate and says why it is not one.
+/// `answers` opens a candidate and returns why it is not an arm.
 ///
 /// # Errors
 /// None, none that answers, or several that do.

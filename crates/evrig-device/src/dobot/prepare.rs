@@ -1,8 +1,8 @@
-//! Setting the arm up for a path: what it is told before it may start.
+//! Sets the arm up for a path.
 
-use super::arm::{ArmError, Magician, Marker, ROOM};
-use super::client::ClientError;
-use super::command::{CartesianLimits, Command, PtpMode, Ratios};
+use super::arm::{ArmError, Magician, Marker, QUEUE_TIMEOUT};
+use super::client::ArmClientError;
+use super::command::{ArmCommand, CartesianLimits, PtpMode, Ratios};
 use super::id;
 use super::link::LinkError;
 use super::steps::{self, CircleAs};
@@ -50,24 +50,24 @@ impl Magician {
             return Ok(());
         }
         let (set, found) = (format!("{set:?}"), format!("{found:?}"));
-        Err(ClientError::ReadBack { what, set, found }.into())
+        Err(ArmClientError::ReadBack { what, set, found }.into())
     }
 
     fn set_tool(&mut self) -> Result<(), ArmError> {
         let set = self.description.kinematics.tool_offset.map(|offset| offset.0 as f32);
-        self.client.set(&Command::EndEffector(set))?;
+        self.client.set(&ArmCommand::EndEffector(set))?;
         let found = self.client.floats::<3>(id::END_EFFECTOR)?;
         if found == set {
             return Ok(());
         }
         let (set, found) = (format!("{set:?}"), format!("{found:?}"));
-        Err(ClientError::ReadBack { what: "tool offset", set, found }.into())
+        Err(ArmClientError::ReadBack { what: "tool offset", set, found }.into())
     }
 
     pub(super) fn go_to(&mut self, pose: Pose) -> Result<(), ArmError> {
-        self.client.set(&Command::PtpCommon(APPROACH_RATIO))?;
-        let command = Command::Ptp { mode: PtpMode::MoveJointXyz, target: steps::wire(pose) };
-        let index = self.client.enqueue(&command, ROOM)?;
+        self.client.set(&ArmCommand::PtpCommon(APPROACH_RATIO))?;
+        let command = ArmCommand::Ptp { mode: PtpMode::MoveJointXyz, target: steps::wire(pose) };
+        let index = self.client.enqueue(&command, QUEUE_TIMEOUT)?;
         Ok(self.client.wait_for(index, APPROACH, &mut |_| ())?)
     }
 
@@ -81,11 +81,13 @@ impl Magician {
         self.client.stop()?;
         let commands = steps::commands(step, CircleAs::Circle);
         let Some(circle) = commands.last() else { return Ok(None) };
-        let taken = self.client.enqueue(circle, ROOM);
+        let taken = self.client.enqueue(circle, QUEUE_TIMEOUT);
         self.client.stop()?;
         match taken {
             Ok(_) => Ok(None),
-            Err(ClientError::Link(LinkError::Silent { .. }) | ClientError::Rejected { .. }) => {
+            Err(
+                ArmClientError::Link(LinkError::Silent { .. }) | ArmClientError::Rejected { .. },
+            ) => {
                 self.circle = CircleAs::Arcs;
                 // It may have raised "undefined instruction"; anything else comes back below.
                 self.client.clear_alarms()?;
@@ -108,8 +110,9 @@ impl Magician {
         self.set_tool()?;
         self.try_rates(path)?;
         if let Some(Marker { address }) = self.marker {
-            self.client.set(&Command::Multiplex { address, function: Command::PIN_IS_OUTPUT })?;
-            self.client.set(&Command::Output { address, is_high: false })?;
+            self.client
+                .set(&ArmCommand::Multiplex { address, function: ArmCommand::PIN_IS_OUTPUT })?;
+            self.client.set(&ArmCommand::Output { address, is_high: false })?;
         }
         self.client.begin()?;
         self.go_to(path.start())?;

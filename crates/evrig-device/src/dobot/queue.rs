@@ -1,53 +1,53 @@
-//! The arm's queue kept in hand: never overfed, never fed twice.
+//! The arm's command queue: never overfilled, no command queued twice.
 //!
 //! A queued command may not be repeated blindly: when its reply was lost it was done, and would
-//! be done again. The index of the next command tells a lost reply from a lost request.
+//! be done again. The index of the next command distinguishes a lost reply from a lost request.
 
-use super::client::{Client, ClientError};
-use super::command::{Command, read};
-use super::frame::{Ctrl, Frame};
+use super::client::{ArmClient, ArmClientError};
+use super::command::{ArmCommand, read};
+use super::frame::{ArmFrame, Ctrl};
 use super::link::LinkError;
 use super::{id, reply};
 use evrig_core::time::Span;
 use evrig_record::host_clock;
 
-impl Client {
+impl ArmClient {
     /// Stops and empties the queue, starts it again and finds out where it counts.
     ///
     /// # Errors
     /// No answer, alarms, or an index that cannot be found out.
-    pub fn begin(&mut self) -> Result<(), ClientError> {
+    pub fn begin(&mut self) -> Result<(), ArmClientError> {
         self.stop()?;
-        self.set(&Command::StartQueue)?;
+        self.set(&ArmCommand::StartQueue)?;
         self.anchor()
     }
 
-    /// A wait of no time tells the index the queue is at, and may be queued twice.
-    fn anchor(&mut self) -> Result<(), ClientError> {
+    /// Queues a wait of no time, which may be repeated, to learn the queue's index.
+    fn anchor(&mut self) -> Result<(), ArmClientError> {
         self.look_for_space()?;
-        let exchange = self.ask(&Command::Wait(0).frame(Ctrl::QUEUED))?;
+        let exchange = self.ask(&ArmCommand::Wait(0).frame(Ctrl::QUEUED))?;
         let because = "it answers a command in the queue with no index";
         let index = reply::queued_index(&exchange.reply)?
-            .ok_or(ClientError::Rejected { command: "WAIT", because })?;
+            .ok_or(ArmClientError::Rejected { command: "WAIT", because })?;
         self.last_index = Some(index);
         // Lost tries may have taken places too.
         self.space = 0;
         Ok(())
     }
 
-    fn look_for_space(&mut self) -> Result<(), ClientError> {
+    fn look_for_space(&mut self) -> Result<(), ArmClientError> {
         self.space = reply::queue_space(&self.value(id::QUEUE_SPACE)?)?;
         self.depth = self.depth.max(self.space);
         Ok(())
     }
 
-    /// Puts a command into the queue and gives its index. Waits for room, `deadline` at most.
-    /// A lost reply is told from a lost request by the index of the next command, so that
-    /// nothing is ever queued twice.
+    /// Queues a command and returns its index. Waits for a free place, `deadline` at most. The
+    /// index of the next command distinguishes a lost reply from a lost request, so that nothing is
+    /// queued twice.
     ///
     /// # Errors
-    /// No room in time, a refusal, silence that cannot be explained (the arm is then stopped).
-    pub fn enqueue(&mut self, command: &Command, deadline: Span) -> Result<u64, ClientError> {
+    /// No free place in time, a refusal, or an unexplained silence (the arm is then stopped).
+    pub fn enqueue(&mut self, command: &ArmCommand, deadline: Span) -> Result<u64, ArmClientError> {
         self.wait_for_space(command, deadline)?;
         if self.last_index.is_none() {
             self.anchor()?;
@@ -81,14 +81,18 @@ impl Client {
     ///
     /// # Errors
     /// No answer, or a short one.
-    pub fn has_room(&mut self) -> Result<bool, ClientError> {
+    pub fn has_room(&mut self) -> Result<bool, ArmClientError> {
         if self.space == 0 {
             self.look_for_space()?;
         }
         Ok(self.space > 0)
     }
 
-    fn wait_for_space(&mut self, command: &Command, deadline: Span) -> Result<(), ClientError> {
+    fn wait_for_space(
+        &mut self,
+        command: &ArmCommand,
+        deadline: Span,
+    ) -> Result<(), ArmClientError> {
         let started = host_clock::now();
         while self.space == 0 {
             self.look_for_space()?;
@@ -98,17 +102,17 @@ impl Client {
             self.refuse_alarms()?;
             if host_clock::now() - started >= deadline {
                 let because = "it stayed full";
-                return Err(ClientError::Rejected { command: name(command), because });
+                return Err(ArmClientError::Rejected { command: name(command), because });
             }
             self.pause();
         }
         Ok(())
     }
 
-    fn accept(&mut self, command: &Command, reply: &Frame) -> Result<u64, ClientError> {
+    fn accept(&mut self, command: &ArmCommand, reply: &ArmFrame) -> Result<u64, ArmClientError> {
         let because = "it answered without an index";
         let index = reply::queued_index(reply)?
-            .ok_or(ClientError::Rejected { command: name(command), because })?;
+            .ok_or(ArmClientError::Rejected { command: name(command), because })?;
         self.last_index = Some(index);
         self.space = self.space.saturating_sub(1);
         Ok(index)
@@ -117,9 +121,9 @@ impl Client {
     /// After silence: the index if the command was queued, `None` if it never arrived.
     fn find_again(
         &mut self,
-        command: &Command,
-        request: &Frame,
-    ) -> Result<Option<u64>, ClientError> {
+        command: &ArmCommand,
+        request: &ArmFrame,
+    ) -> Result<Option<u64>, ArmClientError> {
         // Replies come in order: a late one comes before the answer to this question.
         let fence = self.ask(&read(id::QUEUE_INDEX))?;
         if let Some(late) = fence.stale.iter().find(|frame| request.is_answered_by(frame)) {
@@ -127,7 +131,7 @@ impl Client {
         }
         // Both queued or both lost: the next index tells which. Without an answer nothing does.
         let before = self.last_index;
-        let probe = Command::Wait(0).frame(Ctrl::QUEUED);
+        let probe = ArmCommand::Wait(0).frame(Ctrl::QUEUED);
         let found = match self.link.exchange(&probe, self.patience.reply) {
             Ok(exchange) => reply::queued_index(&exchange.reply)?,
             Err(LinkError::Silent { .. }) => None,
@@ -146,12 +150,12 @@ impl Client {
             }
             _ => {
                 self.stop()?;
-                Err(ClientError::Uncertain { command: name(command) })
+                Err(ArmClientError::Uncertain { command: name(command) })
             }
         }
     }
 }
 
-fn name(command: &Command) -> &'static str {
+fn name(command: &ArmCommand) -> &'static str {
     id::name(command.id()).unwrap_or("UNKNOWN")
 }

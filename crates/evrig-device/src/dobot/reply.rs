@@ -1,8 +1,8 @@
 //! What the arm answers, typed.
 
 use super::alarm::Alarms;
-use super::fields::{Fields, Malformed};
-use super::frame::Frame;
+use super::fields::{Malformed, PayloadFields};
+use super::frame::ArmFrame;
 use serde::{Deserialize, Serialize};
 
 /// Position of the planner: where the arm believes it is, not a measurement of the tool.
@@ -31,15 +31,15 @@ impl std::fmt::Display for Version {
     }
 }
 
-fn fields(reply: &Frame) -> Fields<'_> {
-    Fields::new(reply.id(), reply.params())
+fn fields(reply: &ArmFrame) -> PayloadFields<'_> {
+    PayloadFields::new(reply.id(), reply.params())
 }
 
 /// Reads the reply to [`super::id::POSE`].
 ///
 /// # Errors
 /// When it is shorter than 32 bytes.
-pub fn pose(reply: &Frame) -> Result<PoseReply, Malformed> {
+pub fn pose(reply: &ArmFrame) -> Result<PoseReply, Malformed> {
     let mut fields = fields(reply);
     Ok(PoseReply { xyzr: fields.floats()?, joints: fields.floats()? })
 }
@@ -48,7 +48,7 @@ pub fn pose(reply: &Frame) -> Result<PoseReply, Malformed> {
 ///
 /// # Errors
 /// When it is shorter than 16 bytes.
-pub fn alarms(reply: &Frame) -> Result<Alarms, Malformed> {
+pub fn alarms(reply: &ArmFrame) -> Result<Alarms, Malformed> {
     let short = |params: &[u8]| Malformed::Short {
         id: reply.id(),
         found: params.len(),
@@ -62,14 +62,14 @@ pub fn alarms(reply: &Frame) -> Result<Alarms, Malformed> {
 ///
 /// # Errors
 /// When it is shorter than three bytes.
-pub fn version(reply: &Frame) -> Result<Version, Malformed> {
+pub fn version(reply: &ArmFrame) -> Result<Version, Malformed> {
     let mut fields = fields(reply);
     Ok(Version { major: fields.byte()?, minor: fields.byte()?, revision: fields.byte()? })
 }
 
 /// Reads a name or a serial number: text up to the first NUL, bytes that are not text replaced.
 #[must_use]
-pub fn text(reply: &Frame) -> String {
+pub fn text(reply: &ArmFrame) -> String {
     let bytes = reply.params().split(|byte| *byte == 0).next().unwrap_or_default();
     String::from_utf8_lossy(bytes).trim().to_owned()
 }
@@ -79,7 +79,7 @@ pub fn text(reply: &Frame) -> String {
 ///
 /// # Errors
 /// When it is neither empty nor eight bytes.
-pub fn queued_index(reply: &Frame) -> Result<Option<u64>, Malformed> {
+pub fn queued_index(reply: &ArmFrame) -> Result<Option<u64>, Malformed> {
     if reply.params().is_empty() { Ok(None) } else { index(reply).map(Some) }
 }
 
@@ -87,7 +87,7 @@ pub fn queued_index(reply: &Frame) -> Result<Option<u64>, Malformed> {
 ///
 /// # Errors
 /// When it is shorter than eight bytes.
-pub fn index(reply: &Frame) -> Result<u64, Malformed> {
+pub fn index(reply: &ArmFrame) -> Result<u64, Malformed> {
     fields(reply).long()
 }
 
@@ -95,7 +95,7 @@ pub fn index(reply: &Frame) -> Result<u64, Malformed> {
 ///
 /// # Errors
 /// When it is shorter than four bytes.
-pub fn queue_space(reply: &Frame) -> Result<u64, Malformed> {
+pub fn queue_space(reply: &ArmFrame) -> Result<u64, Malformed> {
     if reply.params().len() >= 8 { index(reply) } else { fields(reply).int().map(u64::from) }
 }
 
@@ -103,7 +103,7 @@ pub fn queue_space(reply: &Frame) -> Result<u64, Malformed> {
 ///
 /// # Errors
 /// When it is shorter than four bytes.
-pub fn device_time_ms(reply: &Frame) -> Result<u32, Malformed> {
+pub fn device_time_ms(reply: &ArmFrame) -> Result<u32, Malformed> {
     fields(reply).int()
 }
 
@@ -111,21 +111,21 @@ pub fn device_time_ms(reply: &Frame) -> Result<u32, Malformed> {
 ///
 /// # Errors
 /// When there are fewer.
-pub fn floats<const N: usize>(reply: &Frame) -> Result<[f32; N], Malformed> {
+pub fn floats<const N: usize>(reply: &ArmFrame) -> Result<[f32; N], Malformed> {
     fields(reply).floats()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::frame::Decoder;
+    use super::super::frame::ArmFrameDecoder;
     use super::super::{frame::Ctrl, id};
     use super::*;
 
-    fn frame(text: &str) -> Frame {
+    fn frame(text: &str) -> ArmFrame {
         let bytes: Vec<u8> =
             text.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect();
         let mut frames = Vec::new();
-        Decoder::default().push(&bytes, |frame| frames.push(frame));
+        ArmFrameDecoder::default().push(&bytes, |frame| frames.push(frame));
         assert_eq!(frames.len(), 1);
         frames.remove(0)
     }
@@ -148,15 +148,15 @@ mod tests {
         assert_eq!(queued_index(&queued), Ok(Some(7)));
         assert_eq!(index(&frame("aa aa 0a f6 00 07 00 00 00 00 00 00 00 03")), Ok(7));
         assert_eq!(queue_space(&frame("aa aa 06 f7 00 20 00 00 00 e9")), Ok(32));
-        let rejected = Frame::bare(id::PTP, Ctrl::QUEUED);
+        let rejected = ArmFrame::bare(id::PTP, Ctrl::QUEUED);
         assert_eq!(queued_index(&rejected), Ok(None));
-        let cut = Frame::new(id::PTP, Ctrl::QUEUED, vec![1, 2, 3]).unwrap();
+        let cut = ArmFrame::new(id::PTP, Ctrl::QUEUED, vec![1, 2, 3]).unwrap();
         assert!(queued_index(&cut).is_err());
     }
 
     #[test]
     fn the_space_of_a_lite_is_eight_bytes() {
-        let reply = Frame::new(id::QUEUE_SPACE, Ctrl::READ, 500_u64.to_le_bytes().to_vec());
+        let reply = ArmFrame::new(id::QUEUE_SPACE, Ctrl::READ, 500_u64.to_le_bytes().to_vec());
         assert_eq!(queue_space(&reply.unwrap()), Ok(500));
     }
 
@@ -164,13 +164,13 @@ mod tests {
     fn a_version_with_trailing_bytes_is_its_first_three() {
         let version = version(&frame("aa aa 05 02 00 03 07 00 f4")).unwrap();
         assert_eq!(version.to_string(), "3.7.0");
-        let long = Frame::new(id::DEVICE_VERSION, Ctrl::READ, vec![3; 14]).unwrap();
+        let long = ArmFrame::new(id::DEVICE_VERSION, Ctrl::READ, vec![3; 14]).unwrap();
         assert!(super::version(&long).is_ok());
     }
 
     #[test]
     fn a_name_ends_at_its_nul() {
-        let reply = Frame::new(id::DEVICE_NAME, Ctrl::READ, b"Dobot\0rubbish".to_vec()).unwrap();
+        let reply = ArmFrame::new(id::DEVICE_NAME, Ctrl::READ, b"Dobot\0rubbish".to_vec()).unwrap();
         assert_eq!(text(&reply), "Dobot");
     }
 }

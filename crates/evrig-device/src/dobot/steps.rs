@@ -1,6 +1,6 @@
 //! A path's steps as commands for the arm's queue.
 
-use super::command::{CartesianLimits, Command, CpLimits, PtpMode, Ratios, XyzR};
+use super::command::{ArmCommand, CartesianLimits, CpLimits, PtpMode, Ratios, XyzR};
 use evrig_core::units::MillimetresPerSecond;
 use evrig_session::rig::Pose;
 use evrig_session::trajectory::{MotionCommand, PathStep, Rates};
@@ -18,10 +18,10 @@ pub(super) enum CircleAs {
 pub(super) const FULL: Ratios = Ratios { velocity: 100.0, acceleration: 100.0 };
 
 /// The speeds of a step, as every kind of motion reads them: documents disagree whether arcs run
-/// at the ARC or the PTP parameters, so both say the same.
-pub(super) fn rate_commands(rates: &Rates) -> [Command; 3] {
+/// at the ARC or the PTP parameters, so both are set equally.
+pub(super) fn rate_commands(rates: &Rates) -> [ArmCommand; 3] {
     let limits = cartesian_limits(rates);
-    [Command::PtpCoordinate(limits), Command::ArcParams(limits), Command::PtpCommon(FULL)]
+    [ArmCommand::PtpCoordinate(limits), ArmCommand::ArcParams(limits), ArmCommand::PtpCommon(FULL)]
 }
 
 /// The rates in the terms of commands 81 and 100.
@@ -34,8 +34,8 @@ pub(super) fn cartesian_limits(rates: &Rates) -> CartesianLimits {
     }
 }
 
-/// What the arm is told for one step: its speeds, then its motion.
-pub(super) fn commands(step: &PathStep, circle: CircleAs) -> Vec<Command> {
+/// The commands for one step: its speeds, then its motion.
+pub(super) fn commands(step: &PathStep, circle: CircleAs) -> Vec<ArmCommand> {
     let mut commands = Vec::new();
     let motion = step.curve.motion();
     if motion != MotionCommand::Hold {
@@ -45,27 +45,29 @@ pub(super) fn commands(step: &PathStep, circle: CircleAs) -> Vec<Command> {
     match motion {
         MotionCommand::Hold => commands.extend(waits(step.duration.as_nanos())),
         MotionCommand::Line => {
-            commands.push(Command::Ptp { mode: PtpMode::MoveLineXyz, target: wire(to) });
+            commands.push(ArmCommand::Ptp { mode: PtpMode::MoveLineXyz, target: wire(to) });
         }
-        MotionCommand::Arc { via } => commands.push(Command::Arc { via: wire(via), to: wire(to) }),
+        MotionCommand::Arc { via } => {
+            commands.push(ArmCommand::Arc { via: wire(via), to: wire(to) })
+        }
         MotionCommand::Circle { via, opposite, turns } => match circle {
             CircleAs::Circle => {
-                commands.push(Command::Circle { via: wire(via), to: wire(opposite), turns });
+                commands.push(ArmCommand::Circle { via: wire(via), to: wire(opposite), turns });
             }
             CircleAs::Arcs => {
                 // The way back leads through the point across from `via`.
                 let back = across(via, from, opposite);
                 for _ in 0..turns {
-                    commands.push(Command::Arc { via: wire(via), to: wire(opposite) });
-                    commands.push(Command::Arc { via: wire(back), to: wire(from) });
+                    commands.push(ArmCommand::Arc { via: wire(via), to: wire(opposite) });
+                    commands.push(ArmCommand::Arc { via: wire(back), to: wire(from) });
                 }
             }
         },
         MotionCommand::Points(poses) => {
-            commands.push(Command::CpParams(cp_limits(&step.rates)));
+            commands.push(ArmCommand::CpParams(cp_limits(&step.rates)));
             commands.extend(thinned(poses, step.rates.speed).skip(1).map(|pose| {
                 let [x, y, z, _] = wire(pose);
-                Command::Cp { is_absolute: true, xyz: [x, y, z], velocity: 0.0 }
+                ArmCommand::Cp { is_absolute: true, xyz: [x, y, z], velocity: 0.0 }
             }));
         }
     }
@@ -90,12 +92,12 @@ fn thinned(poses: &[Pose], speed: MillimetresPerSecond) -> impl Iterator<Item = 
 }
 
 /// Queue waits of whole milliseconds; a command holds 49 days at most.
-fn waits(nanos: i64) -> impl Iterator<Item = Command> {
+fn waits(nanos: i64) -> impl Iterator<Item = ArmCommand> {
     let mut rest_ms = u64::try_from(nanos / 1_000_000).unwrap_or(0);
     std::iter::from_fn(move || {
         let now_ms = u32::try_from(rest_ms).unwrap_or(u32::MAX);
         rest_ms -= u64::from(now_ms);
-        (now_ms > 0).then_some(Command::Wait(now_ms))
+        (now_ms > 0).then_some(ArmCommand::Wait(now_ms))
     })
 }
 
@@ -157,14 +159,18 @@ mod tests {
     fn a_circle_is_one_command_behind_speeds_that_all_agree() {
         let path = circle(3);
         let commands = commands(&path.steps()[0], CircleAs::Circle);
-        let [Command::PtpCoordinate(ptp), Command::ArcParams(arc), Command::PtpCommon(FULL), last] =
-            commands[..]
+        let [
+            ArmCommand::PtpCoordinate(ptp),
+            ArmCommand::ArcParams(arc),
+            ArmCommand::PtpCommon(FULL),
+            last,
+        ] = commands[..]
         else {
             panic!("{commands:?}");
         };
         assert_eq!(ptp, arc);
         assert_eq!((ptp.xyz_velocity, ptp.r_acceleration), (50.0, 80.0));
-        let Command::Circle { via, to, turns: 3 } = last else { panic!("{last:?}") };
+        let ArmCommand::Circle { via, to, turns: 3 } = last else { panic!("{last:?}") };
         assert!(near(via, [252.0, 12.0, 100.0, 90.0]) && near(to, [264.0, 0.0, 100.0, 90.0]));
     }
 
@@ -175,7 +181,7 @@ mod tests {
         let arcs: Vec<_> = commands
             .iter()
             .filter_map(|command| match command {
-                Command::Arc { via, to } => Some((*via, *to)),
+                ArmCommand::Arc { via, to } => Some((*via, *to)),
                 _ => None,
             })
             .collect();
@@ -198,8 +204,8 @@ mod tests {
     #[test]
     fn standing_still_is_a_wait_of_its_length() {
         let path = circle(1);
-        assert_eq!(commands(&path.steps()[1], CircleAs::Circle), [Command::Wait(1_500)]);
+        assert_eq!(commands(&path.steps()[1], CircleAs::Circle), [ArmCommand::Wait(1_500)]);
         let long: Vec<_> = waits(i64::from(u32::MAX) * 1_000_000 + 5_000_000).collect();
-        assert_eq!(long, [Command::Wait(u32::MAX), Command::Wait(5)]);
+        assert_eq!(long, [ArmCommand::Wait(u32::MAX), ArmCommand::Wait(5)]);
     }
 }

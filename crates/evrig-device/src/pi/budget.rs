@@ -1,11 +1,11 @@
 //! Whether a link can carry the frames that are ordered, and what it could carry instead.
 
 use evrig_core::units::BytesPerSecond;
-use evrig_pi::order::{Coding, Delivery, Order, RgbDelivery};
+use evrig_pi::order::{CaptureOrder, Coding, Delivery, RgbDelivery};
 use evrig_record::Finding;
 
-/// Shares of their bytes that raw and RGB pictures keep when they are coded; noise decides, and with
-/// it the gain. A little above what docs/RECORDING.md measured.
+/// Shares of their bytes that raw and RGB pictures keep when they are coded; noise decides, and
+/// with it the gain. A little above what docs/RECORDING.md measured.
 const fn coded_shares(gain: f64) -> [f64; 2] {
     if gain <= 4.0 { [0.60, 0.42] } else { [0.70, 0.50] }
 }
@@ -15,7 +15,7 @@ const PLANNED_SHARE: f64 = 0.8;
 
 /// What an order loads onto the link while frames are taken.
 #[must_use]
-pub(super) fn load(order: &Order) -> BytesPerSecond {
+pub(super) fn load(order: &CaptureOrder) -> BytesPerSecond {
     let settings = &order.settings;
     let n_pixels = settings.size.n_pixels() as f64;
     let [raw_share, rgb_share] = match order.delivery.coding {
@@ -34,25 +34,25 @@ pub(super) fn load(order: &Order) -> BytesPerSecond {
 
 /// Whether a link carries an order.
 #[must_use]
-pub(super) fn is_carried(order: &Order, link: BytesPerSecond) -> bool {
+pub(super) fn is_carried(order: &CaptureOrder, link: BytesPerSecond) -> bool {
     load(order).0 <= PLANNED_SHARE * link.0
 }
 
 /// The delivery nearest to the one ordered that a link carries; none when it carries no way at all.
 #[must_use]
-pub(super) fn proposal(order: &Order, link: BytesPerSecond) -> Option<Delivery> {
+pub(super) fn proposal(order: &CaptureOrder, link: BytesPerSecond) -> Option<Delivery> {
     let coding = Coding::Lossless;
     let ways = [
         order.delivery,
         Delivery { coding, ..order.delivery },
         Delivery { coding, rgb: RgbDelivery::AfterTake },
     ];
-    ways.into_iter().find(|&delivery| is_carried(&Order { delivery, ..order.clone() }, link))
+    ways.into_iter().find(|&delivery| is_carried(&CaptureOrder { delivery, ..order.clone() }, link))
 }
 
 /// The finding of the preflight.
 #[must_use]
-pub(super) fn finding(order: &Order, link: BytesPerSecond) -> Finding {
+pub(super) fn finding(order: &CaptureOrder, link: BytesPerSecond) -> Finding {
     let mbit = |rate: BytesPerSecond| rate.0 * 8e-6;
     let says = format!(
         "the link carries {:.0} Mbit/s, the frames need {:.0} (rgb_delivery \"{}\", coding \"{}\")",
@@ -91,11 +91,11 @@ mod tests {
     use evrig_core::geometry::Size;
     use evrig_core::time::Span;
     use evrig_core::units::Hertz;
-    use evrig_pi::order::{Focus, Settings};
+    use evrig_pi::order::{CaptureSettings, Focus};
     use evrig_record::Verdict;
 
-    fn order(coding: Coding, rgb: RgbDelivery) -> Order {
-        let settings = Settings {
+    fn order(coding: Coding, rgb: RgbDelivery) -> CaptureOrder {
+        let settings = CaptureSettings {
             size: Size::new(692, 520),
             frame_rate: Hertz(120.0),
             exposure: Span::from_micros(4_000),
@@ -103,7 +103,7 @@ mod tests {
             raw: true,
             rgb: true,
         };
-        Order { settings, focus: Focus::Once, delivery: Delivery { coding, rgb } }
+        CaptureOrder { settings, focus: Focus::Once, delivery: Delivery { coding, rgb } }
     }
 
     fn mbit(rate: f64) -> BytesPerSecond {

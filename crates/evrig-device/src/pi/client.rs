@@ -1,13 +1,14 @@
 //! The host's side: the Pi's camera as a recorder.
 
 use super::budget;
-use super::line::{Line, Reach};
+use super::connection::{AgentAddress, AgentConnection};
 use evrig_core::pi_camera::PiFrame;
-use evrig_pi::order::{Delivery, Focus, Order};
-use evrig_pi::wire::{Message, Settings, TakeTally};
+use evrig_pi::order::{CaptureOrder, CaptureSettings, Delivery, Focus};
+use evrig_pi::wire::{Message, TakeTally};
 use evrig_record::Finding;
 use evrig_record::recorder::{
-    Account, Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
+    PreparedRecorder, Recorder, RecorderError, RecorderMonitor, RecorderSample, RecorderTally,
+    SampleSender, host_time,
 };
 use evrig_session::{ClockExchange, HostTime};
 use std::net::{Shutdown, TcpStream};
@@ -17,7 +18,7 @@ use std::time::{Duration, Instant};
 
 /// How long is waited for what.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Patience {
+pub struct PiTimeouts {
     /// For a connection, and for each answer.
     pub answer: Duration,
     /// Without a byte while frames flow, after which the agent counts as gone.
@@ -29,7 +30,7 @@ pub struct Patience {
     pub drain: Duration,
 }
 
-impl Default for Patience {
+impl Default for PiTimeouts {
     fn default() -> Self {
         Self {
             answer: Duration::from_secs(3),
@@ -50,43 +51,44 @@ const SLOWEST_BYTES_PER_S: u64 = 1_000_000;
 /// The Pi's camera behind its agent.
 #[derive(Debug)]
 pub struct NetworkPi {
-    reach: Reach,
-    order: Order,
-    patience: Patience,
-    ready: Option<(Line, Vec<ClockExchange>)>,
+    agent: AgentAddress,
+    order: CaptureOrder,
+    timeouts: PiTimeouts,
+    ready: Option<(AgentConnection, Vec<ClockExchange>)>,
     socket: Option<TcpStream>,
-    account: Arc<Account>,
+    monitor: Arc<RecorderMonitor>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl NetworkPi {
     /// Will connect to the agent at `HOST:PORT` of this machine, without encryption.
     #[must_use]
-    pub fn new(address: &str, settings: Settings, patience: Patience) -> Self {
-        let order = Order { settings, focus: Focus::default(), delivery: Delivery::default() };
-        Self::reached(Reach::Local { address: address.to_owned() }, order, patience)
+    pub fn local(address: &str, settings: CaptureSettings, timeouts: PiTimeouts) -> Self {
+        let order =
+            CaptureOrder { settings, focus: Focus::default(), delivery: Delivery::default() };
+        Self::new(AgentAddress::Local { address: address.to_owned() }, order, timeouts)
     }
 
     /// Will connect to an agent.
     #[must_use]
-    pub fn reached(reach: Reach, order: Order, patience: Patience) -> Self {
+    pub fn new(agent: AgentAddress, order: CaptureOrder, timeouts: PiTimeouts) -> Self {
         Self {
-            reach,
+            agent,
             order,
-            patience,
+            timeouts,
             ready: None,
             socket: None,
-            account: Arc::default(),
+            monitor: Arc::default(),
             thread: None,
         }
     }
 
     fn failed(&self, because: impl ToString) -> RecorderError {
-        self.reach.failed(because)
+        self.agent.failed(because)
     }
 
     fn stop(&mut self) {
-        self.account.end();
+        self.monitor.end();
         if let Some(socket) = &self.socket {
             // It may be closed from the other side already.
             let _ = socket.shutdown(Shutdown::Both);
@@ -109,66 +111,68 @@ impl Recorder for NetworkPi {
     }
 
     fn check(&mut self) -> Vec<Finding> {
-        let answer = self.patience.answer;
-        let (line, camera) = match Line::connect(&self.reach, answer) {
+        let answer = self.timeouts.answer;
+        let (connection, camera) = match AgentConnection::connect(&self.agent, answer) {
             Ok(connected) => connected,
             Err(error) => return vec![Finding::bad("pi", error.to_string())],
         };
-        let found = Finding::good("pi", format!("{}: {camera}", self.reach));
-        let network = match line.probe(answer) {
+        let found = Finding::good("pi", format!("{}: {camera}", self.agent));
+        let network = match connection.probe(answer) {
             Ok(link) => budget::finding(&self.order, link),
             Err(error) => Finding::bad("network", error.to_string()),
         };
         vec![found, network]
     }
 
-    fn prepare(&mut self) -> Result<Prepared, RecorderError> {
-        let (mut line, camera) = Line::connect(&self.reach, self.patience.answer)?;
-        let (held, says) = line.configure(&self.order, self.patience.configure)?;
+    fn prepare(&mut self) -> Result<PreparedRecorder, RecorderError> {
+        let (mut connection, camera) = AgentConnection::connect(&self.agent, self.timeouts.answer)?;
+        let (held, says) = connection.configure(&self.order, self.timeouts.configure)?;
         let asked = &self.order.settings;
         if held.size != asked.size || (held.raw, held.rgb) != (asked.raw, asked.rgb) {
             return Err(self.failed(format!("asked for {asked:?}, it set {held:?}")));
         }
         let mut readings = Vec::new();
         for _ in 0..CLOCK_READINGS {
-            readings.push(line.ask_clock(self.patience.answer)?);
+            readings.push(connection.ask_clock(self.timeouts.answer)?);
         }
-        self.socket = line.handle();
-        self.ready = Some((line, readings));
+        self.socket = connection.handle();
+        self.ready = Some((connection, readings));
         let says = serde_json::json!({
-            "source": self.reach.to_string(), "camera": camera, "asked": self.order, "set": held,
+            "source": self.agent.to_string(), "camera": camera, "asked": self.order, "set": held,
             "says": says,
         });
-        Ok(Prepared { says, streams: Vec::new() })
+        Ok(PreparedRecorder { says, streams: Vec::new() })
     }
 
-    fn start(&mut self, outlet: Outlet) -> Result<(), RecorderError> {
-        let Some((mut line, readings)) = self.ready.take() else {
+    fn start(&mut self, outlet: SampleSender) -> Result<(), RecorderError> {
+        let Some((mut connection, readings)) = self.ready.take() else {
             return Err(self.failed("it was not prepared"));
         };
-        line.send(&Message::Start)?;
+        connection.send(&Message::Start)?;
         for reading in readings {
-            let _ = outlet.offer(Sample::Clock(reading));
+            let _ = outlet.offer(RecorderSample::Clock(reading));
         }
-        let patience = self.patience;
-        let work = move |outlet: &Outlet, account: &Account| line.record(outlet, account, patience);
-        let thread = self.account.spawn("pi", outlet, work);
+        let timeouts = self.timeouts;
+        let work = move |outlet: &SampleSender, monitor: &RecorderMonitor| {
+            connection.record(outlet, monitor, timeouts)
+        };
+        let thread = self.monitor.spawn("pi", outlet, work);
         self.thread = Some(thread.map_err(|error| self.failed(error))?);
-        if self.account.wait_for_first(patience.silence)? {
+        if self.monitor.wait_for_first(timeouts.silence)? {
             return Ok(());
         }
         Err(self.failed("no frame came"))
     }
 
-    fn progress(&mut self) -> Result<Tally, RecorderError> {
-        self.account.progress()
+    fn progress(&mut self) -> Result<RecorderTally, RecorderError> {
+        self.monitor.progress()
     }
 
-    fn finish(&mut self) -> Result<Tally, RecorderError> {
-        self.account.end();
+    fn finish(&mut self) -> Result<RecorderTally, RecorderError> {
+        self.monitor.end();
         self.join();
         self.stop();
-        self.account.progress()
+        self.monitor.progress()
     }
 
     fn abort(&mut self) {
@@ -182,22 +186,22 @@ impl Drop for NetworkPi {
     }
 }
 
-impl Line {
+impl AgentConnection {
     /// Takes frames until the recording ends, then what is left, then the clocks again.
     fn record(
         &mut self,
-        outlet: &Outlet,
-        account: &Account,
-        patience: Patience,
+        outlet: &SampleSender,
+        monitor: &RecorderMonitor,
+        timeouts: PiTimeouts,
     ) -> Result<(), RecorderError> {
         let mut heard = Instant::now();
         let mut clock_asked: Option<HostTime> = None;
         let mut last_asked = Instant::now();
         let mut drained_by: Option<Instant> = None;
         loop {
-            if drained_by.is_none() && account.is_ending() {
+            if drained_by.is_none() && monitor.is_ending() {
                 self.send(&Message::Stop)?;
-                drained_by = Some(Instant::now() + patience.drain);
+                drained_by = Some(Instant::now() + timeouts.drain);
             }
             if drained_by.is_none() && clock_asked.is_none() && last_asked.elapsed() >= CLOCK_EVERY
             {
@@ -206,26 +210,26 @@ impl Line {
                 self.send(&Message::AskClock)?;
             }
             if drained_by.is_some_and(|limit| Instant::now() >= limit) {
-                return Err(self.reach.failed("the frames that wait there did not come in time"));
+                return Err(self.agent.failed("the frames that wait there did not come in time"));
             }
             let Some(message) = self.look()? else {
-                let limit = if drained_by.is_some() { patience.drain } else { patience.silence };
+                let limit = if drained_by.is_some() { timeouts.drain } else { timeouts.silence };
                 if heard.elapsed() >= limit {
-                    return Err(self.reach.failed(format!("not a byte within {limit:?}")));
+                    return Err(self.agent.failed(format!("not a byte within {limit:?}")));
                 }
                 continue;
             };
             heard = Instant::now();
             match message {
                 Message::Frame(frame) => {
-                    account.offer(outlet, Sample::Frame { arrived: host_time(), frame });
+                    monitor.offer(outlet, RecorderSample::Frame { arrived: host_time(), frame });
                 }
-                Message::LateRgb(frame) => deliver_late(outlet, account, frame),
+                Message::LateRgb(frame) => deliver_late(outlet, monitor, frame),
                 Message::Clock(reading) => {
                     if let Some(asked) = clock_asked.take() {
                         let (pi, pi_raw) = (reading.boot, Some(reading.raw));
                         let reading = ClockExchange { asked, pi, pi_raw, answered: host_time() };
-                        let _ = outlet.offer(Sample::Clock(reading));
+                        let _ = outlet.offer(RecorderSample::Clock(reading));
                     }
                 }
                 Message::Draining { n_bytes, .. } => {
@@ -233,25 +237,25 @@ impl Line {
                     drained_by = drained_by.map(|limit| limit + seconds);
                 }
                 Message::Stopped(tally) => {
-                    account.change(|state| count(&mut state.tally, &tally));
+                    monitor.change(|state| count(&mut state.tally, &tally));
                     break;
                 }
-                Message::Refused { because } => return Err(self.reach.refused(because)),
+                Message::Refused { because } => return Err(self.agent.refused(because)),
                 other => return Err(self.unexpected("a frame", &other)),
             }
         }
         for _ in 0..CLOCK_READINGS {
-            let reading = self.ask_clock(patience.answer)?;
-            let _ = outlet.offer(Sample::Clock(reading));
+            let reading = self.ask_clock(timeouts.answer)?;
+            let _ = outlet.offer(RecorderSample::Clock(reading));
         }
-        let text = format!("pi: clock after the take: {}", self.ask_discipline(patience.answer)?);
-        let _ = outlet.offer(Sample::Note { at: host_time(), text });
+        let text = format!("pi: clock after the take: {}", self.ask_discipline(timeouts.answer)?);
+        let _ = outlet.offer(RecorderSample::Note { at: host_time(), text });
         Ok(())
     }
 }
 
-/// Takes the agent's account of a take over into the recorder's.
-fn count(tally: &mut Tally, take: &TakeTally) {
+/// Takes the agent's monitor of a take over into the recorder's.
+fn count(tally: &mut RecorderTally, take: &TakeTally) {
     tally.n_dropped += take.n_dropped;
     if take.n_late_dropped > 0 {
         let n = take.n_late_dropped;
@@ -260,9 +264,9 @@ fn count(tally: &mut Tally, take: &TakeTally) {
 }
 
 /// Late pictures can wait for the disk: the agent keeps them until they are taken.
-fn deliver_late(outlet: &Outlet, account: &Account, frame: Box<PiFrame>) {
-    if !outlet.put(Sample::LateRgb { arrived: host_time(), frame }) {
-        account.change(|state| {
+fn deliver_late(outlet: &SampleSender, monitor: &RecorderMonitor, frame: Box<PiFrame>) {
+    if !outlet.put(RecorderSample::LateRgb { arrived: host_time(), frame }) {
+        monitor.change(|state| {
             if state.tally.gaps.is_empty() {
                 state.tally.gaps.push("the writer ended before the late RGB pictures".to_owned());
             }

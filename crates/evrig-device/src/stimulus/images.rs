@@ -28,8 +28,8 @@ pub struct ImageList {
 }
 
 impl ImageList {
-    /// Reads a list: a folder of pictures in the order of their names, each labelled by its name, or
-    /// a text file with a line `picture[,label]` each, paths relative to it, `#` before remarks.
+    /// Reads a list: a folder of pictures in the order of their names, each labelled by its name,
+    /// or a text file with a line `picture[,label]` each, paths relative to it, `#` before remarks.
     ///
     /// # Errors
     /// When it cannot be read, is empty, or names something that is no picture a browser draws.

@@ -1,8 +1,10 @@
-//! The screen among the devices of a recording: it gives no samples, but what it showed is told.
+//! The screen as a recorder: it gives no samples; its manifest entry states what it showed.
 
 use super::Stimulus;
 use evrig_record::Finding;
-use evrig_record::recorder::{Outlet, Prepared, Recorder, RecorderError, Tally};
+use evrig_record::recorder::{
+    PreparedRecorder, Recorder, RecorderError, RecorderTally, SampleSender,
+};
 use evrig_session::sha256_of_file;
 use serde_json::json;
 use std::sync::Arc;
@@ -19,11 +21,11 @@ pub struct Screen {
     /// The picture of the next recording.
     next: Arc<AtomicUsize>,
     /// Held while it records, or its writer would end.
-    outlet: Option<Outlet>,
+    outlet: Option<SampleSender>,
 }
 
 impl Screen {
-    /// The screen of a page; whoever records sets the picture in `next` before each recording.
+    /// The screen of a page; the caller sets the picture in `next` before each recording.
     #[must_use]
     pub fn new(stimulus: Arc<Stimulus>, next: Arc<AtomicUsize>) -> Self {
         Self { stimulus, next, outlet: None }
@@ -55,7 +57,7 @@ impl Recorder for Screen {
         }]
     }
 
-    fn prepare(&mut self) -> Result<Prepared, RecorderError> {
+    fn prepare(&mut self) -> Result<PreparedRecorder, RecorderError> {
         let index = self.next.load(Ordering::SeqCst);
         let image = self.stimulus.images().get(index).cloned();
         let image = image.ok_or_else(|| self.failed(format!("the list has no picture {index}")))?;
@@ -66,21 +68,21 @@ impl Recorder for Screen {
             "label": image.label, "image": file, "sha256": sha256, "bytes": bytes,
             "index": index, "shown": shown,
         });
-        Ok(Prepared { says, streams: Vec::new() })
+        Ok(PreparedRecorder { says, streams: Vec::new() })
     }
 
-    fn start(&mut self, outlet: Outlet) -> Result<(), RecorderError> {
+    fn start(&mut self, outlet: SampleSender) -> Result<(), RecorderError> {
         self.outlet = Some(outlet);
         Ok(())
     }
 
-    fn progress(&mut self) -> Result<Tally, RecorderError> {
-        Ok(Tally::default())
+    fn progress(&mut self) -> Result<RecorderTally, RecorderError> {
+        Ok(RecorderTally::default())
     }
 
-    fn finish(&mut self) -> Result<Tally, RecorderError> {
+    fn finish(&mut self) -> Result<RecorderTally, RecorderError> {
         self.outlet = None;
-        Ok(Tally::default())
+        Ok(RecorderTally::default())
     }
 
     fn abort(&mut self) {

@@ -1,8 +1,8 @@
-//! What the page is to show, and what it says that it shows.
+//! What the page is to show, and what it confirmed.
 
 use serde::{Deserialize, Serialize};
 
-/// How it stands.
+/// The current state.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StimulusState {
     /// Grows with every change that the page must follow.

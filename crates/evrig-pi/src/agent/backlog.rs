@@ -8,16 +8,16 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::Notify;
 
-/// Room for what waits.
+/// BacklogLimits for what waits.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Room {
+pub struct BacklogLimits {
     /// Bytes in memory at most, or a single larger message.
     pub memory_bytes: usize,
     /// Where what does not fit goes; none to drop it.
     pub spool: Option<Spool>,
 }
 
-/// A place on disk.
+/// A spool file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Spool {
     /// A directory; the file in it has no name, so nothing stays behind, however the agent ends.
@@ -28,7 +28,7 @@ pub struct Spool {
 
 /// Where a message went.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kept {
+pub(super) enum Stored {
     Memory,
     Disk,
     Nowhere,
@@ -37,13 +37,13 @@ pub(super) enum Kept {
 /// A queue with one reader.
 #[derive(Debug)]
 pub(super) struct Backlog {
-    state: Mutex<State>,
+    state: Mutex<BacklogState>,
     changed: Notify,
-    room: Room,
+    limits: BacklogLimits,
 }
 
 #[derive(Debug)]
-struct State {
+struct BacklogState {
     memory: VecDeque<Vec<u8>>,
     n_memory: usize,
     spill: Option<Spill>,
@@ -96,8 +96,8 @@ impl Backlog {
     ///
     /// # Errors
     /// When no file can be made there.
-    pub(super) fn new(room: Room) -> io::Result<Self> {
-        let spill = match &room.spool {
+    pub(super) fn new(limits: BacklogLimits) -> io::Result<Self> {
+        let spill = match &limits.spool {
             None => None,
             Some(spool) => Some(Spill {
                 file: Arc::new(nameless(&spool.directory)?),
@@ -107,11 +107,11 @@ impl Backlog {
                 limit: spool.limit_bytes,
             }),
         };
-        let state = State { memory: VecDeque::new(), n_memory: 0, spill, is_closed: false };
-        Ok(Self { state: Mutex::new(state), changed: Notify::new(), room })
+        let state = BacklogState { memory: VecDeque::new(), n_memory: 0, spill, is_closed: false };
+        Ok(Self { state: Mutex::new(state), changed: Notify::new(), limits })
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, BacklogState> {
         // Counters and queues are changed together, without a way out between.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -120,24 +120,24 @@ impl Backlog {
     ///
     /// # Errors
     /// When the disk refuses; the message is then lost.
-    pub(super) fn push(&self, message: Vec<u8>) -> io::Result<Kept> {
+    pub(super) fn push(&self, message: Vec<u8>) -> io::Result<Stored> {
         let mut state = self.lock();
         let spilled = state.spill.as_ref().is_some_and(|spill| !spill.lengths.is_empty());
         let fits =
-            state.memory.is_empty() || state.n_memory + message.len() <= self.room.memory_bytes;
+            state.memory.is_empty() || state.n_memory + message.len() <= self.limits.memory_bytes;
         let kept = if fits && !spilled {
             state.n_memory += message.len();
             state.memory.push_back(message);
-            Kept::Memory
+            Stored::Memory
         } else {
             match &mut state.spill {
                 Some(spill) if spill.has_room(message.len()) => match spill.push(&message) {
-                    Ok(()) => Kept::Disk,
+                    Ok(()) => Stored::Disk,
                     // A full disk is no room, not the end of the take.
-                    Err(error) if error.kind() == io::ErrorKind::StorageFull => Kept::Nowhere,
+                    Err(error) if error.kind() == io::ErrorKind::StorageFull => Stored::Nowhere,
                     Err(error) => return Err(error),
                 },
-                _ => Kept::Nowhere,
+                _ => Stored::Nowhere,
             }
         };
         drop(state);
@@ -145,7 +145,7 @@ impl Backlog {
         Ok(kept)
     }
 
-    /// No more will be put in; the reader takes what there is and is then told.
+    /// No more will be queued; the reader gets the rest, then the end.
     pub(super) fn close(&self) {
         self.lock().is_closed = true;
         self.changed.notify_one();
@@ -205,7 +205,7 @@ impl Backlog {
         if state.is_closed { Next::Over } else { Next::Empty }
     }
 
-    /// Once the last is read, the disk gets its room back.
+    /// Removes the message read last; the file is truncated when it is empty.
     fn forget_one_on_disk(&self, length: usize) -> io::Result<()> {
         let mut state = self.lock();
         if let Some(spill) = &mut state.spill {
@@ -244,9 +244,9 @@ mod tests {
         vec![k as u8; 10 + k % 7]
     }
 
-    fn room(directory: &Path, limit_bytes: u64) -> Room {
+    fn room(directory: &Path, limit_bytes: u64) -> BacklogLimits {
         let spool = Spool { directory: directory.to_owned(), limit_bytes };
-        Room { memory_bytes: 50, spool: Some(spool) }
+        BacklogLimits { memory_bytes: 50, spool: Some(spool) }
     }
 
     #[tokio::test]
@@ -259,7 +259,7 @@ mod tests {
         for round in 0..5 {
             for k in 0..20 {
                 n_on_disk +=
-                    u32::from(backlog.push(message(20 * round + k)).unwrap() == Kept::Disk);
+                    u32::from(backlog.push(message(20 * round + k)).unwrap() == Stored::Disk);
             }
             // Some stay behind, so that memory and disk are both in use when the next come.
             while expected < 20 * (round + 1) - 3 {
@@ -281,9 +281,9 @@ mod tests {
     async fn what_fits_nowhere_is_said_and_what_was_kept_comes_out() {
         let folder = tempfile::tempdir().unwrap();
         let backlog = Backlog::new(room(folder.path(), 100)).unwrap();
-        let kept: Vec<Kept> = (0..30).map(|_| backlog.push(vec![0; 10]).unwrap()).collect();
+        let kept: Vec<Stored> = (0..30).map(|_| backlog.push(vec![0; 10]).unwrap()).collect();
         let n = |which| kept.iter().filter(|kept| **kept == which).count();
-        assert_eq!([n(Kept::Memory), n(Kept::Disk), n(Kept::Nowhere)], [5, 10, 15]);
+        assert_eq!([n(Stored::Memory), n(Stored::Disk), n(Stored::Nowhere)], [5, 10, 15]);
         assert_eq!(backlog.waiting(), (15, 150));
         backlog.close();
         let mut n_out = 0;
@@ -295,7 +295,8 @@ mod tests {
 
     #[tokio::test]
     async fn a_waiting_reader_is_woken_by_a_message_and_by_the_end() {
-        let backlog = Arc::new(Backlog::new(Room { memory_bytes: 1, spool: None }).unwrap());
+        let backlog =
+            Arc::new(Backlog::new(BacklogLimits { memory_bytes: 1, spool: None }).unwrap());
         let reader = Arc::clone(&backlog);
         let read =
             tokio::spawn(

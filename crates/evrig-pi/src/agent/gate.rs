@@ -1,4 +1,5 @@
-//! Who failed lately is not let in for a while, so that guessing and flooding cost the camera nothing.
+//! Who failed lately is not let in for a while, so that guessing and flooding cost the camera
+//! nothing.
 
 use std::collections::VecDeque;
 use std::net::IpAddr;

@@ -1,11 +1,10 @@
 //! The pixel formats that libcamera gives, made into the two that evrig records.
 
-use super::failed;
 use crate::source::SourceError;
 use evrig_core::geometry::Size;
 use evrig_core::raw10;
 
-/// How raw samples lie in memory.
+/// The memory layout of raw samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Packing {
     /// RAW10: four samples in five bytes.
@@ -27,7 +26,7 @@ impl RawFormat {
     /// Reads a name such as `SRGGB10_CSI2P`.
     pub(super) fn parse(name: &str) -> Result<Self, SourceError> {
         if name.contains("PISP_COMP") {
-            return Err(failed(&format!(
+            return Err(SourceError::new(format!(
                 "the raw format {name} is compressed with losses; update python3-picamera2"
             )));
         }
@@ -43,7 +42,7 @@ impl RawFormat {
             .filter(|bayer| ["RGGB", "BGGR", "GRBG", "GBRG"].contains(bayer));
         match (packing, bayer) {
             (Some(packing), Some(bayer)) => Ok(Self { packing, bayer: bayer.to_owned() }),
-            _ => Err(failed(&format!(
+            _ => Err(SourceError::new(format!(
                 "the raw format {name} is unknown; expected 10 bits such as SRGGB10, SRGGB10_CSI2P, or SRGGB16 of a Pi 5"
             ))),
         }
@@ -55,7 +54,7 @@ impl RawFormat {
 
     /// Rows without padding as RAW10.
     pub(super) fn to_raw10(&self, bytes: &[u8], size: Size) -> Result<Vec<u8>, SourceError> {
-        let wrong = |error: raw10::Raw10Error| failed(&error.to_string());
+        let wrong = |error: raw10::Raw10Error| SourceError::new(error.to_string());
         let shift = match self.packing {
             Packing::Packed => {
                 let expected =
@@ -86,9 +85,9 @@ impl RgbOrder {
         match name {
             "BGR888" => Ok(Self::Rgb),
             "RGB888" => Ok(Self::Bgr),
-            _ => {
-                Err(failed(&format!("the RGB format {name} is unknown; expected BGR888 or RGB888")))
-            }
+            _ => Err(SourceError::new(format!(
+                "the RGB format {name} is unknown; expected BGR888 or RGB888"
+            ))),
         }
     }
 
@@ -107,7 +106,9 @@ fn right_length(bytes: &[u8], expected: usize, size: Size) -> Result<&[u8], Sour
         return Ok(bytes);
     }
     let found = bytes.len();
-    Err(failed(&format!("a picture of {size} in this format has {expected} bytes, found {found}")))
+    Err(SourceError::new(format!(
+        "a picture of {size} in this format has {expected} bytes, found {found}"
+    )))
 }
 
 #[cfg(test)]

@@ -1,6 +1,5 @@
 //! The helper process and the pipe from it.
 
-use super::failed;
 use crate::source::SourceError;
 use serde::Deserialize;
 use serde_json::Value;
@@ -20,14 +19,14 @@ const MAX_HEAD_BYTES: usize = 1 << 16;
 /// The longest pictures: a whole sensor's, raw and RGB.
 const MAX_PICTURE_BYTES: usize = 128 << 20;
 /// How long last words are waited for.
-const LAST_WORDS: Duration = Duration::from_secs(1);
-/// Lines of the helper's standard error that are kept for its obituary.
-const N_LAST_WORDS: usize = 4;
+const LAST_LINES: Duration = Duration::from_secs(1);
+/// Lines of the helper's standard error that are kept for its exit_error.
+const N_LAST_LINES: usize = 4;
 
-/// What the helper says.
+/// The head of a helper's packet.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
-pub(super) enum Head {
+pub(super) enum HelperHead {
     Identified {
         model: String,
         picamera2: Option<String>,
@@ -61,7 +60,7 @@ pub(super) struct FrameHead {
     pub(super) n_rgb: Option<usize>,
 }
 
-/// What libcamera says of a frame, in its names.
+/// libcamera's metadata of a frame, by its names.
 #[derive(Debug, Deserialize)]
 pub(super) struct Metadata {
     #[serde(rename = "SensorTimestamp")]
@@ -86,8 +85,8 @@ fn one() -> f64 {
 
 /// A head and the pictures behind it.
 #[derive(Debug)]
-pub(super) struct Packet {
-    pub(super) head: Head,
+pub(super) struct HelperPacket {
+    pub(super) head: HelperHead,
     pub(super) pictures: Vec<u8>,
 }
 
@@ -96,8 +95,8 @@ pub(super) struct Packet {
 pub(super) struct Helper {
     child: Child,
     stdin: Option<ChildStdin>,
-    packets: Receiver<Result<Packet, String>>,
-    last_words: Arc<Mutex<VecDeque<String>>>,
+    packets: Receiver<Result<HelperPacket, String>>,
+    stderr_lines: Arc<Mutex<VecDeque<String>>>,
     /// Closed once its standard error is.
     silence: Receiver<()>,
 }
@@ -111,7 +110,7 @@ impl Helper {
             .stderr(Stdio::piped())
             .spawn();
         let mut child = spawned.map_err(|error| {
-            failed(&format!(
+            SourceError::new(format!(
                 "{} cannot be started: {error}; name a Python as --python",
                 python.display()
             ))
@@ -119,12 +118,12 @@ impl Helper {
         let (stdin, stdout, stderr) =
             (child.stdin.take(), child.stdout.take(), child.stderr.take());
         let (sender, packets) = sync_channel(N_WAITING);
-        let last_words: Arc<Mutex<VecDeque<String>>> = Arc::default();
+        let stderr_lines: Arc<Mutex<VecDeque<String>>> = Arc::default();
         let (speaking, silence) = sync_channel::<()>(1);
-        let words = Arc::clone(&last_words);
-        let mut helper = Self { child, stdin, packets, last_words, silence };
+        let words = Arc::clone(&stderr_lines);
+        let mut helper = Self { child, stdin, packets, stderr_lines, silence };
         let (Some(stdout), Some(stderr)) = (stdout, stderr) else {
-            return Err(failed("its helper has no pipes"));
+            return Err(SourceError::new("its helper has no pipes"));
         };
         let thread = |name: &str, work: Box<dyn FnOnce() + Send>| {
             std::thread::Builder::new().name(name.to_owned()).spawn(work)
@@ -141,7 +140,7 @@ impl Helper {
         ];
         if let Some(error) = readers.into_iter().find_map(Result::err) {
             helper.end();
-            return Err(failed(&error.to_string()));
+            return Err(SourceError::new(error.to_string()));
         }
         Ok(helper)
     }
@@ -150,41 +149,41 @@ impl Helper {
         matches!(self.child.try_wait(), Ok(None))
     }
 
-    pub(super) fn say(&mut self, command: &Value) -> Result<(), SourceError> {
+    pub(super) fn send(&mut self, command: &Value) -> Result<(), SourceError> {
         let line = format!("{command}\n");
         let said = self.stdin.as_mut().map(|stdin| stdin.write_all(line.as_bytes()));
         match said {
             Some(Ok(())) => Ok(()),
-            Some(Err(_)) | None => Err(self.obituary()),
+            Some(Err(_)) | None => Err(self.exit_error()),
         }
     }
 
     /// The next packet within a time; none when none came.
-    pub(super) fn look(&mut self, patience: Duration) -> Result<Option<Packet>, SourceError> {
+    pub(super) fn poll(&mut self, patience: Duration) -> Result<Option<HelperPacket>, SourceError> {
         match self.packets.recv_timeout(patience) {
             Ok(Ok(packet)) => Ok(Some(packet)),
-            Ok(Err(because)) => Err(failed(&because)),
+            Ok(Err(because)) => Err(SourceError::new(because)),
             Err(RecvTimeoutError::Timeout) => Ok(None),
-            Err(RecvTimeoutError::Disconnected) => Err(self.obituary()),
+            Err(RecvTimeoutError::Disconnected) => Err(self.exit_error()),
         }
     }
 
     /// The next packet, before a deadline.
-    pub(super) fn hear(&mut self, deadline: Instant) -> Result<Packet, SourceError> {
+    pub(super) fn receive(&mut self, deadline: Instant) -> Result<HelperPacket, SourceError> {
         let left = deadline.saturating_duration_since(Instant::now());
-        self.look(left)?.ok_or_else(|| failed("its helper did not answer in time"))
+        self.poll(left)?.ok_or_else(|| SourceError::new("its helper did not answer in time"))
     }
 
-    /// How it ended, with what it said last.
-    fn obituary(&mut self) -> SourceError {
+    /// How it ended, with the last lines of its standard error.
+    fn exit_error(&mut self) -> SourceError {
         self.end();
         // What it said last may still be on its way. A process it left behind may never be silent.
-        let _ = self.silence.recv_timeout(LAST_WORDS);
+        let _ = self.silence.recv_timeout(LAST_LINES);
         let how = self.child.try_wait().ok().flatten();
         let how = how.map_or_else(|| "ended".to_owned(), |status| format!("ended with {status}"));
-        let words = self.last_words.lock().unwrap_or_else(PoisonError::into_inner);
+        let words = self.stderr_lines.lock().unwrap_or_else(PoisonError::into_inner);
         let words: Vec<&str> = words.iter().map(String::as_str).collect();
-        failed(&format!("its helper {how}; it said last: {}", words.join(" / ")))
+        SourceError::new(format!("its helper {how}; it said last: {}", words.join(" / ")))
     }
 
     fn end(&mut self) {
@@ -201,7 +200,7 @@ impl Drop for Helper {
     }
 }
 
-fn read_all(mut pipe: impl Read, packets: &SyncSender<Result<Packet, String>>) {
+fn read_all(mut pipe: impl Read, packets: &SyncSender<Result<HelperPacket, String>>) {
     while let Some(packet) = read_packet(&mut pipe).transpose() {
         let is_over = packet.is_err();
         if packets.send(packet).is_err() || is_over {
@@ -211,7 +210,7 @@ fn read_all(mut pipe: impl Read, packets: &SyncSender<Result<Packet, String>>) {
 }
 
 /// The next packet; none at the end of the pipe, which a helper that dies may leave in its midst.
-fn read_packet(pipe: &mut impl Read) -> Result<Option<Packet>, String> {
+fn read_packet(pipe: &mut impl Read) -> Result<Option<HelperPacket>, String> {
     let mut lengths = [0; 8];
     if pipe.read_exact(&mut lengths).is_err() {
         return Ok(None);
@@ -230,11 +229,11 @@ fn read_packet(pipe: &mut impl Read) -> Result<Option<Packet>, String> {
     }
     let head = serde_json::from_slice(&head)
         .map_err(|error| format!("its helper says what is not understood: {error}"))?;
-    Ok(Some(Packet { head, pictures }))
+    Ok(Some(HelperPacket { head, pictures }))
 }
 
 /// Keeps the last lines of the helper's standard error.
-fn listen(pipe: impl BufRead, last_words: &Mutex<VecDeque<String>>) {
+fn listen(pipe: impl BufRead, stderr_lines: &Mutex<VecDeque<String>>) {
     /// A line longer than this is a flood, not words.
     const LONGEST: u64 = 400;
     let mut pipe = pipe;
@@ -243,8 +242,8 @@ fn listen(pipe: impl BufRead, last_words: &Mutex<VecDeque<String>>) {
         match pipe.by_ref().take(LONGEST).read_until(b'\n', &mut line) {
             Ok(0) | Err(_) => return,
             Ok(_) => {
-                let mut words = last_words.lock().unwrap_or_else(PoisonError::into_inner);
-                if words.len() == N_LAST_WORDS {
+                let mut words = stderr_lines.lock().unwrap_or_else(PoisonError::into_inner);
+                if words.len() == N_LAST_LINES {
                     words.pop_front();
                 }
                 words.push_back(String::from_utf8_lossy(&line).trim_end().to_owned());
@@ -266,7 +265,7 @@ mod tests {
         let head = br#"{"kind":"stopped","n_lost":3}"#;
         let whole = packet(head.len() as u32, 2, &[head.as_slice(), b"xy"].concat());
         let found = read_packet(&mut whole.as_slice()).unwrap().unwrap();
-        assert!(matches!(found.head, Head::Stopped { .. }) && found.pictures == b"xy");
+        assert!(matches!(found.head, HelperHead::Stopped { .. }) && found.pictures == b"xy");
         for n in 0..whole.len() {
             assert!(read_packet(&mut &whole[..n]).unwrap().is_none(), "cut at {n}");
         }

@@ -1,6 +1,5 @@
 //! A frame's pictures behind its head: their lengths proven before anything is unpacked.
 
-use super::MAX_MESSAGE_BYTES;
 use crate::coding::{self, CodingError};
 use crate::order::Coding;
 use evrig_core::geometry::Size;
@@ -8,18 +7,21 @@ use evrig_core::pi_camera::{FrameMetadata, PiFrame};
 use evrig_core::raw10;
 use serde::{Deserialize, Serialize};
 
+/// The longest message: a full 12-megapixel frame, raw and RGB, and some margin.
+pub const MAX_MESSAGE_BYTES: usize = 64 << 20;
+
 /// Bytes of a picture on the wire, and how they are coded.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(super) struct Picture {
+pub(super) struct PictureHead {
     pub(super) n_bytes: usize,
     pub(super) coding: Coding,
 }
 
-/// A frame from its parts; its size is looked at before anything is unpacked to that size.
+/// A frame from its parts; its size is checked before anything is unpacked to that size.
 pub(super) fn frame(
     metadata: FrameMetadata,
-    raw: Option<Picture>,
-    rgb: Option<Picture>,
+    raw: Option<PictureHead>,
+    rgb: Option<PictureHead>,
     bytes: &[u8],
 ) -> Result<PiFrame, String> {
     let size = metadata.size;
@@ -37,7 +39,7 @@ pub(super) fn frame(
     }
     let n_raw = raw.map_or(0, |picture| picture.n_bytes);
     let n_rgb = rgb.map_or(0, |picture| picture.n_bytes);
-    let is_wrong = |picture: Option<Picture>, length| {
+    let is_wrong = |picture: Option<PictureHead>, length| {
         picture.is_some_and(|it| it.coding == Coding::Plain && it.n_bytes != length)
     };
     let split = bytes.split_at_checked(n_raw).filter(|(_, behind)| behind.len() == n_rgb);
@@ -45,7 +47,7 @@ pub(super) fn frame(
     if is_wrong(raw, lengths[0]) || is_wrong(rgb, lengths[1]) {
         return Err(in_words());
     }
-    let decoded = |picture: Option<Picture>, bytes: &[u8], decode: Decode| {
+    let decoded = |picture: Option<PictureHead>, bytes: &[u8], decode: Decode| {
         picture.map(|picture| match picture.coding {
             Coding::Plain => Ok(bytes.to_vec()),
             Coding::Lossless => decode(bytes, size).map_err(|error| error.to_string()),

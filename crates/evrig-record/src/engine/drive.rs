@@ -1,8 +1,8 @@
 //! Driving the path: run after run, with a prompt to the operator between two of them.
 
-use super::{Cut, Take};
+use super::recording::{ActiveRecording, EndCause};
 use crate::recorder::host_time;
-use crate::{State, Stop};
+use crate::{RecordState, StopRequest};
 use evrig_core::time::Span;
 use evrig_session::trajectory::ToolPath;
 use evrig_session::{DataLoss, HostTime, Severity, Topic};
@@ -10,33 +10,12 @@ use serde_json::json;
 use std::ops::Range;
 use std::time::Duration;
 
-/// Between two looks whether the operator has answered.
-const LOOK: Duration = Duration::from_millis(100);
+/// Between two polls of the operator's answer.
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
-/// Who answers the prompts of a path.
-///
-/// It is asked again and again with the same words until it says that it is done; nothing waits
-/// meanwhile but the arm.
-#[derive(Clone, Copy, Default)]
-pub struct Prompts<'a>(Option<&'a dyn Fn(&str) -> bool>);
-
-impl<'a> Prompts<'a> {
-    /// Asked of this.
-    #[must_use]
-    pub fn to(ask: &'a dyn Fn(&str) -> bool) -> Self {
-        Self(Some(ask))
-    }
-}
-
-impl std::fmt::Debug for Prompts<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(if self.0.is_some() { "Prompts(asked)" } else { "Prompts(passed over)" })
-    }
-}
-
-impl Take<'_> {
+impl ActiveRecording<'_> {
     /// Drives the path, logging poses; true when it was ended at a corner before its end.
-    pub(super) fn drive(&mut self) -> Result<bool, Cut> {
+    pub(super) fn drive(&mut self) -> Result<bool, EndCause> {
         let path = self.request.path;
         let is_asked = self.request.prompts.0.is_some();
         for run in runs(path, is_asked) {
@@ -49,7 +28,7 @@ impl Take<'_> {
     }
 
     /// Waits for the operator where a step asks for that; the cameras run on.
-    fn ask(&mut self, step: usize) -> Result<(), Cut> {
+    fn ask(&mut self, step: usize) -> Result<(), EndCause> {
         let prompt = self.request.path.steps().get(step).and_then(|s| s.settings.prompt.as_deref());
         let (Some(text), Some(is_answered)) = (prompt, self.request.prompts.0) else {
             return Ok(());
@@ -57,15 +36,15 @@ impl Take<'_> {
         self.journal.note("prompt", &json!({"step": step, "text": text}))?;
         while !is_answered(text) {
             self.look_at_recorders()?;
-            self.heed(Stop::AfterStep)?;
-            self.stop.rest(LOOK);
+            self.heed(StopRequest::AfterStep)?;
+            self.stop.wait(POLL_INTERVAL);
         }
         self.journal.note("answered", &json!({"step": step}))?;
         Ok(())
     }
 
     /// Drives some steps without a rest between them; true as for [`Self::drive`].
-    fn drive_steps(&mut self, run: Range<usize>) -> Result<bool, Cut> {
+    fn drive_steps(&mut self, run: Range<usize>) -> Result<bool, EndCause> {
         let path = self.request.path;
         let [from, to] = span_of(path, &run);
         let rate = self.request.rig.arm.pose_rate;
@@ -89,11 +68,11 @@ impl Take<'_> {
             let at = HostTime { monotonic: middle, unix: now.unix - (now.monotonic - middle) };
             self.log.write(|log| log.pose(Topic::ArmPose, at, pose.pose))?;
             let since = (at.monotonic - began.monotonic) + from;
-            (self.watch)(State::Trajectory, (since.as_secs_f64() / duration).min(1.0));
+            (self.watch)(RecordState::Trajectory, (since.as_secs_f64() / duration).min(1.0));
             if progress.step != last_step {
                 let label = path.steps().get(progress.step).map(|step| &step.label);
                 self.journal.note("step", &json!({"step": progress.step, "label": label}))?;
-                if self.stop.wish() == Stop::AfterStep {
+                if self.stop.requested() == StopRequest::AfterStep {
                     self.devices.arm.abort()?;
                     return Ok(true);
                 }
@@ -106,13 +85,13 @@ impl Take<'_> {
             }
             self.look_at_recorders()?;
             self.look_at_clock()?;
-            self.heed(Stop::Park)?;
-            self.stop.rest(interval);
+            self.heed(StopRequest::Park)?;
+            self.stop.wait(interval);
         }
     }
 
     /// Notes when somebody sets the wall clock.
-    fn look_at_clock(&mut self) -> Result<(), Cut> {
+    fn look_at_clock(&mut self) -> Result<(), EndCause> {
         let Some(by) = self.wall_clock.look(host_time) else { return Ok(()) };
         let what = format!(
             "the host's wall clock was set by {:+.6} s; where a wall-clock time stands beside a \
@@ -126,8 +105,8 @@ impl Take<'_> {
     }
 }
 
-/// The steps in runs that each begin with a prompt, but the first, which may; one run if nobody is
-/// asked: an arm that need not stand between two steps does not.
+/// The steps in runs, each but the first beginning with a prompt; one run without prompts, so that
+/// the arm does not stop between steps.
 fn runs(path: &ToolPath, is_asked: bool) -> Vec<Range<usize>> {
     let steps = path.steps();
     let asks = |step: &usize| is_asked && steps[*step].settings.prompt.is_some();

@@ -4,13 +4,13 @@ use super::queue::QueuedTask;
 use super::simulated::{SimulatedArm, VERSION};
 use evrig_core::time::Span;
 use evrig_device::dobot::alarm::Alarms;
-use evrig_device::dobot::command::Command;
-use evrig_device::dobot::frame::{Ctrl, Frame};
+use evrig_device::dobot::command::ArmCommand;
+use evrig_device::dobot::frame::{ArmFrame, Ctrl};
 use evrig_device::dobot::id;
 
 impl SimulatedArm {
     /// Answers a request `now` after power-up; `None` where the firmware stays silent.
-    pub fn answer(&mut self, request: &Frame, now: Span) -> Option<Frame> {
+    pub fn answer(&mut self, request: &ArmFrame, now: Span) -> Option<ArmFrame> {
         self.advance(now);
         let params = if !request.ctrl().is_write() || request.id() == id::QUEUE_INDEX {
             self.read(request)?
@@ -21,10 +21,10 @@ impl SimulatedArm {
             Vec::new()
         };
         self.take_turns();
-        Frame::new(request.id(), request.ctrl(), params)
+        ArmFrame::new(request.id(), request.ctrl(), params)
     }
 
-    fn read(&self, request: &Frame) -> Option<Vec<u8>> {
+    fn read(&self, request: &ArmFrame) -> Option<Vec<u8>> {
         let floats =
             |values: &[f64]| values.iter().flat_map(|v| (*v as f32).to_le_bytes()).collect();
         Some(match request.id() {
@@ -53,39 +53,39 @@ impl SimulatedArm {
     }
 
     /// Puts a command into the queue: its index, or nothing when there is no place.
-    fn enqueue(&mut self, request: &Frame) -> Option<Vec<u8>> {
+    fn enqueue(&mut self, request: &ArmFrame) -> Option<Vec<u8>> {
         let task = self.task(request)?;
         Some(self.queue.push(task).map(u64::to_le_bytes).map_or_else(Vec::new, Vec::from))
     }
 
     /// What a written frame stands for in the queue; `None` when the firmware does not know it.
-    fn task(&self, request: &Frame) -> Option<QueuedTask> {
+    fn task(&self, request: &ArmFrame) -> Option<QueuedTask> {
         let id = request.id();
         if self.registers.knows(id) {
             return Some(QueuedTask::Set { id, params: request.params().to_vec() });
         }
-        match Command::decode(request).ok().flatten() {
-            Some(Command::Circle { .. }) if !self.options.has_circle => None,
+        match ArmCommand::decode(request).ok().flatten() {
+            Some(ArmCommand::Circle { .. }) if !self.options.has_circle => None,
             Some(command) => Some(QueuedTask::Do(command)),
             // Known to the documents, without effect on what is simulated here.
             None => simplified(request).map(QueuedTask::Do),
         }
     }
 
-    fn do_at_once(&mut self, request: &Frame) -> Option<()> {
+    fn do_at_once(&mut self, request: &ArmFrame) -> Option<()> {
         let QueuedTask::Do(command) = self.task(request)? else {
             self.write(request.id(), request.params());
             return Some(());
         };
         match command {
-            Command::ClearAlarms => self.alarms = Alarms::default(),
-            Command::StartQueue => self.queue.set_started(true),
-            Command::StopQueue => self.queue.set_started(false),
-            Command::ForceStop => {
+            ArmCommand::ClearAlarms => self.alarms = Alarms::default(),
+            ArmCommand::StartQueue => self.queue.set_started(true),
+            ArmCommand::StopQueue => self.queue.set_started(false),
+            ArmCommand::ForceStop => {
                 self.queue.set_started(false);
                 self.break_off();
             }
-            Command::ClearQueue => self.queue.clear(),
+            ArmCommand::ClearQueue => self.queue.clear(),
             motion => {
                 self.break_off();
                 self.begin(&motion, None);
@@ -97,18 +97,18 @@ impl SimulatedArm {
 
 /// Commands that are taken but act as something simpler: a move with outputs on the way as the
 /// move, a trigger or an old clear as nothing that takes time.
-fn simplified(request: &Frame) -> Option<Command> {
+fn simplified(request: &ArmFrame) -> Option<ArmCommand> {
     match request.id() {
         id::PTP_WITH_OUTPUT | id::PTP_WITH_RAIL => {
-            let plain = Frame::new(id::PTP, Ctrl::QUEUED, request.params().to_vec())?;
-            Command::decode(&plain).ok().flatten()
+            let plain = ArmFrame::new(id::PTP, Ctrl::QUEUED, request.params().to_vec())?;
+            ArmCommand::decode(&plain).ok().flatten()
         }
         id::CP_LASER => {
-            let plain = Frame::new(id::CP, Ctrl::QUEUED, request.params().to_vec())?;
-            Command::decode(&plain).ok().flatten()
+            let plain = ArmFrame::new(id::CP, Ctrl::QUEUED, request.params().to_vec())?;
+            ArmCommand::decode(&plain).ok().flatten()
         }
         id::TRIGGER | id::LOST_STEP | id::RESET_POSE | id::DOWNLOAD_START | id::DOWNLOAD_STOP => {
-            Some(Command::Wait(0))
+            Some(ArmCommand::Wait(0))
         }
         _ => None,
     }

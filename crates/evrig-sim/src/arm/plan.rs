@@ -11,7 +11,7 @@ use super::path::{ArmPoint, CircularArc, LegPath};
 use super::profile::SpeedProfile;
 use super::registers::ArmRegisters;
 use evrig_device::dobot::alarm::Alarm;
-use evrig_device::dobot::command::{Command, PtpMode};
+use evrig_device::dobot::command::{ArmCommand, PtpMode};
 use evrig_device::dobot::id;
 
 /// What planning a command depends on.
@@ -45,16 +45,18 @@ impl Planner<'_> {
     /// The alarm the arm raises instead of moving.
     pub(super) fn plan(
         &self,
-        command: &Command,
-        next: &[Command],
+        command: &ArmCommand,
+        next: &[ArmCommand],
     ) -> Result<Option<ArmMotion>, Alarm> {
         Ok(Some(match command {
-            Command::Ptp { mode, target } => self.ptp(*mode, wide(*target))?,
-            Command::Arc { via, to } => self.arc(wide(*via), wide(*to), None)?,
-            Command::Circle { via, to, turns } => self.arc(wide(*via), wide(*to), Some(*turns))?,
-            Command::Cp { .. } => self.cp(command, next)?,
-            Command::Jog { is_joint, key: key @ 1..=8 } => self.jog(*is_joint, *key),
-            Command::Wait(milliseconds) => ArmMotion::rest(f64::from(*milliseconds) * 1e-3),
+            ArmCommand::Ptp { mode, target } => self.ptp(*mode, wide(*target))?,
+            ArmCommand::Arc { via, to } => self.arc(wide(*via), wide(*to), None)?,
+            ArmCommand::Circle { via, to, turns } => {
+                self.arc(wide(*via), wide(*to), Some(*turns))?
+            }
+            ArmCommand::Cp { .. } => self.cp(command, next)?,
+            ArmCommand::Jog { is_joint, key: key @ 1..=8 } => self.jog(*is_joint, *key),
+            ArmCommand::Wait(milliseconds) => ArmMotion::rest(f64::from(*milliseconds) * 1e-3),
             _ => return Ok(None),
         }))
     }
@@ -114,7 +116,7 @@ impl Planner<'_> {
     }
 
     /// One continuous-path move, fast enough at its end for those behind it in the queue.
-    fn cp(&self, command: &Command, next: &[Command]) -> Result<ArmMotion, Alarm> {
+    fn cp(&self, command: &ArmCommand, next: &[ArmCommand]) -> Result<ArmMotion, Alarm> {
         let [planned, junction, actual] = self.registers.floats(id::CP_PARAMS);
         let acceleration = planned.min(actual);
         let mut here = self.xyzr;
@@ -227,8 +229,8 @@ fn wide(values: [f32; 4]) -> [f64; 4] {
 }
 
 /// Where a continuous-path move ends; `None` for any other command, which ends the blending.
-fn cp_end(command: &Command, from: [f64; 4]) -> Option<[f64; 4]> {
-    let Command::Cp { is_absolute, xyz, .. } = command else { return None };
+fn cp_end(command: &ArmCommand, from: [f64; 4]) -> Option<[f64; 4]> {
+    let ArmCommand::Cp { is_absolute, xyz, .. } = command else { return None };
     let mut to = from;
     for (axis, value) in xyz.iter().enumerate() {
         to[axis] = if *is_absolute { f64::from(*value) } else { from[axis] + f64::from(*value) };

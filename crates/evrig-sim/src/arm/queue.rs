@@ -1,13 +1,13 @@
 //! The simulated arm's command queue: places, indexes, what has finished.
 
-use evrig_device::dobot::command::Command;
+use evrig_device::dobot::command::ArmCommand;
 use std::collections::VecDeque;
 
 /// Something that waits for its turn.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum QueuedTask {
     /// A command that moves, waits or homes.
-    Do(Command),
+    Do(ArmCommand),
     /// A parameter or a pin that changes when its turn comes.
     Set {
         /// Which.
@@ -65,7 +65,7 @@ impl CommandQueue {
     }
 
     /// The commands behind the current one, up to the first that is not one.
-    pub(super) fn commands(&self) -> impl Iterator<Item = Command> {
+    pub(super) fn commands(&self) -> impl Iterator<Item = ArmCommand> {
         self.waiting.iter().map_while(|entry| match entry.task {
             QueuedTask::Do(command) => Some(command),
             QueuedTask::Set { .. } => None,

@@ -12,7 +12,7 @@ use super::options::ArmOptions;
 use super::simulated::SimulatedArm;
 use evrig_core::time::Span;
 use evrig_device::dobot::alarm::Alarms;
-use evrig_device::dobot::frame::{Decoder, Frame};
+use evrig_device::dobot::frame::{ArmFrame, ArmFrameDecoder};
 use evrig_device::dobot::id;
 use evrig_record::host_clock;
 use evrig_session::rig::Pose;
@@ -233,7 +233,7 @@ impl Pty {
 }
 
 fn serve(line: Pty, shared: &SharedArm) {
-    let mut decoder = Decoder::default();
+    let mut decoder = ArmFrameDecoder::default();
     let mut buffer = [0; 512];
     while !shared.is_ending.load(Ordering::Relaxed) {
         let mut requests = Vec::new();
@@ -256,7 +256,7 @@ fn serve(line: Pty, shared: &SharedArm) {
 }
 
 /// Takes one request; false when the cable was pulled.
-fn take(line: &Pty, shared: &SharedArm, request: &Frame) -> bool {
+fn take(line: &Pty, shared: &SharedArm, request: &ArmFrame) -> bool {
     let struck = lock(&shared.faults).strike(request.id());
     let has = |kind: FaultKind| struck.contains(&kind);
     if has(FaultKind::Unplug) {
@@ -288,7 +288,7 @@ fn take(line: &Pty, shared: &SharedArm, request: &Frame) -> bool {
     true
 }
 
-fn send(line: &Pty, reply: &Frame, is_corrupt: bool, trickles: bool) {
+fn send(line: &Pty, reply: &ArmFrame, is_corrupt: bool, trickles: bool) {
     let mut bytes = reply.to_bytes();
     if is_corrupt && let Some(last) = bytes.last_mut() {
         *last ^= 0x10;
@@ -304,7 +304,11 @@ fn send(line: &Pty, reply: &Frame, is_corrupt: bool, trickles: bool) {
 }
 
 /// Does the request and notes it; gives the reply and how long it takes.
-fn answer(shared: &SharedArm, request: &Frame, struck: &[FaultKind]) -> (Option<Frame>, Span) {
+fn answer(
+    shared: &SharedArm,
+    request: &ArmFrame,
+    struck: &[FaultKind],
+) -> (Option<ArmFrame>, Span) {
     let mut clocked = lock(&shared.arm);
     let now = clocked.now(true);
     clocked.arm.advance(now);

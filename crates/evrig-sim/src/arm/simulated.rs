@@ -12,7 +12,7 @@ use super::registers::ArmRegisters;
 use super::trace::ToolTrace;
 use evrig_core::time::Span;
 use evrig_device::dobot::alarm::{Alarm, Alarms};
-use evrig_device::dobot::command::Command;
+use evrig_device::dobot::command::ArmCommand;
 use evrig_device::dobot::id;
 use evrig_session::rig::Pose;
 use std::sync::Arc;
@@ -247,8 +247,8 @@ impl SimulatedArm {
     }
 
     /// Begins a command that takes time; raises the alarm when it cannot be planned.
-    pub(super) fn begin(&mut self, command: &Command, index: Option<u64>) {
-        let next: Vec<Command> = self.queue.commands().collect();
+    pub(super) fn begin(&mut self, command: &ArmCommand, index: Option<u64>) {
+        let next: Vec<ArmCommand> = self.queue.commands().collect();
         let planner = Planner {
             body: self.body(),
             registers: &self.registers,
@@ -257,7 +257,7 @@ impl SimulatedArm {
             xyzr: self.xyzr(),
             entry_speed: self.carried_speed,
         };
-        let is_homing = *command == Command::Home;
+        let is_homing = *command == ArmCommand::Home;
         let planned =
             if is_homing { Ok(Some(self.homing(&planner))) } else { planner.plan(command, &next) };
         match planned {
@@ -316,7 +316,7 @@ mod tests {
     use super::*;
     use crate::arm::options::ArcSpeed;
     use evrig_device::dobot::command::{CartesianLimits, CpLimits, PtpMode, Ratios, XyzR};
-    use evrig_device::dobot::frame::{Ctrl, Frame};
+    use evrig_device::dobot::frame::{ArmFrame, Ctrl};
     use evrig_device::dobot::reply;
 
     fn ms(milliseconds: i64) -> Span {
@@ -326,24 +326,24 @@ mod tests {
     /// An arm at the paper's start pose with its queue running.
     fn at_start(options: ArmOptions) -> SimulatedArm {
         let mut arm = SimulatedArm::new(options);
-        for command in [Command::ClearAlarms, Command::StartQueue] {
+        for command in [ArmCommand::ClearAlarms, ArmCommand::StartQueue] {
             assert!(arm.answer(&command.frame(Ctrl::WRITE), arm.now()).is_some());
         }
         let target = START;
-        queue(&mut arm, Command::Ptp { mode: PtpMode::MoveJointXyz, target });
+        queue(&mut arm, ArmCommand::Ptp { mode: PtpMode::MoveJointXyz, target });
         arm.advance(ms(20_000));
         assert!(!arm.is_busy());
         arm
     }
 
     const START: XyzR = [240.0, 0.0, 100.0, 90.0];
-    const CIRCLE: Command = Command::Circle {
+    const CIRCLE: ArmCommand = ArmCommand::Circle {
         via: [252.0, 12.0, 100.0, 90.0],
         to: [264.0, 0.0, 100.0, 90.0],
         turns: 1,
     };
 
-    fn queue(arm: &mut SimulatedArm, command: Command) -> Option<u64> {
+    fn queue(arm: &mut SimulatedArm, command: ArmCommand) -> Option<u64> {
         let reply = arm.answer(&command.frame(Ctrl::QUEUED), arm.now()).unwrap();
         reply::queued_index(&reply).unwrap()
     }
@@ -371,7 +371,7 @@ mod tests {
     fn the_papers_circle_is_driven_in_its_ideal_time() {
         let mut arm = at_start(ArmOptions::default());
         let limits = CartesianLimits::uniform(50.0, 50.0);
-        arm.answer(&Command::ArcParams(limits).frame(Ctrl::WRITE), arm.now());
+        arm.answer(&ArmCommand::ArcParams(limits).frame(Ctrl::WRITE), arm.now());
         let index = queue(&mut arm, CIRCLE).unwrap();
         let (took, poses) = run(&mut arm);
         assert!((took.as_secs_f64() - 2.508).abs() < 1e-3, "{took}");
@@ -386,7 +386,7 @@ mod tests {
         let options = ArmOptions { arc_speed: ArcSpeed::PtpCoordinate, ..ArmOptions::default() };
         let mut arm = at_start(options);
         let ratios = Ratios { velocity: 15.0, acceleration: 15.0 };
-        arm.answer(&Command::PtpCommon(ratios).frame(Ctrl::WRITE), arm.now());
+        arm.answer(&ArmCommand::PtpCommon(ratios).frame(Ctrl::WRITE), arm.now());
         queue(&mut arm, CIRCLE);
         let (took, _) = run(&mut arm);
         let length = std::f64::consts::TAU * 12.0;
@@ -398,10 +398,10 @@ mod tests {
     fn an_arm_that_was_switched_on_says_so_and_moves_only_when_told() {
         let mut arm = SimulatedArm::new(ArmOptions::default());
         assert!(arm.alarms().is_fresh_from_power_up() && !arm.alarms().has_fault());
-        queue(&mut arm, Command::Wait(10));
+        queue(&mut arm, ArmCommand::Wait(10));
         arm.advance(ms(1_000));
         assert_eq!(arm.n_waiting(), 1, "the queue is not started");
-        arm.answer(&Command::StartQueue.frame(Ctrl::WRITE), arm.now());
+        arm.answer(&ArmCommand::StartQueue.frame(Ctrl::WRITE), arm.now());
         arm.advance(ms(2_000));
         assert_eq!((arm.n_waiting(), finished(&mut arm)), (0, 1));
     }
@@ -409,7 +409,7 @@ mod tests {
     #[test]
     fn a_full_queue_answers_with_nothing_and_keeps_its_commands() {
         let mut arm = SimulatedArm::new(ArmOptions { queue_depth: 3, ..ArmOptions::default() });
-        let indexes: Vec<_> = (0..4).map(|_| queue(&mut arm, Command::Wait(1))).collect();
+        let indexes: Vec<_> = (0..4).map(|_| queue(&mut arm, ArmCommand::Wait(1))).collect();
         assert_eq!(indexes, [Some(1), Some(2), Some(3), None]);
         let space = arm.answer(&evrig_device::dobot::command::read(id::QUEUE_SPACE), arm.now());
         assert_eq!(reply::queue_space(&space.unwrap()), Ok(0));
@@ -421,7 +421,7 @@ mod tests {
         let index = queue(&mut arm, CIRCLE).unwrap();
         arm.advance(arm.now() + ms(400));
         let here = arm.planner_pose();
-        arm.answer(&Command::ForceStop.frame(Ctrl::WRITE), arm.now());
+        arm.answer(&ArmCommand::ForceStop.frame(Ctrl::WRITE), arm.now());
         arm.advance(arm.now() + ms(5_000));
         assert!(!arm.is_busy());
         assert!(here.distance(arm.planner_pose()).value() < 1e-6);
@@ -432,8 +432,8 @@ mod tests {
     fn stopping_the_queue_ends_behind_the_current_command() {
         let mut arm = at_start(ArmOptions::default());
         queue(&mut arm, CIRCLE);
-        queue(&mut arm, Command::Wait(1));
-        arm.answer(&Command::StopQueue.frame(Ctrl::WRITE), arm.now());
+        queue(&mut arm, ArmCommand::Wait(1));
+        arm.answer(&ArmCommand::StopQueue.frame(Ctrl::WRITE), arm.now());
         assert!(arm.is_busy());
         arm.advance(arm.now() + ms(10_000));
         assert_eq!((arm.is_busy(), arm.n_waiting()), (false, 1));
@@ -444,13 +444,13 @@ mod tests {
         let mut arm = at_start(ArmOptions::default());
         let before = arm.planner_pose();
         let mode = PtpMode::MoveLineXyz;
-        let index = queue(&mut arm, Command::Ptp { mode, target: [500.0, 0.0, 0.0, 0.0] });
+        let index = queue(&mut arm, ArmCommand::Ptp { mode, target: [500.0, 0.0, 0.0, 0.0] });
         queue(&mut arm, CIRCLE);
         arm.advance(arm.now() + ms(5_000));
         assert_eq!(arm.alarms().faults().collect::<Vec<_>>(), [Alarm::PLAN_OUT_OF_REACH]);
         assert_eq!(arm.n_waiting(), 1);
         assert!(before.distance(arm.planner_pose()).value() < 1e-6);
-        arm.answer(&Command::ClearAlarms.frame(Ctrl::WRITE), arm.now());
+        arm.answer(&ArmCommand::ClearAlarms.frame(Ctrl::WRITE), arm.now());
         arm.advance(arm.now() + ms(5_000));
         assert_eq!(arm.n_waiting(), 0);
         assert!(finished(&mut arm) > index.unwrap());
@@ -460,11 +460,11 @@ mod tests {
     fn a_line_through_the_limits_breaks_off_on_its_way() {
         let mut arm = at_start(ArmOptions::default());
         let mode = PtpMode::MoveJointXyz;
-        queue(&mut arm, Command::Ptp { mode, target: [0.0, 240.0, 100.0, 90.0] });
+        queue(&mut arm, ArmCommand::Ptp { mode, target: [0.0, 240.0, 100.0, 90.0] });
         arm.advance(arm.now() + ms(20_000));
         // The straight way to the other side leads past the base axis.
         let mode = PtpMode::MoveLineXyz;
-        queue(&mut arm, Command::Ptp { mode, target: [0.0, -240.0, 100.0, 0.0] });
+        queue(&mut arm, ArmCommand::Ptp { mode, target: [0.0, -240.0, 100.0, 0.0] });
         arm.advance(arm.now() + ms(20_000));
         let faults: Vec<_> = arm.alarms().faults().collect();
         assert!(faults.len() == 1 && faults[0].0 & 0xf0 == 0x20, "{faults:?}");
@@ -480,28 +480,31 @@ mod tests {
             acceleration: 200.0,
             is_real_time: false,
         };
-        let drive = |commands: &[Command]| {
+        let drive = |commands: &[ArmCommand]| {
             let mut arm = at_start(ArmOptions::default());
-            arm.answer(&Command::CpParams(cp).frame(Ctrl::WRITE), arm.now());
+            arm.answer(&ArmCommand::CpParams(cp).frame(Ctrl::WRITE), arm.now());
             let limits = CartesianLimits::uniform(40.0, 200.0);
-            arm.answer(&Command::PtpCoordinate(limits).frame(Ctrl::WRITE), arm.now());
+            arm.answer(&ArmCommand::PtpCoordinate(limits).frame(Ctrl::WRITE), arm.now());
             let full = Ratios { velocity: 100.0, acceleration: 100.0 };
-            arm.answer(&Command::PtpCommon(full).frame(Ctrl::WRITE), arm.now());
-            arm.answer(&Command::StopQueue.frame(Ctrl::WRITE), arm.now());
+            arm.answer(&ArmCommand::PtpCommon(full).frame(Ctrl::WRITE), arm.now());
+            arm.answer(&ArmCommand::StopQueue.frame(Ctrl::WRITE), arm.now());
             for command in commands {
                 queue(&mut arm, *command);
             }
-            arm.answer(&Command::StartQueue.frame(Ctrl::WRITE), arm.now());
+            arm.answer(&ArmCommand::StartQueue.frame(Ctrl::WRITE), arm.now());
             run(&mut arm).0.as_secs_f64()
         };
         let places: Vec<[f32; 3]> = (1..=10).map(|n| [240.0, n as f32 * 3.0, 100.0]).collect();
         let blended: Vec<_> = places
             .iter()
-            .map(|xyz| Command::Cp { is_absolute: true, xyz: *xyz, velocity: 0.0 })
+            .map(|xyz| ArmCommand::Cp { is_absolute: true, xyz: *xyz, velocity: 0.0 })
             .collect();
         let single: Vec<_> = places
             .iter()
-            .map(|p| Command::Ptp { mode: PtpMode::MoveLineXyz, target: [p[0], p[1], p[2], 90.0] })
+            .map(|p| ArmCommand::Ptp {
+                mode: PtpMode::MoveLineXyz,
+                target: [p[0], p[1], p[2], 90.0],
+            })
             .collect();
         // 30 mm at 40 mm/s with one ramp up and one down, against ten of each.
         assert!((drive(&blended) - (30.0 / 40.0 + 40.0 / 200.0)).abs() < 1e-3);
@@ -515,9 +518,9 @@ mod tests {
         let mut arm = SimulatedArm::new(options);
         let error = |arm: &SimulatedArm| arm.true_pose().distance(arm.planner_pose()).value();
         assert!(error(&arm) > 10.0, "before homing the planner is wrong about the base");
-        arm.answer(&Command::HomeParams([200.0, 0.0, 50.0, 0.0]).frame(Ctrl::WRITE), arm.now());
-        arm.answer(&Command::StartQueue.frame(Ctrl::WRITE), arm.now());
-        queue(&mut arm, Command::Home);
+        arm.answer(&ArmCommand::HomeParams([200.0, 0.0, 50.0, 0.0]).frame(Ctrl::WRITE), arm.now());
+        arm.answer(&ArmCommand::StartQueue.frame(Ctrl::WRITE), arm.now());
+        queue(&mut arm, ArmCommand::Home);
         let (took, _) = run(&mut arm);
         assert!((took.as_secs_f64() - 15.0).abs() < 0.01, "{took}");
         assert!(arm.is_homed() && error(&arm) < 1e-6);
@@ -529,7 +532,7 @@ mod tests {
     fn a_jog_goes_on_until_it_is_ended_or_at_its_limit() {
         let mut arm = at_start(ArmOptions::default());
         let tell = |arm: &mut SimulatedArm, key| {
-            let jog = Command::Jog { is_joint: true, key };
+            let jog = ArmCommand::Jog { is_joint: true, key };
             arm.answer(&jog.frame(Ctrl::WRITE), arm.now());
         };
         let base = arm.joints[0];
@@ -550,7 +553,7 @@ mod tests {
     fn an_unknown_circle_is_met_with_silence() {
         let mut arm = at_start(ArmOptions { has_circle: false, ..ArmOptions::default() });
         assert_eq!(arm.answer(&CIRCLE.frame(Ctrl::QUEUED), arm.now()), None);
-        assert_eq!(arm.answer(&Frame::bare(200, Ctrl::READ), arm.now()), None);
+        assert_eq!(arm.answer(&ArmFrame::bare(200, Ctrl::READ), arm.now()), None);
     }
 
     #[test]

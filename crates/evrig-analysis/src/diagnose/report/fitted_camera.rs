@@ -121,7 +121,8 @@ fn sensor_wide_effects(
         let values: Vec<(&str, f64)> =
             effect.parameters.iter().map(|(key, p)| (key.as_str(), p.value)).collect();
         let applied = effect_result(effect.id, &values, None);
-        let is_in_light = |applied: &AppliedEffect| applied.effect.model().stage() < SignalStage::Memory;
+        let is_in_light =
+            |applied: &AppliedEffect| applied.effect.model().stage() < SignalStage::Memory;
         (!applied.as_ref().is_ok_and(is_in_light)).then_some(applied)
     })
 }

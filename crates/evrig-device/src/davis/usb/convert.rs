@@ -11,7 +11,7 @@ use neuromorphic_drivers::types::{Polarity, PolarityEvent, TriggerEvent, Trigger
 
 /// m/s^2 in one g, as the driver takes it.
 const STANDARD_GRAVITY: f32 = 9.80665;
-/// The word by which the camera says that its clock starts anew.
+/// The word with which the camera announces a reset of its clock.
 const CLOCK_RESET: u16 = 1;
 
 /// Turns packets into values; holds what one packet leaves unfinished for the next.
@@ -25,7 +25,7 @@ pub(super) struct Converter {
 
 /// What one packet held.
 #[derive(Debug, Default)]
-pub(super) struct Batch {
+pub(super) struct ConvertedBatch {
     pub(super) events: Events,
     pub(super) frames: Vec<Frame<Davis>>,
     pub(super) imu: Vec<ImuSample>,
@@ -39,15 +39,16 @@ impl Converter {
         Self { adapter, offset_us: 0, has_time: false }
     }
 
-    /// Sets stamps so that the last one seen stands for `arrived`; none before the first stamp.
+    /// Sets the offset so that the last stamp equals `arrived`; none before the first stamp.
     pub(super) fn set_clock(&mut self, arrived: Stamp<Unix>) -> Option<i64> {
         self.offset_us = arrived.as_micros() - self.adapter.current_t() as i64;
         self.has_time.then_some(self.offset_us)
     }
 
     /// Converts one packet; a last odd byte, which no camera sends, is left out.
-    pub(super) fn take(&mut self, packet: &[u8]) -> Batch {
-        let Batch { mut events, mut frames, mut imu, mut triggers, .. } = Batch::default();
+    pub(super) fn take(&mut self, packet: &[u8]) -> ConvertedBatch {
+        let ConvertedBatch { mut events, mut frames, mut imu, mut triggers, .. } =
+            ConvertedBatch::default();
         let offset_us = self.offset_us;
         let stamp = |t: u64| Stamp::from_micros(t as i64 + offset_us);
         self.adapter.convert(
@@ -60,11 +61,11 @@ impl Converter {
         let words = packet.chunks_exact(2).map(|word| u16::from_le_bytes([word[0], word[1]]));
         let n_resets = words.clone().filter(|word| *word == CLOCK_RESET).count() as u64;
         self.has_time |= words.into_iter().any(|word| word >> 15 == 1);
-        Batch { events, frames, imu, triggers, n_resets }
+        ConvertedBatch { events, frames, imu, triggers, n_resets }
     }
 }
 
-impl Batch {
+impl ConvertedBatch {
     /// Packets with the number of their stream: events, frames if there are any, inertial samples,
     /// triggers.
     pub(super) fn contents(self, has_frames: bool) -> impl Iterator<Item = (u32, Content)> {

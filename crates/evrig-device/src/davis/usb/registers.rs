@@ -29,7 +29,7 @@ const HAS_STATISTICS: u16 = 80;
 const EVENTS_DROPPED: u16 = 83;
 
 /// Reads and writes one register.
-pub(super) trait Registers {
+pub(super) trait DavisRegisters {
     /// The register's value.
     fn read(&self, module: u16, parameter: u16) -> Result<u32, String>;
 
@@ -81,7 +81,7 @@ pub(super) trait Registers {
 /// The second handle.
 pub(super) struct Opened(rusb::DeviceHandle<rusb::Context>);
 
-impl Registers for Opened {
+impl DavisRegisters for Opened {
     fn read(&self, module: u16, parameter: u16) -> Result<u32, String> {
         let mut bytes = [0; 4];
         let read = self.0.read_control(0xC0, SPI, module, parameter, &mut bytes, PATIENCE);
@@ -139,14 +139,14 @@ mod tests {
     use std::cell::RefCell;
     use std::collections::BTreeMap;
 
-    /// Registers in memory; one of them may be stuck.
+    /// DavisRegisters in memory; one of them may be stuck.
     #[derive(Default)]
-    struct Memory {
+    struct UsbMemory {
         values: RefCell<BTreeMap<(u16, u16), u32>>,
         stuck: Option<(u16, u16)>,
     }
 
-    impl Registers for Memory {
+    impl DavisRegisters for UsbMemory {
         fn read(&self, module: u16, parameter: u16) -> Result<u32, String> {
             Ok(self.values.borrow().get(&(module, parameter)).copied().unwrap_or(0))
         }
@@ -161,18 +161,18 @@ mod tests {
 
     #[test]
     fn frames_are_switched_and_a_camera_that_does_not_obey_is_told() {
-        let obeys = Memory::default();
+        let obeys = UsbMemory::default();
         for on in [true, false] {
             obeys.set_frames(on).unwrap();
             assert_eq!(obeys.read_back().unwrap()["frames"], on);
         }
-        let stuck = Memory { stuck: Some((APS, APS_RUN)), ..Memory::default() };
+        let stuck = UsbMemory { stuck: Some((APS, APS_RUN)), ..UsbMemory::default() };
         assert!(stuck.set_frames(true).unwrap_err().contains("0 is read back"));
     }
 
     #[test]
     fn biases_are_read_back_as_coarse_and_fine() {
-        let registers = Memory::default();
+        let registers = UsbMemory::default();
         registers.write(CHIP, 11, 0b1111 | 173 << 4 | 6 << 12).unwrap();
         let told = registers.read_back().unwrap();
         assert_eq!(told["biases"]["onbn"], json!({"coarse": 6, "fine": 173}));
@@ -181,7 +181,7 @@ mod tests {
 
     #[test]
     fn dropped_events_are_counted_in_sixty_four_bits_where_the_camera_counts() {
-        let registers = Memory::default();
+        let registers = UsbMemory::default();
         registers.write(MULTIPLEXER, EVENTS_DROPPED, 1).unwrap();
         registers.write(MULTIPLEXER, EVENTS_DROPPED + 1, 7).unwrap();
         assert_eq!(registers.n_dropped(), Ok(0));

@@ -4,8 +4,8 @@ use evrig_session::rig::DavisDescription;
 use neuromorphic_drivers::inivation_davis346::{Configuration, DEFAULT_CONFIGURATION};
 use serde_json::{Value, json};
 
-/// The driver's defaults with the rig's biases, exposure and frame rate, and every filter that would
-/// keep events back switched off.
+/// The driver's defaults with the rig's biases, exposure and frame rate, and every filter that
+/// would keep events back switched off.
 pub(super) fn configuration(description: &DavisDescription) -> Result<Configuration, String> {
     // Parts of the configuration have no other way in than their serial form.
     let mut value = serde_json::to_value(&DEFAULT_CONFIGURATION).map_err(|e| e.to_string())?;

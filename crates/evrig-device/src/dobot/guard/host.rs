@@ -1,12 +1,13 @@
 //! Evrig's side of the guard: starting it, speaking through it, stopping the arm from anywhere.
 
 use super::orders::{
-    HALT_LINE, HEARTBEAT, HEARTBEAT_LINE, Order, Report, STOP_LINE, line, read_line,
+    GuardOrder, GuardReport, HALT_LINE, HEARTBEAT, HEARTBEAT_LINE, STOP_LINE, line, read_line,
 };
-use crate::dobot::frame::Frame;
-use crate::dobot::link::{Exchange, Link, LinkError, STOP_PATIENCE};
+use crate::dobot::frame::ArmFrame;
+use crate::dobot::link::{ArmLink, Exchange, LinkError, STOP_PATIENCE};
 use crate::dobot::port;
 use evrig_core::time::Span;
+use evrig_record::EmergencyStop;
 use rustix::fd::OwnedFd;
 use std::fs::File;
 use std::io::{BufReader, Write};
@@ -21,23 +22,21 @@ use std::time::Duration;
 /// about to confirm. A guard that takes longer is replaced.
 const GRACE: Span = Span::from_micros(2_000_000);
 
-/// Stops the arm from any thread, at once: one write into a pipe, no lock, no allocation.
+/// Stops the arm by one write into the pipe of its guard.
 #[derive(Debug, Clone)]
-pub struct Stopper {
+pub struct GuardStop {
     orders: Arc<File>,
 }
 
-impl Stopper {
-    /// Tells the guard to stop the arm and to let nothing move it any more: what another thread
-    /// is about to ask must not undo the stop. The next question anyone asks is answered with
-    /// [`LinkError::Stopped`], later reads are answered as before. May be called as often as one likes.
-    ///
-    /// # Errors
-    /// When the guard is gone; it then stopped the arm before it went.
-    pub fn halt(&self) -> std::io::Result<()> {
+impl EmergencyStop for GuardStop {
+    /// Tells the guard to stop the arm and to let nothing move it any more. The next request of any
+    /// thread fails with [`LinkError::Stopped`], later reads are answered as before.
+    fn halt(&self) -> std::io::Result<()> {
         (&*self.orders).write_all(HALT_LINE)
     }
+}
 
+impl GuardStop {
     /// Makes every panic of any thread stop the arm before anything else.
     pub fn halt_on_panic(self) {
         let before = std::panic::take_hook();
@@ -55,7 +54,7 @@ pub struct GuardLink {
     port: PathBuf,
     child: Child,
     orders: Option<Arc<File>>,
-    reports: Receiver<Report>,
+    reports: Receiver<GuardReport>,
     /// Dropped to end the heartbeat.
     heart: Option<(Sender<()>, std::thread::JoinHandle<()>)>,
     number: u64,
@@ -65,7 +64,7 @@ impl GuardLink {
     /// Starts `program guard PORT` and waits until it has the port.
     ///
     /// # Errors
-    /// When it cannot be started, or says why the port cannot be opened.
+    /// When it cannot be started, or cannot open the port.
     pub fn start(program: &Path, port: &Path) -> Result<Self, LinkError> {
         let mut child = Command::new(program)
             .arg("guard")
@@ -93,16 +92,16 @@ impl GuardLink {
         let mut link =
             Self { port: port.to_owned(), child, orders: Some(orders), reports, heart, number: 0 };
         match link.next_report(GRACE + GRACE + GRACE)? {
-            Report::Open => Ok(link),
-            Report::Refused(because) => Err(LinkError::Gone { because }),
+            GuardReport::Open => Ok(link),
+            GuardReport::Refused(because) => Err(LinkError::Gone { because }),
             other => Err(failed(format!("it began with {other:?}"))),
         }
     }
 
     /// What stops the arm from other threads.
     #[must_use]
-    pub fn stopper(&self) -> Option<Stopper> {
-        self.orders.clone().map(|orders| Stopper { orders })
+    pub fn stopper(&self) -> Option<GuardStop> {
+        self.orders.clone().map(|orders| GuardStop { orders })
     }
 
     /// Process id of the guard.
@@ -120,7 +119,7 @@ impl GuardLink {
         }
     }
 
-    fn next_report(&mut self, patience: Span) -> Result<Report, LinkError> {
+    fn next_report(&mut self, patience: Span) -> Result<GuardReport, LinkError> {
         match self.reports.recv_timeout(duration(patience)) {
             Ok(report) => Ok(report),
             Err(RecvTimeoutError::Timeout) => {
@@ -134,7 +133,7 @@ impl GuardLink {
         }
     }
 
-    /// The guard died before evrig: nobody else stops the arm, so evrig does it itself.
+    /// The guard died before evrig, which then stops the arm itself.
     fn without_guard(&self, because: &str) -> LinkError {
         let stopped = match port::open(&self.port) {
             Ok(mut link) => link.stop().map_err(|error| error.to_string()),
@@ -150,15 +149,15 @@ impl GuardLink {
     }
 }
 
-impl Link for GuardLink {
-    fn exchange(&mut self, request: &Frame, patience: Span) -> Result<Exchange, LinkError> {
+impl ArmLink for GuardLink {
+    fn exchange(&mut self, request: &ArmFrame, patience: Span) -> Result<Exchange, LinkError> {
         self.number += 1;
         let asked = self.number;
-        let order = Order::Exchange { number: asked, request: request.clone(), patience };
+        let order = GuardOrder::Exchange { number: asked, request: request.clone(), patience };
         self.order(&line(&order))?;
         loop {
             // Answers to orders given up earlier and stops ordered by others pass by.
-            if let Report::Answer { number, answer } = self.next_report(patience + GRACE)?
+            if let GuardReport::Answer { number, answer } = self.next_report(patience + GRACE)?
                 && number == asked
             {
                 return answer;
@@ -171,7 +170,7 @@ impl Link for GuardLink {
         loop {
             // Force stop and clear are each asked twice at most.
             let patience = Span::from_nanos(STOP_PATIENCE.as_nanos() * 4) + GRACE;
-            if let Report::Stopped(stopped) = self.next_report(patience)? {
+            if let GuardReport::Stopped(stopped) = self.next_report(patience)? {
                 return stopped;
             }
         }
@@ -186,7 +185,7 @@ impl Drop for GuardLink {
             let _ = thread.join();
         }
         self.orders = None;
-        // A `Stopper` may still hold the pipe open; the guard then ends for want of a heartbeat.
+        // A `GuardStop` may still hold the pipe open; the guard then ends for want of a heartbeat.
         while self.reports.recv_timeout(duration(GRACE + GRACE)).is_ok() {}
         if !matches!(self.child.try_wait(), Ok(Some(_))) {
             let reports_closed = matches!(

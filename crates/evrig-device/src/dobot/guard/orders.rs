@@ -1,6 +1,6 @@
-//! What evrig and the guard tell each other: one JSON value a line.
+//! The messages between evrig and the guard: one JSON value a line.
 
-use crate::dobot::frame::Frame;
+use crate::dobot::frame::ArmFrame;
 use crate::dobot::link::{Exchange, LinkError};
 use evrig_core::time::Span;
 use serde::{Deserialize, Serialize};
@@ -9,20 +9,20 @@ use std::io::{BufRead, Read};
 /// How often evrig shows that it lives.
 pub const HEARTBEAT: Span = Span::from_micros(100_000);
 
-/// A guard that has heard nothing for so long stops the arm: ten heartbeats, more than a busy
+/// A guard that received nothing for so long stops the arm: ten heartbeats, more than a busy
 /// machine delays a thread that only writes a line. A host that dies is noticed at once.
 pub const HEARTBEAT_LIMIT: Span = Span::from_micros(1_000_000);
 
 /// From evrig to the guard. Each is one write of fewer bytes than a pipe takes in one piece,
 /// so several threads may write without a lock.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(super) enum Order {
+pub(super) enum GuardOrder {
     /// Ask the arm.
     Exchange {
         /// Comes back with the answer.
         number: u64,
         /// The request.
-        request: Frame,
+        request: ArmFrame,
         /// How long to wait.
         patience: Span,
     },
@@ -34,16 +34,16 @@ pub(super) enum Order {
     Halt,
 }
 
-/// [`Order::Stop`] ready to be written: nothing is computed or allocated when it counts.
+/// [`GuardOrder::Stop`] ready to be written: nothing is computed or allocated when it counts.
 pub(super) const STOP_LINE: &[u8] = b"\"Stop\"\n";
-/// [`Order::Halt`] ready to be written.
+/// [`GuardOrder::Halt`] ready to be written.
 pub(super) const HALT_LINE: &[u8] = b"\"Halt\"\n";
-/// [`Order::Heartbeat`] ready to be written.
+/// [`GuardOrder::Heartbeat`] ready to be written.
 pub(super) const HEARTBEAT_LINE: &[u8] = b"\"Heartbeat\"\n";
 
 /// From the guard to evrig.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(super) enum Report {
+pub(super) enum GuardReport {
     /// The port is open; orders are taken.
     Open,
     /// The port cannot be opened; the guard exits.
@@ -55,7 +55,7 @@ pub(super) enum Report {
         /// What came of it.
         answer: Result<Exchange, LinkError>,
     },
-    /// The arm was told to stop, and what it said.
+    /// The arm was told to stop, with the result.
     Stopped(Result<(), LinkError>),
 }
 
@@ -87,17 +87,17 @@ mod tests {
 
     #[test]
     fn the_ready_made_lines_are_the_encoded_orders() {
-        assert_eq!(line(&Order::Stop), STOP_LINE);
-        assert_eq!(line(&Order::Halt), HALT_LINE);
-        assert_eq!(line(&Order::Heartbeat), HEARTBEAT_LINE);
+        assert_eq!(line(&GuardOrder::Stop), STOP_LINE);
+        assert_eq!(line(&GuardOrder::Halt), HALT_LINE);
+        assert_eq!(line(&GuardOrder::Heartbeat), HEARTBEAT_LINE);
     }
 
     #[test]
     fn the_longest_order_fits_into_one_piece_of_a_pipe() {
         const PIPE_BUF: usize = 4096;
-        let request = Frame::new(255, Ctrl(255), vec![255; MAX_PARAMS]).unwrap();
+        let request = ArmFrame::new(255, Ctrl(255), vec![255; MAX_PARAMS]).unwrap();
         let patience = Span::from_nanos(i64::MIN);
-        let order = Order::Exchange { number: u64::MAX, request, patience };
+        let order = GuardOrder::Exchange { number: u64::MAX, request, patience };
         let bytes = line(&order);
         assert!(bytes.len() < PIPE_BUF, "{} bytes", bytes.len());
         assert_eq!(read_line(&mut &bytes[..]), Some(order));
@@ -109,6 +109,6 @@ mod tests {
             "{{\"Exchange\":{{\"number\":1,\"request\":[1,0,{:?}],\"patience\":1}}}}",
             vec![0; 249]
         );
-        assert_eq!(read_line::<Order>(&mut text.as_bytes()), None);
+        assert_eq!(read_line::<GuardOrder>(&mut text.as_bytes()), None);
     }
 }

@@ -1,12 +1,12 @@
-//! A rehearsal: cameras run and are recorded by the threads, queues and writers of a recording, but
-//! into two pipes, at whose other ends everything is read back and thrown away ([`RecordingCheck`]).
+//! A dry run: cameras run and are recorded by the threads, queues and writers of a recording, but
+//! into two pipes, at whose other ends everything is read back and discarded ([`RecordingCheck`]).
 //!
-//! So a machine can be shown to keep up for as long as one likes without a disk that holds it all.
-//! Nothing moves, and there is no session.
+//! It shows that a machine keeps up for any length of time without a disk that holds it all.
+//! Nothing moves, and no session is made.
 
-use super::files::{Log, QUEUE_BYTES, SampleWriter};
-use super::{Stop, StopToken};
-use crate::recorder::{Recorder, RecorderError, Tally, host_time};
+use super::files::{QUEUE_BYTES, SampleWriter, SharedRigLog};
+use super::{StopRequest, StopToken};
+use crate::recorder::{Recorder, RecorderError, RecorderTally, host_time};
 use evrig_core::time::Span;
 use evrig_format::aedat4::Compression;
 use evrig_session::{RecordingCheck, SessionError, Severity};
@@ -14,39 +14,39 @@ use rustix::time::{ClockId, clock_gettime};
 use std::io::{PipeReader, PipeWriter, Write, pipe};
 use std::time::{Duration, Instant};
 
-/// How long is rehearsed, and with how much room.
+/// Length and limits of a dry run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Rehearsal {
+pub struct DryRun {
     /// The cameras run so long.
     pub length: Duration,
-    /// Bytes that wait for a writer at most, for each camera; what has no room is dropped and counted.
+    /// Bytes queued for a writer at most, for each camera; samples beyond are dropped and counted.
     pub queue_bytes: usize,
     /// How the events are compressed, as a rig states it for its recordings.
     pub compression: Compression,
 }
 
-impl Rehearsal {
-    /// With the room of a recording, not compressed.
+impl DryRun {
+    /// With the queue of a recording, without compression.
     #[must_use]
     pub const fn of(length: Duration) -> Self {
         Self { length, queue_bytes: QUEUE_BYTES, compression: Compression::None }
     }
 }
 
-/// How a rehearsal went.
+/// The result of a dry run.
 #[derive(Debug, Clone)]
-pub struct Rehearsed {
-    /// What each camera says it delivered and lost, in the order of the cameras.
-    pub tallies: Vec<Tally>,
+pub struct DryRunResult {
+    /// What each camera delivered and lost, in the order of the cameras.
+    pub tallies: Vec<RecorderTally>,
     /// What was read back.
     pub heard: RecordingCheck,
     /// Processor time of reading it back, which no recording needs.
     pub hearing: Span,
 }
 
-/// Why there was no rehearsal.
+/// Why a dry run failed.
 #[derive(Debug, thiserror::Error)]
-pub enum RehearsalError {
+pub enum DryRunError {
     /// A camera cannot run, or was lost.
     #[error(transparent)]
     Recorder(#[from] RecorderError),
@@ -58,22 +58,22 @@ pub enum RehearsalError {
     System(#[from] std::io::Error),
 }
 
-/// Between two looks at the cameras.
-const TICK: Duration = Duration::from_millis(100);
+/// Between two polls of the cameras.
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// The system keeps so much of a pipe, where it lets us: fewer, longer turns of writer and reader.
 const PIPE_BYTES: usize = 1 << 20;
 
-/// Rehearses a recording of these cameras; at most one of them delivers packets. `watch` is told the
-/// time since the beginning and what the cameras say.
+/// Makes a dry run of these cameras, of which at most one delivers packets. `watch` gets the time
+/// since the start and the cameras' tallies.
 ///
 /// # Errors
 /// When a camera cannot run or is lost, or the system refuses pipes or threads.
-pub fn rehearse(
+pub fn dry_run(
     recorders: &mut [Box<dyn Recorder>],
-    rehearsal: Rehearsal,
+    rehearsal: DryRun,
     stop: &StopToken,
-    watch: &mut dyn FnMut(Duration, &[Tally]),
-) -> Result<Rehearsed, RehearsalError> {
+    watch: &mut dyn FnMut(Duration, &[RecorderTally]),
+) -> Result<DryRunResult, DryRunError> {
     let (davis_end, davis) = wide_pipe()?;
     let (log_end, log) = wide_pipe()?;
     std::thread::scope(|scope| {
@@ -91,7 +91,7 @@ pub fn rehearse(
             _ => return Err(std::io::Error::other("the reading end failed").into()),
         };
         let (heard, hearing) = (RecordingCheck::joined(davis, log), its_cpu + logs_cpu);
-        ran.map(|tallies| Rehearsed { tallies, heard, hearing })
+        ran.map(|tallies| DryRunResult { tallies, heard, hearing })
     })
 }
 
@@ -115,12 +115,12 @@ fn timed<T>(work: impl FnOnce() -> T) -> (T, Span) {
 
 fn run(
     recorders: &mut [Box<dyn Recorder>],
-    rehearsal: Rehearsal,
+    rehearsal: DryRun,
     [davis, log]: [PipeWriter; 2],
     stop: &StopToken,
-    watch: &mut dyn FnMut(Duration, &[Tally]),
-) -> Result<Vec<Tally>, RehearsalError> {
-    let log = Log::to_pipe(Box::new(log))?;
+    watch: &mut dyn FnMut(Duration, &[RecorderTally]),
+) -> Result<Vec<RecorderTally>, DryRunError> {
+    let log = SharedRigLog::to_pipe(Box::new(log))?;
     let mut writers = Vec::new();
     let ran = start(recorders, rehearsal, davis, &log, &mut writers)
         .and_then(|()| look_on(recorders, rehearsal.length, stop, watch));
@@ -137,12 +137,13 @@ fn run(
 
 fn start(
     recorders: &mut [Box<dyn Recorder>],
-    rehearsal: Rehearsal,
+    rehearsal: DryRun,
     davis: PipeWriter,
-    log: &Log,
+    log: &SharedRigLog,
     writers: &mut Vec<SampleWriter>,
-) -> Result<(), RehearsalError> {
+) -> Result<(), DryRunError> {
     let mut davis = Some(davis);
+    let limits = (rehearsal.queue_bytes, rehearsal.compression);
     for recorder in recorders {
         let prepared = recorder.prepare()?;
         let pipe: Box<dyn Write + Send> = if prepared.streams.is_empty() {
@@ -150,7 +151,7 @@ fn start(
         } else {
             Box::new(davis.take().ok_or_else(|| two_of_packets(recorder.name()))?)
         };
-        let (writer, outlet) = SampleWriter::into_pipe(pipe, &prepared, log, rehearsal)?;
+        let (writer, outlet) = SampleWriter::into_pipe(pipe, &prepared, log, limits)?;
         writers.push(writer);
         recorder.start(outlet)?;
     }
@@ -161,10 +162,10 @@ fn look_on(
     recorders: &mut [Box<dyn Recorder>],
     length: Duration,
     stop: &StopToken,
-    watch: &mut dyn FnMut(Duration, &[Tally]),
-) -> Result<(), RehearsalError> {
+    watch: &mut dyn FnMut(Duration, &[RecorderTally]),
+) -> Result<(), DryRunError> {
     let began = Instant::now();
-    while began.elapsed() < length && stop.rest(TICK) == Stop::No {
+    while began.elapsed() < length && stop.wait(POLL_INTERVAL) == StopRequest::No {
         let mut tallies = Vec::new();
         for recorder in &mut *recorders {
             tallies.push(recorder.progress()?);
@@ -174,11 +175,11 @@ fn look_on(
     Ok(())
 }
 
-fn two_of_packets(name: &str) -> RehearsalError {
+fn two_of_packets(name: &str) -> DryRunError {
     RecorderError {
         device: name.to_owned(),
         because: "two cameras deliver packets, and a session holds those of one".to_owned(),
-        remedy: "rehearse them one after the other",
+        remedy: "dry_run them one after the other",
     }
     .into()
 }

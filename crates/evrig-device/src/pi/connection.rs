@@ -2,8 +2,8 @@
 
 use evrig_core::units::BytesPerSecond;
 use evrig_pi::keys::Keys;
-use evrig_pi::order::Order;
-use evrig_pi::wire::{self, Decoder, MAX_PROBE_BYTES, Message, PREAMBLE_BYTES};
+use evrig_pi::order::{CaptureOrder, CaptureSettings};
+use evrig_pi::wire::{self, MAX_PROBE_BYTES, Message, MessageDecoder, PREAMBLE_BYTES};
 use evrig_record::recorder::{RecorderError, host_time};
 use evrig_session::ClockExchange;
 use rustls::{ClientConnection, StreamOwned};
@@ -14,8 +14,8 @@ use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// A read waits so long before it looks up.
-const TICK: Duration = Duration::from_millis(50);
+/// The timeout of one read.
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// The agent may have to start its camera's program first, which takes a Pi some seconds.
 const HELLO: Duration = Duration::from_secs(15);
 /// A probe of the link ends after so long, whatever has come by then.
@@ -23,7 +23,7 @@ const PROBE: Duration = Duration::from_secs(2);
 
 /// How an agent is reached.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Reach {
+pub enum AgentAddress {
     /// On this machine, or through a tunnel that ends here; nothing is encrypted.
     Local {
         /// `HOST:PORT`.
@@ -38,7 +38,7 @@ pub enum Reach {
     },
 }
 
-impl Reach {
+impl AgentAddress {
     fn address(&self) -> &str {
         match self {
             Self::Local { address } | Self::Tls { address, .. } => address,
@@ -50,13 +50,13 @@ impl Reach {
         RecorderError { device: format!("pi at {self}"), because: because.to_string(), remedy }
     }
 
-    /// The agent is there, and says why it cannot.
+    /// The agent answered and refused.
     pub(super) fn refused(&self, because: String) -> RecorderError {
         RecorderError { device: format!("pi at {self}"), because, remedy: "mend that on the Pi" }
     }
 }
 
-impl fmt::Display for Reach {
+impl fmt::Display for AgentAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let scheme = if matches!(self, Self::Local { .. }) { "tcp" } else { "tls" };
         write!(f, "{scheme}://{}", self.address())
@@ -94,45 +94,46 @@ impl Socket {
 
 /// One connection.
 #[derive(Debug)]
-pub(super) struct Line {
-    pub(super) reach: Reach,
+pub(super) struct AgentConnection {
+    pub(super) agent: AgentAddress,
     socket: Socket,
-    decoder: Decoder,
+    decoder: MessageDecoder,
     buffer: Vec<u8>,
 }
 
-impl Line {
-    /// Connects, proves who is who, compares versions, and hears what camera there is.
+impl AgentConnection {
+    /// Connects, authenticates both sides, compares versions, and receives the camera's
+    /// description.
     pub(super) fn connect(
-        reach: &Reach,
+        agent: &AgentAddress,
         patience: Duration,
     ) -> Result<(Self, String), RecorderError> {
         let deadline = Instant::now() + patience;
-        let socket = connect(reach, patience)?;
-        let socket = match reach {
-            Reach::Local { .. } => Socket::Plain(socket),
-            Reach::Tls { keys, .. } => {
+        let socket = connect(agent, patience)?;
+        let socket = match agent {
+            AgentAddress::Local { .. } => Socket::Plain(socket),
+            AgentAddress::Tls { keys, .. } => {
                 let keys = Keys::read(keys).and_then(Keys::client);
-                let (config, name) = keys.map_err(|error| reach.failed(error))?;
+                let (config, name) = keys.map_err(|error| agent.failed(error))?;
                 let connection = ClientConnection::new(config, name);
-                let mut connection = connection.map_err(|error| reach.failed(error))?;
+                let mut connection = connection.map_err(|error| agent.failed(error))?;
                 let mut socket = socket;
                 shake_hands(&mut connection, &mut socket, deadline)
-                    .map_err(|error| reach.failed(in_words(&error)))?;
+                    .map_err(|error| agent.failed(in_words(&error)))?;
                 Socket::Tls(Box::new(StreamOwned::new(connection, socket)))
             }
         };
-        let (decoder, buffer) = (Decoder::default(), vec![0; 1 << 16]);
-        let mut line = Self { reach: reach.clone(), socket, decoder, buffer };
-        line.exchange_preambles(deadline)?;
-        match line.receive(patience.max(HELLO))? {
-            Message::Hello { camera } => Ok((line, camera)),
-            other => Err(line.unexpected("its camera", &other)),
+        let (decoder, buffer) = (MessageDecoder::default(), vec![0; 1 << 16]);
+        let mut connection = Self { agent: agent.clone(), socket, decoder, buffer };
+        connection.exchange_preambles(deadline)?;
+        match connection.receive(patience.max(HELLO))? {
+            Message::Hello { camera } => Ok((connection, camera)),
+            other => Err(connection.unexpected("its camera", &other)),
         }
     }
 
     fn exchange_preambles(&mut self, deadline: Instant) -> Result<(), RecorderError> {
-        let io = |error: &io::Error| self.reach.failed(in_words(error));
+        let io = |error: &io::Error| self.agent.failed(in_words(error));
         self.socket.write_all(&wire::preamble()).map_err(|error| io(&error))?;
         let mut preamble = [0; PREAMBLE_BYTES];
         let mut n = 0;
@@ -140,14 +141,14 @@ impl Line {
             match self.socket.read(&mut preamble[n..]) {
                 Ok(0) => {
                     let because = "it closed the connection before its first word; too many failed tries, or keys of another pair";
-                    return Err(self.reach.failed(because));
+                    return Err(self.agent.failed(because));
                 }
                 Ok(read) => n += read,
                 Err(error) if is_tick(&error) && Instant::now() < deadline => {}
                 Err(error) => return Err(io(&error)),
             }
         }
-        wire::check_preamble(&preamble).map_err(|error| self.reach.failed(error))
+        wire::check_preamble(&preamble).map_err(|error| self.agent.failed(error))
     }
 
     /// Another handle of the socket, to end the connection from elsewhere.
@@ -157,23 +158,23 @@ impl Line {
 
     pub(super) fn send(&mut self, message: &Message) -> Result<(), RecorderError> {
         let sent = self.socket.write_all(&wire::encode(message));
-        sent.map_err(|error| self.reach.failed(in_words(&error)))
+        sent.map_err(|error| self.agent.failed(in_words(&error)))
     }
 
     /// The next message, waited for in ticks; none when a tick brought nothing whole.
     pub(super) fn look(&mut self) -> Result<Option<Message>, RecorderError> {
-        let next = self.decoder.take().map_err(|error| self.reach.failed(error))?;
+        let next = self.decoder.take().map_err(|error| self.agent.failed(error))?;
         if next.is_some() {
             return Ok(next);
         }
         match self.socket.read(&mut self.buffer) {
-            Ok(0) => Err(self.reach.failed("the agent closed the connection")),
+            Ok(0) => Err(self.agent.failed("the agent closed the connection")),
             Ok(n) => {
                 self.decoder.push(&self.buffer[..n]);
-                self.decoder.take().map_err(|error| self.reach.failed(error))
+                self.decoder.take().map_err(|error| self.agent.failed(error))
             }
             Err(error) if is_tick(&error) => Ok(None),
-            Err(error) => Err(self.reach.failed(in_words(&error))),
+            Err(error) => Err(self.agent.failed(in_words(&error))),
         }
     }
 
@@ -181,22 +182,22 @@ impl Line {
         let deadline = Instant::now() + patience;
         loop {
             match self.look()? {
-                Some(Message::Refused { because }) => return Err(self.reach.refused(because)),
+                Some(Message::Refused { because }) => return Err(self.agent.refused(because)),
                 Some(message) => return Ok(message),
                 None if Instant::now() >= deadline => {
-                    return Err(self.reach.failed(format!("no answer within {patience:?}")));
+                    return Err(self.agent.failed(format!("no answer within {patience:?}")));
                 }
                 None => {}
             }
         }
     }
 
-    /// Orders frames; what holds comes back, as the camera and as the clock's keeper say it.
+    /// Orders frames; returns the settings read back, and the descriptions of camera and clock.
     pub(super) fn configure(
         &mut self,
-        order: &Order,
+        order: &CaptureOrder,
         patience: Duration,
-    ) -> Result<(wire::Settings, Value), RecorderError> {
+    ) -> Result<(CaptureSettings, Value), RecorderError> {
         self.send(&Message::Configure(order.clone()))?;
         match self.receive(patience)? {
             Message::Configured { settings, says } => {
@@ -257,17 +258,17 @@ impl Line {
     pub(super) fn unexpected(&self, expected: &str, found: &Message) -> RecorderError {
         let name = format!("{found:?}");
         let name = name.split(['(', ' ', '{']).next().unwrap_or_default();
-        self.reach.failed(format!("expected {expected}, the agent said {name}"))
+        self.agent.failed(format!("expected {expected}, the agent said {name}"))
     }
 }
 
-fn connect(reach: &Reach, patience: Duration) -> Result<TcpStream, RecorderError> {
-    let fail = |because: String| reach.failed(because);
+fn connect(agent: &AgentAddress, patience: Duration) -> Result<TcpStream, RecorderError> {
+    let fail = |because: String| agent.failed(because);
     let resolved: Vec<SocketAddr> =
-        reach.address().to_socket_addrs().map_err(|error| fail(error.to_string()))?.collect();
+        agent.address().to_socket_addrs().map_err(|error| fail(error.to_string()))?.collect();
     let mut found = Err(fail("the name has no address".to_owned()));
     for target in &resolved {
-        if matches!(reach, Reach::Local { .. }) && !target.ip().is_loopback() {
+        if matches!(agent, AgentAddress::Local { .. }) && !target.ip().is_loopback() {
             let because = format!(
                 "{target} is another machine, and tcp:// is not encrypted; use tls:// with the keys of `evrig pair`"
             );
@@ -282,13 +283,13 @@ fn connect(reach: &Reach, patience: Duration) -> Result<TcpStream, RecorderError
     let socket = found?;
     let set = socket.set_nodelay(true).and_then(|()| {
         socket.set_write_timeout(Some(patience))?;
-        socket.set_read_timeout(Some(TICK))
+        socket.set_read_timeout(Some(POLL_INTERVAL))
     });
     set.map_err(|error| fail(error.to_string()))?;
     Ok(socket)
 }
 
-/// The handshake within its deadline, however slowly the other side speaks.
+/// The TLS handshake within its deadline, however slow the other side.
 fn shake_hands(
     connection: &mut ClientConnection,
     socket: &mut TcpStream,

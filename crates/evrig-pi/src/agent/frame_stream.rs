@@ -1,8 +1,7 @@
 //! Frames under way: one thread takes and codes them, one task sends them.
 
-use super::backlog::{Backlog, Kept, Room};
-use super::conversation::{Camera, Lost, Speaker};
-use super::lock;
+use super::backlog::{Backlog, BacklogLimits, Stored};
+use super::writer::{ConnectionError, MessageWriter, SharedCamera, lock};
 use crate::order::{Delivery, RgbDelivery};
 use crate::source::{FrameSource, SourceError};
 use crate::wire::{self, Message, TakeTally};
@@ -30,32 +29,34 @@ struct Flow {
 }
 
 /// A take. Dropped, it ends without sending what waits.
-pub(super) struct Take {
+pub(super) struct FrameStream {
     flow: Arc<Flow>,
     taker: Option<JoinHandle<()>>,
-    sender: Option<TaskHandle<Result<(), Lost>>>,
+    sender: Option<TaskHandle<Result<(), ConnectionError>>>,
 }
 
-impl Take {
+impl FrameStream {
     pub(super) fn start(
-        camera: Camera,
+        camera: SharedCamera,
         delivery: Delivery,
-        room: &Room,
-        mouth: &Arc<Speaker>,
+        limits: &BacklogLimits,
+        writer: &Arc<MessageWriter>,
     ) -> io::Result<Self> {
-        let late = match (delivery.rgb, &room.spool) {
+        let late = match (delivery.rgb, &limits.spool) {
             (RgbDelivery::AfterTake, None) => {
                 let because =
                     "RGB after the take needs a place for it; start `evrig pi` with --spool DIR";
                 return Err(io::Error::other(because));
             }
             // All of them go to disk: memory belongs to what is live.
-            (RgbDelivery::AfterTake, _) => Some(Room { memory_bytes: 0, ..room.clone() }),
+            (RgbDelivery::AfterTake, _) => {
+                Some(BacklogLimits { memory_bytes: 0, ..limits.clone() })
+            }
             _ => None,
         };
         let count = AtomicU64::default;
         let flow = Arc::new(Flow {
-            live: Backlog::new(room.clone())?,
+            live: Backlog::new(limits.clone())?,
             late: late.map(Backlog::new).transpose()?,
             delivery,
             is_ending: AtomicBool::new(false),
@@ -75,9 +76,9 @@ impl Take {
             camera.stop();
             its.live.close();
         })?;
-        let (its, mouth) = (Arc::clone(&flow), Arc::clone(mouth));
+        let (its, writer) = (Arc::clone(&flow), Arc::clone(writer));
         let sender = tokio::spawn(async move {
-            let sent = send_all(&its, &mouth).await;
+            let sent = send_all(&its, &writer).await;
             if sent.is_err() {
                 its.is_ending.store(true, Ordering::Relaxed);
             }
@@ -87,7 +88,10 @@ impl Take {
     }
 
     /// Takes no more frames, sends those that wait, then the late pictures, and counts.
-    pub(super) async fn stop(mut self, mouth: &Speaker) -> Result<TakeTally, Lost> {
+    pub(super) async fn stop(
+        mut self,
+        writer: &MessageWriter,
+    ) -> Result<TakeTally, ConnectionError> {
         self.flow.is_ending.store(true, Ordering::Relaxed);
         if let Some(taker) = self.taker.take() {
             // A panic there was reported by its own hook.
@@ -98,14 +102,14 @@ impl Take {
             let (n, bytes) = late.waiting();
             (n_messages, n_bytes) = (n_messages + n, n_bytes + bytes);
         }
-        mouth.say(&Message::Draining { n_messages, n_bytes }).await?;
+        writer.write(&Message::Draining { n_messages, n_bytes }).await?;
         if let Some(sender) = self.sender.take() {
             sender.await.map_err(io::Error::from)??;
         }
         if let Some(late) = &self.flow.late {
             late.close();
             while let Some(message) = late.next().await? {
-                mouth.send(&message).await?;
+                writer.send(&message).await?;
             }
         }
         let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
@@ -119,7 +123,7 @@ impl Take {
     }
 }
 
-impl Drop for Take {
+impl Drop for FrameStream {
     fn drop(&mut self) {
         self.flow.is_ending.store(true, Ordering::Relaxed);
         self.flow.live.close();
@@ -129,14 +133,14 @@ impl Drop for Take {
     }
 }
 
-async fn send_all(flow: &Flow, mouth: &Speaker) -> Result<(), Lost> {
+async fn send_all(flow: &Flow, writer: &MessageWriter) -> Result<(), ConnectionError> {
     while let Some(message) = flow.live.next().await? {
-        mouth.send(&message).await?;
+        writer.send(&message).await?;
         flow.n_sent.fetch_add(1, Ordering::Relaxed);
     }
     let failed = lock(&flow.failed).take();
     match failed {
-        Some(because) => mouth.say(&Message::Refused { because }).await,
+        Some(because) => writer.write(&Message::Refused { because }).await,
         None => Ok(()),
     }
 }
@@ -175,9 +179,9 @@ fn keep(mut frame: PiFrame, flow: &Flow) -> Result<(), SourceError> {
     };
     let disk = |error: io::Error| failed(format!("the spool: {error}"));
     match flow.live.push(encoded(&frame, false)?).map_err(disk)? {
-        Kept::Memory => {}
-        Kept::Disk => _ = add(&flow.n_spooled),
-        Kept::Nowhere => {
+        Stored::Memory => {}
+        Stored::Disk => _ = add(&flow.n_spooled),
+        Stored::Nowhere => {
             // Without its metadata a late picture would have no time.
             add(&flow.n_dropped);
             return Ok(());
@@ -185,8 +189,8 @@ fn keep(mut frame: PiFrame, flow: &Flow) -> Result<(), SourceError> {
     }
     if let (Some(backlog), Some(coded)) = (&flow.late, late) {
         match backlog.push(coded).map_err(disk)? {
-            Kept::Nowhere => add(&flow.n_late_dropped),
-            Kept::Memory | Kept::Disk => add(&flow.n_late),
+            Stored::Nowhere => add(&flow.n_late_dropped),
+            Stored::Memory | Stored::Disk => add(&flow.n_late),
         };
     }
     Ok(())

@@ -1,44 +1,44 @@
 //! A queue with a bound in bytes between a device's thread and a writer's.
 
-use super::Sample;
+use super::sample::RecorderSample;
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Where a device puts its samples.
+/// The device's end of the queue.
 #[derive(Debug)]
-pub struct Outlet {
-    shared: Arc<Shared>,
+pub struct SampleSender {
+    shared: Arc<SampleQueue>,
 }
 
-/// Where a writer takes them.
+/// The writer's end of the queue.
 #[derive(Debug)]
-pub struct Inlet {
-    shared: Arc<Shared>,
+pub struct SampleReceiver {
+    shared: Arc<SampleQueue>,
 }
 
-/// What a writer got.
+/// What a writer received.
 #[derive(Debug)]
-pub enum Taken {
+pub enum Received {
     /// A sample.
-    Sample(Sample),
+    Sample(RecorderSample),
     /// Nothing within the time given.
     Nothing,
-    /// No more will come.
+    /// The queue is closed.
     Closed,
 }
 
 #[derive(Debug)]
-struct Shared {
-    state: Mutex<State>,
+struct SampleQueue {
+    state: Mutex<QueueState>,
     came: Condvar,
     left: Condvar,
     limit_bytes: usize,
 }
 
 #[derive(Debug)]
-struct State {
-    samples: VecDeque<Sample>,
+struct QueueState {
+    samples: VecDeque<RecorderSample>,
     n_bytes: usize,
     n_outlets: usize,
     has_inlet: bool,
@@ -46,38 +46,38 @@ struct State {
 
 /// A queue that holds at most `limit_bytes`, or a single larger sample.
 #[must_use]
-pub fn channel(limit_bytes: usize) -> (Outlet, Inlet) {
-    let state = State { samples: VecDeque::new(), n_bytes: 0, n_outlets: 1, has_inlet: true };
-    let shared = Arc::new(Shared {
+pub fn channel(limit_bytes: usize) -> (SampleSender, SampleReceiver) {
+    let state = QueueState { samples: VecDeque::new(), n_bytes: 0, n_outlets: 1, has_inlet: true };
+    let shared = Arc::new(SampleQueue {
         state: Mutex::new(state),
         came: Condvar::new(),
         left: Condvar::new(),
         limit_bytes,
     });
-    (Outlet { shared: Arc::clone(&shared) }, Inlet { shared })
+    (SampleSender { shared: Arc::clone(&shared) }, SampleReceiver { shared })
 }
 
-impl Shared {
-    fn lock(&self) -> MutexGuard<'_, State> {
+impl SampleQueue {
+    fn lock(&self) -> MutexGuard<'_, QueueState> {
         // A queue is whole between any two of its statements.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn has_room(&self, state: &State, n_bytes: usize) -> bool {
+    fn has_room(&self, state: &QueueState, n_bytes: usize) -> bool {
         state.samples.is_empty() || state.n_bytes + n_bytes <= self.limit_bytes
     }
 
-    fn push(&self, state: &mut State, sample: Sample, n_bytes: usize) {
+    fn push(&self, state: &mut QueueState, sample: RecorderSample, n_bytes: usize) {
         state.n_bytes += n_bytes;
         state.samples.push_back(sample);
         self.came.notify_one();
     }
 }
 
-impl Outlet {
-    /// Puts a sample in if there is room; false when it was dropped.
+impl SampleSender {
+    /// Queues a sample if it fits; false when it was dropped.
     #[must_use]
-    pub fn offer(&self, sample: Sample) -> bool {
+    pub fn offer(&self, sample: RecorderSample) -> bool {
         let n_bytes = sample.n_bytes();
         let mut state = self.shared.lock();
         let fits = state.has_inlet && self.shared.has_room(&state, n_bytes);
@@ -87,9 +87,10 @@ impl Outlet {
         fits
     }
 
-    /// Puts a sample in once there is room; false when the writer is gone. For sources that can wait.
+    /// Waits until a sample fits and queues it; false when the writer is gone. For sources that can
+    /// wait.
     #[must_use]
-    pub fn put(&self, sample: Sample) -> bool {
+    pub fn put(&self, sample: RecorderSample) -> bool {
         let n_bytes = sample.n_bytes();
         let mut state = self.shared.lock();
         while state.has_inlet && !self.shared.has_room(&state, n_bytes) {
@@ -102,25 +103,25 @@ impl Outlet {
     }
 }
 
-impl Clone for Outlet {
+impl Clone for SampleSender {
     fn clone(&self) -> Self {
         self.shared.lock().n_outlets += 1;
         Self { shared: Arc::clone(&self.shared) }
     }
 }
 
-impl Drop for Outlet {
+impl Drop for SampleSender {
     fn drop(&mut self) {
         self.shared.lock().n_outlets -= 1;
         self.shared.came.notify_all();
     }
 }
 
-impl Inlet {
+impl SampleReceiver {
     /// The next sample, waited for no longer than `patience`.
     #[must_use]
-    pub fn take(&self, patience: Duration) -> Taken {
-        let is_waiting = |state: &mut State| state.samples.is_empty() && state.n_outlets > 0;
+    pub fn take(&self, patience: Duration) -> Received {
+        let is_waiting = |state: &mut QueueState| state.samples.is_empty() && state.n_outlets > 0;
         let state = self.shared.lock();
         let (mut state, _) = self
             .shared
@@ -131,15 +132,15 @@ impl Inlet {
             Some(sample) => {
                 state.n_bytes -= sample.n_bytes();
                 self.shared.left.notify_one();
-                Taken::Sample(sample)
+                Received::Sample(sample)
             }
-            None if state.n_outlets == 0 => Taken::Closed,
-            None => Taken::Nothing,
+            None if state.n_outlets == 0 => Received::Closed,
+            None => Received::Nothing,
         }
     }
 }
 
-impl Drop for Inlet {
+impl Drop for SampleReceiver {
     fn drop(&mut self) {
         let mut state = self.shared.lock();
         state.has_inlet = false;
@@ -154,10 +155,10 @@ mod tests {
     use evrig_core::event::{Event, Events};
     use evrig_format::aedat4::Content;
 
-    fn packet(n: i64) -> Sample {
+    fn packet(n: i64) -> RecorderSample {
         let events: Events = (0..n).map(|t| Event { t, x: 0, y: 0, on: true }).collect();
         let arrived = crate::recorder::host_time();
-        Sample::Packet { stream: 0, arrived, content: Content::Events(events) }
+        RecorderSample::Packet { stream: 0, arrived, content: Content::Events(events) }
     }
 
     #[test]
@@ -165,7 +166,7 @@ mod tests {
         let (outlet, inlet) = channel(packet(10).n_bytes() * 2);
         assert!(outlet.offer(packet(10)) && outlet.offer(packet(10)));
         assert!(!outlet.offer(packet(10)));
-        assert!(matches!(inlet.take(Duration::ZERO), Taken::Sample(_)));
+        assert!(matches!(inlet.take(Duration::ZERO), Received::Sample(_)));
         assert!(outlet.offer(packet(10)));
     }
 
@@ -173,8 +174,8 @@ mod tests {
     fn a_sample_larger_than_the_queue_passes_alone() {
         let (outlet, inlet) = channel(16);
         assert!(outlet.offer(packet(100)) && !outlet.offer(packet(1)));
-        assert!(matches!(inlet.take(Duration::ZERO), Taken::Sample(_)));
-        assert!(matches!(inlet.take(Duration::ZERO), Taken::Nothing));
+        assert!(matches!(inlet.take(Duration::ZERO), Received::Sample(_)));
+        assert!(matches!(inlet.take(Duration::ZERO), Received::Nothing));
     }
 
     #[test]
@@ -182,8 +183,8 @@ mod tests {
         let (outlet, inlet) = channel(1);
         assert!(outlet.put(packet(1)));
         let waiting = std::thread::spawn(move || [outlet.put(packet(2)), outlet.put(packet(3))]);
-        assert!(matches!(inlet.take(Duration::from_secs(10)), Taken::Sample(_)));
-        assert!(matches!(inlet.take(Duration::from_secs(10)), Taken::Sample(_)));
+        assert!(matches!(inlet.take(Duration::from_secs(10)), Received::Sample(_)));
+        assert!(matches!(inlet.take(Duration::from_secs(10)), Received::Sample(_)));
         drop(inlet);
         // The third fits the empty queue or finds nobody there, by who came first.
         assert!(waiting.join().unwrap()[0]);
@@ -194,7 +195,7 @@ mod tests {
         let (outlet, inlet) = channel(1000);
         assert!(outlet.clone().offer(packet(1)));
         drop(outlet);
-        assert!(matches!(inlet.take(Duration::ZERO), Taken::Sample(_)));
-        assert!(matches!(inlet.take(Duration::ZERO), Taken::Closed));
+        assert!(matches!(inlet.take(Duration::ZERO), Received::Sample(_)));
+        assert!(matches!(inlet.take(Duration::ZERO), Received::Closed));
     }
 }

@@ -1,9 +1,10 @@
 //! What was recorded is on the disk soon: a thread beside the writers syncs their files.
 //!
-//! A writer hands its bytes to the system several times a second; this thread then makes the system
-//! put them on the disk. No writer waits for that, so a slow disk delays durability, not recording. What
-//! is on the disk since long the system need not hold in memory any more: a recording of tens of gigabytes
-//! would push out all else, and what writes it would wait for memory to be found.
+//! A writer flushes its bytes to the system several times a second; this thread then makes the
+//! system put them on the disk. No writer waits for that, so a slow disk delays disk_sync, not
+//! recording. What is on the disk since long the system need not hold in memory any more: a
+//! recording of tens of gigabytes would push out all else, and what writes it would wait for memory
+//! to be found.
 
 use std::fs::File;
 #[cfg(target_os = "linux")]
@@ -13,8 +14,8 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Of a file that is synced so many last bytes stay in the system's memory, so that what seals a short
-/// recording need not read it from the disk.
+/// Of a file that is synced so many last bytes stay in the system's memory, so that what seals a
+/// short recording need not read it from the disk.
 const KEPT_BYTES: u64 = 512 << 20;
 
 /// From the end of one sync to the next.
@@ -22,13 +23,13 @@ const BETWEEN_SYNCS: Duration = Duration::from_millis(250);
 
 /// What the thread and the writers share.
 #[derive(Debug, Default)]
-struct Shared {
-    state: Mutex<State>,
+struct SyncMonitor {
+    state: Mutex<SyncState>,
     changed: Condvar,
 }
 
 #[derive(Debug, Default)]
-struct State {
+struct SyncState {
     files: Vec<(PathBuf, File)>,
     is_ending: bool,
     /// The first refusal.
@@ -36,8 +37,8 @@ struct State {
     n_rounds: u64,
 }
 
-impl Shared {
-    fn lock(&self) -> MutexGuard<'_, State> {
+impl SyncMonitor {
+    fn lock(&self) -> MutexGuard<'_, SyncState> {
         // Whole between any two statements.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -45,15 +46,15 @@ impl Shared {
 
 /// The thread that syncs.
 #[derive(Debug)]
-pub(super) struct Durability {
-    shared: Arc<Shared>,
+pub(super) struct DiskSync {
+    shared: Arc<SyncMonitor>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Durability {
-    /// Starts it; before each round it calls `flush`, and ends once that says so.
+impl DiskSync {
+    /// Starts it; before each round it calls `flush`, and ends once that returns false.
     pub(super) fn start(flush: impl Fn() -> bool + Send + 'static) -> std::io::Result<Self> {
-        let shared: Arc<Shared> = Arc::default();
+        let shared: Arc<SyncMonitor> = Arc::default();
         let its = Arc::clone(&shared);
         let thread = std::thread::Builder::new()
             .name("sync".to_owned())
@@ -81,13 +82,13 @@ impl Durability {
     }
 }
 
-impl Drop for Durability {
+impl Drop for DiskSync {
     fn drop(&mut self) {
         let _ = self.finish();
     }
 }
 
-impl Shared {
+impl SyncMonitor {
     /// One round; false when it was the last.
     fn round(&self, flush: &impl Fn() -> bool) -> bool {
         let waited = self
@@ -130,7 +131,7 @@ mod tests {
     use super::*;
     use std::sync::atomic::{AtomicU64, Ordering};
 
-    /// What Linux calls a file system that lies in memory (statfs(2)).
+    /// The type of a file system in memory (statfs(2)).
     #[cfg(target_os = "linux")]
     const TMPFS: i64 = 0x0102_1994;
 
@@ -144,16 +145,17 @@ mod tests {
             its.fetch_add(1, Ordering::SeqCst);
             true
         };
-        let mut durability = Durability::start(flush).unwrap();
-        durability.keep(&path, File::create(&path).unwrap()).unwrap();
-        let state = durability.shared.lock();
-        let waited = durability.shared.changed.wait_while(state, |state| state.n_rounds < 2);
+        let mut disk_sync = DiskSync::start(flush).unwrap();
+        disk_sync.keep(&path, File::create(&path).unwrap()).unwrap();
+        let state = disk_sync.shared.lock();
+        let waited = disk_sync.shared.changed.wait_while(state, |state| state.n_rounds < 2);
         drop(waited.unwrap());
-        assert_eq!(durability.finish(), None);
+        assert_eq!(disk_sync.finish(), None);
         assert!(n_flushed.load(Ordering::SeqCst) >= 2);
     }
 
-    /// How much of a file the system holds in memory, by `fincore` of util-linux; `None` where there is none.
+    /// How much of a file the system holds in memory, by `fincore` of util-linux; `None` where
+    /// there is none.
     #[cfg(target_os = "linux")]
     fn in_memory(path: &Path) -> Option<u64> {
         let mut fincore = std::process::Command::new("fincore");
@@ -187,11 +189,11 @@ mod tests {
     fn a_file_that_cannot_be_synced_is_told() {
         let (_reader, pipe) = std::io::pipe().unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let mut durability = Durability::start(|| true).unwrap();
+        let mut disk_sync = DiskSync::start(|| true).unwrap();
         let file = File::from(std::os::fd::OwnedFd::from(pipe));
-        durability.keep(&folder.path().join("pipe"), file).unwrap();
-        let state = durability.shared.lock();
-        drop(durability.shared.changed.wait_while(state, |state| state.n_rounds < 1).unwrap());
-        assert!(durability.finish().unwrap().contains("not synced"));
+        disk_sync.keep(&folder.path().join("pipe"), file).unwrap();
+        let state = disk_sync.shared.lock();
+        drop(disk_sync.shared.changed.wait_while(state, |state| state.n_rounds < 1).unwrap());
+        assert!(disk_sync.finish().unwrap().contains("not synced"));
     }
 }

@@ -1,37 +1,39 @@
-//! What the threads of a camera and those that look at it share: how many samples came, whether the
-//! camera was lost, and whether it is to end.
+//! The state that a camera's threads share with the recording: sample counts, the error that ended
+//! a thread, and the request to end.
 
-use super::{Outlet, RecorderError, Sample, Tally};
+use super::sample::RecorderSample;
+use super::sample_queue::SampleSender;
+use super::tally::{RecorderError, RecorderTally};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// The account of one camera, from its start to its end.
+/// The shared state of one camera's threads, from start to end.
 #[derive(Debug, Default)]
-pub struct Account {
+pub struct RecorderMonitor {
     is_ending: AtomicBool,
-    state: Mutex<State>,
+    state: Mutex<MonitorState>,
     changed: Condvar,
 }
 
-/// What stands in it.
+/// The shared state.
 #[derive(Debug, Default)]
-pub struct State {
-    pub tally: Tally,
+pub struct MonitorState {
+    pub tally: RecorderTally,
     /// The first error that ended a thread.
     pub failed: Option<RecorderError>,
     pub n_running: usize,
 }
 
-impl Account {
-    fn lock(&self) -> MutexGuard<'_, State> {
+impl RecorderMonitor {
+    fn lock(&self) -> MutexGuard<'_, MonitorState> {
         // Counters and words: whole between any two statements.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Runs `work` on a thread of its own; the error it ends with is the camera's. The outlet is
-    /// closed only when that error stands here, so that who sees it closed finds the reason.
+    /// closed after that error is stored, so that a reader that finds it closed finds the reason.
     pub fn spawn<O: Send + 'static>(
         self: &Arc<Self>,
         name: &str,
@@ -69,8 +71,8 @@ impl Account {
         self.is_ending.load(Ordering::Relaxed)
     }
 
-    /// Changes the shared state and wakes whoever waits for it.
-    pub fn change(&self, change: impl FnOnce(&mut State)) {
+    /// Changes the shared state and wakes all waiting threads.
+    pub fn change(&self, change: impl FnOnce(&mut MonitorState)) {
         change(&mut self.lock());
         self.changed.notify_all();
     }
@@ -79,19 +81,20 @@ impl Account {
     ///
     /// # Errors
     /// The one that ended a thread.
-    pub fn progress(&self) -> Result<Tally, RecorderError> {
+    pub fn progress(&self) -> Result<RecorderTally, RecorderError> {
         let state = self.lock();
         state.failed.clone().map_or_else(|| Ok(state.tally.clone()), Err)
     }
 
     /// Waits while `is_waiting` holds, no longer than `patience`.
-    pub fn wait(&self, patience: Duration, is_waiting: impl Fn(&State) -> bool) {
+    pub fn wait(&self, patience: Duration, is_waiting: impl Fn(&MonitorState) -> bool) {
         let waited =
             self.changed.wait_timeout_while(self.lock(), patience, |state| is_waiting(state));
         drop(waited);
     }
 
-    /// Waits for the first sample, no longer than `patience` nor than a thread runs; whether it came.
+    /// Waits for the first sample, no longer than `patience` nor than a thread runs; whether it
+    /// came.
     ///
     /// # Errors
     /// The one that ended a thread.
@@ -102,13 +105,13 @@ impl Account {
         self.progress().map(|tally| tally.n_samples > 0)
     }
 
-    /// Hands a sample on and counts it; what has no room is dropped and counted as that.
-    pub fn offer(&self, outlet: &Outlet, sample: Sample) {
+    /// Queues and counts a sample; one that does not fit is dropped and counted as dropped.
+    pub fn offer(&self, outlet: &SampleSender, sample: RecorderSample) {
         self.count(outlet.offer(sample));
     }
 
-    /// The same for a source that can wait until there is room.
-    pub fn put(&self, outlet: &Outlet, sample: Sample) {
+    /// The same for a source that can wait until the sample fits.
+    pub fn put(&self, outlet: &SampleSender, sample: RecorderSample) {
         self.count(outlet.put(sample));
     }
 
@@ -125,8 +128,8 @@ mod tests {
     use super::super::{channel, host_time};
     use super::*;
 
-    fn note() -> Sample {
-        Sample::Note { at: host_time(), text: "a remark".to_owned() }
+    fn note() -> RecorderSample {
+        RecorderSample::Note { at: host_time(), text: "a remark".to_owned() }
     }
 
     fn lost(because: &str) -> RecorderError {
@@ -135,35 +138,35 @@ mod tests {
 
     #[test]
     fn what_had_no_room_is_counted_as_dropped() {
-        let account = Account::default();
+        let monitor = RecorderMonitor::default();
         let (outlet, _inlet) = channel(1);
-        account.offer(&outlet, note());
-        account.offer(&outlet, note());
-        let tally = account.progress().unwrap();
+        monitor.offer(&outlet, note());
+        monitor.offer(&outlet, note());
+        let tally = monitor.progress().unwrap();
         assert_eq!((tally.n_samples, tally.n_dropped), (1, 1));
     }
 
     #[test]
     fn the_first_error_of_its_threads_is_the_cameras() {
-        let account: Arc<Account> = Arc::default();
-        let first = account.spawn("first", (), |(), _| Err(lost("the first"))).unwrap();
+        let monitor: Arc<RecorderMonitor> = Arc::default();
+        let first = monitor.spawn("first", (), |(), _| Err(lost("the first"))).unwrap();
         first.join().unwrap();
-        account.spawn("second", (), |(), _| Err(lost("the second"))).unwrap().join().unwrap();
-        assert_eq!(account.progress(), Err(lost("the first")));
-        assert_eq!(account.wait_for_first(Duration::from_secs(3600)), Err(lost("the first")));
+        monitor.spawn("second", (), |(), _| Err(lost("the second"))).unwrap().join().unwrap();
+        assert_eq!(monitor.progress(), Err(lost("the first")));
+        assert_eq!(monitor.wait_for_first(Duration::from_secs(3600)), Err(lost("the first")));
     }
 
     #[test]
     fn a_thread_that_ends_without_a_sample_ends_the_wait_for_it() {
-        let account: Arc<Account> = Arc::default();
-        let waits = |(): &(), account: &Account| {
-            account.wait(Duration::from_secs(3600), |_| !account.is_ending());
+        let monitor: Arc<RecorderMonitor> = Arc::default();
+        let waits = |(): &(), monitor: &RecorderMonitor| {
+            monitor.wait(Duration::from_secs(3600), |_| !monitor.is_ending());
             Ok(())
         };
-        let thread = account.spawn("camera", (), waits).unwrap();
-        account.end();
+        let thread = monitor.spawn("camera", (), waits).unwrap();
+        monitor.end();
         // Returns at once, or this test never ends.
-        assert_eq!(account.wait_for_first(Duration::from_secs(3600)), Ok(false));
+        assert_eq!(monitor.wait_for_first(Duration::from_secs(3600)), Ok(false));
         thread.join().unwrap();
     }
 }

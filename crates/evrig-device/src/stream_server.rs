@@ -19,7 +19,7 @@ const CLIENT_PATIENCE: Duration = Duration::from_secs(5);
 
 /// Why a stream cannot be served.
 #[derive(Debug, thiserror::Error)]
-pub enum ServeError {
+pub enum StreamServerError {
     /// The address cannot be listened at.
     #[error("cannot listen at {address}: {source}; choose another port, or 0 for any")]
     Listen {
@@ -55,7 +55,7 @@ impl Write for Tap {
 }
 
 #[derive(Debug, Default)]
-struct Shared {
+struct StreamClients {
     is_ending: AtomicBool,
     n_dropped: AtomicU64,
     clients: Mutex<Clients>,
@@ -69,7 +69,7 @@ struct Clients {
     n_joined: u64,
 }
 
-impl Shared {
+impl StreamClients {
     fn lock(&self) -> MutexGuard<'_, Clients> {
         self.clients.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -81,7 +81,7 @@ pub struct StreamServer {
     address: SocketAddr,
     tap: Tap,
     writer: Writer<Tap>,
-    shared: Arc<Shared>,
+    shared: Arc<StreamClients>,
     acceptor: Option<JoinHandle<()>>,
 }
 
@@ -94,9 +94,9 @@ impl StreamServer {
         address: impl ToSocketAddrs + std::fmt::Debug,
         stream: &StreamSpec,
         compression: Compression,
-    ) -> Result<Self, ServeError> {
+    ) -> Result<Self, StreamServerError> {
         let named = format!("{address:?}");
-        let fail = |source| ServeError::Listen { address: named.clone(), source };
+        let fail = |source| StreamServerError::Listen { address: named.clone(), source };
         let listener = TcpListener::bind(address).map_err(fail)?;
         let address = listener.local_addr().map_err(fail)?;
         let tap = Tap::default();
@@ -104,7 +104,7 @@ impl StreamServer {
         let writer =
             Writer::to_stream(tap.clone(), &name, compression, std::slice::from_ref(stream))?;
         let header: Arc<[u8]> = tap.drain().into();
-        let shared: Arc<Shared> = Arc::default();
+        let shared: Arc<StreamClients> = Arc::default();
         let its = Arc::clone(&shared);
         let acceptor = std::thread::Builder::new()
             .name("davis server".to_owned())
@@ -119,7 +119,8 @@ impl StreamServer {
         self.address
     }
 
-    /// Waits until so many clients have connected since the beginning; false when they did not come.
+    /// Waits until so many clients have connected since the beginning; false when they did not
+    /// come.
     #[must_use]
     pub fn wait_for_clients(&self, n: u64, patience: Duration) -> bool {
         let missing = |clients: &mut Clients| clients.n_joined < n;
@@ -143,7 +144,7 @@ impl StreamServer {
     ///
     /// # Errors
     /// When the stream carries no events or they cannot be written.
-    pub fn send_events(&mut self, events: EventSlice<'_>) -> Result<(), ServeError> {
+    pub fn send_events(&mut self, events: EventSlice<'_>) -> Result<(), StreamServerError> {
         self.writer.write_events(0, events)?;
         self.broadcast();
         Ok(())
@@ -153,7 +154,7 @@ impl StreamServer {
     ///
     /// # Errors
     /// When the stream carries something else or it cannot be written.
-    pub fn send(&mut self, content: &Content) -> Result<(), ServeError> {
+    pub fn send(&mut self, content: &Content) -> Result<(), StreamServerError> {
         content.write(&mut self.writer, 0)?;
         self.broadcast();
         Ok(())
@@ -163,7 +164,7 @@ impl StreamServer {
     ///
     /// # Errors
     /// When the stream carries no frames or it cannot be written.
-    pub fn send_frame(&mut self, frame: &Frame<Davis>) -> Result<(), ServeError> {
+    pub fn send_frame(&mut self, frame: &Frame<Davis>) -> Result<(), StreamServerError> {
         self.writer.write_frame(0, frame)?;
         self.broadcast();
         Ok(())
@@ -202,7 +203,7 @@ impl Drop for StreamServer {
     }
 }
 
-fn accept(listener: &TcpListener, header: &Arc<[u8]>, shared: &Arc<Shared>) {
+fn accept(listener: &TcpListener, header: &Arc<[u8]>, shared: &Arc<StreamClients>) {
     for socket in listener.incoming() {
         if shared.is_ending.load(Ordering::Relaxed) {
             return;

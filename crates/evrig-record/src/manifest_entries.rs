@@ -1,12 +1,13 @@
-//! What a recording writes down as it begins, so that a manifest can be made if it dies.
+//! What the journal and the manifest state about a recording; the journal alone suffices to make
+//! the manifest of a recording that died.
 
 use evrig_session::rig::Rig;
 use evrig_session::trajectory::Trajectory;
 use evrig_session::{DeviceEntry, HostTime, Recording};
 use serde_json::{Value, json};
 
-/// The journal's line `recording`: what the manifest will say of rig, trajectory and clocks.
-pub fn opening(rig: &Rig, trajectory: &Trajectory) -> Value {
+/// The journal's line `recording`: rig, trajectory and clocks.
+pub fn recording_line(rig: &Rig, trajectory: &Trajectory) -> Value {
     json!({
         "rig": {"name": rig.name, "text": rig.text},
         "trajectory": {"name": trajectory.name, "text": trajectory.text},
@@ -14,7 +15,7 @@ pub fn opening(rig: &Rig, trajectory: &Trajectory) -> Value {
     })
 }
 
-/// How the clocks are kept, as the rig states it.
+/// How the clocks are disciplined, as the rig states it.
 pub fn clocks(rig: &Rig) -> Value {
     json!({
         "reference": rig.clocks.reference,
@@ -24,7 +25,7 @@ pub fn clocks(rig: &Rig) -> Value {
     })
 }
 
-/// What the manifest says of the recording.
+/// The manifest's entry on the recording.
 pub fn recording(
     rig: &Rig,
     trajectory: &Trajectory,

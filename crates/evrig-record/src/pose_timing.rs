@@ -10,12 +10,12 @@ use std::time::Duration;
 /// A steady beat. A beat that was missed is left out, not made up for, so that what follows a
 /// delay is not crowded.
 #[derive(Debug, Clone, Copy)]
-pub struct Pace {
+pub struct PoseTimer {
     period: Span,
     next: Option<Stamp<HostMonotonic>>,
 }
 
-impl Pace {
+impl PoseTimer {
     /// A beat of the given rate; rates below one per hour or above 1 kHz are taken as those.
     #[must_use]
     pub fn new(rate: Hertz) -> Self {
@@ -35,15 +35,15 @@ impl Pace {
     }
 }
 
-/// Looks at the arm in step with `pace` until the steps that were started have ended, and hands
-/// each look to `seen`; it goes on while that returns true, and aborts the arm otherwise.
+/// Reads the arm's progress in step with `pace` until the started steps have ended, and passes each
+/// reading to `seen`; goes on while that returns true, and aborts the arm otherwise.
 /// True when the steps ended, false when they were broken off.
 ///
 /// # Errors
-/// Whatever [`Arm::progress`] meets; the arm then stands.
+/// Those of [`Arm::progress`]; the arm is then stopped.
 pub fn drive_to_end(
     arm: &mut dyn Arm,
-    pace: &mut Pace,
+    pace: &mut PoseTimer,
     seen: &mut dyn FnMut(&Progress) -> bool,
 ) -> Result<bool, DeviceError> {
     loop {
@@ -60,7 +60,7 @@ pub fn drive_to_end(
     }
 }
 
-/// How a series of poses lies in time.
+/// The timing of a series of poses.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PoseTiming {
     /// Number of poses.
@@ -106,7 +106,7 @@ mod tests {
 
     #[test]
     fn the_beat_is_steady_and_missed_beats_are_left_out() {
-        let mut pace = Pace::new(Hertz(20.0));
+        let mut pace = PoseTimer::new(Hertz(20.0));
         assert_eq!(pace.until_next(at(1_000)), Span::ZERO);
         assert_eq!(pace.until_next(at(1_010)), Span::from_micros(40_000));
         // The look at 1050 took until 1080: the beat at 1100 is kept.
