@@ -1,5 +1,6 @@
 //! The stages of analysis: `generate`, `calibrate`, `compare`, `process`.
 
+use crate::pipeline::ModelChoice;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -131,10 +132,11 @@ pub struct ConditionArgs {
 }
 
 impl ModelArgs {
-    /// Whether the user chose a model or its constants.
+    /// The same as a value of the pipeline.
     #[must_use]
-    pub const fn is_given(&self) -> bool {
-        self.model.is_some() || self.preset.is_some() || self.k.is_some() || !self.knobs.is_empty()
+    pub fn choice(&self) -> ModelChoice {
+        let Self { model, preset, k, knobs, full_scale_dn, law, seed } = self.clone();
+        ModelChoice { model, preset, k, knobs, full_scale_dn, law, seed }
     }
 }
 
@@ -255,26 +257,4 @@ pub struct ProcessArgs {
     /// How a dataset is processed.
     #[command(flatten)]
     pub batch: super::BatchArgs,
-}
-
-impl ModelArgs {
-    /// The same as words of a command line.
-    #[must_use]
-    pub fn words(&self) -> Vec<String> {
-        let Self { model, preset, k, knobs, full_scale_dn, law, seed } = self;
-        let full_scale_dn = full_scale_dn.map(|dn| dn.to_string());
-        let mut words = vec![format!("--seed={seed}")];
-        let named = [
-            ("model", model.as_ref()),
-            ("preset", preset.as_ref()),
-            ("k", k.as_ref()),
-            ("full-scale-dn", full_scale_dn.as_ref()),
-            ("law", law.as_ref()),
-        ];
-        words.extend(
-            named.iter().filter_map(|(name, value)| Some(format!("--{name}={}", value.as_ref()?))),
-        );
-        words.extend(knobs.iter().map(|knob| format!("--knob={knob}")));
-        words
-    }
 }

@@ -1,7 +1,7 @@
 //! The camera that a diagnosis found, kept beside it for whoever generates with it.
 
 use super::{Baseline, result};
-use crate::pipeline::sync::missing;
+use crate::pipeline::error::missing;
 use crate::pipeline::{PipelineError, read_json};
 use evrig_analysis::diagnose::{FittedCamera, Verdict};
 use evrig_session::Session;
