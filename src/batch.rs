@@ -16,24 +16,33 @@
 
 mod aggregate;
 mod card;
+mod cluster;
+mod compare;
 mod index;
 mod lock;
 mod outcome;
 mod page;
+mod results;
+mod run;
 mod slurm;
 mod split;
 mod walk;
 
 pub use aggregate::{Aggregate, Cell, SessionValue, Variant, aggregate};
 pub use card::card;
+pub use cluster::{DatasetStatus, Gathered, gather, run_task, status, submit};
+pub use compare::{DatasetCompareRequest, compare_dataset};
 pub use index::{Index, IndexedSession, IndexedStream, NamedEffect, Rig, index, read_index};
 pub use lock::{Held, lock_dataset, lock_session};
 pub use outcome::{LeftOut, Outcome, Verdict, clear_outcome, read_outcome, write_outcome};
 pub use page::{comparison_page, dataset_page};
+pub use results::{dataset_report, read_splits, write_comparison, write_results};
+pub use run::{BatchProgress, OnProgress, process_dataset, process_session};
 pub use slurm::{Job, JobState, Resources, Slurm, read_job};
 pub use split::{Share, SplitBy, Splits, stimulus};
 pub use walk::{Found, is_dataset, walk};
 
+use crate::pipeline::PipelineError;
 use evrig_session::SessionError;
 use std::path::{Path, PathBuf};
 
@@ -88,6 +97,17 @@ pub enum BatchError {
         /// What it said.
         what: String,
     },
+    /// The disk refuses, which concerns every session.
+    #[error("{session}: the run over the dataset was stopped, because the disk refuses: {source}")]
+    Disk {
+        /// The session.
+        session: String,
+        /// What the disk refused.
+        source: Box<BatchError>,
+    },
+    /// A stage failed, or the request is wrong.
+    #[error(transparent)]
+    Pipeline(#[from] PipelineError),
     /// A session or a file cannot be read or written.
     #[error(transparent)]
     Session(#[from] SessionError),

@@ -1,4 +1,4 @@
-//! The command line: clap definitions and nothing else, one file a verb.
+//! The command line: clap definitions and nothing else, one file per command.
 
 use clap::{Args, Parser, Subcommand};
 
@@ -51,87 +51,87 @@ pub use target::{FilterArgs, FilterChoice, SceneArgs, SyncArgs, TrackArgs};
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong use or wrong description file, \
     3 done with losses, 4 done and the verdict is negative, 130 aborted by the operator.")]
 pub struct Cli {
-    /// What every command takes.
+    /// Options of every command.
     #[command(flatten)]
     pub global: GlobalArgs,
 
-    /// The verb.
+    /// The command.
     #[command(subcommand)]
     pub command: Command,
 }
 
-/// Flags that every command takes.
+/// Options of every command.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct GlobalArgs {
     /// Print one machine-readable JSON value on stdout and nothing else there
     #[arg(long, global = true)]
     pub json: bool,
 
-    /// Say more on stderr (twice: even more)
+    /// More messages on stderr (twice: even more)
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub verbose: u8,
 
-    /// Say nothing on stderr but errors; no progress bars
+    /// Only errors on stderr; no progress bars
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub quiet: bool,
 }
 
-/// One verb a variant.
+/// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Show the whole way on the simulated rig: record five seconds, process them, write the report
+    /// Record five seconds on the simulated rig, process them and write the report
     Demo(DemoArgs),
-    /// Take in a recording made elsewhere as a session
+    /// Import a recording made by other software as a session
     Import(ImportArgs),
-    /// Say what is in a session, stream by stream, counted from its files
+    /// List the streams of a session, counted from its files
     Info(InfoArgs),
-    /// Recompute checksums and counts and say whether they hold
+    /// Recompute checksums and counts and compare them with the manifest
     Verify(VerifyArgs),
-    /// Put the Pi's frames and the events on one clock, with its error
+    /// Synchronize the Pi's frames with the events, with the error of the clock map
     Sync(SyncArgs),
-    /// Follow the tag through frames
+    /// Track the tag in frames
     Track(TrackArgs),
-    /// Map the print and tie the event camera to it: the light signal of its pixels
+    /// Reconstruct the target and register the event camera to it: the log-intensity signal of its pixels
     Scene(SceneArgs),
-    /// Cut event streams to the tracked picture and free them of noise
+    /// Crop event streams to the tracked target and remove noise
     Filter(FilterArgs),
     /// Generate events from frames
     Generate(GenerateArgs),
-    /// Fit the generator's constants k to a session's real events, each with its error
+    /// Fit the generator's constants k to a session's recorded events, each with its error
     Calibrate(CalibrateArgs),
-    /// Turn a knob through a range and show heat maps and point clouds side by side
+    /// Vary one parameter over a range; heat maps and point clouds side by side
     Sweep(SweepArgs),
-    /// Compare simulated events with real ones, each measure with its error
+    /// Compare simulated with recorded events, each measure with its error
     Compare(CompareArgs),
-    /// Say which physics the model leaves out: located, named, fitted, shown on held-out events
+    /// Find physical effects that the model lacks: located, named, fitted, tested on held-out events
     Diagnose(DiagnoseArgs),
-    /// Hide effects in sessions, diagnose them blind, open the seals and count
+    /// Run concealed trials: sessions with hidden effects, diagnosed blind and scored
     Prove(ProveArgs),
     /// Run every stage a session has the inputs for
     Process(ProcessArgs),
     /// Write the report: one self-contained HTML file
     Report(ReportArgs),
-    /// Write a stream in a format other programs read
+    /// Write a stream in the format of another program
     Export(ExportArgs),
     /// Record a session: drive the arm along a trajectory while both cameras run
     Record(RecordArgs),
-    /// Explain a trajectory before anything moves: duration, speeds, margins to the limits, disk
+    /// Check a trajectory without moving: duration, speeds, margins to the limits, disk space
     Plan(PlanArgs),
-    /// Look at everything that must hold before a recording; nothing moves
+    /// Check that rig, disk and clock are ready for a recording; nothing moves
     Check(CheckArgs),
     /// Print a completion script for a shell
     Completions(CompletionsArgs),
-    /// Serve a simulated device on the real wire, for tests and other programs
+    /// Serve a simulated device with the protocol of the real one
     Emulate(EmulateArgs),
     /// Serve the Raspberry Pi's camera to a recorder; runs on the Pi
     Pi(PiArgs),
-    /// Make the keys by which host and Pi know each other
+    /// Make the keys with which host and Pi authenticate each other
     Pair(PairArgs),
-    /// Show what the devices see now: rates, frames with the tag, events, to DV and Foxglove
+    /// Live view of the devices: rates, frames with the tag, and events, for DV and Foxglove
     Live(LiveArgs),
-    /// Show the target on a screen: picture and tag to scale in a browser, picture after picture
+    /// Show the target on a screen: image and tag to scale in a browser, one image after another
     Stimulus(StimulusArgs),
-    /// Own the arm's port and stop the arm when evrig dies
+    /// Own the arm's port and stop the arm when evrig ends
     #[command(hide = true)]
     Guard(GuardArgs),
     /// Write the man pages into a directory

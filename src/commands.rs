@@ -1,10 +1,12 @@
-//! The verbs: each reads its arguments, calls rooms below, prints the result.
+//! The commands: each reads its arguments, calls the modules below, and prints the typed result once.
 //!
-//! Only here (and in `cli`) is anything printed, and only here is an error
-//! turned from a value into words on stderr and an exit code.
+//! Only here is anything printed, and only here does an error become a message and an exit code.
 
+use crate::batch::BatchError;
 use crate::cli::{Cli, Command};
+use crate::pipeline::PipelineError;
 use clap::{CommandFactory, Parser};
+use evrig_session::StreamName;
 use std::process::ExitCode;
 
 mod about;
@@ -26,6 +28,7 @@ mod output;
 mod pi;
 mod plan;
 mod process;
+mod progress;
 mod prove;
 mod record;
 mod report;
@@ -33,8 +36,8 @@ mod scene;
 mod stimulus;
 mod sweep;
 mod sync;
+mod table;
 mod track;
-mod variants;
 mod verify;
 
 pub use output::{Output, WrongUse};
@@ -66,10 +69,22 @@ pub fn main() -> ExitCode {
         Ok(ending) => ending,
         Err(error) => {
             output.error(&error);
-            if error.is::<WrongUse>() { Ending::WrongUse } else { Ending::Failed }
+            if is_wrong_use(&error) { Ending::WrongUse } else { Ending::Failed }
         }
     };
     ExitCode::from(ending as u8)
+}
+
+fn is_wrong_use(error: &anyhow::Error) -> bool {
+    let is_request = |error: &PipelineError| matches!(error, PipelineError::Request(_));
+    error.is::<WrongUse>()
+        || error.downcast_ref().is_some_and(is_request)
+        || matches!(error.downcast_ref(), Some(BatchError::Pipeline(error)) if is_request(error))
+}
+
+/// A stream's name from the command line.
+fn stream_name(name: &str) -> Result<StreamName, WrongUse> {
+    StreamName::new(name).map_err(|error| WrongUse(error.to_string()))
 }
 
 fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {

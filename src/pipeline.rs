@@ -6,193 +6,65 @@
 //! outside the session, so that they are the same bytes on any machine.
 
 mod align;
-mod between;
 mod calibrate;
 mod compare;
+mod conditions;
 mod diagnose;
+mod error;
 mod filter;
 mod generate;
 mod inputs;
-mod light;
+mod interpolation;
+mod luminance;
+mod model_choice;
+mod process;
+mod progress;
 mod report;
 mod scene;
+mod scene_source;
+mod streams;
 mod sweep;
 mod sync;
 mod track;
+mod variants;
 
-pub use align::{AlignProgress, Aligned, TrackOutcome, align, frame_streams, track_all};
+pub use align::{AlignProgress, Aligned, TrackOutcome, align, track_all};
 pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration};
 pub use compare::{CompareRequest, Reference, compare, compare_with, read_comparison};
+pub use conditions::Conditions;
 pub use diagnose::{
     Baseline, DiagnoseRequest, DiagnosedCamera, default_baseline, diagnose, read_camera,
     read_diagnosis, read_forward_simulation, read_heat,
 };
+pub use error::PipelineError;
 pub use filter::{
-    FilterRequest, FilterSettings, FilterTally, FilteredStream, filter, picture_events,
-    read_filter_tally, stream_grid, track_for,
+    FilterRequest, FilterSettings, FilterTally, FilteredStream, common_grid, filter,
+    picture_events, read_filter_tally, stream_grid, track_for,
 };
 pub use generate::{
-    By, CameraRequest, Conditions, GenerateRequest, Generated, GenerationSpeed, default_light,
-    generate, generate_diagnosed, white_of,
+    By, CameraRequest, GenerateRequest, GenerateTally, Generated, GenerationSpeed, generate,
+    generate_diagnosed,
 };
-pub use light::{Light, light};
+pub use model_choice::ModelChoice;
+pub use process::{ProcessRequest, ProcessStep, Processed, SkippedStage, StageResult, process};
+pub use progress::Progress;
 pub use report::report;
 pub use scene::{SceneMade, read_scene, scene, scene_streams};
+pub use scene_source::white_of;
+pub use streams::{
+    count_frames, default_light, event_streams, frame_streams, pi_streams, simulated_streams,
+};
 pub use sweep::{SweepRequest, Swept, sweep};
-pub use sync::{SyncTally, Synced, pi_streams, read_clocks, sync};
+pub use sync::{SyncTally, Synced, read_clocks, sync};
 pub use track::{
     AnyTrack, TrackRequest, TrackSummary, Tracked, read_summary, read_track, track, tracked,
 };
+pub use variants::{VariantList, VariantResult, VariantResults, variants};
 
-use evrig_analysis::calibrate::CalibrateError;
-use evrig_analysis::compare::CompareError;
-use evrig_analysis::diagnose::DiagnoseError;
-use evrig_analysis::filter::FilterError;
 use evrig_core::stats::read_back;
-use evrig_format::aedat4::WriteError;
-use evrig_generate::forward::ForwardError;
-use evrig_generate::{GenerateError, ParameterError};
-use evrig_reconstruct::clock::ClockError;
-use evrig_reconstruct::roi::TrackError;
-use evrig_reconstruct::scene::{FramesError, SceneError};
-use evrig_report::page::PageError;
-use evrig_report::plot::picture::PictureError;
-use evrig_session::{SessionError, StageRecord, read_stage};
+use evrig_session::{StageRecord, read_stage};
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
-
-/// Why a stage failed.
-#[derive(Debug, thiserror::Error)]
-pub enum PipelineError {
-    /// The session cannot be read or written.
-    #[error(transparent)]
-    Session(#[from] SessionError),
-    /// Frames cannot be turned into events.
-    #[error("stream `{stream}` of {session}: {source}", session = session.display())]
-    Generate {
-        /// The session.
-        session: PathBuf,
-        /// The light.
-        stream: String,
-        /// What is wrong with which frame.
-        source: GenerateError,
-    },
-    /// The clocks cannot be put together.
-    #[error("the clocks of {session}: {source}", session = session.display())]
-    Clock {
-        /// The session.
-        session: PathBuf,
-        /// What is wrong.
-        source: ClockError,
-    },
-    /// No map of the print can be made, or the event camera cannot be tied to it.
-    #[error("scene: {0}")]
-    Scene(#[from] SceneError),
-    /// The tag cannot be tracked.
-    #[error("stream `{stream}` of {session}: {source}", session = session.display())]
-    Track {
-        /// The session.
-        session: PathBuf,
-        /// The frames.
-        stream: String,
-        /// What is wrong.
-        source: Box<TrackError>,
-    },
-    /// Events cannot be filtered.
-    #[error("stream `{stream}` of {session}: {source}", session = session.display())]
-    Filter {
-        /// The session.
-        session: PathBuf,
-        /// The events, or the track behind their region.
-        stream: String,
-        /// What is wrong.
-        source: FilterError,
-    },
-    /// Effects or light of a generation cannot be used.
-    #[error("stream `{stream}` of {session}: {source}", session = session.display())]
-    Forward {
-        /// The session.
-        session: PathBuf,
-        /// The light.
-        stream: String,
-        /// What is wrong.
-        source: Box<ForwardError>,
-    },
-    /// Frames cannot serve as light at any time.
-    #[error("stream `{stream}` of {session}: {source}", session = session.display())]
-    Frames {
-        /// The session.
-        session: PathBuf,
-        /// The light.
-        stream: String,
-        /// What is wrong.
-        source: FramesError,
-    },
-    /// The generator's parameters cannot be used.
-    #[error(transparent)]
-    Parameters(#[from] ParameterError),
-    /// Constants cannot be told from the session.
-    #[error("calibrating on {session}: {source}", session = session.display())]
-    Calibrate {
-        /// The session.
-        session: PathBuf,
-        /// What is wrong.
-        source: CalibrateError,
-    },
-    /// Events cannot be compared.
-    #[error("comparing `{simulated}` with `{real}` in {session}: {source}", session = session.display())]
-    Compare {
-        /// The session.
-        session: PathBuf,
-        /// The reference stream.
-        real: String,
-        /// The simulated stream.
-        simulated: String,
-        /// What is wrong.
-        source: CompareError,
-    },
-    /// A session cannot be diagnosed.
-    #[error("diagnosing {session}: {source}", session = session.display())]
-    Diagnose {
-        /// The session.
-        session: PathBuf,
-        /// What is missing and what to do.
-        source: DiagnoseError,
-    },
-    /// A stage lacks what it needs.
-    #[error("{session}: {what}", session = session.display())]
-    Missing {
-        /// The session.
-        session: PathBuf,
-        /// What is missing and what to do.
-        what: String,
-    },
-    /// A picture of the report cannot be drawn.
-    #[error("the report cannot be drawn: {0}; run the stage `compare` again with --force")]
-    Picture(#[source] PictureError),
-    /// The report cannot be set.
-    #[error(transparent)]
-    Page(#[from] PageError),
-    /// A result cannot be written.
-    #[error(transparent)]
-    Write(#[from] WriteError),
-    /// A result is not what its stage wrote.
-    #[error("{path}: not what its stage wrote: {source}; run that stage again with --force", path = path.display())]
-    Damaged {
-        /// The result.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: serde_json::Error,
-    },
-    /// The system refused.
-    #[error("{path}: {source}", path = path.display())]
-    Io {
-        /// Where.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
-}
 
 /// How a stage came to its result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

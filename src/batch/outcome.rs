@@ -56,6 +56,16 @@ pub struct LeftOut {
 }
 
 impl Outcome {
+    /// The outcome in a line.
+    #[must_use]
+    pub fn summary(&self) -> String {
+        if self.because.is_empty() {
+            format!("{} ({} stages)", self.verdict, self.n_stages)
+        } else {
+            format!("{}: {}", self.verdict, self.because.join("; "))
+        }
+    }
+
     /// The outcome of a session that could not be processed.
     #[must_use]
     pub fn failed(session: &str, because: String) -> Self {

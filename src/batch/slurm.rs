@@ -187,6 +187,22 @@ pub fn read_job(root: &Path) -> Result<Option<Job>, BatchError> {
     })
 }
 
+/// Refuses to work on a dataset of which Slurm still runs jobs.
+pub(super) fn refuse_if_under_way(root: &Path) -> Result<(), BatchError> {
+    let Some(job) = read_job(root)? else { return Ok(()) };
+    if !Slurm::new(root)?.is_under_way(&job).unwrap_or(false) {
+        return Ok(());
+    }
+    let numbers = job.arrays.iter().map(|(id, _)| *id).chain(job.gather);
+    let jobs: Vec<String> = numbers.map(|id| id.to_string()).collect();
+    let whom = format!(
+        "Slurm (jobs {}); --status shows them, `scancel {}` ends them",
+        jobs.join(", "),
+        jobs.join(" ")
+    );
+    Err(BatchError::Busy { path: root.to_owned(), whom })
+}
+
 fn sbatch(arguments: &[String]) -> Result<u64, BatchError> {
     let said = run("sbatch", arguments)?;
     // `--parsable` prints the number, with `;cluster` behind it on a federation.

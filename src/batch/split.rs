@@ -71,7 +71,7 @@ impl Splits {
         Ok(Self::of_shares(shares))
     }
 
-    fn of_shares(shares: Vec<Share>) -> Self {
+    pub(super) fn of_shares(shares: Vec<Share>) -> Self {
         Self { shares, by: SplitBy::default(), seed: 0 }
     }
 
@@ -79,6 +79,14 @@ impl Splits {
     #[must_use]
     pub fn drawn(self, by: SplitBy, seed: u64) -> Self {
         Self { by, seed, ..self }
+    }
+
+    /// The shares as [`Self::parse`] reads them.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let parts: Vec<String> =
+            self.shares.iter().map(|part| format!("{}={}", part.name, part.share)).collect();
+        parts.join(",")
     }
 
     /// The parts.

@@ -1,4 +1,4 @@
-//! `completions` and `man`: the program about itself.
+//! `completions` and `man`: generated documentation of the command line.
 
 use clap::Args;
 use std::path::PathBuf;
@@ -16,6 +16,6 @@ pub struct CompletionsArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  evrig man ~/.local/share/man/man1")]
 pub struct ManArgs {
-    /// Directory for evrig.1 and one page a verb; made if it is missing
+    /// Directory for evrig.1 and one page per command; created if missing
     pub directory: PathBuf,
 }

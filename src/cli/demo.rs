@@ -1,4 +1,4 @@
-//! `demo`: the main job without any hardware.
+//! `demo`: from the recording to the report without hardware.
 
 use clap::Args;
 use std::path::PathBuf;
@@ -9,8 +9,8 @@ use std::path::PathBuf;
     evrig demo\n  \
     evrig demo --out sessions/demo --seed 7\n  \
     evrig demo --world rig/world.toml\n\n\
-    The session is recorded by the same engine, over the same wires and into the same files as on a\n\
-    real rig; the devices are simulated.")]
+    The session is recorded by the same engine, with the same protocols and into the same files as on\n\
+    a real rig; the devices are simulated.")]
 pub struct DemoArgs {
     /// The session's directory, missing or empty [default: evrig-demo, with a number if it is taken]
     #[arg(long, value_name = "DIR")]
@@ -20,11 +20,11 @@ pub struct DemoArgs {
     #[arg(long, value_name = "TRAJECTORY", default_value = "protocol-short")]
     pub trajectory: String,
 
-    /// What the simulated cameras see (see rig/world.toml); the nominal world if not given
+    /// Description of the simulated world (see rig/world.toml) [default: the nominal world]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
 
-    /// Seed of everything that is random in the simulated world
+    /// Seed of all random draws of the simulated world
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
 }

@@ -3,14 +3,14 @@
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
-/// What the light of the event pixels comes from.
+/// Source of the log-intensity signal of the event pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum BaselineChoice {
-    /// The map of the print and the path over it
+    /// The reconstructed target and the camera path over it
     Scene,
-    /// Frames of the event camera, led along with what moves in between
+    /// Frames of the event camera with motion-compensated interpolation
     Motion,
-    /// Frames of the event camera, straight in between: the plain generator from frames
+    /// Frames of the event camera with linear interpolation, as the published generators take them
     Frames,
 }
 
@@ -19,30 +19,30 @@ pub enum BaselineChoice {
 #[command(after_help = "Examples:\n  \
     evrig diagnose sessions/street\n  \
     evrig diagnose sessions/street --from aps --json\n  \
-    evrig diagnose sessions/street -v      (what is being looked at, line by line)\n  \
-    evrig generate sessions/street --diagnosed   (events of the whole sensor by the camera that was found)\n\n\
-    A mismatch that was found is a result, not a failure: the exit code is 0.")]
+    evrig diagnose sessions/street -v      (what is computed, line by line)\n  \
+    evrig generate sessions/street --diagnosed   (events of the whole sensor by the diagnosed camera)\n\n\
+    A mismatch is a result, not a failure: the exit code is 0.")]
 pub struct DiagnoseArgs {
     /// The session
     pub session: PathBuf,
 
-    /// What the light comes from [default: scene where the session holds one, else motion]
+    /// Source of the log-intensity signal [default: scene where the session has one, else motion]
     #[arg(long)]
     pub baseline: Option<BaselineChoice>,
 
-    /// The light: aps (the DAVIS's own frames) or frames (imported ones) [default: what the session has]
-    #[arg(long, value_name = "LIGHT")]
+    /// The frames: aps (the DAVIS's own frames) or frames (imported ones) [default: what the session has]
+    #[arg(long, value_name = "STREAM")]
     pub from: Option<String>,
 
     /// The events to explain
     #[arg(long, value_name = "NAME", default_value = "real")]
     pub real: String,
 
-    /// Pixels to look at; more where they hold few events [default: 600; `process` looks at 120]
+    /// Pixels to evaluate; more where they hold few events [default: 600; `process` takes 120]
     #[arg(long, value_name = "N")]
     pub pixels: Option<usize>,
 
-    /// Recordings drawn from the fitted model that show what the search finds by chance
+    /// Null recordings, drawn from the fitted model, that show what the search finds by chance
     #[arg(long, value_name = "N")]
     pub null: Option<usize>,
 

@@ -1,4 +1,4 @@
-//! `emulate`: a simulated device on the real wire.
+//! `emulate`: a simulated device with the real protocol.
 
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
@@ -11,14 +11,14 @@ pub struct EmulateArgs {
     pub device: EmulatedDevice,
 }
 
-/// One device a variant.
+/// The devices.
 #[derive(Debug, Subcommand)]
 pub enum EmulatedDevice {
     /// A Dobot Magician on a pseudo-terminal, until Ctrl-C
     Arm(EmulateArmArgs),
-    /// A DAVIS346 as AEDAT4 over TCP, one stream a port, until Ctrl-C
+    /// A DAVIS346 as AEDAT4 over TCP, one stream per port, until Ctrl-C
     Davis(EmulateCameraArgs),
-    /// A Raspberry Pi with its camera, as `evrig record` speaks with it, until Ctrl-C
+    /// A Raspberry Pi with its camera, with the protocol of `evrig record`, until Ctrl-C
     Pi(EmulateCameraArgs),
 }
 
@@ -28,22 +28,22 @@ pub enum EmulatedDevice {
     evrig emulate davis --listen 127.0.0.1:7777\n  \
     evrig emulate pi --rig rig/sim.toml --trajectory line\n\n\
     The addresses are the first line on stdout: for a DAVIS events, frames and inertial samples with\n\
-    commas between them, as `davis.transport = \"tcp://...\"` takes them. The camera goes along the trajectory and back for\n\
-    ever; a machine that cannot work out what it sees in time lags behind and loses nothing.")]
+    commas between them, as `davis.transport = \"tcp://...\"` takes them. The camera moves along the trajectory and back without\n\
+    end; a machine that is too slow to render in real time lags behind and loses nothing.")]
 pub struct EmulateCameraArgs {
     /// The rig: a file, or the name of a bundled one
     #[arg(long, default_value = "sim")]
     pub rig: String,
 
-    /// The trajectory along which the camera goes: a file, or the name of a bundled one
+    /// The trajectory of the camera: a file, or the name of a bundled one
     #[arg(long, default_value = "circle")]
     pub trajectory: String,
 
-    /// What it sees (see rig/world.toml); the nominal world if not given
+    /// Description of the simulated world (see rig/world.toml) [default: the nominal world]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
 
-    /// Seed of everything that is random in the world
+    /// Seed of all random draws of the world
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
 
@@ -66,11 +66,11 @@ pub struct EmulateArmArgs {
     #[arg(long, value_name = "PATH")]
     pub link: Option<PathBuf>,
 
-    /// Let something go wrong; may be given several times
+    /// Inject a fault; may be given several times
     #[arg(long = "fault", value_name = "FAULT")]
     pub faults: Vec<String>,
 
-    /// How much faster than real time the arm lives
+    /// Speed of the arm's clock relative to real time
     #[arg(long, value_name = "X", default_value_t = 1.0)]
     pub time_scale: f64,
 
@@ -78,39 +78,39 @@ pub struct EmulateArmArgs {
     #[arg(long, value_name = "FILE")]
     pub journal: Option<PathBuf>,
 
-    /// Places in the command queue
+    /// Depth of the command queue
     #[arg(long, value_name = "N", default_value_t = 32)]
     pub queue_depth: usize,
 
-    /// Seconds that homing takes on the arm's clock
+    /// Duration of homing on the arm's clock, seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 15.0)]
     pub homing: f64,
 
-    /// An arm that was homed already
+    /// The arm is already homed
     #[arg(long)]
     pub homed: bool,
 
-    /// How long the arm takes to answer, milliseconds (the wire alone takes 3.8 for a pose)
+    /// Reply delay of the arm, milliseconds (the serial line alone takes 3.8 for a pose)
     #[arg(long, value_name = "MS", default_value_t = 0)]
     pub reply_delay: u32,
 
-    /// A firmware that does not know the circle command (102)
+    /// Firmware without the circle command (102)
     #[arg(long)]
     pub no_circle: bool,
 
-    /// A firmware that drops a command it cannot plan and goes on, instead of waiting for the alarm to be cleared
+    /// Firmware that drops a command it cannot plan and continues, instead of waiting for the alarm to be cleared
     #[arg(long)]
     pub skip_on_alarm: bool,
 
-    /// A firmware whose arcs run at the PTP speeds instead of the ARC speeds
+    /// Firmware whose arcs run at the PTP speeds instead of the ARC speeds
     #[arg(long)]
     pub arc_at_ptp_speed: bool,
 
-    /// Play of the base joint, degrees
+    /// Backlash of the base joint, degrees
     #[arg(long, value_name = "DEG", default_value_t = 0.0)]
     pub backlash: f64,
 
-    /// Swing of the tool, mm per mm/s^2 of acceleration
+    /// Vibration amplitude of the tool, mm per mm/s^2 of acceleration
     #[arg(long, value_name = "GAIN", default_value_t = 0.0)]
     pub vibration: f64,
 }

@@ -1,4 +1,4 @@
-//! `guard`: the process that owns the arm's port. Started by evrig itself.
+//! `guard`: the process that owns the arm's port; started by evrig itself.
 
 use clap::Args;
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! `import`: recordings made elsewhere become sessions.
+//! `import`: recordings of other software become sessions.
 
 use clap::{Args, Subcommand};
 use evrig_core::geometry::Size;
@@ -7,7 +7,7 @@ use std::path::PathBuf;
 /// Arguments of `evrig import`.
 #[derive(Debug, Args)]
 pub struct ImportArgs {
-    /// What kind of recording
+    /// Kind of recording
     #[command(subcommand)]
     pub what: ImportCommand,
 }
@@ -17,7 +17,7 @@ pub struct ImportArgs {
 pub enum ImportCommand {
     /// A plain DAVIS recording: events, frames, IMU and triggers in one AEDAT4 file
     Aedat4(ImportAedat4Args),
-    /// Frames (npy array or folder of images), with events of the same pixel grid if there are any
+    /// Frames (npy array or folder of images), with events on the same pixel grid if there are any
     Frames(ImportFramesArgs),
     /// A recording in the layout of the published Raw2Event recorder: DAVIS file and Pi frames
     #[command(name = "raw2event")]
@@ -28,13 +28,13 @@ pub enum ImportCommand {
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  evrig import aedat4 davis346-street.aedat4 --out sessions/street\n\n\
-    A cut or damaged file is taken up to the damage (exit code 3); its bytes are kept as they are."
+    A truncated or damaged file is imported up to the damage (exit code 3); its bytes are kept unchanged."
 )]
 pub struct ImportAedat4Args {
     /// The recording
     pub file: PathBuf,
 
-    /// The session directory to make
+    /// The session directory to create
     #[arg(long, value_name = "SESSION")]
     pub out: PathBuf,
 }
@@ -46,26 +46,26 @@ pub struct ImportAedat4Args {
     evrig import frames clip/ --timestamps times.csv --events real.npz --out sessions/clip\n  \
     evrig import frames clip.npy --fps 120 --events v2e.npz --as v2e --out sessions/clip")]
 pub struct ImportFramesArgs {
-    /// An npy array of N x H x W (uint8 or uint16), or a folder of images in the order of their names
+    /// An npy array of N x H x W (uint8 or uint16), or a folder of images in name order
     pub frames: PathBuf,
 
     /// Frames per second; the first frame is at 0 µs
     #[arg(long, value_parser = positive, required_unless_present = "timestamps")]
     pub fps: Option<f64>,
 
-    /// Time of each frame in µs: npy, or text with one number a line
+    /// Time of each frame in µs: npy, or text with one number per line
     #[arg(long, value_name = "FILE", conflicts_with = "fps")]
     pub timestamps: Option<PathBuf>,
 
-    /// Events of the same pixel grid and clock: npz, npy, csv or HDF5 with columns t (µs), x, y, p; or AEDAT4
+    /// Events on the same pixel grid and clock: npz, npy, csv or HDF5 with columns t (µs), x, y, p; or AEDAT4
     #[arg(long, value_name = "FILE")]
     pub events: Option<PathBuf>,
 
-    /// Name of the events' stream; any name but `real` makes them events simulated elsewhere
+    /// Name of the event stream; any name but `real` marks simulated events
     #[arg(long = "as", value_name = "NAME", default_value = "real", requires = "events")]
     pub events_name: String,
 
-    /// The session directory to make
+    /// The session directory to create
     #[arg(long, value_name = "SESSION")]
     pub out: PathBuf,
 }
@@ -93,12 +93,12 @@ pub struct ImportRaw2EventArgs {
     #[arg(long, value_name = "ZONE", default_value = "UTC")]
     pub timezone: String,
 
-    /// The session directory to make
+    /// The session directory to create
     #[arg(long, value_name = "SESSION")]
     pub out: PathBuf,
 }
 
-/// `692x520`.
+/// Parses `692x520`.
 fn size(text: &str) -> Result<Size, String> {
     let sides = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
     match sides {

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  \
     evrig pi --listen 0.0.0.0:7766 --keys ~/agent --spool /var/tmp   # on the Pi\n  \
     evrig pi --events 127.0.0.1:7779 --preset Raw2DVS346             # events instead of frames\n  \
-    evrig pi --camera synthetic                                      # a pattern, to try the wire\n\n\
+    evrig pi --camera synthetic                                      # a test pattern\n\n\
     It serves one recorder at a time until Ctrl-C; its address is the first line on stdout.\n\
     Beyond this machine it needs keys: see `evrig pair`. The camera needs Raspberry Pi OS with\n\
     python3-picamera2.")]
@@ -23,11 +23,11 @@ pub struct PiArgs {
     #[arg(long, value_name = "DIR")]
     pub keys: Option<PathBuf>,
 
-    /// Where frames wait that the network is too slow for, and RGB frames until the take is over
+    /// Buffer for frames that the network cannot carry in time, and for RGB frames until the recording ends
     #[arg(long, value_name = "DIR")]
     pub spool: Option<PathBuf>,
 
-    /// How much the spool may hold, gigabytes
+    /// Size limit of the spool, gigabytes
     #[arg(long, value_name = "GB", default_value_t = 8.0)]
     pub spool_gb: f64,
 
@@ -35,7 +35,7 @@ pub struct PiArgs {
     #[arg(long, value_enum, default_value_t = PiCamera::Picamera2)]
     pub camera: PiCamera,
 
-    /// The Python that has picamera2
+    /// Python interpreter with picamera2
     #[arg(long, value_name = "PROGRAM", default_value = "/usr/bin/python3")]
     pub python: PathBuf,
 
@@ -44,19 +44,19 @@ pub struct PiArgs {
     #[arg(long, value_name = "ADDRESS")]
     pub events: Option<SocketAddr>,
 
-    /// Which frames the events are made of
-    #[arg(long, value_enum, value_name = "LIGHT", default_value = "raw")]
+    /// Frames from which events are generated
+    #[arg(long, value_enum, value_name = "STREAM", default_value = "raw")]
     pub light: LiveLight,
 
-    /// The rig whose camera settings hold, with --events: a file, or the name of a bundled one
+    /// The rig with the camera settings, for --events: a file, or the name of a bundled one
     #[arg(long, value_name = "RIG", default_value = "sim")]
     pub rig: String,
 
-    /// End after so many seconds, with --events
+    /// End after this many seconds, with --events
     #[arg(long, value_name = "S")]
     pub seconds: Option<f64>,
 
-    /// How the events come about.
+    /// The generator of events.
     #[command(flatten)]
     pub generation: LiveGenerationArgs,
 }
@@ -66,18 +66,18 @@ pub struct PiArgs {
 pub enum PiCamera {
     /// The Pi's own
     Picamera2,
-    /// A pattern that tells frame, column and row apart
+    /// A test pattern that encodes frame, column and row
     Synthetic,
 }
 
 /// Arguments of `evrig pair`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  evrig pair\n\n\
-    Makes two directories of keys, `host` and `agent`; only they can talk to each other. Run it on\n\
-    the host and copy `agent` to the Pi, as it then says. The authority that signed them is thrown\n\
-    away: to change either half, pair anew.")]
+    Makes two directories of keys, `host` and `agent`; only they can connect to each other. Run it on\n\
+    the host and copy `agent` to the Pi as printed. The certificate authority is\n\
+    deleted: to change either half, run `evrig pair` again.")]
 pub struct PairArgs {
-    /// Where to put them (default: the user's configuration, evrig/keys)
+    /// Output directory (default: evrig/keys in the user's configuration)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }

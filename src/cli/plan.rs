@@ -1,4 +1,4 @@
-//! `plan`: a trajectory explained before anything moves.
+//! `plan`: a trajectory checked before anything moves.
 
 use clap::Args;
 use std::path::PathBuf;
@@ -19,11 +19,11 @@ pub struct PlanArgs {
     #[arg(long, default_value = "sim")]
     pub rig: String,
 
-    /// Leave out the segments that need the operator's hands
+    /// Leave out the segments that need the operator
     #[arg(long)]
     pub without_optional: bool,
 
-    /// Draw path, speed and joint angles into this SVG file
+    /// Plot path, speed and joint angles into this SVG file
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
 }

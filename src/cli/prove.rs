@@ -11,20 +11,20 @@ use std::path::PathBuf;
     evrig prove --out proof --single 48 --double 12 --clean 20 --alien 9 --local 10 --resume\n  \
     evrig prove --recording davis346-street.aedat4 --single 22 --out proof-street\n  \
     evrig prove --sessions made-elsewhere --out proof-elsewhere\n\n\
-    Each session is made with effects hidden in it; the truth goes into OUT/truth and only its\n\
-    SHA-256 stands in the session while track, sync, scene and diagnose run on it, in processes of\n\
-    their own. Then the seal is opened, OUT/trials gets the trial's record and OUT/proof-* the score\n\
-    so far. A poor score is a result: the exit code is 0. With --quick it is 4 when a name is wrong.")]
+    Each session is made with hidden effects; the truth is stored in OUT/truth and only its SHA-256 in\n\
+    the session, while track, sync, scene and diagnose run on it in processes of their own. Then the\n\
+    truth is opened, the trial's record goes to OUT/trials and the score so far to OUT/proof-*. A poor\n\
+    score is a result: the exit code is 0. With --quick it is 4 when a named effect is wrong.")]
 pub struct ProveArgs {
-    /// Two short trials that are always the same and must be named right
+    /// Two short fixed trials whose effects must be named correctly
     #[arg(long, conflicts_with_all = ["recording", "sessions", "single", "double", "clean", "alien", "local"])]
     pub quick: bool,
 
-    /// Where sessions, truths, records and the score go
+    /// Output directory for sessions, truths, records and the score
     #[arg(long, default_value = "evrig-proof")]
     pub out: PathBuf,
 
-    /// Go on with the run that OUT holds: trials that have a record are not run again
+    /// Continue the run in OUT: trials with a record are not run again
     #[arg(long)]
     pub resume: bool,
 
@@ -32,7 +32,7 @@ pub struct ProveArgs {
     #[arg(long, value_name = "FILE")]
     pub recording: Option<PathBuf>,
 
-    /// Judge sealed sessions that were made elsewhere: DIR/sessions/NAME with seal.json, DIR/truth/NAME.json
+    /// Evaluate sealed sessions made by other software: DIR/sessions/NAME with seal.json, DIR/truth/NAME.json
     #[arg(long, value_name = "DIR", conflicts_with_all = ["recording", "single", "double", "clean", "alien", "local", "seconds"])]
     pub sessions: Option<PathBuf>,
 
@@ -44,23 +44,23 @@ pub struct ProveArgs {
     #[arg(long, value_name = "N")]
     pub double: Option<usize>,
 
-    /// Trials with nothing hidden
+    /// Trials without a hidden effect
     #[arg(long, value_name = "N")]
     pub clean: Option<usize>,
 
-    /// Trials with an effect that the library does not know
+    /// Trials with an effect outside the library
     #[arg(long, value_name = "N")]
     pub alien: Option<usize>,
 
-    /// Trials with one effect in a part of the picture only
+    /// Trials with one effect in a region of the image
     #[arg(long, value_name = "N")]
     pub local: Option<usize>,
 
-    /// Seconds of a simulated session
+    /// Duration of a simulated session, seconds
     #[arg(long, value_name = "S")]
     pub seconds: Option<f64>,
 
-    /// Pixels a diagnosis looks at; more where they hold few events [default: 120]
+    /// Pixels that a diagnosis evaluates; more where they hold few events [default: 120]
     #[arg(long, value_name = "N")]
     pub pixels: Option<usize>,
 
@@ -68,11 +68,11 @@ pub struct ProveArgs {
     #[arg(long, value_name = "N")]
     pub null: Option<usize>,
 
-    /// Seconds after which a diagnosis is stopped and counts as none [default: 1800]
+    /// Time limit of a diagnosis, seconds; a stopped one counts as none [default: 1800]
     #[arg(long, value_name = "S")]
     pub deadline: Option<f64>,
 
-    /// The evrig that diagnoses, to hold another build against the same trials [default: this one]
+    /// The evrig program that diagnoses, to compare builds on the same trials [default: this one]
     #[arg(long, value_name = "PROGRAM")]
     pub with: Option<PathBuf>,
 

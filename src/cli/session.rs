@@ -1,4 +1,4 @@
-//! Verbs about one session: `info`, `verify`, `export`, `report`.
+//! Commands about one session: `info`, `verify`, `export`, `report`.
 
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -17,13 +17,13 @@ pub struct InfoArgs {
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  evrig verify sessions/street\n  evrig verify sessions/cut --repair\n\n\
-    Exit code 4 when something does not hold, 3 when it holds and losses are recorded."
+    Exit code 4 when a check fails, 3 when all pass and losses are recorded."
 )]
 pub struct VerifyArgs {
     /// The session
     pub session: PathBuf,
 
-    /// First seal a session whose recording was cut off (crash, power loss) as recovered
+    /// First seal a session whose recording was interrupted (crash, power loss) as recovered
     #[arg(long)]
     pub repair: bool,
 }
@@ -39,16 +39,16 @@ pub enum ExportFormat {
     Parquet,
     /// AEDAT4, for DV and dv-processing
     Aedat4,
-    /// Pictures of the events, frames and the picture's outline, for Foxglove and Rerun
+    /// Event images, frames and the target's outline, for Foxglove and Rerun
     Mcap,
     /// The same in Rerun's own format (in builds with the feature rerun)
     Rrd,
 }
 
-/// What `evrig export` takes of two streams of one name.
+/// Which of two streams of one name `evrig export` writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ExportKind {
-    /// The events that were made from the frames
+    /// The events generated from the frames
     Events,
     /// The frames
     Frames,
@@ -61,8 +61,8 @@ pub enum ExportKind {
     evrig export sessions/street --stream aps --kind frames --out aps.npz\n  \
     evrig export sessions/demo --stream raw --canvas 80 --out raw.npz\n  \
     evrig export sessions/demo --stream real --format mcap --out real.mcap\n\n\
-    Times are microseconds. Beside the file, FILE.json says which events lie between which images, \
-    where the picture was, the clocks with their errors, and the seeds.\n\
+    Times are microseconds. FILE.json beside the file holds the event ranges between images, \
+    the position of the target, the clocks with their errors, and the seeds.\n\
     In Python: events = numpy.load('real.npz')['events']   # int64, columns t_us, x, y, p")]
 pub struct ExportArgs {
     /// The session
@@ -76,20 +76,20 @@ pub struct ExportArgs {
     #[arg(long, value_name = "PATH")]
     pub out: PathBuf,
 
-    /// The format [default: what the file's ending says (.npz, .h5, .parquet, .aedat4, .mcap, .rrd), else npz]
+    /// The format [default: by the file name's extension (.npz, .h5, .parquet, .aedat4, .mcap, .rrd), else npz]
     #[arg(long, value_enum)]
     pub format: Option<ExportFormat>,
 
-    /// Events or frames, where both have the name, as frames and the events made from them
+    /// Events or frames, where both have the name, as frames and the events generated from them
     /// [default: the events]
     #[arg(long, value_enum)]
     pub kind: Option<ExportKind>,
 
-    /// Only the events that `evrig filter` kept, in the picture's coordinates
+    /// Only the events that `evrig filter` kept, in target coordinates
     #[arg(long)]
     pub filtered: bool,
 
-    /// The filtered events on a canvas of so many columns and rows; the paper's is 80
+    /// The filtered events on a square canvas of this many pixels; the paper's has 80
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u16).range(1..=4096))]
     pub canvas: Option<u16>,
 }

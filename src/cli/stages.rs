@@ -1,5 +1,6 @@
 //! The stages of analysis: `generate`, `calibrate`, `compare`, `process`.
 
+use crate::pipeline::ModelChoice;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -22,18 +23,18 @@ pub struct GenerateArgs {
     /// The session
     pub session: PathBuf,
 
-    /// The light: raw or rgb (the Pi's), aps (the DAVIS's own frames), frames (imported ones), or
-    /// scene (what the event pixels saw, from `evrig scene`) [default: what the session has]
-    #[arg(long, value_name = "LIGHT")]
+    /// The frames: raw or rgb (the Pi's), aps (the DAVIS's own), frames (imported), or scene (the
+    /// signal reconstructed by `evrig scene`) [default: what the session has]
+    #[arg(long, value_name = "STREAM")]
     pub from: Option<String>,
 
-    /// Name of the stream to make [default: the light's name; with --diagnosed: diagnosed]
+    /// Name of the generated stream [default: that of the frames; with --diagnosed: diagnosed]
     #[arg(long)]
     pub name: Option<String>,
 
-    /// Instead of a model: the camera as `evrig diagnose` found it in this session, its law, its noise
-    /// and the named effects, at the light of that diagnosis (own); or another session's camera.json, which
-    /// sees this session's scene, or its frames led along with what moves
+    /// Instead of a model: the camera that `evrig diagnose` fitted in this session, with its law, noise
+    /// and named effects, on the signal of that diagnosis (own); or the camera.json of another session, on
+    /// this session's scene, or on its frames with motion-compensated interpolation
     #[arg(
         long,
         value_name = "CAMERA_JSON",
@@ -46,15 +47,15 @@ pub struct GenerateArgs {
     )]
     pub diagnosed: Option<PathBuf>,
 
-    /// What decides the events.
+    /// The generator and its parameters.
     #[command(flatten)]
     pub choice: ModelArgs,
 
-    /// What is done to the light, and what acts beside the model.
+    /// Preparation of the frames and physical effects.
     #[command(flatten)]
     pub conditions: ConditionArgs,
 
-    /// Make a list of streams and compare them in one table: twelve or davis, or a TOML file
+    /// Generate a list of variants and compare them in one table: twelve or davis, or a TOML file
     #[arg(long, value_name = "LIST", conflicts_with_all = ["from", "name"])]
     pub variants: Option<String>,
 
@@ -71,7 +72,7 @@ pub struct ModelArgs {
     pub model: Option<String>,
 
     /// A published set of parameters: DVS346, DVS240, Raw2DVS346, RGB2DVS346, one of esim and v2e;
-    /// or tuned: the session's own, from `evrig calibrate`
+    /// or tuned: those of `evrig calibrate` on this session
     #[arg(long, value_name = "PRESET", conflicts_with = "k")]
     pub preset: Option<String>,
 
@@ -79,11 +80,11 @@ pub struct ModelArgs {
     #[arg(long, value_name = "K1,...,K6", allow_hyphen_values = true)]
     pub k: Option<String>,
 
-    /// Turn a knob of the voltmeter, as contrast-sensitivity=6; may be given several times
+    /// Set a knob of the voltmeter, as contrast-sensitivity=6; may be given several times
     #[arg(long = "knob", value_name = "NAME=VALUE")]
     pub knobs: Vec<String>,
 
-    /// Brightness of white in the frames, for esim and v2e [default: 255]
+    /// Value of white in the frames, for esim and v2e [default: 255]
     #[arg(long, value_name = "DN", value_parser = super::import::positive)]
     pub full_scale_dn: Option<f64>,
 
@@ -96,7 +97,7 @@ pub struct ModelArgs {
     pub seed: u64,
 }
 
-/// What is done to the light, and what acts beside the model.
+/// Preparation of the frames and physical effects.
 #[derive(Debug, Clone, Default, Args)]
 pub struct ConditionArgs {
     /// A physical effect, as refractory_period:refractory_us=800 (commas between parameters); may be
@@ -108,33 +109,34 @@ pub struct ConditionArgs {
     #[arg(long = "effects", value_name = "FILE")]
     pub effects_file: Option<PathBuf>,
 
-    /// Put frames between the frames until they are this close, straight in log brightness
+    /// Interpolate frames to at most this interval, linearly in log intensity
     #[arg(long, value_name = "STEP_US", num_args = 0..=1, default_missing_value = "1000")]
     pub interpolate: Option<u32>,
 
-    /// Put them where the print moved meanwhile, not pixel by pixel: needs the stream's track, frees
-    /// the events of the frames' rhythm and rolling rows; raw frames are taken as luma
+    /// Interpolate along the motion of the target instead of per pixel: needs the stream's track, removes
+    /// the frame rhythm and the rolling shutter from the events; raw frames are taken as luma
     #[arg(long)]
     pub in_plane: bool,
 
-    /// Which light of raw frames: mosaic, luma, or red, green, blue at half the size [default: mosaic]
+    /// Channel of raw frames: mosaic, luma, or red, green, blue at half the size [default: mosaic]
     #[arg(long, value_name = "COLOUR")]
     pub colour: Option<String>,
 
-    /// Take the stated black level off; the published generator leaves it in
+    /// Subtract the stated black level; the published generator does not
     #[arg(long)]
     pub subtract_black: bool,
 
-    /// Divide exposure time and gain out, so that a camera that adapts them makes no events by it
+    /// Divide by exposure time and gain, so that automatic exposure generates no events
     #[arg(long)]
     pub divide_exposure: bool,
 }
 
 impl ModelArgs {
-    /// Whether the user chose a model or its constants.
+    /// The same as a value of the pipeline.
     #[must_use]
-    pub const fn is_given(&self) -> bool {
-        self.model.is_some() || self.preset.is_some() || self.k.is_some() || !self.knobs.is_empty()
+    pub fn choice(&self) -> ModelChoice {
+        let Self { model, preset, k, knobs, full_scale_dn, law, seed } = self.clone();
+        ModelChoice { model, preset, k, knobs, full_scale_dn, law, seed }
     }
 }
 
@@ -144,26 +146,26 @@ impl ModelArgs {
     evrig calibrate sessions/street\n  \
     evrig calibrate sessions/street --objective emd --evaluations 120\n  \
     evrig generate sessions/street --k @calibrated --name tuned\n\n\
-    score: the predictive log score of the real events, nats an event. emd: the paper's normalised earth \
+    score: the predictive log score of the recorded events, nats per event. emd: the paper's normalised earth \
     mover's distance of the points (t, x, y); it sees neither polarity nor number of events.")]
 pub struct CalibrateArgs {
     /// The session
     pub session: PathBuf,
 
-    /// The light: aps (the DAVIS's own frames), frames (imported ones), raw or rgb (the Pi's, seen
-    /// through the tracks of both cameras) or scene [default: what the session has]
-    #[arg(long, value_name = "LIGHT")]
+    /// The frames: aps (the DAVIS's own), frames (imported), raw or rgb (the Pi's, mapped by the tracks
+    /// of both cameras) or scene [default: what the session has]
+    #[arg(long, value_name = "STREAM")]
     pub from: Option<String>,
 
     /// The events to calibrate to
     #[arg(long, value_name = "NAME", default_value = "real")]
     pub real: String,
 
-    /// What the search improves
+    /// Objective of the search
     #[arg(long, value_enum, default_value = "score")]
     pub objective: CalibrateObjective,
 
-    /// Evaluations of the search; 0: none, the best of the fits is taken
+    /// Evaluations of the search; 0: no search, the best fit is taken
     #[arg(long, value_name = "N", default_value_t = 300)]
     pub evaluations: usize,
 
@@ -176,7 +178,7 @@ pub struct CalibrateArgs {
     pub force: bool,
 }
 
-/// What a calibration's search improves.
+/// Objective of a calibration's search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum CalibrateObjective {
     /// Predictive log score of the real events on held-out tiles
@@ -204,12 +206,12 @@ pub struct CompareArgs {
     #[arg(long, value_name = "NAME", default_value = "real")]
     pub real: String,
 
-    /// A dataset: first make this list of streams in each session: twelve or davis, or a TOML file; with
-    /// --engine slurm each task also brings its session's stages up to date
+    /// A dataset: first generate this list of variants in each session: twelve or davis, or a TOML file; with
+    /// --engine slurm each task also updates its session's stages
     #[arg(long, value_name = "LIST", conflicts_with = "stream")]
     pub variants: Option<String>,
 
-    /// A dataset: only the sessions of this rig, named as in dataset.json, or the beginning of it
+    /// A dataset: only the sessions of this rig, named as in dataset.json, or a prefix of it
     #[arg(long, value_name = "NAME")]
     pub rig: Option<String>,
 
@@ -221,7 +223,7 @@ pub struct CompareArgs {
     #[arg(long)]
     pub force: bool,
 
-    /// Where the variants of a dataset are made.
+    /// Where the variants of a dataset are generated.
     #[command(flatten)]
     pub engine: super::EngineArgs,
 }
@@ -233,18 +235,18 @@ pub struct CompareArgs {
     evrig process dataset --variants twelve --splits train=0.8,test=0.2 --split-by stimulus\n  \
     evrig process dataset --engine slurm --cpus 8 --time-limit 02:00:00 --sbatch=--partition=long\n  \
     evrig process dataset --status\n\n\
-    Runs every stage for which a session has the inputs and says which it left out and why.\n\
-    A stage whose inputs did not change is not run again. A dataset, a folder of sessions, is gone\n\
-    through to its end whatever a session is like; exit code 3 when something was lost or failed.")]
+    Runs every stage for which a session has the inputs and states which it left out and why.\n\
+    A stage whose inputs did not change is not run again. In a dataset, a folder of sessions, a failed\n\
+    session does not stop the others; exit code 3 when something was lost or failed.")]
 pub struct ProcessArgs {
     /// The session, or a dataset: a folder of sessions
     pub session: PathBuf,
 
-    /// What decides the events.
+    /// The generator and its parameters.
     #[command(flatten)]
     pub choice: ModelArgs,
 
-    /// Also make a list of streams in each session and compare them: twelve or davis, or a TOML file
+    /// Also generate a list of variants in each session and compare them: twelve or davis, or a TOML file
     #[arg(long, value_name = "LIST")]
     pub variants: Option<String>,
 
@@ -255,26 +257,4 @@ pub struct ProcessArgs {
     /// How a dataset is processed.
     #[command(flatten)]
     pub batch: super::BatchArgs,
-}
-
-impl ModelArgs {
-    /// The same as words of a command line.
-    #[must_use]
-    pub fn words(&self) -> Vec<String> {
-        let Self { model, preset, k, knobs, full_scale_dn, law, seed } = self;
-        let full_scale_dn = full_scale_dn.map(|dn| dn.to_string());
-        let mut words = vec![format!("--seed={seed}")];
-        let named = [
-            ("model", model.as_ref()),
-            ("preset", preset.as_ref()),
-            ("k", k.as_ref()),
-            ("full-scale-dn", full_scale_dn.as_ref()),
-            ("law", law.as_ref()),
-        ];
-        words.extend(
-            named.iter().filter_map(|(name, value)| Some(format!("--{name}={}", value.as_ref()?))),
-        );
-        words.extend(knobs.iter().map(|knob| format!("--knob={knob}")));
-        words
-    }
 }

@@ -9,17 +9,17 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  \
     evrig stimulus rig/lab.toml --images pictures\n  \
     evrig stimulus rig/lab.toml --images pictures.csv --px-per-mm 3.78\n\n\
-    On the page: c calibrates with a bank card, f is full screen, arrows turn, space pauses.\n\
-    `evrig record ... --images LIST` serves the same page and turns it itself. Ctrl-C ends.")]
+    On the page: c calibrates with a bank card, f is full screen, arrow keys change the image, space\n\
+    pauses. `evrig record ... --images LIST` serves the same page and changes images itself. Ctrl-C ends.")]
 pub struct StimulusArgs {
     /// The rig whose target is shown: a file, or the name of a bundled one
     pub rig: String,
 
-    /// The pictures: a folder, or a text file with lines `picture[,label]`
+    /// The images: a folder, or a text file with lines `image[,label]`
     #[arg(long, value_name = "LIST")]
     pub images: PathBuf,
 
-    /// The screen's pixels a millimetre; calibrated on the page if not given
+    /// Pixels per millimetre of the screen; calibrated on the page if not given
     #[arg(long, value_name = "X")]
     pub px_per_mm: Option<f64>,
 

@@ -6,9 +6,9 @@ use std::path::PathBuf;
 /// Arguments of `evrig sync`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  evrig sync sessions/street\n\n\
-    Finds the map from the Pi's SensorTimestamp to Unix time and to the events' stamps, by every method \
-    that the session's clock readings and frames allow, and says how far they agree. Where both cameras \
-    have a track (`evrig track`), the motion that both saw decides.")]
+    Estimates the map from the Pi's SensorTimestamp to Unix time and to the event timestamps, by every \
+    method that the session's clock readings and frames allow, and reports their disagreements. Where \
+    both cameras have a track (`evrig track`), their common motion refines the map.")]
 pub struct SyncArgs {
     /// The session
     pub session: PathBuf,
@@ -31,7 +31,7 @@ pub struct TrackArgs {
     #[arg(long, value_name = "NAME")]
     pub stream: Option<String>,
 
-    /// The rig whose target and lenses to go by, for sessions that state none
+    /// The rig with target and lenses, for sessions that state none
     #[arg(long, value_name = "RIG")]
     pub rig: Option<String>,
 
@@ -43,9 +43,9 @@ pub struct TrackArgs {
 /// Arguments of `evrig scene`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  evrig scene sessions/street\n\n\
-    Needs `evrig track` (raw and aps) and `evrig sync`. Makes a map of the print from the Pi's raw frames, \
-    the path of the head over it, and the place of the event camera beside the Pi camera; from these \
-    follows the light that each event pixel saw at any time.")]
+    Needs `evrig track` (raw and aps) and `evrig sync`. Reconstructs the target from the Pi's raw frames, the \
+    path of the cameras over it, and the pose of the event camera relative to the Pi camera; from these \
+    follows the log-intensity signal of each event pixel at any time.")]
 pub struct SceneArgs {
     /// The session
     pub session: PathBuf,
@@ -60,8 +60,8 @@ pub struct SceneArgs {
 #[command(after_help = "Examples:\n  evrig filter sessions/street\n  \
     evrig filter sessions/street --stream real --crop 88 --hot-pixel\n  \
     evrig filter sessions/plain --no-region --background-us 5000 --refractory-us 500\n\n\
-    Order: hot pixels, background, refractory, region, rate. The same settings go over real and \
-    generated streams; filtering one only would plant a difference.")]
+    Order: hot pixels, background, refractory, region, rate. The same settings apply to real and \
+    generated streams; filtering only one would introduce a difference.")]
 pub struct FilterArgs {
     /// The session
     pub session: PathBuf,
@@ -82,31 +82,31 @@ pub struct FilterArgs {
 /// Which filters run.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct FilterChoice {
-    /// Keep the whole sensor instead of the tracked picture
+    /// Keep the whole sensor instead of the tracked target
     #[arg(long, conflicts_with_all = ["margin", "crop"])]
     pub no_region: bool,
 
-    /// How far beyond the picture events are kept, as a share of its side
+    /// Margin around the target, as a share of its side
     #[arg(long, value_name = "SHARE", default_value_t = 0.03)]
     pub margin: f64,
 
-    /// Move events into the picture's own coordinates: a square of so many pixels
+    /// Transform events to target coordinates: a square of this many pixels
     #[arg(long, value_name = "PX")]
     pub crop: Option<u16>,
 
-    /// Leave out pixels that fire far more often than the rest
+    /// Remove hot pixels
     #[arg(long)]
     pub hot_pixel: bool,
 
-    /// Drop events without an event of a neighbour in so many microseconds before them
+    /// Drop events without an event of a neighbouring pixel within this many microseconds before
     #[arg(long, value_name = "US")]
     pub background_us: Option<i64>,
 
-    /// Drop events sooner than so many microseconds after the last kept one of their pixel
+    /// Drop events within this many microseconds after the last kept one of the pixel
     #[arg(long, value_name = "US")]
     pub refractory_us: Option<i64>,
 
-    /// Thin the stream to so many events a millisecond
+    /// Limit the stream to this many events per millisecond
     #[arg(long, value_name = "N")]
     pub max_events_per_ms: Option<u64>,
 }

@@ -2,7 +2,7 @@
 
 use super::{Ending, Output};
 use crate::cli::{CalibrateArgs, CalibrateObjective};
-use crate::pipeline::{self, CalibrateRequest, Freshness, ObjectiveKind, PipelineError};
+use crate::pipeline::{self, CalibrateRequest, Freshness, ObjectiveKind};
 use evrig_analysis::calibrate::{Calibration, Constant};
 use evrig_report::number::significant;
 use evrig_session::Session;
@@ -29,22 +29,12 @@ pub(super) fn run(args: &CalibrateArgs, output: &Output) -> anyhow::Result<Endin
         seed: args.seed,
         force: args.force,
     };
-    let (calibration, freshness) = calibrate(&session, &request, output)?;
+    let bar = output.progress("calibrate", 1);
+    let (calibration, freshness) = pipeline::calibrate(&session, &request)?;
+    bar.finish_and_clear();
     let text = format!("{}\n{}", line(&calibration, freshness), table(&calibration));
     output.result(&value(&request, &calibration, freshness)?, text.trim_end())?;
     Ok(Ending::Done)
-}
-
-/// Runs the stage under a spinner.
-pub(super) fn calibrate(
-    session: &Session,
-    request: &CalibrateRequest,
-    output: &Output,
-) -> Result<(Calibration, Freshness), PipelineError> {
-    let bar = output.progress("calibrate", 1);
-    let result = pipeline::calibrate(session, request);
-    bar.finish_and_clear();
-    result
 }
 
 /// The result as consumers of `--json` get it.

@@ -1,11 +1,11 @@
 //! `evrig compare`: simulated streams against the real one.
 
-use super::{Ending, Output, WrongUse};
+use super::{Ending, Output, WrongUse, stream_name};
 use crate::cli::{CompareArgs, Engine};
 use crate::pipeline::{self, CompareRequest, Freshness, PipelineError};
 use evrig_analysis::compare::Comparison;
 use evrig_report::{session::measures, terminal};
-use evrig_session::{Session, StreamKind, StreamName};
+use evrig_session::Session;
 use serde_json::{Value, json};
 
 pub(super) fn run(args: &CompareArgs, output: &Output) -> anyhow::Result<Ending> {
@@ -19,10 +19,8 @@ pub(super) fn run(args: &CompareArgs, output: &Output) -> anyhow::Result<Ending>
     }
     let session = Session::open(&args.session)?;
     let streams = match &args.stream {
-        Some(name) => {
-            vec![StreamName::new(name).map_err(|error| WrongUse(error.to_string()))?]
-        }
-        None => simulated(&session, &args.real),
+        Some(name) => vec![stream_name(name)?],
+        None => pipeline::simulated_streams(&session, &args.real),
     };
     if streams.is_empty() {
         anyhow::bail!(
@@ -61,19 +59,6 @@ pub(super) fn run(args: &CompareArgs, output: &Output) -> anyhow::Result<Ending>
         json!({ "schema": "evrig.comparisons/1", "comparisons": values, "left_out": left_out });
     output.result(&value, text.trim_end())?;
     Ok(Ending::Done)
-}
-
-/// Every event stream but the real ones: generated here, or elsewhere and imported.
-pub(super) fn simulated(session: &Session, real: &str) -> Vec<StreamName> {
-    let recorded = session.manifest().streams.iter();
-    let from_elsewhere = recorded.filter(|stream| {
-        let is_real = stream.name == real || stream.name.starts_with("real");
-        stream.kind == StreamKind::Events && !is_real
-    });
-    let mut streams: Vec<StreamName> =
-        from_elsewhere.filter_map(|stream| StreamName::new(&stream.name).ok()).collect();
-    streams.extend(session.generated_names());
-    streams
 }
 
 /// The result of one comparison as consumers of `--json` get it.

@@ -1,52 +1,46 @@
-//! `demo`: the main job on a machine without hardware, from the recording to the report.
+//! `demo`: from the recording to the report on a machine without hardware.
 
-use super::{Ending, Output, run};
-use crate::cli::{Cli, DemoArgs};
+use super::progress::ProgressDisplay;
+use super::record::{self, Take};
+use super::{Ending, Output, process};
+use crate::batch;
+use crate::cli::DemoArgs;
+use crate::pipeline::{self, ProcessRequest, Processed, StageResult};
 use anyhow::Context;
-use clap::Parser;
-use evrig_session::SessionLayout;
-use serde_json::{Value, json};
+use evrig_session::{Session, StreamKind};
+use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 pub(super) fn demo(args: &DemoArgs, output: &Output) -> anyhow::Result<Ending> {
     let out = args.out.clone().unwrap_or_else(free_directory);
-    let session = out.display().to_string();
     output.say("recording on the simulated rig: the same engine, wires and files as on a real one");
-    let mut record = vec!["record", "sim", &args.trajectory, "--out", &session];
-    let (world, seed) = (args.world.as_ref().map(|path| path.display().to_string()), args.seed);
-    let seed = seed.to_string();
-    record.extend(["--seed", &seed]);
-    if let Some(world) = &world {
-        record.extend(["--world", world]);
-    }
-    let (recorded, recording) = verb(&record, output)?;
-    if !matches!(recorded, Ending::Done | Ending::WithLosses) {
-        output.result(&json!({ "schema": "evrig.demo/1", "recording": recording }), &session)?;
-        return Ok(recorded);
+    let take = record::simulated(&args.trajectory, args.world.as_deref(), args.seed, &out, output)
+        .context("the recording failed")?;
+    let Some(take) = take else { return Ok(Ending::Aborted) };
+    if !matches!(take.ending, Ending::Done | Ending::WithLosses) {
+        let value = json!({ "schema": "evrig.demo/1", "recording": take.value });
+        output.result(&value, out.display())?;
+        return Ok(take.ending);
     }
     output.say("processing it as any recorded session");
-    let (_, processed) = verb(&["process", &session], output)?;
-    verb(&["report", &session], output)?;
-    let report = SessionLayout::new(&out).report();
-    let mut text = findings(&recording, &processed)?;
-    write!(text, "report: {}", std::path::absolute(&report).unwrap_or(report).display())?;
+    let display = ProgressDisplay::new(output);
+    let request = ProcessRequest::default();
+    let processed = batch::process_session(&out, &request, &|progress| display.show(progress))
+        .context("the processing failed")?;
+    drop(display);
+    let session = Session::open(&out)?;
+    let report = session.layout().report();
+    std::fs::write(&report, pipeline::report(&session)?)
+        .with_context(|| format!("cannot write the report to {}", report.display()))?;
+    let mut text = findings(&take, &processed)?;
+    write!(text, "report: {}", std::path::absolute(&report).unwrap_or(report.clone()).display())?;
     let value = json!({
-        "schema": "evrig.demo/1", "session": out, "report": SessionLayout::new(&out).report(),
-        "recording": recording, "process": processed,
+        "schema": "evrig.demo/1", "session": out, "report": report,
+        "recording": take.value, "process": process::value(&processed)?,
     });
     output.result(&value, text)?;
-    Ok(recorded)
-}
-
-/// Runs another verb as a user would, and keeps its result.
-fn verb(arguments: &[&str], output: &Output) -> anyhow::Result<(Ending, Value)> {
-    let name = arguments.first().copied().unwrap_or_default();
-    let cli = Cli::try_parse_from(std::iter::once("evrig").chain(arguments.iter().copied()))?;
-    let (keeping, kept) = output.keeping();
-    let ending = run(cli.command, &keeping).with_context(|| format!("`evrig {name}` failed"))?;
-    let value = kept.borrow_mut().pop().unwrap_or(Value::Null);
-    Ok((ending, value))
+    Ok(take.ending)
 }
 
 /// `evrig-demo` here, or the first number behind it that is free.
@@ -61,45 +55,34 @@ fn free_directory() -> PathBuf {
     names.into_iter().find(|path| is_free(path)).unwrap_or_default()
 }
 
-/// What came out, in a few lines.
-fn findings(recording: &Value, processed: &Value) -> anyhow::Result<String> {
+/// Streams, event ratios and the diagnosis in a few lines.
+fn findings(take: &Take, processed: &Processed) -> anyhow::Result<String> {
     let mut text = String::new();
-    let streams = recording["streams"].as_array().map(Vec::as_slice).unwrap_or_default();
-    let counts = streams.iter().filter_map(|stream| {
-        let kind = stream["kind"].as_str().filter(|kind| ["events", "frames"].contains(kind))?;
-        Some(format!("{} {} {kind}", stream["count"].as_u64()?, stream["name"].as_str()?))
-    });
-    writeln!(text, "recorded: {}", counts.collect::<Vec<_>>().join(", "))?;
-    let mut comparisons = Vec::new();
-    of_schema(processed, "evrig.comparison/", &mut comparisons);
-    for comparison in comparisons {
-        let name = comparison["simulated"].as_str().unwrap_or("simulated");
-        let [simulated, real] =
-            ["n_simulated", "n_real"].map(|key| comparison[key].as_f64().unwrap_or(f64::NAN));
-        writeln!(text, "{name}: {:.2} generated events for each real one", simulated / real)?;
-    }
-    let mut diagnoses = Vec::new();
-    of_schema(processed, "evrig.diagnosis/", &mut diagnoses);
-    for diagnosis in diagnoses {
-        let verdict = diagnosis["verdict"].as_str().unwrap_or("none").replace('_', " ");
-        writeln!(text, "diagnosis: {verdict}")?;
-        let effects = diagnosis["effects"].as_array().map(Vec::as_slice).unwrap_or_default();
-        for effect in effects.iter().filter_map(|effect| effect["description"].as_str()) {
-            writeln!(text, "  {effect}")?;
+    let streams = take.manifest.streams.iter();
+    let shown = streams.filter(|s| matches!(s.kind, StreamKind::Events | StreamKind::Frames));
+    let counts: Vec<String> =
+        shown.map(|stream| format!("{} {} {}", stream.count, stream.name, stream.kind)).collect();
+    writeln!(text, "recorded: {}", counts.join(", "))?;
+    for result in processed.results() {
+        match result {
+            StageResult::Compare(request, comparison, _) => {
+                let ratio = comparison.n_simulated as f64 / comparison.n_real as f64;
+                writeln!(
+                    text,
+                    "{}: {ratio:.2} generated events per real event",
+                    request.simulated
+                )?;
+            }
+            StageResult::Diagnose(diagnosis) => {
+                let verdict = serde_json::to_value(diagnosis.verdict)?;
+                let verdict = verdict.as_str().unwrap_or("none").replace('_', " ");
+                writeln!(text, "diagnosis: {verdict}")?;
+                for effect in &diagnosis.effects {
+                    writeln!(text, "  {}", effect.description)?;
+                }
+            }
+            _ => {}
         }
     }
     Ok(text)
-}
-
-/// Every value of a schema within a value.
-fn of_schema<'a>(value: &'a Value, schema: &str, found: &mut Vec<&'a Value>) {
-    if value["schema"].as_str().is_some_and(|own| own.starts_with(schema)) {
-        found.push(value);
-        return;
-    }
-    match value {
-        Value::Array(values) => values.iter().for_each(|value| of_schema(value, schema, found)),
-        Value::Object(fields) => fields.values().for_each(|value| of_schema(value, schema, found)),
-        _ => {}
-    }
 }

@@ -1,12 +1,11 @@
 //! `evrig diagnose`: the mismatch located, the missing physics named, the gain shown.
 
+use super::progress::ProgressDisplay;
 use super::{Ending, Output};
-use crate::cli::{BaselineChoice, DiagnoseArgs, ProcessArgs};
-use crate::pipeline::{self, Baseline, DiagnoseRequest, PipelineError};
+use crate::cli::{BaselineChoice, DiagnoseArgs};
+use crate::pipeline::{self, Baseline, DiagnoseRequest, Progress};
 use evrig_analysis::diagnose::{Diagnosis, DiagnosisOptions, DiagnosisVerdict};
 use evrig_session::Session;
-use serde_json::{Value, json};
-use std::time::Instant;
 
 pub(super) fn run(args: &DiagnoseArgs, output: &Output) -> anyhow::Result<Ending> {
     let session = Session::open(&args.session)?;
@@ -23,7 +22,11 @@ pub(super) fn run(args: &DiagnoseArgs, output: &Output) -> anyhow::Result<Ending
         },
         force: args.force,
     };
-    let diagnosis = diagnose(&session, &request, output)?;
+    let display = ProgressDisplay::new(output);
+    let (diagnosis, _) = pipeline::diagnose(&session, &request, &mut |what| {
+        display.show(Progress::Diagnosis(what));
+    })?;
+    drop(display);
     output.result(&serde_json::to_value(&diagnosis)?, text(&diagnosis))?;
     Ok(Ending::Done)
 }
@@ -47,41 +50,6 @@ fn baseline(args: &DiagnoseArgs, session: &Session) -> anyhow::Result<Baseline> 
             args.session.display()
         )
     })
-}
-
-/// Runs the stage and says what is being looked at: on a terminal, or line by line where more is asked for (`-v`).
-fn diagnose(
-    session: &Session,
-    request: &DiagnoseRequest,
-    output: &Output,
-) -> Result<Diagnosis, PipelineError> {
-    let bar = output.progress("diagnose", 0);
-    let started = Instant::now();
-    let (diagnosis, _) = pipeline::diagnose(session, request, &mut |what| {
-        let at_s = started.elapsed().as_secs_f64();
-        bar.suspend(|| output.detail(format!("{at_s:8.1} s  {what}")));
-        bar.set_message(what.to_owned());
-        bar.inc(1);
-    })?;
-    bar.finish_and_clear();
-    Ok(diagnosis)
-}
-
-/// The stage as `process` runs it: words and result.
-pub(super) fn stage(
-    session: &Session,
-    baseline: Baseline,
-    args: &ProcessArgs,
-    output: &Output,
-) -> Result<(String, Value), PipelineError> {
-    let request = DiagnoseRequest {
-        real: "real".into(),
-        baseline,
-        options: DiagnosisOptions { seed: args.choice.seed, ..DiagnosisOptions::brief() },
-        force: args.force,
-    };
-    let diagnosis = diagnose(session, &request, output)?;
-    Ok((text(&diagnosis), json!(diagnosis)))
 }
 
 /// The diagnosis for people.

@@ -1,16 +1,16 @@
 //! `evrig filter`: event streams cut to the picture and freed of noise.
 
-use super::{Ending, Output, WrongUse, compare};
+use super::{Ending, Output, stream_name};
 use crate::cli::{FilterArgs, FilterChoice};
 use crate::pipeline::{self, FilterRequest, FilterSettings, FilteredStream, Freshness};
-use evrig_session::{Session, StreamKind, StreamName};
+use evrig_session::Session;
 use serde_json::{Value, json};
 
 pub(super) fn run(args: &FilterArgs, output: &Output) -> anyhow::Result<Ending> {
     let session = Session::open(&args.session)?;
     let streams = match &args.stream {
-        Some(name) => vec![StreamName::new(name).map_err(|error| WrongUse(error.to_string()))?],
-        None => event_streams(&session),
+        Some(name) => vec![stream_name(name)?],
+        None => pipeline::event_streams(&session),
     };
     if streams.is_empty() {
         anyhow::bail!("{} has no events to filter", args.session.display());
@@ -22,21 +22,13 @@ pub(super) fn run(args: &FilterArgs, output: &Output) -> anyhow::Result<Ending> 
         let request = FilterRequest { stream, settings, force: args.force };
         let filtered = pipeline::filter(&session, &request)?;
         values.push(value(&request, &filtered));
-        text.push(words(&request, &filtered));
+        text.push(self::text(&request, &filtered));
     }
     output.result(&json!({ "schema": "evrig.filters/1", "filters": values }), text.join("\n"))?;
     Ok(Ending::Done)
 }
 
-/// The real stream and every simulated one.
-pub(super) fn event_streams(session: &Session) -> Vec<StreamName> {
-    let real = session.stream(StreamKind::Events, "real").ok();
-    let real = real.and_then(|stream| StreamName::new(&stream.name).ok());
-    real.into_iter().chain(compare::simulated(session, "real")).collect()
-}
-
-/// What the user chose.
-pub(super) fn settings(choice: &FilterChoice) -> FilterSettings {
+fn settings(choice: &FilterChoice) -> FilterSettings {
     FilterSettings {
         region: !choice.no_region,
         margin: choice.margin,
@@ -59,7 +51,7 @@ pub(super) fn value(request: &FilterRequest, filtered: &FilteredStream) -> Value
 }
 
 /// The result for people.
-pub(super) fn words(request: &FilterRequest, filtered: &FilteredStream) -> String {
+pub(super) fn text(request: &FilterRequest, filtered: &FilteredStream) -> String {
     let tally = &filtered.tally;
     let mut text =
         format!("{}: {} of {} events kept", request.stream, tally.events.kept, tally.events.seen);

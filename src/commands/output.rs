@@ -3,19 +3,14 @@
 use crate::cli::GlobalArgs;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
-use serde_json::Value;
-use std::cell::RefCell;
 use std::fmt::Display;
 use std::io::{IsTerminal, Write};
-use std::rc::Rc;
 use std::time::Duration;
 
 /// What the user asked to see.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy)]
 pub struct Output {
     global: GlobalArgs,
-    /// Where results go instead of stdout, for a verb that calls others.
-    kept: Option<Rc<RefCell<Vec<Value>>>>,
 }
 
 /// Marks an error as the caller's: wrong arguments or a wrong description file (exit code 2).
@@ -26,13 +21,7 @@ pub struct WrongUse(pub String);
 // A closed pipe (`evrig info | head`) is the reader's choice, so a failed write is not an error.
 impl Output {
     pub(super) fn new(global: GlobalArgs) -> Self {
-        Self { global, kept: None }
-    }
-
-    /// The same, but for results, which are kept as values instead of printed.
-    pub(super) fn keeping(&self) -> (Self, Rc<RefCell<Vec<Value>>>) {
-        let kept: Rc<RefCell<Vec<Value>>> = Rc::default();
-        (Self { global: self.global, kept: Some(Rc::clone(&kept)) }, kept)
+        Self { global }
     }
 
     /// Whether the result must be JSON.
@@ -46,10 +35,6 @@ impl Output {
     /// # Errors
     /// When the value cannot be written as JSON.
     pub fn result(&self, value: &impl Serialize, text: impl Display) -> anyhow::Result<()> {
-        if let Some(kept) = &self.kept {
-            kept.borrow_mut().push(serde_json::to_value(value)?);
-            return Ok(());
-        }
         let mut stdout = std::io::stdout().lock();
         let _ = if self.global.json {
             writeln!(stdout, "{}", serde_json::to_string_pretty(value)?)

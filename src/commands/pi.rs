@@ -126,15 +126,12 @@ pub(super) fn generation_settings(
         LiveLight::Raw => (PiLight::Raw, "Raw2DVS346", 1023.0),
         LiveLight::Rgb => (PiLight::Rgb, "RGB2DVS346", 255.0),
     };
-    let mut choice = args.choice.clone();
-    if !choice.is_given() {
-        choice.preset = Some(published.to_owned());
-    }
+    let mut choice = args.choice.choice().or_preset(published);
     choice.full_scale_dn = choice.full_scale_dn.or(Some(full_scale_dn));
     Ok(GenerationSettings {
         light,
         size,
-        parameters: super::generate::parameters(&choice)?,
+        parameters: choice.parameters()?,
         row_time: Span::ZERO,
         preparation: FramePreparation { divide_exposure: true, ..FramePreparation::default() },
         bound: Span::from_secs_f64(bound_ms * 1e-3),

@@ -14,7 +14,7 @@ use evrig_record::{
 };
 use evrig_session::rig::{ArmPort, Rig};
 use evrig_session::trajectory::{OptionalSegments, Plan, ToolPath, Trajectory};
-use evrig_session::{Session, SessionStatus, verify};
+use evrig_session::{Manifest, Session, verify};
 use evrig_sim::world::WorldDescription;
 use serde_json::{Value, json};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
@@ -76,11 +76,31 @@ struct Work<'a> {
 }
 
 /// One recording that ended.
-struct Take {
-    ending: Ending,
-    status: SessionStatus,
-    value: Value,
+pub(super) struct Take {
+    pub(super) ending: Ending,
+    pub(super) manifest: Manifest,
+    pub(super) value: Value,
     text: String,
+}
+
+/// Records one session on the simulated rig; none where the operator ends it before it begins.
+pub(super) fn simulated(
+    trajectory: &str,
+    world_file: Option<&std::path::Path>,
+    seed: u64,
+    out: &std::path::Path,
+    output: &Output,
+) -> anyhow::Result<Option<Take>> {
+    let (rig, trajectory, path) = described("sim", trajectory, OptionalSegments::Included)?;
+    let world = world(world_file)?;
+    let start = path.start();
+    let opening = OpenOptions { replay_speed: Some(1.0), home: false, start, world: &world, seed };
+    let (operator, terminal) = (Operator::listen()?, prompt::Terminal::here(false));
+    let work = Work { rig: &rig, trajectory: &trajectory, path: &path, operator, terminal, output };
+    if !work.may_move() {
+        return Ok(None);
+    }
+    work.take(out, &opening, None).map(Some)
 }
 
 impl Work<'_> {
@@ -95,7 +115,7 @@ impl Work<'_> {
             // Each run draws its own noise, and the same when it is made again.
             let seed = opening.seed.wrapping_add(u64::from(run - 1));
             let take = self.take(&out, &OpenOptions { seed, ..*opening }, None)?;
-            list.close(take.status)?;
+            list.close(take.manifest.status)?;
             let _ = writeln!(text, "{}", take.text);
             match take.ending {
                 Ending::Done => {}
@@ -167,12 +187,12 @@ impl Work<'_> {
             evrig_record::record(request, &mut open.devices, &self.operator.stop, &mut watch)?;
         bar.finish_and_clear();
         let holds = verify(&Session::open(out)?)?.holds();
-        Ok(told(out, &outcome, holds, output))
+        Ok(summarise(out, outcome, holds, output))
     }
 }
 
 /// How a recording went, in words and as a value.
-fn told(out: &std::path::Path, outcome: &RecordOutcome, holds: bool, output: &Output) -> Take {
+fn summarise(out: &std::path::Path, outcome: RecordOutcome, holds: bool, output: &Output) -> Take {
     let manifest = &outcome.manifest;
     let mut text = String::new();
     for stream in &manifest.streams {
@@ -194,7 +214,7 @@ fn told(out: &std::path::Path, outcome: &RecordOutcome, holds: bool, output: &Ou
         (None, _) if manifest.losses.is_empty() => Ending::Done,
         (None, _) => Ending::WithLosses,
     };
-    Take { ending, status: manifest.status, value, text }
+    Take { ending, manifest: outcome.manifest, value, text }
 }
 
 /// Signals that end a recording: SIGINT, SIGTERM and SIGHUP stop the arm immediately, SIGUSR1 ends

@@ -8,24 +8,14 @@ use serde_json::{Value, json};
 
 pub(super) fn run(args: &SceneArgs, output: &Output) -> anyhow::Result<Ending> {
     let session = Session::open(&args.session)?;
-    let made = make(&session, args.force, output)?;
-    output.result(&value(&made), text(&made))?;
-    Ok(Ending::Done)
-}
-
-/// Runs the stage under a progress bar.
-fn make(
-    session: &Session,
-    force: bool,
-    output: &Output,
-) -> Result<SceneMade, pipeline::PipelineError> {
     let bar = output.progress("scene", 0);
-    let made = pipeline::scene(session, force, &mut |done, all| {
+    let made = pipeline::scene(&session, args.force, &mut |done, all| {
         bar.set_length(all);
         bar.set_position(done);
-    });
+    })?;
     bar.finish_and_clear();
-    made
+    output.result(&value(&made), text(&made))?;
+    Ok(Ending::Done)
 }
 
 /// The result as consumers of `--json` get it.

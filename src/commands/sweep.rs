@@ -1,9 +1,9 @@
 //! `evrig sweep`: one knob through a range, as heat maps and point clouds.
 
-use super::generate::{conditions, prepare_as_tuned, tuned_parameters};
+use super::generate::conditions;
 use super::{Ending, Output, WrongUse};
-use crate::cli::{ModelArgs, SweepArgs};
-use crate::pipeline::{self, GenerateRequest, SweepRequest};
+use crate::cli::SweepArgs;
+use crate::pipeline::{self, GenerateRequest, ModelChoice, SweepRequest};
 use anyhow::Context;
 use evrig_core::effect_id::EffectId;
 use evrig_generate::effect::{Effect, EffectSet};
@@ -29,7 +29,7 @@ pub(super) fn run(args: &SweepArgs, output: &Output) -> anyhow::Result<Ending> {
         .into());
     };
     let (axis, [low, high]) = axis(range)?;
-    let choice = ModelArgs { knobs: fixed, ..args.choice.clone() };
+    let choice = ModelChoice { knobs: fixed, ..args.choice.choice() };
     let from = match (&args.from, pipeline::default_light(&session)) {
         (Some(from), _) => from.as_str(),
         (None, Some(light)) => light,
@@ -38,11 +38,11 @@ pub(super) fn run(args: &SweepArgs, output: &Output) -> anyhow::Result<Ending> {
     let mut base = GenerateRequest {
         from: from.to_owned(),
         name: StreamName::new("sweep")?,
-        parameters: tuned_parameters(&session, from, &choice)?,
+        parameters: choice.parameters_on(&session, from)?,
         conditions: conditions(&args.conditions)?,
         force: true,
     };
-    prepare_as_tuned(&session, from, &choice, &mut base.conditions)?;
+    choice.prepare_on(&session, from, &mut base.conditions)?;
     let steps: anyhow::Result<Vec<(f64, GenerateRequest)>> = values(low, high, args.steps)
         .into_iter()
         .map(|value| Ok((value, turned(&base, &axis, value)?)))

@@ -3,8 +3,8 @@
 use super::{Ending, Output, WrongUse};
 use crate::cli::TrackArgs;
 use crate::pipeline::{self, Freshness, TrackRequest, Tracked};
+use evrig_session::Session;
 use evrig_session::rig::Rig;
-use evrig_session::{Session, StreamKind};
 use serde_json::{Value, json};
 
 pub(super) fn run(args: &TrackArgs, output: &Output) -> anyhow::Result<Ending> {
@@ -29,31 +29,17 @@ pub(super) fn run(args: &TrackArgs, output: &Output) -> anyhow::Result<Ending> {
         .collect();
     let mut values = Vec::new();
     let mut text = Vec::new();
-    for (request, tracked) in track_all(&session, &requests, output) {
+    let n_frames = pipeline::count_frames(&session, requests.iter().map(|r| &r.stream));
+    let bar = output.progress("track", n_frames);
+    let outcomes = pipeline::track_all(&session, &requests, &|| bar.inc(1));
+    bar.finish_and_clear();
+    for (request, tracked) in outcomes {
         let tracked = tracked?;
         values.push(value(&request, &tracked));
-        text.push(words(&request, &tracked));
+        text.push(self::text(&request, &tracked));
     }
     output.result(&json!({ "schema": "evrig.tracks/1", "tracks": values }), text.join("\n"))?;
     Ok(Ending::Done)
-}
-
-/// Tracks several streams at once under a progress bar.
-fn track_all(
-    session: &Session,
-    requests: &[TrackRequest],
-    output: &Output,
-) -> Vec<pipeline::TrackOutcome> {
-    let bar = output.progress("track", n_frames(session, requests.iter().map(|r| &r.stream)));
-    let all = pipeline::track_all(session, requests, &|| bar.inc(1));
-    bar.finish_and_clear();
-    all
-}
-
-/// Frames of all these streams.
-pub(super) fn n_frames<'a>(session: &Session, streams: impl Iterator<Item = &'a String>) -> u64 {
-    let count = |name| session.stream(StreamKind::Frames, name).map_or(0, |stream| stream.count);
-    streams.map(|name| count(name)).sum()
 }
 
 /// The result as consumers of `--json` get it.
@@ -66,7 +52,7 @@ pub(super) fn value(request: &TrackRequest, tracked: &Tracked) -> Value {
 }
 
 /// The result for people.
-pub(super) fn words(request: &TrackRequest, tracked: &Tracked) -> String {
+pub(super) fn text(request: &TrackRequest, tracked: &Tracked) -> String {
     let summary = &tracked.summary;
     let mut text = format!(
         "{}: {} in {} of {} frames, corners {:.3} px rms from the path, picture {:.1} px wide",

@@ -5,9 +5,10 @@
 
 use super::PipelineError;
 use super::scene::{SceneMade, scene};
-use super::sync::{Synced, pi_streams, sync};
+use super::streams::{frame_streams, pi_streams};
+use super::sync::{Synced, sync};
 use super::track::{TrackRequest, Tracked, track};
-use evrig_session::{Origin, Session, StreamKind};
+use evrig_session::{Origin, Session};
 use rayon::prelude::*;
 
 /// A stream's track, or why it has none.
@@ -40,14 +41,6 @@ pub fn align(session: &Session, force: bool, progress: &(dyn Fn(AlignProgress) +
     let clocks = (!pi_streams(session).is_empty()).then(|| sync(session, force));
     let mapped = &mut |done, all| progress(AlignProgress::Mapped(done, all));
     Aligned { tracks, clocks, scene: scene(session, force, mapped) }
-}
-
-/// Names of all frame streams with frames in them.
-#[must_use]
-pub fn frame_streams(session: &Session) -> Vec<String> {
-    let frames = session.manifest().streams.iter();
-    let with_frames = frames.filter(|s| s.kind == StreamKind::Frames && s.count > 0);
-    with_frames.map(|stream| stream.name.clone()).collect()
 }
 
 fn requests(session: &Session, force: bool) -> Result<Vec<TrackRequest>, &'static str> {

@@ -1,10 +1,10 @@
 //! The stage `calibrate`: the generator's constants from a session's frames and real events.
 
-mod luminance;
+mod signal;
 
-use super::generate::{is_scene, scene_inputs};
+use super::scene_source::{self, is_scene};
 use super::{
-    Freshness, PipelineError, clear, fresh_record, inputs, light, read_json, track, tracked,
+    Freshness, PipelineError, clear, fresh_record, inputs, luminance, read_json, track, tracked,
 };
 use evrig_analysis::calibrate::{self, CalibrateError, Calibration, EmdObjective, Objective};
 use evrig_analysis::calibrate::{ScoreObjective, Settings};
@@ -83,9 +83,9 @@ pub fn calibrate(
 /// Checksums of what the light comes from: frames and, for the Pi's, both tracks and the clocks.
 fn inputs_of(session: &Session, from: &str) -> Result<inputs::Inputs, PipelineError> {
     if is_scene(session, from) {
-        return Ok(scene_inputs(session));
+        return Ok(scene_source::inputs_of(session));
     }
-    let mut inputs = light::inputs_of(session, from)?;
+    let mut inputs = luminance::inputs_of(session, from)?;
     if session.is_from_pi(from)? {
         for stream in tracked(session) {
             inputs.extend(track::outputs(session, &stream)?);
@@ -100,20 +100,20 @@ fn failed(session: &Session, source: CalibrateError) -> PipelineError {
 
 fn run(session: &Session, request: &CalibrateRequest) -> Result<Calibration, PipelineError> {
     let (events, _) = session.events(&request.real)?;
-    let seen = luminance::seen(session, &request.from, request.seed)?;
+    let found = signal::calibration_signal(session, &request.from, request.seed)?;
     let settings = Settings {
-        published: seen.published,
+        published: found.published,
         n_evaluations: request.n_evaluations,
         seed: request.seed,
     };
-    let (light, events) = (&seen.light, events.as_slice());
+    let (light, events) = (&found.light, events.as_slice());
     let objective: Box<dyn Objective> = match request.objective {
         ObjectiveKind::Score => Box::new(ScoreObjective::new(light, events, request.seed)),
         ObjectiveKind::Emd => Box::new(EmdObjective::new(light, events, request.seed)),
     };
     let calibration = calibrate::calibrate(light, events, objective.as_ref(), &settings);
     let calibration = calibration.map_err(|source| failed(session, source))?;
-    Ok(Calibration { preparation: seen.preparation, ..calibration })
+    Ok(Calibration { preparation: found.preparation, ..calibration })
 }
 
 /// The calibration that a session holds for a light; `None` without one.

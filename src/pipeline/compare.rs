@@ -1,6 +1,6 @@
 //! The stage `compare`: a simulated stream against the real one.
 
-use super::generate::is_scene;
+use super::scene_source::is_scene;
 use super::{Freshness, PipelineError, clear, filter, fresh_record, inputs, read_json};
 use evrig_analysis::compare::{self, Comparison, FrameChanges, Maps, Setup};
 use evrig_core::event::{EventSlice, Events};
@@ -98,7 +98,7 @@ pub fn compare_with(
     inputs.extend(cut.iter().flat_map(|cut| cut.inputs.clone()));
     let light = light_of(session, &request.simulated);
     if let Some(light) = &light {
-        inputs.extend(super::light::inputs_of(session, light)?);
+        inputs.extend(super::luminance::inputs_of(session, light)?);
     }
     let parameters = json!({
         "real": reference.name,
@@ -273,7 +273,7 @@ impl LogFrames {
         let step = n_samples.div_ceil(MAX_SAMPLES).max(1);
         let mut frames = Self { times_us: Vec::new(), logs: Vec::new() };
         let mut last = None;
-        for (i, frame) in super::light::light(session, light)?.enumerate() {
+        for (i, frame) in super::luminance::luminance(session, light)?.enumerate() {
             let frame = frame?;
             if (i as u64).is_multiple_of(step) {
                 frames.push(&frame);

@@ -1,7 +1,8 @@
 //! The stage `filter`: an event stream cut to the moving picture and freed of noise, by the same code
 //! and settings whether it is real or generated.
 
-use super::sync::{missing, read_clocks};
+use super::error::missing;
+use super::sync::read_clocks;
 use super::track::{self, AnyTrack};
 use super::{Freshness, PipelineError, clear, fresh_record, inputs};
 use evrig_analysis::filter::region::{RegionPath, Setting};
@@ -87,6 +88,18 @@ pub struct FilterTally {
     pub size: Option<Size>,
 }
 
+/// Settings that cut streams of any camera to one grid: the target as wide as the event camera sees
+/// it. None without a track of the event camera.
+#[must_use]
+pub fn common_grid(session: &Session) -> Option<FilterSettings> {
+    let tracked = track::tracked(session);
+    let of_davis = tracked.iter().find(|name| !session.is_from_pi(name).unwrap_or(true))?;
+    let summary = track::read_summary(session, of_davis)?;
+    let plain = FilterSettings::default();
+    let crop = (summary.picture_px * (1.0 + 2.0 * plain.margin)).round().clamp(1.0, 4096.0);
+    Some(FilterSettings { crop_px: Some(crop as u16), ..plain })
+}
+
 /// A path has a knot so often.
 const STEP_US: i64 = 1_000;
 
@@ -102,7 +115,7 @@ pub fn filter(session: &Session, request: &FilterRequest) -> Result<FilteredStre
     if let Some(track) = &track {
         inputs.extend(track::outputs(session, track)?);
         if session.is_from_pi(track)? {
-            inputs.extend(super::light::inputs_of(session, track)?);
+            inputs.extend(super::luminance::inputs_of(session, track)?);
         }
     }
     let parameters = json!({ "settings": settings, "track": track });

@@ -3,7 +3,7 @@
 mod preflight;
 mod target;
 
-use super::generate::{SCENE, is_scene};
+use super::scene_source::{SCENE, is_scene};
 use super::{PipelineError, filter, read_calibration, read_comparison, read_diagnosis};
 use super::{read_forward_simulation, read_heat};
 use evrig_analysis::compare::Comparison;
@@ -122,7 +122,7 @@ fn moment(
     };
     let mut best: Option<(usize, Luminance, i64)> = None;
     let mut before: Option<Luminance> = None;
-    for frame in super::light::light(session, light)? {
+    for frame in super::luminance::luminance(session, light)? {
         let frame = frame?;
         if let Some(before) = before.take() {
             let n = n_between(before.t_us, frame.t_us);

@@ -1,6 +1,7 @@
 //! The stage `scene`: a map of the print, the path over it, and the event camera tied to both.
 
-use super::sync::{missing, read_clocks};
+use super::error::missing;
+use super::sync::read_clocks;
 use super::{
     AnyTrack, Freshness, PipelineError, clear, fresh_record, inputs, read_result, read_track, track,
 };
@@ -87,7 +88,7 @@ pub fn scene(
     let [raw, aps] = scene_streams(session)?;
     let mut inputs = inputs::Inputs::new();
     for stream in [raw, aps] {
-        inputs.extend(super::light::inputs_of(session, stream)?);
+        inputs.extend(super::luminance::inputs_of(session, stream)?);
         inputs.extend(track::outputs(session, stream)?);
     }
     let wanted = StageRecord::new("scene", None, inputs, json!({}));

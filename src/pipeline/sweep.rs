@@ -1,8 +1,8 @@
 //! A sweep: the same seconds of a session generated with one setting at several values.
 
-use super::between::{between, light_under};
+use super::error::missing;
 use super::generate::with_effects;
-use super::sync::missing;
+use super::interpolation::{between, prepared_luminance};
 use super::{GenerateRequest, PipelineError};
 use evrig_core::event::Events;
 use evrig_core::frame::Luminance;
@@ -87,7 +87,7 @@ fn frames(
     };
     let span_us = (seconds * 1e6) as i64;
     let start = (first / 2 + last / 2 - span_us / 2).max(first);
-    let mut light = light_under(session, &request.from, &request.conditions)?;
+    let mut light = prepared_luminance(session, &request.from, &request.conditions)?;
     let mut found: Vec<Luminance> = Vec::new();
     for frame in light.by_ref() {
         let frame = frame?;

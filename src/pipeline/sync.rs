@@ -1,5 +1,7 @@
 //! The stage `sync`: the session's clocks, and where each frame of the Pi lies among the events.
 
+use super::error::missing;
+use super::streams::pi_streams;
 use super::track::{self, AnyTrack};
 use super::{Freshness, PipelineError, clear, fresh_record, inputs, read_json};
 use evrig_core::time::{Clock, PiSensor, Span, Unix};
@@ -44,18 +46,6 @@ pub struct SyncTally {
     pub n_readings: u64,
     /// Packets of events with the time of their arrival.
     pub n_arrivals: u64,
-}
-
-/// Whether the session has frames of the Pi's camera, without which there is nothing to put on one clock.
-#[must_use]
-pub fn pi_streams(session: &Session) -> Vec<&str> {
-    let frames = session.manifest().streams.iter();
-    let of_pi = frames.filter(|stream| {
-        stream.kind == StreamKind::Frames
-            && stream.count > 0
-            && session.is_from_pi(&stream.name).unwrap_or(false)
-    });
-    of_pi.map(|stream| stream.name.as_str()).collect()
 }
 
 /// Runs the stage, unless its result is fresh. Tracks of both cameras, where they are there, let
@@ -320,10 +310,6 @@ fn samples<C: Clock>(track: &Track<C>) -> Vec<TrackSample<C>> {
             })
         })
         .collect()
-}
-
-pub(super) fn missing(session: &Session, what: String) -> PipelineError {
-    PipelineError::Missing { session: session.root().to_owned(), what }
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The stage `track`: the tag followed through a stream's frames, each on its camera's own clock.
 
-use super::{Freshness, PipelineError, clear, fresh_record, inputs, read_json, sync::missing};
+use super::{Freshness, PipelineError, clear, error::missing, fresh_record, inputs, read_json};
 use evrig_core::frame::Frame;
 use evrig_core::time::{Clock, Davis, PiSensor};
 use evrig_reconstruct::roi::{SampleFormat, Track, TrackOptions, Tracker};

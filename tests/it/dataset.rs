@@ -184,7 +184,7 @@ fn a_full_disk_ends_the_run_with_its_name_instead_of_failing_every_session() {
     let (code, _, said) = json(evrig().arg("process").arg(&root));
     assert_eq!(code, 1, "{said}");
     let last = said.lines().last().unwrap();
-    assert!(last.starts_with("error: s0: no session would fare better"), "{last}");
+    assert!(last.starts_with("error: s0: the run over the dataset was stopped"), "{last}");
     assert!(last.contains("report.html") && last.contains("No space left"), "{last}");
     assert!(!root.join("batch/outcomes/s1.json").exists(), "the run ended there");
     // With room again, the run takes up what is left.

@@ -1,8 +1,8 @@
 //! `evrig generate --diagnosed`: events of a camera that a diagnosis found.
 
-use super::{speed, stream_name};
+use super::result::speed;
 use crate::cli::GenerateArgs;
-use crate::commands::{Ending, Output, WrongUse};
+use crate::commands::{Ending, Output, WrongUse, stream_name};
 use crate::pipeline::{self, Baseline, By, CameraRequest, Freshness, Generated};
 use evrig_session::Session;
 use serde_json::json;

@@ -1,8 +1,10 @@
 //! The log-intensity signal that a diagnosis starts from.
 
 use super::{clock_tie, departures};
-use crate::pipeline::generate::{SCENE, aps_starts, scene_inputs};
-use crate::pipeline::sync::{missing, read_clocks};
+use crate::pipeline::error::missing;
+use crate::pipeline::luminance::aps_starts;
+use crate::pipeline::scene_source::{self, SCENE};
+use crate::pipeline::sync::read_clocks;
 use crate::pipeline::{PipelineError, default_light, inputs, read_scene};
 use evrig_analysis::diagnose::SessionFacts;
 use evrig_core::drive::Drive;
@@ -51,7 +53,7 @@ impl Baseline {
         session: &Session,
     ) -> Result<inputs::Inputs, PipelineError> {
         match self {
-            Self::Scene => Ok(scene_inputs(session)),
+            Self::Scene => Ok(scene_source::inputs_of(session)),
             Self::Motion(light) | Self::Frames(light) => {
                 let entry = session.stream(StreamKind::Frames, light)?;
                 Ok(inputs::of_recorded(session, entry))

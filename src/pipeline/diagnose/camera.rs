@@ -1,7 +1,7 @@
 //! The diagnosed camera, for generation.
 
 use super::{Baseline, result};
-use crate::pipeline::sync::missing;
+use crate::pipeline::error::missing;
 use crate::pipeline::{PipelineError, read_json};
 use evrig_analysis::diagnose::{DiagnosisVerdict, FittedCamera};
 use evrig_session::Session;

@@ -1,10 +1,9 @@
 //! Generation with a diagnosed camera: its law, noise and named effects on the whole sensor.
 
-use super::affected::all_pixels;
-use super::{GenerateTally, Generated, open, refuse_recorded, stage};
+use super::output::{GenerateTally, Generated, all_pixels, open, refuse_recorded, stage};
 use crate::pipeline::PipelineError;
 use crate::pipeline::diagnose::{Baseline, DiagnosedCamera, default_baseline, read_camera};
-use crate::pipeline::sync::missing;
+use crate::pipeline::error::missing;
 use evrig_analysis::diagnose::{FittedRegistration, RegisteredDrive, surroundings};
 use evrig_core::drive::Drive;
 use evrig_session::{Session, StreamName};

@@ -1,9 +1,9 @@
 //! The luminance that event pixels saw, frame by frame, whichever camera took the frames.
 
-use super::super::between::plane_path;
-use super::super::generate::{drive_of, is_scene};
-use super::super::sync::missing;
-use super::super::{PipelineError, light};
+use super::super::error::missing;
+use super::super::interpolation::plane_path;
+use super::super::scene_source::{drive_of, is_scene};
+use super::super::{PipelineError, luminance};
 use evrig_analysis::calibrate::{Light, LightBuilder};
 use evrig_core::frame::Luminance;
 use evrig_generate::input::{Colour, FramePreparation};
@@ -19,7 +19,7 @@ const SCENE_STEP_US: u32 = 4_000;
 const WHITE_8_BIT_DN: f32 = 255.0;
 
 /// Light to calibrate on.
-pub(super) struct Seen {
+pub(super) struct CalibrationSignal {
     pub(super) light: Light,
     /// The constants published for such light.
     pub(super) published: Coefficients,
@@ -52,7 +52,11 @@ pub(super) fn preparation_of(
 ///
 /// # Errors
 /// When frames, tracks or clocks are missing, or no pixel can be used.
-pub(super) fn seen(session: &Session, from: &str, seed: u64) -> Result<Seen, PipelineError> {
+pub(super) fn calibration_signal(
+    session: &Session,
+    from: &str,
+    seed: u64,
+) -> Result<CalibrationSignal, PipelineError> {
     let preparation = preparation_of(session, from)?;
     let mut gather = Gather { session, seed, n_frames: 0, builder: None, brightest: 0.0 };
     let published = if is_scene(session, from) {
@@ -74,7 +78,7 @@ pub(super) fn seen(session: &Session, from: &str, seed: u64) -> Result<Seen, Pip
             (false, false) => Coefficients::DVS346,
         }
     };
-    Ok(Seen { light: gather.finish()?, published, preparation })
+    Ok(CalibrationSignal { light: gather.finish()?, published, preparation })
 }
 
 /// Gathers frames on the event pixels' grid.
@@ -115,7 +119,7 @@ fn carried(
     let size = size.or(session.size());
     let size = size.ok_or_else(|| missing(session, "no stream states its pixel grid".into()))?;
     let carrier = PlaneWarper::new(plane_path(session, from)?, plane_path(session, &own)?, size);
-    let mut frames = light::light(session, from)?.prepared(preparation);
+    let mut frames = luminance::luminance(session, from)?.prepared(preparation);
     let mut n_on_path = 0_u64;
     while let Some(frame) = frames.next() {
         let frame = frame?;

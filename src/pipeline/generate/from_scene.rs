@@ -1,54 +1,19 @@
-//! Generation from the scene: the drive of the event pixels at any time.
+//! Generation from the scene: the log-intensity signal of the event pixels at any time.
 
-use super::affected::all_pixels;
-use super::{GenerateRequest, GenerateTally, failed, open};
-use crate::pipeline::scene::read_facts;
-use crate::pipeline::sync::missing;
-use crate::pipeline::{PipelineError, inputs, read_scene};
+use super::output::{GenerateTally, all_pixels, failed, open};
+use super::request::GenerateRequest;
+use crate::pipeline::PipelineError;
+use crate::pipeline::error::missing;
+use crate::pipeline::luminance::aps_starts;
+use crate::pipeline::scene_source::drive_of;
 use evrig_core::drive::Drive;
 use evrig_core::event::Events;
-use evrig_core::time::Davis;
 use evrig_generate::effect::{EffectError, RecordingContext};
 use evrig_generate::forward::{ForwardParameters, ForwardSimulator};
 use evrig_generate::input::FramePreparation;
 use evrig_generate::{DRIVE_STEP_US, DriveFrames, DriveRun, ModelParameters, VoltmeterLaw, build};
-use evrig_reconstruct::scene::SceneDrive;
-use evrig_session::{RecordedFrame, Session, SessionError, StreamKind, read_stage};
+use evrig_session::Session;
 use std::time::{Duration, Instant};
-
-/// Name of the light that the scene gives.
-pub(in crate::pipeline) const SCENE: &str = "scene";
-
-/// Whether a light is the scene's: that is its name, and no frame stream has it.
-pub(in crate::pipeline) fn is_scene(session: &Session, light: &str) -> bool {
-    light == SCENE && session.stream(StreamKind::Frames, SCENE).is_err()
-}
-
-/// What the frames behind a session's scene read on the brightest paper, above black, DN; none
-/// when the light is not the scene's, or there is no scene yet.
-///
-/// # Errors
-/// When the scene's facts cannot be read.
-pub fn white_of(session: &Session, light: &str) -> Result<Option<f64>, PipelineError> {
-    let directory = session.layout().derived("scene", None);
-    if !is_scene(session, light) || read_stage(&directory).is_none() {
-        return Ok(None);
-    }
-    Ok(Some(read_facts(&directory)?.white_dn))
-}
-
-pub(in crate::pipeline) fn drive_of(session: &Session) -> Result<SceneDrive, PipelineError> {
-    let scene = read_scene(session)?;
-    let none = || missing(session, "it holds no scene; run `evrig scene` first".into());
-    Ok(scene.ok_or_else(none)?.drive())
-}
-
-/// Checksums of the scene's files.
-pub(in crate::pipeline) fn inputs_of(session: &Session) -> inputs::Inputs {
-    let record = read_stage(&session.layout().derived("scene", None));
-    let files = record.into_iter().flat_map(|record| record.outputs);
-    files.map(|(file, sha256)| (format!("derived/scene/{file}"), sha256)).collect()
-}
 
 /// As [`super::run`], from the scene's drive.
 pub(super) fn run(
@@ -113,7 +78,7 @@ fn tally_of(drive: &dyn Drive, step_us: u32) -> GenerateTally {
     }
 }
 
-/// With effects, pixel by pixel: the voltmeter's exact law only.
+/// With effects, pixel by pixel; only by the voltmeter's exact law.
 fn affected(
     session: &Session,
     request: &GenerateRequest,
@@ -153,20 +118,4 @@ fn affected(
     writer.write_events(0, events.events.as_slice())?;
     writer.finish()?;
     Ok((tally, spent))
-}
-
-/// Starts of exposure of the event camera's own frames, µs of its clock, ascending; empty where
-/// there are none.
-pub(in crate::pipeline) fn aps_starts(session: &Session) -> Result<Vec<i64>, PipelineError> {
-    if session.stream(StreamKind::Frames, "aps").is_err() {
-        return Ok(Vec::new());
-    }
-    let start = |picture: Result<RecordedFrame<Davis>, SessionError>| {
-        let timing = picture?.frame.timing;
-        Ok(timing.exposure.map_or(timing.stamp, |[start, _]| start).as_micros())
-    };
-    let pictures = session.davis_frames("aps")?;
-    let mut starts = pictures.map(start).collect::<Result<Vec<_>, PipelineError>>()?;
-    starts.sort_unstable();
-    Ok(starts)
 }

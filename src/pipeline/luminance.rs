@@ -1,6 +1,7 @@
-//! Frames as light on the events' clock, whichever camera took them.
+//! Frames of either camera as luminance on the events' clock.
 
-use super::sync::{missing, read_clocks};
+use super::error::missing;
+use super::sync::read_clocks;
 use super::{PipelineError, inputs};
 use evrig_core::frame::{Frame, Luminance, Samples};
 use evrig_core::geometry::Size;
@@ -13,42 +14,43 @@ use evrig_session::{
     read_stage,
 };
 
-enum Source {
+enum FrameSource {
     Davis(DavisFrames),
     Pi { pictures: PiCameraFrames, davis_from_sensor: Box<ClockEstimate<Davis, PiSensor>> },
 }
 
-/// A stream's frames as brightness in ascending time, on the events' clock.
+/// A stream's frames as luminance in ascending time, on the events' clock.
 ///
-/// The time is the middle of the exposure of the frame's middle row; [`Light::rows`] has the others'. A raw frame keeps its mosaic
-/// and its pedestal, each pixel in its own colour, as the published generator takes it.
-pub struct Light {
-    source: Source,
+/// The time is mid-exposure of the middle row; [`LuminanceStream::rows`] gives the other rows'. A raw
+/// frame keeps its mosaic and its pedestal, each pixel in its own colour, as the published generator
+/// takes it.
+pub(super) struct LuminanceStream {
+    source: FrameSource,
     preparer: FramePreparer,
     ascending: AscendingFrames,
     row_us: f64,
 }
 
-/// The light of a stream.
+/// The luminance of a frame stream.
 ///
 /// # Errors
 /// When there is no such stream, its files cannot be opened, or it is the Pi's and `sync` has not run.
-pub fn light(session: &Session, name: &str) -> Result<Light, PipelineError> {
+pub(super) fn luminance(session: &Session, name: &str) -> Result<LuminanceStream, PipelineError> {
     let source = if session.is_from_pi(name)? {
         let clocks = read_clocks(session)?.ok_or_else(|| {
             let what = format!("`{name}` is on the Pi's clock; run `evrig sync` first");
             missing(session, what)
         })?;
         let davis_from_sensor = Box::new(clocks.davis_from(name));
-        Source::Pi { pictures: session.pi_frames(name)?, davis_from_sensor }
+        FrameSource::Pi { pictures: session.pi_frames(name)?, davis_from_sensor }
     } else {
-        Source::Davis(session.davis_frames(name)?)
+        FrameSource::Davis(session.davis_frames(name)?)
     };
     let (preparer, ascending) = (FramePreparer::default(), AscendingFrames::default());
-    Ok(Light { source, preparer, ascending, row_us: 0.0 })
+    Ok(LuminanceStream { source, preparer, ascending, row_us: 0.0 })
 }
 
-/// Checksums of what the light of a stream comes from: its files, and the clock where it needs one.
+/// Checksums of the files behind a stream's luminance: its own, and the clock where it needs one.
 pub(super) fn inputs_of(session: &Session, name: &str) -> Result<inputs::Inputs, PipelineError> {
     let entry = session.stream(StreamKind::Frames, name)?;
     let mut inputs = inputs::of_recorded(session, entry);
@@ -61,14 +63,14 @@ pub(super) fn inputs_of(session: &Session, name: &str) -> Result<inputs::Inputs,
     Ok(inputs)
 }
 
-impl Light {
-    /// The same light from pictures that are prepared in this way.
+impl LuminanceStream {
+    /// The same with frames prepared in this way.
     #[must_use]
     pub fn prepared(self, preparation: FramePreparation) -> Self {
         Self { preparer: FramePreparer::new(preparation), ..self }
     }
 
-    /// When the rows of a frame of this size saw their light, as the frame read last states it.
+    /// Exposure times of the rows of a frame of this size, as the frame read last states them.
     #[must_use]
     pub fn rows(&self, size: Size) -> RowTimes {
         RowTimes::about_middle(self.row_us, size)
@@ -81,7 +83,7 @@ impl Light {
     }
 }
 
-impl Source {
+impl FrameSource {
     /// The next frame, whenever it was.
     fn read(
         &mut self,
@@ -132,11 +134,27 @@ fn pictured<C: Clock>(picture: &RecordedFrame<C>) -> SourceFrame<'_> {
     SourceFrame { size: picture.frame.size, mosaic, black_dn: facts.black_dn, exposure_gain }
 }
 
-impl Iterator for Light {
+impl Iterator for LuminanceStream {
     type Item = Result<Luminance, SessionError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         let Self { source, preparer, ascending, row_us } = self;
         ascending.next(|| source.read(preparer, row_us))
     }
+}
+
+/// Starts of exposure of the event camera's own frames, µs of its clock, ascending; empty where
+/// there are none.
+pub(super) fn aps_starts(session: &Session) -> Result<Vec<i64>, PipelineError> {
+    if session.stream(StreamKind::Frames, "aps").is_err() {
+        return Ok(Vec::new());
+    }
+    let start = |picture: Result<RecordedFrame<Davis>, SessionError>| {
+        let timing = picture?.frame.timing;
+        Ok(timing.exposure.map_or(timing.stamp, |[start, _]| start).as_micros())
+    };
+    let pictures = session.davis_frames("aps")?;
+    let mut starts = pictures.map(start).collect::<Result<Vec<_>, PipelineError>>()?;
+    starts.sort_unstable();
+    Ok(starts)
 }

@@ -1,14 +1,14 @@
-//! Generation with effects: all frames are held, since a pixel is followed from first to last.
+//! Generation from frames with physical effects, pixel by pixel; all frames are held in memory.
 
-use super::{GenerateRequest, GenerateTally, driven, failed, open, too_few};
+use super::output::{GenerateTally, all_pixels, failed, open, too_few};
+use super::request::GenerateRequest;
 use crate::pipeline::PipelineError;
-use crate::pipeline::between::between;
-use crate::pipeline::light::Light;
-use crate::pipeline::sync::missing;
+use crate::pipeline::error::missing;
+use crate::pipeline::interpolation::between;
+use crate::pipeline::luminance::{LuminanceStream, aps_starts};
 use evrig_core::drive::{Drive, SignalCurve, TimeGrid};
 use evrig_core::event::Events;
 use evrig_core::frame::Luminance;
-use evrig_core::geometry::Size;
 use evrig_generate::effect::{EffectError, RecordingContext, SignalStage};
 use evrig_generate::forward::{ForwardError, ForwardParameters, ForwardSimulator};
 use evrig_generate::voltmeter::Coefficients;
@@ -17,29 +17,29 @@ use evrig_reconstruct::scene::FramesDrive;
 use evrig_session::Session;
 use std::time::{Duration, Instant};
 
-/// The most that frames may take in memory, bytes; they are held twice, as they are and as light.
-const MOST_BYTES: usize = 3 << 30;
+/// Memory budget of the frames, bytes; they are held twice, as luminance and as log intensity.
+const MAX_FRAME_BYTES: usize = 3 << 30;
 
-/// The step at which light is taken, µs.
-const STEP_US: u32 = 1_000;
+/// Sampling step of the log-intensity signal, µs.
+const SIGNAL_STEP_US: u32 = 1_000;
 
 pub(super) fn run(
     session: &Session,
     request: &GenerateRequest,
-    light: &mut Light,
+    luminance: &mut LuminanceStream,
     n_frames: u64,
     progress: &mut dyn FnMut(u64, u64),
 ) -> Result<(GenerateTally, Duration), PipelineError> {
     let mut frames: Vec<Luminance> = Vec::new();
-    for frame in light.by_ref() {
+    for frame in luminance.by_ref() {
         let frame = frame?;
         let bytes = frame.size.n_pixels() * 8 * (frames.len() + 1);
-        if bytes > MOST_BYTES {
+        if bytes > MAX_FRAME_BYTES {
             let what = format!(
                 "the frames of `{}` take more than {} GB; effects need them all at once: cut the \
                  session, or leave the effects out",
                 request.from,
-                MOST_BYTES >> 30
+                MAX_FRAME_BYTES >> 30
             );
             return Err(missing(session, what));
         }
@@ -51,14 +51,14 @@ pub(super) fn run(
     };
     let mut tally = GenerateTally {
         n_frames: frames.len() as u64,
-        n_frames_not_later: light.n_not_later(),
+        n_frames_not_later: luminance.n_not_later(),
         first_us: first.t_us,
         last_us: last.t_us,
         n_pixels: first.size.n_pixels() as u64,
         ..GenerateTally::default()
     };
     let size = first.size;
-    let rows = light.rows(size);
+    let rows = luminance.rows(size);
     let started = Instant::now();
     let events = with_effects(session, request, frames, rows)?;
     let spent = started.elapsed();
@@ -72,8 +72,8 @@ pub(super) fn run(
 
 /// The events of frames with the request's effects.
 ///
-/// The voltmeter runs on the frames' light at any time. Another model takes frames that the effects
-/// before its photoreceptor have changed, and its events pass the readout; it cannot be changed inside.
+/// The voltmeter runs on the frames' log-intensity signal. Another model takes frames that the effects
+/// before its photoreceptor have changed, and its events pass the readout; effects inside it are refused.
 pub(in crate::pipeline) fn with_effects(
     session: &Session,
     request: &GenerateRequest,
@@ -93,7 +93,7 @@ pub(in crate::pipeline) fn with_effects(
     let parameters = ForwardParameters {
         k: exact.unwrap_or(Coefficients::DVS346),
         effects: request.conditions.effects.clone(),
-        step_us: STEP_US,
+        step_us: SIGNAL_STEP_US,
     };
     let forward = ForwardSimulator::new(parameters, surroundings).map_err(wrong)?;
     // The drive counts from the first row's time.
@@ -113,8 +113,8 @@ pub(in crate::pipeline) fn with_effects(
         drop(frames);
         return Ok(forward.run(&drive, &pixels, window, seed).map_err(wrong)?.events);
     }
-    refuse_what_acts_inside(request).map_err(|source| wrong(source.into()))?;
-    relight(&forward, &drive, &mut frames);
+    refuse_inner_effects(request).map_err(|source| wrong(source.into()))?;
+    apply_to_frames(&forward, &drive, &mut frames);
     drop(drive);
     let mut generator = build(&request.parameters, None)?;
     let mut between = between(session, &request.from, &request.conditions)?;
@@ -127,10 +127,6 @@ pub(in crate::pipeline) fn with_effects(
     Ok(events)
 }
 
-pub(super) fn all_pixels(size: Size) -> Vec<(u16, u16)> {
-    (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y))).collect()
-}
-
 fn surroundings(
     session: &Session,
     request: &GenerateRequest,
@@ -138,12 +134,12 @@ fn surroundings(
 ) -> Result<RecordingContext, PipelineError> {
     let effects = &request.conditions.effects;
     let is_coupled = effects.iter().any(|applied| applied.effect.id().as_str() == "aps_coupling");
-    let aps_starts_us = if is_coupled { driven::aps_starts(session)? } else { Vec::new() };
+    let aps_starts_us = if is_coupled { aps_starts(session)? } else { Vec::new() };
     let frame_times_us = frames.iter().map(|frame| frame.t_us).collect();
     Ok(RecordingContext { aps_starts_us, frame_times_us })
 }
 
-fn refuse_what_acts_inside(request: &GenerateRequest) -> Result<(), EffectError> {
+fn refuse_inner_effects(request: &GenerateRequest) -> Result<(), EffectError> {
     for applied in request.conditions.effects.iter() {
         let enters = applied.effect.model().stage();
         if (SignalStage::Memory..=SignalStage::Emission).contains(&enters) {
@@ -154,9 +150,9 @@ fn refuse_what_acts_inside(request: &GenerateRequest) -> Result<(), EffectError>
     Ok(())
 }
 
-/// Puts the light behind the effects in place of the frames'.
-fn relight(forward: &ForwardSimulator, drive: &FramesDrive, frames: &mut [Luminance]) {
-    let grid = TimeGrid::covering(drive.span_us(), STEP_US);
+/// Replaces the frames' luminance by that behind the effects.
+fn apply_to_frames(forward: &ForwardSimulator, drive: &FramesDrive, frames: &mut [Luminance]) {
+    let grid = TimeGrid::covering(drive.span_us(), SIGNAL_STEP_US);
     let (size, white_dn) = (drive.size(), drive.white_dn());
     for (x, y) in all_pixels(size) {
         let Some(values) = forward.comparator_signal(drive, x, y, grid) else { continue };
