@@ -293,7 +293,7 @@ fn strangers_get_nothing_and_cannot_keep_the_paired_host_out() {
     let bench = Encrypted::new();
     let others = tempfile::tempdir().unwrap();
     let other = pairing::pair(others.path()).unwrap();
-    let said = bench.pi(&other.host).check()[0].says.clone();
+    let said = bench.pi(&other.host).check()[0].description.clone();
     assert!(said.contains("of another pair"), "{said}");
     // Without TLS at all, and with noise: not a byte of the camera comes back.
     for words in [wire::preamble().to_vec(), vec![0x5a; 300], Vec::new()] {
@@ -415,7 +415,7 @@ fn who_fails_again_and_again_is_shut_out_before_any_handshake() {
     let others = tempfile::tempdir().unwrap();
     let other = pairing::pair(others.path()).unwrap();
     let mut pi = bench.pi(&other.host);
-    let said: Vec<String> = (0..20).map(|_| pi.check()[0].says.clone()).collect();
+    let said: Vec<String> = (0..20).map(|_| pi.check()[0].description.clone()).collect();
     // The agent's certificate is seen at first, and in the end not even that.
     assert!(said[0].contains("of another pair"), "{said:?}");
     assert!(!said[19].contains("of another pair"), "{said:?}");
@@ -430,7 +430,7 @@ fn the_agent_listens_beyond_this_machine_only_with_keys() {
     let reach = AgentAddress::Local { address: "192.0.2.1:7766".to_owned() };
     let mut pi =
         NetworkPi::new(reach, order(Coding::Plain, RgbDelivery::Live), PiTimeouts::default());
-    let said = pi.check()[0].says.clone();
+    let said = pi.check()[0].description.clone();
     assert!(said.contains("not encrypted"), "{said}");
 }
 
@@ -474,7 +474,7 @@ fn a_host_of_another_version_says_what_to_do() {
         let _ = line.read_to_end(&mut Vec::new());
     });
     let mut pi = NetworkPi::local(&address, settings(), PiTimeouts::default());
-    let said = pi.check()[0].says.clone();
+    let said = pi.check()[0].description.clone();
     assert!(said.contains("version 7") && said.contains("same evrig"), "{said}");
     agent.join().unwrap();
 }
