@@ -86,7 +86,7 @@ fn decode(file: &str) -> Result<()> {
     while let Some(packet) = reader.next() {
         if let Content::Events(events) = black_box(packet?.content) {
             n_events += events.len();
-            reader.give_back(events);
+            reader.recycle(events);
         }
     }
     watch.report(n_events);

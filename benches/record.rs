@@ -34,7 +34,7 @@ use evrig::record::PoseReading;
 use evrig::record::{Arm, Finding, Progress, host_clock};
 use evrig::record::{Devices, Dwells, Prompts, Rehearsal, Request, StopToken, record, rehearse};
 use evrig::rig::{Pose, Rig};
-use evrig::trajectory::{Optional, Path as Trace, Trajectory};
+use evrig::trajectory::{OptionalSegments, ToolPath as Trace, Trajectory};
 use load::{Load, Pace, cpu_ns};
 use rustix::time::ClockId;
 use std::ops::Range;
@@ -116,7 +116,7 @@ fn to_disk(seconds: f64, folder: &Path, compression: Compression, copies: bool) 
     let mut rig = Rig::simulated().unwrap();
     rig.davis.compression = compression;
     let trajectory = Trajectory::find("circle").unwrap();
-    let path = trajectory.path(&rig, Optional::Included).unwrap();
+    let path = trajectory.path(&rig, OptionalSegments::Included).unwrap();
     let (load, recorders) = Load::new(Pace::Real);
     let length = Duration::from_secs_f64(seconds);
     let arm = Resting { length, began: Instant::now(), pose: rig.arm.home };

@@ -17,7 +17,7 @@ use evrig::sim::world::{
     CameraName, DavisTwin, Motion, PiTwin, Schedule, Setting, World, WorldDescription,
 };
 use evrig::time::{Clock, ClockMap, Davis, PiSensor, Span};
-use evrig::trajectory::{Optional, Trajectory};
+use evrig::trajectory::{OptionalSegments, Trajectory};
 use nalgebra::Vector3;
 use std::error::Error;
 use std::f64::consts::TAU;
@@ -95,7 +95,7 @@ fn case(name: &str) -> Result<Case, Box<dyn Error>> {
             (World::new(&rig, Arc::new(motion), schedule, &description, 1)?, 5.0)
         }
         None => {
-            let path = Trajectory::find(trajectory)?.path(&rig, Optional::LeftOut)?;
+            let path = Trajectory::find(trajectory)?.path(&rig, OptionalSegments::LeftOut)?;
             (World::along(&true_rig, &path, &description, 1)?, path.duration().as_secs_f64())
         }
     };

@@ -8,7 +8,7 @@ use evrig::frame::Samples;
 use evrig::rig::Rig;
 use evrig::sim::world::{DavisTwin, PiTwin, World, WorldDescription};
 use evrig::time::Span;
-use evrig::trajectory::{Optional, Trajectory};
+use evrig::trajectory::{OptionalSegments, Trajectory};
 use std::error::Error;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         None => WorldDescription::default(),
     };
     let rig = Rig::simulated()?;
-    let path = Trajectory::find(&name)?.path(&rig, Optional::LeftOut)?;
+    let path = Trajectory::find(&name)?.path(&rig, OptionalSegments::LeftOut)?;
     let begun = Instant::now();
     let world = Arc::new(World::along(&rig, &path, &description, 1)?);
     println!("world {:.2} s; recording of {:.2}", begun.elapsed().as_secs_f64(), path.duration());

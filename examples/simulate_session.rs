@@ -11,7 +11,7 @@ use evrig::rig::Rig;
 use evrig::sim::world::WorldDescription;
 use evrig::sim::{Simulation, simulate};
 use evrig::time::Span;
-use evrig::trajectory::{Optional, Trajectory};
+use evrig::trajectory::{OptionalSegments, Trajectory};
 use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
@@ -40,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         path => WorldDescription::parse(path, &std::fs::read_to_string(path)?)?,
     };
     let trajectory = Trajectory::find(trajectory)?;
-    let path = trajectory.path(&rig, Optional::LeftOut)?;
+    let path = trajectory.path(&rig, OptionalSegments::LeftOut)?;
     let simulation = Simulation {
         rig: &rig,
         trajectory: &trajectory,

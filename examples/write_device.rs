@@ -102,7 +102,7 @@ impl Recorder for Spot {
 fn main() -> Result<(), Box<dyn Error>> {
     let mut spot = Spot::default();
     for finding in spot.check() {
-        println!("{}: {}", finding.what, finding.says);
+        println!("{}: {}", finding.subject, finding.description);
     }
     let prepared = spot.prepare()?;
     println!("{} stream, {}", prepared.streams.len(), prepared.says);

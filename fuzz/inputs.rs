@@ -12,10 +12,11 @@ use evrig::rig::Rig;
 use evrig::scene::PATH_COLUMNS;
 use evrig::session::import::{FrameTimes, ImportFrames, import_frames};
 use evrig::session::{
-    Heard, Layout, Session, StageRecord, StreamName, read_stage, repair, verify, write_stage,
+    RecordingCheck, Session, SessionLayout, StageRecord, StreamName, read_stage, repair, verify,
+    write_stage,
 };
 use evrig::sim::world::WorldDescription;
-use evrig::trajectory::{Optional, Plan, Trajectory};
+use evrig::trajectory::{OptionalSegments, Plan, Trajectory};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -73,7 +74,7 @@ pub fn pi(bytes: &[u8]) {
 
 /// As `rig.mcap`, read as it is recorded and as a session's file.
 pub fn rig_log(bytes: &[u8]) {
-    drop(Heard::of_rig_log(bytes));
+    drop(RecordingCheck::of_rig_log(bytes));
     in_a_session(|layout| {
         std::fs::write(layout.rig_log(), bytes).unwrap();
         std::fs::write(layout.journal(), JOURNAL).unwrap();
@@ -82,9 +83,9 @@ pub fn rig_log(bytes: &[u8]) {
         }
         let Ok(session) = Session::open(layout.root()) else { return };
         let _ = verify(&session);
-        let _ = session.rig_notes();
+        let _ = session.rig_log_contents();
         for name in ["raw", "rgb"] {
-            session.pi_pictures(name).into_iter().flatten().take(64).for_each(drop);
+            session.pi_frames(name).into_iter().flatten().take(64).for_each(drop);
         }
     });
 }
@@ -105,7 +106,7 @@ pub fn descriptions(bytes: &[u8]) {
     let _ = Rig::parse("fuzz.toml", text);
     let _ = WorldDescription::parse("fuzz.toml", text);
     if let (Ok(trajectory), Ok(rig)) = (Trajectory::parse("fuzz.toml", text), Rig::simulated()) {
-        let _ = Plan::new(&trajectory, &rig, Optional::Included);
+        let _ = Plan::new(&trajectory, &rig, OptionalSegments::Included);
     }
 }
 
@@ -119,7 +120,7 @@ pub fn manifest(bytes: &[u8]) {
             let _ = session.rig();
             for stream in &session.manifest().streams {
                 let _ = session.events(&stream.name);
-                let _ = session.pi_pictures(&stream.name).map(Iterator::count);
+                let _ = session.pi_frames(&stream.name).map(Iterator::count);
             }
         }
         std::fs::write(layout.root().join("stage.json"), bytes).unwrap();
@@ -237,10 +238,10 @@ fn write_frames(path: &Path) {
 
 const JOURNAL: &str = "{\"what\":\"trajectory\"}\n";
 
-fn in_a_session(work: impl FnOnce(&Layout)) {
+fn in_a_session(work: impl FnOnce(&SessionLayout)) {
     // Shared memory, where there is some: this happens many times a second.
     let fast = Path::new("/dev/shm");
     let folder = if fast.is_dir() { tempfile::tempdir_in(fast) } else { tempfile::tempdir() };
     let folder = folder.unwrap();
-    work(&Layout::new(folder.path()));
+    work(&SessionLayout::new(folder.path()));
 }

@@ -10,7 +10,7 @@ use evrig_pi::keys;
 use evrig_pi::order::{Delivery, Order, Settings};
 use evrig_record::Devices;
 use evrig_record::recorder::{Recorder, RecorderError};
-use evrig_session::rig::{ArmPort, Pose, Rig, Transport};
+use evrig_session::rig::{ArmPort, CameraTransport, Pose, Rig};
 use evrig_sim::arm::{Clock, Emulator, EmulatorError, Options};
 use evrig_sim::live::LiveWorld;
 use evrig_sim::recorder::SimulatedCamera;
@@ -126,21 +126,24 @@ pub fn cameras(
         ("davis.transport", &rig.davis.camera.transport),
         ("pi.transport", &rig.pi.camera.transport),
     ];
-    let live = match transports.into_iter().find(|(_, transport)| **transport == Transport::Sim) {
-        Some((key, _)) => {
-            let arm = arm.ok_or(BenchError::NoSimulatedArm { key })?;
-            Some(LiveWorld::moved_by(arm, rig, opening.start, opening.world, opening.seed)?)
-        }
-        None => None,
-    };
+    let live =
+        match transports.into_iter().find(|(_, transport)| **transport == CameraTransport::Sim) {
+            Some((key, _)) => {
+                let arm = arm.ok_or(BenchError::NoSimulatedArm { key })?;
+                Some(LiveWorld::moved_by(arm, rig, opening.start, opening.world, opening.seed)?)
+            }
+            None => None,
+        };
     let davis: Box<dyn Recorder> = match (&rig.davis.camera.transport, &live) {
-        (Transport::Tcp(address), _) => {
+        (CameraTransport::Tcp(address), _) => {
             Box::new(NetworkDavis::new(address, DavisPatience::default()))
         }
-        (Transport::File(path), _) => Box::new(ReplayDavis::new(Path::new(path), opening.pace)),
-        (Transport::Sim, Some(live)) => Box::new(SimulatedCamera::davis(live)?),
+        (CameraTransport::File(path), _) => {
+            Box::new(ReplayDavis::new(Path::new(path), opening.pace))
+        }
+        (CameraTransport::Sim, Some(live)) => Box::new(SimulatedCamera::davis(live)?),
         #[cfg(feature = "usb")]
-        (Transport::Usb, _) => Box::new(evrig_device::davis::UsbDavis::new(&rig.davis)),
+        (CameraTransport::Usb, _) => Box::new(evrig_device::davis::UsbDavis::new(&rig.davis)),
         (other, _) => {
             let remedy =
                 "usb (in an evrig built with `--features usb`), tcp://HOST:PORT or file:PATH";
@@ -148,7 +151,7 @@ pub fn cameras(
         }
     };
     let pi: Box<dyn Recorder> = match (&rig.pi.camera.transport, &live) {
-        (Transport::Sim, Some(live)) => Box::new(SimulatedCamera::pi(live, order(rig))?),
+        (CameraTransport::Sim, Some(live)) => Box::new(SimulatedCamera::pi(live, order(rig))?),
         (other, _) => match network_pi(rig) {
             Some(pi) => Box::new(pi),
             None => {
@@ -174,13 +177,13 @@ fn open_arm(rig: &Rig, port: &Path, is_simulated: bool) -> Result<Magician, Benc
 fn network_pi(rig: &Rig) -> Option<NetworkPi> {
     let pi = &rig.pi;
     let reach = match &pi.camera.transport {
-        Transport::Tcp(address) => Reach::Local { address: address.clone() },
-        Transport::Tls(address) => {
+        CameraTransport::Tcp(address) => Reach::Local { address: address.clone() },
+        CameraTransport::Tls(address) => {
             let own = || keys::default_directory().join("host");
             let keys = pi.keys.as_ref().map_or_else(own, PathBuf::from);
             Reach::Tls { address: address.clone(), keys }
         }
-        Transport::Sim | Transport::Usb | Transport::File(_) => return None,
+        CameraTransport::Sim | CameraTransport::Usb | CameraTransport::File(_) => return None,
     };
     Some(NetworkPi::reached(reach, order(rig), PiPatience::default()))
 }
@@ -200,13 +203,13 @@ fn order(rig: &Rig) -> Order {
     Order { settings, focus: pi.focus, delivery }
 }
 
-fn refused(key: &'static str, found: &Transport, remedy: &'static str) -> BenchError {
+fn refused(key: &'static str, found: &CameraTransport, remedy: &'static str) -> BenchError {
     let found = match found {
-        Transport::Sim => "sim",
-        Transport::Usb => "usb",
-        Transport::Tcp(_) => "tcp://",
-        Transport::Tls(_) => "tls://",
-        Transport::File(_) => "file:",
+        CameraTransport::Sim => "sim",
+        CameraTransport::Usb => "usb",
+        CameraTransport::Tcp(_) => "tcp://",
+        CameraTransport::Tls(_) => "tls://",
+        CameraTransport::File(_) => "file:",
     };
     BenchError::Transport { key, found, remedy }
 }

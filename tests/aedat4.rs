@@ -2,7 +2,9 @@
 
 #![allow(clippy::expect_used, clippy::unwrap_used)]
 
-use evrig::format::aedat4::{Compression, Content, Kind, ReadError, Reader, StreamSpec, Writer};
+use evrig::format::aedat4::{
+    Compression, Content, PayloadKind, ReadError, Reader, StreamSpec, Writer,
+};
 use evrig::geometry::Size;
 use std::fs;
 use std::io::{Cursor, Read};
@@ -71,7 +73,10 @@ fn the_recording_holds_what_other_readers_count_in_it() {
     // dv-processing 2.0.4 and aedat 1.3.3 count the same.
     let mut reader = Reader::open(STREET).unwrap();
     let kinds: Vec<_> = reader.streams().iter().map(|stream| stream.kind.clone()).collect();
-    assert_eq!(kinds, [Kind::Events, Kind::Frames, Kind::Imu, Kind::Triggers]);
+    assert_eq!(
+        kinds,
+        [PayloadKind::Events, PayloadKind::Frames, PayloadKind::Imu, PayloadKind::Triggers]
+    );
     assert_eq!(reader.streams()[0].size, Some(Size::DAVIS346));
     assert_eq!(reader.streams()[1].source, "DAVIS346_00000002");
     assert_eq!(reader.compression(), Compression::Lz4);
@@ -311,7 +316,7 @@ fn a_stream_of_unknown_kind_is_skipped_and_counted() {
     let at = bytes.windows(4).position(|window| window == b"TRIG").unwrap();
     bytes[at..at + 4].copy_from_slice(b"POSE");
     let mut reader = Reader::new(bytes.as_slice(), "street").unwrap();
-    assert_eq!(reader.streams()[3].kind, Kind::Other("POSE".to_owned()));
+    assert_eq!(reader.streams()[3].kind, PayloadKind::Other("POSE".to_owned()));
     let mut counts = Counts::default();
     reader.by_ref().for_each(|packet| counts.add(&packet.unwrap().content));
     let truth = Counts { events: 78_830, frames: 59, samples: 2_363, triggers: 0, unknown: 177 };

@@ -10,7 +10,7 @@ use evrig::record::Arm;
 use evrig::rig::{Pose, Rig};
 use evrig::sim::arm::{Clock, Emulator, Options};
 use evrig::time::Span;
-use evrig::trajectory::{Optional, Path, Plan, Trajectory};
+use evrig::trajectory::{OptionalSegments, Plan, ToolPath, Trajectory};
 
 fn emulator() -> Emulator {
     let options = Options { is_homed: true, ..Options::default() };
@@ -18,7 +18,7 @@ fn emulator() -> Emulator {
 }
 
 /// Distance from a pose to the nearest place of the steps around `step`, mm.
-fn off_path(path: &Path, step: usize, pose: Pose) -> f64 {
+fn off_path(path: &ToolPath, step: usize, pose: Pose) -> f64 {
     let around = &path.steps()[step.saturating_sub(1)..path.steps().len().min(step + 2)];
     let places = around
         .iter()
@@ -31,7 +31,7 @@ fn every_bundled_trajectory_is_driven_as_planned() {
     let rig = Rig::simulated().unwrap();
     for name in Trajectory::bundled_names() {
         let trajectory = Trajectory::find(name).unwrap();
-        let plan = Plan::new(&trajectory, &rig, Optional::LeftOut).unwrap();
+        let plan = Plan::new(&trajectory, &rig, OptionalSegments::LeftOut).unwrap();
         let path = plan.feasible_path().unwrap();
         let emulator = emulator();
         let link = port::open(emulator.port()).unwrap();

@@ -21,7 +21,7 @@ fn check(args: &[&str]) -> (i32, Value) {
 
 fn verdict<'a>(value: &'a Value, what: &str) -> &'a str {
     let findings = value["findings"].as_array().unwrap();
-    let finding = findings.iter().find(|finding| finding["what"] == what);
+    let finding = findings.iter().find(|finding| finding["subject"] == what);
     finding.unwrap_or_else(|| panic!("{what} was not looked at: {value}"))["verdict"]
         .as_str()
         .unwrap()

@@ -19,7 +19,7 @@ use evrig::pi::agent::Agent;
 use evrig::pi::source::{FrameSource, SourceError, Synthetic};
 use evrig::pi::wire::Settings;
 use evrig::pi_camera::PiFrame;
-use evrig::session::{Repair, Session, Status, StreamKind, repair, verify};
+use evrig::session::{Repair, Session, SessionStatus, StreamKind, repair, verify};
 use evrig::sim::arm::{Clock, Emulator, Options};
 use rig::rig_on;
 use std::path::PathBuf;
@@ -169,9 +169,9 @@ fn check_frames(session: &Session) -> u64 {
         return 0;
     }
     let sequences: Vec<_> =
-        session.rig_notes().unwrap().metadata.iter().map(|said| said.sequence).collect();
+        session.rig_log_contents().unwrap().metadata.iter().map(|said| said.sequence).collect();
     assert!(sequences.windows(2).all(|pair| pair[0] + 1 == pair[1]), "a frame is missing");
-    for (picture, sequence) in session.pi_pictures("raw").unwrap().zip(&sequences) {
+    for (picture, sequence) in session.pi_frames("raw").unwrap().zip(&sequences) {
         let frame = picture.unwrap().frame;
         let Samples::U16(samples) = frame.samples else { panic!("raw frames have 16 bits") };
         let width = usize::from(frame.size.width);
@@ -219,15 +219,15 @@ fn kill_one(bench: &Bench, camera: &mut Camera, killed_in: &str, moment: u64) ->
     assert!(verification.holds(), "after packet {moment}: {:#?}", verification.findings);
     let manifest = session.manifest();
     if !was_sealed {
-        assert_eq!(manifest.status, Status::Recovered);
+        assert_eq!(manifest.status, SessionStatus::Recovered);
         assert!(manifest.losses[0].what.contains("cut off in state"), "{:?}", manifest.losses);
     }
-    assert!(manifest.recording.as_ref().unwrap().rig.contains("evrig.rig/1"));
+    assert!(manifest.recording.as_ref().unwrap().rig.contains("evrig.rig/2"));
     let n_kept = check_events(&session.layout().davis());
     let count = session.stream(StreamKind::Events, "real").map_or(0, |stream| stream.count);
     assert!(n_kept >= count as i64);
     let n_frames = check_frames(&session);
-    let n_poses = session.rig_notes().map_or(0, |notes| notes.poses.len() as i64);
+    let n_poses = session.rig_log_contents().map_or(0, |notes| notes.poses.len() as i64);
     // Behind the trajectory the cameras were told to end, and what they send on nobody wants.
     let still_records = !LATE_STATES.contains(&killed_in);
     let lost = |n: i64, each_us: i64| if still_records { n.max(0) * each_us } else { 0 };
@@ -286,7 +286,7 @@ fn a_recorder_killed_at_any_moment_loses_a_second_at_most_and_the_series_goes_on
                 let name = format!("circle-01-again-{trial}");
                 let again = Session::open(&bench.series().join(name)).unwrap();
                 assert!(verify(&again).unwrap().holds());
-                let is_complete = again.manifest().status == Status::Complete;
+                let is_complete = again.manifest().status == SessionStatus::Complete;
                 assert_eq!(is_complete, [Some(0), Some(3)].contains(&resumed.code()));
                 is_complete.then_some(())
             });

@@ -122,11 +122,17 @@ fn a_server_that_stays_away_is_one_clear_error() {
 fn nobody_there_and_somebody_else_there_are_told_apart_before_anything_moves() {
     let absent = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let finding = &NetworkDavis::new(&absent.to_string(), QUICK).check()[0];
-    assert!(finding.verdict == Verdict::Bad && finding.says.contains("refused"), "{finding:?}");
+    assert!(
+        finding.verdict == Verdict::Bad && finding.description.contains("refused"),
+        "{finding:?}"
+    );
     let mute = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = mute.local_addr().unwrap().to_string();
     let finding = &NetworkDavis::new(&address, QUICK).check()[0];
-    assert!(finding.verdict == Verdict::Bad && finding.says.contains("header"), "{finding:?}");
+    assert!(
+        finding.verdict == Verdict::Bad && finding.description.contains("header"),
+        "{finding:?}"
+    );
 }
 
 #[test]

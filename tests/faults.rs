@@ -26,11 +26,11 @@ use evrig::record::Finding;
 use evrig::record::recorder::{Prepared, Recorder, RecorderError, Sample, Tally, host_time};
 use evrig::record::{Devices, Dwells, Outcome, Prompts, Request, State, StopToken, record};
 use evrig::rig::Rig;
-use evrig::session::{Session, Status, verify};
+use evrig::session::{Session, SessionStatus, verify};
 use evrig::sim::arm::fault::Fault as ArmFault;
 use evrig::sim::arm::{Clock, Emulator, Options};
 use evrig::time::Span;
-use evrig::trajectory::{Optional, Trajectory};
+use evrig::trajectory::{OptionalSegments, Trajectory};
 use evrig::units::Hertz;
 use std::path::Path;
 use std::process::Command;
@@ -112,7 +112,7 @@ impl Bench {
     fn record_with(&self, devices: &mut Devices, watch: &mut dyn FnMut(State, f64)) -> Outcome {
         let rig = Rig::simulated().unwrap();
         let trajectory = Trajectory::find("circle").unwrap();
-        let path = trajectory.path(&rig, Optional::Included).unwrap();
+        let path = trajectory.path(&rig, OptionalSegments::Included).unwrap();
         let rest = Duration::from_millis(50);
         let request = Request {
             rig: &rig,
@@ -253,7 +253,7 @@ fn check_session(bench: &Bench, outcome: &Outcome, fault: Fault, name: &str, wha
     let told: Vec<_> = told.collect();
     eprintln!("{what}: {:?}, {told:?}", manifest.status);
     let found = find_events(&session.layout().davis());
-    let claims_all = manifest.status == Status::Complete && told.is_empty();
+    let claims_all = manifest.status == SessionStatus::Complete && told.is_empty();
     match fault {
         // Late, but all of it.
         Fault::Slow => assert!(!claims_all || found.n_gaps == 0, "{what}: {found:?}"),
@@ -264,7 +264,7 @@ fn check_session(bench: &Bench, outcome: &Outcome, fault: Fault, name: &str, wha
     if name == "pi" || fault != Fault::Garbage {
         assert_eq!(found.n_wrong, 0, "{what}: {found:?}");
     }
-    if manifest.status == Status::Aborted {
+    if manifest.status == SessionStatus::Aborted {
         let why = outcome.cut_short.as_deref().unwrap_or_default();
         assert!(why.contains(name), "{what}: {why}");
     }
@@ -338,7 +338,7 @@ fn try_network() {
         eprintln!("{what}: {:?}, {:?}, {:?}", manifest.status, outcome.cut_short, manifest.losses);
         let found = find_events(&session.layout().davis());
         assert_eq!(found.n_wrong, 0, "{what}: {found:?}");
-        let claims_all = manifest.status == Status::Complete && manifest.losses.is_empty();
+        let claims_all = manifest.status == SessionStatus::Complete && manifest.losses.is_empty();
         assert!(!claims_all, "{what}: claims to be whole");
         let arm = bench.emulator.state();
         assert!(!arm.is_busy && arm.n_waiting == 0, "{what}: the arm moves: {arm:?}");
@@ -382,12 +382,12 @@ fn an_arm_that_fails_leaves_a_session_that_says_so() {
             let found = find_events(&session.layout().davis());
             assert_eq!((found.n_gaps, found.n_wrong), (0, 0), "{said}: the camera was well");
             if lasting.contains(&kind) {
-                assert_eq!(manifest.status, Status::Aborted, "{said}");
+                assert_eq!(manifest.status, SessionStatus::Aborted, "{said}");
                 assert!(!manifest.losses.is_empty(), "{said}");
             } else {
                 assert_eq!(
                     (manifest.status, &outcome.cut_short),
-                    (Status::Complete, &None),
+                    (SessionStatus::Complete, &None),
                     "{said}"
                 );
             }
@@ -450,11 +450,11 @@ fn a_clock_set_by_hours_both_ways_leaves_every_sample_and_the_time_that_passed()
     let mut devices = bench.devices(&Rig::simulated().unwrap());
     devices.recorders = vec![Box::new(Unsettled { n_sent: 0, outlet: None })];
     let outcome = bench.record_with(&mut devices, &mut |_, _| {});
-    assert_eq!(outcome.manifest.status, Status::Complete);
+    assert_eq!(outcome.manifest.status, SessionStatus::Complete);
     let session = verified(&bench.out(), "a clock set to and fro");
     let found = find_events(&session.layout().davis());
     assert_eq!((found.n_gaps, found.n_wrong), (0, 0), "{found:?}");
-    let arrivals = session.rig_notes().unwrap().arrivals;
+    let arrivals = session.rig_log_contents().unwrap().arrivals;
     assert_eq!(arrivals.len() as i64 * PACKET_EVENTS, found.next);
     let goes_back = |pair: &[evrig::session::PacketArrival]| {
         pair[1].arrived.monotonic < pair[0].arrived.monotonic

@@ -12,7 +12,7 @@ mod rig;
 use camera::{Camera, check_events};
 use evrig::pi::agent::Agent;
 use evrig::pi::source::Synthetic;
-use evrig::session::{Session, Status, verify};
+use evrig::session::{Session, SessionStatus, verify};
 use evrig::sim::arm::{Clock, Emulator, Options};
 use rig::rig_on;
 use std::path::PathBuf;
@@ -75,7 +75,7 @@ fn a_disk_that_fills_up_ends_in_a_sealed_session_that_names_the_file() {
     assert!(said.contains("File too large") || said.contains("disk full"), "{said}");
     let session = Session::open(&bench.out()).unwrap();
     let manifest = session.manifest();
-    assert_eq!(manifest.status, Status::Aborted);
+    assert_eq!(manifest.status, SessionStatus::Aborted);
     let named = |name: &str| manifest.losses.iter().any(|loss| loss.what.contains(name));
     assert!(named("davis.aedat4") || named("rig.mcap"), "{:?}", manifest.losses);
     assert!(verify(&session).unwrap().holds());
@@ -91,6 +91,6 @@ fn a_limit_on_memory_that_the_queues_fit_in_changes_nothing() {
     let said = String::from_utf8_lossy(&recorded.stderr).into_owned();
     assert_eq!(recorded.status.code(), Some(0), "{said}");
     let session = Session::open(&bench.out()).unwrap();
-    assert_eq!(session.manifest().status, Status::Complete);
+    assert_eq!(session.manifest().status, SessionStatus::Complete);
     assert!(verify(&session).unwrap().holds());
 }

@@ -6,7 +6,7 @@
 #![allow(clippy::expect_used, clippy::unwrap_used, clippy::print_stderr)]
 
 use evrig::rig::Rig;
-use evrig::session::{Session, Status, StreamKind, verify};
+use evrig::session::{Session, SessionStatus, StreamKind, verify};
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -53,11 +53,11 @@ fn is_whole(out: &Path, rig: &Rig) {
     let session = Session::open(out).unwrap();
     assert_eq!(
         (session.manifest().status, &session.manifest().losses),
-        (Status::Complete, &vec![])
+        (SessionStatus::Complete, &vec![])
     );
     assert!(verify(&session).unwrap().holds());
     for device in &session.manifest().recording.as_ref().unwrap().devices {
-        assert_eq!(device.n_dropped, 0, "{}: {}", device.name, device.says);
+        assert_eq!(device.n_dropped, 0, "{}: {}", device.name, device.description);
     }
     let within = |rate: f64, wanted: f64| (rate / wanted - 1.0).abs() < 0.02;
     let raw = rate_hz(&session, StreamKind::Frames, "raw");

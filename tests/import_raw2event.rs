@@ -156,7 +156,7 @@ fn what_does_not_fit_is_named() {
     davis(&root.join("dv_output_a_20250601_170404.aedat4"));
     davis(&root.join("dv_output_b_20250601_170404.aedat4"));
     let (_, said) = import(root, "170404", &session);
-    assert!(said.contains("stands in several names"), "{said}");
+    assert!(said.contains("matches several names"), "{said}");
     let (_, said) = import(root, "_a_", &session);
     assert!(said.contains("holds no metadata_*.dat with the tag `a`"), "{said}");
     let stamps = (0..4).map(|k| record(f64::from(k) * 8_333.0, "2025-06-01 17:04:06.5"));

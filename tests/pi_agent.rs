@@ -274,7 +274,7 @@ fn a_paired_host_records_over_tls() {
     let mut pi = bench.pi(&bench.host_keys());
     let findings = pi.check();
     assert!(findings.iter().all(|finding| finding.verdict == Verdict::Good), "{findings:?}");
-    assert!(findings[1].says.contains("Mbit/s"), "{findings:?}");
+    assert!(findings[1].description.contains("Mbit/s"), "{findings:?}");
     pi.prepare().unwrap();
     let (outlet, inlet) = channel(1 << 30);
     pi.start(outlet).unwrap();
@@ -289,7 +289,7 @@ fn strangers_get_nothing_and_cannot_keep_the_paired_host_out() {
     let bench = Encrypted::new();
     let others = tempfile::tempdir().unwrap();
     let other = keys::pair(others.path()).unwrap();
-    let said = bench.pi(&other.host).check()[0].says.clone();
+    let said = bench.pi(&other.host).check()[0].description.clone();
     assert!(said.contains("of another pair"), "{said}");
     // Without TLS at all, and with noise: not a byte of the camera comes back.
     for words in [wire::preamble().to_vec(), vec![0x5a; 300], Vec::new()] {
@@ -411,7 +411,7 @@ fn who_fails_again_and_again_is_shut_out_before_any_handshake() {
     let others = tempfile::tempdir().unwrap();
     let other = keys::pair(others.path()).unwrap();
     let mut pi = bench.pi(&other.host);
-    let said: Vec<String> = (0..20).map(|_| pi.check()[0].says.clone()).collect();
+    let said: Vec<String> = (0..20).map(|_| pi.check()[0].description.clone()).collect();
     // The agent's certificate is seen at first, and in the end not even that.
     assert!(said[0].contains("of another pair"), "{said:?}");
     assert!(!said[19].contains("of another pair"), "{said:?}");
@@ -426,7 +426,7 @@ fn the_agent_listens_beyond_this_machine_only_with_keys() {
     let reach = Reach::Local { address: "192.0.2.1:7766".to_owned() };
     let mut pi =
         NetworkPi::reached(reach, order(Coding::Plain, RgbDelivery::Live), Patience::default());
-    let said = pi.check()[0].says.clone();
+    let said = pi.check()[0].description.clone();
     assert!(said.contains("not encrypted"), "{said}");
 }
 
@@ -470,7 +470,7 @@ fn a_host_of_another_version_says_what_to_do() {
         let _ = line.read_to_end(&mut Vec::new());
     });
     let mut pi = NetworkPi::new(&address, settings(), Patience::default());
-    let said = pi.check()[0].says.clone();
+    let said = pi.check()[0].description.clone();
     assert!(said.contains("version 7") && said.contains("same evrig"), "{said}");
     agent.join().unwrap();
 }

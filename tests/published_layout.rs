@@ -6,7 +6,7 @@ mod small_rig;
 
 use evrig::frame::Samples;
 use evrig::pipeline::{AnyTrack, TrackRequest, read_clocks, read_scene, read_track, track};
-use evrig::session::{Picture, Session};
+use evrig::session::{RecordedFrame, Session};
 use evrig::time::PiSensor;
 use serde_json::Value;
 use std::fs;
@@ -34,7 +34,7 @@ fn recording() -> Recording {
 }
 
 /// The tag's pixels in a frame of the Pi: columns and rows from and to, a margin about them.
-fn tag_px(recording: &Recording, frame: &Picture<PiSensor>) -> [usize; 4] {
+fn tag_px(recording: &Recording, frame: &RecordedFrame<PiSensor>) -> [usize; 4] {
     let Some(AnyTrack::Pi(track)) = read_track(&recording.session, "raw").unwrap() else {
         panic!()
     };
@@ -63,10 +63,10 @@ fn cover(samples: &mut [u16], width: usize, [left, right, top, bottom]: [usize; 
     }
 }
 
-fn metadata_record(picture: &Picture<PiSensor>, number: usize) -> Vec<u8> {
+fn metadata_record(picture: &RecordedFrame<PiSensor>, number: usize) -> Vec<u8> {
     let sensor = picture.frame.timing.stamp.as_nanos() as f64;
     let ahead_us = if number >= SET_FORWARD { 30_000_000 } else { 0 };
-    let real_us = picture.facts.real_time.unwrap().as_micros() + ahead_us;
+    let real_us = picture.properties.real_time.unwrap().as_micros() + ahead_us;
     let real = chrono::DateTime::from_timestamp_micros(real_us).unwrap();
     let mut bytes = sensor.to_le_bytes().to_vec();
     bytes.extend(real.format("%Y-%m-%d %H:%M:%S%.6f").to_string().as_bytes());
@@ -79,7 +79,7 @@ fn metadata_record(picture: &Picture<PiSensor>, number: usize) -> Vec<u8> {
 fn write_published(recording: &Recording, root: &Path) {
     let session = &recording.session;
     fs::copy(session.layout().davis(), root.join("dv_output_a_20231114_221320.aedat4")).unwrap();
-    let pictures = |name| session.pi_pictures(name).unwrap().map(Result::unwrap);
+    let pictures = |name| session.pi_frames(name).unwrap().map(Result::unwrap);
     let (mut raw, mut metadata) = (Vec::new(), Vec::new());
     let all: Vec<_> = pictures("raw").collect();
     for (number, picture) in all.iter().enumerate() {

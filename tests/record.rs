@@ -19,10 +19,10 @@ use evrig::record::{
     Devices, Dwells, Outcome, Prompts, RecordError, Request, State, Stop, StopToken, record,
 };
 use evrig::rig::Rig;
-use evrig::session::{Session, Status, StreamKind, verify};
+use evrig::session::{Session, SessionStatus, StreamKind, verify};
 use evrig::sim::arm::{Clock, Emulator, Options};
 use evrig::time::Span;
-use evrig::trajectory::{Optional, Trajectory};
+use evrig::trajectory::{OptionalSegments, Trajectory};
 use evrig::units::Hertz;
 use std::path::Path;
 use std::time::Duration;
@@ -74,7 +74,7 @@ impl Bench {
         stop: &StopToken,
         watch: &mut dyn FnMut(State, f64),
     ) -> Result<Outcome, RecordError> {
-        let path = self.trajectory.path(&self.rig, Optional::Included).unwrap();
+        let path = self.trajectory.path(&self.rig, OptionalSegments::Included).unwrap();
         let (rig, trajectory) = (&self.rig, &self.trajectory);
         let request = Request {
             rig,
@@ -139,7 +139,7 @@ fn a_session_comes_out_whole_and_verifies() {
     let session = Session::open(&out).unwrap();
     assert_verifies(&session);
     let manifest = session.manifest();
-    assert_eq!(manifest.status, Status::Complete);
+    assert_eq!(manifest.status, SessionStatus::Complete);
     assert_eq!(count(&session, "real", StreamKind::Events), N_EVENTS);
     assert_eq!(count(&session, "aps", StreamKind::Frames), 59);
     let pi = &manifest.recording.as_ref().unwrap().devices[1];
@@ -227,7 +227,7 @@ fn an_event_camera_that_is_unplugged_ends_in_a_sealed_marked_session() {
     assert!(why.contains("davis at tcp://"), "{why}");
     let session = Session::open(&out).unwrap();
     assert_verifies(&session);
-    assert_eq!(session.manifest().status, Status::Aborted);
+    assert_eq!(session.manifest().status, SessionStatus::Aborted);
     assert_eq!(count(&session, "real", StreamKind::Events), 1);
     assert!(session.manifest().losses.iter().any(|loss| loss.stream == "davis"));
     assert!(!bench.emulator.state().is_busy, "the arm stands");
@@ -249,7 +249,7 @@ fn the_operators_stop_stands_the_arm_and_seals() {
         assert!(outcome.is_asked_for);
         let session = Session::open(&out).unwrap();
         assert_verifies(&session);
-        assert_eq!(session.manifest().status, Status::Aborted);
+        assert_eq!(session.manifest().status, SessionStatus::Aborted);
         let state = bench.emulator.state();
         assert!(!state.is_busy && state.n_waiting == 0);
         let away = state.planner.distance(bench.rig.arm.home).0;
@@ -268,7 +268,7 @@ fn an_absent_agent_is_told_before_anything_moves_or_is_made() {
         Box::new(NetworkPi::new(&address.to_string(), settings(), Patience::default()));
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("session");
-    let path = bench.trajectory.path(&bench.rig, Optional::Included).unwrap();
+    let path = bench.trajectory.path(&bench.rig, OptionalSegments::Included).unwrap();
     let (rig, trajectory) = (&bench.rig, &bench.trajectory);
     let request = Request {
         rig,
@@ -308,7 +308,7 @@ fn rgb_pictures_fetched_after_the_take_are_in_the_session_beside_their_raw_ones(
     let mut devices = bench.devices(replay());
     devices.recorders[1] = Box::new(NetworkPi::reached(reach, order, Patience::default()));
     let out = folder.path().join("session");
-    let path = bench.trajectory.path(&bench.rig, Optional::Included).unwrap();
+    let path = bench.trajectory.path(&bench.rig, OptionalSegments::Included).unwrap();
     let (rig, trajectory) = (&bench.rig, &bench.trajectory);
     let request = Request {
         rig,

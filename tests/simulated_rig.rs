@@ -11,9 +11,9 @@ use evrig::imu::ImuSample;
 use evrig::pi_camera::FrameMetadata;
 use evrig::record::{Dwells, Outcome, Prompts, Request, State, StopToken, record};
 use evrig::rig::Rig;
-use evrig::session::{ClockExchange, Manifest, Session, Status, StreamKind, verify};
+use evrig::session::{ClockExchange, Manifest, Session, SessionStatus, StreamKind, verify};
 use evrig::sim::world::WorldDescription;
-use evrig::trajectory::{Optional, Trajectory};
+use evrig::trajectory::{OptionalSegments, Trajectory};
 use serde_json::Value;
 use small_rig::small_rig;
 use std::path::Path;
@@ -66,13 +66,13 @@ fn trajectory() -> Trajectory {
 }
 
 fn opening<'a>(world: &'a WorldDescription, rig: &Rig) -> Opening<'a> {
-    let start = trajectory().path(rig, Optional::Included).unwrap().start();
+    let start = trajectory().path(rig, OptionalSegments::Included).unwrap().start();
     Opening { pace: Pace::Unpaced, home: false, start, world, seed: 3 }
 }
 
 fn record_to(out: &Path) -> (Outcome, Vec<State>) {
     let (rig, trajectory, world) = (rig(), trajectory(), WorldDescription::default());
-    let path = trajectory.path(&rig, Optional::Included).unwrap();
+    let path = trajectory.path(&rig, OptionalSegments::Included).unwrap();
     let mut bench = Bench::open(&rig, &opening(&world, &rig)).unwrap();
     let dwells = Dwells { lead_in: Duration::from_millis(100), tail: Duration::from_millis(100) };
     let request = Request {
@@ -240,7 +240,7 @@ fn virtual_time_gives_the_same_bytes_on_any_number_of_threads() {
     let [one, three] = [1, 3].map(|n| {
         let out = folder.path().join(n.to_string());
         let manifest = simulate_to(&out, effects, n);
-        assert_eq!(manifest.status, Status::Complete);
+        assert_eq!(manifest.status, SessionStatus::Complete);
         assert_verifies(&Session::open(&out).unwrap());
         manifest.files
     });

@@ -10,7 +10,7 @@ use evrig::record::Finding;
 use evrig::record::recorder::{
     Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
 };
-use evrig::session::{EventSum, PictureSum};
+use evrig::session::{EventChecksum, ImageChecksum};
 use evrig::time::{Span, Stamp};
 use rustix::time::{ClockId, clock_gettime};
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
@@ -54,9 +54,9 @@ pub struct Made {
 /// Sums under way.
 #[derive(Default)]
 struct Sums {
-    events: EventSum,
-    raw: PictureSum,
-    rgb: PictureSum,
+    events: EventChecksum,
+    raw: ImageChecksum,
+    rgb: ImageChecksum,
     made: Made,
 }
 

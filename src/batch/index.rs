@@ -6,7 +6,8 @@ use evrig_analysis::diagnose;
 use evrig_core::effect_id::EffectId;
 use evrig_generate::GenerateParameters;
 use evrig_session::{
-    Loss, Manifest, Origin, Session, Status, StreamKind, read_stage, sha256_of_bytes, write_whole,
+    DataLoss, Manifest, Origin, Session, SessionStatus, StreamKind, read_stage, sha256_of_bytes,
+    write_whole,
 };
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -56,7 +57,7 @@ pub struct IndexedSession {
     /// The version of evrig that made it; empty where it cannot be read.
     pub made_by: String,
     /// Whether everything that was to be recorded was.
-    pub status: Option<Status>,
+    pub status: Option<SessionStatus>,
     /// The rig, as in [`Index::rigs`].
     pub rig: Option<String>,
     /// The trajectory it was recorded along.
@@ -71,7 +72,7 @@ pub struct IndexedSession {
     /// Its streams, recorded and generated.
     pub streams: Vec<IndexedStream>,
     /// What the recording lost.
-    pub losses: Vec<Loss>,
+    pub losses: Vec<DataLoss>,
     /// The diagnosis's word: `no_mismatch`, `explained`, ...; none if it was not diagnosed.
     pub diagnosis: Option<diagnose::Verdict>,
     /// The effects it named.

@@ -133,7 +133,7 @@ impl Splits {
 pub fn stimulus(manifest: &Manifest) -> Option<&str> {
     let recording = manifest.recording.as_ref()?;
     let shown = recording.devices.iter().find(|device| device.name == "stimulus")?;
-    shown.says.get("sha256")?.as_str()
+    shown.description.get("sha256")?.as_str()
 }
 
 /// A number from 0 to below 1 that looks like chance and is the same for the same text.

@@ -9,7 +9,7 @@ use evrig_device::dobot::check::open_and_look;
 use evrig_device::dobot::port;
 use evrig_record::{Finding, Verdict};
 use evrig_session::rig::{ArmPort, Pose, Rig};
-use evrig_session::trajectory::{Optional, Plan, Trajectory};
+use evrig_session::trajectory::{OptionalSegments, Plan, Trajectory};
 use evrig_sim::arm::{Clock, Emulator, Options};
 use evrig_sim::world::WorldDescription;
 use serde_json::json;
@@ -23,18 +23,18 @@ pub(super) fn check(args: &CheckArgs, output: &Output) -> anyhow::Result<Ending>
         None => this_machine(&args.out),
         Some(rig) => of_rig(rig, args, output)?,
     };
-    let is_ready = findings.iter().all(|finding| finding.verdict != Verdict::Bad);
+    let is_ready = findings.iter().all(|finding| finding.holds());
     let line = |finding: &Finding| {
         let mark = match finding.verdict {
             Verdict::Good => "ok   ",
             Verdict::Doubt => "look ",
             Verdict::Bad => "FAIL ",
         };
-        format!("{mark} {:<9} {}\n", finding.what, finding.says)
+        format!("{mark} {:<9} {}\n", finding.subject, finding.description)
     };
     let mut text: String = findings.iter().map(line).collect();
     text += if is_ready { "ready" } else { "not ready: mend what failed" };
-    let value = json!({ "schema": "evrig.check/1", "ready": is_ready, "findings": findings });
+    let value = json!({ "schema": "evrig.check/2", "ready": is_ready, "findings": findings });
     output.result(&value, text)?;
     Ok(if is_ready { Ending::Done } else { Ending::Negative })
 }
@@ -63,7 +63,7 @@ fn of_rig(name: &str, args: &CheckArgs, output: &Output) -> anyhow::Result<Vec<F
         None => None,
         Some(trajectory) => {
             let described = Trajectory::find(trajectory).map_err(refused)?;
-            let plan = Plan::new(&described, &rig, Optional::Included)
+            let plan = Plan::new(&described, &rig, OptionalSegments::Included)
                 .map_err(|error| WrongUse(format!("{trajectory} on rig {name}: {error}")))?;
             Some(plan)
         }
@@ -86,7 +86,7 @@ fn of_rig(name: &str, args: &CheckArgs, output: &Output) -> anyhow::Result<Vec<F
     drop(arm);
     findings.extend(found);
     output.detail("asking the cameras, and how fast the network is");
-    let start = path.map_or(rig.arm.home, evrig_session::trajectory::Path::start);
+    let start = path.map_or(rig.arm.home, evrig_session::trajectory::ToolPath::start);
     findings.extend(cameras(&rig, start, simulated.as_ref()));
     let needed = plan.as_ref().map_or(SOME_SPACE, |plan| plan.disk_bytes);
     findings.push(disk(&args.out, needed));

@@ -4,7 +4,7 @@ use super::{Ending, Output, run};
 use crate::cli::{Cli, DemoArgs};
 use anyhow::Context;
 use clap::Parser;
-use evrig_session::Layout;
+use evrig_session::SessionLayout;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -28,11 +28,11 @@ pub(super) fn demo(args: &DemoArgs, output: &Output) -> anyhow::Result<Ending> {
     output.say("processing it as any recorded session");
     let (_, processed) = verb(&["process", &session], output)?;
     verb(&["report", &session], output)?;
-    let report = Layout::new(&out).report();
+    let report = SessionLayout::new(&out).report();
     let mut text = findings(&recording, &processed)?;
     write!(text, "report: {}", std::path::absolute(&report).unwrap_or(report).display())?;
     let value = json!({
-        "schema": "evrig.demo/1", "session": out, "report": Layout::new(&out).report(),
+        "schema": "evrig.demo/1", "session": out, "report": SessionLayout::new(&out).report(),
         "recording": recording, "process": processed,
     });
     output.result(&value, text)?;

@@ -7,7 +7,7 @@ use anyhow::Context;
 use evrig_core::time::Span;
 use evrig_core::units::Degrees;
 use evrig_pi::agent::Agent;
-use evrig_session::trajectory::Optional;
+use evrig_session::trajectory::OptionalSegments;
 use evrig_sim::arm::fault::Fault;
 use evrig_sim::arm::{ArcSpeed, Clock, Emulator, Imperfections, OnAlarm, Options};
 use evrig_sim::davis::DavisServer;
@@ -89,7 +89,7 @@ fn pi(args: &EmulateCameraArgs, output: &Output) -> anyhow::Result<Ending> {
 /// The world of a camera that goes along a path and back.
 fn live(args: &EmulateCameraArgs) -> anyhow::Result<std::sync::Arc<LiveWorld>> {
     let world = world(args.world.as_deref())?;
-    let (rig, _, path) = described(&args.rig, &args.trajectory, Optional::LeftOut)?;
+    let (rig, _, path) = described(&args.rig, &args.trajectory, OptionalSegments::LeftOut)?;
     Ok(LiveWorld::along(&path, &rig, &world, args.seed)?)
 }
 

@@ -3,7 +3,7 @@
 use super::{Ending, Output};
 use crate::cli::InfoArgs;
 use evrig_core::time::{Clock, Davis};
-use evrig_session::{Manifest, Session, StreamEntry, StreamKind, census};
+use evrig_session::{Manifest, Session, StreamEntry, StreamKind, count_file};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -41,7 +41,7 @@ pub(super) fn run(args: &InfoArgs, output: &Output) -> anyhow::Result<Ending> {
         if entry.file.ends_with(".aedat4") {
             if !censuses.contains_key(&entry.file) {
                 let path = session.layout().inside(&entry.file)?;
-                censuses.insert(entry.file.clone(), census(&path, &mut |_| {})?);
+                censuses.insert(entry.file.clone(), count_file(&path, &mut |_| {})?);
             }
             let found = censuses[&entry.file].streams.iter();
             if let Some(found) = found.into_iter().find(|s| entry.stream_id == Some(s.stream.id)) {
@@ -53,7 +53,7 @@ pub(super) fn run(args: &InfoArgs, output: &Output) -> anyhow::Result<Ending> {
     for name in session.generated_names() {
         let path = session.layout().generated(&name);
         let file = format!("derived/generate-{name}/events.aedat4");
-        for found in census(&path, &mut |_| {})?.streams {
+        for found in count_file(&path, &mut |_| {})?.streams {
             let mut info = StreamInfo::generated(name.as_str(), &file, &found.stream.source);
             info.count_from(&found);
             streams.push(info);
@@ -117,7 +117,7 @@ impl StreamInfo {
     }
 
     /// Puts what the file really holds in place of what was said.
-    fn count_from(&mut self, found: &evrig_session::StreamCensus) {
+    fn count_from(&mut self, found: &evrig_session::StreamCounts) {
         self.width = found.size.map(|size| size.width);
         self.height = found.size.map(|size| size.height);
         self.count = found.count;

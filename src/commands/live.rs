@@ -10,7 +10,7 @@ use evrig_core::geometry::Size;
 use evrig_core::time::Span;
 use evrig_device::davis::{Pace, ReplayDavis};
 use evrig_record::recorder::{Inlet, Recorder, Sample, Taken, channel, host_time};
-use evrig_session::Layout;
+use evrig_session::SessionLayout;
 use evrig_session::rig::Rig;
 use evrig_sim::world::WorldDescription;
 use serde_json::json;
@@ -106,7 +106,7 @@ fn generation(
 fn open(args: &LiveArgs) -> anyhow::Result<Source> {
     let path = Path::new(&args.what);
     if path.is_dir() {
-        let davis = Layout::new(path).davis();
+        let davis = SessionLayout::new(path).davis();
         if !davis.exists() {
             return Err(WrongUse(format!("{} has no davis.aedat4", path.display())).into());
         }

@@ -4,7 +4,7 @@ use super::{Ending, Output, WrongUse};
 use crate::cli::PlanArgs;
 use anyhow::Context;
 use evrig_session::rig::{DescriptionError, Rig};
-use evrig_session::trajectory::{Optional, Plan, Trajectory};
+use evrig_session::trajectory::{OptionalSegments, Plan, Trajectory};
 
 mod plot;
 mod table;
@@ -12,7 +12,8 @@ mod table;
 pub(super) fn plan(args: &PlanArgs, output: &Output) -> anyhow::Result<Ending> {
     let rig = Rig::find(&args.rig).map_err(refused)?;
     let trajectory = Trajectory::find(&args.trajectory).map_err(refused)?;
-    let optional = if args.without_optional { Optional::LeftOut } else { Optional::Included };
+    let optional =
+        if args.without_optional { OptionalSegments::LeftOut } else { OptionalSegments::Included };
     let plan = Plan::new(&trajectory, &rig, optional)
         .map_err(|error| WrongUse(format!("{} on rig {}: {error}", args.trajectory, args.rig)))?;
     if let Some(file) = &args.plot {

@@ -14,8 +14,8 @@ use evrig_record::{
     Dwells, Outcome, Prompts, RUNS_SCHEMA, Request, RunList, RunsError, State, Stop, StopToken,
 };
 use evrig_session::rig::{ArmPort, Rig};
-use evrig_session::trajectory::{Optional, Path, Plan, Trajectory};
-use evrig_session::{Session, Status, verify};
+use evrig_session::trajectory::{OptionalSegments, Plan, ToolPath, Trajectory};
+use evrig_session::{Session, SessionStatus, verify};
 use evrig_sim::world::WorldDescription;
 use serde_json::{Value, json};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
@@ -29,7 +29,8 @@ pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Endin
             WrongUse(format!("--replay-pace is {}; expected above 0", args.replay_pace)).into()
         );
     }
-    let optional = if args.without_optional { Optional::LeftOut } else { Optional::Included };
+    let optional =
+        if args.without_optional { OptionalSegments::LeftOut } else { OptionalSegments::Included };
     let (rig, trajectory, path) = described(&args.rig, &args.trajectory, optional)?;
     let world = world(args.world.as_deref())?;
     let opening = Opening {
@@ -68,7 +69,7 @@ pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Endin
 struct Work<'a> {
     rig: &'a Rig,
     trajectory: &'a Trajectory,
-    path: &'a Path,
+    path: &'a ToolPath,
     operator: Operator,
     /// Where the operator is asked; none when nobody is.
     terminal: Option<prompt::Terminal>,
@@ -78,7 +79,7 @@ struct Work<'a> {
 /// One recording that ended.
 struct Take {
     ending: Ending,
-    status: Status,
+    status: SessionStatus,
     value: Value,
     text: String,
 }
@@ -260,8 +261,8 @@ pub(super) fn world(path: Option<&std::path::Path>) -> anyhow::Result<WorldDescr
 pub(super) fn described(
     rig: &str,
     trajectory: &str,
-    optional: Optional,
-) -> anyhow::Result<(Rig, Trajectory, Path)> {
+    optional: OptionalSegments,
+) -> anyhow::Result<(Rig, Trajectory, ToolPath)> {
     let found = Rig::find(rig).map_err(refused)?;
     let described = Trajectory::find(trajectory).map_err(refused)?;
     let plan = Plan::new(&described, &found, optional)

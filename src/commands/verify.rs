@@ -18,8 +18,8 @@ pub(super) fn run(args: &VerifyArgs, output: &Output) -> anyhow::Result<Ending> 
     let losses = &session.manifest().losses;
     let mut text = String::new();
     for finding in &verification.findings {
-        let mark = if finding.holds { "ok  " } else { "FAIL" };
-        let _ = writeln!(text, "{mark}  {}: {}", finding.subject, finding.says);
+        let mark = if finding.holds() { "ok  " } else { "FAIL" };
+        let _ = writeln!(text, "{mark}  {}: {}", finding.subject, finding.description);
     }
     for loss in losses {
         let _ = writeln!(text, "lost  {}: {} ({})", loss.stream, loss.what, loss.count);
@@ -31,7 +31,7 @@ pub(super) fn run(args: &VerifyArgs, output: &Output) -> anyhow::Result<Ending> 
     };
     let _ = write!(text, "{}: {verdict}", args.session.display());
     let value = json!({
-        "schema": "evrig.verification/1",
+        "schema": "evrig.verification/2",
         "session": session.manifest().name,
         "status": session.manifest().status,
         "repaired": matches!(repaired, Some(Repair::Resealed(_))),

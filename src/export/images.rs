@@ -7,7 +7,7 @@ use evrig_format::hdf5::{SideColumn, SideGroup};
 use evrig_format::npy::Column;
 use evrig_reconstruct::clock::ClockEstimate;
 use evrig_reconstruct::roi::{Track, View};
-use evrig_session::{Picture, Session, SessionError, StreamKind};
+use evrig_session::{RecordedFrame, Session, SessionError, StreamKind};
 
 /// One image stream, a row an image.
 pub(super) struct Images {
@@ -22,7 +22,7 @@ pub(super) struct Images {
 pub(super) struct TrackFacts {
     pub(super) tag: String,
     pub(super) corner_rms_px: f64,
-    /// Picture corners of each image, bottom left, bottom right, top right, top left; NaN where
+    /// RecordedFrame corners of each image, bottom left, bottom right, top right, top left; NaN where
     /// there is no path.
     pub(super) picture_px: Vec<[f64; 8]>,
 }
@@ -68,14 +68,14 @@ pub(super) fn read(
                 Some(AnyTrack::Pi(track)) => Some(track),
                 _ => None,
             };
-            let pictures = session.pi_pictures(name)?;
+            let pictures = session.pi_frames(name)?;
             images.push(rows(name, pictures, events_t, track, |at| map.map(at))?);
         } else {
             let track = match track {
                 Some(AnyTrack::Davis(track)) => Some(track),
                 _ => None,
             };
-            images.push(rows(name, session.davis_pictures(name)?, events_t, track, Some)?);
+            images.push(rows(name, session.davis_frames(name)?, events_t, track, Some)?);
         }
     }
     Ok((images, left_out))
@@ -83,7 +83,7 @@ pub(super) fn read(
 
 fn rows<C: Clock>(
     stream: &str,
-    pictures: impl Iterator<Item = Result<Picture<C>, SessionError>>,
+    pictures: impl Iterator<Item = Result<RecordedFrame<C>, SessionError>>,
     events_t: &[i64],
     track: Option<Track<C>>,
     on_events_clock: impl Fn(Stamp<C>) -> Option<Stamp<Davis>>,

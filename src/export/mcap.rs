@@ -16,7 +16,7 @@ use evrig_core::event::EventSlice;
 use evrig_core::frame::{Channels, Samples};
 use evrig_core::geometry::Size;
 use evrig_core::time::{Stamp, Unix};
-use evrig_session::{Session, picture_message, picture_schema};
+use evrig_session::{Session, image_message, image_schema};
 use mcap::records::MessageHeader;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -71,7 +71,7 @@ impl<'a> Log<'a> {
 
     fn channel(&mut self, topic: &str, schema: &str, text: &str) -> Result<u16, ExportError> {
         let (kind, encoding, data) = match text {
-            "" => ("protobuf", "protobuf", picture_schema()),
+            "" => ("protobuf", "protobuf", image_schema()),
             text => ("jsonschema", "json", text.as_bytes().to_vec()),
         };
         let schema = self.file.add_schema(schema, kind, &data);
@@ -110,7 +110,7 @@ fn event_pictures(
     let rates = log.channel(&format!("/rate/{stream}"), "evrig.Rate", RATE)?;
     for Window { end_us, picture, rates_hz: [on_hz, off_hz] } in windows(events, size) {
         let at = Stamp::<Unix>::from_micros(end_us);
-        log.put(pictures, end_us, &picture_message(stream, at, size, "mono8", picture))?;
+        log.put(pictures, end_us, &image_message(stream, at, size, "mono8", picture))?;
         let rate = json!({ "on_hz": on_hz, "off_hz": off_hz });
         log.put(rates, end_us, rate.to_string().as_bytes())?;
     }
@@ -124,7 +124,7 @@ fn frames(log: &mut Log<'_>, session: &Session, images: &Images) -> Result<(), E
     let times = images.times_us();
     if !session.is_from_pi(stream)? {
         let channel = log.channel(&format!("/frames/{stream}"), "foxglove.RawImage", "")?;
-        for (picture, t_us) in session.davis_pictures(stream)?.zip(times) {
+        for (picture, t_us) in session.davis_frames(stream)?.zip(times) {
             let frame = picture?.frame;
             let at = Stamp::<Unix>::from_micros(*t_us);
             let (encoding, data) = match (frame.samples, frame.channels) {
@@ -137,7 +137,7 @@ fn frames(log: &mut Log<'_>, session: &Session, images: &Images) -> Result<(), E
                 // Sixteen bits of colour have no encoding of their own in the schema.
                 _ => continue,
             };
-            log.put(channel, *t_us, &picture_message(stream, at, frame.size, encoding, data))?;
+            log.put(channel, *t_us, &image_message(stream, at, frame.size, encoding, data))?;
         }
     }
     let Some(track) = &images.track else { return Ok(()) };

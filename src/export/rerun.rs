@@ -85,7 +85,7 @@ fn frames(log: &Log, session: &Session, images: &Images) -> Result<(), ExportErr
     let (stream, times) = (images.stream.as_str(), images.times_us());
     let entity = format!("frames/{stream}");
     if !session.is_from_pi(stream)? {
-        for (picture, t_us) in session.davis_pictures(stream)?.zip(times) {
+        for (picture, t_us) in session.davis_frames(stream)?.zip(times) {
             let frame = picture?.frame;
             let size = resolution(frame.size);
             let image = match (frame.samples, frame.channels) {

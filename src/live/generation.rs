@@ -6,8 +6,9 @@
 
 use super::LiveError;
 use evrig_core::event::Events;
-use evrig_core::frame::{Luminance, UnknownOrder, luma};
+use evrig_core::frame::{Luminance, luma};
 use evrig_core::geometry::Size;
+use evrig_core::keyword::UnknownKeyword;
 use evrig_core::pi_camera::{FrameMetadata, PiFrame};
 use evrig_core::raw10;
 use evrig_core::time::{HostMonotonic, Span, Stamp};
@@ -226,7 +227,7 @@ impl Worker {
         let packed = frame.raw10.as_ref().ok_or("the camera sends no raw frames")?;
         let row = raw10::row_bytes(size.width).map_err(|error| error.to_string())?;
         let samples = raw10::unpack(packed, size, row).map_err(|error| error.to_string())?;
-        let order = metadata.bayer.parse().map_err(|error: UnknownOrder| error.to_string())?;
+        let order = metadata.bayer.parse().map_err(|error: UnknownKeyword| error.to_string())?;
         let plain = samples.iter().map(|sample| f32::from(*sample)).collect();
         let picture = Pictured {
             size,

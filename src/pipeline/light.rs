@@ -9,12 +9,13 @@ use evrig_generate::RowTimes;
 use evrig_generate::input::{Pictured, Preparation, Preparer};
 use evrig_reconstruct::clock::ClockEstimate;
 use evrig_session::{
-    Ascending, DavisPictures, PiPictures, Picture, Session, SessionError, StreamKind, read_stage,
+    AscendingFrames, DavisFrames, PiCameraFrames, RecordedFrame, Session, SessionError, StreamKind,
+    read_stage,
 };
 
 enum Source {
-    Davis(DavisPictures),
-    Pi { pictures: PiPictures, davis_from_sensor: Box<ClockEstimate<Davis, PiSensor>> },
+    Davis(DavisFrames),
+    Pi { pictures: PiCameraFrames, davis_from_sensor: Box<ClockEstimate<Davis, PiSensor>> },
 }
 
 /// A stream's frames as brightness in ascending time, on the events' clock.
@@ -24,7 +25,7 @@ enum Source {
 pub struct Light {
     source: Source,
     preparer: Preparer,
-    ascending: Ascending,
+    ascending: AscendingFrames,
     row_us: f64,
 }
 
@@ -39,11 +40,11 @@ pub fn light(session: &Session, name: &str) -> Result<Light, PipelineError> {
             missing(session, what)
         })?;
         let davis_from_sensor = Box::new(clocks.davis_from(name));
-        Source::Pi { pictures: session.pi_pictures(name)?, davis_from_sensor }
+        Source::Pi { pictures: session.pi_frames(name)?, davis_from_sensor }
     } else {
-        Source::Davis(session.davis_pictures(name)?)
+        Source::Davis(session.davis_frames(name)?)
     };
-    let (preparer, ascending) = (Preparer::default(), Ascending::default());
+    let (preparer, ascending) = (Preparer::default(), AscendingFrames::default());
     Ok(Light { source, preparer, ascending, row_us: 0.0 })
 }
 
@@ -118,8 +119,8 @@ fn row_time_us<C: Clock>(frame: &Frame<C>, light: &Luminance) -> f64 {
 }
 
 /// What preparing a picture needs of it.
-fn pictured<C: Clock>(picture: &Picture<C>) -> Pictured<'_> {
-    let facts = &picture.facts;
+fn pictured<C: Clock>(picture: &RecordedFrame<C>) -> Pictured<'_> {
+    let facts = &picture.properties;
     let mosaic = match (&picture.frame.samples, facts.bayer) {
         (Samples::U16(samples), Some(order)) => Some((samples.as_slice(), order)),
         _ => None,

@@ -12,7 +12,7 @@ use evrig_reconstruct::scene::{
 };
 use evrig_session::rig::{CameraDescription, Mount};
 use evrig_session::{
-    Picture, Session, SessionError, StageRecord, StreamKind, read_stage, write_stage,
+    RecordedFrame, Session, SessionError, StageRecord, StreamKind, read_stage, write_stage,
 };
 use serde_json::json;
 use std::path::Path;
@@ -42,7 +42,7 @@ impl Footage for Recorded<'_> {
     type Error = PipelineError;
 
     fn replay(&mut self, see: &mut Seeing<'_>) -> Result<(), PipelineError> {
-        for picture in self.session.pi_pictures(self.stream)? {
+        for picture in self.session.pi_frames(self.stream)? {
             let picture = picture?;
             see(picture.number as usize, &picture.frame)?;
             self.n_done += 1;
@@ -134,7 +134,7 @@ fn make(
     let mut footage = Recorded { session, stream: raw, progress, n_done: 0, n_all };
     let mut survey = survey(&known, &mut footage)?;
     let frames: Result<Vec<_>, SessionError> =
-        session.davis_pictures(aps)?.map(|picture| Ok(picture?.frame)).collect();
+        session.davis_frames(aps)?.map(|picture| Ok(picture?.frame)).collect();
     let pi_from_davis = pi_from_davis(session, &survey.path)?;
     let known = DavisKnown {
         lens: Lens::of(&cameras.davis),
@@ -177,11 +177,11 @@ fn cameras(session: &Session, [raw, aps]: [&str; 2]) -> Result<Cameras, Pipeline
 
 /// What the samples of the raw stream mean, from its first frame.
 fn raw_light(session: &Session, raw: &str) -> Result<RawLight, PipelineError> {
-    let first: Picture<PiSensor> = session
-        .pi_pictures(raw)?
+    let first: RecordedFrame<PiSensor> = session
+        .pi_frames(raw)?
         .next()
         .ok_or_else(|| missing(session, format!("`{raw}` has no frames")))??;
-    let facts = first.facts;
+    let facts = first.properties;
     let black_dn = f64::from(facts.black_dn.iter().sum::<f32>() / 4.0);
     let full_dn = ((1_u32 << facts.bits.min(16)) - 1) as u16;
     Ok(RawLight { black_dn, full_dn })

@@ -12,7 +12,7 @@ use evrig_reconstruct::clock::{
 use evrig_reconstruct::roi::Track;
 use evrig_session::rig::Rig;
 use evrig_session::{
-    Origin, RigNotes, Session, SessionError, StageRecord, StreamKind, write_stage,
+    Origin, RigLogContents, Session, SessionError, StageRecord, StreamKind, write_stage,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -158,7 +158,7 @@ fn write_frames(
 
 /// What the session's files say of its clocks.
 fn evidence(session: &Session) -> Result<(Evidence, SyncTally), PipelineError> {
-    let notes = session.rig_notes()?;
+    let notes = session.rig_log_contents()?;
     let rig = session.rig()?;
     let stamps = if notes.metadata.is_empty() {
         session.imported_pi_stamps()?
@@ -212,7 +212,7 @@ fn readout(rig: &Rig) -> Span {
     Span::from_nanos(rig.pi.camera.row_time.as_nanos().saturating_mul(rows))
 }
 
-fn wall_readings(notes: &RigNotes) -> Vec<evrig_reconstruct::clock::ClockReading> {
+fn wall_readings(notes: &RigLogContents) -> Vec<evrig_reconstruct::clock::ClockReading> {
     let numbered = notes.exchanges.iter().zip(0..);
     let reading = |(exchange, group): (&evrig_session::ClockExchange, u64)| {
         let pi = exchange.pi;
@@ -226,7 +226,7 @@ fn wall_readings(notes: &RigNotes) -> Vec<evrig_reconstruct::clock::ClockReading
     numbered.map(reading).collect()
 }
 
-fn host_readings(notes: &RigNotes) -> Vec<evrig_reconstruct::clock::ClockReading> {
+fn host_readings(notes: &RigLogContents) -> Vec<evrig_reconstruct::clock::ClockReading> {
     let numbered = notes.exchanges.iter().zip(0..);
     let reading = |(exchange, group): (&evrig_session::ClockExchange, u64)| {
         let inside = [exchange.pi.boottime_before, exchange.pi.boottime_after];
@@ -236,7 +236,10 @@ fn host_readings(notes: &RigNotes) -> Vec<evrig_reconstruct::clock::ClockReading
 }
 
 /// Packets of events alone: those of frames wait for their readout.
-fn arrivals(session: &Session, notes: &RigNotes) -> Vec<FramePair<Unix, evrig_core::time::Davis>> {
+fn arrivals(
+    session: &Session,
+    notes: &RigLogContents,
+) -> Vec<FramePair<Unix, evrig_core::time::Davis>> {
     let streams = session.manifest().streams.iter();
     let events = streams.filter(|s| s.kind == StreamKind::Events && s.file == "davis.aedat4");
     let ids: Vec<u32> = events.filter_map(|stream| stream.stream_id).collect();

@@ -6,7 +6,7 @@ use evrig_core::time::{Clock, Davis, PiSensor};
 use evrig_reconstruct::roi::{Light, Track, TrackOptions, Tracker};
 use evrig_session::rig::{CameraDescription, Rig};
 use evrig_session::{
-    Origin, Picture, Session, SessionError, StageRecord, StreamKind, StreamName, read_stage,
+    Origin, RecordedFrame, Session, SessionError, StageRecord, StreamKind, StreamName, read_stage,
     write_stage,
 };
 use serde::{Deserialize, Serialize};
@@ -143,9 +143,9 @@ pub fn track(
     let told = &mut |done| progress(done, n);
     let follow = Follow { session, stream, rig: &rig, camera: &camera };
     let track = if is_from_pi {
-        AnyTrack::Pi(follow.run(session.pi_pictures(stream)?, told)?)
+        AnyTrack::Pi(follow.run(session.pi_frames(stream)?, told)?)
     } else {
-        AnyTrack::Davis(follow.run(session.davis_pictures(stream)?, told)?)
+        AnyTrack::Davis(follow.run(session.davis_frames(stream)?, told)?)
     };
     let summary = track.summary(&whose);
     clear(&directory)?;
@@ -205,7 +205,7 @@ struct Follow<'a> {
 impl Follow<'_> {
     fn run<C: Clock>(
         &self,
-        pictures: impl Iterator<Item = Result<Picture<C>, SessionError>>,
+        pictures: impl Iterator<Item = Result<RecordedFrame<C>, SessionError>>,
         progress: &mut dyn FnMut(u64),
     ) -> Result<Track<C>, PipelineError> {
         let wrong = |source| PipelineError::Track {
@@ -234,10 +234,10 @@ impl Follow<'_> {
 }
 
 /// What the tracker must know of the samples.
-fn light<C: Clock>(picture: &Picture<C>) -> Light {
-    match picture.facts.bayer {
+fn light<C: Clock>(picture: &RecordedFrame<C>) -> Light {
+    match picture.properties.bayer {
         Some(_) => {
-            let black: f32 = picture.facts.black_dn.iter().sum::<f32>() / 4.0;
+            let black: f32 = picture.properties.black_dn.iter().sum::<f32>() / 4.0;
             Light::Mosaic { black_level_dn: f64::from(black) }
         }
         None => Light::Brightness,

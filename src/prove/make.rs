@@ -5,7 +5,7 @@ use super::{Family, ProveError, Trial};
 use evrig_core::time::Span;
 use evrig_session::import::import_aedat4;
 use evrig_session::rig::Rig;
-use evrig_session::trajectory::{Optional, Trajectory};
+use evrig_session::trajectory::{OptionalSegments, Trajectory};
 use evrig_sim::world::WorldDescription;
 use evrig_sim::{Simulation, simulate};
 use serde_json::json;
@@ -87,7 +87,7 @@ fn import(recording: &Recording, root: &Path) -> Result<(), ProveError> {
 fn in_the_world(rig: &Rig, duration: Span, trial: &Trial, root: &Path) -> Result<(), ProveError> {
     let name = trial.trajectory.as_str();
     let trajectory = Trajectory::find(name).map_err(|e| describe(name, &e))?;
-    let path = trajectory.path(rig, Optional::LeftOut).map_err(|e| describe(name, &e))?;
+    let path = trajectory.path(rig, OptionalSegments::LeftOut).map_err(|e| describe(name, &e))?;
     let world = world(trial).map_err(|e| describe(&trial.name, &e))?;
     let simulation = Simulation {
         rig,

@@ -5,7 +5,7 @@ use evrig::rig::Rig;
 use evrig::session::{Manifest, Session};
 use evrig::sim::world::WorldDescription;
 use evrig::sim::{Simulation, simulate};
-use evrig::trajectory::{Optional, Trajectory};
+use evrig::trajectory::{OptionalSegments, Trajectory};
 use std::path::Path;
 
 /// A small print over which both cameras hang at one place, with a tag as large as on the whole one.
@@ -73,7 +73,7 @@ pub(crate) fn corner_path() -> Trajectory {
 /// A recording by both cameras in the simulated world that `world` describes.
 #[allow(dead_code)]
 pub(crate) fn simulated(rig: &Rig, trajectory: &Trajectory, world: &str, out: &Path) -> Manifest {
-    let path = trajectory.path(rig, Optional::Included).unwrap();
+    let path = trajectory.path(rig, OptionalSegments::Included).unwrap();
     let world = WorldDescription::parse("w.toml", world).unwrap();
     let (path, world) = (&path, &world);
     let simulation = Simulation { rig, trajectory, path, world, seed: 5, out, duration: None };

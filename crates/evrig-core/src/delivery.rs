@@ -1,58 +1,51 @@
-//! How the Pi's lens behaves and how its frames travel.
+//! Focus of the Pi's camera, and coding and transmission of its frames.
 
+use crate::keyword::UnknownKeyword;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// What the lens does. It never moves during a recording unless that is asked for.
+/// Focus control of the lens. By default it is locked during a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Focus {
     /// One autofocus before the recording, then locked.
     #[default]
     Once,
-    /// It keeps focusing, and so breathes.
+    /// Continuous autofocus; the magnification changes with it.
     Continuous,
-    /// Locked at so many dioptres.
+    /// Locked at this focus, dioptres.
     Dioptres(f64),
 }
 
-/// How pictures are coded on the wire and in the spool; either way every bit arrives.
+/// Coding of frames in transmission and in the spool; both are lossless.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Coding {
-    /// As they are: RAW10, and R, G, B bytes.
+    /// Uncompressed: RAW10, and R, G, B bytes.
     Plain,
-    /// Predicted from neighbours, rests compressed; see `device::pi::coding`.
+    /// Prediction from neighbouring pixels, with compressed residuals.
     #[default]
     Lossless,
 }
 
-/// When RGB frames travel. Raw frames always travel at once.
+/// When RGB frames are transmitted. Raw frames are always transmitted immediately.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RgbDelivery {
     /// With the raw frame of the same request.
     #[default]
     Live,
-    /// With every n-th raw frame; the others are not kept.
+    /// With every n-th raw frame; the others are dropped.
     Every(u32),
-    /// Kept on the Pi's disk, sent when the take is over.
+    /// Stored on the Pi's disk and transmitted after the recording.
     AfterTake,
 }
 
-/// A word that is none of those expected.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{found}` is unknown; expected {expected}")]
-pub struct UnknownWord {
-    found: String,
-    expected: &'static str,
-}
-
 impl FromStr for Focus {
-    type Err = UnknownWord;
+    type Err = UnknownKeyword;
 
-    fn from_str(text: &str) -> Result<Self, UnknownWord> {
+    fn from_str(text: &str) -> Result<Self, UnknownKeyword> {
         let dioptres = |text: &str| {
             let number: f64 = text.parse().ok()?;
             (0.0..=32.0).contains(&number).then_some(Self::Dioptres(number))
@@ -60,32 +53,28 @@ impl FromStr for Focus {
         match text {
             "once" => Ok(Self::Once),
             "continuous" => Ok(Self::Continuous),
-            _ => dioptres(text).ok_or_else(|| UnknownWord {
-                found: text.to_owned(),
-                expected: "once, continuous, or 0 to 32 dioptres",
-            }),
+            _ => dioptres(text)
+                .ok_or_else(|| UnknownKeyword::new(text, "once, continuous, or 0 to 32 dioptres")),
         }
     }
 }
 
 impl FromStr for Coding {
-    type Err = UnknownWord;
+    type Err = UnknownKeyword;
 
-    fn from_str(text: &str) -> Result<Self, UnknownWord> {
+    fn from_str(text: &str) -> Result<Self, UnknownKeyword> {
         match text {
             "plain" => Ok(Self::Plain),
             "lossless" => Ok(Self::Lossless),
-            _ => {
-                Err(UnknownWord { found: text.to_owned(), expected: "plain or lossless (smaller)" })
-            }
+            _ => Err(UnknownKeyword::new(text, "plain or lossless (smaller)")),
         }
     }
 }
 
 impl FromStr for RgbDelivery {
-    type Err = UnknownWord;
+    type Err = UnknownKeyword;
 
-    fn from_str(text: &str) -> Result<Self, UnknownWord> {
+    fn from_str(text: &str) -> Result<Self, UnknownKeyword> {
         let every = |text: &str| {
             let n: u32 = text.strip_prefix("every:")?.parse().ok()?;
             (n > 0).then_some(Self::Every(n))
@@ -93,10 +82,9 @@ impl FromStr for RgbDelivery {
         match text {
             "live" => Ok(Self::Live),
             "after-take" => Ok(Self::AfterTake),
-            _ => every(text).ok_or_else(|| UnknownWord {
-                found: text.to_owned(),
-                expected: "live, every:N or after-take",
-            }),
+            _ => {
+                every(text).ok_or_else(|| UnknownKeyword::new(text, "live, every:N or after-take"))
+            }
         }
     }
 }

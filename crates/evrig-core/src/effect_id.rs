@@ -1,15 +1,14 @@
-//! The names of physical effects: what the world conceals, generators model and the diagnosis finds.
+//! Identifiers of physical effects, shared by simulated world, generators and diagnosis.
 //!
-//! Names only: how an effect acts in the simulated world, how it acts in a
-//! generator and how it shows in a residual are three rooms that share nothing
-//! but this table. An id and its parameters' keys are stable: they stand in
-//! sealed trials, in `diagnosis.json` and in papers. Add some, rename none.
+//! How an effect acts in the simulated world, in a generator and in the residuals is implemented in
+//! three crates that share only this table. Identifiers and parameter keys are stable: sealed trials
+//! and `diagnosis.json` contain them. Add some, rename none.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// The part of the chain from light to file in which an effect sits.
+/// The part of the chain from light to file to which an effect belongs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EffectGroup {
@@ -34,7 +33,7 @@ macro_rules! effects {
         }
 
         impl EffectId {
-            /// Every effect, in the order of the light's way.
+            /// Every effect, in the order of the signal chain.
             pub const ALL: &'static [Self] = &[$(Self::$variant,)*];
 
             /// The id as files write it.
@@ -43,13 +42,13 @@ macro_rules! effects {
                 match self { $(Self::$variant => $id,)* }
             }
 
-            /// The name as a reader would say it.
+            /// The name for people.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self { $(Self::$variant => $name,)* }
             }
 
-            /// Where in the chain it sits.
+            /// Its part of the signal chain.
             #[must_use]
             pub const fn group(self) -> EffectGroup {
                 match self { $(Self::$variant => EffectGroup::$group,)* }
@@ -65,77 +64,77 @@ macro_rules! effects {
 }
 
 effects! {
-    /// The photoreceptor is slower the darker it is.
+    /// The photoreceptor's bandwidth decreases with intensity.
     PhotoreceptorBandwidth, "photoreceptor_bandwidth", Pixel, "Photoreceptor bandwidth", ["cutoff_hz_at_white", "order"];
-    /// A pole behind the photoreceptor that does not depend on light.
+    /// A low-pass pole after the photoreceptor, independent of intensity.
     FixedPole, "fixed_pole", Pixel, "Fixed pole", ["cutoff_hz"];
-    /// After an event the pixel is blind for a while.
+    /// The pixel emits no event for some time after each event.
     RefractoryPeriod, "refractory_period", Pixel, "Refractory period", ["refractory_us"];
-    /// Each pixel has thresholds of its own.
+    /// Contrast thresholds vary between pixels.
     ThresholdMismatch, "threshold_mismatch", Pixel, "Threshold mismatch", ["sigma_relative"];
-    /// On threshold over Off threshold is not one.
+    /// The ON and OFF thresholds differ.
     ThresholdAsymmetry, "threshold_asymmetry", Pixel, "Threshold asymmetry", ["on_off_ratio"];
-    /// On events at a rate that does not depend on light.
+    /// ON events at a rate independent of intensity.
     JunctionLeak, "junction_leak", Pixel, "Junction leak", ["rate_hz"];
-    /// On events at a rate proportional to light.
+    /// ON events at a rate proportional to intensity.
     PhotocurrentLeak, "photocurrent_leak", Pixel, "Photocurrent leak", ["rate_hz_at_white"];
     /// Band-limited noise of the photoreceptor.
     ShotNoise, "shot_noise", Pixel, "Shot noise", ["rms_thresholds", "bandwidth_hz"];
-    /// Events that come at random, without memory.
+    /// Random events without memory (a Poisson process).
     BackgroundActivity, "background_activity", Pixel, "Background activity", ["rate_hz"];
-    /// Pixels that fire by themselves.
+    /// Pixels that fire without a stimulus.
     HotPixels, "hot_pixels", Pixel, "Hot pixels", ["fraction"];
     /// Pixels that never fire.
     DeadPixels, "dead_pixels", Pixel, "Dead pixels", ["count"];
-    /// From the crossing to the request.
+    /// Delay from the threshold crossing to the readout request.
     PixelLatency, "pixel_latency", Pixel, "Pixel latency", ["latency_us"];
-    /// A part of the signal is forgotten slowly.
+    /// Part of the signal decays slowly (high-pass).
     Adaptation, "adaptation", Pixel, "Adaptation", ["time_constant_s", "fraction"];
-    /// Current without light.
+    /// Photodiode current without light.
     DarkCurrent, "dark_current", Pixel, "Dark current", ["fraction_of_white"];
     /// The leak grows while the chip warms.
     TemperatureDrift, "temperature_drift", Pixel, "Temperature drift", ["rate_hz_per_s"];
-    /// The bus carries so many events and no more.
+    /// The bus limits the event rate.
     ReadoutSaturation, "readout_saturation", Readout, "Readout saturation", ["max_events_per_s"];
     /// Pending events of a row are read together.
     RowReadout, "row_readout", Readout, "Row readout", ["row_us"];
-    /// Events are lost on the way.
+    /// Events are lost in readout.
     EventDrop, "event_drop", Readout, "Event drop", ["fraction"];
-    /// Stamps scatter about the instant of the event.
+    /// Timestamps scatter around the event's time.
     StampJitter, "stamp_jitter", Readout, "Stamp jitter", ["sigma_us"];
-    /// The camera's frames disturb its event pixels.
+    /// Frame readout triggers spurious events.
     ApsCoupling, "aps_coupling", Readout, "APS coupling", ["events_fraction", "delay_us", "row_us"];
-    /// The event camera's stamps are late against the frame camera's.
+    /// The event camera's timestamps lag the frame camera's.
     ClockOffset, "clock_offset", Clocks, "Clock offset", ["offset_us"];
     /// The event camera's clock runs fast.
     ClockSkew, "clock_skew", Clocks, "Clock skew", ["skew_ppm"];
-    /// A frame sees light longer than stated.
+    /// The exposure is longer than stated.
     ExposureBlur, "exposure_blur", Frames, "Exposure blur", ["exposure_us"];
-    /// Rows of a frame follow each other otherwise than stated.
+    /// The row time differs from the stated one.
     RollingShutter, "rolling_shutter", Frames, "Rolling shutter", ["row_us"];
-    /// What happens between two frames is not a straight line.
+    /// The signal between two frames is not linear.
     FrameInterpolation, "frame_interpolation", Frames, "Frame interpolation", ["share"];
-    /// The frames' pedestal is not the stated one.
+    /// The frames' black level differs from the stated one.
     BlackLevel, "black_level", Frames, "Black level", ["offset_dn"];
     /// The frames are not linear in light.
     ToneCurve, "tone_curve", Frames, "Tone curve", ["gamma"];
-    /// The frames are noisier than stated.
+    /// The frame noise exceeds the stated one.
     FrameNoise, "frame_noise", Frames, "Frame noise", ["sigma_dn"];
     /// A lens is out of focus.
     Defocus, "defocus", Frames, "Defocus", ["sigma_px"];
-    /// The picture darkens towards its corners.
+    /// Intensity falls off towards the corners.
     Vignetting, "vignetting", Frames, "Vignetting", ["corner_loss"];
-    /// The event camera looks elsewhere than stated.
+    /// The event camera's registration differs from the stated one.
     Misregistration, "misregistration", Frames, "Misregistration", ["shift_x_px", "shift_y_px", "rotation_deg", "scale"];
-    /// The light pulsates.
+    /// The illumination flickers.
     Flicker, "flicker", Frames, "Flicker", ["frequency_hz", "depth"];
-    /// A shadow crosses the print.
+    /// A shadow crosses the target.
     MovingShadow, "moving_shadow", Frames, "Moving shadow", ["depth"];
-    /// The arm shakes while it moves.
+    /// The arm vibrates while it moves.
     Vibration, "vibration", Mechanics, "Vibration", ["frequency_hz", "amplitude_mm"];
 }
 
-/// A name that no effect has.
+/// An unknown effect name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("no effect is called `{got}`{hint}")]
 pub struct UnknownEffect {

@@ -1,8 +1,8 @@
 //! Events as columns.
 
-mod dead_time;
+mod refractory;
 
-pub use dead_time::DeadTime;
+pub use refractory::RefractoryFilter;
 
 use crate::geometry::Size;
 
@@ -10,7 +10,7 @@ use crate::geometry::Size;
 /// (session time is Unix µs), pixel column and row, and whether brightness rose.
 ///
 /// The columns always have equal length. Order is the stream's own; what needs
-/// ascending time says so and checks it with [`EventSlice::first_disorder`].
+/// ascending time states and checks it with [`EventSlice::first_disorder`].
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Events {
     t: Vec<i64>,
@@ -28,7 +28,7 @@ pub struct Event {
     pub x: u16,
     /// Pixel row, from the top.
     pub y: u16,
-    /// `true`: On, brightness rose; `false`: Off, it fell.
+    /// `true`: ON, brightness rose; `false`: OFF, it fell.
     pub on: bool,
 }
 
@@ -42,7 +42,7 @@ pub struct UnequalColumns {
     on: usize,
 }
 
-/// A borrowed run of events; cheap to copy and to cut.
+/// A borrowed run of events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EventSlice<'a> {
     /// Microseconds of the stream's clock.
@@ -56,13 +56,13 @@ pub struct EventSlice<'a> {
 }
 
 impl Events {
-    /// No events yet.
+    /// An empty stream.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// No events yet, with room for `n`.
+    /// No events yet, with capacity for `n`.
     #[must_use]
     pub fn with_capacity(n: usize) -> Self {
         Self {
@@ -112,7 +112,7 @@ impl Events {
         self.on.extend_from_slice(events.on);
     }
 
-    /// Forgets all events and keeps the memory.
+    /// Removes all events and keeps the memory.
     pub fn clear(&mut self) {
         self.t.clear();
         self.x.clear();
@@ -186,7 +186,7 @@ impl<'a> EventSlice<'a> {
     /// The events from `start` up to but not including `end`.
     ///
     /// # Panics
-    /// When the range does not lie within the events, as slicing does.
+    /// When the range is not within the events, as slicing does.
     #[must_use]
     pub fn range(self, start: usize, end: usize) -> EventSlice<'a> {
         EventSlice {
@@ -222,7 +222,7 @@ impl<'a> EventSlice<'a> {
         (0..self.len()).find(|&i| !size.contains(self.x[i], self.y[i]))
     }
 
-    /// Number of On events.
+    /// Number of ON events.
     #[must_use]
     pub fn count_on(self) -> usize {
         self.on.iter().filter(|&&on| on).count()

@@ -1,8 +1,8 @@
-//! Frames: pixels with the time at which they saw light.
+//! Frames: pixels with their exposure times.
 
 mod bayer;
 
-pub use bayer::{BayerOrder, BayerPlanes, BayerSite, UnknownOrder, bayer_brightness};
+pub use bayer::{BayerOrder, BayerPlanes, BayerSite, bayer_brightness};
 
 use crate::geometry::Size;
 use crate::time::{Clock, Span, Stamp};
@@ -10,13 +10,13 @@ use crate::time::{Clock, Span, Stamp};
 /// Samples of a frame in the camera's own digital units.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Samples {
-    /// 8 bits a sample.
+    /// 8 bits per sample.
     U8(Vec<u8>),
-    /// Up to 16 bits a sample; how many are used is the camera's matter.
+    /// Up to 16 bits per sample, depending on the camera.
     U16(Vec<u16>),
 }
 
-/// What the samples of one pixel are, in memory order.
+/// Channels of one pixel, in memory order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Channels {
     /// One sample: brightness, or one colour of a Bayer mosaic.
@@ -27,7 +27,7 @@ pub enum Channels {
     Bgra,
 }
 
-/// When a frame saw light, on the clock of its camera.
+/// Exposure and readout of a frame, on the clock of its camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FrameTiming<C: Clock> {
     /// The frame's own time stamp, as the camera gave it.
@@ -40,22 +40,22 @@ pub struct FrameTiming<C: Clock> {
     pub row_time: Span,
 }
 
-/// One picture.
+/// One frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame<C: Clock> {
-    /// When it saw light.
+    /// Exposure and readout.
     pub timing: FrameTiming<C>,
     /// Columns and rows.
     pub size: Size,
     /// Column and row of the frame's first pixel on the sensor.
     pub origin: [i16; 2],
-    /// What a pixel's samples are.
+    /// Channels of a pixel.
     pub channels: Channels,
     /// Row-major samples, `size.n_pixels() * channels.count()` of them.
     pub samples: Samples,
 }
 
-/// Brightness on a pixel grid at one instant: what generators take in.
+/// Brightness on a pixel grid at one instant: the input of generators.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Luminance {
     /// Microseconds of the stream's clock; mid-exposure where it is known.
@@ -67,7 +67,7 @@ pub struct Luminance {
 }
 
 impl Channels {
-    /// Samples a pixel.
+    /// Samples per pixel.
     #[must_use]
     pub const fn count(self) -> usize {
         match self {
@@ -94,7 +94,7 @@ impl Samples {
         self.len() == 0
     }
 
-    /// Bits a sample is stored in.
+    /// Bits per stored sample.
     #[must_use]
     pub const fn bits(&self) -> u8 {
         match self {
@@ -111,7 +111,7 @@ impl<C: Clock> FrameTiming<C> {
         Self { stamp, exposure: None, readout: None, row_time: Span::ZERO }
     }
 
-    /// Middle of the exposure of row `row`; the stamp stands for row 0 where no exposure is stated.
+    /// Middle of the exposure of row `row`; the stamp is that of row 0 where no exposure is stated.
     #[must_use]
     pub fn mid_exposure(&self, row: u16) -> Stamp<C> {
         let first_row = match self.exposure {
@@ -147,7 +147,7 @@ impl<C: Clock> Frame<C> {
         }
     }
 
-    /// Brightness at mid-exposure, the form that generators take in.
+    /// Brightness at mid-exposure, the input of generators.
     #[must_use]
     pub fn luminance(&self) -> Luminance {
         let t_us = self.timing.mid_exposure(0).as_micros();

@@ -31,7 +31,7 @@ impl Size {
         self.width as usize * self.height as usize
     }
 
-    /// Whether the pixel lies on the grid.
+    /// Whether the pixel is on the grid.
     #[must_use]
     pub const fn contains(self, x: u16, y: u16) -> bool {
         x < self.width && y < self.height
@@ -55,7 +55,7 @@ pub struct Rectangle {
 }
 
 impl Rectangle {
-    /// Whether the pixel lies in it.
+    /// Whether the pixel is inside.
     #[must_use]
     pub fn contains(&self, x: u16, y: u16) -> bool {
         (self.x_px[0]..self.x_px[1]).contains(&x) && (self.y_px[0]..self.y_px[1]).contains(&y)

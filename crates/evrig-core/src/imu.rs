@@ -1,4 +1,4 @@
-//! Inertial samples and trigger marks, the small streams beside events and frames.
+//! Inertial samples and triggers.
 
 use crate::time::{Davis, Stamp};
 
@@ -11,13 +11,13 @@ pub struct ImuSample {
     pub temperature_c: f32,
     /// Acceleration along x, y, z in g (9.81 m/s^2).
     pub acceleration_g: [f32; 3],
-    /// Turning rate about x, y, z in degrees a second.
+    /// Angular rate about x, y, z in degrees per second.
     pub rotation_deg_per_s: [f32; 3],
     /// Magnetic field along x, y, z in microtesla; zero where the unit has no compass.
     pub magnetic_ut: [f32; 3],
 }
 
-/// A mark in a camera's time line.
+/// A trigger on a camera's clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Trigger {
     /// When it happened.
@@ -26,16 +26,16 @@ pub struct Trigger {
     pub kind: TriggerKind,
 }
 
-/// What a trigger stands for.
+/// Kind of a trigger.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum TriggerKind {
-    /// The camera's clock was set back.
+    /// The camera's clock was reset.
     TimestampReset,
     /// The signal input rose.
     SignalRose,
     /// The signal input fell.
     SignalFell,
-    /// A pulse was seen on the signal input.
+    /// A pulse on the signal input.
     SignalPulse,
     /// The camera's own generator rose.
     GeneratorRose,
@@ -49,7 +49,7 @@ pub enum TriggerKind {
     ExposureBegan,
     /// A frame's exposure ended.
     ExposureEnded,
-    /// A code that had no meaning when this was written; kept so that nothing is lost.
+    /// An unknown code, kept as it is.
     Other(i8),
 }
 
@@ -68,7 +68,7 @@ const CODED: [TriggerKind; 10] = [
 ];
 
 impl TriggerKind {
-    /// The kind behind an AEDAT4 code.
+    /// The kind of an AEDAT4 code.
     #[must_use]
     pub fn from_code(code: i8) -> Self {
         let coded = usize::try_from(code).ok().and_then(|code| CODED.get(code));

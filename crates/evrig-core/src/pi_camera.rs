@@ -4,7 +4,7 @@ use crate::geometry::Size;
 use crate::time::{PiSensor, Span, Stamp, Unix};
 use serde::{Deserialize, Serialize};
 
-/// What the camera says of one frame.
+/// The camera's metadata of one frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FrameMetadata {
     /// Counted by the agent, without gaps before anything was dropped.
@@ -18,12 +18,12 @@ pub struct FrameMetadata {
     /// When the agent had the frame, on the Pi's wall clock.
     #[serde(rename = "real_time_ns")]
     pub real_time: Stamp<Unix>,
-    /// How long a row saw light, ns.
+    /// Exposure time of a row, ns.
     #[serde(rename = "exposure_ns")]
     pub exposure: Span,
-    /// Gain before the converter.
+    /// Analogue gain.
     pub analogue_gain: f64,
-    /// Gain behind it.
+    /// Digital gain.
     pub digital_gain: f64,
     /// Dioptres; none for a lens that cannot move.
     pub lens_position: Option<f64>,
@@ -33,14 +33,14 @@ pub struct FrameMetadata {
     pub size: Size,
     /// Order of the colours, `RGGB` for the Camera Module 3.
     pub bayer: String,
-    /// Frames that the agent could not keep for want of room, up to this one.
+    /// Frames that the agent dropped because its buffer was full, up to this one.
     pub n_dropped: u64,
 }
 
 /// One request of the Pi's camera: raw and RGB of the same exposure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PiFrame {
-    /// What the camera says of it.
+    /// The camera's metadata.
     pub metadata: FrameMetadata,
     /// Raw samples packed as RAW10, rows without padding; none when raw was not asked for.
     pub raw10: Option<Vec<u8>>,
@@ -49,7 +49,7 @@ pub struct PiFrame {
 }
 
 impl PiFrame {
-    /// Bytes of its pictures.
+    /// Bytes of its images.
     #[must_use]
     pub fn n_bytes(&self) -> usize {
         let length = |picture: &Option<Vec<u8>>| picture.as_ref().map_or(0, Vec::len);
@@ -71,8 +71,8 @@ pub struct ClockSandwich {
     pub boottime_after: Stamp<PiSensor>,
 }
 
-/// The Pi's wall clock read between two readings of its clock that nothing steers, so that
-/// steering of the wall clock can be told from a drift of the crystal.
+/// The Pi's wall clock read between two readings of its unsteered clock, so that
+/// steering of the wall clock can be distinguished from a drift of the crystal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RawClockSandwich {
     /// The unsteered clock before, ns since some start (`CLOCK_MONOTONIC_RAW`).

@@ -10,19 +10,19 @@ use crate::geometry::Size;
 /// The highest sample.
 pub const MAX_SAMPLE: u16 = 1023;
 
-/// Why samples or bytes do not make a RAW10 picture.
+/// Why samples or bytes do not make a RAW10 image.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Raw10Error {
     /// RAW10 packs four samples at a time.
-    #[error("RAW10 has rows of a multiple of 4 samples, not of {width}; crop the picture")]
+    #[error("RAW10 has rows of a multiple of 4 samples, not of {width}; crop the image")]
     Width {
         /// Samples in a row.
         width: u16,
     },
     /// Too few or too many bytes or samples.
-    #[error("a RAW10 picture of {size} has {expected} {what}, found {found}")]
+    #[error("a RAW10 image of {size} has {expected} {what}, found {found}")]
     Length {
-        /// The picture's size.
+        /// The image's size.
         size: Size,
         /// What is counted.
         what: &'static str,
@@ -32,7 +32,7 @@ pub enum Raw10Error {
         found: usize,
     },
     /// More than ten bits.
-    #[error("sample {index} is {value}, above {MAX_SAMPLE}: not a 10-bit picture")]
+    #[error("sample {index} is {value}, above {MAX_SAMPLE}: not a 10-bit image")]
     Sample {
         /// Which.
         index: usize,
@@ -56,7 +56,7 @@ pub fn row_bytes(width: u16) -> Result<usize, Raw10Error> {
 /// Packs samples, row after row without padding.
 ///
 /// # Errors
-/// When they are not a picture of `size`, or one has more than ten bits.
+/// When they are not an image of `size`, or one has more than ten bits.
 pub fn pack(samples: &[u16], size: Size) -> Result<Vec<u8>, Raw10Error> {
     let n_bytes = row_bytes(size.width)? * usize::from(size.height);
     check_length(size, "samples", size.n_pixels(), samples.len())?;
@@ -72,10 +72,10 @@ pub fn pack(samples: &[u16], size: Size) -> Result<Vec<u8>, Raw10Error> {
     Ok(packed)
 }
 
-/// Unpacks rows that lie `stride` bytes apart; the last row may lack its padding.
+/// Unpacks rows `stride` bytes apart; the last row may lack its padding.
 ///
 /// # Errors
-/// When `packed` is not a picture of `size`.
+/// When `packed` is not an image of `size`.
 pub fn unpack(packed: &[u8], size: Size, stride: usize) -> Result<Vec<u16>, Raw10Error> {
     let row = row_bytes(size.width)?;
     let height = usize::from(size.height);

@@ -1,4 +1,4 @@
-//! Statistics without a question: estimates, moments, quantiles.
+//! Statistics: estimates, moments, quantiles, random numbers.
 
 mod direction;
 mod dot;

@@ -1,7 +1,7 @@
 //! Time: each clock is a type.
 //!
 //! A [`Stamp`] belongs to one clock; stamps of two clocks neither subtract nor
-//! compare. Only a [`ClockMap`] leads from one clock to another, and it is
+//! compare. Only a [`ClockMap`] converts from one clock to another, and it is
 //! named `to_from`: `unix_from_sensor`. Time is integral nanoseconds; event
 //! columns hold integral microseconds of their stream's clock.
 
@@ -34,7 +34,7 @@ clock!(
     "unix"
 );
 clock!(
-    /// The host's monotonic clock; its zero means nothing.
+    /// The host's monotonic clock; its zero is arbitrary.
     HostMonotonic,
     "host-monotonic"
 );
@@ -49,7 +49,7 @@ clock!(
     "pi-sensor"
 );
 
-/// A length of time in nanoseconds; no clock is needed to state one.
+/// A duration in nanoseconds, independent of a clock.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Hash, Serialize, Deserialize,
 )]
@@ -57,7 +57,7 @@ clock!(
 pub struct Span(i64);
 
 impl Span {
-    /// No time at all.
+    /// Zero.
     pub const ZERO: Self = Self(0);
 
     /// A span of whole nanoseconds.
@@ -213,9 +213,9 @@ impl<C> Sub<Span> for Stamp<C> {
     }
 }
 
-/// The fitted way from clock `B` to clock `A`: an anchor on both and the rate between them.
+/// The fitted map from clock `B` to clock `A`: an anchor on both and the relative rate.
 ///
-/// `a = a0 + (b - b0) * (1 + skew)`. The skew is kept apart from the one so that
+/// `a = a0 + (b - b0) * (1 + skew)`. The skew is stored without the one so that
 /// parts per billion survive in a double; the anchor keeps the products small.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
@@ -243,7 +243,7 @@ impl<A: Clock, B: Clock> ClockMap<A, B> {
         self.a0 + since + Span::from_nanos(correction)
     }
 
-    /// The same relation read the other way.
+    /// The inverse map.
     #[must_use]
     pub fn inverse(&self) -> ClockMap<B, A> {
         ClockMap { a0: self.b0, b0: self.a0, skew: -self.skew / (1.0 + self.skew) }

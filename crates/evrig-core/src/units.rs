@@ -15,9 +15,6 @@ macro_rules! unit {
         pub struct $name(pub f64);
 
         impl $name {
-            /// The unit's symbol, as printed behind a number.
-            pub const SYMBOL: &'static str = $symbol;
-
             /// The bare number in this unit.
             #[must_use]
             pub fn value(self) -> f64 {
@@ -71,12 +68,12 @@ macro_rules! unit {
 }
 
 unit!(
-    /// Bytes a second: data rate.
+    /// Data rate.
     BytesPerSecond,
     "B/s"
 );
 unit!(
-    /// A length on the print, in the tool frame or in the workspace.
+    /// A length on the target, in the tool frame or in the workspace.
     Millimetres,
     "mm"
 );

@@ -15,10 +15,10 @@ pub use replay::{Pace, ReplayDavis};
 #[cfg(feature = "usb")]
 pub use usb::UsbDavis;
 
-use evrig_format::aedat4::{Stream, StreamSpec};
+use evrig_format::aedat4::{StreamHeader, StreamSpec};
 
 /// The stream as it is written again.
-fn spec(stream: &Stream) -> StreamSpec {
+fn spec(stream: &StreamHeader) -> StreamSpec {
     StreamSpec {
         name: stream.name.clone(),
         kind: stream.kind.clone(),

@@ -9,13 +9,13 @@
 //! same bytes travel without the first fourteen. All numbers are little-endian.
 //!
 //! # What the crate `aedat` does here
-//! Its generated flatbuffer types are used, always behind their verified roots. Its decoder is
+//! Its generated flatbuffer types are used, always after verification. Its decoder is
 //! not: it panics on damaged headers (unverified root), allocates whatever length a packet
 //! declares before reading it, takes every I/O error between packets for the end of the file,
 //! refuses files that hold a stream kind it does not know, and cannot write.
 //!
 //! # What is not checked here
-//! Events come as they are written: outside the sensor or out of order is for the session to
+//! Events are returned as stored: coordinates outside the sensor and disorder are for the session to
 //! find ([`evrig_core::event::EventSlice::first_outside`], [`evrig_core::event::EventSlice::first_disorder`]).
 //! What cannot be represented at all is counted in [`Losses`]. Most files carry no checksum, so a
 //! flipped bit inside a packet may go unseen; the session's own checksums are for that.
@@ -28,16 +28,17 @@ mod error;
 mod framing;
 mod header;
 mod lz4_frame;
+mod memory;
 mod outgoing;
 mod overflow;
 mod reader;
 mod table;
 mod writer;
 
-pub use compression::{Compression, UnknownCompression};
-pub use error::{Place, ReadError, WriteError};
+pub use compression::Compression;
+pub use error::{FilePosition, ReadError, WriteError};
 pub use reader::Reader;
-pub use writer::{Summary, Writer};
+pub use writer::{WriteSummary, Writer};
 
 use evrig_core::event::Events;
 use evrig_core::frame::Frame;
@@ -48,23 +49,23 @@ use evrig_core::time::Davis;
 /// Largest packet, compressed or not, that is read or written: 256 MiB, 16 million events.
 pub const MAX_PACKET_BYTES: usize = 1 << 28;
 
-/// What a stream carries.
+/// Kind of a stream's packets.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub enum Kind {
-    /// Brightness changes.
+pub enum PayloadKind {
+    /// Events.
     Events,
-    /// Pictures.
+    /// Frames.
     Frames,
     /// Inertial samples.
     Imu,
-    /// Marks in the camera's time.
+    /// Triggers.
     Triggers,
-    /// Something this reader does not know, by its four-letter identifier.
+    /// An unknown kind, by its four-letter identifier.
     Other(String),
 }
 
-impl Kind {
-    /// The four letters that stand in the file.
+impl PayloadKind {
+    /// The four-letter identifier in the file.
     #[must_use]
     pub fn identifier(&self) -> &str {
         match self {
@@ -89,13 +90,13 @@ impl Kind {
 
 /// One stream of a file, as its header describes it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Stream {
+pub struct StreamHeader {
     /// The number that its packets carry.
     pub id: u32,
     /// The name of the output it was recorded from: `events`, `frames`, ...
     pub name: String,
-    /// What it carries.
-    pub kind: Kind,
+    /// Kind of its packets.
+    pub kind: PayloadKind,
     /// The pixel grid, where the header states one.
     pub size: Option<Size>,
     /// The camera's name, empty where the header states none.
@@ -107,8 +108,8 @@ pub struct Stream {
 pub struct StreamSpec {
     /// The name by which readers ask for it.
     pub name: String,
-    /// What it will carry.
-    pub kind: Kind,
+    /// Kind of its packets.
+    pub kind: PayloadKind,
     /// The pixel grid; events and frames need one.
     pub size: Option<Size>,
     /// The camera's name; dv-processing groups streams by it.
@@ -116,41 +117,41 @@ pub struct StreamSpec {
 }
 
 impl StreamSpec {
-    /// Events of a camera, under the name that dv-processing looks for.
+    /// Events of a camera, under the name that dv-processing expects.
     #[must_use]
     pub fn events(size: Size, source: &str) -> Self {
-        Self::named("events", Kind::Events, Some(size), source)
+        Self::named("events", PayloadKind::Events, Some(size), source)
     }
 
-    /// Frames of a camera, under the name that dv-processing looks for.
+    /// Frames of a camera, under the name that dv-processing expects.
     #[must_use]
     pub fn frames(size: Size, source: &str) -> Self {
-        Self::named("frames", Kind::Frames, Some(size), source)
+        Self::named("frames", PayloadKind::Frames, Some(size), source)
     }
 
-    /// Inertial samples of a camera, under the name that dv-processing looks for.
+    /// Inertial samples of a camera, under the name that dv-processing expects.
     #[must_use]
     pub fn imu(source: &str) -> Self {
-        Self::named("imu", Kind::Imu, None, source)
+        Self::named("imu", PayloadKind::Imu, None, source)
     }
 
-    /// Triggers of a camera, under the name that dv-processing looks for.
+    /// Triggers of a camera, under the name that dv-processing expects.
     #[must_use]
     pub fn triggers(source: &str) -> Self {
-        Self::named("triggers", Kind::Triggers, None, source)
+        Self::named("triggers", PayloadKind::Triggers, None, source)
     }
 
-    fn named(name: &str, kind: Kind, size: Option<Size>, source: &str) -> Self {
+    fn named(name: &str, kind: PayloadKind, size: Option<Size>, source: &str) -> Self {
         Self { name: name.to_owned(), kind, size, source: source.to_owned() }
     }
 }
 
-/// What one packet held.
+/// Content of one packet.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Content {
     /// A run of events.
     Events(Events),
-    /// One picture.
+    /// One frame.
     Frame(Frame<Davis>),
     /// A run of inertial samples.
     Imu(Vec<ImuSample>),
@@ -164,7 +165,7 @@ pub enum Content {
 }
 
 impl Content {
-    /// Writes it into a stream; of a kind that nobody knows, nothing.
+    /// Writes it into a stream; nothing for an unknown kind.
     ///
     /// # Errors
     /// [`WriteError`] when the stream carries something else, or writing fails.
@@ -183,20 +184,20 @@ impl Content {
     }
 }
 
-/// One packet, with where it stood.
+/// One packet and its position.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Packet {
-    /// Number of its stream, see [`Stream::id`].
+    /// Number of its stream, see [`StreamHeader::id`].
     pub stream: u32,
-    /// Place among all packets, from 0.
+    /// FilePosition among all packets, from 0.
     pub index: u64,
     /// Byte at which the packet begins.
     pub offset: u64,
-    /// What it held.
+    /// Its content.
     pub content: Content,
 }
 
-/// What could be read but not represented, counted so that nothing is dropped in silence.
+/// Counts of what was read but cannot be represented.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Losses {
     /// Events with a negative column or row.

@@ -1,34 +1,34 @@
-//! Where the bytes of a file go that is written as it is recorded.
+//! Destination of a file that is written during a recording.
 
 use std::fmt;
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
 
-/// A file on a disk, or a pipe to someone who takes the same bytes as they come.
+/// A file, or a pipe that receives the same bytes as they are written.
 pub enum Destination {
     /// A file.
     File(File),
-    /// A pipe, in which nobody can go back, and the number of bytes that went in.
+    /// A pipe, which cannot seek, and the number of bytes written.
     Pipe(Box<dyn Write + Send>, u64),
 }
 
 impl Destination {
-    /// A pipe, or whatever else takes bytes in their order.
+    /// A pipe or any other sequential writer.
     #[must_use]
     pub fn pipe(pipe: Box<dyn Write + Send>) -> Self {
         Self::Pipe(pipe, 0)
     }
 
-    /// Whether what was written can be written over.
+    /// Whether it can seek.
     #[must_use]
-    pub const fn can_go_back(&self) -> bool {
+    pub const fn can_seek(&self) -> bool {
         matches!(self, Self::File(_))
     }
 }
 
 impl fmt::Debug for Destination {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(if self.can_go_back() { "File" } else { "Pipe" })
+        f.write_str(if self.can_seek() { "File" } else { "Pipe" })
     }
 }
 
@@ -56,11 +56,8 @@ impl Seek for Destination {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         match self {
             Self::File(file) => file.seek(to),
-            // Where it is, it can say.
             Self::Pipe(_, n_bytes) if to == SeekFrom::Current(0) => Ok(*n_bytes),
-            Self::Pipe(..) => {
-                Err(io::Error::new(io::ErrorKind::NotSeekable, "a pipe runs one way"))
-            }
+            Self::Pipe(..) => Err(io::Error::new(io::ErrorKind::NotSeekable, "a pipe cannot seek")),
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! The crate `hdf5-pure` reads them without the C library: contiguous and chunked data,
 //! plain or with gzip, shuffle or LZF. Blosc and Zstandard, which DSEC itself uses, need
-//! filters it does not have: the error says to rewrite the file with gzip.
+//! filters it does not have: the error advises to rewrite the file with gzip.
 
 mod dsec;
 
@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 pub struct EventColumns {
     /// Time, pixel column, pixel row, polarity; of equal length.
     pub columns: [Column; 4],
-    /// What DSEC says must be added to every time, µs; 0 where the file states none.
+    /// Offset to be added to every time (DSEC), µs; 0 where the file states none.
     pub t_offset_us: i64,
 }
 
@@ -30,11 +30,11 @@ pub struct Hdf5Error {
 }
 
 /// Names under which the four columns are kept.
-const NAMES: [&[&str]; 4] =
+const COLUMN_NAMES: [&[&str]; 4] =
     [&["t", "ts", "timestamp"], &["x", "xs"], &["y", "ys"], &["p", "ps", "polarity"]];
 
 /// Groups in which events are kept.
-const GROUPS: [&str; 5] = ["events", "", "CD/events", "prophesee/left", "davis/left/events"];
+const GROUP_NAMES: [&str; 5] = ["events", "", "CD/events", "prophesee/left", "davis/left/events"];
 
 /// Reads the event table of an HDF5 file: `t`, `x`, `y`, `p` in a group `events` (or at the root,
 /// or in other groups in use), or one table `events` of N x 4.
@@ -53,7 +53,7 @@ pub fn read_events(path: &Path) -> Result<EventColumns, Hdf5Error> {
         Ok(dataset) => dataset.read_i64().map_err(unreadable)?.first().copied().unwrap_or(0),
         Err(_) => 0,
     };
-    for group in GROUPS {
+    for group in GROUP_NAMES {
         let find = |names: &[&str]| {
             let inside = |name: &&str| {
                 let separator = if group.is_empty() { "" } else { "/" };
@@ -61,7 +61,7 @@ pub fn read_events(path: &Path) -> Result<EventColumns, Hdf5Error> {
             };
             names.iter().find_map(inside)
         };
-        let found: Option<Vec<Dataset>> = NAMES.iter().map(|names| find(names)).collect();
+        let found: Option<Vec<Dataset>> = COLUMN_NAMES.iter().map(|names| find(names)).collect();
         let Some(found) = found else { continue };
         let read = |dataset: &Dataset| column(dataset).map_err(unreadable);
         let columns = [read(&found[0])?, read(&found[1])?, read(&found[2])?, read(&found[3])?];

@@ -1,4 +1,4 @@
-//! Formats, one file each: bytes in, values out, in bounded memory.
+//! File formats, one module each, read and written in bounded memory.
 
 pub mod aedat4;
 mod destination;

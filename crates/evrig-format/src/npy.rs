@@ -13,7 +13,7 @@ pub use write::{ArrayWriter, Element, NpzWriter};
 
 use std::path::PathBuf;
 
-/// What can be wrong with an npy or npz file.
+/// Errors of npy and npz files.
 #[derive(Debug, thiserror::Error)]
 pub enum NpyError {
     /// The file cannot be read or written.
@@ -21,10 +21,10 @@ pub enum NpyError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// It is not what its name says.
+    /// The content is not of the expected format.
     #[error("{path}: {what}", path = path.display())]
     Format {
         /// The file.

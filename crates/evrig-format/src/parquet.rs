@@ -1,7 +1,7 @@
 //! Event tables as Parquet, which pandas, polars, DuckDB and Hugging Face's datasets read.
 //!
 //! Columns `t` (int64, microseconds), `x` and `y` (uint16), `p` (uint8, 1 for On), all required,
-//! compressed with Zstandard, sorted by `t`; what they are stands in the file's key-value metadata.
+//! compressed with Zstandard, sorted by `t`; the key-value metadata describe them.
 
 use evrig_core::event::EventSlice;
 use parquet::basic::{Compression, Encoding, ZstdLevel};
@@ -16,8 +16,8 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Events a row group: what a reader holds at once.
-const GROUP: usize = 1 << 20;
+/// Events per row group, which a reader holds in memory.
+const EVENTS_PER_ROW_GROUP: usize = 1 << 20;
 
 const SCHEMA: &str = "message events {
     REQUIRED INT64 t;
@@ -34,7 +34,7 @@ pub enum TableError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
     /// Writing failed.
@@ -47,22 +47,27 @@ pub enum TableError {
     },
 }
 
-/// Writes events with texts about them.
+/// Writes events with key-value metadata.
 ///
 /// # Errors
-/// When the disk refuses.
+/// When writing fails.
 pub fn write_events(
     path: &Path,
     events: EventSlice<'_>,
-    says: &[(&str, String)],
+    metadata: &[(&str, String)],
 ) -> Result<(), TableError> {
     let file =
         File::create(path).map_err(|source| TableError::Io { path: path.to_owned(), source })?;
-    write(file, events, says).map_err(|source| TableError::Write { path: path.to_owned(), source })
+    write(file, events, metadata)
+        .map_err(|source| TableError::Write { path: path.to_owned(), source })
 }
 
-fn write(file: File, events: EventSlice<'_>, says: &[(&str, String)]) -> Result<(), ParquetError> {
-    let pairs = says.iter().map(|(key, text)| KeyValue::new((*key).to_owned(), text.clone()));
+fn write(
+    file: File,
+    events: EventSlice<'_>,
+    metadata: &[(&str, String)],
+) -> Result<(), ParquetError> {
+    let pairs = metadata.iter().map(|(key, text)| KeyValue::new((*key).to_owned(), text.clone()));
     let time = ColumnPath::from("t");
     let properties = WriterProperties::builder()
         .set_compression(Compression::ZSTD(ZstdLevel::try_new(3)?))
@@ -79,8 +84,8 @@ fn write(file: File, events: EventSlice<'_>, says: &[(&str, String)]) -> Result<
         .build();
     let schema = Arc::new(parse_message_type(SCHEMA)?);
     let mut writer = SerializedFileWriter::new(file, schema, Arc::new(properties))?;
-    for start in (0..events.len()).step_by(GROUP) {
-        let part = events.range(start, (start + GROUP).min(events.len()));
+    for start in (0..events.len()).step_by(EVENTS_PER_ROW_GROUP) {
+        let part = events.range(start, (start + EVENTS_PER_ROW_GROUP).min(events.len()));
         let mut group = writer.next_row_group()?;
         column::<Int64Type>(&mut group, part.t)?;
         let wide = |column: &[u16]| column.iter().map(|&v| i32::from(v)).collect::<Vec<_>>();

@@ -3,19 +3,19 @@
 //! Metadata are packed records of a little-endian f64, the SensorTimestamp, and 30 bytes of
 //! text, the wall clock, padded with zeros: `2025-06-01 17:04:06.123456` in local time,
 //! without the fraction when it is zero. Raw frames are u16 little-endian Bayer samples
-//! (RGGB), of 10 bits at the right end of the word (Pi 4) or at the left (Pi 5).
+//! (RGGB), of 10 bits, right-justified (Pi 4) or left-justified (Pi 5).
 
 use chrono::{NaiveDateTime, TimeZone};
 
 /// Bytes of one metadata record.
 pub const RECORD_BYTES: usize = 38;
 
-/// One metadata record as it stands in the file.
+/// One metadata record of the file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Record {
+pub struct MetadataRecord {
     /// SensorTimestamp in the file's own unit.
     pub sensor: f64,
-    /// RealTime, Unix µs; `None` where the text is no time.
+    /// RealTime, Unix µs; `None` where the text is not a time.
     pub real_time_us: Option<i64>,
 }
 
@@ -28,16 +28,16 @@ pub enum SensorUnit {
     Microseconds,
 }
 
-/// Where the 10 bits of a raw sample stand in their word.
+/// Justification of a 10-bit raw sample in its 16-bit word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RawJustification {
-    /// At the right end: 0..=1023 (Pi 4).
+    /// Right-justified: 0..=1023 (Pi 4).
     Right,
-    /// At the left end: value << 6 (Pi 5).
+    /// Left-justified: value << 6 (Pi 5).
     Left,
 }
 
-impl Record {
+impl MetadataRecord {
     /// Whether the recorder never filled this record: it sized its file before the take.
     #[must_use]
     pub fn is_unfilled(&self) -> bool {
@@ -48,14 +48,14 @@ impl Record {
 /// The whole records of a metadata file, and how many bytes of a last partial one are left.
 /// `zone` is the time zone the recorder's wall clock showed.
 #[must_use]
-pub fn parse_metadata(bytes: &[u8], zone: chrono_tz::Tz) -> (Vec<Record>, usize) {
+pub fn parse_metadata(bytes: &[u8], zone: chrono_tz::Tz) -> (Vec<MetadataRecord>, usize) {
     let records = bytes.chunks_exact(RECORD_BYTES);
     let n_left = records.remainder().len();
     let record = |bytes: &[u8]| {
         let (number, text) = bytes.split_at(8);
         let mut sensor = [0; 8];
         sensor.copy_from_slice(number);
-        Record { sensor: f64::from_le_bytes(sensor), real_time_us: parse_time(text, zone) }
+        MetadataRecord { sensor: f64::from_le_bytes(sensor), real_time_us: parse_time(text, zone) }
     };
     (records.map(record).collect(), n_left)
 }
@@ -71,7 +71,7 @@ fn parse_time(text: &[u8], zone: chrono_tz::Tz) -> Option<i64> {
 /// The unit of SensorTimestamps, from the typical interval between frames: frames come 1 ms to
 /// 1 s apart. `None` when neither unit makes that so.
 #[must_use]
-pub fn sensor_unit(records: &[Record]) -> Option<SensorUnit> {
+pub fn sensor_unit(records: &[MetadataRecord]) -> Option<SensorUnit> {
     let mut intervals: Vec<f64> = records
         .windows(2)
         .map(|pair| pair[1].sensor - pair[0].sensor)
@@ -89,7 +89,7 @@ pub fn sensor_unit(records: &[Record]) -> Option<SensorUnit> {
     }
 }
 
-/// Where the 10 bits stand, from the samples of a frame or more; `None` when they fit neither way.
+/// The justification, from the samples of at least one frame; `None` when neither fits.
 #[must_use]
 pub fn raw_justification(samples: &[u16]) -> Option<RawJustification> {
     let max = samples.iter().copied().max()?;
@@ -130,13 +130,13 @@ mod tests {
 
     #[test]
     fn the_unit_follows_from_the_frame_interval() {
-        let at = |sensor: f64| Record { sensor, real_time_us: None };
-        let ns: Vec<Record> = (0..9).map(|k| at(5e13 + f64::from(k) * 8.333e6)).collect();
+        let at = |sensor: f64| MetadataRecord { sensor, real_time_us: None };
+        let ns: Vec<MetadataRecord> = (0..9).map(|k| at(5e13 + f64::from(k) * 8.333e6)).collect();
         assert_eq!(sensor_unit(&ns), Some(SensorUnit::Nanoseconds));
-        let us: Vec<Record> = (0..9).map(|k| at(f64::from(k) * 16_666.0)).collect();
+        let us: Vec<MetadataRecord> = (0..9).map(|k| at(f64::from(k) * 16_666.0)).collect();
         assert_eq!(sensor_unit(&us), Some(SensorUnit::Microseconds));
         assert_eq!(sensor_unit(&us[..1]), None);
-        let still: Vec<Record> = (0..9).map(|_| at(7.0)).collect();
+        let still: Vec<MetadataRecord> = (0..9).map(|_| at(7.0)).collect();
         assert_eq!(sensor_unit(&still), None);
     }
 

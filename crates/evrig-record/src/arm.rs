@@ -4,54 +4,13 @@
 //! it is given or states, and `abort` works at once, in any state, as often as
 //! it is called.
 
+pub use evrig_core::finding::{Finding, Verdict};
+
 use evrig_core::time::{HostMonotonic, Span, Stamp};
 use evrig_session::rig::{Joints, Pose};
-use evrig_session::trajectory::Path;
+use evrig_session::trajectory::ToolPath;
 use serde::Serialize;
 use std::ops::Range;
-
-/// How a finding bears on a recording.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Verdict {
-    /// As it should be.
-    Good,
-    /// It may be well; a human should look.
-    Doubt,
-    /// Nothing may move before this is mended.
-    Bad,
-}
-
-/// One thing that was looked at before anything moves.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Finding {
-    /// What was looked at: `port`, `identity`, `alarms`, `homed`, `tool`, `path`.
-    pub what: &'static str,
-    /// How it bears on the recording.
-    pub verdict: Verdict,
-    /// What was found, and what to do about it if it is not good.
-    pub says: String,
-}
-
-impl Finding {
-    /// All is well.
-    #[must_use]
-    pub fn good(what: &'static str, says: impl Into<String>) -> Self {
-        Self { what, verdict: Verdict::Good, says: says.into() }
-    }
-
-    /// A human should look.
-    #[must_use]
-    pub fn doubt(what: &'static str, says: impl Into<String>) -> Self {
-        Self { what, verdict: Verdict::Doubt, says: says.into() }
-    }
-
-    /// Nothing may move.
-    #[must_use]
-    pub fn bad(what: &'static str, says: impl Into<String>) -> Self {
-        Self { what, verdict: Verdict::Bad, says: says.into() }
-    }
-}
 
 /// A pose of the planner and when it held.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -109,14 +68,14 @@ pub struct Progress {
 /// An arm that drives a path.
 pub trait Arm: Send {
     /// Looks at everything that must hold before `path` is driven. Nothing moves.
-    fn check(&mut self, path: Option<&Path>) -> Vec<Finding>;
+    fn check(&mut self, path: Option<&ToolPath>) -> Vec<Finding>;
 
     /// Sets the arm up for `path` and goes to its start. What it did otherwise than asked
     /// (a circle as arcs, say) comes back in words.
     ///
     /// # Errors
     /// Whatever keeps the arm from its start; it then stands.
-    fn prepare(&mut self, path: &Path) -> Result<Vec<String>, DeviceError>;
+    fn prepare(&mut self, path: &ToolPath) -> Result<Vec<String>, DeviceError>;
 
     /// Starts the given steps of the prepared path, which begin where the arm stands.
     ///

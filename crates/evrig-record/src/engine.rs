@@ -12,10 +12,10 @@ use super::{Devices, State, Stop, StopToken};
 use crate::recorder::{Prepared, RecorderError, Tally, host_time};
 use crate::{DeviceError, Finding, Verdict};
 use evrig_session::rig::Rig;
-use evrig_session::trajectory::{Path, Trajectory};
+use evrig_session::trajectory::{ToolPath, Trajectory};
 use evrig_session::{
-    DeviceEntry, HostTime, Journal, Layout, Loss, Manifest, Origin, SessionError, Severity, Status,
-    seal_recording,
+    DataLoss, DeviceEntry, HostTime, Journal, Manifest, Origin, SessionError, SessionLayout,
+    SessionStatus, Severity, seal_recording,
 };
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -43,7 +43,7 @@ pub struct Request<'a> {
     /// The trajectory, for the manifest.
     pub trajectory: &'a Trajectory,
     /// The trajectory on that rig.
-    pub path: &'a Path,
+    pub path: &'a ToolPath,
     /// The session's directory; it must be missing or empty.
     pub out: &'a std::path::Path,
     /// Rests around the path.
@@ -67,7 +67,7 @@ pub struct Outcome {
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
     /// Something must be mended first; nothing moved, nothing was made.
-    #[error("not ready: {}", .0.iter().map(|f| format!("{}: {}", f.what, f.says)).collect::<Vec<_>>().join("; "))]
+    #[error("not ready: {}", .0.iter().map(|f| format!("{}: {}", f.subject, f.description)).collect::<Vec<_>>().join("; "))]
     NotReady(Vec<Finding>),
     /// The files cannot be made or sealed.
     #[error(transparent)]
@@ -90,7 +90,7 @@ enum Cut {
 }
 
 /// Looks at every device. Nothing moves.
-pub fn preflight(devices: &mut Devices, path: &Path) -> Vec<Finding> {
+pub fn preflight(devices: &mut Devices, path: &ToolPath) -> Vec<Finding> {
     let mut findings = devices.arm.check(Some(path));
     findings.extend(devices.recorders.iter_mut().flat_map(|recorder| recorder.check()));
     findings
@@ -149,14 +149,14 @@ struct Take<'a> {
     devices: &'a mut Devices,
     stop: &'a StopToken,
     watch: &'a mut dyn FnMut(State, f64),
-    layout: &'a Layout,
+    layout: &'a SessionLayout,
     journal: Journal,
     log: Log,
     state: State,
     running: Vec<Running>,
     began: Option<HostTime>,
     wall_clock: WallClock,
-    clock_losses: Vec<Loss>,
+    clock_losses: Vec<DataLoss>,
 }
 
 impl Take<'_> {
@@ -166,7 +166,8 @@ impl Take<'_> {
         let mut prepared = Vec::new();
         for recorder in &mut self.devices.recorders {
             let found = recorder.prepare()?;
-            self.journal.note("device", &json!({"name": recorder.name(), "says": found.says}))?;
+            self.journal
+                .note("device", &json!({"name": recorder.name(), "description": found.says}))?;
             prepared.push(found);
         }
         let remarks = self.devices.arm.prepare(self.request.path)?;
@@ -231,7 +232,7 @@ impl Take<'_> {
                 self.park(&mut losses);
             }
             let what = format!("cut short in state {ended_in}: {cut}");
-            losses.push(Loss { stream: "recording".into(), what: what.clone(), count: 0 });
+            losses.push(DataLoss { stream: "recording".into(), what: what.clone(), count: 0 });
             // A full disk must not keep the rest from being sealed.
             let _ = self.log.write(|log| log.log(host_time(), Severity::Error, &what));
             let _ = self
@@ -243,7 +244,11 @@ impl Take<'_> {
         let devices = self.drain(&mut losses);
         for result in [drained, self.log.finish()] {
             if let Err(error) = result {
-                losses.push(Loss { stream: "rig.mcap".into(), what: error.to_string(), count: 0 });
+                losses.push(DataLoss {
+                    stream: "rig.mcap".into(),
+                    what: error.to_string(),
+                    count: 0,
+                });
             }
         }
         (self.watch)(State::Seal, 1.0);
@@ -257,17 +262,18 @@ impl Take<'_> {
         let recording = told::recording(rig, trajectory, devices, ended, self.began);
         let origin =
             Origin::Recorded { rig: rig.name.clone(), trajectory: trajectory.name.clone() };
-        let status = if cut_short.is_some() { Status::Aborted } else { Status::Complete };
+        let status =
+            if cut_short.is_some() { SessionStatus::Aborted } else { SessionStatus::Complete };
         let manifest = seal_recording(self.layout, origin, status, recording, losses)?;
         Ok(Outcome { manifest, is_asked_for: matches!(cut, Some(Cut::Asked(_))), cut_short })
     }
 
-    fn park(&mut self, losses: &mut Vec<Loss>) {
-        let home = Path::new(self.request.rig.arm.home);
+    fn park(&mut self, losses: &mut Vec<DataLoss>) {
+        let home = ToolPath::new(self.request.rig.arm.home);
         let parked =
             self.devices.arm.prepare(&home).map(|_| ()).and_then(|()| self.devices.arm.finish());
         if let Err(error) = parked {
-            losses.push(Loss {
+            losses.push(DataLoss {
                 stream: "arm".into(),
                 what: format!("not parked: {error}"),
                 count: 0,
@@ -276,7 +282,7 @@ impl Take<'_> {
     }
 
     /// Ends the recorders and their files; says what became of each.
-    fn drain(&mut self, losses: &mut Vec<Loss>) -> Vec<DeviceEntry> {
+    fn drain(&mut self, losses: &mut Vec<DataLoss>) -> Vec<DeviceEntry> {
         let mut entries = Vec::new();
         for (index, recorder) in self.devices.recorders.iter_mut().enumerate() {
             let name = recorder.name();
@@ -288,8 +294,9 @@ impl Take<'_> {
                 Ok(tally) => running.tally = tally,
                 Err(error) => running.lost = Some(error.to_string()),
             }
-            let mut lose =
-                |what: String, count: u64| losses.push(Loss { stream: name.into(), what, count });
+            let mut lose = |what: String, count: u64| {
+                losses.push(DataLoss { stream: name.into(), what, count })
+            };
             if let Err(error) = running.writer.finish() {
                 lose(error.to_string(), 0);
             }
@@ -302,7 +309,7 @@ impl Take<'_> {
             }
             entries.push(DeviceEntry {
                 name: name.to_owned(),
-                says: running.prepared.says.clone(),
+                description: running.prepared.says.clone(),
                 n_samples: running.tally.n_samples,
                 n_dropped: running.tally.n_dropped,
                 lost: running.lost.clone(),

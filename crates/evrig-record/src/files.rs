@@ -7,9 +7,10 @@ use evrig_core::time::Span;
 use evrig_core::units::Hertz;
 use evrig_format::Destination;
 use evrig_format::aedat4::{Compression, Content, StreamSpec, WriteError, Writer};
-use evrig_session::trajectory::Path as Trace;
+use evrig_session::trajectory::ToolPath as Trace;
 use evrig_session::{
-    HostTime, Layout, PacketArrival, RigLogError, RigLogWriter, SessionError, Severity, Topic,
+    HostTime, PacketArrival, RigLogError, RigLogWriter, SessionError, SessionLayout, Severity,
+    Topic,
 };
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -29,18 +30,18 @@ const BETWEEN_FLUSHES: Duration = Duration::from_millis(200);
 pub type EventFile = Writer<BufWriter<Destination>>;
 
 /// The directory of a session that is to be recorded: missing or empty.
-pub fn take_directory(root: &Path) -> Result<Layout, SessionError> {
+pub fn take_directory(root: &Path) -> Result<SessionLayout, SessionError> {
     let io = |source| SessionError::Io { path: root.to_owned(), source };
     std::fs::create_dir_all(root).map_err(io)?;
     if std::fs::read_dir(root).map_err(io)?.next().is_some() {
         return Err(SessionError::OutputTaken { path: root.to_owned() });
     }
-    Ok(Layout::new(root))
+    Ok(SessionLayout::new(root))
 }
 
 /// The file of packets.
 pub fn create_event_file(
-    layout: &Layout,
+    layout: &SessionLayout,
     compression: Compression,
     streams: &[StreamSpec],
 ) -> Result<EventFile, SessionError> {
@@ -49,7 +50,7 @@ pub fn create_event_file(
 
 /// The same, with another handle by which it is synced.
 fn create_synced_event_file(
-    layout: &Layout,
+    layout: &SessionLayout,
     compression: Compression,
     streams: &[StreamSpec],
 ) -> Result<(EventFile, File), SessionError> {
@@ -86,18 +87,18 @@ pub struct Log {
 }
 
 impl Log {
-    pub(super) fn create(layout: &Layout) -> Result<Self, SessionError> {
+    pub(super) fn create(layout: &SessionLayout) -> Result<Self, SessionError> {
         Self::flushed_by(layout, flush)
     }
 
     /// A log in virtual time, whose chunks end where its own time says and nowhere else: the same
     /// bytes whatever the pace.
-    pub fn in_virtual_time(layout: &Layout) -> Result<Self, SessionError> {
+    pub fn in_virtual_time(layout: &SessionLayout) -> Result<Self, SessionError> {
         Self::flushed_by(layout, |log| log.strong_count() > 0)
     }
 
     fn flushed_by(
-        layout: &Layout,
+        layout: &SessionLayout,
         flush: fn(&Weak<Mutex<Option<RigLogWriter>>>) -> bool,
     ) -> Result<Self, SessionError> {
         let path = layout.rig_log();
@@ -107,7 +108,7 @@ impl Log {
 
     /// A log that goes into a pipe and is handed on as often as one that goes to a disk.
     pub(super) fn to_pipe(pipe: Box<dyn Write + Send>) -> Result<Self, SessionError> {
-        let path = Layout::new(Path::new("")).rig_log();
+        let path = SessionLayout::new(Path::new("")).rig_log();
         Self::over(RigLogWriter::to_pipe(pipe, &path)?, &path, flush)
     }
 
@@ -195,7 +196,7 @@ pub(super) struct SampleWriter {
 impl SampleWriter {
     /// Makes the recorder's file, if it delivers packets, and starts to take its samples.
     pub(super) fn start(
-        layout: &Layout,
+        layout: &SessionLayout,
         compression: Compression,
         prepared: &Prepared,
         log: &Log,
@@ -219,7 +220,7 @@ impl SampleWriter {
         if prepared.streams.is_empty() {
             return Self::take_from(queue_bytes, None, log);
         }
-        let path = Layout::new(Path::new("")).davis();
+        let path = SessionLayout::new(Path::new("")).davis();
         let file = event_file(Destination::pipe(pipe), &path, compression, &prepared.streams)?;
         Self::take_from(queue_bytes, Some((file, End::Flushed)), log)
     }

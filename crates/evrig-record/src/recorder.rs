@@ -10,7 +10,7 @@ use super::{Finding, host_clock};
 use evrig_core::pi_camera::PiFrame;
 use evrig_core::time::Stamp;
 use evrig_format::aedat4::{Content, StreamSpec};
-use evrig_session::trajectory::Settings;
+use evrig_session::trajectory::StepSettings;
 use evrig_session::{ClockExchange, HostTime};
 
 /// Now, on both clocks of the host.
@@ -123,7 +123,7 @@ pub struct RecorderError {
 }
 
 /// What a step asks of a camera that cannot be set while it runs.
-fn unset(camera: &str, settings: &Settings) -> Vec<String> {
+fn unset(camera: &str, settings: &StepSettings) -> Vec<String> {
     let asked = [
         ("aps", settings.aps.is_some()),
         ("exposure_scale", settings.exposure_scale.is_some()),
@@ -155,7 +155,7 @@ pub trait Recorder: Send {
 
     /// Sets what a step of the path asks for beside the motion; what this device cannot do of it
     /// comes back in words.
-    fn set(&mut self, settings: &Settings) -> Vec<String> {
+    fn set(&mut self, settings: &StepSettings) -> Vec<String> {
         unset(self.name(), settings)
     }
 

@@ -1,5 +1,5 @@
 //! A rehearsal: cameras run and are recorded by the threads, queues and writers of a recording, but
-//! into two pipes, at whose other ends everything is read back and thrown away ([`Heard`]).
+//! into two pipes, at whose other ends everything is read back and thrown away ([`RecordingCheck`]).
 //!
 //! So a machine can be shown to keep up for as long as one likes without a disk that holds it all.
 //! Nothing moves, and there is no session.
@@ -9,7 +9,7 @@ use super::{Stop, StopToken};
 use crate::recorder::{Recorder, RecorderError, Tally, host_time};
 use evrig_core::time::Span;
 use evrig_format::aedat4::Compression;
-use evrig_session::{Heard, SessionError, Severity};
+use evrig_session::{RecordingCheck, SessionError, Severity};
 use rustix::time::{ClockId, clock_gettime};
 use std::io::{PipeReader, PipeWriter, Write, pipe};
 use std::time::{Duration, Instant};
@@ -39,7 +39,7 @@ pub struct Rehearsed {
     /// What each camera says it delivered and lost, in the order of the cameras.
     pub tallies: Vec<Tally>,
     /// What was read back.
-    pub heard: Heard,
+    pub heard: RecordingCheck,
     /// Processor time of reading it back, which no recording needs.
     pub hearing: Span,
 }
@@ -79,10 +79,10 @@ pub fn rehearse(
     std::thread::scope(|scope| {
         let davis_heard = std::thread::Builder::new()
             .name("hear".to_owned())
-            .spawn_scoped(scope, move || timed(|| Heard::of_davis(davis_end)))?;
+            .spawn_scoped(scope, move || timed(|| RecordingCheck::of_davis(davis_end)))?;
         let log_heard = std::thread::Builder::new()
             .name("hear".to_owned())
-            .spawn_scoped(scope, move || timed(|| Heard::of_rig_log(log_end)))?;
+            .spawn_scoped(scope, move || timed(|| RecordingCheck::of_rig_log(log_end)))?;
         let ran = run(recorders, rehearsal, [davis, log], stop, watch);
         // Every writing end is closed by now, so both end.
         let ((davis, its_cpu), (log, logs_cpu)) = match (davis_heard.join(), log_heard.join()) {
@@ -90,7 +90,7 @@ pub fn rehearse(
             // A panic there was reported by its own hook.
             _ => return Err(std::io::Error::other("the reading end failed").into()),
         };
-        let (heard, hearing) = (Heard::joined(davis, log), its_cpu + logs_cpu);
+        let (heard, hearing) = (RecordingCheck::joined(davis, log), its_cpu + logs_cpu);
         ran.map(|tallies| Rehearsed { tallies, heard, hearing })
     })
 }

@@ -6,7 +6,9 @@
 
 use evrig_session::rig::Rig;
 use evrig_session::trajectory::Trajectory;
-use evrig_session::{Manifest, SessionError, Sha256Hex, Status, sha256_of_bytes, write_whole};
+use evrig_session::{
+    Manifest, SessionError, SessionStatus, Sha256Hex, sha256_of_bytes, write_whole,
+};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -79,7 +81,7 @@ pub struct Attempt {
     /// Its directory beside the list.
     pub directory: String,
     /// How it ended; none while it runs, or when the program died.
-    pub status: Option<Status>,
+    pub status: Option<SessionStatus>,
 }
 
 impl RunList {
@@ -164,7 +166,9 @@ impl RunList {
     pub fn next_run(&self) -> Option<u32> {
         let is_complete = |run: u32| {
             let mut attempts = self.told.attempts.iter();
-            attempts.any(|attempt| attempt.run == run && attempt.status == Some(Status::Complete))
+            attempts.any(|attempt| {
+                attempt.run == run && attempt.status == Some(SessionStatus::Complete)
+            })
         };
         (1..=self.told.n_runs).find(|run| !is_complete(*run))
     }
@@ -191,7 +195,7 @@ impl RunList {
     ///
     /// # Errors
     /// When the disk refuses.
-    pub fn close(&mut self, status: Status) -> Result<(), RunsError> {
+    pub fn close(&mut self, status: SessionStatus) -> Result<(), RunsError> {
         if let Some(last) = self.told.attempts.last_mut() {
             last.status = Some(status);
         }
@@ -224,15 +228,15 @@ mod tests {
         let first = list.enter(1).unwrap();
         assert_eq!(name(&first), "circle-01");
         std::fs::create_dir(&first).unwrap();
-        list.close(Status::Complete).unwrap();
+        list.close(SessionStatus::Complete).unwrap();
         let second = list.enter(2).unwrap();
         std::fs::create_dir(&second).unwrap();
-        list.close(Status::Aborted).unwrap();
+        list.close(SessionStatus::Aborted).unwrap();
         let mut again = RunList::resume(folder.path(), &rig, &trajectory).unwrap();
         assert_eq!(again, list);
         assert_eq!(again.next_run(), Some(2));
         assert_eq!(name(&again.enter(2).unwrap()), "circle-02-again-2");
-        again.close(Status::Complete).unwrap();
+        again.close(SessionStatus::Complete).unwrap();
         again.enter(3).unwrap();
         // The program dies here; nothing was sealed.
         let again = RunList::resume(folder.path(), &rig, &trajectory).unwrap();

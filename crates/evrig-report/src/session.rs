@@ -90,7 +90,7 @@ fn facts(manifest: &Manifest) -> Vec<Fact> {
 }
 
 fn losses(manifest: &Manifest) -> Vec<String> {
-    let loss = |loss: &evrig_session::Loss| match loss.count {
+    let loss = |loss: &evrig_session::DataLoss| match loss.count {
         0 => format!("Lost in {}: {}", loss.stream, loss.what),
         n => format!("Lost in {}: {n} {}", loss.stream, loss.what),
     };

@@ -1,6 +1,7 @@
-//! Taking in recordings that were made elsewhere.
+//! Import of recordings made by other programs.
 
 mod aedat4;
+mod builder;
 mod event_table;
 mod frames;
 mod images;
@@ -9,82 +10,3 @@ mod raw2event;
 pub use aedat4::import_aedat4;
 pub use frames::{FrameTimes, ImportFrames, import_frames};
 pub use raw2event::{ImportRaw2Event, import_raw2event};
-
-use super::{FileEntry, Layout, Manifest, SessionError, sha256_of_file};
-use std::path::{Path, PathBuf};
-
-/// A session directory under construction; removed again unless it is sealed.
-struct Site {
-    layout: Layout,
-    was_made_here: bool,
-    is_sealed: bool,
-}
-
-impl Site {
-    /// Takes an empty or missing directory.
-    fn take(root: &Path) -> Result<Self, SessionError> {
-        let was_made_here = !root.exists();
-        if !was_made_here {
-            let mut entries = std::fs::read_dir(root).map_err(SessionError::io(root))?;
-            if entries.next().is_some() {
-                return Err(SessionError::OutputTaken { path: root.to_owned() });
-            }
-        }
-        std::fs::create_dir_all(root).map_err(SessionError::io(root))?;
-        Ok(Self { layout: Layout::new(root), was_made_here, is_sealed: false })
-    }
-
-    fn make_directory(&self, path: &Path) -> Result<(), SessionError> {
-        std::fs::create_dir_all(path).map_err(SessionError::io(path))
-    }
-
-    /// Checksum and length of a file, under its path inside the session.
-    fn file_entry(&self, path: &Path) -> Result<(String, FileEntry), SessionError> {
-        let (sha256, bytes) = sha256_of_file(path)?;
-        let inside = path.strip_prefix(self.layout.root()).unwrap_or(path);
-        let name = inside.to_string_lossy().replace('\\', "/");
-        Ok((name, FileEntry { bytes, sha256, damage: None }))
-    }
-
-    fn seal(mut self, manifest: &Manifest) -> Result<(), SessionError> {
-        manifest.seal(&self.layout.manifest())?;
-        self.is_sealed = true;
-        Ok(())
-    }
-}
-
-impl Drop for Site {
-    fn drop(&mut self) {
-        if self.is_sealed {
-            return;
-        }
-        // A failed import leaves nothing behind; that the cleaning fails too changes nothing for the user.
-        let entries: Vec<PathBuf> = std::fs::read_dir(self.layout.root())
-            .into_iter()
-            .flatten()
-            .flatten()
-            .map(|entry| entry.path())
-            .collect();
-        for path in entries {
-            let _ = if path.is_dir() {
-                std::fs::remove_dir_all(&path)
-            } else {
-                std::fs::remove_file(&path)
-            };
-        }
-        if self.was_made_here {
-            let _ = std::fs::remove_dir(self.layout.root());
-        }
-    }
-}
-
-/// The last part of a path, as text for the manifest.
-fn file_name(path: &Path) -> String {
-    path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into())
-}
-
-/// The session's name and the time of its making.
-fn name_and_now(root: &Path) -> (String, String) {
-    let now = chrono::Utc::now().to_rfc3339_opts(chrono::SecondsFormat::Secs, true);
-    (file_name(root), now)
-}

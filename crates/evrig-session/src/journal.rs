@@ -15,9 +15,9 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens a journal at its end, or makes one, and holds it against other processes.
+    /// Opens or creates a journal and locks it against other processes.
     ///
-    /// A last line that a crash has cut is ended, so that the next one stands alone.
+    /// A truncated last line is terminated, so that the next one is a line of its own.
     ///
     /// # Errors
     /// When the file cannot be opened, or another process has it.
@@ -28,7 +28,7 @@ impl Journal {
             .create(true)
             .open(path)
             .map_err(SessionError::io(path))?;
-        // A file system without locks cannot tell; then nobody is kept out.
+        // A file system without locks excludes no other process.
         if let Err(TryLockError::WouldBlock) = file.try_lock() {
             return Err(SessionError::Busy { path: path.to_owned() });
         }
@@ -39,7 +39,7 @@ impl Journal {
     /// Writes one line, `{"at": <RFC 3339>, "what": ..., ...details}`, and syncs it to the disk.
     ///
     /// # Errors
-    /// When the disk refuses.
+    /// When writing fails.
     pub fn note(&mut self, what: &str, details: &Value) -> Result<(), SessionError> {
         let mut entry = Map::new();
         let now = Utc::now().to_rfc3339_opts(SecondsFormat::Micros, true);

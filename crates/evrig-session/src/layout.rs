@@ -1,11 +1,11 @@
-//! Where each file of a session lies.
+//! Paths of a session's files.
 
 use super::SessionError;
 use std::path::{Path, PathBuf};
 
 /// Paths inside one session directory.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Layout {
+pub struct SessionLayout {
     root: PathBuf,
 }
 
@@ -40,7 +40,7 @@ impl std::fmt::Display for StreamName {
     }
 }
 
-impl Layout {
+impl SessionLayout {
     /// The layout of the session at `root`.
     #[must_use]
     pub fn new(root: &Path) -> Self {
@@ -65,7 +65,7 @@ impl Layout {
         self.root.join("session.json")
     }
 
-    /// What happened, a JSON object a line.
+    /// The journal: one JSON object per line.
     #[must_use]
     pub fn journal(&self) -> PathBuf {
         self.root.join("journal.jsonl")
@@ -108,7 +108,7 @@ impl Layout {
         self.root.join("report.html")
     }
 
-    /// The file named in a manifest, which must lie inside the session.
+    /// The file named in a manifest, which must be inside the session.
     ///
     /// # Errors
     /// When the name is absolute or climbs out of the directory.
@@ -121,7 +121,7 @@ impl Layout {
         } else {
             Err(SessionError::Manifest {
                 path: self.manifest(),
-                what: format!("file `{}` would lie outside the session", file.escape_default()),
+                what: format!("file `{}` is outside the session", file.escape_default()),
             })
         }
     }
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn a_manifest_cannot_point_outside_its_session() {
-        let layout = Layout::new(Path::new("/data/s"));
+        let layout = SessionLayout::new(Path::new("/data/s"));
         for bad in ["/etc/passwd", "../other/davis.aedat4", "a/../../b", ""] {
             assert!(layout.inside(bad).is_err(), "{bad:?}");
         }

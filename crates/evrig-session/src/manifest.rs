@@ -1,4 +1,4 @@
-//! `session.json`: what a session says of itself, sealed last.
+//! `session.json`, the manifest of a session, written last.
 
 use super::{SessionError, Sha256Hex};
 use evrig_core::geometry::Size;
@@ -8,15 +8,18 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 
-/// The manifest's schema; a reader refuses another major version.
-pub const SCHEMA: &str = "evrig.session/1";
+/// The manifest's schema; a reader refuses all but this and [`FORMER_SCHEMA`].
+pub const SCHEMA: &str = "evrig.session/2";
 
-/// What a session says of itself.
+/// The former schema, in which a device's `description` has the key `says`.
+const FORMER_SCHEMA: &str = "evrig.session/1";
+
+/// The manifest of a session.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// [`SCHEMA`].
     pub schema: String,
-    /// What people call it: the directory's name when it was made.
+    /// The directory's name when it was made.
     pub name: String,
     /// Version of evrig that made it.
     pub evrig_version: String,
@@ -25,13 +28,13 @@ pub struct Manifest {
     /// Where it came from.
     pub origin: Origin,
     /// Whether everything that was to be recorded was.
-    pub status: Status,
+    pub status: SessionStatus,
     /// The streams, in the order of their names on the page.
     pub streams: Vec<StreamEntry>,
     /// Size and checksum of every recorded file, by path inside the session.
     pub files: BTreeMap<String, FileEntry>,
     /// Everything that was lost or is doubtful; empty when nothing is.
-    pub losses: Vec<Loss>,
+    pub losses: Vec<DataLoss>,
     /// What an import had to decide about the files it read, and known defects of their layout.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub decisions: Vec<String>,
@@ -47,13 +50,13 @@ pub struct Recording {
     pub rig: String,
     /// The trajectory description as it was used, its whole text.
     pub trajectory: String,
-    /// The devices, with what they said of themselves and read back.
+    /// The devices, with the settings they read back.
     pub devices: Vec<DeviceEntry>,
     /// The state in which the recording ended, and why.
     pub ended: String,
     /// Host time of the first step, ns of the Unix clock; none if it never came to that.
     pub trajectory_began_ns: Option<i64>,
-    /// How the clocks are kept, as the rig states it and as far as it was measured.
+    /// Discipline of the clocks, as the rig states it and as far as it was measured.
     pub clocks: serde_json::Value,
 }
 
@@ -62,8 +65,9 @@ pub struct Recording {
 pub struct DeviceEntry {
     /// Its part in the rig.
     pub name: String,
-    /// What it said of itself and read back: model, firmware, settings.
-    pub says: serde_json::Value,
+    /// Model, firmware and settings as the device reported and read them back.
+    #[serde(alias = "says")]
+    pub description: serde_json::Value,
     /// Samples that reached the files.
     pub n_samples: u64,
     /// Samples lost on the way because something was full.
@@ -111,7 +115,7 @@ pub enum Origin {
 /// Whether everything that was to be recorded was.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Status {
+pub enum SessionStatus {
     /// Nothing is missing.
     Complete,
     /// The recording was broken off by a person or a fault.
@@ -120,25 +124,25 @@ pub enum Status {
     Recovered,
 }
 
-/// What flows in a stream.
+/// Kind of a stream's data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StreamKind {
-    /// Brightness changes.
+    /// Events.
     Events,
-    /// Pictures.
+    /// Frames.
     Frames,
     /// Inertial samples.
     Imu,
-    /// Edges on the camera's trigger input and its own marks.
+    /// Triggers of the camera.
     Triggers,
     /// Poses of the arm.
     Poses,
-    /// What devices say of other streams.
+    /// Metadata of other streams.
     Metadata,
-    /// Readings of one clock beside another.
+    /// Readings of two clocks at the same time.
     ClockReadings,
-    /// What the program did.
+    /// Log of the program.
     Log,
 }
 
@@ -162,9 +166,9 @@ impl std::fmt::Display for StreamKind {
 pub struct StreamEntry {
     /// Its name in evrig.
     pub name: String,
-    /// What flows in it.
+    /// Kind of its data.
     pub kind: StreamKind,
-    /// The file it lies in, inside the session.
+    /// Its file, inside the session.
     pub file: String,
     /// Its number in that file, for files of several streams.
     pub stream_id: Option<u32>,
@@ -179,7 +183,7 @@ pub struct StreamEntry {
     /// The clock of its stamps: `davis`, or `pi-sensor` for the Pi's.
     #[serde(default = "davis_clock")]
     pub clock: String,
-    /// The camera or program that made it, as the file says.
+    /// The camera or program that made it, as stated in the file.
     pub source: String,
 }
 
@@ -202,22 +206,46 @@ pub struct FileEntry {
 /// Where reading a file had to stop.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Damage {
-    /// What stands there instead of data, with offset and packet.
+    /// Description of the damage, with offset and packet.
     pub what: String,
 }
 
 /// Something that was lost, dropped or is doubtful.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Loss {
-    /// The stream, or the file where no stream can be told.
+pub struct DataLoss {
+    /// The stream, or the file where the stream is unknown.
     pub stream: String,
-    /// What happened, in words.
+    /// Description.
     pub what: String,
-    /// How many events, frames or packets; 0 where it cannot be told.
+    /// Number of events, frames or packets; 0 where it is unknown.
     pub count: u64,
 }
 
 impl Manifest {
+    /// The manifest of the session at `root`, made now by this version.
+    pub(crate) fn new(
+        root: &Path,
+        origin: Origin,
+        status: SessionStatus,
+        streams: Vec<StreamEntry>,
+        files: impl IntoIterator<Item = (String, FileEntry)>,
+        losses: Vec<DataLoss>,
+    ) -> Self {
+        Self {
+            schema: SCHEMA.into(),
+            name: file_name(root),
+            evrig_version: env!("CARGO_PKG_VERSION").into(),
+            created: chrono::Utc::now().to_rfc3339_opts(chrono::SecondsFormat::Secs, true),
+            origin,
+            status,
+            streams,
+            files: files.into_iter().collect(),
+            losses,
+            decisions: Vec::new(),
+            recording: None,
+        }
+    }
+
     /// Reads and checks a manifest.
     ///
     /// # Errors
@@ -228,18 +256,20 @@ impl Manifest {
         let value: serde_json::Value =
             serde_json::from_str(&text).map_err(|e| wrong(format!("not JSON: {e}")))?;
         let schema = value.get("schema").and_then(|schema| schema.as_str()).unwrap_or("none");
-        if schema != SCHEMA {
+        if ![SCHEMA, FORMER_SCHEMA].contains(&schema) {
             return Err(wrong(format!(
                 "schema is `{schema}`, this evrig reads `{SCHEMA}`; use the evrig that made it or a newer one"
             )));
         }
-        serde_json::from_value(value).map_err(|e| wrong(format!("not a manifest: {e}")))
+        let read: Self =
+            serde_json::from_value(value).map_err(|e| wrong(format!("not a manifest: {e}")))?;
+        Ok(Self { schema: SCHEMA.into(), ..read })
     }
 
-    /// Seals the session: writes the manifest so that it is there whole or not at all.
+    /// Seals the session: writes the manifest atomically.
     ///
     /// # Errors
-    /// When the disk refuses.
+    /// When writing fails.
     pub fn seal(&self, path: &Path) -> Result<(), SessionError> {
         let text = serde_json::to_string_pretty(self)
             .map_err(|e| SessionError::Manifest { path: path.to_owned(), what: e.to_string() })?;
@@ -247,7 +277,12 @@ impl Manifest {
     }
 }
 
-/// Writes a file beside its place, syncs it, and moves it there: a reader sees all of it or none.
+/// The last part of a path, as text for the manifest.
+pub(crate) fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into())
+}
+
+/// Writes a file atomically: to a temporary file, which is synced and renamed.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), SessionError> {
     let beside = path.with_extension("partial");
     let write = || {
@@ -261,8 +296,42 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), SessionError> {
     write().map_err(SessionError::io(path))
 }
 
-/// Makes the name of a new file as durable as its bytes.
+/// Syncs the directory of a new file.
 pub(super) fn sync_folder_of(path: &Path) -> std::io::Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     std::fs::File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_manifest_of_the_former_schema_is_read_and_a_newer_one_is_refused() {
+        let text = |schema: &str, key: &str| {
+            let device = serde_json::json!({
+                "name": "davis", key: {"source": "usb"}, "n_samples": 3, "n_dropped": 0,
+            });
+            serde_json::json!({
+                "schema": schema, "name": "s", "evrig_version": "0", "created": "",
+                "origin": {"kind": "recorded", "rig": "sim", "trajectory": "line"},
+                "status": "complete", "streams": [], "files": {}, "losses": [],
+                "recording": {
+                    "rig": "", "trajectory": "", "devices": [device], "ended": "complete",
+                    "trajectory_began_ns": null, "clocks": null,
+                },
+            })
+            .to_string()
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("session.json");
+        for (schema, key) in [(SCHEMA, "description"), (FORMER_SCHEMA, "says")] {
+            std::fs::write(&path, text(schema, key)).unwrap();
+            let manifest = Manifest::read(&path).unwrap();
+            assert_eq!(manifest.schema, SCHEMA);
+            assert_eq!(manifest.recording.unwrap().devices[0].description["source"], "usb");
+        }
+        std::fs::write(&path, text("evrig.session/3", "description")).unwrap();
+        assert!(Manifest::read(&path).unwrap_err().to_string().contains(SCHEMA));
+    }
 }

@@ -1,6 +1,6 @@
 //! Reading a session's streams.
 
-use super::{DavisPictures, Session, SessionError, StreamKind, StreamName};
+use super::{DavisFrames, Session, SessionError, StreamKind, StreamName};
 use evrig_core::event::Events;
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
@@ -9,12 +9,12 @@ use evrig_format::aedat4::{Content, Reader};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// What became of a stream's events on reading; `seen = kept + outside`.
+/// Counts of a stream's events on reading; `seen = kept + outside`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EventTally {
     /// Events in the file, up to the damage if it is damaged.
     pub seen: u64,
-    /// Events handed on, in ascending time.
+    /// Events returned, in ascending time.
     pub kept: u64,
     /// Events left out because they are not on the sensor.
     pub outside: u64,
@@ -39,7 +39,7 @@ impl Session {
 
     /// All events of a recorded, imported or generated stream, on the sensor and in ascending time.
     ///
-    /// A damaged file gives what stands before the damage; the manifest tells of it.
+    /// A damaged file gives what precedes the damage, which the manifest states.
     ///
     /// # Errors
     /// When there is no such stream, or its file cannot be opened.
@@ -84,8 +84,8 @@ impl Session {
         if entry.clock != Davis::NAME {
             return Err(self.other_clock(entry));
         }
-        let pictures = self.davis_pictures(name)?;
-        Ok(LuminanceFrames { pictures, ascending: Ascending::default() })
+        let pictures = self.davis_frames(name)?;
+        Ok(LuminanceFrames { pictures, ascending: AscendingFrames::default() })
     }
 }
 
@@ -123,15 +123,15 @@ fn read_events(
     Ok((events, tally))
 }
 
-/// Holds a run of frames to ascending time: lets a frame pass that is later than the last one that
+/// Keeps frames in ascending time: passes a frame that is later than the last one that
 /// passed, and counts the others.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Ascending {
+pub struct AscendingFrames {
     last_us: Option<i64>,
     n_not_later: u64,
 }
 
-impl Ascending {
+impl AscendingFrames {
     /// The next frame of `frames` that is later than the last; an error passes as it is.
     pub fn next(
         &mut self,
@@ -159,8 +159,8 @@ impl Ascending {
 
 /// A stream's frames, one after another in ascending time.
 pub struct LuminanceFrames {
-    pictures: DavisPictures,
-    ascending: Ascending,
+    pictures: DavisFrames,
+    ascending: AscendingFrames,
 }
 
 impl Iterator for LuminanceFrames {

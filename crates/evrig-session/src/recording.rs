@@ -1,9 +1,10 @@
 //! Sealing what was recorded: everything is counted from the files, then the manifest is written.
 
+use super::manifest::file_name;
 use super::rig_log::{self, stream_names};
 use super::{
-    Census, Damage, FileEntry, Layout, Loss, Manifest, Origin, Recording, SCHEMA, SessionError,
-    Status, StreamEntry, census, sha256_of_file,
+    Damage, DataLoss, FileCounts, FileEntry, Manifest, Origin, Recording, SessionError,
+    SessionLayout, SessionStatus, StreamEntry, count_file, sha256_of_file,
 };
 use evrig_core::time::{Clock, Unix};
 use evrig_format::aedat4::ReadError;
@@ -13,24 +14,24 @@ use std::path::Path;
 /// Counts the files of a recording that has ended and seals its manifest.
 ///
 /// # Errors
-/// When a file cannot be read or the disk refuses the manifest.
+/// When a file cannot be read or the manifest cannot be written.
 pub fn seal_recording(
-    layout: &Layout,
+    layout: &SessionLayout,
     origin: Origin,
-    status: Status,
+    status: SessionStatus,
     recording: Recording,
-    mut losses: Vec<Loss>,
+    mut losses: Vec<DataLoss>,
 ) -> Result<Manifest, SessionError> {
     let mut files = BTreeMap::new();
     let mut streams = Vec::new();
     if layout.davis().exists() {
-        let found = match census(&layout.davis(), &mut |_| {}) {
+        let found = match count_file(&layout.davis(), &mut |_| {}) {
             Ok(found) => found,
-            // Cut within its header: it holds no stream, and the manifest says so.
+            // Truncated within its header: it holds no stream.
             Err(SessionError::Aedat4Read(error @ ReadError::Malformed { .. })) => {
                 let file = format!("{}: ", layout.davis().display());
                 let damage = Some(error.to_string().replacen(&file, "", 1));
-                Census { damage, ..Census::default() }
+                FileCounts { damage, ..FileCounts::default() }
             }
             Err(error) => return Err(error),
         };
@@ -39,7 +40,7 @@ pub fn seal_recording(
         streams.extend(found.entries(&file));
     }
     if layout.rig_log().exists() {
-        let found = rig_log::census(&layout.rig_log())?;
+        let found = rig_log::count_log(&layout.rig_log())?;
         let file = add_file(&layout.rig_log(), found.damage.as_deref(), &mut files, &mut losses)?;
         streams.extend(found.topics.iter().map(|found| {
             let (name, kind) = stream_names(found.topic);
@@ -58,19 +59,9 @@ pub fn seal_recording(
             }
         }));
     }
-    let name = layout.root().file_name().map(|name| name.to_string_lossy().into_owned());
     let manifest = Manifest {
-        schema: SCHEMA.into(),
-        name: name.unwrap_or_default(),
-        evrig_version: env!("CARGO_PKG_VERSION").into(),
-        created: chrono::Utc::now().to_rfc3339_opts(chrono::SecondsFormat::Secs, true),
-        origin,
-        status,
-        streams,
-        files,
-        losses,
-        decisions: Vec::new(),
         recording: Some(Box::new(recording)),
+        ..Manifest::new(layout.root(), origin, status, streams, files, losses)
     };
     manifest.seal(&layout.manifest())?;
     Ok(manifest)
@@ -81,13 +72,13 @@ fn add_file(
     path: &Path,
     damage: Option<&str>,
     files: &mut BTreeMap<String, FileEntry>,
-    losses: &mut Vec<Loss>,
+    losses: &mut Vec<DataLoss>,
 ) -> Result<String, SessionError> {
     let (sha256, bytes) = sha256_of_file(path)?;
-    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = file_name(path);
     let damage = damage.map(|what| Damage { what: what.to_owned() });
     if let Some(Damage { what }) = &damage {
-        losses.push(Loss { stream: name.clone(), what: what.clone(), count: 0 });
+        losses.push(DataLoss { stream: name.clone(), what: what.clone(), count: 0 });
     }
     files.insert(name.clone(), FileEntry { bytes, sha256, damage });
     Ok(name)

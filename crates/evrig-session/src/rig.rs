@@ -1,4 +1,4 @@
-//! The rig: what stands on the table, read from a description file, and what its arm can reach.
+//! The rig description: arm, mount, cameras, target, light and clocks, and the arm's kinematics.
 
 mod arm;
 mod camera;
@@ -14,18 +14,16 @@ mod text;
 
 pub use arm::{ArmDescription, ArmPort};
 pub use camera::{
-    CameraDescription, DAVIS_BIASES, DavisDescription, PiDescription, Transport, UnknownTransport,
+    CameraDescription, CameraTransport, DAVIS_BIASES, DavisDescription, PiDescription,
     middle_crop_origin_px,
 };
-pub use fields::{Fields, closest, read_description};
+pub use fields::{DescriptionFields, closest, read_description};
 pub use kinematics::{Kinematics, Unreachable};
 pub use limits::{Gauge, JointLimits, SpeedLimits, ToolRates, Workspace};
 pub use mount::{CameraFrame, Mount, Mounting};
 pub use pose::{Joints, Pose};
 pub use problems::{DescriptionError, Problem};
-pub use target::{
-    ClocksDescription, Discipline, LightDescription, TargetDescription, UnknownDiscipline,
-};
+pub use target::{ClockDiscipline, ClocksDescription, LightDescription, TargetDescription};
 
 pub use text::{find_text, read_text};
 
@@ -36,21 +34,21 @@ use std::path::Path;
 pub struct Rig {
     /// Its name.
     pub name: String,
-    /// What it is, in a sentence.
-    pub says: Option<String>,
+    /// One sentence for people.
+    pub description: Option<String>,
     /// The arm.
     pub arm: ArmDescription,
-    /// How the cameras sit on it.
+    /// Mounting of the cameras.
     pub mount: Mount,
     /// The event camera.
     pub davis: DavisDescription,
     /// The frame camera.
     pub pi: PiDescription,
-    /// What they look at.
+    /// The target.
     pub target: TargetDescription,
-    /// What lights it.
+    /// The light.
     pub light: LightDescription,
-    /// Which clocks there are.
+    /// The clocks.
     pub clocks: ClocksDescription,
     /// The description as it was read, for the manifest.
     pub text: String,
@@ -65,8 +63,8 @@ const BUNDLED: &[(&str, &str, &str)] = &[
     ("magician", "rig/magician.toml", include_str!("../../../rig/magician.toml")),
 ];
 
-/// The only version of the vocabulary so far.
-const SCHEMA: &str = "evrig.rig/1";
+/// The current version of the keys, and the former one, which is still read.
+const SCHEMAS: [&str; 2] = ["evrig.rig/2", "evrig.rig/1"];
 
 impl Rig {
     /// The simulated rig.
@@ -113,24 +111,21 @@ impl Rig {
     /// # Errors
     /// With all the mistakes in the text.
     pub fn parse(file: &str, text: &str) -> Result<Self, DescriptionError> {
-        read_description(file, text, |fields| {
-            fields.expect_schema(SCHEMA);
-            Self {
-                name: fields.text("name"),
-                says: fields.optional_text("says"),
-                arm: fields.table("arm", |arm_fields| {
-                    let arm = ArmDescription::read(arm_fields);
-                    arm.check_home(arm_fields);
-                    arm
-                }),
-                mount: fields.table("mount", Mount::read),
-                davis: fields.table("davis", DavisDescription::read),
-                pi: fields.table("pi", PiDescription::read),
-                target: fields.table("target", TargetDescription::read),
-                light: fields.table("light", LightDescription::read),
-                clocks: fields.table("clocks", ClocksDescription::read),
-                text: text.to_owned(),
-            }
+        read_description(file, text, |fields| Self {
+            description: fields.description(SCHEMAS),
+            name: fields.text("name"),
+            arm: fields.table("arm", |arm_fields| {
+                let arm = ArmDescription::read(arm_fields);
+                arm.check_home(arm_fields);
+                arm
+            }),
+            mount: fields.table("mount", Mount::read),
+            davis: fields.table("davis", DavisDescription::read),
+            pi: fields.table("pi", PiDescription::read),
+            target: fields.table("target", TargetDescription::read),
+            light: fields.table("light", LightDescription::read),
+            clocks: fields.table("clocks", ClocksDescription::read),
+            text: text.to_owned(),
         })
     }
 }
@@ -146,6 +141,13 @@ mod tests {
         assert_eq!(sim.arm.port, ArmPort::Sim);
         let template = Rig::read(Path::new("rig/magician.toml")).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(template.arm.port, ArmPort::Auto);
+    }
+
+    #[test]
+    fn a_rig_of_the_former_schema_is_read() {
+        let former = SIM.replace("evrig.rig/2", "evrig.rig/1").replace("description =", "says =");
+        let read = Rig::parse("sim.toml", &former).unwrap();
+        assert_eq!(Rig { text: SIM.to_owned(), ..read }, Rig::simulated().unwrap());
     }
 
     #[test]
@@ -180,7 +182,7 @@ mod tests {
             let tool = Pose::from_mm_deg([x, y, 100.0, 90.0]);
             for (mounting, camera) in &cameras {
                 let frame = mounting.frame(tool);
-                let [right, down, forward] = frame.look_at(centre.into());
+                let [right, down, forward] = frame.to_camera(centre.into());
                 assert!((forward - rig.target.stand_off.0).abs() < 1e-6, "stand-off {forward}");
                 let scale = camera.pixels_per_mm(rig.target.stand_off);
                 let half = [rig.target.width().0 / 2.0, rig.target.picture_side.0 / 2.0];

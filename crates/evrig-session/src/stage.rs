@@ -1,4 +1,4 @@
-//! `stage.json`: how a derived result came about.
+//! `stage.json`: inputs, parameters and outputs of a derived result.
 
 use super::manifest::write_whole;
 use super::{SessionError, Sha256Hex, sha256_of_file};
@@ -11,14 +11,14 @@ use std::path::Path;
 
 /// Inputs, parameters and outputs of one run of one stage.
 ///
-/// It holds no time and no place, so that the same inputs give the same bytes anywhere.
+/// It holds no time and no path, so that equal inputs give equal bytes on every machine.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageRecord {
     /// `evrig.stage/1`.
     pub schema: String,
     /// The stage's name.
     pub stage: String,
-    /// The stream it made or looked at.
+    /// The stream it generated or analysed.
     pub stream: Option<String>,
     /// Version of evrig that ran it.
     pub evrig_version: String,
@@ -85,7 +85,7 @@ pub fn read_stage(directory: &Path) -> Option<StageRecord> {
 /// Adds the checksums of the named outputs and writes the record, last of all.
 ///
 /// # Errors
-/// When an output cannot be read or the disk refuses.
+/// When an output cannot be read or writing fails.
 pub fn write_stage(
     directory: &Path,
     mut record: StageRecord,

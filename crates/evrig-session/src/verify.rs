@@ -1,30 +1,21 @@
-//! Verification: everything a session claims is recomputed from its files.
+//! Verification: checksums and counts of a session are recomputed from its files.
 
-use super::census::{StreamCensus, names};
-use super::rig_log::{self, RigLogCensus, stream_names};
+use super::file_counts::{StreamCounts, stream_names};
+use super::rig_log::{self, RigLogCounts};
 use super::{
-    RigLogError, Session, SessionError, StreamEntry, StreamKind, census, read_stage, sha256_of_file,
+    RigLogError, Session, SessionError, StreamEntry, StreamKind, count_file, read_stage,
+    sha256_of_file,
 };
+use evrig_core::finding::Finding;
 use evrig_format::npy::ArrayReader;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// One claim and whether it holds.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Finding {
-    /// The file or stream.
-    pub subject: String,
-    /// Whether the claim holds.
-    pub holds: bool,
-    /// What was checked, or what was expected and found.
-    pub says: String,
-}
-
-/// All claims of a session.
+/// The findings of a session.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Verification {
-    /// One finding a claim.
+    /// One finding per claim.
     pub findings: Vec<Finding>,
 }
 
@@ -32,15 +23,15 @@ impl Verification {
     /// Whether every claim holds.
     #[must_use]
     pub fn holds(&self) -> bool {
-        self.findings.iter().all(|finding| finding.holds)
+        self.findings.iter().all(Finding::holds)
     }
 
-    fn hold(&mut self, subject: &str, says: String) {
-        self.findings.push(Finding { subject: subject.into(), holds: true, says });
+    fn hold(&mut self, subject: &str, description: String) {
+        self.findings.push(Finding::good(subject, description));
     }
 
-    fn fail(&mut self, subject: &str, says: String) {
-        self.findings.push(Finding { subject: subject.into(), holds: false, says });
+    fn fail(&mut self, subject: &str, description: String) {
+        self.findings.push(Finding::bad(subject, description));
     }
 }
 
@@ -69,7 +60,7 @@ pub fn verify(session: &Session) -> Result<Verification, SessionError> {
 }
 
 fn count_streams(session: &Session, verification: &mut Verification) -> Result<(), SessionError> {
-    let mut counted: BTreeMap<&str, Vec<StreamCensus>> = BTreeMap::new();
+    let mut counted: BTreeMap<&str, Vec<StreamCounts>> = BTreeMap::new();
     let mut logs = BTreeMap::new();
     for entry in &session.manifest().streams {
         let path = session.layout().inside(&entry.file)?;
@@ -78,12 +69,12 @@ fn count_streams(session: &Session, verification: &mut Verification) -> Result<(
             continue;
         }
         if entry.file.ends_with(".mcap") {
-            let held = logs.entry(entry.file.clone()).or_insert_with(|| rig_log::census(&path));
+            let held = logs.entry(entry.file.clone()).or_insert_with(|| rig_log::count_log(&path));
             compare_log(held, entry, verification);
             continue;
         }
         if !counted.contains_key(entry.file.as_str()) {
-            match census(&path, &mut |_| {}) {
+            match count_file(&path, &mut |_| {}) {
                 Ok(found) => {
                     counted.insert(&entry.file, found.streams);
                 }
@@ -95,7 +86,7 @@ fn count_streams(session: &Session, verification: &mut Verification) -> Result<(
         match found {
             Some(found) => compare_counts(entry, found, verification),
             None => {
-                let held = names(streams).join(", ");
+                let held = stream_names(streams).join(", ");
                 verification
                     .fail(&entry.name, format!("is not in {}, which holds: {held}", entry.file));
             }
@@ -105,7 +96,7 @@ fn count_streams(session: &Session, verification: &mut Verification) -> Result<(
 }
 
 fn compare_log(
-    held: &Result<RigLogCensus, RigLogError>,
+    held: &Result<RigLogCounts, RigLogError>,
     entry: &StreamEntry,
     verification: &mut Verification,
 ) {
@@ -113,7 +104,7 @@ fn compare_log(
         Ok(held) => held,
         Err(error) => return verification.fail(&entry.name, error.to_string()),
     };
-    let found = held.topics.iter().find(|found| stream_names(found.topic).0 == entry.name);
+    let found = held.topics.iter().find(|found| rig_log::stream_names(found.topic).0 == entry.name);
     let there = found.map(|found| (found.count, found.first_us, found.last_us));
     let recorded = (entry.count, entry.first_us, entry.last_us);
     match there {
@@ -128,7 +119,7 @@ fn compare_log(
     }
 }
 
-fn compare_counts(entry: &StreamEntry, found: &StreamCensus, verification: &mut Verification) {
+fn compare_counts(entry: &StreamEntry, found: &StreamCounts, verification: &mut Verification) {
     let recorded = (entry.count, entry.first_us, entry.last_us);
     let there = (found.count, found.first_us, found.last_us);
     if recorded == there {
@@ -161,7 +152,7 @@ fn compare_array(path: &Path, entry: &StreamEntry, verification: &mut Verificati
 fn check_derived(session: &Session, verification: &mut Verification) {
     let derived = session.root().join("derived");
     let entries = std::fs::read_dir(&derived).into_iter().flatten().flatten();
-    // The lock of whoever processes the session stands beside the stages' folders.
+    // The lock file of a running `process` is next to the stages' directories.
     let mut directories: Vec<_> =
         entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect();
     directories.sort();

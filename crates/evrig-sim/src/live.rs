@@ -9,7 +9,7 @@ use super::world::{Motion, Schedule, Setting, World, WorldDescription, WorldErro
 use evrig_core::time::{Span, Stamp, Unix};
 use evrig_pi::read_clocks;
 use evrig_session::rig::{Pose, Rig};
-use evrig_session::trajectory::{Path, Settings};
+use evrig_session::trajectory::{StepSettings, ToolPath};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
@@ -37,7 +37,7 @@ impl Motion for Follower {
 
 /// A path there and back, for ever.
 #[derive(Debug)]
-struct ToAndFro(Path);
+struct ToAndFro(ToolPath);
 
 impl Motion for ToAndFro {
     fn pose_at(&self, time: Span) -> Pose {
@@ -73,7 +73,7 @@ impl LiveWorld {
     /// # Errors
     /// As [`Self::moved_by`].
     pub fn along(
-        path: &Path,
+        path: &ToolPath,
         rig: &Rig,
         description: &WorldDescription,
         seed: u64,
@@ -128,7 +128,7 @@ impl LiveWorld {
     }
 
     /// Sets light and exposure from now on.
-    pub fn set(&self, settings: &Settings) {
+    pub fn set(&self, settings: &StepSettings) {
         self.world.set(Setting {
             start: self.now(),
             aps: settings.aps.unwrap_or(self.world.rig().davis.aps),

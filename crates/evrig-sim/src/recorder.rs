@@ -10,7 +10,7 @@ use evrig_pi::agent::Agent;
 use evrig_pi::order::Order;
 use evrig_record::Finding;
 use evrig_record::recorder::{Outlet, Prepared, Recorder, RecorderError, Tally};
-use evrig_session::trajectory::Settings;
+use evrig_session::trajectory::StepSettings;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 use std::time::Duration;
@@ -110,7 +110,7 @@ impl Recorder for SimulatedCamera {
         self.client.start(outlet)
     }
 
-    fn set(&mut self, settings: &Settings) -> Vec<String> {
+    fn set(&mut self, settings: &StepSettings) -> Vec<String> {
         // Light and exposure are of the world: the first camera that is told sets them for all.
         if self.counts_packets {
             self.live.set(settings);

@@ -19,10 +19,10 @@ use evrig_record::files::{
 };
 use evrig_record::recorder::Sample;
 use evrig_session::rig::{Pose, Rig};
-use evrig_session::trajectory::{Path, Trajectory};
+use evrig_session::trajectory::{ToolPath, Trajectory};
 use evrig_session::{
-    DeviceEntry, HostTime, Journal, Layout, Manifest, Origin, Recording, SessionError, Severity,
-    Status, Topic, seal_recording,
+    DeviceEntry, HostTime, Journal, Manifest, Origin, Recording, SessionError, SessionLayout,
+    SessionStatus, Severity, Topic, seal_recording,
 };
 use serde_json::json;
 use std::sync::Arc;
@@ -36,7 +36,7 @@ pub struct Simulation<'a> {
     /// The trajectory, for the manifest.
     pub trajectory: &'a Trajectory,
     /// The trajectory on that rig.
-    pub path: &'a Path,
+    pub path: &'a ToolPath,
     /// What the rig does not say. None of it reaches the session but through what the devices see.
     pub world: &'a WorldDescription,
     /// Of everything that is random in the world.
@@ -121,16 +121,16 @@ pub fn simulate(
 fn seal(
     simulation: &Simulation<'_>,
     world: &World,
-    layout: &Layout,
+    layout: &SessionLayout,
     streams: &[StreamSpec],
     tally: [u64; 2],
 ) -> Result<Manifest, SimulateError> {
     let rig = simulation.rig;
     let kinds: Vec<_> = streams.iter().map(|stream| stream.kind.identifier()).collect();
     let pi = &rig.pi;
-    let device = |name: &str, says, n_samples| DeviceEntry {
+    let device = |name: &str, description, n_samples| DeviceEntry {
         name: name.to_owned(),
-        says,
+        description,
         n_samples,
         n_dropped: 0,
         lost: None,
@@ -153,7 +153,7 @@ fn seal(
     };
     let origin =
         Origin::Recorded { rig: rig.name.clone(), trajectory: simulation.trajectory.name.clone() };
-    Ok(seal_recording(layout, origin, Status::Complete, recording, Vec::new())?)
+    Ok(seal_recording(layout, origin, SessionStatus::Complete, recording, Vec::new())?)
 }
 
 /// What was worked out of a stretch of time, in the order in which the host writes it.
@@ -162,7 +162,7 @@ type Batch = Vec<Entry>;
 /// The world on its way through the recording.
 struct Run<'a> {
     world: &'a Arc<World>,
-    path: &'a Path,
+    path: &'a ToolPath,
     until: Span,
 }
 
@@ -287,7 +287,7 @@ impl Files {
     fn write_all(
         mut self,
         inlet: Receiver<Batch>,
-        layout: &Layout,
+        layout: &SessionLayout,
     ) -> Result<[u64; 2], SessionError> {
         for entry in inlet.into_iter().flatten() {
             self.write(entry)?;

@@ -47,7 +47,7 @@ pub use schedule::{Schedule, Setting};
 
 use evrig_core::time::Span;
 use evrig_session::rig::{Pose, Rig};
-use evrig_session::trajectory::Path;
+use evrig_session::trajectory::ToolPath;
 use lamps::Lamps;
 use motion::Swing;
 use nalgebra::{Matrix3, Vector3};
@@ -143,7 +143,7 @@ impl World {
     /// As [`Self::new`].
     pub fn along(
         rig: &Rig,
-        path: &Path,
+        path: &ToolPath,
         description: &WorldDescription,
         seed: u64,
     ) -> Result<Self, WorldError> {
@@ -237,7 +237,7 @@ impl World {
     fn faces_print(&self, tool: Pose) -> Result<(), WorldError> {
         for (name, view) in [("davis", &self.davis), ("pi", &self.pi)] {
             let frame = view.camera.mounting.frame(tool);
-            let [_, _, forward] = frame.look_at(self.plane.centre);
+            let [_, _, forward] = frame.to_camera(self.plane.centre);
             let towards = frame.forward.dot(&self.plane.right.cross(&self.plane.down));
             if forward < 1.0 || towards < 0.1 {
                 return Err(WorldError::LooksAway { camera: name, tool: tool.to_string() });

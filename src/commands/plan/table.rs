@@ -15,7 +15,7 @@ impl fmt::Display for Table<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let plan = self.plan;
         writeln!(f, "{} on rig {}", plan.trajectory, plan.rig)?;
-        if let Some(says) = &self.trajectory.says {
+        if let Some(says) = &self.trajectory.description {
             writeln!(f, "  {says}")?;
         }
         writeln!(
@@ -47,8 +47,8 @@ impl fmt::Display for Table<'_> {
         for remark in &plan.remarks {
             write!(f, "\nnote: {remark}")?;
         }
-        for offence in &plan.offences {
-            write!(f, "\nbeyond a limit: {offence}")?;
+        for violation in &plan.violations {
+            write!(f, "\nbeyond a limit: {violation}")?;
         }
         let verdict = if plan.is_feasible { "the arm can run it" } else { "the arm cannot run it" };
         write!(f, "\n{verdict}")

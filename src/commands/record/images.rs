@@ -7,7 +7,7 @@ use crate::drivers::Opening;
 use anyhow::Context;
 use evrig_device::stimulus::{ImageList, Screen, Stimulus};
 use evrig_record::{Stop, StopToken};
-use evrig_session::{Layout, Manifest, Status};
+use evrig_session::{Manifest, SessionLayout, SessionStatus};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -84,8 +84,8 @@ fn place(out: &Path, index: usize, label: &str) -> anyhow::Result<Option<PathBuf
         if is_free {
             return Ok(Some(folder));
         }
-        let manifest = Manifest::read(&Layout::new(&folder).manifest());
-        if manifest.is_ok_and(|manifest| manifest.status == Status::Complete) {
+        let manifest = Manifest::read(&SessionLayout::new(&folder).manifest());
+        if manifest.is_ok_and(|manifest| manifest.status == SessionStatus::Complete) {
             return Ok(None);
         }
     }

@@ -36,8 +36,8 @@ pub(super) fn preparation_of(session: &Session, from: &str) -> Result<Preparatio
     if is_scene(session, from) || !session.is_from_pi(from)? {
         return Ok(Preparation::default());
     }
-    let first = session.pi_pictures(from)?.next().transpose()?;
-    let is_mosaic = first.is_some_and(|picture| picture.facts.bayer.is_some());
+    let first = session.pi_frames(from)?.next().transpose()?;
+    let is_mosaic = first.is_some_and(|picture| picture.properties.bayer.is_some());
     Ok(if is_mosaic {
         Preparation { colour: Colour::Luma, subtract_black: true, divide_exposure: false }
     } else {

@@ -5,7 +5,7 @@ use crate::pipeline::PipelineError;
 use crate::pipeline::between::between;
 use crate::pipeline::light::Light;
 use crate::pipeline::sync::missing;
-use evrig_core::drive::{Curve, Drive, TimeGrid};
+use evrig_core::drive::{Drive, SignalCurve, TimeGrid};
 use evrig_core::event::Events;
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
@@ -160,7 +160,7 @@ fn relight(forward: &Forward, drive: &FramesDrive, frames: &mut [Luminance]) {
     let (size, white_dn) = (drive.size(), drive.white_dn());
     for (x, y) in all_pixels(size) {
         let Some(values) = forward.light(drive, x, y, grid) else { continue };
-        let curve = Curve::new(grid, values);
+        let curve = SignalCurve::new(grid, values);
         for frame in frames.iter_mut() {
             if let Some(log) = curve.at(frame.t_us as f64) {
                 frame.values[size.index(x, y)] = (white_dn * log.exp()) as f32;

@@ -13,7 +13,7 @@ use evrig_generate::forward::{Forward, ForwardParameters};
 use evrig_generate::input::Preparation;
 use evrig_generate::{DRIVE_STEP_US, DriveFrames, DriveRun, Law, ModelParameters, build};
 use evrig_reconstruct::scene::SceneDrive;
-use evrig_session::{Picture, Session, SessionError, StreamKind, read_stage};
+use evrig_session::{RecordedFrame, Session, SessionError, StreamKind, read_stage};
 use std::time::{Duration, Instant};
 
 /// Name of the light that the scene gives.
@@ -160,11 +160,11 @@ pub(in crate::pipeline) fn aps_starts(session: &Session) -> Result<Vec<i64>, Pip
     if session.stream(StreamKind::Frames, "aps").is_err() {
         return Ok(Vec::new());
     }
-    let start = |picture: Result<Picture<Davis>, SessionError>| {
+    let start = |picture: Result<RecordedFrame<Davis>, SessionError>| {
         let timing = picture?.frame.timing;
         Ok(timing.exposure.map_or(timing.stamp, |[start, _]| start).as_micros())
     };
-    let pictures = session.davis_pictures("aps")?;
+    let pictures = session.davis_frames("aps")?;
     let mut starts = pictures.map(start).collect::<Result<Vec<_>, PipelineError>>()?;
     starts.sort_unstable();
     Ok(starts)

@@ -48,7 +48,12 @@ fn findings(journal: &str) -> Vec<[String; 3]> {
     let last = notes.rfind(|note| note["what"] == "preflight");
     let findings = last.as_ref().and_then(|note| note["findings"].as_array());
     let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
-    let row = |f: &Value| [text(&f["what"]), text(&f["verdict"]), text(&f["says"])];
+    // Journals of evrig.session/1 have the keys `what` and `says`.
+    let either = |f: &Value, keys: [&str; 2]| keys.iter().find_map(|key| f.get(key)).map(text);
+    let row = |f: &Value| {
+        [["subject", "what"], ["verdict", "verdict"], ["description", "says"]]
+            .map(|keys| either(f, keys).unwrap_or_default())
+    };
     findings.map_or_else(Vec::new, |findings| findings.iter().map(row).collect())
 }
 
@@ -84,12 +89,15 @@ mod tests {
         let journal = concat!(
             r#"{"what":"preflight","findings":[{"what":"arm","verdict":"bad","says":"alarm"}]}"#,
             "\n",
-            r#"{"what":"preflight","findings":[{"what":"arm","verdict":"good","says":"none"}]}"#,
+            r#"{"what":"preflight","findings":[{"subject":"arm","verdict":"good","description":"none"}]}"#,
             "\n",
             r#"{"what":"recording"}"#,
             "\n{\"what\":\"prefl",
         );
         assert_eq!(findings(journal), [["arm", "good", "none"].map(str::to_owned)]);
+        let former =
+            r#"{"what":"preflight","findings":[{"what":"arm","verdict":"bad","says":"x"}]}"#;
+        assert_eq!(findings(former), [["arm", "bad", "x"].map(str::to_owned)]);
         assert!(findings("").is_empty());
     }
 }

@@ -36,7 +36,7 @@ pub enum HeatValue {
 pub struct HeatMap {
     /// What lies along the map, and upwards: covariates of `mismatch.where`.
     pub axes: [String; 2],
-    /// Ascending edges of the cells along either axis, one more than cells.
+    /// AscendingFrames edges of the cells along either axis, one more than cells.
     pub edges: [Vec<f64>; 2],
     /// What the values are.
     pub value: HeatValue,

@@ -33,7 +33,7 @@ impl Placed {
 /// What a stratum is by.
 pub(super) struct Covariate {
     pub(super) key: &'static str,
-    /// Ascending edges between strata.
+    /// AscendingFrames edges between strata.
     pub(super) edges: Vec<f64>,
     pub(super) value: fn(&Placed) -> f64,
     /// Whether it is known before the event, so that a model may depend on it.

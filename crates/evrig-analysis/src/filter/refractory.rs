@@ -2,7 +2,7 @@
 //! of either polarity, as a pixel's own refractory period does.
 
 use super::{FilterError, Filtered, Reason, keep};
-use evrig_core::event::{DeadTime, EventSlice};
+use evrig_core::event::{EventSlice, RefractoryFilter};
 use evrig_core::geometry::Size;
 
 /// Filters with a dead time of `period_us` microseconds: two kept events of a pixel are at
@@ -15,8 +15,8 @@ pub fn filter(events: EventSlice<'_>, size: Size, period_us: i64) -> Result<Filt
         let found = period_us as f64;
         return Err(FilterError::BadSetting { name: "period_us", found, expected: "0 or more" });
     }
-    let mut dead = DeadTime::new(size, period_us);
-    keep(events, size, Reason::Refractory, |t, pixel| dead.lets_through(t, pixel))
+    let mut dead = RefractoryFilter::new(size, period_us);
+    keep(events, size, Reason::Refractory, |t, pixel| dead.passes(t, pixel))
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ const WITHIN: f32 = 2e-4;
 pub struct Bends {
     /// Stretches of at least two instants at which the light is known, first and last.
     runs: Vec<[usize; 2]>,
-    /// Ascending, the first and the last instant of each run among them.
+    /// AscendingFrames, the first and the last instant of each run among them.
     at: Vec<u32>,
 }
 

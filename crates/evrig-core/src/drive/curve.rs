@@ -1,18 +1,18 @@
-//! One pixel's light signal, sampled at a fixed step.
+//! One pixel's log-intensity signal, sampled at a fixed step.
 
-use super::TimeGrid;
+use super::grid::TimeGrid;
 
-/// A signal on a time grid, with values and slopes in between.
+/// A signal on a time grid, interpolated between its instants.
 ///
 /// Between instants it is the cubic through four neighbours (Catmull and Rom), whose slope is
-/// continuous; beside a gap and at the ends it is the straight line between two.
+/// continuous; next to a gap and at the ends it is linear between two.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Curve {
+pub struct SignalCurve {
     grid: TimeGrid,
     values: Vec<f32>,
 }
 
-impl Curve {
+impl SignalCurve {
     /// The signal whose value at instant `i` is `values[i]`; `NaN` where it is not known. Values
     /// that are too few are unknown, those too many are left out.
     #[must_use]
@@ -44,7 +44,7 @@ impl Curve {
         self.value_and_slope(t_us).map(|(value, _)| value)
     }
 
-    /// The value, and its change a second, at a time; `None` outside the grid and in a gap.
+    /// The value, and its derivative per second, at a time; `None` outside the grid and in a gap.
     #[must_use]
     pub fn value_and_slope(&self, t_us: f64) -> Option<(f64, f64)> {
         let position = self.grid.position(t_us);
@@ -78,10 +78,10 @@ impl Curve {
 mod tests {
     use super::*;
 
-    fn sine() -> Curve {
+    fn sine() -> SignalCurve {
         let grid = TimeGrid { start_us: 1_000, step_us: 1_000, n: 200 };
         let values = (0..grid.n).map(|i| (i as f32 * 0.1).sin()).collect();
-        Curve::new(grid, values)
+        SignalCurve::new(grid, values)
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Colour mosaics: which pixel has which colour, the four planes, brightness of all colours together.
 
 use crate::geometry::Size;
+use crate::keyword::UnknownKeyword;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -32,23 +33,18 @@ pub enum BayerOrder {
     Gbrg,
 }
 
-/// A name of an order that is none.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is no Bayer order; expected RGGB, BGGR, GRBG or GBRG")]
-pub struct UnknownOrder(String);
-
 impl FromStr for BayerOrder {
-    type Err = UnknownOrder;
+    type Err = UnknownKeyword;
 
-    fn from_str(text: &str) -> Result<Self, UnknownOrder> {
-        // libcamera names a mosaic with its depth behind it, as SRGGB10.
+    fn from_str(text: &str) -> Result<Self, UnknownKeyword> {
+        // libcamera appends the bit depth, as in SRGGB10.
         let letters = text.trim_start_matches('S').trim_end_matches(|c: char| !c.is_alphabetic());
         match letters {
             "RGGB" => Ok(Self::Rggb),
             "BGGR" => Ok(Self::Bggr),
             "GRBG" => Ok(Self::Grbg),
             "GBRG" => Ok(Self::Gbrg),
-            _ => Err(UnknownOrder(text.to_owned())),
+            _ => Err(UnknownKeyword::new(text, "RGGB, BGGR, GRBG or GBRG")),
         }
     }
 }
@@ -86,7 +82,7 @@ impl BayerOrder {
     }
 }
 
-/// The four kinds of pixels of a mosaic, each as a picture of half the size.
+/// The four kinds of pixels of a mosaic, each as an image of half the size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BayerPlanes {
     /// Columns and rows of each plane: half the mosaic's, rounded down.
@@ -97,8 +93,8 @@ pub struct BayerPlanes {
 }
 
 impl BayerPlanes {
-    /// Takes a mosaic of `size` apart. `black` is the pedestal of each kind of pixel in digital units,
-    /// places as in [`BayerSite`]; nothing is cut off below it, so that noise keeps its mean.
+    /// Splits a mosaic of `size`. `black` is the pedestal of each kind of pixel in digital units,
+    /// places as in [`BayerSite`]; negative values are kept, so that noise keeps its mean.
     #[must_use]
     pub fn new(mosaic: &[u16], size: Size, order: BayerOrder, black: [f32; 4]) -> Self {
         let (width, n_columns, n_rows) =
@@ -122,7 +118,7 @@ impl BayerPlanes {
 /// Brightness (R + 2 G + B) / 4 at each pixel of a mosaic, in its digital units with the pedestal in it.
 ///
 /// Every pixel is the mean of its surroundings with weights 1 2 1 along rows and along columns, which
-/// takes each colour in the same share wherever it stands: what a bilinear demosaic gives at red and
+/// weights each colour equally at every pixel: what a bilinear demosaic gives at red and
 /// blue pixels, and no pattern of the mosaic between them. It blurs by a sigma of 0.71 pixels and moves
 /// nothing; borders are mirrored. All bits are kept. A frame of one row or column is returned as it is.
 #[must_use]

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, SymmetricEigen, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// A map between two planes that keeps straight lines straight. It is known up to a factor.
+/// A projective map between two planes, defined up to a factor.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(from = "[[f64; 3]; 3]", into = "[[f64; 3]; 3]")]
 pub struct Homography {
@@ -32,7 +32,7 @@ pub enum HomographyError {
 }
 
 /// A point and its image.
-type Pair = ([f64; 2], [f64; 2]);
+type PointPair = ([f64; 2], [f64; 2]);
 
 impl From<[[f64; 3]; 3]> for Homography {
     fn from(rows: [[f64; 3]; 3]) -> Self {
@@ -65,7 +65,7 @@ impl Homography {
     ///
     /// # Errors
     /// When the points are too few or do not fix it.
-    pub fn fit(pairs: &[Pair]) -> Result<Self, HomographyError> {
+    pub fn fit(pairs: &[PointPair]) -> Result<Self, HomographyError> {
         if pairs.len() < 4 {
             return Err(HomographyError::TooFewPoints(pairs.len()));
         }
@@ -100,14 +100,14 @@ impl Homography {
         is_sound.then(|| Self { matrix: matrix / norm }).ok_or(degenerate)
     }
 
-    /// Where a point goes. Not finite for points on the line that goes to infinity.
+    /// The image of a point; not finite for points that map to infinity.
     #[must_use]
     pub fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let image = self.matrix * Vector3::new(x, y, 1.0);
         [image.x / image.z, image.y / image.z]
     }
 
-    /// The way back; None when the map flattens the plane.
+    /// The inverse; None when the matrix is singular.
     #[must_use]
     pub fn inverse(&self) -> Option<Self> {
         self.matrix.try_inverse().map(|matrix| Self { matrix })
@@ -119,7 +119,7 @@ impl Homography {
         Self { matrix: next.matrix * self.matrix }
     }
 
-    /// How the image of a point moves when the point moves.
+    /// Jacobian of the image with respect to the point.
     #[must_use]
     pub fn jacobian(&self, [x, y]: [f64; 2]) -> Matrix2<f64> {
         let image = self.matrix * Vector3::new(x, y, 1.0);
@@ -133,7 +133,7 @@ impl Homography {
         ) / image.z
     }
 
-    /// How the image of a point moves when the nine elements change.
+    /// Jacobian of the image with respect to the nine elements.
     fn element_jacobian(&self, [x, y]: [f64; 2]) -> SMatrix<f64, 2, 9> {
         let image = self.matrix * Vector3::new(x, y, 1.0);
         let [u, v] = [image.x / image.z, image.y / image.z];
@@ -154,8 +154,8 @@ impl UncertainHomography {
     ///
     /// # Errors
     /// When the points are too few or do not fix it.
-    pub fn fit(pairs: &[(Pair, Matrix2<f64>)]) -> Result<Self, HomographyError> {
-        let points: Vec<Pair> = pairs.iter().map(|(pair, _)| *pair).collect();
+    pub fn fit(pairs: &[(PointPair, Matrix2<f64>)]) -> Result<Self, HomographyError> {
+        let points: Vec<PointPair> = pairs.iter().map(|(pair, _)| *pair).collect();
         let homography = Homography::fit(&points)?;
         let mut information = SMatrix::<f64, 9, 9>::zeros();
         for ((from, _), covariance) in pairs {
@@ -174,14 +174,14 @@ impl UncertainHomography {
         Ok(Self { homography, covariance })
     }
 
-    /// Where a point goes, and the covariance of that.
+    /// The image of a point, and its covariance.
     #[must_use]
     pub fn apply(&self, point: [f64; 2]) -> ([f64; 2], Matrix2<f64>) {
         let jacobian = self.homography.element_jacobian(point);
         (self.homography.apply(point), jacobian * self.covariance * jacobian.transpose())
     }
 
-    /// The way back with its error: d(H^-1) = -H^-1 dH H^-1. None when the map flattens the plane.
+    /// The inverse with its covariance, d(H^-1) = -H^-1 dH H^-1; None when the matrix is singular.
     #[must_use]
     pub fn inverse(&self) -> Option<Self> {
         let homography = self.homography.inverse()?;

@@ -1,6 +1,6 @@
-//! Sums of products.
+//! Dot product.
 
-/// So many sums grow side by side, so that no addition waits for the one before it.
+/// Independent partial sums, so that additions are not serialised by their latency.
 const LANES: usize = 8;
 
 /// Sum of products of two rows; the shorter one ends it. Always in the same order.

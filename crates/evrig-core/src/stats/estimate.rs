@@ -1,19 +1,19 @@
-//! A number with its error: what evrig reports is always one of these.
+//! An estimate with its uncertainty.
 
 use serde::{Deserialize, Serialize};
 
-/// A value that cannot be had without its error and the number of samples behind it.
+/// A value with its standard error, interval and sample size.
 ///
 /// JSON knows no NaN: what is not known is `null` there, and [`read_back`](super::read_back()) reads it as NaN.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The best value; NaN when there were no samples to form one.
     pub value: f64,
-    /// Standard error of the value; NaN when it cannot be told.
+    /// Standard error of the value; NaN when it is unknown.
     pub standard_error: f64,
     /// Interval that covers the truth in 90 % of repetitions, low and high end.
     pub ci90: [f64; 2],
-    /// Number of samples behind the value.
+    /// Number of samples used.
     pub n: u64,
 }
 
@@ -34,7 +34,7 @@ impl Estimate {
         Self { value, standard_error, ci90, n }
     }
 
-    /// A value of which it is known that nothing is known: no samples.
+    /// The estimate from no samples.
     #[must_use]
     pub fn unknown() -> Self {
         Self { value: f64::NAN, standard_error: f64::NAN, ci90: [f64::NAN; 2], n: 0 }

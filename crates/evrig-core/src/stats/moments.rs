@@ -17,7 +17,7 @@ impl Moments {
         self.sum_of_squares += from_old_mean * (sample - self.mean);
     }
 
-    /// Number of samples seen.
+    /// Number of samples.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.n

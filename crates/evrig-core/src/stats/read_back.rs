@@ -1,11 +1,11 @@
-//! Results as they are read again: JSON knows no NaN.
+//! Reading results back from JSON, which has no NaN.
 
 use serde::de::value::{MapDeserializer, SeqDeserializer};
 use serde::de::{DeserializeOwned, Deserializer, IntoDeserializer, Visitor};
 use serde::forward_to_deserialize_any;
 use serde_json::{Error, Value};
 
-/// Reads a result that was written as JSON. A number that is not known is `null` there and NaN here, as it
+/// Reads a result that was written as JSON. An unknown number is `null` there and NaN here, as it
 /// was before; where it is an `Option`, it is none. Inside of enums and of what is flattened a number has
 /// to be known.
 ///
@@ -15,7 +15,7 @@ pub fn read_back<T: DeserializeOwned>(text: &str) -> Result<T, Error> {
     read_value(serde_json::from_str(text)?)
 }
 
-/// The same of a result that stands as a value in another file.
+/// As [`read_back`], of a value that was parsed already.
 ///
 /// # Errors
 /// When the value is not of this result.
@@ -23,7 +23,7 @@ pub fn read_value<T: DeserializeOwned>(value: Value) -> Result<T, Error> {
     T::deserialize(Back(value))
 }
 
-/// A value in which `null` can stand for a number.
+/// A value in which `null` is read as NaN where a number is expected.
 struct Back(Value);
 
 impl<'de> IntoDeserializer<'de, Error> for Back {

@@ -1,7 +1,7 @@
 //! A camera behind TCP: one connection a stream, each with its deadlines, each taken up again.
 
 use super::{says, spec};
-use evrig_format::aedat4::{Kind, ReadError, Reader, StreamSpec};
+use evrig_format::aedat4::{PayloadKind, ReadError, Reader, StreamSpec};
 use evrig_record::Finding;
 use evrig_record::recorder::{
     Account, Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
@@ -292,7 +292,8 @@ fn begin(
     })?;
     // The two handles are one socket: from here on silence has its own measure.
     other.set_read_timeout(Some(patience.silence)).map_err(fail)?;
-    let known = reader.streams().iter().find(|stream| !matches!(stream.kind, Kind::Other(_)));
+    let known =
+        reader.streams().iter().find(|stream| !matches!(stream.kind, PayloadKind::Other(_)));
     let spec = known.map(spec).ok_or_else(|| failed(address, "it serves no stream evrig knows"))?;
     Ok((reader, other, spec))
 }

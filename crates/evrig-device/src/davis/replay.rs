@@ -1,7 +1,7 @@
 //! A recording, played as if its camera were here.
 
 use super::{says, spec};
-use evrig_format::aedat4::{Content, Kind, Packet, ReadError, Reader};
+use evrig_format::aedat4::{Content, Packet, PayloadKind, ReadError, Reader};
 use evrig_record::Finding;
 use evrig_record::recorder::{
     Account, Outlet, Prepared, Recorder, RecorderError, Sample, Tally, host_time,
@@ -122,8 +122,11 @@ fn play<R: std::io::Read>(
     account: &Account,
 ) -> Result<(), ReadError> {
     let ids: Vec<u32> = reader.streams().iter().map(|stream| stream.id).collect();
-    let is_known: Vec<bool> =
-        reader.streams().iter().map(|stream| !matches!(stream.kind, Kind::Other(_))).collect();
+    let is_known: Vec<bool> = reader
+        .streams()
+        .iter()
+        .map(|stream| !matches!(stream.kind, PayloadKind::Other(_)))
+        .collect();
     let mut began: Option<(Instant, i64)> = None;
     for packet in reader {
         let packet = packet?;

@@ -10,7 +10,7 @@ use super::steps::{self, CircleAs};
 use evrig_core::time::{HostMonotonic, Span, Stamp};
 use evrig_record::{Arm, DeviceError, Finding, Progress, host_clock};
 use evrig_session::rig::{ArmDescription, Pose};
-use evrig_session::trajectory::{Margin, Path};
+use evrig_session::trajectory::{Margin, ToolPath};
 use std::collections::VecDeque;
 use std::ops::Range;
 
@@ -67,7 +67,7 @@ pub struct Magician {
     pub(super) description: ArmDescription,
     pub(super) marker: Option<Marker>,
     pub(super) circle: CircleAs,
-    pub(super) path: Option<Path>,
+    pub(super) path: Option<ToolPath>,
     run: Option<Run>,
 }
 
@@ -277,7 +277,7 @@ impl Magician {
     ///
     /// # Errors
     /// Whatever keeps the arm from its start; the arm is stopped before.
-    pub fn prepare(&mut self, path: &Path) -> Result<Vec<String>, ArmError> {
+    pub fn prepare(&mut self, path: &ToolPath) -> Result<Vec<String>, ArmError> {
         let prepared = self.prepare_path(path);
         self.or_stop(prepared)
     }
@@ -317,11 +317,11 @@ impl From<ArmError> for DeviceError {
 }
 
 impl Arm for Magician {
-    fn check(&mut self, path: Option<&Path>) -> Vec<Finding> {
+    fn check(&mut self, path: Option<&ToolPath>) -> Vec<Finding> {
         check::findings(&mut self.client, &self.description, path)
     }
 
-    fn prepare(&mut self, path: &Path) -> Result<Vec<String>, DeviceError> {
+    fn prepare(&mut self, path: &ToolPath) -> Result<Vec<String>, DeviceError> {
         Ok(self.prepare(path)?)
     }
 
@@ -352,7 +352,7 @@ mod tests {
     use evrig_record::Verdict;
     use evrig_record::pose_log::{Pace, PoseTiming, drive_to_end};
     use evrig_session::rig::Rig;
-    use evrig_session::trajectory::{Curve, Rates, Settings};
+    use evrig_session::trajectory::{Rates, StepSettings, ToolCurve};
     use evrig_sim::arm::fault::{Fault, Kind};
     use evrig_sim::arm::{Clock, Emulator, Options};
 
@@ -386,15 +386,15 @@ mod tests {
     }
 
     /// Stand, circle, stand.
-    fn path() -> Path {
+    fn path() -> ToolPath {
         let [a, b, c] = [[240.0, 0.0], [252.0, 12.0], [264.0, 0.0]]
             .map(|[x, y]| Pose::from_mm_deg([x, y, 100.0, 90.0]));
-        let mut path = Path::new(a);
+        let mut path = ToolPath::new(a);
         let rest = Span::from_micros(200_000);
-        path.push_hold("before", 0, rest, rates(60.0), Settings::default());
-        let circle = Curve::circle(a, b, c, 2).unwrap();
-        path.push("circle", 1, circle, rates(60.0), Settings::default());
-        path.push_hold("after", 2, rest, rates(60.0), Settings::default());
+        path.push_hold("before", 0, rest, rates(60.0), StepSettings::default());
+        let circle = ToolCurve::circle(a, b, c, 2).unwrap();
+        path.push("circle", 1, circle, rates(60.0), StepSettings::default());
+        path.push_hold("after", 2, rest, rates(60.0), StepSettings::default());
         path
     }
 
@@ -455,9 +455,15 @@ mod tests {
         let mut arm = homed(&emulator);
         let poses: Vec<Pose> =
             (0..=40).map(|n| Pose::from_mm_deg([240.0, f64::from(n), 100.0, 90.0])).collect();
-        let mut path = Path::new(poses[0]);
+        let mut path = ToolPath::new(poses[0]);
         let end = poses[40];
-        path.push("points", 0, Curve::points(poses).unwrap(), rates(40.0), Settings::default());
+        path.push(
+            "points",
+            0,
+            ToolCurve::points(poses).unwrap(),
+            rates(40.0),
+            StepSettings::default(),
+        );
         arm.prepare(&path).unwrap();
         drive(&mut arm, 0..1).unwrap();
         assert!(emulator.state().planner.distance(end).0 < 1e-3);
@@ -469,7 +475,7 @@ mod tests {
     fn an_arm_that_was_not_homed_is_not_moved() {
         let emulator = emulator(Options::default());
         let mut arm = magician(&emulator);
-        let homed = arm.check(None).into_iter().find(|finding| finding.what == "homed").unwrap();
+        let homed = arm.check(None).into_iter().find(|finding| finding.subject == "homed").unwrap();
         assert_eq!(homed.verdict, Verdict::Bad);
         assert_eq!(arm.prepare(&path()), Err(ArmError::Client(ClientError::NotHomed)));
         assert!(emulator.journal().iter().all(|line| !line.is_busy), "it never moved");
@@ -481,9 +487,14 @@ mod tests {
         let mut arm = homed(&emulator);
         emulator.inject("alarm=0x45@POSE".parse::<Fault>().unwrap());
         arm.client().pose().unwrap();
-        let alarms = arm.check(None).into_iter().find(|finding| finding.what == "alarms").unwrap();
+        let alarms =
+            arm.check(None).into_iter().find(|finding| finding.subject == "alarms").unwrap();
         assert_eq!(alarms.verdict, Verdict::Bad);
-        assert!(alarms.says.contains("joint 3 is at its lower limit"), "{}", alarms.says);
+        assert!(
+            alarms.description.contains("joint 3 is at its lower limit"),
+            "{}",
+            alarms.description
+        );
         let n_before = emulator.journal().len();
         let error = arm.prepare(&path()).unwrap_err();
         assert!(matches!(error, ArmError::Client(ClientError::Alarmed { .. })), "{error}");
@@ -517,8 +528,8 @@ mod tests {
         arm.description.speed.speed_mm_per_s = 1_000.0;
         let start = Pose::from_mm_deg([240.0, 0.0, 100.0, 90.0]);
         let end = Pose::from_mm_deg([240.0, 50.0, 100.0, 90.0]);
-        let mut path = Path::new(start);
-        path.push("fast", 0, Curve::line(start, end), rates(500.0), Settings::default());
+        let mut path = ToolPath::new(start);
+        path.push("fast", 0, ToolCurve::line(start, end), rates(500.0), StepSettings::default());
         let n_before = emulator.journal().len();
         let error = arm.prepare(&path).unwrap_err();
         assert!(matches!(error, ArmError::Client(ClientError::ReadBack { .. })), "{error}");
@@ -535,16 +546,21 @@ mod tests {
             ([400.0, 0.0, 100.0, 90.0], 50.0, "radius"),
             ([240.0, 20.0, 100.0, 90.0], 900.0, "speed"),
         ] {
-            let mut path = Path::new(start);
-            let curve = Curve::line(start, Pose::from_mm_deg(end));
-            path.push("away", 0, curve, rates(speed), Settings::default());
+            let mut path = ToolPath::new(start);
+            let curve = ToolCurve::line(start, Pose::from_mm_deg(end));
+            path.push("away", 0, curve, rates(speed), StepSettings::default());
             let finding = arm.check(Some(&path)).pop().unwrap();
-            assert_eq!((finding.what, finding.verdict), ("path", Verdict::Bad));
-            assert!(finding.says.contains(words), "{}", finding.says);
+            assert_eq!((finding.subject.as_str(), finding.verdict), ("path", Verdict::Bad));
+            assert!(finding.description.contains(words), "{}", finding.description);
             assert!(matches!(arm.prepare(&path), Err(ArmError::BeyondLimit(_))));
         }
         let fine = arm.check(Some(&path())).pop().unwrap();
-        assert_eq!((fine.what, fine.verdict), ("path", Verdict::Good), "{}", fine.says);
+        assert_eq!(
+            (fine.subject.as_str(), fine.verdict),
+            ("path", Verdict::Good),
+            "{}",
+            fine.description
+        );
         assert!(emulator.journal()[n_before..].iter().all(|line| !line.is_busy));
     }
 
@@ -626,7 +642,11 @@ mod tests {
             emulator.inject(fault.parse::<Fault>().unwrap());
             let findings = arm.check(None);
             assert_eq!(findings[0].verdict, Verdict::Bad);
-            assert!(findings[0].says.contains(words), "{fault}: {}", findings[0].says);
+            assert!(
+                findings[0].description.contains(words),
+                "{fault}: {}",
+                findings[0].description
+            );
             assert_eq!(findings.len(), 1, "what does not answer as an arm is asked nothing more");
         }
     }
@@ -646,7 +666,7 @@ mod tests {
         let emulator = emulator(Options::default());
         let mut arm = homed(&emulator);
         arm.description.kinematics.tool_offset[0].0 = 61.0;
-        let tool = |arm: &mut Magician| arm.check(None).into_iter().find(|f| f.what == "tool");
+        let tool = |arm: &mut Magician| arm.check(None).into_iter().find(|f| f.subject == "tool");
         assert_eq!(tool(&mut arm).unwrap().verdict, Verdict::Doubt);
         arm.prepare(&path()).unwrap();
         assert_eq!(tool(&mut arm).unwrap().verdict, Verdict::Good);

@@ -6,7 +6,7 @@ use super::port::{self, PortError};
 use super::{ClientError, Patience, id};
 use evrig_record::{Finding, Verdict};
 use evrig_session::rig::{ArmDescription, ArmPort};
-use evrig_session::trajectory::{Path, offences};
+use evrig_session::trajectory::{ToolPath, violations};
 use std::path::{Path as FilePath, PathBuf};
 
 /// Opens the arm of a description behind its guard (`program` is this program) and looks at
@@ -17,7 +17,7 @@ pub fn open_and_look(
     program: &FilePath,
     description: &ArmDescription,
     simulated: Option<&FilePath>,
-    path: Option<&Path>,
+    path: Option<&ToolPath>,
 ) -> (Option<Magician>, Vec<Finding>) {
     let opened = find_port(&description.port, simulated).map_err(ArmError::from).and_then(|port| {
         let arm = Magician::guarded(program, &port, description.clone(), Patience::default())?;
@@ -29,7 +29,7 @@ pub fn open_and_look(
             findings.extend(self::findings(arm.client(), description, path));
             let is_arm = findings
                 .iter()
-                .all(|finding| finding.what != "identity" || finding.verdict == Verdict::Good);
+                .all(|finding| finding.subject != "identity" || finding.verdict == Verdict::Good);
             (is_arm.then_some(arm), findings)
         }
         Err(error) => {
@@ -76,7 +76,7 @@ pub fn answers(path: &FilePath) -> Result<(), String> {
 pub fn findings(
     client: &mut Client,
     description: &ArmDescription,
-    path: Option<&Path>,
+    path: Option<&ToolPath>,
 ) -> Vec<Finding> {
     let mut findings = vec![identity(client)];
     // A device that does not answer as an arm is asked nothing more.
@@ -89,14 +89,14 @@ pub fn findings(
 }
 
 /// The path against reach, joints and speeds: the first point beyond each limit.
-fn reach(path: &Path, description: &ArmDescription) -> Finding {
-    let offences = offences(path, description);
-    if offences.is_empty() {
+fn reach(path: &ToolPath, description: &ArmDescription) -> Finding {
+    let violations = violations(path, description);
+    if violations.is_empty() {
         let (n_steps, length) = (path.steps().len(), path.length());
         let says = format!("{n_steps} steps, {length:.0}, {}, within all limits", path.duration());
         return Finding::good("path", says);
     }
-    let says: Vec<String> = offences.iter().map(ToString::to_string).collect();
+    let says: Vec<String> = violations.iter().map(ToString::to_string).collect();
     Finding::bad("path", says.join("; "))
 }
 

@@ -8,7 +8,7 @@ use super::link::LinkError;
 use super::steps::{self, CircleAs};
 use evrig_core::time::Span;
 use evrig_session::rig::Pose;
-use evrig_session::trajectory::{Motion, Path, Step, offences};
+use evrig_session::trajectory::{MotionCommand, PathStep, ToolPath, violations};
 
 /// How long going to the start may take: across the workspace at the lowest sensible speed.
 const APPROACH: Span = Span::from_micros(60_000_000);
@@ -16,11 +16,11 @@ const APPROACH: Span = Span::from_micros(60_000_000);
 const APPROACH_RATIO: Ratios = Ratios { velocity: 15.0, acceleration: 15.0 };
 impl Magician {
     /// Sets every speed of the path and reads it back, before anything moves.
-    fn try_rates(&mut self, path: &Path) -> Result<(), ArmError> {
+    fn try_rates(&mut self, path: &ToolPath) -> Result<(), ArmError> {
         let mut tried: Vec<CartesianLimits> = Vec::new();
         for step in path.steps() {
             let limits = steps::cartesian_limits(&step.rates);
-            if step.curve.motion() == Motion::Hold || tried.contains(&limits) {
+            if step.curve.motion() == MotionCommand::Hold || tried.contains(&limits) {
                 continue;
             }
             for command in steps::rate_commands(&step.rates) {
@@ -72,8 +72,9 @@ impl Magician {
     }
 
     /// Tries the circle command on the standing queue; an old firmware is silent about it.
-    fn probe_circle(&mut self, path: &Path) -> Result<Option<String>, ArmError> {
-        let is_circle = |step: &&Step| matches!(step.curve.motion(), Motion::Circle { .. });
+    fn probe_circle(&mut self, path: &ToolPath) -> Result<Option<String>, ArmError> {
+        let is_circle =
+            |step: &&PathStep| matches!(step.curve.motion(), MotionCommand::Circle { .. });
         let Some(step) = path.steps().iter().find(is_circle) else { return Ok(None) };
         self.circle = CircleAs::Circle;
         // The queue is stopped and cleared before and behind: the command is taken, never run.
@@ -98,8 +99,8 @@ impl Magician {
         }
     }
 
-    pub(super) fn prepare_path(&mut self, path: &Path) -> Result<Vec<String>, ArmError> {
-        if let Some(offence) = offences(path, &self.description).into_iter().next() {
+    pub(super) fn prepare_path(&mut self, path: &ToolPath) -> Result<Vec<String>, ArmError> {
+        if let Some(offence) = violations(path, &self.description).into_iter().next() {
             return Err(ArmError::BeyondLimit(Box::new(offence)));
         }
         self.client.refuse_alarms()?;

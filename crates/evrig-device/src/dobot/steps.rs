@@ -3,7 +3,7 @@
 use super::command::{CartesianLimits, Command, CpLimits, PtpMode, Ratios, XyzR};
 use evrig_core::units::MillimetresPerSecond;
 use evrig_session::rig::Pose;
-use evrig_session::trajectory::{Motion, Rates, Step};
+use evrig_session::trajectory::{MotionCommand, PathStep, Rates};
 
 /// How a circle is driven.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,20 +35,20 @@ pub(super) fn cartesian_limits(rates: &Rates) -> CartesianLimits {
 }
 
 /// What the arm is told for one step: its speeds, then its motion.
-pub(super) fn commands(step: &Step, circle: CircleAs) -> Vec<Command> {
+pub(super) fn commands(step: &PathStep, circle: CircleAs) -> Vec<Command> {
     let mut commands = Vec::new();
     let motion = step.curve.motion();
-    if motion != Motion::Hold {
+    if motion != MotionCommand::Hold {
         commands.extend(rate_commands(&step.rates));
     }
     let (from, to) = (step.curve.from(), step.curve.to());
     match motion {
-        Motion::Hold => commands.extend(waits(step.duration.as_nanos())),
-        Motion::Line => {
+        MotionCommand::Hold => commands.extend(waits(step.duration.as_nanos())),
+        MotionCommand::Line => {
             commands.push(Command::Ptp { mode: PtpMode::MoveLineXyz, target: wire(to) });
         }
-        Motion::Arc { via } => commands.push(Command::Arc { via: wire(via), to: wire(to) }),
-        Motion::Circle { via, opposite, turns } => match circle {
+        MotionCommand::Arc { via } => commands.push(Command::Arc { via: wire(via), to: wire(to) }),
+        MotionCommand::Circle { via, opposite, turns } => match circle {
             CircleAs::Circle => {
                 commands.push(Command::Circle { via: wire(via), to: wire(opposite), turns });
             }
@@ -61,7 +61,7 @@ pub(super) fn commands(step: &Step, circle: CircleAs) -> Vec<Command> {
                 }
             }
         },
-        Motion::Points(poses) => {
+        MotionCommand::Points(poses) => {
             commands.push(Command::CpParams(cp_limits(&step.rates)));
             commands.extend(thinned(poses, step.rates.speed).skip(1).map(|pose| {
                 let [x, y, z, _] = wire(pose);
@@ -128,7 +128,7 @@ mod tests {
     use evrig_core::units::{
         DegreesPerSecond, DegreesPerSecond2, MillimetresPerSecond, MillimetresPerSecond2,
     };
-    use evrig_session::trajectory::{Curve, Path, Settings};
+    use evrig_session::trajectory::{StepSettings, ToolCurve, ToolPath};
 
     fn rates() -> Rates {
         Rates {
@@ -139,13 +139,13 @@ mod tests {
         }
     }
 
-    fn circle(turns: u32) -> Path {
+    fn circle(turns: u32) -> ToolPath {
         let [a, b, c] = [[240.0, 0.0], [252.0, 12.0], [264.0, 0.0]]
             .map(|[x, y]| Pose::from_mm_deg([x, y, 100.0, 90.0]));
-        let mut path = Path::new(a);
-        let curve = Curve::circle(a, b, c, turns).unwrap();
-        path.push("circle", 0, curve, rates(), Settings::default());
-        path.push_hold("rest", 1, Span::from_micros(1_500_000), rates(), Settings::default());
+        let mut path = ToolPath::new(a);
+        let curve = ToolCurve::circle(a, b, c, turns).unwrap();
+        path.push("circle", 0, curve, rates(), StepSettings::default());
+        path.push_hold("rest", 1, Span::from_micros(1_500_000), rates(), StepSettings::default());
         path
     }
 

@@ -131,7 +131,15 @@ mod tests {
         assert_eq!(way(90.0), None);
         let finding = |link| finding(&ordered, mbit(link));
         assert_eq!(finding(2_500.0).verdict, Verdict::Good);
-        assert!(finding(500.0).says.contains("after-take"), "{}", finding(500.0).says);
-        assert!(finding(90.0).says.contains("frame_rate_hz"), "{}", finding(90.0).says);
+        assert!(
+            finding(500.0).description.contains("after-take"),
+            "{}",
+            finding(500.0).description
+        );
+        assert!(
+            finding(90.0).description.contains("frame_rate_hz"),
+            "{}",
+            finding(90.0).description
+        );
     }
 }

@@ -75,14 +75,14 @@ impl Served {
         images: Arc<ImageList>,
         state: Arc<watch::Sender<StimulusState>>,
     ) -> Self {
-        let centre = |i: usize| (i as f64 + 0.5) / tag::CELLS as f64;
+        let centre = |i: usize| (i as f64 + 0.5) / tag::CELLS_PER_SIDE as f64;
         let row = |y: usize| -> String {
             let is_white = |x: usize| tag::is_white(centre(x), centre(y));
-            (0..tag::CELLS).map(|x| if is_white(x) { '1' } else { '0' }).collect()
+            (0..tag::CELLS_PER_SIDE).map(|x| if is_white(x) { '1' } else { '0' }).collect()
         };
         let target = json!({
             "picture_mm": target.picture_side.0, "gap_mm": target.gap.0,
-            "tag_mm": target.tag_side.0, "cells": (0..tag::CELLS).map(row).collect::<Vec<_>>(),
+            "tag_mm": target.tag_side.0, "cells": (0..tag::CELLS_PER_SIDE).map(row).collect::<Vec<_>>(),
         });
         let hosts = [address.to_string(), format!("localhost:{}", address.port())];
         Self { hosts, target, images, state }

@@ -1,7 +1,9 @@
 //! Compression of packets.
 
+use super::memory::{DecompressFailure, grow};
 use super::{MAX_PACKET_BYTES, lz4_frame};
 use aedat::base::ioheader_generated::Compression as Code;
+use evrig_core::keyword::UnknownKeyword;
 use std::cell::RefCell;
 use std::io::{self, Read};
 use std::str::FromStr;
@@ -9,12 +11,12 @@ use std::str::FromStr;
 /// The fastest of the usual levels.
 const ZSTD_LEVEL: i32 = 1;
 
-/// How the packets of a file are compressed; one way for the whole file.
+/// Compression of the packets of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Compression {
-    /// Not at all: 16 bytes an event, the fastest to read.
+    /// None: 16 bytes per event, the fastest to read.
     None,
-    /// LZ4 frames, which DV uses unless told otherwise.
+    /// LZ4 frames, the default of DV.
     #[default]
     Lz4,
     /// Zstandard frames: smaller and slower.
@@ -22,7 +24,7 @@ pub enum Compression {
 }
 
 impl Compression {
-    /// The way behind a code of the header; none for a code without meaning.
+    /// The compression of a header's code; none for an unknown code.
     pub(super) fn from_code(code: Code) -> Option<Self> {
         match code {
             Code::None => Some(Self::None),
@@ -50,58 +52,35 @@ impl Compression {
     }
 }
 
-/// A word that names no compression.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is no compression of AEDAT4; expected none, lz4 or zstd")]
-pub struct UnknownCompression(String);
-
 impl FromStr for Compression {
-    type Err = UnknownCompression;
+    type Err = UnknownKeyword;
 
-    fn from_str(text: &str) -> Result<Self, UnknownCompression> {
+    fn from_str(text: &str) -> Result<Self, UnknownKeyword> {
         match text {
             "none" => Ok(Self::None),
             "lz4" => Ok(Self::Lz4),
             "zstd" => Ok(Self::Zstd),
-            _ => Err(UnknownCompression(text.to_owned())),
-        }
-    }
-}
-
-/// Why a payload could not be decompressed.
-#[derive(Debug)]
-pub(super) enum Undecodable {
-    /// It grows beyond the limit given.
-    TooLarge,
-    /// It is not what it should be, in words.
-    Damaged(String),
-}
-
-impl Undecodable {
-    pub(super) fn into_text(self) -> String {
-        match self {
-            Self::TooLarge => "more bytes than a packet may have".to_owned(),
-            Self::Damaged(found) => found,
+            _ => Err(UnknownKeyword::new(text, "none, lz4 or zstd")),
         }
     }
 }
 
 thread_local! {
-    /// Where a packet lies between decompression and decoding, or encoding and compression. Kept,
-    /// because memory that the system hands out anew is cleared page by page, which costs more
+    /// Buffer between decompression and decoding, or encoding and compression. It is kept
+    /// because newly allocated memory is cleared page by page, which costs more
     /// than decoding does.
     static SCRATCH: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
 }
 
 thread_local! {
-    /// The compressor's tables, kept as the scratch is.
+    /// The compressor's tables, kept for the same reason.
     static ZSTD: RefCell<Option<zstd::bulk::Compressor<'static>>> = const { RefCell::new(None) };
 }
 
 /// Scratch above this size is given back after use.
 const KEPT_SCRATCH_BYTES: usize = 1 << 23;
 
-/// Lends the thread's scratch, of any length and content; what it is left with is the next's.
+/// Lends the thread's scratch buffer, whose length and content are arbitrary.
 pub(super) fn with_scratch<T>(act: impl FnOnce(&mut Vec<u8>) -> T) -> T {
     SCRATCH.with(|scratch| {
         // The scratch is only in use here if `act` came back to this thread for another packet.
@@ -116,12 +95,12 @@ pub(super) fn with_scratch<T>(act: impl FnOnce(&mut Vec<u8>) -> T) -> T {
 
 /// Decompresses `raw` and passes the result on; takes at most `limit` bytes of memory for it.
 pub(super) fn decompress<T>(
-    how: Compression,
+    compression: Compression,
     raw: &[u8],
     limit: usize,
     pass_on: impl FnOnce(&[u8]) -> T,
-) -> Result<T, Undecodable> {
-    match how {
+) -> Result<T, DecompressFailure> {
+    match compression {
         Compression::None => Ok(pass_on(raw)),
         Compression::Lz4 => with_scratch(|plain| {
             let n = lz4_frame::decompress(raw, limit, plain)?;
@@ -131,16 +110,16 @@ pub(super) fn decompress<T>(
             plain.clear();
             let n = zstd::stream::Decoder::with_buffer(raw)
                 .and_then(|decoder| decoder.take(limit as u64 + 1).read_to_end(plain))
-                .map_err(|error| Undecodable::Damaged(error.to_string()))?;
-            if n > limit { Err(Undecodable::TooLarge) } else { Ok(pass_on(plain)) }
+                .map_err(|error| DecompressFailure::Damaged(error.to_string()))?;
+            if n > limit { Err(DecompressFailure::TooLarge) } else { Ok(pass_on(plain)) }
         }),
     }
 }
 
-/// Compresses one payload to `out`, from the byte `at`, and says where it ends; `out` grows as
+/// Compresses one payload to `out`, from the byte `at`, and returns its end; `out` grows as
 /// needed and is never shrunk.
 pub(super) fn compress(
-    how: Compression,
+    compression: Compression,
     plain: &[u8],
     out: &mut Vec<u8>,
     at: usize,
@@ -148,7 +127,7 @@ pub(super) fn compress(
     if plain.len() > MAX_PACKET_BYTES {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "packet above the size limit"));
     }
-    match how {
+    match compression {
         Compression::None => {
             grow(out, at + plain.len());
             out[at..at + plain.len()].copy_from_slice(plain);
@@ -169,21 +148,14 @@ pub(super) fn compress(
     }
 }
 
-/// Makes memory at least `n` bytes long.
-pub(super) fn grow(memory: &mut Vec<u8>, n: usize) {
-    if memory.len() < n {
-        memory.resize(n, 0);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn the_words_of_a_description_are_understood_and_others_are_refused() {
-        for how in [Compression::None, Compression::Lz4, Compression::Zstd] {
-            assert_eq!(how.name().to_lowercase().parse(), Ok(how));
+        for compression in [Compression::None, Compression::Lz4, Compression::Zstd] {
+            assert_eq!(compression.name().to_lowercase().parse(), Ok(compression));
         }
         for wrong in ["", "LZ4", "gzip"] {
             let error = wrong.parse::<Compression>().unwrap_err().to_string();

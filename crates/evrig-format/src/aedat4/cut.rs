@@ -1,4 +1,4 @@
-//! Where a run of events is cut into packets.
+//! Splits a run of events into packets.
 
 use evrig_core::event::EventSlice;
 
@@ -8,7 +8,7 @@ const EVENT_PACKET_US: i64 = 10_000;
 /// ... and holds this many events, below which compression suffers, ...
 const MIN_EVENTS: usize = 1 << 13;
 
-/// ... or once it spans a second, so that quiet scenes can be seeked in, ...
+/// ... or once it spans a second, so that recordings of few events can be seeked, ...
 const MAX_EVENT_PACKET_US: i64 = 1_000_000;
 
 /// ... or holds 512 KiB of events, which stay in a core's cache.

@@ -1,7 +1,7 @@
 //! Payloads to values.
 
 use super::header::one_line;
-use super::{Content, Kind, overflow};
+use super::{Content, PayloadKind, overflow};
 use aedat::events_generated::{self as events, Event};
 use aedat::frame_generated as frame;
 use aedat::imus_generated as imus;
@@ -16,7 +16,7 @@ use flatbuffers::VerifierOptions;
 /// Bytes of the size prefix and root offset before the identifier, and of the identifier.
 const IDENTIFIER_AT: std::ops::Range<usize> = 8..12;
 
-/// A payload's values, and what of it could not be represented.
+/// A payload's values, and what could not be represented.
 #[derive(Debug)]
 pub(super) struct Decoded {
     /// None for a frame that could not be represented.
@@ -33,35 +33,37 @@ impl Decoded {
     }
 }
 
-/// Reads a decompressed payload of a known kind, events into the memory of `spare`; the error says
+/// Decodes a decompressed payload of a known kind, events into the memory of `spare`; the error describes
 /// what was found instead.
-pub(super) fn decode(kind: &Kind, payload: &[u8], spare: Events) -> Result<Decoded, String> {
+pub(super) fn decode(kind: &PayloadKind, payload: &[u8], spare: Events) -> Result<Decoded, String> {
     check_identifier(kind, payload)?;
-    overflow::check(payload, matches!(kind, Kind::Imu | Kind::Triggers))?;
+    overflow::check(payload, matches!(kind, PayloadKind::Imu | PayloadKind::Triggers))?;
     // Every sample is a table of its own, so the usual limit of a million tables is too low;
     // the payload's length bounds them as well.
     let options = VerifierOptions { max_tables: payload.len(), ..VerifierOptions::default() };
     match kind {
-        Kind::Events => events::size_prefixed_root_as_event_packet_with_opts(&options, payload)
-            .map(|packet| decode_events(packet.elements().unwrap_or_default(), spare)),
-        Kind::Frames => frame::size_prefixed_root_as_frame_with_opts(&options, payload)
+        PayloadKind::Events => {
+            events::size_prefixed_root_as_event_packet_with_opts(&options, payload)
+                .map(|packet| decode_events(packet.elements().unwrap_or_default(), spare))
+        }
+        PayloadKind::Frames => frame::size_prefixed_root_as_frame_with_opts(&options, payload)
             .map(|table| decode_frame(&table)),
-        Kind::Imu => imus::size_prefixed_root_as_imu_packet_with_opts(&options, payload)
+        PayloadKind::Imu => imus::size_prefixed_root_as_imu_packet_with_opts(&options, payload)
             .map(|packet| Decoded::whole(Content::Imu(decode_imu(&packet)))),
-        Kind::Triggers => {
+        PayloadKind::Triggers => {
             triggers::size_prefixed_root_as_trigger_packet_with_opts(&options, payload)
                 .map(|packet| Decoded::whole(Content::Triggers(decode_triggers(&packet))))
         }
-        Kind::Other(kind) => Ok(Decoded::whole(Content::Unknown { kind: kind.clone() })),
+        PayloadKind::Other(kind) => Ok(Decoded::whole(Content::Unknown { kind: kind.clone() })),
     }
     .map_err(|error| one_line(&error))
 }
 
-fn check_identifier(kind: &Kind, payload: &[u8]) -> Result<(), String> {
+fn check_identifier(kind: &PayloadKind, payload: &[u8]) -> Result<(), String> {
     let found = payload.get(IDENTIFIER_AT).ok_or_else(|| {
         format!("{} bytes, too few for a size, a root and an identifier", payload.len())
     })?;
-    if found == kind.identifier().as_bytes() || matches!(kind, Kind::Other(_)) {
+    if found == kind.identifier().as_bytes() || matches!(kind, PayloadKind::Other(_)) {
         Ok(())
     } else {
         Err(format!("identifier \"{}\"", found.escape_ascii()))
@@ -165,7 +167,7 @@ fn represent_frame(table: &frame::Frame<'_>) -> Result<Frame<Davis>, String> {
     Ok(Frame { timing, size, origin, channels, samples })
 }
 
-/// Channels and bits a sample behind an OpenCV type code: depth in the lowest three bits, channels less one above.
+/// Channels and bits per sample of an OpenCV type code: depth in the lowest three bits, channels minus one above.
 fn layout(code: i8) -> Result<(Channels, usize), String> {
     let bits = match code & 7 {
         0 => 8,
@@ -181,7 +183,7 @@ fn layout(code: i8) -> Result<(Channels, usize), String> {
     Ok((channels, bits))
 }
 
-/// Zero stands for "not stated": flatbuffers leave fields of that value out.
+/// Zero means "not stated": flatbuffers omit fields of that value.
 fn interval(begin_us: i64, end_us: i64) -> Option<[Stamp<Davis>; 2]> {
     let is_stated = begin_us != 0 && end_us >= begin_us;
     is_stated.then(|| [Stamp::from_micros(begin_us), Stamp::from_micros(end_us)])
@@ -244,13 +246,13 @@ mod tests {
             (4, 2, -1, 16, "OpenCV type -1"),
         ] {
             let payload = frame_payload(width, height, code, n_bytes);
-            let decoded = decode(&Kind::Frames, &payload, Events::new()).unwrap();
+            let decoded = decode(&PayloadKind::Frames, &payload, Events::new()).unwrap();
             assert!(decoded.content.is_none(), "{reason}");
             let found = decoded.reason.unwrap();
             assert!(found.contains(reason), "{found}");
         }
         let payload = frame_payload(4, 2, 24, 32);
-        let decoded = decode(&Kind::Frames, &payload, Events::new()).unwrap();
+        let decoded = decode(&PayloadKind::Frames, &payload, Events::new()).unwrap();
         let Some(Content::Frame(frame)) = decoded.content else { panic!("a frame") };
         assert_eq!((frame.size, frame.channels), (Size::new(4, 2), Channels::Bgra));
         assert_eq!(frame.timing.exposure, None, "no exposure was stated");
@@ -266,7 +268,7 @@ mod tests {
         };
         let mut payload = Vec::new();
         encode::events(columns, &mut payload, 0);
-        let decoded = decode(&Kind::Events, &payload, Events::new()).unwrap();
+        let decoded = decode(&PayloadKind::Events, &payload, Events::new()).unwrap();
         let Some(Content::Events(events)) = decoded.content else { panic!("events") };
         assert_eq!((events.as_slice().t, events.as_slice().x), (&[1, 3][..], &[10, 30][..]));
         assert_eq!(decoded.lost_events, 1);
@@ -276,10 +278,13 @@ mod tests {
     #[test]
     fn a_payload_of_another_kind_or_none_is_refused() {
         let payload = encode::triggers(&[]);
-        let error = decode(&Kind::Events, &payload, Events::new()).unwrap_err();
+        let error = decode(&PayloadKind::Events, &payload, Events::new()).unwrap_err();
         assert_eq!(error, "identifier \"TRIG\"");
         for n in 0..payload.len() {
-            assert!(decode(&Kind::Triggers, &payload[..n], Events::new()).is_err(), "{n} bytes");
+            assert!(
+                decode(&PayloadKind::Triggers, &payload[..n], Events::new()).is_err(),
+                "{n} bytes"
+            );
         }
     }
 }

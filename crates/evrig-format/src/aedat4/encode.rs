@@ -1,6 +1,6 @@
 //! Values to payloads.
 
-use super::compression::grow;
+use super::memory::grow;
 use aedat::frame_generated::{self as frame, FrameFormat};
 use aedat::imus_generated as imus;
 use aedat::triggers_generated as triggers;
@@ -24,7 +24,7 @@ const EVENTS_HEAD: [u8; 32] = [
     8, 0, 4, 0, 6, 0, 0, 0, 4, 0, 0, 0, 0, 0, 0, 0,
 ];
 
-/// Writes an event packet to `out`, from the byte `at`, and says where it ends; `out` grows as
+/// Writes an event packet to `out`, from the byte `at`, and returns its end; `out` grows as
 /// needed and is never shrunk. Coordinates must be below 32,768.
 pub(super) fn events(events: EventSlice<'_>, out: &mut Vec<u8>, at: usize) -> usize {
     let start = at + EVENTS_HEAD.len();

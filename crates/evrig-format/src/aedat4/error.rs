@@ -1,12 +1,12 @@
-//! What can go wrong, and where.
+//! Errors, and their position in the file.
 
 use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
-/// A place in a file or stream.
+/// A position in a file or stream.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Place {
+pub struct FilePosition {
     /// The file's path or the stream's name.
     pub name: String,
     /// Bytes before it.
@@ -17,7 +17,7 @@ pub struct Place {
     pub stream: Option<u32>,
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for FilePosition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: byte {}", self.name, self.offset)?;
         match self.packet {
@@ -43,7 +43,7 @@ pub enum ReadError {
     #[error("{place}: expected {expected}, found {found}; {advice}")]
     Malformed {
         /// Where.
-        place: Place,
+        place: FilePosition,
         /// What the format has there.
         expected: String,
         /// What is there instead.
@@ -57,7 +57,7 @@ pub enum ReadError {
     )]
     Io {
         /// Where.
-        place: Place,
+        place: FilePosition,
         /// The system's reason.
         source: io::Error,
     },
@@ -66,7 +66,7 @@ pub enum ReadError {
 impl ReadError {
     /// Where it happened; none when the file could not be opened.
     #[must_use]
-    pub fn place(&self) -> Option<&Place> {
+    pub fn place(&self) -> Option<&FilePosition> {
         match self {
             Self::Open { .. } => None,
             Self::Malformed { place, .. } | Self::Io { place, .. } => Some(place),
@@ -77,7 +77,7 @@ impl ReadError {
 /// Why an AEDAT4 file could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    /// The file could not be made.
+    /// The file could not be created.
     #[error("{}: cannot be created: {source}; check the folder and its permissions", path.display())]
     Create {
         /// The path as given.
@@ -107,7 +107,7 @@ pub enum WriteError {
         /// What the stream carries.
         found: String,
     },
-    /// AEDAT4 has no way to say this.
+    /// AEDAT4 cannot represent this.
     #[error("{name}: stream {stream}: {found} cannot be written, AEDAT4 holds {limit}")]
     Unrepresentable {
         /// The file's path or the stream's name.

@@ -1,8 +1,9 @@
 //! Packets as bytes, in file order, and how a source ends.
 
-use super::compression::{Undecodable, decompress};
-use super::error::{Place, ReadError};
+use super::compression::decompress;
+use super::error::{FilePosition, ReadError};
 use super::header::{self, Header, MAGIC, MAX_HEADER_BYTES};
+use super::memory::DecompressFailure;
 use super::{Compression, MAX_PACKET_BYTES, table};
 use std::io::{self, Read};
 
@@ -38,7 +39,7 @@ pub(super) struct Framing<R> {
     n_bytes: Option<u64>,
     table_position: Option<u64>,
     compression: Compression,
-    /// Whether the header lies behind.
+    /// Whether the header was read.
     is_in_packets: bool,
 }
 
@@ -168,12 +169,12 @@ impl<R: Read> Framing<R> {
         Ok(())
     }
 
-    /// The data table must be whole: it is what tells a closed file from a cut one.
+    /// The data table must be complete: it distinguishes a closed file from a truncated one.
     fn check_table(&mut self) -> Result<(), ReadError> {
         let mut raw = Vec::new();
         self.read(MAX_PACKET_BYTES, &mut raw, None)?;
         let count = decompress(self.compression, &raw, MAX_PACKET_BYTES, table::count)
-            .map_err(Undecodable::into_text)
+            .map_err(DecompressFailure::into_text)
             .and_then(|count| count);
         let expected = || format!("the data table of {} packets", self.n_packets);
         match count {
@@ -225,9 +226,9 @@ impl<R: Read> Framing<R> {
         ReadError::Malformed { place: self.place(stream), expected, found, advice }
     }
 
-    fn place(&self, stream: Option<u32>) -> Place {
+    fn place(&self, stream: Option<u32>) -> FilePosition {
         let packet = self.is_in_packets.then_some(self.n_packets);
-        Place { name: self.name.clone(), offset: self.offset, packet, stream }
+        FilePosition { name: self.name.clone(), offset: self.offset, packet, stream }
     }
 
     /// The error for a packet that was read whole but cannot be decoded.
@@ -237,7 +238,7 @@ impl<R: Read> Framing<R> {
         expected: String,
         found: String,
     ) -> ReadError {
-        let place = Place {
+        let place = FilePosition {
             name: self.name.clone(),
             offset: packet.offset,
             packet: Some(packet.index),

@@ -1,6 +1,6 @@
 //! The header: compression, position of the data table, description of the streams.
 
-use super::{Compression, Kind, Stream, StreamSpec, overflow};
+use super::{Compression, PayloadKind, StreamHeader, StreamSpec, overflow};
 use aedat::base::ioheader_generated::{self as generated, Ioheader, IoheaderArgs};
 use evrig_core::geometry::Size;
 use flatbuffers::FlatBufferBuilder;
@@ -12,7 +12,7 @@ pub(super) const MAGIC: &[u8; 14] = b"#!AER-DAT4.0\r\n";
 /// Longest header that is read: 16 MiB; real ones have some kilobytes.
 pub(super) const MAX_HEADER_BYTES: usize = 1 << 24;
 
-/// The position that stands for "no data table".
+/// The position that means "no data table".
 pub(super) const NO_TABLE: i64 = -1;
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -20,10 +20,10 @@ pub(super) struct Header {
     pub(super) compression: Compression,
     /// Byte of the file at which the data table begins.
     pub(super) table_position: Option<u64>,
-    pub(super) streams: Vec<Stream>,
+    pub(super) streams: Vec<StreamHeader>,
 }
 
-/// Reads the flatbuffer behind the magic, its length (the size prefix) included; the error says what was found.
+/// Parses the size-prefixed flatbuffer after the magic; the error describes what was found.
 pub(super) fn parse(bytes: &[u8]) -> Result<Header, String> {
     if bytes.get(8..12) != Some(generated::IOHEADER_IDENTIFIER.as_bytes()) {
         return Err("bytes without the identifier IOHE".to_owned());
@@ -33,25 +33,25 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Header, String> {
         generated::size_prefixed_root_as_ioheader(bytes).map_err(|error| one_line(&error))?;
     let code = table.compression();
     let compression = Compression::from_code(code)
-        .ok_or_else(|| format!("compression code {}, of which nothing is known", code.0))?;
+        .ok_or_else(|| format!("unknown compression code {}", code.0))?;
     let table_position = u64::try_from(table.file_data_position()).ok();
     let xml = table.description().ok_or("no description of the streams")?;
     Ok(Header { compression, table_position, streams: parse_description(xml)? })
 }
 
-/// A flatbuffer error prints its trace over several lines; the first says it all.
+/// The first line of a flatbuffer error; its trace follows in further lines.
 pub(super) fn one_line(error: &flatbuffers::InvalidFlatbuffer) -> String {
     let text = error.to_string();
     let first = text.lines().next().unwrap_or_default();
     format!("an invalid flatbuffer ({})", first.trim_end_matches('.'))
 }
 
-fn parse_description(xml: &str) -> Result<Vec<Stream>, String> {
+fn parse_description(xml: &str) -> Result<Vec<StreamHeader>, String> {
     let document = roxmltree::Document::parse(xml)
         .map_err(|error| format!("a description that is not XML ({error})"))?;
     let root = document.root_element();
     let outputs = child_node(root, "outInfo").ok_or("a description without the node outInfo")?;
-    let mut streams: Vec<Stream> = Vec::new();
+    let mut streams: Vec<StreamHeader> = Vec::new();
     for node in outputs.children().filter(|node| node.has_tag_name("node")) {
         let stream = parse_stream(node)?;
         if streams.iter().any(|other| other.id == stream.id) {
@@ -62,7 +62,7 @@ fn parse_description(xml: &str) -> Result<Vec<Stream>, String> {
     if streams.is_empty() { Err("a description without streams".to_owned()) } else { Ok(streams) }
 }
 
-fn parse_stream(node: roxmltree::Node<'_, '_>) -> Result<Stream, String> {
+fn parse_stream(node: roxmltree::Node<'_, '_>) -> Result<StreamHeader, String> {
     let name = node.attribute("name").unwrap_or_default();
     let id = name.parse().map_err(|_| format!("a stream numbered {name:?}"))?;
     let identifier = attribute(node, "typeIdentifier")
@@ -74,10 +74,10 @@ fn parse_stream(node: roxmltree::Node<'_, '_>) -> Result<Stream, String> {
         (Some(width), Some(height)) => Some(Size::new(width, height)),
         _ => None,
     };
-    Ok(Stream {
+    Ok(StreamHeader {
         id,
         name: attribute(node, "originalOutputName").unwrap_or_default().to_owned(),
-        kind: Kind::from_identifier(identifier),
+        kind: PayloadKind::from_identifier(identifier),
         size,
         source: from_info("source").unwrap_or_default().to_owned(),
     })
@@ -96,7 +96,7 @@ fn attribute<'a>(node: roxmltree::Node<'a, '_>, key: &str) -> Option<&'a str> {
         .and_then(|child| child.text())
 }
 
-/// The header's flatbuffer with its length before it, of the same length whatever the position.
+/// The size-prefixed flatbuffer of the header, whose length does not depend on the position.
 pub(super) fn encode(
     compression: Compression,
     table_position: Option<u64>,
@@ -104,7 +104,7 @@ pub(super) fn encode(
 ) -> Vec<u8> {
     let position = table_position.and_then(|position| i64::try_from(position).ok());
     let mut builder = FlatBufferBuilder::new();
-    // Without this a position of -1 would take no room, and could not be replaced later.
+    // Without this a position of -1 would be omitted, and could not be replaced later.
     builder.force_defaults(true);
     let description = builder.create_string(&describe(compression, streams));
     let arguments = IoheaderArgs {
@@ -117,7 +117,7 @@ pub(super) fn encode(
     builder.finished_data().to_vec()
 }
 
-/// The XML that DV and dv-processing look for.
+/// The XML that DV and dv-processing expect.
 fn describe(compression: Compression, streams: &[StreamSpec]) -> String {
     let mut xml =
         String::from("<dv version=\"2.0\">\n    <node name=\"outInfo\" path=\"/outInfo/\">\n");
@@ -152,13 +152,13 @@ fn describe_stream(xml: &mut String, compression: Compression, id: usize, stream
     line(8, "</node>".to_owned());
 }
 
-fn meaning(kind: &Kind) -> &str {
+fn meaning(kind: &PayloadKind) -> &str {
     match kind {
-        Kind::Events => "Array of events (polarity ON/OFF).",
-        Kind::Frames => "Standard frame.",
-        Kind::Imu => "Inertial Measurement Unit data samples.",
-        Kind::Triggers => "External triggers and special signals.",
-        Kind::Other(_) => "Custom data.",
+        PayloadKind::Events => "Array of events (polarity ON/OFF).",
+        PayloadKind::Frames => "Standard frame.",
+        PayloadKind::Imu => "Inertial Measurement Unit data samples.",
+        PayloadKind::Triggers => "External triggers and special signals.",
+        PayloadKind::Other(_) => "Custom data.",
     }
 }
 
@@ -225,7 +225,7 @@ mod tests {
     fn a_kind_without_meaning_keeps_its_name() {
         let xml = r#"<dv><node name="outInfo"><node name="7"><attr key="typeIdentifier">POSE</attr></node></node></dv>"#;
         let streams = parse_description(xml).unwrap();
-        assert_eq!(streams[0].kind, Kind::Other("POSE".to_owned()));
+        assert_eq!(streams[0].kind, PayloadKind::Other("POSE".to_owned()));
         assert_eq!((streams[0].id, streams[0].size), (7, None));
     }
 

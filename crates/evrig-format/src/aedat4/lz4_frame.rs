@@ -1,12 +1,12 @@
 //! LZ4 frames, block by block (LZ4 frame format 1.6.4).
 //!
 //! DV chains blocks of 64 KiB, each of which may refer to the one before. They are decoded in
-//! place behind one another, which spares the copies that a streaming decoder makes, and a frame
-//! that lacks its end is found out, which streaming decoders let pass at a block's end. Frames
-//! written here have blocks that stand alone and a checksum of the content, so that a flipped bit
+//! place one after another, which avoids the copies of a streaming decoder, and a frame
+//! without its end mark is detected, which streaming decoders accept at a block's end. Frames
+//! written here have independent blocks and a content checksum, so that a flipped bit
 //! is found when the file is read.
 
-use super::compression::{Undecodable, grow};
+use super::memory::{DecompressFailure, grow};
 use lz4::block::{CompressionMode, compress_bound, compress_to_buffer};
 use lz4_flex::block::{DecompressError, decompress_into_with_dict};
 use std::io;
@@ -27,26 +27,26 @@ const HAS_CONTENT_SIZE: u8 = 0x08;
 /// Flag: a checksum of the content follows the end.
 const HAS_CONTENT_SUM: u8 = 0x04;
 
-/// Bytes of our frames beside their blocks: magic, descriptor and its sum; mark of the end and sum.
+/// Bytes of a written frame without its blocks: magic, descriptor and checksum; end mark and checksum.
 const HEAD_AND_END_BYTES: usize = 7 + 8;
 
-/// How far back a match may lie.
-const REACH: usize = 1 << 16;
+/// Largest offset of a match.
+const MAX_MATCH_OFFSET: usize = 1 << 16;
 
-/// Bit of a block's length that says it is stored as it is.
+/// Bit of a block's length for an uncompressed block.
 const IS_STORED: u32 = 1 << 31;
 
 /// Descriptor and largest block, smallest first.
 const BLOCK_SIZES: [(u8, usize); 4] =
     [(0x40, 1 << 16), (0x50, 1 << 18), (0x60, 1 << 20), (0x70, 1 << 22)];
 
-/// Decompresses into the first bytes of `plain` and says how many; `plain` grows as needed and is
+/// Decompresses into the first bytes of `plain` and returns their number; `plain` grows as needed and is
 /// never shrunk, because growing clears memory.
 pub(super) fn decompress(
     raw: &[u8],
     limit: usize,
     plain: &mut Vec<u8>,
-) -> Result<usize, Undecodable> {
+) -> Result<usize, DecompressFailure> {
     let mut rest = raw;
     let (flags, largest) = read_head(&mut rest)?;
     let mut n = 0;
@@ -68,7 +68,7 @@ pub(super) fn decompress(
 }
 
 /// Reads the head of a frame: flags and size of the largest block.
-fn read_head(rest: &mut &[u8]) -> Result<(u8, usize), Undecodable> {
+fn read_head(rest: &mut &[u8]) -> Result<(u8, usize), DecompressFailure> {
     if take(rest, 4)? != MAGIC {
         return Err(damaged("no LZ4 frame"));
     }
@@ -94,7 +94,7 @@ fn head_sum(descriptor: &[u8]) -> u8 {
     (XxHash32::oneshot(0, descriptor) >> 8) as u8
 }
 
-fn check_sum(bytes: &[u8], expected: u32) -> Result<(), Undecodable> {
+fn check_sum(bytes: &[u8], expected: u32) -> Result<(), DecompressFailure> {
     if XxHash32::oneshot(0, bytes) == expected {
         Ok(())
     } else {
@@ -102,7 +102,7 @@ fn check_sum(bytes: &[u8], expected: u32) -> Result<(), Undecodable> {
     }
 }
 
-/// Decompresses one block to `plain[n..]` and says how many bytes it gave.
+/// Decompresses one block to `plain[n..]` and returns the number of bytes.
 fn decompress_block(
     block: &[u8],
     is_stored: bool,
@@ -110,41 +110,45 @@ fn decompress_block(
     n: usize,
     limit: usize,
     plain: &mut Vec<u8>,
-) -> Result<usize, Undecodable> {
+) -> Result<usize, DecompressFailure> {
     let room = largest.min(limit - n);
     grow(plain, n + room);
     let (before, after) = plain.split_at_mut(n);
     let target = &mut after[..room];
     let is_full = || {
-        if room < largest { Undecodable::TooLarge } else { damaged("an LZ4 block above its size") }
+        if room < largest {
+            DecompressFailure::TooLarge
+        } else {
+            damaged("an LZ4 block above its size")
+        }
     };
     if is_stored {
         let Some(target) = target.get_mut(..block.len()) else { return Err(is_full()) };
         target.copy_from_slice(block);
         return Ok(block.len());
     }
-    let reach = &before[n.saturating_sub(REACH)..];
+    let reach = &before[n.saturating_sub(MAX_MATCH_OFFSET)..];
     decompress_into_with_dict(block, target, reach).map_err(|error| match error {
         DecompressError::OutputTooSmall { .. } => is_full(),
-        error => Undecodable::Damaged(format!("an LZ4 block with an error ({error})")),
+        error => DecompressFailure::Damaged(format!("an LZ4 block with an error ({error})")),
     })
 }
 
-fn take_u32(rest: &mut &[u8]) -> Result<u32, Undecodable> {
+fn take_u32(rest: &mut &[u8]) -> Result<u32, DecompressFailure> {
     let bytes = take(rest, 4)?;
     Ok(bytes.iter().rev().fold(0, |value, &byte| value << 8 | u32::from(byte)))
 }
 
-fn take<'a>(rest: &mut &'a [u8], n: usize) -> Result<&'a [u8], Undecodable> {
+fn take<'a>(rest: &mut &'a [u8], n: usize) -> Result<&'a [u8], DecompressFailure> {
     rest.split_off(..n).ok_or_else(|| damaged("an LZ4 frame that ends early"))
 }
 
-fn damaged(found: &str) -> Undecodable {
-    Undecodable::Damaged(found.to_owned())
+fn damaged(found: &str) -> DecompressFailure {
+    DecompressFailure::Damaged(found.to_owned())
 }
 
-/// Compresses to a frame of blocks as large as can be, in `out` from the byte `at`, and says where
-/// it ends; `out` grows as needed and is never shrunk.
+/// Compresses to a frame of the largest blocks, in `out` from the byte `at`, and returns
+/// its end; `out` grows as needed and is never shrunk.
 pub(super) fn compress(plain: &[u8], out: &mut Vec<u8>, at: usize) -> io::Result<usize> {
     let fits = |(_, largest): &&(u8, usize)| plain.len() <= *largest;
     let (code, largest) = *BLOCK_SIZES.iter().find(fits).unwrap_or(&BLOCK_SIZES[3]);
@@ -155,7 +159,7 @@ pub(super) fn compress(plain: &[u8], out: &mut Vec<u8>, at: usize) -> io::Result
     put(out, &mut end, &descriptor);
     put(out, &mut end, &[head_sum(&descriptor)]);
     for block in plain.chunks(largest) {
-        // Room for the block behind its length, and for what follows the last block.
+        // Space for the block after its length, and for what follows the last block.
         grow(out, end + 4 + compress_bound(block.len())? + HEAD_AND_END_BYTES);
         let mode = Some(CompressionMode::FAST(1));
         let n = compress_to_buffer(block, mode, false, &mut out[end + 4..])?;
@@ -172,7 +176,7 @@ pub(super) fn compress(plain: &[u8], out: &mut Vec<u8>, at: usize) -> io::Result
     Ok(end)
 }
 
-/// Copies bytes to where `end` is and moves it behind them; there must be room.
+/// Copies bytes to `end` and advances it; `out` must be long enough.
 fn put(out: &mut [u8], end: &mut usize, bytes: &[u8]) {
     out[*end..*end + bytes.len()].copy_from_slice(bytes);
     *end += bytes.len();
@@ -194,7 +198,7 @@ mod tests {
         (0..n).map(|i| if i % 16 < 5 { next() } else { (i % 16) as u8 }).collect()
     }
 
-    fn decompressed(raw: &[u8], limit: usize) -> Result<Vec<u8>, Undecodable> {
+    fn decompressed(raw: &[u8], limit: usize) -> Result<Vec<u8>, DecompressFailure> {
         let mut plain = vec![7; 10];
         let n = decompress(raw, limit, &mut plain)?;
         Ok(plain[..n].to_vec())
@@ -264,7 +268,7 @@ mod tests {
             let raw = c_frame(&plain, true, lz4::BlockSize::Max64KB, has_sums);
             for cut in (0..raw.len()).step_by(97).chain(raw.len() - 12..raw.len()) {
                 let outcome = decompressed(&raw[..cut], 1 << 20);
-                let is_damaged = matches!(outcome, Err(Undecodable::Damaged(_)));
+                let is_damaged = matches!(outcome, Err(DecompressFailure::Damaged(_)));
                 assert!(is_damaged, "cut at {cut} of {}", raw.len());
             }
         }
@@ -280,7 +284,7 @@ mod tests {
         ] {
             let mut space = Vec::new();
             let error = decompress(&raw, plain.len() - 1, &mut space).unwrap_err();
-            assert!(matches!(error, Undecodable::TooLarge), "{error:?}");
+            assert!(matches!(error, DecompressFailure::TooLarge), "{error:?}");
             assert!(space.len() <= plain.len());
         }
     }

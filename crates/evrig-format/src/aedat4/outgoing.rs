@@ -1,4 +1,4 @@
-//! A packet on its way out: head and payload in one run of bytes, whose memory serves the next.
+//! A packet to be written: header and payload in one buffer, which is reused.
 
 use super::compression::{Compression, compress, with_scratch};
 use super::encode;
@@ -10,7 +10,7 @@ pub(super) const HEAD_BYTES: usize = 8;
 
 /// One packet, ready to be written.
 #[derive(Debug, Default)]
-pub(super) struct Outgoing {
+pub(super) struct PacketBuffer {
     /// Head and payload; may be longer than the packet, because growing clears memory.
     bytes: Vec<u8>,
     /// Bytes of the packet.
@@ -19,14 +19,18 @@ pub(super) struct Outgoing {
     pub(super) span_us: [i64; 2],
 }
 
-impl Outgoing {
+impl PacketBuffer {
     /// Takes a run of events; their coordinates must be below 32,768.
-    pub(super) fn take_events(&mut self, how: Compression, run: EventSlice<'_>) -> io::Result<()> {
-        self.n_bytes = match how {
+    pub(super) fn take_events(
+        &mut self,
+        compression: Compression,
+        run: EventSlice<'_>,
+    ) -> io::Result<()> {
+        self.n_bytes = match compression {
             Compression::None => encode::events(run, &mut self.bytes, HEAD_BYTES),
             _ => with_scratch(|plain| {
                 let n = encode::events(run, plain, 0);
-                compress(how, &plain[..n], &mut self.bytes, HEAD_BYTES)
+                compress(compression, &plain[..n], &mut self.bytes, HEAD_BYTES)
             })?,
         };
         self.n_elements = run.len();
@@ -37,12 +41,12 @@ impl Outgoing {
     /// Takes a payload.
     pub(super) fn take_payload(
         &mut self,
-        how: Compression,
+        compression: Compression,
         payload: &[u8],
         n_elements: usize,
         span_us: [i64; 2],
     ) -> io::Result<()> {
-        self.n_bytes = compress(how, payload, &mut self.bytes, HEAD_BYTES)?;
+        self.n_bytes = compress(compression, payload, &mut self.bytes, HEAD_BYTES)?;
         (self.n_elements, self.span_us) = (n_elements, span_us);
         Ok(())
     }
@@ -52,7 +56,7 @@ impl Outgoing {
         self.n_bytes.saturating_sub(HEAD_BYTES) as u32
     }
 
-    /// The packet as it stands in a file.
+    /// The packet as written to a file.
     pub(super) fn finish(&mut self, stream: u32) -> &[u8] {
         let length = self.payload_bytes();
         if let Some((head, _)) = self.bytes.split_first_chunk_mut::<HEAD_BYTES>() {

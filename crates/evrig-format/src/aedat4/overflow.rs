@@ -1,17 +1,17 @@
-//! The one damage on which the verifier of flatbuffers 2.1 does not answer but overflows.
+//! A check for the damage on which the verifier of flatbuffers 2.1 overflows.
 //!
 //! A table begins with the signed distance to its virtual table. The verifier takes that number's
 //! absolute value, which `i32::MIN` does not have: a build with overflow checks panics. Here the
-//! same tables are visited and only that number is looked for; the verifier does everything else.
+//! same tables are visited for that number only; the verifier does everything else.
 
-/// The root's offset stands behind the size.
+/// Position of the root's offset, after the size.
 const ROOT_AT: usize = 4;
 
 /// First field of a virtual table, in which every AEDAT4 packet holds its vector of elements.
 const FIRST_FIELD: usize = 4;
 
 /// Refuses a size-prefixed flatbuffer whose root, or one of whose vector of tables, begins with the
-/// distance that the verifier cannot take; the error says what was found.
+/// distance that overflows the verifier; the error describes what was found.
 pub(super) fn check(payload: &[u8], holds_tables: bool) -> Result<(), String> {
     let is_impossible = |table: usize| i32_at(payload, table) == Some(i32::MIN);
     let refused = || "an invalid flatbuffer (a table that names no virtual table)".to_owned();
@@ -28,7 +28,7 @@ pub(super) fn check(payload: &[u8], holds_tables: bool) -> Result<(), String> {
     if elements.any(is_impossible) { Err(refused()) } else { Ok(()) }
 }
 
-/// Where the vector behind a table's first field lies, if it has one.
+/// Position of the vector of a table's first field, if there is one.
 fn first_field(payload: &[u8], table: usize) -> Option<usize> {
     let distance = i64::from(i32_at(payload, table)?);
     let virtual_table = usize::try_from(i64::try_from(table).ok()? - distance).ok()?;
@@ -38,7 +38,7 @@ fn first_field(payload: &[u8], table: usize) -> Option<usize> {
     if is_present { follow(payload, table + usize::from(offset?)) } else { None }
 }
 
-/// Where the offset at a place leads.
+/// Target of the offset at a position.
 fn follow(payload: &[u8], at: usize) -> Option<usize> {
     at.checked_add(u32_at(payload, at)? as usize)
 }
@@ -59,8 +59,8 @@ fn i32_at(payload: &[u8], at: usize) -> Option<i32> {
 mod tests {
     use super::*;
     use crate::aedat4::decode::decode;
-    use crate::aedat4::table::{self, Entry};
-    use crate::aedat4::{Compression, Kind, StreamSpec, encode, header};
+    use crate::aedat4::table::{self, TableEntry};
+    use crate::aedat4::{Compression, PayloadKind, StreamSpec, encode, header};
     use evrig_core::event::{Event, Events};
     use evrig_core::frame::{Frame, FrameTiming, Samples};
     use evrig_core::geometry::Size;
@@ -99,14 +99,14 @@ mod tests {
         let mut event_packet = Vec::new();
         encode::events(events.as_slice(), &mut event_packet, 0);
         let packets = [
-            (Kind::Events, event_packet, 1),
-            (Kind::Frames, encode::frame(&frame), 1),
-            (Kind::Imu, encode::imu(&[sample; 3]), 4),
-            (Kind::Triggers, encode::triggers(&[mark; 3]), 4),
+            (PayloadKind::Events, event_packet, 1),
+            (PayloadKind::Frames, encode::frame(&frame), 1),
+            (PayloadKind::Imu, encode::imu(&[sample; 3]), 4),
+            (PayloadKind::Triggers, encode::triggers(&[mark; 3]), 4),
         ];
         for (kind, payload, n_tables) in packets {
             let read = |payload: &[u8]| drop(decode(&kind, payload, Events::new()));
-            let holds_tables = matches!(kind, Kind::Imu | Kind::Triggers);
+            let holds_tables = matches!(kind, PayloadKind::Imu | PayloadKind::Triggers);
             assert!(plant(&payload, holds_tables, read) >= n_tables, "{kind:?}");
             assert_eq!(check(&payload, holds_tables), Ok(()));
         }
@@ -117,7 +117,7 @@ mod tests {
         let streams = [StreamSpec::imu("camera")];
         let bytes = header::encode(Compression::None, Some(9), &streams);
         assert!(plant(&bytes, false, |bytes| drop(header::parse(bytes))) >= 1);
-        let entry = Entry {
+        let entry = TableEntry {
             payload_offset: 9,
             stream: 1,
             payload_bytes: 7,

@@ -1,10 +1,13 @@
-//! The reader: raw packets in order, decoded side by side, delivered in order.
+//! The reader: raw packets are read in order, decoded in parallel, and delivered in order.
 
-use super::compression::{Undecodable, decompress};
+use super::compression::decompress;
 use super::decode::{Decoded, decode};
 use super::framing::{Framing, RawPacket};
 use super::header::Header;
-use super::{Compression, Content, Kind, Losses, MAX_PACKET_BYTES, Packet, ReadError, Stream};
+use super::memory::DecompressFailure;
+use super::{
+    Compression, Content, Losses, MAX_PACKET_BYTES, Packet, PayloadKind, ReadError, StreamHeader,
+};
 use evrig_core::event::Events;
 use std::collections::VecDeque;
 use std::fs::File;
@@ -18,10 +21,10 @@ const READ_AHEAD_PACKETS: usize = 256;
 /// Bytes of the file after which no further packet is read ahead.
 const READ_AHEAD_BYTES: usize = 1 << 22;
 
-/// What a packet decoded beside others may grow to, at least and as a multiple of its bytes in the
+/// Largest size of a packet decoded in parallel, at least and as a multiple of its bytes in the
 /// file. One that needs more is decoded by itself, so that a hostile file cannot fill the memory.
-const SIDE_BY_SIDE_BYTES: usize = 1 << 20;
-const SIDE_BY_SIDE_RATIO: usize = 32;
+const PARALLEL_MIN_BYTES: usize = 1 << 20;
+const PARALLEL_MAX_RATIO: usize = 32;
 
 /// Parts into which a thread's share of the packets is cut, so that threads end together.
 const PARTS_PER_THREAD: usize = 4;
@@ -35,14 +38,14 @@ const PARTS_PER_THREAD: usize = 4;
 #[derive(Debug)]
 pub struct Reader<R> {
     framing: Framing<R>,
-    streams: Vec<Stream>,
-    /// Packets decoded together; with one, nothing is read before it is asked for.
+    streams: Vec<StreamHeader>,
+    /// Packets decoded together; with one, packets are read on demand.
     window: usize,
     /// Read, not yet decoded.
     ahead: Vec<RawPacket>,
     /// Decoded, not yet delivered.
-    ready: VecDeque<Work>,
-    /// What ends the reading once all before it was delivered.
+    ready: VecDeque<DecodeJob>,
+    /// The result after the last packet.
     ending: Option<Result<(), ReadError>>,
     is_over: bool,
     losses: Losses,
@@ -52,21 +55,21 @@ pub struct Reader<R> {
     spare_events: Vec<Events>,
 }
 
-/// A packet and what became of it.
+/// A packet and its decoding result.
 #[derive(Debug)]
-struct Work {
+struct DecodeJob {
     packet: RawPacket,
     /// Memory for its events.
     spare: Events,
-    decoded: Result<Decoded, Failure>,
+    decoded: Result<Decoded, DecodeFailure>,
 }
 
-impl Work {
+impl DecodeJob {
     fn new(packet: RawPacket, spare: Events) -> Self {
-        Self { packet, spare, decoded: Err(Failure::TooLarge) }
+        Self { packet, spare, decoded: Err(DecodeFailure::TooLarge) }
     }
 
-    fn decode(&mut self, streams: &[Stream], compression: Compression, limit: usize) {
+    fn decode(&mut self, streams: &[StreamHeader], compression: Compression, limit: usize) {
         let spare = std::mem::take(&mut self.spare);
         self.decoded = decode_packet(&self.packet, streams, compression, limit, spare);
     }
@@ -74,7 +77,7 @@ impl Work {
 
 /// Why a packet was not decoded.
 #[derive(Debug)]
-enum Failure {
+enum DecodeFailure {
     /// It was not tried yet, or would have grown beyond its share of memory.
     TooLarge,
     /// What was expected and found.
@@ -99,7 +102,7 @@ impl Reader<BufReader<File>> {
 }
 
 impl<R: Read> Reader<R> {
-    /// Reads a file's bytes from anywhere; `name` stands for it in errors.
+    /// Reads a file's bytes from any source; `name` names it in errors.
     ///
     /// # Errors
     /// [`ReadError`] when the bytes do not begin as AEDAT4 does.
@@ -137,7 +140,7 @@ impl<R: Read> Reader<R> {
 
     /// The streams that the header describes.
     #[must_use]
-    pub fn streams(&self) -> &[Stream] {
+    pub fn streams(&self) -> &[StreamHeader] {
         &self.streams
     }
 
@@ -153,9 +156,9 @@ impl<R: Read> Reader<R> {
         &self.losses
     }
 
-    /// Takes back events that are no longer needed, to read later ones into their memory. Never
-    /// needed, but faster: memory that the system hands out anew is cleared page by page.
-    pub fn give_back(&mut self, events: Events) {
+    /// Returns events whose memory can be used again. Never
+    /// required, but faster: newly allocated memory is cleared page by page.
+    pub fn recycle(&mut self, events: Events) {
         if self.spare_events.len() < READ_AHEAD_PACKETS {
             self.spare_events.push(events);
         }
@@ -168,39 +171,39 @@ impl<R: Read> Reader<R> {
         }
         let packets = std::mem::take(&mut self.ahead);
         let compression = self.framing.compression();
-        let mut works: VecDeque<Work> = packets
+        let mut jobs: VecDeque<DecodeJob> = packets
             .into_iter()
-            .map(|packet| Work::new(packet, self.spare_events.pop().unwrap_or_default()))
+            .map(|packet| DecodeJob::new(packet, self.spare_events.pop().unwrap_or_default()))
             .collect();
         let streams = std::mem::take(&mut self.streams);
-        let decode = |works: &mut [Work]| {
-            for work in works {
-                let limit = work.packet.payload.len().saturating_mul(SIDE_BY_SIDE_RATIO);
-                work.decode(
+        let decode = |jobs: &mut [DecodeJob]| {
+            for job in jobs {
+                let limit = job.packet.payload.len().saturating_mul(PARALLEL_MAX_RATIO);
+                job.decode(
                     &streams,
                     compression,
-                    limit.clamp(SIDE_BY_SIDE_BYTES, MAX_PACKET_BYTES),
+                    limit.clamp(PARALLEL_MIN_BYTES, MAX_PACKET_BYTES),
                 );
             }
         };
-        let works_in_order = works.make_contiguous();
+        let jobs_in_order = jobs.make_contiguous();
         if self.window == 1 {
-            decode(works_in_order);
+            decode(jobs_in_order);
         } else {
             let n_parts = PARTS_PER_THREAD * rayon::current_num_threads();
-            let length = works_in_order.len().div_ceil(n_parts).max(1);
+            let length = jobs_in_order.len().div_ceil(n_parts).max(1);
             rayon::in_place_scope(|scope| {
-                for part in works_in_order.chunks_mut(length) {
+                for part in jobs_in_order.chunks_mut(length) {
                     scope.spawn(|_| decode(part));
                 }
                 self.read_ahead();
             });
         }
         self.streams = streams;
-        self.ready = works;
+        self.ready = jobs;
     }
 
-    /// Reads the next window of packets, unless the end was seen.
+    /// Reads the next window of packets, unless the end was reached.
     fn read_ahead(&mut self) {
         let mut n_bytes = 0;
         while self.ending.is_none() && self.ahead.len() < self.window && n_bytes < READ_AHEAD_BYTES
@@ -215,7 +218,7 @@ impl<R: Read> Reader<R> {
         }
     }
 
-    /// Counts what was lost and hands the packet out; none for a packet that was lost whole.
+    /// Counts losses and returns the packet; none for a packet that was lost entirely.
     fn deliver(&mut self, packet: RawPacket, decoded: Decoded) -> Option<Packet> {
         let RawPacket { stream, index, offset, payload } = packet;
         self.spare.push(payload);
@@ -230,7 +233,7 @@ impl<R: Read> Reader<R> {
         Some(Packet { stream, index, offset, content })
     }
 
-    /// Gives up at a packet that cannot be decoded.
+    /// Ends reading at a packet that cannot be decoded.
     fn fail(&mut self, packet: &RawPacket, expected: String, found: String) -> ReadError {
         self.is_over = true;
         self.ready.clear();
@@ -244,7 +247,7 @@ impl<R: Read> Iterator for Reader<R> {
 
     fn next(&mut self) -> Option<Self::Item> {
         while !self.is_over {
-            let Some(work) = self.ready.pop_front() else {
+            let Some(job) = self.ready.pop_front() else {
                 match self.ending.take_if(|_| self.ahead.is_empty()) {
                     None => self.fill(),
                     Some(end) => {
@@ -254,23 +257,23 @@ impl<R: Read> Iterator for Reader<R> {
                 }
                 continue;
             };
-            let mut work = work;
-            if matches!(work.decoded, Err(Failure::TooLarge)) {
-                work.decode(&self.streams, self.framing.compression(), MAX_PACKET_BYTES);
+            let mut job = job;
+            if matches!(job.decoded, Err(DecodeFailure::TooLarge)) {
+                job.decode(&self.streams, self.framing.compression(), MAX_PACKET_BYTES);
             }
-            let Work { packet, decoded, .. } = work;
+            let DecodeJob { packet, decoded, .. } = job;
             match decoded {
                 Ok(decoded) => {
                     if let Some(packet) = self.deliver(packet, decoded) {
                         return Some(Ok(packet));
                     }
                 }
-                Err(Failure::TooLarge) => {
+                Err(DecodeFailure::TooLarge) => {
                     let expected = format!("at most {MAX_PACKET_BYTES} bytes once decompressed");
                     let found = "more than that".to_owned();
                     return Some(Err(self.fail(&packet, expected, found)));
                 }
-                Err(Failure::Damaged(expected, found)) => {
+                Err(DecodeFailure::Damaged(expected, found)) => {
                     return Some(Err(self.fail(&packet, expected, found)));
                 }
             }
@@ -281,26 +284,26 @@ impl<R: Read> Iterator for Reader<R> {
 
 fn decode_packet(
     packet: &RawPacket,
-    streams: &[Stream],
+    streams: &[StreamHeader],
     compression: Compression,
     limit: usize,
     spare: Events,
-) -> Result<Decoded, Failure> {
+) -> Result<Decoded, DecodeFailure> {
     let Some(stream) = streams.iter().find(|stream| stream.id == packet.stream) else {
         let expected = "a packet of a stream that the header describes".to_owned();
-        return Err(Failure::Damaged(expected, format!("one of stream {}", packet.stream)));
+        return Err(DecodeFailure::Damaged(expected, format!("one of stream {}", packet.stream)));
     };
-    if let Kind::Other(kind) = &stream.kind {
+    if let PayloadKind::Other(kind) = &stream.kind {
         return Ok(Decoded::whole(Content::Unknown { kind: kind.clone() }));
     }
     decompress(compression, &packet.payload, limit, |payload| decode(&stream.kind, payload, spare))
         .map_err(|error| match error {
-            Undecodable::TooLarge => Failure::TooLarge,
-            Undecodable::Damaged(found) => {
-                Failure::Damaged(format!("{} data", compression.name()), found)
+            DecompressFailure::TooLarge => DecodeFailure::TooLarge,
+            DecompressFailure::Damaged(found) => {
+                DecodeFailure::Damaged(format!("{} data", compression.name()), found)
             }
         })?
         .map_err(|found| {
-            Failure::Damaged(format!("a {} flatbuffer", stream.kind.identifier()), found)
+            DecodeFailure::Damaged(format!("a {} flatbuffer", stream.kind.identifier()), found)
         })
 }

@@ -21,7 +21,7 @@ const VT_TABLE: u16 = 4;
 
 /// One packet in the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Entry {
+pub(super) struct TableEntry {
     /// Byte at which the payload (not the packet's header) begins.
     pub(super) payload_offset: u64,
     pub(super) stream: u32,
@@ -32,7 +32,7 @@ pub(super) struct Entry {
     pub(super) span_us: [i64; 2],
 }
 
-/// Stream and payload length, as the struct `PacketHeader` has them.
+/// StreamHeader and payload length, as the struct `PacketHeader` has them.
 #[derive(Clone, Copy)]
 struct PacketInfo(u32, u32);
 
@@ -47,7 +47,7 @@ impl Push for PacketInfo {
 }
 
 /// The table as a size-prefixed flatbuffer.
-pub(super) fn encode(entries: &[Entry]) -> Vec<u8> {
+pub(super) fn encode(entries: &[TableEntry]) -> Vec<u8> {
     let mut builder = FlatBufferBuilder::with_capacity(64 * entries.len() + 64);
     let mut definitions = Vec::with_capacity(entries.len());
     for entry in entries {
@@ -67,7 +67,7 @@ pub(super) fn encode(entries: &[Entry]) -> Vec<u8> {
     builder.finished_data().to_vec()
 }
 
-/// Number of packets in a table; the error says what was found instead of one.
+/// Number of packets in a table; the error describes what was found instead.
 pub(super) fn count(payload: &[u8]) -> Result<usize, String> {
     if payload.get(8..12) != Some(IDENTIFIER.as_bytes()) {
         return Err("bytes without the identifier FTAB".to_owned());
@@ -79,9 +79,9 @@ pub(super) fn count(payload: &[u8]) -> Result<usize, String> {
     Ok(root.0.get::<Definitions<'_>>(VT_TABLE, None).map_or(0, |definitions| definitions.len()))
 }
 
-type Definitions<'a> = ForwardsUOffset<Vector<'a, ForwardsUOffset<Definition<'a>>>>;
+type Definitions<'a> = ForwardsUOffset<Vector<'a, ForwardsUOffset<TableDefinition<'a>>>>;
 
-/// The root table, behind its verification.
+/// The root table, after verification.
 struct Root<'a>(Table<'a>);
 
 impl<'a> Follow<'a> for Root<'a> {
@@ -99,17 +99,19 @@ impl Verifiable for Root<'_> {
     }
 }
 
-/// One definition; only its shape is checked, nothing here reads its fields.
-struct Definition<'a>(#[expect(dead_code, reason = "the shape of a followed table")] Table<'a>);
+/// One definition; only its structure is verified, its fields are not read.
+struct TableDefinition<'a>(
+    #[expect(dead_code, reason = "the shape of a followed table")] Table<'a>,
+);
 
-impl<'a> Follow<'a> for Definition<'a> {
+impl<'a> Follow<'a> for TableDefinition<'a> {
     type Inner = Self;
     fn follow(buf: &'a [u8], loc: usize) -> Self {
         Self(Table { buf, loc })
     }
 }
 
-impl Verifiable for Definition<'_> {
+impl Verifiable for TableDefinition<'_> {
     fn run_verifier(verifier: &mut Verifier<'_, '_>, pos: usize) -> Result<(), InvalidFlatbuffer> {
         let table = verifier.visit_table(pos)?;
         table
@@ -128,7 +130,7 @@ mod tests {
 
     #[test]
     fn a_table_counts_what_was_put_in_and_no_cut_of_it_passes() {
-        let entry = Entry {
+        let entry = TableEntry {
             payload_offset: 99,
             stream: 1,
             payload_bytes: 7,

@@ -3,9 +3,9 @@
 use super::compression::compress;
 use super::cut::cut_into_packets;
 use super::header::{self, MAGIC};
-use super::outgoing::{HEAD_BYTES, Outgoing, span};
-use super::table::{self, Entry};
-use super::{Compression, Kind, StreamSpec, WriteError, encode};
+use super::outgoing::{HEAD_BYTES, PacketBuffer, span};
+use super::table::{self, TableEntry};
+use super::{Compression, PayloadKind, StreamSpec, WriteError, encode};
 use crate::Destination;
 use evrig_core::event::EventSlice;
 use evrig_core::frame::Frame;
@@ -16,8 +16,8 @@ use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// Packets that are compressed side by side, while as many before them are written.
-const SIDE_BY_SIDE: usize = 16;
+/// Packets that are compressed in parallel, while as many previous ones are written.
+const PARALLEL_PACKETS: usize = 16;
 
 /// Small packets are gathered to this size; larger ones are written as they are, each at once.
 const GATHERED_BYTES: usize = 1 << 16;
@@ -30,7 +30,7 @@ const MAX_COORDINATE: u16 = i16::MAX as u16;
 
 /// What was written, counted while writing.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Summary {
+pub struct WriteSummary {
     /// Elements in each stream (events, frames, samples or triggers), in the order of the streams.
     pub n_elements: Vec<u64>,
     /// Packets in all streams.
@@ -39,7 +39,7 @@ pub struct Summary {
     pub n_bytes: u64,
 }
 
-/// Puts the table's position into the header; only for destinations that can go back.
+/// Writes the table's position into the header; only for seekable destinations.
 type PatchHeader<W> = fn(&mut W, &[u8]) -> io::Result<()>;
 
 /// Writes AEDAT4 to a file, or to a socket in that one's framing.
@@ -55,10 +55,10 @@ pub struct Writer<W: Write> {
     compression: Compression,
     streams: Vec<StreamSpec>,
     patch_header: Option<PatchHeader<W>>,
-    entries: Vec<Entry>,
-    summary: Summary,
+    entries: Vec<TableEntry>,
+    summary: WriteSummary,
     /// Memory of packets that were written and of those being compressed.
-    packets: [Vec<Outgoing>; 2],
+    packets: [Vec<PacketBuffer>; 2],
 }
 
 impl Writer<BufWriter<File>> {
@@ -91,9 +91,9 @@ impl Writer<BufWriter<Destination>> {
         compression: Compression,
         streams: &[StreamSpec],
     ) -> Result<Self, WriteError> {
-        let can_go_back = destination.can_go_back();
+        let can_seek = destination.can_seek();
         let buffered = BufWriter::with_capacity(GATHERED_BYTES, destination);
-        if can_go_back {
+        if can_seek {
             return Self::new(buffered, name, compression, streams);
         }
         let mut writer = Self::headless(buffered, name, compression, streams);
@@ -104,7 +104,7 @@ impl Writer<BufWriter<Destination>> {
 }
 
 impl<W: Write + Seek> Writer<W> {
-    /// Writes a file's bytes to anything that can go back to its start; `name` stands for it in errors.
+    /// Writes a file's bytes to a seekable destination; `name` names it in errors.
     ///
     /// # Errors
     /// [`WriteError`] when the header cannot be written.
@@ -156,7 +156,7 @@ impl<W: Write> Writer<W> {
             streams: streams.to_vec(),
             patch_header: None,
             entries: Vec::new(),
-            summary: Summary { n_elements: vec![0; streams.len()], ..Summary::default() },
+            summary: WriteSummary { n_elements: vec![0; streams.len()], ..WriteSummary::default() },
             packets: [Vec::new(), Vec::new()],
         }
     }
@@ -174,7 +174,7 @@ impl<W: Write> Writer<W> {
     /// # Errors
     /// [`WriteError`] when the stream carries no events, a coordinate is above 32,767, or writing fails.
     pub fn write_events(&mut self, stream: u32, events: EventSlice<'_>) -> Result<(), WriteError> {
-        self.check_stream(stream, &Kind::Events, "events")?;
+        self.check_stream(stream, &PayloadKind::Events, "events")?;
         let union = |column: &[u16]| column.iter().fold(0, |union, c| union | c);
         if union(events.x) | union(events.y) > MAX_COORDINATE {
             let is_beyond = |i: &usize| events.x[*i].max(events.y[*i]) > MAX_COORDINATE;
@@ -185,9 +185,9 @@ impl<W: Write> Writer<W> {
         let cuts = cut_into_packets(events);
         let mut packets = std::mem::take(&mut self.packets);
         let written = if self.compression == Compression::None || cuts.len() == 1 {
-            self.write_in_turn(stream, events, &cuts, &mut packets[0])
+            self.write_sequential(stream, events, &cuts, &mut packets[0])
         } else {
-            self.write_side_by_side(stream, events, &cuts, &mut packets)
+            self.write_parallel(stream, events, &cuts, &mut packets)
         };
         self.packets = packets;
         written?;
@@ -195,12 +195,12 @@ impl<W: Write> Writer<W> {
     }
 
     /// Encodes and writes one packet after the other in the same memory, which stays in the cache.
-    fn write_in_turn(
+    fn write_sequential(
         &mut self,
         stream: u32,
         events: EventSlice<'_>,
         cuts: &[[usize; 2]],
-        memory: &mut Vec<Outgoing>,
+        memory: &mut Vec<PacketBuffer>,
     ) -> Result<(), WriteError> {
         let mut packet = memory.pop().unwrap_or_default();
         for &[start, end] in cuts {
@@ -212,19 +212,19 @@ impl<W: Write> Writer<W> {
         Ok(())
     }
 
-    /// Compresses some packets on all cores while those before them are written, in order.
-    fn write_side_by_side(
+    /// Compresses packets in parallel while the previous ones are written, in order.
+    fn write_parallel(
         &mut self,
         stream: u32,
         events: EventSlice<'_>,
         cuts: &[[usize; 2]],
-        [ready, next]: &mut [Vec<Outgoing>; 2],
+        [ready, next]: &mut [Vec<PacketBuffer>; 2],
     ) -> Result<(), WriteError> {
         let compression = self.compression;
         let mut n_ready = 0;
-        // At last nothing is compressed while the last packets are written.
-        for cuts in cuts.chunks(SIDE_BY_SIDE).chain(std::iter::once(&[][..])) {
-            next.resize_with(next.len().max(cuts.len()), Outgoing::default);
+        // The last packets are written while nothing is compressed.
+        for cuts in cuts.chunks(PARALLEL_PACKETS).chain(std::iter::once(&[][..])) {
+            next.resize_with(next.len().max(cuts.len()), PacketBuffer::default);
             let mut taken = Ok(());
             let written = rayon::in_place_scope(|scope| {
                 scope.spawn(|_| {
@@ -247,10 +247,10 @@ impl<W: Write> Writer<W> {
     /// Writes one frame.
     ///
     /// # Errors
-    /// [`WriteError`] when the stream carries no frames, the frame is not what its size says or
+    /// [`WriteError`] when the stream carries no frames, the samples do not match the frame's size or
     /// larger than AEDAT4 can hold, or writing fails.
     pub fn write_frame(&mut self, stream: u32, frame: &Frame<Davis>) -> Result<(), WriteError> {
-        self.check_stream(stream, &Kind::Frames, "frames")?;
+        self.check_stream(stream, &PayloadKind::Frames, "frames")?;
         let n_samples = frame.size.n_pixels() * frame.channels.count();
         if frame.size.width.max(frame.size.height) > MAX_COORDINATE {
             return Err(self.unrepresentable(stream, format!("a frame of {} pixels", frame.size)));
@@ -269,7 +269,7 @@ impl<W: Write> Writer<W> {
     /// # Errors
     /// [`WriteError`] when the stream carries none or writing fails.
     pub fn write_imu(&mut self, stream: u32, samples: &[ImuSample]) -> Result<(), WriteError> {
-        self.check_stream(stream, &Kind::Imu, "inertial samples")?;
+        self.check_stream(stream, &PayloadKind::Imu, "inertial samples")?;
         for run in samples.chunks(SAMPLE_PACKET_LENGTH) {
             let span = span(run.iter().map(|sample| sample.stamp.as_micros()));
             self.write_payload(stream, &encode::imu(run), run.len(), span)?;
@@ -282,7 +282,7 @@ impl<W: Write> Writer<W> {
     /// # Errors
     /// [`WriteError`] when the stream carries none or writing fails.
     pub fn write_triggers(&mut self, stream: u32, marks: &[Trigger]) -> Result<(), WriteError> {
-        self.check_stream(stream, &Kind::Triggers, "triggers")?;
+        self.check_stream(stream, &PayloadKind::Triggers, "triggers")?;
         for run in marks.chunks(SAMPLE_PACKET_LENGTH) {
             let span = span(run.iter().map(|mark| mark.stamp.as_micros()));
             self.write_payload(stream, &encode::triggers(run), run.len(), span)?;
@@ -290,18 +290,18 @@ impl<W: Write> Writer<W> {
         Ok(())
     }
 
-    /// Writes the data table (of a file), flushes, and says what was written.
+    /// Writes the data table (of a file), flushes, and returns counts of what was written.
     ///
     /// # Errors
     /// [`WriteError`] when writing fails; the packets are in the file all the same.
-    pub fn finish(mut self) -> Result<Summary, WriteError> {
+    pub fn finish(mut self) -> Result<WriteSummary, WriteError> {
         if let Some(patch) = self.patch_header {
             let position = self.summary.n_bytes;
             let mut table = Vec::new();
             let n = compress(self.compression, &table::encode(&self.entries), &mut table, 0)
                 .map_err(|source| self.failed(source))?;
             self.write_bytes(&table[..n])?;
-            // The table is on its way before the header says that there is one.
+            // The table is written before the header refers to it.
             self.flush()?;
             let header = header::encode(self.compression, Some(position), &self.streams);
             patch(&mut self.destination, &header).map_err(|source| self.failed(source))?;
@@ -325,9 +325,9 @@ impl<W: Write> Writer<W> {
         self.flush_stream()
     }
 
-    fn write_packet(&mut self, stream: u32, packet: &mut Outgoing) -> Result<(), WriteError> {
+    fn write_packet(&mut self, stream: u32, packet: &mut PacketBuffer) -> Result<(), WriteError> {
         if self.patch_header.is_some() {
-            self.entries.push(Entry {
+            self.entries.push(TableEntry {
                 payload_offset: self.summary.n_bytes + HEAD_BYTES as u64,
                 stream,
                 payload_bytes: packet.payload_bytes(),
@@ -354,12 +354,12 @@ impl<W: Write> Writer<W> {
         Ok(())
     }
 
-    /// On a socket, what was written leaves at once.
+    /// On a socket, flushes immediately.
     fn flush_stream(&mut self) -> Result<(), WriteError> {
         if self.patch_header.is_none() { self.flush() } else { Ok(()) }
     }
 
-    /// Hands everything written so far to the destination.
+    /// Flushes everything written so far.
     ///
     /// # Errors
     /// [`WriteError`] when writing fails.
@@ -370,7 +370,7 @@ impl<W: Write> Writer<W> {
     fn check_stream(
         &self,
         stream: u32,
-        kind: &Kind,
+        kind: &PayloadKind,
         expected: &'static str,
     ) -> Result<(), WriteError> {
         let found = match self.streams.get(stream as usize) {

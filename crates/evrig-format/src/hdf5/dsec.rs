@@ -10,16 +10,16 @@ use evrig_core::event::EventSlice;
 use hdf5_pure::{FileBuilder, FinishedGroup, GroupBuilder, H5Element};
 use std::path::Path;
 
-/// Elements a chunk: what one look into the file decompresses.
-const CHUNK: u64 = 1 << 16;
+/// Elements per chunk: what one read decompresses.
+const CHUNK_ELEMENTS: u64 = 1 << 16;
 
 /// gzip's level: its default is hardly smaller and half as fast.
-const LEVEL: u32 = 4;
+const GZIP_LEVEL: u32 = 4;
 
 /// Milliseconds that the index may span, 100 days: a stray stamp would make it larger than memory.
-const MAX_MS: i64 = 100 * 86_400_000;
+const MAX_SPAN_MS: i64 = 100 * 86_400_000;
 
-/// A group of columns of equal length beside the events.
+/// A group of columns of equal length in addition to the events.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SideGroup {
     /// Its name; one link, so without `/`.
@@ -28,14 +28,14 @@ pub struct SideGroup {
     pub columns: Vec<SideColumn>,
 }
 
-/// One column: a row of `width` numbers an entry.
+/// One column: a row of `width` numbers per entry.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SideColumn {
     /// Its name, with the unit.
     pub name: &'static str,
     /// The numbers, row after row.
     pub values: Column,
-    /// Numbers an entry.
+    /// Numbers per entry.
     pub width: usize,
 }
 
@@ -62,17 +62,17 @@ impl SideColumn {
 }
 
 /// Writes events in ascending time, groups of columns below `images`, and a text `evrig` that
-/// says what they are.
+/// describes them.
 ///
 /// `t` is uint32 as in DSEC, or int64 where the events span more than 71 minutes.
 ///
 /// # Errors
-/// When the events span more than 100 days, or the disk refuses.
+/// When the events span more than 100 days, or writing fails.
 pub fn write_dsec(
     path: &Path,
     events: EventSlice<'_>,
     images: &[SideGroup],
-    says: &str,
+    description: &str,
 ) -> Result<(), Hdf5Error> {
     let wrong = |what: String| Hdf5Error { path: path.to_owned(), what };
     let unwritable = |error: hdf5_pure::Error| wrong(format!("cannot be written: {error}"));
@@ -95,7 +95,7 @@ pub fn write_dsec(
     let shape = [ms_to_idx.len() as u64];
     file.create_dataset("ms_to_idx").with_data(&ms_to_idx).with_shape(&shape);
     file.create_dataset("t_offset").with_data(&[t_offset]).with_shape(&[]);
-    let text = file.create_dataset("evrig").with_strings(&[says]);
+    let text = file.create_dataset("evrig").with_strings(&[description]);
     text.map_err(|error| wrong(format!("cannot be written: {error}")))?.with_shape(&[]);
     if !images.is_empty() {
         let mut all = file.create_group("images");
@@ -124,9 +124,9 @@ fn add<T: H5Element>(group: &mut GroupBuilder, name: &str, values: &[T], shape: 
     if !values.is_empty() {
         let mut chunk = shape.to_vec();
         if let Some(rows) = chunk.first_mut() {
-            *rows = (*rows).min(CHUNK);
+            *rows = (*rows).min(CHUNK_ELEMENTS);
         }
-        dataset.with_chunks(&chunk).with_shuffle().with_deflate(LEVEL);
+        dataset.with_chunks(&chunk).with_shuffle().with_deflate(GZIP_LEVEL);
     }
 }
 
@@ -135,7 +135,7 @@ fn add<T: H5Element>(group: &mut GroupBuilder, name: &str, values: &[T], shape: 
 fn ms_to_idx(times: &[i64]) -> Result<Vec<u64>, String> {
     let Some(&last) = times.last() else { return Ok(vec![0]) };
     let n_ms = last / 1000 + 1;
-    if n_ms > MAX_MS {
+    if n_ms > MAX_SPAN_MS {
         return Err(format!(
             "the events span {} days; expected at most 100: is a stamp wrong? `evrig info` shows the gaps",
             n_ms / 86_400_000

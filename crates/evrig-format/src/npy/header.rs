@@ -1,17 +1,17 @@
-//! A header, looked at before the crate `npyz` reads it.
+//! Checks of a header before the crate `npyz` parses it.
 //!
-//! Its parser tries every way to read a bracket, so that a header of some hundred bytes of brackets in
-//! brackets would keep it busy for ever; it takes a header's length at its word, and multiplies the sides
-//! of a shape without asking whether that fits.
+//! Its parser backtracks at brackets, so that a header of some hundred bytes of nested
+//! brackets would not terminate in practice; it trusts a header's length, and multiplies the sides
+//! of a shape without an overflow check.
 
 use npyz::NpyHeader;
 use std::io::{Error, ErrorKind, Read};
 
 /// Arrays of records of numbers, the most that is read here, have brackets in brackets in braces.
-const MOST_NESTED: usize = 6;
+const MAX_BRACKET_DEPTH: usize = 6;
 
 /// A header of a thousand fields is shorter.
-const MOST_BYTES: usize = 1 << 18;
+const MAX_HEADER_BYTES: usize = 1 << 18;
 
 /// Reads a header and leaves the reader at the data.
 ///
@@ -27,12 +27,12 @@ pub(super) fn read_header(reader: &mut impl Read) -> Result<NpyHeader, Error> {
     header.resize(at_text, 0);
     reader.read_exact(&mut header[8..])?;
     let n_bytes = header[8..].iter().rev().fold(0, |n, byte| (n << 8) | usize::from(*byte));
-    if n_bytes > MOST_BYTES {
+    if n_bytes > MAX_HEADER_BYTES {
         return Err(wrong(&format!("its header would have {n_bytes} bytes")));
     }
     header.resize(at_text + n_bytes, 0);
     reader.read_exact(&mut header[at_text..])?;
-    if nested(&header[at_text..]) > MOST_NESTED {
+    if nested(&header[at_text..]) > MAX_BRACKET_DEPTH {
         return Err(wrong("its header has more brackets in brackets than one of plain numbers"));
     }
     if !is_countable(&header[at_text..]) {

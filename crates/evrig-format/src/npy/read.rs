@@ -62,7 +62,7 @@ pub struct Array {
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Kind {
+enum NumberKind {
     Int,
     Uint,
     Float,
@@ -71,7 +71,7 @@ enum Kind {
 #[derive(Debug, Clone)]
 struct Field {
     name: String,
-    kind: Kind,
+    kind: NumberKind,
     n_bytes: usize,
     is_big_endian: bool,
 }
@@ -95,7 +95,7 @@ impl ArrayReader<BufReader<File>> {
         let file = File::open(path).map_err(io)?;
         let mut array = Self::new(path.to_owned(), BufReader::with_capacity(1 << 20, file))?;
         let about = array.reader.get_ref().metadata().map_err(io)?;
-        // A pipe has no length; a file is looked at before anybody relies on what it announces.
+        // A pipe has no length; a file's length is checked against the announced data.
         if about.is_file() {
             let header = array.reader.stream_position().map_err(io)?;
             let announced = array.n_elements().checked_mul(array.element_bytes() as u64);
@@ -140,7 +140,9 @@ impl<R: Read> ArrayReader<R> {
     #[must_use]
     pub fn unsigned_bytes(&self) -> Option<usize> {
         match self.fields.as_slice() {
-            [Field { kind: Kind::Uint, n_bytes, name, .. }] if name.is_empty() => Some(*n_bytes),
+            [Field { kind: NumberKind::Uint, n_bytes, name, .. }] if name.is_empty() => {
+                Some(*n_bytes)
+            }
             _ => None,
         }
     }
@@ -181,7 +183,7 @@ impl<R: Read> ArrayReader<R> {
     pub fn read_all(mut self) -> Result<Array, NpyError> {
         let row = self.element_bytes();
         let mut columns: Vec<Column> = self.fields.iter().map(Field::empty_column).collect();
-        // A header may announce more than there is: memory grows with what really arrives.
+        // A header may announce more than there is: memory grows with the data read.
         let mut left = self.n_elements();
         while left > 0 {
             let n_rows = left.min(1 << 16) as usize;
@@ -242,15 +244,15 @@ impl Npz {
 impl Field {
     fn new(name: String, element: &TypeStr) -> Result<Self, String> {
         let kind = match element.type_char() {
-            TypeChar::Int => Kind::Int,
-            TypeChar::Uint | TypeChar::Bool => Kind::Uint,
-            TypeChar::Float => Kind::Float,
+            TypeChar::Int => NumberKind::Int,
+            TypeChar::Uint | TypeChar::Bool => NumberKind::Uint,
+            TypeChar::Float => NumberKind::Float,
             _ => return Err(format!("elements of type {element} are not numbers")),
         };
         let n_bytes = element.num_bytes().unwrap_or(0);
         let is_known = match kind {
-            Kind::Float => matches!(n_bytes, 4 | 8),
-            Kind::Int | Kind::Uint => matches!(n_bytes, 1 | 2 | 4 | 8),
+            NumberKind::Float => matches!(n_bytes, 4 | 8),
+            NumberKind::Int | NumberKind::Uint => matches!(n_bytes, 1 | 2 | 4 | 8),
         };
         if !is_known {
             return Err(format!("elements of type {element} are not read; use int64 or float64"));
@@ -261,8 +263,8 @@ impl Field {
 
     fn empty_column(&self) -> Column {
         match self.kind {
-            Kind::Float => Column::Float(Vec::new()),
-            Kind::Int | Kind::Uint => Column::Int(Vec::new()),
+            NumberKind::Float => Column::Float(Vec::new()),
+            NumberKind::Int | NumberKind::Uint => Column::Int(Vec::new()),
         }
     }
 
@@ -288,8 +290,8 @@ impl Field {
         let unused = 64 - 8 * self.n_bytes as u32;
         match self.kind {
             // Shifting left and back carries the sign of a narrow integer to all 64 bits.
-            Kind::Int => ((bits << unused) as i64) >> unused,
-            Kind::Uint | Kind::Float => i64::try_from(bits).unwrap_or(i64::MAX),
+            NumberKind::Int => ((bits << unused) as i64) >> unused,
+            NumberKind::Uint | NumberKind::Float => i64::try_from(bits).unwrap_or(i64::MAX),
         }
     }
 

@@ -43,7 +43,7 @@ impl<T: Element> ArrayWriter<T> {
     /// Appends elements in C order.
     ///
     /// # Errors
-    /// When the disk refuses.
+    /// When writing fails.
     pub fn extend(&mut self, elements: &[T]) -> Result<(), NpyError> {
         self.writer.extend(elements.iter().copied()).map_err(|e| NpyError::io(&self.path, e))
     }
@@ -51,7 +51,7 @@ impl<T: Element> ArrayWriter<T> {
     /// Ends the file.
     ///
     /// # Errors
-    /// When the disk refuses, or the number of elements is not what the shape says.
+    /// When writing fails, or the number of elements differs from the shape.
     pub fn finish(self) -> Result<(), NpyError> {
         self.writer.finish().map_err(|e| NpyError::io(&self.path, e))
     }
@@ -78,7 +78,7 @@ impl<W: Write + Seek> NpzWriter<W> {
     /// Adds an array of the given shape, its elements in C order.
     ///
     /// # Errors
-    /// When the disk refuses or the number of elements is not what the shape says.
+    /// When writing fails or the number of elements differs from the shape.
     pub fn add<T: Element>(
         &mut self,
         name: &str,
@@ -108,7 +108,7 @@ impl<W: Write + Seek> NpzWriter<W> {
     /// Ends the archive.
     ///
     /// # Errors
-    /// When the disk refuses.
+    /// When writing fails.
     pub fn finish(self) -> Result<(), NpyError> {
         let Self { path, zip } = self;
         let mut inner = zip.finish().map_err(|e| NpyError::format(&path, e.to_string()))?;

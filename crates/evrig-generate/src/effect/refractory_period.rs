@@ -8,7 +8,7 @@
 //! and what comes too soon behind an event that was let through is taken out.
 
 use super::{Acts, Bench, Enters, Parameter, PixelModel, Site, parameter};
-use evrig_core::event::{DeadTime, Events};
+use evrig_core::event::{RefractoryFilter, Events};
 use serde::{Deserialize, Serialize};
 
 /// Held at the reset for a fixed time.
@@ -58,9 +58,9 @@ impl Acts for RefractoryPeriod {
         if !self.is_behind_the_pixel() {
             return;
         }
-        let mut dead = DeadTime::new(bench.size, self.refractory_us.round() as i64);
+        let mut dead = RefractoryFilter::new(bench.size, self.refractory_us.round() as i64);
         bench.change(events, |mut events| {
-            events.retain(|e| dead.lets_through(e.t, bench.size.index(e.x, e.y)));
+            events.retain(|e| dead.passes(e.t, bench.size.index(e.x, e.y)));
             events
         });
     }

@@ -192,11 +192,11 @@ mod tests {
                 let q = m * Vector3::new(place_mm[0], place_mm[1], 1.0);
                 [q.x / q.z, q.y / q.z]
             };
-            let [right, down, forward] = pi.look_at(point);
+            let [right, down, forward] = pi.to_camera(point);
             let got = ray(matrix);
             assert!((got[0] - right / forward).abs() < 1e-12);
             assert!((got[1] - down / forward).abs() < 1e-12);
-            let [right, down, forward] = davis.look_at(point);
+            let [right, down, forward] = davis.to_camera(point);
             let got = ray(mount.davis_from_plane(&matrix));
             assert!((got[0] - right / forward).abs() < 1e-12, "{got:?}");
             assert!((got[1] - down / forward).abs() < 1e-12, "{got:?}");

@@ -4,8 +4,8 @@ use super::{Cut, Take};
 use crate::recorder::host_time;
 use crate::{State, Stop};
 use evrig_core::time::Span;
-use evrig_session::trajectory::Path;
-use evrig_session::{HostTime, Loss, Severity, Topic};
+use evrig_session::trajectory::ToolPath;
+use evrig_session::{DataLoss, HostTime, Severity, Topic};
 use serde_json::json;
 use std::ops::Range;
 use std::time::Duration;
@@ -121,14 +121,14 @@ impl Take<'_> {
         );
         self.journal.note("clock set", &json!({"by_ns": by.as_nanos()}))?;
         self.log.write(|log| log.log(host_time(), Severity::Warning, &what))?;
-        self.clock_losses.push(Loss { stream: "host clock".into(), what, count: 1 });
+        self.clock_losses.push(DataLoss { stream: "host clock".into(), what, count: 1 });
         Ok(())
     }
 }
 
 /// The steps in runs that each begin with a prompt, but the first, which may; one run if nobody is
 /// asked: an arm that need not stand between two steps does not.
-fn runs(path: &Path, is_asked: bool) -> Vec<Range<usize>> {
+fn runs(path: &ToolPath, is_asked: bool) -> Vec<Range<usize>> {
     let steps = path.steps();
     let asks = |step: &usize| is_asked && steps[*step].settings.prompt.is_some();
     let mut edges = vec![0];
@@ -138,7 +138,7 @@ fn runs(path: &Path, is_asked: bool) -> Vec<Range<usize>> {
 }
 
 /// From when to when on the path.
-fn span_of(path: &Path, run: &Range<usize>) -> [Span; 2] {
+fn span_of(path: &ToolPath, run: &Range<usize>) -> [Span; 2] {
     let start = path.steps().get(run.start).map_or(Span::ZERO, |step| step.start);
     let end = path.steps().get(run.end).map_or(path.duration(), |step| step.start);
     [start, end]
@@ -148,12 +148,13 @@ fn span_of(path: &Path, run: &Range<usize>) -> [Span; 2] {
 mod tests {
     use super::*;
     use evrig_session::rig::Rig;
-    use evrig_session::trajectory::{Optional, Trajectory};
+    use evrig_session::trajectory::{OptionalSegments, Trajectory};
 
     #[test]
     fn a_path_is_driven_in_runs_that_begin_with_its_prompts() {
         let rig = Rig::simulated().unwrap();
-        let path = Trajectory::find("protocol").unwrap().path(&rig, Optional::Included).unwrap();
+        let path =
+            Trajectory::find("protocol").unwrap().path(&rig, OptionalSegments::Included).unwrap();
         let n_steps = path.steps().len();
         assert_eq!(runs(&path, false), std::slice::from_ref(&(0..n_steps)));
         let asked = runs(&path, true);

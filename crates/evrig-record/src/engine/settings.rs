@@ -2,8 +2,8 @@
 
 use super::{Cut, Take};
 use crate::{State, Stop};
-use evrig_session::Loss;
-use evrig_session::trajectory::Settings;
+use evrig_session::DataLoss;
+use evrig_session::trajectory::StepSettings;
 use serde_json::json;
 use std::time::{Duration, Instant};
 
@@ -18,7 +18,7 @@ impl Take<'_> {
         let steps = self.request.path.steps();
         let Some(settings) = steps.get(step).map(|step| &step.settings) else { return Ok(()) };
         let before = step.checked_sub(1).and_then(|before| steps.get(before));
-        let before = before.map_or_else(Settings::default, |before| before.settings.clone());
+        let before = before.map_or_else(StepSettings::default, |before| before.settings.clone());
         if before == *settings && settings.n_flashes == 0 {
             return Ok(());
         }
@@ -30,7 +30,7 @@ impl Take<'_> {
     }
 
     /// Waits for what the cameras saw but have not sent: as long as more of it comes, and no longer.
-    pub(super) fn settle(&mut self, losses: &mut Vec<Loss>) {
+    pub(super) fn settle(&mut self, losses: &mut Vec<DataLoss>) {
         let mut best = -1.0;
         let mut since = Instant::now();
         loop {
@@ -45,7 +45,7 @@ impl Take<'_> {
             let is_stuck = since.elapsed() >= STUCK;
             if is_stuck || (self.stop.wish() == Stop::AtOnce && share < 1.0) {
                 let what = format!("{:.1} % of what was seen had not come", 100.0 * (1.0 - share));
-                losses.push(Loss { stream: "recording".into(), what, count: 0 });
+                losses.push(DataLoss { stream: "recording".into(), what, count: 0 });
             } else if share < 1.0 {
                 std::thread::sleep(LOOK);
                 continue;

@@ -54,7 +54,7 @@ pub enum Layer {
     Steps {
         /// What it stands for.
         ink: Ink,
-        /// Ascending; one more than heights.
+        /// AscendingFrames; one more than heights.
         edges: Vec<f64>,
         /// Heights.
         heights: Vec<f64>,

@@ -1,9 +1,11 @@
 //! A plain DAVIS recording becomes a session.
 
-use super::{Site, file_name, name_and_now};
-use crate::census::{Census, census};
+use super::builder::SessionBuilder;
+use crate::file_counts::{FileCounts, count_file};
+use crate::manifest::file_name;
 use crate::{
-    Damage, FileEntry, Journal, Loss, Manifest, Origin, SCHEMA, SessionError, Status, StreamEntry,
+    Damage, DataLoss, FileEntry, Journal, Manifest, Origin, SessionError, SessionStatus,
+    StreamEntry,
 };
 use evrig_format::aedat4::Reader;
 use serde_json::json;
@@ -11,11 +13,11 @@ use std::path::Path;
 
 /// Copies an AEDAT4 file into a new session and counts what is in it.
 ///
-/// The bytes are kept as they are, a damaged tail included. `progress` is told the number of
-/// bytes done out of twice the file's length (copy and count).
+/// The bytes are copied unchanged, a damaged tail included. `progress` gets the number of
+/// bytes done, out of twice the file's length (copy and count).
 ///
 /// # Errors
-/// When the file is no AEDAT4 file or nothing in it can be read, `root` is taken, or the disk refuses.
+/// When the file is no AEDAT4 file or nothing in it can be read, `root` is taken, or writing fails.
 pub fn import_aedat4(
     source: &Path,
     root: &Path,
@@ -23,66 +25,56 @@ pub fn import_aedat4(
 ) -> Result<Manifest, SessionError> {
     // Refuse what is no AEDAT4 file before anything is made.
     drop(Reader::open(source)?);
-    let site = Site::take(root)?;
-    let path = site.layout.davis();
+    let builder = SessionBuilder::take(root)?;
+    let path = builder.layout.davis();
     let n_bytes = std::fs::copy(source, &path).map_err(SessionError::io(source))?;
     progress(n_bytes);
-    let found = census(&path, &mut |offset| progress(n_bytes + offset))?;
+    let found = count_file(&path, &mut |offset| progress(n_bytes + offset))?;
     let n_read: u64 = found.streams.iter().map(|stream| stream.count).sum();
     if let (Some(damage), 0) = (&found.damage, n_read) {
         return Err(SessionError::import(source, format!("nothing can be read: {damage}")));
     }
-    let manifest = manifest(&site, source, &path, &found)?;
-    let mut journal = Journal::open(&site.layout.journal())?;
+    let manifest = manifest(&builder, source, &path, &found)?;
+    let mut journal = Journal::open(&builder.layout.journal())?;
     journal
         .note("import aedat4", &json!({"file": file_name(source), "losses": manifest.losses}))?;
-    site.seal(&manifest)?;
+    builder.seal(&manifest)?;
     Ok(manifest)
 }
 
 fn manifest(
-    site: &Site,
+    builder: &SessionBuilder,
     source: &Path,
     path: &Path,
-    found: &Census,
+    found: &FileCounts,
 ) -> Result<Manifest, SessionError> {
-    let Described { streams, file, losses } = describe(site, path, found)?;
-    let (name, created) = name_and_now(site.layout.root());
-    Ok(Manifest {
-        schema: SCHEMA.into(),
-        name,
-        evrig_version: env!("CARGO_PKG_VERSION").into(),
-        created,
-        origin: Origin::Aedat4 { file: file_name(source) },
-        status: if found.damage.is_some() { Status::Recovered } else { Status::Complete },
-        streams,
-        files: [file].into(),
-        losses,
-        decisions: Vec::new(),
-        recording: None,
-    })
+    let DescribedFile { streams, file, losses } = describe(builder, path, found)?;
+    let is_whole = found.damage.is_none();
+    let status = if is_whole { SessionStatus::Complete } else { SessionStatus::Recovered };
+    let origin = Origin::Aedat4 { file: file_name(source) };
+    Ok(Manifest::new(builder.layout.root(), origin, status, streams, [file], losses))
 }
 
 /// An AEDAT4 file as a manifest describes it.
-pub(super) struct Described {
+pub(super) struct DescribedFile {
     pub(super) streams: Vec<StreamEntry>,
     /// Its path inside the session, with length and checksum.
     pub(super) file: (String, FileEntry),
-    pub(super) losses: Vec<Loss>,
+    pub(super) losses: Vec<DataLoss>,
 }
 
 /// Describes a counted AEDAT4 file inside the session.
 pub(super) fn describe(
-    site: &Site,
+    builder: &SessionBuilder,
     path: &Path,
-    found: &Census,
-) -> Result<Described, SessionError> {
-    let (file, mut entry) = site.file_entry(path)?;
+    found: &FileCounts,
+) -> Result<DescribedFile, SessionError> {
+    let (file, mut entry) = builder.file_entry(path)?;
     let mut losses = found.losses.clone();
     if let Some(what) = &found.damage {
         entry.damage = Some(Damage { what: what.clone() });
-        losses.push(Loss { stream: file.clone(), what: what.clone(), count: 0 });
+        losses.push(DataLoss { stream: file.clone(), what: what.clone(), count: 0 });
     }
     let streams = found.entries(&file);
-    Ok(Described { streams, file: (file, entry), losses })
+    Ok(DescribedFile { streams, file: (file, entry), losses })
 }

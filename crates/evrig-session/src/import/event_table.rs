@@ -1,6 +1,6 @@
 //! Events from tables: npy, npz, csv, HDF5; columns t (µs), x, y, p.
 
-use crate::{Loss, SessionError};
+use crate::{DataLoss, SessionError};
 use evrig_core::event::{Event, Events};
 use evrig_core::geometry::Size;
 use evrig_format::aedat4::{Content, Reader};
@@ -9,21 +9,21 @@ use evrig_format::npy::{Array, ArrayReader, Column, Npz};
 use std::path::Path;
 
 /// Events read from a file, and what of them could not be taken.
-pub(super) struct Table {
+pub(super) struct ImportedEvents {
     pub(super) events: Events,
-    pub(super) losses: Vec<Loss>,
+    pub(super) losses: Vec<DataLoss>,
 }
 
 /// The four columns as whole numbers, of equal length.
-struct Columns {
+struct IntegerColumns {
     t: Vec<i64>,
     x: Vec<i64>,
     y: Vec<i64>,
     p: Vec<i64>,
 }
 
-/// Reads events of the pixel grid `size` from a file; its ending says how.
-pub(super) fn read(path: &Path, stream: &str, size: Size) -> Result<Table, SessionError> {
+/// Reads events of the pixel grid `size` from a file, by its extension.
+pub(super) fn read(path: &Path, stream: &str, size: Size) -> Result<ImportedEvents, SessionError> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     match ending.as_str() {
         "npy" => {
@@ -43,8 +43,8 @@ pub(super) fn read(path: &Path, stream: &str, size: Size) -> Result<Table, Sessi
     }
 }
 
-fn from_aedat4(path: &Path, stream: &str, size: Size) -> Result<Table, SessionError> {
-    let mut columns = Columns { t: vec![], x: vec![], y: vec![], p: vec![] };
+fn from_aedat4(path: &Path, stream: &str, size: Size) -> Result<ImportedEvents, SessionError> {
+    let mut columns = IntegerColumns { t: vec![], x: vec![], y: vec![], p: vec![] };
     let mut damage = None;
     for packet in Reader::open(path)? {
         match packet {
@@ -61,19 +61,19 @@ fn from_aedat4(path: &Path, stream: &str, size: Size) -> Result<Table, SessionEr
         }
     }
     let mut table = assemble(path, stream, size, columns)?;
-    let loss = |what| Loss { stream: stream.to_owned(), what, count: 0 };
+    let loss = |what| DataLoss { stream: stream.to_owned(), what, count: 0 };
     table.losses.extend(damage.map(loss));
     Ok(table)
 }
 
-fn from_hdf5(path: &Path) -> Result<Columns, SessionError> {
+fn from_hdf5(path: &Path) -> Result<IntegerColumns, SessionError> {
     let table = hdf5::read_events(path)?;
     let mut columns = columns_from(path, table.columns.into())?;
     columns.t.iter_mut().for_each(|t| *t = t.saturating_add(table.t_offset_us));
     Ok(columns)
 }
 
-fn from_npz(path: &Path) -> Result<Columns, SessionError> {
+fn from_npz(path: &Path) -> Result<IntegerColumns, SessionError> {
     let mut npz = Npz::open(path)?;
     let names = npz.names();
     let wrong = |what: String| SessionError::import(path, what);
@@ -100,7 +100,7 @@ fn from_npz(path: &Path) -> Result<Columns, SessionError> {
 }
 
 /// A structured array with fields t, x, y, p, or a plain one of shape (N, 4).
-fn from_array(path: &Path, array: Array) -> Result<Columns, SessionError> {
+fn from_array(path: &Path, array: Array) -> Result<IntegerColumns, SessionError> {
     let wrong = |what: String| SessionError::import(path, what);
     if array.fields.len() > 1 {
         let names: Vec<String> = array.fields.iter().map(|(name, _)| name.clone()).collect();
@@ -125,7 +125,7 @@ fn from_array(path: &Path, array: Array) -> Result<Columns, SessionError> {
         ([_, 4], Some((_, column))) => {
             let values = whole(path, "the array", column)?;
             let pick = |i: usize| values.iter().skip(i).step_by(4).copied().collect();
-            Ok(Columns { t: pick(0), x: pick(1), y: pick(2), p: pick(3) })
+            Ok(IntegerColumns { t: pick(0), x: pick(1), y: pick(2), p: pick(3) })
         }
         (shape, _) => Err(wrong(format!(
             "has shape {shape:?}; expected (N, 4) with columns t in us, x, y, p"
@@ -133,7 +133,7 @@ fn from_array(path: &Path, array: Array) -> Result<Columns, SessionError> {
     }
 }
 
-fn columns_from(path: &Path, fields: Vec<Column>) -> Result<Columns, SessionError> {
+fn columns_from(path: &Path, fields: Vec<Column>) -> Result<IntegerColumns, SessionError> {
     let lengths: Vec<usize> = fields.iter().map(Column::len).collect();
     if lengths.iter().any(|n| *n != lengths[0]) {
         let what = format!("columns t, x, y, p have {lengths:?} values; expected as many in each");
@@ -142,7 +142,7 @@ fn columns_from(path: &Path, fields: Vec<Column>) -> Result<Columns, SessionErro
     let names = ["column t", "column x", "column y", "column p"];
     let mut columns = names.into_iter().zip(fields).map(|(name, field)| whole(path, name, field));
     let mut next = || columns.next().unwrap_or_else(|| Ok(Vec::new()));
-    Ok(Columns { t: next()?, x: next()?, y: next()?, p: next()? })
+    Ok(IntegerColumns { t: next()?, x: next()?, y: next()?, p: next()? })
 }
 
 fn whole(path: &Path, name: &str, column: Column) -> Result<Vec<i64>, SessionError> {
@@ -152,8 +152,8 @@ fn whole(path: &Path, name: &str, column: Column) -> Result<Vec<i64>, SessionErr
 }
 
 /// Text with one event a line, `t,x,y,p`; a heading may name the columns in another order,
-/// and blanks may stand for the commas.
-fn from_csv(path: &Path) -> Result<Columns, SessionError> {
+/// and blanks may replace the commas.
+fn from_csv(path: &Path) -> Result<IntegerColumns, SessionError> {
     let text = std::fs::read_to_string(path).map_err(SessionError::io(path))?;
     let delimiter = if text.lines().take(3).any(|line| line.contains(',')) { b',' } else { b' ' };
     let mut reader = csv::ReaderBuilder::new()
@@ -164,7 +164,7 @@ fn from_csv(path: &Path) -> Result<Columns, SessionError> {
         .flexible(true)
         .from_reader(text.as_bytes());
     let mut order = [0, 1, 2, 3];
-    let mut columns = Columns { t: vec![], x: vec![], y: vec![], p: vec![] };
+    let mut columns = IntegerColumns { t: vec![], x: vec![], y: vec![], p: vec![] };
     for (number, record) in reader.records().enumerate() {
         let record = record.map_err(|e| SessionError::import(path, e.to_string()))?;
         let line = record.position().map_or(number as u64 + 1, csv::Position::line);
@@ -212,8 +212,8 @@ fn assemble(
     path: &Path,
     stream: &str,
     size: Size,
-    columns: Columns,
-) -> Result<Table, SessionError> {
+    columns: IntegerColumns,
+) -> Result<ImportedEvents, SessionError> {
     let mut events = Events::with_capacity(columns.t.len());
     let (mut n_outside, mut n_disordered, mut last) = (0, 0, i64::MIN);
     let xy = columns.x.iter().zip(&columns.y);
@@ -233,7 +233,7 @@ fn assemble(
         }
     }
     events.sort_by_time();
-    let loss = |count, what: String| Loss { stream: stream.to_owned(), what, count };
+    let loss = |count, what: String| DataLoss { stream: stream.to_owned(), what, count };
     let mut losses = Vec::new();
     if n_outside > 0 {
         losses.push(loss(n_outside, format!("events off the {size} grid were left out")));
@@ -241,5 +241,5 @@ fn assemble(
     if n_disordered > 0 {
         losses.push(loss(n_disordered, "events out of order were sorted by time".into()));
     }
-    Ok(Table { events, losses })
+    Ok(ImportedEvents { events, losses })
 }

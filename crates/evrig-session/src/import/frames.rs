@@ -1,8 +1,10 @@
-//! Frames from an array or a folder, with events of the same grid if there are any.
+//! ImportedFrames from an array or a folder, with events of the same grid if there are any.
 
-use super::{Site, event_table, file_name, images, name_and_now};
+use super::builder::SessionBuilder;
+use super::{event_table, images};
+use crate::manifest::file_name;
 use crate::{
-    Journal, Loss, Manifest, Origin, SCHEMA, SessionError, Status, StreamEntry, StreamKind,
+    DataLoss, Journal, Manifest, Origin, SessionError, SessionStatus, StreamEntry, StreamKind,
     StreamName,
 };
 use evrig_core::geometry::Size;
@@ -35,7 +37,7 @@ pub struct ImportFrames<'a> {
 }
 
 /// The frames' stream once its array is written.
-struct Frames {
+struct ImportedFrames {
     size: Size,
     times: Vec<i64>,
     bits: u8,
@@ -45,14 +47,14 @@ struct Frames {
 ///
 /// # Errors
 /// When a file is not what it should be, the times do not ascend or are not as many as the
-/// frames, `root` is taken, or the disk refuses.
+/// frames, `root` is taken, or writing fails.
 pub fn import_frames(request: &ImportFrames<'_>, root: &Path) -> Result<Manifest, SessionError> {
     if !request.frames.exists() {
         return Err(SessionError::import(request.frames, "there is no such file or folder"));
     }
-    let site = Site::take(root)?;
-    let directory = site.layout.frames();
-    site.make_directory(&directory)?;
+    let builder = SessionBuilder::take(root)?;
+    let directory = builder.layout.frames();
+    builder.make_directory(&directory)?;
     let path = directory.join("frames.npy");
     let frames = if request.frames.is_dir() {
         from_folder(request, &path)?
@@ -65,53 +67,31 @@ pub fn import_frames(request: &ImportFrames<'_>, root: &Path) -> Result<Manifest
     times.finish()?;
 
     let mut streams = vec![frames_entry(&frames)];
-    let mut files = vec![site.file_entry(&path)?, site.file_entry(&times_path)?];
+    let mut files = vec![builder.file_entry(&path)?, builder.file_entry(&times_path)?];
     let mut losses = Vec::new();
     if let Some(events) = request.events {
-        let (entry, events_path, lost) = take_events(&site, request, events, frames.size)?;
-        files.push(site.file_entry(&events_path)?);
+        let (entry, events_path, lost) = take_events(&builder, request, events, frames.size)?;
+        files.push(builder.file_entry(&events_path)?);
         streams.push(entry);
         losses = lost;
     }
-    let manifest = manifest(request, root, streams, files, losses);
-    let mut journal = Journal::open(&site.layout.journal())?;
+    let origin = Origin::Frames {
+        frames: file_name(request.frames),
+        timestamps: match &request.times {
+            FrameTimes::Fps(fps) => format!("{fps} frames per second from 0"),
+            FrameTimes::File(path) => file_name(path),
+        },
+        events: request.events.map(file_name),
+    };
+    let manifest = Manifest::new(root, origin, SessionStatus::Complete, streams, files, losses);
+    let mut journal = Journal::open(&builder.layout.journal())?;
     journal
         .note("import frames", &json!({"origin": manifest.origin, "losses": manifest.losses}))?;
-    site.seal(&manifest)?;
+    builder.seal(&manifest)?;
     Ok(manifest)
 }
 
-fn manifest(
-    request: &ImportFrames<'_>,
-    root: &Path,
-    streams: Vec<StreamEntry>,
-    files: Vec<(String, crate::FileEntry)>,
-    losses: Vec<Loss>,
-) -> Manifest {
-    let (name, created) = name_and_now(root);
-    Manifest {
-        schema: SCHEMA.into(),
-        name,
-        evrig_version: env!("CARGO_PKG_VERSION").into(),
-        created,
-        origin: Origin::Frames {
-            frames: file_name(request.frames),
-            timestamps: match &request.times {
-                FrameTimes::Fps(fps) => format!("{fps} frames per second from 0"),
-                FrameTimes::File(path) => file_name(path),
-            },
-            events: request.events.map(file_name),
-        },
-        status: Status::Complete,
-        streams,
-        files: files.into_iter().collect(),
-        losses,
-        decisions: Vec::new(),
-        recording: None,
-    }
-}
-
-fn frames_entry(frames: &Frames) -> StreamEntry {
+fn frames_entry(frames: &ImportedFrames) -> StreamEntry {
     StreamEntry {
         name: "frames".into(),
         kind: StreamKind::Frames,
@@ -126,12 +106,12 @@ fn frames_entry(frames: &Frames) -> StreamEntry {
     }
 }
 
-fn from_array(request: &ImportFrames<'_>, path: &Path) -> Result<Frames, SessionError> {
+fn from_array(request: &ImportFrames<'_>, path: &Path) -> Result<ImportedFrames, SessionError> {
     let wrong = |what: String| SessionError::import(request.frames, what);
     let mut reader = ArrayReader::open(request.frames)?;
     let &[n, height, width] = reader.shape() else {
         return Err(wrong(format!(
-            "has shape {:?}; expected N x H x W (brightness, one sample a pixel)",
+            "has shape {:?}; expected N x H x W (brightness, one sample per pixel)",
             reader.shape()
         )));
     };
@@ -161,7 +141,7 @@ fn from_array(request: &ImportFrames<'_>, path: &Path) -> Result<Frames, Session
             ));
         }
     };
-    Ok(Frames { size, times, bits })
+    Ok(ImportedFrames { size, times, bits })
 }
 
 fn copy_frames<T: Element>(
@@ -178,7 +158,7 @@ fn copy_frames<T: Element>(
     Ok(writer.finish()?)
 }
 
-fn from_folder(request: &ImportFrames<'_>, path: &Path) -> Result<Frames, SessionError> {
+fn from_folder(request: &ImportFrames<'_>, path: &Path) -> Result<ImportedFrames, SessionError> {
     let paths = images::list(request.frames)?;
     let times = frame_times(&request.times, paths.len() as u64)?;
     let (size, first) = images::read_gray(&paths[0])?;
@@ -192,7 +172,7 @@ fn from_folder(request: &ImportFrames<'_>, path: &Path) -> Result<Frames, Sessio
             16
         }
     };
-    Ok(Frames { size, times, bits })
+    Ok(ImportedFrames { size, times, bits })
 }
 
 /// Writes the images into one array; all must have the size and depth of the first.
@@ -273,15 +253,15 @@ fn times_from_text(path: &Path) -> Result<Vec<i64>, SessionError> {
 
 /// Converts the events into the session's own file.
 fn take_events(
-    site: &Site,
+    builder: &SessionBuilder,
     request: &ImportFrames<'_>,
     events: &Path,
     size: Size,
-) -> Result<(StreamEntry, PathBuf, Vec<Loss>), SessionError> {
+) -> Result<(StreamEntry, PathBuf, Vec<DataLoss>), SessionError> {
     let name = &request.events_name;
     let table = event_table::read(events, name.as_str(), size)?;
-    let directory = site.layout.stream(name);
-    site.make_directory(&directory)?;
+    let directory = builder.layout.stream(name);
+    builder.make_directory(&directory)?;
     let path = directory.join("events.aedat4");
     let source = format!("imported from {}", file_name(events));
     let spec = StreamSpec::events(size, &source);

@@ -38,11 +38,11 @@ pub(super) fn list(folder: &Path) -> Result<Vec<PathBuf>, SessionError> {
         let what = format!("holds no images ({})", ENDINGS.join(", "));
         return Err(SessionError::import(folder, what));
     }
-    paths.sort_by_cached_key(|path| natural_key(&super::file_name(path)));
+    paths.sort_by_cached_key(|path| natural_key(&crate::manifest::file_name(path)));
     Ok(paths)
 }
 
-/// Splits a name so that `frame10` sorts behind `frame9`.
+/// Splits a name so that `frame10` sorts after `frame9`.
 fn natural_key(name: &str) -> Vec<(String, u64)> {
     let mut key = Vec::new();
     let mut rest = name;

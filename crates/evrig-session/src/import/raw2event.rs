@@ -2,50 +2,41 @@
 
 mod files;
 mod pi_frames;
+mod request;
 
-use super::aedat4::{Described, describe};
-use super::{Site, file_name, name_and_now};
-use crate::census::census;
-use crate::{Journal, Manifest, Origin, SCHEMA, SessionError, Status};
-use evrig_core::geometry::Size;
+pub use request::ImportRaw2Event;
+
+use super::aedat4::{DescribedFile, describe};
+use super::builder::SessionBuilder;
+use crate::file_counts::count_file;
+use crate::manifest::file_name;
+use crate::{Journal, Manifest, Origin, SessionError, SessionStatus};
 use evrig_format::aedat4::Reader;
-use files::Files;
-use pi_frames::PiFrames;
+use files::RecordingFiles;
+use pi_frames::ImportedPiFrames;
 use serde_json::json;
 use std::path::Path;
 
-/// What to import and how to read it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ImportRaw2Event<'a> {
-    /// The directory that holds the recordings.
-    pub directory: &'a Path,
-    /// Any part of the files' names that only this recording has.
-    pub id: &'a str,
-    /// Size of the Pi's frames.
-    pub size: Size,
-    /// What the Pi's wall clock showed.
-    pub zone: chrono_tz::Tz,
-}
-
-/// Makes a session of a DAVIS recording and the Pi's frames beside it.
+/// Makes a session of a DAVIS recording and the Pi's frames.
 ///
 /// # Errors
 /// When `id` matches no recording or several, a file is not what it should be, `root` is
-/// taken, or the disk refuses.
+/// taken, or writing fails.
 pub fn import_raw2event(
     request: &ImportRaw2Event<'_>,
     root: &Path,
     progress: &mut dyn FnMut(u64),
 ) -> Result<Manifest, SessionError> {
-    let files = Files::find(request.directory, request.id)?;
+    let files = RecordingFiles::find(request.directory, request.id)?;
     drop(Reader::open(&files.davis)?);
-    let site = Site::take(root)?;
-    let davis = site.layout.davis();
+    let builder = SessionBuilder::take(root)?;
+    let davis = builder.layout.davis();
     let mut n_done = std::fs::copy(&files.davis, &davis).map_err(SessionError::io(&davis))?;
     progress(n_done);
-    let found = census(&davis, &mut |_| {})?;
-    let Described { mut streams, file: davis_file, mut losses } = describe(&site, &davis, &found)?;
-    let pi = PiFrames::read(request, &files, &site, &mut |n| {
+    let found = count_file(&davis, &mut |_| {})?;
+    let DescribedFile { mut streams, file: davis_file, mut losses } =
+        describe(&builder, &davis, &found)?;
+    let pi = ImportedPiFrames::read(request, &files, &builder, &mut |n| {
         n_done += n;
         progress(n_done);
     })?;
@@ -56,27 +47,17 @@ pub fn import_raw2event(
     let is_cut = davis_file.1.damage.is_some();
     let mut recorded = vec![davis_file];
     for path in &pi.files {
-        recorded.push(site.file_entry(path)?);
+        recorded.push(builder.file_entry(path)?);
     }
-    let (name, created) = name_and_now(root);
-    let manifest = Manifest {
-        schema: SCHEMA.into(),
-        name,
-        evrig_version: env!("CARGO_PKG_VERSION").into(),
-        created,
-        origin: Origin::Raw2Event { id: request.id.into(), davis: file_name(&files.davis) },
-        status: if is_cut { Status::Recovered } else { Status::Complete },
-        streams,
-        files: recorded.into_iter().collect(),
-        losses,
-        decisions,
-        recording: None,
-    };
-    let mut journal = Journal::open(&site.layout.journal())?;
+    let status = if is_cut { SessionStatus::Recovered } else { SessionStatus::Complete };
+    let origin = Origin::Raw2Event { id: request.id.into(), davis: file_name(&files.davis) };
+    let manifest =
+        Manifest { decisions, ..Manifest::new(root, origin, status, streams, recorded, losses) };
+    let mut journal = Journal::open(&builder.layout.journal())?;
     journal.note(
         "import raw2event",
         &json!({ "decisions": manifest.decisions, "losses": manifest.losses }),
     )?;
-    site.seal(&manifest)?;
+    builder.seal(&manifest)?;
     Ok(manifest)
 }

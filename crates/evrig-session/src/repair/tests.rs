@@ -20,15 +20,16 @@ fn host(ms: i64) -> HostTime {
 fn cut_off(folder: &Path) -> PathBuf {
     let root = folder.join("session");
     std::fs::create_dir(&root).unwrap();
-    let layout = Layout::new(&root);
+    let layout = SessionLayout::new(&root);
     let mut journal = Journal::open(&layout.journal()).unwrap();
-    let told = json!({
+    let descriptions = json!({
         "rig": {"name": "sim", "text": "the rig's text"},
         "trajectory": {"name": "circle", "text": "the path's text"},
         "clocks": {"reference": "host"},
     });
-    journal.note("recording", &told).unwrap();
+    journal.note("recording", &descriptions).unwrap();
     journal.note("device", &json!({"name": "davis", "says": {"source": "here"}})).unwrap();
+    journal.note("device", &json!({"name": "pi", "description": {"source": "there"}})).unwrap();
     journal.note("trajectory", &json!({})).unwrap();
     journal.note("first step", &json!({"unix_ns": 1_700_000_000_000_000_123_i64})).unwrap();
     let specs = [StreamSpec::events(Size::DAVIS346, "DAVIS346_1")];
@@ -64,13 +65,14 @@ fn a_cut_off_recording_is_sealed_as_recovered_and_then_verifies() {
     let root = cut_off(folder.path());
     assert!(Session::open(&root).unwrap_err().to_string().contains("--repair"));
     let manifest = resealed(&root);
-    assert_eq!(manifest.status, Status::Recovered);
+    assert_eq!(manifest.status, SessionStatus::Recovered);
     assert_eq!(manifest.streams[0].count, (N_PACKETS * PACKET) as u64);
     let recording = manifest.recording.as_ref().unwrap();
     assert_eq!(recording.rig, "the rig's text");
     assert_eq!(recording.trajectory, "the path's text");
     assert_eq!(recording.trajectory_began_ns, Some(1_700_000_000_000_000_123));
-    assert_eq!(recording.devices[0].says["source"], "here");
+    assert_eq!(recording.devices[0].description["source"], "here", "the former key");
+    assert_eq!(recording.devices[1].description["source"], "there");
     assert!(manifest.losses[0].what.contains("cut off in state trajectory"), "{manifest:?}");
     assert!(verify(&Session::open(&root).unwrap()).unwrap().holds());
     assert_eq!(repair(&root).unwrap(), Repair::NotNeeded);
@@ -80,7 +82,7 @@ fn a_cut_off_recording_is_sealed_as_recovered_and_then_verifies() {
 fn events_that_had_arrived_and_are_not_in_the_file_are_counted_as_lost() {
     let folder = tempfile::tempdir().unwrap();
     let root = cut_off(folder.path());
-    cut(&Layout::new(&root).davis(), 0.5);
+    cut(&SessionLayout::new(&root).davis(), 0.5);
     let manifest = resealed(&root);
     let held = manifest.streams[0].count;
     assert!(held > 0 && held < (N_PACKETS * PACKET) as u64);
@@ -98,7 +100,7 @@ fn files_cut_anywhere_are_repaired_and_verify() {
         let part = folder.path().join(n.to_string());
         std::fs::create_dir(&part).unwrap();
         let root = cut_off(&part);
-        let layout = Layout::new(&root);
+        let layout = SessionLayout::new(&root);
         cut(&layout.davis(), share);
         cut(&layout.rig_log(), share);
         cut(&layout.journal(), share);
@@ -116,7 +118,7 @@ fn files_cut_anywhere_are_repaired_and_verify() {
 fn a_manifest_that_is_no_json_is_set_aside_and_one_of_another_schema_is_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     let root = cut_off(folder.path());
-    let manifest = Layout::new(&root).manifest();
+    let manifest = SessionLayout::new(&root).manifest();
     std::fs::write(&manifest, "{\"schema\": \"evrig.session/9\"}").unwrap();
     assert!(repair(&root).unwrap_err().to_string().contains("evrig.session/9"));
     std::fs::write(&manifest, "{\"schema\": ").unwrap();
@@ -130,7 +132,7 @@ fn a_sealed_session_that_was_changed_is_not_sealed_again() {
     let folder = tempfile::tempdir().unwrap();
     let root = cut_off(folder.path());
     resealed(&root);
-    cut(&Layout::new(&root).davis(), 0.9);
+    cut(&SessionLayout::new(&root).davis(), 0.9);
     let said = repair(&root).unwrap_err().to_string();
     assert!(said.contains("changed since"), "{said}");
 }
@@ -139,7 +141,7 @@ fn a_sealed_session_that_was_changed_is_not_sealed_again() {
 fn a_recording_under_way_is_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     let root = cut_off(folder.path());
-    let held = Journal::open(&Layout::new(&root).journal()).unwrap();
+    let held = Journal::open(&SessionLayout::new(&root).journal()).unwrap();
     let said = repair(&root).unwrap_err().to_string();
     assert!(said.contains("being recorded"), "{said}");
     drop(held);

@@ -1,17 +1,17 @@
 //! The arm's part of a rig description.
 
-use super::fields::{Fields, POSITIVE};
+use super::fields::{DescriptionFields, POSITIVE};
 use super::{JointLimits, Kinematics, Pose, SpeedLimits, Workspace};
 use evrig_core::units::{Hertz, Millimetres};
 use std::convert::Infallible;
 use std::str::FromStr;
 
-/// How the arm is reached.
+/// Connection of the arm.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ArmPort {
     /// The simulated arm of this program.
     Sim,
-    /// The one port behind which a Magician answers.
+    /// The port at which a Magician answers.
     Auto,
     /// This serial port.
     Path(String),
@@ -20,7 +20,7 @@ pub enum ArmPort {
 /// The arm as the rig file states it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArmDescription {
-    /// How it is reached.
+    /// Connection.
     pub port: ArmPort,
     /// Where it goes to be homed and parked.
     pub home: Pose,
@@ -48,19 +48,19 @@ impl FromStr for ArmPort {
     }
 }
 
-/// Farther than any desktop arm reaches: a value beyond it is a slip of the unit.
-const FAR_MM: std::ops::RangeInclusive<f64> = -2000.0..=2000.0;
-const ANGLE_DEG: std::ops::RangeInclusive<f64> = -360.0..=360.0;
+/// Beyond the reach of any desktop arm: a value outside is a mistake of the unit.
+const POSITION_RANGE_MM: std::ops::RangeInclusive<f64> = -2000.0..=2000.0;
+const ANGLE_RANGE_DEG: std::ops::RangeInclusive<f64> = -360.0..=360.0;
 
 impl Pose {
-    pub(crate) fn read(fields: &Fields<'_, '_>) -> Self {
-        let [x, y, z] = ["x_mm", "y_mm", "z_mm"].map(|key| fields.number(key, FAR_MM));
-        Self::from_mm_deg([x, y, z, fields.number("r_deg", ANGLE_DEG)])
+    pub(crate) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
+        let [x, y, z] = ["x_mm", "y_mm", "z_mm"].map(|key| fields.number(key, POSITION_RANGE_MM));
+        Self::from_mm_deg([x, y, z, fields.number("r_deg", ANGLE_RANGE_DEG)])
     }
 }
 
 impl ArmDescription {
-    pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
+    pub(super) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let length = |key| fields.optional_number(key, 1.0..=1000.0).map(Millimetres);
         let tool_offset = fields.numbers("tool_offset_mm", -300.0..=300.0).map(Millimetres);
         let magician = Kinematics::magician(tool_offset);
@@ -83,7 +83,7 @@ impl ArmDescription {
 
 impl ArmDescription {
     /// The arm is parked at home, so home must be where it may be.
-    pub(super) fn check_home(&self, fields: &Fields<'_, '_>) {
+    pub(super) fn check_home(&self, fields: &DescriptionFields<'_, '_>) {
         let (gauges, _) = self.gauge_pose(self.home);
         for gauge in gauges.iter().filter(|gauge| gauge.is_exceeded() && gauge.value.is_finite()) {
             fields.complain_about("home", gauge);
@@ -92,32 +92,32 @@ impl ArmDescription {
 }
 
 impl Workspace {
-    fn read(fields: &Fields<'_, '_>) -> Self {
+    fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         Self {
             radius_mm: fields.interval("radius_mm", 0.0..=2000.0),
-            x_mm: fields.optional_interval("x_mm", FAR_MM),
-            y_mm: fields.optional_interval("y_mm", FAR_MM),
-            z_mm: fields.interval("z_mm", FAR_MM),
+            x_mm: fields.optional_interval("x_mm", POSITION_RANGE_MM),
+            y_mm: fields.optional_interval("y_mm", POSITION_RANGE_MM),
+            z_mm: fields.interval("z_mm", POSITION_RANGE_MM),
         }
     }
 }
 
 impl JointLimits {
-    fn read(fields: &Fields<'_, '_>) -> Self {
+    fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         Self {
-            j1_deg: fields.interval("j1_deg", ANGLE_DEG),
-            j2_deg: fields.interval("j2_deg", ANGLE_DEG),
-            j3_deg: fields.interval("j3_deg", ANGLE_DEG),
-            j4_deg: fields.interval("j4_deg", ANGLE_DEG),
+            j1_deg: fields.interval("j1_deg", ANGLE_RANGE_DEG),
+            j2_deg: fields.interval("j2_deg", ANGLE_RANGE_DEG),
+            j3_deg: fields.interval("j3_deg", ANGLE_RANGE_DEG),
+            j4_deg: fields.interval("j4_deg", ANGLE_RANGE_DEG),
             elbow_deg: fields.optional_interval("elbow_deg", 0.0..=180.0),
-            j3_rises_above_j2_deg: fields.optional_number("j3_rises_above_j2_deg", ANGLE_DEG),
+            j3_rises_above_j2_deg: fields.optional_number("j3_rises_above_j2_deg", ANGLE_RANGE_DEG),
             speed_deg_per_s: fields.numbers("speed_deg_per_s", POSITIVE),
         }
     }
 }
 
 impl SpeedLimits {
-    fn read(fields: &Fields<'_, '_>) -> Self {
+    fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         Self {
             speed_mm_per_s: fields.number("speed_mm_per_s", POSITIVE),
             acceleration_mm_per_s2: fields.number("acceleration_mm_per_s2", POSITIVE),

@@ -1,33 +1,34 @@
 //! The two cameras of a rig description.
 
-use super::fields::{Fields, POSITIVE};
+use super::fields::{DescriptionFields, POSITIVE};
 use evrig_core::delivery::{Coding, Focus, RgbDelivery};
 use evrig_core::geometry::Size;
+use evrig_core::keyword::UnknownKeyword;
 use evrig_core::time::Span;
 use evrig_core::units::{Hertz, Micrometres, Millimetres};
 use evrig_format::aedat4::Compression;
 use std::str::FromStr;
 
-/// How a camera is reached.
+/// Connection of a camera.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Transport {
+pub enum CameraTransport {
     /// The simulated camera of this program.
     Sim,
     /// USB, the first camera of its kind.
     Usb,
     /// A server at `HOST:PORT`.
     Tcp(String),
-    /// A server at `HOST:PORT`, encrypted, each side proving itself.
+    /// A server at `HOST:PORT`, encrypted, with mutual authentication.
     Tls(String),
-    /// A recording that is played at its own pace.
+    /// A recording that is replayed in real time.
     File(String),
 }
 
 /// Sensor, lens and light path: what both cameras have.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraDescription {
-    /// How it is reached.
-    pub transport: Transport,
+    /// Connection.
+    pub transport: CameraTransport,
     /// Columns and rows.
     pub size: Size,
     /// From one pixel to the next.
@@ -40,17 +41,17 @@ pub struct CameraDescription {
     pub distortion: [f64; 5],
     /// From one row's exposure to the next row's; zero for a global shutter.
     pub row_time: Span,
-    /// How long a row of a frame sees light.
+    /// Exposure time of a row.
     pub exposure: Span,
-    /// Frames a second.
+    /// Frames per second.
     pub frame_rate: Hertz,
     /// Analogue gain.
     pub gain: f64,
-    /// What a frame shows in the dark, in its own digital units.
+    /// Black level of a frame, digital units.
     pub black_level_dn: f64,
     /// Standard deviation of the lens's blur where it was measured in focus, pixels.
     pub psf_sigma_px: Option<f64>,
-    /// Standard deviation of what a frame shows in the dark, in its own digital units, where it was
+    /// Read noise (standard deviation in the dark) of a frame, digital units, where it was
     /// measured.
     pub read_noise_dn: Option<f64>,
 }
@@ -60,7 +61,7 @@ pub struct CameraDescription {
 pub struct DavisDescription {
     /// Sensor, lens and its frames.
     pub camera: CameraDescription,
-    /// Whether it takes frames beside events.
+    /// Whether it records frames too.
     pub aps: bool,
     /// Biases that differ from the driver's own, in its names and units (0..=2040).
     pub biases: Vec<(&'static str, u16)>,
@@ -79,11 +80,11 @@ pub struct PiDescription {
     pub raw: bool,
     /// Whether RGB frames are recorded.
     pub rgb: bool,
-    /// What its lens does.
+    /// Focus control.
     pub focus: Focus,
-    /// How its pictures are coded on the way.
+    /// Coding of its frames in transmission.
     pub coding: Coding,
-    /// When its RGB frames travel.
+    /// When its RGB frames are transmitted.
     pub rgb_delivery: RgbDelivery,
     /// The directory with this machine's keys, for `tls://`; none for the user's own.
     pub keys: Option<String>,
@@ -131,18 +132,12 @@ pub const DAVIS_BIASES: &[&str] = &[
     "biasbuffer",
 ];
 
-/// A transport that is none.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "`{0}` is no way to reach a camera; expected sim, usb, tcp://HOST:PORT, tls://HOST:PORT or file:PATH"
-)]
-pub struct UnknownTransport(String);
+impl FromStr for CameraTransport {
+    type Err = UnknownKeyword;
 
-impl FromStr for Transport {
-    type Err = UnknownTransport;
-
-    fn from_str(text: &str) -> Result<Self, UnknownTransport> {
-        let unknown = || UnknownTransport(text.to_owned());
+    fn from_str(text: &str) -> Result<Self, UnknownKeyword> {
+        let unknown =
+            || UnknownKeyword::new(text, "sim, usb, tcp://HOST:PORT, tls://HOST:PORT or file:PATH");
         match text {
             "sim" => Ok(Self::Sim),
             "usb" => Ok(Self::Usb),
@@ -165,7 +160,7 @@ impl FromStr for Transport {
 }
 
 impl CameraDescription {
-    /// How many pixels a millimetre of a plane at distance `distance`, seen head on, is wide.
+    /// Pixels per millimetre of a fronto-parallel plane at `distance`.
     #[must_use]
     pub fn pixels_per_mm(&self, distance: Millimetres) -> f64 {
         self.focal_length.0 / (self.pixel_pitch.0 * 1e-3 * distance.0)
@@ -181,14 +176,14 @@ impl CameraDescription {
             .then(|| [self.centre_px[0] + right * scale, self.centre_px[1] + down * scale])
     }
 
-    /// Whether a column and row lie on the sensor.
+    /// Whether a column and row are on the sensor.
     #[must_use]
     pub fn sees(&self, pixel: Option<[f64; 2]>) -> bool {
         let [width, height] = [self.size.width, self.size.height].map(f64::from);
         pixel.is_some_and(|[x, y]| (0.0..=width).contains(&x) && (0.0..=height).contains(&y))
     }
 
-    fn read(fields: &Fields<'_, '_>) -> Self {
+    fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let [width, height] = fields.numbers("size_px", 1.0..=8192.0);
         if width.fract() != 0.0 || height.fract() != 0.0 {
             fields.complain_about("size_px", "expected whole numbers of columns and rows");
@@ -200,7 +195,7 @@ impl CameraDescription {
         };
         fields.require("transport");
         Self {
-            transport: fields.parsed("transport").unwrap_or(Transport::Sim),
+            transport: fields.parsed("transport").unwrap_or(CameraTransport::Sim),
             size,
             pixel_pitch: Micrometres(fields.number("pixel_pitch_um", 0.1..=100.0)),
             focal_length: Millimetres(fields.number("focal_length_mm", 0.1..=1000.0)),
@@ -216,8 +211,8 @@ impl CameraDescription {
         }
     }
 
-    /// A frame cannot see light longer than until the next one begins.
-    fn check_exposure(&self, fields: &Fields<'_, '_>) {
+    /// The exposure cannot exceed the frame period.
+    fn check_exposure(&self, fields: &DescriptionFields<'_, '_>) {
         let period = Span::from_secs_f64(1.0 / self.frame_rate.0);
         if self.exposure > period {
             let what = format!("{} is longer than a frame's {period}", self.exposure);
@@ -227,7 +222,7 @@ impl CameraDescription {
 }
 
 impl DavisDescription {
-    pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
+    pub(super) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let camera = CameraDescription::read(fields);
         camera.check_exposure(fields);
         let biases = fields
@@ -242,7 +237,7 @@ impl DavisDescription {
 }
 
 impl PiDescription {
-    pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
+    pub(super) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let camera = CameraDescription::read(fields);
         camera.check_exposure(fields);
         let crop_origin_px = if fields.has("crop_origin_px") {
@@ -276,12 +271,12 @@ mod tests {
 
     #[test]
     fn transports_are_told_apart() {
-        assert_eq!("sim".parse(), Ok(Transport::Sim));
-        assert_eq!("tcp://pi:7777".parse(), Ok(Transport::Tcp("pi:7777".into())));
-        assert_eq!("file:a.aedat4".parse(), Ok(Transport::File("a.aedat4".into())));
-        assert_eq!("tls://pi:7766".parse(), Ok(Transport::Tls("pi:7766".into())));
+        assert_eq!("sim".parse(), Ok(CameraTransport::Sim));
+        assert_eq!("tcp://pi:7777".parse(), Ok(CameraTransport::Tcp("pi:7777".into())));
+        assert_eq!("file:a.aedat4".parse(), Ok(CameraTransport::File("a.aedat4".into())));
+        assert_eq!("tls://pi:7766".parse(), Ok(CameraTransport::Tls("pi:7766".into())));
         for wrong in ["", "usb2", "tls://pi", "tcp://pi", "tcp://:1", "tcp://pi:99999", "file:"] {
-            assert!(wrong.parse::<Transport>().is_err(), "{wrong}");
+            assert!(wrong.parse::<CameraTransport>().is_err(), "{wrong}");
         }
     }
 }

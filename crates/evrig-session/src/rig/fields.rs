@@ -16,21 +16,21 @@ use toml::de::{DeTable, DeValue};
 type Value<'t> = Spanned<DeValue<'t>>;
 
 /// One table of a description, with the keys that were asked for so far.
-pub struct Fields<'a, 't> {
+pub struct DescriptionFields<'a, 't> {
     /// The table's name with its parents, as messages print it; empty for the file itself.
     name: String,
-    /// None stands for a table that is absent: asking it adds no further complaint.
+    /// None for an absent table: reading it reports no further mistakes.
     table: Option<&'a DeTable<'t>>,
     at: Range<usize>,
     asked: RefCell<Vec<&'static str>>,
     problems: &'a Problems,
 }
 
-/// Parses `text` and hands its top table to `read`; all mistakes found on the way are the error.
+/// Parses `text` and passes its top table to `read`; the error holds all mistakes found.
 pub fn read_description<T>(
     file: &str,
     text: &str,
-    read: impl FnOnce(&Fields<'_, '_>) -> T,
+    read: impl FnOnce(&DescriptionFields<'_, '_>) -> T,
 ) -> Result<T, DescriptionError> {
     let problems = Problems::new(file, text);
     let (table, mistakes) = DeTable::parse_recoverable(text);
@@ -38,7 +38,7 @@ pub fn read_description<T>(
         problems.add(mistake.span().unwrap_or(0..0), mistake.message());
     }
     if mistakes.is_empty() {
-        let fields = Fields {
+        let fields = DescriptionFields {
             name: String::new(),
             table: Some(table.get_ref()),
             at: 0..0,
@@ -53,7 +53,7 @@ pub fn read_description<T>(
     }
 }
 
-impl<'a, 't> Fields<'a, 't> {
+impl<'a, 't> DescriptionFields<'a, 't> {
     fn get(&self, key: &'static str) -> Option<&'a Value<'t>> {
         self.asked.borrow_mut().push(key);
         self.table?.get(key)
@@ -71,7 +71,7 @@ impl<'a, 't> Fields<'a, 't> {
         value
     }
 
-    /// Complains when the key is absent; its value is read elsewhere.
+    /// Reports the key as missing when it is absent; its value is read elsewhere.
     pub fn require(&self, key: &'static str) {
         self.required(key);
     }
@@ -128,7 +128,7 @@ impl<'a, 't> Fields<'a, 't> {
         None
     }
 
-    /// A number within `range`; NaN after a complaint.
+    /// A number within `range`; NaN after a mistake.
     pub fn number(&self, key: &'static str, range: impl RangeBounds<f64>) -> f64 {
         self.required(key).and_then(|value| self.as_number(key, value, &range)).unwrap_or(f64::NAN)
     }
@@ -138,7 +138,7 @@ impl<'a, 't> Fields<'a, 't> {
         self.get(key).and_then(|value| self.as_number(key, value, &range))
     }
 
-    /// `N` numbers within `range` each; NaN after a complaint.
+    /// `N` numbers within `range` each; NaN after a mistake.
     pub fn numbers<const N: usize>(
         &self,
         key: &'static str,
@@ -190,7 +190,7 @@ impl<'a, 't> Fields<'a, 't> {
         self.has(key).then(|| self.interval(key, range))
     }
 
-    /// A whole number within `range`; the lowest value of its type after a complaint.
+    /// A whole number within `range`; the lowest value of its type after a mistake.
     pub fn integer<I>(&self, key: &'static str, range: impl RangeBounds<f64>) -> I
     where
         I: TryFrom<i64> + Default,
@@ -232,16 +232,20 @@ impl<'a, 't> Fields<'a, 't> {
         value.get_ref().as_bool()
     }
 
-    /// Hands the sub-table `key` to `read`; when it is absent, one complaint and a table of nothing.
-    pub fn table<T>(&self, key: &'static str, read: impl FnOnce(&Fields<'_, 't>) -> T) -> T {
+    /// Passes the sub-table `key` to `read`; when it is absent, one mistake and an empty table.
+    pub fn table<T>(
+        &self,
+        key: &'static str,
+        read: impl FnOnce(&DescriptionFields<'_, 't>) -> T,
+    ) -> T {
         self.descend(key, self.required(key), read)
     }
 
-    /// Hands the sub-table `key` to `read`, if it is there.
+    /// Passes the sub-table `key` to `read`, if it is there.
     pub fn optional_table<T>(
         &self,
         key: &'static str,
-        read: impl FnOnce(&Fields<'_, 't>) -> T,
+        read: impl FnOnce(&DescriptionFields<'_, 't>) -> T,
     ) -> Option<T> {
         let value = self.get(key)?;
         Some(self.descend(key, Some(value), read))
@@ -251,7 +255,7 @@ impl<'a, 't> Fields<'a, 't> {
         &self,
         key: &str,
         value: Option<&Value<'t>>,
-        read: impl FnOnce(&Fields<'_, 't>) -> T,
+        read: impl FnOnce(&DescriptionFields<'_, 't>) -> T,
     ) -> T {
         let table = value.and_then(|value| value.get_ref().as_table());
         if let (Some(value), None) = (value, table) {
@@ -261,17 +265,18 @@ impl<'a, 't> Fields<'a, 't> {
         }
         let at = value.map_or(self.at.clone(), Spanned::span);
         let asked = RefCell::default();
-        let fields = Fields { name: self.full(key), table, at, asked, problems: self.problems };
+        let fields =
+            DescriptionFields { name: self.full(key), table, at, asked, problems: self.problems };
         let result = read(&fields);
         fields.name_unknown_keys();
         result
     }
 
-    /// Hands each table of the list `key` (`[[key]]`) to `read`, with its number from 0.
+    /// Passes each table of the list `key` (`[[key]]`) to `read`, with its number from 0.
     pub fn tables<T>(
         &self,
         key: &'static str,
-        mut read: impl FnMut(usize, &Fields<'_, 't>) -> T,
+        mut read: impl FnMut(usize, &DescriptionFields<'_, 't>) -> T,
     ) -> Vec<T> {
         let Some(value) = self.required(key) else { return Vec::new() };
         let Some(array) = value.get_ref().as_array() else {
@@ -311,7 +316,7 @@ impl<'a, 't> Fields<'a, 't> {
     }
 }
 
-/// The candidate most like `word`, if one is like it at all.
+/// The candidate most similar to `word`, by the Jaro-Winkler similarity, if that exceeds 0.8.
 pub fn closest<'c>(word: &str, candidates: impl IntoIterator<Item = &'c str>) -> Option<&'c str> {
     let likeness = |candidate: &str| strsim::jaro_winkler(word, candidate);
     candidates

@@ -73,7 +73,7 @@ impl Kinematics {
     /// The joint angles that give the pose, elbow up.
     ///
     /// # Errors
-    /// When the arm is too short or too long for it, whatever its joints allow.
+    /// When the arm's geometry does not reach the pose, regardless of joint limits.
     pub fn inverse(&self, pose: Pose) -> Result<Joints, Unreachable> {
         let [bx, by, bz] = self.tool_offset.map(Millimetres::value);
         let [x, y, z, r] = pose.to_mm_deg();

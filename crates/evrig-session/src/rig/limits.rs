@@ -1,4 +1,4 @@
-//! What the arm may do: workspace, joints, speeds; and how near to it a pose or a motion comes.
+//! Limits of the arm (workspace, joints, speeds) and the margins of poses and motions.
 
 use super::{ArmDescription, Joints, Pose};
 use evrig_core::units::{
@@ -20,7 +20,7 @@ pub struct Workspace {
     pub z_mm: [f64; 2],
 }
 
-/// What the joints may do, degrees, lowest and highest.
+/// Limits of the joints, degrees, lowest and highest.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct JointLimits {
     /// Base.
@@ -46,7 +46,7 @@ pub struct SpeedLimits {
     pub speed_mm_per_s: f64,
     /// Of the tool point along its path: the ramps, which the firmware limits.
     pub acceleration_mm_per_s2: f64,
-    /// Of the tool point across its path, in a curve; the firmware does not look at it.
+    /// Of the tool point across its path, in a curve; the firmware does not check it.
     pub curve_acceleration_mm_per_s2: Option<f64>,
     /// Of the wrist in the base frame.
     pub turn_speed_deg_per_s: f64,
@@ -54,7 +54,7 @@ pub struct SpeedLimits {
     pub turn_acceleration_deg_per_s2: f64,
 }
 
-/// What a motion asks of the tool.
+/// Rates of the tool in a motion.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ToolRates {
     /// Highest speed of the tool point.
@@ -69,7 +69,7 @@ pub struct ToolRates {
     pub turn_acceleration: DegreesPerSecond2,
 }
 
-/// One quantity against its limits.
+/// A quantity with its limits.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Gauge {
     /// Which limit.
@@ -94,11 +94,11 @@ impl Gauge {
         Self { limit, unit, value, low: None, high }
     }
 
-    /// Room left to the nearer limit; negative when it is exceeded, by so much.
+    /// Distance to the nearer limit; negative when it is exceeded.
     #[must_use]
     pub fn margin(&self) -> f64 {
         let above = self.low.map_or(f64::INFINITY, |low| self.value - low);
-        // `min` would pass over a NaN, which is no room at all.
+        // `min` would ignore a NaN, which has no margin.
         if self.value.is_nan() { f64::NEG_INFINITY } else { above.min(self.high - self.value) }
     }
 
@@ -178,7 +178,7 @@ impl ArmDescription {
         })
     }
 
-    /// What a motion asks of the tool against the limits; what it does not ask for is not among them.
+    /// The rates of a motion against the limits; rates of zero are left out.
     #[must_use]
     pub fn gauge_rates(&self, rates: &ToolRates) -> Vec<Gauge> {
         let limits = &self.speed;

@@ -1,7 +1,7 @@
-//! How the cameras sit on the tool, and where they look.
+//! Mounting of the cameras on the tool.
 
 use super::Pose;
-use super::fields::Fields;
+use super::fields::DescriptionFields;
 use evrig_core::units::{Degrees, Millimetres};
 use nalgebra::{Rotation3, Unit, Vector3};
 
@@ -9,13 +9,13 @@ use nalgebra::{Rotation3, Unit, Vector3};
 ///
 /// The tool frame's origin is the tool point, z is up, and it turns with the
 /// wrist: at r = 0 its axes are the base's. With no rotation the top of the
-/// picture points upwards; where the camera looks straight up or down, it
+/// image points upwards; where the camera points straight up or down, it
 /// points along the tool's x.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mounting {
     /// Optical centre in the tool frame.
     pub position: [Millimetres; 3],
-    /// Direction from the camera towards what it sees, in the tool frame, length one.
+    /// Optical axis towards the scene, in the tool frame, length one.
     pub axis: [f64; 3],
     /// Roll of the camera about its axis, clockwise as seen from behind it.
     pub rotation: Degrees,
@@ -35,9 +35,9 @@ pub struct Mount {
 pub struct CameraFrame {
     /// Optical centre, millimetres.
     pub centre_mm: Vector3<f64>,
-    /// Towards higher columns of the picture, length one.
+    /// Towards higher columns of the image, length one.
     pub right: Vector3<f64>,
-    /// Towards higher rows of the picture, length one.
+    /// Towards higher rows of the image, length one.
     pub down: Vector3<f64>,
     /// Along the optical axis towards the scene, length one.
     pub forward: Vector3<f64>,
@@ -64,7 +64,7 @@ impl Mounting {
         }
     }
 
-    fn read(fields: &Fields<'_, '_>) -> Self {
+    fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let axis = fields.numbers("axis", -1.0..=1.0);
         let length = Vector3::from(axis).norm();
         if length < 1e-6 {
@@ -79,7 +79,7 @@ impl Mounting {
 }
 
 impl Mount {
-    pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
+    pub(super) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         Self {
             davis: fields.table("davis", Mounting::read),
             pi: fields.table("pi", Mounting::read),
@@ -88,9 +88,9 @@ impl Mount {
 }
 
 impl CameraFrame {
-    /// A point of the base frame as the camera sees it: right, down, forward of its centre, millimetres.
+    /// A point of the base frame in camera coordinates: right, down, forward of its centre, millimetres.
     #[must_use]
-    pub fn look_at(&self, point_mm: Vector3<f64>) -> [f64; 3] {
+    pub fn to_camera(&self, point_mm: Vector3<f64>) -> [f64; 3] {
         let from_centre = point_mm - self.centre_mm;
         [self.right, self.down, self.forward].map(|axis| axis.dot(&from_centre))
     }
@@ -130,7 +130,7 @@ mod tests {
         let frame =
             mounting([0.3, -0.2, -0.7], 33.0).frame(Pose::from_mm_deg([1.0, 2.0, 3.0, 20.0]));
         assert!(near(frame.right.cross(&frame.down), frame.forward.into()));
-        let [right, down, forward] = frame.look_at(frame.centre_mm + 100.0 * frame.forward);
+        let [right, down, forward] = frame.to_camera(frame.centre_mm + 100.0 * frame.forward);
         assert!(right.abs() < 1e-9 && down.abs() < 1e-9 && (forward - 100.0).abs() < 1e-9);
     }
 }

@@ -21,7 +21,7 @@ pub enum DescriptionError {
     Unreadable {
         /// The file.
         path: String,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The file is far too long for a description.

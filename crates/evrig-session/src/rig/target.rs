@@ -1,10 +1,11 @@
-//! What the cameras look at: the target, its light; and the clocks of a rig description.
+//! Target, light and clocks of a rig description.
 
-use super::fields::Fields;
+use super::fields::DescriptionFields;
+use evrig_core::keyword::UnknownKeyword;
 use evrig_core::units::{Degrees, Hertz, Millimetres};
 use std::str::FromStr;
 
-/// The print (or screen) with its tag: the picture lies to the left of the tag, bottoms aligned.
+/// The target (print or screen) with its tag: the image is to the left of the tag, bottoms aligned.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TargetDescription {
     /// The tag's family.
@@ -13,22 +14,22 @@ pub struct TargetDescription {
     pub tag_id: u32,
     /// Side of the tag's black border.
     pub tag_side: Millimetres,
-    /// Side of the picture.
+    /// Side of the image.
     pub picture_side: Millimetres,
-    /// From the picture's right edge to the tag's left edge.
+    /// From the image's right edge to the tag's left edge.
     pub gap: Millimetres,
     /// From the cameras' optical centres to the target along their axis.
     pub stand_off: Millimetres,
-    /// Middle of picture and tag together in the base frame, where it is known.
+    /// Middle of image and tag together in the base frame, where it is known.
     pub centre: Option<[Millimetres; 3]>,
-    /// Turn of the target in the DAVIS's picture, clockwise.
+    /// Rotation of the target in the DAVIS's image, clockwise.
     pub rotation: Degrees,
 }
 
-/// What is known of the light.
+/// Properties of the light.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LightDescription {
-    /// In words: which lamps, which screen.
+    /// Description of the lamps or the screen.
     pub source: String,
     /// Illuminance on the target in lux, where it was measured.
     pub illuminance_lx: Option<f64>,
@@ -38,16 +39,16 @@ pub struct LightDescription {
     pub switched_by_output: Option<u8>,
 }
 
-/// How a host's clock is kept.
+/// How a clock is disciplined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Discipline {
+pub enum ClockDiscipline {
     /// The simulated clock of the simulated rig.
     Sim,
-    /// chrony keeps it.
+    /// chrony disciplines it.
     Chrony,
-    /// systemd-timesyncd keeps it.
+    /// systemd-timesyncd disciplines it.
     Timesyncd,
-    /// Nothing keeps it.
+    /// It is not disciplined.
     None,
 }
 
@@ -56,29 +57,24 @@ pub enum Discipline {
 pub struct ClocksDescription {
     /// Which machine's clock the others are mapped to.
     pub reference: String,
-    /// How the host's clock is kept.
-    pub host: Discipline,
-    /// How the Pi's clock is kept.
-    pub pi: Discipline,
+    /// Discipline of the host's clock.
+    pub host: ClockDiscipline,
+    /// Discipline of the Pi's clock.
+    pub pi: ClockDiscipline,
     /// The time server, where there is one.
     pub ntp_server: Option<String>,
 }
 
-/// A way to keep a clock that is none.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is no way to keep a clock; expected sim, chrony, timesyncd or none")]
-pub struct UnknownDiscipline(String);
+impl FromStr for ClockDiscipline {
+    type Err = UnknownKeyword;
 
-impl FromStr for Discipline {
-    type Err = UnknownDiscipline;
-
-    fn from_str(text: &str) -> Result<Self, UnknownDiscipline> {
+    fn from_str(text: &str) -> Result<Self, UnknownKeyword> {
         match text {
             "sim" => Ok(Self::Sim),
             "chrony" => Ok(Self::Chrony),
             "timesyncd" => Ok(Self::Timesyncd),
             "none" => Ok(Self::None),
-            other => Err(UnknownDiscipline(other.to_owned())),
+            other => Err(UnknownKeyword::new(other, "sim, chrony, timesyncd or none")),
         }
     }
 }
@@ -88,13 +84,13 @@ const TAG_FAMILIES: &[&str] =
     &["tag36h11", "tag25h9", "tag16h5", "tagCircle21h7", "tagCircle49h12", "tagStandard41h12"];
 
 impl TargetDescription {
-    /// Width of picture, gap and tag together.
+    /// Width of image, gap and tag together.
     #[must_use]
     pub fn width(&self) -> Millimetres {
         self.picture_side + self.gap + self.tag_side
     }
 
-    pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
+    pub(super) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let mm = |key, low: f64| Millimetres(fields.number(key, low..=5000.0));
         let tag_family = fields.text("tag_family");
         if !tag_family.is_empty() && !TAG_FAMILIES.contains(&tag_family.as_str()) {
@@ -119,7 +115,7 @@ impl TargetDescription {
 }
 
 impl LightDescription {
-    pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
+    pub(super) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         Self {
             source: fields.text("source"),
             illuminance_lx: fields.optional_number("illuminance_lx", 0.0..=200_000.0),
@@ -130,13 +126,13 @@ impl LightDescription {
 }
 
 impl ClocksDescription {
-    pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
+    pub(super) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         fields.require("host");
         fields.require("pi");
         Self {
             reference: fields.text("reference"),
-            host: fields.parsed("host").unwrap_or(Discipline::None),
-            pi: fields.parsed("pi").unwrap_or(Discipline::None),
+            host: fields.parsed("host").unwrap_or(ClockDiscipline::None),
+            pi: fields.parsed("pi").unwrap_or(ClockDiscipline::None),
             ntp_server: fields.optional_text("ntp_server"),
         }
     }

@@ -3,7 +3,7 @@
 use super::problems::DescriptionError;
 use std::path::Path;
 
-/// Longer than any description a person writes; keeps a wrong file from filling memory.
+/// Largest description file; a larger one is not a description.
 const MAX_BYTES: u64 = 1 << 20;
 
 /// Reads a text file of bounded size.

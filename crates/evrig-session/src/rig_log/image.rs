@@ -8,7 +8,7 @@ use prost_types::{
     DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet, Timestamp,
 };
 
-/// A picture as Foxglove's schema has it (foxglove-sdk, `schemas/proto/foxglove/RawImage.proto`).
+/// An image in Foxglove's schema (foxglove-sdk, `schemas/proto/foxglove/RawImage.proto`).
 #[derive(Clone, PartialEq, Message)]
 pub(super) struct RawImage {
     #[prost(message, optional, tag = "1")]
@@ -27,12 +27,12 @@ pub(super) struct RawImage {
     frame_id: String,
 }
 
-/// The message of a picture of the Pi's camera whose rows have no padding.
+/// The message of an image of the Pi's camera without row padding.
 pub(super) fn encode(at: Stamp<Unix>, size: Size, encoding: &str, data: Vec<u8>) -> Vec<u8> {
     encode_in("pi", at, size, encoding, data)
 }
 
-/// The message of a picture in a frame of reference; its rows have no padding.
+/// The message of an image in a frame of reference, without row padding.
 pub fn encode_in(
     frame: &str,
     at: Stamp<Unix>,
@@ -53,7 +53,7 @@ pub fn encode_in(
     image.encode_to_vec()
 }
 
-/// Whole seconds and the nanoseconds behind them.
+/// Whole seconds and the remaining nanoseconds.
 pub(super) fn seconds_nanos(at: Stamp<Unix>) -> (i64, i32) {
     let ns = at.as_nanos();
     (ns.div_euclid(1_000_000_000), ns.rem_euclid(1_000_000_000) as i32)
@@ -108,12 +108,12 @@ pub fn schema() -> Vec<u8> {
     FileDescriptorSet { file: files }.encode_to_vec()
 }
 
-/// The samples of a picture in a message; none when it is no picture.
-pub(crate) fn decode_picture(bytes: &[u8]) -> Option<Vec<u8>> {
+/// The samples of an image message; none when it is not one.
+pub(crate) fn decode_image(bytes: &[u8]) -> Option<Vec<u8>> {
     decode(bytes).map(|image| image.data)
 }
 
-/// The picture in a message; none when it is no picture.
+/// The image of a message; none when it is not one.
 pub(super) fn decode(bytes: &[u8]) -> Option<RawImage> {
     RawImage::decode(bytes).ok()
 }

@@ -1,6 +1,6 @@
 //! Reading the rig's log, message by message.
 
-use super::source::{Source, Step};
+use super::source::{ReadStep, RecordSource};
 use super::{RigLogError, Topic};
 use evrig_core::time::{Stamp, Unix};
 use mcap::records::Record;
@@ -22,7 +22,7 @@ pub(super) struct LoggedMessage {
 /// The messages of some topics, in the order of the file, up to its end or the first damage.
 pub(super) struct RigLogReader {
     path: PathBuf,
-    source: Source<File>,
+    source: RecordSource<File>,
     wanted: Vec<Topic>,
     channels: BTreeMap<u16, Topic>,
     n_seen: u64,
@@ -38,7 +38,7 @@ impl RigLogReader {
         let failed = |source| RigLogError::Open { path: path.to_owned(), source };
         Ok(Self {
             path: path.to_owned(),
-            source: Source::new(File::open(path).map_err(failed)?),
+            source: RecordSource::new(File::open(path).map_err(failed)?),
             wanted: wanted.to_vec(),
             channels: BTreeMap::new(),
             n_seen: 0,
@@ -46,7 +46,7 @@ impl RigLogReader {
         })
     }
 
-    /// The error that names a message which is not what its topic says.
+    /// The error for a message that is not of its topic's schema.
     pub(super) fn malformed(&self, topic: Topic, because: impl Into<String>) -> RigLogError {
         RigLogError::Malformed {
             path: self.path.clone(),
@@ -61,11 +61,11 @@ impl RigLogReader {
         let failed = |source| RigLogError::Open { path: self.path.clone(), source };
         loop {
             match self.source.step().map_err(failed)? {
-                Step::Record(Record::Channel(channel)) => {
+                ReadStep::Record(Record::Channel(channel)) => {
                     let topic = self.wanted.iter().find(|topic| topic.name() == channel.topic);
                     self.channels.extend(topic.map(|topic| (channel.id, *topic)));
                 }
-                Step::Record(Record::Message { header, data }) => {
+                ReadStep::Record(Record::Message { header, data }) => {
                     let stamp = |ns: u64| Stamp::from_nanos(i64::try_from(ns).unwrap_or(i64::MAX));
                     if let Some(&topic) = self.channels.get(&header.channel_id) {
                         return Ok(Some(LoggedMessage {
@@ -76,10 +76,10 @@ impl RigLogReader {
                         }));
                     }
                 }
-                Step::Record(_) | Step::Nothing => {}
+                ReadStep::Record(_) | ReadStep::Nothing => {}
                 // The damage of a cut file is in the manifest since it was sealed; here it ends the
                 // messages.
-                Step::Damage(_) | Step::End => return Ok(None),
+                ReadStep::Damage(_) | ReadStep::End => return Ok(None),
             }
         }
     }

@@ -1,4 +1,4 @@
-//! What goes into the rig's log, as values.
+//! The records of the rig's log.
 
 use evrig_core::pi_camera::{ClockSandwich, RawClockSandwich};
 use evrig_core::time::{HostMonotonic, Stamp, Unix};
@@ -15,7 +15,7 @@ pub struct HostTime {
     pub unix: Stamp<Unix>,
 }
 
-/// When something reached the host.
+/// Arrival time at the host.
 pub type Arrival = HostTime;
 
 /// The Pi's clocks, read between two readings of the host's.
@@ -47,10 +47,10 @@ pub struct PacketArrival {
     pub arrived: Arrival,
 }
 
-/// How bad a line of the log is; the numbers are Foxglove's.
+/// Severity of a log line; the numbers are Foxglove's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Severity {
-    /// As it should go.
+    /// Information.
     Info = 2,
     /// Something was lost or is doubtful.
     Warning = 3,

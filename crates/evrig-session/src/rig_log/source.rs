@@ -1,6 +1,6 @@
 //! The records of a log, one after the other, from any source of bytes.
 
-use super::fence::Fence;
+use super::length_check::LengthCheck;
 use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::io::{self, Read};
@@ -8,69 +8,69 @@ use std::io::{self, Read};
 /// Records longer than this are damage: a chunk ends soon after 8 MiB, a frame has some megabytes.
 const MAX_RECORD_BYTES: usize = 1 << 28;
 
-/// Bytes that are read at once at most: a damaged head may announce a record that is not there, and memory
-/// is taken, and cleared, for what comes.
-const PIECE_BYTES: usize = 1 << 20;
+/// Bytes read at once at most: a damaged header may announce a record that is not there, and memory
+/// is allocated, and cleared, for what is read.
+const MAX_READ_BYTES: usize = 1 << 20;
 
-/// Reads a log; memory is taken for one record.
-pub(super) struct Source<R> {
+/// Reads a log in memory for one record.
+pub(super) struct RecordSource<R> {
     from: R,
     reader: LinearReader,
-    fence: Fence,
+    lengths: LengthCheck,
     /// Bytes that the library asked for and did not get yet.
     n_wanted: usize,
 }
 
-/// What one step gave.
-pub(super) enum Step<'a> {
-    /// A record, of a chunk or beside it.
+/// The result of one step.
+pub(super) enum ReadStep<'a> {
+    /// A record, inside or outside a chunk.
     Record(Record<'a>),
-    /// Bytes that are no whole record yet.
+    /// No complete record yet.
     Nothing,
-    /// The file is cut or altered here, and there is nothing more to be had of it.
+    /// The file is truncated or damaged here; nothing after it can be read.
     Damage(String),
     /// The file's end.
     End,
 }
 
-impl<R: Read> Source<R> {
+impl<R: Read> RecordSource<R> {
     pub(super) fn new(from: R) -> Self {
         let options = LinearReaderOptions::default()
             .with_validate_chunk_crcs(true)
             .with_record_length_limit(MAX_RECORD_BYTES);
         let reader = LinearReader::new_with_options(options);
-        Self { from, reader, fence: Fence::default(), n_wanted: 0 }
+        Self { from, reader, lengths: LengthCheck::default(), n_wanted: 0 }
     }
 
-    /// One step further.
+    /// Reads the next step.
     ///
     /// # Errors
     /// When the source cannot be read.
-    pub(super) fn step(&mut self) -> io::Result<Step<'_>> {
+    pub(super) fn step(&mut self) -> io::Result<ReadStep<'_>> {
         if self.n_wanted > 0 {
-            let room = self.reader.insert(self.n_wanted.min(PIECE_BYTES));
+            let room = self.reader.insert(self.n_wanted.min(MAX_READ_BYTES));
             self.n_wanted = 0;
             let n = self.from.read(room)?;
-            if let Err(overrun) = self.fence.pass(&room[..n]) {
-                return Ok(Step::Damage(overrun.to_string()));
+            if let Err(overrun) = self.lengths.check(&room[..n]) {
+                return Ok(ReadStep::Damage(overrun.to_string()));
             }
             self.reader.notify_read(n);
         }
         Ok(match self.reader.next_event() {
-            None => Step::End,
+            None => ReadStep::End,
             Some(Ok(LinearReadEvent::ReadRequest(n))) => {
                 self.n_wanted = n;
-                Step::Nothing
+                ReadStep::Nothing
             }
-            // No log of ours has attachments, and mcap 0.26 panics on one whose name leaves no room for its end.
-            Some(Ok(LinearReadEvent::Record { opcode: op::ATTACHMENT, .. })) => Step::Nothing,
+            // The log has no attachments, and mcap 0.26 panics on one whose name is too long for it.
+            Some(Ok(LinearReadEvent::Record { opcode: op::ATTACHMENT, .. })) => ReadStep::Nothing,
             Some(Ok(LinearReadEvent::Record { data, opcode })) => {
                 match mcap::parse_record(opcode, data) {
-                    Ok(record) => Step::Record(record),
-                    Err(error) => Step::Damage(error.to_string()),
+                    Ok(record) => ReadStep::Record(record),
+                    Err(error) => ReadStep::Damage(error.to_string()),
                 }
             }
-            Some(Err(error)) => Step::Damage(error.to_string()),
+            Some(Err(error)) => ReadStep::Damage(error.to_string()),
         })
     }
 }
@@ -98,13 +98,13 @@ mod tests {
         let attachment = [&[op::ATTACHMENT][..], &32_u64.to_le_bytes(), &[0; 32]].concat();
         let bytes =
             [mcap::MAGIC, &attachment, &[op::DATA_END], &4_u64.to_le_bytes(), &[0; 4]].concat();
-        let mut source = Source::new(&bytes[..]);
+        let mut source = RecordSource::new(&bytes[..]);
         let mut n_records = 0;
         loop {
             match source.step().unwrap() {
-                Step::Nothing => {}
-                Step::Record(_) => n_records += 1,
-                Step::Damage(_) | Step::End => break,
+                ReadStep::Nothing => {}
+                ReadStep::Record(_) => n_records += 1,
+                ReadStep::Damage(_) | ReadStep::End => break,
             }
         }
         assert_eq!(n_records, 1, "what comes behind it is read");
@@ -115,15 +115,15 @@ mod tests {
         let announced = (MAX_RECORD_BYTES as u64).to_le_bytes();
         let bytes = [mcap::MAGIC, &[mcap::records::op::MESSAGE], &announced, &[7; 30]].concat();
         let mut most = 0;
-        let mut source = Source::new(Offered { bytes: &bytes, most: &mut most });
+        let mut source = RecordSource::new(Offered { bytes: &bytes, most: &mut most });
         let end = loop {
             match source.step().unwrap() {
-                Step::Nothing | Step::Record(_) => {}
-                Step::Damage(what) => break what,
-                Step::End => break "an end".to_owned(),
+                ReadStep::Nothing | ReadStep::Record(_) => {}
+                ReadStep::Damage(what) => break what,
+                ReadStep::End => break "an end".to_owned(),
             }
         };
         assert!(end.contains("in the middle of a record"), "{end}");
-        assert!(most <= PIECE_BYTES, "room for {most} bytes");
+        assert!(most <= MAX_READ_BYTES, "room for {most} bytes");
     }
 }

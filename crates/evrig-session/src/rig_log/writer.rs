@@ -22,7 +22,7 @@ pub enum Topic {
     Raw,
     /// RGB frames.
     Rgb,
-    /// What the camera says of each frame.
+    /// Metadata of each frame.
     FrameMetadata,
     /// The Pi's clocks between the host's.
     PiClock,
@@ -32,7 +32,7 @@ pub enum Topic {
     ArmPose,
     /// The trajectory's poses.
     Commanded,
-    /// What the engine did.
+    /// Log of the recorder.
     Log,
 }
 
@@ -77,20 +77,20 @@ impl Topic {
 
 /// A chunk is closed once it holds 8 MiB, about eight frames, ...
 const CHUNK_BYTES: u64 = 8 << 20;
-/// ... or a quarter of a second after it was begun, so that a cut file lacks little.
+/// ... or a quarter of a second after it was begun, so that a truncated file lacks little.
 const CHUNK_TIME: Span = Span::from_micros(250_000);
 
 /// Appends to `rig.mcap`.
 pub struct RigLogWriter {
     path: PathBuf,
     file: mcap::Writer<BufWriter<Destination>>,
-    /// Another handle of a file, by which it is synced.
+    /// A second handle of the file, for syncing.
     beside: Option<File>,
     channels: Vec<u16>,
     sequences: Vec<u32>,
     n_messages: u64,
     chunk_began: Option<Stamp<HostMonotonic>>,
-    /// Why the disk refused first; what is written after that fails without a reason of its own.
+    /// The first write error; later writes fail without a reason of their own.
     refused: Option<(std::io::ErrorKind, String)>,
 }
 
@@ -104,7 +104,7 @@ impl RigLogWriter {
     /// Makes the file and declares its topics.
     ///
     /// # Errors
-    /// When the file is there already or the disk refuses.
+    /// When the file is there already or writing fails.
     pub fn create(path: &Path) -> Result<Self, RigLogError> {
         let file = File::create_new(path)
             .map_err(|source| RigLogError::Open { path: path.to_owned(), source })?;
@@ -114,8 +114,8 @@ impl RigLogWriter {
         Self::begin(Destination::File(file), Some(beside), path)
     }
 
-    /// Writes into a pipe what would go into a file; `name` stands for it in errors. A chunk is in
-    /// memory until it is whole, since its head cannot be written over.
+    /// Writes to a pipe instead of a file; `name` names it in errors. A chunk is in
+    /// memory until it is complete, since its header cannot be rewritten.
     ///
     /// # Errors
     /// When the pipe is closed.
@@ -131,7 +131,7 @@ impl RigLogWriter {
         let options = mcap::WriteOptions::new()
             .compression(None)
             .chunk_size(Some(CHUNK_BYTES))
-            .disable_seeking(!destination.can_go_back())
+            .disable_seeking(!destination.can_seek())
             .profile("")
             .library(concat!("evrig ", env!("CARGO_PKG_VERSION")));
         let failed = |error| failed(path, 0, error);
@@ -162,10 +162,10 @@ impl RigLogWriter {
         })
     }
 
-    /// Writes a frame's pictures and what the camera says of it.
+    /// Writes a frame's images and metadata.
     ///
     /// # Errors
-    /// When a picture is not what its size says, or the disk refuses.
+    /// When an image does not match its size, or writing fails.
     pub fn frame(&mut self, frame: &PiFrame, arrived: HostTime) -> Result<(), RigLogError> {
         let size = frame.metadata.size;
         let at = frame.metadata.real_time;
@@ -189,11 +189,11 @@ impl RigLogWriter {
         self.json(Topic::FrameMetadata, arrived, at, &frame.metadata)
     }
 
-    /// Writes the RGB picture of a frame whose metadata were written before. Its own time is that
+    /// Writes the RGB image of a frame whose metadata were written before. Its own time is that
     /// of the metadata, `real_time_ns`, which joins the two.
     ///
     /// # Errors
-    /// When there is no picture of the frame's size, or the disk refuses.
+    /// When there is no image of the frame's size, or writing fails.
     pub fn late_rgb(&mut self, frame: &PiFrame, arrived: HostTime) -> Result<(), RigLogError> {
         let (size, at) = (frame.metadata.size, frame.metadata.real_time);
         let rgb = frame.rgb.as_deref().unwrap_or_default();
@@ -207,7 +207,7 @@ impl RigLogWriter {
     /// Writes readings of the Pi's clocks.
     ///
     /// # Errors
-    /// When the disk refuses.
+    /// When writing fails.
     pub fn clock(&mut self, exchange: &ClockExchange) -> Result<(), RigLogError> {
         self.json(Topic::PiClock, exchange.answered, exchange.pi.realtime, exchange)
     }
@@ -215,7 +215,7 @@ impl RigLogWriter {
     /// Writes when a packet of the event camera came.
     ///
     /// # Errors
-    /// When the disk refuses.
+    /// When writing fails.
     pub fn arrival(&mut self, arrival: &PacketArrival) -> Result<(), RigLogError> {
         self.json(Topic::Arrivals, arrival.arrived, arrival.arrived.unix, arrival)
     }
@@ -223,7 +223,7 @@ impl RigLogWriter {
     /// Writes a pose of the tool in the arm's base frame, in metres as Foxglove has it.
     ///
     /// # Errors
-    /// When the disk refuses.
+    /// When writing fails.
     pub fn pose(&mut self, topic: Topic, at: HostTime, pose: Pose) -> Result<(), RigLogError> {
         let [x, y, z] = pose.position_mm().map(|mm| mm * 1e-3);
         let (sin, cos) = (pose.r.0.to_radians() / 2.0).sin_cos();
@@ -237,10 +237,10 @@ impl RigLogWriter {
         self.json(topic, at, at.unix, &value)
     }
 
-    /// Writes what the engine did.
+    /// Writes log of the recorder.
     ///
     /// # Errors
-    /// When the disk refuses.
+    /// When writing fails.
     pub fn log(&mut self, at: HostTime, level: Severity, text: &str) -> Result<(), RigLogError> {
         let value = json!({
             "timestamp": time(at.unix), "level": level as u8, "message": text,
@@ -249,17 +249,17 @@ impl RigLogWriter {
         self.json(Topic::Log, at, at.unix, &value)
     }
 
-    /// Closes the chunk and hands everything to the system, so that only a power cut can lose it.
+    /// Closes the chunk and flushes to the system, so that only a power failure can lose it.
     ///
     /// # Errors
-    /// When the disk refuses.
+    /// When writing fails.
     pub fn flush(&mut self) -> Result<(), RigLogError> {
         self.chunk_began = None;
         let flushed = self.file.flush();
         flushed.map_err(|error| self.refused(error))
     }
 
-    /// A second handle of the file, by which a thread beside can sync it; none of a pipe.
+    /// A second handle of the file, by which another thread can sync it; none for a pipe.
     ///
     /// # Errors
     /// When the system refuses.
@@ -319,7 +319,7 @@ impl RigLogWriter {
         Ok(())
     }
 
-    /// The first reason for which the disk refused, whichever write meets it.
+    /// The first write error, whichever write reports it.
     fn refused(&mut self, error: mcap::McapError) -> RigLogError {
         let error = match (&self.refused, error) {
             (Some((kind, first)), mcap::McapError::AttemptedWriteAfterFailure) => {

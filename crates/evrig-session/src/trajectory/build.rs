@@ -1,8 +1,10 @@
 //! From a description to a path: each segment begins where the last one ended.
 
 use super::path_error::PathError;
-use super::segment::{Direction, Kind, Plane, RatesOverride, Segment, Turns};
-use super::{Curve, Motion, Path, Rates, Settings, Trajectory, Trapezoid};
+use super::segment::{
+    Direction, DrawingPlane, MAX_DURATION_S, RatesOverride, Segment, SegmentKind, Turns,
+};
+use super::{MotionCommand, Rates, StepSettings, ToolCurve, ToolPath, Trajectory, Trapezoid};
 use crate::rig::{Pose, Rig};
 use evrig_core::units::{
     DegreesPerSecond, DegreesPerSecond2, MillimetresPerSecond, MillimetresPerSecond2,
@@ -10,7 +12,7 @@ use evrig_core::units::{
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
-/// More motions than any recording has; keeps repeats of repeats from filling memory.
+/// More motions than any recording has; bounds the memory of nested repeats.
 pub(super) const MAX_STEPS: usize = 20_000;
 
 /// More points of drawn curves than any recording has, for the same reason.
@@ -19,19 +21,16 @@ pub(super) const MAX_POINTS: usize = 2_000_000;
 /// Repeats within repeats.
 pub(super) const MAX_DEPTH: usize = 16;
 
-/// A day: longer is a slip of the unit.
-pub(super) const MAX_SECONDS: f64 = 86_400.0;
-
 /// Spacing of the points of a drawn curve: the corner between two chords stays below 0.1 degree
 /// on a radius of 60 mm, and their sagitta far below the arm's repeatability.
-const CHORD_MM: f64 = 0.1;
+const MAX_CHORD_MM: f64 = 0.1;
 
 /// The ARC parameters of the published recordings, where a description states no turn rates.
-const TURN_RATES: [f64; 2] = [50.0, 50.0];
+const DEFAULT_TURN_RATES: [f64; 2] = [50.0, 50.0];
 
 /// Which segments become motions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Optional {
+pub enum OptionalSegments {
     /// All of them.
     Included,
     /// Without those that the description calls optional.
@@ -39,24 +38,24 @@ pub enum Optional {
 }
 
 impl Trajectory {
-    /// The path on this rig: its mount says what the cameras see, and so which way is clockwise.
+    /// The path on this rig, whose mount determines the image plane and the sense of rotation.
     ///
     /// # Errors
-    /// When a segment makes no curve. Reach and speed are not looked at here: see [`super::Plan`].
-    pub fn path(&self, rig: &Rig, optional: Optional) -> Result<Path, PathError> {
+    /// When a segment makes no curve. Reach and speed are not checked here: see [`super::Plan`].
+    pub fn path(&self, rig: &Rig, optional: OptionalSegments) -> Result<ToolPath, PathError> {
         let camera = rig.mount.davis.frame(self.start);
         let mut builder = Builder {
             trajectory: self,
             picture: [camera.right, -camera.down],
             forward: camera.forward,
-            path: Path::new(self.start),
+            path: ToolPath::new(self.start),
             runs: vec![Vec::new(); self.segments.len()],
             n_points: 0,
             optional,
         };
         for (number, segment) in self.segments.iter().enumerate() {
             if !builder.leaves_out(segment) {
-                builder.run(number, &As::itself(segment, number))?;
+                builder.run(number, &SegmentRun::itself(segment, number))?;
             }
         }
         Ok(builder.path)
@@ -65,30 +64,30 @@ impl Trajectory {
 
 struct Builder<'t> {
     trajectory: &'t Trajectory,
-    /// Right and up in the DAVIS's picture at the start pose.
+    /// Right and up in the DAVIS's image at the start pose.
     picture: [Vector3<f64>; 2],
     /// Its optical axis there.
     forward: Vector3<f64>,
-    path: Path,
+    path: ToolPath,
     /// The steps of each segment's last run.
     runs: Vec<Vec<usize>>,
     /// Points of drawn curves so far.
     n_points: usize,
-    optional: Optional,
+    optional: OptionalSegments,
 }
 
-/// As what a segment runs: as itself, or as part of a later one.
+/// One run of a segment: by itself, or as part of a later one.
 #[derive(Clone)]
-struct As {
+struct SegmentRun {
     label: String,
     number: usize,
     /// Repeats around it.
     depth: usize,
     rates: RatesOverride,
-    settings: Settings,
+    settings: StepSettings,
 }
 
-impl As {
+impl SegmentRun {
     fn itself(segment: &Segment, number: usize) -> Self {
         Self {
             label: segment.label.clone(),
@@ -100,16 +99,16 @@ impl As {
     }
 
     /// A prompt is shown, and the light flashes, before the first of several motions only.
-    fn was_asked(&mut self) {
+    fn consume_prompt(&mut self) {
         self.settings.prompt = None;
         self.settings.n_flashes = 0;
     }
 
-    fn too_much(&self, of_what: &'static str, limit: usize) -> PathError {
+    fn too_many(&self, of_what: &'static str, limit: usize) -> PathError {
         PathError::TooMuch { segment: self.label.clone(), of_what, limit }
     }
 
-    /// As part `label` of a segment that is itself run as `self`.
+    /// Part `label` of a segment that is itself run as `self`.
     fn part(&self, label: &str, segment: &Segment) -> Self {
         Self {
             label: format!("{}/{label}", self.label),
@@ -123,25 +122,25 @@ impl As {
 
 impl Builder<'_> {
     fn leaves_out(&self, segment: &Segment) -> bool {
-        self.optional == Optional::LeftOut && segment.is_optional
+        self.optional == OptionalSegments::LeftOut && segment.is_optional
     }
 
-    fn run(&mut self, number: usize, as_what: &As) -> Result<(), PathError> {
+    fn run(&mut self, number: usize, run: &SegmentRun) -> Result<(), PathError> {
         let segments = &self.trajectory.segments;
         let segment = &segments[number];
-        if as_what.depth > MAX_DEPTH {
-            return Err(as_what.too_much("repeats within repeats", MAX_DEPTH));
+        if run.depth > MAX_DEPTH {
+            return Err(run.too_many("repeats within repeats", MAX_DEPTH));
         }
         let first = self.path.steps().len();
-        let mut around = as_what.clone();
+        let mut around = run.clone();
         match &segment.kind {
-            Kind::Dwell { duration } => {
-                let rates = self.rates(as_what);
-                let settings = as_what.settings.clone();
-                self.path.push_hold(&as_what.label, as_what.number, *duration, rates, settings);
-                self.check_bounds(as_what)?;
+            SegmentKind::Dwell { duration } => {
+                let rates = self.rates(run);
+                let settings = run.settings.clone();
+                self.path.push_hold(&run.label, run.number, *duration, rates, settings);
+                self.check_bounds(run)?;
             }
-            Kind::Repeat { of, times } => {
+            SegmentKind::Repeat { of, times } => {
                 for time in 1..=*times {
                     for &part in of {
                         if self.leaves_out(&segments[part]) {
@@ -151,16 +150,16 @@ impl Builder<'_> {
                         let label =
                             if *times > 1 { format!("{name}#{time}") } else { name.clone() };
                         self.run(part, &around.part(&label, &segments[part]))?;
-                        around.was_asked();
+                        around.consume_prompt();
                     }
                 }
             }
-            Kind::Reverse { of } => {
+            SegmentKind::Reverse { of } => {
                 for &part in of.iter().rev() {
                     self.run_backwards(part, &mut around)?;
                 }
             }
-            Kind::Sweep { of, speeds_mm_per_s, alternate } => {
+            SegmentKind::Sweep { of, speeds_mm_per_s, alternate } => {
                 for (i, speed) in speeds_mm_per_s.iter().enumerate() {
                     let label = format!("{speed}mm/s");
                     let mut part = around.part(&label, &segments[*of]);
@@ -170,49 +169,49 @@ impl Builder<'_> {
                     } else {
                         self.run(*of, &part)?;
                     }
-                    around.was_asked();
+                    around.consume_prompt();
                 }
             }
             _ => {
-                let curve = self.curve(segment, as_what)?;
-                self.push(curve, as_what)?;
+                let curve = self.curve(segment, run)?;
+                self.push(curve, run)?;
             }
         }
         self.runs[number] = (first..self.path.steps().len()).collect();
         Ok(())
     }
 
-    fn push(&mut self, curve: Curve, as_what: &As) -> Result<(), PathError> {
-        if let Motion::Points(poses) = curve.motion() {
+    fn push(&mut self, curve: ToolCurve, run: &SegmentRun) -> Result<(), PathError> {
+        if let MotionCommand::Points(poses) = curve.motion() {
             self.n_points += poses.len();
         }
-        let rates = self.rates(as_what);
-        let settings = as_what.settings.clone();
-        self.path.push(&as_what.label, as_what.number, curve, rates, settings);
-        self.check_bounds(as_what)
+        let rates = self.rates(run);
+        let settings = run.settings.clone();
+        self.path.push(&run.label, run.number, curve, rates, settings);
+        self.check_bounds(run)
     }
 
-    fn check_bounds(&self, as_what: &As) -> Result<(), PathError> {
+    fn check_bounds(&self, run: &SegmentRun) -> Result<(), PathError> {
         if self.path.steps().len() > MAX_STEPS {
-            return Err(as_what.too_much("motions", MAX_STEPS));
+            return Err(run.too_many("motions", MAX_STEPS));
         }
         if self.n_points > MAX_POINTS {
-            return Err(as_what.too_much("points of drawn curves", MAX_POINTS));
+            return Err(run.too_many("points of drawn curves", MAX_POINTS));
         }
-        if self.path.duration().as_secs_f64() > MAX_SECONDS {
-            return Err(as_what.too_much("seconds", MAX_SECONDS as usize));
+        if self.path.duration().as_secs_f64() > MAX_DURATION_S {
+            return Err(run.too_many("seconds", MAX_DURATION_S as usize));
         }
         Ok(())
     }
 
-    fn run_backwards(&mut self, part: usize, as_what: &mut As) -> Result<(), PathError> {
+    fn run_backwards(&mut self, part: usize, run: &mut SegmentRun) -> Result<(), PathError> {
         let of = self.trajectory.segments[part].label.clone();
-        let name = as_what.label.clone();
-        let run = std::mem::take(&mut self.runs[part]);
-        if run.is_empty() {
+        let name = run.label.clone();
+        let steps = std::mem::take(&mut self.runs[part]);
+        if steps.is_empty() {
             return Err(PathError::NotRun { segment: name, of });
         }
-        for &step in run.iter().rev() {
+        for &step in steps.iter().rev() {
             let there = &self.path.steps()[step];
             let (duration, curve) = (there.duration, there.curve.reversed());
             let (expected, got) = (curve.from(), self.path.end());
@@ -221,21 +220,21 @@ impl Builder<'_> {
                 return Err(PathError::NotAtEnd { segment: name, of, expected, got, away });
             }
             if curve.length().0 > 0.0 || curve.turn().0 != 0.0 {
-                self.push(curve, as_what)?;
+                self.push(curve, run)?;
             } else {
-                let (rates, settings) = (self.rates(as_what), as_what.settings.clone());
-                self.path.push_hold(&as_what.label, as_what.number, duration, rates, settings);
-                self.check_bounds(as_what)?;
+                let (rates, settings) = (self.rates(run), run.settings.clone());
+                self.path.push_hold(&run.label, run.number, duration, rates, settings);
+                self.check_bounds(run)?;
             }
-            as_what.was_asked();
+            run.consume_prompt();
         }
-        self.runs[part] = run;
+        self.runs[part] = steps;
         Ok(())
     }
 
-    fn rates(&self, as_what: &As) -> Rates {
-        let rates = as_what.rates.or(self.trajectory.rates);
-        let [turn_speed, turn_acceleration] = TURN_RATES;
+    fn rates(&self, run: &SegmentRun) -> Rates {
+        let rates = run.rates.or(self.trajectory.rates);
+        let [turn_speed, turn_acceleration] = DEFAULT_TURN_RATES;
         Rates {
             speed: MillimetresPerSecond(rates.speed_mm_per_s.unwrap_or(0.0)),
             acceleration: MillimetresPerSecond2(rates.acceleration_mm_per_s2.unwrap_or(0.0)),
@@ -249,54 +248,54 @@ impl Builder<'_> {
     /// The axes (u, v) of a segment's plane in the base frame.
     fn plane(&self, segment: &Segment) -> [Vector3<f64>; 2] {
         match segment.plane.unwrap_or(self.trajectory.plane) {
-            Plane::Image => self.picture,
-            Plane::Xy => [Vector3::x(), Vector3::y()],
-            Plane::Xz => [Vector3::x(), Vector3::z()],
-            Plane::Yz => [Vector3::y(), Vector3::z()],
+            DrawingPlane::Image => self.picture,
+            DrawingPlane::Xy => [Vector3::x(), Vector3::y()],
+            DrawingPlane::Xz => [Vector3::x(), Vector3::z()],
+            DrawingPlane::Yz => [Vector3::y(), Vector3::z()],
         }
     }
 
-    fn curve(&self, segment: &Segment, as_what: &As) -> Result<Curve, PathError> {
+    fn curve(&self, segment: &Segment, run: &SegmentRun) -> Result<ToolCurve, PathError> {
         let from = self.path.end();
         let [u, v] = self.plane(segment);
-        let failed = |source| PathError::Curve { segment: as_what.label.clone(), source };
+        let failed = |source| PathError::Curve { segment: run.label.clone(), source };
         match &segment.kind {
-            Kind::Line { to: Some(to), .. } => Ok(Curve::line(from, *to)),
-            Kind::Line { by_mm, turn_deg, to: None } => {
+            SegmentKind::Line { to: Some(to), .. } => Ok(ToolCurve::line(from, *to)),
+            SegmentKind::Line { by_mm, turn_deg, to: None } => {
                 let to = moved(from, by_mm[0] * u + by_mm[1] * v);
                 let r = evrig_core::units::Degrees(from.r.0 + turn_deg);
-                Ok(Curve::line(from, Pose { r, ..to }))
+                Ok(ToolCurve::line(from, Pose { r, ..to }))
             }
-            Kind::Arc { radius_mm, direction, start_deg, sweep_deg } => {
-                let turn = self.sense(*direction, [u, v], as_what)? * sweep_deg;
+            SegmentKind::Arc { radius_mm, direction, start_deg, sweep_deg } => {
+                let turn = self.sense(*direction, [u, v], run)? * sweep_deg;
                 let [via, to] = [0.5, 1.0].map(|part| {
                     moved(from, on_circle([u, v], *radius_mm, *start_deg, part * turn))
                 });
-                Curve::arc(from, via, to).map_err(failed)
+                ToolCurve::arc(from, via, to).map_err(failed)
             }
-            Kind::Circle { radius_mm, direction, start_deg, turns } => {
-                let turn = self.sense(*direction, [u, v], as_what)? * 360.0;
+            SegmentKind::Circle { radius_mm, direction, start_deg, turns } => {
+                let turn = self.sense(*direction, [u, v], run)? * 360.0;
                 let [via, opposite] = [0.25, 0.5].map(|part| {
                     moved(from, on_circle([u, v], *radius_mm, *start_deg, part * turn))
                 });
-                let n_turns = self.count(*turns, radius_mm * TAU, as_what);
-                Curve::circle(from, via, opposite, n_turns).map_err(failed)
+                let n_turns = self.count(*turns, radius_mm * TAU, run);
+                ToolCurve::circle(from, via, opposite, n_turns).map_err(failed)
             }
-            Kind::Lissajous { amplitude_mm, cycles, phase_deg, turns } => {
+            SegmentKind::Lissajous { amplitude_mm, cycles, phase_deg, turns } => {
                 let figure = figure(from, [u, v], *amplitude_mm, *cycles, *phase_deg);
-                let once = Curve::points(figure.clone()).map_err(failed)?;
-                let n_turns = self.count(*turns, once.length().0, as_what) as usize;
+                let once = ToolCurve::points(figure.clone()).map_err(failed)?;
+                let n_turns = self.count(*turns, once.length().0, run) as usize;
                 if n_turns.saturating_mul(figure.len()) > MAX_POINTS {
-                    return Err(as_what.too_much("points of drawn curves", MAX_POINTS));
+                    return Err(run.too_many("points of drawn curves", MAX_POINTS));
                 }
                 let again = figure.iter().skip(1).cycle().take((n_turns - 1) * (figure.len() - 1));
                 let all = figure.iter().chain(again).copied().collect();
-                Curve::points(all).map_err(failed)
+                ToolCurve::points(all).map_err(failed)
             }
-            Kind::Dwell { .. }
-            | Kind::Repeat { .. }
-            | Kind::Reverse { .. }
-            | Kind::Sweep { .. } => Ok(Curve::line(from, from)),
+            SegmentKind::Dwell { .. }
+            | SegmentKind::Repeat { .. }
+            | SegmentKind::Reverse { .. }
+            | SegmentKind::Sweep { .. } => Ok(ToolCurve::line(from, from)),
         }
     }
 
@@ -305,12 +304,12 @@ impl Builder<'_> {
         &self,
         direction: Direction,
         [u, v]: [Vector3<f64>; 2],
-        as_what: &As,
+        run: &SegmentRun,
     ) -> Result<f64, PathError> {
         // Where u x v points away from the camera, u towards v looks clockwise to it.
         let away = u.cross(&v).dot(&self.forward);
         if away.abs() < 0.02 {
-            return Err(PathError::EdgeOn { segment: as_what.label.clone() });
+            return Err(PathError::EdgeOn { segment: run.label.clone() });
         }
         Ok(match direction {
             Direction::Clockwise => away.signum(),
@@ -318,12 +317,12 @@ impl Builder<'_> {
         })
     }
 
-    fn count(&self, turns: Turns, length_mm: f64, as_what: &As) -> u32 {
+    fn count(&self, turns: Turns, length_mm: f64, run: &SegmentRun) -> u32 {
         let duration = match turns {
             Turns::Count(count) => return count,
             Turns::Lasting(duration) => duration.as_secs_f64(),
         };
-        let rates = self.rates(as_what);
+        let rates = self.rates(run);
         let lasts = |count: u32| {
             let length = f64::from(count) * length_mm;
             Trapezoid::new(length, rates.speed.0, rates.acceleration.0).seconds()
@@ -357,7 +356,7 @@ fn on_circle(
     at(start_deg + turn_deg) - at(start_deg)
 }
 
-/// One turn of a Lissajous figure through points no farther apart than [`CHORD_MM`].
+/// One turn of a Lissajous figure through points no farther apart than [`MAX_CHORD_MM`].
 fn figure(
     from: Pose,
     [u, v]: [Vector3<f64>; 2],
@@ -369,9 +368,9 @@ fn figure(
         let first = (f64::from(m) * turn + phase_deg.to_radians()).sin();
         a * first * u + b * (f64::from(n) * turn).sin() * v
     };
-    // The speed in `turn` is nowhere above this, so no chord is longer than CHORD_MM.
+    // The speed in `turn` is nowhere above this, so no chord is longer than MAX_CHORD_MM.
     let fastest = (a * f64::from(m)).hypot(b * f64::from(n));
-    let n_points = (TAU * fastest / CHORD_MM).ceil().clamp(16.0, 1e6) as usize;
+    let n_points = (TAU * fastest / MAX_CHORD_MM).ceil().clamp(16.0, 1e6) as usize;
     let begin = at(0.0);
     let point = |i: usize| moved(from, at(TAU * i as f64 / n_points as f64) - begin);
     (0..n_points).map(point).chain(std::iter::once(from)).collect()
@@ -389,25 +388,25 @@ mod tests {
     const CIRCLE: &str = "[[segment]]\nkind = 'circle'\nlabel = 'c'\nradius_mm = 12\n\
         direction = 'clockwise'\nstart_deg = 180\nturns = 1\n";
 
-    fn path_on(rig: &Rig, segments: &str) -> Result<Path, PathError> {
+    fn path_on(rig: &Rig, segments: &str) -> Result<ToolPath, PathError> {
         let text = format!("{HEAD}{segments}");
         let trajectory = Trajectory::parse("t.toml", &text).unwrap_or_else(|e| panic!("{e}"));
-        trajectory.path(rig, Optional::Included)
+        trajectory.path(rig, OptionalSegments::Included)
     }
 
-    fn path(segments: &str) -> Result<Path, PathError> {
+    fn path(segments: &str) -> Result<ToolPath, PathError> {
         path_on(&Rig::simulated().unwrap(), segments)
     }
 
     /// Signed area of a path in the DAVIS's picture, columns to the right and rows down:
     /// positive when it runs clockwise as the camera sees it.
-    fn area_seen(path: &Path, rig: &Rig) -> f64 {
+    fn area_seen(path: &ToolPath, rig: &Rig) -> f64 {
         let camera = rig.mount.davis.frame(path.start());
         let n = 1000;
         let at = |i: i32| {
             let share = f64::from(i) / f64::from(n);
             let pose = path.pose_at(Span::from_secs_f64(path.duration().as_secs_f64() * share));
-            let [x, y, _] = camera.look_at(Vector3::from(pose.position_mm()));
+            let [x, y, _] = camera.to_camera(Vector3::from(pose.position_mm()));
             [x, y]
         };
         let cross = |[a, b]: [f64; 2], [c, d]: [f64; 2]| a * d - b * c;
@@ -468,7 +467,8 @@ mod tests {
         for seconds in [0.1, 2.6, 10.0, 61.0] {
             let by_time = CIRCLE.replace("turns = 1", &format!("duration_s = {seconds}"));
             let path = path(&by_time).unwrap();
-            let crate::trajectory::Motion::Circle { turns, .. } = path.steps()[0].curve.motion()
+            let crate::trajectory::MotionCommand::Circle { turns, .. } =
+                path.steps()[0].curve.motion()
             else {
                 panic!("{:?}", path.steps()[0])
             };
@@ -536,8 +536,8 @@ mod tests {
             let path = trajectory.path(&rig, optional).unwrap();
             path.steps().iter().map(|step| step.label.clone()).collect()
         };
-        assert_eq!(labels(Optional::LeftOut), ["c", "r/c#1", "r/c#2"]);
-        assert_eq!(labels(Optional::Included).len(), 6);
+        assert_eq!(labels(OptionalSegments::LeftOut), ["c", "r/c#1", "r/c#2"]);
+        assert_eq!(labels(OptionalSegments::Included).len(), 6);
     }
 
     #[test]

@@ -10,7 +10,7 @@ const SAME_POINT_MM: f64 = 2e-3;
 
 /// A piece of path from one pose to another; the wrist turns in proportion to the way done.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Curve {
+pub struct ToolCurve {
     from: Pose,
     to: Pose,
     length_mm: f64,
@@ -20,12 +20,12 @@ pub struct Curve {
 #[derive(Debug, Clone, PartialEq)]
 enum Shape {
     Line,
-    Arc(Arc),
+    Arc(CircularArc),
     Points { poses: Vec<Pose>, way_mm: Vec<f64> },
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Arc {
+struct CircularArc {
     centre: Vector3<f64>,
     /// From the centre to the first point, length one.
     outwards: Vector3<f64>,
@@ -38,7 +38,7 @@ struct Arc {
 
 /// A curve in the terms of the arm's commands.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Motion<'a> {
+pub enum MotionCommand<'a> {
     /// Stand still.
     Hold,
     /// Straight to the end pose; with equal positions only the wrist turns.
@@ -79,7 +79,7 @@ fn vector(pose: Pose) -> Vector3<f64> {
     Vector3::from(pose.position_mm())
 }
 
-impl Curve {
+impl ToolCurve {
     /// Straight on; equal positions make a turn of the wrist, equal poses a standstill.
     #[must_use]
     pub fn line(from: Pose, to: Pose) -> Self {
@@ -94,7 +94,7 @@ impl Curve {
         let arc = through(from, via, to)?;
         let end = vector(to) - arc.centre;
         let angle = end.dot(&arc.forwards).atan2(end.dot(&arc.outwards)).rem_euclid(TAU);
-        let arc = Arc { sweep: angle, ..arc };
+        let arc = CircularArc { sweep: angle, ..arc };
         Ok(Self { from, to, length_mm: arc.radius * angle, shape: Shape::Arc(arc) })
     }
 
@@ -103,7 +103,7 @@ impl Curve {
     /// # Errors
     /// When two points coincide or all lie on one line.
     pub fn circle(from: Pose, via: Pose, third: Pose, turns: u32) -> Result<Self, CurveError> {
-        let arc = Arc { sweep: f64::from(turns) * TAU, ..through(from, via, third)? };
+        let arc = CircularArc { sweep: f64::from(turns) * TAU, ..through(from, via, third)? };
         Ok(Self { from, to: from, length_mm: arc.radius * arc.sweep, shape: Shape::Arc(arc) })
     }
 
@@ -150,19 +150,19 @@ impl Curve {
 
     /// The curve in the terms of the arm's commands.
     #[must_use]
-    pub fn motion(&self) -> Motion<'_> {
+    pub fn motion(&self) -> MotionCommand<'_> {
         match &self.shape {
-            Shape::Line if self.from == self.to => Motion::Hold,
-            Shape::Line => Motion::Line,
-            Shape::Points { poses, .. } => Motion::Points(poses),
+            Shape::Line if self.from == self.to => MotionCommand::Hold,
+            Shape::Line => MotionCommand::Line,
+            Shape::Points { poses, .. } => MotionCommand::Points(poses),
             Shape::Arc(arc) => {
                 let turns = (arc.sweep / TAU).round();
                 if turns < 1.0 || (arc.sweep - turns * TAU).abs() > 1e-9 {
-                    return Motion::Arc { via: self.pose_at(0.5) };
+                    return MotionCommand::Arc { via: self.pose_at(0.5) };
                 }
                 let on_circle = |part: f64| self.pose_at(part / turns);
                 let turns = turns as u32;
-                Motion::Circle { via: on_circle(0.25), opposite: on_circle(0.5), turns }
+                MotionCommand::Circle { via: on_circle(0.25), opposite: on_circle(0.5), turns }
             }
         }
     }
@@ -244,12 +244,12 @@ impl Curve {
     }
 }
 
-/// Index of the point at the end of the leg in which `way` lies.
+/// Index of the point at the end of the leg that contains `way`.
 fn leg_at(way_mm: &[f64], way: f64) -> usize {
     way_mm.partition_point(|done| *done < way).clamp(1, way_mm.len() - 1)
 }
 
-impl Arc {
+impl CircularArc {
     fn at(&self, angle: f64) -> Vector3<f64> {
         let (sin, cos) = angle.sin_cos();
         self.centre + self.radius * (cos * self.outwards + sin * self.forwards)
@@ -266,7 +266,7 @@ impl Arc {
 }
 
 /// The circle through three points, travelled from the first to the second to the third; no sweep yet.
-fn through(from: Pose, via: Pose, to: Pose) -> Result<Arc, CurveError> {
+fn through(from: Pose, via: Pose, to: Pose) -> Result<CircularArc, CurveError> {
     for (a, b) in [(from, via), (via, to), (from, to)] {
         if a.distance(b).0 < SAME_POINT_MM {
             return Err(CurveError::RepeatedPoint(b));
@@ -284,7 +284,7 @@ fn through(from: Pose, via: Pose, to: Pose) -> Result<Arc, CurveError> {
     let outwards = Unit::new_normalize(-to_centre).into_inner();
     let forwards = normal.normalize().cross(&outwards);
     let centre = vector(from) + to_centre;
-    Ok(Arc { centre, outwards, forwards, radius: to_centre.norm(), sweep: 0.0 })
+    Ok(CircularArc { centre, outwards, forwards, radius: to_centre.norm(), sweep: 0.0 })
 }
 
 #[cfg(test)]
@@ -303,13 +303,13 @@ mod tests {
     #[test]
     fn the_papers_circle_runs_over_plus_y_round_252() {
         let circle =
-            Curve::circle(pose(240.0, 0.0), pose(252.0, 12.0), pose(264.0, 0.0), 1).unwrap();
+            ToolCurve::circle(pose(240.0, 0.0), pose(252.0, 12.0), pose(264.0, 0.0), 1).unwrap();
         assert!((circle.length().0 - TAU * 12.0).abs() < 1e-9);
         assert!(near(circle.pose_at(0.25), pose(252.0, 12.0)));
         assert!(near(circle.pose_at(0.5), pose(264.0, 0.0)));
         assert!(near(circle.pose_at(0.75), pose(252.0, -12.0)));
         assert!(near(circle.pose_at(1.0), pose(240.0, 0.0)));
-        let Motion::Circle { via, opposite, turns: 1 } = circle.motion() else {
+        let MotionCommand::Circle { via, opposite, turns: 1 } = circle.motion() else {
             panic!("{:?}", circle.motion())
         };
         assert!(near(via, pose(252.0, 12.0)) && near(opposite, pose(264.0, 0.0)));
@@ -319,28 +319,31 @@ mod tests {
     fn two_half_arcs_are_one_circle() {
         let [a, b, c, d] =
             [(240.0, 0.0), (252.0, 12.0), (264.0, 0.0), (252.0, -12.0)].map(|(x, y)| pose(x, y));
-        let there = Curve::arc(a, b, c).unwrap();
-        let back = Curve::arc(c, d, a).unwrap();
+        let there = ToolCurve::arc(a, b, c).unwrap();
+        let back = ToolCurve::arc(c, d, a).unwrap();
         assert!((there.length() + back.length() - Millimetres(TAU * 12.0)).abs().0 < 1e-9);
         assert!(near(back.pose_at(0.5), d));
-        assert!(matches!(there.motion(), Motion::Arc { via } if near(via, b)));
+        assert!(matches!(there.motion(), MotionCommand::Arc { via } if near(via, b)));
     }
 
     #[test]
     fn points_that_make_no_circle_are_named() {
         let a = pose(240.0, 0.0);
-        let line = Curve::arc(a, pose(250.0, 0.0), pose(260.0, 0.0));
+        let line = ToolCurve::arc(a, pose(250.0, 0.0), pose(260.0, 0.0));
         assert!(matches!(line, Err(CurveError::Collinear(_))));
-        assert!(matches!(Curve::arc(a, a, pose(260.0, 0.0)), Err(CurveError::RepeatedPoint(_))));
-        assert!(matches!(Curve::points(vec![a]), Err(CurveError::TooFewPoints)));
+        assert!(matches!(
+            ToolCurve::arc(a, a, pose(260.0, 0.0)),
+            Err(CurveError::RepeatedPoint(_))
+        ));
+        assert!(matches!(ToolCurve::points(vec![a]), Err(CurveError::TooFewPoints)));
     }
 
     #[test]
     fn a_standstill_is_a_hold_and_a_turn_of_the_wrist_is_not() {
         let a = pose(240.0, 0.0);
-        assert_eq!(Curve::line(a, a).motion(), Motion::Hold);
-        let turned = Curve::line(a, Pose { r: Degrees(60.0), ..a });
-        assert_eq!(turned.motion(), Motion::Line);
+        assert_eq!(ToolCurve::line(a, a).motion(), MotionCommand::Hold);
+        let turned = ToolCurve::line(a, Pose { r: Degrees(60.0), ..a });
+        assert_eq!(turned.motion(), MotionCommand::Line);
         assert!((turned.pose_at(0.5).r.0 - 75.0).abs() < 1e-12);
     }
 
@@ -352,7 +355,7 @@ mod tests {
             let at = |i: usize, r: f64| Pose::from_mm_deg([p[i], p[i + 1], p[i + 2], r]);
             let (from, via, to) = (at(0, 0.0), at(3, 0.0), at(6, r));
             prop_assume!(through(from, via, to).is_ok_and(|arc| arc.radius < 1e4));
-            let arc = Curve::arc(from, via, to).unwrap();
+            let arc = ToolCurve::arc(from, via, to).unwrap();
             prop_assert!(arc.pose_at(1.0).distance(to).0 < 1e-6);
             let nearest = (0..=20_000)
                 .map(|i| arc.pose_at(f64::from(i) / 20_000.0).distance(via).0)

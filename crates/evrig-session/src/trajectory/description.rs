@@ -1,6 +1,6 @@
-//! A trajectory file: what it says, not yet where that is on a given rig.
+//! A trajectory file, independent of a rig.
 
-use super::segment::{Plane, RatesOverride, Segment};
+use super::segment::{DrawingPlane, RatesOverride, Segment};
 use crate::rig::{DescriptionError, Pose, find_text, read_description, read_text};
 use std::path::Path;
 
@@ -9,13 +9,13 @@ use std::path::Path;
 pub struct Trajectory {
     /// Its name.
     pub name: String,
-    /// What it is for, in a sentence.
-    pub says: Option<String>,
+    /// One sentence for people.
+    pub description: Option<String>,
     /// Where it begins.
     pub start: Pose,
-    /// Where its segments are drawn unless they say otherwise.
-    pub plane: Plane,
-    /// How fast its segments are unless they say otherwise.
+    /// Default plane of its segments.
+    pub plane: DrawingPlane,
+    /// Default rates of its segments.
     pub rates: RatesOverride,
     /// What it does, in order.
     pub segments: Vec<Segment>,
@@ -23,8 +23,8 @@ pub struct Trajectory {
     pub text: String,
 }
 
-/// The only version of the vocabulary so far.
-const SCHEMA: &str = "evrig.trajectory/1";
+/// The current version of the keys, and the former one, which is still read.
+const SCHEMAS: [&str; 2] = ["evrig.trajectory/2", "evrig.trajectory/1"];
 
 macro_rules! bundled {
     ($name:literal) => {{
@@ -72,7 +72,7 @@ impl Trajectory {
     /// With all the mistakes in the text.
     pub fn parse(file: &str, text: &str) -> Result<Self, DescriptionError> {
         read_description(file, text, |fields| {
-            fields.expect_schema(SCHEMA);
+            let description = fields.description(SCHEMAS);
             let mut labels = Vec::new();
             let segments = fields.tables("segment", |number, fields| {
                 let segment = Segment::read(fields, number, &labels);
@@ -84,9 +84,9 @@ impl Trajectory {
             }
             Self {
                 name: fields.text("name"),
-                says: fields.optional_text("says"),
+                description,
                 start: fields.table("start", Pose::read),
-                plane: fields.parsed("plane").unwrap_or(Plane::Image),
+                plane: fields.parsed("plane").unwrap_or(DrawingPlane::Image),
                 rates: fields.table("rates", |rates| {
                     rates.require("speed_mm_per_s");
                     rates.require("acceleration_mm_per_s2");
@@ -104,6 +104,17 @@ mod tests {
     use super::*;
 
     const CIRCLE: &str = include_str!("../../../../trajectories/circle.toml");
+
+    #[test]
+    fn a_description_of_the_former_schema_is_read() {
+        let former = CIRCLE
+            .replace("evrig.trajectory/2", "evrig.trajectory/1")
+            .replace("description =", "says =");
+        let read = Trajectory::parse("mine.toml", &former).unwrap();
+        let current = Trajectory::find("circle").unwrap();
+        assert!(read.description.is_some());
+        assert_eq!(Trajectory { text: current.text.clone(), ..read }, current);
+    }
 
     #[test]
     fn every_bundled_description_parses_under_its_own_name() {

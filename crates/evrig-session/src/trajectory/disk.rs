@@ -1,13 +1,13 @@
-//! How many bytes a recording will write, stream by stream, each with what it rests on.
+//! Estimated data volume of a recording, by stream, with the basis of each estimate.
 
-use super::Path;
+use super::ToolPath;
 use crate::rig::{CameraDescription, Rig};
 use serde::Serialize;
 
-/// Events a second that a plan allows for while the arm moves. A budget, not a prediction: what
-/// comes depends on texture, light and biases; the sensor itself saturates near 12 million.
+/// Events per second of a plan while the arm moves. A budget, not a prediction: the
+/// rate depends on texture, light and biases; the sensor itself saturates near 12 million.
 const MOVING_EVENTS_PER_S: f64 = 2e6;
-/// Events a second that a plan allows for while the arm rests: leak, noise, flicker.
+/// Events per second of a plan while the arm rests: leak, noise, flicker.
 const RESTING_EVENTS_PER_S: f64 = 1e5;
 /// An event in AEDAT4 before compression.
 const BYTES_PER_EVENT: f64 = 16.0;
@@ -23,13 +23,13 @@ pub struct StreamSize {
     pub stream: &'static str,
     /// Its bytes.
     pub bytes: u64,
-    /// What the number rests on.
+    /// Basis of the estimate.
     pub basis: String,
 }
 
 /// What the streams of a recording along `path` will need, uncompressed.
 #[must_use]
-pub(super) fn stream_sizes(path: &Path, rig: &Rig) -> Vec<StreamSize> {
+pub(super) fn stream_sizes(path: &ToolPath, rig: &Rig) -> Vec<StreamSize> {
     let seconds = path.duration().as_secs_f64();
     let resting: f64 = path
         .steps()
@@ -63,7 +63,7 @@ pub(super) fn stream_sizes(path: &Path, rig: &Rig) -> Vec<StreamSize> {
         StreamSize {
             stream: "poses",
             bytes: (seconds * rig.arm.pose_rate.0 * BYTES_PER_POSE) as u64,
-            basis: format!("{} a second", rig.arm.pose_rate.0),
+            basis: format!("{} per second", rig.arm.pose_rate.0),
         },
     ];
     if aps_seconds > 0.0 {
@@ -87,7 +87,7 @@ fn frames(
     let n_pixels = camera.size.n_pixels() as f64;
     let bytes = seconds * camera.frame_rate.0 * n_pixels * bits_per_pixel / 8.0;
     let basis = format!(
-        "{} pixels, {:.0} frames/s, {bits_per_pixel} bits a pixel",
+        "{} pixels, {:.0} frames/s, {bits_per_pixel} bits per pixel",
         camera.size, camera.frame_rate.0
     );
     StreamSize { stream, bytes: bytes as u64, basis }

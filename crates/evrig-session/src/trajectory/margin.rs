@@ -1,6 +1,6 @@
-//! A path against the arm's limits, point by point.
+//! Checks a path against the arm's limits, point by point.
 
-use super::{Path, Step};
+use super::{PathStep, ToolPath};
 use crate::rig::{ArmDescription, Gauge, Joints, Pose, ToolRates};
 use evrig_core::time::Span;
 use evrig_core::units::{
@@ -9,24 +9,24 @@ use evrig_core::units::{
 use serde::Serialize;
 use std::fmt;
 
-/// Points at which a step is looked at lie no farther apart than this, nor turn farther.
-const SPACING_MM: f64 = 0.25;
-const SPACING_DEG: f64 = 0.25;
+/// Largest distance and rotation between checked points of a step.
+const MAX_SPACING_MM: f64 = 0.25;
+const MAX_SPACING_DEG: f64 = 0.25;
 
-/// About so many points on the whole of a very long path; they lie wider apart then. It is prime,
+/// Number of checked points of a very long path, which are farther apart then. It is prime,
 /// so that on a circle of very many turns they do not fall on the same places turn after turn.
 const MAX_POINTS: f64 = 1_000_003.0;
 
-/// Points at which a move of the joints is looked at: less than three degrees apart.
+/// Checked points of a joint move: less than three degrees apart.
 const JOINT_MOVE_POINTS: u32 = 128;
 
-/// How near a path comes to one limit, and where.
+/// The margin of a path to one limit, and where it is smallest.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Margin {
     /// The quantity and its limits.
     #[serde(flatten)]
     pub gauge: Gauge,
-    /// Room to the nearer limit in the gauge's unit; negative beyond it.
+    /// Distance to the nearer limit in the gauge's unit; negative beyond it.
     pub margin: f64,
     /// Which step.
     pub segment: String,
@@ -36,14 +36,14 @@ pub struct Margin {
     pub pose: Pose,
 }
 
-/// A point of a walk.
-struct Place<'a> {
+/// A checked point of a path.
+struct CheckedPoint<'a> {
     segment: &'a str,
     time_s: f64,
     pose: Pose,
 }
 
-impl Place<'_> {
+impl CheckedPoint<'_> {
     fn margin(&self, gauge: Gauge) -> Margin {
         let &Self { segment, time_s, pose } = self;
         Margin { gauge, margin: gauge.margin(), segment: segment.to_owned(), time_s, pose }
@@ -60,26 +60,26 @@ impl fmt::Display for Margin {
 /// The first point of `path` beyond each limit of `arm` that it exceeds, in the order of time;
 /// empty for a path the arm may run.
 #[must_use]
-pub fn offences(path: &Path, arm: &ArmDescription) -> Vec<Margin> {
-    Walk::along(path, arm).offences
+pub fn violations(path: &ToolPath, arm: &ArmDescription) -> Vec<Margin> {
+    LimitScan::along(path, arm).violations
 }
 
-/// What a walk along a path found.
+/// Margins and violations along a path.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Walk {
+pub(super) struct LimitScan {
     /// The narrowest margin to every limit.
     pub(super) narrowest: Vec<Margin>,
     /// The first point beyond each limit that is exceeded, in the order of time.
-    pub(super) offences: Vec<Margin>,
+    pub(super) violations: Vec<Margin>,
 }
 
-impl Walk {
-    /// Looks at the ways from and to home and at every step of the path.
-    pub(super) fn along(path: &Path, arm: &ArmDescription) -> Self {
+impl LimitScan {
+    /// Checks the moves from and to home and every step of the path.
+    pub(super) fn along(path: &ToolPath, arm: &ArmDescription) -> Self {
         let mut walk = Self::default();
         walk.joint_move("from home to the start", 0.0, [arm.home, path.start()], arm);
         let turns: f64 = path.steps().iter().map(|step| step.curve.turn().abs().0).sum();
-        let n_wanted = path.length().0 / SPACING_MM + turns / SPACING_DEG;
+        let n_wanted = path.length().0 / MAX_SPACING_MM + turns / MAX_SPACING_DEG;
         let thinning = (n_wanted / MAX_POINTS).max(1.0);
         for step in path.steps() {
             walk.step(step, thinning, arm);
@@ -89,13 +89,13 @@ impl Walk {
         walk
     }
 
-    fn step(&mut self, step: &Step, thinning: f64, arm: &ArmDescription) {
-        let place = |since: Span| Place {
+    fn step(&mut self, step: &PathStep, thinning: f64, arm: &ArmDescription) {
+        let place = |since: Span| CheckedPoint {
             segment: &step.label,
             time_s: (step.start + since).as_secs_f64(),
             pose: step.pose_at(since),
         };
-        for gauge in arm.gauge_rates(&asked(step)) {
+        for gauge in arm.gauge_rates(&requested_rates(step)) {
             self.note(gauge, &place(Span::ZERO));
         }
         let n_points = points(step, thinning);
@@ -112,7 +112,7 @@ impl Walk {
         }
     }
 
-    /// Looks at a move in which all joints go evenly from one pose to the other, as the arm's MOVJ does.
+    /// Checks a move with linear interpolation of the joints, as the arm's MOVJ.
     fn joint_move(
         &mut self,
         segment: &str,
@@ -127,27 +127,27 @@ impl Walk {
             let share = f64::from(i) / f64::from(JOINT_MOVE_POINTS);
             let joints = std::array::from_fn(|j| from[j] + share * (to[j] - from[j]));
             let pose = arm.kinematics.forward(Joints::from_deg(joints));
-            let place = Place { segment, time_s, pose };
+            let place = CheckedPoint { segment, time_s, pose };
             let (gauges, _) = arm.gauge_pose(pose);
             gauges.into_iter().for_each(|gauge| self.note(gauge, &place));
         }
     }
 
-    fn note(&mut self, gauge: Gauge, place: &Place<'_>) {
+    fn note(&mut self, gauge: Gauge, place: &CheckedPoint<'_>) {
         match self.narrowest.iter_mut().find(|margin| margin.gauge.limit == gauge.limit) {
             Some(known) if gauge.margin() < known.margin => *known = place.margin(gauge),
             Some(_) => {}
             None => self.narrowest.push(place.margin(gauge)),
         }
-        let is_first = || self.offences.iter().all(|known| known.gauge.limit != gauge.limit);
+        let is_first = || self.violations.iter().all(|known| known.gauge.limit != gauge.limit);
         if gauge.is_exceeded() && is_first() {
-            self.offences.push(place.margin(gauge));
+            self.violations.push(place.margin(gauge));
         }
     }
 }
 
 /// What a step asks for. A speed that a short way never reaches counts: the arm is sent it.
-fn asked(step: &Step) -> ToolRates {
+fn requested_rates(step: &PathStep) -> ToolRates {
     let mut rates = ToolRates::default();
     if step.curve.length() > Millimetres(0.0) {
         rates.speed = step.rates.speed;
@@ -164,18 +164,18 @@ fn asked(step: &Step) -> ToolRates {
     rates
 }
 
-fn points(step: &Step, thinning: f64) -> usize {
-    let by_way = step.curve.length().0 / SPACING_MM;
-    let by_turn = step.curve.turn().abs().0 / SPACING_DEG;
+fn points(step: &PathStep, thinning: f64) -> usize {
+    let by_way = step.curve.length().0 / MAX_SPACING_MM;
+    let by_turn = step.curve.turn().abs().0 / MAX_SPACING_DEG;
     let is_still = by_way == 0.0 && by_turn == 0.0;
     if is_still { 0 } else { (by_way.max(by_turn) / thinning).ceil().max(32.0) as usize }
 }
 
 /// The largest rates over the whole path.
-pub(super) fn peaks(path: &Path) -> ToolRates {
+pub(super) fn peaks(path: &ToolPath) -> ToolRates {
     let zero = ToolRates::default();
     path.steps().iter().fold(zero, |most, step| {
-        let asked = asked(step);
+        let requested_rates = requested_rates(step);
         let part = |turn: f64, all: f64| if all > 0.0 { turn / all } else { 0.0 };
         let turn_share = part(step.curve.turn().abs().0, step.curve.length().0);
         let turn_speed = if step.curve.length().0 > 0.0 {
@@ -189,11 +189,11 @@ pub(super) fn peaks(path: &Path) -> ToolRates {
                 most.acceleration.0.max(step.ramp_acceleration().0),
             ),
             curve_acceleration: MillimetresPerSecond2(
-                most.curve_acceleration.0.max(asked.curve_acceleration.0),
+                most.curve_acceleration.0.max(requested_rates.curve_acceleration.0),
             ),
             turn_speed: DegreesPerSecond(most.turn_speed.0.max(turn_speed)),
             turn_acceleration: DegreesPerSecond2(
-                most.turn_acceleration.0.max(asked.turn_acceleration.0),
+                most.turn_acceleration.0.max(requested_rates.turn_acceleration.0),
             ),
         }
     })
@@ -203,16 +203,16 @@ pub(super) fn peaks(path: &Path) -> ToolRates {
 mod tests {
     use super::*;
     use crate::rig::Rig;
-    use crate::trajectory::{Optional, Trajectory};
+    use crate::trajectory::{OptionalSegments, Trajectory};
 
-    fn walk(rig: &Rig, trajectory: &str, changes: &[(&str, &str)]) -> Walk {
+    fn walk(rig: &Rig, trajectory: &str, changes: &[(&str, &str)]) -> LimitScan {
         let mut text = Trajectory::find(trajectory).unwrap().text;
         for (from, to) in changes {
             assert!(text.contains(from), "no `{from}`");
             text = text.replace(from, to);
         }
         let trajectory = Trajectory::parse("changed.toml", &text).unwrap();
-        Walk::along(&trajectory.path(rig, Optional::Included).unwrap(), &rig.arm)
+        LimitScan::along(&trajectory.path(rig, OptionalSegments::Included).unwrap(), &rig.arm)
     }
 
     fn changed_rig(from: &str, to: &str) -> Rig {
@@ -224,12 +224,13 @@ mod tests {
     #[test]
     fn joint_speeds_on_the_published_circle_are_what_differences_of_the_joints_say() {
         let rig = Rig::simulated().unwrap();
-        let path = Trajectory::find("circle").unwrap().path(&rig, Optional::Included).unwrap();
+        let path =
+            Trajectory::find("circle").unwrap().path(&rig, OptionalSegments::Included).unwrap();
         let joints = |time_s: f64| {
             let pose = path.pose_at(Span::from_secs_f64(time_s));
             rig.arm.kinematics.inverse(pose).unwrap().to_deg()
         };
-        let walk = Walk::along(&path, &rig.arm);
+        let walk = LimitScan::along(&path, &rig.arm);
         for joint in 0..4 {
             let fastest = (0..35_000)
                 .map(|i| f64::from(i) * 1e-4)
@@ -246,7 +247,7 @@ mod tests {
         // At its far side the circle turns the base by 50 mm/s / 264 mm = 10.85 deg/s.
         let rig = changed_rig("speed_deg_per_s = [320.0,", "speed_deg_per_s = [10.8,");
         let walk = walk(&rig, "circle", &[]);
-        let [only] = walk.offences.as_slice() else { panic!("{:?}", walk.offences) };
+        let [only] = walk.violations.as_slice() else { panic!("{:?}", walk.violations) };
         assert_eq!(only.gauge.limit, "speed of joint J1");
         assert!(only.pose.x.0 > 263.0, "{only}");
     }
@@ -260,11 +261,11 @@ mod tests {
         let text = rig.text.replace(home, "home = { x_mm = 155.0, y_mm = -150.0,");
         let rig = Rig::parse("changed.toml", &text).unwrap();
         let free = walk(&rig, "circle", &there);
-        assert!(free.offences.is_empty(), "{:?}", free.offences);
+        assert!(free.violations.is_empty(), "{:?}", free.violations);
         let text = rig.text.replace("x_mm = [150.0, 330.0]", "x_mm = [150.0, 200.0]");
         let rig = Rig::parse("changed.toml", &text).unwrap();
         let walk = walk(&rig, "circle", &there);
-        let first = walk.offences.first().unwrap();
+        let first = walk.violations.first().unwrap();
         assert_eq!(
             (first.segment.as_str(), first.gauge.limit),
             ("from home to the start", "workspace x")

@@ -1,6 +1,6 @@
 //! A trajectory made concrete: motions from rest to rest, one after another, and where the tool is when.
 
-use super::{Curve, Trapezoid};
+use super::{ToolCurve, Trapezoid};
 use crate::rig::Pose;
 use evrig_core::time::Span;
 use evrig_core::units::{
@@ -28,7 +28,7 @@ pub struct Rates {
 
 /// What else holds during a step; what is absent is as the rig states it.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
-pub struct Settings {
+pub struct StepSettings {
     /// Shown to the operator, who confirms before the step begins.
     pub prompt: Option<String>,
     /// Whether the DAVIS takes frames.
@@ -37,7 +37,7 @@ pub struct Settings {
     pub exposure_scale: Option<f64>,
     /// The light, as a share (0..=1) of the rig's full light.
     pub light_level: Option<f64>,
-    /// Flashes of the light at the step's beginning: edges that every camera sees.
+    /// Flashes of the light at the step's beginning, visible to every camera.
     pub n_flashes: u32,
     /// Biases of the DAVIS that differ from the rig's, in the driver's names and units.
     pub biases: BTreeMap<String, u16>,
@@ -45,17 +45,17 @@ pub struct Settings {
 
 /// One motion from rest to rest. The arm does not blend steps: it stops at every corner.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Step {
+pub struct PathStep {
     /// What the description calls it; the same for every motion of one segment.
     pub label: String,
     /// Number of the segment in the description it comes from, from 0.
     pub segment: usize,
     /// Where the tool goes; a line of no length for a standstill.
-    pub curve: Curve,
+    pub curve: ToolCurve,
     /// How fast.
     pub rates: Rates,
     /// What else holds meanwhile.
-    pub settings: Settings,
+    pub settings: StepSettings,
     /// When it begins, from the path's beginning.
     pub start: Span,
     /// How long it takes.
@@ -65,9 +65,9 @@ pub struct Step {
 
 /// Steps one after another, each beginning where and when the last one ended.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Path {
+pub struct ToolPath {
     start: Pose,
-    steps: Vec<Step>,
+    steps: Vec<PathStep>,
 }
 
 /// One instant of a path.
@@ -83,7 +83,7 @@ pub struct PathPoint {
     pub speed: MillimetresPerSecond,
 }
 
-impl Step {
+impl PathStep {
     /// Where the tool is, `since` the step's beginning; held at both ends.
     #[must_use]
     pub fn pose_at(&self, since: Span) -> Pose {
@@ -133,7 +133,7 @@ impl Step {
     }
 }
 
-impl Path {
+impl ToolPath {
     /// A path of no steps yet.
     #[must_use]
     pub fn new(start: Pose) -> Self {
@@ -145,16 +145,16 @@ impl Path {
         &mut self,
         label: &str,
         segment: usize,
-        curve: Curve,
+        curve: ToolCurve,
         rates: Rates,
-        settings: Settings,
+        settings: StepSettings,
     ) {
         let way = Trapezoid::new(curve.length().0, rates.speed.0, rates.acceleration.0);
         let turn =
             Trapezoid::new(curve.turn().abs().0, rates.turn_speed.0, rates.turn_acceleration.0);
         let way = if way.distance() > 0.0 { way.stretched_to(turn.seconds()) } else { turn };
         let (label, start, duration) = (label.to_owned(), self.duration(), way.duration());
-        self.steps.push(Step { label, segment, curve, rates, settings, start, duration, way });
+        self.steps.push(PathStep { label, segment, curve, rates, settings, start, duration, way });
     }
 
     /// Appends a standstill.
@@ -164,10 +164,10 @@ impl Path {
         segment: usize,
         duration: Span,
         rates: Rates,
-        settings: Settings,
+        settings: StepSettings,
     ) {
         let here = self.end();
-        self.push(label, segment, Curve::line(here, here), rates, settings);
+        self.push(label, segment, ToolCurve::line(here, here), rates, settings);
         if let Some(step) = self.steps.last_mut() {
             step.duration = duration;
         }
@@ -187,7 +187,7 @@ impl Path {
 
     /// The motions in order.
     #[must_use]
-    pub fn steps(&self) -> &[Step] {
+    pub fn steps(&self) -> &[PathStep] {
         &self.steps
     }
 
@@ -246,14 +246,14 @@ mod tests {
         }
     }
 
-    fn circle_and_rest() -> Path {
+    fn circle_and_rest() -> ToolPath {
         let [a, b, c] = [[240.0, 0.0], [252.0, 12.0], [264.0, 0.0]]
             .map(|[x, y]| Pose::from_mm_deg([x, y, 100.0, 90.0]));
-        let mut path = Path::new(a);
-        path.push_hold("before", 0, Span::from_micros(500_000), rates(), Settings::default());
-        let circle = Curve::circle(a, b, c, 1).unwrap();
-        path.push("circle", 1, circle, rates(), Settings::default());
-        path.push_hold("after", 2, Span::from_micros(500_000), rates(), Settings::default());
+        let mut path = ToolPath::new(a);
+        path.push_hold("before", 0, Span::from_micros(500_000), rates(), StepSettings::default());
+        let circle = ToolCurve::circle(a, b, c, 1).unwrap();
+        path.push("circle", 1, circle, rates(), StepSettings::default());
+        path.push_hold("after", 2, Span::from_micros(500_000), rates(), StepSettings::default());
         path
     }
 
@@ -285,15 +285,15 @@ mod tests {
         assert_eq!(path.pose_at(Span::from_secs_f64(-1.0)), path.start());
         assert!(path.pose_at(Span::from_secs_f64(99.0)).distance(path.end()).0 < 1e-9);
         assert!(path.at(Span::from_secs_f64(99.0)).unwrap().speed.0.abs() < 1e-12);
-        assert_eq!(Path::new(path.start()).pose_at(Span::ZERO), path.start());
+        assert_eq!(ToolPath::new(path.start()).pose_at(Span::ZERO), path.start());
     }
 
     #[test]
     fn the_wrist_leads_when_it_is_slower_than_the_way() {
         let from = Pose::from_mm_deg([240.0, 0.0, 100.0, 0.0]);
         let to = Pose::from_mm_deg([241.0, 0.0, 100.0, 100.0]);
-        let mut path = Path::new(from);
-        path.push("turn", 0, Curve::line(from, to), rates(), Settings::default());
+        let mut path = ToolPath::new(from);
+        path.push("turn", 0, ToolCurve::line(from, to), rates(), StepSettings::default());
         assert!((path.duration().as_secs_f64() - (100.0 / 50.0 + 1.0)).abs() < 1e-8);
         let half = path.pose_at(Span::from_secs_f64(1.5));
         assert!((half.r.0 - 50.0).abs() < 1e-6 && (half.x.0 - 240.5).abs() < 1e-6);

@@ -8,7 +8,7 @@ use evrig_core::units::Millimetres;
 /// Why a description makes no path on this rig.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PathError {
-    /// Seen edge on, nothing turns clockwise.
+    /// The plane is edge-on to the camera, so that clockwise is undefined.
     #[error(
         "segment `{segment}`: its plane contains the DAVIS's optical axis, so that clockwise means \
          nothing; draw it in the plane `image`"

@@ -1,10 +1,10 @@
-//! A trajectory explained against a rig, before anything moves.
+//! The plan of a trajectory on a rig: margins, visibility, duration, data volume.
 
 use super::disk::{StreamSize, stream_sizes};
-use super::margin::{Margin, Walk, peaks};
+use super::margin::{LimitScan, Margin, peaks};
 use super::remark::{check_exposures, remarks};
-use super::view::{View, views};
-use super::{Optional, Path, PathError, Settings, Step, Trajectory};
+use super::view::{TargetVisibility, views};
+use super::{OptionalSegments, PathError, PathStep, StepSettings, ToolPath, Trajectory};
 use crate::rig::{Joints, Pose, Rig};
 use evrig_core::time::Span;
 use serde::Serialize;
@@ -12,17 +12,17 @@ use serde::Serialize;
 /// At most so many evenly spread points of the profile are kept; a screen shows no more.
 const PROFILE_POINTS: usize = 1000;
 
-/// What a trajectory will do on a rig.
+/// The plan of a trajectory on a rig.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Plan {
     /// The trajectory's name.
     pub trajectory: String,
     /// The rig's name.
     pub rig: String,
-    /// Whether nothing speaks against it: no limit is exceeded.
+    /// Whether no limit is exceeded.
     pub is_feasible: bool,
     /// The first point beyond each limit that is exceeded, in the order of time.
-    pub offences: Vec<Margin>,
+    pub violations: Vec<Margin>,
     /// How long it takes.
     pub duration_s: f64,
     /// Way of the tool point.
@@ -41,11 +41,11 @@ pub struct Plan {
     pub segments: Vec<SegmentPlan>,
     /// The narrowest margin to every limit.
     pub margins: Vec<Margin>,
-    /// What the cameras see of the target; empty when the rig does not state where it is.
-    pub views: Vec<View>,
-    /// What the operator should know although no limit is exceeded.
+    /// Visibility of the target; empty when the rig does not state where it is.
+    pub views: Vec<TargetVisibility>,
+    /// Remarks for the operator.
     pub remarks: Vec<String>,
-    /// Bytes a stream.
+    /// Bytes per stream.
     pub disk: Vec<StreamSize>,
     /// Bytes of all streams.
     pub disk_bytes: u64,
@@ -53,13 +53,13 @@ pub struct Plan {
     pub profile: Vec<ProfilePoint>,
     /// The path itself.
     #[serde(skip)]
-    pub path: Path,
+    pub path: ToolPath,
 }
 
 /// One motion of a plan.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SegmentPlan {
-    /// Its name; parts of a repeat or a sweep behind a slash.
+    /// Its name; parts of a repeat or a sweep after a slash.
     pub label: String,
     /// When it begins.
     pub start_s: f64,
@@ -74,7 +74,7 @@ pub struct SegmentPlan {
     /// Share of its time at constant speed, 0..=1.
     pub cruise_share: f64,
     /// What else holds meanwhile.
-    pub settings: Settings,
+    pub settings: StepSettings,
 }
 
 /// One instant of a plan.
@@ -106,19 +106,23 @@ impl Plan {
     ///
     /// # Errors
     /// When a segment makes no curve, or asks for an exposure that a frame has no time for. A path
-    /// beyond a limit is no error here: its plan says so.
-    pub fn new(trajectory: &Trajectory, rig: &Rig, optional: Optional) -> Result<Self, PathError> {
+    /// beyond a limit is not an error: see [`Plan::violations`].
+    pub fn new(
+        trajectory: &Trajectory,
+        rig: &Rig,
+        optional: OptionalSegments,
+    ) -> Result<Self, PathError> {
         let path = trajectory.path(rig, optional)?;
         check_exposures(&path, rig)?;
-        let walk = Walk::along(&path, &rig.arm);
+        let walk = LimitScan::along(&path, &rig.arm);
         let peaks = peaks(&path);
         let disk = stream_sizes(&path, rig);
         let views = views(&path, rig);
         Ok(Self {
             trajectory: trajectory.name.clone(),
             rig: rig.name.clone(),
-            is_feasible: walk.offences.is_empty(),
-            offences: walk.offences,
+            is_feasible: walk.violations.is_empty(),
+            violations: walk.violations,
             duration_s: path.duration().as_secs_f64(),
             length_mm: path.length().0,
             peak_speed_mm_per_s: peaks.speed.0,
@@ -141,8 +145,8 @@ impl Plan {
     ///
     /// # Errors
     /// With the first point beyond a limit.
-    pub fn feasible_path(&self) -> Result<&Path, Infeasible> {
-        match self.offences.first() {
+    pub fn feasible_path(&self) -> Result<&ToolPath, Infeasible> {
+        match self.violations.first() {
             None => Ok(&self.path),
             Some(offence) => Err(Infeasible {
                 trajectory: self.trajectory.clone(),
@@ -153,7 +157,7 @@ impl Plan {
 }
 
 impl SegmentPlan {
-    fn new(step: &Step) -> Self {
+    fn new(step: &PathStep) -> Self {
         let duration_s = step.duration.as_secs_f64();
         let cruise = if duration_s > 0.0 { step.cruise_seconds() / duration_s } else { 0.0 };
         Self {
@@ -169,7 +173,7 @@ impl SegmentPlan {
     }
 }
 
-fn profile(path: &Path, rig: &Rig) -> Vec<ProfilePoint> {
+fn profile(path: &ToolPath, rig: &Rig) -> Vec<ProfilePoint> {
     let seconds = path.duration().as_secs_f64();
     let n_points = ((seconds / 0.005).ceil() as usize).clamp(1, PROFILE_POINTS);
     let even = (0..=n_points).map(|i| seconds * i as f64 / n_points as f64);
@@ -200,7 +204,7 @@ mod tests {
     }
 
     fn plan_of(trajectory: &Trajectory) -> Plan {
-        Plan::new(trajectory, &Rig::simulated().unwrap(), Optional::Included).unwrap()
+        Plan::new(trajectory, &Rig::simulated().unwrap(), OptionalSegments::Included).unwrap()
     }
 
     fn changed(name: &str, changes: &[(&str, &str)]) -> Plan {
@@ -217,8 +221,8 @@ mod tests {
         for rig in ["sim", "magician"].map(|name| Rig::find(name).unwrap()) {
             for name in Trajectory::bundled_names() {
                 let trajectory = Trajectory::find(name).unwrap();
-                let plan = Plan::new(&trajectory, &rig, Optional::Included).unwrap();
-                assert!(plan.is_feasible, "{name} on {}: {:?}", rig.name, plan.offences);
+                let plan = Plan::new(&trajectory, &rig, OptionalSegments::Included).unwrap();
+                assert!(plan.is_feasible, "{name} on {}: {:?}", rig.name, plan.violations);
                 for view in &plan.views {
                     let seen = view.target_visible;
                     assert!((seen - 1.0).abs() < 1e-12, "{name}: {} sees it {seen}", view.camera);
@@ -242,7 +246,7 @@ mod tests {
     fn the_published_circle_is_the_one_of_the_published_program() {
         // Its circle command names these two points after a start at (240, 0, 100, 90).
         let path = plan("circle").path;
-        let crate::trajectory::Motion::Circle { via, opposite, turns } =
+        let crate::trajectory::MotionCommand::Circle { via, opposite, turns } =
             path.steps()[1].curve.motion()
         else {
             panic!("{:?}", path.steps()[1])
@@ -285,7 +289,7 @@ mod tests {
     #[test]
     fn what_the_stretched_arm_cannot_reach_is_named_as_reach() {
         let plan = changed("circle", &[("z_mm = 100.0", "z_mm = 280.0")]);
-        let limits: Vec<_> = plan.offences.iter().map(|offence| offence.gauge.limit).collect();
+        let limits: Vec<_> = plan.violations.iter().map(|offence| offence.gauge.limit).collect();
         assert!(limits.contains(&"reach from the shoulder"), "{limits:?}");
         assert!(limits.contains(&"workspace z"), "{limits:?}");
     }
@@ -313,7 +317,7 @@ mod tests {
         let with = plan("protocol");
         let trajectory = Trajectory::find("protocol").unwrap();
         let rig = Rig::simulated().unwrap();
-        let without = Plan::new(&trajectory, &rig, Optional::LeftOut).unwrap();
+        let without = Plan::new(&trajectory, &rig, OptionalSegments::LeftOut).unwrap();
         assert!(without.segments.iter().all(|segment| segment.settings.prompt.is_none()));
         let left_out = with.duration_s - without.duration_s;
         assert!(left_out > 40.0, "dark, uncovering and refocusing alone take 42 s: {left_out}");
@@ -334,7 +338,7 @@ mod tests {
         let text = text.replace("exposure_scale = 0.5", "exposure_scale = 2.5");
         let trajectory = Trajectory::parse("changed.toml", &text).unwrap();
         let rig = Rig::simulated().unwrap();
-        let error = Plan::new(&trajectory, &rig, Optional::Included).unwrap_err();
+        let error = Plan::new(&trajectory, &rig, OptionalSegments::Included).unwrap_err();
         // 2.5 x 4 ms fits into the DAVIS's 25 ms, but not into the Pi's 8.3 ms.
         let said = error.to_string();
         for part in ["short-exposure/slow-cw", "pi", "10.000 ms", "8.333 ms"] {
@@ -345,7 +349,7 @@ mod tests {
     #[test]
     fn a_light_that_nothing_switches_is_remarked_on() {
         let protocol = Trajectory::find("protocol").unwrap();
-        let on = |rig: &Rig| Plan::new(&protocol, rig, Optional::LeftOut).unwrap().remarks;
+        let on = |rig: &Rig| Plan::new(&protocol, rig, OptionalSegments::LeftOut).unwrap().remarks;
         assert_eq!(on(&Rig::simulated().unwrap()), Vec::<String>::new());
         let remarks = on(&Rig::find("magician").unwrap());
         assert!(remarks[0].starts_with("5 motions change the light"), "{remarks:?}");

@@ -1,4 +1,4 @@
-//! Speed over time along a path: the trapezoid that the arm's planner runs.
+//! Trapezoidal speed profile of the arm's planner.
 
 use evrig_core::time::Span;
 
@@ -63,13 +63,13 @@ impl Trapezoid {
         self.distance
     }
 
-    /// The highest speed, in units of distance a second.
+    /// The highest speed, in units of distance per second.
     #[must_use]
     pub fn peak_speed(&self) -> f64 {
         self.peak
     }
 
-    /// The acceleration of the ramps, in units of distance a second squared; zero for a standstill.
+    /// The acceleration of the ramps, in units of distance per second squared; zero for a standstill.
     #[must_use]
     pub fn acceleration(&self) -> f64 {
         if self.ramp_s > 0.0 { self.peak / self.ramp_s } else { 0.0 }

@@ -1,11 +1,11 @@
-//! What a plan should say although no limit is exceeded.
+//! Remarks of a plan, and limits of exposures.
 
-use super::{Path, PathError, View};
+use super::{PathError, TargetVisibility, ToolPath};
 use crate::rig::{ArmPort, Rig};
 use evrig_core::time::Span;
 
 /// Refuses exposures for which a frame has no time.
-pub(super) fn check_exposures(path: &Path, rig: &Rig) -> Result<(), PathError> {
+pub(super) fn check_exposures(path: &ToolPath, rig: &Rig) -> Result<(), PathError> {
     for step in path.steps() {
         let Some(scale) = step.settings.exposure_scale else { continue };
         for (camera, stated) in [("davis", &rig.davis.camera), ("pi", &rig.pi.camera)] {
@@ -21,7 +21,7 @@ pub(super) fn check_exposures(path: &Path, rig: &Rig) -> Result<(), PathError> {
 }
 
 /// Remarks for the operator, a sentence each.
-pub(super) fn remarks(path: &Path, rig: &Rig, views: &[View]) -> Vec<String> {
+pub(super) fn remarks(path: &ToolPath, rig: &Rig, views: &[TargetVisibility]) -> Vec<String> {
     let mut remarks = Vec::new();
     let is_switched = rig.arm.port == ArmPort::Sim || rig.light.switched_by_output.is_some();
     let lit = path

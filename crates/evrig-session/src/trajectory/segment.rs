@@ -1,22 +1,23 @@
-//! The segments of a trajectory description: what each kind of motion says.
+//! The segments of a trajectory description.
 
-use super::Settings;
-use crate::rig::{DAVIS_BIASES, Fields, Pose};
+use super::StepSettings;
+use crate::rig::{DAVIS_BIASES, DescriptionFields, Pose};
+use evrig_core::keyword::UnknownKeyword;
 use evrig_core::time::Span;
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
-/// Longer than any recording; keeps a slip of the unit from filling memory.
-const MAX_SECONDS: f64 = 86_400.0;
+/// A day, in seconds: a longer duration is a mistake of the unit.
+pub(super) const MAX_DURATION_S: f64 = 86_400.0;
 const MAX_TURNS: f64 = 10_000.0;
-/// Slower and faster than any arm of this kind: what lies outside is a slip of the unit.
-const RATE: std::ops::RangeInclusive<f64> = 0.01..=1e5;
-const SPAN_MM: std::ops::RangeInclusive<f64> = -1000.0..=1000.0;
+/// Beyond the rates of any such arm: a value outside is a mistake of the unit.
+const RATE_RANGE: std::ops::RangeInclusive<f64> = 0.01..=1e5;
+const DISPLACEMENT_RANGE_MM: std::ops::RangeInclusive<f64> = -1000.0..=1000.0;
 
 /// The plane in which a motion is drawn, with its first (u) and second (v) axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Plane {
-    /// As the DAVIS sees it at the start pose: u to the right, v up in the picture.
+pub enum DrawingPlane {
+    /// The DAVIS's image plane at the start pose: u to the right, v up.
     Image,
     /// u along the base's x, v along its y.
     Xy,
@@ -35,34 +36,26 @@ pub enum Direction {
     Anticlockwise,
 }
 
-/// A word of the description that is none.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{got}` is none of {known}")]
-pub struct UnknownWord {
-    got: String,
-    known: &'static str,
-}
-
-impl FromStr for Plane {
-    type Err = UnknownWord;
-    fn from_str(text: &str) -> Result<Self, UnknownWord> {
+impl FromStr for DrawingPlane {
+    type Err = UnknownKeyword;
+    fn from_str(text: &str) -> Result<Self, UnknownKeyword> {
         match text {
             "image" => Ok(Self::Image),
             "xy" => Ok(Self::Xy),
             "xz" => Ok(Self::Xz),
             "yz" => Ok(Self::Yz),
-            _ => Err(UnknownWord { got: text.to_owned(), known: "image, xy, xz, yz" }),
+            _ => Err(UnknownKeyword::new(text, "image, xy, xz, yz")),
         }
     }
 }
 
 impl FromStr for Direction {
-    type Err = UnknownWord;
-    fn from_str(text: &str) -> Result<Self, UnknownWord> {
+    type Err = UnknownKeyword;
+    fn from_str(text: &str) -> Result<Self, UnknownKeyword> {
         match text {
             "clockwise" => Ok(Self::Clockwise),
             "anticlockwise" => Ok(Self::Anticlockwise),
-            _ => Err(UnknownWord { got: text.to_owned(), known: "clockwise, anticlockwise" }),
+            _ => Err(UnknownKeyword::new(text, "clockwise, anticlockwise")),
         }
     }
 }
@@ -87,7 +80,7 @@ pub struct RatesOverride {
 
 /// What a segment does; lengths in millimetres, angles in degrees.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Kind {
+pub enum SegmentKind {
     /// Stands still.
     Dwell {
         /// How long.
@@ -164,24 +157,24 @@ pub struct Segment {
     /// Its name, unique in the description.
     pub label: String,
     /// What it does.
-    pub kind: Kind,
+    pub kind: SegmentKind,
     /// Where it is drawn, if not in the trajectory's plane.
-    pub plane: Option<Plane>,
+    pub plane: Option<DrawingPlane>,
     /// How fast, where it differs from the trajectory.
     pub rates: RatesOverride,
     /// What else holds meanwhile.
-    pub settings: Settings,
-    /// Whether it may be left out (a step that needs the operator's hands).
+    pub settings: StepSettings,
+    /// Whether it may be left out (a step that needs the operator).
     pub is_optional: bool,
 }
 
 /// Every kind, as the description writes it.
-const KINDS: &[&str] =
+const KIND_NAMES: &[&str] =
     &["dwell", "line", "arc", "circle", "lissajous", "repeat", "reverse", "sweep"];
 
 impl RatesOverride {
-    pub(super) fn read(fields: &Fields<'_, '_>) -> Self {
-        let rate = |key| fields.optional_number(key, RATE);
+    pub(super) fn read(fields: &DescriptionFields<'_, '_>) -> Self {
+        let rate = |key| fields.optional_number(key, RATE_RANGE);
         Self {
             speed_mm_per_s: rate("speed_mm_per_s"),
             acceleration_mm_per_s2: rate("acceleration_mm_per_s2"),
@@ -190,7 +183,7 @@ impl RatesOverride {
         }
     }
 
-    /// These, and where they say nothing, `others`.
+    /// These, and where they are absent, those of `others`.
     pub(super) fn or(self, others: Self) -> Self {
         Self {
             speed_mm_per_s: self.speed_mm_per_s.or(others.speed_mm_per_s),
@@ -203,8 +196,8 @@ impl RatesOverride {
     }
 }
 
-impl Settings {
-    fn read(fields: &Fields<'_, '_>) -> Self {
+impl StepSettings {
+    fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let set = fields.optional_table("set", |set| Self {
             prompt: None,
             aps: set.optional_bool("aps"),
@@ -224,7 +217,7 @@ impl Settings {
         Self { prompt: fields.optional_text("prompt"), ..set.unwrap_or_default() }
     }
 
-    /// These, and where they say nothing, `others`; a prompt and flashes are the own ones alone.
+    /// These, and where they are absent, those of `others`.
     pub(super) fn over(&self, others: &Self) -> Self {
         let mut biases = others.biases.clone();
         biases.extend(self.biases.clone());
@@ -241,7 +234,11 @@ impl Settings {
 
 impl Segment {
     /// Reads segment number `number`; `earlier` are the labels it may refer to.
-    pub(super) fn read(fields: &Fields<'_, '_>, number: usize, earlier: &[String]) -> Self {
+    pub(super) fn read(
+        fields: &DescriptionFields<'_, '_>,
+        number: usize,
+        earlier: &[String],
+    ) -> Self {
         let word = fields.text("kind");
         let label =
             fields.optional_text("label").unwrap_or_else(|| format!("{word}-{}", number + 1));
@@ -249,18 +246,18 @@ impl Segment {
             fields.complain_about("label", format!("`{label}` is the name of an earlier segment"));
         }
         Self {
-            kind: Kind::read(fields, &word, earlier),
+            kind: SegmentKind::read(fields, &word, earlier),
             plane: fields.parsed("plane"),
             rates: RatesOverride::read(fields),
-            settings: Settings::read(fields),
+            settings: StepSettings::read(fields),
             is_optional: fields.optional_bool("optional").unwrap_or(false),
             label,
         }
     }
 }
 
-impl Kind {
-    fn read(fields: &Fields<'_, '_>, word: &str, earlier: &[String]) -> Self {
+impl SegmentKind {
+    fn read(fields: &DescriptionFields<'_, '_>, word: &str, earlier: &[String]) -> Self {
         match word {
             "line" => Self::read_line(fields),
             "arc" => Self::Arc {
@@ -289,20 +286,20 @@ impl Kind {
             "sweep" => Self::read_sweep(fields, earlier),
             other => {
                 if !other.is_empty() && other != "dwell" {
-                    let known = KINDS.join(", ");
-                    let hint = crate::rig::closest(other, KINDS.iter().copied())
+                    let known = KIND_NAMES.join(", ");
+                    let hint = crate::rig::closest(other, KIND_NAMES.iter().copied())
                         .map_or(String::new(), |kind| format!("; did you mean `{kind}`?"));
                     fields.complain_about("kind", format!("`{other}` is none of {known}{hint}"));
                 }
-                let seconds = fields.number("duration_s", 0.001..=MAX_SECONDS);
+                let seconds = fields.number("duration_s", 0.001..=MAX_DURATION_S);
                 Self::Dwell { duration: Span::from_secs_f64(seconds) }
             }
         }
     }
 
-    fn read_line(fields: &Fields<'_, '_>) -> Self {
+    fn read_line(fields: &DescriptionFields<'_, '_>) -> Self {
         let to = fields.optional_table("to", Pose::read);
-        let by_mm = fields.has("by_mm").then(|| fields.numbers("by_mm", SPAN_MM));
+        let by_mm = fields.has("by_mm").then(|| fields.numbers("by_mm", DISPLACEMENT_RANGE_MM));
         let turn_deg = fields.optional_number("turn_deg", -360.0..=360.0);
         match (to, by_mm, turn_deg) {
             (None, None, None) => fields.complain("a line needs `by_mm`, `turn_deg` or `to`"),
@@ -312,12 +309,12 @@ impl Kind {
         Self::Line { by_mm: by_mm.unwrap_or_default(), to, turn_deg: turn_deg.unwrap_or(0.0) }
     }
 
-    fn read_sweep(fields: &Fields<'_, '_>, earlier: &[String]) -> Self {
+    fn read_sweep(fields: &DescriptionFields<'_, '_>, earlier: &[String]) -> Self {
         let of = read_labels(fields, earlier);
         if of.len() > 1 {
             fields.complain_about("of", "a sweep runs one segment; name one");
         }
-        let speeds_mm_per_s = fields.list("speeds_mm_per_s", &RATE);
+        let speeds_mm_per_s = fields.list("speeds_mm_per_s", &RATE_RANGE);
         if speeds_mm_per_s.is_empty() {
             fields.complain_about("speeds_mm_per_s", "expected at least one speed");
         }
@@ -330,9 +327,9 @@ impl Kind {
 }
 
 impl Turns {
-    fn read(fields: &Fields<'_, '_>) -> Self {
+    fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let count = fields.optional_integer("turns", 1.0..=MAX_TURNS);
-        let seconds = fields.optional_number("duration_s", 0.001..=MAX_SECONDS);
+        let seconds = fields.optional_number("duration_s", 0.001..=MAX_DURATION_S);
         match (count, seconds) {
             (Some(_), Some(_)) => fields.complain("`turns` and `duration_s` exclude each other"),
             (None, None) => fields.complain("needs `turns` or `duration_s`"),
@@ -342,13 +339,13 @@ impl Turns {
     }
 }
 
-fn read_direction(fields: &Fields<'_, '_>) -> Direction {
+fn read_direction(fields: &DescriptionFields<'_, '_>) -> Direction {
     fields.require("direction");
     fields.parsed("direction").unwrap_or(Direction::Clockwise)
 }
 
 /// The numbers of the earlier segments that `of` names.
-fn read_labels(fields: &Fields<'_, '_>, earlier: &[String]) -> Vec<usize> {
+fn read_labels(fields: &DescriptionFields<'_, '_>, earlier: &[String]) -> Vec<usize> {
     let labels = fields.texts("of");
     if labels.is_empty() {
         fields.complain_about("of", "expected the labels of earlier segments");

@@ -1,53 +1,53 @@
-//! What each camera sees of the target along a path.
+//! Visibility of the target in each camera along a path.
 
-use super::Path;
+use super::ToolPath;
 use crate::rig::{CameraDescription, Mounting, Pose, Rig};
 use evrig_core::time::Span;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-/// The path is looked at this often; the target crosses a pixel in no less.
-const STEP_S: f64 = 0.02;
-/// At most so many looks.
-const MAX_LOOKS: f64 = 20_000.0;
+/// Sampling interval of the path, seconds.
+const SAMPLING_INTERVAL_S: f64 = 0.02;
+/// Largest number of samples.
+const MAX_SAMPLES: f64 = 20_000.0;
 
-/// One camera's view of the target.
+/// The target in one camera's image along a path.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct View {
+pub struct TargetVisibility {
     /// Which camera.
     pub camera: &'static str,
-    /// Pixels a millimetre of the target at its stand-off.
+    /// Pixels per millimetre of the target at its stand-off.
     pub pixels_per_mm: f64,
-    /// Side of the tag in its picture.
+    /// Side of the tag in the image.
     pub tag_side_px: f64,
-    /// The highest speed of the target in its picture.
+    /// The highest speed of the target in the image.
     pub peak_speed_px_per_s: f64,
-    /// Share of the time in which the whole tag is in the picture, 0..=1.
+    /// Share of the time in which the whole tag is in the image, 0..=1.
     pub tag_visible: f64,
-    /// Share of the time in which the whole of picture and tag is, 0..=1.
+    /// Share of the time in which the whole target is in the image, 0..=1.
     pub target_visible: f64,
 }
 
-/// What both cameras see; nothing when the rig does not state where the target is.
+/// The target in both cameras; empty when the rig does not state where the target is.
 ///
 /// The lens is taken as free of distortion, and the target as parallel to the sensor.
-pub(super) fn views(path: &Path, rig: &Rig) -> Vec<View> {
+pub(super) fn views(path: &ToolPath, rig: &Rig) -> Vec<TargetVisibility> {
     let Some(centre) = rig.target.centre else { return Vec::new() };
     let centre = Vector3::from(centre.map(|mm| mm.0));
-    let corners = Corners::of(rig, path.start(), centre);
+    let corners = TargetCorners::of(rig, path.start(), centre);
     [("davis", &rig.mount.davis, &rig.davis.camera), ("pi", &rig.mount.pi, &rig.pi.camera)]
         .map(|(name, mounting, camera)| view(name, mounting, camera, path, rig, &corners))
         .to_vec()
 }
 
-/// Corners of the tag and of the whole target in the base frame.
-struct Corners {
+/// TargetCorners of the tag and of the whole target in the base frame.
+struct TargetCorners {
     tag: [Vector3<f64>; 4],
     all: [Vector3<f64>; 4],
 }
 
-impl Corners {
-    /// The target stands upright in the DAVIS's picture at the start pose, but for its own rotation.
+impl TargetCorners {
+    /// The target is upright in the DAVIS's image at the start pose, except for its own rotation.
     fn of(rig: &Rig, start: Pose, centre: Vector3<f64>) -> Self {
         let camera = rig.mount.davis.frame(start);
         let (sin, cos) = rig.target.rotation.0.to_radians().sin_cos();
@@ -71,33 +71,33 @@ fn view(
     name: &'static str,
     mounting: &Mounting,
     camera: &CameraDescription,
-    path: &Path,
+    path: &ToolPath,
     rig: &Rig,
-    corners: &Corners,
-) -> View {
+    corners: &TargetCorners,
+) -> TargetVisibility {
     let seconds = path.duration().as_secs_f64();
-    let n_looks = (seconds / STEP_S).ceil().clamp(1.0, MAX_LOOKS);
+    let n_samples = (seconds / SAMPLING_INTERVAL_S).ceil().clamp(1.0, MAX_SAMPLES);
     let (mut n_tag, mut n_all, mut fastest) = (0.0, 0.0, 0.0_f64);
-    for i in 0..n_looks as usize {
-        let time = (i as f64 + 0.5) * seconds / n_looks;
-        let look = |time: f64| mounting.frame(path.pose_at(Span::from_secs_f64(time)));
-        let frame = look(time);
-        let pixel = |corner: &Vector3<f64>| camera.pixel(frame.look_at(*corner));
+    for i in 0..n_samples as usize {
+        let time = (i as f64 + 0.5) * seconds / n_samples;
+        let camera_at = |time: f64| mounting.frame(path.pose_at(Span::from_secs_f64(time)));
+        let frame = camera_at(time);
+        let pixel = |corner: &Vector3<f64>| camera.pixel(frame.to_camera(*corner));
         let sees = |four: &[Vector3<f64>; 4]| four.iter().all(|c| camera.sees(pixel(c)));
         n_tag += f64::from(u8::from(sees(&corners.tag)));
         n_all += f64::from(u8::from(sees(&corners.all)));
-        let later = camera.pixel(look(time + 1e-4).look_at(corners.tag[0]));
+        let later = camera.pixel(camera_at(time + 1e-4).to_camera(corners.tag[0]));
         if let (Some(a), Some(b)) = (pixel(&corners.tag[0]), later) {
             fastest = fastest.max((b[0] - a[0]).hypot(b[1] - a[1]) / 1e-4);
         }
     }
     let pixels_per_mm = camera.pixels_per_mm(rig.target.stand_off);
-    View {
+    TargetVisibility {
         camera: name,
         pixels_per_mm,
         tag_side_px: rig.target.tag_side.0 * pixels_per_mm,
         peak_speed_px_per_s: fastest,
-        tag_visible: n_tag / n_looks,
-        target_visible: n_all / n_looks,
+        tag_visible: n_tag / n_samples,
+        target_visible: n_all / n_samples,
     }
 }

@@ -4,7 +4,7 @@ use super::effects::Vibration;
 use evrig_core::time::Span;
 use evrig_core::units::Millimetres;
 use evrig_session::rig::Pose;
-use evrig_session::trajectory::Path;
+use evrig_session::trajectory::ToolPath;
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
@@ -21,7 +21,7 @@ pub trait Motion: Send + Sync + std::fmt::Debug {
     }
 }
 
-impl Motion for Path {
+impl Motion for ToolPath {
     fn pose_at(&self, time: Span) -> Pose {
         Self::pose_at(self, time)
     }

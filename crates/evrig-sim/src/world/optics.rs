@@ -153,7 +153,7 @@ mod tests {
         let place = plane.plane_from_ray(&frame) * Vector3::new(0.1, -0.05, 1.0);
         let (x, y) = (place.x / place.z, place.y / place.z);
         let point = plane.centre + x * plane.right + y * plane.down;
-        let [right, down, forward] = frame.look_at(point);
+        let [right, down, forward] = frame.to_camera(point);
         assert!((right / forward - 0.1).abs() < 1e-9 && (down / forward + 0.05).abs() < 1e-9);
     }
 }

@@ -1,7 +1,7 @@
 //! What the run sets besides the motion: light, exposure, frames on and off, flashes.
 
 use evrig_core::time::Span;
-use evrig_session::trajectory::Path;
+use evrig_session::trajectory::ToolPath;
 
 /// What holds from `start` on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,8 +42,8 @@ impl Schedule {
 
     /// What the steps of a path set; `aps` is what holds where a step says nothing.
     #[must_use]
-    pub fn of_path(path: &Path, aps: bool) -> Self {
-        let setting = |step: &evrig_session::trajectory::Step| {
+    pub fn of_path(path: &ToolPath, aps: bool) -> Self {
+        let setting = |step: &evrig_session::trajectory::PathStep| {
             let set = &step.settings;
             Setting {
                 start: step.start,

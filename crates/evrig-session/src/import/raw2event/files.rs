@@ -1,13 +1,13 @@
 //! Which files belong together: by their tag, then by the nearest time.
 
 use crate::SessionError;
-use crate::import::file_name;
+use crate::manifest::file_name;
 use chrono::NaiveDateTime;
 use std::path::{Path, PathBuf};
 
 /// The files of one recording.
 #[derive(Debug)]
-pub(super) struct Files {
+pub(super) struct RecordingFiles {
     pub(super) davis: PathBuf,
     pub(super) metadata: PathBuf,
     pub(super) raw: Option<PathBuf>,
@@ -18,14 +18,14 @@ pub(super) struct Files {
 
 /// A file of the layout: `<kind>_<tag>_<time><ending>`.
 #[derive(Debug, Clone)]
-struct Named {
+struct NamedFile {
     path: PathBuf,
     tag: String,
     time: Option<NaiveDateTime>,
 }
 
 /// Reads a name; the time is the last 15 characters, `20250601_170406`.
-fn named(path: &Path, kind: &str, ending: &str) -> Option<Named> {
+fn named(path: &Path, kind: &str, ending: &str) -> Option<NamedFile> {
     let name = file_name(path);
     let rest = name.strip_prefix(kind)?.strip_suffix(ending)?;
     let split = rest.len().checked_sub(15).filter(|at| rest.is_char_boundary(*at));
@@ -35,27 +35,27 @@ fn named(path: &Path, kind: &str, ending: &str) -> Option<Named> {
         (Some(_), Some(at)) => rest[..at].trim_end_matches('_'),
         _ => rest,
     };
-    Some(Named { path: path.to_owned(), tag: tag.to_owned(), time })
+    Some(NamedFile { path: path.to_owned(), tag: tag.to_owned(), time })
 }
 
-impl Files {
+impl RecordingFiles {
     pub(super) fn find(directory: &Path, id: &str) -> Result<Self, SessionError> {
         let entries = std::fs::read_dir(directory).map_err(SessionError::io(directory))?;
         let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
         paths.sort();
-        let of_kind = |kind: &str, ending: &str| -> Vec<Named> {
+        let of_kind = |kind: &str, ending: &str| -> Vec<NamedFile> {
             paths.iter().filter_map(|path| named(path, kind, ending)).collect()
         };
         let recordings = of_kind("dv_output_", ".aedat4");
-        let pi: Vec<Vec<Named>> = ["metadata_", "raw_frames_", "rgb_frames_"]
+        let pi: Vec<Vec<NamedFile>> = ["metadata_", "raw_frames_", "rgb_frames_"]
             .iter()
             .map(|kind| of_kind(kind, ".dat"))
             .collect();
         let davis = choose(directory, id, &recordings, &pi[0])?;
         let mut decisions = Vec::new();
-        let mut nearest = |files: &[Named]| -> Option<PathBuf> {
+        let mut nearest = |files: &[NamedFile]| -> Option<PathBuf> {
             let same_tag = files.iter().filter(|file| file.tag == davis.tag);
-            let apart = |file: &&Named| match (file.time, davis.time) {
+            let apart = |file: &&NamedFile| match (file.time, davis.time) {
                 (Some(a), Some(b)) => (a - b).num_seconds().abs(),
                 _ => i64::MAX,
             };
@@ -88,18 +88,18 @@ impl Files {
 fn choose(
     directory: &Path,
     id: &str,
-    recordings: &[Named],
-    metadata: &[Named],
-) -> Result<Named, SessionError> {
-    let has_id = |file: &&Named| file_name(&file.path).contains(id);
-    let mut found: Vec<&Named> = recordings.iter().filter(has_id).collect();
+    recordings: &[NamedFile],
+    metadata: &[NamedFile],
+) -> Result<NamedFile, SessionError> {
+    let has_id = |file: &&NamedFile| file_name(&file.path).contains(id);
+    let mut found: Vec<&NamedFile> = recordings.iter().filter(has_id).collect();
     if found.is_empty() {
         // Host and Pi name their files by their own clocks: the id may be the Pi's time.
-        let tags: Vec<&Named> = metadata.iter().filter(has_id).collect();
-        let same_tag = |file: &&Named| tags.iter().any(|tag| tag.tag == file.tag);
+        let tags: Vec<&NamedFile> = metadata.iter().filter(has_id).collect();
+        let same_tag = |file: &&NamedFile| tags.iter().any(|tag| tag.tag == file.tag);
         found = recordings.iter().filter(same_tag).collect();
         if let (true, [tag]) = (found.len() > 1, tags.as_slice()) {
-            let apart = |file: &&Named| match (file.time, tag.time) {
+            let apart = |file: &&NamedFile| match (file.time, tag.time) {
                 (Some(a), Some(b)) => (a - b).num_seconds().abs(),
                 _ => i64::MAX,
             };
@@ -117,7 +117,7 @@ fn choose(
         several => {
             let names: Vec<String> = several.iter().map(|file| file_name(&file.path)).collect();
             let what =
-                format!("`{id}` stands in several names; give more of it: {}", names.join(", "));
+                format!("`{id}` matches several names; give a longer part: {}", names.join(", "));
             Err(SessionError::import(directory, what))
         }
     }

@@ -1,12 +1,14 @@
-//! The Pi's frames and stamps: what they are is decided from the data, and said.
+//! The Pi's frames and timestamps, whose format is detected and recorded as decisions.
 
-use super::{Files, ImportRaw2Event};
-use crate::import::{Site, file_name};
-use crate::{Loss, SessionError, StreamEntry, StreamKind};
+use super::files::RecordingFiles;
+use super::request::ImportRaw2Event;
+use crate::import::builder::SessionBuilder;
+use crate::manifest::file_name;
+use crate::{DataLoss, SessionError, StreamEntry, StreamKind};
 use evrig_core::time::{Clock, PiSensor};
 use evrig_format::npy::ArrayWriter;
 use evrig_format::raw2event::{
-    RawJustification, Record, SensorUnit, parse_metadata, raw_justification, sensor_unit,
+    MetadataRecord, RawJustification, SensorUnit, parse_metadata, raw_justification, sensor_unit,
 };
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -14,22 +16,22 @@ use std::path::{Path, PathBuf};
 
 /// What was taken from the Pi's files.
 #[derive(Debug, Default)]
-pub(super) struct PiFrames {
+pub(super) struct ImportedPiFrames {
     pub(super) streams: Vec<StreamEntry>,
     pub(super) files: Vec<PathBuf>,
-    pub(super) losses: Vec<Loss>,
+    pub(super) losses: Vec<DataLoss>,
     pub(super) decisions: Vec<String>,
 }
 
-impl PiFrames {
+impl ImportedPiFrames {
     pub(super) fn read(
         request: &ImportRaw2Event<'_>,
-        files: &Files,
-        site: &Site,
+        files: &RecordingFiles,
+        builder: &SessionBuilder,
         progress: &mut dyn FnMut(u64),
     ) -> Result<Self, SessionError> {
-        let directory = site.layout.frames();
-        site.make_directory(&directory)?;
+        let directory = builder.layout.frames();
+        builder.make_directory(&directory)?;
         let mut pi = Self::default();
         let records = pi.stamps(&files.metadata, request)?;
         let streams = [("raw", &files.raw, 2), ("rgb", &files.rgb, 4)];
@@ -113,7 +115,7 @@ impl PiFrames {
     }
 
     /// Counts what is doubtful in the stamps: duplicates, gaps, jumps of the wall clock, unreadable times.
-    fn doubt(&mut self, records: &[Record], to_ns: f64) {
+    fn doubt(&mut self, records: &[MetadataRecord], to_ns: f64) {
         let mut steps: Vec<f64> =
             records.windows(2).map(|p| (p[1].sensor - p[0].sensor) * to_ns).collect();
         let n_not_later = steps.iter().filter(|step| **step <= 0.0).count() as u64;
@@ -175,7 +177,7 @@ impl PiFrames {
         n: u64,
         progress: &mut dyn FnMut(u64),
     ) -> Result<(), SessionError> {
-        let mut frames = Frames::open(from, request.size.n_pixels() * 2)?;
+        let mut frames = FrameFile::open(from, request.size.n_pixels() * 2)?;
         let shape = [n, request.size.height.into(), request.size.width.into()];
         let mut writer = ArrayWriter::<u16>::create(to, &shape)?;
         let mut justification = None;
@@ -189,7 +191,7 @@ impl PiFrames {
                     format!("frame {k} is no 10-bit raw frame; is --size {} right?", request.size);
                 SessionError::import(from, what)
             })?;
-            // A black frame says Right whatever the camera; the first bright one decides.
+            // A black frame fits `Right` for every camera; the first bright one decides.
             if found == RawJustification::Left && justification.is_none() {
                 justification = Some(found);
                 if k > 0 {
@@ -232,11 +234,11 @@ impl PiFrames {
     }
 
     fn lose(&mut self, stream: &str, count: u64, what: String) {
-        self.losses.push(Loss { stream: stream.into(), what, count });
+        self.losses.push(DataLoss { stream: stream.into(), what, count });
     }
 }
 
-/// RGB frames are stored as they are: R, G, B and one unused sample a pixel.
+/// RGB frames are stored as they are: R, G, B and one unused sample per pixel.
 fn copy_rgb(
     from: &Path,
     to: &Path,
@@ -244,7 +246,7 @@ fn copy_rgb(
     n: u64,
     progress: &mut dyn FnMut(u64),
 ) -> Result<(), SessionError> {
-    let mut frames = Frames::open(from, request.size.n_pixels() * 4)?;
+    let mut frames = FrameFile::open(from, request.size.n_pixels() * 4)?;
     let shape = [n, request.size.height.into(), request.size.width.into(), 4];
     let mut writer = ArrayWriter::<u8>::create(to, &shape)?;
     for k in 0..n {
@@ -255,14 +257,14 @@ fn copy_rgb(
     Ok(writer.finish()?)
 }
 
-/// Frames of equal length, one after another.
-struct Frames {
+/// FrameFile of equal length, one after another.
+struct FrameFile {
     path: PathBuf,
     reader: BufReader<File>,
     frame: Vec<u8>,
 }
 
-impl Frames {
+impl FrameFile {
     fn open(path: &Path, frame_bytes: usize) -> Result<Self, SessionError> {
         let file = File::open(path).map_err(SessionError::io(path))?;
         Ok(Self {

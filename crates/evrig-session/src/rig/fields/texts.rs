@@ -1,25 +1,30 @@
 //! Keys whose values are texts.
 
-use super::{Fields, Value};
+use super::{DescriptionFields, Value};
 use std::fmt::Display;
 use std::str::FromStr;
 use toml::de::DeValue;
 
-/// Longer than any name or sentence of a description, in bytes.
-const MAX_TEXT: usize = 1000;
+/// Longest text of a description.
+const MAX_TEXT_BYTES: usize = 1000;
 
-impl Fields<'_, '_> {
-    /// Text; empty after a complaint.
+impl DescriptionFields<'_, '_> {
+    /// Text; empty after a mistake.
     pub fn text(&self, key: &'static str) -> String {
         self.required(key).and_then(|value| self.as_text(key, value)).unwrap_or_default()
     }
 
-    /// Complains unless the table names this version of the vocabulary as its `schema`.
-    pub fn expect_schema(&self, expected: &str) {
+    /// The description, whose key depends on the version: `description`, or `says` where the table's
+    /// `schema` is the `former` one. Complains unless `schema` is one of the two.
+    pub fn description(&self, [current, former]: [&str; 2]) -> Option<String> {
         let schema = self.text("schema");
-        if !schema.is_empty() && schema != expected {
-            self.complain_about("schema", format!("`{schema}`: expected `{expected}`"));
+        if schema == former {
+            return self.optional_text("says");
         }
+        if !schema.is_empty() && schema != current {
+            self.complain_about("schema", format!("`{schema}`: expected `{current}`"));
+        }
+        self.optional_text("description")
     }
 
     /// Text, if the key is there.
@@ -29,8 +34,8 @@ impl Fields<'_, '_> {
 
     fn as_text(&self, key: &str, value: &Value<'_>) -> Option<String> {
         let text = value.get_ref().as_str();
-        if text.is_some_and(|text| text.len() > MAX_TEXT) {
-            let what = format!("{}: more than {MAX_TEXT} bytes of text", self.full(key));
+        if text.is_some_and(|text| text.len() > MAX_TEXT_BYTES) {
+            let what = format!("{}: more than {MAX_TEXT_BYTES} bytes of text", self.full(key));
             self.problems.add(value.span(), what);
             return None;
         }
@@ -53,7 +58,7 @@ impl Fields<'_, '_> {
         }
     }
 
-    /// A text that [`FromStr`] understands; None after a complaint or when the key is absent.
+    /// A text that [`FromStr`] understands; None after a mistake or when the key is absent.
     pub fn parsed<P>(&self, key: &'static str) -> Option<P>
     where
         P: FromStr,

@@ -6,7 +6,7 @@ use crate::world::{DavisTwin, PiTwin, World, WorldError};
 use evrig_core::event::Events;
 use evrig_core::time::Span;
 use evrig_session::rig::Rig;
-use evrig_session::trajectory::{Optional, Trajectory};
+use evrig_session::trajectory::{OptionalSegments, Trajectory};
 
 /// Nearly everything that draws at random.
 const ALL: &str = "
@@ -107,7 +107,7 @@ fn a_camera_that_looks_away_is_refused_by_name() {
     stage.rig_changes =
         vec![("centre_mm = [270.0, 0.0, -138.0]", "centre_mm = [270.0, 0.0, 400.0]")];
     let rig = stage.rig();
-    let path = Trajectory::find("line").unwrap().path(&rig, Optional::LeftOut).unwrap();
+    let path = Trajectory::find("line").unwrap().path(&rig, OptionalSegments::LeftOut).unwrap();
     let error = World::along(&rig, &path, &stage.description, 1).unwrap_err();
     assert!(matches!(error, WorldError::LooksAway { camera: "davis", .. }), "{error}");
 }
@@ -116,7 +116,7 @@ fn a_camera_that_looks_away_is_refused_by_name() {
 fn the_simulated_rig_makes_a_world_along_its_trajectories() {
     let rig = Rig::simulated().unwrap();
     let trajectory = Trajectory::find("protocol-short").unwrap();
-    let path = trajectory.path(&rig, Optional::LeftOut).unwrap();
+    let path = trajectory.path(&rig, OptionalSegments::LeftOut).unwrap();
     let description = crate::world::WorldDescription::default();
     let world = std::sync::Arc::new(World::along(&rig, &path, &description, 5).unwrap());
     let mut twin = DavisTwin::new(world, Span::from_micros(700_000));

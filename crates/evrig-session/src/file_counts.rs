@@ -1,30 +1,30 @@
-//! Counting: what an AEDAT4 file really holds, stream by stream.
+//! Counts the contents of an AEDAT4 file, stream by stream.
 
-use super::{Loss, SessionError, StreamEntry, StreamKind};
+use super::{DataLoss, SessionError, StreamEntry, StreamKind};
 use evrig_core::event::EventSlice;
 use evrig_core::geometry::Size;
 use evrig_core::time::{Clock, Davis};
-use evrig_format::aedat4::{Content, Kind, Losses, Packet, Reader, Stream};
+use evrig_format::aedat4::{Content, Losses, Packet, PayloadKind, Reader, StreamHeader};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What one pass over a file found.
+/// Counts of one file.
 #[derive(Debug, Clone, Default)]
-pub struct Census {
+pub struct FileCounts {
     /// The known streams, in the file's order.
-    pub streams: Vec<StreamCensus>,
-    /// Where reading had to stop, in words, if the file is cut or damaged.
+    pub streams: Vec<StreamCounts>,
+    /// Description of the damage at which reading stopped.
     pub damage: Option<String>,
     /// What was lost or is doubtful.
-    pub losses: Vec<Loss>,
+    pub losses: Vec<DataLoss>,
 }
 
-/// What one pass found of one stream.
+/// Counts of one stream.
 #[derive(Debug, Clone)]
-pub struct StreamCensus {
-    /// What the file's header says of it.
-    pub stream: Stream,
-    /// What flows in it.
+pub struct StreamCounts {
+    /// Its entry in the file's header.
+    pub stream: StreamHeader,
+    /// Kind of its data.
     pub kind: StreamKind,
     /// The pixel grid: the header's, or the first frame's.
     pub size: Option<Size>,
@@ -38,20 +38,20 @@ pub struct StreamCensus {
     pub n_disordered: u64,
     /// Events that are not on the sensor.
     pub n_outside: u64,
-    /// Number of On events.
+    /// Number of ON events.
     pub n_on: u64,
     /// Longest time between two neighbours, µs.
     pub longest_gap_us: i64,
 }
 
-impl StreamCensus {
-    fn new(stream: &Stream) -> Option<Self> {
+impl StreamCounts {
+    fn new(stream: &StreamHeader) -> Option<Self> {
         let kind = match stream.kind {
-            Kind::Events => StreamKind::Events,
-            Kind::Frames => StreamKind::Frames,
-            Kind::Imu => StreamKind::Imu,
-            Kind::Triggers => StreamKind::Triggers,
-            Kind::Other(_) => return None,
+            PayloadKind::Events => StreamKind::Events,
+            PayloadKind::Frames => StreamKind::Frames,
+            PayloadKind::Imu => StreamKind::Imu,
+            PayloadKind::Triggers => StreamKind::Triggers,
+            PayloadKind::Other(_) => return None,
         };
         Some(Self {
             stream: stream.clone(),
@@ -67,7 +67,7 @@ impl StreamCensus {
         })
     }
 
-    fn see(&mut self, t_us: i64) {
+    fn add(&mut self, t_us: i64) {
         if let Some(last) = self.last_us {
             self.n_disordered += u64::from(t_us < last);
             self.longest_gap_us = self.longest_gap_us.max(t_us.saturating_sub(last));
@@ -77,8 +77,8 @@ impl StreamCensus {
         self.count += 1;
     }
 
-    fn see_events(&mut self, events: EventSlice<'_>) {
-        events.t.iter().for_each(|&t| self.see(t));
+    fn add_events(&mut self, events: EventSlice<'_>) {
+        events.t.iter().for_each(|&t| self.add(t));
         self.n_on += events.count_on() as u64;
         if let Some(size) = self.size {
             let outside = events.iter().filter(|event| !size.contains(event.x, event.y));
@@ -86,12 +86,12 @@ impl StreamCensus {
         }
     }
 
-    fn losses(&self, name: &str) -> Vec<Loss> {
+    fn losses(&self, name: &str) -> Vec<DataLoss> {
         let counted = [
             (self.n_outside, "off the sensor; they are left out when the stream is read"),
             (self.n_disordered, "earlier than the one before; they are sorted in when it is read"),
         ];
-        let loss = |(count, what): (u64, &str)| Loss {
+        let loss = |(count, what): (u64, &str)| DataLoss {
             stream: name.to_owned(),
             what: format!("{} {what}", self.kind),
             count,
@@ -100,10 +100,10 @@ impl StreamCensus {
     }
 }
 
-impl Census {
+impl FileCounts {
     /// The streams as a manifest lists them, in the file of that name inside the session.
     pub(super) fn entries(&self, file: &str) -> Vec<StreamEntry> {
-        let entry = |(found, name): (&StreamCensus, String)| StreamEntry {
+        let entry = |(found, name): (&StreamCounts, String)| StreamEntry {
             name,
             kind: found.kind,
             file: file.to_owned(),
@@ -115,34 +115,34 @@ impl Census {
             clock: Davis::NAME.into(),
             source: found.stream.source.clone(),
         };
-        self.streams.iter().zip(names(&self.streams)).map(entry).collect()
+        self.streams.iter().zip(stream_names(&self.streams)).map(entry).collect()
     }
 }
 
 /// Counts everything in an AEDAT4 file.
 ///
 /// # Errors
-/// When the file cannot be opened or is no AEDAT4 file; damage behind its header is a finding.
-pub fn census(path: &Path, progress: &mut dyn FnMut(u64)) -> Result<Census, SessionError> {
+/// When the file cannot be opened or is not AEDAT4; damage after its header is in the result.
+pub fn count_file(path: &Path, progress: &mut dyn FnMut(u64)) -> Result<FileCounts, SessionError> {
     let mut reader = Reader::open(path)?;
-    let mut streams: BTreeMap<u32, StreamCensus> = BTreeMap::new();
+    let mut streams: BTreeMap<u32, StreamCounts> = BTreeMap::new();
     let mut order = Vec::new();
     for stream in reader.streams() {
-        if let Some(counted) = StreamCensus::new(stream) {
+        if let Some(counted) = StreamCounts::new(stream) {
             order.push(stream.id);
             streams.insert(stream.id, counted);
         }
     }
-    let mut found = Census::default();
+    let mut found = FileCounts::default();
     for packet in reader.by_ref() {
         match packet {
             Ok(packet) => {
                 progress(packet.offset);
                 if let Some(stream) = streams.get_mut(&packet.stream) {
-                    see_packet(stream, &packet);
+                    add_packet(stream, &packet);
                 }
             }
-            // The place in the file counts, not where the file lies on this machine.
+            // The path is left out: the damage is described by its position in the file.
             Err(damage) => {
                 let file = format!("{}: ", path.display());
                 found.damage = Some(damage.to_string().replacen(&file, "", 1));
@@ -151,7 +151,7 @@ pub fn census(path: &Path, progress: &mut dyn FnMut(u64)) -> Result<Census, Sess
     }
     found.losses = unreadable(reader.losses());
     found.streams = order.iter().filter_map(|id| streams.remove(id)).collect();
-    let names = names(&found.streams);
+    let names = stream_names(&found.streams);
     for (stream, name) in found.streams.iter().zip(&names) {
         found.losses.extend(stream.losses(name));
     }
@@ -159,7 +159,7 @@ pub fn census(path: &Path, progress: &mut dyn FnMut(u64)) -> Result<Census, Sess
 }
 
 /// What the reader could not represent.
-fn unreadable(losses: &Losses) -> Vec<Loss> {
+fn unreadable(losses: &Losses) -> Vec<DataLoss> {
     let first = losses.first.as_ref().map(|first| format!("; the first: {first}"));
     let first = first.unwrap_or_default();
     let counted = [
@@ -168,29 +168,29 @@ fn unreadable(losses: &Losses) -> Vec<Loss> {
         ("unknown", losses.unknown_packets, "packets of a kind evrig does not know".to_owned()),
     ];
     let loss = |(stream, count, what): (&str, u64, String)| {
-        (count > 0).then(|| Loss { stream: stream.to_owned(), what, count })
+        (count > 0).then(|| DataLoss { stream: stream.to_owned(), what, count })
     };
     counted.into_iter().filter_map(loss).collect()
 }
 
-fn see_packet(stream: &mut StreamCensus, packet: &Packet) {
+fn add_packet(stream: &mut StreamCounts, packet: &Packet) {
     match &packet.content {
-        Content::Events(events) => stream.see_events(events.as_slice()),
+        Content::Events(events) => stream.add_events(events.as_slice()),
         Content::Frame(frame) => {
             stream.size.get_or_insert(frame.size);
-            stream.see(frame.timing.stamp.as_micros());
+            stream.add(frame.timing.stamp.as_micros());
         }
-        Content::Imu(samples) => samples.iter().for_each(|s| stream.see(s.stamp.as_micros())),
-        Content::Triggers(edges) => edges.iter().for_each(|e| stream.see(e.stamp.as_micros())),
+        Content::Imu(samples) => samples.iter().for_each(|s| stream.add(s.stamp.as_micros())),
+        Content::Triggers(edges) => edges.iter().for_each(|e| stream.add(e.stamp.as_micros())),
         Content::Unknown { .. } => {}
     }
 }
 
 /// The streams' names in evrig: `real`, `aps`, `imu`, `triggers`, with the file's number
-/// behind it from the second of a kind on.
-pub(super) fn names(streams: &[StreamCensus]) -> Vec<String> {
+/// appended from the second of a kind on.
+pub(super) fn stream_names(streams: &[StreamCounts]) -> Vec<String> {
     let mut taken: BTreeMap<StreamKind, u32> = BTreeMap::new();
-    let name = |stream: &StreamCensus| {
+    let name = |stream: &StreamCounts| {
         let base = match stream.kind {
             StreamKind::Events => "real",
             StreamKind::Frames => "aps",

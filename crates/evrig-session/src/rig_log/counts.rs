@@ -1,6 +1,6 @@
-//! Counting what the rig's log really holds.
+//! Counts the contents of the rig's log.
 
-use super::source::{Source, Step};
+use super::source::{ReadStep, RecordSource};
 use super::{PacketArrival, RigLogError, Topic, image};
 use crate::StreamKind;
 use evrig_core::geometry::Size;
@@ -12,16 +12,16 @@ use std::path::Path;
 
 /// What one pass over a log found.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct RigLogCensus {
+pub(crate) struct RigLogCounts {
     /// Topic by topic, in the order of [`Topic`]; those without messages are left out.
-    pub topics: Vec<TopicCensus>,
+    pub topics: Vec<TopicCounts>,
     /// Where reading had to stop, if the file is cut or damaged.
     pub damage: Option<String>,
 }
 
 /// What one pass found of one topic.
 #[derive(Debug, Clone)]
-pub(crate) struct TopicCensus {
+pub(crate) struct TopicCounts {
     pub topic: Topic,
     pub count: u64,
     pub first_us: Option<i64>,
@@ -30,8 +30,8 @@ pub(crate) struct TopicCensus {
     pub size: Option<Size>,
 }
 
-impl TopicCensus {
-    fn see(&mut self, log_time_ns: u64, data: &[u8]) {
+impl TopicCounts {
+    fn add(&mut self, log_time_ns: u64, data: &[u8]) {
         let t_us = i64::try_from(log_time_ns / 1_000).unwrap_or(i64::MAX);
         if let Some(last) = self.last_us {
             self.longest_gap_us = self.longest_gap_us.max(t_us - last);
@@ -67,8 +67,8 @@ pub(crate) const fn stream_names(topic: Topic) -> (&'static str, StreamKind) {
 ///
 /// # Errors
 /// When the file cannot be opened or read.
-pub(crate) fn census(path: &Path) -> Result<RigLogCensus, RigLogError> {
-    let empty = |topic| TopicCensus {
+pub(crate) fn count_log(path: &Path) -> Result<RigLogCounts, RigLogError> {
+    let empty = |topic| TopicCounts {
         topic,
         count: 0,
         first_us: None,
@@ -78,15 +78,15 @@ pub(crate) fn census(path: &Path) -> Result<RigLogCensus, RigLogError> {
     };
     let mut topics = Topic::ALL.map(empty);
     let damage = each_message(path, &mut |topic, log_time_ns, data| {
-        topics[topic as usize].see(log_time_ns, data);
+        topics[topic as usize].add(log_time_ns, data);
     })?;
     let n: u64 = topics.iter().map(|topic| topic.count).sum();
     let damage = damage.map(|what| format!("after {n} messages: {what}"));
     let topics = topics.into_iter().filter(|topic| topic.count > 0).collect();
-    Ok(RigLogCensus { topics, damage })
+    Ok(RigLogCounts { topics, damage })
 }
 
-/// How many elements of each stream of the event camera the log saw arrive.
+/// Elements of each stream of the event camera that are logged as arrived.
 ///
 /// # Errors
 /// When the file cannot be opened or read.
@@ -102,36 +102,36 @@ pub(crate) fn arrivals(path: &Path) -> Result<BTreeMap<u32, u64>, RigLogError> {
     Ok(counts)
 }
 
-/// Hands out topic, log time (ns) and data of every message; what is wrong at the end, if anything.
+/// Passes topic, log time (ns) and data of every message to `visit`; returns the damage, if any.
 fn each_message(
     path: &Path,
-    see: &mut dyn FnMut(Topic, u64, &[u8]),
+    visit: &mut dyn FnMut(Topic, u64, &[u8]),
 ) -> Result<Option<String>, RigLogError> {
     let failed = |source| RigLogError::Open { path: path.to_owned(), source };
-    each_message_of(File::open(path).map_err(failed)?, see).map_err(failed)
+    each_message_of(File::open(path).map_err(failed)?, visit).map_err(failed)
 }
 
-/// The same of any source.
+/// As [`each_message`], of any source.
 pub(crate) fn each_message_of(
     file: impl Read,
-    see: &mut dyn FnMut(Topic, u64, &[u8]),
+    visit: &mut dyn FnMut(Topic, u64, &[u8]),
 ) -> std::io::Result<Option<String>> {
-    let mut source = Source::new(file);
+    let mut source = RecordSource::new(file);
     let mut channels: BTreeMap<u16, Topic> = BTreeMap::new();
     loop {
         match source.step()? {
-            Step::Record(Record::Channel(channel)) => {
+            ReadStep::Record(Record::Channel(channel)) => {
                 let known = Topic::ALL.into_iter().find(|topic| topic.name() == channel.topic);
                 channels.extend(known.map(|topic| (channel.id, topic)));
             }
-            Step::Record(Record::Message { header, data }) => {
+            ReadStep::Record(Record::Message { header, data }) => {
                 if let Some(&topic) = channels.get(&header.channel_id) {
-                    see(topic, header.log_time, &data);
+                    visit(topic, header.log_time, &data);
                 }
             }
-            Step::Record(_) | Step::Nothing => {}
-            Step::Damage(what) => return Ok(Some(what)),
-            Step::End => return Ok(None),
+            ReadStep::Record(_) | ReadStep::Nothing => {}
+            ReadStep::Damage(what) => return Ok(Some(what)),
+            ReadStep::End => return Ok(None),
         }
     }
 }

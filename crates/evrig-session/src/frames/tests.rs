@@ -3,10 +3,11 @@
 use super::*;
 use crate::rig::Pose;
 use crate::{
-    ClockExchange, HostTime, Layout, Origin, Recording, RigLogWriter, Status, TimedPose, Topic,
-    seal_recording,
+    ClockExchange, HostTime, Origin, Recording, RigLogWriter, SessionLayout, SessionStatus,
+    TimedPose, Topic, seal_recording,
 };
-use evrig_core::frame::Channels;
+use evrig_core::frame::{BayerOrder, Channels, Samples};
+use evrig_core::geometry::Size;
 use evrig_core::pi_camera::{ClockSandwich, FrameMetadata, PiFrame};
 use evrig_core::time::Span;
 use std::path::Path;
@@ -65,13 +66,13 @@ fn write_log(path: &Path) {
 }
 
 fn recorded(root: &Path) -> Session {
-    let layout = Layout::new(root);
+    let layout = SessionLayout::new(root);
     write_log(&layout.rig_log());
     seal(&layout);
     Session::open(root).unwrap()
 }
 
-fn seal(layout: &Layout) {
+fn seal(layout: &SessionLayout) {
     let recording = Recording {
         rig: Rig::simulated().unwrap().text,
         trajectory: String::new(),
@@ -81,7 +82,7 @@ fn seal(layout: &Layout) {
         clocks: serde_json::Value::Null,
     };
     let origin = Origin::Recorded { rig: "sim".into(), trajectory: "none".into() };
-    seal_recording(layout, origin, Status::Complete, recording, Vec::new()).unwrap();
+    seal_recording(layout, origin, SessionStatus::Complete, recording, Vec::new()).unwrap();
 }
 
 #[test]
@@ -89,14 +90,14 @@ fn a_raw_frame_comes_back_with_its_ten_bits_and_the_exposure_of_the_crops_first_
     let dir = tempfile::tempdir().unwrap();
     let session = recorded(dir.path());
     assert!(session.is_from_pi("raw").unwrap());
-    let pictures: Vec<_> = session.pi_pictures("raw").unwrap().map(Result::unwrap).collect();
+    let pictures: Vec<_> = session.pi_frames("raw").unwrap().map(Result::unwrap).collect();
     assert_eq!(pictures.len(), N_FRAMES as usize);
-    let Picture { number, frame, facts } = &pictures[3];
+    let RecordedFrame { number, frame, properties } = &pictures[3];
     assert_eq!(*number, 3);
     let expected: Vec<u16> = (0..SIZE.n_pixels()).map(|i| sample(3, i)).collect();
     assert_eq!(frame.samples, Samples::U16(expected));
-    assert_eq!((facts.bits, facts.bayer), (10, Some(BayerOrder::Rggb)));
-    assert_eq!((facts.black_dn, facts.gain), ([64.0, 65.0, 66.0, 67.0], Some(3.0)));
+    assert_eq!((properties.bits, properties.bayer), (10, Some(BayerOrder::Rggb)));
+    assert_eq!((properties.black_dn, properties.gain), ([64.0, 65.0, 66.0, 67.0], Some(3.0)));
     // The rig states 9.21 us a row, and its crop of 692 x 520 comes from the middle of 1536 x 864.
     assert_eq!(frame.origin, [422, 172]);
     let [start, end] = frame.timing.exposure.unwrap();
@@ -110,17 +111,17 @@ fn a_raw_frame_comes_back_with_its_ten_bits_and_the_exposure_of_the_crops_first_
 fn an_rgb_frame_keeps_its_colours_apart() {
     let dir = tempfile::tempdir().unwrap();
     let session = recorded(dir.path());
-    let picture = session.pi_pictures("rgb").unwrap().nth(2).unwrap().unwrap();
+    let picture = session.pi_frames("rgb").unwrap().nth(2).unwrap().unwrap();
     assert_eq!(picture.frame.channels, Channels::Bgr);
     let Samples::U8(samples) = &picture.frame.samples else { panic!("8 bits") };
     assert_eq!(samples[3 * 7..][..3], [200, 2, 7]);
-    assert_eq!(picture.facts.bayer, None);
+    assert_eq!(picture.properties.bayer, None);
 }
 
 #[test]
 fn poses_and_clock_readings_come_back() {
     let dir = tempfile::tempdir().unwrap();
-    let notes = recorded(dir.path()).rig_notes().unwrap();
+    let notes = recorded(dir.path()).rig_log_contents().unwrap();
     assert_eq!(notes.exchanges.len(), N_FRAMES as usize);
     assert_eq!(notes.metadata[4], metadata(4));
     assert!(notes.commanded.is_empty());
@@ -134,7 +135,7 @@ fn poses_and_clock_readings_come_back() {
 #[test]
 fn a_log_that_was_cut_gives_the_frames_before_the_cut() {
     let dir = tempfile::tempdir().unwrap();
-    let layout = Layout::new(dir.path());
+    let layout = SessionLayout::new(dir.path());
     write_log(&layout.rig_log());
     let bytes = std::fs::read(layout.rig_log()).unwrap();
     // Behind the third frame's metadata and in front of the fourth's.
@@ -142,16 +143,16 @@ fn a_log_that_was_cut_gives_the_frames_before_the_cut() {
     std::fs::write(layout.rig_log(), &bytes[..third]).unwrap();
     seal(&layout);
     let session = Session::open(dir.path()).unwrap();
-    let mut pictures = session.pi_pictures("raw").unwrap();
+    let mut pictures = session.pi_frames("raw").unwrap();
     assert_eq!(pictures.by_ref().map(Result::unwrap).count(), 3);
-    assert_eq!(pictures.n_unexplained(), 1, "the fourth picture has no metadata");
+    assert_eq!(pictures.n_without_metadata(), 1, "the fourth picture has no metadata");
 }
 
 #[test]
 fn a_stream_is_not_read_on_a_clock_that_is_not_its_own() {
     let dir = tempfile::tempdir().unwrap();
     let session = recorded(dir.path());
-    assert!(matches!(session.davis_pictures("raw"), Err(SessionError::OtherClock { .. })));
-    let error = session.pi_pictures("aps").err().unwrap().to_string();
+    assert!(matches!(session.davis_frames("raw"), Err(SessionError::OtherClock { .. })));
+    let error = session.pi_frames("aps").err().unwrap().to_string();
     assert!(error.contains("raw, rgb"), "{error}");
 }

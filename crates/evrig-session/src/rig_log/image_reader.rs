@@ -1,4 +1,4 @@
-//! Pictures of the rig's log beside what the camera says of them.
+//! Images of the rig's log with their metadata.
 
 use super::reader::RigLogReader;
 use super::{RigLogError, Topic, image};
@@ -9,37 +9,37 @@ use evrig_core::time::{Stamp, Unix};
 use std::collections::VecDeque;
 use std::path::Path;
 
-/// A picture waits for its metadata while so many others pass; they are written one after the other.
+/// Images that may precede the metadata of one image.
 const MAX_WAITING: usize = 8;
 
-/// A picture with its metadata, samples as they were stored: Bayer 16 bit, or R, G, B bytes.
+/// An image with its metadata, samples as stored: Bayer 16 bit, or R, G, B bytes.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct StoredPicture {
+pub(crate) struct StoredImage {
     pub metadata: FrameMetadata,
     pub samples: Samples,
 }
 
-/// The pictures of one topic.
-pub(crate) struct PictureReader {
+/// The images of one topic.
+pub(crate) struct ImageReader {
     reader: RigLogReader,
     topic: Topic,
     waiting: VecDeque<(Stamp<Unix>, Size, Samples)>,
-    n_unexplained: u64,
+    n_without_metadata: u64,
 }
 
-impl PictureReader {
-    /// Opens the log to read the pictures of `topic`, raw or RGB.
+impl ImageReader {
+    /// Opens the log to read the images of `topic`, raw or RGB.
     ///
     /// # Errors
     /// When the file cannot be opened.
     pub(crate) fn open(path: &Path, topic: Topic) -> Result<Self, RigLogError> {
         let reader = RigLogReader::open(path, &[topic, Topic::FrameMetadata])?;
-        Ok(Self { reader, topic, waiting: VecDeque::new(), n_unexplained: 0 })
+        Ok(Self { reader, topic, waiting: VecDeque::new(), n_without_metadata: 0 })
     }
 
-    /// Pictures left out so far because no metadata tells when they were taken.
-    pub(crate) fn n_unexplained(&self) -> u64 {
-        self.n_unexplained
+    /// Images left out so far because they have no metadata.
+    pub(crate) fn n_without_metadata(&self) -> u64 {
+        self.n_without_metadata
     }
 
     fn picture(&self, data: &[u8]) -> Result<(Size, Samples), RigLogError> {
@@ -53,7 +53,7 @@ impl PictureReader {
         let fits = |size: &Size| image.data.len() == size.n_pixels() * n_bytes;
         let size = size.filter(fits).filter(|_| image.encoding == encoding).ok_or_else(|| {
             malformed(format!(
-                "{} x {} `{}` in {} bytes; expected `{encoding}` of {n_bytes} bytes a pixel",
+                "{} x {} `{}` in {} bytes; expected `{encoding}` of {n_bytes} bytes per pixel",
                 image.width,
                 image.height,
                 image.encoding,
@@ -69,21 +69,21 @@ impl PictureReader {
         Ok((size, samples))
     }
 
-    /// The waiting picture that `metadata` speaks of; those before it will never be explained.
-    fn explained(&mut self, metadata: FrameMetadata) -> Option<StoredPicture> {
+    /// The waiting image of `metadata`; those before it have no metadata.
+    fn explained(&mut self, metadata: FrameMetadata) -> Option<StoredImage> {
         let is_meant = |(at, size, _): &(Stamp<Unix>, Size, Samples)| {
             *at == metadata.real_time && *size == metadata.size
         };
         let place = self.waiting.iter().position(is_meant)?;
-        self.n_unexplained += place as u64;
+        self.n_without_metadata += place as u64;
         self.waiting.drain(..place);
         let (_, _, samples) = self.waiting.pop_front()?;
-        Some(StoredPicture { metadata, samples })
+        Some(StoredImage { metadata, samples })
     }
 }
 
-impl Iterator for PictureReader {
-    type Item = Result<StoredPicture, RigLogError>;
+impl Iterator for ImageReader {
+    type Item = Result<StoredImage, RigLogError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
@@ -91,7 +91,7 @@ impl Iterator for PictureReader {
                 Some(Ok(message)) => message,
                 Some(Err(error)) => return Some(Err(error)),
                 None => {
-                    self.n_unexplained += self.waiting.len() as u64;
+                    self.n_without_metadata += self.waiting.len() as u64;
                     self.waiting.clear();
                     return None;
                 }
@@ -105,7 +105,7 @@ impl Iterator for PictureReader {
                 }
                 if self.waiting.len() > MAX_WAITING {
                     self.waiting.pop_front();
-                    self.n_unexplained += 1;
+                    self.n_without_metadata += 1;
                 }
                 continue;
             }

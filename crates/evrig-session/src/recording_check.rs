@@ -1,48 +1,48 @@
-//! Reading back what is recorded while it is recorded: it is decoded, counted, held to its order,
-//! summed up, and thrown away. Two pipes stand in the files' places.
+//! The recording check of a dry run: what is recorded is decoded, counted, checked for order,
+//! summed and discarded. Two pipes replace the files.
 
-mod sum;
+mod checksum;
 
-pub use sum::{EventSum, PictureSum};
+pub use checksum::{EventChecksum, ImageChecksum};
 
 use super::PacketArrival;
-use super::rig_log::{Topic, decode_picture, each_message_of};
+use super::rig_log::{Topic, decode_image, each_message_of};
 use evrig_core::event::EventSlice;
 use evrig_core::pi_camera::FrameMetadata;
 use evrig_format::aedat4::{Content, Reader};
 use std::io::Read;
 
-/// What came out of the two pipes.
+/// Counts and checksums of what was read from the two pipes.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Heard {
-    /// Events, and the sum over their columns ([`EventSum`]).
+pub struct RecordingCheck {
+    /// Number of events.
     pub n_events: u64,
-    /// Their sum.
+    /// Checksum of the events' columns ([`EventChecksum`]).
     pub event_sum: u64,
     /// Frames, inertial samples and triggers of the event camera.
     pub n_others: u64,
-    /// Raw pictures.
+    /// Raw frames.
     pub n_raw: u64,
-    /// Sum over their samples, 16 bits little-endian ([`PictureSum`]).
+    /// Checksum of their samples, 16 bits little-endian ([`ImageChecksum`]).
     pub raw_sum: u64,
-    /// RGB pictures.
+    /// RGB frames.
     pub n_rgb: u64,
-    /// Sum over their bytes.
+    /// Checksum of their bytes.
     pub rgb_sum: u64,
     /// Bytes of both files.
     pub n_bytes: u64,
-    /// Whatever is not as it should be, in words; the first of each kind.
+    /// Problems found; the first of each kind.
     pub problems: Vec<String>,
 }
 
-/// Counts what is read of a pipe.
+/// Counts the bytes read.
 #[derive(Debug)]
-struct Counted<R> {
+struct CountingReader<R> {
     source: R,
     n_bytes: u64,
 }
 
-impl<R: Read> Read for Counted<R> {
+impl<R: Read> Read for CountingReader<R> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let n = self.source.read(buffer)?;
         self.n_bytes += n as u64;
@@ -50,13 +50,13 @@ impl<R: Read> Read for Counted<R> {
     }
 }
 
-impl Heard {
+impl RecordingCheck {
     /// Reads an event camera's file out of a pipe, to its end.
     #[must_use]
     pub fn of_davis(pipe: impl Read) -> Self {
-        let mut heard = Self::default();
-        let mut counted = Counted { source: pipe, n_bytes: 0 };
-        let mut sum = EventSum::default();
+        let mut check = Self::default();
+        let mut counted = CountingReader { source: pipe, n_bytes: 0 };
+        let mut sum = EventChecksum::default();
         match Reader::new(&mut counted, "the pipe of davis.aedat4") {
             Ok(mut reader) => {
                 let mut last_us = i64::MIN;
@@ -64,80 +64,80 @@ impl Heard {
                     match packet {
                         Ok(packet) => match packet.content {
                             Content::Events(events) => {
-                                heard.take_events(events.as_slice(), &mut last_us);
+                                check.take_events(events.as_slice(), &mut last_us);
                                 sum.take(events.as_slice());
-                                reader.give_back(events);
+                                reader.recycle(events);
                             }
-                            Content::Frame(_) => heard.n_others += 1,
-                            Content::Imu(samples) => heard.n_others += samples.len() as u64,
-                            Content::Triggers(marks) => heard.n_others += marks.len() as u64,
+                            Content::Frame(_) => check.n_others += 1,
+                            Content::Imu(samples) => check.n_others += samples.len() as u64,
+                            Content::Triggers(marks) => check.n_others += marks.len() as u64,
                             Content::Unknown { .. } => {
-                                heard.note("a packet that nobody can read");
+                                check.note("a packet of an unknown kind");
                             }
                         },
-                        Err(error) => heard.note(&error.to_string()),
+                        Err(error) => check.note(&error.to_string()),
                     }
                 }
                 if !reader.losses().is_none() {
                     let text = format!("davis.aedat4: {:?}", reader.losses());
-                    heard.note(&text);
+                    check.note(&text);
                 }
             }
-            Err(error) => heard.note(&error.to_string()),
+            Err(error) => check.note(&error.to_string()),
         }
-        heard.event_sum = sum.value();
-        heard.n_bytes = counted.n_bytes;
-        heard
+        check.event_sum = sum.value();
+        check.n_bytes = counted.n_bytes;
+        check
     }
 
     /// Reads a rig's log out of a pipe, to its end; the log's own count of events comes back too.
     #[must_use]
     pub fn of_rig_log(pipe: impl Read) -> (Self, u64) {
-        let mut heard = Self::default();
-        let mut counted = Counted { source: pipe, n_bytes: 0 };
-        let [mut raw, mut rgb] = [PictureSum::default(), PictureSum::default()];
+        let mut check = Self::default();
+        let mut counted = CountingReader { source: pipe, n_bytes: 0 };
+        let [mut raw, mut rgb] = [ImageChecksum::default(), ImageChecksum::default()];
         let mut n_arrived = 0;
         let mut next: Option<u64> = None;
         let read = each_message_of(&mut counted, &mut |topic, _, data| match topic {
-            Topic::Raw | Topic::Rgb => match decode_picture(data) {
+            Topic::Raw | Topic::Rgb => match decode_image(data) {
                 Some(picture) if topic == Topic::Raw => {
-                    heard.n_raw += 1;
+                    check.n_raw += 1;
                     raw.take(&picture);
                 }
                 Some(picture) => {
-                    heard.n_rgb += 1;
+                    check.n_rgb += 1;
                     rgb.take(&picture);
                 }
-                None => heard.note("rig.mcap: a message that is no picture"),
+                None => check.note("rig.mcap: a message that is not an image"),
             },
             Topic::FrameMetadata => match serde_json::from_slice::<FrameMetadata>(data) {
                 Ok(metadata) => {
                     if next.is_some_and(|next| next != metadata.sequence) {
-                        heard.note("rig.mcap: frames do not follow one another");
+                        check.note("rig.mcap: frames do not follow one another");
                     }
                     next = Some(metadata.sequence + 1);
                 }
-                Err(error) => heard.note(&format!("rig.mcap: {error}")),
+                Err(error) => check.note(&format!("rig.mcap: {error}")),
             },
             Topic::Arrivals => match serde_json::from_slice::<PacketArrival>(data) {
                 Ok(arrival) => n_arrived += arrival.count,
-                Err(error) => heard.note(&format!("rig.mcap: {error}")),
+                Err(error) => check.note(&format!("rig.mcap: {error}")),
             },
             Topic::PiClock | Topic::ArmPose | Topic::Commanded | Topic::Log => {}
         });
         match read {
-            Ok(Some(damage)) => heard.note(&format!("rig.mcap: {damage}")),
-            Err(error) => heard.note(&format!("rig.mcap: {error}")),
+            Ok(Some(damage)) => check.note(&format!("rig.mcap: {damage}")),
+            Err(error) => check.note(&format!("rig.mcap: {error}")),
             Ok(None) => {}
         }
-        (heard.raw_sum, heard.rgb_sum, heard.n_bytes) = (raw.value(), rgb.value(), counted.n_bytes);
-        (heard, n_arrived)
+        (check.raw_sum, check.rgb_sum, check.n_bytes) = (raw.value(), rgb.value(), counted.n_bytes);
+        (check, n_arrived)
     }
 
-    /// Both together.
+    /// The results of both files together.
     #[must_use]
     pub fn joined(davis: Self, (log, n_arrived): (Self, u64)) -> Self {
-        let mut heard = Self {
+        let mut check = Self {
             n_events: davis.n_events,
             event_sum: davis.event_sum,
             n_others: davis.n_others,
@@ -145,12 +145,12 @@ impl Heard {
             problems: davis.problems,
             ..log
         };
-        heard.problems.extend(log.problems);
-        let n_written = heard.n_events + heard.n_others;
+        check.problems.extend(log.problems);
+        let n_written = check.n_events + check.n_others;
         if n_arrived != n_written {
-            heard.note(&format!("{n_arrived} samples arrived, {n_written} were written"));
+            check.note(&format!("{n_arrived} samples arrived, {n_written} were written"));
         }
-        heard
+        check
     }
 
     fn take_events(&mut self, events: EventSlice<'_>, last_us: &mut i64) {
@@ -187,7 +187,7 @@ mod tests {
     }
 
     /// What a reader at the pipe's other end hears of a writer at this one.
-    fn heard_of<T: Send>(
+    fn read_through_pipe<T: Send>(
         write: impl FnOnce(Box<dyn Write + Send>),
         read: impl FnOnce(std::io::PipeReader) -> T + Send,
     ) -> T {
@@ -199,36 +199,36 @@ mod tests {
         })
     }
 
-    fn davis(packets: &[Events]) -> Heard {
-        let streams = [StreamSpec::events(Size::DAVIS346, "heard")];
+    fn davis(packets: &[Events]) -> RecordingCheck {
+        let streams = [StreamSpec::events(Size::DAVIS346, "check")];
         let write = |pipe| {
             let pipe = Destination::pipe(pipe);
             let mut writer =
                 Writer::as_recorded(pipe, "pipe", Compression::None, &streams).unwrap();
             packets.iter().for_each(|events| writer.write_events(0, events.as_slice()).unwrap());
         };
-        heard_of(write, Heard::of_davis)
+        read_through_pipe(write, RecordingCheck::of_davis)
     }
 
     #[test]
     fn what_was_written_is_what_is_heard() {
         let packets = [events(&[1, 2, 3]), events(&[3, 9])];
-        let heard = davis(&packets);
-        let mut sum = EventSum::default();
+        let check = davis(&packets);
+        let mut sum = EventChecksum::default();
         sum.take(events(&[1, 2, 3, 3, 9]).as_slice());
-        assert_eq!((heard.n_events, heard.event_sum), (5, sum.value()));
-        assert_eq!(heard.problems, Vec::<String>::new());
+        assert_eq!((check.n_events, check.event_sum), (5, sum.value()));
+        assert_eq!(check.problems, Vec::<String>::new());
     }
 
     #[test]
     fn events_that_go_back_in_time_are_told_and_one_changed_bit_changes_the_sum() {
-        let heard = davis(&[events(&[5, 6]), events(&[4])]);
-        assert!(heard.problems[0].contains("not in order"), "{:?}", heard.problems);
+        let check = davis(&[events(&[5, 6]), events(&[4])]);
+        assert!(check.problems[0].contains("not in order"), "{:?}", check.problems);
         let [one, other] = [[1, 2, 3], [1, 2, 4]].map(|times| davis(&[events(&times)]).event_sum);
         assert_ne!(one, other);
     }
 
-    fn log(sequences: &[u64], n_arrived: u64) -> (Heard, u64) {
+    fn log(sequences: &[u64], n_arrived: u64) -> (RecordingCheck, u64) {
         let at = HostTime { monotonic: Stamp::from_micros(7), unix: Stamp::from_micros(7) };
         let size = Size::new(4, 1);
         let write = |pipe| {
@@ -257,25 +257,25 @@ mod tests {
             log.arrival(&arrival).unwrap();
             log.finish().unwrap();
         };
-        heard_of(write, Heard::of_rig_log)
+        read_through_pipe(write, RecordingCheck::of_rig_log)
     }
 
     #[test]
     fn pictures_are_heard_as_they_were_and_a_gap_between_them_is_told() {
-        let (heard, _) = log(&[4, 5], 0);
-        let mut sum = PictureSum::default();
+        let (check, _) = log(&[4, 5], 0);
+        let mut sum = ImageChecksum::default();
         sum.take(&[1, 0, 2, 0, 3, 0, 255, 3, 1, 0, 2, 0, 3, 0, 255, 3]);
-        assert_eq!((heard.n_raw, heard.n_rgb, heard.raw_sum), (2, 2, sum.value()));
-        assert_eq!(heard.problems, Vec::<String>::new());
-        let (heard, _) = log(&[4, 6], 0);
-        assert!(heard.problems[0].contains("do not follow"), "{:?}", heard.problems);
+        assert_eq!((check.n_raw, check.n_rgb, check.raw_sum), (2, 2, sum.value()));
+        assert_eq!(check.problems, Vec::<String>::new());
+        let (check, _) = log(&[4, 6], 0);
+        assert!(check.problems[0].contains("do not follow"), "{:?}", check.problems);
     }
 
     #[test]
     fn events_that_arrived_and_were_not_written_are_told() {
-        let both = Heard::joined(davis(&[events(&[1, 2])]), log(&[0], 2));
+        let both = RecordingCheck::joined(davis(&[events(&[1, 2])]), log(&[0], 2));
         assert_eq!(both.problems, Vec::<String>::new());
-        let both = Heard::joined(davis(&[events(&[1, 2])]), log(&[0], 3));
+        let both = RecordingCheck::joined(davis(&[events(&[1, 2])]), log(&[0], 3));
         assert!(both.problems[0].contains("3 samples arrived, 2 were written"));
     }
 }

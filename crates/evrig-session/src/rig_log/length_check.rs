@@ -1,14 +1,14 @@
-//! Holds the records of a chunk to the chunk's own length, before the library counts them off it.
+//! Checks the lengths of a chunk's records against the chunk's length, before the library subtracts them.
 //!
 //! mcap 0.26 subtracts the length that a record claims from what is left of its chunk without asking
-//! whether it fits; in a damaged file the difference is below zero. Here every length is looked at on
-//! its way from the file to the library, and the file ends where one does not fit.
+//! whether it fits; in a damaged file the difference is negative. Here every length is checked on
+//! its way from the file to the library; reading ends at the first that does not fit.
 
 use mcap::records::op;
 
 /// Opcode and length, before every record.
 const HEAD_BYTES: usize = 9;
-/// What a chunk says of itself before its records: two times, size, checksum, the name of its
+/// A chunk's header before its records: two times, size, checksum, the name of its
 /// compression (none: its length alone), size as stored.
 const CHUNK_HEAD_BYTES: usize = 40;
 
@@ -20,44 +20,48 @@ pub(super) struct Overrun {
     left: u64,
 }
 
-/// What is to be looked at next.
+/// What the next bytes are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Part {
+enum Expected {
     /// The head of a record of the file.
     Head,
     /// The head of a chunk in a record of so many bytes.
     ChunkHead(u64),
-    /// The head of a record in a chunk that has `left` bytes, and `behind` them others.
+    /// The header of a record in a chunk with `left` bytes of records, and `behind` further bytes.
     Inner { left: u64, behind: u64 },
-    /// What the library refuses without counting: nothing more is looked at.
+    /// What the library refuses itself: no further checks.
     Refused,
 }
 
-/// Follows the lengths in a file whose bytes come in pieces.
+/// Checks the lengths in a file whose bytes come in pieces.
 #[derive(Debug)]
-pub(super) struct Fence {
-    part: Part,
+pub(super) struct LengthCheck {
+    part: Expected,
     /// Bytes that may pass before it.
     passing: u64,
     gathered: Vec<u8>,
 }
 
-impl Default for Fence {
+impl Default for LengthCheck {
     fn default() -> Self {
         let magic = mcap::MAGIC.len() as u64;
-        Self { part: Part::Head, passing: magic, gathered: Vec::with_capacity(CHUNK_HEAD_BYTES) }
+        Self {
+            part: Expected::Head,
+            passing: magic,
+            gathered: Vec::with_capacity(CHUNK_HEAD_BYTES),
+        }
     }
 }
 
-impl Fence {
-    /// Looks at the next bytes of the file.
+impl LengthCheck {
+    /// Checks the next bytes of the file.
     ///
     /// # Errors
-    /// Of what these bytes are the first to show; the library must not see them.
-    pub(super) fn pass(&mut self, mut bytes: &[u8]) -> Result<(), Overrun> {
+    /// When a length does not fit; the library must not get these bytes.
+    pub(super) fn check(&mut self, mut bytes: &[u8]) -> Result<(), Overrun> {
         while !bytes.is_empty() {
             let n = match self.part {
-                Part::Refused => return Ok(()),
+                Expected::Refused => return Ok(()),
                 _ if self.passing > 0 => {
                     let n = usize::try_from(self.passing).unwrap_or(usize::MAX).min(bytes.len());
                     self.passing -= n as u64;
@@ -65,13 +69,13 @@ impl Fence {
                 }
                 part => {
                     let wanted = match part {
-                        Part::ChunkHead(_) => CHUNK_HEAD_BYTES,
+                        Expected::ChunkHead(_) => CHUNK_HEAD_BYTES,
                         _ => HEAD_BYTES,
                     };
                     let n = (wanted - self.gathered.len()).min(bytes.len());
                     self.gathered.extend_from_slice(&bytes[..n]);
                     if self.gathered.len() == wanted {
-                        self.part = self.look(part)?;
+                        self.part = self.advance(part)?;
                         self.gathered.clear();
                     }
                     n
@@ -82,44 +86,44 @@ impl Fence {
         Ok(())
     }
 
-    /// What the gathered head says, and so what comes next.
-    fn look(&mut self, part: Part) -> Result<Part, Overrun> {
+    /// Parses the collected header and returns what follows.
+    fn advance(&mut self, part: Expected) -> Result<Expected, Overrun> {
         match part {
-            Part::Head => {
+            Expected::Head => {
                 let length = self.number(1);
                 if self.gathered[0] == op::CHUNK {
-                    return Ok(Part::ChunkHead(length));
+                    return Ok(Expected::ChunkHead(length));
                 }
                 self.passing = length;
-                Ok(Part::Head)
+                Ok(Expected::Head)
             }
-            Part::ChunkHead(length) => {
+            Expected::ChunkHead(length) => {
                 let is_compressed = self.gathered[28..32] != [0; 4];
                 let stored = self.number(32);
                 let behind = length.checked_sub(CHUNK_HEAD_BYTES as u64);
                 let behind = behind.and_then(|records| records.checked_sub(stored));
                 Ok(match behind {
                     Some(behind) if !is_compressed => self.inside(stored, behind),
-                    _ => Part::Refused,
+                    _ => Expected::Refused,
                 })
             }
-            Part::Inner { left, behind } => {
+            Expected::Inner { left, behind } => {
                 let length = self.number(1);
                 let claimed = length.saturating_add(HEAD_BYTES as u64);
                 let left = left.checked_sub(claimed).ok_or(Overrun { claimed, left })?;
                 self.passing = length;
                 Ok(self.inside(left, behind))
             }
-            Part::Refused => Ok(Part::Refused),
+            Expected::Refused => Ok(Expected::Refused),
         }
     }
 
-    fn inside(&mut self, left: u64, behind: u64) -> Part {
+    fn inside(&mut self, left: u64, behind: u64) -> Expected {
         if left > 0 {
-            return Part::Inner { left, behind };
+            return Expected::Inner { left, behind };
         }
         self.passing = self.passing.saturating_add(behind);
-        Part::Head
+        Expected::Head
     }
 
     fn number(&self, at: usize) -> u64 {
@@ -155,8 +159,8 @@ mod tests {
     }
 
     fn passes(bytes: &[u8], piece: usize) -> Result<(), Overrun> {
-        let mut fence = Fence::default();
-        bytes.chunks(piece).try_for_each(|bytes| fence.pass(bytes))
+        let mut fence = LengthCheck::default();
+        bytes.chunks(piece).try_for_each(|bytes| fence.check(bytes))
     }
 
     /// Where the lengths of records in chunks stand.

@@ -1,19 +1,19 @@
-//! Sums over what is recorded: any bit that changes, and any two things that change places, change
-//! them; where a stream is cut into packets does not.
+//! Order-dependent checksums of what is recorded: any changed bit and any two swapped values change
+//! them; the division into packets does not.
 
 use evrig_core::event::EventSlice;
 use std::hash::Hasher;
 use twox_hash::XxHash3_64;
 
-/// Values turned into bytes at once.
-const AT_ONCE: usize = 1024;
+/// Values converted at once.
+const VALUES_PER_BLOCK: usize = 1024;
 
-/// A sum over the columns of a stream of events.
+/// A checksum of the columns of a stream of events.
 #[derive(Default)]
-pub struct EventSum([XxHash3_64; 4]);
+pub struct EventChecksum([XxHash3_64; 4]);
 
-impl EventSum {
-    /// Goes on by some events.
+impl EventChecksum {
+    /// Adds events.
     pub fn take(&mut self, events: EventSlice<'_>) {
         let [t, x, y, on] = &mut self.0;
         columns(t, events.t, i64::to_le_bytes);
@@ -22,7 +22,7 @@ impl EventSum {
         columns(on, events.on, |on| [u8::from(on)]);
     }
 
-    /// The sum so far.
+    /// The checksum so far.
     #[must_use]
     pub fn value(&self) -> u64 {
         self.0.iter().fold(0, |sum, column| sum.rotate_left(16) ^ column.finish())
@@ -34,8 +34,8 @@ fn columns<T: Copy, const N: usize>(
     values: &[T],
     bytes_of: impl Fn(T) -> [u8; N],
 ) {
-    let mut bytes = [[0_u8; N]; AT_ONCE];
-    for run in values.chunks(AT_ONCE) {
+    let mut bytes = [[0_u8; N]; VALUES_PER_BLOCK];
+    for run in values.chunks(VALUES_PER_BLOCK) {
         for (bytes, value) in bytes.iter_mut().zip(run) {
             *bytes = bytes_of(*value);
         }
@@ -43,31 +43,31 @@ fn columns<T: Copy, const N: usize>(
     }
 }
 
-/// A sum over the bytes of pictures, one after another.
+/// A checksum of the bytes of consecutive frames.
 #[derive(Default)]
-pub struct PictureSum(XxHash3_64);
+pub struct ImageChecksum(XxHash3_64);
 
-impl PictureSum {
-    /// Goes on by a picture.
+impl ImageChecksum {
+    /// Adds a frame.
     pub fn take(&mut self, bytes: &[u8]) {
         self.0.write(bytes);
     }
 
-    /// The sum so far.
+    /// The checksum so far.
     #[must_use]
     pub fn value(&self) -> u64 {
         self.0.finish()
     }
 }
 
-impl std::fmt::Debug for EventSum {
+impl std::fmt::Debug for EventChecksum {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "EventSum({:016x})", self.value())
+        write!(f, "EventChecksum({:016x})", self.value())
     }
 }
 
-impl std::fmt::Debug for PictureSum {
+impl std::fmt::Debug for ImageChecksum {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "PictureSum({:016x})", self.value())
+        write!(f, "ImageChecksum({:016x})", self.value())
     }
 }

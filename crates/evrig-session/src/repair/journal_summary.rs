@@ -1,6 +1,6 @@
-//! What the journal of a recording tells.
+//! The state of a recording as its journal states it.
 
-use crate::{Loss, SessionError};
+use crate::{DataLoss, SessionError};
 use serde::Deserialize;
 use serde_json::Value;
 use std::fs::File;
@@ -11,23 +11,23 @@ use std::path::Path;
 const MAX_LINE_BYTES: u64 = 16 << 20;
 
 /// The recorder's states, as its journal names them.
-const STATES: [&str; 8] =
+const RECORDER_STATES: [&str; 8] =
     ["preflight", "start pose", "cameras", "lead-in", "trajectory", "tail", "drain", "seal"];
 
 /// A description as it was used.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize)]
-pub(super) struct Described {
+pub(super) struct DescriptionText {
     pub(super) name: String,
     pub(super) text: String,
 }
 
-/// Everything the journal says of its recording.
+/// What the journal states of its recording.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Told {
-    pub(super) rig: Described,
-    pub(super) trajectory: Described,
+pub(super) struct JournalSummary {
+    pub(super) rig: DescriptionText,
+    pub(super) trajectory: DescriptionText,
     pub(super) clocks: Value,
-    /// Devices that were set up, with what they said of themselves.
+    /// Devices that were set up, with their descriptions.
     pub(super) devices: Vec<(String, Value)>,
     /// Host time of the first step, ns of the Unix clock.
     pub(super) began_ns: Option<i64>,
@@ -39,12 +39,12 @@ pub(super) struct Told {
     n_unreadable: u64,
 }
 
-impl Told {
+impl JournalSummary {
     /// Reads a journal; lines that are cut or damaged are counted and left out.
     pub(super) fn read(path: &Path) -> Result<Self, SessionError> {
-        let mut told = Self {
-            rig: Described::default(),
-            trajectory: Described::default(),
+        let mut summary = Self {
+            rig: DescriptionText::default(),
+            trajectory: DescriptionText::default(),
             clocks: Value::Null,
             devices: Vec::new(),
             began_ns: None,
@@ -63,18 +63,18 @@ impl Told {
                 .read_until(b'\n', &mut line)
                 .map_err(SessionError::io(path))?;
             if n == 0 {
-                return Ok(told);
+                return Ok(summary);
             }
             match serde_json::from_slice(&line) {
-                Ok(entry) => told.take(&entry),
+                Ok(entry) => summary.take(&entry),
                 Err(_) if line.iter().all(u8::is_ascii_whitespace) => {}
-                Err(_) => told.n_unreadable += 1,
+                Err(_) => summary.n_unreadable += 1,
             }
         }
     }
 
     fn take(&mut self, entry: &Value) {
-        let described = |key: &str| Described::deserialize(&entry[key]).unwrap_or_default();
+        let described = |key: &str| DescriptionText::deserialize(&entry[key]).unwrap_or_default();
         if let Some(at) = entry["at"].as_str() {
             self.last_at = at.to_owned();
         }
@@ -86,18 +86,20 @@ impl Told {
             }
             "device" => {
                 let name = entry["name"].as_str().unwrap_or_default().to_owned();
-                self.devices.push((name, entry["says"].clone()));
+                // Journals of evrig.session/1 have the key `says`.
+                let description = entry.get("description").or_else(|| entry.get("says"));
+                self.devices.push((name, description.cloned().unwrap_or_default()));
             }
             "first step" => self.began_ns = entry["unix_ns"].as_i64(),
-            state if STATES.contains(&state) => self.state = state.to_owned(),
+            state if RECORDER_STATES.contains(&state) => self.state = state.to_owned(),
             _ => {}
         }
     }
 
     /// What could not be read of the journal.
-    pub(super) fn losses(&self) -> Option<Loss> {
+    pub(super) fn losses(&self) -> Option<DataLoss> {
         let what = "lines that are cut or damaged and were left out".to_owned();
-        let loss = Loss { stream: "journal.jsonl".into(), what, count: self.n_unreadable };
+        let loss = DataLoss { stream: "journal.jsonl".into(), what, count: self.n_unreadable };
         (self.n_unreadable > 0).then_some(loss)
     }
 }

@@ -1,8 +1,8 @@
 //! Frames of the Pi's camera, recorded or imported.
 
-use super::{Picture, PictureFacts, stated_size};
+use super::recorded_frame::{FrameProperties, RecordedFrame, stated_size};
 use crate::rig::middle_crop_origin_px;
-use crate::rig_log::{PictureReader, StoredPicture, Topic};
+use crate::rig_log::{ImageReader, StoredImage, Topic};
 use crate::{Session, SessionError, StreamEntry};
 use evrig_core::frame::{BayerOrder, Channels, Frame, FrameTiming, Samples};
 use evrig_core::geometry::Size;
@@ -13,10 +13,10 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 /// The IMX708's pedestal of ten bits, which imported recordings do not state.
-const PUBLISHED_BLACK_DN: f32 = 64.0;
+const IMX708_BLACK_LEVEL_DN: f32 = 64.0;
 
-enum Source {
-    Log(Box<PictureReader>),
+enum PiSource {
+    Log(Box<ImageReader>),
     Npy {
         reader: ArrayReader<BufReader<File>>,
         stamps: std::iter::Zip<std::vec::IntoIter<i64>, std::vec::IntoIter<i64>>,
@@ -25,14 +25,14 @@ enum Source {
 }
 
 /// Frames of a stream of the Pi's camera, on the clock of its SensorTimestamp, in the order in which
-/// they came; a damaged file gives what stands before the damage.
+/// they came; a damaged file gives what precedes the damage.
 ///
 /// The stamp is the end of the exposure of the first row that the sensor reads, and the crop's rows
-/// come later: `timing.exposure` is that of the crop's own first row, `frame.origin` says where it is.
+/// come later: `timing.exposure` is that of the crop's first row, `frame.origin` its position.
 /// An import states neither exposure nor row time: its timing is the bare stamp, and its RGB frames
-/// show a later exposure than their stamp says, by one frame of the camera at least.
-pub struct PiPictures {
-    source: Source,
+/// are exposed at least one frame later than their stamp.
+pub struct PiCameraFrames {
+    source: PiSource,
     path: PathBuf,
     is_raw: bool,
     row_time: Span,
@@ -41,7 +41,7 @@ pub struct PiPictures {
     next: u64,
 }
 
-impl PiPictures {
+impl PiCameraFrames {
     pub(super) fn open(session: &Session, entry: &StreamEntry) -> Result<Self, SessionError> {
         let path = session.layout().inside(&entry.file)?;
         let size = stated_size(session, entry)?;
@@ -51,7 +51,7 @@ impl PiPictures {
             open_npy(&path, size)?
         } else {
             let topic = if is_raw { Topic::Raw } else { Topic::Rgb };
-            Source::Log(Box::new(PictureReader::open(&path, topic)?))
+            PiSource::Log(Box::new(ImageReader::open(&path, topic)?))
         };
         let pi = session.rig()?.map(|rig| rig.pi);
         let pi = pi.as_ref();
@@ -66,17 +66,17 @@ impl PiPictures {
         })
     }
 
-    /// Pictures left out so far because no metadata tells when they were taken.
+    /// Images left out so far because they have no metadata.
     #[must_use]
-    pub fn n_unexplained(&self) -> u64 {
+    pub fn n_without_metadata(&self) -> u64 {
         match &self.source {
-            Source::Log(reader) => reader.n_unexplained(),
-            Source::Npy { .. } => 0,
+            PiSource::Log(reader) => reader.n_without_metadata(),
+            PiSource::Npy { .. } => 0,
         }
     }
 
-    fn recorded(&self, stored: StoredPicture) -> Result<Picture<PiSensor>, SessionError> {
-        let StoredPicture { metadata, samples } = stored;
+    fn recorded(&self, stored: StoredImage) -> Result<RecordedFrame<PiSensor>, SessionError> {
+        let StoredImage { metadata, samples } = stored;
         let size = metadata.size;
         let rows = |n: i64| Span::from_nanos(self.row_time.as_nanos().saturating_mul(n));
         let first_end = metadata.sensor_timestamp + rows(self.origin[1].into());
@@ -87,14 +87,14 @@ impl PiPictures {
             row_time: self.row_time,
         };
         let bayer = if self.is_raw {
-            Some(metadata.bayer.parse().map_err(|error: evrig_core::frame::UnknownOrder| {
+            Some(metadata.bayer.parse().map_err(|error: evrig_core::keyword::UnknownKeyword| {
                 let frame = metadata.sequence;
                 SessionError::import(&self.path, format!("frame {frame}: {error}"))
             })?)
         } else {
             None
         };
-        let facts = PictureFacts {
+        let properties = FrameProperties {
             bits: if self.is_raw { self.raw_bits } else { 8 },
             bayer,
             // The processing that makes RGB has taken the pedestal off.
@@ -102,7 +102,7 @@ impl PiPictures {
             gain: Some(metadata.analogue_gain * metadata.digital_gain),
             real_time: Some(metadata.real_time),
         };
-        Ok(self.picture(timing, size, samples, 3, facts))
+        Ok(self.picture(timing, size, samples, 3, properties))
     }
 
     fn imported(
@@ -111,26 +111,26 @@ impl PiPictures {
         real_time: Option<Stamp<Unix>>,
         size: Size,
         samples: Samples,
-    ) -> Picture<PiSensor> {
-        let facts = PictureFacts {
+    ) -> RecordedFrame<PiSensor> {
+        let properties = FrameProperties {
             bits: if self.is_raw { 10 } else { 8 },
             bayer: self.is_raw.then_some(BayerOrder::Rggb),
-            black_dn: [if self.is_raw { PUBLISHED_BLACK_DN } else { 0.0 }; 4],
+            black_dn: [if self.is_raw { IMX708_BLACK_LEVEL_DN } else { 0.0 }; 4],
             gain: None,
             real_time,
         };
-        self.picture(FrameTiming::from_stamp(stamp), size, samples, 4, facts)
+        self.picture(FrameTiming::from_stamp(stamp), size, samples, 4, properties)
     }
 
-    /// The picture; colours come as R, G, B (and one that is not used), `n_stored` samples a pixel.
+    /// The frame; colours come as R, G, B (and one unused), `n_stored` samples per pixel.
     fn picture(
         &self,
         timing: FrameTiming<PiSensor>,
         size: Size,
         samples: Samples,
         n_stored: usize,
-        facts: PictureFacts,
-    ) -> Picture<PiSensor> {
+        properties: FrameProperties,
+    ) -> RecordedFrame<PiSensor> {
         let (channels, samples) = match samples {
             Samples::U8(rgb) if !self.is_raw => {
                 let pixels = rgb.chunks_exact(n_stored);
@@ -140,16 +140,16 @@ impl PiPictures {
             samples => (Channels::Gray, samples),
         };
         let frame = Frame { timing, size, origin: self.origin, channels, samples };
-        Picture { number: self.next, frame, facts }
+        RecordedFrame { number: self.next, frame, properties }
     }
 
-    fn read(&mut self) -> Option<Result<Picture<PiSensor>, SessionError>> {
+    fn read(&mut self) -> Option<Result<RecordedFrame<PiSensor>, SessionError>> {
         match &mut self.source {
-            Source::Log(reader) => match reader.next()? {
+            PiSource::Log(reader) => match reader.next()? {
                 Ok(stored) => Some(self.recorded(stored)),
                 Err(error) => Some(Err(error.into())),
             },
-            Source::Npy { reader, stamps, size } => {
+            PiSource::Npy { reader, stamps, size } => {
                 let (stamp_ns, real_us) = stamps.next()?;
                 let size = *size;
                 let n = size.n_pixels();
@@ -169,8 +169,8 @@ impl PiPictures {
     }
 }
 
-impl Iterator for PiPictures {
-    type Item = Result<Picture<PiSensor>, SessionError>;
+impl Iterator for PiCameraFrames {
+    type Item = Result<RecordedFrame<PiSensor>, SessionError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         let picture = self.read()?;
@@ -179,7 +179,7 @@ impl Iterator for PiPictures {
     }
 }
 
-fn open_npy(path: &Path, size: Size) -> Result<Source, SessionError> {
+fn open_npy(path: &Path, size: Size) -> Result<PiSource, SessionError> {
     let sensor = read_column(&path.with_file_name("sensor_timestamp_ns.npy"))?;
     let real = read_column(&path.with_file_name("real_time_us.npy"))?;
     let reader = ArrayReader::open(path)?;
@@ -189,7 +189,7 @@ fn open_npy(path: &Path, size: Size) -> Result<Source, SessionError> {
     let [mut sensor, mut real] = [sensor, real];
     sensor.truncate(n);
     real.truncate(n);
-    Ok(Source::Npy { reader, stamps: sensor.into_iter().zip(real), size })
+    Ok(PiSource::Npy { reader, stamps: sensor.into_iter().zip(real), size })
 }
 
 /// The import wrote zero for a time that could not be read.

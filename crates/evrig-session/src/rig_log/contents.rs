@@ -18,30 +18,30 @@ pub struct TimedPose {
     pub pose: Pose,
 }
 
-/// What the rig's log holds beside pictures, each kind in the order of the file.
+/// The contents of the rig's log other than images, each kind in file order.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct RigNotes {
-    /// What the Pi's camera says of each frame.
+pub struct RigLogContents {
+    /// Metadata of the Pi's frames.
     pub metadata: Vec<FrameMetadata>,
     /// The Pi's clocks, read between two readings of the host's.
     pub exchanges: Vec<ClockExchange>,
     /// When packets of the event camera reached the host.
     pub arrivals: Vec<PacketArrival>,
-    /// Where the arm's planner said the tool was.
+    /// Poses reported by the arm.
     pub poses: Vec<TimedPose>,
-    /// Where the trajectory said it was to be.
+    /// Poses commanded by the trajectory.
     pub commanded: Vec<TimedPose>,
 }
 
-/// Reads everything but the pictures, up to the end or the first damage.
+/// Reads everything but the images, up to the end or the first damage.
 ///
 /// # Errors
-/// When the file cannot be read, or a message is not what its topic says.
-pub(crate) fn read_notes(path: &Path) -> Result<RigNotes, RigLogError> {
+/// When the file cannot be read, or a message is not of its topic's schema.
+pub(crate) fn read_contents(path: &Path) -> Result<RigLogContents, RigLogError> {
     const WANTED: [Topic; 5] =
         [Topic::FrameMetadata, Topic::PiClock, Topic::Arrivals, Topic::ArmPose, Topic::Commanded];
     let mut reader = RigLogReader::open(path, &WANTED)?;
-    let mut notes = RigNotes::default();
+    let mut notes = RigLogContents::default();
     while let Some(message) = reader.next() {
         let message = message?;
         notes.take(&message).map_err(|error| reader.malformed(message.topic, error.to_string()))?;
@@ -49,7 +49,7 @@ pub(crate) fn read_notes(path: &Path) -> Result<RigNotes, RigLogError> {
     Ok(notes)
 }
 
-impl RigNotes {
+impl RigLogContents {
     fn take(&mut self, message: &LoggedMessage) -> Result<(), serde_json::Error> {
         let data = &message.data;
         match message.topic {
@@ -90,7 +90,7 @@ struct Vector {
     z: f64,
 }
 
-/// A quaternion about z: the arm's tool turns about nothing else.
+/// A quaternion about z, the only axis of the tool's rotation.
 #[derive(Deserialize)]
 struct Turn {
     z: f64,

@@ -1,6 +1,6 @@
 //! Frames on the events' clock: the DAVIS's own, and imported arrays.
 
-use super::{Picture, PictureFacts, stated_size};
+use super::recorded_frame::{FrameProperties, RecordedFrame, stated_size};
 use crate::{Session, SessionError, StreamEntry};
 use evrig_core::frame::{Frame, FrameTiming, Samples};
 use evrig_core::geometry::Size;
@@ -11,7 +11,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-enum Source {
+enum DavisSource {
     Aedat4 {
         reader: Box<Reader<BufReader<File>>>,
         id: Option<u32>,
@@ -24,21 +24,21 @@ enum Source {
     },
 }
 
-/// Frames of a stream on the events' clock; a damaged file gives what stands before the damage.
-pub struct DavisPictures {
-    source: Source,
+/// Frames of a stream on the events' clock; a damaged file gives what precedes the damage.
+pub struct DavisFrames {
+    source: DavisSource,
     black_dn: f32,
     gain: Option<f64>,
     next: u64,
 }
 
-impl DavisPictures {
+impl DavisFrames {
     pub(super) fn open(session: &Session, entry: &StreamEntry) -> Result<Self, SessionError> {
         let path = session.layout().inside(&entry.file)?;
         let source = if path.extension().is_some_and(|extension| extension == "npy") {
             open_npy(&path, stated_size(session, entry)?)?
         } else {
-            Source::Aedat4 { reader: Box::new(Reader::open(&path)?), id: entry.stream_id }
+            DavisSource::Aedat4 { reader: Box::new(Reader::open(&path)?), id: entry.stream_id }
         };
         let camera = session.rig()?.map(|rig| rig.davis.camera);
         Ok(Self {
@@ -51,7 +51,7 @@ impl DavisPictures {
 
     fn frame(&mut self) -> Option<Result<Frame<Davis>, SessionError>> {
         match &mut self.source {
-            Source::Aedat4 { reader, id } => loop {
+            DavisSource::Aedat4 { reader, id } => loop {
                 let packet = reader.next()?.ok()?;
                 match packet.content {
                     Content::Frame(frame) if id.is_none_or(|id| id == packet.stream) => {
@@ -60,7 +60,7 @@ impl DavisPictures {
                     _ => {}
                 }
             },
-            Source::Npy { reader, times, size, n_bytes } => {
+            DavisSource::Npy { reader, times, size, n_bytes } => {
                 let stamp = Stamp::from_micros(times.next()?);
                 let n = size.n_pixels();
                 let samples = match n_bytes {
@@ -75,16 +75,16 @@ impl DavisPictures {
     }
 }
 
-fn open_npy(path: &Path, size: Size) -> Result<Source, SessionError> {
+fn open_npy(path: &Path, size: Size) -> Result<DavisSource, SessionError> {
     let times = super::pi::read_column(&path.with_file_name("timestamps_us.npy"))?;
     let reader = ArrayReader::open(path)?;
     let n_bytes = reader.unsigned_bytes().filter(|n| *n <= 2);
     let n_bytes = n_bytes.ok_or_else(|| SessionError::import(path, "is not of u8 or u16"))?;
-    Ok(Source::Npy { reader, times: times.into_iter(), size, n_bytes })
+    Ok(DavisSource::Npy { reader, times: times.into_iter(), size, n_bytes })
 }
 
-impl Iterator for DavisPictures {
-    type Item = Result<Picture<Davis>, SessionError>;
+impl Iterator for DavisFrames {
+    type Item = Result<RecordedFrame<Davis>, SessionError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         let frame = match self.frame()? {
@@ -93,13 +93,13 @@ impl Iterator for DavisPictures {
         };
         let number = self.next;
         self.next += 1;
-        let facts = PictureFacts {
+        let properties = FrameProperties {
             bits: frame.samples.bits(),
             bayer: None,
             black_dn: [self.black_dn; 4],
             gain: self.gain,
             real_time: None,
         };
-        Some(Ok(Picture { number, frame, facts }))
+        Some(Ok(RecordedFrame { number, frame, properties }))
     }
 }
