@@ -135,11 +135,13 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    const MAGICIAN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../rig/magician.toml");
+
     #[test]
     fn the_rig_files_in_the_repository_parse() {
         let sim = Rig::simulated().unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(sim.arm.port, ArmPort::Sim);
-        let template = Rig::read(Path::new("rig/magician.toml")).unwrap_or_else(|e| panic!("{e}"));
+        let template = Rig::read(Path::new(MAGICIAN)).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(template.arm.port, ArmPort::Auto);
     }
 
@@ -152,7 +154,7 @@ mod tests {
 
     #[test]
     fn a_rig_is_found_by_file_or_by_name_and_else_a_name_is_suggested() {
-        assert_eq!(Rig::find("rig/magician.toml").unwrap(), Rig::find("magician").unwrap());
+        assert_eq!(Rig::find(MAGICIAN).unwrap(), Rig::find("magician").unwrap());
         let error = Rig::find("no/such/sim.toml").unwrap_err().to_string();
         assert!(
             error.contains("no/such/sim.toml") && error.contains("did you mean `sim`"),

@@ -126,7 +126,9 @@ mod tests {
 
     #[test]
     fn every_file_in_the_folder_is_bundled() {
-        for entry in std::fs::read_dir("trajectories").unwrap() {
+        for entry in
+            std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../../trajectories")).unwrap()
+        {
             let path = entry.unwrap().path();
             let name = path.file_stem().unwrap().to_str().unwrap();
             assert!(Trajectory::bundled_names().any(|bundled| bundled == name), "{name}");
