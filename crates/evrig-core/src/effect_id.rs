@@ -1,8 +1,8 @@
 //! Identifiers of physical effects, shared by simulated world, generators and diagnosis.
 //!
 //! How an effect acts in the simulated world, in a generator and in the residuals is implemented in
-//! three crates that share only this table. Identifiers and parameter keys are stable: sealed trials
-//! and `diagnosis.json` contain them. Add some, rename none.
+//! three crates that share only this table. Identifiers and parameter keys are stable: sealed
+//! trials and `diagnosis.json` contain them. Add some, rename none.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;

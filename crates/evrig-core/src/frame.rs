@@ -62,7 +62,8 @@ pub struct Luminance {
     pub t_us: i64,
     /// Columns and rows.
     pub size: Size,
-    /// Row-major brightness in the frame's own digital units (8 bit: 0..=255, raw 10 bit: 0..=1023).
+    /// Row-major brightness in the frame's own digital units (8 bit: 0..=255, raw 10 bit:
+    /// 0..=1023).
     pub values: Vec<f32>,
 }
 
@@ -138,7 +139,8 @@ impl<C: Clock> Frame<C> {
         Self { timing, size, origin: [0, 0], channels: Channels::Gray, samples }
     }
 
-    /// Brightness of each pixel in the frame's own digital units, row-major; colour is weighted as in BT.601.
+    /// Brightness of each pixel in the frame's own digital units, row-major; colour is weighted as
+    /// in BT.601.
     #[must_use]
     pub fn brightness(&self) -> Vec<f32> {
         match &self.samples {

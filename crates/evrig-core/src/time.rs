@@ -39,7 +39,8 @@ clock!(
     "host-monotonic"
 );
 clock!(
-    /// The DAVIS's stamps as its recorder writes them (Unix microseconds taken at its reset, then its own crystal).
+    /// The DAVIS's stamps as its recorder writes them (Unix microseconds taken at its reset, then
+    /// its own crystal).
     Davis,
     "davis"
 );

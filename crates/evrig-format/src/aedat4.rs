@@ -15,10 +15,11 @@
 //! refuses files that hold a stream kind it does not know, and cannot write.
 //!
 //! # What is not checked here
-//! Events are returned as stored: coordinates outside the sensor and disorder are for the session to
-//! find ([`evrig_core::event::EventSlice::first_outside`], [`evrig_core::event::EventSlice::first_disorder`]).
-//! What cannot be represented at all is counted in [`Losses`]. Most files carry no checksum, so a
-//! flipped bit inside a packet may go unseen; the session's own checksums are for that.
+//! Events are returned as stored: coordinates outside the sensor and disorder are for the session
+//! to find ([`evrig_core::event::EventSlice::first_outside`],
+//! [`evrig_core::event::EventSlice::first_disorder`]). What cannot be represented at all is counted
+//! in [`Losses`]. Most files carry no checksum, so a flipped bit inside a packet may go unseen; the
+//! session's own checksums are for that.
 
 mod compression;
 mod cut;

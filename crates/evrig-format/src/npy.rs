@@ -40,7 +40,8 @@ impl NpyError {
     }
 
     fn io(path: &std::path::Path, source: std::io::Error) -> Self {
-        // npyz reports a malformed header as invalid data; that is the format's fault, not the disk's.
+        // npyz reports a malformed header as invalid data; that is the format's fault, not the
+        // disk's.
         match source.kind() {
             std::io::ErrorKind::InvalidData => {
                 // npyz draws the line that it could not read below its message, however long it is.

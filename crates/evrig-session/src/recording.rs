@@ -53,7 +53,8 @@ pub fn seal_recording(
                 count: found.count,
                 first_us: found.first_us,
                 last_us: found.last_us,
-                // The log is ordered by the host's clock; each message holds its device's own stamp.
+                // The log is ordered by the host's clock; each message holds its device's own
+                // stamp.
                 clock: Unix::NAME.into(),
                 source: found.topic.name().to_owned(),
             }

@@ -38,7 +38,8 @@ impl Verification {
 /// Recomputes checksums and counts of a session, recorded and derived.
 ///
 /// # Errors
-/// When the manifest points outside the session; files that are missing, cut or changed are findings.
+/// When the manifest points outside the session; files that are missing, cut or changed are
+/// findings.
 pub fn verify(session: &Session) -> Result<Verification, SessionError> {
     let mut verification = Verification::default();
     for (name, entry) in &session.manifest().files {

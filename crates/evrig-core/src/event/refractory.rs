@@ -2,8 +2,8 @@
 
 use crate::geometry::Size;
 
-/// Passes an event that comes at least the refractory period after the last passed event of its pixel,
-/// of either polarity.
+/// Passes an event that comes at least the refractory period after the last passed event of its
+/// pixel, of either polarity.
 #[derive(Debug, Clone)]
 pub struct RefractoryFilter {
     /// The first time at which a pixel may fire again.
@@ -18,8 +18,8 @@ impl RefractoryFilter {
         Self { ready: vec![i64::MIN; size.n_pixels()], us }
     }
 
-    /// Whether an event at `t` (µs) passes; a pixel's events come in the order of time. `pixel` is its
-    /// place by [`Size::index`].
+    /// Whether an event at `t` (µs) passes; a pixel's events come in the order of time. `pixel` is
+    /// its place by [`Size::index`].
     pub fn passes(&mut self, t: i64, pixel: usize) -> bool {
         let ready = &mut self.ready[pixel];
         let is_kept = t >= *ready;

@@ -1,4 +1,5 @@
-//! Colour mosaics: which pixel has which colour, the four planes, brightness of all colours together.
+//! Colour mosaics: which pixel has which colour, the four planes, brightness of all colours
+//! together.
 
 use crate::geometry::Size;
 use crate::keyword::UnknownKeyword;
@@ -87,8 +88,9 @@ impl BayerOrder {
 pub struct BayerPlanes {
     /// Columns and rows of each plane: half the mosaic's, rounded down.
     pub size: Size,
-    /// Row-major values minus the pedestal, in the mosaic's digital units; places as in [`BayerSite`].
-    /// Pixel (i, j) of a plane is pixel (2 i + x0, 2 j + y0) of the mosaic, x0, y0 its [`BayerOrder::first`].
+    /// Row-major values minus the pedestal, in the mosaic's digital units; places as in
+    /// [`BayerSite`]. Pixel (i, j) of a plane is pixel (2 i + x0, 2 j + y0) of the mosaic, x0, y0
+    /// its [`BayerOrder::first`].
     pub values: [Vec<f32>; 4],
 }
 
@@ -115,12 +117,14 @@ impl BayerPlanes {
     }
 }
 
-/// Brightness (R + 2 G + B) / 4 at each pixel of a mosaic, in its digital units with the pedestal in it.
+/// Brightness (R + 2 G + B) / 4 at each pixel of a mosaic, in its digital units with the pedestal
+/// in it.
 ///
-/// Every pixel is the mean of its surroundings with weights 1 2 1 along rows and along columns, which
-/// weights each colour equally at every pixel: what a bilinear demosaic gives at red and
-/// blue pixels, and no pattern of the mosaic between them. It blurs by a sigma of 0.71 pixels and moves
-/// nothing; borders are mirrored. All bits are kept. A frame of one row or column is returned as it is.
+/// Every pixel is the mean of its surroundings with weights 1 2 1 along rows and along columns,
+/// which weights each colour equally at every pixel: what a bilinear demosaic gives at red and blue
+/// pixels, and no pattern of the mosaic between them. It blurs by a sigma of 0.71 pixels and moves
+/// nothing; borders are mirrored. All bits are kept. A frame of one row or column is returned as it
+/// is.
 #[must_use]
 pub fn bayer_brightness(mosaic: &[u16], size: Size) -> Vec<f32> {
     let (width, height) = (usize::from(size.width), usize::from(size.height));

@@ -59,9 +59,9 @@ impl Homography {
         &self.matrix
     }
 
-    /// The homography that takes each first point to its second: exact for four pairs, else of least
-    /// algebraic error (the normalised direct linear transform; Hartley and Zisserman, "Multiple
-    /// View Geometry", 2nd edition, algorithm 4.2).
+    /// The homography that takes each first point to its second: exact for four pairs, else of
+    /// least algebraic error (the normalised direct linear transform; Hartley and Zisserman,
+    /// "Multiple View Geometry", 2nd edition, algorithm 4.2).
     ///
     /// # Errors
     /// When the points are too few or do not fix it.

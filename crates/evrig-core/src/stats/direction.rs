@@ -16,8 +16,8 @@ impl MeanDirection {
         self.n += 1;
     }
 
-    /// Length of the mean of the unit vectors: 1 when all angles are one, about 0.9 / sqrt(n) when n
-    /// independent ones come by chance; `NaN` without any.
+    /// Length of the mean of the unit vectors: 1 when all angles are one, about 0.9 / sqrt(n) when
+    /// n independent ones come by chance; `NaN` without any.
     #[must_use]
     pub fn length(&self) -> f64 {
         self.cos.hypot(self.sin) / self.n as f64

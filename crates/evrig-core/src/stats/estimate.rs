@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 /// A value with its standard error, interval and sample size.
 ///
-/// JSON knows no NaN: what is not known is `null` there, and [`read_back`](super::read_back()) reads it as NaN.
+/// JSON knows no NaN: what is not known is `null` there, and [`read_back`](super::read_back())
+/// reads it as NaN.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The best value; NaN when there were no samples to form one.

@@ -75,7 +75,8 @@ pub fn median(samples: impl IntoIterator<Item = f64>) -> Option<f64> {
     (!sorted.is_empty()).then(|| quantile_sorted(&sorted, 0.5))
 }
 
-/// The upper median, which is one of the samples; they are put in another order. `None` without any.
+/// The upper median, which is one of the samples; they are put in another order. `None` without
+/// any.
 #[must_use]
 pub fn upper_median(samples: &mut [f64]) -> Option<f64> {
     let middle = samples.len() / 2;

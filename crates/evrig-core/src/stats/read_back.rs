@@ -6,8 +6,8 @@ use serde::forward_to_deserialize_any;
 use serde_json::{Error, Value};
 
 /// Reads a result that was written as JSON. An unknown number is `null` there and NaN here, as it
-/// was before; where it is an `Option`, it is none. Inside of enums and of what is flattened a number has
-/// to be known.
+/// was before; where it is an `Option`, it is none. Inside of enums and of what is flattened a
+/// number has to be known.
 ///
 /// # Errors
 /// When the text is no JSON, or not of this result.

@@ -1,7 +1,7 @@
 //! Confidence interval of a proportion.
 
-/// Wilson's 95 % confidence interval of a proportion with `hits` of `n` (Wilson, JASA 22 (1927) 209);
-/// `[0, 1]` for `n` of 0.
+/// Wilson's 95 % confidence interval of a proportion with `hits` of `n` (Wilson, JASA 22 (1927)
+/// 209); `[0, 1]` for `n` of 0.
 #[must_use]
 pub fn wilson95(hits: u64, n: u64) -> [f64; 2] {
     if n == 0 {

@@ -33,8 +33,8 @@ impl Decoded {
     }
 }
 
-/// Decodes a decompressed payload of a known kind, events into the memory of `spare`; the error describes
-/// what was found instead.
+/// Decodes a decompressed payload of a known kind, events into the memory of `spare`; the error
+/// describes what was found instead.
 pub(super) fn decode(kind: &PayloadKind, payload: &[u8], spare: Events) -> Result<Decoded, String> {
     check_identifier(kind, payload)?;
     overflow::check(payload, matches!(kind, PayloadKind::Imu | PayloadKind::Triggers))?;
@@ -70,7 +70,8 @@ fn check_identifier(kind: &PayloadKind, payload: &[u8]) -> Result<(), String> {
     }
 }
 
-/// Splits the 16-byte events (i64 t, i16 x, i16 y, bool on, 3 bytes padding) into columns in one pass.
+/// Splits the 16-byte events (i64 t, i16 x, i16 y, bool on, 3 bytes padding) into columns in one
+/// pass.
 fn decode_events(elements: &[Event], spare: Events) -> Decoded {
     let (mut t, mut x, mut y, mut on) = spare.into_columns();
     t.resize(elements.len(), 0);
@@ -167,7 +168,8 @@ fn represent_frame(table: &frame::Frame<'_>) -> Result<Frame<Davis>, String> {
     Ok(Frame { timing, size, origin, channels, samples })
 }
 
-/// Channels and bits per sample of an OpenCV type code: depth in the lowest three bits, channels minus one above.
+/// Channels and bits per sample of an OpenCV type code: depth in the lowest three bits, channels
+/// minus one above.
 fn layout(code: i8) -> Result<(Channels, usize), String> {
     let bits = match code & 7 {
         0 => 8,

@@ -10,7 +10,8 @@ use evrig_core::imu::{ImuSample, Trigger};
 use evrig_core::time::{Davis, Stamp};
 use flatbuffers::FlatBufferBuilder;
 
-/// Fields of a frame that dv-processing added after `aedat`'s schema: exposure in µs, kind of source.
+/// Fields of a frame that dv-processing added after `aedat`'s schema: exposure in µs, kind of
+/// source.
 const VT_EXPOSURE: u16 = 26;
 const VT_SOURCE: u16 = 28;
 

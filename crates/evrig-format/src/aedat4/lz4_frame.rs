@@ -14,7 +14,8 @@ use twox_hash::XxHash32;
 
 const MAGIC: [u8; 4] = [0x04, 0x22, 0x4d, 0x18];
 
-/// Version 01 in the two highest bits of the flags, which end in a reserved bit and the dictionary's.
+/// Version 01 in the two highest bits of the flags, which end in a reserved bit and the
+/// dictionary's.
 const VERSION: u8 = 0x40;
 /// Bits that must be as in [`VERSION`]: version, reserved, dictionary (which AEDAT4 never has).
 const FIXED_FLAGS: u8 = 0xc3;
@@ -27,7 +28,8 @@ const HAS_CONTENT_SIZE: u8 = 0x08;
 /// Flag: a checksum of the content follows the end.
 const HAS_CONTENT_SUM: u8 = 0x04;
 
-/// Bytes of a written frame without its blocks: magic, descriptor and checksum; end mark and checksum.
+/// Bytes of a written frame without its blocks: magic, descriptor and checksum; end mark and
+/// checksum.
 const HEAD_AND_END_BYTES: usize = 7 + 8;
 
 /// Largest offset of a match.
@@ -40,8 +42,8 @@ const IS_STORED: u32 = 1 << 31;
 const BLOCK_SIZES: [(u8, usize); 4] =
     [(0x40, 1 << 16), (0x50, 1 << 18), (0x60, 1 << 20), (0x70, 1 << 22)];
 
-/// Decompresses into the first bytes of `plain` and returns their number; `plain` grows as needed and is
-/// never shrunk, because growing clears memory.
+/// Decompresses into the first bytes of `plain` and returns their number; `plain` grows as needed
+/// and is never shrunk, because growing clears memory.
 pub(super) fn decompress(
     raw: &[u8],
     limit: usize,

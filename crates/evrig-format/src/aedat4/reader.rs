@@ -14,8 +14,8 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-/// Packets read ahead at most. Live sources, which must not wait for the next packet, read one; so do
-/// uncompressed files, whose packets are split into columns fastest while they are in the cache.
+/// Packets read ahead at most. Live sources, which must not wait for the next packet, read one; so
+/// do uncompressed files, whose packets are split into columns fastest while they are in the cache.
 const READ_AHEAD_PACKETS: usize = 256;
 
 /// Bytes of the file after which no further packet is read ahead.
@@ -31,10 +31,10 @@ const PARTS_PER_THREAD: usize = 4;
 
 /// Reads AEDAT4 packet by packet, from a file or a socket, in bounded memory.
 ///
-/// An iterator over packets in file order. After damage, a cut or an I/O error it yields
-/// exactly one error and then ends; every packet before the error was delivered. A clean
-/// end yields none. Memory: some packets a thread, read ahead and decoded side by side, at most
-/// [`MAX_PACKET_BYTES`] for each of raw bytes, all packets decoded together, and a single large one.
+/// An iterator over packets in file order. After damage, a cut or an I/O error it yields exactly
+/// one error and then ends; every packet before the error was delivered. A clean end yields none.
+/// Memory: some packets a thread, read ahead and decoded side by side, at most [`MAX_PACKET_BYTES`]
+/// for each of raw bytes, all packets decoded together, and a single large one.
 #[derive(Debug)]
 pub struct Reader<R> {
     framing: Framing<R>,
@@ -113,7 +113,8 @@ impl<R: Read> Reader<R> {
 
     /// Reads from a socket: without the first bytes of a file, and each packet as soon as it came.
     ///
-    /// The end of the source between two packets is a clean end; a time-out of the socket is an error.
+    /// The end of the source between two packets is a clean end; a time-out of the socket is an
+    /// error.
     ///
     /// # Errors
     /// [`ReadError`] when the bytes do not begin with a header.

@@ -80,8 +80,8 @@ impl Writer<BufWriter<File>> {
 }
 
 impl Writer<BufWriter<Destination>> {
-    /// Writes what is recorded, as it comes. A pipe gets the bytes of the file but for the data table
-    /// at its end, which a reader finds by going back.
+    /// Writes what is recorded, as it comes. A pipe gets the bytes of the file but for the data
+    /// table at its end, which a reader finds by going back.
     ///
     /// # Errors
     /// [`WriteError`] when the header cannot be written.
@@ -127,7 +127,8 @@ impl<W: Write + Seek> Writer<W> {
 }
 
 impl<W: Write> Writer<W> {
-    /// Writes in the framing of a socket: no first bytes, no data table, and each packet is flushed.
+    /// Writes in the framing of a socket: no first bytes, no data table, and each packet is
+    /// flushed.
     ///
     /// # Errors
     /// [`WriteError`] when the header cannot be written.
@@ -167,12 +168,14 @@ impl<W: Write> Writer<W> {
         self.summary.n_packets
     }
 
-    /// Writes a run of events in packets of 8,192 to 32,768 events, of 10 ms or, in quiet scenes, up to 1 s.
+    /// Writes a run of events in packets of 8,192 to 32,768 events, of 10 ms or, in quiet scenes,
+    /// up to 1 s.
     ///
     /// A call ends a packet, so what is written as it arrives is there at once.
     ///
     /// # Errors
-    /// [`WriteError`] when the stream carries no events, a coordinate is above 32,767, or writing fails.
+    /// [`WriteError`] when the stream carries no events, a coordinate is above 32,767, or writing
+    /// fails.
     pub fn write_events(&mut self, stream: u32, events: EventSlice<'_>) -> Result<(), WriteError> {
         self.check_stream(stream, &PayloadKind::Events, "events")?;
         let union = |column: &[u16]| column.iter().fold(0, |union, c| union | c);
@@ -247,8 +250,8 @@ impl<W: Write> Writer<W> {
     /// Writes one frame.
     ///
     /// # Errors
-    /// [`WriteError`] when the stream carries no frames, the samples do not match the frame's size or
-    /// larger than AEDAT4 can hold, or writing fails.
+    /// [`WriteError`] when the stream carries no frames, the samples do not match the frame's size
+    /// or larger than AEDAT4 can hold, or writing fails.
     pub fn write_frame(&mut self, stream: u32, frame: &Frame<Davis>) -> Result<(), WriteError> {
         self.check_stream(stream, &PayloadKind::Frames, "frames")?;
         let n_samples = frame.size.n_pixels() * frame.channels.count();

@@ -52,7 +52,8 @@ impl Column {
     }
 }
 
-/// An array read whole: its shape and one column a field (one column without a name for plain arrays).
+/// An array read whole: its shape and one column a field (one column without a name for plain
+/// arrays).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Array {
     /// Length along each axis.
@@ -88,8 +89,8 @@ impl ArrayReader<BufReader<File>> {
     /// Opens an npy file and reads its header.
     ///
     /// # Errors
-    /// When the file cannot be read, is not an npy array of numbers in C order, or ends before the data
-    /// that its header announces.
+    /// When the file cannot be read, is not an npy array of numbers in C order, or ends before the
+    /// data that its header announces.
     pub fn open(path: &Path) -> Result<Self, NpyError> {
         let io = |source| NpyError::io(path, source);
         let file = File::open(path).map_err(io)?;

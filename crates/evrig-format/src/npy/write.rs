@@ -57,7 +57,8 @@ impl<T: Element> ArrayWriter<T> {
     }
 }
 
-/// Writes an npz archive, array after array, compressed by deflate as `numpy.savez_compressed` does.
+/// Writes an npz archive, array after array, compressed by deflate as `numpy.savez_compressed`
+/// does.
 pub struct NpzWriter<W: Write + Seek> {
     path: PathBuf,
     zip: zip::ZipWriter<W>,

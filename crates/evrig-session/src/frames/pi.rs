@@ -24,8 +24,8 @@ enum PiSource {
     },
 }
 
-/// Frames of a stream of the Pi's camera, on the clock of its SensorTimestamp, in the order in which
-/// they came; a damaged file gives what precedes the damage.
+/// Frames of a stream of the Pi's camera, on the clock of its SensorTimestamp, in the order in
+/// which they came; a damaged file gives what precedes the damage.
 ///
 /// The stamp is the end of the exposure of the first row that the sensor reads, and the crop's rows
 /// come later: `timing.exposure` is that of the crop's first row, `frame.origin` its position.

@@ -89,7 +89,8 @@ pub struct PiDescription {
     /// The directory with this machine's keys, for `tls://`; none for the user's own.
     pub keys: Option<String>,
     /// Column and row of the crop's first pixel in the sensor's mode, whose rows are read one after
-    /// another from the SensorTimestamp on. Where it is not stated: the middle of the 1536 x 864 mode.
+    /// another from the SensorTimestamp on. Where it is not stated: the middle of the 1536 x 864
+    /// mode.
     pub crop_origin_px: [i16; 2],
 }
 

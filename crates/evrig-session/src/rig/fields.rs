@@ -1,4 +1,5 @@
-//! Reading a description file key by key, so that all its mistakes are named at once, each with its line.
+//! Reading a description file key by key, so that all its mistakes are named at once, each with its
+//! line.
 //!
 //! Serde stops at the first mistake and knows neither ranges nor suggestions;
 //! here every key is asked for by name with its unit and range, and what was

@@ -1,4 +1,5 @@
-//! The Magician's kinematics: joints to pose, pose to joints, speeds of the one to speeds of the other.
+//! The Magician's kinematics: joints to pose, pose to joints, speeds of the one to speeds of the
+//! other.
 //!
 //! J2 is measured from the vertical and J3 from the horizontal, both absolute:
 //! a parallelogram keeps the wrist level, so that the tool's height and reach

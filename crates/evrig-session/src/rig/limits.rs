@@ -168,7 +168,8 @@ impl ArmDescription {
         }
     }
 
-    /// A motion through `joints` at a tool speed of `[mm/s, mm/s, mm/s, deg/s]` against the joints' speeds.
+    /// A motion through `joints` at a tool speed of `[mm/s, mm/s, mm/s, deg/s]` against the joints'
+    /// speeds.
     #[must_use]
     pub fn gauge_joint_speeds(&self, joints: Joints, tool_speed: [f64; 4]) -> [Gauge; 4] {
         let speeds = self.kinematics.joint_speeds(joints, tool_speed);

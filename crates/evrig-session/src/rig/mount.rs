@@ -88,7 +88,8 @@ impl Mount {
 }
 
 impl CameraFrame {
-    /// A point of the base frame in camera coordinates: right, down, forward of its centre, millimetres.
+    /// A point of the base frame in camera coordinates: right, down, forward of its centre,
+    /// millimetres.
     #[must_use]
     pub fn to_camera(&self, point_mm: Vector3<f64>) -> [f64; 3] {
         let from_centre = point_mm - self.centre_mm;

@@ -18,7 +18,8 @@ pub fn read_text(path: &Path) -> Result<String, DescriptionError> {
     std::fs::read_to_string(path).map_err(unreadable)
 }
 
-/// The file a user named, or else the bundled description of that name: its name in messages and its text.
+/// The file a user named, or else the bundled description of that name: its name in messages and
+/// its text.
 pub fn find_text(
     what: &'static str,
     named: &str,

@@ -1,8 +1,9 @@
-//! Checks the lengths of a chunk's records against the chunk's length, before the library subtracts them.
+//! Checks the lengths of a chunk's records against the chunk's length, before the library subtracts
+//! them.
 //!
-//! mcap 0.26 subtracts the length that a record claims from what is left of its chunk without asking
-//! whether it fits; in a damaged file the difference is negative. Here every length is checked on
-//! its way from the file to the library; reading ends at the first that does not fit.
+//! mcap 0.26 subtracts the length that a record claims from what is left of its chunk without
+//! asking whether it fits; in a damaged file the difference is negative. Here every length is
+//! checked on its way from the file to the library; reading ends at the first that does not fit.
 
 use mcap::records::op;
 

@@ -62,7 +62,8 @@ impl<R: Read> RecordSource<R> {
                 self.n_wanted = n;
                 ReadStep::Nothing
             }
-            // The log has no attachments, and mcap 0.26 panics on one whose name is too long for it.
+            // The log has no attachments, and mcap 0.26 panics on one whose name is too long for
+            // it.
             Some(Ok(LinearReadEvent::Record { opcode: op::ATTACHMENT, .. })) => ReadStep::Nothing,
             Some(Ok(LinearReadEvent::Record { data, opcode })) => {
                 match mcap::parse_record(opcode, data) {
@@ -94,7 +95,8 @@ mod tests {
 
     #[test]
     fn an_attachment_without_room_for_its_end_is_passed_over() {
-        // Two times of eight bytes, the lengths of two names, that of the data: 32 bytes, and no checksum.
+        // Two times of eight bytes, the lengths of two names, that of the data: 32 bytes, and no
+        // checksum.
         let attachment = [&[op::ATTACHMENT][..], &32_u64.to_le_bytes(), &[0; 32]].concat();
         let bytes =
             [mcap::MAGIC, &attachment, &[op::DATA_END], &4_u64.to_le_bytes(), &[0; 4]].concat();

@@ -98,7 +98,8 @@ impl ToolCurve {
         Ok(Self { from, to, length_mm: arc.radius * angle, shape: Shape::Arc(arc) })
     }
 
-    /// `turns` whole turns through three points back to `from`, as the arm's CIRCLE command draws them.
+    /// `turns` whole turns through three points back to `from`, as the arm's CIRCLE command draws
+    /// them.
     ///
     /// # Errors
     /// When two points coincide or all lie on one line.
@@ -190,7 +191,8 @@ impl ToolCurve {
         }
     }
 
-    /// Change of `[x, y, z, r]` (mm, deg) per part of the way at `part`; along the way at every point.
+    /// Change of `[x, y, z, r]` (mm, deg) per part of the way at `part`; along the way at every
+    /// point.
     #[must_use]
     pub fn slope_at(&self, part: f64) -> [f64; 4] {
         let turn = self.turn().0;
@@ -265,7 +267,8 @@ impl CircularArc {
     }
 }
 
-/// The circle through three points, travelled from the first to the second to the third; no sweep yet.
+/// The circle through three points, travelled from the first to the second to the third; no sweep
+/// yet.
 fn through(from: Pose, via: Pose, to: Pose) -> Result<CircularArc, CurveError> {
     for (a, b) in [(from, via), (via, to), (from, to)] {
         if a.distance(b).0 < SAME_POINT_MM {

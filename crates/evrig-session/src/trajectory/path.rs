@@ -1,4 +1,5 @@
-//! A trajectory made concrete: motions from rest to rest, one after another, and where the tool is when.
+//! A trajectory made concrete: motions from rest to rest, one after another, and where the tool is
+//! when.
 
 use super::{ToolCurve, Trapezoid};
 use crate::rig::Pose;
@@ -218,7 +219,8 @@ impl ToolPath {
         })
     }
 
-    /// Instants a `period` apart from the beginning to the end, both included; none on a path of no steps.
+    /// Instants a `period` apart from the beginning to the end, both included; none on a path of no
+    /// steps.
     pub fn every(&self, period: Span) -> impl Iterator<Item = PathPoint> + '_ {
         let (period, end) = (period.as_nanos().max(1), self.duration().as_nanos());
         let inner = (0..=end / period).map(move |i| i * period);

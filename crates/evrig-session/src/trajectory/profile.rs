@@ -29,7 +29,8 @@ impl Trapezoid {
         Self { distance, peak, ramp_s, cruise_s: (distance / peak - ramp_s).max(0.0) }
     }
 
-    /// The same shape stretched to last `seconds` (longer than it does now), so that two axes end together.
+    /// The same shape stretched to last `seconds` (longer than it does now), so that two axes end
+    /// together.
     #[must_use]
     pub fn stretched_to(self, seconds: f64) -> Self {
         let own = self.seconds();
@@ -69,7 +70,8 @@ impl Trapezoid {
         self.peak
     }
 
-    /// The acceleration of the ramps, in units of distance per second squared; zero for a standstill.
+    /// The acceleration of the ramps, in units of distance per second squared; zero for a
+    /// standstill.
     #[must_use]
     pub fn acceleration(&self) -> f64 {
         if self.ramp_s > 0.0 { self.peak / self.ramp_s } else { 0.0 }

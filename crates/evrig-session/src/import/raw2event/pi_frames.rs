@@ -114,7 +114,8 @@ impl ImportedPiFrames {
         Ok(stamps.collect())
     }
 
-    /// Counts what is doubtful in the stamps: duplicates, gaps, jumps of the wall clock, unreadable times.
+    /// Counts what is doubtful in the stamps: duplicates, gaps, jumps of the wall clock, unreadable
+    /// times.
     fn doubt(&mut self, records: &[MetadataRecord], to_ns: f64) {
         let mut steps: Vec<f64> =
             records.windows(2).map(|p| (p[1].sensor - p[0].sensor) * to_ns).collect();

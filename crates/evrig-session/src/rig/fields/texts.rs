@@ -14,8 +14,8 @@ impl DescriptionFields<'_, '_> {
         self.required(key).and_then(|value| self.as_text(key, value)).unwrap_or_default()
     }
 
-    /// The description, whose key depends on the version: `description`, or `says` where the table's
-    /// `schema` is the `former` one. Complains unless `schema` is one of the two.
+    /// The description, whose key depends on the version: `description`, or `says` where the
+    /// table's `schema` is the `former` one. Complains unless `schema` is one of the two.
     pub fn description(&self, [current, former]: [&str; 2]) -> Option<String> {
         let schema = self.text("schema");
         if schema == former {
