@@ -131,7 +131,8 @@ pub enum TrackTimeError {
     },
     /// In a gap.
     #[error(
-        "no detection of the tag from {from_us} to {to_us} us, longer than the maximum gap of {limit}; the track has no pose at {at_us} us"
+        "no detection of the tag from {from_us} to {to_us} us, longer than the maximum gap of {limit}; \
+         the track has no pose at {at_us} us"
     )]
     TrackGap {
         /// The requested time.
@@ -144,9 +145,7 @@ pub enum TrackTimeError {
         limit: Span,
     },
     /// The stored parameters are no valid path.
-    #[error(
-        "the track has no valid homography at {0} us: the file may be damaged, run `evrig track` again"
-    )]
+    #[error("the track is invalid at {0} us: the file may be damaged, run `evrig track` again")]
     Broken(i64),
 }
 

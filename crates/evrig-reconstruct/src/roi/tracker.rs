@@ -350,7 +350,7 @@ impl<C: Clock> Tracker<C> {
             .map(|((family, id), n)| format!("{family} id {id} in {n}"))
             .collect();
         let also = if named.is_empty() {
-            "; check that the target is in view and in focus, and that the rig description names its tag".to_owned()
+            "; check the view, the focus, and the tag in the rig description".to_owned()
         } else {
             format!(
                 "; detected instead: {}; check the tag in the rig description",

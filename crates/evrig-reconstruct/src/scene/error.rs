@@ -4,9 +4,7 @@ use evrig_core::geometry::Size;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SceneError {
     /// A frame is not of the raw Bayer format that the camera states.
-    #[error(
-        "Pi frame {index} is not raw or has the wrong size ({got}); expected raw Bayer frames of {expected}"
-    )]
+    #[error("Pi frame {index} of {got} is not usable; expected raw Bayer frames of {expected}")]
     NotRaw {
         /// Index of the frame, from 0.
         index: usize,

@@ -107,7 +107,7 @@ fn rows(shapes: &[TagShape], row_s: f64) -> Option<Vec<[(StrainRow, f64); 2]>> {
 mod tests {
     use super::*;
 
-    /// A tag on a figure of eight, rotated by up to `turn`, of varying scale, with row time `row_s`.
+    /// A tag on a figure of eight, rotated by up to `turn`, with row time `row_s`.
     fn shapes(row_s: f64, turn: f64) -> Vec<TagShape> {
         let place =
             |t: f64| Vector2::new(400.0 + 60.0 * (3.0 * t).sin(), 350.0 + 40.0 * (6.0 * t).sin());

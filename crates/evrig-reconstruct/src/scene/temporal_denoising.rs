@@ -93,7 +93,7 @@ mod tests {
     fn noise_goes_where_light_rests_and_steps_and_slopes_stay() {
         let mut random = SplitMix::new(8, 2);
         let (n_pixels, n_frames) = (300, 30);
-        // A third each is static, steps at frame 15, and falls by 2.5 standard deviations per frame.
+        // A third each is static, steps at frame 15, falls by 2.5 standard deviations per frame.
         let light = |i: usize, frame: usize| match i % 3 {
             0 => 0.5,
             1 if frame >= 15 => 0.9,
