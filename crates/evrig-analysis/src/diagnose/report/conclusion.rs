@@ -12,12 +12,11 @@ use crate::diagnose::checks::upper_bound::recalibration_gain;
 use crate::diagnose::fit::cell_scores::CellSet;
 use crate::diagnose::fit::effect_scan::cannot_judge;
 use crate::diagnose::fit::fitted::FittedModel;
-use crate::diagnose::model::nuisance::Nuisance;
 use crate::diagnose::sensor_wide::IsolatedEventDeficit;
 use crate::diagnose::{
-    BaselineMismatch, ConfidenceInterval, Diagnosis, DiagnosisVerdict, Evidence, FitReport,
-    FittedEffect, HeldOutScores, Hypothesis, LIBRARY, NullReport, ProposedTerm, RejectedEffect,
-    ResidualMismatch, ResidualStructureReport, SplitHalfFit,
+    BaselineMismatch, Diagnosis, DiagnosisVerdict, Evidence, FitReport, FittedEffect,
+    HeldOutScores, LIBRARY, NullReport, ProposedTerm, RejectedEffect, ResidualMismatch,
+    ResidualStructureReport, SplitHalfFit,
 };
 use std::collections::BTreeMap;
 
