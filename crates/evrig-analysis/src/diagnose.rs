@@ -1,13 +1,14 @@
 //! Which physical effects does the model of a recording lack?
 //!
 //! A baseline law of the pixels is fitted to the recorded events together with the nuisances of
-//! every recording (thresholds, leak, noise, background, clock offset), each within its prior range.
-//! Then every effect of the library is added in turn and fitted jointly with them, on training cells
-//! (tiles of pixels during time blocks). Its gain in held-out log-likelihood, nats per event, ranks
-//! it. Forward selection goes on while the gain is significant, above that of the same search in
-//! recordings simulated from the model, and above 1 % of the excess. Accepted effects must have the
-//! same strength in all strata and leave no residual structure that a classifier two-sample test
-//! finds; otherwise they are rejected and the mismatch is reported as unexplained.
+//! every recording (thresholds, leak, noise, background, clock offset), each within its prior
+//! range. Then every effect of the library is added in turn and fitted jointly with them, on
+//! training cells (tiles of pixels during time blocks). Its gain in held-out log-likelihood, nats
+//! per event, ranks it. Forward selection goes on while the gain is significant, above that of the
+//! same search in recordings simulated from the model, and above 1 % of the excess. Accepted
+//! effects must have the same strength in all strata and leave no residual structure that a
+//! classifier two-sample test finds; otherwise they are rejected and the mismatch is reported as
+//! unexplained.
 //!
 //! # Constants without a derivation
 //!

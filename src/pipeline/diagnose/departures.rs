@@ -88,11 +88,12 @@ pub(super) fn row_delay_us(scene: &Scene, rig: &Rig) -> f64 {
 /// A departure of the Pi's row time (with its standard error) from the stated one, microseconds.
 fn rows([found, error]: [f64; 2], stated: f64) -> Option<Departure> {
     let z = (found - stated).abs() / error.max(1e-9);
-    (z > MIN_STANDARD_ERRORS && (found - stated).abs() > ROW_TIME_TOLERANCE * stated).then(|| Departure {
+    let is_off = z > MIN_STANDARD_ERRORS && (found - stated).abs() > ROW_TIME_TOLERANCE * stated;
+    is_off.then(|| Departure {
         id: EffectId::RollingShutter,
         parameters: vec![("row_us", [found, error])],
         description: format!(
-            "rows of the Pi's frames follow each other every {found:.2} us, not the {stated:.2} us stated"
+            "the row time of the Pi's frames is {found:.2} us, not the {stated:.2} us stated"
         ),
         z,
         without: None,

@@ -35,7 +35,7 @@ pub enum By {
 }
 
 /// A camera with its signal.
-struct Setting {
+struct CameraSetting {
     camera: DiagnosedCamera,
     baseline: Baseline,
     registration: Option<FittedRegistration>,
@@ -69,13 +69,13 @@ pub fn generate_diagnosed(
     Ok((made, cautions))
 }
 
-fn setting(session: &Session, by: &By) -> Result<Setting, PipelineError> {
+fn setting(session: &Session, by: &By) -> Result<CameraSetting, PipelineError> {
     match by {
         By::Own => {
             let camera = read_camera(session)?;
             let (baseline, registration) =
                 (camera.baseline.clone(), Some(camera.fitted.registration.clone()));
-            Ok(Setting { camera, baseline, registration })
+            Ok(CameraSetting { camera, baseline, registration })
         }
         By::Other(file, light) => {
             let camera = DiagnosedCamera::read(file)?;
@@ -85,7 +85,7 @@ fn setting(session: &Session, by: &By) -> Result<Setting, PipelineError> {
                 missing(session, what.into())
             };
             let baseline = light.clone().or_else(|| default_baseline(session)).ok_or_else(none)?;
-            Ok(Setting { camera, baseline, registration: None })
+            Ok(CameraSetting { camera, baseline, registration: None })
         }
     }
 }
@@ -93,7 +93,7 @@ fn setting(session: &Session, by: &By) -> Result<Setting, PipelineError> {
 fn run(
     session: &Session,
     request: &CameraRequest,
-    setting: Setting,
+    setting: CameraSetting,
 ) -> Result<(GenerateTally, Duration), PipelineError> {
     let light = setting.baseline.light(session)?;
     let tuned = setting

@@ -38,7 +38,7 @@ pub(super) fn shadow(moving: &MovingIllumination) -> Departure {
 pub(super) fn curve(tone: &ToneFit) -> Option<Departure> {
     let z = tone.nonlinear_sigmas()?;
     let description = format!(
-        "raw frames follow a power law of exponent {:.3}, while the event camera's own frames are linear",
+        "raw frames follow a power law of exponent {:.3}; the event camera's frames are linear",
         tone.gamma[0]
     );
     let parameters = vec![("gamma", tone.gamma)];

@@ -59,7 +59,7 @@ impl LikelihoodProfile {
     }
 }
 
-struct ProfilePoint {
+struct LikelihoodPoint {
     value: usize,
     blocks: Vec<BlockScore>,
     /// Over all blocks, ON and OFF.
@@ -68,7 +68,7 @@ struct ProfilePoint {
     is_known: bool,
 }
 
-impl ProfilePoint {
+impl LikelihoodPoint {
     fn new(value: usize, blocks: Vec<BlockScore>) -> Self {
         Self { value, total: total(&blocks), blocks, is_known: false }
     }
@@ -92,8 +92,9 @@ pub(crate) fn score_profile(
     n: usize,
     mut score: impl FnMut(usize) -> Vec<BlockScore>,
 ) -> (LikelihoodProfile, Vec<Vec<BlockScore>>) {
-    let mut point = |value: usize| ProfilePoint::new(value, score(value));
-    let mut points: Vec<ProfilePoint> = (0..n).step_by(n / N_FIRST_GAPS).map(&mut point).collect();
+    let mut point = |value: usize| LikelihoodPoint::new(value, score(value));
+    let mut points: Vec<LikelihoodPoint> =
+        (0..n).step_by(n / N_FIRST_GAPS).map(&mut point).collect();
     while let Some((gap, matters)) = to_halve(&points) {
         let values: Vec<usize> = points.iter().map(|point| point.value).collect();
         let middle = usize::midpoint(values[gap], values[gap + 1]);
@@ -116,7 +117,7 @@ pub(crate) fn score_profile(
 }
 
 /// The first unknown gap near the maximum of either polarity, and which polarities need it.
-fn to_halve(points: &[ProfilePoint]) -> Option<(usize, [bool; 2])> {
+fn to_halve(points: &[LikelihoodPoint]) -> Option<(usize, [bool; 2])> {
     let totals: Vec<[f64; 2]> = points.iter().map(|point| point.total).collect();
     let likely = likely(&totals, NEGLIGIBLE_NATS);
     let is_open =

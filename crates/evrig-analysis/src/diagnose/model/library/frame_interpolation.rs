@@ -7,7 +7,8 @@ use super::{
 pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::FrameInterpolation,
     equation: "x = x_linear + s (x_cubic - x_linear) between frames",
-    source: "Catmull and Rom, 1974; Hu, Liu and Delbruck, v2e, CVPRW 2021 (why frames are interpolated)",
+    source: "Catmull and Rom, 1974; Hu, Liu and Delbruck, v2e, CVPRW 2021 \
+             (why frames are interpolated)",
     stage: SignalStage::Light,
     parameters: &[EffectParameter::linear("share", [-0.5, 2.5], 0.02)],
     starting_points: |_| vec![vec![0.5], vec![1.0]],

@@ -6,7 +6,8 @@ use std::f64::consts::TAU;
 pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::PhotoreceptorBandwidth,
     equation: "tau(L) y' = x - y, 1 / (2 pi tau) = f_white L / L_white (order times)",
-    source: "Lichtsteiner, Posch and Delbruck, IEEE JSSC 43, 2008; Graca and Delbruck, arXiv 2109.08640",
+    source: "Lichtsteiner, Posch and Delbruck, IEEE JSSC 43, 2008; \
+             Graca and Delbruck, arXiv 2109.08640",
     stage: SignalStage::Receptor,
     parameters: &[
         EffectParameter::log("cutoff_hz_at_white", [0.5, 3_000.0]),

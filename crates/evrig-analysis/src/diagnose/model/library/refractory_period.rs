@@ -47,7 +47,8 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::RefractoryPeriod,
     equation: "no event in (t_i, t_i + t_r); x_mem = x(t_i + t_r), or events are discarded \
          meanwhile",
-    source: "Lichtsteiner, Posch and Delbruck, IEEE JSSC 43, 2008; Joubert et al., Front. Neurosci. 15, 2021",
+    source: "Lichtsteiner, Posch and Delbruck, IEEE JSSC 43, 2008; \
+             Joubert et al., Front. Neurosci. 15, 2021",
     parameters: &[
         EffectParameter::log("refractory_us", [20.0, 200_000.0]),
         // Whether the pixel goes on comparing meanwhile, as in front of a filter.

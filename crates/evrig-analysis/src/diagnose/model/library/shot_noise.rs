@@ -7,7 +7,8 @@ use std::f64::consts::TAU;
 pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::ShotNoise,
     equation: "event when |V + n - n_mem| > theta, n band-limited",
-    source: "Rice, Bell Syst. Tech. J. 24, 1945; Graca, Paredes-Valles and Delbruck, arXiv 2304.04019",
+    source: "Rice, Bell Syst. Tech. J. 24, 1945; \
+             Graca, Paredes-Valles and Delbruck, arXiv 2304.04019",
     parameters: &[
         EffectParameter::log("rms_thresholds", [0.02, 1.5]),
         EffectParameter::log("bandwidth_hz", [1.0, 5_000.0]),
