@@ -8,7 +8,7 @@
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
 
 use evrig::event::{Event, Events};
-use evrig::filter::region::{RegionPath, Setting, filter};
+use evrig::filter::region::{RegionPath, RegionSetting, filter};
 use evrig::geometry::{Homography, Size};
 use rustix::time::{ClockId, clock_gettime};
 use std::hint::black_box;
@@ -72,12 +72,12 @@ fn main() {
     println!("{N_EVENTS} events, one thread, median of {N_ROUNDS}");
     println!("| what | million events/s | time over a copy's |\n| --- | --- | --- |");
     println!("| copy of the columns | {:.0} | 1 |", rate(copy));
-    let crop = Setting { crop_px: Some(88), ..Setting::default() };
+    let crop = RegionSetting { crop_px: Some(88), ..RegionSetting::default() };
     for (name, events, path, setting) in [
-        ("region", &events, &path, Setting::default()),
+        ("region", &events, &path, RegionSetting::default()),
         ("region, cropped to 88 px", &events, &path, crop),
-        ("region through a lens", &events, &through_lens, Setting::default()),
-        ("region, all events in it", &inside, &path, Setting::default()),
+        ("region through a lens", &events, &through_lens, RegionSetting::default()),
+        ("region, all events in it", &inside, &path, RegionSetting::default()),
     ] {
         let spent = seconds(|| {
             black_box(filter(black_box(events.as_slice()), path, setting).unwrap());

@@ -4,7 +4,7 @@
 
 use evrig::diagnose::{Diagnosis, MisfitStratum, ProposedTerm};
 use evrig::report::plot::Ink;
-use evrig::report::plot::chart::{Axis, Chart, Layer, Stroke};
+use evrig::report::plot::chart::{Chart, ChartAxis, Layer, Stroke};
 use evrig::report::plot::sheet::Sheet;
 use evrig::report::plot::svg::{Anchor, Area};
 use evrig::stats::read_back;
@@ -60,8 +60,8 @@ fn draw_term(sheet: &mut Sheet, area: Area, term: &ProposedTerm) {
     let band = term.curve.iter().map(|p| [p[0], p[2], p[3]]).collect();
     let points = term.curve.iter().map(|p| [p[0], p[1]]).collect();
     let chart = Chart {
-        x: Axis::linear(&term.depends_on),
-        y: Axis::from_zero("innovation, thresholds"),
+        x: ChartAxis::linear(&term.depends_on),
+        y: ChartAxis::from_zero("innovation, thresholds"),
         layers: vec![
             Layer::Band { ink, points: band },
             Layer::Line { ink, stroke: Stroke::Solid, points },

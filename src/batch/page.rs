@@ -2,10 +2,10 @@
 
 use super::{Aggregate, Index, IndexedSession, NamedEffect, Verdict};
 use evrig_core::stats::{Estimate, Moments};
-use evrig_report::figure::Link;
+use evrig_report::figure::FileLink;
 use evrig_report::number::{count, quantity};
-use evrig_report::page::{Block, Fact, Page, Section, Summary};
-use evrig_report::table::{Cell, Column, Table};
+use evrig_report::page::{Fact, Page, ReportSummary, Section, SectionBlock};
+use evrig_report::table::{ReportTable, TableCell, TableColumn};
 use evrig_session::StreamKind;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -16,7 +16,7 @@ pub fn comparison_page(aggregate: &Aggregate) -> Page {
     Page {
         title: aggregate.dataset.clone(),
         kind: "Dataset comparison".into(),
-        summary: Summary { headline: headline(aggregate), ..Summary::default() },
+        summary: ReportSummary { headline: headline(aggregate), ..ReportSummary::default() },
         sections: vec![comparison(aggregate)],
         provenance: provenance(Some(aggregate)),
     }
@@ -51,7 +51,12 @@ pub fn dataset_page(root: &Path, index: &Index, aggregate: &Aggregate) -> Page {
     Page {
         title: index.name.clone(),
         kind: "Dataset report".into(),
-        summary: Summary { headline: said, remarks: index.warnings.clone(), facts, figure: None },
+        summary: ReportSummary {
+            headline: said,
+            remarks: index.warnings.clone(),
+            facts,
+            figure: None,
+        },
         sections,
         provenance: provenance(Some(aggregate)),
     }
@@ -76,35 +81,35 @@ fn provenance(aggregate: Option<&Aggregate>) -> Vec<Fact> {
 
 fn sessions(root: &Path, index: &Index) -> Section {
     let columns = vec![
-        Column::text("session"),
-        Column::text("outcome"),
-        Column::text("split"),
-        Column::number("recorded", "s"),
-        Column::number("real events", ""),
-        Column::number("losses", ""),
-        Column::text("diagnosis"),
-        Column::text("rig"),
-        Column::text("what was lost, or why it failed"),
+        TableColumn::text("session"),
+        TableColumn::text("outcome"),
+        TableColumn::text("split"),
+        TableColumn::number("recorded", "s"),
+        TableColumn::number("real events", ""),
+        TableColumn::number("losses", ""),
+        TableColumn::text("diagnosis"),
+        TableColumn::text("rig"),
+        TableColumn::text("what was lost, or why it failed"),
     ];
     let rows = index.sessions.iter().map(|session| {
         let report = format!("{}/report.html", session.path);
-        let name = Cell::text(&session.path);
+        let name = TableCell::text(&session.path);
         let has_report = root.join(&report).is_file();
         let real =
             session.streams.iter().find(|s| s.name == "real" && s.kind == StreamKind::Events);
         vec![
-            if has_report { name.with_link(Link::beside(&report)) } else { name },
-            Cell::text(&session.verdict.map_or("not processed".into(), |v| v.to_string())),
-            Cell::text(session.split.as_deref().unwrap_or("")),
-            session.duration_s.map_or(Cell::text(""), Cell::number),
-            real.map_or(Cell::text(""), |stream| Cell::count(stream.count)),
-            Cell::count(session.losses.len() as u64),
-            Cell::text(&diagnosis(session)),
-            Cell::text(session.rig.as_deref().unwrap_or("")),
-            Cell::text(&session.because.join("; ")),
+            if has_report { name.with_link(FileLink::beside(&report)) } else { name },
+            TableCell::text(&session.verdict.map_or("not processed".into(), |v| v.to_string())),
+            TableCell::text(session.split.as_deref().unwrap_or("")),
+            session.duration_s.map_or(TableCell::text(""), TableCell::number),
+            real.map_or(TableCell::text(""), |stream| TableCell::count(stream.count)),
+            TableCell::count(session.losses.len() as u64),
+            TableCell::text(&diagnosis(session)),
+            TableCell::text(session.rig.as_deref().unwrap_or("")),
+            TableCell::text(&session.because.join("; ")),
         ]
     });
-    let table = Table {
+    let table = ReportTable {
         title: "Sessions".into(),
         caption: "A session with a report leads to it.".into(),
         columns,
@@ -113,7 +118,7 @@ fn sessions(root: &Path, index: &Index) -> Section {
     Section {
         title: "What became of each session".into(),
         lead: "Press a column's head to sort by it.".into(),
-        blocks: vec![Block::Table(table)],
+        blocks: vec![SectionBlock::ReportTable(table)],
     }
 }
 
@@ -133,7 +138,7 @@ fn effects(index: &Index) -> Option<Section> {
         named.entry(effect.id.as_str()).or_default().push(effect);
     }
     let n_diagnosed = index.sessions.iter().filter(|s| s.diagnosis.is_some()).count();
-    let rows: Vec<Vec<Cell>> = named
+    let rows: Vec<Vec<TableCell>> = named
         .iter()
         .map(|(id, found)| {
             let gains: Vec<f64> =
@@ -144,11 +149,11 @@ fn effects(index: &Index) -> Option<Section> {
                 format!("{key} {}", quantity(&over_sessions(&known.collect::<Vec<_>>())))
             });
             vec![
-                Cell::text(found[0].id.name()),
-                Cell::text(id),
-                Cell::count(found.len() as u64),
-                Cell::estimate(&over_sessions(&gains)),
-                Cell::text(&parameters.collect::<Vec<_>>().join("; ")),
+                TableCell::text(found[0].id.name()),
+                TableCell::text(id),
+                TableCell::count(found.len() as u64),
+                TableCell::estimate(&over_sessions(&gains)),
+                TableCell::text(&parameters.collect::<Vec<_>>().join("; ")),
             ]
         })
         .collect();
@@ -158,15 +163,15 @@ fn effects(index: &Index) -> Option<Section> {
             "{n_diagnosed} sessions were diagnosed. Means over the sessions that name an effect, each \
              with its standard error."
         ),
-        blocks: vec![Block::Table(Table {
+        blocks: vec![SectionBlock::ReportTable(ReportTable {
             title: "Effects named".into(),
             caption: "Gains are in nats per event, on held-out events.".into(),
             columns: vec![
-                Column::text("effect"),
-                Column::text("id"),
-                Column::number("sessions", ""),
-                Column::number("held-out gain", "nats per event"),
-                Column::text("parameters"),
+                TableColumn::text("effect"),
+                TableColumn::text("id"),
+                TableColumn::number("sessions", ""),
+                TableColumn::number("held-out gain", "nats per event"),
+                TableColumn::text("parameters"),
             ],
             rows,
         })],
@@ -181,15 +186,16 @@ fn over_sessions(values: &[f64]) -> Estimate {
 }
 
 fn comparison(aggregate: &Aggregate) -> Section {
-    let mut columns = vec![Column::text("variant"), Column::number("sessions", "")];
+    let mut columns = vec![TableColumn::text("variant"), TableColumn::number("sessions", "")];
     let cells = aggregate.variants.first().map(|variant| variant.cells.as_slice());
-    columns.extend(cells.unwrap_or_default().iter().map(|cell| Column::number(&cell.name, "")));
+    columns
+        .extend(cells.unwrap_or_default().iter().map(|cell| TableColumn::number(&cell.name, "")));
     let rows = aggregate.variants.iter().map(|variant| {
-        let mut row = vec![Cell::text(&variant.name), Cell::count(variant.n_sessions)];
-        row.extend(variant.cells.iter().map(|cell| Cell::estimate(&cell.mean)));
+        let mut row = vec![TableCell::text(&variant.name), TableCell::count(variant.n_sessions)];
+        row.extend(variant.cells.iter().map(|cell| TableCell::estimate(&cell.mean)));
         row
     });
-    let means = Table {
+    let means = ReportTable {
         title: "Means over sessions".into(),
         caption:
             "Each with the standard error of a bootstrap over sessions; a single session has none."
@@ -198,14 +204,14 @@ fn comparison(aggregate: &Aggregate) -> Section {
         rows: rows.collect(),
     };
     let rows = aggregate.variants.iter().map(|variant| {
-        let mut row = vec![Cell::text(&variant.name), Cell::count(variant.n_sessions)];
+        let mut row = vec![TableCell::text(&variant.name), TableCell::count(variant.n_sessions)];
         row.extend(variant.cells.iter().map(|cell| match cell.healthy {
-            Some(_) => Cell::count(cell.n_healthy),
-            None => Cell::text("no range"),
+            Some(_) => TableCell::count(cell.n_healthy),
+            None => TableCell::text("no range"),
         }));
         row
     });
-    let healthy = Table {
+    let healthy = ReportTable {
         title: "Sessions in the healthy range".into(),
         caption:
             "In how many sessions each measure lies in the range that its authors call healthy."
@@ -213,9 +219,9 @@ fn comparison(aggregate: &Aggregate) -> Section {
         columns,
         rows: rows.collect(),
     };
-    let mut blocks = vec![Block::Table(means), Block::Table(healthy)];
+    let mut blocks = vec![SectionBlock::ReportTable(means), SectionBlock::ReportTable(healthy)];
     blocks.extend(
-        aggregate.left_out.iter().map(|because| Block::Text(format!("Left out: {because}"))),
+        aggregate.left_out.iter().map(|because| SectionBlock::Text(format!("Left out: {because}"))),
     );
     Section {
         title: "Generated events against real ones".into(),
@@ -227,46 +233,60 @@ fn comparison(aggregate: &Aggregate) -> Section {
 }
 
 fn contents(index: &Index) -> Section {
-    let streams = Table {
+    let streams = ReportTable {
         title: "Streams".into(),
         caption: String::new(),
-        columns: vec![Column::text("stream"), Column::text("kind"), Column::number("count", "")],
+        columns: vec![
+            TableColumn::text("stream"),
+            TableColumn::text("kind"),
+            TableColumn::number("count", ""),
+        ],
         rows: index
             .totals()
             .into_iter()
-            .map(|((name, kind), n)| vec![Cell::text(&name), Cell::text(&kind), Cell::count(n)])
+            .map(|((name, kind), n)| {
+                vec![TableCell::text(&name), TableCell::text(&kind), TableCell::count(n)]
+            })
             .collect(),
     };
-    let splits = Table {
+    let splits = ReportTable {
         title: "Splits".into(),
         caption: "By a hash of what was recorded: adding sessions moves none.".into(),
         columns: vec![
-            Column::text("split"),
-            Column::number("share", ""),
-            Column::number("sessions", ""),
+            TableColumn::text("split"),
+            TableColumn::number("share", ""),
+            TableColumn::number("sessions", ""),
         ],
         rows: index
             .shares
             .iter()
             .map(|share| {
                 let n = index.splits.get(&share.name).map_or(0, Vec::len);
-                vec![Cell::text(&share.name), Cell::number(share.share), Cell::count(n as u64)]
+                vec![
+                    TableCell::text(&share.name),
+                    TableCell::number(share.share),
+                    TableCell::count(n as u64),
+                ]
             })
             .collect(),
     };
-    let rigs = Table {
+    let rigs = ReportTable {
         title: "Rigs".into(),
         caption: String::new(),
-        columns: vec![Column::text("rig"), Column::number("sessions", "")],
+        columns: vec![TableColumn::text("rig"), TableColumn::number("sessions", "")],
         rows: index
             .rigs
             .iter()
-            .map(|rig| vec![Cell::text(&rig.id), Cell::count(rig.n_sessions)])
+            .map(|rig| vec![TableCell::text(&rig.id), TableCell::count(rig.n_sessions)])
             .collect(),
     };
     Section {
         title: "What is in it".into(),
         lead: String::new(),
-        blocks: vec![Block::Table(streams), Block::Table(splits), Block::Table(rigs)],
+        blocks: vec![
+            SectionBlock::ReportTable(streams),
+            SectionBlock::ReportTable(splits),
+            SectionBlock::ReportTable(rigs),
+        ],
     }
 }

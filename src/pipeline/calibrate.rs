@@ -7,7 +7,7 @@ use super::{
     Freshness, PipelineError, clear, fresh_record, inputs, luminance, read_json, track, tracked,
 };
 use evrig_analysis::calibrate::{self, CalibrateError, Calibration, EmdObjective, Objective};
-use evrig_analysis::calibrate::{ScoreObjective, Settings};
+use evrig_analysis::calibrate::{CalibrationSettings, ScoreObjective};
 use evrig_session::{Session, StageRecord, StreamName, write_stage};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -101,7 +101,7 @@ fn failed(session: &Session, source: CalibrateError) -> PipelineError {
 fn run(session: &Session, request: &CalibrateRequest) -> Result<Calibration, PipelineError> {
     let (events, _) = session.events(&request.real)?;
     let found = signal::calibration_signal(session, &request.from, request.seed)?;
-    let settings = Settings {
+    let settings = CalibrationSettings {
         published: found.published,
         n_evaluations: request.n_evaluations,
         seed: request.seed,

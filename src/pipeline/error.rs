@@ -11,7 +11,7 @@ use evrig_reconstruct::clock::ClockError;
 use evrig_reconstruct::roi::TrackError;
 use evrig_reconstruct::scene::{FramesError, SceneError};
 use evrig_report::page::PageError;
-use evrig_report::plot::picture::PictureError;
+use evrig_report::plot::pixel_image::PixelImageError;
 use evrig_session::{Session, SessionError};
 use std::path::PathBuf;
 
@@ -126,7 +126,7 @@ pub enum PipelineError {
     },
     /// A picture of the report cannot be drawn.
     #[error("the report cannot be drawn: {0}; run the stage `compare` again with --force")]
-    Picture(#[source] PictureError),
+    Picture(#[source] PixelImageError),
     /// The report cannot be set.
     #[error(transparent)]
     Page(#[from] PageError),

@@ -5,8 +5,10 @@ use super::error::missing;
 use super::sync::read_clocks;
 use super::track::{self, AnyTrack};
 use super::{Freshness, PipelineError, clear, fresh_record, inputs};
-use evrig_analysis::filter::region::{RegionPath, Setting};
-use evrig_analysis::filter::{Filtered, Tally, background, hot_pixel, rate, refractory, region};
+use evrig_analysis::filter::region::{RegionPath, RegionSetting};
+use evrig_analysis::filter::{
+    DropTally, Filtered, background, hot_pixel, rate, refractory, region,
+};
 use evrig_core::event::Events;
 use evrig_core::geometry::{Homography, Size};
 use evrig_core::time::{Clock, Davis, PiSensor, Stamp};
@@ -79,7 +81,7 @@ pub struct FilterTally {
     /// Events of the file, with those that are not on the sensor.
     pub read: EventTally,
     /// Events seen by the filters: kept, and dropped by reason.
-    pub events: Tally,
+    pub events: DropTally,
     /// Number of hot pixels found.
     pub n_hot_pixels: u64,
     /// The track that the region went by.
@@ -299,11 +301,12 @@ struct Chain<'a> {
 impl Chain<'_> {
     fn run(&self, events: Events) -> Result<(Filtered, u64), evrig_analysis::filter::FilterError> {
         let n = events.len() as u64;
-        let mut all = Filtered { events, tally: Tally { seen: n, kept: n, ..Tally::default() } };
+        let mut all =
+            Filtered { events, tally: DropTally { seen: n, kept: n, ..DropTally::default() } };
         let mut n_hot = 0;
         let Self { settings, size, path } = *self;
         if settings.hot_pixel {
-            let setting = hot_pixel::Setting::default();
+            let setting = hot_pixel::HotPixelSetting::default();
             let (next, hot) = hot_pixel::filter(all.events.as_slice(), size, setting)?;
             n_hot = hot.len() as u64;
             all = then(all, next);
@@ -318,7 +321,7 @@ impl Chain<'_> {
         }
         let mut size = size;
         if let Some(path) = path {
-            let setting = Setting { margin: settings.margin, crop_px: settings.crop_px };
+            let setting = RegionSetting { margin: settings.margin, crop_px: settings.crop_px };
             let next = region::filter(all.events.as_slice(), path, setting)?;
             size = settings.crop_px.map_or(size, |px| Size::new(px, px));
             all = then(all, next);

@@ -10,7 +10,7 @@ use evrig_core::geometry::Size;
 use evrig_generate::{RowShift, RowTimes, build};
 use evrig_report::figure::Figure;
 use evrig_report::number::{count, significant};
-use evrig_report::page::{Block, Fact, Page, Section, Summary};
+use evrig_report::page::{Fact, Page, ReportSummary, Section, SectionBlock};
 use evrig_report::plot::{cloud, heat};
 use evrig_session::{Session, StreamKind};
 
@@ -183,15 +183,19 @@ fn page(
     Ok(Page {
         title: session.manifest().name.clone(),
         kind: format!("Sweep of {name}"),
-        summary: Summary {
+        summary: ReportSummary {
             headline: format!("What {name} does to the events"),
             remarks: vec![format!("Nothing but {name} differs between the panels.")],
             facts: numbers.collect(),
             figure: None,
         },
         sections: vec![
-            section("Where", "How many events each pixel made.", vec![Block::Figure(maps)]),
-            section("When", "A tenth of a second, event by event.", vec![Block::Figure(clouds)]),
+            section("Where", "How many events each pixel made.", vec![SectionBlock::Figure(maps)]),
+            section(
+                "When",
+                "A tenth of a second, event by event.",
+                vec![SectionBlock::Figure(clouds)],
+            ),
         ],
         provenance: vec![
             Fact::new("light", request.steps[0].1.from.as_str()),

@@ -3,7 +3,7 @@
 
 use super::score::{CountedShare, ProofScore};
 use evrig_report::plot::Ink;
-use evrig_report::plot::chart::{Axis, Chart, Layer, Stroke};
+use evrig_report::plot::chart::{Chart, ChartAxis, Layer, Stroke};
 use evrig_report::plot::sheet::Sheet;
 use evrig_report::plot::svg::Area;
 
@@ -26,16 +26,16 @@ pub fn figure(score: &ProofScore) -> Option<String> {
     let area = |x: f64| Area { x, y: 10.0, w: 360.0, h: 310.0 };
     let measured = |points| Layer::Errors { ink: Ink::Series(0), points };
     let strengths = Chart {
-        x: Axis::linear("strength, in least strengths").over(1.0, 4.0),
-        y: Axis::linear("share of trials").over(0.0, 1.0),
+        x: ChartAxis::linear("strength, in least strengths").over(1.0, 4.0),
+        y: ChartAxis::linear("share of trials").over(0.0, 1.0),
         layers: vec![measured(by_strength)],
     };
     sheet.chart(area(10.0), "one effect: named first", &[], &strengths);
     let expected =
         Layer::Line { ink: Ink::Guide, stroke: Stroke::Thin, points: vec![[0.4, 0.4], [1.0, 1.0]] };
     let intervals = Chart {
-        x: Axis::linear("claimed level").over(0.4, 1.0),
-        y: Axis::linear("share of parameters").over(0.0, 1.0),
+        x: ChartAxis::linear("claimed level").over(0.4, 1.0),
+        y: ChartAxis::linear("share of parameters").over(0.0, 1.0),
         layers: vec![expected, measured(calibration)],
     };
     sheet.chart(area(390.0), "intervals that hold the truth", &[], &intervals);

@@ -2,16 +2,16 @@
 
 use evrig::event::{Event, Events};
 use evrig::geometry::Size;
-use evrig::report::figure::{Figure, Key, Link, Panel, Sample};
-use evrig::report::measure::Measure;
-use evrig::report::page::{Block, Fact, Page, Section, Summary};
+use evrig::report::figure::{Figure, FileLink, LegendEntry, LegendMark, Panel};
+use evrig::report::measure::MeasureRow;
+use evrig::report::page::{Fact, Page, ReportSummary, Section, SectionBlock};
 use evrig::report::plot::Ink;
-use evrig::report::plot::chart::{Axis, Chart, Layer};
-use evrig::report::plot::grid::{self, Colours, FirstRow, Grid};
-use evrig::report::plot::interval::{self, IntervalDensity};
-use evrig::report::plot::rate::{self, RateCurve};
+use evrig::report::plot::chart::{Chart, ChartAxis, Layer};
+use evrig::report::plot::grid::{self, Colours, FirstRow, HeatGrid};
+use evrig::report::plot::interval::{self, IntervalPlot};
+use evrig::report::plot::rate::{self, RatePlot};
 use evrig::report::plot::{cloud, heat, overlay, ratio};
-use evrig::report::table::{Cell, Column, Table};
+use evrig::report::table::{ReportTable, TableCell, TableColumn};
 use evrig::stats::Estimate;
 
 pub(crate) const SIZE: Size = Size::DAVIS346;
@@ -136,8 +136,8 @@ const MEASURES: [Row; 7] = [
     ("interval_emd", "Interval earth mover's distance", "Sinkhorn divergence of ln Δt, blur 0.05", 0.118, 0.009, None, None),
 ];
 
-fn measures() -> Vec<Measure> {
-    let measure = |(id, name, formula, value, error, healthy, sides): Row| Measure {
+fn measures() -> Vec<MeasureRow> {
+    let measure = |(id, name, formula, value, error, healthy, sides): Row| MeasureRow {
         id: id.into(),
         name: name.into(),
         formula: formula.into(),
@@ -147,42 +147,42 @@ fn measures() -> Vec<Measure> {
         healthy,
         real: sides.map(|[real, _]| real),
         simulated: sides.map(|[_, simulated]| simulated),
-        data: Some(Link::beside("derived/compare-aps/measures.json")),
+        data: Some(FileLink::beside("derived/compare-aps/measures.json")),
     };
     MEASURES.into_iter().map(measure).collect()
 }
 
-fn table() -> Table {
+fn table() -> ReportTable {
     let mut dice = Dice::new(5);
     let rows = (1..=9).map(|i| {
         let [a, b, c] = std::array::from_fn(|_| dice.roll());
         vec![
-            Cell::text(&format!("street-{i}"))
-                .with_link(Link::beside(&format!("street-{i}/report.html"))),
-            Cell::text(if i % 2 == 0 { "raw" } else { "rgb" }),
-            Cell::count(60_000 + (a * 90_000.0) as u64),
-            Cell::estimate(&Estimate::normal(0.7 + a, 0.02 + 0.03 * b, 900)),
-            Cell::estimate(&Estimate::normal(0.1 + 0.4 * c, 0.004 + 0.01 * a, 900)),
+            TableCell::text(&format!("street-{i}"))
+                .with_link(FileLink::beside(&format!("street-{i}/report.html"))),
+            TableCell::text(if i % 2 == 0 { "raw" } else { "rgb" }),
+            TableCell::count(60_000 + (a * 90_000.0) as u64),
+            TableCell::estimate(&Estimate::normal(0.7 + a, 0.02 + 0.03 * b, 900)),
+            TableCell::estimate(&Estimate::normal(0.1 + 0.4 * c, 0.004 + 0.01 * a, 900)),
         ]
     });
-    Table {
+    ReportTable {
         title: "Sessions".into(),
         caption:
             "One row a session. Look for sessions far from the others before you trust a mean."
                 .into(),
         columns: vec![
-            Column::text("Session"),
-            Column::text("Light"),
-            Column::number("Events", ""),
-            Column::number("Count ratio", ""),
-            Column::number("Interval TV", ""),
+            TableColumn::text("Session"),
+            TableColumn::text("Light"),
+            TableColumn::number("Events", ""),
+            TableColumn::number("Count ratio", ""),
+            TableColumn::number("Interval TV", ""),
         ],
         rows: rows.collect(),
     }
 }
 
-fn summary(measures: &[Measure]) -> Summary {
-    let mut summary = Summary::from_measures(measures);
+fn summary(measures: &[MeasureRow]) -> ReportSummary {
+    let mut summary = ReportSummary::from_measures(measures);
     let remark = "The generator fires again within 800 µs of an event; the camera never does.";
     summary.remarks.push(remark.into());
     summary.facts = vec![
@@ -216,7 +216,7 @@ fn in_space(real: &Events, simulated: &Events) -> Section {
     Section {
         title: "In space".into(),
         lead: "Where the events are.".into(),
-        blocks: figures.map(Block::Figure).into(),
+        blocks: figures.map(SectionBlock::Figure).into(),
     }
 }
 
@@ -230,24 +230,24 @@ fn in_time(real: &Events, simulated: &Events) -> Section {
     let centres: Vec<f64> = (0..100).map(|i| 0.01 + 0.02 * f64::from(i)).collect();
     let [on_real, off_real] = [true, false].map(|on| rates(real, on));
     let [on_sim, off_sim] = [true, false].map(|on| rates(simulated, on));
-    let on = RateCurve { real: &on_real, simulated: &on_sim };
-    let off = RateCurve { real: &off_real, simulated: &off_sim };
+    let on = RatePlot { real: &on_real, simulated: &on_sim };
+    let off = RatePlot { real: &off_real, simulated: &off_sim };
     let (density_real, fit_real) = density(21_000.0, 9_000.0, 800.0, 7);
     let (density_sim, fit_sim) = density(14_000.0, 11_000.0, 0.0, 9);
     let intervals = interval::figure(
         &edges_us(),
-        &IntervalDensity { density_per_us: &density_real, fit: &fit_real, median_us: 9_100.0 },
-        &IntervalDensity { density_per_us: &density_sim, fit: &fit_sim, median_us: 7_400.0 },
+        &IntervalPlot { density_per_us: &density_real, fit: &fit_real, median_us: 9_100.0 },
+        &IntervalPlot { density_per_us: &density_sim, fit: &fit_sim, median_us: 7_400.0 },
     );
     let figures = [
         rate::figure(&centres, &on, &off),
-        intervals.with_data(Link::beside("derived/compare-aps/intervals.json")),
+        intervals.with_data(FileLink::beside("derived/compare-aps/intervals.json")),
         cloud::figure(&clouds),
     ];
     Section {
         title: "In time".into(),
         lead: "When the events are.".into(),
-        blocks: figures.map(Block::Figure).into(),
+        blocks: figures.map(SectionBlock::Figure).into(),
     }
 }
 
@@ -263,9 +263,9 @@ fn in_general() -> Section {
             }
         })
         .collect();
-    let sweep = |colours| Grid {
-        x: Axis::linear("k1").over(0.0, 6.0),
-        y: Axis::linear("k3 (10⁻⁶)").over(1.0, 3.0),
+    let sweep = |colours| HeatGrid {
+        x: ChartAxis::linear("k1").over(0.0, 6.0),
+        y: ChartAxis::linear("k3 (10⁻⁶)").over(1.0, 3.0),
         cells: Size::new(12, 8),
         values: &values,
         first_row: FirstRow::Bottom,
@@ -279,12 +279,12 @@ fn in_general() -> Section {
         drawing,
     };
     let figure = |title: &str, panels| {
-        Block::Figure(Figure {
+        SectionBlock::Figure(Figure {
             title: title.into(),
             caption: "What these show is made up.".into(),
             legend: vec![
-                Key::new(Ink::Real, Sample::Line, "real"),
-                Key::new(Ink::Guide, Sample::Area, "error"),
+                LegendEntry::new(Ink::Real, LegendMark::Line, "real"),
+                LegendEntry::new(Ink::Guide, LegendMark::Area, "error"),
             ],
             panels,
             data: None,
@@ -312,8 +312,8 @@ fn general_charts() -> [Chart; 2] {
         })
         .collect();
     let clock = Chart {
-        x: Axis::linear("time (s)"),
-        y: Axis::linear("residual of the clock map (µs)"),
+        x: ChartAxis::linear("time (s)"),
+        y: ChartAxis::linear("residual of the clock map (µs)"),
         layers: vec![
             Layer::Level { y: 0.0, text: "the map".into() },
             Layer::Moment { x: 31.0, text: "NTP step".into() },
@@ -321,8 +321,8 @@ fn general_charts() -> [Chart; 2] {
         ],
     };
     let histogram = Chart {
-        x: Axis::linear("track error (px)"),
-        y: Axis::from_zero("frames"),
+        x: ChartAxis::linear("track error (px)"),
+        y: ChartAxis::from_zero("frames"),
         layers: vec![
             Layer::Steps {
                 ink: Ink::Real,
@@ -350,13 +350,13 @@ pub(crate) fn page(title: &str) -> Page {
             Section {
                 title: "Measures".into(),
                 lead: lead.into(),
-                blocks: vec![Block::Measures(measures)],
+                blocks: vec![SectionBlock::Measures(measures)],
             },
             in_space(&real, &simulated),
             in_time(&real, &simulated),
             in_general(),
             Section {
-                blocks: vec![Block::Table(table())],
+                blocks: vec![SectionBlock::ReportTable(table())],
                 title: "Sessions".into(),
                 ..Section::default()
             },

@@ -1,23 +1,23 @@
-//! The generator's constants k from frames and real events, each with its error.
+//! Calibration of the voltmeter generator's constants k from frames and real events, with errors.
 //!
-//! Three ways, each from the one before:
+//! Three estimators, each starting from the one before:
 //! 1. [`Regressions`]: the paper's procedure, samples binned by brightness and its change,
-//!    first-passage laws fitted to each bin, three weighted regressions. Its biases are listed there.
+//!    first-passage distributions fitted to each bin, three weighted regressions. Biased, as listed there.
 //! 2. [`PassageFit`]: estimating equations over whole passages, unbiased under the model.
-//! 3. [`search`](fn@search): a black-box search over k by an [`Objective`], judged on held-out tiles.
+//! 3. [`search`](fn@search): a CMA-ES search over k by an [`Objective`], evaluated on held-out tiles.
 //!
-//! Pure: frames and events come in, constants go out. Pixels are split into training and
-//! held-out tiles like the fields of a chessboard; constants see the training tiles only.
+//! Pixels are split into training and held-out tiles in a checkerboard; constants are fitted to the
+//! training tiles only.
 
-mod along;
 mod bins;
+mod brightness;
 mod calibration;
 mod emd;
 mod estimate;
 mod least_squares;
-mod light;
 mod passage;
 mod passage_fit;
+mod path_integrals;
 mod regression;
 mod score;
 mod search;
@@ -25,19 +25,21 @@ mod search;
 mod tests;
 
 pub use bins::{BinFit, PassageLaw};
-pub use calibration::{Calibration, Candidate, Settings, Split, calibrate};
+pub use brightness::{BrightnessSeries, BrightnessSeriesBuilder, TILE, TileSubset};
+pub use calibration::{
+    Calibration, CalibrationSettings, CandidateConstants, PixelSplit, calibrate,
+};
 pub use emd::EmdObjective;
 pub use estimate::Constant;
-pub use light::{Light, LightBuilder, Part, TILE};
 pub use passage_fit::PassageFit;
-pub use regression::{Histogram, Line, Regressions};
+pub use regression::{Histogram, RegressionLine, Regressions};
 pub use score::ScoreObjective;
-pub use search::{Found, Objective, search};
+pub use search::{Objective, SearchResult, search};
 
 use evrig_core::event::EventSlice;
 use evrig_core::geometry::Size;
 
-/// Why constants cannot be told.
+/// Why constants cannot be estimated.
 #[derive(Debug, thiserror::Error)]
 pub enum CalibrateError {
     /// All frames have the size of the event camera's grid.
@@ -60,22 +62,22 @@ pub enum CalibrateError {
         /// Time of the frame before.
         before_us: i64,
     },
-    /// A single frame shows no change.
+    /// Fewer than two frames.
     #[error("{n} frames; calibration takes at least two, and a second of motion to be of use")]
     TooFewFrames {
         /// Frames given.
         n: usize,
     },
-    /// No pixel has light that can be used.
+    /// Every pixel is dark or saturated in some frame.
     #[error(
         "none of {n_pixels} pixels stays between 1 DN and the cut-off in all frames; \
          record with another exposure"
     )]
     NoUsablePixel {
-        /// Pixels looked at.
+        /// Pixels examined.
         n_pixels: usize,
     },
-    /// The bins do not carry the regressions.
+    /// Too few bins for the regressions.
     #[error(
         "{n_passages} intervals fill {n_bins} bins of brightness and change with 50 or more, and \
          {n_lines} levels of brightness; the regressions need two levels of three bins: record \
@@ -89,7 +91,7 @@ pub enum CalibrateError {
         /// Levels of brightness with a line.
         n_lines: usize,
     },
-    /// The passages leave a constant free.
+    /// The passages do not determine a constant.
     #[error(
         "{n_passages} passages between events do not determine {which}: the light changes too \
          little, or is of one level; record motion over a scene with several light levels"
@@ -107,23 +109,23 @@ pub enum CalibrateError {
 /// # Errors
 /// When there are too few events over too few light levels.
 pub fn regress(
-    light: &Light,
+    brightness: &BrightnessSeries,
     events: EventSlice<'_>,
-    part: Part,
+    part: TileSubset,
     seed: u64,
 ) -> Result<Regressions, CalibrateError> {
-    regression::regress(light, &passage::passages(light, events, part), seed)
+    regression::regress(brightness, &passage::passages(brightness, events, part), seed)
 }
 
 /// k from whole passages on one part of the pixels; `start` need not be close.
 ///
 /// # Errors
-/// When the passages leave a constant free.
+/// When the passages do not determine a constant.
 pub fn fit(
-    light: &Light,
+    brightness: &BrightnessSeries,
     events: EventSlice<'_>,
-    part: Part,
+    part: TileSubset,
     start: [f64; 6],
 ) -> Result<PassageFit, CalibrateError> {
-    passage_fit::fit(light, &passage::passages(light, events, part), start)
+    passage_fit::fit(brightness, &passage::passages(brightness, events, part), start)
 }

@@ -1,25 +1,21 @@
 //! Real events against simulated events, on one pixel grid and in one time window.
 //!
-//! [`compare`] takes two streams and gives numbers with errors ([`Measure`]), curves and maps.
-//! It reads each stream once into a [`profile`](self) of counts and intervals; every
-//! measure is a function of the two profiles and has a file of its own that says what it is,
-//! where it comes from and what it cannot see.
+//! [`compare`] computes measures with errors ([`Measure`]), curves and maps. Each stream is read once
+//! into a profile of counts and intervals. Every measure is a function of the two profiles and has a
+//! file of its own with its definition, source and limitations.
 //!
 //! # Errors of the measures
-//! Events are not independent: one edge of the scene sets off many pixels, a noisy
-//! pixel fires again and again. So no error here counts events. Each measure is resampled
-//! over **clusters** that hold together what belongs together (the cluster bootstrap),
-//! real and simulated events of a cluster always as a pair:
+//! Events are not independent: one edge triggers many pixels, a noisy pixel fires repeatedly. Errors
+//! therefore come from a bootstrap over **clusters**, real and simulated events of a cluster as a pair:
 //! - *time blocks*, 40 equal parts of the window, all pixels of each: count_ratio, polarity_delta,
-//!   spatial_emd. Right when what happens in one block says little of the next one.
+//!   spatial_emd. Valid when blocks are nearly independent.
 //! - *tiles*, squares of pixels with their whole history: active_pixel_ratio,
 //!   spatial_entropy_ratio, interval_tv, interval_emd, the interval fits, the correlation
-//!   and the rate-map error. Right when tiles differ by chance, not by one long edge.
+//!   and the rate-map error. Valid when tiles are nearly independent.
 //!
 //! # Unknown values
-//! A measure that has nothing to stand on (no events, one event a pixel) is unknown: its
-//! numbers are NaN here and `null` in JSON, and `unknown_because` says why. A value may be
-//! known while its error is not (a single cluster has events): then only the error is `null`.
+//! A measure without data (no events, one event per pixel) is unknown: NaN here, `null` in JSON, with
+//! the reason in `unknown_because`. With a single cluster only the error is unknown.
 
 mod active_pixel_ratio;
 mod bootstrap;
@@ -49,24 +45,24 @@ pub use rate_map::{Maps, RateMapError};
 use bootstrap::Bootstrap;
 use evrig_core::event::EventSlice;
 use evrig_core::geometry::Size;
-use profile::{Layout, Profile};
+use profile::{ClusterLayout, StreamProfile};
 use serde::{Deserialize, Serialize};
 
-/// Name of the result's layout; a change of keys changes the number.
+/// Schema of the result; a change of keys changes the number.
 pub const SCHEMA: &str = "evrig.comparison/1";
 
-/// What is compared, and how carefully.
+/// What is compared, and with how many replicates.
 #[derive(Clone, Copy)]
 pub struct Setup<'a> {
     /// Pixel grid of both streams.
     pub size: Size,
     /// Microseconds of the streams' clock, start inclusive, end exclusive.
     pub window: [i64; 2],
-    /// Pixels that count, row-major, one entry a pixel; all when absent.
+    /// Pixels of the region, row-major, one entry per pixel; all when absent.
     pub region: Option<&'a [bool]>,
     /// Seed of the resampling: the same seed gives the same errors on any number of threads.
     pub seed: u64,
-    /// Number of bootstrap replicates; 400 is plenty, 0 gives unknown errors.
+    /// Number of bootstrap replicates, such as 400; 0 gives unknown errors.
     pub n_bootstrap: usize,
     /// Change of log intensity between frames, for the correlation with signed counts.
     pub frames: Option<FrameChanges<'a>>,
@@ -79,7 +75,7 @@ pub struct Comparison {
     pub schema: String,
     /// Microseconds, start inclusive, end exclusive.
     pub window_us: [i64; 2],
-    /// Pixels that count.
+    /// Pixels of the region.
     pub n_pixels: u64,
     /// Real events in window and region.
     pub n_real: u64,
@@ -91,9 +87,9 @@ pub struct Comparison {
     pub n_bootstrap: u64,
     /// The measures in the order of [`MeasureId`].
     pub measures: Vec<Measure>,
-    /// What is better seen than told.
+    /// Curves.
     pub curves: Curves,
-    /// Both maps, kept out of the JSON: store them as npy.
+    /// Event maps, kept out of the JSON.
     #[serde(skip)]
     pub maps: Maps,
 }
@@ -119,16 +115,16 @@ impl Comparison {
     }
 }
 
-/// Which of the two streams.
+/// One of the two streams.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stream {
+pub enum ComparedStream {
     /// The camera's events.
     Real,
     /// The generator's events.
     Simulated,
 }
 
-impl std::fmt::Display for Stream {
+impl std::fmt::Display for ComparedStream {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::Real => "real",
@@ -146,8 +142,8 @@ pub enum CompareError {
          sort the stream by time"
     )]
     TimeNotAscending {
-        /// Whose event.
-        stream: Stream,
+        /// The stream.
+        stream: ComparedStream,
         /// Its number in the stream, from 0.
         index: usize,
         /// Its time.
@@ -160,8 +156,8 @@ pub enum CompareError {
         "{stream} event {index} is at pixel ({x}, {y}), outside the grid of {size}; give both streams' own grid"
     )]
     OutsideGrid {
-        /// Whose event.
-        stream: Stream,
+        /// The stream.
+        stream: ComparedStream,
         /// Its number in the stream, from 0.
         index: usize,
         /// Pixel column.
@@ -190,9 +186,9 @@ pub enum CompareError {
     /// A region has one entry for each pixel.
     #[error("the region has {found} entries, expected {expected}, one for each pixel of {size}")]
     RegionSize {
-        /// Entries there are.
+        /// Entries given.
         found: usize,
-        /// Pixels there are.
+        /// Pixels of the grid.
         expected: usize,
         /// The grid.
         size: Size,
@@ -221,15 +217,15 @@ pub fn compare(
     setup: &Setup<'_>,
 ) -> Result<Comparison, CompareError> {
     check_setup(setup)?;
-    check_stream(real, setup.size, Stream::Real)?;
-    check_stream(simulated, setup.size, Stream::Simulated)?;
+    check_stream(real, setup.size, ComparedStream::Real)?;
+    check_stream(simulated, setup.size, ComparedStream::Simulated)?;
     let [start, end] = setup.window;
     let (real, simulated) = (real.between(start, end), simulated.between(start, end));
-    let layout = Layout::new(setup.size, setup.window, setup.region)
+    let layout = ClusterLayout::new(setup.size, setup.window, setup.region)
         .ok_or(CompareError::NoPixels { size: setup.size })?;
     let (real_profile, simulated_profile) =
-        rayon::join(|| Profile::of(real, &layout), || Profile::of(simulated, &layout));
-    let pair = Pair {
+        rayon::join(|| StreamProfile::of(real, &layout), || StreamProfile::of(simulated, &layout));
+    let pair = ProfilePair {
         layout: &layout,
         real: &real_profile,
         simulated: &simulated_profile,
@@ -266,11 +262,11 @@ pub fn compare(
     })
 }
 
-/// Both streams, counted, and the means to put errors on what they say.
-struct Pair<'a> {
-    layout: &'a Layout,
-    real: &'a Profile,
-    simulated: &'a Profile,
+/// Profiles of both streams with the bootstrap for their errors.
+struct ProfilePair<'a> {
+    layout: &'a ClusterLayout,
+    real: &'a StreamProfile,
+    simulated: &'a StreamProfile,
     bootstrap: Bootstrap,
 }
 
@@ -295,7 +291,11 @@ fn check_setup(setup: &Setup<'_>) -> Result<(), CompareError> {
     }
 }
 
-fn check_stream(events: EventSlice<'_>, size: Size, stream: Stream) -> Result<(), CompareError> {
+fn check_stream(
+    events: EventSlice<'_>,
+    size: Size,
+    stream: ComparedStream,
+) -> Result<(), CompareError> {
     if let Some(index) = events.first_disorder() {
         let (t_us, previous_us) = (events.t[index], events.t[index - 1]);
         return Err(CompareError::TimeNotAscending { stream, index, t_us, previous_us });

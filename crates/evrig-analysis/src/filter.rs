@@ -1,19 +1,17 @@
-//! Filters that tell noise from signal. Every event has a fate.
+//! Event filters.
 //!
-//! A filter is a function from events to events and a [`Tally`]: what it has seen is what it has
-//! kept plus what it has dropped, by reason. The same code and settings go over real
-//! and generated streams; filtering one only would plant a difference.
+//! A filter maps events to kept events and a [`DropTally`] with the dropped ones by reason. Real and
+//! generated streams need the same filters; filtering only one would introduce a difference.
 //!
 //! | filter | drops |
 //! | --- | --- |
 //! | [`refractory`] | an event too soon after the last kept one of its pixel |
-//! | [`background`] | an event without a recent neighbour |
-//! | [`hot_pixel`] | all events of pixels that fire far too often |
-//! | [`region`] | an event outside a region that moves, at the event's own time |
-//! | [`rate`] | events beyond what a link or a display can take, thinned evenly |
+//! | [`background`] | an event without a recent event of a neighbour |
+//! | [`hot_pixel`] | all events of pixels with far too high rates |
+//! | [`region`] | an event outside a moving region at the event's time |
+//! | [`rate`] | events above a rate limit, thinned evenly |
 //!
-//! All need ascending time and events on the grid. Those that look back keep state only
-//! within one call, so a stream is filtered in one piece.
+//! All need ascending time and events on the grid, and the whole stream in one call.
 
 pub mod background;
 pub mod hot_pixel;
@@ -22,7 +20,7 @@ pub mod refractory;
 pub mod region;
 mod tally;
 
-pub use tally::{Reason, Tally};
+pub use tally::{DropReason, DropTally};
 
 use evrig_core::event::{EventSlice, Events};
 use evrig_core::geometry::Size;
@@ -55,7 +53,7 @@ pub enum FilterError {
         /// The grid.
         size: Size,
     },
-    /// A setting makes no sense.
+    /// A setting is out of its range.
     #[error("{name} is {found}, expected {expected}")]
     BadSetting {
         /// The setting.
@@ -67,29 +65,28 @@ pub enum FilterError {
     },
 }
 
-/// Events that were kept, and the fate of all.
+/// The kept events, and the counts by reason.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Filtered {
-    /// Kept events in the order in which they came.
+    /// Kept events in their order.
     pub events: Events,
-    /// Seen, kept, dropped.
-    pub tally: Tally,
+    /// Counts.
+    pub tally: DropTally,
 }
 
-/// Events looked at together: they are checked and filtered while they are in the cache.
+/// Events that are checked and filtered together, in the cache.
 const CHUNK: usize = 4_096;
 
-/// Keeps the events for which `is_kept` holds, asked in order with time and pixel index.
+/// Keeps the events for which `is_kept(time, pixel index)` holds, called in order.
 ///
-/// Within a chunk the columns are written without a branch: each event is stored at the place of the
-/// next kept one, and the place moves on only if it stays. Noise makes a branch unpredictable.
+/// Compaction within a chunk is branch-free, as noise makes a branch unpredictable.
 fn keep(
     events: EventSlice<'_>,
     size: Size,
-    reason: Reason,
+    reason: DropReason,
     mut is_kept: impl FnMut(i64, usize) -> bool,
 ) -> Result<Filtered, FilterError> {
-    // Address space only: pages are taken when kept events fill them.
+    // Reserves address space only.
     let mut kept = Events::with_capacity(events.len());
     let (mut t, mut x) = (vec![0; CHUNK], vec![0; CHUNK]);
     let (mut y, mut on) = (vec![0; CHUNK], vec![false; CHUNK]);
@@ -110,12 +107,12 @@ fn keep(
         let stayed = EventSlice { t: &t[..end], x: &x[..end], y: &y[..end], on: &on[..end] };
         kept.extend_from_slice(stayed);
     }
-    let tally = Tally::of(events.len() as u64, kept.len() as u64, reason);
+    let tally = DropTally::of(events.len() as u64, kept.len() as u64, reason);
     Ok(Filtered { events: kept, tally })
 }
 
-/// Checks a chunk that begins at event `start`, after one at `previous_us`. The test of the whole
-/// chunk has no early end, so that it runs over several events at once.
+/// Checks a chunk that begins at event `start`, after one at `previous_us`. Without early return, so
+/// that the loops vectorise.
 fn check(
     chunk: EventSlice<'_>,
     size: Size,

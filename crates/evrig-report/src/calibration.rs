@@ -1,34 +1,36 @@
-//! The calibration's section of the page: constants with errors, and the paper's figures.
+//! The calibration section of the page: constants with errors, and the paper's figures.
 
-use super::figure::{Figure, Key, Link, Panel, Sample};
+use super::figure::{Figure, FileLink, LegendEntry, LegendMark, Panel};
 use super::number::{count, significant};
-use super::page::{Block, Fact, Section};
+use super::page::{Fact, Section, SectionBlock};
 use super::plot::Ink;
-use super::plot::chart::{Axis, Chart, Layer, Stroke};
-use super::table::{Cell, Column, Table};
+use super::plot::chart::{Chart, ChartAxis, Layer, Stroke};
+use super::table::{ReportTable, TableCell, TableColumn};
 use evrig_analysis::calibrate::{Calibration, Constant, PassageLaw, Regressions};
 
-/// The section of one light's calibration.
+/// The section of a calibration on the frames named `light`.
 #[must_use]
 pub fn section(light: &str, calibration: &Calibration) -> Section {
-    let link = || Link::beside(&format!("derived/calibrate-{light}/k.json"));
+    let link = || FileLink::beside(&format!("derived/calibrate-{light}/k.json"));
     let mut blocks = vec![
-        Block::Table(constants(calibration)),
-        Block::Table(candidates(calibration)),
-        Block::Facts(facts(calibration)),
+        SectionBlock::ReportTable(constants(calibration)),
+        SectionBlock::ReportTable(candidates(calibration)),
+        SectionBlock::Facts(facts(calibration)),
     ];
     if let Some(regressions) = &calibration.regressions {
         let figures = [histograms(regressions), lines(regressions), drift_and_noise(regressions)];
-        blocks.extend(figures.map(|figure| Block::Figure(figure.with_data(link()))));
+        blocks.extend(figures.map(|figure| SectionBlock::Figure(figure.with_data(link()))));
     }
     if let Some(because) = &calibration.without_regressions {
-        blocks.push(Block::Text(format!("The paper's regressions are left out: {because}.")));
+        blocks.push(SectionBlock::Text(format!(
+            "The paper's regressions were not possible: {because}."
+        )));
     }
     Section {
         title: format!("Calibration on “{light}”"),
         lead: format!(
-            "Constants k of the event model, fitted to the real events of {} pixels and judged by “{}” \
-             on {} others. Taken: {}.",
+            "Constants k of the event model, fitted to the real events of {} pixels and evaluated by “{}” \
+             on {} held-out pixels. Selected: {}.",
             count(calibration.split.n_train_pixels as u64),
             calibration.objective,
             count(calibration.split.n_held_out_pixels as u64),
@@ -47,59 +49,59 @@ const UNITS: [&str; 6] = [
     "thresholds/√µs",
 ];
 
-fn constants(calibration: &Calibration) -> Table {
+fn constants(calibration: &Calibration) -> ReportTable {
     let interval = |constant: &Constant| {
         let [low, high] = constant.ci95.map(|end| significant(end, 3));
-        Cell::text(&format!("{} ({low} to {high})", significant(constant.estimate.value, 3)))
+        TableCell::text(&format!("{} ({low} to {high})", significant(constant.estimate.value, 3)))
     };
-    let none = || Cell::text("–");
+    let none = || TableCell::text("–");
     let row = |i: usize| {
         let regressions = calibration.regressions.as_ref();
         vec![
-            Cell::text(&format!("k{}", i + 1)),
-            Cell::number(calibration.k.k()[i]),
+            TableCell::text(&format!("k{}", i + 1)),
+            TableCell::number(calibration.k.k()[i]),
             interval(&calibration.passages.k[i]),
             regressions.map_or_else(none, |regressions| interval(&regressions.k[i])),
-            Cell::text(UNITS[i]),
+            TableCell::text(UNITS[i]),
         ]
     };
-    Table {
+    ReportTable {
         title: "Constants".into(),
         caption: "With 95 % intervals. Passages: estimating equations over whole intervals between events, \
-                  unbiased where the model holds; regressions: the paper's procedure, whose bias the intervals do not hold. \
-                  Where the camera does what the model does not, the noise constants take it up."
+                  unbiased under the model; regressions: the paper's procedure, whose bias the intervals do not \
+                  contain. Effects that the model lacks bias the noise constants."
             .into(),
         columns: vec![
-            Column::text("constant"),
-            Column::number("taken", ""),
-            Column::text("passages"),
-            Column::text("regressions"),
-            Column::text("unit"),
+            TableColumn::text("constant"),
+            TableColumn::number("selected", ""),
+            TableColumn::text("passages"),
+            TableColumn::text("regressions"),
+            TableColumn::text("unit"),
         ],
         rows: (0..6).map(row).collect(),
     }
 }
 
-fn candidates(calibration: &Calibration) -> Table {
-    let number = |value: Option<f64>| value.map_or_else(|| Cell::text("–"), Cell::number);
-    let row = |candidate: &evrig_analysis::calibrate::Candidate| {
+fn candidates(calibration: &Calibration) -> ReportTable {
+    let number = |value: Option<f64>| value.map_or_else(|| TableCell::text("–"), TableCell::number);
+    let row = |candidate: &evrig_analysis::calibrate::CandidateConstants| {
         vec![
-            Cell::text(&candidate.name),
+            TableCell::text(&candidate.name),
             number(candidate.train),
             number(candidate.held_out),
-            Cell::text(&candidate.k.k().map(|k| significant(k, 3)).join(", ")),
+            TableCell::text(&candidate.k.k().map(|k| significant(k, 3)).join(", ")),
         ]
     };
-    Table {
-        title: "Before and after".into(),
-        caption: "Less is better. “score” is minus the log-likelihood in nats an event, time in seconds; \
+    ReportTable {
+        title: "Candidates".into(),
+        caption: "Less is better. “score” is minus the log-likelihood in nats per event, time in seconds; \
                   “emd” is the paper's normalised transport distance."
             .into(),
         columns: vec![
-            Column::text("k from"),
-            Column::number("training tiles", ""),
-            Column::number("held-out tiles", ""),
-            Column::text("k1 to k6"),
+            TableColumn::text("k from"),
+            TableColumn::number("training tiles", ""),
+            TableColumn::number("held-out tiles", ""),
+            TableColumn::text("k1 to k6"),
         ],
         rows: calibration.candidates.iter().map(row).collect(),
     }
@@ -109,7 +111,7 @@ fn facts(calibration: &Calibration) -> Vec<Fact> {
     let fit = &calibration.passages;
     let mut facts = vec![
         Fact::new("intervals used", count(fit.n_used)),
-        Fact::new("residual variance over the model's", significant(fit.variance_ratio, 3)),
+        Fact::new("residual variance / model variance", significant(fit.variance_ratio, 3)),
         Fact::new(
             "residuals beyond half a threshold",
             format!("{} %", significant(100.0 * fit.share_far, 2)),
@@ -126,8 +128,8 @@ fn facts(calibration: &Calibration) -> Vec<Fact> {
     facts
 }
 
-/// Density of the inverse Gaussian or Lévy law per decade of the interval.
-fn law_per_decade(law: PassageLaw, drift: f64, sigma: f64, t: f64) -> f64 {
+/// Density of the fitted distribution per decade of the interval.
+fn density_per_decade(law: PassageLaw, drift: f64, sigma: f64, t: f64) -> f64 {
     let shape = 1.0 / (sigma * sigma);
     let away = match law {
         PassageLaw::InverseGaussian => {
@@ -145,10 +147,10 @@ fn histograms(regressions: &Regressions) -> Figure {
         let point = regressions.points.get(histogram.point)?;
         let (low, high) = histogram.edges_us.first().zip(histogram.edges_us.last())?;
         let at = |i: i32| low * (high / low).powf(f64::from(i) / 120.0);
-        let fit = |t| law_per_decade(point.law, point.drift_per_us, point.sigma_per_sqrt_us, t);
+        let fit = |t| density_per_decade(point.law, point.drift_per_us, point.sigma_per_sqrt_us, t);
         let chart = Chart {
-            x: Axis::log("interval (µs)"),
-            y: Axis::from_zero("probability per decade"),
+            x: ChartAxis::log("interval (µs)"),
+            y: ChartAxis::from_zero("probability per decade"),
             layers: vec![
                 Layer::Steps {
                     ink: Ink::Real,
@@ -172,20 +174,22 @@ fn histograms(regressions: &Regressions) -> Figure {
             significant(point.change_dn_per_us * 1e3, 2)
         );
         Some(Panel {
-            alt: format!("Histogram of the intervals at {title} with the fitted {law} law."),
+            alt: format!(
+                "Histogram of the intervals at {title} with the fitted {law} distribution."
+            ),
             title,
             note: format!("{law}, {} intervals", count(point.n as u64)),
             drawing: chart.draw_half(),
         })
     };
     Figure {
-        title: "Intervals and fitted first-passage laws".into(),
-        caption: "The fullest bins of brightness and brightness change. A bin holds pixels of unlike speed and \
-                  intervals that began under other light, so histograms are wider than one law: look for the shoulders."
+        title: "Intervals and fitted first-passage distributions".into(),
+        caption: "The fullest bins of brightness and brightness change. A bin mixes pixels of different drift and \
+                  intervals that began at other brightness, so histograms are wider than a single distribution."
             .into(),
         legend: vec![
-            Key::new(Ink::Real, Sample::Line, "intervals"),
-            Key::new(Ink::Simulated, Sample::Thin, "fitted law"),
+            LegendEntry::new(Ink::Real, LegendMark::Line, "intervals"),
+            LegendEntry::new(Ink::Simulated, LegendMark::Thin, "fit"),
         ],
         panels: regressions.histograms.iter().filter_map(panel).collect(),
         data: None,
@@ -200,26 +204,16 @@ fn lines(regressions: &Regressions) -> Figure {
             [a.min(p.change_dn_per_us), b.max(p.change_dn_per_us)]
         })
     };
-    let mut first = vec![Layer::Points { ink: Ink::Real, points: points.collect() }];
-    first.extend(regressions.lines.iter().map(|line| Layer::Line {
+    let fits = regressions.lines.iter().map(|line| Layer::Line {
         ink: Ink::Simulated,
         stroke: Stroke::Thin,
         points: ends(line.mean_dn).map(|x| [x, line.slope * x + line.intercept_per_us]).to_vec(),
-    }));
+    });
     let [k1, k2] = [0, 1].map(|i| regressions.k[i].estimate.value);
     let inverse: Vec<[f64; 2]> =
         regressions.lines.iter().map(|line| [line.mean_dn, 1.0 / line.slope]).collect();
     let fit = inverse.iter().map(|[mean, _]| [*mean, (mean + k2) / k1]).collect();
-    let second = vec![
-        Layer::Points { ink: Ink::Real, points: inverse },
-        Layer::Line { ink: Ink::Simulated, stroke: Stroke::Thin, points: fit },
-    ];
-    let panel = |title: &str, note: String, x: &str, y: &str, layers| Panel {
-        title: title.to_owned(),
-        note,
-        alt: format!("{title}: {y} against {x}, points with the regression."),
-        drawing: Chart { x: Axis::linear(x), y: Axis::linear(y), layers }.draw_half(),
-    };
+    let fit = Layer::Line { ink: Ink::Simulated, stroke: Stroke::Thin, points: fit };
     Figure {
         title: "First and second regression".into(),
         caption:
@@ -227,45 +221,45 @@ fn lines(regressions: &Regressions) -> Figure {
                   Second: 1/a against brightness; its slope is 1/k1, its intercept k2/k1."
                 .into(),
         legend: vec![
-            Key::new(Ink::Real, Sample::Dot, "bins, levels"),
-            Key::new(Ink::Simulated, Sample::Thin, "regression"),
+            LegendEntry::new(Ink::Real, LegendMark::Dot, "bins, levels"),
+            LegendEntry::new(Ink::Simulated, LegendMark::Thin, "regression"),
         ],
         panels: vec![
             panel(
                 "First regression",
                 format!("{} levels", regressions.lines.len()),
-                "change of brightness (DN/µs)",
-                "drift (thresholds/µs)",
-                first,
+                ["change of brightness (DN/µs)", "drift (thresholds/µs)"],
+                points.collect(),
+                fits,
             ),
             panel(
                 "Second regression",
                 format!("k1 = {}, k2 = {}", significant(k1, 3), significant(k2, 3)),
-                "mean brightness (DN)",
-                "1/a (DN per threshold)",
-                second,
+                ["mean brightness (DN)", "1/a (DN per threshold)"],
+                inverse,
+                [fit],
             ),
         ],
         data: None,
     }
 }
 
-/// Points with their regression.
 fn panel(
     title: &str,
     note: String,
     [x, y]: [&str; 2],
     points: Vec<[f64; 2]>,
-    line: Layer,
+    fits: impl IntoIterator<Item = Layer>,
 ) -> Panel {
+    let points = [Layer::Points { ink: Ink::Real, points }];
     Panel {
         title: title.to_owned(),
         note,
         alt: format!("{title}: {y} against {x}, points with the regression."),
         drawing: Chart {
-            x: Axis::linear(x),
-            y: Axis::linear(y),
-            layers: vec![Layer::Points { ink: Ink::Real, points }, line],
+            x: ChartAxis::linear(x),
+            y: ChartAxis::linear(y),
+            layers: points.into_iter().chain(fits).collect(),
         }
         .draw_half(),
     }
@@ -299,12 +293,11 @@ fn drift_and_noise(regressions: &Regressions) -> Figure {
     let noise_line = line(&noise, &|x| k3 * x + k6);
     Figure {
         title: "Third regression, and the noise".into(),
-        caption: "Third: the drift of every bin against k1′c + k5 L + k4; points off the line show what the regression \
-                  leaves. Noise: diffusion against √L/(L + k2); slope k3, intercept k6."
+        caption: "Third: the drift of every bin against k1′c + k5 L + k4; points off the line are residuals. Noise: diffusion against √L/(L + k2); slope k3, intercept k6."
             .into(),
         legend: vec![
-            Key::new(Ink::Real, Sample::Dot, "bins"),
-            Key::new(Ink::Simulated, Sample::Thin, "regression"),
+            LegendEntry::new(Ink::Real, LegendMark::Dot, "bins"),
+            LegendEntry::new(Ink::Simulated, LegendMark::Thin, "regression"),
         ],
         panels: vec![
             panel(
@@ -312,14 +305,14 @@ fn drift_and_noise(regressions: &Regressions) -> Figure {
                 format!("k1′ = {}", significant(k1_prime, 3)),
                 ["regressed drift (thresholds/µs)", "drift (thresholds/µs)"],
                 drift,
-                drift_line,
+                [drift_line],
             ),
             panel(
                 "Noise",
                 format!("k3 = {}, k6 = {}", significant(k3, 2), significant(k6, 2)),
                 ["√L/(L + k2) (1/√DN)", "diffusion (thresholds/√µs)"],
                 noise,
-                noise_line,
+                [noise_line],
             ),
         ],
         data: None,

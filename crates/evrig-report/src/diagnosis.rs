@@ -1,77 +1,80 @@
-//! The diagnosis' section of the page: the verdict, what was named, where the model is wrong.
+//! The diagnosis section of the page: verdict, effects, strata with misfit.
 
 mod free_run;
 mod heat;
 
-use super::figure::{Figure, Key, Link, Panel, Sample};
+use super::figure::{Figure, FileLink, LegendEntry, LegendMark, Panel};
 use super::number::{count, significant};
-use super::page::{Block, Fact, Section};
+use super::page::{Fact, Section, SectionBlock};
 use super::plot::Ink;
-use super::plot::chart::{Axis, Chart, Layer};
-use super::table::{Cell, Column, Table};
+use super::plot::chart::{Chart, ChartAxis, Layer};
+use super::table::{ReportTable, TableCell, TableColumn};
 use evrig_analysis::diagnose::{
     ConfidenceInterval, Diagnosis, DiagnosisVerdict, FittedEffect, ForwardSimulation, HeatMap,
     MisfitStratum, ProposedTerm, RejectedEffect, SplitHalfFit, UntestableEffect,
 };
 
-/// The section of a diagnosis, with the generator's free run and the heat maps where there are any.
+/// The section of a diagnosis, with forward simulation and heat maps where available.
 #[must_use]
 pub fn section(
     diagnosis: &Diagnosis,
     run: Option<&ForwardSimulation>,
     maps: &[HeatMap],
 ) -> Section {
-    let link = || Link::beside("derived/diagnose/diagnosis.json");
-    let mut blocks = vec![Block::Facts(facts(diagnosis))];
+    let link = || FileLink::beside("derived/diagnose/diagnosis.json");
+    let mut blocks = vec![SectionBlock::Facts(facts(diagnosis))];
     if !diagnosis.effects.is_empty() {
-        blocks.push(Block::Table(effects(&diagnosis.effects)));
+        blocks.push(SectionBlock::ReportTable(effects(&diagnosis.effects)));
         blocks.extend(diagnosis.effects.iter().map(|effect| {
             let equation = if effect.equation.is_empty() { "" } else { " Equation: " };
-            Block::Text(format!(
+            SectionBlock::Text(format!(
                 "{}: {}.{equation}{}",
                 effect.name, effect.description, effect.equation
             ))
         }));
     }
     if !diagnosis.rejected_effects.is_empty() {
-        blocks.push(Block::Table(suspects(&diagnosis.rejected_effects)));
+        blocks.push(SectionBlock::ReportTable(suspects(&diagnosis.rejected_effects)));
     }
     blocks.extend(
         run.into_iter().flat_map(|run| free_run::blocks(run, !diagnosis.effects.is_empty())),
     );
     if !diagnosis.split_half.is_empty() {
-        blocks.push(Block::Table(halves(&diagnosis.split_half, &diagnosis.effects)));
+        blocks.push(SectionBlock::ReportTable(halves(&diagnosis.split_half, &diagnosis.effects)));
     }
     let title = match diagnosis.verdict {
-        DiagnosisVerdict::NoMismatch => "Where the most is left, below what matters",
-        _ => "Where the baseline is wrong",
+        DiagnosisVerdict::NoMismatch => {
+            "Strata with the largest excess (below the reporting threshold)"
+        }
+        _ => "Misfit of the baseline by stratum",
     };
     let mut places = vec![(title, &diagnosis.mismatch.strata)];
     if !diagnosis.effects.is_empty() {
-        places.push((
-            "Where the model with those effects is still wrong",
-            &diagnosis.residual_mismatch.strata,
-        ));
+        places.push(("Misfit of the final model by stratum", &diagnosis.residual_mismatch.strata));
     }
     for (title, places) in places.into_iter().filter(|(_, places)| !places.is_empty()) {
-        blocks.push(Block::Table(wheres(title, places)));
+        blocks.push(SectionBlock::ReportTable(wheres(title, places)));
     }
     blocks.extend(heat::blocks(maps, !diagnosis.effects.is_empty()));
     if let Some(term) = &diagnosis.proposed_term {
-        blocks.push(Block::Figure(proposed(term).with_data(link())));
+        blocks.push(SectionBlock::Figure(proposed(term).with_data(link())));
     }
     if let Some(next) = &diagnosis.next_recording {
-        blocks.push(Block::Text(format!("To tell equivalent effects apart, record {next}.")));
+        blocks
+            .push(SectionBlock::Text(format!("To distinguish equivalent effects, record {next}.")));
     }
-    blocks.push(Block::Table(nuisances(diagnosis)));
-    blocks.extend(diagnosis.coarse_stamps().map(Block::Text));
+    blocks.push(SectionBlock::ReportTable(nuisances(diagnosis)));
+    blocks.extend(diagnosis.coarse_stamps().map(SectionBlock::Text));
     if !diagnosis.cannot_judge.is_empty() {
-        blocks.push(Block::Text(format!("This session cannot judge {}.", not_judged(diagnosis))));
+        blocks.push(SectionBlock::Text(format!(
+            "This session cannot judge {}.",
+            not_judged(diagnosis)
+        )));
     }
     Section { title: "Diagnosis".into(), lead: lead(diagnosis), blocks }
 }
 
-/// Effects that the session cannot judge, those with the same reason together.
+/// Effects that the session cannot judge, grouped by reason.
 fn not_judged(diagnosis: &Diagnosis) -> String {
     let mut by_reason: Vec<(&str, Vec<&str>)> = Vec::new();
     for UntestableEffect { id, because } in &diagnosis.cannot_judge {
@@ -89,19 +92,19 @@ fn lead(diagnosis: &Diagnosis) -> String {
     let names: Vec<&str> = diagnosis.effects.iter().map(|effect| effect.name.as_str()).collect();
     let verdict = match diagnosis.verdict {
         DiagnosisVerdict::NoMismatch => {
-            "The model holds: no effect of the library matters here".to_owned()
+            "No mismatch: no effect of the library is significant".to_owned()
         }
         DiagnosisVerdict::Explained => format!("Explained by {}", names.join(" and ")),
         DiagnosisVerdict::PartlyExplained => {
-            format!("Explained in part by {}", names.join(" and "))
+            format!("Partly explained by {}", names.join(" and "))
         }
         DiagnosisVerdict::Unexplained => {
-            "There is a mismatch that no effect of the library accounts for".to_owned()
+            "There is a mismatch that no effect of the library explains".to_owned()
         }
     };
     format!(
-        "{verdict}. From {} events of {} pixels; scores are log-likelihoods in nats an event on \
-         cells that no fit has seen, time in seconds.",
+        "{verdict}. From {} events of {} pixels; scores are held-out log-likelihoods in nats per \
+         event, time in seconds.",
         count(diagnosis.n_events as u64),
         count(diagnosis.n_pixels as u64)
     )
@@ -111,8 +114,8 @@ fn facts(diagnosis: &Diagnosis) -> Vec<Fact> {
     let scores = &diagnosis.fit.heldout_nats_per_event;
     let upper_bound_source = scores.upper_bound_source.replace('_', " ");
     let mut facts = vec![
-        Fact::new("held-out score of the baseline", significant(scores.baseline, 4)),
-        Fact::new("of the final model", significant(scores.r#final, 4)),
+        Fact::new("held-out log-likelihood, baseline", significant(scores.baseline, 4)),
+        Fact::new("held-out log-likelihood, final model", significant(scores.r#final, 4)),
         Fact::new(
             &format!("upper bound ({upper_bound_source})"),
             significant(scores.upper_bound, 4),
@@ -123,26 +126,26 @@ fn facts(diagnosis: &Diagnosis) -> Vec<Fact> {
         facts.push(Fact::new("share of the excess removed", value));
     }
     let bar = format!(
-        "{} nats an event; recordings drawn from the fitted model: {}",
+        "{} nats per event; simulated recordings of the null model: {}",
         significant(diagnosis.null.threshold_nats_per_event, 2),
         diagnosis.null.n
     );
-    facts.push(Fact::new("least gain that is named", bar));
+    facts.push(Fact::new("smallest gain that is reported", bar));
     if let Some(left) = &diagnosis.structure {
         let percent = |share: f64| format!("{} %", significant(100.0 * share, 3));
         let mut words = percent(left.baseline.accuracy);
         if !diagnosis.effects.is_empty() {
             words += &format!(
-                " from the baseline's, {} from the final model's",
+                " for the baseline, {} for the final model",
                 percent(left.r#final.accuracy)
             );
         }
-        facts.push(Fact::new("events told from the model's (50 %: none)", words));
+        facts.push(Fact::new("classifier two-sample test, accuracy (50 %: no difference)", words));
     }
     facts
 }
 
-/// A value with its 90 % interval, where it is known.
+/// A value with its 90 % interval, where known.
 fn with_interval(interval: &ConfidenceInterval) -> String {
     let value = significant(interval.value, 4);
     match interval.ci90 {
@@ -153,7 +156,7 @@ fn with_interval(interval: &ConfidenceInterval) -> String {
     }
 }
 
-fn effects(effects: &[FittedEffect]) -> Table {
+fn effects(effects: &[FittedEffect]) -> ReportTable {
     let row = |effect: &FittedEffect| {
         let parameters: Vec<String> = effect
             .parameters
@@ -168,129 +171,130 @@ fn effects(effects: &[FittedEffect]) -> Table {
             .collect();
         let equivalent: Vec<&str> = effect.indistinguishable.iter().map(|id| id.as_str()).collect();
         let (gain, error) = if effect.is_beside_the_score() {
-            (Cell::text("not scored"), String::new())
+            (TableCell::text("not scored"), String::new())
         } else {
             let error = significant(effect.heldout_gain_error, 2);
-            (Cell::number(effect.heldout_gain_nats_per_event), error)
+            (TableCell::number(effect.heldout_gain_nats_per_event), error)
         };
         vec![
-            Cell::text(effect.id.as_str()),
-            Cell::text(&parameters.join(", ")),
+            TableCell::text(effect.id.as_str()),
+            TableCell::text(&parameters.join(", ")),
             gain,
-            Cell::text(&error),
-            Cell::text(&rivals.join(", ")),
-            Cell::text(&equivalent.join(", ")),
+            TableCell::text(&error),
+            TableCell::text(&rivals.join(", ")),
+            TableCell::text(&equivalent.join(", ")),
         ]
     };
-    Table {
-        title: "Effects named".into(),
-        caption:
-            "Each gain is on top of the effects above it. Parameters with 90 % intervals, which \
-                  come from the scatter over cells and do not know the model's own misfit. Rivals: \
-                  what they would have gained in the same place. Not scored: seen in the frames, so that \
-                  the light has it, or over the whole sensor."
-                .into(),
+    ReportTable {
+        title: "Effects".into(),
+        caption: "Each gain is on top of the effects above it. Parameters with 90 % intervals from the scatter \
+                  over cells, without model misfit. Competing hypotheses: their gain in the same position. Not \
+                  scored: measured in the frames, hence part of the signal, or over the whole sensor."
+            .into(),
         columns: vec![
-            Column::text("effect"),
-            Column::text("parameters"),
-            Column::number("gain", "nats/event"),
-            Column::text("standard error"),
-            Column::text("rivals"),
-            Column::text("not told apart"),
+            TableColumn::text("effect"),
+            TableColumn::text("parameters"),
+            TableColumn::number("gain", "nats/event"),
+            TableColumn::text("standard error"),
+            TableColumn::text("competing hypotheses"),
+            TableColumn::text("indistinguishable"),
         ],
         rows: effects.iter().map(row).collect(),
     }
 }
 
-fn suspects(suspects: &[RejectedEffect]) -> Table {
+fn suspects(suspects: &[RejectedEffect]) -> ReportTable {
     let row = |suspect: &RejectedEffect| {
         vec![
-            Cell::text(suspect.id.name()),
-            Cell::number(suspect.heldout_gain_nats_per_event),
-            Cell::text(&suspect.because),
+            TableCell::text(suspect.id.name()),
+            TableCell::number(suspect.heldout_gain_nats_per_event),
+            TableCell::text(&suspect.because),
         ]
     };
-    Table {
-        title: "Fits, and is not named".into(),
-        caption: "What comes nearest in the library, and what each lacks for a name: a gain that is sure, one \
-                  strength everywhere, and nothing left to tell its events from the camera's."
+    ReportTable {
+        title: "Rejected effects".into(),
+        caption: "The nearest effects of the library, and the criterion each fails: a significant gain, constant \
+                  strength, and no residual difference between simulated and recorded events."
             .into(),
         columns: vec![
-            Column::text("effect"),
-            Column::number("gain", "nats/event"),
-            Column::text("what it lacks"),
+            TableColumn::text("effect"),
+            TableColumn::number("gain", "nats/event"),
+            TableColumn::text("rejected because"),
         ],
         rows: suspects.iter().map(row).collect(),
     }
 }
 
-fn halves(halves: &[SplitHalfFit], effects: &[FittedEffect]) -> Table {
+fn halves(halves: &[SplitHalfFit], effects: &[FittedEffect]) -> ReportTable {
     let keys: Vec<String> = effects
         .iter()
         .flat_map(|e| e.parameters.keys().map(move |key| format!("{}.{key}", e.id)))
         .collect();
     let row = |half: &SplitHalfFit| {
         let mut row = vec![
-            Cell::text(&half.subset),
-            Cell::count(half.n_events as u64),
-            Cell::number(half.heldout_gain_nats_per_event),
+            TableCell::text(&half.subset),
+            TableCell::count(half.n_events as u64),
+            TableCell::number(half.heldout_gain_nats_per_event),
         ];
         let value = |key: &String| half.parameters.get(key).copied();
-        row.extend(keys.iter().map(|k| value(k).map_or_else(|| Cell::text(""), Cell::number)));
+        row.extend(
+            keys.iter().map(|k| value(k).map_or_else(|| TableCell::text(""), TableCell::number)),
+        );
         row
     };
     let mut columns = vec![
-        Column::text("refitted on"),
-        Column::number("events", ""),
-        Column::number("gain", "nats/event"),
+        TableColumn::text("refitted on"),
+        TableColumn::number("events", ""),
+        TableColumn::number("gain", "nats/event"),
     ];
-    columns.extend(keys.iter().map(|key| Column::number(key, "")));
-    Table {
-        title: "Do the halves agree?".into(),
-        caption: "The named effects refitted on half of the pixels and on half of the time.".into(),
+    columns.extend(keys.iter().map(|key| TableColumn::number(key, "")));
+    ReportTable {
+        title: "Split-half check".into(),
+        caption: "The effects refitted on half of the pixels and on half of the time.".into(),
         columns,
         rows: halves.iter().map(row).collect(),
     }
 }
 
-fn wheres(title: &str, places: &[MisfitStratum]) -> Table {
+fn wheres(title: &str, places: &[MisfitStratum]) -> ReportTable {
     let row = |place: &MisfitStratum| {
         let [low, high] = place.range.map(|end| significant(end, 3));
         vec![
-            Cell::text(&place.description),
-            Cell::text(&place.covariate),
-            Cell::text(&format!("{low} to {high}")),
-            Cell::number(place.excess_nats_per_event),
-            place.innovation_thresholds.map_or_else(|| Cell::text(""), Cell::number),
-            Cell::count(place.n_events),
+            TableCell::text(&place.description),
+            TableCell::text(&place.covariate),
+            TableCell::text(&format!("{low} to {high}")),
+            TableCell::number(place.excess_nats_per_event),
+            place.innovation_thresholds.map_or_else(|| TableCell::text(""), TableCell::number),
+            TableCell::count(place.n_events),
         ]
     };
-    Table {
+    ReportTable {
         title: title.into(),
-        caption: "What a recalibration of the model within the stratum would gain, over all events; \
-                  innovation: how much further the light had changed than the threshold, in thresholds."
+        caption: "Gain of a recalibration of the model within the stratum, over all events; innovation: change of \
+                  the signal beyond the threshold, in thresholds."
             .into(),
         columns: vec![
-            Column::text("in words"),
-            Column::text("covariate"),
-            Column::text("range"),
-            Column::number("excess", "nats/event"),
-            Column::number("innovation", "thresholds"),
-            Column::number("events", ""),
+            TableColumn::text("description"),
+            TableColumn::text("covariate"),
+            TableColumn::text("range"),
+            TableColumn::number("excess", "nats/event"),
+            TableColumn::number("innovation", "thresholds"),
+            TableColumn::number("events", ""),
         ],
         rows: places.iter().map(row).collect(),
     }
 }
 
-fn nuisances(diagnosis: &Diagnosis) -> Table {
+fn nuisances(diagnosis: &Diagnosis) -> ReportTable {
     let rows = diagnosis.nuisances.iter();
-    Table {
+    ReportTable {
         title: "Nuisances".into(),
-        caption: "Always fitted, never a finding within their ordinary range; 90 % intervals."
+        caption: "Nuisance parameters are always fitted and are not reported within their prior range; 90 % \
+                  intervals."
             .into(),
-        columns: vec![Column::text("nuisance"), Column::text("value")],
+        columns: vec![TableColumn::text("nuisance"), TableColumn::text("value")],
         rows: rows
-            .map(|(key, value)| vec![Cell::text(key), Cell::text(&with_interval(value))])
+            .map(|(key, value)| vec![TableCell::text(key), TableCell::text(&with_interval(value))])
             .collect(),
     }
 }
@@ -306,24 +310,24 @@ fn proposed(term: &ProposedTerm) -> Figure {
         Layer::Errors { ink: Ink::Real, points: term.curve.clone() },
     ];
     let note = format!(
-        "{} nats an event on held-out cells",
+        "held-out gain {} nats per event",
         significant(term.heldout_gain_nats_per_event, 2)
     );
     Figure {
-        title: "A term that would help".into(),
+        title: "Proposed term".into(),
         caption: format!(
-            "No effect of the library explains the rest. It goes with {x} and enters the {}: the mean \
-             of what the light had changed beyond the threshold, with its 90 % band.",
+            "No effect of the library explains the residual. It depends on {x} and enters the {}: mean \
+             change of the signal beyond the threshold, with its 90 % band.",
             term.enters.replace('_', " ")
         ),
-        legend: vec![Key::new(Ink::Real, Sample::Dot, "mean innovation")],
+        legend: vec![LegendEntry::new(Ink::Real, LegendMark::Dot, "mean innovation")],
         panels: vec![Panel {
             title: "Residual against its covariate".into(),
             note,
             alt: format!("Mean innovation in thresholds against {x}."),
             drawing: Chart {
-                x: Axis::linear(&x),
-                y: Axis::linear("innovation (thresholds)"),
+                x: ChartAxis::linear(&x),
+                y: ChartAxis::linear("innovation (thresholds)"),
                 layers,
             }
             .draw_wide(),

@@ -1,53 +1,53 @@
-//! A figure: drawings that belong together, with what a reader must know to read them.
+//! A figure: drawings with caption, legend and alternative text.
 
 use super::plot::{Drawing, Ink};
 
 /// Drawings under one caption.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Figure {
-    /// What is shown, in a few words.
+    /// Title.
     pub title: String,
-    /// What to look for, and how the figure was made.
+    /// How the figure was made, and how to read it.
     pub caption: String,
-    /// What the marks stand for.
-    pub legend: Vec<Key>,
-    /// The drawings: one over the page's width, several side by side where there is room.
+    /// Legend.
+    pub legend: Vec<LegendEntry>,
+    /// The drawings: one over the page's width, or several side by side.
     pub panels: Vec<Panel>,
     /// The file that holds the numbers.
-    pub data: Option<Link>,
+    pub data: Option<FileLink>,
 }
 
 /// One drawing of a figure.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Panel {
-    /// What distinguishes it from its neighbour.
+    /// Title.
     pub title: String,
-    /// One number or remark beside the title; may be empty.
+    /// Remark beside the title; may be empty.
     pub note: String,
-    /// The drawing in words, for those who do not see it.
+    /// Alternative text.
     pub alt: String,
     /// The drawing.
     pub drawing: Drawing,
 }
 
-/// A line of the legend.
+/// An entry of the legend.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Key {
+pub struct LegendEntry {
     ink: Ink,
-    sample: Sample,
+    sample: LegendMark,
     text: String,
 }
 
-/// The piece of drawing shown in the legend.
+/// The mark shown in the legend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sample {
+pub enum LegendMark {
     /// A solid line.
     Line,
     /// A thin broken line.
     Thin,
     /// A dot.
     Dot,
-    /// A pixel of a picture, in the picture's own colours.
+    /// A pixel of an image, in the image's colours.
     Pixel,
     /// A shaded area.
     Area,
@@ -55,62 +55,61 @@ pub enum Sample {
 
 /// A link to a file beside the page; never to another host.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Link {
+pub struct FileLink {
     path: String,
 }
 
 impl Figure {
     /// The same figure with a link to the numbers behind it.
     #[must_use]
-    pub fn with_data(self, link: Link) -> Self {
+    pub fn with_data(self, link: FileLink) -> Self {
         Self { data: Some(link), ..self }
     }
 }
 
-impl Key {
-    /// A line of the legend.
+impl LegendEntry {
+    /// An entry of the legend.
     #[must_use]
-    pub fn new(ink: Ink, sample: Sample, text: &str) -> Self {
+    pub fn new(ink: Ink, sample: LegendMark, text: &str) -> Self {
         Self { ink, sample, text: text.to_owned() }
     }
 
-    /// Class of the ink.
+    /// CSS class of the ink.
     #[must_use]
     pub fn ink_class(&self) -> &'static str {
         self.ink.class()
     }
 
-    /// Class of the sample.
+    /// CSS class of the mark.
     #[must_use]
     pub fn sample_class(&self) -> &'static str {
         match self.sample {
-            Sample::Line => "key-line",
-            Sample::Thin => "key-thin",
-            Sample::Dot => "key-dot",
-            Sample::Pixel => "key-pixel",
-            Sample::Area => "key-area",
+            LegendMark::Line => "key-line",
+            LegendMark::Thin => "key-thin",
+            LegendMark::Dot => "key-dot",
+            LegendMark::Pixel => "key-pixel",
+            LegendMark::Area => "key-area",
         }
     }
 
-    /// What it stands for.
+    /// Its text.
     #[must_use]
     pub fn text(&self) -> &str {
         &self.text
     }
 }
 
-impl Link {
+impl FileLink {
     /// A link to a path relative to the page, with `/` between its parts.
     ///
-    /// Whatever the path contains, the link stays below the page's folder's tree: it is
-    /// written as `./path` with every unusual character percent-encoded, so neither a
-    /// scheme (`javascript:`) nor a host (`//host`) can come of it.
+    /// It is written as `./path` with percent-encoding, so that it contains neither a scheme
+    /// (`javascript:`) nor a host (`//host`).
     #[must_use]
     pub fn beside(path: &str) -> Self {
         Self { path: path.trim_start_matches('/').to_owned() }
     }
 
-    /// The path as it was given, for people.
+    /// The path as given.
     #[must_use]
     pub fn text(&self) -> &str {
         &self.path
@@ -138,8 +137,11 @@ mod tests {
 
     #[test]
     fn a_link_cannot_leave_for_another_host() {
-        assert_eq!(Link::beside("derived/compare/a b.json").href(), "./derived/compare/a%20b.json");
-        assert_eq!(Link::beside("javascript:alert(1)").href(), "./javascript%3Aalert%281%29");
-        assert_eq!(Link::beside("//host/x").href(), "./host/x");
+        assert_eq!(
+            FileLink::beside("derived/compare/a b.json").href(),
+            "./derived/compare/a%20b.json"
+        );
+        assert_eq!(FileLink::beside("javascript:alert(1)").href(), "./javascript%3Aalert%281%29");
+        assert_eq!(FileLink::beside("//host/x").href(), "./host/x");
     }
 }

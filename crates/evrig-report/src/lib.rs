@@ -1,9 +1,8 @@
-//! What people read: one self-contained page, and the table of measures for a terminal.
+//! Reports: a self-contained HTML page, plots, and the table of measures for a terminal.
 //!
-//! The way: a plot in [`plot`] turns plain values into a [`figure::Figure`] with caption and
-//! alternative text; [`page::Page`] gathers figures and tables; [`page::Page::to_html`] writes
-//! one file that loads nothing, runs no foreign script and is complete without its own.
-//! Nothing here computes a result: numbers come in with their errors.
+//! Functions in [`plot`] turn values into a [`figure::Figure`] with caption and alternative text;
+//! [`page::Page`] collects figures and tables; [`page::Page::to_html`] writes one file that loads
+//! nothing and is complete without script. No result is computed here.
 
 pub mod calibration;
 pub mod diagnosis;
@@ -15,5 +14,5 @@ pub mod plot;
 pub mod scene;
 pub mod session;
 pub mod table;
-pub mod target;
 pub mod terminal;
+pub mod tracking;

@@ -1,15 +1,15 @@
-//! Comparison measures as rows: value, healthy range, verdict.
+//! Comparison measures as table rows: value, healthy range, verdict.
 
-use super::figure::Link;
+use super::figure::FileLink;
 use super::number::quantity;
 use evrig_core::stats::Estimate;
 
-/// One measure of how alike real and simulated events are.
+/// One comparison measure of real and simulated events.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Measure {
-    /// Its name in files: `count_ratio`.
+pub struct MeasureRow {
+    /// Name in files, such as `count_ratio`.
     pub id: String,
-    /// Its name for people: "Event count ratio".
+    /// Name for display.
     pub name: String,
     /// Its formula.
     pub formula: String,
@@ -19,22 +19,22 @@ pub struct Measure {
     pub unit: String,
     /// The value with its error.
     pub estimate: Estimate,
-    /// Low and high end of what the field calls healthy, both included.
+    /// Healthy range, ends included.
     pub healthy: Option<[f64; 2]>,
     /// The quantity for the real events alone, where there is one.
     pub real: Option<f64>,
     /// The quantity for the simulated events alone, where there is one.
     pub simulated: Option<f64>,
     /// The file that holds the numbers.
-    pub data: Option<Link>,
+    pub data: Option<FileLink>,
 }
 
-/// What can be said of a value and its healthy range.
+/// Position of a value relative to its healthy range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
+pub enum MeasureVerdict {
     /// The 90 % interval lies in the range.
     Healthy,
-    /// The 90 % interval reaches over an end of the range.
+    /// The 90 % interval contains an end of the range.
     Borderline,
     /// The 90 % interval lies outside the range.
     Outside,
@@ -44,7 +44,7 @@ pub enum Verdict {
     Unknown,
 }
 
-impl Verdict {
+impl MeasureVerdict {
     /// The verdict in a word or two.
     #[must_use]
     pub const fn word(self) -> &'static str {
@@ -57,7 +57,7 @@ impl Verdict {
         }
     }
 
-    /// A mark whose shape alone tells the verdict.
+    /// A symbol for the verdict.
     #[must_use]
     pub const fn mark(self) -> &'static str {
         match self {
@@ -81,21 +81,21 @@ impl Verdict {
     }
 }
 
-impl Measure {
+impl MeasureRow {
     /// The verdict on the value; without an interval the value alone decides.
     #[must_use]
-    pub fn verdict(&self) -> Verdict {
+    pub fn verdict(&self) -> MeasureVerdict {
         if !self.estimate.value.is_finite() {
-            return Verdict::Unknown;
+            return MeasureVerdict::Unknown;
         }
-        let Some([low, high]) = self.healthy else { return Verdict::NoRange };
+        let Some([low, high]) = self.healthy else { return MeasureVerdict::NoRange };
         let [from, to] = self.interval();
         if from >= low && to <= high {
-            Verdict::Healthy
+            MeasureVerdict::Healthy
         } else if to < low || from > high {
-            Verdict::Outside
+            MeasureVerdict::Outside
         } else {
-            Verdict::Borderline
+            MeasureVerdict::Borderline
         }
     }
 
@@ -106,11 +106,11 @@ impl Measure {
         if from.is_finite() && to.is_finite() { [from, to] } else { [self.estimate.value; 2] }
     }
 
-    /// How far a value lies from "identical", in healthy tolerances: 0 identical, ±1 the end of
-    /// the healthy range. NaN without a range.
+    /// Distance of a value from "identical", in healthy tolerances: ±1 is an end of the healthy range.
+    /// NaN without a range.
     ///
-    /// A range above zero is one of a ratio: identical is 1 and distances are ratios. A range
-    /// from zero is one of a distance: identical is 0. Any other has its middle as identical.
+    /// For a ratio (range around 1) identical is 1 and the scale logarithmic; for a distance (range from
+    /// 0) identical is 0; otherwise it is the middle of the range.
     #[must_use]
     pub fn departure(&self, value: f64) -> f64 {
         match self.healthy {
@@ -125,7 +125,7 @@ impl Measure {
         }
     }
 
-    /// The healthy range in words: "0.5 to 2", "at most 0.25".
+    /// The healthy range as text: "0.5 to 2", "at most 0.25".
     #[must_use]
     pub fn range_text(&self) -> String {
         let short = |v: f64| format!("{v}");
@@ -137,23 +137,23 @@ impl Measure {
     }
 }
 
-/// One sentence on all measures: how many are healthy and what departs most.
+/// One sentence on all measures: how many are healthy, and the farthest one.
 #[must_use]
-pub fn headline(measures: &[Measure]) -> String {
-    let judged: Vec<&Measure> = measures
+pub fn headline(measures: &[MeasureRow]) -> String {
+    let judged: Vec<&MeasureRow> = measures
         .iter()
-        .filter(|m| !matches!(m.verdict(), Verdict::NoRange | Verdict::Unknown))
+        .filter(|m| !matches!(m.verdict(), MeasureVerdict::NoRange | MeasureVerdict::Unknown))
         .collect();
-    let n_healthy = judged.iter().filter(|m| m.verdict() == Verdict::Healthy).count();
+    let n_healthy = judged.iter().filter(|m| m.verdict() == MeasureVerdict::Healthy).count();
     let farthest = judged
         .iter()
-        .filter(|m| m.verdict() == Verdict::Outside)
+        .filter(|m| m.verdict() == MeasureVerdict::Outside)
         .max_by(|a, b| a.distance().total_cmp(&b.distance()));
     let are = if n_healthy == 1 { "is" } else { "are" };
     match (judged.len(), farthest) {
-        (0, _) => "No measure has a healthy range to be judged by.".to_owned(),
+        (0, _) => "No measure has a healthy range.".to_owned(),
         (n, None) if n_healthy == n => {
-            format!("Real and simulated events are alike: every measure is healthy ({n} of {n}).")
+            format!("Every measure is healthy ({n} of {n}).")
         }
         (n, None) => format!("{n_healthy} of {n} measures {are} healthy, none is clearly outside."),
         (n, Some(worst)) => format!(
@@ -163,20 +163,21 @@ pub fn headline(measures: &[Measure]) -> String {
     }
 }
 
-/// A sentence for each measure that is clearly outside, the farthest first.
+/// A sentence for each measure outside its range, the farthest first.
 #[must_use]
-pub fn departing(measures: &[Measure]) -> Vec<String> {
-    let mut outside: Vec<&Measure> =
-        measures.iter().filter(|m| m.verdict() == Verdict::Outside).collect();
+pub fn departing(measures: &[MeasureRow]) -> Vec<String> {
+    let mut outside: Vec<&MeasureRow> =
+        measures.iter().filter(|m| m.verdict() == MeasureVerdict::Outside).collect();
     outside.sort_by(|a, b| b.distance().total_cmp(&a.distance()));
-    let unit = |m: &Measure| if m.unit.is_empty() { String::new() } else { format!(" {}", m.unit) };
-    let sentence = |m: &&Measure| {
+    let unit =
+        |m: &MeasureRow| if m.unit.is_empty() { String::new() } else { format!(" {}", m.unit) };
+    let sentence = |m: &&MeasureRow| {
         format!("{}: {}{}; healthy is {}.", m.name, quantity(&m.estimate), unit(m), m.range_text())
     };
     outside.iter().map(sentence).collect()
 }
 
-impl Measure {
+impl MeasureRow {
     fn distance(&self) -> f64 {
         self.departure(self.estimate.value).abs()
     }
@@ -197,8 +198,8 @@ fn lower_first(name: &str) -> String {
 pub(super) mod tests {
     use super::*;
 
-    pub(crate) fn measure(value: f64, error: f64, healthy: Option<[f64; 2]>) -> Measure {
-        Measure {
+    pub(crate) fn measure(value: f64, error: f64, healthy: Option<[f64; 2]>) -> MeasureRow {
+        MeasureRow {
             id: "count_ratio".into(),
             name: "Event count ratio".into(),
             formula: "N_sim / N_real".into(),
@@ -215,13 +216,13 @@ pub(super) mod tests {
     #[test]
     fn the_interval_and_not_the_value_decides() {
         let range = Some([0.5, 2.0]);
-        assert_eq!(measure(1.9, 0.01, range).verdict(), Verdict::Healthy);
-        assert_eq!(measure(1.9, 0.1, range).verdict(), Verdict::Borderline);
-        assert_eq!(measure(2.1, 0.1, range).verdict(), Verdict::Borderline);
-        assert_eq!(measure(2.5, 0.1, range).verdict(), Verdict::Outside);
-        assert_eq!(measure(2.5, 0.1, None).verdict(), Verdict::NoRange);
-        assert_eq!(measure(f64::NAN, 0.1, range).verdict(), Verdict::Unknown);
-        assert_eq!(measure(1.0, f64::NAN, range).verdict(), Verdict::Healthy);
+        assert_eq!(measure(1.9, 0.01, range).verdict(), MeasureVerdict::Healthy);
+        assert_eq!(measure(1.9, 0.1, range).verdict(), MeasureVerdict::Borderline);
+        assert_eq!(measure(2.1, 0.1, range).verdict(), MeasureVerdict::Borderline);
+        assert_eq!(measure(2.5, 0.1, range).verdict(), MeasureVerdict::Outside);
+        assert_eq!(measure(2.5, 0.1, None).verdict(), MeasureVerdict::NoRange);
+        assert_eq!(measure(f64::NAN, 0.1, range).verdict(), MeasureVerdict::Unknown);
+        assert_eq!(measure(1.0, f64::NAN, range).verdict(), MeasureVerdict::Healthy);
     }
 
     #[test]

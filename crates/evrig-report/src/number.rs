@@ -1,14 +1,14 @@
-//! Numbers as people read them: as many digits as the error warrants.
+//! Number formatting, with digits according to the error.
 
 use super::plot::scale::{plain, superscript};
 use evrig_core::stats::Estimate;
 
-/// A value and its error, ready to be set in two aligned columns.
+/// A formatted value and its error.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Quantity {
-    /// The value, in digits down to the error's second one; "unknown" without samples.
+    /// The value to the error's second digit; "unknown" without samples.
     pub value: String,
-    /// The standard error; "" where it cannot be told.
+    /// The standard error; "" where unknown.
     pub error: String,
 }
 
@@ -50,7 +50,7 @@ pub fn quantity(estimate: &Estimate) -> Quantity {
     Quantity { value: rounded(value), error: rounded(standard_error) }
 }
 
-/// A value to `digits` significant digits; powers of ten for the very large and small.
+/// A value to `digits` significant digits; with powers of ten outside 1e-4 to 1e6.
 #[must_use]
 pub fn significant(value: f64, digits: usize) -> String {
     if !value.is_finite() {
@@ -69,7 +69,7 @@ pub fn significant(value: f64, digits: usize) -> String {
     format!("{mantissa}·10{}", superscript(exponent))
 }
 
-/// A whole number with its thousands set apart.
+/// An integer with grouped thousands.
 #[must_use]
 pub fn count(n: u64) -> String {
     let digits = n.to_string();

@@ -1,10 +1,10 @@
-//! The page: a plain description, and one HTML file made from it.
+//! A report page as data, and its HTML.
 
-use super::figure::{Figure, Link, Panel};
-use super::measure::{Measure, departing, headline};
+use super::figure::{Figure, FileLink, Panel};
+use super::measure::{MeasureRow, departing, headline};
 use super::number::{count, quantity, significant};
 use super::plot::{Drawing, strip};
-use super::table::{Cell, Table};
+use super::table::{ReportTable, TableCell};
 use base64::Engine;
 use minijinja::value::Value;
 use minijinja::{Environment, context};
@@ -14,31 +14,31 @@ const TEMPLATE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
-/// A report: what it is about, the answer in one glance, then the sections.
+/// A report: title, summary, sections.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Page {
-    /// What the report is about: the session's or the dataset's name.
+    /// Name of the session or dataset.
     pub title: String,
-    /// The kind of report: "Session report".
+    /// Kind of report, such as "Session report".
     pub kind: String,
-    /// The answer.
-    pub summary: Summary,
+    /// Summary.
+    pub summary: ReportSummary,
     /// Sections in reading order.
     pub sections: Vec<Section>,
-    /// Where this comes from: versions, seeds, inputs; set at the end of the page.
+    /// Versions, seeds, inputs; at the end of the page.
     pub provenance: Vec<Fact>,
 }
 
 /// The top of the page.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Summary {
-    /// The answer in one sentence.
+pub struct ReportSummary {
+    /// The result in one sentence.
     pub headline: String,
-    /// Short remarks below it.
+    /// Remarks below it.
     pub remarks: Vec<String>,
-    /// What was recorded: duration, counts, size.
+    /// Duration, counts, size.
     pub facts: Vec<Fact>,
-    /// One small figure beside the sentence.
+    /// A small figure beside the sentence.
     pub figure: Option<Figure>,
 }
 
@@ -51,26 +51,26 @@ pub struct Fact {
     pub value: String,
 }
 
-/// One question and what answers it.
+/// A section.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Section {
-    /// A few words.
+    /// Title.
     pub title: String,
-    /// What this section tells.
+    /// Introduction.
     pub lead: String,
     /// Figures, tables and text in reading order.
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<SectionBlock>,
 }
 
-/// A piece of a section.
+/// An element of a section.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Block {
+pub enum SectionBlock {
     /// A figure.
     Figure(Figure),
     /// Comparison measures with their strips and verdicts.
-    Measures(Vec<Measure>),
+    Measures(Vec<MeasureRow>),
     /// Any other table.
-    Table(Table),
+    ReportTable(ReportTable),
     /// Names and values.
     Facts(Vec<Fact>),
     /// A paragraph.
@@ -80,7 +80,7 @@ pub enum Block {
 /// A page that cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "the report \"{title}\" cannot be set: {source}; this is a fault of evrig's own page template"
+    "the report \"{title}\" cannot be rendered: {source}; this is a fault of evrig's page template"
 )]
 pub struct PageError {
     title: String,
@@ -95,10 +95,10 @@ impl Fact {
     }
 }
 
-impl Summary {
-    /// The summary that measures alone can give.
+impl ReportSummary {
+    /// Summary of comparison measures.
     #[must_use]
-    pub fn from_measures(measures: &[Measure]) -> Self {
+    pub fn from_measures(measures: &[MeasureRow]) -> Self {
         Self {
             headline: headline(measures),
             remarks: departing(measures),
@@ -114,12 +114,10 @@ impl Summary {
 impl Page {
     /// The page as one HTML file in UTF-8 that loads nothing from anywhere.
     ///
-    /// The file states a content security policy under which a browser loads no resource
-    /// but pictures inside the file and runs no script but the one written here, so even a
-    /// flaw in escaping could not make it call out.
+    /// Its content security policy allows embedded images and the page's own script only.
     ///
     /// # Errors
-    /// When the template is at fault.
+    /// A fault of the template.
     pub fn to_html(&self) -> Result<String, PageError> {
         self.render().map_err(|source| PageError { title: self.title.clone(), source })
     }
@@ -128,7 +126,7 @@ impl Page {
         let mut environment = Environment::new();
         environment.set_trim_blocks(true);
         environment.set_lstrip_blocks(true);
-        // The name's ending switches on the escaping of HTML.
+        // The suffix .html enables escaping.
         environment.add_template("page.html", TEMPLATE)?;
         let sections: Vec<Value> = self.sections.iter().enumerate().map(section_view).collect();
         environment.get_template("page.html")?.render(context! {
@@ -152,7 +150,6 @@ fn safe(markup: &str) -> Value {
     Value::from_safe_string(markup.to_owned())
 }
 
-/// Nothing is loaded but pictures inside the file; only our own style and script count.
 fn policy() -> String {
     let hash = |text: &str| base64::engine::general_purpose::STANDARD.encode(Sha256::digest(text));
     format!(
@@ -173,16 +170,16 @@ fn section_view((index, section): (usize, &Section)) -> Value {
     }
 }
 
-fn block_view(block: &Block) -> Value {
+fn block_view(block: &SectionBlock) -> Value {
     match block {
-        Block::Figure(figure) => context! { figure => figure_view(figure) },
-        Block::Measures(measures) => {
+        SectionBlock::Figure(figure) => context! { figure => figure_view(figure) },
+        SectionBlock::Measures(measures) => {
             let rows: Vec<Value> = measures.iter().map(measure_view).collect();
             context! { measures => rows }
         }
-        Block::Table(table) => context! { table => table_view(table) },
-        Block::Facts(facts) => context! { facts => facts_view(facts) },
-        Block::Text(text) => context! { text => text },
+        SectionBlock::ReportTable(table) => context! { table => table_view(table) },
+        SectionBlock::Facts(facts) => context! { facts => facts_view(facts) },
+        SectionBlock::Text(text) => context! { text => text },
     }
 }
 
@@ -197,7 +194,6 @@ fn figure_view(figure: &Figure) -> Value {
         .map(|k| context! { ink => k.ink_class(), sample => k.sample_class(), text => k.text() })
         .collect();
     let panels: Vec<Value> = figure.panels.iter().map(panel_view).collect();
-    // Drawings made for half a page stand side by side, a single one beside its caption.
     let layout = match figure.panels.as_slice() {
         [one] if !one.drawing.is_wide() => "beside-caption",
         [_, _, ..] if figure.panels.iter().all(|p| !p.drawing.is_wide()) => "side-by-side",
@@ -227,14 +223,14 @@ fn drawing_view(drawing: &Drawing) -> Value {
     context! { wide => safe(drawing.wide()), narrow => drawing.narrow().map(safe) }
 }
 
-fn link_view(link: &Link) -> Value {
+fn link_view(link: &FileLink) -> Value {
     context! { href => link.href(), text => link.text() }
 }
 
-fn measure_view(measure: &Measure) -> Value {
+fn measure_view(measure: &MeasureRow) -> Value {
     let shown = quantity(&measure.estimate);
     let verdict = measure.verdict();
-    // Counts are shown whole: a reader checks them against other places on the page.
+    // Counts are not rounded.
     let side = |value: Option<f64>| {
         value
             .map(|v| if v.fract() == 0.0 && v >= 1e3 { count(v as u64) } else { significant(v, 4) })
@@ -260,17 +256,17 @@ fn measure_view(measure: &Measure) -> Value {
     }
 }
 
-fn table_view(table: &Table) -> Value {
+fn table_view(table: &ReportTable) -> Value {
     let columns: Vec<Value> = table
         .columns
         .iter()
         .map(|c| context! { name => c.name, unit => c.unit, is_numeric => c.is_numeric })
         .collect();
-    let cell_view = |cell: Option<&Cell>, is_numeric: bool| {
+    let cell_view = |cell: Option<&TableCell>, is_numeric: bool| {
         context! {
-            text => cell.map_or("", Cell::shown),
-            key => cell.and_then(Cell::sort_key).map(|key| format!("{key:e}")),
-            link => cell.and_then(Cell::link).map(link_view),
+            text => cell.map_or("", TableCell::shown),
+            key => cell.and_then(TableCell::sort_key).map(|key| format!("{key:e}")),
+            link => cell.and_then(TableCell::link).map(link_view),
             is_numeric => is_numeric,
         }
     };
@@ -288,11 +284,11 @@ fn table_view(table: &Table) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::figure::{Key, Sample};
+    use crate::figure::{LegendEntry, LegendMark};
     use crate::measure::tests::measure;
     use crate::plot::Ink;
-    use crate::plot::chart::{Axis, Chart, Layer, Stroke};
-    use crate::table::Column;
+    use crate::plot::chart::{Chart, ChartAxis, Layer, Stroke};
+    use crate::table::TableColumn;
 
     const HOSTILE: &str = "<script>alert(1)</script>\"'&<img src=x onerror=alert(1)>";
 
@@ -304,8 +300,11 @@ mod tests {
             points: vec![[0.0, 1.0], [1.0, 2.0]],
         };
         let level = Layer::Level { y: 1.5, text: HOSTILE.into() };
-        let chart =
-            Chart { x: Axis::linear(HOSTILE), y: Axis::log(HOSTILE), layers: vec![line, level] };
+        let chart = Chart {
+            x: ChartAxis::linear(HOSTILE),
+            y: ChartAxis::log(HOSTILE),
+            layers: vec![line, level],
+        };
         let panel = |drawing| Panel {
             title: HOSTILE.into(),
             note: HOSTILE.into(),
@@ -315,9 +314,9 @@ mod tests {
         let figure = Figure {
             title: HOSTILE.into(),
             caption: HOSTILE.into(),
-            legend: vec![Key::new(Ink::On, Sample::Dot, HOSTILE)],
+            legend: vec![LegendEntry::new(Ink::On, LegendMark::Dot, HOSTILE)],
             panels: vec![panel(chart.draw_wide()), panel(chart.draw_half())],
-            data: Some(Link::beside(HOSTILE)),
+            data: Some(FileLink::beside(HOSTILE)),
         };
         let mut hostile_measure = measure(9.0, 0.1, Some([0.5, 2.0]));
         for text in [
@@ -329,15 +328,15 @@ mod tests {
         ] {
             *text = HOSTILE.into();
         }
-        hostile_measure.data = Some(Link::beside(HOSTILE));
+        hostile_measure.data = Some(FileLink::beside(HOSTILE));
         let measures = vec![hostile_measure];
-        let mut summary = Summary::from_measures(&measures);
+        let mut summary = ReportSummary::from_measures(&measures);
         summary.facts = vec![Fact::new(HOSTILE, HOSTILE)];
-        let cell = Cell::text(HOSTILE).with_link(Link::beside("javascript:alert(1)"));
-        let table = Table {
+        let cell = TableCell::text(HOSTILE).with_link(FileLink::beside("javascript:alert(1)"));
+        let table = ReportTable {
             title: HOSTILE.into(),
             caption: HOSTILE.into(),
-            columns: vec![Column::number(HOSTILE, HOSTILE), Column::text("short row")],
+            columns: vec![TableColumn::number(HOSTILE, HOSTILE), TableColumn::text("short row")],
             rows: vec![vec![cell]],
         };
         Page {
@@ -348,11 +347,11 @@ mod tests {
                 title: HOSTILE.into(),
                 lead: HOSTILE.into(),
                 blocks: vec![
-                    Block::Figure(figure),
-                    Block::Measures(measures),
-                    Block::Table(table),
-                    Block::Facts(vec![Fact::new(HOSTILE, HOSTILE)]),
-                    Block::Text(HOSTILE.into()),
+                    SectionBlock::Figure(figure),
+                    SectionBlock::Measures(measures),
+                    SectionBlock::ReportTable(table),
+                    SectionBlock::Facts(vec![Fact::new(HOSTILE, HOSTILE)]),
+                    SectionBlock::Text(HOSTILE.into()),
                 ],
             }],
             provenance: vec![Fact::new(HOSTILE, HOSTILE)],

@@ -1,18 +1,17 @@
 //! Plots: pure functions from plain values to SVG.
 //!
-//! A drawing carries no colour of its own: every mark has a class and the page's
-//! style sheet gives it ink, so one drawing serves light, dark and paper. Pictures
-//! (frames, heat maps) are PNG inside the SVG. All text is escaped where it is written.
+//! Marks have CSS classes; colours come from the style sheet of the page (light, dark, print) or of a
+//! sheet. Images (frames, heat maps) are PNG inside the SVG. All text is escaped.
 
 pub mod chart;
 pub mod cloud;
 pub mod colour;
 pub mod grid;
 pub mod heat;
+mod image_panel;
 pub mod interval;
 pub mod overlay;
-mod panel;
-pub mod picture;
+pub mod pixel_image;
 pub mod rate;
 pub mod ratio;
 pub mod scale;
@@ -20,7 +19,7 @@ pub mod sheet;
 pub mod strip;
 pub mod svg;
 
-/// An SVG drawing, in one layout or in two: for a wide page and for a phone.
+/// An SVG drawing, with an optional second layout for narrow pages.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Drawing {
     wide: String,
@@ -29,22 +28,19 @@ pub struct Drawing {
 }
 
 impl Drawing {
-    /// One layout that reads at any width.
     pub(super) fn single(svg: String) -> Self {
         Self { wide: svg, narrow: None, is_wide: false }
     }
 
-    /// One layout for a wide page and one for a phone; the style sheet shows the one that fits.
     pub(super) fn responsive(wide: String, narrow: String) -> Self {
         Self { wide, narrow: Some(narrow), is_wide: false }
     }
 
-    /// The same drawing, which takes the page's full width.
     pub(super) fn over_full_width(self) -> Self {
         Self { is_wide: true, ..self }
     }
 
-    /// Whether it takes the page's full width, rather than half of it.
+    /// Whether it takes the full width of the page instead of half.
     #[must_use]
     pub fn is_wide(&self) -> bool {
         self.is_wide
@@ -56,17 +52,16 @@ impl Drawing {
         &self.wide
     }
 
-    /// The markup for a phone, where it differs.
+    /// The markup for a narrow page, where it differs.
     #[must_use]
     pub fn narrow(&self) -> Option<&str> {
         self.narrow.as_deref()
     }
 }
 
-/// What a mark stands for; the style sheet gives each its colour in light, dark and print.
+/// The quantity that a mark shows, which determines its colour.
 ///
-/// Measured data are black (white on dark), simulated ones crimson; On is amber and
-/// Off blue. Lightness tells the members of each pair apart without colour, too.
+/// Pairs (real and simulated, ON and OFF) differ in lightness as well as in hue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ink {
     /// Measured.
@@ -75,18 +70,18 @@ pub enum Ink {
     Simulated,
     /// Generated with the diagnosed effects added.
     Corrected,
-    /// On events.
+    /// ON events.
     On,
-    /// Off events.
+    /// OFF events.
     Off,
     /// One of several curves of a kind, numbered from 0; colours repeat after four.
     Series(u8),
-    /// Marks that guide the eye and are no data.
+    /// Guide lines.
     Guide,
 }
 
 impl Ink {
-    /// The class in the style sheet.
+    /// CSS class.
     #[must_use]
     pub const fn class(self) -> &'static str {
         match self {

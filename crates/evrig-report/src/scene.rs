@@ -1,11 +1,11 @@
-//! The section on the scene: the map of the print, the head's path over it, the event camera's tie.
+//! The scene section: map of the target, camera path, registration of the event camera.
 
-use super::figure::{Figure, Key, Link, Panel, Sample};
+use super::figure::{Figure, FileLink, LegendEntry, LegendMark, Panel};
 use super::number::count;
-use super::page::{Block, Fact, Section};
-use super::plot::chart::{Axis, Chart, Layer, Stroke};
-use super::plot::grid::{Colours, FirstRow, Grid, draw};
-use super::plot::picture::PictureError;
+use super::page::{Fact, Section, SectionBlock};
+use super::plot::chart::{Chart, ChartAxis, Layer, Stroke};
+use super::plot::grid::{Colours, FirstRow, HeatGrid, draw};
+use super::plot::pixel_image::PixelImageError;
 use super::plot::{Drawing, Ink};
 use evrig_core::geometry::Size;
 use evrig_reconstruct::scene::{MovingIllumination, Scene};
@@ -16,17 +16,20 @@ const COLUMNS: usize = 420;
 /// Knots of the path that are drawn, at most.
 const MAX_POINTS: usize = 2_000;
 
-/// What the event pixels looked at, and how well it is known.
+/// The scene section of the page.
 ///
 /// # Errors
 /// When the map has no cells.
-pub fn scene_section(scene: &Scene) -> Result<Section, PictureError> {
-    let blocks =
-        vec![Block::Figure(maps(scene)?), Block::Facts(facts(scene)), Block::Figure(path(scene))];
+pub fn scene_section(scene: &Scene) -> Result<Section, PixelImageError> {
+    let blocks = vec![
+        SectionBlock::Figure(maps(scene)?),
+        SectionBlock::Facts(facts(scene)),
+        SectionBlock::Figure(path(scene)),
+    ];
     Ok(Section {
         title: "Scene".into(),
-        lead: "The print as the Pi's raw frames show it, the head's path over it, and how the event \
-               camera is tied to both. The light signal that real events are held against comes from here."
+        lead: "Radiance of the target from the Pi's raw frames, the camera head's path over it, and the registration \
+               of the event camera. The log-intensity signal of the diagnosis is computed from these."
             .into(),
         blocks,
     })
@@ -37,7 +40,7 @@ fn facts(scene: &Scene) -> Vec<Fact> {
     let [n, lost] = survey.n_frames;
     let bridged = match survey.n_bridged {
         0 => String::new(),
-        n => format!("; {} of them without the tag, from the frames beside them", count(n as u64)),
+        n => format!("; {} of them without the tag, from neighbouring frames", count(n as u64)),
     };
     let grid = &survey.map.grid;
     let [row_us, row_error_us] = survey.row_s.map(|s| s * 1e6);
@@ -54,14 +57,14 @@ fn facts(scene: &Scene) -> Vec<Fact> {
         Fact::new(
             "frames of the event camera",
             format!(
-                "{} held against the map: {:.2} DN and {:.4} px a frame left",
+                "{} registered to the map: residual {:.2} DN and {:.4} px per frame",
                 found.n_frames, found.residual_dn, found.residual_px
             ),
         ),
         Fact::new(
             "clocks",
             format!(
-                "{:.0} ± {:.0} µs off those of the stage sync, rate {:.1} ± {:.1} ppm",
+                "{:.0} ± {:.0} µs from those of the stage sync, rate {:.1} ± {:.1} ppm",
                 found.alignment.lag_s * 1e6,
                 found.alignment_error[8] * 1e6,
                 found.alignment.skew * 1e6,
@@ -71,18 +74,18 @@ fn facts(scene: &Scene) -> Vec<Fact> {
         Fact::new(
             "optics",
             format!(
-                "the map is blurred by {:.3} ± {:.3} px on top of the Pi's own",
+                "blurred by {:.3} ± {:.3} px in addition to the Pi's optics",
                 found.spread.sigma_px, found.sigma_error_px
             ),
         ),
-        Fact::new("light", format!("places are wrong by {:.2} %", 100.0 * found.light_error)),
+        Fact::new("signal error", format!("{:.2} %", 100.0 * found.light_error)),
     ]
     .into_iter()
     .chain(light(scene))
     .collect()
 }
 
-/// What frames show of lenses, readout and lamps.
+/// Vignetting, read noise, tone curve and moving shadow, where measured.
 fn light(scene: &Scene) -> impl Iterator<Item = Fact> {
     let tone = scene.registration.tone;
     let percent = |[loss, error]: [f64; 2]| format!("{:.1} ± {:.1} %", 100.0 * loss, 100.0 * error);
@@ -95,26 +98,29 @@ fn light(scene: &Scene) -> impl Iterator<Item = Fact> {
         .filter_map(|(whose, loss)| Some(format!("{} in {whose}", percent(loss?))))
         .collect();
     let corners = (!corners.is_empty()).then(|| corners.join(", "));
-    let noise = scene.reconstruction.read_noise_dn.map(|[dn, error]| {
-        format!("raw frames scatter by {dn:.2} ± {error:.2} DN where there is no light")
-    });
+    let noise = scene
+        .reconstruction
+        .read_noise_dn
+        .map(|[dn, error]| format!("read noise of the raw frames: {dn:.2} ± {error:.2} DN"));
     let tone = tone.map(|tone| {
         let [gamma, error] = tone.gamma;
-        format!("raw frames go as the power {gamma:.3} ± {error:.3} of those of the event camera")
+        format!(
+            "raw frames are proportional to the power {gamma:.3} ± {error:.3} of the event camera's"
+        )
     });
     let moving = scene.reconstruction.moving_illumination.as_ref().map(|moving| {
         let MovingIllumination { speed_mm_per_s, direction_deg, depth, .. } = moving;
         format!(
-            "a shadow of {} goes over the print by {speed_mm_per_s:.1} mm/s along {direction_deg:.0}°",
+            "a shadow of {} moves over the target at {speed_mm_per_s:.1} mm/s towards {direction_deg:.0}°",
             percent(*depth)
         )
     });
-    [("light lost in corners", corners), ("readout", noise), ("tone", tone), ("shadow", moving)]
+    [("vignetting in corners", corners), ("readout", noise), ("tone", tone), ("shadow", moving)]
         .into_iter()
-        .filter_map(|(what, says)| Some(Fact::new(what, says?)))
+        .filter_map(|(name, value)| Some(Fact::new(name, value?)))
 }
 
-/// Means over blocks of cells, row after row from the bottom; what is not known stays empty.
+/// Means over blocks of cells, rows from the bottom up; NaN where unknown.
 fn reduced(scene: &Scene, values: &[f32]) -> (Size, Vec<f64>) {
     let grid = &scene.reconstruction.map.grid;
     let block = grid.width.div_ceil(COLUMNS).max(1);
@@ -133,17 +139,17 @@ fn reduced(scene: &Scene, values: &[f32]) -> (Size, Vec<f64>) {
     (size, (0..width * height).map(mean).collect())
 }
 
-fn maps(scene: &Scene) -> Result<Figure, PictureError> {
+fn maps(scene: &Scene) -> Result<Figure, PixelImageError> {
     let map = &scene.reconstruction.map;
     let grid = &map.grid;
     let [left, top] = grid.origin_mm;
     let (right, bottom) =
         (left + grid.width as f64 * grid.cell_mm, top + grid.height as f64 * grid.cell_mm);
-    let drawn = |values: &[f32], colours, label: &str| -> Result<Drawing, PictureError> {
+    let drawn = |values: &[f32], colours, label: &str| -> Result<Drawing, PixelImageError> {
         let (cells, values) = reduced(scene, values);
-        draw(&Grid {
-            x: Axis::linear("right on the print (mm)").over(left, right),
-            y: Axis::linear("up on the print (mm)").over(-bottom, -top),
+        draw(&HeatGrid {
+            x: ChartAxis::linear("x on the target (mm, right)").over(left, right),
+            y: ChartAxis::linear("y on the target (mm, up)").over(-bottom, -top),
             cells,
             values: &values,
             first_row: FirstRow::Bottom,
@@ -158,16 +164,16 @@ fn maps(scene: &Scene) -> Result<Figure, PictureError> {
         drawing,
     };
     Ok(Figure {
-        title: "Radiance of the print".into(),
-        caption: "The map that all raw frames of the Pi made together, pedestal removed and the mosaic's \
-                  colours brought to one level, in millimetres from the tag's middle; and its standard \
-                  error by cell, from what the frames leave unexplained. Empty: no frame looked."
+        title: "Radiance of the target".into(),
+        caption: "Map from all raw frames of the Pi, black level subtracted and colours of the mosaic equalised, in \
+                  millimetres from the tag's middle; and its standard error by cell, from the residuals of \
+                  the frames. Empty: not seen by any frame."
             .into(),
         legend: vec![],
         panels: vec![
             panel(
                 "Radiance",
-                "Map of the print's radiance.",
+                "Map of the target's radiance.",
                 drawn(map.values(), Colours::Sequential, "DN of green above black")?,
             ),
             panel(
@@ -176,11 +182,11 @@ fn maps(scene: &Scene) -> Result<Figure, PictureError> {
                 drawn(map.errors(), Colours::Log, "DN (log scale)")?,
             ),
         ],
-        data: Some(Link::beside("derived/scene/map.npy")),
+        data: Some(FileLink::beside("derived/scene/map.npy")),
     })
 }
 
-/// The path's errors over time, in pixels of the event camera.
+/// Errors of the path over time.
 fn path(scene: &Scene) -> Figure {
     let knots = &scene.reconstruction.path.knots;
     let pixel_mm = scene.registration.pixel_mm;
@@ -194,13 +200,13 @@ fn path(scene: &Scene) -> Figure {
         knot.pose_error[0].hypot(knot.pose_error[1]) / std::f64::consts::SQRT_2 / pixel_mm
     };
     let errors = Chart {
-        x: Axis::linear("time on the Pi's clock (s)"),
-        y: Axis::from_zero("standard error (px)"),
+        x: ChartAxis::linear("time on the Pi's clock (s)"),
+        y: ChartAxis::from_zero("standard error (px)"),
         layers: vec![line(Ink::Real, &place)],
     };
     let misfit = Chart {
-        x: Axis::linear("time on the Pi's clock (s)"),
-        y: Axis::from_zero("left over noise"),
+        x: ChartAxis::linear("time on the Pi's clock (s)"),
+        y: ChartAxis::from_zero("residual / noise"),
         layers: vec![line(Ink::Simulated, &|knot| knot.misfit)],
     };
     let panel = |title: &str, alt: &str, drawing| Panel {
@@ -210,19 +216,19 @@ fn path(scene: &Scene) -> Figure {
         drawing,
     };
     Figure {
-        title: "How well each frame lies on the map".into(),
-        caption: "The standard error of the head's place at each frame, along one axis, in pixels of the \
-                  event camera; and what the map leaves unexplained of the frame, over the frames' own noise. \
-                  A rise is a frame in other light, blurred, or in the wrong place."
+        title: "Registration of each frame to the map".into(),
+        caption: "Standard error of the head's position at each frame, along one axis, in pixels of the event camera; \
+                  and the residual of the frame relative to the frames' noise. Peaks are frames under other \
+                  light, blurred or misregistered."
             .into(),
         legend: vec![
-            Key::new(Ink::Real, Sample::Line, "error of place"),
-            Key::new(Ink::Simulated, Sample::Line, "misfit"),
+            LegendEntry::new(Ink::Real, LegendMark::Line, "position error"),
+            LegendEntry::new(Ink::Simulated, LegendMark::Line, "misfit"),
         ],
         panels: vec![
             panel("Path", "Standard error of the path over time.", errors.draw_half()),
             panel("Misfit", "Misfit of the frames over time.", misfit.draw_half()),
         ],
-        data: Some(Link::beside("derived/scene/path.npy")),
+        data: Some(FileLink::beside("derived/scene/path.npy")),
     }
 }

@@ -1,13 +1,13 @@
-//! The report of one session: what was recorded, and how each simulated stream compares.
+//! The report of one session: recording, and comparison of each simulated stream.
 
 use super::calibration;
-use super::figure::Link;
-use super::measure::Measure;
+use super::figure::FileLink;
+use super::measure::MeasureRow;
 use super::number::{count, significant};
-use super::page::{Block, Fact, Page, Section, Summary};
-use super::plot::picture::PictureError;
+use super::page::{Fact, Page, ReportSummary, Section, SectionBlock};
+use super::plot::pixel_image::PixelImageError;
 use super::plot::{cloud, heat, interval, overlay, rate, ratio};
-use super::table::{Cell, Column, Table};
+use super::table::{ReportTable, TableCell, TableColumn};
 use evrig_analysis::calibrate::Calibration;
 use evrig_analysis::compare::{Comparison, IntervalDensity, Maps, RateBand};
 use evrig_core::event::{EventSlice, Events};
@@ -16,7 +16,7 @@ use evrig_core::geometry::Size;
 use evrig_core::stats::Estimate;
 use evrig_session::{Manifest, Session, StreamKind};
 
-/// A simulated stream with its comparison and what the pictures need.
+/// A simulated stream with its comparison and the data of its figures.
 #[derive(Debug, Clone)]
 pub struct Compared {
     /// Its name.
@@ -25,36 +25,36 @@ pub struct Compared {
     pub comparison: Comparison,
     /// Its events, in the coordinates in which it was compared.
     pub events: Events,
-    /// The real events in the picture's coordinates, where the comparison was made there.
+    /// The real events in the coordinates of the target image, where these were compared.
     pub cut_real: Option<Events>,
-    /// How it was made: model, preset, law, seed; empty for streams simulated elsewhere.
+    /// Model, preset, interpolation, seed; empty for streams simulated elsewhere.
     pub made: Vec<Fact>,
     /// The frame at the start of [`Compared::moment_us`].
     pub frame: Option<Luminance>,
-    /// A short stretch of time with much going on, for the pictures.
+    /// A short interval with many events, for the figures.
     pub moment_us: [i64; 2],
 }
 
-/// Events that a point cloud takes at most from each stream; more would be a black cloud.
+/// Bound on the events of a point cloud.
 const CLOUD_EVENTS: usize = 12_000;
 
 /// The page of a session.
 ///
 /// # Errors
-/// When a map does not fit its grid, which a damaged result directory can cause.
+/// A map that does not fit its grid, as in a damaged result directory.
 pub fn page(
     session: &Session,
     real: EventSlice<'_>,
     compared: &[Compared],
     calibrated: &[(String, Calibration)],
-) -> Result<Page, PictureError> {
+) -> Result<Page, PixelImageError> {
     let manifest = session.manifest();
     let mut summary = match compared.first() {
-        Some(first) => Summary::from_measures(&measures(&first.name, &first.comparison)),
-        None => Summary {
-            headline: "Nothing was compared: the session has no simulated events yet.".into(),
+        Some(first) => ReportSummary::from_measures(&measures(&first.name, &first.comparison)),
+        None => ReportSummary {
+            headline: "The session has no simulated events to compare.".into(),
             remarks: vec!["Run `evrig process` on a session with frames and events.".into()],
-            ..Summary::default()
+            ..ReportSummary::default()
         },
     };
     summary.facts = facts(manifest);
@@ -80,7 +80,7 @@ fn facts(manifest: &Manifest) -> Vec<Fact> {
         .filter(|stream| stream.count > 0)
         .map(|stream| Fact::new(&stream.name, format!("{} {}", count(stream.count), stream.kind)))
         .collect();
-    // Streams on other clocks, and those that begin at the preflight, say nothing of what was recorded.
+    // Streams on other clocks or from the preflight do not give the duration of the recording.
     let of = |kind| manifest.streams.iter().find(move |stream| stream.kind == kind);
     let main = of(StreamKind::Events).or_else(|| of(StreamKind::Frames));
     if let Some((first, last)) = main.and_then(|stream| stream.first_us.zip(stream.last_us)) {
@@ -101,18 +101,18 @@ fn section(
     session: &Session,
     real: EventSlice<'_>,
     stream: &Compared,
-) -> Result<Section, PictureError> {
+) -> Result<Section, PixelImageError> {
     let comparison = &stream.comparison;
     let folder = format!("derived/compare-{}", stream.name);
-    let numbers = || Link::beside(&format!("{folder}/comparison.json"));
-    let mut blocks = vec![Block::Measures(measures(&stream.name, &stream.comparison))];
+    let numbers = || FileLink::beside(&format!("{folder}/comparison.json"));
+    let mut blocks = vec![SectionBlock::Measures(measures(&stream.name, &stream.comparison))];
     let [start, end] = comparison.window_us;
     let simulated = stream.events.as_slice().between(start, end);
     let real = stream.cut_real.as_ref().map_or(real, Events::as_slice).between(start, end);
     let maps = &comparison.maps;
     if let Some(size) = maps.size {
         let [from, to] = stream.moment_us;
-        blocks.push(Block::Figure(overlay::figure(&overlay::Overlay {
+        blocks.push(SectionBlock::Figure(overlay::figure(&overlay::Overlay {
             size,
             frame: stream.frame.as_ref().map(|frame| frame.values.as_slice()),
             window_us: stream.moment_us,
@@ -122,18 +122,23 @@ fn section(
         })?));
         blocks.extend(map_figures(size, maps, &folder)?);
     }
-    blocks.push(Block::Figure(rate_figure(comparison).with_data(numbers())));
-    blocks.push(Block::Figure(interval_figure(comparison).with_data(numbers())));
+    blocks.push(SectionBlock::Figure(rate_figure(comparison).with_data(numbers())));
+    blocks.push(SectionBlock::Figure(interval_figure(comparison).with_data(numbers())));
     if let Some(size) = maps.size {
-        blocks.push(Block::Figure(cloud_figure(size, comparison.window_us, real, simulated)));
+        blocks.push(SectionBlock::Figure(cloud_figure(
+            size,
+            comparison.window_us,
+            real,
+            simulated,
+        )));
     }
-    blocks.push(Block::Table(fits(comparison)));
-    blocks.push(Block::Facts(more_numbers(comparison)));
+    blocks.push(SectionBlock::ReportTable(fits(comparison)));
+    blocks.push(SectionBlock::Facts(more_numbers(comparison)));
     Ok(Section {
         title: format!("Real events against “{}”", stream.name),
         lead: format!(
-            "{} real and {} simulated events in {:.3} s on {} pixels of {}. Errors hold together \
-             what happens together: they come from resampling blocks of time or tiles of pixels, not events.",
+            "{} real and {} simulated events in {:.3} s on {} pixels of {}. Errors are from a \
+             cluster bootstrap over time blocks or tiles of pixels.",
             count(comparison.n_real),
             count(comparison.n_simulated),
             (end - start) as f64 * 1e-6,
@@ -144,17 +149,21 @@ fn section(
     })
 }
 
-fn map_figures(size: Size, maps: &Maps, folder: &str) -> Result<Vec<Block>, PictureError> {
+fn map_figures(
+    size: Size,
+    maps: &Maps,
+    folder: &str,
+) -> Result<Vec<SectionBlock>, PixelImageError> {
     let both = |on: &[u32], off: &[u32]| -> Vec<u32> {
         on.iter().zip(off).map(|(on, off)| on.saturating_add(*off)).collect()
     };
     let real = both(&maps.real_on, &maps.real_off);
     let simulated = both(&maps.simulated_on, &maps.simulated_off);
     let counts = heat::CountMaps { size, real: &real, simulated: &simulated };
-    let data = || Link::beside(&format!("{folder}/maps.npz"));
+    let data = || FileLink::beside(&format!("{folder}/maps.npz"));
     Ok(vec![
-        Block::Figure(heat::counts_figure(&counts)?.with_data(data())),
-        Block::Figure(ratio::figure(&counts)?.with_data(data())),
+        SectionBlock::Figure(heat::counts_figure(&counts)?.with_data(data())),
+        SectionBlock::Figure(ratio::figure(&counts)?.with_data(data())),
     ])
 }
 
@@ -175,8 +184,8 @@ fn rate_figure(comparison: &Comparison) -> super::figure::Figure {
     let [sim_on, sim_off] = [&curve.simulated_on, &curve.simulated_off].map(estimates);
     rate::figure(
         &centres,
-        &rate::RateCurve { real: &real_on, simulated: &sim_on },
-        &rate::RateCurve { real: &real_off, simulated: &sim_off },
+        &rate::RatePlot { real: &real_on, simulated: &sim_on },
+        &rate::RatePlot { real: &real_off, simulated: &sim_off },
     )
 }
 
@@ -202,7 +211,7 @@ fn interval_figure(comparison: &Comparison) -> super::figure::Figure {
     let [real, simulated] = [&curve.real, &curve.simulated];
     let [real_density, simulated_density] = [real, simulated].map(density);
     let [real_fit, simulated_fit] = [real, simulated].map(fit);
-    let shown = |density_per_us, fit, stream: &IntervalDensity| interval::IntervalDensity {
+    let shown = |density_per_us, fit, stream: &IntervalDensity| interval::IntervalPlot {
         density_per_us,
         fit,
         median_us: median(&centres, &stream.per_decade),
@@ -214,7 +223,6 @@ fn interval_figure(comparison: &Comparison) -> super::figure::Figure {
     )
 }
 
-/// The bin centre at which half of the probability is reached.
 fn median(centres: &[f64], per_decade: &[f64]) -> f64 {
     let half = per_decade.iter().sum::<f64>() / 2.0;
     let mut reached = 0.0;
@@ -231,7 +239,7 @@ fn cloud_figure(
     real: EventSlice<'_>,
     simulated: EventSlice<'_>,
 ) -> super::figure::Figure {
-    // Both streams are thinned by the same factor, so that dense still looks dense.
+    // The same factor for both streams, so that densities compare.
     let step = real.len().max(simulated.len()).div_ceil(CLOUD_EVENTS).max(1);
     let thin = |events: EventSlice<'_>| -> Events { events.iter().step_by(step).collect() };
     let (real, simulated) = (thin(real), thin(simulated));
@@ -247,33 +255,35 @@ fn cloud_figure(
     figure
 }
 
-fn fits(comparison: &Comparison) -> Table {
+fn fits(comparison: &Comparison) -> ReportTable {
     let curve = &comparison.curves.intervals;
     let row = |name: &str, stream: &IntervalDensity| {
         let unknown = Estimate::unknown;
         let fit = stream.fit.as_ref();
         vec![
-            Cell::text(name),
-            Cell::count(stream.n),
-            Cell::estimate(&fit.map_or_else(unknown, |fit| fit.mean_us)),
-            Cell::estimate(&fit.map_or_else(unknown, |fit| fit.shape_us)),
-            Cell::estimate(&fit.map_or_else(unknown, |fit| fit.levy_scale_us)),
-            Cell::estimate(&fit.map_or_else(unknown, |fit| fit.inverse_gaussian_over_levy_nats)),
+            TableCell::text(name),
+            TableCell::count(stream.n),
+            TableCell::estimate(&fit.map_or_else(unknown, |fit| fit.mean_us)),
+            TableCell::estimate(&fit.map_or_else(unknown, |fit| fit.shape_us)),
+            TableCell::estimate(&fit.map_or_else(unknown, |fit| fit.levy_scale_us)),
+            TableCell::estimate(
+                &fit.map_or_else(unknown, |fit| fit.inverse_gaussian_over_levy_nats),
+            ),
         ]
     };
-    Table {
-        title: "First-passage laws fitted to the intervals".into(),
-        caption: "Inverse Gaussian: mean and shape; Lévy: scale; and by how many nats an interval \
-                  the inverse Gaussian describes the intervals better. Pixels differ, so a pooled \
-                  sample is a mixture and a poor fit is no proof against the law."
+    ReportTable {
+        title: "First-passage distributions fitted to the intervals".into(),
+        caption: "Inverse Gaussian: mean and shape; Lévy: scale; and the log-likelihood gain of the inverse \
+                  Gaussian in nats per interval. Pixels differ, so the pooled sample is a mixture and a poor \
+                  fit does not exclude the distribution."
             .into(),
         columns: vec![
-            Column::text("stream"),
-            Column::number("intervals", ""),
-            Column::number("mean", "µs"),
-            Column::number("shape", "µs"),
-            Column::number("Lévy scale", "µs"),
-            Column::number("gain over Lévy", "nats"),
+            TableColumn::text("stream"),
+            TableColumn::number("intervals", ""),
+            TableColumn::number("mean", "µs"),
+            TableColumn::number("shape", "µs"),
+            TableColumn::number("Lévy scale", "µs"),
+            TableColumn::number("gain over Lévy", "nats"),
         ],
         rows: vec![row("real", &curve.real), row("simulated", &curve.simulated)],
     }
@@ -305,40 +315,40 @@ fn recording(manifest: &Manifest) -> Section {
         let first_and_last = stream.first_us.zip(stream.last_us);
         let seconds = first_and_last.map_or(f64::NAN, |(first, last)| (last - first) as f64 * 1e-6);
         vec![
-            Cell::text(&stream.name),
-            Cell::text(&stream.kind.to_string()),
-            Cell::count(stream.count),
-            Cell::number(seconds),
-            Cell::number(stream.count.saturating_sub(1) as f64 / seconds),
-            Cell::text(&stream.size.map_or_else(String::new, |size| size.to_string())),
-            Cell::text(&stream.source),
+            TableCell::text(&stream.name),
+            TableCell::text(&stream.kind.to_string()),
+            TableCell::count(stream.count),
+            TableCell::number(seconds),
+            TableCell::number(stream.count.saturating_sub(1) as f64 / seconds),
+            TableCell::text(&stream.size.map_or_else(String::new, |size| size.to_string())),
+            TableCell::text(&stream.source),
         ]
     };
     Section {
         title: "Recording".into(),
-        lead: "The streams as they were counted in the files when the session was made.".into(),
-        blocks: vec![Block::Table(Table {
+        lead: "Streams as counted in the files when the session was finished.".into(),
+        blocks: vec![SectionBlock::ReportTable(ReportTable {
             title: "Streams".into(),
             caption: String::new(),
             columns: vec![
-                Column::text("stream"),
-                Column::text("kind"),
-                Column::number("count", ""),
-                Column::number("duration", "s"),
-                Column::number("rate", "1/s"),
-                Column::text("grid"),
-                Column::text("source"),
+                TableColumn::text("stream"),
+                TableColumn::text("kind"),
+                TableColumn::number("count", ""),
+                TableColumn::number("duration", "s"),
+                TableColumn::number("rate", "1/s"),
+                TableColumn::text("grid"),
+                TableColumn::text("source"),
             ],
             rows: manifest.streams.iter().map(row).collect(),
         })],
     }
 }
 
-/// Measures as the page's rows.
+/// The measures as table rows.
 #[must_use]
-pub fn measures(stream: &str, comparison: &Comparison) -> Vec<Measure> {
+pub fn measures(stream: &str, comparison: &Comparison) -> Vec<MeasureRow> {
     let folder = format!("derived/compare-{stream}/comparison.json");
-    let row = |measure: &evrig_analysis::compare::Measure| Measure {
+    let row = |measure: &evrig_analysis::compare::Measure| MeasureRow {
         id: measure_id(measure),
         name: measure.name.to_string(),
         formula: measure.formula.to_string(),
@@ -348,7 +358,7 @@ pub fn measures(stream: &str, comparison: &Comparison) -> Vec<Measure> {
         healthy: measure.healthy,
         real: measure.real,
         simulated: measure.simulated,
-        data: Some(Link::beside(&folder)),
+        data: Some(FileLink::beside(&folder)),
     };
     comparison.measures.iter().map(row).collect()
 }

@@ -1,44 +1,44 @@
-//! A table of a dataset: plain without script, sortable by its heads with it.
+//! A table; sortable where scripts run.
 
-use super::figure::Link;
+use super::figure::FileLink;
 use super::number::{count, quantity, significant};
 use evrig_core::stats::Estimate;
 
 /// Columns and rows; a row shorter than the columns ends in empty cells.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Table {
-    /// What is listed.
+pub struct ReportTable {
+    /// Title.
     pub title: String,
-    /// What to look for.
+    /// Caption.
     pub caption: String,
-    /// Heads, from the left.
-    pub columns: Vec<Column>,
-    /// Rows, in the order that a reader without script sees.
-    pub rows: Vec<Vec<Cell>>,
+    /// Column heads.
+    pub columns: Vec<TableColumn>,
+    /// Rows in their initial order.
+    pub rows: Vec<Vec<TableCell>>,
 }
 
 /// The head of a column.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Column {
+pub struct TableColumn {
     /// Name.
     pub name: String,
     /// Unit; empty for none.
     pub unit: String,
-    /// Whether the cells are numbers, set to the right.
+    /// Whether the cells are numbers, aligned right.
     pub is_numeric: bool,
 }
 
-/// One cell: what is read and what it is sorted by.
+/// One cell with its sort key.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Cell {
+pub struct TableCell {
     text: String,
     /// Sorted by this number where it is finite, by the text otherwise.
     key: Option<f64>,
-    link: Option<Link>,
+    link: Option<FileLink>,
 }
 
-impl Column {
-    /// A column of words.
+impl TableColumn {
+    /// A column of text.
     #[must_use]
     pub fn text(name: &str) -> Self {
         Self { name: name.to_owned(), unit: String::new(), is_numeric: false }
@@ -51,8 +51,8 @@ impl Column {
     }
 }
 
-impl Cell {
-    /// Words.
+impl TableCell {
+    /// Text.
     #[must_use]
     pub fn text(text: &str) -> Self {
         Self { text: text.to_owned(), key: None, link: None }
@@ -64,7 +64,7 @@ impl Cell {
         Self { text: count(n), key: Some(n as f64), link: None }
     }
 
-    /// A bare number to three digits; for what has no error, such as a setting.
+    /// A number without error, to three digits.
     #[must_use]
     pub fn number(value: f64) -> Self {
         Self { text: significant(value, 3), key: Some(value), link: None }
@@ -78,25 +78,25 @@ impl Cell {
 
     /// The same cell as a link to a file beside the page.
     #[must_use]
-    pub fn with_link(self, link: Link) -> Self {
+    pub fn with_link(self, link: FileLink) -> Self {
         Self { link: Some(link), ..self }
     }
 
-    /// What is read.
+    /// The text.
     #[must_use]
     pub fn shown(&self) -> &str {
         &self.text
     }
 
-    /// What it is sorted by, where that is a number.
+    /// The numeric sort key, where there is one.
     #[must_use]
     pub fn sort_key(&self) -> Option<f64> {
         self.key.filter(|key| key.is_finite())
     }
 
-    /// Where it leads.
+    /// The link.
     #[must_use]
-    pub fn link(&self) -> Option<&Link> {
+    pub fn link(&self) -> Option<&FileLink> {
         self.link.as_ref()
     }
 }

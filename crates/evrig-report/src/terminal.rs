@@ -1,15 +1,14 @@
 //! The table of measures as plain text.
 
-use super::measure::{Measure, headline};
+use super::measure::{MeasureRow, headline};
 use super::number::quantity;
 use std::fmt::Write;
 
-/// Columns apart.
 const GAP: &str = "  ";
 
-/// The headline and one aligned row a measure; no colour, no line longer than its content.
+/// The headline and one aligned row per measure, without colour.
 #[must_use]
-pub fn measures(measures: &[Measure]) -> String {
+pub fn measures(measures: &[MeasureRow]) -> String {
     let heads = ["", "measure", "value", "± error", "healthy", "verdict"].map(str::to_owned);
     let rows = measures.iter().map(|measure| {
         let shown = quantity(&measure.estimate);
@@ -34,7 +33,6 @@ pub fn measures(measures: &[Measure]) -> String {
         let mut line = String::new();
         for (i, cell) in row.iter().enumerate() {
             let air = " ".repeat(widths[i] - width(cell));
-            // Values end where their errors begin.
             let cell = clean(cell);
             let _ = if i == 2 {
                 write!(line, "{air}{cell}{GAP}")
@@ -47,12 +45,11 @@ pub fn measures(measures: &[Measure]) -> String {
     format!("{}\n\n{text}", clean(&headline(measures)))
 }
 
-/// Characters, each one column wide: names are Latin, marks and figures single.
 fn width(text: &str) -> usize {
     text.chars().count()
 }
 
-/// Control characters would move the terminal's cursor or change its colours.
+/// Replaces control characters, which could move the cursor or change colours.
 fn clean(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
 }

@@ -2,7 +2,7 @@
 
 use evrig_core::time::Span;
 use evrig_report::plot::Ink;
-use evrig_report::plot::chart::{Axis, Chart, Layer, Stroke};
+use evrig_report::plot::chart::{Chart, ChartAxis, Layer, Stroke};
 use evrig_report::plot::sheet::{Sheet, chart_area};
 use evrig_report::plot::svg::Area;
 use evrig_session::rig::{Mounting, Rig};
@@ -32,8 +32,11 @@ pub(super) fn svg(plan: &Plan, rig: &Rig) -> String {
         let start = points.iter().take(1).copied().collect();
         [Layer::Line { ink, stroke, points }, Layer::Points { ink, points: start }]
     });
-    let path =
-        Chart { x: Axis::linear("right, mm"), y: Axis::linear("up, mm"), layers: layers.collect() };
+    let path = Chart {
+        x: ChartAxis::linear("right, mm"),
+        y: ChartAxis::linear("up, mm"),
+        layers: layers.collect(),
+    };
     let path = path.with_equal_scales(chart_area(PATH_AREA));
     sheet.chart(PATH_AREA, "cameras' path as the DAVIS sees it", &legend, &path);
 
@@ -58,7 +61,7 @@ fn over_time(unit: &str, lines: Vec<Vec<[f64; 2]>>) -> Chart {
         stroke: Stroke::Solid,
         points,
     });
-    Chart { x: Axis::linear("time, s"), y: Axis::linear(unit), layers: layers.collect() }
+    Chart { x: ChartAxis::linear("time, s"), y: ChartAxis::linear(unit), layers: layers.collect() }
 }
 
 /// Path of a camera's optical centre in the image plane of the DAVIS at the start: right, up, mm.

@@ -4,7 +4,7 @@ use super::super::error::missing;
 use super::super::interpolation::plane_path;
 use super::super::scene_source::{drive_of, is_scene};
 use super::super::{PipelineError, luminance};
-use evrig_analysis::calibrate::{Light, LightBuilder};
+use evrig_analysis::calibrate::{BrightnessSeries, BrightnessSeriesBuilder};
 use evrig_core::frame::Luminance;
 use evrig_generate::input::{Colour, FramePreparation};
 use evrig_generate::voltmeter::Coefficients;
@@ -20,7 +20,7 @@ const WHITE_8_BIT_DN: f32 = 255.0;
 
 /// Light to calibrate on.
 pub(super) struct CalibrationSignal {
-    pub(super) light: Light,
+    pub(super) light: BrightnessSeries,
     /// The constants published for such light.
     pub(super) published: Coefficients,
     /// How the frames have to be prepared for the constants to hold.
@@ -86,7 +86,7 @@ struct Gather<'a> {
     session: &'a Session,
     seed: u64,
     n_frames: u64,
-    builder: Option<LightBuilder>,
+    builder: Option<BrightnessSeriesBuilder>,
     brightest: f32,
 }
 
@@ -94,16 +94,17 @@ impl Gather<'_> {
     fn push(&mut self, frame: &Luminance) -> Result<(), PipelineError> {
         self.brightest = frame.values.iter().copied().fold(self.brightest, f32::max);
         let (n_frames, seed) = (self.n_frames, self.seed);
-        let builder =
-            self.builder.get_or_insert_with(|| LightBuilder::new(frame.size, n_frames, seed));
+        let builder = self
+            .builder
+            .get_or_insert_with(|| BrightnessSeriesBuilder::new(frame.size, n_frames, seed));
         let wrong = |source| super::failed(self.session, source);
         builder.push(frame).map_err(wrong)
     }
 
-    fn finish(self) -> Result<Light, PipelineError> {
+    fn finish(self) -> Result<BrightnessSeries, PipelineError> {
         let none = evrig_analysis::calibrate::CalibrateError::TooFewFrames { n: 0 };
         let wrong = |source| super::failed(self.session, source);
-        self.builder.ok_or(none).and_then(LightBuilder::finish).map_err(wrong)
+        self.builder.ok_or(none).and_then(BrightnessSeriesBuilder::finish).map_err(wrong)
     }
 }
 

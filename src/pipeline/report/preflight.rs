@@ -1,8 +1,8 @@
 //! What was found before a recording, and what each device gave.
 
 use crate::pipeline::PipelineError;
-use evrig_report::page::{Block, Section};
-use evrig_report::table::{Cell, Column, Table};
+use evrig_report::page::{Section, SectionBlock};
+use evrig_report::table::{ReportTable, TableCell, TableColumn};
 use evrig_session::{Recording, Session};
 use serde_json::Value;
 
@@ -21,17 +21,21 @@ pub(super) fn section(session: &Session) -> Result<Option<Section>, PipelineErro
     let findings = findings(&journal);
     let mut blocks = Vec::new();
     if !findings.is_empty() {
-        blocks.push(Block::Table(Table {
+        blocks.push(SectionBlock::ReportTable(ReportTable {
             title: "Preflight".into(),
             caption: "As written to journal.jsonl before the arm moved.".into(),
-            columns: vec![Column::text("what"), Column::text("verdict"), Column::text("found")],
+            columns: vec![
+                TableColumn::text("what"),
+                TableColumn::text("verdict"),
+                TableColumn::text("found"),
+            ],
             rows: findings
                 .iter()
-                .map(|row| row.each_ref().map(|text| Cell::text(text)).into())
+                .map(|row| row.each_ref().map(|text| TableCell::text(text)).into())
                 .collect(),
         }));
     }
-    blocks.push(Block::Table(devices(recording)));
+    blocks.push(SectionBlock::ReportTable(devices(recording)));
     Ok(Some(Section {
         title: "Preflight and devices".into(),
         lead: format!(
@@ -57,24 +61,24 @@ fn findings(journal: &str) -> Vec<[String; 3]> {
     findings.map_or_else(Vec::new, |findings| findings.iter().map(row).collect())
 }
 
-fn devices(recording: &Recording) -> Table {
+fn devices(recording: &Recording) -> ReportTable {
     let row = |device: &evrig_session::DeviceEntry| {
         let lost = device.lost.clone().unwrap_or_else(|| "nothing".into());
         vec![
-            Cell::text(&device.name),
-            Cell::count(device.n_samples),
-            Cell::count(device.n_dropped),
-            Cell::text(&lost),
+            TableCell::text(&device.name),
+            TableCell::count(device.n_samples),
+            TableCell::count(device.n_dropped),
+            TableCell::text(&lost),
         ]
     };
-    Table {
+    ReportTable {
         title: "Devices".into(),
         caption: "Samples that reached the files, and those that found no room on the way.".into(),
         columns: vec![
-            Column::text("device"),
-            Column::number("samples", ""),
-            Column::number("dropped", ""),
-            Column::text("lost"),
+            TableColumn::text("device"),
+            TableColumn::number("samples", ""),
+            TableColumn::number("dropped", ""),
+            TableColumn::text("lost"),
         ],
         rows: recording.devices.iter().map(row).collect(),
     }

@@ -8,8 +8,8 @@ use evrig_reconstruct::clock::SessionClocks;
 use evrig_reconstruct::roi::Track;
 use evrig_report::page::{Fact, Section};
 use evrig_report::scene::scene_section;
-use evrig_report::target::{
-    FrameInterval, PathPoint, PicturePath, clock_section, filter_section, track_section,
+use evrig_report::tracking::{
+    FrameInterval, ImagePath, ImagePathPoint, clock_section, filter_section, track_section,
 };
 use evrig_session::{Session, SessionError, StreamKind, StreamName};
 
@@ -72,7 +72,7 @@ fn intervals(session: &Session) -> Result<Vec<FrameInterval>, PipelineError> {
 fn paths(
     session: &Session,
     clocks: Option<&SessionClocks>,
-) -> Result<Vec<PicturePath>, PipelineError> {
+) -> Result<Vec<ImagePath>, PipelineError> {
     let mut found = Vec::new();
     for name in tracked(session) {
         match read_track(session, &name)? {
@@ -89,11 +89,12 @@ fn paths(
         }
     }
     let began = found.iter().filter_map(|(.., points)| points.first()).map(|(at, _)| *at).min();
-    let path = |(stream, is_davis, points): (String, bool, Vec<(Stamp<Davis>, PathPoint)>)| {
+    let path = |(stream, is_davis, points): (String, bool, Vec<(Stamp<Davis>, ImagePathPoint)>)| {
         let since = |at: Stamp<Davis>| began.map_or(0.0, |began| (at - began).as_secs_f64());
         let points = points.into_iter();
-        let points = points.map(|(at, point)| PathPoint { at_s: since(at), ..point }).collect();
-        PicturePath { stream, is_davis, points }
+        let points =
+            points.map(|(at, point)| ImagePathPoint { at_s: since(at), ..point }).collect();
+        ImagePath { stream, is_davis, points }
     };
     Ok(found.into_iter().map(path).collect())
 }
@@ -101,14 +102,14 @@ fn paths(
 fn sampled<C: Clock>(
     track: &Track<C>,
     on_davis: impl Fn(Stamp<C>) -> Option<Stamp<Davis>>,
-) -> Vec<(Stamp<Davis>, PathPoint)> {
+) -> Vec<(Stamp<Davis>, ImagePathPoint)> {
     let Some([first, last]) = track.span() else { return Vec::new() };
     let length = (last - first).as_nanos();
     let mut last_angle: Option<f64> = None;
     let point = |k: i64| {
         let at = first + evrig_core::time::Span::from_nanos(length / N_POINTS * k);
         let roi = track.at(at).ok().map(|view| view.roi());
-        let none = PathPoint {
+        let none = ImagePathPoint {
             at_s: 0.0,
             centre_px: [f64::NAN; 2],
             side_px: f64::NAN,
@@ -120,15 +121,15 @@ fn sampled<C: Clock>(
             let angle_deg = roi.angle.0 + 360.0 * turns;
             last_angle = Some(angle_deg);
             let side_px = (roi.size[0].0 * roi.size[1].0).sqrt();
-            PathPoint { at_s: 0.0, centre_px: roi.centre, side_px, angle_deg }
+            ImagePathPoint { at_s: 0.0, centre_px: roi.centre, side_px, angle_deg }
         });
         Some((on_davis(at)?, point))
     };
     (0..=N_POINTS).filter_map(point).collect()
 }
 
-fn facts(session: &Session, paths: &[PicturePath]) -> Vec<Fact> {
-    let words = |path: &PicturePath| {
+fn facts(session: &Session, paths: &[ImagePath]) -> Vec<Fact> {
+    let words = |path: &ImagePath| {
         let summary = read_summary(session, &path.stream)?;
         let mut words = format!(
             "{} in {} of {} frames, corners {:.3} px rms from the path",

@@ -1,12 +1,12 @@
-//! The paper's samples and bins: intervals by mean brightness and brightness change, and the
-//! laws of a first passage fitted to each bin.
+//! The paper's samples and bins: intervals by mean brightness and brightness change, with a
+//! first-passage distribution fitted to each bin.
 //!
 //! A sample is an event with the interval since the event before it at its pixel and with the
-//! frames about its time: (t, x, y, p, mean L, delta L). Bins divide the ranges of mean and
-//! change evenly, between the 1 % and the 99 % quantile of each; a bin stands at its middle.
-//! Intervals of a second and more, and of 0 µs, are left out, as the published program does.
+//! frames around its time: (t, x, y, p, mean L, delta L). Bins divide the ranges of mean and
+//! change evenly, between the 1 % and the 99 % quantile of each, and are represented by their middle.
+//! Intervals of 0 µs and of 1 s or more are left out, as in the published program.
 
-use super::Light;
+use super::BrightnessSeries;
 use super::passage::Passage;
 use evrig_core::stats::quantile_sorted;
 use serde::{Deserialize, Serialize};
@@ -15,22 +15,22 @@ use serde::{Deserialize, Serialize};
 pub(super) const N_BINS: usize = 20;
 /// A bin with fewer samples is discarded.
 const MIN_COUNT: f64 = 50.0;
-/// The longest interval that enters, µs.
-const LONGEST_US: f64 = 1e6;
-/// On and Off count as balanced, and the drift as none, within so many standard deviations.
-const BALANCED: f64 = 2.0;
+/// Bound of the intervals, µs.
+const MAX_INTERVAL_US: f64 = 1e6;
+/// Standard deviations within which ON and OFF count as balanced, and the drift as zero.
+const BALANCE_SIGMAS: f64 = 2.0;
 
-/// A law of first passage.
+/// Distribution of a first-passage time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PassageLaw {
-    /// Passage with drift.
+    /// With drift.
     InverseGaussian,
-    /// Passage without.
+    /// Without drift.
     Levy,
 }
 
-/// What is known of a bin: the paper's {mu, sigma, mean L, delta L, N}.
+/// The fit to one bin: the paper's {mu, sigma, mean L, delta L, N}.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct BinFit {
     /// Middle of its range of mean brightness, DN.
@@ -39,7 +39,7 @@ pub struct BinFit {
     pub change_dn_per_us: f64,
     /// Samples in it.
     pub n: f64,
-    /// The law: Lévy where On and Off are balanced.
+    /// Lévy where ON and OFF are balanced.
     pub law: PassageLaw,
     /// Drift with the sign of the more frequent polarity, thresholds per µs; 0 under Lévy.
     pub drift_per_us: f64,
@@ -47,27 +47,27 @@ pub struct BinFit {
     pub sigma_per_sqrt_us: f64,
 }
 
-/// Sums over the samples of a bin; the fits need no more.
+/// Sufficient statistics of a bin.
 #[derive(Debug, Clone, Copy, Default)]
-struct Sums {
+struct BinSums {
     n: f64,
     n_on: f64,
     t: f64,
     inverse_t: f64,
 }
 
-/// All samples, as sums by tile and bin, so that tiles can be drawn again.
+/// All samples as sums by tile and bin, so that tiles can be resampled.
 #[derive(Debug, Clone)]
 pub(super) struct Bins {
     mean_edges: [f64; 2],
     change_edges: [f64; 2],
     frame_us: f64,
     kept: Vec<usize>,
-    tiles: Vec<Vec<(usize, Sums)>>,
+    tiles: Vec<Vec<(usize, BinSums)>>,
     samples: Vec<(u16, f32)>,
 }
 
-struct Sample {
+struct IntervalSample {
     mean: f64,
     change: f64,
     t: f64,
@@ -76,17 +76,16 @@ struct Sample {
 }
 
 impl Bins {
-    /// Sorts passages into bins.
-    pub(super) fn new(light: &Light, passages: &[Passage]) -> Self {
-        let samples: Vec<Sample> =
-            passages.iter().filter_map(|passage| sample(light, passage)).collect();
-        let range = |of: fn(&Sample) -> f64| {
+    pub(super) fn new(brightness: &BrightnessSeries, passages: &[Passage]) -> Self {
+        let samples: Vec<IntervalSample> =
+            passages.iter().filter_map(|passage| sample(brightness, passage)).collect();
+        let range = |of: fn(&IntervalSample) -> f64| {
             let mut values: Vec<f64> = samples.iter().map(of).collect();
             values.sort_by(f64::total_cmp);
             [quantile_sorted(&values, 0.01), quantile_sorted(&values, 0.99)]
         };
         let (mean_edges, change_edges) = (range(|s| s.mean), range(|s| s.change));
-        let times = light.times_us();
+        let times = brightness.times_us();
         let span = times.last().zip(times.first()).map_or(0, |(last, first)| last - first);
         let frame_us = span as f64 / times.len().saturating_sub(1).max(1) as f64;
         let mut bins = Self {
@@ -101,9 +100,9 @@ impl Bins {
         bins
     }
 
-    fn fill(&mut self, samples: &[Sample]) {
-        let mut by_tile = std::collections::BTreeMap::<u32, Vec<Sums>>::new();
-        let mut all = vec![Sums::default(); N_BINS * N_BINS];
+    fn fill(&mut self, samples: &[IntervalSample]) {
+        let mut by_tile = std::collections::BTreeMap::<u32, Vec<BinSums>>::new();
+        let mut all = vec![BinSums::default(); N_BINS * N_BINS];
         for sample in samples {
             let row = place(sample.mean, self.mean_edges);
             let column = place(sample.change, self.change_edges);
@@ -111,7 +110,7 @@ impl Bins {
             let bin = row * N_BINS + column;
             self.samples.push((bin as u16, sample.t as f32));
             let tile =
-                by_tile.entry(sample.tile).or_insert_with(|| vec![Sums::default(); all.len()]);
+                by_tile.entry(sample.tile).or_insert_with(|| vec![BinSums::default(); all.len()]);
             for sums in [&mut tile[bin], &mut all[bin]] {
                 sums.n += 1.0;
                 sums.n_on += f64::from(u8::from(sample.on));
@@ -120,11 +119,10 @@ impl Bins {
             }
         }
         self.kept = (0..all.len()).filter(|&bin| all[bin].n >= MIN_COUNT).collect();
-        let filled = |tile: Vec<Sums>| tile.into_iter().enumerate().filter(|(_, s)| s.n > 0.0);
+        let filled = |tile: Vec<BinSums>| tile.into_iter().enumerate().filter(|(_, s)| s.n > 0.0);
         self.tiles = by_tile.into_values().map(|tile| filled(tile).collect()).collect();
     }
 
-    /// Number of tiles with samples.
     pub(super) fn n_tiles(&self) -> usize {
         self.tiles.len()
     }
@@ -135,9 +133,9 @@ impl Bins {
         self.samples.iter().filter(|(bin, _)| is_kept(bin)).count() as u64
     }
 
-    /// The fits of the kept bins when tile number i counts `weights[i]` times.
+    /// Fits of the kept bins with tile i weighted by `weights[i]`.
     pub(super) fn fit(&self, weights: &[f64]) -> Vec<BinFit> {
-        let mut all = vec![Sums::default(); N_BINS * N_BINS];
+        let mut all = vec![BinSums::default(); N_BINS * N_BINS];
         for (tile, &weight) in self.tiles.iter().zip(weights) {
             for (bin, sums) in tile {
                 all[*bin].add(sums, weight);
@@ -154,8 +152,8 @@ impl Bins {
         self.kept.iter().filter_map(fit).collect()
     }
 
-    /// Intervals (µs) of the `n` fullest kept bins of different drift, each with its number in
-    /// what [`Bins::fit`] gives.
+    /// Intervals (µs) of the `n` fullest kept bins with different brightness change, each with its
+    /// index in the result of [`Bins::fit`].
     pub(super) fn fullest(&self, n: usize) -> Vec<(usize, Vec<f64>)> {
         let count =
             |bin: usize| self.samples.iter().filter(|(b, _)| usize::from(*b) == bin).count();
@@ -176,7 +174,7 @@ impl Bins {
     }
 }
 
-impl Sums {
+impl BinSums {
     fn add(&mut self, other: &Self, weight: f64) {
         self.n += weight * other.n;
         self.n_on += weight * other.n_on;
@@ -190,7 +188,7 @@ impl Sums {
         if self.n < 2.0 {
             return None;
         }
-        let is_balanced = (2.0 * self.n_on - self.n).abs() < BALANCED * self.n.sqrt();
+        let is_balanced = (2.0 * self.n_on - self.n).abs() < BALANCE_SIGMAS * self.n.sqrt();
         let sign = if 2.0 * self.n_on >= self.n { 1.0 } else { -1.0 };
         let (mean_t, mean_inverse) = (self.t / self.n, self.inverse_t / self.n);
         let (law, drift_per_us, variance) = if is_balanced {
@@ -203,22 +201,21 @@ impl Sums {
     }
 }
 
-/// The event-luminance sample of a passage's end.
-fn sample(light: &Light, passage: &Passage) -> Option<Sample> {
+fn sample(brightness: &BrightnessSeries, passage: &Passage) -> Option<IntervalSample> {
     let t = (passage.end_us - passage.start_us) as f64;
-    if !(t > 0.0 && t < LONGEST_US) {
+    if !(t > 0.0 && t < MAX_INTERVAL_US) {
         return None;
     }
-    // The frames about the event; an event at a frame's time belongs to the interval before it.
-    let after = light.times_us().partition_point(|&frame| frame < passage.end_us).max(1);
-    let series = light.series(passage.slot as usize);
+    // An event at a frame's time belongs to the interval before it.
+    let after = brightness.times_us().partition_point(|&frame| frame < passage.end_us).max(1);
+    let series = brightness.series(passage.slot as usize);
     let (before, after) = (*series.get(after - 1)?, *series.get(after)?);
-    Some(Sample {
+    Some(IntervalSample {
         mean: 0.5 * f64::from(before + after),
         change: f64::from(after) - f64::from(before),
         t,
         on: passage.on,
-        tile: light.tile(light.pixels()[passage.slot as usize]),
+        tile: brightness.tile(brightness.pixels()[passage.slot as usize]),
     })
 }
 

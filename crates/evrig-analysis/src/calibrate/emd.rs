@@ -1,18 +1,17 @@
 //! The paper's objective: the earth mover's distance between the real and the generated events,
-//! as points (t, x, y) with every axis brought to 0..1 by its own least and greatest value.
+//! as points (t, x, y) with every axis scaled to 0..1 by its own range.
 //!
 //! It is the debiased Sinkhorn divergence with the cost |a - b|^2 / 2 (Feydy et al., AISTATS
 //! 2019), as in the published search, whose blur of 0.01 is 0.05 here: points are counted on a
-//! grid of 24^3 cells, on which a product of three short sums takes the place of all pairs.
+//! grid of 24^3 cells, on which the kernel is separable.
 //!
-//! # What it cannot see
-//! Polarity, which is not in the points; the number of events, as both clouds have mass 1; any
-//! shift or scale of time, as the axes are stretched to fit: threshold, asymmetry, leak, noise
-//! rate and clock offset leave little or no trace. It is kept to compare with published numbers;
-//! `score` is the better judge.
+//! # Limitations
+//! Insensitive to polarity, to the number of events and to any shift or scale of time: threshold,
+//! asymmetry, leak, noise rate and clock offset have little or no effect. It is kept for comparison
+//! with published numbers; `score` is the better objective.
 
-use super::Light;
-use super::light::{Part, part_of};
+use super::BrightnessSeries;
+use super::brightness::{TileSubset, part_of};
 use super::search::Objective;
 use evrig_core::event::{EventSlice, Events};
 use evrig_core::frame::Luminance;
@@ -21,44 +20,45 @@ use evrig_generate::voltmeter::Coefficients;
 use evrig_generate::{GenerateParameters, build};
 use std::num::NonZeroUsize;
 
-/// Cells along each axis.
+/// Cells per axis.
 const SIDE: usize = 24;
-/// Blur: a length, in units of the axes.
+/// Blur, in units of the axes.
 const BLUR: f64 = 0.05;
 /// Factor by which the blur falls in each annealing step, as published.
 const ANNEALING: f64 = 0.9;
 /// Iterations at the final blur.
 const N_FINAL: usize = 8;
-/// Brightness values that one generation runs through, so that a search takes seconds.
+/// Bound on the brightness values of one generation, so that a search takes seconds.
 const MAX_SAMPLES: usize = 2_000_000;
-/// Columns of the sheet the pixels are laid out on for the generator.
+/// Columns of the grid on which the chosen pixels are packed for the generator.
 const SHEET: usize = 4096;
 
-/// Real events to compare with, and the light to generate from.
+/// Real events to compare with, and the frames to generate from.
 pub struct EmdObjective<'a> {
-    light: &'a Light,
+    brightness: &'a BrightnessSeries,
     seed: u64,
-    sides: [Side; 2],
+    subsets: [SubsetEvents; 2],
 }
 
-/// The pixels of a part, and their real events.
-struct Side {
+/// Pixels of a subset, and their real events.
+struct SubsetEvents {
     slots: Vec<u32>,
     real: Option<Cloud>,
 }
 
-/// Shares of mass on the grid, with the potential of the cloud against itself.
+/// Mass on the grid, with the potential of the cloud against itself.
 struct Cloud {
     shares: Vec<f64>,
     own: Vec<f64>,
 }
 
 impl<'a> EmdObjective<'a> {
-    /// Compares with `events`; where the light is long, on some tiles only.
+    /// Compares with `events`, on a sample of tiles where all would take too long.
     #[must_use]
-    pub fn new(light: &'a Light, events: EventSlice<'_>, seed: u64) -> Self {
-        let sides = [Part::Train, Part::HeldOut].map(|part| Side::new(light, events, part, seed));
-        Self { light, seed, sides }
+    pub fn new(brightness: &'a BrightnessSeries, events: EventSlice<'_>, seed: u64) -> Self {
+        let subsets = [TileSubset::Train, TileSubset::HeldOut]
+            .map(|part| SubsetEvents::new(brightness, events, part, seed));
+        Self { brightness, seed, subsets }
     }
 
     fn generate(&self, k: [f64; 6], slots: &[u32]) -> Option<Events> {
@@ -66,16 +66,16 @@ impl<'a> EmdObjective<'a> {
         let mut generator = build(&parameters, NonZeroUsize::new(1)).ok()?;
         let size = Size::new(SHEET as u16, slots.len().div_ceil(SHEET) as u16);
         let mut sheet = Events::new();
-        for (i, &t_us) in self.light.times_us().iter().enumerate() {
+        for (i, &t_us) in self.brightness.times_us().iter().enumerate() {
             let mut values: Vec<f32> =
-                slots.iter().map(|&slot| self.light.series(slot as usize)[i]).collect();
+                slots.iter().map(|&slot| self.brightness.series(slot as usize)[i]).collect();
             values.resize(size.n_pixels(), 1.0);
             generator.push(&Luminance { t_us, size, values }, &mut sheet).ok()?;
         }
-        let width = u32::from(self.light.size().width);
+        let width = u32::from(self.brightness.size().width);
         let place = |mut event: evrig_core::event::Event| {
             let &slot = slots.get(size.index(event.x, event.y))?;
-            let pixel = self.light.pixels()[slot as usize];
+            let pixel = self.brightness.pixels()[slot as usize];
             (event.x, event.y) = ((pixel % width) as u16, (pixel / width) as u16);
             Some(event)
         };
@@ -88,12 +88,12 @@ impl Objective for EmdObjective<'_> {
         "emd"
     }
 
-    fn sees(&self) -> [bool; 6] {
+    fn depends_on(&self) -> [bool; 6] {
         [true; 6]
     }
 
-    fn value(&self, k: [f64; 6], _: &[f64], part: Part) -> f64 {
-        let side = &self.sides[usize::from(part == Part::HeldOut)];
+    fn value(&self, k: [f64; 6], _: &[f64], part: TileSubset) -> f64 {
+        let side = &self.subsets[usize::from(part == TileSubset::HeldOut)];
         let generated = self.generate(k, &side.slots);
         let generated = generated.and_then(|events| Cloud::new(events.as_slice()));
         match (&side.real, generated) {
@@ -103,21 +103,28 @@ impl Objective for EmdObjective<'_> {
     }
 }
 
-impl Side {
-    fn new(light: &Light, events: EventSlice<'_>, part: Part, seed: u64) -> Self {
-        let most = (MAX_SAMPLES / light.times_us().len().max(1)).max(64);
-        let mut slots = light.slots(part, most, seed);
+impl SubsetEvents {
+    fn new(
+        brightness: &BrightnessSeries,
+        events: EventSlice<'_>,
+        part: TileSubset,
+        seed: u64,
+    ) -> Self {
+        let most = (MAX_SAMPLES / brightness.times_us().len().max(1)).max(64);
+        let mut slots = brightness.slots(part, most, seed);
         slots.sort_unstable();
-        let size = light.size();
+        let size = brightness.size();
         let mut is_mine = vec![false; size.n_pixels()];
-        slots.iter().for_each(|&slot| is_mine[light.pixels()[slot as usize] as usize] = true);
-        let times = light.times_us();
+        slots.iter().for_each(|&slot| is_mine[brightness.pixels()[slot as usize] as usize] = true);
+        let times = brightness.times_us();
         let span = [times.first(), times.last()].map(|t| t.copied().unwrap_or_default());
         let taken = |event: &evrig_core::event::Event| {
             let inside = event.t > span[0] && event.t <= span[1] && size.contains(event.x, event.y);
             inside && is_mine[size.index(event.x, event.y)]
         };
-        debug_assert!(slots.iter().all(|&s| part_of(size, light.pixels()[s as usize]) == part));
+        debug_assert!(
+            slots.iter().all(|&s| part_of(size, brightness.pixels()[s as usize]) == part)
+        );
         let real: Events = events.iter().filter(taken).collect();
         Self { slots, real: Cloud::new(real.as_slice()) }
     }
@@ -148,7 +155,7 @@ impl Cloud {
     }
 }
 
-/// Blurs on the way from the whole cube down to the final one; entropies are their squares.
+/// Annealing from the whole cube down to the final blur; entropies are their squares.
 fn blurs() -> impl Iterator<Item = f64> {
     let falling = std::iter::successors(Some(3_f64.sqrt()), |blur| Some(blur * ANNEALING));
     falling.take_while(|&blur| blur > BLUR).chain(std::iter::repeat_n(BLUR, N_FINAL))
@@ -165,7 +172,7 @@ fn soft_minimum(shares: &[f64], potential: &[f64], blur: f64) -> Vec<f64> {
         .collect();
     let mut values: Vec<f64> =
         shares.iter().zip(potential).map(|(share, p)| share * (p / entropy).exp()).collect();
-    // Each pass sums along the last axis and brings the axis before it to the end.
+    // Each pass sums along the last axis and rotates the axes.
     for _ in 0..3 {
         let mut next = vec![0.0; values.len()];
         for (row, line) in values.chunks_exact(SIDE).enumerate() {
@@ -179,7 +186,7 @@ fn soft_minimum(shares: &[f64], potential: &[f64], blur: f64) -> Vec<f64> {
     values.iter().map(|sum| -entropy * sum.max(f64::MIN_POSITIVE).ln()).collect()
 }
 
-/// The potential of a cloud against itself; averaged steps settle fast.
+/// The potential of a cloud against itself, by averaged steps.
 fn own_potential(shares: &[f64]) -> Vec<f64> {
     let mut potential = vec![0.0; shares.len()];
     for blur in blurs() {
@@ -207,7 +214,7 @@ fn divergence(one: &Cloud, other: &Cloud) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::light::shuffled;
+    use super::super::brightness::shuffled;
     use super::*;
     use evrig_core::event::Event;
 

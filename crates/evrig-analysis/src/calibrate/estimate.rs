@@ -15,7 +15,7 @@ pub struct Constant {
 }
 
 impl Constant {
-    /// From a standard error that itself rests on `freedom` degrees of freedom.
+    /// From a standard error with `freedom` degrees of freedom (Student's t).
     #[must_use]
     pub fn new(value: f64, standard_error: f64, freedom: f64, n: u64) -> Self {
         let half = |quantile: f64| {

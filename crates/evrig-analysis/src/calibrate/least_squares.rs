@@ -1,4 +1,4 @@
-//! Weighted linear least squares with a handful of columns.
+//! Weighted linear least squares with few columns.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -22,7 +22,7 @@ pub(super) fn weighted<const P: usize>(
     Some(coefficients)
 }
 
-/// Below this share of the largest singular value a direction counts as not determined.
+/// Ratio of singular values below which a direction counts as undetermined.
 const SINGULAR: f64 = 1e-12;
 
 /// Solves a small square system whose columns may differ in scale by many decades.
@@ -30,7 +30,7 @@ pub(super) fn solve(matrix: &DMatrix<f64>, right: &DVector<f64>) -> Option<DVect
     inverse(matrix).map(|inverse| inverse * right)
 }
 
-/// The inverse, after rows and columns are brought to one scale; `None` when it has none.
+/// The inverse after scaling of rows and columns; `None` for a singular matrix.
 pub(super) fn inverse(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let n = matrix.nrows();
     let scale: Vec<f64> = (0..n).map(|i| matrix[(i, i)].abs().sqrt()).collect();

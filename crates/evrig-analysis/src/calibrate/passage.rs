@@ -1,10 +1,10 @@
-//! Passages: from one event of a pixel to its next, in the order of the pixels.
+//! Passages from one event of a pixel to its next, in the order of the pixels.
 
-use super::Light;
-use super::light::Part;
+use super::BrightnessSeries;
+use super::brightness::TileSubset;
 use evrig_core::event::EventSlice;
 
-/// One passage: V started at 0 with the event before and met a barrier at the end.
+/// A first passage: V starts at 0 with the event before and ends at a barrier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Passage {
     /// Number of the usable pixel.
@@ -13,24 +13,28 @@ pub(super) struct Passage {
     pub(super) start_us: i64,
     /// Time of the event, µs; may equal the start.
     pub(super) end_us: i64,
-    /// Whether the event is On.
+    /// Whether the event is ON.
     pub(super) on: bool,
 }
 
-/// All passages of usable pixels of a part while there is light, by pixel, then by time.
-pub(super) fn passages(light: &Light, events: EventSlice<'_>, part: Part) -> Vec<Passage> {
-    let (first, last) = match light.times_us() {
+/// All passages of a subset's usable pixels between the first and last frame, by pixel, then time.
+pub(super) fn passages(
+    brightness: &BrightnessSeries,
+    events: EventSlice<'_>,
+    part: TileSubset,
+) -> Vec<Passage> {
+    let (first, last) = match brightness.times_us() {
         [first, .., last] => (*first, *last),
         _ => return Vec::new(),
     };
-    let size = light.size();
+    let size = brightness.size();
     let mut slots = vec![u32::MAX; size.n_pixels()];
-    for (slot, &pixel) in light.pixels().iter().enumerate() {
-        if light.part(pixel) == part {
+    for (slot, &pixel) in brightness.pixels().iter().enumerate() {
+        if brightness.part(pixel) == part {
             slots[pixel as usize] = slot as u32;
         }
     }
-    let mut before: Vec<Option<i64>> = vec![None; light.pixels().len()];
+    let mut before: Vec<Option<i64>> = vec![None; brightness.pixels().len()];
     let mut found = Vec::new();
     for event in events.iter() {
         if event.t <= first || event.t > last || !size.contains(event.x, event.y) {

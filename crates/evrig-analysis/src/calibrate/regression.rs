@@ -1,41 +1,40 @@
 //! The paper's three weighted regressions, and the two that follow from them.
 //!
-//! 1. Within each mean brightness: mu = a k_dL + b, with k_dL the change of brightness a µs.
+//! 1. Within each mean brightness: mu = a k_dL + b, with k_dL the change of brightness per µs.
 //! 2. Over all: 1/a = L/k1 + k2/k1.
-//! 3. Over all: mu = k1' c + k5 L + k4, with c = k_dL / (L + k2). k1' is to agree with k1.
+//! 3. Over all: mu = k1' c + k5 L + k4, with c = k_dL / (L + k2). k1' should agree with k1.
 //! 4. The paper states no regression for the noise; the stated sigma is linear in k3 and k6 once
 //!    k2 is known: sigma = k3 sqrt(L)/(L + k2) + k6.
 //!
-//! Every weight is a number of samples, as in the paper. Errors: tiles of pixels drawn again.
+//! Weights are numbers of samples, as in the paper. Errors: bootstrap over tiles of pixels.
 //!
-//! # Where the estimator is biased
-//! - An interval that spans several frames is filed under the light of its last one, and
-//!   1/interval is a mean of the drift over all of them: slow pixels blur the bins' drifts
-//!   towards their neighbours', and an event near a turn of the light has the drift of before it.
-//! - Within a bin, light and frame rate differ; fast pixels give more samples, so a bin's mean
-//!   interval belongs to faster light than its middle, and the spread of intervals between
-//!   pixels counts as diffusion: k3 and k6 come out far too large.
-//! - Bins about no change hold intervals of either sign, of which the majority's sign is taken.
-//! - Intervals not finished within the recording, or within a second, are missing: slow drifts
-//!   look fast, which lifts k4 and k5.
-//! - 1/a in the second regression is the inverse of a noisy number and so too large.
+//! # Biases
+//! - An interval over several frames is assigned to the brightness of its last one, while 1/interval
+//!   averages the drift over all: drifts of slow pixels are blurred towards neighbouring bins.
+//! - Brightness and its rate of change vary within a bin. Fast pixels give more samples, so the mean
+//!   interval belongs to a faster change than the bin's middle, and the spread of intervals between
+//!   pixels counts as diffusion: k3 and k6 are far too large.
+//! - Bins around zero change hold intervals of both signs, of which the majority's is taken.
+//! - Intervals that do not end within the recording or within a second are missing: slow drifts
+//!   appear fast, which raises k4 and k5.
+//! - 1/a in the second regression is the inverse of a noisy estimate and so too large.
 //!
 //! [`super::passage_fit`] has none of these.
 
 use super::bins::{BinFit, Bins};
+use super::brightness::shuffled;
 use super::estimate::Constant;
 use super::least_squares::weighted;
-use super::light::shuffled;
-use super::{CalibrateError, Light};
+use super::{BrightnessSeries, CalibrateError};
 use crate::calibrate::passage::Passage;
 use evrig_core::stats::Moments;
 use serde::{Deserialize, Serialize};
 
-/// Resamplings of tiles behind the errors.
+/// Bootstrap replicates.
 const N_RESAMPLINGS: u64 = 200;
-/// Bins that a line within a mean brightness takes at least.
+/// Minimum number of bins for a line of the first regression.
 const MIN_POINTS: usize = 3;
-/// Bins shown with their histogram.
+/// Number of histograms.
 const N_SHOWN: usize = 4;
 
 /// The paper's regressions with what its figures show.
@@ -50,14 +49,14 @@ pub struct Regressions {
     /// The bins.
     pub points: Vec<BinFit>,
     /// The lines of the first regression.
-    pub lines: Vec<Line>,
+    pub lines: Vec<RegressionLine>,
     /// Histograms of the intervals in some bins.
     pub histograms: Vec<Histogram>,
 }
 
 /// A line of the first regression.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Line {
+pub struct RegressionLine {
     /// Mean brightness, DN.
     pub mean_dn: f64,
     /// a: thresholds per DN.
@@ -79,16 +78,16 @@ pub struct Histogram {
     pub per_decade: Vec<f64>,
 }
 
-/// What the regressions give: k1 to k6 and k1'.
+/// k1 to k6 and k1'.
 type Solution = [f64; 7];
 
 /// Runs the paper's procedure on passages.
 pub(super) fn regress(
-    light: &Light,
+    brightness: &BrightnessSeries,
     passages: &[Passage],
     seed: u64,
 ) -> Result<Regressions, CalibrateError> {
-    let bins = Bins::new(light, passages);
+    let bins = Bins::new(brightness, passages);
     let points = bins.fit(&vec![1.0; bins.n_tiles()]);
     let lines = lines(&points);
     let n = bins.n_samples();
@@ -111,7 +110,7 @@ pub(super) fn regress(
     })
 }
 
-/// Standard deviations of the solution, and of k1'/k1, over tiles drawn with replacement.
+/// Bootstrap standard deviations of the solution and of k1'/k1.
 fn errors(bins: &Bins, seed: u64) -> [f64; 8] {
     let n = bins.n_tiles();
     let mut moments = [Moments::default(); 8];
@@ -130,23 +129,28 @@ fn errors(bins: &Bins, seed: u64) -> [f64; 8] {
 }
 
 /// First regression: a line for each mean brightness.
-fn lines(points: &[BinFit]) -> Vec<Line> {
+fn lines(points: &[BinFit]) -> Vec<RegressionLine> {
     let of_one_mean = points.chunk_by(|a, b| a.mean_dn == b.mean_dn);
     let line = |group: &[BinFit]| {
         let rows = group.iter().map(|p| ([p.change_dn_per_us, 1.0], p.drift_per_us, p.n));
         let [slope, intercept_per_us] = weighted(rows).filter(|_| group.len() >= MIN_POINTS)?;
         let n = group.iter().map(|p| p.n).sum();
-        (slope > 0.0).then_some(Line { mean_dn: group[0].mean_dn, slope, intercept_per_us, n })
+        (slope > 0.0).then_some(RegressionLine {
+            mean_dn: group[0].mean_dn,
+            slope,
+            intercept_per_us,
+            n,
+        })
     };
     of_one_mean.filter_map(line).collect()
 }
 
 /// Second, third and fourth regression.
-fn solve(points: &[BinFit], lines: &[Line]) -> Option<Solution> {
+fn solve(points: &[BinFit], lines: &[RegressionLine]) -> Option<Solution> {
     let [slope, intercept] =
         weighted(lines.iter().map(|line| ([line.mean_dn, 1.0], 1.0 / line.slope, line.n)))?;
     let (k1, k2) = (1.0 / slope, intercept / slope);
-    // A k2 that would make the gain infinite within the range has no third regression.
+    // The gain must be finite within the range.
     let lowest = points.iter().map(|p| p.mean_dn).fold(f64::INFINITY, f64::min);
     let k2 = k2.max(-0.5 * lowest);
     let [k1_prime, k5, k4] = weighted(points.iter().map(|p| {

@@ -1,32 +1,31 @@
-//! The default objective: the predictive log score of the real events ([`crate::predict`]).
+//! The default objective: negative predictive log-likelihood of the real events
+//! ([`crate::predict`]), in nats per event.
 //!
-//! How likely were the events that came, at the times at which they came, given the light and the
-//! pixel's own past? In nats an event, with the count term: a model that fires too often pays
-//! for every silence. k enters as threshold 1/k1, light signal ln(L + k2) and leak (k4 + k5 L).
-//! Scatter of the threshold, the noise's own movement and background events are fitted beside k.
+//! k enters as threshold 1/k1, log-intensity signal ln(L + k2) and leak (k4 + k5 L). Threshold
+//! scatter, noise speed and background rates are nuisance parameters.
 //!
-//! # What it cannot see
-//! k3 and k6, the diffusion: the predictor's noise belongs to the threshold, not to the time
-//! since the last event. They stay as the passages give them.
+//! # Limitations
+//! Independent of k3 and k6 (diffusion): the predictor's noise does not grow with the time since the
+//! last event. They keep the values of the passage fit.
 
-use super::Light;
-use super::light::Part;
+use super::BrightnessSeries;
+use super::brightness::TileSubset;
 use super::search::Objective;
 use crate::predict::{EventsByPixel, PixelLaw, PixelSignal, TimeBlocks, score_pixel};
 use evrig_core::event::EventSlice;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Instants of light that one evaluation runs through, so that a search takes seconds.
+/// Bound on the samples of one evaluation, so that a search takes seconds.
 const MAX_SAMPLES: usize = 2_000_000;
-/// By how much a thinned objective has fewer.
+/// Factor by which the thinned objective has fewer samples.
 const THINNING: usize = 8;
-/// Instants a mean frame interval.
+/// Samples per mean frame interval.
 const PER_FRAME: usize = 2;
 
-/// Real events by pixel, and the light they came from.
+/// Real events by pixel, and the brightness they came from.
 pub struct ScoreObjective<'a> {
-    light: &'a Light,
+    brightness: &'a BrightnessSeries,
     recording: Arc<EventsByPixel>,
     slots: [Vec<u32>; 2],
     white_dn: f64,
@@ -34,26 +33,27 @@ pub struct ScoreObjective<'a> {
 }
 
 impl<'a> ScoreObjective<'a> {
-    /// Scores `events`; where the light is long, of some tiles only, drawn with `seed`.
+    /// Scores `events`, on tiles drawn with `seed` where all would take too long.
     #[must_use]
-    pub fn new(light: &'a Light, events: EventSlice<'_>, seed: u64) -> Self {
-        let times = light.times_us();
+    pub fn new(brightness: &'a BrightnessSeries, events: EventSlice<'_>, seed: u64) -> Self {
+        let times = brightness.times_us();
         let [first, last] = [times.first(), times.last()].map(|t| t.copied().unwrap_or_default());
-        let recording = Arc::new(EventsByPixel::new(events, light.size(), [first, last]));
-        let brightest = |slot: usize| light.series(slot).iter().copied().fold(0.0, f32::max);
-        let white_dn = f64::from((0..light.pixels().len()).map(brightest).fold(1.0, f32::max));
+        let recording = Arc::new(EventsByPixel::new(events, brightness.size(), [first, last]));
+        let brightest = |slot: usize| brightness.series(slot).iter().copied().fold(0.0, f32::max);
+        let white_dn = f64::from((0..brightness.pixels().len()).map(brightest).fold(1.0, f32::max));
         let of = |most: usize| {
             let most = (most / (PER_FRAME * times.len().max(1))).max(64);
-            let slots = [Part::Train, Part::HeldOut].map(|part| light.slots(part, most, seed));
-            Self { light, recording: Arc::clone(&recording), slots, white_dn, thinned: None }
+            let slots = [TileSubset::Train, TileSubset::HeldOut]
+                .map(|part| brightness.slots(part, most, seed));
+            Self { brightness, recording: Arc::clone(&recording), slots, white_dn, thinned: None }
         };
         Self { thinned: Some(Box::new(of(MAX_SAMPLES / THINNING))), ..of(MAX_SAMPLES) }
     }
 
     /// Log-likelihood and events of one pixel.
     fn pixel(&self, slot: u32, k: &[f64; 6], law: &PixelLaw) -> (f64, u32) {
-        let pixel = self.light.pixels()[slot as usize];
-        let width = u32::from(self.light.size().width);
+        let pixel = self.brightness.pixels()[slot as usize];
+        let width = u32::from(self.brightness.size().width);
         let (x, y) = ((pixel % width) as u16, (pixel / width) as u16);
         let Signal { signal, level, step_us } = self.signal(slot, k);
         let blocks = TimeBlocks::new(self.recording.length_us(), 1);
@@ -63,10 +63,10 @@ impl<'a> ScoreObjective<'a> {
         scores.first().map_or((0.0, 0), |score| (score.log_likelihood(), score.n_events))
     }
 
-    /// What the pixel compares, on an even grid: the integral of the model's drift over k1.
+    /// The signal of the comparators on a regular grid: the integral of the model's drift over k1.
     fn signal(&self, slot: u32, k: &[f64; 6]) -> Signal {
         let [k1, k2, _, k4, k5, _] = *k;
-        let (times, series) = (self.light.times_us(), self.light.series(slot as usize));
+        let (times, series) = (self.brightness.times_us(), self.brightness.series(slot as usize));
         let n = (times.len() - 1) * PER_FRAME + 1;
         let step_us = self.recording.length_us() as f64 / (n - 1) as f64;
         let (mut signal, mut level) = (Vec::with_capacity(n), Vec::with_capacity(n));
@@ -103,7 +103,7 @@ impl Objective for ScoreObjective<'_> {
         "score"
     }
 
-    fn sees(&self) -> [bool; 6] {
+    fn depends_on(&self) -> [bool; 6] {
         [true, true, false, true, true, false]
     }
 
@@ -122,8 +122,7 @@ impl Objective for ScoreObjective<'_> {
         self.thinned.as_deref().map(|thinned| thinned as &dyn Objective)
     }
 
-    /// Minus the nats an event.
-    fn value(&self, k: [f64; 6], nuisances: &[f64], part: Part) -> f64 {
+    fn value(&self, k: [f64; 6], nuisances: &[f64], part: TileSubset) -> f64 {
         let value = |i: usize| nuisances.get(i).map_or(f64::NAN, |n| n.exp());
         let law = PixelLaw {
             theta_on: 1.0 / k[0],
@@ -138,8 +137,8 @@ impl Objective for ScoreObjective<'_> {
         if !law.is_valid() {
             return f64::INFINITY;
         }
-        let slots = &self.slots[usize::from(part == Part::HeldOut)];
-        // Collected before they are summed, so that threads do not change the sum.
+        let slots = &self.slots[usize::from(part == TileSubset::HeldOut)];
+        // Collected first, so that the order of summation is fixed.
         let scores: Vec<(f64, u32)> =
             slots.par_iter().map(|&slot| self.pixel(slot, &k, &law)).collect();
         let (log_likelihood, n_events) =

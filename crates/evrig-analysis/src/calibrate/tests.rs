@@ -32,8 +32,8 @@ fn clip(n_frames: usize) -> Vec<Luminance> {
     (0..n_frames).map(frame).collect()
 }
 
-fn light(frames: &[Luminance]) -> Light {
-    let mut builder = LightBuilder::new(SIZE, frames.len() as u64, 0);
+fn brightness(frames: &[Luminance]) -> BrightnessSeries {
+    let mut builder = BrightnessSeriesBuilder::new(SIZE, frames.len() as u64, 0);
     frames.iter().for_each(|frame| builder.push(frame).unwrap());
     builder.finish().unwrap()
 }
@@ -49,11 +49,12 @@ fn events(frames: &[Luminance], k: Coefficients, seed: u64) -> Events {
 /// How many of `n_seeds` recordings have each k within its 95 % interval.
 fn coverage(k: Coefficients, n_seeds: u64) -> [u64; 6] {
     let frames = clip(60);
-    let light = light(&frames);
+    let brightness = brightness(&frames);
     let mut covered = [0; 6];
     for seed in 0..n_seeds {
         let events = events(&frames, k, seed);
-        let fit = fit(&light, events.as_slice(), Part::Train, Coefficients::DVS240.k()).unwrap();
+        let fit = fit(&brightness, events.as_slice(), TileSubset::Train, Coefficients::DVS240.k())
+            .unwrap();
         for (i, covered) in covered.iter_mut().enumerate() {
             *covered += u64::from(fit.k[i].covers(k.k()[i]));
         }
@@ -81,12 +82,12 @@ fn constants_of_a_noisy_camera_are_recovered_within_their_intervals() {
 #[test]
 fn the_passages_tell_k_sharply_at_the_nominal_rate() {
     let frames = clip(240);
-    let light = light(&frames);
+    let brightness = brightness(&frames);
     let events = events(&frames, Coefficients::DVS346, 1);
     let per_pixel_frame = events.len() as f64 / (240 * SIZE.n_pixels()) as f64;
     assert!((0.1..0.4).contains(&per_pixel_frame), "{per_pixel_frame} events a pixel and frame");
     let start = Coefficients::DVS240.k();
-    let fit = fit(&light, events.as_slice(), Part::Train, start).unwrap();
+    let fit = fit(&brightness, events.as_slice(), TileSubset::Train, start).unwrap();
     let relative = fit.k.map(|k| k.estimate.standard_error / k.estimate.value);
     for (relative, most) in relative.into_iter().zip([1e-4, 5e-4, 0.1, 0.02, 0.01, 0.1]) {
         assert!(relative < most, "{:?}", fit.k);
@@ -94,7 +95,7 @@ fn the_passages_tell_k_sharply_at_the_nominal_rate() {
     assert!((fit.variance_ratio - 1.0).abs() < 0.03 && fit.share_far < 1e-3, "{fit:?}");
 }
 
-/// Light so slow, and a camera so keen, that many events share one frame interval.
+/// BrightnessSeries so slow, and a camera so keen, that many events share one frame interval.
 fn slow_clip() -> Vec<Luminance> {
     let frame = |i: usize| {
         let t = i as f64 / 120.0;
@@ -114,7 +115,8 @@ fn where_light_is_steady_the_papers_regressions_agree_with_the_truth() {
     let frames = slow_clip();
     let k = Coefficients::new([400.0, 20.0, 1e-3, 1e-7, 5e-9, 1e-3]).unwrap();
     let events = events(&frames, k, 3);
-    let regressions = regress(&light(&frames), events.as_slice(), Part::Train, 0).unwrap();
+    let regressions =
+        regress(&brightness(&frames), events.as_slice(), TileSubset::Train, 0).unwrap();
     let found = regressions.k.map(|k| k.estimate.value);
     assert!((found[0] / 400.0 - 1.0).abs() < 0.1, "{found:?}");
     assert!((regressions.agreement.estimate.value - 1.0).abs() < 0.1, "{regressions:?}");
@@ -124,7 +126,8 @@ fn where_light_is_steady_the_papers_regressions_agree_with_the_truth() {
 fn in_moving_texture_the_papers_regressions_are_biased_as_they_say() {
     let frames = clip(120);
     let events = events(&frames, Coefficients::DVS346, 1);
-    let regressions = regress(&light(&frames), events.as_slice(), Part::Train, 0).unwrap();
+    let regressions =
+        regress(&brightness(&frames), events.as_slice(), TileSubset::Train, 0).unwrap();
     let k = regressions.k.map(|k| k.estimate.value);
     assert!(k[0] < 0.5 * 5.265 && k[5] > 10.0 * 1e-5, "{k:?}");
     assert!(!regressions.points.is_empty() && !regressions.histograms.is_empty());
@@ -133,15 +136,15 @@ fn in_moving_texture_the_papers_regressions_are_biased_as_they_say() {
 #[test]
 fn the_score_prefers_the_truth_on_tiles_it_did_not_see() {
     let frames = clip(60);
-    let light = light(&frames);
+    let brightness = brightness(&frames);
     let k = Coefficients::DVS346;
     let events = events(&frames, k, 5);
-    let objective = ScoreObjective::new(&light, events.as_slice(), 0);
+    let objective = ScoreObjective::new(&brightness, events.as_slice(), 0);
     let nuisances = objective.nuisances();
     let at = |factor: f64| {
         let mut k = k.k();
         k[0] *= factor;
-        objective.value(k, &nuisances, Part::HeldOut)
+        objective.value(k, &nuisances, TileSubset::HeldOut)
     };
     assert!(at(1.0) < at(0.8) && at(1.0) < at(1.25), "{} {} {}", at(0.8), at(1.0), at(1.25));
 }
@@ -149,13 +152,14 @@ fn the_score_prefers_the_truth_on_tiles_it_did_not_see() {
 #[test]
 fn a_calibration_is_judged_on_held_out_tiles_and_improves_on_a_wrong_start() {
     let frames = clip(40);
-    let light = light(&frames);
+    let brightness = brightness(&frames);
     let k = Coefficients::new([3.0, 10.0, 1e-4, 5e-7, 1e-8, 1e-5]).unwrap();
     let events = events(&frames, k, 7);
     for n_evaluations in [0, 12] {
-        let settings = Settings { published: Coefficients::DVS346, n_evaluations, seed: 1 };
-        let objective = ScoreObjective::new(&light, events.as_slice(), 0);
-        let result = calibrate(&light, events.as_slice(), &objective, &settings).unwrap();
+        let settings =
+            CalibrationSettings { published: Coefficients::DVS346, n_evaluations, seed: 1 };
+        let objective = ScoreObjective::new(&brightness, events.as_slice(), 0);
+        let result = calibrate(&brightness, events.as_slice(), &objective, &settings).unwrap();
         let held_out = |name: &str| {
             let candidate = result.candidates.iter().find(|c| c.name == name);
             candidate.and_then(|c| c.held_out).unwrap()
@@ -172,17 +176,20 @@ fn a_calibration_is_judged_on_held_out_tiles_and_improves_on_a_wrong_start() {
 #[test]
 fn the_papers_distance_sees_a_wrong_threshold_of_moving_texture() {
     let frames = clip(60);
-    let light = light(&frames);
+    let brightness = brightness(&frames);
     let k = Coefficients::DVS346;
     let real = events(&frames, k, 9);
-    let objective = EmdObjective::new(&light, real.as_slice(), 4);
+    let objective = EmdObjective::new(&brightness, real.as_slice(), 4);
     let mut wrong = k.k();
     wrong[0] = 0.3;
-    let [right, wrong] = [k.k(), wrong].map(|k| objective.value(k, &[], Part::Train));
+    let [right, wrong] = [k.k(), wrong].map(|k| objective.value(k, &[], TileSubset::Train));
     assert!(right < 0.2 * wrong, "{right} {wrong}");
     let mut silent = k.k();
     (silent[0], silent[3], silent[4]) = (1e-3, 0.0, 0.0);
-    assert!(objective.value(silent, &[], Part::Train).is_infinite(), "no events, no distance");
+    assert!(
+        objective.value(silent, &[], TileSubset::Train).is_infinite(),
+        "no events, no distance"
+    );
 }
 
 #[test]
@@ -191,8 +198,8 @@ fn static_light_determines_nothing_and_says_so() {
     let frames: Vec<Luminance> = (0..20).map(|i| still(i * 200_000)).collect();
     let k = Coefficients::new([5.0, 20.0, 1e-4, 2e-6, 1e-8, 1e-5]).unwrap();
     let events = events(&frames, k, 1);
-    let error = fit(&light(&frames), events.as_slice(), Part::Train, k.k()).unwrap_err();
+    let error = fit(&brightness(&frames), events.as_slice(), TileSubset::Train, k.k()).unwrap_err();
     assert!(error.to_string().contains("k1, k2, k4, k5"), "{error}");
-    let error = regress(&light(&frames), events.as_slice(), Part::Train, 0).unwrap_err();
+    let error = regress(&brightness(&frames), events.as_slice(), TileSubset::Train, 0).unwrap_err();
     assert!(error.to_string().contains("light levels"), "{error}");
 }

@@ -1,25 +1,23 @@
 //! **active_pixel_ratio** = a_sim / a_real, a the share of the region's pixels with an event.
 //!
-//! Whether the generator sets off as many pixels. Source: the measures the authors of
-//! Raw2Event report; healthy is 0.8 to 1.2. Error: tiles.
-//!
-//! It cannot see which pixels these are, and says little once the window is so long that nearly
-//! every pixel had an event in both streams.
+//! Source: the measures the authors of Raw2Event report; healthy is 0.8 to 1.2. Error: tiles.
+//! Independent of which pixels are active, and uninformative in windows so long that nearly every
+//! pixel is active in both streams.
 
-use super::Pair;
-use super::measure::{AUTHORS, Cluster, Definition, Measure, MeasureId};
+use super::ProfilePair;
+use super::measure::{Cluster, Measure, MeasureDefinition, MeasureId, RAW2EVENT_MEASURES};
 
-const DEFINITION: Definition = Definition {
+const DEFINITION: MeasureDefinition = MeasureDefinition {
     id: MeasureId::ActivePixelRatio,
     name: "Active pixel ratio",
     formula: "a_sim / a_real, a = pixels with an event / pixels",
-    source: AUTHORS,
+    source: RAW2EVENT_MEASURES,
     unit: "1",
     clusters: Cluster::Tile,
     healthy: Some([0.8, 1.2]),
 };
 
-pub(super) fn measure(pair: &Pair<'_>) -> Measure {
+pub(super) fn measure(pair: &ProfilePair<'_>) -> Measure {
     let is_active = |count: u64| f64::from(u8::from(count > 0));
     let real = pair.real.sum_by_tile(pair.layout, is_active);
     let simulated = pair.simulated.sum_by_tile(pair.layout, is_active);

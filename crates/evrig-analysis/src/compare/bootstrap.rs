@@ -1,11 +1,11 @@
-//! The cluster bootstrap: how far would a number move if other clusters had been seen?
+//! Cluster bootstrap.
 //!
-//! A replicate draws as many clusters as there are, with replacement, and the
-//! statistic is computed from the clusters' sums, each weighted by how often it was drawn
+//! A replicate draws as many clusters as there are, with replacement. The statistic is computed from
+//! the clusters' sums, each weighted by the number of its draws
 //! (Davison and Hinkley, Bootstrap Methods and their Application, 1997, section 3.8).
-//! Replicates are spread by sqrt(G / (G - 1)) about the value, since resampling G clusters
-//! understates a variance by (G - 1) / G. Each replicate has its own random sequence,
-//! made from seed and number: results do not depend on the number of threads.
+//! Replicates are scaled by sqrt(G / (G - 1)) about the value to correct the bias of the variance for
+//! G clusters. Each replicate has its own random sequence from seed and number: results do not depend
+//! on the number of threads.
 
 use evrig_core::stats::{Estimate, SplitMix, dot};
 use rayon::prelude::*;
@@ -22,8 +22,8 @@ impl Bootstrap {
         Self { seed, n_replicates }
     }
 
-    /// The estimate of `statistic`, which is given each cluster's weight (all 1 for the value
-    /// itself). `n` is what the value was formed from.
+    /// The estimate of `statistic`, a function of the clusters' weights (all 1 for the value). `n` is the
+    /// sample size.
     pub(super) fn estimate(
         &self,
         n_clusters: usize,
@@ -36,7 +36,6 @@ impl Bootstrap {
             .map(|number| statistic(&self.weights(n_clusters, number)))
             .filter(|replicate| replicate.is_finite())
             .collect();
-        // With one cluster, or a statistic that is mostly undefined, nothing is known of the error.
         if n_clusters < 2 || replicates.len() * 2 < self.n_replicates || replicates.len() < 2 {
             return Estimate::with_interval(value, f64::NAN, [f64::NAN; 2], n);
         }
@@ -61,8 +60,7 @@ impl Bootstrap {
         weights
     }
 
-    /// Random flips of `n` clusters, for a permutation test; the sequence is apart from
-    /// those of the replicates.
+    /// Random flips of `n` clusters for a permutation test, independent of the replicates.
     pub(super) fn flips(&self, n: usize, number: u64) -> Vec<bool> {
         let mut random = SplitMix::new(self.seed ^ 0x666c_6970, number);
         (0..n).map(|_| random.bits() >> 63 == 1).collect()

@@ -1,28 +1,28 @@
-//! Correlation of signed event counts (On minus Off) with the change of log intensity between two
+//! Correlation of signed event counts (ON minus OFF) with the change of log intensity between two
 //! frames, over the pixels of the region; for each frame interval and pooled over all.
 //!
-//! An event says that log intensity moved by a threshold, so between two frames the signed count
-//! times the threshold is the change. Pearson's r; the threshold's size drops out. Error:
-//! tiles. Pooling adds the sums of all intervals, so intervals with more contrast weigh more.
+//! Between two frames the signed count times the threshold approximates the change. Pearson's r,
+//! independent of the threshold. Error: tiles. Pooling adds the sums of all intervals, so intervals
+//! with more contrast have more weight.
 //!
-//! It cannot see an error common to frames and events (a shift of the frames' clock does show),
-//! nor movement to and fro within a frame interval, which leaves a change of zero.
+//! Insensitive to errors common to frames and events, and to motion within a frame interval that
+//! leaves no net change.
 
-use super::Pair;
+use super::ProfilePair;
 use super::profile::OUTSIDE;
-use super::rate_map::Sums;
+use super::rate_map::CorrelationSums;
 use evrig_core::event::EventSlice;
 use evrig_core::stats::Estimate;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Where the change of log intensity comes from.
+/// Changes of log intensity between frames.
 #[derive(Clone, Copy)]
 pub struct FrameChanges<'a> {
     /// Mid-exposure times of the frames, µs of the events' clock, ascending.
     pub times_us: &'a [i64],
     /// Fills the row-major slice with ln L(k + 1) - ln L(k) of every pixel; NaN (black,
-    /// saturated, not seen) leaves the pixel out. Called once for each k below the
+    /// saturated, not observed) leaves the pixel out. Called once for each k below the
     /// number of frames minus one, from several threads.
     pub change: &'a (dyn Fn(usize, &mut [f32]) + Sync),
 }
@@ -34,7 +34,7 @@ pub struct ContrastCorrelation {
     pub real: Estimate,
     /// Simulated events, all frame intervals pooled.
     pub simulated: Estimate,
-    /// One entry a frame interval that lies wholly in the window.
+    /// One entry per frame interval inside the window.
     pub per_interval: Vec<FrameCorrelation>,
 }
 
@@ -50,7 +50,7 @@ pub struct FrameCorrelation {
 }
 
 pub(super) fn correlate(
-    pair: &Pair<'_>,
+    pair: &ProfilePair<'_>,
     real: EventSlice<'_>,
     simulated: EventSlice<'_>,
     frames: FrameChanges<'_>,
@@ -61,7 +61,7 @@ pub(super) fn correlate(
         .filter(|&k| times[k - 1] >= start && times[k] <= end)
         .map(|k| k - 1)
         .collect();
-    let sums: Vec<[Sums; 2]> = inside
+    let sums: Vec<[CorrelationSums; 2]> = inside
         .par_iter()
         .map(|&k| {
             let mut change = vec![f32::NAN; pair.layout.size.n_pixels()];
@@ -72,11 +72,12 @@ pub(super) fn correlate(
             [between(real), between(simulated)]
         })
         .collect();
-    let estimate = |sums: &Sums| {
+    let estimate = |sums: &CorrelationSums| {
         let n_tiles = pair.layout.n_tiles();
         pair.bootstrap.estimate(n_tiles, sums.n(), |w| sums.correlation(w))
     };
-    let mut pooled = [Sums::new(pair.layout.n_tiles()), Sums::new(pair.layout.n_tiles())];
+    let mut pooled =
+        [CorrelationSums::new(pair.layout.n_tiles()), CorrelationSums::new(pair.layout.n_tiles())];
     for [real, simulated] in &sums {
         pooled[0].add(real);
         pooled[1].add(simulated);
@@ -93,12 +94,12 @@ pub(super) fn correlate(
     }
 }
 
-fn tile_sums(pair: &Pair<'_>, events: EventSlice<'_>, change: &[f32]) -> Sums {
+fn tile_sums(pair: &ProfilePair<'_>, events: EventSlice<'_>, change: &[f32]) -> CorrelationSums {
     let mut signed = vec![0_i32; change.len()];
     for (pixel, i) in pair.layout.in_region(events) {
         signed[pixel] += if events.on[i] { 1 } else { -1 };
     }
-    let mut sums = Sums::new(pair.layout.n_tiles());
+    let mut sums = CorrelationSums::new(pair.layout.n_tiles());
     let pixels = pair.layout.tile_of.iter().zip(&signed).zip(change);
     for ((&tile, &signed), &change) in pixels {
         if tile != OUTSIDE && change.is_finite() {

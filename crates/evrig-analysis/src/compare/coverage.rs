@@ -71,12 +71,12 @@ fn patchy(seed: u64) -> [Events; 2] {
 }
 
 /// A name, the planted truth and where its estimate stands.
-type Truth = (&'static str, f64, fn(&Comparison) -> Estimate);
+type PlantedTruth = (&'static str, f64, fn(&Comparison) -> Estimate);
 
 /// Compares many worlds and demands that each named estimate covers its truth as often as
 /// its interval claims: 90 %, with three binomial errors of the 120 worlds and two points for
 /// the bootstrap's own shortness with 40 clusters.
-fn demand_coverage(size: Size, world: fn(u64) -> [Events; 2], truths: &[Truth]) {
+fn demand_coverage(size: Size, world: fn(u64) -> [Events; 2], truths: &[PlantedTruth]) {
     let mut n_covered = vec![0_u32; truths.len()];
     for seed in 0..N_WORLDS {
         let [real, simulated] = world(seed);

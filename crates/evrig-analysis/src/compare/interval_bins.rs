@@ -1,15 +1,13 @@
 //! Logarithmic bins of inter-event intervals, the same for every stream and measure.
 //!
-//! Fine bins: 100 a decade, from 1 µs to 1000 s. Coarse bins: 10 a decade, each the union of ten
-//! fine ones. Stamps are whole microseconds, so two events of one pixel in one
-//! microsecond (interval 0) go into the first bin, and what is longer than 1000 s into
-//! the last one.
+//! Fine bins: 100 per decade, from 1 µs to 1000 s. Coarse bins: 10 per decade, each of ten fine ones.
+//! Intervals of 0 µs go into the first bin, those above 1000 s into the last one.
 
 use std::sync::LazyLock;
 
 /// Decades covered, from 1 µs.
 const N_DECADES: usize = 9;
-/// Fine bins in a decade.
+/// Fine bins per decade.
 pub(super) const FINE_PER_DECADE: usize = 100;
 /// Fine bins in all.
 pub(super) const N_FINE: usize = N_DECADES * FINE_PER_DECADE;
@@ -17,7 +15,7 @@ pub(super) const N_FINE: usize = N_DECADES * FINE_PER_DECADE;
 pub(super) const FINE_PER_COARSE: usize = 10;
 /// Coarse bins in all.
 pub(super) const N_COARSE: usize = N_FINE / FINE_PER_COARSE;
-/// Intervals below this are looked up.
+/// Intervals below this, µs, are looked up in a table.
 const N_SHORT: usize = 1 << 15;
 
 /// First whole microsecond of each fine bin.
@@ -37,7 +35,7 @@ pub(super) fn log_middle(bin: usize) -> f64 {
     (bin as f64 + 0.5) / FINE_PER_DECADE as f64
 }
 
-/// Where intervals are put into bins.
+/// Assigns intervals to bins.
 #[derive(Clone, Copy)]
 pub(super) struct Binner {
     first: &'static [i64],
@@ -67,8 +65,7 @@ impl Binner {
     }
 }
 
-/// The last bin that opens at or below the interval. Below 10 µs some bins hold no whole
-/// number and share their first microsecond with the next; the last of them holds it.
+/// The last bin that begins at or below the interval; below 10 µs some bins contain no integer.
 fn search(interval_us: i64) -> usize {
     FIRST.partition_point(|&first| first <= interval_us).saturating_sub(1)
 }

@@ -2,25 +2,24 @@
 //! decades: S = OT_e(sim, real) - OT_e(sim, sim)/2 - OT_e(real, real)/2 with the cost
 //! |log10 a - log10 b| and the blur e = 0.05 decades.
 //!
-//! How far, on average, intervals would have to be stretched: 0.3 is a factor of two. With
-//! a vanishing blur it is the earth mover's distance, the area between the two distribution
-//! functions of log10 interval, which stands in `curves.intervals.distance_decades`. The blur
-//! lowers it by about e ln(spread / e): two bells 0.6 and 0.4 decades wide and 0.60
-//! apart show 0.47. Equal samples show 0 and point masses their distance whatever the blur.
-//! Intervals enter in bins of 0.01 decades. Source: Feydy et al., AISTATS 2019.
+//! The mean factor between corresponding intervals: 0.3 is a factor of two. Without blur it is the
+//! earth mover's distance, the area between the two distribution functions of log10 interval, which
+//! is in `curves.intervals.distance_decades`. The blur
+//! lowers it by about e ln(spread / e): 0.47 instead of 0.60 for two normal distributions of widths
+//! 0.6 and 0.4 decades. Equal samples have 0 and point masses their distance for any blur.
+//! Intervals are binned to 0.01 decades. Source: Feydy et al., AISTATS 2019.
 //!
-//! Error: tiles, with the optimal potentials held fixed (the divergence's derivative); the
-//! bias that chance gives any distance is in `chance_level`, as for interval_tv. A numerical
-//! error is stated where the iteration stopped before it had settled.
+//! Error: tiles, with the optimal potentials held fixed (the divergence's derivative);
+//! `chance_level` as for interval_tv. The last change of the iteration is the numerical error.
 //!
-//! It cannot see in which order or at which pixels the intervals come; intervals of 0 µs count
-//! as 1 µs, those longer than the window are missing from both streams.
+//! Independent of order and location of the intervals. Intervals of 0 µs count as 1 µs; those longer
+//! than the window are missing from both streams.
 
-use super::Pair;
+use super::ProfilePair;
 use super::interval_bins::{N_FINE, log_middle};
 use super::interval_tv::missing_intervals;
-use super::measure::{Cluster, Definition, Measure, MeasureId};
-use super::profile::Profile;
+use super::measure::{Cluster, Measure, MeasureDefinition, MeasureId};
+use super::profile::StreamProfile;
 use super::sinkhorn::{self, Divergence};
 use evrig_core::stats::dot;
 use rayon::prelude::*;
@@ -28,7 +27,7 @@ use rayon::prelude::*;
 /// Blur of the divergence, decades.
 pub(super) const BLUR_DECADES: f64 = 0.05;
 
-const DEFINITION: Definition = Definition {
+const DEFINITION: MeasureDefinition = MeasureDefinition {
     id: MeasureId::IntervalEmd,
     name: "Interval transport distance",
     formula: "Sinkhorn divergence of log10 interval, cost |x - y|, blur 0.05 decades",
@@ -38,10 +37,10 @@ const DEFINITION: Definition = Definition {
     healthy: None,
 };
 
-/// Swaps of streams behind the chance level.
+/// Random swaps of streams for the chance level.
 const N_SWAPS: u64 = 3;
 
-pub(super) fn measure(pair: &Pair<'_>) -> Measure {
+pub(super) fn measure(pair: &ProfilePair<'_>) -> Measure {
     if let Some(because) = missing_intervals(pair) {
         return DEFINITION.unknown(because);
     }
@@ -59,7 +58,7 @@ pub(super) fn measure(pair: &Pair<'_>) -> Measure {
             swapped.collect::<Vec<f64>>()
         },
     );
-    let score = |profile: &Profile, potential: &[f64]| -> Vec<f64> {
+    let score = |profile: &StreamProfile, potential: &[f64]| -> Vec<f64> {
         let tiles = 0..profile.interval_sums.len();
         tiles.map(|tile| dot_counts(profile.histogram(tile), potential)).collect()
     };
@@ -74,7 +73,7 @@ pub(super) fn measure(pair: &Pair<'_>) -> Measure {
     let chance: Vec<f64> = chance.into_iter().filter(|distance| distance.is_finite()).collect();
     let chance_level =
         (!chance.is_empty()).then(|| chance.iter().sum::<f64>() / chance.len() as f64);
-    let numerical_error = Some(result.unsettled);
+    let numerical_error = Some(result.last_change);
     Measure { chance_level, numerical_error, ..DEFINITION.with(estimate) }
 }
 
@@ -83,13 +82,13 @@ fn divergence(one: &[f64], other: &[f64]) -> Divergence {
     sinkhorn::divergence(one, other, step, BLUR_DECADES)
 }
 
-/// Histograms of both streams, those of some tiles swapped.
-fn histograms(pair: &Pair<'_>, flips: Option<&[bool]>) -> (Vec<f64>, Vec<f64>) {
+/// Histograms of both streams with those of some tiles swapped.
+fn histograms(pair: &ProfilePair<'_>, flips: Option<&[bool]>) -> (Vec<f64>, Vec<f64>) {
     let Some(flips) = flips else {
         return (pair.real.total_histogram(), pair.simulated.total_histogram());
     };
-    // In shares of each stream, so that a swap trades shapes and not numbers of intervals.
-    let n = |profile: &Profile| profile.intervals_by_tile().iter().sum::<f64>();
+    // As shares, so that a swap exchanges shapes and not numbers of intervals.
+    let n = |profile: &StreamProfile| profile.intervals_by_tile().iter().sum::<f64>();
     let (n_real, n_simulated) = (n(pair.real), n(pair.simulated));
     let (mut one, mut other) = (vec![0.0; N_FINE], vec![0.0; N_FINE]);
     for (tile, &flip) in flips.iter().enumerate() {

@@ -1,63 +1,62 @@
-//! Densities of the per-pixel intervals of both streams on common logarithmic bins, with the
-//! laws of a first passage fitted to each.
+//! Densities of the per-pixel intervals of both streams on common logarithmic bins, with first-passage
+//! distributions fitted to each.
 //!
 //! A voltage that drifts from 0 at rate mu and diffuses with sigma first reaches the threshold 1
-//! after a time of the **inverse Gaussian** law with mean 1/|mu| and shape 1/sigma^2; without
-//! drift, of the **Lévy** law with scale 1/sigma^2 (Raw2Event, section on cross-sensor
+//! after a time of the **inverse Gaussian** distribution with mean 1/|mu| and shape 1/sigma^2; without
+//! drift, of the **Lévy** distribution with scale 1/sigma^2 (Raw2Event, section on cross-sensor
 //! calibration). Maximum likelihood has closed forms (Tweedie 1957): mean = sample mean,
 //! 1/shape = mean of 1/t - 1/mean; scale = 1 / mean of 1/t.
 //!
-//! Errors: tiles. The fits pool all pixels. Pixels differ in drift, so a pooled sample is a
-//! mixture, and a fit that misses it is no proof against the law; the likelihoods tell which of
-//! the two laws describes it better, not whether either is right. Intervals of 0 µs have no
-//! likelihood and are left out and counted.
+//! Errors: tiles. The fits pool all pixels. Pixels differ in drift, so a pooled sample is a mixture:
+//! the likelihoods compare the two distributions and do not test either. Intervals of 0 µs have no
+//! likelihood; they are left out and counted.
 
-use super::Pair;
+use super::ProfilePair;
 use super::interval_bins::{FINE_PER_COARSE, FINE_PER_DECADE, N_COARSE, edge};
-use super::profile::{IntervalSums, Profile};
+use super::profile::{IntervalSums, StreamProfile};
 use evrig_core::stats::{Estimate, dot};
 use serde::{Deserialize, Serialize};
 
-/// Interval densities of both streams, and how far they are apart.
+/// Interval densities of both streams, and their distance.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct IntervalCurve {
-    /// Edges of the bins, µs, one more than there are bins; cut to where either stream has intervals.
+    /// Edges of the bins, µs, one more than bins; cut to the range with intervals.
     pub edges_us: Vec<f64>,
     /// Earth mover's distance of log10 interval, decades: the area between the two distribution
-    /// functions. The exact counterpart of the measure interval_emd, without its blur.
+    /// functions; the measure interval_emd without blur.
     pub distance_decades: Estimate,
-    /// The camera's.
+    /// Real events.
     pub real: IntervalDensity,
-    /// The generator's.
+    /// Simulated events.
     pub simulated: IntervalDensity,
 }
 
-/// Interval density of one stream and the laws fitted to it.
+/// Interval density of one stream and the distributions fitted to it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct IntervalDensity {
-    /// Intervals in all, those of 0 µs among them.
+    /// Number of intervals, including those of 0 µs.
     pub n: u64,
     /// Intervals of 0 µs, which the fits leave out.
     pub n_zero: u64,
     /// Probability per decade in each bin.
     pub per_decade: Vec<f64>,
-    /// Standard error of it; empty when it cannot be told.
+    /// Its standard error; empty when unknown.
     pub standard_error: Vec<f64>,
-    /// The fitted laws; absent without intervals above 0 µs.
+    /// The fits; absent without intervals above 0 µs.
     pub fit: Option<IntervalFit>,
 }
 
-/// First-passage laws fitted to the intervals of one stream.
+/// First-passage distributions fitted to the intervals of one stream.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct IntervalFit {
-    /// Mean of the inverse Gaussian law, µs: 1 / |drift| in thresholds per µs.
+    /// Mean of the inverse Gaussian, µs: 1 / |drift| in thresholds per µs.
     pub mean_us: Estimate,
     /// Its shape, µs: 1 / diffusion squared, in thresholds squared per µs.
     pub shape_us: Estimate,
-    /// Scale of the Lévy law, µs.
+    /// Scale of the Lévy distribution, µs.
     pub levy_scale_us: Estimate,
-    /// By how much the log-likelihood of an interval is higher under the inverse Gaussian law; it holds
-    /// the Lévy law as a limit, so this is not negative.
+    /// Log-likelihood gain per interval of the inverse Gaussian over its limit, the Lévy distribution;
+    /// not negative.
     pub inverse_gaussian_over_levy_nats: Estimate,
     /// Inverse Gaussian probability per decade, averaged over each bin.
     pub inverse_gaussian_per_decade: Vec<f64>,
@@ -65,8 +64,8 @@ pub struct IntervalFit {
     pub levy_per_decade: Vec<f64>,
 }
 
-pub(super) fn curve(pair: &Pair<'_>) -> IntervalCurve {
-    let coarse = |profile: &Profile| -> Vec<f64> {
+pub(super) fn curve(pair: &ProfilePair<'_>) -> IntervalCurve {
+    let coarse = |profile: &StreamProfile| -> Vec<f64> {
         profile
             .total_histogram()
             .chunks_exact(FINE_PER_COARSE)
@@ -85,10 +84,10 @@ pub(super) fn curve(pair: &Pair<'_>) -> IntervalCurve {
     }
 }
 
-/// The area between the distribution functions. Its derivative holds the sign of their difference
-/// fixed; a tile's score is the signed area its intervals contribute.
-fn distance(pair: &Pair<'_>) -> Estimate {
-    let distribution = |profile: &Profile| -> Vec<f64> {
+/// The area between the distribution functions, with the signs of their difference held fixed for the
+/// error.
+fn distance(pair: &ProfilePair<'_>) -> Estimate {
+    let distribution = |profile: &StreamProfile| -> Vec<f64> {
         let histogram = profile.total_histogram();
         let n = histogram.iter().sum::<f64>();
         let steps = histogram.iter().scan(0.0, |sum, count| {
@@ -98,7 +97,6 @@ fn distance(pair: &Pair<'_>) -> Estimate {
         steps.collect()
     };
     let (real, simulated) = (distribution(pair.real), distribution(pair.simulated));
-    // An interval in a bin lifts the distribution function from there on.
     let mut lifts = vec![0.0; real.len()];
     let mut lift = 0.0;
     for bin in (0..real.len()).rev() {
@@ -106,7 +104,7 @@ fn distance(pair: &Pair<'_>) -> Estimate {
         lift += if difference == 0.0 { 0.0 } else { difference.signum() / FINE_PER_DECADE as f64 };
         lifts[bin] = lift;
     }
-    let score = |profile: &Profile| -> Vec<f64> {
+    let score = |profile: &StreamProfile| -> Vec<f64> {
         let tiles = 0..profile.interval_sums.len();
         let score = |tile| -> f64 {
             profile.histogram(tile).iter().zip(&lifts).map(|(&n, lift)| f64::from(n) * lift).sum()
@@ -121,7 +119,12 @@ fn distance(pair: &Pair<'_>) -> Estimate {
     })
 }
 
-fn density(pair: &Pair<'_>, profile: &Profile, first: usize, end: usize) -> IntervalDensity {
+fn density(
+    pair: &ProfilePair<'_>,
+    profile: &StreamProfile,
+    first: usize,
+    end: usize,
+) -> IntervalDensity {
     let by_tile = profile.intervals_by_tile();
     let n = by_tile.iter().sum::<f64>();
     let n_zero = profile.interval_sums.iter().map(|sums| sums.n_zero).sum::<u64>();
@@ -160,7 +163,12 @@ fn share_error(in_bin: &[f64], all: &[f64], share: f64) -> f64 {
     (squares * n_tiles / (n_tiles - 1.0)).sqrt() / n
 }
 
-fn fit(pair: &Pair<'_>, profile: &Profile, first: usize, end: usize) -> Option<IntervalFit> {
+fn fit(
+    pair: &ProfilePair<'_>,
+    profile: &StreamProfile,
+    first: usize,
+    end: usize,
+) -> Option<IntervalFit> {
     let column = |of: fn(&IntervalSums) -> f64| -> Vec<f64> {
         profile.interval_sums.iter().map(of).collect()
     };
@@ -198,11 +206,10 @@ fn fit(pair: &Pair<'_>, profile: &Profile, first: usize, end: usize) -> Option<I
     })
 }
 
-/// P(T <= t) of the inverse Gaussian law; the second term is formed in logarithms, where it
-/// neither overflows nor vanishes too early.
+/// P(T <= t) of the inverse Gaussian; the second term in logarithms against overflow.
 fn inverse_gaussian_distribution(t: f64, mean: f64, shape: f64) -> f64 {
     if !shape.is_finite() {
-        // All intervals equal: the law is a single point.
+        // All intervals are equal: a point mass.
         return if t >= mean { 1.0 } else { 0.0 };
     }
     let root = (shape / t).sqrt();
@@ -211,7 +218,7 @@ fn inverse_gaussian_distribution(t: f64, mean: f64, shape: f64) -> f64 {
     near + (2.0 * shape / mean + log_normal_distribution(far)).exp()
 }
 
-/// P(T <= t) of the Lévy law from 0.
+/// P(T <= t) of the Lévy distribution from 0.
 fn levy_distribution(t: f64, scale: f64) -> f64 {
     statrs::function::erf::erfc((scale / (2.0 * t)).sqrt())
 }
@@ -220,8 +227,8 @@ fn normal_distribution(z: f64) -> f64 {
     0.5 * statrs::function::erf::erfc(-z / std::f64::consts::SQRT_2)
 }
 
-/// ln of the normal distribution function; far below zero by its asymptotic series
-/// (Abramowitz and Stegun 26.2.12).
+/// ln of the normal distribution function; asymptotic series (Abramowitz and Stegun 26.2.12) far below
+/// zero.
 fn log_normal_distribution(z: f64) -> f64 {
     if z > -25.0 {
         return normal_distribution(z).ln();

@@ -1,38 +1,37 @@
 //! **interval_tv** = 1/2 sum |h_sim - h_real|, h the shares of the per-pixel intervals in
 //! logarithmic bins, 10 a decade from 1 µs to 1000 s.
 //!
-//! An interval is the time between two successive events of a pixel, of any polarity, both in
-//! the window. 0: same histogram, 1: no bin in common. Source: the measures the authors
-//! of Raw2Event report; healthy is at most 0.25; the bins are ours.
+//! An interval is the time between successive events of a pixel, of any polarity, both in the
+//! window. 0: equal histograms, 1: disjoint ones. Source: the measures the authors
+//! of Raw2Event report; healthy is at most 0.25; the bins are evrig's choice.
 //!
-//! Error: tiles. The sum is linear in the shares as long as no bin changes its sign; the
-//! resampling keeps the signs and so does not add the bias that resampling a distance has. The
-//! bias the data have is in `chance_level`: the same measure with the streams of
-//! each tile swapped or not by a coin.
+//! Error: tiles, with the signs of the differences held fixed, which avoids the bias of resampling a
+//! distance. The bias of the data themselves is in `chance_level`: the same measure with the streams
+//! of each tile swapped with probability 1/2.
 //!
-//! It cannot see how far apart the intervals are (any two bins differ alike; interval_emd does),
-//! nor in which order they come; intervals longer than the window are missing from both.
+//! Independent of the distance between bins (see interval_emd) and of the order of intervals.
+//! Intervals longer than the window are missing from both streams.
 
-use super::Pair;
+use super::ProfilePair;
 use super::interval_bins::{FINE_PER_COARSE, N_COARSE};
-use super::measure::{AUTHORS, Cluster, Definition, Measure, MeasureId};
-use super::profile::Profile;
+use super::measure::{Cluster, Measure, MeasureDefinition, MeasureId, RAW2EVENT_MEASURES};
+use super::profile::StreamProfile;
 use evrig_core::stats::dot;
 
-const DEFINITION: Definition = Definition {
+const DEFINITION: MeasureDefinition = MeasureDefinition {
     id: MeasureId::IntervalTv,
     name: "Interval histogram distance",
     formula: "1/2 sum over bins |h_sim - h_real|; 10 bins a decade, 1 us to 1000 s",
-    source: AUTHORS,
+    source: RAW2EVENT_MEASURES,
     unit: "1",
     clusters: Cluster::Tile,
     healthy: Some([0.0, 0.25]),
 };
 
-/// Swaps of streams behind the chance level.
+/// Random swaps of streams for the chance level.
 const N_SWAPS: u64 = 25;
 
-pub(super) fn measure(pair: &Pair<'_>) -> Measure {
+pub(super) fn measure(pair: &ProfilePair<'_>) -> Measure {
     if let Some(because) = missing_intervals(pair) {
         return DEFINITION.unknown(because);
     }
@@ -60,9 +59,9 @@ pub(super) fn measure(pair: &Pair<'_>) -> Measure {
     Measure { chance_level, ..DEFINITION.with(estimate) }
 }
 
-/// Why there is nothing to compare, if so; shared by the interval measures.
-pub(super) fn missing_intervals(pair: &Pair<'_>) -> Option<&'static str> {
-    let none = |profile: &Profile| profile.intervals_by_tile().iter().sum::<f64>() == 0.0;
+/// Why an interval measure is unknown, if so.
+pub(super) fn missing_intervals(pair: &ProfilePair<'_>) -> Option<&'static str> {
+    let none = |profile: &StreamProfile| profile.intervals_by_tile().iter().sum::<f64>() == 0.0;
     if none(pair.real) {
         Some("no pixel has two real events")
     } else if none(pair.simulated) {
@@ -72,7 +71,7 @@ pub(super) fn missing_intervals(pair: &Pair<'_>) -> Option<&'static str> {
     }
 }
 
-fn coarse_by_tile(profile: &Profile) -> Vec<Vec<f64>> {
+fn coarse_by_tile(profile: &StreamProfile) -> Vec<Vec<f64>> {
     let coarse = |tile: usize| -> Vec<f64> {
         let bins = profile.histogram(tile).chunks_exact(FINE_PER_COARSE);
         bins.map(|bins| bins.iter().map(|&n| f64::from(n)).sum()).collect()
@@ -95,9 +94,9 @@ fn shares(mut counts: Vec<f64>) -> Vec<f64> {
 }
 
 /// The distance with the streams of some tiles swapped.
-fn swapped(pair: &Pair<'_>, real: &[Vec<f64>], simulated: &[Vec<f64>], number: u64) -> f64 {
+fn swapped(pair: &ProfilePair<'_>, real: &[Vec<f64>], simulated: &[Vec<f64>], number: u64) -> f64 {
     let flips = pair.bootstrap.flips(real.len(), number);
-    // In shares of each stream, so that a swap trades shapes and not numbers of intervals.
+    // As shares, so that a swap exchanges shapes and not numbers of intervals.
     let (n_real, n_simulated): (f64, f64) =
         (total(real).iter().sum(), total(simulated).iter().sum());
     let (mut one, mut other) = (vec![0.0; N_COARSE], vec![0.0; N_COARSE]);

@@ -1,4 +1,4 @@
-//! One number of a comparison, with all that is needed to read it.
+//! One measure of a comparison, with its definition.
 
 use evrig_core::stats::Estimate;
 use serde::{Deserialize, Serialize};
@@ -33,7 +33,7 @@ pub enum Cluster {
 pub struct Measure {
     /// The measure.
     pub id: MeasureId,
-    /// Its name for people.
+    /// Name for display.
     pub name: Cow<'static, str>,
     /// Its formula.
     pub formula: Cow<'static, str>,
@@ -47,11 +47,11 @@ pub struct Measure {
     pub unknown_because: Option<Cow<'static, str>>,
     /// What the error was resampled over.
     pub clusters: Cluster,
-    /// Largest error of the arithmetic itself (a bound, not a spread), in the value's unit;
-    /// absent where it is nil. The standard error does not contain it.
+    /// Bound on the numerical error, in the value's unit; absent where it is 0. Not contained in the
+    /// standard error.
     pub numerical_error: Option<f64>,
-    /// What two streams of one law, with these numbers of events, show on average: distances
-    /// cannot be negative, so chance alone puts them above zero.
+    /// Mean value for two streams of one distribution with these numbers of events: a distance is
+    /// positive by chance alone.
     pub chance_level: Option<f64>,
     /// Range that the authors of the measure call healthy, ends included.
     pub healthy: Option<[f64; 2]>,
@@ -61,8 +61,8 @@ pub struct Measure {
     pub simulated: Option<f64>,
 }
 
-/// What is fixed about a measure.
-pub(super) struct Definition {
+/// The constant part of a measure.
+pub(super) struct MeasureDefinition {
     pub(super) id: MeasureId,
     pub(super) name: &'static str,
     pub(super) formula: &'static str,
@@ -73,9 +73,10 @@ pub(super) struct Definition {
 }
 
 /// Source of the five measures with a healthy range.
-pub(super) const AUTHORS: &str = "the measures the authors of Raw2Event (Ning et al.) report";
+pub(super) const RAW2EVENT_MEASURES: &str =
+    "the measures the authors of Raw2Event (Ning et al.) report";
 
-impl Definition {
+impl MeasureDefinition {
     /// The measure with a value.
     pub(super) fn with(&self, estimate: Estimate) -> Measure {
         Measure {
@@ -110,7 +111,7 @@ impl Measure {
         value.is_finite().then_some(low <= value && value <= high)
     }
 
-    /// Adds what each stream shows alone.
+    /// Adds the values of the single streams.
     pub(super) fn of_each(self, real: f64, simulated: f64) -> Self {
         let known = |value: f64| value.is_finite().then_some(value);
         Self { real: known(real), simulated: known(simulated), ..self }

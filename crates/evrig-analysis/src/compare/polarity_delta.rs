@@ -1,26 +1,26 @@
-//! **polarity_delta** = |p_sim - p_real|, p the share of On among the events.
+//! **polarity_delta** = |p_sim - p_real|, p the share of ON events.
 //!
-//! Whether On and Off thresholds stand in the right proportion. Source: the measures the authors
-//! of Raw2Event report; healthy is at most 0.10. Error: time blocks; the signed
-//! difference is resampled, and where its interval holds zero, that of the distance starts at zero.
+//! Sensitive to the ratio of ON and OFF thresholds. Source: the measures the authors of Raw2Event
+//! report; healthy is at most 0.10. Error: time blocks; the signed difference is resampled, and where
+//! its interval contains zero, that of the absolute value starts at zero.
 //!
-//! It cannot see a polarity that is wrong pixel by pixel and right on the whole.
+//! Insensitive to polarity errors that cancel between pixels.
 
-use super::Pair;
-use super::measure::{AUTHORS, Cluster, Definition, Measure, MeasureId};
+use super::ProfilePair;
+use super::measure::{Cluster, Measure, MeasureDefinition, MeasureId, RAW2EVENT_MEASURES};
 use evrig_core::stats::{Estimate, dot};
 
-const DEFINITION: Definition = Definition {
+const DEFINITION: MeasureDefinition = MeasureDefinition {
     id: MeasureId::PolarityDelta,
-    name: "Difference of the On share",
+    name: "Difference of the ON share",
     formula: "|p_sim - p_real|, p = N_on / N",
-    source: AUTHORS,
+    source: RAW2EVENT_MEASURES,
     unit: "1",
     clusters: Cluster::TimeBlock,
     healthy: Some([0.0, 0.10]),
 };
 
-pub(super) fn measure(pair: &Pair<'_>) -> Measure {
+pub(super) fn measure(pair: &ProfilePair<'_>) -> Measure {
     let (real, real_on) = pair.real.by_block();
     let (simulated, simulated_on) = pair.simulated.by_block();
     let share = |on: &[f64], all: &[f64]| on.iter().sum::<f64>() / all.iter().sum::<f64>();

@@ -1,4 +1,4 @@
-//! One pass over a stream: the counts and intervals all measures are made from.
+//! One pass over a stream: the counts and intervals of all measures.
 
 use super::interval_bins::{Binner, N_FINE};
 use evrig_core::event::EventSlice;
@@ -6,28 +6,27 @@ use evrig_core::geometry::Size;
 
 /// Time blocks of the cluster bootstrap.
 pub(super) const N_BLOCKS: usize = 40;
-/// Half bins of the rate curve: 240 bins of two halves, six bins in a time block.
+/// Half bins of the rate curve: 240 bins of two halves, six bins per time block.
 pub(super) const N_HALF_BINS: usize = N_BLOCKS * 12;
-/// Tiles have at most this side.
+/// Largest side of a tile, pixels.
 const LARGEST_TILE: usize = 16;
-/// Below so many tiles with pixels, tiles are made smaller.
+/// With fewer tiles, their side is halved.
 const ENOUGH_TILES: usize = 36;
 
-/// How window and grid are divided, the same for both streams.
-pub(super) struct Layout {
+/// Clusters of window and grid, the same for both streams.
+pub(super) struct ClusterLayout {
     pub(super) size: Size,
     pub(super) window: [i64; 2],
-    /// Tile of each pixel; tiles without a pixel of the region have no number.
+    /// Tile of each pixel, [`OUTSIDE`] for pixels outside the region.
     pub(super) tile_of: Vec<u32>,
     /// Pixels of the region in each tile.
     pub(super) tile_pixels: Vec<f64>,
 }
 
-/// A pixel outside the region.
 pub(super) const OUTSIDE: u32 = u32::MAX;
 
-impl Layout {
-    /// None when no pixel is in the region.
+impl ClusterLayout {
+    /// `None` for an empty region.
     pub(super) fn new(size: Size, window: [i64; 2], region: Option<&[bool]>) -> Option<Self> {
         let mut side = LARGEST_TILE;
         loop {
@@ -50,13 +49,12 @@ impl Layout {
         self.tile_pixels.iter().sum::<f64>() as u64
     }
 
-    /// The half bin of a time within the window.
     pub(super) fn half_bin(&self, t: i64) -> usize {
         let [start, end] = self.window;
         ((t - start) * N_HALF_BINS as i64 / (end - start)) as usize
     }
 
-    /// Events in the region: pixel index and number in the slice.
+    /// Events in the region: pixel index and index in the slice.
     pub(super) fn in_region<'b>(
         &'b self,
         events: EventSlice<'b>,
@@ -66,7 +64,6 @@ impl Layout {
     }
 }
 
-/// Tile of each pixel and number of region pixels in each tile.
 fn tiles(size: Size, region: Option<&[bool]>, side: usize) -> (Vec<u32>, Vec<f64>) {
     let width = size.width as usize;
     let columns = width.div_ceil(side);
@@ -87,12 +84,11 @@ fn tiles(size: Size, region: Option<&[bool]>, side: usize) -> (Vec<u32>, Vec<f64
     (tile_of, n_pixels)
 }
 
-/// One in the fixed-point unit of summed inverses.
+/// Fixed-point unit of summed inverses.
 const INVERSE_UNIT: u64 = 1 << 62;
 
-/// Sums of a tile's intervals, enough for maximum likelihood. Intervals of 0 µs (two events
-/// in one stamp) have no likelihood; they are counted apart. Sums are whole numbers,
-/// so that the order of summation leaves no trace.
+/// Sufficient statistics of a tile's intervals. Intervals of 0 µs (two events with one stamp) have no
+/// likelihood and are counted separately. Sums are integers, hence independent of the order.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct IntervalSums {
     pub(super) n: u64,
@@ -123,8 +119,8 @@ impl IntervalSums {
     }
 }
 
-/// What a stream amounts to.
-pub(super) struct Profile {
+/// Counts and intervals of a stream.
+pub(super) struct StreamProfile {
     /// Events in window and region.
     pub(super) n: u64,
     /// Events of each pixel by polarity, row-major.
@@ -138,9 +134,9 @@ pub(super) struct Profile {
     pub(super) interval_sums: Vec<IntervalSums>,
 }
 
-impl Profile {
-    /// Counts events that are ascending, on the grid and within the window.
-    pub(super) fn of(events: EventSlice<'_>, layout: &Layout) -> Self {
+impl StreamProfile {
+    /// Of events in order of time, on the grid and within the window.
+    pub(super) fn of(events: EventSlice<'_>, layout: &ClusterLayout) -> Self {
         const NEVER: i64 = -1;
         let n_pixels = layout.size.n_pixels();
         let mut profile = Self {
@@ -199,12 +195,12 @@ impl Profile {
         total
     }
 
-    /// Number of intervals in each tile, those of 0 µs among them.
+    /// Number of intervals in each tile, including those of 0 µs.
     pub(super) fn intervals_by_tile(&self) -> Vec<f64> {
         self.interval_sums.iter().map(|sums| (sums.n + sums.n_zero) as f64).collect()
     }
 
-    /// Events of each time block: all, and On.
+    /// Events of each time block: all, and ON.
     pub(super) fn by_block(&self) -> (Vec<f64>, Vec<f64>) {
         let sum = |counts: &[u64]| counts.iter().sum::<u64>() as f64;
         let per_block = N_HALF_BINS / N_BLOCKS;
@@ -214,7 +210,11 @@ impl Profile {
     }
 
     /// Sum over the pixels of each tile.
-    pub(super) fn sum_by_tile(&self, layout: &Layout, value: impl Fn(u64) -> f64) -> Vec<f64> {
+    pub(super) fn sum_by_tile(
+        &self,
+        layout: &ClusterLayout,
+        value: impl Fn(u64) -> f64,
+    ) -> Vec<f64> {
         let mut sums = vec![0.0; layout.n_tiles()];
         for (pixel, &tile) in layout.tile_of.iter().enumerate() {
             if tile != OUTSIDE {

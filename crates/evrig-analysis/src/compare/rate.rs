@@ -1,12 +1,10 @@
 //! Events per second over time, both streams by polarity, each with a 90 % band.
 //!
-//! 240 equal bins of the window. The band is that of a Poisson count, widened where the stream is
-//! burstier than Poisson: the index of dispersion D comes from the two halves of each bin,
-//! D = sum (n1 - n2)^2 / sum (n1 + n2), is 1 for independent events, and takes in what events do
-//! together within a bin; a trend across a bin counts as burstiness, so the band
-//! errs to the wide side. Band: Poisson limits of n/D events (Garwood, Biometrika 28, 1936), times D.
+//! 240 equal bins of the window. The band is that of a Poisson count, widened by the index of
+//! dispersion D = sum (n1 - n2)^2 / sum (n1 + n2) of the two halves of each bin, which is 1 for
+//! independent events. A trend across a bin raises D, so the band is conservative. Band: Poisson limits of n/D events (Garwood, Biometrika 28, 1936), times D.
 
-use super::Pair;
+use super::ProfilePair;
 use super::profile::N_HALF_BINS;
 use serde::{Deserialize, Serialize};
 use statrs::function::gamma::{gamma_lr, ln_gamma};
@@ -18,13 +16,13 @@ pub struct RateCurve {
     pub start_us: i64,
     /// Width of a bin, µs.
     pub bin_us: f64,
-    /// Real events that got brighter.
+    /// Real ON events.
     pub real_on: RateBand,
-    /// Real events that got darker.
+    /// Real OFF events.
     pub real_off: RateBand,
-    /// Simulated events that got brighter.
+    /// Simulated ON events.
     pub simulated_on: RateBand,
-    /// Simulated events that got darker.
+    /// Simulated OFF events.
     pub simulated_off: RateBand,
 }
 
@@ -37,11 +35,11 @@ pub struct RateBand {
     pub low_hz: Vec<f64>,
     /// Upper end of the band.
     pub high_hz: Vec<f64>,
-    /// Index of dispersion, 1 for independent events, never below 1 here.
+    /// Index of dispersion, at least 1; 1 for independent events.
     pub dispersion: f64,
 }
 
-pub(super) fn curve(pair: &Pair<'_>) -> RateCurve {
+pub(super) fn curve(pair: &ProfilePair<'_>) -> RateCurve {
     let [start, end] = pair.layout.window;
     let bin_us = (end - start) as f64 / (N_HALF_BINS / 2) as f64;
     RateCurve {
@@ -70,9 +68,9 @@ fn band(half_bins: &[u64], bin_us: f64) -> RateBand {
     RateBand { hz, low_hz, high_hz, dispersion }
 }
 
-/// Quantile of the gamma law of unit scale, by halving in the logarithm.
+/// Quantile of the gamma distribution of unit scale, by bisection in the logarithm.
 fn gamma_quantile(shape: f64, p: f64) -> f64 {
-    // Below its bend the law is a power: P(x) <= x^shape / Gamma(shape + 1), nearly equal for small x.
+    // For small x, P(x) <= x^shape / Gamma(shape + 1), nearly equal.
     let mut low = (p.ln() + ln_gamma(shape + 1.0)) / shape;
     if low < -30.0 {
         return low.exp();

@@ -1,11 +1,11 @@
-//! Maps of how often each pixel fires, and the difference of two such maps in one number.
+//! Event-rate maps and their root mean square difference.
 //!
 //! rate_map rmse = root of the mean over the region's pixels of (r_sim - r_real)^2, r in events
-//! per second. Error: tiles. It is the plain definition: two streams of one law
-//! have a rmse above zero, sqrt((r_sim + r_real) / T) for Poisson pixels.
+//! per second. Error: tiles. Two streams of one distribution have an rmse above zero,
+//! sqrt((r_sim + r_real) / T) for Poisson pixels.
 
-use super::Pair;
-use super::profile::{OUTSIDE, Profile};
+use super::ProfilePair;
+use super::profile::{OUTSIDE, StreamProfile};
 use evrig_core::geometry::Size;
 use evrig_core::stats::{Estimate, dot};
 use serde::{Deserialize, Serialize};
@@ -14,30 +14,30 @@ use serde::{Deserialize, Serialize};
 /// window's length for rates.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Maps {
-    /// Grid of the maps; none before a comparison filled them (read back from JSON).
+    /// Grid of the maps; none when read from JSON.
     pub size: Option<Size>,
-    /// Real On events.
+    /// Real ON events.
     pub real_on: Vec<u32>,
-    /// Real Off events.
+    /// Real OFF events.
     pub real_off: Vec<u32>,
-    /// Simulated On events.
+    /// Simulated ON events.
     pub simulated_on: Vec<u32>,
-    /// Simulated Off events.
+    /// Simulated OFF events.
     pub simulated_off: Vec<u32>,
 }
 
-/// How far the two rate maps are apart.
+/// Difference of the two rate maps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RateMapError {
     /// Root mean square difference of the pixels' rates, events per second and pixel.
     pub rmse_hz: Estimate,
     /// Correlation of the pixels' rates over the region; `null` when a map is flat.
     pub correlation: Estimate,
-    /// Mean rate of a real pixel, to judge the rmse by.
+    /// Mean rate of a real pixel, for scale.
     pub mean_real_hz: f64,
 }
 
-pub(super) fn maps(size: Size, real: Profile, simulated: Profile) -> Maps {
+pub(super) fn maps(size: Size, real: StreamProfile, simulated: StreamProfile) -> Maps {
     Maps {
         size: Some(size),
         real_on: real.on,
@@ -47,11 +47,11 @@ pub(super) fn maps(size: Size, real: Profile, simulated: Profile) -> Maps {
     }
 }
 
-pub(super) fn error(pair: &Pair<'_>) -> RateMapError {
+pub(super) fn error(pair: &ProfilePair<'_>) -> RateMapError {
     let [start, end] = pair.layout.window;
     let seconds = (end - start) as f64 * 1e-6;
     let n_tiles = pair.layout.n_tiles();
-    let mut sums = Sums::new(n_tiles);
+    let mut sums = CorrelationSums::new(n_tiles);
     let mut squares = vec![0.0; n_tiles];
     for (pixel, &tile) in pair.layout.tile_of.iter().enumerate().filter(|(_, t)| **t != OUTSIDE) {
         let real = pair.real.count(pixel) as f64 / seconds;
@@ -70,9 +70,9 @@ pub(super) fn error(pair: &Pair<'_>) -> RateMapError {
     }
 }
 
-/// Sums of two quantities over the pixels of each tile, enough for their correlation.
+/// Sufficient statistics for the correlation of two quantities over the pixels of each tile.
 #[derive(Debug, Clone)]
-pub(super) struct Sums {
+pub(super) struct CorrelationSums {
     n: Vec<f64>,
     x: Vec<f64>,
     y: Vec<f64>,
@@ -81,7 +81,7 @@ pub(super) struct Sums {
     xy: Vec<f64>,
 }
 
-impl Sums {
+impl CorrelationSums {
     pub(super) fn new(n_tiles: usize) -> Self {
         let zeros = vec![0.0; n_tiles];
         Self {

@@ -2,10 +2,9 @@
 //!
 //! OT_e(a, b) = min over plans P of <P, C> + e KL(P | a x b). The potentials follow from
 //! alternating soft minima, f(x) = -e log sum_y b(y) exp((g(y) - |x - y|) / e). On a line the
-//! kernel exp(-|x - y| / e) is a product of steps, so that a soft minimum over all y takes
-//! one sweep from each side: linear instead of quadratic, without any cut-off. The blur is
-//! lowered from the width of the line to e (annealing), then held until the potentials settle.
-//! Definition and derivative: Feydy et al., AISTATS 2019.
+//! kernel exp(-|x - y| / e) factorises over steps, so that a soft minimum over all y takes one sweep
+//! from each side: linear instead of quadratic time, without cut-off. The blur is annealed from the
+//! width of the line to e, then held until the potentials converge. Definition and derivative: Feydy et al., AISTATS 2019.
 
 /// The divergence of two histograms.
 #[derive(Debug, Clone)]
@@ -15,21 +14,20 @@ pub(super) struct Divergence {
     /// Derivative with respect to the shares of the first and the second histogram;
     /// the shares' dot products with them add up to the value.
     pub(super) potentials: [Vec<f64>; 2],
-    /// Last change of a potential when the iteration stopped: what may be missing.
-    pub(super) unsettled: f64,
+    /// Last change of a potential when the iteration stopped.
+    pub(super) last_change: f64,
 }
 
-/// Sinkhorn iterations at the final blur, at most.
+/// Bound on the iterations at the final blur.
 const MAX_ITERATIONS: usize = 1_000;
 /// Factor by which the blur falls in each annealing step.
 const ANNEALING: f64 = 0.8;
 /// A change of the potentials below this share of the blur ends the iteration.
-const SETTLED: f64 = 1e-4;
+const SETTLED_CHANGE: f64 = 1e-4;
 
 /// Divergence of two histograms on the same equidistant bins.
 #[must_use]
 pub(super) fn divergence(one: &[f64], other: &[f64], step: f64, blur: f64) -> Divergence {
-    // Bins beyond what either histogram fills change nothing and cost time.
     let is_filled = |&i: &usize| one[i] + other[i] > 0.0;
     let first = (0..one.len()).find(is_filled).unwrap_or(0);
     let end = (first..one.len()).rev().find(is_filled).map_or(first, |last| last + 1);
@@ -48,15 +46,15 @@ fn of_filled(one: &[f64], other: &[f64], step: f64, blur: f64) -> Divergence {
         return Divergence {
             value: f64::NAN,
             potentials: [nothing.clone(), nothing],
-            unsettled: f64::NAN,
+            last_change: f64::NAN,
         };
     };
     if log_one == log_other {
         let zeros = vec![0.0; one.len()];
-        return Divergence { value: 0.0, potentials: [zeros.clone(), zeros], unsettled: 0.0 };
+        return Divergence { value: 0.0, potentials: [zeros.clone(), zeros], last_change: 0.0 };
     }
-    let line = Line { step, blur };
-    let (f, g, unsettled) = line.potentials(&log_one, &log_other);
+    let line = SinkhornLine { step, blur };
+    let (f, g, last_change) = line.potentials(&log_one, &log_other);
     let (own_one, unsettled_one) = line.own_potential(&log_one);
     let (own_other, unsettled_other) = line.own_potential(&log_other);
     let minus =
@@ -66,8 +64,8 @@ fn of_filled(one: &[f64], other: &[f64], step: f64, blur: f64) -> Divergence {
         log_shares.iter().zip(potential).map(|(share, p)| share.exp() * p).sum()
     };
     let value = mean(&log_one, &f) + mean(&log_other, &g);
-    let unsettled = unsettled + unsettled_one + unsettled_other;
-    Divergence { value, potentials: [f, g], unsettled }
+    let last_change = last_change + unsettled_one + unsettled_other;
+    Divergence { value, potentials: [f, g], last_change }
 }
 
 fn log_shares(counts: &[f64]) -> Option<Vec<f64>> {
@@ -75,13 +73,12 @@ fn log_shares(counts: &[f64]) -> Option<Vec<f64>> {
     (sum > 0.0).then(|| counts.iter().map(|count| (count / sum).ln()).collect())
 }
 
-struct Line {
+struct SinkhornLine {
     step: f64,
     blur: f64,
 }
 
-impl Line {
-    /// The blurs on the way from the whole width down to the final one.
+impl SinkhornLine {
     fn annealing(&self, n: usize) -> Vec<f64> {
         let width = self.step * n as f64;
         std::iter::successors(Some(width), |blur| Some(blur * ANNEALING))
@@ -102,14 +99,14 @@ impl Line {
             change = largest_change(&f, &next, log_a);
             f = next;
             g = self.soft_minimum(log_a, &f, self.blur);
-            if change < SETTLED * self.blur {
+            if change < SETTLED_CHANGE * self.blur {
                 break;
             }
         }
         (f, g, change)
     }
 
-    /// The potential of a histogram against itself; averaged steps settle fast.
+    /// The potential of a histogram against itself, by averaged steps.
     fn own_potential(&self, log_a: &[f64]) -> (Vec<f64>, f64) {
         let mut f = vec![0.0; log_a.len()];
         let mut change = f64::INFINITY;
@@ -118,7 +115,7 @@ impl Line {
             let next = self.soft_minimum(log_a, &f, blur);
             change = largest_change(&f, &next, log_a);
             f.iter_mut().zip(&next).for_each(|(f, next)| *f = 0.5 * (*f + next));
-            if blur <= self.blur && change < SETTLED * self.blur {
+            if blur <= self.blur && change < SETTLED_CHANGE * self.blur {
                 break;
             }
         }
@@ -146,14 +143,14 @@ impl Line {
     }
 }
 
-/// log(exp(a) + exp(b)), with minus infinity as the logarithm of nothing.
+/// log(exp(a) + exp(b)), with -infinity for log 0.
 fn log_add(a: f64, b: f64) -> f64 {
     let (large, small) = if a >= b { (a, b) } else { (b, a) };
     if small == f64::NEG_INFINITY { large } else { large + (small - large).exp().ln_1p() }
 }
 
-/// Largest change where the histogram has anything, apart from a common shift: potentials are
-/// determined up to a constant.
+/// Largest change where the histogram has mass, apart from a common shift: potentials are determined
+/// up to a constant.
 fn largest_change(old: &[f64], new: &[f64], log_shares: &[f64]) -> f64 {
     let changes = old.iter().zip(new).zip(log_shares).filter(|(_, s)| s.is_finite());
     let (low, high) = changes

@@ -9,9 +9,9 @@ pub(super) type Node = u32;
 
 const NONE: Node = Node::MAX;
 
-/// What a node knows of the edge to its parent and of its place in the tree.
+/// A node's edge to its parent and its position in the tree.
 #[derive(Debug, Clone, Copy)]
-struct Link {
+struct TreeLink {
     parent: Node,
     first_child: Node,
     next_sibling: Node,
@@ -26,14 +26,13 @@ struct Link {
 /// A rooted spanning tree with a feasible flow.
 #[derive(Debug)]
 pub(super) struct SpanningTree {
-    links: Vec<Link>,
+    links: Vec<TreeLink>,
     potentials: Vec<i64>,
     root: Node,
     stack: Vec<Node>,
 }
 
-/// Ships between two lists of open masses, each of one sign, and leaves in the first what
-/// remains open; gives the cost.
+/// Matches two lists of open masses, each of one sign; the rest stays in the first. Returns the cost.
 fn ship(
     open: &mut Vec<(Node, i64)>,
     mut more: Vec<(Node, i64)>,
@@ -73,7 +72,7 @@ impl SpanningTree {
         supply: &[i64],
         cost: impl Fn(Node, Node) -> i64,
     ) -> Self {
-        let blank = Link {
+        let blank = TreeLink {
             parent: NONE,
             first_child: NONE,
             next_sibling: NONE,
@@ -100,7 +99,7 @@ impl SpanningTree {
             }
         }
         tree.fill_flows(supply);
-        tree.settle();
+        tree.update_potentials();
         tree
     }
 
@@ -120,7 +119,7 @@ impl SpanningTree {
         order
     }
 
-    /// Every edge carries what the nodes below it have in excess.
+    /// Every edge carries the excess of the nodes below it.
     fn fill_flows(&mut self, supply: &[i64]) {
         let mut excess = supply.to_vec();
         for &v in self.top_down().iter().rev() {
@@ -134,8 +133,8 @@ impl SpanningTree {
         }
     }
 
-    /// The cost when every shipment goes straight from where it is given to where it is taken:
-    /// the flow is taken apart into shipments from the leaves up.
+    /// The cost with every shipment in a straight line from source to sink; the flow is decomposed into
+    /// shipments from the leaves up.
     pub(super) fn cost_of_straight_lines(
         &self,
         supply: &[i64],
@@ -173,21 +172,19 @@ impl SpanningTree {
         edges.map(|link| link.flow as f64 * link.cost as f64).sum()
     }
 
-    /// Takes the arc `from -> to` into the tree, sends as much around the cycle it closes as
-    /// the cycle bears, and drops the edge that then has no flow.
+    /// Adds the arc `from -> to` to the tree, sends the largest feasible flow around the cycle it closes,
+    /// and removes the blocking edge.
     pub(super) fn pivot(&mut self, from: Node, to: Node, cost: i64, reduced_cost: i64) {
         let (amount, leaving, leaves_on_from_side) = self.blocking_edge(from, to);
         self.send_around(from, to, amount);
         let (inner, outer) = if leaves_on_from_side { (from, to) } else { (to, from) };
-        self.hang_over(inner, outer, leaving, cost, amount, leaves_on_from_side);
-        // The subtree that changed sides now sees the arc with reduced cost zero.
+        self.reattach(inner, outer, leaving, cost, amount, leaves_on_from_side);
         let shift = if leaves_on_from_side { -reduced_cost } else { reduced_cost };
         self.shift_below(inner, shift);
     }
 
-    /// The least flow against the cycle's sense, and the node below the edge that has it.
-    /// Among equals it is the last one met on the way from the cycle's top in the sense of
-    /// the arc: this keeps the tree strongly feasible.
+    /// The smallest flow against the cycle's direction, and the node below that edge. Of equals it is
+    /// the last from the cycle's apex in the arc's direction, which keeps the tree strongly feasible.
     fn blocking_edge(&self, from: Node, to: Node) -> (i64, Node, bool) {
         let mut least = i64::MAX;
         let mut least_from = (i64::MAX, NONE);
@@ -211,7 +208,7 @@ impl SpanningTree {
         if least_to.0 <= least { (least, least_to.1, false) } else { (least, least_from.1, true) }
     }
 
-    /// Adds the amount to every edge of the cycle, in the cycle's sense.
+    /// Adds the amount to every edge of the cycle, in the cycle's direction.
     fn send_around(&mut self, from: Node, to: Node, amount: i64) {
         let (mut a, mut b) = (from, to);
         while a != b {
@@ -227,9 +224,9 @@ impl SpanningTree {
         }
     }
 
-    /// Cuts the edge above `leaving` and hangs the part below it onto `outer` by `inner`,
-    /// turning the path between `inner` and `leaving` upside down.
-    fn hang_over(
+    /// Removes the edge above `leaving` and attaches the part below it to `outer` by `inner`, reversing
+    /// the path between `inner` and `leaving`.
+    fn reattach(
         &mut self,
         inner: Node,
         outer: Node,
@@ -267,7 +264,7 @@ impl SpanningTree {
     }
 
     fn detach(&mut self, v: Node) {
-        let Link { parent, next_sibling, previous_sibling, .. } = self.links[v as usize];
+        let TreeLink { parent, next_sibling, previous_sibling, .. } = self.links[v as usize];
         if previous_sibling == NONE {
             self.links[parent as usize].first_child = next_sibling;
         } else {
@@ -278,7 +275,7 @@ impl SpanningTree {
         }
     }
 
-    /// Adds to the potentials of a subtree and sets its depths anew.
+    /// Adds to the potentials of a subtree and updates its depths.
     fn shift_below(&mut self, top: Node, shift: i64) {
         self.stack.push(top);
         while let Some(v) = self.stack.pop() {
@@ -290,7 +287,7 @@ impl SpanningTree {
     }
 
     /// Depths and potentials of the whole tree from its edges.
-    fn settle(&mut self) {
+    fn update_potentials(&mut self) {
         self.stack.push(self.root);
         while let Some(v) = self.stack.pop() {
             let link = self.links[v as usize];

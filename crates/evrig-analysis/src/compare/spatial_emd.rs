@@ -1,34 +1,29 @@
 //! **spatial_emd**: earth mover's distance between the two normalised per-pixel count maps, in
-//! pixels: the least mean distance by which the simulated events would have to be moved to lie
-//! as the real ones do, W1 with the Euclidean distance.
-//!
-//! Whether events are in the right places, and how far off they are: a map shifted by d
-//! pixels has distance d. Source: Rubner, Tomasi and Guibas, IJCV 40, 2000; the authors of
+//! pixels: W1 with the Euclidean distance. A map shifted by d pixels has distance d. Source: Rubner, Tomasi and Guibas, IJCV 40, 2000; the authors of
 //! Raw2Event tune on an earth mover's distance of the event cloud.
 //!
 //! Method: minimum-cost flow on the pixel grid ([`super::transport`]). Up to 1024 pixels it is
-//! exact. Larger grids have arcs in 32 directions, which misjudge a distance by at most 1.3 %; the
-//! value is that of the shipments so found, each in a straight line. Grids above 12,000
-//! pixels are summed into square cells first (3 x 3 on a DAVIS346). `numerical_error` is the sum
-//! of both bounds. The bound for the cells is the mass that differs within cells times its
-//! distance from the cell's middle; the error made is far smaller, since mass moves to
-//! either side: between the halves of a DAVIS346 street recording (96 px) it is 0.01 px, and
-//! between two maps of pure noise at one event a pixel (1.35 px) it is 0.08 px.
+//! exact. Larger grids have arcs in 32 directions, which overestimate a distance by at most 1.3 %; the
+//! value is the straight-line cost of the flow so found. Grids above 12,000 pixels are summed into
+//! square cells first (3 x 3 on a DAVIS346). `numerical_error` is the sum of both bounds. The bound
+//! for the cells is the mass that differs within cells times its distance from the cell's middle; the
+//! error itself is far smaller: 0.01 px of 96 px between the halves of a DAVIS346 street recording,
+//! 0.08 px of 1.35 px between two maps of noise at one event per pixel.
 //!
 //! Error: time blocks, with the optimal potential held fixed (the distance's
-//! derivative). `chance_level`: the streams of each time block swapped or not by a coin.
+//! derivative). `chance_level`: the streams of each time block swapped with probability 1/2.
 //!
-//! It cannot see time, polarity or number: equal maps from unequal movements are at distance 0.
+//! Independent of time, polarity and number of events.
 
-use super::Pair;
-use super::measure::{Cluster, Definition, Measure, MeasureId};
-use super::profile::{Layout, N_BLOCKS, N_HALF_BINS};
-use super::transport::{Grid, Transport, reach_excess, transport};
+use super::ProfilePair;
+use super::measure::{Cluster, Measure, MeasureDefinition, MeasureId};
+use super::profile::{ClusterLayout, N_BLOCKS, N_HALF_BINS};
+use super::transport::{NodeGrid, TransportPlan, reach_excess, transport};
 use evrig_core::event::EventSlice;
 use evrig_core::stats::dot;
 use rayon::prelude::*;
 
-const DEFINITION: Definition = Definition {
+const DEFINITION: MeasureDefinition = MeasureDefinition {
     id: MeasureId::SpatialEmd,
     name: "Spatial transport distance",
     formula: "earth mover's distance of the normalised per-pixel count maps, Euclidean",
@@ -38,31 +33,29 @@ const DEFINITION: Definition = Definition {
     healthy: None,
 };
 
-/// Grids of more pixels are summed into cells.
 const MAX_CELLS: usize = 12_000;
-/// Up to so many cells the flow is exact.
 const MAX_EXACT_CELLS: usize = 1_024;
-/// Reach of the arcs on larger grids.
+/// Reach of the arcs above that number.
 const REACH: usize = 3;
-/// Share of all events in the integer unit of masses.
+/// Total mass in integer units.
 const MASS_UNIT: f64 = (1_u64 << 50) as f64;
-/// Swaps of streams behind the chance level.
+/// Random swaps of streams for the chance level.
 const N_SWAPS: u64 = 2;
 
 /// The pixel grid in square cells.
-struct Cells {
+struct MassCells {
     side: usize,
-    grid: Grid,
+    grid: NodeGrid,
     width: usize,
     reach: usize,
 }
 
-impl Cells {
-    fn of(layout: &Layout) -> Self {
+impl MassCells {
+    fn of(layout: &ClusterLayout) -> Self {
         let (width, height) = (layout.size.width as usize, layout.size.height as usize);
         let cells = |side: usize| width.div_ceil(side) * height.div_ceil(side);
         let side = (1..).find(|&side| cells(side) <= MAX_CELLS).unwrap_or(1);
-        let grid = Grid { width: width.div_ceil(side), height: height.div_ceil(side) };
+        let grid = NodeGrid { width: width.div_ceil(side), height: height.div_ceil(side) };
         let is_small = cells(side) <= MAX_EXACT_CELLS;
         let reach = if is_small { grid.width.max(grid.height) } else { REACH };
         Self { side, grid, width, reach }
@@ -88,19 +81,23 @@ impl Cells {
     }
 }
 
-pub(super) fn measure(pair: &Pair<'_>, real: EventSlice<'_>, simulated: EventSlice<'_>) -> Measure {
+pub(super) fn measure(
+    pair: &ProfilePair<'_>,
+    real: EventSlice<'_>,
+    simulated: EventSlice<'_>,
+) -> Measure {
     if pair.real.n == 0 {
         return DEFINITION.unknown("there are no real events");
     }
     if pair.simulated.n == 0 {
         return DEFINITION.unknown("there are no simulated events");
     }
-    let cells = Cells::of(pair.layout);
+    let cells = MassCells::of(pair.layout);
     let (real, simulated) =
         rayon::join(|| block_maps(pair, &cells, real), || block_maps(pair, &cells, simulated));
-    // The first is the value itself, the others are chance.
+    // The first is the value, the others the chance level.
     let never = vec![false; N_BLOCKS];
-    let mut results: Vec<Option<Transport>> = (0..=N_SWAPS)
+    let mut results: Vec<Option<TransportPlan>> = (0..=N_SWAPS)
         .into_par_iter()
         .map(|number| match number {
             0 => distance(&cells, &real, &simulated, &never),
@@ -113,7 +110,7 @@ pub(super) fn measure(pair: &Pair<'_>, real: EventSlice<'_>, simulated: EventSli
         return DEFINITION.unknown("there are no events");
     };
     let side = cells.side as f64;
-    // Replicates follow the potential of the arcs; their common excess is divided out.
+    // The potential measures length along arcs; the excess over straight lines is divided out.
     let straighten = if result.cost > 0.0 { result.straight_cost / result.cost } else { 1.0 };
     let score = |maps: &[Vec<u32>]| -> (Vec<f64>, Vec<f64>) {
         let score = |map: &Vec<u32>| {
@@ -138,8 +135,8 @@ pub(super) fn measure(pair: &Pair<'_>, real: EventSlice<'_>, simulated: EventSli
     Measure { numerical_error, chance_level, ..DEFINITION.with(estimate) }
 }
 
-/// Counts of each cell, a map for each time block.
-fn block_maps(pair: &Pair<'_>, cells: &Cells, events: EventSlice<'_>) -> Vec<Vec<u32>> {
+/// A map of cell counts for each time block.
+fn block_maps(pair: &ProfilePair<'_>, cells: &MassCells, events: EventSlice<'_>) -> Vec<Vec<u32>> {
     let cell_of: Vec<u32> =
         (0..pair.layout.size.n_pixels()).map(|pixel| cells.cell(pixel) as u32).collect();
     let mut maps = vec![vec![0_u32; cells.n()]; N_BLOCKS];
@@ -154,16 +151,16 @@ fn total(map: &[u32]) -> i64 {
     map.iter().map(|&n| i64::from(n)).sum()
 }
 
-/// Transport from simulated to real, in cells, with the streams of some blocks swapped; none
-/// when a side has no events.
+/// TransportPlan from simulated to real, in cells, with the streams of some blocks swapped; none
+/// when a stream has no events.
 fn distance(
-    cells: &Cells,
+    cells: &MassCells,
     real: &[Vec<u32>],
     simulated: &[Vec<u32>],
     flips: &[bool],
-) -> Option<Transport> {
+) -> Option<TransportPlan> {
     let all = |maps: &[Vec<u32>]| maps.iter().map(|map| total(map)).sum::<i64>() as f64;
-    // Shares, so that a swap trades places and not numbers where one stream has more events.
+    // As shares, so that a swap exchanges locations and not numbers of events.
     let (of_real, of_simulated) = (1.0 / all(real), 1.0 / all(simulated));
     let mut maps = [vec![0.0; cells.n()], vec![0.0; cells.n()]];
     for ((real, simulated), &flip) in real.iter().zip(simulated).zip(flips) {
@@ -181,7 +178,7 @@ fn distance(
     let mut difference: Vec<i64> = (0..cells.n())
         .map(|cell| ((share(0, cell) - share(1, cell)) * MASS_UNIT).round() as i64)
         .collect();
-    // What rounding left over, some 1e-15 a cell, goes where it matters least.
+    // The rounding error goes to the largest mass.
     let rest: i64 = difference.iter().sum();
     if let Some(largest) = difference.iter_mut().max_by_key(|mass| mass.abs()) {
         *largest -= rest;
@@ -192,8 +189,8 @@ fn distance(
     Some(result)
 }
 
-/// Bound of the distance lost by summing pixels into cells, pixels.
-fn within_cells(pair: &Pair<'_>, cells: &Cells) -> f64 {
+/// Bound of the error by summing pixels into cells, pixels.
+fn within_cells(pair: &ProfilePair<'_>, cells: &MassCells) -> f64 {
     let (n_real, n_simulated) = (pair.real.n as f64, pair.simulated.n as f64);
     let difference = |pixel: usize| {
         pair.simulated.count(pixel) as f64 / n_simulated - pair.real.count(pixel) as f64 / n_real

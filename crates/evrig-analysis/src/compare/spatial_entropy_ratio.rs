@@ -1,38 +1,36 @@
 //! **spatial_entropy_ratio** = H_sim / H_real, H = -sum q ln q over the pixels' shares q of
 //! the events.
 //!
-//! Whether events are spread over as many pixels, weighted by how often each fires; exp(H) is
-//! the effective number of pixels. Source: the measures the authors of Raw2Event report;
+//! exp(H) is the effective number of pixels. Source: the measures the authors of Raw2Event report;
 //! healthy is 0.8 to 1.2. Error: tiles; with C the events and S the sum of c ln c over
 //! pixels, H = ln C - S / C, and C and S are sums over tiles.
 //!
-//! It cannot see where the events are: any shuffling of pixels keeps it. It falls short with few
-//! events a pixel (by about active pixels / 2N), in both streams alike only when they
-//! are equally long.
+//! Invariant under permutations of the pixels. Biased low for few events per pixel (by about active
+//! pixels / 2N), equally in both streams only for equal numbers of events.
 
-use super::Pair;
-use super::measure::{AUTHORS, Cluster, Definition, Measure, MeasureId};
-use super::profile::{Layout, Profile};
+use super::ProfilePair;
+use super::measure::{Cluster, Measure, MeasureDefinition, MeasureId, RAW2EVENT_MEASURES};
+use super::profile::{ClusterLayout, StreamProfile};
 use evrig_core::stats::dot;
 
-const DEFINITION: Definition = Definition {
+const DEFINITION: MeasureDefinition = MeasureDefinition {
     id: MeasureId::SpatialEntropyRatio,
     name: "Spatial entropy ratio",
     formula: "H_sim / H_real, H = -sum q ln q, q = events of the pixel / events",
-    source: AUTHORS,
+    source: RAW2EVENT_MEASURES,
     unit: "1",
     clusters: Cluster::Tile,
     healthy: Some([0.8, 1.2]),
 };
 
-/// Sums of c and of c ln c over the pixels of each tile.
-struct Sums {
+/// EntropySums of c and of c ln c over the pixels of each tile.
+struct EntropySums {
     count: Vec<f64>,
     count_log_count: Vec<f64>,
 }
 
-impl Sums {
-    fn of(profile: &Profile, layout: &Layout) -> Self {
+impl EntropySums {
+    fn of(profile: &StreamProfile, layout: &ClusterLayout) -> Self {
         let count_log_count = |count: u64| match count {
             0 => 0.0,
             count => count as f64 * (count as f64).ln(),
@@ -49,9 +47,9 @@ impl Sums {
     }
 }
 
-pub(super) fn measure(pair: &Pair<'_>) -> Measure {
-    let real = Sums::of(pair.real, pair.layout);
-    let simulated = Sums::of(pair.simulated, pair.layout);
+pub(super) fn measure(pair: &ProfilePair<'_>) -> Measure {
+    let real = EntropySums::of(pair.real, pair.layout);
+    let simulated = EntropySums::of(pair.simulated, pair.layout);
     let alike = vec![1.0; pair.layout.n_tiles()];
     let (real_entropy, simulated_entropy) = (real.entropy(&alike), simulated.entropy(&alike));
     let of_each = |measure: Measure| measure.of_each(real_entropy, simulated_entropy);

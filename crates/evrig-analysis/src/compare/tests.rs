@@ -257,7 +257,7 @@ fn what_cannot_be_compared_is_refused_by_name() {
         compare(real.as_slice(), simulated.as_slice(), &setup).unwrap_err()
     };
     let error = refuse(&disordered, &good, setup(1));
-    let (stream, index, t_us, previous_us) = (Stream::Real, 2, 8, 9);
+    let (stream, index, t_us, previous_us) = (ComparedStream::Real, 2, 8, 9);
     assert_eq!(error, CompareError::TimeNotAscending { stream, index, t_us, previous_us });
     let error = refuse(&good, &outside, setup(1)).to_string();
     assert!(error.starts_with("simulated event 1 is at pixel (48, 0), outside"), "{error}");

@@ -1,45 +1,43 @@
 //! Earth mover's distance between two mass maps on one grid, by minimum-cost flow.
 //!
-//! Mass travels along arcs of the grid. From every node lead arcs to all nodes whose offset
-//! is a primitive vector (coprime components) with components up to `reach`; a
-//! straight line between any two nodes is then replaced by a path of two kinds of arcs
-//! that is longer by at most [`reach_excess`]. With a reach of the grid's longer side every
-//! straight line is a chain of arcs and the result is exact. The formulation is that of
+//! Arcs lead from every node to all nodes whose offset is a primitive vector (coprime components) with
+//! components up to `reach`. A straight line between two nodes becomes a path of two kinds of arcs
+//! that is longer by at most [`reach_excess`]; with a reach of the grid's longer side the result is
+//! exact. The formulation is that of
 //! Bassetti, Gualandi and Veneroni (SIAM J. Optim. 30, 2020).
 //!
-//! The flow is solved exactly, in integers, by the network simplex method with strongly
+//! The integer flow is solved exactly by the network simplex method with strongly
 //! feasible trees (Cunningham, Math. Program. 11, 1976). Since arcs have no
 //! capacity and run both ways, any spanning tree is a feasible start: the optimal tree of
 //! the grid at half the resolution, solved first, is the start for the finer one.
 //!
-//! No crate fits: those with a network simplex are C++ wrappers or under the GPL.
+//! Crates with a network simplex are C++ wrappers or under the GPL.
 
 use super::spanning_tree::{Node, SpanningTree};
 
 /// One pixel of distance in the integer unit of arc costs.
 const COST_UNIT: f64 = (1_u64 << 24) as f64;
 
-/// An optimal transport: its cost, and the potential that proves it.
+/// An optimal transport with its dual potential.
 #[derive(Debug, Clone)]
-pub(crate) struct Transport {
+pub(crate) struct TransportPlan {
     /// Mass times distance along the arcs, in mass units times cells.
     pub(crate) cost: f64,
-    /// The same shipments in straight lines: never more than `cost`, and never less than the true
-    /// distance, which lies between `cost / (1 + reach_excess)` and this.
+    /// The same shipments in straight lines. The true distance is between `cost / (1 + reach_excess)` and
+    /// this.
     pub(crate) straight_cost: f64,
-    /// Dual potential of each node in cells: it falls along every shipment by the arcs' length,
-    /// and nowhere faster. `sum(potential * difference)` is the cost again.
+    /// Dual potential of each node, in cells; `sum(potential * difference)` is the cost.
     pub(crate) potential: Vec<f64>,
 }
 
 /// A grid of nodes in row-major order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Grid {
+pub(crate) struct NodeGrid {
     pub(crate) width: usize,
     pub(crate) height: usize,
 }
 
-impl Grid {
+impl NodeGrid {
     fn halved(self) -> Self {
         Self { width: self.width.div_ceil(2), height: self.height.div_ceil(2) }
     }
@@ -49,8 +47,8 @@ impl Grid {
     }
 }
 
-/// By how much, at most, a path of arcs is longer than the straight line, relative to the
-/// line: the worst direction lies between two neighbouring arcs of the fan.
+/// Bound on the relative excess of a path of arcs over the straight line, which is largest midway
+/// between two neighbouring directions.
 #[must_use]
 pub(crate) fn reach_excess(reach: usize) -> f64 {
     let mut fan = primitive_vectors(reach);
@@ -66,22 +64,22 @@ pub(crate) fn reach_excess(reach: usize) -> f64 {
     worst.fold(0.0, f64::max)
 }
 
-/// The least cost of moving `difference` (mass to be given away where positive, to be taken
-/// in where negative; sums to zero) into balance, with arcs up to `reach`.
+/// The optimal transport that balances `difference` (supply where positive, demand where negative; sums
+/// to zero) with arcs up to `reach`.
 #[must_use]
-pub(crate) fn transport(difference: &[i64], grid: Grid, reach: usize) -> Transport {
+pub(crate) fn transport(difference: &[i64], grid: NodeGrid, reach: usize) -> TransportPlan {
     debug_assert_eq!(difference.iter().sum::<i64>(), 0, "mass in equals mass out");
     let tree = solve(difference, grid, reach);
     let potential = (0..grid.n_nodes()).map(|v| -tree.potential(v as Node) as f64 / COST_UNIT);
     let straight = |a: Node, b: Node| distance(a, b, grid) as f64;
-    Transport {
+    TransportPlan {
         cost: tree.cost() / COST_UNIT,
         straight_cost: tree.cost_of_straight_lines(difference, straight) / COST_UNIT,
         potential: potential.collect(),
     }
 }
 
-fn solve(difference: &[i64], grid: Grid, reach: usize) -> SpanningTree {
+fn solve(difference: &[i64], grid: NodeGrid, reach: usize) -> SpanningTree {
     let parents = if grid.n_nodes() <= 16 {
         (0..grid.n_nodes()).map(|v| (v > 0).then_some(0)).collect()
     } else {
@@ -95,7 +93,7 @@ fn solve(difference: &[i64], grid: Grid, reach: usize) -> SpanningTree {
 }
 
 /// Sums of 2 x 2 nodes.
-fn pooled(difference: &[i64], grid: Grid, coarse: Grid) -> Vec<i64> {
+fn pooled(difference: &[i64], grid: NodeGrid, coarse: NodeGrid) -> Vec<i64> {
     let mut sums = vec![0; coarse.n_nodes()];
     for (v, &mass) in difference.iter().enumerate() {
         sums[v / grid.width / 2 * coarse.width + v % grid.width / 2] += mass;
@@ -105,7 +103,7 @@ fn pooled(difference: &[i64], grid: Grid, coarse: Grid) -> Vec<i64> {
 
 /// A spanning tree of the finer grid: the coarse tree between the first nodes of each 2 x 2
 /// block, and from there a star to the rest of the block.
-fn refined_parents(tree: &SpanningTree, coarse: Grid, grid: Grid) -> Vec<Option<Node>> {
+fn refined_parents(tree: &SpanningTree, coarse: NodeGrid, grid: NodeGrid) -> Vec<Option<Node>> {
     let first = |c: usize| (c / coarse.width * 2 * grid.width + c % coarse.width * 2) as Node;
     let parent_of = |v: usize| {
         let c = v / grid.width / 2 * coarse.width + v % grid.width / 2;
@@ -118,7 +116,7 @@ fn refined_parents(tree: &SpanningTree, coarse: Grid, grid: Grid) -> Vec<Option<
     (0..grid.n_nodes()).map(parent_of).collect()
 }
 
-fn distance(a: Node, b: Node, grid: Grid) -> i64 {
+fn distance(a: Node, b: Node, grid: NodeGrid) -> i64 {
     let (ax, ay) = (a as usize % grid.width, a as usize / grid.width);
     let (bx, by) = (b as usize % grid.width, b as usize / grid.width);
     integer_length(ax.abs_diff(bx) as i64, ay.abs_diff(by) as i64)
@@ -138,29 +136,28 @@ fn greatest_common_divisor(a: i64, b: i64) -> i64 {
     if b == 0 { a } else { greatest_common_divisor(b, a % b) }
 }
 
-/// An arc as seen from any node.
+/// An arc relative to its first node.
 #[derive(Debug, Clone, Copy)]
-struct Arc {
+struct GridArc {
     dx: i64,
     dy: i64,
     step: i64,
     cost: i64,
 }
 
-fn arcs(grid: Grid, reach: usize) -> Vec<Arc> {
+fn arcs(grid: NodeGrid, reach: usize) -> Vec<GridArc> {
     let (width, height) = (grid.width as i64, grid.height as i64);
-    let mut arcs: Vec<Arc> = primitive_vectors(reach.min(grid.width.max(grid.height)))
+    let mut arcs: Vec<GridArc> = primitive_vectors(reach.min(grid.width.max(grid.height)))
         .into_iter()
         .filter(|&(dx, dy)| dx.abs() < width && dy.abs() < height)
-        .map(|(dx, dy)| Arc { dx, dy, step: dy * width + dx, cost: integer_length(dx, dy) })
+        .map(|(dx, dy)| GridArc { dx, dy, step: dy * width + dx, cost: integer_length(dx, dy) })
         .collect();
     arcs.sort_by_key(|arc| arc.cost);
     arcs
 }
 
-/// Pivots until no arc can lower the cost. Arcs are priced node after node; the best arc
-/// of a run of nodes enters the tree.
-fn improve(tree: &mut SpanningTree, arcs: &[Arc], grid: Grid) {
+/// Pivots until no arc lowers the cost. Block pricing: the best arc of a block of nodes enters the tree.
+fn improve(tree: &mut SpanningTree, arcs: &[GridArc], grid: NodeGrid) {
     let n = grid.n_nodes();
     let n_priced_at_once = ((n * arcs.len()) as f64).sqrt() as usize / arcs.len().max(1) + 1;
     let mut node = 0;
@@ -187,8 +184,8 @@ fn improve(tree: &mut SpanningTree, arcs: &[Arc], grid: Grid) {
 /// The arc from `node` with the most negative reduced cost: that cost, the ends, the length.
 fn best_arc_from(
     tree: &SpanningTree,
-    arcs: &[Arc],
-    grid: Grid,
+    arcs: &[GridArc],
+    grid: NodeGrid,
     node: usize,
 ) -> Option<(i64, Node, Node, i64)> {
     let (x, y) = ((node % grid.width) as i64, (node / grid.width) as i64);
@@ -220,7 +217,7 @@ mod tests {
     }
 
     /// Distance between two maps, each taken as shares.
-    fn between(a: &[i64], b: &[i64], grid: Grid, reach: usize) -> (f64, f64) {
+    fn between(a: &[i64], b: &[i64], grid: NodeGrid, reach: usize) -> (f64, f64) {
         let (sum_a, sum_b): (i64, i64) = (a.iter().sum(), b.iter().sum());
         let difference: Vec<i64> = a.iter().zip(b).map(|(a, b)| a * sum_b - b * sum_a).collect();
         let result = transport(&difference, grid, reach);
@@ -230,7 +227,7 @@ mod tests {
         (result.cost / scale, result.straight_cost / scale)
     }
 
-    fn points(grid: Grid, masses: &[(usize, usize, i64)]) -> Vec<i64> {
+    fn points(grid: NodeGrid, masses: &[(usize, usize, i64)]) -> Vec<i64> {
         let mut map = vec![0; grid.width * grid.height];
         masses.iter().for_each(|&(x, y, mass)| map[y * grid.width + x] += mass);
         map
@@ -247,7 +244,7 @@ mod tests {
             (20, 20, 5, 6, 0.522_674_978_778_722_8),
         ];
         for (width, height, seed_a, seed_b, reference) in references {
-            let grid = Grid { width, height };
+            let grid = NodeGrid { width, height };
             let (a, b) = (masses(width * height, seed_a), masses(width * height, seed_b));
             let (exact, straight) = between(&a, &b, grid, width.max(height));
             assert!((exact - reference).abs() < 1e-6, "{exact} instead of {reference}");
@@ -260,7 +257,7 @@ mod tests {
 
     #[test]
     fn a_point_moved_across_the_grid_has_the_length_of_the_straight_line() {
-        let grid = Grid { width: 61, height: 40 };
+        let grid = NodeGrid { width: 61, height: 40 };
         for (x, y) in [(60, 0), (0, 39), (60, 39), (37, 11), (1, 38), (59, 2)] {
             let (from, to) = (points(grid, &[(0, 0, 7)]), points(grid, &[(x, y, 3)]));
             let length = (x as f64).hypot(y as f64);
@@ -273,7 +270,7 @@ mod tests {
 
     #[test]
     fn two_points_that_share_mass_move_only_what_differs() {
-        let grid = Grid { width: 30, height: 30 };
+        let grid = NodeGrid { width: 30, height: 30 };
         let one = points(grid, &[(2, 3, 70), (22, 18, 30)]);
         let other = points(grid, &[(2, 3, 45), (22, 18, 55)]);
         let (_, straight) = between(&one, &other, grid, 3);
@@ -282,7 +279,7 @@ mod tests {
 
     #[test]
     fn a_shifted_map_is_as_far_as_the_shift() {
-        let grid = Grid { width: 90, height: 60 };
+        let grid = NodeGrid { width: 90, height: 60 };
         let pattern = masses(40 * 30, 11);
         let shifted = |dx: usize, dy: usize| {
             let pixels = pattern.iter().enumerate();

@@ -1,9 +1,8 @@
 //! Drops background activity: an event is kept if one of its eight neighbours had an event at most
-//! a given time before it. What its own pixel did does not count: a hot pixel would
-//! support itself. Dropped events do support later ones, so the first event of an edge is lost and
-//! the rest stay (Delbruck, Frame-free dynamic digital vision, 2008).
+//! a given time before it. Its own pixel does not count: a hot pixel would support itself. Dropped
+//! events do support later ones, so only the first event of an edge is lost (Delbruck, Frame-free dynamic digital vision, 2008).
 
-use super::{FilterError, Filtered, Reason, keep};
+use super::{DropReason, FilterError, Filtered, keep};
 use evrig_core::event::EventSlice;
 use evrig_core::geometry::Size;
 
@@ -16,16 +15,15 @@ pub fn filter(events: EventSlice<'_>, size: Size, window_us: i64) -> Result<Filt
         let found = window_us as f64;
         return Err(FilterError::BadSetting { name: "window_us", found, expected: "0 or more" });
     }
-    // A frame of one pixel around the grid spares the test for the border.
+    // Padding by one pixel avoids a test for the border.
     let width = size.width as usize;
     let stride = width + 2;
-    // Last time of an event at each pixel.
     let mut last = vec![i64::MIN; stride * (size.height as usize + 2)];
     let mut padded = vec![0_u32; size.n_pixels()];
     for (pixel, place) in padded.iter_mut().enumerate() {
         *place = ((pixel / width + 1) * stride + pixel % width + 1) as u32;
     }
-    keep(events, size, Reason::Background, |t, pixel| {
+    keep(events, size, DropReason::Background, |t, pixel| {
         let place = padded[pixel] as usize;
         let row = |first: usize| {
             let three = &last[first..first + 3];
@@ -34,7 +32,7 @@ pub fn filter(events: EventSlice<'_>, size: Size, window_us: i64) -> Result<Filt
         let beside = last[place - 1].max(last[place + 1]);
         let latest = row(place - stride - 1).max(row(place + stride - 1)).max(beside);
         last[place] = t;
-        // A pixel that never fired holds the least time there is; that is no support.
+        // i64::MIN: the neighbours have not fired yet.
         latest != i64::MIN && latest >= t.saturating_sub(window_us)
     })
 }
@@ -59,7 +57,7 @@ mod tests {
         let events = at(&[(0, 4, 4), (10, 5, 4), (21, 4, 4)]);
         let filtered = filter(events.as_slice(), SIZE, 10).unwrap();
         assert_eq!(times(&filtered.events), [10]);
-        assert_eq!(filtered.tally.dropped[&Reason::Background], 2);
+        assert_eq!(filtered.tally.dropped[&DropReason::Background], 2);
         assert!(filtered.tally.balances());
     }
 

@@ -1,19 +1,18 @@
-//! Drops all events of hot pixels: pixels that fire far more often than most do.
+//! Drops all events of hot pixels.
 //!
-//! Counts over the whole stream decide. A pixel is hot when its count is above `factor` times
-//! the q-quantile of the counts of all active pixels and above `min_count`. A
-//! quantile near the top (0.99) instead of the median, since a textured scene makes its busy
-//! pixels busy by right; the few hot ones do not move it.
+//! A pixel is hot when its count over the whole stream is above `factor` times the q-quantile of the
+//! counts of all active pixels and above `min_count`. A high quantile (0.99) instead of the median,
+//! as textured scenes have busy pixels; the few hot ones do not affect it.
 //!
-//! The list of hot pixels is given back: the same pixels are to be left out of the other stream.
+//! The list of hot pixels is returned, so that they can be dropped from the other stream as well.
 
-use super::{FilterError, Filtered, Reason, keep};
+use super::{DropReason, FilterError, Filtered, keep};
 use evrig_core::event::EventSlice;
 use evrig_core::geometry::Size;
 
-/// When a pixel is hot.
+/// Criterion of a hot pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Setting {
+pub struct HotPixelSetting {
     /// Multiple of the quantile's count above which a pixel is hot; above 0.
     pub factor: f64,
     /// Quantile of the counts of active pixels, 0..=1.
@@ -22,7 +21,7 @@ pub struct Setting {
     pub min_count: u32,
 }
 
-impl Default for Setting {
+impl Default for HotPixelSetting {
     /// Three times the count of the busiest percent, and more than 20 events.
     fn default() -> Self {
         Self { factor: 3.0, quantile: 0.99, min_count: 20 }
@@ -37,7 +36,7 @@ impl Default for Setting {
 pub fn filter(
     events: EventSlice<'_>,
     size: Size,
-    setting: Setting,
+    setting: HotPixelSetting,
 ) -> Result<(Filtered, Vec<usize>), FilterError> {
     let hot = find(events, size, setting)?;
     Ok((drop_pixels(events, size, &hot)?, hot))
@@ -58,11 +57,15 @@ pub fn drop_pixels(
             *is_kept = false;
         }
     }
-    keep(events, size, Reason::HotPixel, |_, pixel| is_kept[pixel])
+    keep(events, size, DropReason::HotPixel, |_, pixel| is_kept[pixel])
 }
 
-fn find(events: EventSlice<'_>, size: Size, setting: Setting) -> Result<Vec<usize>, FilterError> {
-    let Setting { factor, quantile, min_count } = setting;
+fn find(
+    events: EventSlice<'_>,
+    size: Size,
+    setting: HotPixelSetting,
+) -> Result<Vec<usize>, FilterError> {
+    let HotPixelSetting { factor, quantile, min_count } = setting;
     let bad = |name, found, expected| Err(FilterError::BadSetting { name, found, expected });
     if factor.is_nan() || factor <= 0.0 {
         return bad("factor", factor, "a number above 0");
@@ -102,7 +105,7 @@ mod tests {
     #[test]
     fn planted_hot_pixels_are_found_and_only_they_go() {
         let events = with_two_hot_pixels();
-        let setting = Setting { quantile: 0.9, ..Setting::default() };
+        let setting = HotPixelSetting { quantile: 0.9, ..HotPixelSetting::default() };
         let (filtered, hot) = filter(events.as_slice(), SIZE, setting).unwrap();
         assert_eq!(hot, [SIZE.index(3, 4), SIZE.index(19, 9)]);
         assert!(filtered.tally.n_dropped() >= 1_800);
@@ -116,7 +119,7 @@ mod tests {
     #[test]
     fn an_even_scene_has_no_hot_pixel() {
         let events = scattered(4_000);
-        let (filtered, hot) = filter(events.as_slice(), SIZE, Setting::default()).unwrap();
+        let (filtered, hot) = filter(events.as_slice(), SIZE, HotPixelSetting::default()).unwrap();
         assert!(hot.is_empty());
         assert_eq!(filtered.events, events);
     }
@@ -124,7 +127,7 @@ mod tests {
     #[test]
     fn few_events_make_no_pixel_hot_and_none_make_none() {
         let few = at(&[(0, 1, 1), (1, 1, 1), (2, 1, 1), (3, 5, 5), (4, 6, 6)]);
-        let setting = Setting { quantile: 0.0, factor: 1.0, min_count: 3 };
+        let setting = HotPixelSetting { quantile: 0.0, factor: 1.0, min_count: 3 };
         assert!(filter(few.as_slice(), SIZE, setting).unwrap().1.is_empty());
         assert!(filter(at(&[]).as_slice(), SIZE, setting).unwrap().1.is_empty());
     }
@@ -133,7 +136,7 @@ mod tests {
     fn settings_out_of_range_are_refused() {
         let none = at(&[]);
         for (factor, quantile) in [(0.0, 0.9), (f64::NAN, 0.9), (3.0, 1.1), (3.0, f64::NAN)] {
-            let setting = Setting { factor, quantile, min_count: 0 };
+            let setting = HotPixelSetting { factor, quantile, min_count: 0 };
             assert!(filter(none.as_slice(), SIZE, setting).is_err());
         }
     }

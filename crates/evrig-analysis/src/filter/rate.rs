@@ -1,8 +1,7 @@
-//! Thins a stream to a limit: at most so many events in each step of time, on a fixed raster from
-//! the first event on. In a step with too many, events are kept evenly along the
-//! step (every n/limit-th), not the first ones, which would cut time off.
+//! Thins a stream to a maximum number of events per time step, counted from the first event. In a step
+//! with more, every n/limit-th event is kept.
 
-use super::{FilterError, Filtered, Reason, keep};
+use super::{DropReason, FilterError, Filtered, keep};
 use evrig_core::event::EventSlice;
 use evrig_core::geometry::Size;
 
@@ -25,31 +24,31 @@ pub fn filter(
     if step_us <= 0 {
         return bad("step_us", step_us as f64);
     }
-    let mut step = Step { end: 0, n: 0, seen: 0 };
-    keep(events, size, Reason::Rate, |_, _| {
+    let mut step = RateStep { end: 0, n: 0, seen: 0 };
+    keep(events, size, DropReason::Rate, |_, _| {
         if step.end == 0 || step.seen == step.n {
             step = step.next(events.t, step_us);
         }
         let number = u128::from(step.seen);
         step.seen += 1;
-        // Of n events number i is kept if the count i * max / n moves on with it.
+        // Event i of n is kept if the integer i * max / n increases with it.
         let (n, max) = (u128::from(step.n), u128::from(max_events));
         n <= max || (number + 1) * max / n > number * max / n
     })
 }
 
-/// A step of time that holds events.
+/// A time step with events.
 #[derive(Clone, Copy)]
-struct Step {
-    /// Number of the first event after it.
+struct RateStep {
+    /// Index of the first event after it.
     end: usize,
     /// Events in it.
     n: u64,
-    /// Of those, how many were asked for.
+    /// Events passed so far.
     seen: u64,
 }
 
-impl Step {
+impl RateStep {
     fn next(self, times: &[i64], step_us: i64) -> Self {
         let (Some(&first), Some(&origin)) = (times.get(self.end), times.first()) else {
             return Self { end: self.end, n: 0, seen: 0 };
@@ -74,7 +73,7 @@ mod tests {
         let events = at(&busy.chain(quiet).collect::<Vec<_>>());
         let filtered = filter(events.as_slice(), SIZE, 5, 50).unwrap();
         assert_eq!(times(&filtered.events), [101, 103, 105, 107, 109, 200, 201, 202]);
-        assert_eq!(filtered.tally.dropped[&Reason::Rate], 5);
+        assert_eq!(filtered.tally.dropped[&DropReason::Rate], 5);
         assert!(filtered.tally.balances());
     }
 

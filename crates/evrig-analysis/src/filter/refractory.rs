@@ -1,12 +1,11 @@
-//! Drops an event that comes less than a given time after the last **kept** event of its pixel,
-//! of either polarity, as a pixel's own refractory period does.
+//! Drops an event less than a given time after the last **kept** event of its pixel, of either
+//! polarity, like the refractory period of a pixel.
 
-use super::{FilterError, Filtered, Reason, keep};
+use super::{DropReason, FilterError, Filtered, keep};
 use evrig_core::event::{EventSlice, RefractoryFilter};
 use evrig_core::geometry::Size;
 
-/// Filters with a dead time of `period_us` microseconds: two kept events of a pixel are at
-/// least that far apart. 0 keeps everything.
+/// Filters with a refractory period of `period_us` microseconds; 0 keeps everything.
 ///
 /// # Errors
 /// Events out of order or off the grid; a negative period.
@@ -16,7 +15,7 @@ pub fn filter(events: EventSlice<'_>, size: Size, period_us: i64) -> Result<Filt
         return Err(FilterError::BadSetting { name: "period_us", found, expected: "0 or more" });
     }
     let mut dead = RefractoryFilter::new(size, period_us);
-    keep(events, size, Reason::Refractory, |t, pixel| dead.passes(t, pixel))
+    keep(events, size, DropReason::Refractory, |t, pixel| dead.passes(t, pixel))
 }
 
 #[cfg(test)]
@@ -29,7 +28,7 @@ mod tests {
         let events = at(&[(0, 1, 1), (9, 1, 1), (9, 2, 1), (10, 1, 1), (19, 1, 1), (20, 1, 1)]);
         let filtered = filter(events.as_slice(), SIZE, 10).unwrap();
         assert_eq!(times(&filtered.events), [0, 9, 10, 20]);
-        assert_eq!(filtered.tally.dropped[&Reason::Refractory], 2);
+        assert_eq!(filtered.tally.dropped[&DropReason::Refractory], 2);
         assert!(filtered.tally.balances());
     }
 

@@ -1,63 +1,60 @@
-//! Keeps the events of a region that moves: a plane square, seen through a homography at each
-//! event's own time, and, if wanted, moved into the square's own coordinates.
+//! Keeps the events of a moving region: a plane square, mapped by a homography at each event's time.
+//! Optionally transforms the events to a crop in the square's coordinates.
 //!
-//! A [`RegionPath`] holds the way from pixels to the square at even steps of time; between them its
-//! nine numbers change evenly. At 1 ms a step that is off by less than 1e-4 px for what an arm does
-//! (acceleration times the step's square over eight). A pixel stands for its middle.
+//! A [`RegionPath`] holds the homography at regular time steps with linear interpolation in between. At
+//! steps of 1 ms the error is below 1e-4 px for an arm (acceleration times step squared over eight).
+//! A pixel is represented by its middle.
 
-use super::{CHUNK, FilterError, Filtered, Reason, Tally, check};
+use super::{CHUNK, DropReason, DropTally, FilterError, Filtered, check};
 use evrig_core::event::{EventSlice, Events};
 use evrig_core::geometry::{Homography, Size};
-use near::{Near, Reaches};
+use pixel_bounds::{IdealRanges, PixelBounds};
 use std::collections::BTreeMap;
 
-mod near;
+mod pixel_bounds;
 
-/// What is kept, and in which coordinates.
+/// Margin and output coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Setting {
-    /// How far beyond the square events are kept, as a share of its side: 0.03 for 3 %.
+pub struct RegionSetting {
+    /// Margin around the square in which events are kept, as a share of its side.
     pub margin: f64,
-    /// Columns and rows of the square crop that takes square and margin; none to leave events at
-    /// their pixels.
+    /// Side of the crop that contains square and margin, pixels; none to keep sensor coordinates.
     pub crop_px: Option<u16>,
 }
 
-impl Default for Setting {
-    /// The published margin of 3 %, at the sensor's own pixels.
+impl Default for RegionSetting {
+    /// The published margin of 3 %, in sensor coordinates.
     fn default() -> Self {
         Self { margin: 0.03, crop_px: None }
     }
 }
 
-/// The moving square at even steps of time.
+/// The moving square at regular time steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RegionPath {
     size: Size,
     from_us: i64,
     step_us: i64,
-    /// At each step: from pixels about the middle of the frame to the square, its left edge at -1/2
-    /// and its right edge at 1/2, top at -1/2; none where nobody knows where the square is.
+    /// Homography at each step, from pixels relative to the middle of the frame to the square with edges
+    /// at -1/2 and 1/2; none where the square's position is unknown.
     knots: Vec<Option<[f32; 9]>>,
-    /// Pixels as a perfect lens would have them, about the middle of the frame; none for a lens
-    /// without distortion.
-    straight: Option<Straight>,
+    /// Undistorted pixels; none for a lens without distortion.
+    undistorted: Option<UndistortedPixels>,
 }
 
-/// The pixels of a bent picture as a perfect lens would have them, row-major.
+/// Undistorted pixels relative to the middle of the frame, row-major.
 #[derive(Debug, Clone, PartialEq)]
-struct Straight {
-    places: Vec<[f32; 2]>,
-    reaches: Reaches,
+struct UndistortedPixels {
+    coordinates: Vec<[f32; 2]>,
+    ranges: IdealRanges,
 }
 
 impl RegionPath {
-    /// A path from time `from_us` on, a knot every `step_us`, for a grid of `size`.
+    /// A path from time `from_us` on with a step of `step_us`, for a grid of `size`.
     ///
-    /// `square_from_pixel(t_us)` leads from ideal pixels (pixel `i` covers `i..i + 1`) to the square
-    /// 0..1 x 0..1, left to right and top to bottom; none when it is not known. `ideal` makes an
-    /// ideal pixel of a sensor pixel, none for those that the lens cannot have; leave it out for a
-    /// lens without distortion.
+    /// `square_from_pixel(t_us)` maps undistorted pixels (pixel `i` covers `i..i + 1`) to the square
+    /// 0..1 x 0..1, left to right and top to bottom; none when unknown. `ideal` undistorts a sensor
+    /// pixel; none where the lens model has no solution.
     ///
     /// # Errors
     /// A step that is not positive; an interval that ends before it begins or has more than ten
@@ -88,23 +85,23 @@ impl RegionPath {
                     .and_then(|h| numbers(h, middle))
             })
             .collect();
-        let straight = ideal.map(|ideal| {
+        let undistorted = ideal.map(|ideal| {
             let pixels = (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y)));
-            // What the lens cannot have lies nowhere, and so not in the square.
+            // NaN lies in no square.
             let place = |(x, y): (u16, u16)| {
                 let sensor = [f64::from(x) + 0.5, f64::from(y) + 0.5];
                 ideal(sensor).map_or([f32::NAN; 2], |[u, v]| {
                     [(u - middle[0]) as f32, (v - middle[1]) as f32]
                 })
             };
-            let places: Vec<[f32; 2]> = pixels.map(place).collect();
-            Straight { reaches: Reaches::new(size, &places), places }
+            let coordinates: Vec<[f32; 2]> = pixels.map(place).collect();
+            UndistortedPixels { ranges: IdealRanges::new(size, &coordinates), coordinates }
         });
-        Ok(Self { size, from_us, step_us, knots, straight })
+        Ok(Self { size, from_us, step_us, knots, undistorted })
     }
 
-    /// The numbers at the begin of the step that `t_us` lies in and their change until its end, and
-    /// when that is; none numbers where the path leads nowhere.
+    /// The homography at the begin of the step of `t_us`, its change over the step, and the end of the
+    /// step; no homography where the position is unknown.
     fn step(&self, t_us: i64) -> (Option<[[f32; 9]; 2]>, i64) {
         let number = t_us.saturating_sub(self.from_us).div_euclid(self.step_us);
         let end = number.saturating_add(1).saturating_mul(self.step_us);
@@ -119,8 +116,8 @@ impl RegionPath {
 /// More than ten thousand seconds at 1 ms.
 const MAX_STEPS: i64 = 10_000_000;
 
-/// The nine numbers for pixels about `middle` and a square about zero, the last one 1 so that those
-/// of neighbouring knots are alike; none where the horizon runs through the middle.
+/// The homography for pixels about `middle` and a square about 0, normalised to 1 in the last entry;
+/// none where the horizon runs through the middle.
 fn numbers(square_from_pixel: Homography, middle: [f64; 2]) -> Option<[f32; 9]> {
     let m: [[f64; 3]; 3] = square_from_pixel.into();
     let shifted = m.map(|[a, b, c]| [a, b, a * middle[0] + b * middle[1] + c]);
@@ -137,22 +134,22 @@ fn numbers(square_from_pixel: Homography, middle: [f64; 2]) -> Option<[f32; 9]> 
     numbers.iter().all(|n| n.is_finite()).then_some(numbers)
 }
 
-/// Events of a chunk that lie near the square, and where it sees them.
-struct Seen {
-    /// Their numbers in the chunk, and how many they are.
+/// Events of a chunk near the square, with their coordinates on it.
+struct LocatedEvents {
+    /// Their indices in the chunk; the first `n` count.
     near: Vec<u16>,
     n: usize,
-    /// How far into the path's step they come, and their places in the frame.
+    /// Time as a share of the path's step, and coordinates in the frame.
     part: Vec<f32>,
     x: Vec<f32>,
     y: Vec<f32>,
-    /// Places on the square, edges at -1/2 and 1/2.
+    /// Coordinates on the square, edges at -1/2 and 1/2.
     u: Vec<f32>,
     v: Vec<f32>,
     is_kept: Vec<bool>,
 }
 
-impl Seen {
+impl LocatedEvents {
     fn new() -> Self {
         let column = || vec![0.0; CHUNK];
         Self {
@@ -175,7 +172,7 @@ impl Seen {
 pub fn filter(
     events: EventSlice<'_>,
     path: &RegionPath,
-    setting: Setting,
+    setting: RegionSetting,
 ) -> Result<Filtered, FilterError> {
     if !(0.0..=10.0).contains(&setting.margin) {
         let found = setting.margin;
@@ -185,41 +182,48 @@ pub fn filter(
         return Err(FilterError::BadSetting { name: "crop_px", found: 0.0, expected: "1 or more" });
     }
     let half = (0.5 + setting.margin) as f32;
-    let mut seen = Seen::new();
-    let mut kept = Kept::new(events.len(), half, setting.crop_px);
+    let mut located = LocatedEvents::new();
+    let mut kept = KeptEvents::new(events.len(), half, setting.crop_px);
     let mut n_pathless = 0;
     let mut previous_us = i64::MIN;
     for start in (0..events.len()).step_by(CHUNK) {
         let chunk = events.range(start, (start + CHUNK).min(events.len()));
         check(chunk, path.size, start, previous_us)?;
         previous_us = chunk.t[chunk.len() - 1];
-        n_pathless += look(chunk, path, half, &mut seen);
-        kept.take(chunk, &seen);
+        n_pathless += locate_chunk(chunk, path, half, &mut located);
+        kept.take(chunk, &located);
     }
     let (n_seen, n_kept) = (events.len() as u64, kept.events.len() as u64);
-    let dropped =
-        [(Reason::NoPath, n_pathless), (Reason::OutsideRegion, n_seen - n_kept - n_pathless)];
+    let dropped = [
+        (DropReason::NoPath, n_pathless),
+        (DropReason::OutsideRegion, n_seen - n_kept - n_pathless),
+    ];
     let dropped: BTreeMap<_, _> = dropped.into_iter().filter(|(_, n)| *n > 0).collect();
-    Ok(Filtered { events: kept.events, tally: Tally { seen: n_seen, kept: n_kept, dropped } })
+    Ok(Filtered { events: kept.events, tally: DropTally { seen: n_seen, kept: n_kept, dropped } })
 }
 
-/// Looks where each event of a chunk lies; gives the number of those at times without a path.
-fn look(chunk: EventSlice<'_>, path: &RegionPath, half: f32, seen: &mut Seen) -> u64 {
+/// Locates the events of a chunk; returns the number of those at times without a path.
+fn locate_chunk(
+    chunk: EventSlice<'_>,
+    path: &RegionPath,
+    half: f32,
+    located: &mut LocatedEvents,
+) -> u64 {
     let mut n_pathless = 0;
     let mut begin = 0;
-    seen.n = 0;
+    located.n = 0;
     while begin < chunk.len() {
         let (numbers, end_us) = path.step(chunk.t[begin]);
         let end = begin + run_before(&chunk.t[begin..], end_us);
         match numbers {
             None => n_pathless += (end - begin) as u64,
             Some(numbers) => {
-                let reaches = path.straight.as_ref().map(|straight| &straight.reaches);
-                let near = Near::new(path.size, numbers, half, reaches);
-                let first = seen.n;
-                seen.n = gather(chunk, [begin, end], near, seen);
-                locate(chunk, path, end_us, first, seen);
-                test(numbers, half, first, seen);
+                let ranges = path.undistorted.as_ref().map(|undistorted| &undistorted.ranges);
+                let near = PixelBounds::new(path.size, numbers, half, ranges);
+                let first = located.n;
+                located.n = gather(chunk, [begin, end], near, located);
+                locate(chunk, path, end_us, first, located);
+                test(numbers, half, first, located);
             }
         }
         begin = end;
@@ -227,35 +231,46 @@ fn look(chunk: EventSlice<'_>, path: &RegionPath, half: f32, seen: &mut Seen) ->
     n_pathless
 }
 
-/// Numbers of the events from `begin` to `end` that are near the square; each is written at the place
-/// of the next, and the place moves on only if it is near. Gives the number of all so far.
-fn gather(chunk: EventSlice<'_>, [begin, end]: [usize; 2], near: Near, seen: &mut Seen) -> usize {
-    let mut n = seen.n;
+/// Collects the indices of events between `begin` and `end` near the square by branch-free compaction;
+/// returns their number so far.
+fn gather(
+    chunk: EventSlice<'_>,
+    [begin, end]: [usize; 2],
+    near: PixelBounds,
+    located: &mut LocatedEvents,
+) -> usize {
+    let mut n = located.n;
     let pixels = chunk.x[begin..end].iter().zip(&chunk.y[begin..end]);
     for ((x, y), number) in pixels.zip(begin as u16..) {
-        seen.near[n] = number;
+        located.near[n] = number;
         n += usize::from(near.holds(*x, *y));
     }
     n
 }
 
-/// When in the step and where in the frame the events near the square lie, from the `first` on.
-fn locate(chunk: EventSlice<'_>, path: &RegionPath, end_us: i64, first: usize, seen: &mut Seen) {
+/// Time in the step and coordinates in the frame of the events near the square, from the `first` on.
+fn locate(
+    chunk: EventSlice<'_>,
+    path: &RegionPath,
+    end_us: i64,
+    first: usize,
+    located: &mut LocatedEvents,
+) {
     let begin_us = end_us - path.step_us;
     let per_step = 1.0 / path.step_us as f32;
     let middle = [f32::from(path.size.width) / 2.0, f32::from(path.size.height) / 2.0];
-    for k in first..seen.n {
-        let i = usize::from(seen.near[k]);
+    for k in first..located.n {
+        let i = usize::from(located.near[k]);
         let (x, y) = (chunk.x[i], chunk.y[i]);
-        seen.part[k] = (chunk.t[i] - begin_us) as f32 * per_step;
-        [seen.x[k], seen.y[k]] = match &path.straight {
+        located.part[k] = (chunk.t[i] - begin_us) as f32 * per_step;
+        [located.x[k], located.y[k]] = match &path.undistorted {
             None => [f32::from(x) + 0.5 - middle[0], f32::from(y) + 0.5 - middle[1]],
-            Some(straight) => straight.places[path.size.index(x, y)],
+            Some(undistorted) => undistorted.coordinates[path.size.index(x, y)],
         };
     }
 }
 
-/// Number of leading times before `end_us`: near ones by looking, far ones by halving.
+/// Number of leading times before `end_us`, at least 1.
 fn run_before(t: &[i64], end_us: i64) -> usize {
     match t.last() {
         Some(&last) if last < end_us => t.len(),
@@ -263,20 +278,20 @@ fn run_before(t: &[i64], end_us: i64) -> usize {
     }
 }
 
-/// The test itself: no branch and no call, so that the compiler takes several events at once.
-fn test([a, d]: [[f32; 9]; 2], half: f32, first: usize, seen: &mut Seen) {
-    let range = first..seen.n;
-    let places = seen.part[range.clone()].iter().zip(&seen.x[range.clone()]);
-    let places = places.zip(&seen.y[range.clone()]);
-    let out = seen.u[range.clone()].iter_mut().zip(&mut seen.v[range.clone()]);
-    for (((s, px), py), ((u, v), is_kept)) in places.zip(out.zip(&mut seen.is_kept[range])) {
+/// The exact test, branch-free so that it vectorises.
+fn test([a, d]: [[f32; 9]; 2], half: f32, first: usize, located: &mut LocatedEvents) {
+    let range = first..located.n;
+    let places = located.part[range.clone()].iter().zip(&located.x[range.clone()]);
+    let places = places.zip(&located.y[range.clone()]);
+    let out = located.u[range.clone()].iter_mut().zip(&mut located.v[range.clone()]);
+    for (((s, px), py), ((u, v), is_kept)) in places.zip(out.zip(&mut located.is_kept[range])) {
         let row = |i: usize| {
             let [p, q, r] = [a[i] + s * d[i], a[i + 1] + s * d[i + 1], a[i + 2] + s * d[i + 2]];
             p * px + q * py + r
         };
         let w = row(6);
         let (on_u, on_v) = (row(0), row(3));
-        // A place that the lens cannot have is no number, and no comparison holds for it.
+        // No comparison holds for NaN.
         *is_kept = (w > 0.0) & (on_u.abs() <= half * w) & (on_v.abs() <= half * w);
         let inverse = 1.0 / w;
         *u = on_u * inverse;
@@ -284,8 +299,8 @@ fn test([a, d]: [[f32; 9]; 2], half: f32, first: usize, seen: &mut Seen) {
     }
 }
 
-/// Gathers what is kept.
-struct Kept {
+/// Collects the kept events.
+struct KeptEvents {
     events: Events,
     t: Vec<i64>,
     x: Vec<u16>,
@@ -295,10 +310,10 @@ struct Kept {
     crop_px: Option<u16>,
 }
 
-impl Kept {
+impl KeptEvents {
     fn new(n_events: usize, half: f32, crop_px: Option<u16>) -> Self {
         Self {
-            // Address space only: pages are taken when kept events fill them.
+            // Reserves address space only.
             events: Events::with_capacity(n_events),
             t: vec![0; CHUNK],
             x: vec![0; CHUNK],
@@ -309,21 +324,21 @@ impl Kept {
         }
     }
 
-    /// Each event is stored at the place of the next kept one, and the place moves on only if it stays.
-    fn take(&mut self, chunk: EventSlice<'_>, seen: &Seen) {
+    /// Adds the kept events of a chunk by branch-free compaction.
+    fn take(&mut self, chunk: EventSlice<'_>, located: &LocatedEvents) {
         let scale = self.crop_px.map_or(0.0, |px| f32::from(px) / (2.0 * self.half));
         let last = self.crop_px.map_or(0, |px| px - 1);
         let pixel = |place: f32| (((place + self.half) * scale) as u16).min(last);
         let mut end = 0;
-        for (k, number) in seen.near[..seen.n].iter().enumerate() {
+        for (k, number) in located.near[..located.n].iter().enumerate() {
             let i = usize::from(*number);
             self.t[end] = chunk.t[i];
             self.on[end] = chunk.on[i];
             (self.x[end], self.y[end]) = match self.crop_px {
                 None => (chunk.x[i], chunk.y[i]),
-                Some(_) => (pixel(seen.u[k]), pixel(seen.v[k])),
+                Some(_) => (pixel(located.u[k]), pixel(located.v[k])),
             };
-            end += usize::from(seen.is_kept[k]);
+            end += usize::from(located.is_kept[k]);
         }
         self.events.extend_from_slice(EventSlice {
             t: &self.t[..end],

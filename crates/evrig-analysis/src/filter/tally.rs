@@ -1,4 +1,4 @@
-//! The fate of every event.
+//! Counts of kept and dropped events.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -6,35 +6,35 @@ use std::collections::BTreeMap;
 /// Why an event was dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Reason {
+pub enum DropReason {
     /// Too soon after the pixel's last kept event.
     Refractory,
-    /// No recent event near it.
+    /// No recent event of a neighbour.
     Background,
     /// Its pixel is hot.
     HotPixel,
     /// Not in the region at its time.
     OutsideRegion,
-    /// At a time at which nobody knows where the region is.
+    /// At a time at which the region's position is unknown.
     NoPath,
     /// More events than the limit.
     Rate,
 }
 
-/// How many events a filter has seen and what became of them: seen = kept + all dropped.
+/// Counts of a filter: seen = kept + all dropped.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct Tally {
-    /// Events that came in.
+pub struct DropTally {
+    /// Input events.
     pub seen: u64,
-    /// Events that went on.
+    /// Kept events.
     pub kept: u64,
-    /// Events that did not, by reason; a reason that dropped none is absent.
-    pub dropped: BTreeMap<Reason, u64>,
+    /// Dropped events by reason, without zeros.
+    pub dropped: BTreeMap<DropReason, u64>,
 }
 
-impl Tally {
+impl DropTally {
     /// The tally of a filter with one reason.
-    pub(super) fn of(seen: u64, kept: u64, reason: Reason) -> Self {
+    pub(super) fn of(seen: u64, kept: u64, reason: DropReason) -> Self {
         let n_dropped = seen - kept;
         let dropped = (n_dropped > 0).then_some((reason, n_dropped)).into_iter().collect();
         Self { seen, kept, dropped }
@@ -46,7 +46,7 @@ impl Tally {
         self.dropped.values().sum()
     }
 
-    /// The tally of this filter and one after it that saw what this one kept.
+    /// The tally of this filter followed by another one.
     #[must_use]
     pub fn then(mut self, next: &Self) -> Self {
         for (&reason, &n) in &next.dropped {
@@ -69,9 +69,9 @@ mod tests {
 
     #[test]
     fn filters_in_a_row_account_for_every_event() {
-        let first = Tally::of(100, 70, Reason::HotPixel);
-        let second = Tally::of(70, 70, Reason::Rate);
-        let third = Tally::of(70, 20, Reason::Background);
+        let first = DropTally::of(100, 70, DropReason::HotPixel);
+        let second = DropTally::of(70, 70, DropReason::Rate);
+        let third = DropTally::of(70, 20, DropReason::Background);
         let all = first.then(&second).then(&third);
         assert_eq!((all.seen, all.kept, all.n_dropped()), (100, 20, 80));
         assert!(all.balances());

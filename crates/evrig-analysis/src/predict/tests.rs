@@ -1,12 +1,12 @@
-//! The model against itself: what is drawn from a law is exponential in its compensator, scores
-//! its entropy, and scores less under any other law.
+//! The model against itself: simulated events have exponential compensators, score their entropy, and
+//! score less under any other parameters.
 
 use super::*;
 use evrig_core::stats::{Moments, SplitMix};
 
 const END_US: i64 = 20_000_000;
 
-/// A light that wanders: a few incommensurable waves at a millisecond's step.
+/// A signal of a few incommensurable waves, sampled every millisecond.
 fn wander(number: u64) -> Vec<f32> {
     let mut random = SplitMix::new(11, number);
     let waves: Vec<[f64; 3]> = (0..6)
@@ -64,7 +64,7 @@ fn the_compensator_of_a_silence_is_exponential_under_the_true_law() {
     let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
     let blocks = TimeBlocks::new(END_US, 5);
     for (number, law) in laws().into_iter().enumerate() {
-        // Where several memories are possible a few are followed, not all.
+        // Mixtures of reference levels are truncated.
         let most = if number < 3 { 0.15 } else { 0.25 };
         let spikes = draw(&law, &values, 3);
         let mut spent = Vec::new();
@@ -142,7 +142,7 @@ fn every_other_law_scores_less_than_the_true_one() {
 fn constant_light_separates_pixel_noise_from_signal_error() {
     let values: Vec<Vec<f32>> = (0..40).map(wander).collect();
     let plain = laws()[0];
-    // Half of the pixels rest, and leak.
+    // Half of the pixels see constant light and leak.
     let of =
         |i: usize| if i.is_multiple_of(2) { vec![0.0; values[i].len()] } else { values[i].clone() };
     let values: Vec<Vec<f32>> = (0..values.len()).map(of).collect();
@@ -202,7 +202,6 @@ fn the_refractory_filter_is_identifiable() {
     for wrong in [0.0, 0.05, 0.057, 0.063, 0.07] {
         assert!(at(wrong) < right - 0.003, "{wrong}: {} against {right}", at(wrong));
     }
-    // What the filter hid leaves little doubt where the pixel stands.
     let whole = total(&plain, &values, &draw(&plain, &values, 4));
     assert!(right > whole - 1.0, "{right} against {whole} of all events");
 }
@@ -225,7 +224,6 @@ fn lost_events_are_distinguished_from_a_larger_threshold() {
         assert!(at(wrong, 0.25) < right - by, "{wrong}: {} against {right}", at(wrong, 0.25));
     }
     assert!(right > at(0.0, 0.3) + 0.1);
-    // Where an event was lost the pixel turns back from there: the others are told as sharply as ever.
     let whole = total(&plain, &values, &draw(&plain, &values, 4));
     assert!(right > whole - 0.9, "{right} against {whole} of all events");
 }
@@ -255,7 +253,7 @@ fn stamp_jitter_is_identifiable() {
     });
     let best = (0..shares.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b])).unwrap();
     assert!((1..=3).contains(&best), "{shares:?} of the true one score {scores:?}");
-    // Wider thresholds do not do what scattered stamps do.
+    // Threshold scatter does not replace stamp jitter.
     let wide = [0.02, 0.04, 0.08].map(|noise_at_white| PixelLaw { noise_at_white, ..plain });
     for law in wide {
         assert!(total(&law, &values, &scattered) < scores[best] - 0.02, "{law:?}");

@@ -1,62 +1,64 @@
-//! The generator let run by itself: camera, baseline and corrected model side by side.
+//! Forward simulation: camera, baseline and corrected model side by side.
 
-use crate::figure::{Figure, Key, Link, Panel, Sample};
-use crate::page::Block;
+use crate::figure::{Figure, FileLink, LegendEntry, LegendMark, Panel};
+use crate::page::SectionBlock;
 use crate::plot::Ink;
-use crate::plot::chart::{Axis, Chart, Layer};
+use crate::plot::chart::{Chart, ChartAxis, Layer};
 use crate::plot::heat::counts_panels;
-use crate::table::{Cell, Column, Table};
+use crate::table::{ReportTable, TableCell, TableColumn};
 use evrig_analysis::diagnose::{ForwardSimulation, ModelComparison};
 use evrig_core::geometry::Size;
 
-/// What the measures are: key, words, and the value of a model that is right.
+/// Key, description, and the value of a perfect model.
 const MEASURES: [(&str, &str, &str); 7] = [
-    ("count_ratio", "events generated for each of the camera's", "1"),
-    ("polarity_delta", "difference of the shares of On", "0"),
-    ("interval_tv", "distance of the intervals' histograms (total variation)", "0"),
-    ("rate_map_rmse", "difference of counts a pixel, over the mean count", "0"),
-    ("spatial_emd", "earth mover's distance of the maps (px)", "0"),
-    ("transport_px", "distance of the clouds in place, time and polarity (px)", "0"),
-    ("c2st_accuracy", "share of events that trees tell from the camera's", "0.5"),
+    ("count_ratio", "simulated / real events", "1"),
+    ("polarity_delta", "difference of the ON shares", "0"),
+    ("interval_tv", "total variation distance of the interval histograms", "0"),
+    ("rate_map_rmse", "rms difference of counts per pixel, over the mean count", "0"),
+    ("spatial_emd", "earth mover's distance of the count maps (px)", "0"),
+    ("transport_px", "transport distance in position, time and polarity (px)", "0"),
+    ("c2st_accuracy", "classifier two-sample test, accuracy", "0.5"),
 ];
 
-/// Tables and figures of a free run.
-pub(super) fn blocks(run: &ForwardSimulation, is_corrected: bool) -> Vec<Block> {
-    let link = || Link::beside("derived/diagnose/forward_simulation.json");
-    let mut blocks = vec![Block::Table(measures(run, is_corrected))];
+/// Tables and figures of a forward simulation.
+pub(super) fn blocks(run: &ForwardSimulation, is_corrected: bool) -> Vec<SectionBlock> {
+    let link = || FileLink::beside("derived/diagnose/forward_simulation.json");
+    let mut blocks = vec![SectionBlock::ReportTable(measures(run, is_corrected))];
     if let Some(maps) = maps(run, is_corrected) {
-        blocks.push(Block::Figure(maps.with_data(link())));
+        blocks.push(SectionBlock::Figure(maps.with_data(link())));
     }
-    blocks.push(Block::Figure(intervals(run, is_corrected).with_data(link())));
+    blocks.push(SectionBlock::Figure(intervals(run, is_corrected).with_data(link())));
     if !run.left_out.is_empty() {
         let words = run.left_out.join("; ");
-        blocks.push(Block::Text(format!("The generator could not be told everything: {words}.")));
+        blocks.push(SectionBlock::Text(format!(
+            "The generator does not support everything: {words}."
+        )));
     }
     blocks
 }
 
-fn measures(run: &ForwardSimulation, is_corrected: bool) -> Table {
-    let cell = |value: Option<f64>| value.map_or_else(|| Cell::text(""), Cell::number);
+fn measures(run: &ForwardSimulation, is_corrected: bool) -> ReportTable {
+    let cell = |value: Option<f64>| value.map_or_else(|| TableCell::text(""), TableCell::number);
     let row = |(key, words, right): &(&str, &str, &str)| {
         let ModelComparison { baseline, r#final } = run.measures.get(*key)?;
-        let mut row = vec![Cell::text(words), cell(*baseline)];
+        let mut row = vec![TableCell::text(words), cell(*baseline)];
         if is_corrected {
             row.push(cell(*r#final));
         }
-        row.push(Cell::text(right));
+        row.push(TableCell::text(right));
         Some(row)
     };
-    let mut columns = vec![Column::text("measure"), Column::number("baseline", "")];
+    let mut columns = vec![TableColumn::text("measure"), TableColumn::number("baseline", "")];
     if is_corrected {
-        columns.push(Column::number("corrected", ""));
+        columns.push(TableColumn::number("corrected", ""));
     }
-    columns.push(Column::text("a right model"));
+    columns.push(TableColumn::text("perfect model"));
     let [x, y, w, h] = run.patch_px;
-    Table {
-        title: "Let run by itself".into(),
+    ReportTable {
+        title: "Forward simulation".into(),
         caption: format!(
-            "The generator from the same light, not told any event, against the camera: {w} by {h} \
-             pixels from column {x}, row {y}. Nearly all of these pixels were in no fit."
+            "Events generated from the same signal without recorded events, compared with the camera: \
+             {w} by {h} pixels from column {x}, row {y}. Nearly all of these pixels were in no fit."
         ),
         columns,
         rows: MEASURES.iter().filter_map(row).collect(),
@@ -98,17 +100,21 @@ fn intervals(run: &ForwardSimulation, is_corrected: bool) -> Figure {
         })
         .collect();
     let chart = Chart {
-        x: Axis::log("interval (ms)"),
-        y: Axis::from_zero("share of intervals (%)"),
+        x: ChartAxis::log("interval (ms)"),
+        y: ChartAxis::from_zero("share of intervals (%)"),
         layers,
     };
     Figure {
         title: "Time between events of one pixel".into(),
         caption:
-            "Eight bins a decade. What the model leaves out often shows here first: a hole at \
-                  short times is a dead time, a second hump a lost event."
+            "Eight bins per decade. A gap at short intervals indicates a refractory period, a second peak \
+                  lost events."
                 .into(),
-        legend: inks.iter().take(n).map(|(ink, word)| Key::new(*ink, Sample::Line, word)).collect(),
+        legend: inks
+            .iter()
+            .take(n)
+            .map(|(ink, word)| LegendEntry::new(*ink, LegendMark::Line, word))
+            .collect(),
         panels: vec![Panel {
             title: "Intervals".into(),
             note: String::new(),

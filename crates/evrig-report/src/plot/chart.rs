@@ -1,58 +1,58 @@
-//! The general plot: lines, bands, points, bars and rules over a pair of axes.
+//! Plots over a pair of axes: lines, bands, points, bars and rules.
 
-use super::scale::{Kind, Scale, Tick};
+use super::scale::{AxisScale, ScaleKind, Tick};
 use super::svg::{Anchor, Area, Canvas};
 use super::{Drawing, Ink};
 
 /// One axis.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Axis {
+pub struct ChartAxis {
     /// Quantity and unit, as in "time (s)".
     pub label: String,
     /// Linear or logarithmic.
-    pub kind: Kind,
-    /// The drawn interval; `None` takes in all data.
+    pub kind: ScaleKind,
+    /// The drawn interval; `None` for all data.
     pub range: Option<[f64; 2]>,
-    /// A value that the interval must contain, such as zero for a rate.
+    /// A value that the interval must contain.
     pub include: Option<f64>,
 }
 
-/// One set of marks; coordinates in data units, values that are not finite are left out.
+/// One set of marks in data units; values that are not finite are left out.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Layer {
     /// A line through points in order.
     Line {
-        /// What it stands for.
+        /// Ink.
         ink: Ink,
-        /// How it is drawn.
+        /// Stroke.
         stroke: Stroke,
         /// x and y.
         points: Vec<[f64; 2]>,
     },
     /// A shaded band: the error about a line.
     Band {
-        /// What it stands for.
+        /// Ink.
         ink: Ink,
         /// x, low and high.
         points: Vec<[f64; 3]>,
     },
     /// Dots.
     Points {
-        /// What they stand for.
+        /// Ink.
         ink: Ink,
         /// x and y.
         points: Vec<[f64; 2]>,
     },
     /// Dots with vertical error bars.
     Errors {
-        /// What they stand for.
+        /// Ink.
         ink: Ink,
         /// x, value, low and high.
         points: Vec<[f64; 4]>,
     },
     /// A histogram as steps: one height between each pair of neighbouring edges.
     Steps {
-        /// What it stands for.
+        /// Ink.
         ink: Ink,
         /// Ascending; one more than heights.
         edges: Vec<f64>,
@@ -61,26 +61,26 @@ pub enum Layer {
     },
     /// A horizontal line across the plot.
     Level {
-        /// Where.
+        /// Position.
         y: f64,
-        /// What it means; short.
+        /// Label.
         text: String,
     },
     /// A vertical line across the plot.
     Moment {
-        /// Where.
+        /// Position.
         x: f64,
-        /// What it means; short.
+        /// Label.
         text: String,
     },
 }
 
-/// How a line is drawn; the difference also shows in gray.
+/// How a line is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stroke {
     /// Data.
     Solid,
-    /// A second line of the same kind, thinner and broken: a fit, a prediction.
+    /// Thin and dashed: a fit, a prediction.
     Thin,
 }
 
@@ -92,32 +92,32 @@ impl Stroke {
     }
 }
 
-/// A plot: two axes and what lies between them, drawn in the order given.
+/// A plot: two axes and layers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chart {
     /// Horizontal axis.
-    pub x: Axis,
+    pub x: ChartAxis,
     /// Vertical axis.
-    pub y: Axis,
-    /// Marks, the lowest first.
+    pub y: ChartAxis,
+    /// Marks, the lowest layer first.
     pub layers: Vec<Layer>,
 }
 
-/// Outer sizes in user units; a unit is about a CSS pixel where the drawing is shown.
+/// Outer sizes in user units, about CSS pixels.
 const WIDE: [f64; 2] = [960.0, 300.0];
 const HALF: [f64; 2] = [460.0, 290.0];
 const NARROW: [f64; 2] = [352.0, 270.0];
-/// Width of a digit or a minus sign at the text size of the axes, in the widest of common fonts.
+/// Width of a digit at the text size of the axes, an upper bound for common fonts.
 const FIGURE_WIDTH: f64 = 8.6;
 
-impl Axis {
+impl ChartAxis {
     /// A linear axis over all data.
     #[must_use]
     pub fn linear(label: &str) -> Self {
-        Self { label: label.to_owned(), kind: Kind::Linear, range: None, include: None }
+        Self { label: label.to_owned(), kind: ScaleKind::Linear, range: None, include: None }
     }
 
-    /// A linear axis that starts at zero or takes it in.
+    /// A linear axis that contains 0.
     #[must_use]
     pub fn from_zero(label: &str) -> Self {
         Self { include: Some(0.0), ..Self::linear(label) }
@@ -126,7 +126,7 @@ impl Axis {
     /// A logarithmic axis over all data above zero.
     #[must_use]
     pub fn log(label: &str) -> Self {
-        Self { kind: Kind::Log, ..Self::linear(label) }
+        Self { kind: ScaleKind::Log, ..Self::linear(label) }
     }
 
     /// The same axis over a given interval.
@@ -135,53 +135,51 @@ impl Axis {
         Self { range: Some([low, high]), ..self }
     }
 
-    fn scale(&self, values: impl Iterator<Item = f64>, paper: [f64; 2]) -> Scale {
-        Scale::new(self.kind, self.range.unwrap_or_else(|| self.fit(values)), paper)
+    fn scale(&self, values: impl Iterator<Item = f64>, paper: [f64; 2]) -> AxisScale {
+        AxisScale::new(self.kind, self.range.unwrap_or_else(|| self.fit(values)), paper)
     }
 
-    /// The interval of all values that can be drawn, with a little air.
+    /// The interval of all values that can be drawn, with a margin.
     fn fit(&self, values: impl Iterator<Item = f64>) -> [f64; 2] {
         let mut range = [f64::INFINITY, f64::NEG_INFINITY];
-        let can_be_drawn = |v: &f64| v.is_finite() && (self.kind == Kind::Linear || *v > 0.0);
+        let can_be_drawn = |v: &f64| v.is_finite() && (self.kind == ScaleKind::Linear || *v > 0.0);
         for v in values.chain(self.include).filter(can_be_drawn) {
             range = [range[0].min(v), range[1].max(v)];
         }
         let [low, high] = range;
         match self.kind {
-            Kind::Linear => {
-                let air = 0.05 * (high - low);
+            ScaleKind::Linear => {
+                let margin = 0.05 * (high - low);
                 let is_end = |v: f64| self.include == Some(v);
                 [
-                    if is_end(low) { low } else { low - air },
-                    if is_end(high) { high } else { high + air },
+                    if is_end(low) { low } else { low - margin },
+                    if is_end(high) { high } else { high + margin },
                 ]
             }
-            Kind::Log => [low / 1.15, high * 1.15],
+            ScaleKind::Log => [low / 1.15, high * 1.15],
         }
     }
 }
 
 impl Chart {
-    /// Drawn over the full width of the page, with a second layout for a phone.
+    /// Drawn over the full width of the page, with a second layout for narrow pages.
     #[must_use]
     pub fn draw_wide(&self) -> Drawing {
         Drawing::responsive(self.svg(WIDE), self.svg(NARROW)).over_full_width()
     }
 
-    /// Drawn for half the width of the page, beside another.
+    /// Drawn for half the width of the page.
     #[must_use]
     pub fn draw_half(&self) -> Drawing {
         Drawing::responsive(self.svg(HALF), self.svg(NARROW))
     }
 
-    /// Whether any mark can be seen.
-    #[must_use]
-    pub fn has_data(&self) -> bool {
-        let seen = |layer: &Layer| match layer {
+    fn has_data(&self) -> bool {
+        let is_visible = |layer: &Layer| match layer {
             Layer::Level { .. } | Layer::Moment { .. } => false,
             data => data.ys().any(f64::is_finite),
         };
-        self.layers.iter().any(seen)
+        self.layers.iter().any(is_visible)
     }
 
     fn svg(&self, [w, h]: [f64; 2]) -> String {
@@ -191,7 +189,7 @@ impl Chart {
     }
 
     /// The vertical scale, its ticks and the area between the axes, when drawn on `outer`.
-    fn layout(&self, outer: Area) -> (Scale, Vec<Tick>, Area) {
+    fn layout(&self, outer: Area) -> (AxisScale, Vec<Tick>, Area) {
         let (top, bottom) = (outer.y + 26.0, outer.bottom() - 40.0);
         let y = self.y.scale(self.ys(), [bottom, top]);
         let ticks = y.ticks(if outer.h > 280.0 { 6 } else { 5 });
@@ -214,7 +212,9 @@ impl Chart {
     #[must_use]
     pub fn with_equal_scales(mut self, outer: Area) -> Self {
         let data = [(&self.x, self.x.fit(self.xs())), (&self.y, self.y.fit(self.ys()))]
-            .map(|(axis, fitted)| Scale::new(axis.kind, axis.range.unwrap_or(fitted), [0.0, 1.0]))
+            .map(|(axis, fitted)| {
+                AxisScale::new(axis.kind, axis.range.unwrap_or(fitted), [0.0, 1.0])
+            })
             .map(|scale| scale.data());
         // Tick labels change with the range, and the area with them: the second pass settles it.
         for _ in 0..2 {
@@ -301,7 +301,7 @@ impl Layer {
         }
     }
 
-    fn draw(&self, canvas: &mut Canvas, x: &Scale, y: &Scale, area: Area) {
+    fn draw(&self, canvas: &mut Canvas, x: &AxisScale, y: &AxisScale, area: Area) {
         let at = |p: [f64; 2]| [x.position(p[0]), y.position(p[1])];
         match self {
             Self::Line { ink, stroke, points } => {
@@ -324,7 +324,6 @@ impl Layer {
                 let corners = edges.windows(2).zip(heights).flat_map(|(edge, height)| {
                     [at([edge[0], raised(*height)]), at([edge[1], raised(*height)])]
                 });
-                // The outline begins and ends on the floor.
                 let foot = |edge: Option<&f64>| edge.map(|x| at([*x, floor]));
                 let outline =
                     foot(edges.first()).into_iter().chain(corners).chain(foot(edges.last()));
@@ -345,13 +344,12 @@ impl Layer {
     }
 }
 
-/// Each run without gaps is one outline: along the high side, back along the low one.
-fn draw_band(canvas: &mut Canvas, ink: Ink, points: &[[f64; 3]], x: &Scale, y: &Scale) {
+fn draw_band(canvas: &mut Canvas, ink: Ink, points: &[[f64; 3]], x: &AxisScale, y: &AxisScale) {
     let class = format!("band {}", ink.class());
     let floor = y.data()[0];
     let place = |px: f64, v: f64| {
         let height = y.position(v);
-        // An error that reaches zero on a log scale goes down to the edge.
+        // On a log scale, 0 is drawn at the lower edge.
         [x.position(px), if height.is_finite() { height } else { y.position(floor) }]
     };
     let is_drawable = |p: &[f64; 3]| p.iter().all(|v| v.is_finite());
@@ -367,7 +365,7 @@ mod tests {
     use super::*;
 
     fn chart(layers: Vec<Layer>) -> Chart {
-        Chart { x: Axis::linear("time (s)"), y: Axis::from_zero("rate (1/s)"), layers }
+        Chart { x: ChartAxis::linear("time (s)"), y: ChartAxis::from_zero("rate (1/s)"), layers }
     }
 
     fn line(points: Vec<[f64; 2]>) -> Layer {

@@ -1,15 +1,15 @@
-//! Events as points in x, y and time: a fixed view of the cloud.
+//! Events as points in x, y and time, from a fixed point of view.
 
 use super::Drawing;
 use super::Ink;
-use super::scale::{Kind, Scale};
+use super::scale::{AxisScale, ScaleKind};
 use super::svg::{Anchor, Canvas};
-use crate::figure::{Figure, Key, Panel, Sample};
+use crate::figure::{Figure, LegendEntry, LegendMark, Panel};
 use crate::number::count;
 use evrig_core::event::{Event, EventSlice};
 use evrig_core::geometry::Size;
 
-/// At most this many points a panel; more would only cover one another.
+/// Bound on the points of a panel.
 const MAX_POINTS: usize = 6_000;
 /// The drawing, in user units.
 const CANVAS: [f64; 2] = [460.0, 330.0];
@@ -27,7 +27,7 @@ pub struct Clouds<'a> {
     pub simulated: EventSlice<'a>,
 }
 
-/// Both clouds from the same point of view, thinned alike.
+/// Both clouds from the same point of view, equally thinned.
 #[must_use]
 pub fn figure(clouds: &Clouds<'_>) -> Figure {
     let both = [("Real".to_owned(), clouds.real), ("Simulated".to_owned(), clouds.simulated)];
@@ -36,7 +36,7 @@ pub fn figure(clouds: &Clouds<'_>) -> Figure {
         title: "Events in space and time".to_owned(),
         caption: format!(
             "{thinned}A moving edge is a tilted sheet: its slope is the speed, its thickness the spread of latencies. \
-             Sheets at regular times that only the simulation has are frames showing through."
+             Sheets at regular times in the simulation only are artefacts of the frames."
         ),
         legend: legend(),
         panels,
@@ -44,14 +44,16 @@ pub fn figure(clouds: &Clouds<'_>) -> Figure {
     }
 }
 
-/// What the dots stand for.
+/// Legend of the dots.
 #[must_use]
-pub fn legend() -> Vec<Key> {
-    vec![Key::new(Ink::On, Sample::Dot, "On"), Key::new(Ink::Off, Sample::Dot, "Off")]
+pub fn legend() -> Vec<LegendEntry> {
+    vec![
+        LegendEntry::new(Ink::On, LegendMark::Dot, "ON"),
+        LegendEntry::new(Ink::Off, LegendMark::Dot, "OFF"),
+    ]
 }
 
-/// Clouds with their titles from the same point of view, thinned alike; and a sentence on the
-/// thinning. The events are in ascending time.
+/// Titled clouds from the same point of view, equally thinned, and a sentence on the thinning.
 #[must_use]
 pub fn panels(
     size: Size,
@@ -63,7 +65,7 @@ pub fn panels(
     let one_of = most.div_ceil(MAX_POINTS).max(1);
     let window_ms = to.saturating_sub(from) as f64 * 1e-3;
     let thinned = if one_of > 1 {
-        format!("One of every {one_of} events is drawn everywhere. ")
+        format!("One of every {one_of} events is drawn. ")
     } else {
         "Every event is drawn. ".to_owned()
     };
@@ -83,8 +85,8 @@ pub fn panels(
 }
 
 /// The fixed view: time runs to the right, x into the page, y down.
-struct View {
-    time: Scale,
+struct CloudView {
+    time: AxisScale,
     /// Shift on paper per column.
     per_column: [f64; 2],
     /// Shift on paper per row.
@@ -92,11 +94,14 @@ struct View {
     top: f64,
 }
 
-impl View {
+impl CloudView {
     fn new(size: Size, window_ms: f64) -> Self {
-        // The depth's shift, the time axis and the labels fill the canvas's width.
         let depth = [128.0, -64.0];
-        let time = Scale::new(Kind::Linear, [0.0, window_ms], [58.0, CANVAS[0] - depth[0] - 30.0]);
+        let time = AxisScale::new(
+            ScaleKind::Linear,
+            [0.0, window_ms],
+            [58.0, CANVAS[0] - depth[0] - 30.0],
+        );
         let height = CANVAS[1] - 40.0 + depth[1] - 8.0;
         Self {
             time,
@@ -116,7 +121,7 @@ impl View {
 
 fn draw(size: Size, [from, to]: [i64; 2], events: EventSlice<'_>, one_of: usize) -> String {
     let window_ms = to.saturating_sub(from) as f64 * 1e-3;
-    let view = View::new(size, window_ms);
+    let view = CloudView::new(size, window_ms);
     let mut canvas = Canvas::new(CANVAS[0], CANVAS[1]);
     draw_box(&mut canvas, &view, size, window_ms);
     let kept = |i: &usize| hash(*i as u64).is_multiple_of(one_of as u64);
@@ -124,7 +129,7 @@ fn draw(size: Size, [from, to]: [i64; 2], events: EventSlice<'_>, one_of: usize)
         let t_ms = event.t.saturating_sub(from) as f64 * 1e-3;
         view.place(t_ms, f64::from(event.x), f64::from(event.y))
     };
-    // Two passes, each one element; Off first, since On is lighter.
+    // OFF first, since ON is lighter.
     for (ink, polarity) in [(Ink::Off, false), (Ink::On, true)] {
         let chosen = (0..events.len()).filter(|i| events.on[*i] == polarity).filter(kept);
         let class = format!("dots fine {}", ink.class());
@@ -133,7 +138,7 @@ fn draw(size: Size, [from, to]: [i64; 2], events: EventSlice<'_>, one_of: usize)
     canvas.finish()
 }
 
-fn draw_box(canvas: &mut Canvas, view: &View, size: Size, window_ms: f64) {
+fn draw_box(canvas: &mut Canvas, view: &CloudView, size: Size, window_ms: f64) {
     let [right, bottom] = [size.width, size.height].map(|n| f64::from(n.max(2) - 1));
     let corner = |t: f64, x: f64, y: f64| view.place(t * window_ms, x * right, y * bottom);
     let edges = [
@@ -173,7 +178,7 @@ fn draw_box(canvas: &mut Canvas, view: &View, size: Size, window_ms: f64) {
     canvas.text("axis-label", [x - 6.0, y + 12.0], Anchor::End, &format!("{} px", size.height));
 }
 
-/// Mixes an index so that thinning follows no raster (Steele, Lea and Flood, OOPSLA 2014).
+/// Hash of an index for thinning (Steele, Lea and Flood, OOPSLA 2014).
 fn hash(index: u64) -> u64 {
     let mut z = index.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -204,7 +209,7 @@ mod tests {
     #[test]
     fn every_corner_of_the_box_lies_on_the_canvas() {
         let size = Size::DAVIS346;
-        let view = View::new(size, 40.0);
+        let view = CloudView::new(size, 40.0);
         for (t, x, y) in
             [(0.0, 0.0, 0.0), (40.0, 345.0, 259.0), (0.0, 345.0, 0.0), (40.0, 0.0, 259.0)]
         {

@@ -1,15 +1,14 @@
-//! Colour scales for pictures: readable with any colour vision and in gray.
+//! Colour scales for images: readable with any colour vision and in grey.
 
 /// Red, green, blue, 8 bits each.
 pub type Rgb = [u8; 3];
 
-/// On events over a picture; the lightest mark there.
+/// ON events over an image.
 pub const ON: Rgb = [0xff, 0xd0, 0x45];
-/// Off events over a picture; lighter than the dimmed frame, darker than On.
+/// OFF events over an image; darker than ON.
 pub const OFF: Rgb = [0x5c, 0xa8, 0xff];
 
-/// Dark blue over gray to yellow: lightness grows evenly and hue survives red-green
-/// blindness (anchors of cividis, Nuñez, Anderton and Renslow, PLoS ONE 13, 2018).
+/// Cividis: even lightness, readable with red-green blindness (anchors: Nuñez, Anderton and Renslow, PLoS ONE 13, 2018).
 const SEQUENTIAL: [Rgb; 7] = [
     [0, 32, 76],
     [31, 63, 110],
@@ -20,7 +19,7 @@ const SEQUENTIAL: [Rgb; 7] = [
     [255, 233, 69],
 ];
 
-/// Blue, paper, orange; the middle is the page's own ground, so that "equal" looks empty.
+/// Blue to orange; the middle is the page's background.
 const DIVERGING_LIGHT: [Rgb; 7] = [
     [8, 48, 107],
     [49, 120, 184],
@@ -31,7 +30,7 @@ const DIVERGING_LIGHT: [Rgb; 7] = [
     [110, 42, 4],
 ];
 
-/// The same on a dark page: the further from equal, the lighter.
+/// The same for a dark page.
 const DIVERGING_DARK: [Rgb; 7] = [
     [190, 224, 255],
     [92, 163, 230],
@@ -42,7 +41,7 @@ const DIVERGING_DARK: [Rgb; 7] = [
     [255, 221, 178],
 ];
 
-/// Colour of a share in 0..=1 of the sequential scale; out of range is cut, NaN is the low end.
+/// Colour of a share in 0..=1 of the sequential scale; clamped, NaN is the low end.
 #[must_use]
 pub fn sequential(share: f64) -> Rgb {
     interpolate(&SEQUENTIAL, share)

@@ -1,12 +1,12 @@
 //! A heat map over any two axes: a parameter sweep, a count by hour, a kernel.
 
 use super::Drawing;
-use super::chart::Axis;
+use super::chart::ChartAxis;
 use super::colour::{Rgb, diverging_dark, diverging_light, sequential};
 use super::heat::BAR;
-use super::panel::{Bar, put_bar, put_picture};
-use super::picture::{Picture, PictureError, check_length};
-use super::scale::{Kind, Scale};
+use super::image_panel::{Bar, put_bar, put_picture};
+use super::pixel_image::{PixelImage, PixelImageError, check_length};
+use super::scale::{AxisScale, ScaleKind};
 use super::svg::{Anchor, Area, Canvas};
 use evrig_core::geometry::Size;
 
@@ -32,11 +32,11 @@ pub enum FirstRow {
 
 /// Values on a grid of cells.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Grid<'a> {
+pub struct HeatGrid<'a> {
     /// Horizontal axis; its range spans the cells from edge to edge.
-    pub x: Axis,
+    pub x: ChartAxis,
     /// Vertical axis; its range spans the cells from edge to edge.
-    pub y: Axis,
+    pub y: ChartAxis,
     /// Number of cells along each axis.
     pub cells: Size,
     /// Row after row; what is not finite stays empty.
@@ -53,12 +53,12 @@ pub struct Grid<'a> {
 ///
 /// # Errors
 /// When the number of values does not fit the cells, or there are no cells.
-pub fn draw(grid: &Grid<'_>) -> Result<Drawing, PictureError> {
+pub fn draw(grid: &HeatGrid<'_>) -> Result<Drawing, PixelImageError> {
     check_length(grid.cells, grid.values.len())?;
     let range = grid.range();
-    let scale = Scale::new(grid.colours.kind(), range, [0.0, 1.0]);
+    let scale = AxisScale::new(grid.colours.kind(), range, [0.0, 1.0]);
     let picture = |dark: bool| {
-        Picture::from_fn_with_holes(grid.cells, |i| {
+        PixelImage::from_fn_with_holes(grid.cells, |i| {
             let [width, height] = [grid.cells.width, grid.cells.height].map(usize::from);
             let (from_top, column) = (i / width, i % width);
             let row = match grid.first_row {
@@ -70,7 +70,7 @@ pub fn draw(grid: &Grid<'_>) -> Result<Drawing, PictureError> {
         })
     };
     let bar_picture =
-        |dark: bool| Picture::from_fn(BAR, |i| grid.colours.colour(i as f64 / 255.0, dark));
+        |dark: bool| PixelImage::from_fn(BAR, |i| grid.colours.colour(i as f64 / 255.0, dark));
     let has_twin = matches!(grid.colours, Colours::Diverging(_));
     let bar = Bar {
         label: grid.label.clone(),
@@ -91,11 +91,11 @@ pub fn draw(grid: &Grid<'_>) -> Result<Drawing, PictureError> {
     Ok(Drawing::single(canvas.finish()))
 }
 
-fn draw_axes(canvas: &mut Canvas, grid: &Grid<'_>, area: Area) {
-    let span = |axis: &Axis, n: u16| axis.range.unwrap_or([0.0, f64::from(n)]);
-    let x = Scale::new(grid.x.kind, span(&grid.x, grid.cells.width), [area.x, area.right()]);
+fn draw_axes(canvas: &mut Canvas, grid: &HeatGrid<'_>, area: Area) {
+    let span = |axis: &ChartAxis, n: u16| axis.range.unwrap_or([0.0, f64::from(n)]);
+    let x = AxisScale::new(grid.x.kind, span(&grid.x, grid.cells.width), [area.x, area.right()]);
     let upwards = [area.bottom(), area.y];
-    let y = Scale::new(grid.y.kind, span(&grid.y, grid.cells.height), upwards);
+    let y = AxisScale::new(grid.y.kind, span(&grid.y, grid.cells.height), upwards);
     let y = if grid.first_row == FirstRow::Top { y.turned() } else { y };
     for tick in x.ticks(6).iter().filter(|tick| !tick.label.is_empty()) {
         let at = x.position(tick.value);
@@ -114,7 +114,7 @@ fn draw_axes(canvas: &mut Canvas, grid: &Grid<'_>, area: Area) {
     canvas.read_out(area, &x.describe(), &y.describe());
 }
 
-impl Grid<'_> {
+impl HeatGrid<'_> {
     fn range(&self) -> [f64; 2] {
         if let Colours::Diverging(limit) = self.colours {
             return [-limit.abs(), limit.abs()];
@@ -129,8 +129,8 @@ impl Grid<'_> {
 }
 
 impl Colours {
-    fn kind(self) -> Kind {
-        if self == Self::Log { Kind::Log } else { Kind::Linear }
+    fn kind(self) -> ScaleKind {
+        if self == Self::Log { ScaleKind::Log } else { ScaleKind::Linear }
     }
 
     /// Colour of a share in 0..=1 of the scale.
@@ -147,10 +147,10 @@ impl Colours {
 mod tests {
     use super::*;
 
-    fn grid<'a>(values: &'a [f64], colours: Colours) -> Grid<'a> {
-        Grid {
-            x: Axis::linear("k1").over(0.0, 3.0),
-            y: Axis::linear("k2 (DN)").over(10.0, 30.0),
+    fn grid<'a>(values: &'a [f64], colours: Colours) -> HeatGrid<'a> {
+        HeatGrid {
+            x: ChartAxis::linear("k1").over(0.0, 3.0),
+            y: ChartAxis::linear("k2 (DN)").over(10.0, 30.0),
             cells: Size::new(3, 2),
             values,
             first_row: FirstRow::Bottom,
@@ -182,8 +182,8 @@ mod tests {
     fn a_picture_has_its_first_row_at_the_top() {
         let values = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
         let axis = grid(&values, Colours::Sequential);
-        let picture = Grid { first_row: FirstRow::Top, ..axis.clone() };
-        let flipped = Grid { values: &[1.0, 1.0, 1.0, 0.0, 0.0, 0.0], ..axis.clone() };
+        let picture = HeatGrid { first_row: FirstRow::Top, ..axis.clone() };
+        let flipped = HeatGrid { values: &[1.0, 1.0, 1.0, 0.0, 0.0, 0.0], ..axis.clone() };
         let drawn = |grid| draw(grid).unwrap().wide().to_owned();
         let cells = |svg: String| {
             svg.split("base64,").nth(1).unwrap().split('"').next().unwrap().to_owned()

@@ -1,15 +1,15 @@
-//! Maps of event counts, real and simulated on one scale.
+//! Maps of event counts on a common scale.
 
 use super::Drawing;
 use super::colour::{Rgb, sequential};
-use super::panel::{self, Bar};
-use super::picture::{Picture, PictureError, check_length};
-use super::scale::Kind;
+use super::image_panel::{self, Bar};
+use super::pixel_image::{PixelImage, PixelImageError, check_length};
+use super::scale::ScaleKind;
 use crate::figure::{Figure, Panel};
 use crate::number::count;
 use evrig_core::geometry::Size;
 
-/// Colour of a pixel without events, below the scale.
+/// Colour of a pixel without events.
 const NO_EVENT: Rgb = [0, 12, 32];
 /// Pixels of a colour bar.
 pub(super) const BAR: Size = Size::new(256, 1);
@@ -28,14 +28,13 @@ pub struct CountMaps<'a> {
 ///
 /// # Errors
 /// When a map's length does not fit the grid, or the grid has no pixels.
-pub fn counts_figure(maps: &CountMaps<'_>) -> Result<Figure, PictureError> {
+pub fn counts_figure(maps: &CountMaps<'_>) -> Result<Figure, PixelImageError> {
     check(maps)?;
     let both = [("Real".to_owned(), maps.real), ("Simulated".to_owned(), maps.simulated)];
     Ok(Figure {
         title: "Events per pixel".to_owned(),
-        caption: "Both maps share one colour scale, so equal colours are equal counts. \
-                  Compare the brightness of the same edge, then the empty parts: light there is noise, \
-                  and single bright pixels are hot ones."
+        caption: "Both maps share one colour scale. Compare the same edges, then regions without edges: counts there \
+                  are noise, and single bright pixels are hot pixels."
             .to_owned(),
         legend: vec![],
         panels: counts_panels(maps.size, &both)?,
@@ -43,31 +42,31 @@ pub fn counts_figure(maps: &CountMaps<'_>) -> Result<Figure, PictureError> {
     })
 }
 
-/// Maps of counts, row-major, with their titles: side by side on one logarithmic scale.
+/// Titled maps of counts, row-major, side by side on one logarithmic scale.
 ///
 /// # Errors
 /// When a map's length does not fit the grid, or the grid has no pixels.
-pub fn counts_panels(size: Size, maps: &[(String, &[u32])]) -> Result<Vec<Panel>, PictureError> {
+pub fn counts_panels(size: Size, maps: &[(String, &[u32])]) -> Result<Vec<Panel>, PixelImageError> {
     maps.iter().try_for_each(|(_, counts)| check_length(size, counts.len()))?;
     let max = maps.iter().flat_map(|(_, counts)| *counts).copied().max().unwrap_or(0).max(2);
     let top = f64::from(max);
     let bar = Bar {
         label: "events per pixel (log scale; darkest: none)".to_owned(),
-        kind: Kind::Log,
+        kind: ScaleKind::Log,
         range: [1.0, top],
         ticks: Some(bar_ticks(max)),
-        light: Picture::from_fn(BAR, |i| sequential(i as f64 / 255.0)),
+        light: PixelImage::from_fn(BAR, |i| sequential(i as f64 / 255.0)),
         dark: None,
     };
     let panel = |(title, counts): &(String, &[u32])| {
-        let picture = Picture::from_fn(size, |i| match counts[i] {
+        let picture = PixelImage::from_fn(size, |i| match counts[i] {
             0 => NO_EVENT,
             n => sequential(f64::from(n).ln() / top.ln()),
         });
         let total = counts.iter().map(|n| u64::from(*n)).sum::<u64>();
         let n_active = counts.iter().filter(|n| **n > 0).count();
         let active = 100.0 * n_active as f64 / counts.len().max(1) as f64;
-        Ok::<_, PictureError>(Panel {
+        Ok::<_, PixelImageError>(Panel {
             title: title.clone(),
             note: format!("{} events", count(total)),
             alt: format!(
@@ -75,7 +74,7 @@ pub fn counts_panels(size: Size, maps: &[(String, &[u32])]) -> Result<Vec<Panel>
                 title.to_lowercase(),
                 count(total)
             ),
-            drawing: Drawing::single(panel::draw(&picture, None, size, Some(&bar))?),
+            drawing: Drawing::single(image_panel::draw(&picture, None, size, Some(&bar))?),
         })
     };
     maps.iter().map(panel).collect()
@@ -87,7 +86,7 @@ fn bar_ticks(max: u32) -> Vec<(f64, String)> {
     decades.chain([max]).map(|n| (f64::from(n), count(n.into()))).collect()
 }
 
-pub(super) fn check(maps: &CountMaps<'_>) -> Result<(), PictureError> {
+pub(super) fn check(maps: &CountMaps<'_>) -> Result<(), PixelImageError> {
     check_length(maps.size, maps.real.len())?;
     check_length(maps.size, maps.simulated.len())
 }

@@ -1,30 +1,26 @@
-//! Densities of the time between a pixel's events, on two logarithmic axes.
+//! Densities of the inter-event intervals on logarithmic axes.
 
 use super::Ink;
-use super::chart::{Axis, Chart, Layer, Stroke};
-use crate::figure::{Figure, Key, Panel, Sample};
+use super::chart::{Chart, ChartAxis, Layer, Stroke};
+use crate::figure::{Figure, LegendEntry, LegendMark, Panel};
 use crate::number::significant;
 use evrig_core::stats::Estimate;
 
 /// The density of one stream's intervals.
 #[derive(Debug, Clone, Copy)]
-pub struct IntervalDensity<'a> {
+pub struct IntervalPlot<'a> {
     /// Density in each bin, per µs.
     pub density_per_us: &'a [Estimate],
-    /// The fitted law as interval (µs) and density (per µs); empty without a fit.
+    /// The fit as interval (µs) and density (per µs); empty without a fit.
     pub fit: &'a [[f64; 2]],
     /// Median interval, µs; NaN without intervals.
     pub median_us: f64,
 }
 
 /// Real and simulated densities over the same bins. `edges_us` are the bins' edges in
-/// ascending order, one more than densities; bins without events are gaps.
+/// ascending order, one more than densities; empty bins are gaps.
 #[must_use]
-pub fn figure(
-    edges_us: &[f64],
-    real: &IntervalDensity<'_>,
-    simulated: &IntervalDensity<'_>,
-) -> Figure {
+pub fn figure(edges_us: &[f64], real: &IntervalPlot<'_>, simulated: &IntervalPlot<'_>) -> Figure {
     let centres: Vec<f64> = edges_us.windows(2).map(|e| (e[0] * e[1]).sqrt()).collect();
     let mut layers = Vec::new();
     for (ink, stream) in [(Ink::Simulated, simulated), (Ink::Real, real)] {
@@ -35,29 +31,30 @@ pub fn figure(
         layers.push(Layer::Band { ink, points: band.collect() });
         layers.push(Layer::Line { ink, stroke: Stroke::Solid, points: line.collect() });
     }
-    let y = Axis { range: density_range(real, simulated), ..Axis::log("density (1/µs)") };
+    let y =
+        ChartAxis { range: density_range(real, simulated), ..ChartAxis::log("density (1/µs)") };
     for (ink, stream) in [(Ink::Simulated, simulated), (Ink::Real, real)] {
         if !stream.fit.is_empty() {
             layers.push(Layer::Line { ink, stroke: Stroke::Thin, points: stream.fit.to_vec() });
         }
     }
-    let mut x = Axis::log("interval (µs)");
+    let mut x = ChartAxis::log("interval (µs)");
     if let (Some(first), Some(last)) = (edges_us.first(), edges_us.last()) {
         x = x.over(*first, *last);
     }
     let [median_real, median_sim] = [real, simulated].map(|s| significant(s.median_us, 3));
     let mut legend = vec![
-        Key::new(Ink::Real, Sample::Line, "real"),
-        Key::new(Ink::Simulated, Sample::Line, "simulated"),
+        LegendEntry::new(Ink::Real, LegendMark::Line, "real"),
+        LegendEntry::new(Ink::Simulated, LegendMark::Line, "simulated"),
     ];
     if !real.fit.is_empty() || !simulated.fit.is_empty() {
-        legend.push(Key::new(Ink::Guide, Sample::Thin, "inverse Gaussian fit"));
+        legend.push(LegendEntry::new(Ink::Guide, LegendMark::Thin, "inverse Gaussian fit"));
     }
     Figure {
         title: "Time between a pixel's events".to_owned(),
         caption: "Density of the intervals between consecutive events of one pixel; bands are 90\u{a0}% intervals. \
-                  A left edge that the simulation lacks is dead time, a spike at the frame interval is \
-                  interpolation between frames, and a tail that falls too early is missing noise."
+                  A sharp lower edge in the real events only indicates a refractory period, a peak at the frame \
+                  interval an interpolation artefact, and a missing tail missing noise."
             .to_owned(),
         legend,
         panels: vec![Panel {
@@ -72,8 +69,8 @@ pub fn figure(
     }
 }
 
-/// The histograms alone set the height, since a fit's tail runs to nothing.
-fn density_range(real: &IntervalDensity<'_>, simulated: &IntervalDensity<'_>) -> Option<[f64; 2]> {
+/// Range of the histograms, without the tails of the fits.
+fn density_range(real: &IntervalPlot<'_>, simulated: &IntervalPlot<'_>) -> Option<[f64; 2]> {
     let values = || {
         let both = real.density_per_us.iter().chain(simulated.density_per_us);
         both.map(|d| d.value).filter(|v| v.is_finite() && *v > 0.0)
@@ -91,7 +88,7 @@ mod tests {
     fn an_empty_bin_is_a_gap_and_a_fit_does_not_stretch_the_axis() {
         let density = [0.1, 0.0, 0.001, 0.0005].map(|v| Estimate::normal(v, v * 0.1, 50));
         let fit = [[1.0, 0.1], [1e4, 1e-30]];
-        let stream = IntervalDensity { density_per_us: &density, fit: &fit, median_us: 12.0 };
+        let stream = IntervalPlot { density_per_us: &density, fit: &fit, median_us: 12.0 };
         let figure = figure(&[1.0, 10.0, 100.0, 1e3, 1e4], &stream, &stream);
         let svg = figure.panels[0].drawing.wide();
         assert!(svg.contains("10⁻³") || svg.contains("10⁻⁴"), "the axis is labelled in decades");

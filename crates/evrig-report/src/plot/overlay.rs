@@ -1,18 +1,18 @@
 //! A frame with the events of one window over it, real and simulated side by side.
 
 use super::colour::{OFF, ON};
-use super::panel;
-use super::picture::{Picture, PictureError, check_length};
+use super::image_panel;
+use super::pixel_image::{PixelImage, PixelImageError, check_length};
 use super::{Drawing, Ink};
-use crate::figure::{Figure, Key, Panel, Sample};
+use crate::figure::{Figure, LegendEntry, LegendMark, Panel};
 use crate::number::count;
 use evrig_core::event::EventSlice;
 use evrig_core::geometry::Size;
 use evrig_core::stats::quantile_sorted;
 
-/// The frame is dimmed to this gray, so that both kinds of events stand out from it.
+/// Grey level of the brightest pixels of the dimmed frame.
 pub(super) const BRIGHTEST_GRAY: u8 = 118;
-/// The gray of a frame's darkest pixels, and of a page without frame.
+/// Grey level of the darkest pixels, and without a frame.
 const DARKEST_GRAY: u8 = 14;
 
 /// One frame and the events about it.
@@ -20,11 +20,11 @@ const DARKEST_GRAY: u8 = 14;
 pub struct Overlay<'a> {
     /// The pixel grid that frame and events share.
     pub size: Size,
-    /// Brightness, row-major, any unit; `None` draws the events on a plain ground.
+    /// Brightness, row-major, any unit; `None` for a plain background.
     pub frame: Option<&'a [f32]>,
     /// The events shown: from the first time up to but not including the second, µs.
     pub window_us: [i64; 2],
-    /// When the session's plots begin, µs; the caption counts seconds from here.
+    /// Origin of the times in the caption, µs.
     pub origin_us: i64,
     /// Real events in ascending time.
     pub real: EventSlice<'a>,
@@ -36,7 +36,7 @@ pub struct Overlay<'a> {
 ///
 /// # Errors
 /// When the frame's length does not fit the grid, or the grid has no pixels.
-pub fn figure(overlay: &Overlay<'_>) -> Result<Figure, PictureError> {
+pub fn figure(overlay: &Overlay<'_>) -> Result<Figure, PixelImageError> {
     let ground = ground(overlay)?;
     let [from, to] = overlay.window_us;
     let start_s = (from.saturating_sub(overlay.origin_us)) as f64 * 1e-6;
@@ -52,33 +52,32 @@ pub fn figure(overlay: &Overlay<'_>) -> Result<Figure, PictureError> {
         let (on, off) = (count(n_on as u64), count((shown.len() - n_on) as u64));
         Ok(Panel {
             title: title.to_owned(),
-            note: format!("{on} On, {off} Off"),
+            note: format!("{on} ON, {off} OFF"),
             alt: format!(
-                "{title} events over the frame in the {window_ms:.1} ms from {start_s:.3} s: {on} On and {off} Off."
+                "{title} events over the frame in the {window_ms:.1} ms from {start_s:.3} s: {on} ON and {off} OFF."
             ),
-            drawing: Drawing::single(panel::draw(&picture, None, overlay.size, None)?),
+            drawing: Drawing::single(image_panel::draw(&picture, None, overlay.size, None)?),
         })
     });
     Ok(Figure {
         title: "Frame with events".to_owned(),
         caption: format!(
             "Events of the {window_ms:.1} ms from {start_s:.3} s over the frame they belong to. \
-             Look along the edges: do both sides fire in the same places, with the same polarity and thickness? \
-             Scattered single dots are noise."
+             Compare position, polarity and thickness of the edges. Isolated events are noise."
         ),
         legend: vec![
-            Key::new(Ink::On, Sample::Pixel, "On (brightness rose)"),
-            Key::new(Ink::Off, Sample::Pixel, "Off (it fell)"),
+            LegendEntry::new(Ink::On, LegendMark::Pixel, "ON (brightness increased)"),
+            LegendEntry::new(Ink::Off, LegendMark::Pixel, "OFF (brightness decreased)"),
         ],
-        panels: panels.collect::<Result<_, PictureError>>()?,
+        panels: panels.collect::<Result<_, PixelImageError>>()?,
         data: None,
     })
 }
 
-/// The dimmed frame: its 1 % to 99 % brightness spread over the dark grays.
-fn ground(overlay: &Overlay<'_>) -> Result<Picture, PictureError> {
+/// The dimmed frame: 1 % to 99 % of its brightness on the dark greys.
+fn ground(overlay: &Overlay<'_>) -> Result<PixelImage, PixelImageError> {
     let Some(frame) = overlay.frame else {
-        return Ok(Picture::from_fn(overlay.size, |_| [DARKEST_GRAY; 3]));
+        return Ok(PixelImage::from_fn(overlay.size, |_| [DARKEST_GRAY; 3]));
     };
     check_length(overlay.size, frame.len())?;
     let mut sorted: Vec<f64> =
@@ -87,7 +86,7 @@ fn ground(overlay: &Overlay<'_>) -> Result<Picture, PictureError> {
     let [dark, bright] = [0.01, 0.99].map(|q| quantile_sorted(&sorted, q));
     let span = if bright > dark { bright - dark } else { 1.0 };
     let reach = f64::from(BRIGHTEST_GRAY - DARKEST_GRAY);
-    Ok(Picture::from_fn(overlay.size, |i| {
+    Ok(PixelImage::from_fn(overlay.size, |i| {
         let share = ((f64::from(frame[i]) - dark) / span).clamp(0.0, 1.0);
         let share = if share.is_nan() { 0.0 } else { share };
         [DARKEST_GRAY + (share * reach).round() as u8; 3]
@@ -113,10 +112,10 @@ mod tests {
             simulated: events.as_slice().range(0, 0),
         };
         let figure = figure(&overlay).unwrap();
-        assert_eq!(figure.panels[0].note, "3 On, 2 Off");
-        assert_eq!(figure.panels[1].note, "0 On, 0 Off");
+        assert_eq!(figure.panels[0].note, "3 ON, 2 OFF");
+        assert_eq!(figure.panels[1].note, "0 ON, 0 OFF");
         let wrong = Overlay { frame: Some(&frame[1..]), ..overlay };
         let error = super::figure(&wrong).unwrap_err().to_string();
-        assert!(error.contains("needs 10 values but 9"), "{error}");
+        assert!(error.contains("needs 10 values, got 9"), "{error}");
     }
 }

@@ -1,28 +1,28 @@
-//! Event rate over time, On and Off apart, real and simulated with error bands.
+//! ON and OFF event rates over time, real and simulated with error bands.
 
 use super::Ink;
-use super::chart::{Axis, Chart, Layer, Stroke};
-use crate::figure::{Figure, Key, Panel, Sample};
+use super::chart::{Chart, ChartAxis, Layer, Stroke};
+use crate::figure::{Figure, LegendEntry, LegendMark, Panel};
 use crate::number::significant;
 use evrig_core::stats::Estimate;
 
 /// Rates of one polarity over the same bins of time.
 #[derive(Debug, Clone, Copy)]
-pub struct RateCurve<'a> {
+pub struct RatePlot<'a> {
     /// Real rate in each bin, events per second and pixel.
     pub real: &'a [Estimate],
     /// Simulated rate in each bin, events per second and pixel.
     pub simulated: &'a [Estimate],
 }
 
-/// On above Off, over one axis of time. `centres_s` are the middles of the bins in seconds
-/// from the start of the window; a curve with fewer values ends early.
+/// ON above OFF over a common time axis. `centres_s` are the middles of the bins in seconds
+/// from the start of the window; shorter curves end early.
 #[must_use]
-pub fn figure(centres_s: &[f64], on: &RateCurve<'_>, off: &RateCurve<'_>) -> Figure {
-    let panel = |name: &str, curve: &RateCurve<'_>| {
+pub fn figure(centres_s: &[f64], on: &RatePlot<'_>, off: &RatePlot<'_>) -> Figure {
+    let panel = |name: &str, curve: &RatePlot<'_>| {
         let chart = Chart {
             x: time_axis(centres_s),
-            y: Axis::from_zero("rate (events/s per pixel)"),
+            y: ChartAxis::from_zero("rate (events/s per pixel)"),
             layers: layers(centres_s, curve),
         };
         let [real, simulated] = [curve.real, curve.simulated].map(mean);
@@ -38,21 +38,20 @@ pub fn figure(centres_s: &[f64], on: &RateCurve<'_>, off: &RateCurve<'_>) -> Fig
     Figure {
         title: "Rate over time".to_owned(),
         caption: "Events per second and pixel; bands are 90\u{a0}% intervals. \
-                  Look for peaks that come late or early, for a floor that is too high (noise, leak), \
-                  and for peaks that are cut (dead time, bandwidth, a full bus)."
+                  Shifted peaks indicate latency, a high floor noise or leak, truncated peaks a refractory period, \
+                  limited bandwidth or readout saturation."
             .to_owned(),
         legend: vec![
-            Key::new(Ink::Real, Sample::Line, "real"),
-            Key::new(Ink::Simulated, Sample::Line, "simulated"),
+            LegendEntry::new(Ink::Real, LegendMark::Line, "real"),
+            LegendEntry::new(Ink::Simulated, LegendMark::Line, "simulated"),
         ],
-        panels: vec![panel("On", on), panel("Off", off)],
+        panels: vec![panel("ON", on), panel("OFF", off)],
         data: None,
     }
 }
 
-/// From the first bin's beginning to the last one's end.
-fn time_axis(centres_s: &[f64]) -> Axis {
-    let axis = Axis::linear("time (s)");
+fn time_axis(centres_s: &[f64]) -> ChartAxis {
+    let axis = ChartAxis::linear("time (s)");
     match centres_s {
         [first, second, .., last] | [first, second @ last] => {
             let half = 0.5 * (second - first);
@@ -62,7 +61,7 @@ fn time_axis(centres_s: &[f64]) -> Axis {
     }
 }
 
-fn layers(centres_s: &[f64], curve: &RateCurve<'_>) -> Vec<Layer> {
+fn layers(centres_s: &[f64], curve: &RatePlot<'_>) -> Vec<Layer> {
     let band = |ink: Ink, rates: &[Estimate]| {
         let points = centres_s.iter().zip(rates).map(|(t, r)| [*t, r.ci90[0].max(0.0), r.ci90[1]]);
         Layer::Band { ink, points: points.collect() }
@@ -94,7 +93,7 @@ mod tests {
         let real =
             [Estimate::normal(2.0, 0.1, 9), Estimate::unknown(), Estimate::normal(4.0, 0.1, 9)];
         let simulated = [Estimate::normal(1.0, 0.1, 9); 3];
-        let curve = RateCurve { real: &real, simulated: &simulated };
+        let curve = RatePlot { real: &real, simulated: &simulated };
         let figure = figure(&[0.5, 1.5, 2.5], &curve, &curve);
         assert_eq!(figure.panels[0].note, "mean: real 3.00, simulated 1.00");
         assert!(figure.panels[1].drawing.wide().contains("band ink-sim"));

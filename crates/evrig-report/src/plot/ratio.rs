@@ -1,46 +1,42 @@
-//! Where the simulation fires more or less often than the camera.
+//! Map of the ratio of simulated to real events.
 
 use super::Drawing;
 use super::colour::{diverging_dark, diverging_light};
 use super::heat::{BAR, CountMaps, check};
-use super::panel::{self, Bar};
-use super::picture::{Picture, PictureError};
-use super::scale::{Kind, plain};
+use super::image_panel::{self, Bar};
+use super::pixel_image::{PixelImage, PixelImageError};
+use super::scale::{ScaleKind, plain};
 use crate::figure::{Figure, Panel};
 use evrig_core::geometry::Size;
 
-/// A cell is cut in four as long as its parts hold this many events on average, real and simulated
-/// together; so chance does not paint the map.
-const EVENTS_A_CELL: u64 = 100;
+/// Mean number of events (real and simulated) per cell down to which cells are divided.
+const EVENTS_PER_CELL: u64 = 100;
 /// Side of the largest cells, pixels; a power of two.
 const LARGEST_CELL: u16 = 32;
-/// The largest factor shown, as a power of two; beyond it the colour stays.
+/// Bound of the colour scale, log2 of the ratio.
 const MAX_LOG2: f64 = 3.0;
 
-/// The ratio of simulated to real events, in cells as small as their events allow.
-///
-/// One event is added to both sides of a cell, so that a cell without events is equal.
+/// The ratio of simulated to real events in adaptive cells. One event is added to both sides.
 ///
 /// # Errors
 /// When a map's length does not fit the grid, or the grid has no pixels.
-pub fn figure(maps: &CountMaps<'_>) -> Result<Figure, PictureError> {
+pub fn figure(maps: &CountMaps<'_>) -> Result<Figure, PixelImageError> {
     check(maps)?;
     let log2 = log2_ratio(maps);
-    let light = Picture::from_fn(maps.size, |i| diverging_light(log2[i] / MAX_LOG2));
-    let dark = Picture::from_fn(maps.size, |i| diverging_dark(log2[i] / MAX_LOG2));
+    let light = PixelImage::from_fn(maps.size, |i| diverging_light(log2[i] / MAX_LOG2));
+    let dark = PixelImage::from_fn(maps.size, |i| diverging_dark(log2[i] / MAX_LOG2));
     let share = |holds: fn(f64) -> bool| {
         let n = log2.iter().filter(|v| holds(**v)).count();
         plain(100.0 * n as f64 / log2.len().max(1) as f64, 0)
     };
     let (too_many, too_few) = (share(|v| v >= 1.0), share(|v| v <= -1.0));
     Ok(Figure {
-        title: "Where they differ".to_owned(),
+        title: "Ratio of event counts".to_owned(),
         caption: format!(
-            "Simulated over real events. Orange: the simulation fires too often; blue: too rarely; \
-             the page's own ground: equal. Cells are 1 to {LARGEST_CELL} pixels wide, as small as leaves about \
-             {EVENTS_A_CELL} events in each. The simulation fires at least twice as often on {too_many} % of the \
-             area and at most half as often on {too_few} %. Look whether a colour follows edges \
-             (contrast, bandwidth), one side of them (polarity), or the empty parts (noise, leak)."
+            "Simulated over real events. Orange: too many simulated events; blue: too few; background colour: \
+             equal. Cells are 1 to {LARGEST_CELL} pixels wide with about {EVENTS_PER_CELL} events or more. The ratio is at least 2 on {too_many} % of the \
+             area and at most 1/2 on {too_few} %. Differences along edges indicate contrast or bandwidth, on one side of edges \
+             polarity, elsewhere noise or leak."
         ),
         legend: vec![],
         panels: vec![Panel {
@@ -49,7 +45,12 @@ pub fn figure(maps: &CountMaps<'_>) -> Result<Figure, PictureError> {
             alt: format!(
                 "Map of the ratio of simulated to real events: at least twice as many on {too_many} % of the area, at most half as many on {too_few} %."
             ),
-            drawing: Drawing::single(panel::draw(&light, Some(&dark), maps.size, Some(&bar()))?),
+            drawing: Drawing::single(image_panel::draw(
+                &light,
+                Some(&dark),
+                maps.size,
+                Some(&bar()),
+            )?),
         }],
         data: None,
     })
@@ -60,35 +61,35 @@ fn bar() -> Bar {
     let factor = |v: i32| if v < 0 { format!("1/{}", 1 << -v) } else { format!("{}", 1 << v) };
     Bar {
         label: "simulated / real (factor; log scale)".to_owned(),
-        kind: Kind::Linear,
+        kind: ScaleKind::Linear,
         range: [-MAX_LOG2, MAX_LOG2],
         ticks: Some((-3..=3).map(|v| (f64::from(v), factor(v))).collect()),
-        light: Picture::from_fn(BAR, |i| diverging_light(at(i))),
-        dark: Some(Picture::from_fn(BAR, |i| diverging_dark(at(i)))),
+        light: PixelImage::from_fn(BAR, |i| diverging_light(at(i))),
+        dark: Some(PixelImage::from_fn(BAR, |i| diverging_dark(at(i)))),
     }
 }
 
-/// Of each pixel, the logarithm to base 2 of its cell's ratio.
+/// log2 of the ratio of each pixel's cell.
 fn log2_ratio(maps: &CountMaps<'_>) -> Vec<f64> {
     let mut log2 = vec![0.0; maps.size.n_pixels()];
     let steps = |n: u16| (0..n).step_by(LARGEST_CELL.into());
     for y in steps(maps.size.height) {
         for x in steps(maps.size.width) {
-            paint(maps, Cell { x, y, side: LARGEST_CELL }, &mut log2);
+            paint(maps, RatioCell { x, y, side: LARGEST_CELL }, &mut log2);
         }
     }
     log2
 }
 
-/// A square of pixels; what hangs over the grid's edge does not count.
+/// A square of pixels, clipped to the grid.
 #[derive(Clone, Copy)]
-struct Cell {
+struct RatioCell {
     x: u16,
     y: u16,
     side: u16,
 }
 
-impl Cell {
+impl RatioCell {
     fn pixels(self, size: Size) -> impl Iterator<Item = usize> {
         let end = |from: u16, n: u16| from.saturating_add(self.side).min(n);
         let columns = self.x..end(self.x, size.width);
@@ -97,13 +98,13 @@ impl Cell {
     }
 }
 
-fn paint(maps: &CountMaps<'_>, cell: Cell, log2: &mut [f64]) {
+fn paint(maps: &CountMaps<'_>, cell: RatioCell, log2: &mut [f64]) {
     let sum = |counts: &[u32]| cell.pixels(maps.size).map(|i| u64::from(counts[i])).sum::<u64>();
     let (real, simulated) = (sum(maps.real), sum(maps.simulated));
-    if cell.side > 1 && real + simulated >= 4 * EVENTS_A_CELL {
+    if cell.side > 1 && real + simulated >= 4 * EVENTS_PER_CELL {
         let half = cell.side / 2;
         for (right, down) in [(0, 0), (half, 0), (0, half), (half, half)] {
-            let quarter = Cell { x: cell.x + right, y: cell.y + down, side: half };
+            let quarter = RatioCell { x: cell.x + right, y: cell.y + down, side: half };
             if maps.size.contains(quarter.x, quarter.y) {
                 paint(maps, quarter, log2);
             }

@@ -1,18 +1,18 @@
-//! Scales: from data values to lengths on paper, and the ticks that label them.
+//! Scales from data values to drawing coordinates, with ticks.
 
-/// How values are laid out along an axis.
+/// Linear or logarithmic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// Equal differences, equal lengths.
+pub enum ScaleKind {
+    /// Linear.
     Linear,
-    /// Equal ratios, equal lengths; values must be above zero.
+    /// Logarithmic; values above 0.
     Log,
 }
 
-/// A mapping of the data interval onto the paper interval.
+/// A map of the data interval onto the drawing interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Scale {
-    kind: Kind,
+pub struct AxisScale {
+    kind: ScaleKind,
     data: [f64; 2],
     paper: [f64; 2],
     is_turned: bool,
@@ -23,14 +23,14 @@ pub struct Scale {
 pub struct Tick {
     /// In data units.
     pub value: f64,
-    /// What stands beside it; empty for a minor tick.
+    /// Label; empty for a minor tick.
     pub label: String,
 }
 
-impl Scale {
-    /// A scale over a data interval; an empty or impossible interval is widened to one that can be drawn.
+impl AxisScale {
+    /// A scale over a data interval, which is widened where empty or invalid.
     #[must_use]
-    pub fn new(kind: Kind, data: [f64; 2], paper: [f64; 2]) -> Self {
+    pub fn new(kind: ScaleKind, data: [f64; 2], paper: [f64; 2]) -> Self {
         Self { kind, data: drawable(kind, data), paper, is_turned: false }
     }
 
@@ -40,13 +40,13 @@ impl Scale {
         self.data
     }
 
-    /// The same data with the paper's ends exchanged.
+    /// The same scale with the drawing interval reversed.
     #[must_use]
     pub fn turned(self) -> Self {
         Self { paper: [self.paper[1], self.paper[0]], is_turned: !self.is_turned, ..self }
     }
 
-    /// Position of a value on paper; NaN where the scale has none (zero on a log scale).
+    /// Position of a value in the drawing; NaN where undefined (0 on a log scale).
     #[must_use]
     pub fn position(&self, value: f64) -> f64 {
         let [low, high] = self.data.map(|v| self.bend(v));
@@ -56,9 +56,9 @@ impl Scale {
 
     fn bend(&self, value: f64) -> f64 {
         match self.kind {
-            Kind::Linear => value,
-            Kind::Log if value > 0.0 => value.log10(),
-            Kind::Log => f64::NAN,
+            ScaleKind::Linear => value,
+            ScaleKind::Log if value > 0.0 => value.log10(),
+            ScaleKind::Log => f64::NAN,
         }
     }
 
@@ -67,36 +67,35 @@ impl Scale {
     pub fn ticks(&self, max_labels: usize) -> Vec<Tick> {
         let max_labels = max_labels.max(2);
         match self.kind {
-            Kind::Linear => linear_ticks(self.data, max_labels),
-            Kind::Log => log_ticks(self.data, max_labels),
+            ScaleKind::Linear => linear_ticks(self.data, max_labels),
+            ScaleKind::Log => log_ticks(self.data, max_labels),
         }
     }
 
-    /// The scale as the page's script reads it: kind, then the data interval from left to right, or
-    /// from the bottom up.
+    /// The scale for the page's script: kind, then the data interval from left to right or upwards.
     #[must_use]
     pub fn describe(&self) -> String {
         let kind = match self.kind {
-            Kind::Linear => "lin",
-            Kind::Log => "log",
+            ScaleKind::Linear => "lin",
+            ScaleKind::Log => "log",
         };
         let [from, to] = if self.is_turned { [self.data[1], self.data[0]] } else { self.data };
         format!("{kind} {from:e} {to:e}")
     }
 }
 
-fn drawable(kind: Kind, [low, high]: [f64; 2]) -> [f64; 2] {
+fn drawable(kind: ScaleKind, [low, high]: [f64; 2]) -> [f64; 2] {
     let finite = low.is_finite() && high.is_finite();
     match kind {
-        Kind::Linear if finite && high > low => [low, high],
-        Kind::Linear if finite => {
+        ScaleKind::Linear if finite && high > low => [low, high],
+        ScaleKind::Linear if finite => {
             let half = if low == 0.0 { 1.0 } else { low.abs() * 0.5 };
             [low - half, low + half]
         }
-        Kind::Log if finite && low > 0.0 && high > low => [low, high],
-        Kind::Log if finite && low > 0.0 => [low / 3.0, low * 3.0],
-        Kind::Linear => [0.0, 1.0],
-        Kind::Log => [1.0, 10.0],
+        ScaleKind::Log if finite && low > 0.0 && high > low => [low, high],
+        ScaleKind::Log if finite && low > 0.0 => [low / 3.0, low * 3.0],
+        ScaleKind::Linear => [0.0, 1.0],
+        ScaleKind::Log => [1.0, 10.0],
     }
 }
 
@@ -126,7 +125,6 @@ fn log_ticks([low, high]: [f64; 2], max_labels: usize) -> Vec<Tick> {
     let first = low.log10().floor() as i32;
     let last = high.log10().ceil() as i32;
     let n_decades = (last - first).max(1) as usize;
-    // Within a few decades 1, 2 and 5 are labelled too, since 10 alone would say too little.
     let labelled: &[u8] = match high / low {
         ratio if ratio < 6.0 => &[1, 2, 3, 4, 5, 6, 7, 8, 9],
         ratio if ratio < 60.0 => &[1, 2, 5],
@@ -157,7 +155,7 @@ fn power_label(digit: u8, exponent: i32) -> String {
     if digit == 1 { power } else { format!("{digit}·{power}") }
 }
 
-/// An integer in raised figures.
+/// An integer in superscript digits.
 #[must_use]
 pub fn superscript(n: i32) -> String {
     let raise = |c: char| match c {
@@ -171,7 +169,7 @@ pub fn superscript(n: i32) -> String {
     n.to_string().chars().map(raise).collect()
 }
 
-/// Fixed decimals, a true minus sign, thousands set apart by thin spaces.
+/// Fixed decimals, a true minus sign, thousands grouped by thin spaces.
 #[must_use]
 pub fn plain(value: f64, decimals: usize) -> String {
     let text = format!("{:.decimals$}", value.abs());
@@ -199,15 +197,15 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn labels(scale: Scale, n: usize) -> Vec<String> {
+    fn labels(scale: AxisScale, n: usize) -> Vec<String> {
         scale.ticks(n).into_iter().map(|t| t.label).filter(|l| !l.is_empty()).collect()
     }
 
     #[test]
     fn ticks_are_round_numbers_inside_the_interval() {
-        let scale = Scale::new(Kind::Linear, [0.0, 1.03], [0.0, 100.0]);
+        let scale = AxisScale::new(ScaleKind::Linear, [0.0, 1.03], [0.0, 100.0]);
         assert_eq!(labels(scale, 6), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
-        let scale = Scale::new(Kind::Linear, [-12_000.0, 31_000.0], [0.0, 100.0]);
+        let scale = AxisScale::new(ScaleKind::Linear, [-12_000.0, 31_000.0], [0.0, 100.0]);
         assert_eq!(
             labels(scale, 5),
             ["−10\u{202f}000", "0", "10\u{202f}000", "20\u{202f}000", "30\u{202f}000"]
@@ -216,14 +214,14 @@ mod tests {
 
     #[test]
     fn decades_are_labelled_as_powers_far_from_one() {
-        let scale = Scale::new(Kind::Log, [1e-5, 2e-1], [0.0, 100.0]);
+        let scale = AxisScale::new(ScaleKind::Log, [1e-5, 2e-1], [0.0, 100.0]);
         assert_eq!(labels(scale, 6), ["10⁻⁵", "10⁻⁴", "10⁻³", "0.01", "0.1"]);
         assert_eq!(superscript(-20), "⁻²⁰");
     }
 
     #[test]
     fn a_decade_is_as_long_as_the_next() {
-        let scale = Scale::new(Kind::Log, [1.0, 100.0], [0.0, 200.0]);
+        let scale = AxisScale::new(ScaleKind::Log, [1.0, 100.0], [0.0, 200.0]);
         assert!((scale.position(10.0) - 100.0).abs() < 1e-9);
         assert!(scale.position(0.0).is_nan(), "zero has no place on a log scale");
     }
@@ -239,8 +237,8 @@ mod tests {
     proptest! {
         #[test]
         fn any_interval_can_be_drawn_with_few_ticks(a in value(), b in value(), is_log: bool) {
-            let kind = if is_log { Kind::Log } else { Kind::Linear };
-            let scale = Scale::new(kind, [a, b], [0.0, 10.0]);
+            let kind = if is_log { ScaleKind::Log } else { ScaleKind::Linear };
+            let scale = AxisScale::new(kind, [a, b], [0.0, 10.0]);
             let ticks = scale.ticks(6);
             prop_assert!(ticks.iter().filter(|t| !t.label.is_empty()).count() <= 12);
             prop_assert!(scale.position(scale.data()[1]).is_finite());

@@ -72,15 +72,16 @@ pub fn chart_area(area: Area) -> Area {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plot::chart::{Axis, Layer};
+    use crate::plot::chart::{ChartAxis, Layer};
 
     #[test]
     fn a_sheet_is_a_complete_file_with_titles_and_legends() {
         let points = vec![[0.0, 0.0], [1.0, 100.0]];
         let layers = vec![Layer::Line { ink: Ink::Series(0), stroke: Stroke::Solid, points }];
         let area = Area { x: 10.0, y: 10.0, w: 400.0, h: 300.0 };
-        let chart = Chart { x: Axis::linear("x (mm)"), y: Axis::linear("y (mm)"), layers }
-            .with_equal_scales(chart_area(area));
+        let chart =
+            Chart { x: ChartAxis::linear("x (mm)"), y: ChartAxis::linear("y (mm)"), layers }
+                .with_equal_scales(chart_area(area));
         let mut sheet = Sheet::new(420.0, 320.0);
         sheet.chart(area, "path", &[(Ink::Series(0), Stroke::Solid, "camera")], &chart);
         let svg = sheet.finish();

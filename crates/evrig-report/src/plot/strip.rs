@@ -1,34 +1,34 @@
-//! Where values lie against their healthy ranges: one glance over all measures, and one row each.
+//! Values relative to their healthy ranges: an overview of all measures, and a strip per row.
 
 use super::Drawing;
 use super::svg::{Anchor, Area, Canvas};
 use crate::figure::{Figure, Panel};
-use crate::measure::{Measure, Verdict};
+use crate::measure::{MeasureRow, MeasureVerdict};
 use crate::number::quantity;
 
-/// The strips show departures up to this many tolerances; an arrow stands for more.
+/// Range of the strips, in tolerances; beyond it an arrow is drawn.
 const REACH: f64 = 3.0;
 const ROW: f64 = 30.0;
 
-/// All measures with a range on one scale of tolerances, identical in the middle.
+/// All measures with a range on a common scale of tolerances.
 #[must_use]
-pub fn departures_figure(measures: &[Measure]) -> Figure {
-    let judged: Vec<&Measure> = measures.iter().filter(|m| m.healthy.is_some()).collect();
-    let said: Vec<String> = judged
+pub fn departures_figure(measures: &[MeasureRow]) -> Figure {
+    let judged: Vec<&MeasureRow> = measures.iter().filter(|m| m.healthy.is_some()).collect();
+    let values: Vec<String> = judged
         .iter()
         .map(|m| format!("{} {} ({})", m.name, quantity(&m.estimate), m.verdict().word()))
         .collect();
     Figure {
-        title: "How alike they are".to_owned(),
-        caption: "Each mark is one measure with its 90\u{a0}% interval, in healthy tolerances: 0 is identical, the shaded \
-                  range is healthy, and ratios are on a log scale. Distances, which have no sign, lie to the right. \
-                  A filled circle is healthy, a ring borderline, a diamond outside."
+        title: "Similarity of real and simulated events".to_owned(),
+        caption: "Measures with 90\u{a0}% intervals, in healthy tolerances: 0 is identical, the shaded range is healthy; \
+                  ratios are on a log scale, distances are positive. Filled circle: healthy; ring: borderline; \
+                  diamond: outside."
             .to_owned(),
         legend: vec![],
         panels: vec![Panel {
             title: "Departure in healthy tolerances".to_owned(),
             note: String::new(),
-            alt: format!("Departures from identical. {}.", said.join("; ")),
+            alt: format!("Departures from identical. {}.", values.join("; ")),
             drawing: Drawing::responsive(wide_overview(&judged), narrow_overview(&judged)),
         }],
         data: None,
@@ -36,7 +36,7 @@ pub fn departures_figure(measures: &[Measure]) -> Figure {
 }
 
 /// Names to the left, values to the right.
-fn wide_overview(measures: &[&Measure]) -> String {
+fn wide_overview(measures: &[&MeasureRow]) -> String {
     const WIDTH: f64 = 600.0;
     let rows = ROW * measures.len().max(1) as f64;
     let area = Area { x: 196.0, y: 2.0, w: WIDTH - 196.0 - 128.0, h: rows };
@@ -59,7 +59,7 @@ fn wide_overview(measures: &[&Measure]) -> String {
 }
 
 /// Name and value above each strip.
-fn narrow_overview(measures: &[&Measure]) -> String {
+fn narrow_overview(measures: &[&MeasureRow]) -> String {
     const WIDTH: f64 = 352.0;
     const TALL_ROW: f64 = 46.0;
     let rows = TALL_ROW * measures.len().max(1) as f64;
@@ -91,7 +91,7 @@ fn draw_axis(canvas: &mut Canvas, area: Area) {
 
 /// The strip in one row of the table.
 #[must_use]
-pub fn row(measure: &Measure) -> Drawing {
+pub fn row(measure: &MeasureRow) -> Drawing {
     let mut canvas = Canvas::new(150.0, 22.0);
     let area = Area { x: 2.0, y: 3.0, w: 146.0, h: 16.0 };
     if measure.healthy.is_some() {
@@ -113,10 +113,10 @@ fn draw_ground(canvas: &mut Canvas, area: Area) {
     canvas.line("strip-middle", [middle, area.y], [middle, area.bottom()]);
 }
 
-fn draw_value(canvas: &mut Canvas, area: Area, y: f64, measure: &Measure) {
+fn draw_value(canvas: &mut Canvas, area: Area, y: f64, measure: &MeasureRow) {
     let verdict = measure.verdict();
     let departure = measure.departure(measure.estimate.value);
-    if departure.is_nan() || verdict == Verdict::Unknown {
+    if departure.is_nan() || verdict == MeasureVerdict::Unknown {
         canvas.text("nothing", [position(0.0, area), y + 4.0], Anchor::Middle, "unknown");
         return;
     }
@@ -128,7 +128,6 @@ fn draw_value(canvas: &mut Canvas, area: Area, y: f64, measure: &Measure) {
     canvas.line(&format!("whisker {class}"), [low, y], [high, y]);
     let x = position(departure.clamp(-REACH, REACH), area);
     if departure.abs() > REACH {
-        // Beyond the strip: an arrow head that points on.
         let tip = if departure > 0.0 { x - 1.0 } else { x + 1.0 };
         let back = if departure > 0.0 { tip - 10.0 } else { tip + 10.0 };
         let class = format!("mark {class}");
@@ -136,22 +135,22 @@ fn draw_value(canvas: &mut Canvas, area: Area, y: f64, measure: &Measure) {
         return;
     }
     match verdict {
-        Verdict::Outside => {
+        MeasureVerdict::Outside => {
             let class = format!("mark {class}");
             canvas.polygon(&class, [[x, y - 6.0], [x + 6.0, y], [x, y + 6.0], [x - 6.0, y]]);
         }
-        Verdict::Borderline => canvas.circle(&format!("mark hollow {class}"), [x, y], 4.5),
+        MeasureVerdict::Borderline => canvas.circle(&format!("mark hollow {class}"), [x, y], 4.5),
         _ => canvas.circle(&format!("mark {class}"), [x, y], 5.0),
     }
 }
 
-/// The name, cut where it would leave its column (a letter is about 6.6 units wide).
+/// The name, truncated to a width (a letter is about 6.6 units wide).
 fn fit(name: &str, width: f64) -> String {
-    let room = (width / 6.6) as usize;
-    if name.chars().count() <= room {
+    let max_letters = (width / 6.6) as usize;
+    if name.chars().count() <= max_letters {
         return name.to_owned();
     }
-    let kept: String = name.chars().take(room.saturating_sub(1)).collect();
+    let kept: String = name.chars().take(max_letters.saturating_sub(1)).collect();
     format!("{}…", kept.trim_end())
 }
 

@@ -1,4 +1,4 @@
-//! Writes SVG: the only place of the report where markup is put together from values.
+//! Writes SVG; all markup from values is written here.
 
 use std::fmt::Write;
 
@@ -11,7 +11,7 @@ pub struct Canvas {
     depth: usize,
 }
 
-/// Where a text's anchor lies in it.
+/// Horizontal alignment of a text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Anchor {
     /// The text begins at the anchor.
@@ -49,7 +49,7 @@ impl Area {
     }
 }
 
-/// Replaces the characters that mean something to a parser of markup.
+/// Escapes text for XML.
 #[must_use]
 pub fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
@@ -60,7 +60,6 @@ pub fn escape(text: &str) -> String {
             '>' => escaped.push_str("&gt;"),
             '"' => escaped.push_str("&quot;"),
             '\'' => escaped.push_str("&#39;"),
-            // Control characters are not allowed in markup at all.
             c if c.is_control() => escaped.push('\u{fffd}'),
             c => escaped.push(c),
         }
@@ -83,7 +82,7 @@ impl Canvas {
         Self { body: String::new(), width, height, depth: 0 }
     }
 
-    // Writing to a string cannot fail, so the results of `write!` are dropped here.
+    // Writing to a string cannot fail.
     fn put(&mut self, arguments: std::fmt::Arguments<'_>) {
         let _ = self.body.write_fmt(arguments);
     }
@@ -116,7 +115,7 @@ impl Canvas {
         }
     }
 
-    /// Many round dots in one element; the class's stroke width is their size.
+    /// Round dots in one element; their size is the class's stroke width.
     pub fn dots(&mut self, class: &str, points: impl IntoIterator<Item = [f64; 2]>) {
         let mut data = String::new();
         for [x, y] in points.into_iter().filter(|p| p.iter().all(|v| v.is_finite())) {
@@ -166,7 +165,7 @@ impl Canvas {
         ));
     }
 
-    /// A picture given as a data URI, stretched to the area, its pixels kept square-edged.
+    /// An image given as a data URI, stretched to the area.
     pub fn image(&mut self, class: &str, area: Area, data_uri: &str) {
         self.put(format_args!(
             "<image class=\"{}\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" preserveAspectRatio=\"none\" href=\"{}\"/>",
@@ -179,7 +178,7 @@ impl Canvas {
         ));
     }
 
-    /// Marks the plotting area with its scales in data units, for the read-out under the pointer.
+    /// Stores the scales of the plotting area for the page's pointer read-out.
     pub fn read_out(&mut self, area: Area, x: &str, y: &str) {
         self.put(format_args!(
             "<rect class=\"pad\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" data-x=\"{}\" data-y=\"{}\"/>",
@@ -192,9 +191,9 @@ impl Canvas {
         ));
     }
 
-    /// Until [`Canvas::unclip`], marks are cut at the area's edges; coordinates stay the canvas's own.
+    /// Clips marks at the area's edges until [`Canvas::unclip`]; coordinates do not change.
     pub fn clip(&mut self, area: Area) {
-        // A nested viewport cuts without an id that would have to be unique on the page.
+        // A nested viewport clips without an id.
         self.put(format_args!(
             "<svg x=\"{0}\" y=\"{1}\" width=\"{2}\" height=\"{3}\" viewBox=\"{0} {1} {2} {3}\">",
             length(area.x),
@@ -213,7 +212,7 @@ impl Canvas {
         }
     }
 
-    /// The finished drawing; decorative for screen readers, since the page states its alternative.
+    /// The finished drawing, hidden from screen readers: the page has alternative text.
     #[must_use]
     pub fn finish(mut self) -> String {
         while self.depth > 0 {

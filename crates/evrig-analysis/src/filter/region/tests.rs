@@ -51,7 +51,7 @@ fn place(event: &Event) -> [f64; 2] {
 
 #[test]
 fn events_within_the_moving_square_and_its_margin_stay_and_no_others() {
-    let (events, setting) = (events(), Setting::default());
+    let (events, setting) = (events(), RegionSetting::default());
     let found = filter(events.as_slice(), &path(), setting).unwrap();
     assert!(found.tally.balances() && found.tally.seen == 50_000);
     // A place within 0.001 px of the edge may fall either way in single precision.
@@ -65,15 +65,15 @@ fn events_within_the_moving_square_and_its_margin_stay_and_no_others() {
     let most: std::collections::HashSet<Event> = most.into_iter().collect();
     assert!(kept.iter().all(|event| most.contains(event)));
     assert!(kept.len() > 3_000, "about a twelfth of the sensor: {}", kept.len());
-    assert_eq!(found.tally.dropped[&Reason::OutsideRegion], 50_000 - kept.len() as u64);
+    assert_eq!(found.tally.dropped[&DropReason::OutsideRegion], 50_000 - kept.len() as u64);
 }
 
 #[test]
 fn a_crop_of_any_size_has_the_events_where_the_square_has_them() {
     for crop in [1_u16, 33, 200] {
-        let setting = Setting { margin: 0.03, crop_px: Some(crop) };
+        let setting = RegionSetting { margin: 0.03, crop_px: Some(crop) };
         let found = filter(events().as_slice(), &path(), setting).unwrap();
-        let plain = filter(events().as_slice(), &path(), Setting::default()).unwrap();
+        let plain = filter(events().as_slice(), &path(), RegionSetting::default()).unwrap();
         assert_eq!(found.tally, plain.tally, "the crop does not change what is kept");
         for (moved, own) in found.events.as_slice().iter().zip(plain.events.as_slice().iter()) {
             let expected = place(&own).map(|p| (p + 0.03) / 1.06 * f64::from(crop));
@@ -90,12 +90,12 @@ fn events_at_times_without_a_path_are_counted_by_themselves() {
     let gap = 500_000..900_000;
     let known = |t: i64| (!gap.contains(&t)).then(|| homography(t));
     let path = RegionPath::new(SIZE, [100_000, 1_500_000], 1_000, known, None).unwrap();
-    let found = filter(events().as_slice(), &path, Setting::default()).unwrap();
+    let found = filter(events().as_slice(), &path, RegionSetting::default()).unwrap();
     assert!(found.tally.balances());
     let is_kept = |t: &i64| (100_000..499_000).contains(t) || (900_000..1_501_000).contains(t);
     assert!(found.events.as_slice().t.iter().all(is_kept));
     let n_known = events().as_slice().t.iter().filter(|t| is_kept(t)).count();
-    assert_eq!(found.tally.dropped[&Reason::NoPath], 50_000 - n_known as u64);
+    assert_eq!(found.tally.dropped[&DropReason::NoPath], 50_000 - n_known as u64);
 }
 
 #[test]
@@ -108,7 +108,7 @@ fn a_lens_that_bends_moves_the_region_with_it() {
     };
     let bent = RegionPath::new(SIZE, [0, 2_000_000], 1_000, |t| Some(homography(t)), Some(&ideal))
         .unwrap();
-    let found = filter(events().as_slice(), &bent, Setting::default()).unwrap();
+    let found = filter(events().as_slice(), &bent, RegionSetting::default()).unwrap();
     let inside = |e: &Event| {
         let there = ideal([f64::from(e.x) + 0.5, f64::from(e.y) + 0.5]).unwrap();
         on_square(e.t as f64, there).iter().all(|p| (p - 0.5).abs() <= 0.53 + 1e-4)
@@ -121,9 +121,9 @@ fn a_lens_that_bends_moves_the_region_with_it() {
 fn settings_that_make_no_sense_are_refused() {
     let none = Events::new();
     for setting in [
-        Setting { margin: -0.1, crop_px: None },
-        Setting { margin: f64::NAN, crop_px: None },
-        Setting { margin: 0.0, crop_px: Some(0) },
+        RegionSetting { margin: -0.1, crop_px: None },
+        RegionSetting { margin: f64::NAN, crop_px: None },
+        RegionSetting { margin: 0.0, crop_px: Some(0) },
     ] {
         assert!(filter(none.as_slice(), &path(), setting).is_err());
     }
@@ -139,7 +139,7 @@ proptest! {
         let mut times = times;
         times.sort_unstable();
         let events: Events = times.iter().map(|&t| Event { t, x: 170, y: 130, on: true }).collect();
-        let found = filter(events.as_slice(), &path(), Setting::default()).unwrap();
+        let found = filter(events.as_slice(), &path(), RegionSetting::default()).unwrap();
         prop_assert!(found.tally.balances());
     }
 }

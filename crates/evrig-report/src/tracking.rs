@@ -1,16 +1,16 @@
-//! Sections on the clocks, the tracks and what the filters dropped.
+//! Sections on clocks, tracking and event filters.
 
-use super::figure::{Figure, Key, Link, Panel, Sample};
+use super::figure::{Figure, FileLink, LegendEntry, LegendMark, Panel};
 use super::number::count;
-use super::page::{Block, Fact, Section};
+use super::page::{Fact, Section, SectionBlock};
 use super::plot::Ink;
-use super::plot::chart::{Axis, Chart, Layer, Stroke};
-use super::table::{Cell, Column, Table};
-use evrig_analysis::filter::Tally;
+use super::plot::chart::{Chart, ChartAxis, Layer, Stroke};
+use super::table::{ReportTable, TableCell, TableColumn};
+use evrig_analysis::filter::DropTally;
 use evrig_core::time::Span;
 use evrig_reconstruct::clock::{Method, MethodResult, SessionClocks, TimeReference};
 
-/// Time from each frame to the next on both clocks of the Pi.
+/// Time between two frames on both clocks of the Pi.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameInterval {
     /// Seconds since the first frame.
@@ -21,45 +21,45 @@ pub struct FrameInterval {
     pub real_ms: f64,
 }
 
-/// The picture's path through one camera's frames.
+/// Path of the target image through one camera's frames.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PicturePath {
+pub struct ImagePath {
     /// Name of the frame stream.
     pub stream: String,
     /// Whether it is the event camera's.
     pub is_davis: bool,
-    /// Seconds on the session's time, middle in pixels, side in pixels, turn in degrees; a stretch
-    /// without a path holds values that are no numbers.
-    pub points: Vec<PathPoint>,
+    /// Ascending in time; NaN where the path is unknown.
+    pub points: Vec<ImagePathPoint>,
 }
 
-/// The picture at one time.
+/// The target image at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PathPoint {
+pub struct ImagePathPoint {
     /// Seconds since the session's beginning.
     pub at_s: f64,
-    /// Column and row of the picture's middle.
+    /// Column and row of the image's middle.
     pub centre_px: [f64; 2],
-    /// Side of the picture.
+    /// Side of the image.
     pub side_px: f64,
-    /// Direction of its bottom edge, clockwise.
+    /// Direction of its bottom edge, clockwise, degrees.
     pub angle_deg: f64,
 }
 
-/// Points that a figure of single frames draws at most.
+/// Bound on the points of a figure.
 const MAX_POINTS: usize = 2_000;
 
-/// What the clocks are and how far they can be trusted.
+/// The clock section of the page.
 #[must_use]
 pub fn clock_section(clocks: &SessionClocks, intervals: &[FrameInterval]) -> Section {
-    let mut blocks = vec![Block::Facts(clock_facts(clocks)), Block::Table(methods(clocks))];
+    let mut blocks =
+        vec![SectionBlock::Facts(clock_facts(clocks)), SectionBlock::ReportTable(methods(clocks))];
     if !intervals.is_empty() {
-        blocks.push(Block::Figure(interval_figure(clocks, intervals)));
+        blocks.push(SectionBlock::Figure(interval_figure(clocks, intervals)));
     }
     Section {
         title: "Clocks".into(),
-        lead: "How the Pi's SensorTimestamp leads to Unix time and to the events' stamps. Every method \
-               that the evidence allows was run; the differences below are at the middle of the session."
+        lead: "Maps from the Pi's SensorTimestamp to Unix time and to the event stamps. All applicable methods \
+               were run; differences are at the middle of the session."
             .into(),
         blocks,
     }
@@ -68,7 +68,7 @@ pub fn clock_section(clocks: &SessionClocks, intervals: &[FrameInterval]) -> Sec
 fn clock_facts(clocks: &SessionClocks) -> Vec<Fact> {
     let reference = match clocks.reference {
         TimeReference::Host => "the host's clock",
-        TimeReference::PiWall => "the Pi's wall clock, taken for the host's",
+        TimeReference::PiWall => "the Pi's wall clock, assumed equal to the host's",
     };
     let mut facts = vec![Fact::new("Unix time is", reference)];
     let map = &clocks.davis_from_sensor;
@@ -92,12 +92,12 @@ fn clock_facts(clocks: &SessionClocks) -> Vec<Fact> {
             ),
             (None, None) => String::new(),
         };
-        facts.push(Fact::new("motion seen by both cameras", words));
+        facts.push(Fact::new("motion in both cameras", words));
     }
     for late in &clocks.stream_delays {
         let words = match (&late.delay_us, &late.refused) {
             (Some(us), _) => format!(
-                "its light is {:.0} ± {:.0} µs later than its stamps, which are those of {}",
+                "exposures are {:.0} ± {:.0} µs later than the stamps, which are those of {}",
                 us.value, us.standard_error, late.against
             ),
             (None, because) => {
@@ -115,13 +115,13 @@ fn method(method: Method) -> &'static str {
         Method::PaperWindow => "interval convergence over one second",
         Method::ClockPair => "two-sided clock readings",
         Method::Envelope => "smallest latency between steps",
-        Method::Hull => "hull",
-        Method::Olson2 => "cones both ways",
-        Method::Motion => "motion seen by both cameras",
+        Method::Hull => "convex hull",
+        Method::Olson2 => "two-sided minimum latency (Olson)",
+        Method::Motion => "motion in both cameras",
     }
 }
 
-fn methods(clocks: &SessionClocks) -> Table {
+fn methods(clocks: &SessionClocks) -> ReportTable {
     let best = clocks.wall.iter().find_map(|attempt| attempt.estimate.as_ref());
     let middle = best.and_then(|best| {
         let (first, last) = (best.segments.first()?.first, best.segments.last()?.last);
@@ -138,29 +138,29 @@ fn methods(clocks: &SessionClocks) -> Table {
             Some((high - low).as_nanos() as f64 * 1e-3)
         });
         vec![
-            Cell::text(method(attempt.method)),
-            Cell::number(difference.unwrap_or(f64::NAN)),
-            Cell::number(width.unwrap_or(f64::NAN)),
-            Cell::count(estimate.map_or(0, |estimate| estimate.segments.len() as u64)),
-            Cell::text(attempt.refused.as_deref().unwrap_or("")),
+            TableCell::text(method(attempt.method)),
+            TableCell::number(difference.unwrap_or(f64::NAN)),
+            TableCell::number(width.unwrap_or(f64::NAN)),
+            TableCell::count(estimate.map_or(0, |estimate| estimate.segments.len() as u64)),
+            TableCell::text(attempt.refused.as_deref().unwrap_or("")),
         ]
     };
-    Table {
+    ReportTable {
         title: "The Pi's wall clock from SensorTimestamp, method by method".into(),
-        caption: "The difference is to the first row. A method without an interval claims none."
+        caption: "Differences are relative to the first row. Not every method gives an interval."
             .into(),
         columns: vec![
-            Column::text("method"),
-            Column::number("difference", "µs"),
-            Column::number("95\u{a0}% width", "µs"),
-            Column::number("segments", ""),
-            Column::text("refused because"),
+            TableColumn::text("method"),
+            TableColumn::number("difference", "µs"),
+            TableColumn::number("95\u{a0}% width", "µs"),
+            TableColumn::number("segments", ""),
+            TableColumn::text("refused because"),
         ],
         rows: clocks.wall.iter().map(row).collect(),
     }
 }
 
-/// The published figure: intervals between frames on both clocks, and the frame it takes.
+/// The published figure: intervals between frames on both clocks, and the selected frame.
 fn interval_figure(clocks: &SessionClocks, intervals: &[FrameInterval]) -> Figure {
     let step = intervals.len().div_ceil(MAX_POINTS).max(1);
     let points = |of: fn(&FrameInterval) -> f64| -> Vec<[f64; 2]> {
@@ -174,23 +174,23 @@ fn interval_figure(clocks: &SessionClocks, intervals: &[FrameInterval]) -> Figur
     let choice = published.filter_map(|a| a.estimate.as_ref()?.diagnostics.paper).next();
     let at = choice.and_then(|choice| intervals.get(choice.frame as usize));
     if let Some(at) = at {
-        layers.push(Layer::Moment { x: at.at_s, text: "taken".into() });
+        layers.push(Layer::Moment { x: at.at_s, text: "selected".into() });
     }
     let chart = Chart {
-        x: Axis::linear("time (s)"),
-        y: Axis::linear("interval to the next frame (ms)"),
+        x: ChartAxis::linear("time (s)"),
+        y: ChartAxis::linear("interval to the next frame (ms)"),
         layers,
     };
     let n = count(intervals.len() as u64);
     Figure {
         title: "Interval convergence".into(),
         caption: "Time from each frame to the next by SensorTimestamp and by RealTime. The published method \
-                  takes the frame where the two are nearest to equal and calls their difference there the \
-                  offset; it finds two equal latencies, not a small one."
+                  takes the frame with the most similar intervals and their difference there as the offset; \
+                  it finds two equal latencies, not a small one."
             .into(),
         legend: vec![
-            Key::new(Ink::Real, Sample::Line, "SensorTimestamp"),
-            Key::new(Ink::Simulated, Sample::Dot, "RealTime"),
+            LegendEntry::new(Ink::Real, LegendMark::Line, "SensorTimestamp"),
+            LegendEntry::new(Ink::Simulated, LegendMark::Dot, "RealTime"),
         ],
         panels: vec![Panel {
             title: "Intervals".into(),
@@ -198,15 +198,15 @@ fn interval_figure(clocks: &SessionClocks, intervals: &[FrameInterval]) -> Figur
             alt: format!("{n} intervals between frames by both clocks of the Pi."),
             drawing: chart.draw_wide(),
         }],
-        data: Some(Link::beside("derived/sync/frames.npz")),
+        data: Some(FileLink::beside("derived/sync/frames.npz")),
     }
 }
 
-/// Where the picture was in each camera's frames.
+/// The tracking section of the page.
 #[must_use]
-pub fn track_section(paths: &[PicturePath], facts: Vec<Fact>) -> Section {
+pub fn track_section(paths: &[ImagePath], facts: Vec<Fact>) -> Section {
     let davis = |ink: bool| if ink { Ink::Real } else { Ink::Simulated };
-    let line = |path: &PicturePath, point: &dyn Fn(&PathPoint) -> [f64; 2]| Layer::Line {
+    let line = |path: &ImagePath, point: &dyn Fn(&ImagePathPoint) -> [f64; 2]| Layer::Line {
         ink: davis(path.is_davis),
         stroke: Stroke::Solid,
         points: path
@@ -216,8 +216,9 @@ pub fn track_section(paths: &[PicturePath], facts: Vec<Fact>) -> Section {
             .map(point)
             .collect(),
     };
-    let middle = |path: &PicturePath| -> [f64; 2] {
-        let seen: Vec<&PathPoint> = path.points.iter().filter(|p| p.side_px.is_finite()).collect();
+    let middle = |path: &ImagePath| -> [f64; 2] {
+        let seen: Vec<&ImagePathPoint> =
+            path.points.iter().filter(|p| p.side_px.is_finite()).collect();
         let mean = |axis: usize| {
             seen.iter().map(|p| p.centre_px[axis]).sum::<f64>() / seen.len().max(1) as f64
         };
@@ -228,31 +229,35 @@ pub fn track_section(paths: &[PicturePath], facts: Vec<Fact>) -> Section {
         line(path, &move |p| [(p.centre_px[0] - x) / p.side_px, (y - p.centre_px[1]) / p.side_px])
     });
     let turn = paths.iter().map(|path| line(path, &|p| [p.at_s, p.angle_deg]));
-    let chart = |x: &str, y: &str, layers| Chart { x: Axis::linear(x), y: Axis::linear(y), layers };
-    let centre = chart("right (picture sides)", "up (picture sides)", along.collect());
-    let angle = chart("time (s)", "turn (degrees)", turn.collect());
+    let chart = |x: &str, y: &str, layers| Chart {
+        x: ChartAxis::linear(x),
+        y: ChartAxis::linear(y),
+        layers,
+    };
+    let centre = chart("right (image sides)", "up (image sides)", along.collect());
+    let angle = chart("time (s)", "rotation (degrees)", turn.collect());
     let names: Vec<&str> = paths.iter().map(|path| path.stream.as_str()).collect();
     let names = names.join(", ");
     let figure = Figure {
-        title: "The picture's path".into(),
-        caption: "The middle of the tracked picture about its own mean, in sides of the picture so that \
-                  cameras of different scale lie on one another, and the turn of its bottom edge over time."
+        title: "Path of the target image".into(),
+        caption: "Middle of the tracked image relative to its mean, in image sides so that cameras of different scale \
+                  coincide, and the rotation of its bottom edge over time."
             .into(),
         legend: paths
             .iter()
-            .map(|path| Key::new(davis(path.is_davis), Sample::Line, &path.stream))
+            .map(|path| LegendEntry::new(davis(path.is_davis), LegendMark::Line, &path.stream))
             .collect(),
         panels: vec![
             Panel {
                 title: "Trajectory".into(),
                 note: String::new(),
-                alt: format!("Path of the picture's middle as seen in {names}."),
+                alt: format!("Path of the image's middle in {names}."),
                 drawing: centre.draw_half(),
             },
             Panel {
-                title: "Turn".into(),
+                title: "Rotation".into(),
                 note: String::new(),
-                alt: format!("Turn of the picture over time as seen in {names}."),
+                alt: format!("Rotation of the image over time in {names}."),
                 drawing: angle.draw_half(),
             },
         ],
@@ -260,34 +265,38 @@ pub fn track_section(paths: &[PicturePath], facts: Vec<Fact>) -> Section {
     };
     Section {
         title: "Tracking".into(),
-        lead: "The tag followed through the frames; the picture's region follows from it.".into(),
-        blocks: vec![Block::Figure(figure), Block::Facts(facts)],
+        lead: "The tag tracked through the frames, from which the image region follows.".into(),
+        blocks: vec![SectionBlock::Figure(figure), SectionBlock::Facts(facts)],
     }
 }
 
-/// What the filters dropped of each stream.
+/// The filter section of the page.
 #[must_use]
-pub fn filter_section(streams: &[(String, Tally)]) -> Section {
+pub fn filter_section(streams: &[(String, DropTally)]) -> Section {
     let reasons: std::collections::BTreeSet<_> =
         streams.iter().flat_map(|(_, tally)| tally.dropped.keys().copied()).collect();
-    let mut columns =
-        vec![Column::text("stream"), Column::number("seen", ""), Column::number("kept", "")];
+    let mut columns = vec![
+        TableColumn::text("stream"),
+        TableColumn::number("seen", ""),
+        TableColumn::number("kept", ""),
+    ];
     for reason in &reasons {
         let json = serde_json::to_value(reason).unwrap_or_default();
-        columns.push(Column::number(&json.as_str().unwrap_or_default().replace('_', " "), ""));
+        columns.push(TableColumn::number(&json.as_str().unwrap_or_default().replace('_', " "), ""));
     }
-    let row = |(name, tally): &(String, Tally)| {
-        let mut cells = vec![Cell::text(name), Cell::count(tally.seen), Cell::count(tally.kept)];
+    let row = |(name, tally): &(String, DropTally)| {
+        let mut cells =
+            vec![TableCell::text(name), TableCell::count(tally.seen), TableCell::count(tally.kept)];
         let dropped = |reason| tally.dropped.get(reason).copied().unwrap_or(0);
-        cells.extend(reasons.iter().map(|reason| Cell::count(dropped(reason))));
+        cells.extend(reasons.iter().map(|reason| TableCell::count(dropped(reason))));
         cells
     };
     Section {
         title: "Filters".into(),
         lead: "The same filters with the same settings over real and simulated events.".into(),
-        blocks: vec![Block::Table(Table {
+        blocks: vec![SectionBlock::ReportTable(ReportTable {
             title: "Events kept and dropped, by reason".into(),
-            caption: "Every event has a fate: seen is kept and all dropped together.".into(),
+            caption: "seen = kept + all dropped".into(),
             columns,
             rows: streams.iter().map(row).collect(),
         })],

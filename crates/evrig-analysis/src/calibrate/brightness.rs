@@ -1,33 +1,33 @@
-//! The brightness of a session's pixels over time, as the generator sees it: frame values.
+//! Brightness of a session's pixels over time: frame values, as the generator uses them.
 
 use super::CalibrateError;
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
 
-/// Side of the square tiles that errors and the split hold together, pixels.
+/// Side of the square tiles for split and clustered errors, pixels.
 pub const TILE: u16 = 8;
-/// Brightness values held at once: 128 MiB, and twice that while they are gathered.
+/// Bound on stored brightness values: 128 MiB, twice that while frames are added.
 const MAX_SAMPLES: u64 = 1 << 25;
-/// The darkest brightness a pixel may take, DN: below, one step is a leap in the logarithm.
+/// Lowest usable brightness, DN: below, quantisation is coarse in the logarithm.
 const DARKEST_DN: f32 = 1.0;
-/// Full scales at which a camera's values are cut off, DN.
+/// Saturation values of 8- and 10-bit cameras, DN.
 const FULL_SCALES_DN: [f32; 2] = [255.0, 1023.0];
 
-/// Which half of the tiles.
+/// One half of the tiles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Part {
-    /// What constants are fitted to.
+pub enum TileSubset {
+    /// For fitting.
     Train,
-    /// What they are judged on.
+    /// For evaluation.
     HeldOut,
 }
 
 /// Brightness of the usable pixels, pixel by pixel, DN of the frames.
 ///
-/// A pixel is usable when it is neither dark nor cut off in any frame: that depends on the light
-/// alone, so it selects no events.
+/// A pixel is usable when it is neither dark nor saturated in any frame. The criterion does not depend
+/// on events.
 #[derive(Debug, Clone)]
-pub struct Light {
+pub struct BrightnessSeries {
     size: Size,
     times_us: Vec<i64>,
     pixels: Vec<u32>,
@@ -35,18 +35,18 @@ pub struct Light {
     n_unusable: usize,
 }
 
-/// Gathers frames into a [`Light`].
+/// Collects frames into a [`BrightnessSeries`].
 #[derive(Debug)]
-pub struct LightBuilder {
+pub struct BrightnessSeriesBuilder {
     size: Size,
     pixels: Vec<u32>,
     times_us: Vec<i64>,
     frames: Vec<f32>,
 }
 
-impl LightBuilder {
-    /// For about `n_frames` frames of `size`. Where all pixels would not fit in memory, whole
-    /// tiles are drawn with `seed`.
+impl BrightnessSeriesBuilder {
+    /// For about `n_frames` frames of `size`. Tiles are drawn with `seed` where all would exceed the
+    /// memory bound.
     #[must_use]
     pub fn new(size: Size, n_frames: u64, seed: u64) -> Self {
         let columns = u32::from(size.width.div_ceil(TILE));
@@ -64,7 +64,7 @@ impl LightBuilder {
         Self { size, pixels, times_us: Vec::new(), frames: Vec::new() }
     }
 
-    /// Takes in the next frame.
+    /// Adds the next frame.
     ///
     /// # Errors
     /// A frame of another size, or not later than the one before.
@@ -84,11 +84,11 @@ impl LightBuilder {
         Ok(())
     }
 
-    /// The light of the pixels that are usable.
+    /// The usable pixels.
     ///
     /// # Errors
     /// With fewer than two frames, or without a usable pixel.
-    pub fn finish(self) -> Result<Light, CalibrateError> {
+    pub fn finish(self) -> Result<BrightnessSeries, CalibrateError> {
         let n_frames = self.times_us.len();
         if n_frames < 2 {
             return Err(CalibrateError::TooFewFrames { n: n_frames });
@@ -108,11 +108,17 @@ impl LightBuilder {
             return Err(CalibrateError::NoUsablePixel { n_pixels: n });
         }
         let n_unusable = n - pixels.len();
-        Ok(Light { size: self.size, times_us: self.times_us, pixels, values, n_unusable })
+        Ok(BrightnessSeries {
+            size: self.size,
+            times_us: self.times_us,
+            pixels,
+            values,
+            n_unusable,
+        })
     }
 }
 
-impl Light {
+impl BrightnessSeries {
     /// Columns and rows of the pixel grid.
     #[must_use]
     pub const fn size(&self) -> Size {
@@ -131,22 +137,21 @@ impl Light {
         &self.pixels
     }
 
-    /// Pixels looked at and left out as dark or cut off.
+    /// Pixels left out as dark or saturated.
     #[must_use]
     pub const fn n_unusable(&self) -> usize {
         self.n_unusable
     }
 
-    /// Brightness of the usable pixel number `slot` in every frame.
+    /// Brightness of usable pixel `slot` in every frame.
     #[must_use]
     pub fn series(&self, slot: usize) -> &[f32] {
         let n = self.times_us.len();
         &self.values[slot * n..(slot + 1) * n]
     }
 
-    /// Usable pixels of a part; where those are more than `most`, pixels of tiles drawn with `seed`,
-    /// tile after tile.
-    pub(super) fn slots(&self, part: Part, most: usize, seed: u64) -> Vec<u32> {
+    /// Usable pixels of a subset, at most `most`: whole tiles drawn with `seed`.
+    pub(super) fn slots(&self, part: TileSubset, most: usize, seed: u64) -> Vec<u32> {
         let mine = |&slot: &u32| self.part(self.pixels[slot as usize]) == part;
         let mut slots: Vec<u32> = (0..self.pixels.len() as u32).filter(mine).collect();
         if slots.len() > most {
@@ -163,9 +168,9 @@ impl Light {
         tile_of(self.size, pixel)
     }
 
-    /// The part a pixel belongs to: tiles alternate like the fields of a chessboard.
+    /// The subset of a pixel: tiles alternate in a checkerboard.
     #[must_use]
-    pub fn part(&self, pixel: u32) -> Part {
+    pub fn part(&self, pixel: u32) -> TileSubset {
         part_of(self.size, pixel)
     }
 }
@@ -176,14 +181,13 @@ fn tile_of(size: Size, pixel: u32) -> u32 {
     y / u32::from(TILE) * u32::from(size.width.div_ceil(TILE)) + x / u32::from(TILE)
 }
 
-/// The part of a pixel of a grid.
-pub(super) fn part_of(size: Size, pixel: u32) -> Part {
+pub(super) fn part_of(size: Size, pixel: u32) -> TileSubset {
     let (x, y) = (pixel % u32::from(size.width), pixel / u32::from(size.width));
     let is_even = (x / u32::from(TILE) + y / u32::from(TILE)).is_multiple_of(2);
-    if is_even { Part::Train } else { Part::HeldOut }
+    if is_even { TileSubset::Train } else { TileSubset::HeldOut }
 }
 
-/// A number that looks random, from two that do not (the finaliser of SplitMix64, Steele 2014).
+/// Hash of a seed and a number (finaliser of SplitMix64, Steele et al. 2014).
 pub(super) fn shuffled(seed: u64, n: u64) -> u64 {
     let mut z = seed.wrapping_add((n + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -201,17 +205,17 @@ mod tests {
 
     #[test]
     fn dark_and_cut_off_pixels_are_left_out() {
-        let mut builder = LightBuilder::new(Size::new(2, 2), 2, 0);
+        let mut builder = BrightnessSeriesBuilder::new(Size::new(2, 2), 2, 0);
         builder.push(&frame(0, [10.0, 0.0, 255.0, 30.0])).unwrap();
         builder.push(&frame(5, [11.0, 9.0, 200.0, 31.0])).unwrap();
-        let light = builder.finish().unwrap();
-        assert_eq!((light.pixels(), light.n_unusable()), (&[0, 3][..], 2));
-        assert_eq!(light.series(1), [30.0, 31.0]);
+        let brightness = builder.finish().unwrap();
+        assert_eq!((brightness.pixels(), brightness.n_unusable()), (&[0, 3][..], 2));
+        assert_eq!(brightness.series(1), [30.0, 31.0]);
     }
 
     #[test]
     fn frames_out_of_order_and_of_another_size_are_named() {
-        let mut builder = LightBuilder::new(Size::new(2, 2), 2, 0);
+        let mut builder = BrightnessSeriesBuilder::new(Size::new(2, 2), 2, 0);
         builder.push(&frame(5, [10.0; 4])).unwrap();
         let error = builder.push(&frame(5, [10.0; 4])).unwrap_err().to_string();
         assert!(error.contains("frame 1 at 5 us"), "{error}");
@@ -224,7 +228,7 @@ mod tests {
     #[test]
     fn long_recordings_are_thinned_by_whole_tiles() {
         let size = Size::new(64, 64);
-        let builder = LightBuilder::new(size, MAX_SAMPLES / 640, 3);
+        let builder = BrightnessSeriesBuilder::new(size, MAX_SAMPLES / 640, 3);
         assert_eq!(builder.pixels.len(), 640);
         let tiles: std::collections::HashSet<u32> =
             builder.pixels.iter().map(|&p| tile_of(size, p)).collect();

@@ -1,4 +1,4 @@
-//! Small pictures as PNG data URIs.
+//! Small images as PNG data URIs.
 
 use super::colour::Rgb;
 use base64::Engine;
@@ -8,49 +8,49 @@ use image::{ExtendedColorType, ImageEncoder};
 
 /// Row-major colours on a pixel grid.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Picture {
+pub struct PixelImage {
     size: Size,
     /// Red, green, blue, opacity.
     pixels: Vec<[u8; 4]>,
 }
 
-/// A picture that cannot be shown.
+/// An image that cannot be encoded.
 #[derive(Debug, thiserror::Error)]
-pub enum PictureError {
+pub enum PixelImageError {
     /// The number of values does not fit the grid.
-    #[error("a picture of {size} pixels needs {expected} values but {got} were given")]
+    #[error("an image of {size} pixels needs {expected} values, got {got}")]
     WrongLength {
         /// The grid.
         size: Size,
         /// Its number of pixels.
         expected: usize,
-        /// How many values there were.
+        /// Number of values given.
         got: usize,
     },
-    /// The encoder refused, for instance a grid without pixels.
-    #[error("a picture of {size} pixels cannot be written as PNG: {source}")]
+    /// The encoder failed, for instance on a grid without pixels.
+    #[error("an image of {size} pixels cannot be encoded as PNG: {source}")]
     Encode {
         /// The grid.
         size: Size,
-        /// What the encoder said.
+        /// The encoder's error.
         source: image::ImageError,
     },
 }
 
 /// Refuses a slice whose length is not the grid's.
-pub(super) fn check_length(size: Size, got: usize) -> Result<(), PictureError> {
+pub(super) fn check_length(size: Size, got: usize) -> Result<(), PixelImageError> {
     let expected = size.n_pixels();
-    if got == expected { Ok(()) } else { Err(PictureError::WrongLength { size, expected, got }) }
+    if got == expected { Ok(()) } else { Err(PixelImageError::WrongLength { size, expected, got }) }
 }
 
-impl Picture {
-    /// A picture whose pixel at index `i` (row-major) has colour `colour_of(i)`.
+impl PixelImage {
+    /// An image whose pixel `i` (row-major) has colour `colour_of(i)`.
     #[must_use]
     pub fn from_fn(size: Size, mut colour_of: impl FnMut(usize) -> Rgb) -> Self {
         Self { size, pixels: (0..size.n_pixels()).map(|i| opaque(colour_of(i))).collect() }
     }
 
-    /// The same, with pixels that show the page's ground where there is no colour.
+    /// The same, transparent where there is no colour.
     #[must_use]
     pub fn from_fn_with_holes(size: Size, mut colour_of: impl FnMut(usize) -> Option<Rgb>) -> Self {
         let pixel = |i| colour_of(i).map_or([0; 4], opaque);
@@ -63,7 +63,7 @@ impl Picture {
         self.size.contains(x, y).then(|| self.pixels[self.size.index(x, y)])
     }
 
-    /// Sets one pixel; one that is off the grid is left alone.
+    /// Sets one pixel; ignored off the grid.
     pub fn set(&mut self, x: u16, y: u16, colour: Rgb) {
         if self.size.contains(x, y) {
             let index = self.size.index(x, y);
@@ -71,11 +71,11 @@ impl Picture {
         }
     }
 
-    /// The picture as a `data:image/png;base64,` URI.
+    /// The image as a `data:image/png;base64,` URI.
     ///
     /// # Errors
-    /// When the encoder refuses the picture.
-    pub fn data_uri(&self) -> Result<String, PictureError> {
+    /// When the encoder fails.
+    pub fn data_uri(&self) -> Result<String, PixelImageError> {
         let mut bytes = Vec::new();
         let flat = self.pixels.as_flattened();
         PngEncoder::new_with_quality(&mut bytes, CompressionType::Best, FilterType::Adaptive)
@@ -85,7 +85,7 @@ impl Picture {
                 self.size.height.into(),
                 ExtendedColorType::Rgba8,
             )
-            .map_err(|source| PictureError::Encode { size: self.size, source })?;
+            .map_err(|source| PixelImageError::Encode { size: self.size, source })?;
         let text = base64::engine::general_purpose::STANDARD.encode(bytes);
         Ok(format!("data:image/png;base64,{text}"))
     }
@@ -103,7 +103,7 @@ mod tests {
     fn a_picture_reads_back_pixel_by_pixel() {
         let size = Size::new(5, 3);
         let mut picture =
-            Picture::from_fn_with_holes(size, |i| (i != 7).then_some([i as u8, 2 * i as u8, 0]));
+            PixelImage::from_fn_with_holes(size, |i| (i != 7).then_some([i as u8, 2 * i as u8, 0]));
         picture.set(4, 2, [9, 8, 7]);
         picture.set(5, 0, [1, 1, 1]);
         let uri = picture.data_uri().unwrap();
@@ -120,6 +120,6 @@ mod tests {
 
     #[test]
     fn a_picture_without_pixels_is_an_error() {
-        assert!(Picture::from_fn(Size::new(0, 3), |_| [0; 3]).data_uri().is_err());
+        assert!(PixelImage::from_fn(Size::new(0, 3), |_| [0; 3]).data_uri().is_err());
     }
 }

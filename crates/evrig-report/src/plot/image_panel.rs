@@ -1,39 +1,38 @@
-//! A picture on its pixel grid, with a colour bar where colours are values.
+//! An image on its pixel grid, with an optional colour bar.
 
-use super::picture::{Picture, PictureError};
-use super::scale::{Kind, Scale};
+use super::pixel_image::{PixelImage, PixelImageError};
+use super::scale::{AxisScale, ScaleKind};
 use super::svg::{Anchor, Area, Canvas};
 use evrig_core::geometry::Size;
 
-/// Width of the panel in user units; about a CSS pixel on a desktop page.
+/// Width of the panel in user units, about CSS pixels.
 const WIDTH: f64 = 460.0;
-/// A tall grid is not drawn taller than this.
 const MAX_HEIGHT: f64 = 460.0;
 
-/// The colours of a picture and the values they stand for.
+/// A colour bar.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Bar {
-    /// What the values are, with their unit.
+    /// Quantity and unit.
     pub label: String,
     /// Linear or logarithmic.
-    pub kind: Kind,
+    pub kind: ScaleKind,
     /// Values at the left and the right end.
     pub range: [f64; 2],
-    /// Ticks that are labelled in another way than with their value.
+    /// Ticks with labels other than their values.
     pub ticks: Option<Vec<(f64, String)>>,
-    /// The scale as a picture one pixel high, for a light and, where it differs, a dark page.
-    pub light: Picture,
-    /// The scale on a dark page.
-    pub dark: Option<Picture>,
+    /// The scale as an image one pixel high.
+    pub light: PixelImage,
+    /// The scale for a dark page, where different.
+    pub dark: Option<PixelImage>,
 }
 
-/// Draws the picture (and its twin for a dark page) with the bar below.
+/// Draws the image (and its variant for a dark page) with the bar below.
 pub(super) fn draw(
-    light: &Picture,
-    dark: Option<&Picture>,
+    light: &PixelImage,
+    dark: Option<&PixelImage>,
     grid: Size,
     bar: Option<&Bar>,
-) -> Result<String, PictureError> {
+) -> Result<String, PixelImageError> {
     let ratio = f64::from(grid.height) / f64::from(grid.width.max(1));
     let height = (WIDTH * ratio).clamp(1.0, MAX_HEIGHT);
     let width = if ratio > 0.0 { (height / ratio).min(WIDTH) } else { WIDTH };
@@ -53,9 +52,9 @@ pub(super) fn draw(
 pub(super) fn put_picture(
     canvas: &mut Canvas,
     area: Area,
-    light: &Picture,
-    dark: Option<&Picture>,
-) -> Result<(), PictureError> {
+    light: &PixelImage,
+    dark: Option<&PixelImage>,
+) -> Result<(), PixelImageError> {
     match dark {
         None => canvas.image("px", area, &light.data_uri()?),
         Some(dark) => {
@@ -66,10 +65,10 @@ pub(super) fn put_picture(
     Ok(())
 }
 
-pub(super) fn put_bar(canvas: &mut Canvas, area: Area, bar: &Bar) -> Result<(), PictureError> {
+pub(super) fn put_bar(canvas: &mut Canvas, area: Area, bar: &Bar) -> Result<(), PixelImageError> {
     put_picture(canvas, area, &bar.light, bar.dark.as_ref())?;
     canvas.rect("frame", area);
-    let scale = Scale::new(bar.kind, bar.range, [area.x, area.right()]);
+    let scale = AxisScale::new(bar.kind, bar.range, [area.x, area.right()]);
     let ticks = match &bar.ticks {
         Some(ticks) => ticks.clone(),
         None => scale.ticks(5).into_iter().map(|t| (t.value, t.label)).collect(),
@@ -78,7 +77,6 @@ pub(super) fn put_bar(canvas: &mut Canvas, area: Area, bar: &Bar) -> Result<(), 
     for (value, label) in ticks.iter().filter(|(_, label)| !label.is_empty()) {
         let x = scale.position(*value);
         canvas.line("tick", [x, area.bottom()], [x, area.bottom() + 4.0]);
-        // A label at an end stays under the bar.
         let anchor = if x < area.x + 12.0 {
             Anchor::Start
         } else if x > area.right() - 12.0 {

@@ -1,95 +1,91 @@
-//! The rectangle of pixels that a moving square can touch within one step of its path: a cheap test
-//! before the exact one.
+//! Bounding rectangle of the pixels that a moving square can touch within one step of its path.
 
 use evrig_core::geometry::Size;
 
-/// Pixels about the square beyond what its own way adds, for the rounding of single precision.
-const ROOM_PX: f64 = 1.0;
+/// Margin for rounding in single precision, pixels.
+const MARGIN_PX: f64 = 1.0;
 
-/// A square whose corners go farther within a step has no rectangle worth the name.
-const MAX_WAY_PX: f64 = 16.0;
+/// Corner displacement per step above which all pixels are tested.
+const MAX_DISPLACEMENT_PX: f64 = 16.0;
 
-/// Columns and rows from the first on, so many of each.
+/// First column and row, and the number of each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Near {
+pub(super) struct PixelBounds {
     first: [u16; 2],
     n: [u16; 2],
 }
 
-/// Where the pixels of a bent picture lie: the least and the largest ideal coordinate that any pixel
-/// of a column has along the rows, and any of a row along the columns.
+/// Range of the undistorted x in each column and of the undistorted y in each row.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Reaches {
+pub(super) struct IdealRanges {
     columns: Vec<[f32; 2]>,
     rows: Vec<[f32; 2]>,
 }
 
-impl Reaches {
-    /// Of a picture's ideal pixels, row-major.
+impl IdealRanges {
+    /// Of undistorted pixels, row-major.
     pub(super) fn new(size: Size, ideal: &[[f32; 2]]) -> Self {
         let (width, height) = (usize::from(size.width), usize::from(size.height));
         let nowhere = [f32::INFINITY, f32::NEG_INFINITY];
         let (mut columns, mut rows) = (vec![nowhere; width], vec![nowhere; height]);
         for (i, place) in ideal.iter().enumerate() {
-            // A place that the lens cannot have is no number, and neither least nor largest.
-            for (reach, part) in
+            // min and max ignore NaN.
+            for (range, part) in
                 [(&mut columns[i % width], place[0]), (&mut rows[i / width], place[1])]
             {
-                *reach = [reach[0].min(part), reach[1].max(part)];
+                *range = [range[0].min(part), range[1].max(part)];
             }
         }
         Self { columns, rows }
     }
 }
 
-impl Near {
-    /// The whole grid.
+impl PixelBounds {
     pub(super) const fn all(size: Size) -> Self {
         Self { first: [0; 2], n: [size.width, size.height] }
     }
 
-    /// The pixels that can lie within `half` of the square's middle while its numbers change from the
-    /// first to the sum of both; `reaches` where the picture is bent.
+    /// Pixels that can lie within `half` of the square's middle during a step with homography `at` and
+    /// its `change`; `ranges` for a lens with distortion.
     pub(super) fn new(
         size: Size,
         [at, change]: [[f32; 9]; 2],
         half: f32,
-        reaches: Option<&Reaches>,
+        ranges: Option<&IdealRanges>,
     ) -> Self {
         let then: [f32; 9] = std::array::from_fn(|i| at[i] + change[i]);
         let (Some(from), Some(to)) = (corners(at, half), corners(then, half)) else {
             return Self::all(size);
         };
-        let ways = from.iter().zip(&to).map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]));
-        let way = ways.fold(0.0, f64::max);
-        if way.is_nan() || way > MAX_WAY_PX {
+        let displacements = from.iter().zip(&to).map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]));
+        let displacement = displacements.fold(0.0, f64::max);
+        if displacement.is_nan() || displacement > MAX_DISPLACEMENT_PX {
             return Self::all(size);
         }
         let both = || from.iter().chain(&to);
-        let room = 2.0 * way + ROOM_PX;
+        let margin = 2.0 * displacement + MARGIN_PX;
         let range = |axis: usize| {
             let low = both().map(|corner| corner[axis]).fold(f64::INFINITY, f64::min);
             let high = both().map(|corner| corner[axis]).fold(f64::NEG_INFINITY, f64::max);
-            [low - room, high + room]
+            [low - margin, high + margin]
         };
         let side = [size.width, size.height];
-        let ends = |axis: usize| match reaches {
-            None => straight(range(axis), side[axis]),
-            Some(Reaches { columns, rows }) => bent(range(axis), [columns, rows][axis]),
+        let ends = |axis: usize| match ranges {
+            None => inside(range(axis), side[axis]),
+            Some(IdealRanges { columns, rows }) => intersecting(range(axis), [columns, rows][axis]),
         };
         let [columns, rows] = [ends(0), ends(1)];
         Self { first: [columns.0, rows.0], n: [columns.1, rows.1] }
     }
 
-    /// Whether a pixel is among them.
     #[inline(always)]
     pub(super) fn holds(&self, x: u16, y: u16) -> bool {
         (x.wrapping_sub(self.first[0]) < self.n[0]) & (y.wrapping_sub(self.first[1]) < self.n[1])
     }
 }
 
-/// The corners of a square of so much to each side, about the middle of the frame; none where one lies
-/// on the horizon or behind it.
+/// Corners of a square of half side `half`, relative to the middle of the frame; none at or behind the
+/// horizon.
 fn corners(numbers: [f32; 9], half: f32) -> Option<[[f64; 2]; 4]> {
     let matrix = nalgebra::Matrix3::from_row_slice(&numbers.map(f64::from));
     let back = matrix.try_inverse()?;
@@ -105,19 +101,19 @@ fn corners(numbers: [f32; 9], half: f32) -> Option<[[f64; 2]; 4]> {
     Some(found)
 }
 
-/// First pixel and number of those whose middles lie in a range about the middle of `side` pixels.
-fn straight([low, high]: [f64; 2], side: u16) -> (u16, u16) {
+/// First and number of pixels with middles in a range relative to the middle of `side` pixels.
+fn inside([low, high]: [f64; 2], side: u16) -> (u16, u16) {
     let middle = f64::from(side) / 2.0 - 0.5;
     let first = (low + middle).ceil().clamp(0.0, f64::from(side)) as u16;
     let end = ((high + middle).floor() + 1.0).clamp(0.0, f64::from(side)) as u16;
     (first, end.saturating_sub(first))
 }
 
-/// The same of columns or rows that reach from here to there.
-fn bent([low, high]: [f64; 2], reaches: &[[f32; 2]]) -> (u16, u16) {
+/// First and number of columns or rows whose undistorted range intersects a range.
+fn intersecting([low, high]: [f64; 2], ranges: &[[f32; 2]]) -> (u16, u16) {
     let meets = |[from, to]: &[f32; 2]| f64::from(*to) >= low && f64::from(*from) <= high;
-    let first = reaches.iter().position(meets).unwrap_or(reaches.len());
-    let end = reaches.iter().rposition(meets).map_or(first, |last| last + 1);
+    let first = ranges.iter().position(meets).unwrap_or(ranges.len());
+    let end = ranges.iter().rposition(meets).map_or(first, |last| last + 1);
     (first as u16, (end - first) as u16)
 }
 
@@ -131,9 +127,9 @@ mod tests {
 
     #[test]
     fn the_rectangle_holds_the_square_and_a_pixel_more_on_its_way() {
-        // It moves two pixels to the right: its own way is allowed for twice.
+        // It moves two pixels to the right: its own displacement is allowed for twice.
         let change = [0.0, 0.0, -0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        let near = Near::new(SIZE, [SQUARE, change], 0.5, None);
+        let near = PixelBounds::new(SIZE, [SQUARE, change], 0.5, None);
         assert_eq!((near.first, near.n), ([10, 5], [22, 20]));
         assert!(near.holds(10, 5) && near.holds(31, 24));
         assert!(!near.holds(9, 10) && !near.holds(32, 10) && !near.holds(20, 25));
@@ -145,18 +141,19 @@ mod tests {
         let ideal: Vec<[f32; 2]> = (0..SIZE.n_pixels())
             .map(|i| [(i % 40) as f32 - 19.5, (i / 40) as f32 - 14.5].map(|part| 2.0 * part))
             .collect();
-        let near = Near::new(SIZE, [SQUARE, [0.0; 9]], 0.5, Some(&Reaches::new(SIZE, &ideal)));
+        let near =
+            PixelBounds::new(SIZE, [SQUARE, [0.0; 9]], 0.5, Some(&IdealRanges::new(SIZE, &ideal)));
         assert_eq!((near.first, near.n), ([17, 12], [6, 6]));
     }
 
     #[test]
     fn a_square_that_leaps_or_lies_on_the_horizon_may_be_anywhere() {
         let leap = [0.0, 0.0, -9.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        assert_eq!(Near::new(SIZE, [SQUARE, leap], 0.5, None), Near::all(SIZE));
+        assert_eq!(PixelBounds::new(SIZE, [SQUARE, leap], 0.5, None), PixelBounds::all(SIZE));
         let horizon = [0.1, 0.0, 0.0, 0.0, 0.1, 0.0, 0.3, 0.0, 1.0];
-        assert_eq!(Near::new(SIZE, [horizon, [0.0; 9]], 5.0, None), Near::all(SIZE));
+        assert_eq!(PixelBounds::new(SIZE, [horizon, [0.0; 9]], 5.0, None), PixelBounds::all(SIZE));
         let outside = [0.1, 0.0, -10.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0];
-        let near = Near::new(SIZE, [outside, [0.0; 9]], 0.5, None);
+        let near = PixelBounds::new(SIZE, [outside, [0.0; 9]], 0.5, None);
         assert!((0..40).all(|x| (0..30).all(|y| !near.holds(x, y))));
     }
 }
