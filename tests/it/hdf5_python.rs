@@ -1,7 +1,6 @@
-//! Event tables that h5py wrote become streams.
+//! Event tables written by h5py are imported as streams.
 //!
-//! Needs a Python with `h5py` and `numpy`, named by `EVRIG_PYTHON`; says so and passes
-//! when that is unset.
+//! Needs a Python with `h5py` and `numpy`, named by `EVRIG_PYTHON`; skipped when unset.
 
 use evrig::event::Event;
 use evrig::format::npy::ArrayWriter;
@@ -10,7 +9,7 @@ use evrig::session::{Session, StreamName};
 use std::process::Command;
 
 #[test]
-fn every_layout_that_h5py_users_write_gives_the_same_events() {
+fn every_common_h5py_layout_gives_the_same_events() {
     let Some(python) = std::env::var("EVRIG_PYTHON").ok().filter(|p| !p.is_empty()) else {
         eprintln!("skipped: set EVRIG_PYTHON to a Python with h5py");
         return;
@@ -20,7 +19,7 @@ fn every_layout_that_h5py_users_write_gives_the_same_events() {
     let mut writer = ArrayWriter::<u8>::create(&frames, &[2, 8, 12]).unwrap();
     writer.extend(&[50; 192]).unwrap();
     writer.finish().unwrap();
-    // DSEC states an offset that must be added; the other layouts state none.
+    // Only DSEC has an offset, which must be added.
     for (layout, offset) in [("dsec", 1_700_000_000_000_000), ("flat", 0), ("table", 0)] {
         let file = directory.path().join(format!("{layout}.h5"));
         let script = "tests/python/write_hdf5.py";
