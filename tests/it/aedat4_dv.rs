@@ -2,6 +2,7 @@
 //!
 //! Needs a Python with `dv-processing` and `numpy`, named by `EVRIG_PYTHON`; skipped when unset.
 
+use crate::sessions::python;
 use evrig::event::{Event, Events};
 use evrig::format::aedat4::{Compression, Content, Reader, StreamSpec, Writer};
 use evrig::frame::{Channels, Frame, FrameTiming, Samples};
@@ -138,7 +139,7 @@ fn read(path: &Path) -> RecordingContents {
     recording
 }
 
-fn run(python: &std::ffi::OsStr, arguments: &[&std::ffi::OsStr]) {
+fn run(python: &str, arguments: &[&std::ffi::OsStr]) {
     let script = "tests/python/aedat4_roundtrip.py";
     let output = Command::new(python).arg(script).args(arguments).output().unwrap();
     let text = String::from_utf8_lossy(&output.stdout).into_owned()
@@ -148,10 +149,7 @@ fn run(python: &std::ffi::OsStr, arguments: &[&std::ffi::OsStr]) {
 
 #[test]
 fn dv_processing_and_evrig_read_each_others_files() {
-    let Some(python) = std::env::var_os("EVRIG_PYTHON") else {
-        println!("skipped: EVRIG_PYTHON names no Python with dv-processing and numpy");
-        return;
-    };
+    let Some(python) = python("dv-processing and numpy") else { return };
     let folder = tempfile::tempdir().unwrap();
     let truth = truth();
     let json = folder.path().join("truth.json");

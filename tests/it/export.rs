@@ -3,9 +3,8 @@
 //! The libraries need a Python with the packages of `.ci/python-packages.txt`, named by `EVRIG_PYTHON`;
 //! these tests are skipped when it is unset.
 
+use crate::sessions::{self, python, run, text};
 use crate::small_rig;
-
-use assert_cmd::Command;
 use std::path::{Path, PathBuf};
 
 /// The start of the real recording, truncated inside a packet: some tens of frames and their events.
@@ -20,24 +19,13 @@ fn street(directory: &Path) -> PathBuf {
     session
 }
 
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
-
 fn evrig(arguments: &[&str]) -> (i32, String) {
-    let output = Command::cargo_bin("evrig").unwrap().args(arguments).output().unwrap();
-    let printed = [output.stderr, output.stdout].concat();
-    (output.status.code().unwrap(), String::from_utf8(printed).unwrap())
+    run(sessions::evrig().args(arguments))
 }
 
 #[test]
 fn every_format_is_read_back_unchanged_by_common_libraries() {
-    let Some(python) = std::env::var("EVRIG_PYTHON").ok().filter(|p| !p.is_empty()) else {
-        eprintln!(
-            "skipped: set EVRIG_PYTHON to a Python with h5py, pyarrow, dv-processing and mcap"
-        );
-        return;
-    };
+    let Some(python) = python("h5py, pyarrow, dv-processing and mcap") else { return };
     let directory = tempfile::tempdir().unwrap();
     let session = street(directory.path());
     for file in ["real.npz", "real.h5", "real.parquet", "real.aedat4", "real.mcap"] {
@@ -57,10 +45,7 @@ fn every_format_is_read_back_unchanged_by_common_libraries() {
 
 #[test]
 fn metadata_of_images_clocks_and_seeds_is_exported_unchanged_in_every_format() {
-    let Some(python) = std::env::var("EVRIG_PYTHON").ok().filter(|p| !p.is_empty()) else {
-        eprintln!("skipped: set EVRIG_PYTHON to a Python with h5py, dv-processing and mcap");
-        return;
-    };
+    let Some(python) = python("h5py, dv-processing and mcap") else { return };
     let directory = tempfile::tempdir().unwrap();
     let session = directory.path().join("session");
     small_rig::aligned_session(&session);
@@ -88,10 +73,7 @@ fn metadata_of_images_clocks_and_seeds_is_exported_unchanged_in_every_format() {
 #[cfg(feature = "rerun")]
 #[test]
 fn an_rrd_file_is_read_back_by_the_package_of_rerun() {
-    let Some(python) = std::env::var("EVRIG_PYTHON").ok().filter(|p| !p.is_empty()) else {
-        eprintln!("skipped: set EVRIG_PYTHON to a Python with rerun-sdk 0.26.2");
-        return;
-    };
+    let Some(python) = python("rerun-sdk 0.26.2") else { return };
     let directory = tempfile::tempdir().unwrap();
     let session = directory.path().join("session");
     small_rig::aligned_session(&session);

@@ -1,19 +1,9 @@
 //! Invalid frames and settings are reported by the commands; black and saturated pixels are valid.
 
-use assert_cmd::Command;
+use crate::sessions::run_json as evrig;
 use evrig::format::npy::ArrayWriter;
 use evrig::session::Session;
-use serde_json::Value;
 use std::path::{Path, PathBuf};
-
-/// Runs evrig; its exit code, standard error and result.
-fn evrig(arguments: &[&str]) -> (i32, String, Value) {
-    let mut command = Command::cargo_bin("evrig").expect("the binary is built with the tests");
-    let output = command.args(arguments).arg("--json").output().unwrap();
-    let stderr = String::from_utf8(output.stderr).unwrap();
-    let value = serde_json::from_slice(&output.stdout).unwrap_or(Value::Null);
-    (output.status.code().unwrap(), stderr, value)
-}
 
 /// Frames of 24 x 16 with a moving wave between black and saturation.
 fn clip(root: &Path, n: u64) -> PathBuf {

@@ -2,6 +2,7 @@
 //!
 //! Needs a Python with `h5py` and `numpy`, named by `EVRIG_PYTHON`; skipped when unset.
 
+use crate::sessions::python;
 use evrig::event::Event;
 use evrig::format::npy::ArrayWriter;
 use evrig::session::import::{FrameTimes, ImportFrames, import_frames};
@@ -10,10 +11,7 @@ use std::process::Command;
 
 #[test]
 fn every_common_h5py_layout_gives_the_same_events() {
-    let Some(python) = std::env::var("EVRIG_PYTHON").ok().filter(|p| !p.is_empty()) else {
-        eprintln!("skipped: set EVRIG_PYTHON to a Python with h5py");
-        return;
-    };
+    let Some(python) = python("h5py") else { return };
     let directory = tempfile::tempdir().unwrap();
     let frames = directory.path().join("clip.npy");
     let mut writer = ArrayWriter::<u8>::create(&frames, &[2, 8, 12]).unwrap();

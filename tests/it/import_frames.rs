@@ -1,6 +1,6 @@
 //! Frames and events from third-party files become sessions, or give one clear error.
 
-use assert_cmd::Command;
+use crate::sessions::{evrig, run};
 use evrig::event::{Event, Events};
 use evrig::format::npy::{ArrayWriter, NpzWriter};
 use evrig::frame::Luminance;
@@ -30,22 +30,9 @@ fn rows(events: &Events) -> Vec<i64> {
     events.as_slice().iter().flat_map(row).collect()
 }
 
-fn evrig() -> Command {
-    Command::cargo_bin("evrig").expect("the binary is built with the tests")
-}
-
 /// Imports; the exit code and both outputs.
 fn import(frames: &Path, session: &Path, more: &[&str]) -> (i32, String) {
-    let output = evrig()
-        .args(["import", "frames"])
-        .arg(frames)
-        .arg("--out")
-        .arg(session)
-        .args(more)
-        .output()
-        .unwrap();
-    let printed = [output.stderr, output.stdout].concat();
-    (output.status.code().unwrap(), String::from_utf8(printed).unwrap())
+    run(evrig().args(["import", "frames"]).arg(frames).arg("--out").arg(session).args(more))
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Recordings in the layout of the published recorder, with its known defects.
 
+use crate::sessions::{evrig, run};
 use evrig::event::{Event, Events};
 use evrig::format::aedat4::{Compression, StreamSpec, Writer};
 use evrig::format::npy::{Column, Npz};
@@ -30,15 +31,8 @@ fn raw_frame(k: u16, shift: u16) -> Vec<u8> {
 
 /// Runs the import; exit code and both outputs.
 fn import(directory: &Path, id: &str, session: &Path) -> (i32, String) {
-    let output = assert_cmd::Command::cargo_bin("evrig")
-        .unwrap()
-        .args(["import", "raw2event", "--size", "8x6", "--id", id, "--out"])
-        .arg(session)
-        .arg(directory)
-        .output()
-        .unwrap();
-    let printed = [output.stderr, output.stdout].concat();
-    (output.status.code().unwrap(), String::from_utf8(printed).unwrap())
+    let arguments = ["import", "raw2event", "--size", "8x6", "--id", id, "--out"];
+    run(evrig().args(arguments).arg(session).arg(directory))
 }
 
 fn array(path: &Path, name: &str) -> (Vec<u64>, Column) {
@@ -94,7 +88,6 @@ fn a_pi_5_recording_with_every_defect_is_imported_and_the_decisions_are_reported
         assert!(printed.contains(expected), "{expected}: {printed}");
     }
     let out = root.join("raw.npz");
-    let evrig = || assert_cmd::Command::cargo_bin("evrig").unwrap();
     evrig()
         .arg("export")
         .arg(&session)

@@ -1,14 +1,11 @@
 //! The main workflow on a real recording: import, process, report.
 
+use crate::sessions::evrig;
 use assert_cmd::Command;
 use serde_json::Value;
 use std::path::Path;
 
 const STREET: &str = "tests/data/davis346-street.aedat4";
-
-fn evrig() -> Command {
-    Command::cargo_bin("evrig").expect("the binary is built with the tests")
-}
 
 fn json(command: &mut Command) -> Value {
     let output = command.arg("--json").output().expect("evrig runs");

@@ -3,20 +3,11 @@
 
 use crate::small_rig;
 
-use assert_cmd::Command;
+use crate::sessions::run_json as evrig;
 use serde_json::Value;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 use tempfile::TempDir;
-
-/// Runs evrig; its exit code, standard error and result.
-fn evrig(arguments: &[&str]) -> (i32, String, Value) {
-    let mut command = Command::cargo_bin("evrig").expect("the binary is built with the tests");
-    let output = command.args(arguments).arg("--json").output().unwrap();
-    let stderr = String::from_utf8(output.stderr).unwrap();
-    let value = serde_json::from_slice(&output.stdout).unwrap_or(Value::Null);
-    (output.status.code().unwrap(), stderr, value)
-}
 
 /// One synchronized and registered session for all tests of this file.
 fn session() -> String {

@@ -27,6 +27,28 @@ pub(crate) fn json(command: &mut Command) -> (i32, Value, String) {
     (output.status.code().unwrap_or(-1), value, stderr)
 }
 
+/// Exit code, standard error and result of evrig with `--json`.
+pub(crate) fn run_json(arguments: &[&str]) -> (i32, String, Value) {
+    let (code, value, stderr) = json(evrig().args(arguments));
+    (code, stderr, value)
+}
+
+/// Exit code and both outputs of a command.
+pub(crate) fn run(command: &mut Command) -> (i32, String) {
+    let output = command.output().unwrap();
+    let printed = [output.stderr, output.stdout].concat();
+    (output.status.code().unwrap(), String::from_utf8(printed).unwrap())
+}
+
+/// The Python of `EVRIG_PYTHON`; prints why a test is skipped when there is none.
+pub(crate) fn python(packages: &str) -> Option<String> {
+    let python = std::env::var("EVRIG_PYTHON").ok().filter(|path| !path.is_empty());
+    if python.is_none() {
+        eprintln!("skipped: set EVRIG_PYTHON to a Python with {packages}");
+    }
+    python
+}
+
 /// A dataset of `n` sessions `s0`, `s1`, ... that differ in the bar's start and in the number of
 /// missing events.
 pub(crate) fn dataset(root: &Path, n: u16) -> PathBuf {
