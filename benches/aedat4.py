@@ -1,14 +1,14 @@
-"""AEDAT4 beside dv-processing and faery, on the same bytes in one run.
+"""Compares AEDAT4 with dv-processing and faery on the same data in one run.
 
     python3 benches/aedat4.py [--events 20e6] [--repeats 5] [--dir DIR]
 
 Makes a virtual environment in DIR (default target/bench-aedat4) with dv-processing and faery from
 PyPI, builds `benches/aedat4.rs` in release, makes one file of real events (tiles of
 tests/data/davis346-street.aedat4), lets dv-processing write it in each compression, and times
-reading all its events and writing them from memory. Programs take turns within each repeat, so
-that a busy machine hurts all alike; the median of each counts. Processor time (of all threads) is
-shown as well: on a busy machine it says more than the clock does, which a program on several cores
-loses by. Times are taken inside each process, without its start. Prints a table and the ratios.
+reading all its events and writing them from memory. The programs alternate within each repeat, so
+that load on the machine affects all alike; the median counts. Processor time (of all threads) is
+shown as well: it depends less on the load than wall time does, especially for programs with several
+threads. Times are taken inside each process, without its start. Prints a table and the ratios.
 """
 
 import argparse
@@ -36,7 +36,7 @@ def report(start, n_events):
 
 
 def load(path):
-    """The whole file as an event store, in dv-processing's own memory."""
+    """The whole file as an event store in the memory of dv-processing."""
     import dv_processing as dv
 
     recording, store = dv.io.MonoCameraRecording(path), dv.EventStore()
@@ -115,7 +115,7 @@ def run(command):
 
 
 def measure(task, programs, repeats, results):
-    """Lets the programs take turns; all rates in million events a second and ns of processor time an event."""
+    """Alternates the programs; rates in million events per second and ns of processor time per event."""
     for _ in range(repeats):
         for name, command in programs.items():
             outcome = run(command)
@@ -146,7 +146,7 @@ def main():
             "faery": [*theirs, "--run", "faery_encode", source, kind, written["faery"]],
         }, arguments.repeats, results)
         sizes[f"encode {kind}"] = {n: os.path.getsize(p) / n_events for n, p in written.items()}
-        # The file that dv-processing wrote, so that nobody reads what it tuned for itself.
+        # The file written by dv-processing, so that evrig does not read a file of its own.
         measure(f"decode {kind}", {
             "evrig": [ours, "decode", written["dv"]],
             "dv": [*theirs, "--run", "dv_decode", written["dv"]],

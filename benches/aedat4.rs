@@ -1,6 +1,6 @@
-//! Reads and writes AEDAT4 as fast as it can, for `benches/aedat4.py`, which compares with others.
+//! Times reading and writing of AEDAT4 for `benches/aedat4.py`, which compares libraries.
 //!
-//! `make RECORDING N OUT` writes N events, tiles of a real recording moved over the sensor;
+//! `make RECORDING N OUT` writes N events, tiles of a real recording shifted over the sensor;
 //! `decode FILE` and `encode FILE COMPRESSION OUT` time the library; `copy BYTES` times memory.
 //! Each prints one line of JSON. Without arguments (plain `cargo bench`) nothing is measured.
 
@@ -17,7 +17,7 @@ fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments.as_slice() {
-        [] => println!("run benches/aedat4.py, which times this program beside others"),
+        [] => println!("run benches/aedat4.py, which compares this program with other libraries"),
         ["make", recording, n, out] => make(recording, n.parse()?, out)?,
         ["decode", file] => decode(file)?,
         ["encode", file, compression, out] => encode(file, compression, out)?,
@@ -27,15 +27,15 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Wall clock and processor time (all threads) from here on.
-struct Watch(Instant, f64);
+/// Wall time and processor time (all threads) since the start.
+struct TimeMeter(Instant, f64);
 
 fn cpu_seconds() -> f64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
 }
 
-impl Watch {
+impl TimeMeter {
     fn start() -> Self {
         Self(Instant::now(), cpu_seconds())
     }
@@ -56,8 +56,8 @@ fn events_of(file: &str) -> Result<Events> {
     Ok(all)
 }
 
-/// Tiles of the recording, one after another in time, each moved round the sensor by its own step,
-/// so that no compressor finds one tile in the one before.
+/// Tiles of the recording, consecutive in time, each shifted differently over the sensor so that a
+/// compressor finds no tile in the previous one.
 fn make(recording: &str, n: usize, out: &str) -> Result<()> {
     let tile = events_of(recording)?;
     let tile = tile.as_slice();
@@ -71,16 +71,16 @@ fn make(recording: &str, n: usize, out: &str) -> Result<()> {
     };
     let events: Events = (0..n).map(moved).collect();
     let streams = [StreamSpec::events(Size::DAVIS346, "bench")];
-    let watch = Watch::start();
+    let meter = TimeMeter::start();
     let mut writer = Writer::create(out, Compression::None, &streams)?;
     writer.write_events(0, events.as_slice())?;
     writer.finish()?;
-    watch.report(n);
+    meter.report(n);
     Ok(())
 }
 
 fn decode(file: &str) -> Result<()> {
-    let watch = Watch::start();
+    let meter = TimeMeter::start();
     let mut n_events = 0;
     let mut reader = Reader::open(file)?;
     while let Some(packet) = reader.next() {
@@ -89,7 +89,7 @@ fn decode(file: &str) -> Result<()> {
             reader.recycle(events);
         }
     }
-    watch.report(n_events);
+    meter.report(n_events);
     Ok(())
 }
 
@@ -102,15 +102,15 @@ fn encode(file: &str, compression: &str, out: &str) -> Result<()> {
     };
     let events = events_of(file)?;
     let streams = [StreamSpec::events(Size::DAVIS346, "bench")];
-    let watch = Watch::start();
+    let meter = TimeMeter::start();
     let mut writer = Writer::create(out, compression, &streams)?;
     writer.write_events(0, events.as_slice())?;
     writer.finish()?;
-    watch.report(events.len());
+    meter.report(events.len());
     Ok(())
 }
 
-/// Best of five copies between two buffers that are in memory already.
+/// Best of five copies between two buffers in memory.
 fn copy(n_bytes: usize) {
     let from = vec![1_u8; n_bytes];
     let mut to = vec![2_u8; n_bytes];

@@ -1,9 +1,9 @@
-//! How fast events are held against a moving region: `cargo bench --bench filter`.
+//! Speed of filtering events by a moving region: `cargo bench --bench filter`.
 //!
-//! Ten million events all over a DAVIS346, one each 100 ns, and a picture of 83 pixels that circles
-//! and turns, its path at 1 ms; and as many that all lie in the picture. Reported: events a second of
-//! one thread's own time, which other programs on the machine touch little, and the ratio of that time
-//! to a copy of the same four columns.
+//! Ten million events over the whole DAVIS346, one per 100 ns, and a target image of 83 pixels that
+//! circles and rotates, its path sampled at 1 ms; and as many events that are all inside it. Reports
+//! events per second of the thread's processor time, which other programs affect little, and the
+//! ratio of that time to a copy of the same four columns.
 
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
 
@@ -16,7 +16,7 @@ use std::hint::black_box;
 const N_EVENTS: u64 = 10_000_000;
 const N_ROUNDS: usize = 7;
 
-/// From pixels to the picture at a time.
+/// From pixels to the target image at a time.
 fn square(t_us: i64) -> Option<Homography> {
     let angle = t_us as f64 * 3e-6;
     let [x, y] = [170.0 + 30.0 * angle.cos(), 120.0 + 30.0 * angle.sin()];
@@ -29,7 +29,7 @@ fn square(t_us: i64) -> Option<Homography> {
     ]))
 }
 
-/// All over the sensor, or so near the way's middle that the picture always holds them.
+/// Over the whole sensor, or near the centre of the path, where they are always inside the image.
 fn events(everywhere: bool) -> Events {
     let event = |i: u64| {
         let draw = i.wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(23);
@@ -42,7 +42,7 @@ fn events(everywhere: bool) -> Events {
     (0..N_EVENTS).map(event).collect()
 }
 
-/// Time that this thread has run for, seconds.
+/// Processor time of this thread, seconds.
 fn thread_s() -> f64 {
     let time = clock_gettime(ClockId::ThreadCPUTime);
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9

@@ -1,13 +1,13 @@
-//! How fast generators turn frames into events: `cargo bench --bench generate`.
+//! Speed of generating events from frames: `cargo bench --bench generate`.
 //!
-//! The clip is made here: a textured plane on a circle, 120 frames a second, 10 bits, one
-//! revolution that closes on itself. Its contrast is set so that the Raw2DVS346 preset makes
-//! about 16,000 events a frame at 346 x 260. Per model, size and number of threads a
-//! table gives frames/s, events/s, ns per pixel-frame and the ratio to the time it takes to
-//! read the frame and read and write the least state (brightness and one f64) once.
+//! The synthetic clip shows a textured plane on a circle, 120 frames per second, 10 bits, one
+//! periodic revolution. Its contrast is set so that the Raw2DVS346 preset generates about 16,000
+//! events per frame at 346 x 260. Per model, size and number of threads a table gives frames/s,
+//! events/s, ns per pixel-frame and the ratio to the time of reading the frame and of reading and
+//! writing the minimal state (brightness and one f64) once.
 //!
-//! A peer runs in the same table: eventcv-core, another hand's compiled and parallel v2e pixel, with
-//! the parameters of `v2e-clean` and `v2e-noisy` and without its own upsampling.
+//! The table includes eventcv-core, a third-party compiled and parallel v2e pixel, with the
+//! parameters of `v2e-clean` and `v2e-noisy` and without its own upsampling.
 
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
 
@@ -31,7 +31,7 @@ const SIZES: [Size; 2] = [Size::DAVIS346, Size::new(692, 520)];
 const SMOOTH: f32 = 0.245;
 const EDGES: f32 = 0.6;
 
-/// Log brightness of the print: waves of several lengths and directions, a few sharp edges.
+/// Log brightness of the texture: waves of several lengths and directions, a few sharp edges.
 fn texture(x: f32, y: f32) -> f32 {
     let waves = [(0.05, 0.3), (0.11, 1.9), (0.23, 2.6), (0.31, 0.8), (0.47, 4.1)];
     let smooth: f32 = waves
@@ -59,21 +59,21 @@ fn clip(size: Size) -> Vec<Vec<f32>> {
     (0..N_FRAMES).map(frame).collect()
 }
 
-/// Who makes the events.
-enum Engine {
+/// A generator of this project or the third-party one.
+enum BenchedGenerator {
     Own(Box<dyn Generator>),
     Peer { simulator: Box<Simulator>, pool: rayon::ThreadPool, frame: Vec<f32> },
 }
 
-impl Engine {
-    fn new(case: &Case, size: Size, threads: usize) -> Self {
+impl BenchedGenerator {
+    fn new(case: &BenchCase, size: Size, threads: usize) -> Self {
         match &case.made {
-            Made::Own(choice) => {
+            GeneratorSource::Own(choice) => {
                 let choice = GeneratorChoice { seed: 1, ..*choice };
                 let parameters = GenerateParameters::from_choice(&choice).unwrap();
                 Self::Own(build(&parameters, NonZeroUsize::new(threads)).unwrap())
             }
-            Made::Peer(config) => {
+            GeneratorSource::Peer(config) => {
                 let (width, height) = (usize::from(size.width), usize::from(size.height));
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
                 let simulator = Box::new(Simulator::new(width, height, *config));
@@ -82,7 +82,7 @@ impl Engine {
         }
     }
 
-    /// Brings a frame into the engine's own units, which is not timed.
+    /// Converts a frame to the units of the engine; not timed.
     fn prepare(&mut self, frame: &Luminance) {
         if let Self::Peer { frame: own, .. } = self {
             own.iter_mut().zip(&frame.values).for_each(|(own, value)| *own = value / 1023.0);
@@ -97,7 +97,7 @@ impl Engine {
                 black_box(&*out).len()
             }
             Self::Peer { simulator, pool, frame: own } => {
-                // Its clock starts at the clip's, so that its stamps are small.
+                // Its clock starts with the clip, so that its timestamps are small.
                 let t_us = frame.t_us - START_US;
                 pool.install(|| black_box(simulator.push_frame(black_box(own), t_us)).len())
             }
@@ -105,9 +105,9 @@ impl Engine {
     }
 }
 
-/// A generator fed with the clip round and round.
-struct Run<'a> {
-    engine: Engine,
+/// A generator fed with the repeated clip.
+struct BenchRun<'a> {
+    engine: BenchedGenerator,
     clip: &'a [Vec<f32>],
     frame: Luminance,
     next: usize,
@@ -116,11 +116,11 @@ struct Run<'a> {
     cpu: Duration,
 }
 
-impl<'a> Run<'a> {
-    fn new(case: &Case, size: Size, clip: &'a [Vec<f32>], threads: usize) -> Self {
+impl<'a> BenchRun<'a> {
+    fn new(case: &BenchCase, size: Size, clip: &'a [Vec<f32>], threads: usize) -> Self {
         let frame = Luminance { t_us: START_US, size, values: Vec::new() };
         let mut run = Self {
-            engine: Engine::new(case, size, threads),
+            engine: BenchedGenerator::new(case, size, threads),
             clip,
             frame,
             next: 0,
@@ -136,7 +136,7 @@ impl<'a> Run<'a> {
         run
     }
 
-    /// Takes in the next frame; the time that took.
+    /// Processes the next frame; returns the time taken.
     fn step(&mut self) -> Duration {
         self.frame.values.clone_from(&self.clip[self.next % N_FRAMES]);
         self.frame.t_us += SPAN_US;
@@ -152,24 +152,24 @@ impl<'a> Run<'a> {
     }
 }
 
-struct Case {
+struct BenchCase {
     name: &'static str,
-    made: Made,
+    made: GeneratorSource,
 }
 
-enum Made {
+enum GeneratorSource {
     Own(GeneratorChoice<'static>),
     Peer(SimulatorConfig),
 }
 
-fn cases() -> Vec<Case> {
+fn cases() -> Vec<BenchCase> {
     let voltmeter = GeneratorChoice { preset: Some("Raw2DVS346"), ..GeneratorChoice::default() };
     let of = |preset| GeneratorChoice {
         preset: Some(preset),
         full_scale_dn: Some(1023.0),
         ..GeneratorChoice::default()
     };
-    let own = |name, choice| Case { name, made: Made::Own(choice) };
+    let own = |name, choice| BenchCase { name, made: GeneratorSource::Own(choice) };
     let clean = SimulatorConfig { sigma_thres: 0.02, ..SimulatorConfig::ideal() };
     let noisy = SimulatorConfig {
         sigma_thres: 0.05,
@@ -183,9 +183,9 @@ fn cases() -> Vec<Case> {
         own("voltmeter-reference", GeneratorChoice { law: Some("reference"), ..voltmeter }),
         own("esim", of("ESIM")),
         own("v2e-clean", of("v2e-clean")),
-        Case { name: "eventcv-core, clean", made: Made::Peer(clean) },
+        BenchCase { name: "eventcv-core, clean", made: GeneratorSource::Peer(clean) },
         own("v2e-noisy", of("v2e-noisy")),
-        Case { name: "eventcv-core, noisy", made: Made::Peer(noisy) },
+        BenchCase { name: "eventcv-core, noisy", made: GeneratorSource::Peer(noisy) },
     ]
 }
 
@@ -195,7 +195,7 @@ fn cpu_time() -> Duration {
     Duration::new(now.tv_sec as u64, now.tv_nsec as u32)
 }
 
-/// Median time to read a frame once and to read and write the least state once.
+/// Median time to read a frame once and to read and write the minimal state once.
 fn bandwidth_limit(clip: &[Vec<f32>]) -> Duration {
     let mut before = clip[0].clone();
     let mut state = vec![0.0_f64; before.len()];
@@ -213,7 +213,7 @@ fn bandwidth_limit(clip: &[Vec<f32>]) -> Duration {
     times[times.len() / 2]
 }
 
-/// CPU time, unlike time on the wall, hardly depends on what else the machine does.
+/// Reports CPU time because it depends less on the load of the machine than wall time.
 fn table() {
     println!(
         "| model | size | threads | events/frame | frames/s | Mevents/s | CPU ns/px-frame \
@@ -225,7 +225,7 @@ fn table() {
         let limit = bandwidth_limit(&clip).as_secs_f64();
         for case in cases() {
             for threads in [1, 2] {
-                let mut run = Run::new(&case, size, &clip, threads);
+                let mut run = BenchRun::new(&case, size, &clip, threads);
                 let n = 3 * N_FRAMES;
                 let wall: Duration = (0..n).map(|_| run.step()).sum();
                 let (wall, cpu) = (wall.as_secs_f64() / n as f64, run.cpu.as_secs_f64() / n as f64);
@@ -256,7 +256,7 @@ fn main() {
         group.throughput(Throughput::Elements(size.n_pixels() as u64));
         for case in cases() {
             for threads in [1, 2] {
-                let mut run = Run::new(&case, size, &clip, threads);
+                let mut run = BenchRun::new(&case, size, &clip, threads);
                 let id = BenchmarkId::new(case.name, format!("{threads} threads"));
                 group.bench_function(id, |bencher| {
                     bencher.iter_custom(|n| (0..n).map(|_| run.step()).sum());

@@ -1,9 +1,9 @@
-//! Cuts a part of the picture and of the time out of a DAVIS recording, frames and events alike:
-//! whether two halves of a recording tell the same is the least one can ask of a diagnosis.
+//! Extracts a range of columns and of time from a DAVIS recording, frames and events alike, for
+//! split-half checks of a diagnosis.
 //!
-//! `cargo run --release --example cut_recording -- IN.aedat4 OUT.aedat4 X0 X1 SHARE0 SHARE1`
+//! `cargo run --release --example cut_recording -- IN.aedat4 OUT.aedat4 X0 X1 FROM TO`
 //!
-//! Columns `X0..X1`, and from one share of the recording's time to another (0 to 1).
+//! Columns `X0..X1`; the time range is given as fractions of the recording (0 to 1).
 
 #![allow(clippy::print_stdout)]
 
@@ -16,11 +16,11 @@ use std::error::Error;
 use std::ops::Range;
 use std::path::Path;
 
-const USAGE: &str = "usage: cut_recording IN.aedat4 OUT.aedat4 X0 X1 SHARE0 SHARE1";
+const USAGE: &str = "usage: cut_recording IN.aedat4 OUT.aedat4 X0 X1 FROM TO";
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [from, to, x0, x1, share0, share1] = arguments.as_slice() else {
+    let [from, to, x0, x1, from_share, to_share] = arguments.as_slice() else {
         return Err(USAGE.into());
     };
     let whole = PlasmodeRecording::read(Path::new(from))?;
@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let times = whole.events.as_slice().t;
     let (first, last) = (times[0], times[times.len() - 1]);
     let at = |share: f64| first + ((last - first) as f64 * share) as i64;
-    let time = at(share0.parse()?)..at(share1.parse()?);
+    let time = at(from_share.parse()?)..at(to_share.parse()?);
     let part = cut(&whole, &columns, &time);
     part.write(Path::new(to))?;
     println!("{} events, {} frames, {}", part.events.len(), part.frames.len(), part.size);

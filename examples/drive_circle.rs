@@ -1,11 +1,11 @@
-//! Drives the published circle and tells how well its poses are known in time.
+//! Drives the published circle and prints the timing of its poses.
 //!
 //! ```sh
 //! cargo run --example drive_circle                    # the simulated arm
-//! cargo run --example drive_circle -- /dev/ttyUSB0 50 # a real one, homed, 50 poses a second
+//! cargo run --example drive_circle -- /dev/ttyUSB0 50 # a real arm, homed, 50 poses per second
 //! ```
-//! The measured duration tells which parameters rule the speed of a circle: 2.508 s when it is
-//! the ARC parameters (50 mm/s, 50 mm/s^2). The PTP parameters are set to half of them.
+//! The measured duration shows which parameters set the speed of a circle: 2.508 s for the ARC
+//! parameters (50 mm/s, 50 mm/s^2). The PTP parameters are set to half of them.
 
 #![allow(clippy::print_stdout)]
 
@@ -23,7 +23,7 @@ use std::sync::atomic::AtomicBool;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    // The guard is this program again, as with evrig itself.
+    // The guard is this program again, as in evrig.
     if let [verb, port] = &args[..]
         && verb == "guard"
     {
@@ -52,17 +52,17 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn drive(client: &mut ArmClient, rate: f64) -> Result<(), Box<dyn Error>> {
-    let room = Span::from_micros(1_000_000);
+    let timeout = Span::from_micros(1_000_000);
     let minute = Span::from_micros(60_000_000);
     client.begin()?;
     client.set(&ArmCommand::PtpCommon(Ratios { velocity: 100.0, acceleration: 100.0 }))?;
     client.set(&ArmCommand::PtpCoordinate(CartesianLimits::uniform(25.0, 25.0)))?;
     client.set(&ArmCommand::ArcParams(CartesianLimits::uniform(50.0, 50.0)))?;
     let target = [240.0, 0.0, 100.0, 90.0];
-    let start = client.enqueue(&ArmCommand::Ptp { mode: PtpMode::MoveLineXyz, target }, room)?;
+    let start = client.enqueue(&ArmCommand::Ptp { mode: PtpMode::MoveLineXyz, target }, timeout)?;
     client.wait_for(start, minute, &mut |_| ())?;
     let (via, to) = ([252.0, 12.0, 100.0, 90.0], [264.0, 0.0, 100.0, 90.0]);
-    let circle = client.enqueue(&ArmCommand::Circle { via, to, turns: 1 }, room)?;
+    let circle = client.enqueue(&ArmCommand::Circle { via, to, turns: 1 }, timeout)?;
     let started = host_clock::now();
     let (mut poses, mut pace) = (Vec::new(), PoseTimer::new(Hertz(rate)));
     client.wait_for(circle, minute, &mut |pose| {

@@ -1,10 +1,10 @@
-//! What lossless coding makes of the Pi's pictures: share of the bytes, and speed.
+//! Compression ratio and speed of lossless coding of the Pi's frames.
 //!
-//! `cargo run --release --example pi_coding`. There is no Pi here, so the pictures are made: a
-//! scene with structure at all scales, and the noise of a small sensor (a full well of 4,700
-//! electrons at 1023 and gain 1, binned 2 x 2, read noise 1.5 digital numbers at gain 1). RGB is
-//! what a plain ISP makes of the same raw samples: bilinear demosaicing, white balance, gamma.
-//! Speed is in bytes of the picture per second of processor time, all threads together.
+//! `cargo run --release --example pi_coding`. The frames are synthetic: a scene with structure at
+//! all scales, and the noise of a small sensor (full well of 4,700 electrons at 1023 and gain 1,
+//! binned 2 x 2, read noise 1.5 digital numbers at gain 1). RGB frames are made from the same raw
+//! samples by bilinear demosaicing, white balance and gamma. Speed is in bytes of the frame per
+//! second of processor time of all threads.
 
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
@@ -19,7 +19,7 @@ const FRAMES_PER_S: f64 = 120.0;
 const N_ROUNDS: u32 = 40;
 
 fn main() {
-    println!("{SIZE} at {FRAMES_PER_S} frames a second; Mbit/s is what the network then carries");
+    println!("{SIZE} at {FRAMES_PER_S} frames per second; Mbit/s is the resulting network load");
     println!(
         "gain  picture  coder           share    Mbit/s  encode MB/s  decode MB/s of processor"
     );
@@ -40,7 +40,7 @@ fn main() {
     }
 }
 
-/// Time that all threads together had a core, which other programs do not disturb much.
+/// Processor time of all threads, seconds.
 fn processor_s() -> f64 {
     let time = clock_gettime(ClockId::ProcessCPUTime);
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
@@ -86,7 +86,7 @@ fn measure(
     );
 }
 
-/// Light with structure at all scales, as samples of a Bayer mosaic with noise.
+/// A scene with structure at all scales, as noisy samples of a Bayer mosaic.
 fn samples(gain: f64) -> Vec<u16> {
     let mut random = StdRng::seed_from_u64(7);
     let mut scene = vec![0.0; SIZE.n_pixels()];
@@ -113,7 +113,7 @@ fn samples(gain: f64) -> Vec<u16> {
         let signal = (350.0 + 220.0 * value).clamp(8.0, 950.0) * if is_green { 1.0 } else { 0.6 };
         // Binning averages four samples: a quarter of the variance.
         let variance = (signal / electrons_per_dn + (1.5 * gain).powi(2)) / 4.0;
-        // A sum of twelve uniform numbers is normal enough here.
+        // The sum of twelve uniform numbers is approximately normal.
         let normal: f64 = (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
         (64.0 + signal + normal * variance.sqrt()).round().clamp(0.0, 1023.0) as u16
     });

@@ -1,7 +1,8 @@
-//! How fast frames of the default size go from an agent to a host, both on this machine, encrypted.
+//! Rate of encrypted frames of the default size from an agent to a host on the same machine.
 //!
-//! `cargo run --release --example pi_link`. The camera is a pattern as fast as it is taken, so the
-//! figure includes making it; its pictures are smoother than a sensor's, so they code to less.
+//! `cargo run --release --example pi_link`. The camera delivers a synthetic pattern as fast as it
+//! is taken, so the rate includes its generation. The pattern is smoother than real frames and
+//! compresses better.
 
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
@@ -22,7 +23,7 @@ const N_FRAMES: u32 = 600;
 fn main() {
     let folder = tempfile::tempdir().unwrap();
     let pair = pairing::pair(folder.path()).unwrap();
-    println!("coding    frames/s   MB/s of pictures   dropped");
+    println!("coding    frames/s   MB/s of frames     dropped");
     for coding in [Coding::Plain, Coding::Lossless] {
         let mut service = Service::local("127.0.0.1:0".parse().unwrap());
         service.keys = Some(Keys::read(&pair.agent).unwrap());

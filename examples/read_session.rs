@@ -1,4 +1,4 @@
-//! Reads a session: its streams, its events between two frames, and what a stage left in it.
+//! Reads a session: its streams, its events between two frames, and the results of its stages.
 //!
 //! ```sh
 //! cargo run --example read_session -- sessions/street
@@ -21,11 +21,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("lost: {}: {}", loss.stream, loss.what);
     }
 
-    // Events are on the sensor and in ascending time; what is not was counted and left out.
+    // Events are inside the sensor and sorted by time; others are counted and left out.
     let (events, tally) = session.events("real")?;
     println!("real: {} events of {} in the file", tally.kept, tally.seen);
 
-    // Frames of the event camera's own clock cut the events; the Pi's need `evrig sync` first.
+    // Frames on the event camera's clock divide the events; the Pi's need `evrig sync` first.
     let frames = session.manifest().streams.iter().find(|stream| {
         stream.kind == StreamKind::Frames && !session.is_from_pi(&stream.name).unwrap_or(true)
     });
@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             if let Some(before) = before {
                 let between = events.as_slice().between(before, at);
                 println!(
-                    "{before} to {at} us: {} events, {} On",
+                    "{before} to {at} us: {} events, {} ON",
                     between.len(),
                     between.count_on()
                 );

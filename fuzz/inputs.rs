@@ -1,7 +1,7 @@
-//! Every parser that takes bytes from outside, each as a function of any bytes: it may refuse them,
-//! and must neither panic, nor run for ever, nor take memory without bound.
+//! Every parser of external data, each as a function of arbitrary bytes. It may reject them; it
+//! must not panic, run forever or use unbounded memory.
 //!
-//! The fuzz targets call these, and so does `tests/it/fuzz_corpus.rs` with what the fuzzers kept.
+//! The fuzz targets call these functions, and so does `tests/it/fuzz_corpus.rs` with the corpus.
 
 use evrig::format::aedat4::Reader;
 use evrig::format::npy::{ArrayWriter, NpzWriter};
@@ -20,11 +20,11 @@ use evrig::trajectory::{OptionalSegments, Plan, Trajectory};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Who takes bytes.
-pub type Taker = fn(&[u8]);
+/// A parser under test.
+pub type ByteParser = fn(&[u8]);
 
-/// What the inputs are called, and who takes them.
-pub const ALL: [(&str, Taker); 10] = [
+/// Name of the corpus and parser.
+pub const ALL: [(&str, ByteParser); 10] = [
     ("aedat4", aedat4),
     ("dobot", dobot),
     ("pi", pi),
@@ -37,7 +37,7 @@ pub const ALL: [(&str, Taker); 10] = [
     ("results", results),
 ];
 
-/// As an AEDAT4 file and as a socket: packets, then at most one error, and an end.
+/// AEDAT4 as a file and from a socket: packets, at most one error, end.
 pub fn aedat4(bytes: &[u8]) {
     for reader in
         [Reader::new(bytes, "fuzz"), Reader::from_stream(bytes, "fuzz")].into_iter().flatten()
@@ -47,13 +47,13 @@ pub fn aedat4(bytes: &[u8]) {
     }
 }
 
-/// From the arm's serial line: nothing is lost, nothing grows.
+/// Frames of the arm's serial line: no byte is lost and buffers are bounded.
 pub fn dobot(bytes: &[u8]) {
     evrig::device::dobot::frame::fuzz(bytes);
 }
 
-/// From the network, as host and as agent read it, in pieces of any size: what was whole is a message
-/// that can be written again, what was not is one error.
+/// Messages between host and agent, in pieces of any size: a complete message can be encoded
+/// again, a malformed one is an error.
 pub fn pi(bytes: &[u8]) {
     if let Some(preamble) = bytes.first_chunk() {
         let _ = wire::check_preamble(preamble);
@@ -72,7 +72,7 @@ pub fn pi(bytes: &[u8]) {
     }
 }
 
-/// As `rig.mcap`, read as it is recorded and as a session's file.
+/// `rig.mcap`, read while it is recorded and as a file of a session.
 pub fn rig_log(bytes: &[u8]) {
     drop(RecordingCheck::of_rig_log(bytes));
     in_a_session(|layout| {
@@ -90,7 +90,7 @@ pub fn rig_log(bytes: &[u8]) {
     });
 }
 
-/// As the files of the published recorder: metadata, and raw samples.
+/// Files of the published recorder: metadata and raw samples.
 pub fn raw2event_files(bytes: &[u8]) {
     let (records, n_left) = raw2event::parse_metadata(bytes, chrono_tz::UTC);
     assert!(records.len() <= bytes.len() && n_left <= bytes.len());
@@ -100,7 +100,7 @@ pub fn raw2event_files(bytes: &[u8]) {
     let _ = raw2event::raw_justification(&samples);
 }
 
-/// As the description of a rig, of a trajectory on the simulated rig, and of a world.
+/// Descriptions of a rig, of a trajectory on the simulated rig, and of a world.
 pub fn descriptions(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let _ = Rig::parse("fuzz.toml", text);
@@ -110,8 +110,8 @@ pub fn descriptions(bytes: &[u8]) {
     }
 }
 
-/// As the manifest of a session and as the record of a stage, which the diagnosis reads: no stream of
-/// it is outside its directory.
+/// The manifest of a session and the record of a stage. No stream may be outside the session's
+/// directory.
 pub fn manifest(bytes: &[u8]) {
     in_a_session(|layout| {
         std::fs::write(layout.manifest(), bytes).unwrap();
@@ -128,7 +128,7 @@ pub fn manifest(bytes: &[u8]) {
     });
 }
 
-/// As the journal of a session that was cut off.
+/// The journal of an interrupted session.
 pub fn journal(bytes: &[u8]) {
     in_a_session(|layout| {
         std::fs::write(layout.journal(), bytes).unwrap();
@@ -136,7 +136,7 @@ pub fn journal(bytes: &[u8]) {
     });
 }
 
-/// What of an import each kind of input is, by its first byte.
+/// Imported file by the first byte of the input.
 const IMPORTED: [&str; 9] = [
     "frames.npy",
     "times.npy",
@@ -149,7 +149,7 @@ const IMPORTED: [&str; 9] = [
     "images/0.tif",
 ];
 
-/// As one of the files of an import of frames, the others being sound; the first byte says which.
+/// One file of an import of frames, selected by the first byte; the other files are valid.
 pub fn imported(bytes: &[u8]) {
     let Some((which, bytes)) = bytes.split_first() else { return };
     let name = IMPORTED[usize::from(*which) % IMPORTED.len()];
@@ -177,7 +177,7 @@ fn frames_and_events<'a>(
     ImportFrames { frames, times, events, events_name }
 }
 
-/// What of a session's results each kind of input is, by its first byte.
+/// Result file by the first byte of the input.
 const RESULTS: [&str; 8] = [
     "sync/clock.json",
     "track-frames/track.json",
@@ -189,7 +189,7 @@ const RESULTS: [&str; 8] = [
     "diagnose/heat.json",
 ];
 
-/// As a result that later stages and the report read; the first byte says which.
+/// A result that later stages and the report read, selected by the first byte.
 pub fn results(bytes: &[u8]) {
     let Some((which, bytes)) = bytes.split_first() else { return };
     let name = RESULTS[usize::from(*which) % RESULTS.len()];
@@ -202,7 +202,7 @@ pub fn results(bytes: &[u8]) {
         let session = Session::open(&root).unwrap();
         let path = root.join("derived").join(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        write_beside(path.parent().unwrap());
+        write_companions(path.parent().unwrap());
         std::fs::write(&path, bytes).unwrap();
         let _ = pipeline::read_clocks(&session);
         let _ = pipeline::read_comparison(&session, &StreamName::new("simulated").unwrap());
@@ -213,8 +213,8 @@ pub fn results(bytes: &[u8]) {
     });
 }
 
-/// What a scene and a comparison have in other files.
-fn write_beside(folder: &Path) {
+/// The other files of a scene and of a comparison.
+fn write_companions(folder: &Path) {
     let record = StageRecord::new("any", None, BTreeMap::new(), serde_json::Value::Null);
     write_stage(folder, record, &[]).unwrap();
     for (name, n) in [("map.npy", 4), ("map_error.npy", 4), ("path.npy", 2 * PATH_COLUMNS)] {
@@ -239,7 +239,7 @@ fn write_frames(path: &Path) {
 const JOURNAL: &str = "{\"what\":\"trajectory\"}\n";
 
 fn in_a_session(work: impl FnOnce(&SessionLayout)) {
-    // Shared memory, where there is some: this happens many times a second.
+    // In shared memory where possible, because this runs many times per second.
     let fast = Path::new("/dev/shm");
     let folder = if fast.is_dir() { tempfile::tempdir_in(fast) } else { tempfile::tempdir() };
     let folder = folder.unwrap();

@@ -1,6 +1,6 @@
 //! Rules of the source tree that the compiler does not check: no import circles between modules of
-//! a crate, small files, no printing or command-line types below the commands. Which crate may use
-//! which is a matter of the manifests, and held here to a list.
+//! a crate, small files, no printing or command-line types below the commands. The dependencies
+//! between the crates are in the manifests; a list here restricts them.
 
 #![allow(clippy::expect_used, clippy::unwrap_used)]
 
@@ -25,7 +25,7 @@ fn crates() -> Vec<PathBuf> {
     all.extend(
         fs::read_dir("crates").expect("crates").map(|entry| entry.unwrap().path().join("src")),
     );
-    assert!(all.len() > 10, "the crates are where this test looks for them");
+    assert!(all.len() > 10, "fewer crates found than expected");
     all
 }
 
@@ -41,7 +41,7 @@ fn sources() -> Vec<Source> {
 
 fn collect(directory: &Path, files: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(directory).expect("a source folder can be listed") {
-        let path = entry.expect("an entry of it").path();
+        let path = entry.expect("a directory entry").path();
         if path.is_dir() {
             collect(&path, files);
         } else if path.extension().is_some_and(|extension| extension == "rs") {
@@ -62,7 +62,7 @@ fn read(path: PathBuf, crate_src: &Path) -> Source {
 
 /// `a::b::c` of `crate_src/a/b/c.rs`; empty for the crate's root.
 fn module(source: &Source) -> Vec<String> {
-    let below = source.path.strip_prefix(&source.crate_src).expect("a source lies below its crate");
+    let below = source.path.strip_prefix(&source.crate_src).expect("a source is below its crate");
     let mut names: Vec<String> =
         below.with_extension("").iter().map(|name| name.to_string_lossy().into_owned()).collect();
     if names == ["lib"] || names == ["main"] {
@@ -71,7 +71,7 @@ fn module(source: &Source) -> Vec<String> {
     names
 }
 
-/// Paths behind `use`, groups expanded, as they are written.
+/// Paths of `use` statements, with groups expanded.
 fn used_paths(code: &[String]) -> Vec<Vec<String>> {
     let text = code.join(" ");
     let statements = text.split(';').filter_map(|statement| {
@@ -87,7 +87,7 @@ fn used_paths(code: &[String]) -> Vec<Vec<String>> {
     paths
 }
 
-/// Paths from `crate::` or `super::` on that stand in expressions and types.
+/// Paths in expressions and types that start with `crate::` or `super::`.
 fn inline_paths(text: &str) -> Vec<Vec<String>> {
     let is_path = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
     let words = text.split(|c: char| !is_path(c));
@@ -161,15 +161,15 @@ fn imports(source: &Source, modules: &BTreeSet<Vec<String>>) -> BTreeSet<Vec<Str
 /// Groups of modules that import from each other, in either direction.
 fn circles(graph: &BTreeMap<Vec<String>, BTreeSet<Vec<String>>>) -> Vec<Vec<String>> {
     let reach = |from: &Vec<String>| {
-        let (mut seen, mut open) = (BTreeSet::new(), vec![from.clone()]);
+        let (mut visited, mut open) = (BTreeSet::new(), vec![from.clone()]);
         while let Some(node) = open.pop() {
             for next in graph.get(&node).into_iter().flatten() {
-                if seen.insert(next.clone()) {
+                if visited.insert(next.clone()) {
                     open.push(next.clone());
                 }
             }
         }
-        seen
+        visited
     };
     let reached: BTreeMap<_, _> = graph.keys().map(|node| (node.clone(), reach(node))).collect();
     let mut groups = BTreeSet::new();
@@ -254,8 +254,8 @@ fn printing_clap_and_anyhow_stay_in_the_commands() {
         };
         for line in &source.code {
             for ban in bans {
-                let place = source.path.display();
-                assert!(!line.contains(ban), "{place}: `{ban}` belongs to the commands: {line}");
+                let path = source.path.display();
+                assert!(!line.contains(ban), "{path}: `{ban}` belongs to the commands: {line}");
             }
         }
     }
@@ -265,9 +265,9 @@ fn printing_clap_and_anyhow_stay_in_the_commands() {
 fn files_are_small_and_well_named() {
     const VAGUE: &[&str] = &["utils", "util", "helpers", "common", "manager", "misc", "mod"];
     for source in sources() {
-        let (n_lines, place) = (source.n_lines, source.path.display());
-        assert!(n_lines <= MAX_LINES, "{place}: {n_lines} lines before tests, limit {MAX_LINES}");
+        let (n_lines, path) = (source.n_lines, source.path.display());
+        assert!(n_lines <= MAX_LINES, "{path}: {n_lines} lines before tests, limit {MAX_LINES}");
         let stem = source.path.file_stem().expect("a file has a stem").to_string_lossy();
-        assert!(!VAGUE.contains(&&*stem), "{place}: the name does not say what it contains");
+        assert!(!VAGUE.contains(&&*stem), "{path}: the name does not describe the contents");
     }
 }

@@ -1,5 +1,5 @@
-//! However fast the cameras are, a recorder takes no more memory than its queues may hold and its
-//! writers need. A test of its own process: it measures the memory of all of it.
+//! A recording needs no more memory than its queues and writers, however fast the cameras are.
+//! The test has its own process because it measures the memory of the whole process.
 
 #![allow(clippy::expect_used, clippy::unwrap_used, unreachable_pub)]
 #![cfg(target_os = "linux")]
@@ -13,12 +13,12 @@ use evrig::record::{DryRun, StopRequest, StopToken, dry_run};
 use load::{Load, Pace};
 use std::time::Duration;
 
-/// Room of a queue here; a recording's is 512 MiB.
+/// Capacity of a queue in this test; in a recording it is 512 MiB.
 const QUEUE_BYTES: usize = 16 << 20;
-/// What writers, pipes and the reading ends need: a chunk of the log and the next one, a frame in
-/// every step of its way, packets. The queues are filled many times over meanwhile.
-const BESIDE_BYTES: usize = 96 << 20;
-/// Samples each camera offers, 1.5 MB each: in all more than thirty times its queue.
+/// Memory of writers, pipes and readers: two chunks of the log, a frame in every processing step,
+/// packets. The queues are filled many times during the test.
+const OTHER_BYTES: usize = 96 << 20;
+/// Samples that each camera offers, 1.5 MB each: in total more than thirty times its queue.
 const N_SAMPLES: u64 = 400;
 
 fn status_bytes(key: &str) -> usize {
@@ -28,11 +28,10 @@ fn status_bytes(key: &str) -> usize {
 }
 
 #[test]
-fn cameras_that_outrun_the_writers_cost_drops_that_are_counted_and_no_more_memory_than_the_queues()
-{
+fn drops_are_counted_and_memory_is_bounded_by_the_queues_when_cameras_outrun_the_writers() {
     let (load, mut recorders) = Load::new(Pace::Unpaced(N_SAMPLES));
     let before = status_bytes("VmRSS:");
-    // It ends when both cameras have.
+    // Stopped once both cameras have ended.
     let stop = StopToken::default();
     let length = Duration::from_secs(3600);
     let rehearsal = DryRun { queue_bytes: QUEUE_BYTES, ..DryRun::of(length) };
@@ -46,7 +45,7 @@ fn cameras_that_outrun_the_writers_cost_drops_that_are_counted_and_no_more_memor
         assert_eq!(tally.n_samples + tally.n_dropped, N_SAMPLES);
     }
     let n_dropped: u64 = rehearsed.tallies.iter().map(|tally| tally.n_dropped).sum();
-    assert!(n_dropped > 0, "the queues were never full, so nothing is shown");
+    assert!(n_dropped > 0, "the queues were never full");
     let (made, heard) = (load.made(), &rehearsed.heard);
     assert_eq!((heard.n_events, heard.event_sum), (made.n_events, made.event_sum));
     assert_eq!((heard.n_raw, heard.raw_sum), (made.n_raw, made.raw_sum));
@@ -54,6 +53,6 @@ fn cameras_that_outrun_the_writers_cost_drops_that_are_counted_and_no_more_memor
     let gaps_alone = |problem: &String| problem.contains("do not follow one another");
     assert!(heard.problems.iter().all(gaps_alone), "{:?}", heard.problems);
     let grown = status_bytes("VmHWM:") - before;
-    let bound = 2 * QUEUE_BYTES + BESIDE_BYTES;
+    let bound = 2 * QUEUE_BYTES + OTHER_BYTES;
     assert!(grown <= bound, "{} MB of at most {} MB", grown >> 20, bound >> 20);
 }

@@ -1,9 +1,9 @@
-//! Stop is sacred: however evrig dies, the arm stops.
+//! The guard stops the arm however evrig ends.
 //!
-//! Each test starts a host process (this test binary again) that drives circles on a simulated
-//! arm through the guard, and makes it end in some way.
+//! Each test starts a host process (this test binary again) that drives circles on a simulated arm
+//! through the guard, and terminates it in some way.
 
-use evrig::device::dobot::command::{ArmCommand as Tell, CartesianLimits, PtpMode};
+use evrig::device::dobot::command::{ArmCommand as ArmCommand, CartesianLimits, PtpMode};
 use evrig::device::dobot::guard::GuardLink;
 use evrig::device::dobot::link::LinkError;
 use evrig::device::dobot::{ArmClient, ArmClientError, ArmTimeouts};
@@ -34,39 +34,39 @@ fn client(port: &Path) -> (ArmClient, evrig::device::dobot::guard::GuardStop, u3
     (ArmClient::new(Box::new(link), patience), stopper, id)
 }
 
-/// Queues an hour of circles and sets them going; gives the index of the last.
-fn circle_on(client: &mut ArmClient) -> Result<u64, ArmClientError> {
-    let room = Span::from_micros(1_000_000);
+/// Queues an hour of circles and starts them; returns the index of the last.
+fn start_circles(client: &mut ArmClient) -> Result<u64, ArmClientError> {
+    let timeout = Span::from_micros(1_000_000);
     client.clear_alarms()?;
     client.begin()?;
-    client.set(&Tell::ArcParams(CartesianLimits::uniform(50.0, 200.0)))?;
+    client.set(&ArmCommand::ArcParams(CartesianLimits::uniform(50.0, 200.0)))?;
     let target = [240.0, 0.0, 100.0, 90.0];
-    client.enqueue(&Tell::Ptp { mode: PtpMode::MoveJointXyz, target }, room)?;
+    client.enqueue(&ArmCommand::Ptp { mode: PtpMode::MoveJointXyz, target }, timeout)?;
     let (via, to) = ([252.0, 12.0, 100.0, 90.0], [264.0, 0.0, 100.0, 90.0]);
-    client.enqueue(&Tell::Circle { via, to, turns: 1_000 }, room)?;
-    client.enqueue(&Tell::Circle { via, to, turns: 1_000 }, room)
+    client.enqueue(&ArmCommand::Circle { via, to, turns: 1_000 }, timeout)?;
+    client.enqueue(&ArmCommand::Circle { via, to, turns: 1_000 }, timeout)
 }
 
-/// The host process. It does nothing when the tests run it among the others.
+/// The host process. It does nothing when run as one of the tests.
 #[test]
 fn host_process() {
     let (Ok(port), Ok(end)) = (std::env::var(PORT), std::env::var(END)) else { return };
     let (mut client, stopper, _) = client(Path::new(&port));
     stopper.halt_on_panic();
-    let last = circle_on(&mut client).unwrap();
-    let mut n_seen = 0;
+    let last = start_circles(&mut client).unwrap();
+    let mut n_polls = 0;
     let hour = Span::from_micros(3_600_000_000);
     let waited = client.wait_for(last, hour, &mut |_| {
-        n_seen += 1;
-        if n_seen == 20 && end == "panic elsewhere" {
-            // The thread that drives the arm goes on undisturbed.
-            let _ = std::thread::spawn(|| panic!("a panic as asked for")).join();
+        n_polls += 1;
+        if n_polls == 20 && end == "panic elsewhere" {
+            // The thread that drives the arm continues.
+            let _ = std::thread::spawn(|| panic!("an intended panic")).join();
         }
-        assert!(n_seen < 20 || end != "panic", "a panic as asked for");
+        assert!(n_polls < 20 || end != "panic", "an intended panic");
     });
     if end == "panic elsewhere" {
-        // What it asks then must not move the arm again.
-        let again = circle_on(&mut client);
+        // Its next commands must not move the arm again.
+        let again = start_circles(&mut client);
         assert_eq!(again, Err(ArmClientError::Link(LinkError::Stopped)));
     }
     assert_eq!(waited, Err(ArmClientError::Link(LinkError::Stopped)));
@@ -85,11 +85,11 @@ fn start_host(port: &Path, end: &str) -> Child {
         .unwrap()
 }
 
-/// Polls until `is_so`; the limit only keeps a broken build from hanging.
-fn wait_until(what: &str, mut is_so: impl FnMut() -> bool) {
+/// Polls until the condition holds; the limit keeps a broken build from hanging.
+fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
     let started = Instant::now();
-    while !is_so() {
-        assert!(started.elapsed() < Duration::from_secs(60), "in vain: {what}");
+    while !holds() {
+        assert!(started.elapsed() < Duration::from_secs(60), "timed out: {what}");
         std::thread::sleep(Duration::from_millis(1));
     }
 }
@@ -98,30 +98,30 @@ fn pid(child: &Child) -> Pid {
     Pid::from_raw(i32::try_from(child.id()).unwrap()).unwrap()
 }
 
-fn stop_at(lines: &[RequestRecord]) -> Option<usize> {
+fn stop_index(lines: &[RequestRecord]) -> Option<usize> {
     lines.iter().position(|line| line.name == "QUEUE_FORCE_STOP")
 }
 
-/// Whether force stop and clear came among `lines`, in this order.
-fn holds_a_stop(lines: &[RequestRecord]) -> bool {
-    stop_at(lines).is_some_and(|at| lines[at..].iter().any(|line| line.name == "QUEUE_CLEAR"))
+/// Whether `lines` contain a force stop followed by a clear.
+fn contains_stop(lines: &[RequestRecord]) -> bool {
+    stop_index(lines).is_some_and(|at| lines[at..].iter().any(|line| line.name == "QUEUE_CLEAR"))
 }
 
-/// The arm stands, nothing waits, and nothing but reads comes behind the stop.
+/// The arm stands still, its queue is empty, and only reads follow the stop.
 fn assert_stopped(emulator: &ArmEmulator, since: usize) {
-    wait_until("force stop and clear arrive", || holds_a_stop(&emulator.journal()[since..]));
+    wait_until("force stop and clear arrive", || contains_stop(&emulator.journal()[since..]));
     let state = emulator.state();
     assert!(!state.is_busy && state.n_waiting == 0, "{state:?}");
     let journal = emulator.journal();
-    let first_stop = since + stop_at(&journal[since..]).unwrap();
+    let first_stop = since + stop_index(&journal[since..]).unwrap();
     for line in journal[first_stop..].iter().filter(|line| line.ctrl != 0) {
         assert!(["QUEUE_FORCE_STOP", "QUEUE_CLEAR"].contains(&line.name.as_str()), "{line:?}");
     }
     let pose = emulator.state().planner;
-    assert_eq!(pose, emulator.state().planner, "it stands");
+    assert_eq!(pose, emulator.state().planner, "the arm stands still");
 }
 
-/// A small generator of moments: splitmix64.
+/// splitmix64.
 fn random(seed: &mut u64) -> u64 {
     *seed = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut z = *seed;
@@ -138,10 +138,10 @@ fn kill_9_at_any_moment_stops_the_arm() {
     for round in 0..24 {
         let emulator = emulator();
         let mut host = start_host(emulator.port(), "wait");
-        // Any moment from the first request of all to well into the circle.
+        // Any moment from the first request to well into the circle.
         let moment = 1 + random(&mut seed) % 90;
         let n_requests = || emulator.journal().len() as u64;
-        wait_until("the host asks", || n_requests() >= moment);
+        wait_until("the host sends requests", || n_requests() >= moment);
         let since = emulator.journal().len();
         let was_moving = emulator.state().is_busy;
         let killed = host_clock::now();
@@ -149,7 +149,7 @@ fn kill_9_at_any_moment_stops_the_arm() {
         host.wait().unwrap();
         assert_stopped(&emulator, since);
         let journal = emulator.journal();
-        let stop = &journal[since + stop_at(&journal[since..]).unwrap()];
+        let stop = &journal[since + stop_index(&journal[since..]).unwrap()];
         latencies_us.push((stop.host_ns - killed.as_nanos()) / 1_000);
         n_moving += i32::from(was_moving);
         assert!(round < 3 || n_moving > 0, "the kills come before any motion: moment {moment}");
@@ -171,8 +171,8 @@ fn a_panic_of_the_host_stops_the_arm() {
     }
 }
 
-/// Whether this process, and with it those it starts, ignores a signal: a shell's background job does
-/// so with Ctrl-C, and `nohup` with a hang-up.
+/// Whether this process and its children ignore a signal: a background job of a shell ignores SIGINT,
+/// and `nohup` ignores SIGHUP.
 fn is_ignored(signal: Signal) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -184,16 +184,14 @@ fn is_ignored(signal: Signal) -> bool {
 fn ctrl_c_and_termination_of_the_hosts_group_stop_the_arm() {
     for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
         if is_ignored(signal) {
-            eprintln!(
-                "skipped: {signal:?} is ignored by what started this test, so by the host too"
-            );
+            eprintln!("skipped: the parent of this test ignores {signal:?}, so the host does too");
             continue;
         }
         let emulator = emulator();
         let mut host = start_host(emulator.port(), "wait");
         wait_until("the arm moves", || emulator.state().is_busy);
         let since = emulator.journal().len();
-        // As a terminal does: the whole group of the host, in which the guard is not.
+        // As a terminal does: to the process group of the host, which excludes the guard.
         kill_process_group(pid(&host), signal).unwrap();
         wait_until("the host ends", || host.try_wait().unwrap().is_some());
         assert!(!host.wait().unwrap().success());
@@ -202,7 +200,7 @@ fn ctrl_c_and_termination_of_the_hosts_group_stop_the_arm() {
 }
 
 #[test]
-fn a_suspended_host_stops_the_arm_for_want_of_its_heartbeat() {
+fn a_missing_heartbeat_of_a_suspended_host_stops_the_arm() {
     let emulator = emulator();
     let mut host = start_host(emulator.port(), "wait");
     wait_until("the arm moves", || emulator.state().is_busy);
@@ -218,23 +216,23 @@ fn signals_to_the_guard_stop_the_arm_and_do_not_kill_the_guard() {
     for signal in [Signal::INT, Signal::TERM, Signal::HUP, Signal::QUIT] {
         let emulator = emulator();
         let (mut client, _, guard) = client(emulator.port());
-        circle_on(&mut client).unwrap();
+        start_circles(&mut client).unwrap();
         wait_until("the arm moves", || emulator.state().is_busy);
         let since = emulator.journal().len();
         kill_process(Pid::from_raw(i32::try_from(guard).unwrap()).unwrap(), signal).unwrap();
         assert_stopped(&emulator, since);
-        // It tells of the stop, still answers reads, and moves the arm no more.
+        // It reports the stop, still answers reads and no longer moves the arm.
         assert_eq!(client.pose().unwrap_err(), ArmClientError::Link(LinkError::Stopped));
         client.pose().unwrap();
-        assert_eq!(circle_on(&mut client), Err(ArmClientError::Link(LinkError::Stopped)));
+        assert_eq!(start_circles(&mut client), Err(ArmClientError::Link(LinkError::Stopped)));
     }
 }
 
 #[test]
-fn a_guard_that_is_killed_is_replaced_by_the_host_itself() {
+fn the_host_stops_the_arm_itself_when_the_guard_is_killed() {
     let emulator = emulator();
     let (mut client, _, guard) = client(emulator.port());
-    circle_on(&mut client).unwrap();
+    start_circles(&mut client).unwrap();
     wait_until("the arm moves", || emulator.state().is_busy);
     let since = emulator.journal().len();
     kill_process(Pid::from_raw(i32::try_from(guard).unwrap()).unwrap(), Signal::KILL).unwrap();
@@ -249,23 +247,23 @@ fn a_guard_that_is_killed_is_replaced_by_the_host_itself() {
 }
 
 #[test]
-fn a_halt_from_another_thread_stops_the_arm_for_good() {
+fn a_halt_from_another_thread_stops_the_arm_permanently() {
     let emulator = emulator();
     let (mut client, stopper, _) = client(emulator.port());
-    circle_on(&mut client).unwrap();
+    start_circles(&mut client).unwrap();
     wait_until("the arm moves", || emulator.state().is_busy);
     let since = emulator.journal().len();
     std::thread::spawn(move || stopper.halt().unwrap()).join().unwrap();
     assert_stopped(&emulator, since);
-    assert_eq!(circle_on(&mut client), Err(ArmClientError::Link(LinkError::Stopped)));
+    assert_eq!(start_circles(&mut client), Err(ArmClientError::Link(LinkError::Stopped)));
     client.stop().unwrap();
 }
 
 #[test]
-fn a_halt_is_heard_while_the_arm_is_silent() {
+fn a_halt_takes_effect_while_the_arm_does_not_answer() {
     let emulator = emulator();
     let (mut client, stopper, _) = client(emulator.port());
-    circle_on(&mut client).unwrap();
+    start_circles(&mut client).unwrap();
     emulator.inject("lost-reply@POSE".parse().unwrap());
     emulator.inject("lost-reply@POSE#2".parse().unwrap());
     let since = emulator.journal().len();
@@ -282,20 +280,20 @@ fn an_arm_that_was_unplugged_is_stopped_when_it_is_plugged_in_again() {
     let mut before = emulator();
     before.link(&port).unwrap();
     let (mut client, _, _) = client(&port);
-    circle_on(&mut client).unwrap();
+    start_circles(&mut client).unwrap();
     wait_until("the arm moves", || before.state().is_busy);
     before.inject("unplug".parse().unwrap());
     let error = client.pose().unwrap_err();
     assert!(matches!(error, ArmClientError::Link(LinkError::Gone { .. })), "{error}");
     drop(client);
-    // The same name leads to a port again, as under /dev/serial/by-id.
+    // The same name points to a port again, as under /dev/serial/by-id.
     let mut again = emulator();
     again.link(&port).unwrap();
     assert_stopped(&again, 0);
 }
 
 #[test]
-fn a_port_that_cannot_be_opened_is_explained_through_the_guard() {
+fn the_guard_reports_why_a_port_cannot_be_opened() {
     let error = GuardLink::start(Path::new(EVRIG), Path::new("/dev/ttyUSB-none")).unwrap_err();
     assert!(error.to_string().contains("there is no port /dev/ttyUSB-none"), "{error}");
     let error = GuardLink::start(Path::new("/no/evrig"), Path::new("/dev/null")).unwrap_err();
@@ -303,11 +301,11 @@ fn a_port_that_cannot_be_opened_is_explained_through_the_guard() {
 }
 
 #[test]
-fn the_guard_stops_the_arm_when_the_host_ends_well_too() {
+fn the_guard_stops_the_arm_when_the_host_exits_normally() {
     let emulator = emulator();
     let (mut client, stopper, _) = client(emulator.port());
     drop(stopper);
-    circle_on(&mut client).unwrap();
+    start_circles(&mut client).unwrap();
     wait_until("the arm moves", || emulator.state().is_busy);
     let since = emulator.journal().len();
     drop(client);

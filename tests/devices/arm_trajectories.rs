@@ -1,6 +1,6 @@
-//! What is planned is what the arm drives: every bundled trajectory on the simulated arm.
+//! The arm follows the plan: every bundled trajectory on the simulated arm.
 //!
-//! The planner and the simulated arm share no geometry, no kinematics and no speed profile.
+//! The planner and the simulated arm share no geometry, kinematics or speed profile.
 
 use evrig::device::dobot::{ArmClient, ArmTimeouts, Magician, port};
 use evrig::record::Arm;
@@ -14,13 +14,13 @@ fn emulator() -> ArmEmulator {
     ArmEmulator::start(options, ArmClock::Stepped(Span::from_micros(5_000)), Vec::new()).unwrap()
 }
 
-/// Distance from a pose to the nearest place of the steps around `step`, mm.
+/// Distance from a pose to the nearest point of the steps around `step`, mm.
 fn off_path(path: &ToolPath, step: usize, pose: Pose) -> f64 {
     let around = &path.steps()[step.saturating_sub(1)..path.steps().len().min(step + 2)];
-    let places = around
+    let points = around
         .iter()
         .flat_map(|step| (0..=1_000).map(|n| step.curve.pose_at(f64::from(n) / 1_000.0)));
-    places.map(|place| place.distance(pose).0).fold(f64::INFINITY, f64::min)
+    points.map(|point| point.distance(pose).0).fold(f64::INFINITY, f64::min)
 }
 
 #[test]
@@ -41,7 +41,7 @@ fn every_bundled_trajectory_is_driven_as_planned() {
         let (mut worst, mut n_poses) = (0.0_f64, 0_u32);
         let n_dry = loop {
             let progress = arm.progress().unwrap_or_else(|error| panic!("{name}: {error}"));
-            // Every tenth pose tells as much as all of them.
+            // Every tenth pose is enough.
             if n_poses % 10 == 0 {
                 worst = worst.max(off_path(path, progress.step, progress.pose.pose));
             }
@@ -52,19 +52,19 @@ fn every_bundled_trajectory_is_driven_as_planned() {
         };
         arm.finish().unwrap();
         let end = emulator.state().planner.distance(path.end()).0;
-        let took = took(&emulator).as_secs_f64();
+        let driven_s = driven_time(&emulator).as_secs_f64();
         println!(
-            "{name}: {n_poses} poses, at most {worst:.3} mm off the path, {took:.3} s of {:.3} s",
+            "{name}: {n_poses} poses, at most {worst:.3} mm off the path, {driven_s:.3} s of {:.3} s",
             plan.duration_s
         );
         assert_eq!(n_dry, 0, "{name}: the arm waited for points");
         assert!(worst < 0.2 && end < 0.01, "{name}: {worst} mm off, ends {end} mm off");
-        assert!((took / plan.duration_s - 1.0).abs() < 0.02, "{name}: {took} s");
+        assert!((driven_s / plan.duration_s - 1.0).abs() < 0.02, "{name}: {driven_s} s");
     }
 }
 
-/// The arm's own time from the start of the queue to its last command.
-fn took(emulator: &ArmEmulator) -> Span {
+/// Time of the arm's clock from the start of the queue to its last command.
+fn driven_time(emulator: &ArmEmulator) -> Span {
     let journal = emulator.journal();
     let start = journal.iter().rposition(|line| line.name == "QUEUE_START").unwrap();
     let end = journal.iter().rposition(|line| line.was_busy).unwrap();

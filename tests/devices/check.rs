@@ -1,4 +1,4 @@
-//! `evrig check` as a user meets it: what is ready, what is not, and what to do.
+//! The command `evrig check`: exit codes and findings.
 
 use serde_json::Value;
 
@@ -20,13 +20,13 @@ fn check(args: &[&str]) -> (i32, Value) {
 fn verdict<'a>(value: &'a Value, what: &str) -> &'a str {
     let findings = value["findings"].as_array().unwrap();
     let finding = findings.iter().find(|finding| finding["subject"] == what);
-    finding.unwrap_or_else(|| panic!("{what} was not looked at: {value}"))["verdict"]
+    finding.unwrap_or_else(|| panic!("{what} was not checked: {value}"))["verdict"]
         .as_str()
         .unwrap()
 }
 
 #[test]
-fn this_machine_is_looked_at_without_a_rig() {
+fn the_machine_is_checked_without_a_rig() {
     let (_, value) = check(&[]);
     for what in ["port", "disk", "clock"] {
         assert!(["good", "doubt", "bad"].contains(&verdict(&value, what)), "{value}");
@@ -42,7 +42,7 @@ fn the_simulated_rig_answers_and_can_run_the_circle() {
 }
 
 #[test]
-fn an_arm_that_is_not_there_is_named_and_makes_it_not_ready() {
+fn an_absent_arm_is_reported_and_the_rig_is_not_ready() {
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("lab.toml");
     let rig = std::fs::read_to_string("rig/sim.toml").unwrap();
@@ -53,11 +53,11 @@ fn an_arm_that_is_not_there_is_named_and_makes_it_not_ready() {
     assert_eq!(value["ready"], false);
     assert_eq!(verdict(&value, "port"), "bad", "{value}");
     assert!(value.to_string().contains("/dev/no-such-arm"), "{value}");
-    assert_eq!(verdict(&value, "path"), "good", "the path is looked at all the same: {value}");
+    assert_eq!(verdict(&value, "path"), "good", "the path is checked nevertheless: {value}");
 }
 
 #[test]
-fn a_place_without_room_is_not_ready() {
+fn an_output_folder_without_free_space_is_not_ready() {
     let (code, value) = check(&["sim", "circle", "--out", "/proc"]);
     assert_eq!(code, 4, "{value}");
     assert_eq!(verdict(&value, "disk"), "bad", "{value}");

@@ -1,10 +1,10 @@
-//! A recorder that is killed at any moment leaves a session that is repaired and verifies, in which
-//! at most the last second of any stream is missing; the arm is stopped; the series can be taken up.
+//! A recorder that is killed at any moment leaves a session that can be repaired and verifies. At most
+//! the last second of any stream is missing, the arm is stopped, and the series can be resumed.
 //!
-//! `EVRIG_KILLS` says how often it is killed (8); what each kill cost is printed. The costs are in
-//! recorded time: what was sent and is not in the file, times what lies between two of it.
+//! `EVRIG_KILLS` sets the number of kills (default 8). The loss of each kill is printed in recorded
+//! time: the number of samples sent and not in the file, times their period.
 
-use crate::camera::{Camera, EVENT_US, PACKET_EVENTS, check_events};
+use crate::camera::{EVENT_US, NumberedCamera, PACKET_EVENTS, check_events};
 
 use crate::rig::rig_on;
 use evrig::frame::Samples;
@@ -20,34 +20,35 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// The last packet of the trajectory after which it is killed: two seconds, well within the circle.
-const LAST_PACKET: u64 = 400;
-/// So often a recorder is started to be killed at one moment.
-const TRIALS: usize = 5;
+/// Latest packet of the trajectory after which it is killed: two seconds, well within the circle.
+const MAX_PACKET: u64 = 400;
+/// Attempts to start a recorder that lives until one moment.
+const MAX_ATTEMPTS: usize = 5;
 /// One connection for the preflight, one for the recording.
 const CLIENTS: u64 = 2;
 /// States in which it is killed, one after another.
 const STATES: [&str; 4] = ["start pose", "cameras", "lead-in", "trajectory"];
-/// And those behind the trajectory, when there are kills enough.
+/// States after the trajectory, used when there are enough kills.
 const LATE_STATES: [&str; 3] = ["tail", "drain", "seal"];
-const MANY: usize = 20;
-/// So often the series is taken up after a kill.
+/// Kills from which on a run counts as a measurement.
+const MEASUREMENT_KILLS: usize = 20;
+/// The series is resumed after every kill of this number.
 const RESUMED_EVERY: usize = 8;
 const PATIENCE: Duration = Duration::from_secs(120);
-/// The promise: the last second of a stream, in its own time.
-const MOST_LOST_US: i64 = 1_000_000;
-/// Among other tests, which take the recorder's cores from it for seconds.
-const MOST_LOST_AMONG_OTHERS_US: i64 = 4_000_000;
+/// Guaranteed bound: the last second of a stream, in its own time.
+const MAX_LOST_US: i64 = 1_000_000;
+/// Bound next to other tests, which occupy the recorder's cores for seconds.
+const MAX_LOST_SHARED_US: i64 = 4_000_000;
 const FRAME_US: i64 = 1_000_000 / 120;
 const POSE_US: i64 = 1_000_000 / 50;
 
-/// The Pi's camera, and how many frames it has handed over since it was set up.
-struct Counted {
+/// The Pi's camera with the number of frames it has delivered since it was configured.
+struct CountedSource {
     camera: Synthetic,
     n_given: Arc<AtomicU64>,
 }
 
-impl FrameSource for Counted {
+impl FrameSource for CountedSource {
     fn describe(&self) -> String {
         self.camera.describe()
     }
@@ -65,20 +66,20 @@ impl FrameSource for Counted {
     }
 }
 
-/// Everything that a recorder needs, on real wires.
-struct Bench {
+/// The devices of a recorder, on their real protocols.
+struct CrashSetup {
     emulator: ArmEmulator,
     agent: Agent,
     n_given: Arc<AtomicU64>,
     folder: tempfile::TempDir,
 }
 
-impl Bench {
+impl CrashSetup {
     fn new() -> Self {
         let options = ArmOptions { is_homed: true, ..ArmOptions::default() };
         let local = "127.0.0.1:0".parse().unwrap();
         let n_given: Arc<AtomicU64> = Arc::default();
-        let camera = Counted { camera: Synthetic::paced(), n_given: Arc::clone(&n_given) };
+        let camera = CountedSource { camera: Synthetic::paced(), n_given: Arc::clone(&n_given) };
         Self {
             emulator: ArmEmulator::start(options, ArmClock::Scaled(1.0), Vec::new()).unwrap(),
             agent: Agent::serve(local, Box::new(camera)).unwrap(),
@@ -97,12 +98,12 @@ impl Bench {
         self.series().join("circle-01")
     }
 
-    /// Poses that the arm was asked for.
+    /// Poses requested from the arm.
     fn n_poses(&self) -> i64 {
         self.emulator.journal().iter().filter(|line| line.name == "POSE").count() as i64
     }
 
-    /// Waits until the guard of a recorder that is gone has stopped the arm, after so many requests.
+    /// Waits until the guard of a dead recorder has stopped the arm, after `since` requests.
     fn wait_for_stop(&self, since: usize) {
         let deadline = Instant::now() + PATIENCE;
         let has_stopped = || {
@@ -112,15 +113,15 @@ impl Bench {
                 && lines.any(|line| line.name == "QUEUE_CLEAR")
         };
         while !has_stopped() {
-            assert!(Instant::now() < deadline, "nobody stopped the arm");
+            assert!(Instant::now() < deadline, "the arm was not stopped");
             std::thread::sleep(Duration::from_millis(1));
         }
         let state = self.emulator.state();
         assert!(!state.is_busy && state.n_waiting == 0, "{state:?}");
-        assert_eq!(state.planner, self.emulator.state().planner, "it stands");
+        assert_eq!(state.planner, self.emulator.state().planner, "the arm stands still");
     }
 
-    /// Waits until the recorder is in a state; false when it ended before that.
+    /// Waits until the recorder is in a state; false if it ended before.
     fn wait_for_state(&self, recorder: &mut Child, state: &str) -> bool {
         let entered = format!("\"what\":\"{state}\"");
         let deadline = Instant::now() + PATIENCE;
@@ -135,11 +136,11 @@ impl Bench {
         true
     }
 
-    fn record(&self, camera: &Camera) -> Child {
+    fn record(&self, camera: &NumberedCamera) -> Child {
         self.run(camera, &["--repeat", "1"])
     }
 
-    fn run(&self, camera: &Camera, series: &[&str]) -> Child {
+    fn run(&self, camera: &NumberedCamera, series: &[&str]) -> Child {
         let text = rig_on(self.emulator.port(), &camera.address, self.agent.address());
         let rig = self.folder.path().join("rig.toml");
         std::fs::write(&rig, text).unwrap();
@@ -155,13 +156,13 @@ impl Bench {
     }
 }
 
-/// Every raw frame must be the one that its number tells; the number behind the last, 0 for none.
+/// Requires that every raw frame matches its number. Returns the number after the last, 0 for none.
 fn check_frames(session: &Session) -> u64 {
     if session.stream(StreamKind::Frames, "raw").is_err() {
         return 0;
     }
     let sequences: Vec<_> =
-        session.rig_log_contents().unwrap().metadata.iter().map(|said| said.sequence).collect();
+        session.rig_log_contents().unwrap().metadata.iter().map(|metadata| metadata.sequence).collect();
     assert!(sequences.windows(2).all(|pair| pair[0] + 1 == pair[1]), "a frame is missing");
     for (picture, sequence) in session.pi_frames("raw").unwrap().zip(&sequences) {
         let frame = picture.unwrap().frame;
@@ -170,39 +171,44 @@ fn check_frames(session: &Session) -> u64 {
         let differs = |(i, sample): (usize, &u16)| {
             *sample != Synthetic::sample(*sequence, i % width, i / width)
         };
-        assert!(!samples.iter().enumerate().any(differs), "frame {sequence} is another");
+        assert!(!samples.iter().enumerate().any(differs), "frame {sequence} has other samples");
     }
     sequences.last().map_or(0, |last| last + 1)
 }
 
-/// What a kill cost, in recorded time, and what it was.
+/// Data lost by a kill, in recorded time.
 #[derive(Default)]
-struct Costs {
+struct Losses {
     events_us: i64,
     frames_us: i64,
     poses_us: i64,
 }
 
-/// Kills a recorder at a moment, repairs what it left, and says what that cost; none when it ended by
-/// itself before, as it does when the machine is too busy to let the simulated arm answer in time.
-fn kill_one(bench: &Bench, camera: &mut Camera, killed_in: &str, moment: u64) -> Option<Costs> {
-    let mut recorder = bench.record(camera);
-    if !bench.wait_for_state(&mut recorder, killed_in) {
+/// Kills a recorder at a moment, repairs its session and returns the losses; none if it ended by itself
+/// before, which happens when the machine is too busy for the simulated arm to answer in time.
+fn kill_one(
+    setup: &CrashSetup,
+    camera: &mut NumberedCamera,
+    killed_in: &str,
+    moment: u64,
+) -> Option<Losses> {
+    let mut recorder = setup.record(camera);
+    if !setup.wait_for_state(&mut recorder, killed_in) {
         return None;
     }
-    let n_poses_before = bench.n_poses();
+    let n_poses_before = setup.n_poses();
     camera.wait_for(moment);
-    let n_requests = bench.emulator.journal().len();
-    let n_given = bench.n_given.load(Ordering::SeqCst);
-    let n_poses_asked = bench.n_poses() - n_poses_before;
+    let n_requests = setup.emulator.journal().len();
+    let n_given = setup.n_given.load(Ordering::SeqCst);
+    let n_poses_asked = setup.n_poses() - n_poses_before;
     if recorder.try_wait().unwrap().is_some() {
         return None;
     }
     recorder.kill().unwrap();
     recorder.wait().unwrap();
     let n_sent = camera.n_sent() as i64 * PACKET_EVENTS;
-    bench.wait_for_stop(n_requests);
-    let out = bench.out();
+    setup.wait_for_stop(n_requests);
+    let out = setup.out();
     let repaired = repair(&out).unwrap();
     let was_sealed = !matches!(repaired, Repair::Resealed(_));
     assert!(!was_sealed || killed_in == "seal", "the recorder was killed in {killed_in}");
@@ -220,10 +226,10 @@ fn kill_one(bench: &Bench, camera: &mut Camera, killed_in: &str, moment: u64) ->
     assert!(n_kept >= count as i64);
     let n_frames = check_frames(&session);
     let n_poses = session.rig_log_contents().map_or(0, |notes| notes.poses.len() as i64);
-    // Behind the trajectory the cameras were told to end, and what they send on nobody wants.
+    // After the trajectory the cameras are stopped, and later samples do not count.
     let still_records = !LATE_STATES.contains(&killed_in);
     let lost = |n: i64, each_us: i64| if still_records { n.max(0) * each_us } else { 0 };
-    Some(Costs {
+    Some(Losses {
         events_us: lost(n_sent - n_kept, EVENT_US),
         frames_us: lost(n_given as i64 - n_frames as i64, FRAME_US),
         poses_us: lost(n_poses_asked - n_poses, POSE_US),
@@ -231,29 +237,29 @@ fn kill_one(bench: &Bench, camera: &mut Camera, killed_in: &str, moment: u64) ->
 }
 
 #[test]
-fn a_recorder_killed_at_any_moment_loses_a_second_at_most_and_the_series_goes_on() {
+fn a_recorder_killed_at_any_moment_loses_at_most_a_second_and_the_series_can_be_resumed() {
     let n_kills: usize = std::env::var("EVRIG_KILLS").map_or(8, |n| n.parse().expect("a number"));
-    // A run of many kills is the measurement, and has the machine to itself.
-    let promised_us = if n_kills >= MANY { MOST_LOST_US } else { MOST_LOST_AMONG_OTHERS_US };
-    let states: Vec<&str> = if n_kills >= MANY {
+    // A run of many kills is a measurement without other tests beside it.
+    let bound_us = if n_kills >= MEASUREMENT_KILLS { MAX_LOST_US } else { MAX_LOST_SHARED_US };
+    let states: Vec<&str> = if n_kills >= MEASUREMENT_KILLS {
         STATES.into_iter().chain(LATE_STATES).collect()
     } else {
         STATES.to_vec()
     };
     let mut state = 20_261_121_u64;
-    let (mut most, mut n_counted, mut n_resumed) = (Costs::default(), 0, 0);
+    let (mut most, mut n_counted, mut n_resumed) = (Losses::default(), 0, 0);
     for kill in 0..n_kills {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
         // One kill in every state, the others somewhere on the trajectory.
         let killed_in = states.get(kill).copied().unwrap_or("trajectory");
-        let moment = if kill < states.len() { 0 } else { 1 + (state >> 33) % LAST_PACKET };
-        let mut trials = (0..TRIALS).map(|_| {
-            let (bench, mut camera) = (Bench::new(), Camera::start(CLIENTS));
-            let costs = kill_one(&bench, &mut camera, killed_in, moment)?;
-            Some((bench, camera, costs))
+        let moment = if kill < states.len() { 0 } else { 1 + (state >> 33) % MAX_PACKET };
+        let mut trials = (0..MAX_ATTEMPTS).map(|_| {
+            let (setup, mut camera) = (CrashSetup::new(), NumberedCamera::start(CLIENTS));
+            let costs = kill_one(&setup, &mut camera, killed_in, moment)?;
+            Some((setup, camera, costs))
         });
         let tried = trials.find_map(|tried| tried);
-        let (bench, camera, costs) = tried.expect("the recorder lives until it is killed");
+        let (setup, camera, costs) = tried.expect("the recorder runs until it is killed");
         eprintln!(
             "killed in {killed_in} after {moment} packets: lost {:.0} ms of events, {:.0} of frames, \
              {:.0} of poses",
@@ -261,35 +267,35 @@ fn a_recorder_killed_at_any_moment_loses_a_second_at_most_and_the_series_goes_on
             costs.frames_us as f64 * 1e-3,
             costs.poses_us as f64 * 1e-3,
         );
-        // Before the trajectory the cameras' first samples may not have been taken yet.
+        // Before the trajectory the first samples may not have been read yet.
         if killed_in == "trajectory" {
             let all = [costs.events_us, costs.frames_us, costs.poses_us];
-            assert!(all.iter().all(|lost_us| *lost_us <= promised_us), "lost, in us: {all:?}");
+            assert!(all.iter().all(|lost_us| *lost_us <= bound_us), "lost, in us: {all:?}");
             most.events_us = most.events_us.max(costs.events_us);
             most.frames_us = most.frames_us.max(costs.frames_us);
             most.poses_us = most.poses_us.max(costs.poses_us);
             n_counted += 1;
         }
         if kill % RESUMED_EVERY == RESUMED_EVERY - 1 {
-            // The first try of the session was killed, so this is the second; on a machine too busy for
-            // the simulated arm to answer in time it ends by itself, and is taken up again.
-            let again = (2..2 + TRIALS).find_map(|trial| {
-                let resumed = bench.run(&camera, &["--resume"]).wait().unwrap();
+            // The first attempt was killed, so this is the second. On a machine too busy for the
+            // simulated arm to answer in time it ends by itself and is resumed again.
+            let again = (2..2 + MAX_ATTEMPTS).find_map(|trial| {
+                let resumed = setup.run(&camera, &["--resume"]).wait().unwrap();
                 let name = format!("circle-01-again-{trial}");
-                let again = Session::open(&bench.series().join(name)).unwrap();
+                let again = Session::open(&setup.series().join(name)).unwrap();
                 assert!(verify(&again).unwrap().holds());
                 let is_complete = again.manifest().status == SessionStatus::Complete;
                 assert_eq!(is_complete, [Some(0), Some(3)].contains(&resumed.code()));
                 is_complete.then_some(())
             });
-            assert!(again.is_some(), "taken up {TRIALS} times, and never completed");
+            assert!(again.is_some(), "resumed {MAX_ATTEMPTS} times without completing");
             n_resumed += 1;
         }
         camera.end();
     }
     eprintln!(
-        "{n_kills} kills, {n_counted} on the trajectory; most lost there: {:.0} ms of events, {:.0} ms \
-         of frames, {:.0} ms of poses; {n_resumed} series taken up and completed",
+        "{n_kills} kills, {n_counted} on the trajectory; largest losses there: {:.0} ms of events, {:.0} ms \
+         of frames, {:.0} ms of poses; {n_resumed} series resumed and completed",
         most.events_us as f64 * 1e-3,
         most.frames_us as f64 * 1e-3,
         most.poses_us as f64 * 1e-3,
@@ -297,14 +303,14 @@ fn a_recorder_killed_at_any_moment_loses_a_second_at_most_and_the_series_goes_on
 }
 
 #[test]
-fn what_arrived_is_in_the_file_though_nothing_follows_it() {
-    let bench = Bench::new();
-    let mut camera = Camera::start(CLIENTS);
-    let mut recorder = bench.record(&camera);
+fn events_are_written_on_arrival_without_waiting_for_more() {
+    let setup = CrashSetup::new();
+    let mut camera = NumberedCamera::start(CLIENTS);
+    let mut recorder = setup.record(&camera);
     camera.wait_for(1);
-    // Far less than a buffer, and then silence.
+    // Far less than a buffer, then nothing.
     let n_sent = camera.end() as i64 * PACKET_EVENTS;
-    let path = bench.out().join("davis.aedat4");
+    let path = setup.out().join("davis.aedat4");
     let deadline = Instant::now() + PATIENCE;
     while check_events(&path) < n_sent {
         assert!(Instant::now() < deadline, "{} of {n_sent} events", check_events(&path));
@@ -315,19 +321,19 @@ fn what_arrived_is_in_the_file_though_nothing_follows_it() {
 }
 
 #[test]
-fn verify_repair_says_what_was_lost_and_ends_with_losses() {
-    let bench = Bench::new();
-    let mut camera = Camera::start(CLIENTS);
-    let mut recorder = bench.record(&camera);
+fn verify_repair_reports_the_losses_and_exits_with_3() {
+    let setup = CrashSetup::new();
+    let mut camera = NumberedCamera::start(CLIENTS);
+    let mut recorder = setup.record(&camera);
     camera.wait_for(100);
     let evrig = |arguments: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_evrig"));
-        command.arg("verify").arg(bench.out()).args(arguments).output().unwrap()
+        command.arg("verify").arg(setup.out()).args(arguments).output().unwrap()
     };
     let alive = evrig(&["--repair"]);
     assert_eq!(alive.status.code(), Some(1));
-    let said = String::from_utf8(alive.stderr).unwrap();
-    assert!(said.contains("being recorded by another evrig"), "{said}");
+    let stderr = String::from_utf8(alive.stderr).unwrap();
+    assert!(stderr.contains("being recorded by another evrig"), "{stderr}");
     recorder.kill().unwrap();
     recorder.wait().unwrap();
     camera.end();

@@ -1,4 +1,4 @@
-//! The event camera over TCP and from a recording: whole, interrupted, silent, absent.
+//! The event camera over TCP and from a recording: complete, interrupted, silent and absent.
 
 use evrig::device::davis::{NetworkDavis, NetworkDavisTimeouts, ReplayDavis, ReplaySpeed};
 use evrig::device::stream_server::StreamServer;
@@ -61,7 +61,7 @@ fn a_recording_is_played_to_its_last_packet() {
 }
 
 #[test]
-fn a_server_that_comes_back_leaves_a_gap_that_is_told() {
+fn a_reconnected_server_leaves_a_reported_gap() {
     let mut first = server(0);
     let port = first.address().port();
     let mut davis = NetworkDavis::new(&format!("127.0.0.1:{port}"), QUICK);
@@ -82,7 +82,7 @@ fn a_server_that_comes_back_leaves_a_gap_that_is_told() {
 }
 
 #[test]
-fn a_half_open_connection_is_made_anew() {
+fn a_half_open_connection_is_replaced() {
     let mut source = server(0);
     let address = source.address();
     let mut davis = NetworkDavis::new(&address.to_string(), QUICK);
@@ -92,7 +92,7 @@ fn a_half_open_connection_is_made_anew() {
     let (outlet, inlet) = channel(1 << 20);
     davis.start(outlet).unwrap();
     assert_eq!(next_events(&inlet).len(), 1);
-    // Nothing comes for longer than a connection may be silent: the client takes a new one.
+    // No data for longer than the allowed silence: the client reconnects.
     assert!(source.wait_for_clients(2, PATIENCE));
     source.send_events(run(9, 1).as_slice()).unwrap();
     assert_eq!(next_events(&inlet), run(9, 1));
@@ -100,7 +100,7 @@ fn a_half_open_connection_is_made_anew() {
 }
 
 #[test]
-fn a_server_that_stays_away_is_one_clear_error() {
+fn a_server_that_does_not_return_is_an_error() {
     let mut source = server(0);
     let patience = NetworkDavisTimeouts { reconnect: Duration::ZERO, ..QUICK };
     let mut davis = NetworkDavis::new(&source.address().to_string(), patience);
@@ -112,14 +112,14 @@ fn a_server_that_stays_away_is_one_clear_error() {
     drop(source);
     assert!(matches!(inlet.take(PATIENCE), Received::Sample(_)));
     assert!(matches!(inlet.take(PATIENCE), Received::Closed));
-    let said = davis.progress().unwrap_err().to_string();
-    assert!(said.contains("tcp://127.0.0.1") && said.contains("emulate davis"), "{said}");
+    let message = davis.progress().unwrap_err().to_string();
+    assert!(message.contains("tcp://127.0.0.1") && message.contains("emulate davis"), "{message}");
     davis.abort();
     davis.abort();
 }
 
 #[test]
-fn nobody_there_and_somebody_else_there_are_told_apart_before_anything_moves() {
+fn an_absent_server_and_another_program_are_distinguished_before_anything_moves() {
     let absent = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let finding = &NetworkDavis::new(&absent.to_string(), QUICK).check()[0];
     assert!(
@@ -136,12 +136,12 @@ fn nobody_there_and_somebody_else_there_are_told_apart_before_anything_moves() {
 }
 
 #[test]
-fn a_slow_reader_loses_what_is_counted_and_nothing_else() {
+fn a_slow_reader_loses_only_counted_packets() {
     let mut source = server(0);
     let mut davis = NetworkDavis::new(&source.address().to_string(), QUICK);
     davis.prepare().unwrap();
     assert!(source.wait_for_clients(1, PATIENCE));
-    // Room for one packet: the others are dropped while nobody takes any.
+    // Capacity for one packet: the others are dropped while none is taken.
     let (outlet, inlet) = channel(1);
     for k in 0..20 {
         source.send_events(run(100 * k, 50).as_slice()).unwrap();

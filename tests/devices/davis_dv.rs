@@ -1,7 +1,6 @@
-//! The DAVIS over TCP, to and from dv-processing, whose reader and writer are the cameras' maker's.
+//! The DAVIS over TCP, to and from dv-processing, the library of the camera's manufacturer.
 //!
-//! Needs a Python with `dv-processing` and `numpy`, named by `EVRIG_PYTHON`; says so and passes
-//! when that is unset.
+//! Needs a Python with `dv-processing` and `numpy`, named by `EVRIG_PYTHON`; skipped when unset.
 
 use evrig::device::davis::{NetworkDavis, NetworkDavisTimeouts};
 use evrig::device::stream_server::StreamServer;
@@ -49,17 +48,17 @@ fn event(k: i64, i: i64) -> Event {
 }
 
 #[test]
-fn what_dv_processing_serves_is_recorded_event_by_event_and_frame_by_frame() {
+fn events_and_frames_served_by_dv_processing_are_recorded_exactly() {
     for (kind, compression) in
         [("events", "none"), ("events", "lz4"), ("events", "zstd"), ("frames", "lz4")]
     {
         let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
         let port = free.to_string();
-        let Some((mut server, mut said)) = python(&["serve", &port, kind, compression, "40"])
+        let Some((mut server, mut lines)) = python(&["serve", &port, kind, compression, "40"])
         else {
             return;
         };
-        assert_eq!(line(&mut said), "listening");
+        assert_eq!(line(&mut lines), "listening");
         let mut davis =
             NetworkDavis::new(&format!("127.0.0.1:{port}"), NetworkDavisTimeouts::default());
         let prepared = davis.prepare().unwrap();
@@ -107,18 +106,18 @@ fn read_by_dv(
 ) -> Option<Value> {
     let mut server = StreamServer::bind("127.0.0.1:0", spec, Compression::Lz4).unwrap();
     let port = server.address().port().to_string();
-    let (mut reader, mut said) = python(&["read", &port, kind, &n.to_string()])?;
+    let (mut reader, mut lines) = python(&["read", &port, kind, &n.to_string()])?;
     assert!(server.wait_for_clients(1, PATIENCE));
-    assert_eq!(line(&mut said), "connected");
+    assert_eq!(line(&mut lines), "connected");
     send(&mut server);
-    let found = line(&mut said);
+    let found = line(&mut lines);
     assert!(reader.wait().unwrap().success());
     assert_eq!(server.n_dropped(), 0);
     Some(serde_json::from_str(&found).unwrap_or_else(|error| panic!("{error}: {found}")))
 }
 
 #[test]
-fn dv_processing_reads_every_event_and_frame_that_we_serve() {
+fn dv_processing_reads_every_served_event_and_frame() {
     let spec = StreamSpec::events(Size::DAVIS346, CAMERA);
     let packets: Vec<Events> = (0..40).map(|k| (0..1000).map(|i| event(k, i)).collect()).collect();
     let send = |server: &mut StreamServer| {

@@ -1,15 +1,14 @@
-//! The simulated arm is proven by clients that others wrote.
+//! Third-party clients drive the simulated arm.
 //!
-//! `EVRIG_PYTHON` names a Python that has pydobot 1.3.2 and pydobotplus 0.1.2; without it
-//! the test says that it was skipped.
+//! Needs a Python with pydobot 1.3.2 and pydobotplus 0.1.2, named by `EVRIG_PYTHON`; skipped when unset.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 
-/// An emulator that is killed with the test.
-struct Emulated(Child);
+/// An emulator process, killed when dropped.
+struct EmulatorProcess(Child);
 
-impl Drop for Emulated {
+impl Drop for EmulatorProcess {
     fn drop(&mut self) {
         let _ = self.0.kill();
         let _ = self.0.wait();
@@ -30,7 +29,7 @@ fn pydobot_and_pydobotplus_read_the_pose_and_complete_moves() {
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
         .spawn()
-        .map(Emulated)
+        .map(EmulatorProcess)
         .unwrap();
     let mut port = String::new();
     BufReader::new(emulated.0.stdout.take().unwrap()).read_line(&mut port).unwrap();
@@ -39,13 +38,13 @@ fn pydobot_and_pydobotplus_read_the_pose_and_complete_moves() {
         .arg(port.trim())
         .output()
         .unwrap();
-    let words = String::from_utf8_lossy(&ran.stderr);
-    assert!(ran.status.success(), "{words}");
-    // The clients print remarks of their own; ours is the last line.
-    let said = String::from_utf8_lossy(&ran.stdout);
+    let stderr = String::from_utf8_lossy(&ran.stderr);
+    assert!(ran.status.success(), "{stderr}");
+    // The clients print messages of their own; the result is the last line.
+    let printed = String::from_utf8_lossy(&ran.stdout);
     let poses: serde_json::Value =
-        serde_json::from_str(said.lines().last().unwrap_or_default()).expect(&said);
-    // The arm wakes at its factory pose (0, 45, 45, 0) with the suction cup's offset.
+        serde_json::from_str(printed.lines().last().unwrap_or_default()).expect(&printed);
+    // The arm starts at its factory pose (0, 45, 45, 0) with the offset of the suction cup.
     let x = poses["pydobot"]["start"][0].as_f64().unwrap();
     assert!((x - 259.104).abs() < 1e-3, "{poses}");
     let journal = std::fs::read_to_string(journal).unwrap();

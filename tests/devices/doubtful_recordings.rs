@@ -1,4 +1,4 @@
-//! Recordings that are whole but not right: what is wrong is counted and said, never hidden.
+//! Readable recordings with inconsistent contents: every inconsistency is counted and reported.
 
 use assert_cmd::Command;
 use evrig::event::{Event, Events};
@@ -43,75 +43,75 @@ fn evrig(args: &[&str]) -> (i32, String, String) {
 fn import(directory: &Path, recording: &Path) -> (PathBuf, i32, String) {
     let session = directory.join("session");
     let paths = (recording.to_str().unwrap(), session.to_str().unwrap());
-    let (code, said, _) = evrig(&["import", "aedat4", paths.0, "--out", paths.1]);
-    (session, code, said)
+    let (code, printed, _) = evrig(&["import", "aedat4", paths.0, "--out", paths.1]);
+    (session, code, printed)
 }
 
 #[test]
-fn events_off_the_sensor_and_out_of_order_are_counted_and_kept_out_of_the_analysis() {
+fn events_outside_the_sensor_are_excluded_and_unordered_ones_are_sorted_and_counted() {
     let directory = tempfile::tempdir().unwrap();
     let found = events(&[(10, 1, 1), (20, 8, 0), (25, 3, 3), (15, 2, 2), (30, 0, 6), (40, 7, 5)]);
     let recording = record(directory.path(), &found, &[frame(0, 9), frame(50, 9)]);
-    let (session, code, said) = import(directory.path(), &recording);
-    assert_eq!(code, 3, "{said}");
-    assert!(said.contains("2 events off the sensor"), "{said}");
-    assert!(said.contains("1 events earlier than the one before"), "{said}");
+    let (session, code, printed) = import(directory.path(), &recording);
+    assert_eq!(code, 3, "{printed}");
+    assert!(printed.contains("2 events off the sensor"), "{printed}");
+    assert!(printed.contains("1 events earlier than the one before"), "{printed}");
     let (events, tally) = Session::open(&session).unwrap().events("real").unwrap();
     assert_eq!(events.as_slice().t, [10, 15, 25, 40]);
     assert_eq!((tally.seen, tally.kept, tally.outside, tally.sorted_in), (6, 4, 2, 1));
 }
 
 #[test]
-fn a_recording_without_frames_is_a_session_whose_generation_is_left_out() {
+fn a_recording_without_frames_is_processed_without_generation() {
     let directory = tempfile::tempdir().unwrap();
     let recording = record(directory.path(), &events(&[(10, 1, 1), (20, 2, 2)]), &[]);
-    let (session, code, said) = import(directory.path(), &recording);
-    assert_eq!(code, 0, "{said}");
+    let (session, code, printed) = import(directory.path(), &recording);
+    assert_eq!(code, 0, "{printed}");
     let session = session.to_str().unwrap();
-    let (code, said, _) = evrig(&["process", session]);
-    assert_eq!(code, 0, "{said}");
-    assert!(said.contains("left out: the session has no frames"), "{said}");
-    let (code, _, said) = evrig(&["generate", session]);
+    let (code, printed, _) = evrig(&["process", session]);
+    assert_eq!(code, 0, "{printed}");
+    assert!(printed.contains("left out: the session has no frames"), "{printed}");
+    let (code, _, printed) = evrig(&["generate", session]);
     assert_eq!(code, 1);
-    assert!(said.contains("has no frames to generate events from"), "{said}");
-    let (code, _, said) = evrig(&["compare", session]);
+    assert!(printed.contains("has no frames to generate events from"), "{printed}");
+    let (code, _, printed) = evrig(&["compare", session]);
     assert_eq!(code, 1);
-    assert!(said.contains("no simulated stream"), "{said}");
-    let (code, said, _) = evrig(&["report", session]);
-    assert_eq!(code, 0, "a report says what there is: {said}");
+    assert!(printed.contains("no simulated stream"), "{printed}");
+    let (code, printed, _) = evrig(&["report", session]);
+    assert_eq!(code, 0, "the report shows the existing results: {printed}");
 }
 
 #[test]
-fn a_frame_that_is_not_later_than_the_one_before_is_left_out_and_counted() {
+fn frames_without_increasing_timestamps_are_skipped_and_counted() {
     let directory = tempfile::tempdir().unwrap();
     let frames = [frame(0, 10), frame(1_000, 200), frame(1_000, 10), frame(2_000, 10)];
     let recording = record(directory.path(), &events(&[(10, 1, 1), (1_500, 2, 2)]), &frames);
-    let (session, code, said) = import(directory.path(), &recording);
-    assert_eq!(code, 0, "{said}");
-    let (code, said, _) = evrig(&["generate", session.to_str().unwrap()]);
-    assert_eq!(code, 3, "{said}");
-    assert!(said.contains("1 frames left out (not later)"), "{said}");
+    let (session, code, printed) = import(directory.path(), &recording);
+    assert_eq!(code, 0, "{printed}");
+    let (code, printed, _) = evrig(&["generate", session.to_str().unwrap()]);
+    assert_eq!(code, 3, "{printed}");
+    assert!(printed.contains("1 frames left out (not later)"), "{printed}");
 }
 
 #[test]
-fn a_recording_given_for_a_session_is_answered_with_the_command_that_makes_one() {
+fn a_recording_given_as_a_session_is_refused_with_the_import_command() {
     let directory = tempfile::tempdir().unwrap();
     let recording = record(directory.path(), &events(&[(10, 1, 1)]), &[frame(0, 9)]);
     for command in ["info", "verify", "diagnose"] {
-        let (code, said, error) = evrig(&[command, recording.to_str().unwrap()]);
-        assert_eq!(code, 1, "{command}: {said}{error}");
+        let (code, printed, error) = evrig(&[command, recording.to_str().unwrap()]);
+        assert_eq!(code, 1, "{command}: {printed}{error}");
         assert!(error.contains("recording.aedat4"), "{command}: {error}");
         assert!(error.contains("evrig import aedat4"), "{command}: {error}");
     }
 }
 
 #[test]
-fn a_session_without_a_diagnosis_is_told_how_to_get_the_camera_of_one() {
+fn generating_the_diagnosed_camera_without_a_diagnosis_names_the_missing_command() {
     let directory = tempfile::tempdir().unwrap();
     let frames = [frame(0, 10), frame(1_000, 10)];
     let recording = record(directory.path(), &events(&[(10, 1, 1)]), &frames);
-    let (session, code, said) = import(directory.path(), &recording);
-    assert_eq!(code, 0, "{said}");
+    let (session, code, printed) = import(directory.path(), &recording);
+    assert_eq!(code, 0, "{printed}");
     let session = session.to_str().unwrap();
     let (code, _, error) = evrig(&["generate", session, "--diagnosed"]);
     assert_eq!(code, 1, "{error}");
@@ -125,21 +125,21 @@ fn a_session_without_a_diagnosis_is_told_how_to_get_the_camera_of_one() {
 }
 
 #[test]
-fn streams_without_any_event_compare_as_unknown_and_not_as_a_failure() {
+fn comparing_streams_without_events_gives_unknown_measures() {
     let directory = tempfile::tempdir().unwrap();
-    // Still frames, no leak, no noise: the generator makes nothing.
+    // Static frames without leak and noise: no event is generated.
     let recording = record(directory.path(), &events(&[]), &[frame(0, 10), frame(1_000, 10)]);
-    let (session, code, said) = import(directory.path(), &recording);
-    assert_eq!(code, 0, "{said}");
-    let (code, said, errors) =
+    let (session, code, printed) = import(directory.path(), &recording);
+    assert_eq!(code, 0, "{printed}");
+    let (code, printed, errors) =
         evrig(&["process", session.to_str().unwrap(), "--k", "5,20,0,0,0,0", "--json"]);
-    assert_eq!(code, 0, "{said}{errors}");
-    let value: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(code, 0, "{printed}{errors}");
+    let value: serde_json::Value = serde_json::from_str(&printed).unwrap();
     let measures = value["stages"][1]["result"]["measures"].as_array().unwrap();
     for measure in measures {
         assert!(measure["estimate"]["value"].is_null(), "{measure}");
         assert!(measure["unknown_because"].is_string(), "{measure}");
     }
-    let (code, said, _) = evrig(&["report", session.to_str().unwrap()]);
-    assert_eq!(code, 0, "{said}");
+    let (code, printed, _) = evrig(&["report", session.to_str().unwrap()]);
+    assert_eq!(code, 0, "{printed}");
 }

@@ -1,4 +1,4 @@
-//! `evrig emulate arm` as a user meets it.
+//! The command `evrig emulate arm`.
 
 use assert_cmd::Command as Tool;
 use evrig::device::dobot::{ArmClient, ArmTimeouts, port};
@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 const EVRIG: &str = env!("CARGO_BIN_EXE_evrig");
 
 #[test]
-fn it_answers_under_its_link_until_ctrl_c_and_leaves_nothing_behind() {
+fn the_emulator_answers_at_its_link_until_ctrl_c_and_removes_the_link() {
     let directory = tempfile::tempdir().unwrap();
     let link = directory.path().join("dobot");
     let journal = directory.path().join("arm.jsonl");
@@ -25,15 +25,15 @@ fn it_answers_under_its_link_until_ctrl_c_and_leaves_nothing_behind() {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    let mut said = String::new();
-    BufReader::new(child.stdout.take().unwrap()).read_line(&mut said).unwrap();
-    assert_eq!(Path::new(said.trim()), link);
+    let mut printed = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut printed).unwrap();
+    assert_eq!(Path::new(printed.trim()), link);
     let serial = port::open(&link).unwrap();
     let mut client = ArmClient::new(Box::new(serial), ArmTimeouts::default());
     assert_eq!(client.identify().unwrap().firmware, "3.7.0");
     kill_process(Pid::from_raw(i32::try_from(child.id()).unwrap()).unwrap(), Signal::INT).unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(0));
-    assert!(link.symlink_metadata().is_err(), "the link is gone");
+    assert!(link.symlink_metadata().is_err(), "the link is removed");
     let lines = std::fs::read_to_string(journal).unwrap();
     let first: serde_json::Value = serde_json::from_str(lines.lines().next().unwrap()).unwrap();
     assert_eq!(first["name"], "DEVICE_VERSION");
@@ -41,20 +41,20 @@ fn it_answers_under_its_link_until_ctrl_c_and_leaves_nothing_behind() {
 }
 
 #[test]
-fn wrong_words_are_refused_with_what_would_be_right() {
-    for (words, expected) in [
+fn invalid_options_are_refused_with_the_valid_values() {
+    for (options, expected) in [
         (&["--fault", "lost-answer"][..], "lost-reply"),
         (&["--time-scale", "0"][..], "0 < X"),
         (&["--journal", "/no/such/place"][..], "/no/such/place"),
     ] {
-        let ran = Tool::new(EVRIG).args(["emulate", "arm"]).args(words).assert().failure();
+        let ran = Tool::new(EVRIG).args(["emulate", "arm"]).args(options).assert().failure();
         let error = String::from_utf8_lossy(&ran.get_output().stderr).into_owned();
         assert!(error.contains(expected), "{error}");
     }
 }
 
 #[test]
-fn a_link_does_not_take_the_place_of_a_file() {
+fn a_link_does_not_replace_a_file() {
     let file = tempfile::NamedTempFile::new().unwrap();
     let ran = Tool::new(EVRIG).args(["emulate", "arm", "--link"]).arg(file.path()).assert();
     let output = ran.failure().code(1);

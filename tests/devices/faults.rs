@@ -1,12 +1,12 @@
-//! Each device fails in each way at some moment of a recording: it ends in time, in a sealed session
-//! that verifies, and one that lacks something never claims to be whole.
+//! Each device fails in each way at some moment of a recording. The recording ends in time in a sealed
+//! session that verifies, and an incomplete session is never marked complete.
 //!
-//! `EVRIG_FAULTS` says how often each way is tried (1), each time at another moment.
+//! `EVRIG_FAULTS` sets the number of trials per fault (default 1), each at another moment.
 
 use crate::camera;
 
-use crate::wire::{Fault, Wire};
-use camera::{Camera, PACKET_EVENTS, find_events};
+use crate::wire::{FaultyWire, WireFault};
+use camera::{NumberedCamera, PACKET_EVENTS, find_events};
 use evrig::device::davis::{NetworkDavis, NetworkDavisTimeouts};
 use evrig::device::dobot::{ArmClient, ArmTimeouts, Magician, port};
 use evrig::device::pi::{NetworkPi, PiTimeouts};
@@ -35,13 +35,13 @@ use std::process::Command;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-/// The arm's time passes by requests, so that a path has as many looks at the arm on any machine.
+/// The arm's time advances with each request, so that a path has the same number of polls on any machine.
 const ARM_STEP: Span = Span::from_micros(20_000);
-/// Fewer looks than any run of the path has.
-const LOOKS: f64 = 60.0;
-/// A fault that passes does so after so many.
-const PASSING: u32 = 15;
-/// No recording of two seconds takes so long, whatever fails.
+/// Lower bound of the polls of any run of the path.
+const MIN_POLLS: f64 = 60.0;
+/// Polls after which a transient fault ends.
+const TRANSIENT_POLLS: u32 = 15;
+/// Far longer than any recording of two seconds.
 const DEADLINE: Duration = Duration::from_secs(120);
 const DAVIS_PATIENCE: NetworkDavisTimeouts = NetworkDavisTimeouts {
     connect: Duration::from_secs(2),
@@ -53,33 +53,38 @@ const PI_PATIENCE: PiTimeouts = PiTimeouts {
     answer: Duration::from_secs(5),
     silence: Duration::from_millis(500),
     configure: Duration::from_secs(20),
-    // What waits there comes late on a busy machine, and that is no fault either.
+    // Queued frames arrive late on a busy machine, which is not a fault.
     drain: Duration::from_secs(20),
 };
-const WIRE_FAULTS: [Fault; 5] =
-    [Fault::Unplugged, Fault::Silent, Fault::Slow, Fault::Garbage, Fault::Restarted];
+const WIRE_FAULTS: [WireFault; 5] = [
+    WireFault::Unplugged,
+    WireFault::Silent,
+    WireFault::Slow,
+    WireFault::Garbage,
+    WireFault::Restarted,
+];
 
-/// The wires of a rig, and what stands behind them.
-struct Bench {
+/// The devices of a rig and the proxies to them.
+struct FaultSetup {
     emulator: ArmEmulator,
     _agent: Agent,
-    _camera: Camera,
-    davis: Wire,
-    pi: Wire,
+    _camera: NumberedCamera,
+    davis: FaultyWire,
+    pi: FaultyWire,
     folder: tempfile::TempDir,
 }
 
-impl Bench {
+impl FaultSetup {
     fn new() -> Self {
         let options = ArmOptions { is_homed: true, ..ArmOptions::default() };
         let agent =
             Agent::serve("127.0.0.1:0".parse().unwrap(), Box::new(Synthetic::paced())).unwrap();
-        // One connection for the preflight, one for the recording, and so long it is silent.
-        let camera = Camera::start(2);
+        // One connection for the preflight, one for the recording; silent until then.
+        let camera = NumberedCamera::start(2);
         Self {
             emulator: ArmEmulator::start(options, ArmClock::Stepped(ARM_STEP), Vec::new()).unwrap(),
-            davis: Wire::to(camera.address.parse().unwrap()),
-            pi: Wire::to(agent.address()),
+            davis: FaultyWire::to(camera.address.parse().unwrap()),
+            pi: FaultyWire::to(agent.address()),
             _camera: camera,
             _agent: agent,
             folder: tempfile::tempdir().unwrap(),
@@ -88,7 +93,7 @@ impl Bench {
 
     fn devices(&self, rig: &Rig) -> Devices {
         let link = port::open(self.emulator.port()).unwrap();
-        // A busy machine answers late, and that is no fault.
+        // A busy machine answers late, which is not a fault.
         let reply = Span::from_micros(2_000_000);
         let patience = ArmTimeouts { reply, ..ArmTimeouts::default() };
         let arm = Magician::over(ArmClient::new(Box::new(link), patience), rig.arm.clone());
@@ -126,13 +131,13 @@ impl Bench {
         record(request, devices, &StopToken::default(), watch).unwrap()
     }
 
-    /// Records; `fail` is told how many looks at the arm there were.
+    /// Records; `fail` is called with the number of polls of the arm.
     fn record(&self, fail: &mut dyn FnMut(u32)) -> RecordOutcome {
-        let mut n_looks = 0;
+        let mut n_polls = 0;
         let mut watch = |state, _| {
             if state == RecordState::Trajectory {
-                fail(n_looks);
-                n_looks += 1;
+                fail(n_polls);
+                n_polls += 1;
             }
         };
         self.record_with(&mut self.devices(&Rig::simulated().unwrap()), &mut watch)
@@ -143,19 +148,19 @@ impl Bench {
     }
 }
 
-/// Runs a trial on a thread of its own: a hang is an answer too.
-fn within_the_deadline<T: Send + 'static>(
+/// Runs a trial on its own thread, so that a hang is detected.
+fn run_with_deadline<T: Send + 'static>(
     what: String,
     trial: impl FnOnce() -> T + Send + 'static,
 ) -> T {
-    let (tell, told) = channel();
+    let (sender, receiver) = channel();
     let thread = std::thread::spawn(move || {
         let outcome = trial();
-        let _ = tell.send(());
+        let _ = sender.send(());
         outcome
     });
     let began = Instant::now();
-    let ended = told.recv_timeout(DEADLINE);
+    let ended = receiver.recv_timeout(DEADLINE);
     let hangs = matches!(ended, Err(RecvTimeoutError::Timeout));
     assert!(!hangs, "{what}: still recording after {:?}", began.elapsed());
     thread.join().unwrap_or_else(|_| panic!("{what}"))
@@ -172,20 +177,20 @@ fn n_rounds() -> u64 {
     std::env::var("EVRIG_FAULTS").map_or(1, |n| n.parse().expect("a number"))
 }
 
-/// A look at the arm between the third and the last but a third, another for each trial.
-fn moment(trial: u64) -> u32 {
+/// Poll of the arm at which a trial injects its fault: in the first 60 %, another for each trial.
+fn fault_poll(trial: u64) -> u32 {
     let mixed = (trial + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    3 + (0.6 * LOOKS * (mixed >> 40) as f64 / (1_u64 << 24) as f64) as u32
+    3 + (0.6 * MIN_POLLS * (mixed >> 40) as f64 / (1_u64 << 24) as f64) as u32
 }
 
-/// So often a recording is tried that a busy machine ends.
-const TRIALS: usize = 4;
+/// Attempts to record when a busy machine ends the recording.
+const MAX_ATTEMPTS: usize = 4;
 
-/// Half of what evrig waits for an answer here.
-const STILL: Duration = Duration::from_secs(1);
+/// Half of the time that evrig waits for an answer here.
+const MIN_STALL: Duration = Duration::from_secs(1);
 
-/// Runs something; for how long, at most, a thread beside it that asks to run all the time was not run.
-fn with_longest_stall<T>(run: impl FnOnce() -> T) -> (T, Duration) {
+/// Runs a function and measures the longest time for which a concurrent thread was not scheduled.
+fn measure_longest_stall<T>(run: impl FnOnce() -> T) -> (T, Duration) {
     let (end, ended) = channel::<()>();
     let watch = std::thread::spawn(move || {
         let tick = Duration::from_millis(10);
@@ -204,90 +209,90 @@ fn with_longest_stall<T>(run: impl FnOnce() -> T) -> (T, Duration) {
     (given, watch.join().unwrap())
 }
 
-/// Records anew when the simulated arm, which has no fault that lasts, did not answer because the
-/// machine stood still. A stop has its own, shorter patience, which a busy one may exceed anyway.
-fn unless_the_machine_stands_still(
-    record: impl Fn() -> (Bench, RecordOutcome),
-) -> (Bench, RecordOutcome) {
-    for _ in 0..TRIALS {
-        let ((bench, outcome), stall) = with_longest_stall(&record);
+/// Repeats a recording if the simulated arm, which has no permanent fault, did not answer because the
+/// machine stalled. A stop has a shorter timeout, which a busy machine may exceed without a stall.
+fn retry_on_machine_stall(
+    record: impl Fn() -> (FaultSetup, RecordOutcome),
+) -> (FaultSetup, RecordOutcome) {
+    for _ in 0..MAX_ATTEMPTS {
+        let ((setup, outcome), stall) = measure_longest_stall(&record);
         let why = outcome.cut_short.as_deref().unwrap_or_default();
         let is_late = why.starts_with("the arm did not answer");
-        if !(is_late && (stall >= STILL || why.contains("did not answer `QUEUE_"))) {
-            return (bench, outcome);
+        if !(is_late && (stall >= MIN_STALL || why.contains("did not answer `QUEUE_"))) {
+            return (setup, outcome);
         }
-        eprintln!("{why}: the machine stood still for {stall:?}; once more");
+        eprintln!("{why}: the machine stalled for {stall:?}; retrying");
     }
     panic!("the machine is too busy for the simulated arm");
 }
 
-/// Tries each fault of a wire; `wire` chooses it.
-fn try_wire(name: &'static str, wire: fn(&Bench) -> &Wire) {
+/// Tries each fault of the proxy that `wire` selects.
+fn try_wire(name: &'static str, wire: fn(&FaultSetup) -> &FaultyWire) {
     for round in 0..n_rounds() {
         for (i, fault) in WIRE_FAULTS.into_iter().enumerate() {
-            let at = moment(round * WIRE_FAULTS.len() as u64 + i as u64);
-            let what = format!("{name} {fault:?} at look {at}");
-            let (bench, outcome) = unless_the_machine_stands_still(|| {
-                within_the_deadline(what.clone(), move || {
-                    let bench = Bench::new();
+            let at = fault_poll(round * WIRE_FAULTS.len() as u64 + i as u64);
+            let what = format!("{name} {fault:?} at poll {at}");
+            let (setup, outcome) = retry_on_machine_stall(|| {
+                run_with_deadline(what.clone(), move || {
+                    let setup = FaultSetup::new();
                     let mut is_set = false;
-                    let outcome = bench.record(&mut |look| {
-                        if !is_set && look >= at {
+                    let outcome = setup.record(&mut |poll| {
+                        if !is_set && poll >= at {
                             is_set = true;
-                            wire(&bench).set(fault);
-                        } else if look >= at + PASSING
-                            && matches!(fault, Fault::Slow | Fault::Restarted)
+                            wire(&setup).set(fault);
+                        } else if poll >= at + TRANSIENT_POLLS
+                            && matches!(fault, WireFault::Slow | WireFault::Restarted)
                         {
-                            wire(&bench).set_back();
+                            wire(&setup).set_back();
                         }
                     });
-                    (bench, outcome)
+                    (setup, outcome)
                 })
             });
-            check_session(&bench, &outcome, fault, name, &what);
+            check_session(&setup, &outcome, fault, name, &what);
         }
     }
 }
 
-fn check_session(bench: &Bench, outcome: &RecordOutcome, fault: Fault, name: &str, what: &str) {
-    let session = verified(&bench.out(), what);
+fn check_session(setup: &FaultSetup, outcome: &RecordOutcome, fault: WireFault, name: &str, what: &str) {
+    let session = verified(&setup.out(), what);
     let manifest = session.manifest();
-    let told = manifest.losses.iter().map(|loss| format!("{}: {}", loss.stream, loss.what));
-    let told: Vec<_> = told.collect();
-    eprintln!("{what}: {:?}, {told:?}", manifest.status);
+    let losses = manifest.losses.iter().map(|loss| format!("{}: {}", loss.stream, loss.what));
+    let losses: Vec<_> = losses.collect();
+    eprintln!("{what}: {:?}, {losses:?}", manifest.status);
     let found = find_events(&session.layout().davis());
-    let claims_all = manifest.status == SessionStatus::Complete && told.is_empty();
+    let is_marked_complete = manifest.status == SessionStatus::Complete && losses.is_empty();
     match fault {
-        // Late, but all of it.
-        Fault::Slow => assert!(!claims_all || found.n_gaps == 0, "{what}: {found:?}"),
-        // On this wire nothing protects a packet's inside: what was altered may be in the file, and
-        // the session says that the wire failed.
-        _ => assert!(!claims_all, "{what}: claims to be whole"),
+        // Late but complete.
+        WireFault::Slow => assert!(!is_marked_complete || found.n_gaps == 0, "{what}: {found:?}"),
+        // The protocol has no checksum inside a packet: altered events may be in the file, and the
+        // session records the failure.
+        _ => assert!(!is_marked_complete, "{what}: marked complete"),
     }
-    if name == "pi" || fault != Fault::Garbage {
+    if name == "pi" || fault != WireFault::Garbage {
         assert_eq!(found.n_wrong, 0, "{what}: {found:?}");
     }
     if manifest.status == SessionStatus::Aborted {
         let why = outcome.cut_short.as_deref().unwrap_or_default();
         assert!(why.contains(name), "{what}: {why}");
     }
-    let arm = bench.emulator.state();
+    let arm = setup.emulator.state();
     assert!(!arm.is_busy && arm.n_waiting == 0, "{what}: the arm moves: {arm:?}");
 }
 
 #[test]
-fn an_event_camera_that_fails_leaves_a_session_that_says_so() {
-    try_wire("davis", |bench| &bench.davis);
+fn a_failing_event_camera_leaves_a_session_that_records_the_failure() {
+    try_wire("davis", |setup| &setup.davis);
 }
 
 #[test]
-fn a_frame_camera_that_fails_leaves_a_session_that_says_so() {
-    try_wire("pi", |bench| &bench.pi);
+fn a_failing_frame_camera_leaves_a_session_that_records_the_failure() {
+    try_wire("pi", |setup| &setup.pi);
 }
 
-/// Set in a network namespace of our own.
+/// Set inside the network namespace of this test.
 const IN_NAMESPACE: &str = "EVRIG_TEST_NAMESPACE";
-/// Takes the network away: no word of it reaches either end, which only notice that nothing comes.
+/// Cuts the network without notice to either end.
 const CUT: &str = "ip link set lo down";
 
 fn shell(command: &str) {
@@ -296,7 +301,7 @@ fn shell(command: &str) {
 }
 
 #[test]
-fn a_network_that_is_cut_leaves_a_session_that_says_so() {
+fn a_failing_network_leaves_a_session_that_records_the_failure() {
     if std::env::var_os(IN_NAMESPACE).is_some() {
         shell("ip link set lo up");
         try_network();
@@ -306,10 +311,10 @@ fn a_network_that_is_cut_leaves_a_session_that_says_so() {
     let probe = "ip link set lo up";
     let probed = Command::new("unshare").args(namespace).args(["sh", "-c", probe]).output();
     if !probed.is_ok_and(|probed| probed.status.success()) {
-        eprintln!("skipped: this system gives no network namespace, or has no `ip`");
+        eprintln!("skipped: this system has no network namespaces or no `ip`");
         return;
     }
-    let name = "a_network_that_is_cut_leaves_a_session_that_says_so";
+    let name = "a_failing_network_leaves_a_session_that_records_the_failure";
     let ran = Command::new("unshare")
         .args(namespace)
         .arg(std::env::current_exe().unwrap())
@@ -321,90 +326,90 @@ fn a_network_that_is_cut_leaves_a_session_that_says_so() {
 
 fn try_network() {
     for round in 0..n_rounds() {
-        let at = moment(round);
-        let what = format!("network cut at look {at}");
-        let (bench, outcome) = within_the_deadline(what.clone(), move || {
-            let bench = Bench::new();
+        let at = fault_poll(round);
+        let what = format!("network cut at poll {at}");
+        let (setup, outcome) = run_with_deadline(what.clone(), move || {
+            let setup = FaultSetup::new();
             let mut is_cut = false;
-            let outcome = bench.record(&mut |look| {
-                if !is_cut && look >= at {
+            let outcome = setup.record(&mut |poll| {
+                if !is_cut && poll >= at {
                     is_cut = true;
                     shell(CUT);
                 }
             });
-            // For what comes next, and for whoever still waits for an answer.
+            // For the next trial and for pending requests.
             shell("ip link set lo up");
-            (bench, outcome)
+            (setup, outcome)
         });
-        let session = verified(&bench.out(), &what);
+        let session = verified(&setup.out(), &what);
         let manifest = session.manifest();
         eprintln!("{what}: {:?}, {:?}, {:?}", manifest.status, outcome.cut_short, manifest.losses);
         let found = find_events(&session.layout().davis());
         assert_eq!(found.n_wrong, 0, "{what}: {found:?}");
-        let claims_all = manifest.status == SessionStatus::Complete && manifest.losses.is_empty();
-        assert!(!claims_all, "{what}: claims to be whole");
-        let arm = bench.emulator.state();
+        let is_marked_complete = manifest.status == SessionStatus::Complete && manifest.losses.is_empty();
+        assert!(!is_marked_complete, "{what}: marked complete");
+        let arm = setup.emulator.state();
         assert!(!arm.is_busy && arm.n_waiting == 0, "{what}: the arm moves: {arm:?}");
     }
 }
 
-/// Records while the arm has a fault.
-fn strike(fault: &str) -> (Bench, RecordOutcome) {
+/// Records with a fault of the arm.
+fn record_with_arm_fault(fault: &str) -> (FaultSetup, RecordOutcome) {
     let text = fault.to_owned();
-    within_the_deadline(text.clone(), move || {
-        let bench = Bench::new();
+    run_with_deadline(text.clone(), move || {
+        let setup = FaultSetup::new();
         let fault: ArmFault = text.parse().unwrap();
         let mut is_set = false;
-        let outcome = bench.record(&mut |_| {
+        let outcome = setup.record(&mut |_| {
             if !is_set {
                 is_set = true;
-                bench.emulator.inject(fault);
+                setup.emulator.inject(fault);
             }
         });
-        (bench, outcome)
+        (setup, outcome)
     })
 }
 
 #[test]
-fn an_arm_that_fails_leaves_a_session_that_says_so() {
-    // What strikes once is asked again; what lasts ends the recording.
-    let passing = ["lost-request", "lost-reply", "late-reply=150ms", "corrupt-reply"];
-    let lasting = ["silence", "garbage", "wedge", "unplug", "alarm=0x22", "power-cycle"];
+fn a_failing_arm_leaves_a_session_that_records_the_failure() {
+    // A transient fault is retried; a permanent one ends the recording.
+    let transient = ["lost-request", "lost-reply", "late-reply=150ms", "corrupt-reply"];
+    let permanent = ["silence", "garbage", "wedge", "unplug", "alarm=0x22", "power-cycle"];
     for round in 0..n_rounds() {
-        for (i, kind) in passing.into_iter().chain(lasting).enumerate() {
-            let n_pose = moment(round * 10 + i as u64);
-            let said = format!("{kind}@POSE#{n_pose}");
-            let (bench, outcome) = if lasting.contains(&kind) {
-                strike(&said)
+        for (i, kind) in transient.into_iter().chain(permanent).enumerate() {
+            let n_pose = fault_poll(round * 10 + i as u64);
+            let fault = format!("{kind}@POSE#{n_pose}");
+            let (setup, outcome) = if permanent.contains(&kind) {
+                record_with_arm_fault(&fault)
             } else {
-                unless_the_machine_stands_still(|| strike(&said))
+                retry_on_machine_stall(|| record_with_arm_fault(&fault))
             };
-            let session = verified(&bench.out(), &said);
+            let session = verified(&setup.out(), &fault);
             let manifest = session.manifest();
-            eprintln!("{said}: {:?}, {:?}", manifest.status, outcome.cut_short);
+            eprintln!("{fault}: {:?}, {:?}", manifest.status, outcome.cut_short);
             let found = find_events(&session.layout().davis());
-            assert_eq!((found.n_gaps, found.n_wrong), (0, 0), "{said}: the camera was well");
-            if lasting.contains(&kind) {
-                assert_eq!(manifest.status, SessionStatus::Aborted, "{said}");
-                assert!(!manifest.losses.is_empty(), "{said}");
+            assert_eq!((found.n_gaps, found.n_wrong), (0, 0), "{fault}: the camera did not fail");
+            if permanent.contains(&kind) {
+                assert_eq!(manifest.status, SessionStatus::Aborted, "{fault}");
+                assert!(!manifest.losses.is_empty(), "{fault}");
             } else {
                 assert_eq!(
                     (manifest.status, &outcome.cut_short),
                     (SessionStatus::Complete, &None),
-                    "{said}"
+                    "{fault}"
                 );
             }
         }
     }
 }
 
-/// An event camera whose packets arrive while the host's wall clock is set to and fro by hours.
-struct Unsettled {
+/// An event camera whose packets arrive while the host's wall clock is stepped by hours.
+struct SteppedClockCamera {
     n_sent: u64,
     outlet: Option<evrig::record::recorder::SampleSender>,
 }
 
-impl Unsettled {
+impl SteppedClockCamera {
     fn send(&mut self) {
         let mut arrived = host_time();
         let hours = [0, 2, -3][(self.n_sent / 10 % 3) as usize];
@@ -412,13 +417,13 @@ impl Unsettled {
         let first = self.n_sent as i64 * PACKET_EVENTS;
         let events: Events = (first..first + PACKET_EVENTS).map(camera::event).collect();
         let content = Content::Events(events);
-        let outlet = self.outlet.as_ref().expect("it was started");
+        let outlet = self.outlet.as_ref().expect("the camera was started");
         assert!(outlet.offer(RecorderSample::Packet { stream: 0, arrived, content }));
         self.n_sent += 1;
     }
 }
 
-impl Recorder for Unsettled {
+impl Recorder for SteppedClockCamera {
     fn name(&self) -> &'static str {
         "davis"
     }
@@ -451,13 +456,13 @@ impl Recorder for Unsettled {
 }
 
 #[test]
-fn a_clock_set_by_hours_both_ways_leaves_every_sample_and_the_time_that_passed() {
-    let bench = Bench::new();
-    let mut devices = bench.devices(&Rig::simulated().unwrap());
-    devices.recorders = vec![Box::new(Unsettled { n_sent: 0, outlet: None })];
-    let outcome = bench.record_with(&mut devices, &mut |_, _| {});
+fn clock_steps_of_hours_lose_no_sample_and_keep_monotonic_time() {
+    let setup = FaultSetup::new();
+    let mut devices = setup.devices(&Rig::simulated().unwrap());
+    devices.recorders = vec![Box::new(SteppedClockCamera { n_sent: 0, outlet: None })];
+    let outcome = setup.record_with(&mut devices, &mut |_, _| {});
     assert_eq!(outcome.manifest.status, SessionStatus::Complete);
-    let session = verified(&bench.out(), "a clock set to and fro");
+    let session = verified(&setup.out(), "stepped clock");
     let found = find_events(&session.layout().davis());
     assert_eq!((found.n_gaps, found.n_wrong), (0, 0), "{found:?}");
     let arrivals = session.rig_log_contents().unwrap().arrivals;
@@ -465,9 +470,12 @@ fn a_clock_set_by_hours_both_ways_leaves_every_sample_and_the_time_that_passed()
     let goes_back = |pair: &[evrig::session::PacketArrival]| {
         pair[1].arrived.monotonic < pair[0].arrived.monotonic
     };
-    assert!(!arrivals.windows(2).any(goes_back), "the monotonic clock does not");
+    assert!(!arrivals.windows(2).any(goes_back), "the monotonic clock does not step");
     let was_set = |pair: &[evrig::session::PacketArrival]| {
         (pair[1].arrived.unix - pair[0].arrived.unix).as_secs_f64().abs() > 3_000.0
     };
-    assert!(arrivals.windows(2).filter(|pair| was_set(pair)).count() >= 2, "this one was");
+    assert!(
+        arrivals.windows(2).filter(|pair| was_set(pair)).count() >= 2,
+        "the wall clock was stepped"
+    );
 }

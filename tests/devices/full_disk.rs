@@ -1,6 +1,6 @@
-//! A disk that fills up and a limit on memory, in a recording by the program itself.
+//! A full disk and a memory limit in a recording by the program.
 
-use crate::camera::{Camera, check_events};
+use crate::camera::{NumberedCamera, check_events};
 use crate::rig::rig_on;
 use evrig::pi::agent::Agent;
 use evrig::pi::source::Synthetic;
@@ -9,29 +9,29 @@ use evrig::sim::arm::{ArmClock, ArmEmulator, ArmOptions};
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
-/// Kilobytes of virtual memory: what evrig maps of itself, its threads' stacks and arenas, and both
-/// queues, were they full.
+/// Kilobytes of virtual memory: the mapped program, the stacks and arenas of its threads, and both
+/// queues when full.
 const MEMORY_KB: u64 = 3 << 20;
 
-struct Bench {
+struct DiskSetup {
     emulator: ArmEmulator,
     _agent: Agent,
-    camera: Camera,
+    camera: NumberedCamera,
     folder: tempfile::TempDir,
 }
 
-impl Bench {
+impl DiskSetup {
     fn new() -> Self {
         let options = ArmOptions { is_homed: true, ..ArmOptions::default() };
         let agent =
             Agent::serve("127.0.0.1:0".parse().unwrap(), Box::new(Synthetic::paced())).unwrap();
-        let camera = Camera::start(2);
+        let camera = NumberedCamera::start(2);
         let emulator = ArmEmulator::start(options, ArmClock::Scaled(1.0), Vec::new()).unwrap();
-        let bench = Self { emulator, _agent: agent, camera, folder: tempfile::tempdir().unwrap() };
-        let pi = bench._agent.address();
-        let text = rig_on(bench.emulator.port(), &bench.camera.address, pi);
-        std::fs::write(bench.rig(), text).unwrap();
-        bench
+        let setup = Self { emulator, _agent: agent, camera, folder: tempfile::tempdir().unwrap() };
+        let pi = setup._agent.address();
+        let text = rig_on(setup.emulator.port(), &setup.camera.address, pi);
+        std::fs::write(setup.rig(), text).unwrap();
+        setup
     }
 
     fn rig(&self) -> PathBuf {
@@ -42,8 +42,8 @@ impl Bench {
         self.folder.path().join("session")
     }
 
-    /// Records under a limit of the shell's. A process that writes beyond `-f` is killed, unless it
-    /// ignores the signal; then it is refused, as by a full disk.
+    /// Records under a limit set by the shell. A process that ignores SIGXFSZ gets an error from a write
+    /// beyond `-f`, as on a full disk.
     fn record(&self, limit: &str) -> Output {
         let script = format!("trap '' XFSZ; ulimit {limit} && exec \"$@\"");
         Command::new("bash")
@@ -57,31 +57,31 @@ impl Bench {
 }
 
 #[test]
-fn a_disk_that_fills_up_ends_in_a_sealed_session_that_names_the_file() {
-    let bench = Bench::new();
-    // Kilobytes a file: some seconds of this camera's events, whose file grows by 160 KB a second.
-    let recorded = bench.record("-f 400");
-    let said = String::from_utf8_lossy(&recorded.stderr).into_owned();
-    assert_eq!(recorded.status.code(), Some(1), "{said}");
-    assert!(said.contains("File too large") || said.contains("disk full"), "{said}");
-    let session = Session::open(&bench.out()).unwrap();
+fn a_full_disk_ends_in_a_sealed_session_that_names_the_file() {
+    let setup = DiskSetup::new();
+    // Kilobytes per file: some seconds of events, at 160 KB per second.
+    let recorded = setup.record("-f 400");
+    let stderr = String::from_utf8_lossy(&recorded.stderr).into_owned();
+    assert_eq!(recorded.status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains("File too large") || stderr.contains("disk full"), "{stderr}");
+    let session = Session::open(&setup.out()).unwrap();
     let manifest = session.manifest();
     assert_eq!(manifest.status, SessionStatus::Aborted);
     let named = |name: &str| manifest.losses.iter().any(|loss| loss.what.contains(name));
     assert!(named("davis.aedat4") || named("rig.mcap"), "{:?}", manifest.losses);
     assert!(verify(&session).unwrap().holds());
-    assert!(check_events(&session.layout().davis()) > 0, "what had room is there");
-    let arm = bench.emulator.state();
+    assert!(check_events(&session.layout().davis()) > 0, "earlier events are in the file");
+    let arm = setup.emulator.state();
     assert!(!arm.is_busy && arm.n_waiting == 0, "{arm:?}");
 }
 
 #[test]
-fn a_limit_on_memory_that_the_queues_fit_in_changes_nothing() {
-    let bench = Bench::new();
-    let recorded = bench.record(&format!("-v {MEMORY_KB}"));
-    let said = String::from_utf8_lossy(&recorded.stderr).into_owned();
-    assert_eq!(recorded.status.code(), Some(0), "{said}");
-    let session = Session::open(&bench.out()).unwrap();
+fn a_memory_limit_above_the_queue_size_changes_nothing() {
+    let setup = DiskSetup::new();
+    let recorded = setup.record(&format!("-v {MEMORY_KB}"));
+    let stderr = String::from_utf8_lossy(&recorded.stderr).into_owned();
+    assert_eq!(recorded.status.code(), Some(0), "{stderr}");
+    let session = Session::open(&setup.out()).unwrap();
     assert_eq!(session.manifest().status, SessionStatus::Complete);
     assert!(verify(&session).unwrap().holds());
 }

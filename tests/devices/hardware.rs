@@ -1,7 +1,7 @@
-//! The rig of a laboratory: `EVRIG_HARDWARE=rig/lab.toml cargo test --test devices hardware:: -- --nocapture`.
+//! A real rig: `EVRIG_HARDWARE=rig/lab.toml cargo test --test devices hardware:: -- --nocapture`.
 //!
-//! The arm drives the bundled trajectory `line`: 40 mm in the air before the target. Without the
-//! variable nothing is tried, and that is said. `EVRIG_HARDWARE=sim` tries the test itself.
+//! The arm drives the bundled trajectory `line`: 40 mm in the air before the target. Skipped when the
+//! variable is unset. `EVRIG_HARDWARE=sim` runs the test on the simulated rig.
 
 use evrig::rig::Rig;
 use evrig::session::{Session, SessionStatus, StreamKind, verify};
@@ -9,8 +9,8 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 const TRAJECTORY: &str = "line";
-/// A DAVIS346 sends its inertial samples at 1 kHz or, set otherwise, at no less than this.
-const LEAST_IMU_HZ: f64 = 100.0;
+/// A DAVIS346 sends inertial samples at 1 kHz by default and at no less than this.
+const MIN_IMU_HZ: f64 = 100.0;
 
 fn evrig(arguments: &[&str]) -> Output {
     let output = Command::new(env!("CARGO_BIN_EXE_evrig")).args(arguments).output().unwrap();
@@ -23,7 +23,7 @@ fn evrig(arguments: &[&str]) -> Output {
     output
 }
 
-/// Elements a second of a stream, between its first and its last.
+/// Elements per second of a stream, between its first and its last.
 fn rate_hz(session: &Session, kind: StreamKind, name: &str) -> f64 {
     let stream = session.stream(kind, name).unwrap_or_else(|error| panic!("{error}"));
     let [first, last] = [stream.first_us, stream.last_us].map(|time| time.expect("has elements"));
@@ -31,23 +31,23 @@ fn rate_hz(session: &Session, kind: StreamKind, name: &str) -> f64 {
 }
 
 #[test]
-fn the_rig_is_ready_and_its_first_recording_is_whole() {
+fn the_rig_is_ready_and_its_first_recording_assert_complete() {
     let Ok(name) = std::env::var("EVRIG_HARDWARE") else {
-        eprintln!("skipped: set EVRIG_HARDWARE to the description of a rig that stands ready");
+        eprintln!("skipped: set EVRIG_HARDWARE to the description of a connected rig");
         return;
     };
     let rig = Rig::find(&name).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("session");
     let checked = evrig(&["check", &name, TRAJECTORY, "--out", folder.path().to_str().unwrap()]);
-    assert_eq!(checked.status.code(), Some(0), "`evrig check` names what is to be mended");
+    assert_eq!(checked.status.code(), Some(0), "see the findings of `evrig check`");
     let recorded =
         evrig(&["record", &name, TRAJECTORY, "--yes", "--quiet", "--out", out.to_str().unwrap()]);
     assert_eq!(recorded.status.code(), Some(0), "a recording without losses");
-    is_whole(&out, &rig);
+    assert_complete(&out, &rig);
 }
 
-fn is_whole(out: &Path, rig: &Rig) {
+fn assert_complete(out: &Path, rig: &Rig) {
     let session = Session::open(out).unwrap();
     assert_eq!(
         (session.manifest().status, &session.manifest().losses),
@@ -63,7 +63,7 @@ fn is_whole(out: &Path, rig: &Rig) {
     let poses = rate_hz(&session, StreamKind::Poses, "arm");
     assert!(poses > 0.5 * rig.arm.pose_rate.0, "{poses} poses a second");
     let imu = rate_hz(&session, StreamKind::Imu, "imu");
-    assert!(imu > LEAST_IMU_HZ, "{imu} inertial samples a second");
+    assert!(imu > MIN_IMU_HZ, "{imu} inertial samples a second");
     let events = session.stream(StreamKind::Events, "real").unwrap().count;
     assert!(events > 1_000, "{events} events: is there light, is a cap on the lens?");
 }

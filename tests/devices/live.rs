@@ -1,6 +1,6 @@
-//! The live view, as viewers get it: AEDAT4 by evrig's own client and dv-processing's, Foxglove's by hand.
+//! The live view as clients receive it: AEDAT4 by evrig and dv-processing, Foxglove by a raw socket.
 //!
-//! Needs for dv-processing a Python named by `EVRIG_PYTHON`; says so when that is unset.
+//! The test with dv-processing needs a Python named by `EVRIG_PYTHON`; skipped when unset.
 
 use evrig::device::davis::{NetworkDavis, NetworkDavisTimeouts};
 use evrig::event::Events;
@@ -24,10 +24,10 @@ fn serve(addresses: Addresses) -> Live {
     Live::serve(addresses, Size::DAVIS346, "DAVIS346_1", ("tag36h11", 0)).unwrap()
 }
 
-/// So many packets at most, which a viewer's queue holds, however slow it is.
-const QUEUE: usize = 250;
+/// Packets that the queue of a viewer holds.
+const QUEUE_PACKETS: usize = 250;
 
-/// The beginning of the recording as a camera delivers it, and its events.
+/// The first packets of the recording as a camera delivers them, and their events.
 fn samples() -> (Vec<RecorderSample>, Events) {
     let packets = Reader::open(STREET).unwrap().map(Result::unwrap);
     let sample = |packet: evrig::format::aedat4::Packet| RecorderSample::Packet {
@@ -35,7 +35,7 @@ fn samples() -> (Vec<RecorderSample>, Events) {
         arrived: host_time(),
         content: packet.content,
     };
-    let samples: Vec<RecorderSample> = packets.take(QUEUE).map(sample).collect();
+    let samples: Vec<RecorderSample> = packets.take(QUEUE_PACKETS).map(sample).collect();
     let mut truth = Events::new();
     for sample in &samples {
         if let RecorderSample::Packet { content: Content::Events(events), .. } = sample {
@@ -60,7 +60,7 @@ fn a_viewer_gets_every_event_and_the_status_counts_them() {
     assert!(truth.len() > 10_000);
     assert!(status.events_per_s > 0.0 && status.davis_frames_per_s > 0.0);
     assert_eq!((status.n_dropped_by_devices, status.n_dropped_for_viewers), (3, 0));
-    assert_eq!(status.tag_px, None, "the street has no tag");
+    assert_eq!(status.tag_px, None, "the recording shows no tag");
     let (outlet, inlet) = channel(1 << 28);
     viewer.start(outlet).unwrap();
     let mut got = Events::new();
@@ -94,14 +94,14 @@ fn dv_processing_reads_the_events() {
         .unwrap();
     assert!(live.events().wait_for_clients(1, PATIENCE));
     samples.iter().for_each(|sample| live.take(sample).unwrap());
-    let said = String::from_utf8(reader.wait_with_output().unwrap().stdout).unwrap();
-    let found: serde_json::Value = serde_json::from_str(said.lines().last().unwrap()).unwrap();
+    let printed = String::from_utf8(reader.wait_with_output().unwrap().stdout).unwrap();
+    let found: serde_json::Value = serde_json::from_str(printed.lines().last().unwrap()).unwrap();
     assert_eq!(found["count"], truth.len());
     assert_eq!(found["size"], serde_json::json!([346, 260]));
 }
 
 #[test]
-fn the_view_is_for_this_machine_alone() {
+fn the_live_view_listens_on_loopback_only() {
     let open = Addresses { frames: "0.0.0.0:0".parse().unwrap(), ..addresses() };
     let refused = Live::serve(open, Size::DAVIS346, "x", ("tag36h11", 0)).unwrap_err();
     assert!(matches!(refused, LiveError::NotLoopback { .. }));
@@ -127,7 +127,7 @@ fn a_session_is_played_to_its_end_and_counted() {
 
 #[cfg(not(feature = "foxglove"))]
 #[test]
-fn without_its_feature_foxglove_is_refused_in_words() {
+fn foxglove_without_its_feature_is_refused_with_the_reason() {
     let asked = Addresses { foxglove: Some("127.0.0.1:0".parse().unwrap()), ..addresses() };
     let refused = Live::serve(asked, Size::DAVIS346, "x", ("tag36h11", 0)).unwrap_err();
     assert!(refused.to_string().contains("--features foxglove"));
@@ -135,7 +135,7 @@ fn without_its_feature_foxglove_is_refused_in_words() {
 
 #[cfg(feature = "foxglove")]
 #[test]
-fn foxglove_is_told_of_every_channel() {
+fn foxglove_receives_every_channel() {
     use std::io::{Read, Write};
     let asked = Addresses { foxglove: Some("127.0.0.1:0".parse().unwrap()), ..addresses() };
     let live = serve(asked);

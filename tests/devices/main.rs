@@ -1,4 +1,4 @@
-//! Devices on their wires: the arm, the cameras, the agent, and recordings that meet faults.
+//! Devices over their real protocols: arm, cameras, agent of the Pi, and recordings with faults.
 
 #![allow(clippy::expect_used, clippy::print_stderr, clippy::unwrap_used, unreachable_pub)]
 

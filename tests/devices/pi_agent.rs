@@ -1,4 +1,4 @@
-//! The agent of the Pi's camera and its host: keys, strangers, bounds, and frames that must not be lost.
+//! The agent of the Pi's camera and its host: keys, unpaired clients, limits and delivery of frames.
 
 use evrig::delivery::{Coding, Focus, RgbDelivery};
 use evrig::device::pi::{AgentAddress, NetworkPi, PiTimeouts, pairing};
@@ -21,7 +21,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel as signal};
 use std::time::Duration;
 
-/// Longer than anything here takes; a test that waits so long has failed.
+/// Longer than any operation here.
 const DEADLINE: Duration = Duration::from_secs(60);
 const LOCAL: &str = "127.0.0.1:0";
 
@@ -44,8 +44,8 @@ fn local(agent: &Agent) -> AgentAddress {
     AgentAddress::Local { address: agent.address().to_string() }
 }
 
-/// A camera whose takes end after so many frames; it says when the last one was taken.
-struct Counted {
+/// A camera that ends after a number of frames and signals when the last one was taken.
+struct FiniteSource {
     inner: Synthetic,
     n_left: u64,
     ended: Sender<()>,
@@ -53,10 +53,10 @@ struct Counted {
 
 fn counted(n_frames: u64) -> (Box<dyn FrameSource>, Receiver<()>) {
     let (ended, end) = signal();
-    (Box::new(Counted { inner: Synthetic::unpaced(n_frames), n_left: n_frames, ended }), end)
+    (Box::new(FiniteSource { inner: Synthetic::unpaced(n_frames), n_left: n_frames, ended }), end)
 }
 
-impl FrameSource for Counted {
+impl FrameSource for FiniteSource {
     fn describe(&self) -> String {
         self.inner.describe()
     }
@@ -67,7 +67,7 @@ impl FrameSource for Counted {
 
     fn next(&mut self) -> Result<Option<PiFrame>, SourceError> {
         let frame = self.inner.next()?;
-        // The frame that was handed out before is kept or dropped once the next is asked for.
+        // The previous frame is stored or dropped once the next is requested.
         if frame.is_some() {
             self.n_left -= 1;
         } else if self.n_left == 0 {
@@ -88,7 +88,7 @@ fn take_all(inlet: &SampleReceiver) -> Vec<RecorderSample> {
     }
 }
 
-/// Records until the camera has no more frames; every sample comes back, and the recorder's tally.
+/// Records until the camera has no more frames; returns every sample and the recorder's tally.
 fn record(
     pi: &mut NetworkPi,
     end: &Receiver<()>,
@@ -101,8 +101,8 @@ fn record(
     (take_all(&inlet), tally)
 }
 
-/// The synthetic camera's pictures of one frame.
-fn assert_pictures(frame: &PiFrame, has_raw: bool, has_rgb: bool) {
+/// Compares the samples of a frame with the synthetic camera's pattern.
+fn assert_images(frame: &PiFrame, has_raw: bool, has_rgb: bool) {
     let size = frame.metadata.size;
     let k = frame.metadata.sequence;
     assert_eq!((frame.raw10.is_some(), frame.rgb.is_some()), (has_raw, has_rgb), "frame {k}");
@@ -151,13 +151,13 @@ fn with_a_spool_no_frame_is_lost_however_slow_the_network_is() {
     assert_eq!((frames.len(), tally.n_samples, tally.n_dropped), (500, 500, 0));
     for (k, frame) in frames.iter().enumerate() {
         assert_eq!(frame.metadata.sequence, k as u64, "in order");
-        assert_pictures(frame, true, true);
+        assert_images(frame, true, true);
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
 #[test]
-fn rgb_after_the_take_comes_late_and_whole() {
+fn rgb_after_the_take_arrives_late_and_complete() {
     let folder = tempfile::tempdir().unwrap();
     let (camera, end) = counted(100);
     let agent = serve(spool(folder.path(), 1 << 20), camera);
@@ -165,24 +165,24 @@ fn rgb_after_the_take_comes_late_and_whole() {
         let order = order(coding, RgbDelivery::AfterTake);
         let mut pi = NetworkPi::new(local(&agent), order, PiTimeouts::default());
         if coding == Coding::Lossless {
-            // The camera has given all its frames to the first take.
+            // The first take used all frames of the camera.
             assert!(pi.prepare().is_ok());
             continue;
         }
         let (samples, _) = record(&mut pi, &end);
         let live = frames(&samples);
         assert_eq!(live.len(), 100);
-        live.iter().for_each(|frame| assert_pictures(frame, true, false));
+        live.iter().for_each(|frame| assert_images(frame, true, false));
         let first_late = samples
             .iter()
             .position(|sample| matches!(sample, RecorderSample::LateRgb { .. }))
             .unwrap();
         let is_live = |sample: &RecorderSample| matches!(sample, RecorderSample::Frame { .. });
-        assert!(!samples[first_late..].iter().any(is_live), "late ones come after the live ones");
+        assert!(!samples[first_late..].iter().any(is_live), "late frames come after the live ones");
         let mut n_late = 0;
         for sample in &samples[first_late..] {
             if let RecorderSample::LateRgb { frame, .. } = sample {
-                assert_pictures(frame, false, true);
+                assert_images(frame, false, true);
                 assert_eq!(frame.metadata.sequence, n_late);
                 n_late += 1;
             }
@@ -198,12 +198,12 @@ fn rgb_after_the_take_without_a_spool_is_refused_with_the_remedy() {
     let mut pi = NetworkPi::new(local(&agent), order, PiTimeouts::default());
     pi.prepare().unwrap();
     let (outlet, _inlet) = channel(1 << 20);
-    let said = pi.start(outlet).unwrap_err().to_string();
-    assert!(said.contains("--spool DIR"), "{said}");
+    let message = pi.start(outlet).unwrap_err().to_string();
+    assert!(message.contains("--spool DIR"), "{message}");
 }
 
 #[test]
-fn every_nth_rgb_picture_comes_with_its_raw_one() {
+fn every_nth_rgb_frame_arrives_with_its_raw_frame() {
     let (camera, end) = counted(50);
     let agent = serve(BacklogLimits { memory_bytes: 1 << 28, spool: None }, camera);
     let order = order(Coding::Lossless, RgbDelivery::Every(4));
@@ -212,12 +212,12 @@ fn every_nth_rgb_picture_comes_with_its_raw_one() {
     let frames = frames(&samples);
     assert_eq!(frames.len(), 50);
     for frame in frames {
-        assert_pictures(frame, true, frame.metadata.sequence % 4 == 0);
+        assert_images(frame, true, frame.metadata.sequence % 4 == 0);
     }
 }
 
 #[test]
-fn clocks_are_read_before_during_and_after_on_both_of_the_pis_clocks() {
+fn both_clocks_of_the_pi_are_read_before_during_and_after_a_take() {
     let (camera, end) = counted(20);
     let agent = serve(BacklogLimits { memory_bytes: 1 << 28, spool: None }, camera);
     let mut pi = NetworkPi::local(&agent.address().to_string(), settings(), PiTimeouts::default());
@@ -237,12 +237,12 @@ fn clocks_are_read_before_during_and_after_on_both_of_the_pis_clocks() {
     assert!(samples.iter().any(is_note));
 }
 
-struct Encrypted {
+struct TlsSetup {
     agent: Agent,
     folder: tempfile::TempDir,
 }
 
-impl Encrypted {
+impl TlsSetup {
     fn new() -> Self {
         Self::with(Box::new(Synthetic::unpaced(u64::MAX)))
     }
@@ -274,8 +274,8 @@ impl Encrypted {
 
 #[test]
 fn a_paired_host_records_over_tls() {
-    let bench = Encrypted::new();
-    let mut pi = bench.pi(&bench.host_keys());
+    let setup = TlsSetup::new();
+    let mut pi = setup.pi(&setup.host_keys());
     let findings = pi.check();
     assert!(findings.iter().all(|finding| finding.verdict == Verdict::Good), "{findings:?}");
     assert!(findings[1].description.contains("Mbit/s"), "{findings:?}");
@@ -289,28 +289,28 @@ fn a_paired_host_records_over_tls() {
 }
 
 #[test]
-fn strangers_get_nothing_and_cannot_keep_the_paired_host_out() {
-    let bench = Encrypted::new();
+fn unpaired_clients_get_nothing_and_cannot_lock_out_the_paired_host() {
+    let setup = TlsSetup::new();
     let others = tempfile::tempdir().unwrap();
     let other = pairing::pair(others.path()).unwrap();
-    let said = bench.pi(&other.host).check()[0].description.clone();
-    assert!(said.contains("of another pair"), "{said}");
-    // Without TLS at all, and with noise: not a byte of the camera comes back.
-    for words in [wire::preamble().to_vec(), vec![0x5a; 300], Vec::new()] {
-        let mut stranger = TcpStream::connect(bench.address()).unwrap();
-        stranger.set_read_timeout(Some(DEADLINE)).unwrap();
-        stranger.write_all(&words).unwrap();
-        let _ = stranger.shutdown(Shutdown::Write);
-        let mut heard = Vec::new();
-        let _ = stranger.read_to_end(&mut heard);
-        assert!(heard.len() < 16, "a TLS alert at most, not {heard:?}");
+    let message = setup.pi(&other.host).check()[0].description.clone();
+    assert!(message.contains("of another pair"), "{message}");
+    // Without TLS and with random bytes: no data of the camera is sent.
+    for bytes in [wire::preamble().to_vec(), vec![0x5a; 300], Vec::new()] {
+        let mut client = TcpStream::connect(setup.address()).unwrap();
+        client.set_read_timeout(Some(DEADLINE)).unwrap();
+        client.write_all(&bytes).unwrap();
+        let _ = client.shutdown(Shutdown::Write);
+        let mut received = Vec::new();
+        let _ = client.read_to_end(&mut received);
+        assert!(received.len() < 16, "at most a TLS alert, not {received:?}");
     }
-    let findings = bench.pi(&bench.host_keys()).check();
+    let findings = setup.pi(&setup.host_keys()).check();
     assert_eq!(findings[0].verdict, Verdict::Good, "{findings:?}");
 }
 
-/// A wire that keeps what the host says: its address, and the words once both ends have closed.
-fn tapped(server: SocketAddr) -> (SocketAddr, std::thread::JoinHandle<Vec<u8>>) {
+/// A proxy that records the data of the host; returns its address and, once closed, the data.
+fn recording_proxy(server: SocketAddr) -> (SocketAddr, std::thread::JoinHandle<Vec<u8>>) {
     let listener = std::net::TcpListener::bind(LOCAL).unwrap();
     let address = listener.local_addr().unwrap();
     let tap = std::thread::spawn(move || {
@@ -321,24 +321,24 @@ fn tapped(server: SocketAddr) -> (SocketAddr, std::thread::JoinHandle<Vec<u8>>) 
             let _ = std::io::copy(&mut from, &mut to);
             let _ = to.shutdown(Shutdown::Both);
         });
-        let (mut words, mut buffer) = (Vec::new(), [0; 4096]);
+        let (mut sent, mut buffer) = (Vec::new(), [0; 4096]);
         while let Ok(n @ 1..) = host.read(&mut buffer) {
-            words.extend_from_slice(&buffer[..n]);
+            sent.extend_from_slice(&buffer[..n]);
             if agent.write_all(&buffer[..n]).is_err() {
                 break;
             }
         }
         let _ = agent.shutdown(Shutdown::Both);
         back.join().unwrap();
-        words
+        sent
     });
     (address, tap)
 }
 
-/// A camera that counts how often it was set up.
-struct SetUp(Synthetic, Arc<AtomicUsize>);
+/// A camera that counts how often it was configured.
+struct ConfigureCounter(Synthetic, Arc<AtomicUsize>);
 
-impl FrameSource for SetUp {
+impl FrameSource for ConfigureCounter {
     fn describe(&self) -> String {
         self.0.describe()
     }
@@ -354,91 +354,91 @@ impl FrameSource for SetUp {
 }
 
 #[test]
-fn words_that_were_overheard_and_said_again_move_nothing() {
-    let n_set_up = Arc::new(AtomicUsize::new(0));
-    let camera = SetUp(Synthetic::unpaced(u64::MAX), Arc::clone(&n_set_up));
-    let bench = Encrypted::with(Box::new(camera));
-    let (address, tap) = tapped(bench.address());
-    let reach = AgentAddress::Tls { address: address.to_string(), keys: bench.host_keys() };
+fn a_replayed_connection_has_no_effect() {
+    let n_configured = Arc::new(AtomicUsize::new(0));
+    let camera = ConfigureCounter(Synthetic::unpaced(u64::MAX), Arc::clone(&n_configured));
+    let setup = TlsSetup::with(Box::new(camera));
+    let (address, tap) = recording_proxy(setup.address());
+    let reach = AgentAddress::Tls { address: address.to_string(), keys: setup.host_keys() };
     let order = order(Coding::Lossless, RgbDelivery::Live);
     let mut pi = NetworkPi::new(reach, order, PiTimeouts::default());
     pi.prepare().unwrap();
     drop(pi);
-    let words = tap.join().unwrap();
-    assert_eq!(n_set_up.load(Ordering::SeqCst), 1);
-    assert!(
-        words.len() > 1_000,
-        "a handshake with two certificates, and an order: {}",
-        words.len()
-    );
-    let mut replay = TcpStream::connect(bench.address()).unwrap();
+    let sent = tap.join().unwrap();
+    assert_eq!(n_configured.load(Ordering::SeqCst), 1);
+    assert!(sent.len() > 1_000, "a handshake with two certificates, and an order: {}", sent.len());
+    let mut replay = TcpStream::connect(setup.address()).unwrap();
     replay.set_read_timeout(Some(DEADLINE)).unwrap();
-    // The agent may close before it has heard everything.
-    let _ = replay.write_all(&words);
-    let mut heard = Vec::new();
-    let _ = replay.read_to_end(&mut heard);
-    assert!(heard.len() < 4_096, "its own handshake and an alert: {} bytes", heard.len());
-    // The line is closed, so nothing of it is still under way.
-    assert_eq!(n_set_up.load(Ordering::SeqCst), 1, "the order was heard once");
-    let findings = bench.pi(&bench.host_keys()).check();
+    // The agent may close before it has read everything.
+    let _ = replay.write_all(&sent);
+    let mut received = Vec::new();
+    let _ = replay.read_to_end(&mut received);
+    assert!(received.len() < 4_096, "its own handshake and an alert: {} bytes", received.len());
+    // The connection is closed, so nothing is pending.
+    assert_eq!(n_configured.load(Ordering::SeqCst), 1, "the order was executed once");
+    let findings = setup.pi(&setup.host_keys()).check();
     assert_eq!(findings[0].verdict, Verdict::Good, "{findings:?}");
 }
 
 #[test]
-fn an_older_tls_is_refused_by_name() {
-    let bench = Encrypted::new();
-    // A client that speaks TLS 1.2 at most: version 3.3, and no list of supported versions behind it.
+fn an_older_tls_version_is_refused_with_its_alert() {
+    let setup = TlsSetup::new();
+    // A client of TLS 1.2 at most: version 3.3 without the extension for supported versions.
     let body = [
         [3, 3].as_slice(),
         &[7; 32],
         &[0],
         &[0, 4, 0xc0, 0x2f, 0xc0, 0x2b],
         &[1, 0],
-        // Groups (x25519) and signatures (ECDSA and RSA with SHA-256), without which none is heard.
+        // Required extensions: groups (x25519) and signatures (ECDSA and RSA with SHA-256).
         &[0, 18, 0, 10, 0, 4, 0, 2, 0, 29, 0, 13, 0, 6, 0, 4, 4, 3, 4, 1],
     ]
     .concat();
     let n = body.len() as u8;
     let hello = [[22, 3, 1, 0, n + 4, 1, 0, 0, n].as_slice(), &body].concat();
-    let mut old = TcpStream::connect(bench.address()).unwrap();
+    let mut old = TcpStream::connect(setup.address()).unwrap();
     old.set_read_timeout(Some(DEADLINE)).unwrap();
     old.write_all(&hello).unwrap();
-    let mut heard = Vec::new();
-    let _ = old.read_to_end(&mut heard);
+    let mut received = Vec::new();
+    let _ = old.read_to_end(&mut received);
     // One record: a fatal alert, protocol_version (RFC 8446, section 6).
-    assert_eq!(heard.first().zip(heard.get(5..)), Some((&21, [2, 70].as_slice())), "{heard:?}");
+    assert_eq!(
+        received.first().zip(received.get(5..)),
+        Some((&21, [2, 70].as_slice())),
+        "{received:?}"
+    );
 }
 
 #[test]
-fn who_fails_again_and_again_is_shut_out_before_any_handshake() {
-    let bench = Encrypted::new();
+fn clients_that_fail_repeatedly_are_refused_before_any_handshake() {
+    let setup = TlsSetup::new();
     let others = tempfile::tempdir().unwrap();
     let other = pairing::pair(others.path()).unwrap();
-    let mut pi = bench.pi(&other.host);
-    let said: Vec<String> = (0..20).map(|_| pi.check()[0].description.clone()).collect();
-    // The agent's certificate is seen at first, and in the end not even that.
-    assert!(said[0].contains("of another pair"), "{said:?}");
-    assert!(!said[19].contains("of another pair"), "{said:?}");
+    let mut pi = setup.pi(&other.host);
+    let message: Vec<String> = (0..20).map(|_| pi.check()[0].description.clone()).collect();
+    // The first clients get the agent's certificate, the last ones not even that.
+    assert!(message[0].contains("of another pair"), "{message:?}");
+    assert!(!message[19].contains("of another pair"), "{message:?}");
 }
 
 #[test]
-fn the_agent_listens_beyond_this_machine_only_with_keys() {
+fn the_agent_listens_on_other_interfaces_only_with_keys() {
     let open = Agent::serve("0.0.0.0:0".parse().unwrap(), Box::new(Synthetic::paced()));
-    let said = open.unwrap_err();
-    assert!(matches!(said, AgentError::NotLoopback { .. }));
-    assert!(said.to_string().contains("evrig pair"), "{said}");
+    let message = open.unwrap_err();
+    assert!(matches!(message, AgentError::NotLoopback { .. }));
+    assert!(message.to_string().contains("evrig pair"), "{message}");
     let reach = AgentAddress::Local { address: "192.0.2.1:7766".to_owned() };
     let mut pi =
         NetworkPi::new(reach, order(Coding::Plain, RgbDelivery::Live), PiTimeouts::default());
-    let said = pi.check()[0].description.clone();
-    assert!(said.contains("not encrypted"), "{said}");
+    let message = pi.check()[0].description.clone();
+    assert!(message.contains("not encrypted"), "{message}");
 }
 
-/// A connection that speaks for itself.
-fn speak(agent: &Agent, words: &[u8]) -> (TcpStream, Vec<u8>) {
+/// Sends bytes over a plain connection; returns it and the agent's preamble.
+fn send_plain(agent: &Agent, bytes: &[u8]) -> (TcpStream, Vec<u8>) {
     let mut line = TcpStream::connect(agent.address()).unwrap();
     line.set_read_timeout(Some(DEADLINE)).unwrap();
-    line.write_all(words).unwrap();
+    line.write_all(bytes).unwrap();
     let mut preamble = vec![0; wire::PREAMBLE_BYTES];
     line.read_exact(&mut preamble).unwrap();
     (line, preamble)
@@ -457,15 +457,15 @@ fn last_message(mut line: TcpStream) -> Option<Message> {
 }
 
 #[test]
-fn another_version_is_told_ours_and_let_go() {
+fn a_client_of_another_version_gets_our_version_and_is_disconnected() {
     let agent = Agent::serve(LOCAL.parse().unwrap(), Box::new(Synthetic::unpaced(1))).unwrap();
-    let (mut line, preamble) = speak(&agent, b"EVRIGPI\0\x01\0\0\0");
+    let (mut line, preamble) = send_plain(&agent, b"EVRIGPI\0\x01\0\0\0");
     assert_eq!(preamble, wire::preamble());
     assert_eq!(line.read(&mut [0; 1]).unwrap(), 0, "the connection ends");
 }
 
 #[test]
-fn a_host_of_another_version_says_what_to_do() {
+fn an_agent_of_another_version_is_refused_with_the_remedy() {
     let listener = std::net::TcpListener::bind(LOCAL).unwrap();
     let address = listener.local_addr().unwrap().to_string();
     let agent = std::thread::spawn(move || {
@@ -474,30 +474,30 @@ fn a_host_of_another_version_says_what_to_do() {
         let _ = line.read_to_end(&mut Vec::new());
     });
     let mut pi = NetworkPi::local(&address, settings(), PiTimeouts::default());
-    let said = pi.check()[0].description.clone();
-    assert!(said.contains("version 7") && said.contains("same evrig"), "{said}");
+    let message = pi.check()[0].description.clone();
+    assert!(message.contains("version 7") && message.contains("same evrig"), "{message}");
     agent.join().unwrap();
 }
 
 #[test]
-fn oversize_and_senseless_messages_are_refused_and_the_camera_is_free_again() {
+fn oversized_and_malformed_messages_are_refused_and_the_camera_is_released() {
     let agent = Agent::serve(LOCAL.parse().unwrap(), Box::new(Synthetic::unpaced(1))).unwrap();
     let start = wire::encode(&Message::Start);
     for wrong in
         [[0xff_u8; 16].to_vec(), [&start[..8], b"{not a message}".as_slice(), b" "].concat()]
     {
-        let (line, _) = speak(&agent, &[wire::preamble().as_slice(), &wrong].concat());
+        let (line, _) = send_plain(&agent, &[wire::preamble().as_slice(), &wrong].concat());
         let Some(Message::Refused { because }) = last_message(line) else { panic!("no refusal") };
         assert!(because.contains("message 0"), "{because}");
     }
-    let (line, _) = speak(&agent, &wire::preamble());
+    let (line, _) = send_plain(&agent, &wire::preamble());
     drop(line);
     let mut pi = NetworkPi::local(&agent.address().to_string(), settings(), PiTimeouts::default());
-    assert_eq!(pi.check()[0].verdict, Verdict::Good, "the next host waits for the last to leave");
+    assert_eq!(pi.check()[0].verdict, Verdict::Good, "the camera is available to the next host");
 }
 
 #[test]
-fn an_agent_that_is_mute_costs_the_host_its_patience_and_no_more() {
+fn a_silent_agent_is_given_up_after_the_timeout() {
     let listener = std::net::TcpListener::bind(LOCAL).unwrap();
     let address = listener.local_addr().unwrap().to_string();
     let patience = PiTimeouts { answer: Duration::from_millis(200), ..PiTimeouts::default() };

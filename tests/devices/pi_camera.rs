@@ -1,6 +1,6 @@
-//! The Pi's camera through picamera2, with a stand-in for the library that has its traps.
+//! The Pi's camera through picamera2, with a stand-in for the library that has its known pitfalls.
 //!
-//! Needs a Python with `numpy`, named by `EVRIG_PYTHON`; says so and passes when that is unset.
+//! Needs a Python with `numpy`, named by `EVRIG_PYTHON`; skipped when unset.
 
 use evrig::delivery::Focus;
 use evrig::geometry::Size;
@@ -14,7 +14,7 @@ use evrig::units::Hertz;
 use std::path::PathBuf;
 
 const SIZE: Size = Size::new(692, 520);
-/// Where the crop begins in the sensor's mode of 1536 x 864.
+/// Origin of the crop in the sensor mode of 1536 x 864.
 const OFFSET: [usize; 2] = [420, 172];
 
 fn settings() -> CaptureSettings {
@@ -28,7 +28,7 @@ fn settings() -> CaptureSettings {
     }
 }
 
-/// A camera over the stand-in, which the given variables trim; none without a Python.
+/// A camera over the stand-in, configured by variables; none without a Python.
 fn camera(folder: &tempfile::TempDir, variables: &str) -> Option<Picamera> {
     if std::env::var_os("EVRIG_PYTHON").is_none() {
         println!("skipped: EVRIG_PYTHON names no Python with numpy");
@@ -50,7 +50,7 @@ fn take(camera: &mut Picamera, n: usize) -> Result<Vec<PiFrame>, SourceError> {
     Ok(frames)
 }
 
-/// The stand-in's frame number, from the top left sample, and every other sample against it.
+/// Derives the frame number from the top left sample and compares all others with its pattern.
 fn assert_pattern(frame: &PiFrame) -> u64 {
     let [x0, y0] = OFFSET;
     let rgb = frame.rgb.as_ref().unwrap();
@@ -90,14 +90,14 @@ fn raw_and_rgb_of_one_request_show_the_same_crop_on_either_board_and_byte_order(
             if let Some((before, frame_before)) = last {
                 let steps = (k + 1024 - before) % 1024;
                 let counted = frame.metadata.sequence - frame_before.metadata.sequence;
-                assert_eq!(counted, steps, "the numbers follow the sensor's frames");
+                assert_eq!(counted, steps, "the numbers count the sensor's frames");
             }
             last = Some((k, frame));
             assert_eq!(frame.metadata.black_levels, [64; 4]);
             assert_eq!(frame.metadata.bayer, "RGGB");
             assert_eq!(frame.metadata.lens_position, Some(4.4));
             let apart = frame.metadata.frame_wall_clock.unwrap() - frame.metadata.real_time;
-            assert!(apart.as_secs_f64().abs() < 60.0, "microseconds are understood: {apart}");
+            assert!(apart.as_secs_f64().abs() < 60.0, "wall clock in microseconds: {apart}");
         }
         camera.stop();
         assert_eq!(camera.check().unwrap(), "imx708 through picamera2 0.0-standin");
@@ -112,7 +112,7 @@ fn raw_and_rgb_of_one_request_show_the_same_crop_on_either_board_and_byte_order(
 }
 
 #[test]
-fn frames_that_the_sensor_took_and_nobody_saw_leave_gaps_in_the_numbers() {
+fn frames_that_the_library_skips_leave_gaps_in_the_sequence_numbers() {
     let folder = tempfile::tempdir().unwrap();
     let Some(mut camera) = camera(&folder, "STANDIN_SKIP=5") else { return };
     camera.configure(&settings()).unwrap();
@@ -125,7 +125,7 @@ fn frames_that_the_sensor_took_and_nobody_saw_leave_gaps_in_the_numbers() {
 }
 
 #[test]
-fn raw_alone_and_rgb_alone_come_alone() {
+fn raw_only_and_rgb_only_deliver_one_kind_of_frame() {
     let folder = tempfile::tempdir().unwrap();
     let Some(mut camera) = camera(&folder, "") else { return };
     for (raw, rgb) in [(true, false), (false, true)] {
@@ -138,7 +138,7 @@ fn raw_alone_and_rgb_alone_come_alone() {
 }
 
 #[test]
-fn every_failure_says_what_to_do() {
+fn every_failure_states_a_remedy() {
     let table = [
         ("STANDIN_ABSENT=1", settings(), "cable"),
         ("STANDIN_BLIND=1", settings(), "dioptres"),
@@ -149,8 +149,8 @@ fn every_failure_says_what_to_do() {
     for (variables, settings, expected) in table {
         let folder = tempfile::tempdir().unwrap();
         let Some(mut camera) = camera(&folder, variables) else { return };
-        let said = camera.configure(&settings).unwrap_err().to_string();
-        assert!(said.contains(expected), "{said}");
+        let message = camera.configure(&settings).unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}");
     }
     let folder = tempfile::tempdir().unwrap();
     let mut absent = Picamera::new(&folder.path().join("no-python"));
@@ -158,7 +158,7 @@ fn every_failure_says_what_to_do() {
 }
 
 #[test]
-fn a_blind_lens_at_given_dioptres_needs_no_autofocus() {
+fn a_fixed_focus_in_dioptres_needs_no_autofocus() {
     let folder = tempfile::tempdir().unwrap();
     let Some(mut camera) = camera(&folder, "STANDIN_BLIND=1") else { return };
     camera.set_focus(Focus::Dioptres(4.25)).unwrap();
@@ -168,22 +168,22 @@ fn a_blind_lens_at_given_dioptres_needs_no_autofocus() {
 }
 
 #[test]
-fn a_library_that_dies_in_a_take_is_told_with_its_last_words() {
+fn a_library_that_crashes_in_a_take_is_reported_with_its_last_output() {
     let folder = tempfile::tempdir().unwrap();
     let Some(mut camera) = camera(&folder, "STANDIN_DIE=400") else { return };
     camera.configure(&settings()).unwrap();
     camera.start().unwrap();
-    let said = take(&mut camera, 100_000).unwrap_err().to_string();
-    assert!(said.contains("told to die"), "{said}");
+    let message = take(&mut camera, 100_000).unwrap_err().to_string();
+    assert!(message.contains("ends as configured"), "{message}");
 }
 
 #[test]
-fn a_python_without_the_library_says_how_to_install_it() {
+fn a_python_without_the_library_is_reported_with_the_install_command() {
     let Some(python) = std::env::var_os("EVRIG_PYTHON") else {
         println!("skipped: EVRIG_PYTHON names no Python");
         return;
     };
     let mut camera = Picamera::new(&PathBuf::from(python));
-    let said = camera.check().unwrap_err().to_string();
-    assert!(said.contains("apt install python3-picamera2"), "{said}");
+    let message = camera.check().unwrap_err().to_string();
+    assert!(message.contains("apt install python3-picamera2"), "{message}");
 }

@@ -1,4 +1,4 @@
-//! The verbs of the Pi: `evrig pair` makes keys with which `evrig pi` serves a host.
+//! The commands of the Pi: `evrig pair` makes the keys with which `evrig pi` serves a host.
 
 use evrig::delivery::Focus;
 use evrig::device::pi::{AgentAddress, NetworkPi, PiTimeouts};
@@ -15,10 +15,10 @@ fn evrig(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_evrig")).args(arguments).output().unwrap()
 }
 
-/// A running agent; it is asked to end as Ctrl-C does.
-struct Agent(Child);
+/// A running agent, ended by SIGINT.
+struct AgentProcess(Child);
 
-impl Agent {
+impl AgentProcess {
     fn end(mut self) -> Option<i32> {
         let pid = rustix::process::Pid::from_child(&self.0);
         rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
@@ -26,7 +26,7 @@ impl Agent {
     }
 }
 
-impl Drop for Agent {
+impl Drop for AgentProcess {
     fn drop(&mut self) {
         let _ = self.0.kill();
         let _ = self.0.wait();
@@ -46,7 +46,7 @@ fn order() -> CaptureOrder {
 }
 
 #[test]
-fn what_pair_makes_lets_a_host_talk_to_the_agent_and_ctrl_c_ends_it() {
+fn a_host_with_paired_keys_reaches_the_agent_and_ctrl_c_ends_it() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("keys");
     let paired = evrig(&["pair", "--out", out.to_str().unwrap()]);
@@ -60,7 +60,7 @@ fn what_pair_makes_lets_a_host_talk_to_the_agent_and_ctrl_c_ends_it() {
         .unwrap();
     let mut line = String::new();
     BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-    let agent = Agent(child);
+    let agent = AgentProcess(child);
     let port = line.trim().rsplit_once(':').unwrap().1;
     assert!(line.starts_with("tls://"), "{line}");
     let reach = AgentAddress::Tls { address: format!("localhost:{port}"), keys: out.join("host") };
@@ -72,7 +72,7 @@ fn what_pair_makes_lets_a_host_talk_to_the_agent_and_ctrl_c_ends_it() {
 }
 
 #[test]
-fn wrong_use_is_told_before_anything_listens() {
+fn invalid_options_are_reported_before_anything_listens() {
     let folder = tempfile::tempdir().unwrap();
     let absent = folder.path().join("absent");
     let absent = absent.to_str().unwrap();
@@ -83,8 +83,8 @@ fn wrong_use_is_told_before_anything_listens() {
         (vec!["--keys", absent], 1, "evrig pair"),
     ] {
         let ended = evrig(&[vec!["pi", "--camera", "synthetic"], arguments].concat());
-        let said = String::from_utf8(ended.stderr).unwrap();
-        assert_eq!(ended.status.code(), Some(code), "{said}");
-        assert!(said.contains(expected), "{said}");
+        let stderr = String::from_utf8(ended.stderr).unwrap();
+        assert_eq!(ended.status.code(), Some(code), "{stderr}");
+        assert!(stderr.contains(expected), "{stderr}");
     }
 }

@@ -1,4 +1,4 @@
-//! `evrig plan` as a user meets it: exit codes, what is printed, where errors point.
+//! The command `evrig plan`: exit codes, output and error positions.
 
 use assert_cmd::Command;
 use std::process::Output;
@@ -59,24 +59,27 @@ fn out_of_reach_exits_4_and_names_the_point() {
     let mine = changed_circle(&directory, "x_mm = 240.0", "x_mm = 300.0");
     let output = evrig(&["plan", &mine]);
     assert_eq!(output.status.code(), Some(4));
-    let said = stdout(&output);
-    assert!(said.contains("beyond a limit: segment `circle` at "), "{said}");
-    assert!(said.contains("the arm cannot run it"), "{said}");
+    let printed = stdout(&output);
+    assert!(printed.contains("beyond a limit: segment `circle` at "), "{printed}");
+    assert!(printed.contains("the arm cannot run it"), "{printed}");
 }
 
 #[test]
-fn a_wrong_file_exits_2_and_names_the_line() {
+fn an_invalid_file_exits_2_and_names_the_line() {
     let directory = tempfile::tempdir().unwrap();
     let mine = changed_circle(&directory, "radius_mm", "radus_mm");
     let output = evrig(&["plan", &mine]);
     assert_eq!(output.status.code(), Some(2));
-    let said = stderr(&output);
-    assert!(said.contains("mine.toml:") && said.contains("did you mean `radius_mm`?"), "{said}");
+    let printed = stderr(&output);
+    assert!(
+        printed.contains("mine.toml:") && printed.contains("did you mean `radius_mm`?"),
+        "{printed}"
+    );
     assert!(output.stdout.is_empty());
 }
 
 #[test]
-fn a_name_that_is_none_exits_2_with_a_suggestion() {
+fn an_unknown_name_exits_2_with_a_suggestion() {
     for args in [["plan", "cirle", "--rig", "sim"], ["plan", "circle", "--rig", "magicien"]] {
         let output = evrig(&args);
         assert_eq!(output.status.code(), Some(2), "{args:?}");
@@ -85,7 +88,7 @@ fn a_name_that_is_none_exits_2_with_a_suggestion() {
 }
 
 #[test]
-fn a_plot_that_cannot_be_written_is_a_failure_that_names_it() {
+fn a_plot_that_cannot_be_written_is_an_error_with_its_path() {
     let output = evrig(&["plan", "circle", "--plot", "no/such/folder/a.svg"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(stderr(&output).contains("no/such/folder/a.svg"), "{}", stderr(&output));

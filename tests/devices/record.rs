@@ -1,4 +1,4 @@
-//! A whole recording: arm on a pty, event camera from a recording or a server, frame camera over TCP.
+//! A complete recording: arm on a pty, event camera from a file or a server, frame camera over TCP.
 
 use evrig::delivery::{Focus, RgbDelivery};
 use evrig::device::davis::{NetworkDavis, NetworkDavisTimeouts, ReplayDavis, ReplaySpeed};
@@ -30,16 +30,16 @@ const STREET: &str = "tests/data/davis346-street.aedat4";
 const N_EVENTS: u64 = 78_830;
 const NO_DWELLS: Dwells = Dwells { lead_in: Duration::ZERO, tail: Duration::ZERO };
 
-/// Arm and Pi camera, with the parts that must live as long as they do.
-struct Bench {
+/// Arm and Pi camera with the values that must outlive them.
+struct RecordSetup {
     rig: Rig,
     trajectory: Trajectory,
     emulator: ArmEmulator,
     agent: Agent,
 }
 
-impl Bench {
-    /// The arm's time passes by requests and the Pi's frames come as fast as they are taken.
+impl RecordSetup {
+    /// The arm's time advances with each request; the Pi delivers frames as fast as they are taken.
     fn new(n_frames: u64) -> Self {
         let options = ArmOptions { homing: Span::from_micros(100_000), ..ArmOptions::default() };
         let clock = ArmClock::Stepped(Span::from_micros(4_000));
@@ -112,8 +112,8 @@ fn assert_verifies(session: &Session) {
 }
 
 #[test]
-fn a_session_comes_out_whole_and_verifies() {
-    let bench = Bench::new(300);
+fn a_recorded_session_is_complete_and_verifies() {
+    let setup = RecordSetup::new(300);
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("session");
     let mut states = Vec::new();
@@ -122,7 +122,7 @@ fn a_session_comes_out_whole_and_verifies() {
             states.push(state);
         }
     };
-    let outcome = bench.record(&out, replay(), &StopToken::default(), &mut watch).unwrap();
+    let outcome = setup.record(&out, replay(), &StopToken::default(), &mut watch).unwrap();
     assert_eq!(outcome.cut_short, None);
     let expected = [
         RecordState::Preflight,
@@ -151,26 +151,26 @@ fn a_session_comes_out_whole_and_verifies() {
         assert_eq!(count(&session, name, kind), pi.n_samples, "{name}");
     }
     assert_eq!(session.stream(StreamKind::Frames, "raw").unwrap().size, Some(Size::new(48, 32)));
-    // Five readings before and five after the frames at least.
+    // At least five readings before and five after the frames.
     assert!(count(&session, "pi-clock", StreamKind::ClockReadings) >= 10);
     assert!(count(&session, "arm", StreamKind::Poses) > 10);
     let recording = manifest.recording.as_ref().unwrap();
-    assert_eq!(recording.rig, bench.rig.text);
+    assert_eq!(recording.rig, setup.rig.text);
     assert_eq!(recording.ended, "complete");
     let journal = std::fs::read_to_string(session.layout().journal()).unwrap();
     assert!(journal.contains("\"trajectory\"") && journal.contains("\"seal\""), "{journal}");
 }
 
 #[test]
-fn events_are_compressed_as_the_rig_says_and_come_out_the_same() {
+fn events_are_compressed_as_configured_and_read_back_unchanged() {
     let folder = tempfile::tempdir().unwrap();
     let recorded = ["none", "lz4", "zstd"].map(|word| {
-        let mut bench = Bench::new(1);
+        let mut setup = RecordSetup::new(1);
         let key = |word| format!("compression = \"{word}\"");
-        let text = bench.rig.text.replace(&key("none"), &key(word));
-        bench.rig = Rig::parse("compressed.toml", &text).unwrap();
+        let text = setup.rig.text.replace(&key("none"), &key(word));
+        setup.rig = Rig::parse("compressed.toml", &text).unwrap();
         let out = folder.path().join(word);
-        bench.record(&out, replay(), &StopToken::default(), &mut |_, _| {}).unwrap();
+        setup.record(&out, replay(), &StopToken::default(), &mut |_, _| {}).unwrap();
         let session = Session::open(&out).unwrap();
         assert_verifies(&session);
         let n_bytes = std::fs::metadata(session.layout().davis()).unwrap().len();
@@ -183,11 +183,11 @@ fn events_are_compressed_as_the_rig_says_and_come_out_the_same() {
 }
 
 #[test]
-fn a_changed_or_cut_log_does_not_verify_and_the_cut_one_is_read_up_to_the_cut() {
-    let bench = Bench::new(100);
+fn a_changed_or_truncated_log_does_not_verify() {
+    let setup = RecordSetup::new(100);
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("session");
-    bench.record(&out, replay(), &StopToken::default(), &mut |_, _| ()).unwrap();
+    setup.record(&out, replay(), &StopToken::default(), &mut |_, _| ()).unwrap();
     let session = Session::open(&out).unwrap();
     let log = session.layout().rig_log();
     let bytes = std::fs::read(&log).unwrap();
@@ -202,8 +202,8 @@ fn a_changed_or_cut_log_does_not_verify_and_the_cut_one_is_read_up_to_the_cut() 
 }
 
 #[test]
-fn an_event_camera_that_is_unplugged_ends_in_a_sealed_marked_session() {
-    let bench = Bench::new(u64::MAX);
+fn unplugging_the_event_camera_seals_the_session_as_aborted() {
+    let setup = RecordSetup::new(u64::MAX);
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("session");
     let spec = StreamSpec::events(Size::DAVIS346, "DAVIS346_1");
@@ -212,7 +212,7 @@ fn an_event_camera_that_is_unplugged_ends_in_a_sealed_marked_session() {
         NetworkDavisTimeouts { reconnect: Duration::ZERO, ..NetworkDavisTimeouts::default() };
     let davis = NetworkDavis::new(&server.address().to_string(), patience);
     // One connection for the preflight, one for the recording.
-    let plug = std::thread::spawn(move || {
+    let server_thread = std::thread::spawn(move || {
         assert!(server.wait_for_clients(2, Duration::from_secs(30)));
         let event = Event { t: 5, x: 1, y: 1, on: true };
         server
@@ -220,8 +220,8 @@ fn an_event_camera_that_is_unplugged_ends_in_a_sealed_marked_session() {
             .unwrap();
     });
     let outcome =
-        bench.record(&out, Box::new(davis), &StopToken::default(), &mut |_, _| ()).unwrap();
-    plug.join().unwrap();
+        setup.record(&out, Box::new(davis), &StopToken::default(), &mut |_, _| ()).unwrap();
+    server_thread.join().unwrap();
     assert!(!outcome.is_asked_for);
     let why = outcome.cut_short.unwrap();
     assert!(why.contains("davis at tcp://"), "{why}");
@@ -230,46 +230,46 @@ fn an_event_camera_that_is_unplugged_ends_in_a_sealed_marked_session() {
     assert_eq!(session.manifest().status, SessionStatus::Aborted);
     assert_eq!(count(&session, "real", StreamKind::Events), 1);
     assert!(session.manifest().losses.iter().any(|loss| loss.stream == "davis"));
-    assert!(!bench.emulator.state().is_busy, "the arm stands");
+    assert!(!setup.emulator.state().is_busy, "the arm stands still");
 }
 
 #[test]
-fn the_operators_stop_stands_the_arm_and_seals() {
-    let bench = Bench::new(u64::MAX);
-    for (wish, is_home) in [(StopRequest::AtOnce, false), (StopRequest::Park, true)] {
+fn an_operator_stop_stops_the_arm_and_seals_the_session() {
+    let setup = RecordSetup::new(u64::MAX);
+    for (kind, is_home) in [(StopRequest::AtOnce, false), (StopRequest::Park, true)] {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("session");
         let stop = StopToken::default();
         let mut watch = |state, _| {
             if state == RecordState::Trajectory {
-                stop.request(wish);
+                stop.request(kind);
             }
         };
-        let outcome = bench.record(&out, replay(), &stop, &mut watch).unwrap();
+        let outcome = setup.record(&out, replay(), &stop, &mut watch).unwrap();
         assert!(outcome.is_asked_for);
         let session = Session::open(&out).unwrap();
         assert_verifies(&session);
         assert_eq!(session.manifest().status, SessionStatus::Aborted);
-        let state = bench.emulator.state();
+        let state = setup.emulator.state();
         assert!(!state.is_busy && state.n_waiting == 0);
-        let away = state.planner.distance(bench.rig.arm.home).0;
-        assert_eq!(away < 0.1, is_home, "{away} mm from home after {wish:?}");
+        let away = state.planner.distance(setup.rig.arm.home).0;
+        assert_eq!(away < 0.1, is_home, "{away} mm from home after {kind:?}");
     }
 }
 
 #[test]
-fn an_absent_agent_is_told_before_anything_moves_or_is_made() {
-    let mut bench = Bench::new(1);
-    let address = bench.agent.address();
-    bench.agent =
+fn an_absent_agent_is_reported_before_anything_moves_or_is_created() {
+    let mut setup = RecordSetup::new(1);
+    let address = setup.agent.address();
+    setup.agent =
         Agent::serve("127.0.0.1:0".parse().unwrap(), Box::new(Synthetic::unpaced(1))).unwrap();
-    let mut devices = bench.devices(replay());
+    let mut devices = setup.devices(replay());
     devices.recorders[1] =
         Box::new(NetworkPi::local(&address.to_string(), settings(), PiTimeouts::default()));
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("session");
-    let path = bench.trajectory.path(&bench.rig, OptionalSegments::Included).unwrap();
-    let (rig, trajectory) = (&bench.rig, &bench.trajectory);
+    let path = setup.trajectory.path(&setup.rig, OptionalSegments::Included).unwrap();
+    let (rig, trajectory) = (&setup.rig, &setup.trajectory);
     let request = RecordRequest {
         rig,
         trajectory,
@@ -284,32 +284,32 @@ fn an_absent_agent_is_told_before_anything_moves_or_is_made() {
 }
 
 #[test]
-fn two_recorders_cannot_have_one_camera() {
-    let bench = Bench::new(u64::MAX);
-    let address = bench.agent.address().to_string();
+fn two_recorders_cannot_use_one_camera() {
+    let setup = RecordSetup::new(u64::MAX);
+    let address = setup.agent.address().to_string();
     let mut first = NetworkPi::local(&address, settings(), PiTimeouts::default());
     first.prepare().unwrap();
     let mut second = NetworkPi::local(&address, settings(), PiTimeouts::default());
-    let said = second.prepare().unwrap_err().to_string();
-    assert!(said.contains("another recorder"), "{said}");
+    let message = second.prepare().unwrap_err().to_string();
+    assert!(message.contains("another recorder"), "{message}");
 }
 
 #[test]
-fn rgb_pictures_fetched_after_the_take_are_in_the_session_beside_their_raw_ones() {
-    let mut bench = Bench::new(1);
+fn rgb_frames_fetched_after_the_take_are_stored_with_their_raw_frames() {
+    let mut setup = RecordSetup::new(1);
     let folder = tempfile::tempdir().unwrap();
     let spool = Spool { directory: folder.path().to_owned(), limit_bytes: 1 << 30 };
     let limits = BacklogLimits { memory_bytes: 1 << 20, spool: Some(spool) };
     let service = Service { limits, ..Service::local("127.0.0.1:0".parse().unwrap()) };
-    bench.agent = Agent::open(service, Box::new(Synthetic::unpaced(100))).unwrap();
-    let reach = AgentAddress::Local { address: bench.agent.address().to_string() };
+    setup.agent = Agent::open(service, Box::new(Synthetic::unpaced(100))).unwrap();
+    let reach = AgentAddress::Local { address: setup.agent.address().to_string() };
     let delivery = Delivery { rgb: RgbDelivery::AfterTake, ..Delivery::default() };
     let order = CaptureOrder { settings: settings(), focus: Focus::Once, delivery };
-    let mut devices = bench.devices(replay());
+    let mut devices = setup.devices(replay());
     devices.recorders[1] = Box::new(NetworkPi::new(reach, order, PiTimeouts::default()));
     let out = folder.path().join("session");
-    let path = bench.trajectory.path(&bench.rig, OptionalSegments::Included).unwrap();
-    let (rig, trajectory) = (&bench.rig, &bench.trajectory);
+    let path = setup.trajectory.path(&setup.rig, OptionalSegments::Included).unwrap();
+    let (rig, trajectory) = (&setup.rig, &setup.trajectory);
     let request = RecordRequest {
         rig,
         trajectory,
@@ -331,7 +331,7 @@ fn rgb_pictures_fetched_after_the_take_are_in_the_session_beside_their_raw_ones(
 }
 
 #[test]
-fn the_agent_does_not_listen_beyond_this_machine() {
+fn the_agent_without_keys_listens_on_loopback_only() {
     let open = Agent::serve("0.0.0.0:0".parse().unwrap(), Box::new(Synthetic::paced()));
     assert!(matches!(open, Err(AgentError::NotLoopback { .. })));
 }

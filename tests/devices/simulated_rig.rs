@@ -1,4 +1,4 @@
-//! The simulated rig as a whole: its world behind the engine and its wires, and in virtual time.
+//! The complete simulated rig: recorded by the engine in real time, and simulated in virtual time.
 
 use crate::small_rig;
 
@@ -18,7 +18,7 @@ use small_rig::small_rig;
 use std::path::Path;
 use std::time::Duration;
 
-/// Both cameras at one place over the middle of a small print, near enough to be quick.
+/// Both cameras at one position over a small target, with few pixels.
 fn rig() -> Rig {
     small_rig(&[
         ("[0.0, 18.0, -13.0]", "[0.0, 0.0, -13.0]"),
@@ -106,16 +106,16 @@ fn messages(session: &Session, topic: &str) -> Vec<(i64, Value)> {
         .collect()
 }
 
-/// When the arm was first seen a tenth of a millimetre from its start, and when it had come to its end.
+/// Times when the arm was first 0.1 mm from its start, and when it had reached its end.
 fn moved_between(session: &Session) -> [i64; 2] {
     let poses = messages(session, "/arm/pose");
-    let place = |value: &Value| {
+    let position = |value: &Value| {
         ["x", "y", "z"].map(|axis| value["pose"]["position"][axis].as_f64().unwrap() * 1e3)
     };
     let away = |value: &Value, from: [f64; 3]| {
-        place(value).iter().zip(from).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+        position(value).iter().zip(from).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
     };
-    let (first, last) = (place(&poses[0].1), place(&poses[poses.len() - 1].1));
+    let (first, last) = (position(&poses[0].1), position(&poses[poses.len() - 1].1));
     let begun = poses.iter().find(|(_, pose)| away(pose, first) > 0.1).unwrap().0;
     let ended = poses.iter().find(|(_, pose)| away(pose, last) < 1e-3).unwrap().0;
     [begun, ended]
@@ -127,7 +127,7 @@ fn assert_verifies(session: &Session) {
 }
 
 #[test]
-fn a_recorded_world_moves_when_and_only_when_the_arm_does() {
+fn the_recorded_scene_moves_only_while_the_arm_moves() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("session");
     let (outcome, states) = record_to(&out);
@@ -144,21 +144,21 @@ fn a_recorded_world_moves_when_and_only_when_the_arm_does() {
     let t = events.as_slice().t;
     // The poses come every 20 ms, and the arm needs 30 ms for its first tenth of a millimetre.
     let early = t.iter().filter(|t| **t < begun - 60_000).count();
-    assert_eq!(early, 0, "nothing is seen before the arm moves at {begun}: {:?}", t.first());
+    assert_eq!(early, 0, "events before the arm moves at {begun}: {:?}", t.first());
     let moving = t.iter().filter(|t| (begun..ended).contains(*t)).count();
     assert!(moving > 500, "{moving} events while the arm moves");
-    // Behind the motion, the dimmed light alone makes events: half the light is 3.6 thresholds.
+    // After the motion only dimming causes events: half the light is 3.6 thresholds.
     let dimmed = events.as_slice().between(ended, i64::MAX);
     let n_pixels = 48 * 32;
     assert!((3 * n_pixels..=4 * n_pixels).contains(&dimmed.len()), "{} events", dimmed.len());
     // The tool's last micrometre may still bring a pixel to its threshold.
-    assert!(dimmed.count_on() < 20, "{} On events in falling light", dimmed.count_on());
-    assert_feels_the_arm(&session, [begun, ended]);
+    assert!(dimmed.count_on() < 20, "{} ON events in falling light", dimmed.count_on());
+    assert_imu_measures_motion(&session, [begun, ended]);
 }
 
-/// The inertial samples that came over the wire: one a millisecond, gravity along the view that looks
-/// down, and a push that is more than noise when and only when the arm moves.
-fn assert_feels_the_arm(session: &Session, [begun, ended]: [i64; 2]) {
+/// The inertial samples: one per millisecond, gravity along the downward optical axis, and an
+/// acceleration above the noise only while the arm moves.
+fn assert_imu_measures_motion(session: &Session, [begun, ended]: [i64; 2]) {
     let mut samples = Vec::new();
     for packet in Reader::open(session.layout().davis()).unwrap() {
         if let Content::Imu(more) = packet.unwrap().content {
@@ -179,8 +179,8 @@ fn assert_feels_the_arm(session: &Session, [begun, ended]: [i64; 2]) {
     let before = begun - 60_000;
     let down = mean(i64::MIN, before, 2);
     assert!((down + 1.0).abs() < 0.061, "{down} g along the view");
-    // It speeds up at 0.4 m/s^2 for 50 ms, the first tenth of a millimetre of which takes 22, and stops
-    // so at the end: 0.041 g one way and the other.
+    // It accelerates at 0.4 m/s^2 for 50 ms (22 ms for the first 0.1 mm) and decelerates alike at the
+    // end: 0.041 g in both directions.
     let along =
         |from: i64, to: i64| [0, 1].map(|axis| mean(from, to, axis) - mean(i64::MIN, before, axis));
     let [up_x, up_y] = along(begun - 40_000, begun + 40_000);
@@ -192,7 +192,7 @@ fn assert_feels_the_arm(session: &Session, [begun, ended]: [i64; 2]) {
 }
 
 #[test]
-fn stamps_of_the_simulated_pi_agree_with_the_readings_of_its_clocks() {
+fn timestamps_of_the_simulated_pi_agree_with_its_clock_readings() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("session");
     record_to(&out);
@@ -207,9 +207,9 @@ fn stamps_of_the_simulated_pi_agree_with_the_readings_of_its_clocks() {
     let mut last: Option<FrameMetadata> = None;
     for (_, frame) in frames {
         let frame: FrameMetadata = serde_json::from_value(frame).unwrap();
-        // From the first row's end: 424 rows of 9.21 us and 4 ms of the interface at least.
-        let handed_over_ns = frame.sensor_timestamp.as_nanos() + offset_ns;
-        let latency_us = (frame.real_time.as_nanos() - handed_over_ns) / 1_000;
+        // After the end of the first row: 424 rows of 9.21 us and at least 4 ms of the interface.
+        let row_end_ns = frame.sensor_timestamp.as_nanos() + offset_ns;
+        let latency_us = (frame.real_time.as_nanos() - row_end_ns) / 1_000;
         assert!((7_000..40_000).contains(&latency_us), "{latency_us} us");
         if let Some(last) = &last {
             assert_eq!(frame.sequence, last.sequence + 1);
@@ -221,7 +221,7 @@ fn stamps_of_the_simulated_pi_agree_with_the_readings_of_its_clocks() {
 }
 
 #[test]
-fn a_simulated_camera_cannot_sit_on_a_real_arm() {
+fn a_simulated_camera_requires_a_simulated_arm() {
     let text = rig().text.replacen("\nport = \"sim\"", "\nport = \"/dev/ttyUSB0\"", 1);
     let rig = Rig::parse("mixed.toml", &text).unwrap();
     let world = WorldDescription::default();
@@ -250,7 +250,7 @@ fn virtual_time_gives_the_same_bytes_on_any_number_of_threads() {
 }
 
 #[test]
-fn a_simulated_session_holds_rig_and_trajectory_but_nothing_of_the_world() {
+fn a_simulated_session_contains_rig_and_trajectory_but_no_world_parameters() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("session");
     let effects = "[davis]\nthreshold = 0.23456789\n[effects]\nrefractory_period = { refractory_us = 8765.4321 }\n";
@@ -262,7 +262,7 @@ fn a_simulated_session_holds_rig_and_trajectory_but_nothing_of_the_world() {
         let bytes = std::fs::read(out.join(file)).unwrap();
         for hidden in ["refractory", "8765.4321", "0.23456789"] {
             let found = bytes.windows(hidden.len()).any(|window| window == hidden.as_bytes());
-            assert!(!found, "{hidden} stands in {file}");
+            assert!(!found, "{file} contains {hidden}");
         }
     }
     let [begun, _] = moved_between(&Session::open(&out).unwrap());

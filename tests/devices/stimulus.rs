@@ -1,6 +1,6 @@
-//! The target on a screen, as Chromium draws it: to scale, found as a tag, confirmed, paused.
+//! The target on a screen as Chromium draws it: scale, tag detection, confirmation and pause.
 //!
-//! `EVRIG_CHROMIUM` names the browser (`/usr/bin/chromium`); without it this test says that it is skipped.
+//! `EVRIG_CHROMIUM` names the browser (default `/usr/bin/chromium`); skipped without one.
 
 use crate::devtools::Browser;
 use base64::Engine;
@@ -55,11 +55,10 @@ fn screenshot(browser: &mut Browser) -> image::RgbImage {
     image::load_from_memory(&png).unwrap().to_rgb8()
 }
 
-/// Left, top, right and bottom of the pixels that are so.
-fn extent(shot: &image::RgbImage, is_it: impl Fn([u8; 3]) -> bool) -> [f64; 4] {
+/// Left, top, right and bottom of the selected pixels.
+fn extent(shot: &image::RgbImage, selects: impl Fn([u8; 3]) -> bool) -> [f64; 4] {
     let mut extent = [f64::MAX, f64::MAX, f64::MIN, f64::MIN];
-    for (x, y, pixel) in shot.enumerate_pixels().filter(|(_, _, pixel)| is_it(pixel.0)) {
-        let _ = pixel;
+    for (x, y, _) in shot.enumerate_pixels().filter(|(_, _, pixel)| selects(pixel.0)) {
         let [x, y] = [f64::from(x), f64::from(y)];
         extent =
             [extent[0].min(x), extent[1].min(y), extent[2].max(x + 1.0), extent[3].max(y + 1.0)];
@@ -68,7 +67,7 @@ fn extent(shot: &image::RgbImage, is_it: impl Fn([u8; 3]) -> bool) -> [f64; 4] {
 }
 
 #[test]
-fn picture_and_tag_are_drawn_to_scale_and_confirmed_and_pages_are_turned() {
+fn target_image_and_tag_are_drawn_to_scale_and_confirmed() {
     let folder = tempfile::tempdir().unwrap();
     let stimulus = Arc::new(serve(folder.path(), Some(PX_PER_MM)));
     let Some(mut browser) = browser(folder.path(), &stimulus.url()) else { return };
@@ -93,11 +92,11 @@ fn picture_and_tag_are_drawn_to_scale_and_confirmed_and_pages_are_turned() {
         assert_eq!(tag[3], picture[3], "the bottoms are aligned");
         assert!(finds_tag(&shot), "the tag is found as tag36h11 number 0");
     }
-    // A page that does not fit says so.
+    // A page that does not fit is an error.
     let metrics = json!({"width": 400, "height": 300, "deviceScaleFactor": 1, "mobile": false});
     browser.call("Emulation.setDeviceMetricsOverride", metrics);
-    let said = screen.prepare().unwrap_err().to_string();
-    assert!(said.contains("400 x 300 pixels"), "{said}");
+    let message = screen.prepare().unwrap_err().to_string();
+    assert!(message.contains("400 x 300 pixels"), "{message}");
 }
 
 fn finds_tag(shot: &image::RgbImage) -> bool {
@@ -118,14 +117,14 @@ fn finds_tag(shot: &image::RgbImage) -> bool {
 }
 
 #[test]
-fn the_operator_calibrates_pauses_and_turns_by_keys() {
+fn the_operator_calibrates_pauses_and_switches_images_by_keys() {
     let folder = tempfile::tempdir().unwrap();
     let stimulus = serve(folder.path(), None);
     let Some(mut browser) = browser(folder.path(), &stimulus.url()) else { return };
     browser.evaluate(
-        "new Promise((go) => { const look = () => news ? go() : setTimeout(look, 5); look(); })",
+        "new Promise((go) => { const poll = () => news ? go() : setTimeout(poll, 5); poll(); })",
     );
-    assert!(!stimulus.wait_until_ready(Duration::ZERO), "it is not calibrated");
+    assert!(!stimulus.wait_until_ready(Duration::ZERO), "the page is not calibrated");
     let mut press = |key: &str| {
         for kind in ["keyDown", "keyUp"] {
             browser.call("Input.dispatchKeyEvent", json!({"type": kind, "key": key}));
@@ -145,17 +144,17 @@ fn the_operator_calibrates_pauses_and_turns_by_keys() {
     while stimulus.state().index != 1 {
         std::thread::yield_now();
     }
-    // The page must know that it is paused before the next key can end the pause.
-    browser_sees(&mut browser, "news.state.is_paused && news.state.index === 1");
+    // The page must have received the pause before the next key can end it.
+    wait_in_browser(&mut browser, "news.state.is_paused && news.state.index === 1");
     for kind in ["keyDown", "keyUp"] {
         browser.call("Input.dispatchKeyEvent", json!({"type": kind, "key": " "}));
     }
     assert!(stimulus.wait_until_ready(PATIENCE));
 }
 
-fn browser_sees(browser: &mut Browser, what: &str) {
+fn wait_in_browser(browser: &mut Browser, what: &str) {
     browser.evaluate(&format!(
-        "new Promise((go) => {{ const look = () => {what} ? go() : setTimeout(look, 5); look(); }})"
+        "new Promise((go) => {{ const poll = () => {what} ? go() : setTimeout(poll, 5); poll(); }})"
     ));
 }
 
@@ -169,7 +168,7 @@ fn ask(stimulus: &Stimulus, head: &str) -> String {
 }
 
 #[test]
-fn strangers_and_other_pages_are_refused() {
+fn requests_of_other_hosts_and_pages_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let stimulus = serve(folder.path(), Some(PX_PER_MM));
     let status = |head: &str| ask(&stimulus, head).split(' ').nth(1).unwrap().to_owned();
@@ -190,9 +189,9 @@ fn strangers_and_other_pages_are_refused() {
 }
 
 #[test]
-fn a_picture_that_no_page_shows_is_not_recorded() {
+fn an_image_that_no_page_shows_is_not_recorded() {
     let folder = tempfile::tempdir().unwrap();
     let stimulus = serve(folder.path(), Some(PX_PER_MM));
-    let said = stimulus.show(1, Duration::from_millis(1)).unwrap_err().to_string();
-    assert!(said.contains("blue") && said.contains(&stimulus.url()), "{said}");
+    let message = stimulus.show(1, Duration::from_millis(1)).unwrap_err().to_string();
+    assert!(message.contains("blue") && message.contains(&stimulus.url()), "{message}");
 }

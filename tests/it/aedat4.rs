@@ -1,4 +1,4 @@
-//! AEDAT4 on a real recording: whole, cut anywhere, damaged anywhere.
+//! AEDAT4 on a real recording: complete, truncated anywhere, damaged anywhere.
 
 use evrig::format::aedat4::{
     Compression, Content, PayloadKind, ReadError, Reader, StreamSpec, Writer,
@@ -19,7 +19,7 @@ fn street() -> &'static [u8] {
 }
 
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
-struct Counts {
+struct ElementCounts {
     events: usize,
     frames: usize,
     samples: usize,
@@ -27,7 +27,7 @@ struct Counts {
     unknown: usize,
 }
 
-impl Counts {
+impl ElementCounts {
     fn add(&mut self, content: &Content) {
         match content {
             Content::Events(events) => self.events += events.len(),
@@ -39,7 +39,7 @@ impl Counts {
     }
 }
 
-/// Everything a reader gives: the packets, and the errors (at most one, at the end).
+/// All packets of a reader and its error (at most one, at the end).
 fn drain<R: Read>(reader: Reader<R>) -> (Vec<evrig::format::aedat4::Packet>, Option<ReadError>) {
     let mut packets = Vec::new();
     let mut error = None;
@@ -53,7 +53,7 @@ fn drain<R: Read>(reader: Reader<R>) -> (Vec<evrig::format::aedat4::Packet>, Opt
     (packets, error)
 }
 
-/// Byte offsets at which the recording's packets begin, and the end of the last.
+/// Byte offsets of the recording's packets, and the end of the last.
 fn boundaries() -> &'static [u64] {
     static OFFSETS: OnceLock<Vec<u64>> = OnceLock::new();
     OFFSETS.get_or_init(|| {
@@ -67,7 +67,7 @@ fn boundaries() -> &'static [u64] {
 }
 
 #[test]
-fn the_recording_holds_what_other_readers_count_in_it() {
+fn element_counts_agree_with_other_readers() {
     // dv-processing 2.0.4 and aedat 1.3.3 count the same.
     let mut reader = Reader::open(STREET).unwrap();
     let kinds: Vec<_> = reader.streams().iter().map(|stream| stream.kind.clone()).collect();
@@ -78,7 +78,7 @@ fn the_recording_holds_what_other_readers_count_in_it() {
     assert_eq!(reader.streams()[0].size, Some(Size::DAVIS346));
     assert_eq!(reader.streams()[1].source, "DAVIS346_00000002");
     assert_eq!(reader.compression(), Compression::Lz4);
-    let mut counts = Counts::default();
+    let mut counts = ElementCounts::default();
     let mut pixels = 0_u64;
     for packet in &mut reader {
         let packet = packet.unwrap();
@@ -88,7 +88,7 @@ fn the_recording_holds_what_other_readers_count_in_it() {
                 assert_eq!(frame.size, Size::DAVIS346);
                 if counts.frames == 1 {
                     pixels = frame.brightness().iter().map(|&value| value as u64).sum();
-                    // The recorder stamped the middle; dv-processing shows the start.
+                    // The recorder stores the middle of the exposure; dv-processing shows its start.
                     let [start, end] = frame.timing.exposure.expect("DV states the exposure");
                     assert_eq!(start.as_micros(), 1_589_163_147_364_965);
                     assert_eq!(end.as_micros() - start.as_micros(), 500);
@@ -101,7 +101,8 @@ fn the_recording_holds_what_other_readers_count_in_it() {
             _ => {}
         }
     }
-    let truth = Counts { events: 78_830, frames: 59, samples: 2_363, triggers: 236, unknown: 0 };
+    let truth =
+        ElementCounts { events: 78_830, frames: 59, samples: 2_363, triggers: 236, unknown: 0 };
     assert_eq!(counts, truth);
     // dv-processing: getNextFrame().image.mean() * 346 * 260 = 77.25277901289462 * 89960.
     assert_eq!(pixels, 6_949_660);
@@ -109,7 +110,7 @@ fn the_recording_holds_what_other_readers_count_in_it() {
 }
 
 #[test]
-fn a_cut_file_gives_everything_up_to_the_cut() {
+fn a_truncated_file_is_read_up_to_the_cut() {
     let boundaries = boundaries();
     assert_eq!(boundaries.len(), N_PACKETS + 1);
     let n_bytes = street().len();
@@ -127,7 +128,7 @@ fn a_cut_file_gives_everything_up_to_the_cut() {
         let (packets, error) = drain(reader);
         let n_whole = boundaries[1..].iter().filter(|&&end| end <= cut as u64).count();
         assert_eq!(packets.len(), n_whole, "cut at {cut}");
-        let error = error.unwrap_or_else(|| panic!("cut at {cut}: ended as if whole"));
+        let error = error.unwrap_or_else(|| panic!("cut at {cut}: no error"));
         let place = error.place().unwrap();
         assert_eq!(place.offset, boundaries[n_whole], "cut at {cut}: {error}");
         assert_eq!(place.packet, Some(n_whole as u64), "cut at {cut}: {error}");
@@ -136,7 +137,7 @@ fn a_cut_file_gives_everything_up_to_the_cut() {
 }
 
 #[test]
-fn every_cut_in_the_header_is_one_error() {
+fn every_truncated_header_is_an_error() {
     let first = boundaries()[0] as usize;
     for cut in 0..first {
         let error = Reader::new(&street()[..cut], "street").unwrap_err();
@@ -148,7 +149,7 @@ fn every_cut_in_the_header_is_one_error() {
 }
 
 #[test]
-fn a_cut_on_disk_is_found_as_one_in_memory() {
+fn truncation_on_disk_is_detected_as_in_memory() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cut.aedat4");
     let boundaries = boundaries();
@@ -162,7 +163,7 @@ fn a_cut_on_disk_is_found_as_one_in_memory() {
 }
 
 #[test]
-fn damage_never_panics_and_what_lies_before_it_arrives() {
+fn damage_never_panics_and_earlier_packets_are_read() {
     let boundaries = boundaries();
     let first = boundaries[0] as usize;
     let (truth, _) = drain(Reader::new(street(), "street").unwrap());
@@ -170,11 +171,11 @@ fn damage_never_panics_and_what_lies_before_it_arrives() {
     let in_header = (0..first).step_by(3);
     let heads = boundaries[..40].iter().flat_map(|&b| (0..32).map(move |i| b as usize + i));
     let spread = (0..100).map(|i| first + i * (n_bytes - first) / 100);
-    // Damage far into the file is looked at in a file of its own of few packets, to keep this quick.
+    // Damage far into the file is tested in a file of a few packets, to save time.
     for at in in_header.chain(heads).chain(spread) {
         let (from, to) = neighbourhood(boundaries, at);
         let mut bytes = street()[..first].to_vec();
-        // Without a data table the piece is a whole file.
+        // Without a data table the part is a complete file.
         let position = table_position_at(&bytes);
         bytes[position..position + 8].copy_from_slice(&(-1_i64).to_le_bytes());
         bytes.extend_from_slice(&street()[boundaries[from] as usize..boundaries[to] as usize]);
@@ -197,20 +198,20 @@ fn damage_never_panics_and_what_lies_before_it_arrives() {
     }
 }
 
-/// The packets around a byte: two before it and two behind.
+/// The packets around a byte: two before it and two after.
 fn neighbourhood(boundaries: &[u64], at: usize) -> (usize, usize) {
     let packet = boundaries.partition_point(|&offset| offset <= at as u64).saturating_sub(1);
     (packet.saturating_sub(2), (packet + 3).min(boundaries.len() - 1))
 }
 
-/// Where the header keeps the position of the data table.
+/// Offset in the header of the position of the data table.
 fn table_position_at(header: &[u8]) -> usize {
     let position = boundaries()[N_PACKETS].to_le_bytes();
     header.windows(8).position(|window| window == position).expect("the header names the table")
 }
 
 #[test]
-fn a_file_that_was_never_closed_ends_clean_after_any_packet() {
+fn an_unclosed_file_ends_without_error_after_any_packet() {
     let boundaries = boundaries();
     let mut bytes = street()[..boundaries[9] as usize].to_vec();
     let position = table_position_at(&bytes);
@@ -221,7 +222,7 @@ fn a_file_that_was_never_closed_ends_clean_after_any_packet() {
 }
 
 #[test]
-fn other_files_are_refused_by_name() {
+fn other_file_types_are_refused_with_their_path() {
     let folder = tempfile::tempdir().unwrap();
     for (name, bytes) in
         [("empty", &b""[..]), ("text", b"# t x y p\n1 2 3 1\n"), ("short", b"#!AER")]
@@ -234,33 +235,34 @@ fn other_files_are_refused_by_name() {
     }
     let error = Reader::open(folder.path().join("nowhere")).unwrap_err();
     assert!(matches!(error, ReadError::Open { .. }), "{error}");
-    assert!(Reader::open(folder.path()).is_err(), "a folder is no file");
+    assert!(Reader::open(folder.path()).is_err(), "a folder is not a file");
 }
 
-/// Gives bytes, then fails.
-struct Failing<'a>(&'a [u8]);
+/// Returns bytes, then fails.
+struct FailingReader<'a>(&'a [u8]);
 
-impl Read for Failing<'_> {
+impl Read for FailingReader<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         match self.0.read(buffer)? {
-            0 => Err(std::io::Error::other("the line is down")),
+            0 => Err(std::io::Error::other("connection lost")),
             n => Ok(n),
         }
     }
 }
 
 #[test]
-fn a_line_that_goes_down_between_packets_is_no_end() {
+fn a_connection_error_between_packets_is_not_an_end() {
     let end = boundaries()[7] as usize;
-    let (packets, error) = drain(Reader::from_stream(Failing(&street()[14..end]), "tcp").unwrap());
+    let (packets, error) =
+        drain(Reader::from_stream(FailingReader(&street()[14..end]), "tcp").unwrap());
     assert_eq!(packets.len(), 7);
     assert!(matches!(error, Some(ReadError::Io { .. })), "{error:?}");
     let (packets, error) = drain(Reader::from_stream(&street()[14..end], "tcp").unwrap());
-    assert_eq!((packets.len(), error.is_none()), (7, true), "a closed line is an end");
+    assert_eq!((packets.len(), error.is_none()), (7, true), "a closed connection is an end");
 }
 
 #[test]
-fn a_copy_holds_the_same_in_every_compression() {
+fn a_copy_is_equal_in_every_compression() {
     let (truth, _) = drain(Reader::new(street(), "street").unwrap());
     let specs = [
         StreamSpec::events(Size::DAVIS346, "copy"),
@@ -315,15 +317,16 @@ fn a_stream_of_unknown_kind_is_skipped_and_counted() {
     bytes[at..at + 4].copy_from_slice(b"POSE");
     let mut reader = Reader::new(bytes.as_slice(), "street").unwrap();
     assert_eq!(reader.streams()[3].kind, PayloadKind::Other("POSE".to_owned()));
-    let mut counts = Counts::default();
+    let mut counts = ElementCounts::default();
     reader.by_ref().for_each(|packet| counts.add(&packet.unwrap().content));
-    let truth = Counts { events: 78_830, frames: 59, samples: 2_363, triggers: 0, unknown: 177 };
+    let truth =
+        ElementCounts { events: 78_830, frames: 59, samples: 2_363, triggers: 0, unknown: 177 };
     assert_eq!(counts, truth);
     assert_eq!(reader.losses().unknown_packets, 177);
 }
 
 #[test]
-fn inputs_that_the_fuzzer_kept_end_in_packets_and_at_most_one_error() {
+fn corpus_inputs_give_packets_and_at_most_one_error() {
     let mut n_inputs = 0;
     for input in fs::read_dir("fuzz/corpus/aedat4").unwrap() {
         let bytes = fs::read(input.unwrap().path()).unwrap();

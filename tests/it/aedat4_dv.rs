@@ -1,8 +1,8 @@
-//! AEDAT4 to and from dv-processing, the reader and writer of the cameras' maker.
+//! AEDAT4 to and from dv-processing, the library of the camera's manufacturer.
 //!
-//! Needs a Python with `dv-processing` and `numpy`, named by `EVRIG_PYTHON`; says so and passes
-//! when that is unset.
+//! Needs a Python with `dv-processing` and `numpy`, named by `EVRIG_PYTHON`; skipped when unset.
 
+use crate::sessions::python;
 use evrig::event::{Event, Events};
 use evrig::format::aedat4::{Compression, Content, Reader, StreamSpec, Writer};
 use evrig::frame::{Channels, Frame, FrameTiming, Samples};
@@ -16,17 +16,17 @@ use std::process::Command;
 const CAMERA: &str = "DAVIS346_00000042";
 const START_US: i64 = 1_700_000_000_000_000;
 
-/// What is to come back.
+/// The contents of a recording.
 #[derive(Debug, Default, PartialEq)]
-struct Recording {
+struct RecordingContents {
     events: Events,
     frames: Vec<Frame<Davis>>,
     imu: Vec<ImuSample>,
     triggers: Vec<Trigger>,
 }
 
-fn truth() -> Recording {
-    // Six runs of time at very different rates, so that packets are cut by time and by number.
+fn truth() -> RecordingContents {
+    // Two very different rates, so that packets are split by time and by number.
     let event = |i: i64| Event {
         t: START_US + if i < 60_000 { i / 20 } else { 3_000 + (i - 60_000) * 40 },
         x: (i * 7 % 346) as u16,
@@ -68,7 +68,7 @@ fn truth() -> Recording {
         stamp: Stamp::from_micros(START_US + 7_000 * i64::from(i)),
         kind: TriggerKind::from_code(i),
     };
-    Recording {
+    RecordingContents {
         events: (0..70_000).map(event).collect(),
         frames: layouts.into_iter().enumerate().map(frame).collect(),
         imu: (0..200).map(sample).collect(),
@@ -76,7 +76,7 @@ fn truth() -> Recording {
     }
 }
 
-fn as_json(truth: &Recording) -> Value {
+fn as_json(truth: &RecordingContents) -> Value {
     let frame = |frame: &Frame<Davis>| {
         let [start, end] = frame.timing.exposure.expect("the truth has exposures");
         let samples: Vec<u16> = match &frame.samples {
@@ -107,7 +107,7 @@ fn as_json(truth: &Recording) -> Value {
     })
 }
 
-fn write(truth: &Recording, path: &Path, compression: Compression) {
+fn write(truth: &RecordingContents, path: &Path, compression: Compression) {
     let size = Size::DAVIS346;
     let streams = [
         StreamSpec::events(size, CAMERA),
@@ -125,8 +125,8 @@ fn write(truth: &Recording, path: &Path, compression: Compression) {
     writer.finish().unwrap();
 }
 
-fn read(path: &Path) -> Recording {
-    let mut recording = Recording::default();
+fn read(path: &Path) -> RecordingContents {
+    let mut recording = RecordingContents::default();
     for packet in Reader::open(path).unwrap() {
         match packet.unwrap().content {
             Content::Events(events) => recording.events.extend_from_slice(events.as_slice()),
@@ -139,7 +139,7 @@ fn read(path: &Path) -> Recording {
     recording
 }
 
-fn run(python: &std::ffi::OsStr, arguments: &[&std::ffi::OsStr]) {
+fn run(python: &str, arguments: &[&std::ffi::OsStr]) {
     let script = "tests/python/aedat4_roundtrip.py";
     let output = Command::new(python).arg(script).args(arguments).output().unwrap();
     let text = String::from_utf8_lossy(&output.stdout).into_owned()
@@ -148,11 +148,8 @@ fn run(python: &std::ffi::OsStr, arguments: &[&std::ffi::OsStr]) {
 }
 
 #[test]
-fn dv_processing_and_we_read_each_others_files() {
-    let Some(python) = std::env::var_os("EVRIG_PYTHON") else {
-        println!("skipped: EVRIG_PYTHON names no Python with dv-processing and numpy");
-        return;
-    };
+fn dv_processing_and_evrig_read_each_others_files() {
+    let Some(python) = python("dv-processing and numpy") else { return };
     let folder = tempfile::tempdir().unwrap();
     let truth = truth();
     let json = folder.path().join("truth.json");
@@ -160,12 +157,12 @@ fn dv_processing_and_we_read_each_others_files() {
     for (name, compression) in
         [("none", Compression::None), ("lz4", Compression::Lz4), ("zstd", Compression::Zstd)]
     {
-        let ours = folder.path().join(format!("ours-{name}.aedat4"));
-        write(&truth, &ours, compression);
-        run(&python, &["check".as_ref(), json.as_ref(), ours.as_ref()]);
-        let theirs = folder.path().join(format!("theirs-{name}.aedat4"));
-        run(&python, &["write".as_ref(), json.as_ref(), theirs.as_ref(), name.as_ref()]);
-        assert!(read(&theirs) == truth, "{name}: dv-processing's file reads differently");
-        assert!(read(&ours) == truth, "{name}: our own file reads differently");
+        let by_evrig = folder.path().join(format!("evrig-{name}.aedat4"));
+        write(&truth, &by_evrig, compression);
+        run(&python, &["check".as_ref(), json.as_ref(), by_evrig.as_ref()]);
+        let by_dv = folder.path().join(format!("dv-{name}.aedat4"));
+        run(&python, &["write".as_ref(), json.as_ref(), by_dv.as_ref(), name.as_ref()]);
+        assert!(read(&by_dv) == truth, "{name}: the file of dv-processing reads differently");
+        assert!(read(&by_evrig) == truth, "{name}: the file of evrig reads differently");
     }
 }

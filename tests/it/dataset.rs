@@ -1,4 +1,4 @@
-//! A folder of sessions becomes a dataset and a table of comparisons, whatever one session is like.
+//! A folder of sessions is processed to a dataset and a comparison table despite broken sessions.
 
 use crate::devtools;
 
@@ -11,7 +11,7 @@ fn verdicts(value: &Value) -> Vec<(&str, &str)> {
     sessions.iter().map(|s| (s["path"].as_str().unwrap(), s["verdict"].as_str().unwrap())).collect()
 }
 
-/// Every stage.json with its time of writing: a stage that runs again writes its record anew.
+/// Every stage.json with its modification time: a stage that runs again rewrites its record.
 fn records(root: &Path) -> Vec<(String, std::time::SystemTime)> {
     let is_record = |name: &String| name.ends_with("stage.json");
     let files = tree(root).into_iter().map(|(name, _)| name).filter(is_record);
@@ -23,10 +23,10 @@ fn records(root: &Path) -> Vec<(String, std::time::SystemTime)> {
 }
 
 #[test]
-fn a_dataset_is_processed_past_a_broken_session_and_only_what_is_stale_runs_again() {
+fn a_dataset_with_broken_sessions_is_processed_and_only_stale_stages_run_again() {
     let directory = tempfile::tempdir().unwrap();
     let root = dataset(directory.path(), 3);
-    // One session's manifest is cut, one is of a later evrig, one was never sealed.
+    // One manifest is truncated, one is of a newer version, one session was never sealed.
     copy(&root.join("s0"), &root.join("cut"));
     std::fs::write(root.join("cut/session.json"), "{\"schema\": ").unwrap();
     copy(&root.join("s1"), &root.join("later"));
@@ -36,8 +36,8 @@ fn a_dataset_is_processed_past_a_broken_session_and_only_what_is_stale_runs_agai
     std::fs::create_dir(root.join("unsealed")).unwrap();
     std::fs::write(root.join("unsealed/journal.jsonl"), "").unwrap();
 
-    let (code, first, said) = json(evrig().arg("process").arg(&root));
-    assert_eq!(code, 3, "{said}");
+    let (code, first, stderr) = json(evrig().arg("process").arg(&root));
+    assert_eq!(code, 3, "{stderr}");
     assert_eq!(
         verdicts(&first),
         [
@@ -92,9 +92,9 @@ fn the_comparison_of_a_dataset_is_the_mean_of_its_sessions() {
         [[variant]]\nname = \"other\"\nfrom = \"frames\"\nmodel = \"esim\"\n",
     )
     .unwrap();
-    let (code, value, said) =
+    let (code, value, stderr) =
         json(evrig().arg("compare").arg(&root).args(["--variants", text(&list)]));
-    assert_eq!(code, 0, "{said}");
+    assert_eq!(code, 0, "{stderr}");
     let names: Vec<&str> =
         value["variants"].as_array().unwrap().iter().map(|v| v["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["other", "plain"]);
@@ -122,7 +122,7 @@ fn the_comparison_of_a_dataset_is_the_mean_of_its_sessions() {
 }
 
 #[test]
-fn sessions_of_two_rigs_are_named_and_can_be_told_apart() {
+fn sessions_of_two_rigs_are_reported_and_can_be_selected() {
     let directory = tempfile::tempdir().unwrap();
     let root = dataset(directory.path(), 2);
     let wide = directory.path().join("wide.npy");
@@ -136,65 +136,65 @@ fn sessions_of_two_rigs_are_named_and_can_be_told_apart() {
         .arg(root.join("deeper/other"))
         .assert()
         .code(0);
-    let (_, value, said) = json(evrig().arg("process").arg(&root));
+    let (_, value, stderr) = json(evrig().arg("process").arg(&root));
     let warning = value["warnings"][0].as_str().unwrap();
     assert!(warning.contains("2 rigs") && warning.contains("24 x 10"), "{warning}");
-    assert!(said.contains("2 rigs"), "{said}");
+    assert!(stderr.contains("2 rigs"), "{stderr}");
     assert_eq!(value["sessions"][0]["path"], "deeper/other");
-    let (code, value, said) =
+    let (code, value, stderr) =
         json(evrig().arg("compare").arg(&root).args(["--rig", "imported frames, 24 x 10"]));
-    assert_eq!(code, 0, "{said}");
+    assert_eq!(code, 0, "{stderr}");
     assert!(
         value["sessions"].as_array().unwrap().iter().all(|row| row["session"] != "deeper/other")
     );
-    let (code, _, said) = json(evrig().arg("compare").arg(&root).args(["--rig", "nosuch"]));
+    let (code, _, stderr) = json(evrig().arg("compare").arg(&root).args(["--rig", "nosuch"]));
     assert_eq!(code, 2);
-    assert!(said.contains("24 x 10") && said.contains("12 x 8"), "{said}");
+    assert!(stderr.contains("24 x 10") && stderr.contains("12 x 8"), "{stderr}");
 }
 
 #[test]
-fn a_second_run_is_told_that_there_is_a_first() {
+fn a_concurrent_run_is_refused() {
     let directory = tempfile::tempdir().unwrap();
     let root = dataset(directory.path(), 1);
-    let held = evrig::batch::lock_dataset(&root).unwrap();
+    let lock = evrig::batch::lock_dataset(&root).unwrap();
     for verb in ["process", "compare"] {
-        let (code, _, said) = json(evrig().arg(verb).arg(&root));
-        assert_eq!(code, 1, "{said}");
-        assert!(said.contains(&format!("process {}", std::process::id())), "{said}");
+        let (code, _, stderr) = json(evrig().arg(verb).arg(&root));
+        assert_eq!(code, 1, "{stderr}");
+        assert!(stderr.contains(&format!("process {}", std::process::id())), "{stderr}");
     }
-    drop(held);
+    drop(lock);
     let session = evrig::session::Session::open(&root.join("s0")).unwrap();
-    let held = evrig::batch::lock_session(&session).unwrap();
-    let (code, _, said) = json(evrig().arg("process").arg(root.join("s0")));
-    assert_eq!(code, 1, "{said}");
-    assert!(said.contains("is being processed by"), "{said}");
+    let lock = evrig::batch::lock_session(&session).unwrap();
+    let (code, _, stderr) = json(evrig().arg("process").arg(root.join("s0")));
+    assert_eq!(code, 1, "{stderr}");
+    assert!(stderr.contains("is being processed by"), "{stderr}");
     let (code, value, _) = json(evrig().arg("process").arg(&root));
     assert_eq!(code, 3);
     assert!(value["sessions"][0]["because"][0].as_str().unwrap().contains("is being processed by"));
-    drop(held);
+    drop(lock);
 }
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_full_disk_ends_the_run_with_its_name_instead_of_failing_every_session() {
+fn a_full_disk_ends_the_run_instead_of_failing_every_session() {
     let directory = tempfile::tempdir().unwrap();
     let root = dataset(directory.path(), 2);
-    // Whatever is written to this device finds no room.
+    // Every write to this device fails with ENOSPC.
     std::os::unix::fs::symlink("/dev/full", root.join("s0/report.html")).unwrap();
-    let (code, _, said) = json(evrig().arg("process").arg(&root));
-    assert_eq!(code, 1, "{said}");
-    let last = said.lines().last().unwrap();
+    let (code, _, stderr) = json(evrig().arg("process").arg(&root));
+    assert_eq!(code, 1, "{stderr}");
+    let last = stderr.lines().last().unwrap();
     assert!(last.starts_with("error: s0: the run over the dataset was stopped"), "{last}");
     assert!(last.contains("report.html") && last.contains("No space left"), "{last}");
-    assert!(!root.join("batch/outcomes/s1.json").exists(), "the run ended there");
-    // With room again, the run takes up what is left.
+    assert!(!root.join("batch/outcomes/s1.json").exists(), "the run ended at the first error");
+    // With free space the run continues with the remaining sessions.
     std::fs::remove_file(root.join("s0/report.html")).unwrap();
-    let (code, value, said) = json(evrig().args(["process", "--only-failed"]).arg(&root));
-    assert_eq!((code, &value["n_ok"]), (0, &serde_json::json!(2)), "{said}");
+    let (code, value, stderr) = json(evrig().args(["process", "--only-failed"]).arg(&root));
+    assert_eq!((code, &value["n_ok"]), (0, &serde_json::json!(2)), "{stderr}");
 }
 
 #[test]
-fn wrong_use_of_a_dataset_is_said_in_one_line() {
+fn invalid_options_for_a_dataset_give_a_one_line_error() {
     let directory = tempfile::tempdir().unwrap();
     let root = dataset(directory.path(), 1);
     let empty = directory.path().join("empty");
@@ -207,17 +207,17 @@ fn wrong_use_of_a_dataset_is_said_in_one_line() {
         (vec!["process", text(&root), "--splits", "train=2"], 2, "no share"),
         (vec!["compare", text(&session), "--rig", "x"], 2, "belong to a dataset"),
     ] {
-        let (found, _, said) = json(evrig().args(&arguments));
-        assert_eq!(found, code, "{arguments:?}: {said}");
-        assert!(said.contains(expected), "{arguments:?}: {said}");
-        assert!(said.starts_with("error: ") && said.lines().count() == 1, "{said}");
+        let (found, _, stderr) = json(evrig().args(&arguments));
+        assert_eq!(found, code, "{arguments:?}: {stderr}");
+        assert!(stderr.contains(expected), "{arguments:?}: {stderr}");
+        assert!(stderr.starts_with("error: ") && stderr.lines().count() == 1, "{stderr}");
     }
 }
 
 #[test]
-fn the_page_of_a_dataset_stands_at_both_widths_and_sorts_and_prints() {
+fn the_dataset_page_fits_both_widths_and_sorts_and_prints() {
     let Some(program) = std::env::var("EVRIG_CHROMIUM").ok().filter(|p| !p.is_empty()) else {
-        eprintln!("skipped: set EVRIG_CHROMIUM to a Chromium to look at the page");
+        eprintln!("skipped: set EVRIG_CHROMIUM to a Chromium to render the page");
         return;
     };
     let directory = tempfile::tempdir().unwrap();
@@ -238,7 +238,7 @@ fn the_page_of_a_dataset_stands_at_both_widths_and_sorts_and_prints() {
         let wide = browser.evaluate("document.documentElement.scrollWidth - innerWidth");
         assert!(wide.as_f64().unwrap() <= 0.0, "{width} {media}: the page is too wide by {wide}");
         let loaded = browser.evaluate("performance.getEntriesByType('resource').filter(e => !e.name.startsWith('data:')).length");
-        assert_eq!(loaded, 0, "the page loads nothing");
+        assert_eq!(loaded, 0, "the page loads no resources");
         if let Some(folder) = std::env::var_os("EVRIG_SCREENSHOTS") {
             use base64::Engine;
             let shot = browser.call(
@@ -257,7 +257,7 @@ fn the_page_of_a_dataset_stands_at_both_widths_and_sorts_and_prints() {
     assert_eq!(
         browser.evaluate(column),
         "s1,s0,cut",
-        "pressing the head twice turns the order round"
+        "pressing the heading twice reverses the order"
     );
     let link = browser.evaluate("document.querySelector('table.sortable a').getAttribute('href')");
     assert!(root.join(link.as_str().unwrap().trim_start_matches("./")).is_file(), "{link}");

@@ -1,50 +1,38 @@
-//! What `evrig export` writes is read back, by our own readers and by the libraries users have.
+//! The files of `evrig export` are read back by evrig and by common libraries.
 //!
-//! The second needs a Python with the packages of `.ci/python-packages.txt`, named by `EVRIG_PYTHON`;
-//! says so and passes when that is unset.
+//! The libraries need a Python with the packages of `.ci/python-packages.txt`, named by `EVRIG_PYTHON`;
+//! these tests are skipped when it is unset.
 
+use crate::sessions::{self, python, run, text};
 use crate::small_rig;
-
-use assert_cmd::Command;
 use std::path::{Path, PathBuf};
 
-/// The beginning of the real recording: some tens of frames and their events, cut in a packet.
+/// The start of the real recording, truncated inside a packet: some tens of frames and their events.
 fn street(directory: &Path) -> PathBuf {
     let bytes = std::fs::read("tests/data/davis346-street.aedat4").unwrap();
     let cut = directory.join("cut.aedat4");
     std::fs::write(&cut, &bytes[..1_500_000]).unwrap();
     let session = directory.join("street");
-    let (code, said) = evrig(&["import", "aedat4", text(&cut), "--out", text(&session)]);
-    // A cut file is taken in up to its cut, and that is a loss.
-    assert_eq!(code, 3, "{said}");
+    let (code, printed) = evrig(&["import", "aedat4", text(&cut), "--out", text(&session)]);
+    // A truncated file is imported up to the cut, which counts as a loss.
+    assert_eq!(code, 3, "{printed}");
     session
 }
 
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
-
 fn evrig(arguments: &[&str]) -> (i32, String) {
-    let output = Command::cargo_bin("evrig").unwrap().args(arguments).output().unwrap();
-    let said = [output.stderr, output.stdout].concat();
-    (output.status.code().unwrap(), String::from_utf8(said).unwrap())
+    run(sessions::evrig().args(arguments))
 }
 
 #[test]
-fn every_format_is_read_back_the_same_by_the_libraries_of_its_users() {
-    let Some(python) = std::env::var("EVRIG_PYTHON").ok().filter(|p| !p.is_empty()) else {
-        eprintln!(
-            "skipped: set EVRIG_PYTHON to a Python with h5py, pyarrow, dv-processing and mcap"
-        );
-        return;
-    };
+fn every_format_is_read_back_unchanged_by_common_libraries() {
+    let Some(python) = python("h5py, pyarrow, dv-processing and mcap") else { return };
     let directory = tempfile::tempdir().unwrap();
     let session = street(directory.path());
     for file in ["real.npz", "real.h5", "real.parquet", "real.aedat4", "real.mcap"] {
         let out = directory.path().join(file);
-        let (code, said) =
+        let (code, printed) =
             evrig(&["export", text(&session), "--stream", "real", "--out", text(&out)]);
-        assert_eq!(code, 0, "{file}: {said}");
+        assert_eq!(code, 0, "{file}: {printed}");
     }
     let read = std::process::Command::new(python)
         .arg("tests/python/read_exports.py")
@@ -56,23 +44,20 @@ fn every_format_is_read_back_the_same_by_the_libraries_of_its_users() {
 }
 
 #[test]
-fn what_is_known_of_images_clocks_and_seeds_goes_with_every_format_and_is_the_sessions_own() {
-    let Some(python) = std::env::var("EVRIG_PYTHON").ok().filter(|p| !p.is_empty()) else {
-        eprintln!("skipped: set EVRIG_PYTHON to a Python with h5py, dv-processing and mcap");
-        return;
-    };
+fn metadata_of_images_clocks_and_seeds_is_exported_unchanged_in_every_format() {
+    let Some(python) = python("h5py, dv-processing and mcap") else { return };
     let directory = tempfile::tempdir().unwrap();
     let session = directory.path().join("session");
     small_rig::aligned_session(&session);
     let arguments = ["generate", text(&session), "--from", "scene", "--seed", "77"];
-    let (code, said) = evrig(&arguments);
-    assert_eq!(code, 0, "{said}");
+    let (code, printed) = evrig(&arguments);
+    assert_eq!(code, 0, "{printed}");
     for stream in ["real", "scene"] {
         for ending in ["npz", "h5", "parquet", "aedat4", "mcap"] {
             let out = directory.path().join(format!("{stream}.{ending}"));
             let arguments = ["export", text(&session), "--stream", stream, "--out", text(&out)];
-            let (code, said) = evrig(&arguments);
-            assert_eq!(code, 0, "{stream} {ending}: {said}");
+            let (code, printed) = evrig(&arguments);
+            assert_eq!(code, 0, "{stream} {ending}: {printed}");
         }
     }
     let read = std::process::Command::new(python)
@@ -84,22 +69,19 @@ fn what_is_known_of_images_clocks_and_seeds_goes_with_every_format_and_is_the_se
     eprintln!("{}", String::from_utf8_lossy(&read.stdout));
 }
 
-/// Needs `rerun-sdk` of the version of Cargo.toml's `re_sdk` beside the other packages.
+/// Also needs `rerun-sdk` in the version of `re_sdk` in Cargo.toml.
 #[cfg(feature = "rerun")]
 #[test]
-fn an_rrd_file_is_read_back_by_reruns_own_package() {
-    let Some(python) = std::env::var("EVRIG_PYTHON").ok().filter(|p| !p.is_empty()) else {
-        eprintln!("skipped: set EVRIG_PYTHON to a Python with rerun-sdk 0.26.2");
-        return;
-    };
+fn an_rrd_file_is_read_back_by_the_package_of_rerun() {
+    let Some(python) = python("rerun-sdk 0.26.2") else { return };
     let directory = tempfile::tempdir().unwrap();
     let session = directory.path().join("session");
     small_rig::aligned_session(&session);
     for file in ["real.rrd", "real.npz"] {
         let out = directory.path().join(file);
-        let (code, said) =
+        let (code, printed) =
             evrig(&["export", text(&session), "--stream", "real", "--out", text(&out)]);
-        assert_eq!(code, 0, "{file}: {said}");
+        assert_eq!(code, 0, "{file}: {printed}");
     }
     let mut read = std::process::Command::new(python);
     let read = read.arg("tests/python/read_rrd.py").arg(directory.path()).output().unwrap();
@@ -109,18 +91,19 @@ fn an_rrd_file_is_read_back_by_reruns_own_package() {
 
 #[cfg(not(feature = "rerun"))]
 #[test]
-fn an_evrig_without_rrd_files_says_how_to_have_them_and_leaves_none() {
+fn rrd_export_without_its_feature_is_refused_with_the_alternatives() {
     let directory = tempfile::tempdir().unwrap();
     let session = street(directory.path());
     let out = directory.path().join("real.rrd");
-    let (code, said) = evrig(&["export", text(&session), "--stream", "real", "--out", text(&out)]);
-    assert_eq!(code, 1, "{said}");
-    assert!(said.contains("--features rerun") && said.contains("--format mcap"), "{said}");
+    let (code, printed) =
+        evrig(&["export", text(&session), "--stream", "real", "--out", text(&out)]);
+    assert_eq!(code, 1, "{printed}");
+    assert!(printed.contains("--features rerun") && printed.contains("--format mcap"), "{printed}");
     assert!(!out.exists());
 }
 
 #[test]
-fn an_exported_stream_comes_back_in_as_it_was() {
+fn an_exported_stream_is_imported_unchanged() {
     let directory = tempfile::tempdir().unwrap();
     let session = street(directory.path());
     let frames = directory.path().join("frames.npy");
@@ -133,35 +116,35 @@ fn an_exported_stream_comes_back_in_as_it_was() {
     assert!(wanted.len() > 1_000);
     for file in ["again.h5", "again.npz", "again.aedat4"] {
         let out = directory.path().join(file);
-        let (code, said) =
+        let (code, printed) =
             evrig(&["export", text(&session), "--stream", "real", "--out", text(&out)]);
-        assert_eq!(code, 0, "{said}");
+        assert_eq!(code, 0, "{printed}");
         let back = directory.path().join(format!("back-{file}"));
         let import = ["import", "frames", text(&frames), "--fps", "10", "--events", text(&out)];
-        let (code, said) = evrig(&[&import[..], &["--out", text(&back)]].concat());
-        assert_eq!(code, 0, "{said}");
+        let (code, printed) = evrig(&[&import[..], &["--out", text(&back)]].concat());
+        assert_eq!(code, 0, "{printed}");
         assert!(open(&back).events("real").unwrap().0 == wanted, "{file}");
     }
 }
 
 #[test]
-fn of_one_name_for_frames_and_events_each_can_be_had() {
+fn frames_and_events_of_one_name_can_both_be_exported() {
     let directory = tempfile::tempdir().unwrap();
     let session = street(directory.path());
-    let (code, said) = evrig(&["generate", text(&session), "--from", "aps"]);
-    assert_eq!(code, 0, "{said}");
+    let (code, printed) = evrig(&["generate", text(&session), "--from", "aps"]);
+    assert_eq!(code, 0, "{printed}");
     let out = directory.path().join("aps.npz");
     let arguments = ["export", text(&session), "--stream", "aps", "--out", text(&out)];
-    let (code, said) = evrig(&arguments);
-    assert_eq!(code, 0, "{said}");
-    assert!(said.contains("--kind frames") && said.contains("events ["), "{said}");
-    let (code, said) = evrig(&[&arguments[..], &["--kind", "frames"]].concat());
-    assert_eq!(code, 0, "{said}");
-    assert!(said.contains("frames [14, 260, 346]"), "{said}");
+    let (code, printed) = evrig(&arguments);
+    assert_eq!(code, 0, "{printed}");
+    assert!(printed.contains("--kind frames") && printed.contains("events ["), "{printed}");
+    let (code, printed) = evrig(&[&arguments[..], &["--kind", "frames"]].concat());
+    assert_eq!(code, 0, "{printed}");
+    assert!(printed.contains("frames [14, 260, 346]"), "{printed}");
 }
 
 #[test]
-fn what_cannot_be_exported_is_one_clear_error_and_leaves_no_file() {
+fn invalid_exports_give_a_one_line_error_and_no_file() {
     let directory = tempfile::tempdir().unwrap();
     let session = street(directory.path());
     let inside = session.join("davis.aedat4");
@@ -177,11 +160,11 @@ fn what_cannot_be_exported_is_one_clear_error_and_leaves_no_file() {
         ("real", &far, vec![], "No such file"),
     ] {
         let arguments = ["export", text(&session), "--stream", stream, "--out", text(out)];
-        let (code, said) = evrig(&[&arguments[..], &more[..]].concat());
-        assert_eq!(code, 1, "{stream} {more:?}: {said}");
-        assert!(said.contains(expected), "{stream} {more:?}: {said}");
-        assert!(said.starts_with("error: ") && said.lines().count() == 1, "{said}");
+        let (code, printed) = evrig(&[&arguments[..], &more[..]].concat());
+        assert_eq!(code, 1, "{stream} {more:?}: {printed}");
+        assert!(printed.contains(expected), "{stream} {more:?}: {printed}");
+        assert!(printed.starts_with("error: ") && printed.lines().count() == 1, "{printed}");
     }
     assert!(!h5.exists());
-    assert!(std::fs::read(&inside).unwrap() == before, "the recording is as it was");
+    assert!(std::fs::read(&inside).unwrap() == before, "the recording is unchanged");
 }

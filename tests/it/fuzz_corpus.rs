@@ -1,16 +1,15 @@
-//! What the fuzzers kept, and thousands of altered copies of it, for every parser that takes bytes
-//! from outside.
+//! The fuzzing corpus and thousands of mutated copies of it, for every parser of external data.
 //!
-//! `EVRIG_MUTATIONS` says how many copies of each input (20).
+//! `EVRIG_MUTATIONS` sets the number of mutations of each input (default 20).
 
 use crate::inputs;
 
 use std::path::Path;
 
-/// Inputs longer than this are altered in their first bytes only; the rest would be copied in vain.
-const MOST_BYTES: usize = 1 << 16;
+/// Longer inputs are truncated before mutation, to save time.
+const MAX_BYTES: usize = 1 << 16;
 
-/// The kept inputs of one parser, in the order of their names.
+/// The corpus of one parser, in the order of file names.
 fn corpus(name: &str) -> Vec<(String, Vec<u8>)> {
     let folder = Path::new("fuzz/corpus").join(name);
     let files = std::fs::read_dir(&folder).unwrap_or_else(|error| panic!("{folder:?}: {error}"));
@@ -22,10 +21,10 @@ fn corpus(name: &str) -> Vec<(String, Vec<u8>)> {
         .collect()
 }
 
-/// A generator of alterations: splitmix64.
-struct Draws(u64);
+/// splitmix64.
+struct SplitMix(u64);
 
-impl Draws {
+impl SplitMix {
     fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -39,18 +38,18 @@ impl Draws {
     }
 }
 
-/// One alteration: a bit, a byte, a length that is absurd, a cut, a part twice, a part of another.
-fn altered(bytes: &[u8], other: &[u8], draws: &mut Draws) -> Vec<u8> {
-    let mut bytes = bytes[..bytes.len().min(MOST_BYTES)].to_vec();
-    for _ in 0..1 + draws.below(4) {
-        let at = draws.below(bytes.len());
-        let n = draws.below(64).min(bytes.len() - at);
-        match draws.below(7) {
-            0 if !bytes.is_empty() => bytes[at] ^= 1 << draws.below(8),
-            1 if !bytes.is_empty() => bytes[at] = draws.next() as u8,
+/// Mutates bits, bytes and lengths, truncates, repeats, deletes, or splices in a part of another input.
+fn mutated(bytes: &[u8], other: &[u8], random: &mut SplitMix) -> Vec<u8> {
+    let mut bytes = bytes[..bytes.len().min(MAX_BYTES)].to_vec();
+    for _ in 0..1 + random.below(4) {
+        let at = random.below(bytes.len());
+        let n = random.below(64).min(bytes.len() - at);
+        match random.below(7) {
+            0 if !bytes.is_empty() => bytes[at] ^= 1 << random.below(8),
+            1 if !bytes.is_empty() => bytes[at] = random.next() as u8,
             2 if bytes.len() >= at + 4 => {
-                let absurd = [u32::MAX, 1 << 31, 0x7fff_ffff, 0, 1 << 20][draws.below(5)];
-                bytes[at..at + 4].copy_from_slice(&absurd.to_le_bytes());
+                let length = [u32::MAX, 1 << 31, 0x7fff_ffff, 0, 1 << 20][random.below(5)];
+                bytes[at..at + 4].copy_from_slice(&length.to_le_bytes());
             }
             3 => bytes.truncate(at),
             4 => {
@@ -59,7 +58,7 @@ fn altered(bytes: &[u8], other: &[u8], draws: &mut Draws) -> Vec<u8> {
             }
             5 => drop(bytes.drain(at..at + n)),
             _ => {
-                let from = draws.below(other.len());
+                let from = random.below(other.len());
                 let part = &other[from..(from + 256).min(other.len())];
                 bytes.splice(at..at + n, part.iter().copied());
             }
@@ -69,29 +68,29 @@ fn altered(bytes: &[u8], other: &[u8], draws: &mut Draws) -> Vec<u8> {
 }
 
 #[test]
-fn every_kept_input_is_taken_or_refused() {
-    for (name, take) in inputs::ALL {
-        let kept = corpus(name);
-        assert!(!kept.is_empty(), "{name} has no corpus");
-        for (file, bytes) in kept {
-            let taken = std::panic::catch_unwind(|| take(&bytes));
-            assert!(taken.is_ok(), "{file}");
+fn every_corpus_input_is_accepted_or_rejected() {
+    for (name, parse) in inputs::ALL {
+        let inputs = corpus(name);
+        assert!(!inputs.is_empty(), "{name} has no corpus");
+        for (file, bytes) in inputs {
+            let parsed = std::panic::catch_unwind(|| parse(&bytes));
+            assert!(parsed.is_ok(), "{file}");
         }
     }
 }
 
 #[test]
-fn altered_inputs_are_taken_or_refused() {
+fn mutated_inputs_are_accepted_or_rejected() {
     let n: usize = std::env::var("EVRIG_MUTATIONS").map_or(20, |n| n.parse().expect("a number"));
-    for (name, take) in inputs::ALL {
-        let kept = corpus(name);
-        let mut draws = Draws(20_261_121);
-        for (file, bytes) in &kept {
+    for (name, parse) in inputs::ALL {
+        let inputs = corpus(name);
+        let mut random = SplitMix(20_261_121);
+        for (file, bytes) in &inputs {
             for copy in 0..n {
-                let other = &kept[draws.below(kept.len())].1;
-                let altered = altered(bytes, other, &mut draws);
-                let taken = std::panic::catch_unwind(|| take(&altered));
-                assert!(taken.is_ok(), "{file}, copy {copy}");
+                let other = &inputs[random.below(inputs.len())].1;
+                let mutated = mutated(bytes, other, &mut random);
+                let parsed = std::panic::catch_unwind(|| parse(&mutated));
+                assert!(parsed.is_ok(), "{file}, copy {copy}");
             }
         }
     }

@@ -1,21 +1,11 @@
-//! Bad light and bad settings are named, by the real commands; black and cut-off pixels are none.
+//! Invalid frames and settings are reported by the commands; black and saturated pixels are valid.
 
-use assert_cmd::Command;
+use crate::sessions::run_json as evrig;
 use evrig::format::npy::ArrayWriter;
 use evrig::session::Session;
-use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Runs evrig; its exit code, what it said on stderr, and its result.
-fn evrig(arguments: &[&str]) -> (i32, String, Value) {
-    let mut command = Command::cargo_bin("evrig").expect("the binary is built with the tests");
-    let output = command.args(arguments).arg("--json").output().unwrap();
-    let said = String::from_utf8(output.stderr).unwrap();
-    let value = serde_json::from_slice(&output.stdout).unwrap_or(Value::Null);
-    (output.status.code().unwrap(), said, value)
-}
-
-/// Frames of 24 x 16 in which a wave moves between black and cut off.
+/// Frames of 24 x 16 with a moving wave between black and saturation.
 fn clip(root: &Path, n: u64) -> PathBuf {
     let path = root.join("clip.npy");
     let mut writer = ArrayWriter::<u8>::create(&path, &[n, 16, 24]).unwrap();
@@ -28,17 +18,18 @@ fn clip(root: &Path, n: u64) -> PathBuf {
     path
 }
 
-/// A session of such frames; its path.
+/// Path of a session of such frames.
 fn session(root: &Path) -> String {
     let (frames, session) = (clip(root, 30), root.join("session"));
     let [frames, session] = [frames, session].map(|path| path.to_str().unwrap().to_owned());
-    let (code, said, _) = evrig(&["import", "frames", &frames, "--fps", "100", "--out", &session]);
-    assert_eq!(code, 0, "{said}");
+    let (code, stderr, _) =
+        evrig(&["import", "frames", &frames, "--fps", "100", "--out", &session]);
+    assert_eq!(code, 0, "{stderr}");
     session
 }
 
 #[test]
-fn times_that_stand_or_go_back_and_sizes_that_change_are_named() {
+fn non_increasing_times_and_changing_sizes_are_reported() {
     let directory = tempfile::tempdir().unwrap();
     let root = directory.path();
     let frames = clip(root, 3);
@@ -47,33 +38,36 @@ fn times_that_stand_or_go_back_and_sizes_that_change_are_named() {
         let file = root.join("times.txt");
         std::fs::write(&file, times).unwrap();
         let [frames, file, out] = [&frames, &file, &out].map(|path| path.to_str().unwrap());
-        let (code, said, _) =
+        let (code, stderr, _) =
             evrig(&["import", "frames", frames, "--timestamps", file, "--out", out]);
-        assert_eq!(code, 1, "{said}");
-        assert!(said.contains(expected), "{said}");
+        assert_eq!(code, 1, "{stderr}");
+        assert!(stderr.contains(expected), "{stderr}");
     }
-    let folder = root.join("pictures");
+    let folder = root.join("images");
     std::fs::create_dir(&folder).unwrap();
     for (name, side) in [("1.pgm", 4), ("2.pgm", 5)] {
-        let mut picture = format!("P5 {side} {side} 255\n").into_bytes();
-        picture.extend(vec![90; side * side]);
-        std::fs::write(folder.join(name), picture).unwrap();
+        let mut image = format!("P5 {side} {side} 255\n").into_bytes();
+        image.extend(vec![90; side * side]);
+        std::fs::write(folder.join(name), image).unwrap();
     }
     let [folder, out] = [&folder, &out].map(|path| path.to_str().unwrap());
-    let (code, said, _) = evrig(&["import", "frames", folder, "--fps", "10", "--out", out]);
-    assert_eq!(code, 1, "{said}");
-    assert!(said.contains("2.pgm") && said.contains("5 x 5") && said.contains("4 x 4"), "{said}");
+    let (code, stderr, _) = evrig(&["import", "frames", folder, "--fps", "10", "--out", out]);
+    assert_eq!(code, 1, "{stderr}");
+    assert!(
+        stderr.contains("2.pgm") && stderr.contains("5 x 5") && stderr.contains("4 x 4"),
+        "{stderr}"
+    );
 }
 
 #[test]
-fn black_and_cut_off_pixels_make_finite_events_under_every_model() {
+fn black_and_saturated_pixels_give_valid_events_in_every_model() {
     let directory = tempfile::tempdir().unwrap();
     let session = session(directory.path());
     for preset in ["DVS346", "Raw2DVS346", "RGB2DVS346", "ESIM", "v2e-noisy"] {
         let name = preset.to_lowercase();
-        let (code, said, made) =
+        let (code, stderr, made) =
             evrig(&["generate", &session, "--preset", preset, "--name", &name]);
-        assert_eq!(code, 0, "{preset}: {said}");
+        assert_eq!(code, 0, "{preset}: {stderr}");
         assert!(made["events"].as_u64().unwrap() > 1_000, "{preset}: {made}");
         let (events, tally) = Session::open(Path::new(&session)).unwrap().events(&name).unwrap();
         assert_eq!((tally.outside, tally.sorted_in), (0, 0));
@@ -83,7 +77,7 @@ fn black_and_cut_off_pixels_make_finite_events_under_every_model() {
 }
 
 #[test]
-fn settings_out_of_range_are_wrong_use_and_named() {
+fn settings_out_of_range_exit_with_2_and_are_named() {
     let directory = tempfile::tempdir().unwrap();
     let session = session(directory.path());
     let cases: [(&[&str], &str); 8] = [
@@ -97,15 +91,15 @@ fn settings_out_of_range_are_wrong_use_and_named() {
         (&["--effect", "refractory_period:refractory_us=-1"], "refractory_us"),
     ];
     for (arguments, expected) in cases {
-        let (code, said, _) = evrig(&[&["generate", &session], arguments].concat());
-        assert_eq!(code, 2, "{arguments:?}: {said}");
-        assert!(said.contains(expected), "{arguments:?}: {said}");
-        assert!(said.starts_with("error: ") && said.lines().count() == 1, "{said}");
+        let (code, stderr, _) = evrig(&[&["generate", &session], arguments].concat());
+        assert_eq!(code, 2, "{arguments:?}: {stderr}");
+        assert!(stderr.contains(expected), "{arguments:?}: {stderr}");
+        assert!(stderr.starts_with("error: ") && stderr.lines().count() == 1, "{stderr}");
     }
 }
 
 #[test]
-fn what_the_session_lacks_is_said_with_the_command_that_makes_it() {
+fn missing_inputs_are_reported_with_the_command_that_makes_them() {
     let directory = tempfile::tempdir().unwrap();
     let session = session(directory.path());
     let cases: [(&[&str], &str); 5] = [
@@ -117,20 +111,20 @@ fn what_the_session_lacks_is_said_with_the_command_that_makes_it() {
     ];
     for (arguments, expected) in cases {
         let (verb, rest) = arguments.split_first().unwrap();
-        let (code, said, _) = evrig(&[&[*verb, &session], rest].concat());
-        assert_eq!(code, 1, "{arguments:?}: {said}");
-        assert!(said.contains(expected), "{arguments:?}: {said}");
-        assert!(said.starts_with("error: ") && said.lines().count() == 1, "{said}");
+        let (code, stderr, _) = evrig(&[&[*verb, &session], rest].concat());
+        assert_eq!(code, 1, "{arguments:?}: {stderr}");
+        assert!(stderr.contains(expected), "{arguments:?}: {stderr}");
+        assert!(stderr.starts_with("error: ") && stderr.lines().count() == 1, "{stderr}");
     }
 }
 
 #[test]
-fn a_sweep_shows_what_one_knob_does_and_the_frames_rhythm_is_told() {
+fn a_sweep_shows_the_effect_of_one_knob_and_the_frame_rhythm_is_reported() {
     let directory = tempfile::tempdir().unwrap();
     let session = session(directory.path());
-    let (code, said, swept) =
+    let (code, stderr, swept) =
         evrig(&["sweep", &session, "--knob", "contrast-sensitivity=2..8", "--steps", "3"]);
-    assert_eq!(code, 0, "{said}");
+    assert_eq!(code, 0, "{stderr}");
     let counts: Vec<u64> =
         swept["steps"].as_array().unwrap().iter().map(|s| s["events"].as_u64().unwrap()).collect();
     assert!(counts.len() == 3 && counts.windows(2).all(|pair| pair[0] < pair[1]), "{counts:?}");

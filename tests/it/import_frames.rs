@@ -1,13 +1,13 @@
-//! Frames and events from other people's files become sessions, or one clear error.
+//! Frames and events from third-party files become sessions, or give one clear error.
 
-use assert_cmd::Command;
+use crate::sessions::{evrig, run};
 use evrig::event::{Event, Events};
 use evrig::format::npy::{ArrayWriter, NpzWriter};
 use evrig::frame::Luminance;
 use evrig::session::Session;
 use std::path::{Path, PathBuf};
 
-/// A bright bar that walks across a 12 x 8 grid, one column a frame.
+/// A bright bar that moves across a 12 x 8 grid, one column per frame.
 fn clip(directory: &Path, n: u64) -> PathBuf {
     let path = directory.join("clip.npy");
     let mut writer = ArrayWriter::<u8>::create(&path, &[n, 8, 12]).unwrap();
@@ -30,26 +30,13 @@ fn rows(events: &Events) -> Vec<i64> {
     events.as_slice().iter().flat_map(row).collect()
 }
 
-fn evrig() -> Command {
-    Command::cargo_bin("evrig").expect("the binary is built with the tests")
-}
-
-/// Imports and gives the exit code and what was said on stderr and stdout.
+/// Imports; the exit code and both outputs.
 fn import(frames: &Path, session: &Path, more: &[&str]) -> (i32, String) {
-    let output = evrig()
-        .args(["import", "frames"])
-        .arg(frames)
-        .arg("--out")
-        .arg(session)
-        .args(more)
-        .output()
-        .unwrap();
-    let said = [output.stderr, output.stdout].concat();
-    (output.status.code().unwrap(), String::from_utf8(said).unwrap())
+    run(evrig().args(["import", "frames"]).arg(frames).arg("--out").arg(session).args(more))
 }
 
 #[test]
-fn events_are_read_from_every_table_people_keep_them_in() {
+fn events_are_read_from_every_supported_table() {
     let directory = tempfile::tempdir().unwrap();
     let root = directory.path();
     let frames = clip(root, 12);
@@ -74,7 +61,7 @@ fn events_are_read_from_every_table_people_keep_them_in() {
     std::fs::write(root.join("heading.csv"), format!("x,y,p,t\n{text}")).unwrap();
     let line = |e: Event| format!("{} {} {} {}\n", e.t, e.x, e.y, u8::from(e.on));
     let text: String = slice.iter().map(line).collect();
-    std::fs::write(root.join("blanks.txt"), format!("# v2e writes it so\n{text}")).unwrap();
+    std::fs::write(root.join("blanks.txt"), format!("# the layout of v2e\n{text}")).unwrap();
 
     let mut dsec = hdf5_pure::FileBuilder::new();
     let mut group = dsec.create_group("events");
@@ -92,15 +79,15 @@ fn events_are_read_from_every_table_people_keep_them_in() {
         let session = root.join(format!("session-{file}"));
         let path = root.join(file);
         let more = ["--fps", "120", "--events", path.to_str().unwrap()];
-        let (code, said) = import(&frames, &session, &more);
-        assert_eq!(code, 0, "{file}: {said}");
+        let (code, printed) = import(&frames, &session, &more);
+        assert_eq!(code, 0, "{file}: {printed}");
         let (found, _) = Session::open(&session).unwrap().events("real").unwrap();
         assert_eq!(found, events, "{file}");
     }
 }
 
 #[test]
-fn frames_keep_their_own_times_and_values() {
+fn frames_keep_their_times_and_values() {
     let directory = tempfile::tempdir().unwrap();
     let root = directory.path();
     let frames = clip(root, 3);
@@ -111,8 +98,8 @@ fn frames_keep_their_own_times_and_values() {
     .unwrap();
     let session = root.join("session");
     let times = root.join("times.csv");
-    let (code, said) = import(&frames, &session, &["--timestamps", times.to_str().unwrap()]);
-    assert_eq!(code, 0, "{said}");
+    let (code, printed) = import(&frames, &session, &["--timestamps", times.to_str().unwrap()]);
+    assert_eq!(code, 0, "{printed}");
     let session = Session::open(&session).unwrap();
     let found: Vec<Luminance> =
         session.luminance("frames").unwrap().collect::<Result<_, _>>().unwrap();
@@ -122,7 +109,7 @@ fn frames_keep_their_own_times_and_values() {
 }
 
 #[test]
-fn a_folder_of_images_is_read_in_the_order_of_its_numbers() {
+fn a_folder_of_images_is_read_in_numerical_order() {
     let directory = tempfile::tempdir().unwrap();
     let root = directory.path();
     let folder = root.join("images");
@@ -132,8 +119,8 @@ fn a_folder_of_images_is_read_in_the_order_of_its_numbers() {
         image.save(folder.join(format!("frame{k}.png"))).unwrap();
     }
     let session = root.join("session");
-    let (code, said) = import(&folder, &session, &["--fps", "100"]);
-    assert_eq!(code, 0, "{said}");
+    let (code, printed) = import(&folder, &session, &["--fps", "100"]);
+    assert_eq!(code, 0, "{printed}");
     let session = Session::open(&session).unwrap();
     let found: Vec<Luminance> =
         session.luminance("frames").unwrap().collect::<Result<_, _>>().unwrap();
@@ -143,23 +130,23 @@ fn a_folder_of_images_is_read_in_the_order_of_its_numbers() {
 }
 
 #[test]
-fn events_off_the_grid_and_out_of_order_are_counted_losses() {
+fn events_outside_the_grid_or_out_of_order_are_counted_as_losses() {
     let directory = tempfile::tempdir().unwrap();
     let root = directory.path();
     let frames = clip(root, 3);
     std::fs::write(root.join("events.csv"), "10,1,1,1\n20,12,1,1\n5,2,2,0\n30,-1,0,0\n").unwrap();
     let session = root.join("session");
     let events = root.join("events.csv");
-    let (code, said) =
+    let (code, printed) =
         import(&frames, &session, &["--fps", "100", "--events", events.to_str().unwrap()]);
-    assert_eq!(code, 3, "{said}");
-    assert!(said.contains("2 events off the 12 x 8 grid"), "{said}");
-    assert!(said.contains("1 events out of order"), "{said}");
+    assert_eq!(code, 3, "{printed}");
+    assert!(printed.contains("2 events off the 12 x 8 grid"), "{printed}");
+    assert!(printed.contains("1 events out of order"), "{printed}");
     let (found, _) = Session::open(&session).unwrap().events("real").unwrap();
     assert_eq!(found.as_slice().t, [5, 10]);
 }
 
-/// The same frames, announced as many more: memory for as many times would not be had.
+/// The same frames with a header that announces more than memory could hold.
 fn many_frames(frames: &Path) -> PathBuf {
     let mut bytes = std::fs::read(frames).unwrap();
     let at = bytes.windows(3).position(|bytes| bytes == b"(3,").unwrap();
@@ -171,7 +158,7 @@ fn many_frames(frames: &Path) -> PathBuf {
 }
 
 #[test]
-fn wrong_input_is_one_clear_error_and_leaves_nothing() {
+fn invalid_input_gives_a_one_line_error_and_no_session() {
     let directory = tempfile::tempdir().unwrap();
     let root = directory.path();
     let frames = clip(root, 3);
@@ -221,12 +208,12 @@ fn wrong_input_is_one_clear_error_and_leaves_nothing() {
     for (frames, more, expected) in cases {
         let session = root.join("session");
         let more: Vec<&str> = more.iter().map(String::as_str).collect();
-        let (code, said) = import(frames, &session, &more);
-        assert_eq!(code, 1, "{more:?}: {said}");
-        assert!(said.contains(expected), "{more:?}: {said}");
-        assert!(said.starts_with("error: ") && said.lines().count() == 1, "{said}");
+        let (code, printed) = import(frames, &session, &more);
+        assert_eq!(code, 1, "{more:?}: {printed}");
+        assert!(printed.contains(expected), "{more:?}: {printed}");
+        assert!(printed.starts_with("error: ") && printed.lines().count() == 1, "{printed}");
         assert!(!session.exists(), "{more:?} left a session behind");
     }
-    let (code, said) = import(&frames, &root.join("s"), &["--fps", "0"]);
-    assert_eq!(code, 2, "{said}");
+    let (code, printed) = import(&frames, &root.join("s"), &["--fps", "0"]);
+    assert_eq!(code, 2, "{printed}");
 }

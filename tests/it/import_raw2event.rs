@@ -1,5 +1,6 @@
-//! Recordings in the published recorder's layout, with the traps it is known for.
+//! Recordings in the layout of the published recorder, with its known defects.
 
+use crate::sessions::{evrig, run};
 use evrig::event::{Event, Events};
 use evrig::format::aedat4::{Compression, StreamSpec, Writer};
 use evrig::format::npy::{Column, Npz};
@@ -28,17 +29,10 @@ fn raw_frame(k: u16, shift: u16) -> Vec<u8> {
     (0..48).flat_map(|i| ((64 + k * 48 + i) << shift).to_le_bytes()).collect()
 }
 
-/// Runs the import and gives exit code and everything said.
+/// Runs the import; exit code and both outputs.
 fn import(directory: &Path, id: &str, session: &Path) -> (i32, String) {
-    let output = assert_cmd::Command::cargo_bin("evrig")
-        .unwrap()
-        .args(["import", "raw2event", "--size", "8x6", "--id", id, "--out"])
-        .arg(session)
-        .arg(directory)
-        .output()
-        .unwrap();
-    let said = [output.stderr, output.stdout].concat();
-    (output.status.code().unwrap(), String::from_utf8(said).unwrap())
+    let arguments = ["import", "raw2event", "--size", "8x6", "--id", id, "--out"];
+    run(evrig().args(arguments).arg(session).arg(directory))
 }
 
 fn array(path: &Path, name: &str) -> (Vec<u64>, Column) {
@@ -46,17 +40,17 @@ fn array(path: &Path, name: &str) -> (Vec<u64>, Column) {
     (array.shape, array.fields.into_iter().next().unwrap().1)
 }
 
-/// Writes a recording with every trap of the layout and gives its RGB samples.
-fn trapped_recording(root: &Path) -> Vec<u8> {
+/// Writes a recording with every known defect of the layout; returns its RGB samples.
+fn defective_recording(root: &Path) -> Vec<u8> {
     davis(&root.join("dv_output_3_cat_17_20250601_170404.aedat4"));
-    // Another recording of the same tag, a minute later, must not be mixed in.
+    // Another recording with the same tag, a minute later, must be kept apart.
     davis(&root.join("dv_output_3_cat_17_20250601_170504.aedat4"));
     fs::write(root.join("metadata_3_cat_17_20250601_170506.dat"), record(0.0, "x")).unwrap();
 
     let mut metadata = Vec::new();
     metadata.extend(record(0.0, "2025-06-01 17:04:06.000100"));
     metadata.extend(record(16_666.0, "2025-06-01 17:04:06.017000"));
-    // One frame is missing here, the wall clock shows a whole second, and then goes back.
+    // A frame is missing here; the wall clock shows a whole second and then steps back.
     metadata.extend(record(49_998.0, "2025-06-01 17:04:07"));
     metadata.extend(record(66_664.0, "2025-06-01 17:04:06.067000"));
     metadata.extend(record(0.0, ""));
@@ -71,13 +65,13 @@ fn trapped_recording(root: &Path) -> Vec<u8> {
 }
 
 #[test]
-fn a_pi_5_recording_with_every_trap_is_taken_and_the_decisions_are_said() {
+fn a_pi_5_recording_with_every_defect_is_imported_and_the_decisions_are_reported() {
     let directory = tempfile::tempdir().unwrap();
     let root = directory.path();
-    let rgb = trapped_recording(root);
+    let rgb = defective_recording(root);
     let session = root.join("session");
-    let (code, said) = import(root, "170404", &session);
-    assert_eq!(code, 3, "{said}");
+    let (code, printed) = import(root, "170404", &session);
+    assert_eq!(code, 3, "{printed}");
     for expected in [
         "in us since the first frame",
         "left-justified (a Pi 5)",
@@ -91,10 +85,9 @@ fn a_pi_5_recording_with_every_trap_is_taken_and_the_decisions_are_said() {
         "a last partial frame of 10 bytes",
         "1 frames without a metadata record",
     ] {
-        assert!(said.contains(expected), "{expected}: {said}");
+        assert!(printed.contains(expected), "{expected}: {printed}");
     }
     let out = root.join("raw.npz");
-    let evrig = || assert_cmd::Command::cargo_bin("evrig").unwrap();
     evrig()
         .arg("export")
         .arg(&session)
@@ -126,7 +119,7 @@ fn a_pi_5_recording_with_every_trap_is_taken_and_the_decisions_are_said() {
 }
 
 #[test]
-fn a_pi_4_recording_in_nanoseconds_needs_no_excuse() {
+fn a_pi_4_recording_in_nanoseconds_is_imported_without_losses() {
     let directory = tempfile::tempdir().unwrap();
     let root = directory.path();
     davis(&root.join("dv_output_a_20250601_170404.aedat4"));
@@ -136,34 +129,37 @@ fn a_pi_4_recording_in_nanoseconds_needs_no_excuse() {
     let raw: Vec<u8> = (0..4).flat_map(|k| raw_frame(k, 0)).collect();
     fs::write(root.join("raw_frames_a_20250601_170406.dat"), raw).unwrap();
     let session = root.join("session");
-    let (code, said) = import(root, "170406", &session);
-    assert_eq!(code, 0, "{said}");
-    assert!(said.contains("in ns since boot"), "{said}");
-    assert!(said.contains("right-justified 10 bit (a Pi 4)"), "{said}");
-    assert!(said.contains("there is no rgb_frames file"), "{said}");
+    let (code, printed) = import(root, "170406", &session);
+    assert_eq!(code, 0, "{printed}");
+    assert!(printed.contains("in ns since boot"), "{printed}");
+    assert!(printed.contains("right-justified 10 bit (a Pi 4)"), "{printed}");
+    assert!(printed.contains("there is no rgb_frames file"), "{printed}");
 }
 
 #[test]
-fn what_does_not_fit_is_named() {
+fn inconsistent_files_are_reported() {
     let directory = tempfile::tempdir().unwrap();
     let root = directory.path();
     let session = root.join("session");
-    let (code, said) = import(root, "x", &session);
+    let (code, printed) = import(root, "x", &session);
     assert_eq!(code, 1);
-    assert!(said.contains("no recording has `x` in its name"), "{said}");
+    assert!(printed.contains("no recording has `x` in its name"), "{printed}");
     davis(&root.join("dv_output_a_20250601_170404.aedat4"));
     davis(&root.join("dv_output_b_20250601_170404.aedat4"));
-    let (_, said) = import(root, "170404", &session);
-    assert!(said.contains("matches several names"), "{said}");
-    let (_, said) = import(root, "_a_", &session);
-    assert!(said.contains("holds no metadata_*.dat with the tag `a`"), "{said}");
+    let (_, printed) = import(root, "170404", &session);
+    assert!(printed.contains("matches several names"), "{printed}");
+    let (_, printed) = import(root, "_a_", &session);
+    assert!(printed.contains("holds no metadata_*.dat with the tag `a`"), "{printed}");
     let stamps = (0..4).map(|k| record(f64::from(k) * 8_333.0, "2025-06-01 17:04:06.5"));
     fs::write(root.join("metadata_a_20250601_170406.dat"), stamps.flatten().collect::<Vec<u8>>())
         .unwrap();
     let odd: Vec<u8> = (0..4 * 48_u16).flat_map(|i| (4096 + i).to_le_bytes()).collect();
     fs::write(root.join("raw_frames_a_20250601_170406.dat"), odd).unwrap();
-    let (code, said) = import(root, "_a_", &session);
+    let (code, printed) = import(root, "_a_", &session);
     assert_eq!(code, 1);
-    assert!(said.contains("frame 0 is no 10-bit raw frame; is --size 8 x 6 right?"), "{said}");
+    assert!(
+        printed.contains("frame 0 is no 10-bit raw frame; is --size 8 x 6 right?"),
+        "{printed}"
+    );
     assert!(!session.exists());
 }

@@ -1,14 +1,11 @@
-//! The main job on a real recording, as a user runs it: import, process, report.
+//! The main workflow on a real recording: import, process, report.
 
+use crate::sessions::evrig;
 use assert_cmd::Command;
 use serde_json::Value;
 use std::path::Path;
 
 const STREET: &str = "tests/data/davis346-street.aedat4";
-
-fn evrig() -> Command {
-    Command::cargo_bin("evrig").expect("the binary is built with the tests")
-}
 
 fn json(command: &mut Command) -> Value {
     let output = command.arg("--json").output().expect("evrig runs");
@@ -27,7 +24,7 @@ fn count(info: &Value, stream: &str) -> Option<u64> {
 }
 
 #[test]
-fn a_real_recording_goes_in_and_a_report_comes_out() {
+fn a_real_recording_is_processed_to_a_report() {
     let directory = tempfile::tempdir().unwrap();
     let session = directory.path().join("street");
     import(Path::new(STREET), &session).code(0);
@@ -47,7 +44,7 @@ fn a_real_recording_goes_in_and_a_report_comes_out() {
     for (i, k) in calibrated["result"]["passages"]["k"].as_array().unwrap().iter().enumerate() {
         assert!(k["value"].is_number() && k["ci95"][0].is_number(), "k{}: {k}", i + 1);
     }
-    // `process` leaves out the search, which takes minutes.
+    // `process` omits the search, which takes minutes.
     let fresh = json(evrig().args(["calibrate", "--evaluations", "0"]).arg(&session));
     assert_eq!(fresh["fresh"], true, "{fresh}");
     let tuned =
@@ -70,7 +67,7 @@ fn a_real_recording_goes_in_and_a_report_comes_out() {
 }
 
 #[test]
-fn a_stage_whose_inputs_did_not_change_is_not_run_again() {
+fn a_stage_with_unchanged_inputs_does_not_run_again() {
     let directory = tempfile::tempdir().unwrap();
     let session = directory.path().join("street");
     import(Path::new(STREET), &session).code(0);
@@ -84,13 +81,13 @@ fn a_stage_whose_inputs_did_not_change_is_not_run_again() {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_bytes_on_one_thread_and_on_two_and_in_another_place() {
+fn the_same_seed_gives_the_same_bytes_for_any_number_of_threads_and_any_folder() {
     let directory = tempfile::tempdir().unwrap();
     let mut results = Vec::new();
     for (name, threads) in [("one", "1"), ("two", "2")] {
         let session = directory.path().join(name);
         import(Path::new(STREET), &session).code(0);
-        // What `process` runs, but for the diagnosis, which takes minutes.
+        // The stages of `process` without the diagnosis, which takes minutes.
         let stages: [&[&str]; 4] = [
             &["calibrate", "--evaluations", "0"],
             &["generate", "--seed", "5"],
@@ -98,8 +95,8 @@ fn the_same_seed_gives_the_same_bytes_on_one_thread_and_on_two_and_in_another_pl
             &["compare"],
         ];
         for stage in stages {
-            let ran = evrig().args(stage).arg(&session).env("RAYON_NUM_THREADS", threads).assert();
-            ran.code(0);
+            let run = evrig().args(stage).arg(&session).env("RAYON_NUM_THREADS", threads).assert();
+            run.code(0);
         }
         let read = |file: &str| std::fs::read(session.join("derived").join(file)).unwrap();
         results.push([
@@ -115,15 +112,18 @@ fn the_same_seed_gives_the_same_bytes_on_one_thread_and_on_two_and_in_another_pl
 }
 
 #[test]
-fn a_cut_recording_is_taken_up_to_the_cut_and_says_so() {
+fn a_truncated_recording_is_imported_up_to_the_cut_with_a_loss() {
     let directory = tempfile::tempdir().unwrap();
     let bytes = std::fs::read(STREET).unwrap();
     let cut = directory.path().join("cut.aedat4");
     std::fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
     let session = directory.path().join("session");
     let assert = import(&cut, &session).code(3);
-    let said = String::from_utf8_lossy(&assert.get_output().stdout).into_owned();
-    assert!(said.contains("lost") && said.contains("byte") && said.contains("packet"), "{said}");
+    let printed = String::from_utf8_lossy(&assert.get_output().stdout).into_owned();
+    assert!(
+        printed.contains("lost") && printed.contains("byte") && printed.contains("packet"),
+        "{printed}"
+    );
     let info = json(evrig().arg("info").arg(&session));
     let events = count(&info, "real").unwrap();
     assert!((10_000..78_830).contains(&events), "{events}");
@@ -132,7 +132,7 @@ fn a_cut_recording_is_taken_up_to_the_cut_and_says_so() {
 }
 
 #[test]
-fn what_is_no_recording_is_refused_and_leaves_nothing_behind() {
+fn a_file_that_is_not_a_recording_is_refused_and_leaves_no_session() {
     let directory = tempfile::tempdir().unwrap();
     let empty = directory.path().join("empty.aedat4");
     std::fs::write(&empty, "").unwrap();
@@ -141,10 +141,10 @@ fn what_is_no_recording_is_refused_and_leaves_nothing_behind() {
     for file in [&empty, &text, &directory.path().join("missing.aedat4")] {
         let session = directory.path().join("session");
         let assert = import(file, &session).code(1);
-        let said = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
-        assert!(said.starts_with("error: ") && said.lines().count() == 1, "{said}");
-        assert!(said.contains(&*file.to_string_lossy()), "the error names the file: {said}");
-        assert!(!session.exists(), "nothing is left behind");
+        let printed = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
+        assert!(printed.starts_with("error: ") && printed.lines().count() == 1, "{printed}");
+        assert!(printed.contains(&*file.to_string_lossy()), "the error names the file: {printed}");
+        assert!(!session.exists(), "no session is left");
     }
 }
 
@@ -154,8 +154,8 @@ fn a_session_is_never_overwritten() {
     let session = directory.path().join("street");
     import(Path::new(STREET), &session).code(0);
     let assert = import(Path::new(STREET), &session).code(1);
-    let said = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
-    assert!(said.contains("not empty"), "{said}");
+    let printed = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
+    assert!(printed.contains("not empty"), "{printed}");
     evrig().arg("verify").arg(&session).assert().code(0);
 }
 
@@ -170,12 +170,12 @@ fn a_changed_file_does_not_verify() {
     bytes[middle] ^= 0x40;
     std::fs::write(&path, bytes).unwrap();
     let assert = evrig().arg("verify").arg(&session).assert().code(4);
-    let said = String::from_utf8_lossy(&assert.get_output().stdout).into_owned();
-    assert!(said.contains("FAIL  davis.aedat4"), "{said}");
+    let printed = String::from_utf8_lossy(&assert.get_output().stdout).into_owned();
+    assert!(printed.contains("FAIL  davis.aedat4"), "{printed}");
 }
 
 #[test]
-fn wrong_use_is_told_from_failure() {
+fn wrong_usage_and_failure_have_different_exit_codes() {
     evrig().arg("info").assert().code(2);
     evrig().args(["info", "no/such/session"]).assert().code(1);
     evrig().args(["generate", "x", "--k", "1,2"]).assert().code(1);
@@ -184,6 +184,6 @@ fn wrong_use_is_told_from_failure() {
     import(Path::new(STREET), &session).code(0);
     let assert =
         evrig().arg("generate").arg(&session).args(["--preset", "dvs364"]).assert().code(2);
-    let said = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
-    assert!(said.contains("did you mean `DVS346`"), "the nearest name is offered: {said}");
+    let printed = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
+    assert!(printed.contains("did you mean `DVS346`"), "the nearest name is suggested: {printed}");
 }

@@ -1,4 +1,4 @@
-//! `evrig prove` on the real recording: what a run leaves, and how it goes on.
+//! The command `evrig prove` on the real recording: files of a run, and resuming it.
 
 use serde_json::Value;
 use std::path::Path;
@@ -15,45 +15,45 @@ fn evrig(arguments: &[&str], out: &Path) -> Output {
         .unwrap()
 }
 
-fn words(output: &Output) -> String {
+fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Trials that are stopped before they answer: everything but the diagnosis itself.
+/// Trials stopped before they answer: everything except the diagnosis itself.
 const STOPPED: &[&str] = &["--recording", STREET, "--single", "2", "--deadline", "0.000001"];
 
 #[test]
-fn a_run_leaves_records_is_not_run_over_and_goes_on_with_its_own_plan() {
+fn a_run_keeps_its_records_is_not_overwritten_and_resumes_with_its_own_plan() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("proof");
     let none = evrig(&[STOPPED, &["--resume"]].concat(), &out);
     assert_eq!(none.status.code(), Some(1));
-    assert!(words(&none).contains("no run was begun there"), "{}", words(&none));
+    assert!(stderr(&none).contains("no run was begun there"), "{}", stderr(&none));
 
     let first = evrig(STOPPED, &out);
-    assert!(first.status.success(), "{}", words(&first));
+    assert!(first.status.success(), "{}", stderr(&first));
     let value: Value = serde_json::from_slice(&first.stdout).unwrap();
     assert_eq!(value["proof"]["score"]["n"], 2);
-    assert_eq!(value["proof"]["score"]["unanswered"], 2, "no answer in time is no answer");
+    assert_eq!(value["proof"]["score"]["unanswered"], 2, "a timeout is not an answer");
     for name in ["plan.json", "proof-plasmode.json", "proof-plasmode.md"] {
         assert!(out.join(name).exists(), "{name}");
     }
     for trial in ["plasmode-as-it-is", "plasmode-000", "plasmode-001"] {
         assert!(out.join("trials").join(trial).with_extension("json").exists(), "{trial}");
-        assert!(!out.join("sessions").join(trial).exists(), "{trial}: judged and removed");
+        assert!(!out.join("sessions").join(trial).exists(), "{trial}: removed after scoring");
     }
 
     let again = evrig(STOPPED, &out);
     assert_eq!(again.status.code(), Some(1));
-    assert!(words(&again).contains("--resume"), "{}", words(&again));
+    assert!(stderr(&again).contains("--resume"), "{}", stderr(&again));
     let other = evrig(&[STOPPED, &["--resume", "--seed", "9"]].concat(), &out);
     assert_eq!(other.status.code(), Some(1));
-    assert!(words(&other).contains("`seed` is 1 there and 9 here"), "{}", words(&other));
+    assert!(stderr(&other).contains("`seed` is 1 there and 9 here"), "{}", stderr(&other));
 
-    // A trial without its record is all that a kill loses.
+    // A killed run lacks at most the record of one trial.
     std::fs::remove_file(out.join("trials/plasmode-001.json")).unwrap();
     let resumed = evrig(&[STOPPED, &["--resume"]].concat(), &out);
-    assert!(resumed.status.success(), "{}", words(&resumed));
+    assert!(resumed.status.success(), "{}", stderr(&resumed));
     let value: Value = serde_json::from_slice(&resumed.stdout).unwrap();
     assert_eq!(value["proof"]["score"]["n"], 2);
     assert!(out.join("trials/plasmode-001.json").exists());
@@ -65,16 +65,16 @@ fn a_folder_without_sealed_sessions_and_a_wrong_command_line_are_refused() {
     std::fs::create_dir_all(folder.path().join("made/sessions/unsealed")).unwrap();
     for name in ["made", "missing"] {
         let made = folder.path().join(name);
-        let asked = ["--sessions", made.to_str().unwrap()];
-        let refused = evrig(&asked, &folder.path().join("a"));
+        let arguments = ["--sessions", made.to_str().unwrap()];
+        let refused = evrig(&arguments, &folder.path().join("a"));
         assert_eq!(refused.status.code(), Some(1));
-        assert!(words(&refused).contains("seal.json"), "{}", words(&refused));
+        assert!(stderr(&refused).contains("seal.json"), "{}", stderr(&refused));
     }
-    assert!(!folder.path().join("a").exists(), "nothing is begun");
+    assert!(!folder.path().join("a").exists(), "no run was started");
     let both = evrig(&["--quick", "--single", "3"], &folder.path().join("b"));
     assert_eq!(both.status.code(), Some(2));
     let missing = evrig(&["--recording", "no/such.aedat4"], &folder.path().join("c"));
     assert_eq!(missing.status.code(), Some(1));
-    assert!(words(&missing).contains("no/such.aedat4"), "{}", words(&missing));
-    assert!(!folder.path().join("c/plan.json").exists(), "nothing is begun");
+    assert!(stderr(&missing).contains("no/such.aedat4"), "{}", stderr(&missing));
+    assert!(!folder.path().join("c/plan.json").exists(), "no run was started");
 }

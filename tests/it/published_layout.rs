@@ -1,4 +1,4 @@
-//! A recording in the published layout, with what is known to go wrong in it, from import to scene.
+//! A recording in the published layout with its known defects, from import to scene.
 
 use crate::small_rig;
 
@@ -12,27 +12,27 @@ use std::path::Path;
 
 const FRAME_US: i64 = 8_333;
 
-/// Frames in which something lies over the tag.
+/// Frames in which the tag is covered.
 const COVERED: std::ops::Range<usize> = 45..65;
 
-/// From this frame on the Pi's wall clock is half a minute ahead.
-const SET_FORWARD: usize = 80;
+/// First frame after a step of the Pi's wall clock by half a minute.
+const CLOCK_STEP_FRAME: usize = 80;
 
-/// The recording as the simulated rig made it.
-struct Recording {
+/// The recording made by the simulated rig.
+struct SimulatedRecording {
     session: Session,
     _directory: tempfile::TempDir,
 }
 
-fn recording() -> Recording {
+fn recording() -> SimulatedRecording {
     let directory = tempfile::tempdir().unwrap();
     let world = "[clocks]\npi_wall_offset_us = 4321.0\n";
     let session = small_rig::corner_session(world, &directory.path().join("session"));
-    Recording { session, _directory: directory }
+    SimulatedRecording { session, _directory: directory }
 }
 
-/// The tag's pixels in a frame of the Pi: columns and rows from and to, a margin about them.
-fn tag_px(recording: &Recording, frame: &RecordedFrame<PiSensor>) -> [usize; 4] {
+/// Column and row ranges of the tag in a frame of the Pi, with a margin.
+fn tag_px(recording: &SimulatedRecording, frame: &RecordedFrame<PiSensor>) -> [usize; 4] {
     let Some(AnyTrack::Pi(track)) = read_track(&recording.session, "raw").unwrap() else {
         panic!()
     };
@@ -45,7 +45,7 @@ fn tag_px(recording: &Recording, frame: &RecordedFrame<PiSensor>) -> [usize; 4] 
     [end(0, -1.0), end(0, 1.0), end(1, -1.0), end(1, 1.0)]
 }
 
-/// The tag under bright paper: every pixel reads as much as the brightest of its colour.
+/// Covers a region with bright paper: every pixel reads the maximum of its colour.
 fn cover(samples: &mut [u16], width: usize, [left, right, top, bottom]: [usize; 4]) {
     let height = samples.len() / width;
     let site = |i: usize| i / width % 2 * 2 + i % width % 2;
@@ -63,7 +63,7 @@ fn cover(samples: &mut [u16], width: usize, [left, right, top, bottom]: [usize; 
 
 fn metadata_record(picture: &RecordedFrame<PiSensor>, number: usize) -> Vec<u8> {
     let sensor = picture.frame.timing.stamp.as_nanos() as f64;
-    let ahead_us = if number >= SET_FORWARD { 30_000_000 } else { 0 };
+    let ahead_us = if number >= CLOCK_STEP_FRAME { 30_000_000 } else { 0 };
     let real_us = picture.properties.real_time.unwrap().as_micros() + ahead_us;
     let real = chrono::DateTime::from_timestamp_micros(real_us).unwrap();
     let mut bytes = sensor.to_le_bytes().to_vec();
@@ -72,9 +72,9 @@ fn metadata_record(picture: &RecordedFrame<PiSensor>, number: usize) -> Vec<u8> 
     bytes
 }
 
-/// Writes the recording as the published program would: the RGB frame of the next request beside each
-/// raw one, one frame stamped as the one before it, the last frame without a record.
-fn write_published(recording: &Recording, root: &Path) {
+/// Writes the recording as the published program does: RGB frames one request late, one repeated
+/// timestamp, and no record for the last frames.
+fn write_published(recording: &SimulatedRecording, root: &Path) {
     let session = &recording.session;
     fs::copy(session.layout().davis(), root.join("dv_output_a_20231114_221320.aedat4")).unwrap();
     let pictures = |name| session.pi_frames(name).unwrap().map(Result::unwrap);
@@ -87,7 +87,7 @@ fn write_published(recording: &Recording, root: &Path) {
             cover(&mut samples, 372, tag_px(recording, picture));
         }
         raw.extend(samples.iter().flat_map(|sample| sample.to_le_bytes()));
-        // The recorder wrote frame 20's stamp once more with frame 21.
+        // Frame 21 repeats the timestamp of frame 20.
         let stamped = if number == 21 { &all[20] } else { picture };
         if number + 2 < all.len() {
             metadata.extend(metadata_record(stamped, number));
@@ -111,7 +111,7 @@ fn evrig(args: &[&str]) -> (i32, String, String) {
 }
 
 #[test]
-fn a_published_recording_with_its_faults_comes_to_one_clock_and_one_target() {
+fn a_published_recording_with_defects_is_synchronized_and_registered() {
     let recording = recording();
     let request = TrackRequest { stream: "raw".into(), rig: None, force: false };
     track(&recording.session, &request, &mut |_, _| {}).unwrap();
@@ -120,51 +120,51 @@ fn a_published_recording_with_its_faults_comes_to_one_clock_and_one_target() {
     let imported = directory.path().join("imported");
     let (root, session) = (directory.path().to_str().unwrap(), imported.to_str().unwrap());
     let size = ["--size", "372x240", "--id", "221320"];
-    let (code, said, errors) =
+    let (code, printed, errors) =
         evrig(&[&["import", "raw2event", root, "--out", session], size.as_slice()].concat());
-    assert_eq!(code, 3, "{said}{errors}");
+    assert_eq!(code, 3, "{printed}{errors}");
     for expected in [
         "1 frames whose SensorTimestamp is not later than the one before",
         "1 places where RealTime goes back or jumps by more than 1 s",
         "frames without a metadata record were left out",
         "known defect of the layout",
     ] {
-        assert!(format!("{said}{errors}").contains(expected), "{expected}: {said}{errors}");
+        assert!(format!("{printed}{errors}").contains(expected), "{expected}: {printed}{errors}");
     }
-    let (code, said, errors) = evrig(&["track", session]);
-    assert_eq!(code, 0, "{said}{errors}");
-    assert!(said.contains("1 gaps of"), "the covered tag is a gap: {said}");
-    let (code, said, errors) = evrig(&["sync", session, "--json"]);
-    assert_eq!(code, 3, "{said}{errors}");
-    let synced: Value = serde_json::from_str(&said).unwrap();
+    let (code, printed, errors) = evrig(&["track", session]);
+    assert_eq!(code, 0, "{printed}{errors}");
+    assert!(printed.contains("1 gaps of"), "the covered tag is a gap: {printed}");
+    let (code, printed, errors) = evrig(&["sync", session, "--json"]);
+    assert_eq!(code, 3, "{printed}{errors}");
+    let synced: Value = serde_json::from_str(&printed).unwrap();
     assert_eq!(synced["tally"]["n_duplicate"], 1);
-    rgb_is_late_or_why_not_is_said(&imported);
-    let (code, said, errors) = evrig(&["scene", session]);
-    assert_eq!(code, 0, "{said}{errors}");
-    the_scene_is_made(&imported);
-    let (code, said, errors) = evrig(&["report", session]);
-    assert_eq!(code, 0, "{said}{errors}");
+    check_rgb_latency(&imported);
+    let (code, printed, errors) = evrig(&["scene", session]);
+    assert_eq!(code, 0, "{printed}{errors}");
+    check_scene(&imported);
+    let (code, printed, errors) = evrig(&["report", session]);
+    assert_eq!(code, 0, "{printed}{errors}");
     let html = fs::read_to_string(imported.join("report.html")).unwrap();
     for title in ["Interval convergence", "Radiance of the print", "Trajectory"] {
         assert!(html.contains(title), "{title}");
     }
 }
 
-/// In this second of motion the tracks may be too short to tell; a number must then not be claimed.
-fn rgb_is_late_or_why_not_is_said(imported: &Path) {
+/// In one second of motion the tracks may be too short for an estimate; then none may be stated.
+fn check_rgb_latency(imported: &Path) {
     let clocks = read_clocks(&Session::open(imported).unwrap()).unwrap().unwrap();
     match (clocks.stream_delays[0].delay_us, &clocks.stream_delays[0].refused) {
         (Some(late), None) => {
-            let wrong = late.value - FRAME_US as f64;
-            assert!(wrong.abs() < 4.0 * late.standard_error, "{late:?}");
+            let error_us = late.value - FRAME_US as f64;
+            assert!(error_us.abs() < 4.0 * late.standard_error, "{late:?}");
         }
         (late, because) => assert!(late.is_none() && because.is_some(), "{late:?}"),
     }
 }
 
-fn the_scene_is_made(imported: &Path) {
+fn check_scene(imported: &Path) {
     let scene = read_scene(&Session::open(imported).unwrap()).unwrap().unwrap();
     let [n, lost] = scene.reconstruction.n_frames;
-    // The frames in which the tag is covered are most of what may be lost.
+    // Only frames with a covered tag, and a few others, may be lost.
     assert!(n - lost >= n - COVERED.len() - 3, "{n} frames, {lost} lost");
 }

@@ -1,7 +1,6 @@
-//! The page as a browser sees it: desktop and phone, light and dark.
+//! The report page in a browser: desktop and phone, light and dark.
 //!
-//! `EVRIG_CHROMIUM` names the browser (`/usr/bin/chromium`); `EVRIG_SCREENSHOTS` a folder
-//! that keeps what was seen.
+//! `EVRIG_CHROMIUM` names the browser; `EVRIG_SCREENSHOTS` a folder for the screenshots.
 
 use crate::synthetic;
 
@@ -13,7 +12,7 @@ use std::path::PathBuf;
 
 const HOSTILE: &str = "street <script>document.title='broken'</script> \"&\" 'x'";
 
-/// What the page is asked once it is shown.
+/// Measures the rendered page.
 const PROBE: &str = r#"(() => {
   const visible = [...document.querySelectorAll(".drawing svg, .m-strip svg")]
     .filter((svg) => !svg.parentElement.closest("svg") && svg.checkVisibility());
@@ -38,19 +37,19 @@ const PROBE: &str = r#"(() => {
     sizes: visible.map((svg) => { const b = svg.getBoundingClientRect(); return [b.width, b.height]; }),
     smallestText: Math.min(...text.map((t) => t.getBoundingClientRect().height)),
     figures: document.querySelectorAll("figure").length,
-    ground: getComputedStyle(document.body).backgroundColor,
+    background: getComputedStyle(document.body).backgroundColor,
     scripts: document.scripts.length,
     sortButtons: document.querySelectorAll(".sortable th button").length,
   };
 })()"#;
 
-struct Shot {
+struct PageShot {
     name: String,
     probe: Value,
     png: Vec<u8>,
 }
 
-fn look(browser: &mut Browser, url: &str, width: u32, theme: &str) -> Shot {
+fn render(browser: &mut Browser, url: &str, width: u32, theme: &str) -> PageShot {
     let is_phone = width < 600;
     browser.call(
         "Emulation.setEmulatedMedia",
@@ -71,10 +70,10 @@ fn look(browser: &mut Browser, url: &str, width: u32, theme: &str) -> Shot {
     if let Some(folder) = std::env::var_os("EVRIG_SCREENSHOTS") {
         std::fs::write(PathBuf::from(folder).join(&name), &png).expect("the screenshot is kept");
     }
-    Shot { name, probe, png }
+    PageShot { name, probe, png }
 }
 
-fn complaints(events: &[Value]) -> Vec<&Value> {
+fn page_errors(events: &[Value]) -> Vec<&Value> {
     let is_bad = |event: &&Value| match event["method"].as_str() {
         Some("Runtime.exceptionThrown") => true,
         Some("Runtime.consoleAPICalled") => event["params"]["type"] == "error",
@@ -84,17 +83,17 @@ fn complaints(events: &[Value]) -> Vec<&Value> {
     events.iter().filter(is_bad).collect()
 }
 
-fn check(shot: &Shot) {
+fn check(shot: &PageShot) {
     let (name, probe) = (&shot.name, &shot.probe);
-    assert_eq!(probe["heading"], HOSTILE, "{name}: the title is shown as it is");
+    assert_eq!(probe["heading"], HOSTILE, "{name}: the title is escaped");
     assert!(probe["title"].as_str().unwrap().starts_with("street <script>"), "{name}: {probe}");
-    assert_eq!(probe["scripts"], 1, "{name}: only our own script");
+    assert_eq!(probe["scripts"], 1, "{name}: only the script of the page");
     assert!(
         probe["scrollWidth"].as_f64() <= probe["innerWidth"].as_f64(),
         "{name}: the page is wider than the window: {probe}"
     );
-    assert_eq!(probe["overflowing"], json!([]), "{name}: something sticks out");
-    assert_eq!(probe["cut"], json!([]), "{name}: a label is cut");
+    assert_eq!(probe["overflowing"], json!([]), "{name}: elements overflow");
+    assert_eq!(probe["cut"], json!([]), "{name}: labels are clipped");
     let sizes = probe["sizes"].as_array().unwrap();
     assert!(sizes.len() >= 15, "{name}: only {} drawings are visible", sizes.len());
     for size in sizes {
@@ -105,13 +104,13 @@ fn check(shot: &Shot) {
 
     let picture = image::load_from_memory(&shot.png).expect("a PNG").to_rgb8();
     let colours: BTreeSet<[u8; 3]> = picture.pixels().map(|p| p.0).collect();
-    assert!(colours.len() > 500, "{name}: the screenshot is all but blank");
+    assert!(colours.len() > 500, "{name}: the screenshot is almost blank");
 }
 
 #[test]
-fn the_page_stands_in_a_browser_at_both_widths_in_light_and_dark() {
+fn the_page_renders_at_every_width_in_light_and_dark() {
     let Some(program) = std::env::var("EVRIG_CHROMIUM").ok().filter(|p| !p.is_empty()) else {
-        eprintln!("skipped: set EVRIG_CHROMIUM to a Chromium to look at the page");
+        eprintln!("skipped: set EVRIG_CHROMIUM to a Chromium to render the page");
         return;
     };
     let folder = tempfile::tempdir().expect("a folder");
@@ -123,30 +122,30 @@ fn the_page_stands_in_a_browser_at_both_widths_in_light_and_dark() {
     let url = format!("file://{}", path.display());
 
     let mut browser = Browser::start(&program, &folder.path().join("profile"));
-    let mut grounds = BTreeSet::new();
+    let mut backgrounds = BTreeSet::new();
     for width in [1280, 390, 360] {
-        let [light, dark] = ["light", "dark"].map(|theme| look(&mut browser, &url, width, theme));
+        let [light, dark] = ["light", "dark"].map(|theme| render(&mut browser, &url, width, theme));
         check(&light);
         check(&dark);
-        assert_ne!(light.png, dark.png, "light and dark look the same at {width} px");
+        assert_ne!(light.png, dark.png, "light and dark are equal at {width} px");
         for shot in [&light, &dark] {
-            grounds.insert(shot.probe["ground"].to_string());
+            backgrounds.insert(shot.probe["background"].to_string());
         }
     }
-    assert_eq!(grounds.len(), 2, "the ground differs between light and dark: {grounds:?}");
-    sorting_works(&mut browser);
-    the_pointer_reads_values(&mut browser);
-    paper_is_white_even_at_night(&mut browser, &url);
-    nothing_is_missing_without_script(&mut browser, &url);
-    assert!(complaints(&browser.events).is_empty(), "{:?}", complaints(&browser.events));
-    let foreign: Vec<&Value> = browser
+    assert_eq!(backgrounds.len(), 2, "backgrounds of light and dark: {backgrounds:?}");
+    check_sorting(&mut browser);
+    check_pointer_readout(&mut browser);
+    check_print_in_dark_theme(&mut browser, &url);
+    check_page_without_script(&mut browser, &url);
+    assert!(page_errors(&browser.events).is_empty(), "{:?}", page_errors(&browser.events));
+    let external: Vec<&Value> = browser
         .events
         .iter()
         .filter(|event| event["method"] == "Network.requestWillBeSent")
         .map(|event| &event["params"]["request"]["url"])
         .filter(|address| !is_own(address.as_str().unwrap_or_default(), &url))
         .collect();
-    assert!(foreign.is_empty(), "the page asks for {foreign:?}");
+    assert!(external.is_empty(), "the page requests {external:?}");
 }
 
 fn is_own(address: &str, page: &str) -> bool {
@@ -154,7 +153,7 @@ fn is_own(address: &str, page: &str) -> bool {
 }
 
 /// The fourth column holds values with errors, which must sort as numbers.
-fn sorting_works(browser: &mut Browser) {
+fn check_sorting(browser: &mut Browser) {
     let column = "[...document.querySelectorAll('.sortable tbody tr')].map(r => Number(r.cells[3].dataset.key))";
     let press = "document.querySelectorAll('.sortable th button')[3].click()";
     for (expected, ascending) in [("ascending", true), ("descending", false)] {
@@ -171,7 +170,7 @@ fn sorting_works(browser: &mut Browser) {
 }
 
 /// The middle of a chart whose time axis runs from 0 to 2 s is 1 s.
-fn the_pointer_reads_values(browser: &mut Browser) {
+fn check_pointer_readout(browser: &mut Browser) {
     let find = "(() => { const pads = [...document.querySelectorAll('.pad')].filter((p) => p.checkVisibility() && p.dataset.x.startsWith('lin'));
         pads[0].scrollIntoView({block: 'center'}); const b = pads[0].getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]; })()";
     let at = browser.evaluate(find);
@@ -182,7 +181,7 @@ fn the_pointer_reads_values(browser: &mut Browser) {
     assert_eq!(browser.evaluate("document.querySelectorAll('.read-out').length"), 0);
 }
 
-fn paper_is_white_even_at_night(browser: &mut Browser, url: &str) {
+fn check_print_in_dark_theme(browser: &mut Browser, url: &str) {
     browser.call("Page.navigate", json!({"url": url}));
     browser.wait_for("Page.loadEventFired");
     browser.call(
@@ -193,17 +192,17 @@ fn paper_is_white_even_at_night(browser: &mut Browser, url: &str) {
     assert_eq!(ground, "rgb(255, 255, 255)");
     let real =
         browser.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--real')");
-    assert_eq!(real, "#14181d", "ink on paper is dark");
+    assert_eq!(real, "#14181d", "the ink is dark in print");
     let pdf = browser.call("Page.printToPDF", json!({"preferCSSPageSize": true}));
     let pdf = pdf["data"].as_str().expect("a PDF");
     if let Some(folder) = std::env::var_os("EVRIG_SCREENSHOTS") {
         let bytes = base64::engine::general_purpose::STANDARD.decode(pdf).expect("base64");
         std::fs::write(PathBuf::from(folder).join("print.pdf"), bytes).expect("the PDF is kept");
     }
-    assert!(pdf.len() > 100_000, "the pictures are in print, too");
+    assert!(pdf.len() > 100_000, "images are printed too");
 }
 
-fn nothing_is_missing_without_script(browser: &mut Browser, url: &str) {
+fn check_page_without_script(browser: &mut Browser, url: &str) {
     browser.call("Emulation.setScriptExecutionDisabled", json!({"value": true}));
     browser.call("Emulation.setEmulatedMedia", json!({"media": "screen", "features": []}));
     browser.call("Page.navigate", json!({"url": url}));
@@ -215,10 +214,10 @@ fn nothing_is_missing_without_script(browser: &mut Browser, url: &str) {
 }
 
 #[test]
-fn a_dead_page_fails_the_probe() {
-    // The probe must be able to fail: a page that is too wide and throws is caught.
+fn a_broken_page_fails_the_probe() {
+    // The probe detects a page that is too wide and throws.
     let Some(program) = std::env::var("EVRIG_CHROMIUM").ok().filter(|p| !p.is_empty()) else {
-        eprintln!("skipped: set EVRIG_CHROMIUM to a Chromium to look at the page");
+        eprintln!("skipped: set EVRIG_CHROMIUM to a Chromium to render the page");
         return;
     };
     let folder = tempfile::tempdir().expect("a folder");
@@ -226,8 +225,8 @@ fn a_dead_page_fails_the_probe() {
     let broken = "<h1>x</h1><div style='width:3000px'>wide</div><script>throw Error('no')</script>";
     std::fs::write(&path, broken).expect("the page is written");
     let mut browser = Browser::start(&program, &folder.path().join("profile"));
-    let shot = look(&mut browser, &format!("file://{}", path.display()), 1280, "light");
+    let shot = render(&mut browser, &format!("file://{}", path.display()), 1280, "light");
     assert!(shot.probe["scrollWidth"].as_f64() > shot.probe["innerWidth"].as_f64());
     assert_ne!(shot.probe["overflowing"], json!([]));
-    assert_eq!(complaints(&browser.events).len(), 1);
+    assert_eq!(page_errors(&browser.events).len(), 1);
 }

@@ -149,7 +149,7 @@ fn drive_error(seen: &Seen, drive: &dyn Drive) -> [f64; 2] {
 }
 
 #[test]
-fn the_drive_is_within_a_small_part_of_a_threshold_of_the_true_light() {
+fn the_drive_is_within_a_fraction_of_a_threshold_of_the_true_signal() {
     let seen = seen();
     let [error, stated] = drive_error(seen, &seen.scene.drive());
     assert!(error < 0.06, "{error} thresholds, stated {stated}");
@@ -157,7 +157,7 @@ fn the_drive_is_within_a_small_part_of_a_threshold_of_the_true_light() {
 }
 
 #[test]
-fn the_clocks_offset_and_the_row_time_are_found() {
+fn the_clock_offset_and_the_row_time_are_recovered() {
     let seen = seen();
     let (tie, path) = (&seen.scene.registration.alignment, &seen.scene.reconstruction.path);
     let at = Span::from_secs_f64(SECONDS / 2.0);
@@ -171,7 +171,7 @@ fn the_clocks_offset_and_the_row_time_are_found() {
 }
 
 #[test]
-fn another_clock_place_or_optics_makes_the_drive_worse() {
+fn a_wrong_offset_shift_or_blur_increases_the_drive_error() {
     let seen = seen();
     let drive = seen.scene.drive();
     let [best, _] = drive_error(seen, &drive);
@@ -187,7 +187,7 @@ fn another_clock_place_or_optics_makes_the_drive_worse() {
 }
 
 #[test]
-fn a_scene_read_back_from_its_parts_gives_the_same_signal() {
+fn a_scene_restored_from_its_parts_gives_the_same_signal() {
     let seen = seen();
     let scene = &seen.scene;
     // With the keys of former versions.
@@ -218,7 +218,7 @@ fn a_scene_read_back_from_its_parts_gives_the_same_signal() {
 }
 
 #[test]
-fn frames_of_another_size_are_refused_with_their_number() {
+fn frames_of_another_size_are_refused() {
     let seen = seen();
     let rig = &seen.rig;
     let shown = PiTwin::new(Arc::clone(&seen.world), Span::from_micros(8_000))
@@ -244,7 +244,7 @@ fn with_effects(effects: serde_json::Value) -> WorldDescription {
 }
 
 #[test]
-fn a_camera_in_order_shows_no_curve_no_dark_corners_and_its_own_noise() {
+fn an_unaffected_camera_shows_no_tone_curve_no_vignetting_and_its_stated_noise() {
     let scene = &seen().scene;
     let [loss, error] = scene.reconstruction.corner_loss.unwrap();
     assert!(loss < 0.02 && error < 0.02, "{loss} {error}");
@@ -258,7 +258,7 @@ fn a_camera_in_order_shows_no_curve_no_dark_corners_and_its_own_noise() {
 }
 
 #[test]
-fn frames_show_dark_corners_and_noise_that_no_one_stated() {
+fn vignetting_and_unstated_read_noise_are_estimated_from_frames() {
     let effects = serde_json::json!({
         "vignetting": { "corner_loss": 0.3 },
         "frame_noise": { "sigma_dn": 4.0 },
@@ -273,7 +273,7 @@ fn frames_show_dark_corners_and_noise_that_no_one_stated() {
 }
 
 #[test]
-fn frames_show_a_tone_curve_and_the_drive_undoes_it() {
+fn a_tone_curve_is_estimated_from_frames_and_inverted_in_the_drive() {
     let effects = serde_json::json!({ "tone_curve": { "gamma": 0.8 } });
     let seen = seen_in(&with_effects(effects));
     let tone = seen.scene.registration.tone.unwrap();
@@ -284,7 +284,7 @@ fn frames_show_a_tone_curve_and_the_drive_undoes_it() {
 }
 
 #[test]
-fn frames_show_a_shadow_and_the_drive_has_it() {
+fn a_moving_shadow_is_estimated_from_frames_and_included_in_the_drive() {
     // A band as narrow against this small print as others are against a whole one.
     let shadow = serde_json::json!({
         "depth": 0.25, "speed_mm_per_s": 20.0, "width_mm": 5.0, "period_mm": 40.0,

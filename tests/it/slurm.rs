@@ -1,8 +1,8 @@
-//! A dataset on a real Slurm: the same bytes as here, past a task that is killed and jobs that are
-//! cancelled.
+//! A dataset processed on a real Slurm gives the same bytes as a local run, despite a killed task and
+//! cancelled jobs.
 //!
-//! Starts munged, slurmctld and slurmd of its own in a folder of its own; says so and passes where they
-//! are not installed (Debian: slurm-wlm, munge).
+//! Starts munged, slurmctld and slurmd in a temporary folder; skipped where they are not installed
+//! (Debian: slurm-wlm, munge).
 
 use crate::cluster::{Cluster, until};
 use crate::sessions::{copy, dataset, dataset_of, evrig, json, tree};
@@ -10,7 +10,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use std::path::Path;
 
-/// What every submission here asks for: the cluster is two processors and little memory.
+/// Resources of every submission: the cluster has two processors and little memory.
 const SMALL: [&str; 6] = ["--engine", "slurm", "--cpus", "1", "--memory", "300M"];
 
 fn submit(cluster: &Cluster, root: &Path, more: &[&str]) -> (i32, Value, String) {
@@ -24,12 +24,12 @@ fn job(root: &Path) -> Value {
     serde_json::from_str(&text).unwrap()
 }
 
-/// The process that has a session, once one has.
+/// The process that holds the lock of a session, once there is one.
 fn process_of(session: &Path) -> Pid {
     let mut pid = None;
-    until("a task has its session", || {
+    until("a task has locked its session", || {
         let held = std::fs::read_to_string(session.join("derived/lock")).unwrap_or_default();
-        // "process 4711 on host"; a text that is not whole yet names no process.
+        // "process 4711 on host"; an incomplete text is ignored.
         let words: Vec<&str> = held.split_whitespace().collect();
         pid = matches!(words[..], ["process", _, "on", _]).then(|| words[1].parse().unwrap());
         pid.is_some()
@@ -37,24 +37,33 @@ fn process_of(session: &Path) -> Pid {
     Pid::from_raw(pid.unwrap()).unwrap()
 }
 
+fn assert_same_files(here: &Path, there: &Path) {
+    let (here, there) = (tree(here), tree(there));
+    let names = |files: &[(String, Vec<u8>)]| files.iter().map(|f| f.0.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&here), names(&there));
+    for ((name, here), (_, there)) in here.iter().zip(&there) {
+        assert!(here == there, "{name} differs");
+    }
+}
+
 #[test]
-fn a_dataset_on_slurm_is_what_it_is_here_even_when_a_task_is_killed() {
+fn a_dataset_on_slurm_equals_a_local_run_even_when_a_task_is_killed() {
     let Some(cluster) = Cluster::start() else {
         eprintln!("skipped: needs slurmctld, slurmd and munged (Debian: slurm-wlm, munge)");
         return;
     };
     let directory = tempfile::tempdir().unwrap();
-    // The second is long enough to be diagnosed, so that there is time to kill its task.
+    // The second is long enough for a diagnosis, which leaves time to kill its task.
     let here = dataset_of(directory.path(), &[12, 24, 12]);
     copy(&here.join("s0"), &here.join("cut"));
     std::fs::write(here.join("cut/session.json"), "{").unwrap();
     let there = directory.path().join("there").join("dataset");
     copy(&here, &there);
-    let (code, local, said) = json(evrig().arg("process").arg(&here).args(["--seed", "3"]));
-    assert_eq!(code, 3, "{said}");
+    let (code, local, stderr) = json(evrig().arg("process").arg(&here).args(["--seed", "3"]));
+    assert_eq!(code, 3, "{stderr}");
 
-    let (code, submitted, said) = submit(&cluster, &there, &["--seed", "3"]);
-    assert_eq!(code, 0, "{said}");
+    let (code, submitted, stderr) = submit(&cluster, &there, &["--seed", "3"]);
+    assert_eq!(code, 0, "{stderr}");
     assert_eq!(submitted["sessions"].as_array().unwrap().len(), 4);
     kill_process(process_of(&there.join("s1")), Signal::KILL).unwrap();
     cluster.wait_for(submitted["gather"].as_u64().unwrap());
@@ -65,13 +74,13 @@ fn a_dataset_on_slurm_is_what_it_is_here_even_when_a_task_is_killed() {
     );
     cluster.wait_for(again["gather"].as_u64().unwrap());
 
-    let (code, status, said) = json(
+    let (code, status, stderr) = json(
         evrig()
             .env("SLURM_CONF", cluster.configuration())
             .args(["process", "--status"])
             .arg(&there),
     );
-    assert_eq!(code, 0, "{said}");
+    assert_eq!(code, 0, "{stderr}");
     let verdicts: Vec<&str> = status["sessions"]
         .as_array()
         .unwrap()
@@ -80,18 +89,11 @@ fn a_dataset_on_slurm_is_what_it_is_here_even_when_a_task_is_killed() {
         .collect();
     assert_eq!(verdicts, ["failed", "ok", "ok", "ok"], "{status}");
     assert_eq!(local["n_ok"], 3);
-    let (a, b) = (tree(&here), tree(&there));
-    let names = |files: &[(String, Vec<u8>)]| {
-        files.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>()
-    };
-    assert_eq!(names(&a), names(&b));
-    for ((name, here), (_, there)) in a.iter().zip(&b) {
-        assert!(here == there, "{name} differs");
-    }
+    assert_same_files(&here, &there);
 }
 
 #[test]
-fn variants_are_made_and_compared_on_slurm_as_they_are_here() {
+fn variants_on_slurm_equal_a_local_run() {
     let Some(cluster) = Cluster::start() else {
         eprintln!("skipped: needs slurmctld, slurmd and munged (Debian: slurm-wlm, munge)");
         return;
@@ -100,7 +102,7 @@ fn variants_are_made_and_compared_on_slurm_as_they_are_here() {
     let here = dataset(directory.path(), 2);
     let there = directory.path().join("there").join("dataset");
     copy(&here, &there);
-    // A list with a name that no shell may take for more, given from where it lies.
+    // A list whose name needs quoting, given relative to its folder.
     let list = "it's a list.toml";
     let text = "[[variant]]\nname = \"plain\"\nfrom = \"frames\"\npreset = \"DVS346\"\n\
         [[variant]]\nname = \"other\"\nfrom = \"frames\"\nmodel = \"esim\"\n";
@@ -108,46 +110,42 @@ fn variants_are_made_and_compared_on_slurm_as_they_are_here() {
     let asked = ["--variants", list, "--seed", "3"];
     let mut command = evrig();
     let command = command.current_dir(directory.path()).arg("process").arg(&here).args(asked);
-    let (code, local, said) = json(command);
-    assert_eq!(code, 0, "{said}");
+    let (code, local, stderr) = json(command);
+    assert_eq!(code, 0, "{stderr}");
     let names: Vec<&str> =
         local["variants"].as_array().unwrap().iter().map(|v| v["name"].as_str().unwrap()).collect();
     assert!(names.contains(&"plain") && names.contains(&"other"), "{names:?}");
 
     let mut command = evrig();
     command.current_dir(directory.path()).env("SLURM_CONF", cluster.configuration());
-    let (code, submitted, said) = json(command.arg("compare").arg(&there).args(SMALL).args(asked));
-    assert_eq!(code, 0, "{said}");
+    let (code, submitted, stderr) =
+        json(command.arg("compare").arg(&there).args(SMALL).args(asked));
+    assert_eq!(code, 0, "{stderr}");
     cluster.wait_for(submitted["gather"].as_u64().unwrap());
-    let (a, b) = (tree(&here), tree(&there));
-    assert!(a.iter().any(|(name, _)| name == "s1/derived/compare-other/comparison.json"));
-    let names = |files: &[(String, Vec<u8>)]| files.iter().map(|f| f.0.clone()).collect::<Vec<_>>();
-    assert_eq!(names(&a), names(&b));
-    for ((name, here), (_, there)) in a.iter().zip(&b) {
-        assert!(here == there, "{name} differs");
-    }
+    assert!(here.join("s1/derived/compare-other/comparison.json").is_file());
+    assert_same_files(&here, &there);
 }
 
 #[test]
-fn jobs_that_wait_keep_others_out_and_jobs_that_are_cancelled_are_said_so() {
+fn pending_jobs_block_other_runs_and_cancelled_jobs_are_reported() {
     let Some(cluster) = Cluster::start() else {
         eprintln!("skipped: needs slurmctld, slurmd and munged (Debian: slurm-wlm, munge)");
         return;
     };
     let directory = tempfile::tempdir().unwrap();
     let root = dataset(directory.path(), 2);
-    let (code, submitted, said) = submit(&cluster, &root, &["--sbatch=--begin=now+1hour"]);
-    assert_eq!(code, 0, "{said}");
-    let (code, _, said) = submit(&cluster, &root, &[]);
+    let (code, submitted, stderr) = submit(&cluster, &root, &["--sbatch=--begin=now+1hour"]);
+    assert_eq!(code, 0, "{stderr}");
+    let (code, _, stderr) = submit(&cluster, &root, &[]);
     assert_eq!(code, 1);
     let [array, gather] =
         [&submitted["arrays"][0][0], &submitted["gather"]].map(|id| id.as_u64().unwrap());
-    assert!(said.contains(&format!("scancel {array} {gather}")), "{said}");
-    let (code, _, said) =
+    assert!(stderr.contains(&format!("scancel {array} {gather}")), "{stderr}");
+    let (code, _, stderr) =
         json(evrig().env("SLURM_CONF", cluster.configuration()).arg("process").arg(&root));
-    assert_eq!(code, 1, "a run here is kept out as well: {said}");
+    assert_eq!(code, 1, "a local run is refused as well: {stderr}");
 
-    // The tasks are cancelled; the job behind them runs now and says so of each.
+    // The tasks are cancelled; the gathering job runs now and reports each of them.
     let ids = [array.to_string(), gather.to_string()];
     assert!(cluster.tool("scancel").arg(&ids[0]).status().unwrap().success());
     let update = ["update", &format!("JobId={gather}"), "StartTime=now"].map(str::to_owned);
@@ -160,9 +158,9 @@ fn jobs_that_wait_keep_others_out_and_jobs_that_are_cancelled_are_said_so() {
         assert_eq!(session["verdict"], "failed", "{status}");
         assert_eq!(session["because"][0], "its task was cancelled", "{status}");
     }
-    // What failed is run by the next submission, and nothing else is.
-    let (code, resumed, said) = submit(&cluster, &root, &["--only-failed"]);
-    assert_eq!(code, 0, "{said}");
+    // The next submission runs only failed sessions.
+    let (code, resumed, stderr) = submit(&cluster, &root, &["--only-failed"]);
+    assert_eq!(code, 0, "{stderr}");
     cluster.wait_for(resumed["gather"].as_u64().unwrap());
     let index = std::fs::read_to_string(root.join("dataset.json")).unwrap();
     let index: Value = serde_json::from_str(&index).unwrap();
@@ -172,12 +170,15 @@ fn jobs_that_wait_keep_others_out_and_jobs_that_are_cancelled_are_said_so() {
 }
 
 #[test]
-fn without_slurm_the_reason_is_said() {
+fn without_slurm_the_reason_is_reported() {
     let directory = tempfile::tempdir().unwrap();
     let root = dataset(directory.path(), 1);
     let mut command = evrig();
-    let (code, _, said) =
+    let (code, _, stderr) =
         json(command.env("PATH", "/nowhere").arg("process").arg(&root).args(SMALL));
     assert_eq!(code, 1);
-    assert!(said.contains("sbatch") && said.contains("Slurm jobs can be submitted"), "{said}");
+    assert!(
+        stderr.contains("sbatch") && stderr.contains("Slurm jobs can be submitted"),
+        "{stderr}"
+    );
 }

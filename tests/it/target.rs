@@ -1,5 +1,5 @@
-//! One clock, one target: a simulated session is synchronised, tracked, filtered and compared, and
-//! what the world knows is demanded back.
+//! A simulated session is synchronized, tracked, filtered and compared; the results are checked against
+//! the simulated truth.
 
 use crate::small_rig;
 
@@ -26,7 +26,7 @@ fn simulate_to(out: &Path) {
     small_rig::corner_session(&world, out);
 }
 
-/// One session for all tests of this file: each writes results of its own or the same ones.
+/// One session for all tests of this file; their results do not conflict.
 fn session() -> Session {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
     let folder = FOLDER.get_or_init(|| {
@@ -49,41 +49,44 @@ fn tracked(session: &Session, stream: &str) -> evrig::pipeline::Tracked {
 }
 
 #[test]
-fn the_pis_frames_come_to_lie_where_the_world_took_them() {
+fn frames_of_the_pi_are_mapped_to_their_true_times() {
     let session = session();
     let clocks = read_clocks(&session).unwrap().unwrap();
     assert_eq!(clocks.reference, TimeReference::Host);
     let at_ns = 500_000_000;
-    // The Pi's crystal gains 10 us a second on the world.
+    // The Pi's clock gains 10 us per second.
     let sensor = Stamp::<PiSensor>::from_nanos(PI_BOOT_NS + at_ns + at_ns / 100_000);
     let truth = UNIX_START_US * 1_000 + at_ns;
-    let wrong = clocks.unix_from_sensor.map(sensor).unwrap().as_nanos() - truth;
+    let error_ns = clocks.unix_from_sensor.map(sensor).unwrap().as_nanos() - truth;
     let [low, high] = clocks.unix_from_sensor.absolute95(sensor).map(|end| end.unwrap().as_nanos());
     let slack = 2_000;
-    assert!(low - slack <= -wrong && -wrong <= high + slack, "{low} {wrong} {high}");
+    assert!(low - slack <= -error_ns && -error_ns <= high + slack, "{low} {error_ns} {high}");
     let ahead_us = clocks.wall_minus_host.unwrap().as_nanos() as f64 * 1e-3;
     assert!((ahead_us - 4_321.0).abs() < 1_000.0, "{ahead_us}");
-    let seen = clocks.davis_from_sensor.map(sensor).unwrap().as_nanos() - truth;
-    assert!(seen.abs() < 2_000_000, "frames lie within 2 ms of the truth: {seen} ns");
+    let frame_error_ns = clocks.davis_from_sensor.map(sensor).unwrap().as_nanos() - truth;
+    assert!(frame_error_ns.abs() < 2_000_000, "{frame_error_ns} ns");
     let motion = clocks.motion.as_ref().expect("tracks of both cameras are there");
-    // A third of a second of motion may be too little; an answer must then not be claimed.
+    // A third of a second of motion may be too short for an estimate; then none may be stated.
     match (&motion.estimate, &motion.refused) {
         (Some(found), None) => {
             let sigma_ns = found.correction_us.standard_error * 1e3;
-            assert!((seen as f64).abs() < 4.0 * sigma_ns + 20_000.0, "{seen} of {sigma_ns} ns");
+            assert!(
+                (frame_error_ns as f64).abs() < 4.0 * sigma_ns + 20_000.0,
+                "{frame_error_ns} of {sigma_ns} ns"
+            );
         }
         (_, because) => assert!(because.is_some(), "{motion:?}"),
     }
 }
 
 #[test]
-fn the_tag_is_found_in_every_frame_of_every_stream_and_stands_upright() {
+fn the_tag_is_found_upright_in_every_frame_of_every_stream() {
     let session = session();
     for (stream, scale_px_per_mm) in [("aps", 1.922), ("raw", 7.524), ("rgb", 7.524)] {
         let again = tracked(&session, stream);
         assert_eq!(again.freshness, Freshness::Fresh);
         let summary = &again.summary;
-        // Found in all of them; of a short series one or two may be set aside as off the path.
+        // Found in all frames; in a short series one or two may be rejected as outliers of the path.
         assert!(summary.n_used * 100 >= summary.n_seen * 97, "{stream}: {summary:?}");
         let expected = 14.35 * scale_px_per_mm;
         assert!((summary.picture_px / expected - 1.0).abs() < 0.02, "{stream}: {summary:?}");
@@ -125,7 +128,7 @@ fn generated(session: &Session, light: &str, preset: &str) -> StreamName {
 }
 
 #[test]
-fn real_and_raw_events_meet_in_the_pictures_own_coordinates() {
+fn real_and_generated_events_are_compared_in_target_coordinates() {
     let session = session();
     let raw = generated(&session, "raw", "Raw2DVS346");
     let real = StreamName::new("real").unwrap();
@@ -153,7 +156,7 @@ fn real_and_raw_events_meet_in_the_pictures_own_coordinates() {
 }
 
 #[test]
-fn a_wrong_tag_is_named_and_no_track_is_written() {
+fn a_wrong_tag_is_reported_and_no_track_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("session");
     simulate_to(&out);

@@ -1,24 +1,15 @@
-//! Lists of generators and the constants behind them, as a user makes them: on a simulated session that
-//! was recorded with the Pi's raw and colour frames.
+//! Lists of generators and the calibration of their constants, on a simulated session with raw and RGB
+//! frames of the Pi.
 
 use crate::small_rig;
 
-use assert_cmd::Command;
+use crate::sessions::run_json as evrig;
 use serde_json::Value;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 use tempfile::TempDir;
 
-/// Runs evrig; its exit code, what it said on stderr, and its result.
-fn evrig(arguments: &[&str]) -> (i32, String, Value) {
-    let mut command = Command::cargo_bin("evrig").expect("the binary is built with the tests");
-    let output = command.args(arguments).arg("--json").output().unwrap();
-    let said = String::from_utf8(output.stderr).unwrap();
-    let value = serde_json::from_slice(&output.stdout).unwrap_or(Value::Null);
-    (output.status.code().unwrap(), said, value)
-}
-
-/// One recording on one clock and one target, for all tests of this file.
+/// One synchronized and registered session for all tests of this file.
 fn session() -> String {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
     let folder = FOLDER.get_or_init(|| {
@@ -35,10 +26,10 @@ fn numbers(value: &Value) -> Vec<f64> {
 }
 
 #[test]
-fn the_twelve_variants_are_made_compared_kept_and_told_one_by_one() {
+fn the_twelve_variants_are_generated_compared_stored_and_reported() {
     let session = session();
-    let (code, said, first) = evrig(&["generate", &session, "--variants", "twelve"]);
-    assert_eq!(code, 0, "{said}");
+    let (code, stderr, first) = evrig(&["generate", &session, "--variants", "twelve"]);
+    assert_eq!(code, 0, "{stderr}");
     let variants = first["variants"].as_array().unwrap();
     assert_eq!(variants.len(), 12);
     for (i, variant) in variants.iter().enumerate() {
@@ -47,27 +38,32 @@ fn the_twelve_variants_are_made_compared_kept_and_told_one_by_one() {
         assert!(variant["generation"]["events"].as_u64().unwrap() > 1_000, "{name}");
         assert!(variant["comparison"]["measures"].as_array().unwrap().len() >= 7, "{name}");
         let line = format!("{:>2} of 12  {name}: ", i + 1);
-        assert!(said.lines().any(|told| told.starts_with(&line)), "{line}\n{said}");
+        assert!(stderr.lines().any(|printed| printed.starts_with(&line)), "{line}\n{stderr}");
     }
-    // What moves between frames no longer beats with them.
+    // Interpolation reduces the rhythm of the frames in the events.
     let rhythm = |name: &str| {
         let made = variants.iter().find(|variant| variant["name"] == name).unwrap();
         made["generation"]["frame_rhythm"].as_f64().unwrap()
     };
     for light in ["voltmeter-raw", "voltmeter-rgb", "v2e-raw", "v2e-rgb"] {
-        let moved = format!("{light}-interpolated");
-        assert!(rhythm(&moved) < 0.5 * rhythm(light), "{} {}", rhythm(light), rhythm(&moved));
+        let interpolated = format!("{light}-interpolated");
+        assert!(
+            rhythm(&interpolated) < 0.5 * rhythm(light),
+            "{} {}",
+            rhythm(light),
+            rhythm(&interpolated)
+        );
     }
 
-    let (code, said, again) = evrig(&["generate", &session, "--variants", "twelve"]);
-    assert_eq!(code, 0, "{said}");
-    assert_eq!(said.matches("(fresh, ").count(), 12, "{said}");
+    let (code, stderr, again) = evrig(&["generate", &session, "--variants", "twelve"]);
+    assert_eq!(code, 0, "{stderr}");
+    assert_eq!(stderr.matches("(fresh, ").count(), 12, "{stderr}");
     for (first, again) in variants.iter().zip(again["variants"].as_array().unwrap()) {
         assert_eq!(first["comparison"], again["comparison"]);
     }
-    // The verb for one comparison finds the same numbers.
-    let (code, said, compared) = evrig(&["compare", &session]);
-    assert_eq!(code, 0, "{said}");
+    // `compare` gives the same numbers.
+    let (code, stderr, compared) = evrig(&["compare", &session]);
+    assert_eq!(code, 0, "{stderr}");
     for variant in variants {
         let all = compared["comparisons"].as_array().unwrap();
         let own = all.iter().find(|one| one["simulated"] == variant["name"]).unwrap();
@@ -76,37 +72,37 @@ fn the_twelve_variants_are_made_compared_kept_and_told_one_by_one() {
 }
 
 #[test]
-fn constants_are_told_on_every_light_of_a_session_and_the_best_on_the_training_half_are_kept() {
+fn constants_are_fitted_on_every_frame_stream_and_the_best_of_the_training_half_are_chosen() {
     let session = session();
     for light in ["raw", "rgb", "aps", "scene"] {
         let search = ["calibrate", &session, "--from", light, "--evaluations", "60"];
-        let (code, said, told) = evrig(&search);
-        assert_eq!(code, 0, "{light}: {said}");
-        for constant in told["passages"]["k"].as_array().unwrap() {
+        let (code, stderr, fitted) = evrig(&search);
+        assert_eq!(code, 0, "{light}: {stderr}");
+        for constant in fitted["passages"]["k"].as_array().unwrap() {
             let (value, ci95) = (constant["value"].as_f64(), numbers(&constant["ci95"]));
             assert!(value.is_some_and(|v| ci95[0] <= v && v <= ci95[1]), "{light}: {constant}");
         }
-        let candidates = told["candidates"].as_array().unwrap();
+        let candidates = fitted["candidates"].as_array().unwrap();
         let train = |name: &str| {
             let found = candidates.iter().find(|candidate| candidate["name"] == name);
             found.and_then(|candidate| candidate["train"].as_f64()).unwrap()
         };
-        let chosen = told["from"].as_str().unwrap();
+        let chosen = fitted["from"].as_str().unwrap();
         for other in candidates {
             let value = other["train"].as_f64().unwrap_or(f64::INFINITY);
             assert!(train(chosen) <= value, "{light}: {chosen} against {other}");
         }
         assert!(train("search").is_finite(), "{light}");
         assert!(candidates.iter().all(|candidate| candidate["held_out"].is_number()), "{light}");
-        let (code, said, made) =
+        let (code, stderr, made) =
             evrig(&["generate", &session, "--from", light, "--k", "@calibrated", "--name", "own"]);
-        assert_eq!(code, 0, "{light}: {said}");
-        assert_eq!(made["parameters"]["model"]["k"], told["k"], "{light}");
+        assert_eq!(code, 0, "{light}: {stderr}");
+        assert_eq!(made["parameters"]["model"]["k"], fitted["k"], "{light}");
     }
 }
 
 #[test]
-fn constants_that_made_the_events_lie_in_their_stated_intervals() {
+fn confidence_intervals_cover_the_true_constants() {
     let session = session();
     let truth = "6,8,2e-4,1e-7,5e-9,3e-5";
     let (mut n_within, mut n) = (0, 0);
@@ -115,9 +111,9 @@ fn constants_that_made_the_events_lie_in_their_stated_intervals() {
         let name = format!("known-{seed}");
         let made =
             ["generate", &session, "--from", "aps", "--k", truth, "--seed", seed, "--name", &name];
-        let (code, said, _) = evrig(&made);
-        assert_eq!(code, 0, "{said}");
-        let told = [
+        let (code, stderr, _) = evrig(&made);
+        assert_eq!(code, 0, "{stderr}");
+        let calibrate = [
             "calibrate",
             &session,
             "--from",
@@ -128,9 +124,9 @@ fn constants_that_made_the_events_lie_in_their_stated_intervals() {
             "0",
             "--force",
         ];
-        let (code, said, told) = evrig(&told);
-        assert_eq!(code, 0, "{said}");
-        let constants = told["passages"]["k"].as_array().unwrap();
+        let (code, stderr, fitted) = evrig(&calibrate);
+        assert_eq!(code, 0, "{stderr}");
+        let constants = fitted["passages"]["k"].as_array().unwrap();
         for (i, (constant, truth)) in constants.iter().zip(truth.split(',')).enumerate() {
             let truth: f64 = truth.parse().unwrap();
             let ci95 = numbers(&constant["ci95"]);
@@ -142,6 +138,6 @@ fn constants_that_made_the_events_lie_in_their_stated_intervals() {
             }
         }
     }
-    // Of 18 intervals of 95 % four or more are missed once in a hundred such tests.
+    // Four or more of 18 intervals of 95 % miss in one of a hundred such tests.
     assert!(n == 18 && n_within >= 15, "{missed:#?}");
 }

@@ -1,12 +1,12 @@
-"""Does dv-processing read what evrig writes, and the other way round?
+"""Checks that dv-processing reads the files of evrig, and vice versa.
 
-Driven by tests/aedat4_dv.rs, which runs it when EVRIG_PYTHON names a Python with
+Run by tests/it/aedat4_dv.rs, which runs it when EVRIG_PYTHON names a Python with
 `pip install dv-processing numpy`:
 
     EVRIG_PYTHON=.venv/bin/python cargo test --test it aedat4_dv
 
-`check TRUTH FILE` reads FILE with dv-processing's MonoCameraRecording and demands the
-contents of TRUTH (JSON) back, value by value; `write TRUTH FILE COMPRESSION` writes them with
+`check TRUTH FILE` reads FILE with dv-processing's MonoCameraRecording and requires the
+contents of TRUTH (JSON), value by value; `write TRUTH FILE COMPRESSION` writes them with
 its MonoCameraWriter. Exit code 0 means equal; a difference is printed and gives 1.
 """
 
@@ -89,7 +89,7 @@ def check(truth, path):
                 pairs = zip(expected, found[key])
                 print(next((pair for pair in pairs if pair[0] != pair[1]), "lengths differ"))
             return 1
-    # Seeking needs the data table; half of the time must give a part of the events.
+    # Seeking needs the data table; half of the time range must give a part of the events.
     times = [event[0] for event in truth["events"]]
     middle = times[len(times) // 2]
     part = dv.io.MonoCameraRecording(path).getEventsTimeRange(times[0], middle)

@@ -1,9 +1,9 @@
-"""A stream over TCP between evrig and dv-processing. Driven by tests/davis_dv.rs.
+"""A stream over TCP between evrig and dv-processing. Run by tests/devices/davis_dv.rs.
 
 `serve PORT KIND COMPRESSION N` serves N packets with dv-processing's NetworkWriter once a client
-is there: events (1000 a packet, event i of packet k at t = 1000000 + 1000 k + i, x = i % 346,
-y = k % 260, On where i is even) or frames (k at t = 1000000 + 1000 k, every pixel k % 256).
-`read PORT KIND N` reads with NetworkReader until N events or frames came and prints, as JSON,
+has connected: events (1000 per packet, event i of packet k at t = 1000000 + 1000 k + i, x = i % 346,
+y = k % 260, ON where i is even) or frames (k at t = 1000000 + 1000 k, every pixel k % 256).
+`read PORT KIND N` reads with NetworkReader until N events or frames have arrived and prints, as JSON,
 their number, first and last time, and a sum over x, y, polarity or pixels.
 """
 
@@ -40,9 +40,9 @@ def serve(port, kind, compression, n):
             image = np.full((260, 346), k % 256, dtype=np.uint8)
             writer.writeFrame(dv.Frame(1_000_000 + 1000 * k, image))
     print("written", flush=True)
-    # The process that reads says when it has all.
+    # The reading process signals when it has everything.
     sys.stdin.readline()
-    # The writer's destructor can wait for ever for a client that has left.
+    # The writer's destructor can wait forever for a client that has disconnected.
     sys.stdout.flush()
     os._exit(0)
 

@@ -1,7 +1,7 @@
-"""Clients that others wrote drive the simulated arm: pydobot and pydobotplus.
+"""Third-party clients drive the simulated arm: pydobot and pydobotplus.
 
 Usage: dobot_clients.py PORT. Prints one JSON object; exits 1 with a reason when a client
-does not get what it asked for.
+does not get the expected answer.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Reads exported events back with the libraries their users have, and holds them to each other.
+"""Reads exported events with common libraries and compares the results.
 
 usage: read_exports.py FOLDER   with real.npz, real.h5, real.parquet, real.aedat4, real.mcap
 """
@@ -25,14 +25,14 @@ def hdf5():
         x, y, p = (f["events"][name][:] for name in "xyp")
         assert f["events/t"].dtype == np.uint32 and x.dtype == y.dtype == np.uint16 and p.dtype == np.uint8
         assert f["events/t"].compression == "gzip"
-        # As the loader of DSEC slices: t[ms_to_idx[ms]] >= ms * 1000, and the one before is earlier.
+        # As in DSEC: t[ms_to_idx[ms]] >= ms * 1000, and the previous event is earlier.
         index = f["ms_to_idx"][:]
         raw = f["events/t"][:].astype(np.int64)
         assert index.dtype == np.uint64 and index[0] == 0 and index[-1] == len(raw)
         for ms in range(0, len(index) - 1, 7):
             i = int(index[ms])
             assert raw[i] >= ms * 1000 and (i == 0 or raw[i - 1] < ms * 1000), ms
-        # Images cut the events: those of an image interval lie between its times.
+        # Image times divide the events: those of an interval are between its times.
         images = f["images/aps"]
         first, times = images["first_event"][:], images["t_us"][:]
         assert len(first) == len(times) > 2 and (np.diff(times) > 0).all()
@@ -67,7 +67,7 @@ def aedat4():
 
 
 def structured():
-    """As tonic and its kin hold events: one array with named fields."""
+    """Events as in tonic: one array with named fields."""
     t, x, y, p = npz()
     events = np.empty(len(t), dtype=[("t", "<i8"), ("x", "<i2"), ("y", "<i2"), ("p", "<i1")])
     events["t"], events["x"], events["y"], events["p"] = t, x, y, p

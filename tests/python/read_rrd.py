@@ -1,4 +1,4 @@
-"""Reads an exported rrd back with Rerun's own package and holds it to the npz of the same stream.
+"""Reads an exported rrd with the package of Rerun and compares it with the npz of the same stream.
 
 usage: read_rrd.py FOLDER   with real.rrd, real.npz and their FILE.json
 """
@@ -18,7 +18,7 @@ assert recording.application_id() == "evrig", recording.application_id()
 
 
 def column(entity, name):
-    """Times, us, and values of a component of an entity, on the events' clock."""
+    """Times (us) and values of a component of an entity, on the clock of the events."""
     view = recording.view(index="events", contents=entity)
     table = view.select().read_all()
     found = [c for c in table.column_names if c.startswith(f"{entity}:") and c.endswith(f":{name}")]

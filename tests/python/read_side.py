@@ -1,5 +1,5 @@
-"""Holds what goes with exported events to the session's own files: when each image saw light, which events
-lie behind it, where the tag was and how far from there it was seen, the clocks, the seeds.
+"""Compares the metadata of exported events with the files of the session: exposure times and event
+ranges of the images, poses of the tag and its detections, clocks, seeds.
 
 usage: read_side.py SESSION FOLDER   with {real,scene}.{npz,h5,parquet,aedat4,mcap} and their FILE.json
 """
@@ -36,7 +36,7 @@ def apply(h, place):
 
 
 def on_events_clock(stream, stamps_ns):
-    """The Pi's stamps by the clock that `evrig sync` left."""
+    """The Pi's timestamps mapped by the result of `evrig sync`."""
     clock = json.loads((session / "derived/sync/clock.json").read_text())
     segments = clock["davis_from_sensor"]["segments"]
     late = {one["stream"]: (one["delay_us"] or {}).get("value", 0.0) for one in clock.get("stream_delays", [])}
@@ -49,7 +49,7 @@ def on_events_clock(stream, stamps_ns):
 
 
 def check_tables(stream):
-    """The same numbers in the files that have room for them, and beside each."""
+    """The same numbers inside the files that can hold them, and in the JSON file of each."""
     sides = {ending: beside(stream, ending) for ending in ENDINGS}
     npz = np.load(folder / f"{stream}.npz")
     t = npz["events"][:, 0]
@@ -76,7 +76,7 @@ def check_tracks(side):
         track = json.loads((session / f"derived/track-{image['stream']}/track.json").read_text())["track"]
         assert track["lens"]["distortion"] == [0.0] * 5, "the test's lens is perfect"
         tag, picture_mm, gap = (track["plane"][f"{part}_mm"] for part in ("tag_side", "picture_side", "gap"))
-        # From the middle of all that is printed, down positive: the picture, the gap, the tag.
+        # From the centre of the target, down positive: image, gap, tag.
         right, bottom = (picture_mm + gap + tag) / 2, max(picture_mm, tag) / 2
         corners = [[right - tag, bottom], [right, bottom], [right, bottom - tag], [right - tag, bottom - tag]]
         assert image["corner_rms_px"] == track["quality"]["corner_rms_px"]
@@ -88,22 +88,22 @@ def check_tracks(side):
             if row not in sightings:
                 assert np.isnan(residual), row
                 continue
-            seen = np.array(sightings[row]["corners_px"])
+            detected = np.array(sightings[row]["corners_px"])
             if np.isnan(residual):
-                # The path begins with the first sighting, and ends with the last, in the tag's middle row.
+                # The path begins with the first detection and ends with the last, at the tag's middle row.
                 assert row in (min(sightings), max(sightings)), row
                 continue
             own.append(residual)
             if np.isnan(h).any():
                 continue
             n_seen += 1
-            # The homography is of the middle row's time, the corners of their own rows': what the print
-            # moves in between is little on this rig.
-            apart = np.array([apply(h, corner) for corner in corners]) - seen
+            # The homography is at the time of the middle row, each corner at that of its own row; the
+            # target moves little in between on this rig.
+            apart = np.array([apply(h, corner) for corner in corners]) - detected
             off = np.sqrt(np.mean(np.sum(apart**2, 1)))
             assert off < residual + 1.0, (image["stream"], row, off, residual)
             if image["stream"] == "aps":
-                # All rows at once: here the two are the same number.
+                # Global shutter: both are the same number.
                 assert abs(off - residual) < 1e-6, (row, off, residual)
         rms = np.sqrt(np.mean(np.square(own)))
         assert abs(rms / image["corner_rms_px"] - 1) < 0.05, (image["stream"], rms, image["corner_rms_px"])
@@ -139,7 +139,7 @@ def check_exposures(side):
         starts, ends = (column(side, number, f"exposure_{end}_us") for end in ("start", "end"))
         for stamp, start, end in zip(stamps, starts, ends):
             assert abs((end - start) - own[int(stamp)]) < 2, (stream, stamp)
-        # The middle of an exposure lies between its ends, and all of it on the events' clock.
+        # The middle of an exposure is between its ends, on the clock of the events.
         middle = column(side, number, "t_us")
         assert ((starts < middle) & (middle < ends + 20_000)).all()
         mapped = on_events_clock(stream, stamps)

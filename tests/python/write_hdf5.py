@@ -1,4 +1,4 @@
-"""Writes the event table that tests/hdf5_python.rs reads back, as h5py users write it.
+"""Writes the event table that tests/it/hdf5_python.rs reads, in common layouts.
 
 usage: write_hdf5.py OUT LAYOUT    with LAYOUT one of dsec, flat, table
 """

@@ -1,5 +1,5 @@
-//! An event camera on a wire whose events tell their own number, so that any that is missing, altered
-//! or out of place is found.
+//! An event camera on TCP whose events encode their own number, so that missing, altered and
+//! misplaced events are found.
 
 use evrig::device::stream_server::StreamServer;
 use evrig::event::{Event, Events};
@@ -16,7 +16,7 @@ pub const PACKET_EVENTS: i64 = 50;
 pub const PACKET: Duration = Duration::from_millis(5);
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// The event whose number its stamp tells.
+/// The event of number `n`, which its timestamp encodes.
 pub fn event(n: i64) -> Event {
     let place = n.unsigned_abs() as usize;
     Event {
@@ -27,8 +27,8 @@ pub fn event(n: i64) -> Event {
     }
 }
 
-/// An event camera that tells of every packet it has sent to the recording.
-pub struct Camera {
+/// An event camera that reports every packet it has sent.
+pub struct NumberedCamera {
     pub address: String,
     sent: Receiver<u64>,
     n_sent: u64,
@@ -36,16 +36,16 @@ pub struct Camera {
     thread: Option<JoinHandle<()>>,
 }
 
-impl Camera {
-    /// Sends once so many clients have connected.
+impl NumberedCamera {
+    /// Sends once `n_clients` have connected.
     pub fn start(n_clients: u64) -> Self {
         let spec = StreamSpec::events(Size::DAVIS346, "DAVIS346_1");
         let mut server = StreamServer::bind("127.0.0.1:0", &spec, Compression::None).unwrap();
         let address = server.address().to_string();
-        let (tell, sent) = channel();
+        let (report, sent) = channel();
         let (stop, stopped) = channel::<()>();
         let thread = std::thread::spawn(move || {
-            // A recorder that was killed early never connects again, and then this is told to end.
+            // A recorder that was killed early never connects again; then `end` stops this thread.
             while !server.wait_for_clients(n_clients, PACKET) {
                 if stopped.try_recv() == Err(TryRecvError::Disconnected) {
                     return;
@@ -55,7 +55,7 @@ impl Camera {
                 let first = packet * PACKET_EVENTS;
                 let events: Events = (first..first + PACKET_EVENTS).map(event).collect();
                 server.send_events(events.as_slice()).unwrap();
-                if tell.send(packet as u64 + 1).is_err()
+                if report.send(packet as u64 + 1).is_err()
                     || stopped.recv_timeout(PACKET) != Err(RecvTimeoutError::Timeout)
                 {
                     return;
@@ -65,7 +65,7 @@ impl Camera {
         Self { address, sent, n_sent: 0, stop: Some(stop), thread: Some(thread) }
     }
 
-    /// Waits until so many more packets were sent.
+    /// Waits until `n` more packets were sent.
     pub fn wait_for(&mut self, n: u64) {
         let goal = self.n_sent() + n;
         while self.n_sent < goal {
@@ -79,7 +79,7 @@ impl Camera {
         self.n_sent
     }
 
-    /// Stops, and says how many packets were sent.
+    /// Stops and returns the number of packets sent.
     pub fn end(mut self) -> u64 {
         drop(self.stop.take());
         self.thread.take().unwrap().join().unwrap();
@@ -87,19 +87,19 @@ impl Camera {
     }
 }
 
-/// What a file holds of the events that were sent.
+/// The sent events that a file contains.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub struct Found {
-    /// Number behind the last event; 0 for none.
+pub struct FoundEvents {
+    /// Number after the last event; 0 for none.
     pub next: i64,
     pub n_gaps: usize,
-    /// Events that are not what their stamp tells.
+    /// Events that differ from the one of their timestamp.
     pub n_wrong: usize,
 }
 
 /// Reads the recorded events.
-pub fn find_events(path: &Path) -> Found {
-    let mut found = Found::default();
+pub fn find_events(path: &Path) -> FoundEvents {
+    let mut found = FoundEvents::default();
     let mut next: Option<i64> = None;
     for packet in Reader::open(path).into_iter().flatten().map_while(Result::ok) {
         let Content::Events(events) = packet.content else { continue };
@@ -114,8 +114,8 @@ pub fn find_events(path: &Path) -> Found {
     found
 }
 
-/// The recorded events, each of which must be the one its stamp tells, without a gap between them;
-/// the number behind the last, 0 for none.
+/// Requires that the recorded events match their timestamps and have no gap between them. Returns
+/// the number after the last event, 0 for none.
 pub fn check_events(path: &Path) -> i64 {
     let found = find_events(path);
     assert_eq!((found.n_gaps, found.n_wrong), (0, 0), "{found:?}");

@@ -1,11 +1,11 @@
-//! A Slurm of one node, all of it in one folder: munged, slurmctld and slurmd as they are on a cluster.
+//! A Slurm cluster of one node in one folder: munged, slurmctld and slurmd.
 
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Nothing here takes a minute unless it never comes.
+/// Longest wait for a daemon or a job.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 pub(crate) struct Cluster {
@@ -13,7 +13,7 @@ pub(crate) struct Cluster {
     daemons: Vec<Child>,
 }
 
-/// Where a program is; Debian keeps daemons outside the path of users.
+/// Path of a program; Debian keeps daemons outside the search path of users.
 fn find(program: &str) -> Option<PathBuf> {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let folders = std::env::split_paths(&path).chain(["/usr/sbin".into(), "/sbin".into()]);
@@ -38,7 +38,7 @@ impl Cluster {
         for name in ["state", "spool"] {
             std::fs::create_dir(root.join(name)).unwrap();
         }
-        let host = said(&mut Command::new("hostname"));
+        let host = stdout(&mut Command::new("hostname"));
         let host = host.trim().split('.').next().unwrap().to_owned();
         std::fs::write(root.join("slurm.conf"), configuration(&root, &host)).unwrap();
         cluster.daemon(
@@ -59,7 +59,7 @@ impl Cluster {
         cluster.daemon("slurmd", &["-D", "-f", &at("slurm.conf"), "-N", &host]);
         until("the node is idle", || {
             let mut sinfo = cluster.tool("sinfo");
-            said(sinfo.args(["--noheader", "--format=%T"])).trim() == "idle"
+            stdout(sinfo.args(["--noheader", "--format=%T"])).trim() == "idle"
         });
         Some(cluster)
     }
@@ -76,17 +76,17 @@ impl Cluster {
         self.folder.path().join("slurm.conf")
     }
 
-    /// A tool of Slurm that talks to this cluster.
+    /// A Slurm command configured for this cluster.
     pub(crate) fn tool(&self, program: &str) -> Command {
         let mut command = Command::new(program);
         command.env("SLURM_CONF", self.configuration());
         command
     }
 
-    /// Returns once a job has ended, however it ended.
+    /// Waits until a job has ended, with any result.
     pub(crate) fn wait_for(&self, job: u64) {
         let dependency = format!("--dependency=afterany:{job}");
-        // srun is told when its turn comes, where `sbatch --wait` asks in ever longer intervals.
+        // srun is notified when it may start; `sbatch --wait` polls at increasing intervals.
         let options = ["--ntasks=1", "--mem=1M", "--quiet", &dependency, "true"];
         assert!(succeeds(self.tool("srun").args(options)), "job {job} can be waited for");
     }
@@ -103,7 +103,7 @@ impl Drop for Cluster {
 }
 
 fn configuration(root: &Path, host: &str) -> String {
-    let user = said(Command::new("id").arg("-un"));
+    let user = stdout(Command::new("id").arg("-un"));
     let (user, root) = (user.trim(), root.display());
     let ports: Vec<TcpListener> =
         (0..2).map(|_| TcpListener::bind("127.0.0.1:0").unwrap()).collect();
@@ -129,12 +129,12 @@ fn succeeds(command: &mut Command) -> bool {
     command.status().is_ok_and(|status| status.success())
 }
 
-fn said(command: &mut Command) -> String {
+fn stdout(command: &mut Command) -> String {
     let output = command.stdin(Stdio::null()).stderr(Stdio::null()).output();
     output.map(|output| String::from_utf8_lossy(&output.stdout).into_owned()).unwrap_or_default()
 }
 
-/// Asks again and again; other programs' daemons announce themselves in no other way.
+/// Polls until the condition holds; the daemons offer no notification.
 pub(crate) fn until(what: &str, mut holds: impl FnMut() -> bool) {
     let began = Instant::now();
     while !holds() {

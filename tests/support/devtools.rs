@@ -1,4 +1,4 @@
-//! A headless Chromium, spoken to over its own pipe.
+//! A headless Chromium, controlled by the DevTools protocol over its pipe.
 
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};
@@ -7,7 +7,7 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
-/// Longest wait for one message; a browser that says nothing for so long is taken for dead.
+/// Longest wait for one message.
 const DEADLINE: Duration = Duration::from_secs(60);
 
 pub(crate) struct Browser {
@@ -16,13 +16,13 @@ pub(crate) struct Browser {
     from: Receiver<Value>,
     last_id: u64,
     session: Option<String>,
-    /// Events that came while an answer was awaited.
+    /// Events received while waiting for an answer.
     pub(crate) events: Vec<Value>,
 }
 
 impl Browser {
     pub(crate) fn start(program: &str, profile: &Path) -> Self {
-        // The browser reads its pipe at descriptor 3 and answers at 4; the shell puts them there.
+        // The browser reads commands from descriptor 3 and answers on 4; the shell redirects them.
         let mut child = Command::new("sh")
             .args(["-c", "exec \"$0\" \"$@\" 3<&0 4>&1 0</dev/null 1>&2", program])
             .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic"])
@@ -43,7 +43,7 @@ impl Browser {
             let mut message = Vec::new();
             while reader.read_until(0, &mut message).is_ok_and(|n| n > 0) {
                 message.pop();
-                let value = serde_json::from_slice(&message).expect("the browser speaks JSON");
+                let value = serde_json::from_slice(&message).expect("the browser sends JSON");
                 if sender.send(value).is_err() {
                     return;
                 }
@@ -74,7 +74,7 @@ impl Browser {
         if let Some(session) = &self.session {
             message["sessionId"] = json!(session);
         }
-        self.to.write_all(format!("{message}\0").as_bytes()).expect("the browser listens");
+        self.to.write_all(format!("{message}\0").as_bytes()).expect("the browser reads its pipe");
         loop {
             let mut answer = self.receive();
             if answer["id"] == json!(self.last_id) {
@@ -112,7 +112,7 @@ impl Drop for Browser {
     fn drop(&mut self) {
         let _ = self.to.write_all(b"{\"id\":0,\"method\":\"Browser.close\"}\0");
         let _ = self.to.flush();
-        // After its farewell the browser closes the pipe, which ends the reader's channel.
+        // On exit the browser closes the pipe, which ends the reader's channel.
         while self.from.recv_timeout(Duration::from_secs(10)).is_ok() {}
         let _ = self.child.kill();
         let _ = self.child.wait();

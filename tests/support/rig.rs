@@ -1,4 +1,4 @@
-//! The simulated rig's description with its devices on wires, as a program reads it.
+//! The description of the simulated rig with its devices at given ports and addresses.
 
 use evrig::rig::Rig;
 use std::fmt::Display;

@@ -1,4 +1,4 @@
-//! Small sessions: a bar that walks over a grid, and the events it would make.
+//! Small sessions: a bar that moves over a grid, and the events it causes.
 
 use assert_cmd::Command;
 use evrig::event::{Event, Events};
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 const WIDTH: u16 = 24;
 const HEIGHT: u16 = 10;
-/// So few make too few events for a diagnosis, which would take seconds.
+/// Gives too few events for a diagnosis, which would take seconds.
 const FEW_FRAMES: u16 = 12;
 
 pub(crate) fn text(path: &Path) -> &str {
@@ -19,21 +19,43 @@ pub(crate) fn evrig() -> Command {
     Command::cargo_bin("evrig").unwrap()
 }
 
-/// Exit code, result, and what was said.
+/// Exit code, result and standard error of a command run with `--json`.
 pub(crate) fn json(command: &mut Command) -> (i32, Value, String) {
     let output = command.arg("--json").output().unwrap();
     let value = serde_json::from_slice(&output.stdout).unwrap_or(Value::Null);
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    (output.status.code().unwrap_or(-1), value, said)
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output.status.code().unwrap_or(-1), value, stderr)
 }
 
-/// A dataset of `n` sessions `s0`, `s1`, ... that differ in where the bar begins and in how many events
-/// are missing.
+/// Exit code, standard error and result of evrig with `--json`.
+pub(crate) fn run_json(arguments: &[&str]) -> (i32, String, Value) {
+    let (code, value, stderr) = json(evrig().args(arguments));
+    (code, stderr, value)
+}
+
+/// Exit code and both outputs of a command.
+pub(crate) fn run(command: &mut Command) -> (i32, String) {
+    let output = command.output().unwrap();
+    let printed = [output.stderr, output.stdout].concat();
+    (output.status.code().unwrap(), String::from_utf8(printed).unwrap())
+}
+
+/// The Python of `EVRIG_PYTHON`; prints why a test is skipped when there is none.
+pub(crate) fn python(packages: &str) -> Option<String> {
+    let python = std::env::var("EVRIG_PYTHON").ok().filter(|path| !path.is_empty());
+    if python.is_none() {
+        eprintln!("skipped: set EVRIG_PYTHON to a Python with {packages}");
+    }
+    python
+}
+
+/// A dataset of `n` sessions `s0`, `s1`, ... that differ in the bar's start and in the number of
+/// missing events.
 pub(crate) fn dataset(root: &Path, n: u16) -> PathBuf {
     dataset_of(root, &vec![FEW_FRAMES; usize::from(n)])
 }
 
-/// The same of so many frames each.
+/// A dataset with one session for each number of frames.
 pub(crate) fn dataset_of(root: &Path, n_frames: &[u16]) -> PathBuf {
     let dataset = root.join("dataset");
     let folder = root.join("material");
@@ -54,31 +76,31 @@ fn material(frames: &Path, events: &Path, seed: u16, n_frames: u16) {
     let bright = |x: u16, k: u16| (x + 3 * seed + WIDTH - k % WIDTH) % WIDTH < 5;
     let shape = [u64::from(n_frames), u64::from(HEIGHT), u64::from(WIDTH)];
     let mut writer = ArrayWriter::<u8>::create(frames, &shape).unwrap();
-    let mut seen = Events::new();
+    let mut recorded = Events::new();
     for k in 0..n_frames {
-        // A bar of several levels: one of a single level would be taken for light that is clipped.
+        // Several levels, because a single one would be taken for saturation.
         let pixel =
             |i: usize| if bright(i as u16 % WIDTH, k) { 180 + 3 * (i % 7) as u8 } else { 40 };
         writer.extend(&(0..size).map(pixel).collect::<Vec<u8>>()).unwrap();
         for x in 0..WIDTH {
             if k > 0 && bright(x, k) != bright(x, k - 1) {
                 for y in (0..HEIGHT).filter(|y| (x + y + k) % (5 + seed) != 0) {
-                    let late = i64::from((y * 7 + x * 3 + seed) % 40) * 25;
-                    let t = i64::from(k) * 10_000 - 5_000 + late;
-                    seen.push(Event { t, x, y, on: bright(x, k) });
+                    let delay = i64::from((y * 7 + x * 3 + seed) % 40) * 25;
+                    let t = i64::from(k) * 10_000 - 5_000 + delay;
+                    recorded.push(Event { t, x, y, on: bright(x, k) });
                 }
             }
         }
     }
     writer.finish().unwrap();
-    seen.sort_by_time();
+    recorded.sort_by_time();
     let mut npz = NpzWriter::create(events).unwrap();
-    let rows = seen.as_slice().iter().flat_map(|e| [e.t, e.x.into(), e.y.into(), e.on.into()]);
-    npz.add::<i64>("events", &[seen.len() as u64, 4], rows).unwrap();
+    let rows = recorded.as_slice().iter().flat_map(|e| [e.t, e.x.into(), e.y.into(), e.on.into()]);
+    npz.add::<i64>("events", &[recorded.len() as u64, 4], rows).unwrap();
     npz.finish().unwrap();
 }
 
-/// Every file below a directory with its bytes, but for locks and what Slurm's jobs leave.
+/// Every file below a directory with its bytes, except locks and the files of Slurm jobs.
 pub(crate) fn tree(root: &Path) -> Vec<(String, Vec<u8>)> {
     let mut files = Vec::new();
     let mut folders = vec![root.to_owned()];

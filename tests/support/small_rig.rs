@@ -1,4 +1,4 @@
-//! The simulated rig with some of its numbers replaced, so that its pictures are small and quick.
+//! The simulated rig with some values replaced, so that its frames are small and quick to render.
 
 use evrig::pipeline::align;
 use evrig::rig::Rig;
@@ -8,7 +8,7 @@ use evrig::sim::{Simulation, simulate};
 use evrig::trajectory::{OptionalSegments, Trajectory};
 use std::path::Path;
 
-/// A small print over which both cameras hang at one place, with a tag as large as on the whole one.
+/// A small target below both cameras, which share one position; the tag keeps its size.
 #[allow(dead_code)]
 pub(crate) const CORNER: [(&str, &str); 6] = [
     ("[0.0, 18.0, -13.0]", "[0.0, 0.0, -13.0]"),
@@ -19,7 +19,7 @@ pub(crate) const CORNER: [(&str, &str); 6] = [
     ("gap_mm = 4.1\n", "gap_mm = 3.0\n"),
 ];
 
-/// The bundled rig, each first text replaced by the second; every one of them must stand in it.
+/// The bundled rig with each first text, which must occur, replaced by the second.
 pub(crate) fn small_rig(replaced: &[(&str, &str)]) -> Rig {
     let mut text = include_str!("../../rig/sim.toml").to_owned();
     for (from, to) in replaced {
@@ -29,7 +29,7 @@ pub(crate) fn small_rig(replaced: &[(&str, &str)]) -> Rig {
     Rig::parse("small.toml", &text).unwrap()
 }
 
-/// Rest, to the right, down, back to the left, rest.
+/// Rest, right, down, left, rest.
 const CORNER_PATH: &str = r#"
 schema = "evrig.trajectory/1"
 name = "corner"
@@ -64,13 +64,13 @@ label = "after"
 duration_s = 0.2
 "#;
 
-/// A way round a corner, which moves the tag in both directions.
+/// A path around a corner, which moves the tag along both axes.
 #[allow(dead_code)]
 pub(crate) fn corner_path() -> Trajectory {
     Trajectory::parse("corner.toml", CORNER_PATH).unwrap()
 }
 
-/// A recording by both cameras in the simulated world that `world` describes.
+/// A recording by both cameras in the simulated world described by `world`.
 #[allow(dead_code)]
 pub(crate) fn simulated(rig: &Rig, trajectory: &Trajectory, world: &str, out: &Path) -> Manifest {
     let path = trajectory.path(rig, OptionalSegments::Included).unwrap();
@@ -80,14 +80,14 @@ pub(crate) fn simulated(rig: &Rig, trajectory: &Trajectory, world: &str, out: &P
     simulate(&simulation, &mut |_| {}).unwrap()
 }
 
-/// One along the way round the corner.
+/// A recording along `corner_path`.
 #[allow(dead_code)]
 pub(crate) fn corner_session(world: &str, out: &Path) -> Session {
     simulated(&small_rig(&CORNER), &corner_path(), world, out);
     Session::open(out).unwrap()
 }
 
-/// The same on one clock and one target.
+/// The same recording, synchronized and registered.
 #[allow(dead_code)]
 pub(crate) fn aligned_session(out: &Path) -> Session {
     let session = corner_session("", out);

@@ -1,4 +1,4 @@
-//! A recording that never was: a disc that moves over a textured wall.
+//! A synthetic recording for report pages: a disc that moves over a textured wall.
 
 use evrig::event::{Event, Events};
 use evrig::geometry::Size;
@@ -17,16 +17,16 @@ use evrig::stats::Estimate;
 pub(crate) const SIZE: Size = Size::DAVIS346;
 const DURATION_US: i64 = 2_000_000;
 
-/// A small generator of numbers that look random; the same in every run.
-pub(crate) struct Dice(u64);
+/// A reproducible xorshift generator.
+pub(crate) struct UniformRandom(u64);
 
-impl Dice {
+impl UniformRandom {
     pub(crate) fn new(seed: u64) -> Self {
         Self(seed | 1)
     }
 
     /// Uniform in 0..1.
-    pub(crate) fn roll(&mut self) -> f64 {
+    pub(crate) fn uniform(&mut self) -> f64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;
@@ -39,9 +39,9 @@ fn centre(t_us: i64) -> [f64; 2] {
     [173.0 + 95.0 * phase.cos(), 130.0 + 60.0 * phase.sin()]
 }
 
-/// Events on the disc's rim, and noise; `late_us` and `noise` tell two cameras apart.
+/// Events on the disc's rim, and noise; `late_us` and `noise` distinguish two cameras.
 fn events(seed: u64, per_step: usize, late_us: f64, noise: f64) -> Events {
-    let mut dice = Dice::new(seed);
+    let mut random = UniformRandom::new(seed);
     let mut events = Events::new();
     for step in 0..DURATION_US / 1_000 {
         let t = step * 1_000;
@@ -49,19 +49,20 @@ fn events(seed: u64, per_step: usize, late_us: f64, noise: f64) -> Events {
         let [ahead_x, ahead_y] = centre(t + 1_000);
         let n = per_step as f64 * (0.4 + 0.6 * (t as f64 * 4e-6).sin().powi(2));
         for _ in 0..n as usize {
-            let angle = dice.roll() * std::f64::consts::TAU;
-            let radius = 38.0 + 1.6 * (dice.roll() - 0.5);
+            let angle = random.uniform() * std::f64::consts::TAU;
+            let radius = 38.0 + 1.6 * (random.uniform() - 0.5);
             let along = (ahead_x - x) * angle.cos() + (ahead_y - y) * angle.sin();
-            if dice.roll() > along.abs() * 4.0 {
+            if random.uniform() > along.abs() * 4.0 {
                 continue;
             }
-            let t = t + (dice.roll() * 1_000.0 + late_us * dice.roll()) as i64;
+            let t = t + (random.uniform() * 1_000.0 + late_us * random.uniform()) as i64;
             let (px, py) = (x + radius * angle.cos(), y + radius * angle.sin());
             events.push(Event { t, x: px as u16, y: py as u16, on: along > 0.0 });
         }
-        for _ in 0..(noise * dice.roll()) as usize {
-            let [x, y] = [SIZE.width, SIZE.height].map(|n| (dice.roll() * f64::from(n)) as u16);
-            events.push(Event { t, x, y, on: dice.roll() < 0.6 });
+        for _ in 0..(noise * random.uniform()) as usize {
+            let [x, y] =
+                [SIZE.width, SIZE.height].map(|n| (random.uniform() * f64::from(n)) as u16);
+            events.push(Event { t, x, y, on: random.uniform() < 0.6 });
         }
     }
     events.sort_by_time();
@@ -105,12 +106,14 @@ fn density(mean_us: f64, shape_us: f64, dead_us: f64, seed: u64) -> (Vec<Estimat
         (shape_us / (std::f64::consts::TAU * t.powi(3))).sqrt()
             * (-shape_us * (t - mean_us).powi(2) / (2.0 * mean_us.powi(2) * t)).exp()
     };
-    let mut dice = Dice::new(seed);
+    let mut random = UniformRandom::new(seed);
     let edges = edges_us();
     let bins = edges.windows(2).map(|e| {
         let centre = (e[0] * e[1]).sqrt();
         let expected = if centre < dead_us { 0.0 } else { 40_000.0 * law(centre) * (e[1] - e[0]) };
-        let n = (expected + expected.sqrt() * (dice.roll() + dice.roll() - 1.0)).round().max(0.0);
+        let n = (expected + expected.sqrt() * (random.uniform() + random.uniform() - 1.0))
+            .round()
+            .max(0.0);
         let scale = 1.0 / (40_000.0 * (e[1] - e[0]));
         Estimate::normal(n * scale, n.sqrt() * scale, n as u64)
     });
@@ -153,9 +156,9 @@ fn measures() -> Vec<MeasureRow> {
 }
 
 fn table() -> ReportTable {
-    let mut dice = Dice::new(5);
+    let mut random = UniformRandom::new(5);
     let rows = (1..=9).map(|i| {
-        let [a, b, c] = std::array::from_fn(|_| dice.roll());
+        let [a, b, c] = std::array::from_fn(|_| random.uniform());
         vec![
             TableCell::text(&format!("street-{i}"))
                 .with_link(FileLink::beside(&format!("street-{i}/report.html"))),
@@ -168,7 +171,7 @@ fn table() -> ReportTable {
     ReportTable {
         title: "Sessions".into(),
         caption:
-            "One row a session. Look for sessions far from the others before you trust a mean."
+            "One row per session. Check for sessions far from the others before you trust a mean."
                 .into(),
         columns: vec![
             TableColumn::text("Session"),
@@ -251,7 +254,7 @@ fn in_time(real: &Events, simulated: &Events) -> Section {
     }
 }
 
-/// The general plots: points with errors and marks, a histogram, and two grids.
+/// General plots: points with errors and marks, a histogram and two grids.
 fn in_general() -> Section {
     let [clock, histogram] = general_charts();
     let values: Vec<f64> = (0..96)
@@ -304,10 +307,10 @@ fn in_general() -> Section {
 }
 
 fn general_charts() -> [Chart; 2] {
-    let mut dice = Dice::new(3);
+    let mut random = UniformRandom::new(3);
     let residual: Vec<[f64; 4]> = (0..24)
         .map(|i| {
-            let (t, value) = (f64::from(i) * 2.5, 40.0 * (dice.roll() - 0.5) + f64::from(i));
+            let (t, value) = (f64::from(i) * 2.5, 40.0 * (random.uniform() - 0.5) + f64::from(i));
             [t, value, value - 12.0, value + 12.0]
         })
         .collect();

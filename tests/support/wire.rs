@@ -1,4 +1,4 @@
-//! A TCP wire between two programs that fails on demand.
+//! A TCP proxy between two programs that fails on demand.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -7,39 +7,39 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// What a wire does with what the server sends.
+/// What the proxy does with the data of the server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Fault {
-    /// Hands it on.
+pub enum WireFault {
+    /// Forwards it.
     None,
-    /// Closes every connection and takes no new one.
+    /// Closes every connection and accepts none.
     Unplugged,
-    /// Keeps it.
+    /// Forwards nothing.
     Silent,
-    /// Hands on a trickle.
+    /// Forwards it slowly.
     Slow,
-    /// Hands on other bytes.
+    /// Forwards random bytes.
     Garbage,
-    /// Closes every connection once, and takes new ones.
+    /// Closes every connection once and accepts new ones.
     Restarted,
 }
 
-impl Fault {
+impl WireFault {
     const ALL: [Self; 6] =
         [Self::None, Self::Unplugged, Self::Silent, Self::Slow, Self::Garbage, Self::Restarted];
 }
 
 #[derive(Debug, Default)]
-struct Shared {
+struct WireState {
     fault: AtomicU8,
     is_ending: AtomicBool,
     sockets: Mutex<Vec<TcpStream>>,
 }
 
-impl Shared {
-    fn fault(&self) -> Fault {
-        Fault::ALL[usize::from(self.fault.load(Ordering::SeqCst))]
+impl WireState {
+    fn fault(&self) -> WireFault {
+        WireFault::ALL[usize::from(self.fault.load(Ordering::SeqCst))]
     }
 
     fn close_all(&self) {
@@ -49,22 +49,23 @@ impl Shared {
     }
 }
 
-/// A wire to a server.
+/// A proxy to a server.
 #[derive(Debug)]
-pub struct Wire {
+pub struct FaultyWire {
     address: SocketAddr,
-    shared: Arc<Shared>,
+    shared: Arc<WireState>,
     thread: Option<JoinHandle<()>>,
 }
 
 const TICK: Duration = Duration::from_millis(5);
-const TRICKLE: usize = 200;
+/// Bytes per read while the connection is slow.
+const SLOW_BYTES: usize = 200;
 
-impl Wire {
+impl FaultyWire {
     pub fn to(server: SocketAddr) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
-        let shared: Arc<Shared> = Arc::default();
+        let shared: Arc<WireState> = Arc::default();
         let its = Arc::clone(&shared);
         let thread = std::thread::spawn(move || {
             for client in listener.incoming() {
@@ -72,7 +73,7 @@ impl Wire {
                     return;
                 }
                 let Ok(client) = client else { continue };
-                if its.fault() == Fault::Unplugged {
+                if its.fault() == WireFault::Unplugged {
                     continue;
                 }
                 let Ok(upstream) = TcpStream::connect(server) else { continue };
@@ -86,26 +87,24 @@ impl Wire {
         self.address.to_string()
     }
 
-    pub fn set(&self, fault: Fault) {
+    pub fn set(&self, fault: WireFault) {
         self.shared.fault.store(fault as u8, Ordering::SeqCst);
-        if matches!(fault, Fault::Unplugged | Fault::Restarted) {
+        if matches!(fault, WireFault::Unplugged | WireFault::Restarted) {
             self.shared.close_all();
         }
     }
-}
 
-impl Wire {
-    /// Hands everything on again.
+    /// Forwards everything again.
     pub fn set_back(&self) {
-        self.shared.fault.store(Fault::None as u8, Ordering::SeqCst);
+        self.shared.fault.store(WireFault::None as u8, Ordering::SeqCst);
     }
 }
 
-impl Drop for Wire {
+impl Drop for FaultyWire {
     fn drop(&mut self) {
         self.shared.is_ending.store(true, Ordering::SeqCst);
         self.shared.close_all();
-        // The acceptor waits for a connection: this is the last.
+        // Wakes the acceptor, which waits for a connection.
         let _ = TcpStream::connect(self.address);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -113,8 +112,8 @@ impl Drop for Wire {
     }
 }
 
-/// Hands bytes on both ways until one side closes.
-fn join(client: TcpStream, server: TcpStream, shared: &Arc<Shared>) {
+/// Forwards bytes in both directions until one side closes.
+fn join(client: TcpStream, server: TcpStream, shared: &Arc<WireState>) {
     let again = |socket: &TcpStream| socket.try_clone().unwrap();
     shared.sockets.lock().unwrap().extend([again(&client), again(&server)]);
     let (up_from, up_to) = (again(&client), again(&server));
@@ -123,18 +122,18 @@ fn join(client: TcpStream, server: TcpStream, shared: &Arc<Shared>) {
     std::thread::spawn(move || pump(server, client, &others, true));
 }
 
-fn pump(mut from: TcpStream, mut to: TcpStream, shared: &Shared, can_fail: bool) {
+fn pump(mut from: TcpStream, mut to: TcpStream, shared: &WireState, can_fail: bool) {
     from.set_read_timeout(Some(TICK)).unwrap();
     let mut buffer = vec![0; 1 << 16];
     let mut state = 0x9e37_79b9_u32;
     while !shared.is_ending.load(Ordering::SeqCst) {
-        let fault = if can_fail { shared.fault() } else { Fault::None };
-        if fault == Fault::Silent {
+        let fault = if can_fail { shared.fault() } else { WireFault::None };
+        if fault == WireFault::Silent {
             std::thread::sleep(TICK);
             continue;
         }
-        let room = if fault == Fault::Slow { TRICKLE } else { buffer.len() };
-        let n = match from.read(&mut buffer[..room]) {
+        let n_max = if fault == WireFault::Slow { SLOW_BYTES } else { buffer.len() };
+        let n = match from.read(&mut buffer[..n_max]) {
             Ok(0) => break,
             Ok(n) => n,
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
@@ -142,13 +141,13 @@ fn pump(mut from: TcpStream, mut to: TcpStream, shared: &Shared, can_fail: bool)
             }
             Err(_) => break,
         };
-        if fault == Fault::Garbage {
+        if fault == WireFault::Garbage {
             for byte in &mut buffer[..n] {
                 state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                 *byte = (state >> 24) as u8;
             }
         }
-        if fault == Fault::Slow {
+        if fault == WireFault::Slow {
             std::thread::sleep(TICK);
         }
         if to.write_all(&buffer[..n]).is_err() {

@@ -1,11 +1,11 @@
-"""Stands in for picamera2 on machines without a Pi's camera. Its names and behaviour follow the
-library's documentation and the traps its users report; frames are patterns that tell column, row
-and frame apart, in coordinates of the whole sensor mode.
+"""A substitute for picamera2 on machines without a camera of the Pi. Names and behaviour follow the
+documentation of the library and the pitfalls its users report; frames are patterns that encode
+column, row and frame number, in coordinates of the whole sensor mode.
 
-Traps on purpose: it prints on standard output; rows are padded and buffers are longer than their
+Intended pitfalls: it prints on standard output; rows are padded and buffers are longer than their
 rows; a packed raw format becomes a lossy one on a Pi 5, where unpacked samples are left-justified;
-controls act three frames late; a request that is not released starves the camera; autofocus passes
-through old states first; FrameWallClock is in microseconds.
+controls take effect three frames late; a request that is not released blocks the camera; autofocus
+first reports old states; FrameWallClock is in microseconds.
 
 STANDIN_BOARD is pi4 or pi5, STANDIN_SWAP=1 lets the ISP change BGR888 to RGB888, STANDIN_SKIP=N
 leaves out every N-th frame, STANDIN_DIE=N ends the process at frame N, STANDIN_BLIND=1 never focuses.
@@ -177,7 +177,7 @@ class Picamera2:
                 if controls.get("AfTrigger") == 0:
                     self.trigger_at = self.k
             if option("DIE") and self.k >= option("DIE"):
-                os.write(2, b"the stand-in was told to die\n")
+                os.write(2, b"the stand-in ends as configured\n")
                 os._exit(9)
             time.sleep(0.002)
             stamp += self.controls["FrameDurationLimits"][0] * 1000
