@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let diagnosis: Diagnosis = read_back(&std::fs::read_to_string(from)?)?;
     let mut sheet = Sheet::new(900.0, 340.0);
     let strata = &diagnosis.mismatch.strata;
-    let strata = &strata[..places.len().min(MAX_STRATA)];
+    let strata = &strata[..strata.len().min(N_PLACES)];
     let area = |x: f64, w: f64| Area { x, y: 10.0, w, h: 320.0 };
     if let Some(term) = &diagnosis.proposed_term {
         draw_places(&mut sheet, area(10.0, 490.0), strata);

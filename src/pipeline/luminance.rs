@@ -66,19 +66,19 @@ pub(super) fn inputs_of(session: &Session, name: &str) -> Result<inputs::Inputs,
 impl LuminanceStream {
     /// The same with frames prepared in this way.
     #[must_use]
-    pub fn prepared(self, preparation: FramePreparation) -> Self {
+    pub(super) fn prepared(self, preparation: FramePreparation) -> Self {
         Self { preparer: FramePreparer::new(preparation), ..self }
     }
 
     /// Exposure times of the rows of a frame of this size, as the frame read last states them.
     #[must_use]
-    pub fn rows(&self, size: Size) -> RowTimes {
+    pub(super) fn rows(&self, size: Size) -> RowTimes {
         RowTimes::about_middle(self.row_us, size)
     }
 
     /// Frames left out so far because they are not later than the frame before them.
     #[must_use]
-    pub fn n_not_later(&self) -> u64 {
+    pub(super) fn n_not_later(&self) -> u64 {
         self.ascending.n_not_later()
     }
 }
