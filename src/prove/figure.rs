@@ -6,7 +6,7 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 
 type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Drawn = Result<(), Box<dyn std::error::Error>>;
+type DrawResult = Result<(), Box<dyn std::error::Error>>;
 
 const SIZE: (u32, u32) = (760, 330);
 const MEASURED: RGBColor = RGBColor(0, 114, 178);
@@ -34,7 +34,11 @@ pub fn figure(score: &ProofScore) -> Option<String> {
     Some(text)
 }
 
-fn draw(canvas: &Canvas<'_>, score: &ProofScore, calibration: &[&(f64, CountedShare)]) -> Drawn {
+fn draw(
+    canvas: &Canvas<'_>,
+    score: &ProofScore,
+    calibration: &[&(f64, CountedShare)],
+) -> DrawResult {
     canvas.fill(&WHITE)?;
     let (left, right) = canvas.split_horizontally(380);
     let strengths = STRENGTHS.iter().zip(&score.by_strength);
@@ -64,7 +68,7 @@ fn points(
     range: std::ops::Range<f64>,
     shares: &[(f64, CountedShare)],
     expected: Option<[(f64, f64); 2]>,
-) -> Drawn {
+) -> DrawResult {
     let mut chart = ChartBuilder::on(area)
         .caption(title, ("sans-serif", 16))
         .margin(10)

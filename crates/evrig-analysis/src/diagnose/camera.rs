@@ -6,7 +6,7 @@ use evrig_core::effect_id::EffectId;
 use evrig_generate::effect::{
     AppliedEffect, Effect, EffectSet, RecordingContext, Region, SignalStage,
 };
-use evrig_generate::forward::{BandNoise, DiagnosedCamera, ForwardParameters, ThresholdScatter};
+use evrig_generate::forward::{BandNoise, CameraConstants, ForwardParameters, ThresholdScatter};
 use evrig_generate::voltmeter::Coefficients;
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,7 @@ const STEP_US: u32 = 1_000;
 #[serde(deny_unknown_fields)]
 pub struct FittedCamera {
     /// The camera, for any light.
-    pub camera: DiagnosedCamera,
+    pub camera: CameraConstants,
     /// How it saw the light of its recording.
     pub seen: Seen,
     /// What was named, be it in the camera's effects, in its law or in the light.
@@ -49,7 +49,7 @@ impl FittedCamera {
         }
         let effects = EffectSet::new(applied).ok()?;
         let (noise, scatter) = noise(hypothesis, theta);
-        let camera = DiagnosedCamera {
+        let camera = CameraConstants {
             generator: ForwardParameters { k, effects, step_us: STEP_US },
             on_over_nominal: (0.5 * hypothesis.nuisance(Nuisance::LogRatio)).exp(),
             noise,
