@@ -17,6 +17,7 @@
 mod answer;
 mod diagnosis_process;
 mod draw;
+mod error;
 mod figure;
 mod judge;
 mod make;
@@ -31,15 +32,16 @@ mod strength;
 mod table;
 mod truth;
 
-pub use answer::{DiagnosisAnswer, NamedEffect};
+pub use answer::{AnsweredEffect, DiagnosisAnswer};
 pub use diagnosis_process::DiagnosisProcess;
 pub use draw::{TrialMix, draw};
+pub use error::ProveError;
 pub use figure::figure;
 pub use judge::{Judgement, ParameterCheck, judge};
 pub use make::SessionMaker;
 pub use quick::{quick, quick_failures};
 pub use record::{DiagnosisOutcome, ProofFolderError, ProofPlan, TrialRecord, claim_folder};
-pub use run::{PreparedTrials, Proof, ProofRun, ProveError};
+pub use run::{PreparedTrials, Proof, ProofRun};
 pub use score::{CountedShare, PerEffect, ProofScore};
 pub use seal::{Seal, SealError, open, seal, sha256};
 pub use strength::{StrengthScale, strengths};

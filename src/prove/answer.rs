@@ -10,7 +10,7 @@ pub struct DiagnosisAnswer {
     pub verdict: String,
     /// The effects named, in the order of importance.
     #[serde(default)]
-    pub effects: Vec<NamedEffect>,
+    pub effects: Vec<AnsweredEffect>,
     /// Strata in which the model is wrong.
     #[serde(default)]
     pub mismatch: AnswerMismatch,
@@ -50,7 +50,7 @@ pub struct UndecidableEffect {
 
 /// An effect as an answer names it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct NamedEffect {
+pub struct AnsweredEffect {
     /// Its id.
     pub id: String,
     /// Its parameters.

@@ -1,6 +1,6 @@
 //! Comparison of an answer with the truth.
 
-use super::answer::{DiagnosisAnswer, NamedEffect};
+use super::answer::{AnsweredEffect, DiagnosisAnswer};
 use super::record::TrialRecord;
 use super::region::{f1, pointed_at};
 use super::truth::SealedTruth;
@@ -74,15 +74,15 @@ pub fn judge(
     known: &BTreeSet<String>,
 ) -> Judgement {
     let truth = &record.truth;
-    let counted: Vec<&NamedEffect> = answer
+    let counted: Vec<&AnsweredEffect> = answer
         .effects
         .iter()
         .filter(|named| is_hidden(truth, &named.id) || !known.contains(&named.id))
         .collect();
-    let names = |named: &NamedEffect, id: &str| {
+    let names = |named: &AnsweredEffect, id: &str| {
         named.id == id || named.indistinguishable.iter().any(|e| e == id)
     };
-    let hits = |named: &&&NamedEffect| truth.effects.iter().any(|c| names(named, &c.id));
+    let hits = |named: &&&AnsweredEffect| truth.effects.iter().any(|c| names(named, &c.id));
     let right = counted.iter().filter(hits).count();
     let missed =
         truth.effects.iter().filter(|c| !counted.iter().any(|named| names(named, &c.id))).count();
@@ -112,7 +112,7 @@ fn is_hidden(truth: &SealedTruth, id: &str) -> bool {
     truth.effects.iter().any(|concealed| concealed.id == id)
 }
 
-fn checks(truth: &SealedTruth, named: &NamedEffect) -> Vec<ParameterCheck> {
+fn checks(truth: &SealedTruth, named: &AnsweredEffect) -> Vec<ParameterCheck> {
     let Some(concealed) = truth.effects.iter().find(|c| c.id == named.id) else {
         return Vec::new();
     };

@@ -1,7 +1,7 @@
 //! The sessions of trials.
 
+use super::error::ProveError;
 use super::plasmode::{PlasmodeError, PlasmodeRecording};
-use super::run::ProveError;
 use super::truth::{ConcealedTrial, Family};
 use evrig_core::time::Span;
 use evrig_session::import::import_aedat4;

@@ -1,73 +1,19 @@
 //! Runs trials: make, seal, diagnose blind, open, judge, record.
 
+use super::error::ProveError;
 use super::figure::figure;
 use super::judge::{Judgement, judge};
 use super::make::{SessionMaker, clear};
-use super::plasmode::PlasmodeError;
 use super::record::{self, DiagnosisOutcome, ProofFolderError, TrialRecord};
 use super::score::ProofScore;
-use super::seal::{SealError, open, read_seal, seal};
+use super::seal::{open, read_seal, seal};
 use super::table::markdown;
 use super::truth::{ConcealedTrial, Family, SealedTruth};
-use evrig_session::{Session, SessionError};
-use evrig_sim::SimulateError;
+use evrig_session::Session;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-
-/// Why trials cannot be run.
-#[derive(Debug, thiserror::Error)]
-pub enum ProveError {
-    /// A seal cannot be set or does not hold.
-    #[error(transparent)]
-    Seal(#[from] SealError),
-    /// A simulated session cannot be made.
-    #[error(transparent)]
-    Simulate(#[from] SimulateError),
-    /// A recording cannot be changed.
-    #[error(transparent)]
-    Plasmode(#[from] PlasmodeError),
-    /// A session cannot be made or read.
-    #[error(transparent)]
-    Session(#[from] SessionError),
-    /// The run's own files cannot be written or read.
-    #[error(transparent)]
-    Record(#[from] ProofFolderError),
-    /// An answer is no diagnosis.
-    #[error("{trial}: the answer is no diagnosis: {source}")]
-    Answer {
-        /// The trial.
-        trial: String,
-        /// What is wrong with it.
-        source: serde_json::Error,
-    },
-    /// A folder of ready sessions holds none.
-    #[error(
-        "{}: no sealed session in it; expected sessions/NAME/seal.json and truth/NAME.json, as the example \
-         third_party_trials makes them", path.display()
-    )]
-    NoneReady {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// The rig or the trajectory of the trials is wrong.
-    #[error("{what}: {because}")]
-    Description {
-        /// Which.
-        what: String,
-        /// Why.
-        because: String,
-    },
-    /// The system refused.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// Where.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
-}
 
 /// A run of concealed trials.
 #[derive(Clone, Copy)]

@@ -10,7 +10,7 @@ use super::limits::{FULL_SCALE_8_BIT_DN, MIN_THRESHOLD};
 use super::merge::Crossing;
 use super::parameter_error::{ParameterError, check};
 use super::random::RandomSource;
-use super::sequence::FrameInterval;
+use super::sequence::FrameSpan;
 use serde::{Deserialize, Serialize};
 
 /// Parameters of [`crate::GeneratorModel::Esim`].
@@ -131,7 +131,7 @@ impl FramePixelModel for Esim {
 
     type State = Vec<EsimPixel>;
 
-    fn max_mean_events(&self, interval: FrameInterval) -> f64 {
+    fn max_mean_events(&self, interval: FrameSpan) -> f64 {
         let EsimParameters { threshold_on, threshold_off, threshold_sd, .. } = self.parameters;
         let range = self.level(interval.brightest) - self.level(0.0);
         let least = threshold_on.min(threshold_off) - 2.0 * threshold_sd;
@@ -152,7 +152,7 @@ impl FramePixelModel for Esim {
         block.state[i] = EsimPixel { level, reference: level, silent_us: 0.0, ..block.state[i] };
     }
 
-    fn run(&self, block: &mut PixelBlock<Vec<EsimPixel>>, after: &[f32], interval: FrameInterval) {
+    fn run(&self, block: &mut PixelBlock<Vec<EsimPixel>>, after: &[f32], interval: FrameSpan) {
         let span_us = f64::from(interval.span_us);
         for (i, (state, (&before, &after))) in
             block.state.iter_mut().zip(block.before.iter().zip(after)).enumerate()

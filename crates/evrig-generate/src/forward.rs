@@ -15,6 +15,6 @@ mod simulator;
 mod tests;
 
 pub use crate::pixel_model::{BandNoise, PixelModel, ThresholdScatter};
-pub use camera::DiagnosedCamera;
+pub use camera::CameraConstants;
 pub use parameters::{ForwardError, ForwardParameters};
 pub use simulator::{ForwardSimulator, SimulatedEvents};

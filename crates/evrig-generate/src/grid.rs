@@ -2,7 +2,7 @@
 //! threads, and their events put in order.
 
 use super::merge::{Crossing, EventMerger};
-use super::sequence::{FrameInterval, FrameSequence};
+use super::sequence::{FrameSequence, FrameSpan};
 use super::threads::Threads;
 use crate::generator::{GenerateError, Generator};
 use crate::parameter_error::ParameterError;
@@ -26,7 +26,7 @@ pub(super) trait FramePixelModel: Send + Sync {
     type State: Send;
 
     /// A number of events that no pixel's mean exceeds in an interval.
-    fn max_mean_events(&self, interval: FrameInterval) -> f64;
+    fn max_mean_events(&self, interval: FrameSpan) -> f64;
 
     /// The pixels from row-major number `first` on, which see `brightness` in the first frame.
     fn start(&self, first: u32, brightness: &[f32]) -> Self::State;
@@ -35,7 +35,7 @@ pub(super) trait FramePixelModel: Send + Sync {
     fn restart(&self, block: &mut PixelBlock<Self::State>, i: usize);
 
     /// Moves a block's pixels through an interval.
-    fn run(&self, block: &mut PixelBlock<Self::State>, after: &[f32], interval: FrameInterval);
+    fn run(&self, block: &mut PixelBlock<Self::State>, after: &[f32], interval: FrameSpan);
 }
 
 /// A run of pixels.
@@ -97,7 +97,7 @@ impl<M: FramePixelModel> PixelGrid<M> {
         self.blocks = blocks.collect();
     }
 
-    fn run(&mut self, interval: FrameInterval, after: &[f32], size: Size, out: &mut Events) {
+    fn run(&mut self, interval: FrameSpan, after: &[f32], size: Size, out: &mut Events) {
         let parts = self.blocks.iter_mut().zip(after.chunks(self.block_pixels)).collect();
         let model = &self.model;
         self.threads.for_each(parts, |(block, after): (&mut PixelBlock<M::State>, &[f32])| {
@@ -109,12 +109,12 @@ impl<M: FramePixelModel> PixelGrid<M> {
         self.merger.merge(hits, size, interval, out);
     }
 
-    fn check_rate(&self, interval: FrameInterval) -> Result<(), GenerateError> {
+    fn check_rate(&self, interval: FrameSpan) -> Result<(), GenerateError> {
         let expected = self.model.max_mean_events(interval);
         if expected <= MAX_EVENTS_PER_INTERVAL {
             return Ok(());
         }
-        let FrameInterval { index, span_us, .. } = interval;
+        let FrameSpan { index, span_us, .. } = interval;
         Err(GenerateError::TooManyEvents {
             index,
             span_us,

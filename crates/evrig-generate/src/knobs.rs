@@ -162,23 +162,7 @@ impl KnobSetting {
     }
 }
 
-impl FromStr for Knob {
-    type Err = ParameterError;
-
-    /// Reads a name, in any case.
-    fn from_str(text: &str) -> Result<Self, ParameterError> {
-        Self::ALL
-            .into_iter()
-            .find(|knob| knob.name().eq_ignore_ascii_case(text))
-            .ok_or_else(|| ParameterError::unknown("knob", text, &Self::ALL.map(Self::name)))
-    }
-}
-
-impl fmt::Display for Knob {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
+named!(Knob, "knob");
 
 impl FromStr for KnobSetting {
     type Err = ParameterError;

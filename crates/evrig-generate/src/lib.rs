@@ -5,6 +5,9 @@
 //! [`Drive`](evrig_core::drive::Drive) instead, with any set of physical effects.
 //! Both are seeded; the same seed gives the same events, whatever the number of threads.
 
+#[macro_use]
+mod parameter_error;
+
 mod driven;
 pub mod effect;
 mod esim;
@@ -20,7 +23,6 @@ mod limits;
 pub mod live;
 mod merge;
 mod model;
-mod parameter_error;
 mod parameters;
 mod phase_locking;
 mod pixel_model;
@@ -39,7 +41,7 @@ pub use esim::EsimParameters;
 pub use generator::{GenerateError, Generator};
 pub use interpolate::Interpolator;
 pub use knobs::{Knob, KnobDescription, KnobSetting};
-pub use model::{GeneratorModel, ModelParameters, VoltmeterLaw};
+pub use model::{GeneratorModel, ModelParameters};
 pub use parameter_error::ParameterError;
 pub use parameters::{GenerateParameters, GeneratorChoice, build};
 pub use phase_locking::PhaseLocking;
@@ -48,3 +50,4 @@ pub use preset::Preset;
 pub use rows::{RowShift, RowTimes};
 pub use upsampling::FrameUpsampling;
 pub use v2e::V2eParameters;
+pub use voltmeter::VoltmeterLaw;

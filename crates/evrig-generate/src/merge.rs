@@ -1,6 +1,6 @@
 //! From hits in pixel order to events in time order.
 
-use super::sequence::FrameInterval;
+use super::sequence::FrameSpan;
 use evrig_core::event::{EventSlice, Events};
 use evrig_core::geometry::Size;
 
@@ -38,12 +38,12 @@ pub(super) struct EventMerger {
     hits: Vec<Crossing>,
     spare: Vec<Crossing>,
     counts: Vec<u32>,
-    columns: EventColumns,
+    columns: MergedColumns,
 }
 
 /// Events of an interval, a column each.
 #[derive(Debug, Default)]
-struct EventColumns {
+struct MergedColumns {
     t: Vec<i64>,
     x: Vec<u16>,
     y: Vec<u16>,
@@ -57,12 +57,12 @@ impl EventMerger {
         &mut self,
         blocks: impl Iterator<Item = &'a [Crossing]> + Clone,
         size: Size,
-        interval: FrameInterval,
+        interval: FrameSpan,
         out: &mut Events,
     ) {
         self.sort(blocks, interval.span_us);
         self.columns.fill(&self.hits, size, interval.start_us);
-        let EventColumns { t, x, y, on } = &self.columns;
+        let MergedColumns { t, x, y, on } = &self.columns;
         out.extend_from_slice(EventSlice { t, x, y, on });
     }
 
@@ -126,7 +126,7 @@ impl RadixPass {
     }
 }
 
-impl EventColumns {
+impl MergedColumns {
     /// One column after another, so that each is filled several events at a time.
     fn fill(&mut self, hits: &[Crossing], size: Size, start_us: i64) {
         let width = u32::from(size.width);
@@ -152,7 +152,7 @@ mod tests {
     fn merged(hits: &[Crossing], span_us: u32) -> Events {
         let mut out = Events::new();
         let interval =
-            FrameInterval { index: 1, start_us: 1_700_000_000_000_000, span_us, brightest: 0.0 };
+            FrameSpan { index: 1, start_us: 1_700_000_000_000_000, span_us, brightest: 0.0 };
         EventMerger::default().merge([hits].into_iter(), Size::new(100, 100), interval, &mut out);
         out
     }
@@ -188,7 +188,7 @@ mod tests {
                 .chain([n_pixels - 1])
                 .map(|pixel| Crossing::new(pixel as u32, 1.0, 1, true))
                 .collect();
-            let mut columns = EventColumns::default();
+            let mut columns = MergedColumns::default();
             columns.fill(&hits, size, 0);
             for (i, hit) in hits.iter().enumerate() {
                 assert_eq!(size.index(columns.x[i], columns.y[i]), hit.pixel as usize);

@@ -3,10 +3,8 @@
 use crate::esim::EsimParameters;
 use crate::parameter_error::ParameterError;
 use crate::v2e::V2eParameters;
-use crate::voltmeter::Coefficients;
+use crate::voltmeter::{Coefficients, VoltmeterLaw};
 use serde::{Deserialize, Serialize};
-use std::fmt;
-use std::str::FromStr;
 
 /// A model that makes events from frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
@@ -19,17 +17,6 @@ pub enum GeneratorModel {
     Esim,
     /// Lin-log photoreceptor with bandwidth, leak, noise and mismatch (Hu et al. 2021).
     V2e,
-}
-
-/// How the voltmeter's law is drawn from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum VoltmeterLaw {
-    /// The stated equation, exactly.
-    #[default]
-    Exact,
-    /// The published program's shortcuts, for comparison with its output.
-    Reference,
 }
 
 /// A model with all its parameters.
@@ -64,20 +51,6 @@ impl GeneratorModel {
     }
 }
 
-impl VoltmeterLaw {
-    /// All laws.
-    pub const ALL: [Self; 2] = [Self::Exact, Self::Reference];
-
-    /// The name on the command line and in files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Exact => "exact",
-            Self::Reference => "reference",
-        }
-    }
-}
-
 impl ModelParameters {
     /// Which model it is.
     #[must_use]
@@ -102,24 +75,4 @@ impl ModelParameters {
     }
 }
 
-macro_rules! named {
-    ($name:ident, $kind:literal) => {
-        impl FromStr for $name {
-            type Err = ParameterError;
-            fn from_str(text: &str) -> Result<Self, ParameterError> {
-                Self::ALL
-                    .into_iter()
-                    .find(|item| item.name().eq_ignore_ascii_case(text))
-                    .ok_or_else(|| ParameterError::unknown($kind, text, &Self::ALL.map(Self::name)))
-            }
-        }
-        impl fmt::Display for $name {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str(self.name())
-            }
-        }
-    };
-}
-
 named!(GeneratorModel, "model");
-named!(VoltmeterLaw, "law");

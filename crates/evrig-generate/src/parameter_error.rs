@@ -112,3 +112,25 @@ impl ParameterError {
         Self::UnknownName { kind, name: name.to_owned(), hint, known }
     }
 }
+
+/// Reads and writes an enum with `ALL` and `name()` by its names, in any case.
+macro_rules! named {
+    ($name:ident, $kind:literal) => {
+        impl std::str::FromStr for $name {
+            type Err = $crate::ParameterError;
+            fn from_str(text: &str) -> Result<Self, $crate::ParameterError> {
+                Self::ALL
+                    .into_iter()
+                    .find(|item| item.name().eq_ignore_ascii_case(text))
+                    .ok_or_else(|| {
+                        $crate::ParameterError::unknown($kind, text, &Self::ALL.map(Self::name))
+                    })
+            }
+        }
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+    };
+}

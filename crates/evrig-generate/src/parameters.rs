@@ -4,11 +4,11 @@ use crate::esim::{Esim, EsimParameters};
 use crate::generator::Generator;
 use crate::grid::PixelGrid;
 use crate::knobs::KnobSetting;
-use crate::model::{GeneratorModel, ModelParameters, VoltmeterLaw};
+use crate::model::{GeneratorModel, ModelParameters};
 use crate::parameter_error::ParameterError;
 use crate::preset::Preset;
 use crate::v2e::{V2e, V2eParameters};
-use crate::voltmeter::{Coefficients, LazyVoltmeter, ScalarVoltmeter};
+use crate::voltmeter::{Coefficients, LazyVoltmeter, ScalarVoltmeter, VoltmeterLaw};
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroUsize;
 

@@ -1,13 +1,10 @@
 //! Published parameters, by name.
 
 use crate::esim::EsimParameters;
-use crate::model::{ModelParameters, VoltmeterLaw};
-use crate::parameter_error::ParameterError;
+use crate::model::ModelParameters;
 use crate::v2e::V2eParameters;
-use crate::voltmeter::Coefficients;
+use crate::voltmeter::{Coefficients, VoltmeterLaw};
 use serde::{Deserialize, Serialize};
-use std::fmt;
-use std::str::FromStr;
 
 /// A published set of parameters of one model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -94,23 +91,7 @@ const fn exact(k: Coefficients) -> ModelParameters {
     ModelParameters::Voltmeter { law: VoltmeterLaw::Exact, k }
 }
 
-impl FromStr for Preset {
-    type Err = ParameterError;
-
-    /// Reads a name, in any case.
-    fn from_str(text: &str) -> Result<Self, ParameterError> {
-        Self::ALL
-            .into_iter()
-            .find(|preset| preset.name().eq_ignore_ascii_case(text))
-            .ok_or_else(|| ParameterError::unknown("preset", text, &Self::ALL.map(Self::name)))
-    }
-}
-
-impl fmt::Display for Preset {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
+named!(Preset, "preset");
 
 #[cfg(test)]
 mod tests {

@@ -7,7 +7,7 @@
 
 mod ziggurat;
 
-use ziggurat::Ziggurat;
+use ziggurat::{RandomWords, Ziggurat};
 
 const MULTIPLIER: u64 = 0xD2B7_4407_B1CE_6E93;
 const KEY_STEP: u64 = 0x9E37_79B9_7F4A_7C15;
@@ -91,6 +91,18 @@ impl CounterRng {
     pub(super) fn normal(&mut self) -> f64 {
         let ziggurat = self.source.ziggurat;
         ziggurat.normal(self)
+    }
+}
+
+impl RandomWords for CounterRng {
+    #[inline]
+    fn bits(&mut self) -> u64 {
+        Self::bits(self)
+    }
+
+    #[inline]
+    fn uniform(&mut self) -> f64 {
+        Self::uniform(self)
     }
 }
 

@@ -7,7 +7,7 @@ use evrig_core::geometry::Size;
 
 /// The interval between two frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct FrameInterval {
+pub(super) struct FrameSpan {
     /// Number of the frame at its end.
     pub(super) index: u64,
     /// Time of the frame at its start, µs.
@@ -22,7 +22,7 @@ pub(super) struct FrameInterval {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CheckedFrame {
     /// The interval it ends; none for the first frame.
-    pub(super) interval: Option<FrameInterval>,
+    pub(super) interval: Option<FrameSpan>,
     last: LastFrame,
 }
 
@@ -52,7 +52,7 @@ impl FrameSequence {
             check_time(index, last.t_us, frame.t_us)?;
         }
         let brightest = check_pixels(index, frame)?;
-        let interval = self.last.map(|last| FrameInterval {
+        let interval = self.last.map(|last| FrameSpan {
             index,
             start_us: last.t_us,
             span_us: (frame.t_us - last.t_us) as u32,

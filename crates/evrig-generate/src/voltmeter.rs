@@ -9,6 +9,7 @@
 
 pub mod closed_form;
 mod coefficients;
+mod law;
 mod lazy;
 mod passage;
 mod reference;
@@ -22,6 +23,7 @@ mod lazy_tests;
 mod tests;
 
 pub use coefficients::{Coefficients, DriftDiffusion};
+pub use law::VoltmeterLaw;
 pub(super) use lazy::LazyVoltmeter;
 #[cfg(test)]
 use lazy::Voltages;

@@ -36,7 +36,7 @@ mod view;
 pub use clocks::WorldClocks;
 pub use davis::{DAVIS_STEP, DavisPacket, DavisTwin};
 pub use description::{
-    ClocksDescription, DavisSensor, ImuSensor, PiSensorDescription, PrintedTargetDescription,
+    DavisSensor, ImuSensor, PiSensorDescription, PrintedTargetDescription, WorldClocksDescription,
     WorldDescription,
 };
 pub use effects::WorldEffects;

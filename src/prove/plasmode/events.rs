@@ -1,6 +1,6 @@
 //! Effects of pixels, readout and clocks, applied to events.
 
-use super::PlasmodeRecording;
+use super::recording::PlasmodeRecording;
 use evrig_analysis::filter::{FilterError, hot_pixel, refractory};
 use evrig_core::event::{Event, Events};
 use evrig_core::stats::SplitMix;

@@ -1,6 +1,6 @@
 //! Effects of the frame camera and its lens, applied to frames.
 
-use super::PlasmodeRecording;
+use super::recording::PlasmodeRecording;
 use evrig_core::frame::Samples;
 
 /// A pedestal that no one stated.

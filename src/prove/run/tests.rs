@@ -1,4 +1,5 @@
 use super::super::record::ProofPlan;
+use super::super::seal::SealError;
 use super::super::{ConcealedEffect, TrialMix, draw};
 use super::*;
 use crate::prove::plasmode::PlasmodeRecording;

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 /// can be simulated on the drive of any recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct DiagnosedCamera {
+pub struct CameraConstants {
     /// Nominal thresholds, leak and effects.
     pub generator: ForwardParameters,
     /// The threshold of ON over the nominal one; that of OFF is its inverse. Above 0.
@@ -24,7 +24,7 @@ pub struct DiagnosedCamera {
     pub background_hz: f64,
 }
 
-impl DiagnosedCamera {
+impl CameraConstants {
     /// The events of some pixels in a window of the drive's clock, as [`ForwardSimulator::run`] gives them.
     ///
     /// # Errors

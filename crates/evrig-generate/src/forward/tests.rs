@@ -228,10 +228,10 @@ fn what_cannot_be_run_is_refused_with_the_reason() {
 }
 
 /// A camera without noise of its own.
-fn camera(on_over_nominal: f64) -> DiagnosedCamera {
+fn camera(on_over_nominal: f64) -> CameraConstants {
     let k = Coefficients::new([5.0, 1.0, 0.0, 1e-7, 0.0, 0.0]).unwrap();
     let effects = EffectSet::from_words(&["refractory_period:refractory_us=900"]).unwrap();
-    DiagnosedCamera {
+    CameraConstants {
         generator: ForwardParameters { k, effects, step_us: 1_000 },
         on_over_nominal,
         noise: BandNoise { rms: 0.0, bandwidth_hz: 200.0, light_exponent: 0.0 },
@@ -240,7 +240,7 @@ fn camera(on_over_nominal: f64) -> DiagnosedCamera {
     }
 }
 
-fn seen_by(camera: &DiagnosedCamera) -> Events {
+fn seen_by(camera: &CameraConstants) -> Events {
     let around = RecordingContext::default();
     camera.events(&wave(), &all_pixels(), [0, 1_000_000], around, 5).unwrap().events
 }
@@ -257,7 +257,7 @@ fn a_camera_makes_the_events_of_its_generator_with_its_own_thresholds() {
     let (uneven, n_on) = (seen_by(&camera(1.5)), plain.as_slice().count_on());
     assert!(uneven.as_slice().count_on() < n_on * 8 / 10);
     assert!(uneven.len() - uneven.as_slice().count_on() > (plain.len() - n_on) * 12 / 10);
-    let quiet = DiagnosedCamera { background_hz: 3.0, ..camera(1.0) };
+    let quiet = CameraConstants { background_hz: 3.0, ..camera(1.0) };
     let more = seen_by(&quiet).len() as f64 - plain.len() as f64;
     // Events without a crossing delay those with one, by a few percent.
     let expected = 3.0 * SIZE.n_pixels() as f64;
@@ -268,11 +268,11 @@ fn a_camera_makes_the_events_of_its_generator_with_its_own_thresholds() {
 fn a_camera_is_read_as_it_was_written_and_refused_where_no_pixel_can_work() {
     let camera = camera(1.2);
     let text = serde_json::to_string(&camera).unwrap();
-    assert_eq!(serde_json::from_str::<DiagnosedCamera>(&text).unwrap(), camera);
+    assert_eq!(serde_json::from_str::<CameraConstants>(&text).unwrap(), camera);
     for (key, value) in [("on_over_nominal", "0.0"), ("background_hz", "-1.0")] {
         let mut broken = serde_json::to_value(&camera).unwrap();
         broken[key] = value.parse::<f64>().unwrap().into();
-        let broken: DiagnosedCamera = serde_json::from_value(broken).unwrap();
+        let broken: CameraConstants = serde_json::from_value(broken).unwrap();
         let around = RecordingContext::default();
         let refused = broken.events(&wave(), &[(0, 0)], [0, 1_000], around, 0).unwrap_err();
         assert!(refused.to_string().starts_with(key), "{refused}");

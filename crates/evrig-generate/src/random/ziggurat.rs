@@ -1,8 +1,16 @@
 //! Normal draws by the ziggurat of Marsaglia and Tsang (J. Stat. Softw. 5(8), 2000)
 //! with 256 layers; layer and position come from separate bits, as Doornik (2005) asks.
 
-use super::CounterRng;
 use std::sync::LazyLock;
+
+/// A source of random words.
+pub(super) trait RandomWords {
+    /// 64 random bits.
+    fn bits(&mut self) -> u64;
+
+    /// Uniform in the open interval (0, 1).
+    fn uniform(&mut self) -> f64;
+}
 
 const N_LAYERS: usize = 256;
 /// Where the tail begins, for 256 layers.
@@ -43,7 +51,7 @@ impl Ziggurat {
     }
 
     #[inline]
-    pub(super) fn normal(&self, draws: &mut CounterRng) -> f64 {
+    pub(super) fn normal(&self, draws: &mut impl RandomWords) -> f64 {
         let (layer, position) = place(draws);
         let x = position * self.x[layer];
         if x.abs() < self.x[layer + 1] { x } else { self.at_the_rim(layer, position, draws) }
@@ -52,7 +60,7 @@ impl Ziggurat {
     /// What is left of a draw that did not fall inside its layer (1.2 % of them).
     #[cold]
     #[inline(never)]
-    fn at_the_rim(&self, mut layer: usize, mut position: f64, draws: &mut CounterRng) -> f64 {
+    fn at_the_rim(&self, mut layer: usize, mut position: f64, draws: &mut impl RandomWords) -> f64 {
         loop {
             let x = position * self.x[layer];
             if x.abs() < self.x[layer + 1] {
@@ -72,7 +80,7 @@ impl Ziggurat {
 
 /// A layer, and a place along it in [-1, 1).
 #[inline]
-fn place(draws: &mut CounterRng) -> (usize, f64) {
+fn place(draws: &mut impl RandomWords) -> (usize, f64) {
     let bits = draws.bits();
     let layer = (bits & (N_LAYERS as u64 - 1)) as usize;
     // 53 signed bits above the layer's.
@@ -80,7 +88,7 @@ fn place(draws: &mut CounterRng) -> (usize, f64) {
 }
 
 /// A normal draw beyond [`EDGE`] (Marsaglia 1964).
-fn tail(draws: &mut CounterRng) -> f64 {
+fn tail(draws: &mut impl RandomWords) -> f64 {
     loop {
         let beyond = -draws.uniform().ln() / EDGE;
         if -2.0 * draws.uniform().ln() > beyond * beyond {

@@ -5,7 +5,7 @@ use crate::grid::{FramePixelModel, PixelBlock};
 use crate::limits::{FULL_SCALE_8_BIT_DN, MIN_THRESHOLD};
 use crate::merge::Crossing;
 use crate::random::{CounterRng, PERMANENT, RandomSource};
-use crate::sequence::FrameInterval;
+use crate::sequence::FrameSpan;
 use std::f64::consts::{LN_10, TAU};
 
 /// The published program offsets brightness by this (of 255) where light sets a speed, so
@@ -166,7 +166,7 @@ impl FramePixelModel for V2e {
 
     type State = Vec<V2ePixel>;
 
-    fn max_mean_events(&self, interval: FrameInterval) -> f64 {
+    fn max_mean_events(&self, interval: FrameSpan) -> f64 {
         let p = &self.parameters;
         let span_s = f64::from(interval.span_us) * 1e-6;
         let least = p.threshold_on.min(p.threshold_off) - 4.0 * p.threshold_sd;
@@ -186,7 +186,7 @@ impl FramePixelModel for V2e {
         block.state[i] = self.start_pixel(block.first + i as u32, block.before[i]);
     }
 
-    fn run(&self, block: &mut PixelBlock<Vec<V2ePixel>>, after: &[f32], interval: FrameInterval) {
+    fn run(&self, block: &mut PixelBlock<Vec<V2ePixel>>, after: &[f32], interval: FrameSpan) {
         let span_us = f64::from(interval.span_us);
         let has_noise = self.parameters.shot_noise_rate_hz > 0.0;
         let mut candidates = Vec::new();

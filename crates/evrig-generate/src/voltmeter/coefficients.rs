@@ -1,7 +1,7 @@
 //! The six k of the event model, their ranges, and what they make of two brightnesses.
 
 use crate::parameter_error::ParameterError;
-use crate::sequence::FrameInterval;
+use crate::sequence::FrameSpan;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
@@ -90,7 +90,7 @@ impl Coefficients {
 
     /// A number of events that no pixel's mean exceeds in an interval: a pixel fires at the
     /// rate μ/tanh(μ/σ²) <= |μ| + σ²; |ΔL| <= 2 L̄ and √L/(L + k2) <= 1/(2 √k2).
-    pub(super) fn max_mean_events(&self, interval: FrameInterval) -> f64 {
+    pub(super) fn max_mean_events(&self, interval: FrameSpan) -> f64 {
         let [k1, k2, k3, k4, k5, k6] = self.0;
         let sigma = k3 / (2.0 * k2.sqrt()) + k6;
         let leak = k4.abs() + k5.abs() * f64::from(interval.brightest);
@@ -168,7 +168,7 @@ mod tests {
             let motion = k.motion(before, after, 1.0);
             assert!(motion.drift_per_us.is_finite() && motion.sigma_per_sqrt_us.is_finite());
             let brightest = f32::max(before, after);
-            let interval = FrameInterval { index: 1, start_us: 0, span_us: 1, brightest };
+            let interval = FrameSpan { index: 1, start_us: 0, span_us: 1, brightest };
             let most = k.max_mean_events(interval);
             assert!(motion.drift_per_us.abs() + motion.sigma_per_sqrt_us.powi(2) <= most);
         }

@@ -12,7 +12,7 @@ use super::passage::{self, INSIDE, REACH};
 use crate::grid::{FramePixelModel, PixelBlock};
 use crate::merge::Crossing;
 use crate::random::{CounterRng, RandomSource};
-use crate::sequence::FrameInterval;
+use crate::sequence::FrameSpan;
 
 mod drift;
 mod first;
@@ -41,7 +41,7 @@ impl FramePixelModel for LazyVoltmeter {
 
     type State = Voltages;
 
-    fn max_mean_events(&self, interval: FrameInterval) -> f64 {
+    fn max_mean_events(&self, interval: FrameSpan) -> f64 {
         self.k.max_mean_events(interval)
     }
 
@@ -54,7 +54,7 @@ impl FramePixelModel for LazyVoltmeter {
         block.state.set(i, VoltageMoments { mean: 0.0, variance: 0.0 });
     }
 
-    fn run(&self, block: &mut PixelBlock<Voltages>, after: &[f32], interval: FrameInterval) {
+    fn run(&self, block: &mut PixelBlock<Voltages>, after: &[f32], interval: FrameSpan) {
         let PixelBlock { first, before, hits, state } = block;
         let span_us = f64::from(interval.span_us);
         let moves = IntervalCoefficients::new(&self.k, interval.span_us);

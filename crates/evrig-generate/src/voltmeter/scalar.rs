@@ -1,12 +1,12 @@
 //! The event model, one pixel after another in f64: the plain form of the law.
 
 use super::coefficients::Coefficients;
+use super::law::VoltmeterLaw;
 use super::{passage, reference};
 use crate::grid::{FramePixelModel, PixelBlock};
 use crate::merge::Crossing;
-use crate::model::VoltmeterLaw;
 use crate::random::RandomSource;
-use crate::sequence::FrameInterval;
+use crate::sequence::FrameSpan;
 
 /// The event model with every pixel's voltage drawn at every frame.
 #[derive(Debug)]
@@ -28,7 +28,7 @@ impl FramePixelModel for ScalarVoltmeter {
     /// Voltage of each pixel, in −1..1.
     type State = Vec<f64>;
 
-    fn max_mean_events(&self, interval: FrameInterval) -> f64 {
+    fn max_mean_events(&self, interval: FrameSpan) -> f64 {
         self.k.max_mean_events(interval)
     }
 
@@ -40,7 +40,7 @@ impl FramePixelModel for ScalarVoltmeter {
         block.state[i] = 0.0;
     }
 
-    fn run(&self, block: &mut PixelBlock<Vec<f64>>, after: &[f32], interval: FrameInterval) {
+    fn run(&self, block: &mut PixelBlock<Vec<f64>>, after: &[f32], interval: FrameSpan) {
         let advance = match self.law {
             VoltmeterLaw::Exact => passage::advance,
             VoltmeterLaw::Reference => reference::advance,

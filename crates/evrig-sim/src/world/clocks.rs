@@ -1,20 +1,20 @@
 //! Readings of all clocks at a world time.
 
-use super::description::ClocksDescription;
+use super::description::WorldClocksDescription;
 use super::effects::{ClockOffset, ClockSkew};
 use evrig_core::time::{Davis, PiSensor, Span, Stamp, Unix};
 
 /// The clocks of the world.
 #[derive(Debug, Clone)]
 pub struct WorldClocks {
-    description: ClocksDescription,
+    description: WorldClocksDescription,
     davis_offset_us: f64,
     davis_skew: f64,
 }
 
 impl WorldClocks {
     pub(super) fn new(
-        description: &ClocksDescription,
+        description: &WorldClocksDescription,
         offset: Option<ClockOffset>,
         skew: Option<ClockSkew>,
     ) -> Self {
@@ -74,7 +74,7 @@ mod tests {
 
     #[test]
     fn each_clock_shows_its_own_time() {
-        let description = ClocksDescription {
+        let description = WorldClocksDescription {
             unix_start_us: 1_000_000,
             pi_boot_ns: 5_000,
             pi_skew_ppm: 10.0,

@@ -21,7 +21,7 @@ pub struct WorldDescription {
     /// The frame camera.
     pub pi: PiSensorDescription,
     /// The clocks.
-    pub clocks: ClocksDescription,
+    pub clocks: WorldClocksDescription,
     /// The effects that are on.
     pub effects: WorldEffects,
 }
@@ -102,7 +102,7 @@ pub struct PiSensorDescription {
 /// The clocks. World time zero is the beginning of the path.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct ClocksDescription {
+pub struct WorldClocksDescription {
     /// Unix time at world time zero, microseconds.
     pub unix_start_us: i64,
     /// The Pi's sensor clock at world time zero: nanoseconds since its boot.
@@ -162,7 +162,7 @@ impl Default for PiSensorDescription {
     }
 }
 
-impl Default for ClocksDescription {
+impl Default for WorldClocksDescription {
     fn default() -> Self {
         Self {
             unix_start_us: 1_700_000_000_000_000,

@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 
 /// Where the target lies in the base frame.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct TargetPlane {
+pub(super) struct WorldPlane {
     /// Middle of image and tag together, millimetres.
     pub(super) centre: Vector3<f64>,
     /// Towards the right of the target.
@@ -34,7 +34,7 @@ pub(super) struct ToolCamera {
     pub(super) size: Size,
 }
 
-impl TargetPlane {
+impl WorldPlane {
     /// From a ray of a camera (right and down over forward) to millimetres on the target, homogeneous.
     pub(super) fn plane_from_ray(&self, camera: &CameraFrame) -> Matrix3<f64> {
         let axes = Matrix3::from_columns(&[camera.right, camera.down, camera.forward]);
@@ -112,7 +112,7 @@ impl ToolCamera {
     }
 
     /// From a ray to millimetres on the target when the tool is at `tool`.
-    pub(super) fn plane_from_ray(&self, plane: &TargetPlane, tool: Pose) -> Matrix3<f64> {
+    pub(super) fn plane_from_ray(&self, plane: &WorldPlane, tool: Pose) -> Matrix3<f64> {
         plane.plane_from_ray(&self.mounting.frame(tool))
     }
 
@@ -145,7 +145,7 @@ mod tests {
         let rig = Rig::simulated().unwrap();
         let tool = Pose::from_mm_deg([250.0, 5.0, 110.0, 80.0]);
         let frame = rig.mount.davis.frame(tool);
-        let plane = TargetPlane {
+        let plane = WorldPlane {
             centre: Vector3::new(260.0, 3.0, -138.0),
             right: Vector3::new(1.0, 0.2, 0.1).normalize(),
             down: Vector3::new(0.2, -1.0, 0.0).normalize(),

@@ -5,7 +5,7 @@ use super::description::WorldDescription;
 use super::error::WorldError;
 use super::lamps::Lamps;
 use super::motion::{ToolMotion, ToolVibration};
-use super::optics::{DistortedPinhole, TargetPlane};
+use super::optics::{DistortedPinhole, WorldPlane};
 use super::schedule::{RunSetting, SettingSchedule};
 use super::target::PrintedTarget;
 use super::view::{CameraView, DAVIS_TEXELS_PER_PX, PI_TEXELS_PER_PX, ViewOptions};
@@ -34,7 +34,7 @@ pub struct World {
     pub(super) lamps: RwLock<Arc<Lamps>>,
     pub(super) swing: Option<ToolVibration>,
     pub(super) clocks: WorldClocks,
-    pub(super) plane: TargetPlane,
+    pub(super) plane: WorldPlane,
     pub(super) target: PrintedTarget,
     pub(super) davis: CameraView,
     pub(super) pi: CameraView,
@@ -193,14 +193,14 @@ impl World {
 }
 
 /// Where the target lies: square to the DAVIS at the beginning, turned as the rig says.
-fn place_target(rig: &Rig, start: Pose) -> TargetPlane {
+fn place_target(rig: &Rig, start: Pose) -> WorldPlane {
     let (davis, pi) = (rig.mount.davis.frame(start), rig.mount.pi.frame(start));
     let (sin, cos) = rig.target.rotation.0.to_radians().sin_cos();
     let between = (davis.centre_mm + pi.centre_mm) / 2.0;
     let centre = rig.target.centre.map_or(between + davis.forward * rig.target.stand_off.0, |c| {
         Vector3::from(c.map(evrig_core::units::Millimetres::value))
     });
-    TargetPlane {
+    WorldPlane {
         centre,
         right: davis.right * cos + davis.down * sin,
         down: davis.down * cos - davis.right * sin,

@@ -1,7 +1,7 @@
 //! What one camera sees of the target: its geometry and its blurred copy of the target.
 
 use super::error::WorldError;
-use super::optics::{DistortedPinhole, TargetPlane, ToolCamera};
+use super::optics::{DistortedPinhole, ToolCamera, WorldPlane};
 use super::target::PrintedTarget;
 use super::texture::{TargetBlur, TargetTexture};
 use evrig_core::units::Millimetres;
@@ -68,7 +68,7 @@ impl CameraView {
     }
 
     /// From a ray of this camera to its texels when the tool is at `tool`.
-    pub(super) fn texel_from_ray(&self, plane: &TargetPlane, tool: Pose) -> TexelFromRay {
+    pub(super) fn texel_from_ray(&self, plane: &WorldPlane, tool: Pose) -> TexelFromRay {
         let [left, top] = self.texture.origin_mm;
         let k = self.texture.per_mm;
         let texel_from_mm = Matrix3::new(k, 0.0, -k * left, 0.0, k, -k * top, 0.0, 0.0, 1.0);

@@ -6,7 +6,7 @@ use evrig_core::effect_id::EffectId;
 use evrig_generate::effect::{
     AppliedEffect, Effect, EffectSet, RecordingContext, Region, SignalStage,
 };
-use evrig_generate::forward::{BandNoise, DiagnosedCamera, ForwardParameters, ThresholdScatter};
+use evrig_generate::forward::{BandNoise, CameraConstants, ForwardParameters, ThresholdScatter};
 use evrig_generate::voltmeter::Coefficients;
 use serde::{Deserialize, Serialize};
 
@@ -17,7 +17,7 @@ const SIGNAL_STEP_US: u32 = 1_000;
 #[serde(deny_unknown_fields)]
 pub struct FittedCamera {
     /// The camera, for any signal.
-    pub camera: DiagnosedCamera,
+    pub camera: CameraConstants,
     /// Registration to the signal of its recording.
     #[serde(alias = "seen")]
     pub registration: FittedRegistration,
@@ -51,7 +51,7 @@ impl FittedCamera {
         }
         let effects = EffectSet::new(applied).ok()?;
         let (noise, scatter) = noise(hypothesis, theta);
-        let camera = DiagnosedCamera {
+        let camera = CameraConstants {
             generator: ForwardParameters { k, effects, step_us: SIGNAL_STEP_US },
             on_over_nominal: (0.5 * hypothesis.nuisance(Nuisance::LogRatio)).exp(),
             noise,

@@ -1,6 +1,6 @@
 //! The wide loop: what an interval does to the mean and variance of pixels that cannot fire.
 
-use crate::voltmeter::Coefficients;
+use crate::voltmeter::coefficients::Coefficients;
 use crate::voltmeter::passage::REACH;
 use wide::f32x8;
 

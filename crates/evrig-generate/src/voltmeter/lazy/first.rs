@@ -8,8 +8,8 @@
 use super::drift::LANES;
 use super::voltages::VoltageMoments;
 use crate::random::{CounterRng, RandomSource};
-use crate::sequence::FrameInterval;
-use crate::voltmeter::{Coefficients, DriftDiffusion};
+use crate::sequence::FrameSpan;
+use crate::voltmeter::coefficients::{Coefficients, DriftDiffusion};
 use std::hint::select_unpredictable;
 use wide::f64x4;
 
@@ -88,7 +88,7 @@ impl FirstEvents {
         brightness: [f32; 2],
         moments: VoltageMoments,
         source: RandomSource,
-        interval: FrameInterval,
+        interval: FrameSpan,
     ) {
         let i = self.n;
         let mut draws = source.draws(pixel, interval.index);
@@ -192,7 +192,7 @@ mod tests {
     fn four_pixels_at_once_get_the_motion_and_time_that_one_alone_gets() {
         let k = Coefficients::RAW2DVS346;
         let (source, span_us) = (RandomSource::new(5), 8_333.0);
-        let interval = FrameInterval { index: 3, start_us: 0, span_us: 8_333, brightest: 1e3 };
+        let interval = FrameSpan { index: 3, start_us: 0, span_us: 8_333, brightest: 1e3 };
         let mut first = FirstEvents::new();
         let brightness = |i: u32| [100.0 + i as f32, 400.0 - 7.0 * i as f32];
         for i in 0..50 {
