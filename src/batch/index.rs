@@ -1,6 +1,8 @@
 //! `dataset.json`: what is in a dataset, session by session.
 
-use super::{BatchError, Found, Share, SplitBy, Splits, Verdict, read_outcome, stimulus};
+use super::{
+    BatchError, FoundSession, OutcomeKind, SplitBy, SplitShare, Splits, read_outcome, stimulus,
+};
 use crate::pipeline::read_diagnosis;
 use evrig_analysis::diagnose;
 use evrig_core::effect_id::EffectId;
@@ -22,7 +24,7 @@ pub struct Index {
     /// The version that wrote it.
     pub evrig_version: String,
     /// How it was asked to be split.
-    pub shares: Vec<Share>,
+    pub shares: Vec<SplitShare>,
     /// What no two parts have in common.
     #[serde(default)]
     pub split_by: SplitBy,
@@ -32,7 +34,7 @@ pub struct Index {
     /// The sessions' paths by the name of their part.
     pub splits: BTreeMap<String, Vec<String>>,
     /// The rigs, the most used first.
-    pub rigs: Vec<Rig>,
+    pub rigs: Vec<IndexedRig>,
     /// What a reader should know before taking means over it.
     pub warnings: Vec<String>,
     /// The sessions in the order of their paths.
@@ -41,7 +43,7 @@ pub struct Index {
 
 /// A set-up that sessions were recorded with.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Rig {
+pub struct IndexedRig {
     /// Its name and the beginning of its description's SHA-256; of an import, what it came from.
     pub id: String,
     /// How many sessions.
@@ -77,7 +79,7 @@ pub struct IndexedSession {
     /// The effects it named.
     pub effects: Vec<NamedEffect>,
     /// How its last processing went; none if there was none.
-    pub verdict: Option<Verdict>,
+    pub verdict: Option<OutcomeKind>,
     /// What was lost, or why it failed.
     pub because: Vec<String>,
 }
@@ -112,7 +114,7 @@ pub struct IndexedStream {
 
 /// Makes the index of what was found.
 #[must_use]
-pub fn index(root: &Path, found: &[Found], splits: &Splits) -> Index {
+pub fn index(root: &Path, found: &[FoundSession], splits: &Splits) -> Index {
     let real = root.canonicalize().unwrap_or_else(|_| root.to_owned());
     let name = real.file_name().map(|name| name.to_string_lossy().into_owned());
     let sessions: Vec<IndexedSession> = found.iter().map(|one| entry(root, one, splits)).collect();
@@ -127,8 +129,8 @@ pub fn index(root: &Path, found: &[Found], splits: &Splits) -> Index {
             *rigs.entry(rig.clone()).or_default() += 1;
         }
     }
-    let mut rigs: Vec<Rig> =
-        rigs.into_iter().map(|(id, n_sessions)| Rig { id, n_sessions }).collect();
+    let mut rigs: Vec<IndexedRig> =
+        rigs.into_iter().map(|(id, n_sessions)| IndexedRig { id, n_sessions }).collect();
     rigs.sort_by(|a, b| b.n_sessions.cmp(&a.n_sessions).then(a.id.cmp(&b.id)));
     Index {
         schema: "evrig.dataset/1".into(),
@@ -144,7 +146,7 @@ pub fn index(root: &Path, found: &[Found], splits: &Splits) -> Index {
     }
 }
 
-fn entry(root: &Path, found: &Found, splits: &Splits) -> IndexedSession {
+fn entry(root: &Path, found: &FoundSession, splits: &Splits) -> IndexedSession {
     let outcome = read_outcome(root, &found.key);
     let mut because = outcome.as_ref().map(|o| o.because.clone()).unwrap_or_default();
     let mut verdict = outcome.map(|outcome| outcome.verdict);
@@ -186,7 +188,7 @@ fn entry(root: &Path, found: &Found, splits: &Splits) -> IndexedSession {
             }
         }
         Err(error) => {
-            verdict = Some(Verdict::Failed);
+            verdict = Some(OutcomeKind::Failed);
             because = vec![error.clone()];
         }
     }
@@ -257,7 +259,7 @@ fn streams(session: &Session) -> Vec<IndexedStream> {
     recorded.chain(generated).collect()
 }
 
-fn warnings(sessions: &[IndexedSession], rigs: &[Rig], by: SplitBy) -> Vec<String> {
+fn warnings(sessions: &[IndexedSession], rigs: &[IndexedRig], by: SplitBy) -> Vec<String> {
     let mut warnings = Vec::new();
     let is_unstated =
         |session: &&IndexedSession| session.split.is_some() && session.stimulus.is_none();
@@ -315,7 +317,7 @@ impl Index {
 
     /// Sessions with this verdict; `None` counts those never processed.
     #[must_use]
-    pub fn n_with(&self, verdict: Option<Verdict>) -> usize {
+    pub fn n_with(&self, verdict: Option<OutcomeKind>) -> usize {
         self.sessions.iter().filter(|session| session.verdict == verdict).count()
     }
 

@@ -5,7 +5,7 @@ use super::plan::refused;
 use super::{Ending, Output, WrongUse};
 use crate::cli::LiveArgs;
 use crate::drivers::{Bench, Opening};
-use crate::live::{Addresses, Generation, GenerationSettings, Live, Status};
+use crate::live::{Addresses, Generation, GenerationSettings, Live, LiveStatus};
 use evrig_core::geometry::Size;
 use evrig_core::time::Span;
 use evrig_device::davis::{Pace, ReplayDavis};
@@ -28,7 +28,7 @@ const PICTURE: Duration = Duration::from_millis(33);
 const TELL: Duration = Duration::from_secs(1);
 
 /// What is looked at, and what must live as long.
-struct Source {
+struct LiveSource {
     recorders: Vec<Box<dyn Recorder>>,
     tag: (String, u32),
     size: Size,
@@ -85,7 +85,7 @@ pub(super) fn live(args: &LiveArgs, output: &Output) -> anyhow::Result<Ending> {
 /// Events from the Pi's frames, where the user wants them.
 fn generation(
     args: &LiveArgs,
-    source: &Source,
+    source: &LiveSource,
     output: &Output,
 ) -> anyhow::Result<Option<Generation>> {
     let Some(light) = args.generate else { return Ok(None) };
@@ -103,7 +103,7 @@ fn generation(
     Ok(Some(generation))
 }
 
-fn open(args: &LiveArgs) -> anyhow::Result<Source> {
+fn open(args: &LiveArgs) -> anyhow::Result<LiveSource> {
     let path = Path::new(&args.what);
     if path.is_dir() {
         let davis = Layout::new(path).davis();
@@ -116,7 +116,7 @@ fn open(args: &LiveArgs) -> anyhow::Result<Source> {
             .find_map(|stream| stream.size)
             .unwrap_or(Size::DAVIS346);
         let replay = ReplayDavis::new(&davis, Pace::Times(args.pace));
-        return Ok(Source {
+        return Ok(LiveSource {
             recorders: vec![Box::new(replay)],
             tag: ("tag36h11".to_owned(), 0),
             size,
@@ -137,12 +137,12 @@ fn open(args: &LiveArgs) -> anyhow::Result<Source> {
     let tag = (rig.target.tag_family.clone(), rig.target.tag_id);
     let (size, pi) = (rig.davis.camera.size, &rig.pi.camera);
     let pi = Some((pi.size, pi.row_time));
-    Ok(Source { recorders, tag, size, pi, bench: Some(bench) })
+    Ok(LiveSource { recorders, tag, size, pi, bench: Some(bench) })
 }
 
 /// What there was in all.
 struct Watched {
-    status: Status,
+    status: LiveStatus,
     n_samples: u64,
     n_events: u64,
 }
@@ -157,7 +157,7 @@ struct Watching<'a> {
 fn watch(
     args: &LiveArgs,
     Watching { live, inlet, generation }: &mut Watching<'_>,
-    source: &mut Source,
+    source: &mut LiveSource,
     is_ending: &AtomicBool,
     output: &Output,
 ) -> anyhow::Result<Watched> {
@@ -196,7 +196,7 @@ fn watch(
     Ok(watched)
 }
 
-fn tell(live: &mut Live, source: &mut Source) -> anyhow::Result<Status> {
+fn tell(live: &mut Live, source: &mut LiveSource) -> anyhow::Result<LiveStatus> {
     let mut n_dropped = 0;
     for recorder in &mut source.recorders {
         n_dropped += recorder.progress()?.n_dropped;

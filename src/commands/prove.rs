@@ -12,22 +12,22 @@ use evrig_core::time::Span;
 use serde_json::json;
 use std::time::Duration;
 
-/// The shortest session that still sees every direction of a circle.
+/// Shortest session that covers every direction of a circle, seconds.
 const QUICK_S: f64 = 2.6;
 const FULL_S: f64 = 5.0;
 
-/// How long a diagnosis may take when nothing else is said, seconds.
+/// Default time limit of a diagnosis, seconds.
 const DEADLINE_S: f64 = 1_800.0;
 
-/// What is proved.
-struct Run {
+/// A run of trials.
+struct ProveRun {
     plan: Plan,
     trials: Trials,
-    /// How long a diagnosis may take.
+    /// Time limit of a diagnosis.
     deadline: Duration,
 }
 
-/// On what it is proved.
+/// The trials of a run.
 enum Trials {
     Made(Maker, Vec<Trial>),
     Ready(Ready),
@@ -58,7 +58,7 @@ pub(super) fn run(args: &ProveArgs, output: &Output) -> anyhow::Result<Ending> {
     let unheld = if args.quick { complaints(&proof.judgements) } else { Vec::new() };
     let mut text = markdown(&heading(&run.plan), &proof.score, &proof.judgements);
     for complaint in &unheld {
-        text += &format!("not held: {complaint}\n");
+        text += &format!("failed: {complaint}\n");
     }
     let value = json!({ "schema": "evrig.prove/1", "out": args.out, "plan": run.plan,
         "not_held": unheld, "proof": proof });
@@ -66,8 +66,8 @@ pub(super) fn run(args: &ProveArgs, output: &Output) -> anyhow::Result<Ending> {
     Ok(if unheld.is_empty() { Ending::Done } else { Ending::Negative })
 }
 
-/// What was asked for. It is complete, and refused if it cannot be done, before anything is made.
-fn plan(args: &ProveArgs) -> anyhow::Result<Run> {
+/// The complete plan from the command line, checked before any session is made.
+fn plan(args: &ProveArgs) -> anyhow::Result<ProveRun> {
     let seconds = args.seconds.unwrap_or(if args.quick { QUICK_S } else { FULL_S });
     if !(seconds.is_finite() && seconds > 0.0) {
         return Err(WrongUse(format!("--seconds {seconds}: expected more than 0")).into());
@@ -97,7 +97,7 @@ fn plan(args: &ProveArgs) -> anyhow::Result<Run> {
         options,
         trials_sha256: sha256(&serde_json::to_vec(drawn)?),
     };
-    Ok(Run { plan, trials, deadline })
+    Ok(ProveRun { plan, trials, deadline })
 }
 
 /// The trials, and of how many kinds they were drawn.
@@ -116,7 +116,7 @@ fn trials(args: &ProveArgs, seconds: f64) -> anyhow::Result<(Option<Mix>, Trials
     Ok((Some(mix), Trials::Made(maker, draw(mix, args.seed))))
 }
 
-fn prove(args: &ProveArgs, run: &Run, output: &Output) -> anyhow::Result<Proof> {
+fn prove(args: &ProveArgs, run: &ProveRun, output: &Output) -> anyhow::Result<Proof> {
     let options = &run.plan.options;
     let numbers = [
         ("--pixels", options.n_pixels as u64),
@@ -163,7 +163,7 @@ fn heading(plan: &Plan) -> String {
     )
 }
 
-/// How many trials of each kind: what is asked for, else many.
+/// Number of trials of each kind: as given, else the default of the family.
 fn mix(args: &ProveArgs, family: Family) -> Mix {
     let usual = match family {
         Family::Plasmode => [24, 0, 2, 2, 0],

@@ -13,7 +13,7 @@ use evrig_session::{
     Ascending, DavisPictures, PiPictures, Picture, Session, SessionError, StreamKind, read_stage,
 };
 
-enum FrameSource {
+enum CameraFrames {
     Davis(DavisPictures),
     Pi { pictures: PiPictures, davis_from_sensor: Box<ClockEstimate<Davis, PiSensor>> },
 }
@@ -24,7 +24,7 @@ enum FrameSource {
 /// frame keeps its mosaic and its pedestal, each pixel in its own colour, as the published generator
 /// takes it.
 pub(super) struct LuminanceStream {
-    source: FrameSource,
+    source: CameraFrames,
     preparer: Preparer,
     ascending: Ascending,
     row_us: f64,
@@ -41,9 +41,9 @@ pub(super) fn luminance(session: &Session, name: &str) -> Result<LuminanceStream
             missing(session, what)
         })?;
         let davis_from_sensor = Box::new(clocks.davis_from(name));
-        FrameSource::Pi { pictures: session.pi_pictures(name)?, davis_from_sensor }
+        CameraFrames::Pi { pictures: session.pi_pictures(name)?, davis_from_sensor }
     } else {
-        FrameSource::Davis(session.davis_pictures(name)?)
+        CameraFrames::Davis(session.davis_pictures(name)?)
     };
     let (preparer, ascending) = (Preparer::default(), Ascending::default());
     Ok(LuminanceStream { source, preparer, ascending, row_us: 0.0 })
@@ -65,24 +65,24 @@ pub(super) fn inputs_of(session: &Session, name: &str) -> Result<inputs::Inputs,
 impl LuminanceStream {
     /// The same with frames prepared in this way.
     #[must_use]
-    pub fn prepared(self, preparation: Preparation) -> Self {
+    pub(super) fn prepared(self, preparation: Preparation) -> Self {
         Self { preparer: Preparer::new(preparation), ..self }
     }
 
     /// Exposure times of the rows of a frame of this size, as the frame read last states them.
     #[must_use]
-    pub fn rows(&self, size: Size) -> RowTimes {
+    pub(super) fn rows(&self, size: Size) -> RowTimes {
         RowTimes::about_middle(self.row_us, size)
     }
 
     /// Frames left out so far because they are not later than the frame before them.
     #[must_use]
-    pub fn n_not_later(&self) -> u64 {
+    pub(super) fn n_not_later(&self) -> u64 {
         self.ascending.n_not_later()
     }
 }
 
-impl FrameSource {
+impl CameraFrames {
     /// The next frame, whenever it was.
     fn read(
         &mut self,

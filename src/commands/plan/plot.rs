@@ -1,4 +1,4 @@
-//! A plan as a picture: the path as the DAVIS sees it, speed over time, joint angles over time.
+//! A plan as a plot: the path as the DAVIS sees it, speed over time, joint angles over time.
 
 use anyhow::anyhow;
 use evrig_core::time::Span;
@@ -12,10 +12,10 @@ type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Points = Vec<(f64, f64)>;
 
 const SIZE: (u32, u32) = (1000, 760);
-/// Told apart by the colour-blind as well (Okabe and Ito's palette).
+/// Okabe and Ito's palette, distinguishable with colour vision deficiency.
 const COLOURS: [RGBColor; 4] =
     [RGBColor(0, 114, 178), RGBColor(213, 94, 0), RGBColor(0, 158, 115), RGBColor(204, 121, 167)];
-/// The path is drawn through so many points.
+/// Points along the drawn path.
 const PATH_POINTS: usize = 4000;
 
 /// The plan as SVG text.
@@ -48,8 +48,8 @@ fn over_time(plan: &Plan, value: impl Fn(&ProfilePoint) -> Option<f64>) -> Point
     plan.profile.iter().filter_map(|point| Some((point.time_s, value(point)?))).collect()
 }
 
-/// The way of each camera's optical centre in the DAVIS's picture at the start: right, up, in millimetres.
-fn seen(plan: &Plan, rig: &Rig, mounting: &Mounting) -> Points {
+/// Path of each camera's optical centre in the axes of the DAVIS's first image: right, up, in millimetres.
+fn camera_path(plan: &Plan, rig: &Rig, mounting: &Mounting) -> Points {
     let davis = rig.mount.davis.frame(plan.path.start());
     let begin = mounting.frame(plan.path.start()).centre_mm;
     (0..=PATH_POINTS)
@@ -62,8 +62,10 @@ fn seen(plan: &Plan, rig: &Rig, mounting: &Mounting) -> Points {
 }
 
 fn draw_path(area: &Canvas<'_>, plan: &Plan, rig: &Rig) -> Result<(), Box<dyn std::error::Error>> {
-    let cameras =
-        [("DAVIS", seen(plan, rig, &rig.mount.davis)), ("Pi", seen(plan, rig, &rig.mount.pi))];
+    let cameras = [
+        ("DAVIS", camera_path(plan, rig, &rig.mount.davis)),
+        ("Pi", camera_path(plan, rig, &rig.mount.pi)),
+    ];
     let all = || cameras.iter().flat_map(|(_, points)| points.iter().copied());
     // One scale for both axes, so that a circle looks like one.
     let (width, height) = area.dim_in_pixel();
@@ -115,13 +117,13 @@ fn draw_lines(
     let all = || lines.iter().flat_map(|(_, points)| points.iter().copied());
     let [t0, t1] = range(all().map(|point| point.0));
     let [low, high] = range(all().map(|point| point.1));
-    let room = 0.06 * (high - low);
+    let padding = 0.06 * (high - low);
     let mut chart = ChartBuilder::on(area)
         .caption(caption, ("sans-serif", 16))
         .margin(8)
         .x_label_area_size(34)
         .y_label_area_size(48)
-        .build_cartesian_2d(t0..t1, (low - room)..(high + room))?;
+        .build_cartesian_2d(t0..t1, (low - padding)..(high + padding))?;
     chart.configure_mesh().x_desc("s").y_desc(unit).light_line_style(TRANSPARENT).draw()?;
     for ((name, points), colour) in lines.iter().zip(COLOURS) {
         chart
@@ -139,7 +141,7 @@ fn draw_lines(
     Ok(())
 }
 
-/// Lowest and highest, a unit apart at least so that an axis can be drawn.
+/// Lowest and highest value, at least a unit apart.
 fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
     let [low, high] =
         values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)]);

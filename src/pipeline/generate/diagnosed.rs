@@ -35,7 +35,7 @@ pub enum By {
 }
 
 /// A camera before a light.
-struct Setting {
+struct CameraSetting {
     camera: DiagnosedCamera,
     baseline: Baseline,
     seen: Option<Seen>,
@@ -68,12 +68,12 @@ pub fn generate_diagnosed(
     Ok((made, cautions))
 }
 
-fn setting(session: &Session, by: &By) -> Result<Setting, PipelineError> {
+fn setting(session: &Session, by: &By) -> Result<CameraSetting, PipelineError> {
     match by {
         By::Own => {
             let camera = read_camera(session)?;
             let (baseline, seen) = (camera.baseline.clone(), Some(camera.fitted.seen.clone()));
-            Ok(Setting { camera, baseline, seen })
+            Ok(CameraSetting { camera, baseline, seen })
         }
         By::Other(file, light) => {
             let camera = DiagnosedCamera::read(file)?;
@@ -83,7 +83,7 @@ fn setting(session: &Session, by: &By) -> Result<Setting, PipelineError> {
                 missing(session, what.into())
             };
             let baseline = light.clone().or_else(|| default_baseline(session)).ok_or_else(none)?;
-            Ok(Setting { camera, baseline, seen: None })
+            Ok(CameraSetting { camera, baseline, seen: None })
         }
     }
 }
@@ -91,7 +91,7 @@ fn setting(session: &Session, by: &By) -> Result<Setting, PipelineError> {
 fn run(
     session: &Session,
     request: &CameraRequest,
-    setting: Setting,
+    setting: CameraSetting,
 ) -> Result<(GenerateTally, Duration), PipelineError> {
     let light = setting.baseline.light(session)?;
     let tuned = setting.seen.map(|seen| Tuned::new(light.drive.as_ref(), seen));
